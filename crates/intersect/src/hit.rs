@@ -1,0 +1,92 @@
+//! What a ray found: the compact [`Hit`], and the [`SurfaceInteraction`] computed from it.
+
+use snell_math::{Vec2, Vec3, robust};
+
+/// The answer to a closest-hit query for one ray. 24 bytes, plain data.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Ray parameter of the hit, in units of the ray's direction; infinite for a miss.
+    pub t: f32,
+    /// Primitive parameters: barycentrics `(b1, b2)` of a triangle; what a shape chose to note otherwise.
+    pub uv: Vec2,
+    /// Occurrence number of the group that holds the geometry (depth first from the root, which is 0); see
+    /// [`crate::World::instance_path`].
+    pub instance: u32,
+    /// The geometry, as numbered by [`crate::WorldBuilder`]; [`Hit::NONE`] for a miss.
+    pub geometry: u32,
+    /// Triangle of a mesh, or face of a shape.
+    pub primitive: u32,
+}
+
+impl Hit {
+    /// The id that stands for "nothing".
+    pub const NONE: u32 = u32::MAX;
+
+    /// A miss.
+    pub const MISS: Self =
+        Self { t: f32::INFINITY, uv: Vec2::ZERO, instance: Self::NONE, geometry: Self::NONE, primitive: Self::NONE };
+
+    /// True unless this is a miss.
+    pub fn is_hit(&self) -> bool {
+        self.geometry != Self::NONE
+    }
+
+    /// True if this hit is to be reported rather than `other`: nearer, or at equal `t` the lower (instance, geometry, primitive).
+    /// Any hit is better than a miss.
+    pub fn is_before(&self, other: &Self) -> bool {
+        let ids = |h: &Self| (h.instance, h.geometry, h.primitive);
+        self.t < other.t || (self.t == other.t && ids(self) < ids(other))
+    }
+}
+
+impl Default for Hit {
+    fn default() -> Self {
+        Self::MISS
+    }
+}
+
+/// Everything local about a point on a surface, in world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceInteraction {
+    /// The point on the surface.
+    pub position: Vec3,
+    /// Bound of the absolute error of each coordinate of `position`, all transformations included.
+    pub position_error: Vec3,
+    /// Unit normal of the surface itself, on the outer side of the shape (for a triangle: right-hand rule on its vertices).
+    pub geometric_normal: Vec3,
+    /// Unit shading normal (interpolated vertex normals where a mesh has them), on the same side as the geometric normal.
+    pub shading_normal: Vec3,
+    /// Texture coordinates of the first two sets; zero where the geometry has none.
+    pub uv: [Vec2; 2],
+    /// Derivatives of the position by the first texture coordinates: tangents that are not normalised and not exactly perpendicular
+    /// to the shading normal. Never zero: an arbitrary frame where there are no coordinates.
+    pub dpdu: Vec3,
+    /// See `dpdu`.
+    pub dpdv: Vec3,
+    /// Unit tangent of a mesh that stores tangents, with the bitangent's sign in `w`-style: `bitangent = sign * n x tangent`.
+    pub tangent: Option<(Vec3, f32)>,
+    /// Interpolated vertex colour (linear RGB and alpha); white where there is none.
+    pub color: [f32; 4],
+    /// As in [`Hit`].
+    pub t: f32,
+    /// As in [`Hit`]: barycentrics for triangles.
+    pub primitive_uv: Vec2,
+    /// As in [`Hit`].
+    pub instance: u32,
+    /// As in [`Hit`].
+    pub geometry: u32,
+    /// As in [`Hit`].
+    pub primitive: u32,
+}
+
+impl SurfaceInteraction {
+    /// The start of a ray that leaves the surface along `direction`: surely off the surface, on the right side.
+    pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
+        robust::offset_ray_origin(self.position, self.position_error, self.geometric_normal, direction)
+    }
+
+    /// True if a ray of this direction arrives at the outer side.
+    pub fn is_front_facing(&self, ray_direction: Vec3) -> bool {
+        ray_direction.dot(self.geometric_normal) < 0.0
+    }
+}

@@ -1,0 +1,1 @@
+//! Traversal kernels: ray-boxes and ray-triangles at each SIMD level.

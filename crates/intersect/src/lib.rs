@@ -1,0 +1,19 @@
+//! Here is my ray, what does it hit? Shapes, acceleration structures and ray queries: a ray library on its own.
+//!
+//! A [`World`] holds triangle meshes and analytic shapes in groups; a group may be instanced in others at any depth. Queries take
+//! *batches* of rays ([`World::closest`], [`World::occluded`]) and answer with plain [`Hit`] records; [`World::interaction`] turns
+//! a hit into everything local about the surface. Nothing here knows of colours, materials or files.
+
+pub mod accel;
+pub mod hit;
+mod kernel;
+pub mod mesh;
+pub mod query;
+pub mod shape;
+pub mod world;
+
+pub use hit::{Hit, SurfaceInteraction};
+pub use mesh::TriangleMesh;
+pub use query::{AcceptAll, Grouping, HitFilter};
+pub use shape::{Shape, ShapeHit, ShapeSample, ShapeSurface};
+pub use world::{GeometryId, GroupId, World, WorldBuilder, WorldError};

@@ -1,0 +1,133 @@
+//! Indexed triangle meshes.
+
+use snell_math::{Bounds3, Transform, Vec2, Vec3, Vec4};
+
+/// A triangle mesh. Attributes are per vertex; absent ones are empty.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TriangleMesh {
+    /// Vertex positions. Triangles with a non-finite vertex are never hit.
+    pub positions: Vec<Vec3>,
+    /// Three vertex numbers per triangle; the right-hand rule gives the outer side.
+    pub indices: Vec<[u32; 3]>,
+    /// Vertex normals, any length but zero, or empty: then the mesh is shaded flat.
+    pub normals: Vec<Vec3>,
+    /// Unit tangents with the sign of the bitangent in `w` (as in glTF), or empty.
+    pub tangents: Vec<Vec4>,
+    /// Texture coordinate sets, each empty or one entry per vertex. `v` grows upwards in no particular sense: the texture says.
+    pub uvs: [Vec<Vec2>; 2],
+    /// Linear RGB and alpha per vertex, or empty.
+    pub colors: Vec<[f32; 4]>,
+    /// Material slot per triangle, or empty: then every triangle has slot 0.
+    pub material_slots: Vec<u16>,
+}
+
+/// Why a mesh was refused.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MeshError {
+    /// An index points past the vertices.
+    #[error("triangle {triangle} refers to vertex {index}, but there are only {vertices} vertices")]
+    IndexOutOfRange {
+        /// The first such triangle.
+        triangle: usize,
+        /// The index found.
+        index: u32,
+        /// How many vertices there are.
+        vertices: usize,
+    },
+    /// An attribute array has the wrong length.
+    #[error("attribute {attribute} has {found} entries, expected {expected} (one per {per})")]
+    AttributeLength {
+        /// Which attribute.
+        attribute: &'static str,
+        /// Entries found.
+        found: usize,
+        /// Entries expected.
+        expected: usize,
+        /// "vertex" or "triangle".
+        per: &'static str,
+    },
+}
+
+impl TriangleMesh {
+    /// Checks that all indices are in range and all attributes are empty or complete.
+    pub fn validate(&self) -> Result<(), MeshError> {
+        let vertices = self.positions.len();
+        for (triangle, indices) in self.indices.iter().enumerate() {
+            if let Some(&index) = indices.iter().find(|&&i| i as usize >= vertices) {
+                return Err(MeshError::IndexOutOfRange { triangle, index, vertices });
+            }
+        }
+        let check = |attribute, found: usize, expected: usize, per| {
+            if found == 0 || found == expected {
+                Ok(())
+            } else {
+                Err(MeshError::AttributeLength { attribute, found, expected, per })
+            }
+        };
+        check("normals", self.normals.len(), vertices, "vertex")?;
+        check("tangents", self.tangents.len(), vertices, "vertex")?;
+        check("uvs[0]", self.uvs[0].len(), vertices, "vertex")?;
+        check("uvs[1]", self.uvs[1].len(), vertices, "vertex")?;
+        check("colors", self.colors.len(), vertices, "vertex")?;
+        check("material_slots", self.material_slots.len(), self.indices.len(), "triangle")
+    }
+
+    /// The smallest box around all vertices that triangles use and that are finite.
+    pub fn bounds(&self) -> Bounds3 {
+        Bounds3::of(self.indices.iter().flatten().map(|&i| self.positions[i as usize]).filter(|p| p.is_finite()))
+    }
+
+    /// The three corners of a triangle.
+    pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
+        self.indices[triangle].map(|i| self.positions[i as usize])
+    }
+
+    /// Number of triangles that can never be hit: with a non-finite vertex, or without area.
+    pub fn degenerate_triangles(&self) -> usize {
+        let flat = |c: [Vec3; 3]| {
+            let [a, b, c] = c.map(|p| p.as_dvec3());
+            let area = (b - a).cross(c - a).length_squared();
+            area == 0.0 || !area.is_finite()
+        };
+        (0..self.indices.len()).filter(|&i| flat(self.corners(i))).count()
+    }
+
+    /// The mesh moved by `transform`: positions in double precision and rounded once, normals by the inverse transpose, tangents
+    /// along. A mirroring transform also turns the triangles over, so that the outer side stays outside.
+    pub fn transformed(&self, transform: &Transform) -> Self {
+        let mut mesh = self.clone();
+        for p in &mut mesh.positions {
+            *p = transform.point(p.as_dvec3()).as_vec3();
+        }
+        for n in &mut mesh.normals {
+            *n = transform.normal(n.as_dvec3()).normalize_or_zero().as_vec3();
+        }
+        for t in &mut mesh.tangents {
+            *t = transform.vector(t.truncate().as_dvec3()).normalize_or_zero().as_vec3().extend(t.w);
+        }
+        if transform.is_mirrored() {
+            for [_, b, c] in &mut mesh.indices {
+                std::mem::swap(b, c);
+            }
+            for t in &mut mesh.tangents {
+                t.w = -t.w;
+            }
+        }
+        mesh
+    }
+
+    /// Unit vertex normals: the angle-weighted mean of the adjacent triangles (Thürmer and Wüthrich, 1998). Vertices without a
+    /// proper triangle get `+z`.
+    pub fn computed_normals(&self) -> Vec<Vec3> {
+        let mut sums = vec![Vec3::ZERO; self.positions.len()];
+        for triangle in &self.indices {
+            let p = triangle.map(|i| self.positions[i as usize]);
+            let Some(normal) = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize() else { continue };
+            for k in 0..3 {
+                let (a, b) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
+                sums[triangle[k] as usize] += normal * a.angle_between(b);
+            }
+        }
+        sums.into_iter().map(|n| n.try_normalize().unwrap_or(Vec3::Z)).collect()
+    }
+}

@@ -1,0 +1,57 @@
+//! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray, never on its neighbours.
+
+use crate::hit::Hit;
+use crate::world::World;
+use snell_math::Ray;
+
+/// Which rays of a batch belong together. The kernel follows from this and from the kind of query, never from what happens to
+/// share a batch, so a ray's result never depends on its neighbours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Grouping {
+    /// Unrelated rays.
+    #[default]
+    None,
+    /// Runs of 16 rays that leave one point in similar directions (the samples of a pixel, seen by a pinhole).
+    Pixel,
+}
+
+/// Decides about hits on geometries marked by [`crate::WorldBuilder::set_filtered`] (cut-out and blended surfaces). Must be a pure
+/// function of its arguments.
+pub trait HitFilter: Sync {
+    /// False if the ray passes through at this hit. `ray` is in world space; its `t_max` is unspecified.
+    fn accept(&self, ray: &Ray, hit: &Hit) -> bool;
+}
+
+/// The filter that keeps every hit.
+#[derive(Clone, Copy, Debug)]
+pub struct AcceptAll;
+
+impl HitFilter for AcceptAll {
+    fn accept(&self, _: &Ray, _: &Hit) -> bool {
+        true
+    }
+}
+
+impl World {
+    /// The nearest hit of each ray, [`Hit::MISS`] where there is none or the ray is invalid ([`Ray::is_valid`]).
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn closest(&self, rays: &[Ray], _grouping: Grouping, filter: &dyn HitFilter, hits: &mut [Hit]) {
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = self.closest_one(ray, filter);
+        }
+    }
+
+    /// For each ray, whether anything lies in its interval. Invalid rays are not occluded.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn occluded(&self, rays: &[Ray], filter: &dyn HitFilter, blocked: &mut [bool]) {
+        assert_eq!(rays.len(), blocked.len(), "one answer per ray");
+        for (ray, blocked) in rays.iter().zip(blocked) {
+            *blocked = self.occluded_one(ray, filter);
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! Tabulated distributions in one and two dimensions, sampled by inversion so that stratification survives.
+
+use glam::Vec2;
+
+/// A piecewise constant density over `[0, 1)`.
+#[derive(Clone, Debug)]
+pub struct Distribution1D {
+    /// Cumulative weights divided by their sum; one more entry than there are pieces, from 0 to 1.
+    cdf: Vec<f32>,
+    weights: Vec<f32>,
+    sum: f64,
+}
+
+impl Distribution1D {
+    /// The density proportional to `weights`. Negative, NaN and infinite weights count as 0. If all are 0, the density is uniform
+    /// and [`Self::sum`] is 0. At least one weight is needed: an empty slice acts as one piece.
+    pub fn new(weights: &[f32]) -> Self {
+        let mut weights: Vec<f32> = weights.iter().map(|&w| if w.is_finite() && w > 0.0 { w } else { 0.0 }).collect();
+        if weights.is_empty() {
+            weights.push(0.0);
+        }
+        let sum: f64 = weights.iter().map(|&w| f64::from(w)).sum();
+        if sum == 0.0 {
+            weights.fill(1.0);
+        }
+        let total: f64 = weights.iter().map(|&w| f64::from(w)).sum();
+        let mut running = 0.0;
+        let mut cdf = vec![0.0];
+        cdf.extend(weights.iter().map(|&w| {
+            running += f64::from(w) / total;
+            running as f32
+        }));
+        *cdf.last_mut().expect("the table has an entry") = 1.0;
+        Self { cdf, weights, sum }
+    }
+
+    /// Number of pieces.
+    pub fn len(&self) -> usize {
+        self.weights.len()
+    }
+
+    /// Never true: a distribution has at least one piece.
+    pub fn is_empty(&self) -> bool {
+        self.weights.is_empty()
+    }
+
+    /// Sum of the (finite, positive) weights given.
+    pub fn sum(&self) -> f64 {
+        self.sum
+    }
+
+    /// Picks piece `i` with its probability: returns `i` and the remaining uniform number in `[0, 1)`.
+    pub fn sample(&self, u: f32) -> (usize, f32) {
+        let i = self.cdf.partition_point(|&c| c <= u).clamp(1, self.weights.len()) - 1;
+        // Skip pieces of no width, into which rounding could have led.
+        let i = if self.cdf[i + 1] > self.cdf[i] { i } else { self.nearest_nonempty(i) };
+        let width = self.cdf[i + 1] - self.cdf[i];
+        let rest = ((u - self.cdf[i]) / width).clamp(0.0, crate::rng::ONE_MINUS_EPSILON);
+        (i, rest)
+    }
+
+    fn nearest_nonempty(&self, i: usize) -> usize {
+        let wide = |&k: &usize| self.cdf[k + 1] > self.cdf[k];
+        (0..i).rev().find(wide).or_else(|| (i..self.weights.len()).find(wide)).unwrap_or(i)
+    }
+
+    /// Probability of piece `i`, exactly that with which [`Self::sample`] picks it.
+    pub fn probability(&self, i: usize) -> f32 {
+        self.cdf[i + 1] - self.cdf[i]
+    }
+}
+
+/// A piecewise constant density over the unit square: `width x height` pieces, row by row.
+#[derive(Clone, Debug)]
+pub struct Distribution2D {
+    rows: Vec<Distribution1D>,
+    marginal: Distribution1D,
+}
+
+impl Distribution2D {
+    /// The density proportional to `weights` (row-major, `width` a row).
+    ///
+    /// # Panics
+    /// If `width` is 0 or does not divide `weights.len()`.
+    pub fn new(weights: &[f32], width: usize) -> Self {
+        assert!(width > 0 && weights.len() % width == 0, "rows of equal length");
+        let rows: Vec<_> = weights.chunks_exact(width).map(Distribution1D::new).collect();
+        let sums: Vec<f32> = rows.iter().map(|r| r.sum() as f32).collect();
+        Self { marginal: Distribution1D::new(&sums), rows }
+    }
+
+    /// A point of the unit square and its density with respect to the unit square.
+    pub fn sample(&self, u: Vec2) -> (Vec2, f32) {
+        let (row, v) = self.marginal.sample(u.y);
+        let (column, s) = self.rows[row].sample(u.x);
+        let point =
+            Vec2::new((column as f32 + s) / self.rows[row].len() as f32, (row as f32 + v) / self.rows.len() as f32);
+        (point.min(Vec2::splat(crate::rng::ONE_MINUS_EPSILON)), self.piece_pdf(row, column))
+    }
+
+    /// Density at a point of the unit square (outside is clamped to the border).
+    pub fn pdf(&self, p: Vec2) -> f32 {
+        let index = |x: f32, n: usize| ((x * n as f32) as usize).min(n - 1);
+        let row = index(p.y, self.rows.len());
+        let column = index(p.x, self.rows[row].len());
+        self.piece_pdf(row, column)
+    }
+
+    fn piece_pdf(&self, row: usize, column: usize) -> f32 {
+        let n = self.rows.len() as f32 * self.rows[row].len() as f32;
+        self.marginal.probability(row) * self.rows[row].probability(column) * n
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_are_picked_with_their_probability() {
+        let d = Distribution1D::new(&[1.0, 0.0, 3.0, f32::NAN]);
+        let n = 40_000;
+        let mut counts = [0; 4];
+        for i in 0..n {
+            counts[d.sample((i as f32 + 0.5) / n as f32).0] += 1;
+        }
+        assert_eq!(counts, [n / 4, 0, 3 * n / 4, 0]);
+        assert!((d.probability(2) - 0.75).abs() < 1e-7);
+        assert_eq!(d.sample(0.999_999_9).0, 2);
+    }
+
+    #[test]
+    fn the_square_density_integrates_to_one_and_matches_samples() {
+        let d = Distribution2D::new(&[1.0, 2.0, 3.0, 0.0, 0.0, 6.0], 3);
+        let mut integral = 0.0;
+        for i in 0..60 {
+            for j in 0..60 {
+                integral += d.pdf(Vec2::new((i as f32 + 0.5) / 60.0, (j as f32 + 0.5) / 60.0)) / 3600.0;
+            }
+        }
+        assert!((integral - 1.0).abs() < 1e-4);
+        let (p, pdf) = d.sample(Vec2::new(0.4, 0.8));
+        assert_eq!(pdf, d.pdf(p));
+    }
+}

@@ -1,0 +1,67 @@
+//! Orthonormal frames: the local shading space, in which `z` is the normal.
+
+use glam::Vec3;
+
+/// A right-handed orthonormal basis. Local directions have `z` along the normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// Local x axis (tangent) in the outer space.
+    pub x: Vec3,
+    /// Local y axis (bitangent) in the outer space.
+    pub y: Vec3,
+    /// Local z axis (normal) in the outer space.
+    pub z: Vec3,
+}
+
+impl Frame {
+    /// A frame around the unit vector `z`; the tangent is arbitrary but a continuous function of `z` on each hemisphere
+    /// (Duff et al., Building an orthonormal basis, revisited, JCGT 2017).
+    pub fn from_z(z: Vec3) -> Self {
+        let sign = 1.0_f32.copysign(z.z);
+        let a = -1.0 / (sign + z.z);
+        let b = z.x * z.y * a;
+        Self {
+            x: Vec3::new(1.0 + sign * z.x * z.x * a, sign * b, -sign * z.x),
+            y: Vec3::new(b, sign + z.y * z.y * a, -z.y),
+            z,
+        }
+    }
+
+    /// A frame around the unit vector `z` whose x axis is as near to `x` as it can be. Falls back to [`Self::from_z`] if `x` is
+    /// parallel to `z` or not finite.
+    pub fn from_z_and_x(z: Vec3, x: Vec3) -> Self {
+        let tangent = x - z * z.dot(x);
+        match tangent.try_normalize() {
+            Some(x) if tangent.length_squared() > 1e-12 * Vec3::length_squared(x) => Self { x, y: z.cross(x), z },
+            _ => Self::from_z(z),
+        }
+    }
+
+    /// Local coordinates of an outer direction.
+    pub fn to_local(&self, v: Vec3) -> Vec3 {
+        Vec3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
+    }
+
+    /// Outer coordinates of a local direction.
+    pub fn from_local(&self, v: Vec3) -> Vec3 {
+        self.x * v.x + self.y * v.y + self.z * v.z
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_orthonormal_and_right_handed_everywhere() {
+        for i in 0..1000 {
+            let u = crate::rng::uniform2([i, 1, 2, 3]);
+            let z = crate::sampling::uniform_sphere(u);
+            for frame in [Frame::from_z(z), Frame::from_z_and_x(z, Vec3::X)] {
+                assert!((frame.x.cross(frame.y) - z).length() < 2e-6, "{frame:?}");
+                assert!((frame.x.length() - 1.0).abs() < 4e-6 && frame.x.dot(z).abs() < 1e-6 * 4.0);
+            }
+        }
+        assert_eq!(Frame::from_z(-Vec3::Z).z, -Vec3::Z);
+    }
+}

@@ -1,0 +1,25 @@
+//! Numbers: vectors, transforms, rays, bounds, spectra, random numbers, warps and SIMD levels.
+//!
+//! The bottom of Snell. Nothing here does I/O, starts threads or knows what a scene is. Vectors are
+//! [glam](https://docs.rs/glam)'s; positions of a scene are composed in `f64` ([`DVec3`], [`Transform`]) and traced in `f32`
+//! ([`Vec3`], [`Ray`]).
+//!
+//! Maps between spaces are named `to_from`: `world_from_object.point(p_in_object)` is a point in the world.
+
+pub mod bounds;
+pub mod distribution;
+pub mod frame;
+pub mod ray;
+pub mod rng;
+pub mod robust;
+pub mod sampling;
+pub mod simd;
+pub mod spectrum;
+pub mod transform;
+
+pub use bounds::{Bounds3, Bounds3d};
+pub use frame::Frame;
+pub use glam::{self, DAffine3, DMat3, DMat4, DVec2, DVec3, DVec4, IVec2, Mat3, UVec2, Vec2, Vec3, Vec4};
+pub use ray::{DRay, Ray};
+pub use spectrum::{ColorMode, Rgb, SampledSpectrum};
+pub use transform::Transform;

@@ -1,0 +1,81 @@
+//! Rays: `P = P0 + t V`. Directions need not be unit vectors; `t` is always in units of the given direction.
+
+use glam::{DVec3, Vec3};
+
+/// A single-precision ray with an open parameter interval `(t_min, t_max)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(32))]
+pub struct Ray {
+    /// Start point, `t = 0`.
+    pub origin: Vec3,
+    /// Hits at `t <= t_min` do not count.
+    pub t_min: f32,
+    /// Direction, any length but zero. `t` is in units of it.
+    pub direction: Vec3,
+    /// Hits at `t >= t_max` do not count. Infinite by default.
+    pub t_max: f32,
+}
+
+impl Ray {
+    /// The ray from `origin` along `direction` over `(0, inf)`.
+    pub fn new(origin: Vec3, direction: Vec3) -> Self {
+        Self { origin, t_min: 0.0, direction, t_max: f32::INFINITY }
+    }
+
+    /// The same ray ended at `t_max` (exclusive).
+    pub fn with_t_max(self, t_max: f32) -> Self {
+        Self { t_max, ..self }
+    }
+
+    /// The point at parameter `t`.
+    pub fn at(&self, t: f32) -> Vec3 {
+        self.origin + self.direction * t
+    }
+
+    /// True if the ray can hit anything: finite origin, finite non-zero direction, and an interval that is not empty or NaN.
+    /// Queries answer every other ray with a miss.
+    pub fn is_valid(&self) -> bool {
+        self.origin.is_finite() && self.direction.is_finite() && self.direction != Vec3::ZERO && self.t_min < self.t_max
+    }
+}
+
+/// A double-precision ray: what analytic shapes are intersected with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DRay {
+    /// Start point, `t = 0`.
+    pub origin: DVec3,
+    /// Direction, any length but zero.
+    pub direction: DVec3,
+    /// Hits at `t <= t_min` do not count.
+    pub t_min: f64,
+    /// Hits at `t >= t_max` do not count.
+    pub t_max: f64,
+}
+
+impl DRay {
+    /// The ray from `origin` along `direction` over `(0, inf)`.
+    pub fn new(origin: DVec3, direction: DVec3) -> Self {
+        Self { origin, direction, t_min: 0.0, t_max: f64::INFINITY }
+    }
+
+    /// The point at parameter `t`.
+    pub fn at(&self, t: f64) -> DVec3 {
+        self.origin + self.direction * t
+    }
+
+    /// True if `t` lies inside the open interval of the ray (false for NaN).
+    pub fn contains(&self, t: f64) -> bool {
+        t > self.t_min && t < self.t_max
+    }
+}
+
+impl From<&Ray> for DRay {
+    fn from(ray: &Ray) -> Self {
+        Self {
+            origin: ray.origin.as_dvec3(),
+            direction: ray.direction.as_dvec3(),
+            t_min: ray.t_min.into(),
+            t_max: ray.t_max.into(),
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! Warps of the unit square, with their densities (Pharr, Jakob and Humphreys, Physically Based Rendering, appendix A).
+
+use glam::{Vec2, Vec3};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI};
+
+/// Uniform direction on the unit sphere; density [`UNIFORM_SPHERE_PDF`].
+pub fn uniform_sphere(u: Vec2) -> Vec3 {
+    let z = 1.0 - 2.0 * u.x;
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    let (sin, cos) = (2.0 * PI * u.y).sin_cos();
+    Vec3::new(r * cos, r * sin, z)
+}
+
+/// Density of [`uniform_sphere`] per steradian.
+pub const UNIFORM_SPHERE_PDF: f32 = FRAC_1_PI * 0.25;
+
+/// Uniform point in the unit disk by concentric squares (Shirley and Chiu, 1997).
+pub fn concentric_disk(u: Vec2) -> Vec2 {
+    let offset = u * 2.0 - 1.0;
+    if offset == Vec2::ZERO {
+        return Vec2::ZERO;
+    }
+    let (r, theta) = if offset.x.abs() > offset.y.abs() {
+        (offset.x, FRAC_PI_4 * (offset.y / offset.x))
+    } else {
+        (offset.y, FRAC_PI_2 - FRAC_PI_4 * (offset.x / offset.y))
+    };
+    let (sin, cos) = theta.sin_cos();
+    Vec2::new(r * cos, r * sin)
+}
+
+/// Direction on the upper hemisphere with density `cos(theta) / pi`; `z` is the normal.
+pub fn cosine_hemisphere(u: Vec2) -> Vec3 {
+    let d = concentric_disk(u);
+    Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())
+}
+
+/// Density of [`cosine_hemisphere`] per steradian.
+pub fn cosine_hemisphere_pdf(cos_theta: f32) -> f32 {
+    cos_theta.max(0.0) * FRAC_1_PI
+}
+
+/// Uniform direction in the cone around `z` with `cos_theta_max`; density `1 / (2 pi (1 - cos_theta_max))`.
+pub fn uniform_cone(u: Vec2, cos_theta_max: f32) -> Vec3 {
+    let cos = 1.0 - u.x * (1.0 - cos_theta_max);
+    let sin = (1.0 - cos * cos).max(0.0).sqrt();
+    let (s, c) = (2.0 * PI * u.y).sin_cos();
+    Vec3::new(sin * c, sin * s, cos)
+}
+
+/// Uniform barycentric coordinates `(b1, b2)` of a triangle (Heitz, A low-distortion map between triangle and square, 2019).
+pub fn uniform_triangle(u: Vec2) -> Vec2 {
+    if u.x < u.y {
+        let b0 = u.x / 2.0;
+        let b1 = u.y - b0;
+        Vec2::new(b1, 1.0 - b0 - b1)
+    } else {
+        let b1 = u.y / 2.0;
+        let b0 = u.x - b1;
+        Vec2::new(b1, 1.0 - b0 - b1)
+    }
+}
+
+/// Weight of a sample of density `a` against one of density `b` (power heuristic with exponent 2; Veach, 1997).
+pub fn power_heuristic(a: f32, b: f32) -> f32 {
+    if a.is_infinite() {
+        return 1.0;
+    }
+    let (a2, b2) = (a * a, b * b);
+    if a2 + b2 > 0.0 { a2 / (a2 + b2) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::uniform2;
+
+    #[test]
+    fn warped_points_have_the_moments_of_their_densities() {
+        let n = 200_000;
+        let (mut z_sphere, mut z_cosine, mut r2_disk, mut bary) = (0.0f64, 0.0f64, 0.0f64, Vec2::ZERO);
+        for i in 0..n {
+            let u = uniform2([i, 3, 5, 7]);
+            z_sphere += f64::from(uniform_sphere(u).z);
+            z_cosine += f64::from(cosine_hemisphere(u).z);
+            r2_disk += f64::from(concentric_disk(u).length_squared());
+            bary += uniform_triangle(u) / n as f32;
+        }
+        let n = f64::from(n);
+        assert!((z_sphere / n).abs() < 0.01);
+        assert!((z_cosine / n - 2.0 / 3.0).abs() < 0.005);
+        assert!((r2_disk / n - 0.5).abs() < 0.005);
+        assert!((bary - 1.0 / 3.0).abs().max_element() < 0.005);
+    }
+
+    #[test]
+    fn cone_samples_stay_in_the_cone() {
+        for i in 0..1000 {
+            let d = uniform_cone(uniform2([i, 0, 0, 0]), 0.9);
+            assert!(d.z >= 0.9 - 1e-6 && (d.length() - 1.0).abs() < 1e-5);
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! Which instruction set kernels run with.
+
+use std::fmt;
+
+/// An instruction-set level. Every level finds the same hits, bit for bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Level {
+    /// Portable code, no special instructions: the twin that the others are tested against.
+    Scalar,
+    /// AVX2 and FMA (x86-64).
+    Avx2,
+    /// AVX-512 F, VL, BW, DQ (x86-64).
+    Avx512,
+}
+
+impl Level {
+    /// All levels, from the least.
+    pub const ALL: [Self; 3] = [Self::Scalar, Self::Avx2, Self::Avx512];
+
+    /// The name used on the command line and in `SNELL_SIMD`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Scalar => "scalar",
+            Self::Avx2 => "avx2",
+            Self::Avx512 => "avx512",
+        }
+    }
+
+    /// The level of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|l| l.name() == name)
+    }
+
+    /// True if this machine can run the level.
+    pub fn is_supported(self) -> bool {
+        match self {
+            Self::Scalar => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => {
+                Self::Avx2.is_supported()
+                    && is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512vl")
+                    && is_x86_feature_detected!("avx512bw")
+                    && is_x86_feature_detected!("avx512dq")
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            _ => false,
+        }
+    }
+
+    /// The best level of this machine.
+    pub fn best() -> Self {
+        Self::ALL.into_iter().rev().find(|l| l.is_supported()).unwrap_or(Self::Scalar)
+    }
+
+    /// The level named by the environment variable `SNELL_SIMD`, or the best one if it is unset or empty. The error says which
+    /// names exist.
+    pub fn from_env() -> Result<Self, String> {
+        match std::env::var("SNELL_SIMD") {
+            Ok(name) if !name.is_empty() => match Self::from_name(&name) {
+                Some(level) if level.is_supported() => Ok(level),
+                Some(level) => Err(format!(
+                    "SNELL_SIMD={level} needs instructions that this machine lacks; the best it has is {}",
+                    Self::best()
+                )),
+                None => Err(format!("SNELL_SIMD={name} is not a level; use scalar, avx2 or avx512, or unset it")),
+            },
+            _ => Ok(Self::best()),
+        }
+    }
+}
+
+impl fmt::Display for Level {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}

@@ -1,0 +1,174 @@
+//! Radiometric quantities along a path: four lanes, whatever they stand for.
+//!
+//! In RGB mode (linear Rec. 709) the lanes hold red, green, blue and 0; in spectral mode they will hold four wavelengths. Code that
+//! transports light works on all four lanes alike and never asks which mode it runs in: only where colours enter
+//! ([`ColorMode::reflectance`], [`ColorMode::illuminant`]) and leave ([`ColorMode::to_rgb`]) does the mode matter.
+
+mod rgb;
+
+pub use rgb::{Rgb, linear_to_srgb, srgb_to_linear};
+
+use std::ops::{Add, AddAssign, Div, Index, Mul, MulAssign, Sub};
+
+/// Number of lanes of a [`SampledSpectrum`].
+pub const LANES: usize = 4;
+
+/// Four values of radiance, reflectance, throughput or density. Radiance is in W / (m^2 sr) per lane.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(16))]
+pub struct SampledSpectrum(pub [f32; LANES]);
+
+impl SampledSpectrum {
+    /// All lanes 0.
+    pub const ZERO: Self = Self([0.0; LANES]);
+    /// All lanes 1.
+    pub const ONE: Self = Self([1.0; LANES]);
+
+    /// All lanes `x`.
+    pub const fn splat(x: f32) -> Self {
+        Self([x; LANES])
+    }
+
+    /// Lane by lane.
+    pub fn map(self, f: impl Fn(f32) -> f32) -> Self {
+        Self(self.0.map(f))
+    }
+
+    /// Lane by lane with another.
+    pub fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
+    }
+
+    /// The largest lane.
+    pub fn max_element(self) -> f32 {
+        self.0.into_iter().fold(f32::NEG_INFINITY, f32::max)
+    }
+
+    /// The mean of the lanes.
+    pub fn average(self) -> f32 {
+        (self.0[0] + self.0[1] + self.0[2] + self.0[3]) * 0.25
+    }
+
+    /// True if every lane is 0 (or negative zero).
+    pub fn is_black(self) -> bool {
+        self.0.iter().all(|&x| x == 0.0)
+    }
+
+    /// True if no lane is NaN or infinite.
+    pub fn is_finite(self) -> bool {
+        self.0.iter().all(|x| x.is_finite())
+    }
+
+    /// Square roots, of 0 for negative lanes.
+    pub fn sqrt(self) -> Self {
+        self.map(|x| x.max(0.0).sqrt())
+    }
+
+    /// Exponentials.
+    pub fn exp(self) -> Self {
+        self.map(f32::exp)
+    }
+
+    /// Clamped to `[lo, hi]`.
+    pub fn clamp(self, lo: f32, hi: f32) -> Self {
+        self.map(|x| x.clamp(lo, hi))
+    }
+
+    /// `self (1 - t) + other t`.
+    pub fn lerp(self, other: Self, t: f32) -> Self {
+        self * (1.0 - t) + other * t
+    }
+}
+
+macro_rules! lane_operator {
+    ($trait:ident, $method:ident, $op:tt) => {
+        impl $trait for SampledSpectrum {
+            type Output = Self;
+            #[inline]
+            fn $method(self, other: Self) -> Self {
+                self.zip(other, |a, b| a $op b)
+            }
+        }
+        impl $trait<f32> for SampledSpectrum {
+            type Output = Self;
+            #[inline]
+            fn $method(self, other: f32) -> Self {
+                self.map(|a| a $op other)
+            }
+        }
+    };
+}
+
+lane_operator!(Add, add, +);
+lane_operator!(Sub, sub, -);
+lane_operator!(Mul, mul, *);
+lane_operator!(Div, div, /);
+
+impl AddAssign for SampledSpectrum {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl MulAssign for SampledSpectrum {
+    fn mul_assign(&mut self, other: Self) {
+        *self = *self * other;
+    }
+}
+
+impl MulAssign<f32> for SampledSpectrum {
+    fn mul_assign(&mut self, other: f32) {
+        *self = *self * other;
+    }
+}
+
+impl std::iter::Sum for SampledSpectrum {
+    fn sum<I: Iterator<Item = Self>>(iter: I) -> Self {
+        iter.fold(Self::ZERO, |a, b| a + b)
+    }
+}
+
+impl Index<usize> for SampledSpectrum {
+    type Output = f32;
+    fn index(&self, lane: usize) -> &f32 {
+        &self.0[lane]
+    }
+}
+
+/// What the lanes stand for. A value that travels with the render settings; there is no global mode.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColorMode {
+    /// Linear Rec. 709 red, green, blue; the fourth lane is 0.
+    #[default]
+    Rgb,
+}
+
+impl ColorMode {
+    /// The lanes of a reflectance, albedo or other factor in `[0, 1]`.
+    pub fn reflectance(self, color: Rgb) -> SampledSpectrum {
+        match self {
+            Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
+        }
+    }
+
+    /// The lanes of an emitted or incident radiance.
+    pub fn illuminant(self, color: Rgb) -> SampledSpectrum {
+        match self {
+            Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
+        }
+    }
+
+    /// The throughput a path starts with: 1 in every lane that is in use.
+    pub fn unit(self) -> SampledSpectrum {
+        match self {
+            Self::Rgb => SampledSpectrum([1.0, 1.0, 1.0, 0.0]),
+        }
+    }
+
+    /// The colour that a sensor sees: linear Rec. 709.
+    pub fn to_rgb(self, s: SampledSpectrum) -> Rgb {
+        match self {
+            Self::Rgb => Rgb::new(s[0], s[1], s[2]),
+        }
+    }
+}
