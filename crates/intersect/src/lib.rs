@@ -15,5 +15,5 @@ pub mod world;
 pub use hit::{Hit, SurfaceInteraction};
 pub use mesh::TriangleMesh;
 pub use query::{AcceptAll, Grouping, HitFilter};
-pub use shape::{Shape, ShapeHit, ShapeSample, ShapeSurface};
-pub use world::{GeometryId, GroupId, World, WorldBuilder, WorldError};
+pub use shape::{AnyShape, Shape, ShapeHit, ShapeSample, ShapeSurface};
+pub use world::{BuildOptions, Geometry, GeometryId, GroupId, World, WorldBuilder, WorldError};

@@ -1,1 +1,28 @@
-//! snell
+//! What a scene is made of, and what each thing answers locally: a camera gives a ray, a texture a colour, a material a BSDF, a
+//! light its radiance.
+//!
+//! Everything here is a function of its arguments. There are no files, threads, samplers or acceleration structures in this crate:
+//! random numbers come in as numbers, so each piece can be tested alone.
+
+#![forbid(unsafe_code)]
+
+pub mod bsdf;
+pub mod builtin;
+pub mod camera;
+pub mod framing;
+pub mod graph;
+pub mod image;
+pub mod light;
+pub mod material;
+pub mod settings;
+pub mod texture;
+
+pub use camera::{Camera, CameraSample, Projection};
+pub use graph::{
+    Background, Environment, Geometry, MaterialId, Node, NodeId, Scene, SceneError, Surface, TextureId, Warning,
+};
+pub use image::{Encoding, Image, Layer, LayeredImage, Pixels};
+pub use light::Light;
+pub use material::Material;
+pub use settings::SceneSettings;
+pub use texture::{Texture, TextureSet};

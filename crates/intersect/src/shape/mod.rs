@@ -9,6 +9,7 @@ mod sphere;
 
 pub use sphere::Sphere;
 
+use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
 /// A point where a ray meets a shape.
@@ -77,4 +78,52 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// The outside is the side the normal points to; false for open surfaces (disk, rectangle, plane, triangle, polygon), which
     /// have no inside.
     fn is_closed(&self) -> bool;
+}
+
+/// Makes [`AnyShape`] from the list of shapes: the enum, its names, its dispatch.
+macro_rules! shapes {
+    ($($name:literal => $kind:ident,)*) => {
+        /// Any of the shapes, as scenes hold them.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(tag = "shape", rename_all = "kebab-case")]
+        pub enum AnyShape {
+            $(#[doc = concat!("See [`", stringify!($kind), "`].")] $kind($kind),)*
+        }
+
+        impl AnyShape {
+            /// The names of all shapes.
+            pub const NAMES: &[&str] = &[$($name),*];
+
+            /// The name of this shape.
+            pub fn name(&self) -> &'static str {
+                match self { $(Self::$kind(_) => $name,)* }
+            }
+
+            /// A few of each shape, extremes included: what tests and galleries run over.
+            pub fn examples() -> Vec<Self> {
+                let mut all = Vec::new();
+                $(all.extend($kind::examples().into_iter().map(Self::$kind));)*
+                all
+            }
+        }
+
+        impl Shape for AnyShape {
+            fn bounds(&self) -> Bounds3d { match self { $(Self::$kind(s) => s.bounds(),)* } }
+            fn closest(&self, ray: &DRay) -> Option<ShapeHit> { match self { $(Self::$kind(s) => s.closest(ray),)* } }
+            fn any(&self, ray: &DRay) -> bool { match self { $(Self::$kind(s) => s.any(ray),)* } }
+            fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) { match self { $(Self::$kind(s) => s.all(ray, hits),)* } }
+            fn surface(&self, position: DVec3, face: u32) -> ShapeSurface { match self { $(Self::$kind(s) => s.surface(position, face),)* } }
+            fn area(&self) -> f64 { match self { $(Self::$kind(s) => s.area(),)* } }
+            fn sample(&self, u: DVec2) -> Option<ShapeSample> { match self { $(Self::$kind(s) => s.sample(u),)* } }
+            fn is_closed(&self) -> bool { match self { $(Self::$kind(s) => s.is_closed(),)* } }
+        }
+
+        $(impl From<$kind> for AnyShape {
+            fn from(shape: $kind) -> Self { Self::$kind(shape) }
+        })*
+    };
+}
+
+shapes! {
+    "sphere" => Sphere,
 }

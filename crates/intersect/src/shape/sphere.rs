@@ -11,6 +11,13 @@ pub struct Sphere {
     pub radius: f64,
 }
 
+impl Sphere {
+    /// Spheres for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        vec![Self { radius: 1.0 }, Self { radius: 1e-3 }, Self { radius: 250.0 }]
+    }
+}
+
 impl Shape for Sphere {
     fn bounds(&self) -> Bounds3d {
         Bounds3d { min: DVec3::splat(-self.radius), max: DVec3::splat(self.radius) }

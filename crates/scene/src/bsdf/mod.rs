@@ -1,0 +1,97 @@
+//! The lobes that materials are made of, in the local frame: `z` is the shading normal on the outer side of the surface.
+//!
+//! Directions are unit vectors that point away from the surface. `wo` goes to where light is gathered (the camera), `wi` to where
+//! it comes from. Opaque BSDFs reflect on both sides; dielectrics are outside where `z > 0`.
+
+mod diffuse;
+
+pub use diffuse::DiffuseBsdf;
+
+use snell_math::{SampledSpectrum, Vec2, Vec3};
+
+/// A direction drawn from a BSDF.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BsdfSample {
+    /// Where the path goes on.
+    pub wi: Vec3,
+    /// `f |cos| / pdf` (for a delta lobe: its factor over the probability of choosing it).
+    pub weight: SampledSpectrum,
+    /// Density per steradian of this direction over all non-delta lobes; 0 for a delta direction.
+    pub pdf: f32,
+    /// True if the direction is the only one possible (mirror, smooth refraction): light samples cannot find it.
+    pub is_delta: bool,
+    /// True if the path crosses the surface.
+    pub is_transmission: bool,
+}
+
+/// One direction of perfect reflection or refraction with its factor: what Whitted's recursion follows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpecularBranch {
+    /// The direction.
+    pub wi: Vec3,
+    /// Factor on the radiance from there.
+    pub weight: SampledSpectrum,
+    /// True if the branch crosses the surface.
+    pub is_transmission: bool,
+}
+
+/// What every BSDF answers.
+pub trait Lobes {
+    /// `f(wo, wi) |cos(wi)|` without delta lobes.
+    fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum;
+
+    /// Density per steradian with which [`Self::sample`] draws `wi`, without delta lobes.
+    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32;
+
+    /// Draws a direction. `u_lobe` chooses the lobe, `u` the direction, all in `[0, 1)`. `None` if the path ends.
+    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample>;
+
+    /// True if there is no lobe but delta lobes: light samples are useless.
+    fn is_delta(&self) -> bool;
+
+    /// Approximate share of light that is reflected or transmitted towards `wo`: what the albedo AOV shows.
+    fn albedo(&self, wo: Vec3) -> SampledSpectrum;
+
+    /// Local illumination by light of unit irradiance from `wi`, times pi: what `raycast` and `whitted` add per light. The same as
+    /// `pi * eval / cos * cos` unless a material has a classic formula of its own (Phong).
+    fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        self.eval(wo, wi) * std::f32::consts::PI
+    }
+
+    /// Reflectance for ambient light: what `raycast` and `whitted` multiply the scene's ambient radiance by.
+    fn ambient(&self, wo: Vec3) -> SampledSpectrum {
+        self.albedo(wo)
+    }
+
+    /// Perfect reflection and refraction, at most two.
+    fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
+        let _ = wo;
+        [None, None]
+    }
+}
+
+/// Makes [`Bsdf`] from the list of BSDFs: the enum and its dispatch.
+macro_rules! bsdfs {
+    ($($kind:ident => $type:ty,)*) => {
+        /// Any BSDF, with parameters fixed for one point.
+        #[derive(Clone, Debug)]
+        pub enum Bsdf {
+            $(#[doc = concat!("See [`", stringify!($type), "`].")] $kind($type),)*
+        }
+
+        impl Lobes for Bsdf {
+            fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.eval(wo, wi),)* } }
+            fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 { match self { $(Self::$kind(b) => b.pdf(wo, wi),)* } }
+            fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> { match self { $(Self::$kind(b) => b.sample(wo, u_lobe, u),)* } }
+            fn is_delta(&self) -> bool { match self { $(Self::$kind(b) => b.is_delta(),)* } }
+            fn albedo(&self, wo: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.albedo(wo),)* } }
+            fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.eval_classic(wo, wi),)* } }
+            fn ambient(&self, wo: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.ambient(wo),)* } }
+            fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] { match self { $(Self::$kind(b) => b.specular_branches(wo),)* } }
+        }
+    };
+}
+
+bsdfs! {
+    Diffuse => DiffuseBsdf,
+}

@@ -1,0 +1,1 @@
+//! A camera and a sky for scenes that have none.

@@ -1,0 +1,423 @@
+//! The scene graph: a directed acyclic graph of nodes, and the tables that nodes refer to.
+//!
+//! Ids instead of pointers: a node used under two parents is stored once. Transforms compose in double precision.
+
+use crate::camera::Camera;
+use crate::image::Image;
+use crate::light::Light;
+use crate::material::Material;
+use crate::settings::SceneSettings;
+use crate::texture::Texture;
+use snell_intersect::{AnyShape, Shape, TriangleMesh};
+use snell_math::{Bounds3d, DAffine3, Rgb, Transform};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+macro_rules! id {
+    ($(#[$doc:meta])* $name:ident) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+        pub struct $name(pub u32);
+
+        impl $name {
+            /// The position in its table.
+            pub fn index(self) -> usize {
+                self.0 as usize
+            }
+        }
+    };
+}
+
+id!(
+    /// Position in [`Scene::nodes`].
+    NodeId
+);
+id!(
+    /// Position in [`Scene::materials`].
+    MaterialId
+);
+id!(
+    /// Position in [`Scene::textures`].
+    TextureId
+);
+id!(
+    /// Position in [`Scene::images`].
+    ImageId
+);
+
+/// What a surface is made of geometrically. Shared by reference: a mesh used twice is stored once.
+#[derive(Clone, Debug)]
+pub enum Geometry {
+    /// A triangle mesh.
+    Mesh(Arc<TriangleMesh>),
+    /// An analytic shape.
+    Shape(Arc<AnyShape>),
+}
+
+impl Geometry {
+    /// Bounds in the geometry's own coordinates.
+    pub fn bounds(&self) -> Bounds3d {
+        match self {
+            Self::Mesh(mesh) => mesh.bounds().into(),
+            Self::Shape(shape) => shape.bounds(),
+        }
+    }
+}
+
+/// A geometry with its materials.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    /// Mesh or shape, in the coordinates of the node.
+    pub geometry: Geometry,
+    /// Material by slot ([`TriangleMesh::material_slots`]; shapes have slot 0 only). A slot that is `None` or missing takes the
+    /// material of the node, or of the nearest ancestor that has one.
+    pub materials: Vec<Option<MaterialId>>,
+}
+
+impl Surface {
+    /// A surface that takes its material from the node.
+    pub fn new(geometry: Geometry) -> Self {
+        Self { geometry, materials: Vec::new() }
+    }
+
+    /// A surface of one material.
+    pub fn with_material(geometry: Geometry, material: MaterialId) -> Self {
+        Self { geometry, materials: vec![Some(material)] }
+    }
+
+    /// A shape of one material.
+    pub fn shape(shape: impl Into<AnyShape>, material: MaterialId) -> Self {
+        Self::with_material(Geometry::Shape(Arc::new(shape.into())), material)
+    }
+}
+
+/// A node of the scene graph. Children are further nodes; the same child may have several parents.
+#[derive(Clone, Debug)]
+pub struct Node {
+    /// For people; need not be unique or non-empty.
+    pub name: String,
+    /// Map from the node's coordinates to its parent's: `parent_from_node`.
+    pub transform: DAffine3,
+    /// Nodes below.
+    pub children: Vec<NodeId>,
+    /// Surfaces in the node's coordinates.
+    pub surfaces: Vec<Surface>,
+    /// Material of surfaces here and below that have none of their own.
+    pub material: Option<MaterialId>,
+}
+
+impl Default for Node {
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            transform: DAffine3::IDENTITY,
+            children: Vec::new(),
+            surfaces: Vec::new(),
+            material: None,
+        }
+    }
+}
+
+impl Node {
+    /// An empty node with a name.
+    pub fn named(name: impl Into<String>) -> Self {
+        Self { name: name.into(), ..Self::default() }
+    }
+}
+
+/// Light from all directions.
+#[derive(Clone, Debug)]
+pub enum Environment {
+    /// The same radiance from everywhere, W / (m^2 sr).
+    Constant(Rgb),
+    /// A latitude-longitude image.
+    Image {
+        /// The picture; row 0 is the zenith. Linear radiance.
+        image: Arc<Image>,
+        /// Factor on its radiance.
+        scale: Rgb,
+        /// Map from the environment's coordinates to the world. In the environment's, `+y` is the zenith and the middle of
+        /// the picture is `-z`, with `+x` to its right (the convention of glTF viewers).
+        world_from_environment: DAffine3,
+    },
+}
+
+/// What camera rays that leave the scene show.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Background {
+    /// The environment (black if there is none).
+    #[default]
+    Environment,
+    /// A colour (linear), which lights nothing.
+    Color(Rgb),
+    /// Nothing: alpha 0.
+    Transparent,
+}
+
+/// Something a reader or check wants the user to know; equal messages are counted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Warning {
+    /// One sentence: what, where, and what was done instead.
+    pub message: String,
+    /// How often.
+    pub count: u64,
+}
+
+/// A whole scene.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Usually the file's name.
+    pub name: String,
+    /// All nodes; those not reachable from the root are not part of the picture.
+    pub nodes: Vec<Node>,
+    /// Where traversal starts.
+    pub root: NodeId,
+    /// Materials by id.
+    pub materials: Vec<Material>,
+    /// Textures by id.
+    pub textures: Vec<Texture>,
+    /// Images by id, shared by textures.
+    pub images: Vec<Arc<Image>>,
+    /// Lights that are not surfaces, in world coordinates.
+    pub lights: Vec<Light>,
+    /// Cameras in world coordinates; the first is used unless another is asked for. A scene may have none.
+    pub cameras: Vec<Camera>,
+    /// Light from all directions, if any.
+    pub environment: Option<Environment>,
+    /// What camera rays that leave the scene show.
+    pub background: Background,
+    /// Ambient light of local illumination: the radiance that a surface of ambient reflectance 1 shows. Only the integrators
+    /// `raycast` and `whitted` use it; the others compute indirect light instead.
+    pub ambient: Rgb,
+    /// What the file asks of the renderer; options override it.
+    pub settings: SceneSettings,
+    /// What the reader had to say.
+    pub warnings: Vec<Warning>,
+}
+
+/// Why a scene graph is not usable.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SceneError {
+    /// A node is its own descendant.
+    #[error("node {node} (\"{name}\") is its own descendant; a scene graph must not have cycles")]
+    Cycle {
+        /// A node on the cycle.
+        node: u32,
+        /// Its name.
+        name: String,
+    },
+    /// An id points past its table.
+    #[error("node {node} (\"{name}\") refers to {what} {id}, but there are only {count}")]
+    DanglingId {
+        /// The node that refers.
+        node: u32,
+        /// Its name.
+        name: String,
+        /// Kind of the thing referred to.
+        what: &'static str,
+        /// The id found.
+        id: u32,
+        /// Length of the table.
+        count: usize,
+    },
+}
+
+impl Default for Scene {
+    fn default() -> Self {
+        Self::new("")
+    }
+}
+
+impl Scene {
+    /// An empty scene: a root node and nothing else.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self {
+            name: name.into(),
+            nodes: vec![Node::named("root")],
+            root: NodeId(0),
+            materials: Vec::new(),
+            textures: Vec::new(),
+            images: Vec::new(),
+            lights: Vec::new(),
+            cameras: Vec::new(),
+            environment: None,
+            background: Background::default(),
+            ambient: Rgb::BLACK,
+            settings: SceneSettings::default(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Stores a node without a parent.
+    pub fn add_node(&mut self, node: Node) -> NodeId {
+        self.nodes.push(node);
+        NodeId(self.nodes.len() as u32 - 1)
+    }
+
+    /// Stores a node below `parent`.
+    pub fn add_child(&mut self, parent: NodeId, node: Node) -> NodeId {
+        let id = self.add_node(node);
+        self.nodes[parent.index()].children.push(id);
+        id
+    }
+
+    /// Stores a material.
+    pub fn add_material(&mut self, material: Material) -> MaterialId {
+        self.materials.push(material);
+        MaterialId(self.materials.len() as u32 - 1)
+    }
+
+    /// Stores an image.
+    pub fn add_image(&mut self, image: Arc<Image>) -> ImageId {
+        self.images.push(image);
+        ImageId(self.images.len() as u32 - 1)
+    }
+
+    /// Stores a texture.
+    pub fn add_texture(&mut self, texture: Texture) -> TextureId {
+        self.textures.push(texture);
+        TextureId(self.textures.len() as u32 - 1)
+    }
+
+    /// Notes a warning; an equal one is counted instead of repeated.
+    pub fn warn(&mut self, message: impl Into<String>) {
+        let message = message.into();
+        match self.warnings.iter_mut().find(|w| w.message == message) {
+            Some(warning) => warning.count += 1,
+            None => self.warnings.push(Warning { message, count: 1 }),
+        }
+    }
+
+    /// Checks that all ids are in range and that no node is its own descendant; gives the reachable nodes, each once, children
+    /// before parents.
+    pub fn topological_order(&self) -> Result<Vec<NodeId>, SceneError> {
+        #[derive(Clone, Copy, PartialEq)]
+        enum Mark {
+            New,
+            Open,
+            Done,
+        }
+        let mut marks = vec![Mark::New; self.nodes.len()];
+        let mut order = Vec::new();
+        self.check_ids(self.root)?;
+        marks[self.root.index()] = Mark::Open;
+        // An explicit stack, because files may nest deeper than the thread's stack.
+        let mut stack = vec![(self.root, 0)];
+        while let Some((id, next)) = stack.pop() {
+            let Some(&child) = self.nodes[id.index()].children.get(next) else {
+                marks[id.index()] = Mark::Done;
+                order.push(id);
+                continue;
+            };
+            stack.push((id, next + 1));
+            match marks[child.index()] {
+                Mark::Done => {}
+                Mark::Open => {
+                    let name = self.nodes[child.index()].name.clone();
+                    return Err(SceneError::Cycle { node: child.0, name });
+                }
+                Mark::New => {
+                    self.check_ids(child)?;
+                    marks[child.index()] = Mark::Open;
+                    stack.push((child, 0));
+                }
+            }
+        }
+        Ok(order)
+    }
+
+    fn check_ids(&self, id: NodeId) -> Result<(), SceneError> {
+        let Some(node) = self.nodes.get(id.index()) else {
+            let name = String::new();
+            return Err(SceneError::DanglingId { node: id.0, name, what: "node", id: id.0, count: self.nodes.len() });
+        };
+        let dangling = |what, dangling: u32, count| {
+            Err(SceneError::DanglingId { node: id.0, name: node.name.clone(), what, id: dangling, count })
+        };
+        if let Some(child) = node.children.iter().find(|c| c.index() >= self.nodes.len()) {
+            return dangling("child node", child.0, self.nodes.len());
+        }
+        let of_surfaces = node.surfaces.iter().flat_map(|s| s.materials.iter().flatten());
+        if let Some(m) = of_surfaces.chain(&node.material).find(|m| m.index() >= self.materials.len()) {
+            return dangling("material", m.0, self.materials.len());
+        }
+        Ok(())
+    }
+
+    /// Bounding box of each reachable node in its own coordinates (children included, by their transforms).
+    pub fn node_bounds(&self) -> Result<BTreeMap<NodeId, Bounds3d>, SceneError> {
+        let mut bounds = BTreeMap::new();
+        for id in self.topological_order()? {
+            let node = &self.nodes[id.index()];
+            let own = node.surfaces.iter().fold(Bounds3d::EMPTY, |b, s| b.union(&s.geometry.bounds()));
+            let all = node.children.iter().fold(own, |b, child| {
+                // A singular transform flattens its subtree, which then has no surface to hit.
+                let placed = Transform::new(self.nodes[child.index()].transform);
+                b.union(&placed.map_or(Bounds3d::EMPTY, |m| m.bounds(&bounds[child])))
+            });
+            bounds.insert(id, all);
+        }
+        Ok(bounds)
+    }
+
+    /// The box around all surfaces in world coordinates; sides may be infinite, and it is empty for a scene without surfaces.
+    pub fn bounds(&self) -> Result<Bounds3d, SceneError> {
+        let root = self.node_bounds()?[&self.root];
+        Ok(Transform::new(self.nodes[self.root.index()].transform).map_or(Bounds3d::EMPTY, |m| m.bounds(&root)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_intersect::shape::Sphere;
+    use snell_math::DVec3;
+
+    fn two_balls_shared() -> (Scene, NodeId) {
+        let mut scene = Scene::new("test");
+        let ball = scene.add_node(Node {
+            surfaces: vec![Surface::new(Geometry::Shape(Arc::new(Sphere { radius: 1.0 }.into())))],
+            ..Node::named("ball")
+        });
+        for x in [-2.0, 2.0] {
+            let transform = DAffine3::from_translation(DVec3::new(x, 0.0, 0.0));
+            let place = Node { transform, children: vec![ball], ..Node::named("place") };
+            scene.add_child(scene.root, place);
+        }
+        (scene, ball)
+    }
+
+    #[test]
+    fn a_shared_subtree_is_visited_once_and_bounds_every_use() {
+        let (scene, ball) = two_balls_shared();
+        assert_eq!(scene.topological_order().expect("no cycle").iter().filter(|&&n| n == ball).count(), 1);
+        let bounds = scene.bounds().expect("no cycle");
+        assert_eq!((bounds.min, bounds.max), (DVec3::new(-3.0, -1.0, -1.0), DVec3::new(3.0, 1.0, 1.0)));
+    }
+
+    #[test]
+    fn a_cycle_is_an_error_that_names_a_node() {
+        let (mut scene, ball) = two_balls_shared();
+        let root = scene.root;
+        scene.nodes[ball.index()].children.push(root);
+        let error = scene.topological_order().expect_err("the graph has a cycle");
+        assert!(error.to_string().contains("its own descendant"), "{error}");
+    }
+
+    #[test]
+    fn a_dangling_id_is_an_error() {
+        let (mut scene, ball) = two_balls_shared();
+        scene.nodes[ball.index()].material = Some(MaterialId(3));
+        assert!(matches!(scene.bounds(), Err(SceneError::DanglingId { what: "material", .. })));
+    }
+
+    #[test]
+    fn a_chain_of_a_hundred_thousand_nodes_does_not_overflow_the_stack() {
+        let mut scene = Scene::new("deep");
+        let mut last = scene.root;
+        for _ in 0..100_000 {
+            last = scene.add_child(last, Node::default());
+        }
+        assert_eq!(scene.topological_order().expect("no cycle").len(), 100_001);
+    }
+}

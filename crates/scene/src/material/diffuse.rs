@@ -1,0 +1,32 @@
+//! A matte surface.
+
+use super::{ColorParam, ShadingPoint};
+use crate::bsdf::{Bsdf, DiffuseBsdf};
+use serde::{Deserialize, Serialize};
+use snell_math::Rgb;
+
+/// Lambertian reflection.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Diffuse {
+    /// Share of light reflected, `[0, 1]`; multiplied by the vertex colour.
+    pub reflectance: ColorParam,
+}
+
+impl Diffuse {
+    /// A matte surface of one colour.
+    pub fn new(reflectance: Rgb) -> Self {
+        Self { reflectance: reflectance.into() }
+    }
+
+    /// Diffuse materials for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        vec![Self::new(Rgb::splat(0.5)), Self::new(Rgb::new(0.8, 0.1, 0.0)), Self::new(Rgb::WHITE)]
+    }
+
+    /// The BSDF at a point.
+    pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
+        let [r, g, b, _] = point.surface.color;
+        let reflectance = self.reflectance.at(point) * Rgb::new(r, g, b);
+        Bsdf::Diffuse(DiffuseBsdf { reflectance: point.mode.reflectance(reflectance) })
+    }
+}
