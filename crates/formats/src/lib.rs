@@ -1,1 +1,85 @@
-//! snell
+//! Files to scene graphs, images to and from files.
+//!
+//! A *reader* turns bytes into a [`Scene`] (a mesh file is a scene with one node). Which reader: the content decides, then the
+//! extension. To add a format: one new file with a [`SceneReader`], and its line in [`SCENE_READERS`].
+
+#![forbid(unsafe_code)]
+
+pub mod atomic;
+pub mod error;
+pub mod image;
+pub mod input;
+pub mod limits;
+pub mod mesh;
+pub mod scene;
+
+pub use error::{Place, ReadError, WriteError};
+pub use input::Input;
+pub use limits::Limits;
+
+use snell_scene::Scene;
+use std::path::Path;
+
+/// A reader of scene or mesh files.
+#[derive(Clone, Copy)]
+pub struct SceneReader {
+    /// Short name, such as `gltf`.
+    pub name: &'static str,
+    /// One line for `snell formats`.
+    pub description: &'static str,
+    /// Extensions in lower case, without the dot.
+    pub extensions: &'static [&'static str],
+    /// True if the bytes can only be this format. Called with the whole file; must be quick (look at the first few KiB).
+    pub recognises: fn(&[u8]) -> bool,
+    /// Reads the scene.
+    pub read: fn(&Input) -> Result<Scene, ReadError>,
+}
+
+/// All readers, in the order in which contents are tried: formats with a signature first.
+pub const SCENE_READERS: &[SceneReader] = &[];
+
+/// How to read.
+#[derive(Clone, Debug, Default)]
+pub struct ReadOptions {
+    /// Files named by the scene may lie outside of its folder.
+    pub allow_outside: bool,
+    /// Caps on sizes and counts.
+    pub limits: Limits,
+}
+
+/// Reads a scene file.
+pub fn read_scene(path: &Path, options: &ReadOptions) -> Result<Scene, ReadError> {
+    read_input(&Input::open(path, options)?)
+}
+
+/// Reads a scene from bytes, such as standard input. `name` is for messages; files that the scene names are looked for in
+/// `directory`.
+pub fn read_scene_bytes(
+    name: &str,
+    bytes: Vec<u8>,
+    directory: &Path,
+    options: &ReadOptions,
+) -> Result<Scene, ReadError> {
+    read_input(&Input::from_bytes(name, bytes, directory, options))
+}
+
+fn read_input(input: &Input) -> Result<Scene, ReadError> {
+    let extension = input.extension();
+    let reader = SCENE_READERS
+        .iter()
+        .find(|r| (r.recognises)(&input.bytes))
+        .or_else(|| SCENE_READERS.iter().find(|r| r.extensions.contains(&extension.as_str())));
+    let Some(reader) = reader else {
+        let known: Vec<_> = SCENE_READERS.iter().map(|r| r.name).collect();
+        return Err(input.error(
+            Place::Whole,
+            "this is not a scene or mesh format that Snell knows, neither by its content nor by its extension",
+            format!("use one of: {} (`snell formats` tells more)", known.join(", ")),
+        ));
+    };
+    let mut scene = (reader.read)(input)?;
+    if scene.name.is_empty() {
+        scene.name = input.stem();
+    }
+    Ok(scene)
+}

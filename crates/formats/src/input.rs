@@ -1,0 +1,118 @@
+//! The bytes of a file, and the way to the files it names.
+
+use crate::ReadOptions;
+use crate::error::{Place, ReadError};
+use crate::limits::Limits;
+use std::path::{Component, Path, PathBuf};
+
+/// A file being read.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// As the user or the naming file wrote it: for messages.
+    pub name: String,
+    /// The content.
+    pub bytes: Vec<u8>,
+    /// Where relative names start.
+    pub directory: PathBuf,
+    /// No file outside of this folder is opened, unless allowed.
+    pub root: PathBuf,
+    /// How to read.
+    pub options: ReadOptions,
+}
+
+impl Input {
+    /// Opens a file named by the user. Its folder becomes the root for files that it names.
+    pub fn open(path: &Path, options: &ReadOptions) -> Result<Self, ReadError> {
+        let name = path.display().to_string();
+        let bytes = read_limited(path, &name, &options.limits)?;
+        let directory = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf();
+        Ok(Self { name, bytes, root: directory.clone(), directory, options: options.clone() })
+    }
+
+    /// Bytes that are already here.
+    pub fn from_bytes(name: &str, bytes: Vec<u8>, directory: &Path, options: &ReadOptions) -> Self {
+        let directory = directory.to_path_buf();
+        Self { name: name.into(), bytes, root: directory.clone(), directory, options: options.clone() }
+    }
+
+    /// Opens a file that this one names, relative to this one's folder. Absolute names, and names that lead out of the root folder,
+    /// need `--allow-outside`. Backslashes count as slashes where no file of the literal name exists.
+    pub fn open_relative(&self, name: &str) -> Result<Self, ReadError> {
+        let literal = Path::new(name);
+        let mut path = self.directory.join(literal);
+        if !path.exists() && name.contains('\\') {
+            path = self.directory.join(name.replace('\\', "/"));
+        }
+        if !self.options.allow_outside && !stays_inside(&self.root, &path) {
+            return Err(self.error(
+                Place::Whole,
+                format!("it names the file \"{name}\", which lies outside of the scene's folder"),
+                "move the file into the folder, or give --allow-outside if you trust the scene",
+            ));
+        }
+        let shown = path.display().to_string();
+        let bytes = read_limited(&path, &shown, &self.options.limits)?;
+        let directory = path.parent().unwrap_or(Path::new(".")).to_path_buf();
+        Ok(Self { name: shown, bytes, directory, root: self.root.clone(), options: self.options.clone() })
+    }
+
+    /// An error about this file.
+    pub fn error(&self, place: Place, problem: impl Into<String>, remedy: impl Into<String>) -> ReadError {
+        ReadError { file: self.name.clone(), place, problem: problem.into(), remedy: remedy.into() }
+    }
+
+    /// Extension in lower case, without the dot.
+    pub fn extension(&self) -> String {
+        Path::new(&self.name).extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+    }
+
+    /// File name without folder and extension.
+    pub fn stem(&self) -> String {
+        Path::new(&self.name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+}
+
+/// True if `path`, links followed where it exists, lies in `root`.
+fn stays_inside(root: &Path, path: &Path) -> bool {
+    if let (Ok(root), Ok(path)) = (root.canonicalize(), path.canonicalize()) {
+        return path.starts_with(root);
+    }
+    // The file does not exist: judge by the names alone.
+    let Ok(rest) = path.strip_prefix(root) else { return false };
+    let mut depth = 0i64;
+    for component in rest.components() {
+        match component {
+            Component::ParentDir => depth -= 1,
+            Component::Normal(_) => depth += 1,
+            Component::CurDir => {}
+            Component::RootDir | Component::Prefix(_) => return false,
+        }
+        if depth < 0 {
+            return false;
+        }
+    }
+    true
+}
+
+fn read_limited(path: &Path, name: &str, limits: &Limits) -> Result<Vec<u8>, ReadError> {
+    use std::io::Read;
+    let error = |problem: String, remedy: &str| ReadError {
+        file: name.into(),
+        place: Place::Whole,
+        problem,
+        remedy: remedy.into(),
+    };
+    let file = std::fs::File::open(path)
+        .map_err(|e| error(format!("cannot open: {e}"), "check the name and that you may read it"))?;
+    if file.metadata().is_ok_and(|m| m.is_dir()) {
+        return Err(error("this is a folder, not a file".into(), "name the scene file inside it"));
+    }
+    let mut bytes = Vec::new();
+    file.take(limits.file_bytes + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|e| error(format!("cannot read: {e}"), "check the disk and your permissions"))?;
+    if bytes.len() as u64 > limits.file_bytes {
+        return Err(error(format!("larger than the limit of {} bytes", limits.file_bytes), "split the scene"));
+    }
+    Ok(bytes)
+}

@@ -1,0 +1,1 @@
+//! Mesh files: each becomes a scene with one node.
