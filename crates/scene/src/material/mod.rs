@@ -181,6 +181,12 @@ impl Material {
         }
     }
 
+    /// True if a ray of this direction meets the surface, false if it passes through: single-sided surfaces seen from inside,
+    /// holes of a mask, and the share `1 - alpha` of blended ones, as decided by the uniform number `u`.
+    pub fn is_present(&self, point: &ShadingPoint, ray_direction: Vec3, u: f32) -> bool {
+        (self.double_sided || point.surface.is_front_facing(ray_direction)) && u < self.opacity(point)
+    }
+
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> ShadingBsdf {
         let frame = Frame::from_z_and_x(point.surface.shading_normal, point.surface.dpdu);
