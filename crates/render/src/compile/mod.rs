@@ -141,7 +141,8 @@ impl HitFilter for CompiledScene {
     fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
         let material = self.material(self.material_id(hit));
         let surface = self.world.interaction(ray, hit);
-        let bits = |v: Vec3| rng::pcg4d([v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), hit.primitive ^ hit.geometry << 16]);
+        let bits =
+            |v: Vec3| rng::pcg4d([v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), hit.primitive ^ hit.geometry << 16]);
         let [a, b, ..] = bits(ray.direction);
         let u = rng::to_unit(rng::hash_combine(rng::hash_combine(a ^ b, bits(ray.origin)[0]), hit.t.to_bits()));
         material.is_present(&self.shading_point(&surface, 0.0), ray.direction, u)
@@ -157,7 +158,15 @@ fn finite_part(bounds: &Bounds3d) -> Bounds3d {
     if bounds.is_finite() || bounds.is_empty() {
         return *bounds;
     }
-    let side = |x: f64, other: f64| if x.is_finite() { x } else if other.is_finite() { other } else { 0.0 };
+    let side = |x: f64, other: f64| {
+        if x.is_finite() {
+            x
+        } else if other.is_finite() {
+            other
+        } else {
+            0.0
+        }
+    };
     let mut b = *bounds;
     for axis in 0..3 {
         b.min[axis] = side(bounds.min[axis], bounds.max[axis]);

@@ -33,7 +33,8 @@ impl SurfaceTable {
     /// The material of a primitive.
     pub fn material(&self, world: &World, instance: u32, geometry: u32, primitive: u32) -> MaterialId {
         let materials = &self.geometries[geometry as usize];
-        let slot = materials.mesh.as_ref().map_or(0, |m| m.material_slots.get(primitive as usize).copied().unwrap_or(0));
+        let slot =
+            materials.mesh.as_ref().map_or(0, |m| m.material_slots.get(primitive as usize).copied().unwrap_or(0));
         if let Some(Some(id)) = materials.slots.get(usize::from(slot)) {
             return *id;
         }
@@ -99,12 +100,8 @@ pub fn compile(
             }
         }
     }
-    let table = SurfaceTable {
-        geometries: Vec::new(),
-        instance_materials: vec![Vec::new()],
-        default,
-        any_filtered: false,
-    };
+    let table =
+        SurfaceTable { geometries: Vec::new(), instance_materials: vec![Vec::new()], default, any_filtered: false };
     let mut compiler = Compiler {
         scene,
         builder: WorldBuilder::default(),
@@ -152,7 +149,9 @@ impl Compiler<'_> {
     }
 
     fn warn_singular(&mut self, name: &str) {
-        self.warn(format!("node \"{name}\" has a singular or non-finite transform; it and what is below it is left out"));
+        self.warn(format!(
+            "node \"{name}\" has a singular or non-finite transform; it and what is below it is left out"
+        ));
     }
 
     fn warn(&mut self, message: String) {

@@ -166,7 +166,12 @@ mod tests {
                 moment += filter.evaluate(x) * x * x;
             }
             assert!((first / weight).abs() < 1e-3, "{filter:?} is symmetric");
-            assert!((second / weight - moment / area).abs() < 0.01, "{filter:?}: {} {}", second / weight, moment / area);
+            assert!(
+                (second / weight - moment / area).abs() < 0.01,
+                "{filter:?}: {} {}",
+                second / weight,
+                moment / area
+            );
         }
     }
 }

@@ -43,12 +43,7 @@ pub struct IncidentLight {
 }
 
 /// Light arriving at a surface point from light number `light`.
-pub fn sample_light(
-    context: &Context,
-    surface: &SurfaceInteraction,
-    light: usize,
-    u: Vec2,
-) -> Option<IncidentLight> {
+pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usize, u: Vec2) -> Option<IncidentLight> {
     let scene = context.scene;
     match &scene.lights()[light] {
         CompiledLight::Light(light) => {

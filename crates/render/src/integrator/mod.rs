@@ -2,8 +2,8 @@
 //! weighted next rays out. It holds no loop, no recursion and no queue, and sees nothing of what shares its batch: the driver
 //! ([`crate::job`]) owns batches, tracing, order and film.
 
-pub mod aov;
 mod ao;
+pub mod aov;
 mod classic;
 mod estimators;
 mod flat;

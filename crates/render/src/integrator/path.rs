@@ -1,9 +1,7 @@
 //! Path tracing: light samples at every vertex, BSDF samples to go on, both weighted by the power heuristic, Russian roulette.
 //! `direct` is the same with one bounce.
 
-use super::estimators::{
-    background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light,
-};
+use super::estimators::{background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light};
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::settings::LightStrategy;
 use snell_math::{Ray, SampledSpectrum, sampling};

@@ -4,12 +4,12 @@ mod diffuse;
 
 pub use diffuse::Diffuse;
 
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, BsdfSample, Lobes, SpecularBranch};
 use crate::graph::TextureId;
 use crate::texture::TextureSet;
 use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
-use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec2, Vec3};
 
 /// A colour parameter: a factor, times a texture if there is one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -139,6 +139,50 @@ pub struct ShadingBsdf {
     pub bsdf: Bsdf,
     /// Local frame; `z` is the shading normal (normal map applied) on the outer side.
     pub frame: Frame,
+}
+
+impl ShadingBsdf {
+    /// [`Lobes::eval`] for world directions. Light does not leak through the surface whose geometric normal is `ng`.
+    pub fn eval(&self, wo: Vec3, wi: Vec3, ng: Vec3) -> SampledSpectrum {
+        let _ = ng;
+        self.bsdf.eval(self.frame.to_local(wo), self.frame.to_local(wi))
+    }
+
+    /// [`Lobes::pdf`] for world directions.
+    pub fn pdf(&self, wo: Vec3, wi: Vec3, ng: Vec3) -> f32 {
+        let _ = ng;
+        self.bsdf.pdf(self.frame.to_local(wo), self.frame.to_local(wi))
+    }
+
+    /// [`Lobes::sample`] for world directions.
+    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, ng: Vec3) -> Option<BsdfSample> {
+        let _ = ng;
+        let sample = self.bsdf.sample(self.frame.to_local(wo), u_lobe, u)?;
+        Some(BsdfSample { wi: self.frame.from_local(sample.wi), ..sample })
+    }
+
+    /// [`Lobes::eval_classic`] for world directions.
+    pub fn eval_classic(&self, wo: Vec3, wi: Vec3, ng: Vec3) -> SampledSpectrum {
+        let _ = ng;
+        self.bsdf.eval_classic(self.frame.to_local(wo), self.frame.to_local(wi))
+    }
+
+    /// [`Lobes::ambient`] for world directions.
+    pub fn ambient(&self, wo: Vec3) -> SampledSpectrum {
+        self.bsdf.ambient(self.frame.to_local(wo))
+    }
+
+    /// [`Lobes::is_delta`].
+    pub fn is_delta(&self) -> bool {
+        self.bsdf.is_delta()
+    }
+
+    /// [`Lobes::specular_branches`] in world directions.
+    pub fn specular_branches(&self, wo: Vec3, ng: Vec3) -> [Option<SpecularBranch>; 2] {
+        let _ = ng;
+        let branches = self.bsdf.specular_branches(self.frame.to_local(wo));
+        branches.map(|b| b.map(|b| SpecularBranch { wi: self.frame.from_local(b.wi), ..b }))
+    }
 }
 
 impl Material {
