@@ -1,6 +1,6 @@
 //! Emissive surfaces as lights: a point on them is chosen uniformly by area.
 
-use snell_intersect::{AnyShape, Shape, SurfaceInteraction, TriangleMesh};
+use snell_intersect::{Shape, SurfaceInteraction, TriangleMesh};
 use snell_math::distribution::Distribution1D;
 use snell_math::robust::gamma;
 use snell_math::{DVec2, DVec3, Frame, Transform, Vec2, Vec3, sampling};
@@ -17,7 +17,7 @@ pub enum EmissiveGeometry {
         triangles: Vec<u32>,
     },
     /// A whole shape.
-    Shape(Arc<AnyShape>),
+    Shape(Arc<dyn Shape>),
 }
 
 /// A point on an emissive surface.
@@ -84,7 +84,7 @@ impl AreaLight {
         usable.then_some(Self { geometry, world_from_geometry: placed, ids, table, area })
     }
 
-    fn new_shape(shape: Arc<AnyShape>, placed: Transform, ids: (u32, u32)) -> Option<Self> {
+    fn new_shape(shape: Arc<dyn Shape>, placed: Transform, ids: (u32, u32)) -> Option<Self> {
         let own_area = shape.area();
         if !(own_area > 0.0 && own_area.is_finite()) {
             return None;
@@ -105,7 +105,7 @@ impl AreaLight {
                 (self.mesh_surface(mesh, triangles[i], b)?, pdf[i])
             }
             (EmissiveGeometry::Shape(shape), Table::Shape { pdf }) => {
-                let surface = self.shape_surface(shape, u.as_dvec2())?;
+                let surface = self.shape_surface(&**shape, u.as_dvec2())?;
                 let pdf_area = self.shape_pdf(*pdf, surface.geometric_normal);
                 (surface, pdf_area)
             }
@@ -141,7 +141,7 @@ impl AreaLight {
         if pdf.is_finite() { pdf.min(f64::from(f32::MAX)) as f32 } else { 0.0 }
     }
 
-    fn shape_surface(&self, shape: &AnyShape, u: DVec2) -> Option<SurfaceInteraction> {
+    fn shape_surface(&self, shape: &dyn Shape, u: DVec2) -> Option<SurfaceInteraction> {
         let place = &self.world_from_geometry;
         let sample = shape.sample(u)?;
         let surface = shape.surface(sample.position, sample.face);
@@ -224,7 +224,7 @@ impl AreaLight {
 }
 
 /// The mean factor by which the transform stretches the shape's area: exact for similarities and flat shapes.
-fn mean_area_scale(shape: &AnyShape, placed: &Transform) -> Option<f64> {
+fn mean_area_scale(shape: &dyn Shape, placed: &Transform) -> Option<f64> {
     const N: u32 = 32;
     let mut sum = 0.0;
     for i in 0..N {
@@ -263,6 +263,7 @@ fn uv_derivatives(mesh: &TriangleMesh, indices: [usize; 3], [p0, p1, p2]: [DVec3
 #[cfg(test)]
 mod tests {
     use super::*;
+    use snell_intersect::AnyShape;
     use snell_intersect::shape::Sphere;
     use snell_math::rng::uniform2;
     use snell_math::{DAffine3, DMat3};
@@ -292,7 +293,7 @@ mod tests {
     }
 
     fn sphere_light(place: Transform) -> AreaLight {
-        AreaLight::new(EmissiveGeometry::Shape(Arc::new(Sphere { radius: 2.0 }.into())), place, (7, 8)).expect("area")
+        AreaLight::new(EmissiveGeometry::Shape(Arc::new(Sphere { radius: 2.0 })), place, (7, 8)).expect("area")
     }
 
     #[test]
@@ -418,7 +419,7 @@ mod tests {
         let light =
             |triangles| AreaLight::new(EmissiveGeometry::Mesh { mesh: mesh(), triangles }, Transform::IDENTITY, (0, 0));
         assert!(light(vec![1]).is_none() && light(vec![]).is_none() && light(vec![99]).is_none());
-        let point = EmissiveGeometry::Shape(Arc::new(Sphere { radius: 0.0 }.into()));
+        let point = EmissiveGeometry::Shape(Arc::new(Sphere { radius: 0.0 }));
         assert!(AreaLight::new(point, Transform::IDENTITY, (0, 0)).is_none());
         let mut broken = (*mesh()).clone();
         broken.positions[2] = Vec3::NAN;
