@@ -8,7 +8,7 @@ use crate::graph::Environment;
 use crate::image::{Encoding, Image, Pixels};
 use snell_math::distribution::Distribution1D;
 use snell_math::{ColorMode, DMat3, DVec3, Mat3, Rgb, SampledSpectrum, Vec2, Vec3, sampling};
-use std::f32::consts::{FRAC_1_PI, PI, TAU};
+use std::f32::consts::{FRAC_1_PI, TAU};
 use std::f64::consts::PI as PI64;
 use std::sync::Arc;
 
