@@ -53,8 +53,12 @@ fn compare(shape: &AnyShape, ray: &DRay) -> Result<(), String> {
     let blur = 100.0 * oracle::tolerance(shape, ray);
     for hit in &hits {
         let p = ray.at(hit.t);
-        let off = shape.surface(p, hit.face).position.distance(p);
-        if off > blur + apex_blur(shape, ray, p) {
+        let surface = shape.surface(p, hit.face);
+        let off = surface.position.distance(p);
+        // Past the outline of a flat shape as far as rounding carries a ray that is nearly edge on.
+        let cos = (ray.direction / length).dot(surface.normal).abs().max(1e-7);
+        let slide = if oracle::outside(shape, p).is_none() { 0.1 * blur / cos } else { 0.0 };
+        if off > blur + slide + apex_blur(shape, ray, p) {
             return Err(format!("{hit:?} lies {off} off its face, allowed {blur}"));
         }
     }
@@ -189,7 +193,6 @@ fn the_methods_of_the_lecture_agree_with_each_other() {
         if ray.t_min < 0.0 || !(1e-12..1e12).contains(&length) {
             return Ok(());
         }
-        let Verdict::Crossings(expected) = oracle::crossings(shape, &ray) else { return Ok(()) };
         let answers = match shape {
             AnyShape::Sphere(s) => {
                 vec![
@@ -208,6 +211,7 @@ fn the_methods_of_the_lecture_agree_with_each_other() {
             AnyShape::Polygon(p) => vec![polygon::intersect_algebraic(p, &ray), polygon::intersect_fan(p, &ray)],
             _ => return Ok(()),
         };
+        let Verdict::Crossings(expected) = oracle::crossings(shape, &ray) else { return Ok(()) };
         // Plain formulas lose digits: compare where the crossing is clear by a margin for that.
         let clear = expected.iter().all(|c| !c.doubtful) && is_clear(shape, &ray, scale);
         for pair in answers.windows(2).filter(|_| clear) {
