@@ -73,7 +73,8 @@ impl LocalRay {
     /// rounded subtraction, product, subtraction, never fused.
     #[inline(always)]
     pub fn draw(&self, v: &[f32; 3]) -> [f32; 2] {
-        let [x, y, z] = self.axes.map(|axis| v[axis] - self.origin[axis]);
+        let [kx, ky, kz] = self.axes;
+        let (x, y, z) = (v[kx] - self.origin[kx], v[ky] - self.origin[ky], v[kz] - self.origin[kz]);
         [x - self.shear[0] * z, y - self.shear[1] * z]
     }
 }
