@@ -103,8 +103,9 @@ pub(crate) unsafe fn boxes_met<L: Lanes8>(node: &WideNode, ray: &LocalRay, t_min
     unsafe {
         let near = [near::<L>(node, ray, 0), near::<L>(node, ray, 1), near::<L>(node, ray, 2)];
         let far = [far::<L>(node, ray, 0), far::<L>(node, ray, 1), far::<L>(node, ray, 2)];
-        let enter = near[0].max(near[1]).max(near[2].max(L::splat(t_min)));
-        let leave = far[0].min(far[1]).min(far[2]);
+        // A plane that a parallel ray lies in gives NaN (0 times infinity), and a NaN on the left does not count.
+        let enter = near[0].max(near[1].max(near[2].max(L::splat(t_min))));
+        let leave = far[0].min(far[1].min(far[2].min(L::splat(f32::INFINITY))));
         // Away from zero if positive, towards it if negative: always farther along the ray.
         let leave = leave.mul(L::splat(1.0 + BOX_PADDING)).max(leave.mul(L::splat(1.0 - BOX_PADDING)));
         (enter.le(leave.min(L::splat(cull))), enter)
