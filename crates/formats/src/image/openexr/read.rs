@@ -8,7 +8,7 @@ use crate::{Input, Place, ReadError};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::Chunk;
 use exr::meta::MetaData;
-use exr::meta::attribute::{AttributeValue, SampleType};
+use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 use half::f16;
 use rayon::prelude::*;
@@ -219,7 +219,7 @@ fn check_part(input: &Input, header: &Header) -> Result<(), ReadError> {
     if let Some(channel) = header.channels.list.iter().find(|c| c.sampling.0 != 1 || c.sampling.1 != 1) {
         return Err(input.error(
             Place::Whole,
-            format!("channel \"{}\" has fewer samples than pixels (luminance and chroma), which is not supported", channel.name),
+            format!("channel \"{}\" has fewer samples than pixels (luminance and chroma), which is not supported", text(&channel.name)),
             "save the file with full R, G and B channels",
         ));
     }
@@ -240,7 +240,7 @@ fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<O
     for (part, header) in headers.iter().enumerate() {
         let first_of_part = groups.len();
         for (index, channel) in header.channels.list.iter().enumerate() {
-            let name = channel.name.to_string();
+            let name = text(&channel.name);
             let (prefix, short) = name.rsplit_once('.').unwrap_or(("", &name));
             let member = (index, short.to_string());
             match groups[first_of_part..].iter_mut().find(|g| g.prefix == prefix) {
@@ -273,7 +273,7 @@ fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<O
         for (channel, (index, _)) in group.members.iter().enumerate() {
             slots[group.part][*index] = Some(Slot { layer, channel });
         }
-        let part_name = headers[group.part].own_attributes.layer_name.as_ref().map(ToString::to_string);
+        let part_name = headers[group.part].own_attributes.layer_name.as_ref().map(text);
         let part_name = part_name.filter(|_| headers.len() > 1).unwrap_or_default();
         let name = match (layer, part_name.is_empty(), group.prefix.is_empty()) {
             (0, ..) => String::new(),
@@ -291,13 +291,18 @@ fn channel_rank(name: &str) -> usize {
     ["R", "G", "B", "Y", "A"].iter().position(|c| *c == name).map_or(if name == "X" { 2 } else { 5 }, |i| i)
 }
 
+/// UTF-8 by custom, Latin-1 otherwise.
+fn text(text: &Text) -> String {
+    std::str::from_utf8(text.bytes()).map_or_else(|_| text.to_string(), String::from)
+}
+
 /// Text attributes, by name.
 fn text_attributes(header: &Header) -> Vec<(String, String)> {
     let own = &header.own_attributes;
     let standard = [("owner", &own.owner), ("comments", &own.comments), ("software", &own.software_name)];
-    let standard = standard.into_iter().filter_map(|(name, text)| Some((name.to_string(), text.as_ref()?.to_string())));
+    let standard = standard.into_iter().filter_map(|(name, value)| Some((name.to_string(), text(value.as_ref()?))));
     let others = header.shared_attributes.other.iter().chain(&own.other).filter_map(|(name, value)| match value {
-        AttributeValue::Text(text) => Some((name.to_string(), text.to_string())),
+        AttributeValue::Text(value) => Some((text(name), text(value))),
         _ => None,
     });
     let mut all: Vec<_> = standard.chain(others).collect();
