@@ -105,6 +105,45 @@ fn long_names_of_layers_and_settings_survive_openexr() {
     assert_eq!(back.metadata[1], ("snell.channels".into(), "3".into()));
 }
 
+/// Parts of other programs: tiles with smaller copies, several compressions, names, one part of them smaller.
+#[test]
+fn openexr_files_of_several_parts_become_layers() {
+    use exr::prelude as e;
+    let part = |name: &str, channels: &[&str], compression, blocks, size: (usize, usize), at: (i32, i32)| {
+        let values = |c: usize| (0..size.0 * size.1).map(|i| (i * 3 + c) as f32).collect();
+        let list = channels.iter().enumerate().map(|(i, c)| e::AnyChannel::new(*c, e::FlatSamples::F32(values(i))));
+        let mut attributes = e::LayerAttributes::named(name);
+        attributes.layer_position = e::Vec2(at.0, at.1);
+        let encoding = e::Encoding { compression, blocks, line_order: e::LineOrder::Increasing };
+        e::Layer::new(size, attributes, encoding, e::AnyChannels::sort(list.collect()))
+    };
+    let tiles = e::Blocks::Tiles(e::Vec2(7, 5));
+    let parts = vec![
+        part("depth", &["Z"], e::Compression::RLE, e::Blocks::ScanLines, (20, 10), (0, 0)),
+        part("beauty", &["R", "G", "B", "glow.R"], e::Compression::PIZ, tiles, (20, 10), (0, 0)),
+        part("inset", &["G", "A"], e::Compression::ZIP1, tiles, (4, 3), (18, -1)),
+    ];
+    let window = e::IntegerBounds::from_dimensions((20, 10));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let file = e::Image::from_layers(e::ImageAttributes::new(window), parts);
+    e::WritableImage::write(&file).to_buffered(&mut bytes).unwrap();
+    let input = input("a.exr", bytes.into_inner());
+
+    let read = read_layers(&input).unwrap();
+    let names: Vec<_> = read.layers.iter().map(|l| (l.name.as_str(), l.channels.concat())).collect();
+    let expected = [("", "RGB"), ("depth", "Z"), ("beauty.glow", "R"), ("inset", "GA")];
+    assert_eq!(names, expected.map(|(n, c)| (n, c.to_string())));
+    let numbers = |count: usize| (0..count).map(|i| i as f32).collect::<Vec<_>>();
+    assert_eq!(read.layers[0].values, numbers(600));
+    assert_eq!(read.layers[1].values[199], 597.0);
+    // The inset's pixel (0, 1) lands at (18, 0), the rest of it outside or below.
+    assert_eq!(read.layers[3].values[2 * 18..2 * 20], [12.0, 13.0, 15.0, 16.0]);
+    assert_eq!(read.layers[3].values.iter().filter(|v| **v != 0.0).count(), 8);
+
+    let image = read_image(&input).unwrap();
+    assert_eq!((image.channels, float_values(&image)), (3, &numbers(600)[..]));
+}
+
 #[test]
 fn png_holds_display_values_to_half_a_level_with_alpha_divided_out() {
     let picture = picture(12, 9);
@@ -131,7 +170,10 @@ fn png_carries_the_metadata() {
     let reader = ::png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
     let info = reader.info();
     assert!(info.srgb.is_some());
-    assert_eq!((info.uncompressed_latin1_text[0].keyword.as_str(), info.uncompressed_latin1_text[0].text.as_str()), ("samples", "64"));
+    assert_eq!(
+        (info.uncompressed_latin1_text[0].keyword.as_str(), info.uncompressed_latin1_text[0].text.as_str()),
+        ("samples", "64")
+    );
     assert_eq!(info.utf8_text[0].keyword, "Gr??e");
     assert_eq!(info.utf8_text[0].get_text().unwrap(), "größer als ä");
 }
@@ -149,8 +191,10 @@ fn transparent_pictures_lie_over_black_in_formats_without_alpha() {
 
 #[test]
 fn jpeg_is_near_and_quality_counts() {
-    let smooth = LayeredImage { layers: vec![layer("", &["R", "G", "B"], 1024, |i| i as f32 / 3072.0)], ..opaque(32, 32) };
-    let with = |jpeg_quality| encode_image_as("jpg", &smooth, &WriteOptions { jpeg_quality, ..Default::default() }).unwrap();
+    let smooth =
+        LayeredImage { layers: vec![layer("", &["R", "G", "B"], 1024, |i| i as f32 / 3072.0)], ..opaque(32, 32) };
+    let with =
+        |jpeg_quality| encode_image_as("jpg", &smooth, &WriteOptions { jpeg_quality, ..Default::default() }).unwrap();
     assert!(with(10).len() < with(95).len());
     let image = read_image(&input("a.jpg", with(95))).unwrap();
     let centre = display_value([(16.0 * 32.0 + 16.0) / 1024.0; 3], &Display::default());
@@ -241,7 +285,12 @@ fn sizes_over_the_limit_and_sizes_that_the_file_cannot_hold_are_errors() {
     let small = Input::from_bytes("a.png", png, Path::new("."), &options);
     assert!(read_image(&small).unwrap_err().to_string().contains("limit of 399"));
 
-    for header in ["PF 16000 16000 -1.0\n", "P6 16000 16000 255\n", "#?RADIANCE\n\n-Y 16000 +X 16000\n", "PF 4000000000 4000000000 1\n"] {
+    for header in [
+        "PF 16000 16000 -1.0\n",
+        "P6 16000 16000 255\n",
+        "#?RADIANCE\n\n-Y 16000 +X 16000\n",
+        "PF 4000000000 4000000000 1\n",
+    ] {
         let message = read_image(&input("x", header.into())).unwrap_err().to_string();
         assert!(message.contains("pixels"), "{message}");
     }
@@ -328,6 +377,25 @@ fn data_windows_are_placed_into_display_windows() {
     }
 }
 
+/// A file with primaries beyond Rec. 709, and its rendition as JPEG.
+#[test]
+fn other_primaries_are_converted() {
+    let files = corpus("images/openexr");
+    let load = |name: &str| {
+        let path = files.iter().find(|p| p.ends_with(name))?;
+        Some(read_image(&Input::open(path, &ReadOptions::default()).unwrap()).unwrap())
+    };
+    let (Some(wide), Some(shown)) = (load("WideColorGamut.exr"), load("WideColorGamut.jpg")) else { return };
+    let mut sum = 0.0;
+    for (x, y) in (0..wide.height).flat_map(|y| (0..wide.width).map(move |x| (x, y))) {
+        let [r, g, b, _] = wide.rgba(x, y);
+        let display = display_value([r, g, b], &Display::default());
+        sum += (0..3).map(|c| f64::from((display[c as usize] - shown.value(x, y, c)).abs())).sum::<f64>();
+    }
+    let mean = sum / (3.0 * f64::from(wide.width * wide.height));
+    assert!(mean < 0.002, "{mean}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
@@ -348,39 +416,5 @@ proptest! {
         if let Ok(image) = read_image(&input(&format!("a.{extension}"), bytes)) {
             prop_assert!(image.width > 0 && image.height > 0);
         }
-    }
-}
-
-#[test]
-#[ignore]
-fn survey() {
-    let files = corpus("malformed/openexr-damaged").into_iter().chain(corpus("images"));
-    for path in files.filter(|p| !is_text(p)) {
-        let start = Instant::now();
-        let input = Input::open(&path, &ReadOptions::default()).unwrap();
-        let out = match read_layers(&input) {
-            Ok(i) => format!("ok {}x{} {:?} {:?}", i.width, i.height, i.layers.iter().map(|l| (l.name.clone(), l.channels.join(","))).collect::<Vec<_>>(), i.metadata.len()),
-            Err(e) => format!("ERR {}", e.problem),
-        };
-        println!("{:?} {:.3} {out}", path.file_name().unwrap(), start.elapsed().as_secs_f64());
-    }
-}
-#[test]
-#[ignore]
-fn speed() {
-    let p = opaque(512, 512);
-    let a = super::compare::LinearImage::from_layer(&p, &p.layers[0]);
-    let s = Instant::now();
-    super::compare::compare(&a, &a, &Default::default()).unwrap();
-    println!("flip 512 {:?}", s.elapsed());
-    let p = opaque(4096, 2048);
-    for f in ["exr", "png", "hdr", "pfm", "jpg", "ppm"] {
-        let s = Instant::now();
-        let b = encode_image_as(f, &p, &WriteOptions::default()).unwrap();
-        let w = s.elapsed();
-        let n = b.len();
-        let s = Instant::now();
-        read_image(&input("x", b)).unwrap();
-        println!("{f} write {w:?} read {:?} bytes {n}", s.elapsed());
     }
 }

@@ -4,6 +4,7 @@
 //! chunks are decompressed in parallel, and a panic in there stays an error of the file.
 
 use super::super::picture::check_size;
+use super::chromaticities::to_rec709;
 use crate::{Input, Place, ReadError};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::Chunk;
@@ -19,7 +20,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 /// Chunks decompressed at a time: enough for all cores, little enough to bound the memory.
 const BATCH: usize = 64;
 
-/// Reads all layers, values as stored. The first layer is the picture.
+/// Reads all layers. The first is the picture. Colours of a file that names other primaries are converted to Rec. 709; all other
+/// values are as stored.
 pub fn read_layers(input: &Input) -> Result<LayeredImage, ReadError> {
     read(input, false)
 }
@@ -35,7 +37,7 @@ pub fn read_image(input: &Input) -> Result<Image, ReadError> {
         true => layer.values,
         false => layer.values.chunks_exact(stride).flat_map(|pixel| chosen.iter().map(|c| pixel[*c])).collect(),
     };
-    if chosen.len() % 2 == 0 {
+    if matches!(chosen.len(), 2 | 4) {
         values.par_chunks_exact_mut(chosen.len()).for_each(unpremultiply);
     }
     Ok(Image::from_f32(width, height, chosen.len() as u32, values))
@@ -79,8 +81,7 @@ fn damaged(input: &Input, problem: impl std::fmt::Display) -> ReadError {
 }
 
 fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
-    let reader =
-        exr::block::read(Cursor::new(input.bytes.as_slice()), false).map_err(|e| damaged(input, e))?;
+    let reader = exr::block::read(Cursor::new(input.bytes.as_slice()), false).map_err(|e| damaged(input, e))?;
     let meta = reader.meta_data().clone();
     let mut target = Target::plan(input, &meta, only_picture)?;
     let mut chunks = reader.all_chunks(false).map_err(|e| damaged(input, e))?;
@@ -95,7 +96,20 @@ fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
             target.place(&meta, &block.map_err(|e| damaged(input, e))?);
         }
     }
+    convert_colours(&meta, &mut target.image);
     Ok(target.image)
+}
+
+/// To Rec. 709 primaries, in layers of `R G B`.
+fn convert_colours(meta: &MetaData, image: &mut LayeredImage) {
+    let named = meta.headers.first().and_then(|h| h.shared_attributes.chromaticities.as_ref());
+    let Some(matrix) = named.and_then(to_rec709) else { return };
+    for layer in image.layers.iter_mut().filter(|l| l.channels.starts_with(&["R", "G", "B"].map(String::from))) {
+        layer.values.par_chunks_exact_mut(layer.channels.len()).for_each(|pixel| {
+            let converted = matrix.map(|row| row[0] * pixel[0] + row[1] * pixel[1] + row[2] * pixel[2]);
+            pixel[..3].copy_from_slice(&converted);
+        });
+    }
 }
 
 fn decompress(chunk: Chunk, meta: &MetaData) -> Result<UncompressedBlock, String> {
@@ -219,7 +233,10 @@ fn check_part(input: &Input, header: &Header) -> Result<(), ReadError> {
     if let Some(channel) = header.channels.list.iter().find(|c| c.sampling.0 != 1 || c.sampling.1 != 1) {
         return Err(input.error(
             Place::Whole,
-            format!("channel \"{}\" has fewer samples than pixels (luminance and chroma), which is not supported", text(&channel.name)),
+            format!(
+                "channel \"{}\" has fewer samples than pixels (luminance and chroma), which is not supported",
+                text(&channel.name)
+            ),
             "save the file with full R, G and B channels",
         ));
     }
