@@ -117,7 +117,7 @@ impl Maker<'_> {
         let ([su, sv], [ou, ov]) = (map.scale, map.offset);
         texture.uv_transform = [[su, 0.0, ou], [0.0, -sv, 1.0 - ov]];
         if map.clamp {
-            texture.wrap = [Wrap::Black; 2];
+            texture.wrap = [Wrap::Clamp; 2];
         }
         if let Some(known) = self.scene.textures.iter().position(|t| *t == texture) {
             return Ok(TextureId(known as u32));

@@ -85,9 +85,10 @@ pub fn read(input: &Input, file: &ObjFile, notes: &mut Notes) -> Result<Library,
         }
         let path = input.resolve(name)?;
         if name.is_empty() || !path.exists() {
-            notes.add("missing library", || {
-                format!("{}: its material library \"{name}\" does not exist; the default material was used", input.name)
-            });
+            notes.say(format!(
+                "{}: its material library \"{name}\" does not exist; the default material was used",
+                input.name
+            ));
             continue;
         }
         let opened = input.open_relative(name)?;

@@ -278,7 +278,7 @@ fn linear_color(value: f32, kind: Type, channel: usize) -> f32 {
     if !value.is_finite() || value < 0.0 {
         return 1.0;
     }
-    if kind.is_integer() && channel < 3 { srgb_to_linear(value) } else { value }
+    if kind.is_integer() && channel < 3 { srgb_to_linear(value.min(1.0)) } else { value }
 }
 
 fn list_length(source: &mut impl Source, length: Type, item: Type) -> Result<u64, ReadError> {

@@ -1,7 +1,11 @@
 //! Real and broken files, whole: what every reader must do.
 
+mod content;
+mod messages;
+mod mutation;
+
 use super::*;
-use crate::{ReadOptions, read_scene_bytes};
+use crate::{ReadOptions, SCENE_READERS, read_scene_bytes};
 use std::path::{Path, PathBuf};
 
 const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
