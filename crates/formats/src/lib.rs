@@ -12,6 +12,7 @@ pub mod input;
 pub mod limits;
 pub mod mesh;
 pub mod scene;
+pub mod textures;
 
 pub use error::{Place, ReadError, WriteError};
 pub use input::Input;
