@@ -209,7 +209,13 @@ impl Accessor<'_, '_> {
     }
 
     /// Puts the values of a sparse accessor in their places.
-    fn replace<T>(&self, sparse: &Json, size: usize, elements: &mut [T], decode: impl Fn(&[u8]) -> T) -> Result<(), ReadError> {
+    fn replace<T>(
+        &self,
+        sparse: &Json,
+        size: usize,
+        elements: &mut [T],
+        decode: impl Fn(&[u8]) -> T,
+    ) -> Result<(), ReadError> {
         let count = sparse.require("count")?.size()?;
         if count > elements.len() {
             return Err(sparse.error(format!("it replaces {count} of only {} elements", elements.len())));

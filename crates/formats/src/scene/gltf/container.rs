@@ -103,7 +103,7 @@ impl<'a> Buffers<'a> {
     }
 
     /// The bytes of a buffer view and its stride, if it says one.
-    pub fn view(&self, index: &Json<'a>) -> Result<(&[u8], Option<usize>), ReadError> {
+    pub fn view(&self, index: &Json) -> Result<(&[u8], Option<usize>), ReadError> {
         let view = entry(&self.views, index, "buffer views")?;
         let buffer_index = view.require("buffer")?;
         let buffer = self.buffer(&buffer_index)?;
@@ -119,7 +119,7 @@ impl<'a> Buffers<'a> {
         Ok((bytes, stride))
     }
 
-    fn buffer(&self, index: &Json<'a>) -> Result<&[u8], ReadError> {
+    fn buffer(&self, index: &Json) -> Result<&[u8], ReadError> {
         let buffer = entry(&self.declared, index, "buffers")?;
         let cell = &self.loaded[index.size()?];
         if let Some(bytes) = cell.get() {
@@ -159,7 +159,9 @@ impl<'a> Buffers<'a> {
 /// The entry of a table that `index` refers to.
 pub(super) fn entry<'t, T>(table: &'t [T], index: &Json, what: &str) -> Result<&'t T, ReadError> {
     let i = index.size()?;
-    table.get(i).ok_or_else(|| index.error(format!("it refers to number {i} of the {what}, but there are {}", table.len())))
+    table
+        .get(i)
+        .ok_or_else(|| index.error(format!("it refers to number {i} of the {what}, but there are {}", table.len())))
 }
 
 /// The bytes behind a URI: a data URI, or a file relative to the scene's.

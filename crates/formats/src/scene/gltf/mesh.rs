@@ -113,7 +113,8 @@ fn vectors<const N: usize, T>(accessor: &Accessor, make: impl Fn([f32; N]) -> T)
 /// The vertex numbers of a primitive, each in range; without indices, all vertices in turn.
 fn read_indices(reader: &Reader, json: &Json, vertices: usize) -> Result<Vec<u32>, ReadError> {
     let Some(index) = json.get("indices")? else {
-        let vertices = u32::try_from(vertices).map_err(|_| json.error("more vertices than 32-bit numbers can count"))?;
+        let vertices =
+            u32::try_from(vertices).map_err(|_| json.error("more vertices than 32-bit numbers can count"))?;
         return Ok((0..vertices).collect());
     };
     let accessor = reader.accessors.get(&index)?;

@@ -38,7 +38,8 @@ use crate::{Input, ReadError, SceneReader};
 use accessor::Accessors;
 use container::{Buffers, Container, GLB_MAGIC};
 use json::Json;
-use snell_scene::Scene;
+use snell_scene::{MaterialId, Scene};
+use texture::Textures;
 
 /// Reader of glTF 2.0.
 pub const GLTF: SceneReader = SceneReader {
@@ -52,7 +53,8 @@ pub const GLTF: SceneReader = SceneReader {
 /// A GLB by its first bytes, a `.gltf` by its `asset` with a version, near the start or the end.
 fn recognises(bytes: &[u8]) -> bool {
     const WINDOW: usize = 4096;
-    let starts_as_object = bytes.iter().find(|b| !b.is_ascii_whitespace() && !b"\xef\xbb\xbf".contains(b)) == Some(&b'{');
+    let starts_as_object =
+        bytes.iter().find(|b| !b.is_ascii_whitespace() && !b"\xef\xbb\xbf".contains(b)) == Some(&b'{');
     let names_version = |part: &[u8]| {
         let text = String::from_utf8_lossy(part);
         let asset = text.split_once("\"asset\"").map(|(_, rest)| rest.trim_start());
@@ -64,12 +66,20 @@ fn recognises(bytes: &[u8]) -> bool {
                 || names_version(&bytes[bytes.len().saturating_sub(WINDOW)..]))
 }
 
+/// End of the warning about an image that cannot be shown.
+const REPLACED_BY_CHECKER: &str = "a magenta checker is shown instead";
+
 /// What the parts of the reader share.
 struct Reader<'a> {
     input: &'a Input,
     root: Json<'a>,
     accessors: Accessors<'a>,
+    textures: Textures,
     scene: Scene,
+    /// Material of primitives without one, once there was one.
+    default_material: Option<MaterialId>,
+    /// Vertices read so far, for the limit.
+    vertices: usize,
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
@@ -78,12 +88,16 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     check_version(&root)?;
     let mut scene = Scene::new(input.stem());
     extension::check(&root, &mut scene)?;
+    if !root.items_of("animations")?.is_empty() {
+        scene.warn("animations are not played; the scene is shown as its nodes stand");
+    }
     reference::check(&root)?;
 
     let accessors = Accessors::new(&root, Buffers::new(input, &root, binary)?)?;
-    let mut reader = Reader { input, root, accessors, scene };
-    let images = texture::decode_images(&reader)?;
-    material::read_all(&mut reader, images)?;
+    let textures = Textures::default();
+    let mut reader = Reader { input, root, accessors, textures, scene, default_material: None, vertices: 0 };
+    reader.textures = texture::decode_images(&reader)?;
+    material::read_all(&mut reader)?;
     node::read_scene(&mut reader)?;
     Ok(reader.scene)
 }
@@ -101,7 +115,9 @@ fn check_version(root: &Json) -> Result<(), ReadError> {
         && minimum.string()? != "2.0"
     {
         let found = minimum.string()?;
-        return Err(minimum.error_with(format!("it needs a reader of glTF \"{found}\", but this is one of 2.0"), remedy));
+        return Err(
+            minimum.error_with(format!("it needs a reader of glTF \"{found}\", but this is one of 2.0"), remedy)
+        );
     }
     Ok(())
 }

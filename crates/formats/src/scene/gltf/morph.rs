@@ -15,7 +15,12 @@ pub(super) fn weights(node: &Json, mesh: &Json) -> Result<Vec<f64>, ReadError> {
 }
 
 /// Adds the targets of a primitive, each times its weight, to its attributes.
-pub(super) fn apply(reader: &Reader, primitive: &Json, weights: &[f64], mesh: &mut TriangleMesh) -> Result<(), ReadError> {
+pub(super) fn apply(
+    reader: &Reader,
+    primitive: &Json,
+    weights: &[f64],
+    mesh: &mut TriangleMesh,
+) -> Result<(), ReadError> {
     for (target, &weight) in primitive.items_of("targets")?.iter().zip(weights) {
         if weight == 0.0 {
             continue;

@@ -1,9 +1,9 @@
 //! Skins: vertices moved by joints, at the pose that the nodes are in.
 
+use super::Reader;
 use super::json::Json;
 use super::mesh::attribute;
 use super::node::Hierarchy;
-use super::Reader;
 use crate::ReadError;
 use snell_intersect::TriangleMesh;
 use snell_math::{DAffine3, DMat3, DVec3};
@@ -52,10 +52,7 @@ pub(super) fn joint_matrices(reader: &Reader, skin: &Json, hierarchy: &Hierarchy
     }
     for (matrix, m) in matrices.iter_mut().zip(inverse_bind) {
         let column = |c: usize| DVec3::new(f64::from(m[c]), f64::from(m[c + 1]), f64::from(m[c + 2]));
-        *matrix *= DAffine3 {
-            matrix3: DMat3::from_cols(column(0), column(4), column(8)),
-            translation: column(12),
-        };
+        *matrix *= DAffine3 { matrix3: DMat3::from_cols(column(0), column(4), column(8)), translation: column(12) };
     }
     Ok(matrices)
 }
