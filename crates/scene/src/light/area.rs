@@ -1,6 +1,6 @@
 //! Emissive surfaces as lights: a point on them is chosen uniformly by area.
 
-use snell_intersect::{AnyShape, SurfaceInteraction, TriangleMesh};
+use snell_intersect::{Shape, SurfaceInteraction, TriangleMesh};
 use snell_math::{Transform, Vec2};
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ pub enum EmissiveGeometry {
         triangles: Vec<u32>,
     },
     /// A whole shape.
-    Shape(Arc<AnyShape>),
+    Shape(Arc<dyn Shape>),
 }
 
 /// A point on an emissive surface.
