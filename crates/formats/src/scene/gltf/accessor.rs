@@ -1,6 +1,6 @@
 //! Accessors: typed arrays in buffers. All arithmetic is checked, and nothing is allocated that the file's bytes do not pay for.
 
-use super::container::{Buffers, entry};
+use super::container::{Buffers, View};
 use super::json::Json;
 use crate::ReadError;
 
@@ -87,8 +87,8 @@ pub(super) struct Accessor<'s, 'a> {
     normalized: bool,
     /// Components per element.
     pub width: usize,
-    /// First element's bytes to the last one's; `None` stands for zeros.
-    bytes: Option<&'s [u8]>,
+    /// Where the elements are; `None` stands for zeros.
+    part: Option<Part>,
     stride: usize,
 }
 
@@ -104,7 +104,14 @@ impl<'a> Accessors<'a> {
 
     /// The accessor that `index` refers to.
     pub fn get(&self, index: &Json) -> Result<Accessor<'_, 'a>, ReadError> {
-        let json = entry(&self.table, index, "accessors")?;
+        let i = index.size()?;
+        let json = self.table.get(i).ok_or_else(|| {
+            index.error(format!("it refers to number {i} of \"accessors\", but there are {}", self.table.len()))
+        })?;
+        self.of(json)
+    }
+
+    fn of<'s>(&'s self, json: &'s Json<'a>) -> Result<Accessor<'s, 'a>, ReadError> {
         let component = Component::parse(&json.require("componentType")?)?;
         let kind = json.require("type")?;
         let width = match kind.string()? {
@@ -119,48 +126,78 @@ impl<'a> Accessors<'a> {
         let count = json.require("count")?.size()?;
         let normalized = json.boolean_or("normalized", false)?;
         let size = width * component.bytes();
-        let offset = json.size_or("byteOffset", 0)?;
+        let accessor = |part, stride| Accessor {
+            json,
+            buffers: &self.buffers,
+            count,
+            component,
+            normalized,
+            width,
+            part,
+            stride,
+        };
         let Some(view) = json.get("bufferView")? else {
             if count > MAX_ZEROS {
                 return Err(json.error(format!(
                     "the accessor declares {count} elements without any data; at most {MAX_ZEROS} are possible so"
                 )));
             }
-            return Ok(Accessor {
-                json,
-                buffers: &self.buffers,
-                count,
-                component,
-                normalized,
-                width,
-                bytes: None,
-                stride: size,
-            });
+            return Ok(accessor(None, size));
         };
-        let (bytes, stride) = self.buffers.view(&view)?;
-        let stride = stride.unwrap_or(size);
+        let view = self.buffers.view(&view)?;
+        let stride = view.stride.unwrap_or(size);
         if stride < size {
             return Err(json.error(format!(
                 "its buffer view has {stride} bytes between elements, but an element has {size} bytes"
             )));
         }
-        let bytes = range(bytes, offset, count, stride, size).ok_or_else(|| {
-            json.error(format!(
-                "{count} elements of {size} bytes, {stride} bytes apart, from byte {offset} do not fit into the buffer view's {} bytes",
-                bytes.len()
-            ))
-        })?;
-        Ok(Accessor { json, buffers: &self.buffers, count, component, normalized, width, bytes: Some(bytes), stride })
+        let part = Part::new(json, view, count, stride, size)?;
+        Ok(accessor(Some(part), stride))
+    }
+
+    /// Checks all accessors of the document against their buffer views. Reads no buffer.
+    pub fn check(&self) -> Result<(), ReadError> {
+        for json in &self.table {
+            let accessor = self.of(json)?;
+            if let Some(sparse) = json.get("sparse")? {
+                accessor.replacement(&sparse)?;
+            }
+        }
+        Ok(())
     }
 }
 
-/// The bytes of `count` elements from `offset`; `None` if they do not fit.
-fn range(bytes: &[u8], offset: usize, count: usize, stride: usize, size: usize) -> Option<&[u8]> {
-    if count == 0 {
-        return Some(&[]);
+/// The bytes of some elements, known to lie within their buffer view.
+struct Part {
+    view: View,
+    start: usize,
+    end: usize,
+}
+
+impl Part {
+    /// `count` elements of `size` bytes, `stride` bytes apart, from the `byteOffset` that `json` names.
+    fn new(json: &Json, view: View, count: usize, stride: usize, size: usize) -> Result<Self, ReadError> {
+        let start = json.size_or("byteOffset", 0)?;
+        let length = if count == 0 { Some(0) } else { (count - 1).checked_mul(stride).and_then(|l| l.checked_add(size)) };
+        match length.and_then(|length| start.checked_add(length)) {
+            Some(end) if end <= view.length => Ok(Self { view, start, end }),
+            _ => Err(json.error(format!(
+                "{count} elements of {size} bytes, {stride} bytes apart, from byte {start} do not fit into the {} bytes of the buffer view",
+                view.length
+            ))),
+        }
     }
-    let length = (count - 1).checked_mul(stride)?.checked_add(size)?;
-    bytes.get(offset..offset.checked_add(length)?)
+
+    fn bytes<'s>(&self, buffers: &'s Buffers) -> Result<&'s [u8], ReadError> {
+        Ok(&buffers.bytes(&self.view)?[self.start..self.end])
+    }
+}
+
+/// The places and values of a sparse accessor.
+struct Replacement {
+    component: Component,
+    places: Part,
+    values: Part,
 }
 
 impl Accessor<'_, '_> {
@@ -197,57 +234,46 @@ impl Accessor<'_, '_> {
 
     fn elements<T: Copy>(&self, decode: impl Fn(&[u8]) -> T, zero: T) -> Result<Vec<T>, ReadError> {
         let size = self.width * self.component.bytes();
-        let mut elements = match self.bytes {
+        let mut elements = match &self.part {
             // The last element may be shorter than the stride.
-            Some(bytes) => bytes.chunks(self.stride.max(1)).take(self.count).map(&decode).collect(),
+            Some(part) => {
+                let bytes = part.bytes(self.buffers)?;
+                bytes.chunks(self.stride).take(self.count).map(&decode).collect()
+            }
             None => vec![zero; self.count],
         };
         if let Some(sparse) = self.json.get("sparse")? {
-            self.replace(&sparse, size, &mut elements, decode)?;
+            let Replacement { component, places, values } = self.replacement(&sparse)?;
+            let (places, values) = (places.bytes(self.buffers)?, values.bytes(self.buffers)?);
+            for (place, value) in places.chunks(component.bytes()).zip(values.chunks(size)) {
+                let place = component.index(place).unwrap_or(0) as usize;
+                let Some(element) = elements.get_mut(place) else {
+                    let indices = sparse.require("indices")?;
+                    return Err(indices.error(format!("it refers to element {place}, but the accessor has {}", self.count)));
+                };
+                *element = decode(value);
+            }
         }
         Ok(elements)
     }
 
-    /// Puts the values of a sparse accessor in their places.
-    fn replace<T>(
-        &self,
-        sparse: &Json,
-        size: usize,
-        elements: &mut [T],
-        decode: impl Fn(&[u8]) -> T,
-    ) -> Result<(), ReadError> {
+    /// Where a sparse accessor has its places and values.
+    fn replacement(&self, sparse: &Json) -> Result<Replacement, ReadError> {
         let count = sparse.require("count")?.size()?;
-        if count > elements.len() {
-            return Err(sparse.error(format!("it replaces {count} of only {} elements", elements.len())));
+        if count > self.count {
+            return Err(sparse.error(format!("it replaces {count} of only {} elements", self.count)));
         }
         let places = sparse.require("indices")?;
         let component = Component::parse(&places.require("componentType")?)?;
         if component.index(&[]).is_none() {
             return Err(places.error("the component type must be 5121, 5123 or 5125"));
         }
-        let values = sparse.require("values")?;
-        let place_bytes = self.part(&places, count, component.bytes())?;
-        let value_bytes = self.part(&values, count, size)?;
-        for (place, value) in place_bytes.chunks(component.bytes()).zip(value_bytes.chunks(size)) {
-            let place = component.index(place).unwrap_or(0) as usize;
-            let total = elements.len();
-            let Some(element) = elements.get_mut(place) else {
-                return Err(places.error(format!("it refers to element {place}, but the accessor has {total}")));
-            };
-            *element = decode(value);
-        }
-        Ok(())
-    }
-
-    fn part(&self, part: &Json, count: usize, size: usize) -> Result<&[u8], ReadError> {
-        let index = part.require("bufferView")?;
-        let (bytes, _) = self.buffers.view(&index)?;
-        let offset = part.size_or("byteOffset", 0)?;
-        range(bytes, offset, count, size, size).ok_or_else(|| {
-            part.error(format!(
-                "{count} elements of {size} bytes from byte {offset} do not fit into the buffer view's {} bytes",
-                bytes.len()
-            ))
-        })
+        let part = |json: &Json, size: usize| {
+            let view = self.buffers.view(&json.require("bufferView")?)?;
+            Part::new(json, view, count, size, size)
+        };
+        let size = self.width * self.component.bytes();
+        let values = part(&sparse.require("values")?, size)?;
+        Ok(Replacement { component, places: part(&places, component.bytes())?, values })
     }
 }

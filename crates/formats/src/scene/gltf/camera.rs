@@ -10,9 +10,8 @@ use std::f64::consts::PI;
 /// Adds the camera of a node, if it has one. It looks along the node's `-z`, with `+y` up.
 pub(super) fn read(reader: &mut Reader, node: &Json, world_from_node: &DAffine3) -> Result<(), ReadError> {
     let Some(index) = node.get("camera")? else { return Ok(()) };
-    let table = reader.root.items_of("cameras")?;
-    let camera = super::container::entry(&table, &index, "cameras")?;
-    let projection = projection(camera)?;
+    let camera = reader.root.entry("cameras", &index)?;
+    let projection = projection(&camera)?;
     // Scale does not count for cameras (section 3.10.2): `from_direction` keeps the directions only.
     let axes = &world_from_node.matrix3;
     let name = [node.name(), camera.name()].into_iter().find(|n| !n.is_empty()).unwrap_or_default();

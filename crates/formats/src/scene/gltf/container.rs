@@ -84,6 +84,17 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
     Ok(Container { json: parse_json(input, json)?, binary })
 }
 
+/// A part of a buffer, known to lie within what the buffer declares.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct View {
+    buffer: usize,
+    offset: usize,
+    /// Length in bytes.
+    pub length: usize,
+    /// Bytes from one element to the next, if the file says so.
+    pub stride: Option<usize>,
+}
+
 /// The buffers of a document, each fetched when first asked for.
 pub(super) struct Buffers<'a> {
     input: &'a Input,
@@ -102,30 +113,44 @@ impl<'a> Buffers<'a> {
         Ok(Self { input, binary, declared, views, loaded })
     }
 
-    /// The bytes of a buffer view and its stride, if it says one.
-    pub fn view(&self, index: &Json) -> Result<(&[u8], Option<usize>), ReadError> {
+    /// Where a buffer view lies, checked against what its buffer declares. Reads no buffer.
+    pub fn view(&self, index: &Json) -> Result<View, ReadError> {
         let view = entry(&self.views, index, "buffer views")?;
         let buffer_index = view.require("buffer")?;
-        let buffer = self.buffer(&buffer_index)?;
+        let buffer = entry(&self.declared, &buffer_index, "buffers")?;
         let offset = view.size_or("byteOffset", 0)?;
         let length = view.require("byteLength")?.size()?;
         let stride = view.get("byteStride")?.map(|s| s.size()).transpose()?;
-        let bytes = offset.checked_add(length).and_then(|end| buffer.get(offset..end)).ok_or_else(|| {
-            view.error(format!(
-                "the buffer view takes {length} bytes from byte {offset}, but its buffer has {} bytes",
-                buffer.len()
-            ))
-        })?;
-        Ok((bytes, stride))
+        let total = buffer.require("byteLength")?.size()?;
+        match offset.checked_add(length) {
+            Some(end) if end <= total => Ok(View { buffer: buffer_index.size()?, offset, length, stride }),
+            _ => Err(view.error(format!(
+                "the buffer view takes {length} bytes from byte {offset}, but its buffer has {total} bytes"
+            ))),
+        }
     }
 
-    fn buffer(&self, index: &Json) -> Result<&[u8], ReadError> {
-        let buffer = entry(&self.declared, index, "buffers")?;
-        let cell = &self.loaded[index.size()?];
-        if let Some(bytes) = cell.get() {
-            return Ok(bytes);
-        }
-        let bytes = self.fetch(buffer, index.size()? == 0)?;
+    /// The bytes of a buffer view.
+    pub fn bytes(&self, view: &View) -> Result<&[u8], ReadError> {
+        let (buffer, cell) = (&self.declared[view.buffer], &self.loaded[view.buffer]);
+        let bytes = match cell.get() {
+            Some(bytes) => bytes,
+            None => {
+                let bytes = self.load(buffer, view.buffer == 0)?;
+                cell.get_or_init(|| bytes)
+            }
+        };
+        Ok(&bytes[view.offset..view.offset + view.length])
+    }
+
+    /// The bytes of the buffer view that `index` refers to.
+    pub fn view_bytes(&self, index: &Json) -> Result<&[u8], ReadError> {
+        self.bytes(&self.view(index)?)
+    }
+
+    /// The bytes of a buffer, at least as many as it declares.
+    fn load(&self, buffer: &Json<'a>, is_first: bool) -> Result<Cow<'a, [u8]>, ReadError> {
+        let bytes = self.fetch(buffer, is_first)?;
         let length = buffer.require("byteLength")?.size()?;
         if bytes.len() < length {
             return Err(buffer.error_with(
@@ -133,14 +158,7 @@ impl<'a> Buffers<'a> {
                 "the file with the buffer is cut off or not the right one: copy or export it again",
             ));
         }
-        let bytes = match bytes {
-            Cow::Borrowed(bytes) => Cow::Borrowed(&bytes[..length]),
-            Cow::Owned(mut bytes) => {
-                bytes.truncate(length);
-                Cow::Owned(bytes)
-            }
-        };
-        Ok(cell.get_or_init(|| bytes))
+        Ok(bytes)
     }
 
     fn fetch(&self, buffer: &Json<'a>, is_first: bool) -> Result<Cow<'a, [u8]>, ReadError> {
@@ -157,7 +175,7 @@ impl<'a> Buffers<'a> {
 }
 
 /// The entry of a table that `index` refers to.
-pub(super) fn entry<'t, T>(table: &'t [T], index: &Json, what: &str) -> Result<&'t T, ReadError> {
+fn entry<'t, T>(table: &'t [T], index: &Json, what: &str) -> Result<&'t T, ReadError> {
     let i = index.size()?;
     table
         .get(i)

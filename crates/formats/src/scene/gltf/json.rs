@@ -75,6 +75,30 @@ impl<'a> Json<'a> {
         Self { input: self.input, value, path: format!("{}/{escaped}", self.path) }
     }
 
+    fn item(&self, i: usize, value: &'a Value) -> Self {
+        Self { input: self.input, value, path: format!("{}/{i}", self.path) }
+    }
+
+    /// The element of the array `table` (a property of this object) that `index` refers to.
+    pub fn entry(&self, table: &str, index: &Json) -> Result<Self, ReadError> {
+        let i = index.size()?;
+        let items = match self.get(table)? {
+            Some(array) => array.as_array()?,
+            None => &[],
+        };
+        let value = items.get(i).ok_or_else(|| {
+            index.error(format!("it refers to number {i} of \"{table}\", but there are {}", items.len()))
+        })?;
+        Ok(Self { input: self.input, value, path: format!("{}/{table}/{i}", self.path) })
+    }
+
+    fn as_array(&self) -> Result<&'a [Value], ReadError> {
+        match self.value {
+            Value::Array(items) => Ok(items),
+            _ => Err(self.wrong_type("an array")),
+        }
+    }
+
     /// Names and values of an object's properties, sorted by name.
     pub fn properties(&self) -> Result<impl Iterator<Item = (&'a str, Self)>, ReadError> {
         let Value::Object(map) = self.value else { return Err(self.wrong_type("an object")) };
@@ -83,9 +107,9 @@ impl<'a> Json<'a> {
 
     /// The elements of an array.
     pub fn items(&self) -> Result<impl ExactSizeIterator<Item = Self> + use<'a>, ReadError> {
-        let Value::Array(items) = self.value else { return Err(self.wrong_type("an array")) };
+        let items = self.as_array()?;
         let this = self.clone();
-        Ok(items.iter().enumerate().map(move |(i, value)| this.step(value, &i.to_string())))
+        Ok(items.iter().enumerate().map(move |(i, value)| this.item(i, value)))
     }
 
     /// The elements of an array property; none if it is absent.
@@ -98,7 +122,7 @@ impl<'a> Json<'a> {
 
     /// Number of elements of an array.
     pub fn len(&self) -> Result<usize, ReadError> {
-        Ok(self.items()?.len())
+        Ok(self.as_array()?.len())
     }
 
     /// A number.
@@ -134,7 +158,9 @@ impl<'a> Json<'a> {
 
     /// An array of any number of numbers.
     pub fn all_numbers(&self) -> Result<Vec<f64>, ReadError> {
-        self.items()?.map(|item| item.number()).collect()
+        let Value::Array(items) = self.value else { return Err(self.wrong_type("an array of numbers")) };
+        let number = |(i, value): (usize, &'a Value)| value.as_f64().map_or_else(|| self.item(i, value).number(), Ok);
+        items.iter().enumerate().map(number).collect()
     }
 
     /// A number property or its default.

@@ -39,8 +39,10 @@ pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
 pub(super) fn read(reader: &mut Reader, node: &Json, world_from_node: &DAffine3, scale: f64) -> Result<(), ReadError> {
     let Some(extension) = node.extension("KHR_lights_punctual")? else { return Ok(()) };
     let index = extension.require("light")?;
-    let lights = table(reader)?;
-    let light = super::container::entry(&lights, &index, "lights")?;
+    let Some(lights) = reader.root.extension("KHR_lights_punctual")? else {
+        return Err(extension.error("the node has a light, but the file has no table of lights"));
+    };
+    let light = &lights.entry("lights", &index)?;
     let kind = light.require("type")?;
     let position = world_from_node.translation;
     let direction = (-world_from_node.matrix3.z_axis).try_normalize().unwrap_or(DVec3::NEG_Z);

@@ -38,8 +38,9 @@ fn read_primitive(
     topology: Topology,
     weights: &[f64],
 ) -> Result<Option<Primitive>, ReadError> {
-    let attributes = json.require("attributes")?;
-    let Some(positions) = attributes.get("POSITION")? else {
+    let attributes = json.get("attributes")?;
+    let positions = attributes.as_ref().map_or(Ok(None), |a| a.get("POSITION"))?;
+    let (Some(attributes), Some(positions)) = (attributes, positions) else {
         reader.scene.warn("a primitive without positions is not shown");
         return Ok(None);
     };

@@ -94,6 +94,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     reference::check(&root)?;
 
     let accessors = Accessors::new(&root, Buffers::new(input, &root, binary)?)?;
+    accessors.check()?;
     let textures = Textures::default();
     let mut reader = Reader { input, root, accessors, textures, scene, default_material: None, vertices: 0 };
     reader.textures = texture::decode_images(&reader)?;

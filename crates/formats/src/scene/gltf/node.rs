@@ -7,7 +7,7 @@ use snell_intersect::TriangleMesh;
 use snell_math::glam::DQuat;
 use snell_math::{DAffine3, DMat3, DVec3};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Surface};
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 /// All nodes of a document with their places in the world.
@@ -74,7 +74,8 @@ impl<'a> Hierarchy<'a> {
 
     /// `world_from_node` of the node that `index` refers to.
     pub fn world(&self, index: &Json) -> Result<DAffine3, ReadError> {
-        super::container::entry(&self.world, index, "nodes").copied()
+        let i = index.size()?;
+        self.world.get(i).copied().ok_or_else(|| index.error(format!("there is no node {i}")))
     }
 
     /// The nodes at the top of the scene to be shown: the default scene, else the first, else all nodes without a parent.
@@ -85,7 +86,7 @@ impl<'a> Hierarchy<'a> {
             let count = scenes.len();
             reader
                 .scene
-                .warn(format!("the default scene is number {index}, but there are {count}; the first is shown"));
+                .warn(format!("the default scene is number {index}, but there are {count}; another is shown"));
         }
         let index = chosen.filter(|&i| i < scenes.len()).unwrap_or(0);
         let Some(scene) = scenes.get(index) else {
@@ -133,14 +134,20 @@ pub(super) fn from_parts(translation: [f64; 3], rotation: [f64; 4], scale: [f64;
     DAffine3::from_scale_rotation_translation(scale.into(), rotation, translation.into())
 }
 
-/// Meshes already in the scene, by number and weights (their bits).
-type MeshNodes = BTreeMap<(usize, Vec<u64>), NodeId>;
+/// What of the file's meshes is in the scene already.
+#[derive(Default)]
+struct MeshNodes {
+    /// Nodes of meshes, by number and weights (their bits).
+    shared: BTreeMap<(usize, Vec<u64>), NodeId>,
+    /// Numbers of all meshes shown, the skinned ones too.
+    shown: BTreeSet<usize>,
+}
 
 /// Reads the scene to be shown into the scene graph.
 pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
     let hierarchy = Hierarchy::read(reader)?;
     let light_scale = light::scale(reader)?;
-    let mut meshes = MeshNodes::new();
+    let mut meshes = MeshNodes::default();
     let root = reader.scene.root;
     let mut queue: VecDeque<(usize, NodeId)> = hierarchy.shown_roots(reader)?.into_iter().map(|i| (i, root)).collect();
     while let Some((i, parent)) = queue.pop_front() {
@@ -151,6 +158,22 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
         camera::read(reader, node, &hierarchy.world[i])?;
         light::read(reader, node, &hierarchy.world[i], light_scale)?;
         read_mesh(reader, &hierarchy, i, id, &mut meshes)?;
+    }
+    check_unseen(reader, &hierarchy, &meshes.shown)
+}
+
+/// Checks what the shown scene does not use, too: a damaged file should be noticed whichever scene is shown.
+fn check_unseen(reader: &mut Reader, hierarchy: &Hierarchy, seen: &BTreeSet<usize>) -> Result<(), ReadError> {
+    for skin in reader.root.items_of("skins")? {
+        skin::joint_matrices(reader, &skin, hierarchy)?;
+    }
+    for (i, mesh) in reader.root.items_of("meshes")?.iter().enumerate() {
+        if !seen.contains(&i) {
+            mesh::read_primitives(reader, mesh, &[])?;
+        }
+    }
+    if seen.is_empty() && !reader.root.items_of("meshes")?.is_empty() {
+        reader.scene.warn("the file has meshes, but no node of the scene shows one");
     }
     Ok(())
 }
@@ -165,9 +188,9 @@ fn read_mesh(
 ) -> Result<(), ReadError> {
     let node = &hierarchy.nodes[i];
     let Some(index) = node.get("mesh")? else { return Ok(()) };
-    let table = reader.root.items_of("meshes")?;
-    let mesh = super::container::entry(&table, &index, "meshes")?;
+    let mesh = &reader.root.entry("meshes", &index)?;
     let weights = morph::weights(node, mesh)?;
+    meshes.shown.insert(index.size()?);
     if let Some(skin) = node.get("skin")? {
         // The skin places the mesh in the world; where the node is does not count (glTF 2.0, section 3.7.3.3).
         let skinned = skinned_mesh(reader, hierarchy, mesh, &weights, &skin)?;
@@ -176,13 +199,13 @@ fn read_mesh(
         return Ok(());
     }
     let key = (index.size()?, weights.iter().map(|w| w.to_bits()).collect());
-    let shared = match meshes.get(&key) {
+    let shared = match meshes.shared.get(&key) {
         Some(&shared) => shared,
         None => {
             let primitives = mesh::read_primitives(reader, mesh, &weights)?;
             let surfaces = primitives.into_iter().map(|p| surface(reader, p.mesh, p.material)).collect();
             let shared = reader.scene.add_node(Node { surfaces, ..Node::named(mesh.name()) });
-            meshes.insert(key, shared);
+            meshes.shared.insert(key, shared);
             shared
         }
     };
@@ -204,8 +227,7 @@ fn skinned_mesh(
     weights: &[f64],
     skin: &Json,
 ) -> Result<Node, ReadError> {
-    let skins = reader.root.items_of("skins")?;
-    let matrices = skin::joint_matrices(reader, super::container::entry(&skins, skin, "skins")?, hierarchy)?;
+    let matrices = skin::joint_matrices(reader, &reader.root.entry("skins", skin)?, hierarchy)?;
     let mut surfaces = Vec::new();
     for mut primitive in mesh::read_primitives(reader, mesh, weights)? {
         if let Some(influences) = &primitive.influences {

@@ -1,6 +1,6 @@
 //! Textures: images, how they repeat, and where they lie on the surface.
 
-use super::container::{entry, fetch_uri};
+use super::container::fetch_uri;
 use super::json::Json;
 use super::{REPLACED_BY_CHECKER, Reader};
 use crate::image::read_image;
@@ -99,7 +99,7 @@ impl<'s, 'a> Source<'s, 'a> {
     fn of(reader: &'s Reader<'a>, image: &Json<'a>) -> Result<Self, ReadError> {
         match (image.get("uri")?, image.get("bufferView")?) {
             (Some(uri), _) => Ok(Self::Uri(uri)),
-            (None, Some(view)) => Ok(Self::Bytes(image.clone(), reader.accessors.buffers().view(&view)?.0)),
+            (None, Some(view)) => Ok(Self::Bytes(image.clone(), reader.accessors.buffers().view_bytes(&view)?)),
             (None, None) => Err(image.error("the image has neither \"uri\" nor \"bufferView\"")),
         }
     }
@@ -119,9 +119,8 @@ impl<'s, 'a> Source<'s, 'a> {
 
 /// The texture that a `textureInfo` object names, put into the scene. `None` if its image is missing and it is no colour.
 pub(super) fn read(reader: &mut Reader, info: &Json, used_for: Use) -> Result<Option<TextureId>, ReadError> {
-    let table = reader.root.items_of("textures")?;
     let index = info.require("index")?;
-    let texture = entry(&table, &index, "textures")?;
+    let texture = &reader.root.entry("textures", &index)?;
     let (uv_set, uv_transform) = placement(reader, info)?;
     let key = (index.size()?, used_for, uv_set, uv_transform.as_flattened().try_into().map_or([0; 6], bits));
     if let Some(&id) = reader.textures.known.get(&key) {
@@ -177,8 +176,7 @@ fn missing_image() -> Image {
 /// Wrap modes and filtering of a texture.
 fn sampler(reader: &mut Reader, texture: &Json) -> Result<([Wrap; 2], Filtering), ReadError> {
     let Some(index) = texture.get("sampler")? else { return Ok(([Wrap::Repeat; 2], Filtering::Trilinear)) };
-    let table = reader.root.items_of("samplers")?;
-    let sampler = entry(&table, &index, "samplers")?;
+    let sampler = reader.root.entry("samplers", &index)?;
     let mut wrap = [Wrap::Repeat; 2];
     for (wrap, key) in wrap.iter_mut().zip(["wrapS", "wrapT"]) {
         *wrap = match sampler.size_or(key, 10497)? {

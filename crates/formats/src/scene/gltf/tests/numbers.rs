@@ -1,0 +1,1 @@
+//! Numbers in known files and small documents.
