@@ -42,7 +42,7 @@ use snell_scene::{MaterialId, Scene};
 use texture::Textures;
 
 /// Reader of glTF 2.0.
-pub const GLTF: SceneReader = SceneReader {
+pub const READER: SceneReader = SceneReader {
     name: "gltf",
     description: "glTF 2.0 scenes, with their materials, textures, cameras and lights",
     extensions: &["gltf", "glb", "vrm"],

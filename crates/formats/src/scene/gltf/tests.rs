@@ -151,7 +151,7 @@ fn odd_files_of_other_readers_end_in_a_scene_or_an_error() {
 
 #[test]
 fn contents_are_recognised_without_an_extension() {
-    let recognises = super::GLTF.recognises;
+    let recognises = super::READER.recognises;
     assert!(recognises(b"glTF\x02\0\0\0"));
     assert!(recognises(b"\xef\xbb\xbf {\"nodes\": [], \"asset\" : {\"version\": \"2.0\"}}"));
     let long = format!("{{\"nodes\": [{}], \"asset\": {{\"version\": \"2.0\"}}}}", " ".repeat(100_000));
