@@ -126,16 +126,8 @@ impl<'a> Accessors<'a> {
         let count = json.require("count")?.size()?;
         let normalized = json.boolean_or("normalized", false)?;
         let size = width * component.bytes();
-        let accessor = |part, stride| Accessor {
-            json,
-            buffers: &self.buffers,
-            count,
-            component,
-            normalized,
-            width,
-            part,
-            stride,
-        };
+        let accessor =
+            |part, stride| Accessor { json, buffers: &self.buffers, count, component, normalized, width, part, stride };
         let Some(view) = json.get("bufferView")? else {
             if count > MAX_ZEROS {
                 return Err(json.error(format!(
@@ -178,7 +170,8 @@ impl Part {
     /// `count` elements of `size` bytes, `stride` bytes apart, from the `byteOffset` that `json` names.
     fn new(json: &Json, view: View, count: usize, stride: usize, size: usize) -> Result<Self, ReadError> {
         let start = json.size_or("byteOffset", 0)?;
-        let length = if count == 0 { Some(0) } else { (count - 1).checked_mul(stride).and_then(|l| l.checked_add(size)) };
+        let length =
+            if count == 0 { Some(0) } else { (count - 1).checked_mul(stride).and_then(|l| l.checked_add(size)) };
         match length.and_then(|length| start.checked_add(length)) {
             Some(end) if end <= view.length => Ok(Self { view, start, end }),
             _ => Err(json.error(format!(
@@ -249,7 +242,9 @@ impl Accessor<'_, '_> {
                 let place = component.index(place).unwrap_or(0) as usize;
                 let Some(element) = elements.get_mut(place) else {
                     let indices = sparse.require("indices")?;
-                    return Err(indices.error(format!("it refers to element {place}, but the accessor has {}", self.count)));
+                    return Err(
+                        indices.error(format!("it refers to element {place}, but the accessor has {}", self.count))
+                    );
                 };
                 *element = decode(value);
             }

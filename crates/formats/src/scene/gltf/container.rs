@@ -203,7 +203,9 @@ pub(super) fn fetch_uri(input: &Input, uri: &Json) -> Result<Vec<u8>, ReadError>
         Err(first) if decoded != text => input.open_relative(text).map_err(|_| first),
         result => result,
     };
-    opened.map(|file| file.bytes)
+    let named =
+        |e: ReadError| uri.error_with(format!("the file \"{decoded}\" cannot be used: {}", e.problem), e.remedy);
+    opened.map(|file| file.bytes).map_err(named)
 }
 
 /// Decodes what follows `data:`.
