@@ -5,7 +5,7 @@ use super::json::Json;
 use super::texture::{self, Use};
 use crate::ReadError;
 use snell_math::Rgb;
-use snell_scene::material::{AlphaMode, ColorParam, Diffuse, MaterialKind, NormalMap, ScalarParam};
+use snell_scene::material::{AlphaMode, Black, ColorParam, MaterialKind, MetallicRoughness, NormalMap, ScalarParam};
 use snell_scene::{Material, MaterialId};
 
 /// Reads all materials, in the order of the file: number `i` there is material `i` of the scene.
@@ -61,8 +61,8 @@ impl Default for Pbr {
 
 /// The material of the scene that comes nearest.
 fn kind(pbr: Pbr) -> MaterialKind {
-    let _ = (pbr.metallic, pbr.roughness, pbr.ior, pbr.specular, pbr.specular_color, pbr.transmission);
-    Diffuse { reflectance: pbr.base_color }.into()
+    let Pbr { base_color, metallic, roughness, ior, specular, specular_color, transmission, .. } = pbr;
+    MetallicRoughness { base_color, metallic, roughness, ior, specular, specular_color, transmission }.into()
 }
 
 fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
@@ -75,7 +75,7 @@ fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
     let double_sided = json.boolean_or("doubleSided", false)? || pbr.is_boundary;
     let is_unlit = json.extension("KHR_materials_unlit")?.is_some();
     let (kind, emission) =
-        if is_unlit { (Diffuse::new(Rgb::BLACK).into(), pbr.base_color) } else { (kind(pbr), emission(reader, json)?) };
+        if is_unlit { (Black {}.into(), pbr.base_color) } else { (kind(pbr), emission(reader, json)?) };
     Ok(Material {
         emission,
         emits_on_both_sides: double_sided,

@@ -7,7 +7,7 @@ use crate::image::read_image;
 use crate::{Input, ReadError};
 use rayon::prelude::*;
 use snell_scene::graph::ImageId;
-use snell_scene::texture::{Filtering, Wrap};
+use snell_scene::texture::{Filtering, Wrap, missing_texture_image};
 use snell_scene::{Encoding, Image, Texture, TextureId};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -161,16 +161,10 @@ fn image(reader: &mut Reader, texture: &Json, used_for: Use) -> Result<Option<Im
     reader.scene.warn(format!("{problem}; {REPLACED_BY_CHECKER}"));
     let id = match reader.textures.missing {
         Some(id) => id,
-        None => reader.scene.add_image(Arc::new(missing_image())),
+        None => reader.scene.add_image(Arc::new(missing_texture_image())),
     };
     reader.textures.missing = Some(id);
     Ok(Some(id))
-}
-
-/// A magenta and black checker.
-fn missing_image() -> Image {
-    let square = |i: usize| if (i / 8 + i % 8).is_multiple_of(2) { [1.0, 0.0, 1.0] } else { [0.0; 3] };
-    Image::from_f32(8, 8, 3, (0..64).flat_map(square).collect())
 }
 
 /// Wrap modes and filtering of a texture.
