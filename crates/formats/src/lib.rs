@@ -36,7 +36,7 @@ pub struct SceneReader {
 }
 
 /// All readers, in the order in which contents are tried: formats with a signature first.
-pub const SCENE_READERS: &[SceneReader] = &[];
+pub const SCENE_READERS: &[SceneReader] = &[scene::nff::READER, scene::scn::READER];
 
 /// How to read.
 #[derive(Clone, Debug, Default)]

@@ -1,1 +1,8 @@
 //! Scene files.
+
+pub mod nff;
+pub mod scn;
+mod shapes;
+#[cfg(test)]
+mod testing;
+mod tokens;
