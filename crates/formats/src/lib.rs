@@ -36,7 +36,15 @@ pub struct SceneReader {
 }
 
 /// All readers, in the order in which contents are tried: formats with a signature first.
-pub const SCENE_READERS: &[SceneReader] = &[scene::nff::READER, scene::scn::READER];
+pub const SCENE_READERS: &[SceneReader] = &[
+    mesh::ply::READER,
+    mesh::off::READER,
+    mesh::stl::READER,
+    mesh::ray::READER,
+    scene::nff::READER,
+    scene::scn::READER,
+    mesh::obj::READER,
+];
 
 /// How to read.
 #[derive(Clone, Debug, Default)]
