@@ -1,1 +1,3 @@
+//! The `snell` command.
+
 fn main() {}

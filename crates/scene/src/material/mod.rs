@@ -4,12 +4,12 @@ mod diffuse;
 
 pub use diffuse::Diffuse;
 
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, BsdfSample, Lobes, SpecularBranch};
 use crate::graph::TextureId;
 use crate::texture::TextureSet;
 use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
-use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec2, Vec3};
 
 /// A colour parameter: a factor, times a texture if there is one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -141,6 +141,50 @@ pub struct ShadingBsdf {
     pub frame: Frame,
 }
 
+impl ShadingBsdf {
+    /// [`Lobes::eval`] for world directions. Light does not leak through the surface whose geometric normal is `ng`.
+    pub fn eval(&self, wo: Vec3, wi: Vec3, ng: Vec3) -> SampledSpectrum {
+        let _ = ng;
+        self.bsdf.eval(self.frame.to_local(wo), self.frame.to_local(wi))
+    }
+
+    /// [`Lobes::pdf`] for world directions.
+    pub fn pdf(&self, wo: Vec3, wi: Vec3, ng: Vec3) -> f32 {
+        let _ = ng;
+        self.bsdf.pdf(self.frame.to_local(wo), self.frame.to_local(wi))
+    }
+
+    /// [`Lobes::sample`] for world directions.
+    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, ng: Vec3) -> Option<BsdfSample> {
+        let _ = ng;
+        let sample = self.bsdf.sample(self.frame.to_local(wo), u_lobe, u)?;
+        Some(BsdfSample { wi: self.frame.from_local(sample.wi), ..sample })
+    }
+
+    /// [`Lobes::eval_classic`] for world directions.
+    pub fn eval_classic(&self, wo: Vec3, wi: Vec3, ng: Vec3) -> SampledSpectrum {
+        let _ = ng;
+        self.bsdf.eval_classic(self.frame.to_local(wo), self.frame.to_local(wi))
+    }
+
+    /// [`Lobes::ambient`] for world directions.
+    pub fn ambient(&self, wo: Vec3) -> SampledSpectrum {
+        self.bsdf.ambient(self.frame.to_local(wo))
+    }
+
+    /// [`Lobes::is_delta`].
+    pub fn is_delta(&self) -> bool {
+        self.bsdf.is_delta()
+    }
+
+    /// [`Lobes::specular_branches`] in world directions.
+    pub fn specular_branches(&self, wo: Vec3, ng: Vec3) -> [Option<SpecularBranch>; 2] {
+        let _ = ng;
+        let branches = self.bsdf.specular_branches(self.frame.to_local(wo));
+        branches.map(|b| b.map(|b| SpecularBranch { wi: self.frame.from_local(b.wi), ..b }))
+    }
+}
+
 impl Material {
     /// A material that does nothing but what `kind` says.
     pub fn new(name: impl Into<String>, kind: impl Into<MaterialKind>) -> Self {
@@ -179,6 +223,12 @@ impl Material {
             AlphaMode::Mask(cutoff) => f32::from(alpha() >= cutoff),
             AlphaMode::Blend => alpha().clamp(0.0, 1.0),
         }
+    }
+
+    /// True if a ray of this direction meets the surface, false if it passes through: single-sided surfaces seen from inside,
+    /// holes of a mask, and the share `1 - alpha` of blended ones, as decided by the uniform number `u`.
+    pub fn is_present(&self, point: &ShadingPoint, ray_direction: Vec3, u: f32) -> bool {
+        (self.double_sided || point.surface.is_front_facing(ray_direction)) && u < self.opacity(point)
     }
 
     /// The BSDF at a point.
