@@ -60,10 +60,10 @@ fn every_public_scene_loads_with_all_it_holds() {
     debug: 1 sphere, 1 material, lights [point], 1 camera, 12x "`line` has no surface and is not drawn"
     dirlight1: 1 box, 1 sphere, 1 material, lights [directional], 1 camera
     dirlight2: 1 box, 1 sphere, 1 material, lights [directional directional directional], 1 camera
-    distributed: 4 mesh, 3 sphere, 4 triangle, 6 material, lights [point], 1 camera
+    distributed: 4 mesh, 3 sphere, 12 triangle, 6 material, lights [point], 1 camera
     fourspheres: 4 sphere, 4 material, lights [point], 1 camera
     glass_spheres: 1 mesh, 4 sphere, 1 triangle, 5 material, lights [spot], 1 camera
-    ico: 1 mesh, 1 triangle, 1 material, lights [point], 1 camera
+    ico: 1 mesh, 20 triangle, 1 material, lights [point], 1 camera
     jensen: 4 mesh, 2 sphere, 12 triangle, 6 material, lights [rectangle], 1 camera
     lights: 8 sphere, 1 material, lights [point point spot], 1 camera
     lines: 0 material, lights [directional directional], 1 camera, 12x "`line` has no surface and is not drawn"
@@ -76,8 +76,8 @@ fn every_public_scene_loads_with_all_it_holds() {
     sphere: 1 sphere, 1 material, lights [point], 1 camera
     spotlight1: 1 box, 1 sphere, 1 material, lights [spot], 1 camera
     spotlight2: 1 box, 1 sphere, 1 material, lights [spot spot spot], 1 camera, background 0.9 0.9 0.9
-    stack: 1 box, 5 mesh, 5 triangle, 2 material, lights [point point point directional], 1 camera
-    teapot: 1 mesh, 1 triangle, 1 material, lights [point], 1 camera
+    stack: 1 box, 5 mesh, 7260 triangle, 2 material, lights [point point point directional], 1 camera
+    teapot: 1 mesh, 1452 triangle, 1 material, lights [point], 1 camera
     transform: 7 sphere, 4 material, lights [directional directional], 1 camera
     transmission: 5 sphere, 5 material, lights [directional directional], 1 camera
     "##);
