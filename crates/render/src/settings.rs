@@ -45,6 +45,20 @@ pub enum LightStrategy {
     Bsdf,
 }
 
+impl LightStrategy {
+    /// All strategies.
+    pub const ALL: [Self; 3] = [Self::Mis, Self::Light, Self::Bsdf];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mis => "mis",
+            Self::Light => "light",
+            Self::Bsdf => "bsdf",
+        }
+    }
+}
+
 /// A rectangle of pixels, right and lower border exclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crop {

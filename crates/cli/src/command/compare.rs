@@ -1,0 +1,1 @@
+//! `snell compare`: how far two pictures are apart.
