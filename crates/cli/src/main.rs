@@ -13,7 +13,6 @@ mod resources;
 mod scene_source;
 
 use clap::{CommandFactory, Parser};
-use failure::Failure;
 use std::process::ExitCode;
 
 /// A ray caster and physically based renderer.

@@ -13,7 +13,7 @@ pub fn run() -> Result<ExitCode, Failure> {
     }
     println!("\nPictures");
     for format in IMAGE_FORMATS {
-        let use_ = match (format.reads, format.writes) {
+        let use_ = match (format.reads(), format.writes()) {
             (true, true) => "reads, writes",
             (true, false) => "reads",
             _ => "writes",

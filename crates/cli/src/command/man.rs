@@ -10,8 +10,8 @@ pub fn run() -> Result<ExitCode, Failure> {
     let interface = crate::interface();
     clap_mangen::Man::new(interface.clone()).render(&mut out).map_err(failed)?;
     for sub in interface.get_subcommands() {
-        let named = sub.clone().name(format!("snell-{}", sub.get_name()));
-        clap_mangen::Man::new(named).render(&mut out).map_err(failed)?;
+        let title = format!("snell-{}", sub.get_name());
+        clap_mangen::Man::new(sub.clone()).title(title).render(&mut out).map_err(failed)?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -78,7 +78,9 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
 
 fn prepare_scene(scene: &mut Scene, options: &Options) -> Result<(), Failure> {
     options.apply_environment(scene)?;
-    snell_scene::framing::prepare(scene);
+    let size = options.size.unwrap_or(options::DEFAULT_SIZE);
+    let framing = snell_scene::framing::FramingOptions { size, ..Default::default() };
+    snell_scene::framing::prepare(scene, &framing).map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
     options.apply_background(scene)?;
     for definition in &options.define {
         overrides::apply(scene, definition)?;

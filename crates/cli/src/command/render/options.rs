@@ -16,6 +16,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+/// Size of a picture for which nobody asks for one.
+pub const DEFAULT_SIZE: [u32; 2] = [960, 720];
+
 /// Most samples per pixel that a time limit alone allows.
 const SPP_OF_TIME_LIMIT: u32 = 1 << 16;
 
@@ -149,7 +152,7 @@ impl Options {
         let sampler = named(&self.sampler, &hints.sampler, SamplerKind::default().name());
         let filter = named(&self.filter, &hints.filter, Filter::default().name());
         let accelerator = choice("accelerator", &self.accelerator, &AcceleratorKind::ALL, AcceleratorKind::name)?;
-        let size = self.size.or(hints.size).or(camera.resolution).unwrap_or([960, 720]);
+        let size = self.size.or(hints.size).or(camera.resolution).unwrap_or(DEFAULT_SIZE);
         let pixel_position = match (&self.filter, self.spp) {
             (None, None | Some(1)) => hints.pixel_position,
             _ => None,

@@ -19,7 +19,7 @@ impl<'a> Output<'a> {
     /// Checks the output before anything is rendered: the format must be known, the folder must exist.
     pub fn plan(options: &'a Options) -> Result<Self, Failure> {
         if let Some(path) = options.output.as_deref().filter(|p| *p != Path::new("-")) {
-            image::writable_format(path)?;
+            image::check_writable(path)?;
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             if !folder.is_dir() {
                 let shown = folder.display();
@@ -57,7 +57,7 @@ impl<'a> Output<'a> {
         let writing = WriteOptions { display, png_bits: options.bits, exr_half: options.half, ..WriteOptions::default() };
         match &options.output {
             Some(path) if path == Path::new("-") => {
-                let bytes = image::encode_image(Path::new("standard-output.png"), &picture, &writing)?;
+                let bytes = image::encode_image_as("png", &picture, &writing)?;
                 std::io::stdout()
                     .write_all(&bytes)
                     .map_err(|e| Failure::Other(format!("standard output: cannot write: {e}")))?;
