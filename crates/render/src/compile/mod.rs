@@ -145,7 +145,7 @@ impl HitFilter for CompiledScene {
             |v: Vec3| rng::pcg4d([v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), hit.primitive ^ hit.geometry << 16]);
         let [a, b, ..] = bits(ray.direction);
         let u = rng::to_unit(rng::hash_combine(rng::hash_combine(a ^ b, bits(ray.origin)[0]), hit.t.to_bits()));
-        material.is_present(&self.shading_point(&surface, 0.0), ray.direction, u)
+        material.is_present(ray.direction, &self.shading_point(&surface, 0.0), u)
     }
 }
 

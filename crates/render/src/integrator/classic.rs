@@ -23,7 +23,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     };
     let wo = outgoing(vertex.ray);
     let point = surface.point(context.scene);
-    let shading = surface.material.bsdf(&point);
+    let shading = surface.material.bsdf_towards(&point, wo);
     let ambient = shading.ambient(wo) * context.scene.ambient;
     out.radiance = throughput * (surface.material.emitted(&point, wo) + ambient);
     for light in 0..context.scene.lights().len() {
@@ -53,7 +53,7 @@ fn add_light(
     let u = if is_environment { vertex.random.pair(dimension::LIGHT) } else { u };
     let Some(sample) = sample_light(context, surface.interaction, light, u) else { return };
     let wo = outgoing(vertex.ray);
-    let local = shading.eval_classic(wo, sample.direction, surface.interaction.geometric_normal) * FRAC_1_PI;
+    let local = shading.eval_classic(wo, sample.direction) * FRAC_1_PI;
     let value = vertex.state.throughput * local * sample.radiance / sample.pdf;
     if value.is_black() || !value.is_finite() {
         return;
@@ -66,7 +66,7 @@ fn add_light(
 }
 
 fn add_branches(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, wo: Vec3, out: &mut Outputs) {
-    let branches = shading.specular_branches(wo, surface.interaction.geometric_normal);
+    let branches = shading.specular_branches(wo);
     for (number, branch) in branches.into_iter().enumerate() {
         let Some(branch) = branch else { continue };
         let throughput: SampledSpectrum = vertex.state.throughput * branch.weight;

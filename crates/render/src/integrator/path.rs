@@ -36,7 +36,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     if vertex.depth >= max_depth {
         return;
     }
-    let shading = surface.material.bsdf(&point);
+    let shading = surface.material.bsdf_towards(&point, wo);
     add_light_sample(context, vertex, surface, &shading, out);
     add_bounce(vertex, surface, &shading, out);
 }
@@ -96,15 +96,14 @@ fn add_light_sample(
         return;
     }
     let wo = outgoing(vertex.ray);
-    let normal = surface.interaction.geometric_normal;
-    let value = shading.eval(wo, sample.direction, normal);
+    let value = shading.eval(wo, sample.direction);
     if value.is_black() {
         return;
     }
     let weight = if sample.is_delta || context.settings.light_strategy == LightStrategy::Light {
         1.0
     } else {
-        sampling::power_heuristic(sample.pdf * probability, shading.pdf(wo, sample.direction, normal))
+        sampling::power_heuristic(sample.pdf * probability, shading.pdf(wo, sample.direction))
     };
     let value = vertex.state.throughput * value * sample.radiance * (weight / (sample.pdf * probability));
     if !value.is_black() && value.is_finite() {
@@ -115,7 +114,7 @@ fn add_light_sample(
 fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, out: &mut Outputs) {
     let wo = outgoing(vertex.ray);
     let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
-    let Some(sample) = shading.sample(wo, u_lobe, u, surface.interaction.geometric_normal) else { return };
+    let Some(sample) = shading.sample(wo, u_lobe, u) else { return };
     let mut throughput = vertex.state.throughput * sample.weight;
     if throughput.is_black() || !throughput.is_finite() {
         return;
