@@ -3,7 +3,7 @@
 
 use crate::{Input, Place, ReadError, SceneReader};
 use snell_scene::Scene;
-use snell_scene::builtin::minray::{MinrayDescription, MinrayError, minray_scene};
+use snell_scene::builtin::{MinrayDescription, MinrayError, minray_scene};
 
 /// The reader of minray scenes.
 pub const READER: SceneReader = SceneReader {
@@ -32,7 +32,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         let problem = message.split(" at line ").next().unwrap_or(&message).to_string();
         let remedy = "write an object with name, depth, size, aov_degrees, ambient and spheres, \
                       each sphere with x y z r g b rad kd ks kt kl ir";
-        input.error(Place::Column(error.line(), error.column()), problem, remedy)
+        input.error(Place::Column(error.line(), error.column().max(1)), problem, remedy)
     })?;
     let limit = input.options.limits.elements;
     if description.spheres.len() > limit {
@@ -64,7 +64,7 @@ mod tests {
     fn the_scene_of_the_contest_is_the_built_in_one() {
         let Some(folder) = data("minray") else { return };
         let read = crate::read_scene(&folder.join("test1.json"), &Default::default()).expect("the public scene loads");
-        let builtin = snell_scene::builtin::minray::scene();
+        let builtin = snell_scene::builtin::builtin("minray").expect("there is such a scene");
         assert_eq!(read.name, "test1");
         assert_eq!(summary(&read), summary(&builtin));
         assert_eq!(read.nodes.len(), builtin.nodes.len());
@@ -103,13 +103,27 @@ mod tests {
             &SMALL[..200],
         ];
         let messages: Vec<_> = errors.iter().map(|text| error_of(&READER, text)).collect();
-        insta::assert_snapshot!(messages.join("\n"), @"");
+        insta::assert_snapshot!(messages.join("\n"), @r##"
+    test:1:1: EOF while parsing a value; write an object with name, depth, size, aov_degrees, ambient and spheres, each sphere with x y z r g b rad kd ks kt kl ir
+    test:2:11: expected value; write an object with name, depth, size, aov_degrees, ambient and spheres, each sphere with x y z r g b rad kd ks kt kl ir
+    test:1:24: missing field `depth`; write an object with name, depth, size, aov_degrees, ambient and spheres, each sphere with x y z r g b rad kd ks kt kl ir
+    test:1:33: invalid type: string "deep", expected u32; write an object with name, depth, size, aov_degrees, ambient and spheres, each sphere with x y z r g b rad kd ks kt kl ir
+    test:1:24: unknown field `dept`, expected one of `name`, `depth`, `size`, `aov_degrees`, `ambient`, `spheres`; write an object with name, depth, size, aov_degrees, ambient and spheres, each sphere with x y z r g b rad kd ks kt kl ir
+    test:2:112: unknown field `kq`, expected one of `x`, `y`, `z`, `r`, `g`, `b`, `rad`, `kd`, `ks`, `kt`, `kl`, `ir`; write an object with name, depth, size, aov_degrees, ambient and spheres, each sphere with x y z r g b rad kd ks kt kl ir
+    test:1:41: invalid value: integer `-16`, expected u32; write an object with name, depth, size, aov_degrees, ambient and spheres, each sphere with x y z r g b rad kd ks kt kl ir
+    test: at /size: found 1000000, expected 1 to 65536 pixels; change the number
+    test: at /depth: found 0, expected at least 1 (0 would be a black picture); change the number
+    test: at /aov_degrees: found 180, expected an angle of view between 0 and 180 degrees; change the number
+    test: at /spheres/0/rad: found 0, expected a radius above 0; change the number
+    test:2:74: number out of range; write an object with name, depth, size, aov_degrees, ambient and spheres, each sphere with x y z r g b rad kd ks kt kl ir
+    test:2:113: EOF while parsing a value; write an object with name, depth, size, aov_degrees, ambient and spheres, each sphere with x y z r g b rad kd ks kt kl ir
+    "##);
     }
 
     #[test]
     fn the_picture_is_the_one_the_file_asks_for() {
         let scene = read_text(&READER, SMALL).expect("well-formed");
-        insta::assert_snapshot!(summary(&scene), @"");
+        insta::assert_snapshot!(summary(&scene), @r##"2 sphere, 2 material, lights [point], 1 camera, background 0 0.1 0.2"##);
         assert_eq!(scene.settings.integrator.as_deref(), Some("whitted"));
         assert_eq!(scene.settings.max_depth, Some(1));
     }

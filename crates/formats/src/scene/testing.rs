@@ -86,7 +86,9 @@ pub fn read_broken_versions(reader: &SceneReader, seed: &[u8], folder: &Path) {
         let input = Input::from_bytes("broken", bytes, folder, &ReadOptions::default());
         if let Ok(scene) = (reader.read)(&input) {
             assert!(scene.bounds().is_ok());
-            assert!(scene.cameras.iter().all(|c| c.eye.is_finite() && c.towards.is_normalized() && c.up.is_normalized()));
+            assert!(
+                scene.cameras.iter().all(|c| c.eye.is_finite() && c.towards.is_normalized() && c.up.is_normalized())
+            );
             assert!(meshes(&scene).iter().all(|m| m.validate().is_ok()));
         }
     };

@@ -136,9 +136,9 @@ fn fill(values: [f64; 8]) -> Phong {
         specular: (color * ks).into(),
         reflection: (color * ks).into(),
         transmission: Rgb::splat(t).into(),
-        shininess: shine.into(),
+        shininess: shine,
         // Opaque fills have the index 0 in the databases.
-        ior: if ior > 0.0 { ior } else { 1.0 }.into(),
+        ior: if ior > 0.0 { ior } else { 1.0 },
     }
 }
 

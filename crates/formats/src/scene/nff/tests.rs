@@ -82,8 +82,8 @@ fn a_fill_is_a_phong_material_and_equal_fills_are_one() {
     assert_eq!(fill.diffuse.factor, Rgb::new(0.5, 0.25, 0.125));
     assert_eq!(fill.specular.factor, Rgb::new(0.25, 0.125, 0.0625));
     assert_eq!((fill.reflection, fill.transmission.factor), (fill.specular, Rgb::splat(0.125)));
-    assert_eq!((fill.shininess, fill.ior), (30.0.into(), 1.5.into()));
-    assert_eq!(phong(&scene, 1).ior, 1.0.into(), "an index of 0 means none");
+    assert_eq!((fill.shininess, fill.ior), (30.0, 1.5));
+    assert_eq!(phong(&scene, 1).ior, 1.0, "an index of 0 means none");
 }
 
 #[test]

@@ -17,8 +17,8 @@ pub fn default_material() -> Material {
         specular: Rgb::splat(0.5).into(),
         reflection: Rgb::splat(0.5).into(),
         transmission: Rgb::BLACK.into(),
-        shininess: 10.0.into(),
-        ior: 1.0.into(),
+        shininess: 10.0,
+        ior: 1.0,
     };
     Material::new("default", phong)
 }
@@ -44,8 +44,8 @@ impl Builder {
             specular: specular.into(),
             reflection: specular.into(),
             transmission: transmission.into(),
-            shininess: shininess.into(),
-            ior: ior.into(),
+            shininess,
+            ior,
         };
         let name = format!("material {}", file.materials.len());
         let material = Material { emits_on_both_sides: true, ..Material::new(name, phong).emitting(emission) };

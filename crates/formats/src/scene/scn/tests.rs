@@ -92,7 +92,7 @@ fn a_material_keeps_all_its_numbers() {
     assert_eq!(phong.specular.factor, Rgb::new(7.0, 8.0, 9.0));
     assert_eq!(phong.reflection.factor, Rgb::new(7.0, 8.0, 9.0));
     assert_eq!(phong.transmission.factor, Rgb::new(10.0, 11.0, 12.0));
-    assert_eq!((phong.shininess, phong.ior), (16.0.into(), 17.0.into()));
+    assert_eq!((phong.shininess, phong.ior), (16.0, 17.0));
     let material = &scene.materials[0];
     assert_eq!(material.emission.factor, Rgb::new(13.0, 14.0, 15.0));
     assert!(material.emits_on_both_sides);
@@ -106,7 +106,7 @@ fn what_names_no_material_gets_the_grey_of_the_assignment_once() {
     let grey = phong(&scene, MaterialId(0));
     assert_eq!((grey.ambient.factor, grey.diffuse.factor), (Rgb::splat(0.2), Rgb::splat(0.5)));
     assert_eq!((grey.specular.factor, grey.transmission.factor), (Rgb::splat(0.5), Rgb::BLACK));
-    assert_eq!((grey.shininess, grey.ior), (10.0.into(), 1.0.into()));
+    assert_eq!((grey.shininess, grey.ior), (10.0, 1.0));
 }
 
 #[test]
