@@ -43,6 +43,9 @@ pub const SCENE_READERS: &[SceneReader] = &[
     mesh::off::READER,
     mesh::stl::READER,
     mesh::ray::READER,
+    scene::minray::READER,
+    scene::nff::READER,
+    scene::scn::READER,
     mesh::obj::READER,
 ];
 
