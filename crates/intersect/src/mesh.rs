@@ -82,14 +82,16 @@ impl TriangleMesh {
         self.indices[triangle].map(|i| self.positions[i as usize])
     }
 
-    /// Number of triangles that can never be hit: with a non-finite vertex, or without area.
+    /// Number of triangles that can never be hit ([`Self::is_degenerate`]).
     pub fn degenerate_triangles(&self) -> usize {
-        let flat = |c: [Vec3; 3]| {
-            let [a, b, c] = c.map(|p| p.as_dvec3());
-            let area = (b - a).cross(c - a).length_squared();
-            area == 0.0 || !area.is_finite()
-        };
-        (0..self.indices.len()).filter(|&i| flat(self.corners(i))).count()
+        (0..self.indices.len()).filter(|&i| self.is_degenerate(i)).count()
+    }
+
+    /// True for a triangle that can never be hit: with a non-finite vertex, or without area.
+    pub fn is_degenerate(&self, triangle: usize) -> bool {
+        let [a, b, c] = self.corners(triangle).map(|p| p.as_dvec3());
+        let area = (b - a).cross(c - a).length_squared();
+        area == 0.0 || !area.is_finite()
     }
 
     /// The mesh moved by `transform`: positions in double precision and rounded once, normals by the inverse transpose, tangents

@@ -8,13 +8,18 @@
 //! order of insertion, the child followed by all that is below it. [`crate::Hit::instance`] is this number, so a hit stays small at
 //! any depth, and [`World::instance_path`] gives the way back.
 
+mod interaction;
+mod occurrence;
+
 use crate::accel::AcceleratorKind;
-use crate::hit::{Hit, SurfaceInteraction};
+use crate::accel::brute_force::GroupList;
+use crate::accel::bvh::Forest;
+use crate::accel::group::Object;
 use crate::mesh::TriangleMesh;
-use crate::query::HitFilter;
 use crate::shape::Shape;
+use occurrence::Occurrences;
 use snell_math::simd::Level;
-use snell_math::{Bounds3d, DRay, Ray, Transform, Vec2, Vec3};
+use snell_math::{Bounds3d, DMat3, Transform};
 use std::sync::Arc;
 
 /// Number of a group, in order of creation. The root is 0.
@@ -134,71 +139,187 @@ impl WorldBuilder {
         self.filtered[geometry.0 as usize] = true;
     }
 
-    /// Builds the acceleration structures.
-    pub fn build(self, _options: &BuildOptions) -> Result<World, WorldError> {
-        let occurrences = count_occurrences(&self.groups)?;
-        let mut world = World {
+    /// Builds the acceleration structures, on the threads of the current rayon pool. The result does not depend on how many there
+    /// are. A SIMD level that the machine lacks is replaced by the best it has.
+    pub fn build(self, options: &BuildOptions) -> Result<World, WorldError> {
+        let occurrences = Occurrences::count(&self.groups)?;
+        let lists = self.group_lists(&occurrences);
+        let bounds = GroupBounds::of(&self, &occurrences.order);
+        let structure = match options.accelerator {
+            AcceleratorKind::None => Structure::None(lists),
+            AcceleratorKind::Bvh => {
+                Structure::Bvh(Forest::build(&lists, &occurrences.order, &bounds.objects).map_err(WorldError::Limit)?)
+            }
+        };
+        let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
+        let stats = self.count_triangles(&occurrences, &structure);
+        Ok(World {
             geometries: self.geometries,
             filtered: self.filtered,
             groups: self.groups,
             occurrences,
-            bounds: Bounds3d::EMPTY,
+            bounds: bounds.exact[0],
+            structure,
+            simd,
+            stats,
+        })
+    }
+
+    /// The contents of each group, ready to be tested.
+    fn group_lists(&self, occurrences: &Occurrences) -> Vec<GroupList> {
+        let list = |(group, contents): (usize, &GroupContents)| {
+            let mut list = GroupList::default();
+            for &id in &contents.geometries {
+                match &self.geometries[id.0 as usize] {
+                    Geometry::Mesh(mesh) => list.meshes.push((id.0, mesh.clone())),
+                    Geometry::Shape(shape, placed) => list.objects.push(Object::Shape {
+                        shape: shape.clone(),
+                        geometry: id.0,
+                        shape_from_group: *placed.inverse_matrix(),
+                    }),
+                }
+            }
+            for (instance, &offset) in contents.instances.iter().zip(&occurrences.offsets[group]) {
+                list.objects.push(Object::Instance {
+                    child: instance.child.0 as usize,
+                    offset,
+                    child_from_group: *instance.group_from_child.inverse_matrix(),
+                });
+            }
+            list
         };
-        world.bounds = world.group_bounds(GroupId(0));
-        Ok(world)
+        self.groups.iter().enumerate().map(list).collect()
+    }
+
+    fn count_triangles(&self, occurrences: &Occurrences, structure: &Structure) -> BuildStats {
+        let mut stats = BuildStats::default();
+        for geometry in &self.geometries {
+            if let Geometry::Mesh(mesh) = geometry {
+                stats.triangles += mesh.indices.len() as u64;
+                stats.skipped_triangles += mesh.degenerate_triangles() as u64;
+            }
+        }
+        let mut below = vec![0u64; self.groups.len()];
+        for &group in &occurrences.order {
+            let contents = &self.groups[group];
+            let own = contents.geometries.iter().map(|g| match &self.geometries[g.0 as usize] {
+                Geometry::Mesh(mesh) => mesh.indices.len() as u64,
+                Geometry::Shape(..) => 0,
+            });
+            let placed = contents.instances.iter().map(|i| below[i.child.0 as usize]);
+            below[group] = own.chain(placed).fold(0, u64::saturating_add);
+        }
+        stats.instanced_triangles = below[0];
+        if let Structure::Bvh(forest) = structure {
+            stats.nodes = forest.trees.iter().map(|t| t.nodes.len() as u64).sum();
+            stats.triangle_blocks = forest.trees.iter().map(|t| t.blocks.len() as u64).sum();
+            stats.depth = forest.trees.iter().map(|t| t.depth as u32).max().unwrap_or(0);
+            stats.memory_bytes = forest.memory_bytes() as u64;
+        }
+        stats
     }
 }
 
-/// For each group, how many occurrences (itself and all below) one instance of it adds.
-fn count_occurrences(groups: &[GroupContents]) -> Result<Vec<u64>, WorldError> {
-    #[derive(Clone, Copy, PartialEq)]
-    enum State {
-        New,
-        Open,
-        Done(u64),
-    }
-    let mut state = vec![State::New; groups.len()];
-    // An explicit stack: files may nest deeper than the thread's stack.
-    for start in 0..groups.len() {
-        let mut stack = vec![(start, 0usize, 1u64)];
-        if state[start] != State::New {
-            continue;
-        }
-        state[start] = State::Open;
-        while let Some((group, next, count)) = stack.pop() {
-            match groups[group].instances.get(next) {
-                None => {
-                    if count > u64::from(u32::MAX) - 1 {
-                        return Err(WorldError::TooManyInstances);
+/// The boxes of all groups and of what they hold.
+struct GroupBounds {
+    /// Per group, in its own coordinates.
+    exact: Vec<Bounds3d>,
+    /// Per group the boxes of its shapes and instances, in the order of [`GroupList::objects`], grown by all that transforming a
+    /// ray may be off by.
+    objects: Vec<Vec<Bounds3d>>,
+}
+
+impl GroupBounds {
+    fn of(builder: &WorldBuilder, order: &[usize]) -> Self {
+        let n = builder.groups.len();
+        let mut bounds = Self { exact: vec![Bounds3d::EMPTY; n], objects: vec![Vec::new(); n] };
+        let mut grown = vec![Bounds3d::EMPTY; n];
+        for &group in order {
+            let contents = &builder.groups[group];
+            let (mut exact, mut outer) = (Bounds3d::EMPTY, Bounds3d::EMPTY);
+            let mut objects = Vec::new();
+            for &id in &contents.geometries {
+                match &builder.geometries[id.0 as usize] {
+                    Geometry::Mesh(mesh) => {
+                        let b = mesh.bounds().into();
+                        (exact, outer) = (exact.union(&b), outer.union(&b));
                     }
-                    state[group] = State::Done(count);
-                }
-                Some(instance) => {
-                    let child = instance.child.0 as usize;
-                    match state[child] {
-                        State::Done(n) => stack.push((group, next + 1, count.saturating_add(n))),
-                        State::Open => return Err(WorldError::Cycle(child as u32)),
-                        State::New => {
-                            state[child] = State::Open;
-                            stack.push((group, next, count));
-                            stack.push((child, 0, 1));
-                        }
+                    Geometry::Shape(shape, placed) => {
+                        let b = shape.bounds();
+                        exact = exact.union(&placed.bounds(&b));
+                        objects.push(grown_bounds(placed, &b));
                     }
                 }
             }
+            for instance in &contents.instances {
+                let child = instance.child.0 as usize;
+                exact = exact.union(&instance.group_from_child.bounds(&bounds.exact[child]));
+                objects.push(grown_bounds(&instance.group_from_child, &grown[child]));
+            }
+            bounds.exact[group] = exact;
+            grown[group] = objects.iter().fold(outer, |a, b| a.union(b));
+            bounds.objects[group] = objects;
         }
+        bounds
     }
-    Ok(state.into_iter().map(|s| if let State::Done(n) = s { n } else { 1 }).collect())
+}
+
+/// The box of a placed thing, grown by a bound of the rounding errors of its place and of rays brought into its coordinates.
+fn grown_bounds(placed: &Transform, b: &Bounds3d) -> Bounds3d {
+    let image = placed.bounds(b);
+    if image.is_empty() || !b.is_finite() {
+        return image;
+    }
+    let m = placed.matrix();
+    let size = abs_matrix(&m.matrix3) * b.min.abs().max(b.max.abs()) + m.translation.abs();
+    let margin = (size + image.size()) * 1e-13;
+    Bounds3d { min: image.min - margin, max: image.max + margin }
+}
+
+/// The matrix of the absolute values.
+fn abs_matrix(m: &DMat3) -> DMat3 {
+    DMat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs())
+}
+
+/// How rays find what they hit.
+#[derive(Debug)]
+pub(crate) enum Structure {
+    /// Everything is tested.
+    None(Vec<GroupList>),
+    /// A tree per group.
+    Bvh(Forest),
 }
 
 /// Geometries and instances, ready for queries. Immutable.
 #[derive(Debug)]
 pub struct World {
     geometries: Vec<Geometry>,
-    filtered: Vec<bool>,
+    pub(crate) filtered: Vec<bool>,
     groups: Vec<GroupContents>,
-    occurrences: Vec<u64>,
+    occurrences: Occurrences,
     bounds: Bounds3d,
+    pub(crate) structure: Structure,
+    pub(crate) simd: Level,
+    stats: BuildStats,
+}
+
+/// What was built.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BuildStats {
+    /// Triangles of all meshes, each mesh counted once.
+    pub triangles: u64,
+    /// Triangles that can never be hit ([`TriangleMesh::is_degenerate`]); part of `triangles`.
+    pub skipped_triangles: u64,
+    /// Triangles of the world, each counted as often as it occurs.
+    pub instanced_triangles: u64,
+    /// Nodes of acceleration structures.
+    pub nodes: u64,
+    /// Blocks of up to eight triangles.
+    pub triangle_blocks: u64,
+    /// Nodes on the longest way down in any group.
+    pub depth: u32,
+    /// Memory of the acceleration structures, without the geometries.
+    pub memory_bytes: u64,
 }
 
 /// What one ray cost.
@@ -226,166 +347,56 @@ impl World {
         &self.groups[id.0 as usize]
     }
 
+    /// Number of analytic shapes, each counted once.
+    pub fn shape_count(&self) -> usize {
+        self.geometries.iter().filter(|g| matches!(g, Geometry::Shape(..))).count()
+    }
+
+    /// How many groups there are; ids run from 0.
+    pub fn group_count(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// How many occurrences one instance of a group adds: itself and all below.
+    pub fn occurrences_below(&self, id: GroupId) -> u32 {
+        self.occurrences.counts[id.0 as usize] as u32
+    }
+
     /// The box around everything, in world coordinates; may have infinite sides, is empty for an empty world.
     pub fn bounds(&self) -> Bounds3d {
         self.bounds
     }
 
-    fn group_bounds(&self, id: GroupId) -> Bounds3d {
-        let group = self.group(id);
-        let own = group.geometries.iter().map(|&g| match self.geometry(g) {
-            Geometry::Mesh(mesh) => mesh.bounds().into(),
-            Geometry::Shape(shape, placed) => placed.bounds(&shape.bounds()),
-        });
-        let placed = group.instances.iter().map(|i| i.group_from_child.bounds(&self.group_bounds(i.child)));
-        own.chain(placed).fold(Bounds3d::EMPTY, |a, b| a.union(&b))
+    /// What was built.
+    pub fn stats(&self) -> &BuildStats {
+        &self.stats
     }
 
-    /// Number of occurrences of groups in the world: [`Hit::instance`] is below it.
-    pub fn instance_count(&self) -> u32 {
-        self.occurrences[0] as u32
+    /// Memory of the acceleration structures in bytes, without the geometries.
+    pub fn memory_bytes(&self) -> u64 {
+        self.stats.memory_bytes
     }
 
-    /// The way from the root to an occurrence: for each step the group and the position of the instance in its list. Empty for the
-    /// root.
-    pub fn instance_path(&self, instance: u32) -> Vec<(GroupId, usize)> {
-        let mut path = Vec::new();
-        let mut group = GroupId(0);
-        let mut rest = u64::from(instance);
-        while rest > 0 {
-            rest -= 1;
-            let Some(step) = self.group(group).instances.iter().position(|i| {
-                let below = self.occurrences[i.child.0 as usize];
-                if rest < below {
-                    true
-                } else {
-                    rest -= below;
-                    false
-                }
-            }) else {
-                break;
-            };
-            path.push((group, step));
-            group = self.group(group).instances[step].child;
-        }
-        path
+    /// Triangles of all meshes, each mesh counted once.
+    pub fn triangle_count(&self) -> u64 {
+        self.stats.triangles
     }
 
-    /// The map from the coordinates of an occurrence's group to the world.
-    pub fn world_from_instance(&self, instance: u32) -> Transform {
-        self.instance_path(instance).into_iter().fold(Transform::IDENTITY, |m, (group, step)| {
-            m.compose(&self.group(group).instances[step].group_from_child)
-        })
+    /// Triangles of the world, each counted as often as it occurs.
+    pub fn instanced_triangle_count(&self) -> u64 {
+        self.stats.instanced_triangles
     }
 
-    /// The nearest hit of one ray.
-    pub fn closest_one(&self, ray: &Ray, filter: &dyn HitFilter) -> Hit {
-        let mut best = Hit::MISS;
-        if ray.is_valid() {
-            self.brute_force(ray, &DRay::from(ray), GroupId(0), 0, filter, &mut best);
-        }
-        best
+    /// Triangles that can never be hit: degenerate, or with a vertex that is not finite.
+    pub fn skipped_triangles(&self) -> u64 {
+        self.stats.skipped_triangles
     }
 
-    /// True if anything lies in the interval of one ray.
-    pub fn occluded_one(&self, ray: &Ray, filter: &dyn HitFilter) -> bool {
-        self.closest_one(ray, filter).is_hit()
-    }
-
-    /// The nearest hit of one ray, and what it cost to find.
-    pub fn closest_counted(&self, ray: &Ray, filter: &dyn HitFilter) -> (Hit, TraversalCounters) {
-        (self.closest_one(ray, filter), TraversalCounters::default())
-    }
-
-    fn brute_force(
-        &self,
-        world_ray: &Ray,
-        ray: &DRay,
-        group: GroupId,
-        instance: u32,
-        filter: &dyn HitFilter,
-        best: &mut Hit,
-    ) {
-        let contents = self.group(group);
-        for &id in &contents.geometries {
-            let mut offer = |t: f64, uv: Vec2, primitive: u32| {
-                let hit = Hit { t: t as f32, uv, instance, geometry: id.0, primitive };
-                let keep = hit.is_before(best) && hit.t > world_ray.t_min && hit.t < world_ray.t_max;
-                if keep && (!self.filtered[id.0 as usize] || filter.accept(world_ray, &hit)) {
-                    *best = hit;
-                }
-            };
-            match self.geometry(id) {
-                Geometry::Mesh(mesh) => {
-                    for triangle in 0..mesh.indices.len() {
-                        let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3());
-                        let (e1, e2) = (b - a, c - a);
-                        let p = ray.direction.cross(e2);
-                        let det = e1.dot(p);
-                        let s = ray.origin - a;
-                        let u = s.dot(p) / det;
-                        let q = s.cross(e1);
-                        let v = ray.direction.dot(q) / det;
-                        if u >= 0.0 && v >= 0.0 && u + v <= 1.0 {
-                            offer(e2.dot(q) / det, Vec2::new(u as f32, v as f32), triangle as u32);
-                        }
-                    }
-                }
-                Geometry::Shape(shape, placed) => {
-                    if let Some(hit) = shape.closest(&placed.inverse().ray(ray)) {
-                        offer(hit.t, Vec2::ZERO, hit.face);
-                    }
-                }
-            }
-        }
-        let mut first = instance + 1;
-        for child in &contents.instances {
-            self.brute_force(world_ray, &child.group_from_child.inverse().ray(ray), child.child, first, filter, best);
-            first += self.occurrences[child.child.0 as usize] as u32;
-        }
-    }
-
-    /// Everything local about the surface at `hit`, which `ray` found.
-    ///
-    /// # Panics
-    /// If `hit` is a miss or does not belong to this world.
-    pub fn interaction(&self, ray: &Ray, hit: &Hit) -> SurfaceInteraction {
-        let world_from_group = self.world_from_instance(hit.instance);
-        let mut result = SurfaceInteraction {
-            position: ray.at(hit.t),
-            position_error: Vec3::splat(1e-5),
-            geometric_normal: Vec3::Z,
-            shading_normal: Vec3::Z,
-            uv: [Vec2::ZERO; 2],
-            dpdu: Vec3::X,
-            dpdv: Vec3::Y,
-            tangent: None,
-            color: [1.0; 4],
-            t: hit.t,
-            primitive_uv: hit.uv,
-            instance: hit.instance,
-            geometry: hit.geometry,
-            primitive: hit.primitive,
-        };
-        match self.geometry(GeometryId(hit.geometry)) {
-            Geometry::Mesh(mesh) => {
-                let [a, b, c] = mesh.corners(hit.primitive as usize).map(|p| p.as_dvec3());
-                let n = world_from_group.normal((b - a).cross(c - a)).normalize().as_vec3();
-                result.geometric_normal = n;
-                result.shading_normal = n;
-            }
-            Geometry::Shape(shape, placed) => {
-                let world_from_shape = world_from_group.compose(placed);
-                let p = world_from_shape.inverse().point(DRay::from(ray).at(hit.t.into()));
-                let surface = shape.surface(p, hit.primitive);
-                result.position = world_from_shape.point(surface.position).as_vec3();
-                result.geometric_normal = world_from_shape.normal(surface.normal).normalize().as_vec3();
-                result.shading_normal = result.geometric_normal;
-                result.uv = [surface.uv.as_vec2(); 2];
-                result.dpdu = world_from_shape.vector(surface.dpdu).as_vec3();
-                result.dpdv = world_from_shape.vector(surface.dpdv).as_vec3();
-            }
-        }
-        result
+    /// The instructions that the queries use.
+    pub fn simd(&self) -> Level {
+        self.simd
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -54,6 +54,20 @@ pub enum Tonemap {
     Agx,
 }
 
+impl Tonemap {
+    /// All tone maps.
+    pub const ALL: [Self; 3] = [Self::None, Self::Aces, Self::Agx];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Aces => "aces",
+            Self::Agx => "agx",
+        }
+    }
+}
+
 /// Settings of the writers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WriteOptions {
@@ -247,16 +261,31 @@ pub fn encode_image_as(format: &str, image: &LayeredImage, options: &WriteOption
 
 fn encode(path: &Path, name: &str, image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, WriteError> {
     let unfit = |u: Unfit| WriteError::Format { path: path.into(), problem: u.problem, remedy: u.remedy };
+    let write = writer(name).map_err(unfit)?;
+    write(image, options).map_err(unfit)
+}
+
+type Writer = fn(&LayeredImage, &WriteOptions) -> Result<Vec<u8>, Unfit>;
+
+/// The writer of the format with this name or extension.
+fn writer(name: &str) -> Result<Writer, Unfit> {
     let known = IMAGE_FORMATS.iter().find(|f| f.name == name || f.extensions.contains(&name));
-    let Some(write) = known.and_then(|f| f.write) else {
+    known.and_then(|f| f.write).ok_or_else(|| {
         let problem = match name {
             "" => "the name has no extension that says which image format to write".to_string(),
             _ => format!("\"{name}\" is not an image format that Snell writes"),
         };
-        let extensions = IMAGE_FORMATS.iter().filter(|f| f.writes()).map(|f| format!(".{}", f.extensions[0]));
-        return Err(unfit(Unfit::new(problem, format!("use one of: {}", extensions.collect::<Vec<_>>().join(" ")))));
-    };
-    write(image, options).map_err(unfit)
+        let extensions: Vec<_> =
+            IMAGE_FORMATS.iter().filter(|f| f.writes()).map(|f| format!(".{}", f.extensions[0])).collect();
+        Unfit::new(problem, format!("use one of: {}", extensions.join(" ")))
+    })
+}
+
+/// Checks that [`write_image`] knows the format of `path`, so that a long render does not end in an error.
+pub fn check_writable(path: &Path) -> Result<(), WriteError> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let unfit = |u: Unfit| WriteError::Format { path: path.into(), problem: u.problem, remedy: u.remedy };
+    writer(&extension).map(|_| ()).map_err(unfit)
 }
 
 /// Encodes and writes a picture: to a temporary file first, then renamed.

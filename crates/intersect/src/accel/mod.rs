@@ -1,5 +1,9 @@
 //! Acceleration structures, by name.
 
+pub(crate) mod brute_force;
+pub(crate) mod bvh;
+pub(crate) mod group;
+
 /// Which acceleration structure a world is built with. All give the same hits, bit for bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum AcceleratorKind {

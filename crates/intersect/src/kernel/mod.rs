@@ -1,1 +1,6 @@
-//! Traversal kernels: ray-boxes and ray-triangles at each SIMD level.
+//! Traversal kernels: ray-boxes and ray-triangles, written once over [`snell_math::simd::Lanes8`], and their entries per level.
+
+pub(crate) mod node;
+pub(crate) mod ray;
+pub(crate) mod traverse;
+pub(crate) mod triangle;

@@ -1,8 +1,13 @@
 //! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray, never on its neighbours.
 
+pub(crate) mod search;
+
+use crate::accel::brute_force::search_all;
 use crate::hit::Hit;
-use crate::world::World;
-use snell_math::Ray;
+use crate::kernel::traverse::search_forest;
+use crate::world::{Structure, TraversalCounters, World};
+use search::{All, Any, Closest, Counted, Goal, Search};
+use snell_math::{DRay, Ray};
 
 /// Which rays of a batch belong together. The kernel follows from this and from the kind of query, never from what happens to
 /// share a batch, so a ray's result never depends on its neighbours.
@@ -53,5 +58,44 @@ impl World {
         for (ray, blocked) in rays.iter().zip(blocked) {
             *blocked = self.occluded_one(ray, filter);
         }
+    }
+
+    /// The nearest hit of one ray.
+    pub fn closest_one(&self, ray: &Ray, filter: &dyn HitFilter) -> Hit {
+        self.search(ray, filter, Closest::new(ray)).result()
+    }
+
+    /// True if anything lies in the interval of one ray.
+    pub fn occluded_one(&self, ray: &Ray, filter: &dyn HitFilter) -> bool {
+        self.search(ray, filter, Any::new(ray)).found
+    }
+
+    /// Every hit of one ray, ascending by `t`, equal ones by instance, geometry and primitive.
+    pub fn all_one(&self, ray: &Ray, filter: &dyn HitFilter) -> Vec<Hit> {
+        let mut hits = self.search(ray, filter, All::new(ray)).hits;
+        let ids = |h: &Hit| (h.instance, h.geometry, h.primitive);
+        hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(ids(a).cmp(&ids(b))));
+        hits
+    }
+
+    /// The nearest hit of one ray, and what it cost to find.
+    pub fn closest_counted(&self, ray: &Ray, filter: &dyn HitFilter) -> (Hit, TraversalCounters) {
+        let goal = Counted { closest: Closest::new(ray), counters: TraversalCounters::default() };
+        let goal = self.search(ray, filter, goal);
+        (goal.closest.result(), goal.counters)
+    }
+
+    #[inline]
+    fn search<G: Goal>(&self, ray: &Ray, filter: &dyn HitFilter, goal: G) -> G {
+        let mut search = Search { ray, filter, filtered: &self.filtered, goal };
+        if ray.is_valid() {
+            match &self.structure {
+                Structure::None(groups) => {
+                    search_all(groups, 0, &DRay::from(ray), 0, &mut search);
+                }
+                Structure::Bvh(forest) => search_forest(forest, self.simd, &mut search),
+            }
+        }
+        search.goal
     }
 }

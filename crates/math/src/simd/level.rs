@@ -7,7 +7,7 @@ use std::fmt;
 pub enum Level {
     /// Portable code, no special instructions: the twin that the others are tested against.
     Scalar,
-    /// AVX2 and FMA (x86-64).
+    /// AVX2, FMA and BMI1 (x86-64).
     Avx2,
     /// AVX-512 F, VL, BW, DQ (x86-64).
     Avx512,
@@ -36,7 +36,9 @@ impl Level {
         match self {
             Self::Scalar => true,
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            Self::Avx2 => {
+                is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") && is_x86_feature_detected!("bmi1")
+            }
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => {
                 Self::Avx2.is_supported()

@@ -1,5 +1,13 @@
 //! SIMD levels: chosen at run time, the same results at each.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod lanes;
 mod level;
+mod portable;
 
+#[cfg(target_arch = "x86_64")]
+pub use avx2::Avx8;
+pub use lanes::Lanes8;
 pub use level::Level;
+pub use portable::Portable8;

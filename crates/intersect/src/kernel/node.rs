@@ -1,0 +1,139 @@
+//! The 8-wide node and its box test.
+
+use super::ray::LocalRay;
+use snell_math::Bounds3;
+use snell_math::simd::Lanes8;
+
+/// What a node's slot leads to, in 32 bits: an inner node, up to eight triangles, or an object (shape or instance).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ChildRef(pub u32);
+
+impl ChildRef {
+    const TRIANGLES: u32 = 1 << 30;
+    const OBJECT: u32 = 2 << 30;
+    const BLOCK_BITS: u32 = 27;
+    /// How many blocks of triangles a group may have.
+    pub const MAX_BLOCKS: usize = 1 << Self::BLOCK_BITS;
+    /// How many inner nodes, and how many objects, a group may have.
+    pub const MAX_NODES: usize = 1 << 30;
+    /// Fills unused slots; their boxes are empty.
+    pub const NONE: Self = Self(u32::MAX);
+
+    pub fn node(index: usize) -> Self {
+        Self(index as u32)
+    }
+
+    /// `count` from 1 to 8.
+    pub fn triangles(block: usize, count: usize) -> Self {
+        Self(Self::TRIANGLES | ((count as u32 - 1) << Self::BLOCK_BITS) | block as u32)
+    }
+
+    pub fn object(index: usize) -> Self {
+        Self(Self::OBJECT | index as u32)
+    }
+
+    #[inline(always)]
+    pub fn is_node(self) -> bool {
+        self.0 < Self::TRIANGLES
+    }
+
+    #[inline(always)]
+    pub fn is_triangles(self) -> bool {
+        self.0 & (3 << 30) == Self::TRIANGLES
+    }
+
+    /// Number of the node or object.
+    #[inline(always)]
+    pub fn index(self) -> usize {
+        (self.0 & ((1 << 30) - 1)) as usize
+    }
+
+    /// Number of the block of triangles.
+    #[inline(always)]
+    pub fn block(self) -> usize {
+        (self.0 & ((1 << Self::BLOCK_BITS) - 1)) as usize
+    }
+
+    /// How many triangles the block holds.
+    #[inline(always)]
+    pub fn count(self) -> u32 {
+        ((self.0 >> Self::BLOCK_BITS) & 7) + 1
+    }
+}
+
+/// Eight boxes and where they lead.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct WideNode {
+    /// By side (minimum, maximum), axis, slot.
+    pub bounds: [[[f32; 8]; 3]; 2],
+    pub children: [ChildRef; 8],
+}
+
+impl WideNode {
+    pub const EMPTY: Self =
+        Self { bounds: [[[f32::INFINITY; 8]; 3], [[f32::NEG_INFINITY; 8]; 3]], children: [ChildRef::NONE; 8] };
+
+    pub fn set(&mut self, slot: usize, bounds: &Bounds3, child: ChildRef) {
+        for axis in 0..3 {
+            self.bounds[0][axis][slot] = bounds.min[axis];
+            self.bounds[1][axis][slot] = bounds.max[axis];
+        }
+        self.children[slot] = child;
+    }
+}
+
+/// Relative padding of box distances. Ize (Robust BVH Ray Traversal, JCGT 2013) needs `2 gamma(3)`, some `4e-7`, for the slabs
+/// alone; the drawing of triangles may be off by as much again.
+pub(crate) const BOX_PADDING: f32 = 1.0e-6;
+
+/// A bound on distances, moved out by [`BOX_PADDING`].
+#[inline(always)]
+pub(crate) fn padded(t: f32) -> f32 {
+    t + t.abs() * BOX_PADDING
+}
+
+/// Which of the eight boxes the ray meets between `t_min` and `cull` (from [`padded`]), and where it enters each.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+pub(crate) unsafe fn boxes_met<L: Lanes8>(node: &WideNode, ray: &LocalRay, t_min: f32, cull: f32) -> (u32, L) {
+    // SAFETY: passed on to the caller.
+    unsafe {
+        let near = [near::<L>(node, ray, 0), near::<L>(node, ray, 1), near::<L>(node, ray, 2)];
+        let far = [far::<L>(node, ray, 0), far::<L>(node, ray, 1), far::<L>(node, ray, 2)];
+        // A plane that a parallel ray lies in gives NaN (0 times infinity), and a NaN on the left does not count.
+        let enter = near[0].max(near[1].max(near[2].max(L::splat(t_min))));
+        let leave = far[0].min(far[1].min(far[2].min(L::splat(f32::INFINITY))));
+        // Away from zero if positive, towards it if negative: always farther along the ray.
+        let leave = leave.mul(L::splat(1.0 + BOX_PADDING)).max(leave.mul(L::splat(1.0 - BOX_PADDING)));
+        (enter.le(leave.min(L::splat(cull))), enter)
+    }
+}
+
+/// Where the ray meets the near planes of an axis.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn near<L: Lanes8>(node: &WideNode, ray: &LocalRay, axis: usize) -> L {
+    // SAFETY: passed on to the caller; `negative` is 0 or 1.
+    unsafe {
+        let plane = L::load(&node.bounds.get_unchecked(ray.negative[axis])[axis]);
+        plane.sub(L::splat(ray.near_origin[axis])).mul(L::splat(ray.inverse[axis]))
+    }
+}
+
+/// Where the ray meets the far planes of an axis.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn far<L: Lanes8>(node: &WideNode, ray: &LocalRay, axis: usize) -> L {
+    // SAFETY: passed on to the caller; `negative` is 0 or 1.
+    unsafe {
+        let plane = L::load(&node.bounds.get_unchecked(ray.negative[axis] ^ 1)[axis]);
+        plane.sub(L::splat(ray.far_origin[axis])).mul(L::splat(ray.inverse[axis]))
+    }
+}

@@ -1,0 +1,238 @@
+//! The walk of one ray through the tree of a group and, through instances, the groups below it.
+
+use super::node::{ChildRef, boxes_met};
+use super::ray::LocalRay;
+use super::triangle::candidates;
+use crate::accel::bvh::{Forest, GroupTree};
+use crate::accel::group::{Object, mapped, test_shape, test_triangle};
+use crate::query::search::{Goal, Search};
+use snell_math::simd::{Lanes8, Level, Portable8};
+use snell_math::{DRay, Ray};
+use std::mem::MaybeUninit;
+
+/// A child to visit later: its reference below, the bits of its distance above.
+type Entry = u64;
+
+/// The walk's memory: uninitialised entries, enough for the deepest path through all groups ([`Forest::stack_size`]).
+type Stack = [MaybeUninit<Entry>];
+
+/// Entries on the thread's stack; deeper forests take memory per query.
+const SMALL_STACK: usize = 512;
+
+#[inline(always)]
+fn entry(distance: f32, child: ChildRef) -> Entry {
+    (u64::from(distance.to_bits()) << 32) | u64::from(child.0)
+}
+
+#[inline(always)]
+fn distance(entry: Entry) -> f32 {
+    f32::from_bits((entry >> 32) as u32)
+}
+
+/// Searches the forest from its root.
+#[inline]
+pub(crate) fn search_forest<G: Goal>(forest: &Forest, level: Level, search: &mut Search<'_, G>) {
+    let mut small = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
+    if forest.stack_size <= SMALL_STACK {
+        enter_root(forest, level, search, &mut small);
+    } else {
+        let mut large = vec![MaybeUninit::<Entry>::uninit(); forest.stack_size];
+        enter_root(forest, level, search, &mut large);
+    }
+}
+
+#[inline]
+fn enter_root<G: Goal>(forest: &Forest, level: Level, search: &mut Search<'_, G>, stack: &mut Stack) {
+    let ray = DRay::from(search.ray as &Ray);
+    match level {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: `World` holds only levels that the machine supports, and the stack has `stack_size` entries.
+        Level::Avx2 | Level::Avx512 => unsafe { walk_avx2(forest, 0, &ray, 0, search, stack) },
+        // SAFETY: portable code, and the stack has `stack_size` entries.
+        _ => unsafe { walk_portable(forest, 0, &ray, 0, search, stack) },
+    };
+}
+
+/// # Safety
+/// The machine must have AVX2; `stack` must have room for the group and all below it.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1")]
+unsafe fn walk_avx2<G: Goal>(
+    forest: &Forest,
+    group: usize,
+    ray: &DRay,
+    instance: u32,
+    search: &mut Search<'_, G>,
+    stack: &mut Stack,
+) -> bool {
+    use snell_math::simd::Avx8;
+    // SAFETY: as promised by the caller.
+    unsafe { walk::<Avx8, G>(forest, group, ray, instance, search, stack, walk_avx2::<G>) }
+}
+
+/// # Safety
+/// `stack` must have room for the group and all below it.
+unsafe fn walk_portable<G: Goal>(
+    forest: &Forest,
+    group: usize,
+    ray: &DRay,
+    instance: u32,
+    search: &mut Search<'_, G>,
+    stack: &mut Stack,
+) -> bool {
+    // SAFETY: as promised by the caller.
+    unsafe { walk::<Portable8, G>(forest, group, ray, instance, search, stack, walk_portable::<G>) }
+}
+
+/// The entry of a level, for the step into an instance.
+type Walk<G> = unsafe fn(&Forest, usize, &DRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
+
+/// Walks one group, nearest children first. True if the search is over.
+///
+/// # Safety
+/// The machine must have the instructions of `L`; `stack` must have room for the group and all below it; `enter` must be the
+/// entry of the same level.
+#[inline(always)]
+unsafe fn walk<L: Lanes8, G: Goal>(
+    forest: &Forest,
+    group: usize,
+    ray: &DRay,
+    instance: u32,
+    search: &mut Search<'_, G>,
+    stack: &mut Stack,
+    enter: Walk<G>,
+) -> bool {
+    let tree = &forest.trees[group];
+    for &object in &tree.unbounded {
+        // SAFETY: as promised by the caller.
+        if unsafe { test_object(forest, tree, object as usize, ray, instance, search, stack, enter) } {
+            return true;
+        }
+    }
+    if tree.root == ChildRef::NONE {
+        return false;
+    }
+    let local = LocalRay::new(ray);
+    let t_min = search.ray.t_min;
+    let mut cull = search.cull();
+    let mut top = 0;
+    let mut current = tree.root;
+    loop {
+        while current.is_node() {
+            search.goal.count_node();
+            // SAFETY: the builder makes only references to nodes that exist.
+            let node = unsafe { tree.nodes.get_unchecked(current.index()) };
+            // SAFETY: as promised by the caller.
+            let (met, enters) = unsafe { boxes_met::<L>(node, &local, t_min, cull) };
+            if met == 0 {
+                break;
+            }
+            let mut near = [0.0; 8];
+            enters.store(&mut near);
+            // SAFETY: a walk holds at most 7 entries per level, so there are 8 free ones by the builder's count.
+            top = unsafe { push_sorted(stack, top, met, &near, &node.children) } - 1;
+            // SAFETY: `push_sorted` wrote at least one entry.
+            current = ChildRef(unsafe { stack.get_unchecked(top).assume_init() } as u32);
+        }
+        if current.is_triangles() {
+            // SAFETY: the builder makes only references to blocks that exist; `L` as promised by the caller.
+            let (block, mut mask) = unsafe {
+                let block = tree.blocks.get_unchecked(current.block());
+                (block, candidates::<L>(block, &local, t_min, cull))
+            };
+            search.goal.count_primitives(current.count());
+            mask &= (2 << (current.count() - 1)) - 1;
+            while mask != 0 {
+                let lane = mask.trailing_zeros() as usize;
+                mask &= mask - 1;
+                let ids = || {
+                    let (geometry, primitive) = tree.triangle(block.ids[lane & 7]);
+                    [instance, geometry, primitive]
+                };
+                if test_triangle(search, &local, &block.corners(lane), ids) {
+                    return true;
+                }
+            }
+            cull = search.cull();
+        } else if !current.is_node() {
+            // SAFETY: as promised by the caller; the entries below `top` stay as they are.
+            let over = unsafe {
+                let rest = stack.get_unchecked_mut(top..);
+                test_object(forest, tree, current.index(), ray, instance, search, rest, enter)
+            };
+            if over {
+                return true;
+            }
+            cull = search.cull();
+        }
+        loop {
+            if top == 0 {
+                return false;
+            }
+            top -= 1;
+            // SAFETY: all entries below the former `top` are written.
+            let next = unsafe { stack.get_unchecked(top).assume_init() };
+            if distance(next) <= cull {
+                current = ChildRef(next as u32);
+                break;
+            }
+        }
+    }
+}
+
+/// Pushes the children that were met, the nearest on top, and returns the new top.
+///
+/// # Safety
+/// `stack` must have 8 entries from `top`.
+#[inline(always)]
+unsafe fn push_sorted(stack: &mut Stack, top: usize, met: u32, near: &[f32; 8], children: &[ChildRef; 8]) -> usize {
+    let mut mask = met;
+    let mut end = top;
+    while mask != 0 {
+        let slot = mask.trailing_zeros() as usize & 7;
+        mask &= mask - 1;
+        let new = near[slot];
+        let mut at = end;
+        while at > top {
+            // SAFETY: entries from `top` to `end` were just written.
+            let before = unsafe { stack.get_unchecked(at - 1).assume_init() };
+            if distance(before) >= new {
+                break;
+            }
+            // SAFETY: `at <= end`, which is free by the caller's promise.
+            unsafe { stack.get_unchecked_mut(at).write(before) };
+            at -= 1;
+        }
+        // SAFETY: as above.
+        unsafe { stack.get_unchecked_mut(at).write(entry(new, children[slot])) };
+        end += 1;
+    }
+    end
+}
+
+/// Tests a shape, or walks the group of an instance.
+///
+/// # Safety
+/// As [`walk`].
+#[inline(never)]
+unsafe fn test_object<G: Goal>(
+    forest: &Forest,
+    tree: &GroupTree,
+    object: usize,
+    ray: &DRay,
+    instance: u32,
+    search: &mut Search<'_, G>,
+    stack: &mut Stack,
+    enter: Walk<G>,
+) -> bool {
+    match &tree.objects[object] {
+        Object::Shape { shape, geometry, shape_from_group } => {
+            test_shape(search, shape.as_ref(), *geometry, instance, &mapped(shape_from_group, ray))
+        }
+        Object::Instance { child, offset, child_from_group } => {
+            let ray = mapped(child_from_group, ray);
+            // SAFETY: as promised by the caller: the stack has room for all below this group.
+            unsafe { enter(forest, *child, &ray, instance + offset, search, stack) }
+        }
+    }
+}

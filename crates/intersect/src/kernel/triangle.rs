@@ -1,0 +1,246 @@
+//! The watertight ray-triangle test: a quick filter over eight triangles, and the exact test for those that pass it.
+//!
+//! The vertices are drawn on a plane across the ray in `f32` (Woop, Benthin and Wald, Watertight Ray/Triangle Intersection, JCGT
+//! 2013). The drawing is a little inexact but the same for every triangle of a vertex, and on it every decision is exact: `f32`
+//! products have no error in `f64`, and where the ray meets an edge or vertex of the drawing, a symbolic shift of the ray
+//! decides. So a ray through a closed mesh crosses each fan exactly once.
+//!
+//! The filter may pass too much but never too little, so the hits are the same at every SIMD level, and with any structure.
+
+use super::ray::{LocalRay, wide};
+use snell_math::simd::Lanes8;
+use snell_math::{DVec3, Vec2};
+
+/// Up to eight triangles, ready for [`candidates`].
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct TriangleBlock {
+    /// By vertex, axis, triangle.
+    pub vertices: [[[f32; 8]; 3]; 3],
+    /// Number of the triangle within its group.
+    pub ids: [u32; 8],
+}
+
+impl TriangleBlock {
+    pub const EMPTY: Self = Self { vertices: [[[0.0; 8]; 3]; 3], ids: [u32::MAX; 8] };
+
+    /// The corners of one of the triangles.
+    #[inline(always)]
+    pub fn corners(&self, lane: usize) -> [[f32; 3]; 3] {
+        let (lane, v) = (lane & 7, &self.vertices);
+        let corner = |i: usize| [v[i][0][lane], v[i][1][lane], v[i][2][lane]];
+        [corner(0), corner(1), corner(2)]
+    }
+
+    /// Puts a triangle into a lane.
+    pub fn set(&mut self, lane: usize, corners: &[[f32; 3]; 3], id: u32) {
+        for (vertex, corner) in self.vertices.iter_mut().zip(corners) {
+            for (axis, &x) in vertex.iter_mut().zip(corner) {
+                axis[lane] = x;
+            }
+        }
+        self.ids[lane] = id;
+    }
+}
+
+/// Bound of the rounding of an edge value, relative to the largest drawn |x| times the largest drawn |y|: two products and a
+/// difference are off by at most `2^-22` of it. Doubled.
+const EDGE_ERROR: f32 = 4.76837158203125e-7;
+
+/// Which triangles of the block the ray may hit between `t_min` and `cull` (inclusive). `cull` must be padded by the rounding of
+/// a depth (a relative `1e-6`).
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32 {
+    // SAFETY: passed on to the caller.
+    let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2], zero, bound_scale, tiny) = unsafe {
+        let frame = DrawingFrame::<L>::new(ray);
+        let [v0, v1, v2] = &block.vertices;
+        (
+            frame.draw(v0),
+            frame.draw(v1),
+            frame.draw(v2),
+            L::splat(0.0),
+            L::splat(EDGE_ERROR),
+            L::splat(f32::MIN_POSITIVE),
+        )
+    };
+    let u = x1.mul(y2).sub(y1.mul(x2));
+    let v = x2.mul(y0).sub(y2.mul(x0));
+    let w = x0.mul(y1).sub(y0.mul(x1));
+    // Surely outside: two edges whose signs are certain and differ. NaN is never sure.
+    let extent = x0.abs().max(x1.abs()).max(x2.abs()).mul(y0.abs().max(y1.abs()).max(y2.abs()));
+    let bound = extent.mul(bound_scale).add(tiny);
+    let outside = u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w));
+    // Surely too near or too far: all three corners are. (With `depth_scale` 0 all depths are 0 and prove nothing.)
+    if ray.depth_scale == 0.0 {
+        return !outside & 0xff;
+    }
+    // SAFETY: passed on to the caller.
+    let (scale, cull, start) =
+        unsafe { (L::splat(ray.depth_scale), L::splat(cull), L::splat(t_min - t_min.abs() * 1e-6)) };
+    let (d0, d1, d2) = (z0.mul(scale), z1.mul(scale), z2.mul(scale));
+    let beyond = cull.lt(d0.min(d1).min(d2)) | d0.max(d1).max(d2).lt(start);
+    !(outside | beyond) & 0xff
+}
+
+/// [`LocalRay::draw`] for eight vertices at a time: the same operations. (Plain functions instead of closures, which are not always
+/// inlined, and vectors must not pass through calls.)
+struct DrawingFrame<L> {
+    axes: [usize; 3],
+    origin: [L; 3],
+    shear: [L; 2],
+}
+
+impl<L: Lanes8> DrawingFrame<L> {
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    unsafe fn new(ray: &LocalRay) -> Self {
+        let [x, y, z] = ray.axes;
+        // SAFETY: passed on to the caller.
+        unsafe {
+            Self {
+                axes: ray.axes,
+                origin: [L::splat(ray.origin[x]), L::splat(ray.origin[y]), L::splat(ray.origin[z])],
+                shear: [L::splat(ray.shear[0]), L::splat(ray.shear[1])],
+            }
+        }
+    }
+
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    unsafe fn draw(&self, v: &[[f32; 8]; 3]) -> [L; 3] {
+        let [kx, ky, kz] = self.axes;
+        // SAFETY: passed on to the caller; axes are below 3.
+        unsafe {
+            let x = L::load(v.get_unchecked(kx)).sub(self.origin[0]);
+            let y = L::load(v.get_unchecked(ky)).sub(self.origin[1]);
+            let z = L::load(v.get_unchecked(kz)).sub(self.origin[2]);
+            [x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z)), z]
+        }
+    }
+}
+
+/// Twice the signed area of the drawn triangle (ray, p, q), and its exact sign after the symbolic shift of the ray: 0 only if
+/// the edge is a point or not a number.
+#[inline(always)]
+fn edge(p: [f32; 2], q: [f32; 2]) -> (f64, i32) {
+    let (a, b) = (f64::from(p[0]) * f64::from(q[1]), f64::from(p[1]) * f64::from(q[0]));
+    let sign = |less: bool, greater: bool| i32::from(greater) - i32::from(less);
+    let decided = if a != b {
+        sign(a < b, a > b)
+    } else if p[1] != q[1] {
+        sign(p[1] < q[1], p[1] > q[1])
+    } else {
+        sign(q[0] < p[0], q[0] > p[0])
+    };
+    (a - b, decided)
+}
+
+/// The exact test: distance and barycentrics `(b1, b2)` if the line of the ray passes through the triangle at `t > t_min`.
+///
+/// The distance comes from the plane of the triangle in `f64`, so it has the right sign for any start that is more than a few
+/// units in the last place (of `f64`) off the plane. It is then moved into the interval in which the ray is inside the
+/// triangle's box (it leaves that only by rounding), so that skipping boxes can never lose it.
+#[inline(always)]
+pub(crate) fn exact_hit(ray: &LocalRay, corners: &[[f32; 3]; 3], t_min: f64) -> Option<(f64, Vec2)> {
+    let [p0, p1, p2] = [ray.draw(&corners[0]), ray.draw(&corners[1]), ray.draw(&corners[2])];
+    let (w0, s0) = edge(p1, p2);
+    let (w1, s1) = edge(p2, p0);
+    let (w2, s2) = edge(p0, p1);
+    if s0 == 0 || s0 != s1 || s0 != s2 {
+        return None;
+    }
+    let sum = w0 + w1 + w2;
+    let (b1, b2) = if sum != 0.0 { (w1 / sum, w2 / sum) } else { (1.0 / 3.0, 1.0 / 3.0) };
+    let corners = [wide(corners[0]), wide(corners[1]), wide(corners[2])];
+    let o = ray.exact.origin;
+    let relative = [corners[0] - o, corners[1] - o, corners[2] - o];
+    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    let plane = normal.dot(relative[0]) / normal.dot(ray.exact.direction);
+    let t = if plane.is_finite() {
+        plane
+    } else {
+        let z = ray.axes[2];
+        (relative[0][z] * (1.0 - b1 - b2) + relative[1][z] * b1 + relative[2][z] * b2) / ray.exact.direction[z]
+    };
+    if t.is_nan() || t <= t_min {
+        return None;
+    }
+    let t = clamp_to_box(ray, &relative, t);
+    Some((t, Vec2::new(b1 as f32, b2 as f32)))
+}
+
+/// The nearest value to `t` at which the ray is in the box of the three corners (given relative to its origin).
+#[inline(always)]
+fn clamp_to_box(ray: &LocalRay, relative: &[DVec3; 3], t: f64) -> f64 {
+    let inverse = ray.exact.direction.recip();
+    let low = relative[0].min(relative[1]).min(relative[2]) * inverse;
+    let high = relative[0].max(relative[1]).max(relative[2]) * inverse;
+    // An axis the ray does not move along says nothing: 0 / 0 and x / 0.
+    let usable = inverse.is_finite_mask();
+    let enter = DVec3::select(usable, low.min(high), DVec3::NEG_INFINITY).max_element();
+    let leave = DVec3::select(usable, low.max(high), DVec3::INFINITY).min_element();
+    t.min(leave).max(enter)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use snell_math::DRay;
+    use snell_math::simd::Portable8;
+
+    fn ray(o: [f32; 3], d: [f32; 3]) -> LocalRay {
+        LocalRay::new(&DRay::new(wide(o), wide(d)))
+    }
+
+    #[test]
+    fn an_edge_shared_by_two_triangles_belongs_to_one_of_them() {
+        let (a, b, c, d) = ([0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]);
+        for i in 0..=16 {
+            let s = i as f32 / 16.0;
+            // The vertices a and c have other neighbours outside, so only the inner points must count once.
+            let ray = ray([s, s, 0.0], [0.0, 0.0, 1.0]);
+            let count = [[a, b, c], [a, c, d]].iter().filter(|t| exact_hit(&ray, t, 0.0).is_some()).count();
+            assert!(count == 1 || ((i == 0 || i == 16) && count == 0), "{i}: {count}");
+        }
+    }
+
+    #[test]
+    fn distance_and_barycentrics_describe_the_point() {
+        let t = [[0.0, 0.0, 2.0], [4.0, 0.0, 2.0], [0.0, 4.0, 2.0]];
+        let (distance, uv) = exact_hit(&ray([1.0, 2.0, 0.0], [0.0, 0.0, 0.5]), &t, 0.0).expect("a hit");
+        assert_eq!((distance, uv), (4.0, Vec2::new(0.25, 0.5)));
+        assert!(exact_hit(&ray([1.0, 2.0, 0.0], [0.0, 0.0, 0.5]), &t, 4.0).is_none(), "the interval is open");
+    }
+
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![-4i32..=4, -4i32..=4].prop_map(|i| i as f32 * 0.25).boxed().prop_union((-2.0f32..2.0).boxed())
+    }
+
+    fn point() -> impl Strategy<Value = [f32; 3]> {
+        [coordinate(), coordinate(), coordinate()]
+    }
+
+    proptest! {
+        #[test]
+        fn the_filter_never_drops_a_hit(corners in [point(), point(), point()], o in point(), d in point(), scale in -30i32..30) {
+            prop_assume!(d != [0.0; 3]);
+            let scale = 2.0f32.powi(scale);
+            let corners = corners.map(|v| v.map(|x| x * scale));
+            let ray = ray(o.map(|x| x * scale), d);
+            let mut block = TriangleBlock::EMPTY;
+            block.set(3, &corners, 0);
+            // SAFETY: portable code.
+            let mask = unsafe { candidates::<Portable8>(&block, &ray, 0.0, f32::INFINITY) };
+            if exact_hit(&ray, &corners, 0.0).is_some() {
+                prop_assert!(mask & 8 != 0);
+            }
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! From a hit to everything local about the surface.
+
+use super::{Geometry, GeometryId, GroupId, World, abs_matrix};
+use crate::hit::{Hit, SurfaceInteraction};
+use crate::mesh::TriangleMesh;
+use crate::shape::Shape;
+use snell_math::{DMat3, DRay, DVec2, DVec3, Frame, Ray, Transform, Vec2, Vec3};
+
+/// Bound of the relative error of a mapped coordinate in `f64` (four products, three sums), with room to spare.
+const MAP_ERROR: f64 = 1.0 / (1u64 << 49) as f64;
+
+/// A surface in the coordinates of some group, on its way up to the world.
+struct LocalSurface {
+    position: DVec3,
+    /// Bound of the error of each coordinate of the position, and of the start of a next ray when it comes down to here.
+    error: DVec3,
+    normal: DVec3,
+    shading_normal: DVec3,
+    dpdu: DVec3,
+    dpdv: DVec3,
+    tangent: Option<(DVec3, f32)>,
+    uv: [Vec2; 2],
+    color: [f32; 4],
+}
+
+impl LocalSurface {
+    /// The surface one level up.
+    fn mapped(self, map: &Transform) -> Self {
+        let (m, inverse) = (map.matrix(), map.inverse_matrix());
+        let grow = abs_matrix(&m.matrix3);
+        let position = map.point(self.position);
+        let up = (grow * self.position.abs() + m.translation.abs()) * MAP_ERROR;
+        // What a ray that starts there is off by down here, seen from up there.
+        let down = (abs_matrix(&inverse.matrix3) * position.abs() + inverse.translation.abs()) * MAP_ERROR;
+        Self {
+            position,
+            error: grow * (self.error + down) + up,
+            normal: map.normal(self.normal).normalize_or(DVec3::Z),
+            shading_normal: map.normal(self.shading_normal).normalize_or_zero(),
+            dpdu: map.vector(self.dpdu),
+            dpdv: map.vector(self.dpdv),
+            tangent: self.tangent.map(|(t, sign)| (map.vector(t), if map.is_mirrored() { -sign } else { sign })),
+            ..self
+        }
+    }
+}
+
+impl World {
+    /// Everything local about the surface at `hit`, which `ray` found.
+    ///
+    /// Positions come from the barycentrics of triangles, or are moved onto shapes, in `f64`; the error bound covers the way to the
+    /// world and the way of a next ray back down (the idea of Wächter and Binder, A Fast and Robust Method for Avoiding
+    /// Self-Intersection, Ray Tracing Gems 2019; the bounds as in Pharr, Jakob and Humphreys, 4th edition, section 6.8).
+    ///
+    /// # Panics
+    /// If `hit` is a miss or does not belong to this world.
+    pub fn interaction(&self, ray: &Ray, hit: &Hit) -> SurfaceInteraction {
+        let local = self.surface_in_group(GroupId(0), hit.instance, &DRay::from(ray), hit);
+        let (position, position_error) = rounded(local.position, local.error);
+        let geometric_normal = unit(local.normal).unwrap_or(Vec3::Z);
+        let shading_normal = match unit(local.shading_normal) {
+            Some(n) if n.dot(geometric_normal) < 0.0 => -n,
+            Some(n) => n,
+            None => geometric_normal,
+        };
+        let (dpdu, dpdv) = (local.dpdu.as_vec3(), local.dpdv.as_vec3());
+        let usable = |v: Vec3| v.is_finite() && v != Vec3::ZERO;
+        let (dpdu, dpdv) = if usable(dpdu) && usable(dpdv) {
+            (dpdu, dpdv)
+        } else {
+            let frame = Frame::from_z(shading_normal);
+            (frame.x, frame.y)
+        };
+        SurfaceInteraction {
+            position,
+            position_error,
+            geometric_normal,
+            shading_normal,
+            uv: local.uv,
+            dpdu,
+            dpdv,
+            tangent: local.tangent.and_then(|(t, sign)| Some((unit(t)?, sign))),
+            color: local.color,
+            t: hit.t,
+            primitive_uv: hit.uv,
+            instance: hit.instance,
+            geometry: hit.geometry,
+            primitive: hit.primitive,
+        }
+    }
+
+    /// The surface in the coordinates of `group`, for an occurrence `rest` below it. `ray` is in the same coordinates.
+    fn surface_in_group(&self, group: GroupId, rest: u32, ray: &DRay, hit: &Hit) -> LocalSurface {
+        if let Some((step, left)) = self.step(group, rest) {
+            let instance = &self.group(group).instances[step];
+            let map = &instance.group_from_child;
+            return self.surface_in_group(instance.child, left, &map.inverse().ray(ray), hit).mapped(map);
+        }
+        match self.geometry(GeometryId(hit.geometry)) {
+            Geometry::Mesh(mesh) => triangle_surface(mesh, hit),
+            Geometry::Shape(shape, placed) => {
+                shape_surface(shape.as_ref(), &placed.inverse().ray(ray), hit).mapped(placed)
+            }
+        }
+    }
+}
+
+/// The position in single precision, and a bound of its error with that of rounding.
+fn rounded(position: DVec3, error: DVec3) -> (Vec3, Vec3) {
+    let limit = DVec3::splat(f32::MAX.into());
+    let single = position.clamp(-limit, limit).as_vec3();
+    let error = ((position - single.as_dvec3()).abs() + error).min(limit).as_vec3();
+    (single, error.map(f32::next_up))
+}
+
+fn unit(v: DVec3) -> Option<Vec3> {
+    v.try_normalize().map(|n| n.as_vec3())
+}
+
+fn shape_surface(shape: &dyn Shape, ray: &DRay, hit: &Hit) -> LocalSurface {
+    let surface = shape.surface(ray.at(hit.t.into()), hit.primitive);
+    let size = surface.position.abs().max_element();
+    let uv = surface.uv.as_vec2();
+    LocalSurface {
+        position: surface.position,
+        // Shapes answer to a few roundings of their largest coordinate.
+        error: DVec3::splat(size * 4.0 * MAP_ERROR),
+        normal: surface.normal,
+        shading_normal: surface.normal,
+        dpdu: surface.dpdu,
+        dpdv: surface.dpdv,
+        tangent: None,
+        uv: [uv; 2],
+        color: [1.0; 4],
+    }
+}
+
+fn triangle_surface(mesh: &TriangleMesh, hit: &Hit) -> LocalSurface {
+    let triangle = hit.primitive as usize;
+    let indices = mesh.indices[triangle].map(|i| i as usize);
+    let p = indices.map(|i| mesh.positions[i].as_dvec3());
+    let (b1, b2) = (f64::from(hit.uv.x), f64::from(hit.uv.y));
+    let b = [1.0 - b1 - b2, b1, b2];
+    let single = b.map(|x| x as f32);
+    let normal = (p[1] - p[0]).cross(p[2] - p[0]).normalize_or(DVec3::Z);
+    let blend = |v: &[Vec3]| indices.iter().zip(b).map(|(&i, b)| v[i].as_dvec3() * b).sum::<DVec3>();
+    let uv = |v: &[Vec2]| indices.iter().zip(single).map(|(&i, b)| v[i] * b).sum::<Vec2>();
+    let present = |v: &[Vec2]| if v.is_empty() { Vec2::ZERO } else { uv(v) };
+    let (dpdu, dpdv) = if mesh.uvs[0].is_empty() {
+        (DVec3::ZERO, DVec3::ZERO)
+    } else {
+        derivatives(&p, indices.map(|i| mesh.uvs[0][i].as_dvec2()), normal)
+    };
+    let tangent = || {
+        let direction = indices.iter().zip(b).map(|(&i, b)| mesh.tangents[i].truncate().as_dvec3() * b).sum();
+        (direction, if mesh.tangents[indices[0]].w < 0.0 { -1.0 } else { 1.0 })
+    };
+    let color = || std::array::from_fn(|c| indices.iter().zip(single).map(|(&i, b)| mesh.colors[i][c] * b).sum());
+    LocalSurface {
+        position: p[0] * b[0] + p[1] * b[1] + p[2] * b[2],
+        // The next ray's distance to the plane is found in `f64` from these corners.
+        error: DVec3::splat(p.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max) * 4.0 * MAP_ERROR),
+        normal,
+        shading_normal: if mesh.normals.is_empty() { normal } else { blend(&mesh.normals) },
+        dpdu,
+        dpdv,
+        tangent: (!mesh.tangents.is_empty()).then(tangent),
+        uv: [present(&mesh.uvs[0]), present(&mesh.uvs[1])],
+        color: if mesh.colors.is_empty() { [1.0; 4] } else { color() },
+    }
+}
+
+/// Derivatives of the position by the texture coordinates (Pharr, Jakob and Humphreys, 4th edition, section 6.5.2); zero where the
+/// coordinates do not span a plane.
+fn derivatives(p: &[DVec3; 3], uv: [DVec2; 3], normal: DVec3) -> (DVec3, DVec3) {
+    let (e1, e2) = (p[1] - p[0], p[2] - p[0]);
+    let (t1, t2) = (uv[1] - uv[0], uv[2] - uv[0]);
+    let determinant = t1.perp_dot(t2);
+    if determinant == 0.0 || !determinant.is_finite() {
+        return (DVec3::ZERO, DVec3::ZERO);
+    }
+    let dpdu = (e1 * t2.y - e2 * t1.y) / determinant;
+    let dpdv = (e2 * t1.x - e1 * t2.x) / determinant;
+    // Both lie in the plane of the triangle and must span it.
+    let spans = DMat3::from_cols(dpdu.normalize_or_zero(), dpdv.normalize_or_zero(), normal).determinant().abs() > 1e-9;
+    if spans { (dpdu, dpdv) } else { (DVec3::ZERO, DVec3::ZERO) }
+}

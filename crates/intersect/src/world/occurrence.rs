@@ -1,0 +1,126 @@
+//! Numbers of occurrences: from the tree of instances to [`crate::Hit::instance`] and back.
+
+use super::{GroupContents, GroupId, World, WorldError};
+use snell_math::Transform;
+
+/// Instances may be nested this deep.
+pub(super) const MAX_NESTING: usize = 512;
+
+/// How often groups occur.
+#[derive(Debug)]
+pub(super) struct Occurrences {
+    /// Groups, children before parents.
+    pub order: Vec<usize>,
+    /// Per group, how many occurrences one instance of it adds: itself and all below.
+    pub counts: Vec<u64>,
+    /// Per group and instance, what to add to the number of the group's occurrence to get that of the child. Ascending.
+    pub offsets: Vec<Vec<u32>>,
+}
+
+impl Occurrences {
+    /// Counts, and refuses cycles, too many occurrences and too deep nesting.
+    pub fn count(groups: &[GroupContents]) -> Result<Self, WorldError> {
+        let order = children_first(groups)?;
+        let mut counts = vec![1u64; groups.len()];
+        let mut offsets = vec![Vec::new(); groups.len()];
+        let mut nesting = vec![0; groups.len()];
+        for &group in &order {
+            for instance in &groups[group].instances {
+                let child = instance.child.0 as usize;
+                offsets[group].push(counts[group] as u32);
+                counts[group] = counts[group].saturating_add(counts[child]);
+                nesting[group] = nesting[group].max(nesting[child] + 1);
+                if counts[group] > u64::from(u32::MAX) - 1 {
+                    return Err(WorldError::TooManyInstances);
+                }
+            }
+            if nesting[group] > MAX_NESTING {
+                return Err(WorldError::Limit(format!(
+                    "instances are nested more than {MAX_NESTING} deep; apply some of the transforms to the geometry instead"
+                )));
+            }
+        }
+        Ok(Self { order, counts, offsets })
+    }
+}
+
+/// All groups, children before parents. An explicit stack: files may nest deeper than the thread's stack.
+fn children_first(groups: &[GroupContents]) -> Result<Vec<usize>, WorldError> {
+    #[derive(Clone, Copy, PartialEq)]
+    enum State {
+        New,
+        Open,
+        Done,
+    }
+    let mut state = vec![State::New; groups.len()];
+    let mut order = Vec::with_capacity(groups.len());
+    for start in 0..groups.len() {
+        if state[start] != State::New {
+            continue;
+        }
+        state[start] = State::Open;
+        let mut stack = vec![(start, 0)];
+        while let Some((group, next)) = stack.pop() {
+            let Some(instance) = groups[group].instances.get(next) else {
+                state[group] = State::Done;
+                order.push(group);
+                continue;
+            };
+            stack.push((group, next + 1));
+            let child = instance.child.0 as usize;
+            match state[child] {
+                State::Done => {}
+                State::Open => return Err(WorldError::Cycle(child as u32)),
+                State::New => {
+                    state[child] = State::Open;
+                    stack.push((child, 0));
+                }
+            }
+        }
+    }
+    Ok(order)
+}
+
+impl World {
+    /// Number of occurrences of groups in the world: [`crate::Hit::instance`] is below it.
+    pub fn instance_count(&self) -> u32 {
+        self.occurrences.counts[0] as u32
+    }
+
+    /// The instance of `group` that leads to the occurrence `rest` below it (0 is the group itself), and what is left of the number
+    /// there.
+    pub(super) fn step(&self, group: GroupId, rest: u32) -> Option<(usize, u32)> {
+        let offsets = &self.occurrences.offsets[group.0 as usize];
+        let step = offsets.partition_point(|&o| o <= rest).checked_sub(1)?;
+        Some((step, rest - offsets[step]))
+    }
+
+    /// The way from the root to an occurrence: for each step the group and the position of the instance in its list. Empty for the
+    /// root.
+    pub fn instance_path(&self, instance: u32) -> Vec<(GroupId, usize)> {
+        let mut path = Vec::new();
+        let (mut group, mut rest) = (GroupId(0), instance);
+        while let Some((step, left)) = self.step(group, rest) {
+            path.push((group, step));
+            (group, rest) = (self.group(group).instances[step].child, left);
+        }
+        path
+    }
+
+    /// The map from the coordinates of an occurrence's group to the world.
+    pub fn world_from_instance(&self, instance: u32) -> Transform {
+        let mut world_from_group = Transform::IDENTITY;
+        let (mut group, mut rest) = (GroupId(0), instance);
+        while let Some((step, left)) = self.step(group, rest) {
+            let instance = &self.group(group).instances[step];
+            // The first step needs no product, and most paths have one step.
+            world_from_group = if group.0 == 0 {
+                instance.group_from_child
+            } else {
+                world_from_group.compose(&instance.group_from_child)
+            };
+            (group, rest) = (instance.child, left);
+        }
+        world_from_group
+    }
+}

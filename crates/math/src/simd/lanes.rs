@@ -1,0 +1,44 @@
+//! Eight `f32` at a time: the few operations that kernels need, once for each instruction set.
+
+/// Eight numbers that are worked on together. Every implementation gives the same bits: nothing is fused, and `min` and `max`
+/// return the second operand if one is NaN.
+pub trait Lanes8: Copy {
+    /// The same number in all lanes.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn splat(value: f32) -> Self;
+
+    /// Eight numbers from memory.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn load(values: &[f32; 8]) -> Self;
+
+    /// Writes the eight numbers.
+    fn store(self, to: &mut [f32; 8]);
+
+    /// `self + other`.
+    fn add(self, other: Self) -> Self;
+
+    /// `self - other`.
+    fn sub(self, other: Self) -> Self;
+
+    /// `self * other`.
+    fn mul(self, other: Self) -> Self;
+
+    /// The lesser of both; `other` if either is NaN.
+    fn min(self, other: Self) -> Self;
+
+    /// The greater of both; `other` if either is NaN.
+    fn max(self, other: Self) -> Self;
+
+    /// Absolute value.
+    fn abs(self) -> Self;
+
+    /// Bit `i` is set if `self <= other` in lane `i` (not for NaN).
+    fn le(self, other: Self) -> u32;
+
+    /// Bit `i` is set if `self < other` in lane `i` (not for NaN).
+    fn lt(self, other: Self) -> u32;
+}

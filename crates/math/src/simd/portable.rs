@@ -1,0 +1,76 @@
+//! Eight lanes without special instructions: the readable twin.
+
+use super::Lanes8;
+
+/// Eight lanes as an array.
+#[derive(Clone, Copy, Debug)]
+pub struct Portable8([f32; 8]);
+
+impl Portable8 {
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
+    }
+
+    #[inline(always)]
+    fn compare(self, other: Self, f: impl Fn(f32, f32) -> bool) -> u32 {
+        (0..8).fold(0, |mask, i| mask | (u32::from(f(self.0[i], other.0[i])) << i))
+    }
+}
+
+impl Lanes8 for Portable8 {
+    #[inline(always)]
+    unsafe fn splat(value: f32) -> Self {
+        Self([value; 8])
+    }
+
+    #[inline(always)]
+    unsafe fn load(values: &[f32; 8]) -> Self {
+        Self(*values)
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f32; 8]) {
+        *to = self.0;
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.zip(other, |a, b| a * b)
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(self.0.map(f32::abs))
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        self.compare(other, |a, b| a <= b)
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        self.compare(other, |a, b| a < b)
+    }
+}
