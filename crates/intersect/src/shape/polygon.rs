@@ -40,8 +40,8 @@ pub enum PolygonError {
     /// A coordinate is infinite or NaN.
     #[error("vertex {0} of the polygon is not finite")]
     NotFinite(usize),
-    /// All on a line.
-    #[error("the vertices of the polygon lie on a line: it has no area")]
+    /// All on a line, or too near to each other for a direction.
+    #[error("the vertices of the polygon lie on a line or nearly in a point: it has no area")]
     NoArea,
     /// Off the plane by more than the tolerance.
     #[error(
@@ -114,7 +114,7 @@ impl Polygon {
         flatten(&mut corners, center, normal, extent)?;
         check_convex(&corners, normal, extent)?;
 
-        let right = (corners[1] - corners[0]).normalize();
+        let right = (corners[1] - corners[0]).try_normalize().ok_or(PolygonError::NoArea)?;
         let down = right.cross(normal);
         let range = |axis: DVec3| {
             let along = corners.iter().map(|&c| (c - center).dot(axis));
