@@ -10,9 +10,9 @@ use std::sync::LazyLock;
 /// Nodes in the square root of the cosine: albedo changes most at grazing angles.
 const COSINES: usize = 48;
 /// Nodes in roughness.
-const ROUGHNESSES: usize = 32;
+const ROUGHNESSES: usize = 28;
 /// Directions per node.
-const DIRECTIONS: u32 = 384;
+const DIRECTIONS: u32 = 256;
 
 /// Factors of `f0` and `f90`.
 #[derive(Clone, Copy, Debug, Default)]

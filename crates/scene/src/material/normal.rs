@@ -53,7 +53,7 @@ pub(super) fn mirrors(bsdf: &Bsdf) -> bool {
 }
 
 /// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface, and for mirrors one that reflects
-/// `wo` to that side too (the idea of Keller et al., The Iray Light Transport Simulation and Rendering System, 2017, appendix A.3: pull
+/// `wo` to that side too (the idea of Keller et al., The Iray Light Transport Simulation and Rendering System, 2017: pull
 /// the reflected vector up to the surface, and take the half vector).
 pub(super) fn valid_towards(n: Vec3, geometric_normal: Vec3, wo: Vec3, mirrors: bool) -> Vec3 {
     let side = if wo.dot(geometric_normal) < 0.0 { -1.0 } else { 1.0 };

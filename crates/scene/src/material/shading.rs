@@ -7,7 +7,7 @@ use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
 ///
 /// The shading normal may differ from the surface's own, so a direction above one may lie below the other. Light that would be
 /// reflected through the surface, or transmitted without crossing it, is dropped here (Veach, Robust Monte Carlo Methods for Light
-/// Transport Simulation, section 5.3.4).
+/// Transport Simulation, section 5.3).
 #[derive(Clone, Debug)]
 pub struct ShadingBsdf {
     /// The lobes.

@@ -56,52 +56,68 @@ impl Pyramid {
         let full = Level { width: image.width, height: image.height, texels: Texels::Stored(image.clone()) };
         let mut pyramid = Self { levels: vec![full], channels: image.channels as usize, encoding, decode };
         if with_levels {
-            pyramid.build_levels(matches!(image.pixels, Pixels::F32(_)));
+            pyramid.build_levels(image);
         }
         Some(pyramid)
     }
 
-    fn build_levels(&mut self, is_float: bool) {
-        let mut finer: Option<Vec<f32>> = None;
-        let (mut width, mut height) = (self.levels[0].width, self.levels[0].height);
+    fn build_levels(&mut self, image: &Image) {
+        let is_float = matches!(image.pixels, Pixels::F32(_));
+        let mut finer: Vec<f32> = Vec::new();
+        let (mut width, mut height) = self.size();
         while width.max(height) > 1 {
-            let size = ((width / 2).max(1), (height / 2).max(1));
-            let coarser = match &finer {
-                None => self.halve((width, height), size, |x, y, c| self.stored(0, x, y, c)),
-                Some(v) => self.halve((width, height), size, |x, y, c| {
-                    v[(y as usize * width as usize + x as usize) * self.channels + c]
-                }),
+            let to = ((width / 2).max(1), (height / 2).max(1));
+            let row_length = width as usize * self.channels;
+            let coarser = if self.levels.len() == 1 {
+                self.halve((width, height), to, |y, row| self.decode_row(image, y, row))
+            } else {
+                self.halve((width, height), to, |y, row| {
+                    row.copy_from_slice(&finer[y as usize * row_length..][..row_length])
+                })
             };
-            (width, height) = size;
+            (width, height) = to;
             let texels = if is_float {
                 Texels::Linear32(coarser.clone())
             } else {
                 Texels::Linear16(coarser.iter().map(|x| (x * 65535.0 + 0.5) as u16).collect())
             };
             self.levels.push(Level { width, height, texels });
-            finer = Some(coarser);
+            finer = coarser;
         }
     }
 
-    /// Half the resolution by an exact box filter: where the size is odd, texels count by the share that is covered.
-    fn halve(&self, from: (u32, u32), to: (u32, u32), texel: impl Fn(u32, u32, usize) -> f32) -> Vec<f32> {
-        let columns: Vec<_> = (0..to.0).map(|x| coverage(x, from.0, to.0)).collect();
-        let mut out = Vec::with_capacity(to.0 as usize * to.1 as usize * self.channels);
-        for y in 0..to.1 {
-            let rows = coverage(y, from.1, to.1);
-            for (x0, wx) in &columns {
-                for c in 0..self.channels {
-                    let mut sum = 0.0;
-                    for (dy, wy) in rows.1.iter().enumerate().filter(|(_, w)| **w > 0.0) {
-                        for (dx, wx) in wx.iter().enumerate().filter(|(_, w)| **w > 0.0) {
-                            sum += wx * wy * texel(x0 + dx as u32, rows.0 + dy as u32, c);
-                        }
-                    }
-                    out.push(sum);
+    /// Half the resolution by an exact box filter: where the size is odd, texels count by the share that is covered. `read` gives a
+    /// row of linear values.
+    fn halve(&self, from: (u32, u32), to: (u32, u32), read: impl Fn(u32, &mut [f32])) -> Vec<f32> {
+        let channels = self.channels;
+        let columns: Vec<_> = (0..to.0).map(|x| Coverage::new(x, from.0, to.0)).collect();
+        let mut out = vec![0.0; to.0 as usize * to.1 as usize * channels];
+        let (mut row, mut sum) = (vec![0.0; from.0 as usize * channels], vec![0.0; from.0 as usize * channels]);
+        for (y, out) in out.chunks_exact_mut(to.0 as usize * channels).enumerate() {
+            sum.fill(0.0);
+            for (source, weight) in Coverage::new(y as u32, from.1, to.1).texels() {
+                read(source, &mut row);
+                sum.iter_mut().zip(&row).for_each(|(sum, x)| *sum += weight * x);
+            }
+            for (out, column) in out.chunks_exact_mut(channels).zip(&columns) {
+                for (source, weight) in column.texels() {
+                    let texel = &sum[source as usize * channels..][..channels];
+                    out.iter_mut().zip(texel).for_each(|(out, x)| *out += weight * x);
                 }
             }
         }
         out
+    }
+
+    /// Linear values of a row of the full image.
+    fn decode_row(&self, image: &Image, y: u32, row: &mut [f32]) {
+        let start = y as usize * row.len();
+        for (i, texel) in row.chunks_exact_mut(self.channels).enumerate() {
+            for (c, x) in texel.iter_mut().enumerate() {
+                let index = start + i * self.channels + c;
+                *x = Self::stored(image, &self.decode, self.encoding, index, is_color(c, self.channels));
+            }
+        }
     }
 
     pub(super) fn level_count(&self) -> usize {
@@ -123,35 +139,35 @@ impl Pyramid {
         self.levels.iter().map(of).sum()
     }
 
-    /// One linear value, always finite.
-    #[inline]
-    fn stored(&self, level: usize, x: u32, y: u32, channel: usize) -> f32 {
-        let level = &self.levels[level];
-        let i = (y as usize * level.width as usize + x as usize) * self.channels + channel;
-        let is_color = self.channels >= 3 && channel < 3 || channel == 0;
-        match &level.texels {
-            Texels::Linear16(v) => f32::from(v[i]) * (1.0 / 65535.0),
-            Texels::Linear32(v) => v[i],
-            Texels::Stored(image) => match &image.pixels {
-                Pixels::U8(v) if is_color => self.decode[usize::from(v[i])],
-                Pixels::U8(v) => f32::from(v[i]) / 255.0,
-                Pixels::U16(v) if is_color => decoded(f32::from(v[i]) / 65535.0, self.encoding),
-                Pixels::U16(v) => f32::from(v[i]) / 65535.0,
-                Pixels::F32(v) if is_color => finite(decoded(finite(v[i]), self.encoding)),
-                Pixels::F32(v) => finite(v[i]),
-            },
+    /// One linear value of the full image, always finite.
+    fn stored(image: &Image, decode: &Decode, encoding: Encoding, i: usize, is_color: bool) -> f32 {
+        match &image.pixels {
+            Pixels::U8(v) if is_color => decode[usize::from(v[i])],
+            Pixels::U8(v) => f32::from(v[i]) * (1.0 / 255.0),
+            Pixels::U16(v) if is_color => decoded(f32::from(v[i]) * (1.0 / 65535.0), encoding),
+            Pixels::U16(v) => f32::from(v[i]) * (1.0 / 65535.0),
+            Pixels::F32(v) if is_color => finite(decoded(finite(v[i]), encoding)),
+            Pixels::F32(v) => finite(v[i]),
         }
     }
 
     /// Linear RGB and alpha of a texel; grey spreads to all three, alpha is 1 if absent.
     #[inline]
     pub(super) fn texel(&self, level: usize, x: u32, y: u32) -> [f32; 4] {
-        let c = |channel| self.stored(level, x, y, channel);
-        match self.channels {
-            1 => [c(0), c(0), c(0), 1.0],
-            2 => [c(0), c(0), c(0), c(1)],
-            3 => [c(0), c(1), c(2), 1.0],
-            _ => [c(0), c(1), c(2), c(3)],
+        let level = &self.levels[level];
+        let start = (y as usize * level.width as usize + x as usize) * self.channels;
+        match &level.texels {
+            Texels::Stored(image) => spread(self.channels, |c| {
+                Self::stored(image, &self.decode, self.encoding, start + c, is_color(c, self.channels))
+            }),
+            Texels::Linear16(v) => {
+                let v = &v[start..start + self.channels];
+                spread(v.len(), |c| f32::from(v[c]) * (1.0 / 65535.0))
+            }
+            Texels::Linear32(v) => {
+                let v = &v[start..start + self.channels];
+                spread(v.len(), |c| v[c])
+            }
         }
     }
 
@@ -181,6 +197,22 @@ impl Pyramid {
     }
 }
 
+/// True for the channels that an encoding applies to: all but alpha.
+fn is_color(channel: usize, channels: usize) -> bool {
+    channel == 0 || (channels >= 3 && channel < 3)
+}
+
+/// RGBA of a texel of this many channels.
+#[inline]
+fn spread(channels: usize, c: impl Fn(usize) -> f32) -> [f32; 4] {
+    match channels {
+        1 => [c(0), c(0), c(0), 1.0],
+        2 => [c(0), c(0), c(0), c(1)],
+        3 => [c(0), c(1), c(2), 1.0],
+        _ => [c(0), c(1), c(2), c(3)],
+    }
+}
+
 fn decoded(x: f32, encoding: Encoding) -> f32 {
     match encoding {
         Encoding::Linear => x,
@@ -199,20 +231,30 @@ fn finite(x: f32) -> f32 {
     }
 }
 
-/// First source texel that target texel `i` covers, and the shares of it and the two after it; they add up to 1.
-fn coverage(i: u32, from: u32, to: u32) -> (u32, [f32; 3]) {
-    if from == to {
-        return (i, [1.0, 0.0, 0.0]);
+/// The source texels that one target texel covers: at most three, their shares adding up to 1.
+struct Coverage {
+    first: u32,
+    count: usize,
+    shares: [f32; 3],
+}
+
+impl Coverage {
+    fn new(i: u32, from: u32, to: u32) -> Self {
+        let (i, from, to) = (u64::from(i), u64::from(from), u64::from(to));
+        // In units of 1 / to of a source texel, exactly.
+        let (start, end) = (i * from, (i + 1) * from);
+        let first = start / to;
+        let share = |k: u64| {
+            let (lo, hi) = ((first + k) * to, (first + k + 1) * to);
+            hi.min(end).saturating_sub(lo.max(start)) as f32 / from as f32
+        };
+        let shares = [share(0), share(1), share(2)];
+        Self { first: first as u32, count: shares.iter().filter(|&&s| s > 0.0).count(), shares }
     }
-    let (i, from_, to_) = (u64::from(i), u64::from(from), u64::from(to));
-    // In units of 1 / to of a source texel, exactly.
-    let (start, end) = (i * from_, (i + 1) * from_);
-    let first = start / to_;
-    let share = |k: u64| {
-        let (lo, hi) = ((first + k) * to_, (first + k + 1) * to_);
-        hi.min(end).saturating_sub(lo.max(start)) as f32 / from_ as f32
-    };
-    (first as u32, [share(0), share(1), share(2)])
+
+    fn texels(&self) -> impl Iterator<Item = (u32, f32)> {
+        (self.first..).zip(self.shares).take(self.count)
+    }
 }
 
 /// Integer part, rounded down, and the rest.
