@@ -12,8 +12,10 @@ use std::f32::consts::PI;
 
 /// A scene in the words of the original.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct MinrayDescription {
     /// What the scene is called.
+    #[serde(default)]
     pub name: String,
     /// Maximal depth of the ray tree: 1 follows primary rays only.
     pub depth: u32,
@@ -29,6 +31,7 @@ pub struct MinrayDescription {
 
 /// A sphere. Names are those of the original's data.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct MinraySphere {
     /// Centre.
     pub x: f64,
