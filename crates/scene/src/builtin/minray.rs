@@ -181,7 +181,7 @@ fn set_view(scene: &mut Scene, description: &MinrayDescription) {
     let camera = Camera::from_direction(DVec3::ZERO, DVec3::Y, DVec3::Z, projection);
     scene.cameras.push(Camera { name: "eye".into(), resolution: Some([size, size]), ..camera });
     scene.settings.size = Some([size, size]);
-    let position = if size % 2 == 0 { 0.0 } else { 0.5 };
+    let position = if size.is_multiple_of(2) { 0.0 } else { 0.5 };
     scene.settings.pixel_position = Some([position, position]);
 }
 

@@ -9,7 +9,10 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [256, 128];
 
-/// The studio, seen along `-z` with `+y` up. Its mean luminance is 1.
+/// Mean luminance: most of the light comes from above, where a white level surface then shows a radiance of about 1.
+const MEAN: f64 = 0.6;
+
+/// The studio, seen along `-z` with `+y` up. A grey of 0.5 is well exposed under it.
 pub fn default_sky() -> Environment {
     let [w, h] = SIZE;
     let mut values = Vec::with_capacity((w * h * 3) as usize);
@@ -24,7 +27,7 @@ pub fn default_sky() -> Environment {
             values.extend(color);
         }
     }
-    let factor = (weights / sum) as f32;
+    let factor = (MEAN * weights / sum) as f32;
     values.iter_mut().for_each(|v| *v *= factor);
     Environment::Image {
         image: Arc::new(Image::from_f32(w, h, 3, values)),
@@ -84,9 +87,23 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_luminance_is_one_and_it_is_nearly_neutral() {
+    fn the_exposure_suits_a_grey_surface_and_the_light_is_nearly_neutral() {
         let sky = default_sky();
-        assert!((EnvironmentLight::new(&sky).mean_luminance() - 1.0).abs() < 1e-3);
+        let light = EnvironmentLight::new(&sky);
+        assert!((light.mean_luminance() - MEAN).abs() < 1e-3);
+        // Radiance of a white matte surface that faces up, towards the camera or away from it.
+        let shown = |normal: Vec3| {
+            let n = 4096;
+            let frame = snell_math::Frame::from_z(normal);
+            let values = (0..n).map(|i| {
+                let u = snell_math::rng::uniform2([i, 0, 0, 0]);
+                luminance(&light, frame.from_local(snell_math::sampling::cosine_hemisphere(u)))
+            });
+            values.sum::<f32>() / n as f32
+        };
+        assert!((0.8..1.3).contains(&shown(Vec3::Y)), "{}", shown(Vec3::Y));
+        assert!((0.4..1.2).contains(&shown(Vec3::Z)), "{}", shown(Vec3::Z));
+        assert!((0.2..0.8).contains(&shown(Vec3::NEG_Z)), "{}", shown(Vec3::NEG_Z));
         let Environment::Image { image, .. } = &sky else { panic!("the sky is a picture") };
         for (x, y) in [(0, 0), (100, 64), (30, 30), (200, 100)] {
             let [r, g, b, _] = image.rgba(x, y);

@@ -214,7 +214,7 @@ fn towards(p: DVec3, position: DVec3) -> Option<(DVec3, f64)> {
 /// surface, to rounding) the far side, through the centre. No allowance for rounding is taken off: whoever traces the shadow ray
 /// has to end it a little before.
 fn distance_to_body(p: DVec3, center: DVec3, distance: f64, radius: f64) -> f64 {
-    if !(radius > 0.0) {
+    if radius.is_nan() || radius <= 0.0 {
         return distance;
     }
     // Points come in single precision; one on the body must not stop its shadow ray at once.

@@ -57,7 +57,7 @@ impl SpotFalloff {
             Self::Power { cutoff, .. } => cutoff,
             Self::Smooth { outer, .. } => outer,
         };
-        if !(widest > 0.0) {
+        if widest.is_nan() || widest <= 0.0 {
             return 0.0;
         }
         let cos_widest = widest.min(std::f64::consts::PI).cos();
