@@ -6,6 +6,7 @@ use snell_math::simd::Lanes8;
 
 /// What a node's slot leads to, in 32 bits: an inner node, up to eight triangles, or an object (shape or instance).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
 pub(crate) struct ChildRef(pub u32);
 
 impl ChildRef {
@@ -68,11 +69,16 @@ pub(crate) struct WideNode {
     /// By side (minimum, maximum), axis, slot.
     pub bounds: [[[f32; 8]; 3]; 2],
     pub children: [ChildRef; 8],
+    /// For each octant of directions (bit i set: down along axis i) the slots from far to near: eight numbers of 3 bits.
+    pub order: [u32; 8],
 }
 
 impl WideNode {
-    pub const EMPTY: Self =
-        Self { bounds: [[[f32::INFINITY; 8]; 3], [[f32::NEG_INFINITY; 8]; 3]], children: [ChildRef::NONE; 8] };
+    pub const EMPTY: Self = Self {
+        bounds: [[[f32::INFINITY; 8]; 3], [[f32::NEG_INFINITY; 8]; 3]],
+        children: [ChildRef::NONE; 8],
+        order: [0o76543210; 8],
+    };
 
     pub fn set(&mut self, slot: usize, bounds: &Bounds3, child: ChildRef) {
         for axis in 0..3 {
@@ -80,6 +86,20 @@ impl WideNode {
             self.bounds[1][axis][slot] = bounds.max[axis];
         }
         self.children[slot] = child;
+    }
+
+    /// Works out the order of the children for each octant, when all are set: by their centres along the diagonal.
+    pub fn sort_octants(&mut self) {
+        for octant in 0..8 {
+            let along = |slot: usize| {
+                let side = |axis: usize| if octant >> axis & 1 == 1 { -1.0 } else { 1.0 };
+                (0..3).map(|a| side(a) * (self.bounds[0][a][slot] * 0.5 + self.bounds[1][a][slot] * 0.5)).sum::<f32>()
+            };
+            let mut slots: [u32; 8] = std::array::from_fn(|i| i as u32);
+            // Unused slots give NaN and go wherever; they are never met.
+            slots.sort_by(|&a, &b| along(b as usize).total_cmp(&along(a as usize)));
+            self.order[octant] = slots.iter().rev().fold(0, |order, slot| (order << 3) | slot);
+        }
     }
 }
 
@@ -93,12 +113,13 @@ pub(crate) fn padded(t: f32) -> f32 {
     t + t.abs() * BOX_PADDING
 }
 
-/// Which of the eight boxes the ray meets between `t_min` and `cull` (from [`padded`]), and where it enters each.
+/// Where the ray enters each of the eight boxes, and the value that must not exceed for the box to be met between `t_min` and
+/// `cull` (from [`padded`]).
 ///
 /// # Safety
 /// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(crate) unsafe fn boxes_met<L: Lanes8>(node: &WideNode, ray: &LocalRay, t_min: f32, cull: f32) -> (u32, L) {
+pub(crate) unsafe fn box_distances<L: Lanes8>(node: &WideNode, ray: &LocalRay, t_min: f32, cull: f32) -> (L, L) {
     // SAFETY: passed on to the caller.
     unsafe {
         let near = [near::<L>(node, ray, 0), near::<L>(node, ray, 1), near::<L>(node, ray, 2)];
@@ -108,7 +129,7 @@ pub(crate) unsafe fn boxes_met<L: Lanes8>(node: &WideNode, ray: &LocalRay, t_min
         let leave = far[0].min(far[1].min(far[2].min(L::splat(f32::INFINITY))));
         // Away from zero if positive, towards it if negative: always farther along the ray.
         let leave = leave.mul(L::splat(1.0 + BOX_PADDING)).max(leave.mul(L::splat(1.0 - BOX_PADDING)));
-        (enter.le(leave.min(L::splat(cull))), enter)
+        (enter, leave.min(L::splat(cull)))
     }
 }
 

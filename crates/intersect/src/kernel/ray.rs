@@ -72,6 +72,12 @@ impl LocalRay {
         ray
     }
 
+    /// The octant of the direction, as [`super::node::WideNode::order`] counts them.
+    #[inline(always)]
+    pub fn octant(&self) -> usize {
+        self.negative[0] | self.negative[1] << 1 | self.negative[2] << 2
+    }
+
     /// The vertex as drawn on the plane across the ray. A vertex has the same bits in every triangle and at every SIMD level:
     /// rounded subtraction, product, subtraction, never fused.
     #[inline(always)]

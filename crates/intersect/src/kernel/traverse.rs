@@ -1,6 +1,6 @@
 //! The walk of one ray through the tree of a group and, through instances, the groups below it.
 
-use super::node::{ChildRef, boxes_met};
+use super::node::{ChildRef, box_distances};
 use super::ray::LocalRay;
 use super::triangle::candidates;
 use crate::accel::bvh::{Forest, GroupTree};
@@ -11,13 +11,13 @@ use snell_math::{DRay, Ray};
 use std::mem::MaybeUninit;
 
 /// A child to visit later: its reference below, the bits of its distance above.
-type Entry = u64;
+pub(super) type Entry = u64;
 
 /// The walk's memory: uninitialised entries, enough for the deepest path through all groups ([`Forest::stack_size`]).
-type Stack = [MaybeUninit<Entry>];
+pub(super) type Stack = [MaybeUninit<Entry>];
 
 /// Entries on the thread's stack; deeper forests take memory per query.
-const SMALL_STACK: usize = 512;
+pub(super) const SMALL_STACK: usize = 512;
 
 #[inline(always)]
 fn entry(distance: f32, child: ChildRef) -> Entry {
@@ -57,7 +57,7 @@ fn enter_root<G: Goal>(forest: &Forest, level: Level, search: &mut Search<'_, G>
 /// The machine must have AVX2; `stack` must have room for the group and all below it.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1")]
-unsafe fn walk_avx2<G: Goal>(
+pub(super) unsafe fn walk_avx2<G: Goal>(
     forest: &Forest,
     group: usize,
     ray: &DRay,
@@ -72,7 +72,7 @@ unsafe fn walk_avx2<G: Goal>(
 
 /// # Safety
 /// `stack` must have room for the group and all below it.
-unsafe fn walk_portable<G: Goal>(
+pub(super) unsafe fn walk_portable<G: Goal>(
     forest: &Forest,
     group: usize,
     ray: &DRay,
@@ -85,7 +85,7 @@ unsafe fn walk_portable<G: Goal>(
 }
 
 /// The entry of a level, for the step into an instance.
-type Walk<G> = unsafe fn(&Forest, usize, &DRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
+pub(super) type Walk<G> = unsafe fn(&Forest, usize, &DRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
 
 /// Walks one group, nearest children first. True if the search is over.
 ///
@@ -123,7 +123,8 @@ unsafe fn walk<L: Lanes8, G: Goal>(
             // SAFETY: the builder makes only references to nodes that exist.
             let node = unsafe { tree.nodes.get_unchecked(current.index()) };
             // SAFETY: as promised by the caller.
-            let (met, enters) = unsafe { boxes_met::<L>(node, &local, t_min, cull) };
+            let (enters, limits) = unsafe { box_distances::<L>(node, &local, t_min, cull) };
+            let met = enters.le(limits);
             if met == 0 {
                 break;
             }
@@ -215,7 +216,7 @@ unsafe fn push_sorted(stack: &mut Stack, top: usize, met: u32, near: &[f32; 8], 
 /// # Safety
 /// As [`walk`].
 #[inline(never)]
-unsafe fn test_object<G: Goal>(
+pub(super) unsafe fn test_object<G: Goal>(
     forest: &Forest,
     tree: &GroupTree,
     object: usize,

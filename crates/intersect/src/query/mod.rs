@@ -4,6 +4,7 @@ pub(crate) mod search;
 
 use crate::accel::brute_force::search_all;
 use crate::hit::Hit;
+use crate::kernel::interleave;
 use crate::kernel::traverse::search_forest;
 use crate::world::{Structure, TraversalCounters, World};
 use search::{All, Any, Closest, Counted, Goal, Search};
@@ -44,9 +45,7 @@ impl World {
     /// If the slices differ in length.
     pub fn closest(&self, rays: &[Ray], _grouping: Grouping, filter: &dyn HitFilter, hits: &mut [Hit]) {
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.closest_one(ray, filter);
-        }
+        self.search_all(rays, filter, Closest::new, |i, goal| hits[i] = goal.result());
     }
 
     /// For each ray, whether anything lies in its interval. Invalid rays are not occluded.
@@ -55,9 +54,7 @@ impl World {
     /// If the slices differ in length.
     pub fn occluded(&self, rays: &[Ray], filter: &dyn HitFilter, blocked: &mut [bool]) {
         assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        for (ray, blocked) in rays.iter().zip(blocked) {
-            *blocked = self.occluded_one(ray, filter);
-        }
+        self.search_all(rays, filter, Any::new, |i, goal| blocked[i] = goal.found);
     }
 
     /// The nearest hit of one ray.
@@ -83,6 +80,23 @@ impl World {
         let goal = Counted { closest: Closest::new(ray), counters: TraversalCounters::default() };
         let goal = self.search(ray, filter, goal);
         (goal.closest.result(), goal.counters)
+    }
+
+    /// Searches for all rays of a batch, each for itself, with the kernel that suits the structure.
+    fn search_all<G: Goal>(
+        &self,
+        rays: &[Ray],
+        filter: &dyn HitFilter,
+        start: impl Fn(&Ray) -> G,
+        mut finish: impl FnMut(usize, G),
+    ) {
+        match &self.structure {
+            Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
+                let batch = interleave::Batch { rays, filter, filtered: &self.filtered };
+                interleave::search_batch(forest, self.simd, &batch, start, finish);
+            }
+            _ => rays.iter().enumerate().for_each(|(i, ray)| finish(i, self.search(ray, filter, start(ray)))),
+        }
     }
 
     #[inline]

@@ -41,4 +41,16 @@ pub trait Lanes8: Copy {
 
     /// Bit `i` is set if `self < other` in lane `i` (not for NaN).
     fn lt(self, other: Self) -> u32;
+
+    /// Takes the lanes in the order given by `order` (eight numbers of 3 bits, the first lowest), keeps those with
+    /// `self <= limit`, and writes them and their `payload` to the front of the outputs; what follows them there is unspecified.
+    /// Returns how many were kept.
+    fn compress_le(
+        self,
+        limit: Self,
+        order: u32,
+        payload: &[u32; 8],
+        values_out: &mut [f32; 8],
+        payload_out: &mut [u32; 8],
+    ) -> usize;
 }

@@ -73,4 +73,24 @@ impl Lanes8 for Portable8 {
     fn lt(self, other: Self) -> u32 {
         self.compare(other, |a, b| a < b)
     }
+
+    #[inline(always)]
+    fn compress_le(
+        self,
+        limit: Self,
+        order: u32,
+        payload: &[u32; 8],
+        values_out: &mut [f32; 8],
+        payload_out: &mut [u32; 8],
+    ) -> usize {
+        let mut count = 0;
+        for i in 0..8 {
+            let lane = ((order >> (3 * i)) & 7) as usize;
+            // Written in any case, counted only if kept: no branch on data.
+            values_out[count & 7] = self.0[lane];
+            payload_out[count & 7] = payload[lane];
+            count += usize::from(self.0[lane] <= limit.0[lane]);
+        }
+        count
+    }
 }

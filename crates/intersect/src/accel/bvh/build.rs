@@ -193,6 +193,7 @@ impl Builder<'_> {
                 node.set(slot, &bounds, child);
             }
         }
+        node.sort_octants();
         part.nodes[index] = node;
         ChildRef::node(index)
     }

@@ -42,7 +42,8 @@ impl GroupTree {
         7 * self.depth + 8
     }
 
-    fn memory_bytes(&self) -> usize {
+    /// Memory of the tree.
+    pub fn memory_bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice()) + size_of_val(self.objects.as_slice())
     }
 }
