@@ -79,8 +79,7 @@ fn damaged(input: &Input, problem: impl std::fmt::Display) -> ReadError {
 }
 
 fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
-    let reader =
-        exr::block::read(Cursor::new(input.bytes.as_slice()), false).map_err(|e| damaged(input, e))?;
+    let reader = exr::block::read(Cursor::new(input.bytes.as_slice()), false).map_err(|e| damaged(input, e))?;
     let meta = reader.meta_data().clone();
     let mut target = Target::plan(input, &meta, only_picture)?;
     let mut chunks = reader.all_chunks(false).map_err(|e| damaged(input, e))?;
@@ -219,7 +218,10 @@ fn check_part(input: &Input, header: &Header) -> Result<(), ReadError> {
     if let Some(channel) = header.channels.list.iter().find(|c| c.sampling.0 != 1 || c.sampling.1 != 1) {
         return Err(input.error(
             Place::Whole,
-            format!("channel \"{}\" has fewer samples than pixels (luminance and chroma), which is not supported", channel.name),
+            format!(
+                "channel \"{}\" has fewer samples than pixels (luminance and chroma), which is not supported",
+                channel.name
+            ),
             "save the file with full R, G and B channels",
         ));
     }

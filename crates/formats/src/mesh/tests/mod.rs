@@ -1,6 +1,7 @@
 //! Real and broken files, whole: what every reader must do.
 
 mod content;
+mod materials;
 mod messages;
 mod mutation;
 
