@@ -70,9 +70,9 @@ struct Maker<'a> {
 impl Maker<'_> {
     fn material(&mut self, name: &str, mtl: &Mtl) -> Result<Material, ReadError> {
         let mut material = Material::new(name, self.kind(mtl)?);
-        if mtl.emission.is_some_and(|e| !e.is_black()) || mtl.emission_map.is_some() {
-            material.emission = self.color(mtl.emission, Rgb::WHITE, &mtl.emission_map, mtl)?;
-            material.emits_on_both_sides = false;
+        let emission = mtl.emission.filter(|e| !e.is_black());
+        if emission.is_some() || mtl.emission_map.is_some() {
+            material.emission = self.color(emission, Rgb::WHITE, &mtl.emission_map, mtl)?;
         }
         if let Some(map) = &mtl.normal_map {
             let texture = self.texture(map, Encoding::Linear, mtl)?;
