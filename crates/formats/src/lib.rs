@@ -37,8 +37,17 @@ pub struct SceneReader {
 }
 
 /// All readers, in the order in which contents are tried: formats with a signature first.
-pub const SCENE_READERS: &[SceneReader] =
-    &[mesh::ply::READER, mesh::off::READER, mesh::stl::READER, mesh::ray::READER, mesh::obj::READER];
+pub const SCENE_READERS: &[SceneReader] = &[
+    scene::gltf::READER,
+    mesh::ply::READER,
+    mesh::off::READER,
+    mesh::stl::READER,
+    mesh::ray::READER,
+    scene::minray::READER,
+    scene::nff::READER,
+    scene::scn::READER,
+    mesh::obj::READER,
+];
 
 /// How to read.
 #[derive(Clone, Debug, Default)]
