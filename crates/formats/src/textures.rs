@@ -3,7 +3,8 @@
 use crate::image::read_image;
 use crate::{Input, ReadError};
 use snell_scene::graph::ImageId;
-use snell_scene::{Encoding, Image, Scene, Texture};
+use snell_scene::texture::missing_texture_image;
+use snell_scene::{Encoding, Scene, Texture};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -25,7 +26,7 @@ impl Textures {
         let read = input.open_relative(name).and_then(|file| read_image(&file));
         let image = read.unwrap_or_else(|error| {
             scene.warn(format!("{error}; a magenta checkerboard stands in for this texture"));
-            missing_image()
+            missing_texture_image()
         });
         let id = scene.add_image(Arc::new(image));
         self.images.insert(path, id);
@@ -47,15 +48,6 @@ impl Textures {
     }
 }
 
-/// What stands in for a texture that cannot be read.
-fn missing_image() -> Image {
-    let (magenta, black) = ([1.0, 0.0, 1.0], [0.0; 3]);
-    let (side, square) = (64, 8);
-    let squares =
-        (0..side * side).map(|i| if (i % side / square + i / side / square) % 2 == 0 { magenta } else { black });
-    Image::from_f32(side, side, 3, squares.flatten().collect())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -71,8 +63,7 @@ mod tests {
         let first = textures.image(&mut scene, &input(), "no such file.png").expect("a missing file is not an error");
         let second = textures.image(&mut scene, &input(), "no such file.png").expect("a missing file is not an error");
         assert_eq!((first, scene.images.len(), scene.warnings.len()), (second, 1, 1));
-        let pixels = [0, 8].map(|x| scene.images[0].rgba(x, 0));
-        assert_eq!(pixels, [[1.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]]);
+        assert_eq!(*scene.images[0], missing_texture_image());
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! vertex with several groups is split. So balls look round and boxes keep their edges.
 
 use super::weld::Welder;
+use rayon::prelude::*;
 use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
 use std::collections::HashMap;
@@ -76,7 +77,8 @@ impl<'a> Facets<'a> {
         let welded: Vec<u32> = mesh.positions.iter().map(|&p| welder.weld(p)).collect();
         let points: Vec<[u32; 3]> = mesh.indices.iter().map(|t| t.map(|i| welded[i as usize])).collect();
         let crease = crease_degrees.to_radians();
-        let (normals, angles): (Vec<_>, _) = (0..mesh.indices.len()).map(|t| facet(mesh.corners(t))).unzip();
+        let (normals, angles): (Vec<_>, _) =
+            (0..mesh.indices.len()).into_par_iter().map(|t| facet(mesh.corners(t))).unzip();
         let (corners, ends) = sorted_corners(&points, &normals, welder.len());
         let (crease_cosine, half_cosine) = (crease.cos(), (crease / 2.0).cos());
         Self { points, normals, smoothing, crease_cosine, half_cosine, angles, corners, ends }

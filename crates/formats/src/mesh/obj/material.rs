@@ -1,6 +1,11 @@
 //! From MTL materials to materials of the scene.
 //!
-//! Without the PBR extension (`Pr`, `Pm`): a material without `Ks` is diffuse.
+//! * With `Pr` or `Pm` (the PBR extension): metallic-roughness.
+//! * `illum` 6 and 7, and 4 and 9 unless `d 1` says that it is opaque: glass of index `Ni` (1.5 if not said), tinted by `Tf`.
+//! * With `Ks` and `Ns` above 0, and not `illum` 0 or 1: Phong; it reflects like a mirror, by `Ks`, if `illum` is 3, 5 or 8.
+//! * Everything else is diffuse.
+//!
+//! Colours are linear, those of textures sRGB.
 
 use super::mtl::{self, Library, Map, Mtl};
 use super::parse::ObjFile;
@@ -8,7 +13,9 @@ use crate::mesh::notes::Notes;
 use crate::textures::Textures;
 use crate::{Input, ReadError};
 use snell_math::Rgb;
-use snell_scene::material::{AlphaMode, ColorParam, Diffuse, MaterialKind, NormalMap, ScalarParam};
+use snell_scene::material::{
+    AlphaMode, ColorParam, Dielectric, Diffuse, MaterialKind, MetallicRoughness, NormalMap, Phong, ScalarParam,
+};
 use snell_scene::texture::Wrap;
 use snell_scene::{Encoding, Material, MaterialId, Scene, TextureId};
 
@@ -42,6 +49,17 @@ pub fn materials(
     Ok(materials)
 }
 
+/// Exponent of highlights where a material says none.
+const DEFAULT_SHININESS: f32 = 32.0;
+
+fn is_glass(mtl: &Mtl) -> bool {
+    match mtl.illum {
+        Some(6 | 7) => true,
+        Some(4 | 9) => mtl.dissolve.is_none_or(|d| d < 1.0),
+        _ => false,
+    }
+}
+
 struct Maker<'a> {
     library: &'a Library,
     scene: &'a mut Scene,
@@ -51,21 +69,74 @@ struct Maker<'a> {
 
 impl Maker<'_> {
     fn material(&mut self, name: &str, mtl: &Mtl) -> Result<Material, ReadError> {
-        let mut material = Material::new(name, self.kind(name, mtl)?);
-        if mtl.emission.is_some_and(|e| !e.is_black()) || mtl.emission_map.is_some() {
-            material.emission = self.color(mtl.emission, Rgb::WHITE, &mtl.emission_map, mtl)?;
-            material.emits_on_both_sides = false;
+        let mut material = Material::new(name, self.kind(mtl)?);
+        let emission = mtl.emission.filter(|e| !e.is_black());
+        if emission.is_some() || mtl.emission_map.is_some() {
+            material.emission = self.color(emission, Rgb::WHITE, &mtl.emission_map, mtl)?;
         }
         if let Some(map) = &mtl.normal_map {
             let texture = self.texture(map, Encoding::Linear, mtl)?;
             material.normal_map = Some(NormalMap { texture, scale: map.strength });
         }
-        self.alpha(name, mtl, &mut material)?;
+        // What glass lets through is not a matter of opacity.
+        if !matches!(material.kind, MaterialKind::Dielectric(_)) {
+            self.alpha(name, mtl, &mut material)?;
+        }
         Ok(material)
     }
 
-    fn kind(&mut self, _name: &str, mtl: &Mtl) -> Result<MaterialKind, ReadError> {
-        Ok(Diffuse { reflectance: self.diffuse(mtl)? }.into())
+    fn kind(&mut self, mtl: &Mtl) -> Result<MaterialKind, ReadError> {
+        let is_pbr = mtl.roughness.is_some() || mtl.metallic.is_some();
+        if is_pbr || mtl.roughness_map.is_some() || mtl.metallic_map.is_some() {
+            return Ok(MetallicRoughness {
+                base_color: self.diffuse(mtl)?,
+                metallic: self.scalar(mtl.metallic, 0.0, &mtl.metallic_map, mtl)?,
+                roughness: self.scalar(mtl.roughness, 0.5, &mtl.roughness_map, mtl)?,
+                ior: mtl.ior.filter(|n| (1.0..10.0).contains(n)).unwrap_or(1.5),
+                ..MetallicRoughness::default()
+            }
+            .into());
+        }
+        if is_glass(mtl) {
+            let ior = mtl.ior.filter(|&n| n > 0.0).unwrap_or(1.5);
+            // Some write no filter as black.
+            let tint = mtl.transmission.filter(|c| !c.is_black()).unwrap_or(Rgb::WHITE).map(|x| x.min(1.0));
+            return Ok(Dielectric { tint: tint.into(), ..Dielectric::smooth(ior) }.into());
+        }
+        let diffuse = self.diffuse(mtl)?;
+        let is_glossy = mtl.specular.is_some_and(|c| !c.is_black()) && !matches!(mtl.illum, Some(0 | 1));
+        let mirrors = matches!(mtl.illum, Some(3 | 5 | 8));
+        let shininess = mtl.shininess.unwrap_or(DEFAULT_SHININESS).max(0.0);
+        // An exponent of 0 would not be a highlight but a veil over everything.
+        if !is_glossy || (shininess == 0.0 && !mirrors) {
+            return Ok(Diffuse { reflectance: diffuse }.into());
+        }
+        let specular = self.color(mtl.specular.map(|c| c.map(|x| x.min(1.0))), Rgb::BLACK, &mtl.specular_map, mtl)?;
+        Ok(Phong {
+            ambient: mtl.ambient.unwrap_or(Rgb::BLACK).into(),
+            diffuse,
+            specular,
+            reflection: if mirrors { specular } else { Rgb::BLACK.into() },
+            shininess,
+            ..Phong::default()
+        }
+        .into())
+    }
+
+    fn scalar(
+        &mut self,
+        factor: Option<f32>,
+        default: f32,
+        map: &Option<Map>,
+        mtl: &Mtl,
+    ) -> Result<ScalarParam, ReadError> {
+        let Some(map) = map else {
+            return Ok(ScalarParam::constant(factor.unwrap_or(default).clamp(0.0, 1.0)));
+        };
+        let texture = self.texture(map, Encoding::Linear, mtl)?;
+        // A factor of 0 beside a map means that the map says it all.
+        let factor = factor.filter(|&f| f > 0.0).unwrap_or(1.0).min(1.0);
+        Ok(ScalarParam { factor, texture: Some((texture, 0)) })
     }
 
     fn diffuse(&mut self, mtl: &Mtl) -> Result<ColorParam, ReadError> {

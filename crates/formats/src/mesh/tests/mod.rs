@@ -1,6 +1,7 @@
 //! Real and broken files, whole: what every reader must do.
 
 mod content;
+mod materials;
 mod messages;
 mod mutation;
 
@@ -64,7 +65,8 @@ fn check(scene: &Scene, what: &str) {
 
 #[test]
 fn every_good_file_of_the_collection_is_read() {
-    for path in files_below("meshes") {
+    let folders = ["meshes", "other-formats", "bitterli", "pbrt", "scn", "minray"];
+    for path in folders.into_iter().flat_map(files_below) {
         let what = path.display().to_string();
         // The element face has been lost from this file's header.
         if what.ends_with("issue623.ply") {
