@@ -103,7 +103,7 @@ impl LightTable {
     ) {
         let (geometry, placed, brightest) = match world.geometry(id) {
             Geometry::Mesh(mesh) => {
-                let emits = |t: &u32| material(*t).is_emissive();
+                let emits = |t: &u32| is_light(material(*t));
                 let triangles: Vec<u32> = (0..mesh.indices.len() as u32).filter(emits).collect();
                 let Some(&first) = triangles.first() else { return };
                 let geometry = EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles };
@@ -111,7 +111,7 @@ impl LightTable {
             }
             Geometry::Shape(shape, group_from_shape) => {
                 let material = material(0);
-                if !material.is_emissive() {
+                if !is_light(material) {
                     return;
                 }
                 (EmissiveGeometry::Shape(shape.clone()), world_from_group.compose(group_from_shape), material)
@@ -125,6 +125,10 @@ impl LightTable {
     }
 }
 
+fn is_light(material: &Material) -> bool {
+    material.is_emissive() && material.illuminates
+}
+
 /// Where emissive surfaces may be, so that millions of dark instances need not be walked.
 struct EmissiveGroups {
     geometries: Vec<bool>,
@@ -133,7 +137,7 @@ struct EmissiveGroups {
 
 impl EmissiveGroups {
     fn new(world: &World, surfaces: &SurfaceTable, materials: &[Material]) -> Self {
-        let emits = |id: MaterialId| materials[id.index()].is_emissive();
+        let emits = |id: MaterialId| is_light(&materials[id.index()]);
         let handed_down = surfaces.handed_down().any(emits);
         let geometries: Vec<bool> = (0..world.geometry_count() as u32)
             .map(|g| surfaces.own_materials(g).any(emits) || (handed_down && surfaces.inherits(g)))

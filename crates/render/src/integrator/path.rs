@@ -22,7 +22,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     };
     let wo = outgoing(vertex.ray);
     let point = surface.point(context.scene);
-    if surface.material.is_emissive() {
+    if surface.material.is_emissive() && (surface.material.illuminates || vertex.state.is_specular) {
         let emitted = surface.material.emitted(&point, wo);
         if !emitted.is_black() {
             let weight = weight_of_bsdf_sample(context, vertex, || light_pdf_of_hit(context, vertex, surface));

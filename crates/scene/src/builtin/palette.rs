@@ -42,5 +42,5 @@ pub fn minimal(name: &str, sphere: &MinraySphere) -> Material {
         ..Phong::default()
     };
     let material = Material::new(name, phong).emitting(color * sphere.kl);
-    Material { emits_on_both_sides: true, ..material }
+    Material { emits_on_both_sides: true, illuminates: false, ..material }
 }

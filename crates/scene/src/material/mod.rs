@@ -164,6 +164,9 @@ pub struct Material {
     pub emission: ColorParam,
     /// True if the inner side emits too.
     pub emits_on_both_sides: bool,
+    /// False if the emission is only seen, by the camera and in mirrors, because another light stands for what it does to other
+    /// surfaces.
+    pub illuminates: bool,
     /// How `alpha` counts.
     pub alpha_mode: AlphaMode,
     /// Opacity, `[0, 1]`; multiplied by the vertex alpha.
@@ -182,6 +185,7 @@ impl Material {
             kind: kind.into(),
             emission: ColorParam::constant(Rgb::BLACK),
             emits_on_both_sides: false,
+            illuminates: true,
             alpha_mode: AlphaMode::Opaque,
             alpha: ScalarParam::constant(1.0),
             double_sided: true,
