@@ -238,10 +238,11 @@ fn skinned_mesh(
     Ok(Node { surfaces, ..Node::named(mesh.name()) })
 }
 
-fn surface(reader: &mut Reader, mesh: TriangleMesh, material: Option<usize>) -> Surface {
+fn surface(reader: &mut Reader, mut mesh: TriangleMesh, material: Option<usize>) -> Surface {
     let material = match material {
         Some(index) => MaterialId(index as u32),
         None => super::material::default_material(reader),
     };
+    mesh::drop_unused(&mut mesh);
     Surface::with_material(Geometry::Mesh(Arc::new(mesh)), material)
 }
