@@ -208,7 +208,7 @@ impl Accessor<'_, '_> {
     }
 
     /// The same accessor, its integers taken as fractions whether or not it says so (for attributes that are always fractions).
-    pub fn as_fractions(mut self) -> Self {
+    pub fn into_fractions(mut self) -> Self {
         self.normalized = true;
         self
     }

@@ -77,7 +77,7 @@ fn read_attributes(reader: &Reader, attributes: &Json, mesh: &mut TriangleMesh) 
         }
     }
     if let Some(accessor) = attribute(reader, attributes, "COLOR_0", vertices)? {
-        let accessor = accessor.as_fractions();
+        let accessor = accessor.into_fractions();
         mesh.colors = match accessor.width {
             3 => vectors(&accessor, |[r, g, b]| [r, g, b, 1.0])?,
             _ => vectors(&accessor, |rgba: [f32; 4]| rgba)?,
