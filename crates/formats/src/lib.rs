@@ -12,6 +12,7 @@ pub mod input;
 pub mod limits;
 pub mod mesh;
 pub mod scene;
+pub mod textures;
 
 pub use error::{Place, ReadError, WriteError};
 pub use input::Input;
@@ -42,6 +43,9 @@ pub const SCENE_READERS: &[SceneReader] = &[
     mesh::off::READER,
     mesh::stl::READER,
     mesh::ray::READER,
+    scene::minray::READER,
+    scene::nff::READER,
+    scene::scn::READER,
     mesh::obj::READER,
 ];
 

@@ -13,7 +13,7 @@
 
 mod normals;
 mod notes;
-mod polygon;
+pub(crate) mod polygon;
 mod text;
 mod weld;
 
