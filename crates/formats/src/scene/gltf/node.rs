@@ -84,7 +84,9 @@ impl<'a> Hierarchy<'a> {
         let chosen = reader.root.get("scene")?.map(|s| s.size()).transpose()?;
         if let Some(index) = chosen.filter(|&i| i >= scenes.len()) {
             let count = scenes.len();
-            reader.scene.warn(format!("the default scene is number {index}, but there are {count}; the first, or else every node, is shown"));
+            reader.scene.warn(format!(
+                "the default scene is number {index}, but there are {count}; the first, or else every node, is shown"
+            ));
         }
         let index = chosen.filter(|&i| i < scenes.len()).unwrap_or(0);
         let Some(scene) = scenes.get(index) else {
