@@ -3,9 +3,13 @@
 use super::container::{Buffers, View};
 use super::json::Json;
 use crate::ReadError;
+use std::cell::Cell;
 
 /// Most elements of an accessor without data of its own (it stands for zeros).
 const MAX_ZEROS: usize = 1 << 22;
+
+/// Most such elements in a file, counted as often as they are used.
+const MAX_ZEROS_IN_ALL: usize = 1 << 25;
 
 /// Type of one component.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -73,12 +77,15 @@ impl Component {
 pub(super) struct Accessors<'a> {
     table: Vec<Json<'a>>,
     buffers: Buffers<'a>,
+    /// Elements decoded so far: of all accessors, and of those without data. A short file can use one accessor many times.
+    decoded: Cell<[usize; 2]>,
+    max_decoded: usize,
 }
 
 /// One accessor, its numbers checked against its buffer view.
 pub(super) struct Accessor<'s, 'a> {
     json: &'s Json<'a>,
-    buffers: &'s Buffers<'a>,
+    all: &'s Accessors<'a>,
     /// Number of elements.
     pub count: usize,
     /// Type of the components.
@@ -93,8 +100,10 @@ pub(super) struct Accessor<'s, 'a> {
 }
 
 impl<'a> Accessors<'a> {
-    pub fn new(root: &Json<'a>, buffers: Buffers<'a>) -> Result<Self, ReadError> {
-        Ok(Self { table: root.items_of("accessors")?, buffers })
+    /// `limit` caps the elements of one kind.
+    pub fn new(root: &Json<'a>, buffers: Buffers<'a>, limit: usize) -> Result<Self, ReadError> {
+        let table = root.items_of("accessors")?;
+        Ok(Self { table, buffers, decoded: Cell::new([0; 2]), max_decoded: limit.saturating_mul(4) })
     }
 
     /// The buffers that accessors and images lie in.
@@ -126,8 +135,7 @@ impl<'a> Accessors<'a> {
         let count = json.require("count")?.size()?;
         let normalized = json.boolean_or("normalized", false)?;
         let size = width * component.bytes();
-        let accessor =
-            |part, stride| Accessor { json, buffers: &self.buffers, count, component, normalized, width, part, stride };
+        let accessor = |part, stride| Accessor { json, all: self, count, component, normalized, width, part, stride };
         let Some(view) = json.get("bufferView")? else {
             if count > MAX_ZEROS {
                 return Err(json.error(format!(
@@ -200,7 +208,7 @@ impl Accessor<'_, '_> {
     }
 
     /// The same accessor, its integers taken as fractions whether or not it says so (for attributes that are always fractions).
-    pub fn as_fractions(mut self) -> Self {
+    pub fn into_fractions(mut self) -> Self {
         self.normalized = true;
         self
     }
@@ -227,17 +235,18 @@ impl Accessor<'_, '_> {
 
     fn elements<T: Copy>(&self, decode: impl Fn(&[u8]) -> T, zero: T) -> Result<Vec<T>, ReadError> {
         let size = self.width * self.component.bytes();
+        self.count_decoded()?;
         let mut elements = match &self.part {
             // The last element may be shorter than the stride.
             Some(part) => {
-                let bytes = part.bytes(self.buffers)?;
+                let bytes = part.bytes(&self.all.buffers)?;
                 bytes.chunks(self.stride).take(self.count).map(&decode).collect()
             }
             None => vec![zero; self.count],
         };
         if let Some(sparse) = self.json.get("sparse")? {
             let Replacement { component, places, values } = self.replacement(&sparse)?;
-            let (places, values) = (places.bytes(self.buffers)?, values.bytes(self.buffers)?);
+            let (places, values) = (places.bytes(&self.all.buffers)?, values.bytes(&self.all.buffers)?);
             for (place, value) in places.chunks(component.bytes()).zip(values.chunks(size)) {
                 let place = component.index(place).unwrap_or(0) as usize;
                 let Some(element) = elements.get_mut(place) else {
@@ -252,6 +261,20 @@ impl Accessor<'_, '_> {
         Ok(elements)
     }
 
+    /// Keeps to the limits on what a file may make us decode.
+    fn count_decoded(&self) -> Result<(), ReadError> {
+        let [mut decoded, mut zeros] = self.all.decoded.get();
+        decoded = decoded.saturating_add(self.count);
+        zeros += if self.part.is_none() { self.count } else { 0 };
+        self.all.decoded.set([decoded, zeros]);
+        if decoded > self.all.max_decoded || zeros > MAX_ZEROS_IN_ALL {
+            return Err(self
+                .json
+                .error_with("the file uses its accessors for too many vertices in all", "split the scene"));
+        }
+        Ok(())
+    }
+
     /// Where a sparse accessor has its places and values.
     fn replacement(&self, sparse: &Json) -> Result<Replacement, ReadError> {
         let count = sparse.require("count")?.size()?;
@@ -264,7 +287,7 @@ impl Accessor<'_, '_> {
             return Err(places.error("the component type must be 5121, 5123 or 5125"));
         }
         let part = |json: &Json, size: usize| {
-            let view = self.buffers.view(&json.require("bufferView")?)?;
+            let view = self.all.buffers.view(&json.require("bufferView")?)?;
             Part::new(json, view, count, size, size)
         };
         let size = self.width * self.component.bytes();

@@ -32,6 +32,6 @@ fn vectors<const N: usize>(
     fractions: bool,
 ) -> Result<Option<Vec<[f64; N]>>, ReadError> {
     let Some(accessor) = mesh::attribute(reader, attributes, name, count)? else { return Ok(None) };
-    let accessor = if fractions { accessor.as_fractions() } else { accessor };
+    let accessor = if fractions { accessor.into_fractions() } else { accessor };
     Ok(Some(accessor.vectors()?.into_iter().map(|v: [f32; N]| v.map(f64::from)).collect()))
 }

@@ -5,7 +5,9 @@ use super::json::Json;
 use super::texture::{self, Use};
 use crate::ReadError;
 use snell_math::Rgb;
-use snell_scene::material::{AlphaMode, Black, ColorParam, MaterialKind, MetallicRoughness, NormalMap, ScalarParam};
+use snell_scene::material::{
+    AlphaMode, Black, ColorParam, Dielectric, MaterialKind, MetallicRoughness, NormalMap, ScalarParam,
+};
 use snell_scene::{Material, MaterialId};
 
 /// Reads all materials, in the order of the file: number `i` there is material `i` of the scene.
@@ -41,6 +43,8 @@ struct Pbr {
     transmission: ScalarParam,
     /// True if the surface bounds a volume; false if it is a thin sheet where it transmits.
     is_boundary: bool,
+    /// Factor on light that crosses a boundary, for what the volume absorbs.
+    absorption: Rgb,
 }
 
 impl Default for Pbr {
@@ -55,12 +59,19 @@ impl Default for Pbr {
             specular_color: Rgb::WHITE.into(),
             transmission: 0.0.into(),
             is_boundary: false,
+            absorption: Rgb::WHITE,
         }
     }
 }
 
 /// The material of the scene that comes nearest.
 fn kind(pbr: Pbr) -> MaterialKind {
+    // Clear volumes refract; what is only partly clear or metallic is a thin wall.
+    let is_clear = pbr.transmission.factor >= 0.5 && pbr.transmission.texture.is_none();
+    if pbr.is_boundary && is_clear && pbr.metallic.factor == 0.0 {
+        let tint = ColorParam { factor: pbr.base_color.factor * pbr.absorption, ..pbr.base_color };
+        return Dielectric { ior: pbr.ior, roughness: pbr.roughness, tint }.into();
+    }
     let Pbr { base_color, metallic, roughness, ior, specular, specular_color, transmission, .. } = pbr;
     MetallicRoughness { base_color, metallic, roughness, ior, specular, specular_color, transmission }.into()
 }
@@ -112,12 +123,21 @@ fn metallic_roughness(reader: &mut Reader, json: &Json) -> Result<Pbr, ReadError
         pbr.transmission.texture = texture_of(reader, &transmission, "transmissionTexture", Use::Data)?.map(|t| (t, 0));
     }
     if let Some(volume) = json.extension("KHR_materials_volume")? {
-        pbr.is_boundary = volume.number_or("thicknessFactor", 0.0)? > 0.0;
-        if volume.get("attenuationDistance")?.is_some() {
-            reader.scene.warn("absorption inside of volumes (attenuationDistance) is not supported and left out");
+        let thickness = volume.number_or("thicknessFactor", 0.0)?;
+        pbr.is_boundary = thickness > 0.0;
+        if let Some(distance) = volume.get("attenuationDistance")? {
+            reader.scene.warn("absorption inside of volumes is approximated by a tint of their surfaces");
+            pbr.absorption = absorption(&volume, thickness, distance.number()?)?;
         }
     }
     Ok(pbr)
+}
+
+/// What a volume absorbs on the way through its thickness, half of it at each of the two crossings.
+fn absorption(volume: &Json, thickness: f64, distance: f64) -> Result<Rgb, ReadError> {
+    let color = volume.numbers_or("attenuationColor", [1.0; 3])?;
+    let exponent = if distance > 0.0 { thickness.max(0.0) / (2.0 * distance) } else { 0.0 };
+    Ok(rgb(color.map(|c| c.clamp(0.0, 1.0).powf(exponent))))
 }
 
 /// Converts the older model: its diffuse colour is the base colour of a non-metal with the given reflectance at normal incidence,

@@ -77,7 +77,7 @@ fn read_attributes(reader: &Reader, attributes: &Json, mesh: &mut TriangleMesh) 
         }
     }
     if let Some(accessor) = attribute(reader, attributes, "COLOR_0", vertices)? {
-        let accessor = accessor.as_fractions();
+        let accessor = accessor.into_fractions();
         mesh.colors = match accessor.width {
             3 => vectors(&accessor, |[r, g, b]| [r, g, b, 1.0])?,
             _ => vectors(&accessor, |rgba: [f32; 4]| rgba)?,
@@ -126,6 +126,37 @@ fn read_indices(reader: &Reader, json: &Json, vertices: usize) -> Result<Vec<u32
             "index {at} is {}, but there are only {vertices} vertices (strips cannot be restarted in glTF)",
             indices[at]
         ))),
+    }
+}
+
+/// Leaves out vertices that no triangle uses, if they are more than half: exporters let many primitives share one large array.
+pub(super) fn drop_unused(mesh: &mut TriangleMesh) {
+    const UNUSED: u32 = u32::MAX;
+    let mut new_number = vec![UNUSED; mesh.positions.len()];
+    for &i in mesh.indices.iter().flatten() {
+        new_number[i as usize] = 0;
+    }
+    let used: Vec<usize> = (0..new_number.len()).filter(|&i| new_number[i] != UNUSED).collect();
+    if used.len() > mesh.positions.len() / 2 {
+        return;
+    }
+    for (number, &i) in (0..).zip(&used) {
+        new_number[i] = number;
+    }
+    keep(&mut mesh.positions, &used);
+    keep(&mut mesh.normals, &used);
+    keep(&mut mesh.tangents, &used);
+    mesh.uvs.iter_mut().for_each(|uvs| keep(uvs, &used));
+    keep(&mut mesh.colors, &used);
+    for i in mesh.indices.iter_mut().flatten() {
+        *i = new_number[*i as usize];
+    }
+}
+
+/// The elements at these places, if there are any.
+fn keep<T: Copy>(values: &mut Vec<T>, places: &[usize]) {
+    if !values.is_empty() {
+        *values = places.iter().map(|&i| values[i]).collect();
     }
 }
 

@@ -93,7 +93,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     }
     reference::check(&root)?;
 
-    let accessors = Accessors::new(&root, Buffers::new(input, &root, binary)?)?;
+    let accessors = Accessors::new(&root, Buffers::new(input, &root, binary)?, input.options.limits.elements)?;
     accessors.check()?;
     let textures = Textures::default();
     let mut reader = Reader { input, root, accessors, textures, scene, default_material: None, vertices: 0 };

@@ -84,7 +84,9 @@ impl<'a> Hierarchy<'a> {
         let chosen = reader.root.get("scene")?.map(|s| s.size()).transpose()?;
         if let Some(index) = chosen.filter(|&i| i >= scenes.len()) {
             let count = scenes.len();
-            reader.scene.warn(format!("the default scene is number {index}, but there are {count}; another is shown"));
+            reader.scene.warn(format!(
+                "the default scene is number {index}, but there are {count}; the first, or else every node, is shown"
+            ));
         }
         let index = chosen.filter(|&i| i < scenes.len()).unwrap_or(0);
         let Some(scene) = scenes.get(index) else {
@@ -165,11 +167,14 @@ fn check_unseen(reader: &mut Reader, hierarchy: &Hierarchy, seen: &BTreeSet<usiz
     for skin in reader.root.items_of("skins")? {
         skin::joint_matrices(reader, &skin, hierarchy)?;
     }
+    let warnings = reader.scene.warnings.clone();
     for (i, mesh) in reader.root.items_of("meshes")?.iter().enumerate() {
         if !seen.contains(&i) {
             mesh::read_primitives(reader, mesh, &[])?;
         }
     }
+    // What is approximated in meshes that nobody sees is of no interest.
+    reader.scene.warnings = warnings;
     if seen.is_empty() && !reader.root.items_of("meshes")?.is_empty() {
         reader.scene.warn("the file has meshes, but no node of the scene shows one");
     }
@@ -238,10 +243,11 @@ fn skinned_mesh(
     Ok(Node { surfaces, ..Node::named(mesh.name()) })
 }
 
-fn surface(reader: &mut Reader, mesh: TriangleMesh, material: Option<usize>) -> Surface {
+fn surface(reader: &mut Reader, mut mesh: TriangleMesh, material: Option<usize>) -> Surface {
     let material = match material {
         Some(index) => MaterialId(index as u32),
         None => super::material::default_material(reader),
     };
+    mesh::drop_unused(&mut mesh);
     Surface::with_material(Geometry::Mesh(Arc::new(mesh)), material)
 }

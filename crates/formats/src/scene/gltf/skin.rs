@@ -22,7 +22,7 @@ impl Influences {
             let joints = attribute(reader, attributes, &format!("JOINTS_{set}"), vertices)?;
             let weights = attribute(reader, attributes, &format!("WEIGHTS_{set}"), vertices)?;
             let (Some(joints), Some(weights)) = (joints, weights) else { break };
-            sets.push((joints.vectors()?, weights.as_fractions().vectors()?));
+            sets.push((joints.vectors()?, weights.into_fractions().vectors()?));
         }
         Ok((!sets.is_empty()).then_some(Self { sets }))
     }

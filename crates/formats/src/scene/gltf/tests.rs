@@ -50,11 +50,12 @@ fn read_text(json: &str) -> Result<Scene, ReadError> {
 /// All meshes of the scene's nodes, in the order of the nodes.
 fn meshes(scene: &Scene) -> Vec<&TriangleMesh> {
     let surfaces = scene.nodes.iter().flat_map(|n| &n.surfaces);
-    let mesh = |g| match g {
-        &Geometry::Mesh(ref mesh) => Some(mesh.as_ref()),
-        Geometry::Shape(_) => None,
-    };
-    surfaces.filter_map(|s| mesh(&s.geometry)).collect()
+    surfaces
+        .filter_map(|surface| match &surface.geometry {
+            Geometry::Mesh(mesh) => Some(mesh.as_ref()),
+            Geometry::Shape(_) => None,
+        })
+        .collect()
 }
 
 /// What must hold for every scene that a reader gives out.

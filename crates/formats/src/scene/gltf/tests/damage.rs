@@ -74,3 +74,15 @@ fn every_truncation_of_a_small_file_is_refused() {
         assert!(!survives(bytes[..length].to_vec(), &folder), "{length} of {} bytes", bytes.len());
     }
 }
+
+#[test]
+fn a_short_file_cannot_ask_for_many_vertices() {
+    let primitive = r#"{"attributes": {"POSITION": 0}}"#;
+    let json = format!(
+        r#"{{"asset": {{"version": "2.0"}}, "accessors": [{{"componentType": 5126, "type": "VEC3", "count": 4194304}}],
+        "nodes": [{{"mesh": 0}}], "meshes": [{{"primitives": [{}]}}]}}"#,
+        vec![primitive; 1000].join(",")
+    );
+    let error = super::read_text(&json).expect_err("4 billion vertices");
+    assert!(error.problem.contains("too many"), "{error}");
+}

@@ -4,7 +4,7 @@ use super::{data, meshes, open, read_text};
 use snell_intersect::TriangleMesh;
 use snell_math::{Bounds3, DVec3, Rgb, Vec3};
 use snell_scene::light::SpotFalloff;
-use snell_scene::material::AlphaMode;
+use snell_scene::material::{AlphaMode, MaterialKind};
 use snell_scene::texture::{Filtering, Wrap};
 use snell_scene::{Encoding, Light, Projection, Scene};
 
@@ -245,4 +245,37 @@ fn quantised_positions_and_fractions_are_scaled_by_their_type() {
     let normalized = square(4, &[0, 1, 2]).replace(r#""VEC3","#, r#""VEC3", "normalized": true,"#);
     let scene = read_text(&normalized).expect("the square is sound");
     assert_eq!(meshes(&scene)[0].positions[3], Vec3::new(1.0 / 255.0, 1.0 / 255.0, 0.0));
+}
+
+#[test]
+fn vertices_that_no_triangle_uses_are_left_out_and_nothing_moves() {
+    let corner = |i: u16| Vec3::new(f32::from(i), f32::from(i * i), 0.0);
+    let mut mesh = TriangleMesh {
+        positions: (0..20).map(corner).collect(),
+        colors: (0u8..20).map(|i| [f32::from(i); 4]).collect(),
+        indices: vec![[19, 3, 7], [3, 7, 11]],
+        ..TriangleMesh::default()
+    };
+    let before = triangles(&mesh);
+    super::super::mesh::drop_unused(&mut mesh);
+    assert_eq!((mesh.positions.len(), mesh.colors.len(), mesh.validate()), (4, 4, Ok(())));
+    assert_eq!(triangles(&mesh), before);
+    assert!(mesh.positions.iter().zip(&mesh.colors).all(|(p, c)| p.x == c[0]));
+}
+
+#[test]
+fn clear_volumes_refract_and_thin_sheets_do_not() {
+    let material = |thickness: f64| {
+        let json = format!(
+            r#"{{"asset": {{"version": "2.0"}}, "materials": [{{"pbrMetallicRoughness": {{"metallicFactor": 0}}, "extensions": {{
+            "KHR_materials_ior": {{"ior": 1.33}}, "KHR_materials_transmission": {{"transmissionFactor": 1}},
+            "KHR_materials_volume": {{"thicknessFactor": {thickness}, "attenuationDistance": 1, "attenuationColor": [0.25, 1, 1]}}}}}}]}}"#
+        );
+        read_text(&json).expect("the document is sound").materials.remove(0)
+    };
+    let glass = material(1.0);
+    let MaterialKind::Dielectric(dielectric) = &glass.kind else { panic!("{glass:?}") };
+    assert_eq!((dielectric.ior, dielectric.tint.factor, glass.double_sided), (1.33, Rgb::new(0.5, 1.0, 1.0), true));
+    let sheet = material(0.0);
+    assert!(matches!(&sheet.kind, MaterialKind::MetallicRoughness(m) if m.transmission.factor == 1.0), "{sheet:?}");
 }
