@@ -12,6 +12,7 @@ pub mod input;
 pub mod limits;
 pub mod mesh;
 pub mod scene;
+pub mod textures;
 
 pub use error::{Place, ReadError, WriteError};
 pub use input::Input;
@@ -37,6 +38,7 @@ pub struct SceneReader {
 
 /// All readers, in the order in which contents are tried: formats with a signature first.
 pub const SCENE_READERS: &[SceneReader] = &[
+    scene::gltf::READER,
     mesh::ply::READER,
     mesh::off::READER,
     mesh::stl::READER,

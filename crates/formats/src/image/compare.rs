@@ -124,7 +124,9 @@ pub enum CompareError {
         test: [u32; 2],
     },
     /// A picture has no pixels, or not one colour per pixel.
-    #[error("a picture has {pixels} pixels where its size says {expected}; give one colour per pixel and at least one pixel")]
+    #[error(
+        "a picture has {pixels} pixels where its size says {expected}; give one colour per pixel and at least one pixel"
+    )]
     Pixels {
         /// What was found.
         pixels: usize,
@@ -143,7 +145,8 @@ pub fn compare(
     options: &CompareOptions,
 ) -> Result<Compared, CompareError> {
     check(reference, test)?;
-    let not_finite = |image: &LinearImage| image.pixels.iter().filter(|p| !p.iter().all(|v| v.is_finite())).count() as u64;
+    let not_finite =
+        |image: &LinearImage| image.pixels.iter().filter(|p| !p.iter().all(|v| v.is_finite())).count() as u64;
     let (not_finite_in_reference, not_finite_in_test) = (not_finite(reference), not_finite(test));
     let reference = &made_finite(reference);
     let test = &made_finite(test);

@@ -48,8 +48,8 @@ impl Appearance {
 
 /// Contrast sensitivity as sums of two Gaussians: a1, b1, a2, b2 (Section 4.1.1, Table 1).
 const SENSITIVITY: [[f32; 4]; 3] = [
-    [1.0, 0.0047, 0.0, 1e-5], // achromatic
-    [1.0, 0.0053, 0.0, 1e-5], // red-green
+    [1.0, 0.0047, 0.0, 1e-5],  // achromatic
+    [1.0, 0.0053, 0.0, 1e-5],  // red-green
     [34.1, 0.04, 13.5, 0.025], // blue-yellow
 ];
 

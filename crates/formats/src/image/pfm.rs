@@ -3,8 +3,8 @@
 //! Format: Debevec, "PFM Portable FloatMap Image Format". The sign of the third number tells the byte order (negative: little
 //! endian), its magnitude scales the values.
 
-use super::picture::{Picture, Unfit, check_size};
 use super::WriteOptions;
+use super::picture::{Picture, Unfit, check_size};
 use crate::{Input, Place, ReadError};
 use snell_scene::{Image, LayeredImage};
 

@@ -20,8 +20,8 @@ impl Unfit {
 
 /// No compression in use here makes more than this many bytes out of one (deflate stops at 1032, JPEG near 1024).
 const MAX_EXPANSION: u64 = 4096;
-/// Pictures up to this many bytes in memory are decoded whatever the file's size: enough for 16 Mi pixels of RGBA floats.
-const ALWAYS_ALLOWED_BYTES: u64 = 256 << 20;
+/// Pictures up to this many bytes in memory are decoded whatever the file's size: enough for 4 Mi pixels of RGBA floats.
+const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
 
 /// Refuses an image that is empty, over the limit, or that declares more than its bytes can hold. To be called before anything is
 /// allocated.

@@ -61,10 +61,8 @@ fn decode_error(input: &Input, error: &ImageError) -> ReadError {
             format!("the image declares more than the limit of {} pixels", input.options.limits.image_pixels),
             "scale the image down, or raise the limit if the size is true",
         ),
-        other => input.error(
-            Place::Whole,
-            format!("the image is damaged or cut off: {other}"),
-            "export the image again",
-        ),
+        other => {
+            input.error(Place::Whole, format!("the image is damaged or cut off: {other}"), "export the image again")
+        }
     }
 }

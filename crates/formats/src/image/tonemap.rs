@@ -6,15 +6,19 @@ use snell_math::spectrum::linear_to_srgb;
 /// Display values, each from 0 to 1, of a scene-linear Rec. 709 colour. Values that are not numbers count as 0.
 pub fn display_value(rgb: [f32; 3], display: &Display) -> [f32; 3] {
     let exposure = (display.exposure as f32).exp2();
-    // f32::max and min also turn not-a-number into the bound.
-    let exposed = rgb.map(|v| if v.is_nan() { 0.0 } else { (v * exposure).max(0.0).min(f32::MAX) });
+    let exposed = rgb.map(|v| bounded(v * exposure, f32::MAX));
     let mapped = match display.tonemap {
         Tonemap::None => exposed,
         Tonemap::Aces => aces(exposed),
         Tonemap::Agx => agx(exposed),
     };
-    let clamped = mapped.map(|v| v.max(0.0).min(1.0));
+    let clamped = mapped.map(|v| bounded(v, 1.0));
     if display.srgb { clamped.map(|v| linear_to_srgb(v).clamp(0.0, 1.0)) } else { clamped }
+}
+
+/// From 0 to `highest`; not-a-number becomes 0.
+fn bounded(value: f32, highest: f32) -> f32 {
+    if value.is_nan() { 0.0 } else { value.clamp(0.0, highest) }
 }
 
 fn multiply(matrix: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {

@@ -114,7 +114,6 @@ fn display_rgba([r, g, b, a]: [f32; 4], display: &Display, with_alpha: bool) -> 
     let alpha = if a.is_nan() { 0.0 } else { a.clamp(0.0, 1.0) };
     let divisor = if with_alpha && alpha > 0.0 { alpha } else { 1.0 };
     // Infinities are not pixels that a renderer means: they count as 0, like not-a-number.
-    let [r, g, b] =
-        display_value([r, g, b].map(|v| if v.is_finite() { v / divisor } else { 0.0 }), display);
+    let [r, g, b] = display_value([r, g, b].map(|v| if v.is_finite() { v / divisor } else { 0.0 }), display);
     [r, g, b, alpha]
 }

@@ -12,6 +12,9 @@ use std::collections::HashMap;
 /// Edges at which faces meet at more than this are sharp, in degrees.
 pub const CREASE_ANGLE: f32 = 40.0;
 
+/// No group.
+const NONE: u32 = u32::MAX;
+
 /// What decides whether an edge is sharp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Smoothing {
@@ -40,7 +43,7 @@ pub fn smooth(mesh: &mut TriangleMesh, crease_degrees: f32, smoothing: &[Smoothi
         return;
     }
     let facets = Facets::of(mesh, crease_degrees, smoothing);
-    let mut group_of_corner = vec![0u32; mesh.indices.len() * 3];
+    let mut group_of_corner = vec![NONE; mesh.indices.len() * 3];
     let mut normals = Vec::new();
     let mut around = Around::default();
     for corners in facets.corners_by_point() {
@@ -73,8 +76,8 @@ impl<'a> Facets<'a> {
         let welded: Vec<u32> = mesh.positions.iter().map(|&p| welder.weld(p)).collect();
         let points: Vec<[u32; 3]> = mesh.indices.iter().map(|t| t.map(|i| welded[i as usize])).collect();
         let crease = crease_degrees.to_radians();
-        let (corners, ends) = sorted_corners(&points, welder.len());
-        let (normals, angles) = (0..mesh.indices.len()).map(|t| facet(mesh.corners(t))).unzip();
+        let (normals, angles): (Vec<_>, _) = (0..mesh.indices.len()).map(|t| facet(mesh.corners(t))).unzip();
+        let (corners, ends) = sorted_corners(&points, &normals, welder.len());
         let (crease_cosine, half_cosine) = (crease.cos(), (crease / 2.0).cos());
         Self { points, normals, smoothing, crease_cosine, half_cosine, angles, corners, ends }
     }
@@ -95,19 +98,30 @@ impl<'a> Facets<'a> {
     }
 }
 
-/// Unit normal and corner angles of a triangle, in double precision inside: tiny triangles have normals too.
+/// Height of a triangle, as a share of its largest coordinate, below which its normal is but rounding of its corners.
+const LEAST_HEIGHT: f64 = 1e-6;
+
+/// Unit normal and corner angles of a triangle, in double precision inside: tiny triangles have normals too. Zero for slivers.
 fn facet(corners: [Vec3; 3]) -> (Vec3, [f32; 3]) {
     let [a, b, c] = corners.map(|p| p.as_dvec3());
-    let Some(normal) = (b - a).cross(c - a).try_normalize() else { return (Vec3::ZERO, [0.0; 3]) };
+    let cross = (b - a).cross(c - a);
+    let longest = (b - a).length().max((c - b).length()).max((a - c).length());
+    let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
+    let is_proper = cross.length() > LEAST_HEIGHT * largest * longest;
+    let Some(normal) = cross.try_normalize().filter(|_| is_proper) else { return (Vec3::ZERO, [0.0; 3]) };
     let edges = [(b - a), (c - b), (a - c)].map(|e| e.normalize_or_zero());
     let angle = |before: usize, after: usize| (-edges[before]).dot(edges[after]).clamp(-1.0, 1.0).acos() as f32;
     (normal.as_vec3(), [angle(2, 0), angle(0, 1), angle(1, 2)])
 }
 
-/// Counting sort of the corners by point.
-fn sorted_corners(points: &[[u32; 3]], count: usize) -> (Vec<u32>, Vec<u32>) {
+/// Counting sort of the corners by point. Triangles without a normal have no say: their corners are left out.
+fn sorted_corners(points: &[[u32; 3]], normals: &[Vec3], count: usize) -> (Vec<u32>, Vec<u32>) {
+    let corners_with_points = || {
+        let proper = points.iter().zip(normals).enumerate().filter(|(_, (_, n))| **n != Vec3::ZERO);
+        proper.flat_map(|(t, (points, _))| (0..3).map(move |k| (3 * t as u32 + k as u32, points[k])))
+    };
     let mut ends = vec![0u32; count];
-    for &point in points.iter().flatten() {
+    for (_, point) in corners_with_points() {
         ends[point as usize] += 1;
     }
     let mut start = 0;
@@ -116,10 +130,10 @@ fn sorted_corners(points: &[[u32; 3]], count: usize) -> (Vec<u32>, Vec<u32>) {
         *end = start;
         start += number;
     }
-    let mut corners = vec![0u32; points.len() * 3];
-    for (corner, &point) in points.iter().flatten().enumerate() {
+    let mut corners = vec![0u32; start as usize];
+    for (corner, point) in corners_with_points() {
         let at = &mut ends[point as usize];
-        corners[*at as usize] = corner as u32;
+        corners[*at as usize] = corner;
         *at += 1;
     }
     (corners, ends)
@@ -150,11 +164,11 @@ impl Around {
         }
         self.join_across_edges(facets, corners);
         self.group.clear();
-        self.group.resize(corners.len(), u32::MAX);
+        self.group.resize(corners.len(), NONE);
         let base = normals.len();
         for (i, &corner) in corners.iter().enumerate() {
             let root = self.root(i as u32) as usize;
-            if self.group[root] == u32::MAX {
+            if self.group[root] == NONE {
                 self.group[root] = normals.len() as u32;
                 normals.push(Vec3::ZERO);
             }
@@ -208,9 +222,8 @@ impl Around {
     }
 }
 
-/// Makes one vertex of each pair of vertex and group. Vertices that no triangle uses get `+z`.
+/// Makes one vertex of each pair of vertex and group. Vertices that no proper triangle uses get `+z`.
 fn split(mesh: &mut TriangleMesh, group_of_corner: &[u32], normals: &[Vec3]) {
-    const NONE: u32 = u32::MAX;
     let mut group_of = vec![NONE; mesh.positions.len()];
     // Vertices of further groups by old vertex and group. Looked up only.
     let mut further: HashMap<(u32, u32), u32> = HashMap::new();
@@ -220,7 +233,7 @@ fn split(mesh: &mut TriangleMesh, group_of_corner: &[u32], normals: &[Vec3]) {
         if *own == NONE {
             *own = group;
         }
-        if *own != group {
+        if *own != group && group != NONE {
             let old = *index;
             *index = *further.entry((old, group)).or_insert_with(|| {
                 group_of.push(group);

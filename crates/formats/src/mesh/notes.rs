@@ -19,6 +19,14 @@ impl Notes {
         }
     }
 
+    /// Notes a warning of which there are few; equal messages are counted.
+    pub fn say(&mut self, message: String) {
+        match self.kinds.iter_mut().find(|(_, w)| w.message == message) {
+            Some((_, warning)) => warning.count += 1,
+            None => self.kinds.push(("", Warning { message, count: 1 })),
+        }
+    }
+
     /// Hands the warnings to a scene.
     pub fn finish(self, scene: &mut Scene) {
         scene.warnings.extend(self.kinds.into_iter().map(|(_, warning)| warning));

@@ -1,5 +1,6 @@
 //! Scene files.
 
+pub mod gltf;
 pub mod minray;
 pub mod nff;
 pub mod scn;

@@ -100,20 +100,40 @@ pub(crate) fn padded(t: f32) -> f32 {
 #[inline(always)]
 pub(crate) unsafe fn boxes_met<L: Lanes8>(node: &WideNode, ray: &LocalRay, t_min: f32, cull: f32) -> (u32, L) {
     // SAFETY: passed on to the caller.
-    let splat = |x| unsafe { L::splat(x) };
-    let near = |axis: usize| {
-        // SAFETY: as above.
-        let plane = unsafe { L::load(&node.bounds[ray.negative[axis] & 1][axis]) };
-        plane.sub(splat(ray.near_origin[axis])).mul(splat(ray.inverse[axis]))
-    };
-    let far = |axis: usize| {
-        // SAFETY: as above.
-        let plane = unsafe { L::load(&node.bounds[(ray.negative[axis] & 1) ^ 1][axis]) };
-        plane.sub(splat(ray.far_origin[axis])).mul(splat(ray.inverse[axis]))
-    };
-    let enter = near(0).max(near(1)).max(near(2).max(splat(t_min)));
-    let leave = far(0).min(far(1)).min(far(2));
-    // Away from zero if positive, towards it if negative: always farther along the ray.
-    let leave = leave.mul(splat(1.0 + BOX_PADDING)).max(leave.mul(splat(1.0 - BOX_PADDING)));
-    (enter.le(leave.min(splat(cull))), enter)
+    unsafe {
+        let near = [near::<L>(node, ray, 0), near::<L>(node, ray, 1), near::<L>(node, ray, 2)];
+        let far = [far::<L>(node, ray, 0), far::<L>(node, ray, 1), far::<L>(node, ray, 2)];
+        // A plane that a parallel ray lies in gives NaN (0 times infinity), and a NaN on the left does not count.
+        let enter = near[0].max(near[1].max(near[2].max(L::splat(t_min))));
+        let leave = far[0].min(far[1].min(far[2].min(L::splat(f32::INFINITY))));
+        // Away from zero if positive, towards it if negative: always farther along the ray.
+        let leave = leave.mul(L::splat(1.0 + BOX_PADDING)).max(leave.mul(L::splat(1.0 - BOX_PADDING)));
+        (enter.le(leave.min(L::splat(cull))), enter)
+    }
+}
+
+/// Where the ray meets the near planes of an axis.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn near<L: Lanes8>(node: &WideNode, ray: &LocalRay, axis: usize) -> L {
+    // SAFETY: passed on to the caller; `negative` is 0 or 1.
+    unsafe {
+        let plane = L::load(&node.bounds.get_unchecked(ray.negative[axis])[axis]);
+        plane.sub(L::splat(ray.near_origin[axis])).mul(L::splat(ray.inverse[axis]))
+    }
+}
+
+/// Where the ray meets the far planes of an axis.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn far<L: Lanes8>(node: &WideNode, ray: &LocalRay, axis: usize) -> L {
+    // SAFETY: passed on to the caller; `negative` is 0 or 1.
+    unsafe {
+        let plane = L::load(&node.bounds.get_unchecked(ray.negative[axis] ^ 1)[axis]);
+        plane.sub(L::splat(ray.far_origin[axis])).mul(L::splat(ray.inverse[axis]))
+    }
 }

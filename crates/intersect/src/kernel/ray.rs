@@ -20,14 +20,11 @@ pub(crate) struct LocalRay {
     pub near_origin: [f32; 3],
     /// Origin per axis, rounded so that far planes go farther.
     pub far_origin: [f32; 3],
-    /// Inverse direction, finite and not zero.
+    /// Inverse direction; not zero, infinite where the ray does not move along the axis.
     pub inverse: [f32; 3],
     /// 1 for each axis on which the ray goes down: then the near plane of a box is its maximum.
     pub negative: [usize; 3],
 }
-
-/// Limits of the inverse direction: finite, so that 0 times it is 0, and not zero, so that infinity times it is infinity.
-const INVERSE_RANGE: [f64; 2] = [1e-37, 3e37];
 
 impl LocalRay {
     #[inline(always)]
@@ -63,8 +60,14 @@ impl LocalRay {
             let down = d[i] < 0.0;
             ray.negative[i] = usize::from(down);
             (ray.near_origin[i], ray.far_origin[i]) = if down { (below, above) } else { (above, below) };
-            let size = (1.0 / d[i].abs()).clamp(INVERSE_RANGE[0], INVERSE_RANGE[1]) as f32;
+            // Never zero, so that empty boxes stay infinitely far.
+            let size = ((1.0 / d[i].abs()) as f32).max(f32::from_bits(1));
             ray.inverse[i] = if down { -size } else { size };
+            if size == f32::INFINITY && d[i] != 0.0 {
+                // So slow along this axis that `f32` cannot say when it crosses a plane: no plane counts.
+                (ray.near_origin[i], ray.far_origin[i]) =
+                    if down { (f32::MIN, f32::MAX) } else { (f32::MAX, f32::MIN) };
+            }
         }
         ray
     }
@@ -73,7 +76,8 @@ impl LocalRay {
     /// rounded subtraction, product, subtraction, never fused.
     #[inline(always)]
     pub fn draw(&self, v: &[f32; 3]) -> [f32; 2] {
-        let [x, y, z] = self.axes.map(|axis| v[axis] - self.origin[axis]);
+        let [kx, ky, kz] = self.axes;
+        let (x, y, z) = (v[kx] - self.origin[kx], v[ky] - self.origin[ky], v[kz] - self.origin[kz]);
         [x - self.shear[0] * z, y - self.shear[1] * z]
     }
 }

@@ -27,8 +27,9 @@ impl TriangleBlock {
     /// The corners of one of the triangles.
     #[inline(always)]
     pub fn corners(&self, lane: usize) -> [[f32; 3]; 3] {
-        let lane = lane & 7;
-        self.vertices.map(|v| v.map(|axis| axis[lane]))
+        let (lane, v) = (lane & 7, &self.vertices);
+        let corner = |i: usize| [v[i][0][lane], v[i][1][lane], v[i][2][lane]];
+        [corner(0), corner(1), corner(2)]
     }
 
     /// Puts a triangle into a lane.
@@ -53,36 +54,75 @@ const EDGE_ERROR: f32 = 4.76837158203125e-7;
 /// The machine must have the instructions of `L`.
 #[inline(always)]
 pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32 {
-    let [kx, ky, kz] = ray.axes;
     // SAFETY: passed on to the caller.
-    let splat = |x| unsafe { L::splat(x) };
-    // SAFETY: as above.
-    let load = |v: &[f32; 8]| unsafe { L::load(v) };
-    let (ox, oy, oz) = (splat(ray.origin[kx]), splat(ray.origin[ky]), splat(ray.origin[kz]));
-    let (sx, sy) = (splat(ray.shear[0]), splat(ray.shear[1]));
-    let draw = |v: &[[f32; 8]; 3]| {
-        let (x, y, z) = (load(&v[kx]).sub(ox), load(&v[ky]).sub(oy), load(&v[kz]).sub(oz));
-        (x.sub(sx.mul(z)), y.sub(sy.mul(z)), z)
+    let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2], zero, bound_scale, tiny) = unsafe {
+        let frame = DrawingFrame::<L>::new(ray);
+        let [v0, v1, v2] = &block.vertices;
+        (
+            frame.draw(v0),
+            frame.draw(v1),
+            frame.draw(v2),
+            L::splat(0.0),
+            L::splat(EDGE_ERROR),
+            L::splat(f32::MIN_POSITIVE),
+        )
     };
-    let (x0, y0, z0) = draw(&block.vertices[0]);
-    let (x1, y1, z1) = draw(&block.vertices[1]);
-    let (x2, y2, z2) = draw(&block.vertices[2]);
     let u = x1.mul(y2).sub(y1.mul(x2));
     let v = x2.mul(y0).sub(y2.mul(x0));
     let w = x0.mul(y1).sub(y0.mul(x1));
     // Surely outside: two edges whose signs are certain and differ. NaN is never sure.
     let extent = x0.abs().max(x1.abs()).max(x2.abs()).mul(y0.abs().max(y1.abs()).max(y2.abs()));
-    let bound = extent.mul(splat(EDGE_ERROR)).add(splat(f32::MIN_POSITIVE));
-    let outside = u.min(v).min(w).add(bound).lt(splat(0.0)) & bound.lt(u.max(v).max(w));
+    let bound = extent.mul(bound_scale).add(tiny);
+    let outside = u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w));
     // Surely too near or too far: all three corners are. (With `depth_scale` 0 all depths are 0 and prove nothing.)
     if ray.depth_scale == 0.0 {
         return !outside & 0xff;
     }
-    let scale = splat(ray.depth_scale);
+    // SAFETY: passed on to the caller.
+    let (scale, cull, start) =
+        unsafe { (L::splat(ray.depth_scale), L::splat(cull), L::splat(t_min - t_min.abs() * 1e-6)) };
     let (d0, d1, d2) = (z0.mul(scale), z1.mul(scale), z2.mul(scale));
-    let margin = t_min.abs() * 1e-6;
-    let beyond = splat(cull).lt(d0.min(d1).min(d2)) | d0.max(d1).max(d2).lt(splat(t_min - margin));
+    let beyond = cull.lt(d0.min(d1).min(d2)) | d0.max(d1).max(d2).lt(start);
     !(outside | beyond) & 0xff
+}
+
+/// [`LocalRay::draw`] for eight vertices at a time: the same operations. (Plain functions instead of closures, which are not always
+/// inlined, and vectors must not pass through calls.)
+struct DrawingFrame<L> {
+    axes: [usize; 3],
+    origin: [L; 3],
+    shear: [L; 2],
+}
+
+impl<L: Lanes8> DrawingFrame<L> {
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    unsafe fn new(ray: &LocalRay) -> Self {
+        let [x, y, z] = ray.axes;
+        // SAFETY: passed on to the caller.
+        unsafe {
+            Self {
+                axes: ray.axes,
+                origin: [L::splat(ray.origin[x]), L::splat(ray.origin[y]), L::splat(ray.origin[z])],
+                shear: [L::splat(ray.shear[0]), L::splat(ray.shear[1])],
+            }
+        }
+    }
+
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    unsafe fn draw(&self, v: &[[f32; 8]; 3]) -> [L; 3] {
+        let [kx, ky, kz] = self.axes;
+        // SAFETY: passed on to the caller; axes are below 3.
+        unsafe {
+            let x = L::load(v.get_unchecked(kx)).sub(self.origin[0]);
+            let y = L::load(v.get_unchecked(ky)).sub(self.origin[1]);
+            let z = L::load(v.get_unchecked(kz)).sub(self.origin[2]);
+            [x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z)), z]
+        }
+    }
 }
 
 /// Twice the signed area of the drawn triangle (ray, p, q), and its exact sign after the symbolic shift of the ray: 0 only if
@@ -117,8 +157,9 @@ pub(crate) fn exact_hit(ray: &LocalRay, corners: &[[f32; 3]; 3], t_min: f64) -> 
     }
     let sum = w0 + w1 + w2;
     let (b1, b2) = if sum != 0.0 { (w1 / sum, w2 / sum) } else { (1.0 / 3.0, 1.0 / 3.0) };
-    let corners = corners.map(wide);
-    let relative = corners.map(|v| v - ray.exact.origin);
+    let corners = [wide(corners[0]), wide(corners[1]), wide(corners[2])];
+    let o = ray.exact.origin;
+    let relative = [corners[0] - o, corners[1] - o, corners[2] - o];
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     let plane = normal.dot(relative[0]) / normal.dot(ray.exact.direction);
     let t = if plane.is_finite() {

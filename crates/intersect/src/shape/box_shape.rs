@@ -31,7 +31,7 @@ const UV_AXES: [[DVec3; 2]; 6] = [
 
 /// The nearest hit, face by face (lecture: "ray-box intersection": find the intersection with the plane of each side, check that it
 /// is inside the rectangle, return the least `t`). All six sides are tested, not only those that face the ray, which would lose
-/// every ray that starts inside.
+/// every ray that starts inside. By rounding, a ray exactly through an edge may slip between two faces; [`intersect_slabs`] is tight.
 pub fn intersect_faces(shape: &BoxShape, ray: &DRay) -> Option<ShapeHit> {
     let hit_face = |face: usize| {
         let axis = face / 2;

@@ -192,8 +192,8 @@ impl Shape for Frustum {
     fn surface(&self, position: DVec3, face: u32) -> ShapeSurface {
         let [bottom, top] = self.ends();
         match face {
-            Self::BOTTOM => self.cap_surface(position, bottom, self.bottom_radius),
-            Self::TOP => self.cap_surface(position, top, self.top_radius),
+            Self::BOTTOM if self.bottom_radius > 0.0 => self.cap_surface(position, bottom, self.bottom_radius),
+            Self::TOP if self.top_radius > 0.0 => self.cap_surface(position, top, self.top_radius),
             _ => self.side_surface(position),
         }
     }

@@ -15,6 +15,8 @@ pub mod polygon;
 pub mod rectangle;
 mod span;
 pub mod sphere;
+#[cfg(test)]
+mod tests;
 pub mod triangle;
 
 pub use box_shape::BoxShape;

@@ -1,7 +1,7 @@
 //! A single triangle, the lecture's two inside tests, and a watertight test. (Meshes have their own, faster kernel.)
 
 use super::plane::intersect_plane;
-use super::span::scaled_direction;
+use super::span::{accurate_cross, scaled_direction};
 use super::{Shape, ShapeError, ShapeHit, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
@@ -64,6 +64,7 @@ pub fn intersect_watertight(vertices: &[DVec3; 3], ray: &DRay) -> Option<Triangl
 /// Coordinates in which a ray runs along the last axis: the line is where the first two are 0.
 pub(super) struct RaySpace<'a> {
     ray: &'a DRay,
+    direction: DVec3,
     axes: [usize; 3],
     shear: DVec3,
     scale: f64,
@@ -76,7 +77,7 @@ impl<'a> RaySpace<'a> {
         let z = d.abs().max_position();
         let axes = [(z + 1) % 3, (z + 2) % 3, z];
         let shear = DVec3::new(d[axes[0]] / d[z], d[axes[1]] / d[z], 1.0 / d[z]);
-        Some(Self { ray, axes, shear, scale })
+        Some(Self { ray, direction: d, axes, shear, scale })
     }
 
     /// A point: position across the ray, and ray parameter. The same bits for the same point, whichever triangle it belongs to.
@@ -86,20 +87,31 @@ impl<'a> RaySpace<'a> {
         DVec3::new(p[self.axes[0]] - self.shear.x * z, p[self.axes[1]] - self.shear.y * z, self.shear.z * z)
     }
 
+    /// Parameter of the plane along the scaled direction. Unlike the depths of the corners it is exactly 0 for a ray that starts in
+    /// a triangle parallel to an axis. `None` where it is ill-conditioned: nearly edge on, there the depths are better.
+    fn plane_parameter(&self, vertices: &[DVec3; 3]) -> Option<f64> {
+        let n = normal(vertices);
+        let cos = self.direction.dot(n);
+        (cos.abs() > 1e-6 * n.length()).then(|| (vertices[0] - self.ray.origin).dot(n) / cos)
+    }
+
     /// See [`intersect_watertight`].
     pub fn intersect(&self, vertices: &[DVec3; 3]) -> Option<TriangleHit> {
         let p = vertices.map(|v| self.point(v));
         let sides = [edge_side(p[1], p[2])?, edge_side(p[2], p[0])?, edge_side(p[0], p[1])?];
-        // A degenerate triangle can get a little width by rounding.
         if sides[0] != sides[1] || sides[1] != sides[2] || normal(vertices) == DVec3::ZERO {
             return None;
         }
         let edge = |a: DVec3, b: DVec3| robust::difference_of_products(a.x, b.y, a.y, b.x);
         let weights = DVec3::new(edge(p[1], p[2]), edge(p[2], p[0]), edge(p[0], p[1]));
         let b = weights / weights.element_sum();
-        let t = (b.x * p[0].z + b.y * p[1].z + b.z * p[2].z) * self.scale;
-        (t.is_finite() && self.ray.contains(t))
-            .then_some(TriangleHit { t, barycentrics: DVec2::new(b.y, b.z).clamp(DVec2::ZERO, DVec2::ONE) })
+        let t = match self.plane_parameter(vertices) {
+            Some(t) => t,
+            None => b.dot(DVec3::new(p[0].z, p[1].z, p[2].z)),
+        } * self.scale;
+        let barycentrics = DVec2::new(b.y, b.z).clamp(DVec2::ZERO, DVec2::ONE);
+        let found = barycentrics.is_finite() && t.is_finite() && self.ray.contains(t);
+        found.then_some(TriangleHit { t, barycentrics })
     }
 }
 
@@ -114,9 +126,9 @@ fn edge_side(p: DVec3, q: DVec3) -> Option<bool> {
     moved.into_iter().find(|&x| x != 0.0).map(|x| x > 0.0)
 }
 
-/// Normal of any length by the right-hand rule.
+/// Normal of any length by the right-hand rule; good for slivers too.
 fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
-    (*b - *a).cross(*c - *a)
+    accurate_cross(*b - *a, *c - *a)
 }
 
 /// Uniform barycentric coordinates of the second and third vertex (Heitz, A low-distortion map between triangle and square, 2019).

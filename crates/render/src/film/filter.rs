@@ -39,6 +39,11 @@ impl Filter {
         }
     }
 
+    /// True if the filter is below 0 somewhere.
+    pub fn has_negative_lobes(self) -> bool {
+        matches!(self, Self::Mitchell | Self::Lanczos)
+    }
+
     /// Half of the filter's width in pixels.
     pub fn radius(self) -> f64 {
         match self {
@@ -137,6 +142,9 @@ impl FilterSampler {
         let p = f64::from(u) * Self::STEPS as f64;
         let i = (p as usize).min(Self::STEPS - 1);
         let x = self.offsets[i] + (self.offsets[i + 1] - self.offsets[i]) * (p - i as f64);
+        if !self.filter.has_negative_lobes() {
+            return (x, 1.0);
+        }
         let sign = if self.filter.evaluate(x.clamp(-self.radius, self.radius)) < 0.0 { -1.0 } else { 1.0 };
         (x, sign)
     }

@@ -16,7 +16,7 @@ pub struct Ggx {
 impl Ggx {
     /// The distribution of a perceptual roughness in `[0, 1]`: `alpha = roughness^2`, as in glTF. Clamps; NaN counts as 0.
     pub fn from_roughness(roughness: f32) -> Self {
-        let roughness = roughness.max(0.0).min(1.0);
+        let roughness = super::bounded(roughness, 1.0);
         Self { alpha: roughness * roughness }
     }
 

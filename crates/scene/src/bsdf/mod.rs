@@ -120,6 +120,11 @@ bsdfs! {
     Glossy => GlossyBsdf,
 }
 
+/// `x` in `[0, most]`; NaN counts as 0.
+pub(crate) fn bounded(x: f32, most: f32) -> f32 {
+    if x > 0.0 { x.min(most) } else { 0.0 }
+}
+
 /// The direction, mirrored to the upper side if it lies below.
 fn lift(w: Vec3) -> Vec3 {
     Vec3::new(w.x, w.y, w.z.abs())

@@ -58,7 +58,7 @@ impl PhongBsdf {
             specular: c.specular,
             reflection: c.reflection,
             transmission: c.transmission,
-            exponent: c.exponent.max(0.0).min(MAX_EXPONENT),
+            exponent: super::bounded(c.exponent, MAX_EXPONENT),
             ior: c.ior,
             scale: if most > 1.0 { 1.0 / most } else { 1.0 },
         }

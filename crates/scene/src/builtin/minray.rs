@@ -1,7 +1,7 @@
 //! Heckbert's minimal ray tracer: scenes of spheres, as in the ACM contest of 1987 and on the business card (P. Heckbert, A
 //! Minimal Ray Tracer, Graphics Gems IV, 1994).
 
-use super::palette::classic;
+use super::palette::minimal;
 use crate::camera::{Camera, Projection};
 use crate::graph::{Background, Node, Scene, Surface};
 use crate::light::{Attenuation, Light};
@@ -149,7 +149,7 @@ pub fn minray_scene(description: &MinrayDescription) -> Result<Scene, MinrayErro
     description.check()?;
     let mut scene = Scene::new(&description.name);
     for (i, sphere) in description.spheres.iter().enumerate() {
-        let material = classic(&format!("sphere {}", i + 1), sphere);
+        let material = minimal(&format!("sphere {}", i + 1), sphere);
         let material = scene.add_material(material);
         let shape = Surface::shape(Sphere { radius: sphere.rad }, material);
         let transform = DAffine3::from_translation(sphere.center());

@@ -1,6 +1,7 @@
 //! The materials of the built-in scenes.
 
-use crate::material::{Diffuse, Material};
+use super::MinraySphere;
+use crate::material::{Conductor, Dielectric, Diffuse, Material, Phong, Plastic};
 use snell_math::Rgb;
 
 /// Matte paint.
@@ -8,29 +9,38 @@ pub fn matte(name: &str, reflectance: Rgb) -> Material {
     Material::new(name, Diffuse::new(reflectance))
 }
 
-/// A sphere of a minimal ray tracer's scene.
-pub fn classic(name: &str, sphere: &super::MinraySphere) -> Material {
-    let color = Rgb::new(sphere.r, sphere.g, sphere.b);
-    let material = Material::new(name, Diffuse::new(color * sphere.kd)).emitting(color * sphere.kl);
-    Material { emits_on_both_sides: true, ..material }
+/// Coloured plastic or glaze: matte under a clear coat.
+pub fn plastic(name: &str, color: Rgb, roughness: f32) -> Material {
+    Material::new(name, Plastic::new(color, roughness))
 }
 
-/// A clear glass.
+/// Gold.
+pub fn gold(name: &str, roughness: f32) -> Material {
+    Material::new(name, Conductor::gold(roughness))
+}
+
+/// A metal of this colour; a mirror if it has no roughness.
+pub fn metal(name: &str, color: Rgb, roughness: f32) -> Material {
+    Material::new(name, Conductor::color(color, roughness))
+}
+
+/// Clear glass.
 pub fn glass(name: &str) -> Material {
-    Material::new(name, Diffuse::new(Rgb::splat(0.9)))
+    Material::new(name, Dielectric::smooth(1.5))
 }
 
-/// Gold of this roughness.
-pub fn gold(name: &str, _roughness: f32) -> Material {
-    Material::new(name, Diffuse::new(Rgb::new(0.9, 0.6, 0.2)))
-}
-
-/// A metal of this colour and roughness.
-pub fn metal(name: &str, color: Rgb, _roughness: f32) -> Material {
-    Material::new(name, Diffuse::new(color))
-}
-
-/// Coloured plastic: matte under a clear coat.
-pub fn plastic(name: &str, color: Rgb, _roughness: f32) -> Material {
-    Material::new(name, Diffuse::new(color))
+/// What a sphere of the minimal ray tracer is made of: no highlights, because its lights are visible objects that mirrors show.
+pub fn minimal(name: &str, sphere: &MinraySphere) -> Material {
+    let color = Rgb::new(sphere.r, sphere.g, sphere.b);
+    let phong = Phong {
+        ambient: (color * sphere.kd).into(),
+        diffuse: (color * sphere.kd).into(),
+        specular: Rgb::BLACK.into(),
+        reflection: Rgb::splat(sphere.ks).into(),
+        transmission: Rgb::splat(sphere.kt).into(),
+        ior: sphere.ir,
+        ..Phong::default()
+    };
+    let material = Material::new(name, phong).emitting(color * sphere.kl);
+    Material { emits_on_both_sides: true, ..material }
 }

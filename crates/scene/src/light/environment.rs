@@ -8,7 +8,7 @@ use crate::graph::Environment;
 use crate::image::{Encoding, Image, Pixels};
 use snell_math::distribution::Distribution1D;
 use snell_math::{ColorMode, DMat3, DVec3, Mat3, Rgb, SampledSpectrum, Vec2, Vec3, sampling};
-use std::f32::consts::{FRAC_1_PI, PI, TAU};
+use std::f32::consts::{FRAC_1_PI, TAU};
 use std::f64::consts::PI as PI64;
 use std::sync::Arc;
 
@@ -249,6 +249,7 @@ mod tests {
     use super::*;
     use snell_math::DAffine3;
     use snell_math::rng::uniform2;
+    use std::f32::consts::PI;
 
     fn light(width: u32, height: u32, rgb: impl Fn(u32, u32) -> [f32; 3], rotated: f64) -> EnvironmentLight {
         let values = (0..height).flat_map(|y| (0..width).flat_map(|x| rgb(x, y)).collect::<Vec<_>>()).collect();

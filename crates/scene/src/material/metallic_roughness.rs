@@ -1,7 +1,7 @@
 //! The material of glTF 2.0.
 
 use super::{ColorParam, ScalarParam, ShadingPoint};
-use crate::bsdf::{Bsdf, Ggx, GlossyBsdf, fresnel};
+use crate::bsdf::{Bsdf, Ggx, GlossyBsdf, bounded, fresnel};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
@@ -74,7 +74,7 @@ impl MetallicRoughness {
 
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
-        let unit_interval = |p: &ScalarParam| p.at(point).max(0.0).min(1.0);
+        let unit_interval = |p: &ScalarParam| bounded(p.at(point), 1.0);
         let base = point.reflectance(self.base_color.at(point) * point.vertex_color());
         let (metallic, transmission) = (unit_interval(&self.metallic), unit_interval(&self.transmission));
         let specular = unit_interval(&self.specular);

@@ -23,7 +23,7 @@ pub use phong::Phong;
 pub use plastic::Plastic;
 pub use shading::ShadingBsdf;
 
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, bounded};
 use crate::graph::TextureId;
 use crate::texture::TextureSet;
 use serde::{Deserialize, Serialize};
@@ -111,12 +111,12 @@ pub struct ShadingPoint<'a> {
 impl ShadingPoint<'_> {
     /// The spectrum of a reflectance, clamped to `[0, 1]` (NaN counts as 0): more would make light out of nothing.
     pub fn reflectance(&self, color: Rgb) -> SampledSpectrum {
-        self.mode.reflectance(color.map(|x| x.max(0.0).min(1.0)))
+        self.mode.reflectance(color.map(|x| bounded(x, 1.0)))
     }
 
     /// The spectrum of a factor that may exceed 1; negative values and NaN count as 0.
     pub fn coefficient(&self, color: Rgb) -> SampledSpectrum {
-        self.mode.reflectance(color.map(|x| x.max(0.0).min(1e6)))
+        self.mode.reflectance(color.map(|x| bounded(x, 1e6)))
     }
 
     /// Vertex colour of the mesh, white where there is none.
@@ -210,7 +210,7 @@ impl Material {
         match self.alpha_mode {
             AlphaMode::Opaque => 1.0,
             AlphaMode::Mask(cutoff) => f32::from(alpha() >= cutoff),
-            AlphaMode::Blend => alpha().clamp(0.0, 1.0),
+            AlphaMode::Blend => bounded(alpha(), 1.0),
         }
     }
 

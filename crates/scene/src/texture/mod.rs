@@ -161,7 +161,7 @@ impl TextureSet {
         if texture.filtering == Filtering::Nearest {
             return pyramid.nearest(uv, texture.wrap);
         }
-        let level = level.max(0.0).min((pyramid.level_count() - 1) as f32);
+        let level = crate::bsdf::bounded(level, (pyramid.level_count() - 1) as f32);
         let (fine, t) = (level as usize, level.fract());
         let value = pyramid.bilinear(fine, uv, texture.wrap);
         if t == 0.0 { value } else { pyramid::lerp(value, pyramid.bilinear(fine + 1, uv, texture.wrap), t) }

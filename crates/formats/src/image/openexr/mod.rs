@@ -1,6 +1,7 @@
 //! OpenEXR, through the crate `exr`.
 
 mod attributes;
+mod chromaticities;
 mod read;
 mod write;
 

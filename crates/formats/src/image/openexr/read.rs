@@ -4,11 +4,12 @@
 //! chunks are decompressed in parallel, and a panic in there stays an error of the file.
 
 use super::super::picture::check_size;
+use super::chromaticities::to_rec709;
 use crate::{Input, Place, ReadError};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::Chunk;
 use exr::meta::MetaData;
-use exr::meta::attribute::{AttributeValue, SampleType};
+use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 use half::f16;
 use rayon::prelude::*;
@@ -19,7 +20,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 /// Chunks decompressed at a time: enough for all cores, little enough to bound the memory.
 const BATCH: usize = 64;
 
-/// Reads all layers, values as stored. The first layer is the picture.
+/// Reads all layers. The first is the picture. Colours of a file that names other primaries are converted to Rec. 709; all other
+/// values are as stored.
 pub fn read_layers(input: &Input) -> Result<LayeredImage, ReadError> {
     read(input, false)
 }
@@ -35,7 +37,7 @@ pub fn read_image(input: &Input) -> Result<Image, ReadError> {
         true => layer.values,
         false => layer.values.chunks_exact(stride).flat_map(|pixel| chosen.iter().map(|c| pixel[*c])).collect(),
     };
-    if chosen.len() % 2 == 0 {
+    if matches!(chosen.len(), 2 | 4) {
         values.par_chunks_exact_mut(chosen.len()).for_each(unpremultiply);
     }
     Ok(Image::from_f32(width, height, chosen.len() as u32, values))
@@ -79,8 +81,7 @@ fn damaged(input: &Input, problem: impl std::fmt::Display) -> ReadError {
 }
 
 fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
-    let reader =
-        exr::block::read(Cursor::new(input.bytes.as_slice()), false).map_err(|e| damaged(input, e))?;
+    let reader = exr::block::read(Cursor::new(input.bytes.as_slice()), false).map_err(|e| damaged(input, e))?;
     let meta = reader.meta_data().clone();
     let mut target = Target::plan(input, &meta, only_picture)?;
     let mut chunks = reader.all_chunks(false).map_err(|e| damaged(input, e))?;
@@ -95,7 +96,20 @@ fn read(input: &Input, only_picture: bool) -> Result<LayeredImage, ReadError> {
             target.place(&meta, &block.map_err(|e| damaged(input, e))?);
         }
     }
+    convert_colours(&meta, &mut target.image);
     Ok(target.image)
+}
+
+/// To Rec. 709 primaries, in layers of `R G B`.
+fn convert_colours(meta: &MetaData, image: &mut LayeredImage) {
+    let named = meta.headers.first().and_then(|h| h.shared_attributes.chromaticities.as_ref());
+    let Some(matrix) = named.and_then(to_rec709) else { return };
+    for layer in image.layers.iter_mut().filter(|l| l.channels.starts_with(&["R", "G", "B"].map(String::from))) {
+        layer.values.par_chunks_exact_mut(layer.channels.len()).for_each(|pixel| {
+            let converted = matrix.map(|row| row[0] * pixel[0] + row[1] * pixel[1] + row[2] * pixel[2]);
+            pixel[..3].copy_from_slice(&converted);
+        });
+    }
 }
 
 fn decompress(chunk: Chunk, meta: &MetaData) -> Result<UncompressedBlock, String> {
@@ -219,7 +233,10 @@ fn check_part(input: &Input, header: &Header) -> Result<(), ReadError> {
     if let Some(channel) = header.channels.list.iter().find(|c| c.sampling.0 != 1 || c.sampling.1 != 1) {
         return Err(input.error(
             Place::Whole,
-            format!("channel \"{}\" has fewer samples than pixels (luminance and chroma), which is not supported", channel.name),
+            format!(
+                "channel \"{}\" has fewer samples than pixels (luminance and chroma), which is not supported",
+                text(&channel.name)
+            ),
             "save the file with full R, G and B channels",
         ));
     }
@@ -240,7 +257,7 @@ fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<O
     for (part, header) in headers.iter().enumerate() {
         let first_of_part = groups.len();
         for (index, channel) in header.channels.list.iter().enumerate() {
-            let name = channel.name.to_string();
+            let name = text(&channel.name);
             let (prefix, short) = name.rsplit_once('.').unwrap_or(("", &name));
             let member = (index, short.to_string());
             match groups[first_of_part..].iter_mut().find(|g| g.prefix == prefix) {
@@ -273,7 +290,7 @@ fn name_layers(headers: &[Header], only_picture: bool) -> (Vec<Layer>, Vec<Vec<O
         for (channel, (index, _)) in group.members.iter().enumerate() {
             slots[group.part][*index] = Some(Slot { layer, channel });
         }
-        let part_name = headers[group.part].own_attributes.layer_name.as_ref().map(ToString::to_string);
+        let part_name = headers[group.part].own_attributes.layer_name.as_ref().map(text);
         let part_name = part_name.filter(|_| headers.len() > 1).unwrap_or_default();
         let name = match (layer, part_name.is_empty(), group.prefix.is_empty()) {
             (0, ..) => String::new(),
@@ -291,13 +308,18 @@ fn channel_rank(name: &str) -> usize {
     ["R", "G", "B", "Y", "A"].iter().position(|c| *c == name).map_or(if name == "X" { 2 } else { 5 }, |i| i)
 }
 
+/// UTF-8 by custom, Latin-1 otherwise.
+fn text(text: &Text) -> String {
+    std::str::from_utf8(text.bytes()).map_or_else(|_| text.to_string(), String::from)
+}
+
 /// Text attributes, by name.
 fn text_attributes(header: &Header) -> Vec<(String, String)> {
     let own = &header.own_attributes;
     let standard = [("owner", &own.owner), ("comments", &own.comments), ("software", &own.software_name)];
-    let standard = standard.into_iter().filter_map(|(name, text)| Some((name.to_string(), text.as_ref()?.to_string())));
+    let standard = standard.into_iter().filter_map(|(name, value)| Some((name.to_string(), text(value.as_ref()?))));
     let others = header.shared_attributes.other.iter().chain(&own.other).filter_map(|(name, value)| match value {
-        AttributeValue::Text(text) => Some((name.to_string(), text.to_string())),
+        AttributeValue::Text(value) => Some((text(name), text(value))),
         _ => None,
     });
     let mut all: Vec<_> = standard.chain(others).collect();

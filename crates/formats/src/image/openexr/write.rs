@@ -27,7 +27,7 @@ pub fn encode(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, U
         return Err(Unfit::new(format!("two channels have the name \"{}\"", twice[0].0), "rename one of the layers"));
     }
     let long_names = channels.iter().any(|c| c.0.len() > 31);
-    let list = channels.into_iter().map(|(name, data)| AnyChannel::new(Text::from(name.as_str()), data)).collect();
+    let list = channels.into_iter().map(|(name, data)| AnyChannel::new(text(&name), data)).collect();
 
     let encoding =
         Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
@@ -39,6 +39,11 @@ pub fn encode(image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, U
         .to_buffered(&mut bytes)
         .map_err(|e| Unfit::new(format!("the picture cannot be encoded as OpenEXR: {e}"), "try another format"))?;
     Ok(attributes::insert(bytes.into_inner(), &image.metadata, long_names))
+}
+
+/// Names are bytes to the format; UTF-8 by custom.
+fn text(name: &str) -> Text {
+    Text::from_slice_unchecked(name.as_bytes())
 }
 
 fn check_name(name: &str) -> Result<(), Unfit> {
@@ -54,7 +59,12 @@ fn check_name(name: &str) -> Result<(), Unfit> {
 /// The values of one channel. Half only for colours: its 11 bits are too few for depth, positions and ids.
 fn samples(layer: &Layer, index: usize, half: bool) -> FlatSamples {
     let values = layer.values.iter().skip(index).step_by(layer.channels.len());
-    let is_colour = matches!(layer.channels[index].as_str(), "R" | "G" | "B" | "A" | "Y");
+    let is_colour = match layer.channels[index].as_str() {
+        "R" | "G" | "B" | "A" => true,
+        // Luminance, unless it is a coordinate.
+        "Y" => !layer.channels.iter().any(|c| c == "X"),
+        _ => false,
+    };
     if half && is_colour {
         FlatSamples::F16(values.map(|v| to_half(*v)).collect())
     } else {

@@ -25,10 +25,10 @@ pub fn objects(input: &Input, file: &mut ObjFile, notes: &mut Notes) -> Result<V
     // Faces of one object stand together, unless a name comes back; then it is another object.
     for faces in file.faces.chunk_by(|a, b| a.object == b.object) {
         let mut object = builder.object(input, file, faces, notes)?;
+        crate::mesh::note_non_finite(input, &object.mesh, notes);
         let smoothing = std::mem::take(&mut builder.smoothing);
         finish_normals(input, &mut object.mesh, &builder.missing_normals, &smoothing, notes);
         builder.smoothing = smoothing;
-        crate::mesh::note_non_finite(input, &object.mesh, notes);
         objects.push(object);
     }
     Ok(objects)

@@ -1,13 +1,14 @@
 //! Wavefront OBJ, with its materials in MTL files.
 //!
 //! [`parse`] turns the text into lists of vertices and faces as they stand in the file; [`build`] makes indexed meshes of them, one
-//! per object (`o`); [`mtl`] reads the materials. Polygons of any size are triangulated; lines, points and free-form surfaces are
+//! per object (`o`); [`mtl`] reads the materials, and [`material`] makes ours of them. Polygons of any size are triangulated; lines, points and free-form surfaces are
 //! skipped with a warning.
 //!
 //! Normals: those of the file (`vn`). Faces without: smoothed within their smoothing group (`s 1`), flat after `s off`, and by
 //! angle (40°) where the file never says `s`. Vertex colours (`v x y z r g b`) are sRGB.
 
 mod build;
+mod material;
 mod mtl;
 mod parse;
 
@@ -31,7 +32,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     let mut file = parse::parse(input, &mut notes)?;
     let objects = build::objects(input, &mut file, &mut notes)?;
     let mut scene = Scene::new(input.stem());
-    let materials = mtl::materials(input, &file, &mut scene, &mut notes)?;
+    let materials = material::materials(input, &file, &mut scene, &mut notes)?;
     let parent = match objects.len() {
         0 | 1 => scene.root,
         _ => scene.add_child(scene.root, Node::named(input.stem())),

@@ -18,21 +18,27 @@ pub trait Source {
     fn skip(&mut self, kind: Type, count: u64) -> Result<(), ReadError>;
     /// How much of the file is left.
     fn bytes_left(&self) -> u64;
+    /// Says that an element is complete.
+    fn end_element(&mut self);
+    /// Notes what the source has to say in the end.
+    fn finish(&self, notes: &mut Notes);
     /// An error about the value read last.
     fn error(&self, problem: String, remedy: &str) -> ReadError;
 }
 
-/// Values as words.
+/// Values as words. An element may span lines, but the next one begins on a new line.
 pub struct AsciiSource<'a> {
     reader: Reader<'a>,
     last: usize,
+    /// Lines with more values than the header says, and where the first surplus value is.
+    surplus: Option<(u64, usize)>,
 }
 
 impl<'a> AsciiSource<'a> {
     /// The values after the header.
     pub fn new(input: &'a Input, header: &Header) -> Self {
         let text = Text::new(&input.bytes, header.end);
-        Self { reader: Reader { input, bytes: &input.bytes, text }, last: header.end }
+        Self { reader: Reader { input, bytes: &input.bytes, text }, last: header.end, surplus: None }
     }
 }
 
@@ -62,6 +68,21 @@ impl Source for AsciiSource<'_> {
 
     fn bytes_left(&self) -> u64 {
         self.reader.text.remaining() as u64
+    }
+
+    fn end_element(&mut self) {
+        if let Some(word) = self.reader.text.word() {
+            self.surplus.get_or_insert((0, word.start)).0 += 1;
+        }
+        self.reader.text.next_line();
+    }
+
+    fn finish(&self, notes: &mut Notes) {
+        let Some((lines, first)) = self.surplus else { return };
+        let place = self.reader.location(first);
+        notes.add("surplus", || {
+            format!("{place}: {lines} lines have more values than the header says; the rest of those lines was ignored")
+        });
     }
 
     fn error(&self, problem: String, remedy: &str) -> ReadError {
@@ -132,6 +153,10 @@ impl<const BIG: bool> Source for BinarySource<'_, BIG> {
         (self.input.bytes.len() - self.position) as u64
     }
 
+    fn end_element(&mut self) {}
+
+    fn finish(&self, _: &mut Notes) {}
+
     fn error(&self, problem: String, remedy: &str) -> ReadError {
         self.input.error(Place::Byte(self.last as u64), problem, remedy)
     }
@@ -155,6 +180,7 @@ pub fn read(
             _ => skip_element(source, element)?,
         }
     }
+    source.finish(notes);
     faces.triangulate(input, mesh)
 }
 
@@ -231,6 +257,7 @@ fn read_vertices(
                 Role::Color(k) => color[k] = linear_color(value, property.value, k),
             }
         }
+        source.end_element();
         mesh.positions.push(position);
         if has_normals {
             mesh.normals.push(normal);
@@ -251,7 +278,7 @@ fn linear_color(value: f32, kind: Type, channel: usize) -> f32 {
     if !value.is_finite() || value < 0.0 {
         return 1.0;
     }
-    if kind.is_integer() && channel < 3 { srgb_to_linear(value) } else { value }
+    if kind.is_integer() && channel < 3 { srgb_to_linear(value.min(1.0)) } else { value }
 }
 
 fn list_length(source: &mut impl Source, length: Type, item: Type) -> Result<u64, ReadError> {
@@ -286,6 +313,7 @@ fn skip_element(source: &mut impl Source, element: &Element) -> Result<(), ReadE
             for property in &element.properties {
                 skip_property(source, property)?;
             }
+            source.end_element();
         }
     }
     Ok(())
@@ -358,6 +386,7 @@ fn read_faces(
             }
             faces.ends.push(faces.corners.len());
         }
+        source.end_element();
     }
     Ok(())
 }
@@ -387,6 +416,7 @@ fn read_strips(source: &mut impl Source, element: &Element, faces: &mut Faces) -
                 }
             }
         }
+        source.end_element();
     }
     Ok(())
 }

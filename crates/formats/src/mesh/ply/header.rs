@@ -126,7 +126,15 @@ impl Header {
                 b"format" => format = Some(read_format(&mut reader)?),
                 b"element" => elements.push(read_element(&mut reader)?),
                 b"property" => match elements.last_mut() {
-                    Some(element) => element.properties.push(read_property(&mut reader)?),
+                    Some(element) => {
+                        let property = read_property(&mut reader)?;
+                        if element.name == "vertex" && property.length.is_some() && is_index_list(&property.name) {
+                            let problem = "the element vertex has a list of vertex numbers, which belongs to faces";
+                            let remedy = "a line such as \"element face 12\" seems to be missing before it";
+                            return Err(reader.error(word.start, problem, remedy));
+                        }
+                        element.properties.push(property);
+                    }
                     None => return Err(reader.error(word.start, "a property before the first element", EXPORT_AGAIN)),
                 },
                 b"end_header" => break,
