@@ -59,8 +59,9 @@ impl Builder {
         let bounds = self.scene.bounds().ok()?.union(&self.line_bounds);
         let radius = bounds.size().length() / 2.0;
         let eye = bounds.center() + DVec3::Z * (3.0 * radius);
-        (!bounds.is_empty() && radius > 0.0 && eye.is_finite())
-            .then(|| camera(eye, DVec3::NEG_Z, DVec3::Y, DEFAULT_XFOV))
+        // Far beyond this, distances overflow in single precision.
+        let is_near = eye.abs().max_element() < 1e30;
+        (!bounds.is_empty() && radius > 0.0 && is_near).then(|| camera(eye, DVec3::NEG_Z, DVec3::Y, DEFAULT_XFOV))
     }
 }
 

@@ -206,6 +206,10 @@ impl Builder {
         // One material for all of it, as the command says.
         mesh.material_slots.clear();
         mesh.colors.clear();
+        // In mesh files v grows upwards; on shapes, and therefore in the textures of these scenes, downwards.
+        for uv in &mut mesh.uvs[0] {
+            uv.y = 1.0 - uv.y;
+        }
         let mesh = Arc::new(mesh);
         self.meshes.insert(path, mesh.clone());
         Ok(mesh)

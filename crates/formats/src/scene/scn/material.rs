@@ -32,7 +32,7 @@ impl Builder {
         let emission = self.color(file, "the emission")?;
         let shininess = file.tokens.number("the shininess")?.max(0.0) as f32;
         let mut ior = file.tokens.number("the index of refraction")? as f32;
-        if !(ior > 0.0) {
+        if ior <= 0.0 {
             self.scene.warn("an index of refraction that is not positive counts as 1");
             ior = 1.0;
         }
@@ -73,9 +73,6 @@ impl Builder {
         let (input, _) = self.open(file, name)?;
         let image = crate::image::read_image(&input)?;
         let image = self.scene.add_image(Arc::new(image));
-        // In these files v grows upwards.
-        let uv_transform = [[1.0, 0.0, 0.0], [0.0, -1.0, 1.0]];
-        let texture = Texture { uv_transform, ..Texture::new(image, Encoding::Srgb) };
-        Ok(self.scene.add_texture(texture))
+        Ok(self.scene.add_texture(Texture::new(image, Encoding::Srgb)))
     }
 }

@@ -329,6 +329,33 @@ fn a_mesh_used_twice_is_stored_once() {
 }
 
 #[test]
+fn a_texture_multiplies_the_diffuse_color_and_is_read_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("t.ppm"), b"P6 1 1 255\n\xff\x80\x00").expect("written");
+    let material = "material 0 0 0  .5 1 1  0 0 0  0 0 0  0 0 0  1 1 t.ppm\n";
+    let scene = read_in(&READER, folder.path(), &material.repeat(2)).expect("the scene is well-formed");
+    assert_eq!((scene.textures.len(), scene.images.len()), (1, 1));
+    for id in 0..2 {
+        let diffuse = phong(&scene, MaterialId(id)).diffuse;
+        assert_eq!((diffuse.factor, diffuse.texture), (Rgb::new(0.5, 1.0, 1.0), Some(snell_scene::TextureId(0))));
+    }
+    let missing = read_in(&READER, folder.path(), &material.replace("t.ppm", "none.ppm")).expect_err("no such file");
+    assert!(missing.to_string().starts_with("test:1:50: "), "{missing}");
+}
+
+#[test]
+fn textures_are_upright_on_meshes_as_on_shapes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
+    std::fs::write(folder.path().join("t.obj"), text).expect("written");
+    let scene = read_in(&READER, folder.path(), "mesh -1 t.obj").expect("the scene is well-formed");
+    let mesh = &meshes(&scene)[0];
+    // The upper corner shows the first row of the image.
+    let top = mesh.positions.iter().position(|p| p.y == 1.0).expect("the upper corner");
+    assert_eq!(mesh.uvs[0][top].to_array(), [0.0, 0.0]);
+}
+
+#[test]
 fn equal_shapes_are_stored_once() {
     let shapes = geometries(&scene("sphere -1  0 0 0 1\nsphere -1  5 0 0 1"));
     let [Geometry::Shape(a), Geometry::Shape(b)] = &shapes[..] else { panic!("expected two shapes") };
