@@ -216,19 +216,19 @@ unsafe fn run<L: Lanes8, G: Goal>(
         let number = numbers.next()?;
         let ray = &batch.rays[number];
         let mut search = Search { ray, filter: batch.filter, filtered: batch.filtered, goal: start(ray) };
-        let exact = DRay::from(ray);
         let over = !ray.is_valid()
             || tree.unbounded.iter().any(|&object| {
                 // SAFETY: as promised by the caller.
-                unsafe { test_object(forest, tree, object as usize, &exact, 0, &mut search, below, enter) }
+                unsafe { test_object(forest, tree, object as usize, &DRay::from(ray), 0, &mut search, below, enter) }
             });
         if !over {
-            return Some((number, search, LocalRay::new(&exact)));
+            return Some((number, search));
         }
         finish(number, search.goal);
     };
     while slots.len() < SLOTS {
-        let Some((number, search, ray)) = next(below, &mut finish) else { break };
+        let Some((number, search)) = next(below, &mut finish) else { break };
+        let ray = LocalRay::new(&DRay::from(search.ray));
         nodes[node_count] = slots.len() as u8;
         node_count += 1;
         let (cull, octant) = (search.cull(), ray.octant());
@@ -279,14 +279,15 @@ unsafe fn run<L: Lanes8, G: Goal>(
                 }
             } else {
                 let (number, search) = (slot.number, next(below, &mut finish));
-                let Some((new, search, ray)) = search else {
+                let Some((new, search)) = search else {
                     // Nothing left to start: the slot stays out of both queues.
                     let ended = std::mem::replace(&mut slot.search.goal, start(slot.search.ray));
                     finish(number, ended);
                     continue;
                 };
-                (slot.cull, slot.octant) = (search.cull(), ray.octant());
-                (slot.current, slot.top, slot.number, slot.ray) = (tree.root, 1, new, ray);
+                slot.ray = LocalRay::new(&DRay::from(search.ray));
+                (slot.cull, slot.octant) = (search.cull(), slot.ray.octant());
+                (slot.current, slot.top, slot.number) = (tree.root, 1, new);
                 let ended = std::mem::replace(&mut slot.search, search);
                 finish(number, ended.goal);
             }

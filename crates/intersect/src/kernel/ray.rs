@@ -27,49 +27,37 @@ pub(crate) struct LocalRay {
 }
 
 impl LocalRay {
+    /// Works it all out. Signs are as good as random, so nothing branches on them; and nothing is written before all is known, so
+    /// that the processor never has to wait for a piece of a vector it has just stored.
     #[inline(always)]
     pub fn new(exact: &DRay) -> Self {
-        let (o, d) = (exact.origin.to_array(), exact.direction.to_array());
-        let a = exact.direction.abs();
-        let z = if a.x >= a.y && a.x >= a.z {
-            0
-        } else if a.y >= a.z {
-            1
-        } else {
-            2
+        let (o, d) = (exact.origin, exact.direction);
+        let a = d.abs();
+        let (x_first, y_first) = (a.x >= a.y && a.x >= a.z, a.y >= a.z);
+        let pick = |x: f64, y: f64, z: f64| {
+            if x_first {
+                x
+            } else if y_first {
+                y
+            } else {
+                z
+            }
         };
-        let axes = [[1, 2, 0], [2, 0, 1], [0, 1, 2]][z];
-        let per_z = 1.0 / d[z];
+        let per_z = 1.0 / pick(d.x, d.y, d.z);
         let depth_scale = per_z as f32;
         let usable = depth_scale.abs() > 1e-18 && depth_scale.abs() < 1e18;
-        let mut ray = Self {
+        let sides = [AxisRay::new(o.x, d.x), AxisRay::new(o.y, d.y), AxisRay::new(o.z, d.z)];
+        Self {
             exact: *exact,
-            origin: o.map(|x| x as f32),
-            axes,
-            shear: [(d[axes[0]] * per_z) as f32, (d[axes[1]] * per_z) as f32],
+            origin: [sides[0].origin, sides[1].origin, sides[2].origin],
+            axes: AXES[if x_first { 0 } else { 2 - usize::from(y_first) }],
+            shear: [(pick(d.y, d.z, d.x) * per_z) as f32, (pick(d.z, d.x, d.y) * per_z) as f32],
             depth_scale: if usable { depth_scale } else { 0.0 },
-            near_origin: [0.0; 3],
-            far_origin: [0.0; 3],
-            inverse: [0.0; 3],
-            negative: [0; 3],
-        };
-        for i in 0..3 {
-            let x = ray.origin[i];
-            let below = if f64::from(x) > o[i] { x.next_down() } else { x };
-            let above = if f64::from(x) < o[i] { x.next_up() } else { x };
-            let down = d[i] < 0.0;
-            ray.negative[i] = usize::from(down);
-            (ray.near_origin[i], ray.far_origin[i]) = if down { (below, above) } else { (above, below) };
-            // Never zero, so that empty boxes stay infinitely far.
-            let size = ((1.0 / d[i].abs()) as f32).max(f32::from_bits(1));
-            ray.inverse[i] = if down { -size } else { size };
-            if size == f32::INFINITY && d[i] != 0.0 {
-                // So slow along this axis that `f32` cannot say when it crosses a plane: no plane counts.
-                (ray.near_origin[i], ray.far_origin[i]) =
-                    if down { (f32::MIN, f32::MAX) } else { (f32::MAX, f32::MIN) };
-            }
+            near_origin: [sides[0].near, sides[1].near, sides[2].near],
+            far_origin: [sides[0].far, sides[1].far, sides[2].far],
+            inverse: [sides[0].inverse, sides[1].inverse, sides[2].inverse],
+            negative: [sides[0].negative(), sides[1].negative(), sides[2].negative()],
         }
-        ray
     }
 
     /// The octant of the direction, as [`super::node::WideNode::order`] counts them.
@@ -85,6 +73,38 @@ impl LocalRay {
         let [kx, ky, kz] = self.axes;
         let (x, y, z) = (v[kx] - self.origin[kx], v[ky] - self.origin[ky], v[kz] - self.origin[kz]);
         [x - self.shear[0] * z, y - self.shear[1] * z]
+    }
+}
+
+/// The axes of the drawing, by the axis of the largest direction.
+static AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
+
+/// What the box test knows about one axis; see [`LocalRay`].
+struct AxisRay {
+    origin: f32,
+    near: f32,
+    far: f32,
+    inverse: f32,
+}
+
+impl AxisRay {
+    #[inline(always)]
+    fn new(o: f64, d: f64) -> Self {
+        let origin = (o as f32).clamp(f32::MIN, f32::MAX);
+        let rounding = if f64::from(origin) == o { 0.0 } else { origin.abs() * f32::EPSILON + f32::MIN_POSITIVE };
+        // Zero counts as up. Never zero, so that empty boxes stay infinitely far.
+        let slow = d as f32 + 0.0;
+        let inverse = (1.0 / slow.abs()).max(f32::from_bits(1));
+        let side = rounding.copysign(slow);
+        // So slow that `f32` cannot say when the ray crosses a plane, but it does: then no plane counts.
+        let (middle, side) =
+            if inverse == f32::INFINITY && d != 0.0 { (0.0, f32::MAX.copysign(slow)) } else { (origin, side) };
+        Self { origin, near: middle + side, far: middle - side, inverse: inverse.copysign(slow) }
+    }
+
+    #[inline(always)]
+    fn negative(&self) -> usize {
+        (self.inverse.to_bits() >> 31) as usize
     }
 }
 

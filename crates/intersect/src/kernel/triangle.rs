@@ -156,7 +156,8 @@ pub(crate) fn exact_hit(ray: &LocalRay, corners: &[[f32; 3]; 3], t_min: f64) -> 
         return None;
     }
     let sum = w0 + w1 + w2;
-    let (b1, b2) = if sum != 0.0 { (w1 / sum, w2 / sum) } else { (1.0 / 3.0, 1.0 / 3.0) };
+    let scale = 1.0 / sum;
+    let (b1, b2) = if sum != 0.0 { (w1 * scale, w2 * scale) } else { (1.0 / 3.0, 1.0 / 3.0) };
     let corners = [wide(corners[0]), wide(corners[1]), wide(corners[2])];
     let o = ray.exact.origin;
     let relative = [corners[0] - o, corners[1] - o, corners[2] - o];
@@ -175,12 +176,25 @@ pub(crate) fn exact_hit(ray: &LocalRay, corners: &[[f32; 3]; 3], t_min: f64) -> 
     Some((t, Vec2::new(b1 as f32, b2 as f32)))
 }
 
-/// The nearest value to `t` at which the ray is in the box of the three corners (given relative to its origin).
+/// The nearest value to `t` at which the ray is in the box of the three corners (given relative to its origin); `t` itself if it is
+/// there up to an error that the padding of boxes covers.
 #[inline(always)]
 fn clamp_to_box(ray: &LocalRay, relative: &[DVec3; 3], t: f64) -> f64 {
-    let inverse = ray.exact.direction.recip();
-    let low = relative[0].min(relative[1]).min(relative[2]) * inverse;
-    let high = relative[0].max(relative[1]).max(relative[2]) * inverse;
+    let low = relative[0].min(relative[1]).min(relative[2]);
+    let high = relative[0].max(relative[1]).max(relative[2]);
+    let point = ray.exact.direction * t;
+    let margin = point.abs() * 1e-8;
+    if (point + margin).cmpge(low).all() && (point - margin).cmple(high).all() {
+        return t;
+    }
+    clamp_to_slabs(&ray.exact.direction, low, high, t)
+}
+
+/// The slow part of [`clamp_to_box`], for rays that graze the triangle.
+#[cold]
+fn clamp_to_slabs(direction: &DVec3, low: DVec3, high: DVec3, t: f64) -> f64 {
+    let inverse = direction.recip();
+    let (low, high) = (low * inverse, high * inverse);
     // An axis the ray does not move along says nothing: 0 / 0 and x / 0.
     let usable = inverse.is_finite_mask();
     let enter = DVec3::select(usable, low.min(high), DVec3::NEG_INFINITY).max_element();

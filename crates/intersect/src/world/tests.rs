@@ -374,9 +374,11 @@ fn directions_keep_their_parameter_and_normals_do_not_follow_directions() {
     // The lecture transforms directions by the inverse transpose; that is for normals only.
     let shear = DMat3::from_cols(DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Z);
     let placed = Transform::new(DAffine3 { matrix3: shear, translation: DVec3::ZERO }).expect("invertible");
-    let mut mesh = TriangleMesh::default();
-    mesh.positions = vec![Vec3::new(0.0, -9.0, -9.0), Vec3::new(0.0, 9.0, -9.0), Vec3::new(0.0, 0.0, 9.0)];
-    mesh.indices = vec![[0, 1, 2]];
+    let mesh = TriangleMesh {
+        positions: vec![Vec3::new(0.0, -9.0, -9.0), Vec3::new(0.0, 9.0, -9.0), Vec3::new(0.0, 0.0, 9.0)],
+        indices: vec![[0, 1, 2]],
+        ..TriangleMesh::default()
+    };
     let mut builder = WorldBuilder::default();
     let group = builder.add_group();
     builder.add_mesh(group, Arc::new(mesh));
@@ -632,4 +634,94 @@ fn batches_answer_as_single_rays_do() {
         assert_eq!(bits(hit), bits(&world.closest_one(ray, &AcceptAll)));
         assert_eq!(*blocked, world.occluded_one(ray, &AcceptAll));
     }
+}
+
+mod properties {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// On a lattice, so that rays meet edges, vertices and flat boxes all the time.
+    fn lattice_point() -> impl Strategy<Value = Vec3> {
+        [-3i8..=3, -3i8..=3, -3i8..=3].prop_map(|p| Vec3::from_array(p.map(f32::from)))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn lattices_are_hit_alike_by_every_structure_level_and_batch(
+            positions in proptest::collection::vec(lattice_point(), 3..20),
+            corners in proptest::collection::vec(proptest::array::uniform3(0u32..1000), 1..60),
+            rays in proptest::collection::vec((lattice_point(), lattice_point(), -1i8..3), 20..40),
+        ) {
+            let n = positions.len() as u32;
+            let indices = corners.iter().map(|t| t.map(|i| i % n)).collect();
+            let mesh = Arc::new(TriangleMesh { positions, indices, ..TriangleMesh::default() });
+            let make = |accelerator, simd| {
+                let mut builder = WorldBuilder::default();
+                builder.add_mesh(WorldBuilder::ROOT, mesh.clone());
+                build(builder, accelerator, simd)
+            };
+            let rays: Vec<_> =
+                rays.into_iter().map(|(o, d, t_min)| Ray { t_min: t_min.into(), ..Ray::new(o, d) }).collect();
+            let oracle = make(AcceleratorKind::None, Level::Scalar);
+            for level in levels() {
+                let world = make(AcceleratorKind::Bvh, level);
+                let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+                world.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
+                world.occluded(&rays, &AcceptAll, &mut blocked);
+                for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(blocked) {
+                    let expected = oracle.closest_one(ray, &AcceptAll);
+                    prop_assert_eq!(bits(hit), bits(&expected), "{} {:?}", level, ray);
+                    prop_assert_eq!(bits(&world.closest_one(ray, &AcceptAll)), bits(&expected));
+                    prop_assert_eq!(blocked, expected.is_hit());
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn batches_with_rejections_agree_with_the_oracle() {
+    struct Sieve;
+    impl HitFilter for Sieve {
+        fn accept(&self, _: &Ray, hit: &Hit) -> bool {
+            hash32(hit.primitive ^ hit.instance) & 3 != 0
+        }
+    }
+    let make = |accelerator, simd| {
+        let mut builder = nested_scene(7);
+        (0..builder.geometries.len() as u32).step_by(2).for_each(|g| builder.set_filtered(GeometryId(g)));
+        build(builder, accelerator, simd)
+    };
+    let oracle = make(AcceleratorKind::None, Level::Scalar);
+    let mut random = Random(11);
+    let mut rays: Vec<_> = (0..400).map(|_| Ray::new(random.point(5.0), random.direction())).collect();
+    rays.iter_mut().step_by(9).for_each(|r| r.direction = Vec3::ZERO);
+    for level in levels() {
+        let world = make(AcceleratorKind::Bvh, level);
+        let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+        world.closest(&rays, Grouping::None, &Sieve, &mut hits);
+        world.occluded(&rays, &Sieve, &mut blocked);
+        for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(&blocked) {
+            let expected = oracle.closest_one(ray, &Sieve);
+            assert_eq!((bits(hit), *blocked), (bits(&expected), expected.is_hit()), "{level} {ray:?}");
+        }
+    }
+}
+
+#[test]
+fn the_tree_does_not_depend_on_the_number_of_threads() {
+    let mesh = Arc::new(soup(&mut Random(1), 90_000));
+    let tree = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        let mut builder = WorldBuilder::default();
+        builder.add_mesh(WorldBuilder::ROOT, mesh.clone());
+        let world = pool.install(|| default_world(builder));
+        let Structure::Bvh(forest) = &world.structure else { panic!("a tree") };
+        let node = |n: &crate::kernel::node::WideNode| (n.children, n.bounds.map(|s| s.map(|a| a.map(f32::to_bits))));
+        let nodes: Vec<_> = forest.trees[0].nodes.iter().map(node).collect();
+        (nodes, forest.trees[0].blocks.iter().map(|b| b.ids).collect::<Vec<_>>())
+    };
+    assert!(tree(1) == tree(4));
 }
