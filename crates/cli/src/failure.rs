@@ -35,7 +35,12 @@ impl Failure {
 }
 
 /// The choice of this name, or an error that lists the names and suggests the nearest.
-pub fn choice<T: Copy>(what: &str, name: &str, choices: &[T], name_of: impl Fn(T) -> &'static str) -> Result<T, Failure> {
+pub fn choice<T: Copy>(
+    what: &str,
+    name: &str,
+    choices: &[T],
+    name_of: impl Fn(T) -> &'static str,
+) -> Result<T, Failure> {
     if let Some(&found) = choices.iter().find(|&&c| name_of(c) == name) {
         return Ok(found);
     }

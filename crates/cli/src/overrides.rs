@@ -12,7 +12,9 @@ use snell_scene::Scene;
 /// Applies one `key=value`.
 pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), Failure> {
     let Some((key, text)) = definition.split_once('=') else {
-        return Err(Failure::Usage(format!("-D {definition}: expected key=value, such as material.floor.reflectance.factor=[1,0,0]")));
+        return Err(Failure::Usage(format!(
+            "-D {definition}: expected key=value, such as material.floor.reflectance.factor=[1,0,0]"
+        )));
     };
     let value: Value = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_string()));
     let (family, rest) = key.split_once('.').unwrap_or((key, ""));
@@ -57,7 +59,8 @@ fn find<'a>(key: &str, what: &str, names: &[String], rest: &'a str) -> Result<(u
     {
         return Ok((index, path));
     }
-    let known: Vec<_> = names.iter().enumerate().map(|(i, n)| if n.is_empty() { i.to_string() } else { n.clone() }).collect();
+    let known: Vec<_> =
+        names.iter().enumerate().map(|(i, n)| if n.is_empty() { i.to_string() } else { n.clone() }).collect();
     let list = if known.is_empty() { "the scene has none".to_string() } else { format!("known: {}", known.join(", ")) };
     Err(Failure::Usage(format!("-D {key}: there is no {what} \"{first}\" ({list})")))
 }

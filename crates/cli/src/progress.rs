@@ -82,12 +82,9 @@ impl Reporter {
                 bar.set_position((share * 1000.0) as u64);
                 bar.set_message(format!("{rate:.1} Mrays/s  {} left", duration(left)));
             }
-            Style::Plain => eprintln!(
-                "{} {:.0} %  {rate:.1} Mrays/s  {} left",
-                self.scene,
-                share * 100.0,
-                duration(left)
-            ),
+            Style::Plain => {
+                eprintln!("{} {:.0} %  {rate:.1} Mrays/s  {} left", self.scene, share * 100.0, duration(left))
+            }
             Style::Json => eprintln!(
                 "{}",
                 serde_json::json!({

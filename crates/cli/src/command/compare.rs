@@ -38,9 +38,8 @@ pub struct Options {
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let (reference, test) = (read(&options.reference)?, read(&options.test)?);
     let settings = CompareOptions { threshold: options.threshold, ..CompareOptions::default() };
-    let compared = compare(&reference, &test, &settings).map_err(|e| {
-        Failure::Other(format!("{} and {}: {e}", options.reference.display(), options.test.display()))
-    })?;
+    let compared = compare(&reference, &test, &settings)
+        .map_err(|e| Failure::Other(format!("{} and {}: {e}", options.reference.display(), options.test.display())))?;
     if let Some(path) = &options.output {
         write_image(path, &difference_picture(&compared), &WriteOptions::default())?;
     }

@@ -192,7 +192,10 @@ impl Facts<'_> {
         for (i, light) in scene.lights.iter().enumerate() {
             println!("  {i} {}", light.name());
         }
-        println!("\nCameras{}", if scene.cameras.is_empty() { ": none (one is made that frames the scene)" } else { "" });
+        println!(
+            "\nCameras{}",
+            if scene.cameras.is_empty() { ": none (one is made that frames the scene)" } else { "" }
+        );
         for (i, camera) in scene.cameras.iter().enumerate() {
             println!("  {i} \"{}\" at {:.3} towards {:.3}", camera.name, camera.eye, camera.towards);
         }

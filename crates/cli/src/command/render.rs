@@ -31,7 +31,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let load_seconds = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
-    let compiled = CompiledScene::new(&scene, &settings.build).map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
+    let compiled =
+        CompiledScene::new(&scene, &settings.build).map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
     let build_seconds = start.elapsed().as_secs_f64();
     if !options.quiet {
         for warning in scene.warnings.iter().chain(&compiled.warnings) {
@@ -70,7 +71,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         summary.print(options, &written);
     }
     if interrupted.load(Ordering::Relaxed) {
-        eprintln!("interrupted: the picture holds what was rendered ({} of {} samples)", film.least_samples(), settings.spp);
+        eprintln!(
+            "interrupted: the picture holds what was rendered ({} of {} samples)",
+            film.least_samples(),
+            settings.spp
+        );
         return Ok(ExitCode::from(130));
     }
     Ok(ExitCode::SUCCESS)

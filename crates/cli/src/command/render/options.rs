@@ -172,10 +172,24 @@ impl Options {
             filter: choice("filter", &filter, &Filter::ALL, Filter::name)?,
             pixel_position,
             integrator,
-            max_depth: self.max_depth.or(hints.max_depth).unwrap_or(integrator.default_max_depth()).min(Settings::MAX_DEPTH),
+            max_depth: self
+                .max_depth
+                .or(hints.max_depth)
+                .unwrap_or(integrator.default_max_depth())
+                .min(Settings::MAX_DEPTH),
             shadows: choice("kind of shadows", &self.shadows, &Shadows::ALL, Shadows::name)?,
-            light_strategy: choice("choice of light samples", &self.light_samples, &LightStrategy::ALL, LightStrategy::name)?,
-            light_sampler: choice("light sampler", &self.light_sampler, &LightSamplerKind::ALL, LightSamplerKind::name)?,
+            light_strategy: choice(
+                "choice of light samples",
+                &self.light_samples,
+                &LightStrategy::ALL,
+                LightStrategy::name,
+            )?,
+            light_sampler: choice(
+                "light sampler",
+                &self.light_sampler,
+                &LightSamplerKind::ALL,
+                LightSamplerKind::name,
+            )?,
             ao_distance: self.ao_distance,
             aovs: self.aovs(integrator)?,
             build: BuildOptions { accelerator, simd },
@@ -206,7 +220,12 @@ impl Options {
             aovs.push(Aov::Normal);
         }
         let mut seen = Vec::new();
-        aovs.retain(|a| !seen.contains(a) && { seen.push(*a); true });
+        aovs.retain(|a| {
+            !seen.contains(a) && {
+                seen.push(*a);
+                true
+            }
+        });
         Ok(aovs)
     }
 

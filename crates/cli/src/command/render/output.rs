@@ -23,7 +23,10 @@ impl<'a> Output<'a> {
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             if !folder.is_dir() {
                 let shown = folder.display();
-                return Err(Failure::Other(format!("{}: the folder {shown} does not exist; make it first", path.display())));
+                return Err(Failure::Other(format!(
+                    "{}: the folder {shown} does not exist; make it first",
+                    path.display()
+                )));
             }
         }
         if options.bits != 8 && options.bits != 16 {
@@ -54,7 +57,8 @@ impl<'a> Output<'a> {
             tonemap: options.tonemap(scene)?,
             srgb: !scene.settings.raw_display && summary.settings.integrator != IntegratorKind::Aov,
         };
-        let writing = WriteOptions { display, png_bits: options.bits, exr_half: options.half, ..WriteOptions::default() };
+        let writing =
+            WriteOptions { display, png_bits: options.bits, exr_half: options.half, ..WriteOptions::default() };
         match &options.output {
             Some(path) if path == Path::new("-") => {
                 let bytes = image::encode_image_as("png", &picture, &writing)?;

@@ -108,7 +108,9 @@ impl Summary<'_> {
         }
         if options.scene == "cornell-box" && options.output.is_none() {
             eprintln!("\nNext: `snell render FILE` for your own scene (glTF, OBJ, PLY, STL, OFF, .scn, NFF),");
-            eprintln!("      `snell render teapot`, `snell scenes` for more built-in ones, `snell render --help` for everything.");
+            eprintln!(
+                "      `snell render teapot`, `snell scenes` for more built-in ones, `snell render --help` for everything."
+            );
         }
     }
 }
