@@ -28,6 +28,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     prepare_scene(&mut scene, options)?;
     let camera = choose_camera(&scene, options)?;
     let settings = options.settings(&scene, &camera, simd)?;
+    let tonemap = options.tonemap(&scene)?;
     let load_seconds = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
@@ -54,6 +55,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         scene: &scene,
         compiled: &compiled,
         settings: &settings,
+        tonemap,
         statistics,
         film: &film,
         load_seconds,
