@@ -9,6 +9,7 @@ pub use options::Options;
 use crate::failure::Failure;
 use crate::progress::Reporter;
 use crate::{overrides, scene_source};
+use snell_formats::error::one_line;
 use snell_math::simd::Level;
 use snell_render::{CompiledScene, Job, Settings, Statistics};
 use snell_scene::{Camera, Scene};
@@ -38,7 +39,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !options.quiet {
         for warning in scene.warnings.iter().chain(&compiled.warnings) {
             let times = if warning.count > 1 { format!(" ({} times)", warning.count) } else { String::new() };
-            eprintln!("warning: {}{times}", warning.message);
+            eprintln!("warning: {}{times}", one_line(&warning.message));
         }
     }
 

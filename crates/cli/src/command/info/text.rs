@@ -7,9 +7,15 @@ use std::collections::HashSet;
 /// Adds a line to a text.
 macro_rules! line {
     ($out:ident, $($what:tt)*) => {{
-        $out.push_str(&format!($($what)*));
+        $out.push_str(&printable(&format!($($what)*)));
         $out.push('\n');
     }};
+}
+
+/// Names of a file must not move the cursor of a terminal.
+fn printable(line: &str) -> String {
+    let escaped = |c: char| if c.is_control() && c != '\n' { c.escape_unicode().collect() } else { c.to_string() };
+    line.chars().map(escaped).collect()
 }
 
 impl Facts<'_> {
