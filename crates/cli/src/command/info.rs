@@ -141,3 +141,24 @@ fn bounds_json(b: &Bounds3d) -> Value {
     let side = |v: [f64; 3]| v.map(|x| if x.is_finite() { json!(x) } else { json!(x.to_string()) });
     json!({ "min": side(b.min.to_array()), "max": side(b.max.to_array()) })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_scene::Node;
+
+    #[test]
+    fn a_shared_node_is_shown_once() {
+        let mut scene = Scene::new("doubled");
+        let mut below = scene.add_node(Node::named("bottom"));
+        for _ in 0..100 {
+            below = scene.add_node(Node { children: vec![below, below], ..Node::default() });
+        }
+        scene.nodes[0].children.push(below);
+        let bounds = scene.node_bounds().expect("no cycle");
+        let facts = Facts { counts: Counts::of(&scene, &bounds), scene: &scene, bounds };
+        let tree = facts.json()["tree"].to_string();
+        assert!(tree.len() < 10_000 && tree.contains("\"shared\":true"), "{} bytes", tree.len());
+        assert!(facts.text(1000).lines().count() < 300);
+    }
+}

@@ -105,16 +105,12 @@ fn a_wrong_value_says_what_is_expected() {
 
     For more information, try '--help'.
     "#);
-    insta::assert_snapshot!(failure(&place, "render --ao-distance=-1"), @"
+    insta::assert_snapshot!(failure(&place, "render --ao-distance=-1"), @r#"
     2
-    error: unexpected argument '-1' found
-
-      tip: to pass '-1' as a value, use '-- -1'
-
-    Usage: snell render [OPTIONS] [SCENE]
+    error: invalid value '-1' for '--ao-distance <DISTANCE>': "-1" is not a distance; write a positive number
 
     For more information, try '--help'.
-    ");
+    "#);
 }
 
 #[test]

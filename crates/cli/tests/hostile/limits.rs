@@ -1,6 +1,7 @@
 //! Small files that ask for much: huge counts, deep nesting, files that name files. The real command, with 4 GB of address space:
 //! an allocation from a declared count, or a stack that overflows, would end it by a signal.
 
+use super::mutate::crc32;
 use snell_formats::image::{WriteOptions, encode_image_as};
 use snell_scene::{Layer, LayeredImage};
 use std::fmt::Write;
@@ -89,6 +90,7 @@ fn huge_counts_are_refused() {
         ("b.gltf", gltf(r#""count": 333333333, "bufferView": 0"#)),
         ("c.gltf", gltf(r#""count": 18446744073709551615"#)),
         ("a.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff\xff\xff\xff\xffJSON{}".to_vec()),
+        ("p.nff", b"v\nfrom 0 0 1\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 20 20\np 2000000000\n0 0 0\n".to_vec()),
         ("a.nff", b"v\nfrom 0 0 1\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 2000000000 2000000000\np 2000000000\n0 0 0\n".to_vec()),
     ];
     let folder = folder_with(&files);
@@ -146,12 +148,6 @@ fn png(width: u32, height: u32) -> Vec<u8> {
         bytes.extend(crc32(&content).to_be_bytes());
     }
     bytes
-}
-
-fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(u32::MAX, |crc, &b| {
-        (0..8).fold(crc ^ u32::from(b), |c, _| if c & 1 == 1 { c >> 1 ^ 0xedb8_8320 } else { c >> 1 })
-    })
 }
 
 #[test]

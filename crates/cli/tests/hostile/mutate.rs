@@ -80,3 +80,24 @@ fn replace_number(bytes: &mut Vec<u8>, at: usize, word: &[u8]) {
         drop(bytes.splice(start..start + length, word.iter().copied()));
     }
 }
+
+/// Corrects the checksums of a damaged PNG, so that the damage gets past them.
+pub fn correct_png_checksums(bytes: &mut [u8]) {
+    let mut at = 8;
+    while let Some(length) = bytes.get(at..at + 4) {
+        let length = u32::from_be_bytes([length[0], length[1], length[2], length[3]]) as usize;
+        let end = (at + 8).saturating_add(length);
+        let Some(content) = bytes.get(at + 4..end) else { return };
+        let checksum = crc32(content).to_be_bytes();
+        let Some(place) = bytes.get_mut(end..end + 4) else { return };
+        place.copy_from_slice(&checksum);
+        at = end + 4;
+    }
+}
+
+/// The checksum of PNG chunks (ISO 3309).
+pub fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(u32::MAX, |crc, &b| {
+        (0..8).fold(crc ^ u32::from(b), |c, _| if c & 1 == 1 { c >> 1 ^ 0xedb8_8320 } else { c >> 1 })
+    })
+}

@@ -25,13 +25,11 @@ impl Report {
         let start = Instant::now();
         let (done, watch) = mpsc::channel::<()>();
         let watched = name.to_string();
-        let watchdog = (self.files % 64 == 0 || cfg!(debug_assertions)).then(|| {
-            std::thread::spawn(move || {
-                if watch.recv_timeout(LIMIT * 3) == Err(RecvTimeoutError::Timeout) {
-                    eprintln!("{watched}: hangs");
-                    std::process::exit(99);
-                }
-            })
+        let watchdog = std::thread::spawn(move || {
+            if watch.recv_timeout(LIMIT * 3) == Err(RecvTimeoutError::Timeout) {
+                eprintln!("{watched}: hangs");
+                std::process::exit(99);
+            }
         });
         match catch_unwind(AssertUnwindSafe(run)) {
             Ok(End::Picture { invalid_samples }) => {
@@ -51,9 +49,7 @@ impl Report {
             }
         }
         drop(done);
-        if let Some(watchdog) = watchdog {
-            watchdog.join().expect("the watchdog does not fail");
-        }
+        watchdog.join().expect("the watchdog does not fail");
         self.files += 1;
         let time = start.elapsed();
         if time > self.worst.0 {
@@ -73,8 +69,8 @@ impl Report {
         self.failures.extend(other.failures);
     }
 
-    /// Prints the numbers; fails if a case did.
-    pub fn conclude(self, what: &str) {
+    /// Prints the numbers; gives the failures.
+    pub fn conclude(self, what: &str) -> Vec<String> {
         eprintln!(
             "{what}: {} files: {} pictures ({} samples not finite), {} refused; longest {:?} ({}); peak memory {} MB",
             self.files,
@@ -85,8 +81,7 @@ impl Report {
             self.worst.1,
             peak_memory_bytes() >> 20
         );
-        let shown: Vec<_> = self.failures.iter().take(20).collect();
-        assert!(shown.is_empty(), "{} failures, such as {shown:#?}", self.failures.len());
+        self.failures
     }
 }
 

@@ -22,6 +22,10 @@ impl Unfit {
 const MAX_EXPANSION: u64 = 4096;
 /// Pictures up to this many bytes in memory are decoded whatever the file's size: enough for 4 Mi pixels of RGBA floats.
 const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
+/// Beyond this many bytes in memory (8192 x 8192 pixels of RGBA), pictures with content do not expand nearly as much; files that
+/// do are made to fill the memory.
+const LARGE_BYTES: u64 = 256 << 20;
+const MAX_EXPANSION_OF_LARGE: u64 = 128;
 
 /// Refuses an image that is empty, over the limit, or that declares more than its bytes can hold. To be called before anything is
 /// allocated.
@@ -38,12 +42,13 @@ pub fn check_size(input: &Input, width: u64, height: u64, bytes_per_pixel: u64) 
             "scale the image down, or cut it into parts",
         ));
     };
-    let plausible = (input.bytes.len() as u64).saturating_mul(MAX_EXPANSION).saturating_add(ALWAYS_ALLOWED_BYTES);
-    if pixels.saturating_mul(bytes_per_pixel) > plausible {
+    let (needed, given) = (pixels.saturating_mul(bytes_per_pixel), input.bytes.len() as u64);
+    let plausible = given.saturating_mul(MAX_EXPANSION).saturating_add(ALWAYS_ALLOWED_BYTES);
+    if needed > plausible || (needed > LARGE_BYTES && needed > given.saturating_mul(MAX_EXPANSION_OF_LARGE)) {
         return Err(input.error(
             Place::Whole,
             format!("the image declares {width} x {height} pixels, but the file has only {} bytes", input.bytes.len()),
-            "the file is cut off or damaged: export the image again",
+            "the file is cut off, damaged or made to fill the memory: export the image again, or scale it down",
         ));
     }
     Ok(())

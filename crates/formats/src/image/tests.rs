@@ -442,3 +442,14 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_small_file_cannot_declare_a_picture_that_fills_the_memory() {
+    let check = super::picture::check_size;
+    // As much as deflate can make of two megabytes.
+    let small = input("a.png", vec![0; 2 << 20]);
+    assert!(check(&small, 16_000, 16_000, 8).is_err());
+    assert!(check(&small, 8_192, 8_192, 4).is_ok());
+    let large = input("a.png", vec![0; 20 << 20]);
+    assert!(check(&large, 16_000, 16_000, 8).is_ok());
+}
