@@ -63,7 +63,7 @@ pub(crate) fn search_batch<G: Goal>(
 /// # Safety
 /// As [`run`].
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1")]
+#[target_feature(enable = "avx2,bmi1,popcnt")]
 unsafe fn run_avx2<G: Goal>(
     forest: &Forest,
     batch: &Batch,
