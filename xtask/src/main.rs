@@ -1,1 +1,121 @@
-fn main() {}
+//! The words that developers and CI use: `cargo xtask test` and friends. No dependencies, so that it starts at once.
+
+use std::io::{BufRead, BufReader};
+use std::process::{Command, ExitCode, Stdio};
+use std::time::Instant;
+
+const HELP: &str = "cargo xtask COMMAND
+
+  test   install what the tests need and run them all; ends with a summary
+  lint   formatting, clippy and documentation, warnings as errors
+  fmt    format everything
+  docs   build the API documentation
+";
+
+fn main() -> ExitCode {
+    let command = std::env::args().nth(1).unwrap_or_default();
+    let succeeded = match command.as_str() {
+        "test" => test(),
+        "lint" => lint(),
+        "fmt" => run("format", cargo(&["fmt", "--all"])),
+        "docs" => run("documentation", cargo(&["doc", "--workspace", "--no-deps"])),
+        _ => {
+            eprint!("{HELP}");
+            return ExitCode::from(2);
+        }
+    };
+    if succeeded { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+fn cargo(arguments: &[&str]) -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.args(arguments);
+    command
+}
+
+/// Runs a command with its output shown.
+fn run(what: &str, mut command: Command) -> bool {
+    match command.status() {
+        Ok(status) if status.success() => true,
+        Ok(status) => {
+            eprintln!("xtask: {what} failed ({status})");
+            false
+        }
+        Err(error) => {
+            eprintln!("xtask: {what} could not be started: {error}");
+            false
+        }
+    }
+}
+
+fn lint() -> bool {
+    let mut documentation = cargo(&["doc", "--workspace", "--no-deps", "--quiet"]);
+    documentation.env("RUSTDOCFLAGS", "-D warnings");
+    [
+        ("format check", cargo(&["fmt", "--all", "--check"])),
+        ("clippy", cargo(&["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"])),
+        ("documentation", documentation),
+    ]
+    .into_iter()
+    .map(|(what, command)| run(what, command))
+    .fold(true, |all, one| all && one)
+}
+
+/// Numbers of a run of the test harness.
+#[derive(Default)]
+struct Counts {
+    passed: u64,
+    failed: u64,
+    ignored: u64,
+    suites: u64,
+}
+
+impl Counts {
+    /// Adds a line such as `test result: ok. 3 passed; 0 failed; 1 ignored; …`.
+    fn add_line(&mut self, line: &str) {
+        let Some(rest) = line.trim().strip_prefix("test result: ") else { return };
+        self.suites += 1;
+        let numbers = rest.split(['.', ';']).filter_map(|part| {
+            let mut words = part.split_whitespace();
+            Some((words.next()?.parse::<u64>().ok()?, words.next()?.to_string()))
+        });
+        for (number, what) in numbers {
+            match what.as_str() {
+                "passed" => self.passed += number,
+                "failed" => self.failed += number,
+                "ignored" => self.ignored += number,
+                _ => {}
+            }
+        }
+    }
+}
+
+/// All tests: units, properties, documentation examples, and the command line run as users run it.
+fn test() -> bool {
+    let start = Instant::now();
+    let mut counts = Counts::default();
+    let mut command = cargo(&["test", "--workspace", "--no-fail-fast"]);
+    command.stdout(Stdio::piped());
+    let finished = command.spawn().and_then(|mut child| {
+        let output = child.stdout.take().map(BufReader::new);
+        for line in output.into_iter().flat_map(|o| o.lines().map_while(Result::ok)) {
+            println!("{line}");
+            counts.add_line(&line);
+        }
+        child.wait()
+    });
+    let succeeded = match finished {
+        Ok(status) => status.success(),
+        Err(error) => {
+            eprintln!("xtask: cargo test could not be started: {error}");
+            false
+        }
+    };
+    let seconds = start.elapsed().as_secs();
+    println!("\n{} suites in {}m{:02}s", counts.suites, seconds / 60, seconds % 60);
+    println!("{} passed, {} failed, {} skipped", counts.passed, counts.failed, counts.ignored);
+    if !succeeded {
+        println!("FAILED");
+    }
+    succeeded && counts.passed > 0
+}

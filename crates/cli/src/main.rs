@@ -1,1 +1,45 @@
-fn main() {}
+//! The `snell` command: renders, inspects and compares from the shell. All the work is in the libraries; here are options,
+//! messages, files and exit codes.
+//!
+//! Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted with what was rendered saved.
+
+#![forbid(unsafe_code)]
+
+mod command;
+mod failure;
+mod overrides;
+mod progress;
+mod resources;
+mod scene_source;
+
+use clap::{CommandFactory, Parser};
+use std::process::ExitCode;
+
+/// A ray caster and physically based renderer.
+///
+/// Without a scene, `snell render` draws the built-in Cornell box.
+#[derive(Debug, Parser)]
+#[command(name = "snell", version, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: command::Command,
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    // The last line of defence: a fault in the program is an error message, never a crash without one.
+    let outcome = std::panic::catch_unwind(|| command::run(cli.command));
+    match outcome {
+        Ok(Ok(code)) => code,
+        Ok(Err(failure)) => failure.report(),
+        Err(_) => {
+            eprintln!("error: internal fault (see above); please report it with the scene and the command line");
+            ExitCode::from(1)
+        }
+    }
+}
+
+/// The whole command-line interface, for completions and the manual page.
+fn interface() -> clap::Command {
+    Cli::command()
+}

@@ -35,9 +35,19 @@ impl Input {
         Self { name: name.into(), bytes, root: directory.clone(), directory, options: options.clone() }
     }
 
-    /// Opens a file that this one names, relative to this one's folder. Absolute names, and names that lead out of the root folder,
-    /// need `--allow-outside`. Backslashes count as slashes where no file of the literal name exists.
+    /// Opens a file that this one names; see [`Self::resolve`].
     pub fn open_relative(&self, name: &str) -> Result<Self, ReadError> {
+        let path = self.resolve(name)?;
+        let shown = path.display().to_string();
+        let bytes = read_limited(&path, &shown, &self.options.limits)?;
+        let directory = path.parent().unwrap_or(Path::new(".")).to_path_buf();
+        Ok(Self { name: shown, bytes, directory, root: self.root.clone(), options: self.options.clone() })
+    }
+
+    /// The path of a file that this one names, relative to this one's folder; whether it exists is not said. Absolute names, and
+    /// names that lead out of the root folder, need `--allow-outside`. Backslashes count as slashes where no file of the literal
+    /// name exists.
+    pub fn resolve(&self, name: &str) -> Result<PathBuf, ReadError> {
         let literal = Path::new(name);
         let mut path = self.directory.join(literal);
         if !path.exists() && name.contains('\\') {
@@ -50,10 +60,7 @@ impl Input {
                 "move the file into the folder, or give --allow-outside if you trust the scene",
             ));
         }
-        let shown = path.display().to_string();
-        let bytes = read_limited(&path, &shown, &self.options.limits)?;
-        let directory = path.parent().unwrap_or(Path::new(".")).to_path_buf();
-        Ok(Self { name: shown, bytes, directory, root: self.root.clone(), options: self.options.clone() })
+        Ok(path)
     }
 
     /// An error about this file.

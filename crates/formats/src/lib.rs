@@ -12,6 +12,7 @@ pub mod input;
 pub mod limits;
 pub mod mesh;
 pub mod scene;
+pub mod textures;
 
 pub use error::{Place, ReadError, WriteError};
 pub use input::Input;
@@ -36,7 +37,17 @@ pub struct SceneReader {
 }
 
 /// All readers, in the order in which contents are tried: formats with a signature first.
-pub const SCENE_READERS: &[SceneReader] = &[];
+pub const SCENE_READERS: &[SceneReader] = &[
+    scene::gltf::READER,
+    mesh::ply::READER,
+    mesh::off::READER,
+    mesh::stl::READER,
+    mesh::ray::READER,
+    scene::minray::READER,
+    scene::nff::READER,
+    scene::scn::READER,
+    mesh::obj::READER,
+];
 
 /// How to read.
 #[derive(Clone, Debug, Default)]

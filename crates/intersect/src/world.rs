@@ -347,6 +347,21 @@ impl World {
         &self.groups[id.0 as usize]
     }
 
+    /// Number of analytic shapes, each counted once.
+    pub fn shape_count(&self) -> usize {
+        self.geometries.iter().filter(|g| matches!(g, Geometry::Shape(..))).count()
+    }
+
+    /// How many groups there are; ids run from 0.
+    pub fn group_count(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// How many occurrences one instance of a group adds: itself and all below.
+    pub fn occurrences_below(&self, id: GroupId) -> u32 {
+        self.occurrences.counts[id.0 as usize] as u32
+    }
+
     /// The box around everything, in world coordinates; may have infinite sides, is empty for an empty world.
     pub fn bounds(&self) -> Bounds3d {
         self.bounds

@@ -1,1 +1,36 @@
-//! snell
+//! What happens globally: compile a scene, sample it, transport light, gather it on the film.
+//!
+//! The modules stand in the order of the data. Nothing here does I/O: it takes a [`snell_scene::Scene`] and gives pictures in memory.
+//!
+//! ```
+//! use snell_render::{CompiledScene, Job, Settings};
+//! use snell_scene::{Scene, Camera};
+//! use snell_math::Vec3;
+//!
+//! let mut scene = Scene::new("empty");
+//! scene.environment = Some(snell_scene::Environment::Constant(snell_math::Rgb::splat(0.5)));
+//! let camera = Camera::look_at(Vec3::ZERO, Vec3::NEG_Z, Vec3::Y, 0.5);
+//! let settings = Settings { size: [8, 8], spp: 4, ..Settings::default() };
+//! let compiled = CompiledScene::new(&scene, &settings.build).unwrap();
+//! let (film, _statistics) = Job::new(&compiled, &camera, &settings).run(1, &|_| true);
+//! assert_eq!(film.image().layers[0].values[0], 0.5);
+//! ```
+
+#![forbid(unsafe_code)]
+
+pub mod compile;
+pub mod film;
+pub mod integrator;
+pub mod job;
+pub mod light_sampler;
+pub mod reference;
+pub mod sampler;
+pub mod settings;
+
+pub use compile::{CompileError, CompiledScene};
+pub use film::{Film, filter::Filter};
+pub use integrator::{IntegratorKind, aov::Aov};
+pub use job::{Job, Progress, Statistics};
+pub use light_sampler::LightSamplerKind;
+pub use sampler::SamplerKind;
+pub use settings::{Crop, LightStrategy, Settings, Shadows, TileOrder};

@@ -1,1 +1,175 @@
-//! A camera and a sky for scenes that have none.
+//! A camera and a sky for scenes that have none, so that a bare mesh gives a good picture.
+
+mod fit;
+mod sky;
+
+pub use fit::frame;
+pub use sky::{default_sky, sky_seen_by};
+
+use crate::graph::{Background, NodeId, Scene, SceneError};
+use crate::material::{Diffuse, Material};
+use snell_math::{Bounds3d, DVec3, Rgb, Transform};
+use std::collections::BTreeMap;
+
+/// The material of surfaces that have none: light grey.
+pub fn default_material() -> Material {
+    Material::new("default", Diffuse::new(Rgb::splat(0.7)))
+}
+
+/// What is behind objects under the default sky: a light grey, from which they stand out.
+pub const DEFAULT_BACKGROUND: Rgb = Rgb::splat(0.82);
+
+/// What [`prepare`] may assume.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FramingOptions {
+    /// Which way is up where the file does not say. `+y` for most formats, `+z` is common in STL and CAD.
+    pub up: DVec3,
+    /// Size of the picture in pixels, unless the scene's settings say.
+    pub size: [u32; 2],
+}
+
+impl Default for FramingOptions {
+    fn default() -> Self {
+        Self { up: DVec3::Y, size: [640, 480] }
+    }
+}
+
+/// Adds what a picture needs and the scene lacks: a camera that frames its finite surfaces, and the default sky if nothing in it
+/// gives light (no lights, no environment, no emissive material in use). With the sky comes [`DEFAULT_BACKGROUND`], unless the
+/// scene has a background. Does nothing to a scene that has all of it.
+pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneError> {
+    let order = scene.topological_order()?;
+    if scene.cameras.is_empty() {
+        let [w, h] = scene.settings.size.unwrap_or(options.size).map(|s| f64::from(s.max(1)));
+        let camera = frame(&finite_bounds(scene, &order), options.up, w / h);
+        scene.cameras.push(camera);
+    }
+    if scene.lights.is_empty() && scene.environment.is_none() && !uses_emission(scene, &order) {
+        scene.environment = Some(sky_seen_by(&scene.cameras[0], options.up));
+        if scene.background == Background::Environment {
+            scene.background = Background::Color(DEFAULT_BACKGROUND);
+        }
+    }
+    Ok(())
+}
+
+/// The box around all surfaces that are bounded, in world coordinates. `order` has children before parents.
+fn finite_bounds(scene: &Scene, order: &[NodeId]) -> Bounds3d {
+    let placed = |id: NodeId, own: &Bounds3d| {
+        let bounds = Transform::new(scene.nodes[id.index()].transform).map_or(Bounds3d::EMPTY, |m| m.bounds(own));
+        if bounds.is_finite() { bounds } else { Bounds3d::EMPTY }
+    };
+    let mut bounds: BTreeMap<NodeId, Bounds3d> = BTreeMap::new();
+    for &id in order {
+        let node = &scene.nodes[id.index()];
+        let own = node.surfaces.iter().map(|s| s.geometry.bounds()).filter(Bounds3d::is_finite);
+        let below = node.children.iter().map(|child| placed(*child, &bounds[child]));
+        let all = own.chain(below).fold(Bounds3d::EMPTY, |a, b| a.union(&b));
+        bounds.insert(id, all);
+    }
+    placed(scene.root, &bounds[&scene.root])
+}
+
+/// True if a material that is referred to emits.
+fn uses_emission(scene: &Scene, order: &[NodeId]) -> bool {
+    order.iter().any(|id| {
+        let node = &scene.nodes[id.index()];
+        let of_surfaces = node.surfaces.iter().flat_map(|s| s.materials.iter().flatten());
+        of_surfaces.chain(&node.material).any(|m| scene.materials[m.index()].is_emissive())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Camera, Projection};
+    use crate::graph::{Environment, Geometry, Node, Surface};
+    use crate::light::Light;
+    use snell_intersect::TriangleMesh;
+    use snell_intersect::shape::Sphere;
+    use snell_math::{DAffine3, Vec3};
+    use std::sync::Arc;
+
+    fn ball() -> Scene {
+        let mut scene = Scene::new("ball");
+        let sphere = Geometry::Shape(Arc::new(Sphere { radius: 2.0 }.into()));
+        let transform = DAffine3::from_translation(DVec3::new(5.0, 0.0, 0.0));
+        scene.add_child(scene.root, Node { transform, surfaces: vec![Surface::new(sphere)], ..Node::default() });
+        scene
+    }
+
+    #[test]
+    fn a_bare_object_gets_a_camera_a_sky_and_a_background() {
+        let mut scene = ball();
+        prepare(&mut scene, &FramingOptions::default()).expect("no cycle");
+        let camera = &scene.cameras[0];
+        let center = camera.project(DVec3::new(5.0, 0.0, 0.0), [640, 480]).expect("in view");
+        assert!((center - snell_math::DVec2::new(320.0, 240.0)).length() < 30.0, "{center}");
+        assert!(matches!(scene.environment, Some(Environment::Image { .. })));
+        assert_eq!(scene.background, Background::Color(DEFAULT_BACKGROUND));
+        let again = scene.clone();
+        prepare(&mut scene, &FramingOptions::default()).expect("no cycle");
+        assert_eq!(scene.cameras, again.cameras);
+    }
+
+    #[test]
+    fn a_scene_with_light_keeps_it() {
+        let mut lit = ball();
+        lit.lights.push(Light::Directional { direction: DVec3::NEG_Y, irradiance: Rgb::WHITE });
+        let mut surrounded = ball();
+        surrounded.environment = Some(Environment::Constant(Rgb::WHITE));
+        let mut glowing = ball();
+        let lamp = glowing.add_material(default_material().emitting(Rgb::WHITE));
+        glowing.nodes[1].material = Some(lamp);
+        for mut scene in [lit, surrounded, glowing] {
+            prepare(&mut scene, &FramingOptions::default()).expect("no cycle");
+            assert!(!matches!(scene.environment, Some(Environment::Image { .. })));
+            assert_eq!((scene.background, scene.cameras.len()), (Background::Environment, 1));
+        }
+    }
+
+    #[test]
+    fn an_emissive_material_that_nothing_uses_is_no_light() {
+        let mut scene = ball();
+        scene.add_material(default_material().emitting(Rgb::WHITE));
+        prepare(&mut scene, &FramingOptions::default()).expect("no cycle");
+        assert!(scene.environment.is_some());
+    }
+
+    #[test]
+    fn the_files_own_camera_and_background_stay() {
+        let mut scene = ball();
+        let own = Camera::from_target(DVec3::ONE, DVec3::ZERO, DVec3::Y, Projection::Panoramic);
+        scene.cameras.push(own.clone());
+        scene.background = Background::Transparent;
+        prepare(&mut scene, &FramingOptions::default()).expect("no cycle");
+        assert_eq!((scene.cameras, scene.background), (vec![own], Background::Transparent));
+    }
+
+    #[test]
+    fn unbounded_surfaces_do_not_decide_the_view() {
+        let mut scene = ball();
+        let huge = TriangleMesh {
+            positions: vec![Vec3::splat(-f32::MAX), Vec3::splat(f32::MAX), Vec3::X],
+            indices: vec![[0, 1, 2]],
+            ..TriangleMesh::default()
+        };
+        // The transform makes its bounds infinite.
+        let transform = DAffine3::from_scale(DVec3::splat(1e300));
+        let surfaces = vec![Surface::new(Geometry::Mesh(Arc::new(huge)))];
+        scene.add_child(scene.root, Node { transform, surfaces, ..Node::default() });
+        prepare(&mut scene, &FramingOptions::default()).expect("no cycle");
+        assert!(scene.cameras[0].eye.distance(DVec3::new(5.0, 0.0, 0.0)) < 20.0);
+    }
+
+    #[test]
+    fn an_empty_scene_and_a_broken_graph_are_handled() {
+        let mut empty = Scene::new("empty");
+        prepare(&mut empty, &FramingOptions::default()).expect("no cycle");
+        assert!(empty.cameras[0].eye.is_finite());
+        let mut cyclic = Scene::new("cyclic");
+        let root = cyclic.root;
+        cyclic.nodes[0].children.push(root);
+        assert!(prepare(&mut cyclic, &FramingOptions::default()).is_err());
+    }
+}

@@ -1,18 +1,45 @@
-//! Image files, through well-kept crates.
+//! Image files: here are the bytes, what are the pixels, and back.
+//!
+//! [`IMAGE_FORMATS`] is the list of all formats; reading, writing and `snell formats` follow from it. The content decides the
+//! format, the extension only where the content is silent (TGA has no signature). Decoding is done by well-kept crates; PFM is
+//! small enough to be done here. Nothing here looks at light or materials: [`read_image`] gives stored values and says how they
+//! are encoded.
 
-use crate::{Input, ReadError, WriteError};
-use snell_scene::{Image, LayeredImage};
+pub mod compare;
+mod flip;
+mod openexr;
+mod pfm;
+mod picture;
+mod raster;
+mod tonemap;
+mod write;
+
+#[cfg(test)]
+mod tests;
+
+pub use tonemap::display_value;
+
+use crate::{Input, Place, ReadError, WriteError};
+use picture::Unfit;
+use snell_scene::{Image, Layer, LayeredImage};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 /// How to turn scene-linear values into display values, for formats that hold display values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Display {
-    /// Exposure in stops.
+    /// Exposure in stops: values are multiplied by two to this power.
     pub exposure: f64,
     /// Curve.
     pub tonemap: Tonemap,
     /// False for formats that want the clamped linear values as they are.
     pub srgb: bool,
+}
+
+impl Default for Display {
+    fn default() -> Self {
+        Self { exposure: 0.0, tonemap: Tonemap::None, srgb: true }
+    }
 }
 
 /// Tone maps for display formats.
@@ -27,6 +54,20 @@ pub enum Tonemap {
     Agx,
 }
 
+impl Tonemap {
+    /// All tone maps.
+    pub const ALL: [Self; 3] = [Self::None, Self::Aces, Self::Agx];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Aces => "aces",
+            Self::Agx => "agx",
+        }
+    }
+}
+
 /// Settings of the writers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WriteOptions {
@@ -34,26 +75,217 @@ pub struct WriteOptions {
     pub display: Display,
     /// Bits per channel of PNG: 8 or 16.
     pub png_bits: u8,
-    /// Half instead of float channels in OpenEXR.
+    /// Half instead of float for the colour channels of OpenEXR. Other channels (depth, positions, ids) stay float.
     pub exr_half: bool,
     /// Quality of JPEG, 1 to 100.
     pub jpeg_quality: u8,
 }
 
-/// Decodes an image file; the content decides the format.
-pub fn read_image(input: &Input) -> Result<Image, ReadError> {
-    let _ = input;
-    unreachable_for_now()
+impl Default for WriteOptions {
+    fn default() -> Self {
+        Self { display: Display::default(), png_bits: 8, exr_half: false, jpeg_quality: 92 }
+    }
 }
 
-fn unreachable_for_now() -> Result<Image, ReadError> {
-    Err(ReadError { file: String::new(), place: crate::Place::Whole, problem: String::new(), remedy: String::new() })
+/// An image format.
+#[derive(Clone, Copy)]
+pub struct ImageFormat {
+    /// Short name, such as `openexr`.
+    pub name: &'static str,
+    /// Extensions in lower case, without the dot; the usual one first.
+    pub extensions: &'static [&'static str],
+    /// One line for `snell formats`.
+    pub description: &'static str,
+    /// True if the bytes can only be this format.
+    recognises: fn(&[u8]) -> bool,
+    read: Option<fn(&Input) -> Result<Image, ReadError>>,
+    write: Option<fn(&LayeredImage, &WriteOptions) -> Result<Vec<u8>, Unfit>>,
+}
+
+impl ImageFormat {
+    /// True if [`read_image`] knows it.
+    pub fn reads(&self) -> bool {
+        self.read.is_some()
+    }
+
+    /// True if [`encode_image`] knows it.
+    pub fn writes(&self) -> bool {
+        self.write.is_some()
+    }
+}
+
+/// All formats, in the order in which contents are tried.
+pub const IMAGE_FORMATS: &[ImageFormat] = &[
+    ImageFormat {
+        name: "openexr",
+        extensions: &["exr"],
+        description: "OpenEXR: scene-linear half or float, layers, metadata",
+        recognises: |b| b.starts_with(&[0x76, 0x2f, 0x31, 0x01]),
+        read: Some(openexr::read_image),
+        write: Some(openexr::encode),
+    },
+    ImageFormat {
+        name: "png",
+        extensions: &["png"],
+        description: "PNG: sRGB display values of 8 or 16 bits, alpha, metadata",
+        recognises: |b| b.starts_with(b"\x89PNG\r\n\x1a\n"),
+        read: Some(|input| raster::read(input, ::image::ImageFormat::Png)),
+        write: Some(write::png),
+    },
+    ImageFormat {
+        name: "jpeg",
+        extensions: &["jpg", "jpeg"],
+        description: "JPEG: sRGB display values of 8 bits, lossy",
+        recognises: |b| b.starts_with(&[0xff, 0xd8, 0xff]),
+        read: Some(|input| raster::read(input, ::image::ImageFormat::Jpeg)),
+        write: Some(write::jpeg),
+    },
+    ImageFormat {
+        name: "radiance",
+        extensions: &["hdr", "pic"],
+        description: "Radiance HDR (RGBE): scene-linear, shared exponent",
+        recognises: |b| b.starts_with(b"#?"),
+        read: Some(raster::read_radiance),
+        write: Some(write::radiance),
+    },
+    ImageFormat {
+        name: "pfm",
+        extensions: &["pfm"],
+        description: "Portable float map: scene-linear float, RGB or grey",
+        recognises: pfm::recognises,
+        read: Some(pfm::read),
+        write: Some(pfm::encode),
+    },
+    ImageFormat {
+        name: "ppm",
+        extensions: &["ppm", "pgm", "pbm", "pnm", "pam"],
+        description: "Portable any map: display values; written as binary PPM of 8 bits",
+        recognises: |b| matches!(b, [b'P', b'1'..=b'7', space, ..] if space.is_ascii_whitespace()),
+        read: Some(|input| raster::read(input, ::image::ImageFormat::Pnm)),
+        write: Some(write::ppm),
+    },
+    ImageFormat {
+        name: "bmp",
+        extensions: &["bmp"],
+        description: "Windows bitmap: sRGB display values of 8 bits",
+        recognises: |b| b.starts_with(b"BM"),
+        read: Some(|input| raster::read(input, ::image::ImageFormat::Bmp)),
+        write: None,
+    },
+    ImageFormat {
+        name: "webp",
+        extensions: &["webp"],
+        description: "WebP: sRGB display values of 8 bits",
+        recognises: |b| b.starts_with(b"RIFF") && b.get(8..12) == Some(b"WEBP"),
+        read: Some(|input| raster::read(input, ::image::ImageFormat::WebP)),
+        write: None,
+    },
+    ImageFormat {
+        name: "tga",
+        extensions: &["tga"],
+        description: "Targa: sRGB display values of 8 bits",
+        recognises: |b| b.ends_with(b"TRUEVISION-XFILE.\0"),
+        read: Some(|input| raster::read(input, ::image::ImageFormat::Tga)),
+        write: None,
+    },
+];
+
+/// Decodes an image file; the content decides the format, then the extension. Floating-point values that are not numbers become
+/// 0, infinite ones the largest half (65504) with their sign, so that what follows need not care.
+pub fn read_image(input: &Input) -> Result<Image, ReadError> {
+    let read = reader_of(input)?;
+    let mut image = guarded(input, || read(input))?;
+    picture::make_finite(&mut image);
+    Ok(image)
+}
+
+/// Decodes an image file with all of its layers, values as they are in the file (display values linearised). Formats other than
+/// OpenEXR have one layer.
+pub fn read_layers(input: &Input) -> Result<LayeredImage, ReadError> {
+    if is_openexr(&input.bytes) {
+        return guarded(input, || openexr::read_layers(input));
+    }
+    let image = read_image(input)?;
+    let has_alpha = matches!(image.channels, 2 | 4);
+    let names = if has_alpha { &["R", "G", "B", "A"][..] } else { &["R", "G", "B"] };
+    let mut values = Vec::with_capacity(image.width as usize * image.height as usize * names.len());
+    for y in 0..image.height {
+        for x in 0..image.width {
+            let [r, g, b, a] = image.rgba(x, y);
+            values.extend_from_slice(&[r * a, g * a, b * a, a][..names.len()]);
+        }
+    }
+    let channels = names.iter().map(|n| (*n).into()).collect();
+    let layers = vec![Layer { name: String::new(), channels, values }];
+    Ok(LayeredImage { width: image.width, height: image.height, layers, metadata: Vec::new() })
+}
+
+fn is_openexr(bytes: &[u8]) -> bool {
+    (IMAGE_FORMATS[0].recognises)(bytes)
+}
+
+fn reader_of(input: &Input) -> Result<fn(&Input) -> Result<Image, ReadError>, ReadError> {
+    let extension = input.extension();
+    let by_content = IMAGE_FORMATS.iter().find(|f| (f.recognises)(&input.bytes));
+    let format = by_content.or_else(|| IMAGE_FORMATS.iter().find(|f| f.extensions.contains(&extension.as_str())));
+    format.and_then(|f| f.read).ok_or_else(|| {
+        input.error(
+            Place::Whole,
+            format!("this is not an image that Snell knows: it starts with {}", picture::first_bytes(&input.bytes)),
+            format!("convert it to one of: {}", names(ImageFormat::reads)),
+        )
+    })
+}
+
+fn names(which: fn(&ImageFormat) -> bool) -> String {
+    IMAGE_FORMATS.iter().filter(|f| which(f)).map(|f| f.name).collect::<Vec<_>>().join(", ")
+}
+
+/// The last line of defence: a panic of a decoder is an error of the file.
+fn guarded<T>(input: &Input, read: impl FnOnce() -> Result<T, ReadError>) -> Result<T, ReadError> {
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
+        Err(input.error(Place::Whole, "the image is damaged: its decoder gave up", "export the image again"))
+    })
 }
 
 /// Encodes a picture in the format that `path`'s extension names.
 pub fn encode_image(path: &Path, image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, WriteError> {
-    let _ = (image, options);
-    Err(WriteError::Format { path: path.into(), problem: String::new(), remedy: String::new() })
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    encode(path, &extension, image, options)
+}
+
+/// Encodes a picture in the format of this name or extension, such as `png` or `exr`: for standard output.
+pub fn encode_image_as(format: &str, image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, WriteError> {
+    encode(Path::new("-"), &format.to_lowercase(), image, options)
+}
+
+fn encode(path: &Path, name: &str, image: &LayeredImage, options: &WriteOptions) -> Result<Vec<u8>, WriteError> {
+    let unfit = |u: Unfit| WriteError::Format { path: path.into(), problem: u.problem, remedy: u.remedy };
+    let write = writer(name).map_err(unfit)?;
+    write(image, options).map_err(unfit)
+}
+
+type Writer = fn(&LayeredImage, &WriteOptions) -> Result<Vec<u8>, Unfit>;
+
+/// The writer of the format with this name or extension.
+fn writer(name: &str) -> Result<Writer, Unfit> {
+    let known = IMAGE_FORMATS.iter().find(|f| f.name == name || f.extensions.contains(&name));
+    known.and_then(|f| f.write).ok_or_else(|| {
+        let problem = match name {
+            "" => "the name has no extension that says which image format to write".to_string(),
+            _ => format!("\"{name}\" is not an image format that Snell writes"),
+        };
+        let extensions: Vec<_> =
+            IMAGE_FORMATS.iter().filter(|f| f.writes()).map(|f| format!(".{}", f.extensions[0])).collect();
+        Unfit::new(problem, format!("use one of: {}", extensions.join(" ")))
+    })
+}
+
+/// Checks that [`write_image`] knows the format of `path`, so that a long render does not end in an error.
+pub fn check_writable(path: &Path) -> Result<(), WriteError> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let unfit = |u: Unfit| WriteError::Format { path: path.into(), problem: u.problem, remedy: u.remedy };
+    writer(&extension).map(|_| ()).map_err(unfit)
 }
 
 /// Encodes and writes a picture: to a temporary file first, then renamed.

@@ -1,1 +1,140 @@
-//! Mesh files: each becomes a scene with one node.
+//! Mesh files: each becomes a scene with one node, or one node per object.
+//!
+//! | format | file | normals where the file has none |
+//! | --- | --- | --- |
+//! | Wavefront OBJ, with MTL | [`obj`] | by smoothing groups; without them smooth up to 40° |
+//! | Stanford PLY | [`ply`] | smooth up to 40° |
+//! | STL | [`stl`] | equal positions are welded; smooth up to 40° (the file's own facet normals say nothing new) |
+//! | OFF | [`off`] | flat, as the programs that these files were made for show them |
+//! | Princeton `.ray` | [`ray`] | has normals |
+//!
+//! Units are taken as they are, and so is the up axis. Vertices that are not finite stay, with a warning: their triangles are
+//! never hit.
+
+mod normals;
+mod notes;
+pub(crate) mod polygon;
+mod text;
+mod weld;
+
+pub mod obj;
+pub mod off;
+pub mod ply;
+pub mod ray;
+pub mod stl;
+
+use crate::{Input, ReadError, SceneReader};
+use notes::Notes;
+use snell_intersect::TriangleMesh;
+use snell_math::Vec3;
+use snell_scene::{Geometry, Node, Scene, Surface};
+use std::sync::Arc;
+
+/// Reads a mesh file as one mesh, without materials, for files that name mesh files. The format is chosen by content, then by
+/// extension. Normals are those of the file; a mesh without is shaded flat ([`smooth_normals`] makes some).
+pub fn read_mesh(input: &Input) -> Result<TriangleMesh, ReadError> {
+    type Parse = fn(&Input, &mut Notes) -> Result<TriangleMesh, ReadError>;
+    let formats: [(SceneReader, Parse); 5] = [
+        (ply::READER, ply::parse),
+        (off::READER, off::parse),
+        (stl::READER, stl::parse),
+        (ray::READER, ray::parse),
+        (obj::READER, obj::parse_mesh),
+    ];
+    let extension = input.extension();
+    let by_content = formats.iter().find(|(reader, _)| (reader.recognises)(&input.bytes));
+    let by_extension = || formats.iter().find(|(reader, _)| reader.extensions.contains(&extension.as_str()));
+    let Some((_, parse)) = by_content.or_else(by_extension) else {
+        return Err(input.error(
+            crate::Place::Whole,
+            "this is not a mesh format that Snell knows, neither by its content nor by its extension",
+            "use one of: ply, off, stl, ray, obj",
+        ));
+    };
+    parse(input, &mut Notes::default())
+}
+
+/// Gives a mesh vertex normals: smooth, except across edges at which the faces meet at more than `crease_degrees`, where vertices
+/// are split. Normals that it has are replaced.
+pub fn smooth_normals(mesh: &mut TriangleMesh, crease_degrees: f32) {
+    normals::smooth(mesh, crease_degrees, &[]);
+}
+
+/// A scene of one mesh.
+fn scene_of(input: &Input, mesh: TriangleMesh, mut notes: Notes) -> Scene {
+    let mut scene = Scene::new(input.stem());
+    note_oddities(input, &mesh, &mut notes);
+    if !mesh.indices.is_empty() {
+        let surface = Surface::new(Geometry::Mesh(Arc::new(mesh)));
+        let node = Node { surfaces: vec![surface], ..Node::named(input.stem()) };
+        scene.add_child(scene.root, node);
+    }
+    notes.finish(&mut scene);
+    scene
+}
+
+/// Warns of meshes that show less than one might expect.
+fn note_oddities(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
+    if mesh.indices.is_empty() {
+        let name = &input.name;
+        notes.add("nothing to show", || format!("{name}: there are no triangles to show"));
+    }
+    note_non_finite(input, mesh, notes);
+}
+
+fn note_non_finite(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
+    for (i, _) in mesh.positions.iter().enumerate().filter(|(_, p)| !p.is_finite()) {
+        let name = &input.name;
+        notes.add("not finite", || {
+            format!("{name}: vertex {i} (counted from 0) is not finite; triangles that use such vertices are never hit")
+        });
+    }
+}
+
+/// The error for too many elements.
+fn too_many(input: &Input, what: &str) -> ReadError {
+    input.error(
+        crate::Place::Whole,
+        format!("more than {} {what}, the limit", input.options.limits.elements),
+        "split the file, or raise the limit on elements",
+    )
+}
+
+/// Appends the triangles of a polygon with the given vertices.
+fn push_polygon(
+    input: &Input,
+    mesh: &mut TriangleMesh,
+    face: &[u32],
+    triangulator: &mut polygon::Triangulator,
+) -> Result<(), ReadError> {
+    if mesh.indices.len() + face.len() > input.options.limits.elements {
+        return Err(too_many(input, "triangles"));
+    }
+    if let &[a, b, c] = face {
+        mesh.indices.push([a, b, c]);
+        return Ok(());
+    }
+    let positions = &mesh.positions;
+    let triangles = triangulator.triangulate(face.iter().map(|&i| positions[i as usize]));
+    mesh.indices.extend(triangles.iter().map(|t| t.map(|corner| face[corner])));
+    Ok(())
+}
+
+/// Replaces normals that are not finite or have no length by those of the faces around.
+fn repair_normals(mesh: &mut TriangleMesh, input: &Input, notes: &mut Notes) {
+    let is_bad = |n: &Vec3| !n.is_finite() || n.length_squared() < f32::MIN_POSITIVE || !n.length_squared().is_finite();
+    if !mesh.normals.iter().any(is_bad) {
+        return;
+    }
+    let computed = mesh.computed_normals();
+    for (i, (normal, computed)) in mesh.normals.iter_mut().zip(computed).enumerate().filter(|(_, (n, _))| is_bad(n)) {
+        *normal = computed;
+        let name = &input.name;
+        notes.add("bad normal", || {
+            format!("{name}: the normal of vertex {i} (counted from 0) has no direction; the faces around give one")
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests;

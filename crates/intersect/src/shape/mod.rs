@@ -5,9 +5,30 @@
 //!
 //! To add a shape: a new file here, and its two lines in the list below. Tests, area lights and documentation iterate the list.
 
-mod sphere;
+pub mod box_shape;
+pub mod cone;
+pub mod cylinder;
+pub mod disk;
+pub mod frustum;
+pub mod plane;
+pub mod polygon;
+pub mod rectangle;
+mod span;
+pub mod sphere;
+#[cfg(test)]
+mod tests;
+pub mod triangle;
 
+pub use box_shape::BoxShape;
+pub use cone::Cone;
+pub use cylinder::Cylinder;
+pub use disk::Disk;
+pub use frustum::Frustum;
+pub use plane::Plane;
+pub use polygon::{Polygon, PolygonError};
+pub use rectangle::Rectangle;
 pub use sphere::Sphere;
+pub use triangle::Triangle;
 
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
@@ -28,7 +49,7 @@ pub struct ShapeSurface {
     pub position: DVec3,
     /// Unit normal on the outer side.
     pub normal: DVec3,
-    /// Texture coordinates in `[0, 1]^2` (documented by each shape).
+    /// Texture coordinates in `[0, 1]^2`, `v` downwards (documented by each shape; those of the infinite plane run on).
     pub uv: DVec2,
     /// Derivative of the position by `uv.x`. Not zero, except that poles and apexes may have any tangent instead.
     pub dpdu: DVec3,
@@ -49,8 +70,59 @@ pub struct ShapeSample {
     pub face: u32,
 }
 
+impl ShapeSample {
+    /// The sample at `position` on a face of `shape`.
+    fn at(shape: &impl Shape, position: DVec3, face: u32) -> Self {
+        let ShapeSurface { position, normal, uv, .. } = shape.surface(position, face);
+        Self { position, normal, uv, face }
+    }
+}
+
+/// Parameters with which a shape makes no sense. Such a shape never panics, but what it answers is of no use.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{shape}: {parameter} is {found}, expected {expected}")]
+pub struct ShapeError {
+    /// Name of the shape.
+    pub shape: &'static str,
+    /// Which parameter.
+    pub parameter: &'static str,
+    /// Its value.
+    pub found: f64,
+    /// What it may be.
+    pub expected: &'static str,
+}
+
+impl ShapeError {
+    /// An error unless the parameter is finite and `accepts` it.
+    fn unless(
+        shape: &'static str,
+        parameter: &'static str,
+        found: f64,
+        expected: &'static str,
+        accepts: impl FnOnce(f64) -> bool,
+    ) -> Result<(), Self> {
+        if found.is_finite() && accepts(found) { Ok(()) } else { Err(Self { shape, parameter, found, expected }) }
+    }
+
+    fn unless_positive(shape: &'static str, parameter: &'static str, found: f64) -> Result<(), Self> {
+        Self::unless(shape, parameter, found, "a positive number", |x| x > 0.0)
+    }
+}
+
+/// The angle of a direction from its x towards its y axis as a part of the full turn, in `[0, 1)`.
+fn turn(d: DVec2) -> f64 {
+    let turns = d.y.atan2(d.x) / std::f64::consts::TAU;
+    // A tiny negative angle would round to a full turn.
+    if turns < 0.0 { (turns + 1.0).min(1.0_f64.next_down()) } else { turns }
+}
+
 /// What every analytic shape can do, in its own coordinates.
 pub trait Shape: Send + Sync + std::fmt::Debug {
+    /// An error if a parameter is out of its range. Readers of files check here.
+    fn validate(&self) -> Result<(), ShapeError> {
+        Ok(())
+    }
+
     /// The smallest box around the shape. May have infinite sides.
     fn bounds(&self) -> Bounds3d;
 
@@ -85,9 +157,9 @@ macro_rules! shapes {
     ($($name:literal => $kind:ident,)*) => {
         /// Any of the shapes, as scenes hold them.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-        #[serde(tag = "shape", rename_all = "kebab-case")]
+        #[serde(tag = "shape")]
         pub enum AnyShape {
-            $(#[doc = concat!("See [`", stringify!($kind), "`].")] $kind($kind),)*
+            $(#[doc = concat!("See [`", stringify!($kind), "`].")] #[serde(rename = $name)] $kind($kind),)*
         }
 
         impl AnyShape {
@@ -108,6 +180,7 @@ macro_rules! shapes {
         }
 
         impl Shape for AnyShape {
+            fn validate(&self) -> Result<(), ShapeError> { match self { $(Self::$kind(s) => s.validate(),)* } }
             fn bounds(&self) -> Bounds3d { match self { $(Self::$kind(s) => s.bounds(),)* } }
             fn closest(&self, ray: &DRay) -> Option<ShapeHit> { match self { $(Self::$kind(s) => s.closest(ray),)* } }
             fn any(&self, ray: &DRay) -> bool { match self { $(Self::$kind(s) => s.any(ray),)* } }
@@ -126,4 +199,13 @@ macro_rules! shapes {
 
 shapes! {
     "sphere" => Sphere,
+    "box" => BoxShape,
+    "cylinder" => Cylinder,
+    "cone" => Cone,
+    "frustum" => Frustum,
+    "disk" => Disk,
+    "rectangle" => Rectangle,
+    "plane" => Plane,
+    "triangle" => Triangle,
+    "polygon" => Polygon,
 }

@@ -3,9 +3,27 @@
 //! Directions are unit vectors that point away from the surface. `wo` goes to where light is gathered (the camera), `wi` to where
 //! it comes from. Opaque BSDFs reflect on both sides; dielectrics are outside where `z > 0`.
 
+mod black;
+mod conductor;
+mod dielectric;
 mod diffuse;
+pub mod fresnel;
+mod ggx;
+mod ggx_albedo;
+mod glossy;
+mod mirror;
+mod phong;
+#[cfg(test)]
+mod tests;
 
+pub use black::BlackBsdf;
+pub use conductor::{ConductorBsdf, FacetReflectance};
+pub use dielectric::DielectricBsdf;
 pub use diffuse::DiffuseBsdf;
+pub use ggx::Ggx;
+pub use glossy::GlossyBsdf;
+pub use mirror::MirrorBsdf;
+pub use phong::{PhongBsdf, PhongCoefficients};
 
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
@@ -52,8 +70,8 @@ pub trait Lobes {
     /// Approximate share of light that is reflected or transmitted towards `wo`: what the albedo AOV shows.
     fn albedo(&self, wo: Vec3) -> SampledSpectrum;
 
-    /// Local illumination by light of unit irradiance from `wi`, times pi: what `raycast` and `whitted` add per light. The same as
-    /// `pi * eval / cos * cos` unless a material has a classic formula of its own (Phong).
+    /// `pi f(wo, wi) |cos(wi)|`, or what a classic formula has in its place (Phong): `raycast` and `whitted` add this times
+    /// `irradiance / pi` per light, with the irradiance of a surface that faces the light.
     fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         self.eval(wo, wi) * std::f32::consts::PI
     }
@@ -93,5 +111,26 @@ macro_rules! bsdfs {
 }
 
 bsdfs! {
+    Black => BlackBsdf,
     Diffuse => DiffuseBsdf,
+    Phong => PhongBsdf,
+    Mirror => MirrorBsdf,
+    Conductor => ConductorBsdf,
+    Dielectric => DielectricBsdf,
+    Glossy => GlossyBsdf,
+}
+
+/// `x` in `[0, most]`; NaN counts as 0.
+pub(crate) fn bounded(x: f32, most: f32) -> f32 {
+    if x > 0.0 { x.min(most) } else { 0.0 }
+}
+
+/// The direction, mirrored to the upper side if it lies below.
+fn lift(w: Vec3) -> Vec3 {
+    Vec3::new(w.x, w.y, w.z.abs())
+}
+
+/// Undoes [`lift`] for a direction found with `wo` lifted: mirrored if `wo` lies below.
+fn lower_like(w: Vec3, wo: Vec3) -> Vec3 {
+    if wo.z < 0.0 { Vec3::new(w.x, w.y, -w.z) } else { w }
 }

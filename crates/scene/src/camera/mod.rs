@@ -1,7 +1,17 @@
-//! Cameras: from a point on the film to a ray in the world.
+//! Cameras: from a point on the film to a ray in the world, and back.
 
+mod matrix;
+mod projection;
+#[cfg(test)]
+mod tests;
+
+pub use matrix::{CameraAxes, CameraError};
+pub use projection::{FovAxis, Intrinsics, Projection};
+
+use projection::resolve;
 use serde::{Deserialize, Serialize};
-use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3};
+use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, sampling};
+use std::f64::consts::{PI, TAU};
 
 /// Where on the film and on the lens a ray passes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,18 +20,6 @@ pub struct CameraSample {
     pub film: DVec2,
     /// Uniform position on the lens, in `[0, 1)^2`.
     pub lens: Vec2,
-}
-
-/// How directions map to the film.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "projection", rename_all = "kebab-case")]
-pub enum Projection {
-    /// A pinhole or thin lens.
-    Perspective {
-        /// Tangents of the half-angles of view, horizontal and vertical. `None` follows from the other and the shape of the
-        /// picture; at least one is given.
-        tan_half_fov: [Option<f64>; 2],
-    },
 }
 
 /// A camera in the world. Its own axes: `right`, `up` and `towards`, orthonormal.
@@ -37,9 +35,9 @@ pub struct Camera {
     pub up: DVec3,
     /// How directions map to the film.
     pub projection: Projection,
-    /// Radius of the lens in scene units; 0 is a pinhole.
+    /// Radius of the lens in scene units; 0 is a pinhole. Panoramic and fisheye cameras have no lens.
     pub aperture_radius: f64,
-    /// Distance along `towards` at which points are sharp.
+    /// Distance along `towards` of the plane in which points are sharp. Positive.
     pub focus_distance: f64,
     /// Picture size the camera was made for, if it says.
     pub resolution: Option<[u32; 2]>,
@@ -52,44 +50,203 @@ pub struct CameraRay {
     pub ray: Ray,
     /// Width of the pixel's cone at the ray's origin.
     pub width: f32,
-    /// Growth of the cone's width per unit of distance.
+    /// Growth of the cone's width per unit of distance: the square root of the solid angle of a pixel.
     pub spread: f32,
     /// Weight of the sample: 1, except 0 where the projection has no ray (outside of a fisheye's circle).
     pub weight: f32,
 }
 
+/// A ray in camera coordinates `(right, up, towards)`, before the lens.
+struct LocalRay {
+    origin: DVec2,
+    /// Any length; for projections with a lens its last coordinate is 1.
+    direction: DVec3,
+    width: f64,
+    spread: f64,
+    weight: f32,
+}
+
 impl Camera {
-    /// The ray through a point of a picture of `size` pixels.
-    pub fn ray(&self, sample: &CameraSample, size: [u32; 2]) -> CameraRay {
-        let Projection::Perspective { tan_half_fov } = self.projection;
-        let [w, h] = size.map(f64::from);
-        let x = tan_half_fov[0].unwrap_or_else(|| tan_half_fov[1].unwrap_or(1.0) * w / h);
-        let y = tan_half_fov[1].unwrap_or(x * h / w);
-        let p = sample.film / DVec2::new(w, h) * 2.0 - 1.0;
-        let right = self.towards.cross(self.up);
-        let direction = self.towards + right * (p.x * x) - self.up * (p.y * y);
-        let ray = Ray::new(self.eye.as_vec3(), direction.normalize_or(DVec3::Z).as_vec3());
-        CameraRay { ray, width: 0.0, spread: (2.0 * y / h) as f32, weight: 1.0 }
-    }
-
-    /// True if all rays leave from one point (so that the samples of a pixel can be traced as a packet).
-    pub fn has_common_origin(&self) -> bool {
-        self.aperture_radius == 0.0
-    }
-
-    /// A pinhole camera at `eye`, looking at `target`.
-    pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, tan_half_fov_y: f64) -> Self {
-        let towards = (target - eye).as_dvec3().normalize_or(DVec3::NEG_Z);
-        let right = towards.cross(up.as_dvec3()).try_normalize().unwrap_or_else(|| towards.any_orthonormal_vector());
+    /// A pinhole camera at `eye` that looks along `towards`. `up` need not be perpendicular or of unit length; if it is parallel to
+    /// `towards` (or zero, or not finite), some other direction is up. A view direction of length 0 becomes `-z`.
+    pub fn from_direction(eye: DVec3, towards: DVec3, up: DVec3, projection: Projection) -> Self {
+        let towards = unit(towards).unwrap_or(DVec3::NEG_Z);
+        let right = unit(up).and_then(|up| {
+            let right = towards.cross(up);
+            (right.length_squared() > 1e-20).then(|| right.normalize())
+        });
+        let right = right.unwrap_or_else(|| any_right(towards));
         Self {
             name: String::new(),
-            eye: eye.as_dvec3(),
+            eye,
             towards,
             up: right.cross(towards),
-            projection: Projection::Perspective { tan_half_fov: [None, Some(tan_half_fov_y)] },
+            projection,
             aperture_radius: 0.0,
             focus_distance: 1.0,
             resolution: None,
         }
     }
+
+    /// A camera at `eye` that looks at the point `target` and is focused on it; otherwise as [`Self::from_direction`].
+    pub fn from_target(eye: DVec3, target: DVec3, up: DVec3, projection: Projection) -> Self {
+        let distance = (target - eye).length();
+        let focus_distance = if distance > 0.0 && distance.is_finite() { distance } else { 1.0 };
+        Self { focus_distance, ..Self::from_direction(eye, target - eye, up, projection) }
+    }
+
+    /// A pinhole camera at `eye`, looking at `target`.
+    pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, tan_half_fov_y: f64) -> Self {
+        let projection = Projection::Perspective { tan_half_fov: [None, Some(tan_half_fov_y)] };
+        Self::from_target(eye.as_dvec3(), target.as_dvec3(), up.as_dvec3(), projection)
+    }
+
+    /// The same camera with a thin lens, sharp in the plane at this distance along `towards`.
+    pub fn with_lens(self, aperture_radius: f64, focus_distance: f64) -> Self {
+        Self { aperture_radius, focus_distance, ..self }
+    }
+
+    /// Unit vector that points to the right in the picture: `towards x up`.
+    pub fn right(&self) -> DVec3 {
+        self.towards.cross(self.up)
+    }
+
+    /// True if the projection has a lens that can be out of focus.
+    fn has_lens(&self) -> bool {
+        let flat = !matches!(self.projection, Projection::Panoramic | Projection::Fisheye { .. });
+        flat && self.aperture_radius > 0.0 && self.focus_distance > 0.0
+    }
+
+    /// True if all rays leave from one point (so that the samples of a pixel can be traced as a packet).
+    pub fn has_common_origin(&self) -> bool {
+        !matches!(self.projection, Projection::Orthographic { .. }) && !self.has_lens()
+    }
+
+    /// The ray through a point of a picture of `size` pixels.
+    pub fn ray(&self, sample: &CameraSample, size: [u32; 2]) -> CameraRay {
+        let LocalRay { origin, direction, width, spread, weight } = self.local_ray(sample.film, size);
+        let (origin, direction) = if self.has_lens() {
+            // All rays through the lens meet where the ray through its centre crosses the plane of focus.
+            let lens = sampling::concentric_disk(sample.lens).as_dvec2() * self.aperture_radius;
+            (origin + lens, direction * self.focus_distance - lens.extend(0.0))
+        } else {
+            (origin, direction)
+        };
+        let right = self.right();
+        let direction = right * direction.x + self.up * direction.y + self.towards * direction.z;
+        let eye = self.eye + right * origin.x + self.up * origin.y;
+        let direction = unit(direction).unwrap_or(self.towards);
+        CameraRay {
+            ray: Ray::new(eye.as_vec3(), direction.as_vec3()),
+            width: width as f32,
+            spread: spread as f32,
+            weight,
+        }
+    }
+
+    fn local_ray(&self, film: DVec2, size: [u32; 2]) -> LocalRay {
+        let [w, h] = size.map(|s| f64::from(s.max(1)));
+        // From -1 to 1, y upwards.
+        let p = DVec2::new(film.x / w * 2.0 - 1.0, 1.0 - film.y / h * 2.0);
+        match &self.projection {
+            Projection::Perspective { tan_half_fov } => {
+                let [x, y] = resolve(*tan_half_fov, [w, h]);
+                pinhole(DVec2::new(p.x * x, p.y * y), 4.0 * x * y / (w * h))
+            }
+            Projection::Intrinsics(k) => {
+                let [fx, fy] = k.focal_length;
+                let scale = DVec2::new(f64::from(k.size[0].max(1)) / w, f64::from(k.size[1].max(1)) / h);
+                let p = film * scale - DVec2::from(k.principal_point);
+                let y = p.y / fy;
+                pinhole(DVec2::new((p.x - k.skew * y) / fx, -y), scale.x * scale.y / (fx * fy))
+            }
+            Projection::Orthographic { half_size } => {
+                let [x, y] = resolve(*half_size, [w, h]);
+                let width = (4.0 * x * y / (w * h)).abs().sqrt();
+                LocalRay { origin: p * DVec2::new(x, y), direction: DVec3::Z, width, spread: 0.0, weight: 1.0 }
+            }
+            Projection::Panoramic => {
+                let (sin_phi, cos_phi) = (p.x * PI).sin_cos();
+                let (sin, cos) = ((1.0 - p.y) * 0.5 * PI).sin_cos();
+                let spread = (TAU / w * (PI / h) * sin.abs()).sqrt();
+                directed(DVec3::new(sin * sin_phi, cos, sin * cos_phi), spread)
+            }
+            Projection::Fisheye { max_angle } => {
+                let side = w.min(h);
+                // In radii of the circle.
+                let q = p * DVec2::new(w, h) / side;
+                let r = q.length();
+                let theta = r * max_angle * 0.5;
+                let outside = r > 1.0 || !theta.is_finite();
+                if outside {
+                    return LocalRay { weight: 0.0, ..directed(DVec3::Z, 0.0) };
+                }
+                let (sin, cos) = theta.sin_cos();
+                let rim = if r > 0.0 { q * (sin / r) } else { DVec2::ZERO };
+                let stretch = if theta > 0.0 { (sin / theta).abs() } else { 1.0 };
+                directed(rim.extend(cos), max_angle / side * stretch.sqrt())
+            }
+        }
+    }
+
+    /// Where a point in the world is seen in a picture of `size` pixels (through the centre of the lens), in the coordinates of
+    /// [`CameraSample::film`]: the inverse of [`Self::ray`]. May lie outside the picture. `None` for points that are not in front
+    /// of a flat view, or not in a fisheye's circle.
+    pub fn project(&self, point: DVec3, size: [u32; 2]) -> Option<DVec2> {
+        let [w, h] = size.map(|s| f64::from(s.max(1)));
+        let d = point - self.eye;
+        let d = DVec3::new(d.dot(self.right()), d.dot(self.up), d.dot(self.towards));
+        let film = |x: f64, y: f64| DVec2::new((x + 1.0) * 0.5 * w, (1.0 - y) * 0.5 * h);
+        let p = match &self.projection {
+            Projection::Perspective { tan_half_fov } => {
+                let [x, y] = resolve(*tan_half_fov, [w, h]);
+                (d.z > 0.0).then(|| film(d.x / d.z / x, d.y / d.z / y))
+            }
+            Projection::Intrinsics(k) => (d.z > 0.0).then(|| {
+                let (x, y) = (d.x / d.z, -d.y / d.z);
+                let p = DVec2::new(k.focal_length[0] * x + k.skew * y, k.focal_length[1] * y);
+                let scale = DVec2::new(w / f64::from(k.size[0].max(1)), h / f64::from(k.size[1].max(1)));
+                (p + DVec2::from(k.principal_point)) * scale
+            }),
+            Projection::Orthographic { half_size } => {
+                let [x, y] = resolve(*half_size, [w, h]);
+                (d.z > 0.0).then(|| film(d.x / x, d.y / y))
+            }
+            Projection::Panoramic => {
+                let theta = d.x.hypot(d.z).atan2(d.y);
+                (d != DVec3::ZERO).then(|| film(d.x.atan2(d.z) / PI, 1.0 - theta * 2.0 / PI))
+            }
+            Projection::Fisheye { max_angle } => {
+                let theta = d.x.hypot(d.y).atan2(d.z);
+                let r = theta * 2.0 / max_angle;
+                let q = d.truncate().normalize_or_zero() * r * w.min(h) / DVec2::new(w, h);
+                (r <= 1.0 && d != DVec3::ZERO).then(|| film(q.x, q.y))
+            }
+        };
+        p.filter(|p| p.is_finite())
+    }
+}
+
+/// A ray through `p` on the plane at distance 1, where a pixel has the area `pixel`.
+fn pinhole(p: DVec2, pixel: f64) -> LocalRay {
+    let direction = p.extend(1.0);
+    // The solid angle of a small patch of the plane falls with the cube of the cosine.
+    let spread = (pixel.abs() * direction.length().powi(-3)).sqrt();
+    directed(direction, spread)
+}
+
+fn directed(direction: DVec3, spread: f64) -> LocalRay {
+    LocalRay { origin: DVec2::ZERO, direction, width: 0.0, spread, weight: 1.0 }
+}
+
+/// The unit vector of this direction, at any scale that does not overflow; `None` for zero and for what is not finite.
+fn unit(v: DVec3) -> Option<DVec3> {
+    let largest = v.abs().max_element();
+    (largest > 0.0 && v.is_finite()).then(|| (v / largest).normalize())
+}
+
+/// A right for a view direction without a usable up: level if `y` or else `z` can be up.
+fn any_right(towards: DVec3) -> DVec3 {
+    let up = if towards.y.abs() < 0.9 { DVec3::Y } else { DVec3::NEG_Z * towards.y.signum() };
+    towards.cross(up).normalize()
 }

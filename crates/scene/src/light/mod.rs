@@ -3,6 +3,12 @@
 
 pub mod area;
 pub mod environment;
+mod panel;
+mod spot;
+#[cfg(test)]
+mod tests;
+
+pub use spot::SpotFalloff;
 
 use serde::{Deserialize, Serialize};
 use snell_math::{ColorMode, DVec3, Rgb, SampledSpectrum, Vec2, Vec3};
@@ -32,11 +38,13 @@ impl Attenuation {
     /// No change by distance.
     pub const NONE: Self = Self([1.0, 0.0, 0.0]);
 
-    /// The factor at distance `d > 0`. A denominator of 0 counts as 1.
+    /// The factor at distance `d > 0`. A denominator that is not positive counts as 1.
     pub fn at(&self, d: f32) -> f32 {
-        let [c0, c1, c2] = self.0;
+        let [c0, c1, c2] = self.0.map(f64::from);
+        let d = f64::from(d);
         let denominator = c0 + c1 * d + c2 * d * d;
-        if denominator > 0.0 { 1.0 / denominator } else { 1.0 }
+        // Single precision would overflow at a distance of 1e-20 already.
+        if denominator > 0.0 { (1.0 / denominator).min(f64::from(f32::MAX)) as f32 } else { 1.0 }
     }
 }
 
@@ -63,39 +71,153 @@ pub enum Light {
         /// none.
         body_radius: f64,
     },
+    /// Light from a point into a cone.
+    Spot {
+        /// Where.
+        position: DVec3,
+        /// Unit direction of the axis, in which the light travels.
+        direction: DVec3,
+        /// Radiant intensity on the axis, W / sr (with the inverse square law).
+        intensity: Rgb,
+        /// By distance.
+        attenuation: Attenuation,
+        /// By angle.
+        falloff: SpotFalloff,
+    },
+    /// An invisible disk that emits to one side. A facing surface receives the average over the disk of
+    /// `emission * attenuation(d) * 2 cos(angle at the light)`.
+    Disk {
+        /// Centre.
+        position: DVec3,
+        /// Unit normal of the side that emits.
+        direction: DVec3,
+        /// Radius, at least 0.
+        radius: f64,
+        /// Half of the radiant intensity of the whole disk along its normal, W / sr (with the inverse square law).
+        emission: Rgb,
+        /// By distance.
+        attenuation: Attenuation,
+    },
+    /// An invisible rectangle that emits to one side, in the same way as the disk.
+    Rectangle {
+        /// Centre.
+        center: DVec3,
+        /// Unit vectors along the sides; the side that emits is that of `axes[0] x axes[1]`.
+        axes: [DVec3; 2],
+        /// Full lengths of the sides, at least 0.
+        lengths: [f64; 2],
+        /// Half of the radiant intensity of the whole rectangle along its normal, W / sr (with the inverse square law).
+        emission: Rgb,
+        /// By distance.
+        attenuation: Attenuation,
+    },
 }
 
 impl Light {
-    /// Light arriving at `p`. `u` in `[0, 1)^2` chooses a point of an extended light. `None` if nothing arrives.
-    pub fn sample(&self, p: Vec3, u: Vec2, mode: ColorMode) -> Option<LightSample> {
-        let _ = u;
-        let sample = |direction: Vec3, distance: f32, irradiance: Rgb| LightSample {
-            direction,
-            distance,
-            radiance: mode.illuminant(irradiance),
-            pdf: 1.0,
-            is_delta: true,
-        };
+    /// The names of all lights.
+    pub const NAMES: &[&str] = &["directional", "point", "spot", "disk", "rectangle"];
+
+    /// The name of this kind, one of [`Self::NAMES`].
+    pub fn name(&self) -> &'static str {
         match self {
-            Self::Directional { direction, irradiance } => {
-                Some(sample(-direction.as_vec3(), f32::INFINITY, *irradiance))
-            }
-            Self::Point { position, intensity, attenuation, .. } => {
-                let to_light = (*position - p.as_dvec3()).as_vec3();
-                let distance = to_light.length();
-                (distance > 0.0).then(|| sample(to_light / distance, distance, *intensity * attenuation.at(distance)))
-            }
+            Self::Directional { .. } => "directional",
+            Self::Point { .. } => "point",
+            Self::Spot { .. } => "spot",
+            Self::Disk { .. } => "disk",
+            Self::Rectangle { .. } => "rectangle",
         }
     }
 
-    /// Approximate emitted power in W over a scene of this radius: what the choice among lights goes by.
-    pub fn power(&self, scene_radius: f64) -> f64 {
-        use std::f64::consts::PI;
-        match self {
-            Self::Directional { irradiance, .. } => {
-                f64::from(irradiance.luminance()) * PI * scene_radius * scene_radius
-            }
-            Self::Point { intensity, .. } => 4.0 * PI * f64::from(intensity.luminance()),
-        }
+    /// A few of each kind, extremes included: what tests and galleries run over.
+    pub fn examples() -> Vec<Self> {
+        let (position, attenuation) = (DVec3::new(0.5, 3.0, 1.0), Attenuation::INVERSE_SQUARE);
+        let (intensity, emission) = (Rgb::splat(10.0), Rgb::new(8.0, 7.0, 6.0));
+        let spot = |falloff| Self::Spot { position, direction: DVec3::NEG_Y, intensity, attenuation, falloff };
+        let axes = [DVec3::Z, DVec3::X];
+        vec![
+            Self::Directional { direction: DVec3::new(-0.6, -0.8, 0.0), irradiance: Rgb::splat(3.0) },
+            Self::Point { position, intensity, attenuation, body_radius: 0.0 },
+            Self::Point { position, intensity: Rgb::WHITE, attenuation: Attenuation::NONE, body_radius: 0.25 },
+            spot(SpotFalloff::Power { cutoff: 0.6, exponent: 4.0 }),
+            spot(SpotFalloff::Smooth { inner: 0.3, outer: 0.5 }),
+            Self::Disk { position, direction: DVec3::NEG_Y, radius: 0.7, emission, attenuation },
+            Self::Disk { position, direction: DVec3::NEG_Y, radius: 0.0, emission, attenuation },
+            Self::Rectangle { center: position, axes, lengths: [2.0, 0.5], emission, attenuation },
+        ]
     }
+
+    /// Light arriving at `p`. `u` in `[0, 1)^2` chooses a point of an extended light. `None` if nothing arrives.
+    pub fn sample(&self, p: Vec3, u: Vec2, mode: ColorMode) -> Option<LightSample> {
+        let p = p.as_dvec3();
+        let (direction, distance, irradiance) = match self {
+            Self::Directional { direction, irradiance } => (-*direction, f64::INFINITY, *irradiance),
+            Self::Point { position, intensity, attenuation, body_radius } => {
+                let (direction, distance) = towards(p, *position)?;
+                (direction, distance_to_body(p, *position, distance, *body_radius), {
+                    *intensity * attenuation.at(distance as f32)
+                })
+            }
+            Self::Spot { position, direction: axis, intensity, attenuation, falloff } => {
+                let (direction, distance) = towards(p, *position)?;
+                let factor = falloff.at(-direction.dot(*axis)) as f32;
+                (direction, distance, *intensity * (attenuation.at(distance as f32) * factor))
+            }
+            Self::Disk { position, direction, radius, emission, attenuation } => {
+                let point = panel::disk_point(*position, *direction, *radius, u);
+                panel::arriving(p, point, *direction, *emission, attenuation)?
+            }
+            Self::Rectangle { center, axes, lengths, emission, attenuation } => {
+                let point = panel::rectangle_point(*center, *axes, *lengths, u);
+                panel::arriving(p, point, axes[0].cross(axes[1]), *emission, attenuation)?
+            }
+        };
+        let arrives = !irradiance.is_black() && irradiance.is_finite() && direction.is_finite() && !distance.is_nan();
+        arrives.then(|| LightSample {
+            direction: direction.as_vec3(),
+            distance: distance as f32,
+            radiance: mode.illuminant(irradiance),
+            pdf: 1.0,
+            is_delta: true,
+        })
+    }
+
+    /// Approximate emitted power in W over a scene of this radius: what the choice among lights goes by. Finite and not negative.
+    /// Lights that do not follow the inverse square law count with what crosses a sphere of the scene's radius.
+    pub fn power(&self, scene_radius: f64) -> f64 {
+        use std::f64::consts::{PI, TAU};
+        let radius = if scene_radius > 0.0 && scene_radius.is_finite() { scene_radius.min(1e9) } else { 1.0 };
+        let luminance = |color: &Rgb| f64::from(color.map(f32::abs).luminance());
+        let by_distance = |attenuation: &Attenuation| radius * radius * f64::from(attenuation.at(radius as f32));
+        let power = match self {
+            Self::Directional { irradiance, .. } => luminance(irradiance) * PI * radius * radius,
+            Self::Point { intensity, attenuation, .. } => 2.0 * TAU * luminance(intensity) * by_distance(attenuation),
+            Self::Spot { intensity, attenuation, falloff, .. } => {
+                falloff.solid_angle() * luminance(intensity) * by_distance(attenuation)
+            }
+            // The integral of 2 cos over the hemisphere.
+            Self::Disk { emission, attenuation, .. } | Self::Rectangle { emission, attenuation, .. } => {
+                TAU * luminance(emission) * by_distance(attenuation)
+            }
+        };
+        if power.is_nan() { 0.0 } else { power.clamp(0.0, f64::MAX) }
+    }
+}
+
+/// Unit direction and distance; `None` if the points coincide.
+fn towards(p: DVec3, position: DVec3) -> Option<(DVec3, f64)> {
+    let to_light = position - p;
+    let distance = to_light.length();
+    (distance > 0.0).then(|| (to_light / distance, distance))
+}
+
+/// Where a ray from `p` towards the centre of a lamp first meets its body: the near side from outside, and from inside (and on the
+/// surface, to rounding) the far side, through the centre. No allowance for rounding is taken off: whoever traces the shadow ray
+/// has to end it a little before.
+fn distance_to_body(p: DVec3, center: DVec3, distance: f64, radius: f64) -> f64 {
+    if radius.is_nan() || radius <= 0.0 {
+        return distance;
+    }
+    // Points come in single precision; one on the body must not stop its shadow ray at once.
+    let rounding = 8.0 * f64::from(f32::EPSILON) * (p.abs().max_element() + center.abs().max_element() + radius);
+    if distance > radius + rounding { distance - radius } else { distance + radius }
 }

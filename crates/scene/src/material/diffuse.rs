@@ -25,8 +25,7 @@ impl Diffuse {
 
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
-        let [r, g, b, _] = point.surface.color;
-        let reflectance = self.reflectance.at(point) * Rgb::new(r, g, b);
-        Bsdf::Diffuse(DiffuseBsdf { reflectance: point.mode.reflectance(reflectance) })
+        let reflectance = self.reflectance.at(point) * point.vertex_color();
+        Bsdf::Diffuse(DiffuseBsdf { reflectance: point.reflectance(reflectance) })
     }
 }

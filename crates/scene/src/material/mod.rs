@@ -1,15 +1,34 @@
 //! Materials: from a surface point to a BSDF, emission and opacity. One file per material, with its parameters.
 
+mod black;
+mod conductor;
+mod dielectric;
 mod diffuse;
+mod metallic_roughness;
+mod mirror;
+mod normal;
+mod phong;
+mod plastic;
+mod shading;
+#[cfg(test)]
+mod tests;
 
+pub use black::Black;
+pub use conductor::{Conductor, ConductorSpectrum};
+pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
+pub use metallic_roughness::MetallicRoughness;
+pub use mirror::Mirror;
+pub use phong::Phong;
+pub use plastic::Plastic;
+pub use shading::ShadingBsdf;
 
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, bounded};
 use crate::graph::TextureId;
 use crate::texture::TextureSet;
 use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
-use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec3};
 
 /// A colour parameter: a factor, times a texture if there is one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -89,6 +108,29 @@ pub struct ShadingPoint<'a> {
     pub mode: ColorMode,
 }
 
+impl ShadingPoint<'_> {
+    /// The spectrum of a reflectance, clamped to `[0, 1]` (NaN counts as 0): more would make light out of nothing.
+    pub fn reflectance(&self, color: Rgb) -> SampledSpectrum {
+        self.mode.reflectance(color.map(|x| bounded(x, 1.0)))
+    }
+
+    /// The spectrum of a factor that may exceed 1; negative values and NaN count as 0.
+    pub fn coefficient(&self, color: Rgb) -> SampledSpectrum {
+        self.mode.reflectance(color.map(|x| bounded(x, 1e6)))
+    }
+
+    /// Vertex colour of the mesh, white where there is none.
+    pub fn vertex_color(&self) -> Rgb {
+        let [r, g, b, _] = self.surface.color;
+        Rgb::new(r, g, b)
+    }
+}
+
+/// An index of refraction that can be computed with: 1 instead of nonsense.
+fn positive_ior(ior: f32) -> f32 {
+    if ior > 1e-3 && ior < 1e3 { ior } else { 1.0 }
+}
+
 /// How opacity works.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -122,6 +164,9 @@ pub struct Material {
     pub emission: ColorParam,
     /// True if the inner side emits too.
     pub emits_on_both_sides: bool,
+    /// False if the emission is only seen, by the camera and in mirrors, because another light stands for what it does to other
+    /// surfaces.
+    pub illuminates: bool,
     /// How `alpha` counts.
     pub alpha_mode: AlphaMode,
     /// Opacity, `[0, 1]`; multiplied by the vertex alpha.
@@ -132,15 +177,6 @@ pub struct Material {
     pub normal_map: Option<NormalMap>,
 }
 
-/// A BSDF and the frame it lives in.
-#[derive(Clone, Debug)]
-pub struct ShadingBsdf {
-    /// The lobes.
-    pub bsdf: Bsdf,
-    /// Local frame; `z` is the shading normal (normal map applied) on the outer side.
-    pub frame: Frame,
-}
-
 impl Material {
     /// A material that does nothing but what `kind` says.
     pub fn new(name: impl Into<String>, kind: impl Into<MaterialKind>) -> Self {
@@ -149,6 +185,7 @@ impl Material {
             kind: kind.into(),
             emission: ColorParam::constant(Rgb::BLACK),
             emits_on_both_sides: false,
+            illuminates: true,
             alpha_mode: AlphaMode::Opaque,
             alpha: ScalarParam::constant(1.0),
             double_sided: true,
@@ -177,14 +214,31 @@ impl Material {
         match self.alpha_mode {
             AlphaMode::Opaque => 1.0,
             AlphaMode::Mask(cutoff) => f32::from(alpha() >= cutoff),
-            AlphaMode::Blend => alpha().clamp(0.0, 1.0),
+            AlphaMode::Blend => bounded(alpha(), 1.0),
         }
     }
 
-    /// The BSDF at a point.
+    /// True if a ray meets the surface at a point; `u` in `[0, 1)` is a hash of the hit (the same for the same hit, or light leaks).
+    pub fn is_present(&self, ray_direction: Vec3, point: &ShadingPoint, u: f32) -> bool {
+        (self.double_sided || point.surface.is_front_facing(ray_direction)) && u < self.opacity(point)
+    }
+
+    /// The BSDF at a point, with the shading normal as it is. Prefer [`Self::bsdf_towards`] where the viewer is known.
     pub fn bsdf(&self, point: &ShadingPoint) -> ShadingBsdf {
-        let frame = Frame::from_z_and_x(point.surface.shading_normal, point.surface.dpdu);
-        ShadingBsdf { bsdf: self.kind.bsdf(point), frame }
+        let frame = normal::shading_frame(self.normal_map.as_ref(), point);
+        ShadingBsdf { bsdf: self.kind.bsdf(point), frame, geometric_normal: point.surface.geometric_normal }
+    }
+
+    /// The BSDF at a point seen from `wo` (unit, world space): the shading normal is bent just enough to face the viewer's side, and
+    /// for mirrors to reflect away from the surface. Without this, smooth meshes and normal maps turn black at grazing angles.
+    pub fn bsdf_towards(&self, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf {
+        let bsdf = self.bsdf(point);
+        let z = normal::valid_towards(bsdf.frame.z, bsdf.geometric_normal, wo, normal::mirrors(&bsdf.bsdf));
+        if z == bsdf.frame.z {
+            bsdf
+        } else {
+            ShadingBsdf { frame: snell_math::Frame::from_z_and_x(z, bsdf.frame.x), ..bsdf }
+        }
     }
 
     /// Radiance emitted at a point towards `wo` (unit, world space).
@@ -192,7 +246,8 @@ impl Material {
         if !self.is_emissive() || (!self.emits_on_both_sides && wo.dot(point.surface.geometric_normal) <= 0.0) {
             return SampledSpectrum::ZERO;
         }
-        point.mode.illuminant(self.emission.at(point))
+        // Negative or undefined light would spoil every pixel it reaches.
+        point.mode.illuminant(self.emission.at(point).map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 }))
     }
 }
 
@@ -235,5 +290,12 @@ macro_rules! materials {
 }
 
 materials! {
+    "black" => Black,
     "diffuse" => Diffuse,
+    "phong" => Phong,
+    "mirror" => Mirror,
+    "conductor" => Conductor,
+    "dielectric" => Dielectric,
+    "plastic" => Plastic,
+    "metallic-roughness" => MetallicRoughness,
 }

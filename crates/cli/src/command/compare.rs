@@ -1,0 +1,84 @@
+//! `snell compare`: how far two pictures are apart.
+
+use crate::failure::Failure;
+use snell_formats::image::compare::{CompareOptions, Comparison, LinearImage, compare, difference_picture};
+use snell_formats::image::{WriteOptions, read_image, write_image};
+use snell_formats::{Input, ReadOptions};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Options of `snell compare`.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// The reference
+    reference: PathBuf,
+    /// The other picture
+    test: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Write a picture of the differences (FLIP error: black is equal)
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Exit with 1 if the relative mean squared error is over this
+    #[arg(long, value_name = "X")]
+    max_relmse: Option<f64>,
+    /// Exit with 1 if the mean FLIP error is over this
+    #[arg(long, value_name = "X")]
+    max_flip: Option<f64>,
+    /// Exit with 1 if more than this share of the pixels (0 to 1) differs by more than the threshold
+    #[arg(long, value_name = "X")]
+    max_different: Option<f64>,
+    /// A pixel counts as different if it differs by more than this many levels of 255
+    #[arg(long, value_name = "LEVELS", default_value_t = 1)]
+    threshold: u8,
+}
+
+/// Compares and prints.
+pub fn run(options: &Options) -> Result<ExitCode, Failure> {
+    let (reference, test) = (read(&options.reference)?, read(&options.test)?);
+    let settings = CompareOptions { threshold: options.threshold, ..CompareOptions::default() };
+    let compared = compare(&reference, &test, &settings)
+        .map_err(|e| Failure::Other(format!("{} and {}: {e}", options.reference.display(), options.test.display())))?;
+    if let Some(path) = &options.output {
+        write_image(path, &difference_picture(&compared), &WriteOptions::default())?;
+    }
+    let numbers = &compared.comparison;
+    if options.json {
+        let text = serde_json::to_string_pretty(numbers).map_err(|e| Failure::Other(e.to_string()))?;
+        println!("{text}");
+    } else {
+        print(numbers);
+    }
+    let limits = [
+        ("relative MSE", numbers.rel_mse, options.max_relmse),
+        ("FLIP", numbers.flip, options.max_flip),
+        ("share of different pixels", numbers.different, options.max_different),
+    ];
+    let mut within = true;
+    for (what, value, limit) in limits {
+        // Also a NaN is over.
+        if let Some(limit) = limit
+            && !matches!(value.partial_cmp(&limit), Some(std::cmp::Ordering::Less | std::cmp::Ordering::Equal))
+        {
+            eprintln!("over the limit: {what} is {value:.6}, at most {limit} was allowed");
+            within = false;
+        }
+    }
+    Ok(if within { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+fn read(path: &Path) -> Result<LinearImage, Failure> {
+    Ok(LinearImage::from_image(&read_image(&Input::open(path, &ReadOptions::default())?)?))
+}
+
+fn print(c: &Comparison) {
+    let psnr = c.psnr.map_or("equal".to_string(), |p| format!("{p:.2} dB"));
+    println!("size             {} x {}", c.width, c.height);
+    println!("MSE              {:.6e}", c.mse);
+    println!("relative MSE     {:.6e}", c.rel_mse);
+    println!("PSNR             {psnr}");
+    println!("FLIP             {:.6}", c.flip);
+    println!("largest          {:.6} at {},{} ({} levels of 255)", c.max_abs, c.max_at[0], c.max_at[1], c.max_levels);
+    println!("different        {:.3} % of the pixels by more than {} levels", c.different * 100.0, c.threshold);
+}

@@ -1,0 +1,44 @@
+//! The sub-commands, one file each.
+
+mod compare;
+mod completions;
+mod formats;
+mod info;
+mod man;
+mod render;
+mod scenes;
+
+use crate::failure::Failure;
+use std::process::ExitCode;
+
+/// What to do.
+#[derive(Debug, clap::Subcommand)]
+pub enum Command {
+    /// Render a scene to a picture.
+    Render(Box<render::Options>),
+    /// Show what is in a scene file.
+    Info(info::Options),
+    /// Compare two pictures.
+    Compare(compare::Options),
+    /// List the built-in scenes.
+    Scenes,
+    /// List the file formats.
+    Formats,
+    /// Print a completion script for a shell.
+    Completions(completions::Options),
+    /// Print the manual page.
+    Man,
+}
+
+/// Runs a sub-command.
+pub fn run(command: Command) -> Result<ExitCode, Failure> {
+    match command {
+        Command::Render(options) => render::run(&options),
+        Command::Info(options) => info::run(&options),
+        Command::Compare(options) => compare::run(&options),
+        Command::Scenes => scenes::run(),
+        Command::Formats => formats::run(),
+        Command::Completions(options) => completions::run(&options),
+        Command::Man => man::run(),
+    }
+}

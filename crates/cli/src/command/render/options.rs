@@ -1,0 +1,358 @@
+//! Options of `snell render`, and the settings that follow from them, the scene and the defaults, in this order.
+
+use crate::failure::{Failure, choice};
+use crate::progress::ProgressStyleOption;
+use snell_formats::image::Tonemap;
+use snell_formats::{Limits, ReadOptions};
+use snell_intersect::BuildOptions;
+use snell_intersect::accel::AcceleratorKind;
+use snell_math::Rgb;
+use snell_math::simd::Level;
+use snell_render::{
+    Aov, Crop, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
+};
+use snell_scene::{Background, Camera, Environment, Scene};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Size of a picture for which nobody asks for one.
+pub const DEFAULT_SIZE: [u32; 2] = [960, 720];
+
+/// Most samples per pixel that a time limit alone allows.
+const SPP_OF_TIME_LIMIT: u32 = 1 << 16;
+
+/// Options of `snell render`.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
+    #[arg(default_value = "cornell-box")]
+    pub scene: String,
+    /// Picture to write; the extension decides the format, `-` is standard output (PNG). Default: the scene's name with .png
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// flat, raycast, whitted, direct, ao, path or aov. Default: what the scene says, else path
+    #[arg(short, long, value_name = "NAME")]
+    pub integrator: Option<String>,
+    /// Samples per pixel
+    #[arg(long, visible_alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    pub spp: Option<u32>,
+    /// Stop after this time, such as 30s, 5m or 1h (the first pass over the picture is always finished)
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    pub time: Option<Duration>,
+    /// Bounces after the first hit at most. Default: 1000 for path, 8 for whitted
+    #[arg(long, value_name = "N")]
+    pub max_depth: Option<u32>,
+    /// Size of the picture in pixels
+    #[arg(short, long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// Camera by name or number
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub camera: Option<String>,
+    /// Render only this rectangle of pixels (right and lower border exclusive)
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_crop)]
+    pub crop: Option<Crop>,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u32,
+    /// Threads. Default: one per core
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub threads: Option<u32>,
+    /// independent, stratified or sobol
+    #[arg(long, value_name = "NAME")]
+    pub sampler: Option<String>,
+    /// box, tent, gaussian, mitchell, blackman-harris or lanczos
+    #[arg(long, value_name = "NAME")]
+    pub filter: Option<String>,
+    /// Shadows of raycast and whitted: none, hard or soft
+    #[arg(long, value_name = "NAME", default_value = "hard")]
+    pub shadows: String,
+    /// Acceleration structure: bvh or none
+    #[arg(long, value_name = "NAME", default_value = "bvh")]
+    pub accelerator: String,
+    /// Which samples find lights in path and direct: mis, light or bsdf
+    #[arg(long, value_name = "NAME", default_value = "mis")]
+    pub light_samples: String,
+    /// How a light is chosen among many: power or uniform
+    #[arg(long, value_name = "NAME", default_value = "power")]
+    pub light_sampler: String,
+    /// How far ao looks, in scene units. Default: half of the scene's radius
+    #[arg(long, value_name = "DISTANCE")]
+    pub ao_distance: Option<f32>,
+    /// Extra layers, separated by commas, such as depth,normal,albedo (`all` for all)
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub aov: Vec<String>,
+    /// Also write the variance of the picture and the layers (OpenEXR)
+    #[arg(long)]
+    pub variance: bool,
+    /// Exposure in stops, for display formats
+    #[arg(long, value_name = "EV", allow_negative_numbers = true)]
+    pub exposure: Option<f64>,
+    /// Tone map for display formats: none, aces or agx
+    #[arg(long, value_name = "NAME")]
+    pub tonemap: Option<String>,
+    /// Bits per channel of PNG: 8 or 16
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    pub bits: u8,
+    /// 16-bit instead of 32-bit channels in OpenEXR
+    #[arg(long)]
+    pub half: bool,
+    /// What the camera sees behind the scene: environment, transparent, white, black, #rrggbb or r,g,b
+    #[arg(long, value_name = "COLOR")]
+    pub background: Option<String>,
+    /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky, none, #rrggbb or r,g,b
+    #[arg(long, value_name = "FILE")]
+    pub environment: Option<String>,
+    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, ambient=[r,g,b]
+    #[arg(short = 'D', long = "define", value_name = "key=value")]
+    pub define: Vec<String>,
+    /// Write statistics as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub stats: Option<PathBuf>,
+    /// Let the scene name files outside of its folder
+    #[arg(long)]
+    pub allow_outside: bool,
+    /// How progress is shown
+    #[arg(long, value_name = "STYLE", default_value = "auto")]
+    pub progress: ProgressStyleOption,
+    /// No output but errors
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// More about what was done
+    #[arg(short, long)]
+    pub verbose: bool,
+}
+
+impl Options {
+    /// How the scene file is read.
+    pub fn read_options(&self) -> ReadOptions {
+        ReadOptions { allow_outside: self.allow_outside, limits: Limits::default() }
+    }
+
+    /// Number of threads.
+    pub fn threads(&self) -> usize {
+        let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
+        self.threads.map_or_else(cores, |n| n as usize)
+    }
+
+    /// The tone map asked for.
+    pub fn tonemap(&self, scene: &Scene) -> Result<Tonemap, Failure> {
+        let name = self.tonemap.as_deref().or(scene.settings.tonemap.as_deref()).unwrap_or("none");
+        choice("tone map", name, &Tonemap::ALL, Tonemap::name)
+    }
+
+    /// The settings of the render.
+    pub fn settings(&self, scene: &Scene, camera: &Camera, simd: Level) -> Result<Settings, Failure> {
+        let hints = &scene.settings;
+        let named = |option: &Option<String>, hint: &Option<String>, default: &str| {
+            option.clone().or_else(|| hint.clone()).unwrap_or_else(|| default.to_string())
+        };
+        let integrator = named(&self.integrator, &hints.integrator, "path");
+        let integrator = choice("integrator", &integrator, &IntegratorKind::ALL, IntegratorKind::name)?;
+        let sampler = named(&self.sampler, &hints.sampler, SamplerKind::default().name());
+        let filter = named(&self.filter, &hints.filter, Filter::default().name());
+        let accelerator = choice("accelerator", &self.accelerator, &AcceleratorKind::ALL, AcceleratorKind::name)?;
+        let size = self.size.or(hints.size).or(camera.resolution).unwrap_or(DEFAULT_SIZE);
+        let pixel_position = match (&self.filter, self.spp) {
+            (None, None | Some(1)) => hints.pixel_position,
+            _ => None,
+        };
+        let spp = match (self.spp, self.time) {
+            (Some(spp), _) => spp,
+            (None, Some(_)) => SPP_OF_TIME_LIMIT,
+            (None, None) => hints.spp.unwrap_or(default_spp(integrator)),
+        };
+        Ok(Settings {
+            size,
+            crop: self.checked_crop(size)?,
+            spp,
+            progressive: self.time.is_some() || spp > 64,
+            seed: self.seed,
+            sampler: choice("sampler", &sampler, &SamplerKind::ALL, SamplerKind::name)?,
+            filter: choice("filter", &filter, &Filter::ALL, Filter::name)?,
+            pixel_position,
+            integrator,
+            max_depth: self
+                .max_depth
+                .or(hints.max_depth)
+                .unwrap_or(integrator.default_max_depth())
+                .min(Settings::MAX_DEPTH),
+            shadows: choice("kind of shadows", &self.shadows, &Shadows::ALL, Shadows::name)?,
+            light_strategy: choice(
+                "choice of light samples",
+                &self.light_samples,
+                &LightStrategy::ALL,
+                LightStrategy::name,
+            )?,
+            light_sampler: choice(
+                "light sampler",
+                &self.light_sampler,
+                &LightSamplerKind::ALL,
+                LightSamplerKind::name,
+            )?,
+            ao_distance: self.ao_distance,
+            aovs: self.aovs(integrator)?,
+            build: BuildOptions { accelerator, simd },
+            ..Settings::default()
+        })
+    }
+
+    fn checked_crop(&self, size: [u32; 2]) -> Result<Option<Crop>, Failure> {
+        match self.crop {
+            Some(c) if c.max[0] > size[0] || c.max[1] > size[1] => Err(Failure::Usage(format!(
+                "--crop {},{},{},{} reaches beyond the picture of {}x{} pixels",
+                c.min[0], c.min[1], c.max[0], c.max[1], size[0], size[1]
+            ))),
+            crop => Ok(crop),
+        }
+    }
+
+    fn aovs(&self, integrator: IntegratorKind) -> Result<Vec<Aov>, Failure> {
+        let mut aovs = Vec::new();
+        for name in self.aov.iter().filter(|n| !n.is_empty()) {
+            if name == "all" {
+                aovs.extend(Aov::ALL);
+            } else {
+                aovs.push(choice("layer", name, &Aov::ALL, Aov::name)?);
+            }
+        }
+        if aovs.is_empty() && integrator == IntegratorKind::Aov {
+            aovs.push(Aov::Normal);
+        }
+        let mut seen = Vec::new();
+        aovs.retain(|a| {
+            !seen.contains(a) && {
+                seen.push(*a);
+                true
+            }
+        });
+        Ok(aovs)
+    }
+
+    /// Applies `--environment`.
+    pub fn apply_environment(&self, scene: &mut Scene) -> Result<(), Failure> {
+        let Some(name) = &self.environment else { return Ok(()) };
+        scene.environment = match name.as_str() {
+            "none" => None,
+            "sky" => Some(snell_scene::framing::default_sky()),
+            _ => match parse_color(name) {
+                Some(color) => Some(Environment::Constant(color)),
+                None => {
+                    let input = snell_formats::Input::open(Path::new(name), &self.read_options())?;
+                    Some(Environment::Image {
+                        image: Arc::new(snell_formats::image::read_image(&input)?),
+                        scale: Rgb::WHITE,
+                        world_from_environment: snell_math::DAffine3::IDENTITY,
+                    })
+                }
+            },
+        };
+        scene.background = Background::Environment;
+        Ok(())
+    }
+
+    /// Applies `--background`.
+    pub fn apply_background(&self, scene: &mut Scene) -> Result<(), Failure> {
+        let Some(name) = &self.background else { return Ok(()) };
+        scene.background = match name.as_str() {
+            "environment" => Background::Environment,
+            "transparent" | "none" => Background::Transparent,
+            _ => match parse_color(name) {
+                Some(color) => Background::Color(color),
+                None => {
+                    return Err(Failure::Usage(format!(
+                        "--background {name}: expected environment, transparent, white, black, #rrggbb or r,g,b"
+                    )));
+                }
+            },
+        };
+        Ok(())
+    }
+}
+
+/// Samples per pixel if nobody asks for a number.
+fn default_spp(integrator: IntegratorKind) -> u32 {
+    match integrator {
+        IntegratorKind::Path | IntegratorKind::Direct => 128,
+        IntegratorKind::Ao => 64,
+        _ => 16,
+    }
+}
+
+/// A colour: `white`, `black`, `#rrggbb` (sRGB) or `r,g,b` (linear).
+fn parse_color(text: &str) -> Option<Rgb> {
+    match text {
+        "white" => return Some(Rgb::WHITE),
+        "black" => return Some(Rgb::BLACK),
+        _ => {}
+    }
+    if let Some(hex) = text.strip_prefix('#') {
+        let byte = |i: usize| u8::from_str_radix(hex.get(i..i + 2)?, 16).ok().map(|b| f32::from(b) / 255.0);
+        return (hex.len() == 6).then(|| Some(Rgb::from_srgb(byte(0)?, byte(2)?, byte(4)?)))?;
+    }
+    let numbers: Vec<f32> = text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
+    let [r, g, b] = numbers[..] else { return None };
+    let color = Rgb::new(r, g, b);
+    (color.is_finite() && r >= 0.0 && g >= 0.0 && b >= 0.0).then_some(color)
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let error = || format!("\"{text}\" is not a size; write width and height as 1280x720, each from 1 to 65536");
+    let (w, h) = text.split_once(['x', 'X']).ok_or_else(error)?;
+    let side = |s: &str| s.trim().parse::<u32>().ok().filter(|n| (1..=65536).contains(n)).ok_or_else(error);
+    Ok([side(w)?, side(h)?])
+}
+
+fn parse_crop(text: &str) -> Result<Crop, String> {
+    let error = || format!("\"{text}\" is not a rectangle; write x0,y0,x1,y1 in pixels with x0 < x1 and y0 < y1");
+    let numbers: Vec<u32> = text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>().ok_or_else(error)?;
+    let [x0, y0, x1, y1] = numbers[..] else { return Err(error()) };
+    if x0 < x1 && y0 < y1 { Ok(Crop { min: [x0, y0], max: [x1, y1] }) } else { Err(error()) }
+}
+
+fn parse_duration(text: &str) -> Result<Duration, String> {
+    let error = || format!("\"{text}\" is not a time; write 30s, 5m, 1h or 1h30m");
+    let (mut seconds, mut number, mut any) = (0.0, String::new(), false);
+    for c in text.chars() {
+        if c.is_ascii_digit() || c == '.' {
+            number.push(c);
+            continue;
+        }
+        let unit = match c {
+            's' => 1.0,
+            'm' => 60.0,
+            'h' => 3600.0,
+            _ => return Err(error()),
+        };
+        seconds += number.parse::<f64>().map_err(|_| error())? * unit;
+        number.clear();
+        any = true;
+    }
+    if !number.is_empty() {
+        // A bare number is seconds.
+        if any {
+            return Err(error());
+        }
+        seconds = number.parse().map_err(|_| error())?;
+        any = true;
+    }
+    if any && seconds > 0.0 && seconds < 1e9 { Ok(Duration::from_secs_f64(seconds)) } else { Err(error()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_sizes_colours_and_crops_are_understood() {
+        assert_eq!(parse_duration("1h30m"), Ok(Duration::from_secs(5400)));
+        assert_eq!(parse_duration("2.5"), Ok(Duration::from_millis(2500)));
+        assert!(parse_duration("5x").is_err() && parse_duration("").is_err() && parse_duration("0s").is_err());
+        assert_eq!(parse_size("640x480"), Ok([640, 480]));
+        assert!(parse_size("640").is_err() && parse_size("0x5").is_err());
+        assert_eq!(parse_color("#ff0000"), Some(Rgb::new(1.0, 0.0, 0.0)));
+        assert_eq!(parse_color("0.5,1,2"), Some(Rgb::new(0.5, 1.0, 2.0)));
+        assert_eq!(parse_color("nan,0,0"), None);
+        assert!(parse_crop("0,0,10,10").is_ok() && parse_crop("5,0,5,1").is_err());
+    }
+}

@@ -1,0 +1,107 @@
+//! From film to file.
+
+use super::options::Options;
+use super::summary::Summary;
+use crate::failure::Failure;
+use sha2::{Digest, Sha256};
+use snell_formats::image::{self, Display, WriteOptions};
+use snell_render::{CompiledScene, Film, IntegratorKind, Settings};
+use snell_scene::{Background, Layer, LayeredImage, Scene};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Where and how the picture is written.
+pub struct Output<'a> {
+    options: &'a Options,
+}
+
+impl<'a> Output<'a> {
+    /// Checks the output before anything is rendered: the format must be known, the folder must exist.
+    pub fn plan(options: &'a Options) -> Result<Self, Failure> {
+        if let Some(path) = options.output.as_deref().filter(|p| *p != Path::new("-")) {
+            image::check_writable(path)?;
+            let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            if !folder.is_dir() {
+                let shown = folder.display();
+                return Err(Failure::Other(format!(
+                    "{}: the folder {shown} does not exist; make it first",
+                    path.display()
+                )));
+            }
+        }
+        if options.bits != 8 && options.bits != 16 {
+            return Err(Failure::Usage(format!("--bits {}: PNG has 8 or 16 bits per channel", options.bits)));
+        }
+        Ok(Self { options })
+    }
+
+    /// Writes the picture; gives its path, or `None` for standard output.
+    pub fn write(
+        &self,
+        stem: &str,
+        mut picture: LayeredImage,
+        film: &Film,
+        summary: &Summary,
+        scene: &Scene,
+    ) -> Result<Option<PathBuf>, Failure> {
+        let options = self.options;
+        if options.variance {
+            picture.layers.extend(film.variance().layers.into_iter().map(|layer| Layer {
+                name: if layer.name.is_empty() { "variance".into() } else { format!("{}.variance", layer.name) },
+                ..layer
+            }));
+        }
+        picture.metadata = summary.metadata();
+        let display = Display {
+            exposure: options.exposure.or(scene.settings.exposure).unwrap_or(0.0),
+            tonemap: options.tonemap(scene)?,
+            srgb: !scene.settings.raw_display && summary.settings.integrator != IntegratorKind::Aov,
+        };
+        let writing =
+            WriteOptions { display, png_bits: options.bits, exr_half: options.half, ..WriteOptions::default() };
+        match &options.output {
+            Some(path) if path == Path::new("-") => {
+                let bytes = image::encode_image_as("png", &picture, &writing)?;
+                std::io::stdout()
+                    .write_all(&bytes)
+                    .map_err(|e| Failure::Other(format!("standard output: cannot write: {e}")))?;
+                Ok(None)
+            }
+            path => {
+                let path = path.clone().unwrap_or_else(|| PathBuf::from(format!("{stem}.png")));
+                image::write_image(&path, &picture, &writing)?;
+                Ok(Some(path))
+            }
+        }
+    }
+}
+
+/// The linear picture with its layers. The alpha channel stays only where it says something.
+pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> LayeredImage {
+    let mut picture = film.image();
+    if settings.integrator == IntegratorKind::Aov
+        && let (Some(&aov), true) = (film.aovs().first(), picture.layers.len() > 1)
+    {
+        let channels = picture.layers[1].channels.len();
+        let previews: Vec<_> =
+            picture.layers[1].values.chunks(channels).map(|v| aov.preview(v, compiled.radius)).collect();
+        for (pixel, color) in picture.layers[0].values.chunks_mut(4).zip(previews) {
+            pixel[..3].copy_from_slice(&color.to_array());
+        }
+    }
+    if compiled.background != Background::Transparent {
+        let main = &mut picture.layers[0];
+        main.channels.truncate(3);
+        main.values = main.values.chunks(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    }
+    picture
+}
+
+/// SHA-256 of the values of the first layer, as little-endian floats.
+pub fn sha256(picture: &LayeredImage) -> String {
+    let mut hasher = Sha256::new();
+    for value in &picture.layers[0].values {
+        hasher.update(value.to_le_bytes());
+    }
+    hasher.finalize().iter().map(|b| format!("{b:02x}")).collect()
+}

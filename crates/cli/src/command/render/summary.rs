@@ -1,0 +1,116 @@
+//! What a render says about itself: on the terminal, in the picture, and as JSON.
+
+use super::options::Options;
+use crate::progress::duration;
+use crate::resources::peak_memory_bytes;
+use serde_json::{Value, json};
+use snell_render::{CompiledScene, Film, Settings, Statistics};
+use snell_scene::Scene;
+use std::path::PathBuf;
+
+/// The facts.
+pub struct Summary<'a> {
+    pub scene: &'a Scene,
+    pub compiled: &'a CompiledScene,
+    pub settings: &'a Settings,
+    pub statistics: Statistics,
+    pub film: &'a Film,
+    pub load_seconds: f64,
+    pub build_seconds: f64,
+    pub render_seconds: f64,
+    pub threads: usize,
+    pub image_sha256: String,
+}
+
+impl Summary<'_> {
+    fn mrays_per_second(&self) -> f64 {
+        self.statistics.rays.total() as f64 / self.render_seconds.max(1e-9) / 1e6
+    }
+
+    /// For `--stats`.
+    pub fn json(&self) -> Value {
+        let rays = self.statistics.rays;
+        json!({
+            "scene": self.scene.name,
+            "integrator": self.settings.integrator.name(),
+            "size": self.settings.size,
+            "triangles": self.compiled.world.triangle_count(),
+            "instanced_triangles": self.compiled.world.instanced_triangle_count(),
+            "shapes": self.compiled.world.shape_count(),
+            "instances": self.compiled.world.instance_count(),
+            "lights": self.compiled.lights().len(),
+            "load_seconds": self.load_seconds,
+            "build_seconds": self.build_seconds,
+            "render_seconds": self.render_seconds,
+            "rays": { "camera": rays.camera, "shadow": rays.shadow, "indirect": rays.indirect },
+            "mrays_per_second": self.mrays_per_second(),
+            "spp": self.film.least_samples(),
+            "complete": self.statistics.is_complete,
+            "invalid_samples": self.statistics.invalid_samples,
+            "peak_memory_bytes": peak_memory_bytes(),
+            "accelerator_memory_bytes": self.compiled.world.memory_bytes(),
+            "threads": self.threads,
+            "simd": self.settings.build.simd.name(),
+            "image_sha256": self.image_sha256,
+        })
+    }
+
+    /// What travels with the picture.
+    pub fn metadata(&self) -> Vec<(String, String)> {
+        let s = self.settings;
+        [
+            ("Software", format!("Snell {}", env!("CARGO_PKG_VERSION"))),
+            ("Scene", self.scene.name.clone()),
+            ("Integrator", s.integrator.name().to_string()),
+            ("Samples", self.film.least_samples().to_string()),
+            ("MaxDepth", s.max_depth.to_string()),
+            ("Seed", s.seed.to_string()),
+            ("Sampler", s.sampler.name().to_string()),
+            ("Filter", s.filter.name().to_string()),
+            ("ImageSHA256", self.image_sha256.clone()),
+        ]
+        .map(|(k, v)| (k.to_string(), v))
+        .to_vec()
+    }
+
+    /// The closing lines on the terminal.
+    pub fn print(&self, options: &Options, written: &Option<PathBuf>) {
+        let [w, h] = self.film.crop.size();
+        let place = written.as_ref().map_or("standard output".into(), |p| p.display().to_string());
+        eprintln!(
+            "{place}: {w}x{h}, {} samples per pixel, {} in {} ({:.1} Mrays/s, {} threads)",
+            self.film.least_samples(),
+            self.settings.integrator.name(),
+            duration(self.render_seconds),
+            self.mrays_per_second(),
+            self.threads,
+        );
+        if options.verbose {
+            let rays = self.statistics.rays;
+            eprintln!(
+                "{} triangles, {} shapes, {} instances, {} lights; read {}, built {}; rays: {} camera, {} shadow, {} indirect; \
+                 {}; sha256 {}",
+                self.compiled.world.triangle_count(),
+                self.compiled.world.shape_count(),
+                self.compiled.world.instance_count(),
+                self.compiled.lights().len(),
+                duration(self.load_seconds),
+                duration(self.build_seconds),
+                rays.camera,
+                rays.shadow,
+                rays.indirect,
+                self.settings.build.simd,
+                self.image_sha256,
+            );
+        }
+        if self.statistics.invalid_samples > 0 {
+            eprintln!("warning: {} samples were not finite and count as black", self.statistics.invalid_samples);
+        }
+        if options.scene == "cornell-box" && options.output.is_none() {
+            eprintln!("\nNext: `snell render FILE` for your own scene (glTF, OBJ, PLY, STL, OFF, .scn, NFF),");
+            eprintln!(
+                "      `snell render teapot`, `snell scenes` for more built-in ones, `snell render --help` for everything."
+            );
+        }
+    }
+}

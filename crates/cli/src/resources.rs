@@ -1,0 +1,13 @@
+//! What the process used.
+
+/// Largest resident memory of this process so far, in bytes; `None` where the system does not tell.
+pub fn peak_memory_bytes() -> Option<u64> {
+    #[cfg(unix)]
+    {
+        let usage = nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).ok()?;
+        let unit = if cfg!(any(target_os = "macos", target_os = "ios")) { 1 } else { 1024 };
+        Some(usage.max_rss() as u64 * unit)
+    }
+    #[cfg(not(unix))]
+    None
+}

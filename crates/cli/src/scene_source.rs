@@ -1,0 +1,43 @@
+//! Where a scene comes from: a file, standard input, or the built-in ones.
+
+use crate::failure::{Failure, nearest};
+use snell_formats::ReadOptions;
+use snell_scene::Scene;
+use snell_scene::builtin::{BUILTINS, builtin};
+use std::io::Read;
+use std::path::Path;
+
+/// The scene named on the command line: a file, `-` for standard input, or a built-in scene. A file wins over a built-in name.
+pub fn load(name: &str, options: &ReadOptions) -> Result<Scene, Failure> {
+    if name == "-" {
+        let mut bytes = Vec::new();
+        std::io::stdin()
+            .take(options.limits.file_bytes)
+            .read_to_end(&mut bytes)
+            .map_err(|e| Failure::Other(format!("standard input: cannot read: {e}")))?;
+        return Ok(snell_formats::read_scene_bytes("standard input", bytes, Path::new("."), options)?);
+    }
+    let path = Path::new(name);
+    if !path.exists() {
+        if let Some(scene) = builtin(name) {
+            return Ok(scene);
+        }
+        let names: Vec<_> = BUILTINS.iter().map(|b| b.name).collect();
+        if !name.contains(['/', '\\', '.']) {
+            let hint = nearest(name, &names).map(|n| format!("did you mean {n}? ")).unwrap_or_default();
+            return Err(Failure::Scene(format!(
+                "{name}: neither a file nor a built-in scene; {hint}`snell scenes` lists the built-in ones"
+            )));
+        }
+    }
+    Ok(snell_formats::read_scene(path, options)?)
+}
+
+/// The stem of the default output file.
+pub fn stem(name: &str, scene: &Scene) -> String {
+    if name == "-" {
+        return if scene.name.is_empty() { "scene".into() } else { scene.name.replace(' ', "-") };
+    }
+    let path = Path::new(name);
+    path.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned())
+}

@@ -1,0 +1,70 @@
+//! Text attributes in the header of an OpenEXR file.
+//!
+//! The crate `exr` keeps custom attributes in a hash map and writes them in an order that changes from run to run. The same
+//! picture must give the same bytes, so they are put into the finished header here: attributes are a plain list that ends with a
+//! zero byte, and the table of chunk offsets follows (OpenEXR, "File Layout").
+
+/// Flag in the version field: names may have up to 255 bytes instead of 31.
+const LONG_NAMES: u8 = 0x04;
+
+/// Adds the metadata to a file of a single part. Names that are taken or unusable get a prefix or are left out.
+pub fn insert(mut bytes: Vec<u8>, metadata: &[(String, String)], long_names: bool) -> Vec<u8> {
+    let Some((end, mut names)) = header_end(&bytes) else { return bytes };
+    let mut added = Vec::new();
+    let mut long = long_names;
+    for (key, value) in metadata {
+        let key = key.replace('\0', " ");
+        let name = if names.contains(&key) { format!("snell.{key}") } else { key };
+        if name.is_empty() || name.len() > 255 || names.contains(&name) {
+            continue;
+        }
+        let Ok(length) = i32::try_from(value.len()) else { continue };
+        long |= name.len() > 31;
+        added.extend_from_slice(name.as_bytes());
+        added.extend_from_slice(b"\0string\0");
+        added.extend_from_slice(&length.to_le_bytes());
+        added.extend_from_slice(value.as_bytes());
+        names.push(name);
+    }
+    shift_offsets(&mut bytes, end + 1, added.len() as u64);
+    if long {
+        bytes[5] |= LONG_NAMES;
+    }
+    bytes.splice(end..end, added);
+    bytes
+}
+
+/// Where the zero byte stands that ends the attributes, and the names before it.
+fn header_end(bytes: &[u8]) -> Option<(usize, Vec<String>)> {
+    let mut at = 8;
+    let mut names = Vec::new();
+    while *bytes.get(at)? != 0 {
+        names.push(text(bytes, &mut at)?);
+        text(bytes, &mut at)?;
+        let size = i32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?);
+        at += 4 + usize::try_from(size).ok()?;
+    }
+    Some((at, names))
+}
+
+/// The text up to a zero byte; moves behind it.
+fn text(bytes: &[u8], at: &mut usize) -> Option<String> {
+    let length = bytes.get(*at..)?.iter().position(|b| *b == 0)?;
+    let text = String::from_utf8_lossy(&bytes[*at..*at + length]).into_owned();
+    *at += length + 1;
+    Some(text)
+}
+
+/// Adds to every entry of the table of chunk offsets. The first entry tells where the table ends: chunks follow at once, and the
+/// lowest offset is that of the first chunk.
+fn shift_offsets(bytes: &mut [u8], table: usize, by: u64) {
+    let mut end = bytes.len();
+    let mut at = table;
+    while at + 8 <= end {
+        let entry: [u8; 8] = std::array::from_fn(|i| bytes[at + i]);
+        let offset = u64::from_le_bytes(entry);
+        end = end.min(usize::try_from(offset).unwrap_or(end));
+        bytes[at..at + 8].copy_from_slice(&(offset + by).to_le_bytes());
+        at += 8;
+    }
+}

@@ -1,0 +1,99 @@
+//! Colours of files that name other primaries than Rec. 709.
+
+use exr::math::Vec2;
+use exr::meta::attribute::Chromaticities;
+
+type Matrix = [[f64; 3]; 3];
+
+/// Chromaticities of red, green, blue and white in Rec. 709: what a file means that names none.
+const REC709: [[f64; 2]; 4] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.3127, 0.3290]];
+
+/// The matrix that takes RGB of the file to RGB in Rec. 709; none if there is nothing to do or the chromaticities make no sense.
+pub fn to_rec709(chromaticities: &Chromaticities) -> Option<[[f32; 3]; 3]> {
+    let point = |v: Vec2<f32>| [f64::from(v.0), f64::from(v.1)];
+    let Chromaticities { red, green, blue, white } = *chromaticities;
+    let file = [red, green, blue, white].map(point);
+    let same = file.iter().flatten().zip(REC709.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-3);
+    if same {
+        return None;
+    }
+    let to_xyz = xyz_from_rgb(&file)?;
+    let from_xyz = inverse(&xyz_from_rgb(&REC709)?)?;
+    let adapt = adaptation(xyz_of(file[3])?, xyz_of(REC709[3])?)?;
+    let matrix = product(&product(&from_xyz, &adapt), &to_xyz).map(|row| row.map(|v| v as f32));
+    matrix.iter().flatten().all(|v| v.is_finite() && v.abs() < 1e3).then_some(matrix)
+}
+
+/// XYZ with Y = 1 of a chromaticity.
+fn xyz_of([x, y]: [f64; 2]) -> Option<[f64; 3]> {
+    (y > 1e-6).then(|| [x / y, 1.0, (1.0 - x - y) / y])
+}
+
+/// The columns are the primaries, scaled so that (1, 1, 1) is white (SMPTE RP 177).
+fn xyz_from_rgb(points: &[[f64; 2]; 4]) -> Option<Matrix> {
+    // A primary may lie on the line y = 0 or below (ACES AP0 blue does): scale by x + y + z instead of Y.
+    let columns: [[f64; 3]; 3] =
+        std::array::from_fn(|i| [points[i][0], points[i][1], 1.0 - points[i][0] - points[i][1]]);
+    let primaries: Matrix = std::array::from_fn(|row| std::array::from_fn(|c| columns[c][row]));
+    let scale = multiply(&inverse(&primaries)?, xyz_of(points[3])?);
+    Some(primaries.map(|row| std::array::from_fn(|c| row[c] * scale[c])))
+}
+
+/// Bradford chromatic adaptation (Lindbloom, "Chromatic Adaptation").
+fn adaptation(from: [f64; 3], to: [f64; 3]) -> Option<Matrix> {
+    const CONES: Matrix = [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
+    let (from, to) = (multiply(&CONES, from), multiply(&CONES, to));
+    let scaled: Matrix = std::array::from_fn(|i| CONES[i].map(|v| v * to[i] / from[i]));
+    Some(product(&inverse(&CONES)?, &scaled))
+}
+
+fn multiply(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
+    m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
+}
+
+fn product(a: &Matrix, b: &Matrix) -> Matrix {
+    a.map(|row| std::array::from_fn(|c| row[0] * b[0][c] + row[1] * b[1][c] + row[2] * b[2][c]))
+}
+
+fn inverse(m: &Matrix) -> Option<Matrix> {
+    let cofactor = |r: usize, c: usize| {
+        let [r1, r2, c1, c2] = [(r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3];
+        m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
+    };
+    let determinant: f64 = (0..3).map(|c| m[0][c] * cofactor(0, c)).sum();
+    (determinant.abs() > 1e-9).then(|| std::array::from_fn(|r| std::array::from_fn(|c| cofactor(c, r) / determinant)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn named(points: [[f32; 2]; 4]) -> Chromaticities {
+        let [red, green, blue, white] = points.map(|[x, y]| Vec2(x, y));
+        Chromaticities { red, green, blue, white }
+    }
+
+    #[test]
+    fn rec709_needs_no_change() {
+        assert_eq!(to_rec709(&named(REC709.map(|p| p.map(|v| v as f32)))), None);
+    }
+
+    #[test]
+    fn aces_ap0_has_the_published_matrix_and_keeps_white() {
+        let ap0 = named([[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.077], [0.32168, 0.33767]]);
+        let matrix = to_rec709(&ap0).unwrap();
+        // OpenColorIO's ACES configuration, ACES2065-1 to linear Rec. 709 (Bradford).
+        let expected = [[2.52169, -1.13413, -0.38756], [-0.27648, 1.37272, -0.09624], [-0.01538, -0.15298, 1.16835]];
+        for (row, expected) in matrix.iter().zip(expected) {
+            assert!((0..3).all(|i| (row[i] - expected[i]).abs() < 2e-3), "{row:?} {expected:?}");
+            assert!((row.iter().sum::<f32>() - 1.0).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn nonsense_is_ignored() {
+        for v in [0.0, 0.3, f32::NAN, f32::INFINITY, -1e30] {
+            assert_eq!(to_rec709(&named([[v; 2]; 4])), None);
+        }
+    }
+}

@@ -1,0 +1,9 @@
+//! OpenEXR, through the crate `exr`.
+
+mod attributes;
+mod chromaticities;
+mod read;
+mod write;
+
+pub use read::{read_image, read_layers};
+pub use write::encode;

@@ -1,0 +1,68 @@
+//! Formats that the crate `image` decodes.
+
+use super::picture::check_size;
+use crate::{Input, Place, ReadError};
+use image::codecs::hdr::HdrDecoder;
+use image::{DynamicImage, ImageDecoder, ImageError, ImageReader, Limits};
+use snell_scene::{Encoding, Image, Pixels};
+use std::io::Cursor;
+
+/// Decodes a format of display values: the colours carry the sRGB curve, whatever gamma or profile the file may name.
+pub fn read(input: &Input, format: image::ImageFormat) -> Result<Image, ReadError> {
+    let mut reader = ImageReader::with_format(Cursor::new(input.bytes.as_slice()), format);
+    reader.limits(decoder_limits(input));
+    let decoder = reader.into_decoder().map_err(|e| decode_error(input, &e))?;
+    decode(input, decoder)
+}
+
+/// Decodes Radiance HDR, also without or with an unusual signature.
+pub fn read_radiance(input: &Input) -> Result<Image, ReadError> {
+    let decoder =
+        HdrDecoder::new_nonstrict(Cursor::new(input.bytes.as_slice())).map_err(|e| decode_error(input, &e))?;
+    decode(input, decoder)
+}
+
+/// At most four channels of floats per pixel, twice: the decoder's own buffers and the result.
+fn decoder_limits(input: &Input) -> Limits {
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(input.options.limits.image_pixels.saturating_mul(32));
+    limits
+}
+
+fn decode(input: &Input, decoder: impl ImageDecoder) -> Result<Image, ReadError> {
+    let (width, height) = decoder.dimensions();
+    check_size(input, width.into(), height.into(), decoder.color_type().bytes_per_pixel().into())?;
+    let decoded = DynamicImage::from_decoder(decoder).map_err(|e| decode_error(input, &e))?;
+    let (channels, pixels) = match decoded {
+        DynamicImage::ImageLuma8(p) => (1, Pixels::U8(p.into_raw())),
+        DynamicImage::ImageLumaA8(p) => (2, Pixels::U8(p.into_raw())),
+        DynamicImage::ImageRgb8(p) => (3, Pixels::U8(p.into_raw())),
+        DynamicImage::ImageRgba8(p) => (4, Pixels::U8(p.into_raw())),
+        DynamicImage::ImageLuma16(p) => (1, Pixels::U16(p.into_raw())),
+        DynamicImage::ImageLumaA16(p) => (2, Pixels::U16(p.into_raw())),
+        DynamicImage::ImageRgb16(p) => (3, Pixels::U16(p.into_raw())),
+        DynamicImage::ImageRgba16(p) => (4, Pixels::U16(p.into_raw())),
+        DynamicImage::ImageRgb32F(p) => (3, Pixels::F32(p.into_raw())),
+        other => (4, Pixels::F32(other.into_rgba32f().into_raw())),
+    };
+    let encoding = if matches!(pixels, Pixels::F32(_)) { Encoding::Linear } else { Encoding::Srgb };
+    Ok(Image { width, height, channels, pixels, encoding })
+}
+
+fn decode_error(input: &Input, error: &ImageError) -> ReadError {
+    match error {
+        ImageError::Unsupported(e) => input.error(
+            Place::Whole,
+            format!("the image uses a feature that is not supported: {e}"),
+            "save it as PNG or OpenEXR",
+        ),
+        ImageError::Limits(_) => input.error(
+            Place::Whole,
+            format!("the image declares more than the limit of {} pixels", input.options.limits.image_pixels),
+            "scale the image down, or raise the limit if the size is true",
+        ),
+        other => {
+            input.error(Place::Whole, format!("the image is damaged or cut off: {other}"), "export the image again")
+        }
+    }
+}

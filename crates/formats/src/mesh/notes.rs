@@ -1,0 +1,34 @@
+//! Warnings of the mesh readers, counted by kind.
+//!
+//! A file may repeat one oddity millions of times: the message is made for the first one only.
+
+use snell_scene::{Scene, Warning};
+
+/// The warnings of one file.
+#[derive(Clone, Debug, Default)]
+pub struct Notes {
+    kinds: Vec<(&'static str, Warning)>,
+}
+
+impl Notes {
+    /// Counts one warning of a kind; `message` says what the first one was, where, and what was done instead.
+    pub fn add(&mut self, kind: &'static str, message: impl FnOnce() -> String) {
+        match self.kinds.iter_mut().find(|(k, _)| *k == kind) {
+            Some((_, warning)) => warning.count += 1,
+            None => self.kinds.push((kind, Warning { message: message(), count: 1 })),
+        }
+    }
+
+    /// Notes a warning of which there are few; equal messages are counted.
+    pub fn say(&mut self, message: String) {
+        match self.kinds.iter_mut().find(|(_, w)| w.message == message) {
+            Some((_, warning)) => warning.count += 1,
+            None => self.kinds.push(("", Warning { message, count: 1 })),
+        }
+    }
+
+    /// Hands the warnings to a scene.
+    pub fn finish(self, scene: &mut Scene) {
+        scene.warnings.extend(self.kinds.into_iter().map(|(_, warning)| warning));
+    }
+}

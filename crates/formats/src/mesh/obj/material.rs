@@ -1,0 +1,198 @@
+//! From MTL materials to materials of the scene.
+//!
+//! * With `Pr` or `Pm` (the PBR extension): metallic-roughness.
+//! * `illum` 6 and 7, and 4 and 9 unless `d 1` says that it is opaque: glass of index `Ni` (1.5 if not said), tinted by `Tf`.
+//! * With `Ks` and `Ns` above 0, and not `illum` 0 or 1: Phong; it reflects like a mirror, by `Ks`, if `illum` is 3, 5 or 8.
+//! * Everything else is diffuse.
+//!
+//! Colours are linear, those of textures sRGB.
+
+use super::mtl::{self, Library, Map, Mtl};
+use super::parse::ObjFile;
+use crate::mesh::notes::Notes;
+use crate::textures::Textures;
+use crate::{Input, ReadError};
+use snell_math::Rgb;
+use snell_scene::material::{
+    AlphaMode, ColorParam, Dielectric, Diffuse, MaterialKind, MetallicRoughness, NormalMap, Phong, ScalarParam,
+};
+use snell_scene::texture::Wrap;
+use snell_scene::{Encoding, Material, MaterialId, Scene, TextureId};
+
+/// Reflectance where a material says nothing about its colour.
+const DEFAULT_DIFFUSE: Rgb = Rgb::splat(0.8);
+
+/// The materials that an OBJ file uses, by the number of their name; undefined ones are `None`.
+pub fn materials(
+    input: &Input,
+    file: &ObjFile,
+    scene: &mut Scene,
+    notes: &mut Notes,
+) -> Result<Vec<Option<MaterialId>>, ReadError> {
+    let library = mtl::read(input, file, notes)?;
+    let mut maker = Maker { library: &library, scene, notes, textures: Textures::default() };
+    let mut materials = Vec::with_capacity(file.materials.len());
+    for (name, _) in &file.materials {
+        let Some(mtl) = library.materials.get(name) else {
+            // Without any library its absence has been said, or everyone knows.
+            if !library.inputs.is_empty() {
+                maker.notes.add("undefined material", || {
+                    format!("{}: the material \"{name}\" is not defined; the default material was used", input.name)
+                });
+            }
+            materials.push(None);
+            continue;
+        };
+        let material = maker.material(name, mtl)?;
+        materials.push(Some(maker.scene.add_material(material)));
+    }
+    Ok(materials)
+}
+
+/// Exponent of highlights where a material says none.
+const DEFAULT_SHININESS: f32 = 32.0;
+
+fn is_glass(mtl: &Mtl) -> bool {
+    match mtl.illum {
+        Some(6 | 7) => true,
+        Some(4 | 9) => mtl.dissolve.is_none_or(|d| d < 1.0),
+        _ => false,
+    }
+}
+
+struct Maker<'a> {
+    library: &'a Library,
+    scene: &'a mut Scene,
+    notes: &'a mut Notes,
+    textures: Textures,
+}
+
+impl Maker<'_> {
+    fn material(&mut self, name: &str, mtl: &Mtl) -> Result<Material, ReadError> {
+        let mut material = Material::new(name, self.kind(mtl)?);
+        let emission = mtl.emission.filter(|e| !e.is_black());
+        if emission.is_some() || mtl.emission_map.is_some() {
+            material.emission = self.color(emission, Rgb::WHITE, &mtl.emission_map, mtl)?;
+        }
+        if let Some(map) = &mtl.normal_map {
+            let texture = self.texture(map, Encoding::Linear, mtl)?;
+            material.normal_map = Some(NormalMap { texture, scale: map.strength });
+        }
+        // What glass lets through is not a matter of opacity.
+        if !matches!(material.kind, MaterialKind::Dielectric(_)) {
+            self.alpha(name, mtl, &mut material)?;
+        }
+        Ok(material)
+    }
+
+    fn kind(&mut self, mtl: &Mtl) -> Result<MaterialKind, ReadError> {
+        let is_pbr = mtl.roughness.is_some() || mtl.metallic.is_some();
+        if is_pbr || mtl.roughness_map.is_some() || mtl.metallic_map.is_some() {
+            return Ok(MetallicRoughness {
+                base_color: self.diffuse(mtl)?,
+                metallic: self.scalar(mtl.metallic, 0.0, &mtl.metallic_map, mtl)?,
+                roughness: self.scalar(mtl.roughness, 0.5, &mtl.roughness_map, mtl)?,
+                ior: mtl.ior.filter(|n| (1.0..10.0).contains(n)).unwrap_or(1.5),
+                ..MetallicRoughness::default()
+            }
+            .into());
+        }
+        if is_glass(mtl) {
+            let ior = mtl.ior.filter(|&n| n > 0.0).unwrap_or(1.5);
+            // Some write no filter as black.
+            let tint = mtl.transmission.filter(|c| !c.is_black()).unwrap_or(Rgb::WHITE).map(|x| x.min(1.0));
+            return Ok(Dielectric { tint: tint.into(), ..Dielectric::smooth(ior) }.into());
+        }
+        let diffuse = self.diffuse(mtl)?;
+        let is_glossy = mtl.specular.is_some_and(|c| !c.is_black()) && !matches!(mtl.illum, Some(0 | 1));
+        let mirrors = matches!(mtl.illum, Some(3 | 5 | 8));
+        let shininess = mtl.shininess.unwrap_or(DEFAULT_SHININESS).max(0.0);
+        // An exponent of 0 would not be a highlight but a veil over everything.
+        if !is_glossy || (shininess == 0.0 && !mirrors) {
+            return Ok(Diffuse { reflectance: diffuse }.into());
+        }
+        let specular = self.color(mtl.specular.map(|c| c.map(|x| x.min(1.0))), Rgb::BLACK, &mtl.specular_map, mtl)?;
+        Ok(Phong {
+            ambient: mtl.ambient.unwrap_or(Rgb::BLACK).into(),
+            diffuse,
+            specular,
+            reflection: if mirrors { specular } else { Rgb::BLACK.into() },
+            shininess,
+            ..Phong::default()
+        }
+        .into())
+    }
+
+    fn scalar(
+        &mut self,
+        factor: Option<f32>,
+        default: f32,
+        map: &Option<Map>,
+        mtl: &Mtl,
+    ) -> Result<ScalarParam, ReadError> {
+        let Some(map) = map else {
+            return Ok(ScalarParam::constant(factor.unwrap_or(default).clamp(0.0, 1.0)));
+        };
+        let texture = self.texture(map, Encoding::Linear, mtl)?;
+        // A factor of 0 beside a map means that the map says it all.
+        let factor = factor.filter(|&f| f > 0.0).unwrap_or(1.0).min(1.0);
+        Ok(ScalarParam { factor, texture: Some((texture, 0)) })
+    }
+
+    fn diffuse(&mut self, mtl: &Mtl) -> Result<ColorParam, ReadError> {
+        // Exporters write black where a texture is meant to say it all.
+        let factor = mtl.diffuse.filter(|c| mtl.diffuse_map.is_none() || !c.is_black());
+        let default = if mtl.diffuse_map.is_some() { Rgb::WHITE } else { DEFAULT_DIFFUSE };
+        self.color(factor.map(|c| c.map(|x| x.min(1.0))), default, &mtl.diffuse_map, mtl)
+    }
+
+    /// Opacity: `d`, or one minus `Tr`, times the map.
+    fn alpha(&mut self, name: &str, mtl: &Mtl, material: &mut Material) -> Result<(), ReadError> {
+        let mut alpha = mtl.dissolve.or(mtl.transparency.map(|t| 1.0 - t)).unwrap_or(1.0).clamp(0.0, 1.0);
+        if alpha == 0.0 && mtl.dissolve.is_none() {
+            // Some programs write Tr where they mean d.
+            self.notes.add("Tr 1", || {
+                format!("material \"{name}\": Tr 1 without d would make it invisible; it was taken as opaque")
+            });
+            alpha = 1.0;
+        }
+        material.alpha = ScalarParam::constant(alpha);
+        if let Some(map) = &mtl.alpha_map {
+            let texture = self.texture(map, Encoding::Linear, mtl)?;
+            let image = &self.scene.images[self.scene.textures[texture.index()].image.index()];
+            // An image with an alpha channel means that; others mean their brightness.
+            let channel = if image.channels == 2 || image.channels == 4 { 3 } else { 0 };
+            material.alpha.texture = Some((texture, channel));
+        }
+        if alpha < 1.0 || material.alpha.texture.is_some() {
+            material.alpha_mode = AlphaMode::Blend;
+        }
+        Ok(())
+    }
+
+    fn color(
+        &mut self,
+        factor: Option<Rgb>,
+        default: Rgb,
+        map: &Option<Map>,
+        mtl: &Mtl,
+    ) -> Result<ColorParam, ReadError> {
+        let texture = map.as_ref().map(|map| self.texture(map, Encoding::Srgb, mtl)).transpose()?;
+        Ok(ColorParam { factor: factor.unwrap_or(default), texture })
+    }
+
+    fn texture(&mut self, map: &Map, encoding: Encoding, mtl: &Mtl) -> Result<TextureId, ReadError> {
+        let input = &self.library.inputs[mtl.library];
+        let mut texture = self.textures.texture(self.scene, input, &map.file, encoding)?;
+        // v' = 1 - (scale v + offset).
+        let ([su, sv], [ou, ov]) = (map.scale, map.offset);
+        texture.uv_transform = [[su, 0.0, ou], [0.0, -sv, 1.0 - ov]];
+        if map.clamp {
+            texture.wrap = [Wrap::Clamp; 2];
+        }
+        if let Some(known) = self.scene.textures.iter().position(|t| *t == texture) {
+            return Ok(TextureId(known as u32));
+        }
+        Ok(self.scene.add_texture(texture))
+    }
+}

@@ -1,0 +1,59 @@
+//! Wavefront OBJ, with its materials in MTL files.
+//!
+//! [`parse`] turns the text into lists of vertices and faces as they stand in the file; [`build`] makes indexed meshes of them, one
+//! per object (`o`); [`mtl`] reads the materials, and [`material`] makes ours of them. Polygons of any size are triangulated; lines, points and free-form surfaces are
+//! skipped with a warning.
+//!
+//! Normals: those of the file (`vn`). Faces without: smoothed within their smoothing group (`s 1`), flat after `s off`, and by
+//! angle (40°) where the file never says `s`. Vertex colours (`v x y z r g b`) are sRGB.
+
+mod build;
+mod material;
+mod mtl;
+mod parse;
+
+use super::notes::Notes;
+use crate::{Input, ReadError, SceneReader};
+use snell_intersect::TriangleMesh;
+use snell_scene::{Geometry, Node, Scene, Surface};
+use std::sync::Arc;
+
+/// The reader of OBJ files. It recognises no content for certain, so it must be asked last.
+pub const READER: SceneReader = SceneReader {
+    name: "obj",
+    description: "Wavefront OBJ polygon meshes, with MTL materials",
+    extensions: &["obj"],
+    recognises: parse::recognises,
+    read,
+};
+
+fn read(input: &Input) -> Result<Scene, ReadError> {
+    let mut notes = Notes::default();
+    let mut file = parse::parse(input, &mut notes)?;
+    let objects = build::objects(input, &mut file, &mut notes)?;
+    let mut scene = Scene::new(input.stem());
+    let materials = material::materials(input, &file, &mut scene, &mut notes)?;
+    let parent = match objects.len() {
+        0 | 1 => scene.root,
+        _ => scene.add_child(scene.root, Node::named(input.stem())),
+    };
+    if objects.is_empty() {
+        notes.add("nothing to show", || format!("{}: there are no triangles to show", input.name));
+    }
+    for object in objects {
+        let name = if object.name.is_empty() { input.stem() } else { object.name };
+        let surface = Surface {
+            geometry: Geometry::Mesh(Arc::new(object.mesh)),
+            materials: object.materials.iter().map(|&m| materials.get(m as usize).copied().flatten()).collect(),
+        };
+        scene.add_child(parent, Node { surfaces: vec![surface], ..Node::named(name) });
+    }
+    notes.finish(&mut scene);
+    Ok(scene)
+}
+
+/// Reads all objects as one mesh without materials and without computed normals.
+pub(super) fn parse_mesh(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
+    let mut file = parse::parse(input, notes)?;
+    build::one_mesh(input, &mut file, notes)
+}

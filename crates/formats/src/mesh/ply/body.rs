@@ -1,0 +1,422 @@
+//! The values.
+
+use super::header::{Element, Header, Property, Type, is_index_list};
+use crate::mesh::notes::Notes;
+use crate::mesh::polygon::Triangulator;
+use crate::mesh::text::{Reader, Text};
+use crate::mesh::too_many;
+use crate::{Input, Place, ReadError};
+use snell_intersect::TriangleMesh;
+use snell_math::spectrum::srgb_to_linear;
+use snell_math::{Vec2, Vec3};
+
+/// Where values come from: text, or binary of one byte order. Every value fits `f64` exactly.
+pub trait Source {
+    /// The next value.
+    fn value(&mut self, kind: Type) -> Result<f64, ReadError>;
+    /// Skips values.
+    fn skip(&mut self, kind: Type, count: u64) -> Result<(), ReadError>;
+    /// How much of the file is left.
+    fn bytes_left(&self) -> u64;
+    /// Says that an element is complete.
+    fn end_element(&mut self);
+    /// Notes what the source has to say in the end.
+    fn finish(&self, notes: &mut Notes);
+    /// An error about the value read last.
+    fn error(&self, problem: String, remedy: &str) -> ReadError;
+}
+
+/// Values as words. An element may span lines, but the next one begins on a new line.
+pub struct AsciiSource<'a> {
+    reader: Reader<'a>,
+    last: usize,
+    /// Lines with more values than the header says, and where the first surplus value is.
+    surplus: Option<(u64, usize)>,
+}
+
+impl<'a> AsciiSource<'a> {
+    /// The values after the header.
+    pub fn new(input: &'a Input, header: &Header) -> Self {
+        let text = Text::new(&input.bytes, header.end);
+        Self { reader: Reader { input, bytes: &input.bytes, text }, last: header.end, surplus: None }
+    }
+}
+
+impl Source for AsciiSource<'_> {
+    fn value(&mut self, kind: Type) -> Result<f64, ReadError> {
+        let Some(word) = self.reader.text.word_on_any_line() else {
+            return Err(self.reader.missing("another value"));
+        };
+        self.last = word.start;
+        let text = std::str::from_utf8(word.bytes).unwrap_or("");
+        let value =
+            if kind.is_integer() { text.parse::<i64>().map(|i| i as f64).ok() } else { text.parse::<f64>().ok() };
+        // Some writers print whole numbers with a point, and old libraries have their own NaN.
+        value
+            .or_else(|| text.parse::<f64>().ok())
+            .map_or_else(|| self.reader.number_in(word, "a number").map(f64::from), Ok)
+    }
+
+    fn skip(&mut self, _: Type, count: u64) -> Result<(), ReadError> {
+        for _ in 0..count {
+            if self.reader.text.word_on_any_line().is_none() {
+                return Err(self.reader.missing("another value"));
+            }
+        }
+        Ok(())
+    }
+
+    fn bytes_left(&self) -> u64 {
+        self.reader.text.remaining() as u64
+    }
+
+    fn end_element(&mut self) {
+        if let Some(word) = self.reader.text.word() {
+            self.surplus.get_or_insert((0, word.start)).0 += 1;
+        }
+        self.reader.text.next_line();
+    }
+
+    fn finish(&self, notes: &mut Notes) {
+        let Some((lines, first)) = self.surplus else { return };
+        let place = self.reader.location(first);
+        notes.add("surplus", || {
+            format!("{place}: {lines} lines have more values than the header says; the rest of those lines was ignored")
+        });
+    }
+
+    fn error(&self, problem: String, remedy: &str) -> ReadError {
+        self.reader.error(self.last, problem, remedy)
+    }
+}
+
+/// Values as bytes, the most significant first if `BIG`.
+pub struct BinarySource<'a, const BIG: bool> {
+    input: &'a Input,
+    position: usize,
+    last: usize,
+}
+
+impl<'a, const BIG: bool> BinarySource<'a, BIG> {
+    /// The values after the header.
+    pub fn new(input: &'a Input, header: &Header) -> Self {
+        Self { input, position: header.end, last: header.end }
+    }
+
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], ReadError> {
+        let Some(&bytes) = self.input.bytes[self.position..].first_chunk::<N>() else { return Err(self.cut_off()) };
+        self.last = self.position;
+        self.position += N;
+        Ok(bytes)
+    }
+
+    fn cut_off(&self) -> ReadError {
+        self.input.error(
+            Place::Byte(self.input.bytes.len() as u64),
+            "the file ends before all values that its header declares",
+            "the file seems cut off; export or copy it again",
+        )
+    }
+}
+
+macro_rules! decode {
+    ($self:ident, $kind:ty) => {{
+        let bytes = $self.take()?;
+        if BIG { <$kind>::from_be_bytes(bytes) } else { <$kind>::from_le_bytes(bytes) }.into()
+    }};
+}
+
+impl<const BIG: bool> Source for BinarySource<'_, BIG> {
+    #[inline]
+    fn value(&mut self, kind: Type) -> Result<f64, ReadError> {
+        Ok(match kind {
+            Type::I8 => decode!(self, i8),
+            Type::U8 => decode!(self, u8),
+            Type::I16 => decode!(self, i16),
+            Type::U16 => decode!(self, u16),
+            Type::I32 => decode!(self, i32),
+            Type::U32 => decode!(self, u32),
+            Type::F32 => decode!(self, f32),
+            Type::F64 => decode!(self, f64),
+        })
+    }
+
+    fn skip(&mut self, kind: Type, count: u64) -> Result<(), ReadError> {
+        if count > self.bytes_left() / kind.size() as u64 {
+            return Err(self.cut_off());
+        }
+        self.position += count as usize * kind.size();
+        Ok(())
+    }
+
+    fn bytes_left(&self) -> u64 {
+        (self.input.bytes.len() - self.position) as u64
+    }
+
+    fn end_element(&mut self) {}
+
+    fn finish(&self, _: &mut Notes) {}
+
+    fn error(&self, problem: String, remedy: &str) -> ReadError {
+        self.input.error(Place::Byte(self.last as u64), problem, remedy)
+    }
+}
+
+/// Reads all elements.
+pub fn read(
+    source: &mut impl Source,
+    input: &Input,
+    header: &Header,
+    mesh: &mut TriangleMesh,
+    notes: &mut Notes,
+) -> Result<(), ReadError> {
+    let vertices = header.elements.iter().find(|e| e.name == "vertex").map_or(0, |e| e.count);
+    let mut faces = Faces { vertices, ..Faces::default() };
+    for element in &header.elements {
+        match element.name.as_str() {
+            "vertex" if mesh.positions.is_empty() => read_vertices(source, input, header, element, mesh)?,
+            "face" => read_faces(source, input, element, &mut faces, notes)?,
+            "tristrips" => read_strips(source, element, &mut faces)?,
+            _ => skip_element(source, element)?,
+        }
+    }
+    source.finish(notes);
+    faces.triangulate(input, mesh)
+}
+
+/// What a property of a vertex is for.
+#[derive(Clone, Copy, PartialEq)]
+enum Role {
+    Skip,
+    Position(usize),
+    Normal(usize),
+    Uv(usize),
+    Color(usize),
+}
+
+impl Role {
+    fn of(property: &Property) -> Self {
+        if property.length.is_some() {
+            return Self::Skip;
+        }
+        match property.name.as_str() {
+            "x" => Self::Position(0),
+            "y" => Self::Position(1),
+            "z" => Self::Position(2),
+            "nx" => Self::Normal(0),
+            "ny" => Self::Normal(1),
+            "nz" => Self::Normal(2),
+            "u" | "s" | "texture_u" | "texture_s" => Self::Uv(0),
+            "v" | "t" | "texture_v" | "texture_t" => Self::Uv(1),
+            "red" | "r" | "diffuse_red" => Self::Color(0),
+            "green" | "g" | "diffuse_green" => Self::Color(1),
+            "blue" | "b" | "diffuse_blue" => Self::Color(2),
+            "alpha" | "a" | "diffuse_alpha" => Self::Color(3),
+            _ => Self::Skip,
+        }
+    }
+}
+
+fn read_vertices(
+    source: &mut impl Source,
+    input: &Input,
+    header: &Header,
+    element: &Element,
+    mesh: &mut TriangleMesh,
+) -> Result<(), ReadError> {
+    let roles: Vec<Role> = element.properties.iter().map(Role::of).collect();
+    let has = |role| roles.contains(&role);
+    if !(0..3).all(|k| has(Role::Position(k))) {
+        let problem = "the element \"vertex\" lacks one of the properties x, y and z";
+        return Err(input.error(Place::Whole, problem, "export the file again with positions"));
+    }
+    if element.count > input.options.limits.elements as u64 {
+        return Err(too_many(input, "vertices"));
+    }
+    let count = element.count.min(source.bytes_left() / element.least_size(header.format) as u64 + 1) as usize;
+    let has_normals = (0..3).all(|k| has(Role::Normal(k)));
+    let has_uvs = (0..2).all(|k| has(Role::Uv(k)));
+    let has_colors = (0..3).all(|k| has(Role::Color(k)));
+    mesh.positions.reserve(count);
+    mesh.normals.reserve(if has_normals { count } else { 0 });
+    mesh.uvs[0].reserve(if has_uvs { count } else { 0 });
+    mesh.colors.reserve(if has_colors { count } else { 0 });
+    for _ in 0..element.count {
+        let (mut position, mut normal, mut uv, mut color) = (Vec3::ZERO, Vec3::ZERO, Vec2::ZERO, [1.0; 4]);
+        for (property, role) in element.properties.iter().zip(&roles) {
+            if let Some(length) = property.length {
+                skip_list(source, length, property.value)?;
+                continue;
+            }
+            let value = source.value(property.value)? as f32;
+            match *role {
+                Role::Skip => {}
+                Role::Position(k) => position[k] = value,
+                Role::Normal(k) => normal[k] = value,
+                Role::Uv(k) => uv[k] = value,
+                Role::Color(k) => color[k] = linear_color(value, property.value, k),
+            }
+        }
+        source.end_element();
+        mesh.positions.push(position);
+        if has_normals {
+            mesh.normals.push(normal);
+        }
+        if has_uvs {
+            mesh.uvs[0].push(uv);
+        }
+        if has_colors {
+            mesh.colors.push(color);
+        }
+    }
+    Ok(())
+}
+
+/// Channel 3 is alpha. Values that are not finite or negative count as full.
+fn linear_color(value: f32, kind: Type, channel: usize) -> f32 {
+    let value = value / kind.color_scale();
+    if !value.is_finite() || value < 0.0 {
+        return 1.0;
+    }
+    if kind.is_integer() && channel < 3 { srgb_to_linear(value.min(1.0)) } else { value }
+}
+
+fn list_length(source: &mut impl Source, length: Type, item: Type) -> Result<u64, ReadError> {
+    let count = source.value(length)?;
+    if count < 0.0 {
+        return Err(source.error(format!("a list of {count} items"), "the file is damaged; export it again"));
+    }
+    let count = count as u64;
+    if count > source.bytes_left() / item.size().min(2) as u64 + 1 {
+        let problem = format!("a list of {count} items, more than the rest of the file can hold");
+        return Err(source.error(problem, "the file is damaged or cut off; export it again"));
+    }
+    Ok(count)
+}
+
+fn skip_list(source: &mut impl Source, length: Type, item: Type) -> Result<(), ReadError> {
+    let count = list_length(source, length, item)?;
+    source.skip(item, count)
+}
+
+fn skip_property(source: &mut impl Source, property: &Property) -> Result<(), ReadError> {
+    match property.length {
+        Some(length) => skip_list(source, length, property.value),
+        None => source.skip(property.value, 1),
+    }
+}
+
+fn skip_element(source: &mut impl Source, element: &Element) -> Result<(), ReadError> {
+    // Elements without properties take no space, so any number of them costs nothing.
+    if !element.properties.is_empty() {
+        for _ in 0..element.count {
+            for property in &element.properties {
+                skip_property(source, property)?;
+            }
+            source.end_element();
+        }
+    }
+    Ok(())
+}
+
+/// The polygons read: faces may come before the vertices.
+#[derive(Default)]
+struct Faces {
+    vertices: u64,
+    corners: Vec<u32>,
+    /// Where each polygon's corners end.
+    ends: Vec<usize>,
+}
+
+impl Faces {
+    fn checked(&self, source: &impl Source, index: f64) -> Result<u32, ReadError> {
+        if index >= 0.0 && index < self.vertices as f64 && index.fract() == 0.0 {
+            return Ok(index as u32);
+        }
+        let problem = format!("vertex number {index}, but there are {} vertices (counted from 0)", self.vertices);
+        Err(source.error(problem, "the file is damaged; export it again"))
+    }
+
+    fn triangulate(self, input: &Input, mesh: &mut TriangleMesh) -> Result<(), ReadError> {
+        let mut triangulator = Triangulator::default();
+        mesh.indices.reserve(self.ends.len());
+        let mut start = 0;
+        for end in self.ends {
+            crate::mesh::push_polygon(input, mesh, &self.corners[start..end], &mut triangulator)?;
+            start = end;
+        }
+        Ok(())
+    }
+}
+
+fn read_faces(
+    source: &mut impl Source,
+    input: &Input,
+    element: &Element,
+    faces: &mut Faces,
+    notes: &mut Notes,
+) -> Result<(), ReadError> {
+    let Some(at) = element.properties.iter().position(|p| p.length.is_some() && is_index_list(&p.name)) else {
+        if element.count > 0 {
+            notes.add("no indices", || {
+                format!("{}: the faces have no list vertex_indices and were skipped", input.name)
+            });
+        }
+        return skip_element(source, element);
+    };
+    if element.properties.iter().any(|p| p.name == "texcoord" && p.length.is_some()) && element.count > 0 {
+        notes.add("texcoord", || {
+            format!("{}: texture coordinates of faces (texcoord) are not supported and were skipped", input.name)
+        });
+    }
+    for _ in 0..element.count {
+        for (i, property) in element.properties.iter().enumerate() {
+            let Some(length) = property.length.filter(|_| i == at) else {
+                skip_property(source, property)?;
+                continue;
+            };
+            let corners = list_length(source, length, property.value)?;
+            for _ in 0..corners {
+                let value = source.value(property.value)?;
+                let index = faces.checked(source, value)?;
+                faces.corners.push(index);
+            }
+            if corners < 3 {
+                notes.add("few corners", || format!("{}: a face has fewer than 3 corners and was skipped", input.name));
+            }
+            faces.ends.push(faces.corners.len());
+        }
+        source.end_element();
+    }
+    Ok(())
+}
+
+/// Strips of triangles: each index after the first two makes one, the winding alternates, and -1 begins a new strip.
+fn read_strips(source: &mut impl Source, element: &Element, faces: &mut Faces) -> Result<(), ReadError> {
+    for _ in 0..element.count {
+        for property in &element.properties {
+            let Some(length) = property.length.filter(|_| is_index_list(&property.name)) else {
+                skip_property(source, property)?;
+                continue;
+            };
+            let mut strip: Vec<u32> = Vec::new();
+            for _ in 0..list_length(source, length, property.value)? {
+                let value = source.value(property.value)?;
+                if value == -1.0 {
+                    strip.clear();
+                    continue;
+                }
+                strip.push(faces.checked(source, value)?);
+                if let [.., a, b, c] = strip[..] {
+                    let odd = strip.len().is_multiple_of(2);
+                    if a != b && b != c && c != a {
+                        faces.corners.extend(if odd { [b, a, c] } else { [a, b, c] });
+                        faces.ends.push(faces.corners.len());
+                    }
+                }
+            }
+        }
+        source.end_element();
+    }
+    Ok(())
+}

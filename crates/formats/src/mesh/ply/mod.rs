@@ -1,0 +1,50 @@
+//! Stanford PLY, text and binary of both byte orders.
+//!
+//! Any elements and properties in any order; what is not known is skipped. Used are `vertex` (`x y z`, `nx ny nz`, texture
+//! coordinates `u v`, `s t` or `texture_u texture_v`, colours `red green blue alpha`), `face` with a list `vertex_indices` or
+//! `vertex_index`, and `tristrips` with the same. Colours of integer types are sRGB (as scanners and editors write them), those of
+//! floating-point types linear. Colours and normals of faces are ignored.
+//!
+//! [`header`] reads what the file holds, [`body`] the values.
+
+mod body;
+mod header;
+
+use super::normals;
+use super::notes::Notes;
+use crate::{Input, ReadError, SceneReader};
+use header::{Format, Header};
+use snell_intersect::TriangleMesh;
+
+/// The reader of PLY files.
+pub const READER: SceneReader = SceneReader {
+    name: "ply",
+    description: "Stanford polygon meshes, text and binary",
+    extensions: &["ply"],
+    recognises: |bytes| bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r"),
+    read: |input| {
+        let mut notes = Notes::default();
+        let mut mesh = parse(input, &mut notes)?;
+        if mesh.normals.is_empty() {
+            normals::smooth(&mut mesh, normals::CREASE_ANGLE, &[]);
+        }
+        Ok(super::scene_of(input, mesh, notes))
+    },
+};
+
+/// Reads the mesh.
+pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
+    let header = Header::read(input)?;
+    let mut mesh = TriangleMesh::default();
+    match header.format {
+        Format::Ascii => body::read(&mut body::AsciiSource::new(input, &header), input, &header, &mut mesh, notes)?,
+        Format::LittleEndian => {
+            body::read(&mut body::BinarySource::<false>::new(input, &header), input, &header, &mut mesh, notes)?;
+        }
+        Format::BigEndian => {
+            body::read(&mut body::BinarySource::<true>::new(input, &header), input, &header, &mut mesh, notes)?;
+        }
+    }
+    super::repair_normals(&mut mesh, input, notes);
+    Ok(mesh)
+}

@@ -1,0 +1,82 @@
+//! The old Princeton mesh format, `.ray`: `#vertex px py pz nx ny nz s t` and `#shape_polygon material n i1 .. in` records among
+//! others, which are skipped.
+
+use super::notes::Notes;
+use super::polygon::Triangulator;
+use super::text::{Reader, Text, decoded};
+use super::too_many;
+use crate::{Input, ReadError, SceneReader};
+use snell_intersect::TriangleMesh;
+use snell_math::{Vec2, Vec3};
+
+/// The reader of `.ray` files.
+pub const READER: SceneReader = SceneReader {
+    name: "ray",
+    description: "old Princeton meshes: #vertex and #shape_polygon records",
+    extensions: &["ray"],
+    recognises: |_| false,
+    read: |input| {
+        let mut notes = Notes::default();
+        let mesh = parse(input, &mut notes)?;
+        Ok(super::scene_of(input, mesh, notes))
+    },
+};
+
+/// Reads the mesh.
+pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
+    let bytes = decoded(&input.bytes);
+    let mut reader = Reader { input, bytes: &bytes, text: Text::new(&bytes, 0) };
+    let mut mesh = TriangleMesh::default();
+    let mut triangulator = Triangulator::default();
+    while let Some(word) = reader.text.word_on_any_line() {
+        match word.bytes {
+            b"#vertex" => read_vertex(&mut reader, &mut mesh)?,
+            b"#shape_polygon" => read_face(&mut reader, None, &mut mesh, &mut triangulator)?,
+            b"#shape_triangle" => read_face(&mut reader, Some(3), &mut mesh, &mut triangulator)?,
+            other if other.starts_with(b"#shape_") => notes.add("other shape", || {
+                format!("{}: {} is not a mesh and was skipped", reader.location(word.start), word.quoted())
+            }),
+            _ => {}
+        }
+    }
+    super::repair_normals(&mut mesh, input, notes);
+    Ok(mesh)
+}
+
+fn read_vertex(reader: &mut Reader, mesh: &mut TriangleMesh) -> Result<(), ReadError> {
+    if mesh.positions.len() >= reader.input.options.limits.elements {
+        return Err(too_many(reader.input, "vertices"));
+    }
+    let mut v = [0.0; 8];
+    for x in &mut v {
+        *x = reader.number("one of the 8 numbers of a #vertex (position, normal, s, t)", true)?;
+    }
+    mesh.positions.push(Vec3::new(v[0], v[1], v[2]));
+    mesh.normals.push(Vec3::new(v[3], v[4], v[5]));
+    mesh.uvs[0].push(Vec2::new(v[6], v[7]));
+    Ok(())
+}
+
+fn read_face(
+    reader: &mut Reader,
+    corners: Option<u64>,
+    mesh: &mut TriangleMesh,
+    triangulator: &mut Triangulator,
+) -> Result<(), ReadError> {
+    reader.number("the material number of a shape", true)?;
+    let corners = match corners {
+        Some(corners) => corners,
+        None => reader.count("the number of corners", true)?,
+    };
+    let mut face = Vec::new();
+    for _ in 0..corners {
+        let index = reader.count("a vertex number", true)?;
+        if index >= mesh.positions.len() as u64 {
+            let problem = format!("vertex {index} of a shape, but there are {} vertices so far", mesh.positions.len());
+            let remedy = "vertices count from 0 and come before the shapes; export the file again";
+            return Err(reader.error(reader.text.position(), problem, remedy));
+        }
+        face.push(index as u32);
+    }
+    super::push_polygon(reader.input, mesh, &face, triangulator)
+}

@@ -1,0 +1,158 @@
+//! STL, text and binary.
+//!
+//! Binary files are told by their size: 84 bytes and 50 for each facet counted, whatever the first word is (many begin with
+//! `solid`). Facet normals and attribute bytes are ignored; equal positions become one vertex.
+
+use super::normals;
+use super::notes::Notes;
+use super::polygon::Triangulator;
+use super::text::{Reader, Text, decoded};
+use super::too_many;
+use super::weld::Welder;
+use crate::{Input, Place, ReadError, SceneReader};
+use snell_intersect::TriangleMesh;
+use snell_math::Vec3;
+
+/// The reader of STL files.
+pub const READER: SceneReader = SceneReader {
+    name: "stl",
+    description: "stereolithography meshes, text and binary",
+    extensions: &["stl"],
+    recognises: |bytes| has_binary_size(bytes) || looks_like_text(bytes),
+    read: |input| {
+        let mut notes = Notes::default();
+        let mut mesh = parse(input, &mut notes)?;
+        normals::smooth(&mut mesh, normals::CREASE_ANGLE, &[]);
+        Ok(super::scene_of(input, mesh, notes))
+    },
+};
+
+/// Bytes before the facets of the binary form.
+const HEADER: usize = 84;
+/// Bytes of a binary facet: normal, three corners, attribute.
+const FACET: usize = 50;
+
+fn declared_facets(bytes: &[u8]) -> Option<u64> {
+    let count = bytes.get(HEADER - 4..HEADER)?;
+    Some(u64::from(u32::from_le_bytes([count[0], count[1], count[2], count[3]])))
+}
+
+fn has_binary_size(bytes: &[u8]) -> bool {
+    declared_facets(bytes).is_some_and(|n| bytes.len() as u64 == HEADER as u64 + n * FACET as u64)
+}
+
+fn looks_like_text(bytes: &[u8]) -> bool {
+    let start = decoded(&bytes[..bytes.len().min(4096)]);
+    let mut text = Text::new(&start, 0);
+    if !text.word_on_any_line().is_some_and(|w| w.bytes.eq_ignore_ascii_case(b"solid")) {
+        return false;
+    }
+    text.next_line();
+    text.word_on_any_line()
+        .is_some_and(|w| [&b"facet"[..], b"endsolid", b"color"].iter().any(|word| w.bytes.eq_ignore_ascii_case(word)))
+}
+
+/// Reads the mesh; normals are left out.
+pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
+    let bytes = &input.bytes;
+    let starts_as_text =
+        decoded(&bytes[..bytes.len().min(64)]).trim_ascii_start().to_ascii_lowercase().starts_with(b"solid");
+    if !has_binary_size(bytes) && (looks_like_text(bytes) || (starts_as_text && !bytes.contains(&0))) {
+        return parse_text(input);
+    }
+    parse_binary(input, notes)
+}
+
+/// Collects corners as welded vertices.
+#[derive(Default)]
+struct Builder {
+    mesh: TriangleMesh,
+    welder: Welder,
+}
+
+impl Builder {
+    fn vertex(&mut self, position: Vec3) -> u32 {
+        let number = self.welder.weld(position);
+        if number as usize == self.mesh.positions.len() {
+            self.mesh.positions.push(position + Vec3::ZERO);
+        }
+        number
+    }
+}
+
+fn parse_binary(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
+    let bytes = &input.bytes;
+    let Some(declared) = declared_facets(bytes) else {
+        return Err(input.error(
+            Place::Byte(bytes.len() as u64),
+            format!("found {} bytes, expected \"solid\" or a header of {HEADER} bytes", bytes.len()),
+            "this is not an STL file, or it is cut off; export or copy it again",
+        ));
+    };
+    let there = ((bytes.len() - HEADER) / FACET) as u64;
+    if declared > there {
+        return Err(input.error(
+            Place::Byte(bytes.len() as u64),
+            format!("the file ends after {there} of {declared} facets of {FACET} bytes"),
+            "the file seems cut off; export or copy it again",
+        ));
+    }
+    let extra = bytes.len() as u64 - HEADER as u64 - declared * FACET as u64;
+    if extra > 0 {
+        notes.add("extra", || format!("{}: {extra} bytes after the last facet were ignored", input.name));
+    }
+    if declared > input.options.limits.elements as u64 {
+        return Err(too_many(input, "triangles"));
+    }
+    let declared = declared as usize;
+    let mut builder = Builder::default();
+    builder.mesh.indices.reserve(declared);
+    for facet in bytes[HEADER..HEADER + declared * FACET].chunks_exact(FACET) {
+        let float = |i: usize| f32::from_le_bytes([facet[i], facet[i + 1], facet[i + 2], facet[i + 3]]);
+        let corner = |i: usize| Vec3::new(float(i), float(i + 4), float(i + 8));
+        let triangle = [12, 24, 36].map(|i| builder.vertex(corner(i)));
+        builder.mesh.indices.push(triangle);
+    }
+    Ok(builder.mesh)
+}
+
+fn parse_text(input: &Input) -> Result<TriangleMesh, ReadError> {
+    let bytes = decoded(&input.bytes);
+    let mut reader = Reader { input, bytes: &bytes, text: Text::new(&bytes, 0) };
+    let mut builder = Builder::default();
+    let mut triangulator = Triangulator::default();
+    let mut loop_vertices: Vec<u32> = Vec::new();
+    while let Some(word) = reader.text.word_on_any_line() {
+        match word.bytes.to_ascii_lowercase().as_slice() {
+            b"vertex" => {
+                let mut p = Vec3::ZERO;
+                for k in 0..3 {
+                    p[k] = reader.number("a coordinate of a vertex", false)?;
+                }
+                loop_vertices.push(builder.vertex(p));
+            }
+            b"outer" => {
+                loop_vertices.clear();
+                reader.text.next_line();
+            }
+            b"endloop" => {
+                if loop_vertices.len() < 3 {
+                    let problem = format!("a facet of {} vertices, expected 3", loop_vertices.len());
+                    return Err(reader.error(word.start, problem, "export the file again"));
+                }
+                super::push_polygon(input, &mut builder.mesh, &loop_vertices, &mut triangulator)?;
+                loop_vertices.clear();
+            }
+            b"endfacet" => {}
+            b"facet" | b"solid" | b"endsolid" | b"color" => reader.text.next_line(),
+            _ => {
+                let problem = format!("found {}, expected facet, vertex, endloop or the like", word.quoted());
+                return Err(reader.error(word.start, problem, "this is not an STL file, or it is damaged"));
+            }
+        }
+    }
+    if !loop_vertices.is_empty() {
+        return Err(reader.missing("endloop"));
+    }
+    Ok(builder.mesh)
+}

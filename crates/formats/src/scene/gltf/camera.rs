@@ -1,0 +1,51 @@
+//! Cameras, placed by their nodes.
+
+use super::Reader;
+use super::json::Json;
+use crate::ReadError;
+use snell_math::DAffine3;
+use snell_scene::{Camera, Projection};
+use std::f64::consts::PI;
+
+/// Adds the camera of a node, if it has one. It looks along the node's `-z`, with `+y` up.
+pub(super) fn read(reader: &mut Reader, node: &Json, world_from_node: &DAffine3) -> Result<(), ReadError> {
+    let Some(index) = node.get("camera")? else { return Ok(()) };
+    let camera = reader.root.entry("cameras", &index)?;
+    let projection = projection(&camera)?;
+    // Scale does not count for cameras (section 3.10.2): `from_direction` keeps the directions only.
+    let axes = &world_from_node.matrix3;
+    let name = [node.name(), camera.name()].into_iter().find(|n| !n.is_empty()).unwrap_or_default();
+    let camera = Camera::from_direction(world_from_node.translation, -axes.z_axis, axes.y_axis, projection);
+    reader.scene.cameras.push(Camera { name, ..camera });
+    Ok(())
+}
+
+/// The projection of a camera. The vertical extent counts; the horizontal one follows from the picture, because nothing may be
+/// stretched when the picture has another shape than the camera's aspect ratio.
+fn projection(camera: &Json) -> Result<Projection, ReadError> {
+    let kind = camera.require("type")?;
+    match kind.string()? {
+        "perspective" => {
+            let angle = camera.require("perspective")?.require("yfov")?;
+            let y = angle.number()?;
+            if !(y > 0.0 && y < PI) {
+                return Err(
+                    angle.error(format!("the angle of view is {y} radians, expected more than 0 and less than pi"))
+                );
+            }
+            Ok(Projection::Perspective { tan_half_fov: [None, Some((y / 2.0).tan())] })
+        }
+        "orthographic" => {
+            let height = camera.require("orthographic")?.require("ymag")?;
+            let y = height.number()?.abs();
+            if y == 0.0 {
+                return Err(height.error("half of the height of the view is 0"));
+            }
+            Ok(Projection::Orthographic { half_size: [None, Some(y)] })
+        }
+        other => {
+            Err(kind
+                .error(format!("\"{other}\" is not a type of camera; expected \"perspective\" or \"orthographic\"")))
+        }
+    }
+}

@@ -1,0 +1,229 @@
+//! From bytes to the JSON document and its buffers: GLB chunks, data URIs, files next to the scene.
+
+use super::json::{Json, REPAIR};
+use crate::{Input, Place, ReadError};
+use base64::Engine;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use serde_json::Value;
+use std::borrow::Cow;
+use std::cell::OnceCell;
+
+/// First bytes of a binary glTF file.
+pub(super) const GLB_MAGIC: &[u8] = b"glTF";
+
+/// The parts of a file before anything is understood.
+pub(super) struct Container<'a> {
+    /// The document.
+    pub json: Value,
+    /// The GLB's binary chunk: content of buffer 0 if that has no URI.
+    pub binary: Option<&'a [u8]>,
+}
+
+impl<'a> Container<'a> {
+    /// Splits a `.glb` or parses a `.gltf`.
+    pub fn open(input: &'a Input) -> Result<Self, ReadError> {
+        if input.bytes.starts_with(GLB_MAGIC) {
+            return open_glb(input);
+        }
+        // The standard forbids a byte order mark, but editors write it.
+        let text = input.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&input.bytes);
+        Ok(Self { json: parse_json(input, text)?, binary: None })
+    }
+}
+
+fn parse_json(input: &Input, text: &[u8]) -> Result<Value, ReadError> {
+    serde_json::from_slice(text).map_err(|e| {
+        let message = e.to_string();
+        let problem = message.split(" at line ").next().unwrap_or(&message);
+        input.error(Place::Column(e.line(), e.column()), format!("not valid JSON: {problem}"), REPAIR)
+    })
+}
+
+/// Splits the chunks of a GLB (glTF 2.0, section 4.4).
+fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
+    let bytes = input.bytes.as_slice();
+    let truncated = |at: usize, what: &str| {
+        let place = Place::Byte(at as u64);
+        input.error(place, format!("the file ends inside of {what}"), "the file is cut off: copy or export it again")
+    };
+    let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let (Some(version), Some(length)) = (word(4), word(8)) else { return Err(truncated(bytes.len(), "its header")) };
+    if version != 2 {
+        return Err(input.error(
+            Place::Byte(4),
+            format!("this is binary glTF version {version}, expected version 2"),
+            "convert it to glTF 2.0, for example with gltf-pipeline or Blender",
+        ));
+    }
+    if length as usize > bytes.len() {
+        return Err(input.error(
+            Place::Byte(8),
+            format!("the header promises {length} bytes, but the file has {}", bytes.len()),
+            "the file is cut off: copy or export it again",
+        ));
+    }
+    let end = (length as usize).max(12);
+    let (mut json, mut binary) = (None, None);
+    let mut at = 12;
+    while at < end {
+        let (Some(size), Some(kind)) = (word(at), word(at + 4)) else { return Err(truncated(at, "a chunk's header")) };
+        let start = at + 8;
+        let stop = start + size as usize;
+        let chunk = bytes.get(start..stop).filter(|_| stop <= end).ok_or_else(|| truncated(at, "a chunk"))?;
+        // Chunks of other kinds, and further ones of the same, belong to extensions and are skipped.
+        match &kind.to_le_bytes() {
+            b"JSON" if json.is_none() => json = Some(chunk),
+            b"BIN\0" if binary.is_none() => binary = Some(chunk),
+            _ => {}
+        }
+        at = stop;
+    }
+    let Some(json) = json else {
+        return Err(input.error(Place::Byte(12), "this binary glTF has no JSON chunk", REPAIR));
+    };
+    Ok(Container { json: parse_json(input, json)?, binary })
+}
+
+/// A part of a buffer, known to lie within what the buffer declares.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct View {
+    buffer: usize,
+    offset: usize,
+    /// Length in bytes.
+    pub length: usize,
+    /// Bytes from one element to the next, if the file says so.
+    pub stride: Option<usize>,
+}
+
+/// The buffers of a document, each fetched when first asked for.
+pub(super) struct Buffers<'a> {
+    input: &'a Input,
+    binary: Option<&'a [u8]>,
+    declared: Vec<Json<'a>>,
+    views: Vec<Json<'a>>,
+    loaded: Vec<OnceCell<Cow<'a, [u8]>>>,
+}
+
+impl<'a> Buffers<'a> {
+    /// Nothing is read yet.
+    pub fn new(input: &'a Input, root: &Json<'a>, binary: Option<&'a [u8]>) -> Result<Self, ReadError> {
+        let declared = root.items_of("buffers")?;
+        let views = root.items_of("bufferViews")?;
+        let loaded = declared.iter().map(|_| OnceCell::new()).collect();
+        Ok(Self { input, binary, declared, views, loaded })
+    }
+
+    /// Where a buffer view lies, checked against what its buffer declares. Reads no buffer.
+    pub fn view(&self, index: &Json) -> Result<View, ReadError> {
+        let view = entry(&self.views, index, "buffer views")?;
+        let buffer_index = view.require("buffer")?;
+        let buffer = entry(&self.declared, &buffer_index, "buffers")?;
+        let offset = view.size_or("byteOffset", 0)?;
+        let length = view.require("byteLength")?.size()?;
+        let stride = view.get("byteStride")?.map(|s| s.size()).transpose()?;
+        let total = buffer.require("byteLength")?.size()?;
+        match offset.checked_add(length) {
+            Some(end) if end <= total => Ok(View { buffer: buffer_index.size()?, offset, length, stride }),
+            _ => Err(view.error(format!(
+                "the buffer view takes {length} bytes from byte {offset}, but its buffer has {total} bytes"
+            ))),
+        }
+    }
+
+    /// The bytes of a buffer view.
+    pub fn bytes(&self, view: &View) -> Result<&[u8], ReadError> {
+        let (buffer, cell) = (&self.declared[view.buffer], &self.loaded[view.buffer]);
+        let bytes = match cell.get() {
+            Some(bytes) => bytes,
+            None => {
+                let bytes = self.load(buffer, view.buffer == 0)?;
+                cell.get_or_init(|| bytes)
+            }
+        };
+        Ok(&bytes[view.offset..view.offset + view.length])
+    }
+
+    /// The bytes of the buffer view that `index` refers to.
+    pub fn view_bytes(&self, index: &Json) -> Result<&[u8], ReadError> {
+        self.bytes(&self.view(index)?)
+    }
+
+    /// The bytes of a buffer, at least as many as it declares.
+    fn load(&self, buffer: &Json<'a>, is_first: bool) -> Result<Cow<'a, [u8]>, ReadError> {
+        let bytes = self.fetch(buffer, is_first)?;
+        let length = buffer.require("byteLength")?.size()?;
+        if bytes.len() < length {
+            return Err(buffer.error_with(
+                format!("the buffer should have {length} bytes, but has only {}", bytes.len()),
+                "the file with the buffer is cut off or not the right one: copy or export it again",
+            ));
+        }
+        Ok(bytes)
+    }
+
+    fn fetch(&self, buffer: &Json<'a>, is_first: bool) -> Result<Cow<'a, [u8]>, ReadError> {
+        match buffer.get("uri")? {
+            Some(uri) => Ok(Cow::Owned(fetch_uri(self.input, &uri)?)),
+            None => self.binary.filter(|_| is_first).map(Cow::Borrowed).ok_or_else(|| {
+                buffer.error_with(
+                    "the buffer has no \"uri\", and there is no binary chunk for it",
+                    "export the file again with its buffers",
+                )
+            }),
+        }
+    }
+}
+
+/// The entry of a table that `index` refers to.
+fn entry<'t, T>(table: &'t [T], index: &Json, what: &str) -> Result<&'t T, ReadError> {
+    let i = index.size()?;
+    table
+        .get(i)
+        .ok_or_else(|| index.error(format!("it refers to number {i} of the {what}, but there are {}", table.len())))
+}
+
+/// The bytes behind a URI: a data URI, or a file relative to the scene's.
+pub(super) fn fetch_uri(input: &Input, uri: &Json) -> Result<Vec<u8>, ReadError> {
+    let text = uri.string()?;
+    if let Some(data) = text.strip_prefix("data:") {
+        return decode_data_uri(data).map_err(|problem| uri.error(problem));
+    }
+    if text.contains("://") {
+        return Err(uri.error_with(
+            format!("\"{text}\" is not a file next to the scene"),
+            "download it, and name the local file instead",
+        ));
+    }
+    if text.is_empty() {
+        return Err(uri.error("the name of the file is empty"));
+    }
+    let decoded = percent_encoding::percent_decode_str(text).decode_utf8().unwrap_or(Cow::Borrowed(text));
+    let opened = match input.open_relative(&decoded) {
+        // Some exporters do not encode: "50%25.bin" may be the name itself.
+        Err(first) if decoded != text => input.open_relative(text).map_err(|_| first),
+        result => result,
+    };
+    let named =
+        |e: ReadError| uri.error_with(format!("the file \"{decoded}\" cannot be used: {}", e.problem), e.remedy);
+    opened.map(|file| file.bytes).map_err(named)
+}
+
+/// Decodes what follows `data:`.
+fn decode_data_uri(data: &str) -> Result<Vec<u8>, String> {
+    let Some((header, body)) = data.split_once(',') else {
+        return Err("the data URI has no comma before its data".into());
+    };
+    if !header.ends_with(";base64") {
+        return Ok(percent_encoding::percent_decode_str(body).collect());
+    }
+    let config = GeneralPurposeConfig::new()
+        .with_decode_padding_mode(DecodePaddingMode::Indifferent)
+        .with_decode_allow_trailing_bits(true);
+    let engine = GeneralPurpose::new(&base64::alphabet::STANDARD, config);
+    let body: Cow<str> = if body.contains(|c: char| c.is_ascii_whitespace()) {
+        Cow::Owned(body.chars().filter(|c| !c.is_ascii_whitespace()).collect())
+    } else {
+        Cow::Borrowed(body)
+    };
+    engine.decode(body.as_bytes()).map_err(|e| format!("the data URI is not valid base64: {e}"))
+}

@@ -1,0 +1,61 @@
+//! Which extensions are understood, and what becomes of the others: required ones are refused, optional ones leave a warning.
+
+use super::json::Json;
+use crate::ReadError;
+use snell_scene::Scene;
+
+/// Extensions that this reader honours.
+const UNDERSTOOD: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
+    "EXT_texture_webp",
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// Extensions that cannot change a still picture.
+const WITHOUT_EFFECT: &[&str] =
+    &["FB_ngon_encoding", "KHR_animation_pointer", "KHR_materials_variants", "KHR_xmp", "KHR_xmp_json_ld"];
+
+/// Refuses required extensions that are not understood, and warns of optional ones.
+pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
+    let known = |name: &str| UNDERSTOOD.contains(&name) || WITHOUT_EFFECT.contains(&name);
+    for required in root.items_of("extensionsRequired")? {
+        let name = required.string()?;
+        if !known(name) {
+            return Err(required.error_with(
+                format!("the file requires the extension {name}, which Snell does not support"),
+                remedy(name),
+            ));
+        }
+    }
+    for used in root.items_of("extensionsUsed")? {
+        let name = used.string()?;
+        if !known(name) {
+            scene.warn(format!("the extension {name} is not supported; the scene is shown without it"));
+        }
+    }
+    Ok(())
+}
+
+fn remedy(name: &str) -> &'static str {
+    match name {
+        "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+            "decompress the file first, for example with `gltf-transform copy in.glb out.glb`, or export it without compression"
+        }
+        "KHR_texture_basisu" | "MSFT_texture_dds" | "EXT_texture_avif" => {
+            "convert its textures to PNG or JPEG first, or export it with such textures"
+        }
+        "KHR_techniques_webgl" | "KHR_materials_common" => {
+            "convert its materials to metallic-roughness, for example by loading it in Blender and exporting it again"
+        }
+        _ => "export the file again without this extension, or as optional",
+    }
+}

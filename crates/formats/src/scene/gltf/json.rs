@@ -1,0 +1,195 @@
+//! A place in the JSON of a glTF file: its value and its path. Every question about the value answers with an error that names the
+//! path, so that the rest of the reader states only what it wants.
+
+use crate::{Input, Place, ReadError};
+use serde_json::Value;
+
+/// What to do about a file that breaks the rules of glTF.
+pub(super) const REPAIR: &str = "export the file again, or see what the glTF validator says about it";
+
+/// A value in the document and where it stands.
+#[derive(Clone)]
+pub(super) struct Json<'a> {
+    input: &'a Input,
+    value: &'a Value,
+    path: String,
+}
+
+impl<'a> Json<'a> {
+    /// The whole document.
+    pub fn root(input: &'a Input, value: &'a Value) -> Self {
+        Self { input, value, path: String::new() }
+    }
+
+    /// JSON pointer of this value, such as `/meshes/0`.
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// An error at this place.
+    pub fn error(&self, problem: impl Into<String>) -> ReadError {
+        self.error_with(problem, REPAIR)
+    }
+
+    /// An error at this place with a remedy of its own.
+    pub fn error_with(&self, problem: impl Into<String>, remedy: impl Into<String>) -> ReadError {
+        let place = if self.path.is_empty() { Place::Whole } else { Place::Json(self.path.clone()) };
+        self.input.error(place, problem, remedy)
+    }
+
+    fn wrong_type(&self, expected: &str) -> ReadError {
+        let found = match self.value {
+            Value::Null => "null".into(),
+            Value::Bool(b) => b.to_string(),
+            Value::Number(n) => n.to_string(),
+            Value::String(s) if s.chars().count() <= 40 => format!("\"{s}\""),
+            Value::String(_) => "a string".into(),
+            Value::Array(_) => "an array".into(),
+            Value::Object(_) => "an object".into(),
+        };
+        self.error(format!("expected {expected}, found {found}"))
+    }
+
+    /// A property, or `None` if it is absent.
+    pub fn get(&self, key: &str) -> Result<Option<Self>, ReadError> {
+        let Value::Object(map) = self.value else { return Err(self.wrong_type("an object")) };
+        Ok(map.get(key).map(|value| self.step(value, key)))
+    }
+
+    /// A property that must be there.
+    pub fn require(&self, key: &str) -> Result<Self, ReadError> {
+        self.get(key)?.ok_or_else(|| self.error(format!("the property \"{key}\" is missing")))
+    }
+
+    /// An extension object, or `None` if it is absent.
+    pub fn extension(&self, name: &str) -> Result<Option<Self>, ReadError> {
+        match self.get("extensions")? {
+            Some(extensions) => extensions.get(name),
+            None => Ok(None),
+        }
+    }
+
+    fn step(&self, value: &'a Value, key: &str) -> Self {
+        // RFC 6901: "~" and "/" in keys are escaped.
+        let escaped = key.replace('~', "~0").replace('/', "~1");
+        Self { input: self.input, value, path: format!("{}/{escaped}", self.path) }
+    }
+
+    fn item(&self, i: usize, value: &'a Value) -> Self {
+        Self { input: self.input, value, path: format!("{}/{i}", self.path) }
+    }
+
+    /// The element of the array `table` (a property of this object) that `index` refers to.
+    pub fn entry(&self, table: &str, index: &Json) -> Result<Self, ReadError> {
+        let i = index.size()?;
+        let items = match self.get(table)? {
+            Some(array) => array.as_array()?,
+            None => &[],
+        };
+        let value = items.get(i).ok_or_else(|| {
+            index.error(format!("it refers to number {i} of \"{table}\", but there are {}", items.len()))
+        })?;
+        Ok(Self { input: self.input, value, path: format!("{}/{table}/{i}", self.path) })
+    }
+
+    fn as_array(&self) -> Result<&'a [Value], ReadError> {
+        match self.value {
+            Value::Array(items) => Ok(items),
+            _ => Err(self.wrong_type("an array")),
+        }
+    }
+
+    /// Names and values of an object's properties, sorted by name.
+    pub fn properties(&self) -> Result<impl Iterator<Item = (&'a str, Self)>, ReadError> {
+        let Value::Object(map) = self.value else { return Err(self.wrong_type("an object")) };
+        Ok(map.iter().map(|(key, value)| (key.as_str(), self.step(value, key))))
+    }
+
+    /// The elements of an array.
+    pub fn items(&self) -> Result<impl ExactSizeIterator<Item = Self> + use<'a>, ReadError> {
+        let items = self.as_array()?;
+        let this = self.clone();
+        Ok(items.iter().enumerate().map(move |(i, value)| this.item(i, value)))
+    }
+
+    /// The elements of an array property; none if it is absent.
+    pub fn items_of(&self, key: &str) -> Result<Vec<Self>, ReadError> {
+        Ok(match self.get(key)? {
+            Some(array) => array.items()?.collect(),
+            None => Vec::new(),
+        })
+    }
+
+    /// Number of elements of an array.
+    pub fn len(&self) -> Result<usize, ReadError> {
+        Ok(self.as_array()?.len())
+    }
+
+    /// A number.
+    pub fn number(&self) -> Result<f64, ReadError> {
+        self.value.as_f64().ok_or_else(|| self.wrong_type("a number"))
+    }
+
+    /// A whole number from 0. Written as `2.0` it counts too.
+    pub fn size(&self) -> Result<usize, ReadError> {
+        let whole = |x: f64| (x.fract() == 0.0 && (0.0..9e15).contains(&x)).then_some(x as u64);
+        self.value
+            .as_u64()
+            .or_else(|| self.value.as_f64().and_then(whole))
+            .and_then(|x| usize::try_from(x).ok())
+            .ok_or_else(|| self.wrong_type("a whole number from 0"))
+    }
+
+    /// A truth value.
+    pub fn boolean(&self) -> Result<bool, ReadError> {
+        self.value.as_bool().ok_or_else(|| self.wrong_type("true or false"))
+    }
+
+    /// A string.
+    pub fn string(&self) -> Result<&'a str, ReadError> {
+        self.value.as_str().ok_or_else(|| self.wrong_type("a string"))
+    }
+
+    /// An array of exactly `N` numbers.
+    pub fn numbers<const N: usize>(&self) -> Result<[f64; N], ReadError> {
+        let all = self.all_numbers()?;
+        all.try_into().map_err(|found: Vec<f64>| self.error(format!("expected {N} numbers, found {}", found.len())))
+    }
+
+    /// An array of any number of numbers.
+    pub fn all_numbers(&self) -> Result<Vec<f64>, ReadError> {
+        let Value::Array(items) = self.value else { return Err(self.wrong_type("an array of numbers")) };
+        let number = |(i, value): (usize, &'a Value)| value.as_f64().map_or_else(|| self.item(i, value).number(), Ok);
+        items.iter().enumerate().map(number).collect()
+    }
+
+    /// A number property or its default.
+    pub fn number_or(&self, key: &str, default: f64) -> Result<f64, ReadError> {
+        self.get(key)?.map_or(Ok(default), |value| value.number())
+    }
+
+    /// A whole-number property or its default.
+    pub fn size_or(&self, key: &str, default: usize) -> Result<usize, ReadError> {
+        self.get(key)?.map_or(Ok(default), |value| value.size())
+    }
+
+    /// A property of `N` numbers or its default.
+    pub fn numbers_or<const N: usize>(&self, key: &str, default: [f64; N]) -> Result<[f64; N], ReadError> {
+        self.get(key)?.map_or(Ok(default), |value| value.numbers())
+    }
+
+    /// A truth property or its default.
+    pub fn boolean_or(&self, key: &str, default: bool) -> Result<bool, ReadError> {
+        self.get(key)?.map_or(Ok(default), |value| value.boolean())
+    }
+
+    /// The property `name`, for people; empty if absent or not a string.
+    pub fn name(&self) -> String {
+        self.value.get("name").and_then(Value::as_str).unwrap_or_default().to_owned()
+    }
+
+    /// True for an object (extension slots hold anything in broken files).
+    pub fn is_object(&self) -> bool {
+        self.value.is_object()
+    }
+}

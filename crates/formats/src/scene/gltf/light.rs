@@ -1,0 +1,79 @@
+//! `KHR_lights_punctual`: directional, point and spot lights, placed by their nodes.
+
+use super::Reader;
+use super::json::Json;
+use crate::ReadError;
+use snell_math::{DAffine3, DVec3, Rgb};
+use snell_scene::Light;
+use snell_scene::light::{Attenuation, SpotFalloff};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+
+/// Lumens per watt by which Blender multiplies what it exports (its standard lighting mode).
+const BLENDER_LUMENS_PER_WATT: f64 = 683.0;
+
+fn table<'a>(reader: &Reader<'a>) -> Result<Vec<Json<'a>>, ReadError> {
+    match reader.root.extension("KHR_lights_punctual")? {
+        Some(extension) => extension.items_of("lights"),
+        None => Ok(Vec::new()),
+    }
+}
+
+/// Factor on the intensities of the file: 1, except for photometric numbers of Blender (see the module `gltf`).
+pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
+    let generator = reader.root.require("asset")?.get("generator")?;
+    if !generator.is_some_and(|g| g.string().is_ok_and(|name| name.contains("Blender"))) {
+        return Ok(1.0);
+    }
+    let mut is_photometric = false;
+    for light in table(reader)? {
+        let threshold = if light.get("type")?.is_some_and(|t| t.string() == Ok("directional")) { 50.0 } else { 100.0 };
+        is_photometric |= light.number_or("intensity", 1.0)? >= threshold;
+    }
+    if is_photometric {
+        reader.scene.warn("the lights were written by Blender in photometric units; they are divided by 683 lm/W");
+    }
+    Ok(if is_photometric { 1.0 / BLENDER_LUMENS_PER_WATT } else { 1.0 })
+}
+
+/// Adds the light of a node, if it has one. It shines along the node's `-z`.
+pub(super) fn read(reader: &mut Reader, node: &Json, world_from_node: &DAffine3, scale: f64) -> Result<(), ReadError> {
+    let Some(extension) = node.extension("KHR_lights_punctual")? else { return Ok(()) };
+    let index = extension.require("light")?;
+    let Some(lights) = reader.root.extension("KHR_lights_punctual")? else {
+        return Err(extension.error("the node has a light, but the file has no table of lights"));
+    };
+    let light = &lights.entry("lights", &index)?;
+    let kind = light.require("type")?;
+    let position = world_from_node.translation;
+    let direction = (-world_from_node.matrix3.z_axis).try_normalize().unwrap_or(DVec3::NEG_Z);
+    let attenuation = Attenuation::INVERSE_SQUARE;
+    let intensity = intensity(light, scale)?;
+    match kind.string()? {
+        "directional" => reader.scene.lights.push(Light::Directional { direction, irradiance: intensity }),
+        "point" => reader.scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 }),
+        "spot" => {
+            let falloff = falloff(light)?;
+            reader.scene.lights.push(Light::Spot { position, direction, intensity, attenuation, falloff });
+        }
+        other => reader.scene.warn(format!("\"{other}\" is not a type of light; it is left out")),
+    }
+    Ok(())
+}
+
+fn intensity(light: &Json, scale: f64) -> Result<Rgb, ReadError> {
+    let color = light.numbers_or("color", [1.0; 3])?;
+    let strength = light.number_or("intensity", 1.0)? * scale;
+    let [r, g, b] = color.map(|c| (c.max(0.0) * strength) as f32);
+    if !(strength >= 0.0 && Rgb::new(r, g, b).is_finite()) {
+        return Err(light.error("the intensity of a light must be 0 or more"));
+    }
+    Ok(Rgb::new(r, g, b))
+}
+
+/// The cone of a spot light, its angles made to be in order.
+fn falloff(light: &Json) -> Result<SpotFalloff, ReadError> {
+    let spot = light.require("spot")?;
+    let outer = spot.number_or("outerConeAngle", FRAC_PI_4)?.clamp(0.0, FRAC_PI_2);
+    let inner = spot.number_or("innerConeAngle", 0.0)?.clamp(0.0, outer);
+    Ok(SpotFalloff::Smooth { inner, outer })
+}

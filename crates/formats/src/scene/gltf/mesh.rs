@@ -1,0 +1,185 @@
+//! Primitives: vertex attributes and indices to a triangle mesh.
+
+use super::accessor::{Accessor, Component};
+use super::json::Json;
+use super::skin::Influences;
+use super::topology::Topology;
+use super::{Reader, morph};
+use crate::ReadError;
+use snell_intersect::TriangleMesh;
+use snell_math::{Vec2, Vec3, Vec4};
+
+/// A primitive with what else is needed to place it.
+pub(super) struct Primitive {
+    /// The triangles, morph targets applied, before any skin.
+    pub mesh: TriangleMesh,
+    /// Which joints move its vertices, if it can be skinned.
+    pub influences: Option<Influences>,
+    /// Position in the table of materials.
+    pub material: Option<usize>,
+}
+
+/// Reads the primitives of a mesh that can be shown. `weights` are those of the morph targets.
+pub(super) fn read_primitives(reader: &mut Reader, mesh: &Json, weights: &[f64]) -> Result<Vec<Primitive>, ReadError> {
+    let mut primitives = Vec::new();
+    for json in mesh.require("primitives")?.items()? {
+        let Some(topology) = Topology::of(&json)? else {
+            reader.scene.warn("points and lines have no surface and are not shown");
+            continue;
+        };
+        primitives.extend(read_primitive(reader, &json, topology, weights)?);
+    }
+    Ok(primitives)
+}
+
+fn read_primitive(
+    reader: &mut Reader,
+    json: &Json,
+    topology: Topology,
+    weights: &[f64],
+) -> Result<Option<Primitive>, ReadError> {
+    let attributes = json.get("attributes")?;
+    let positions = attributes.as_ref().map_or(Ok(None), |a| a.get("POSITION"))?;
+    let (Some(attributes), Some(positions)) = (attributes, positions) else {
+        reader.scene.warn("a primitive without positions is not shown");
+        return Ok(None);
+    };
+    let accessor = reader.accessors.get(&positions)?;
+    let vertices = accessor.count;
+    reader.vertices += vertices;
+    if reader.vertices > reader.input.options.limits.elements {
+        let limit = reader.input.options.limits.elements;
+        return Err(positions.error_with(format!("the scene has more than {limit} vertices"), "split the scene"));
+    }
+    let mut mesh = TriangleMesh { positions: vectors(&accessor, Vec3::from_array)?, ..TriangleMesh::default() };
+    read_attributes(reader, &attributes, &mut mesh)?;
+    let influences = Influences::read(reader, &attributes, vertices)?;
+    morph::apply(reader, json, weights, &mut mesh)?;
+    mesh.indices = topology.triangles(&read_indices(reader, json, vertices)?);
+    repair(&mut mesh);
+    let material = json.get("material")?.map(|m| m.size()).transpose()?;
+    Ok(Some(Primitive { mesh, influences, material }))
+}
+
+/// All attributes but positions.
+fn read_attributes(reader: &Reader, attributes: &Json, mesh: &mut TriangleMesh) -> Result<(), ReadError> {
+    let vertices = mesh.positions.len();
+    if let Some(accessor) = attribute(reader, attributes, "NORMAL", vertices)? {
+        mesh.normals = vectors(&accessor, Vec3::from_array)?;
+        // Without normals the standard wants flat shading, and tangents ignored.
+        if let Some(accessor) = attribute(reader, attributes, "TANGENT", vertices)? {
+            mesh.tangents = vectors(&accessor, Vec4::from_array)?;
+        }
+    }
+    for (set, name) in ["TEXCOORD_0", "TEXCOORD_1"].into_iter().enumerate() {
+        if let Some(accessor) = attribute(reader, attributes, name, vertices)? {
+            mesh.uvs[set] = vectors(&accessor, Vec2::from_array)?;
+        }
+    }
+    if let Some(accessor) = attribute(reader, attributes, "COLOR_0", vertices)? {
+        let accessor = accessor.into_fractions();
+        mesh.colors = match accessor.width {
+            3 => vectors(&accessor, |[r, g, b]| [r, g, b, 1.0])?,
+            _ => vectors(&accessor, |rgba: [f32; 4]| rgba)?,
+        };
+    }
+    Ok(())
+}
+
+/// The accessor of an attribute, with one element per vertex.
+pub(super) fn attribute<'s, 'a>(
+    reader: &'s Reader<'a>,
+    attributes: &Json,
+    name: &str,
+    vertices: usize,
+) -> Result<Option<Accessor<'s, 'a>>, ReadError> {
+    let Some(index) = attributes.get(name)? else { return Ok(None) };
+    let accessor = reader.accessors.get(&index)?;
+    if accessor.count != vertices {
+        return Err(index.error(format!(
+            "its accessor has {} elements, but there are {vertices} positions; every attribute needs one per vertex",
+            accessor.count
+        )));
+    }
+    if accessor.component == Component::U32 {
+        return Err(index.error("32-bit integers are not possible for vertex attributes"));
+    }
+    Ok(Some(accessor))
+}
+
+fn vectors<const N: usize, T>(accessor: &Accessor, make: impl Fn([f32; N]) -> T) -> Result<Vec<T>, ReadError> {
+    Ok(accessor.vectors()?.into_iter().map(make).collect())
+}
+
+/// The vertex numbers of a primitive, each in range; without indices, all vertices in turn.
+fn read_indices(reader: &Reader, json: &Json, vertices: usize) -> Result<Vec<u32>, ReadError> {
+    let Some(index) = json.get("indices")? else {
+        let vertices =
+            u32::try_from(vertices).map_err(|_| json.error("more vertices than 32-bit numbers can count"))?;
+        return Ok((0..vertices).collect());
+    };
+    let accessor = reader.accessors.get(&index)?;
+    let indices = accessor.indices()?;
+    match indices.iter().position(|&i| i as usize >= vertices) {
+        None => Ok(indices),
+        Some(at) => Err(index.error(format!(
+            "index {at} is {}, but there are only {vertices} vertices (strips cannot be restarted in glTF)",
+            indices[at]
+        ))),
+    }
+}
+
+/// Leaves out vertices that no triangle uses, if they are more than half: exporters let many primitives share one large array.
+pub(super) fn drop_unused(mesh: &mut TriangleMesh) {
+    const UNUSED: u32 = u32::MAX;
+    let mut new_number = vec![UNUSED; mesh.positions.len()];
+    for &i in mesh.indices.iter().flatten() {
+        new_number[i as usize] = 0;
+    }
+    let used: Vec<usize> = (0..new_number.len()).filter(|&i| new_number[i] != UNUSED).collect();
+    if used.len() > mesh.positions.len() / 2 {
+        return;
+    }
+    for (number, &i) in (0..).zip(&used) {
+        new_number[i] = number;
+    }
+    keep(&mut mesh.positions, &used);
+    keep(&mut mesh.normals, &used);
+    keep(&mut mesh.tangents, &used);
+    mesh.uvs.iter_mut().for_each(|uvs| keep(uvs, &used));
+    keep(&mut mesh.colors, &used);
+    for i in mesh.indices.iter_mut().flatten() {
+        *i = new_number[*i as usize];
+    }
+}
+
+/// The elements at these places, if there are any.
+fn keep<T: Copy>(values: &mut Vec<T>, places: &[usize]) {
+    if !values.is_empty() {
+        *values = places.iter().map(|&i| values[i]).collect();
+    }
+}
+
+/// Makes attributes usable that are not: NaNs, normals and tangents without length, colours out of range.
+fn repair(mesh: &mut TriangleMesh) {
+    let usable = |v: Vec3| v.is_finite() && v.length_squared() > 0.0;
+    if mesh.normals.iter().any(|&n| !usable(n)) {
+        let computed = mesh.computed_normals();
+        for (normal, computed) in mesh.normals.iter_mut().zip(computed) {
+            if !usable(*normal) {
+                *normal = computed;
+            }
+        }
+    }
+    for (tangent, normal) in mesh.tangents.iter_mut().zip(&mesh.normals) {
+        let direction = tangent.truncate();
+        let direction = if usable(direction) { direction } else { normal.normalize().any_orthonormal_vector() };
+        *tangent = direction.normalize().extend(if tangent.w < 0.0 { -1.0 } else { 1.0 });
+    }
+    for uv in mesh.uvs.iter_mut().flatten().filter(|uv| !uv.is_finite()) {
+        *uv = Vec2::ZERO;
+    }
+    for channel in mesh.colors.iter_mut().flatten() {
+        *channel = if channel.is_nan() { 1.0 } else { channel.clamp(0.0, 1.0) };
+    }
+}

@@ -1,0 +1,124 @@
+//! glTF 2.0: `.gltf` (JSON beside its buffers and images) and `.glb` (all in one file).
+//!
+//! The document is read as plain JSON through [`json::Json`], which knows its place and so can say where a file is wrong. A file
+//! that breaks the standard in a way that would change the picture (dangling references, data that does not fit, cycles) is refused
+//! with that place; a file that is merely odd loads, and what was changed or left out is a warning of the scene.
+//!
+//! How glTF maps to a scene: each node is a node; each mesh is a node with one surface per primitive, stored once and shared by all
+//! nodes that show it. Morph targets are applied with their default weights, skins at the pose that the nodes are in; animations do
+//! not move anything. `+y` is up, lengths are metres.
+//!
+//! # Units of light
+//! glTF gives light in photometric units (cd, lx, cd/m²), without spectra. They are taken as they stand for the radiometric ones
+//! (W/sr, W/m², W/(m² sr)) of each of the channels, as the usual viewers do: a white wall under 3.14 lx shows as 1, and an emissive
+//! factor of 1 as 1. So lights and emission keep the proportion that the standard gives them. One exception: Blender writes its
+//! watts times 683 lm/W (unless told otherwise), but emission without that factor. Files of Blender with a light
+//! of at least 100 cd or 50 lx have their lights divided by 683 again, which is what Blender's own importer does.
+
+mod accessor;
+mod camera;
+mod container;
+mod extension;
+mod instancing;
+mod json;
+mod light;
+mod material;
+mod mesh;
+mod morph;
+mod node;
+mod reference;
+mod skin;
+mod texture;
+mod topology;
+
+#[cfg(test)]
+mod tests;
+
+use crate::{Input, ReadError, SceneReader};
+use accessor::Accessors;
+use container::{Buffers, Container, GLB_MAGIC};
+use json::Json;
+use snell_scene::{MaterialId, Scene};
+use texture::Textures;
+
+/// Reader of glTF 2.0.
+pub const READER: SceneReader = SceneReader {
+    name: "gltf",
+    description: "glTF 2.0 scenes, with their materials, textures, cameras and lights",
+    extensions: &["gltf", "glb", "vrm"],
+    recognises,
+    read,
+};
+
+/// A GLB by its first bytes, a `.gltf` by its `asset` with a version, near the start or the end.
+fn recognises(bytes: &[u8]) -> bool {
+    const WINDOW: usize = 4096;
+    let starts_as_object =
+        bytes.iter().find(|b| !b.is_ascii_whitespace() && !b"\xef\xbb\xbf".contains(b)) == Some(&b'{');
+    let names_version = |part: &[u8]| {
+        let text = String::from_utf8_lossy(part);
+        let asset = text.split_once("\"asset\"").map(|(_, rest)| rest.trim_start());
+        asset.and_then(|rest| rest.strip_prefix(':')).is_some_and(|rest| rest.contains("\"version\""))
+    };
+    bytes.starts_with(GLB_MAGIC)
+        || starts_as_object
+            && (names_version(&bytes[..bytes.len().min(WINDOW)])
+                || names_version(&bytes[bytes.len().saturating_sub(WINDOW)..]))
+}
+
+/// End of the warning about an image that cannot be shown.
+const REPLACED_BY_CHECKER: &str = "a magenta checker is shown instead";
+
+/// What the parts of the reader share.
+struct Reader<'a> {
+    input: &'a Input,
+    root: Json<'a>,
+    accessors: Accessors<'a>,
+    textures: Textures,
+    scene: Scene,
+    /// Material of primitives without one, once there was one.
+    default_material: Option<MaterialId>,
+    /// Vertices read so far, for the limit.
+    vertices: usize,
+}
+
+fn read(input: &Input) -> Result<Scene, ReadError> {
+    let Container { json, binary } = Container::open(input)?;
+    let root = Json::root(input, &json);
+    check_version(&root)?;
+    let mut scene = Scene::new(input.stem());
+    extension::check(&root, &mut scene)?;
+    if !root.items_of("animations")?.is_empty() {
+        scene.warn("animations are not played; the scene is shown as its nodes stand");
+    }
+    reference::check(&root)?;
+
+    let accessors = Accessors::new(&root, Buffers::new(input, &root, binary)?, input.options.limits.elements)?;
+    accessors.check()?;
+    let textures = Textures::default();
+    let mut reader = Reader { input, root, accessors, textures, scene, default_material: None, vertices: 0 };
+    reader.textures = texture::decode_images(&reader)?;
+    material::read_all(&mut reader)?;
+    node::read_scene(&mut reader)?;
+    Ok(reader.scene)
+}
+
+/// Only glTF 2 is understood.
+fn check_version(root: &Json) -> Result<(), ReadError> {
+    let asset = root.require("asset")?;
+    let version = asset.require("version")?;
+    let text = version.string()?;
+    let remedy = "convert it to glTF 2.0, for example with gltf-pipeline or Blender";
+    if text.split('.').next() != Some("2") {
+        return Err(version.error_with(format!("this is glTF \"{text}\", expected 2.0"), remedy));
+    }
+    if let Some(minimum) = asset.get("minVersion")?
+        && minimum.string()? != "2.0"
+    {
+        let found = minimum.string()?;
+        return Err(
+            minimum.error_with(format!("it needs a reader of glTF \"{found}\", but this is one of 2.0"), remedy)
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,212 @@
+//! Textures: images, how they repeat, and where they lie on the surface.
+
+use super::container::fetch_uri;
+use super::json::Json;
+use super::{REPLACED_BY_CHECKER, Reader};
+use crate::image::read_image;
+use crate::{Input, ReadError};
+use rayon::prelude::*;
+use snell_scene::graph::ImageId;
+use snell_scene::texture::{Filtering, Wrap, missing_texture_image};
+use snell_scene::{Encoding, Image, Texture, TextureId};
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+/// What a texture is used for.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub(super) enum Use {
+    /// Colours, encoded as sRGB. A missing image shows as a checker.
+    Color,
+    /// Numbers, linear. A missing image is left out: a checker would be noise in places where it does not tell anything.
+    Data,
+}
+
+/// What identifies a texture of the scene: number in the file, use, coordinate set, bits of the coordinates' map.
+type Key = (usize, Use, u32, [u32; 6]);
+
+/// Images of the file, and what of them is in the scene already.
+#[derive(Default)]
+pub(super) struct Textures {
+    /// By number in the file: the image or why there is none. `None` if no texture names it.
+    decoded: Vec<Option<Result<Arc<Image>, String>>>,
+    /// Images in the scene, by number in the file.
+    placed: BTreeMap<usize, ImageId>,
+    missing: Option<ImageId>,
+    // Only looked up, never walked.
+    known: HashMap<Key, TextureId>,
+}
+
+/// Number of the image that a texture shows.
+fn source(texture: &Json) -> Result<Option<usize>, ReadError> {
+    let webp = match texture.extension("EXT_texture_webp")? {
+        Some(extension) => extension.get("source")?,
+        None => None,
+    };
+    match webp {
+        Some(source) => source.size().map(Some),
+        None => texture.get("source")?.map(|s| s.size()).transpose(),
+    }
+}
+
+/// Decodes the images that textures name, in parallel. What cannot be decoded is noted, not refused.
+pub(super) fn decode_images(reader: &Reader) -> Result<Textures, ReadError> {
+    let images = reader.root.items_of("images")?;
+    let mut used = vec![false; images.len()];
+    for texture in reader.root.items_of("textures")? {
+        if let Some(slot) = source(&texture)?.and_then(|i| used.get_mut(i)) {
+            *slot = true;
+        }
+    }
+    // Images of the same content are decoded once.
+    let mut sources: Vec<Result<Source, ReadError>> = Vec::new();
+    let mut number_of: BTreeMap<String, usize> = BTreeMap::new();
+    let mut source_of = vec![None; images.len()];
+    for (i, image) in images.iter().enumerate().filter(|(i, _)| used[*i]) {
+        let number = *number_of.entry(source_name(image)?).or_insert_with(|| {
+            sources.push(Source::of(reader, image));
+            sources.len() - 1
+        });
+        source_of[i] = Some(number);
+    }
+    if sources.len() > reader.input.options.limits.files {
+        let limit = reader.input.options.limits.files;
+        return Err(reader.root.error_with(format!("the file has more than {limit} images"), "split the scene"));
+    }
+    let decoded: Vec<Result<Arc<Image>, String>> = sources
+        .into_par_iter()
+        .map(|source| source.and_then(|s| s.decode(reader.input)).map(Arc::new).map_err(|e| e.to_string()))
+        .collect();
+    let decoded = source_of.into_iter().map(|number| number.map(|n| decoded[n].clone())).collect();
+    Ok(Textures { decoded, ..Textures::default() })
+}
+
+/// The same for images of the same content.
+fn source_name(image: &Json) -> Result<String, ReadError> {
+    Ok(match (image.get("uri")?, image.get("bufferView")?) {
+        (Some(uri), _) => format!("uri {}", uri.string()?),
+        (None, Some(view)) => format!("view {}", view.size()?),
+        (None, None) => format!("nothing at {}", image.path()),
+    })
+}
+
+/// Where an image's bytes come from.
+enum Source<'s, 'a> {
+    Bytes(Json<'a>, &'s [u8]),
+    Uri(Json<'a>),
+}
+
+impl<'s, 'a> Source<'s, 'a> {
+    fn of(reader: &'s Reader<'a>, image: &Json<'a>) -> Result<Self, ReadError> {
+        match (image.get("uri")?, image.get("bufferView")?) {
+            (Some(uri), _) => Ok(Self::Uri(uri)),
+            (None, Some(view)) => Ok(Self::Bytes(image.clone(), reader.accessors.buffers().view_bytes(&view)?)),
+            (None, None) => Err(image.error("the image has neither \"uri\" nor \"bufferView\"")),
+        }
+    }
+
+    fn decode(self, input: &Input) -> Result<Image, ReadError> {
+        let (name, bytes) = match self {
+            Self::Bytes(image, bytes) => (format!("{}: image at {}", input.name, image.path()), bytes.to_vec()),
+            Self::Uri(uri) => {
+                let text = uri.string()?;
+                let shown = if text.starts_with("data:") { format!("image at {}", uri.path()) } else { text.into() };
+                (shown, fetch_uri(input, &uri)?)
+            }
+        };
+        read_image(&Input::from_bytes(&name, bytes, &input.directory, &input.options))
+    }
+}
+
+/// The texture that a `textureInfo` object names, put into the scene. `None` if its image is missing and it is no colour.
+pub(super) fn read(reader: &mut Reader, info: &Json, used_for: Use) -> Result<Option<TextureId>, ReadError> {
+    let index = info.require("index")?;
+    let texture = &reader.root.entry("textures", &index)?;
+    let (uv_set, uv_transform) = placement(reader, info)?;
+    let key = (index.size()?, used_for, uv_set, uv_transform.as_flattened().try_into().map_or([0; 6], bits));
+    if let Some(&id) = reader.textures.known.get(&key) {
+        return Ok(Some(id));
+    }
+    let Some(image) = image(reader, texture, used_for)? else { return Ok(None) };
+    let (wrap, filtering) = sampler(reader, texture)?;
+    let encoding = if used_for == Use::Color { Encoding::Srgb } else { Encoding::Linear };
+    let id = reader.scene.add_texture(Texture { image, encoding, wrap, filtering, uv_set, uv_transform });
+    reader.textures.known.insert(key, id);
+    Ok(Some(id))
+}
+
+fn bits(values: [f32; 6]) -> [u32; 6] {
+    values.map(f32::to_bits)
+}
+
+/// The image of a texture in the scene.
+fn image(reader: &mut Reader, texture: &Json, used_for: Use) -> Result<Option<ImageId>, ReadError> {
+    let source = source(texture)?;
+    let decoded = source.and_then(|i| reader.textures.decoded.get(i).cloned().flatten());
+    let problem = match (source, decoded) {
+        (Some(i), Some(Ok(image))) => {
+            if let Some(&id) = reader.textures.placed.get(&i) {
+                return Ok(Some(id));
+            }
+            let id = reader.scene.add_image(image);
+            reader.textures.placed.insert(i, id);
+            return Ok(Some(id));
+        }
+        (_, Some(Err(problem))) => problem,
+        _ => format!("the texture at {} names no image", texture.path()),
+    };
+    if used_for == Use::Data {
+        reader.scene.warn(format!("{problem}; the surface is shown without this map"));
+        return Ok(None);
+    }
+    reader.scene.warn(format!("{problem}; {REPLACED_BY_CHECKER}"));
+    let id = match reader.textures.missing {
+        Some(id) => id,
+        None => reader.scene.add_image(Arc::new(missing_texture_image())),
+    };
+    reader.textures.missing = Some(id);
+    Ok(Some(id))
+}
+
+/// Wrap modes and filtering of a texture.
+fn sampler(reader: &mut Reader, texture: &Json) -> Result<([Wrap; 2], Filtering), ReadError> {
+    let Some(index) = texture.get("sampler")? else { return Ok(([Wrap::Repeat; 2], Filtering::Trilinear)) };
+    let sampler = reader.root.entry("samplers", &index)?;
+    let mut wrap = [Wrap::Repeat; 2];
+    for (wrap, key) in wrap.iter_mut().zip(["wrapS", "wrapT"]) {
+        *wrap = match sampler.size_or(key, 10497)? {
+            10497 => Wrap::Repeat,
+            33071 => Wrap::Clamp,
+            33648 => Wrap::Mirror,
+            other => {
+                reader.scene.warn(format!("{other} is not a wrap mode; the texture repeats"));
+                Wrap::Repeat
+            }
+        };
+    }
+    const NEAREST: usize = 9728;
+    let is_nearest = sampler.size_or("magFilter", 0)? == NEAREST;
+    Ok((wrap, if is_nearest { Filtering::Nearest } else { Filtering::Trilinear }))
+}
+
+/// Coordinate set and map of the coordinates (`KHR_texture_transform`).
+fn placement(reader: &mut Reader, info: &Json) -> Result<(u32, [[f32; 3]; 2]), ReadError> {
+    let mut set = info.size_or("texCoord", 0)?;
+    let mut map = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    if let Some(transform) = info.extension("KHR_texture_transform")? {
+        set = transform.size_or("texCoord", set)?;
+        let [tx, ty] = transform.numbers_or("offset", [0.0; 2])?;
+        let [sx, sy] = transform.numbers_or("scale", [1.0; 2])?;
+        let (sin, cos) = transform.number_or("rotation", 0.0)?.sin_cos();
+        // Coordinates are scaled, turned counter-clockwise as seen with v downwards, then moved. (The formula in the extension's
+        // text turns the other way; its test model and the viewers agree on this one.)
+        map = [[cos * sx, sin * sy, tx], [-sin * sx, cos * sy, ty]].map(|row| row.map(|x| x as f32));
+        if map.as_flattened().iter().any(|x| !x.is_finite()) {
+            return Err(transform.error("the transform is too large to be computed"));
+        }
+    }
+    if set > 1 {
+        reader.scene.warn(format!("texture coordinate set {set} is not supported; set 0 is used instead"));
+        set = 0;
+    }
+    Ok((set as u32, map))
+}

@@ -1,0 +1,36 @@
+//! A cylinder around the y axis.
+
+use super::frustum::{Frustum, closed, shape_as_frustum};
+use super::{Shape, ShapeError, ShapeHit, ShapeSample, ShapeSurface};
+use serde::{Deserialize, Serialize};
+use snell_math::{Bounds3d, DRay, DVec2, DVec3};
+
+/// A cylinder around the y axis, centred: from `-height / 2` to `+height / 2`. Faces and `uv` as [`Frustum`]'s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cylinder {
+    /// Radius, positive.
+    pub radius: f64,
+    /// Height, positive.
+    pub height: f64,
+    /// Whether the ends are closed by disks (the default).
+    #[serde(default = "closed")]
+    pub caps: bool,
+}
+
+impl Cylinder {
+    /// Cylinders for tests and galleries: plain, open, wire, coin.
+    pub fn examples() -> Vec<Self> {
+        [(1.0, 2.0, true), (1.0, 2.0, false), (1e-3, 50.0, true), (20.0, 1e-2, true)]
+            .map(|(radius, height, caps)| Self { radius, height, caps })
+            .to_vec()
+    }
+
+    fn as_frustum(&self) -> Frustum {
+        Frustum { bottom_radius: self.radius, top_radius: self.radius, height: self.height, caps: self.caps }
+    }
+}
+
+shape_as_frustum!(Cylinder, |s| {
+    ShapeError::unless_positive("cylinder", "radius", s.radius)?;
+    ShapeError::unless_positive("cylinder", "height", s.height)
+});

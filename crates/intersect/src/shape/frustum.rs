@@ -1,0 +1,278 @@
+//! The truncated cone, of which cylinder and cone are special cases: one routine for all three.
+
+use super::disk::{polar, sample_ring};
+use super::span::{Span, crossings, roots, slab};
+use super::{Shape, ShapeError, ShapeHit, ShapeSample, ShapeSurface, turn};
+use serde::{Deserialize, Serialize};
+use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
+use std::f64::consts::{PI, TAU};
+
+/// A truncated cone around the y axis, centred: from `-height / 2` to `+height / 2`. Faces: 0 side, 1 bottom, 2 top.
+///
+/// `uv` of the side is (longitude / 2 pi, 0 at the top and 1 at the bottom), longitude from +z towards +x as on the sphere; of the
+/// caps (longitude / 2 pi, 0 at the rim and 1 at the centre).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Frustum {
+    /// Radius at the bottom, at least 0.
+    pub bottom_radius: f64,
+    /// Radius at the top, at least 0; one of the two must be positive.
+    pub top_radius: f64,
+    /// Height, positive.
+    pub height: f64,
+    /// Whether the ends are closed by disks.
+    #[serde(default = "closed")]
+    pub caps: bool,
+}
+
+/// Ends are closed unless said otherwise.
+pub(super) fn closed() -> bool {
+    true
+}
+
+impl Frustum {
+    /// The side.
+    pub const SIDE: u32 = 0;
+    /// The disk at the bottom.
+    pub const BOTTOM: u32 = 1;
+    /// The disk at the top.
+    pub const TOP: u32 = 2;
+
+    /// Frusta for tests and galleries: open and closed, narrow above and below, nearly flat, nearly a cylinder.
+    pub fn examples() -> Vec<Self> {
+        [
+            (1.0, 0.5, 2.0, true),
+            (0.5, 1.0, 2.0, false),
+            (0.0, 1.0, 1.0, true),
+            (1.0, 1.0, 2.0, false),
+            (50.0, 1.0, 0.1, true),
+            (1.0, 0.999_999, 30.0, true),
+            (2e-3, 1e-3, 1e-3, false),
+        ]
+        .map(|(bottom_radius, top_radius, height, caps)| Self { bottom_radius, top_radius, height, caps })
+        .to_vec()
+    }
+
+    /// Growth of the radius per unit of y.
+    fn slope(&self) -> f64 {
+        (self.top_radius - self.bottom_radius) / self.height
+    }
+
+    /// The ends of the axis: y at the bottom and at the top.
+    fn ends(&self) -> [f64; 2] {
+        [-0.5 * self.height, 0.5 * self.height]
+    }
+
+    /// The face that closes each end. A cap without radius is the apex, a point of the side.
+    fn end_faces(&self) -> [u32; 2] {
+        let face = |radius, cap| if radius > 0.0 { cap } else { Self::SIDE };
+        [face(self.bottom_radius, Self::BOTTOM), face(self.top_radius, Self::TOP)]
+    }
+
+    /// The part of a line inside the solid, caps or not.
+    fn span(&self, o: DVec3, d: DVec3) -> Option<Span> {
+        let axial = slab(o.y, d.y, self.ends(), self.end_faces())?;
+        self.span_of_infinite_cone(o, d)?.intersection(axial)
+    }
+
+    /// The part of a line inside the cone extended without end: inside where `f(t) = |P|^2 - R^2 <= 0`, with `P` the point of the
+    /// line seen along the axis and `R` the (signed) radius at its height, both linear in `t`. May lie in the cone beyond the
+    /// apex; the slab of the ends cuts that off.
+    ///
+    /// `f` is a quadratic `a t^2 + 2 b t + c`. Its discriminant is written `|R d - e P|^2 - (P x d)^2` (with `e` the change of `R`;
+    /// Lagrange's identity), which keeps its digits for rays from far away and near the apex.
+    fn span_of_infinite_cone(&self, o: DVec3, d: DVec3) -> Option<Span> {
+        let minor = robust::difference_of_products;
+        let (p, d_across) = (DVec2::new(o.z, o.x), DVec2::new(d.z, d.x));
+        // From the nearer end, so that a point on a rim gets the radius of the rim.
+        let r = if o.y < 0.0 {
+            self.bottom_radius + self.slope() * (o.y + 0.5 * self.height)
+        } else {
+            self.top_radius + self.slope() * (o.y - 0.5 * self.height)
+        };
+        let e = self.slope() * d.y;
+        let speed = d_across.length();
+        let a = (speed - e) * (speed + e);
+        let b = p.dot(d_across) - r * e;
+        let distance = p.length();
+        let c = (distance - r) * (distance + r);
+        let reach = DVec2::new(minor(r, d_across.x, e, p.x), minor(r, d_across.y, e, p.y)).length();
+        let cross = minor(p.x, d_across.y, p.y, d_across.x).abs();
+        let discriminant = (reach - cross) * (reach + cross);
+        let (start, end) = if a > 0.0 {
+            if discriminant.is_nan() || discriminant < 0.0 {
+                return None;
+            }
+            roots(a, b, c, discriminant)
+        } else if a < 0.0 {
+            // Steeper than the cone: inside from the last crossing on if it widens ahead, else up to the first.
+            let (t0, t1) = roots(a, b, c, discriminant.max(0.0));
+            if e > 0.0 { (t1, f64::INFINITY) } else { (f64::NEG_INFINITY, t0) }
+        } else if b == 0.0 {
+            // Along the axis of a cylinder, or along the side.
+            return if c <= 0.0 { Span::new(f64::NEG_INFINITY, f64::INFINITY, [0, 0]) } else { None };
+        } else {
+            let t = -c / (2.0 * b);
+            if b > 0.0 { (f64::NEG_INFINITY, t) } else { (t, f64::INFINITY) }
+        };
+        Span::new(start, end, [Self::SIDE, Self::SIDE])
+    }
+
+    fn hits(&self, ray: &DRay) -> impl Iterator<Item = ShapeHit> {
+        crossings(ray, |o, d| self.span(o, d)).filter(|hit| self.caps || hit.face == Self::SIDE)
+    }
+
+    /// Length of the side from rim to rim.
+    fn slant(&self) -> f64 {
+        self.height.hypot(self.top_radius - self.bottom_radius)
+    }
+
+    /// Area of side, bottom and top.
+    fn areas(&self) -> [f64; 3] {
+        let cap = |r: f64| if self.caps { PI * r * r } else { 0.0 };
+        let side = PI * (self.bottom_radius + self.top_radius) * self.slant();
+        [side, cap(self.bottom_radius), cap(self.top_radius)]
+    }
+
+    fn side_surface(&self, position: DVec3) -> ShapeSurface {
+        let across = DVec2::new(position.z, position.x);
+        let along = across.try_normalize().unwrap_or(DVec2::X);
+        // The nearest point of the side, in the half plane of the axis and the position.
+        let (rise, widening) = (self.height, self.top_radius - self.bottom_radius);
+        let from_bottom = (across.length() - self.bottom_radius) * widening + (position.y + 0.5 * rise) * rise;
+        let s = (from_bottom / (rise * rise + widening * widening)).clamp(0.0, 1.0);
+        let rho = self.bottom_radius * (1.0 - s) + self.top_radius * s;
+        let around = DVec3::new(along.x, 0.0, -along.y);
+        let slant = self.slant();
+        ShapeSurface {
+            position: DVec3::new(along.y * rho, (s - 0.5) * rise, along.x * rho),
+            normal: DVec3::new(along.y * rise, -widening, along.x * rise) / slant,
+            uv: DVec2::new(turn(along), 1.0 - s),
+            // At an apex, where the derivative vanishes, any tangent.
+            dpdu: around * if rho > 0.0 { TAU * rho } else { slant },
+            dpdv: -DVec3::new(along.y * widening, rise, along.x * widening),
+        }
+    }
+
+    fn cap_surface(&self, position: DVec3, y: f64, radius: f64) -> ShapeSurface {
+        let place = |p: DVec2| DVec3::new(p.y, 0.0, p.x);
+        let (p, uv, dpdu, dpdv) = polar(DVec2::new(position.z, position.x), radius, 0.0);
+        ShapeSurface {
+            position: place(p).with_y(y),
+            normal: DVec3::Y.with_y(1.0_f64.copysign(y)),
+            uv,
+            dpdu: place(dpdu),
+            dpdv: place(dpdv),
+        }
+    }
+}
+
+impl Shape for Frustum {
+    fn validate(&self) -> Result<(), ShapeError> {
+        let expected = "at least 0, and positive at one end";
+        let (larger, smaller) = (self.bottom_radius.max(self.top_radius), self.bottom_radius.min(self.top_radius));
+        ShapeError::unless("frustum", "bottom_radius", self.bottom_radius, expected, |r| r >= 0.0 && larger > 0.0)?;
+        ShapeError::unless("frustum", "top_radius", self.top_radius, expected, |_| smaller >= 0.0)?;
+        ShapeError::unless_positive("frustum", "height", self.height)
+    }
+
+    fn bounds(&self) -> Bounds3d {
+        let r = self.bottom_radius.max(self.top_radius);
+        let corner = DVec3::new(r, 0.5 * self.height, r);
+        Bounds3d { min: -corner, max: corner }
+    }
+
+    fn closest(&self, ray: &DRay) -> Option<ShapeHit> {
+        self.hits(ray).next()
+    }
+
+    fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
+        hits.extend(self.hits(ray));
+    }
+
+    fn surface(&self, position: DVec3, face: u32) -> ShapeSurface {
+        let [bottom, top] = self.ends();
+        match face {
+            Self::BOTTOM if self.bottom_radius > 0.0 => self.cap_surface(position, bottom, self.bottom_radius),
+            Self::TOP if self.top_radius > 0.0 => self.cap_surface(position, top, self.top_radius),
+            _ => self.side_surface(position),
+        }
+    }
+
+    fn area(&self) -> f64 {
+        self.areas().iter().sum()
+    }
+
+    fn sample(&self, u: DVec2) -> Option<ShapeSample> {
+        let (face, x) = choose(&self.areas(), u.x);
+        let [bottom, top] = self.ends();
+        let on_cap = |y, radius| {
+            let p = sample_ring(DVec2::new(x, u.y), radius, 0.0);
+            DVec3::new(p.y, y, p.x)
+        };
+        let position = match face as u32 {
+            Self::BOTTOM => on_cap(bottom, self.bottom_radius),
+            Self::TOP => on_cap(top, self.top_radius),
+            _ => {
+                // The area up to a height grows with the square of the radius there.
+                let (r0, r1) = (self.bottom_radius, self.top_radius);
+                let rho = (r0 * r0 * (1.0 - x) + r1 * r1 * x).sqrt();
+                let s = if rho > 0.0 { x * (r0 + r1) / (r0 + rho) } else { 0.0 };
+                let p = DVec2::from_angle(TAU * u.y) * rho;
+                DVec3::new(p.y, (s - 0.5) * self.height, p.x)
+            }
+        };
+        Some(ShapeSample::at(self, position, face as u32))
+    }
+
+    fn is_closed(&self) -> bool {
+        self.caps
+    }
+}
+
+/// Chooses an entry in proportion to its weight, and gives what is left of `u` as a fresh number in `[0, 1)`.
+pub(super) fn choose(weights: &[f64], u: f64) -> (usize, f64) {
+    let mut rest = u * weights.iter().sum::<f64>();
+    let last = weights.iter().rposition(|&w| w > 0.0).unwrap_or(0);
+    for (i, &weight) in weights.iter().enumerate().take(last) {
+        if rest < weight {
+            return (i, rest / weight);
+        }
+        rest -= weight;
+    }
+    let fresh = rest / weights.get(last).copied().unwrap_or(1.0);
+    (last, if fresh < 1.0 { fresh.max(0.0) } else { 1.0_f64.next_down() })
+}
+
+/// Writes the shape operations of a special case of the frustum, which has `as_frustum`.
+macro_rules! shape_as_frustum {
+    ($kind:ty, $validate:expr) => {
+        impl Shape for $kind {
+            fn validate(&self) -> Result<(), ShapeError> {
+                let check: fn(&Self) -> Result<(), ShapeError> = $validate;
+                check(self)
+            }
+            fn bounds(&self) -> Bounds3d {
+                self.as_frustum().bounds()
+            }
+            fn closest(&self, ray: &DRay) -> Option<ShapeHit> {
+                self.as_frustum().closest(ray)
+            }
+            fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
+                self.as_frustum().all(ray, hits);
+            }
+            fn surface(&self, position: DVec3, face: u32) -> ShapeSurface {
+                self.as_frustum().surface(position, face)
+            }
+            fn area(&self) -> f64 {
+                self.as_frustum().area()
+            }
+            fn sample(&self, u: DVec2) -> Option<ShapeSample> {
+                self.as_frustum().sample(u)
+            }
+            fn is_closed(&self) -> bool {
+                self.as_frustum().is_closed()
+            }
+        }
+    };
+}
+pub(super) use shape_as_frustum;

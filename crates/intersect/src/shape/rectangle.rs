@@ -1,0 +1,66 @@
+//! A rectangle in the plane z = 0.
+
+use super::plane::closest_in_z0;
+use super::{Shape, ShapeError, ShapeHit, ShapeSample, ShapeSurface};
+use serde::{Deserialize, Serialize};
+use snell_math::{Bounds3d, DRay, DVec2, DVec3};
+
+/// A rectangle in the plane z = 0 around the origin, sides parallel to x and y, with normal +z.
+///
+/// `uv` is (0, 0) at the corner (-x, +y) and (1, 1) at (+x, -y): a picture is upright when seen from +z with y up.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rectangle {
+    /// Half the extent along x and y, both positive.
+    pub half_size: DVec2,
+}
+
+impl Rectangle {
+    /// Rectangles for tests and galleries: square, long, tiny.
+    pub fn examples() -> Vec<Self> {
+        [(1.0, 1.0), (300.0, 0.01), (1e-3, 2e-3)].map(|(x, y)| Self { half_size: DVec2::new(x, y) }).to_vec()
+    }
+}
+
+impl Shape for Rectangle {
+    fn validate(&self) -> Result<(), ShapeError> {
+        ShapeError::unless_positive("rectangle", "half_size.x", self.half_size.x)?;
+        ShapeError::unless_positive("rectangle", "half_size.y", self.half_size.y)
+    }
+
+    fn bounds(&self) -> Bounds3d {
+        Bounds3d { min: -self.half_size.extend(0.0), max: self.half_size.extend(0.0) }
+    }
+
+    fn closest(&self, ray: &DRay) -> Option<ShapeHit> {
+        closest_in_z0(ray, |p| p.abs().cmple(self.half_size).all())
+    }
+
+    fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
+        hits.extend(self.closest(ray));
+    }
+
+    fn surface(&self, position: DVec3, _face: u32) -> ShapeSurface {
+        let h = self.half_size;
+        let p = position.truncate().max(-h).min(h);
+        ShapeSurface {
+            position: p.extend(0.0),
+            normal: DVec3::Z,
+            uv: DVec2::new((p.x + h.x) / (2.0 * h.x), (h.y - p.y) / (2.0 * h.y)),
+            dpdu: DVec3::X * (2.0 * h.x),
+            dpdv: DVec3::NEG_Y * (2.0 * h.y),
+        }
+    }
+
+    fn area(&self) -> f64 {
+        4.0 * self.half_size.x * self.half_size.y
+    }
+
+    fn sample(&self, u: DVec2) -> Option<ShapeSample> {
+        let p = self.half_size * (u * 2.0 - 1.0);
+        Some(ShapeSample::at(self, p.extend(0.0), 0))
+    }
+
+    fn is_closed(&self) -> bool {
+        false
+    }
+}

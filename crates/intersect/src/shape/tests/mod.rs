@@ -1,0 +1,8 @@
+//! Every example of every shape against an independent oracle and against what its own operations say about each other.
+//!
+//! `SNELL_ORACLE_RAYS` sets the number of rays per example.
+
+mod against_oracle;
+mod oracle;
+mod rays;
+mod surface;

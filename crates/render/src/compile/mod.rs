@@ -1,0 +1,181 @@
+//! Scene graph to compiled scene: instances over geometries, flat tables of lights, materials and textures. After this there are
+//! only ids.
+//!
+//! A node with one parent is folded into the group of its parent, its transforms composed in double precision and applied to the
+//! vertices. A node with several parents becomes a group of its own and is stored once, whatever its depth. So does a mesh that
+//! several surfaces share.
+
+mod lights;
+mod surfaces;
+
+pub use lights::CompiledLight;
+
+use crate::light_sampler::{LightSampler, LightSamplerKind};
+use lights::LightTable;
+use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, SurfaceInteraction, World, WorldError};
+use snell_math::{Bounds3d, ColorMode, Ray, SampledSpectrum, Vec3, rng};
+use snell_scene::light::environment::EnvironmentLight;
+use snell_scene::material::ShadingPoint;
+use snell_scene::{Background, Material, MaterialId, Scene, SceneError, TextureSet, Warning};
+use surfaces::SurfaceTable;
+
+/// Why a scene could not be compiled.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CompileError {
+    /// The graph is not usable.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The world could not be built.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// A mesh is inconsistent.
+    #[error("mesh in node \"{node}\": {source}")]
+    Mesh {
+        /// The node's name.
+        node: String,
+        /// What is wrong.
+        source: snell_intersect::mesh::MeshError,
+    },
+}
+
+/// A scene ready to be rendered. Immutable; shared by all threads.
+#[derive(Debug)]
+pub struct CompiledScene {
+    /// What rays hit.
+    pub world: World,
+    /// Materials by id; the last one is the default for surfaces without any.
+    pub materials: Vec<Material>,
+    /// Textures by id.
+    pub textures: TextureSet,
+    /// Light from all directions.
+    pub environment: Option<EnvironmentLight>,
+    /// What camera rays that leave the scene show.
+    pub background: Background,
+    /// Ambient light, for local illumination only.
+    pub ambient: SampledSpectrum,
+    /// What spectra mean.
+    pub mode: ColorMode,
+    /// Middle of the scene's finite part.
+    pub center: Vec3,
+    /// Radius of the scene's finite part; 1 if it is empty.
+    pub radius: f32,
+    /// What compiling had to say.
+    pub warnings: Vec<Warning>,
+    surfaces: SurfaceTable,
+    lights: LightTable,
+}
+
+impl CompiledScene {
+    /// Compiles a scene.
+    pub fn new(scene: &Scene, options: &BuildOptions) -> Result<Self, CompileError> {
+        let mut warnings = Vec::new();
+        let mut materials = scene.materials.clone();
+        let default_material = MaterialId(materials.len() as u32);
+        materials.push(snell_scene::framing::default_material());
+        let (builder, surfaces) = surfaces::compile(scene, &materials, default_material, &mut warnings)?;
+        let world = builder.build(options)?;
+        let mode = ColorMode::Rgb;
+        let bounds = finite_part(&scene_bounds(&world));
+        let environment = scene.environment.as_ref().map(EnvironmentLight::new);
+        let lights = LightTable::new(scene, &world, &surfaces, &materials, environment.as_ref(), bounds.radius());
+        let radius = bounds.radius() as f32;
+        Ok(Self {
+            materials,
+            textures: TextureSet::new(&scene.textures, &scene.images),
+            environment,
+            background: scene.background,
+            ambient: mode.illuminant(scene.ambient),
+            mode,
+            center: if bounds.is_empty() { Vec3::ZERO } else { bounds.center().as_vec3() },
+            radius: if radius > 0.0 { radius } else { 1.0 },
+            warnings,
+            world,
+            surfaces,
+            lights,
+        })
+    }
+
+    /// The material at a hit.
+    pub fn material_id(&self, hit: &Hit) -> MaterialId {
+        self.surfaces.material(&self.world, hit.instance, hit.geometry, hit.primitive)
+    }
+
+    /// The material with this id.
+    pub fn material(&self, id: MaterialId) -> &Material {
+        &self.materials[id.index()]
+    }
+
+    /// All lights, the environment last.
+    pub fn lights(&self) -> &[CompiledLight] {
+        &self.lights.lights
+    }
+
+    /// The light that an emissive surface is, if it can be sampled.
+    pub fn light_of(&self, instance: u32, geometry: u32) -> Option<usize> {
+        self.lights.of_surface(instance, geometry)
+    }
+
+    /// The environment's position among the lights.
+    pub fn environment_light(&self) -> Option<usize> {
+        self.lights.environment
+    }
+
+    /// A chooser among the lights.
+    pub fn light_sampler(&self, kind: LightSamplerKind) -> LightSampler {
+        LightSampler::new(kind, &self.lights.powers)
+    }
+
+    /// A point as materials see it.
+    pub fn shading_point<'a>(&'a self, surface: &'a SurfaceInteraction, footprint: f32) -> ShadingPoint<'a> {
+        ShadingPoint { surface, footprint, textures: &self.textures, mode: self.mode }
+    }
+
+    /// True if some hits must be asked about.
+    pub fn has_filter(&self) -> bool {
+        self.surfaces.any_filtered
+    }
+}
+
+/// Cut-out, blended and single-sided surfaces: a pure function of ray and hit, so shadows and any batching agree.
+impl HitFilter for CompiledScene {
+    fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
+        let material = self.material(self.material_id(hit));
+        let surface = self.world.interaction(ray, hit);
+        let bits =
+            |v: Vec3| rng::pcg4d([v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), hit.primitive ^ hit.geometry << 16]);
+        let [a, b, ..] = bits(ray.direction);
+        let u = rng::to_unit(rng::hash_combine(rng::hash_combine(a ^ b, bits(ray.origin)[0]), hit.t.to_bits()));
+        material.is_present(ray.direction, &self.shading_point(&surface, 0.0), u)
+    }
+}
+
+fn scene_bounds(world: &World) -> Bounds3d {
+    world.bounds()
+}
+
+/// Bounds with infinite sides cut to the finite ones, so that planes do not make the scene infinite.
+fn finite_part(bounds: &Bounds3d) -> Bounds3d {
+    if bounds.is_finite() || bounds.is_empty() {
+        return *bounds;
+    }
+    let side = |x: f64, other: f64| {
+        if x.is_finite() {
+            x
+        } else if other.is_finite() {
+            other
+        } else {
+            0.0
+        }
+    };
+    let mut b = *bounds;
+    for axis in 0..3 {
+        b.min[axis] = side(bounds.min[axis], bounds.max[axis]);
+        b.max[axis] = side(bounds.max[axis], bounds.min[axis]);
+    }
+    if b.radius() > 0.0 { b } else { Bounds3d { min: b.min - 1.0, max: b.max + 1.0 } }
+}
+
+/// The number of a geometry as a table index.
+fn index(id: GeometryId) -> usize {
+    id.0 as usize
+}

@@ -1,0 +1,245 @@
+//! Nodes and surfaces to groups and geometries.
+
+use super::{CompileError, index};
+use snell_intersect::{GeometryId, GroupId, TriangleMesh, World, WorldBuilder};
+use snell_math::Transform;
+use snell_scene::{Geometry, Material, MaterialId, NodeId, Scene, Surface, Warning};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Meshes of fewer triangles are copied where they are used: cheaper than an instance.
+const SMALL_MESH: usize = 64;
+
+/// Which material each primitive of each geometry has.
+#[derive(Debug)]
+pub struct SurfaceTable {
+    geometries: Vec<GeometryMaterials>,
+    /// For each group, the material that each of its instances hands down.
+    instance_materials: Vec<Vec<Option<MaterialId>>>,
+    default: MaterialId,
+    /// True if any geometry needs the hit filter.
+    pub any_filtered: bool,
+}
+
+#[derive(Debug)]
+struct GeometryMaterials {
+    /// By slot; `None` is inherited from the instance.
+    slots: Vec<Option<MaterialId>>,
+    /// Slot by triangle; empty means slot 0.
+    mesh: Option<Arc<TriangleMesh>>,
+}
+
+impl SurfaceTable {
+    /// The material of a primitive.
+    pub fn material(&self, world: &World, instance: u32, geometry: u32, primitive: u32) -> MaterialId {
+        let materials = &self.geometries[geometry as usize];
+        let slot =
+            materials.mesh.as_ref().map_or(0, |m| m.material_slots.get(primitive as usize).copied().unwrap_or(0));
+        if let Some(Some(id)) = materials.slots.get(usize::from(slot)) {
+            return *id;
+        }
+        if instance == 0 {
+            return self.default;
+        }
+        // The innermost instance that hands a material down.
+        let path = world.instance_path(instance);
+        let handed = path.iter().rev().find_map(|&(group, step)| self.instance_materials[group.0 as usize][step]);
+        handed.unwrap_or(self.default)
+    }
+
+    /// The materials a geometry may have, without those it inherits.
+    pub fn own_materials(&self, geometry: u32) -> impl Iterator<Item = MaterialId> {
+        self.geometries[geometry as usize].slots.iter().filter_map(|&m| m)
+    }
+
+    /// True if some primitive of the geometry takes its material from the instance.
+    pub fn inherits(&self, geometry: u32) -> bool {
+        let slots = &self.geometries[geometry as usize].slots;
+        slots.is_empty() || slots.iter().any(Option::is_none)
+    }
+
+    /// Materials that instances hand down, and the default.
+    pub fn handed_down(&self) -> impl Iterator<Item = MaterialId> {
+        self.instance_materials.iter().flatten().filter_map(|&m| m).chain([self.default])
+    }
+}
+
+/// What is shared: a mesh in a group of its own, with the materials it is used with.
+type MeshUse = (*const TriangleMesh, Vec<Option<MaterialId>>);
+
+struct Compiler<'a> {
+    scene: &'a Scene,
+    builder: WorldBuilder,
+    table: SurfaceTable,
+    parents: Vec<u32>,
+    mesh_uses: HashMap<*const TriangleMesh, u32>,
+    mesh_groups: HashMap<MeshUse, GroupId>,
+    node_groups: HashMap<NodeId, GroupId>,
+    warnings: &'a mut Vec<Warning>,
+}
+
+/// Compiles all surfaces of a scene.
+pub fn compile(
+    scene: &Scene,
+    materials: &[Material],
+    default: MaterialId,
+    warnings: &mut Vec<Warning>,
+) -> Result<(WorldBuilder, SurfaceTable), CompileError> {
+    let order = scene.topological_order()?;
+    let mut parents = vec![0; scene.nodes.len()];
+    let mut mesh_uses = HashMap::new();
+    for id in &order {
+        let node = &scene.nodes[id.index()];
+        for child in &node.children {
+            parents[child.index()] += 1;
+        }
+        for surface in &node.surfaces {
+            if let Geometry::Mesh(mesh) = &surface.geometry {
+                *mesh_uses.entry(Arc::as_ptr(mesh)).or_insert(0) += 1;
+                mesh.validate().map_err(|source| CompileError::Mesh { node: node.name.clone(), source })?;
+            }
+        }
+    }
+    let table =
+        SurfaceTable { geometries: Vec::new(), instance_materials: vec![Vec::new()], default, any_filtered: false };
+    let mut compiler = Compiler {
+        scene,
+        builder: WorldBuilder::default(),
+        table,
+        parents,
+        mesh_uses,
+        mesh_groups: HashMap::new(),
+        node_groups: HashMap::new(),
+        warnings,
+    };
+    // Shared nodes first (children before parents), then the root.
+    for &id in order.iter().filter(|&&id| id != scene.root) {
+        if compiler.parents[id.index()] > 1 {
+            let group = compiler.add_group();
+            compiler.fold_node(id, group, &Transform::IDENTITY, None)?;
+            compiler.node_groups.insert(id, group);
+        }
+    }
+    match Transform::new(scene.nodes[scene.root.index()].transform) {
+        Some(world_from_root) => compiler.fold_node(scene.root, WorldBuilder::ROOT, &world_from_root, None)?,
+        None => compiler.warn_singular(&scene.nodes[scene.root.index()].name),
+    }
+    // Everything below is asked about, once all materials that may be handed down are known.
+    let Compiler { mut builder, mut table, .. } = compiler;
+    let needs_filter = |id: MaterialId| materials[id.index()].needs_filter();
+    let handed_down = table.handed_down().any(needs_filter);
+    for geometry in 0..table.geometries.len() as u32 {
+        if table.own_materials(geometry).any(needs_filter) || (handed_down && table.inherits(geometry)) {
+            builder.set_filtered(GeometryId(geometry));
+            table.any_filtered = true;
+        }
+    }
+    Ok((builder, table))
+}
+
+impl Compiler<'_> {
+    fn add_group(&mut self) -> GroupId {
+        self.table.instance_materials.push(Vec::new());
+        self.builder.add_group()
+    }
+
+    fn add_instance(&mut self, group: GroupId, child: GroupId, placed: Transform, material: Option<MaterialId>) {
+        self.builder.add_instance(group, child, placed);
+        self.table.instance_materials[group.0 as usize].push(material);
+    }
+
+    fn warn_singular(&mut self, name: &str) {
+        self.warn(format!(
+            "node \"{name}\" has a singular or non-finite transform; it and what is below it is left out"
+        ));
+    }
+
+    fn warn(&mut self, message: String) {
+        match self.warnings.iter_mut().find(|w| w.message == message) {
+            Some(warning) => warning.count += 1,
+            None => self.warnings.push(Warning { message, count: 1 }),
+        }
+    }
+
+    /// Puts a node's surfaces, and those of the nodes that only it holds, into `group`. `inherited` is the material from above.
+    fn fold_node(
+        &mut self,
+        id: NodeId,
+        group: GroupId,
+        group_from_node: &Transform,
+        inherited: Option<MaterialId>,
+    ) -> Result<(), CompileError> {
+        let scene = self.scene;
+        // An explicit stack, because files may nest deeper than the thread's stack.
+        let mut stack = vec![(id, *group_from_node, inherited)];
+        while let Some((id, group_from_node, inherited)) = stack.pop() {
+            let node = &scene.nodes[id.index()];
+            let material = node.material.or(inherited);
+            for surface in &node.surfaces {
+                self.add_surface(surface, group, &group_from_node, material);
+            }
+            // Reversed, so that the first child is folded first.
+            for &child in node.children.iter().rev() {
+                let Some(node_from_child) = Transform::new(scene.nodes[child.index()].transform) else {
+                    self.warn_singular(&scene.nodes[child.index()].name);
+                    continue;
+                };
+                let group_from_child = group_from_node.compose(&node_from_child);
+                match self.node_groups.get(&child) {
+                    Some(&shared) => self.add_instance(group, shared, group_from_child, material),
+                    None => stack.push((child, group_from_child, material)),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn add_surface(&mut self, surface: &Surface, group: GroupId, placed: &Transform, inherited: Option<MaterialId>) {
+        let resolve = |m: &Option<MaterialId>| m.or(inherited);
+        match &surface.geometry {
+            Geometry::Shape(shape) => {
+                self.builder.add_shape(group, shape.clone(), *placed);
+                let slots = surface.materials.first().map_or(vec![inherited], |m| vec![resolve(m)]);
+                self.table.geometries.push(GeometryMaterials { slots, mesh: None });
+            }
+            Geometry::Mesh(mesh) => {
+                let slot_count = mesh.material_slots.iter().max().map_or(1, |&m| usize::from(m) + 1);
+                let mut slots: Vec<_> = surface.materials.iter().map(resolve).collect();
+                slots.resize(slots.len().max(slot_count), inherited);
+                let shared = self.mesh_uses[&Arc::as_ptr(mesh)] > 1 && mesh.indices.len() >= SMALL_MESH;
+                if shared {
+                    let mesh_use = (Arc::as_ptr(mesh), slots.clone());
+                    let child = match self.mesh_groups.get(&mesh_use) {
+                        Some(&child) => child,
+                        None => {
+                            let child = self.add_group();
+                            self.add_mesh(mesh.clone(), child, slots);
+                            self.mesh_groups.insert(mesh_use, child);
+                            child
+                        }
+                    };
+                    self.add_instance(group, child, *placed, inherited);
+                } else if placed.is_identity() {
+                    self.add_mesh(mesh.clone(), group, slots);
+                } else {
+                    self.add_mesh(Arc::new(mesh.transformed(placed)), group, slots);
+                }
+            }
+        }
+    }
+
+    fn add_mesh(&mut self, mesh: Arc<TriangleMesh>, group: GroupId, slots: Vec<Option<MaterialId>>) {
+        let degenerate = mesh.degenerate_triangles();
+        if degenerate > 0 {
+            let message = "degenerate or non-finite triangles are never hit".to_string();
+            match self.warnings.iter_mut().find(|w| w.message == message) {
+                Some(warning) => warning.count += degenerate as u64,
+                None => self.warnings.push(Warning { message, count: degenerate as u64 }),
+            }
+        }
+        let id = self.builder.add_mesh(group, mesh.clone());
+        debug_assert_eq!(index(id), self.table.geometries.len());
+        let mesh = (!mesh.material_slots.is_empty()).then_some(mesh);
+        self.table.geometries.push(GeometryMaterials { slots, mesh });
+    }
+}

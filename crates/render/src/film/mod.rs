@@ -1,0 +1,271 @@
+//! The film: running sums of every pixel and AOV, kept per fixed block of samples and added in order, so that the bits of the
+//! picture do not depend on threads, tile order or splitting. Memory does not grow with the number of samples.
+
+pub mod filter;
+
+use crate::integrator::aov::{Aov, AovKind};
+use crate::settings::Crop;
+use snell_math::Rgb;
+use snell_scene::{Layer, LayeredImage};
+
+/// Samples whose values are summed before the sum is added to the pixel: the unit of splitting a render.
+pub const BLOCK: u32 = 16;
+
+/// One sample of one pixel, as the film sees it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FilmSample {
+    /// Sensor response: linear Rec. 709.
+    pub color: Rgb,
+    /// 1 if the ray met something, 0 if it left into a transparent background.
+    pub alpha: f32,
+    /// Filter weight, 1 or -1.
+    pub weight: f32,
+}
+
+/// Pixels along the side of a tile. Tiles lie on a grid over the whole picture, so a crop has parts of the same tiles.
+pub const TILE: u32 = 16;
+
+/// Sums of one channel group of a tile, pixel by pixel.
+#[derive(Clone, Debug, PartialEq)]
+struct Sums {
+    /// Weighted sums: per pixel colour, alpha, then the AOV channels.
+    sum: Vec<f64>,
+    /// Sums of the squares of the weighted values.
+    square: Vec<f64>,
+    /// Sum of the weights, per pixel.
+    weight: Vec<f64>,
+}
+
+impl Sums {
+    fn new(pixels: usize, channels: usize) -> Self {
+        Self { sum: vec![0.0; pixels * channels], square: vec![0.0; pixels * channels], weight: vec![0.0; pixels] }
+    }
+
+    fn add(&mut self, pixel: usize, values: &[f32], weight: f32) {
+        let range = pixel * values.len()..(pixel + 1) * values.len();
+        for ((sum, square), &value) in self.sum[range.clone()].iter_mut().zip(&mut self.square[range]).zip(values) {
+            let value = f64::from(value * weight);
+            *sum += value;
+            *square += value * value;
+        }
+        self.weight[pixel] += f64::from(weight);
+    }
+
+    fn add_all(&mut self, other: &Self) {
+        let mine = self.sum.iter_mut().chain(&mut self.square).chain(&mut self.weight);
+        for (a, b) in mine.zip(other.sum.iter().chain(&other.square).chain(&other.weight)) {
+            *a += b;
+        }
+    }
+}
+
+/// Samples of one tile over one range of sample numbers, in (pixel, sample) order.
+#[derive(Clone, Debug)]
+pub struct FilmPart {
+    /// Pixels covered, in the whole picture.
+    pub area: Crop,
+    /// First sample number and one past the last.
+    pub samples: [u32; 2],
+    /// Sample values: all samples of the first pixel, then of the next.
+    pub values: Vec<FilmSample>,
+    /// AOV values in the same order, all channels of a sample together.
+    pub aovs: Vec<f32>,
+}
+
+/// One tile of the film.
+#[derive(Clone, Debug)]
+pub struct FilmTile {
+    /// Pixels covered, in the whole picture.
+    pub area: Crop,
+    /// Samples that every pixel of the tile has.
+    pub samples: u32,
+    channels: usize,
+    total: Sums,
+    /// The block that is being filled, if one is.
+    partial: Option<Sums>,
+    /// Values of AOVs that cannot be averaged: of the first sample.
+    first: Vec<f32>,
+}
+
+impl FilmTile {
+    fn new(area: Crop, aov_channels: usize) -> Self {
+        let pixels = area.size().iter().product::<u32>() as usize;
+        let channels = 4 + aov_channels;
+        let total = Sums::new(pixels, channels);
+        Self { area, samples: 0, channels, total, partial: None, first: vec![0.0; pixels * aov_channels] }
+    }
+
+    /// Adds a part of this tile.
+    ///
+    /// # Panics
+    /// If the part does not continue where the tile's samples end.
+    pub fn fold(&mut self, part: &FilmPart) {
+        assert_eq!(part.samples[0], self.samples, "parts of a tile are added in order");
+        let pixels = self.total.weight.len();
+        let samples = (part.samples[1] - part.samples[0]) as usize;
+        let aov_channels = self.channels - 4;
+        let mut values = vec![0.0; self.channels];
+        for s in 0..samples {
+            let partial = self.partial.get_or_insert_with(|| Sums::new(pixels, self.channels));
+            for pixel in 0..pixels {
+                let i = pixel * samples + s;
+                let sample = &part.values[i];
+                let aovs = &part.aovs[i * aov_channels..][..aov_channels];
+                values[..3].copy_from_slice(&sample.color.to_array());
+                values[3] = sample.alpha;
+                values[4..].copy_from_slice(aovs);
+                partial.add(pixel, &values, sample.weight);
+                if self.samples == 0 {
+                    self.first[pixel * aov_channels..][..aov_channels].copy_from_slice(aovs);
+                }
+            }
+            self.samples += 1;
+            if self.samples.is_multiple_of(BLOCK) {
+                self.total.add_all(partial);
+                self.partial = None;
+            }
+        }
+    }
+
+    /// Mean and variance of the mean for one channel of a pixel.
+    fn estimate(&self, pixel: usize, channel: usize) -> (f64, f64) {
+        let i = pixel * self.channels + channel;
+        let get = |field: fn(&Sums) -> &Vec<f64>, i: usize| {
+            field(&self.total)[i] + self.partial.as_ref().map_or(0.0, |p| field(p)[i])
+        };
+        let (sum, square, weight) = (get(|s| &s.sum, i), get(|s| &s.square, i), get(|s| &s.weight, pixel));
+        let weight = if weight == 0.0 { 1.0 } else { weight };
+        let n = f64::from(self.samples);
+        let mean = sum / weight;
+        // Of a ratio of sums whose weights are all of size 1, to first order.
+        let spread = (square - mean * mean * n).max(0.0);
+        (mean, if n > 1.0 { spread / (weight * weight) * (n / (n - 1.0)) } else { 0.0 })
+    }
+}
+
+/// The film of one render.
+#[derive(Clone, Debug)]
+pub struct Film {
+    /// The part of the picture that is rendered.
+    pub crop: Crop,
+    aovs: Vec<Aov>,
+    /// Tiles, row by row.
+    pub tiles: Vec<FilmTile>,
+}
+
+impl Film {
+    /// An empty film for `crop`, with layers for these AOVs.
+    pub fn new(crop: Crop, aovs: &[Aov]) -> Self {
+        let aov_channels = aovs.iter().map(|a| a.channels().len()).sum::<usize>();
+        let range = |axis: usize| crop.min[axis] / TILE..crop.max[axis].div_ceil(TILE);
+        let mut tiles = Vec::new();
+        for y in range(1) {
+            for x in range(0) {
+                let min = [(x * TILE).max(crop.min[0]), (y * TILE).max(crop.min[1])];
+                let max = [((x + 1) * TILE).min(crop.max[0]), ((y + 1) * TILE).min(crop.max[1])];
+                tiles.push(FilmTile::new(Crop { min, max }, aov_channels));
+            }
+        }
+        Self { crop, aovs: aovs.to_vec(), tiles }
+    }
+
+    /// The AOVs that have layers.
+    pub fn aovs(&self) -> &[Aov] {
+        &self.aovs
+    }
+
+    /// Least number of samples that any pixel has.
+    pub fn least_samples(&self) -> u32 {
+        self.tiles.iter().map(|t| t.samples).min().unwrap_or(0)
+    }
+
+    /// The picture: first the layer of colour and alpha (premultiplied), then one layer per AOV. Linear Rec. 709.
+    pub fn image(&self) -> LayeredImage {
+        self.layers(false)
+    }
+
+    /// The variance of each value of [`Self::image`] as an estimate (that of the mean, not of one sample). 0 for values that are
+    /// not averaged.
+    pub fn variance(&self) -> LayeredImage {
+        self.layers(true)
+    }
+
+    fn layers(&self, variance: bool) -> LayeredImage {
+        let [width, height] = self.crop.size();
+        let pixels = width as usize * height as usize;
+        let layer = |name: &str, channels: &[&str]| Layer {
+            name: name.to_string(),
+            channels: channels.iter().map(|s| s.to_string()).collect(),
+            values: vec![0.0; channels.len() * pixels],
+        };
+        let mut layers = vec![layer("", &["R", "G", "B", "A"])];
+        layers.extend(self.aovs.iter().map(|a| layer(a.name(), a.channels())));
+        let mut first_channel = 0;
+        for (number, layer) in layers.iter_mut().enumerate() {
+            let count = layer.channels.len();
+            let kind = number.checked_sub(1).map_or(AovKind::Averaged, |i| self.aovs[i].kind());
+            for tile in &self.tiles {
+                let [w, h] = tile.area.size();
+                for y in 0..h {
+                    for x in 0..w {
+                        let pixel = (y * w + x) as usize;
+                        let column = (tile.area.min[0] + x - self.crop.min[0]) as usize;
+                        let row = (tile.area.min[1] + y - self.crop.min[1]) as usize;
+                        for c in 0..count {
+                            let channel = first_channel + c;
+                            let value = match kind {
+                                AovKind::Averaged => {
+                                    let (mean, of_mean) = tile.estimate(pixel, channel);
+                                    (if variance { of_mean } else { mean }) as f32
+                                }
+                                AovKind::First if variance => 0.0,
+                                AovKind::First => tile.first[pixel * (tile.channels - 4) + channel - 4],
+                            };
+                            layer.values[(row * width as usize + column) * count + c] = value;
+                        }
+                    }
+                }
+            }
+            first_channel += count;
+        }
+        LayeredImage { width, height, layers, metadata: Vec::new() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_math::rng;
+
+    fn part(samples: [u32; 2]) -> FilmPart {
+        let values = (samples[0]..samples[1]).map(|s| {
+            let value = rng::to_unit(rng::hash32(s)) * 1000.0;
+            FilmSample { color: Rgb::splat(value), alpha: 1.0, weight: 1.0 }
+        });
+        FilmPart { area: Crop::full([1, 1]), samples, values: values.collect(), aovs: Vec::new() }
+    }
+
+    fn film(splits: &[u32]) -> Film {
+        let mut film = Film::new(Crop::full([1, 1]), &[]);
+        for pair in splits.windows(2) {
+            film.tiles[0].fold(&part([pair[0], pair[1]]));
+        }
+        film
+    }
+
+    #[test]
+    fn any_splitting_of_the_samples_gives_the_same_bits() {
+        let whole = film(&[0, 16, 32, 48, 50]).image();
+        for splits in [&[0, 50][..], &[0, 1, 4, 16, 33, 50], &[0, 7, 8, 9, 31, 32, 50]] {
+            assert_eq!(film(splits).image(), whole, "{splits:?}");
+        }
+    }
+
+    #[test]
+    fn the_variance_is_that_of_the_mean() {
+        let film = film(&[0, 4000]);
+        let variance = film.variance().layers[0].values[0];
+        // Uniform numbers up to 1000 have variance 1e6 / 12.
+        assert!((variance / (1e6 / 12.0 / 4000.0) - 1.0).abs() < 0.05, "{variance}");
+    }
+}

@@ -1,0 +1,24 @@
+//! Ambient occlusion.
+
+use super::{Context, Outputs, Vertex, dimension};
+use snell_math::{Frame, Ray, SampledSpectrum, sampling};
+
+/// Vertex function of `ao`: white where the cosine-weighted hemisphere is free within the distance.
+pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
+    let Some(surface) = &vertex.surface else {
+        out.radiance = super::estimators::background(context, vertex).unwrap_or(context.scene.mode.unit());
+        return;
+    };
+    let interaction = surface.interaction;
+    let facing = interaction.is_front_facing(vertex.ray.direction);
+    let side = if facing { 1.0 } else { -1.0 };
+    let local = sampling::cosine_hemisphere(vertex.random.pair(dimension::BSDF));
+    let direction = Frame::from_z(interaction.shading_normal * side).from_local(local);
+    if direction.dot(interaction.geometric_normal) * side <= 0.0 {
+        return;
+    }
+    let reach = context.settings.ao_distance.unwrap_or(0.5 * context.scene.radius);
+    let ray = Ray::new(interaction.ray_origin(direction), direction).with_t_max(reach);
+    let white: SampledSpectrum = context.scene.mode.unit();
+    out.light_rays.push((ray, white));
+}

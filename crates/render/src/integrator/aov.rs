@@ -1,0 +1,213 @@
+//! Arbitrary output variables: what the first hit is, apart from its light.
+
+use super::{Context, SurfaceVertex, Vertex, outgoing};
+use snell_math::{Rgb, Vec3};
+use snell_scene::bsdf::Lobes;
+
+/// How the samples of a pixel make its value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AovKind {
+    /// Their mean.
+    Averaged,
+    /// The first sample's value: for ids, of which a mean means nothing.
+    First,
+}
+
+/// An extra layer of the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Aov {
+    /// Distance from the eye along the view direction, scene units; 0 where nothing is hit.
+    Depth,
+    /// Distance from the eye along the ray, scene units; 0 where nothing is hit.
+    Distance,
+    /// Position in the world.
+    Position,
+    /// Shading normal in the world (normal map not applied), on the outer side.
+    Normal,
+    /// Normal of the surface itself in the world, on the outer side.
+    GeometricNormal,
+    /// First texture coordinates.
+    Uv,
+    /// Share of light that the material reflects or transmits.
+    Albedo,
+    /// Number of the instance; -1 where nothing is hit.
+    InstanceId,
+    /// Number of the geometry; -1 where nothing is hit.
+    GeometryId,
+    /// Number of the triangle or face; -1 where nothing is hit.
+    PrimitiveId,
+    /// Number of the material; -1 where nothing is hit.
+    MaterialId,
+    /// Cosine between the ray and the geometric normal: positive on the outer side.
+    Facing,
+    /// Barycentric coordinates of the hit triangle.
+    Barycentrics,
+    /// Nodes of acceleration structures that the camera ray visited.
+    NodesVisited,
+    /// Triangles and shapes that the camera ray was tested against.
+    PrimitivesTested,
+}
+
+impl Aov {
+    /// All AOVs.
+    pub const ALL: [Self; 15] = [
+        Self::Depth,
+        Self::Distance,
+        Self::Position,
+        Self::Normal,
+        Self::GeometricNormal,
+        Self::Uv,
+        Self::Albedo,
+        Self::InstanceId,
+        Self::GeometryId,
+        Self::PrimitiveId,
+        Self::MaterialId,
+        Self::Facing,
+        Self::Barycentrics,
+        Self::NodesVisited,
+        Self::PrimitivesTested,
+    ];
+
+    /// The name on the command line, and of the layer.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Depth => "depth",
+            Self::Distance => "distance",
+            Self::Position => "position",
+            Self::Normal => "normal",
+            Self::GeometricNormal => "geometric-normal",
+            Self::Uv => "uv",
+            Self::Albedo => "albedo",
+            Self::InstanceId => "instance-id",
+            Self::GeometryId => "geometry-id",
+            Self::PrimitiveId => "primitive-id",
+            Self::MaterialId => "material-id",
+            Self::Facing => "facing",
+            Self::Barycentrics => "barycentrics",
+            Self::NodesVisited => "nodes-visited",
+            Self::PrimitivesTested => "primitives-tested",
+        }
+    }
+
+    /// Names of the channels.
+    pub fn channels(self) -> &'static [&'static str] {
+        match self {
+            Self::Position | Self::Normal | Self::GeometricNormal => &["X", "Y", "Z"],
+            Self::Uv | Self::Barycentrics => &["U", "V"],
+            Self::Albedo => &["R", "G", "B"],
+            Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => &["id"],
+            _ => &["V"],
+        }
+    }
+
+    /// How samples are combined.
+    pub fn kind(self) -> AovKind {
+        match self {
+            Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => AovKind::First,
+            _ => AovKind::Averaged,
+        }
+    }
+
+    /// True if the camera ray must be traced with counters.
+    pub fn needs_counters(self) -> bool {
+        matches!(self, Self::NodesVisited | Self::PrimitivesTested)
+    }
+
+    /// Appends the values at a camera ray's vertex.
+    pub fn extend(self, context: &Context, vertex: &Vertex, towards: Vec3, counters: [u32; 2], values: &mut Vec<f32>) {
+        match (self, &vertex.surface) {
+            (Self::NodesVisited, _) => values.push(counters[0] as f32),
+            (Self::PrimitivesTested, _) => values.push(counters[1] as f32),
+            (_, Some(surface)) => self.extend_surface(context, vertex, surface, towards, values),
+            (_, None) => {
+                let miss = if self.kind() == AovKind::First { -1.0 } else { 0.0 };
+                values.extend(self.channels().iter().map(|_| miss));
+            }
+        }
+    }
+
+    fn extend_surface(
+        self,
+        context: &Context,
+        vertex: &Vertex,
+        surface: &SurfaceVertex,
+        towards: Vec3,
+        values: &mut Vec<f32>,
+    ) {
+        let s = surface.interaction;
+        let distance = s.t * vertex.ray.direction.length();
+        match self {
+            Self::Depth => values.push(distance * vertex.ray.direction.normalize().dot(towards)),
+            Self::Distance => values.push(distance),
+            Self::Position => values.extend(s.position.to_array()),
+            Self::Normal => values.extend(s.shading_normal.to_array()),
+            Self::GeometricNormal => values.extend(s.geometric_normal.to_array()),
+            Self::Uv => values.extend(s.uv[0].to_array()),
+            Self::Albedo => {
+                let shading = surface.material.bsdf(&surface.point(context.scene));
+                let albedo = shading.bsdf.albedo(shading.frame.to_local(outgoing(vertex.ray)));
+                values.extend(context.scene.mode.to_rgb(albedo).to_array());
+            }
+            Self::InstanceId => values.push(s.instance as f32),
+            Self::GeometryId => values.push(s.geometry as f32),
+            Self::PrimitiveId => values.push(s.primitive as f32),
+            Self::MaterialId => values.push(context.scene.material_id(surface.hit).0 as f32),
+            Self::Facing => values.push(outgoing(vertex.ray).dot(s.geometric_normal)),
+            Self::Barycentrics => values.extend(s.primitive_uv.to_array()),
+            Self::NodesVisited | Self::PrimitivesTested => values.push(0.0),
+        }
+    }
+
+    /// A colour that shows the value in a picture: directions as colours, distances relative to the scene's radius, ids by hash,
+    /// counts as a heat map up to 256.
+    pub fn preview(self, values: &[f32], scene_radius: f32) -> Rgb {
+        let v = |i: usize| values.get(i).copied().unwrap_or(0.0);
+        match self {
+            Self::Depth | Self::Distance => {
+                let d = v(0) / (4.0 * scene_radius);
+                Rgb::splat(if v(0) > 0.0 { 1.0 / (1.0 + d * 2.0) } else { 0.0 })
+            }
+            Self::Normal | Self::GeometricNormal => {
+                if (v(0), v(1), v(2)) == (0.0, 0.0, 0.0) {
+                    Rgb::BLACK
+                } else {
+                    Rgb::new(v(0) * 0.5 + 0.5, v(1) * 0.5 + 0.5, v(2) * 0.5 + 0.5)
+                }
+            }
+            Self::Position => {
+                let f = |x: f32| (x / scene_radius * 0.5 + 0.5).rem_euclid(1.0);
+                Rgb::new(f(v(0)), f(v(1)), f(v(2)))
+            }
+            Self::Uv | Self::Barycentrics => Rgb::new(v(0).rem_euclid(1.0), v(1).rem_euclid(1.0), 0.0),
+            Self::Albedo => Rgb::new(v(0), v(1), v(2)),
+            Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => id_color(v(0)),
+            Self::Facing => {
+                if v(0) >= 0.0 {
+                    Rgb::splat(v(0))
+                } else {
+                    Rgb::new(-v(0), 0.0, 0.0)
+                }
+            }
+            Self::NodesVisited | Self::PrimitivesTested => heat((v(0) / 256.0).clamp(0.0, 1.0).sqrt()),
+        }
+    }
+}
+
+fn id_color(id: f32) -> Rgb {
+    if id < 0.0 {
+        return Rgb::BLACK;
+    }
+    let [r, g, b, _] = snell_math::rng::pcg4d([id as u32, 1, 2, 3]).map(|h| snell_math::rng::to_unit(h) * 0.8 + 0.1);
+    Rgb::new(r, g, b)
+}
+
+/// Black, blue, magenta, orange, white: dark to bright for 0 to 1.
+fn heat(x: f32) -> Rgb {
+    const STOPS: [[f32; 3]; 5] =
+        [[0.0, 0.0, 0.02], [0.08, 0.02, 0.4], [0.6, 0.05, 0.35], [0.98, 0.45, 0.05], [1.0, 1.0, 0.85]];
+    let p = x * 4.0;
+    let i = (p as usize).min(3);
+    let t = p - i as f32;
+    let c = |k: usize| STOPS[i][k] * (1.0 - t) + STOPS[i + 1][k] * t;
+    Rgb::new(c(0), c(1), c(2))
+}

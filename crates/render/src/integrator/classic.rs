@@ -1,0 +1,80 @@
+//! The classic integrators: local illumination (`raycast`) and the recursive ray tree (`whitted`).
+//!
+//! I = emission + ambient reflectance x ambient + sum over lights of their local illumination; `whitted` adds the radiance along
+//! the perfectly reflected and refracted directions, weighted.
+
+use super::estimators::{background, continued, environment, sample_light};
+use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
+use crate::settings::Shadows;
+use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, rng};
+use snell_scene::material::ShadingBsdf;
+use std::f32::consts::FRAC_1_PI;
+
+/// Branches that carry less than this share are not followed.
+const LEAST_THROUGHPUT: f32 = 1e-4;
+
+/// Vertex function of `raycast` and `whitted`.
+pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
+    let throughput = vertex.state.throughput;
+    let Some(surface) = &vertex.surface else {
+        let seen = background(context, vertex).unwrap_or_else(|| environment(context, vertex.ray.direction));
+        out.radiance = throughput * seen;
+        return;
+    };
+    let wo = outgoing(vertex.ray);
+    let point = surface.point(context.scene);
+    let shading = surface.material.bsdf_towards(&point, wo);
+    let ambient = shading.ambient(wo) * context.scene.ambient;
+    out.radiance = throughput * (surface.material.emitted(&point, wo) + ambient);
+    for light in 0..context.scene.lights().len() {
+        add_light(context, vertex, surface, &shading, light, out);
+    }
+    let follows = context.settings.integrator == IntegratorKind::Whitted && vertex.depth < context.settings.max_depth;
+    if follows {
+        add_branches(vertex, surface, &shading, wo, out);
+    }
+}
+
+fn add_light(
+    context: &Context,
+    vertex: &Vertex,
+    surface: &SurfaceVertex,
+    shading: &ShadingBsdf,
+    light: usize,
+    out: &mut Outputs,
+) {
+    let u = match context.settings.shadows {
+        Shadows::Soft => vertex.random.pair(dimension::LIGHTS + light as u32 % 200),
+        // The middle of the light.
+        Shadows::None | Shadows::Hard => Vec2::splat(0.5),
+    };
+    let is_environment = context.scene.environment_light() == Some(light);
+    // The middle of the sky is no better than any other place of it: always sample that one.
+    let u = if is_environment { vertex.random.pair(dimension::LIGHT) } else { u };
+    let Some(sample) = sample_light(context, surface.interaction, light, u) else { return };
+    let wo = outgoing(vertex.ray);
+    let local = shading.eval_classic(wo, sample.direction) * FRAC_1_PI;
+    let value = vertex.state.throughput * local * sample.radiance / sample.pdf;
+    if value.is_black() || !value.is_finite() {
+        return;
+    }
+    if context.settings.shadows == Shadows::None {
+        out.radiance += value;
+    } else {
+        out.light_rays.push((sample.shadow_ray, value));
+    }
+}
+
+fn add_branches(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, wo: Vec3, out: &mut Outputs) {
+    let branches = shading.specular_branches(wo);
+    for (number, branch) in branches.into_iter().enumerate() {
+        let Some(branch) = branch else { continue };
+        let throughput: SampledSpectrum = vertex.state.throughput * branch.weight;
+        if !throughput.is_finite() || throughput.max_element() < LEAST_THROUGHPUT {
+            continue;
+        }
+        let stream = rng::hash_combine(vertex.state.stream, 1 + number as u32);
+        let state = PathState { stream, ..continued(vertex, surface, throughput) };
+        out.next.push((Ray::new(surface.interaction.ray_origin(branch.wi), branch.wi), state));
+    }
+}

@@ -1,0 +1,21 @@
+//! No illumination: every surface shows its colour.
+
+use super::estimators::{background, environment};
+use super::{Context, Outputs, Vertex, outgoing};
+use snell_scene::bsdf::Lobes;
+
+/// Vertex function of `flat`.
+pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
+    let Some(surface) = &vertex.surface else {
+        out.radiance = background(context, vertex).unwrap_or_else(|| environment(context, vertex.ray.direction));
+        return;
+    };
+    let point = surface.point(context.scene);
+    let wo = outgoing(vertex.ray);
+    let shading = surface.material.bsdf(&point);
+    let color = shading.bsdf.albedo(shading.frame.to_local(wo));
+    let emitted = surface.material.emitted(&point, wo);
+    // A lamp is as bright as white paper here.
+    let brightest = emitted.max_element();
+    out.radiance = color + if brightest > 1.0 { emitted / brightest } else { emitted };
+}

@@ -1,0 +1,180 @@
+//! Integrators: what light does. Each is a *vertex function*: a hit and a path's state in; radiance, weighted light rays and
+//! weighted next rays out. It holds no loop, no recursion and no queue, and sees nothing of what shares its batch: the driver
+//! ([`crate::job`]) owns batches, tracing, order and film.
+
+mod ao;
+pub mod aov;
+mod classic;
+mod estimators;
+mod flat;
+mod path;
+
+use crate::compile::CompiledScene;
+use crate::light_sampler::LightSampler;
+use crate::sampler::Random;
+use crate::settings::Settings;
+use snell_intersect::{Hit, SurfaceInteraction};
+use snell_math::{Ray, SampledSpectrum, Vec3};
+use snell_scene::Material;
+use snell_scene::material::ShadingPoint;
+
+/// Which integrator.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum IntegratorKind {
+    /// Surface colours without illumination.
+    Flat,
+    /// The lecture's ray casting: local illumination at the first hit.
+    Raycast,
+    /// Local illumination with recursive mirror reflection and refraction (Whitted, 1980).
+    Whitted,
+    /// Light that reaches the first hit directly from lights.
+    Direct,
+    /// Ambient occlusion: the cosine-weighted share of the hemisphere that is free of near occluders.
+    Ao,
+    /// Path tracing with next-event estimation, multiple importance sampling and Russian roulette (Kajiya, 1986; Veach, 1997).
+    #[default]
+    Path,
+    /// No light: the first of the chosen AOVs as a picture.
+    Aov,
+}
+
+impl IntegratorKind {
+    /// All integrators.
+    pub const ALL: [Self; 7] =
+        [Self::Flat, Self::Raycast, Self::Whitted, Self::Direct, Self::Ao, Self::Path, Self::Aov];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Flat => "flat",
+            Self::Raycast => "raycast",
+            Self::Whitted => "whitted",
+            Self::Direct => "direct",
+            Self::Ao => "ao",
+            Self::Path => "path",
+            Self::Aov => "aov",
+        }
+    }
+
+    /// Bounces followed if the user and the scene say nothing.
+    pub fn default_max_depth(self) -> u32 {
+        match self {
+            Self::Path => Settings::MAX_DEPTH,
+            Self::Whitted => 8,
+            _ => 1,
+        }
+    }
+
+    /// The vertex function.
+    pub(crate) fn vertex_function(self) -> VertexFunction {
+        match self {
+            Self::Flat => flat::shade,
+            Self::Raycast | Self::Whitted => classic::shade,
+            Self::Direct | Self::Path => path::shade,
+            Self::Ao => ao::shade,
+            Self::Aov => |_, _, _| {},
+        }
+    }
+}
+
+/// What a vertex function may look at.
+#[derive(Debug)]
+pub struct Context<'a> {
+    /// The scene.
+    pub scene: &'a CompiledScene,
+    /// The settings.
+    pub settings: &'a Settings,
+    /// Chooses a light.
+    pub lights: &'a LightSampler,
+}
+
+/// What a path carries from vertex to vertex. All of it is a function of (pixel, sample, seed) alone.
+#[derive(Clone, Copy, Debug)]
+pub struct PathState {
+    /// Factor on all radiance found from here on.
+    pub throughput: SampledSpectrum,
+    /// Density per steradian of the last BSDF sample; 0 after the camera and after delta lobes: no light sample competes.
+    pub bsdf_pdf: f32,
+    /// True while every bounce so far was a delta lobe.
+    pub is_specular: bool,
+    /// Width of the ray's cone at its origin.
+    pub cone_width: f32,
+    /// Growth of the cone per unit of distance.
+    pub cone_spread: f32,
+    /// Distinguishes the branches of a ray tree in random numbers; 0 on an unbranched path.
+    pub stream: u32,
+}
+
+/// A vertex: where a path's ray ended.
+#[derive(Debug)]
+pub struct Vertex<'a> {
+    /// How many bounces came before.
+    pub depth: u32,
+    /// The ray that came here; unit direction.
+    pub ray: &'a Ray,
+    /// The path so far.
+    pub state: &'a PathState,
+    /// Numbers for this vertex.
+    pub random: Random,
+    /// What was hit; `None` if the ray left the scene.
+    pub surface: Option<SurfaceVertex<'a>>,
+}
+
+/// The surface at a vertex.
+#[derive(Debug)]
+pub struct SurfaceVertex<'a> {
+    /// The hit.
+    pub hit: &'a Hit,
+    /// Geometry at the point.
+    pub interaction: &'a SurfaceInteraction,
+    /// Material at the point.
+    pub material: &'a Material,
+    /// Width of the ray's cone at the point.
+    pub footprint: f32,
+}
+
+impl<'a> SurfaceVertex<'a> {
+    /// The point as the material sees it.
+    pub fn point(&self, scene: &'a CompiledScene) -> ShadingPoint<'a> {
+        scene.shading_point(self.interaction, self.footprint)
+    }
+}
+
+/// What a vertex function gives back. Values are already multiplied by the path's throughput.
+#[derive(Debug, Default)]
+pub struct Outputs {
+    /// Radiance found at the vertex.
+    pub radiance: SampledSpectrum,
+    /// Radiance that counts if nothing lies on the ray.
+    pub light_rays: Vec<(Ray, SampledSpectrum)>,
+    /// Where the path goes on (several ways for a ray tree).
+    pub next: Vec<(Ray, PathState)>,
+}
+
+impl Outputs {
+    /// Empties all lists.
+    pub fn clear(&mut self) {
+        self.radiance = SampledSpectrum::ZERO;
+        self.light_rays.clear();
+        self.next.clear();
+    }
+}
+
+/// A vertex function.
+pub(crate) type VertexFunction = fn(&Context, &Vertex, &mut Outputs);
+
+/// What numbers of a vertex are for.
+pub(crate) mod dimension {
+    pub const LOBE: u32 = 0;
+    pub const BSDF: u32 = 1;
+    pub const LIGHT_CHOICE: u32 = 2;
+    pub const LIGHT: u32 = 3;
+    pub const ROULETTE: u32 = 4;
+    /// For integrators that sample every light: this and the following.
+    pub const LIGHTS: u32 = 8;
+}
+
+/// Direction to where the ray came from.
+pub(crate) fn outgoing(ray: &Ray) -> Vec3 {
+    -ray.direction
+}

@@ -1,0 +1,140 @@
+//! Path tracing: light samples at every vertex, BSDF samples to go on, both weighted by the power heuristic, Russian roulette.
+//! `direct` is the same with one bounce.
+
+use super::estimators::{background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light};
+use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
+use crate::settings::LightStrategy;
+use snell_math::{Ray, SampledSpectrum, sampling};
+use snell_scene::material::ShadingBsdf;
+
+/// Roulette starts after this many bounces.
+const ROULETTE_DEPTH: u32 = 4;
+/// Largest probability of going on, so that every path ends.
+const MAX_SURVIVAL: f32 = 0.98;
+/// Growth of the ray cone after a bounce that scatters.
+const SCATTERED_SPREAD: f32 = 0.2;
+
+/// Vertex function of `path` and `direct`.
+pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
+    let Some(surface) = &vertex.surface else {
+        out.radiance = escaped(context, vertex);
+        return;
+    };
+    let wo = outgoing(vertex.ray);
+    let point = surface.point(context.scene);
+    if surface.material.is_emissive() && (surface.material.illuminates || vertex.state.is_specular) {
+        let emitted = surface.material.emitted(&point, wo);
+        if !emitted.is_black() {
+            let weight = weight_of_bsdf_sample(context, vertex, || light_pdf_of_hit(context, vertex, surface));
+            out.radiance = vertex.state.throughput * emitted * weight;
+        }
+    }
+    let max_depth = match context.settings.integrator {
+        IntegratorKind::Direct => 1,
+        _ => context.settings.max_depth,
+    };
+    if vertex.depth >= max_depth {
+        return;
+    }
+    let shading = surface.material.bsdf_towards(&point, wo);
+    add_light_sample(context, vertex, surface, &shading, out);
+    add_bounce(vertex, surface, &shading, out);
+}
+
+fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
+    if let Some(background) = background(context, vertex) {
+        return vertex.state.throughput * background;
+    }
+    let radiance = environment(context, vertex.ray.direction);
+    if radiance.is_black() {
+        return SampledSpectrum::ZERO;
+    }
+    let weight = if environment_is_sampled(context) {
+        weight_of_bsdf_sample(context, vertex, || light_pdf_of_environment(context, vertex.ray.direction))
+    } else {
+        1.0
+    };
+    vertex.state.throughput * radiance * weight
+}
+
+/// A constant environment is left to BSDF samples: half the work and less variance.
+fn environment_is_sampled(context: &Context) -> bool {
+    let constant = context.scene.environment.as_ref().is_some_and(|e| e.is_constant());
+    context.settings.light_strategy == LightStrategy::Light || !constant
+}
+
+fn weight_of_bsdf_sample(context: &Context, vertex: &Vertex, light_pdf: impl Fn() -> f32) -> f32 {
+    if vertex.state.bsdf_pdf == 0.0 {
+        return 1.0;
+    }
+    match context.settings.light_strategy {
+        LightStrategy::Mis => sampling::power_heuristic(vertex.state.bsdf_pdf, light_pdf()),
+        LightStrategy::Light => f32::from(light_pdf() == 0.0),
+        LightStrategy::Bsdf => 1.0,
+    }
+}
+
+fn add_light_sample(
+    context: &Context,
+    vertex: &Vertex,
+    surface: &SurfaceVertex,
+    shading: &ShadingBsdf,
+    out: &mut Outputs,
+) {
+    if shading.is_delta() {
+        return;
+    }
+    let Some((light, probability)) = context.lights.sample(vertex.random.number(dimension::LIGHT_CHOICE)) else {
+        return;
+    };
+    if context.scene.environment_light() == Some(light) && !environment_is_sampled(context) {
+        return;
+    }
+    let u = vertex.random.pair(dimension::LIGHT);
+    let Some(sample) = sample_light(context, surface.interaction, light, u) else { return };
+    if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
+        return;
+    }
+    let wo = outgoing(vertex.ray);
+    let value = shading.eval(wo, sample.direction);
+    if value.is_black() {
+        return;
+    }
+    let weight = if sample.is_delta || context.settings.light_strategy == LightStrategy::Light {
+        1.0
+    } else {
+        sampling::power_heuristic(sample.pdf * probability, shading.pdf(wo, sample.direction))
+    };
+    let value = vertex.state.throughput * value * sample.radiance * (weight / (sample.pdf * probability));
+    if !value.is_black() && value.is_finite() {
+        out.light_rays.push((sample.shadow_ray, value));
+    }
+}
+
+fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, out: &mut Outputs) {
+    let wo = outgoing(vertex.ray);
+    let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
+    let Some(sample) = shading.sample(wo, u_lobe, u) else { return };
+    let mut throughput = vertex.state.throughput * sample.weight;
+    if throughput.is_black() || !throughput.is_finite() {
+        return;
+    }
+    if vertex.depth >= ROULETTE_DEPTH {
+        let survival = throughput.max_element().min(MAX_SURVIVAL);
+        if vertex.random.number(dimension::ROULETTE) >= survival {
+            return;
+        }
+        throughput *= 1.0 / survival;
+    }
+    let state = PathState {
+        bsdf_pdf: if sample.is_delta { 0.0 } else { sample.pdf },
+        is_specular: vertex.state.is_specular && sample.is_delta,
+        cone_spread: if sample.is_delta {
+            vertex.state.cone_spread
+        } else {
+            vertex.state.cone_spread.max(SCATTERED_SPREAD)
+        },
+        ..continued(vertex, surface, throughput)
+    };
+    out.next.push((Ray::new(surface.interaction.ray_origin(sample.wi), sample.wi), state));
+}

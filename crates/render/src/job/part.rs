@@ -1,0 +1,261 @@
+//! The loop that makes a picture: camera rays, hits, shading by material, light rays, next rays, depth by depth until no path is
+//! left. Batches only; nothing here asks for a single ray.
+
+use super::Statistics;
+use super::paths::{LightRays, Paths};
+use crate::film::filter::FilterSampler;
+use crate::film::{FilmPart, FilmSample};
+use crate::integrator::aov::Aov;
+use crate::integrator::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, VertexFunction};
+use crate::sampler::{Random, Sampler};
+use crate::settings::Crop;
+use snell_intersect::{AcceptAll, Grouping, Hit, HitFilter};
+use snell_math::{DVec2, SampledSpectrum, Vec2};
+use snell_scene::{Background, Camera, CameraSample};
+
+/// Most rays of one depth that are traced at once; more (of ray trees) are handled in pieces.
+const MAX_BATCH: usize = 1 << 16;
+
+/// Dimensions of the camera sample.
+const FILM: u32 = 0;
+const LENS: u32 = 1;
+
+/// Renders parts, reusing its buffers.
+pub struct PartRenderer<'a> {
+    context: Context<'a>,
+    camera: &'a Camera,
+    sampler: &'a Sampler,
+    filter: &'a FilterSampler,
+    shade: VertexFunction,
+    paths: Paths,
+    next: Paths,
+    light_rays: LightRays,
+    order: Vec<u32>,
+    outputs: Outputs,
+    samples: Vec<Sample>,
+    aovs: Vec<f32>,
+}
+
+/// A sample being taken.
+#[derive(Clone, Copy)]
+struct Sample {
+    random: Random,
+    radiance: SampledSpectrum,
+    alpha: f32,
+    weight: f32,
+}
+
+impl<'a> PartRenderer<'a> {
+    pub fn new(context: Context<'a>, camera: &'a Camera, sampler: &'a Sampler, filter: &'a FilterSampler) -> Self {
+        let shade = context.settings.integrator.vertex_function();
+        Self {
+            context,
+            camera,
+            sampler,
+            filter,
+            shade,
+            paths: Paths::default(),
+            next: Paths::default(),
+            light_rays: LightRays::default(),
+            order: Vec::new(),
+            outputs: Outputs::default(),
+            samples: Vec::new(),
+            aovs: Vec::new(),
+        }
+    }
+
+    /// Takes samples `range` of every pixel of `area`.
+    pub fn render(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
+        self.start(area, range);
+        statistics.rays.camera += self.paths.len() as u64;
+        let mut grouping =
+            if self.camera.has_common_origin() && range[1] - range[0] == 16 { Grouping::Pixel } else { Grouping::None };
+        let mut depth = 0;
+        while self.paths.len() > 0 {
+            self.trace(grouping);
+            if depth == 0 {
+                self.note_first_hits();
+            }
+            self.next.clear();
+            self.shade_batch(depth, statistics);
+            std::mem::swap(&mut self.paths, &mut self.next);
+            statistics.rays.indirect += self.paths.len() as u64;
+            depth += 1;
+            grouping = Grouping::None;
+        }
+        self.finish(area, range, statistics)
+    }
+
+    fn start(&mut self, area: Crop, range: [u32; 2]) {
+        self.paths.clear();
+        self.samples.clear();
+        self.aovs.clear();
+        let settings = self.context.settings;
+        for y in area.min[1]..area.max[1] {
+            for x in area.min[0]..area.max[0] {
+                for number in range[0]..range[1] {
+                    let random = self.sampler.random([x, y], number);
+                    let (offset, weight) = match settings.pixel_position {
+                        Some([u, v]) => (DVec2::new(u, v), 1.0),
+                        None => {
+                            let (offset, weight) = self.filter.sample(random.pair(FILM));
+                            (offset + 0.5, weight)
+                        }
+                    };
+                    let film = DVec2::new(f64::from(x), f64::from(y)) + offset;
+                    let lens: Vec2 = random.pair(LENS);
+                    let camera_ray = self.camera.ray(&CameraSample { film, lens }, settings.size);
+                    let index = self.samples.len() as u32;
+                    self.samples.push(Sample { random, radiance: SampledSpectrum::ZERO, alpha: 1.0, weight });
+                    let state = PathState {
+                        throughput: self.context.scene.mode.unit() * camera_ray.weight,
+                        bsdf_pdf: 0.0,
+                        is_specular: true,
+                        cone_width: camera_ray.width,
+                        cone_spread: camera_ray.spread,
+                        stream: 0,
+                    };
+                    self.paths.push(camera_ray.ray, state, index);
+                }
+            }
+        }
+    }
+
+    fn hit_filter(&self) -> &'a dyn HitFilter {
+        let scene: &'a _ = self.context.scene;
+        if scene.has_filter() { scene } else { &AcceptAll }
+    }
+
+    fn trace(&mut self, grouping: Grouping) {
+        let filter = self.hit_filter();
+        self.paths.hits.clear();
+        self.paths.hits.resize(self.paths.rays.len(), Hit::MISS);
+        self.context.scene.world.closest(&self.paths.rays, grouping, filter, &mut self.paths.hits);
+    }
+
+    /// Alpha and AOVs of the camera rays.
+    fn note_first_hits(&mut self) {
+        let scene = self.context.scene;
+        if scene.background == Background::Transparent {
+            for (i, hit) in self.paths.hits.iter().enumerate() {
+                self.samples[i].alpha = f32::from(hit.is_hit());
+            }
+        }
+        let aovs: &[Aov] = &self.context.settings.aovs;
+        if aovs.is_empty() {
+            return;
+        }
+        let counted = aovs.iter().any(|a| a.needs_counters());
+        let filter = self.hit_filter();
+        for i in 0..self.paths.len() {
+            let (ray, hit) = (self.paths.rays[i], self.paths.hits[i]);
+            let counters = if counted {
+                let (_, counters) = scene.world.closest_counted(&ray, filter);
+                [counters.nodes_visited, counters.primitives_tested]
+            } else {
+                [0; 2]
+            };
+            let interaction = hit.is_hit().then(|| scene.world.interaction(&ray, &hit));
+            let state = &self.paths.states[i];
+            let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
+                hit: &hit,
+                interaction,
+                material: scene.material(scene.material_id(&hit)),
+                footprint: state.cone_width + state.cone_spread * hit.t,
+            });
+            let random = self.samples[i].random.at_vertex(0, 0);
+            let vertex = Vertex { depth: 0, ray: &ray, state, random, surface };
+            let towards = self.camera.towards.as_vec3();
+            for aov in aovs {
+                aov.extend(&self.context, &vertex, towards, counters, &mut self.aovs);
+            }
+        }
+    }
+
+    /// Calls the vertex function on every path, grouped by material, and adds what the light rays bring.
+    fn shade_batch(&mut self, depth: u32, statistics: &mut Statistics) {
+        if self.context.settings.integrator == IntegratorKind::Aov {
+            return;
+        }
+        self.group_by_material();
+        let order = std::mem::take(&mut self.order);
+        for piece in order.chunks(MAX_BATCH) {
+            self.light_rays.clear();
+            for &path in piece {
+                self.shade_one(depth, path as usize);
+            }
+            self.trace_light_rays(statistics);
+        }
+        self.order = order;
+    }
+
+    /// Paths of one material one after the other; those of one sample stay in order, so that sums have one order.
+    fn group_by_material(&mut self) {
+        let scene = self.context.scene;
+        self.order.clear();
+        self.order.extend(0..self.paths.len() as u32);
+        if scene.materials.len() > 2 {
+            let key = |i: &u32| {
+                let hit = &self.paths.hits[*i as usize];
+                if hit.is_hit() { scene.material_id(hit).0 } else { u32::MAX }
+            };
+            self.order.sort_by_cached_key(key);
+        }
+    }
+
+    fn shade_one(&mut self, depth: u32, path: usize) {
+        let scene = self.context.scene;
+        let (ray, hit, state) = (self.paths.rays[path], self.paths.hits[path], self.paths.states[path]);
+        let sample = self.paths.samples[path];
+        let interaction = hit.is_hit().then(|| scene.world.interaction(&ray, &hit));
+        let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
+            hit: &hit,
+            interaction,
+            material: scene.material(scene.material_id(&hit)),
+            footprint: state.cone_width + state.cone_spread * hit.t,
+        });
+        let random = self.samples[sample as usize].random.at_vertex(state.stream, depth);
+        let vertex = Vertex { depth, ray: &ray, state: &state, random, surface };
+        self.outputs.clear();
+        (self.shade)(&self.context, &vertex, &mut self.outputs);
+        self.samples[sample as usize].radiance += self.outputs.radiance;
+        for (ray, value) in self.outputs.light_rays.drain(..) {
+            self.light_rays.push(ray, value, sample);
+        }
+        for (ray, state) in self.outputs.next.drain(..) {
+            self.next.push(ray, state, sample);
+        }
+    }
+
+    fn trace_light_rays(&mut self, statistics: &mut Statistics) {
+        let filter = self.hit_filter();
+        let rays = &mut self.light_rays;
+        statistics.rays.shadow += rays.rays.len() as u64;
+        rays.blocked.clear();
+        rays.blocked.resize(rays.rays.len(), false);
+        self.context.scene.world.occluded(&rays.rays, filter, &mut rays.blocked);
+        for ((&sample, &value), &blocked) in rays.samples.iter().zip(&rays.values).zip(&rays.blocked) {
+            if !blocked {
+                self.samples[sample as usize].radiance += value;
+            }
+        }
+    }
+
+    fn finish(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
+        let mode = self.context.scene.mode;
+        let values = self.samples.iter().map(|sample| {
+            let finite = sample.radiance.is_finite();
+            statistics.invalid_samples += u64::from(!finite);
+            let radiance = if finite { sample.radiance } else { SampledSpectrum::ZERO };
+            FilmSample { color: mode.to_rgb(radiance), alpha: sample.alpha, weight: sample.weight }
+        });
+        let values = values.collect();
+        let mut aovs = std::mem::take(&mut self.aovs);
+        for value in &mut aovs {
+            if !value.is_finite() {
+                *value = 0.0;
+            }
+        }
+        FilmPart { area, samples: range, values, aovs }
+    }
+}

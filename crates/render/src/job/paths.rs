@@ -1,0 +1,59 @@
+//! The paths of a part, as a structure of arrays.
+
+use crate::integrator::PathState;
+use snell_intersect::Hit;
+use snell_math::{Ray, SampledSpectrum};
+
+/// Live paths: one entry per ray in flight.
+#[derive(Debug, Default)]
+pub struct Paths {
+    /// The ray to trace next.
+    pub rays: Vec<Ray>,
+    /// What the path carries.
+    pub states: Vec<PathState>,
+    /// Which sample of the part the path belongs to.
+    pub samples: Vec<u32>,
+    /// What the rays hit.
+    pub hits: Vec<Hit>,
+}
+
+impl Paths {
+    pub fn clear(&mut self) {
+        self.rays.clear();
+        self.states.clear();
+        self.samples.clear();
+    }
+
+    pub fn push(&mut self, ray: Ray, state: PathState, sample: u32) {
+        self.rays.push(ray);
+        self.states.push(state);
+        self.samples.push(sample);
+    }
+
+    pub fn len(&self) -> usize {
+        self.rays.len()
+    }
+}
+
+/// Rays towards lights, with what they bring if nothing is in the way.
+#[derive(Debug, Default)]
+pub struct LightRays {
+    pub rays: Vec<Ray>,
+    pub values: Vec<SampledSpectrum>,
+    pub samples: Vec<u32>,
+    pub blocked: Vec<bool>,
+}
+
+impl LightRays {
+    pub fn clear(&mut self) {
+        self.rays.clear();
+        self.values.clear();
+        self.samples.clear();
+    }
+
+    pub fn push(&mut self, ray: Ray, value: SampledSpectrum, sample: u32) {
+        self.rays.push(ray);
+        self.values.push(value);
+        self.samples.push(sample);
+    }
+}

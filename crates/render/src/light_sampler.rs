@@ -1,0 +1,55 @@
+//! Which light is sampled.
+
+use snell_math::distribution::Distribution1D;
+
+/// How a light is chosen among many.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightSamplerKind {
+    /// Each with the same probability.
+    Uniform,
+    /// In proportion to emitted power.
+    #[default]
+    Power,
+}
+
+impl LightSamplerKind {
+    /// All kinds.
+    pub const ALL: [Self; 2] = [Self::Uniform, Self::Power];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::Power => "power",
+        }
+    }
+}
+
+/// Chooses among the lights of a scene.
+#[derive(Debug)]
+pub struct LightSampler {
+    distribution: Option<Distribution1D>,
+}
+
+impl LightSampler {
+    /// A sampler over lights of these powers. A light of no power is never chosen by power, unless all have none.
+    pub fn new(kind: LightSamplerKind, powers: &[f64]) -> Self {
+        let weights: Vec<f32> = match kind {
+            LightSamplerKind::Uniform => vec![1.0; powers.len()],
+            LightSamplerKind::Power => powers.iter().map(|&p| p as f32).collect(),
+        };
+        Self { distribution: (!powers.is_empty()).then(|| Distribution1D::new(&weights)) }
+    }
+
+    /// A light and the probability of choosing it; `None` without lights.
+    pub fn sample(&self, u: f32) -> Option<(usize, f32)> {
+        let distribution = self.distribution.as_ref()?;
+        let (light, _) = distribution.sample(u);
+        Some((light, distribution.probability(light)))
+    }
+
+    /// The probability of choosing this light.
+    pub fn probability(&self, light: usize) -> f32 {
+        self.distribution.as_ref().map_or(0.0, |d| d.probability(light))
+    }
+}

@@ -1,0 +1,140 @@
+//! The textbook renderer: one recursive call per ray, nothing batched, nothing clever. The first file to read, and the oracle that
+//! the tests hold the batched renderer to.
+//!
+//! It asks the same questions of the same scene with the same random numbers, so it must give the same pictures up to rounding.
+
+use crate::compile::CompiledScene;
+use crate::film::filter::FilterSampler;
+use crate::integrator::{Context, Outputs, PathState, SurfaceVertex, Vertex};
+use crate::sampler::{Random, Sampler};
+use crate::settings::Settings;
+use snell_intersect::HitFilter;
+use snell_math::{DVec2, Ray, Rgb, SampledSpectrum};
+use snell_scene::{Camera, CameraSample};
+
+/// Renders a picture: for each pixel, the mean of its samples. Row by row from the top.
+pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<Rgb> {
+    let [width, height] = settings.size;
+    let mut image = Vec::new();
+    for y in 0..height {
+        for x in 0..width {
+            let (mut sum, mut weights) = (Rgb::BLACK, 0.0);
+            for number in 0..settings.spp {
+                let (color, weight) = sample_pixel(scene, camera, settings, [x, y], number);
+                sum = sum + color * weight;
+                weights += weight;
+            }
+            image.push(sum * (1.0 / weights));
+        }
+    }
+    image
+}
+
+/// One sample of one pixel: constructs the ray through it and computes the radiance that comes along the ray.
+fn sample_pixel(
+    scene: &CompiledScene,
+    camera: &Camera,
+    settings: &Settings,
+    pixel: [u32; 2],
+    number: u32,
+) -> (Rgb, f32) {
+    let random = Sampler::new(settings.sampler, settings.seed, settings.spp).random(pixel, number);
+    let (offset, weight) = match settings.pixel_position {
+        Some([u, v]) => (DVec2::new(u, v), 1.0),
+        None => {
+            let (offset, weight) = FilterSampler::new(settings.filter).sample(random.pair(0));
+            (offset + 0.5, weight)
+        }
+    };
+    let film = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + offset;
+    let camera_ray = camera.ray(&CameraSample { film, lens: random.pair(1) }, settings.size);
+    let state = PathState {
+        throughput: scene.mode.unit() * camera_ray.weight,
+        bsdf_pdf: 0.0,
+        is_specular: true,
+        cone_width: camera_ray.width,
+        cone_spread: camera_ray.spread,
+        stream: 0,
+    };
+    (scene.mode.to_rgb(radiance(scene, settings, &camera_ray.ray, &state, random, 0)), weight)
+}
+
+/// Radiance along a ray: what is found where it ends, light rays that reach their lights, and the radiance along all rays that the
+/// integrator sends on.
+fn radiance(
+    scene: &CompiledScene,
+    settings: &Settings,
+    ray: &Ray,
+    state: &PathState,
+    random: Random,
+    depth: u32,
+) -> SampledSpectrum {
+    let filter: &dyn HitFilter = scene;
+    let hit = scene.world.closest_one(ray, filter);
+    let interaction = hit.is_hit().then(|| scene.world.interaction(ray, &hit));
+    let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
+        hit: &hit,
+        interaction,
+        material: scene.material(scene.material_id(&hit)),
+        footprint: state.cone_width + state.cone_spread * hit.t,
+    });
+    let lights = scene.light_sampler(settings.light_sampler);
+    let context = Context { scene, settings, lights: &lights };
+    let vertex = Vertex { depth, ray, state, random: random.at_vertex(state.stream, depth), surface };
+    let mut out = Outputs::default();
+    (settings.integrator.vertex_function())(&context, &vertex, &mut out);
+    let mut sum = out.radiance;
+    for (light_ray, value) in &out.light_rays {
+        if !scene.world.occluded_one(light_ray, filter) {
+            sum += *value;
+        }
+    }
+    for (next_ray, next_state) in &out.next {
+        sum += radiance(scene, settings, next_ray, next_state, random, depth + 1);
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrator::IntegratorKind;
+    use crate::job::Job;
+    use snell_intersect::shape::Sphere;
+    use snell_math::{DAffine3, DVec3, Vec3};
+    use snell_scene::material::Diffuse;
+    use snell_scene::{Environment, Material, Node, Scene, Surface};
+
+    fn two_balls() -> (Scene, Camera) {
+        let mut scene = Scene::new("two balls");
+        let white = scene.add_material(Material::new("white", Diffuse::new(Rgb::splat(0.8))));
+        let lamp = scene.add_material(Material::new("lamp", Diffuse::new(Rgb::BLACK)).emitting(Rgb::splat(5.0)));
+        for (x, material) in [(-1.2, white), (1.2, lamp)] {
+            let transform = DAffine3::from_translation(DVec3::new(x, 0.0, 0.0));
+            let surfaces = vec![Surface::shape(Sphere { radius: 1.0 }, material)];
+            scene.add_child(scene.root, Node { transform, surfaces, ..Node::default() });
+        }
+        scene.environment = Some(Environment::Constant(Rgb::new(0.1, 0.2, 0.3)));
+        (scene, Camera::look_at(Vec3::new(0.0, 0.0, 6.0), Vec3::ZERO, Vec3::Y, 0.5))
+    }
+
+    #[test]
+    fn the_batched_renderer_agrees_with_the_textbook() {
+        let (scene, camera) = two_balls();
+        for integrator in IntegratorKind::ALL {
+            if integrator == IntegratorKind::Aov {
+                continue;
+            }
+            let settings = Settings { size: [24, 18], spp: 5, integrator, max_depth: 4, ..Settings::default() };
+            let compiled = CompiledScene::new(&scene, &settings.build).expect("a valid scene");
+            let (film, _) = Job::new(&compiled, &camera, &settings).run(2, &|_| true);
+            let batched = film.image();
+            for (i, expected) in ray_cast(&compiled, &camera, &settings).iter().enumerate() {
+                for c in 0..3 {
+                    let (a, b) = (batched.layers[0].values[i * 4 + c], expected.to_array()[c]);
+                    assert!((a - b).abs() <= 1e-5 * b.abs().max(1.0), "{integrator:?} pixel {i}: {a} {b}");
+                }
+            }
+        }
+    }
+}

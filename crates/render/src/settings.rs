@@ -1,0 +1,162 @@
+//! Everything about a render that is not the scene.
+
+use crate::film::filter::Filter;
+use crate::integrator::IntegratorKind;
+use crate::integrator::aov::Aov;
+use crate::light_sampler::LightSamplerKind;
+use crate::sampler::SamplerKind;
+use snell_intersect::BuildOptions;
+
+/// How `raycast` and `whitted` treat occlusion of lights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shadows {
+    /// No shadow rays.
+    None,
+    /// One shadow ray to the middle of each light.
+    #[default]
+    Hard,
+    /// A shadow ray to a random point of each light.
+    Soft,
+}
+
+impl Shadows {
+    /// All choices.
+    pub const ALL: [Self; 3] = [Self::None, Self::Hard, Self::Soft];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Hard => "hard",
+            Self::Soft => "soft",
+        }
+    }
+}
+
+/// Which samples `path` and `direct` use to find lights. All converge to the same picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightStrategy {
+    /// Light samples and BSDF samples, combined by the power heuristic (Veach and Guibas, 1995).
+    #[default]
+    Mis,
+    /// Light samples only, except where a delta lobe or an unsampled light leaves no choice.
+    Light,
+    /// BSDF samples only, except for lights that no BSDF sample can find.
+    Bsdf,
+}
+
+impl LightStrategy {
+    /// All strategies.
+    pub const ALL: [Self; 3] = [Self::Mis, Self::Light, Self::Bsdf];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mis => "mis",
+            Self::Light => "light",
+            Self::Bsdf => "bsdf",
+        }
+    }
+}
+
+/// A rectangle of pixels, right and lower border exclusive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crop {
+    /// Left, upper.
+    pub min: [u32; 2],
+    /// Right, lower (exclusive).
+    pub max: [u32; 2],
+}
+
+impl Crop {
+    /// The whole picture.
+    pub fn full(size: [u32; 2]) -> Self {
+        Self { min: [0, 0], max: size }
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> [u32; 2] {
+        [self.max[0].saturating_sub(self.min[0]), self.max[1].saturating_sub(self.min[1])]
+    }
+}
+
+/// In which order tiles are rendered. Never changes the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TileOrder {
+    /// Row by row from the top.
+    #[default]
+    Rows,
+    /// From the last to the first.
+    Reversed,
+    /// Shuffled by this number.
+    Shuffled(u32),
+}
+
+/// Settings of a render.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Width and height of the whole picture in pixels.
+    pub size: [u32; 2],
+    /// Only this part is rendered.
+    pub crop: Option<Crop>,
+    /// Samples per pixel.
+    pub spp: u32,
+    /// Render in passes that grow from one sample, so that stopping early leaves a whole picture. Never changes the bits.
+    pub progressive: bool,
+    /// Seed of all random numbers.
+    pub seed: u32,
+    /// Who gives random numbers.
+    pub sampler: SamplerKind,
+    /// Reconstruction filter.
+    pub filter: Filter,
+    /// If set, every sample of a pixel is taken at this position in it, and the filter is not used.
+    pub pixel_position: Option<[f64; 2]>,
+    /// What light does.
+    pub integrator: IntegratorKind,
+    /// How many bounces after the camera ray's hit are followed at most: 0 shows light that reaches the camera from the first
+    /// surface itself, 1 adds direct light (in `path`), and so on.
+    pub max_depth: u32,
+    /// How occlusion of lights is treated by the classic integrators.
+    pub shadows: Shadows,
+    /// Which samples find lights.
+    pub light_strategy: LightStrategy,
+    /// How a light is chosen among many.
+    pub light_sampler: LightSamplerKind,
+    /// How far `ao` looks for occluders; `None` is half of the scene's radius.
+    pub ao_distance: Option<f32>,
+    /// Extra layers.
+    pub aovs: Vec<Aov>,
+    /// Order of work.
+    pub tile_order: TileOrder,
+    /// Acceleration structure and SIMD level.
+    pub build: BuildOptions,
+}
+
+impl Settings {
+    /// The cap on path length when none is asked for. Russian roulette ends practically all paths long before.
+    pub const MAX_DEPTH: u32 = 1000;
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            size: [640, 480],
+            crop: None,
+            spp: 64,
+            progressive: false,
+            seed: 0,
+            sampler: SamplerKind::default(),
+            filter: Filter::default(),
+            pixel_position: None,
+            integrator: IntegratorKind::default(),
+            max_depth: Self::MAX_DEPTH,
+            shadows: Shadows::default(),
+            light_strategy: LightStrategy::default(),
+            light_sampler: LightSamplerKind::default(),
+            ao_distance: None,
+            aovs: Vec::new(),
+            tile_order: TileOrder::default(),
+            build: BuildOptions::default(),
+        }
+    }
+}

@@ -1,0 +1,60 @@
+//! Perfect mirror reflection.
+
+use super::{BsdfSample, Lobes, SpecularBranch};
+use snell_math::{SampledSpectrum, Vec2, Vec3};
+
+/// All light comes from the mirror direction.
+#[derive(Clone, Copy, Debug)]
+pub struct MirrorBsdf {
+    /// Share of light reflected, `[0, 1]`.
+    pub reflectance: SampledSpectrum,
+}
+
+/// The delta lobe of a mirror with this factor.
+pub(super) fn mirror_branch(wo: Vec3, weight: SampledSpectrum) -> SpecularBranch {
+    SpecularBranch { wi: Vec3::new(-wo.x, -wo.y, wo.z), weight, is_transmission: false }
+}
+
+impl SpecularBranch {
+    /// The sample that follows this branch, chosen with `probability` among the lobes.
+    pub(super) fn sample(self, probability: f32) -> BsdfSample {
+        BsdfSample {
+            wi: self.wi,
+            weight: self.weight / probability,
+            pdf: 0.0,
+            is_delta: true,
+            is_transmission: self.is_transmission,
+        }
+    }
+}
+
+impl Lobes for MirrorBsdf {
+    fn eval(&self, _wo: Vec3, _wi: Vec3) -> SampledSpectrum {
+        SampledSpectrum::ZERO
+    }
+
+    fn pdf(&self, _wo: Vec3, _wi: Vec3) -> f32 {
+        0.0
+    }
+
+    fn sample(&self, wo: Vec3, _u_lobe: f32, _u: Vec2) -> Option<BsdfSample> {
+        (wo.z != 0.0).then(|| mirror_branch(wo, self.reflectance).sample(1.0))
+    }
+
+    fn is_delta(&self) -> bool {
+        true
+    }
+
+    fn albedo(&self, _wo: Vec3) -> SampledSpectrum {
+        self.reflectance
+    }
+
+    fn ambient(&self, _wo: Vec3) -> SampledSpectrum {
+        // What it mirrors comes with the branch.
+        SampledSpectrum::ZERO
+    }
+
+    fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
+        [Some(mirror_branch(wo, self.reflectance)), None]
+    }
+}

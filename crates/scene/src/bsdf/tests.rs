@@ -1,0 +1,389 @@
+//! Every example of every material, against what any BSDF must satisfy.
+
+use super::{Bsdf, Lobes, fresnel};
+use crate::material::{MaterialKind, ShadingPoint};
+use crate::texture::TextureSet;
+use snell_intersect::SurfaceInteraction;
+use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec2, Vec3, rng};
+use std::f32::consts::PI;
+
+fn surface() -> SurfaceInteraction {
+    SurfaceInteraction {
+        position: Vec3::ZERO,
+        position_error: Vec3::ZERO,
+        geometric_normal: Vec3::Z,
+        shading_normal: Vec3::Z,
+        uv: [Vec2::splat(0.3); 2],
+        dpdu: Vec3::X,
+        dpdv: Vec3::Y,
+        tangent: None,
+        color: [1.0; 4],
+        t: 1.0,
+        primitive_uv: Vec2::ZERO,
+        instance: 0,
+        geometry: 0,
+        primitive: 0,
+    }
+}
+
+fn bsdf(kind: &MaterialKind) -> Bsdf {
+    let textures = TextureSet::default();
+    kind.bsdf(&ShadingPoint { surface: &surface(), footprint: 0.0, textures: &textures, mode: ColorMode::Rgb })
+}
+
+/// Directions to look from: both sides, straight and grazing.
+fn views() -> Vec<Vec3> {
+    [(0.0f32, 0.3f32), (0.7, 0.0), (1.2, 2.0), (1.5, 4.0), (2.2, 1.0), (3.0, 5.0)]
+        .map(|(theta, phi)| Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()))
+        .to_vec()
+}
+
+/// Calls `check` with each example's name, the example, its BSDF and each view.
+fn for_each(mut check: impl FnMut(&str, &MaterialKind, &Bsdf, Vec3)) {
+    for (i, kind) in MaterialKind::examples().iter().enumerate() {
+        let bsdf = bsdf(kind);
+        for wo in views() {
+            check(&format!("{} (example {i}) from {wo}", kind.name()), kind, &bsdf, wo);
+        }
+    }
+}
+
+/// Change of the radiance scale at refraction, undone: what is left is energy.
+fn energy_scale(kind: &MaterialKind, wo: Vec3, is_transmission: bool) -> f32 {
+    match kind {
+        MaterialKind::Dielectric(d) if is_transmission => {
+            if wo.z > 0.0 {
+                d.ior * d.ior
+            } else {
+                1.0 / (d.ior * d.ior)
+            }
+        }
+        _ => 1.0,
+    }
+}
+
+/// Share of a uniform surrounding that is seen, by a fixed low-discrepancy set (Roberts' R3 sequence).
+fn furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3, n: u32) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for i in 0..n {
+        let at = |step: f64| (0.5 + f64::from(i) * step).fract() as f32;
+        let u = Vec2::new(at(0.671_043_606_703_789_2), at(0.549_700_477_901_970_3));
+        if let Some(s) = bsdf.sample(wo, at(0.819_172_513_396_164_4), u) {
+            let scale = energy_scale(kind, wo, s.is_transmission);
+            for (sum, w) in sum.iter_mut().zip(s.weight.0) {
+                *sum += f64::from(w * scale);
+            }
+        }
+    }
+    sum.map(|s| s / f64::from(n))
+}
+
+#[test]
+fn no_bsdf_makes_light() {
+    for_each(|name, kind, bsdf, wo| {
+        let albedo = furnace(kind, bsdf, wo, 100_000);
+        assert!(albedo.iter().all(|&a| a <= 1.001), "{name}: {albedo:?}");
+    });
+}
+
+#[test]
+fn lossless_settings_lose_nothing() {
+    use crate::material::{Conductor, Dielectric, Diffuse, MetallicRoughness, Mirror, Phong, Plastic};
+    let white = Rgb::WHITE;
+    let lossless: Vec<MaterialKind> = vec![
+        Diffuse::new(white).into(),
+        Mirror::new(white).into(),
+        Dielectric::smooth(1.5).into(),
+        Dielectric::smooth(1.0).into(),
+        Dielectric::smooth(0.7).into(),
+        Conductor::color(white, 0.0).into(),
+        Phong { reflection: white.into(), diffuse: Rgb::BLACK.into(), ..Phong::default() }.into(),
+        Phong::default().into(),
+        Plastic::new(white, 0.0).into(),
+        Plastic::new(white, 0.5).into(),
+        MetallicRoughness::new(white, 1.0, 0.0).into(),
+        MetallicRoughness::new(white, 0.0, 0.0).into(),
+        MetallicRoughness { transmission: 1.0.into(), ..MetallicRoughness::new(white, 0.0, 0.0) }.into(),
+    ];
+    for kind in lossless {
+        let bsdf = bsdf(&kind);
+        for wo in views() {
+            let albedo = furnace(&kind, &bsdf, wo, 400_000);
+            assert!(albedo.iter().all(|a| (a - 1.0).abs() < 1e-3), "{kind:?} from {wo}: {albedo:?}");
+        }
+    }
+}
+
+#[test]
+fn nothing_is_lost_on_a_walk_through_a_glass_ball() {
+    use crate::material::Dielectric;
+    let glass = bsdf(&Dielectric::smooth(1.5).into());
+    for seed in 0..2000u32 {
+        let u = |bounce: u32| rng::uniform2([seed, bounce, 5, 1]);
+        // The ball by its normals alone: inside, each chord meets the surface at the angle at which it left it.
+        let (mut wo, mut throughput) = (fresnel_view(u(100).x), SampledSpectrum::ONE);
+        for bounce in 0..200 {
+            let s = glass.sample(wo, u(bounce).x, u(bounce + 1000)).expect("glass absorbs nothing");
+            throughput *= s.weight;
+            if s.wi.z > 0.0 {
+                break;
+            }
+            wo = Vec3::new(-s.wi.x, s.wi.y, s.wi.z);
+        }
+        assert!((throughput[0] - 1.0).abs() < 1e-4, "{throughput:?}");
+    }
+}
+
+fn fresnel_view(u: f32) -> Vec3 {
+    let cos = 0.01 + 0.98 * u;
+    Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos)
+}
+
+#[test]
+fn samples_agree_with_value_and_density() {
+    for_each(|name, _, bsdf, wo| {
+        for i in 0..400u32 {
+            let (u, lobe) = (rng::uniform2([i, 11, 3, 0]), rng::uniform2([i, 12, 3, 0]).x);
+            let Some(s) = bsdf.sample(wo, lobe, u) else { continue };
+            assert!((s.wi.length() - 1.0).abs() < 1e-4, "{name}: {s:?}");
+            assert!(s.weight.is_finite() && s.weight.0.iter().all(|&w| w >= 0.0) && s.pdf.is_finite(), "{name}: {s:?}");
+            assert_eq!(s.is_transmission, s.wi.z * wo.z < 0.0, "{name}: {s:?}");
+            assert_eq!(s.is_delta, s.pdf == 0.0, "{name}: {s:?}");
+            assert!(!bsdf.is_delta() || s.is_delta, "{name}: a delta BSDF gave {s:?}");
+            if s.is_delta {
+                continue;
+            }
+            let pdf = bsdf.pdf(wo, s.wi);
+            // Sharp lobes amplify the rounding of the direction.
+            assert!((pdf - s.pdf).abs() <= 0.02 * s.pdf, "{name}: pdf {pdf} but {s:?}");
+            let weight = bsdf.eval(wo, s.wi) / pdf;
+            for (a, b) in weight.0.iter().zip(s.weight.0) {
+                assert!((a - b).abs() <= 0.02 * b + 1e-5, "{name}: weight {weight:?} but {s:?}");
+            }
+        }
+    });
+}
+
+#[test]
+fn values_are_reciprocal() {
+    for_each(|name, kind, bsdf, wo| {
+        for i in 0..200u32 {
+            let wi = snell_math::sampling::uniform_sphere(rng::uniform2([i, 21, 3, 0]));
+            let is_transmission = wi.z * wo.z < 0.0;
+            let (there, back) = (bsdf.eval(wo, wi) / wi.z.abs(), bsdf.eval(wi, wo) / wo.z.abs());
+            // Radiance is reciprocal after division by the squared index of its side.
+            let scale = energy_scale(kind, wo, is_transmission);
+            for (a, b) in there.0.iter().map(|a| a * scale).zip(back.0) {
+                assert!(
+                    (a - b).abs() <= 5e-3 * a.abs().max(b.abs()) + 1e-5,
+                    "{name} to {wi}: {there:?}, back {back:?}"
+                );
+            }
+        }
+    });
+}
+
+#[test]
+fn both_sides_of_opaque_materials_look_alike() {
+    for_each(|name, kind, bsdf, wo| {
+        if matches!(kind, MaterialKind::Dielectric(_)) {
+            return;
+        }
+        let flip = |v: Vec3| Vec3::new(v.x, v.y, -v.z);
+        for i in 0..50u32 {
+            let wi = snell_math::sampling::uniform_sphere(rng::uniform2([i, 31, 3, 0]));
+            assert_eq!(bsdf.eval(wo, wi), bsdf.eval(flip(wo), flip(wi)), "{name}");
+            assert_eq!(bsdf.pdf(wo, wi), bsdf.pdf(flip(wo), flip(wi)), "{name}");
+        }
+    });
+}
+
+#[test]
+fn directions_in_the_surface_are_harmless() {
+    for kind in MaterialKind::examples() {
+        let bsdf = bsdf(&kind);
+        for wo in [Vec3::X, Vec3::new(1.0, 0.0, 1e-20), Vec3::new(-1.0, 0.0, -1e-6), Vec3::Z] {
+            for i in 0..100u32 {
+                let (u, lobe) = (rng::uniform2([i, 41, 3, 0]), rng::uniform2([i, 42, 3, 0]).x);
+                if let Some(s) = bsdf.sample(wo, lobe, if i == 0 { Vec2::ZERO } else { u }) {
+                    assert!(s.weight.is_finite() && s.weight.0.iter().all(|&w| w >= 0.0), "{kind:?} {wo} {s:?}");
+                }
+                let wi = snell_math::sampling::uniform_sphere(u);
+                for wi in [wi, Vec3::Y, -wo, wo, Vec3::new(-wo.x, -wo.y, wo.z)] {
+                    let (value, pdf) = (bsdf.eval(wo, wi), bsdf.pdf(wo, wi));
+                    assert!(value.is_finite() && value.0.iter().all(|&v| v >= 0.0), "{kind:?} {wo} {wi} {value:?}");
+                    assert!(pdf.is_finite() && pdf >= 0.0, "{kind:?} {wo} {wi} {pdf}");
+                }
+            }
+            assert!(bsdf.specular_branches(wo).iter().flatten().all(|b| b.weight.is_finite() && b.wi.is_finite()));
+            assert!(bsdf.albedo(wo).is_finite() && bsdf.ambient(wo).is_finite());
+        }
+    }
+}
+
+/// Cells of the sphere in polar coordinates about an axis, finer towards it by the cube, so that sharp lobes are resolved.
+struct Cells {
+    frame: Frame,
+    sign: f32,
+}
+
+const THETAS: usize = 20;
+const PHIS: usize = 8;
+
+impl Cells {
+    /// Cells of the half of the sphere on the side of `axis`.
+    fn new(axis: Vec3) -> Self {
+        Self { frame: Frame::from_z(axis), sign: 1f32.copysign(axis.z) }
+    }
+
+    /// The cell of a direction on this half.
+    fn index(&self, w: Vec3) -> usize {
+        let l = self.frame.to_local(w);
+        let theta = l.truncate().length().atan2(l.z);
+        let phi = l.y.atan2(l.x) / (2.0 * PI) + 0.5;
+        let t = (theta / PI).cbrt() * THETAS as f32;
+        (t as usize).min(THETAS - 1) * PHIS + ((phi * PHIS as f32) as usize).min(PHIS - 1)
+    }
+
+    /// Integral of a density over each cell, by midpoints.
+    fn integrate(&self, density: impl Fn(Vec3) -> f32) -> Vec<f64> {
+        const STEPS: usize = 24;
+        let mut cells = vec![0.0; THETAS * PHIS];
+        for (cell, sum) in cells.iter_mut().enumerate() {
+            for step in 0..STEPS * STEPS {
+                let t = ((cell / PHIS) as f32 + ((step / STEPS) as f32 + 0.5) / STEPS as f32) / THETAS as f32;
+                let p = ((cell % PHIS) as f32 + ((step % STEPS) as f32 + 0.5) / STEPS as f32) / PHIS as f32;
+                let (theta, phi) = (PI * t * t * t, 2.0 * PI * (p - 0.5));
+                let w = self.frame.from_local(Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()));
+                if w.z * self.sign > 0.0 {
+                    let measure = theta.sin() * (3.0 * PI * t * t / THETAS as f32) * (2.0 * PI / PHIS as f32);
+                    *sum += f64::from(density(w)) * f64::from(measure) / (STEPS * STEPS) as f64;
+                }
+            }
+        }
+        cells
+    }
+}
+
+#[test]
+fn samples_are_distributed_by_their_density() {
+    let mut tests = 0;
+    let mut worst = (f64::NEG_INFINITY, String::new());
+    for_each(|name, kind, bsdf, wo| {
+        if bsdf.is_delta() {
+            return;
+        }
+        let eta = match kind {
+            MaterialKind::Dielectric(d) if wo.z > 0.0 => d.ior,
+            MaterialKind::Dielectric(d) => 1.0 / d.ior,
+            _ => 1.0,
+        };
+        let side = Vec3::new(0.0, 0.0, wo.z.signum());
+        let mirror = fresnel::reflect(wo, side);
+        let through = fresnel::refract(wo, side, eta).unwrap_or(-wo);
+        let halves = [Cells::new(mirror), Cells::new(through)];
+        let mut expected: Vec<f64> = halves.iter().flat_map(|c| c.integrate(|w| bsdf.pdf(wo, w))).collect();
+        let total: f64 = expected.iter().sum();
+        assert!(total <= 1.003, "{name}: density adds up to {total}");
+        let n = 40_000u32;
+        let mut found = vec![0u32; expected.len()];
+        let mut elsewhere = 0;
+        for i in 0..n {
+            let (u, lobe) = (rng::uniform2([i, 51, 3, 0]), rng::uniform2([i, 52, 3, 0]).x);
+            match bsdf.sample(wo, lobe, u) {
+                Some(s) if !s.is_delta => {
+                    let half = usize::from(s.wi.z * wo.z < 0.0);
+                    found[half * THETAS * PHIS + halves[half].index(s.wi)] += 1;
+                }
+                _ => elsewhere += 1,
+            }
+        }
+        found.push(elsewhere);
+        expected.push((1.0 - total).max(0.0));
+        let z = chi2_deviation(&found, &expected, f64::from(n));
+        tests += 1;
+        if z > worst.0 {
+            worst = (z, format!("{name}: total {total}"));
+        }
+    });
+    // One test in a hundred thousand exceeds 4.3 standard deviations; with some 150 tests (Sidak) that is once in 700 seeds.
+    assert!(tests > 100 && worst.0 < 4.3, "{tests} tests, the worst {worst:?}");
+}
+
+/// How many standard deviations the chi-squared statistic is too large (Wilson and Hilferty's approximation). Cells of few expected
+/// samples are pooled.
+fn chi2_deviation(found: &[u32], expected: &[f64], n: f64) -> f64 {
+    let (mut chi2, mut cells) = (0.0, 0.0);
+    let mut pool = (0.0, 0.0);
+    let term = |f: f64, e: f64| (f - e).powi(2) / e;
+    for (&f, &e) in found.iter().zip(expected) {
+        if e * n >= 10.0 {
+            chi2 += term(f64::from(f), e * n);
+            cells += 1.0;
+        } else {
+            pool = (pool.0 + f64::from(f), pool.1 + e * n);
+        }
+    }
+    if pool.1 >= 10.0 {
+        chi2 += term(pool.0, pool.1);
+        cells += 1.0;
+    } else {
+        // Too few to be judged by the statistic: only many more than expected count.
+        chi2 += (pool.0 - pool.1 - 10.0).max(0.0).powi(2) / 10.0;
+    }
+    let k: f64 = (cells - 1.0f64).max(1.0);
+    ((chi2 / k).cbrt() - (1.0 - 2.0 / (9.0 * k))) / (2.0 / (9.0 * k)).sqrt()
+}
+
+#[test]
+fn a_wrong_density_is_found_out() {
+    let n = 40_000u32;
+    let expected = [0.26, 0.24, 0.25, 0.25];
+    assert!(chi2_deviation(&[10_000; 4], &expected, f64::from(n)) > 4.3);
+    assert!(chi2_deviation(&[10_050, 9_950, 9_980, 10_020], &[0.25; 4], f64::from(n)) < 2.0);
+}
+
+#[test]
+fn phong_keeps_the_classic_formula() {
+    use crate::material::Phong;
+    let grey = |x| Rgb::splat(x).into();
+    let phong = bsdf(
+        &Phong {
+            ambient: grey(0.2),
+            diffuse: grey(0.9),
+            specular: grey(0.8),
+            reflection: grey(0.8),
+            shininess: 3.0,
+            ..Phong::default()
+        }
+        .into(),
+    );
+    let wo = Vec3::new(0.6, 0.0, 0.8);
+    let wi = Vec3::new(-0.28, 0.0, 0.96);
+    // V.R with R = 2 (N.L) N - L.
+    let r = Vec3::new(0.28, 0.0, 0.96);
+    let expected = 0.9 * 0.96 + 0.8 * wo.dot(r).powi(3);
+    assert!((phong.eval_classic(wo, wi)[0] - expected).abs() < 1e-5);
+    assert_eq!(phong.eval_classic(wo, -wi), SampledSpectrum::ZERO);
+    assert_eq!(phong.ambient(wo)[0], 0.2);
+    let [mirror, through] = phong.specular_branches(wo);
+    assert_eq!(mirror.map(|b| (b.wi, b.weight[0])), Some((Vec3::new(-0.6, 0.0, 0.8), 0.8)));
+    assert_eq!(through, None);
+}
+
+#[test]
+fn phong_refracts_without_fresnel_and_drops_total_reflection() {
+    use crate::material::Phong;
+    let glass = bsdf(
+        &Phong { diffuse: Rgb::BLACK.into(), transmission: Rgb::splat(0.7).into(), ior: 1.5, ..Phong::default() }
+            .into(),
+    );
+    let [_, through] = glass.specular_branches(Vec3::new(0.6, 0.0, 0.8));
+    let through = through.expect("enters");
+    assert!((through.wi.x + 0.4).abs() < 1e-6 && through.wi.z < 0.0 && through.weight[0] == 0.7);
+    let [_, inside] = glass.specular_branches(Vec3::new(0.8, 0.0, -0.6));
+    assert_eq!(inside, None, "beyond the critical angle");
+    let air = bsdf(&Phong { transmission: Rgb::WHITE.into(), ..Phong::default() }.into());
+    let wo = Vec3::new(0.6, 0.0, -0.8);
+    assert_eq!(air.specular_branches(wo)[1].map(|b| b.wi), Some(-wo));
+}

@@ -1,0 +1,80 @@
+//! Cameras from matrices: poses in the conventions of computer vision and of computer graphics.
+
+use super::{Camera, Projection};
+use snell_math::{DMat4, DVec3};
+
+/// What the axes of a camera's own coordinates mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CameraAxes {
+    /// `x` right, `y` down, `z` forward.
+    OpenCv,
+    /// `x` right, `y` up, `-z` forward: OpenGL, glTF, Blender.
+    OpenGl,
+}
+
+/// Why a matrix is not the pose of a camera.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CameraError {
+    /// Not finite, not affine or not invertible.
+    #[error(
+        "the camera's 4x4 matrix must be finite and invertible with the last row 0 0 0 1 \
+         (points are columns: p' = M p; transpose it if the translation is in the last row)"
+    )]
+    NotAPose,
+    /// Mirrored.
+    #[error(
+        "the camera's matrix mirrors the world (its determinant is negative); is it given for axes of another convention?"
+    )]
+    Mirrored,
+}
+
+impl Camera {
+    /// The camera with this pose. `world_from_camera` maps points in the camera's own axes to the world; its scale does not matter,
+    /// and axes that are not quite perpendicular are made so, the view direction kept.
+    pub fn from_matrix(
+        world_from_camera: DMat4,
+        axes: CameraAxes,
+        projection: Projection,
+    ) -> Result<Self, CameraError> {
+        let m = world_from_camera;
+        let determinant = m.determinant();
+        let affine = m.row(3).truncate() == DVec3::ZERO && m.row(3).w == 1.0;
+        if !m.is_finite() || !affine || determinant == 0.0 || !determinant.is_finite() {
+            return Err(CameraError::NotAPose);
+        }
+        if determinant < 0.0 {
+            return Err(CameraError::Mirrored);
+        }
+        let column = |i: usize| m.col(i).truncate();
+        let (up, towards) = match axes {
+            CameraAxes::OpenCv => (-column(1), column(2)),
+            CameraAxes::OpenGl => (column(1), -column(2)),
+        };
+        Ok(Self::from_direction(column(3), towards, up, projection))
+    }
+
+    /// The camera whose extrinsic matrix maps points in the world to the camera's own axes.
+    pub fn from_extrinsics(
+        camera_from_world: DMat4,
+        axes: CameraAxes,
+        projection: Projection,
+    ) -> Result<Self, CameraError> {
+        let inverse = camera_from_world.inverse();
+        let affine = camera_from_world.row(3) == snell_math::DVec4::W;
+        if !affine || !inverse.is_finite() {
+            return Err(CameraError::NotAPose);
+        }
+        // Inverting may leave rounding in the last row.
+        let columns = [0, 1, 2, 3].map(|i| inverse.col(i).truncate().extend(if i == 3 { 1.0 } else { 0.0 }));
+        Self::from_matrix(DMat4::from_cols(columns[0], columns[1], columns[2], columns[3]), axes, projection)
+    }
+
+    /// The pose as a matrix: `world_from_camera` with unit axes of this convention.
+    pub fn matrix(&self, axes: CameraAxes) -> DMat4 {
+        let (y, z) = match axes {
+            CameraAxes::OpenCv => (-self.up, self.towards),
+            CameraAxes::OpenGl => (self.up, -self.towards),
+        };
+        DMat4::from_cols(self.right().extend(0.0), y.extend(0.0), z.extend(0.0), self.eye.extend(1.0))
+    }
+}

@@ -1,0 +1,107 @@
+//! How directions map to the film.
+
+use serde::{Deserialize, Serialize};
+
+/// How directions map to the film.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "projection", rename_all = "kebab-case")]
+pub enum Projection {
+    /// A pinhole or thin lens.
+    Perspective {
+        /// Tangents of the half-angles of view, horizontal and vertical. `None` follows from the other and the shape of the
+        /// picture; at least one is given.
+        tan_half_fov: [Option<f64>; 2],
+    },
+    /// A pinhole or thin lens given by the matrix `[fx s cx; 0 fy cy; 0 0 1]` of computer vision.
+    Intrinsics(Intrinsics),
+    /// Parallel rays.
+    Orthographic {
+        /// Half of the width and height of what is seen, in scene units. `None` follows from the other and the shape of the
+        /// picture; at least one is given.
+        half_size: [Option<f64>; 2],
+    },
+    /// All directions, as a latitude-longitude picture: the middle is `towards`, the top edge `up`, and what is right of
+    /// `towards` is right in the picture. Both side edges show what is behind.
+    Panoramic,
+    /// Equidistant fisheye: the angle from `towards` grows linearly with the distance from the middle of the picture. The circle
+    /// touches the nearer edges of the picture; outside of it there are no rays.
+    Fisheye {
+        /// Total angle of view across the circle, radians, in `(0, 2 pi]`.
+        max_angle: f64,
+    },
+}
+
+/// A camera matrix, in pixels of a picture of the given size. A picture rendered at another size shows the same view.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Intrinsics {
+    /// Focal lengths `fx` and `fy`, not 0.
+    pub focal_length: [f64; 2],
+    /// Principal point `cx` and `cy`, measured like [`super::CameraSample::film`]: the centre of the first pixel is
+    /// `(0.5, 0.5)`. (Where it is `(0, 0)`, add one half.)
+    pub principal_point: [f64; 2],
+    /// Skew `s`, usually 0.
+    pub skew: f64,
+    /// Width and height of the picture that the numbers are about.
+    pub size: [u32; 2],
+}
+
+/// Which side of the picture an angle of view is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FovAxis {
+    /// The width.
+    X,
+    /// The height.
+    Y,
+    /// The larger of width and height.
+    Larger,
+    /// The smaller of width and height.
+    Smaller,
+}
+
+/// Half-angles of view are kept below this, just under 90 degrees: a flat picture cannot show more.
+const MAX_HALF_ANGLE: f64 = 1.570;
+/// And above this, because an angle of 0 shows nothing.
+const MIN_HALF_ANGLE: f64 = 1e-6;
+
+impl Projection {
+    /// A perspective view whose picture is twice `half_angle` (radians) wide: the Θ of the view frustum. Clamped to what a flat
+    /// picture can show.
+    pub fn from_half_angle_x(half_angle: f64) -> Self {
+        Self::Perspective { tan_half_fov: [Some(tan_of_half_angle(half_angle)), None] }
+    }
+
+    /// A perspective view whose picture is twice `half_angle` (radians) high.
+    pub fn from_half_angle_y(half_angle: f64) -> Self {
+        Self::Perspective { tan_half_fov: [None, Some(tan_of_half_angle(half_angle))] }
+    }
+
+    /// A perspective view with a full angle of view in degrees. `size` tells which side of the picture is the larger.
+    pub fn from_fov_degrees(degrees: f64, axis: FovAxis, size: [u32; 2]) -> Self {
+        let half_angle = degrees.to_radians() / 2.0;
+        let wide = size[0] >= size[1];
+        match axis {
+            FovAxis::X => Self::from_half_angle_x(half_angle),
+            FovAxis::Y => Self::from_half_angle_y(half_angle),
+            FovAxis::Larger if wide => Self::from_half_angle_x(half_angle),
+            FovAxis::Smaller if !wide => Self::from_half_angle_x(half_angle),
+            FovAxis::Larger | FovAxis::Smaller => Self::from_half_angle_y(half_angle),
+        }
+    }
+}
+
+fn tan_of_half_angle(half_angle: f64) -> f64 {
+    let angle = if half_angle.is_nan() { 0.35 } else { half_angle };
+    angle.clamp(MIN_HALF_ANGLE, MAX_HALF_ANGLE).tan()
+}
+
+/// Both extents of a picture, where one may follow from the other and the picture's shape.
+pub(super) fn resolve(extent: [Option<f64>; 2], size: [f64; 2]) -> [f64; 2] {
+    let [w, h] = size;
+    match extent {
+        [Some(x), Some(y)] => [x, y],
+        [Some(x), None] => [x, x * h / w],
+        [None, Some(y)] => [y * w / h, y],
+        [None, None] => [w / h, 1.0],
+    }
+}

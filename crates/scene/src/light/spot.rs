@@ -1,0 +1,116 @@
+//! How a spot light fades away from its axis.
+
+use serde::{Deserialize, Serialize};
+
+/// Factor on a spot light's intensity by the angle from its axis. Angles in radians.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "falloff", rename_all = "kebab-case")]
+pub enum SpotFalloff {
+    /// `cos(angle)^exponent` up to the cut-off angle, inclusive, and 0 beyond (old OpenGL, `.scn`).
+    Power {
+        /// Half-angle of the cone, `[0, pi]`. Nothing is emitted backwards unless the exponent is 0.
+        cutoff: f64,
+        /// At least 0.
+        exponent: f64,
+    },
+    /// 1 inside the inner cone, 0 outside the outer one, and the square of a ramp in the cosine between them: the angular
+    /// attenuation of the glTF extension `KHR_lights_punctual`.
+    Smooth {
+        /// Half-angle up to which the intensity is full.
+        inner: f64,
+        /// Half-angle from which it is 0; at least `inner` (equal ones make a hard edge).
+        outer: f64,
+    },
+}
+
+impl SpotFalloff {
+    /// The factor at an angle from the axis given by its cosine; in `[0, 1]`, and 0 for NaN.
+    pub fn at(&self, cos_angle: f64) -> f64 {
+        let factor = match *self {
+            // Compared as angles: a cut-off of exactly 90 degrees includes 90 degrees.
+            Self::Power { cutoff, exponent } if cos_angle.clamp(-1.0, 1.0).acos() <= cutoff => {
+                if exponent == 0.0 {
+                    1.0
+                } else {
+                    cos_angle.max(0.0).powf(exponent)
+                }
+            }
+            Self::Power { .. } => 0.0,
+            Self::Smooth { inner, outer } => {
+                let (cos_inner, cos_outer) = (inner.cos(), outer.cos());
+                if cos_angle <= cos_outer {
+                    0.0
+                } else if cos_angle >= cos_inner {
+                    1.0
+                } else {
+                    ((cos_angle - cos_outer) / (cos_inner - cos_outer)).powi(2)
+                }
+            }
+        };
+        if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 0.0 }
+    }
+
+    /// Integral of the factor over all directions, in steradians: `[0, 4 pi]`.
+    pub fn solid_angle(&self) -> f64 {
+        // The midpoint rule in the cosine over the cone only, so that narrow cones are resolved.
+        let widest = match *self {
+            Self::Power { cutoff, .. } => cutoff,
+            Self::Smooth { outer, .. } => outer,
+        };
+        if widest.is_nan() || widest <= 0.0 {
+            return 0.0;
+        }
+        let cos_widest = widest.min(std::f64::consts::PI).cos();
+        let (n, width) = (256, 1.0 - cos_widest);
+        let sum: f64 = (0..n).map(|i| self.at(1.0 - width * (i as f64 + 0.5) / n as f64)).sum();
+        std::f64::consts::TAU * width * sum / n as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+    #[test]
+    fn the_power_falloff_ends_at_the_cutoff() {
+        let spot = SpotFalloff::Power { cutoff: 0.5, exponent: 3.0 };
+        assert_eq!(spot.at(0.3f64.cos()), 0.3f64.cos().powf(3.0));
+        assert_eq!(spot.at(0.5001f64.cos()), 0.0);
+        assert_eq!(SpotFalloff::Power { cutoff: PI, exponent: 0.0 }.at(-1.0), 1.0);
+        assert_eq!(SpotFalloff::Power { cutoff: PI, exponent: 2.0 }.at(-1.0), 0.0);
+    }
+
+    #[test]
+    fn the_smooth_falloff_is_the_square_of_a_ramp_in_the_cosine() {
+        let spot = SpotFalloff::Smooth { inner: 0.2, outer: 0.6 };
+        assert_eq!((spot.at(1.0), spot.at(0.2f64.cos()), spot.at(0.6f64.cos())), (1.0, 1.0, 0.0));
+        let middle = (0.2f64.cos() + 0.6f64.cos()) / 2.0;
+        assert!((spot.at(middle) - 0.25).abs() < 1e-12);
+        // The reference form of the specification: scale and offset.
+        let scale = 1.0 / (0.2f64.cos() - 0.6f64.cos());
+        for angle in [0.25f64, 0.4, 0.55] {
+            let linear = (angle.cos() * scale - 0.6f64.cos() * scale).clamp(0.0, 1.0);
+            assert!((spot.at(angle.cos()) - linear * linear).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn equal_cones_make_a_hard_edge_and_nan_is_dark() {
+        let spot = SpotFalloff::Smooth { inner: 0.4, outer: 0.4 };
+        assert_eq!((spot.at(0.39f64.cos()), spot.at(0.41f64.cos()), spot.at(f64::NAN)), (1.0, 0.0, 0.0));
+        assert_eq!(SpotFalloff::Smooth { inner: f64::NAN, outer: f64::NAN }.at(0.9), 0.0);
+    }
+
+    #[test]
+    fn solid_angles_match_closed_forms() {
+        let cosine = SpotFalloff::Power { cutoff: FRAC_PI_2, exponent: 1.0 };
+        assert!((cosine.solid_angle() - PI).abs() < 1e-4);
+        let full = SpotFalloff::Power { cutoff: PI, exponent: 0.0 };
+        assert!((full.solid_angle() - 2.0 * TAU).abs() < 1e-9);
+        // One third of the ramp's width in the cosine, plus the inner cone.
+        let smooth = SpotFalloff::Smooth { inner: 0.01, outer: 0.02 };
+        let expected = TAU * ((1.0 - 0.01f64.cos()) + (0.01f64.cos() - 0.02f64.cos()) / 3.0);
+        assert!((smooth.solid_angle() / expected - 1.0).abs() < 1e-3);
+    }
+}

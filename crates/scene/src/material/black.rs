@@ -1,0 +1,21 @@
+//! A surface that reflects nothing.
+
+use super::ShadingPoint;
+use crate::bsdf::{BlackBsdf, Bsdf};
+use serde::{Deserialize, Serialize};
+
+/// Absorbs all light: for surfaces that are only seen by what they emit (light sources, unlit materials).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Black {}
+
+impl Black {
+    /// The only one.
+    pub fn examples() -> Vec<Self> {
+        vec![Self {}]
+    }
+
+    /// The BSDF at a point.
+    pub fn bsdf(&self, _point: &ShadingPoint) -> Bsdf {
+        Bsdf::Black(BlackBsdf)
+    }
+}

@@ -1,0 +1,76 @@
+//! Metals by their measured index of refraction, or by their colour.
+
+use super::{ColorParam, ScalarParam, ShadingPoint};
+use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, Ggx};
+use serde::{Deserialize, Serialize};
+use snell_math::Rgb;
+
+/// What a metal reflects.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ConductorSpectrum {
+    /// Complex index of refraction `eta + i k` relative to air.
+    Measured {
+        /// Real part, at least 0.
+        eta: Rgb,
+        /// Imaginary part (absorption), at least 0.
+        k: Rgb,
+    },
+    /// Colour at normal incidence, `[0, 1]`; white at grazing angles (Schlick).
+    Color(ColorParam),
+}
+
+/// A metal with GGX microfacets.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Conductor {
+    /// What it reflects.
+    pub spectrum: ConductorSpectrum,
+    /// Roughness, `[0, 1]`; the distribution's `alpha` is its square (as in glTF). Below 0.032 the metal is a mirror.
+    pub roughness: ScalarParam,
+}
+
+impl Conductor {
+    /// A metal of this complex index of refraction.
+    pub fn measured(eta: Rgb, k: Rgb, roughness: f32) -> Self {
+        Self { spectrum: ConductorSpectrum::Measured { eta, k }, roughness: roughness.into() }
+    }
+
+    /// A metal of this colour.
+    pub fn color(color: Rgb, roughness: f32) -> Self {
+        Self { spectrum: ConductorSpectrum::Color(color.into()), roughness: roughness.into() }
+    }
+
+    /// Gold.
+    pub fn gold(roughness: f32) -> Self {
+        Self::measured(Rgb::new(0.143, 0.375, 1.442), Rgb::new(3.983, 2.386, 1.603), roughness)
+    }
+
+    /// Copper.
+    pub fn copper(roughness: f32) -> Self {
+        Self::measured(Rgb::new(0.200, 0.924, 1.102), Rgb::new(3.912, 2.452, 2.142), roughness)
+    }
+
+    /// Metals for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        vec![
+            Self::gold(0.0),
+            Self::copper(0.35),
+            Self::gold(1.0),
+            Self::color(Rgb::WHITE, 0.0),
+            Self::color(Rgb::new(0.9, 0.2, 0.1), 0.1),
+            Self::color(Rgb::WHITE, 0.6),
+        ]
+    }
+
+    /// The BSDF at a point.
+    pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
+        let facets = match self.spectrum {
+            ConductorSpectrum::Measured { eta, k } => {
+                FacetReflectance::Complex { eta: point.coefficient(eta), k: point.coefficient(k) }
+            }
+            ConductorSpectrum::Color(color) => FacetReflectance::Schlick(point.reflectance(color.at(point))),
+        };
+        let ggx = Ggx::from_roughness(self.roughness.at(point));
+        Bsdf::Conductor(ConductorBsdf { facets, unit: point.mode.unit(), ggx })
+    }
+}

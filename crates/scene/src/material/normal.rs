@@ -1,0 +1,82 @@
+//! Shading normals: normal maps, and keeping normals where the viewer can use them.
+
+use super::{NormalMap, ShadingPoint};
+use crate::bsdf::{Bsdf, Lobes};
+use snell_math::{Frame, Vec3};
+
+/// The frame of the shading normal, normal map applied, on the side of the geometric normal.
+pub(super) fn shading_frame(map: Option<&NormalMap>, point: &ShadingPoint) -> Frame {
+    let surface = point.surface;
+    let smooth = surface.shading_normal;
+    let Some(map) = map else { return Frame::from_z_and_x(smooth, surface.dpdu) };
+    let [r, g, b, _] = point.textures.lookup(map.texture, surface, point.footprint);
+    let local = Vec3::new((2.0 * r - 1.0) * map.scale, (2.0 * g - 1.0) * map.scale, 2.0 * b - 1.0);
+    let (tangent, bitangent) = tangents(map, point);
+    let bent = (tangent * local.x + bitangent * local.y + smooth * local.z).normalize_or(smooth);
+    let normal = above(bent, surface.geometric_normal).unwrap_or(smooth);
+    Frame::from_z_and_x(normal, tangent)
+}
+
+/// Unit tangent and bitangent perpendicular to the shading normal: the directions in which the picture's columns grow to the right
+/// and its rows upwards.
+fn tangents(map: &NormalMap, point: &ShadingPoint) -> (Vec3, Vec3) {
+    let (surface, n) = (point.surface, point.surface.shading_normal);
+    if let Some((tangent, sign)) = surface.tangent {
+        let frame = Frame::from_z_and_x(n, tangent);
+        return (frame.x, frame.y * 1.0f32.copysign(sign));
+    }
+    // Derivatives by the texture's own coordinates, its transform undone; a singular one leaves the surface's.
+    let [[a, b, _], [c, d, _]] =
+        point.textures.get(map.texture).map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], |t| t.uv_transform);
+    let determinant = a * d - b * c;
+    let (dpdu, dpdv) = if determinant.is_normal() {
+        ((surface.dpdu * d - surface.dpdv * c) / determinant, (surface.dpdv * a - surface.dpdu * b) / determinant)
+    } else {
+        (surface.dpdu, surface.dpdv)
+    };
+    let frame = Frame::from_z_and_x(n, dpdu);
+    // Texture coordinates run downwards, normal maps upwards.
+    let sign = if frame.y.dot(-dpdv) < 0.0 { -1.0 } else { 1.0 };
+    (frame.x, frame.y * sign)
+}
+
+/// `normal`, lifted to a small angle above the surface if it lies below.
+fn above(normal: Vec3, geometric_normal: Vec3) -> Option<Vec3> {
+    const LEAST: f32 = 1e-2;
+    let height = normal.dot(geometric_normal);
+    if height >= LEAST { Some(normal) } else { (normal + geometric_normal * (LEAST - height)).try_normalize() }
+}
+
+/// True for BSDFs whose look is their reflection, so that losing it below the surface is worse than bending the normal.
+pub(super) fn mirrors(bsdf: &Bsdf) -> bool {
+    bsdf.is_delta() || matches!(bsdf, Bsdf::Conductor(_) | Bsdf::Dielectric(_))
+}
+
+/// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface, and for mirrors one that reflects
+/// `wo` to that side too (the idea of Keller et al., The Iray Light Transport Simulation and Rendering System, 2017: pull
+/// the reflected vector up to the surface, and take the half vector).
+pub(super) fn valid_towards(n: Vec3, geometric_normal: Vec3, wo: Vec3, mirrors: bool) -> Vec3 {
+    let side = if wo.dot(geometric_normal) < 0.0 { -1.0 } else { 1.0 };
+    let (n_up, ng) = (n * side, geometric_normal * side);
+    let elevation = wo.dot(ng);
+    if elevation <= 0.0 {
+        return n;
+    }
+    let least = (0.9 * elevation).min(0.01);
+    let valid = if mirrors {
+        let reflected = crate::bsdf::fresnel::reflect(wo, n_up);
+        let height = reflected.dot(ng);
+        if height >= least && wo.dot(n_up) > 0.0 {
+            return n;
+        }
+        let flat = (reflected - ng * height).normalize_or_zero() * (1.0 - least * least).sqrt();
+        wo + flat + ng * least
+    } else {
+        let seen = wo.dot(n_up);
+        if seen >= least {
+            return n;
+        }
+        n_up + wo * (least - seen)
+    };
+    valid.normalize_or(ng) * side
+}

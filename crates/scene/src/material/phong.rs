@@ -1,0 +1,79 @@
+//! Phong's model as `.scn` and `.mtl` files mean it.
+
+use super::{ColorParam, ShadingPoint, positive_ior};
+use crate::bsdf::{Bsdf, PhongBsdf, PhongCoefficients};
+use serde::{Deserialize, Serialize};
+use snell_math::Rgb;
+
+/// Ambient, diffuse and specular coefficients, with mirror reflection and transmission. The integrators `raycast` and `whitted`
+/// follow the classic formula to the letter; the path tracer uses an energy-conserving BSDF of the same coefficients
+/// ([`PhongBsdf`]), scaled down where they add up to more than 1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Phong {
+    /// Reflectance for the scene's ambient light, `ka`.
+    pub ambient: ColorParam,
+    /// Diffuse reflectance, `kd`; multiplied by the vertex colour.
+    pub diffuse: ColorParam,
+    /// Strength of highlights, `ks`.
+    pub specular: ColorParam,
+    /// Factor on the radiance of the mirror direction. For `.scn` the same as `specular`; the path tracer then has the glossy lobe
+    /// only.
+    pub reflection: ColorParam,
+    /// Factor on the radiance of the refracted direction, `kt`. No Fresnel's law; nothing where all light is reflected inside.
+    pub transmission: ColorParam,
+    /// Exponent of the highlight, at least 0.
+    pub shininess: f32,
+    /// Index of refraction of the inside over the outside; 1 does not bend. Positive, otherwise 1.
+    pub ior: f32,
+}
+
+impl Default for Phong {
+    /// White and matte, without ambient reflectance.
+    fn default() -> Self {
+        Self {
+            ambient: Rgb::BLACK.into(),
+            diffuse: Rgb::WHITE.into(),
+            specular: Rgb::BLACK.into(),
+            reflection: Rgb::BLACK.into(),
+            transmission: Rgb::BLACK.into(),
+            shininess: 10.0,
+            ior: 1.0,
+        }
+    }
+}
+
+impl Phong {
+    /// Phong materials for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        let grey = |x| ColorParam::constant(Rgb::splat(x));
+        vec![
+            Self {
+                ambient: grey(0.2),
+                diffuse: grey(0.5),
+                specular: grey(0.5),
+                reflection: grey(0.5),
+                ..Self::default()
+            },
+            Self { diffuse: Rgb::new(0.6, 0.1, 0.1).into(), specular: grey(0.3), shininess: 500.0, ..Self::default() },
+            Self { diffuse: grey(1.0), specular: grey(1.0), shininess: 0.0, ..Self::default() },
+            Self { diffuse: grey(0.2), reflection: grey(0.7), shininess: 50.0, ..Self::default() },
+            Self { diffuse: grey(0.1), specular: grey(0.2), transmission: grey(0.7), ior: 1.5, ..Self::default() },
+            Self { diffuse: grey(0.0), transmission: grey(1.0), ..Self::default() },
+        ]
+    }
+
+    /// The BSDF at a point.
+    pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
+        let at = |p: &ColorParam| point.coefficient(p.at(point));
+        Bsdf::Phong(PhongBsdf::new(PhongCoefficients {
+            ambient: at(&self.ambient),
+            diffuse: point.coefficient(self.diffuse.at(point) * point.vertex_color()),
+            specular: at(&self.specular),
+            reflection: at(&self.reflection),
+            transmission: at(&self.transmission),
+            exponent: self.shininess,
+            ior: positive_ior(self.ior),
+        }))
+    }
+}

@@ -1,0 +1,46 @@
+//! A coloured body under a clear coat.
+
+use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior};
+use crate::bsdf::{Bsdf, Ggx, GlossyBsdf, fresnel};
+use serde::{Deserialize, Serialize};
+use snell_math::{Rgb, SampledSpectrum};
+
+/// Plastic, varnish, glazed ceramics: a diffuse base under a dielectric layer. White plastic loses no light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plastic {
+    /// Share of the light reaching the base that comes back, `[0, 1]`; multiplied by the vertex colour.
+    pub diffuse: ColorParam,
+    /// Factor on the reflection of the layer, `[0, 1]`: white for a real dielectric.
+    pub specular: ColorParam,
+    /// Index of refraction of the layer: 1.5 reflects 4 % at normal incidence. Positive, otherwise 1.
+    pub ior: f32,
+    /// Roughness of the layer, `[0, 1]`; the distribution's `alpha` is its square.
+    pub roughness: ScalarParam,
+}
+
+impl Plastic {
+    /// Plastic of index 1.5.
+    pub fn new(diffuse: Rgb, roughness: f32) -> Self {
+        Self { diffuse: diffuse.into(), specular: Rgb::WHITE.into(), ior: 1.5, roughness: roughness.into() }
+    }
+
+    /// Plastics for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        vec![
+            Self::new(Rgb::WHITE, 0.0),
+            Self::new(Rgb::WHITE, 0.5),
+            Self::new(Rgb::new(0.1, 0.3, 0.8), 0.2),
+            Self { ior: 3.0, ..Self::new(Rgb::new(0.9, 0.9, 0.1), 1.0) },
+            Self { specular: Rgb::BLACK.into(), ..Self::new(Rgb::splat(0.5), 0.3) },
+        ]
+    }
+
+    /// The BSDF at a point.
+    pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
+        let f90 = point.reflectance(self.specular.at(point));
+        let f0 = f90 * fresnel::f0_from_ior(positive_ior(self.ior));
+        let ggx = Ggx::from_roughness(self.roughness.at(point));
+        let diffuse = point.reflectance(self.diffuse.at(point) * point.vertex_color());
+        Bsdf::Glossy(GlossyBsdf::new(f0, f90, ggx, diffuse, SampledSpectrum::ZERO))
+    }
+}

@@ -1,0 +1,249 @@
+use super::*;
+use crate::bsdf::Lobes;
+use crate::image::{Encoding, Image};
+use crate::texture::Texture;
+use snell_math::{Vec2, rng, sampling};
+use std::sync::Arc;
+
+fn surface() -> SurfaceInteraction {
+    SurfaceInteraction {
+        position: Vec3::ZERO,
+        position_error: Vec3::ZERO,
+        geometric_normal: Vec3::Z,
+        shading_normal: Vec3::Z,
+        uv: [Vec2::splat(0.5); 2],
+        dpdu: Vec3::X * 3.0,
+        dpdv: Vec3::Y * 2.0,
+        tangent: None,
+        color: [1.0; 4],
+        t: 1.0,
+        primitive_uv: Vec2::ZERO,
+        instance: 0,
+        geometry: 0,
+        primitive: 0,
+    }
+}
+
+fn at<'a>(surface: &'a SurfaceInteraction, textures: &'a TextureSet) -> ShadingPoint<'a> {
+    ShadingPoint { surface, footprint: 0.0, textures, mode: ColorMode::Rgb }
+}
+
+/// One texel that holds this normal.
+fn normal_texture(n: Vec3, uv_transform: [[f32; 3]; 2]) -> TextureSet {
+    let image = Image::from_f32(1, 1, 3, (n * 0.5 + 0.5).to_array().to_vec());
+    let texture = Texture { uv_transform, ..Texture::new(crate::graph::ImageId(0), Encoding::Linear) };
+    TextureSet::new(&[texture], &[Arc::new(image)])
+}
+
+const IDENTITY: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+
+fn mapped(scale: f32) -> Material {
+    let normal_map = Some(NormalMap { texture: TextureId(0), scale });
+    Material { normal_map, ..Material::new("bumpy", Diffuse::new(Rgb::WHITE)) }
+}
+
+fn mapped_normal(n: Vec3, uv_transform: [[f32; 3]; 2], surface: &SurfaceInteraction) -> Vec3 {
+    mapped(1.0).bsdf(&at(surface, &normal_texture(n, uv_transform))).frame.z
+}
+
+#[track_caller]
+fn assert_near(a: Vec3, b: Vec3) {
+    assert!((a - b).length() < 1e-3, "{a} is not {b}");
+}
+
+#[test]
+fn every_material_survives_json_and_has_its_name_there() {
+    for kind in MaterialKind::examples() {
+        let json = serde_json::to_string(&kind).expect("serialises");
+        assert!(json.contains(&format!("\"material\":\"{}\"", kind.name())), "{json}");
+        assert_eq!(serde_json::from_str::<MaterialKind>(&json).expect("reads back"), kind);
+    }
+    let names: Vec<_> = MaterialKind::examples().iter().map(MaterialKind::name).collect();
+    assert!(MaterialKind::NAMES.iter().all(|n| names.contains(n)), "each kind has examples");
+}
+
+#[test]
+fn a_normal_map_follows_the_picture_right_and_up() {
+    // v runs down the picture, so green, which points up, points against dpdv.
+    let s = surface();
+    assert_near(mapped_normal(Vec3::new(0.6, 0.0, 0.8), IDENTITY, &s), Vec3::new(0.6, 0.0, 0.8));
+    assert_near(mapped_normal(Vec3::new(0.0, 0.6, 0.8), IDENTITY, &s), Vec3::new(0.0, -0.6, 0.8));
+    assert_near(mapped_normal(Vec3::Z, IDENTITY, &s), Vec3::Z);
+    // A mirrored or turned picture takes its normals along.
+    let flipped_v = [[1.0, 0.0, 0.0], [0.0, -1.0, 1.0]];
+    assert_near(mapped_normal(Vec3::new(0.0, 0.6, 0.8), flipped_v, &s), Vec3::new(0.0, 0.6, 0.8));
+    let mirrored_u = [[-1.0, 0.0, 1.0], [0.0, 1.0, 0.0]];
+    assert_near(mapped_normal(Vec3::new(0.6, 0.0, 0.8), mirrored_u, &s), Vec3::new(-0.6, 0.0, 0.8));
+    // u' = v, v' = -u: right in the picture is dpdv, down is -dpdu.
+    let turned = [[0.0, 1.0, 0.0], [-1.0, 0.0, 1.0]];
+    assert_near(mapped_normal(Vec3::new(0.6, 0.0, 0.8), turned, &s), Vec3::new(0.0, 0.6, 0.8));
+    assert_near(mapped_normal(Vec3::new(0.0, 0.6, 0.8), turned, &s), Vec3::new(0.6, 0.0, 0.8));
+    assert_near(mapped_normal(Vec3::new(0.6, 0.0, 0.8), [[0.0; 3]; 2], &s), Vec3::new(0.6, 0.0, 0.8));
+}
+
+#[test]
+fn stored_tangents_come_first_and_their_sign_turns_the_bitangent() {
+    let n = Vec3::new(0.36, 0.48, 0.8);
+    for sign in [1.0, -1.0] {
+        let s = SurfaceInteraction { tangent: Some((Vec3::Y, sign)), ..surface() };
+        // Bitangent: sign * (z x y) = -sign x.
+        assert_near(mapped_normal(n, IDENTITY, &s), Vec3::new(-sign * 0.48, 0.36, 0.8));
+    }
+}
+
+#[test]
+fn scale_flattens_a_normal_map() {
+    let (s, textures) = (surface(), normal_texture(Vec3::new(0.6, 0.0, 0.8), IDENTITY));
+    assert_near(mapped(0.0).bsdf(&at(&s, &textures)).frame.z, Vec3::Z);
+    assert_near(mapped(0.5).bsdf(&at(&s, &textures)).frame.z, Vec3::new(0.3, 0.0, 0.8).normalize());
+}
+
+#[test]
+fn mapped_normals_stay_on_the_side_of_the_surface() {
+    for n in [Vec3::new(0.6, 0.0, -0.8), -Vec3::Z, Vec3::new(1.0, 0.0, 0.0), Vec3::ZERO] {
+        let z = mapped_normal(n, IDENTITY, &surface());
+        assert!(z.z > 0.0 && z.is_normalized(), "{n} gave {z}");
+    }
+}
+
+#[test]
+fn what_is_seen_shades_from_the_side_it_is_seen_from_and_mirrors_reflect_away() {
+    for i in 0..2000u32 {
+        let mut shading = sampling::uniform_sphere(rng::uniform2([i, 1, 8, 0]));
+        shading.z = shading.z.abs();
+        let wo = sampling::uniform_sphere(rng::uniform2([i, 2, 8, 0]));
+        if wo.z.abs() < 1e-4 {
+            continue;
+        }
+        let s = SurfaceInteraction { shading_normal: shading, ..surface() };
+        let textures = TextureSet::default();
+        for material in [Material::new("m", Mirror::new(Rgb::WHITE)), Material::new("d", Diffuse::new(Rgb::WHITE))] {
+            let bsdf = material.bsdf_towards(&at(&s, &textures), wo);
+            assert!(bsdf.frame.z.dot(wo) * wo.z > 0.0 && bsdf.frame.z.z > 0.0, "{shading} {wo} {}", bsdf.frame.z);
+            if bsdf.is_delta() {
+                let sample = bsdf.sample(wo, 0.5, Vec2::splat(0.5)).expect("a mirror always reflects");
+                assert!(sample.wi.z * wo.z > 0.0, "{shading} {wo} {sample:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_normal_that_is_fine_is_left_alone() {
+    let s = SurfaceInteraction { shading_normal: Vec3::new(0.1, 0.0, 1.0).normalize(), ..surface() };
+    for kind in [MaterialKind::from(Mirror::new(Rgb::WHITE)), Diffuse::new(Rgb::WHITE).into()] {
+        for wo in [Vec3::Z, -Vec3::Z, Vec3::new(0.8, 0.0, 0.6)] {
+            let bsdf = Material::new("m", kind.clone()).bsdf_towards(&at(&s, &TextureSet::default()), wo);
+            assert_eq!(bsdf.frame.z, s.shading_normal);
+        }
+    }
+}
+
+#[test]
+fn light_does_not_leak_through_the_surface() {
+    let s = SurfaceInteraction { shading_normal: Vec3::new(0.8, 0.0, 0.6), ..surface() };
+    let textures = TextureSet::default();
+    let wo = Vec3::new(0.6, 0.0, 0.8);
+    for (i, kind) in MaterialKind::examples().into_iter().enumerate() {
+        let bsdf = Material::new("m", kind).bsdf(&at(&s, &textures));
+        // Above the shading normal's horizon, below the surface.
+        let leak = Vec3::new(0.9, 0.0, -0.19f32.sqrt());
+        let shading_side = bsdf.frame.z.dot(leak);
+        assert!(shading_side > 0.0 && leak.z < 0.0);
+        assert_eq!(bsdf.eval(wo, leak), SampledSpectrum::ZERO, "example {i}");
+        assert_eq!(bsdf.eval_classic(wo, leak), SampledSpectrum::ZERO, "example {i}");
+        assert_eq!(bsdf.pdf(wo, leak), 0.0, "example {i}");
+        for k in 0..300u32 {
+            let u = rng::uniform2([k, i as u32, 9, 0]);
+            if let Some(sample) = bsdf.sample(wo, u.x, rng::uniform2([k, i as u32, 10, 0])) {
+                assert_eq!(sample.is_transmission, sample.wi.z < 0.0, "example {i}: {sample:?}");
+            }
+        }
+        assert!(bsdf.specular_branches(wo).iter().flatten().all(|b| b.is_transmission == (b.wi.z < 0.0)));
+    }
+}
+
+#[test]
+fn world_and_local_answers_are_the_same() {
+    let normal = Vec3::new(0.48, 0.6, 0.64);
+    let s = SurfaceInteraction { geometric_normal: normal, shading_normal: normal, ..surface() };
+    let textures = TextureSet::default();
+    let bsdf = Material::new("m", Plastic::new(Rgb::splat(0.5), 0.5)).bsdf(&at(&s, &textures));
+    let (wo, wi) = (Vec3::Z, Vec3::Y);
+    let (o, i) = (bsdf.frame.to_local(wo), bsdf.frame.to_local(wi));
+    assert_eq!(bsdf.eval(wo, wi), bsdf.bsdf.eval(o, i));
+    assert!(bsdf.eval(wo, wi)[0] > 0.0);
+    assert_eq!(bsdf.pdf(wo, wi), bsdf.bsdf.pdf(o, i));
+}
+
+#[test]
+fn presence_follows_side_mask_and_alpha() {
+    let (s, textures) = (surface(), TextureSet::default());
+    let (down, up) = (-Vec3::Z, Vec3::Z);
+    let solid = Material::new("m", Diffuse::new(Rgb::WHITE));
+    assert!(!solid.needs_filter() && solid.is_present(up, &at(&s, &textures), 0.99));
+    let one_sided = Material { double_sided: false, ..solid.clone() };
+    assert!(one_sided.needs_filter());
+    assert!(one_sided.is_present(down, &at(&s, &textures), 0.5) && !one_sided.is_present(up, &at(&s, &textures), 0.5));
+    let alpha = |alpha_mode| Material { alpha_mode, alpha: 0.5.into(), ..solid.clone() };
+    let blend = alpha(AlphaMode::Blend);
+    assert!(blend.is_present(down, &at(&s, &textures), 0.49) && !blend.is_present(down, &at(&s, &textures), 0.5));
+    assert!(alpha(AlphaMode::Mask(0.5)).is_present(down, &at(&s, &textures), 0.99));
+    assert!(!alpha(AlphaMode::Mask(0.51)).is_present(down, &at(&s, &textures), 0.0));
+    let faded = SurfaceInteraction { color: [1.0, 1.0, 1.0, 0.5], ..s };
+    assert!(!alpha(AlphaMode::Mask(0.5)).is_present(down, &at(&faded, &textures), 0.0));
+}
+
+#[test]
+fn nonsense_parameters_still_give_sane_light() {
+    let bad = Rgb::new(f32::NAN, -1.0, f32::INFINITY);
+    let kinds: Vec<MaterialKind> = vec![
+        Diffuse::new(bad).into(),
+        Mirror::new(bad).into(),
+        Conductor::measured(bad, bad, f32::NAN).into(),
+        Conductor::color(bad, -3.0).into(),
+        Dielectric { tint: bad.into(), ..Dielectric::rough(f32::NAN, 7.0) }.into(),
+        Dielectric::rough(0.0, 0.5).into(),
+        Plastic { ior: -1.0, specular: bad.into(), ..Plastic::new(bad, f32::INFINITY) }.into(),
+        MetallicRoughness { ior: f32::NAN, specular_color: bad.into(), ..MetallicRoughness::new(bad, f32::NAN, 2.0) }
+            .into(),
+        Phong {
+            diffuse: bad.into(),
+            specular: bad.into(),
+            transmission: bad.into(),
+            shininess: f32::NAN,
+            ior: -2.0,
+            ..Phong::default()
+        }
+        .into(),
+        Phong { diffuse: Rgb::WHITE.into(), specular: Rgb::WHITE.into(), shininess: f32::INFINITY, ..Phong::default() }
+            .into(),
+    ];
+    let (s, textures) = (surface(), TextureSet::default());
+    for kind in kinds {
+        let bsdf = kind.bsdf(&at(&s, &textures));
+        for i in 0..500u32 {
+            let wo = sampling::uniform_sphere(rng::uniform2([i, 3, 8, 0]));
+            let u = rng::uniform2([i, 4, 8, 0]);
+            if let Some(sample) = bsdf.sample(wo, rng::uniform2([i, 5, 8, 0]).x, u) {
+                assert!(
+                    sample.wi.is_finite() && sample.weight.0.iter().all(|w| (0.0..1e3).contains(w)),
+                    "{kind:?} {sample:?}"
+                );
+            }
+            let wi = sampling::uniform_sphere(rng::uniform2([i, 6, 8, 0]));
+            let value = bsdf.eval(wo, wi);
+            assert!(value.is_finite() && value.0.iter().all(|&v| v >= 0.0) && bsdf.pdf(wo, wi).is_finite(), "{kind:?}");
+        }
+    }
+}
+
+#[test]
+fn emission_is_one_sided_unless_asked_and_never_nonsense() {
+    let (s, textures) = (surface(), TextureSet::default());
+    let lamp = Material::new("lamp", Black {}).emitting(Rgb::new(2.0, -1.0, f32::NAN));
+    let point = at(&s, &textures);
+    assert_eq!(lamp.emitted(&point, Vec3::Z), SampledSpectrum([2.0, 0.0, 0.0, 0.0]));
+    assert_eq!(lamp.emitted(&point, -Vec3::Z), SampledSpectrum::ZERO);
+    assert_eq!(Material { emits_on_both_sides: true, ..lamp }.emitted(&point, -Vec3::Z)[0], 2.0);
+}

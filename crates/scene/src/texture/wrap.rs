@@ -1,0 +1,68 @@
+//! What a texture shows outside `[0, 1]`.
+
+/// What happens outside `[0, 1]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// The image repeats.
+    #[default]
+    Repeat,
+    /// Every other copy is mirrored.
+    Mirror,
+    /// The border continues.
+    Clamp,
+    /// Outside is black and transparent.
+    Black,
+}
+
+impl Wrap {
+    /// An equivalent coordinate near `[0, 1]`, so that huge ones keep their meaning and fit an index. `u` is finite.
+    pub(super) fn reduce(self, u: f32) -> f32 {
+        match self {
+            Self::Repeat => u - u.floor(),
+            Self::Mirror => u - 2.0 * (u * 0.5).floor(),
+            Self::Clamp | Self::Black => u.clamp(-1.0, 2.0),
+        }
+    }
+
+    /// Index of the texel shown at position `i` of a row of `n`; `None` is black.
+    pub(super) fn index(self, i: i32, n: u32) -> Option<u32> {
+        let (i, n) = (i64::from(i), i64::from(n));
+        let index = match self {
+            Self::Repeat => i.rem_euclid(n),
+            Self::Mirror => {
+                let i = i.rem_euclid(2 * n);
+                if i < n { i } else { 2 * n - 1 - i }
+            }
+            Self::Clamp => i.clamp(0, n - 1),
+            Self::Black if (0..n).contains(&i) => i,
+            Self::Black => return None,
+        };
+        Some(index as u32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn indices_outside_follow_the_mode() {
+        let row = |wrap: Wrap| (-4..7).map(|i| wrap.index(i, 3)).collect::<Vec<_>>();
+        let some = |v: [u32; 11]| v.map(Some).to_vec();
+        assert_eq!(row(Wrap::Repeat), some([2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0]));
+        assert_eq!(row(Wrap::Mirror), some([2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0]));
+        assert_eq!(row(Wrap::Clamp), some([0, 0, 0, 0, 0, 1, 2, 2, 2, 2, 2]));
+        let black = row(Wrap::Black);
+        assert_eq!(black[4..7], [Some(0), Some(1), Some(2)]);
+        assert!(black[..4].iter().chain(&black[7..]).all(Option::is_none));
+    }
+
+    #[test]
+    fn huge_coordinates_stay_in_range() {
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp, Wrap::Black] {
+            for u in [-1e30f32, -1e-30, 0.0, 1e9, f32::MAX] {
+                assert!((-1.0..=2.0).contains(&wrap.reduce(u)), "{wrap:?} {u}");
+            }
+        }
+    }
+}
