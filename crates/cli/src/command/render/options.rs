@@ -103,7 +103,7 @@ pub struct Options {
     /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky, none, #rrggbb or r,g,b
     #[arg(long, value_name = "FILE")]
     pub environment: Option<String>,
-    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, ambient=[r,g,b]
+    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, `ambient=[r,g,b]`
     #[arg(short = 'D', long = "define", value_name = "key=value")]
     pub define: Vec<String>,
     /// Write statistics as JSON
