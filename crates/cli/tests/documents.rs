@@ -239,7 +239,7 @@ fn the_command_line_page_has_every_sub_command_and_option_and_no_other() {
         let arguments = arguments.iter().map(|a| a.to_string()).collect();
         String::from_utf8(snell(&folder, arguments, "help")).expect("text")
     };
-    let mut known = BTreeSet::from(["--version".to_string(), "--release".to_string()]);
+    let mut known = BTreeSet::from(["--version".to_string()]);
     for name in ["render", "info", "compare", "scenes", "formats", "completions", "man"] {
         assert!(page.contains(&format!("\n## `snell {name}`")), "`snell {name}` has no section");
         known.extend(long_options(&help(&[name, "--help"])));
@@ -250,6 +250,40 @@ fn the_command_line_page_has_every_sub_command_and_option_and_no_other() {
         assert!(page.contains(&format!("\n## `snell {command}`")), "`snell {command}` has no section");
     }
     assert_eq!(long_options(&page), known, "options of the page (left) and of the program (right)");
+}
+
+/// Words such as `snell render NAME` in running text are not whole commands; their sub-command and options must exist.
+#[test]
+fn commands_in_running_text_exist() {
+    let folder = fresh_folder("running-text");
+    let mut count = 0;
+    for document in documents() {
+        let text = read(&document);
+        // Outside of blocks.
+        let prose: String = text.split("```").step_by(2).collect();
+        for span in prose.split('`').skip(1).step_by(2) {
+            let place = format!("{}: `{span}`", document.display());
+            if let Some(word) = span.strip_prefix("cargo xtask ") {
+                for word in word.split('|') {
+                    run(
+                        &folder,
+                        &Step { line: 0, command: format!("cargo xtask {word}"), output: String::new() },
+                        &place,
+                    );
+                }
+            }
+            let Some(arguments) = span.strip_prefix("snell ") else { continue };
+            let name = arguments.split(' ').next().expect("a word").to_string();
+            if name == "COMMAND" {
+                continue;
+            }
+            let help = String::from_utf8(snell(&folder, vec![name, "--help".into()], &place)).expect("text");
+            let unknown: Vec<_> = long_options(arguments).difference(&long_options(&help)).cloned().collect();
+            assert!(unknown.is_empty(), "{place}: there are no {unknown:?}");
+            count += 1;
+        }
+    }
+    assert!(count >= 10, "only {count} commands were found");
 }
 
 #[test]

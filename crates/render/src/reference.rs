@@ -144,7 +144,7 @@ mod tests {
     fn errata_e9_samples_are_spread_over_the_pixel_and_filtered() {
         let mut scene = Scene::new("edge");
         let white = scene.add_material(Material::new("white", Diffuse::new(Rgb::WHITE)));
-        let half = BoxShape { min: DVec3::new(0.0, -9.0, -1.0), max: DVec3::new(9.0, 9.0, 0.0) };
+        let half = BoxShape { min: DVec3::new(0.0, -99.0, -1.0), max: DVec3::new(99.0, 99.0, 0.0) };
         scene.add_child(scene.root, Node { surfaces: vec![Surface::shape(half, white)], ..Node::default() });
         scene.background = Background::Color(Rgb::BLACK);
         // The edge runs through the middle of the only column that it touches.
