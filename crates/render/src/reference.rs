@@ -51,6 +51,7 @@ fn sample_pixel(
     let state = PathState {
         throughput: scene.mode.unit() * camera_ray.weight,
         bsdf_pdf: 0.0,
+        eta_scale: 1.0,
         is_specular: true,
         cone_width: camera_ray.width,
         cone_spread: camera_ray.spread,

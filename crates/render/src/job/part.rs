@@ -110,6 +110,7 @@ impl<'a> PartRenderer<'a> {
                     let state = PathState {
                         throughput: self.context.scene.mode.unit() * camera_ray.weight,
                         bsdf_pdf: 0.0,
+                        eta_scale: 1.0,
                         is_specular: true,
                         cone_width: camera_ray.width,
                         cone_spread: camera_ray.spread,
