@@ -5,12 +5,13 @@
 
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
+use crate::integrator::camera_path::camera_path;
 use crate::integrator::{Context, Outputs, PathState, SurfaceVertex, Vertex};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Settings;
 use snell_intersect::HitFilter;
-use snell_math::{DVec2, Ray, Rgb, SampledSpectrum};
-use snell_scene::{Camera, CameraSample};
+use snell_math::{Ray, Rgb, SampledSpectrum};
+use snell_scene::Camera;
 
 /// Renders a picture: for each pixel, the mean of its samples. Row by row from the top.
 pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<Rgb> {
@@ -39,25 +40,9 @@ fn sample_pixel(
     number: u32,
 ) -> (Rgb, f32) {
     let random = Sampler::new(settings.sampler, settings.seed, settings.spp).random(pixel, number);
-    let (offset, weight) = match settings.pixel_position {
-        Some([u, v]) => (DVec2::new(u, v), 1.0),
-        None => {
-            let (offset, weight) = FilterSampler::new(settings.filter).sample(random.pair(0));
-            (offset + 0.5, weight)
-        }
-    };
-    let film = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + offset;
-    let camera_ray = camera.ray(&CameraSample { film, lens: random.pair(1) }, settings.size);
-    let state = PathState {
-        throughput: scene.mode.unit() * camera_ray.weight,
-        bsdf_pdf: 0.0,
-        eta_scale: 1.0,
-        is_specular: true,
-        cone_width: camera_ray.width,
-        cone_spread: camera_ray.spread,
-        stream: 0,
-    };
-    (scene.mode.to_rgb(radiance(scene, settings, &camera_ray.ray, &state, random, 0)), weight)
+    let filter = FilterSampler::new(settings.filter);
+    let (ray, state, weight) = camera_path(scene, camera, settings, &filter, pixel, &random);
+    (scene.mode.to_rgb(radiance(scene, settings, &ray, &state, random, 0)), weight)
 }
 
 /// Radiance along a ray: what is found where it ends, light rays that reach their lights, and the radiance along all rays that the

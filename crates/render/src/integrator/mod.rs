@@ -4,6 +4,7 @@
 
 mod ao;
 pub mod aov;
+pub(crate) mod camera_path;
 mod classic;
 mod estimators;
 mod flat;
