@@ -17,6 +17,9 @@ use snell_scene::{Background, Camera};
 /// Most rays of one depth that are traced at once; more (of ray trees) are handled in pieces.
 const MAX_BATCH: usize = 1 << 16;
 
+/// Most rays of one sample's ray tree: those of clear glass would grow without end. A tree of depth 9 is smaller.
+const MAX_TREE: u32 = 1024;
+
 /// Renders parts, reusing its buffers.
 pub struct PartRenderer<'a> {
     context: Context<'a>,
@@ -40,6 +43,8 @@ struct Sample {
     radiance: SampledSpectrum,
     alpha: f32,
     weight: f32,
+    /// Rays sent on so far.
+    rays: u32,
 }
 
 impl<'a> PartRenderer<'a> {
@@ -95,7 +100,7 @@ impl<'a> PartRenderer<'a> {
                     let (ray, state, weight) =
                         camera_path(self.context.scene, self.camera, settings, self.filter, [x, y], &random);
                     let index = self.samples.len() as u32;
-                    self.samples.push(Sample { random, radiance: SampledSpectrum::ZERO, alpha: 1.0, weight });
+                    self.samples.push(Sample { random, radiance: SampledSpectrum::ZERO, alpha: 1.0, weight, rays: 0 });
                     self.paths.push(ray, state, index);
                 }
             }
@@ -203,6 +208,11 @@ impl<'a> PartRenderer<'a> {
         for (ray, value) in self.outputs.light_rays.drain(..) {
             self.light_rays.push(ray, value, sample);
         }
+        let is_branched = state.stream != 0;
+        if is_branched && self.samples[sample as usize].rays > MAX_TREE {
+            self.outputs.next.clear();
+        }
+        self.samples[sample as usize].rays += self.outputs.next.len() as u32;
         for (ray, state) in self.outputs.next.drain(..) {
             self.next.push(ray, state, sample);
         }
