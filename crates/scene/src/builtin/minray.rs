@@ -284,11 +284,11 @@ mod tests {
 
     /// The listing in the lecture is damaged; the numbers here are those of the contest's data.
     #[test]
-    fn errata_e10_the_card_has_five_spheres_two_lamps_and_three_levels() {
+    fn errata_e10_the_card_has_five_spheres_of_which_three_shine_and_three_levels() {
         let scene = scene();
         let radii = scene.nodes.iter().flat_map(|n| &n.surfaces).map(|s| s.geometry.bounds().max.x);
         assert_eq!(radii.collect::<Vec<_>>(), [0.9, 1.0, 1.0, 7.0, 5.0]);
-        assert_eq!((scene.lights.len(), scene.settings.max_depth), (2, Some(2)));
+        assert_eq!((scene.lights.len(), scene.settings.max_depth), (3, Some(2)));
         assert_eq!((scene.settings.size, scene.ambient), (Some([32, 32]), Rgb::splat(0.02)));
         let angle = 2.0
             * (scene.cameras[0].ray(&CameraSample { film: DVec2::new(0.0, 16.0), lens: Vec2::ZERO }, [32, 32]))
