@@ -45,53 +45,57 @@ pub struct Agreement {
     pub mean_z: f64,
     /// Mean of z^2 over blocks of pixels and channels: 1 if all differences are noise.
     pub chi2: f64,
+    /// Number of blocks.
+    pub blocks: usize,
 }
 
 impl Agreement {
     /// # Panics
-    /// If the difference is more than noise.
+    /// If the mean is off by 3 standard errors, or the blocks together by 4 (channels may be equal and do not count).
     pub fn check(&self, what: &str) {
-        eprintln!("{what}: z {:+.2}, chi2 {:.2}", self.mean_z, self.chi2);
+        eprintln!("{what}: z {:+.2}, chi2 {:.2} of {} blocks", self.mean_z, self.chi2, self.blocks);
         assert!(self.mean_z.abs() < 3.0, "{what}: {self:?}");
-        assert!(self.chi2 < 1.6, "{what}: {self:?}");
+        assert!(self.chi2 < 1.0 + 4.0 * (2.0 / self.blocks as f64).sqrt(), "{what}: {self:?}");
     }
 }
 
 /// Pixels along the side of a block.
 const BLOCK: usize = 4;
 
-/// Means of the blocks of a picture with their standard errors, per channel.
-fn blocks(film: &Film) -> Vec<[Estimate; 3]> {
-    let [width, height] = film.crop.size().map(|s| s as usize);
-    let (values, variances) = (colors(&film.image()), colors(&film.variance()));
-    let mut blocks = Vec::new();
-    for y0 in (0..height).step_by(BLOCK) {
-        for x0 in (0..width).step_by(BLOCK) {
-            let pixels: Vec<usize> = (y0..(y0 + BLOCK).min(height))
-                .flat_map(|y| (x0..(x0 + BLOCK).min(width)).map(move |x| y * width + x))
-                .collect();
-            let n = pixels.len() as f64;
-            blocks.push([0, 1, 2].map(|c| Estimate {
-                mean: pixels.iter().map(|&p| values[p][c]).sum::<f64>() / n,
-                error: pixels.iter().map(|&p| variances[p][c]).sum::<f64>().sqrt() / n,
-            }));
-        }
-    }
-    blocks
+/// The pixels of each block of a picture.
+fn block_pixels([width, height]: [u32; 2]) -> Vec<Vec<usize>> {
+    let [width, height] = [width as usize, height as usize];
+    let block = |x0: usize, y0: usize| {
+        let rows = y0..(y0 + BLOCK).min(height);
+        rows.flat_map(|y| (x0..(x0 + BLOCK).min(width)).map(move |x| y * width + x)).collect()
+    };
+    (0..height).step_by(BLOCK).flat_map(|y| (0..width).step_by(BLOCK).map(move |x| block(x, y))).collect()
 }
 
-fn agreement(mean_z: [f64; 3], block_z: impl Iterator<Item = f64>) -> Agreement {
+/// Means of the blocks of a picture with their standard errors, per channel.
+fn block_means(film: &Film) -> Vec<[Estimate; 3]> {
+    let (values, variances) = (colors(&film.image()), colors(&film.variance()));
+    let mean = |pixels: Vec<usize>| {
+        let n = pixels.len() as f64;
+        [0, 1, 2].map(|c| Estimate {
+            mean: pixels.iter().map(|&p| values[p][c]).sum::<f64>() / n,
+            error: pixels.iter().map(|&p| variances[p][c]).sum::<f64>().sqrt() / n,
+        })
+    };
+    block_pixels(film.crop.size()).into_iter().map(mean).collect()
+}
+
+fn agreement(mean_z: [f64; 3], block_z: &[[f64; 3]]) -> Agreement {
     let mean_z = mean_z.into_iter().fold(0.0, |a: f64, z| if z.abs() > a.abs() { z } else { a });
-    let (sum, count) = block_z.fold((0.0, 0.0), |(s, n), z| (s + z * z, n + 1.0));
-    Agreement { mean_z, chi2: sum / count }
+    let sum: f64 = block_z.iter().flatten().map(|z| z * z).sum();
+    Agreement { mean_z, chi2: sum / (3 * block_z.len()) as f64, blocks: block_z.len() }
 }
 
 /// Compares two independent renders of the same picture.
 pub fn compare(a: &Film, b: &Film) -> Agreement {
-    let (mean_a, mean_b) = (image_mean(a), image_mean(b));
-    let (blocks_a, blocks_b) = (blocks(a), blocks(b));
-    let z = blocks_a.iter().zip(&blocks_b).flat_map(|(a, b)| [0, 1, 2].map(|c| a[c].z_against(&b[c])));
-    agreement([0, 1, 2].map(|c| mean_a[c].z_against(&mean_b[c])), z)
+    let against = |(a, b): (&[Estimate; 3], &[Estimate; 3])| [0, 1, 2].map(|c| a[c].z_against(&b[c]));
+    let block_z: Vec<_> = block_means(a).iter().zip(&block_means(b)).map(against).collect();
+    agreement(against((&image_mean(a), &image_mean(b))), &block_z)
 }
 
 /// Compares a render with what each of its pixels should be.
@@ -99,13 +103,13 @@ pub fn compare(a: &Film, b: &Film) -> Agreement {
 /// # Panics
 /// If the numbers of pixels differ.
 pub fn compare_exact(film: &Film, expected: &[[f64; 3]]) -> Agreement {
-    let (values, variances) = (colors(&film.image()), colors(&film.variance()));
-    assert_eq!(values.len(), expected.len());
-    let n = values.len() as f64;
-    let mean_z = image_mean(film);
-    let mean_z = [0, 1, 2].map(|c| mean_z[c].z(expected.iter().map(|e| e[c]).sum::<f64>() / n));
-    let z = (0..values.len()).flat_map(|i| {
-        [0, 1, 2].map(|c| Estimate { mean: values[i][c], error: variances[i][c].sqrt() }.z(expected[i][c]))
-    });
-    agreement(mean_z, z)
+    let pixels = block_pixels(film.crop.size());
+    assert_eq!(pixels.iter().map(Vec::len).sum::<usize>(), expected.len());
+    let mean = |pixels: &[usize], c: usize| pixels.iter().map(|&p| expected[p][c]).sum::<f64>() / pixels.len() as f64;
+    let block_z: Vec<_> = (block_means(film).iter().zip(&pixels))
+        .map(|(block, pixels)| [0, 1, 2].map(|c| block[c].z(mean(pixels, c))))
+        .collect();
+    let all: Vec<usize> = (0..expected.len()).collect();
+    let whole = image_mean(film);
+    agreement([0, 1, 2].map(|c| whole[c].z(mean(&all, c))), &block_z)
 }
