@@ -46,7 +46,7 @@ fn check_strategy(
     irradiance: impl Fn(DVec3) -> f64,
 ) {
     // Half of the checks by each integrator: they are one vertex function.
-    let integrator = if seed % 2 == 0 { IntegratorKind::Direct } else { IntegratorKind::Path };
+    let integrator = if seed.is_multiple_of(2) { IntegratorKind::Direct } else { IntegratorKind::Path };
     let settings = Settings { integrator, max_depth: 1, light_strategy, seed, ..settings(SIZE, spp) };
     let radiance = |p: DVec3| f64::from(REFLECTANCE) / PI * irradiance(p);
     let expected: Vec<_> = ground_points(camera, &settings).into_iter().map(|p| [radiance(p); 3]).collect();
