@@ -16,6 +16,7 @@ pub struct Frame {
 impl Frame {
     /// A frame around the unit vector `z`; the tangent is arbitrary but a continuous function of `z` on each hemisphere
     /// (Duff et al., Building an orthonormal basis, revisited, JCGT 2017).
+    #[inline]
     pub fn from_z(z: Vec3) -> Self {
         let sign = 1.0_f32.copysign(z.z);
         let a = -1.0 / (sign + z.z);
@@ -29,6 +30,7 @@ impl Frame {
 
     /// A frame around the unit vector `z` whose x axis is as near to `x` as it can be. Falls back to [`Self::from_z`] if `x` is
     /// parallel to `z` or not finite.
+    #[inline]
     pub fn from_z_and_x(z: Vec3, x: Vec3) -> Self {
         // Derivatives of positions have any length: squares of tiny and of huge ones do not fit.
         let x = x / x.abs().max_element();
@@ -40,11 +42,13 @@ impl Frame {
     }
 
     /// Local coordinates of an outer direction.
+    #[inline]
     pub fn to_local(&self, v: Vec3) -> Vec3 {
         Vec3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
     }
 
     /// Outer coordinates of a local direction.
+    #[inline]
     pub fn from_local(&self, v: Vec3) -> Vec3 {
         self.x * v.x + self.y * v.y + self.z * v.z
     }

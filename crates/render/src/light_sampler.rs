@@ -43,10 +43,13 @@ impl LightSampler {
         Self { distribution: (!powers.is_empty()).then(|| Distribution1D::new(&weights)) }
     }
 
-    /// A light and the probability of choosing it; `None` without lights.
-    pub fn sample(&self, u: f32) -> Option<(usize, f32)> {
+    /// A light and the probability of choosing it; `None` without lights. `u` is asked for a uniform number if there is a choice.
+    pub fn sample(&self, u: impl FnOnce() -> f32) -> Option<(usize, f32)> {
         let distribution = self.distribution.as_ref()?;
-        let (light, _) = distribution.sample(u);
+        if distribution.len() == 1 {
+            return Some((0, 1.0));
+        }
+        let (light, _) = distribution.sample(u());
         Some((light, distribution.probability(light)))
     }
 

@@ -3,10 +3,10 @@
 use super::*;
 use crate::hit::Hit;
 use crate::query::{AcceptAll, Grouping, HitFilter};
-use crate::shape::Sphere;
+use crate::shape::{AnyShape, Sphere};
 use snell_math::rng::{hash32, pcg4d, to_unit};
 use snell_math::sampling::uniform_sphere;
-use snell_math::{DAffine3, DMat3, DVec3, Ray, Vec2, Vec3};
+use snell_math::{DAffine3, DMat3, DRay, DVec3, Ray, Vec2, Vec3};
 
 /// Random numbers in order.
 struct Random(u32);
@@ -72,9 +72,12 @@ fn nested_scene(seed: u32) -> WorldBuilder {
         // The same again: every hit is a tie between two geometries.
         builder.add_mesh(group, mesh);
         for _ in 0..3 {
-            let radius = random.range(0.1, 0.5).into();
-            let placed = random.transform(2.0);
-            builder.add_shape(group, Arc::new(Sphere { radius }), placed);
+            let shapes = AnyShape::examples();
+            let shape = shapes[(random.unit() * shapes.len() as f32) as usize].clone();
+            let size = shape.bounds().size().max_element();
+            let size = if size.is_finite() { 0.7 / size } else { 1.0 };
+            let placed = random.transform(2.0).compose(&scaling(size));
+            builder.add_shape(group, Arc::new(shape), placed);
         }
         if level < 3 {
             let child = builder.add_group();
@@ -89,6 +92,10 @@ fn nested_scene(seed: u32) -> WorldBuilder {
         }
     }
     builder
+}
+
+fn scaling(factor: f64) -> Transform {
+    Transform::new(DAffine3::from_scale(DVec3::splat(factor))).expect("invertible")
 }
 
 fn build(builder: WorldBuilder, accelerator: AcceleratorKind, simd: Level) -> World {
@@ -724,4 +731,36 @@ fn the_tree_does_not_depend_on_the_number_of_threads() {
         (nodes, forest.trees[0].blocks.iter().map(|b| b.ids).collect::<Vec<_>>())
     };
     assert!(tree(1) == tree(4));
+}
+
+#[test]
+fn a_ray_that_leaves_a_shape_does_not_find_it_where_it_starts() {
+    for shape in AnyShape::examples() {
+        let size = shape.bounds().size().max_element();
+        let size = if size.is_finite() { 2.0 / size } else { 1.0 };
+        let shape = Arc::new(shape);
+        for placed in placements() {
+            let world = instanced(&placed, |b, g| {
+                b.add_shape(g, shape.clone(), scaling(size));
+            });
+            let mut random = Random(7);
+            for (ray, hit) in hits_on(&world, &placed, 60) {
+                let surface = world.interaction(&ray, &hit);
+                for _ in 0..6 {
+                    let d = random.direction();
+                    if d.dot(surface.geometric_normal).abs() < 1e-2 {
+                        continue;
+                    }
+                    let next = Ray::new(surface.ray_origin(d), d);
+                    let again = world.closest_one(&next, &AcceptAll);
+                    let from = placed.inverse().ray(&DRay::from(&next));
+                    let way = from.direction.length() * f64::from(again.t);
+                    // Edges and apexes are near in earnest, but not at the very start.
+                    let coarse = placed.inverse().vector(surface.position_error.as_dvec3()).length();
+                    let found = again.primitive == hit.primitive && way < 1e-9 + 0.5 * coarse;
+                    assert!(!found, "{shape:?} {placed:?} {hit:?} {next:?} {again:?} {way}");
+                }
+            }
+        }
+    }
 }

@@ -16,7 +16,7 @@ use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, SurfaceInteracti
 use snell_math::{Bounds3d, ColorMode, Ray, SampledSpectrum, Vec3, rng};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::ShadingPoint;
-use snell_scene::{Background, Material, MaterialId, Scene, SceneError, TextureSet, Warning};
+use snell_scene::{Background, Material, MaterialId, NodeId, Scene, SceneError, TextureSet, Warning};
 use surfaces::SurfaceTable;
 
 /// Why a scene could not be compiled.
@@ -103,6 +103,11 @@ impl CompiledScene {
         self.surfaces.material(&self.world, hit.instance, hit.geometry, hit.primitive)
     }
 
+    /// The nodes from the root of the scene graph to the one that holds the surface of a hit.
+    pub fn node_path(&self, hit: &Hit) -> Vec<NodeId> {
+        self.surfaces.node_path(&self.world, hit.instance, hit.geometry)
+    }
+
     /// The material with this id.
     pub fn material(&self, id: MaterialId) -> &Material {
         &self.materials[id.index()]
@@ -187,3 +192,6 @@ fn finite_part(bounds: &Bounds3d) -> Bounds3d {
 fn index(id: GeometryId) -> usize {
     id.0 as usize
 }
+
+#[cfg(test)]
+mod tests;

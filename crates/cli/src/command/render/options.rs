@@ -273,8 +273,8 @@ impl Options {
 /// Samples per pixel if nobody asks for a number.
 fn default_spp(integrator: IntegratorKind) -> u32 {
     match integrator {
-        IntegratorKind::Path | IntegratorKind::Direct => 128,
-        IntegratorKind::Ao => 64,
+        IntegratorKind::Path | IntegratorKind::Direct => 64,
+        IntegratorKind::Ao => 32,
         _ => 16,
     }
 }
