@@ -2,16 +2,19 @@
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Sphere};
-use snell_math::{DAffine3, DVec3, Rgb, Vec3};
+use snell_math::{DAffine3, DVec2, DVec3, Rgb, Vec2, Vec3};
 use snell_render::{
-    CompiledScene, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows, reference,
+    Aov, CompiledScene, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
+    reference,
 };
-use snell_scene::material::{Black, ColorParam, Conductor, Plastic};
+use snell_scene::builtin::builtin;
+use snell_scene::material::{Black, ColorParam, Conductor, Dielectric, Mirror, Plastic};
 use snell_scene::texture::Wrap;
-use snell_scene::{Camera, Encoding, Environment, Material, Scene, Texture, builtin::builtin};
+use snell_scene::{Camera, CameraSample, Encoding, Environment, Geometry, Material, Node, Scene, Surface, Texture};
 use snell_tests::scenes::{at, everything, facing, ground, image, lamp, matte, put, put_mesh, quad, rectangle, sky};
 use snell_tests::statistics::{compare, compare_exact};
 use snell_tests::{colors, render, render_compiled, settings};
+use std::sync::Arc;
 
 /// Rough things under several lamps and a sky: light arrives in many ways, none of them rare for any strategy.
 fn lamps_and_sky() -> (Scene, Camera) {
@@ -165,4 +168,119 @@ fn the_batched_renderer_agrees_with_the_textbook_on_everything() {
             assert!(largest < 2e-5 * scale, "{:?} pixel {i}: {a:?} {b:?}", settings.integrator);
         }
     }
+}
+
+#[test]
+fn strategies_agree_behind_glass() {
+    // Through smooth glass only bounces find the lamp, through frosted glass and metal both ways do; the lamp is large, so none
+    // of it is rare.
+    let mut scene = Scene::new("caustics");
+    let walls = matte(&mut scene, 0.6);
+    put(
+        &mut scene,
+        BoxShape { min: DVec3::new(-3.0, 0.0, -3.0), max: DVec3::new(3.0, 3.2, 5.0) },
+        DAffine3::IDENTITY,
+        walls,
+    );
+    let glass = scene.add_material(Material::new("glass", Dielectric::smooth(1.5)));
+    let frosted = scene.add_material(Material::new("frosted", Dielectric::rough(1.5, 0.5)));
+    let mirror = scene.add_material(Material::new("mirror", Mirror::new(Rgb::splat(0.9))));
+    let glow = lamp(&mut scene, 1.0);
+    put(&mut scene, Sphere { radius: 0.6 }, at(-0.9, 0.7, 0.0), glass);
+    put(&mut scene, Sphere { radius: 0.6 }, at(0.9, 0.7, 0.0), frosted);
+    put(&mut scene, rectangle(3.0, 2.0), facing(DVec3::new(0.0, 1.0, -1.5), DVec3::new(0.0, 0.2, 1.0)), mirror);
+    put(&mut scene, rectangle(4.0, 4.0), facing(DVec3::new(0.0, 3.0, 0.0), DVec3::NEG_Y), glow);
+    let camera = Camera::look_at(Vec3::new(0.0, 1.6, 4.0), Vec3::new(0.0, 0.5, 0.0), Vec3::Y, 0.4);
+    let render = |light_strategy, seed| {
+        render(&scene, &camera, &Settings { light_strategy, seed, max_depth: 12, ..settings(32, 256) })
+    };
+    let mis = render(LightStrategy::Mis, 1);
+    compare(&mis, &render(LightStrategy::Light, 2)).check("behind glass: mis against light");
+    compare(&mis, &render(LightStrategy::Bsdf, 3)).check("behind glass: mis against bsdf");
+}
+
+/// Two clusters of a mesh and balls, either one node below two parents or two copies.
+fn clusters(shared: bool) -> (Scene, Camera) {
+    let mut scene = Scene::new("clusters");
+    let (paper, glow) = (matte(&mut scene, 0.7), lamp(&mut scene, 3.0));
+    let cluster = |scene: &mut Scene| {
+        let ball = Node {
+            transform: at(0.0, 1.0, 0.0),
+            surfaces: vec![Surface::shape(Sphere { radius: 0.4 }, glow)],
+            ..Node::default()
+        };
+        let quad = Surface::with_material(Geometry::Mesh(Arc::new(quad())), paper);
+        let children = vec![scene.add_node(ball)];
+        scene.add_node(Node { surfaces: vec![quad], children, ..Node::default() })
+    };
+    let mut common = None;
+    for transform in [
+        at(-0.8, 0.0, 0.0),
+        at(0.7, 0.1, 0.2) * DAffine3::from_rotation_y(0.7) * DAffine3::from_scale(DVec3::new(1.1, 0.7, 1.3)),
+    ] {
+        let child = match common {
+            Some(child) if shared => child,
+            _ => cluster(&mut scene),
+        };
+        common = Some(child);
+        scene.add_child(scene.root, Node { transform, children: vec![child], ..Node::default() });
+    }
+    scene.environment = Some(Environment::Constant(Rgb::splat(0.3)));
+    (scene, Camera::look_at(Vec3::new(0.0, 0.8, 4.0), Vec3::new(0.0, 0.5, 0.0), Vec3::Y, 0.3))
+}
+
+#[test]
+fn instances_look_like_copies() {
+    for integrator in [IntegratorKind::Path, IntegratorKind::Whitted, IntegratorKind::Ao] {
+        let picture = |shared, seed| {
+            let (scene, camera) = clusters(shared);
+            render(&scene, &camera, &Settings { integrator, seed, max_depth: 4, ..settings(48, 32) })
+        };
+        compare(&picture(true, 1), &picture(false, 2)).check(&format!("instances, {}", integrator.name()));
+    }
+}
+
+#[test]
+fn layers_of_the_first_hit_are_what_geometry_says() {
+    let mut scene = Scene::new("ball");
+    let material = matte(&mut scene, 0.25);
+    let (center, radius) = (DVec3::new(0.2, -0.1, 0.0), 0.8);
+    put(&mut scene, Sphere { radius }, DAffine3::from_translation(center), material);
+    let eye = DVec3::new(0.0, 0.0, 3.0);
+    let camera = Camera::look_at(eye.as_vec3(), Vec3::ZERO, Vec3::Y, 0.4);
+    let aovs = vec![Aov::Depth, Aov::Distance, Aov::Position, Aov::Normal, Aov::Facing, Aov::Albedo, Aov::MaterialId];
+    let settings = Settings { integrator: IntegratorKind::Aov, aovs, ..settings(24, 3) };
+    let image = render(&scene, &camera, &settings).image();
+    let layer = |aov: Aov| image.layer(aov.name()).expect("the layer was asked for");
+    let mut hits = 0;
+    for i in 0..24 * 24 {
+        let film = DVec2::new(f64::from(i % 24) + 0.5, f64::from(i / 24) + 0.5);
+        let d = camera.ray(&CameraSample { film, lens: Vec2::ZERO }, [24, 24]).ray.direction.as_dvec3();
+        let to_center = center - eye;
+        let (b, i) = (to_center.dot(d), i as usize);
+        let discriminant = b * b - to_center.length_squared() + radius * radius;
+        let distance = b - discriminant.max(0.0).sqrt();
+        let close = |aov: Aov, expected: &[f64]| {
+            let n = expected.len();
+            for (found, expected) in layer(aov).values[i * n..][..n].iter().zip(expected) {
+                assert!((f64::from(*found) - expected).abs() < 1e-4, "{aov:?} of pixel {i}: {found}, not {expected}");
+            }
+        };
+        if discriminant < 0.0 {
+            close(Aov::Distance, &[0.0]);
+            close(Aov::MaterialId, &[-1.0]);
+            continue;
+        }
+        hits += 1;
+        let position = eye + d * distance;
+        let normal = (position - center) / radius;
+        close(Aov::Distance, &[distance]);
+        close(Aov::Depth, &[eye.z - position.z]);
+        close(Aov::Position, &position.to_array());
+        close(Aov::Normal, &normal.to_array());
+        close(Aov::Facing, &[-d.dot(normal)]);
+        close(Aov::Albedo, &[0.25; 3]);
+        close(Aov::MaterialId, &[0.0]);
+    }
+    assert!(hits > 100, "{hits}");
 }

@@ -5,10 +5,10 @@ use snell_intersect::shape::{BoxShape, Disk, Polygon, Sphere};
 use snell_math::{DAffine3, DVec2, DVec3, Rgb, Vec3};
 use snell_render::{IntegratorKind, LightStrategy, Settings};
 use snell_scene::light::{Attenuation, SpotFalloff};
-use snell_scene::material::Black;
+use snell_scene::material::{AlphaMode, Black};
 use snell_scene::{Camera, CameraSample, Environment, Light, Material, Scene};
 use snell_tests::scenes::{at, facing, ground, image, lamp, over_ground, put, put_mesh, rectangle, sky};
-use snell_tests::statistics::compare_exact;
+use snell_tests::statistics::{compare_exact, image_mean};
 use snell_tests::{render, settings};
 use std::f64::consts::PI;
 
@@ -353,4 +353,57 @@ fn a_sun_in_an_environment_image_lights_by_quadrature() {
     }
     // Samples of the BSDF seldom find the sun: many are needed for a fair test.
     check_strategy("sun in an image", &scene, &over_ground(0.0, 0.0), 2000, LightStrategy::Bsdf, 4, |_| irradiance);
+}
+
+/// A black sheet between the light and the ground that is there with this probability.
+fn veiled(alpha: f32, alpha_mode: AlphaMode) -> Scene {
+    let mut scene = scene();
+    let veil = Material { alpha_mode, alpha: alpha.into(), ..Material::new("veil", Black {}) };
+    let veil = scene.add_material(veil);
+    put(&mut scene, rectangle(20.0, 20.0), facing(DVec3::new(0.0, 1.0, 0.0), DVec3::Y), veil);
+    scene
+}
+
+#[test]
+fn blended_surfaces_let_their_share_of_light_through() {
+    let direction = DVec3::new(-0.6, -0.8, 0.0);
+    let blended = |alpha: f32| 1.0 - f64::from(alpha);
+    let masked = |alpha: f32| if alpha >= 0.5 { 0.0 } else { 1.0 };
+    for alpha in [0.0, 0.3, 0.5, 0.8, 1.0] {
+        for (mode, share) in
+            [(AlphaMode::Blend, blended(alpha)), (AlphaMode::Mask(0.5), masked(alpha)), (AlphaMode::Opaque, 0.0)]
+        {
+            let mut under_sun = veiled(alpha, mode);
+            under_sun.lights.push(Light::Directional { direction, irradiance: Rgb::splat(2.0) });
+            let mut under_sky = veiled(alpha, mode);
+            under_sky.environment = Some(Environment::Constant(Rgb::splat(1.0)));
+            for (scene, irradiance) in [(under_sun, 2.0 * 0.8 * share), (under_sky, PI * share)] {
+                let settings =
+                    Settings { pixel_position: None, integrator: IntegratorKind::Direct, ..settings(SIZE, 32) };
+                let film = render(&scene, &over_ground(0.0, 0.0), &settings);
+                let expected = vec![[f64::from(REFLECTANCE) / PI * irradiance; 3]; (SIZE * SIZE) as usize];
+                // The sheet ends, and 20 units are not quite all of the sky: less than half a percent of it passes below.
+                let missing = if scene.environment.is_some() { 0.01 * f64::from(REFLECTANCE) } else { 0.0 };
+                let found = image_mean(&film)[0];
+                let high = expected[0][0] + missing + 3.0 * found.error + 1e-5;
+                let low = expected[0][0] - 3.0 * found.error - 1e-5;
+                assert!(low <= found.mean && found.mean <= high, "{mode:?} {alpha}: {found:?}, not {}", expected[0][0]);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_camera_sees_through_a_blended_surface() {
+    let mut scene = Scene::new("veil");
+    let veil = Material { alpha_mode: AlphaMode::Blend, alpha: 0.3.into(), ..Material::new("veil", Black {}) };
+    let veil = scene.add_material(veil.emitting(Rgb::splat(2.0)));
+    put(&mut scene, rectangle(20.0, 20.0), DAffine3::IDENTITY, veil);
+    scene.environment = Some(Environment::Constant(Rgb::splat(0.5)));
+    let camera = Camera::look_at(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, Vec3::Y, 0.5);
+    let expected = vec![[0.3 * 2.0 + 0.7 * 0.5; 3]; (SIZE * SIZE) as usize];
+    for integrator in [IntegratorKind::Path, IntegratorKind::Whitted, IntegratorKind::Raycast] {
+        let settings = Settings { integrator, pixel_position: None, ..settings(SIZE, 64) };
+        compare_exact(&render(&scene, &camera, &settings), &expected).check(&format!("veil, {}", integrator.name()));
+    }
 }

@@ -4,6 +4,7 @@ use snell_intersect::shape::{BoxShape, Disk, Sphere};
 use snell_intersect::{AnyShape, BuildOptions, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3};
 use snell_render::{Aov, CompiledScene, IntegratorKind, Job, LightStrategy, Settings};
+use snell_scene::builtin::BUILTINS;
 use snell_scene::camera::Projection;
 use snell_scene::light::Attenuation;
 use snell_scene::material::{Conductor, Dielectric, Diffuse, MaterialKind};
@@ -47,6 +48,14 @@ fn lit() -> Scene {
     put(&mut scene, rectangle(1.0, 1.0), facing(DVec3::new(0.0, 2.0, 0.0), DVec3::NEG_Y), lamp);
     scene.environment = Some(Environment::Constant(Rgb::splat(0.3)));
     scene
+}
+
+#[test]
+fn built_in_scenes_give_finite_pictures_with_every_integrator() {
+    for b in BUILTINS {
+        let scene = (b.make)();
+        survives(b.name, &scene, &scene.cameras[0]);
+    }
 }
 
 #[test]
