@@ -34,9 +34,11 @@ pub struct LightSampler {
 impl LightSampler {
     /// A sampler over lights of these powers. A light of no power is never chosen by power, unless all have none.
     pub fn new(kind: LightSamplerKind, powers: &[f64]) -> Self {
+        // Relative to the strongest: the powers of huge and tiny scenes do not fit in single precision.
+        let strongest = powers.iter().copied().fold(0.0, f64::max);
         let weights: Vec<f32> = match kind {
             LightSamplerKind::Uniform => vec![1.0; powers.len()],
-            LightSamplerKind::Power => powers.iter().map(|&p| p as f32).collect(),
+            LightSamplerKind::Power => powers.iter().map(|&p| (p / strongest) as f32).collect(),
         };
         Self { distribution: (!powers.is_empty()).then(|| Distribution1D::new(&weights)) }
     }
@@ -54,5 +56,25 @@ impl LightSampler {
     /// The probability of choosing this light.
     pub fn probability(&self, light: usize) -> f32 {
         self.distribution.as_ref().map_or(0.0, |d| d.probability(light))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_unit_of_power_does_not_matter() {
+        for scale in [1e-60, 1.0, 1e60] {
+            let sampler = LightSampler::new(LightSamplerKind::Power, &[scale, 3.0 * scale, 0.0]);
+            assert_eq!([0, 1, 2].map(|light| sampler.probability(light)), [0.25, 0.75, 0.0]);
+        }
+    }
+
+    #[test]
+    fn lights_without_power_are_chosen_among_themselves() {
+        let sampler = LightSampler::new(LightSamplerKind::Power, &[0.0, 0.0]);
+        assert_eq!(sampler.probability(1), 0.5);
+        assert!(LightSampler::new(LightSamplerKind::Power, &[]).sample(0.5).is_none());
     }
 }
