@@ -100,6 +100,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     reader.textures = texture::decode_images(&reader)?;
     material::read_all(&mut reader)?;
     node::read_scene(&mut reader)?;
+    light::add_sky(&mut reader.scene);
     Ok(reader.scene)
 }
 
