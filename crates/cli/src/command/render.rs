@@ -9,6 +9,7 @@ pub use options::Options;
 use crate::failure::Failure;
 use crate::progress::Reporter;
 use crate::{overrides, scene_source};
+use snell_formats::error::one_line;
 use snell_math::simd::Level;
 use snell_render::{CompiledScene, IntegratorKind, Job, Settings, Statistics};
 use snell_scene::{Camera, Scene};
@@ -28,6 +29,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     prepare_scene(&mut scene, options)?;
     let camera = choose_camera(&scene, options)?;
     let settings = options.settings(&scene, &camera, simd)?;
+    let tonemap = options.tonemap(&scene)?;
     let load_seconds = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
@@ -37,7 +39,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !options.quiet {
         for warning in scene.warnings.iter().chain(&compiled.warnings) {
             let times = if warning.count > 1 { format!(" ({} times)", warning.count) } else { String::new() };
-            eprintln!("warning: {}{times}", warning.message);
+            eprintln!("warning: {}{times}", one_line(&warning.message));
         }
         warn_of_lost_layers(options, &settings);
     }
@@ -55,6 +57,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         scene: &scene,
         compiled: &compiled,
         settings: &settings,
+        tonemap,
         statistics,
         film: &film,
         load_seconds,

@@ -102,7 +102,7 @@ fn too_many(input: &Input, what: &str) -> ReadError {
     input.error(
         crate::Place::Whole,
         format!("more than {} {what}, the limit", input.options.limits.elements),
-        "split the file, or raise the limit on elements",
+        "split the file",
     )
 }
 

@@ -78,6 +78,10 @@ impl CompiledScene {
         let bounds = finite_part(&scene_bounds(&world));
         let environment = scene.environment.as_ref().map(EnvironmentLight::new);
         let lights = LightTable::new(scene, &world, &surfaces, &materials, environment.as_ref(), bounds.radius());
+        if !lights.is_complete() {
+            let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
+            Warning::note(&mut warnings, message.into(), 1);
+        }
         let radius = bounds.radius() as f32;
         Ok(Self {
             materials,
