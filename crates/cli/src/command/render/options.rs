@@ -22,6 +22,15 @@ pub const DEFAULT_SIZE: [u32; 2] = [960, 720];
 /// Most samples per pixel that a time limit alone allows.
 const SPP_OF_TIME_LIMIT: u32 = 1 << 16;
 
+/// How values are stored in display formats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum DisplayEncoding {
+    /// With the sRGB curve.
+    Srgb,
+    /// Linear values, clamped.
+    Linear,
+}
+
 /// Most samples per pixel.
 const MAX_SPP: u32 = 1 << 24;
 
@@ -107,6 +116,10 @@ pub struct Options {
     /// Tone map for display formats: none, aces or agx
     #[arg(long, value_name = "NAME", help_heading = "The picture")]
     pub tonemap: Option<String>,
+    /// How display formats store values: srgb (the standard) or linear (clamped, without the sRGB curve, as old programs wrote
+    /// them). Default: srgb, but linear for .scn and .nff
+    #[arg(long, value_name = "NAME")]
+    pub display: Option<DisplayEncoding>,
     /// Bits per channel of PNG: 8 or 16
     #[arg(long, value_name = "N", default_value_t = 8, help_heading = "The picture")]
     pub bits: u8,
@@ -119,7 +132,7 @@ pub struct Options {
     /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky, none, #rrggbb or r,g,b
     #[arg(long, value_name = "FILE", help_heading = "What is rendered")]
     pub environment: Option<String>,
-    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, ambient=[r,g,b]
+    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, `ambient=[r,g,b]`
     #[arg(short = 'D', long = "define", value_name = "key=value", help_heading = "What is rendered")]
     pub define: Vec<String>,
     /// Write statistics as JSON
@@ -310,8 +323,8 @@ fn check_memory(crop: Crop, aovs: &[Aov]) -> Result<(), Failure> {
 /// Samples per pixel if nobody asks for a number.
 fn default_spp(integrator: IntegratorKind) -> u32 {
     match integrator {
-        IntegratorKind::Path | IntegratorKind::Direct => 128,
-        IntegratorKind::Ao => 64,
+        IntegratorKind::Path | IntegratorKind::Direct => 64,
+        IntegratorKind::Ao => 32,
         _ => 16,
     }
 }
