@@ -10,7 +10,7 @@ use crate::failure::Failure;
 use crate::progress::Reporter;
 use crate::{overrides, scene_source};
 use snell_math::simd::Level;
-use snell_render::{CompiledScene, Job, Settings, Statistics};
+use snell_render::{CompiledScene, IntegratorKind, Job, Settings, Statistics};
 use snell_scene::{Camera, Scene};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -39,6 +39,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
             let times = if warning.count > 1 { format!(" ({} times)", warning.count) } else { String::new() };
             eprintln!("warning: {}{times}", warning.message);
         }
+        warn_of_lost_layers(options, &settings);
     }
 
     let interrupted = Arc::new(AtomicBool::new(false));
@@ -79,6 +80,16 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         return Ok(ExitCode::from(130));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Only OpenEXR holds layers. The integrator `aov` shows its first one in any format.
+fn warn_of_lost_layers(options: &Options, settings: &Settings) {
+    let extension = options.output.as_ref().and_then(|path| path.extension());
+    let shown = usize::from(settings.integrator == IntegratorKind::Aov);
+    let asked = settings.aovs.len() > shown || options.variance;
+    if asked && !extension.is_some_and(|e| e.eq_ignore_ascii_case("exr")) {
+        eprintln!("warning: only OpenEXR holds layers and variance; write the picture to a file.exr to have them");
+    }
 }
 
 fn prepare_scene(scene: &mut Scene, options: &Options) -> Result<(), Failure> {

@@ -22,6 +22,15 @@ pub const DEFAULT_SIZE: [u32; 2] = [960, 720];
 /// Most samples per pixel that a time limit alone allows.
 const SPP_OF_TIME_LIMIT: u32 = 1 << 16;
 
+/// How values are stored in display formats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum DisplayEncoding {
+    /// With the sRGB curve.
+    Srgb,
+    /// Linear values, clamped.
+    Linear,
+}
+
 /// Options of `snell render`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
@@ -91,6 +100,10 @@ pub struct Options {
     /// Tone map for display formats: none, aces or agx
     #[arg(long, value_name = "NAME")]
     pub tonemap: Option<String>,
+    /// How display formats store values: srgb (the standard) or linear (clamped, without the sRGB curve, as old programs wrote
+    /// them). Default: srgb, but linear for .scn and .nff
+    #[arg(long, value_name = "NAME")]
+    pub display: Option<DisplayEncoding>,
     /// Bits per channel of PNG: 8 or 16
     #[arg(long, value_name = "N", default_value_t = 8)]
     pub bits: u8,
@@ -103,7 +116,7 @@ pub struct Options {
     /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky, none, #rrggbb or r,g,b
     #[arg(long, value_name = "FILE")]
     pub environment: Option<String>,
-    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, ambient=[r,g,b]
+    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, `ambient=[r,g,b]`
     #[arg(short = 'D', long = "define", value_name = "key=value")]
     pub define: Vec<String>,
     /// Write statistics as JSON

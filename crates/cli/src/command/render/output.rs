@@ -1,6 +1,6 @@
 //! From film to file.
 
-use super::options::Options;
+use super::options::{DisplayEncoding, Options};
 use super::summary::Summary;
 use crate::failure::Failure;
 use sha2::{Digest, Sha256};
@@ -55,7 +55,10 @@ impl<'a> Output<'a> {
         let display = Display {
             exposure: options.exposure.or(scene.settings.exposure).unwrap_or(0.0),
             tonemap: options.tonemap(scene)?,
-            srgb: !scene.settings.raw_display && summary.settings.integrator != IntegratorKind::Aov,
+            srgb: match options.display {
+                Some(encoding) => encoding == DisplayEncoding::Srgb,
+                None => !scene.settings.raw_display && summary.settings.integrator != IntegratorKind::Aov,
+            },
         };
         let writing =
             WriteOptions { display, png_bits: options.bits, exr_half: options.half, ..WriteOptions::default() };
