@@ -17,7 +17,7 @@ use snell_tests::{bits, render_compiled};
 
 /// Settings with odd sizes, a sample count that is no multiple of a block, and all extra layers.
 fn settings() -> Settings {
-    Settings { size: [37, 29], spp: 21, seed: 7, max_depth: 6, aovs: Aov::ALL.to_vec(), ..Settings::default() }
+    Settings { size: [37, 29], spp: 18, seed: 7, max_depth: 6, aovs: Aov::ALL.to_vec(), ..Settings::default() }
 }
 
 /// Settings that differ from [`settings`] in one of everything that changes the picture.
@@ -132,7 +132,7 @@ fn ray_trees_with_more_rays_than_a_batch_holds_do_not_change_a_bit() {
     let (scene, camera) = onion();
     let scene = CompiledScene::new(&scene, &BuildOptions::default()).expect("the scene compiles");
     let integrator = IntegratorKind::Whitted;
-    let settings = Settings { size: [16, 16], spp: 16, integrator, max_depth: 7, ..Settings::default() };
+    let settings = Settings { size: [16, 16], spp: 16, integrator, max_depth: 6, ..Settings::default() };
     let whole = render_compiled(&scene, &camera, &settings, 1);
     let progressive = Settings { progressive: true, ..settings.clone() };
     assert!(all_bits(&render_compiled(&scene, &camera, &progressive, 2)) == all_bits(&whole), "passes");

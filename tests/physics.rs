@@ -133,6 +133,20 @@ fn a_glowing_cavity_has_the_radiance_of_the_geometric_series() {
 }
 
 #[test]
+fn roulette_keeps_the_radiance_of_a_bright_cavity() {
+    // Nine of ten bounces go on: most of the light comes after roulette has begun.
+    let mut scene = Scene::new("cavity");
+    let material = glowing(&mut scene, 0.9);
+    put(&mut scene, Sphere { radius: 1.0 }, DAffine3::IDENTITY, material);
+    for light_strategy in LightStrategy::ALL {
+        let settings = Settings { light_strategy, seed: 5, ..settings(32, 128) };
+        let name = format!("bright cavity, {}", light_strategy.name());
+        let found = mean(&name, &scene, &all_around(DVec3::new(0.2, -0.1, 0.3)), &settings);
+        assert!(found.z(10.0).abs() < 3.0 && found.error < 0.05, "{name}: {found:?}");
+    }
+}
+
+#[test]
 fn the_depth_counts_bounces() {
     let mut scene = Scene::new("cavity");
     let material = glowing(&mut scene, 0.5);

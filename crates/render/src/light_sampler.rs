@@ -75,6 +75,6 @@ mod tests {
     fn lights_without_power_are_chosen_among_themselves() {
         let sampler = LightSampler::new(LightSamplerKind::Power, &[0.0, 0.0]);
         assert_eq!(sampler.probability(1), 0.5);
-        assert!(LightSampler::new(LightSamplerKind::Power, &[]).sample(0.5).is_none());
+        assert!(LightSampler::new(LightSamplerKind::Power, &[]).sample(|| 0.5).is_none());
     }
 }

@@ -118,7 +118,7 @@ pub struct Options {
     pub tonemap: Option<String>,
     /// How display formats store values: srgb (the standard) or linear (clamped, without the sRGB curve, as old programs wrote
     /// them). Default: srgb, but linear for .scn and .nff
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "The picture")]
     pub display: Option<DisplayEncoding>,
     /// Bits per channel of PNG: 8 or 16
     #[arg(long, value_name = "N", default_value_t = 8, help_heading = "The picture")]
