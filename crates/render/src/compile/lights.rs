@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use std::f64::consts::PI;
 
 /// Work and memory for the table of emissive surfaces: a small file may place an emissive mesh billions of times.
-const BUDGET: u64 = 1 << 30;
+const BUDGET: u64 = 1 << 28;
 const COST_OF_INSTANCE: u64 = 256;
 const COST_OF_TRIANGLE: u64 = 64;
 
