@@ -7,7 +7,7 @@ use snell_math::{Bounds3d, DAffine3, DVec3, Transform, Vec3};
 use std::collections::BTreeMap;
 
 /// After this many vertices and nodes the boxes of nodes have to do: instances of instances may stand for any number.
-const BUDGET: usize = 16_000_000;
+const BUDGET: usize = 4_000_000;
 
 /// A node costs as much as this many vertices.
 const NODE_COST: usize = 32;
@@ -90,6 +90,8 @@ mod tests {
 
     fn assert_fits_tightly((least, most): (DVec2, DVec2)) {
         assert!(least.min_element() > -0.9 && most.max_element() < 0.9, "{least} {most}");
+        let middle = (least + most) / 2.0;
+        assert!(middle.abs().max_element() < 0.05, "{middle}");
         let extent = most - least;
         assert!(extent.x.max(extent.y) > 1.7, "{extent}");
     }
