@@ -23,6 +23,7 @@ pub struct Bounds3d {
 macro_rules! bounds {
     ($name:ident, $vec:ty, $float:ty) => {
         impl Default for $name {
+            #[inline]
             fn default() -> Self {
                 Self::EMPTY
             }
@@ -38,51 +39,61 @@ macro_rules! bounds {
                 Self { min: <$vec>::splat(<$float>::NEG_INFINITY), max: <$vec>::splat(<$float>::INFINITY) };
 
             /// The smallest box around `points`; points with a NaN coordinate do not count.
+            #[inline]
             pub fn of(points: impl IntoIterator<Item = $vec>) -> Self {
                 points.into_iter().fold(Self::EMPTY, |b, p| if p.is_nan() { b } else { b.with_point(p) })
             }
 
             /// The box grown to hold `p`.
+            #[inline]
             pub fn with_point(&self, p: $vec) -> Self {
                 Self { min: self.min.min(p), max: self.max.max(p) }
             }
 
             /// The smallest box around both.
+            #[inline]
             pub fn union(&self, other: &Self) -> Self {
                 Self { min: self.min.min(other.min), max: self.max.max(other.max) }
             }
 
             /// The common part; may be empty.
+            #[inline]
             pub fn intersection(&self, other: &Self) -> Self {
                 Self { min: self.min.max(other.min), max: self.max.min(other.max) }
             }
 
             /// True if the box holds no point.
+            #[inline]
             pub fn is_empty(&self) -> bool {
                 !self.min.cmple(self.max).all()
             }
 
             /// True if all six sides are finite numbers.
+            #[inline]
             pub fn is_finite(&self) -> bool {
                 self.min.is_finite() && self.max.is_finite()
             }
 
             /// Extent along each axis.
+            #[inline]
             pub fn size(&self) -> $vec {
                 self.max - self.min
             }
 
             /// Midpoint.
+            #[inline]
             pub fn center(&self) -> $vec {
                 self.min * 0.5 + self.max * 0.5
             }
 
             /// Half the length of the diagonal: the radius of the sphere around the box.
+            #[inline]
             pub fn radius(&self) -> $float {
                 if self.is_empty() { 0.0 } else { self.size().length() * 0.5 }
             }
 
             /// Half of the surface area; 0 if empty.
+            #[inline]
             pub fn half_area(&self) -> $float {
                 if self.is_empty() {
                     return 0.0;
@@ -92,6 +103,7 @@ macro_rules! bounds {
             }
 
             /// True if `p` lies in the closed box.
+            #[inline]
             pub fn contains(&self, p: $vec) -> bool {
                 p.cmpge(self.min).all() && p.cmple(self.max).all()
             }
@@ -104,6 +116,7 @@ bounds!(Bounds3d, DVec3, f64);
 
 impl Bounds3d {
     /// The smallest single-precision box that holds this one: rounded outward.
+    #[inline]
     pub fn outward_f32(&self) -> Bounds3 {
         let down = |x: f64| {
             let y = x as f32;
@@ -121,6 +134,7 @@ impl Bounds3d {
 }
 
 impl From<Bounds3> for Bounds3d {
+    #[inline]
     fn from(b: Bounds3) -> Self {
         Self { min: b.min.as_dvec3(), max: b.max.as_dvec3() }
     }

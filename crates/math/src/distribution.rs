@@ -14,6 +14,7 @@ pub struct Distribution1D {
 impl Distribution1D {
     /// The density proportional to `weights`. Negative, NaN and infinite weights count as 0. If all are 0, the density is uniform
     /// and [`Self::sum`] is 0. At least one weight is needed: an empty slice acts as one piece.
+    #[inline]
     pub fn new(weights: &[f32]) -> Self {
         let mut weights: Vec<f32> = weights.iter().map(|&w| if w.is_finite() && w > 0.0 { w } else { 0.0 }).collect();
         if weights.is_empty() {
@@ -35,21 +36,25 @@ impl Distribution1D {
     }
 
     /// Number of pieces.
+    #[inline]
     pub fn len(&self) -> usize {
         self.weights.len()
     }
 
     /// Never true: a distribution has at least one piece.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.weights.is_empty()
     }
 
     /// Sum of the (finite, positive) weights given.
+    #[inline]
     pub fn sum(&self) -> f64 {
         self.sum
     }
 
     /// Picks piece `i` with its probability: returns `i` and the remaining uniform number in `[0, 1)`.
+    #[inline]
     pub fn sample(&self, u: f32) -> (usize, f32) {
         let i = self.cdf.partition_point(|&c| c <= u).clamp(1, self.weights.len()) - 1;
         // Skip pieces of no width, into which rounding could have led.
@@ -59,12 +64,14 @@ impl Distribution1D {
         (i, rest)
     }
 
+    #[inline]
     fn nearest_nonempty(&self, i: usize) -> usize {
         let wide = |&k: &usize| self.cdf[k + 1] > self.cdf[k];
         (0..i).rev().find(wide).or_else(|| (i..self.weights.len()).find(wide)).unwrap_or(i)
     }
 
     /// Probability of piece `i`, exactly that with which [`Self::sample`] picks it.
+    #[inline]
     pub fn probability(&self, i: usize) -> f32 {
         self.cdf[i + 1] - self.cdf[i]
     }
@@ -82,14 +89,16 @@ impl Distribution2D {
     ///
     /// # Panics
     /// If `width` is 0 or does not divide `weights.len()`.
+    #[inline]
     pub fn new(weights: &[f32], width: usize) -> Self {
-        assert!(width > 0 && weights.len() % width == 0, "rows of equal length");
+        assert!(width > 0 && weights.len().is_multiple_of(width), "rows of equal length");
         let rows: Vec<_> = weights.chunks_exact(width).map(Distribution1D::new).collect();
         let sums: Vec<f32> = rows.iter().map(|r| r.sum() as f32).collect();
         Self { marginal: Distribution1D::new(&sums), rows }
     }
 
     /// A point of the unit square and its density with respect to the unit square.
+    #[inline]
     pub fn sample(&self, u: Vec2) -> (Vec2, f32) {
         let (row, v) = self.marginal.sample(u.y);
         let (column, s) = self.rows[row].sample(u.x);
@@ -99,6 +108,7 @@ impl Distribution2D {
     }
 
     /// Density at a point of the unit square (outside is clamped to the border).
+    #[inline]
     pub fn pdf(&self, p: Vec2) -> f32 {
         let index = |x: f32, n: usize| ((x * n as f32) as usize).min(n - 1);
         let row = index(p.y, self.rows.len());
@@ -106,6 +116,7 @@ impl Distribution2D {
         self.piece_pdf(row, column)
     }
 
+    #[inline]
     fn piece_pdf(&self, row: usize, column: usize) -> f32 {
         let n = self.rows.len() as f32 * self.rows[row].len() as f32;
         self.marginal.probability(row) * self.rows[row].probability(column) * n

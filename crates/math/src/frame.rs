@@ -16,6 +16,7 @@ pub struct Frame {
 impl Frame {
     /// A frame around the unit vector `z`; the tangent is arbitrary but a continuous function of `z` on each hemisphere
     /// (Duff et al., Building an orthonormal basis, revisited, JCGT 2017).
+    #[inline]
     pub fn from_z(z: Vec3) -> Self {
         let sign = 1.0_f32.copysign(z.z);
         let a = -1.0 / (sign + z.z);
@@ -29,20 +30,25 @@ impl Frame {
 
     /// A frame around the unit vector `z` whose x axis is as near to `x` as it can be. Falls back to [`Self::from_z`] if `x` is
     /// parallel to `z` or not finite.
+    #[inline]
     pub fn from_z_and_x(z: Vec3, x: Vec3) -> Self {
+        // Derivatives of positions have any length: squares of tiny and of huge ones do not fit.
+        let x = x / x.abs().max_element();
         let tangent = x - z * z.dot(x);
         match tangent.try_normalize() {
-            Some(x) if tangent.length_squared() > 1e-12 * Vec3::length_squared(x) => Self { x, y: z.cross(x), z },
+            Some(x) if tangent.length_squared() > 1e-12 => Self { x, y: z.cross(x), z },
             _ => Self::from_z(z),
         }
     }
 
     /// Local coordinates of an outer direction.
+    #[inline]
     pub fn to_local(&self, v: Vec3) -> Vec3 {
         Vec3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
     }
 
     /// Outer coordinates of a local direction.
+    #[inline]
     pub fn from_local(&self, v: Vec3) -> Vec3 {
         self.x * v.x + self.y * v.y + self.z * v.z
     }
@@ -51,6 +57,15 @@ impl Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_length_of_the_tangent_does_not_matter() {
+        let (z, x) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.3, -2.0, 0.5));
+        let expected = Frame::from_z_and_x(z, x);
+        for exponent in [-120, -40, -20, 20, 120] {
+            assert_eq!(Frame::from_z_and_x(z, x * 2f32.powi(exponent)), expected);
+        }
+    }
 
     #[test]
     fn frames_are_orthonormal_and_right_handed_everywhere() {

@@ -18,22 +18,26 @@ pub struct Ray {
 
 impl Ray {
     /// The ray from `origin` along `direction` over `(0, inf)`.
+    #[inline]
     pub fn new(origin: Vec3, direction: Vec3) -> Self {
         Self { origin, t_min: 0.0, direction, t_max: f32::INFINITY }
     }
 
     /// The same ray ended at `t_max` (exclusive).
+    #[inline]
     pub fn with_t_max(self, t_max: f32) -> Self {
         Self { t_max, ..self }
     }
 
     /// The point at parameter `t`.
+    #[inline]
     pub fn at(&self, t: f32) -> Vec3 {
         self.origin + self.direction * t
     }
 
     /// True if the ray can hit anything: finite origin, finite non-zero direction, and an interval that is not empty or NaN.
     /// Queries answer every other ray with a miss.
+    #[inline]
     pub fn is_valid(&self) -> bool {
         self.origin.is_finite() && self.direction.is_finite() && self.direction != Vec3::ZERO && self.t_min < self.t_max
     }
@@ -54,22 +58,26 @@ pub struct DRay {
 
 impl DRay {
     /// The ray from `origin` along `direction` over `(0, inf)`.
+    #[inline]
     pub fn new(origin: DVec3, direction: DVec3) -> Self {
         Self { origin, direction, t_min: 0.0, t_max: f64::INFINITY }
     }
 
     /// The point at parameter `t`.
+    #[inline]
     pub fn at(&self, t: f64) -> DVec3 {
         self.origin + self.direction * t
     }
 
     /// True if `t` lies inside the open interval of the ray (false for NaN).
+    #[inline]
     pub fn contains(&self, t: f64) -> bool {
         t > self.t_min && t < self.t_max
     }
 }
 
 impl From<&Ray> for DRay {
+    #[inline]
     fn from(ray: &Ray) -> Self {
         Self {
             origin: ray.origin.as_dvec3(),

@@ -3,6 +3,7 @@
 use glam::Vec2;
 
 /// Four independent 32-bit hashes of four inputs: `pcg4d` of Jarzynski and Olano, Hash Functions for GPU Rendering, JCGT 2020.
+#[inline]
 pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
     let [mut x, mut y, mut z, mut w] = v.map(|c| c.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
     let mix = |x: &mut u32, y: &mut u32, z: &mut u32, w: &mut u32| {
@@ -21,6 +22,7 @@ pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
 }
 
 /// A well-mixed 32-bit hash of one integer (the `lowbias32` finaliser found by Wellons' hash prospector search).
+#[inline]
 pub fn hash32(mut x: u32) -> u32 {
     x ^= x >> 16;
     x = x.wrapping_mul(0x7feb_352d);
@@ -30,6 +32,7 @@ pub fn hash32(mut x: u32) -> u32 {
 }
 
 /// A hash that depends on both inputs and on their order.
+#[inline]
 pub fn hash_combine(a: u32, b: u32) -> u32 {
     hash32(a ^ hash32(b).wrapping_mul(0x9e37_79b9).rotate_left(7))
 }
@@ -38,11 +41,13 @@ pub fn hash_combine(a: u32, b: u32) -> u32 {
 pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON * 0.5;
 
 /// A number in `[0, 1)` from the upper 24 bits.
+#[inline]
 pub fn to_unit(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / (1 << 24) as f32)
 }
 
 /// Two independent uniform numbers in `[0, 1)` from four integers.
+#[inline]
 pub fn uniform2(key: [u32; 4]) -> Vec2 {
     let [a, b, _, _] = pcg4d(key);
     Vec2::new(to_unit(a), to_unit(b))

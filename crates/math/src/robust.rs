@@ -7,6 +7,7 @@ pub const MACHINE_EPSILON: f32 = f32::EPSILON * 0.5;
 
 /// Bound of the relative error of `n` successive roundings: `n u / (1 - n u)` (Higham, Accuracy and Stability of Numerical
 /// Algorithms, 2002, section 3.1).
+#[inline]
 pub const fn gamma(n: u32) -> f32 {
     let nu = n as f32 * MACHINE_EPSILON;
     nu / (1.0 - nu)
@@ -17,6 +18,7 @@ pub const fn gamma(n: u32) -> f32 {
 /// `error` bounds the absolute error of each coordinate of `position`; `normal` is the unit geometric normal (either side). The
 /// point moves along the normal until the box of possible positions is left, and each coordinate is rounded away from the
 /// surface (Pharr, Jakob and Humphreys, Physically Based Rendering, 4th edition, section 6.8.6).
+#[inline]
 pub fn offset_ray_origin(position: Vec3, error: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
     let distance = normal.abs().dot(error);
     let normal = if direction.dot(normal) < 0.0 { -normal } else { normal };
@@ -35,6 +37,7 @@ pub fn offset_ray_origin(position: Vec3, error: Vec3, normal: Vec3, direction: V
 }
 
 /// `a b - c d` with an error of at most 1.5 units in the last place (Kahan; Jeannerod et al., 2013).
+#[inline]
 pub fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
     let cd = c * d;
     let difference = a.mul_add(b, -cd);
@@ -44,6 +47,7 @@ pub fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
 
 /// Real roots of `a t^2 + b t + c = 0` in ascending order, without cancellation. A linear equation gives its one root twice;
 /// no real root, or `a = b = 0`, gives `None`.
+#[inline]
 pub fn quadratic(a: f64, b: f64, c: f64) -> Option<(f64, f64)> {
     if a == 0.0 {
         return (b != 0.0).then(|| (-c / b, -c / b));

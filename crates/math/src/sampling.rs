@@ -4,6 +4,7 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI};
 
 /// Uniform direction on the unit sphere; density [`UNIFORM_SPHERE_PDF`].
+#[inline]
 pub fn uniform_sphere(u: Vec2) -> Vec3 {
     let z = 1.0 - 2.0 * u.x;
     let r = (1.0 - z * z).max(0.0).sqrt();
@@ -15,6 +16,7 @@ pub fn uniform_sphere(u: Vec2) -> Vec3 {
 pub const UNIFORM_SPHERE_PDF: f32 = FRAC_1_PI * 0.25;
 
 /// Uniform point in the unit disk by concentric squares (Shirley and Chiu, 1997).
+#[inline]
 pub fn concentric_disk(u: Vec2) -> Vec2 {
     let offset = u * 2.0 - 1.0;
     if offset == Vec2::ZERO {
@@ -30,17 +32,20 @@ pub fn concentric_disk(u: Vec2) -> Vec2 {
 }
 
 /// Direction on the upper hemisphere with density `cos(theta) / pi`; `z` is the normal.
+#[inline]
 pub fn cosine_hemisphere(u: Vec2) -> Vec3 {
     let d = concentric_disk(u);
     Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())
 }
 
 /// Density of [`cosine_hemisphere`] per steradian.
+#[inline]
 pub fn cosine_hemisphere_pdf(cos_theta: f32) -> f32 {
     cos_theta.max(0.0) * FRAC_1_PI
 }
 
 /// Uniform direction in the cone around `z` with `cos_theta_max`; density `1 / (2 pi (1 - cos_theta_max))`.
+#[inline]
 pub fn uniform_cone(u: Vec2, cos_theta_max: f32) -> Vec3 {
     let cos = 1.0 - u.x * (1.0 - cos_theta_max);
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
@@ -49,6 +54,7 @@ pub fn uniform_cone(u: Vec2, cos_theta_max: f32) -> Vec3 {
 }
 
 /// Uniform barycentric coordinates `(b1, b2)` of a triangle (Heitz, A low-distortion map between triangle and square, 2019).
+#[inline]
 pub fn uniform_triangle(u: Vec2) -> Vec2 {
     if u.x < u.y {
         let b0 = u.x / 2.0;
@@ -62,6 +68,7 @@ pub fn uniform_triangle(u: Vec2) -> Vec2 {
 }
 
 /// Weight of a sample of density `a` against one of density `b` (power heuristic with exponent 2; Veach, 1997).
+#[inline]
 pub fn power_heuristic(a: f32, b: f32) -> f32 {
     if a.is_infinite() {
         return 1.0;

@@ -14,6 +14,7 @@ pub struct Transform {
 }
 
 impl Default for Transform {
+    #[inline]
     fn default() -> Self {
         Self::IDENTITY
     }
@@ -24,6 +25,7 @@ impl Transform {
     pub const IDENTITY: Self = Self { forward: DAffine3::IDENTITY, inverse: DAffine3::IDENTITY };
 
     /// The map with this matrix. `None` if it is singular or not finite.
+    #[inline]
     pub fn new(forward: DAffine3) -> Option<Self> {
         let determinant = forward.matrix3.determinant();
         if !forward.is_finite() || determinant == 0.0 || !determinant.is_finite() {
@@ -35,6 +37,7 @@ impl Transform {
 
     /// The map with this 4x4 matrix (column vectors). `None` if it is singular, not finite, or not affine: the last row must
     /// be `0 0 0 w` with `w != 0` (the matrix is divided by `w`).
+    #[inline]
     pub fn from_matrix(matrix: DMat4) -> Option<Self> {
         let row = matrix.row(3);
         if row.x != 0.0 || row.y != 0.0 || row.z != 0.0 || row.w == 0.0 || !row.w.is_finite() {
@@ -44,63 +47,75 @@ impl Transform {
     }
 
     /// Translation by `offset`.
+    #[inline]
     pub fn translation(offset: DVec3) -> Self {
         Self { forward: DAffine3::from_translation(offset), inverse: DAffine3::from_translation(-offset) }
     }
 
     /// The affine matrix of the map.
+    #[inline]
     pub fn matrix(&self) -> &DAffine3 {
         &self.forward
     }
 
     /// The affine matrix of the inverse map.
+    #[inline]
     pub fn inverse_matrix(&self) -> &DAffine3 {
         &self.inverse
     }
 
     /// The inverse map.
+    #[inline]
     pub fn inverse(&self) -> Self {
         Self { forward: self.inverse, inverse: self.forward }
     }
 
     /// `self` after `other`: `a_from_b.compose(&b_from_c)` is `a_from_c`.
+    #[inline]
     pub fn compose(&self, other: &Self) -> Self {
         Self { forward: self.forward * other.forward, inverse: other.inverse * self.inverse }
     }
 
     /// True if the map is exactly the identity.
+    #[inline]
     pub fn is_identity(&self) -> bool {
         self.forward == DAffine3::IDENTITY
     }
 
     /// True if the map turns a right-handed frame into a left-handed one.
+    #[inline]
     pub fn is_mirrored(&self) -> bool {
         self.forward.matrix3.determinant() < 0.0
     }
 
     /// Determinant of the linear part: the factor by which volumes grow (negative if mirrored).
+    #[inline]
     pub fn determinant(&self) -> f64 {
         self.forward.matrix3.determinant()
     }
 
     /// Maps a point.
+    #[inline]
     pub fn point(&self, p: DVec3) -> DVec3 {
         self.forward.transform_point3(p)
     }
 
     /// Maps a direction or difference of points; the length changes with the map.
+    #[inline]
     pub fn vector(&self, v: DVec3) -> DVec3 {
         self.forward.transform_vector3(v)
     }
 
     /// Maps a surface normal by the inverse transpose. Not normalised. For a mirrored map the result keeps to the outward side
     /// of closed surfaces.
+    #[inline]
     pub fn normal(&self, n: DVec3) -> DVec3 {
         let m: DMat3 = self.inverse.matrix3;
         m.transpose() * n
     }
 
     /// Maps a ray; `t` is shared between both spaces.
+    #[inline]
     pub fn ray(&self, ray: &DRay) -> DRay {
         DRay {
             origin: self.point(ray.origin),
@@ -111,6 +126,7 @@ impl Transform {
     }
 
     /// The bounds of the mapped box. Empty stays empty; an infinite extent stays infinite where the map touches it.
+    #[inline]
     pub fn bounds(&self, b: &Bounds3d) -> Bounds3d {
         if b.is_empty() {
             return Bounds3d::EMPTY;
@@ -131,6 +147,7 @@ impl Transform {
     }
 
     /// Factor by which the map scales the area of a small surface patch with unit normal `n`: `|det M| |M^-T n|`.
+    #[inline]
     pub fn area_scale(&self, n: DVec3) -> f64 {
         self.determinant().abs() * self.normal(n).length()
     }

@@ -5,22 +5,29 @@
 
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
+use crate::integrator::camera_path::camera_path;
 use crate::integrator::{Context, Outputs, PathState, SurfaceVertex, Vertex};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Settings;
 use snell_intersect::HitFilter;
-use snell_math::{DVec2, Ray, Rgb, SampledSpectrum};
-use snell_scene::{Camera, CameraSample};
+use snell_math::{Ray, Rgb, SampledSpectrum};
+use snell_scene::Camera;
 
 /// Renders a picture: for each pixel, the mean of its samples. Row by row from the top.
 pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<Rgb> {
     let [width, height] = settings.size;
+    let sampler = Sampler::new(settings.sampler, settings.seed, settings.spp);
+    let filter = FilterSampler::new(settings.filter);
+    let lights = scene.light_sampler(settings.light_sampler);
+    let context = Context { scene, settings, lights: &lights };
     let mut image = Vec::new();
     for y in 0..height {
         for x in 0..width {
             let (mut sum, mut weights) = (Rgb::BLACK, 0.0);
             for number in 0..settings.spp {
-                let (color, weight) = sample_pixel(scene, camera, settings, [x, y], number);
+                let random = sampler.random([x, y], number);
+                let (ray, state, weight) = camera_path(scene, camera, settings, &filter, [x, y], &random);
+                let color = scene.mode.to_rgb(radiance(&context, &ray, &state, random, 0));
                 sum = sum + color * weight;
                 weights += weight;
             }
@@ -30,45 +37,10 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
     image
 }
 
-/// One sample of one pixel: constructs the ray through it and computes the radiance that comes along the ray.
-fn sample_pixel(
-    scene: &CompiledScene,
-    camera: &Camera,
-    settings: &Settings,
-    pixel: [u32; 2],
-    number: u32,
-) -> (Rgb, f32) {
-    let random = Sampler::new(settings.sampler, settings.seed, settings.spp).random(pixel, number);
-    let (offset, weight) = match settings.pixel_position {
-        Some([u, v]) => (DVec2::new(u, v), 1.0),
-        None => {
-            let (offset, weight) = FilterSampler::new(settings.filter).sample(random.pair(0));
-            (offset + 0.5, weight)
-        }
-    };
-    let film = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + offset;
-    let camera_ray = camera.ray(&CameraSample { film, lens: random.pair(1) }, settings.size);
-    let state = PathState {
-        throughput: scene.mode.unit() * camera_ray.weight,
-        bsdf_pdf: 0.0,
-        is_specular: true,
-        cone_width: camera_ray.width,
-        cone_spread: camera_ray.spread,
-        stream: 0,
-    };
-    (scene.mode.to_rgb(radiance(scene, settings, &camera_ray.ray, &state, random, 0)), weight)
-}
-
 /// Radiance along a ray: what is found where it ends, light rays that reach their lights, and the radiance along all rays that the
 /// integrator sends on.
-fn radiance(
-    scene: &CompiledScene,
-    settings: &Settings,
-    ray: &Ray,
-    state: &PathState,
-    random: Random,
-    depth: u32,
-) -> SampledSpectrum {
+fn radiance(context: &Context, ray: &Ray, state: &PathState, random: Random, depth: u32) -> SampledSpectrum {
+    let (scene, settings) = (context.scene, context.settings);
     let filter: &dyn HitFilter = scene;
     let hit = scene.world.closest_one(ray, filter);
     let interaction = hit.is_hit().then(|| scene.world.interaction(ray, &hit));
@@ -78,11 +50,9 @@ fn radiance(
         material: scene.material(scene.material_id(&hit)),
         footprint: state.cone_width + state.cone_spread * hit.t,
     });
-    let lights = scene.light_sampler(settings.light_sampler);
-    let context = Context { scene, settings, lights: &lights };
     let vertex = Vertex { depth, ray, state, random: random.at_vertex(state.stream, depth), surface };
     let mut out = Outputs::default();
-    (settings.integrator.vertex_function())(&context, &vertex, &mut out);
+    (settings.integrator.vertex_function())(context, &vertex, &mut out);
     let mut sum = out.radiance;
     for (light_ray, value) in &out.light_rays {
         if !scene.world.occluded_one(light_ray, filter) {
@@ -90,7 +60,7 @@ fn radiance(
         }
     }
     for (next_ray, next_state) in &out.next {
-        sum += radiance(scene, settings, next_ray, next_state, random, depth + 1);
+        sum += radiance(context, next_ray, next_state, random, depth + 1);
     }
     sum
 }
@@ -98,12 +68,13 @@ fn radiance(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::film::filter::Filter;
     use crate::integrator::IntegratorKind;
     use crate::job::Job;
-    use snell_intersect::shape::Sphere;
+    use snell_intersect::shape::{BoxShape, Sphere};
     use snell_math::{DAffine3, DVec3, Vec3};
     use snell_scene::material::Diffuse;
-    use snell_scene::{Environment, Material, Node, Scene, Surface};
+    use snell_scene::{Background, Environment, Material, Node, Scene, Surface};
 
     fn two_balls() -> (Scene, Camera) {
         let mut scene = Scene::new("two balls");
@@ -135,6 +106,34 @@ mod tests {
                     assert!((a - b).abs() <= 1e-5 * b.abs().max(1.0), "{integrator:?} pixel {i}: {a} {b}");
                 }
             }
+        }
+    }
+
+    /// The lecture takes one sample at the centre of each pixel, which makes edges ragged.
+    #[test]
+    fn errata_e9_samples_are_spread_over_the_pixel_and_filtered() {
+        let mut scene = Scene::new("edge");
+        let white = scene.add_material(Material::new("white", Diffuse::new(Rgb::WHITE)));
+        let half = BoxShape { min: DVec3::new(0.0, -99.0, -1.0), max: DVec3::new(99.0, 99.0, 0.0) };
+        scene.add_child(scene.root, Node { surfaces: vec![Surface::shape(half, white)], ..Node::default() });
+        scene.background = Background::Color(Rgb::BLACK);
+        // The edge runs through the middle of the only column that it touches.
+        let camera = Camera::look_at(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, Vec3::Y, 0.5);
+        let settings = |filter, spp| Settings {
+            size: [9, 1],
+            spp,
+            filter,
+            integrator: IntegratorKind::Flat,
+            ..Settings::default()
+        };
+        for filter in Filter::ALL {
+            let settings = settings(filter, 400);
+            let compiled = CompiledScene::new(&scene, &settings.build).expect("a valid scene");
+            let (film, _) = Job::new(&compiled, &camera, &settings).run(1, &|_| true);
+            let image = film.image();
+            let row: Vec<f32> = (0..9).map(|x| image.layers[0].values[x * 4]).collect();
+            assert!((row[4] - 0.5).abs() < 0.06, "{filter:?}: half of the edge's pixel is covered: {row:?}");
+            assert!(row[0].abs() < 1e-3 && (row[8] - 1.0).abs() < 1e-3, "{filter:?}: {row:?}");
         }
     }
 }

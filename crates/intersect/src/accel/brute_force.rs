@@ -1,6 +1,6 @@
 //! No structure: every primitive of every occurrence is tested. The oracle for all others.
 
-use super::group::{Object, mapped, test_shape, test_triangle};
+use super::group::{Object, mapped, ray_in_child, test_shape, test_triangle};
 use crate::kernel::ray::LocalRay;
 use crate::mesh::TriangleMesh;
 use crate::query::search::{Goal, Search};
@@ -41,8 +41,7 @@ pub(crate) fn search_all<G: Goal>(
         Object::Shape { shape, geometry, shape_from_group } => {
             test_shape(search, shape.as_ref(), *geometry, instance, &mapped(shape_from_group, ray))
         }
-        Object::Instance { child, offset, child_from_group } => {
-            search_all(groups, *child, &mapped(child_from_group, ray), instance + offset, search)
-        }
+        Object::Instance { child, offset, child_from_group } => ray_in_child(child_from_group, ray)
+            .is_some_and(|ray| search_all(groups, *child, &ray, instance + offset, search)),
     })
 }

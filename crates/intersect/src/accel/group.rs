@@ -37,6 +37,13 @@ pub(crate) fn mapped(map: &DAffine3, ray: &DRay) -> DRay {
     DRay { origin: map.transform_point3(ray.origin), direction: map.transform_vector3(ray.direction), ..*ray }
 }
 
+/// The ray in the coordinates of an instanced group; `None` if it overflows on the way, then nothing there can be hit.
+#[inline(always)]
+pub(crate) fn ray_in_child(child_from_group: &DAffine3, ray: &DRay) -> Option<DRay> {
+    let ray = mapped(child_from_group, ray);
+    (ray.origin.is_finite() && ray.direction.is_finite()).then_some(ray)
+}
+
 /// How often one shape is asked again after a hit on it did not count. No shape has that many crossings.
 const MAX_CROSSINGS: usize = 64;
 

@@ -99,7 +99,9 @@ impl AxisRay {
         // So slow that `f32` cannot say when the ray crosses a plane, but it does: then no plane counts.
         let (middle, side) =
             if inverse == f32::INFINITY && d != 0.0 { (0.0, f32::MAX.copysign(slow)) } else { (origin, side) };
-        Self { origin, near: middle + side, far: middle - side, inverse: inverse.copysign(slow) }
+        // Finite, so that an empty box never gives NaN, which would not count.
+        let finite = |x: f32| x.clamp(f32::MIN, f32::MAX);
+        Self { origin, near: finite(middle + side), far: finite(middle - side), inverse: inverse.copysign(slow) }
     }
 
     #[inline(always)]

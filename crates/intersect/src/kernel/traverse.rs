@@ -4,7 +4,7 @@ use super::node::{ChildRef, box_distances};
 use super::ray::LocalRay;
 use super::triangle::candidates;
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{Object, mapped, test_shape, test_triangle};
+use crate::accel::group::{Object, mapped, ray_in_child, test_shape, test_triangle};
 use crate::query::search::{Goal, Search};
 use snell_math::simd::{Lanes8, Level, Portable8};
 use snell_math::{DRay, Ray};
@@ -56,7 +56,7 @@ fn enter_root<G: Goal>(forest: &Forest, level: Level, search: &mut Search<'_, G>
 /// # Safety
 /// The machine must have AVX2; `stack` must have room for the group and all below it.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1")]
+#[target_feature(enable = "avx2,bmi1,popcnt")]
 pub(super) unsafe fn walk_avx2<G: Goal>(
     forest: &Forest,
     group: usize,
@@ -231,7 +231,7 @@ pub(super) unsafe fn test_object<G: Goal>(
             test_shape(search, shape.as_ref(), *geometry, instance, &mapped(shape_from_group, ray))
         }
         Object::Instance { child, offset, child_from_group } => {
-            let ray = mapped(child_from_group, ray);
+            let Some(ray) = ray_in_child(child_from_group, ray) else { return false };
             // SAFETY: as promised by the caller: the stack has room for all below this group.
             unsafe { enter(forest, *child, &ray, instance + offset, search, stack) }
         }

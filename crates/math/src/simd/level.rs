@@ -7,7 +7,7 @@ use std::fmt;
 pub enum Level {
     /// Portable code, no special instructions: the twin that the others are tested against.
     Scalar,
-    /// AVX2, FMA and BMI1 (x86-64).
+    /// AVX2, FMA, BMI1 and POPCNT (x86-64).
     Avx2,
     /// AVX-512 F, VL, BW, DQ (x86-64).
     Avx512,
@@ -37,7 +37,10 @@ impl Level {
             Self::Scalar => true,
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => {
-                is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") && is_x86_feature_detected!("bmi1")
+                is_x86_feature_detected!("avx2")
+                    && is_x86_feature_detected!("fma")
+                    && is_x86_feature_detected!("bmi1")
+                    && is_x86_feature_detected!("popcnt")
             }
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => {

@@ -25,56 +25,67 @@ impl SampledSpectrum {
     pub const ONE: Self = Self([1.0; LANES]);
 
     /// All lanes `x`.
+    #[inline]
     pub const fn splat(x: f32) -> Self {
         Self([x; LANES])
     }
 
     /// Lane by lane.
+    #[inline]
     pub fn map(self, f: impl Fn(f32) -> f32) -> Self {
         Self(self.0.map(f))
     }
 
     /// Lane by lane with another.
+    #[inline]
     pub fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
         Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
     }
 
     /// The largest lane.
+    #[inline]
     pub fn max_element(self) -> f32 {
         self.0.into_iter().fold(f32::NEG_INFINITY, f32::max)
     }
 
     /// The mean of the lanes.
+    #[inline]
     pub fn average(self) -> f32 {
         (self.0[0] + self.0[1] + self.0[2] + self.0[3]) * 0.25
     }
 
     /// True if every lane is 0 (or negative zero).
+    #[inline]
     pub fn is_black(self) -> bool {
         self.0.iter().all(|&x| x == 0.0)
     }
 
     /// True if no lane is NaN or infinite.
+    #[inline]
     pub fn is_finite(self) -> bool {
         self.0.iter().all(|x| x.is_finite())
     }
 
     /// Square roots, of 0 for negative lanes.
+    #[inline]
     pub fn sqrt(self) -> Self {
         self.map(|x| x.max(0.0).sqrt())
     }
 
     /// Exponentials.
+    #[inline]
     pub fn exp(self) -> Self {
         self.map(f32::exp)
     }
 
     /// Clamped to `[lo, hi]`.
+    #[inline]
     pub fn clamp(self, lo: f32, hi: f32) -> Self {
         self.map(|x| x.clamp(lo, hi))
     }
 
     /// `self (1 - t) + other t`.
+    #[inline]
     pub fn lerp(self, other: Self, t: f32) -> Self {
         self * (1.0 - t) + other * t
     }
@@ -105,24 +116,28 @@ lane_operator!(Mul, mul, *);
 lane_operator!(Div, div, /);
 
 impl AddAssign for SampledSpectrum {
+    #[inline]
     fn add_assign(&mut self, other: Self) {
         *self = *self + other;
     }
 }
 
 impl MulAssign for SampledSpectrum {
+    #[inline]
     fn mul_assign(&mut self, other: Self) {
         *self = *self * other;
     }
 }
 
 impl MulAssign<f32> for SampledSpectrum {
+    #[inline]
     fn mul_assign(&mut self, other: f32) {
         *self = *self * other;
     }
 }
 
 impl std::iter::Sum for SampledSpectrum {
+    #[inline]
     fn sum<I: Iterator<Item = Self>>(iter: I) -> Self {
         iter.fold(Self::ZERO, |a, b| a + b)
     }
@@ -130,6 +145,7 @@ impl std::iter::Sum for SampledSpectrum {
 
 impl Index<usize> for SampledSpectrum {
     type Output = f32;
+    #[inline]
     fn index(&self, lane: usize) -> &f32 {
         &self.0[lane]
     }
@@ -145,6 +161,7 @@ pub enum ColorMode {
 
 impl ColorMode {
     /// The lanes of a reflectance, albedo or other factor in `[0, 1]`.
+    #[inline]
     pub fn reflectance(self, color: Rgb) -> SampledSpectrum {
         match self {
             Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
@@ -152,6 +169,7 @@ impl ColorMode {
     }
 
     /// The lanes of an emitted or incident radiance.
+    #[inline]
     pub fn illuminant(self, color: Rgb) -> SampledSpectrum {
         match self {
             Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
@@ -159,6 +177,7 @@ impl ColorMode {
     }
 
     /// The throughput a path starts with: 1 in every lane that is in use.
+    #[inline]
     pub fn unit(self) -> SampledSpectrum {
         match self {
             Self::Rgb => SampledSpectrum([1.0, 1.0, 1.0, 0.0]),
@@ -166,6 +185,7 @@ impl ColorMode {
     }
 
     /// The colour that a sensor sees: linear Rec. 709.
+    #[inline]
     pub fn to_rgb(self, s: SampledSpectrum) -> Rgb {
         match self {
             Self::Rgb => Rgb::new(s[0], s[1], s[2]),

@@ -22,58 +22,69 @@ impl Rgb {
     pub const WHITE: Self = Self::splat(1.0);
 
     /// The colour with these linear channels.
+    #[inline]
     pub const fn new(r: f32, g: f32, b: f32) -> Self {
         Self { r, g, b }
     }
 
     /// Grey of value `x`.
+    #[inline]
     pub const fn splat(x: f32) -> Self {
         Self { r: x, g: x, b: x }
     }
 
     /// The linear colour of three sRGB-encoded values in `[0, 1]`.
+    #[inline]
     pub fn from_srgb(r: f32, g: f32, b: f32) -> Self {
         Self::new(srgb_to_linear(r), srgb_to_linear(g), srgb_to_linear(b))
     }
 
     /// Relative luminance (CIE Y of Rec. 709 primaries).
+    #[inline]
     pub fn luminance(self) -> f32 {
         0.2126 * self.r + 0.7152 * self.g + 0.0722 * self.b
     }
 
     /// The largest channel.
+    #[inline]
     pub fn max_element(self) -> f32 {
         self.r.max(self.g).max(self.b)
     }
 
     /// True if every channel is 0.
+    #[inline]
     pub fn is_black(self) -> bool {
         self.r == 0.0 && self.g == 0.0 && self.b == 0.0
     }
 
     /// True if no channel is NaN or infinite.
+    #[inline]
     pub fn is_finite(self) -> bool {
         self.r.is_finite() && self.g.is_finite() && self.b.is_finite()
     }
 
     /// Channel by channel.
+    #[inline]
     pub fn map(self, f: impl Fn(f32) -> f32) -> Self {
         Self::new(f(self.r), f(self.g), f(self.b))
     }
 
     /// The channels in order.
+    #[inline]
     pub const fn to_array(self) -> [f32; 3] {
         [self.r, self.g, self.b]
     }
 }
 
 impl From<[f32; 3]> for Rgb {
+    #[inline]
     fn from([r, g, b]: [f32; 3]) -> Self {
         Self { r, g, b }
     }
 }
 
 impl From<Rgb> for [f32; 3] {
+    #[inline]
     fn from(c: Rgb) -> Self {
         c.to_array()
     }
@@ -81,6 +92,7 @@ impl From<Rgb> for [f32; 3] {
 
 impl Add for Rgb {
     type Output = Self;
+    #[inline]
     fn add(self, o: Self) -> Self {
         Self::new(self.r + o.r, self.g + o.g, self.b + o.b)
     }
@@ -88,6 +100,7 @@ impl Add for Rgb {
 
 impl Mul for Rgb {
     type Output = Self;
+    #[inline]
     fn mul(self, o: Self) -> Self {
         Self::new(self.r * o.r, self.g * o.g, self.b * o.b)
     }
@@ -95,17 +108,20 @@ impl Mul for Rgb {
 
 impl Mul<f32> for Rgb {
     type Output = Self;
+    #[inline]
     fn mul(self, x: f32) -> Self {
         Self::new(self.r * x, self.g * x, self.b * x)
     }
 }
 
 /// The inverse of the sRGB transfer curve (IEC 61966-2-1).
+#[inline]
 pub fn srgb_to_linear(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
 /// The sRGB transfer curve (IEC 61966-2-1). Values outside `[0, 1]` are not clamped.
+#[inline]
 pub fn linear_to_srgb(x: f32) -> f32 {
     if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }

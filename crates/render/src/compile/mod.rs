@@ -16,7 +16,7 @@ use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, SurfaceInteracti
 use snell_math::{Bounds3d, ColorMode, Ray, SampledSpectrum, Vec3, rng};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::ShadingPoint;
-use snell_scene::{Background, Material, MaterialId, Scene, SceneError, TextureSet, Warning};
+use snell_scene::{Background, Material, MaterialId, NodeId, Scene, SceneError, TextureSet, Warning};
 use surfaces::SurfaceTable;
 
 /// Why a scene could not be compiled.
@@ -78,13 +78,20 @@ impl CompiledScene {
         let bounds = finite_part(&scene_bounds(&world));
         let environment = scene.environment.as_ref().map(EnvironmentLight::new);
         let lights = LightTable::new(scene, &world, &surfaces, &materials, environment.as_ref(), bounds.radius());
+        if !lights.is_complete() {
+            let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
+            Warning::note(&mut warnings, message.into(), 1);
+        }
         let radius = bounds.radius() as f32;
         Ok(Self {
             materials,
             textures: TextureSet::new(&scene.textures, &scene.images),
             environment,
-            background: scene.background,
-            ambient: mode.illuminant(scene.ambient),
+            background: match scene.background {
+                Background::Color(color) => Background::Color(color.map(sane)),
+                other => other,
+            },
+            ambient: mode.illuminant(scene.ambient.map(sane)),
             mode,
             center: if bounds.is_empty() { Vec3::ZERO } else { bounds.center().as_vec3() },
             radius: if radius > 0.0 { radius } else { 1.0 },
@@ -98,6 +105,11 @@ impl CompiledScene {
     /// The material at a hit.
     pub fn material_id(&self, hit: &Hit) -> MaterialId {
         self.surfaces.material(&self.world, hit.instance, hit.geometry, hit.primitive)
+    }
+
+    /// The nodes from the root of the scene graph to the one that holds the surface of a hit.
+    pub fn node_path(&self, hit: &Hit) -> Vec<NodeId> {
+        self.surfaces.node_path(&self.world, hit.instance, hit.geometry)
     }
 
     /// The material with this id.
@@ -149,6 +161,11 @@ impl HitFilter for CompiledScene {
     }
 }
 
+/// Light that is negative or not finite counts as none, as in lights and environments.
+fn sane(x: f32) -> f32 {
+    if x.is_finite() { x.max(0.0) } else { 0.0 }
+}
+
 fn scene_bounds(world: &World) -> Bounds3d {
     world.bounds()
 }
@@ -179,3 +196,6 @@ fn finite_part(bounds: &Bounds3d) -> Bounds3d {
 fn index(id: GeometryId) -> usize {
     id.0 as usize
 }
+
+#[cfg(test)]
+mod tests;

@@ -14,11 +14,22 @@ const SMALL_MESH: usize = 64;
 #[derive(Debug)]
 pub struct SurfaceTable {
     geometries: Vec<GeometryMaterials>,
-    /// For each group, the material that each of its instances hands down.
-    instance_materials: Vec<Vec<Option<MaterialId>>>,
+    /// For each group, what each of its instances hands down.
+    instances: Vec<Vec<Handed>>,
+    /// Nodes as they were folded into groups, each with the one above it in the same group.
+    visits: Vec<(NodeId, Option<u32>)>,
     default: MaterialId,
     /// True if any geometry needs the hit filter.
     pub any_filtered: bool,
+}
+
+/// What an instance stands for.
+#[derive(Clone, Copy, Debug)]
+struct Handed {
+    /// Material for what is inside and has none.
+    material: Option<MaterialId>,
+    /// The node that holds the instance.
+    visit: u32,
 }
 
 #[derive(Debug)]
@@ -27,6 +38,8 @@ struct GeometryMaterials {
     slots: Vec<Option<MaterialId>>,
     /// Slot by triangle; empty means slot 0.
     mesh: Option<Arc<TriangleMesh>>,
+    /// The node that holds the surface; none for a mesh in a group of its own.
+    visit: Option<u32>,
 }
 
 impl SurfaceTable {
@@ -43,7 +56,7 @@ impl SurfaceTable {
         }
         // The innermost instance that hands a material down.
         let path = world.instance_path(instance);
-        let handed = path.iter().rev().find_map(|&(group, step)| self.instance_materials[group.0 as usize][step]);
+        let handed = path.iter().rev().find_map(|&(group, step)| self.instances[group.0 as usize][step].material);
         handed.unwrap_or(self.default)
     }
 
@@ -60,7 +73,30 @@ impl SurfaceTable {
 
     /// Materials that instances hand down, and the default.
     pub fn handed_down(&self) -> impl Iterator<Item = MaterialId> {
-        self.instance_materials.iter().flatten().filter_map(|&m| m).chain([self.default])
+        self.instances.iter().flatten().filter_map(|i| i.material).chain([self.default])
+    }
+
+    /// The nodes from the root to the one that holds a surface.
+    pub fn node_path(&self, world: &World, instance: u32, geometry: u32) -> Vec<NodeId> {
+        let mut path = Vec::new();
+        for (group, step) in world.instance_path(instance) {
+            self.extend_path(&mut path, self.instances[group.0 as usize][step].visit);
+        }
+        if let Some(visit) = self.geometries[geometry as usize].visit {
+            self.extend_path(&mut path, visit);
+        }
+        path
+    }
+
+    fn extend_path(&self, path: &mut Vec<NodeId>, visit: u32) {
+        let start = path.len();
+        let mut next = Some(visit);
+        while let Some(visit) = next {
+            let (node, above) = self.visits[visit as usize];
+            path.push(node);
+            next = above;
+        }
+        path[start..].reverse();
     }
 }
 
@@ -100,8 +136,13 @@ pub fn compile(
             }
         }
     }
-    let table =
-        SurfaceTable { geometries: Vec::new(), instance_materials: vec![Vec::new()], default, any_filtered: false };
+    let table = SurfaceTable {
+        geometries: Vec::new(),
+        instances: vec![Vec::new()],
+        visits: Vec::new(),
+        default,
+        any_filtered: false,
+    };
     let mut compiler = Compiler {
         scene,
         builder: WorldBuilder::default(),
@@ -139,13 +180,13 @@ pub fn compile(
 
 impl Compiler<'_> {
     fn add_group(&mut self) -> GroupId {
-        self.table.instance_materials.push(Vec::new());
+        self.table.instances.push(Vec::new());
         self.builder.add_group()
     }
 
-    fn add_instance(&mut self, group: GroupId, child: GroupId, placed: Transform, material: Option<MaterialId>) {
+    fn add_instance(&mut self, group: GroupId, child: GroupId, placed: Transform, handed: Handed) {
         self.builder.add_instance(group, child, placed);
-        self.table.instance_materials[group.0 as usize].push(material);
+        self.table.instances[group.0 as usize].push(handed);
     }
 
     fn warn_singular(&mut self, name: &str) {
@@ -155,10 +196,7 @@ impl Compiler<'_> {
     }
 
     fn warn(&mut self, message: String) {
-        match self.warnings.iter_mut().find(|w| w.message == message) {
-            Some(warning) => warning.count += 1,
-            None => self.warnings.push(Warning { message, count: 1 }),
-        }
+        Warning::note(self.warnings, message, 1);
     }
 
     /// Puts a node's surfaces, and those of the nodes that only it holds, into `group`. `inherited` is the material from above.
@@ -171,12 +209,14 @@ impl Compiler<'_> {
     ) -> Result<(), CompileError> {
         let scene = self.scene;
         // An explicit stack, because files may nest deeper than the thread's stack.
-        let mut stack = vec![(id, *group_from_node, inherited)];
-        while let Some((id, group_from_node, inherited)) = stack.pop() {
+        let mut stack = vec![(id, *group_from_node, inherited, None)];
+        while let Some((id, group_from_node, inherited, above)) = stack.pop() {
             let node = &scene.nodes[id.index()];
+            let visit = self.table.visits.len() as u32;
+            self.table.visits.push((id, above));
             let material = node.material.or(inherited);
             for surface in &node.surfaces {
-                self.add_surface(surface, group, &group_from_node, material);
+                self.add_surface(surface, group, &group_from_node, Handed { material, visit });
             }
             // Reversed, so that the first child is folded first.
             for &child in node.children.iter().rev() {
@@ -186,21 +226,23 @@ impl Compiler<'_> {
                 };
                 let group_from_child = group_from_node.compose(&node_from_child);
                 match self.node_groups.get(&child) {
-                    Some(&shared) => self.add_instance(group, shared, group_from_child, material),
-                    None => stack.push((child, group_from_child, material)),
+                    Some(&shared) => self.add_instance(group, shared, group_from_child, Handed { material, visit }),
+                    None => stack.push((child, group_from_child, material, Some(visit))),
                 }
             }
         }
         Ok(())
     }
 
-    fn add_surface(&mut self, surface: &Surface, group: GroupId, placed: &Transform, inherited: Option<MaterialId>) {
+    fn add_surface(&mut self, surface: &Surface, group: GroupId, placed: &Transform, handed: Handed) {
+        let inherited = handed.material;
+        let visit = Some(handed.visit);
         let resolve = |m: &Option<MaterialId>| m.or(inherited);
         match &surface.geometry {
             Geometry::Shape(shape) => {
                 self.builder.add_shape(group, shape.clone(), *placed);
                 let slots = surface.materials.first().map_or(vec![inherited], |m| vec![resolve(m)]);
-                self.table.geometries.push(GeometryMaterials { slots, mesh: None });
+                self.table.geometries.push(GeometryMaterials { slots, mesh: None, visit });
             }
             Geometry::Mesh(mesh) => {
                 let slot_count = mesh.material_slots.iter().max().map_or(1, |&m| usize::from(m) + 1);
@@ -213,33 +255,36 @@ impl Compiler<'_> {
                         Some(&child) => child,
                         None => {
                             let child = self.add_group();
-                            self.add_mesh(mesh.clone(), child, slots);
+                            self.add_mesh(mesh.clone(), child, slots, None);
                             self.mesh_groups.insert(mesh_use, child);
                             child
                         }
                     };
-                    self.add_instance(group, child, *placed, inherited);
+                    self.add_instance(group, child, *placed, handed);
                 } else if placed.is_identity() {
-                    self.add_mesh(mesh.clone(), group, slots);
+                    self.add_mesh(mesh.clone(), group, slots, visit);
                 } else {
-                    self.add_mesh(Arc::new(mesh.transformed(placed)), group, slots);
+                    self.add_mesh(Arc::new(mesh.transformed(placed)), group, slots, visit);
                 }
             }
         }
     }
 
-    fn add_mesh(&mut self, mesh: Arc<TriangleMesh>, group: GroupId, slots: Vec<Option<MaterialId>>) {
+    fn add_mesh(
+        &mut self,
+        mesh: Arc<TriangleMesh>,
+        group: GroupId,
+        slots: Vec<Option<MaterialId>>,
+        visit: Option<u32>,
+    ) {
         let degenerate = mesh.degenerate_triangles();
         if degenerate > 0 {
             let message = "degenerate or non-finite triangles are never hit".to_string();
-            match self.warnings.iter_mut().find(|w| w.message == message) {
-                Some(warning) => warning.count += degenerate as u64,
-                None => self.warnings.push(Warning { message, count: degenerate as u64 }),
-            }
+            Warning::note(self.warnings, message, degenerate as u64);
         }
         let id = self.builder.add_mesh(group, mesh.clone());
         debug_assert_eq!(index(id), self.table.geometries.len());
         let mesh = (!mesh.material_slots.is_empty()).then_some(mesh);
-        self.table.geometries.push(GeometryMaterials { slots, mesh });
+        self.table.geometries.push(GeometryMaterials { slots, mesh, visit });
     }
 }

@@ -4,6 +4,7 @@
 
 mod ao;
 pub mod aov;
+pub(crate) mod camera_path;
 mod classic;
 mod estimators;
 mod flat;
@@ -95,6 +96,8 @@ pub struct PathState {
     pub throughput: SampledSpectrum,
     /// Density per steradian of the last BSDF sample; 0 after the camera and after delta lobes: no light sample competes.
     pub bsdf_pdf: f32,
+    /// Factor that undoes what refraction did to the throughput, for Russian roulette.
+    pub eta_scale: f32,
     /// True while every bounce so far was a delta lobe.
     pub is_specular: bool,
     /// Width of the ray's cone at its origin.

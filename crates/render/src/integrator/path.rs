@@ -84,7 +84,7 @@ fn add_light_sample(
     if shading.is_delta() {
         return;
     }
-    let Some((light, probability)) = context.lights.sample(vertex.random.number(dimension::LIGHT_CHOICE)) else {
+    let Some((light, probability)) = context.lights.sample(|| vertex.random.number(dimension::LIGHT_CHOICE)) else {
         return;
     };
     if context.scene.environment_light() == Some(light) && !environment_is_sampled(context) {
@@ -119,14 +119,17 @@ fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, o
     if throughput.is_black() || !throughput.is_finite() {
         return;
     }
+    let crossing = if sample.is_transmission { shading.crossing_scale(wo) } else { 1.0 };
+    let eta_scale = vertex.state.eta_scale * crossing;
     if vertex.depth >= ROULETTE_DEPTH {
-        let survival = throughput.max_element().min(MAX_SURVIVAL);
+        let survival = (throughput.max_element() * eta_scale).min(MAX_SURVIVAL);
         if vertex.random.number(dimension::ROULETTE) >= survival {
             return;
         }
         throughput *= 1.0 / survival;
     }
     let state = PathState {
+        eta_scale,
         bsdf_pdf: if sample.is_delta { 0.0 } else { sample.pdf },
         is_specular: vertex.state.is_specular && sample.is_delta,
         cone_spread: if sample.is_delta {

@@ -54,6 +54,14 @@ impl Sampler {
         Random { sampler: *self, pixel: key, sample, base: 0 }
     }
 
+    fn number(&self, pixel: u32, sample: u32, dimension: u32) -> f32 {
+        let key = rng::hash_combine(pixel, dimension);
+        match self.kind {
+            SamplerKind::Sobol => sobol::number(key, sample),
+            _ => self.point(pixel, sample, dimension).x,
+        }
+    }
+
     fn point(&self, pixel: u32, sample: u32, dimension: u32) -> Vec2 {
         let key = rng::hash_combine(pixel, dimension);
         match self.kind {
@@ -87,7 +95,7 @@ impl Random {
 
     /// A well-distributed number for a dimension below 256.
     pub fn number(&self, dimension: u32) -> f32 {
-        self.pair(dimension).x
+        self.sampler.number(self.pixel, self.sample, self.base + dimension)
     }
 }
 

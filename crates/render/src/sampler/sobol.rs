@@ -10,6 +10,12 @@ pub fn point(key: u32, index: u32) -> Vec2 {
     Vec2::new(rng::to_unit(x), rng::to_unit(y))
 }
 
+/// The first coordinate of [`point`].
+pub fn number(key: u32, index: u32) -> f32 {
+    let index = owen_scramble(index, key);
+    rng::to_unit(owen_scramble(index.reverse_bits(), rng::hash_combine(key, 1)))
+}
+
 /// The second Sobol dimension. Its direction numbers are those of Pascal's triangle modulo 2, so the matrix product is five steps of
 /// shift and exclusive or instead of a table.
 fn second_dimension(index: u32) -> u32 {

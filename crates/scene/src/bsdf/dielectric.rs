@@ -3,7 +3,7 @@
 //! Refraction changes the solid angle of a beam, so the radiance a camera path sees through the interface is scaled by the squared
 //! ratio of the indices, as in Physically Based Rendering, section 9.5.2 ("non-symmetric scattering"): a path that enters glass from
 //! air gets the factor `1 / ior^2`, and gets it back when it leaves. Throughput inside glass is therefore small without being
-//! unimportant: Russian roulette should compensate for it.
+//! unimportant: Russian roulette compensates for it ([`Lobes::crossing_scale`]).
 
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
@@ -90,6 +90,11 @@ impl DielectricBsdf {
 }
 
 impl Lobes for DielectricBsdf {
+    fn crossing_scale(&self, wo: Vec3) -> f32 {
+        let eta = self.relative_ior(wo);
+        eta * eta
+    }
+
     fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         if self.is_smooth() || wo.z * wi.z == 0.0 {
             return SampledSpectrum::ZERO;

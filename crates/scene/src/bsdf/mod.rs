@@ -81,6 +81,13 @@ pub trait Lobes {
         self.albedo(wo)
     }
 
+    /// Factor that undoes the change of radiance by refraction, for a path that crosses the surface as seen from `wo`. Russian
+    /// roulette needs it: throughput inside glass is small without being unimportant.
+    fn crossing_scale(&self, wo: Vec3) -> f32 {
+        let _ = wo;
+        1.0
+    }
+
     /// Perfect reflection and refraction, at most two.
     fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
         let _ = wo;
@@ -105,6 +112,7 @@ macro_rules! bsdfs {
             fn albedo(&self, wo: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.albedo(wo),)* } }
             fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.eval_classic(wo, wi),)* } }
             fn ambient(&self, wo: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.ambient(wo),)* } }
+            fn crossing_scale(&self, wo: Vec3) -> f32 { match self { $(Self::$kind(b) => b.crossing_scale(wo),)* } }
             fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] { match self { $(Self::$kind(b) => b.specular_branches(wo),)* } }
         }
     };

@@ -45,10 +45,47 @@ pub struct AreaLight {
 
 #[derive(Debug)]
 enum Table {
-    /// Choice among the triangles by area in the world, and the density on each.
-    Mesh { choice: Distribution1D, pdf: Vec<f32> },
+    /// Choice among the triangles by area in the world, and each of them as it lies there.
+    Mesh { choice: Distribution1D, placed: Vec<PlacedTriangle> },
     /// Density in the shape's own coordinates.
     Shape { pdf: f64 },
+}
+
+/// An emissive triangle in the world, ready to be sampled.
+#[derive(Clone, Copy, Debug)]
+struct PlacedTriangle {
+    corner: Vec3,
+    edges: [Vec3; 2],
+    normal: Vec3,
+    /// Bound of the error of each coordinate of a point.
+    error: Vec3,
+    /// Tangents by the first texture coordinates, or any.
+    tangents: [Vec3; 2],
+    /// Density per unit of area, choice included.
+    pdf: f32,
+}
+
+impl PlacedTriangle {
+    fn new(mesh: &TriangleMesh, triangle: u32, place: &Transform, pdf: f32) -> Self {
+        let own = mesh.corners(triangle as usize).map(|p| p.as_dvec3());
+        let corners = own.map(|p| place.point(p));
+        let normal = place.normal((own[1] - own[0]).cross(own[2] - own[0])).normalize_or(DVec3::Z).as_vec3();
+        // Corners and edges are rounded once and blended, a hit is found with a few roundings more.
+        let reach = corners.into_iter().fold(DVec3::ZERO, |m, p| m.max(p.abs()));
+        let indices = mesh.indices[triangle as usize].map(|i| i as usize);
+        let tangents = uv_derivatives(mesh, indices, corners).unwrap_or_else(|| {
+            let frame = Frame::from_z(normal);
+            [frame.x, frame.y]
+        });
+        Self {
+            corner: corners[0].as_vec3(),
+            edges: [(corners[1] - corners[0]).as_vec3(), (corners[2] - corners[0]).as_vec3()],
+            normal,
+            error: (reach * f64::from(gamma(8))).as_vec3(),
+            tangents,
+            pdf,
+        }
+    }
 }
 
 impl AreaLight {
@@ -77,8 +114,9 @@ impl AreaLight {
             .iter()
             .enumerate()
             .map(|(i, &a)| if a > 0.0 { (f64::from(choice.probability(i)) / a) as f32 } else { 0.0 });
-        let pdf: Vec<f32> = pdf.map(|pdf| pdf.min(f32::MAX)).collect();
-        let table = Table::Mesh { choice, pdf };
+        let placed_triangle = |(&t, pdf): (&u32, f32)| PlacedTriangle::new(&mesh, t, &placed, pdf.min(f32::MAX));
+        let placed_triangles = triangles.iter().zip(pdf).map(placed_triangle).collect();
+        let table = Table::Mesh { choice, placed: placed_triangles };
         let geometry = EmissiveGeometry::Mesh { mesh, triangles };
         let usable = area > 0.0 && area.is_finite();
         usable.then_some(Self { geometry, world_from_geometry: placed, ids, table, area })
@@ -99,10 +137,10 @@ impl AreaLight {
     /// A point with density [`AreaSample::pdf_area`] per unit of world area.
     pub fn sample(&self, u: Vec2) -> Option<AreaSample> {
         let (surface, pdf_area) = match (&self.geometry, &self.table) {
-            (EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { choice, pdf }) => {
+            (EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { choice, placed }) => {
                 let (i, rest) = choice.sample(u.x);
                 let b = sampling::uniform_triangle(Vec2::new(rest, u.y));
-                (self.mesh_surface(mesh, triangles[i], b)?, pdf[i])
+                (self.mesh_surface(mesh, triangles[i], &placed[i], b), placed[i].pdf)
             }
             (EmissiveGeometry::Shape(shape), Table::Shape { pdf }) => {
                 let surface = self.shape_surface(&**shape, u.as_dvec2())?;
@@ -118,12 +156,12 @@ impl AreaLight {
     /// triangles that do not emit. Only the triangle or the normal is looked at, not the position.
     pub fn pdf_area(&self, surface: &SurfaceInteraction) -> f32 {
         match (&self.geometry, &self.table) {
-            (EmissiveGeometry::Mesh { triangles, .. }, Table::Mesh { pdf, .. }) => {
+            (EmissiveGeometry::Mesh { triangles, .. }, Table::Mesh { placed, .. }) => {
                 // If all triangles emit, their numbers are their positions.
                 let t = surface.primitive;
                 let same = triangles.get(t as usize) == Some(&t);
                 let i = if same { Ok(t as usize) } else { triangles.binary_search(&t) };
-                i.map_or(0.0, |i| pdf[i])
+                i.map_or(0.0, |i| placed[i].pdf)
             }
             (_, Table::Shape { pdf }) => self.shape_pdf(*pdf, surface.geometric_normal),
             _ => 0.0,
@@ -168,33 +206,18 @@ impl AreaLight {
         })
     }
 
-    fn mesh_surface(&self, mesh: &TriangleMesh, triangle: u32, b: Vec2) -> Option<SurfaceInteraction> {
-        let place = &self.world_from_geometry;
+    fn mesh_surface(&self, mesh: &TriangleMesh, triangle: u32, placed: &PlacedTriangle, b: Vec2) -> SurfaceInteraction {
         let indices = mesh.indices[triangle as usize].map(|i| i as usize);
         let weights = [1.0 - b.x - b.y, b.x, b.y];
-        let corners = mesh.corners(triangle as usize).map(|p| place.point(p.as_dvec3()));
-        let [p0, p1, p2] = corners;
-        let position = p0 * f64::from(weights[0]) + p1 * f64::from(weights[1]) + p2 * f64::from(weights[2]);
-        // A hit is found in single precision with an error of a few roundings of the corners.
-        let reach = corners.into_iter().fold(DVec3::ZERO, |m, p| m.max(p.abs()));
-        let own_normal = {
-            let [a, b, c] = mesh.corners(triangle as usize).map(|p| p.as_dvec3());
-            (b - a).cross(c - a)
-        };
-        let normal = place.normal(own_normal).try_normalize()?.as_vec3();
         let uv_of = |set: usize| interpolate(&mesh.uvs[set], indices, weights, |uv| *uv).unwrap_or(Vec2::ZERO);
-        let (dpdu, dpdv) = uv_derivatives(mesh, indices, corners).unwrap_or_else(|| {
-            let frame = Frame::from_z(normal);
-            (frame.x, frame.y)
-        });
-        Some(SurfaceInteraction {
-            position: position.as_vec3(),
-            position_error: (reach * f64::from(gamma(6))).as_vec3(),
-            geometric_normal: normal,
-            shading_normal: self.shading_normal(mesh, indices, weights, normal),
+        SurfaceInteraction {
+            position: placed.corner + placed.edges[0] * b.x + placed.edges[1] * b.y,
+            position_error: placed.error,
+            geometric_normal: placed.normal,
+            shading_normal: self.shading_normal(mesh, indices, weights, placed.normal),
             uv: [uv_of(0), uv_of(1)],
-            dpdu,
-            dpdv,
+            dpdu: placed.tangents[0],
+            dpdv: placed.tangents[1],
             tangent: self.tangent(mesh, indices, weights),
             color: interpolate(&mesh.colors, indices, weights, |&c| snell_math::Vec4::from(c))
                 .map_or([1.0; 4], |c| c.to_array()),
@@ -203,7 +226,7 @@ impl AreaLight {
             instance: self.ids.0,
             geometry: self.ids.1,
             primitive: triangle,
-        })
+        }
     }
 
     fn shading_normal(&self, mesh: &TriangleMesh, indices: [usize; 3], weights: [f32; 3], normal: Vec3) -> Vec3 {
@@ -246,7 +269,7 @@ where
 }
 
 /// Derivatives of the position by the first texture coordinates; `None` if there are none or they are degenerate.
-fn uv_derivatives(mesh: &TriangleMesh, indices: [usize; 3], [p0, p1, p2]: [DVec3; 3]) -> Option<(Vec3, Vec3)> {
+fn uv_derivatives(mesh: &TriangleMesh, indices: [usize; 3], [p0, p1, p2]: [DVec3; 3]) -> Option<[Vec3; 2]> {
     if mesh.uvs[0].is_empty() {
         return None;
     }
@@ -257,7 +280,7 @@ fn uv_derivatives(mesh: &TriangleMesh, indices: [usize; 3], [p0, p1, p2]: [DVec3
     let dpdu = ((e1 * d2.y - e2 * d1.y) / determinant).as_vec3();
     let dpdv = ((e2 * d1.x - e1 * d2.x) / determinant).as_vec3();
     let usable = |v: Vec3| v.is_finite() && v != Vec3::ZERO;
-    (usable(dpdu) && usable(dpdv)).then_some((dpdu, dpdv))
+    (usable(dpdu) && usable(dpdv)).then_some([dpdu, dpdv])
 }
 
 #[cfg(test)]

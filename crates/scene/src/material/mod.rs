@@ -162,6 +162,9 @@ pub struct Material {
     pub kind: MaterialKind,
     /// Emitted radiance, W / (m^2 sr), on the sides that are visible.
     pub emission: ColorParam,
+    /// True if the vertex colour multiplies the emission, as it does for surfaces that show their base colour unlit.
+    #[serde(default)]
+    pub emission_takes_vertex_color: bool,
     /// True if the inner side emits too.
     pub emits_on_both_sides: bool,
     /// False if the emission is only seen, by the camera and in mirrors, because another light stands for what it does to other
@@ -184,6 +187,7 @@ impl Material {
             name: name.into(),
             kind: kind.into(),
             emission: ColorParam::constant(Rgb::BLACK),
+            emission_takes_vertex_color: false,
             emits_on_both_sides: false,
             illuminates: true,
             alpha_mode: AlphaMode::Opaque,
@@ -246,8 +250,9 @@ impl Material {
         if !self.is_emissive() || (!self.emits_on_both_sides && wo.dot(point.surface.geometric_normal) <= 0.0) {
             return SampledSpectrum::ZERO;
         }
+        let tint = if self.emission_takes_vertex_color { point.vertex_color() } else { Rgb::WHITE };
         // Negative or undefined light would spoil every pixel it reaches.
-        point.mode.illuminant(self.emission.at(point).map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 }))
+        point.mode.illuminant((self.emission.at(point) * tint).map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 }))
     }
 }
 

@@ -41,6 +41,11 @@ impl ShadingBsdf {
         self.local(wo, wi).map_or(0.0, |(o, i)| self.bsdf.pdf(o, i))
     }
 
+    /// See [`Lobes::crossing_scale`].
+    pub fn crossing_scale(&self, wo: Vec3) -> f32 {
+        self.bsdf.crossing_scale(self.frame.to_local(wo))
+    }
+
     /// Draws a direction, see [`Lobes::sample`].
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let local = self.bsdf.sample(self.frame.to_local(wo), u_lobe, u)?;

@@ -4,8 +4,9 @@ use super::Reader;
 use super::json::Json;
 use crate::ReadError;
 use snell_math::{DAffine3, DVec3, Rgb};
-use snell_scene::Light;
+use snell_scene::framing::{DEFAULT_BACKGROUND, default_sky, sky_seen_by};
 use snell_scene::light::{Attenuation, SpotFalloff};
+use snell_scene::{Background, Light, Material, Scene};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 /// Lumens per watt by which Blender multiplies what it exports (its standard lighting mode).
@@ -58,6 +59,19 @@ pub(super) fn read(reader: &mut Reader, node: &Json, world_from_node: &DAffine3,
         other => reader.scene.warn(format!("\"{other}\" is not a type of light; it is left out")),
     }
     Ok(())
+}
+
+/// Adds the default sky to a scene that only its own emission would light, if that is never above 1. Such emission (displays, small
+/// lamps, unlit surfaces) is there to be seen, and the scene is made for viewers that bring their light. More needs
+/// `KHR_materials_emissive_strength`: then the surfaces are meant as lights, and there is no sky.
+pub(super) fn add_sky(scene: &mut Scene) {
+    let is_lamp = |m: &Material| m.illuminates && m.emission.factor.max_element() > 1.0;
+    let has_light = !scene.lights.is_empty() || scene.environment.is_some() || scene.materials.iter().any(is_lamp);
+    if has_light || !scene.materials.iter().any(Material::is_emissive) {
+        return;
+    }
+    scene.environment = Some(scene.cameras.first().map_or_else(default_sky, |camera| sky_seen_by(camera, DVec3::Y)));
+    scene.background = Background::Color(DEFAULT_BACKGROUND);
 }
 
 fn intensity(light: &Json, scale: f64) -> Result<Rgb, ReadError> {

@@ -19,12 +19,13 @@ pub(super) fn read_all(reader: &mut Reader) -> Result<(), ReadError> {
     Ok(())
 }
 
-/// The material of primitives that name none.
+/// The material of primitives that name none. It is seen from both sides, unlike in the standard: where a file says nothing about
+/// materials, nobody chose to hide the back, and faces that look away from the camera would only be missed.
 pub(super) fn default_material(reader: &mut Reader) -> MaterialId {
     if let Some(id) = reader.default_material {
         return id;
     }
-    let material = Material { double_sided: false, ..Material::new("default", kind(Pbr::default())) };
+    let material = Material::new("default", kind(Pbr::default()));
     let id = reader.scene.add_material(material);
     reader.default_material = Some(id);
     id
@@ -89,6 +90,9 @@ fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
         if is_unlit { (Black {}.into(), pbr.base_color) } else { (kind(pbr), emission(reader, json)?) };
     Ok(Material {
         emission,
+        emission_takes_vertex_color: is_unlit,
+        // Unlit surfaces look the same in any light, but give none.
+        illuminates: !is_unlit,
         emits_on_both_sides: double_sided,
         alpha_mode: alpha_mode(json)?,
         alpha,

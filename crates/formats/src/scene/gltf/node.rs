@@ -159,7 +159,25 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
         light::read(reader, node, &hierarchy.world[i], light_scale)?;
         read_mesh(reader, &hierarchy, i, id, &mut meshes)?;
     }
+    if hierarchy.nodes.is_empty() {
+        read_meshes_without_nodes(reader, &mut meshes)?;
+    }
     check_unseen(reader, &hierarchy, &meshes.shown)
+}
+
+/// Shows all meshes of a file that has no nodes at all, where their vertices say: a library of meshes rather than a scene.
+fn read_meshes_without_nodes(reader: &mut Reader, shown: &mut MeshNodes) -> Result<(), ReadError> {
+    for (i, mesh) in reader.root.items_of("meshes")?.iter().enumerate() {
+        if i == 0 {
+            reader.scene.warn("the file has meshes, but no nodes to place them; they are shown where their vertices are");
+        }
+        let primitives = mesh::read_primitives(reader, mesh, &[])?;
+        let surfaces = primitives.into_iter().map(|p| surface(reader, p.mesh, p.material)).collect();
+        let root = reader.scene.root;
+        reader.scene.add_child(root, Node { surfaces, ..Node::named(mesh.name()) });
+        shown.shown.insert(i);
+    }
+    Ok(())
 }
 
 /// Checks what the shown scene does not use, too: a damaged file should be noticed whichever scene is shown.

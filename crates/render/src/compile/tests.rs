@@ -1,0 +1,89 @@
+//! Sharing, inheritance and node paths survive compiling.
+
+use super::*;
+use snell_intersect::{AcceptAll, TriangleMesh};
+use snell_math::{DAffine3, DVec3, Rgb, Vec2};
+use snell_scene::material::Diffuse;
+use snell_scene::{Geometry, Node, Surface};
+use std::sync::Arc;
+
+/// A square of `n` by `n` cells over `[-1, 1]^2` at `z = 0`.
+fn square(n: u32) -> Arc<TriangleMesh> {
+    let mut mesh = TriangleMesh::default();
+    for i in 0..=n {
+        for j in 0..=n {
+            let p = Vec2::new(i as f32, j as f32) * (2.0 / n as f32) - 1.0;
+            mesh.positions.push(p.extend(0.0));
+        }
+    }
+    for i in 0..n {
+        for j in 0..n {
+            let a = i * (n + 1) + j;
+            mesh.indices.extend([[a, a + n + 1, a + 1], [a + 1, a + n + 1, a + n + 2]]);
+        }
+    }
+    Arc::new(mesh)
+}
+
+fn moved(x: f64, name: &str) -> Node {
+    Node { transform: DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)), ..Node::named(name) }
+}
+
+fn look_down(x: f32) -> Ray {
+    Ray::new(Vec3::new(x, 0.1, 5.0), Vec3::NEG_Z)
+}
+
+/// Root with two pairs; each pair holds the same leaf twice; the second pair hands a material down.
+fn nested(mesh: Arc<TriangleMesh>) -> Scene {
+    let mut scene = Scene::new("nested");
+    let red = scene.add_material(Material::new("red", Diffuse::new(Rgb::new(1.0, 0.0, 0.0))));
+    let leaf = scene.add_node(Node { surfaces: vec![Surface::new(Geometry::Mesh(mesh))], ..Node::named("leaf") });
+    let pair = scene.add_node(Node::named("pair"));
+    for (x, name) in [(-3.0, "left"), (3.0, "right")] {
+        let place = scene.add_child(pair, moved(x, name));
+        scene.nodes[place.index()].children.push(leaf);
+    }
+    for (x, name, material) in [(-10.0, "first", None), (10.0, "second", Some(red))] {
+        let place = scene.add_child(scene.root, Node { material, ..moved(x, name) });
+        scene.nodes[place.index()].children.push(pair);
+    }
+    scene
+}
+
+#[test]
+fn a_shared_subtree_is_stored_once_at_any_depth() {
+    for (mesh, copies) in [(square(2), 1), (square(10), 1)] {
+        let triangles = mesh.indices.len() as u64;
+        let compiled = CompiledScene::new(&nested(mesh), &BuildOptions::default()).expect("a valid scene");
+        assert_eq!(compiled.world.triangle_count(), triangles * copies);
+        assert_eq!(compiled.world.instanced_triangle_count(), triangles * 4);
+        for x in [-13.0, -7.0, 7.0, 13.0] {
+            assert!(compiled.world.closest_one(&look_down(x), &AcceptAll).is_hit(), "the copy at {x}");
+        }
+    }
+}
+
+#[test]
+fn a_hit_knows_its_nodes_and_the_material_handed_down() {
+    let scene = nested(square(10));
+    let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+    let names = |x: f32| {
+        let hit = compiled.world.closest_one(&look_down(x), &AcceptAll);
+        let path = compiled.node_path(&hit);
+        let names: Vec<_> = path.iter().map(|n| scene.nodes[n.index()].name.clone()).collect();
+        (names.join("/"), compiled.material(compiled.material_id(&hit)).name.clone())
+    };
+    assert_eq!(names(-13.0), ("root/first/pair/left/leaf".into(), "default".into()));
+    assert_eq!(names(13.0), ("root/second/pair/right/leaf".into(), "red".into()));
+}
+
+#[test]
+fn a_singular_node_is_left_out_with_a_warning() {
+    let mut scene = nested(square(2));
+    let first = scene.nodes[scene.root.index()].children[0];
+    scene.nodes[first.index()].transform = DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0));
+    let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+    assert!(!compiled.world.closest_one(&look_down(-13.0), &AcceptAll).is_hit());
+    assert!(compiled.world.closest_one(&look_down(13.0), &AcceptAll).is_hit());
+    assert!(compiled.warnings.iter().any(|w| w.message.contains("singular")), "{:?}", compiled.warnings);
+}

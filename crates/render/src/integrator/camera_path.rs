@@ -1,0 +1,43 @@
+//! How a path starts: at a point of the film, through the lens.
+
+use super::PathState;
+use crate::compile::CompiledScene;
+use crate::film::filter::FilterSampler;
+use crate::sampler::Random;
+use crate::settings::Settings;
+use snell_math::{DVec2, Ray};
+use snell_scene::{Camera, CameraSample};
+
+/// Dimensions of the camera sample.
+const FILM: u32 = 0;
+const LENS: u32 = 1;
+
+/// A sample's first ray, what the path carries, and the filter's weight.
+pub(crate) fn camera_path(
+    scene: &CompiledScene,
+    camera: &Camera,
+    settings: &Settings,
+    filter: &FilterSampler,
+    pixel: [u32; 2],
+    random: &Random,
+) -> (Ray, PathState, f32) {
+    let (position, weight) = match settings.pixel_position {
+        Some([u, v]) => (DVec2::new(u, v), 1.0),
+        None => {
+            let (offset, weight) = filter.sample(random.pair(FILM));
+            (offset + 0.5, weight)
+        }
+    };
+    let film = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + position;
+    let camera_ray = camera.ray(&CameraSample { film, lens: random.pair(LENS) }, settings.size);
+    let state = PathState {
+        throughput: scene.mode.unit() * camera_ray.weight,
+        bsdf_pdf: 0.0,
+        eta_scale: 1.0,
+        is_specular: true,
+        cone_width: camera_ray.width,
+        cone_spread: camera_ray.spread,
+        stream: 0,
+    };
+    (camera_ray.ray, state, weight)
+}
