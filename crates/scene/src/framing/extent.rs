@@ -1,13 +1,16 @@
 //! How far the surfaces of a scene reach in some directions: what a tight view needs to know of them.
 
 use super::fit::Extent;
-use crate::graph::{Geometry, NodeId, Scene};
+use crate::graph::{Geometry, NodeId, Scene, Surface};
 use snell_intersect::{AnyShape, Shape, TriangleMesh};
-use snell_math::{Bounds3d, DAffine3, DVec3, Vec3};
+use snell_math::{Bounds3d, DAffine3, DVec3, Transform, Vec3};
 use std::collections::BTreeMap;
 
 /// After this many vertices and nodes the boxes of nodes have to do: instances of instances may stand for any number.
-const BUDGET: usize = 20_000_000;
+const BUDGET: usize = 4_000_000;
+
+/// A node costs as much as this many vertices.
+const NODE_COST: usize = 32;
 
 /// The extent of all bounded surfaces in world coordinates. `bounds` are those of the nodes, each in its own coordinates.
 pub fn extent_of_scene(scene: &Scene, bounds: &BTreeMap<NodeId, Bounds3d>, directions: &[DVec3; 4]) -> Extent {
@@ -17,23 +20,20 @@ pub fn extent_of_scene(scene: &Scene, bounds: &BTreeMap<NodeId, Bounds3d>, direc
     while let Some((id, parent)) = open.pop() {
         let node = &scene.nodes[id.index()];
         let world = parent * node.transform;
-        if !world.is_finite() || world.matrix3.determinant() == 0.0 {
-            continue;
-        }
+        // A singular transform leaves nothing to see.
+        let Some(transform) = Transform::new(world) else { continue };
         let local = directions.map(|d| world.matrix3.transpose() * d);
-        let add = |e: Extent| {
-            let placed = e.moved(world.translation, directions);
-            if placed.reach.iter().all(|r| r.is_finite()) { placed } else { Extent::EMPTY }
-        };
+        let placed = |e: Extent| e.moved(world.translation, directions);
         let vertices: usize = node.surfaces.iter().map(|s| vertex_count(&s.geometry)).sum();
-        let cost = 1 + vertices + node.children.len();
+        let cost = NODE_COST + vertices + node.children.len();
         if cost > budget {
-            extent = extent.union(add(Extent::of_box(&bounds[&id], &local)));
+            extent = extent.union(placed(Extent::of_box(&bounds[&id], &local)));
             continue;
         }
         budget -= cost;
-        for surface in &node.surfaces {
-            extent = extent.union(add(extent_of_geometry(&surface.geometry, &local)));
+        let is_bounded = |s: &&Surface| transform.bounds(&s.geometry.bounds()).is_finite();
+        for surface in node.surfaces.iter().filter(is_bounded) {
+            extent = extent.union(placed(extent_of_geometry(&surface.geometry, &local)));
         }
         open.extend(node.children.iter().map(|&child| (child, world)));
     }
@@ -58,9 +58,6 @@ fn extent_of_geometry(geometry: &Geometry, directions: &[DVec3; 4]) -> Extent {
 }
 
 fn extent_of_mesh(mesh: &TriangleMesh, directions: &[DVec3; 4]) -> Extent {
-    if !Bounds3d::from(mesh.bounds()).is_finite() {
-        return Extent::EMPTY;
-    }
     let mut reach = [f64::NEG_INFINITY; 4];
     let include = |p: &Vec3| {
         let p = p.as_dvec3();
@@ -70,4 +67,86 @@ fn extent_of_mesh(mesh: &TriangleMesh, directions: &[DVec3; 4]) -> Extent {
     };
     mesh.positions.iter().filter(|p| p.is_finite()).for_each(include);
     Extent { reach }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::framing::{FramingOptions, prepare};
+    use crate::graph::Node;
+    use proptest::prelude::*;
+    use snell_intersect::shape::Sphere;
+    use snell_math::DVec2;
+    use std::sync::Arc;
+
+    const SIZE: [u32; 2] = [640, 480];
+
+    /// Smallest and largest of the projected points, from -1 to 1 across the picture.
+    fn projected(scene: &Scene, points: &[DVec3]) -> (DVec2, DVec2) {
+        let half = DVec2::new(SIZE[0].into(), SIZE[1].into()) / 2.0;
+        let shown = points.iter().map(|p| (scene.cameras[0].project(*p, SIZE).expect("in front") - half) / half);
+        shown.fold((DVec2::MAX, DVec2::MIN), |(least, most), p| (least.min(p), most.max(p)))
+    }
+
+    fn assert_fits_tightly((least, most): (DVec2, DVec2)) {
+        assert!(least.min_element() > -0.9 && most.max_element() < 0.9, "{least} {most}");
+        let middle = (least + most) / 2.0;
+        assert!(middle.abs().max_element() < 0.05, "{middle}");
+        let extent = most - least;
+        assert!(extent.x.max(extent.y) > 1.7, "{extent}");
+    }
+
+    proptest! {
+        #[test]
+        fn the_vertices_of_placed_meshes_fill_the_picture(
+            corners in prop::collection::vec(prop::array::uniform3(-5.0..5.0f32), 3..20),
+            offset in prop::array::uniform3(-9.0..9.0f64),
+            scale in 0.1..10.0f64,
+            angle in 0.0..6.0f64,
+        ) {
+            let positions: Vec<Vec3> = corners.iter().map(|c| Vec3::from(*c)).collect();
+            let transform = DAffine3::from_translation(offset.into())
+                * DAffine3::from_rotation_z(angle)
+                * DAffine3::from_scale(DVec3::splat(scale));
+            let points: Vec<DVec3> = positions.iter().map(|p| transform.transform_point3(p.as_dvec3())).collect();
+            let mesh = TriangleMesh { positions, indices: vec![[0, 1, 2]], ..TriangleMesh::default() };
+            let mut scene = Scene::new("mesh");
+            let surfaces = vec![Surface::new(Geometry::Mesh(Arc::new(mesh)))];
+            let child = scene.add_node(Node { surfaces, ..Node::named("mesh") });
+            scene.add_child(scene.root, Node { transform, children: vec![child], ..Node::named("place") });
+            prepare(&mut scene, &FramingOptions { size: SIZE, ..Default::default() }).expect("no cycle");
+            assert_fits_tightly(projected(&scene, &points));
+        }
+    }
+
+    #[test]
+    fn a_sphere_fills_the_picture_from_top_to_bottom() {
+        let mut scene = Scene::new("ball");
+        let sphere = Geometry::Shape(Arc::new(Sphere { radius: 2.0 }.into()));
+        scene.add_child(scene.root, Node { surfaces: vec![Surface::new(sphere)], ..Node::named("ball") });
+        prepare(&mut scene, &FramingOptions { size: SIZE, ..Default::default() }).expect("no cycle");
+        let around = |i: usize| {
+            let d = snell_math::sampling::uniform_sphere(snell_math::rng::uniform2([i as u32, 0, 0, 0]));
+            d.as_dvec3() * 2.0
+        };
+        assert_fits_tightly(projected(&scene, &(0..5000).map(around).collect::<Vec<_>>()));
+    }
+
+    #[test]
+    fn instances_of_instances_end_soon() {
+        let mut scene = Scene::new("tower");
+        let sphere = Geometry::Shape(Arc::new(Sphere { radius: 1.0 }.into()));
+        let mut node = scene.add_node(Node { surfaces: vec![Surface::new(sphere)], ..Node::named("ball") });
+        // 2^60 spheres.
+        for level in 0..60 {
+            let shift = |x: f64| DAffine3::from_translation(DVec3::X * x);
+            let [a, b] = [0.0, 1.0 + f64::from(level)]
+                .map(|x| scene.add_node(Node { transform: shift(x), children: vec![node], ..Node::default() }));
+            node = scene.add_node(Node { children: vec![a, b], ..Node::default() });
+        }
+        let root = scene.root;
+        scene.nodes[root.index()].children.push(node);
+        prepare(&mut scene, &FramingOptions::default()).expect("no cycle");
+        assert!(scene.cameras[0].eye.is_finite());
+    }
 }

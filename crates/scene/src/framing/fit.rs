@@ -7,6 +7,8 @@ use snell_math::{Bounds3d, DVec3};
 const TAN_HALF_FOV: f64 = 0.3057;
 /// Share of the picture, from the middle to the edges, that things may take.
 const FILL: f64 = 0.88;
+/// Each leaves a small share of the error of the one before.
+const CENTERING_STEPS: usize = 4;
 /// How far the view comes from the right and from above, radians.
 const AZIMUTH: f64 = 0.5;
 const ELEVATION: f64 = 0.3;
@@ -40,17 +42,26 @@ pub(super) fn frame_content(
     let center = bounds.center();
     let mut camera = Camera::from_direction(center, -from_object(up), up, projection);
     let (right, up, towards) = (camera.right(), camera.up, camera.towards);
-    let (tan_x, tan_y) = (tan_x * FILL, tan_y * FILL);
-    let normals =
-        [right - towards * tan_x, -right - towards * tan_x, up - towards * tan_y, -up - towards * tan_y];
-    let offset = |extent: &Extent| std::array::from_fn(|i| extent.reach[i] - normals[i].dot(center));
-    let fits = |reach: &[f64; 4]| reach.iter().all(|r| r.is_finite()) && bounds == given;
-    let content = Some(offset(&extent(&normals))).filter(fits);
-    let [x1, x2, y1, y2]: [f64; 4] = content.unwrap_or_else(|| offset(&Extent::of_box(&bounds, &normals)));
-    // The sides of the pyramid of view, touched by the content from inside: `x - tan z <= reach`, relative to the box's middle. The
-    // apex lies where opposite sides meet, no nearer than the other pair allows.
+    // The sides of a pyramid of view with these slopes, touched by the content from inside: `x - slope z <= reach` and so on, relative
+    // to the box's middle.
+    let reach = |slopes: [f64; 2]| -> [f64; 4] {
+        let [x, y] = slopes.map(|slope| towards * slope);
+        let normals = [right - x, -right - x, up - y, -up - y];
+        let offset = |extent: &Extent| std::array::from_fn(|i| extent.reach[i] - normals[i].dot(center));
+        let fits = |reach: &[f64; 4]| reach.iter().all(|r| r.is_finite()) && bounds == given;
+        let content = Some(offset(&extent(&normals))).filter(fits);
+        content.unwrap_or_else(|| offset(&Extent::of_box(&bounds, &normals)))
+    };
+    let [tan_x, tan_y] = [tan_x * FILL, tan_y * FILL];
+    let [mut x1, mut x2, mut y1, mut y2] = reach([tan_x, tan_y]);
+    // The apex lies where opposite sides meet, no nearer than the other pair allows.
     let back = ((x1 + x2) / (2.0 * tan_x)).max((y1 + y2) / (2.0 * tan_y));
     let back = back.max(bounds.radius() * 1e-3);
+    // The sides that have room left close in until they touch as well: that puts the content into the middle.
+    for _ in 0..CENTERING_STEPS {
+        let slope = |a: f64, b: f64, tan: f64| ((a + b) / (2.0 * back)).clamp(0.0, tan);
+        [x1, x2, y1, y2] = reach([slope(x1, x2, tan_x), slope(y1, y2, tan_y)]);
+    }
     camera.eye = center + right * ((x1 - x2) / 2.0) + up * ((y1 - y2) / 2.0) - towards * back;
     camera.focus_distance = back;
     camera.name = "default".into();
