@@ -1,5 +1,6 @@
 //! What can go wrong for a user, and the exit code it ends with.
 
+use snell_formats::error::one_line;
 use snell_formats::{ReadError, WriteError};
 use std::process::ExitCode;
 
@@ -26,7 +27,7 @@ pub enum Failure {
 impl Failure {
     /// Prints the message and gives the exit code.
     pub fn report(&self) -> ExitCode {
-        eprintln!("error: {self}");
+        eprintln!("error: {}", one_line(&self.to_string()));
         match self {
             Self::Usage(_) => ExitCode::from(2),
             _ => ExitCode::from(1),

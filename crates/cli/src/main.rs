@@ -11,6 +11,7 @@ mod overrides;
 mod progress;
 mod resources;
 mod scene_source;
+mod standard_output;
 
 use clap::{CommandFactory, Parser};
 use std::process::ExitCode;

@@ -1,5 +1,6 @@
 //! What went wrong with a file: where, what was found, what to do.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -33,7 +34,7 @@ pub struct ReadError {
 
 impl fmt::Display for ReadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.file)?;
+        f.write_str(&one_line(&self.file))?;
         match &self.place {
             Place::Whole => {}
             Place::Line(line) => write!(f, ":{line}")?,
@@ -41,15 +42,32 @@ impl fmt::Display for ReadError {
             Place::Byte(offset) => write!(f, ": at byte {offset}")?,
             Place::Json(path) => write!(f, ": at {path}")?,
         }
-        write!(f, ": {}", self.problem)?;
+        write!(f, ": {}", one_line(&self.problem))?;
         if !self.remedy.is_empty() {
-            write!(f, "; {}", self.remedy)?;
+            write!(f, "; {}", one_line(&self.remedy))?;
         }
         Ok(())
     }
 }
 
 impl std::error::Error for ReadError {}
+
+/// A message as one line without control characters: words of a file must not move the cursor of a terminal.
+pub fn one_line(text: &str) -> Cow<'_, str> {
+    if !text.contains(char::is_control) {
+        return Cow::Borrowed(text);
+    }
+    let lines: Vec<_> = text.split(['\n', '\r']).map(str::trim).filter(|l| !l.is_empty()).collect();
+    let mut shown = String::new();
+    for c in lines.join(" ").chars() {
+        match c {
+            '\t' => shown.push(' '),
+            c if c.is_control() => shown.extend(c.escape_unicode()),
+            c => shown.push(c),
+        }
+    }
+    Cow::Owned(shown)
+}
 
 /// A file could not be written. Whatever stood there before is untouched.
 #[derive(Debug, thiserror::Error)]
@@ -72,4 +90,16 @@ pub enum WriteError {
         /// What to do.
         remedy: String,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_is_one_line_without_control_characters() {
+        assert_eq!(one_line("a plain message"), "a plain message");
+        assert_eq!(one_line("two\r\n lines\n"), "two lines");
+        assert_eq!(one_line("red \x1b[31m\ttext"), "red \\u{1b}[31m text");
+    }
 }

@@ -1,7 +1,7 @@
 //! Files to scene graphs, images to and from files.
 //!
 //! A *reader* turns bytes into a [`Scene`] (a mesh file is a scene with one node). Which reader: the content decides, then the
-//! extension. To add a format: one new file with a [`SceneReader`], and its line in [`SCENE_READERS`].
+//! extension. To add a format: one new file with a [`SceneReader`] in `mesh/` or `scene/`, and its two lines in the `mod.rs` there.
 
 #![forbid(unsafe_code)]
 
@@ -36,18 +36,18 @@ pub struct SceneReader {
     pub read: fn(&Input) -> Result<Scene, ReadError>,
 }
 
-/// All readers, in the order in which contents are tried: formats with a signature first.
-pub const SCENE_READERS: &[SceneReader] = &[
-    scene::gltf::READER,
-    mesh::ply::READER,
-    mesh::off::READER,
-    mesh::stl::READER,
-    mesh::ray::READER,
-    scene::minray::READER,
-    scene::nff::READER,
-    scene::scn::READER,
-    mesh::obj::READER,
-];
+const READER_COUNT: usize = scene::READERS.len() + mesh::FORMATS.len();
+
+/// All readers, in the order in which contents are tried: those of `scene`, then those of `mesh`.
+pub const SCENE_READERS: &[SceneReader] = &{
+    let mut all = [scene::READERS[0]; READER_COUNT];
+    let (mut i, scenes) = (0, scene::READERS.len());
+    while i < READER_COUNT {
+        all[i] = if i < scenes { scene::READERS[i] } else { mesh::FORMATS[i - scenes].0 };
+        i += 1;
+    }
+    all
+};
 
 /// How to read.
 #[derive(Clone, Debug, Default)]

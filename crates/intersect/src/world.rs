@@ -26,7 +26,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct GroupId(pub u32);
 
-/// Number of a geometry, in order of insertion over all groups: [`Hit::geometry`].
+/// Number of a geometry, in order of insertion over all groups: [`crate::Hit::geometry`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct GeometryId(pub u32);
 
@@ -134,7 +134,7 @@ impl WorldBuilder {
         self.groups[group.0 as usize].instances.push(Instance { child, group_from_child });
     }
 
-    /// Hits on this geometry are asked about: the query's [`HitFilter`] may reject them.
+    /// Hits on this geometry are asked about: the query's [`crate::HitFilter`] may reject them.
     pub fn set_filtered(&mut self, geometry: GeometryId) {
         self.filtered[geometry.0 as usize] = true;
     }

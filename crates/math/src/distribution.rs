@@ -91,7 +91,7 @@ impl Distribution2D {
     /// If `width` is 0 or does not divide `weights.len()`.
     #[inline]
     pub fn new(weights: &[f32], width: usize) -> Self {
-        assert!(width > 0 && weights.len() % width == 0, "rows of equal length");
+        assert!(width > 0 && weights.len().is_multiple_of(width), "rows of equal length");
         let rows: Vec<_> = weights.chunks_exact(width).map(Distribution1D::new).collect();
         let sums: Vec<f32> = rows.iter().map(|r| r.sum() as f32).collect();
         Self { marginal: Distribution1D::new(&sums), rows }

@@ -32,9 +32,11 @@ impl Frame {
     /// parallel to `z` or not finite.
     #[inline]
     pub fn from_z_and_x(z: Vec3, x: Vec3) -> Self {
+        // Derivatives of positions have any length: squares of tiny and of huge ones do not fit.
+        let x = x / x.abs().max_element();
         let tangent = x - z * z.dot(x);
         match tangent.try_normalize() {
-            Some(x) if tangent.length_squared() > 1e-12 * Vec3::length_squared(x) => Self { x, y: z.cross(x), z },
+            Some(x) if tangent.length_squared() > 1e-12 => Self { x, y: z.cross(x), z },
             _ => Self::from_z(z),
         }
     }
@@ -55,6 +57,15 @@ impl Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_length_of_the_tangent_does_not_matter() {
+        let (z, x) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.3, -2.0, 0.5));
+        let expected = Frame::from_z_and_x(z, x);
+        for exponent in [-120, -40, -20, 20, 120] {
+            assert_eq!(Frame::from_z_and_x(z, x * 2f32.powi(exponent)), expected);
+        }
+    }
 
     #[test]
     fn frames_are_orthonormal_and_right_handed_everywhere() {

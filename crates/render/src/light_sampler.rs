@@ -34,22 +34,47 @@ pub struct LightSampler {
 impl LightSampler {
     /// A sampler over lights of these powers. A light of no power is never chosen by power, unless all have none.
     pub fn new(kind: LightSamplerKind, powers: &[f64]) -> Self {
+        // Relative to the strongest: the powers of huge and tiny scenes do not fit in single precision.
+        let strongest = powers.iter().copied().fold(0.0, f64::max);
         let weights: Vec<f32> = match kind {
             LightSamplerKind::Uniform => vec![1.0; powers.len()],
-            LightSamplerKind::Power => powers.iter().map(|&p| p as f32).collect(),
+            LightSamplerKind::Power => powers.iter().map(|&p| (p / strongest) as f32).collect(),
         };
         Self { distribution: (!powers.is_empty()).then(|| Distribution1D::new(&weights)) }
     }
 
-    /// A light and the probability of choosing it; `None` without lights.
-    pub fn sample(&self, u: f32) -> Option<(usize, f32)> {
+    /// A light and the probability of choosing it; `None` without lights. `u` is asked for a uniform number if there is a choice.
+    pub fn sample(&self, u: impl FnOnce() -> f32) -> Option<(usize, f32)> {
         let distribution = self.distribution.as_ref()?;
-        let (light, _) = distribution.sample(u);
+        if distribution.len() == 1 {
+            return Some((0, 1.0));
+        }
+        let (light, _) = distribution.sample(u());
         Some((light, distribution.probability(light)))
     }
 
     /// The probability of choosing this light.
     pub fn probability(&self, light: usize) -> f32 {
         self.distribution.as_ref().map_or(0.0, |d| d.probability(light))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_unit_of_power_does_not_matter() {
+        for scale in [1e-60, 1.0, 1e60] {
+            let sampler = LightSampler::new(LightSamplerKind::Power, &[scale, 3.0 * scale, 0.0]);
+            assert_eq!([0, 1, 2].map(|light| sampler.probability(light)), [0.25, 0.75, 0.0]);
+        }
+    }
+
+    #[test]
+    fn lights_without_power_are_chosen_among_themselves() {
+        let sampler = LightSampler::new(LightSamplerKind::Power, &[0.0, 0.0]);
+        assert_eq!(sampler.probability(1), 0.5);
+        assert!(LightSampler::new(LightSamplerKind::Power, &[]).sample(0.5).is_none());
     }
 }

@@ -68,12 +68,13 @@ fn radiance(context: &Context, ray: &Ray, state: &PathState, random: Random, dep
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::film::filter::Filter;
     use crate::integrator::IntegratorKind;
     use crate::job::Job;
-    use snell_intersect::shape::Sphere;
+    use snell_intersect::shape::{BoxShape, Sphere};
     use snell_math::{DAffine3, DVec3, Vec3};
     use snell_scene::material::Diffuse;
-    use snell_scene::{Environment, Material, Node, Scene, Surface};
+    use snell_scene::{Background, Environment, Material, Node, Scene, Surface};
 
     fn two_balls() -> (Scene, Camera) {
         let mut scene = Scene::new("two balls");
@@ -105,6 +106,34 @@ mod tests {
                     assert!((a - b).abs() <= 1e-5 * b.abs().max(1.0), "{integrator:?} pixel {i}: {a} {b}");
                 }
             }
+        }
+    }
+
+    /// The lecture takes one sample at the centre of each pixel, which makes edges ragged.
+    #[test]
+    fn errata_e9_samples_are_spread_over_the_pixel_and_filtered() {
+        let mut scene = Scene::new("edge");
+        let white = scene.add_material(Material::new("white", Diffuse::new(Rgb::WHITE)));
+        let half = BoxShape { min: DVec3::new(0.0, -99.0, -1.0), max: DVec3::new(99.0, 99.0, 0.0) };
+        scene.add_child(scene.root, Node { surfaces: vec![Surface::shape(half, white)], ..Node::default() });
+        scene.background = Background::Color(Rgb::BLACK);
+        // The edge runs through the middle of the only column that it touches.
+        let camera = Camera::look_at(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, Vec3::Y, 0.5);
+        let settings = |filter, spp| Settings {
+            size: [9, 1],
+            spp,
+            filter,
+            integrator: IntegratorKind::Flat,
+            ..Settings::default()
+        };
+        for filter in Filter::ALL {
+            let settings = settings(filter, 400);
+            let compiled = CompiledScene::new(&scene, &settings.build).expect("a valid scene");
+            let (film, _) = Job::new(&compiled, &camera, &settings).run(1, &|_| true);
+            let image = film.image();
+            let row: Vec<f32> = (0..9).map(|x| image.layers[0].values[x * 4]).collect();
+            assert!((row[4] - 0.5).abs() < 0.06, "{filter:?}: half of the edge's pixel is covered: {row:?}");
+            assert!(row[0].abs() < 1e-3 && (row[8] - 1.0).abs() < 1e-3, "{filter:?}: {row:?}");
         }
     }
 }

@@ -1,5 +1,6 @@
 //! A camera and a sky for scenes that have none, so that a bare mesh gives a good picture.
 
+mod extent;
 mod fit;
 mod sky;
 
@@ -11,9 +12,9 @@ use crate::material::{Diffuse, Material};
 use snell_math::{Bounds3d, DVec3, Rgb, Transform};
 use std::collections::BTreeMap;
 
-/// The material of surfaces that have none: light grey.
+/// The material of surfaces that have none: grey.
 pub fn default_material() -> Material {
-    Material::new("default", Diffuse::new(Rgb::splat(0.7)))
+    Material::new("default", Diffuse::new(Rgb::splat(0.55)))
 }
 
 /// What is behind objects under the default sky: a light grey, from which they stand out.
@@ -22,7 +23,7 @@ pub const DEFAULT_BACKGROUND: Rgb = Rgb::splat(0.82);
 /// What [`prepare`] may assume.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramingOptions {
-    /// Which way is up where the file does not say. `+y` for most formats, `+z` is common in STL and CAD.
+    /// Which way is up, unless the scene's settings say. `+y` for most formats, `+z` is common in STL and CAD.
     pub up: DVec3,
     /// Size of the picture in pixels, unless the scene's settings say.
     pub size: [u32; 2],
@@ -39,13 +40,17 @@ impl Default for FramingOptions {
 /// scene has a background. Does nothing to a scene that has all of it.
 pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneError> {
     let order = scene.topological_order()?;
+    let up = scene.settings.up.unwrap_or(options.up);
     if scene.cameras.is_empty() {
         let [w, h] = scene.settings.size.unwrap_or(options.size).map(|s| f64::from(s.max(1)));
-        let camera = frame(&finite_bounds(scene, &order), options.up, w / h);
+        let bounds = finite_bounds(scene, &order);
+        let world = placed(scene, scene.root, &bounds[&scene.root]);
+        let camera =
+            fit::frame_content(&world, up, w / h, |directions| extent::extent_of_scene(scene, &bounds, directions));
         scene.cameras.push(camera);
     }
     if scene.lights.is_empty() && scene.environment.is_none() && !uses_emission(scene, &order) {
-        scene.environment = Some(sky_seen_by(&scene.cameras[0], options.up));
+        scene.environment = Some(sky_seen_by(&scene.cameras[0], up));
         if scene.background == Background::Environment {
             scene.background = Background::Color(DEFAULT_BACKGROUND);
         }
@@ -53,21 +58,23 @@ pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneE
     Ok(())
 }
 
-/// The box around all surfaces that are bounded, in world coordinates. `order` has children before parents.
-fn finite_bounds(scene: &Scene, order: &[NodeId]) -> Bounds3d {
-    let placed = |id: NodeId, own: &Bounds3d| {
-        let bounds = Transform::new(scene.nodes[id.index()].transform).map_or(Bounds3d::EMPTY, |m| m.bounds(own));
-        if bounds.is_finite() { bounds } else { Bounds3d::EMPTY }
-    };
+/// The boxes around the bounded surfaces of each node, in the node's coordinates. `order` has children before parents.
+fn finite_bounds(scene: &Scene, order: &[NodeId]) -> BTreeMap<NodeId, Bounds3d> {
     let mut bounds: BTreeMap<NodeId, Bounds3d> = BTreeMap::new();
     for &id in order {
         let node = &scene.nodes[id.index()];
         let own = node.surfaces.iter().map(|s| s.geometry.bounds()).filter(Bounds3d::is_finite);
-        let below = node.children.iter().map(|child| placed(*child, &bounds[child]));
+        let below = node.children.iter().map(|child| placed(scene, *child, &bounds[child]));
         let all = own.chain(below).fold(Bounds3d::EMPTY, |a, b| a.union(&b));
         bounds.insert(id, all);
     }
-    placed(scene.root, &bounds[&scene.root])
+    bounds
+}
+
+/// A node's box in its parent's coordinates; empty if it is not finite there.
+fn placed(scene: &Scene, id: NodeId, own: &Bounds3d) -> Bounds3d {
+    let bounds = Transform::new(scene.nodes[id.index()].transform).map_or(Bounds3d::EMPTY, |m| m.bounds(own));
+    if bounds.is_finite() { bounds } else { Bounds3d::EMPTY }
 }
 
 /// True if a material that is referred to emits.

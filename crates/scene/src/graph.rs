@@ -163,6 +163,25 @@ pub struct Warning {
     pub count: u64,
 }
 
+impl Warning {
+    /// Most different warnings in one list.
+    const MAX_DIFFERENT: usize = 1000;
+
+    /// Adds a warning to a list; an equal one is counted instead of repeated, and so are all beyond a thousand different ones,
+    /// which nobody would read.
+    pub fn note(list: &mut Vec<Self>, message: String, count: u64) {
+        let known = list.iter().position(|w| w.message == message);
+        match known {
+            Some(i) => list[i].count += count,
+            None if list.len() < Self::MAX_DIFFERENT => list.push(Self { message, count }),
+            None if list.len() == Self::MAX_DIFFERENT => {
+                list.push(Self { message: "there are more warnings than are shown".into(), count })
+            }
+            None => list[Self::MAX_DIFFERENT].count += count,
+        }
+    }
+}
+
 /// A whole scene.
 #[derive(Clone, Debug)]
 pub struct Scene {
@@ -281,11 +300,7 @@ impl Scene {
 
     /// Notes a warning; an equal one is counted instead of repeated.
     pub fn warn(&mut self, message: impl Into<String>) {
-        let message = message.into();
-        match self.warnings.iter_mut().find(|w| w.message == message) {
-            Some(warning) => warning.count += 1,
-            None => self.warnings.push(Warning { message, count: 1 }),
-        }
+        Warning::note(&mut self.warnings, message.into(), 1);
     }
 
     /// Checks that all ids are in range and that no node is its own descendant; gives the reachable nodes, each once, children
@@ -409,6 +424,17 @@ mod tests {
         let (mut scene, ball) = two_balls_shared();
         scene.nodes[ball.index()].material = Some(MaterialId(3));
         assert!(matches!(scene.bounds(), Err(SceneError::DanglingId { what: "material", .. })));
+    }
+
+    #[test]
+    fn warnings_beyond_a_thousand_are_only_counted() {
+        let mut scene = Scene::new("test");
+        for i in 0..100_000 {
+            scene.warn(format!("warning {i}"));
+            scene.warn("the same");
+        }
+        assert_eq!(scene.warnings.len(), 1001);
+        assert_eq!(scene.warnings.iter().map(|w| w.count).sum::<u64>(), 200_000);
     }
 
     #[test]

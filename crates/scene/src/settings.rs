@@ -1,10 +1,14 @@
 //! What a scene file may ask of the renderer. Options on the command line override all of it.
 
+use snell_math::DVec3;
+
 /// Hints of the scene file; `None` where it says nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneSettings {
     /// Width and height in pixels.
     pub size: Option<[u32; 2]>,
+    /// Which way is up for the default camera and sky.
+    pub up: Option<DVec3>,
     /// Integrator by name.
     pub integrator: Option<String>,
     /// Samples per pixel.

@@ -1,6 +1,7 @@
 //! `snell compare`: how far two pictures are apart.
 
 use crate::failure::Failure;
+use crate::standard_output;
 use snell_formats::image::compare::{CompareOptions, Comparison, LinearImage, compare, difference_picture};
 use snell_formats::image::{WriteOptions, read_image, write_image};
 use snell_formats::{Input, ReadOptions};
@@ -44,12 +45,12 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         write_image(path, &difference_picture(&compared), &WriteOptions::default())?;
     }
     let numbers = &compared.comparison;
-    if options.json {
-        let text = serde_json::to_string_pretty(numbers).map_err(|e| Failure::Other(e.to_string()))?;
-        println!("{text}");
+    let text = if options.json {
+        serde_json::to_string_pretty(numbers).map_err(|e| Failure::Other(e.to_string()))? + "\n"
     } else {
-        print(numbers);
-    }
+        table(numbers)
+    };
+    standard_output::write(text.as_bytes())?;
     let limits = [
         ("relative MSE", numbers.rel_mse, options.max_relmse),
         ("FLIP", numbers.flip, options.max_flip),
@@ -72,13 +73,17 @@ fn read(path: &Path) -> Result<LinearImage, Failure> {
     Ok(LinearImage::from_image(&read_image(&Input::open(path, &ReadOptions::default())?)?))
 }
 
-fn print(c: &Comparison) {
+fn table(c: &Comparison) -> String {
     let psnr = c.psnr.map_or("equal".to_string(), |p| format!("{p:.2} dB"));
-    println!("size             {} x {}", c.width, c.height);
-    println!("MSE              {:.6e}", c.mse);
-    println!("relative MSE     {:.6e}", c.rel_mse);
-    println!("PSNR             {psnr}");
-    println!("FLIP             {:.6}", c.flip);
-    println!("largest          {:.6} at {},{} ({} levels of 255)", c.max_abs, c.max_at[0], c.max_at[1], c.max_levels);
-    println!("different        {:.3} % of the pixels by more than {} levels", c.different * 100.0, c.threshold);
+    let [x, y] = c.max_at;
+    let rows = [
+        ("size", format!("{} x {}", c.width, c.height)),
+        ("MSE", format!("{:.6e}", c.mse)),
+        ("relative MSE", format!("{:.6e}", c.rel_mse)),
+        ("PSNR", psnr),
+        ("FLIP", format!("{:.6}", c.flip)),
+        ("largest", format!("{:.6} at {x},{y} ({} levels of 255)", c.max_abs, c.max_levels)),
+        ("different", format!("{:.3} % of the pixels by more than {} levels", c.different * 100.0, c.threshold)),
+    ];
+    rows.map(|(name, value)| format!("{name:16} {value}\n")).concat()
 }

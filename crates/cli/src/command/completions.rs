@@ -1,6 +1,7 @@
 //! `snell completions`.
 
 use crate::failure::Failure;
+use crate::standard_output;
 use std::process::ExitCode;
 
 /// Which shell.
@@ -12,6 +13,8 @@ pub struct Options {
 
 /// Prints the script.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
-    clap_complete::generate(options.shell, &mut crate::interface(), "snell", &mut std::io::stdout());
+    let mut script = Vec::new();
+    clap_complete::generate(options.shell, &mut crate::interface(), "snell", &mut script);
+    standard_output::write(&script)?;
     Ok(ExitCode::SUCCESS)
 }

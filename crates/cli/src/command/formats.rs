@@ -1,25 +1,28 @@
 //! `snell formats`.
 
 use crate::failure::Failure;
+use crate::standard_output;
 use snell_formats::SCENE_READERS;
 use snell_formats::image::IMAGE_FORMATS;
 use std::process::ExitCode;
 
 /// Lists the file formats.
 pub fn run() -> Result<ExitCode, Failure> {
-    println!("Scenes and meshes (read)");
+    let mut text = String::from("Scenes and meshes (read)\n");
     for reader in SCENE_READERS {
-        println!("  {:8} {:20} {}", reader.name, extensions(reader.extensions), reader.description);
+        text += &format!("  {:8} {:20} {}\n", reader.name, extensions(reader.extensions), reader.description);
     }
-    println!("\nPictures");
+    text += "\nPictures\n";
     for format in IMAGE_FORMATS {
         let use_ = match (format.reads(), format.writes()) {
             (true, true) => "reads, writes",
             (true, false) => "reads",
             _ => "writes",
         };
-        println!("  {:8} {:20} {:14} {}", format.name, extensions(format.extensions), use_, format.description);
+        text +=
+            &format!("  {:8} {:20} {:14} {}\n", format.name, extensions(format.extensions), use_, format.description);
     }
+    standard_output::write(text.as_bytes())?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -1,7 +1,9 @@
 //! `snell info`: what is in a scene file.
 
+mod text;
+
 use crate::failure::Failure;
-use crate::scene_source;
+use crate::{scene_source, standard_output};
 use serde_json::{Value, json};
 use snell_formats::ReadOptions;
 use snell_math::Bounds3d;
@@ -31,11 +33,8 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let scene = scene_source::load(&options.scene, &read)?;
     let bounds = scene.node_bounds().map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
     let facts = Facts { counts: Counts::of(&scene, &bounds), scene: &scene, bounds };
-    if options.json {
-        println!("{:#}", facts.json());
-    } else {
-        facts.print(options.nodes);
-    }
+    let text = if options.json { format!("{:#}\n", facts.json()) } else { facts.text(options.nodes) };
+    standard_output::write(text.as_bytes())?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -93,16 +92,20 @@ impl Facts<'_> {
             "environment": self.environment(),
             "cameras": scene.cameras,
             "warnings": scene.warnings.iter().map(|w| json!({ "message": w.message, "count": w.count })).collect::<Vec<_>>(),
-            "tree": self.tree_json(scene.root, 64),
+            "tree": self.tree_json(scene.root, 64, &mut HashSet::new()),
         })
     }
 
-    fn tree_json(&self, id: NodeId, depth: usize) -> Value {
+    /// The tree; a node that several nodes share is written out once, because a small file may use one node billions of times.
+    fn tree_json(&self, id: NodeId, depth: usize, shown: &mut HashSet<NodeId>) -> Value {
         let node = &self.scene.nodes[id.index()];
-        let children: Vec<_> = if depth == 0 {
+        if !shown.insert(id) {
+            return json!({ "id": id.0, "name": node.name, "shared": true });
+        }
+        let children: Vec<_> = if depth == 0 && !node.children.is_empty() {
             vec![json!("…")]
         } else {
-            node.children.iter().map(|&c| self.tree_json(c, depth - 1)).collect()
+            node.children.iter().map(|&c| self.tree_json(c, depth - 1, shown)).collect()
         };
         json!({
             "id": id.0, "name": node.name, "bounds": bounds_json(&self.bounds[&id]),
@@ -120,84 +123,6 @@ impl Facts<'_> {
             None => "none",
             Some(snell_scene::Environment::Constant(_)) => "constant",
             Some(snell_scene::Environment::Image { .. }) => "image",
-        }
-    }
-
-    fn print(&self, limit: usize) {
-        let (scene, counts) = (self.scene, &self.counts);
-        println!("{}", scene.name);
-        println!(
-            "{} nodes, {} meshes ({} triangles, {} vertices), {} shapes",
-            counts.nodes, counts.meshes, counts.triangles, counts.vertices, counts.shapes
-        );
-        let b = self.scene_bounds();
-        if b.is_empty() {
-            println!("bounds: nothing to see");
-        } else {
-            println!("bounds: {:.4} to {:.4}, size {:.4}", b.min, b.max, b.size());
-        }
-        if counts.degenerate > 0 {
-            println!("{} degenerate or non-finite triangles, which are never hit", counts.degenerate);
-        }
-        println!("\nTree");
-        let mut left = limit;
-        self.print_node(scene.root, 1, &mut left, &mut HashSet::new());
-        self.print_tables();
-        if !scene.warnings.is_empty() {
-            println!("\nWarnings");
-            for warning in &scene.warnings {
-                println!("  {} ({}x)", warning.message, warning.count);
-            }
-        }
-    }
-
-    fn print_node(&self, id: NodeId, depth: usize, left: &mut usize, shown: &mut HashSet<NodeId>) {
-        let indent = "  ".repeat(depth.min(40));
-        if *left == 0 {
-            return;
-        }
-        *left -= 1;
-        if *left == 0 {
-            println!("{indent}… (more with --nodes N)");
-            return;
-        }
-        let node = &self.scene.nodes[id.index()];
-        let name = if node.name.is_empty() { format!("node {}", id.0) } else { node.name.clone() };
-        let surfaces: Vec<_> = node.surfaces.iter().map(|s| describe(&s.geometry)).collect();
-        let again = !shown.insert(id) && !node.children.is_empty();
-        println!("{indent}{name}  {}{}", surfaces.join(", "), if again { "(shared, shown above)" } else { "" });
-        if !again && depth < 200 {
-            for &child in &node.children {
-                self.print_node(child, depth + 1, left, shown);
-            }
-        }
-    }
-
-    fn print_tables(&self) {
-        let scene = self.scene;
-        if !scene.materials.is_empty() {
-            println!("\nMaterials");
-            for (i, material) in scene.materials.iter().enumerate() {
-                let emits = if material.is_emissive() { ", emits" } else { "" };
-                println!("  {i} \"{}\" {}{emits}", material.name, material.kind.name());
-            }
-        }
-        if !scene.images.is_empty() {
-            println!("\nImages");
-            for (i, image) in scene.images.iter().enumerate() {
-                println!("  {i} {}x{}, {} channels", image.width, image.height, image.channels);
-            }
-        }
-        println!("\nLights: {} and environment: {}", scene.lights.len(), self.environment());
-        for (i, light) in scene.lights.iter().enumerate() {
-            println!("  {i} {}", light.name());
-        }
-        println!(
-            "\nCameras{}",
-            if scene.cameras.is_empty() { ": none (one is made that frames the scene)" } else { "" }
-        );
-        for (i, camera) in scene.cameras.iter().enumerate() {
-            println!("  {i} \"{}\" at {:.3} towards {:.3}", camera.name, camera.eye, camera.towards);
         }
     }
 }

@@ -9,8 +9,9 @@ pub use options::Options;
 use crate::failure::Failure;
 use crate::progress::Reporter;
 use crate::{overrides, scene_source};
+use snell_formats::error::one_line;
 use snell_math::simd::Level;
-use snell_render::{CompiledScene, Job, Settings, Statistics};
+use snell_render::{CompiledScene, IntegratorKind, Job, Settings, Statistics};
 use snell_scene::{Camera, Scene};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -28,6 +29,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     prepare_scene(&mut scene, options)?;
     let camera = choose_camera(&scene, options)?;
     let settings = options.settings(&scene, &camera, simd)?;
+    let tonemap = options.tonemap(&scene)?;
     let load_seconds = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
@@ -37,8 +39,9 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !options.quiet {
         for warning in scene.warnings.iter().chain(&compiled.warnings) {
             let times = if warning.count > 1 { format!(" ({} times)", warning.count) } else { String::new() };
-            eprintln!("warning: {}{times}", warning.message);
+            eprintln!("warning: {}{times}", one_line(&warning.message));
         }
+        warn_of_lost_layers(options, &settings);
     }
 
     let interrupted = Arc::new(AtomicBool::new(false));
@@ -54,6 +57,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         scene: &scene,
         compiled: &compiled,
         settings: &settings,
+        tonemap,
         statistics,
         film: &film,
         load_seconds,
@@ -79,6 +83,16 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         return Ok(ExitCode::from(130));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Only OpenEXR holds layers. The integrator `aov` shows its first one in any format.
+fn warn_of_lost_layers(options: &Options, settings: &Settings) {
+    let extension = options.output.as_ref().and_then(|path| path.extension());
+    let shown = usize::from(settings.integrator == IntegratorKind::Aov);
+    let asked = settings.aovs.len() > shown || options.variance;
+    if asked && !extension.is_some_and(|e| e.eq_ignore_ascii_case("exr")) {
+        eprintln!("warning: only OpenEXR holds layers and variance; write the picture to a file.exr to have them");
+    }
 }
 
 fn prepare_scene(scene: &mut Scene, options: &Options) -> Result<(), Failure> {

@@ -1,15 +1,18 @@
 //! `snell scenes`.
 
 use crate::failure::Failure;
+use crate::standard_output;
 use snell_scene::builtin::BUILTINS;
 use std::process::ExitCode;
 
 /// Lists the built-in scenes.
 pub fn run() -> Result<ExitCode, Failure> {
     let width = BUILTINS.iter().map(|b| b.name.len()).max().unwrap_or(0);
+    let mut text = String::new();
     for builtin in BUILTINS {
-        println!("{:width$}  {}", builtin.name, builtin.description);
+        text += &format!("{:width$}  {}\n", builtin.name, builtin.description);
     }
-    println!("\nRender one with `snell render NAME`.");
+    text += "\nRender one with `snell render NAME`.\n";
+    standard_output::write(text.as_bytes())?;
     Ok(ExitCode::SUCCESS)
 }

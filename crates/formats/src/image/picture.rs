@@ -35,7 +35,7 @@ pub fn check_size(input: &Input, width: u64, height: u64, bytes_per_pixel: u64) 
         return Err(input.error(
             Place::Whole,
             format!("the image declares {width} x {height} pixels, more than the limit of {limit}"),
-            "scale the image down, or raise the limit if the size is true",
+            "scale the image down, or cut it into parts",
         ));
     };
     let plausible = (input.bytes.len() as u64).saturating_mul(MAX_EXPANSION).saturating_add(ALWAYS_ALLOWED_BYTES);

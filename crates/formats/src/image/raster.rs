@@ -59,7 +59,7 @@ fn decode_error(input: &Input, error: &ImageError) -> ReadError {
         ImageError::Limits(_) => input.error(
             Place::Whole,
             format!("the image declares more than the limit of {} pixels", input.options.limits.image_pixels),
-            "scale the image down, or raise the limit if the size is true",
+            "scale the image down, or cut it into parts",
         ),
         other => {
             input.error(Place::Whole, format!("the image is damaged or cut off: {other}"), "export the image again")

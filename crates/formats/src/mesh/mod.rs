@@ -30,25 +30,31 @@ use snell_math::Vec3;
 use snell_scene::{Geometry, Node, Scene, Surface};
 use std::sync::Arc;
 
+/// What a mesh format does with a file.
+type Parse = fn(&Input, &mut Notes) -> Result<TriangleMesh, ReadError>;
+
+/// All mesh formats, in the order in which contents are tried, each with its reader of scenes and its reader of bare meshes. Formats
+/// that nothing marks for certain come last.
+pub(crate) const FORMATS: &[(SceneReader, Parse)] = &[
+    (ply::READER, ply::parse),
+    (off::READER, off::parse),
+    (stl::READER, stl::parse),
+    (ray::READER, ray::parse),
+    (obj::READER, obj::parse_mesh),
+];
+
 /// Reads a mesh file as one mesh, without materials, for files that name mesh files. The format is chosen by content, then by
 /// extension. Normals are those of the file; a mesh without is shaded flat ([`smooth_normals`] makes some).
 pub fn read_mesh(input: &Input) -> Result<TriangleMesh, ReadError> {
-    type Parse = fn(&Input, &mut Notes) -> Result<TriangleMesh, ReadError>;
-    let formats: [(SceneReader, Parse); 5] = [
-        (ply::READER, ply::parse),
-        (off::READER, off::parse),
-        (stl::READER, stl::parse),
-        (ray::READER, ray::parse),
-        (obj::READER, obj::parse_mesh),
-    ];
     let extension = input.extension();
-    let by_content = formats.iter().find(|(reader, _)| (reader.recognises)(&input.bytes));
-    let by_extension = || formats.iter().find(|(reader, _)| reader.extensions.contains(&extension.as_str()));
+    let by_content = FORMATS.iter().find(|(reader, _)| (reader.recognises)(&input.bytes));
+    let by_extension = || FORMATS.iter().find(|(reader, _)| reader.extensions.contains(&extension.as_str()));
     let Some((_, parse)) = by_content.or_else(by_extension) else {
+        let names: Vec<_> = FORMATS.iter().map(|(reader, _)| reader.name).collect();
         return Err(input.error(
             crate::Place::Whole,
             "this is not a mesh format that Snell knows, neither by its content nor by its extension",
-            "use one of: ply, off, stl, ray, obj",
+            format!("use one of: {}", names.join(", ")),
         ));
     };
     parse(input, &mut Notes::default())
@@ -96,7 +102,7 @@ fn too_many(input: &Input, what: &str) -> ReadError {
     input.error(
         crate::Place::Whole,
         format!("more than {} {what}, the limit", input.options.limits.elements),
-        "split the file, or raise the limit on elements",
+        "split the file",
     )
 }
 

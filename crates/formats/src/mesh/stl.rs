@@ -11,7 +11,7 @@ use super::too_many;
 use super::weld::Welder;
 use crate::{Input, Place, ReadError, SceneReader};
 use snell_intersect::TriangleMesh;
-use snell_math::Vec3;
+use snell_math::{DVec3, Vec3};
 
 /// The reader of STL files.
 pub const READER: SceneReader = SceneReader {
@@ -23,7 +23,10 @@ pub const READER: SceneReader = SceneReader {
         let mut notes = Notes::default();
         let mut mesh = parse(input, &mut notes)?;
         normals::smooth(&mut mesh, normals::CREASE_ANGLE, &[]);
-        Ok(super::scene_of(input, mesh, notes))
+        let mut scene = super::scene_of(input, mesh, notes);
+        // The programs that write STL, for machines that build in layers, stand things on the xy plane.
+        scene.settings.up = Some(DVec3::Z);
+        Ok(scene)
     },
 };
 

@@ -8,3 +8,6 @@ mod shapes;
 #[cfg(test)]
 mod testing;
 mod tokens;
+
+/// The readers of scene files, in the order in which contents are tried.
+pub const READERS: &[crate::SceneReader] = &[gltf::READER, minray::READER, nff::READER, scn::READER];

@@ -148,6 +148,26 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
 }
 
 /// A closed latitude-longitude sphere around `center`, normals outward.
+/// The lecture keeps the last hit in the node to test it first: a data race, and answers that depend on who asked before.
+#[test]
+fn errata_e8_a_world_keeps_nothing_between_rays_and_is_shared_by_threads() {
+    let world = default_world(nested_scene(8));
+    let mut random = Random(88);
+    let rays: Vec<Ray> = (0..2000).map(|_| Ray::new(random.point(3.0), random.direction())).collect();
+    let alone: Vec<_> = rays.iter().map(|r| bits(&world.closest_one(r, &AcceptAll))).collect();
+    assert!(alone.iter().collect::<std::collections::BTreeSet<_>>().len() > 20, "rays must hit different things");
+    std::thread::scope(|scope| {
+        for step in [1, 7, 13, 1999] {
+            let (world, rays, alone) = (&world, &rays, &alone);
+            scope.spawn(move || {
+                for i in (0..rays.len()).map(|i| i * step % rays.len()) {
+                    assert_eq!(bits(&world.closest_one(&rays[i], &AcceptAll)), alone[i], "ray {i}, every {step}th");
+                }
+            });
+        }
+    });
+}
+
 fn sphere_mesh(center: Vec3, radius: f32, rings: u32, segments: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     let mut add = |z: f64, r: f64, phi: f64| {
@@ -377,7 +397,7 @@ fn normals_point_outward_under_every_transform() {
 }
 
 #[test]
-fn directions_keep_their_parameter_and_normals_do_not_follow_directions() {
+fn errata_e5_directions_keep_their_parameter_and_normals_do_not_follow_directions() {
     // The lecture transforms directions by the inverse transpose; that is for normals only.
     let shear = DMat3::from_cols(DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Z);
     let placed = Transform::new(DAffine3 { matrix3: shear, translation: DVec3::ZERO }).expect("invertible");

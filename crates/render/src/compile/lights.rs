@@ -9,6 +9,11 @@ use snell_scene::{Light, Material, MaterialId, Scene};
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
+/// Work and memory for the table of emissive surfaces: a small file may place an emissive mesh billions of times.
+const BUDGET: u64 = 1 << 30;
+const COST_OF_INSTANCE: u64 = 256;
+const COST_OF_TRIANGLE: u64 = 64;
+
 /// One light of the table.
 #[derive(Debug)]
 pub enum CompiledLight {
@@ -29,6 +34,7 @@ pub struct LightTable {
     /// Position of the environment.
     pub environment: Option<usize>,
     by_surface: HashMap<(u32, u32), usize>,
+    spent: u64,
 }
 
 impl LightTable {
@@ -57,6 +63,12 @@ impl LightTable {
         table
     }
 
+    /// False if the scene has more emissive surfaces than the table lists. The others give light too, but only to rays that find
+    /// them by chance.
+    pub fn is_complete(&self) -> bool {
+        self.spent <= BUDGET
+    }
+
     fn push(&mut self, light: CompiledLight, power: f64) {
         self.lights.push(light);
         self.powers.push(if power.is_finite() && power > 0.0 { power } else { 0.0 });
@@ -77,14 +89,18 @@ impl LightTable {
         world_from_group: &Transform,
     ) {
         let contents = world.group(group);
+        self.spent += COST_OF_INSTANCE;
         for &id in &contents.geometries {
             let material = |primitive| &materials[surfaces.material(world, instance, id.0, primitive).index()];
-            if emissive.geometries[id.0 as usize] {
+            if emissive.geometries[id.0 as usize] && self.is_complete() {
                 self.add_surface(world, id, instance, world_from_group, material);
             }
         }
         let mut next = instance + 1;
         for child in &contents.instances {
+            if !self.is_complete() {
+                return;
+            }
             if emissive.groups[child.child.0 as usize] {
                 let placed = world_from_group.compose(&child.group_from_child);
                 self.add_surfaces(world, surfaces, materials, emissive, child.child, next, &placed);
@@ -105,6 +121,7 @@ impl LightTable {
             Geometry::Mesh(mesh) => {
                 let emits = |t: &u32| is_light(material(*t));
                 let triangles: Vec<u32> = (0..mesh.indices.len() as u32).filter(emits).collect();
+                self.spent += mesh.indices.len() as u64 + COST_OF_TRIANGLE * triangles.len() as u64;
                 let Some(&first) = triangles.first() else { return };
                 let geometry = EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles };
                 (geometry, *world_from_group, material(first))

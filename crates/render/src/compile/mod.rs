@@ -78,13 +78,20 @@ impl CompiledScene {
         let bounds = finite_part(&scene_bounds(&world));
         let environment = scene.environment.as_ref().map(EnvironmentLight::new);
         let lights = LightTable::new(scene, &world, &surfaces, &materials, environment.as_ref(), bounds.radius());
+        if !lights.is_complete() {
+            let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
+            Warning::note(&mut warnings, message.into(), 1);
+        }
         let radius = bounds.radius() as f32;
         Ok(Self {
             materials,
             textures: TextureSet::new(&scene.textures, &scene.images),
             environment,
-            background: scene.background,
-            ambient: mode.illuminant(scene.ambient),
+            background: match scene.background {
+                Background::Color(color) => Background::Color(color.map(sane)),
+                other => other,
+            },
+            ambient: mode.illuminant(scene.ambient.map(sane)),
             mode,
             center: if bounds.is_empty() { Vec3::ZERO } else { bounds.center().as_vec3() },
             radius: if radius > 0.0 { radius } else { 1.0 },
@@ -152,6 +159,11 @@ impl HitFilter for CompiledScene {
         let u = rng::to_unit(rng::hash_combine(rng::hash_combine(a ^ b, bits(ray.origin)[0]), hit.t.to_bits()));
         material.is_present(ray.direction, &self.shading_point(&surface, 0.0), u)
     }
+}
+
+/// Light that is negative or not finite counts as none, as in lights and environments.
+fn sane(x: f32) -> f32 {
+    if x.is_finite() { x.max(0.0) } else { 0.0 }
 }
 
 fn scene_bounds(world: &World) -> Bounds3d {

@@ -196,10 +196,7 @@ impl Compiler<'_> {
     }
 
     fn warn(&mut self, message: String) {
-        match self.warnings.iter_mut().find(|w| w.message == message) {
-            Some(warning) => warning.count += 1,
-            None => self.warnings.push(Warning { message, count: 1 }),
-        }
+        Warning::note(self.warnings, message, 1);
     }
 
     /// Puts a node's surfaces, and those of the nodes that only it holds, into `group`. `inherited` is the material from above.
@@ -283,10 +280,7 @@ impl Compiler<'_> {
         let degenerate = mesh.degenerate_triangles();
         if degenerate > 0 {
             let message = "degenerate or non-finite triangles are never hit".to_string();
-            match self.warnings.iter_mut().find(|w| w.message == message) {
-                Some(warning) => warning.count += degenerate as u64,
-                None => self.warnings.push(Warning { message, count: degenerate as u64 }),
-            }
+            Warning::note(self.warnings, message, degenerate as u64);
         }
         let id = self.builder.add_mesh(group, mesh.clone());
         debug_assert_eq!(index(id), self.table.geometries.len());

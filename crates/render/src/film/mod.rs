@@ -216,7 +216,9 @@ impl Film {
                             let value = match kind {
                                 AovKind::Averaged => {
                                     let (mean, of_mean) = tile.estimate(pixel, channel);
-                                    (if variance { of_mean } else { mean }) as f32
+                                    // The square of a large number may not fit.
+                                    let value = if variance { of_mean } else { mean };
+                                    value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
                                 }
                                 AovKind::First if variance => 0.0,
                                 AovKind::First => tile.first[pixel * (tile.channels - 4) + channel - 4],

@@ -84,7 +84,7 @@ fn add_light_sample(
     if shading.is_delta() {
         return;
     }
-    let Some((light, probability)) = context.lights.sample(vertex.random.number(dimension::LIGHT_CHOICE)) else {
+    let Some((light, probability)) = context.lights.sample(|| vertex.random.number(dimension::LIGHT_CHOICE)) else {
         return;
     };
     if context.scene.environment_light() == Some(light) && !environment_is_sampled(context) {

@@ -17,6 +17,9 @@ use snell_scene::{Background, Camera};
 /// Most rays of one depth that are traced at once; more (of ray trees) are handled in pieces.
 const MAX_BATCH: usize = 1 << 16;
 
+/// Most rays of one sample's ray tree: those of clear glass would grow without end. A tree of depth 9 is smaller.
+const MAX_TREE: u32 = 1024;
+
 /// Renders parts, reusing its buffers.
 pub struct PartRenderer<'a> {
     context: Context<'a>,
@@ -37,9 +40,15 @@ pub struct PartRenderer<'a> {
 #[derive(Clone, Copy)]
 struct Sample {
     random: Random,
+    /// Found at vertices.
     radiance: SampledSpectrum,
+    /// Brought by light rays. Summed apart, because how the two alternate depends on where a batch of many samples is cut into
+    /// pieces, and the bits of a sample must not depend on its neighbours.
+    brought: SampledSpectrum,
     alpha: f32,
     weight: f32,
+    /// Rays sent on so far.
+    rays: u32,
 }
 
 impl<'a> PartRenderer<'a> {
@@ -95,7 +104,8 @@ impl<'a> PartRenderer<'a> {
                     let (ray, state, weight) =
                         camera_path(self.context.scene, self.camera, settings, self.filter, [x, y], &random);
                     let index = self.samples.len() as u32;
-                    self.samples.push(Sample { random, radiance: SampledSpectrum::ZERO, alpha: 1.0, weight });
+                    let (radiance, brought) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
+                    self.samples.push(Sample { random, radiance, brought, alpha: 1.0, weight, rays: 0 });
                     self.paths.push(ray, state, index);
                 }
             }
@@ -203,6 +213,11 @@ impl<'a> PartRenderer<'a> {
         for (ray, value) in self.outputs.light_rays.drain(..) {
             self.light_rays.push(ray, value, sample);
         }
+        let is_branched = state.stream != 0;
+        if is_branched && self.samples[sample as usize].rays > MAX_TREE {
+            self.outputs.next.clear();
+        }
+        self.samples[sample as usize].rays += self.outputs.next.len() as u32;
         for (ray, state) in self.outputs.next.drain(..) {
             self.next.push(ray, state, sample);
         }
@@ -217,7 +232,7 @@ impl<'a> PartRenderer<'a> {
         self.context.scene.world.occluded(&rays.rays, filter, &mut rays.blocked);
         for ((&sample, &value), &blocked) in rays.samples.iter().zip(&rays.values).zip(&rays.blocked) {
             if !blocked {
-                self.samples[sample as usize].radiance += value;
+                self.samples[sample as usize].brought += value;
             }
         }
     }
@@ -225,9 +240,10 @@ impl<'a> PartRenderer<'a> {
     fn finish(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
         let mode = self.context.scene.mode;
         let values = self.samples.iter().map(|sample| {
-            let finite = sample.radiance.is_finite();
+            let radiance = sample.radiance + sample.brought;
+            let finite = radiance.is_finite();
             statistics.invalid_samples += u64::from(!finite);
-            let radiance = if finite { sample.radiance } else { SampledSpectrum::ZERO };
+            let radiance = if finite { radiance } else { SampledSpectrum::ZERO };
             FilmSample { color: mode.to_rgb(radiance), alpha: sample.alpha, weight: sample.weight }
         });
         let values = values.collect();

@@ -31,7 +31,7 @@ pub const BUILTINS: &[Builtin] = &[
     },
     Builtin {
         name: "minray",
-        description: "Heckbert's business card ray tracer: five spheres, two of them lamps",
+        description: "Heckbert's business card ray tracer: five spheres, three of which shine",
         make: minray::scene,
     },
     Builtin {

@@ -1,12 +1,12 @@
-//! A view that shows a box as large as possible.
+//! A view that shows a box, or what is inside of it, as large as possible.
 
 use crate::camera::{Camera, Projection};
 use snell_math::{Bounds3d, DVec3};
 
 /// Tangent of half the angle of view across the smaller side of the picture: 34 degrees in all, about a 60 mm lens.
 const TAN_HALF_FOV: f64 = 0.3057;
-/// Share of the picture, from the middle to the edges, that the box may take.
-const FILL: f64 = 0.92;
+/// Share of the picture, from the middle to the edges, that things may take.
+const FILL: f64 = 0.88;
 /// How far the view comes from the right and from above, radians.
 const AZIMUTH: f64 = 0.5;
 const ELEVATION: f64 = 0.3;
@@ -18,30 +18,73 @@ const ELEVATION: f64 = 0.3;
 /// given some extent. The camera is focused on the middle of the box.
 pub fn frame(bounds: &Bounds3d, up: DVec3, aspect: f64) -> Camera {
     let bounds = sane(bounds);
+    frame_content(&bounds, up, aspect, |directions| Extent::of_box(&bounds, directions))
+}
+
+/// Like [`frame`], but fits what is inside of the box: `extent` tells how far that reaches in some directions.
+pub(super) fn frame_content(
+    bounds: &Bounds3d,
+    up: DVec3,
+    aspect: f64,
+    extent: impl Fn(&[DVec3; 4]) -> Extent,
+) -> Camera {
+    let given = *bounds;
+    let bounds = sane(bounds);
     let aspect = if aspect > 0.0 && aspect.is_finite() { aspect.clamp(1e-3, 1e3) } else { 4.0 / 3.0 };
-    let center = bounds.center();
-    let scale = bounds.radius();
     let (tan_x, tan_y) =
         if aspect >= 1.0 { (TAN_HALF_FOV * aspect, TAN_HALF_FOV) } else { (TAN_HALF_FOV, TAN_HALF_FOV / aspect) };
     let projection = Projection::Perspective {
         tan_half_fov: if aspect >= 1.0 { [None, Some(TAN_HALF_FOV)] } else { [Some(TAN_HALF_FOV), None] },
     };
     let up = up.try_normalize().filter(|u| u.is_finite()).unwrap_or(DVec3::Y);
+    let center = bounds.center();
     let mut camera = Camera::from_direction(center, -from_object(up), up, projection);
     let (right, up, towards) = (camera.right(), camera.up, camera.towards);
-    // Corners in units of the box's size, in the camera's axes, around the box's middle.
-    let corners: [DVec3; 8] = std::array::from_fn(|i| {
-        let pick = |axis: usize| if i >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
-        let d = (DVec3::new(pick(0), pick(1), pick(2)) - center) / scale;
-        DVec3::new(d.dot(right), d.dot(up), d.dot(towards))
-    });
-    // The middle of the box stays in the middle of the picture: round objects would sit too high if the corners decided that too.
-    let needed = |c: &DVec3| (c.x.abs() / tan_x).max(c.y.abs() / tan_y) / FILL - c.z;
-    let distance = corners.iter().map(needed).fold(0.0, f64::max) * scale;
-    camera.eye = center - towards * distance;
-    camera.focus_distance = distance;
+    let (tan_x, tan_y) = (tan_x * FILL, tan_y * FILL);
+    let normals =
+        [right - towards * tan_x, -right - towards * tan_x, up - towards * tan_y, -up - towards * tan_y];
+    let offset = |extent: &Extent| std::array::from_fn(|i| extent.reach[i] - normals[i].dot(center));
+    let fits = |reach: &[f64; 4]| reach.iter().all(|r| r.is_finite()) && bounds == given;
+    let content = Some(offset(&extent(&normals))).filter(fits);
+    let [x1, x2, y1, y2]: [f64; 4] = content.unwrap_or_else(|| offset(&Extent::of_box(&bounds, &normals)));
+    // The sides of the pyramid of view, touched by the content from inside: `x - tan z <= reach`, relative to the box's middle. The
+    // apex lies where opposite sides meet, no nearer than the other pair allows.
+    let back = ((x1 + x2) / (2.0 * tan_x)).max((y1 + y2) / (2.0 * tan_y));
+    let back = back.max(bounds.radius() * 1e-3);
+    camera.eye = center + right * ((x1 - x2) / 2.0) + up * ((y1 - y2) / 2.0) - towards * back;
+    camera.focus_distance = back;
     camera.name = "default".into();
     camera
+}
+
+/// How far something reaches in each of four directions: the largest dot product of its points with them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extent {
+    pub reach: [f64; 4],
+}
+
+impl Extent {
+    /// Of nothing.
+    pub const EMPTY: Self = Self { reach: [f64::NEG_INFINITY; 4] };
+
+    /// Of a box.
+    pub fn of_box(bounds: &Bounds3d, directions: &[DVec3; 4]) -> Self {
+        if bounds.is_empty() {
+            return Self::EMPTY;
+        }
+        let (center, half) = (bounds.center(), bounds.size() / 2.0);
+        Self { reach: directions.map(|d| d.dot(center) + d.abs().dot(half)) }
+    }
+
+    /// Of both.
+    pub fn union(self, other: Self) -> Self {
+        Self { reach: std::array::from_fn(|i| self.reach[i].max(other.reach[i])) }
+    }
+
+    /// Of the thing moved by a vector.
+    pub fn moved(self, by: DVec3, directions: &[DVec3; 4]) -> Self {
+        Self { reach: std::array::from_fn(|i| self.reach[i] + directions[i].dot(by)) }
+    }
 }
 
 /// The direction from the object to the camera.

@@ -10,7 +10,7 @@ use std::sync::Arc;
 const SIZE: [u32; 2] = [256, 128];
 
 /// Mean luminance: most of the light comes from above, where a white level surface then shows a radiance of about 1.
-const MEAN: f64 = 0.6;
+const MEAN: f64 = 0.42;
 
 /// The studio, seen along `-z` with `+y` up. A grey of 0.5 is well exposed under it.
 pub fn default_sky() -> Environment {
@@ -55,10 +55,10 @@ pub fn sky_seen_by(camera: &Camera, up: DVec3) -> Environment {
 /// Linear radiance from a unit direction, before scaling to the mean.
 fn radiance(d: DVec3) -> [f32; 3] {
     // From the floor over the horizon to the ceiling.
-    let gradient = 0.35 + 0.45 * smooth(-0.3, 0.9, d.y);
-    let key = soft_box(d, DVec3::new(-0.55, 0.65, 0.55), 0.55, 6.5);
-    let fill = soft_box(d, DVec3::new(0.9, 0.25, 0.3), 0.5, 0.9);
-    let rim = soft_box(d, DVec3::new(0.5, 0.5, -0.8), 0.35, 1.6);
+    let gradient = 0.18 + 0.36 * smooth(-0.4, 0.9, d.y);
+    let key = soft_box(d, DVec3::new(-0.55, 0.65, 0.55), 0.55, 8.0);
+    let fill = soft_box(d, DVec3::new(0.9, 0.25, 0.3), 0.5, 0.5);
+    let rim = soft_box(d, DVec3::new(0.5, 0.5, -0.8), 0.35, 1.8);
     // The key is a trifle warm, the others a trifle cool.
     let channel = |warm: f64, cool: f64| (gradient + key * warm + (fill + rim) * cool) as f32;
     [channel(1.02, 0.98), channel(1.0, 1.0), channel(0.96, 1.03)]

@@ -5,7 +5,7 @@
 //! of the cell (a rectangle in longitude and height). So the density is constant over each cell and finite at the poles.
 
 use crate::graph::Environment;
-use crate::image::{Encoding, Image, Pixels};
+use crate::image::Image;
 use snell_math::distribution::Distribution1D;
 use snell_math::{ColorMode, DMat3, DVec3, Mat3, Rgb, SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::{FRAC_1_PI, TAU};
@@ -27,13 +27,16 @@ enum Kind {
 
 #[derive(Debug)]
 struct ImageLight {
-    /// Linear, 32-bit floats.
-    image: Arc<Image>,
-    scale: Rgb,
+    width: usize,
+    height: usize,
+    /// Scaled radiance, row by row from the zenith.
+    texels: Vec<Rgb>,
     world_from_environment: Mat3,
     /// Choice of a row of the table, then of a column in it.
     rows: Distribution1D,
     columns: Vec<Distribution1D>,
+    /// Cosines of the polar angles of the edges of the rows.
+    edges: Vec<f64>,
 }
 
 impl EnvironmentLight {
@@ -103,9 +106,9 @@ fn sane(x: f32) -> f32 {
 impl ImageLight {
     /// The light and its mean luminance.
     fn new(image: &Arc<Image>, scale: Rgb, matrix: DMat3) -> (Self, f64) {
-        let image = linear_floats(image);
-        let luminance = smoothed_luminance(&image, scale);
+        let texels = texels(image, scale);
         let (w, h) = (image.width as usize, image.height as usize);
+        let luminance = smoothed_luminance(&texels, w, h);
         let [columns, rows] = [w.min(MAX_TABLE[0]), h.min(MAX_TABLE[1])];
         let mut table = Vec::with_capacity(rows);
         let mut sums = Vec::with_capacity(rows);
@@ -126,8 +129,9 @@ impl ImageLight {
         let floor = FLOOR * (mean_luminance / rows as f64) as f32;
         let sums: Vec<f32> = sums.iter().map(|&s| if s > 0.0 { s.max(floor) } else { 0.0 }).collect();
         let world_from_environment = rotation(matrix);
+        let edges = (0..=rows).map(|row| row_cos(row, rows)).collect();
         let rows = Distribution1D::new(&sums);
-        (Self { image, scale, world_from_environment, rows, columns: table }, mean_luminance)
+        (Self { width: w, height: h, texels, world_from_environment, rows, columns: table, edges }, mean_luminance)
     }
 
     /// Longitude and latitude of a direction as a point of the unit square.
@@ -141,21 +145,21 @@ impl ImageLight {
 
     fn radiance(&self, direction: Vec3) -> Rgb {
         let p = self.to_square(direction);
-        let x = p.x * self.image.width as f32 - 0.5;
-        let y = p.y * self.image.height as f32 - 0.5;
+        let x = p.x * self.width as f32 - 0.5;
+        let y = p.y * self.height as f32 - 0.5;
         let (fx, fy) = (x - x.floor(), y - y.floor());
-        let (x, y) = (x.floor() as i64, y.floor() as i64);
-        let texel = |dx, dy| texel(&self.image, x + dx, y + dy);
-        let upper = texel(0, 0) * (1.0 - fx) + texel(1, 0) * fx;
-        let lower = texel(0, 1) * (1.0 - fx) + texel(1, 1) * fx;
-        (upper * (1.0 - fy) + lower * fy) * self.scale
+        // Around the sides, and clamped at the poles.
+        let around = |x: f32| if x < 0.0 { self.width - 1 } else { x as usize % self.width };
+        let columns = [around(x.floor()), around(x.floor() + 1.0)];
+        let row = |y: f32| (y.max(0.0) as usize).min(self.height - 1) * self.width;
+        let blend = |row: usize| self.texels[row + columns[0]] * (1.0 - fx) + self.texels[row + columns[1]] * fx;
+        blend(row(y.floor())) * (1.0 - fy) + blend(row(y.floor() + 1.0)) * fy
     }
 
     fn sample(&self, u: Vec2) -> (Vec3, f32) {
         let (row, v) = self.rows.sample(u.y);
         let (column, s) = self.columns[row].sample(u.x);
-        let rows = self.columns.len();
-        let (top, bottom) = (row_cos(row, rows), row_cos(row + 1, rows));
+        let (top, bottom) = (self.edges[row], self.edges[row + 1]);
         let cos = top + (bottom - top) * f64::from(v);
         let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
         let phi = ((column as f64 + f64::from(s)) / self.columns[row].len() as f64 - 0.5) * (2.0 * PI64);
@@ -172,8 +176,7 @@ impl ImageLight {
     }
 
     fn cell_pdf(&self, row: usize, column: usize) -> f32 {
-        let rows = self.columns.len();
-        let height = (row_cos(row, rows) - row_cos(row + 1, rows)) as f32;
+        let height = (self.edges[row] - self.edges[row + 1]) as f32;
         let solid_angle = TAU / self.columns[row].len() as f32 * height;
         self.rows.probability(row) * self.columns[row].probability(column) / solid_angle
     }
@@ -197,32 +200,19 @@ fn rotation(m: DMat3) -> Mat3 {
     orthonormal().unwrap_or(DMat3::IDENTITY).as_mat3()
 }
 
-/// The image as linear floats, shared if it is that already.
-fn linear_floats(image: &Arc<Image>) -> Arc<Image> {
-    if matches!(image.pixels, Pixels::F32(_)) && image.encoding == Encoding::Linear {
-        return Arc::clone(image);
-    }
-    let values = (0..image.height)
-        .flat_map(|y| (0..image.width).flat_map(move |x| image.rgba(x, y).into_iter().take(3)))
-        .collect();
-    Arc::new(Image::from_f32(image.width, image.height, 3, values))
-}
-
-/// A texel, around the sides and clamped at the poles.
-fn texel(image: &Image, x: i64, y: i64) -> Rgb {
-    let x = x.rem_euclid(image.width.into()) as u32;
-    let y = y.clamp(0, i64::from(image.height) - 1) as u32;
-    let [r, g, b, _] = image.rgba_as(x, y, Encoding::Linear);
-    Rgb::new(sane(r), sane(g), sane(b))
+/// Scaled radiance of every texel.
+fn texels(image: &Image, scale: Rgb) -> Vec<Rgb> {
+    let texel = |x, y| {
+        let [r, g, b, _] = image.rgba(x, y);
+        (Rgb::new(sane(r), sane(g), sane(b)) * scale).map(sane)
+    };
+    (0..image.height).flat_map(|y| (0..image.width).map(move |x| texel(x, y))).collect()
 }
 
 /// Mean luminance over each texel's square of the bilinear interpolation: the image filtered by `[1 6 1] / 8` both ways. It is
 /// positive wherever any of the interpolated radiance is.
-fn smoothed_luminance(image: &Image, scale: Rgb) -> Vec<f32> {
-    let (w, h) = (image.width as usize, image.height as usize);
-    let plain: Vec<f32> = (0..h)
-        .flat_map(|y| (0..w).map(move |x| sane((texel(image, x as i64, y as i64) * scale).luminance())))
-        .collect();
+fn smoothed_luminance(texels: &[Rgb], w: usize, h: usize) -> Vec<f32> {
+    let plain: Vec<f32> = texels.iter().map(|t| sane(t.luminance())).collect();
     let filter = |a: f32, b: f32, c: f32| (a + c) * 0.125 + b * 0.75;
     let mut across = Vec::with_capacity(w * h);
     for row in plain.chunks_exact(w) {

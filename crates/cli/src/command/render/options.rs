@@ -22,104 +22,133 @@ pub const DEFAULT_SIZE: [u32; 2] = [960, 720];
 /// Most samples per pixel that a time limit alone allows.
 const SPP_OF_TIME_LIMIT: u32 = 1 << 16;
 
+/// How values are stored in display formats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum DisplayEncoding {
+    /// With the sRGB curve.
+    Srgb,
+    /// Linear values, clamped.
+    Linear,
+}
+
+/// Most samples per pixel.
+const MAX_SPP: u32 = 1 << 24;
+
+/// Most pixels of a picture: as many as Snell would read back.
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// What to try, under the help.
+const EXAMPLES: &str = "Examples:
+  snell render                                    the Cornell box, as cornell-box.png
+  snell render model.glb -o model.png             a camera and a sky are made if the file has none
+  snell render scene.gltf --time 1m -o a.exr      as good as it gets in a minute, in linear light
+  snell render mesh.ply -i ao --size 800x600      ambient occlusion
+  snell render a.obj --environment studio.hdr     light from all around
+Ctrl-C ends a render early and saves what is there.";
+
 /// Options of `snell render`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub struct Options {
     /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
     #[arg(default_value = "cornell-box")]
     pub scene: String,
     /// Picture to write; the extension decides the format, `-` is standard output (PNG). Default: the scene's name with .png
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", help_heading = "The picture")]
     pub output: Option<PathBuf>,
     /// flat, raycast, whitted, direct, ao, path or aov. Default: what the scene says, else path
-    #[arg(short, long, value_name = "NAME")]
+    #[arg(short, long, value_name = "NAME", help_heading = "How light is computed")]
     pub integrator: Option<String>,
     /// Samples per pixel
-    #[arg(long, visible_alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    #[arg(long, visible_alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)), help_heading = "How light is computed")]
     pub spp: Option<u32>,
     /// Stop after this time, such as 30s, 5m or 1h (the first pass over the picture is always finished)
-    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration, help_heading = "How light is computed")]
     pub time: Option<Duration>,
     /// Bounces after the first hit at most. Default: 1000 for path, 8 for whitted
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "How light is computed")]
     pub max_depth: Option<u32>,
     /// Size of the picture in pixels
-    #[arg(short, long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(short, long, value_name = "WxH", value_parser = parse_size, help_heading = "The picture")]
     pub size: Option<[u32; 2]>,
     /// Camera by name or number
-    #[arg(long, value_name = "NAME|INDEX")]
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "What is rendered")]
     pub camera: Option<String>,
     /// Render only this rectangle of pixels (right and lower border exclusive)
-    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_crop)]
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_crop, help_heading = "What is rendered")]
     pub crop: Option<Crop>,
     /// Seed of the random numbers
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "How light is computed")]
     pub seed: u32,
     /// Threads. Default: one per core
-    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "How light is computed")]
     pub threads: Option<u32>,
     /// independent, stratified or sobol
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "How light is computed")]
     pub sampler: Option<String>,
     /// box, tent, gaussian, mitchell, blackman-harris or lanczos
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "How light is computed")]
     pub filter: Option<String>,
     /// Shadows of raycast and whitted: none, hard or soft
-    #[arg(long, value_name = "NAME", default_value = "hard")]
+    #[arg(long, value_name = "NAME", default_value = "hard", help_heading = "How light is computed")]
     pub shadows: String,
     /// Acceleration structure: bvh or none
-    #[arg(long, value_name = "NAME", default_value = "bvh")]
+    #[arg(long, value_name = "NAME", default_value = "bvh", help_heading = "How light is computed")]
     pub accelerator: String,
     /// Which samples find lights in path and direct: mis, light or bsdf
-    #[arg(long, value_name = "NAME", default_value = "mis")]
+    #[arg(long, value_name = "NAME", default_value = "mis", help_heading = "How light is computed")]
     pub light_samples: String,
     /// How a light is chosen among many: power or uniform
-    #[arg(long, value_name = "NAME", default_value = "power")]
+    #[arg(long, value_name = "NAME", default_value = "power", help_heading = "How light is computed")]
     pub light_sampler: String,
     /// How far ao looks, in scene units. Default: half of the scene's radius
-    #[arg(long, value_name = "DISTANCE")]
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_distance, help_heading = "How light is computed")]
     pub ao_distance: Option<f32>,
     /// Extra layers, separated by commas, such as depth,normal,albedo (`all` for all)
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "The picture")]
     pub aov: Vec<String>,
     /// Also write the variance of the picture and the layers (OpenEXR)
-    #[arg(long)]
+    #[arg(long, help_heading = "The picture")]
     pub variance: bool,
     /// Exposure in stops, for display formats
-    #[arg(long, value_name = "EV", allow_negative_numbers = true)]
+    #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse_exposure, help_heading = "The picture")]
     pub exposure: Option<f64>,
     /// Tone map for display formats: none, aces or agx
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "The picture")]
     pub tonemap: Option<String>,
+    /// How display formats store values: srgb (the standard) or linear (clamped, without the sRGB curve, as old programs wrote
+    /// them). Default: srgb, but linear for .scn and .nff
+    #[arg(long, value_name = "NAME")]
+    pub display: Option<DisplayEncoding>,
     /// Bits per channel of PNG: 8 or 16
-    #[arg(long, value_name = "N", default_value_t = 8)]
+    #[arg(long, value_name = "N", default_value_t = 8, help_heading = "The picture")]
     pub bits: u8,
     /// 16-bit instead of 32-bit channels in OpenEXR
-    #[arg(long)]
+    #[arg(long, help_heading = "The picture")]
     pub half: bool,
     /// What the camera sees behind the scene: environment, transparent, white, black, #rrggbb or r,g,b
-    #[arg(long, value_name = "COLOR")]
+    #[arg(long, value_name = "COLOR", help_heading = "What is rendered")]
     pub background: Option<String>,
     /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky, none, #rrggbb or r,g,b
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "What is rendered")]
     pub environment: Option<String>,
-    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, ambient=[r,g,b]
-    #[arg(short = 'D', long = "define", value_name = "key=value")]
+    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, `ambient=[r,g,b]`
+    #[arg(short = 'D', long = "define", value_name = "key=value", help_heading = "What is rendered")]
     pub define: Vec<String>,
     /// Write statistics as JSON
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "FILE.json", help_heading = "Messages")]
     pub stats: Option<PathBuf>,
     /// Let the scene name files outside of its folder
-    #[arg(long)]
+    #[arg(long, help_heading = "What is rendered")]
     pub allow_outside: bool,
     /// How progress is shown
-    #[arg(long, value_name = "STYLE", default_value = "auto")]
+    #[arg(long, value_name = "STYLE", default_value = "auto", help_heading = "Messages")]
     pub progress: ProgressStyleOption,
     /// No output but errors
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = "Messages")]
     pub quiet: bool,
     /// More about what was done
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = "Messages")]
     pub verbose: bool,
 }
 
@@ -153,6 +182,9 @@ impl Options {
         let filter = named(&self.filter, &hints.filter, Filter::default().name());
         let accelerator = choice("accelerator", &self.accelerator, &AcceleratorKind::ALL, AcceleratorKind::name)?;
         let size = self.size.or(hints.size).or(camera.resolution).unwrap_or(DEFAULT_SIZE);
+        let crop = self.checked_crop(size)?;
+        let aovs = self.aovs(integrator)?;
+        check_memory(crop.unwrap_or(Crop::full(size)), &aovs)?;
         let pixel_position = match (&self.filter, self.spp) {
             (None, None | Some(1)) => hints.pixel_position,
             _ => None,
@@ -160,11 +192,11 @@ impl Options {
         let spp = match (self.spp, self.time) {
             (Some(spp), _) => spp,
             (None, Some(_)) => SPP_OF_TIME_LIMIT,
-            (None, None) => hints.spp.unwrap_or(default_spp(integrator)),
+            (None, None) => hints.spp.unwrap_or(default_spp(integrator)).clamp(1, MAX_SPP),
         };
         Ok(Settings {
             size,
-            crop: self.checked_crop(size)?,
+            crop,
             spp,
             progressive: self.time.is_some() || spp > 64,
             seed: self.seed,
@@ -191,7 +223,7 @@ impl Options {
                 LightSamplerKind::name,
             )?,
             ao_distance: self.ao_distance,
-            aovs: self.aovs(integrator)?,
+            aovs,
             build: BuildOptions { accelerator, simd },
             ..Settings::default()
         })
@@ -270,6 +302,24 @@ impl Options {
     }
 }
 
+/// Refuses pictures that the machine has no room for, instead of being stopped by the system in the middle of the work.
+fn check_memory(crop: Crop, aovs: &[Aov]) -> Result<(), Failure> {
+    let [w, h] = crop.size();
+    let pixels = u64::from(w) * u64::from(h);
+    // Sums and sums of squares in double precision, of the film and of the block being summed, and the picture made of them.
+    let channels = 4 + aovs.iter().map(|a| a.channels().len() as u64).sum::<u64>();
+    let bytes = pixels * (2 * (2 * channels + 1) * 8 + channels * 4);
+    let has_room = || usize::try_from(bytes).is_ok_and(|b| Vec::<u8>::new().try_reserve_exact(b).is_ok());
+    if pixels <= MAX_PIXELS && has_room() {
+        return Ok(());
+    }
+    Err(Failure::Usage(format!(
+        "a picture of {w}x{h} pixels needs {:.1} GB of memory, more than is allowed or there is; make it smaller with --size, or \
+         render parts of it with --crop",
+        bytes as f64 * 1e-9
+    )))
+}
+
 /// Samples per pixel if nobody asks for a number.
 fn default_spp(integrator: IntegratorKind) -> u32 {
     match integrator {
@@ -294,6 +344,16 @@ fn parse_color(text: &str) -> Option<Rgb> {
     let [r, g, b] = numbers[..] else { return None };
     let color = Rgb::new(r, g, b);
     (color.is_finite() && r >= 0.0 && g >= 0.0 && b >= 0.0).then_some(color)
+}
+
+fn parse_exposure(text: &str) -> Result<f64, String> {
+    let stops = text.parse().ok().filter(|x: &f64| x.abs() <= 100.0);
+    stops.ok_or_else(|| format!("\"{text}\" is not an exposure; write stops from -100 to 100, such as 1.5"))
+}
+
+fn parse_distance(text: &str) -> Result<f32, String> {
+    let distance = text.parse().ok().filter(|x: &f32| *x > 0.0);
+    distance.ok_or_else(|| format!("\"{text}\" is not a distance; write a positive number"))
 }
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {

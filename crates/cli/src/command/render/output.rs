@@ -1,13 +1,13 @@
 //! From film to file.
 
-use super::options::Options;
+use super::options::{DisplayEncoding, Options};
 use super::summary::Summary;
 use crate::failure::Failure;
+use crate::standard_output;
 use sha2::{Digest, Sha256};
 use snell_formats::image::{self, Display, WriteOptions};
 use snell_render::{CompiledScene, Film, IntegratorKind, Settings};
 use snell_scene::{Background, Layer, LayeredImage, Scene};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Where and how the picture is written.
@@ -16,18 +16,14 @@ pub struct Output<'a> {
 }
 
 impl<'a> Output<'a> {
-    /// Checks the output before anything is rendered: the format must be known, the folder must exist.
+    /// Checks before anything is rendered that the picture can be written: the format must be known, the folder must exist.
     pub fn plan(options: &'a Options) -> Result<Self, Failure> {
         if let Some(path) = options.output.as_deref().filter(|p| *p != Path::new("-")) {
             image::check_writable(path)?;
-            let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            if !folder.is_dir() {
-                let shown = folder.display();
-                return Err(Failure::Other(format!(
-                    "{}: the folder {shown} does not exist; make it first",
-                    path.display()
-                )));
-            }
+            check_place(path)?;
+        }
+        if let Some(path) = &options.stats {
+            check_place(path)?;
         }
         if options.bits != 8 && options.bits != 16 {
             return Err(Failure::Usage(format!("--bits {}: PNG has 8 or 16 bits per channel", options.bits)));
@@ -54,17 +50,18 @@ impl<'a> Output<'a> {
         picture.metadata = summary.metadata();
         let display = Display {
             exposure: options.exposure.or(scene.settings.exposure).unwrap_or(0.0),
-            tonemap: options.tonemap(scene)?,
-            srgb: !scene.settings.raw_display && summary.settings.integrator != IntegratorKind::Aov,
+            tonemap: summary.tonemap,
+            srgb: match options.display {
+                Some(encoding) => encoding == DisplayEncoding::Srgb,
+                None => !scene.settings.raw_display && summary.settings.integrator != IntegratorKind::Aov,
+            },
         };
         let writing =
             WriteOptions { display, png_bits: options.bits, exr_half: options.half, ..WriteOptions::default() };
         match &options.output {
             Some(path) if path == Path::new("-") => {
                 let bytes = image::encode_image_as("png", &picture, &writing)?;
-                std::io::stdout()
-                    .write_all(&bytes)
-                    .map_err(|e| Failure::Other(format!("standard output: cannot write: {e}")))?;
+                standard_output::write(&bytes)?;
                 Ok(None)
             }
             path => {
@@ -74,6 +71,19 @@ impl<'a> Output<'a> {
             }
         }
     }
+}
+
+/// Checks that a file may be put there.
+fn check_place(path: &Path) -> Result<(), Failure> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let (shown, folder_shown) = (path.display(), folder.display());
+    if !folder.is_dir() {
+        return Err(Failure::Other(format!("{shown}: the folder {folder_shown} does not exist; make it first")));
+    }
+    if path.is_dir() {
+        return Err(Failure::Other(format!("{shown}: this is a folder; name a file in it")));
+    }
+    Ok(())
 }
 
 /// The linear picture with its layers. The alpha channel stays only where it says something.
@@ -97,7 +107,7 @@ pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> La
     picture
 }
 
-/// SHA-256 of the values of the first layer, as little-endian floats.
+/// SHA-256 of the values of the first layer (rows from the top, channels together) as little-endian 32-bit floats.
 pub fn sha256(picture: &LayeredImage) -> String {
     let mut hasher = Sha256::new();
     for value in &picture.layers[0].values {

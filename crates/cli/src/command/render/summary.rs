@@ -4,6 +4,7 @@ use super::options::Options;
 use crate::progress::duration;
 use crate::resources::peak_memory_bytes;
 use serde_json::{Value, json};
+use snell_formats::image::Tonemap;
 use snell_render::{CompiledScene, Film, Settings, Statistics};
 use snell_scene::Scene;
 use std::path::PathBuf;
@@ -13,6 +14,7 @@ pub struct Summary<'a> {
     pub scene: &'a Scene,
     pub compiled: &'a CompiledScene,
     pub settings: &'a Settings,
+    pub tonemap: Tonemap,
     pub statistics: Statistics,
     pub film: &'a Film,
     pub load_seconds: f64,

@@ -155,7 +155,7 @@ impl Target {
             return Err(input.error(
                 Place::Whole,
                 format!("the file has {values_per_pixel} channels of {width} x {height} pixels, more than four times the limit of {limit}"),
-                "split the layers into several files, or raise the limit",
+                "split the layers into several files",
             ));
         }
         let fill = |l: Layer| Layer { values: vec![0.0; pixels * l.channels.len()], ..l };

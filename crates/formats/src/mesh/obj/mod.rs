@@ -1,8 +1,8 @@
 //! Wavefront OBJ, with its materials in MTL files.
 //!
-//! [`parse`] turns the text into lists of vertices and faces as they stand in the file; [`build`] makes indexed meshes of them, one
-//! per object (`o`); [`mtl`] reads the materials, and [`material`] makes ours of them. Polygons of any size are triangulated; lines, points and free-form surfaces are
-//! skipped with a warning.
+//! `parse.rs` turns the text into lists of vertices and faces as they stand in the file; `build.rs` makes indexed meshes of them,
+//! one per object (`o`); `mtl.rs` reads the materials, and `material.rs` makes ours of them. Polygons of any size are triangulated;
+//! lines, points and free-form surfaces are skipped with a warning.
 //!
 //! Normals: those of the file (`vn`). Faces without: smoothed within their smoothing group (`s 1`), flat after `s off`, and by
 //! angle (40°) where the file never says `s`. Vertex colours (`v x y z r g b`) are sRGB.

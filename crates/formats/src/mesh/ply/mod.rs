@@ -5,7 +5,7 @@
 //! `vertex_index`, and `tristrips` with the same. Colours of integer types are sRGB (as scanners and editors write them), those of
 //! floating-point types linear. Colours and normals of faces are ignored.
 //!
-//! [`header`] reads what the file holds, [`body`] the values.
+//! `header.rs` reads what the file holds, `body.rs` the values.
 
 mod body;
 mod header;

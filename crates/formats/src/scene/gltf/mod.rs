@@ -1,6 +1,6 @@
 //! glTF 2.0: `.gltf` (JSON beside its buffers and images) and `.glb` (all in one file).
 //!
-//! The document is read as plain JSON through [`json::Json`], which knows its place and so can say where a file is wrong. A file
+//! The document is read as plain JSON through `json::Json`, which knows its place and so can say where a file is wrong. A file
 //! that breaks the standard in a way that would change the picture (dangling references, data that does not fit, cycles) is refused
 //! with that place; a file that is merely odd loads, and what was changed or left out is a warning of the scene.
 //!

@@ -62,6 +62,8 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     }
     builder.finish_lights();
     builder.finish_polygons();
+    // The pictures published with the databases show clamped linear values, for which its colours were chosen.
+    builder.scene.settings.raw_display = true;
     Ok(builder.scene)
 }
 

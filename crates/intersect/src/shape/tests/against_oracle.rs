@@ -103,7 +103,8 @@ fn all_shapes_agree_with_the_oracle() {
 #[test]
 fn a_ray_from_inside_a_closed_shape_leaves_it_exactly_once() {
     for_each_ray(|shape, features, numbers| {
-        if !shape.is_closed() {
+        // All closed shapes that the oracle knows are convex.
+        if !shape.is_closed() || !oracle::knows(shape) {
             return Ok(());
         }
         let (p, _) = rays::surface_point(shape, numbers);
@@ -141,6 +142,11 @@ fn a_single_precision_ray_that_leaves_a_surface_does_not_meet_it_again() {
         let origin = robust::offset_ray_origin(rounded, error, n.as_vec3(), direction);
         let ray = DRay::new(origin.as_dvec3(), direction.as_dvec3());
         let hit = shape.closest(&ray);
+        if !oracle::knows(shape) {
+            // It need not be convex: it may be met again, but not where the ray left.
+            let near = hit.is_some_and(|h| h.t < 1e-6 * shape.bounds().radius());
+            return ensure(!near, || format!("{ray:?} left {p} with normal {n}: {hit:?}"));
+        }
         let inside = cos < 0.0 && oracle::outside(shape, p).is_some();
         if !inside {
             ensure(hit.is_none(), || format!("{ray:?} left {p} with normal {n}: {hit:?}"))

@@ -18,6 +18,15 @@ pub enum Verdict {
     Crossings(Vec<Crossing>),
     /// The line touches the shape to within rounding, or runs within a flat one: any answer on the surface will do.
     Touching,
+    /// The oracle has not been told of this shape.
+    Unknown,
+}
+
+/// True for the shapes that the oracle has been told of. The others are held to everything else: hits lie on the surface, areas
+/// are what random lines measure, samples are spread like hits.
+pub fn knows(shape: &AnyShape) -> bool {
+    let told = ["sphere", "box", "cylinder", "cone", "frustum", "disk", "rectangle", "plane", "triangle", "polygon"];
+    told.contains(&shape.name())
 }
 
 /// Size of all numbers that go into a ray's answer: rounding errors are relative to it.
@@ -132,6 +141,9 @@ fn least(mut a: f64, mut b: f64, f: impl Fn(f64) -> f64) -> f64 {
 
 /// Where a ray meets a shape.
 pub fn crossings(shape: &AnyShape, ray: &DRay) -> Verdict {
+    if !knows(shape) {
+        return Verdict::Unknown;
+    }
     let length = ray.direction.length();
     let unit = ray.direction / length;
     let at = |s: f64| ray.origin + unit * s;

@@ -1,0 +1,109 @@
+//! What `snell info` says to people.
+
+use super::{Facts, describe};
+use snell_scene::NodeId;
+use std::collections::HashSet;
+
+/// Adds a line to a text.
+macro_rules! line {
+    ($out:ident, $($what:tt)*) => {{
+        $out.push_str(&printable(&format!($($what)*)));
+        $out.push('\n');
+    }};
+}
+
+/// Names of a file must not move the cursor of a terminal.
+fn printable(line: &str) -> String {
+    let escaped = |c: char| if c.is_control() && c != '\n' { c.escape_unicode().collect() } else { c.to_string() };
+    line.chars().map(escaped).collect()
+}
+
+impl Facts<'_> {
+    /// What is in the scene, for people; at most `limit` nodes of the tree.
+    pub fn text(&self, limit: usize) -> String {
+        let mut out = String::new();
+        let (scene, counts) = (self.scene, &self.counts);
+        line!(out, "{}", scene.name);
+        line!(
+            out,
+            "{} nodes, {} meshes ({} triangles, {} vertices), {} shapes",
+            counts.nodes,
+            counts.meshes,
+            counts.triangles,
+            counts.vertices,
+            counts.shapes
+        );
+        let b = self.scene_bounds();
+        if b.is_empty() {
+            line!(out, "bounds: nothing to see");
+        } else {
+            line!(out, "bounds: {:.4} to {:.4}, size {:.4}", b.min, b.max, b.size());
+        }
+        if counts.degenerate > 0 {
+            line!(out, "{} degenerate or non-finite triangles, which are never hit", counts.degenerate);
+        }
+        line!(out, "\nTree");
+        let mut left = limit;
+        self.add_node(&mut out, scene.root, 1, &mut left, &mut HashSet::new());
+        self.add_tables(&mut out);
+        if !scene.warnings.is_empty() {
+            line!(out, "\nWarnings");
+            for warning in &scene.warnings {
+                line!(out, "  {} ({}x)", warning.message, warning.count);
+            }
+        }
+        out
+    }
+
+    fn add_node(&self, out: &mut String, id: NodeId, depth: usize, left: &mut usize, shown: &mut HashSet<NodeId>) {
+        let indent = "  ".repeat(depth.min(40));
+        if *left == 0 {
+            return;
+        }
+        *left -= 1;
+        if *left == 0 {
+            line!(out, "{indent}… (more with --nodes N)");
+            return;
+        }
+        let node = &self.scene.nodes[id.index()];
+        let name = if node.name.is_empty() { format!("node {}", id.0) } else { node.name.clone() };
+        let surfaces: Vec<_> = node.surfaces.iter().map(|s| describe(&s.geometry)).collect();
+        let again = !shown.insert(id) && !node.children.is_empty();
+        let what = format!("{}{}", surfaces.join(", "), if again { "(shared, shown above)" } else { "" });
+        line!(out, "{}", format!("{indent}{name}  {what}").trim_end());
+        if !again && depth < 200 {
+            for &child in &node.children {
+                self.add_node(out, child, depth + 1, left, shown);
+            }
+        }
+    }
+
+    fn add_tables(&self, out: &mut String) {
+        let scene = self.scene;
+        if !scene.materials.is_empty() {
+            line!(out, "\nMaterials");
+            for (i, material) in scene.materials.iter().enumerate() {
+                let emits = if material.is_emissive() { ", emits" } else { "" };
+                line!(out, "  {i} \"{}\" {}{emits}", material.name, material.kind.name());
+            }
+        }
+        if !scene.images.is_empty() {
+            line!(out, "\nImages");
+            for (i, image) in scene.images.iter().enumerate() {
+                line!(out, "  {i} {}x{}, {} channels", image.width, image.height, image.channels);
+            }
+        }
+        line!(out, "\nLights: {} and environment: {}", scene.lights.len(), self.environment());
+        for (i, light) in scene.lights.iter().enumerate() {
+            line!(out, "  {i} {}", light.name());
+        }
+        line!(
+            out,
+            "\nCameras{}",
+            if scene.cameras.is_empty() { ": none (one is made that frames the scene)" } else { "" }
+        );
+        for (i, camera) in scene.cameras.iter().enumerate() {
+            line!(out, "  {i} \"{}\" at {:.3} towards {:.3}", camera.name, camera.eye, camera.towards);
+        }
+    }
+}

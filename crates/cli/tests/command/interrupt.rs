@@ -1,0 +1,49 @@
+//! Renders that end early: by the clock, by Ctrl-C.
+
+use super::support::Place;
+use std::time::{Duration, Instant};
+
+#[test]
+fn a_time_limit_ends_the_render() {
+    let place = Place::new();
+    let start = Instant::now();
+    place.run("render cornell-box --size 64x48 --time 1s -t 1 -q --stats s.json -o a.png").done();
+    let seconds = start.elapsed().as_secs_f64();
+    assert!((0.9..6.0).contains(&seconds), "{seconds} s");
+    let statistics = place.json("s.json");
+    assert_eq!(statistics["complete"], false);
+    assert!(statistics["spp"].as_u64().is_some_and(|n| n >= 1), "{statistics}");
+}
+
+#[test]
+fn the_first_pass_is_finished_whatever_the_time_limit() {
+    let place = Place::new();
+    place.run("render cornell-box --size 200x150 --time 0.001s -t 1 -q --stats s.json -o a.png").done();
+    assert!(place.json("s.json")["spp"].as_u64().is_some_and(|n| n >= 1));
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_saves_the_picture() {
+    use nix::sys::signal::{Signal, kill};
+    use nix::unistd::Pid;
+    use std::io::{BufRead, BufReader, Read};
+
+    let place = Place::new();
+    let words = "render cornell-box --size 200x150 --spp 1000000 -t 2 --progress json -o a.png";
+    let mut child = place.command(words).spawn().expect("the command exists");
+    // The first progress says that the render runs.
+    let mut messages = BufReader::new(child.stderr.take().expect("it is piped"));
+    let mut line = String::new();
+    messages.read_line(&mut line).expect("the command writes lines");
+    serde_json::from_str::<serde_json::Value>(&line).expect("progress is JSON");
+    let start = Instant::now();
+    kill(Pid::from_raw(child.id() as i32), Signal::SIGINT).expect("the command is running");
+    let status = child.wait().expect("the command was started");
+    assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+    let mut rest = String::new();
+    messages.read_to_string(&mut rest).expect("messages are text");
+    assert_eq!(status.code(), Some(130), "{rest}");
+    assert!(rest.contains("interrupted: the picture holds what was rendered"), "{rest}");
+    assert_eq!((place.image("a.png").width, place.files()), (200, vec!["a.png".to_string()]));
+}

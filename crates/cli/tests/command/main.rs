@@ -1,0 +1,9 @@
+//! The real command in fresh folders: options, files, messages, exit codes.
+
+mod errors;
+mod info;
+mod interrupt;
+mod options;
+mod output;
+mod statistics;
+mod support;

@@ -1,0 +1,102 @@
+//! Runs cases one by one and notes how they end: panics, time, memory.
+
+use super::render::End;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+/// No file may take longer.
+const LIMIT: Duration = Duration::from_secs(10);
+
+/// What happened so far.
+#[derive(Default)]
+pub struct Report {
+    pub files: usize,
+    pub pictures: usize,
+    pub refused: usize,
+    pub invalid_samples: u64,
+    pub worst: (Duration, String),
+    pub failures: Vec<String>,
+}
+
+impl Report {
+    /// Runs one case. A case that hangs ends the whole test with its name.
+    pub fn case(&mut self, name: &str, run: impl FnOnce() -> End) {
+        let start = Instant::now();
+        let (done, watch) = mpsc::channel::<()>();
+        let watched = name.to_string();
+        let watchdog = (self.files % 64 == 0 || cfg!(debug_assertions)).then(|| {
+            std::thread::spawn(move || {
+                if watch.recv_timeout(LIMIT * 3) == Err(RecvTimeoutError::Timeout) {
+                    eprintln!("{watched}: hangs");
+                    std::process::exit(99);
+                }
+            })
+        });
+        match catch_unwind(AssertUnwindSafe(run)) {
+            Ok(End::Picture { invalid_samples }) => {
+                self.pictures += 1;
+                self.invalid_samples += invalid_samples;
+            }
+            Ok(End::Refused(message)) => {
+                self.refused += 1;
+                if message.contains("gave up") {
+                    eprintln!("note: {message}");
+                }
+            }
+            Err(panic) => {
+                let text = panic.downcast_ref::<String>().cloned();
+                let text = text.or_else(|| panic.downcast_ref::<&str>().map(|s| s.to_string()));
+                self.failures.push(format!("{name}: {}", text.unwrap_or_default()));
+            }
+        }
+        drop(done);
+        if let Some(watchdog) = watchdog {
+            watchdog.join().expect("the watchdog does not fail");
+        }
+        self.files += 1;
+        let time = start.elapsed();
+        if time > self.worst.0 {
+            self.worst = (time, name.to_string());
+        }
+        if time > LIMIT {
+            self.failures.push(format!("{name}: took {time:?}"));
+        }
+    }
+
+    pub fn add(&mut self, other: Self) {
+        self.files += other.files;
+        self.pictures += other.pictures;
+        self.refused += other.refused;
+        self.invalid_samples += other.invalid_samples;
+        self.worst = std::mem::take(&mut self.worst).max(other.worst);
+        self.failures.extend(other.failures);
+    }
+
+    /// Prints the numbers; fails if a case did.
+    pub fn conclude(self, what: &str) {
+        eprintln!(
+            "{what}: {} files: {} pictures ({} samples not finite), {} refused; longest {:?} ({}); peak memory {} MB",
+            self.files,
+            self.pictures,
+            self.invalid_samples,
+            self.refused,
+            self.worst.0,
+            self.worst.1,
+            peak_memory_bytes() >> 20
+        );
+        let shown: Vec<_> = self.failures.iter().take(20).collect();
+        assert!(shown.is_empty(), "{} failures, such as {shown:#?}", self.failures.len());
+    }
+}
+
+/// Largest resident memory of this process so far; 0 where the system does not tell.
+fn peak_memory_bytes() -> u64 {
+    #[cfg(unix)]
+    {
+        use nix::sys::resource::{UsageWho, getrusage};
+        getrusage(UsageWho::RUSAGE_SELF).map_or(0, |u| u.max_rss() as u64 * 1024)
+    }
+    #[cfg(not(unix))]
+    0
+}
