@@ -22,6 +22,9 @@ pub struct DielectricBsdf {
     pub unit: SampledSpectrum,
     /// Roughness.
     pub ggx: Ggx,
+    /// Share of light that the medium lets through on the way from the last point to this one, for rays that come from the inside.
+    /// It is no property of the interface, but there a path knows how far it went.
+    pub arriving: SampledSpectrum,
 }
 
 /// A pair of directions seen from the side of `wo`, which is above.
@@ -49,13 +52,19 @@ impl DielectricBsdf {
         self.tint * (1.0 / (eta * eta))
     }
 
+    /// Factor for what the medium absorbed before a ray from `wo` arrived.
+    fn absorbed(&self, wo: Vec3) -> SampledSpectrum {
+        if wo.z < 0.0 { self.arriving } else { SampledSpectrum::ONE }
+    }
+
     fn branches(&self, wo: Vec3) -> (f32, [Option<SpecularBranch>; 2]) {
         let (up, eta) = (lift(wo), self.relative_ior(wo));
         let reflectance = fresnel::dielectric(up.z, eta);
-        let reflection = (reflectance > 0.0).then(|| mirror_branch(wo, self.unit * reflectance));
+        let absorbed = self.absorbed(wo);
+        let reflection = (reflectance > 0.0).then(|| mirror_branch(wo, self.unit * absorbed * reflectance));
         let transmission = fresnel::refract(up, Vec3::Z, eta).map(|wi| SpecularBranch {
             wi: lower_like(wi, wo),
-            weight: self.crossing(eta) * (1.0 - reflectance),
+            weight: self.crossing(eta) * absorbed * (1.0 - reflectance),
             is_transmission: true,
         });
         (reflectance, [reflection, transmission])
@@ -101,13 +110,14 @@ impl Lobes for DielectricBsdf {
         }
         let eta = self.relative_ior(wo);
         let Some(f) = self.facet(wo, wi, eta) else { return SampledSpectrum::ZERO };
-        if f.wi.z > 0.0 {
+        let value = if f.wi.z > 0.0 {
             let value = self.ggx.reflection(f.wo, f.wi).map_or(0.0, |(_, value)| value);
             self.unit * (value * f.reflectance)
         } else {
             let flux = self.ggx.refraction_flux(f.wo, lift(f.wi), f.m);
             self.crossing(eta) * (flux * Self::refraction_jacobian(&f, eta) * (1.0 - f.reflectance))
-        }
+        };
+        value * self.absorbed(wo)
     }
 
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
@@ -145,7 +155,7 @@ impl Lobes for DielectricBsdf {
         let pdf = self.facet_pdf(&Facet { wo: up, wi, m, reflectance }, eta);
         (pdf > 0.0).then(|| BsdfSample {
             wi: lower_like(wi, wo),
-            weight: factor * self.ggx.shadowing(up, lift(wi)),
+            weight: factor * self.absorbed(wo) * self.ggx.shadowing(up, lift(wi)),
             pdf,
             is_delta: false,
             is_transmission,

@@ -4,6 +4,7 @@
 //! it comes from. Opaque BSDFs reflect on both sides; dielectrics are outside where `z > 0`.
 
 mod black;
+mod coated;
 mod conductor;
 mod dielectric;
 mod diffuse;
@@ -17,6 +18,7 @@ mod phong;
 mod tests;
 
 pub use black::BlackBsdf;
+pub use coated::CoatedBsdf;
 pub use conductor::{ConductorBsdf, FacetReflectance};
 pub use dielectric::DielectricBsdf;
 pub use diffuse::DiffuseBsdf;
@@ -126,6 +128,7 @@ bsdfs! {
     Conductor => ConductorBsdf,
     Dielectric => DielectricBsdf,
     Glossy => GlossyBsdf,
+    Coated => CoatedBsdf,
 }
 
 /// `x` in `[0, most]`; NaN counts as 0.

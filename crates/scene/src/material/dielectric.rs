@@ -1,9 +1,9 @@
 //! Glass, water, and other clear things.
 
 use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior};
-use crate::bsdf::{Bsdf, DielectricBsdf, Ggx};
+use crate::bsdf::{Bsdf, DielectricBsdf, Ggx, bounded};
 use serde::{Deserialize, Serialize};
-use snell_math::Rgb;
+use snell_math::{Rgb, SampledSpectrum};
 
 /// The interface between air (outer side) and a clear medium: reflects and refracts by Fresnel's and Snell's laws. For closed
 /// surfaces; a single sheet bends light once.
@@ -15,12 +15,16 @@ pub struct Dielectric {
     pub roughness: ScalarParam,
     /// Factor on light at each crossing, `[0, 1]`.
     pub tint: ColorParam,
+    /// What the medium absorbs per unit of length (Lambert and Beer): after a distance `d`, `exp(-absorption d)` is left. Counts for
+    /// paths that meet the surface from within; light rays to things inside of the medium do not know of it.
+    #[serde(default)]
+    pub absorption: Rgb,
 }
 
 impl Dielectric {
     /// Clear and smooth.
     pub fn smooth(ior: f32) -> Self {
-        Self { ior, roughness: 0.0.into(), tint: Rgb::WHITE.into() }
+        Self { ior, roughness: 0.0.into(), tint: Rgb::WHITE.into(), absorption: Rgb::BLACK }
     }
 
     /// Frosted.
@@ -41,6 +45,15 @@ impl Dielectric {
         ]
     }
 
+    /// What the medium lets through on the way of the ray that met the point.
+    fn transmittance(&self, point: &ShadingPoint) -> SampledSpectrum {
+        if self.absorption.is_black() {
+            return SampledSpectrum::ONE;
+        }
+        let distance = point.surface.t;
+        point.reflectance(self.absorption.map(|sigma| (-bounded(sigma, 1e6) * distance).exp()))
+    }
+
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
         Bsdf::Dielectric(DielectricBsdf {
@@ -48,6 +61,38 @@ impl Dielectric {
             tint: point.reflectance(self.tint.at(point)),
             unit: point.mode.unit(),
             ggx: Ggx::from_roughness(self.roughness.at(point)),
+            arriving: self.transmittance(point),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bsdf::Lobes;
+    use crate::material::MaterialKind;
+    use crate::texture::TextureSet;
+    use snell_intersect::SurfaceInteraction;
+    use snell_math::{ColorMode, Vec2, Vec3};
+
+    #[test]
+    fn only_rays_from_within_are_absorbed_by_their_length() {
+        let surface = SurfaceInteraction { t: 2.0, ..crate::material::tests::surface() };
+        let textures = TextureSet::default();
+        let point = ShadingPoint { surface: &surface, footprint: 0.0, textures: &textures, mode: ColorMode::Rgb };
+        let absorption = Rgb::new(0.5f32.ln().abs(), 0.0, 0.0);
+        for clear in [Dielectric::smooth(1.5), Dielectric::rough(1.5, 0.5)] {
+            let dark = MaterialKind::from(Dielectric { absorption, ..clear.clone() }).bsdf(&point);
+            let clear = MaterialKind::from(clear).bsdf(&point);
+            for (wo, red) in [(Vec3::new(0.3, 0.0, 0.9), 1.0), (Vec3::new(0.3, 0.0, -0.9), 0.25)] {
+                let wo = wo.normalize();
+                for u_lobe in [0.0, 0.999] {
+                    let [a, b] = [&clear, &dark].map(|b| b.sample(wo, u_lobe, Vec2::splat(0.3)).expect("a direction"));
+                    assert!((b.weight[0] / a.weight[0] - red).abs() < 1e-5 && b.weight[1] == a.weight[1], "{wo}");
+                    let [a, b] = [&clear, &dark].map(|bsdf| bsdf.eval(wo, a.wi)[0]);
+                    assert!((b - a * red).abs() <= 1e-5 * a, "{wo}: {a} {b}");
+                }
+            }
+        }
     }
 }

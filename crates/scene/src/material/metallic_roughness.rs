@@ -1,12 +1,12 @@
 //! The material of glTF 2.0.
 
-use super::{ColorParam, ScalarParam, ShadingPoint};
-use crate::bsdf::{Bsdf, Ggx, GlossyBsdf, bounded, fresnel};
+use super::{ColorParam, NormalMap, ScalarParam, ShadingPoint};
+use crate::bsdf::{Bsdf, CoatedBsdf, Ggx, GlossyBsdf, bounded, fresnel};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
 /// A mix of metal and dielectric: the metallic-roughness model of glTF 2.0 (specification, appendix B) with the extensions
-/// `KHR_materials_ior`, `KHR_materials_specular` and `KHR_materials_transmission` (thin walls). The diffuse base is coupled to the
+/// `KHR_materials_ior`, `KHR_materials_specular`, `KHR_materials_transmission` (thin walls) and `KHR_materials_clearcoat`. The diffuse base is coupled to the
 /// layer so that energy is conserved, where the appendix's example weights it by `1 - F` alone and may gain some.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -25,6 +25,12 @@ pub struct MetallicRoughness {
     pub specular_color: ColorParam,
     /// Share of the dielectric's base that lets light straight through instead of scattering it, `[0, 1]`.
     pub transmission: ScalarParam,
+    /// Share of a clear coat (index 1.5) on top of all that, `[0, 1]`.
+    pub clearcoat: ScalarParam,
+    /// Perceptual roughness of the coat, `[0, 1]`.
+    pub clearcoat_roughness: ScalarParam,
+    /// Bends the normal of the coat, which does not follow the material's own normal map.
+    pub clearcoat_normal_map: Option<NormalMap>,
 }
 
 impl Default for MetallicRoughness {
@@ -38,6 +44,9 @@ impl Default for MetallicRoughness {
             specular: 1.0.into(),
             specular_color: Rgb::WHITE.into(),
             transmission: 0.0.into(),
+            clearcoat: 0.0.into(),
+            clearcoat_roughness: 0.0.into(),
+            clearcoat_normal_map: None,
         }
     }
 }
@@ -69,6 +78,9 @@ impl MetallicRoughness {
                 ..Self::new(orange, 0.0, 0.3)
             },
             Self { ior: 0.0, ..Self::new(orange, 0.0, 0.3) },
+            Self { clearcoat: 1.0.into(), clearcoat_roughness: 0.3.into(), ..Self::new(orange, 0.5, 0.6) },
+            Self { clearcoat: 0.7.into(), ..Self::new(Rgb::WHITE, 0.0, 0.5) },
+            Self { clearcoat: 1.0.into(), transmission: 0.5.into(), ..Self::new(orange, 0.0, 0.0) },
         ]
     }
 
@@ -82,12 +94,18 @@ impl MetallicRoughness {
         let f0 = point.reflectance(self.specular_color.at(point) * fresnel::f0_from_ior(ior)) * specular;
         let f90 = point.mode.unit() * specular;
         let body = base * (1.0 - metallic);
-        Bsdf::Glossy(GlossyBsdf::new(
+        let base = GlossyBsdf::new(
             f0.lerp(base, metallic),
             f90.lerp(point.mode.unit(), metallic),
             Ggx::from_roughness(self.roughness.at(point)),
             body * (1.0 - transmission),
             body * transmission,
-        ))
+        );
+        let clearcoat = unit_interval(&self.clearcoat);
+        if clearcoat == 0.0 {
+            return Bsdf::Glossy(base);
+        }
+        let ggx = Ggx::from_roughness(self.clearcoat_roughness.at(point));
+        Bsdf::Coated(CoatedBsdf::new(base, ggx, point.mode.unit() * clearcoat))
     }
 }

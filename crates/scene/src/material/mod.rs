@@ -229,20 +229,39 @@ impl Material {
 
     /// The BSDF at a point, with the shading normal as it is. Prefer [`Self::bsdf_towards`] where the viewer is known.
     pub fn bsdf(&self, point: &ShadingPoint) -> ShadingBsdf {
+        self.with_coat(self.without_coat_normal(point), point, None)
+    }
+
+    fn without_coat_normal(&self, point: &ShadingPoint) -> ShadingBsdf {
         let frame = normal::shading_frame(self.normal_map.as_ref(), point);
         ShadingBsdf { bsdf: self.kind.bsdf(point), frame, geometric_normal: point.surface.geometric_normal }
+    }
+
+    /// Gives the coat of a coated surface its own normal, if it has one.
+    fn with_coat(&self, shading: ShadingBsdf, point: &ShadingPoint, wo: Option<Vec3>) -> ShadingBsdf {
+        let (MaterialKind::MetallicRoughness(kind), Bsdf::Coated(coated)) = (&self.kind, &shading.bsdf) else {
+            return shading;
+        };
+        if kind.clearcoat_normal_map == self.normal_map {
+            return shading;
+        }
+        let own = normal::shading_frame(kind.clearcoat_normal_map.as_ref(), point).z;
+        let seen = wo.map_or(own, |wo| normal::valid_towards(own, shading.geometric_normal, wo, true));
+        let bsdf = Bsdf::Coated(coated.with_coat_normal(shading.frame.to_local(seen)));
+        ShadingBsdf { bsdf, ..shading }
     }
 
     /// The BSDF at a point seen from `wo` (unit, world space): the shading normal is bent just enough to face the viewer's side, and
     /// for mirrors to reflect away from the surface. Without this, smooth meshes and normal maps turn black at grazing angles.
     pub fn bsdf_towards(&self, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf {
-        let bsdf = self.bsdf(point);
+        let bsdf = self.without_coat_normal(point);
         let z = normal::valid_towards(bsdf.frame.z, bsdf.geometric_normal, wo, normal::mirrors(&bsdf.bsdf));
-        if z == bsdf.frame.z {
+        let seen = if z == bsdf.frame.z {
             bsdf
         } else {
             ShadingBsdf { frame: snell_math::Frame::from_z_and_x(z, bsdf.frame.x), ..bsdf }
-        }
+        };
+        self.with_coat(seen, point, Some(wo))
     }
 
     /// Radiance emitted at a point towards `wo` (unit, world space).

@@ -5,7 +5,7 @@ use crate::texture::Texture;
 use snell_math::{Vec2, rng, sampling};
 use std::sync::Arc;
 
-fn surface() -> SurfaceInteraction {
+pub(super) fn surface() -> SurfaceInteraction {
     SurfaceInteraction {
         position: Vec3::ZERO,
         position_error: Vec3::ZERO,

@@ -42,9 +42,12 @@ struct Pbr {
     specular: ScalarParam,
     specular_color: ColorParam,
     transmission: ScalarParam,
+    clearcoat: ScalarParam,
+    clearcoat_roughness: ScalarParam,
+    clearcoat_normal_map: Option<NormalMap>,
     /// True if the surface bounds a volume; false if it is a thin sheet where it transmits.
     is_boundary: bool,
-    /// Factor on light that crosses a boundary, for what the volume absorbs.
+    /// What the volume absorbs per unit of length.
     absorption: Rgb,
 }
 
@@ -59,8 +62,11 @@ impl Default for Pbr {
             specular: 1.0.into(),
             specular_color: Rgb::WHITE.into(),
             transmission: 0.0.into(),
+            clearcoat: 0.0.into(),
+            clearcoat_roughness: 0.0.into(),
+            clearcoat_normal_map: None,
             is_boundary: false,
-            absorption: Rgb::WHITE,
+            absorption: Rgb::BLACK,
         }
     }
 }
@@ -70,11 +76,22 @@ fn kind(pbr: Pbr) -> MaterialKind {
     // Clear volumes refract; what is only partly clear or metallic is a thin wall.
     let is_clear = pbr.transmission.factor >= 0.5 && pbr.transmission.texture.is_none();
     if pbr.is_boundary && is_clear && pbr.metallic.factor == 0.0 {
-        let tint = ColorParam { factor: pbr.base_color.factor * pbr.absorption, ..pbr.base_color };
-        return Dielectric { ior: pbr.ior, roughness: pbr.roughness, tint }.into();
+        let Pbr { ior, roughness, base_color: tint, absorption, .. } = pbr;
+        return Dielectric { ior, roughness, tint, absorption }.into();
     }
-    let Pbr { base_color, metallic, roughness, ior, specular, specular_color, transmission, .. } = pbr;
-    MetallicRoughness { base_color, metallic, roughness, ior, specular, specular_color, transmission }.into()
+    MetallicRoughness {
+        base_color: pbr.base_color,
+        metallic: pbr.metallic,
+        roughness: pbr.roughness,
+        ior: pbr.ior,
+        specular: pbr.specular,
+        specular_color: pbr.specular_color,
+        transmission: pbr.transmission,
+        clearcoat: pbr.clearcoat,
+        clearcoat_roughness: pbr.clearcoat_roughness,
+        clearcoat_normal_map: pbr.clearcoat_normal_map,
+    }
+    .into()
 }
 
 fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
@@ -97,7 +114,7 @@ fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
         alpha_mode: alpha_mode(json)?,
         alpha,
         double_sided,
-        normal_map: if is_unlit { None } else { normal_map(reader, json)? },
+        normal_map: if is_unlit { None } else { normal_map(reader, json, "normalTexture")? },
         ..Material::new(json.name(), kind)
     })
 }
@@ -126,22 +143,29 @@ fn metallic_roughness(reader: &mut Reader, json: &Json) -> Result<Pbr, ReadError
         pbr.transmission.factor = fraction(reader, &transmission, "transmissionFactor", 0.0)?;
         pbr.transmission.texture = texture_of(reader, &transmission, "transmissionTexture", Use::Data)?.map(|t| (t, 0));
     }
+    if let Some(coat) = json.extension("KHR_materials_clearcoat")? {
+        pbr.clearcoat.factor = fraction(reader, &coat, "clearcoatFactor", 0.0)?;
+        pbr.clearcoat.texture = texture_of(reader, &coat, "clearcoatTexture", Use::Data)?.map(|t| (t, 0));
+        pbr.clearcoat_roughness.factor = fraction(reader, &coat, "clearcoatRoughnessFactor", 0.0)?;
+        pbr.clearcoat_roughness.texture =
+            texture_of(reader, &coat, "clearcoatRoughnessTexture", Use::Data)?.map(|t| (t, 1));
+        pbr.clearcoat_normal_map = normal_map(reader, &coat, "clearcoatNormalTexture")?;
+    }
     if let Some(volume) = json.extension("KHR_materials_volume")? {
         let thickness = volume.number_or("thicknessFactor", 0.0)?;
         pbr.is_boundary = thickness > 0.0;
-        if let Some(distance) = volume.get("attenuationDistance")? {
-            reader.scene.warn("absorption inside of volumes is approximated by a tint of their surfaces");
-            pbr.absorption = absorption(&volume, thickness, distance.number()?)?;
-        }
+        pbr.absorption = absorption(&volume)?;
     }
     Ok(pbr)
 }
 
-/// What a volume absorbs on the way through its thickness, half of it at each of the two crossings.
-fn absorption(volume: &Json, thickness: f64, distance: f64) -> Result<Rgb, ReadError> {
+/// What a volume absorbs per unit of length: after the attenuation distance, the attenuation colour is left.
+fn absorption(volume: &Json) -> Result<Rgb, ReadError> {
+    /// Stands for black, whose logarithm is infinite.
+    const DARKEST: f64 = 1e-6;
     let color = volume.numbers_or("attenuationColor", [1.0; 3])?;
-    let exponent = if distance > 0.0 { thickness.max(0.0) / (2.0 * distance) } else { 0.0 };
-    Ok(rgb(color.map(|c| c.clamp(0.0, 1.0).powf(exponent))))
+    let distance = volume.number_or("attenuationDistance", f64::INFINITY)?;
+    Ok(if distance > 0.0 { rgb(color.map(|c| (-c.clamp(DARKEST, 1.0).ln() / distance).min(1e6))) } else { Rgb::BLACK })
 }
 
 /// Converts the older model: its diffuse colour is the base colour of a non-metal with the given reflectance at normal incidence,
@@ -206,8 +230,8 @@ fn alpha_mode(json: &Json) -> Result<AlphaMode, ReadError> {
     }
 }
 
-fn normal_map(reader: &mut Reader, json: &Json) -> Result<Option<NormalMap>, ReadError> {
-    let Some(info) = json.get("normalTexture")? else { return Ok(None) };
+fn normal_map(reader: &mut Reader, json: &Json, key: &str) -> Result<Option<NormalMap>, ReadError> {
+    let Some(info) = json.get(key)? else { return Ok(None) };
     let scale = info.number_or("scale", 1.0)? as f32;
     Ok(texture::read(reader, &info, Use::Data)?.map(|texture| NormalMap { texture, scale }))
 }

@@ -6,7 +6,7 @@ use snell_math::{Bounds3, DVec3, Rgb, Vec3};
 use snell_scene::light::SpotFalloff;
 use snell_scene::material::{AlphaMode, MaterialKind};
 use snell_scene::texture::{Filtering, Wrap};
-use snell_scene::{Encoding, Light, Projection, Scene};
+use snell_scene::{Background, Encoding, Light, Projection, Scene};
 
 /// A file of the collection.
 fn scene(file: &str) -> Option<Scene> {
@@ -275,7 +275,46 @@ fn clear_volumes_refract_and_thin_sheets_do_not() {
     };
     let glass = material(1.0);
     let MaterialKind::Dielectric(dielectric) = &glass.kind else { panic!("{glass:?}") };
-    assert_eq!((dielectric.ior, dielectric.tint.factor, glass.double_sided), (1.33, Rgb::new(0.5, 1.0, 1.0), true));
+    assert_eq!((dielectric.ior, dielectric.tint.factor, glass.double_sided), (1.33, Rgb::WHITE, true));
+    assert_eq!(dielectric.absorption, Rgb::new(4.0f32.ln(), 0.0, 0.0));
     let sheet = material(0.0);
     assert!(matches!(&sheet.kind, MaterialKind::MetallicRoughness(m) if m.transmission.factor == 1.0), "{sheet:?}");
+}
+
+#[test]
+fn coats_have_their_own_roughness_and_normals() {
+    let json = r#"{"asset": {"version": "2.0"}, "textures": [{"source": 0}],
+        "images": [{"uri": "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="}],
+        "materials": [{"normalTexture": {"index": 0}, "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 0.5,
+            "clearcoatRoughnessFactor": 0.25, "clearcoatNormalTexture": {"index": 0, "scale": 2}}}}]}"#;
+    let scene = read_text(json).expect("the document is sound");
+    assert_eq!(scene.warnings, []);
+    let MaterialKind::MetallicRoughness(coated) = &scene.materials[0].kind else { panic!("{scene:?}") };
+    assert_eq!((coated.clearcoat.factor, coated.clearcoat_roughness.factor), (0.5, 0.25));
+    assert_eq!(coated.clearcoat_normal_map.map(|m| m.scale), Some(2.0));
+}
+
+#[test]
+fn what_only_glows_is_lit_by_the_sky_and_lamps_are_not() {
+    let scene = |material: &str| {
+        read_text(&format!(r#"{{"asset": {{"version": "2.0"}}, "materials": [{material}]}}"#)).expect("sound")
+    };
+    let unlit = scene(r#"{"extensions": {"KHR_materials_unlit": {}}}"#);
+    let display = scene(r#"{"emissiveFactor": [1, 1, 1]}"#);
+    for lit in [&unlit, &display] {
+        assert!(lit.environment.is_some() && matches!(lit.background, Background::Color(_)));
+    }
+    assert!(!unlit.materials[0].illuminates && unlit.materials[0].emission_takes_vertex_color);
+    assert!(display.materials[0].illuminates && !display.materials[0].emission_takes_vertex_color);
+    let strength = r#""extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 5}}"#;
+    let lamp = scene(&format!(r#"{{"emissiveFactor": [1, 1, 1], {strength}}}"#));
+    assert!(lamp.environment.is_none() && scene("{}").environment.is_none());
+}
+
+#[test]
+fn meshes_without_nodes_are_shown_and_have_two_sides() {
+    let scene = read_text(&square(4, &[0, 1, 2]).replace("\"nodes\"", "\"extras\"")).expect("the square is sound");
+    let bounds = scene.bounds().expect("the scene is sound");
+    assert_eq!(scene.warnings.len(), 1, "{:?}", scene.warnings);
+    assert!(bounds.is_finite() && scene.materials.iter().all(|m| m.double_sided));
 }
