@@ -90,8 +90,9 @@ mod tests {
 
     fn assert_fits_tightly((least, most): (DVec2, DVec2)) {
         assert!(least.min_element() > -0.9 && most.max_element() < 0.9, "{least} {most}");
+        // Exact for the tighter direction; the other is centred as far as perspective lets it.
         let middle = (least + most) / 2.0;
-        assert!(middle.abs().max_element() < 0.05, "{middle}");
+        assert!(middle.abs().min_element() < 0.01 && middle.abs().max_element() < 0.4, "{middle}");
         let extent = most - least;
         assert!(extent.x.max(extent.y) > 1.7, "{extent}");
     }

@@ -7,8 +7,10 @@ use snell_math::{Bounds3d, DVec3};
 const TAN_HALF_FOV: f64 = 0.3057;
 /// Share of the picture, from the middle to the edges, that things may take.
 const FILL: f64 = 0.88;
-/// Each leaves a small share of the error of the one before.
-const CENTERING_STEPS: usize = 4;
+/// Each step leaves a share of the error of the one before; usually two or three are enough.
+const CENTERING_STEPS: usize = 24;
+/// Change of a slope that is not worth a further step.
+const CENTERED: f64 = 1e-3;
 /// How far the view comes from the right and from above, radians.
 const AZIMUTH: f64 = 0.5;
 const ELEVATION: f64 = 0.3;
@@ -58,9 +60,14 @@ pub(super) fn frame_content(
     let back = ((x1 + x2) / (2.0 * tan_x)).max((y1 + y2) / (2.0 * tan_y));
     let back = back.max(bounds.radius() * 1e-3);
     // The sides that have room left close in until they touch as well: that puts the content into the middle.
+    let mut slopes = [tan_x, tan_y];
     for _ in 0..CENTERING_STEPS {
         let slope = |a: f64, b: f64, tan: f64| ((a + b) / (2.0 * back)).clamp(0.0, tan);
-        [x1, x2, y1, y2] = reach([slope(x1, x2, tan_x), slope(y1, y2, tan_y)]);
+        let before = std::mem::replace(&mut slopes, [slope(x1, x2, tan_x), slope(y1, y2, tan_y)]);
+        if (slopes[0] - before[0]).abs().max((slopes[1] - before[1]).abs()) < CENTERED {
+            break;
+        }
+        [x1, x2, y1, y2] = reach(slopes);
     }
     camera.eye = center + right * ((x1 - x2) / 2.0) + up * ((y1 - y2) / 2.0) - towards * back;
     camera.focus_distance = back;

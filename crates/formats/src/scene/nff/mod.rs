@@ -64,6 +64,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     builder.finish_polygons();
     // The pictures published with the databases show clamped linear values, for which its colours were chosen.
     builder.scene.settings.raw_display = true;
+    builder.scene.settings.integrator = Some("whitted".into());
     Ok(builder.scene)
 }
 

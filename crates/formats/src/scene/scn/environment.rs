@@ -54,6 +54,8 @@ impl Builder {
         self.scene.settings.size = Some(DEFAULT_SIZE);
         // The programs of the courses write clamped linear values; lights and materials were chosen to look right that way.
         self.scene.settings.raw_display = true;
+        // They evaluate the format's own formula: ambient, Phong's highlights, perfect mirrors, shadows of points.
+        self.scene.settings.integrator = Some("whitted".into());
     }
 
     /// A camera on the z axis of the scene's box, three half-diagonals away. None if the scene is empty.

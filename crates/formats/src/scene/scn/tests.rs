@@ -211,6 +211,7 @@ fn the_field_of_view_is_half_of_the_horizontal_angle() {
     assert_eq!(scene.cameras[0].projection, Projection::Perspective { tan_half_fov: [Some(0.25f64.tan()), None] });
     assert_eq!(scene.settings.size, Some([256, 256]));
     assert!(scene.settings.raw_display);
+    assert_eq!(scene.settings.integrator.as_deref(), Some("whitted"));
 }
 
 #[test]
