@@ -6,8 +6,8 @@ use snell_intersect::{AnyShape, Shape, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, DVec3, Vec3};
 use std::collections::BTreeMap;
 
-/// After this many vertices and nodes the boxes of nodes have to do: instances of instances may stand for any number.
-const BUDGET: usize = 20_000_000;
+/// After this many vertices, triangles and nodes the boxes of nodes have to do: instances of instances may stand for any number.
+const BUDGET: usize = 50_000_000;
 
 /// The extent of all bounded surfaces in world coordinates. `bounds` are those of the nodes, each in its own coordinates.
 pub fn extent_of_scene(scene: &Scene, bounds: &BTreeMap<NodeId, Bounds3d>, directions: &[DVec3; 4]) -> Extent {
@@ -25,8 +25,8 @@ pub fn extent_of_scene(scene: &Scene, bounds: &BTreeMap<NodeId, Bounds3d>, direc
             let placed = e.moved(world.translation, directions);
             if placed.reach.iter().all(|r| r.is_finite()) { placed } else { Extent::EMPTY }
         };
-        let vertices: usize = node.surfaces.iter().map(|s| vertex_count(&s.geometry)).sum();
-        let cost = 1 + vertices + node.children.len();
+        let elements: usize = node.surfaces.iter().map(|s| work(&s.geometry)).sum();
+        let cost = 1 + elements + node.children.len();
         if cost > budget {
             extent = extent.union(add(Extent::of_box(&bounds[&id], &local)));
             continue;
@@ -40,9 +40,9 @@ pub fn extent_of_scene(scene: &Scene, bounds: &BTreeMap<NodeId, Bounds3d>, direc
     extent
 }
 
-fn vertex_count(geometry: &Geometry) -> usize {
+fn work(geometry: &Geometry) -> usize {
     match geometry {
-        Geometry::Mesh(mesh) => mesh.positions.len(),
+        Geometry::Mesh(mesh) => mesh.positions.len() + mesh.indices.len(),
         Geometry::Shape(_) => 1,
     }
 }

@@ -41,8 +41,7 @@ pub(super) fn frame_content(
     let mut camera = Camera::from_direction(center, -from_object(up), up, projection);
     let (right, up, towards) = (camera.right(), camera.up, camera.towards);
     let (tan_x, tan_y) = (tan_x * FILL, tan_y * FILL);
-    let normals =
-        [right - towards * tan_x, -right - towards * tan_x, up - towards * tan_y, -up - towards * tan_y];
+    let normals = [right - towards * tan_x, -right - towards * tan_x, up - towards * tan_y, -up - towards * tan_y];
     let offset = |extent: &Extent| std::array::from_fn(|i| extent.reach[i] - normals[i].dot(center));
     let fits = |reach: &[f64; 4]| reach.iter().all(|r| r.is_finite()) && bounds == given;
     let content = Some(offset(&extent(&normals))).filter(fits);
