@@ -35,7 +35,7 @@ fn lamp(scene: &mut Scene) -> Surface {
     let material = Material::new("lamp", Diffuse::new(Rgb::BLACK));
     let material = scene.add_material(Material { emission: Rgb::WHITE.into(), ..material });
     let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
-    let mesh = TriangleMesh { positions, indices: vec![[0, 1, 2]; 1000], ..TriangleMesh::default() };
+    let mesh = TriangleMesh { positions, indices: vec![[0, 1, 2]; 100], ..TriangleMesh::default() };
     Surface::with_material(Geometry::Mesh(Arc::new(mesh)), material)
 }
 

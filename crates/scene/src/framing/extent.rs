@@ -6,10 +6,10 @@ use snell_intersect::{AnyShape, Shape, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, DVec3, Transform, Vec3};
 use std::collections::BTreeMap;
 
-/// After this many vertices and nodes the boxes of nodes have to do: instances of instances may stand for any number.
-const BUDGET: usize = 4_000_000;
+/// After this many vertices, triangles and nodes the boxes of nodes have to do: instances of instances may stand for any number.
+const BUDGET: usize = 12_000_000;
 
-/// A node costs as much as this many vertices.
+/// A node costs as much as this many vertices or triangles.
 const NODE_COST: usize = 32;
 
 /// The extent of all bounded surfaces in world coordinates. `bounds` are those of the nodes, each in its own coordinates.
@@ -24,8 +24,8 @@ pub fn extent_of_scene(scene: &Scene, bounds: &BTreeMap<NodeId, Bounds3d>, direc
         let Some(transform) = Transform::new(world) else { continue };
         let local = directions.map(|d| world.matrix3.transpose() * d);
         let placed = |e: Extent| e.moved(world.translation, directions);
-        let vertices: usize = node.surfaces.iter().map(|s| vertex_count(&s.geometry)).sum();
-        let cost = NODE_COST + vertices + node.children.len();
+        let elements: usize = node.surfaces.iter().map(|s| work(&s.geometry)).sum();
+        let cost = NODE_COST + elements + node.children.len();
         if cost > budget {
             extent = extent.union(placed(Extent::of_box(&bounds[&id], &local)));
             continue;
@@ -40,9 +40,10 @@ pub fn extent_of_scene(scene: &Scene, bounds: &BTreeMap<NodeId, Bounds3d>, direc
     extent
 }
 
-fn vertex_count(geometry: &Geometry) -> usize {
+/// Vertices and triangles that have to be looked at.
+fn work(geometry: &Geometry) -> usize {
     match geometry {
-        Geometry::Mesh(mesh) => mesh.positions.len(),
+        Geometry::Mesh(mesh) => mesh.positions.len() + mesh.indices.len(),
         Geometry::Shape(_) => 1,
     }
 }
