@@ -55,10 +55,13 @@ pub(super) fn frame_content(
         content.unwrap_or_else(|| offset(&Extent::of_box(&bounds, &normals)))
     };
     let [tan_x, tan_y] = [tan_x * FILL, tan_y * FILL];
-    let [mut x1, mut x2, mut y1, mut y2] = reach([tan_x, tan_y]);
+    let outermost = reach([tan_x, tan_y]);
+    let [mut x1, mut x2, mut y1, mut y2] = outermost;
     // The apex lies where opposite sides meet, no nearer than the other pair allows.
     let back = ((x1 + x2) / (2.0 * tan_x)).max((y1 + y2) / (2.0 * tan_y));
-    let back = back.max(bounds.radius() * 1e-3);
+    // A corner may point at the camera: stay outside of the box, seen along the view.
+    let depth = (bounds.size() / 2.0).dot(towards.abs());
+    let back = back.max(depth + bounds.radius() * 1e-3);
     // The sides that have room left close in until they touch as well: that puts the content into the middle.
     let mut slopes = [tan_x, tan_y];
     for _ in 0..CENTERING_STEPS {
@@ -69,7 +72,11 @@ pub(super) fn frame_content(
         }
         [x1, x2, y1, y2] = reach(slopes);
     }
-    camera.eye = center + right * ((x1 - x2) / 2.0) + up * ((y1 - y2) / 2.0) - towards * back;
+    // As far to the middle as nothing is lost.
+    let aside = |middle: f64, a: f64, b: f64, tan: f64| middle.min(tan * back - b).max(a - tan * back);
+    let x = aside((x1 - x2) / 2.0, outermost[0], outermost[1], tan_x);
+    let y = aside((y1 - y2) / 2.0, outermost[2], outermost[3], tan_y);
+    camera.eye = center + right * x + up * y - towards * back;
     camera.focus_distance = back;
     camera.name = "default".into();
     camera
