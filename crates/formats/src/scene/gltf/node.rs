@@ -169,7 +169,9 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
 fn read_meshes_without_nodes(reader: &mut Reader, shown: &mut MeshNodes) -> Result<(), ReadError> {
     for (i, mesh) in reader.root.items_of("meshes")?.iter().enumerate() {
         if i == 0 {
-            reader.scene.warn("the file has meshes, but no nodes to place them; they are shown where their vertices are");
+            reader
+                .scene
+                .warn("the file has meshes, but no nodes to place them; they are shown where their vertices are");
         }
         let primitives = mesh::read_primitives(reader, mesh, &[])?;
         let surfaces = primitives.into_iter().map(|p| surface(reader, p.mesh, p.material)).collect();
