@@ -159,7 +159,7 @@ impl Aov {
     }
 
     /// A colour that shows the value in a picture: directions as colours, distances relative to the scene's radius, ids by hash,
-    /// counts as a heat map up to 256.
+    /// counts as a heat map by their logarithm, up to 255.
     pub fn preview(self, values: &[f32], scene_radius: f32) -> Rgb {
         let v = |i: usize| values.get(i).copied().unwrap_or(0.0);
         match self {
@@ -188,7 +188,7 @@ impl Aov {
                     Rgb::new(-v(0), 0.0, 0.0)
                 }
             }
-            Self::NodesVisited | Self::PrimitivesTested => heat((v(0) / 256.0).clamp(0.0, 1.0).sqrt()),
+            Self::NodesVisited | Self::PrimitivesTested => heat(((1.0 + v(0).max(0.0)).log2() / 8.0).min(1.0)),
         }
     }
 }
