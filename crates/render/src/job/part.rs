@@ -14,7 +14,7 @@ use snell_intersect::{AcceptAll, Grouping, Hit, HitFilter};
 use snell_math::SampledSpectrum;
 use snell_scene::{Background, Camera};
 
-/// Most rays of one depth that are traced at once; more (of ray trees) are handled in pieces.
+/// Light rays that are traced at once, up to those of one vertex more: ray trees and scenes of many lights have too many to keep.
 const MAX_BATCH: usize = 1 << 16;
 
 /// Most rays of one sample's ray tree: those of clear glass would grow without end. A tree of depth 9 is smaller.
@@ -170,13 +170,13 @@ impl<'a> PartRenderer<'a> {
         }
         self.group_by_material();
         let order = std::mem::take(&mut self.order);
-        for piece in order.chunks(MAX_BATCH) {
-            self.light_rays.clear();
-            for &path in piece {
-                self.shade_one(depth, path as usize);
+        for &path in &order {
+            self.shade_one(depth, path as usize);
+            if self.light_rays.rays.len() >= MAX_BATCH {
+                self.trace_light_rays(statistics);
             }
-            self.trace_light_rays(statistics);
         }
+        self.trace_light_rays(statistics);
         self.order = order;
     }
 
@@ -235,6 +235,7 @@ impl<'a> PartRenderer<'a> {
                 self.samples[sample as usize].brought += value;
             }
         }
+        rays.clear();
     }
 
     fn finish(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
