@@ -103,7 +103,7 @@ impl<'a> Job<'a> {
             settings,
             sampler: Sampler::new(settings.sampler, settings.seed, settings.spp),
             filter: FilterSampler::new(settings.filter),
-            lights: scene.light_sampler(settings.light_sampler),
+            lights: scene.light_sampler(settings.light_sampler, settings.light_strategy),
             crop,
         }
     }
