@@ -44,6 +44,9 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
 /// Radiance along a ray: what is found where it ends, light rays that reach their lights, and the radiance along all rays that the
 /// integrator sends on.
 fn radiance(context: &Context, ray: &Ray, state: &PathState, random: Random, depth: u32) -> SampledSpectrum {
+    if state.throughput.is_black() {
+        return SampledSpectrum::ZERO;
+    }
     let (scene, settings) = (context.scene, context.settings);
     let filter: &dyn HitFilter = scene;
     let hit = scene.world.closest_one(ray, filter);
