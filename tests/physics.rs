@@ -4,7 +4,7 @@ use snell_intersect::shape::{BoxShape, Plane, Rectangle, Sphere};
 use snell_intersect::{AnyShape, Shape};
 use snell_math::{DAffine3, DVec2, DVec3, Rgb, Vec3};
 use snell_render::{IntegratorKind, LightStrategy, Settings};
-use snell_scene::material::{Conductor, Dielectric, Diffuse, MaterialKind, Mirror};
+use snell_scene::material::{AlphaMode, Conductor, Dielectric, Diffuse, MaterialKind, Mirror};
 use snell_scene::{Background, Camera, Environment, Material, MaterialId, Scene};
 use snell_tests::scenes::{all_around, at, facing, ground, image, matte, put, put_mesh, quad};
 use snell_tests::statistics::{Estimate, image_mean};
@@ -275,5 +275,28 @@ fn the_dark_side_of_a_lamp_is_dark_unless_both_sides_emit() {
         let (front, back) = (DVec3::new(0.1, 0.2, 3.0), DVec3::new(0.1, 0.2, -3.0));
         assert_eq!(look(&scene, front, DVec3::ZERO, LightStrategy::Mis), 5.0);
         assert_eq!(look(&scene, back, DVec3::ZERO, LightStrategy::Mis), expected);
+    }
+}
+
+#[test]
+fn a_cut_out_or_blended_lamp_gives_as_much_light_as_is_there() {
+    let look_at_floor = |alpha_mode, opacity: f32, double_sided, strategy| {
+        let mut scene = Scene::new("lamp");
+        ground(&mut scene, 0.8);
+        let lamp = Material::new("lamp", Diffuse::new(Rgb::BLACK)).emitting(Rgb::splat(5.0));
+        let lamp = Material { alpha_mode, double_sided, emits_on_both_sides: true, ..lamp };
+        let lamp = scene.add_material(Material { alpha: opacity.into(), ..lamp });
+        put(&mut scene, Sphere { radius: 0.5 }, at(0.0, 1.0, 0.0), lamp);
+        look(&scene, DVec3::new(2.0, 1.0, 2.0), DVec3::new(0.3, 0.0, 0.3), strategy)
+    };
+    for strategy in LightStrategy::ALL {
+        let whole = look_at_floor(AlphaMode::Opaque, 0.3, true, strategy);
+        assert!(whole > 0.5, "{strategy:?}: {whole}");
+        assert_eq!(look_at_floor(AlphaMode::Mask(0.5), 0.3, true, strategy), 0.0, "{strategy:?}: nothing is there");
+        // The outer surface lets half through, and what lies inside is seen through it with half of the rest.
+        let half = look_at_floor(AlphaMode::Blend, 0.5, true, strategy);
+        assert!((half / whole - 0.75).abs() < 0.12, "{strategy:?}: {half} of {whole}");
+        let outside = look_at_floor(AlphaMode::Blend, 0.5, false, strategy);
+        assert!((outside / whole - 0.5).abs() < 0.12, "{strategy:?}: {outside} of {whole}");
     }
 }

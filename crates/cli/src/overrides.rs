@@ -71,8 +71,9 @@ fn edit<T: Serialize + DeserializeOwned>(target: &mut T, key: &str, path: &str, 
     for step in path.split('.') {
         place = descend(place, key, step)?;
     }
-    *place = value;
-    *target = from_value(key, tree)?;
+    let before = std::mem::replace(place, value);
+    *target = serde_json::from_value(tree)
+        .map_err(|e| Failure::Usage(format!("-D {key}: {e}; the value that it has now is {before}")))?;
     Ok(())
 }
 
@@ -129,6 +130,8 @@ mod tests {
     fn a_wrong_path_names_what_there_is() {
         let error = apply(&mut scene(), "material.0.reflectence=1").expect_err("misspelt").to_string();
         assert!(error.contains("did you mean reflectance?"), "{error}");
+        let error = apply(&mut scene(), "material.0.reflectance.factor=red").expect_err("no colour").to_string();
+        assert!(error.contains("the value that it has now is [1.0,1.0,1.0]"), "{error}");
         let error = apply(&mut scene(), "material.wall.x=1").expect_err("no such material").to_string();
         assert!(error.contains("known: the.floor"), "{error}");
     }

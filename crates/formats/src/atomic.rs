@@ -4,13 +4,31 @@ use crate::error::WriteError;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes `bytes` to a temporary file beside `path`, then renames it over `path`.
+/// Finds out, before any work, whether [`write()`] could put a file at `path`.
+pub fn check(path: &Path) -> Result<(), WriteError> {
+    if is_special(path) {
+        return Ok(());
+    }
+    temporary_beside(path).map(drop).map_err(|source| WriteError::Io { path: path.into(), source })
+}
+
+fn is_special(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|m| !m.is_file())
+}
+
+fn temporary_beside(path: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    tempfile::Builder::new().prefix(".snell-").suffix(".tmp").tempfile_in(folder)
+}
+
+/// Writes `bytes` to a temporary file beside `path`, then renames it over `path`. What is no file, such as a pipe or a device, is
+/// written to and not replaced.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
     let error = |source: std::io::Error| WriteError::Io { path: path.into(), source };
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".snell-").suffix(".tmp");
-    let mut file = builder.tempfile_in(folder).map_err(error)?;
+    if is_special(path) {
+        return std::fs::write(path, bytes).map_err(error);
+    }
+    let mut file = temporary_beside(path).map_err(error)?;
     file.write_all(bytes).map_err(error)?;
     file.as_file().sync_all().map_err(error)?;
     #[cfg(unix)]
@@ -22,4 +40,30 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
     }
     file.persist(path).map_err(|e| error(e.error))?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_that_takes_no_files_is_found_out_before_the_work() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("a.png");
+        check(&path).expect("the folder is writable");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("the folder is there").count(), 0, "nothing is left behind");
+        write(&path, b"abc").expect("the folder is writable");
+        assert_eq!(std::fs::read(&path).expect("the file is there"), b"abc");
+        assert!(check(&folder.path().join("missing/a.png")).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_socket_is_not_replaced_by_a_file() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("socket");
+        let _socket = std::os::unix::net::UnixListener::bind(&path).expect("the folder is writable");
+        assert!(write(&path, b"abc").is_err(), "nothing can be written to a socket");
+        assert!(!std::fs::metadata(&path).expect("it is still there").is_file());
+    }
 }

@@ -32,14 +32,17 @@ pub struct LightSampler {
 }
 
 impl LightSampler {
-    /// A sampler over lights of these powers. A light of no power is never chosen by power, unless all have none.
-    pub fn new(kind: LightSamplerKind, powers: &[f64]) -> Self {
+    /// A sampler over lights of these powers. A light of no power is never chosen by power, unless all have none. The light
+    /// `left_out` is not chosen if there is another.
+    pub fn new(kind: LightSamplerKind, powers: &[f64], left_out: Option<usize>) -> Self {
+        let power = |i: usize| if left_out == Some(i) { 0.0 } else { powers[i] };
         // Relative to the strongest: the powers of huge and tiny scenes do not fit in single precision.
-        let strongest = powers.iter().copied().fold(0.0, f64::max);
-        let weights: Vec<f32> = match kind {
-            LightSamplerKind::Uniform => vec![1.0; powers.len()],
-            LightSamplerKind::Power => powers.iter().map(|&p| (p / strongest) as f32).collect(),
+        let strongest = (0..powers.len()).map(power).fold(0.0, f64::max);
+        let weight = |i: usize| match kind {
+            LightSamplerKind::Uniform => f32::from(left_out != Some(i)),
+            LightSamplerKind::Power => (power(i) / strongest) as f32,
         };
+        let weights: Vec<f32> = (0..powers.len()).map(weight).collect();
         Self { distribution: (!powers.is_empty()).then(|| Distribution1D::new(&weights)) }
     }
 
@@ -66,15 +69,23 @@ mod tests {
     #[test]
     fn the_unit_of_power_does_not_matter() {
         for scale in [1e-60, 1.0, 1e60] {
-            let sampler = LightSampler::new(LightSamplerKind::Power, &[scale, 3.0 * scale, 0.0]);
+            let sampler = LightSampler::new(LightSamplerKind::Power, &[scale, 3.0 * scale, 0.0], None);
             assert_eq!([0, 1, 2].map(|light| sampler.probability(light)), [0.25, 0.75, 0.0]);
         }
     }
 
     #[test]
     fn lights_without_power_are_chosen_among_themselves() {
-        let sampler = LightSampler::new(LightSamplerKind::Power, &[0.0, 0.0]);
+        let sampler = LightSampler::new(LightSamplerKind::Power, &[0.0, 0.0], None);
         assert_eq!(sampler.probability(1), 0.5);
-        assert!(LightSampler::new(LightSamplerKind::Power, &[]).sample(|| 0.5).is_none());
+        assert!(LightSampler::new(LightSamplerKind::Power, &[], None).sample(|| 0.5).is_none());
+    }
+
+    #[test]
+    fn a_light_that_is_left_out_takes_no_samples_from_the_others() {
+        for kind in LightSamplerKind::ALL {
+            let sampler = LightSampler::new(kind, &[2.0, 2.0, 1000.0], Some(2));
+            assert_eq!([0, 1, 2].map(|light| sampler.probability(light)), [0.5, 0.5, 0.0], "{kind:?}");
+        }
     }
 }

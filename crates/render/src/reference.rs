@@ -13,25 +13,29 @@ use snell_intersect::HitFilter;
 use snell_math::{Ray, Rgb, SampledSpectrum};
 use snell_scene::Camera;
 
-/// Renders a picture: for each pixel, the mean of its samples. Row by row from the top.
+/// Renders a picture: for each pixel, the filtered mean of its samples. Row by row from the top.
 pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<Rgb> {
     let [width, height] = settings.size;
     let sampler = Sampler::new(settings.sampler, settings.seed, settings.spp);
     let filter = FilterSampler::new(settings.filter);
-    let lights = scene.light_sampler(settings.light_sampler);
+    let lights = scene.light_sampler(settings.light_sampler, settings.light_strategy);
     let context = Context { scene, settings, lights: &lights };
     let mut image = Vec::new();
     for y in 0..height {
         for x in 0..width {
-            let (mut sum, mut weights) = (Rgb::BLACK, 0.0);
+            let (mut plain, mut sum, mut weights) = (Rgb::BLACK, Rgb::BLACK, 0.0);
             for number in 0..settings.spp {
                 let random = sampler.random([x, y], number);
                 let (ray, state, weight) = camera_path(scene, camera, settings, &filter, [x, y], &random);
                 let color = scene.mode.to_rgb(radiance(&context, &ray, &state, random, 0));
+                plain = plain + color;
                 sum = sum + color * weight;
                 weights += weight;
             }
-            image.push(sum * (1.0 / weights));
+            // The weights of a filter with negative lobes may add up to 0: only what differs from the plain mean is weighted.
+            let n = settings.spp as f32;
+            let mean = plain * (1.0 / n);
+            image.push(mean + (sum + mean * -weights) * (1.0 / (n * filter.mean_weight() as f32)));
         }
     }
     image
@@ -40,6 +44,9 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
 /// Radiance along a ray: what is found where it ends, light rays that reach their lights, and the radiance along all rays that the
 /// integrator sends on.
 fn radiance(context: &Context, ray: &Ray, state: &PathState, random: Random, depth: u32) -> SampledSpectrum {
+    if state.throughput.is_black() {
+        return SampledSpectrum::ZERO;
+    }
     let (scene, settings) = (context.scene, context.settings);
     let filter: &dyn HitFilter = scene;
     let hit = scene.world.closest_one(ray, filter);

@@ -122,9 +122,11 @@ impl LightTable {
                 let emits = |t: &u32| is_light(material(*t));
                 let triangles: Vec<u32> = (0..mesh.indices.len() as u32).filter(emits).collect();
                 self.spent += mesh.indices.len() as u64 + COST_OF_TRIANGLE * triangles.len() as u64;
-                let Some(&first) = triangles.first() else { return };
+                let luminance = |m: &&Material| f64::from(m.emission.factor.luminance());
+                let materials = triangles.iter().map(|&t| material(t));
+                let Some(brightest) = materials.max_by(|a, b| luminance(a).total_cmp(&luminance(b))) else { return };
                 let geometry = EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles };
-                (geometry, *world_from_group, material(first))
+                (geometry, *world_from_group, brightest)
             }
             Geometry::Shape(shape, group_from_shape) => {
                 let material = material(0);

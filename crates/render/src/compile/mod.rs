@@ -11,6 +11,7 @@ mod surfaces;
 pub use lights::CompiledLight;
 
 use crate::light_sampler::{LightSampler, LightSamplerKind};
+use crate::settings::LightStrategy;
 use lights::LightTable;
 use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, SurfaceInteraction, World, WorldError};
 use snell_math::{Bounds3d, ColorMode, Ray, SampledSpectrum, Vec3, rng};
@@ -133,8 +134,15 @@ impl CompiledScene {
     }
 
     /// A chooser among the lights.
-    pub fn light_sampler(&self, kind: LightSamplerKind) -> LightSampler {
-        LightSampler::new(kind, &self.lights.powers)
+    pub fn light_sampler(&self, kind: LightSamplerKind, strategy: LightStrategy) -> LightSampler {
+        let left_out = self.environment_light().filter(|_| !self.samples_environment(strategy));
+        LightSampler::new(kind, &self.lights.powers, left_out)
+    }
+
+    /// False if the environment is left to BSDF samples. For a constant one that is half the work and less variance.
+    pub fn samples_environment(&self, strategy: LightStrategy) -> bool {
+        let is_constant = self.environment.as_ref().is_some_and(|e| e.is_constant());
+        strategy == LightStrategy::Light || !is_constant
     }
 
     /// A point as materials see it.

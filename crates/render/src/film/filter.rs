@@ -100,6 +100,8 @@ pub struct FilterSampler {
     /// Inverse of the cumulative distribution of |f|, at equal steps of probability, with the sign of f there.
     offsets: Vec<f64>,
     filter: Filter,
+    /// Integral of f over that of |f|.
+    signed_share: f64,
 }
 
 impl FilterSampler {
@@ -112,10 +114,14 @@ impl FilterSampler {
         let n = Self::RESOLUTION;
         let position = |i: f64| (i / n as f64 * 2.0 - 1.0) * radius;
         let mut cumulative = vec![0.0; n + 1];
+        let mut signed = 0.0;
         for i in 0..n {
-            cumulative[i + 1] = cumulative[i] + filter.evaluate(position(i as f64 + 0.5)).abs();
+            let value = filter.evaluate(position(i as f64 + 0.5));
+            cumulative[i + 1] = cumulative[i] + value.abs();
+            signed += value;
         }
         let total = cumulative[n];
+        let signed_share = if filter.has_negative_lobes() { signed / total } else { 1.0 };
         let offsets = (0..=Self::STEPS)
             .map(|k| {
                 let target = total * k as f64 / Self::STEPS as f64;
@@ -125,7 +131,7 @@ impl FilterSampler {
                 position(i as f64 - 1.0 + part)
             })
             .collect();
-        Self { radius, offsets, filter }
+        Self { radius, offsets, filter, signed_share }
     }
 
     /// Displacement from the pixel's centre and the sample's weight: 1, or -1 in a negative lobe.
@@ -133,6 +139,11 @@ impl FilterSampler {
         let (x, wx) = self.sample_axis(u.x);
         let (y, wy) = self.sample_axis(u.y);
         (DVec2::new(x, y), wx * wy)
+    }
+
+    /// Expected weight of a sample: 1, or less if the filter has negative lobes.
+    pub fn mean_weight(&self) -> f64 {
+        self.signed_share * self.signed_share
     }
 
     fn sample_axis(&self, u: f32) -> (f64, f32) {

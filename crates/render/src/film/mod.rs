@@ -34,15 +34,24 @@ struct Sums {
     square: Vec<f64>,
     /// Sum of the weights, per pixel.
     weight: Vec<f64>,
+    /// Sums of the values without weights. Empty if all weights are 1.
+    plain: Vec<f64>,
 }
 
 impl Sums {
-    fn new(pixels: usize, channels: usize) -> Self {
-        Self { sum: vec![0.0; pixels * channels], square: vec![0.0; pixels * channels], weight: vec![0.0; pixels] }
+    fn new(pixels: usize, channels: usize, is_signed: bool) -> Self {
+        let zeros = || vec![0.0; pixels * channels];
+        let plain = if is_signed { zeros() } else { Vec::new() };
+        Self { sum: zeros(), square: zeros(), weight: vec![0.0; pixels], plain }
     }
 
     fn add(&mut self, pixel: usize, values: &[f32], weight: f32) {
         let range = pixel * values.len()..(pixel + 1) * values.len();
+        if !self.plain.is_empty() {
+            for (plain, &value) in self.plain[range.clone()].iter_mut().zip(values) {
+                *plain += f64::from(value);
+            }
+        }
         for ((sum, square), &value) in self.sum[range.clone()].iter_mut().zip(&mut self.square[range]).zip(values) {
             let value = f64::from(value * weight);
             *sum += value;
@@ -52,8 +61,8 @@ impl Sums {
     }
 
     fn add_all(&mut self, other: &Self) {
-        let mine = self.sum.iter_mut().chain(&mut self.square).chain(&mut self.weight);
-        for (a, b) in mine.zip(other.sum.iter().chain(&other.square).chain(&other.weight)) {
+        let mine = self.sum.iter_mut().chain(&mut self.square).chain(&mut self.weight).chain(&mut self.plain);
+        for (a, b) in mine.zip(other.sum.iter().chain(&other.square).chain(&other.weight).chain(&other.plain)) {
             *a += b;
         }
     }
@@ -80,6 +89,8 @@ pub struct FilmTile {
     /// Samples that every pixel of the tile has.
     pub samples: u32,
     channels: usize,
+    /// Expected weight of a sample, see [`filter::FilterSampler::mean_weight`].
+    mean_weight: f64,
     total: Sums,
     /// The block that is being filled, if one is.
     partial: Option<Sums>,
@@ -88,11 +99,12 @@ pub struct FilmTile {
 }
 
 impl FilmTile {
-    fn new(area: Crop, aov_channels: usize) -> Self {
+    fn new(area: Crop, aov_channels: usize, mean_weight: f64) -> Self {
         let pixels = area.size().iter().product::<u32>() as usize;
         let channels = 4 + aov_channels;
-        let total = Sums::new(pixels, channels);
-        Self { area, samples: 0, channels, total, partial: None, first: vec![0.0; pixels * aov_channels] }
+        let total = Sums::new(pixels, channels, mean_weight < 1.0);
+        let first = vec![0.0; pixels * aov_channels];
+        Self { area, samples: 0, channels, mean_weight, total, partial: None, first }
     }
 
     /// Adds a part of this tile.
@@ -106,7 +118,7 @@ impl FilmTile {
         let aov_channels = self.channels - 4;
         let mut values = vec![0.0; self.channels];
         for s in 0..samples {
-            let partial = self.partial.get_or_insert_with(|| Sums::new(pixels, self.channels));
+            let partial = self.partial.get_or_insert_with(|| Sums::new(pixels, self.channels, self.mean_weight < 1.0));
             for pixel in 0..pixels {
                 let i = pixel * samples + s;
                 let sample = &part.values[i];
@@ -128,18 +140,27 @@ impl FilmTile {
     }
 
     /// Mean and variance of the mean for one channel of a pixel.
+    ///
+    /// The sum of the weights of few samples may be 0 or of the wrong sign where the filter is partly negative, so it is no
+    /// divisor. Only what differs from the plain mean is weighted, and divided by the weight that is expected.
     fn estimate(&self, pixel: usize, channel: usize) -> (f64, f64) {
         let i = pixel * self.channels + channel;
         let get = |field: fn(&Sums) -> &Vec<f64>, i: usize| {
             field(&self.total)[i] + self.partial.as_ref().map_or(0.0, |p| field(p)[i])
         };
-        let (sum, square, weight) = (get(|s| &s.sum, i), get(|s| &s.square, i), get(|s| &s.weight, pixel));
-        let weight = if weight == 0.0 { 1.0 } else { weight };
-        let n = f64::from(self.samples);
-        let mean = sum / weight;
-        // Of a ratio of sums whose weights are all of size 1, to first order.
-        let spread = (square - mean * mean * n).max(0.0);
-        (mean, if n > 1.0 { spread / (weight * weight) * (n / (n - 1.0)) } else { 0.0 })
+        let (sum, square) = (get(|s| &s.sum, i), get(|s| &s.square, i));
+        let n = f64::from(self.samples.max(1));
+        let (mean, difference) = if self.total.plain.is_empty() {
+            (sum / n, 0.0)
+        } else {
+            let mean = get(|s| &s.plain, i) / n;
+            (mean, sum - mean * get(|s| &s.weight, pixel))
+        };
+        // Of the weighted differences from the plain mean, whose weights are all of size 1.
+        let spread = (square - mean * mean * n - difference * difference / n).max(0.0);
+        let divisor = n * self.mean_weight;
+        let variance = if n > 1.0 { spread / (divisor * divisor) * (n / (n - 1.0)) } else { 0.0 };
+        (mean + difference / divisor, variance)
     }
 }
 
@@ -154,8 +175,13 @@ pub struct Film {
 }
 
 impl Film {
-    /// An empty film for `crop`, with layers for these AOVs.
+    /// An empty film for `crop`, with layers for these AOVs, whose samples have weights of 1.
     pub fn new(crop: Crop, aovs: &[Aov]) -> Self {
+        Self::with_mean_weight(crop, aovs, 1.0)
+    }
+
+    /// An empty film for samples of a filter, see [`filter::FilterSampler::mean_weight`].
+    pub fn with_mean_weight(crop: Crop, aovs: &[Aov], mean_weight: f64) -> Self {
         let aov_channels = aovs.iter().map(|a| a.channels().len()).sum::<usize>();
         let range = |axis: usize| crop.min[axis] / TILE..crop.max[axis].div_ceil(TILE);
         let mut tiles = Vec::new();
@@ -163,7 +189,7 @@ impl Film {
             for x in range(0) {
                 let min = [(x * TILE).max(crop.min[0]), (y * TILE).max(crop.min[1])];
                 let max = [((x + 1) * TILE).min(crop.max[0]), ((y + 1) * TILE).min(crop.max[1])];
-                tiles.push(FilmTile::new(Crop { min, max }, aov_channels));
+                tiles.push(FilmTile::new(Crop { min, max }, aov_channels, mean_weight));
             }
         }
         Self { crop, aovs: aovs.to_vec(), tiles }
@@ -269,5 +295,43 @@ mod tests {
         let variance = film.variance().layers[0].values[0];
         // Uniform numbers up to 1000 have variance 1e6 / 12.
         assert!((variance / (1e6 / 12.0 / 4000.0) - 1.0).abs() < 0.05, "{variance}");
+    }
+
+    /// A film of one pixel, for a filter whose samples have weight -1 with probability 1/4.
+    fn signed_film(seed: u32, samples: u32, value: impl Fn(f32) -> f32) -> Film {
+        let mut film = Film::with_mean_weight(Crop::full([1, 1]), &[], 0.5);
+        let values = (0..samples).map(|s| {
+            let u = rng::to_unit(rng::hash_combine(seed, s));
+            let weight = if u < 0.25 { -1.0 } else { 1.0 };
+            FilmSample { color: Rgb::splat(value(u)), alpha: 1.0, weight }
+        });
+        let (area, values) = (Crop::full([1, 1]), values.collect());
+        film.tiles[0].fold(&FilmPart { area, samples: [0, samples], values, aovs: Vec::new() });
+        film
+    }
+
+    #[test]
+    fn negative_weights_leave_a_constant_as_it_is() {
+        for samples in 1..20 {
+            for seed in 0..50 {
+                let film = signed_film(seed, samples, |_| 3.0);
+                assert_eq!(film.image().layers[0].values, [3.0, 3.0, 3.0, 1.0], "{samples} samples");
+                assert_eq!(film.variance().layers[0].values, [0.0; 4], "{samples} samples");
+            }
+        }
+    }
+
+    #[test]
+    fn negative_weights_count_and_the_variance_is_that_of_the_mean() {
+        let films: Vec<Film> = (0..2000).map(|seed| signed_film(seed, 64, |u| u * u + 1.0)).collect();
+        let values: Vec<f64> = films.iter().map(|f| f64::from(f.image().layers[0].values[0])).collect();
+        let mean = values.iter().sum::<f64>() / 2000.0;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / 2000.0;
+        let estimated = films.iter().map(|f| f64::from(f.variance().layers[0].values[0])).sum::<f64>() / 2000.0;
+        // The integral of u^2 over [1/4, 1] less that over [0, 1/4], by 1/2; 1 is what was added.
+        let expected = (1.0 - 2.0 / 64.0) / 3.0 / 0.5 + 1.0;
+        // The plain mean depends on the samples that it is taken from: a bias of order 1 / n.
+        assert!((mean - expected).abs() < 0.01, "{mean} {expected}");
+        assert!((estimated / variance - 1.0).abs() < 0.1, "{estimated} {variance}");
     }
 }

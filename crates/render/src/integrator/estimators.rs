@@ -72,7 +72,10 @@ pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usiz
             let cos = direction.dot(sample.surface.geometric_normal).abs();
             let pdf = sample.pdf_area * distance_squared / cos;
             let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
-            let radiance = material.emitted(&scene.shading_point(&sample.surface, 0.0), -direction);
+            let point = scene.shading_point(&sample.surface, 0.0);
+            // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends before it.
+            let presence = material.presence(direction, &point);
+            let radiance = material.emitted(&point, -direction) * presence;
             if radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {
                 return None;
             }

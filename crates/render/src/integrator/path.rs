@@ -49,18 +49,12 @@ fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
     if radiance.is_black() {
         return SampledSpectrum::ZERO;
     }
-    let weight = if environment_is_sampled(context) {
+    let weight = if context.scene.samples_environment(context.settings.light_strategy) {
         weight_of_bsdf_sample(context, vertex, || light_pdf_of_environment(context, vertex.ray.direction))
     } else {
         1.0
     };
     vertex.state.throughput * radiance * weight
-}
-
-/// A constant environment is left to BSDF samples: half the work and less variance.
-fn environment_is_sampled(context: &Context) -> bool {
-    let constant = context.scene.environment.as_ref().is_some_and(|e| e.is_constant());
-    context.settings.light_strategy == LightStrategy::Light || !constant
 }
 
 fn weight_of_bsdf_sample(context: &Context, vertex: &Vertex, light_pdf: impl Fn() -> f32) -> f32 {
@@ -87,7 +81,9 @@ fn add_light_sample(
     let Some((light, probability)) = context.lights.sample(|| vertex.random.number(dimension::LIGHT_CHOICE)) else {
         return;
     };
-    if context.scene.environment_light() == Some(light) && !environment_is_sampled(context) {
+    if context.scene.environment_light() == Some(light)
+        && !context.scene.samples_environment(context.settings.light_strategy)
+    {
         return;
     }
     let u = vertex.random.pair(dimension::LIGHT);

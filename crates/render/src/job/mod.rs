@@ -67,7 +67,7 @@ pub struct Progress {
     pub total: u64,
     /// Rays traced so far.
     pub rays: u64,
-    /// Passes over the whole picture that are complete.
+    /// Passes over the whole picture that are complete, or will be if the render is stopped now: threads end what they began.
     pub passes: usize,
 }
 
@@ -103,7 +103,7 @@ impl<'a> Job<'a> {
             settings,
             sampler: Sampler::new(settings.sampler, settings.seed, settings.spp),
             filter: FilterSampler::new(settings.filter),
-            lights: scene.light_sampler(settings.light_sampler),
+            lights: scene.light_sampler(settings.light_sampler, settings.light_strategy),
             crop,
         }
     }
@@ -111,7 +111,7 @@ impl<'a> Job<'a> {
     /// Renders with `threads` threads (at least one) until all samples are taken or `keep_going` says no. `keep_going` is called
     /// often, from any thread, with the progress so far.
     pub fn run(&self, threads: usize, keep_going: &(dyn Fn(&Progress) -> bool + Sync)) -> (Film, Statistics) {
-        let mut film = Film::new(self.crop, &self.settings.aovs);
+        let mut film = Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight());
         let order = tile_order(film.tiles.len(), self.settings.tile_order);
         let ranges = sample_ranges(self.settings.spp, self.settings.progressive);
         let total: u64 = film.tiles.iter().map(|t| pixels(&t.area)).sum::<u64>() * u64::from(self.settings.spp);
@@ -127,22 +127,25 @@ impl<'a> Job<'a> {
             let mut renderer = PartRenderer::new(context, self.camera, &self.sampler, &self.filter);
             let mut mine = Statistics::default();
             loop {
+                // Asked before a part is taken: every part that is taken is rendered, and so the passes counted here are whole,
+                // however late some thread is.
+                let taken = next.load(Ordering::Relaxed);
+                let progress = Progress {
+                    done: done.load(Ordering::Relaxed),
+                    total,
+                    rays: rays.load(Ordering::Relaxed),
+                    passes: taken / tiles.len().max(1),
+                };
+                if stopped.load(Ordering::Relaxed) || !keep_going(&progress) {
+                    stopped.store(true, Ordering::Relaxed);
+                    break;
+                }
                 let index = next.fetch_add(1, Ordering::Relaxed);
                 if index >= tiles.len() * ranges.len() {
                     break;
                 }
                 let range = ranges[index / tiles.len()];
                 let shared = &tiles[order[index % tiles.len()]];
-                let progress = Progress {
-                    done: done.load(Ordering::Relaxed),
-                    total,
-                    rays: rays.load(Ordering::Relaxed),
-                    passes: (index + 1).saturating_sub(threads.max(1)) / tiles.len(),
-                };
-                if stopped.load(Ordering::Relaxed) || !keep_going(&progress) {
-                    stopped.store(true, Ordering::Relaxed);
-                    break;
-                }
                 let area = lock(shared).tile.area;
                 let before = mine.rays.total();
                 let part = renderer.render(area, range, &mut mine);

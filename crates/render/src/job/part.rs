@@ -14,7 +14,7 @@ use snell_intersect::{AcceptAll, Grouping, Hit, HitFilter};
 use snell_math::SampledSpectrum;
 use snell_scene::{Background, Camera};
 
-/// Most rays of one depth that are traced at once; more (of ray trees) are handled in pieces.
+/// Light rays that are traced at once, up to those of one vertex more: ray trees and scenes of many lights have too many to keep.
 const MAX_BATCH: usize = 1 << 16;
 
 /// Most rays of one sample's ray tree: those of clear glass would grow without end. A tree of depth 9 is smaller.
@@ -80,6 +80,7 @@ impl<'a> PartRenderer<'a> {
         while self.paths.len() > 0 {
             self.trace(grouping);
             if depth == 0 {
+                self.drop_dead_paths();
                 self.note_first_hits();
             }
             self.next.clear();
@@ -122,6 +123,15 @@ impl<'a> PartRenderer<'a> {
         self.paths.hits.clear();
         self.paths.hits.resize(self.paths.rays.len(), Hit::MISS);
         self.context.scene.world.closest(&self.paths.rays, grouping, filter, &mut self.paths.hits);
+    }
+
+    /// Where the camera has no ray, such as outside of a fisheye's circle, nothing is hit.
+    fn drop_dead_paths(&mut self) {
+        for (hit, state) in self.paths.hits.iter_mut().zip(&self.paths.states) {
+            if state.throughput.is_black() {
+                *hit = Hit::MISS;
+            }
+        }
     }
 
     /// Alpha and AOVs of the camera rays.
@@ -170,13 +180,13 @@ impl<'a> PartRenderer<'a> {
         }
         self.group_by_material();
         let order = std::mem::take(&mut self.order);
-        for piece in order.chunks(MAX_BATCH) {
-            self.light_rays.clear();
-            for &path in piece {
-                self.shade_one(depth, path as usize);
+        for &path in &order {
+            self.shade_one(depth, path as usize);
+            if self.light_rays.rays.len() >= MAX_BATCH {
+                self.trace_light_rays(statistics);
             }
-            self.trace_light_rays(statistics);
         }
+        self.trace_light_rays(statistics);
         self.order = order;
     }
 
@@ -197,6 +207,9 @@ impl<'a> PartRenderer<'a> {
     fn shade_one(&mut self, depth: u32, path: usize) {
         let scene = self.context.scene;
         let (ray, hit, state) = (self.paths.rays[path], self.paths.hits[path], self.paths.states[path]);
+        if state.throughput.is_black() {
+            return;
+        }
         let sample = self.paths.samples[path];
         let interaction = hit.is_hit().then(|| scene.world.interaction(&ray, &hit));
         let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
@@ -235,6 +248,7 @@ impl<'a> PartRenderer<'a> {
                 self.samples[sample as usize].brought += value;
             }
         }
+        rays.clear();
     }
 
     fn finish(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
@@ -254,5 +268,32 @@ impl<'a> PartRenderer<'a> {
             }
         }
         FilmPart { area, samples: range, values, aovs }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::integrator::aov::Aov;
+    use crate::{CompiledScene, IntegratorKind, Job, Settings};
+    use snell_intersect::BuildOptions;
+    use snell_scene::builtin::builtin;
+    use snell_scene::{Background, Projection};
+
+    #[test]
+    fn outside_of_the_circle_of_a_fisheye_is_nothing() {
+        let mut scene = builtin("teapot").expect("the scene is built in");
+        scene.background = Background::Transparent;
+        let mut camera = scene.cameras[0].clone();
+        camera.projection = Projection::Fisheye { max_angle: 3.0 };
+        let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+        for integrator in [IntegratorKind::Flat, IntegratorKind::Ao, IntegratorKind::Path] {
+            let aovs = vec![Aov::Depth, Aov::MaterialId];
+            let settings = Settings { size: [30, 20], spp: 2, integrator, aovs, ..Settings::default() };
+            let image = Job::new(&compiled, &camera, &settings).run(1, &|_| true).0.image();
+            assert_eq!(image.layers[0].values[..4], [0.0; 4], "{integrator:?}");
+            assert_eq!((image.layers[1].values[0], image.layers[2].values[0]), (0.0, -1.0), "{integrator:?}");
+            let middle = 10 * 30 + 15;
+            assert_eq!(image.layers[0].values[middle * 4 + 3], 1.0, "{integrator:?}");
+        }
     }
 }

@@ -224,7 +224,12 @@ impl Material {
 
     /// True if a ray meets the surface at a point; `u` in `[0, 1)` is a hash of the hit (the same for the same hit, or light leaks).
     pub fn is_present(&self, ray_direction: Vec3, point: &ShadingPoint, u: f32) -> bool {
-        (self.double_sided || point.surface.is_front_facing(ray_direction)) && u < self.opacity(point)
+        u < self.presence(ray_direction, point)
+    }
+
+    /// The probability that a ray meets the surface at a point: its opacity, or 0 on the side that a single-sided surface lacks.
+    pub fn presence(&self, ray_direction: Vec3, point: &ShadingPoint) -> f32 {
+        if self.double_sided || point.surface.is_front_facing(ray_direction) { self.opacity(point) } else { 0.0 }
     }
 
     /// The BSDF at a point, with the shading normal as it is. Prefer [`Self::bsdf_towards`] where the viewer is known.

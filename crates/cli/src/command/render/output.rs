@@ -16,7 +16,8 @@ pub struct Output<'a> {
 }
 
 impl<'a> Output<'a> {
-    /// Checks before anything is rendered that the picture can be written: the format must be known, the folder must exist.
+    /// Checks before anything is rendered that the picture can be written: the format must be known, the folder must exist and
+    /// be writable.
     pub fn plan(options: &'a Options) -> Result<Self, Failure> {
         if let Some(path) = options.output.as_deref().filter(|p| *p != Path::new("-")) {
             image::check_writable(path)?;
@@ -83,7 +84,7 @@ fn check_place(path: &Path) -> Result<(), Failure> {
     if path.is_dir() {
         return Err(Failure::Other(format!("{shown}: this is a folder; name a file in it")));
     }
-    Ok(())
+    Ok(snell_formats::atomic::check(path)?)
 }
 
 /// The linear picture with its layers. The alpha channel stays only where it says something.
