@@ -12,9 +12,13 @@ pub fn load(name: &str, options: &ReadOptions) -> Result<Scene, Failure> {
     if name == "-" {
         let mut bytes = Vec::new();
         std::io::stdin()
-            .take(options.limits.file_bytes)
+            .take(options.limits.file_bytes + 1)
             .read_to_end(&mut bytes)
             .map_err(|e| Failure::Other(format!("standard input: cannot read: {e}")))?;
+        if bytes.len() as u64 > options.limits.file_bytes {
+            let limit = options.limits.file_bytes;
+            return Err(Failure::Other(format!("standard input: more than the limit of {limit} bytes; split the scene")));
+        }
         return Ok(snell_formats::read_scene_bytes("standard input", bytes, Path::new("."), options)?);
     }
     let path = Path::new(name);

@@ -198,7 +198,7 @@ impl Options {
             size,
             crop,
             spp,
-            progressive: self.time.is_some() || spp > 64,
+            progressive: self.time.is_some() || spp > 16,
             seed: self.seed,
             sampler: choice("sampler", &sampler, &SamplerKind::ALL, SamplerKind::name)?,
             filter: choice("filter", &filter, &Filter::ALL, Filter::name)?,
