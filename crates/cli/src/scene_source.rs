@@ -17,7 +17,9 @@ pub fn load(name: &str, options: &ReadOptions) -> Result<Scene, Failure> {
             .map_err(|e| Failure::Other(format!("standard input: cannot read: {e}")))?;
         if bytes.len() as u64 > options.limits.file_bytes {
             let limit = options.limits.file_bytes;
-            return Err(Failure::Other(format!("standard input: more than the limit of {limit} bytes; split the scene")));
+            return Err(Failure::Other(format!(
+                "standard input: more than the limit of {limit} bytes; split the scene"
+            )));
         }
         return Ok(snell_formats::read_scene_bytes("standard input", bytes, Path::new("."), options)?);
     }

@@ -98,7 +98,8 @@ pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> La
             picture.layers[1].values.chunks(channels).map(|v| aov.preview(v, compiled.radius)).collect();
         for (pixel, color) in picture.layers[0].values.chunks_mut(4).zip(previews) {
             // Colours are premultiplied.
-            pixel[..3].copy_from_slice(&(color * pixel[3]).to_array());
+            let premultiplied = color * pixel[3];
+            pixel[..3].copy_from_slice(&premultiplied.to_array());
         }
     }
     if compiled.background != Background::Transparent {
