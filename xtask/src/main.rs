@@ -10,6 +10,7 @@ const HELP: &str = "cargo xtask COMMAND
   lint   formatting, clippy and documentation, warnings as errors
   fmt    format everything
   docs   build the API documentation
+  golden make the pictures of golden scenes that changed the new references; look at them before you commit
 ";
 
 fn main() -> ExitCode {
@@ -19,6 +20,7 @@ fn main() -> ExitCode {
         "lint" => lint(),
         "fmt" => run("format", cargo(&["fmt", "--all"])),
         "docs" => run("documentation", cargo(&["doc", "--workspace", "--no-deps"])),
+        "golden" => golden(),
         _ => {
             eprint!("{HELP}");
             return ExitCode::from(2);
@@ -59,6 +61,18 @@ fn lint() -> bool {
     // Every step runs, so that one look shows all there is to mend.
     let failed = steps.into_iter().filter_map(|(what, command)| (!run(what, command)).then_some(what)).count();
     failed == 0
+}
+
+/// The pictures of `tests/golden/` that are not as they were become the references.
+fn golden() -> bool {
+    let arguments = ["test", "--package", "snell-tests", "--test", "golden", "every_golden", "--", "--nocapture"];
+    let mut command = cargo(&arguments);
+    command.env("SNELL_GOLDEN", "accept");
+    let succeeded = run("golden", command);
+    if succeeded {
+        println!("Each picture written is named above, and in `git status`. None was written if all are as they were.");
+    }
+    succeeded
 }
 
 /// Numbers of a run of the test harness.
