@@ -14,6 +14,9 @@ pub mod world;
 
 pub use hit::{Hit, SurfaceInteraction};
 pub use mesh::TriangleMesh;
+pub use query::rays::{RayQuery, Rays};
 pub use query::{AcceptAll, Grouping, HitFilter};
 pub use shape::{AnyShape, Shape, ShapeHit, ShapeSample, ShapeSurface};
-pub use world::{BuildOptions, Geometry, GeometryId, GroupId, World, WorldBuilder, WorldError};
+pub use world::{
+    BuildOptions, Geometry, GeometryId, GeometryOptions, GroupId, Instance, World, WorldBuilder, WorldError,
+};

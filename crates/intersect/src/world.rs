@@ -75,13 +75,30 @@ pub struct Instance {
     pub child: GroupId,
     /// The map from the child's coordinates to those of the group that holds the instance.
     pub group_from_child: Transform,
+    /// Only rays whose mask shares a bit with this enter it.
+    pub mask: u32,
+}
+
+/// What queries ask about a geometry before a hit on it counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GeometryOptions {
+    /// Only rays whose mask shares a bit with this meet it.
+    pub mask: u32,
+    /// The query's [`crate::HitFilter`] may reject hits.
+    pub filtered: bool,
+}
+
+impl Default for GeometryOptions {
+    fn default() -> Self {
+        Self { mask: u32::MAX, filtered: false }
+    }
 }
 
 /// Collects groups, geometries and instances, then builds a [`World`].
 #[derive(Debug)]
 pub struct WorldBuilder {
     pub(crate) geometries: Vec<Geometry>,
-    pub(crate) filtered: Vec<bool>,
+    pub(crate) options: Vec<GeometryOptions>,
     pub(crate) groups: Vec<GroupContents>,
 }
 
@@ -96,7 +113,7 @@ pub struct GroupContents {
 
 impl Default for WorldBuilder {
     fn default() -> Self {
-        Self { geometries: Vec::new(), filtered: Vec::new(), groups: vec![GroupContents::default()] }
+        Self { geometries: Vec::new(), options: Vec::new(), groups: vec![GroupContents::default()] }
     }
 }
 
@@ -124,19 +141,29 @@ impl WorldBuilder {
     fn add_geometry(&mut self, group: GroupId, geometry: Geometry) -> GeometryId {
         let id = GeometryId(self.geometries.len() as u32);
         self.geometries.push(geometry);
-        self.filtered.push(false);
+        self.options.push(GeometryOptions::default());
         self.groups[group.0 as usize].geometries.push(id);
         id
     }
 
     /// Places `child` in `group`.
     pub fn add_instance(&mut self, group: GroupId, child: GroupId, group_from_child: Transform) {
-        self.groups[group.0 as usize].instances.push(Instance { child, group_from_child });
+        self.add(group, Instance { child, group_from_child, mask: u32::MAX });
+    }
+
+    /// Places an instance in `group`.
+    pub fn add(&mut self, group: GroupId, instance: Instance) {
+        self.groups[group.0 as usize].instances.push(instance);
+    }
+
+    /// Only rays whose mask shares a bit with this meet the geometry ([`crate::query::rays::RayQuery::mask`]). All bits at first.
+    pub fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
+        self.options[geometry.0 as usize].mask = mask;
     }
 
     /// Hits on this geometry are asked about: the query's [`crate::HitFilter`] may reject them.
     pub fn set_filtered(&mut self, geometry: GeometryId) {
-        self.filtered[geometry.0 as usize] = true;
+        self.options[geometry.0 as usize].filtered = true;
     }
 
     /// Builds the acceleration structures, on the threads of the current rayon pool. The result does not depend on how many there
@@ -155,7 +182,7 @@ impl WorldBuilder {
         let stats = self.count_triangles(&occurrences, &structure);
         Ok(World {
             geometries: self.geometries,
-            filtered: self.filtered,
+            options: self.options,
             groups: self.groups,
             occurrences,
             bounds: bounds.exact[0],
@@ -184,6 +211,7 @@ impl WorldBuilder {
                     child: instance.child.0 as usize,
                     offset,
                     child_from_group: *instance.group_from_child.inverse_matrix(),
+                    mask: instance.mask,
                 });
             }
             list
@@ -294,7 +322,7 @@ pub(crate) enum Structure {
 #[derive(Debug)]
 pub struct World {
     geometries: Vec<Geometry>,
-    pub(crate) filtered: Vec<bool>,
+    pub(crate) options: Vec<GeometryOptions>,
     groups: Vec<GroupContents>,
     occurrences: Occurrences,
     bounds: Bounds3d,

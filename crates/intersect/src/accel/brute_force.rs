@@ -41,7 +41,8 @@ pub(crate) fn search_all<G: Goal>(
         Object::Shape { shape, geometry, shape_from_group } => {
             test_shape(search, shape.as_ref(), *geometry, instance, &mapped(shape_from_group, ray))
         }
-        Object::Instance { child, offset, child_from_group } => ray_in_child(child_from_group, ray)
+        Object::Instance { mask, .. } if mask & search.mask == 0 => false,
+        Object::Instance { child, offset, child_from_group, .. } => ray_in_child(child_from_group, ray)
             .is_some_and(|ray| search_all(groups, *child, &ray, instance + offset, search)),
     })
 }

@@ -28,6 +28,8 @@ pub(crate) enum Object {
         offset: u32,
         /// The map from the group to the child.
         child_from_group: DAffine3,
+        /// Rays whose mask shares no bit with this pass by.
+        mask: u32,
     },
 }
 

@@ -7,8 +7,8 @@ use super::traverse::{Entry, SMALL_STACK, Stack, Walk, test_object, walk_portabl
 use super::triangle::candidates;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::test_triangle;
-use crate::query::HitFilter;
-use crate::query::search::{Goal, Search};
+use crate::query::rays::Rays;
+use crate::query::search::{Context, Goal, Search};
 use snell_math::simd::{Lanes8, Level, Portable8};
 use snell_math::{DRay, Ray};
 use std::mem::MaybeUninit;
@@ -24,12 +24,8 @@ const PREFETCH_BYTES: usize = 8 << 20;
 
 /// Rays to search for, and what is common to them.
 pub(crate) struct Batch<'a> {
-    /// In world space.
-    pub rays: &'a [Ray],
-    /// Who may reject hits.
-    pub filter: &'a dyn HitFilter,
-    /// Which geometries the filter is asked about.
-    pub filtered: &'a [bool],
+    pub rays: Rays<'a>,
+    pub context: &'a Context<'a>,
 }
 
 /// True if the root's tree fits the stacks of this kernel, and it has something to interleave.
@@ -214,8 +210,9 @@ unsafe fn run<L: Lanes8, G: Goal>(
     // The next search that needs a walk; those that do not are finished at once.
     let mut next = |below: &mut Stack, finish: &mut dyn FnMut(usize, G)| loop {
         let number = numbers.next()?;
-        let ray = &batch.rays[number];
-        let mut search = Search { ray, filter: batch.filter, filtered: batch.filtered, goal: start(ray) };
+        let query = batch.rays.get(number);
+        let ray = query.ray;
+        let mut search = Search::new(query, batch.context, start(ray));
         let over = !ray.is_valid()
             || tree.unbounded.iter().any(|&object| {
                 // SAFETY: as promised by the caller.

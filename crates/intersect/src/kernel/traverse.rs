@@ -230,7 +230,8 @@ pub(super) unsafe fn test_object<G: Goal>(
         Object::Shape { shape, geometry, shape_from_group } => {
             test_shape(search, shape.as_ref(), *geometry, instance, &mapped(shape_from_group, ray))
         }
-        Object::Instance { child, offset, child_from_group } => {
+        Object::Instance { mask, .. } if mask & search.mask == 0 => false,
+        Object::Instance { child, offset, child_from_group, .. } => {
             let Some(ray) = ray_in_child(child_from_group, ray) else { return false };
             // SAFETY: as promised by the caller: the stack has room for all below this group.
             unsafe { enter(forest, *child, &ray, instance + offset, search, stack) }

@@ -1,5 +1,6 @@
 //! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray, never on its neighbours.
 
+pub mod rays;
 pub(crate) mod search;
 
 use crate::accel::brute_force::search_all;
@@ -7,7 +8,8 @@ use crate::hit::Hit;
 use crate::kernel::interleave;
 use crate::kernel::traverse::search_forest;
 use crate::world::{Structure, TraversalCounters, World};
-use search::{All, Any, Closest, Counted, Goal, Search};
+use rays::{RayQuery, Rays};
+use search::{All, Any, Closest, Context, Counted, Goal, Search};
 use snell_math::{DRay, Ray};
 
 /// Which rays of a batch belong together. The kernel follows from this and from the kind of query, never from what happens to
@@ -43,7 +45,14 @@ impl World {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn closest(&self, rays: &[Ray], _grouping: Grouping, filter: &dyn HitFilter, hits: &mut [Hit]) {
+    pub fn closest<'a>(
+        &self,
+        rays: impl Into<Rays<'a>>,
+        _grouping: Grouping,
+        filter: &dyn HitFilter,
+        hits: &mut [Hit],
+    ) {
+        let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
         self.search_all(rays, filter, Closest::new, |i, goal| hits[i] = goal.result());
     }
@@ -52,60 +61,69 @@ impl World {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn occluded(&self, rays: &[Ray], filter: &dyn HitFilter, blocked: &mut [bool]) {
+    pub fn occluded<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter, blocked: &mut [bool]) {
+        let rays = rays.into();
         assert_eq!(rays.len(), blocked.len(), "one answer per ray");
         self.search_all(rays, filter, Any::new, |i, goal| blocked[i] = goal.found);
     }
 
     /// The nearest hit of one ray.
-    pub fn closest_one(&self, ray: &Ray, filter: &dyn HitFilter) -> Hit {
-        self.search(ray, filter, Closest::new(ray)).result()
+    pub fn closest_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Hit {
+        self.search(ray.into(), filter, Closest::new).result()
     }
 
     /// True if anything lies in the interval of one ray.
-    pub fn occluded_one(&self, ray: &Ray, filter: &dyn HitFilter) -> bool {
-        self.search(ray, filter, Any::new(ray)).found
+    pub fn occluded_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> bool {
+        self.search(ray.into(), filter, Any::new).found
     }
 
     /// Every hit of one ray, ascending by `t`, equal ones by instance, geometry and primitive.
-    pub fn all_one(&self, ray: &Ray, filter: &dyn HitFilter) -> Vec<Hit> {
-        let mut hits = self.search(ray, filter, All::new(ray)).hits;
+    pub fn all_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Vec<Hit> {
+        let mut hits = self.search(ray.into(), filter, All::new).hits;
         let ids = |h: &Hit| (h.instance, h.geometry, h.primitive);
         hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(ids(a).cmp(&ids(b))));
         hits
     }
 
     /// The nearest hit of one ray, and what it cost to find.
-    pub fn closest_counted(&self, ray: &Ray, filter: &dyn HitFilter) -> (Hit, TraversalCounters) {
-        let goal = Counted { closest: Closest::new(ray), counters: TraversalCounters::default() };
-        let goal = self.search(ray, filter, goal);
+    pub fn closest_counted<'a>(
+        &self,
+        ray: impl Into<RayQuery<'a>>,
+        filter: &dyn HitFilter,
+    ) -> (Hit, TraversalCounters) {
+        let goal = self.search(ray.into(), filter, Counted::new);
         (goal.closest.result(), goal.counters)
     }
 
     /// Searches for all rays of a batch, each for itself, with the kernel that suits the structure.
     fn search_all<G: Goal>(
         &self,
-        rays: &[Ray],
+        rays: Rays,
         filter: &dyn HitFilter,
         start: impl Fn(&Ray) -> G,
         mut finish: impl FnMut(usize, G),
     ) {
         match &self.structure {
             Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
-                let batch = interleave::Batch { rays, filter, filtered: &self.filtered };
+                let batch = interleave::Batch { rays, context: &self.context(filter) };
                 interleave::search_batch(forest, self.simd, &batch, start, finish);
             }
-            _ => rays.iter().enumerate().for_each(|(i, ray)| finish(i, self.search(ray, filter, start(ray)))),
+            _ => (0..rays.len()).for_each(|i| finish(i, self.search(rays.get(i), filter, &start))),
         }
     }
 
+    fn context<'a>(&'a self, filter: &'a dyn HitFilter) -> Context<'a> {
+        Context { filter, options: &self.options }
+    }
+
     #[inline]
-    fn search<G: Goal>(&self, ray: &Ray, filter: &dyn HitFilter, goal: G) -> G {
-        let mut search = Search { ray, filter, filtered: &self.filtered, goal };
-        if ray.is_valid() {
+    fn search<G: Goal>(&self, query: RayQuery, filter: &dyn HitFilter, start: impl Fn(&Ray) -> G) -> G {
+        let context = self.context(filter);
+        let mut search = Search::new(query, &context, start(query.ray));
+        if query.ray.is_valid() {
             match &self.structure {
                 Structure::None(groups) => {
-                    search_all(groups, 0, &DRay::from(ray), 0, &mut search);
+                    search_all(groups, 0, &DRay::from(query.ray), 0, &mut search);
                 }
                 Structure::Bvh(forest) => search_forest(forest, self.simd, &mut search),
             }

@@ -1,9 +1,10 @@
 //! One search in progress: the world's ray, what it may be asked to reject, and what it has found.
 
 use super::HitFilter;
+use super::rays::RayQuery;
 use crate::hit::Hit;
 use crate::kernel::node::padded;
-use crate::world::TraversalCounters;
+use crate::world::{GeometryOptions, TraversalCounters};
 use snell_math::Ray;
 
 /// What a query wants to know about a ray: the nearest hit, any hit, all hits.
@@ -39,19 +40,36 @@ pub(crate) enum Verdict {
     Rejected,
 }
 
+/// What all searches of a batch share.
+pub(crate) struct Context<'a> {
+    /// Who may reject hits.
+    pub filter: &'a dyn HitFilter,
+    /// Per geometry: its mask, and whether the filter is asked.
+    pub options: &'a [GeometryOptions],
+}
+
 /// A search over one ray.
 pub(crate) struct Search<'a, G> {
     /// The ray in world space.
     pub ray: &'a Ray,
-    /// Who may reject hits.
-    pub filter: &'a dyn HitFilter,
-    /// Which geometries the filter is asked about.
-    pub filtered: &'a [bool],
+    /// What it may meet: [`RayQuery::mask`].
+    pub mask: u32,
+    /// When: from 0 to 1.
+    #[allow(dead_code, reason = "for what moves")]
+    pub time: f32,
+    /// What is common to all.
+    pub context: &'a Context<'a>,
     /// What is wanted, and found so far.
     pub goal: G,
 }
 
-impl<G: Goal> Search<'_, G> {
+impl<'a, G: Goal> Search<'a, G> {
+    #[inline(always)]
+    pub fn new(query: RayQuery<'a>, context: &'a Context<'a>, goal: G) -> Self {
+        // `max` before `min`: NaN becomes 0.
+        Self { ray: query.ray, mask: query.mask, time: query.time.max(0.0).min(1.0), context, goal }
+    }
+
     /// The padded limit: boxes that start beyond it can be skipped. Equal distances are never beyond it, because the lower
     /// number wins there.
     #[inline(always)]
@@ -69,7 +87,8 @@ impl<G: Goal> Search<'_, G> {
         if !self.goal.wants(&hit) {
             return Verdict::Behind;
         }
-        if self.filtered[hit.geometry as usize] && !self.filter.accept(self.ray, &hit) {
+        let options = &self.context.options[hit.geometry as usize];
+        if options.mask & self.mask == 0 || (options.filtered && !self.context.filter.accept(self.ray, &hit)) {
             return Verdict::Rejected;
         }
         if self.goal.take(hit) { Verdict::Finished } else { Verdict::Taken }
@@ -184,6 +203,12 @@ pub(crate) struct Counted {
     pub closest: Closest,
     /// The work.
     pub counters: TraversalCounters,
+}
+
+impl Counted {
+    pub fn new(ray: &Ray) -> Self {
+        Self { closest: Closest::new(ray), counters: TraversalCounters::default() }
+    }
 }
 
 impl Goal for Counted {

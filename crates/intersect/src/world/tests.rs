@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::hit::Hit;
+use crate::query::rays::Rays;
 use crate::query::{AcceptAll, Grouping, HitFilter};
 use crate::shape::{AnyShape, Sphere};
 use snell_math::rng::{hash32, pcg4d, to_unit};
@@ -585,6 +586,42 @@ fn a_rejected_crossing_of_a_shape_uncovers_the_next_one() {
         let ray = Ray::new(Vec3::new(0.0, 0.0, -5.0), Vec3::Z);
         assert_eq!(world.closest_one(&ray, &FarSide).t, 6.0);
         assert_eq!(world.all_one(&ray, &AcceptAll).iter().map(|h| h.t).collect::<Vec<_>>(), [4.0, 6.0]);
+    }
+}
+
+#[test]
+fn masks_of_rays_choose_geometries_and_instances() {
+    let sheet = |z: f32| {
+        let positions = vec![Vec3::new(-9.0, -9.0, z), Vec3::new(9.0, -9.0, z), Vec3::new(0.0, 9.0, z)];
+        Arc::new(TriangleMesh { positions, indices: vec![[0, 1, 2]], ..Default::default() })
+    };
+    for accelerator in AcceleratorKind::ALL {
+        let mut builder = WorldBuilder::default();
+        let near = builder.add_mesh(WorldBuilder::ROOT, sheet(1.0));
+        builder.set_mask(near, 0b001);
+        let child = builder.add_group();
+        let inner = builder.add_mesh(child, sheet(2.0));
+        builder.set_mask(inner, 0b110);
+        builder.add(WorldBuilder::ROOT, Instance { child, group_from_child: Transform::IDENTITY, mask: 0b010 });
+        builder.add_shape(
+            WorldBuilder::ROOT,
+            Arc::new(Sphere { radius: 1.0 }),
+            Transform::translation(DVec3::new(0.0, 0.0, 6.0)),
+        );
+        let world = build(builder, accelerator, Level::best());
+        let rays = vec![Ray::new(Vec3::ZERO, Vec3::Z); 40];
+        let masks: Vec<u32> = (0..40).map(|i| [u32::MAX, 0b001, 0b010, 0b100, 0][i % 5]).collect();
+        let expected = [1.0, 1.0, 2.0, 5.0, f32::INFINITY];
+        let queries = Rays::new(&rays).with_masks(&masks);
+        let mut hits = vec![Hit::MISS; 40];
+        world.closest(queries, Grouping::None, &AcceptAll, &mut hits);
+        let mut blocked = vec![false; 40];
+        world.occluded(queries, &AcceptAll, &mut blocked);
+        for i in 0..40 {
+            assert_eq!(hits[i].t, expected[i % 5], "{accelerator:?}, mask {:b}", masks[i]);
+            assert_eq!(world.closest_one(queries.get(i), &AcceptAll), hits[i]);
+            assert_eq!(blocked[i], i % 5 != 4);
+        }
     }
 }
 

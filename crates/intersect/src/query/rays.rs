@@ -1,0 +1,111 @@
+//! What queries are asked about: rays, and per ray a mask and a time where the caller has them.
+
+use snell_math::Ray;
+
+/// One ray with its mask and time. A `&Ray` converts into it: all geometries, time 0.
+#[derive(Clone, Copy, Debug)]
+pub struct RayQuery<'a> {
+    /// In world space.
+    pub ray: &'a Ray,
+    /// The ray meets a geometry or enters an instance only if their masks share a bit with this.
+    pub mask: u32,
+    /// From 0 (start of the motion) to 1 (its end). What does not move does not care.
+    pub time: f32,
+}
+
+impl<'a> From<&'a Ray> for RayQuery<'a> {
+    #[inline(always)]
+    fn from(ray: &'a Ray) -> Self {
+        Self { ray, mask: u32::MAX, time: 0.0 }
+    }
+}
+
+/// A batch of rays. A slice of rays converts into it: all geometries, time 0.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Rays<'a> {
+    rays: &'a [Ray],
+    /// Empty, or one per ray.
+    masks: &'a [u32],
+    /// Empty, or one per ray.
+    times: &'a [f32],
+}
+
+impl<'a> Rays<'a> {
+    /// The rays, for all geometries and at time 0.
+    pub fn new(rays: &'a [Ray]) -> Self {
+        Self { rays, masks: &[], times: &[] }
+    }
+
+    /// With a mask per ray ([`RayQuery::mask`]).
+    ///
+    /// # Panics
+    /// If there are not as many as rays.
+    pub fn with_masks(self, masks: &'a [u32]) -> Self {
+        assert_eq!(masks.len(), self.rays.len(), "one mask per ray");
+        Self { masks, ..self }
+    }
+
+    /// With a time per ray ([`RayQuery::time`]); what is not in 0 to 1 is clamped, NaN counts as 0.
+    ///
+    /// # Panics
+    /// If there are not as many as rays.
+    pub fn with_times(self, times: &'a [f32]) -> Self {
+        assert_eq!(times.len(), self.rays.len(), "one time per ray");
+        Self { times, ..self }
+    }
+
+    /// How many rays there are.
+    #[inline(always)]
+    pub fn len(&self) -> usize {
+        self.rays.len()
+    }
+
+    /// True without rays.
+    pub fn is_empty(&self) -> bool {
+        self.rays.is_empty()
+    }
+
+    /// The rays alone.
+    pub fn rays(&self) -> &'a [Ray] {
+        self.rays
+    }
+
+    /// One of the rays.
+    ///
+    /// # Panics
+    /// If there are not so many.
+    #[inline(always)]
+    pub fn get(&self, index: usize) -> RayQuery<'a> {
+        let mask = if self.masks.is_empty() { u32::MAX } else { self.masks[index] };
+        let time = if self.times.is_empty() { 0.0 } else { self.times[index] };
+        RayQuery { ray: &self.rays[index], mask, time }
+    }
+
+    /// A part of the batch.
+    ///
+    /// # Panics
+    /// If the range reaches beyond it.
+    pub fn slice(&self, range: std::ops::Range<usize>) -> Self {
+        let masks = if self.masks.is_empty() { self.masks } else { &self.masks[range.clone()] };
+        let times = if self.times.is_empty() { self.times } else { &self.times[range.clone()] };
+        Self { rays: &self.rays[range], masks, times }
+    }
+}
+
+impl<'a> From<&'a [Ray]> for Rays<'a> {
+    fn from(rays: &'a [Ray]) -> Self {
+        Self::new(rays)
+    }
+}
+
+impl<'a> From<&'a Vec<Ray>> for Rays<'a> {
+    fn from(rays: &'a Vec<Ray>) -> Self {
+        Self::new(rays)
+    }
+}
+
+impl<'a, const N: usize> From<&'a [Ray; N]> for Rays<'a> {
+    fn from(rays: &'a [Ray; N]) -> Self {
+        Self::new(rays)
+    }
+}
