@@ -66,8 +66,8 @@ pub(crate) struct Search<'a, G> {
 impl<'a, G: Goal> Search<'a, G> {
     #[inline(always)]
     pub fn new(query: RayQuery<'a>, context: &'a Context<'a>, goal: G) -> Self {
-        // `max` before `min`: NaN becomes 0.
-        Self { ray: query.ray, mask: query.mask, time: query.time.max(0.0).min(1.0), context, goal }
+        let time = if query.time.is_nan() { 0.0 } else { query.time.clamp(0.0, 1.0) };
+        Self { ray: query.ray, mask: query.mask, time, context, goal }
     }
 
     /// The padded limit: boxes that start beyond it can be skipped. Equal distances are never beyond it, because the lower
