@@ -56,7 +56,7 @@ fn enter_root<G: Goal>(forest: &Forest, level: Level, search: &mut Search<'_, G>
 /// # Safety
 /// The machine must have AVX2; `stack` must have room for the group and all below it.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,popcnt")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 pub(super) unsafe fn walk_avx2<G: Goal>(
     forest: &Forest,
     group: usize,

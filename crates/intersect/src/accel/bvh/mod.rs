@@ -6,6 +6,7 @@ mod split;
 use super::brute_force::GroupList;
 use super::group::Object;
 use crate::kernel::node::{ChildRef, WideNode};
+use crate::kernel::quick::is_ordinary;
 use crate::kernel::triangle::TriangleBlock;
 use snell_math::{Bounds3, Bounds3d};
 
@@ -54,6 +55,8 @@ pub(crate) struct Forest {
     pub trees: Vec<GroupTree>,
     /// Entries a walk needs on the deepest way through all groups.
     pub stack_size: usize,
+    /// True if everything is of ordinary size ([`is_ordinary`]).
+    pub ordinary: bool,
 }
 
 impl Forest {
@@ -74,7 +77,8 @@ impl Forest {
             let tree: &GroupTree = &trees[group];
             sizes[group] = tree.stack_size() + tree.objects.iter().map(below).max().unwrap_or(0);
         }
-        Ok(Self { trees, stack_size: sizes[0] })
+        let ordinary = trees.iter().all(is_ordinary);
+        Ok(Self { trees, stack_size: sizes[0], ordinary })
     }
 
     /// Memory of all trees.
