@@ -85,9 +85,10 @@ unsafe fn run<L: Lanes8, G: Goal>(
     let mut below = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
     let mut memory: Box<[MaybeUninit<Slot<G>>]> = Box::new_uninit_slice(SLOTS);
     // At first all are at the end of a walk that never was.
-    let mut items: [Items<*mut Slot<G>>; 4] = [const { [const { MaybeUninit::uninit() }; SLOTS + 1] }; 4];
-    let [nodes, leaves, mut hopeful, others] = items.each_mut().map(|items| Queue { items, count: 0 });
-    let mut queues = Queues { nodes, leaves, others };
+    let mut items: [Items<*mut Slot<G>>; 3] = [const { [const { MaybeUninit::uninit() }; SLOTS + 1] }; 3];
+    let [nodes, rest, mut hopeful] = items.each_mut().map(|items| Queue { items, count: 0 });
+    let mut queues = Queues { nodes, rest };
+    let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; SLOTS + 1];
     for slot in &mut memory {
         // SAFETY: the memory is there, and there are as many slots as items.
         unsafe {
@@ -112,29 +113,37 @@ unsafe fn run<L: Lanes8, G: Goal>(
                 }
                 queues.put(slot, (*slot).current);
             }
-            let count = queues.leaves.take();
-            for i in 0..count {
-                (*queues.leaves.get(i)).leaf_step::<L>();
+            // Leaves to the front, the others apart.
+            let (mut leaves, mut others) = (0, 0);
+            for i in 0..queues.rest.take() {
+                let slot = queues.rest.get(i);
+                let is_leaf = (*slot).current.is_triangles();
+                queues.rest.items.get_unchecked_mut(leaves).write(slot);
+                leaves += usize::from(is_leaf);
+                other_slots.get_unchecked_mut(others).write(slot);
+                others += usize::from(!is_leaf);
             }
-            for i in 0..count {
-                let slot = queues.leaves.get(i);
+            for i in 0..leaves {
+                (*queues.rest.get(i)).leaf_step::<L>();
+            }
+            for i in 0..leaves {
+                let slot = queues.rest.get(i);
                 let found = (*slot).leave_leaf();
                 if prefetch {
                     (*slot).fetch_ahead();
                 }
                 hopeful.put(slot, found);
-                let current = (*slot).current;
-                queues.nodes.put(slot, current.is_node() & !found);
-                queues.leaves.put(slot, current.is_triangles() & !found);
-                queues.others.put(slot, !current.is_node() & !current.is_triangles() & !found);
+                let is_node = (*slot).current.is_node();
+                queues.nodes.put(slot, is_node & !found);
+                queues.rest.put(slot, !is_node & !found);
             }
             for i in 0..hopeful.take() {
                 let slot = hopeful.get(i);
                 (*slot).triangles_step(forest);
                 queues.put(slot, (*slot).current);
             }
-            for i in 0..queues.others.take() {
-                let slot = queues.others.get(i);
+            for i in 0..others {
+                let slot = other_slots.get_unchecked(i).assume_init();
                 if (*slot).current.is_object() {
                     (*slot).object_step::<L>(forest, &mut below, enter);
                 } else if (*slot).current == ChildRef::RETURN {
@@ -224,9 +233,7 @@ impl<T: Copy> Queue<'_, T> {
 /// The slots by what they do next.
 struct Queues<'a, T> {
     nodes: Queue<'a, T>,
-    leaves: Queue<'a, T>,
-    /// At objects, or at ends.
-    others: Queue<'a, T>,
+    rest: Queue<'a, T>,
 }
 
 impl<T: Copy> Queues<'_, T> {
@@ -240,12 +247,11 @@ impl<T: Copy> Queues<'_, T> {
         // SAFETY: as promised by the caller.
         unsafe {
             self.nodes.put(item, current.is_node());
-            self.leaves.put(item, current.is_triangles());
-            self.others.put(item, !current.is_node() & !current.is_triangles());
+            self.rest.put(item, !current.is_node());
         }
     }
 
     fn is_empty(&self) -> bool {
-        self.nodes.count + self.leaves.count + self.others.count == 0
+        self.nodes.count + self.rest.count == 0
     }
 }

@@ -51,6 +51,12 @@ impl ChildRef {
         self.0 & (3 << 30) == Self::OBJECT
     }
 
+    /// Number of the node, of what is known to be one.
+    #[inline(always)]
+    pub fn node_index(self) -> usize {
+        self.0 as usize
+    }
+
     /// Number of the node or object.
     #[inline(always)]
     pub fn index(self) -> usize {

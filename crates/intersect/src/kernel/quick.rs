@@ -6,6 +6,7 @@
 //! is the same for both: origin, axes and shear have the same bits, and boxes and filters are conservative.
 
 use super::node::{BOX_PADDING, ChildRef};
+use super::triangle::{Drawing, ExactRay};
 use crate::accel::bvh::GroupTree;
 use snell_math::simd::Lanes8;
 use snell_math::glam::Vec4Swizzles;
@@ -106,6 +107,15 @@ impl QuickRay {
         let [x, y, z, _] = self.axes.map(|axis| slopes[axis as usize & 3]);
         self.shear = [x / z, y / z];
         self.set_slabs::<L>(o, d)
+    }
+
+    /// What the exact test wants of the ray; `origin` and `direction` are those it was prepared from.
+    #[inline(always)]
+    pub fn exact(&self, origin: DVec3, direction: DVec3) -> ExactRay {
+        let [x, y, z, _] = self.origin;
+        let [kx, ky, kz, _] = self.axes.map(|k| k as usize);
+        let drawing = Drawing { origin: [x, y, z], axes: [kx, ky, kz], shear: self.shear };
+        ExactRay { origin, direction, drawing }
     }
 
     /// Prepares a ray that comes through transforms; false if it is not ordinary.

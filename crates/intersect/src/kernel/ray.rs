@@ -62,12 +62,6 @@ impl LocalRay {
         }
     }
 
-    /// The octant of the direction, as [`super::node::WideNode::order`] counts them.
-    #[inline(always)]
-    pub fn octant(&self) -> usize {
-        self.negative[0] | self.negative[1] << 1 | self.negative[2] << 2
-    }
-
     /// What the exact test wants of it.
     #[inline(always)]
     pub fn exact_ray(&self) -> ExactRay {

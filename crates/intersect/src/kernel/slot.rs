@@ -3,7 +3,7 @@
 use super::node::{ChildRef, quick_distances};
 use super::quick::QuickRay;
 use super::traverse::{Stack, Walk, test_object};
-use super::triangle::{Drawing, ExactRay, TriangleBlock, hit_in_plane, is_behind, lines_through, plane_distance};
+use super::triangle::{TriangleBlock, hit_in_plane, is_behind, lines_through, plane_distance};
 use super::node::WideNode;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{Object, ray_in_child, offer_triangle};
@@ -43,16 +43,11 @@ impl Place {
     fn exact(&self) -> DRay {
         DRay::new(self.origin, self.direction)
     }
-
-    /// What the exact test wants of the ray.
-    #[inline(always)]
-    fn exact_ray(&self) -> ExactRay {
-        let [x, y, z, _] = self.ray.origin;
-        let axes = self.ray.axes.map(|k| k as usize);
-        let drawing = Drawing { origin: [x, y, z], axes: [axes[0], axes[1], axes[2]], shear: self.ray.shear };
-        ExactRay { origin: self.origin, direction: self.direction, drawing }
-    }
 }
+
+/// Where boxes begin; aligned, so that it is in one line of the cache.
+#[repr(align(32))]
+struct Enters([f32; 8]);
 
 /// A ray in flight.
 #[repr(C, align(64))]
@@ -69,9 +64,10 @@ pub(super) struct Slot<'a, G> {
     /// What the last leaf left to be tested exactly.
     block: *const TriangleBlock,
     lanes: u32,
+    node: *const WideNode,
     /// The children of the current node that are met, in order, and where.
     met: u32,
-    enters: [f32; 8],
+    enters: Enters,
     /// Which ray this is.
     pub number: usize,
     /// `None` before the first ray and after the last.
@@ -98,8 +94,9 @@ impl<'a, G: Goal> Slot<'a, G> {
             (&raw mut (*slot).top).write(1);
             (&raw mut (*slot).block).write(std::ptr::null());
             (&raw mut (*slot).lanes).write(0);
+            (&raw mut (*slot).node).write(std::ptr::null());
             (&raw mut (*slot).met).write(0);
-            (&raw mut (*slot).enters).write([0.0; 8]);
+            (&raw mut (*slot).enters).write(Enters([0.0; 8]));
             (&raw mut (*slot).number).write(0);
             (&raw mut (*slot).search).write(None);
             (&raw mut (*slot).outside).write(Vec::new());
@@ -149,11 +146,12 @@ impl<'a, G: Goal> Slot<'a, G> {
         // SAFETY: as promised by the caller.
         unsafe {
             self.search().goal.count_node();
-            let node = &*self.place.nodes.add(self.current.index());
+            let node = &*self.place.nodes.add(self.current.node_index());
+            self.node = node;
             let (enter, limit) = quick_distances::<L>(node, &self.place.ray, self.t_min, self.cull);
             self.met = enter.le_in_order(limit, *node.order.get_unchecked(self.place.ray.octant()));
             if G::NARROWS {
-                enter.store(&mut self.enters);
+                enter.store(&mut self.enters.0);
             }
         }
     }
@@ -166,13 +164,13 @@ impl<'a, G: Goal> Slot<'a, G> {
     pub unsafe fn push_step<L: Lanes8>(&mut self) {
         // SAFETY: as promised by the caller. References are plain `u32`, and `top` is at least 1.
         unsafe {
-            let (node, top) = (&*self.place.nodes.add(self.current.index()), self.top as usize);
+            let (node, top) = (&*self.node, self.top as usize);
             let values = &mut *self.distances.as_mut_ptr().add(top).cast::<[f32; 8]>();
             let children = &mut *self.children.as_mut_ptr().add(top).cast::<[u32; 8]>();
             let payload = &*node.children.as_ptr().cast::<[u32; 8]>();
             let order = *node.order.get_unchecked(self.place.ray.octant());
             if G::NARROWS {
-                L::load(&self.enters).compress::<true>(self.met, order, payload, values, children);
+                L::load(&self.enters.0).compress::<true>(self.met, order, payload, values, children);
             } else {
                 L::splat(0.0).compress::<false>(self.met, order, payload, values, children);
             }
@@ -219,12 +217,13 @@ impl<'a, G: Goal> Slot<'a, G> {
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize & 7;
                 lanes &= lanes - 1;
-                let (corners, t_min) = (block.corners(lane), f64::from(self.t_min));
-                let plane = plane_distance(&self.place.origin, &self.place.direction, &corners);
+                let t_min = f64::from(self.t_min);
+                let plane = plane_distance(&self.place.origin, &self.place.direction, &block.corners(lane));
                 if is_behind(plane, t_min) {
                     continue;
                 }
-                let found = hit_in_plane(&self.place.exact_ray(), &corners, plane, t_min);
+                let corners = block.corners(lane);
+                let found = hit_in_plane(&self.place.ray.exact(self.place.origin, self.place.direction), &corners, plane, t_min);
                 let (group, instance) = (self.place.group as usize, self.place.instance);
                 let ids = || {
                     let (geometry, primitive) = forest.trees.get_unchecked(group).triangle(block.ids[lane]);

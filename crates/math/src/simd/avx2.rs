@@ -116,8 +116,9 @@ impl Lanes8 for Avx8 {
         // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references cover 32 bytes each, and the number
         // is below 256.
         unsafe {
-            let front = _mm_loadl_epi64(FRONT.get_unchecked(mask as usize & 0xff).as_ptr().cast());
-            let order = _mm256_permutevar8x32_epi32(lanes_of(order), _mm256_cvtepu8_epi32(front));
+            let shifts = _mm256_load_si256((&raw const FRONT_SHIFTS.0[mask as usize & 0xff]).cast());
+            // A permutation reads only the lowest three bits of each lane.
+            let order = _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts);
             let payload = _mm256_loadu_si256(payload.as_ptr().cast());
             if VALUES {
                 _mm256_storeu_ps(values_out.as_mut_ptr(), _mm256_permutevar8x32_ps(self.0, order));
@@ -178,6 +179,21 @@ static FRONT: [[u8; 8]; 256] = {
     }
     table
 };
+
+/// [`FRONT`] times three: where the numbers are in an order.
+static FRONT_SHIFTS: Aligned<[[u32; 8]; 256]> = {
+    let mut table = [[0; 8]; 256];
+    let mut i = 0;
+    while i < 256 * 8 {
+        table[i / 8][i % 8] = 3 * FRONT[i / 8][i % 8] as u32;
+        i += 1;
+    }
+    Aligned(table)
+};
+
+/// Aligned to registers.
+#[repr(align(32))]
+struct Aligned<T>(T);
 
 #[cfg(test)]
 mod tests {
