@@ -15,7 +15,7 @@ use std::mem::MaybeUninit;
 const SLOTS: usize = 16;
 
 /// Forests larger than this are fetched ahead: most of such a forest is not in the caches. (It costs a little in smaller ones.)
-const PREFETCH_BYTES: usize = 8 << 20;
+const PREFETCH_BYTES: usize = 2 << 20;
 
 /// Rays to search for, and what is common to them.
 pub(crate) struct Batch<'a> {
