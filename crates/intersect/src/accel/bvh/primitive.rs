@@ -1,0 +1,187 @@
+//! What the builders sort: boxes with the numbers of their triangles or objects.
+
+use super::storage::{Plain, Storage};
+use crate::accel::brute_force::GroupList;
+use rayon::prelude::*;
+use snell_math::{Bounds3, Vec3, Vec4};
+
+/// A box in four lanes, of which the last means nothing: so each side is one register.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub(super) struct Box4 {
+    pub low: Vec4,
+    pub high: Vec4,
+}
+
+impl Box4 {
+    /// The box that holds nothing.
+    pub const EMPTY: Self = Self { low: Vec4::INFINITY, high: Vec4::NEG_INFINITY };
+
+    #[inline(always)]
+    pub fn union(&self, other: &Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    #[inline(always)]
+    pub fn with_point(&self, p: Vec4) -> Self {
+        Self { low: self.low.min(p), high: self.high.max(p) }
+    }
+
+    /// Half of the surface area; 0 if empty.
+    #[inline(always)]
+    pub fn half_area(&self) -> f32 {
+        let d = (self.high - self.low).max(Vec4::ZERO);
+        d.x * d.y + d.y * d.z + d.z * d.x
+    }
+
+    pub fn bounds(&self) -> Bounds3 {
+        Bounds3 { min: self.low.truncate(), max: self.high.truncate() }
+    }
+}
+
+/// Something with the number of a triangle within its group, or with [`OBJECT`] and that of an object.
+pub(super) trait Numbered: Copy + Send + Sync {
+    fn id(&self) -> u32;
+}
+
+/// Set in numbers of objects (shapes and instances).
+pub(super) const OBJECT: u32 = 1 << 31;
+
+/// Triangles a group may have.
+pub(super) const MAX_TRIANGLES: usize = 1 << 30;
+
+/// A primitive, or a piece of one: its box, with the number in the last lane of the low side.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub(super) struct Primitive(Box4);
+
+// SAFETY: eight numbers of which any bits are valid, without padding.
+unsafe impl Plain for Primitive {}
+
+impl Numbered for Primitive {
+    #[inline(always)]
+    fn id(&self) -> u32 {
+        self.0.low.w.to_bits()
+    }
+}
+
+impl Primitive {
+    #[inline(always)]
+    pub fn new(low: Vec3, high: Vec3, id: u32) -> Self {
+        Self(Box4 { low: low.extend(f32::from_bits(id)), high: high.extend(0.0) })
+    }
+
+    #[inline(always)]
+    pub fn bounds(&self) -> &Box4 {
+        &self.0
+    }
+
+    /// Twice the centre. Overflows for coordinates above half of the largest number; then the axis is not used.
+    #[inline(always)]
+    pub fn center2(&self) -> Vec4 {
+        self.0.low + self.0.high
+    }
+}
+
+/// The triangles of a group, numbered mesh after mesh.
+#[derive(Clone, Copy)]
+pub(super) struct Triangles<'a> {
+    list: &'a GroupList,
+    /// As [`super::GroupTree::meshes`].
+    meshes: &'a [(u32, u32)],
+}
+
+impl<'a> Triangles<'a> {
+    pub fn new(list: &'a GroupList, meshes: &'a [(u32, u32)]) -> Self {
+        Self { list, meshes }
+    }
+
+    /// How many there are, those included that can never be hit.
+    pub fn count(&self) -> usize {
+        self.list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum()
+    }
+
+    /// The corners of a triangle.
+    #[inline(always)]
+    pub fn corners(&self, id: u32) -> [Vec3; 3] {
+        let mesh = match self.meshes {
+            [_] => 0,
+            all => all.partition_point(|m| m.0 <= id).saturating_sub(1),
+        };
+        self.list.meshes[mesh].1.corners((id - self.meshes[mesh].0) as usize)
+    }
+
+    /// Fills `to` in parallel with what `make` gives for each triangle that can be hit (number and corners), and returns how many
+    /// these are. They are at the front, in order.
+    pub fn collect<T: Copy + Send>(&self, to: &mut [T], make: impl Fn(u32, [Vec3; 3]) -> T + Sync) -> usize {
+        let mut rest = &mut *to;
+        let mut jobs = Vec::new();
+        for ((_, mesh), &(first, _)) in self.list.meshes.iter().zip(self.meshes) {
+            for start in (0..mesh.indices.len()).step_by(CHUNK) {
+                let range = start..(start + CHUNK).min(mesh.indices.len());
+                let (piece, others) = rest.split_at_mut(range.len());
+                rest = others;
+                jobs.push((mesh, first, range, piece));
+            }
+        }
+        let counts: Vec<(usize, usize)> = jobs
+            .into_par_iter()
+            .map(|(mesh, first, range, piece)| {
+                let (size, mut count) = (range.len(), 0);
+                for i in range {
+                    if !mesh.is_degenerate(i) {
+                        piece[count] = make(first + i as u32, mesh.corners(i));
+                        count += 1;
+                    }
+                }
+                (size, count)
+            })
+            .collect();
+        close_gaps(to, &counts)
+    }
+}
+
+/// Triangles handled at once by one thread.
+const CHUNK: usize = 1 << 14;
+
+/// Moves the used front of each piece (size, used) together; returns the sum.
+fn close_gaps<T: Copy>(items: &mut [T], pieces: &[(usize, usize)]) -> usize {
+    let (mut from, mut to) = (0, 0);
+    for &(size, used) in pieces {
+        if from != to {
+            items.copy_within(from..from + used, to);
+        }
+        from += size;
+        to += used;
+    }
+    to
+}
+
+/// The boxes of all triangles that can be hit, and how many they are; there is room for `extra` more.
+pub(super) fn triangle_primitives(triangles: &Triangles, extra: usize) -> (Storage<Primitive>, usize) {
+    let mut primitives = Storage::zeroed(triangles.count() + extra);
+    let count = triangles.collect(&mut primitives[..triangles.count()], |id, [a, b, c]| {
+        Primitive::new(a.min(b).min(c), a.max(b).max(c), id)
+    });
+    (primitives, count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaps_close_in_order() {
+        let mut items = [1, 2, 0, 3, 0, 0, 4, 5, 6];
+        assert_eq!(close_gaps(&mut items, &[(3, 2), (3, 1), (3, 3)]), 6);
+        assert_eq!(items[..6], [1, 2, 3, 4, 5, 6]);
+    }
+
+    #[test]
+    fn numbers_survive_beside_boxes() {
+        for id in [0, 1, 7 | OBJECT, u32::MAX, 0x7fc0_0001] {
+            let p = Primitive::new(Vec3::ZERO, Vec3::ONE, id);
+            assert_eq!((p.id(), p.bounds().half_area()), (id, 3.0));
+        }
+    }
+}
