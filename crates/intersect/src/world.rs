@@ -13,7 +13,7 @@ mod occurrence;
 
 use crate::accel::{AcceleratorKind, Quality};
 use crate::accel::brute_force::GroupList;
-use crate::accel::bvh::Forest;
+use crate::accel::bvh::{BvhOptions, Forest};
 use crate::accel::group::Object;
 use crate::mesh::TriangleMesh;
 use crate::shape::Shape;
@@ -173,14 +173,14 @@ impl WorldBuilder {
     pub fn build(self, options: &BuildOptions) -> Result<World, WorldError> {
         let occurrences = Occurrences::count(&self.groups)?;
         let lists = self.group_lists(&occurrences);
+        let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
         let bounds = GroupBounds::of(&self, &occurrences.order);
         let structure = match options.accelerator {
             AcceleratorKind::None => Structure::None(lists),
             AcceleratorKind::Bvh => {
-                Structure::Bvh(Forest::build(&lists, &occurrences.order, &bounds.objects, options.quality).map_err(WorldError::Limit)?)
+                Structure::Bvh(Forest::build(&lists, &occurrences.order, &bounds.objects, &BvhOptions { quality: options.quality, simd }).map_err(WorldError::Limit)?)
             }
         };
-        let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
         let stats = self.count_triangles(&occurrences, &structure);
         Ok(World {
             geometries: self.geometries,

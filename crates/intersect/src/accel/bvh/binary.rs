@@ -4,7 +4,8 @@
 //! the area of all wide nodes is least: the dynamic programme of Ylitie, Karras and Laine (Efficient Incoherent Ray Traversal on
 //! GPUs Through Compressed Wide BVHs, 2017, section 3.1). Leaves cost the same however they are gathered and do not count.
 
-use super::primitive::Box4;
+use crate::kernel::binning::Box8;
+use snell_math::{Bounds3, Vec3};
 
 /// The least area of wide nodes needed for a subtree that is given 1 to 7 slots (index 1 to 7).
 pub(super) type Costs = [f32; 8];
@@ -90,13 +91,13 @@ impl PartBuilder {
     }
 
     #[inline(always)]
-    fn push(&mut self, bounds: &Box4, link: u32, kind: u32) {
-        let (low, high) = (bounds.low.truncate().to_array(), bounds.high.truncate().to_array());
-        self.nodes.push(BinaryNode { low, link, high, kind });
+    fn push(&mut self, bounds: &Box8, link: u32, kind: u32) {
+        let b = bounds.bounds();
+        self.nodes.push(BinaryNode { low: b.min.to_array(), link, high: b.max.to_array(), kind });
     }
 
     /// A leaf of `count` primitives: one object, or up to eight triangles.
-    pub fn leaf(&mut self, bounds: &Box4, first: usize, count: usize) -> Costs {
+    pub fn leaf(&mut self, bounds: &Box8, first: usize, count: usize) -> Costs {
         self.push(bounds, first as u32, LEAF | count as u32);
         LEAF_COSTS
     }
@@ -104,7 +105,7 @@ impl PartBuilder {
     /// An inner node whose children `first` and `second` push, in this order.
     pub fn inner(
         &mut self,
-        bounds: &Box4,
+        bounds: &Box8,
         first: impl FnOnce(&mut Self) -> Costs,
         second: impl FnOnce(&mut Self) -> Costs,
     ) -> Costs {
@@ -135,7 +136,7 @@ pub(super) enum Tree<'a, P> {
 /// A node above the parts.
 #[derive(Debug)]
 pub(super) struct Inner<'a, P> {
-    bounds: Box4,
+    bounds: Box8,
     choices: Choices,
     costs: Costs,
     children: [Tree<'a, P>; 2],
@@ -143,7 +144,7 @@ pub(super) struct Inner<'a, P> {
 
 impl<'a, P> Tree<'a, P> {
     /// An inner node.
-    pub fn inner(bounds: Box4, children: [Self; 2]) -> Self {
+    pub fn inner(bounds: Box8, children: [Self; 2]) -> Self {
         let (choices, costs) = Choices::best(bounds.half_area(), children[0].costs(), children[1].costs());
         Self::Inner(Box::new(Inner { bounds, choices, costs, children }))
     }
@@ -153,11 +154,6 @@ impl<'a, P> Tree<'a, P> {
             Self::Part(part) => &part.costs,
             Self::Inner(inner) => &inner.costs,
         }
-    }
-
-    /// The box around it.
-    pub fn bounds(&self) -> Box4 {
-        self.root().bounds()
     }
 
     /// The top node.
@@ -187,13 +183,12 @@ impl<P> Copy for Cursor<'_, P> {}
 impl<'t, P> Cursor<'t, P> {
     /// The box around the subtree.
     #[inline(always)]
-    pub fn bounds(self) -> Box4 {
+    pub fn bounds(self) -> Bounds3 {
         match self {
-            Self::Inner(inner) => inner.bounds,
+            Self::Inner(inner) => inner.bounds.bounds(),
             Self::Part(part, i) => {
                 let node = &part.nodes[i as usize];
-                let wide = |v: [f32; 3]| snell_math::Vec3::from_array(v).extend(0.0);
-                Box4 { low: wide(node.low), high: wide(node.high) }
+                Bounds3 { min: Vec3::from_array(node.low), max: Vec3::from_array(node.high) }
             }
         }
     }

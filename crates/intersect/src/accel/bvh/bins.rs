@@ -1,12 +1,9 @@
 //! Where to divide a set of primitives: the surface area heuristic over bins (Wald, On fast construction of SAH-based bounding
 //! volume hierarchies, 2007).
 
-use super::primitive::{Box4, Primitive};
+use crate::kernel::binning::{BINS, BinPlane, Binning, Bins, Box8, Primitive, fill};
 use rayon::prelude::*;
-use snell_math::Vec4;
-
-/// Bins per axis.
-const BINS: usize = 16;
+use snell_math::simd::Level;
 
 /// Sets at least this large are binned and partitioned by several threads, in pieces of [`CHUNK`]. The result is the same: minima,
 /// maxima and counts do not depend on the order.
@@ -16,12 +13,12 @@ pub(super) const CHUNK: usize = 1 << 13;
 /// Boxes around the primitives of a set, and around their doubled centres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extent {
-    pub bounds: Box4,
-    pub centers: Box4,
+    pub bounds: Box8,
+    pub centers: Box8,
 }
 
 impl Extent {
-    pub const EMPTY: Self = Self { bounds: Box4::EMPTY, centers: Box4::EMPTY };
+    const EMPTY: Self = Self { bounds: Box8::EMPTY, centers: Box8::EMPTY };
 
     pub fn of(primitives: &[Primitive]) -> Self {
         let of = |primitives: &[Primitive]| {
@@ -33,150 +30,80 @@ impl Extent {
         if primitives.len() < PARALLEL {
             return of(primitives);
         }
-        primitives.par_chunks(CHUNK).map(of).reduce(|| Self::EMPTY, |a, b| a.union(&b))
-    }
-
-    fn union(&self, other: &Self) -> Self {
-        Self { bounds: self.bounds.union(&other.bounds), centers: self.centers.union(&other.centers) }
+        let union = |a: Self, b: Self| Self { bounds: a.bounds.union(&b.bounds), centers: a.centers.union(&b.centers) };
+        primitives.par_chunks(CHUNK).map(of).reduce(|| Self::EMPTY, union)
     }
 }
 
-/// What lies in each bin, by bin and axis.
-#[derive(Clone)]
-pub(super) struct Bins {
-    boxes: [[Box4; 3]; BINS],
-    counts: [[u32; 3]; BINS],
-}
-
-impl Bins {
-    const EMPTY: Self = Self { boxes: [[Box4::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
-
-    /// Sorts a set into bins.
-    pub fn of(binning: &Binning, primitives: &[Primitive]) -> Self {
-        if primitives.len() < PARALLEL {
-            return Self::of_piece(binning, primitives);
-        }
-        primitives.par_chunks(CHUNK).map(|c| Self::of_piece(binning, c)).reduce(|| Self::EMPTY, Self::union)
-    }
-
-    fn of_piece(binning: &Binning, primitives: &[Primitive]) -> Self {
-        let mut bins = Self::EMPTY;
-        for p in primitives {
-            let at = binning.bins_of(p.center2());
-            for axis in 0..3 {
-                let bin = &mut bins.boxes[at[axis]][axis];
-                *bin = bin.union(p.bounds());
-                bins.counts[at[axis]][axis] += 1;
-            }
-        }
+/// Sorts a set into bins.
+pub(super) fn bins_of(level: Level, binning: &Binning, primitives: &[Primitive]) -> Bins {
+    let of = |primitives: &[Primitive]| {
+        let mut bins = Bins::EMPTY;
+        fill(level, binning, primitives, &mut bins);
         bins
+    };
+    if primitives.len() < PARALLEL {
+        return of(primitives);
     }
+    primitives.par_chunks(CHUNK).map(of).reduce(|| Bins::EMPTY, union)
+}
 
-    fn union(mut self, other: Self) -> Self {
+fn union(mut a: Bins, b: Bins) -> Bins {
+    for axis in 0..3 {
         for i in 0..BINS {
-            for axis in 0..3 {
-                self.boxes[i][axis] = self.boxes[i][axis].union(&other.boxes[i][axis]);
-                self.counts[i][axis] += other.counts[i][axis];
-            }
+            a.boxes[axis][i] = a.boxes[axis][i].union(&b.boxes[axis][i]);
+            a.counts[axis][i] += b.counts[axis][i];
         }
-        self
     }
-
-    /// The division of least cost; `None` if all primitives share a bin on every axis.
-    pub fn best_plane(&self) -> Option<Plane> {
-        let mut right = [([Box4::EMPTY; 3], [0; 3]); BINS];
-        let (mut boxes, mut counts) = ([Box4::EMPTY; 3], [0; 3]);
-        for i in (1..BINS).rev() {
-            for axis in 0..3 {
-                boxes[axis] = boxes[axis].union(&self.boxes[i][axis]);
-                counts[axis] += self.counts[i][axis];
-            }
-            right[i] = (boxes, counts);
-        }
-        (boxes, counts) = ([Box4::EMPTY; 3], [0; 3]);
-        let (mut best, mut best_cost) = (None, f32::INFINITY);
-        for i in 1..BINS {
-            for axis in 0..3 {
-                boxes[axis] = boxes[axis].union(&self.boxes[i - 1][axis]);
-                counts[axis] += self.counts[i - 1][axis];
-                let (right_box, right_count) = (right[i].0[axis], right[i].1[axis]);
-                let cost = cost(&boxes[axis], counts[axis]) + cost(&right_box, right_count);
-                let divides = counts[axis] > 0 && right_count > 0;
-                // Areas may overflow to infinity: any division is better than none.
-                if divides && (cost < best_cost || best.is_none()) {
-                    best_cost = cost;
-                    best = Some(Plane { axis, bin: i as u32, bounds: [boxes[axis], right_box], cost });
-                }
-            }
-        }
-        best
-    }
-}
-
-/// What it costs to visit a set: area times blocks of up to eight triangles.
-#[inline(always)]
-fn cost(bounds: &Box4, count: u32) -> f32 {
-    bounds.half_area() * blocks(count)
-}
-
-/// How many blocks of up to eight triangles a set will need. Large ones do not fill their blocks evenly anyway.
-#[inline(always)]
-pub(super) fn blocks(count: u32) -> f32 {
-    if count > 256 { count as f32 / 8.0 } else { count.div_ceil(8) as f32 }
+    a
 }
 
 /// A division between bins.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plane {
-    pub axis: usize,
-    /// The first bin of the second part.
-    pub bin: u32,
+    pub at: BinPlane,
     /// The boxes of both parts.
-    pub bounds: [Box4; 2],
-    /// Area times blocks.
-    pub cost: f32,
+    pub bounds: [Box8; 2],
 }
 
-/// Maps doubled centres to bins.
-#[derive(Clone, Copy)]
-pub(super) struct Binning {
-    low: Vec4,
-    scale: Vec4,
+/// The division of least cost; `None` if all primitives share a bin on every axis.
+pub(super) fn best_plane(bins: &Bins) -> Option<Plane> {
+    let mut best = None;
+    let mut best_cost = f32::INFINITY;
+    for axis in 0..3 {
+        let (boxes, counts) = (&bins.boxes[axis], &bins.counts[axis]);
+        // Cost and count of all from a bin on.
+        let mut right = [(0.0, 0); BINS];
+        let (mut bounds, mut count) = (Box8::EMPTY, 0);
+        for i in (1..BINS).rev() {
+            bounds = bounds.union(&boxes[i]);
+            count += counts[i];
+            right[i] = (cost(&bounds, count), count);
+        }
+        (bounds, count) = (Box8::EMPTY, 0);
+        for i in 1..BINS {
+            bounds = bounds.union(&boxes[i - 1]);
+            count += counts[i - 1];
+            let (right_cost, right_count) = right[i];
+            let cost = cost(&bounds, count) + right_cost;
+            let divides = count > 0 && right_count > 0;
+            // Areas may overflow to infinity: any division is better than none.
+            if divides && (cost < best_cost || best.is_none()) {
+                best_cost = cost;
+                best = Some(BinPlane { axis, bin: i });
+            }
+        }
+    }
+    let at = best?;
+    let (a, b) = bins.boxes[at.axis].split_at(at.bin);
+    let bounds = |boxes: &[Box8]| boxes.iter().fold(Box8::EMPTY, |a, b| a.union(b));
+    Some(Plane { at, bounds: [bounds(a), bounds(b)] })
 }
 
-impl Binning {
-    /// `centers` is the box around the doubled centres.
-    pub fn new(centers: &Box4) -> Self {
-        let size = centers.high - centers.low;
-        let scale = Vec4::select(size.cmpgt(Vec4::ZERO), Vec4::splat(BINS as f32 * 0.9999) / size, Vec4::ZERO);
-        // Tiny and overflown extents give no usable scale: one bin for all.
-        let usable = scale.is_finite_mask() & size.is_finite_mask();
-        Self { low: centers.low, scale: Vec4::select(usable, scale, Vec4::ZERO) }
-    }
-
-    /// The bin on each axis, plus `2^23`: so it is in the low bits.
-    #[inline(always)]
-    fn bins_as_floats(&self, center2: Vec4) -> Vec4 {
-        // Half a bin less, rounded to the nearest by adding `2^23`.
-        let x = (center2 - self.low) * self.scale - 0.5;
-        x.max(Vec4::ZERO).min(Vec4::splat((BINS - 1) as f32)) + FIRST_INTEGER
-    }
-
-    /// The bin on each axis.
-    #[inline(always)]
-    fn bins_of(&self, center2: Vec4) -> [usize; 3] {
-        let x = self.bins_as_floats(center2);
-        let bin = |x: f32| (x.to_bits() & (BINS as u32 - 1)) as usize;
-        [bin(x.x), bin(x.y), bin(x.z)]
-    }
-
-    /// True if the primitive belongs to the first part.
-    #[inline(always)]
-    pub fn is_first(&self, plane: &Plane, center2: Vec4) -> bool {
-        let before = self.bins_as_floats(center2).cmplt(Vec4::splat(plane.bin as f32 + FIRST_INTEGER));
-        before.bitmask() >> plane.axis & 1 == 1
-    }
+/// What it costs to visit a set: area times blocks of up to eight triangles.
+#[inline(always)]
+fn cost(bounds: &Box8, count: u32) -> f32 {
+    // Large sets do not fill their blocks evenly anyway.
+    let blocks = if count > 256 { count as f32 / 8.0 } else { count.div_ceil(8) as f32 };
+    bounds.half_area() * blocks
 }
-
-/// From here on `f32` has only integers.
-const FIRST_INTEGER: f32 = 8388608.0;

@@ -1,15 +1,17 @@
 //! The tree of one group, in the quality asked for.
 
-use super::primitive::{MAX_TRIANGLES, OBJECT, Primitive, Triangles, triangle_primitives};
+use super::medium::Medium;
+use super::primitive::{MAX_TRIANGLES, OBJECT, Triangles, triangle_primitives};
 use super::storage::Storage;
 use super::wide::{Wide, write};
-use super::{GroupTree, Quality, medium};
+use super::{BvhOptions, GroupTree};
 use crate::accel::brute_force::GroupList;
+use crate::kernel::binning::Primitive;
 use crate::kernel::node::ChildRef;
 use snell_math::Bounds3;
 
 /// Builds the tree of one group. `boxes` are those of its objects, in order.
-pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], quality: Quality) -> Result<GroupTree, String> {
+pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOptions) -> Result<GroupTree, String> {
     let count: usize = list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum();
     if count > MAX_TRIANGLES || list.objects.len() > ChildRef::MAX_NODES {
         return Err(format!(
@@ -33,17 +35,17 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], quality: Quality)
             unbounded.push(id as u32);
         }
     }
-    let Wide { nodes, blocks, root, depth } = build_wide(&Triangles::new(list, &meshes), &objects, quality)?;
+    let Wide { nodes, blocks, root, depth } = build_wide(&Triangles::new(list, &meshes), &objects, options)?;
     Ok(GroupTree { nodes, blocks, root, objects: list.objects.clone(), unbounded, meshes, depth })
 }
 
-fn build_wide(triangles: &Triangles, objects: &[Primitive], _quality: Quality) -> Result<Wide, String> {
+fn build_wide(triangles: &Triangles, objects: &[Primitive], options: &BvhOptions) -> Result<Wide, String> {
     let (mut primitives, count) = triangle_primitives(triangles, objects.len());
     let all = count + objects.len();
     primitives[count..all].copy_from_slice(objects);
     if all == 0 {
         return Ok(Wide { nodes: Storage::zeroed(0), blocks: Storage::zeroed(0), root: ChildRef::NONE, depth: 0 });
     }
-    let tree = medium::build(&mut primitives[..all], !objects.is_empty());
+    let tree = Medium { level: options.simd, has_objects: !objects.is_empty() }.build(&mut primitives[..all]);
     write(&tree, triangles)
 }

@@ -18,6 +18,7 @@ use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::triangle::TriangleBlock;
 use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d};
+use snell_math::simd::Level;
 use std::sync::Arc;
 use storage::{Plain, Storage};
 
@@ -25,6 +26,14 @@ use storage::{Plain, Storage};
 unsafe impl Plain for WideNode {}
 // SAFETY: numbers of 32 bits without padding: 9 * 8 + 8 of them in 320 bytes.
 unsafe impl Plain for TriangleBlock {}
+
+/// How to build trees.
+#[derive(Clone, Debug)]
+pub(crate) struct BvhOptions {
+    pub quality: Quality,
+    /// Instructions the builder may use; the tree is the same at every level.
+    pub simd: Level,
+}
 
 /// The tree of one group.
 #[derive(Debug)]
@@ -46,9 +55,9 @@ pub(crate) struct GroupTree {
 
 impl GroupTree {
     /// Builds the tree of a group; `bounds` are the boxes of its objects in its coordinates.
-    pub fn build(list: &GroupList, bounds: &[Bounds3d], quality: Quality) -> Result<Self, String> {
+    pub fn build(list: &GroupList, bounds: &[Bounds3d], options: &BvhOptions) -> Result<Self, String> {
         let boxes: Vec<Bounds3> = bounds.iter().map(Bounds3d::outward_f32).collect();
-        build::build_group(list, &boxes, quality)
+        build::build_group(list, &boxes, options)
     }
 
     /// Geometry and triangle of a triangle numbered within the group.
@@ -97,9 +106,9 @@ impl Forest {
         lists: &[GroupList],
         order: &[usize],
         bounds: &[Vec<Bounds3d>],
-        quality: Quality,
+        options: &BvhOptions,
     ) -> Result<Self, String> {
-        let tree = |(list, bounds): (_, &Vec<_>)| GroupTree::build(list, bounds, quality).map(Arc::new);
+        let tree = |(list, bounds): (_, &Vec<_>)| GroupTree::build(list, bounds, options).map(Arc::new);
         let trees = lists.par_iter().zip(bounds).map(tree).collect::<Result<_, _>>()?;
         Ok(Self::of(trees, order))
     }

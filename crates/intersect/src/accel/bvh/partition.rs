@@ -1,59 +1,35 @@
 //! Reordering a set into two parts, in place; large sets by several threads.
 
 use super::bins::{CHUNK, PARALLEL};
-use super::primitive::{Box4, Primitive};
+use crate::kernel::binning::{BinPlane, Binning, Box8, Parts, Primitive, part};
 use rayon::prelude::*;
-use snell_math::{Vec3, Vec4};
+use snell_math::Vec3;
+use snell_math::simd::Level;
 use std::cell::RefCell;
 
-/// The size of the first part and, for both, the boxes around the doubled centres.
-pub(super) struct Parts {
-    pub first: usize,
-    pub centers: [Box4; 2],
-}
-
-/// Moves the primitives whose doubled centre satisfies `is_first` to the front. The order within the parts is arbitrary but
-/// always the same.
-pub(super) fn partition(primitives: &mut [Primitive], is_first: impl Fn(Vec4) -> bool + Sync) -> Parts {
+/// Moves the primitives before the plane to the front. The order within the parts is arbitrary but always the same.
+pub(super) fn partition(level: Level, binning: &Binning, plane: BinPlane, primitives: &mut [Primitive]) -> Parts {
+    let part = |piece: &mut [Primitive]| {
+        SCRATCH.with_borrow_mut(|scratch| {
+            if scratch.len() < piece.len() {
+                scratch.resize(piece.len(), Primitive::new(Vec3::ZERO, Vec3::ZERO, 0));
+            }
+            part(level, binning, plane, piece, scratch)
+        })
+    };
     if primitives.len() < PARALLEL {
-        return partition_piece(primitives, &is_first);
+        return part(primitives);
     }
-    let pieces: Vec<Parts> = primitives.par_chunks_mut(CHUNK).map(|c| partition_piece(c, &is_first)).collect();
+    let pieces: Vec<Parts> = primitives.par_chunks_mut(CHUNK).map(part).collect();
     let first = pieces.iter().map(|p| p.first).sum();
     exchange(primitives, &pieces, first);
-    let centers = |side: usize| pieces.iter().fold(Box4::EMPTY, |b, p| b.union(&p.centers[side]));
+    let centers = |side: usize| pieces.iter().fold(Box8::EMPTY, |b, p| b.union(&p.centers[side]));
     Parts { first, centers: [centers(0), centers(1)] }
-}
-
-/// Stable, and without a branch on data, which could not be predicted: every primitive is written to where it would go in either
-/// part, the second part to other memory first.
-fn partition_piece(primitives: &mut [Primitive], is_first: &impl Fn(Vec4) -> bool) -> Parts {
-    SECOND.with_borrow_mut(|second| {
-        let n = primitives.len();
-        if second.len() < n {
-            second.resize(n, Primitive::new(Vec3::ZERO, Vec3::ZERO, 0));
-        }
-        let (second, mut first) = (&mut second[..n], 0);
-        for i in 0..n {
-            let p = primitives[i];
-            // `first` never passes `i`: the slot is free, and `i - first` are in the second part.
-            primitives[first] = p;
-            second[i - first] = p;
-            first += usize::from(is_first(p.center2()));
-        }
-        primitives[first..].copy_from_slice(&second[..n - first]);
-        let (a, b) = primitives.split_at(first);
-        Parts { first, centers: [centers(a), centers(b)] }
-    })
 }
 
 thread_local! {
     /// Memory for the second part of small sets.
-    static SECOND: RefCell<Vec<Primitive>> = const { RefCell::new(Vec::new()) };
-}
-
-fn centers(primitives: &[Primitive]) -> Box4 {
-    primitives.iter().fold(Box4::EMPTY, |b, p| b.with_point(p.center2()))
+    static SCRATCH: RefCell<Vec<Primitive>> = const { RefCell::new(Vec::new()) };
 }
 
 /// Each piece is partitioned in itself: exchanges the second parts that lie before `first` with the first parts that lie behind it.
@@ -110,20 +86,29 @@ mod tests {
     use snell_math::rng;
 
     #[test]
-    fn large_and_small_sets_are_parted_without_loss() {
-        for n in [0, 1, 2, 9, 1000, PARALLEL, PARALLEL + 3 * CHUNK + 17] {
-            for share in [0.0, 0.001, 0.5, 0.9, 1.0] {
+    fn large_and_small_sets_are_parted_without_loss_alike_at_every_level() {
+        for n in [1, 2, 9, 1000, PARALLEL, PARALLEL + 3 * CHUNK + 17] {
+            for bin in [0, 1, 5, 15, 16] {
                 let x = |i: u32| rng::to_unit(rng::hash32(i));
-                let mut set: Vec<_> =
+                let set: Vec<_> =
                     (0..n as u32).map(|i| Primitive::new(Vec3::splat(x(i)), Vec3::splat(x(i)), i)).collect();
-                let parts = partition(&mut set, |c| c.x < 2.0 * share);
-                assert!(set[..parts.first].iter().all(|p| p.center2().x < 2.0 * share));
-                assert!(set[parts.first..].iter().all(|p| p.center2().x >= 2.0 * share));
-                let mut ids: Vec<_> = set.iter().map(Numbered::id).collect();
-                ids.sort_unstable();
-                assert!(ids.into_iter().eq(0..n as u32));
-                let low = set[..parts.first].iter().fold(f32::INFINITY, |m, p| m.min(p.center2().x));
-                assert_eq!(parts.centers[0].low.x, low);
+                let binning = Binning::new(&Box8::new(Vec3::ZERO, Vec3::splat(2.0)));
+                let run = |level| {
+                    let mut set = set.clone();
+                    (partition(level, &binning, BinPlane { axis: 1, bin }, &mut set), set)
+                };
+                let (parts, set) = run(Level::Scalar);
+                let (same, best) = run(Level::best());
+                let ids = |set: &[Primitive]| set.iter().map(Numbered::id).collect::<Vec<_>>();
+                assert!(parts.first == same.first && ids(&set) == ids(&best));
+                let highest = |set: &[Primitive]| set.iter().map(|p| p.center2().y).fold(f32::NEG_INFINITY, f32::max);
+                let lowest = |set: &[Primitive]| set.iter().map(|p| p.center2().y).fold(f32::INFINITY, f32::min);
+                let (a, b) = set.split_at(parts.first);
+                assert!(highest(a) <= lowest(b), "{n} {bin}");
+                assert_eq!(parts.centers[1].low().y, lowest(b));
+                let mut all = ids(&set);
+                all.sort_unstable();
+                assert!(all.into_iter().eq(0..n as u32));
             }
         }
     }

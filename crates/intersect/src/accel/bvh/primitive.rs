@@ -2,42 +2,9 @@
 
 use super::storage::{Plain, Storage};
 use crate::accel::brute_force::GroupList;
+use crate::kernel::binning::Primitive;
 use rayon::prelude::*;
-use snell_math::{Bounds3, Vec3, Vec4};
-
-/// A box in four lanes, of which the last means nothing: so each side is one register.
-#[derive(Clone, Copy, Debug)]
-#[repr(C)]
-pub(super) struct Box4 {
-    pub low: Vec4,
-    pub high: Vec4,
-}
-
-impl Box4 {
-    /// The box that holds nothing.
-    pub const EMPTY: Self = Self { low: Vec4::INFINITY, high: Vec4::NEG_INFINITY };
-
-    #[inline(always)]
-    pub fn union(&self, other: &Self) -> Self {
-        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
-
-    #[inline(always)]
-    pub fn with_point(&self, p: Vec4) -> Self {
-        Self { low: self.low.min(p), high: self.high.max(p) }
-    }
-
-    /// Half of the surface area; 0 if empty.
-    #[inline(always)]
-    pub fn half_area(&self) -> f32 {
-        let d = (self.high - self.low).max(Vec4::ZERO);
-        d.x * d.y + d.y * d.z + d.z * d.x
-    }
-
-    pub fn bounds(&self) -> Bounds3 {
-        Bounds3 { min: self.low.truncate(), max: self.high.truncate() }
-    }
-}
+use snell_math::Vec3;
 
 /// Something with the number of a triangle within its group, or with [`OBJECT`] and that of an object.
 pub(super) trait Numbered: Copy + Send + Sync {
@@ -50,36 +17,13 @@ pub(super) const OBJECT: u32 = 1 << 31;
 /// Triangles a group may have.
 pub(super) const MAX_TRIANGLES: usize = 1 << 30;
 
-/// A primitive, or a piece of one: its box, with the number in the last lane of the low side.
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(32))]
-pub(super) struct Primitive(Box4);
-
 // SAFETY: eight numbers of which any bits are valid, without padding.
 unsafe impl Plain for Primitive {}
 
 impl Numbered for Primitive {
     #[inline(always)]
     fn id(&self) -> u32 {
-        self.0.low.w.to_bits()
-    }
-}
-
-impl Primitive {
-    #[inline(always)]
-    pub fn new(low: Vec3, high: Vec3, id: u32) -> Self {
-        Self(Box4 { low: low.extend(f32::from_bits(id)), high: high.extend(0.0) })
-    }
-
-    #[inline(always)]
-    pub fn bounds(&self) -> &Box4 {
-        &self.0
-    }
-
-    /// Twice the centre. Overflows for coordinates above half of the largest number; then the axis is not used.
-    #[inline(always)]
-    pub fn center2(&self) -> Vec4 {
-        self.0.low + self.0.high
+        self.number()
     }
 }
 

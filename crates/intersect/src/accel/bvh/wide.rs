@@ -83,7 +83,7 @@ pub(super) fn write<P: Numbered>(tree: &Tree<'_, P>, triangles: &Triangles) -> R
         Step::Node(children) => {
             let mut node = WideNode::EMPTY;
             for (slot, (cursor, step)) in children.iter().enumerate() {
-                node.set(slot, &cursor.bounds().bounds(), reference(*step, *cursor));
+                node.set(slot, &cursor.bounds(), reference(*step, *cursor));
             }
             node.sort_octants();
             writer.nodes[0] = node;
@@ -151,7 +151,7 @@ impl Writer<'_> {
         let mut depth = 0;
         for (slot, &child) in cursor.wide_children().as_slice().iter().enumerate() {
             let (reference, below) = self.subtree(child);
-            node.set(slot, &child.bounds().bounds(), reference);
+            node.set(slot, &child.bounds(), reference);
             depth = depth.max(below);
         }
         node.sort_octants();
