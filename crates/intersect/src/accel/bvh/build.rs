@@ -27,25 +27,32 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOpti
         first += mesh.indices.len() as u32;
     }
     let mut objects = Vec::new();
-    let mut unbounded = Vec::new();
+    let (mut unbounded, mut empty) = (Vec::new(), Vec::new());
     for (id, b) in boxes.iter().enumerate() {
         if b.is_finite() {
             objects.push(Primitive::new(b.min, b.max, id as u32 | OBJECT));
-        } else if !b.is_empty() {
+        } else if b.is_empty() {
+            empty.push(id as u32);
+        } else {
             unbounded.push(id as u32);
         }
     }
-    let Wide { nodes, blocks, root, depth } = build_wide(&Triangles::new(list, &meshes), &objects, options)?;
-    Ok(GroupTree { nodes, blocks, root, objects: list.objects.clone(), unbounded, meshes, depth })
+    let triangles = Triangles::new(list, &meshes);
+    let (Wide { nodes, blocks, root, depth }, placed) = build_wide(&triangles, &objects, options)?;
+    let skipped = if placed < count { triangles.degenerate() } else { Vec::new() };
+    let objects = list.objects.clone();
+    Ok(GroupTree { nodes, blocks, root, objects, unbounded, meshes, depth, triangles: count, skipped, empty })
 }
 
-fn build_wide(triangles: &Triangles, objects: &[Primitive], options: &BvhOptions) -> Result<Wide, String> {
+/// Also says how many of the triangles are in the tree.
+fn build_wide(triangles: &Triangles, objects: &[Primitive], options: &BvhOptions) -> Result<(Wide, usize), String> {
     let (mut primitives, count) = triangle_primitives(triangles, objects.len());
     let all = count + objects.len();
     primitives[count..all].copy_from_slice(objects);
     if all == 0 {
-        return Ok(Wide { nodes: Storage::zeroed(0), blocks: Storage::zeroed(0), root: ChildRef::NONE, depth: 0 });
+        let nothing = Wide { nodes: Storage::zeroed(0), blocks: Storage::zeroed(0), root: ChildRef::NONE, depth: 0 };
+        return Ok((nothing, 0));
     }
     let tree = Medium { level: options.simd, has_objects: !objects.is_empty() }.build(&mut primitives[..all]);
-    write(&tree, triangles)
+    Ok((write(&tree, triangles)?, count))
 }

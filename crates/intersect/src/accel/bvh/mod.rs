@@ -7,8 +7,12 @@ mod medium;
 mod partition;
 mod primitive;
 mod quality;
+mod refit;
 mod storage;
 mod wide;
+
+#[cfg(test)]
+mod tests;
 
 pub use quality::Quality;
 
@@ -51,6 +55,12 @@ pub(crate) struct GroupTree {
     pub meshes: Vec<(u32, u32)>,
     /// Nodes on the longest way down.
     pub depth: usize,
+    /// How many triangles the meshes have.
+    triangles: usize,
+    /// The triangles that can never be hit and are not in the tree.
+    skipped: Vec<u32>,
+    /// The objects without contents; not in the tree.
+    empty: Vec<u32>,
 }
 
 impl GroupTree {

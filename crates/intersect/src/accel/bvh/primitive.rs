@@ -3,6 +3,7 @@
 use super::storage::{Plain, Storage};
 use crate::accel::brute_force::GroupList;
 use crate::kernel::binning::Primitive;
+use crate::mesh::TriangleMesh;
 use rayon::prelude::*;
 use snell_math::Vec3;
 
@@ -45,14 +46,32 @@ impl<'a> Triangles<'a> {
         self.list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum()
     }
 
-    /// The corners of a triangle.
+    /// The mesh of a triangle, and its number there.
     #[inline(always)]
-    pub fn corners(&self, id: u32) -> [Vec3; 3] {
+    fn find(&self, id: u32) -> (&'a TriangleMesh, usize) {
         let mesh = match self.meshes {
             [_] => 0,
             all => all.partition_point(|m| m.0 <= id).saturating_sub(1),
         };
-        self.list.meshes[mesh].1.corners((id - self.meshes[mesh].0) as usize)
+        (&self.list.meshes[mesh].1, (id - self.meshes[mesh].0) as usize)
+    }
+
+    /// The corners of a triangle.
+    #[inline(always)]
+    pub fn corners(&self, id: u32) -> [Vec3; 3] {
+        let (mesh, triangle) = self.find(id);
+        mesh.corners(triangle)
+    }
+
+    /// True if the triangle can never be hit.
+    pub fn is_degenerate(&self, id: u32) -> bool {
+        let (mesh, triangle) = self.find(id);
+        mesh.is_degenerate(triangle)
+    }
+
+    /// The triangles that can never be hit.
+    pub fn degenerate(&self) -> Vec<u32> {
+        (0..self.count() as u32).into_par_iter().with_min_len(CHUNK).filter(|&id| self.is_degenerate(id)).collect()
     }
 
     /// Fills `to` in parallel with what `make` gives for each triangle that can be hit (number and corners), and returns how many
