@@ -4,7 +4,7 @@ mod build;
 mod split;
 
 use super::brute_force::GroupList;
-use super::group::Object;
+use super::group::{Object, Objects};
 use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::triangle::TriangleBlock;
 use snell_math::{Bounds3, Bounds3d};
@@ -16,8 +16,8 @@ pub(crate) struct GroupTree {
     pub blocks: Vec<TriangleBlock>,
     /// Where the walk starts; [`ChildRef::NONE`] for a group without bounded contents.
     pub root: ChildRef,
-    /// Shapes and instances, as the leaves number them.
-    pub objects: Vec<Object>,
+    /// Shapes, instances and primitives of sets, as the leaves number them.
+    pub objects: Objects,
     /// Objects without finite bounds: always tested.
     pub unbounded: Vec<u32>,
     /// For each mesh the number of its first triangle within the group, and its geometry; ascending.
@@ -44,7 +44,7 @@ impl GroupTree {
 
     /// Memory of the tree.
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice()) + size_of_val(self.objects.as_slice())
+        size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice()) + self.objects.memory_bytes()
     }
 }
 
@@ -72,7 +72,7 @@ impl Forest {
                 Object::Shape { .. } => 0,
             };
             let tree: &GroupTree = &trees[group];
-            sizes[group] = tree.stack_size() + tree.objects.iter().map(below).max().unwrap_or(0);
+            sizes[group] = tree.stack_size() + tree.objects.placed().iter().map(below).max().unwrap_or(0);
         }
         Ok(Self { trees, stack_size: sizes[0] })
     }
