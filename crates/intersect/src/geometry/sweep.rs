@@ -176,15 +176,22 @@ impl Sweep {
         found
     }
 
+    /// The crossing of the ball at an end (`u` is 0 or 1) nearest to `z`, if no ball next to it is farther out.
+    fn on_end(&self, (z, u): (f64, f64)) -> Option<(f64, f64)> {
+        let at = derivatives(&self.controls, u);
+        let c = at[0];
+        let half = (c.w * c.w - c.x * c.x - c.y * c.y).sqrt();
+        let z = if z < c.z { c.z - half } else { c.z + half };
+        let [g, _] = envelope(&at, DVec3::Z * z);
+        let is_outermost = if u <= 0.0 { g >= 0.0 } else { g <= 0.0 };
+        is_outermost.then_some((z, u))
+    }
+
     /// The crossing of the true surface near one of the pieces': length and curve parameter at which the distance to the curve is
     /// the radius, and is so at its least. `None` if there is none near.
     fn improved(&self, (z, u): (f64, f64), piece: f64) -> Option<(f64, f64)> {
-        if u <= 0.0 || u >= 1.0 {
-            let [g, _] = envelope(&derivatives(&self.controls, u), DVec3::Z * z);
-            // On the ball at an end, and no ball next to it is farther out: exact already.
-            if if u <= 0.0 { g >= 0.0 } else { g <= 0.0 } {
-                return Some((z, u));
-            }
+        if let Some(at_end) = (u <= 0.0 || u >= 1.0).then(|| self.on_end((z, u))).flatten() {
+            return Some(at_end);
         }
         let (mut new_z, mut new_u) = (z, u);
         for _ in 0..8 {
@@ -198,9 +205,12 @@ impl Sweep {
             let determinant = f_z * g_u - f_u * g_z;
             let (dz, du) = ((g * f_u - f * g_u) / determinant, (f * g_z - g * f_z) / determinant);
             (new_z, new_u) = (new_z + dz, new_u + du);
-            let is_near = (new_u - u).abs() <= 2.0 * piece && (0.0..=1.0).contains(&new_u);
+            let is_near = (new_u - u).abs() <= 2.0 * piece;
             if !is_near || !new_z.is_finite() {
                 return None;
+            }
+            if !(0.0..=1.0).contains(&new_u) {
+                return self.on_end((z, new_u.clamp(0.0, 1.0)));
             }
             if dz.abs() <= 1e-13 * (new_z.abs() + at[0].w) {
                 return (g_u > 0.0).then_some((new_z, new_u));
