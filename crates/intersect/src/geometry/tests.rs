@@ -328,7 +328,8 @@ pub(crate) fn worlds(fill: impl Fn(&mut WorldBuilder)) -> Vec<World> {
         for simd in Level::ALL.into_iter().filter(|l| l.is_supported()) {
             let mut builder = WorldBuilder::default();
             fill(&mut builder);
-            all.push(builder.build(&BuildOptions { accelerator, simd, ..BuildOptions::default() }).expect("a world"));
+            let options = BuildOptions { accelerator, ..BuildOptions::default() };
+            all.push(builder.build(&BuildOptions { simd, ..options }).expect("a world"));
             if accelerator == AcceleratorKind::None {
                 break;
             }
