@@ -11,7 +11,8 @@
 mod interaction;
 mod occurrence;
 
-use crate::accel::AcceleratorKind;
+use crate::accel::walk::Structures;
+use crate::accel::{AcceleratorKind, AcceleratorOptions};
 use crate::accel::brute_force::GroupList;
 use crate::accel::bvh::Forest;
 use crate::accel::group::Object;
@@ -49,13 +50,19 @@ pub enum WorldError {
 pub struct BuildOptions {
     /// Which acceleration structure.
     pub accelerator: AcceleratorKind,
+    /// What may be switched in it.
+    pub accelerator_options: AcceleratorOptions,
     /// Which instructions the kernels use.
     pub simd: Level,
 }
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { accelerator: AcceleratorKind::default(), simd: Level::best() }
+        Self {
+            accelerator: AcceleratorKind::default(),
+            accelerator_options: AcceleratorOptions::default(),
+            simd: Level::best(),
+        }
     }
 }
 
@@ -172,9 +179,13 @@ impl WorldBuilder {
         let occurrences = Occurrences::count(&self.groups)?;
         let lists = self.group_lists(&occurrences);
         let bounds = GroupBounds::of(&self, &occurrences.order);
-        let structure = match options.accelerator {
-            AcceleratorKind::None => Structure::None(lists),
-            AcceleratorKind::Bvh => {
+        let structure = match (options.accelerator.build(), options.accelerator) {
+            (Some(build), _) => Structure::Walked(
+                Structures::build(lists, &bounds.objects, build, &options.accelerator_options)
+                    .map_err(WorldError::Limit)?,
+            ),
+            (None, AcceleratorKind::None) => Structure::None(lists),
+            (None, _) => {
                 Structure::Bvh(Forest::build(&lists, &occurrences.order, &bounds.objects).map_err(WorldError::Limit)?)
             }
         };
@@ -243,6 +254,13 @@ impl WorldBuilder {
             stats.triangle_blocks = forest.trees.iter().map(|t| t.blocks.len() as u64).sum();
             stats.depth = forest.trees.iter().map(|t| t.depth as u32).max().unwrap_or(0);
             stats.memory_bytes = forest.memory_bytes() as u64;
+        }
+        if let Structure::Walked(structures) = structure {
+            let size = structures.size();
+            stats.nodes = size.nodes;
+            stats.references = size.references;
+            stats.depth = size.depth;
+            stats.memory_bytes = size.bytes;
         }
         stats
     }
@@ -316,6 +334,8 @@ pub(crate) enum Structure {
     None(Vec<GroupList>),
     /// A tree per group.
     Bvh(Forest),
+    /// One of the lecture's structures per group.
+    Walked(Structures),
 }
 
 /// Geometries and instances, ready for queries. Immutable.
@@ -344,6 +364,8 @@ pub struct BuildStats {
     pub nodes: u64,
     /// Blocks of up to eight triangles.
     pub triangle_blocks: u64,
+    /// Entries in the lists of primitives of the structures that have such lists.
+    pub references: u64,
     /// Nodes on the longest way down in any group.
     pub depth: u32,
     /// Memory of the acceleration structures, without the geometries.
@@ -357,6 +379,8 @@ pub struct TraversalCounters {
     pub nodes_visited: u32,
     /// Triangles and shapes tested.
     pub primitives_tested: u32,
+    /// Cells of grids, and leaves of trees that divide space, that were gone through.
+    pub cells_stepped: u32,
 }
 
 impl World {
