@@ -11,11 +11,11 @@
 mod interaction;
 mod occurrence;
 
-use crate::accel::walk::Structures;
-use crate::accel::{AcceleratorKind, AcceleratorOptions};
 use crate::accel::brute_force::GroupList;
 use crate::accel::bvh::Forest;
 use crate::accel::group::Object;
+use crate::accel::walk::Structures;
+use crate::accel::{AcceleratorKind, AcceleratorOptions};
 use crate::mesh::TriangleMesh;
 use crate::shape::Shape;
 use occurrence::Occurrences;

@@ -133,7 +133,8 @@ mod tests {
 
     #[test]
     fn a_ray_along_a_side_is_in_the_box_and_one_beside_it_is_not() {
-        for (y, inside) in [(0.0, true), (1.0, true), (-1e-7, true), (1.0 + 1e-7, true), (-1e-3, false), (1.001, false)] {
+        for (y, inside) in [(0.0, true), (1.0, true), (-1e-7, true), (1.0 + 1e-7, true), (-1e-3, false), (1.001, false)]
+        {
             for d in [0.0, -0.0] {
                 let (start, end) = ray([-1.0, y, 0.5], [1.0, d, d]).span_of(&UNIT);
                 assert_eq!(start <= end, inside, "{y} {d}");

@@ -86,7 +86,8 @@ impl<'a> Primitives<'a> {
 
     /// The ranges of primitives that are meshes, and the single ones that are not.
     pub fn geometries(&self) -> impl Iterator<Item = (u32, u32)> {
-        let meshes = self.first.iter().zip(&self.list.meshes).map(|(&first, m)| (first, first + m.1.indices.len() as u32));
+        let meshes =
+            self.first.iter().zip(&self.list.meshes).map(|(&first, m)| (first, first + m.1.indices.len() as u32));
         meshes.chain((0..self.list.objects.len() as u32).map(|i| (self.triangles + i, self.triangles + i + 1)))
     }
 

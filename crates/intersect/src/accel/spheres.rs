@@ -103,9 +103,11 @@ fn sphere(items: &[Item], bounds: &Bounds3) -> (Vec3, f32) {
         let (radius, farthest) = items
             .iter()
             .map(|i| {
-                // The corner farthest from the centre.
-                let corner = Vec3::select(i.center().cmpge(center), i.max, i.min);
-                ((corner.as_dvec3() - center.as_dvec3()).length_squared(), corner)
+                // The corner farthest from the centre: exactly, because a centre in `f32` may be the wrong one.
+                let center = center.as_dvec3();
+                let (up, down) = (i.max.as_dvec3() - center, center - i.min.as_dvec3());
+                let corner = std::array::from_fn(|a| if up[a] >= down[a] { i.max[a] } else { i.min[a] });
+                (up.max(down).length_squared(), Vec3::from_array(corner))
             })
             .fold((-1.0, center), |a, b| if b.0 > a.0 { b } else { a });
         if radius < best.1 {

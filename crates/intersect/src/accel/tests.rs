@@ -136,7 +136,14 @@ fn scene(seed: u32) -> (WorldBuilder, Vec<Vec3>) {
     (builder, points)
 }
 
-fn fill(random: &mut Random, builder: &mut WorldBuilder, group: GroupId, scale: f32, center: Vec3, points: &mut Vec<Vec3>) {
+fn fill(
+    random: &mut Random,
+    builder: &mut WorldBuilder,
+    group: GroupId,
+    scale: f32,
+    center: Vec3,
+    points: &mut Vec<Vec3>,
+) {
     for _ in 0..random.below(3) {
         let mesh = if random.chance(0.3) {
             let n = 1 + random.below(8) as u32;
@@ -237,6 +244,7 @@ fn compare(seed: u32, count: usize) -> usize {
     let rays = rays(seed, &points, count);
     let oracle = build(scene(seed).0, AcceleratorKind::None, AcceleratorOptions::default());
     let all: Vec<Vec<Hit>> = rays.iter().map(|r| oracle.all_one(r, &AcceptAll)).collect();
+    let closest: Vec<Hit> = rays.iter().map(|r| oracle.closest_one(r, &AcceptAll)).collect();
     for (kind, options) in variants() {
         let world = build(scene(seed).0, kind, options);
         let what = |i: usize| format!("scene {seed}, {} {options:?}, ray {i} {:?}", kind.name(), rays[i]);
@@ -245,11 +253,16 @@ fn compare(seed: u32, count: usize) -> usize {
         let mut blocked = vec![false; rays.len()];
         world.occluded(&rays[..], &AcceptAll, &mut blocked);
         for i in 0..rays.len() {
-            let expected = all[i].first().copied().unwrap_or(Hit::MISS);
+            let expected = closest[i];
             assert_eq!(bits(&hits[i]), bits(&expected), "{}: {:?} is not {expected:?}", what(i), hits[i]);
             assert_eq!(blocked[i], expected.is_hit(), "{}", what(i));
             let found = world.all_one(&rays[i], &AcceptAll);
-            assert_eq!(found.iter().map(bits).collect::<Vec<_>>(), all[i].iter().map(bits).collect::<Vec<_>>(), "{}", what(i));
+            assert_eq!(
+                found.iter().map(bits).collect::<Vec<_>>(),
+                all[i].iter().map(bits).collect::<Vec<_>>(),
+                "{}",
+                what(i)
+            );
             assert_eq!(bits(&world.closest_counted(&rays[i], &AcceptAll).0), bits(&expected), "{}", what(i));
         }
     }

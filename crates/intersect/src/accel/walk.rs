@@ -101,7 +101,8 @@ impl Structures {
         let thick = BoxRay::new(ray, &group.bounds, search.ray.t_min);
         let walk = if group.structure.repeats() { scratch.mailbox.begin() } else { 0 };
         let local = LocalRay::new(ray);
-        let mut visitor = GroupVisitor { structures: self, index, group, local, instance, walk, cached, search, scratch };
+        let mut visitor =
+            GroupVisitor { structures: self, index, group, local, instance, walk, cached, search, scratch };
         (cached != NOTHING && visitor.test_one(cached))
             || visitor.test(&group.unbounded)
             || group.structure.walk(&thick, &mut visitor)

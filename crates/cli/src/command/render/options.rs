@@ -224,7 +224,7 @@ impl Options {
             )?,
             ao_distance: self.ao_distance,
             aovs,
-            build: BuildOptions { accelerator, simd },
+            build: BuildOptions { accelerator, simd, ..BuildOptions::default() },
             ..Settings::default()
         })
     }

@@ -34,7 +34,11 @@ impl Part {
     fn append(&mut self, other: Self) {
         let (nodes, references) = (self.nodes.len() as u32, self.references.len() as u32);
         let moved = |n: Node| {
-            if n.is_leaf() { Node { word: n.word + references, ..n } } else { Node { data: n.data + (nodes << 2), ..n } }
+            if n.is_leaf() {
+                Node { word: n.word + references, ..n }
+            } else {
+                Node { data: n.data + (nodes << 2), ..n }
+            }
         };
         self.nodes.extend(other.nodes.into_iter().map(moved));
         self.references.extend(other.references);

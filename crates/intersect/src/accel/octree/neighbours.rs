@@ -61,8 +61,7 @@ impl<'a> Walk<'a> {
     /// At the place where the ray enters the tree.
     fn new(tree: &'a Octree, ray: &'a BoxRay, start: f64) -> Self {
         let scale = tree.space.size.map(|s| f64::from(PLACES) / s);
-        let mut walk =
-            Self { tree, ray, scale, path: [0; MAX_LEVEL as usize + 1], level: 0, place: [0; 3] };
+        let mut walk = Self { tree, ray, scale, path: [0; MAX_LEVEL as usize + 1], level: 0, place: [0; 3] };
         walk.place = std::array::from_fn(|axis| walk.place_at(axis, start).clamp(0.0, f64::from(PLACES - 1)) as u32);
         walk
     }
