@@ -12,10 +12,10 @@ mod interaction;
 mod occurrence;
 
 use crate::accel::brute_force::GroupList;
-use crate::accel::bvh::Forest;
+use crate::accel::bvh::{BvhOptions, Forest};
 use crate::accel::group::Object;
 use crate::accel::walk::Structures;
-use crate::accel::{AcceleratorKind, AcceleratorOptions};
+use crate::accel::{AcceleratorKind, AcceleratorOptions, Quality};
 use crate::mesh::TriangleMesh;
 use crate::shape::Shape;
 use occurrence::Occurrences;
@@ -52,6 +52,8 @@ pub struct BuildOptions {
     pub accelerator: AcceleratorKind,
     /// What may be switched in it.
     pub accelerator_options: AcceleratorOptions,
+    /// How much time building a [`AcceleratorKind::Bvh`] may take for how fast a tree.
+    pub quality: Quality,
     /// Which instructions the kernels use.
     pub simd: Level,
 }
@@ -61,6 +63,7 @@ impl Default for BuildOptions {
         Self {
             accelerator: AcceleratorKind::default(),
             accelerator_options: AcceleratorOptions::default(),
+            quality: Quality::default(),
             simd: Level::best(),
         }
     }
@@ -178,6 +181,7 @@ impl WorldBuilder {
     pub fn build(self, options: &BuildOptions) -> Result<World, WorldError> {
         let occurrences = Occurrences::count(&self.groups)?;
         let lists = self.group_lists(&occurrences);
+        let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
         let bounds = GroupBounds::of(&self, &occurrences.order);
         let structure = match (options.accelerator.build(), options.accelerator) {
             (Some(build), _) => Structure::Walked(
@@ -186,10 +190,11 @@ impl WorldBuilder {
             ),
             (None, AcceleratorKind::None) => Structure::None(lists),
             (None, _) => {
-                Structure::Bvh(Forest::build(&lists, &occurrences.order, &bounds.objects).map_err(WorldError::Limit)?)
+                let options = BvhOptions { quality: options.quality, simd };
+                let forest = Forest::build(&lists, &occurrences.order, &bounds.objects, &options);
+                Structure::Bvh(forest.map_err(WorldError::Limit)?)
             }
         };
-        let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
         let stats = self.count_triangles(&occurrences, &structure);
         Ok(World {
             geometries: self.geometries,
@@ -254,6 +259,7 @@ impl WorldBuilder {
             stats.triangle_blocks = forest.trees.iter().map(|t| t.blocks.len() as u64).sum();
             stats.depth = forest.trees.iter().map(|t| t.depth as u32).max().unwrap_or(0);
             stats.memory_bytes = forest.memory_bytes() as u64;
+            stats.sah_cost = forest.trees[0].sah_cost();
         }
         if let Structure::Walked(structures) = structure {
             let size = structures.size();
@@ -352,7 +358,7 @@ pub struct World {
 }
 
 /// What was built.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BuildStats {
     /// Triangles of all meshes, each mesh counted once.
     pub triangles: u64,
@@ -370,6 +376,9 @@ pub struct BuildStats {
     pub depth: u32,
     /// Memory of the acceleration structures, without the geometries.
     pub memory_bytes: u64,
+    /// Nodes and blocks of triangles that a random line through the root's bounds meets on average, by the surface area heuristic;
+    /// what is in instances does not count.
+    pub sah_cost: f32,
 }
 
 /// What one ray cost.

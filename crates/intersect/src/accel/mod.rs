@@ -19,6 +19,8 @@ pub(crate) mod primitives;
 mod spheres;
 pub(crate) mod walk;
 
+pub use bvh::Quality;
+
 use box_ray::BoxRay;
 use primitives::Primitives;
 

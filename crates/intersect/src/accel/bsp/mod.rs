@@ -156,3 +156,52 @@ impl Accelerator for BspTree {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::accel::AcceleratorKind;
+    use crate::query::AcceptAll;
+    use crate::world::{BuildOptions, WorldBuilder};
+    use crate::{Hit, TriangleMesh, World};
+    use snell_math::{Ray, Vec3};
+    use std::sync::Arc;
+
+    /// A wall of triangles across each of some planes `x = i`, enough for a tree of planes.
+    fn walls() -> World {
+        let mut mesh = TriangleMesh::default();
+        for i in 0..16 {
+            let first = mesh.positions.len() as u32;
+            let x = i as f32;
+            mesh.positions.extend([Vec3::new(x, -1.0, -1.0), Vec3::new(x, 3.0, -1.0), Vec3::new(x, -1.0, 3.0)]);
+            mesh.indices.push([first, first + 1, first + 2]);
+        }
+        let mut builder = WorldBuilder::default();
+        builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
+        let options = BuildOptions { accelerator: AcceleratorKind::Bsp, ..BuildOptions::default() };
+        builder.build(&options).expect("a world")
+    }
+
+    #[test]
+    fn errata_e6_the_near_side_is_visited_whether_or_not_the_ray_meets_the_plane() {
+        let world = walls();
+        assert!(world.stats().nodes >= 7, "{:?}", world.stats());
+        let hit = |ray: Ray| world.closest_one(&ray, &AcceptAll);
+        let up = |x: f32, t_min: f32, t_max: f32| {
+            Ray { t_min, ..Ray::new(Vec3::new(x, 0.0, 0.0), Vec3::X) }.with_t_max(t_max)
+        };
+        // Planes before, in and beyond the interval, from both sides.
+        for i in 0..15 {
+            let x = i as f32 + 0.5;
+            assert_eq!((hit(up(x, 0.0, 100.0)).t, hit(up(x, 0.0, 100.0)).primitive), (0.5, i + 1));
+            assert_eq!(hit(up(x, 0.0, 0.6)).primitive, i + 1, "most planes lie beyond the interval");
+            assert_eq!(hit(up(x, 0.0, 0.4)), Hit::MISS);
+            let down = Ray::new(Vec3::new(x, 0.0, 0.0), -Vec3::X);
+            assert_eq!((hit(down).t, hit(down).primitive), (0.5, i));
+            assert_eq!(hit(up(-10.0, 10.0 + x - 0.1, 10.0 + x + 0.9)).primitive, i + 1, "most lie before or beyond");
+            // Parallel to all the planes, between them and in one of them.
+            assert_eq!(hit(Ray::new(Vec3::new(x, 0.0, 0.0), Vec3::Y)), Hit::MISS);
+            assert_eq!(hit(Ray::new(Vec3::new(x - 0.5, -5.0, 0.0), Vec3::Y)), Hit::MISS);
+        }
+        assert_eq!(hit(up(100.0, 0.0, 100.0)), Hit::MISS);
+    }
+}
