@@ -1,5 +1,6 @@
 //! `snell bench`: measurements that anybody can repeat.
 
+mod build;
 mod clock;
 mod contest;
 mod kinds;
@@ -16,11 +17,14 @@ use std::process::ExitCode;
 pub enum Command {
     /// Rays per second, by kind of ray, beside those of Embree.
     Rays(rays::Options),
+    /// How long acceleration structures take to build, and their memory, beside Embree's.
+    Build(build::Options),
 }
 
 /// Runs a benchmark.
 pub fn run(command: &Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Rays(options) => rays::run(options),
+        Command::Build(options) => build::run(options),
     }
 }

@@ -75,18 +75,13 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let named = |name: &String| choice("kind of ray", name, &Kind::ALL, Kind::name);
     let call = |name: &String| choice("way to call", name, &Call::ALL, Call::name);
     options.scenes.iter().try_for_each(|name| scenes::check(name))?;
-    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let mut threads: Vec<usize> = options.threads.iter().map(|&n| n as usize).collect();
-    if threads.is_empty() {
-        threads = if cores > 1 { vec![1, cores] } else { vec![1] };
-    }
     let plan = Plan {
         options,
         kinds: options.rays.iter().map(named).collect::<Result<_, _>>()?,
-        threads,
+        threads: clock::thread_counts(&options.threads),
         calls: options.calls.iter().map(call).collect::<Result<_, _>>()?,
         variants: options.variants.variants()?,
-        peer: options.peer.as_ref().map(|path| Peer::load(path, cores)).transpose()?,
+        peer: options.peer.as_ref().map(|path| Peer::new(&path.load()?, clock::cores())).transpose()?,
     };
     if !options.json {
         standard_output::write(heading(plan.peer.as_ref()).as_bytes())?;
@@ -158,6 +153,7 @@ impl Plan<'_> {
             "hits": outcome.hits,
             "threads": row.threads,
             "accelerator": row.variant.accelerator.name(),
+            "quality": variants::quality_name(row.variant),
             "simd": row.world.simd().name(),
             "call": row.call.name(),
             "clock": self.options.clock.name(),
@@ -227,7 +223,7 @@ fn heading(peer: Option<&Peer>) -> String {
 }
 
 fn table_row(row: &Row, outcome: &Outcome) -> String {
-    let name = row.bench.name.rsplit(['/', '\\']).next().unwrap_or(&row.bench.name);
+    let name = scenes::short_name(&row.bench.name);
     let opponent = |o: &Option<Opponent>| match o {
         Some(o) => format!(" {:8.2} {:6.2} {:9.6} {:24}", row.rate(o.seconds), o.ratio, o.agree, o.mode),
         None => String::new(),

@@ -7,6 +7,7 @@ use snell_math::simd::Level;
 
 /// Options that choose how worlds are built.
 #[derive(Debug, clap::Args)]
+#[group(skip)]
 pub struct Options {
     /// Acceleration structures
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "bvh")]
@@ -24,9 +25,9 @@ impl Options {
             .map(|name| choice("accelerator", name, &AcceleratorKind::ALL, AcceleratorKind::name))
             .collect::<Result<_, _>>()?;
         let levels = self.levels()?;
-        let pairs = accelerators.iter().flat_map(|&accelerator| {
-            levels.iter().map(move |&simd| BuildOptions { accelerator, simd, ..BuildOptions::default() })
-        });
+        let pairs = accelerators
+            .iter()
+            .flat_map(|&accelerator| levels.iter().map(move |&simd| BuildOptions { accelerator, simd }));
         Ok(pairs.collect())
     }
 
@@ -43,6 +44,11 @@ impl Options {
         };
         self.simd.iter().map(level).collect()
     }
+}
+
+/// The name of a quality; there is only one yet.
+pub fn quality_name(_: &BuildOptions) -> &'static str {
+    "medium"
 }
 
 /// A builder with everything that is in a world, for the same hits from another structure. Nothing is filtered.
