@@ -121,3 +121,16 @@ fn a_peer_that_cannot_be_loaded_is_an_error_with_a_remedy() {
     let run = place.run("bench rays none.off --json");
     assert_eq!(run.code, 1, "{}", run.err);
 }
+
+#[test]
+fn the_rays_of_a_render_are_measured() {
+    let place = Place::new();
+    let run = place.run("bench render cornell-box --side 16 --spp 16 --threads 2 --repeat 1 --json").done();
+    let row = &lines(run.text())[0];
+    assert_eq!((&row["triangles"], &row["threads"]), (&32.into(), &2.into()));
+    assert!(row["ray_count"].as_u64().is_some_and(|n| n > 16 * 16 * 16 * 2), "{row}");
+    for key in ["mrays_per_second", "tracing_mrays_per_second", "raw_mrays_per_second", "mean_batch"] {
+        assert!(row[key].as_f64().is_some_and(|x| x > 0.0), "{key}: {row}");
+    }
+    assert!(row["tracing_share"].as_f64().is_some_and(|x| x > 0.0 && x < 1.0), "{row}");
+}

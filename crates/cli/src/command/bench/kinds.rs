@@ -41,6 +41,14 @@ impl Kind {
     }
 }
 
+/// Reads the side of a picture.
+pub fn parse_side(text: &str) -> Result<u32, String> {
+    match text.parse::<u32>() {
+        Ok(n) if n.is_power_of_two() && (4..=16384).contains(&n) => Ok(n),
+        _ => Err(format!("\"{text}\" is not a side; write a power of two from 4 to 16384")),
+    }
+}
+
 /// A primary ray and what it hit.
 pub type First = (Ray, Option<SurfaceInteraction>);
 

@@ -6,6 +6,7 @@ mod contest;
 mod kinds;
 mod peer;
 mod rays;
+mod render;
 mod scenes;
 mod variants;
 
@@ -19,6 +20,8 @@ pub enum Command {
     Rays(rays::Options),
     /// How long acceleration structures take to build, and their memory, beside Embree's.
     Build(build::Options),
+    /// Rays per second inside of a render, beside those of the same rays alone.
+    Render(render::Options),
 }
 
 /// Runs a benchmark.
@@ -26,5 +29,6 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Rays(options) => rays::run(options),
         Command::Build(options) => build::run(options),
+        Command::Render(options) => render::run(options),
     }
 }

@@ -37,7 +37,7 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeat: u32,
     /// Width and height of the picture whose rays are traced; a power of two
-    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = parse_side)]
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = kinds::parse_side)]
     side: u32,
     /// Which time counts: wall, or processor (on a machine that does other work)
     #[arg(long, value_name = "NAME", default_value = "wall")]
@@ -51,13 +51,6 @@ pub struct Options {
     /// Let scenes name files outside of their folders
     #[arg(long)]
     allow_outside: bool,
-}
-
-fn parse_side(text: &str) -> Result<u32, String> {
-    match text.parse::<u32>() {
-        Ok(n) if n.is_power_of_two() && (4..=16384).contains(&n) => Ok(n),
-        _ => Err(format!("\"{text}\" is not a side; write a power of two from 4 to 16384")),
-    }
 }
 
 /// What is measured on every scene.

@@ -62,8 +62,8 @@ pub fn short_name(name: &str) -> &str {
     name.rsplit(['/', '\\']).next().unwrap_or(name)
 }
 
-/// Loads or makes the scene of this name.
-pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
+/// Loads or makes the scene of this name, with a camera and light. The light of generated scenes comes beside it.
+pub fn load_scene(name: &str, read: &ReadOptions) -> Result<(Scene, Option<Vec3>), Failure> {
     let (base, change) = parse(name)?;
     let (mut scene, light) = match base {
         "terrain" => generate::terrain(),
@@ -75,10 +75,19 @@ pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
     }
     let framing = FramingOptions { size: [1024; 2], ..FramingOptions::default() };
     framing::prepare(&mut scene, &framing).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
+    Ok((scene, light))
+}
+
+/// The camera of a scene.
+pub fn camera(name: &str, scene: &Scene) -> Result<Camera, Failure> {
+    scene.cameras.first().cloned().ok_or_else(|| Failure::Scene(format!("{name}: the scene has no camera")))
+}
+
+/// Loads or makes the scene of this name, ready for rays.
+pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
+    let (scene, light) = load_scene(name, read)?;
+    let camera = camera(name, &scene)?;
     let world = compile(name, &scene)?;
-    let Some(camera) = scene.cameras.into_iter().next() else {
-        return Err(Failure::Scene(format!("{name}: the scene has no camera")));
-    };
     let light = light.unwrap_or_else(|| light_above(&world.bounds(), camera.eye));
     Ok(Bench { name: name.into(), world, camera, light })
 }
