@@ -12,6 +12,7 @@ pub mod query;
 pub mod shape;
 pub mod world;
 
+pub use accel::Quality;
 pub use hit::{Hit, SurfaceInteraction};
 pub use mesh::TriangleMesh;
 pub use query::rays::{RayQuery, Rays};

@@ -72,6 +72,9 @@ fn builds_are_measured() {
     let run = place.run("bench build p.off:subdivide=3 --repeat 2 --threads 1 --json").done();
     let row = &lines(run.text())[0];
     assert_eq!((&row["triangles"], &row["builder"]), (&384.into(), &"Snell".into()));
+    let all = place.run("bench build p.off --quality fast,medium,high --repeat 1 --threads 1 --json").done();
+    let qualities: Vec<_> = lines(all.text()).iter().map(|row| row["quality"].clone()).collect();
+    assert_eq!(qualities, ["fast", "medium", "high"]);
     for key in ["seconds", "mtriangles_per_second", "bytes_per_triangle"] {
         assert!(row[key].as_f64().is_some_and(|x| x > 0.0), "{key}: {row}");
     }
@@ -85,6 +88,7 @@ fn what_makes_no_sense_is_refused_before_anything_is_measured() {
     for (words, complaint) in [
         ("bench rays p.off --rays primary,difuse", "did you mean diffuse?"),
         ("bench rays p.off --accelerator bvx", "did you mean bvh?"),
+        ("bench rays p.off --quality fats", "did you mean fast?"),
         ("bench rays p.off --simd avx3", "did you mean avx2?"),
         ("bench rays p.off --calls two", "known: batch, one"),
         ("bench rays p.off --threads 0", "0 is not in 1..=4096"),

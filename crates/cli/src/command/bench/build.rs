@@ -114,7 +114,7 @@ impl<'a> Row<'a> {
         let triangles = bench.world.triangle_count();
         let seconds = median(&self.seconds);
         let (builder, accelerator, quality) = match &self.way {
-            Way::Own(variant, _) => ("Snell".into(), variant.accelerator.name(), variants::quality_name(variant)),
+            Way::Own(variant, _) => ("Snell".into(), variant.accelerator.name(), variant.quality.name()),
             Way::Peer(peer, quality) => (format!("Embree {}", peer.version()), "bvh", quality.name()),
         };
         json!({

@@ -137,7 +137,7 @@ fn measure(
         "triangles": world.instanced_triangle_count(),
         "threads": threads,
         "accelerator": variant.accelerator.name(),
-        "quality": variants::quality_name(variant),
+        "quality": variant.quality.name(),
         "simd": world.simd().name(),
         "side": options.side,
         "spp": options.spp,
