@@ -6,7 +6,7 @@ use super::traverse::{Stack, Walk, test_object};
 use super::triangle::{TriangleBlock, hit_in_plane, is_behind, lines_through, plane_distance};
 use super::node::WideNode;
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{Object, ray_in_child, offer_triangle};
+use crate::accel::group::{Object, ObjectRef, offer_triangle, ray_in_child};
 use crate::query::search::{Goal, Search};
 use snell_math::simd::Lanes8;
 use snell_math::{DRay, DVec3, Ray};
@@ -276,7 +276,7 @@ impl<'a, G: Goal> Slot<'a, G> {
         unsafe {
             let (object, exact) = (self.current.index(), self.place.exact());
             let tree = forest.trees.get_unchecked(self.place.group as usize);
-            if self.enter_instance::<L>(forest, tree.objects.get_unchecked(object)) {
+            if self.enter_instance::<L>(forest, tree.objects.get(object)) {
                 return;
             }
             self.pop();
@@ -294,8 +294,8 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// # Safety
     /// There must be a search; the stack must have room for one more entry.
     #[inline(always)]
-    unsafe fn enter_instance<L: Lanes8>(&mut self, forest: &Forest, object: &Object) -> bool {
-        let Object::Instance { child, offset, child_from_group, mask } = object else { return false };
+    unsafe fn enter_instance<L: Lanes8>(&mut self, forest: &Forest, object: ObjectRef) -> bool {
+        let ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) = object else { return false };
         let tree = &forest.trees[*child];
         // SAFETY: as promised by the caller.
         if mask & unsafe { self.search() }.mask == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
