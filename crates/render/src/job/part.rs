@@ -75,7 +75,7 @@ impl<'a> PartRenderer<'a> {
         self.start(area, range);
         statistics.rays.camera += self.paths.len() as u64;
         let mut grouping =
-            if self.camera.has_common_origin() && range[1] - range[0] == 16 { Grouping::Pixel } else { Grouping::None };
+            if self.camera.has_common_origin() && range[1] - range[0] == 16 { Grouping::Coherent } else { Grouping::None };
         let mut depth = 0;
         while self.paths.len() > 0 {
             self.trace(grouping);
@@ -242,7 +242,7 @@ impl<'a> PartRenderer<'a> {
         statistics.rays.shadow += rays.rays.len() as u64;
         rays.blocked.clear();
         rays.blocked.resize(rays.rays.len(), false);
-        self.context.scene.world.occluded(&rays.rays, filter, &mut rays.blocked);
+        self.context.scene.world.occluded(&rays.rays, Grouping::None, filter, &mut rays.blocked);
         for ((&sample, &value), &blocked) in rays.samples.iter().zip(&rays.values).zip(&rays.blocked) {
             if !blocked {
                 self.samples[sample as usize].brought += value;
