@@ -27,6 +27,9 @@ const PADDING: f32 = 1.0e-6;
 /// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.
 const LARGEST: f32 = 1.0e15;
 
+/// No box is as far. (So that boxes that are missed, and empty ones, begin beyond it.)
+const FARTHEST: f32 = 1.0e16;
+
 /// Bundles that spread more than this, per unit of depth, are not worth it.
 const MAX_SPREAD: f32 = 0.25;
 
@@ -228,8 +231,7 @@ impl Bundle {
             self.start[lane] * (1.0 - PADDING) - cull * self.along[lane] - self.margin
         } else {
             let end = (self.start[lane] + cull * self.along[lane]) * (1.0 + PADDING) + self.margin;
-            // Finite, so that empty boxes begin beyond it.
-            if end < f32::MAX { end } else { f32::MAX }
+            if end < FARTHEST { end } else { FARTHEST }
         }
     }
 
@@ -262,22 +264,41 @@ impl Bundle {
         let up = usize::from(self.sign < 0.0);
         // SAFETY: passed on to the caller; axes are below 3.
         unsafe {
-            let planes = |side: usize, axis: usize| {
-                L::load(node.bounds.get_unchecked(side).get_unchecked(axis)).sub(L::splat(*self.kind.apex.get_unchecked(axis)))
-            };
-            let near = planes(up, z).mul(L::splat(self.sign)).sub(L::splat(self.margin));
-            let far = planes(up ^ 1, z).mul(L::splat(self.sign * (1.0 + PADDING))).add(L::splat(self.margin));
+            let near = self.planes::<L>(node, up, z).mul(L::splat(self.sign)).sub(L::splat(self.margin));
+            let far = self.planes::<L>(node, up ^ 1, z).mul(L::splat(self.sign * (1.0 + PADDING))).add(L::splat(self.margin));
             let near = near.max(L::splat(self.bundle_near));
             let far = far.min(L::splat(self.bundle_far));
-            let gap = |i: usize, axis: usize| {
-                let (low, high) = (L::splat(self.low_slope[i]), L::splat(self.high_slope[i]));
-                let low = near.mul(low).min(far.mul(low)).add(L::splat(self.low_offset[i]));
-                let high = near.mul(high).max(far.mul(high)).add(L::splat(self.high_offset[i]));
-                planes(0, axis).sub(high).max(low.sub(planes(1, axis)))
-            };
-            // Positive if the box is missed on some axis. The last one is always a number.
-            let gap = gap(0, x).max(gap(1, y).max(near.sub(far)));
-            gap.mul(L::splat(1.0e30)).max(near)
+            // The last one is always a number.
+            let gap = self.gap(node, 0, x, near, far).max(self.gap(node, 1, y, near, far).max(near.sub(far)));
+            gap.mul(L::splat(f32::MAX)).max(near)
+        }
+    }
+
+    /// The planes of the boxes of a node as seen from the apex.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; `side` must be 0 or 1, `axis` below 3.
+    #[inline(always)]
+    unsafe fn planes<L: Lanes8>(&self, node: &WideNode, side: usize, axis: usize) -> L {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let planes = L::load(node.bounds.get_unchecked(side).get_unchecked(axis));
+            planes.sub(L::splat(*self.kind.apex.get_unchecked(axis)))
+        }
+    }
+
+    /// Positive where the boxes of a node, from `near` to `far`, lie beside the bundle on an axis.
+    ///
+    /// # Safety
+    /// As [`Self::planes`].
+    #[inline(always)]
+    unsafe fn gap<L: Lanes8>(&self, node: &WideNode, i: usize, axis: usize, near: L, far: L) -> L {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let (low, high) = (L::splat(self.low_slope[i]), L::splat(self.high_slope[i]));
+            let low = near.mul(low).min(far.mul(low)).add(L::splat(self.low_offset[i]));
+            let high = near.mul(high).max(far.mul(high)).add(L::splat(self.high_offset[i]));
+            self.planes::<L>(node, 0, axis).sub(high).max(low.sub(self.planes::<L>(node, 1, axis)))
         }
     }
 
@@ -289,32 +310,46 @@ impl Bundle {
     pub unsafe fn rays_meeting<L: Lanes8>(&self, node: &WideNode, slot: usize) -> u32 {
         let [x, y, z] = self.axes;
         let up = usize::from(self.sign < 0.0);
-        let plane = |side: usize, axis: usize| node.bounds[side][axis][slot & 7] - self.kind.apex[axis];
-        let near = plane(up, z) * self.sign - self.margin;
-        let far = plane(up ^ 1, z) * self.sign * (1.0 + PADDING) + self.margin;
-        let side = |axis: usize| {
-            let (low, high) = (plane(0, axis), plane(1, axis));
-            (low - low.abs() * PADDING - self.margin, high + high.abs() * PADDING + self.margin)
-        };
-        let sides = [side(x), side(y)];
+        let near = self.plane(node, slot, up, z) * self.sign - self.margin;
+        let far = self.plane(node, slot, up ^ 1, z) * self.sign * (1.0 + PADDING) + self.margin;
+        let mut sides = [[0.0; 2]; 2];
+        for (side, axis) in sides.iter_mut().zip([x, y]) {
+            let (low, high) = (self.plane(node, slot, 0, axis), self.plane(node, slot, 1, axis));
+            *side = [low - low.abs() * PADDING - self.margin, high + high.abs() * PADDING + self.margin];
+        }
         let mut mask = 0;
         for half in 0..2 {
-            // SAFETY: passed on to the caller; both halves are there.
+            // SAFETY: passed on to the caller.
             unsafe {
-                let lanes = |values: &PerRay<f32>| L::load(&*values.as_ptr().add(8 * half).cast::<[f32; 8]>());
-                let near = L::splat(near).max(lanes(&self.near));
-                let far = L::splat(far).min(lanes(&self.far));
+                let near = L::splat(near).max(lanes(&self.near, half));
+                let far = L::splat(far).min(lanes(&self.far, half));
                 let mut met = near.le(far);
                 for i in 0..2 {
-                    let (slope, offset) = (lanes(&self.slope[i]), lanes(&self.offset[i]));
+                    let (slope, offset): (L, L) = (lanes(&self.slope[i], half), lanes(&self.offset[i], half));
                     let (a, b) = (near.mul(slope), far.mul(slope));
-                    met &= a.min(b).add(offset).le(L::splat(sides[i].1)) & L::splat(sides[i].0).le(a.max(b).add(offset));
+                    met &= a.min(b).add(offset).le(L::splat(sides[i][1])) & L::splat(sides[i][0]).le(a.max(b).add(offset));
                 }
                 mask |= met << (8 * half);
             }
         }
         mask
     }
+
+    /// One plane of one box as seen from the apex.
+    #[inline(always)]
+    fn plane(&self, node: &WideNode, slot: usize, side: usize, axis: usize) -> f32 {
+        node.bounds[side][axis][slot & 7] - self.kind.apex[axis]
+    }
+}
+
+/// One half of the rays.
+///
+/// # Safety
+/// The machine must have the instructions of `L`; `half` must be 0 or 1.
+#[inline(always)]
+unsafe fn lanes<L: Lanes8>(values: &PerRay<f32>, half: usize) -> L {
+    // SAFETY: passed on to the caller.
+    unsafe { L::load(&*values.as_ptr().add(8 * half).cast::<[f32; 8]>()) }
 }
 
 /// True if the boxes of a node are where the tests of bundles cannot overflow.

@@ -29,14 +29,14 @@ impl<L: Lanes8> SeenBlock<L> {
         // SAFETY: passed on to the caller; axes are below 3.
         unsafe {
             let [x, y, z] = bundle.axes;
-            let apex = |axis: usize| L::splat(*bundle.kind.apex.get_unchecked(axis));
             let sign = L::splat(bundle.sign);
-            let corner = |v: usize| {
-                let v = &block.vertices[v];
-                [L::load(v.get_unchecked(x)), L::load(v.get_unchecked(y)), L::load(v.get_unchecked(z)).mul(sign)]
-            };
-            let (v0, v1, v2) = (corner(0), corner(1), corner(2));
-            let apex = [apex(x), apex(y), apex(z).mul(sign)];
+            let [v0, v1, v2] = &block.vertices;
+            let v0 = [L::load(v0.get_unchecked(x)), L::load(v0.get_unchecked(y)), L::load(v0.get_unchecked(z)).mul(sign)];
+            let v1 = [L::load(v1.get_unchecked(x)), L::load(v1.get_unchecked(y)), L::load(v1.get_unchecked(z)).mul(sign)];
+            let v2 = [L::load(v2.get_unchecked(x)), L::load(v2.get_unchecked(y)), L::load(v2.get_unchecked(z)).mul(sign)];
+            let apex = &bundle.kind.apex;
+            let apex =
+                [L::splat(*apex.get_unchecked(x)), L::splat(*apex.get_unchecked(y)), L::splat(*apex.get_unchecked(z)).mul(sign)];
             let edges = [minus(v2, v1), minus(v0, v2), minus(v1, v0)];
             let (r0, r1, r2) = (minus(v0, apex), minus(v1, apex), minus(v2, apex));
             let length = size(edges[1]).max(size(edges[2]));
@@ -60,25 +60,29 @@ impl<L: Lanes8> SeenBlock<L> {
         let slope = [bundle.slope[0][ray], bundle.slope[1][ray]];
         // SAFETY: passed on to the caller.
         let (sx, sy, zero) = unsafe { (L::splat(slope[0]), L::splat(slope[1]), L::splat(0.0)) };
-        let area = |i: usize| self.areas[i][0].mul(sx).add(self.areas[i][1].mul(sy)).add(self.areas[i][2]);
-        let [u, v, w] = if bundle.kind.common {
-            [area(0), area(1), area(2)]
-        } else {
+        let mut areas = [self.area(0, sx, sy), self.area(1, sx, sy), self.area(2, sx, sy)];
+        if !bundle.kind.common {
             // What the ray's place beside the apex adds.
             let offset = [bundle.offset[0][ray], bundle.offset[1][ray]];
             // SAFETY: as above.
             let (ox, oy, oz) = unsafe {
                 (L::splat(offset[0]), L::splat(offset[1]), L::splat(slope[0] * offset[1] - slope[1] * offset[0]))
             };
-            let moved = |i: usize| {
-                let [x, y, z] = self.edges[i];
-                area(i).add(oy.mul(x)).sub(ox.mul(y)).sub(oz.mul(z))
-            };
-            [moved(0), moved(1), moved(2)]
-        };
+            for (area, [x, y, z]) in areas.iter_mut().zip(&self.edges) {
+                *area = area.add(oy.mul(*x)).sub(ox.mul(*y)).sub(oz.mul(*z));
+            }
+        }
+        let [u, v, w] = areas;
         // Surely outside: two edges whose signs are certain and differ. NaN is never sure.
         let outside = u.min(v).min(w).add(self.bound).lt(zero) & self.bound.lt(u.max(v).max(w));
         !outside & 0xff
+    }
+
+    /// The signed area of an edge and a ray through the apex.
+    #[inline(always)]
+    fn area(&self, edge: usize, sx: L, sy: L) -> L {
+        let [x, y, z] = self.areas[edge];
+        x.mul(sx).add(y.mul(sy)).add(z)
     }
 }
 
