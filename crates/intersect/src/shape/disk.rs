@@ -1,7 +1,8 @@
 //! A disk or ring in the plane z = 0.
 
+use super::nearest::on_ring;
 use super::plane::closest_in_z0;
-use super::{Shape, ShapeError, ShapeHit, ShapeSample, ShapeSurface, turn};
+use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -68,6 +69,11 @@ impl Shape for Disk {
     fn surface(&self, position: DVec3, _face: u32) -> ShapeSurface {
         let (p, uv, dpdu, dpdv) = polar(position.truncate(), self.radius, self.inner_radius);
         ShapeSurface { position: p.extend(0.0), normal: DVec3::Z, uv, dpdu: dpdu.extend(0.0), dpdv: dpdv.extend(0.0) }
+    }
+
+    fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
+        let position = on_ring(metric, point, 2, 0.0, self.radius, self.inner_radius);
+        metric.nearest(point, [ShapePoint { position, face: 0 }])
     }
 
     fn area(&self) -> f64 {

@@ -1,7 +1,8 @@
 //! A rectangle in the plane z = 0.
 
+use super::nearest::on_triangle;
 use super::plane::closest_in_z0;
-use super::{Shape, ShapeError, ShapeHit, ShapeSample, ShapeSurface};
+use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
@@ -49,6 +50,14 @@ impl Shape for Rectangle {
             dpdu: DVec3::X * (2.0 * h.x),
             dpdv: DVec3::NEG_Y * (2.0 * h.y),
         }
+    }
+
+    fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
+        let h = self.half_size;
+        let corner = |x: f64, y: f64| DVec3::new(x * h.x, y * h.y, 0.0);
+        let (a, b, c, d) = (corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0));
+        let on = |corners| ShapePoint { position: on_triangle(metric, point, corners).0, face: 0 };
+        metric.nearest(point, [on(&[a, b, c]), on(&[a, c, d])])
     }
 
     fn area(&self) -> f64 {
