@@ -14,6 +14,7 @@ pub mod world;
 
 pub use hit::{Hit, SurfaceInteraction};
 pub use mesh::TriangleMesh;
+pub use query::nearest::{NearestPoint, Points};
 pub use query::rays::{RayQuery, Rays};
 pub use query::{AcceptAll, Grouping, HitFilter};
 pub use shape::{AnyShape, Shape, ShapeHit, ShapeSample, ShapeSurface};

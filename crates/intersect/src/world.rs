@@ -95,7 +95,7 @@ impl Default for GeometryOptions {
 }
 
 /// Collects groups, geometries and instances, then builds a [`World`].
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct WorldBuilder {
     pub(crate) geometries: Vec<Geometry>,
     pub(crate) options: Vec<GeometryOptions>,
@@ -427,4 +427,4 @@ impl World {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

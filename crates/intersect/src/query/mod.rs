@@ -1,5 +1,6 @@
 //! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray, never on its neighbours.
 
+pub mod nearest;
 pub mod rays;
 pub(crate) mod search;
 
