@@ -16,11 +16,12 @@ use crate::accel::brute_force::GroupList;
 use crate::accel::bvh::Forest;
 use crate::accel::group::Object;
 use crate::mesh::TriangleMesh;
+use crate::query::winding::Winding;
 use crate::shape::Shape;
 use occurrence::Occurrences;
 use snell_math::simd::Level;
 use snell_math::{Bounds3d, DMat3, Transform};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Number of a group, in order of creation. The root is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -189,6 +190,7 @@ impl WorldBuilder {
             structure,
             simd,
             stats,
+            winding: OnceLock::new(),
         })
     }
 
@@ -329,6 +331,8 @@ pub struct World {
     pub(crate) structure: Structure,
     pub(crate) simd: Level,
     stats: BuildStats,
+    /// Made when it is first asked for.
+    pub(crate) winding: OnceLock<Winding>,
 }
 
 /// What was built.
@@ -383,6 +387,11 @@ impl World {
     /// How many groups there are; ids run from 0.
     pub fn group_count(&self) -> usize {
         self.groups.len()
+    }
+
+    /// The numbers of all groups, children before parents.
+    pub(crate) fn children_first(&self) -> impl Iterator<Item = usize> {
+        self.occurrences.order.iter().copied()
     }
 
     /// How many occurrences one instance of a group adds: itself and all below.

@@ -3,6 +3,7 @@
 pub mod nearest;
 pub mod rays;
 pub(crate) mod search;
+pub mod winding;
 
 use crate::accel::brute_force::search_all;
 use crate::hit::Hit;

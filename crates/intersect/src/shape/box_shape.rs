@@ -144,6 +144,10 @@ impl Shape for BoxShape {
         metric.nearest(point, halves.map(|(face, t)| ShapePoint { position: on_triangle(metric, point, &t).0, face }))
     }
 
+    fn winding_number(&self, point: DVec3, _metric: &Metric) -> f64 {
+        f64::from(point.cmpgt(self.min).all() && point.cmplt(self.max).all())
+    }
+
     fn area(&self) -> f64 {
         self.face_areas().iter().sum()
     }

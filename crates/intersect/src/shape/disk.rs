@@ -2,6 +2,7 @@
 
 use super::nearest::on_ring;
 use super::plane::closest_in_z0;
+use super::winding;
 use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
@@ -74,6 +75,11 @@ impl Shape for Disk {
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
         let position = on_ring(metric, point, 2, 0.0, self.radius, self.inner_radius);
         metric.nearest(point, [ShapePoint { position, face: 0 }])
+    }
+
+    fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
+        let disk = |radius| winding::of_disk(metric, point, 2, 0.0, radius);
+        disk(self.radius) - disk(self.inner_radius)
     }
 
     fn area(&self) -> f64 {

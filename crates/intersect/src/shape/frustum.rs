@@ -3,6 +3,7 @@
 use super::disk::{polar, sample_ring};
 use super::nearest::{around, on_ring, on_segment};
 use super::span::{Span, crossings, roots, slab};
+use super::winding;
 use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
@@ -223,6 +224,20 @@ impl Shape for Frustum {
         metric.nearest(point, [Some(side)].into_iter().chain(caps).flatten())
     }
 
+    fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
+        let [bottom, top] = self.ends();
+        let s = (point.y - bottom) / self.height;
+        let radius = self.bottom_radius * (1.0 - s) + self.top_radius * s;
+        let inside = 0.0 < s && s < 1.0 && DVec2::new(point.x, point.z).length() < radius;
+        let solid = f64::from(inside);
+        if self.caps {
+            return solid;
+        }
+        // The side is the solid without its caps, of which the lower one looks down.
+        solid + winding::of_disk(metric, point, 1, bottom, self.bottom_radius)
+            - winding::of_disk(metric, point, 1, top, self.top_radius)
+    }
+
     fn area(&self) -> f64 {
         self.areas().iter().sum()
     }
@@ -290,6 +305,9 @@ macro_rules! shape_as_frustum {
             }
             fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
                 self.as_frustum().nearest_point(point, metric)
+            }
+            fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
+                self.as_frustum().winding_number(point, metric)
             }
             fn area(&self) -> f64 {
                 self.as_frustum().area()

@@ -43,6 +43,11 @@ impl Metric {
         &self.linear
     }
 
+    /// -1 if the map turns a right hand into a left one, else 1.
+    pub fn orientation(&self) -> f64 {
+        if self.linear.determinant() < 0.0 { -1.0 } else { 1.0 }
+    }
+
     /// True if all directions are measured alike: then the nearest point is the same as without the map.
     pub fn is_similarity(&self) -> bool {
         self.is_similarity

@@ -64,6 +64,10 @@ impl Shape for Plane {
         metric.nearest(point, [ShapePoint { position: on_plane(metric, point), face: 0 }])
     }
 
+    fn winding_number(&self, point: DVec3, _metric: &Metric) -> f64 {
+        if point.z == 0.0 || point.is_nan() { 0.0 } else { -0.5_f64.copysign(point.z) }
+    }
+
     fn area(&self) -> f64 {
         f64::INFINITY
     }

@@ -4,6 +4,7 @@ use super::frustum::choose;
 use super::nearest::on_triangle;
 use super::plane::intersect_plane;
 use super::triangle::{RaySpace, sample_barycentrics};
+use super::winding;
 use super::{Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
@@ -225,6 +226,10 @@ impl Shape for Polygon {
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
         let points = self.fan().map(|t| ShapePoint { position: on_triangle(metric, point, &t).0, face: 0 });
         metric.nearest(point, points)
+    }
+
+    fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
+        winding::of_triangles(metric, point, self.fan())
     }
 
     fn area(&self) -> f64 {

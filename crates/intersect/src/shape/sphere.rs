@@ -102,6 +102,10 @@ impl Shape for Sphere {
         metric.nearest(point, [ShapePoint { position: on_sphere(metric, point, self.radius), face: 0 }])
     }
 
+    fn winding_number(&self, point: DVec3, _metric: &Metric) -> f64 {
+        f64::from(point.length() < self.radius)
+    }
+
     fn area(&self) -> f64 {
         4.0 * PI * self.radius * self.radius
     }

@@ -3,6 +3,7 @@
 use super::nearest::on_triangle;
 use super::plane::intersect_plane;
 use super::span::{accurate_cross, scaled_direction};
+use super::winding;
 use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
@@ -189,6 +190,10 @@ impl Shape for Triangle {
 
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
         metric.nearest(point, [ShapePoint { position: on_triangle(metric, point, &self.vertices).0, face: 0 }])
+    }
+
+    fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
+        winding::of_triangles(metric, point, [self.vertices])
     }
 
     fn area(&self) -> f64 {

@@ -97,7 +97,7 @@ impl<'a> Points<'a> {
     }
 
     /// How far to look from a point; NaN (which finds nothing) if either limit is.
-    fn limit(&self, number: usize) -> f32 {
+    pub(super) fn limit(&self, number: usize) -> f32 {
         let own = if self.max_distances.is_empty() { f32::INFINITY } else { self.max_distances[number] };
         if own < self.max_distance || own.is_nan() { own } else { self.max_distance }
     }
@@ -298,10 +298,9 @@ impl Search<'_> {
                 self.shape(shape.as_ref(), *geometry, shape_from_group, place, instance);
             }
             Object::Instance { child, offset, child_from_group, mask } => {
-                if mask & self.mask != 0 {
-                    if let Some(place) = place.in_child(child_from_group) {
-                        enter(self, *child, &place, instance + offset);
-                    }
+                let place = if mask & self.mask == 0 { None } else { place.in_child(child_from_group) };
+                if let Some(place) = place {
+                    enter(self, *child, &place, instance + offset);
                 }
             }
         }

@@ -84,7 +84,7 @@ impl Place {
             let (min, max) = sides(axis);
             let (low, high, weight) = (self.low[axis], self.high[axis], self.weights[axis]);
             for i in 0..8 {
-                let d = (min[i] - high).max(low - max[i]).max(0.0).min(FAR);
+                let d = (min[i] - high).max(low - max[i]).clamp(0.0, FAR);
                 sum[i] += d * d * weight;
             }
         }
