@@ -121,10 +121,7 @@ pub fn on_triangle(metric: &Metric, point: DVec3, corners: &[DVec3; 3]) -> (DVec
         let position = a + (b - a) * uv.x + (c - a) * uv.y;
         consider(position.max(a.min(b).min(c)).min(a.max(b).max(c)), uv);
     }
-    for edge in 0..3 {
-        if w[edge] > doubt {
-            continue;
-        }
+    for (edge, _) in w.iter().enumerate().filter(|(_, w)| w.is_nan() || **w <= doubt) {
         let (i, j) = ((edge + 1) % 3, (edge + 2) % 3);
         let (position, s) = on_segment(metric, point, corners[i], corners[j]);
         let mut b = [0.0; 3];

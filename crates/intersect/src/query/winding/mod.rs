@@ -23,7 +23,7 @@ use tree::{Moments, Tree, View};
 const ACCURACY: f64 = 3.0;
 
 /// The largest error of the approximation that is reckoned with: nearer to a half than this, everything is summed up.
-const DOUBT: f64 = 0.05;
+const DOUBT: f64 = 0.2;
 
 impl World {
     /// The generalised winding number of all surfaces around each point; 0 for points that are not finite.

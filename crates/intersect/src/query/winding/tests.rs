@@ -53,7 +53,7 @@ fn a_closed_mesh_counts_one_inside_and_nothing_outside() {
         let (point, expected) = (Vec3::new(5.0, 0.0, 0.0) + offset, f64::from(offset.length() < 2.0));
         let exact = world.winding_number_exact(point);
         assert!((exact - expected).abs() < 1e-10, "{point} {exact}");
-        assert!((winding(&world, point) - expected).abs() < 0.02, "{point} {}", winding(&world, point));
+        assert!((winding(&world, point) - expected).abs() < 0.05, "{point} {}", winding(&world, point));
         assert_eq!(is_inside(&world, point), expected > 0.5);
     }
 }
@@ -72,7 +72,7 @@ fn the_approximation_of_open_and_random_surfaces_is_near_the_sum() {
             worst = worst.max((winding(&world, point) - expected).abs());
         }
     }
-    assert!(worst < 0.5 * DOUBT, "{worst}");
+    assert!(worst < 0.25 * DOUBT, "{worst}");
     assert!(worst > 1e-6, "nothing was approximated");
 }
 
@@ -115,7 +115,7 @@ fn instances_are_measured_in_the_world_and_mirrors_keep_the_outside_outside() {
         let point = random.point(5.0);
         let expected = brute_force(&flattened, point);
         assert!((world.winding_number_exact(point) - expected).abs() < 1e-5, "{point}");
-        assert!((winding(&world, point) - expected).abs() < 0.5 * DOUBT, "{point}");
+        assert!((winding(&world, point) - expected).abs() < 0.25 * DOUBT, "{point}");
     }
 }
 
