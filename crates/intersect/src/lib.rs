@@ -14,8 +14,10 @@ pub mod world;
 
 pub use hit::{Hit, SurfaceInteraction};
 pub use mesh::TriangleMesh;
+pub use query::crossings::AllHits;
 pub use query::nearest::{NearestPoint, Points};
-pub use query::rays::{RayQuery, Rays};
+pub use query::parallel::{Cancelled, Parallel};
+pub use query::rays::{InvalidRays, RayQuery, Rays};
 pub use query::{AcceptAll, Grouping, HitFilter};
 pub use shape::{AnyShape, Shape, ShapeHit, ShapeSample, ShapeSurface};
 pub use world::{

@@ -191,6 +191,7 @@ impl WorldBuilder {
             simd,
             stats,
             winding: OnceLock::new(),
+            repeats: OnceLock::new(),
         })
     }
 
@@ -323,7 +324,7 @@ pub(crate) enum Structure {
 /// Geometries and instances, ready for queries. Immutable.
 #[derive(Debug)]
 pub struct World {
-    geometries: Vec<Geometry>,
+    pub(crate) geometries: Vec<Geometry>,
     pub(crate) options: Vec<GeometryOptions>,
     groups: Vec<GroupContents>,
     occurrences: Occurrences,
@@ -333,6 +334,8 @@ pub struct World {
     stats: BuildStats,
     /// Made when it is first asked for.
     pub(crate) winding: OnceLock<Winding>,
+    /// Whether the structure may offer a crossing several times; found out when it is first asked for.
+    pub(crate) repeats: OnceLock<bool>,
 }
 
 /// What was built.
