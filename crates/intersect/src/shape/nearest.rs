@@ -149,7 +149,7 @@ pub(super) fn on_segment(metric: &Metric, point: DVec3, a: DVec3, b: DVec3) -> (
 }
 
 /// The point of the sphere around the origin nearest to `point`.
-pub(super) fn on_sphere(metric: &Metric, point: DVec3, radius: f64) -> DVec3 {
+pub(crate) fn on_sphere(metric: &Metric, point: DVec3, radius: f64) -> DVec3 {
     if metric.is_similarity {
         return point.try_normalize().unwrap_or(DVec3::Y) * radius;
     }
@@ -224,7 +224,7 @@ pub(super) fn around(metric: &Metric, point: DVec3, at: impl Fn(f64) -> DVec3) -
 }
 
 /// Where a function with one minimum in the interval has it (Kiefer, Sequential minimax search for a maximum, 1953).
-fn golden_section(mut low: f64, mut high: f64, cost: impl Fn(f64) -> f64) -> f64 {
+pub(crate) fn golden_section(mut low: f64, mut high: f64, cost: impl Fn(f64) -> f64) -> f64 {
     const RATIO: f64 = 0.618_033_988_749_894_9;
     let (mut a, mut b) = (high - RATIO * (high - low), low + RATIO * (high - low));
     let (mut at_a, mut at_b) = (cost(a), cost(b));

@@ -10,7 +10,7 @@ mod tests;
 
 use crate::accel::brute_force::GroupList;
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::Object;
+use crate::accel::group::{Bulk, Object, ObjectRef, Objects};
 use crate::hit::Hit;
 use crate::kernel::node::ChildRef;
 use crate::kernel::triangle::TriangleBlock;
@@ -221,7 +221,7 @@ impl Search<'_> {
     fn tree(&mut self, forest: &Forest, group: usize, place: &Place, instance: u32) {
         let tree: &GroupTree = &forest.trees[group];
         for &object in &tree.unbounded {
-            self.object(&tree.objects[object as usize], place, instance, |search, child, place, instance| {
+            self.object(&tree.objects, object as usize, place, instance, |search, child, place, instance| {
                 search.tree(forest, child, place, instance);
             });
         }
@@ -245,7 +245,7 @@ impl Search<'_> {
             } else if child.is_triangles() {
                 self.triangles(tree, &tree.blocks[child.block()], child.count() as usize, place, instance);
             } else {
-                self.object(&tree.objects[child.index()], place, instance, |search, child, place, instance| {
+                self.object(&tree.objects, child.index(), place, instance, |search, child, place, instance| {
                     search.tree(forest, child, place, instance);
                 });
             }
@@ -260,8 +260,9 @@ impl Search<'_> {
                 self.triangle(&corners, place, [instance, *geometry, triangle as u32]);
             }
         }
-        for object in &groups[group].objects {
-            self.object(object, place, instance, |search, child, place, instance| {
+        let objects = &groups[group].objects;
+        for object in 0..objects.len() {
+            self.object(objects, object, place, instance, |search, child, place, instance| {
                 search.list(groups, child, place, instance);
             });
         }
@@ -285,19 +286,21 @@ impl Search<'_> {
         }
     }
 
-    /// Looks at a shape, or enters an instance.
+    /// Looks at a shape or a primitive of a set, or enters an instance.
     fn object(
         &mut self,
-        object: &Object,
+        objects: &Objects,
+        number: usize,
         place: &Place,
         instance: u32,
         enter: impl FnOnce(&mut Self, usize, &Place, u32),
     ) {
-        match object {
-            Object::Shape { shape, geometry, shape_from_group } => {
+        match objects.get(number) {
+            ObjectRef::Primitive(bulk, primitive) => self.primitive(bulk, primitive, place, instance),
+            ObjectRef::Placed(Object::Shape { shape, geometry, shape_from_group }) => {
                 self.shape(shape.as_ref(), *geometry, shape_from_group, place, instance);
             }
-            Object::Instance { child, offset, child_from_group, mask } => {
+            ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) => {
                 let place = if mask & self.mask == 0 { None } else { place.in_child(child_from_group) };
                 if let Some(place) = place {
                     enter(self, *child, &place, instance + offset);
@@ -317,6 +320,19 @@ impl Search<'_> {
             let bounds = shape.bounds();
             let position = found.position.max(bounds.min).min(bounds.max);
             self.offer(position - point, Vec2::ZERO, &metric, [instance, geometry, found.face]);
+        }
+    }
+
+    fn primitive(&mut self, bulk: &Bulk, primitive: u32, place: &Place, instance: u32) {
+        if !self.admits(bulk.geometry) {
+            return;
+        }
+        let number = primitive as usize;
+        let bounds = bulk.set.bounds(number);
+        let found = bulk.set.nearest_point(number, place.point, &place.metric);
+        if let Some((position, uv)) = found.filter(|found| !bounds.is_empty() && found.0.is_finite()) {
+            let position = position.max(bounds.min).min(bounds.max);
+            self.offer(position - place.point, uv, &place.metric, [instance, bulk.geometry, primitive]);
         }
     }
 

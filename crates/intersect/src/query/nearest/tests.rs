@@ -201,3 +201,41 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn spheres_and_curves_in_bulk_are_found_as_without_a_tree_and_hold_what_is_inside() {
+    use crate::{CubicCurves, CurveBasis, LinearCurves, Spheres};
+    use snell_math::Vec4;
+    let mut random = Random(31);
+    let point = |random: &mut Random| random.point(2.0).extend(random.range(0.05, 0.2));
+    let spheres = Spheres { spheres: (0..30).map(|_| point(&mut random)).collect(), colors: vec![] };
+    let chain = LinearCurves::chain((0..30).map(|_| point(&mut random)).collect::<Vec<Vec4>>());
+    let points: Vec<Vec4> = (0..24).map(|_| point(&mut random)).collect();
+    let curves = CubicCurves { basis: CurveBasis::BSpline, points, tangents: vec![], segments: (0..21).collect() };
+    let mut builder = WorldBuilder::default();
+    let child = builder.add_group();
+    builder.add_set(child, Arc::new(spheres));
+    builder.add_set(child, Arc::new(chain));
+    builder.add_set(child, Arc::new(curves));
+    builder.add_instance(WorldBuilder::ROOT, child, Transform::IDENTITY);
+    builder.add_instance(WorldBuilder::ROOT, child, random.transform(3.0));
+    let oracle = build(builder.clone(), AcceleratorKind::None, Level::Scalar);
+    let world = default_world(builder);
+    let mut kinds = std::collections::BTreeSet::new();
+    for i in 0..60 {
+        let point = random.point(if i % 2 == 0 { 2.0 } else { 5.0 });
+        let nearest = world.nearest_point_one(point);
+        assert_eq!(bits(&nearest), bits(&oracle.nearest_point_one(point)), "{point}");
+        kinds.insert((nearest.instance, nearest.geometry));
+        let mut inside = [false];
+        world.occupancy(&[point], &mut inside);
+        for _ in 0..20 {
+            let ray = Ray::new(point, random.direction());
+            let hit = world.closest_one(&ray, &AcceptAll);
+            assert!(hit.t >= nearest.distance * (1.0 - 1e-4) - 1e-5, "{point} {nearest:?} {hit:?}");
+            // Out of a solid there is a way to its surface.
+            assert!(!inside[0] || hit.is_hit(), "{point}");
+        }
+    }
+    assert_eq!(kinds.len(), 6, "{kinds:?}");
+}

@@ -10,6 +10,7 @@ mod tests;
 mod tree;
 
 use super::nearest::{NearestPoint, Points};
+use crate::geometry::PrimitiveSet;
 use crate::mesh::TriangleMesh;
 use crate::shape::winding::of_triangle;
 use crate::shape::{Metric, Shape};
@@ -30,7 +31,8 @@ impl World {
     ///
     /// Far-away triangles are seen as one in groups (Barill et al. 2018), which costs up to some hundredths next to large open
     /// surfaces and much less elsewhere; [`Self::winding_number_exact`] sums up all of them. Closed analytic shapes count exactly, 1
-    /// inside and 0 outside, however they are placed. Sets of curves and spheres do not count. Masks are not asked.
+    /// inside and 0 outside, however they are placed. The same holds for each sphere and
+    /// curve segment of sets. Masks are not asked.
     ///
     /// The first call prepares a tree, kept with the world: some 40 bytes a triangle.
     ///
@@ -106,6 +108,7 @@ struct Group {
 enum Object {
     Shape(Arc<dyn Shape>, DAffine3),
     Instance(usize, DAffine3),
+    Primitive(Arc<dyn PrimitiveSet>, u32),
 }
 
 impl Winding {
@@ -141,16 +144,20 @@ impl Winding {
     }
 
     fn around_object(&self, object: &Object, view: &View, accuracy: f64) -> f64 {
-        let (Object::Shape(_, map) | Object::Instance(_, map)) = object;
-        let point = map.transform_point3(view.point);
-        if !point.is_finite() {
-            return 0.0;
-        }
-        let linear = view.linear * map.matrix3.inverse();
-        match object {
-            Object::Shape(shape, _) => shape.winding_number(point, &Metric::new(linear)),
-            Object::Instance(child, _) => self.in_group(*child, &View::new(point, linear), accuracy),
-        }
+        let placed = |map: &DAffine3| {
+            let point = map.transform_point3(view.point);
+            point.is_finite().then(|| (point, view.linear * map.matrix3.inverse()))
+        };
+        let number = match object {
+            Object::Primitive(set, primitive) => Some(f64::from(set.contains(*primitive as usize, view.point))),
+            Object::Shape(shape, map) => {
+                placed(map).map(|(point, linear)| shape.winding_number(point, &Metric::new(linear)))
+            }
+            Object::Instance(child, map) => {
+                placed(map).map(|(point, linear)| self.in_group(*child, &View::new(point, linear), accuracy))
+            }
+        };
+        number.unwrap_or(0.0)
     }
 }
 
@@ -159,6 +166,7 @@ impl Group {
         let contents = world.group(crate::GroupId(number as u32));
         let mut group = Self::default();
         let mut shapes: Vec<(Arc<dyn Shape>, Transform)> = Vec::new();
+        let mut sets = Vec::new();
         for &id in &contents.geometries {
             match world.geometry(id) {
                 Geometry::Mesh(mesh) => {
@@ -166,6 +174,7 @@ impl Group {
                     group.triangles += mesh.indices.len() as u32;
                 }
                 Geometry::Shape(shape, placed) => shapes.push((shape.clone(), *placed)),
+                Geometry::Set(set) => sets.push(set.clone()),
             }
         }
         let mut items: Vec<(u32, Moments)> = (0..group.triangles)
@@ -193,6 +202,17 @@ impl Group {
                 items.push((item, moments.placed(map)));
             }
             group.objects.push(Object::Instance(child, *map.inverse_matrix()));
+        }
+        for set in sets {
+            for (primitive, bounds) in (0..set.len()).map(|i| (i, set.bounds(i))).filter(|(_, b)| !b.is_empty()) {
+                let item = group.triangles + group.objects.len() as u32;
+                if bounds.is_finite() {
+                    items.push((item, Moments::of_closed(bounds)));
+                } else {
+                    group.always.push(item);
+                }
+                group.objects.push(Object::Primitive(set.clone(), primitive as u32));
+            }
         }
         group.tree = Tree::build(&items);
         group
