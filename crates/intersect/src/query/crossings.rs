@@ -121,7 +121,7 @@ impl World {
     /// True if the structure may hold a triangle several times.
     fn may_repeat(&self) -> bool {
         *self.repeats.get_or_init(|| match &self.structure {
-            Structure::None(_) => false,
+            Structure::None(_) | Structure::Walked(_) => false,
             Structure::Bvh(forest) => {
                 let used = |ids: &[u32; 8]| ids.iter().filter(|&&id| id != u32::MAX).count() as u64;
                 let held: u64 = forest.trees.iter().flat_map(|t| t.blocks.iter()).map(|b| used(&b.ids)).sum();

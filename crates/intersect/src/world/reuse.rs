@@ -5,6 +5,7 @@ use super::{BuildOptions, Geometry, GroupBounds, Structure, World, WorldBuilder,
 use crate::accel::AcceleratorKind;
 use crate::accel::brute_force::GroupList;
 use crate::accel::bvh::{BvhOptions, Forest, GroupTree};
+use crate::accel::walk::Structures;
 use rayon::prelude::*;
 use snell_math::Bounds3d;
 use std::sync::Arc;
@@ -125,9 +126,12 @@ impl WorldBuilder {
         let n = self.groups.len();
         let mut bounds = GroupBounds::empty(n);
         let mut unchanged = vec![false; n];
+        // Only these trees are taken over.
         let alike = previous.filter(|p| {
             let inventory = &p.inventory;
-            inventory.accelerator == options.accelerator && inventory.quality == options.quality
+            options.accelerator == AcceleratorKind::Bvh
+                && inventory.accelerator == options.accelerator
+                && inventory.quality == options.quality
         });
         for &group in &occurrences.order {
             match alike.filter(|p| self.is_unchanged(group, occurrences, &bounds, p)) {
@@ -148,15 +152,20 @@ impl WorldBuilder {
             costs: Vec::new(),
             reuse: Reuse::default(),
         };
-        let structure = match options.accelerator {
-            AcceleratorKind::None => {
+        let structure = match (options.accelerator.build(), options.accelerator) {
+            (Some(build), _) => {
+                inventory.reuse.built = n;
+                let built = Structures::build(lists, &bounds.objects, build, &options.accelerator_options);
+                Structure::Walked(built.map_err(WorldError::Limit)?)
+            }
+            (None, AcceleratorKind::None) => {
                 inventory.reuse.built = n;
                 Structure::None(lists)
             }
-            AcceleratorKind::Bvh => {
+            (None, _) => {
                 let old = alike.and_then(|p| match &p.structure {
                     Structure::Bvh(forest) => Some((forest, &p.inventory)),
-                    Structure::None(_) => None,
+                    Structure::None(_) | Structure::Walked(_) => None,
                 });
                 let grown = (0..n).into_par_iter().map(|group| {
                     let old = old.filter(|(forest, _)| group < forest.trees.len());

@@ -150,7 +150,8 @@ impl World {
         let mut search = Search { point, mask, options: &self.options, best: Best::within(limit), stack };
         let place = Place::world(point);
         match &self.structure {
-            Structure::None(groups) => search.list(groups, 0, &place, 0),
+            Structure::None(lists) => search.list(&|group| &lists[group], 0, &place, 0),
+            Structure::Walked(structures) => search.list(&|group| structures.list(group), 0, &place, 0),
             Structure::Bvh(forest) => search.tree(forest, 0, &place, 0),
         }
         search.best.result()
@@ -252,18 +253,18 @@ impl Search<'_> {
         }
     }
 
-    /// Looks at everything in a group.
-    fn list(&mut self, groups: &[GroupList], group: usize, place: &Place, instance: u32) {
-        for (geometry, mesh) in &groups[group].meshes {
+    /// Looks at everything in a group; `lists` has what each group holds.
+    fn list<'l>(&mut self, lists: &impl Fn(usize) -> &'l GroupList, group: usize, place: &Place, instance: u32) {
+        let list = lists(group);
+        for (geometry, mesh) in &list.meshes {
             for triangle in (0..mesh.indices.len()).filter(|&i| !mesh.is_degenerate(i)) {
                 let corners = mesh.corners(triangle).map(|p| p.as_dvec3());
                 self.triangle(&corners, place, [instance, *geometry, triangle as u32]);
             }
         }
-        let objects = &groups[group].objects;
-        for object in 0..objects.len() {
-            self.object(objects, object, place, instance, |search, child, place, instance| {
-                search.list(groups, child, place, instance);
+        for object in 0..list.objects.len() {
+            self.object(&list.objects, object, place, instance, |search, child, place, instance| {
+                search.list(lists, child, place, instance);
             });
         }
     }
