@@ -1,7 +1,11 @@
 //! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray, never on its neighbours.
 
+pub mod crossings;
+pub mod nearest;
+pub mod parallel;
 pub mod rays;
 pub(crate) mod search;
+pub mod winding;
 
 use crate::accel::brute_force::search_all;
 use crate::hit::Hit;
@@ -9,7 +13,7 @@ use crate::kernel::traverse::search_forest;
 use crate::kernel::{interleave, packet};
 use crate::world::{Structure, TraversalCounters, World};
 use rays::{RayQuery, Rays};
-use search::{All, Any, Closest, Context, Counted, Goal, Search};
+use search::{Any, Closest, Context, Counted, Goal, Search};
 use snell_math::{DRay, Ray};
 
 /// Which rays of a batch belong together. The kernel follows from this and from the kind of query, never from what happens to
@@ -77,14 +81,6 @@ impl World {
     /// True if anything lies in the interval of one ray.
     pub fn occluded_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> bool {
         self.search(ray.into(), filter, Any::new).found
-    }
-
-    /// Every hit of one ray, ascending by `t`, equal ones by instance, geometry and primitive.
-    pub fn all_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Vec<Hit> {
-        let mut hits = self.search(ray.into(), filter, All::new).hits;
-        let ids = |h: &Hit| (h.instance, h.geometry, h.primitive);
-        hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(ids(a).cmp(&ids(b))));
-        hits
     }
 
     /// The nearest hit of one ray, and what it cost to find.
