@@ -7,8 +7,8 @@ use super::traverse::{Entry, SMALL_STACK, Walk, search_forest, walk_portable};
 use crate::accel::bvh::Forest;
 use crate::query::rays::Rays;
 use crate::query::search::{Context, Goal, Search};
-use snell_math::simd::{Lanes8, Level, Portable8};
 use snell_math::Ray;
+use snell_math::simd::{Lanes8, Level, Portable8};
 use std::mem::MaybeUninit;
 
 /// Rays in flight.
@@ -203,7 +203,6 @@ struct Queue<'a, T> {
 }
 
 impl<T: Copy> Queue<'_, T> {
-
     /// Writes an item, and counts it or not: no branch on data.
     ///
     /// # Safety
@@ -237,7 +236,6 @@ struct Queues<'a, T> {
 }
 
 impl<T: Copy> Queues<'_, T> {
-
     /// Puts a slot where it belongs.
     ///
     /// # Safety

@@ -233,8 +233,13 @@ unsafe fn far<L: Lanes8>(node: &WideNode, ray: &LocalRay, axis: usize) -> L {
 pub(crate) unsafe fn quick_distances<L: Lanes8>(node: &WideNode, ray: &QuickRay, t_min: f32, cull: f32) -> (L, L) {
     // SAFETY: passed on to the caller; the offsets of a ray are of planes within the bounds of a node.
     unsafe {
-        let near = [quick::<L>(node, ray, &ray.near, 0, 0), quick(node, ray, &ray.near, 1, 0), quick(node, ray, &ray.near, 2, 0)];
-        let far = [quick::<L>(node, ray, &ray.far, 0, 3), quick(node, ray, &ray.far, 1, 3), quick(node, ray, &ray.far, 2, 3)];
+        let near = [
+            quick::<L>(node, ray, &ray.near, 0, 0),
+            quick(node, ray, &ray.near, 1, 0),
+            quick(node, ray, &ray.near, 2, 0),
+        ];
+        let far =
+            [quick::<L>(node, ray, &ray.far, 0, 3), quick(node, ray, &ray.far, 1, 3), quick(node, ray, &ray.far, 2, 3)];
         let enter = near[0].max(near[1]).max(near[2].max(L::splat(t_min)));
         let leave = far[0].min(far[1]).min(far[2]).mul(L::splat(FAR_FACTOR));
         (enter, leave.min(L::splat(cull)))

@@ -1,10 +1,10 @@
 //! One walk of the interleaved kernel: a ray in flight, with the memory of its way.
 
+use super::node::WideNode;
 use super::node::{ChildRef, quick_distances};
 use super::quick::QuickRay;
 use super::traverse::{Stack, Walk, test_object};
 use super::triangle::{TriangleBlock, hit_in_plane, is_behind, lines_through, plane_distance};
-use super::node::WideNode;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{Object, ObjectRef, offer_triangle, ray_in_child};
 use crate::query::search::{Goal, Search};
@@ -105,7 +105,13 @@ impl<'a, G: Goal> Slot<'a, G> {
 
     /// Begins the walk of a ray through the root's tree. False, and nothing done, if the ray is not ordinary.
     #[inline(always)]
-    pub fn start<L: Lanes8>(&mut self, tree: &GroupTree, number: usize, search: impl FnOnce() -> Search<'a, G>, ray: &Ray) -> bool {
+    pub fn start<L: Lanes8>(
+        &mut self,
+        tree: &GroupTree,
+        number: usize,
+        search: impl FnOnce() -> Search<'a, G>,
+        ray: &Ray,
+    ) -> bool {
         let place = &mut self.place;
         if !place.ray.set_from_ray::<L>(ray) {
             return false;
@@ -223,7 +229,12 @@ impl<'a, G: Goal> Slot<'a, G> {
                     continue;
                 }
                 let corners = block.corners(lane);
-                let found = hit_in_plane(&self.place.ray.exact(self.place.origin, self.place.direction), &corners, plane, t_min);
+                let found = hit_in_plane(
+                    &self.place.ray.exact(self.place.origin, self.place.direction),
+                    &corners,
+                    plane,
+                    t_min,
+                );
                 let (group, instance) = (self.place.group as usize, self.place.instance);
                 let ids = || {
                     let (geometry, primitive) = forest.trees.get_unchecked(group).triangle(block.ids[lane]);
@@ -295,7 +306,9 @@ impl<'a, G: Goal> Slot<'a, G> {
     /// There must be a search; the stack must have room for one more entry.
     #[inline(always)]
     unsafe fn enter_instance<L: Lanes8>(&mut self, forest: &Forest, object: ObjectRef) -> bool {
-        let ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) = object else { return false };
+        let ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) = object else {
+            return false;
+        };
         let tree = &forest.trees[*child];
         // SAFETY: as promised by the caller.
         if mask & unsafe { self.search() }.mask == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
