@@ -146,28 +146,41 @@ fn set_up(bundle: &mut Bundle, rays: &[Ray]) -> bool {
     if rays.len() < MIN_RAYS {
         return false;
     }
-    let first = rays[0];
-    let (mut t_min, mut cull) = ([0.0; RAYS], [-1.0; RAYS]);
-    let (mut valid, mut common, mut ends) = (true, true, true);
+    let first = numbers(&rays[0]);
+    let (mut t_min, mut t_max) = ([0.0; RAYS], [0.0; RAYS]);
+    // Neither may become anything but zero: what is not finite times zero, and differences to the first ray.
+    let (mut not_finite, mut differences) = ([0.0f32; 8], [0; 8]);
     for i in 0..RAYS {
-        let ray = rays.get(i).unwrap_or(&first);
-        let (o, d) = (ray.origin, ray.direction);
-        valid &= o.is_finite() & d.is_finite() & (ray.t_min >= 0.0) & (ray.t_min < ray.t_max);
-        common &= o == first.origin;
-        ends &= ray.t_max < f32::INFINITY;
-        t_min[i] = ray.t_min;
-        if i < rays.len() {
-            cull[i] = padded(ray.t_max);
+        let ray = numbers(rays.get(i).unwrap_or(&rays[0]));
+        for k in 0..8 {
+            not_finite[k] += ray[k] * 0.0;
+            differences[k] |= ray[k].to_bits() ^ first[k].to_bits();
         }
-        bundle.rays.origin[i] = [o.x, o.y, o.z, ray.t_min].map(f64::from);
-        bundle.rays.direction[i] = [d.x, d.y, d.z, ray.t_max].map(f64::from);
+        let [ox, oy, oz, start, dx, dy, dz, end] = ray;
+        (t_min[i], t_max[i]) = (start, end);
+        bundle.rays.origin[i] = [ox, oy, oz, start].map(f64::from);
+        bundle.rays.direction[i] = [dx, dy, dz, end].map(f64::from);
     }
-    let reversed = !common && ends;
+    let mut cull = t_max.map(padded);
+    cull[rays.len()..].fill(-1.0);
+    let mut valid = [0, 1, 2, 4, 5, 6].iter().all(|&k| not_finite[k] == 0.0);
+    for i in 0..RAYS {
+        valid &= (t_min[i] >= 0.0) & (t_min[i] < t_max[i]);
+    }
+    let common = differences[..3] == [0; 3];
+    let reversed = !common && not_finite[7] == 0.0;
     // A little beyond the ends, so that all rays end before it.
-    let end = first.origin + first.direction * (first.t_max * (1.0 + 1.0 / 4096.0));
-    let apex = if reversed { end } else { first.origin };
+    let end = rays[0].origin + rays[0].direction * (rays[0].t_max * (1.0 + 1.0 / 4096.0));
+    let apex = if reversed { end } else { rays[0].origin };
     bundle.kind = Kind { apex: apex.to_array(), reversed, common, rounded: false };
     valid && bundle.set_up(&t_min, &cull)
+}
+
+/// All that a ray consists of.
+#[inline(always)]
+fn numbers(ray: &Ray) -> [f32; 8] {
+    let (o, d) = (ray.origin, ray.direction);
+    [o.x, o.y, o.z, ray.t_min, d.x, d.y, d.z, ray.t_max]
 }
 
 /// The entry of a level, for the step into an instance.
