@@ -1,8 +1,8 @@
 //! The 8-wide node and its box test.
 
 use super::ray::LocalRay;
-use snell_math::{Bounds3, Vec3};
 use snell_math::simd::Lanes8;
+use snell_math::{Bounds3, Vec3};
 
 /// What a node's slot leads to, in 32 bits: an inner node, up to eight triangles, or an object (shape or instance).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,8 +128,25 @@ impl WideNode {
 /// Sorts by a network of 19 exchanges (Batcher's odd-even merge sort): no branches.
 fn sort8(keys: &mut [i64; 8]) {
     const NETWORK: [(usize, usize); 19] = [
-        (0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (1, 2), (5, 6),
-        (0, 4), (1, 5), (2, 6), (3, 7), (2, 4), (3, 5), (1, 2), (3, 4), (5, 6),
+        (0, 1),
+        (2, 3),
+        (4, 5),
+        (6, 7),
+        (0, 2),
+        (1, 3),
+        (4, 6),
+        (5, 7),
+        (1, 2),
+        (5, 6),
+        (0, 4),
+        (1, 5),
+        (2, 6),
+        (3, 7),
+        (2, 4),
+        (3, 5),
+        (1, 2),
+        (3, 4),
+        (5, 6),
     ];
     for (a, b) in NETWORK {
         let (x, y) = (keys[a], keys[b]);

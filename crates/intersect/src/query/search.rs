@@ -1,7 +1,7 @@
 //! One search in progress: the world's ray, what it may be asked to reject, and what it has found.
 
 use super::HitFilter;
-use super::rays::RayQuery;
+use super::rays::{RayQuery, clamped_time};
 use crate::hit::Hit;
 use crate::kernel::node::padded;
 use crate::world::{GeometryOptions, TraversalCounters};
@@ -25,6 +25,10 @@ pub(crate) trait Goal {
     /// Told of every primitive tested.
     #[inline(always)]
     fn count_primitives(&mut self, _count: u32) {}
+
+    /// Told of nodes and cells visited.
+    #[inline(always)]
+    fn count_visits(&mut self, _nodes: u32, _cells: u32) {}
 }
 
 /// What became of a hit that was offered.
@@ -55,7 +59,6 @@ pub(crate) struct Search<'a, G> {
     /// What it may meet: [`RayQuery::mask`].
     pub mask: u32,
     /// When: from 0 to 1.
-    #[allow(dead_code, reason = "for what moves")]
     pub time: f32,
     /// What is common to all.
     pub context: &'a Context<'a>,
@@ -66,8 +69,7 @@ pub(crate) struct Search<'a, G> {
 impl<'a, G: Goal> Search<'a, G> {
     #[inline(always)]
     pub fn new(query: RayQuery<'a>, context: &'a Context<'a>, goal: G) -> Self {
-        let time = if query.time.is_nan() { 0.0 } else { query.time.clamp(0.0, 1.0) };
-        Self { ray: query.ray, mask: query.mask, time, context, goal }
+        Self { ray: query.ray, mask: query.mask, time: clamped_time(query.time), context, goal }
     }
 
     /// The padded limit: boxes that start beyond it can be skipped. Equal distances are never beyond it, because the lower
@@ -230,5 +232,10 @@ impl Goal for Counted {
 
     fn count_primitives(&mut self, count: u32) {
         self.counters.primitives_tested = self.counters.primitives_tested.saturating_add(count);
+    }
+
+    fn count_visits(&mut self, nodes: u32, cells: u32) {
+        self.counters.nodes_visited = self.counters.nodes_visited.saturating_add(nodes);
+        self.counters.cells_stepped = self.counters.cells_stepped.saturating_add(cells);
     }
 }

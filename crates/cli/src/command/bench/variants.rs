@@ -71,6 +71,7 @@ pub fn builder_of(world: &World) -> WorldBuilder {
         match world.geometry(id) {
             Geometry::Mesh(mesh) => builder.add_mesh(group, mesh.clone()),
             Geometry::Shape(shape, placed) => builder.add_shape(group, shape.clone(), *placed),
+            Geometry::Set(set) => builder.add_set(group, set.clone()),
         };
     }
     for group in groups() {
