@@ -3,14 +3,18 @@
 use super::kinds::Kind;
 use super::scenes::{self, Bench};
 use crate::failure::Failure;
-use snell_intersect::{AcceptAll, Grouping, Hit, World};
+use snell_intersect::{AcceptAll, Geometry, GeometryId, Grouping, Hit, World};
 use snell_math::Ray;
 use std::path::Path;
 
 /// Writes the triangles of a scene and each batch of rays with what they hit to a folder named after the scene.
 pub fn write(folder: &Path, bench: &Bench, world: &World, batches: &[(Kind, Vec<Ray>)]) -> Result<(), Failure> {
-    if world.shape_count() > 0 {
-        return Err(Failure::Scene(format!("{}: analytic shapes cannot be written; dump meshes only", bench.name)));
+    let is_mesh = |i| matches!(world.geometry(GeometryId(i)), Geometry::Mesh(_));
+    if !(0..world.geometry_count() as u32).all(is_mesh) {
+        return Err(Failure::Scene(format!(
+            "{}: has more than triangles, which cannot be written; take a scene of meshes",
+            bench.name
+        )));
     }
     let folder = folder.join(scenes::short_name(&bench.name).replace([':', '='], "-"));
     std::fs::create_dir_all(&folder)
