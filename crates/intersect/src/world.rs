@@ -226,7 +226,9 @@ impl WorldBuilder {
         for geometry in &self.geometries {
             if let Geometry::Mesh(mesh) = geometry {
                 stats.triangles += mesh.indices.len() as u64;
-                stats.skipped_triangles += mesh.degenerate_triangles() as u64;
+                if let Structure::None(_) = structure {
+                    stats.skipped_triangles += mesh.degenerate_triangles() as u64;
+                }
             }
         }
         let mut below = vec![0u64; self.groups.len()];
@@ -241,6 +243,7 @@ impl WorldBuilder {
         }
         stats.instanced_triangles = below[0];
         if let Structure::Bvh(forest) = structure {
+            stats.skipped_triangles = forest.trees.iter().map(|t| t.skipped.len() as u64).sum();
             stats.nodes = forest.trees.iter().map(|t| t.nodes.len() as u64).sum();
             stats.triangle_blocks = forest.trees.iter().map(|t| t.blocks.len() as u64).sum();
             stats.depth = forest.trees.iter().map(|t| t.depth as u32).max().unwrap_or(0);

@@ -4,7 +4,7 @@ use super::medium::Medium;
 use super::primitive::{MAX_TRIANGLES, OBJECT, Triangles, triangle_primitives};
 use super::storage::Storage;
 use super::wide::{Wide, write};
-use super::{BvhOptions, GroupTree};
+use super::{BvhOptions, GroupTree, Quality, fast};
 use crate::accel::brute_force::GroupList;
 use crate::kernel::binning::Primitive;
 use crate::kernel::node::ChildRef;
@@ -46,13 +46,21 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOpti
 
 /// Also says how many of the triangles are in the tree.
 fn build_wide(triangles: &Triangles, objects: &[Primitive], options: &BvhOptions) -> Result<(Wide, usize), String> {
+    let nothing = || Wide { nodes: Storage::zeroed(0), blocks: Storage::zeroed(0), root: ChildRef::NONE, depth: 0 };
+    if options.quality == Quality::Fast {
+        let sorted = fast::sorted(triangles, objects);
+        if sorted.count == 0 {
+            return Ok((nothing(), 0));
+        }
+        let (tree, blocks) = fast::build(&sorted.keys[..sorted.count], triangles, objects);
+        return Ok((write(&tree, triangles, Some(blocks))?, sorted.triangles));
+    }
     let (mut primitives, count) = triangle_primitives(triangles, objects.len());
     let all = count + objects.len();
     primitives[count..all].copy_from_slice(objects);
     if all == 0 {
-        let nothing = Wide { nodes: Storage::zeroed(0), blocks: Storage::zeroed(0), root: ChildRef::NONE, depth: 0 };
-        return Ok((nothing, 0));
+        return Ok((nothing(), 0));
     }
     let tree = Medium { level: options.simd, has_objects: !objects.is_empty() }.build(&mut primitives[..all]);
-    Ok((write(&tree, triangles)?, count))
+    Ok((write(&tree, triangles, None)?, count))
 }

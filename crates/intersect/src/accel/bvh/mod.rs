@@ -3,6 +3,7 @@
 mod binary;
 mod bins;
 mod build;
+mod fast;
 mod medium;
 mod partition;
 mod primitive;
@@ -58,7 +59,7 @@ pub(crate) struct GroupTree {
     /// How many triangles the meshes have.
     triangles: usize,
     /// The triangles that can never be hit and are not in the tree.
-    skipped: Vec<u32>,
+    pub skipped: Vec<u32>,
     /// The objects without contents; not in the tree.
     empty: Vec<u32>,
 }
