@@ -1,8 +1,8 @@
 //! The 8-wide node and its box test.
 
 use super::ray::LocalRay;
-use snell_math::{Bounds3, Vec3};
 use snell_math::simd::Lanes8;
+use snell_math::{Bounds3, Vec3};
 
 /// What a node's slot leads to, in 32 bits: an inner node, up to eight triangles, or an object (shape or instance).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,8 +128,25 @@ impl WideNode {
 /// Sorts by a network of 19 exchanges (Batcher's odd-even merge sort): no branches.
 fn sort8(keys: &mut [i64; 8]) {
     const NETWORK: [(usize, usize); 19] = [
-        (0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (1, 2), (5, 6),
-        (0, 4), (1, 5), (2, 6), (3, 7), (2, 4), (3, 5), (1, 2), (3, 4), (5, 6),
+        (0, 1),
+        (2, 3),
+        (4, 5),
+        (6, 7),
+        (0, 2),
+        (1, 3),
+        (4, 6),
+        (5, 7),
+        (1, 2),
+        (5, 6),
+        (0, 4),
+        (1, 5),
+        (2, 6),
+        (3, 7),
+        (2, 4),
+        (3, 5),
+        (1, 2),
+        (3, 4),
+        (5, 6),
     ];
     for (a, b) in NETWORK {
         let (x, y) = (keys[a], keys[b]);
@@ -142,10 +159,14 @@ fn sort8(keys: &mut [i64; 8]) {
 /// alone; the drawing of triangles may be off by as much again.
 pub(crate) const BOX_PADDING: f32 = 1.0e-6;
 
-/// A bound on distances, moved out by [`BOX_PADDING`].
+/// Relative padding of the distance beyond which nothing is of interest: more than a hit may be off along the ray from the box of the piece
+/// of its triangle that the ray meets ([`super::triangle::PLACE_TOLERANCE`]).
+const CULL_PADDING: f32 = 1.0e-4;
+
+/// A bound on distances, moved out by [`CULL_PADDING`].
 #[inline(always)]
 pub(crate) fn padded(t: f32) -> f32 {
-    t + t.abs() * BOX_PADDING
+    t + t.abs() * CULL_PADDING
 }
 
 /// Where the ray enters each of the eight boxes, and the value that must not exceed for the box to be met between `t_min` and

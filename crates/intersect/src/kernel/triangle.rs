@@ -145,7 +145,8 @@ fn edge(p: [f32; 2], q: [f32; 2]) -> (f64, i32) {
 ///
 /// The distance comes from the plane of the triangle in `f64`, so it has the right sign for any start that is more than a few
 /// units in the last place (of `f64`) off the plane. It is then moved into the interval in which the ray is inside the
-/// triangle's box (it leaves that only by rounding), so that skipping boxes can never lose it.
+/// triangle's box (it leaves that only by rounding), so that skipping boxes can never lose it, and near the point of the triangle
+/// that was drawn where the ray is, so that skipping boxes of its pieces cannot either.
 #[inline(always)]
 pub(crate) fn exact_hit(ray: &LocalRay, corners: &[[f32; 3]; 3], t_min: f64) -> Option<(f64, Vec2)> {
     let [p0, p1, p2] = [ray.draw(&corners[0]), ray.draw(&corners[1]), ray.draw(&corners[2])];
@@ -163,17 +164,29 @@ pub(crate) fn exact_hit(ray: &LocalRay, corners: &[[f32; 3]; 3], t_min: f64) -> 
     let relative = [corners[0] - o, corners[1] - o, corners[2] - o];
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     let plane = normal.dot(relative[0]) / normal.dot(ray.exact.direction);
-    let t = if plane.is_finite() {
-        plane
-    } else {
-        let z = ray.axes[2];
-        (relative[0][z] * (1.0 - b1 - b2) + relative[1][z] * b1 + relative[2][z] * b2) / ray.exact.direction[z]
-    };
+    let z = ray.axes[2];
+    let place = (relative[0][z] * (1.0 - b1 - b2) + relative[1][z] * b1 + relative[2][z] * b2) / ray.exact.direction[z];
+    let t = if plane.is_finite() { plane } else { place };
     if t.is_nan() || t <= t_min {
         return None;
     }
+    let t = near_place(t, place, ray.exact.direction[z], &relative);
     let t = clamp_to_box(ray, &relative, t);
     Some((t, Vec2::new(b1 as f32, b2 as f32)))
+}
+
+/// How far along the ray a hit may be from the point of the triangle that was drawn there, relative to the distance and to the size of the
+/// triangle. Only the drawing is inexact, by some `1e-7`, so only rays at less than about a tenth of a degree to the triangle get this far.
+pub(crate) const PLACE_TOLERANCE: f64 = 5e-5;
+
+/// The value nearest to `t` that is within [`PLACE_TOLERANCE`] of `place`. `z` is the largest component of the direction.
+#[inline(always)]
+fn near_place(t: f64, place: f64, z: f64, relative: &[DVec3; 3]) -> f64 {
+    let low = relative[0].min(relative[1]).min(relative[2]);
+    let high = relative[0].max(relative[1]).max(relative[2]);
+    let reach = (place.abs() + (high - low).max_element() / z.abs()) * PLACE_TOLERANCE;
+    // `max` and `min` pass over what is not a number.
+    if (t - place).abs() <= reach { t } else { t.max(place - reach).min(place + reach) }
 }
 
 /// The nearest value to `t` at which the ray is in the box of the three corners (given relative to its origin); `t` itself if it is

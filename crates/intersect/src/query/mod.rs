@@ -7,7 +7,7 @@ use crate::accel::brute_force::search_all;
 use crate::hit::Hit;
 use crate::kernel::interleave;
 use crate::kernel::traverse::search_forest;
-use crate::world::{Structure, TraversalCounters, World};
+use crate::world::{Geometry, GeometryId, Structure, TraversalCounters, World};
 use rays::{RayQuery, Rays};
 use search::{All, Any, Closest, Context, Counted, Goal, Search};
 use snell_math::{DRay, Ray};
@@ -82,6 +82,8 @@ impl World {
         let mut hits = self.search(ray.into(), filter, All::new).hits;
         let ids = |h: &Hit| (h.instance, h.geometry, h.primitive);
         hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(ids(a).cmp(&ids(b))));
+        // A tree may hold a triangle in pieces and offer it several times, with the same bits; a line crosses it once.
+        hits.dedup_by(|a, b| ids(a) == ids(b) && matches!(self.geometry(GeometryId(a.geometry)), Geometry::Mesh(_)));
         hits
     }
 
