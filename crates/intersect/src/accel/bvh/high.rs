@@ -19,6 +19,9 @@ use snell_math::simd::Level;
 /// Sets are divided in space only where the parts would overlap by more than this share of the area of everything.
 const LEAST_OVERLAP: f32 = 1e-5;
 
+/// And only where a random line through the set meets so many boxes of primitives on average: else there is little to gain.
+const CROWDED: f64 = 4.0;
+
 /// Bins per axis of space.
 const BINS: usize = 16;
 
@@ -40,6 +43,8 @@ struct Set<'p> {
     room: &'p mut [Primitive],
     len: usize,
     extent: Extent,
+    /// Sum of half of the areas of the boxes; not known if there is no room for more.
+    areas: f64,
     depth: usize,
 }
 
@@ -58,14 +63,15 @@ impl<'a> High<'a> {
     pub fn build(mut self, room: &mut [Primitive], len: usize) -> Tree<'_, Primitive> {
         let extent = Extent::of(&room[..len]);
         self.area = extent.bounds.half_area();
-        self.subtree(Set { room, len, extent, depth: 0 })
+        let areas = areas(&room[..len]);
+        self.subtree(Set { room, len, extent, areas, depth: 0 })
     }
 
     fn subtree<'p>(self, set: Set<'p>) -> Tree<'p, Primitive> {
         if set.len <= PART {
             let mut part = PartBuilder::new(set.room.len());
-            let Set { room, len, extent, depth } = set;
-            let costs = self.node(&mut part, 0, Set { room: &mut *room, len, extent, depth });
+            let Set { room, len, extent, areas, depth } = set;
+            let costs = self.node(&mut part, 0, Set { room: &mut *room, len, extent, areas, depth });
             return part.finish(room, costs);
         }
         let bounds = set.extent.bounds;
@@ -87,13 +93,14 @@ impl<'a> High<'a> {
 
     /// Divides a set of at least two. Also returns where the room of the second part starts.
     fn divide<'p>(self, set: Set<'p>) -> (usize, [Set<'p>; 2]) {
-        let Set { room, len, extent, depth } = set;
+        let Set { room, len, extent, areas, depth } = set;
         let binning = Binning::new(&extent.centers);
         let may_divide = depth < MAX_COST_DEPTH;
         let plane =
             if may_divide { best_plane(&bins_of(self.level, &binning, &room[..len])) } else { None };
         let overlap = plane.map_or(extent.bounds.half_area(), |p| p.bounds[0].intersection(&p.bounds[1]).half_area());
-        if may_divide && room.len() > len && overlap > LEAST_OVERLAP * self.area {
+        let is_crowded = areas > CROWDED * f64::from(extent.bounds.half_area());
+        if may_divide && room.len() > len && is_crowded && overlap > LEAST_OVERLAP * self.area {
             let cost = plane.map_or(f32::INFINITY, |p| p.cost);
             let found = self.space_plane(&room[..len], &extent.bounds);
             if let Some(space) = found.filter(|s| s.cost < cost)
@@ -171,24 +178,28 @@ impl<'a> High<'a> {
 /// Shares the room for two parts of `first` and `second` primitives that follow each other: what is left over by the area of their boxes.
 fn share(room: &mut [Primitive], first: usize, second: usize, depth: usize) -> (usize, [Set<'_>; 2]) {
     let free = room.len() - first - second;
-    let spare = if free == 0 {
-        0
-    } else {
-        let area = |primitives: &[Primitive]| {
-            let of = |p: &[Primitive]| p.iter().map(|p| f64::from(p.bounds().half_area())).sum::<f64>();
-            primitives.par_chunks(PARALLEL).map(of).collect::<Vec<_>>().iter().sum::<f64>()
-        };
-        let (a, b) = (area(&room[..first]), area(&room[first..first + second]));
+    let (mut spare, mut sums) = (0, [0.0; 2]);
+    if free > 0 {
+        let [a, b] = [areas(&room[..first]), areas(&room[first..first + second])];
         let part = if a + b > 0.0 && (a + b).is_finite() { a / (a + b) } else { 0.5 };
-        ((free as f64 * part) as usize).min(free)
-    };
-    room.copy_within(first..first + second, first + spare);
+        spare = ((free as f64 * part) as usize).min(free);
+        sums = [a, b];
+        room.copy_within(first..first + second, first + spare);
+    }
     let (a, b) = room.split_at_mut(first + spare);
-    let set = |room: &'_ mut [Primitive], len: usize| Extent::of(&room[..len]);
-    let (a_extent, b_extent) = (set(a, first), set(b, second));
-    let a = Set { room: a, len: first, extent: a_extent, depth: depth + 1 };
-    let b = Set { room: b, len: second, extent: b_extent, depth: depth + 1 };
+    let extents = [Extent::of(&a[..first]), Extent::of(&b[..second])];
+    let a = Set { room: a, len: first, extent: extents[0], areas: sums[0], depth: depth + 1 };
+    let b = Set { room: b, len: second, extent: extents[1], areas: sums[1], depth: depth + 1 };
     (first + spare, [a, b])
+}
+
+/// The sum of half of the areas of the boxes: pieces of the same size, added in order, whatever the threads.
+fn areas(primitives: &[Primitive]) -> f64 {
+    let of = |p: &[Primitive]| p.iter().map(|p| f64::from(p.bounds().half_area())).sum::<f64>();
+    if primitives.len() < PARALLEL {
+        return of(primitives);
+    }
+    primitives.par_chunks(CHUNK).map(of).collect::<Vec<_>>().iter().sum()
 }
 
 /// Puts one piece of each primitive to the front; returns how many these are.

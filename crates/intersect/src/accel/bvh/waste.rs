@@ -35,3 +35,40 @@ fn waste(primitives: &[Primitive], triangles: &Triangles) -> f64 {
     let sums: Vec<f64> = primitives.par_chunks(CHUNK).map(|c| c.iter().map(of).sum()).collect();
     sums.iter().sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::primitive::triangle_primitives;
+    use super::*;
+    use crate::accel::brute_force::GroupList;
+    use crate::mesh::TriangleMesh;
+    use snell_math::Vec3;
+    use std::sync::Arc;
+
+    fn waste_of(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> f64 {
+        let mut mesh = TriangleMesh::default();
+        for corners in triangles {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(corners);
+            mesh.indices.push([first, first + 1, first + 2]);
+        }
+        let list = GroupList { meshes: vec![(0, Arc::new(mesh))], ..GroupList::default() };
+        let triangles = Triangles::new(&list, &[(0, 0)]);
+        let (primitives, count) = triangle_primitives(&triangles, 0);
+        waste(&primitives[..count], &triangles)
+    }
+
+    #[test]
+    fn diagonal_slivers_waste_and_compact_triangles_do_not() {
+        let beam = |i: i32| {
+            let at = Vec3::new(i as f32 * 0.1, 0.0, 0.0);
+            [at, at + Vec3::new(5.0, 5.0, 5.0), at + Vec3::new(5.0, 5.0, 5.01)]
+        };
+        assert!(waste_of((0..20).map(beam)) > 2.0 * LARGE);
+        let sheet = |i: i32| {
+            let at = Vec3::new((i % 30) as f32, (i / 30) as f32, (i % 3) as f32);
+            [at, at + Vec3::X, at + Vec3::Y + Vec3::Z]
+        };
+        assert!(waste_of((0..900).map(sheet)) < 0.1 * LARGE);
+    }
+}
