@@ -9,11 +9,20 @@ use snell_math::Ray;
 
 /// What a query wants to know about a ray: the nearest hit, any hit, all hits.
 pub(crate) trait Goal {
+    /// True if hits bring the limit nearer while the search goes on.
+    const NARROWS: bool;
+
     /// Hits at a greater `t` are of no interest.
     fn limit(&self) -> f32;
 
     /// True if this hit would be taken.
     fn wants(&self, hit: &Hit) -> bool;
+
+    /// True if this hit was dealt with before: then later ones on the same thing may still count.
+    #[inline(always)]
+    fn is_past(&self, _hit: &Hit) -> bool {
+        false
+    }
 
     /// Takes a hit; true if the search is over.
     fn take(&mut self, hit: Hit) -> bool;
@@ -25,6 +34,10 @@ pub(crate) trait Goal {
     /// Told of every primitive tested.
     #[inline(always)]
     fn count_primitives(&mut self, _count: u32) {}
+
+    /// Told of nodes and cells visited.
+    #[inline(always)]
+    fn count_visits(&mut self, _nodes: u32, _cells: u32) {}
 }
 
 /// What became of a hit that was offered.
@@ -79,7 +92,7 @@ impl<'a, G: Goal> Search<'a, G> {
     #[inline(always)]
     pub fn offer(&mut self, hit: Hit) -> Verdict {
         // The open interval holds after rounding too.
-        if hit.t <= self.ray.t_min {
+        if hit.t <= self.ray.t_min || self.goal.is_past(&hit) {
             return Verdict::Rejected;
         }
         if !self.goal.wants(&hit) {
@@ -114,6 +127,8 @@ impl Closest {
 }
 
 impl Goal for Closest {
+    const NARROWS: bool = true;
+
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.best.t
@@ -148,6 +163,8 @@ impl Any {
 }
 
 impl Goal for Any {
+    const NARROWS: bool = false;
+
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.limit
@@ -180,6 +197,8 @@ impl All {
 }
 
 impl Goal for All {
+    const NARROWS: bool = false;
+
     fn limit(&self) -> f32 {
         self.limit
     }
@@ -210,6 +229,8 @@ impl Counted {
 }
 
 impl Goal for Counted {
+    const NARROWS: bool = true;
+
     fn limit(&self) -> f32 {
         self.closest.limit()
     }
@@ -228,5 +249,10 @@ impl Goal for Counted {
 
     fn count_primitives(&mut self, count: u32) {
         self.counters.primitives_tested = self.counters.primitives_tested.saturating_add(count);
+    }
+
+    fn count_visits(&mut self, nodes: u32, cells: u32) {
+        self.counters.nodes_visited = self.counters.nodes_visited.saturating_add(nodes);
+        self.counters.cells_stepped = self.counters.cells_stepped.saturating_add(cells);
     }
 }

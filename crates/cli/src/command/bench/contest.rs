@@ -7,7 +7,7 @@ use snell_intersect::{AcceptAll, Grouping, Hit, World};
 use snell_math::Ray;
 
 /// Contenders that come within this factor of the fastest at first are measured further.
-const CLOSE: f64 = 1.15;
+const CLOSE: f64 = 1.25;
 
 /// How many of them at most.
 const MAX_FINALISTS: usize = 3;
@@ -69,9 +69,9 @@ impl Answer for Hit {
 }
 
 impl Answer for bool {
-    fn snell(world: &World, call: Call, _: Grouping, rays: &[Ray], answers: &mut [Self]) {
+    fn snell(world: &World, call: Call, grouping: Grouping, rays: &[Ray], answers: &mut [Self]) {
         match call {
-            Call::Batch => world.occluded(rays, &AcceptAll, answers),
+            Call::Batch => world.occluded(rays, grouping, &AcceptAll, answers),
             Call::One => {
                 for (ray, answer) in rays.iter().zip(answers) {
                     *answer = world.occluded_one(ray, &AcceptAll);

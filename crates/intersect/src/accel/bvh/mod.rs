@@ -23,6 +23,7 @@ pub use quality::Quality;
 use super::brute_force::GroupList;
 use super::group::{Object, Objects};
 use crate::kernel::node::{ChildRef, WideNode};
+use crate::kernel::quick::is_ordinary;
 use crate::kernel::triangle::TriangleBlock;
 use rayon::prelude::*;
 use snell_math::simd::Level;
@@ -111,23 +112,12 @@ pub(crate) struct Forest {
     pub trees: Vec<Arc<GroupTree>>,
     /// Entries a walk needs on the deepest way through all groups.
     pub stack_size: usize,
+    /// True if everything is of ordinary size ([`is_ordinary`]).
+    pub ordinary: bool,
 }
 
 impl Forest {
-    /// Builds all trees. `order` lists the groups with children before parents; `bounds` are the boxes of the objects of each group
-    /// in the coordinates of the group.
-    pub fn build(
-        lists: &[GroupList],
-        order: &[usize],
-        bounds: &[Vec<Bounds3d>],
-        options: &BvhOptions,
-    ) -> Result<Self, String> {
-        let tree = |(list, bounds): (_, &Vec<_>)| GroupTree::build(list, bounds, options).map(Arc::new);
-        let trees = lists.par_iter().zip(bounds).map(tree).collect::<Result<_, _>>()?;
-        Ok(Self::of(trees, order))
-    }
-
-    /// All groups from their trees.
+    /// All groups from their trees; `order` lists the groups with children before parents.
     pub fn of(trees: Vec<Arc<GroupTree>>, order: &[usize]) -> Self {
         let mut sizes = vec![0; trees.len()];
         for &group in order {
@@ -138,7 +128,8 @@ impl Forest {
             let tree: &GroupTree = &trees[group];
             sizes[group] = tree.stack_size() + tree.objects.placed().iter().map(below).max().unwrap_or(0);
         }
-        Self { stack_size: sizes[0], trees }
+        let ordinary = trees.iter().all(|tree| is_ordinary(tree));
+        Self { stack_size: sizes[0], trees, ordinary }
     }
 
     /// Memory of all trees.

@@ -3,7 +3,7 @@
 use super::storage::{Plain, Storage};
 use crate::accel::brute_force::GroupList;
 use crate::kernel::binning::{Box8, Primitive};
-use crate::mesh::{TriangleMesh, are_degenerate};
+use crate::mesh::{TriangleMesh, are_degenerate, padded_bounds};
 use rayon::prelude::*;
 use snell_math::{Vec3, Vec4};
 
@@ -136,8 +136,9 @@ fn close_gaps<T: Copy>(items: &mut [T], pieces: &[(usize, usize)]) -> usize {
 /// The boxes of all triangles that can be hit, and how many they are; there is room for `extra` more.
 pub(super) fn triangle_primitives(triangles: &Triangles, extra: usize) -> (Storage<Primitive>, usize) {
     let mut primitives = Storage::zeroed(triangles.count() + extra);
-    let count = triangles.collect(&mut primitives[..triangles.count()], |id, [a, b, c]| {
-        Primitive::new(a.min(b).min(c), a.max(b).max(c), id)
+    let count = triangles.collect(&mut primitives[..triangles.count()], |id, corners| {
+        let bounds = padded_bounds(&corners);
+        Primitive::new(bounds.min, bounds.max, id)
     });
     (primitives, count)
 }

@@ -8,6 +8,7 @@ use super::primitive::{Numbered, OBJECT, Triangles};
 use super::storage::Storage;
 use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::triangle::TriangleBlock;
+use crate::mesh::padded_bounds;
 use rayon::prelude::*;
 use snell_math::Bounds3;
 
@@ -187,7 +188,7 @@ pub(super) fn fill<P: Numbered>(block: &mut TriangleBlock, leaf: &[P], triangles
     let mut bounds = Bounds3::EMPTY;
     for (lane, p) in leaf.iter().enumerate() {
         let corners = triangles.corners(p.id());
-        bounds = corners.iter().fold(bounds, |b, &p| b.with_point(p));
+        bounds = bounds.union(&padded_bounds(&corners));
         block.set(lane, &corners.map(|v| v.to_array()), p.id());
     }
     bounds
