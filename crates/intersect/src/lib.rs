@@ -5,6 +5,7 @@
 //! a hit into everything local about the surface. Nothing here knows of colours, materials or files.
 
 pub mod accel;
+pub mod geometry;
 pub mod hit;
 mod kernel;
 pub mod mesh;
@@ -13,6 +14,7 @@ pub mod shape;
 pub mod world;
 
 pub use accel::Quality;
+pub use geometry::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet, Spheres};
 pub use hit::{Hit, SurfaceInteraction};
 pub use mesh::TriangleMesh;
 pub use query::rays::{RayQuery, Rays};

@@ -3,7 +3,7 @@
 
 use super::box_ray::BoxRay;
 use super::brute_force::GroupList;
-use super::group::{Object, mapped, ray_in_child, test_shape, test_triangle};
+use super::group::{test_object, test_triangle};
 use super::mailbox::Mailbox;
 use super::primitives::Primitives;
 use super::{Accelerator, AcceleratorOptions, Build, Later, Size, Visitor, Work};
@@ -181,18 +181,10 @@ impl<G: Goal> GroupVisitor<'_, '_, G> {
 
     #[inline(never)]
     fn test_object(&mut self, object: usize) -> bool {
-        let ray = &self.local.exact;
-        match &self.group.list.objects[object] {
-            Object::Shape { shape, geometry, shape_from_group } => {
-                let ray = mapped(shape_from_group, ray);
-                test_shape(self.search, shape.as_ref(), *geometry, self.instance, &ray)
-            }
-            Object::Instance { mask, .. } if mask & self.search.mask == 0 => false,
-            Object::Instance { child, offset, child_from_group, .. } => {
-                let Some(ray) = ray_in_child(child_from_group, ray) else { return false };
-                self.structures.search_group(*child, &ray, self.instance + offset, self.search, self.scratch)
-            }
-        }
+        let Self { structures, group, local, instance, search, scratch, .. } = self;
+        test_object(&group.list.objects, object, &local.exact, *instance, search, |child, ray, instance, search| {
+            structures.search_group(child, ray, instance, search, scratch)
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! One search in progress: the world's ray, what it may be asked to reject, and what it has found.
 
 use super::HitFilter;
-use super::rays::RayQuery;
+use super::rays::{RayQuery, clamped_time};
 use crate::hit::Hit;
 use crate::kernel::node::padded;
 use crate::world::{GeometryOptions, TraversalCounters};
@@ -59,7 +59,6 @@ pub(crate) struct Search<'a, G> {
     /// What it may meet: [`RayQuery::mask`].
     pub mask: u32,
     /// When: from 0 to 1.
-    #[allow(dead_code, reason = "for what moves")]
     pub time: f32,
     /// What is common to all.
     pub context: &'a Context<'a>,
@@ -70,8 +69,7 @@ pub(crate) struct Search<'a, G> {
 impl<'a, G: Goal> Search<'a, G> {
     #[inline(always)]
     pub fn new(query: RayQuery<'a>, context: &'a Context<'a>, goal: G) -> Self {
-        let time = if query.time.is_nan() { 0.0 } else { query.time.clamp(0.0, 1.0) };
-        Self { ray: query.ray, mask: query.mask, time, context, goal }
+        Self { ray: query.ray, mask: query.mask, time: clamped_time(query.time), context, goal }
     }
 
     /// The padded limit: boxes that start beyond it can be skipped. Equal distances are never beyond it, because the lower

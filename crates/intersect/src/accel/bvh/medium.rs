@@ -38,20 +38,12 @@ impl Medium {
         }
         let (at, extents) = self.divide(set, extent, depth);
         let (a, b) = set.split_at_mut(at);
-        let (a, b) =
-            join(|| self.subtree(a, &extents[0], depth + 1), || self.subtree(b, &extents[1], depth + 1));
+        let (a, b) = join(|| self.subtree(a, &extents[0], depth + 1), || self.subtree(b, &extents[1], depth + 1));
         Tree::inner(extent.bounds, [a, b])
     }
 
     /// Builds a subtree within a part. `first` is where the set starts in the part.
-    fn node(
-        self,
-        part: &mut PartBuilder,
-        first: usize,
-        set: &mut [Primitive],
-        extent: &Extent,
-        depth: usize,
-    ) -> Costs {
+    fn node(self, part: &mut PartBuilder, first: usize, set: &mut [Primitive], extent: &Extent, depth: usize) -> Costs {
         if is_leaf(set, self.has_objects) {
             return part.leaf(&extent.bounds, first, set.len());
         }

@@ -117,10 +117,12 @@ fn count<P: Numbered>(cursor: Cursor<P>) -> Place {
     if let Some(leaf) = cursor.leaf() {
         return Place { nodes: 0, blocks: usize::from(leaf[0].id() & OBJECT == 0) };
     }
-    cursor.wide_children().as_slice().iter().map(|&child| count(child)).fold(Place { nodes: 1, blocks: 0 }, |a, b| Place {
-        nodes: a.nodes + b.nodes,
-        blocks: a.blocks + b.blocks,
-    })
+    cursor
+        .wide_children()
+        .as_slice()
+        .iter()
+        .map(|&child| count(child))
+        .fold(Place { nodes: 1, blocks: 0 }, |a, b| Place { nodes: a.nodes + b.nodes, blocks: a.blocks + b.blocks })
 }
 
 fn leaf_reference<P: Numbered>(leaf: &[P], block: usize) -> ChildRef {
