@@ -181,7 +181,7 @@ impl<G: Goal> GroupVisitor<'_, '_, G> {
 
     #[inline(never)]
     fn test_object(&mut self, object: usize) -> bool {
-        let Self { structures, group, local, instance, search, scratch, .. } = self;
+        let Self { structures, group, local, instance, scratch, search, .. } = self;
         test_object(&group.list.objects, object, &local.exact, *instance, search, |child, ray, instance, search| {
             structures.search_group(child, ray, instance, search, scratch)
         })
