@@ -7,7 +7,7 @@ use crate::accel::brute_force::search_all;
 use crate::hit::Hit;
 use crate::kernel::interleave;
 use crate::kernel::traverse::search_forest;
-use crate::world::{Structure, TraversalCounters, World};
+use crate::world::{Structure, TraversalCounters, TraversalWork, World};
 use rays::{RayQuery, Rays};
 use search::{All, Any, Closest, Context, Counted, Goal, Search};
 use snell_math::{DRay, Ray};
@@ -93,6 +93,23 @@ impl World {
     ) -> (Hit, TraversalCounters) {
         let goal = self.search(ray.into(), filter, Counted::new);
         (goal.closest.result(), goal.counters)
+    }
+
+    /// The nearest hit of each ray, and what all of them together cost to find.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn closest_work<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter, hits: &mut [Hit]) -> TraversalWork {
+        let rays = rays.into();
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        let mut work = TraversalWork::default();
+        self.search_all(rays, filter, Counted::new, |i, goal| {
+            hits[i] = goal.closest.result();
+            work.nodes_visited += u64::from(goal.counters.nodes_visited);
+            work.primitives_tested += u64::from(goal.counters.primitives_tested);
+            work.cells_stepped += u64::from(goal.counters.cells_stepped);
+        });
+        work
     }
 
     /// Searches for all rays of a batch, each for itself, with the kernel that suits the structure.
