@@ -91,6 +91,12 @@ impl Objects {
         &self.placed
     }
 
+    /// First and end of the numbers of each shape, instance and set.
+    pub fn ranges(&self) -> impl Iterator<Item = (u32, u32)> {
+        let sets = self.sets.iter().map(|bulk| (bulk.first, bulk.first + bulk.set.len() as u32));
+        (0..self.placed.len() as u32).map(|i| (i, i + 1)).chain(sets)
+    }
+
     /// What a number stands for.
     #[inline(always)]
     pub fn get(&self, number: usize) -> ObjectRef<'_> {

@@ -96,8 +96,7 @@ impl<'a> High<'a> {
         let Set { room, len, extent, areas, depth } = set;
         let binning = Binning::new(&extent.centers);
         let may_divide = depth < MAX_COST_DEPTH;
-        let plane =
-            if may_divide { best_plane(&bins_of(self.level, &binning, &room[..len])) } else { None };
+        let plane = if may_divide { best_plane(&bins_of(self.level, &binning, &room[..len])) } else { None };
         let overlap = plane.map_or(extent.bounds.half_area(), |p| p.bounds[0].intersection(&p.bounds[1]).half_area());
         let is_crowded = areas > CROWDED * f64::from(extent.bounds.half_area());
         if may_divide && room.len() > len && is_crowded && overlap > LEAST_OVERLAP * self.area {
@@ -258,8 +257,7 @@ struct SpaceBins {
 }
 
 impl SpaceBins {
-    const EMPTY: Self =
-        Self { boxes: [[Box8::EMPTY; BINS]; 3], begin: [[0; BINS]; 3], end: [[0; BINS]; 3] };
+    const EMPTY: Self = Self { boxes: [[Box8::EMPTY; BINS]; 3], begin: [[0; BINS]; 3], end: [[0; BINS]; 3] };
 
     fn add(&mut self, p: &Primitive, slabs: &Slabs, triangles: &Triangles) {
         let b = p.bounds().bounds();
