@@ -123,9 +123,7 @@ unsafe fn walk<L: Lanes8, G: Goal>(
         };
     let place = Place { forest, tree, ray, instance, enter };
     // SAFETY: as promised by the caller.
-    unsafe {
-        if is_quick { place.walk::<L>(&quick, search, stack) } else { place.walk_carefully::<L>(search, stack) }
-    }
+    unsafe { if is_quick { place.walk::<L>(&quick, search, stack) } else { place.walk_carefully::<L>(search, stack) } }
 }
 
 /// Where a ray walks.
