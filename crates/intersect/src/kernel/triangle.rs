@@ -357,6 +357,17 @@ mod tests {
         assert!(exact_hit(&ray([1.0, 2.0, 0.0], [0.0, 0.0, 0.5]), &t, 4.0).is_none(), "the interval is open");
     }
 
+    fn lines_through_at_all_levels(block: &TriangleBlock, ray: &QuickRay) -> Vec<u32> {
+        // SAFETY: portable code.
+        let mut all = vec![unsafe { lines_through::<Portable8>(block, ray) }];
+        #[cfg(target_arch = "x86_64")]
+        if snell_math::simd::Level::Avx2.is_supported() {
+            // SAFETY: the level was checked.
+            all.push(unsafe { lines_through::<snell_math::simd::Avx8>(block, ray) });
+        }
+        all
+    }
+
     fn coordinate() -> impl Strategy<Value = f32> {
         prop_oneof![-4i32..=4, -4i32..=4].prop_map(|i| i as f32 * 0.25).boxed().prop_union((-2.0f32..2.0).boxed())
     }
@@ -376,8 +387,16 @@ mod tests {
             block.set(3, &corners, 0);
             // SAFETY: portable code.
             let mask = unsafe { candidates::<Portable8>(&block, &ray, 0.0, f32::INFINITY) };
+            let mut quick = QuickRay::UNSET;
+            let (origin, direction) = (ray.exact.origin, ray.exact.direction);
+            let is_quick = quick.set_from_exact::<Portable8>(&origin, &direction);
             if exact_hit(&ray, &corners, 0.0).is_some() {
                 prop_assert!(mask & 8 != 0);
+                prop_assert!(!is_quick || lines_through_at_all_levels(&block, &quick).iter().all(|lanes| lanes & 8 != 0));
+            }
+            if is_quick {
+                let again = exact_hit_on(&quick.exact(origin, direction), &corners, 0.0);
+                prop_assert_eq!(again, exact_hit(&ray, &corners, 0.0));
             }
         }
     }
