@@ -49,7 +49,9 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOpti
     let folder = options.cache.as_deref().filter(|_| count >= cache::LEAST_TRIANGLES);
     let (Cached { wide, skipped }, cache) = match folder {
         None => (build()?, CacheUse::None),
-        Some(folder) => through_cache(&cache::path(folder, list, boxes, options.quality), count, list.objects.len(), build)?,
+        Some(folder) => {
+            through_cache(&cache::path(folder, list, boxes, options.quality), count, list.objects.len(), build)?
+        }
     };
     let Wide { nodes, blocks, root, depth } = wide;
     let objects = list.objects.clone();

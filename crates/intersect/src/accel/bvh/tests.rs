@@ -205,8 +205,8 @@ fn a_refitted_tree_finds_what_has_moved() {
         }
         let after = Arc::new(mesh);
         let options = BuildOptions { quality, ..BuildOptions::default() };
-        let mut world = world_of(&[after.clone()], &options);
-        let Structure::Bvh(old) = world_of(&[before.clone()], &options).structure else { panic!("a tree") };
+        let mut world = world_of(std::slice::from_ref(&after), &options);
+        let Structure::Bvh(old) = world_of(std::slice::from_ref(&before), &options).structure else { panic!("a tree") };
         let Structure::Bvh(forest) = &mut world.structure else { panic!("a tree") };
         let list = |mesh: &Arc<TriangleMesh>| GroupList { meshes: vec![(0, mesh.clone())], ..GroupList::default() };
         let refitted = old.trees[0].refit(&list(&after), &[]).expect("the same triangles");
@@ -214,11 +214,11 @@ fn a_refitted_tree_finds_what_has_moved() {
         let back = refitted.refit(&list(&before), &[]).expect("the same triangles");
         assert!(back.nodes.len() == old.trees[0].nodes.len());
         forest.trees[0] = Arc::new(refitted);
-        assert_equal(&world, &world_of(&[after.clone()], &none()), &rays(&after, 500), quality.name());
-        let mut world = world_of(&[before.clone()], &options);
+        assert_equal(&world, &world_of(std::slice::from_ref(&after), &none()), &rays(&after, 500), quality.name());
+        let mut world = world_of(std::slice::from_ref(&before), &options);
         let Structure::Bvh(forest) = &mut world.structure else { panic!("a tree") };
         forest.trees[0] = Arc::new(back);
-        assert_equal(&world, &world_of(&[before.clone()], &none()), &rays(&before, 500), quality.name());
+        assert_equal(&world, &world_of(std::slice::from_ref(&before), &none()), &rays(&before, 500), quality.name());
         assert!(old.trees[0].refit(&list(&Arc::new(soup(5001, 4))), &[]).is_none(), "other triangles");
     }
 }
