@@ -19,7 +19,7 @@ pub use edit::{EditError, InstanceId};
 pub use reuse::Reuse;
 
 use crate::accel::brute_force::GroupList;
-use crate::accel::bvh::{BvhOptions, Forest};
+use crate::accel::bvh::{BvhOptions, CacheUse, Forest};
 use crate::accel::group::Object;
 use crate::accel::walk::Structures;
 use crate::accel::{AcceleratorKind, AcceleratorOptions, Quality};
@@ -32,6 +32,7 @@ use rayon::prelude::*;
 use reuse::{Inventory, Summary};
 use snell_math::simd::Level;
 use snell_math::{Bounds3d, DMat3, Transform};
+use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 /// Number of a group, in order of creation. The root is 0.
@@ -65,6 +66,9 @@ pub struct BuildOptions {
     pub accelerator_options: AcceleratorOptions,
     /// How much time building a [`AcceleratorKind::Bvh`] may take for how fast a tree.
     pub quality: Quality,
+    /// A folder in which the [`AcceleratorKind::Bvh`] of large groups (65,536 triangles and more) is kept in files: the next build of the
+    /// same group maps it into memory. Only one's own files belong there: hits come from them. `None`: nothing is kept.
+    pub cache: Option<PathBuf>,
     /// Which instructions the kernels use.
     pub simd: Level,
 }
@@ -75,6 +79,7 @@ impl Default for BuildOptions {
             accelerator: AcceleratorKind::default(),
             accelerator_options: AcceleratorOptions::default(),
             quality: Quality::default(),
+            cache: None,
             simd: Level::best(),
         }
     }
@@ -234,7 +239,7 @@ impl WorldBuilder {
     fn parts(&self, options: &BuildOptions, previous: Option<&World>) -> Result<Parts, WorldError> {
         let occurrences = Occurrences::count(&self.groups)?;
         let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
-        let bvh = BvhOptions { quality: options.quality, simd };
+        let bvh = BvhOptions { quality: options.quality, simd, cache: options.cache.clone() };
         let (bounds, structure, inventory) = self.structures(options, &bvh, &occurrences, previous)?;
         let stats = self.count_triangles(&occurrences, &structure, &inventory);
         Ok(Parts { occurrences, bounds, structure, inventory, simd, stats })
@@ -326,7 +331,7 @@ impl WorldBuilder {
         }
         stats.instanced_triangles = below[0];
         if let Structure::Bvh(forest) = structure {
-            stats.skipped_triangles = forest.trees.iter().map(|t| t.skipped.len() as u64).sum();
+            stats.cached_groups = forest.trees.iter().filter(|t| t.cache == CacheUse::Read).count() as u64;
             stats.nodes = forest.trees.iter().map(|t| t.nodes.len() as u64).sum();
             stats.triangle_blocks = forest.trees.iter().map(|t| t.blocks.len() as u64).sum();
             stats.depth = forest.trees.iter().map(|t| t.depth as u32).max().unwrap_or(0);
@@ -470,6 +475,8 @@ pub struct BuildStats {
     pub primitives: u64,
     /// Primitives of sets that can never be hit: part of `primitives`.
     pub skipped_primitives: u64,
+    /// Groups whose structure was found in a file of [`BuildOptions::cache`].
+    pub cached_groups: u64,
     /// Nodes of acceleration structures.
     pub nodes: u64,
     /// Blocks of up to eight triangles.
@@ -565,6 +572,16 @@ impl World {
     /// What was built.
     pub fn stats(&self) -> &BuildStats {
         &self.stats
+    }
+
+    /// What the user should know of the build: files of [`BuildOptions::cache`] that were damaged or could not be written.
+    pub fn warnings(&self) -> Vec<String> {
+        let Structure::Bvh(forest) = &self.structure else { return Vec::new() };
+        let warning = |tree: &std::sync::Arc<crate::accel::bvh::GroupTree>| match &tree.cache {
+            CacheUse::Failed(warning) => Some(warning.clone()),
+            _ => None,
+        };
+        forest.trees.iter().filter_map(warning).collect()
     }
 
     /// Memory of the acceleration structures in bytes, without the geometries.
