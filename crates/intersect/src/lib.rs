@@ -13,7 +13,9 @@ pub mod query;
 pub mod shape;
 pub mod world;
 
-pub use geometry::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet, Spheres};
+pub use geometry::{
+    CubicCurves, CurveBasis, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet, QuadMesh, Spheres,
+};
 pub use hit::{Hit, SurfaceInteraction};
 pub use mesh::TriangleMesh;
 pub use query::rays::{RayQuery, Rays};

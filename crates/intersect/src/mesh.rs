@@ -43,7 +43,7 @@ pub enum MeshError {
         found: usize,
         /// Entries expected.
         expected: usize,
-        /// "vertex" or "triangle".
+        /// "vertex", "triangle" or "quad".
         per: &'static str,
     },
 }
@@ -92,8 +92,7 @@ impl TriangleMesh {
     /// Three different vertices on a line are not enough: as drawn across a ray they may cover a little, and what they cover no other
     /// triangle of a closed mesh does (rounding the coordinates of far-away meshes makes such triangles).
     pub fn is_degenerate(&self, triangle: usize) -> bool {
-        let [a, b, c] = self.corners(triangle);
-        !(a.is_finite() && b.is_finite() && c.is_finite()) || a == b || b == c || c == a
+        are_degenerate(&self.corners(triangle))
     }
 
     /// The mesh moved by `transform`: positions in double precision and rounded once, normals by the inverse transpose, tangents
@@ -134,4 +133,10 @@ impl TriangleMesh {
         }
         sums.into_iter().map(|n| n.try_normalize().unwrap_or(Vec3::Z)).collect()
     }
+}
+
+/// True for the corners of a triangle that can never be hit; see [`TriangleMesh::is_degenerate`].
+#[inline(always)]
+pub(crate) fn are_degenerate(&[a, b, c]: &[Vec3; 3]) -> bool {
+    !(a.is_finite() && b.is_finite() && c.is_finite()) || a == b || b == c || c == a
 }

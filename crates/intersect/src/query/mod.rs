@@ -80,8 +80,7 @@ impl World {
     /// Every hit of one ray, ascending by `t`, equal ones by instance, geometry and primitive.
     pub fn all_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Vec<Hit> {
         let mut hits = self.search(ray.into(), filter, All::new).hits;
-        let ids = |h: &Hit| (h.instance, h.geometry, h.primitive);
-        hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(ids(a).cmp(&ids(b))));
+        hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.rank().cmp(&b.rank())));
         hits
     }
 
