@@ -13,6 +13,7 @@ pub mod query;
 pub mod shape;
 pub mod world;
 
+pub use accel::Quality;
 pub use geometry::{
     CubicCurves, CurveBasis, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet, QuadMesh, Spheres,
 };

@@ -52,6 +52,9 @@ pub(crate) fn transform_at(keys: &[Transform], time: f32) -> Option<Transform> {
     if is_flat { None } else { Transform::new(map) }
 }
 
+/// How far the box of a moving triangle is moved out, relative to its largest side.
+const PADDING: f64 = 1e-6;
+
 /// Vertices of a [`MovingMesh`] at a later key.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshKey {
@@ -124,7 +127,7 @@ impl MovingMesh {
         self.first.indices[triangle].map(|v| self.vertex(v as usize, time))
     }
 
-    /// The three corners at all times; `None` for a triangle that is never hit: a corner is not finite at some key, or two are in one
+    /// A box around the three corners at all times, a little larger; `None` for a triangle that is never hit: a corner is not finite at some key, or two are in one
     /// place at all of them.
     pub(crate) fn bounds(&self, triangle: usize) -> Option<Bounds3d> {
         let corners = self.first.indices[triangle].map(|v| v as usize);
@@ -135,7 +138,10 @@ impl MovingMesh {
         if together(0, 1) || together(1, 2) || together(2, 0) {
             return None;
         }
-        Some(Bounds3d::of(self.keys().flat_map(|p| corners.map(|v| p[v].as_dvec3()))))
+        let b = Bounds3d::of(self.keys().flat_map(|p| corners.map(|v| p[v].as_dvec3())));
+        // Drawn across a ray, a triangle may be off by the rounding of its own size.
+        let margin = b.size().max_element() * PADDING;
+        Some(Bounds3d { min: b.min - margin, max: b.max + margin })
     }
 
     fn keys(&self) -> impl Iterator<Item = &[Vec3]> {

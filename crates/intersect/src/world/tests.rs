@@ -100,7 +100,7 @@ fn scaling(factor: f64) -> Transform {
 }
 
 fn build(builder: WorldBuilder, accelerator: AcceleratorKind, simd: Level) -> World {
-    builder.build(&BuildOptions { accelerator, simd }).expect("a world")
+    builder.build(&BuildOptions { accelerator, simd, ..BuildOptions::default() }).expect("a world")
 }
 
 fn default_world(builder: WorldBuilder) -> World {
