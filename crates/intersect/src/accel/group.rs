@@ -278,10 +278,15 @@ fn test_primitive<G: Goal>(search: &mut Search<'_, G>, set: &dyn PrimitiveSet, i
 fn test_moving_triangle<G: Goal>(search: &mut Search<'_, G>, mesh: &MovingMesh, ids: [u32; 3], ray: &DRay) -> bool {
     search.goal.count_primitives(1);
     let corners = mesh.corners(ids[2] as usize, search.time);
-    if are_degenerate(&corners) || mesh.bounds(ids[2] as usize).is_none() {
+    if are_degenerate(&corners) {
         return false;
     }
-    test_triangle(search, &LocalRay::new(ray), &corners.map(|p| p.to_array()), || ids)
+    let local = LocalRay::new(ray);
+    let corners = corners.map(|p| p.to_array());
+    // Asked before the rest, which is seldom needed.
+    exact_hit(&local, &corners, search.ray.t_min.into()).is_some()
+        && mesh.bounds(ids[2] as usize).is_some()
+        && test_triangle(search, &local, &corners, || ids)
 }
 
 /// Offers the hit on one triangle. True if the search is over.

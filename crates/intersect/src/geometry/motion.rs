@@ -111,9 +111,10 @@ impl MovingMesh {
 
     /// The whole mesh at a time from 0 to 1.
     pub fn at(&self, time: f32) -> TriangleMesh {
+        let (before, after, s) = self.positions(time);
         let position = |v: usize| {
             let finite = self.keys().all(|positions| positions[v].is_finite());
-            if finite { self.vertex(v, time) } else { Vec3::NAN }
+            if finite { lerp(before[v], after[v], s) } else { Vec3::NAN }
         };
         let mut mesh = self.first.clone();
         mesh.positions = (0..mesh.positions.len()).map(position).collect();
@@ -124,7 +125,10 @@ impl MovingMesh {
     /// Three corners at a time.
     #[inline(always)]
     pub(crate) fn corners(&self, triangle: usize, time: f32) -> [Vec3; 3] {
-        self.first.indices[triangle].map(|v| self.vertex(v as usize, time))
+        let [a, b, c] = self.first.indices[triangle];
+        let (before, after, s) = self.positions(time);
+        let at = |v: u32| lerp(before[v as usize], after[v as usize], s);
+        [at(a), at(b), at(c)]
     }
 
     /// A box around the three corners at all times, a little larger; `None` for a triangle that is never hit: a corner is not finite at some key, or two are in one
@@ -148,12 +152,13 @@ impl MovingMesh {
         std::iter::once(&self.first.positions[..]).chain(self.later.iter().map(|key| &key.positions[..]))
     }
 
+    /// The positions at the keys before and after a time, and how far on the way between them it is.
     #[inline(always)]
-    fn vertex(&self, v: usize, time: f32) -> Vec3 {
+    fn positions(&self, time: f32) -> (&[Vec3], &[Vec3], f32) {
         let (key, s) = between_keys(time, self.later.len() + 1);
-        let Some(after) = self.later.get(key) else { return self.first.positions[v] };
         let before = if key == 0 { &self.first.positions } else { &self.later[key - 1].positions };
-        lerp(before[v], after.positions[v], s)
+        let after = self.later.get(key).map_or(before, |key| &key.positions);
+        (before, after, s)
     }
 
     fn normal(&self, v: usize, time: f32) -> Vec3 {
