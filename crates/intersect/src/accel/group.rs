@@ -155,6 +155,12 @@ impl Objects {
         self.count
     }
 
+    /// The ranges of numbers that are one geometry or instance each.
+    pub fn geometries(&self) -> impl Iterator<Item = (u32, u32)> {
+        let single = (0..self.placed.len() as u32).map(|i| (i, i + 1));
+        single.chain(self.sets.iter().map(|bulk| (bulk.first, bulk.first + bulk.contents.len() as u32)))
+    }
+
     /// The shapes and instances.
     pub fn placed(&self) -> &[Object] {
         &self.placed

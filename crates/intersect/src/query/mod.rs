@@ -107,6 +107,18 @@ impl World {
                 let batch = interleave::Batch { rays, context: &self.context(filter) };
                 interleave::search_batch(forest, self.simd, &batch, start, finish);
             }
+            Structure::Walked(structures) => {
+                let (context, mut scratch) = (self.context(filter), structures.scratch());
+                for i in 0..rays.len() {
+                    let query = rays.get(i);
+                    let mut search = Search::new(query, &context, start(query.ray));
+                    if query.ray.is_valid() {
+                        structures.search(&mut search, &mut scratch);
+                    }
+                    finish(i, search.goal);
+                }
+                scratch.keep();
+            }
             _ => (0..rays.len()).for_each(|i| finish(i, self.search(rays.get(i), filter, &start))),
         }
     }
@@ -125,6 +137,11 @@ impl World {
                     search_all(groups, 0, &DRay::from(query.ray), 0, &mut search);
                 }
                 Structure::Bvh(forest) => search_forest(forest, self.simd, &mut search),
+                Structure::Walked(structures) => {
+                    let mut scratch = structures.scratch();
+                    structures.search(&mut search, &mut scratch);
+                    scratch.keep();
+                }
             }
         }
         search.goal
