@@ -287,13 +287,13 @@ pub fn assert_agreement(bytes: &[u8], rays: usize, batches: &[usize]) -> (usize,
 
 fn assert_batches(world: &World, name: &str, queries: Rays, all: &[Vec<Hit>], batch: usize) {
     let rays = queries.rays();
-    for grouping in [Grouping::None, Grouping::Pixel] {
+    for grouping in [Grouping::None, Grouping::Coherent] {
         let mut hits = vec![Hit::MISS; rays.len()];
         let mut blocked = vec![false; rays.len()];
         for start in (0..rays.len()).step_by(batch) {
             let range = start..(start + batch).min(rays.len());
             world.closest(queries.slice(range.clone()), grouping, &AcceptAll, &mut hits[range.clone()]);
-            world.occluded(queries.slice(range.clone()), &AcceptAll, &mut blocked[range]);
+            world.occluded(queries.slice(range.clone()), grouping, &AcceptAll, &mut blocked[range]);
         }
         for (i, expected) in all.iter().enumerate() {
             let first = expected.first().copied().unwrap_or(Hit::MISS);

@@ -56,6 +56,14 @@ impl Placement {
         }
     }
 
+    /// The map at time 0.
+    pub fn at_first(&self) -> &DAffine3 {
+        match self {
+            Self::Still(map) => map,
+            Self::Moving(keys) => keys[0].inverse_matrix(),
+        }
+    }
+
     /// The ray in the child; `None` if it overflows on the way or the child is flattened, then nothing there can be hit.
     #[inline(always)]
     fn ray_in_child(&self, ray: &DRay, time: f32) -> Option<DRay> {

@@ -2,6 +2,7 @@
 
 use crate::mesh::{MeshError, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, DVec3, Transform, Vec3};
+use std::sync::Arc;
 
 /// Where a time from 0 to 1 lies between keys: the key before it, and how far on the way to the next.
 #[inline(always)]
@@ -70,7 +71,7 @@ pub struct MeshKey {
 /// stay closed. A vertex that is not finite at one of the keys never is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MovingMesh {
-    first: TriangleMesh,
+    first: Arc<TriangleMesh>,
     later: Vec<MeshKey>,
 }
 
@@ -86,11 +87,11 @@ impl MovingMesh {
             same("positions", key.positions.len(), first.positions.len())?;
             same("normals", key.normals.len(), first.normals.len())?;
         }
-        Ok(Self { first, later })
+        Ok(Self { first: Arc::new(first), later })
     }
 
     /// The mesh at time 0.
-    pub fn first(&self) -> &TriangleMesh {
+    pub fn first(&self) -> &Arc<TriangleMesh> {
         &self.first
     }
 
@@ -116,7 +117,7 @@ impl MovingMesh {
             let finite = self.keys().all(|positions| positions[v].is_finite());
             if finite { lerp(before[v], after[v], s) } else { Vec3::NAN }
         };
-        let mut mesh = self.first.clone();
+        let mut mesh = TriangleMesh::clone(&self.first);
         mesh.positions = (0..mesh.positions.len()).map(position).collect();
         mesh.normals = (0..mesh.normals.len()).map(|v| self.normal(v, time)).collect();
         mesh

@@ -168,7 +168,7 @@ impl<G: Goal> Slot<'_, G> {
 
 /// Asks for the memory of a node or block.
 #[inline(always)]
-fn fetch_ahead(tree: &GroupTree, child: ChildRef) {
+pub(super) fn fetch_ahead(tree: &GroupTree, child: ChildRef) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};

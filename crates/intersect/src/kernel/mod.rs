@@ -3,6 +3,7 @@
 pub(crate) mod binning;
 pub(crate) mod interleave;
 pub(crate) mod node;
+pub(crate) mod packet;
 pub(crate) mod ray;
 pub(crate) mod traverse;
 pub(crate) mod triangle;

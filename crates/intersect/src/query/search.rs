@@ -16,6 +16,12 @@ pub(crate) trait Goal {
     /// True if this hit would be taken.
     fn wants(&self, hit: &Hit) -> bool;
 
+    /// True if this hit was dealt with before: then later ones on the same thing may still count.
+    #[inline(always)]
+    fn is_past(&self, _hit: &Hit) -> bool {
+        false
+    }
+
     /// Takes a hit; true if the search is over.
     fn take(&mut self, hit: Hit) -> bool;
 
@@ -84,7 +90,7 @@ impl<'a, G: Goal> Search<'a, G> {
     #[inline(always)]
     pub fn offer(&mut self, hit: Hit) -> Verdict {
         // The open interval holds after rounding too.
-        if hit.t <= self.ray.t_min {
+        if hit.t <= self.ray.t_min || self.goal.is_past(&hit) {
             return Verdict::Rejected;
         }
         let options = &self.context.options[hit.geometry as usize];
