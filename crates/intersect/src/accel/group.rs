@@ -311,7 +311,17 @@ pub(crate) fn test_triangle<G: Goal>(
     corners: &[[f32; 3]; 3],
     ids: impl FnOnce() -> [u32; 3],
 ) -> bool {
-    let Some((t, uv)) = exact_hit(ray, corners, search.ray.t_min.into()) else { return false };
+    offer_triangle(search, exact_hit(ray, corners, search.ray.t_min.into()), ids)
+}
+
+/// Offers what the exact test of a triangle has found. True if the search is over.
+#[inline(always)]
+pub(crate) fn offer_triangle<G: Goal>(
+    search: &mut Search<'_, G>,
+    found: Option<(f64, Vec2)>,
+    ids: impl FnOnce() -> [u32; 3],
+) -> bool {
+    let Some((t, uv)) = found else { return false };
     let t = t as f32;
     if t > search.goal.limit() {
         return false;

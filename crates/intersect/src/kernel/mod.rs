@@ -4,6 +4,8 @@ pub(crate) mod binning;
 pub(crate) mod interleave;
 pub(crate) mod node;
 pub(crate) mod packet;
+pub(crate) mod quick;
 pub(crate) mod ray;
+mod slot;
 pub(crate) mod traverse;
 pub(crate) mod triangle;

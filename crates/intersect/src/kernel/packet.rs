@@ -247,7 +247,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 let pushed = self.push_children::<L>(tree, node, bundle, top);
                 if prefetch {
                     for i in top..top + pushed {
-                        super::interleave::fetch_ahead(tree, child_at(tree, *self.stacks.places.get_unchecked(i)));
+                        fetch_ahead(tree, child_at(tree, *self.stacks.places.get_unchecked(i)));
                     }
                 }
                 top += pushed;
@@ -494,4 +494,24 @@ impl Locals {
 unsafe fn child_at(tree: &GroupTree, place: u32) -> ChildRef {
     // SAFETY: as promised by the caller.
     unsafe { tree.nodes.get_unchecked(place as usize >> 3).children[place as usize & 7] }
+}
+
+/// Asks for the memory of a node or block.
+#[inline(always)]
+fn fetch_ahead(tree: &GroupTree, child: ChildRef) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let (start, lines): (*const i8, usize) = if child.is_node() {
+            (tree.nodes.as_ptr().wrapping_add(child.index()).cast(), 4)
+        } else {
+            (tree.blocks.as_ptr().wrapping_add(child.block()).cast(), 5)
+        };
+        for line in 0..lines {
+            // SAFETY: asking ahead reads nothing: any address will do.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (tree, child);
 }

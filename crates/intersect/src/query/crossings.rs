@@ -7,9 +7,9 @@
 #[cfg(test)]
 mod tests;
 
-use super::HitFilter;
 use super::rays::{RayQuery, Rays};
 use super::search::{All, Goal};
+use super::{Grouping, HitFilter};
 use crate::hit::Hit;
 use crate::world::{Geometry, Structure, World};
 use snell_math::Ray;
@@ -70,7 +70,7 @@ impl World {
     pub fn all<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter) -> AllHits {
         let rays = rays.into();
         let mut rows = vec![Vec::new(); rays.len()];
-        self.search_all(rays, filter, All::new, |i, goal| {
+        self.search_all(rays, Grouping::None, filter, All::new, |i, goal| {
             rows[i] = goal.hits;
             sort_and_deduplicate(&mut rows[i], &self.geometries);
         });
@@ -99,14 +99,14 @@ impl World {
         if self.may_repeat() {
             self.count_distinct(rays, filter, BUFFER, counts);
         } else {
-            self.search_all(rays, filter, Tally::new, |i, goal| counts[i] = goal.count);
+            self.search_all(rays, Grouping::None, filter, Tally::new, |i, goal| counts[i] = goal.count);
         }
     }
 
     /// As [`Self::count`] for structures that may offer a crossing several times.
     fn count_distinct(&self, rays: Rays, filter: &dyn HitFilter, buffer: usize, counts: &mut [u32]) {
         let start = |ray: &Ray| Distinct::new(ray, &self.geometries, buffer);
-        self.search_all(rays, filter, start, |i, mut goal| {
+        self.search_all(rays, Grouping::None, filter, start, |i, mut goal| {
             let mut count = 0u32;
             loop {
                 let (found, last) = goal.finish();
@@ -145,6 +145,8 @@ impl Tally {
 }
 
 impl Goal for Tally {
+    const NARROWS: bool = false;
+
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.limit
@@ -222,6 +224,8 @@ impl<'a> Distinct<'a> {
 }
 
 impl Goal for Distinct<'_> {
+    const NARROWS: bool = true;
+
     fn limit(&self) -> f32 {
         self.until.map_or(self.limit, |last| last.t)
     }

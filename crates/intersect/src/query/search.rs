@@ -10,6 +10,9 @@ use snell_math::Ray;
 
 /// What a query wants to know about a ray: the nearest hit, any hit, all hits.
 pub(crate) trait Goal {
+    /// True if hits bring the limit nearer while the search goes on.
+    const NARROWS: bool;
+
     /// Hits at a greater `t` are of no interest.
     fn limit(&self) -> f32;
 
@@ -126,6 +129,8 @@ impl Closest {
 }
 
 impl Goal for Closest {
+    const NARROWS: bool = true;
+
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.best.t
@@ -160,6 +165,8 @@ impl Any {
 }
 
 impl Goal for Any {
+    const NARROWS: bool = false;
+
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.limit
@@ -192,6 +199,8 @@ impl All {
 }
 
 impl Goal for All {
+    const NARROWS: bool = false;
+
     fn limit(&self) -> f32 {
         self.limit
     }
@@ -222,6 +231,8 @@ impl Counted {
 }
 
 impl Goal for Counted {
+    const NARROWS: bool = true;
+
     fn limit(&self) -> f32 {
         self.closest.limit()
     }
