@@ -66,7 +66,7 @@ impl Placement {
 
     /// The ray in the child; `None` if it overflows on the way or the child is flattened, then nothing there can be hit.
     #[inline(always)]
-    fn ray_in_child(&self, ray: &DRay, time: f32) -> Option<DRay> {
+    pub fn ray_in_child(&self, ray: &DRay, time: f32) -> Option<DRay> {
         match self {
             Self::Still(map) => ray_in_child(map, ray),
             Self::Moving(keys) => ray_in_child(transform_at(keys, time)?.inverse_matrix(), ray),
@@ -295,12 +295,8 @@ fn test_moving_triangle<G: Goal>(search: &mut Search<'_, G>, mesh: &MovingMesh, 
     if are_degenerate(&corners) {
         return false;
     }
-    let local = LocalRay::new(ray);
-    let corners = corners.map(|p| p.to_array());
-    // Asked before the rest, which is seldom needed.
-    exact_hit(&local, &corners, search.ray.t_min.into()).is_some()
-        && mesh.bounds(ids[2] as usize).is_some()
-        && test_triangle(search, &local, &corners, || ids)
+    let hit = exact_hit(&LocalRay::new(ray), &corners.map(|p| p.to_array()), search.ray.t_min.into());
+    hit.is_some() && mesh.bounds(ids[2] as usize).is_some() && offer_triangle(search, hit, || ids)
 }
 
 /// Offers the hit on one triangle. True if the search is over.
