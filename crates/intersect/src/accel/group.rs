@@ -318,7 +318,8 @@ pub(crate) fn offer_triangle<G: Goal>(
     ids: impl FnOnce() -> [u32; 3],
 ) -> bool {
     let Some((t, uv)) = found else { return false };
-    let t = t as f32;
+    // Never minus zero.
+    let t = t as f32 + 0.0;
     if t > search.goal.limit() {
         return false;
     }

@@ -54,7 +54,7 @@ pub(crate) fn transform_at(keys: &[Transform], time: f32) -> Option<Transform> {
 }
 
 /// How far the box of a moving triangle is moved out, relative to its largest side.
-const PADDING: f64 = 1e-6;
+const PADDING: f64 = 1.1e-6;
 
 /// Vertices of a [`MovingMesh`] at a later key.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -144,8 +144,10 @@ impl MovingMesh {
             return None;
         }
         let b = Bounds3d::of(self.keys().flat_map(|p| corners.map(|v| p[v].as_dvec3())));
-        // Drawn across a ray, a triangle may be off by the rounding of its own size.
-        let margin = b.size().max_element() * PADDING;
+        // As much as the box of a triangle at rest is padded, see `mesh::padded_bounds`.
+        let margin = b.size().max_element() * PADDING
+            + b.min.abs().max(b.max.abs()).max_element() * f64::from(f32::EPSILON)
+            + f64::from(f32::MIN_POSITIVE);
         Some(Bounds3d { min: b.min - margin, max: b.max + margin })
     }
 

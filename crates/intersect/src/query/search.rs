@@ -112,19 +112,20 @@ impl<'a, G: Goal> Search<'a, G> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Closest {
     best: Hit,
-    found: bool,
+    /// Not a `bool`: padding would make copies slow.
+    found: u32,
 }
 
 impl Closest {
     #[inline(always)]
     pub fn new(ray: &Ray) -> Self {
         // No ids are below zero, so only hits before `t_max` come before this.
-        Self { best: Hit { t: ray.t_max, instance: 0, geometry: 0, primitive: 0, ..Hit::MISS }, found: false }
+        Self { best: Hit { t: ray.t_max, instance: 0, geometry: 0, primitive: 0, ..Hit::MISS }, found: 0 }
     }
 
     #[inline(always)]
     pub fn result(&self) -> Hit {
-        if self.found { self.best } else { Hit::MISS }
+        if self.found != 0 { self.best } else { Hit::MISS }
     }
 }
 
@@ -144,7 +145,7 @@ impl Goal for Closest {
     #[inline(always)]
     fn take(&mut self, hit: Hit) -> bool {
         self.best = hit;
-        self.found = true;
+        self.found = 1;
         false
     }
 }

@@ -185,3 +185,27 @@ fn every_structure_level_and_batch_agrees_about_what_moves() {
     let times: Vec<_> = (0..500).map(|i| if i % 5 == 0 { 0.5 } else { random.range(-0.1, 1.1) }).collect();
     assert!(agree(&all, &rays, &times) > 250);
 }
+
+#[test]
+fn the_nearest_point_of_what_moves_is_that_at_time_0() {
+    let mut random = Random(4);
+    let mesh = Arc::new(breathing(&mut random));
+    let moving = worlds(|b| {
+        let child = b.add_group();
+        b.add_moving_mesh(child, mesh.clone());
+        b.add(WorldBuilder::ROOT, Instance { later: keys()[1..].to_vec(), ..Instance::new(child, keys()[0]) });
+    });
+    let still = world(|b| {
+        let child = b.add_group();
+        b.add_mesh(child, mesh.first().clone());
+        b.add_instance(WorldBuilder::ROOT, child, keys()[0]);
+    });
+    for _ in 0..200 {
+        let point = random.point(2.0);
+        let expected = still.nearest_point_one(point);
+        assert!(expected.is_found());
+        for world in &moving {
+            assert_eq!(world.nearest_point_one(point), expected);
+        }
+    }
+}

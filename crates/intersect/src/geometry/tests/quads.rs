@@ -100,3 +100,20 @@ fn a_quad_with_two_equal_corners_is_a_triangle() {
         assert_eq!(worlds[1].skipped_triangles(), 1);
     }
 }
+
+#[test]
+fn the_nearest_point_of_a_quad_names_the_quad_and_the_place_in_it() {
+    let cube = cube();
+    let worlds = worlds(|b| {
+        b.add_quads(WorldBuilder::ROOT, cube.clone());
+    });
+    let mut random = Random(4);
+    for _ in 0..300 {
+        let point = random.point(2.0);
+        let found = worlds[0].nearest_point_one(point);
+        assert!(found.primitive < 6 && (on_quad(&cube, found.primitive, found.uv) - found.position).length() < 1e-5);
+        for world in &worlds {
+            assert_eq!(world.nearest_point_one(point), found);
+        }
+    }
+}
