@@ -34,7 +34,9 @@ pub mod shape;
 pub mod world;
 
 pub use accel::Quality;
-pub use geometry::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet, Spheres};
+pub use geometry::{
+    CubicCurves, CurveBasis, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet, QuadMesh, Spheres,
+};
 pub use hit::{Hit, SurfaceInteraction};
 pub use mesh::TriangleMesh;
 pub use query::crossings::AllHits;
