@@ -548,6 +548,17 @@ pub struct TraversalCounters {
     pub cells_stepped: u32,
 }
 
+/// What a batch of rays cost: [`TraversalCounters`], summed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TraversalWork {
+    /// See [`TraversalCounters::nodes_visited`].
+    pub nodes_visited: u64,
+    /// See [`TraversalCounters::primitives_tested`].
+    pub primitives_tested: u64,
+    /// See [`TraversalCounters::cells_stepped`].
+    pub cells_stepped: u64,
+}
+
 impl World {
     /// The geometry with this number.
     pub fn geometry(&self, id: GeometryId) -> &Geometry {

@@ -163,15 +163,15 @@ impl Objects {
         self.count
     }
 
-    /// The ranges of numbers that are one geometry or instance each.
-    pub fn geometries(&self) -> impl Iterator<Item = (u32, u32)> {
-        let single = (0..self.placed.len() as u32).map(|i| (i, i + 1));
-        single.chain(self.sets.iter().map(|bulk| (bulk.first, bulk.first + bulk.contents.len() as u32)))
-    }
-
     /// The shapes and instances.
     pub fn placed(&self) -> &[Object] {
         &self.placed
+    }
+
+    /// First and end of the numbers of each shape, instance and set.
+    pub fn ranges(&self) -> impl Iterator<Item = (u32, u32)> {
+        let sets = self.sets.iter().map(|bulk| (bulk.first, bulk.first + bulk.contents.len() as u32));
+        (0..self.placed.len() as u32).map(|i| (i, i + 1)).chain(sets)
     }
 
     /// What a number stands for.
