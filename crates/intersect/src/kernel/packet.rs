@@ -17,7 +17,7 @@ use super::ray::LocalRay;
 use super::traverse::{Entry, Stack, Walk, test_object, walk_portable};
 use super::triangle::TriangleBlock;
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{Object, ObjectRef, ray_in_child, test_triangle};
+use crate::accel::group::{Object, ObjectRef, Placement, ray_in_child, test_triangle};
 use crate::hit::Hit;
 use crate::query::search::{Goal, Search, Verdict};
 use bundle::{Bundle, Kind, PerRay, RAYS};
@@ -492,8 +492,12 @@ impl<G: Goal> Walker<'_, '_, G> {
         instance: u32,
         top: usize,
     ) -> bool {
-        if let ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask: visible }) =
-            tree.objects.get(object)
+        if let ObjectRef::Placed(Object::Instance {
+            child,
+            offset,
+            child_from_group: Placement::Still(child_from_group),
+            mask: visible,
+        }) = tree.objects.get(object)
         {
             let mut wanted = mask;
             for lane in 0..RAYS {

@@ -127,10 +127,7 @@ impl PartBuilder {
 
     /// An inner node whose box is known only from its children: `children` pushes both and returns the box, where the second starts, and
     /// the costs of both.
-    pub fn inner_from_below(
-        &mut self,
-        children: impl FnOnce(&mut Self) -> (Box8, u32, Costs, Costs),
-    ) -> (Box8, Costs) {
+    pub fn inner_from_below(&mut self, children: impl FnOnce(&mut Self) -> (Box8, u32, Costs, Costs)) -> (Box8, Costs) {
         let index = self.nodes.len();
         self.push(&Box8::EMPTY, 0, 0);
         let (bounds, link, first, second) = children(self);

@@ -135,9 +135,9 @@ fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
         buckets.push(bucket);
         rest = others;
     }
-    buckets.into_par_iter().for_each(|keys| {
-        if keys.len() < 1 << 17 { keys.sort_unstable() } else { keys.par_sort_unstable() }
-    });
+    buckets
+        .into_par_iter()
+        .for_each(|keys| if keys.len() < 1 << 17 { keys.sort_unstable() } else { keys.par_sort_unstable() });
     output
 }
 

@@ -96,8 +96,7 @@ impl<'a> High<'a> {
         let Set { room, len, extent, areas, depth } = set;
         let binning = Binning::new(&extent.centers);
         let may_divide = depth < MAX_COST_DEPTH;
-        let plane =
-            if may_divide { best_plane(&bins_of(self.level, &binning, &room[..len])) } else { None };
+        let plane = if may_divide { best_plane(&bins_of(self.level, &binning, &room[..len])) } else { None };
         let overlap = plane.map_or(extent.bounds.half_area(), |p| p.bounds[0].intersection(&p.bounds[1]).half_area());
         let is_crowded = areas > CROWDED * f64::from(extent.bounds.half_area());
         if may_divide && room.len() > len && is_crowded && overlap > LEAST_OVERLAP * self.area {
@@ -258,8 +257,7 @@ struct SpaceBins {
 }
 
 impl SpaceBins {
-    const EMPTY: Self =
-        Self { boxes: [[Box8::EMPTY; BINS]; 3], begin: [[0; BINS]; 3], end: [[0; BINS]; 3] };
+    const EMPTY: Self = Self { boxes: [[Box8::EMPTY; BINS]; 3], begin: [[0; BINS]; 3], end: [[0; BINS]; 3] };
 
     fn add(&mut self, p: &Primitive, slabs: &Slabs, triangles: &Triangles) {
         let b = p.bounds().bounds();
@@ -279,10 +277,10 @@ impl SpaceBins {
             }
             let corners = triangles.corners(p.id());
             let mut rest = *p;
-            for i in first..last {
-                let [before, after] = divided(&rest, &corners, axis, slabs.start(axis, i + 1));
+            for (slab, bin) in (first + 1..).zip(&mut boxes[first..last]) {
+                let [before, after] = divided(&rest, &corners, axis, slabs.start(axis, slab));
                 if let Some(before) = before {
-                    boxes[i] = boxes[i].union(before.bounds());
+                    *bin = bin.union(before.bounds());
                 }
                 let Some(after) = after else { break };
                 rest = after;
@@ -313,10 +311,9 @@ impl SpaceBins {
                 right[i] = (bounds, count);
             }
             (bounds, count) = (Box8::EMPTY, 0);
-            for i in 1..BINS {
+            for (i, &(right_bounds, right_count)) in right.iter().enumerate().skip(1) {
                 bounds = bounds.union(&self.boxes[axis][i - 1]);
                 count += self.begin[axis][i - 1];
-                let (right_bounds, right_count) = right[i];
                 if count == 0 || right_count == 0 {
                     continue;
                 }

@@ -72,9 +72,11 @@ impl<'a> Triangles<'a> {
     /// About the box around the doubled centres (by `center2`) of all triangles: large numbers of them are only sampled.
     pub fn centers(&self, center2: impl Fn([Vec3; 3]) -> Vec4) -> Box8 {
         let stride = self.count() / SAMPLES + 1;
-        let all = self.list.meshes.iter().flat_map(|(_, mesh)| {
-            (0..mesh.indices.len()).step_by(stride).map(|triangle| mesh.corners(triangle))
-        });
+        let all = self
+            .list
+            .meshes
+            .iter()
+            .flat_map(|(_, mesh)| (0..mesh.indices.len()).step_by(stride).map(|triangle| mesh.corners(triangle)));
         all.filter(|corners| !are_degenerate(corners)).fold(Box8::EMPTY, |b, corners| b.with_point(center2(corners)))
     }
 

@@ -228,7 +228,8 @@ impl<D: Lanes4> Four<D> {
             for axis in 0..3 {
                 let point = direction[axis].mul(t);
                 let margin = point.abs().mul(D::splat(1e-8));
-                in_place &= low[axis].sub(padding).le(point.add(margin)) & point.sub(margin).le(high[axis].add(padding));
+                in_place &=
+                    low[axis].sub(padding).le(point.add(margin)) & point.sub(margin).le(high[axis].add(padding));
             }
             unsure |= inside & beyond & !in_place;
             found.hits |= (inside & beyond & !unsure) << from;
