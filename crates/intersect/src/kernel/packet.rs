@@ -8,6 +8,8 @@
 mod bundle;
 mod exact;
 mod leaf;
+#[cfg(test)]
+mod tests;
 
 use super::interleave::Batch;
 use super::node::{ChildRef, padded};
@@ -247,7 +249,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     #[inline(always)]
     unsafe fn walk<L: WideLanes>(&mut self, group: usize, bundle: &mut Bundle, instance: u32, base: usize) -> bool {
         let tree = &self.forest.trees[group];
-        let mut locals = Locals { built: 0, rays: [const { MaybeUninit::uninit() }; RAYS] };
+        let mut locals = Locals::NONE;
         for &object in &tree.unbounded {
             // SAFETY: as promised by the caller.
             unsafe { self.test_objects(tree, object as usize, bundle, self.alive, instance) };
@@ -563,6 +565,8 @@ struct Locals {
 }
 
 impl Locals {
+    const NONE: Self = Self { built: 0, rays: [const { MaybeUninit::uninit() }; RAYS] };
+
     #[inline(always)]
     fn get(&mut self, bundle: &Bundle, lane: usize) -> &LocalRay {
         if self.built >> lane & 1 == 0 {
