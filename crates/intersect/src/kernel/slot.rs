@@ -6,7 +6,7 @@ use super::quick::QuickRay;
 use super::traverse::{Stack, Walk, test_object};
 use super::triangle::{TriangleBlock, hit_in_plane, is_behind, lines_through, plane_distance};
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{Object, ObjectRef, offer_triangle, ray_in_child};
+use crate::accel::group::{Object, ObjectRef, offer_triangle};
 use crate::query::search::{Goal, Search};
 use snell_math::simd::Lanes8;
 use snell_math::{DRay, DVec3, Ray};
@@ -311,10 +311,11 @@ impl<'a, G: Goal> Slot<'a, G> {
         };
         let tree = &forest.trees[*child];
         // SAFETY: as promised by the caller.
-        if mask & unsafe { self.search() }.mask == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
+        let (visible, time) = unsafe { (self.search().mask, self.search().time) };
+        if mask & visible == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
             return false;
         }
-        let Some(ray) = ray_in_child(child_from_group, &self.place.exact()) else { return false };
+        let Some(ray) = child_from_group.ray_in_child(&self.place.exact(), time) else { return false };
         self.outside.push(self.place);
         let place = &mut self.place;
         if !place.ray.set_from_exact::<L>(&ray.origin, &ray.direction) {

@@ -1,7 +1,7 @@
 //! Every crossing of a ray: how many there are, and which.
 //!
 //! A structure may hold a triangle several times (spatial splits do that), so a crossing may be offered several times, in any order.
-//! Each counts once: for triangles the same (instance, geometry, primitive) at the same `t` is the same crossing. Shapes are held
+//! Each counts once: for triangles the same (instance, geometry, primitive) at the same `t` and `uv` is the same crossing. Shapes are held
 //! once, and two of their crossings may well be equal in single precision.
 
 #[cfg(test)]
@@ -52,7 +52,7 @@ impl AllHits {
 
 /// What hits are sorted by.
 fn key(hit: &Hit) -> Key {
-    Key { t: hit.t, ids: [hit.instance, hit.geometry, hit.primitive] }
+    Key { t: hit.t, rank: hit.rank() }
 }
 
 /// Sorts hits and leaves each crossing once.
@@ -62,7 +62,7 @@ fn sort_and_deduplicate(hits: &mut Vec<Hit>, geometries: &[Geometry]) {
 }
 
 fn is_mesh(geometries: &[Geometry], geometry: u32) -> bool {
-    matches!(geometries[geometry as usize], Geometry::Mesh(_))
+    matches!(geometries[geometry as usize], Geometry::Mesh(_) | Geometry::Quads(_))
 }
 
 impl World {
@@ -168,12 +168,13 @@ impl Goal for Tally {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Key {
     t: f32,
-    ids: [u32; 3],
+    /// [`Hit::rank`].
+    rank: [u32; 5],
 }
 
 impl Key {
     fn compare(&self, other: &Self) -> std::cmp::Ordering {
-        self.t.total_cmp(&other.t).then(self.ids.cmp(&other.ids))
+        self.t.total_cmp(&other.t).then(self.rank.cmp(&other.rank))
     }
 }
 
@@ -212,7 +213,7 @@ impl<'a> Distinct<'a> {
     fn sort_and_deduplicate(&mut self) {
         self.found.sort_unstable_by(Key::compare);
         let geometries = self.geometries;
-        self.found.dedup_by(|a, b| a == b && is_mesh(geometries, a.ids[1]));
+        self.found.dedup_by(|a, b| a == b && is_mesh(geometries, a.rank[1]));
     }
 
     /// How many there are, and the last of them if there are more.

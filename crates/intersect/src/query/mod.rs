@@ -11,7 +11,7 @@ use crate::accel::brute_force::search_all;
 use crate::hit::Hit;
 use crate::kernel::traverse::search_forest;
 use crate::kernel::{interleave, packet};
-use crate::world::{Structure, TraversalCounters, World};
+use crate::world::{Structure, TraversalCounters, TraversalWork, World};
 use rays::{RayQuery, Rays};
 use search::{Any, Closest, Context, Counted, Goal, Search};
 use snell_math::{DRay, Ray};
@@ -91,6 +91,28 @@ impl World {
     ) -> (Hit, TraversalCounters) {
         let goal = self.search(ray.into(), filter, Counted::new);
         (goal.closest.result(), goal.counters)
+    }
+
+    /// The nearest hit of each ray, and what all of them together cost to find.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn closest_work<'a>(
+        &self,
+        rays: impl Into<Rays<'a>>,
+        filter: &dyn HitFilter,
+        hits: &mut [Hit],
+    ) -> TraversalWork {
+        let rays = rays.into();
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        let mut work = TraversalWork::default();
+        self.search_all(rays, Grouping::None, filter, Counted::new, |i, goal| {
+            hits[i] = goal.closest.result();
+            work.nodes_visited += u64::from(goal.counters.nodes_visited);
+            work.primitives_tested += u64::from(goal.counters.primitives_tested);
+            work.cells_stepped += u64::from(goal.counters.cells_stepped);
+        });
+        work
     }
 
     /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping.

@@ -2,6 +2,7 @@
 
 use super::HitFilter;
 use super::rays::{RayQuery, clamped_time};
+use crate::geometry::quads::quad_hit;
 use crate::hit::Hit;
 use crate::kernel::node::padded;
 use crate::world::{GeometryOptions, TraversalCounters};
@@ -95,10 +96,11 @@ impl<'a, G: Goal> Search<'a, G> {
         if hit.t <= self.ray.t_min || self.goal.is_past(&hit) {
             return Verdict::Rejected;
         }
+        let options = &self.context.options[hit.geometry as usize];
+        let hit = if options.quads { quad_hit(&hit) } else { hit };
         if !self.goal.wants(&hit) {
             return Verdict::Behind;
         }
-        let options = &self.context.options[hit.geometry as usize];
         if options.mask & self.mask == 0 || (options.filtered && !self.context.filter.accept(self.ray, &hit)) {
             return Verdict::Rejected;
         }

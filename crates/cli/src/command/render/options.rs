@@ -231,7 +231,13 @@ impl Options {
             )?,
             ao_distance: self.ao_distance,
             aovs,
-            build: BuildOptions { accelerator, quality, cache: self.bvh_cache.clone(), simd, ..BuildOptions::default() },
+            build: BuildOptions {
+                accelerator,
+                quality,
+                cache: self.bvh_cache.clone(),
+                simd,
+                ..BuildOptions::default()
+            },
             ..Settings::default()
         })
     }
