@@ -1,4 +1,19 @@
 //! The 8-wide bounding volume hierarchy of each group, and all groups together.
+//!
+//! A build makes a binary tree (`fast`, `medium` or `high`), in parts that one thread builds each and inner nodes above them; `wide` then
+//! counts what the tree needs as 8-wide nodes and blocks, and all threads write it in place. The tree depends neither on the threads nor on
+//! the instructions.
+//!
+//! Measured with `examples/builds.rs` on 4 cores of an EPYC (Zen 3) that was shared with other work, so in processor time: millions of triangles per second as
+//! if it were spread evenly over the four (in brackets Embree 4.4 on the same machine, counted alike), surface area cost, bytes per triangle.
+//!
+//! | scene | fast | medium | high |
+//! |---|---|---|---|
+//! | 100 bunnies, 7M | 30 (30 to 33), 39.8, 54 B | 9.6 (7.9 to 9.1), 34.8, 51 B | 3.6 (40 bunnies), 34.6, 52 B |
+//! | terrain, 4.2M | 40 (40), 19.7, 55 B | 11.2 (11.3), 14.6, 49 B | 7.1, 14.6, 49 B |
+//! | room, 1.7M | 29, 81.8, 55 B | 3.0, 25.1, 52 B (by splits; 70.2 without) | 3.1, 25.1, 52 B |
+//!
+//! 50M triangles (720 bunnies) are built with at most 5.4 GB (medium; 4.5 GB fast), the mesh of 0.9 GB included.
 
 mod binary;
 mod bins;
