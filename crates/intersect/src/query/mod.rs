@@ -99,7 +99,12 @@ impl World {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn closest_work<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter, hits: &mut [Hit]) -> TraversalWork {
+    pub fn closest_work<'a>(
+        &self,
+        rays: impl Into<Rays<'a>>,
+        filter: &dyn HitFilter,
+        hits: &mut [Hit],
+    ) -> TraversalWork {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
         let mut work = TraversalWork::default();
