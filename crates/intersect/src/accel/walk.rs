@@ -196,7 +196,8 @@ impl<G: Goal> GroupVisitor<'_, '_, G> {
 impl<G: Goal> Visitor for GroupVisitor<'_, '_, G> {
     #[inline]
     fn cull(&self) -> f64 {
-        self.search.cull().into()
+        // The second term is for distances so small that rounding them to `f32` moves them by more than a share of them.
+        f64::from(self.search.cull()) + 4.0 * f64::from(f32::from_bits(1))
     }
 
     fn test(&mut self, primitives: &[u32]) -> bool {

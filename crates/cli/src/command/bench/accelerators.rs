@@ -134,7 +134,7 @@ impl Report<'_> {
         let triangles = bench.world.instanced_triangle_count();
         self.heading("\nUniform grid by resolution (cells along the longest side): microseconds for a diffuse ray")?;
         let case = Case::new(bench, measurer)?;
-        let fixed = (0..9).map(|i| (Some(2u32 << i), false));
+        let fixed = (0..8).map(|i| (Some(2u32 << i), false));
         let mut sweep = Vec::new();
         for (grid_resolution, nested_grids) in fixed.chain([(None, false), (None, true)]) {
             let accelerator_options =

@@ -3,13 +3,16 @@
 //! The polygon of a triangle is the part of its plane within its box (grown by the margin of [`crate::accel::primitives`]), because
 //! that is where hits on it can be. Shapes, instances and small triangles whose box says as much take part with their box.
 
-use super::polygon::{Side, Vertices, plane_in_box};
+use super::polygon::{Side, Vertices, parts_of_box, plane_in_box};
 use super::{ChildRef, Node, Plane};
 use crate::accel::primitives::{Item, PARALLEL, Primitives};
 use snell_math::{Bounds3d, DVec3};
 
 /// Sets up to this size are not divided.
-const LEAF: usize = 4;
+const LEAF: usize = 2;
+
+/// Larger sets are divided even if the sample promises nothing: it is easily wrong, and what comes below may pay.
+const MANY: usize = 8;
 
 /// Cost of testing a primitive, in steps from node to node.
 const TEST_COST: f64 = 2.0;
@@ -18,8 +21,14 @@ const TEST_COST: f64 = 2.0;
 const GROWTH: usize = 8;
 
 /// Polygons of which planes are tried, and polygons on which they are tried.
-const CANDIDATES: usize = 6;
-const SAMPLE: usize = 48;
+const CANDIDATES: usize = 3;
+const SAMPLE: usize = 24;
+
+/// Planes that cut off empty space cost this much less.
+const EMPTY_BONUS: f64 = 0.8;
+
+/// What is left of a cell without its empty part, at most.
+const MOST: f64 = 0.95;
 
 /// Below this relative size of the group, distances from a plane do not count.
 const TOLERANCE: f64 = 1e-7;
@@ -118,7 +127,8 @@ pub(super) fn tree(primitives: &Primitives) -> (Part, ChildRef, DVec3) {
         max_depth: 12 + (2.0 * (n.max(1) as f64).log2()) as u32,
     };
     let mut part = Part::default();
-    let root = builder.subtree(builder.whole(), 0, n.saturating_mul(GROWTH), &mut part);
+    let cell = Bounds3d { min: bounds.min - center, max: bounds.max - center };
+    let root = builder.subtree(builder.whole(), &cell, 0, n.saturating_mul(GROWTH), &mut part);
     (part, root, center)
 }
 
@@ -168,10 +178,10 @@ impl Builder<'_> {
         Some((Plane { normal, offset: normal.dot(a) }, a))
     }
 
-    fn subtree(&self, set: Set, depth: u32, allowance: usize, part: &mut Part) -> ChildRef {
+    fn subtree(&self, set: Set, cell: &Bounds3d, depth: u32, allowance: usize, part: &mut Part) -> ChildRef {
         part.depth = part.depth.max(depth + 1);
         let n = set.fragments.len();
-        let divided = if n > LEAF && depth < self.max_depth { self.divide(&set, allowance) } else { None };
+        let divided = if n > LEAF && depth < self.max_depth { self.divide(&set, cell, allowance) } else { None };
         let Some(Divided { plane, on, sides: [back, front] }) = divided else {
             let range = part.refer(set.fragments.iter().map(|f| f.id));
             part.leaves.push(range);
@@ -184,26 +194,30 @@ impl Builder<'_> {
         let (share_back, share_front) = (share(&back), share(&front));
         let node = part.nodes.len();
         let on = part.refer(on.into_iter());
+        let cells = parts_of_box(&plane, cell).map(|part| part.bounds);
         let nothing = ChildRef(ChildRef::LEAF);
         part.nodes.push(Node { plane, on, children: [nothing; 2] });
         let children = if n > PARALLEL {
-            let tree = |set: Set, share: usize| {
+            let tree = |set: Set, cell: &Bounds3d, share: usize| {
                 let mut part = Part::default();
-                let root = self.subtree(set, depth + 1, share, &mut part);
+                let root = self.subtree(set, cell, depth + 1, share, &mut part);
                 (part, root)
             };
-            let (a, b) = rayon::join(|| tree(back, share_back), || tree(front, share_front));
+            let (a, b) = rayon::join(|| tree(back, &cells[0], share_back), || tree(front, &cells[1], share_front));
             [part.append(a.0, a.1), part.append(b.0, b.1)]
         } else {
-            [self.subtree(back, depth + 1, share_back, part), self.subtree(front, depth + 1, share_front, part)]
+            [
+                self.subtree(back, &cells[0], depth + 1, share_back, part),
+                self.subtree(front, &cells[1], depth + 1, share_front, part),
+            ]
         };
         part.nodes[node].children = children;
         ChildRef(node as u32)
     }
 
     /// Divides a set by the best plane; `None` if a leaf is better, or the parts would be more than allowed.
-    fn divide(&self, set: &Set, allowance: usize) -> Option<Divided> {
-        let plane = self.best_plane(set)?;
+    fn divide(&self, set: &Set, cell: &Bounds3d, allowance: usize) -> Option<Divided> {
+        let plane = self.best_plane(set, cell)?;
         let mut divided = Divided { plane, on: Vec::new(), sides: [Set::default(), Set::default()] };
         for f in &set.fragments {
             let [back, front] = &mut divided.sides;
@@ -219,7 +233,7 @@ impl Builder<'_> {
         }
         let counts = divided.sides.each_ref().map(|s| s.fragments.len());
         let n = set.fragments.len();
-        let separates = counts[0] < n && counts[1] < n;
+        let separates = counts[0] < n || counts[1] < n;
         (separates && divided.on.len() + counts[0] + counts[1] <= allowance).then_some(divided)
     }
 
@@ -232,16 +246,13 @@ impl Builder<'_> {
     }
 
     /// The plane of least expected cost on a sample; `None` if none is expected to be better than a leaf.
-    fn best_plane(&self, set: &Set) -> Option<Plane> {
+    fn best_plane(&self, set: &Set, cell: &Bounds3d) -> Option<Plane> {
         let n = set.fragments.len();
         let step = |wanted: usize| n.div_ceil(wanted.min(n));
         let sample: Vec<&Fragment> = set.fragments.iter().step_by(step(SAMPLE)).collect();
-        let whole = sample.iter().fold(Bounds3d::EMPTY, |b, f| b.union(&f.bounds));
-        let size = whole.size();
-        let longest = (0..3).fold(0, |a, b| if size[b] > size[a] { b } else { a });
         let mut best: Option<Score> = None;
         let mut consider = |plane: Plane| {
-            let cost = self.cost(set, &sample, &whole, &plane);
+            let cost = self.cost(set, &sample, cell, &plane);
             if best.as_ref().is_none_or(|b| cost < b.cost) {
                 best = Some(Score { plane, cost });
             }
@@ -250,56 +261,42 @@ impl Builder<'_> {
             if let Some((plane, _)) = self.plane_of(f.id) {
                 consider(plane);
             }
-            let mut normal = DVec3::ZERO;
-            normal[longest] = 1.0;
-            for offset in [f.bounds.min[longest], f.bounds.max[longest]] {
-                consider(Plane { normal, offset });
+            for (axis, normal) in DVec3::AXES.into_iter().enumerate() {
+                for offset in [f.bounds.min[axis], f.bounds.max[axis]] {
+                    consider(Plane { normal, offset });
+                }
             }
         }
         // The sample stands for all.
         let scale = n as f64 / sample.len() as f64;
         let best = best?;
-        (1.0 + best.cost * scale < TEST_COST * n as f64).then_some(best.plane)
+        (n > MANY || 1.0 + best.cost * scale < TEST_COST * n as f64).then_some(best.plane)
     }
 
-    /// Expected tests in the two parts: the surface area heuristic, with the boxes of what lies in them.
-    fn cost(&self, set: &Set, sample: &[&Fragment], whole: &Bounds3d, plane: &Plane) -> f64 {
-        let mut sides = [(Bounds3d::EMPTY, 0.0); 2];
-        let mut on = 0.0;
-        let mut add = |side: usize, b: &Bounds3d| sides[side] = (sides[side].0.union(b), sides[side].1 + 1.0);
+    /// Expected tests in the two parts of a cell: the surface area heuristic.
+    fn cost(&self, set: &Set, sample: &[&Fragment], cell: &Bounds3d, plane: &Plane) -> f64 {
+        let (mut on, mut counts) = (0, [0; 2]);
         for f in sample {
             match self.side(set, f, plane) {
-                Side::On => on += 1.0,
-                Side::Back => add(0, &f.bounds),
-                Side::Front => add(1, &f.bounds),
-                Side::Across => {
-                    let [back, front] = self.parts(set, f, plane);
-                    add(0, &back);
-                    add(1, &front);
-                }
+                Side::On => on += 1,
+                Side::Back => counts[0] += 1,
+                Side::Front => counts[1] += 1,
+                Side::Across => counts = counts.map(|n| n + 1),
             }
         }
-        let inverse = 1.0 / whole.half_area();
-        let side = |(b, count): (Bounds3d, f64)| b.half_area() * inverse * count;
-        // What lies on the plane is tested only where the ray meets the plane near the cell.
-        TEST_COST * (side(sides[0]) + side(sides[1]) + 0.5 * on)
-    }
-
-    /// The boxes of the parts of a fragment on both sides.
-    fn parts(&self, set: &Set, f: &Fragment, plane: &Plane) -> [Bounds3d; 2] {
-        let mut bounds = [f.bounds; 2];
-        if let Some(axis) = (0..3).find(|&a| plane.normal[a] == 1.0) {
-            bounds[0].max[axis] = plane.offset;
-            bounds[1].min[axis] = plane.offset;
-        } else if f.count > 0 {
-            let mut part = Vec::with_capacity(16);
-            for (side, sign) in [(0, -1.0), (1, 1.0)] {
-                part.clear();
-                plane.cut(set.polygon(f), sign, &mut part);
-                bounds[side] = bounds_of(&part);
-            }
-        }
-        bounds
+        let inverse = 1.0 / cell.half_area();
+        let parts = parts_of_box(plane, cell);
+        let side = |i: usize| parts[i].half_area * inverse * f64::from(counts[i]);
+        // Nearly every ray through the cell meets the plane there, if it divides the cell well.
+        let tests = f64::EPSILON + side(0) + side(1) + 0.5 * f64::from(on);
+        let bonus = match counts {
+            // A plane along the border of the cell cuts nothing off.
+            [0, _] if parts[1].half_area * inverse > MOST => f64::INFINITY,
+            [_, 0] if parts[0].half_area * inverse > MOST => f64::INFINITY,
+            [0, _] | [_, 0] => EMPTY_BONUS,
+            _ => 1.0,
+        };
+        TEST_COST * tests * bonus
     }
 }
 
