@@ -172,22 +172,22 @@ pub(crate) fn exact_hit(ray: &LocalRay, corners: &[[f32; 3]; 3], t_min: f64) -> 
     if t.is_nan() || t <= t_min {
         return None;
     }
-    let t = clamp_to_box(ray, &relative, t);
+    let t = clamp_to_box(&ray.exact.direction, &relative, t);
     Some((t, Vec2::new(b1 as f32, b2 as f32)))
 }
 
 /// The nearest value to `t` at which the ray is in the box of the three corners (given relative to its origin); `t` itself if it is
 /// there up to an error that the padding of boxes covers.
 #[inline(always)]
-fn clamp_to_box(ray: &LocalRay, relative: &[DVec3; 3], t: f64) -> f64 {
+pub(crate) fn clamp_to_box(direction: &DVec3, relative: &[DVec3; 3], t: f64) -> f64 {
     let low = relative[0].min(relative[1]).min(relative[2]);
     let high = relative[0].max(relative[1]).max(relative[2]);
-    let point = ray.exact.direction * t;
+    let point = *direction * t;
     let margin = point.abs() * 1e-8;
     if (point + margin).cmpge(low).all() && (point - margin).cmple(high).all() {
         return t;
     }
-    clamp_to_slabs(&ray.exact.direction, low, high, t)
+    clamp_to_slabs(direction, low, high, t)
 }
 
 /// The slow part of [`clamp_to_box`], for rays that graze the triangle.
