@@ -1,5 +1,6 @@
 //! Shared pieces of the cross-crate tests: how to build scenes in few words, how to render them, and how to judge noisy pictures.
 
+pub mod meshes;
 pub mod scenes;
 pub mod statistics;
 

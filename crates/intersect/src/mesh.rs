@@ -87,11 +87,13 @@ impl TriangleMesh {
         (0..self.indices.len()).filter(|&i| self.is_degenerate(i)).count()
     }
 
-    /// True for a triangle that can never be hit: with a non-finite vertex, or without area.
+    /// True for a triangle that can never be hit: with a non-finite vertex, or with two vertices in one place.
+    ///
+    /// Three different vertices on a line are not enough: as drawn across a ray they may cover a little, and what they cover no other
+    /// triangle of a closed mesh does (rounding the coordinates of far-away meshes makes such triangles).
     pub fn is_degenerate(&self, triangle: usize) -> bool {
-        let [a, b, c] = self.corners(triangle).map(|p| p.as_dvec3());
-        let area = (b - a).cross(c - a).length_squared();
-        area == 0.0 || !area.is_finite()
+        let [a, b, c] = self.corners(triangle);
+        !(a.is_finite() && b.is_finite() && c.is_finite()) || a == b || b == c || c == a
     }
 
     /// The mesh moved by `transform`: positions in double precision and rounded once, normals by the inverse transpose, tangents

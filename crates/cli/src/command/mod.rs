@@ -1,5 +1,6 @@
 //! The sub-commands, one file each.
 
+mod bench;
 mod compare;
 mod completions;
 mod formats;
@@ -20,6 +21,9 @@ pub enum Command {
     Info(info::Options),
     /// Compare two pictures.
     Compare(compare::Options),
+    /// Measure how fast rays are traced and structures built, beside others.
+    #[command(subcommand)]
+    Bench(bench::Command),
     /// List the built-in scenes.
     Scenes,
     /// List the file formats.
@@ -36,6 +40,7 @@ pub fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Render(options) => render::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options),
+        Command::Bench(command) => bench::run(&command),
         Command::Scenes => scenes::run(),
         Command::Formats => formats::run(),
         Command::Completions(options) => completions::run(&options),

@@ -97,7 +97,7 @@ impl World {
             return self.surface_in_group(instance.child, left, &map.inverse().ray(ray), hit).mapped(map);
         }
         match self.geometry(GeometryId(hit.geometry)) {
-            Geometry::Mesh(mesh) => triangle_surface(mesh, hit),
+            Geometry::Mesh(mesh) => triangle_surface(mesh, &ray.direction, hit),
             Geometry::Shape(shape, placed) => {
                 shape_surface(shape.as_ref(), &placed.inverse().ray(ray), hit).mapped(placed)
             }
@@ -135,14 +135,14 @@ fn shape_surface(shape: &dyn Shape, ray: &DRay, hit: &Hit) -> LocalSurface {
     }
 }
 
-fn triangle_surface(mesh: &TriangleMesh, hit: &Hit) -> LocalSurface {
+fn triangle_surface(mesh: &TriangleMesh, direction: &DVec3, hit: &Hit) -> LocalSurface {
     let triangle = hit.primitive as usize;
     let indices = mesh.indices[triangle].map(|i| i as usize);
     let p = indices.map(|i| mesh.positions[i].as_dvec3());
     let (b1, b2) = (f64::from(hit.uv.x), f64::from(hit.uv.y));
     let b = [1.0 - b1 - b2, b1, b2];
     let single = b.map(|x| x as f32);
-    let normal = (p[1] - p[0]).cross(p[2] - p[0]).normalize_or(DVec3::Z);
+    let normal = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize().unwrap_or_else(|| line_normal(&p, direction));
     let blend = |v: &[Vec3]| indices.iter().zip(b).map(|(&i, b)| v[i].as_dvec3() * b).sum::<DVec3>();
     let uv = |v: &[Vec2]| indices.iter().zip(single).map(|(&i, b)| v[i] * b).sum::<Vec2>();
     let present = |v: &[Vec2]| if v.is_empty() { Vec2::ZERO } else { uv(v) };
@@ -168,6 +168,15 @@ fn triangle_surface(mesh: &TriangleMesh, hit: &Hit) -> LocalSurface {
         uv: [present(&mesh.uvs[0]), present(&mesh.uvs[1])],
         color: if mesh.colors.is_empty() { [1.0; 4] } else { color() },
     }
+}
+
+/// What stands for the normal of three vertices on a line: across it, towards where the ray comes from.
+fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
+    let edges = [p[1] - p[0], p[2] - p[1], p[0] - p[2]];
+    let longest =
+        edges.into_iter().fold(DVec3::ZERO, |a, b| if b.length_squared() > a.length_squared() { b } else { a });
+    let across = longest.cross(longest.cross(*direction)).try_normalize();
+    across.unwrap_or_else(|| -direction.normalize_or(DVec3::NEG_Z))
 }
 
 /// Derivatives of the position by the texture coordinates (Pharr, Jakob and Humphreys, 4th edition, section 6.5.2); zero where the

@@ -1,0 +1,208 @@
+//! Snell and a peer trace the same rays in turn, so that whatever else the machine does troubles both.
+
+use super::clock::{Clock, median, time_pieces};
+use super::peer::Contender;
+use rayon::ThreadPool;
+use snell_intersect::{AcceptAll, Grouping, Hit, World};
+use snell_math::Ray;
+
+/// Contenders that come within this factor of the fastest at first are measured further.
+const CLOSE: f64 = 1.15;
+
+/// How many of them at most.
+const MAX_FINALISTS: usize = 3;
+
+/// How Snell is called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Call {
+    /// A batch at a time.
+    Batch,
+    /// One ray a call.
+    One,
+}
+
+impl Call {
+    /// All ways.
+    pub const ALL: [Self; 2] = [Self::Batch, Self::One];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Batch => "batch",
+            Self::One => "one",
+        }
+    }
+}
+
+/// What a query answers for one ray.
+pub trait Answer: Copy + Default + Send + Sync {
+    fn snell(world: &World, call: Call, grouping: Grouping, rays: &[Ray], answers: &mut [Self]);
+    fn peer(peer: &Contender, rays: &[Ray], answers: &mut [Self]);
+    fn is_hit(&self) -> bool;
+    fn agrees(&self, other: &Self) -> bool;
+}
+
+impl Answer for Hit {
+    fn snell(world: &World, call: Call, grouping: Grouping, rays: &[Ray], answers: &mut [Self]) {
+        match call {
+            Call::Batch => world.closest(rays, grouping, &AcceptAll, answers),
+            Call::One => {
+                for (ray, answer) in rays.iter().zip(answers) {
+                    *answer = world.closest_one(ray, &AcceptAll);
+                }
+            }
+        }
+    }
+
+    fn peer(peer: &Contender, rays: &[Ray], answers: &mut [Self]) {
+        peer.scene.closest(peer.mode, rays, answers);
+    }
+
+    fn is_hit(&self) -> bool {
+        self.is_hit()
+    }
+
+    fn agrees(&self, other: &Self) -> bool {
+        self.is_hit() == other.is_hit()
+            && (!self.is_hit() || (self.t - other.t).abs() <= 1e-4 * self.t.abs().max(other.t.abs()))
+    }
+}
+
+impl Answer for bool {
+    fn snell(world: &World, call: Call, _: Grouping, rays: &[Ray], answers: &mut [Self]) {
+        match call {
+            Call::Batch => world.occluded(rays, &AcceptAll, answers),
+            Call::One => {
+                for (ray, answer) in rays.iter().zip(answers) {
+                    *answer = world.occluded_one(ray, &AcceptAll);
+                }
+            }
+        }
+    }
+
+    fn peer(peer: &Contender, rays: &[Ray], answers: &mut [Self]) {
+        peer.scene.occluded(peer.mode, rays, answers);
+    }
+
+    fn is_hit(&self) -> bool {
+        *self
+    }
+
+    fn agrees(&self, other: &Self) -> bool {
+        self == other
+    }
+}
+
+/// What is asked, of whom, and how often.
+pub struct Contest<'a> {
+    pub pool: &'a ThreadPool,
+    pub clock: Clock,
+    pub repeat: usize,
+    pub world: &'a World,
+    pub call: Call,
+    pub grouping: Grouping,
+    pub rays: &'a [Ray],
+    pub contenders: &'a [Contender<'a>],
+}
+
+/// How it went.
+pub struct Outcome {
+    /// Rays that hit something.
+    pub hits: usize,
+    /// Median of Snell's times, in seconds.
+    pub seconds: f64,
+    /// The fastest contender that is not robust.
+    pub opponent: Option<Opponent>,
+    /// The fastest robust one.
+    pub robust: Option<Opponent>,
+}
+
+/// How a contender did.
+pub struct Opponent {
+    /// The contender's way.
+    pub mode: String,
+    /// Median of its times, in seconds.
+    pub seconds: f64,
+    /// Median of its times over Snell's, run by run: above 1, Snell is faster.
+    pub ratio: f64,
+    /// Share of rays with equal answers.
+    pub agree: f64,
+}
+
+/// A contender with the times of its runs, in the order of Snell's.
+struct Runs<'a> {
+    contender: &'a Contender<'a>,
+    seconds: Vec<f64>,
+}
+
+impl Contest<'_> {
+    /// Runs it.
+    pub fn run<A: Answer>(&self) -> Outcome {
+        let mut answers = vec![A::default(); self.rays.len()];
+        let mut other = answers.clone();
+        // To warm up, and for the answers.
+        self.time_snell(&mut answers);
+        let mut finalists = self.finalists(&mut other);
+        let mut own = Vec::new();
+        for round in 0..self.repeat {
+            // Each goes first in turn.
+            if round % 2 == 0 {
+                own.push(self.time_snell(&mut answers));
+            }
+            for runs in &mut finalists {
+                runs.seconds.push(self.time_peer(runs.contender, &mut other));
+            }
+            if round % 2 == 1 {
+                own.push(self.time_snell(&mut answers));
+            }
+        }
+        let (robust, fast): (Vec<_>, Vec<_>) = finalists.iter().partition(|runs| runs.contender.is_robust());
+        Outcome {
+            hits: answers.iter().filter(|a| a.is_hit()).count(),
+            seconds: median(&own),
+            opponent: self.fastest(&fast, &own, &answers),
+            robust: self.fastest(&robust, &own, &answers),
+        }
+    }
+
+    fn time_snell<A: Answer>(&self, answers: &mut [A]) -> f64 {
+        time_pieces(self.pool, self.clock, self.rays, answers, &|rays: &[Ray], answers: &mut [A]| {
+            A::snell(self.world, self.call, self.grouping, rays, answers);
+        })
+    }
+
+    fn time_peer<A: Answer>(&self, peer: &Contender, answers: &mut [A]) -> f64 {
+        time_pieces(self.pool, self.clock, self.rays, answers, &|rays: &[Ray], answers: &mut [A]| {
+            A::peer(peer, rays, answers);
+        })
+    }
+
+    /// The contenders that may be the fastest, of those that are robust and of those that are not.
+    fn finalists<A: Answer>(&self, answers: &mut [A]) -> Vec<Runs<'_>> {
+        let mut kept = Vec::new();
+        for robust in [false, true] {
+            let entered = self.contenders.iter().filter(|c| c.is_robust() == robust);
+            let mut times: Vec<_> =
+                entered.map(|c| (self.time_peer(c, answers).min(self.time_peer(c, answers)), c)).collect();
+            times.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let limit = times.first().map_or(0.0, |t| t.0 * CLOSE);
+            let close = times.into_iter().take_while(|t| t.0 <= limit).take(MAX_FINALISTS);
+            kept.extend(close.map(|(_, contender)| Runs { contender, seconds: Vec::new() }));
+        }
+        kept
+    }
+
+    fn fastest<A: Answer>(&self, runs: &[&Runs], own: &[f64], answers: &[A]) -> Option<Opponent> {
+        let best = runs.iter().min_by(|a, b| median(&a.seconds).total_cmp(&median(&b.seconds)))?;
+        let mut theirs = vec![A::default(); self.rays.len()];
+        self.time_peer(best.contender, &mut theirs);
+        let equal = theirs.iter().zip(answers).filter(|(a, b)| a.agrees(b)).count();
+        let ratios: Vec<f64> = best.seconds.iter().zip(own).map(|(theirs, own)| theirs / own).collect();
+        Some(Opponent {
+            mode: best.contender.name(),
+            seconds: median(&best.seconds),
+            ratio: median(&ratios),
+            agree: equal as f64 / self.rays.len().max(1) as f64,
+        })
+    }
+}

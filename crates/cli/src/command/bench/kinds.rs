@@ -1,0 +1,112 @@
+//! The kinds of rays that are measured, made for a scene and always the same.
+
+use super::scenes::Bench;
+use snell_intersect::{AcceptAll, Grouping, Hit, SurfaceInteraction, World};
+use snell_math::{DVec2, Frame, Ray, Vec2, rng, sampling};
+use snell_scene::camera::CameraSample;
+
+/// A kind of ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// From the camera through the middle of each pixel, pixels in Morton order.
+    Primary,
+    /// From the points that primary rays hit to a light: is anything in the way?
+    Shadow,
+    /// One bounce from these points in a cosine-distributed direction, in the order of the pixels.
+    Diffuse,
+    /// The diffuse rays in random order.
+    Shuffled,
+}
+
+impl Kind {
+    /// All kinds.
+    pub const ALL: [Self; 4] = [Self::Primary, Self::Shadow, Self::Diffuse, Self::Shuffled];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Primary => "primary",
+            Self::Shadow => "shadow",
+            Self::Diffuse => "diffuse",
+            Self::Shuffled => "shuffled",
+        }
+    }
+
+    /// What is known about rays that stand next to each other: those of 4x4 pixels have an origin or a target in common.
+    pub fn grouping(self) -> Grouping {
+        match self {
+            Self::Primary | Self::Shadow => Grouping::Pixel,
+            Self::Diffuse | Self::Shuffled => Grouping::None,
+        }
+    }
+}
+
+/// A primary ray and what it hit.
+pub type First = (Ray, Option<SurfaceInteraction>);
+
+/// The primary rays of a square picture whose side is a power of two, and what they hit.
+pub fn first_hits(bench: &Bench, world: &World, side: u32) -> Vec<First> {
+    let camera = &bench.camera;
+    let ray = |i: u32| {
+        let film = DVec2::new(f64::from(even_bits(i)) + 0.5, f64::from(even_bits(i >> 1)) + 0.5);
+        camera.ray(&CameraSample { film, lens: Vec2::ZERO }, [side; 2]).ray
+    };
+    let rays: Vec<Ray> = (0..side * side).map(ray).collect();
+    let mut hits = vec![Hit::MISS; rays.len()];
+    world.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
+    let surface = |(ray, hit): (Ray, Hit)| (ray, hit.is_hit().then(|| world.interaction(&ray, &hit)));
+    rays.into_iter().zip(hits).map(surface).collect()
+}
+
+/// The rays of a kind.
+pub fn rays(kind: Kind, bench: &Bench, first: &[First]) -> Vec<Ray> {
+    let hits = first.iter().enumerate().filter_map(|(i, (ray, surface))| Some((i as u32, ray, surface.as_ref()?)));
+    match kind {
+        Kind::Primary => first.iter().map(|(ray, _)| *ray).collect(),
+        Kind::Shadow => hits.map(|(_, _, surface)| shadow_ray(surface, bench)).collect(),
+        Kind::Diffuse => hits.map(|(i, ray, surface)| bounce(i, ray, surface)).collect(),
+        Kind::Shuffled => {
+            let mut rays: Vec<Ray> = hits.map(|(i, ray, surface)| bounce(i, ray, surface)).collect();
+            for i in (1..rays.len()).rev() {
+                rays.swap(i, rng::hash32(i as u32) as usize % (i + 1));
+            }
+            rays
+        }
+    }
+}
+
+fn shadow_ray(surface: &SurfaceInteraction, bench: &Bench) -> Ray {
+    let to_light = bench.light - surface.position;
+    let origin = surface.ray_origin(to_light);
+    Ray::new(origin, bench.light - origin).with_t_max(1.0)
+}
+
+/// A diffuse bounce of the ray with number `i`, on the side of the surface that it came from.
+fn bounce(i: u32, ray: &Ray, surface: &SurfaceInteraction) -> Ray {
+    let normal =
+        if surface.is_front_facing(ray.direction) { surface.geometric_normal } else { -surface.geometric_normal };
+    let direction = Frame::from_z(normal).from_local(sampling::cosine_hemisphere(rng::uniform2([i, 1, 2, 3])));
+    Ray::new(surface.ray_origin(direction), direction)
+}
+
+/// Every second bit of a number, from the lowest, side by side.
+fn even_bits(i: u32) -> u32 {
+    (0..16).map(|bit| (i >> (2 * bit) & 1) << bit).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn morton_order_visits_every_pixel_in_blocks() {
+        let mut seen = [false; 64];
+        for i in 0..64 {
+            let (x, y) = (even_bits(i), even_bits(i >> 1));
+            seen[(y * 8 + x) as usize] = true;
+            let first = i / 16 * 16;
+            assert_eq!((x / 4, y / 4), (even_bits(first) / 4, even_bits(first >> 1) / 4), "{i}");
+        }
+        assert!(seen.iter().all(|s| *s));
+    }
+}

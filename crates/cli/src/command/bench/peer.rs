@@ -1,0 +1,73 @@
+//! Whom Snell is compared with: `--peer embree=PATH`.
+
+use crate::failure::Failure;
+use snell_embree::{BuildQuality, Device, Embree, Mode, PeerScene, SceneOptions};
+use snell_intersect::World;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A peer on the command line.
+#[derive(Clone, Debug)]
+pub struct PeerPath(PathBuf);
+
+/// Reads `embree=PATH`.
+pub fn parse_peer(text: &str) -> Result<PeerPath, String> {
+    match text.split_once('=') {
+        Some(("embree", path)) if !path.is_empty() => Ok(PeerPath(path.into())),
+        _ => Err(format!(
+            "\"{text}\" is no peer; write embree=PATH, where PATH is the shared library of Embree 4 or the wheel `embreex` of PyPI"
+        )),
+    }
+}
+
+/// Embree, loaded.
+pub struct Peer {
+    device: Arc<Device>,
+}
+
+impl Peer {
+    /// Loads it, to build with this many threads.
+    pub fn load(path: &PeerPath, threads: usize) -> Result<Self, Failure> {
+        let fail = |e: snell_embree::LoadError| Failure::Other(e.to_string());
+        let embree = Embree::load(&path.0).map_err(fail)?;
+        Ok(Self { device: Device::new(&embree, threads).map_err(fail)? })
+    }
+
+    /// The version, such as `4.4.0`.
+    pub fn version(&self) -> String {
+        self.device.version()
+    }
+
+    /// A world, built in Embree's way.
+    pub fn build(&self, world: &World, quality: BuildQuality, robust: bool) -> Result<PeerScene, Failure> {
+        let options = SceneOptions { quality, robust, compact: false };
+        PeerScene::build(&self.device, world, options).map_err(|e| Failure::Scene(e.to_string()))
+    }
+}
+
+/// A scene and a way to ask it.
+#[derive(Clone, Copy, Debug)]
+pub struct Contender<'a> {
+    pub scene: &'a PeerScene,
+    pub mode: Mode,
+}
+
+impl Contender<'_> {
+    /// Such as `16 coherent, medium`.
+    pub fn name(&self) -> String {
+        let options = self.scene.options();
+        let robust = if options.robust { ", robust" } else { "" };
+        format!("{}, {}{robust}", self.mode.name(), options.quality.name())
+    }
+
+    /// True if its scene was built robust.
+    pub fn is_robust(&self) -> bool {
+        self.scene.options().robust
+    }
+}
+
+/// Every way to ask some scenes, or those with one ray a call.
+pub fn contenders(scenes: &[PeerScene], one_ray: bool) -> Vec<Contender<'_>> {
+    let modes = if one_ray { &[Mode::ONE][..] } else { &Mode::ALL };
+    scenes.iter().flat_map(|scene| modes.iter().map(move |&mode| Contender { scene, mode })).collect()
+}

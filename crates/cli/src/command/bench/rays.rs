@@ -1,0 +1,248 @@
+//! `snell bench rays`: rays per second by kind, and beside Embree.
+
+use super::clock::{self, Clock};
+use super::contest::{Call, Contest, Opponent, Outcome};
+use super::kinds::{self, Kind};
+use super::peer::{Peer, PeerPath, contenders, parse_peer};
+use super::scenes::{self, Bench};
+use super::variants;
+use crate::failure::{Failure, choice};
+use crate::standard_output;
+use serde_json::{Value, json};
+use snell_embree::{BuildQuality, PeerScene};
+use snell_formats::ReadOptions;
+use snell_intersect::{BuildOptions, Hit, World};
+use snell_math::Ray;
+use std::process::ExitCode;
+
+/// Options of `snell bench rays`.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// Scenes: files, built-in scenes, `terrain` (4 million triangles) or `room` (1.8 million). With `:subdivide=N` each triangle is
+    /// cut into four, N times; with `:copies=N` there are N of it in one mesh, with `:instances=N` as instances
+    #[arg(value_name = "SCENE", required = true)]
+    scenes: Vec<String>,
+    /// Kinds of rays: primary, shadow, diffuse, shuffled
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "primary,shadow,diffuse,shuffled")]
+    rays: Vec<String>,
+    /// Numbers of threads. Default: 1 and one per core
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=4096))]
+    threads: Vec<u32>,
+    /// How Snell is called: batch, or one (ray a call, against one ray a call)
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "batch")]
+    calls: Vec<String>,
+    #[command(flatten)]
+    variants: variants::Options,
+    /// Runs of each side; medians count
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    repeat: u32,
+    /// Width and height of the picture whose rays are traced; a power of two
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = parse_side)]
+    side: u32,
+    /// Which time counts: wall, or processor (on a machine that does other work)
+    #[arg(long, value_name = "NAME", default_value = "wall")]
+    clock: Clock,
+    /// Whom to compare with: embree=PATH, where PATH is its shared library or the wheel `embreex` of PyPI
+    #[arg(long, value_name = "NAME=PATH", value_parser = parse_peer)]
+    peer: Option<PeerPath>,
+    /// Print JSON, a line for each measurement
+    #[arg(long)]
+    json: bool,
+    /// Let scenes name files outside of their folders
+    #[arg(long)]
+    allow_outside: bool,
+}
+
+fn parse_side(text: &str) -> Result<u32, String> {
+    match text.parse::<u32>() {
+        Ok(n) if n.is_power_of_two() && (4..=16384).contains(&n) => Ok(n),
+        _ => Err(format!("\"{text}\" is not a side; write a power of two from 4 to 16384")),
+    }
+}
+
+/// What is measured on every scene.
+struct Plan<'a> {
+    options: &'a Options,
+    kinds: Vec<Kind>,
+    threads: Vec<usize>,
+    calls: Vec<Call>,
+    variants: Vec<BuildOptions>,
+    peer: Option<Peer>,
+}
+
+/// Measures and prints.
+pub fn run(options: &Options) -> Result<ExitCode, Failure> {
+    let named = |name: &String| choice("kind of ray", name, &Kind::ALL, Kind::name);
+    let call = |name: &String| choice("way to call", name, &Call::ALL, Call::name);
+    options.scenes.iter().try_for_each(|name| scenes::check(name))?;
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let mut threads: Vec<usize> = options.threads.iter().map(|&n| n as usize).collect();
+    if threads.is_empty() {
+        threads = if cores > 1 { vec![1, cores] } else { vec![1] };
+    }
+    let plan = Plan {
+        options,
+        kinds: options.rays.iter().map(named).collect::<Result<_, _>>()?,
+        threads,
+        calls: options.calls.iter().map(call).collect::<Result<_, _>>()?,
+        variants: options.variants.variants()?,
+        peer: options.peer.as_ref().map(|path| Peer::load(path, cores)).transpose()?,
+    };
+    if !options.json {
+        standard_output::write(heading(plan.peer.as_ref()).as_bytes())?;
+    }
+    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    for name in &options.scenes {
+        plan.measure(&scenes::load(name, &read)?)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+impl Plan<'_> {
+    fn measure(&self, bench: &Bench) -> Result<(), Failure> {
+        let fail = |e: snell_intersect::WorldError| Failure::Scene(format!("{}: {e}", bench.name));
+        let sight = variants::rebuilt(&bench.world, &BuildOptions::default()).map_err(fail)?;
+        let first = kinds::first_hits(bench, &sight, self.options.side);
+        drop(sight);
+        let batches: Vec<(Kind, Vec<Ray>)> =
+            self.kinds.iter().map(|&kind| (kind, kinds::rays(kind, bench, &first))).collect();
+        drop(first);
+        let peer_scenes = self.peer_scenes(&bench.world)?;
+        for variant in &self.variants {
+            let world = variants::rebuilt(&bench.world, variant).map_err(fail)?;
+            for &threads in &self.threads {
+                let pool = clock::pool(threads).map_err(Failure::Other)?;
+                for (&call, (kind, rays)) in self.calls.iter().flat_map(|c| batches.iter().map(move |b| (c, b))) {
+                    let contenders = contenders(&peer_scenes, call == Call::One);
+                    let contest = Contest {
+                        pool: &pool,
+                        clock: self.options.clock,
+                        repeat: self.options.repeat as usize,
+                        world: &world,
+                        call,
+                        grouping: kind.grouping(),
+                        rays,
+                        contenders: &contenders,
+                    };
+                    let outcome = match kind {
+                        Kind::Shadow => contest.run::<bool>(),
+                        _ => contest.run::<Hit>(),
+                    };
+                    let row = Row { bench, world: &world, kind: *kind, call, count: rays.len(), threads, variant };
+                    self.print(&row, &outcome)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Embree's scenes: medium and high, fast and robust.
+    fn peer_scenes(&self, world: &World) -> Result<Vec<PeerScene>, Failure> {
+        let Some(peer) = &self.peer else { return Ok(Vec::new()) };
+        let ways = [false, true].map(|robust| [BuildQuality::Medium, BuildQuality::High].map(|q| (q, robust)));
+        ways.as_flattened().iter().map(|&(quality, robust)| peer.build(world, quality, robust)).collect()
+    }
+
+    fn print(&self, row: &Row, outcome: &Outcome) -> Result<(), Failure> {
+        let text = if self.options.json { format!("{}\n", self.json(row, outcome)) } else { table_row(row, outcome) };
+        standard_output::write(text.as_bytes())
+    }
+
+    fn json(&self, row: &Row, outcome: &Outcome) -> Value {
+        let mut value = json!({
+            "scene": row.bench.name,
+            "triangles": row.world.instanced_triangle_count(),
+            "unique_triangles": row.world.triangle_count(),
+            "rays": row.kind.name(),
+            "ray_count": row.count,
+            "hits": outcome.hits,
+            "threads": row.threads,
+            "accelerator": row.variant.accelerator.name(),
+            "simd": row.world.simd().name(),
+            "call": row.call.name(),
+            "clock": self.options.clock.name(),
+            "repeat": self.options.repeat,
+            "mrays_per_second": row.rate(outcome.seconds),
+        });
+        let version = self.peer.as_ref().map(Peer::version);
+        for (prefix, opponent) in [("peer", &outcome.opponent), ("robust_peer", &outcome.robust)] {
+            let Some(opponent) = opponent else { continue };
+            let of_peer = |name: &str| if prefix == "peer" { name.to_string() } else { format!("robust_{name}") };
+            value[prefix] = json!({ "name": "Embree", "version": version, "mode": opponent.mode });
+            value[format!("{prefix}_mrays_per_second")] = json!(row.rate(opponent.seconds));
+            value[of_peer("ratio")] = json!(opponent.ratio);
+            value[of_peer("agree")] = json!(opponent.agree);
+        }
+        value
+    }
+}
+
+/// What was measured.
+struct Row<'a> {
+    bench: &'a Bench,
+    world: &'a World,
+    kind: Kind,
+    call: Call,
+    count: usize,
+    threads: usize,
+    variant: &'a BuildOptions,
+}
+
+impl Row<'_> {
+    fn rate(&self, seconds: f64) -> f64 {
+        self.count as f64 / seconds * 1e-6
+    }
+}
+
+fn heading(peer: Option<&Peer>) -> String {
+    let mut text = String::from("Mrays/s, medians. ");
+    match peer {
+        Some(peer) => {
+            text += &format!(
+                "Peer: Embree {}, the fastest way that is not robust; then the fastest robust one.\n",
+                peer.version()
+            )
+        }
+        None => text += "No peer.\n",
+    }
+    text + &format!(
+        "{:32} {:>11} {:9} {:5} {:>7} {:6} {:6} {:>8} {:>8} {:>6} {:>9} {:24} {:>8} {:>6} {:>9}  {}\n",
+        "scene",
+        "triangles",
+        "rays",
+        "call",
+        "threads",
+        "accel",
+        "simd",
+        "snell",
+        "peer",
+        "ratio",
+        "agree",
+        "way",
+        "robust",
+        "ratio",
+        "agree",
+        "way"
+    )
+}
+
+fn table_row(row: &Row, outcome: &Outcome) -> String {
+    let name = row.bench.name.rsplit(['/', '\\']).next().unwrap_or(&row.bench.name);
+    let opponent = |o: &Option<Opponent>| match o {
+        Some(o) => format!(" {:8.2} {:6.2} {:9.6} {:24}", row.rate(o.seconds), o.ratio, o.agree, o.mode),
+        None => String::new(),
+    };
+    let text = format!(
+        "{name:32} {:11} {:9} {:5} {:7} {:6} {:6} {:8.2}{}{}",
+        row.world.instanced_triangle_count(),
+        row.kind.name(),
+        row.call.name(),
+        row.threads,
+        row.variant.accelerator.name(),
+        row.world.simd().name(),
+        row.rate(outcome.seconds),
+        opponent(&outcome.opponent),
+        opponent(&outcome.robust)
+    );
+    text.trim_end().to_string() + "\n"
+}

@@ -1,0 +1,228 @@
+//! The scenes that are measured: files, built-in scenes, two generated ones, and each of them refined, copied or instanced.
+
+mod generate;
+
+use crate::failure::Failure;
+use crate::scene_source;
+use snell_formats::ReadOptions;
+use snell_intersect::{BuildOptions, Geometry, GroupId, TriangleMesh, World, WorldBuilder};
+use snell_math::{Bounds3d, DAffine3, DMat3, DVec3, Transform, Vec3, rng};
+use snell_render::CompiledScene;
+use snell_scene::framing::{self, FramingOptions};
+use snell_scene::{Camera, Node, Scene, Surface};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A scene to be measured.
+pub struct Bench {
+    /// As it was named.
+    pub name: String,
+    /// What rays hit. Built without a structure: see [`super::variants::rebuilt`].
+    pub world: World,
+    /// Where primary rays come from.
+    pub camera: Camera,
+    /// Where shadow rays go.
+    pub light: Vec3,
+}
+
+/// What is done with a scene before it is measured: `NAME:subdivide=2`, `NAME:copies=145`, `NAME:instances=145`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Change {
+    /// Each triangle is cut into four, this often; the surface stays where it is.
+    Subdivide(u32),
+    /// Copies, turned and spread, all in one mesh.
+    Copies(u32),
+    /// The same as instances.
+    Instances(u32),
+}
+
+/// Splits a name into the scene and what is done with it.
+fn parse(name: &str) -> Result<(&str, Option<Change>), Failure> {
+    let Some((scene, change)) = name.rsplit_once(':') else { return Ok((name, None)) };
+    let Some((word, number)) = change.split_once('=') else { return Ok((name, None)) };
+    let (make, most): (fn(u32) -> Change, u32) = match word {
+        "subdivide" => (Change::Subdivide, 8),
+        "copies" => (Change::Copies, 100_000),
+        "instances" => (Change::Instances, 10_000_000),
+        _ => return Err(Failure::Usage(format!("{name}: what can be done is subdivide=N, copies=N or instances=N"))),
+    };
+    match number.parse() {
+        Ok(n) if (1..=most).contains(&n) => Ok((scene, Some(make(n)))),
+        _ => Err(Failure::Usage(format!("{name}: {word} takes a number from 1 to {most}"))),
+    }
+}
+
+/// Checks the name of a scene as far as that is quick, so that a benchmark of many scenes does not fail late.
+pub fn check(name: &str) -> Result<(), Failure> {
+    parse(name).map(|_| ())
+}
+
+/// Loads or makes the scene of this name.
+pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
+    let (base, change) = parse(name)?;
+    let (mut scene, light) = match base {
+        "terrain" => generate::terrain(),
+        "room" => generate::room(),
+        _ => (scene_source::load(base, read)?, None),
+    };
+    if let Some(change) = change {
+        scene = changed(&compile(base, &scene)?, change);
+    }
+    let framing = FramingOptions { size: [1024; 2], ..FramingOptions::default() };
+    framing::prepare(&mut scene, &framing).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
+    let world = compile(name, &scene)?;
+    let Some(camera) = scene.cameras.into_iter().next() else {
+        return Err(Failure::Scene(format!("{name}: the scene has no camera")));
+    };
+    let light = light.unwrap_or_else(|| light_above(&world.bounds(), camera.eye));
+    Ok(Bench { name: name.into(), world, camera, light })
+}
+
+fn compile(name: &str, scene: &Scene) -> Result<World, Failure> {
+    let options =
+        BuildOptions { accelerator: snell_intersect::accel::AcceleratorKind::None, ..BuildOptions::default() };
+    let compiled = CompiledScene::new(scene, &options).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
+    Ok(compiled.world)
+}
+
+/// A point light: outside and above a scene that is seen from outside, below the ceiling of one that is seen from inside.
+fn light_above(bounds: &Bounds3d, eye: DVec3) -> Vec3 {
+    if bounds.is_empty() || !bounds.is_finite() {
+        return (eye + DVec3::Y).as_vec3();
+    }
+    let (center, size) = (bounds.center(), bounds.size());
+    let light = if bounds.contains(eye) {
+        DVec3::new(center.x, bounds.max.y - 0.05 * size.y, center.z)
+    } else {
+        bounds.max + bounds.radius()
+    };
+    light.as_vec3()
+}
+
+fn changed(world: &World, change: Change) -> Scene {
+    let mesh = merged(world);
+    let mut scene = Scene::new("");
+    match change {
+        Change::Subdivide(times) => {
+            let mesh = (0..times).fold(mesh, |mesh, _| subdivided(&mesh));
+            scene.nodes[0].surfaces.push(surface(mesh));
+        }
+        Change::Copies(n) => {
+            let placed = (0..n).map(|i| place(i, n, &mesh));
+            let mesh = joined(placed.map(|at| mesh.transformed(&at)));
+            scene.nodes[0].surfaces.push(surface(mesh));
+        }
+        Change::Instances(n) => {
+            let surfaces = vec![surface(mesh.clone())];
+            for i in 0..n {
+                let transform = *place(i, n, &mesh).matrix();
+                scene.add_child(scene.root, Node { transform, surfaces: surfaces.clone(), ..Node::default() });
+            }
+        }
+    }
+    scene
+}
+
+fn surface(mesh: TriangleMesh) -> Surface {
+    Surface::new(snell_scene::Geometry::Mesh(Arc::new(mesh)))
+}
+
+/// All triangles of a world in one mesh, positions only.
+fn merged(world: &World) -> TriangleMesh {
+    let mut meshes = Vec::new();
+    let mut stack: Vec<(GroupId, Transform)> = vec![(WorldBuilder::ROOT, Transform::IDENTITY)];
+    while let Some((group, placed)) = stack.pop() {
+        let contents = world.group(group);
+        for &id in &contents.geometries {
+            if let Geometry::Mesh(mesh) = world.geometry(id) {
+                let (positions, indices) = (mesh.positions.clone(), mesh.indices.clone());
+                meshes.push(TriangleMesh { positions, indices, ..TriangleMesh::default() }.transformed(&placed));
+            }
+        }
+        stack.extend(contents.instances.iter().map(|i| (i.child, placed.compose(&i.group_from_child))));
+    }
+    joined(meshes)
+}
+
+/// Several meshes as one, positions only.
+fn joined(meshes: impl IntoIterator<Item = TriangleMesh>) -> TriangleMesh {
+    let mut all = TriangleMesh::default();
+    for mesh in meshes {
+        let first = all.positions.len() as u32;
+        all.positions.extend(mesh.positions);
+        all.indices.extend(mesh.indices.iter().map(|t| t.map(|v| v + first)));
+    }
+    all
+}
+
+/// Where copy `i` of `n` stands: turned at random, spread in a cube that keeps their density.
+fn place(i: u32, n: u32, mesh: &TriangleMesh) -> Transform {
+    let u = |k: u32| f64::from(rng::to_unit(rng::pcg4d([i, k, 0, 0])[0]));
+    let bounds = Bounds3d::from(mesh.bounds());
+    let turn = DMat3::from_axis_angle(DVec3::new(u(0), u(1), u(2) + 0.1).normalize(), u(3) * 6.0);
+    let spread = bounds.size().max_element() * f64::from(n).cbrt() * 0.7;
+    let offset = DVec3::new(u(4), u(5), u(6)) * spread;
+    let map = DAffine3::from_mat3_translation(turn, offset - turn * bounds.center());
+    // A rotation is never singular; of a mesh that is not finite nothing is hit anyway.
+    Transform::new(map).unwrap_or(Transform::IDENTITY)
+}
+
+/// Each triangle cut into four at the middles of its sides. Triangles that shared an edge still do.
+fn subdivided(mesh: &TriangleMesh) -> TriangleMesh {
+    let mut positions = mesh.positions.clone();
+    let mut middles: HashMap<(u32, u32), u32> = HashMap::with_capacity(mesh.indices.len() * 3 / 2);
+    let mut middle = |a: u32, b: u32| {
+        *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+            positions.push((mesh.positions[a as usize] + mesh.positions[b as usize]) * 0.5);
+            positions.len() as u32 - 1
+        })
+    };
+    let mut indices = Vec::with_capacity(mesh.indices.len() * 4);
+    for &[a, b, c] in &mesh.indices {
+        let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+        indices.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+    }
+    TriangleMesh { positions, indices, ..TriangleMesh::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tetrahedron() -> TriangleMesh {
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+        let indices = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+        TriangleMesh { positions, indices, ..TriangleMesh::default() }
+    }
+
+    #[test]
+    fn a_subdivided_mesh_stays_closed() {
+        let mesh = subdivided(&subdivided(&tetrahedron()));
+        assert_eq!(mesh.indices.len(), 4 * 16);
+        // Euler: as many vertices as half of the triangles, and two.
+        assert_eq!(mesh.positions.len(), 4 * 16 / 2 + 2);
+    }
+
+    #[test]
+    fn names_say_what_is_done() {
+        assert!(matches!(parse("a:b.ply"), Ok(("a:b.ply", None))));
+        assert!(matches!(parse("a.ply:copies=145"), Ok(("a.ply", Some(Change::Copies(145))))));
+        assert!(parse("a.ply:copies=0").is_err());
+        assert!(parse("a.ply:turn=1").is_err());
+    }
+
+    #[test]
+    fn copies_and_instances_are_the_same_triangles() {
+        let mut scene = Scene::new("");
+        scene.nodes[0].surfaces.push(surface(subdivided(&subdivided(&tetrahedron()))));
+        let world = compile("test", &scene).expect("a mesh");
+        let count = |change| {
+            let world = compile("test", &changed(&world, change)).expect("meshes");
+            (world.instanced_triangle_count(), world.bounds())
+        };
+        let (copies, instances) = (count(Change::Copies(5)), count(Change::Instances(5)));
+        assert_eq!((copies.0, instances.0), (320, 320));
+        // Bounds of instances are those of turned boxes.
+        assert!(instances.1.contains(copies.1.min) && instances.1.contains(copies.1.max));
+    }
+}

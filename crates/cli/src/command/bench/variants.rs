@@ -1,0 +1,76 @@
+//! The ways in which a world can be built and asked, as lists on the command line.
+
+use crate::failure::{Failure, choice};
+use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::{BuildOptions, Geometry, GroupId, World, WorldBuilder, WorldError};
+use snell_math::simd::Level;
+
+/// Options that choose how worlds are built.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// Acceleration structures
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "bvh")]
+    accelerator: Vec<String>,
+    /// Instruction sets: scalar, avx2, avx512. Default: the best of this machine
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    simd: Vec<String>,
+}
+
+impl Options {
+    /// Every combination of what is asked for.
+    pub fn variants(&self) -> Result<Vec<BuildOptions>, Failure> {
+        let accelerators = self.accelerator.iter();
+        let accelerators: Vec<_> = accelerators
+            .map(|name| choice("accelerator", name, &AcceleratorKind::ALL, AcceleratorKind::name))
+            .collect::<Result<_, _>>()?;
+        let levels = self.levels()?;
+        let pairs = accelerators.iter().flat_map(|&accelerator| {
+            levels.iter().map(move |&simd| BuildOptions { accelerator, simd, ..BuildOptions::default() })
+        });
+        Ok(pairs.collect())
+    }
+
+    fn levels(&self) -> Result<Vec<Level>, Failure> {
+        if self.simd.is_empty() {
+            return Ok(vec![Level::from_env().map_err(Failure::Usage)?]);
+        }
+        let level = |name: &String| {
+            let level = choice("instruction set", name, &Level::ALL, Level::name)?;
+            if level.is_supported() {
+                return Ok(level);
+            }
+            Err(Failure::Usage(format!("this machine does not have {level}; the best it has is {}", Level::best())))
+        };
+        self.simd.iter().map(level).collect()
+    }
+}
+
+/// A builder with everything that is in a world, for the same hits from another structure. Nothing is filtered.
+pub fn builder_of(world: &World) -> WorldBuilder {
+    let mut builder = WorldBuilder::default();
+    for _ in 1..world.group_count() {
+        builder.add_group();
+    }
+    let groups = || (0..world.group_count() as u32).map(GroupId);
+    // Numbers of geometries ascend over all groups.
+    let mut geometries: Vec<_> =
+        groups().flat_map(|group| world.group(group).geometries.iter().map(move |&id| (id, group))).collect();
+    geometries.sort();
+    for (id, group) in geometries {
+        match world.geometry(id) {
+            Geometry::Mesh(mesh) => builder.add_mesh(group, mesh.clone()),
+            Geometry::Shape(shape, placed) => builder.add_shape(group, shape.clone(), *placed),
+        };
+    }
+    for group in groups() {
+        for instance in &world.group(group).instances {
+            builder.add_instance(group, instance.child, instance.group_from_child);
+        }
+    }
+    builder
+}
+
+/// The same world, built in another way.
+pub fn rebuilt(world: &World, options: &BuildOptions) -> Result<World, WorldError> {
+    builder_of(world).build(options)
+}

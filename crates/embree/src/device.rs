@@ -1,0 +1,78 @@
+//! Embree's device: threads for building, version, memory in use.
+
+use crate::abi::{self, Handle};
+use crate::library::{Embree, LoadError};
+use std::ffi::{CString, c_void};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
+
+/// A device: what scenes are built with.
+#[derive(Debug)]
+pub struct Device {
+    pub(crate) embree: Arc<Embree>,
+    pub(crate) handle: Handle,
+    /// Bytes in use. Boxed, because Embree keeps a pointer to it.
+    memory: Box<AtomicI64>,
+}
+
+// SAFETY: Embree's API reference says that all calls on a device are thread-safe, but for those that change one geometry or scene.
+unsafe impl Send for Device {}
+// SAFETY: as above.
+unsafe impl Sync for Device {}
+
+/// Told of every allocation and release.
+unsafe extern "C" fn count_memory(counter: *mut c_void, bytes: isize, _after: bool) -> bool {
+    // SAFETY: the pointer is the one given to Embree beside this function; its device keeps the counter alive.
+    let counter = unsafe { &*counter.cast::<AtomicI64>() };
+    counter.fetch_add(bytes as i64, Ordering::Relaxed);
+    true
+}
+
+impl Device {
+    /// A device that builds with this many threads.
+    pub fn new(embree: &Arc<Embree>, threads: usize) -> Result<Arc<Self>, LoadError> {
+        let config = CString::new(format!("threads={threads}")).expect("no zero byte in it");
+        let functions = &embree.functions;
+        // SAFETY: the argument is a string that ends with zero.
+        let handle = unsafe { (functions.new_device)(config.as_ptr()) };
+        if handle.is_null() {
+            // SAFETY: a null device asks for the error of making devices.
+            return Err(LoadError::Device(unsafe { (functions.device_error)(handle) }));
+        }
+        let memory = Box::new(AtomicI64::new(0));
+        let counter = std::ptr::from_ref(&*memory).cast_mut().cast();
+        // SAFETY: the counter lives in a box of its own, which is dropped after the device is released.
+        unsafe { (functions.set_memory_monitor)(handle, count_memory, counter) };
+        Ok(Arc::new(Self { embree: embree.clone(), handle, memory }))
+    }
+
+    /// The version, such as `4.4.0`.
+    pub fn version(&self) -> String {
+        let parts = [
+            abi::DEVICE_PROPERTY_VERSION_MAJOR,
+            abi::DEVICE_PROPERTY_VERSION_MINOR,
+            abi::DEVICE_PROPERTY_VERSION_PATCH,
+        ];
+        // SAFETY: the device is alive and these are properties that every device has.
+        let parts = parts.map(|p| unsafe { (self.embree.functions.device_property)(self.handle, p) }.to_string());
+        parts.join(".")
+    }
+
+    /// Bytes that Embree has allocated and not released: acceleration structures and copies of meshes.
+    pub fn memory_bytes(&self) -> i64 {
+        self.memory.load(Ordering::Relaxed)
+    }
+
+    /// The number of the first error since the last call; 0 if there was none.
+    pub(crate) fn take_error(&self) -> i32 {
+        // SAFETY: the device is alive.
+        unsafe { (self.embree.functions.device_error)(self.handle) }
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // SAFETY: made by this library and released once. Scenes hold the device, so they are gone.
+        unsafe { (self.embree.functions.release_device)(self.handle) };
+    }
+}

@@ -1,0 +1,147 @@
+//! Finding and loading the shared library.
+
+use crate::abi::Functions;
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tempfile::TempDir;
+
+/// Why Embree could not be loaded. Each message ends with what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// Nothing there, or it cannot be read.
+    #[error(
+        "{path}: cannot read: {source}; give the shared library of Embree 4 (libembree4.so.4), the wheel `embreex` of PyPI \
+         (`pip download embreex`), or the folder it was unpacked to"
+    )]
+    Read {
+        /// What was named.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A folder or wheel without the library.
+    #[error("{0}: there is no libembree4 in it; give the shared library itself, or the wheel `embreex` of PyPI")]
+    NotFound(PathBuf),
+    /// The system's loader refused it.
+    #[error(
+        "{path}: cannot be loaded: {source}; it must be the shared library of Embree 4 for this machine, with libtbb beside it"
+    )]
+    Load {
+        /// What was loaded.
+        path: PathBuf,
+        /// What the loader says.
+        source: libloading::Error,
+    },
+    /// Some other library.
+    #[error("{path}: has no function {symbol}; it must be the shared library of Embree 4")]
+    Symbol {
+        /// What was loaded.
+        path: PathBuf,
+        /// What is missing.
+        symbol: &'static str,
+    },
+    /// The library loads but does not work.
+    #[error("Embree could not make a device (error {0}); it must be made for this machine")]
+    Device(i32),
+}
+
+/// The loaded library.
+pub struct Embree {
+    pub(crate) functions: Functions,
+    _library: libloading::Library,
+    /// Where a wheel was unpacked to. Goes last.
+    _folder: Option<TempDir>,
+}
+
+impl std::fmt::Debug for Embree {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Embree")
+    }
+}
+
+impl Embree {
+    /// Loads the shared library at `path`, which may also be the wheel `embreex` of PyPI or a folder with the library somewhere in
+    /// it.
+    pub fn load(path: &Path) -> Result<Arc<Self>, LoadError> {
+        let read = |source| LoadError::Read { path: path.into(), source };
+        let kind = fs::metadata(path).map_err(read)?;
+        let is_wheel = path.extension().is_some_and(|e| e == "whl" || e == "zip");
+        let folder = if is_wheel { Some(unpack(path).map_err(read)?) } else { None };
+        let file = match &folder {
+            Some(folder) => find_library(folder.path()),
+            None if kind.is_dir() => find_library(path),
+            None => Some(path.to_path_buf()),
+        };
+        let file = file.ok_or_else(|| LoadError::NotFound(path.into()))?;
+        // SAFETY: the user names a library to run, as when they name a program; Embree's initialisers need nothing from us.
+        let library = unsafe { libloading::Library::new(&file) };
+        let library = library.map_err(|source| LoadError::Load { path: file.clone(), source })?;
+        // SAFETY: the user says that this is Embree 4; a library without all of its functions is refused. The functions are kept
+        // together with the library.
+        let functions = unsafe { Functions::find(&library) };
+        let functions = functions.map_err(|symbol| LoadError::Symbol { path: file, symbol })?;
+        Ok(Arc::new(Self { functions, _library: library, _folder: folder }))
+    }
+}
+
+/// True for the name of the library: `libembree4.so.4`, `libembree4-4aef3270.so.4`, `embree4.dll`, `libembree4.dylib`.
+fn is_library_name(name: &str) -> bool {
+    name.trim_start_matches("lib").starts_with("embree4") && [".so", ".dll", ".dylib"].iter().any(|e| name.contains(e))
+}
+
+/// The library in a folder or the folders below it.
+fn find_library(folder: &Path) -> Option<PathBuf> {
+    let mut entries: Vec<_> = fs::read_dir(folder).ok()?.flatten().map(|e| e.path()).collect();
+    entries.sort();
+    let here = entries.iter().find(|p| p.file_name().is_some_and(|n| is_library_name(&n.to_string_lossy())));
+    here.cloned().or_else(|| entries.iter().filter(|p| p.is_dir()).find_map(|p| find_library(p)))
+}
+
+/// Unpacks the shared libraries of a wheel, each folder of them side by side as they expect to be.
+fn unpack(wheel: &Path) -> io::Result<TempDir> {
+    let folder = TempDir::new()?;
+    let mut archive = zip::ZipArchive::new(File::open(wheel)?).map_err(io::Error::other)?;
+    for i in 0..archive.len() {
+        let mut entry = archive.by_index(i).map_err(io::Error::other)?;
+        // A name that leads out of the folder is passed over.
+        let Some(name) = entry.enclosed_name() else { continue };
+        let is_library = name.parent().is_some_and(|p| p.to_string_lossy().ends_with(".libs"));
+        if entry.is_file() && is_library {
+            let to = folder.path().join(&name);
+            fs::create_dir_all(to.parent().unwrap_or(folder.path()))?;
+            io::copy(&mut entry, &mut File::create(to)?)?;
+        }
+    }
+    Ok(folder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_embree_is_refused_with_a_remedy() {
+        let folder = TempDir::new().expect("a temporary folder");
+        let message = |path: &Path| Embree::load(path).expect_err("not Embree").to_string();
+        assert!(message(&folder.path().join("none.so")).contains("give the shared library of Embree 4"));
+        assert!(message(folder.path()).contains("there is no libembree4 in it"));
+        let text = folder.path().join("libembree4.so.4");
+        fs::write(&text, "no library").expect("the folder is writable");
+        assert!(message(folder.path()).contains("must be the shared library of Embree 4"));
+        let wheel = folder.path().join("a.whl");
+        fs::write(&wheel, "no archive").expect("the folder is writable");
+        assert!(message(&wheel).contains("cannot read"));
+    }
+
+    #[test]
+    fn the_library_is_known_by_its_name() {
+        for name in ["libembree4.so.4", "libembree4-4aef3270.so.4", "embree4.dll", "libembree4.4.dylib"] {
+            assert!(is_library_name(name), "{name}");
+        }
+        for name in ["libtbb.so.12", "libembree3.so.3", "embree4.txt"] {
+            assert!(!is_library_name(name), "{name}");
+        }
+    }
+}
