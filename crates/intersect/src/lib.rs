@@ -8,15 +8,18 @@ pub mod accel;
 pub mod hit;
 mod kernel;
 pub mod mesh;
+pub mod precision;
 pub mod query;
 pub mod shape;
 pub mod world;
 
-pub use hit::{Hit, SurfaceInteraction};
-pub use mesh::TriangleMesh;
+pub use hit::{DHit, Hit, SurfaceInteraction};
+pub use mesh::{DTriangleMesh, TriangleMesh};
+pub use precision::{Double, Precision, Single};
 pub use query::rays::{RayQuery, Rays};
 pub use query::{AcceptAll, Grouping, HitFilter};
 pub use shape::{AnyShape, Shape, ShapeHit, ShapeSample, ShapeSurface};
+pub use world::double::{DWorld, DWorldBuilder};
 pub use world::{
     BuildOptions, Geometry, GeometryId, GeometryOptions, GroupId, Instance, World, WorldBuilder, WorldError,
 };

@@ -8,6 +8,7 @@
 //! order of insertion, the child followed by all that is below it. [`crate::Hit::instance`] is this number, so a hit stays small at
 //! any depth, and [`World::instance_path`] gives the way back.
 
+pub(crate) mod double;
 mod interaction;
 mod occurrence;
 
@@ -170,8 +171,18 @@ impl WorldBuilder {
     /// are. A SIMD level that the machine lacks is replaced by the best it has.
     pub fn build(self, options: &BuildOptions) -> Result<World, WorldError> {
         let occurrences = Occurrences::count(&self.groups)?;
+        let bounds = GroupBounds::of(&self, &occurrences.order, |_, mesh| mesh.bounds().into());
+        self.finish(options, occurrences, bounds)
+    }
+
+    /// Builds the structure. `bounds` hold the boxes of objects in the coordinates of their group's tree.
+    fn finish(
+        self,
+        options: &BuildOptions,
+        occurrences: Occurrences,
+        bounds: GroupBounds,
+    ) -> Result<World, WorldError> {
         let lists = self.group_lists(&occurrences);
-        let bounds = GroupBounds::of(&self, &occurrences.order);
         let structure = match options.accelerator {
             AcceleratorKind::None => Structure::None(lists),
             AcceleratorKind::Bvh => {
@@ -258,7 +269,11 @@ struct GroupBounds {
 }
 
 impl GroupBounds {
-    fn of(builder: &WorldBuilder, order: &[usize]) -> Self {
+    fn of(
+        builder: &WorldBuilder,
+        order: &[usize],
+        mesh_bounds: impl Fn(GeometryId, &TriangleMesh) -> Bounds3d,
+    ) -> Self {
         let n = builder.groups.len();
         let mut bounds = Self { exact: vec![Bounds3d::EMPTY; n], objects: vec![Vec::new(); n] };
         let mut grown = vec![Bounds3d::EMPTY; n];
@@ -269,7 +284,7 @@ impl GroupBounds {
             for &id in &contents.geometries {
                 match &builder.geometries[id.0 as usize] {
                     Geometry::Mesh(mesh) => {
-                        let b = mesh.bounds().into();
+                        let b = mesh_bounds(id, mesh);
                         (exact, outer) = (exact.union(&b), outer.union(&b));
                     }
                     Geometry::Shape(shape, placed) => {

@@ -1,8 +1,7 @@
 //! The tests of single primitives, shared by every structure: what a group holds, ready to be tested.
 
-use crate::hit::Hit;
 use crate::kernel::ray::LocalRay;
-use crate::kernel::triangle::exact_hit;
+use crate::precision::{Real, Rules};
 use crate::query::search::{Goal, Search, Verdict};
 use crate::shape::Shape;
 use snell_math::{DAffine3, DRay, Vec2};
@@ -58,12 +57,12 @@ pub(crate) fn test_shape<G: Goal>(
     ray: &DRay,
 ) -> bool {
     search.goal.count_primitives(1);
-    let mut ray = DRay { t_min: search.ray.t_min.into(), ..*ray };
+    let mut ray = DRay { t_min: search.t_min().into(), ..*ray };
     for _ in 0..MAX_CROSSINGS {
         // One step more, for hits that are equally far once they are rounded.
         ray.t_max = search.goal.limit().next_up().into();
         let Some(found) = shape.closest(&ray) else { return false };
-        let hit = Hit { t: found.t as f32, uv: Vec2::ZERO, instance, geometry, primitive: found.face };
+        let hit = G::Precision::hit(found.t, Vec2::ZERO, [instance, geometry, found.face]);
         match search.offer(hit) {
             Verdict::Finished => return true,
             Verdict::Behind => return false,
@@ -81,11 +80,6 @@ pub(crate) fn test_triangle<G: Goal>(
     corners: &[[f32; 3]; 3],
     ids: impl FnOnce() -> [u32; 3],
 ) -> bool {
-    let Some((t, uv)) = exact_hit(ray, corners, search.ray.t_min.into()) else { return false };
-    let t = t as f32;
-    if t > search.goal.limit() {
-        return false;
-    }
-    let [instance, geometry, primitive] = ids();
-    search.offer(Hit { t, uv, instance, geometry, primitive }) == Verdict::Finished
+    let Some(hit) = G::Precision::triangle_hit(search, ray, corners, ids) else { return false };
+    search.offer(hit) == Verdict::Finished
 }

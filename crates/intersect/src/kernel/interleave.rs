@@ -4,13 +4,12 @@
 use super::node::{ChildRef, box_distances};
 use super::ray::LocalRay;
 use super::traverse::{Entry, SMALL_STACK, Stack, Walk, test_object, walk_portable};
-use super::triangle::candidates;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::test_triangle;
+use crate::precision::Rules;
 use crate::query::rays::Rays;
-use crate::query::search::{Context, Goal, Search};
+use crate::query::search::{Context, Goal, RayOf, Search};
 use snell_math::simd::{Lanes8, Level, Portable8};
-use snell_math::{DRay, Ray};
 use std::mem::MaybeUninit;
 
 /// Rays in flight.
@@ -23,9 +22,9 @@ const STACK: usize = 256;
 const PREFETCH_BYTES: usize = 8 << 20;
 
 /// Rays to search for, and what is common to them.
-pub(crate) struct Batch<'a> {
-    pub rays: Rays<'a>,
-    pub context: &'a Context<'a>,
+pub(crate) struct Batch<'a, P: Rules> {
+    pub rays: Rays<'a, P>,
+    pub context: &'a Context<'a, P>,
 }
 
 /// True if the root's tree fits the stacks of this kernel, and it has something to interleave.
@@ -38,8 +37,8 @@ pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
 pub(crate) fn search_batch<G: Goal>(
     forest: &Forest,
     level: Level,
-    batch: &Batch,
-    start: impl Fn(&Ray) -> G,
+    batch: &Batch<G::Precision>,
+    start: impl Fn(&RayOf<G>) -> G,
     finish: impl FnMut(usize, G),
 ) {
     debug_assert!(is_suitable(forest, batch.rays.len()));
@@ -59,12 +58,12 @@ pub(crate) fn search_batch<G: Goal>(
 /// # Safety
 /// As [`run`].
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,popcnt")]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
 unsafe fn run_avx2<G: Goal>(
     forest: &Forest,
-    batch: &Batch,
+    batch: &Batch<G::Precision>,
     below: &mut Stack,
-    start: impl Fn(&Ray) -> G,
+    start: impl Fn(&RayOf<G>) -> G,
     finish: impl FnMut(usize, G),
 ) {
     use super::traverse::walk_avx2;
@@ -73,7 +72,7 @@ unsafe fn run_avx2<G: Goal>(
 }
 
 /// A ray in flight.
-struct Slot<'a, G> {
+struct Slot<'a, G: Goal> {
     search: Search<'a, G>,
     ray: LocalRay,
     /// Padded limit of the search.
@@ -110,7 +109,7 @@ impl<G: Goal> Slot<'_, G> {
         // SAFETY: as promised by the caller. References are plain `u32`, and `top` is at least 1.
         unsafe {
             let node = tree.nodes.get_unchecked(self.current.index());
-            let (enter, limit) = box_distances::<L>(node, &self.ray, self.search.ray.t_min, self.cull);
+            let (enter, limit) = box_distances::<L>(node, &self.ray, self.search.start, self.cull);
             let values = &mut *self.distances.as_mut_ptr().add(self.top).cast::<[f32; 8]>();
             let children = &mut *self.children.as_mut_ptr().add(self.top).cast::<[u32; 8]>();
             let payload = &*node.children.as_ptr().cast::<[u32; 8]>();
@@ -131,7 +130,7 @@ impl<G: Goal> Slot<'_, G> {
         // SAFETY: as promised by the caller.
         let (block, mut mask) = unsafe {
             let block = tree.blocks.get_unchecked(self.current.block());
-            (block, candidates::<L>(block, &self.ray, self.search.ray.t_min, self.cull))
+            (block, G::Precision::candidates::<L>(block, &self.ray, self.search.start, self.cull))
         };
         let count = self.current.count();
         self.search.goal.count_primitives(count);
@@ -194,9 +193,9 @@ fn fetch_ahead(tree: &GroupTree, child: ChildRef) {
 #[inline(always)]
 unsafe fn run<L: Lanes8, G: Goal>(
     forest: &Forest,
-    batch: &Batch,
+    batch: &Batch<G::Precision>,
     below: &mut Stack,
-    start: impl Fn(&Ray) -> G,
+    start: impl Fn(&RayOf<G>) -> G,
     mut finish: impl FnMut(usize, G),
     enter: Walk<G>,
 ) {
@@ -213,10 +212,12 @@ unsafe fn run<L: Lanes8, G: Goal>(
         let query = batch.rays.get(number);
         let ray = query.ray;
         let mut search = Search::new(query, batch.context, start(ray));
-        let over = !ray.is_valid()
+        let over = !G::Precision::is_valid(ray)
             || tree.unbounded.iter().any(|&object| {
                 // SAFETY: as promised by the caller.
-                unsafe { test_object(forest, tree, object as usize, &DRay::from(ray), 0, &mut search, below, enter) }
+                unsafe {
+                    test_object(forest, tree, object as usize, &G::Precision::exact(ray), 0, &mut search, below, enter)
+                }
             });
         if !over {
             return Some((number, search));
@@ -225,7 +226,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
     };
     while slots.len() < SLOTS {
         let Some((number, search)) = next(below, &mut finish) else { break };
-        let ray = LocalRay::new(&DRay::from(search.ray));
+        let ray = G::Precision::local_ray(batch.context.data, 0, &G::Precision::exact(search.ray));
         nodes[node_count] = slots.len() as u8;
         node_count += 1;
         let (cull, octant) = (search.cull(), ray.octant());
@@ -282,7 +283,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
                     finish(number, ended);
                     continue;
                 };
-                slot.ray = LocalRay::new(&DRay::from(search.ray));
+                slot.ray = G::Precision::local_ray(batch.context.data, 0, &G::Precision::exact(search.ray));
                 (slot.cull, slot.octant) = (search.cull(), slot.ray.octant());
                 (slot.current, slot.top, slot.number) = (tree.root, 1, new);
                 let ended = std::mem::replace(&mut slot.search, search);

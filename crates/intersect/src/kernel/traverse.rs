@@ -1,13 +1,12 @@
 //! The walk of one ray through the tree of a group and, through instances, the groups below it.
 
 use super::node::{ChildRef, box_distances};
-use super::ray::LocalRay;
-use super::triangle::candidates;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{Object, mapped, ray_in_child, test_shape, test_triangle};
+use crate::precision::Rules;
 use crate::query::search::{Goal, Search};
+use snell_math::DRay;
 use snell_math::simd::{Lanes8, Level, Portable8};
-use snell_math::{DRay, Ray};
 use std::mem::MaybeUninit;
 
 /// A child to visit later: its reference below, the bits of its distance above.
@@ -43,7 +42,7 @@ pub(crate) fn search_forest<G: Goal>(forest: &Forest, level: Level, search: &mut
 
 #[inline]
 fn enter_root<G: Goal>(forest: &Forest, level: Level, search: &mut Search<'_, G>, stack: &mut Stack) {
-    let ray = DRay::from(search.ray as &Ray);
+    let ray = G::Precision::exact(search.ray);
     match level {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `World` holds only levels that the machine supports, and the stack has `stack_size` entries.
@@ -56,7 +55,7 @@ fn enter_root<G: Goal>(forest: &Forest, level: Level, search: &mut Search<'_, G>
 /// # Safety
 /// The machine must have AVX2; `stack` must have room for the group and all below it.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,popcnt")]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
 pub(super) unsafe fn walk_avx2<G: Goal>(
     forest: &Forest,
     group: usize,
@@ -112,8 +111,8 @@ unsafe fn walk<L: Lanes8, G: Goal>(
     if tree.root == ChildRef::NONE {
         return false;
     }
-    let local = LocalRay::new(ray);
-    let t_min = search.ray.t_min;
+    let local = G::Precision::local_ray(search.context.data, group, ray);
+    let t_min = search.start;
     let mut cull = search.cull();
     let mut top = 0;
     let mut current = tree.root;
@@ -139,7 +138,7 @@ unsafe fn walk<L: Lanes8, G: Goal>(
             // SAFETY: the builder makes only references to blocks that exist; `L` as promised by the caller.
             let (block, mut mask) = unsafe {
                 let block = tree.blocks.get_unchecked(current.block());
-                (block, candidates::<L>(block, &local, t_min, cull))
+                (block, G::Precision::candidates::<L>(block, &local, t_min, cull))
             };
             search.goal.count_primitives(current.count());
             mask &= (2 << (current.count() - 1)) - 1;

@@ -88,7 +88,7 @@ pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay
 
 /// [`LocalRay::draw`] for eight vertices at a time: the same operations. (Plain functions instead of closures, which are not always
 /// inlined, and vectors must not pass through calls.)
-struct DrawingFrame<L> {
+pub(crate) struct DrawingFrame<L> {
     axes: [usize; 3],
     origin: [L; 3],
     shear: [L; 2],
@@ -98,7 +98,7 @@ impl<L: Lanes8> DrawingFrame<L> {
     /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
-    unsafe fn new(ray: &LocalRay) -> Self {
+    pub unsafe fn new(ray: &LocalRay) -> Self {
         let [x, y, z] = ray.axes;
         // SAFETY: passed on to the caller.
         unsafe {
@@ -113,7 +113,7 @@ impl<L: Lanes8> DrawingFrame<L> {
     /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
-    unsafe fn draw(&self, v: &[[f32; 8]; 3]) -> [L; 3] {
+    pub unsafe fn draw(&self, v: &[[f32; 8]; 3]) -> [L; 3] {
         let [kx, ky, kz] = self.axes;
         // SAFETY: passed on to the caller; axes are below 3.
         unsafe {

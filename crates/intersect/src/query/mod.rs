@@ -1,5 +1,6 @@
 //! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray, never on its neighbours.
 
+mod double;
 pub mod rays;
 pub(crate) mod search;
 
@@ -7,10 +8,11 @@ use crate::accel::brute_force::search_all;
 use crate::hit::Hit;
 use crate::kernel::interleave;
 use crate::kernel::traverse::search_forest;
+use crate::precision::{Precision, Rules, Single};
 use crate::world::{Structure, TraversalCounters, World};
 use rays::{RayQuery, Rays};
-use search::{All, Any, Closest, Context, Counted, Goal, Search};
-use snell_math::{DRay, Ray};
+use search::{All, Any, Closest, Context, Counted, Goal, RayOf, Search};
+use snell_math::simd::Level;
 
 /// Which rays of a batch belong together. The kernel follows from this and from the kind of query, never from what happens to
 /// share a batch, so a ray's result never depends on its neighbours.
@@ -25,23 +27,23 @@ pub enum Grouping {
 
 /// Decides about hits on geometries marked by [`crate::WorldBuilder::set_filtered`] (cut-out and blended surfaces). Must be a pure
 /// function of its arguments.
-pub trait HitFilter: Sync {
+pub trait HitFilter<P: Precision = Single>: Sync {
     /// False if the ray passes through at this hit. `ray` is in world space; its `t_max` is unspecified.
-    fn accept(&self, ray: &Ray, hit: &Hit) -> bool;
+    fn accept(&self, ray: &P::Ray, hit: &P::Hit) -> bool;
 }
 
 /// The filter that keeps every hit.
 #[derive(Clone, Copy, Debug)]
 pub struct AcceptAll;
 
-impl HitFilter for AcceptAll {
-    fn accept(&self, _: &Ray, _: &Hit) -> bool {
+impl<P: Precision> HitFilter<P> for AcceptAll {
+    fn accept(&self, _: &P::Ray, _: &P::Hit) -> bool {
         true
     }
 }
 
 impl World {
-    /// The nearest hit of each ray, [`Hit::MISS`] where there is none or the ray is invalid ([`Ray::is_valid`]).
+    /// The nearest hit of each ray, [`Hit::MISS`] where there is none or the ray is invalid ([`snell_math::Ray::is_valid`]).
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -54,7 +56,7 @@ impl World {
     ) {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        self.search_all(rays, filter, Closest::new, |i, goal| hits[i] = goal.result());
+        self.searcher(filter).search_all(rays, Closest::new, |i, goal| hits[i] = goal.result());
     }
 
     /// For each ray, whether anything lies in its interval. Invalid rays are not occluded.
@@ -64,22 +66,22 @@ impl World {
     pub fn occluded<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter, blocked: &mut [bool]) {
         let rays = rays.into();
         assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        self.search_all(rays, filter, Any::new, |i, goal| blocked[i] = goal.found);
+        self.searcher(filter).search_all(rays, Any::new, |i, goal| blocked[i] = goal.found);
     }
 
     /// The nearest hit of one ray.
     pub fn closest_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Hit {
-        self.search(ray.into(), filter, Closest::new).result()
+        self.searcher(filter).search(ray.into(), Closest::new).result()
     }
 
     /// True if anything lies in the interval of one ray.
     pub fn occluded_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> bool {
-        self.search(ray.into(), filter, Any::new).found
+        self.searcher(filter).search(ray.into(), Any::new).found
     }
 
     /// Every hit of one ray, ascending by `t`, equal ones by instance, geometry and primitive.
     pub fn all_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Vec<Hit> {
-        let mut hits = self.search(ray.into(), filter, All::new).hits;
+        let mut hits = self.searcher(filter).search(ray.into(), All::new).hits;
         let ids = |h: &Hit| (h.instance, h.geometry, h.primitive);
         hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(ids(a).cmp(&ids(b))));
         hits
@@ -91,39 +93,48 @@ impl World {
         ray: impl Into<RayQuery<'a>>,
         filter: &dyn HitFilter,
     ) -> (Hit, TraversalCounters) {
-        let goal = self.search(ray.into(), filter, Counted::new);
+        let goal = self.searcher(filter).search(ray.into(), Counted::new);
         (goal.closest.result(), goal.counters)
     }
 
+    fn searcher<'a>(&'a self, filter: &'a dyn HitFilter) -> Searcher<'a, Single> {
+        let context = Context { filter, options: &self.options, data: &() };
+        Searcher { structure: &self.structure, simd: self.simd, context }
+    }
+}
+
+/// Where and how to search, whatever the goal.
+pub(crate) struct Searcher<'a, P: Rules> {
+    pub structure: &'a Structure,
+    pub simd: Level,
+    pub context: Context<'a, P>,
+}
+
+impl<P: Rules> Searcher<'_, P> {
     /// Searches for all rays of a batch, each for itself, with the kernel that suits the structure.
-    fn search_all<G: Goal>(
+    pub fn search_all<G: Goal<Precision = P>>(
         &self,
-        rays: Rays,
-        filter: &dyn HitFilter,
-        start: impl Fn(&Ray) -> G,
+        rays: Rays<P>,
+        start: impl Fn(&RayOf<G>) -> G,
         mut finish: impl FnMut(usize, G),
     ) {
-        match &self.structure {
+        match self.structure {
             Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
-                let batch = interleave::Batch { rays, context: &self.context(filter) };
+                let batch = interleave::Batch { rays, context: &self.context };
                 interleave::search_batch(forest, self.simd, &batch, start, finish);
             }
-            _ => (0..rays.len()).for_each(|i| finish(i, self.search(rays.get(i), filter, &start))),
+            _ => (0..rays.len()).for_each(|i| finish(i, self.search(rays.get(i), &start))),
         }
     }
 
-    fn context<'a>(&'a self, filter: &'a dyn HitFilter) -> Context<'a> {
-        Context { filter, options: &self.options }
-    }
-
+    /// Searches for one ray.
     #[inline]
-    fn search<G: Goal>(&self, query: RayQuery, filter: &dyn HitFilter, start: impl Fn(&Ray) -> G) -> G {
-        let context = self.context(filter);
-        let mut search = Search::new(query, &context, start(query.ray));
-        if query.ray.is_valid() {
-            match &self.structure {
+    pub fn search<G: Goal<Precision = P>>(&self, query: RayQuery<P>, start: impl Fn(&RayOf<G>) -> G) -> G {
+        let mut search = Search::new(query, &self.context, start(query.ray));
+        if P::is_valid(query.ray) {
+            match self.structure {
                 Structure::None(groups) => {
-                    search_all(groups, 0, &DRay::from(query.ray), 0, &mut search);
+                    search_all(groups, 0, &P::exact(query.ray), 0, &mut search);
                 }
                 Structure::Bvh(forest) => search_forest(forest, self.simd, &mut search),
             }

@@ -9,8 +9,6 @@ use std::arch::x86_64::*;
 pub struct Avx8(__m256);
 
 impl Lanes8 for Avx8 {
-    type Double = super::AvxDouble8;
-
     #[inline(always)]
     unsafe fn splat(value: f32) -> Self {
         // SAFETY: the caller guarantees AVX.

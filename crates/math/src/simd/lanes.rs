@@ -3,9 +3,6 @@
 /// Eight numbers that are worked on together. Every implementation gives the same bits: nothing is fused, and `min` and `max`
 /// return the second operand if one is NaN.
 pub trait Lanes8: Copy {
-    /// Eight `f64` of the same instruction set.
-    type Double: super::DoubleLanes8;
-
     /// The same number in all lanes.
     ///
     /// # Safety

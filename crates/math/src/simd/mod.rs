@@ -2,16 +2,12 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
-mod double;
 mod lanes;
 mod level;
 mod portable;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx8;
-#[cfg(target_arch = "x86_64")]
-pub use double::AvxDouble8;
-pub use double::{DoubleLanes8, PortableDouble8};
 pub use lanes::Lanes8;
 pub use level::Level;
 pub use portable::Portable8;

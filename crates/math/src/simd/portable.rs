@@ -19,8 +19,6 @@ impl Portable8 {
 }
 
 impl Lanes8 for Portable8 {
-    type Double = super::PortableDouble8;
-
     #[inline(always)]
     unsafe fn splat(value: f32) -> Self {
         Self([value; 8])

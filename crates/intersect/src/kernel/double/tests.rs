@@ -1,11 +1,16 @@
 //! The exact test against arithmetic on big integers.
 
+use super::frame::Frame;
 use super::plane::{exact_plane_distance, plane_distance};
-use super::triangle::{Drawing, TriangleBlock, candidates, exact_hit};
+use super::triangle::{candidates, exact_hit};
+use crate::kernel::node::{ChildRef, WideNode, box_distances, padded};
+use crate::kernel::triangle::TriangleBlock;
+use crate::mesh::DTriangleMesh;
+use crate::precision::Real;
 use num_bigint::{BigInt, Sign};
 use proptest::prelude::*;
-use snell_math::simd::Portable8;
-use snell_math::{DRay, DVec3};
+use snell_math::simd::{Lanes8, Portable8};
+use snell_math::{Bounds3, DRay, DVec3};
 
 /// Numbers from a counter (splitmix64).
 struct Random(u64);
@@ -118,7 +123,7 @@ fn distances_are_within_two_units_in_the_last_place_of_exact_arithmetic() {
     while hits < 100_000 {
         let kind = (hits + grazed) % 8;
         let (ray, corners) = aimed(&mut random, kind);
-        let found = exact_hit(&ray, &Drawing::new(&ray), &corners, f64::NEG_INFINITY);
+        let found = exact_hit(&ray, &corners, f64::NEG_INFINITY);
         let (height, speed, inside) = exact(&ray, &corners);
         if speed == BigInt::ZERO {
             grazed += 1;
@@ -156,19 +161,44 @@ fn point() -> impl Strategy<Value = DVec3> {
 }
 
 proptest! {
+    /// The ray may start far away, and the shadow may be of something much larger than the triangle.
     #[test]
-    fn the_filter_never_drops_a_hit(v in [point(), point(), point()], o in point(), d in point(), scale in -300i32..300) {
+    fn the_filter_never_drops_a_hit(
+        v in [point(), point(), point()], o in point(), d in point(), far in -20i32..40, scale in -300i32..300, around in 0i32..30
+    ) {
         prop_assume!(d != DVec3::ZERO);
-        let scale = 2.0f64.powi(scale);
-        let corners = v.map(|v| v * scale);
-        let ray = DRay::new(o * scale, d);
-        let drawing = Drawing::new(&ray);
+        let (far, scale) = (2f64.powi(far), 2f64.powi(scale));
+        let place = DVec3::new(500_000.123, 4_649_776.22, 300.0);
+        let corners = v.map(|v| (v + place) * scale);
+        let origin = (o + d * -far + place) * scale;
+        let mesh = DTriangleMesh {
+            positions: corners.iter().copied().chain([(place + 2f64.powi(around)) * scale]).collect(),
+            indices: vec![[0, 1, 2], [0, 1, 3]],
+        };
+        let mut frame = Frame::of(&mesh.bounds());
+        let shadow = frame.shadow(&mesh);
+        let ray = DRay::new(origin, d);
+        let local = frame.local_ray(&ray);
         let mut block = TriangleBlock::EMPTY;
-        block.set(3, &corners, 0);
+        block.set(3, &shadow.corners(0).map(|p| p.to_array()), 0);
         // SAFETY: portable code.
-        let mask = unsafe { candidates::<Portable8>(&block, &drawing, 0.0, f32::INFINITY) };
-        if exact_hit(&ray, &drawing, &corners, 0.0).is_some() {
+        let mask = unsafe { candidates::<Portable8>(&block, &local, 0.0, f32::INFINITY) };
+        let hit = exact_hit(&ray, &mesh.corners(0), 0.0);
+        if let Some((t, _)) = hit.filter(|_| !mesh.is_degenerate(0)) {
             prop_assert!(mask & 8 != 0);
+            // Nor with a limit that just holds it.
+            let cull = padded(t.above());
+            // SAFETY: portable code.
+            let mask = unsafe { candidates::<Portable8>(&block, &local, t.below(), cull) };
+            prop_assert!(mask & 8 != 0);
+            // Nor its box.
+            let corners = shadow.corners(0);
+            let bounds = Bounds3::of(corners);
+            let mut node = WideNode::EMPTY;
+            node.set(2, &bounds, ChildRef::triangles(0, 1));
+            // SAFETY: portable code.
+            let (enter, leave) = unsafe { box_distances::<Portable8>(&node, &local, t.below(), cull) };
+            prop_assert_eq!(enter.le(leave), 4);
         }
     }
 
@@ -190,9 +220,8 @@ proptest! {
         // On the edges a ray may leave the fan only at its rim.
         for target in rim.iter().map(|r| middle + (*r - middle) * (at * 0.9)).chain([middle]) {
             let ray = DRay::new(origin, target - origin);
-            let drawing = Drawing::new(&ray);
             let count = (0..n)
-                .filter(|&i| exact_hit(&ray, &drawing, &[middle, rim[i], rim[(i + 1) % n]], f64::NEG_INFINITY).is_some())
+                .filter(|&i| exact_hit(&ray, &[middle, rim[i], rim[(i + 1) % n]], f64::NEG_INFINITY).is_some())
                 .count();
             prop_assert_eq!(count, 1);
         }

@@ -5,38 +5,31 @@
 //! or vertex of it, the same symbolic shift decides.
 
 use super::plane::plane_distance;
-use crate::kernel::triangle::clamp_to_box;
+use crate::kernel::ray::LocalRay;
+use crate::kernel::triangle::{DrawingFrame, TriangleBlock, clamp_to_box};
 use snell_math::exact::compare_products;
-use snell_math::simd::{DoubleLanes8, Lanes8};
+use snell_math::simd::Lanes8;
 use snell_math::{DRay, DVec2, DVec3};
 
 /// How vertices are drawn on the plane across a ray.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Drawing {
+struct Drawing {
     /// All vertices are drawn relative to it.
-    pub origin: [f64; 3],
+    origin: [f64; 3],
     /// Axes x, y, z of the drawing: z is where the direction is largest.
-    pub axes: [usize; 3],
+    axes: [usize; 3],
     /// Drawn x = x - shear[0] z, y = y - shear[1] z.
-    pub shear: [f64; 2],
-    /// Distance along the ray per unit of the z axis; 0 if it has no useful value, then depths are not compared.
-    pub depth_scale: f64,
+    shear: [f64; 2],
 }
 
 impl Drawing {
     #[inline(always)]
-    pub fn new(ray: &DRay) -> Self {
+    fn new(ray: &DRay) -> Self {
         let (a, d) = (ray.direction.abs(), ray.direction.to_array());
         let z = if a.x >= a.y && a.x >= a.z { 0 } else { 2 - usize::from(a.y >= a.z) };
         let axes = [(z + 1) % 3, (z + 2) % 3, z];
         let per_z = 1.0 / d[z];
-        let usable = per_z.abs() > 1e-100 && per_z.abs() < 1e100;
-        Self {
-            origin: ray.origin.to_array(),
-            axes,
-            shear: [d[axes[0]] * per_z, d[axes[1]] * per_z],
-            depth_scale: if usable { per_z } else { 0.0 },
-        }
+        Self { origin: ray.origin.to_array(), axes, shear: [d[axes[0]] * per_z, d[axes[1]] * per_z] }
     }
 
     /// The vertex as drawn: rounded subtraction, product, subtraction, never fused.
@@ -48,95 +41,56 @@ impl Drawing {
     }
 }
 
-/// Up to eight triangles, ready for [`candidates`].
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(64))]
-pub(crate) struct TriangleBlock {
-    /// By vertex, axis, triangle.
-    pub vertices: [[[f64; 8]; 3]; 3],
-    /// Number of the triangle within its group.
-    pub ids: [u32; 8],
-}
+/// Bound of the rounding of an edge value of the shadow, relative to the largest drawn |x| times the largest drawn |y|: `2^-22`, and
+/// as much again four times for the roundings of the drawing that grow with |x| and |y|. (`u`, half a unit in the last place of
+/// `f32`, is `2^-24`.)
+const EDGE_ERROR: f32 = 1.0 / (1u32 << 20) as f32;
 
-impl TriangleBlock {
-    pub const EMPTY: Self = Self { vertices: [[[0.0; 8]; 3]; 3], ids: [u32::MAX; 8] };
+/// Twice what a drawn vertex may be off by per unit of its depth: the roundings of depth, shear and their product, and of the
+/// difference. `2 * 4 u`, with room to spare.
+const DEPTH_ERROR: f32 = 10.0 / (1u32 << 24) as f32;
 
-    /// The corners of one of the triangles.
-    #[inline(always)]
-    pub fn corners(&self, lane: usize) -> [DVec3; 3] {
-        let (lane, v) = (lane & 7, &self.vertices);
-        let corner = |i: usize| DVec3::new(v[i][0][lane], v[i][1][lane], v[i][2][lane]);
-        [corner(0), corner(1), corner(2)]
-    }
-
-    /// Puts a triangle into a lane.
-    pub fn set(&mut self, lane: usize, corners: &[DVec3; 3], id: u32) {
-        for (vertex, corner) in self.vertices.iter_mut().zip(corners) {
-            for (axis, x) in vertex.iter_mut().zip(corner.to_array()) {
-                axis[lane] = x;
-            }
-        }
-        self.ids[lane] = id;
-    }
-}
-
-/// Bound of the rounding of an edge value, relative to the largest drawn |x| times the largest drawn |y|: two products and a
-/// difference are off by at most `2^-51` of it. Doubled.
-const EDGE_ERROR: f64 = 1.0 / (1u64 << 50) as f64;
-
-/// Which triangles of the block the ray may hit between `t_min` and `cull` (inclusive). Both may be rounded to `f32`, and `cull`
-/// must be padded by a relative `1e-6`.
+/// [`crate::kernel::triangle::candidates`] on the shadow of the triangles: allows for what the vertices, the ray's origin and the
+/// drawing are off by.
 ///
 /// # Safety
 /// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &Drawing, t_min: f32, cull: f32) -> u32 {
+pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32 {
+    let farthest = ray.origin[0].abs().max(ray.origin[1].abs()).max(ray.origin[2].abs());
+    // What a vertex relative to the origin may be off by on one axis.
+    let off = ray.slack + farthest * (f32::EPSILON * 0.5) + f32::MIN_POSITIVE;
     // SAFETY: passed on to the caller.
-    let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2], zero, bound_scale, tiny) = unsafe {
+    let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2]) = unsafe {
+        let frame = DrawingFrame::<L>::new(ray);
         let [v0, v1, v2] = &block.vertices;
-        (
-            draw::<L::Double>(ray, v0),
-            draw::<L::Double>(ray, v1),
-            draw::<L::Double>(ray, v2),
-            L::Double::splat(0.0),
-            L::Double::splat(EDGE_ERROR),
-            L::Double::splat(f64::MIN_POSITIVE),
-        )
+        (frame.draw(v0), frame.draw(v1), frame.draw(v2))
+    };
+    // SAFETY: passed on to the caller.
+    let (zero, off4, depth_error, edge_error, tiny) = unsafe {
+        (L::splat(0.0), L::splat(off * 4.0), L::splat(DEPTH_ERROR), L::splat(EDGE_ERROR), L::splat(f32::MIN_POSITIVE))
     };
     let u = x1.mul(y2).sub(y1.mul(x2));
     let v = x2.mul(y0).sub(y2.mul(x0));
     let w = x0.mul(y1).sub(y0.mul(x1));
-    // Surely outside: two edges whose signs are certain and differ. NaN is never sure.
-    let extent = x0.abs().max(x1.abs()).max(x2.abs()).mul(y0.abs().max(y1.abs()).max(y2.abs()));
-    let bound = extent.mul(bound_scale).add(tiny);
+    let x = x0.abs().max(x1.abs()).max(x2.abs());
+    let y = y0.abs().max(y1.abs()).max(y2.abs());
+    let z = z0.abs().max(z1.abs()).max(z2.abs());
+    // With each drawn coordinate off by `e` (an error along x or z each moves it by `off` at most), an edge value is off by at
+    // most `2 e (x + y) + 2 e^2`.
+    let twice = z.mul(depth_error).add(off4);
+    let bound = x.mul(y).mul(edge_error).add(twice.mul(x.add(y).add(twice))).add(tiny);
     let outside = u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w));
-    // Surely too near or too far: all three corners are. (With `depth_scale` 0 all depths are 0 and prove nothing.)
     if ray.depth_scale == 0.0 {
         return !outside & 0xff;
     }
-    let start = t_min - t_min.abs() * 1e-6;
+    let margin = off * 2.0 * ray.depth_scale.abs();
     // SAFETY: passed on to the caller.
     let (scale, cull, start) =
-        unsafe { (L::Double::splat(ray.depth_scale), L::Double::splat(cull.into()), L::Double::splat(start.into())) };
+        unsafe { (L::splat(ray.depth_scale), L::splat(cull + margin), L::splat(t_min - t_min.abs() * 1e-6 - margin)) };
     let (d0, d1, d2) = (z0.mul(scale), z1.mul(scale), z2.mul(scale));
     let beyond = cull.lt(d0.min(d1).min(d2)) | d0.max(d1).max(d2).lt(start);
     !(outside | beyond) & 0xff
-}
-
-/// [`Drawing::draw`] for eight vertices at a time, the same operations; and their depths.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
-#[inline(always)]
-unsafe fn draw<L: DoubleLanes8>(ray: &Drawing, v: &[[f64; 8]; 3]) -> [L; 3] {
-    let [kx, ky, kz] = ray.axes;
-    // SAFETY: passed on to the caller; axes are below 3.
-    unsafe {
-        let x = L::load(v.get_unchecked(kx)).sub(L::splat(*ray.origin.get_unchecked(kx)));
-        let y = L::load(v.get_unchecked(ky)).sub(L::splat(*ray.origin.get_unchecked(ky)));
-        let z = L::load(v.get_unchecked(kz)).sub(L::splat(*ray.origin.get_unchecked(kz)));
-        [x.sub(L::splat(ray.shear[0]).mul(z)), y.sub(L::splat(ray.shear[1]).mul(z)), z]
-    }
 }
 
 /// Twice the signed area of the drawn triangle (ray, p, q), and its exact sign after the symbolic shift of the ray: 0 only if
@@ -166,7 +120,8 @@ fn exact_sign(p: [f64; 2], q: [f64; 2]) -> i32 {
 /// meeting the triangle; then the plane may be met anywhere, and the distance is moved into the interval in which the ray is
 /// inside the triangle's box, so that skipping boxes can never lose it.
 #[inline(always)]
-pub(crate) fn exact_hit(ray: &DRay, drawing: &Drawing, corners: &[DVec3; 3], t_min: f64) -> Option<(f64, DVec2)> {
+pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<(f64, DVec2)> {
+    let drawing = Drawing::new(ray);
     let [p0, p1, p2] = [drawing.draw(corners[0]), drawing.draw(corners[1]), drawing.draw(corners[2])];
     let (w0, s0) = edge(p1, p2);
     let (w1, s1) = edge(p2, p0);

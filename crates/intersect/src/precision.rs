@@ -1,0 +1,271 @@
+//! Single and double precision: what worlds of `f32` coordinates and worlds of `f64` coordinates do differently.
+//!
+//! Trees, boxes and kernels are the same for both, in `f32`: boxes and filters only skip. What decides is different: how a ray is
+//! brought into the coordinates of a tree, and the exact test of a triangle.
+
+use crate::hit::{DHit, Hit};
+use crate::kernel::double::{self, DoubleData};
+use crate::kernel::ray::LocalRay;
+use crate::kernel::triangle::{TriangleBlock, exact_hit};
+use crate::query::search::{Goal, Search};
+use snell_math::simd::Lanes8;
+use snell_math::{DRay, Ray, Vec2};
+use std::fmt::Debug;
+
+/// The precision of a world's coordinates and rays: [`Single`] or [`Double`].
+pub trait Precision: sealed::Sealed + Copy + Debug + Default + Send + Sync + 'static {
+    /// Rays of the world.
+    type Ray: Copy + Debug + Sync;
+    /// What queries answer with.
+    type Hit: Copy + Debug + Send;
+}
+
+/// `f32`: [`Ray`] and [`Hit`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Single;
+
+/// `f64`: [`DRay`] and [`DHit`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Double;
+
+impl Precision for Single {
+    type Ray = Ray;
+    type Hit = Hit;
+}
+
+impl Precision for Double {
+    type Ray = DRay;
+    type Hit = DHit;
+}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for super::Single {}
+    impl Sealed for super::Double {}
+}
+
+/// A distance: `f32` or `f64`.
+pub(crate) trait Real: Copy + Debug + PartialOrd + Into<f64> {
+    /// The next greater number.
+    fn next_up(self) -> Self;
+
+    /// The greatest `f32` that is not above.
+    fn below(self) -> f32;
+
+    /// The least `f32` that is not below.
+    fn above(self) -> f32;
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn next_up(self) -> Self {
+        self.next_up()
+    }
+
+    #[inline(always)]
+    fn below(self) -> f32 {
+        self
+    }
+
+    #[inline(always)]
+    fn above(self) -> f32 {
+        self
+    }
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn next_up(self) -> Self {
+        self.next_up()
+    }
+
+    #[inline(always)]
+    fn below(self) -> f32 {
+        let near = self as f32;
+        if f64::from(near) > self { near.next_down() } else { near }
+    }
+
+    #[inline(always)]
+    fn above(self) -> f32 {
+        let near = self as f32;
+        if f64::from(near) < self { near.next_up() } else { near }
+    }
+}
+
+/// The rules of a precision, as searches use them.
+pub(crate) trait Rules: Precision {
+    /// Distances.
+    type Real: Real;
+
+    /// What searches need to know besides the trees.
+    type Data: Sync;
+
+    /// A hit that is none.
+    const MISS: Self::Hit;
+
+    /// Where the interval of a ray starts and ends.
+    fn interval(ray: &Self::Ray) -> [Self::Real; 2];
+
+    /// True if the ray can hit anything.
+    fn is_valid(ray: &Self::Ray) -> bool;
+
+    /// The ray in `f64`.
+    fn exact(ray: &Self::Ray) -> DRay;
+
+    /// A hit: distance (rounded), parameters, and instance, geometry and primitive.
+    fn hit(t: f64, uv: Vec2, ids: [u32; 3]) -> Self::Hit;
+
+    /// The distance of a hit.
+    fn t(hit: &Self::Hit) -> Self::Real;
+
+    /// Instance, geometry and primitive of a hit.
+    fn ids(hit: &Self::Hit) -> [u32; 3];
+
+    /// A ray in the coordinates of a group, as the kernels want it.
+    fn local_ray(data: &Self::Data, group: usize, ray: &DRay) -> LocalRay;
+
+    /// Which triangles of the block the ray may hit ([`crate::kernel::triangle::candidates`]).
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32;
+
+    /// The hit on a triangle whose corners are these in the tree, after the start of the ray and not beyond what is wanted.
+    fn triangle_hit<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &LocalRay,
+        corners: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<Self::Hit>;
+
+    /// True if a hit is to be reported rather than the other: nearer, or at equal distance the lower (instance, geometry,
+    /// primitive).
+    #[inline(always)]
+    fn is_before(hit: &Self::Hit, other: &Self::Hit) -> bool {
+        let (a, b) = (Self::t(hit), Self::t(other));
+        a < b || (a == b && Self::ids(hit) < Self::ids(other))
+    }
+}
+
+impl Rules for Single {
+    type Real = f32;
+    type Data = ();
+    const MISS: Hit = Hit::MISS;
+
+    #[inline(always)]
+    fn interval(ray: &Ray) -> [f32; 2] {
+        [ray.t_min, ray.t_max]
+    }
+
+    #[inline(always)]
+    fn is_valid(ray: &Ray) -> bool {
+        ray.is_valid()
+    }
+
+    #[inline(always)]
+    fn exact(ray: &Ray) -> DRay {
+        ray.into()
+    }
+
+    #[inline(always)]
+    fn hit(t: f64, uv: Vec2, [instance, geometry, primitive]: [u32; 3]) -> Hit {
+        Hit { t: t as f32, uv, instance, geometry, primitive }
+    }
+
+    #[inline(always)]
+    fn t(hit: &Hit) -> f32 {
+        hit.t
+    }
+
+    #[inline(always)]
+    fn ids(hit: &Hit) -> [u32; 3] {
+        [hit.instance, hit.geometry, hit.primitive]
+    }
+
+    #[inline(always)]
+    fn local_ray(_: &(), _: usize, ray: &DRay) -> LocalRay {
+        LocalRay::new(ray)
+    }
+
+    #[inline(always)]
+    unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32 {
+        // SAFETY: passed on to the caller.
+        unsafe { crate::kernel::triangle::candidates::<L>(block, ray, t_min, cull) }
+    }
+
+    #[inline(always)]
+    fn triangle_hit<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &LocalRay,
+        corners: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<Hit> {
+        let (t, uv) = exact_hit(ray, corners, search.ray.t_min.into())?;
+        let t = t as f32;
+        if t > search.goal.limit() {
+            return None;
+        }
+        let [instance, geometry, primitive] = ids();
+        Some(Hit { t, uv, instance, geometry, primitive })
+    }
+}
+
+impl Rules for Double {
+    type Real = f64;
+    type Data = DoubleData;
+    const MISS: DHit = DHit::MISS;
+
+    #[inline(always)]
+    fn interval(ray: &DRay) -> [f64; 2] {
+        [ray.t_min, ray.t_max]
+    }
+
+    #[inline(always)]
+    fn is_valid(ray: &DRay) -> bool {
+        ray.is_valid()
+    }
+
+    #[inline(always)]
+    fn exact(ray: &DRay) -> DRay {
+        *ray
+    }
+
+    #[inline(always)]
+    fn hit(t: f64, uv: Vec2, [instance, geometry, primitive]: [u32; 3]) -> DHit {
+        DHit { t, uv: uv.as_dvec2(), instance, geometry, primitive }
+    }
+
+    #[inline(always)]
+    fn t(hit: &DHit) -> f64 {
+        hit.t
+    }
+
+    #[inline(always)]
+    fn ids(hit: &DHit) -> [u32; 3] {
+        [hit.instance, hit.geometry, hit.primitive]
+    }
+
+    #[inline(always)]
+    fn local_ray(data: &DoubleData, group: usize, ray: &DRay) -> LocalRay {
+        data.frames[group].local_ray(ray)
+    }
+
+    #[inline(always)]
+    unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32 {
+        // SAFETY: passed on to the caller.
+        unsafe { double::triangle::candidates::<L>(block, ray, t_min, cull) }
+    }
+
+    #[inline(always)]
+    fn triangle_hit<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &LocalRay,
+        _: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<DHit> {
+        let [instance, geometry, primitive] = ids();
+        let corners = search.context.data.corners(geometry, primitive);
+        let (t, uv) = double::triangle::exact_hit(&ray.exact, &corners, search.ray.t_min)?;
+        (t <= search.goal.limit()).then_some(DHit { t, uv, instance, geometry, primitive })
+    }
+}

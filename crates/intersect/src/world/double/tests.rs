@@ -1,0 +1,1 @@
+//! Worlds in double precision.
