@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::hit::Hit;
+use crate::mesh::DTriangleMesh;
 use crate::query::rays::Rays;
 use crate::query::{AcceptAll, Grouping, HitFilter};
 use crate::shape::{AnyShape, Sphere};
@@ -10,10 +11,10 @@ use snell_math::sampling::uniform_sphere;
 use snell_math::{DAffine3, DMat3, DRay, DVec3, Ray, Vec2, Vec3};
 
 /// Random numbers in order.
-struct Random(u32);
+pub(super) struct Random(pub u32);
 
 impl Random {
-    fn unit(&mut self) -> f32 {
+    pub fn unit(&mut self) -> f32 {
         self.0 += 1;
         to_unit(pcg4d([self.0, 17, 3, 5])[0])
     }
@@ -22,17 +23,17 @@ impl Random {
         low + (high - low) * self.unit()
     }
 
-    fn point(&mut self, extent: f32) -> Vec3 {
+    pub fn point(&mut self, extent: f32) -> Vec3 {
         Vec3::new(self.range(-extent, extent), self.range(-extent, extent), self.range(-extent, extent))
     }
 
-    fn direction(&mut self) -> Vec3 {
+    pub fn direction(&mut self) -> Vec3 {
         let u = Vec2::new(self.unit(), self.unit());
         uniform_sphere(u)
     }
 
     /// Turned, stretched unevenly, sometimes mirrored, moved.
-    fn transform(&mut self, extent: f32) -> Transform {
+    pub fn transform(&mut self, extent: f32) -> Transform {
         let turn = DMat3::from_axis_angle(self.direction().as_dvec3(), f64::from(self.range(0.0, 6.0)));
         let mut scale =
             DVec3::new(self.range(0.3, 1.5).into(), self.range(0.3, 1.5).into(), self.range(0.3, 1.5).into());
@@ -45,7 +46,7 @@ impl Random {
     }
 }
 
-fn soup(random: &mut Random, triangles: usize) -> TriangleMesh {
+pub(super) fn soup(random: &mut Random, triangles: usize) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for i in 0..triangles as u32 {
         let center = random.point(2.0);
@@ -95,7 +96,7 @@ fn nested_scene(seed: u32) -> WorldBuilder {
     builder
 }
 
-fn scaling(factor: f64) -> Transform {
+pub(super) fn scaling(factor: f64) -> Transform {
     Transform::new(DAffine3::from_scale(DVec3::splat(factor))).expect("invertible")
 }
 
@@ -111,7 +112,7 @@ fn bits(hit: &Hit) -> [u32; 6] {
     [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), hit.instance, hit.geometry, hit.primitive]
 }
 
-fn levels() -> impl Iterator<Item = Level> {
+pub(super) fn levels() -> impl Iterator<Item = Level> {
     Level::ALL.into_iter().filter(|l| l.is_supported())
 }
 
@@ -170,10 +171,16 @@ fn errata_e8_a_world_keeps_nothing_between_rays_and_is_shared_by_threads() {
 }
 
 fn sphere_mesh(center: Vec3, radius: f32, rings: u32, segments: u32) -> TriangleMesh {
-    let mut mesh = TriangleMesh::default();
+    let DTriangleMesh { positions, indices } = double_sphere(center.as_dvec3(), radius.into(), rings, segments);
+    let positions = positions.iter().map(|p| p.as_vec3()).collect();
+    TriangleMesh { positions, indices, ..TriangleMesh::default() }
+}
+
+/// A closed sphere of triangles between circles of latitude and longitude.
+pub(super) fn double_sphere(center: DVec3, radius: f64, rings: u32, segments: u32) -> DTriangleMesh {
+    let mut mesh = DTriangleMesh::default();
     let mut add = |z: f64, r: f64, phi: f64| {
-        let p = DVec3::new(r * phi.cos(), r * phi.sin(), z) * f64::from(radius) + center.as_dvec3();
-        mesh.positions.push(p.as_vec3());
+        mesh.positions.push(DVec3::new(r * phi.cos(), r * phi.sin(), z) * radius + center);
     };
     add(1.0, 0.0, 0.0);
     for ring in 1..rings {
