@@ -1,6 +1,7 @@
 //! Shared pieces of the cross-crate tests: how to build scenes in few words, how to render them, and how to judge noisy pictures.
 
 pub mod meshes;
+pub mod random_worlds;
 pub mod scenes;
 pub mod statistics;
 

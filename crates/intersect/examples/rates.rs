@@ -113,7 +113,7 @@ fn main() -> std::io::Result<()> {
     let mesh = read_obj(&path)?;
     let mesh = Arc::new(if n == 1 { mesh } else { copies(&mesh, n) });
     for simd in Level::ALL.into_iter().filter(|l| l.is_supported()) {
-        let options = BuildOptions { accelerator: AcceleratorKind::Bvh, simd };
+        let options = BuildOptions { accelerator: AcceleratorKind::Bvh, simd, ..BuildOptions::default() };
         let start = Instant::now();
         let (_, world) = best_of(0, || {
             let mut builder = WorldBuilder::default();

@@ -13,6 +13,7 @@ pub mod query;
 pub mod shape;
 pub mod world;
 
+pub use accel::Quality;
 pub use hit::{DHit, Hit, SurfaceInteraction};
 pub use mesh::{DTriangleMesh, TriangleMesh};
 pub use precision::{Double, Precision, Single};

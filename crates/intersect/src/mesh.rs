@@ -1,5 +1,6 @@
 //! Indexed triangle meshes.
 
+use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d, DVec3, Transform, Vec2, Vec3, Vec4};
 
 /// A triangle mesh. Attributes are per vertex; absent ones are empty.
@@ -119,7 +120,10 @@ impl TriangleMesh {
 
     /// The smallest box around all vertices that triangles use and that are finite.
     pub fn bounds(&self) -> Bounds3 {
-        Bounds3::of(self.indices.iter().flatten().map(|&i| self.positions[i as usize]).filter(|p| p.is_finite()))
+        let of = |indices: &[[u32; 3]]| {
+            Bounds3::of(indices.iter().flatten().map(|&i| self.positions[i as usize]).filter(|p| p.is_finite()))
+        };
+        self.indices.par_chunks(1 << 14).map(of).reduce(|| Bounds3::EMPTY, |a, b| a.union(&b))
     }
 
     /// The three corners of a triangle.
@@ -129,7 +133,7 @@ impl TriangleMesh {
 
     /// Number of triangles that can never be hit ([`Self::is_degenerate`]).
     pub fn degenerate_triangles(&self) -> usize {
-        (0..self.indices.len()).filter(|&i| self.is_degenerate(i)).count()
+        (0..self.indices.len()).into_par_iter().with_min_len(1 << 14).filter(|&i| self.is_degenerate(i)).count()
     }
 
     /// True for a triangle that can never be hit: with a non-finite vertex, or with two vertices in one place.

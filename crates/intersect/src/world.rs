@@ -12,10 +12,10 @@ pub(crate) mod double;
 mod interaction;
 mod occurrence;
 
-use crate::accel::AcceleratorKind;
 use crate::accel::brute_force::GroupList;
-use crate::accel::bvh::Forest;
+use crate::accel::bvh::{BvhOptions, Forest};
 use crate::accel::group::Object;
+use crate::accel::{AcceleratorKind, Quality};
 use crate::mesh::TriangleMesh;
 use crate::shape::Shape;
 use occurrence::Occurrences;
@@ -50,13 +50,15 @@ pub enum WorldError {
 pub struct BuildOptions {
     /// Which acceleration structure.
     pub accelerator: AcceleratorKind,
+    /// How much time building a [`AcceleratorKind::Bvh`] may take for how fast a tree.
+    pub quality: Quality,
     /// Which instructions the kernels use.
     pub simd: Level,
 }
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { accelerator: AcceleratorKind::default(), simd: Level::best() }
+        Self { accelerator: AcceleratorKind::default(), quality: Quality::default(), simd: Level::best() }
     }
 }
 
@@ -183,13 +185,19 @@ impl WorldBuilder {
         bounds: GroupBounds,
     ) -> Result<World, WorldError> {
         let lists = self.group_lists(&occurrences);
+        let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
         let structure = match options.accelerator {
             AcceleratorKind::None => Structure::None(lists),
-            AcceleratorKind::Bvh => {
-                Structure::Bvh(Forest::build(&lists, &occurrences.order, &bounds.objects).map_err(WorldError::Limit)?)
-            }
+            AcceleratorKind::Bvh => Structure::Bvh(
+                Forest::build(
+                    &lists,
+                    &occurrences.order,
+                    &bounds.objects,
+                    &BvhOptions { quality: options.quality, simd },
+                )
+                .map_err(WorldError::Limit)?,
+            ),
         };
-        let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
         let stats = self.count_triangles(&occurrences, &structure);
         Ok(World {
             geometries: self.geometries,
@@ -254,6 +262,7 @@ impl WorldBuilder {
             stats.triangle_blocks = forest.trees.iter().map(|t| t.blocks.len() as u64).sum();
             stats.depth = forest.trees.iter().map(|t| t.depth as u32).max().unwrap_or(0);
             stats.memory_bytes = forest.memory_bytes() as u64;
+            stats.sah_cost = forest.trees[0].sah_cost();
         }
         stats
     }
@@ -347,7 +356,7 @@ pub struct World {
 }
 
 /// What was built.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BuildStats {
     /// Triangles of all meshes, each mesh counted once.
     pub triangles: u64,
@@ -363,6 +372,9 @@ pub struct BuildStats {
     pub depth: u32,
     /// Memory of the acceleration structures, without the geometries.
     pub memory_bytes: u64,
+    /// Nodes and blocks of triangles that a random line through the root's bounds meets on average, by the surface area heuristic;
+    /// what is in instances does not count.
+    pub sah_cost: f32,
 }
 
 /// What one ray cost.

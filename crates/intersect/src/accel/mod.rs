@@ -4,6 +4,8 @@ pub(crate) mod brute_force;
 pub(crate) mod bvh;
 pub(crate) mod group;
 
+pub use bvh::Quality;
+
 /// Which acceleration structure a world is built with. All give the same hits, bit for bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum AcceleratorKind {

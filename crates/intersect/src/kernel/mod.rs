@@ -1,5 +1,6 @@
 //! Traversal kernels: ray-boxes and ray-triangles, written once over [`snell_math::simd::Lanes8`], and their entries per level.
 
+pub(crate) mod binning;
 pub(crate) mod double;
 pub(crate) mod interleave;
 pub(crate) mod node;

@@ -1,8 +1,8 @@
 //! The 8-wide node and its box test.
 
 use super::ray::LocalRay;
-use snell_math::Bounds3;
 use snell_math::simd::Lanes8;
+use snell_math::{Bounds3, Vec3};
 
 /// What a node's slot leads to, in 32 bits: an inner node, up to eight triangles, or an object (shape or instance).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,18 +88,70 @@ impl WideNode {
         self.children[slot] = child;
     }
 
+    /// The box of a slot; empty if it is not used.
+    pub fn slot_bounds(&self, slot: usize) -> Bounds3 {
+        let side = |side: usize| Vec3::from_array(self.bounds[side].map(|axis| axis[slot & 7]));
+        Bounds3 { min: side(0), max: side(1) }
+    }
+
     /// Works out the order of the children for each octant, when all are set: by their centres along the diagonal.
     pub fn sort_octants(&mut self) {
-        for octant in 0..8 {
-            let along = |slot: usize| {
-                let side = |axis: usize| if octant >> axis & 1 == 1 { -1.0 } else { 1.0 };
-                (0..3).map(|a| side(a) * (self.bounds[0][a][slot] * 0.5 + self.bounds[1][a][slot] * 0.5)).sum::<f32>()
-            };
-            let mut slots: [u32; 8] = std::array::from_fn(|i| i as u32);
+        let center = |axis: usize| {
+            let (low, high) = (&self.bounds[0][axis], &self.bounds[1][axis]);
+            std::array::from_fn::<f32, 8, _>(|slot| low[slot] * 0.5 + high[slot] * 0.5)
+        };
+        let [x, y, z] = [center(0), center(1), center(2)];
+        for octant in 0..4 {
+            let side = |axis: usize| if octant >> axis & 1 == 1 { -1.0 } else { 1.0 };
+            let (sx, sy) = (side(0), side(1));
             // Unused slots give NaN and go wherever; they are never met.
-            slots.sort_by(|&a, &b| along(b as usize).total_cmp(&along(a as usize)));
-            self.order[octant] = slots.iter().rev().fold(0, |order, slot| (order << 3) | slot);
+            let mut keys: [i64; 8] = std::array::from_fn(|slot| {
+                let bits = (x[slot] * sx + y[slot] * sy + z[slot]).to_bits() as i32;
+                // Integers in the order of the numbers, with the slot in the low bits.
+                let ordered = bits ^ (bits >> 31 & i32::MAX);
+                i64::from(ordered) << 3 | slot as i64
+            });
+            sort8(&mut keys);
+            let (mut down, mut up) = (0, 0);
+            for key in keys {
+                let slot = (key & 7) as u32;
+                up = up << 3 | slot;
+                down = down >> 3 | slot << 21;
+            }
+            // The opposite octant meets them the other way round.
+            self.order[octant] = up;
+            self.order[octant ^ 7] = down;
         }
+    }
+}
+
+/// Sorts by a network of 19 exchanges (Batcher's odd-even merge sort): no branches.
+fn sort8(keys: &mut [i64; 8]) {
+    const NETWORK: [(usize, usize); 19] = [
+        (0, 1),
+        (2, 3),
+        (4, 5),
+        (6, 7),
+        (0, 2),
+        (1, 3),
+        (4, 6),
+        (5, 7),
+        (1, 2),
+        (5, 6),
+        (0, 4),
+        (1, 5),
+        (2, 6),
+        (3, 7),
+        (2, 4),
+        (3, 5),
+        (1, 2),
+        (3, 4),
+        (5, 6),
+    ];
+    for (a, b) in NETWORK {
+        let (x, y) = (keys[a], keys[b]);
+        keys[a] = x.min(y);
+        keys[b] = x.max(y);
     }
 }
 

@@ -101,7 +101,7 @@ pub(super) fn scaling(factor: f64) -> Transform {
 }
 
 fn build(builder: WorldBuilder, accelerator: AcceleratorKind, simd: Level) -> World {
-    builder.build(&BuildOptions { accelerator, simd }).expect("a world")
+    builder.build(&BuildOptions { accelerator, simd, ..BuildOptions::default() }).expect("a world")
 }
 
 fn default_world(builder: WorldBuilder) -> World {

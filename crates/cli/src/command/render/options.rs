@@ -4,7 +4,7 @@ use crate::failure::{Failure, choice};
 use crate::progress::ProgressStyleOption;
 use snell_formats::image::Tonemap;
 use snell_formats::{Limits, ReadOptions};
-use snell_intersect::BuildOptions;
+use snell_intersect::{BuildOptions, Quality};
 use snell_intersect::accel::AcceleratorKind;
 use snell_math::Rgb;
 use snell_math::simd::Level;
@@ -95,6 +95,9 @@ pub struct Options {
     /// Acceleration structure: bvh or none
     #[arg(long, value_name = "NAME", default_value = "bvh", help_heading = "How light is computed")]
     pub accelerator: String,
+    /// How the bvh is built: fast, medium or high. Never changes the picture
+    #[arg(long, value_name = "NAME", default_value = "medium", help_heading = "How light is computed")]
+    pub quality: String,
     /// Which samples find lights in path and direct: mis, light or bsdf
     #[arg(long, value_name = "NAME", default_value = "mis", help_heading = "How light is computed")]
     pub light_samples: String,
@@ -181,6 +184,7 @@ impl Options {
         let sampler = named(&self.sampler, &hints.sampler, SamplerKind::default().name());
         let filter = named(&self.filter, &hints.filter, Filter::default().name());
         let accelerator = choice("accelerator", &self.accelerator, &AcceleratorKind::ALL, AcceleratorKind::name)?;
+        let quality = choice("quality", &self.quality, &Quality::ALL, Quality::name)?;
         let size = self.size.or(hints.size).or(camera.resolution).unwrap_or(DEFAULT_SIZE);
         let crop = self.checked_crop(size)?;
         let aovs = self.aovs(integrator)?;
@@ -224,7 +228,7 @@ impl Options {
             )?,
             ao_distance: self.ao_distance,
             aovs,
-            build: BuildOptions { accelerator, simd },
+            build: BuildOptions { accelerator, quality, simd },
             ..Settings::default()
         })
     }

@@ -1,19 +1,50 @@
 //! The 8-wide bounding volume hierarchy of each group, and all groups together.
 
+mod binary;
+mod bins;
 mod build;
-mod split;
+mod medium;
+mod partition;
+mod primitive;
+mod quality;
+mod refit;
+mod storage;
+mod wide;
+
+#[cfg(test)]
+mod tests;
+
+pub use quality::Quality;
 
 use super::brute_force::GroupList;
 use super::group::Object;
 use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::triangle::TriangleBlock;
+use rayon::prelude::*;
+use snell_math::simd::Level;
 use snell_math::{Bounds3, Bounds3d};
+use std::sync::Arc;
+use storage::{Plain, Storage};
+
+// SAFETY: numbers of 32 bits without padding: 6 * 8 + 8 + 8 of them in 256 bytes.
+unsafe impl Plain for WideNode {}
+// SAFETY: numbers of 32 bits without padding: 9 * 8 + 8 of them in 320 bytes.
+unsafe impl Plain for TriangleBlock {}
+
+/// How to build trees.
+#[derive(Clone, Debug)]
+pub(crate) struct BvhOptions {
+    pub quality: Quality,
+    /// Instructions the builder may use; the tree is the same at every level.
+    pub simd: Level,
+}
 
 /// The tree of one group.
 #[derive(Debug)]
 pub(crate) struct GroupTree {
-    pub nodes: Vec<WideNode>,
-    pub blocks: Vec<TriangleBlock>,
+    /// In preorder: a subtree is a range of nodes, and a range of blocks.
+    pub nodes: Storage<WideNode>,
+    pub blocks: Storage<TriangleBlock>,
     /// Where the walk starts; [`ChildRef::NONE`] for a group without bounded contents.
     pub root: ChildRef,
     /// Shapes and instances, as the leaves number them.
@@ -24,9 +55,21 @@ pub(crate) struct GroupTree {
     pub meshes: Vec<(u32, u32)>,
     /// Nodes on the longest way down.
     pub depth: usize,
+    /// How many triangles the meshes have.
+    triangles: usize,
+    /// The triangles that can never be hit and are not in the tree.
+    skipped: Vec<u32>,
+    /// The objects without contents; not in the tree.
+    empty: Vec<u32>,
 }
 
 impl GroupTree {
+    /// Builds the tree of a group; `bounds` are the boxes of its objects in its coordinates.
+    pub fn build(list: &GroupList, bounds: &[Bounds3d], options: &BvhOptions) -> Result<Self, String> {
+        let boxes: Vec<Bounds3> = bounds.iter().map(Bounds3d::outward_f32).collect();
+        build::build_group(list, &boxes, options)
+    }
+
     /// Geometry and triangle of a triangle numbered within the group.
     #[inline(always)]
     pub fn triangle(&self, id: u32) -> (u32, u32) {
@@ -42,16 +85,26 @@ impl GroupTree {
         7 * self.depth + 8
     }
 
+    /// Nodes and blocks that a random line through the bounds meets on average.
+    pub fn sah_cost(&self) -> f32 {
+        let Some(root) = self.nodes.first() else { return 0.0 };
+        let area = |node: &WideNode| (0..8).map(|slot| f64::from(node.slot_bounds(slot).half_area())).sum::<f64>();
+        let whole = (0..8).fold(Bounds3::EMPTY, |b, slot| b.union(&root.slot_bounds(slot))).half_area();
+        let pieces: Vec<f64> = self.nodes.par_chunks(1 << 12).map(|nodes| nodes.iter().map(area).sum()).collect();
+        (1.0 + pieces.iter().sum::<f64>() / f64::from(whole)) as f32
+    }
+
     /// Memory of the tree.
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice()) + size_of_val(self.objects.as_slice())
+        size_of_val(&*self.nodes) + size_of_val(&*self.blocks) + size_of_val(self.objects.as_slice())
     }
 }
 
 /// The trees of all groups; group 0 is the root.
 #[derive(Debug)]
 pub(crate) struct Forest {
-    pub trees: Vec<GroupTree>,
+    /// Shared with other worlds that hold the same groups.
+    pub trees: Vec<Arc<GroupTree>>,
     /// Entries a walk needs on the deepest way through all groups.
     pub stack_size: usize,
 }
@@ -59,13 +112,20 @@ pub(crate) struct Forest {
 impl Forest {
     /// Builds all trees. `order` lists the groups with children before parents; `bounds` are the boxes of the objects of each group
     /// in the coordinates of the group.
-    pub fn build(lists: &[GroupList], order: &[usize], bounds: &[Vec<Bounds3d>]) -> Result<Self, String> {
-        let mut trees = Vec::with_capacity(lists.len());
-        for (list, bounds) in lists.iter().zip(bounds) {
-            let boxes: Vec<Bounds3> = bounds.iter().map(Bounds3d::outward_f32).collect();
-            trees.push(build::build_group(list, &boxes)?);
-        }
-        let mut sizes = vec![0; lists.len()];
+    pub fn build(
+        lists: &[GroupList],
+        order: &[usize],
+        bounds: &[Vec<Bounds3d>],
+        options: &BvhOptions,
+    ) -> Result<Self, String> {
+        let tree = |(list, bounds): (_, &Vec<_>)| GroupTree::build(list, bounds, options).map(Arc::new);
+        let trees = lists.par_iter().zip(bounds).map(tree).collect::<Result<_, _>>()?;
+        Ok(Self::of(trees, order))
+    }
+
+    /// All groups from their trees.
+    pub fn of(trees: Vec<Arc<GroupTree>>, order: &[usize]) -> Self {
+        let mut sizes = vec![0; trees.len()];
         for &group in order {
             let below = |object: &Object| match object {
                 Object::Instance { child, .. } => sizes[*child],
@@ -74,11 +134,11 @@ impl Forest {
             let tree: &GroupTree = &trees[group];
             sizes[group] = tree.stack_size() + tree.objects.iter().map(below).max().unwrap_or(0);
         }
-        Ok(Self { trees, stack_size: sizes[0] })
+        Self { stack_size: sizes[0], trees }
     }
 
     /// Memory of all trees.
     pub fn memory_bytes(&self) -> usize {
-        self.trees.iter().map(GroupTree::memory_bytes).sum()
+        self.trees.iter().map(|tree| tree.memory_bytes()).sum()
     }
 }

@@ -1,0 +1,258 @@
+//! The binary tree that every builder makes, and how it is best gathered into 8-wide nodes.
+//!
+//! Each inner node knows, for 2 to 8 slots of a wide node given to its subtree, how many of them its first child should get so that
+//! the area of all wide nodes is least: the dynamic programme of Ylitie, Karras and Laine (Efficient Incoherent Ray Traversal on
+//! GPUs Through Compressed Wide BVHs, 2017, section 3.1). Leaves cost the same however they are gathered and do not count.
+
+use crate::kernel::binning::Box8;
+use snell_math::{Bounds3, Vec3};
+
+/// The least area of wide nodes needed for a subtree that is given 1 to 7 slots (index 1 to 7).
+pub(super) type Costs = [f32; 8];
+
+/// Costs of a leaf.
+pub(super) const LEAF_COSTS: Costs = [0.0; 8];
+
+/// For 2 to 8 slots how many go to the first child, in 3 bits each; 0: one slot less is no worse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Choices(u32);
+
+impl Choices {
+    /// How the slots are best shared.
+    #[inline(always)]
+    fn first(self, slots: usize) -> usize {
+        (self.0 >> (3 * slots)) as usize & 7
+    }
+
+    /// Works out the best choices of an inner node, and its costs.
+    #[inline]
+    pub fn best(half_area: f32, first: &Costs, second: &Costs) -> (Self, Costs) {
+        let mut choices = 0;
+        let mut costs = [f32::INFINITY; 8];
+        let mut all = 0.0;
+        for slots in 2..=8 {
+            let (mut best, mut share) = (first[1] + second[slots - 1], 1);
+            for k in 2..slots {
+                let cost = first[k] + second[slots - k];
+                if cost < best {
+                    (best, share) = (cost, k);
+                }
+            }
+            if slots < 8 {
+                costs[slots] = best;
+            } else {
+                all = best;
+            }
+            choices |= (share as u32) << (3 * slots);
+        }
+        // One slot: a wide node of its own. That, or any smaller number of slots, may be better for more slots too.
+        costs[1] = half_area + all;
+        for slots in 2..8 {
+            if costs[slots] >= costs[slots - 1] {
+                costs[slots] = costs[slots - 1];
+                choices &= !(7 << (3 * slots));
+            }
+        }
+        (Self(choices), costs)
+    }
+}
+
+/// A node of a [`Part`]. The first child of an inner node follows it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BinaryNode {
+    low: [f32; 3],
+    /// The second child, or where the primitives of a leaf start.
+    link: u32,
+    high: [f32; 3],
+    /// Choices, or [`LEAF`] and a count.
+    kind: u32,
+}
+
+const LEAF: u32 = 1 << 31;
+
+/// A subtree in one piece, with the primitives its leaves refer to.
+#[derive(Debug)]
+pub(super) struct Part<'a, P> {
+    nodes: Vec<BinaryNode>,
+    primitives: &'a [P],
+    costs: Costs,
+}
+
+/// Nodes of a part in the making.
+#[derive(Debug, Default)]
+pub(super) struct PartBuilder {
+    nodes: Vec<BinaryNode>,
+}
+
+impl PartBuilder {
+    /// For some `primitives`.
+    pub fn new(primitives: usize) -> Self {
+        Self { nodes: Vec::with_capacity(primitives / 2 + 8) }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, bounds: &Box8, link: u32, kind: u32) {
+        let b = bounds.bounds();
+        self.nodes.push(BinaryNode { low: b.min.to_array(), link, high: b.max.to_array(), kind });
+    }
+
+    /// A leaf of `count` primitives: one object, or up to eight triangles.
+    pub fn leaf(&mut self, bounds: &Box8, first: usize, count: usize) -> Costs {
+        self.push(bounds, first as u32, LEAF | count as u32);
+        LEAF_COSTS
+    }
+
+    /// An inner node whose children `first` and `second` push, in this order.
+    pub fn inner(
+        &mut self,
+        bounds: &Box8,
+        first: impl FnOnce(&mut Self) -> Costs,
+        second: impl FnOnce(&mut Self) -> Costs,
+    ) -> Costs {
+        let index = self.nodes.len();
+        self.push(bounds, 0, 0);
+        let first = first(self);
+        let link = self.nodes.len() as u32;
+        let second = second(self);
+        let (choices, costs) = Choices::best(bounds.half_area(), &first, &second);
+        let node = &mut self.nodes[index];
+        (node.link, node.kind) = (link, choices.0);
+        costs
+    }
+
+    /// The finished part. `costs` are those of its root.
+    pub fn finish<P>(self, primitives: &[P], costs: Costs) -> Tree<'_, P> {
+        Tree::Part(Part { nodes: self.nodes, primitives, costs })
+    }
+}
+
+/// A binary tree: parts, and inner nodes above them.
+#[derive(Debug)]
+pub(super) enum Tree<'a, P> {
+    Part(Part<'a, P>),
+    Inner(Box<Inner<'a, P>>),
+}
+
+/// A node above the parts.
+#[derive(Debug)]
+pub(super) struct Inner<'a, P> {
+    bounds: Box8,
+    choices: Choices,
+    costs: Costs,
+    children: [Tree<'a, P>; 2],
+}
+
+impl<'a, P> Tree<'a, P> {
+    /// An inner node.
+    pub fn inner(bounds: Box8, children: [Self; 2]) -> Self {
+        let (choices, costs) = Choices::best(bounds.half_area(), children[0].costs(), children[1].costs());
+        Self::Inner(Box::new(Inner { bounds, choices, costs, children }))
+    }
+
+    fn costs(&self) -> &Costs {
+        match self {
+            Self::Part(part) => &part.costs,
+            Self::Inner(inner) => &inner.costs,
+        }
+    }
+
+    /// The top node.
+    pub fn root(&self) -> Cursor<'_, P> {
+        match self {
+            Self::Part(part) => Cursor::Part(part, 0),
+            Self::Inner(inner) => Cursor::Inner(inner),
+        }
+    }
+}
+
+/// A node of a tree.
+#[derive(Debug)]
+pub(super) enum Cursor<'t, P> {
+    Inner(&'t Inner<'t, P>),
+    Part(&'t Part<'t, P>, u32),
+}
+
+impl<P> Clone for Cursor<'_, P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<P> Copy for Cursor<'_, P> {}
+
+impl<'t, P> Cursor<'t, P> {
+    /// The box around the subtree.
+    #[inline(always)]
+    pub fn bounds(self) -> Bounds3 {
+        match self {
+            Self::Inner(inner) => inner.bounds.bounds(),
+            Self::Part(part, i) => {
+                let node = &part.nodes[i as usize];
+                Bounds3 { min: Vec3::from_array(node.low), max: Vec3::from_array(node.high) }
+            }
+        }
+    }
+
+    /// The primitives of a leaf; `None` for an inner node.
+    #[inline(always)]
+    pub fn leaf(self) -> Option<&'t [P]> {
+        let Self::Part(part, i) = self else { return None };
+        let node = &part.nodes[i as usize];
+        let range = node.link as usize..(node.link + (node.kind & !LEAF)) as usize;
+        (node.kind & LEAF != 0).then(|| &part.primitives[range])
+    }
+
+    #[inline(always)]
+    fn choices(self) -> Choices {
+        match self {
+            Self::Inner(inner) => inner.choices,
+            Self::Part(part, i) => Choices(part.nodes[i as usize].kind),
+        }
+    }
+
+    #[inline(always)]
+    fn children(self) -> [Self; 2] {
+        match self {
+            Self::Inner(inner) => [inner.children[0].root(), inner.children[1].root()],
+            Self::Part(part, i) => [Self::Part(part, i + 1), Self::Part(part, part.nodes[i as usize].link)],
+        }
+    }
+
+    /// The children of an inner node that becomes a wide node: two to eight of them, in order.
+    #[inline]
+    pub fn wide_children(self) -> WideChildren<'t, P> {
+        let mut found = WideChildren { items: [self; 8], count: 0 };
+        self.share(8, &mut found);
+        found
+    }
+
+    /// Adds what represents this subtree in so many slots.
+    fn share(self, mut slots: usize, to: &mut WideChildren<'t, P>) {
+        if self.leaf().is_none() {
+            while slots > 1 {
+                let first = self.choices().first(slots);
+                if first > 0 {
+                    let [a, b] = self.children();
+                    a.share(first, to);
+                    b.share(slots - first, to);
+                    return;
+                }
+                slots -= 1;
+            }
+        }
+        to.items[to.count] = self;
+        to.count += 1;
+    }
+}
+
+/// Two to eight nodes.
+pub(super) struct WideChildren<'t, P> {
+    items: [Cursor<'t, P>; 8],
+    count: usize,
+}
+
+impl<'t, P> WideChildren<'t, P> {
+    pub fn as_slice(&self) -> &[Cursor<'t, P>] {
+        &self.items[..self.count]
+    }
+}

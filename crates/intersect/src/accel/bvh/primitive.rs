@@ -1,0 +1,150 @@
+//! What the builders sort: boxes with the numbers of their triangles or objects.
+
+use super::storage::{Plain, Storage};
+use crate::accel::brute_force::GroupList;
+use crate::kernel::binning::Primitive;
+use crate::mesh::TriangleMesh;
+use rayon::prelude::*;
+use snell_math::Vec3;
+
+/// Something with the number of a triangle within its group, or with [`OBJECT`] and that of an object.
+pub(super) trait Numbered: Copy + Send + Sync {
+    fn id(&self) -> u32;
+}
+
+/// Set in numbers of objects (shapes and instances).
+pub(super) const OBJECT: u32 = 1 << 31;
+
+/// Triangles a group may have.
+pub(super) const MAX_TRIANGLES: usize = 1 << 30;
+
+// SAFETY: eight numbers of which any bits are valid, without padding.
+unsafe impl Plain for Primitive {}
+
+impl Numbered for Primitive {
+    #[inline(always)]
+    fn id(&self) -> u32 {
+        self.number()
+    }
+}
+
+/// The triangles of a group, numbered mesh after mesh.
+#[derive(Clone, Copy)]
+pub(super) struct Triangles<'a> {
+    list: &'a GroupList,
+    /// As [`super::GroupTree::meshes`].
+    meshes: &'a [(u32, u32)],
+}
+
+impl<'a> Triangles<'a> {
+    pub fn new(list: &'a GroupList, meshes: &'a [(u32, u32)]) -> Self {
+        Self { list, meshes }
+    }
+
+    /// How many there are, those included that can never be hit.
+    pub fn count(&self) -> usize {
+        self.list.meshes.iter().map(|(_, mesh)| mesh.indices.len()).sum()
+    }
+
+    /// The mesh of a triangle, and its number there.
+    #[inline(always)]
+    fn find(&self, id: u32) -> (&'a TriangleMesh, usize) {
+        let mesh = match self.meshes {
+            [_] => 0,
+            all => all.partition_point(|m| m.0 <= id).saturating_sub(1),
+        };
+        (&self.list.meshes[mesh].1, (id - self.meshes[mesh].0) as usize)
+    }
+
+    /// The corners of a triangle.
+    #[inline(always)]
+    pub fn corners(&self, id: u32) -> [Vec3; 3] {
+        let (mesh, triangle) = self.find(id);
+        mesh.corners(triangle)
+    }
+
+    /// True if the triangle can never be hit.
+    pub fn is_degenerate(&self, id: u32) -> bool {
+        let (mesh, triangle) = self.find(id);
+        mesh.is_degenerate(triangle)
+    }
+
+    /// The triangles that can never be hit.
+    pub fn degenerate(&self) -> Vec<u32> {
+        (0..self.count() as u32).into_par_iter().with_min_len(CHUNK).filter(|&id| self.is_degenerate(id)).collect()
+    }
+
+    /// Fills `to` in parallel with what `make` gives for each triangle that can be hit (number and corners), and returns how many
+    /// these are. They are at the front, in order.
+    pub fn collect<T: Copy + Send>(&self, to: &mut [T], make: impl Fn(u32, [Vec3; 3]) -> T + Sync) -> usize {
+        let mut rest = &mut *to;
+        let mut jobs = Vec::new();
+        for ((_, mesh), &(first, _)) in self.list.meshes.iter().zip(self.meshes) {
+            for start in (0..mesh.indices.len()).step_by(CHUNK) {
+                let range = start..(start + CHUNK).min(mesh.indices.len());
+                let (piece, others) = rest.split_at_mut(range.len());
+                rest = others;
+                jobs.push((mesh, first, range, piece));
+            }
+        }
+        let counts: Vec<(usize, usize)> = jobs
+            .into_par_iter()
+            .map(|(mesh, first, range, piece)| {
+                let (size, mut count) = (range.len(), 0);
+                for i in range {
+                    if !mesh.is_degenerate(i) {
+                        piece[count] = make(first + i as u32, mesh.corners(i));
+                        count += 1;
+                    }
+                }
+                (size, count)
+            })
+            .collect();
+        close_gaps(to, &counts)
+    }
+}
+
+/// Triangles handled at once by one thread.
+const CHUNK: usize = 1 << 14;
+
+/// Moves the used front of each piece (size, used) together; returns the sum.
+fn close_gaps<T: Copy>(items: &mut [T], pieces: &[(usize, usize)]) -> usize {
+    let (mut from, mut to) = (0, 0);
+    for &(size, used) in pieces {
+        if from != to {
+            items.copy_within(from..from + used, to);
+        }
+        from += size;
+        to += used;
+    }
+    to
+}
+
+/// The boxes of all triangles that can be hit, and how many they are; there is room for `extra` more.
+pub(super) fn triangle_primitives(triangles: &Triangles, extra: usize) -> (Storage<Primitive>, usize) {
+    let mut primitives = Storage::zeroed(triangles.count() + extra);
+    let count = triangles.collect(&mut primitives[..triangles.count()], |id, [a, b, c]| {
+        Primitive::new(a.min(b).min(c), a.max(b).max(c), id)
+    });
+    (primitives, count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaps_close_in_order() {
+        let mut items = [1, 2, 0, 3, 0, 0, 4, 5, 6];
+        assert_eq!(close_gaps(&mut items, &[(3, 2), (3, 1), (3, 3)]), 6);
+        assert_eq!(items[..6], [1, 2, 3, 4, 5, 6]);
+    }
+
+    #[test]
+    fn numbers_survive_beside_boxes() {
+        for id in [0, 1, 7 | OBJECT, u32::MAX, 0x7fc0_0001] {
+            let p = Primitive::new(Vec3::ZERO, Vec3::ONE, id);
+            assert_eq!((p.id(), p.bounds().half_area()), (id, 3.0));
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! The memory of trees: large pieces come from the system in huge pages where it has them, or from a mapped file.
+//!
+//! Fresh pages are a good part of the cost of a build, and address translation one of walking large trees, so pieces of some size
+//! are mapped by themselves and the system is asked for huge pages. All memory starts as zeros, which the system gives for
+//! nothing, so that several threads can write parts of it without anyone having to fill it before.
+
+use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
+use std::fmt;
+use std::marker::PhantomData;
+use std::ops::{Deref, DerefMut};
+use std::ptr::NonNull;
+
+/// Plain old data.
+///
+/// # Safety
+/// Any bits must be a valid value, and there must be no padding.
+pub(crate) unsafe trait Plain: Copy + Send + Sync + 'static {}
+
+/// Pieces at least this large are mapped by themselves.
+const MAPPED_BYTES: usize = 1 << 20;
+
+/// A slice that owns its memory: on the heap, mapped, or in a file.
+pub(crate) struct Storage<T> {
+    start: NonNull<T>,
+    len: usize,
+    owner: Owner,
+    values: PhantomData<T>,
+}
+
+/// Who frees the memory.
+enum Owner {
+    Heap(Layout),
+    /// Held only to be dropped.
+    Mapped(#[expect(dead_code, reason = "held to be dropped")] memmap2::MmapMut),
+}
+
+// SAFETY: `Storage` owns plain values, like a `Vec`.
+unsafe impl<T: Plain> Send for Storage<T> {}
+// SAFETY: as above.
+unsafe impl<T: Plain> Sync for Storage<T> {}
+
+impl<T: Plain> Storage<T> {
+    /// Memory for `len` values, all bits zero.
+    pub fn zeroed(len: usize) -> Self {
+        let layout = Layout::array::<T>(len).expect("no world is larger than the address space");
+        if layout.size() >= MAPPED_BYTES
+            && let Ok(mut map) = memmap2::MmapMut::map_anon(layout.size())
+        {
+            #[cfg(target_os = "linux")]
+            // Only a wish: without huge pages it is as before.
+            let _ = map.advise(memmap2::Advice::HugePage);
+            let start = NonNull::new(map.as_mut_ptr().cast::<T>()).expect("mapped memory has an address");
+            // Pages are aligned to more than any value.
+            assert!(start.is_aligned());
+            return Self { start, len, owner: Owner::Mapped(map), values: PhantomData };
+        }
+        let start = if layout.size() == 0 {
+            NonNull::dangling()
+        } else {
+            // SAFETY: the layout is not empty.
+            let memory = unsafe { alloc_zeroed(layout) };
+            NonNull::new(memory.cast::<T>()).unwrap_or_else(|| handle_alloc_error(layout))
+        };
+        Self { start, len, owner: Owner::Heap(layout), values: PhantomData }
+    }
+}
+
+impl<T> Drop for Storage<T> {
+    fn drop(&mut self) {
+        if let Owner::Heap(layout) = self.owner
+            && layout.size() > 0
+        {
+            // SAFETY: it was allocated with this layout; plain values need no drop.
+            unsafe { dealloc(self.start.as_ptr().cast(), layout) };
+        }
+    }
+}
+
+impl<T> Deref for Storage<T> {
+    type Target = [T];
+
+    #[inline(always)]
+    fn deref(&self) -> &[T] {
+        // SAFETY: `start` leads to `len` values that live as long as `self`.
+        unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.len) }
+    }
+}
+
+impl<T> DerefMut for Storage<T> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        // SAFETY: as above, and nobody else has them.
+        unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr(), self.len) }
+    }
+}
+
+impl<T: Plain> Clone for Storage<T> {
+    fn clone(&self) -> Self {
+        let mut copy = Self::zeroed(self.len);
+        copy.copy_from_slice(self);
+        copy
+    }
+}
+
+impl<T> fmt::Debug for Storage<T> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "Storage of {} values", self.len)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // SAFETY: a number.
+    unsafe impl Plain for u32 {}
+
+    #[test]
+    fn memory_of_any_size_starts_as_zeros_and_holds_what_is_written() {
+        for len in [0, 1, 1000, 1 << 20] {
+            let mut memory = Storage::<u32>::zeroed(len);
+            assert!(memory.len() == len && memory.iter().all(|&x| x == 0));
+            memory.iter_mut().zip(0..).for_each(|(x, i)| *x = i);
+            let copy = memory.clone();
+            drop(memory);
+            assert!(copy.iter().zip(0..).all(|(&x, i)| x == i));
+        }
+    }
+}

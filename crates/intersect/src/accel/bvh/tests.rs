@@ -1,0 +1,224 @@
+//! Trees of every quality against no tree at all.
+
+use super::*;
+use crate::accel::AcceleratorKind;
+use crate::hit::Hit;
+use crate::mesh::TriangleMesh;
+use crate::query::{AcceptAll, Grouping};
+use crate::shape::Sphere;
+use crate::world::{BuildOptions, Structure, World, WorldBuilder};
+use snell_math::{DVec3, Ray, Transform, Vec3, rng};
+
+/// Uniform in -1..1.
+fn signed(i: u32, k: u32, seed: u32) -> f32 {
+    2.0 * rng::to_unit(rng::pcg4d([i, k, seed, 77])[0]) - 1.0
+}
+
+fn vector(i: u32, k: u32, seed: u32) -> Vec3 {
+    Vec3::new(signed(i, k, seed), signed(i, k + 1, seed), signed(i, k + 2, seed))
+}
+
+/// Triangles of all sizes and shapes, some of them coincident, flat along an axis, slivers, or degenerate.
+fn soup(n: u32, seed: u32) -> TriangleMesh {
+    let mut mesh = TriangleMesh::default();
+    for i in 0..n {
+        let at = vector(i, 0, seed) * 10.0;
+        let size = 3.0f32.powf(-1.0 + 2.0 * signed(i, 3, seed));
+        let (a, b) = (vector(i, 4, seed) * size, vector(i, 7, seed) * size);
+        let corners = match i % 7 {
+            0 => [at, at + a * 20.0, at + a * 20.0 + b * 0.01],
+            1 => [at, Vec3::new(at.x, at.y + a.y, at.z + a.z), Vec3::new(at.x, at.y + b.y, at.z + b.z)],
+            2 if i % 3 == 0 => [at, at + a, at + a * 2.0],
+            _ => [at, at + a, at + b],
+        };
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(corners);
+        mesh.indices.push([first, first + 1, first + 2]);
+        if i % 11 == 0 {
+            mesh.indices.push([first + 1, first + 2, first]);
+        }
+    }
+    mesh
+}
+
+/// Rays everywhere, many of them through vertices and edges, or along an axis.
+fn rays(mesh: &TriangleMesh, n: u32) -> Vec<Ray> {
+    let bounds = mesh.bounds();
+    let (center, size) = (bounds.center(), bounds.size());
+    let ray = |i: u32| {
+        let origin = center + vector(i, 0, 5) * size * 0.7;
+        let vertex = mesh.positions[(rng::hash32(i) % mesh.positions.len() as u32) as usize];
+        let direction = match i % 4 {
+            0 => vector(i, 3, 5),
+            1 => [Vec3::X, -Vec3::Y, Vec3::Z][i as usize % 3],
+            _ => vertex - origin,
+        };
+        Ray::new(origin, direction)
+    };
+    (0..n).map(ray).collect()
+}
+
+fn bits(h: &Hit) -> [u32; 6] {
+    [h.t.to_bits(), h.uv.x.to_bits(), h.uv.y.to_bits(), h.instance, h.geometry, h.primitive]
+}
+
+fn world_of(meshes: &[Arc<TriangleMesh>], options: &BuildOptions) -> World {
+    let mut builder = WorldBuilder::default();
+    for mesh in meshes {
+        builder.add_mesh(WorldBuilder::ROOT, mesh.clone());
+    }
+    builder.build(options).expect("a world")
+}
+
+fn none() -> BuildOptions {
+    BuildOptions { accelerator: AcceleratorKind::None, ..BuildOptions::default() }
+}
+
+/// Asks both worlds everything about the rays.
+fn assert_equal(world: &World, oracle: &World, rays: &[Ray], what: &str) {
+    let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+    world.closest(rays, Grouping::None, &AcceptAll, &mut hits);
+    world.occluded(rays, &AcceptAll, &mut blocked);
+    for (i, ray) in rays.iter().enumerate() {
+        let expected = oracle.all_one(ray, &AcceptAll);
+        let first = expected.first().copied().unwrap_or(Hit::MISS);
+        assert_eq!(bits(&hits[i]), bits(&first), "{what} {ray:?}");
+        assert_eq!(blocked[i], first.is_hit(), "{what} {ray:?}");
+        let all = world.all_one(ray, &AcceptAll);
+        assert_eq!(all.iter().map(bits).collect::<Vec<_>>(), expected.iter().map(bits).collect::<Vec<_>>(), "{what}");
+    }
+}
+
+#[test]
+fn every_quality_finds_what_is_there_at_every_scale() {
+    for (scale, offset) in [(1.0, 0.0), (1e-6, 0.0), (1e9, 0.0), (1.0, 1e5), (1e-20, 0.0), (1e18, 0.0)] {
+        for n in [1, 5, 9, 40, 700] {
+            let mut mesh = soup(n, 3 + n);
+            mesh.positions.iter_mut().for_each(|p| *p = *p * scale + Vec3::splat(offset));
+            let rays = rays(&mesh, 400);
+            let meshes = [Arc::new(mesh)];
+            let oracle = world_of(&meshes, &none());
+            for quality in Quality::ALL {
+                let world = world_of(&meshes, &BuildOptions { quality, ..BuildOptions::default() });
+                assert_equal(&world, &oracle, &rays, &format!("{quality:?} {n} triangles, {scale} {offset}"));
+            }
+        }
+    }
+}
+
+#[test]
+fn shapes_and_several_meshes_share_a_tree() {
+    let (a, b) = (Arc::new(soup(100, 1)), Arc::new(soup(50, 2)));
+    let make = |options: &BuildOptions| {
+        let mut builder = WorldBuilder::default();
+        for i in 0..40u32 {
+            let at = Transform::translation(vector(i, 0, 9).as_dvec3() * 10.0);
+            builder.add_shape(WorldBuilder::ROOT, Arc::new(Sphere { radius: 0.7 }), at);
+            if i % 20 == 0 {
+                builder.add_mesh(WorldBuilder::ROOT, a.clone());
+            }
+        }
+        let group = builder.add_group();
+        builder.add_mesh(group, b.clone());
+        for x in [-8.0, 8.0] {
+            builder.add_instance(WorldBuilder::ROOT, group, Transform::translation(DVec3::X * x));
+        }
+        builder.build(options).expect("a world")
+    };
+    let rays = rays(&a, 1000);
+    let oracle = make(&none());
+    for quality in Quality::ALL {
+        let world = make(&BuildOptions { quality, ..BuildOptions::default() });
+        assert_equal(&world, &oracle, &rays, quality.name());
+    }
+}
+
+/// Everything that rays see of a tree.
+fn contents(world: &World) -> (Vec<[u32; 64]>, Vec<[u32; 80]>) {
+    let Structure::Bvh(forest) = &world.structure else { panic!("a tree") };
+    let tree = &forest.trees[0];
+    let node = |n: &WideNode| {
+        let numbers = n.bounds.iter().flatten().flatten().map(|x| x.to_bits());
+        let mut all = numbers.chain(n.children.iter().map(|c| c.0)).chain(n.order);
+        std::array::from_fn(|_| all.next().expect("64 numbers"))
+    };
+    let block = |b: &TriangleBlock| {
+        let mut all = b.vertices.iter().flatten().flatten().map(|x| x.to_bits()).chain(b.ids);
+        std::array::from_fn(|_| all.next().expect("80 numbers"))
+    };
+    (tree.nodes.iter().map(node).collect(), tree.blocks.iter().map(block).collect())
+}
+
+#[test]
+fn trees_do_not_depend_on_threads_or_instructions() {
+    let mesh = [Arc::new(soup(120_000, 1))];
+    for quality in Quality::ALL {
+        let tree = |threads: usize, simd: Level| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            let options = BuildOptions { quality, simd, ..BuildOptions::default() };
+            contents(&pool.install(|| world_of(&mesh, &options)))
+        };
+        let first = tree(1, Level::best());
+        assert!(first == tree(4, Level::best()) && first == tree(3, Level::Scalar), "{quality:?}");
+    }
+}
+
+#[test]
+fn nodes_and_blocks_of_a_subtree_are_next_to_each_other() {
+    for quality in Quality::ALL {
+        let world = world_of(&[Arc::new(soup(20_000, 1))], &BuildOptions { quality, ..BuildOptions::default() });
+        let Structure::Bvh(forest) = &world.structure else { panic!("a tree") };
+        let tree = &forest.trees[0];
+        /// Checks a subtree; returns where its nodes and blocks end.
+        fn visit(tree: &GroupTree, child: ChildRef, next: (usize, usize)) -> (usize, usize) {
+            if child.is_triangles() {
+                assert_eq!(child.block(), next.1);
+                return (next.0, next.1 + 1);
+            }
+            assert_eq!(child.index(), next.0);
+            let children = tree.nodes[child.index()].children;
+            children
+                .iter()
+                .filter(|c| **c != ChildRef::NONE)
+                .fold((next.0 + 1, next.1), |next, &c| visit(tree, c, next))
+        }
+        assert_eq!(visit(tree, tree.root, (0, 0)), (tree.nodes.len(), tree.blocks.len()), "{quality:?}");
+    }
+}
+
+#[test]
+fn a_refitted_tree_finds_what_has_moved() {
+    for quality in Quality::ALL {
+        let mut mesh = soup(5000, 4);
+        let before = Arc::new(mesh.clone());
+        for (i, p) in mesh.positions.iter_mut().enumerate() {
+            *p += vector(i as u32, 0, 6) * 0.3;
+        }
+        // One triangle collapses; those that could not be hit still cannot.
+        mesh.positions[4] = mesh.positions[3];
+        for i in 0..before.indices.len() {
+            if before.is_degenerate(i) {
+                for v in before.indices[i] {
+                    mesh.positions[v as usize] = before.positions[v as usize];
+                }
+            }
+        }
+        let after = Arc::new(mesh);
+        let options = BuildOptions { quality, ..BuildOptions::default() };
+        let mut world = world_of(&[after.clone()], &options);
+        let Structure::Bvh(old) = world_of(&[before.clone()], &options).structure else { panic!("a tree") };
+        let Structure::Bvh(forest) = &mut world.structure else { panic!("a tree") };
+        let list = |mesh: &Arc<TriangleMesh>| GroupList { meshes: vec![(0, mesh.clone())], objects: Vec::new() };
+        let refitted = old.trees[0].refit(&list(&after), &[]).expect("the same triangles");
+        // And back again.
+        let back = refitted.refit(&list(&before), &[]).expect("the same triangles");
+        assert!(back.nodes.len() == old.trees[0].nodes.len());
+        forest.trees[0] = Arc::new(refitted);
+        assert_equal(&world, &world_of(&[after.clone()], &none()), &rays(&after, 500), quality.name());
+        let mut world = world_of(&[before.clone()], &options);
+        let Structure::Bvh(forest) = &mut world.structure else { panic!("a tree") };
+        forest.trees[0] = Arc::new(back);
+        assert_equal(&world, &world_of(&[before.clone()], &none()), &rays(&before, 500), quality.name());
+        assert!(old.trees[0].refit(&list(&Arc::new(soup(5001, 4))), &[]).is_none(), "other triangles");
+    }
+}

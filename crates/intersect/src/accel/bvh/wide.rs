@@ -1,0 +1,177 @@
+//! From a binary tree to the 8-wide nodes and blocks of triangles that rays walk: first it is counted what each part needs, then
+//! all threads write, each into its own piece.
+//!
+//! Nodes and blocks are in preorder: those of a subtree are next to each other, and children come after their parents.
+
+use super::binary::{Cursor, Tree};
+use super::primitive::{Numbered, OBJECT, Triangles};
+use super::storage::Storage;
+use crate::kernel::node::{ChildRef, WideNode};
+use crate::kernel::triangle::TriangleBlock;
+use rayon::prelude::*;
+
+/// The finished tree.
+pub(super) struct Wide {
+    pub nodes: Storage<WideNode>,
+    pub blocks: Storage<TriangleBlock>,
+    pub root: ChildRef,
+    /// Nodes on the longest way down.
+    pub depth: usize,
+}
+
+/// Nodes and blocks: how many, or which are next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Place {
+    nodes: usize,
+    blocks: usize,
+}
+
+/// What one job writes.
+enum Step<'t, P> {
+    /// A wide node above the parts, with its children and the steps that write them.
+    Node(Vec<(Cursor<'t, P>, usize)>),
+    /// A subtree in one part.
+    Piece(Cursor<'t, P>),
+}
+
+/// Writes the tree.
+pub(super) fn write<P: Numbered>(tree: &Tree<'_, P>, triangles: &Triangles) -> Result<Wide, String> {
+    let mut steps = Vec::new();
+    plan(tree.root(), &mut steps);
+    let sizes: Vec<Place> = steps
+        .par_iter()
+        .map(|step| match step {
+            Step::Node(_) => Place { nodes: 1, blocks: 0 },
+            Step::Piece(cursor) => count(*cursor),
+        })
+        .collect();
+    let mut end = Place::default();
+    let places: Vec<Place> = sizes
+        .iter()
+        .map(|size| {
+            let start = end;
+            end = Place { nodes: end.nodes + size.nodes, blocks: end.blocks + size.blocks };
+            start
+        })
+        .collect();
+    if end.nodes > ChildRef::MAX_NODES || end.blocks > ChildRef::MAX_BLOCKS {
+        return Err(format!(
+            "a group needs {} nodes and {} blocks of triangles; the limits are {} and {}: spread it over several groups",
+            end.nodes,
+            end.blocks,
+            ChildRef::MAX_NODES,
+            ChildRef::MAX_BLOCKS
+        ));
+    }
+    let mut nodes = Storage::zeroed(end.nodes);
+    let mut blocks = Storage::zeroed(end.blocks);
+    let reference = |step: usize, cursor: Cursor<P>| match cursor.leaf() {
+        None => ChildRef::node(places[step].nodes),
+        Some(leaf) => leaf_reference(leaf, places[step].blocks),
+    };
+    let mut jobs = Vec::with_capacity(steps.len());
+    let (mut nodes_left, mut blocks_left) = (&mut nodes[..], &mut blocks[..]);
+    for ((step, size), place) in steps.iter().zip(&sizes).zip(&places) {
+        let (nodes, others) = nodes_left.split_at_mut(size.nodes);
+        nodes_left = others;
+        let (blocks, others) = blocks_left.split_at_mut(size.blocks);
+        blocks_left = others;
+        jobs.push((step, Writer { triangles, nodes, blocks, start: *place, used: Place::default() }));
+    }
+    let run = |(step, mut writer): (&Step<P>, Writer)| match step {
+        Step::Piece(cursor) => writer.subtree(*cursor).1,
+        Step::Node(children) => {
+            let mut node = WideNode::EMPTY;
+            for (slot, (cursor, step)) in children.iter().enumerate() {
+                node.set(slot, &cursor.bounds(), reference(*step, *cursor));
+            }
+            node.sort_octants();
+            writer.nodes[0] = node;
+            0
+        }
+    };
+    let mut depths: Vec<usize> = jobs.into_par_iter().map(run).collect();
+    for (i, step) in steps.iter().enumerate().rev() {
+        if let Step::Node(children) = step {
+            depths[i] = 1 + children.iter().map(|(_, step)| depths[*step]).max().unwrap_or(0);
+        }
+    }
+    Ok(Wide { root: reference(0, tree.root()), depth: depths[0], nodes, blocks })
+}
+
+/// Adds the steps of a subtree, in preorder; returns the first.
+fn plan<'t, P>(cursor: Cursor<'t, P>, steps: &mut Vec<Step<'t, P>>) -> usize {
+    let index = steps.len();
+    if matches!(cursor, Cursor::Part(..)) {
+        steps.push(Step::Piece(cursor));
+        return index;
+    }
+    steps.push(Step::Node(Vec::new()));
+    let children = cursor.wide_children().as_slice().iter().map(|&child| (child, plan(child, steps))).collect();
+    steps[index] = Step::Node(children);
+    index
+}
+
+/// What a subtree needs.
+fn count<P: Numbered>(cursor: Cursor<P>) -> Place {
+    if let Some(leaf) = cursor.leaf() {
+        return Place { nodes: 0, blocks: usize::from(leaf[0].id() & OBJECT == 0) };
+    }
+    cursor
+        .wide_children()
+        .as_slice()
+        .iter()
+        .map(|&child| count(child))
+        .fold(Place { nodes: 1, blocks: 0 }, |a, b| Place { nodes: a.nodes + b.nodes, blocks: a.blocks + b.blocks })
+}
+
+fn leaf_reference<P: Numbered>(leaf: &[P], block: usize) -> ChildRef {
+    let id = leaf[0].id();
+    if id & OBJECT != 0 { ChildRef::object((id & !OBJECT) as usize) } else { ChildRef::triangles(block, leaf.len()) }
+}
+
+/// Writes a subtree into its piece of the tree.
+struct Writer<'a> {
+    triangles: &'a Triangles<'a>,
+    nodes: &'a mut [WideNode],
+    blocks: &'a mut [TriangleBlock],
+    /// Where the piece starts in the tree.
+    start: Place,
+    /// How much of the piece is written.
+    used: Place,
+}
+
+impl Writer<'_> {
+    /// Returns the reference to the subtree, and its depth.
+    fn subtree<P: Numbered>(&mut self, cursor: Cursor<P>) -> (ChildRef, usize) {
+        if let Some(leaf) = cursor.leaf() {
+            return (self.leaf(leaf), 0);
+        }
+        let index = self.used.nodes;
+        self.used.nodes += 1;
+        let mut node = WideNode::EMPTY;
+        let mut depth = 0;
+        for (slot, &child) in cursor.wide_children().as_slice().iter().enumerate() {
+            let (reference, below) = self.subtree(child);
+            node.set(slot, &child.bounds(), reference);
+            depth = depth.max(below);
+        }
+        node.sort_octants();
+        self.nodes[index] = node;
+        (ChildRef::node(self.start.nodes + index), depth + 1)
+    }
+
+    fn leaf<P: Numbered>(&mut self, leaf: &[P]) -> ChildRef {
+        let reference = leaf_reference(leaf, self.start.blocks + self.used.blocks);
+        if reference.is_triangles() {
+            let block = &mut self.blocks[self.used.blocks];
+            self.used.blocks += 1;
+            let mut filled = TriangleBlock::EMPTY;
+            for (lane, p) in leaf.iter().enumerate() {
+                filled.set(lane, &self.triangles.corners(p.id()).map(|v| v.to_array()), p.id());
+            }
+            *block = filled;
+        }
+        reference
+    }
+}

@@ -1,0 +1,285 @@
+//! The inner loops of the builder: sorting boxes into bins, and parting them at a plane between bins.
+
+use snell_math::simd::{Lanes8, Level, Portable8};
+use snell_math::{Bounds3, Vec3, Vec4};
+
+/// A box as how far it reaches along -x, -y, -z, (nothing), x, y, z, (nothing): so the union of two is one maximum.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub(crate) struct Box8(pub [f32; 8]);
+
+impl Box8 {
+    /// The box that holds nothing.
+    pub const EMPTY: Self = Self([f32::NEG_INFINITY; 8]);
+
+    pub fn new(low: Vec3, high: Vec3) -> Self {
+        Self([-low.x, -low.y, -low.z, 0.0, high.x, high.y, high.z, 0.0])
+    }
+
+    #[inline(always)]
+    fn low_negated(&self) -> Vec4 {
+        let [x, y, z, w, ..] = self.0;
+        Vec4::new(x, y, z, w)
+    }
+
+    #[inline(always)]
+    fn high(&self) -> Vec4 {
+        let [.., x, y, z, w] = self.0;
+        Vec4::new(x, y, z, w)
+    }
+
+    #[inline(always)]
+    pub fn union(&self, other: &Self) -> Self {
+        let low = self.low_negated().max(other.low_negated()).to_array();
+        let high = self.high().max(other.high()).to_array();
+        Self([low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]])
+    }
+
+    /// The box grown to hold `p`.
+    #[inline(always)]
+    pub fn with_point(&self, p: Vec4) -> Self {
+        let (low, high) = (self.low_negated().max(-p).to_array(), self.high().max(p).to_array());
+        Self([low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]])
+    }
+
+    /// Extent along each axis; negative if empty.
+    #[inline(always)]
+    pub fn size(&self) -> Vec4 {
+        self.high() + self.low_negated()
+    }
+
+    /// Half of the surface area; 0 if empty.
+    #[inline(always)]
+    pub fn half_area(&self) -> f32 {
+        let d = self.size().max(Vec4::ZERO);
+        d.x * d.y + d.y * d.z + d.z * d.x
+    }
+
+    /// Twice the centre. Overflows for coordinates above half of the largest number.
+    #[inline(always)]
+    pub fn center2(&self) -> Vec4 {
+        self.high() - self.low_negated()
+    }
+
+    pub fn low(&self) -> Vec4 {
+        -self.low_negated()
+    }
+
+    #[inline(always)]
+    pub fn bounds(&self) -> Bounds3 {
+        Bounds3 { min: -self.low_negated().truncate(), max: self.high().truncate() }
+    }
+}
+
+/// A primitive, or a piece of one: its box, with its number in lane 3.
+#[derive(Clone, Copy, Debug)]
+#[repr(transparent)]
+pub(crate) struct Primitive(Box8);
+
+/// Flipped in numbers, so that as `f32` most are normal: processors work on subnormal ones, even if just in passing, very slowly.
+const NORMAL: u32 = 0x3f80_0000;
+
+impl Primitive {
+    #[inline(always)]
+    pub fn new(low: Vec3, high: Vec3, id: u32) -> Self {
+        let mut lanes = Box8::new(low, high);
+        lanes.0[3] = f32::from_bits(id ^ NORMAL);
+        Self(lanes)
+    }
+
+    #[inline(always)]
+    pub fn number(&self) -> u32 {
+        self.0.0[3].to_bits() ^ NORMAL
+    }
+
+    #[inline(always)]
+    pub fn bounds(&self) -> &Box8 {
+        &self.0
+    }
+
+    /// Twice the centre; see [`Box8::center2`].
+    #[inline(always)]
+    pub fn center2(&self) -> Vec4 {
+        self.0.center2()
+    }
+}
+
+/// Bins per axis.
+pub(crate) const BINS: usize = 16;
+
+/// From here on `f32` has only integers.
+const FIRST_INTEGER: f32 = 8388608.0;
+
+/// Maps doubled centres to bins.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Binning {
+    low: Vec4,
+    scale: Vec4,
+}
+
+impl Binning {
+    /// `centers` is the box around the doubled centres.
+    pub fn new(centers: &Box8) -> Self {
+        let size = centers.size();
+        let scale = Vec4::select(size.cmpgt(Vec4::ZERO), Vec4::splat(BINS as f32 * 0.9999) / size, Vec4::ZERO);
+        // Tiny and overflown extents give no usable scale: one bin for all.
+        let usable = scale.is_finite_mask() & size.is_finite_mask();
+        Self { low: centers.low(), scale: Vec4::select(usable, scale, Vec4::ZERO) }
+    }
+
+    /// The bin on each axis, plus `2^23`: so it is in the low bits.
+    #[inline(always)]
+    fn bins_as_floats(&self, center2: Vec4) -> Vec4 {
+        // Half a bin less, rounded to the nearest by adding `2^23`.
+        let x = (center2 - self.low) * self.scale - 0.5;
+        x.max(Vec4::ZERO).min(Vec4::splat((BINS - 1) as f32)) + FIRST_INTEGER
+    }
+
+    /// The bin on each axis.
+    #[inline(always)]
+    fn bins_of(&self, center2: Vec4) -> [usize; 3] {
+        let x = self.bins_as_floats(center2);
+        let bin = |x: f32| (x.to_bits() & (BINS as u32 - 1)) as usize;
+        [bin(x.x), bin(x.y), bin(x.z)]
+    }
+}
+
+/// A plane between bins: before it are the bins below `bin`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BinPlane {
+    pub axis: usize,
+    pub bin: usize,
+}
+
+impl BinPlane {
+    /// True if a centre is before the plane.
+    #[inline(always)]
+    fn is_before(&self, binning: &Binning, center2: Vec4) -> bool {
+        let limit = Vec4::splat(self.bin as f32 + FIRST_INTEGER);
+        binning.bins_as_floats(center2).cmplt(limit).bitmask() >> self.axis & 1 == 1
+    }
+}
+
+/// What lies in each bin, by axis and bin.
+#[derive(Clone)]
+pub(crate) struct Bins {
+    pub boxes: [[Box8; BINS]; 3],
+    pub counts: [[u32; BINS]; 3],
+}
+
+impl Bins {
+    pub const EMPTY: Self = Self { boxes: [[Box8::EMPTY; BINS]; 3], counts: [[0; BINS]; 3] };
+}
+
+/// Adds primitives to bins.
+pub(crate) fn fill(level: Level, binning: &Binning, primitives: &[Primitive], bins: &mut Bins) {
+    match level {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: `World` builds only with levels that the machine supports.
+        Level::Avx2 | Level::Avx512 => unsafe { fill_avx2(binning, primitives, bins) },
+        // SAFETY: portable code.
+        _ => unsafe { fill_with::<Portable8>(binning, primitives, bins) },
+    }
+}
+
+/// # Safety
+/// The machine must have AVX2.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,popcnt")]
+unsafe fn fill_avx2(binning: &Binning, primitives: &[Primitive], bins: &mut Bins) {
+    // SAFETY: as promised by the caller.
+    unsafe { fill_with::<snell_math::simd::Avx8>(binning, primitives, bins) }
+}
+
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn fill_with<L: Lanes8>(binning: &Binning, primitives: &[Primitive], bins: &mut Bins) {
+    for p in primitives {
+        let at = binning.bins_of(p.center2());
+        for axis in 0..3 {
+            let bin = &mut bins.boxes[axis][at[axis]].0;
+            // SAFETY: as promised by the caller.
+            unsafe { L::load(bin).max(L::load(&p.0.0)) }.store(bin);
+            bins.counts[axis][at[axis]] += 1;
+        }
+    }
+}
+
+/// The size of the first part and, for both, the boxes around the doubled centres.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Parts {
+    pub first: usize,
+    pub centers: [Box8; 2],
+}
+
+/// Moves the primitives before the plane to the front: stable, and without a branch on data, which could not be predicted.
+///
+/// # Panics
+/// If `scratch` is shorter than the primitives.
+pub(crate) fn part(
+    level: Level,
+    binning: &Binning,
+    plane: BinPlane,
+    primitives: &mut [Primitive],
+    scratch: &mut [Primitive],
+) -> Parts {
+    assert!(scratch.len() >= primitives.len(), "room for all");
+    match level {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: `World` builds only with levels that the machine supports.
+        Level::Avx2 | Level::Avx512 => unsafe { part_avx2(binning, plane, primitives, scratch) },
+        // SAFETY: portable code.
+        _ => unsafe { part_with::<Portable8>(binning, plane, primitives, scratch) },
+    }
+}
+
+/// # Safety
+/// The machine must have AVX2; `scratch` must be as long as the primitives.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,popcnt")]
+unsafe fn part_avx2(
+    binning: &Binning,
+    plane: BinPlane,
+    primitives: &mut [Primitive],
+    scratch: &mut [Primitive],
+) -> Parts {
+    // SAFETY: as promised by the caller.
+    unsafe { part_with::<snell_math::simd::Avx8>(binning, plane, primitives, scratch) }
+}
+
+/// # Safety
+/// The machine must have the instructions of `L`; `scratch` must be as long as the primitives.
+#[inline(always)]
+unsafe fn part_with<L: Lanes8>(
+    binning: &Binning,
+    plane: BinPlane,
+    primitives: &mut [Primitive],
+    scratch: &mut [Primitive],
+) -> Parts {
+    let mut first = 0;
+    for i in 0..primitives.len() {
+        // Written to where it would go in either part, the second part to other memory first.
+        // SAFETY: `first <= i < len`: the slot is free, and `i - first` are in the second part so far; `L` as promised.
+        unsafe {
+            let p = L::load(&primitives.get_unchecked(i).0.0);
+            let is_first = plane.is_before(binning, primitives.get_unchecked(i).center2());
+            p.store(&mut primitives.get_unchecked_mut(first).0.0);
+            p.store(&mut scratch.get_unchecked_mut(i - first).0.0);
+            first += usize::from(is_first);
+        }
+    }
+    let (a, b) = primitives.split_at_mut(first);
+    b.copy_from_slice(&scratch[..b.len()]);
+    Parts { first, centers: [centers(a), centers(b)] }
+}
+
+#[inline(always)]
+fn centers(primitives: &[Primitive]) -> Box8 {
+    let (mut low, mut high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
+    for p in primitives {
+        let c = p.center2();
+        (low, high) = (low.min(c), high.max(c));
+    }
+    Box8::new(low.truncate(), high.truncate())
+}
