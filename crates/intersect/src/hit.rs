@@ -14,7 +14,7 @@ pub struct Hit {
     pub instance: u32,
     /// The geometry, as numbered by [`crate::WorldBuilder`]; [`Hit::NONE`] for a miss.
     pub geometry: u32,
-    /// Triangle of a mesh, or face of a shape.
+    /// Triangle of a mesh, face of a shape, or primitive of a set.
     pub primitive: u32,
 }
 

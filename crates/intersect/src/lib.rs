@@ -5,6 +5,7 @@
 //! a hit into everything local about the surface. Nothing here knows of colours, materials or files.
 
 pub mod accel;
+pub mod geometry;
 pub mod hit;
 mod kernel;
 pub mod mesh;
@@ -14,6 +15,7 @@ pub mod shape;
 pub mod world;
 
 pub use accel::Quality;
+pub use geometry::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet, Spheres};
 pub use hit::{DHit, Hit, SurfaceInteraction};
 pub use mesh::{DTriangleMesh, TriangleMesh};
 pub use precision::{Double, Precision, Single};

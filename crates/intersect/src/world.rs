@@ -16,9 +16,11 @@ use crate::accel::brute_force::GroupList;
 use crate::accel::bvh::{BvhOptions, Forest};
 use crate::accel::group::Object;
 use crate::accel::{AcceleratorKind, Quality};
+use crate::geometry::PrimitiveSet;
 use crate::mesh::TriangleMesh;
 use crate::shape::Shape;
 use occurrence::Occurrences;
+use rayon::prelude::*;
 use snell_math::simd::Level;
 use snell_math::{Bounds3d, DMat3, Transform};
 use std::sync::Arc;
@@ -69,6 +71,8 @@ pub enum Geometry {
     Mesh(Arc<TriangleMesh>),
     /// A shape and the map from its own coordinates to those of its group.
     Shape(Arc<dyn Shape>, Transform),
+    /// Many primitives in the coordinates of their group.
+    Set(Arc<dyn PrimitiveSet>),
 }
 
 /// An instance inside a group.
@@ -141,6 +145,11 @@ impl WorldBuilder {
         self.add_geometry(group, Geometry::Shape(shape, group_from_shape))
     }
 
+    /// Puts a set of primitives into a group, in the group's coordinates: spheres, curves, or one's own.
+    pub fn add_set(&mut self, group: GroupId, set: Arc<dyn PrimitiveSet>) -> GeometryId {
+        self.add_geometry(group, Geometry::Set(set))
+    }
+
     fn add_geometry(&mut self, group: GroupId, geometry: Geometry) -> GeometryId {
         let id = GeometryId(self.geometries.len() as u32);
         self.geometries.push(geometry);
@@ -184,7 +193,7 @@ impl WorldBuilder {
         occurrences: Occurrences,
         bounds: GroupBounds,
     ) -> Result<World, WorldError> {
-        let lists = self.group_lists(&occurrences);
+        let lists = self.group_lists(&occurrences)?;
         let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
         let structure = match options.accelerator {
             AcceleratorKind::None => Structure::None(lists),
@@ -212,7 +221,7 @@ impl WorldBuilder {
     }
 
     /// The contents of each group, ready to be tested.
-    fn group_lists(&self, occurrences: &Occurrences) -> Vec<GroupList> {
+    fn group_lists(&self, occurrences: &Occurrences) -> Result<Vec<GroupList>, WorldError> {
         let list = |(group, contents): (usize, &GroupContents)| {
             let mut list = GroupList::default();
             for &id in &contents.geometries {
@@ -223,6 +232,7 @@ impl WorldBuilder {
                         geometry: id.0,
                         shape_from_group: *placed.inverse_matrix(),
                     }),
+                    Geometry::Set(_) => {}
                 }
             }
             for (instance, &offset) in contents.instances.iter().zip(&occurrences.offsets[group]) {
@@ -233,17 +243,39 @@ impl WorldBuilder {
                     mask: instance.mask,
                 });
             }
-            list
+            for (id, set) in self.sets(contents) {
+                if !list.objects.push_set(id.0, set.clone()) {
+                    let limit = "a group holds more than 4294967295 primitives: spread them over several groups";
+                    return Err(WorldError::Limit(limit.into()));
+                }
+            }
+            Ok(list)
         };
         self.groups.iter().enumerate().map(list).collect()
+    }
+
+    /// The sets of primitives of a group, which come after its shapes and instances.
+    fn sets(&self, contents: &GroupContents) -> impl Iterator<Item = (GeometryId, &Arc<dyn PrimitiveSet>)> {
+        contents.geometries.iter().filter_map(|&id| match &self.geometries[id.0 as usize] {
+            Geometry::Set(set) => Some((id, set)),
+            Geometry::Mesh(_) | Geometry::Shape(..) => None,
+        })
     }
 
     fn count_triangles(&self, occurrences: &Occurrences, structure: &Structure) -> BuildStats {
         let mut stats = BuildStats::default();
         for geometry in &self.geometries {
-            if let Geometry::Mesh(mesh) = geometry {
-                stats.triangles += mesh.indices.len() as u64;
-                stats.skipped_triangles += mesh.degenerate_triangles() as u64;
+            match geometry {
+                Geometry::Mesh(mesh) => {
+                    stats.triangles += mesh.indices.len() as u64;
+                    stats.skipped_triangles += mesh.degenerate_triangles() as u64;
+                }
+                Geometry::Set(set) => {
+                    stats.primitives += set.len() as u64;
+                    let skipped = (0..set.len()).into_par_iter().filter(|&i| set.bounds(i).is_empty()).count();
+                    stats.skipped_primitives += skipped as u64;
+                }
+                Geometry::Shape(..) => {}
             }
         }
         let mut below = vec![0u64; self.groups.len()];
@@ -251,7 +283,7 @@ impl WorldBuilder {
             let contents = &self.groups[group];
             let own = contents.geometries.iter().map(|g| match &self.geometries[g.0 as usize] {
                 Geometry::Mesh(mesh) => mesh.indices.len() as u64,
-                Geometry::Shape(..) => 0,
+                Geometry::Shape(..) | Geometry::Set(_) => 0,
             });
             let placed = contents.instances.iter().map(|i| below[i.child.0 as usize]);
             below[group] = own.chain(placed).fold(0, u64::saturating_add);
@@ -272,7 +304,7 @@ impl WorldBuilder {
 struct GroupBounds {
     /// Per group, in its own coordinates.
     exact: Vec<Bounds3d>,
-    /// Per group the boxes of its shapes and instances, in the order of [`GroupList::objects`], grown by all that transforming a
+    /// Per group the boxes of its shapes, instances and primitives of sets, in the order of [`GroupList::objects`], grown by all that transforming a
     /// ray may be off by.
     objects: Vec<Vec<Bounds3d>>,
 }
@@ -301,12 +333,23 @@ impl GroupBounds {
                         exact = exact.union(&placed.bounds(&b));
                         objects.push(grown_bounds(placed, &b));
                     }
+                    Geometry::Set(_) => {}
                 }
             }
             for instance in &contents.instances {
                 let child = instance.child.0 as usize;
                 exact = exact.union(&instance.group_from_child.bounds(&bounds.exact[child]));
                 objects.push(grown_bounds(&instance.group_from_child, &grown[child]));
+            }
+            for (_, set) in builder.sets(contents) {
+                let of = |i: usize| {
+                    let b = set.bounds(i);
+                    if b.is_empty() { Bounds3d::EMPTY } else { b }
+                };
+                let first = objects.len();
+                objects.par_extend((0..set.len()).into_par_iter().with_min_len(1024).map(of));
+                exact = objects[first..].iter().fold(exact, |all, b| all.union(b));
+                objects[first..].par_iter_mut().for_each(|b| *b = grown_bounds(&Transform::IDENTITY, b));
             }
             bounds.exact[group] = exact;
             grown[group] = objects.iter().fold(outer, |a, b| a.union(b));
@@ -364,6 +407,10 @@ pub struct BuildStats {
     pub skipped_triangles: u64,
     /// Triangles of the world, each counted as often as it occurs.
     pub instanced_triangles: u64,
+    /// Primitives of all sets (spheres, curves), each counted once.
+    pub primitives: u64,
+    /// Primitives of sets that can never be hit: part of `primitives`.
+    pub skipped_primitives: u64,
     /// Nodes of acceleration structures.
     pub nodes: u64,
     /// Blocks of up to eight triangles.

@@ -1,6 +1,6 @@
 //! No structure: every primitive of every occurrence is tested. The oracle for all others.
 
-use super::group::{Object, mapped, ray_in_child, test_shape, test_triangle};
+use super::group::{Objects, test_object, test_triangle};
 use crate::mesh::TriangleMesh;
 use crate::precision::Rules;
 use crate::query::search::{Goal, Search};
@@ -12,8 +12,8 @@ use std::sync::Arc;
 pub(crate) struct GroupList {
     /// Meshes with their geometry numbers.
     pub meshes: Vec<(u32, Arc<TriangleMesh>)>,
-    /// Shapes and instances.
-    pub objects: Vec<Object>,
+    /// Shapes, instances and primitives of sets.
+    pub objects: Objects,
 }
 
 /// Tests everything in a group and below it. True if the search is over.
@@ -37,12 +37,10 @@ pub(crate) fn search_all<G: Goal>(
             }
         }
     }
-    groups[group].objects.iter().any(|object| match object {
-        Object::Shape { shape, geometry, shape_from_group } => {
-            test_shape(search, shape.as_ref(), *geometry, instance, &mapped(shape_from_group, ray))
-        }
-        Object::Instance { mask, .. } if mask & search.mask == 0 => false,
-        Object::Instance { child, offset, child_from_group, .. } => ray_in_child(child_from_group, ray)
-            .is_some_and(|ray| search_all(groups, *child, &ray, instance + offset, search)),
+    let objects = &groups[group].objects;
+    (0..objects.len()).any(|number| {
+        test_object(objects, number, ray, instance, search, |child, ray, instance, search| {
+            search_all(groups, child, ray, instance, search)
+        })
     })
 }

@@ -1,5 +1,6 @@
 //! The tests of single primitives, shared by every structure: what a group holds, ready to be tested.
 
+use crate::geometry::{PrimitiveSet, within_bounds};
 use crate::kernel::ray::LocalRay;
 use crate::precision::{Real, Rules};
 use crate::query::search::{Goal, Search, Verdict};
@@ -32,6 +33,105 @@ pub(crate) enum Object {
     },
 }
 
+/// A set of primitives in a group.
+#[derive(Clone, Debug)]
+pub(crate) struct Bulk {
+    /// Number of its first primitive among the objects of the group.
+    pub first: u32,
+    /// Its number.
+    pub geometry: u32,
+    /// What is tested.
+    pub set: Arc<dyn PrimitiveSet>,
+}
+
+/// All that a group holds besides the triangles of meshes, under one numbering: first the shapes and instances, then the primitives
+/// of each set.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Objects {
+    placed: Vec<Object>,
+    sets: Vec<Bulk>,
+    count: usize,
+}
+
+/// What a number stands for.
+pub(crate) enum ObjectRef<'a> {
+    /// A shape or an instance.
+    Placed(&'a Object),
+    /// A primitive of a set.
+    Primitive(&'a Bulk, u32),
+}
+
+impl Objects {
+    /// Adds a shape or an instance: before all sets.
+    pub fn push(&mut self, object: Object) {
+        debug_assert!(self.sets.is_empty(), "shapes and instances come first");
+        self.placed.push(object);
+        self.count += 1;
+    }
+
+    /// Adds a set. False if there are more objects than 32-bit numbers.
+    pub fn push_set(&mut self, geometry: u32, set: Arc<dyn PrimitiveSet>) -> bool {
+        let count = self.count.saturating_add(set.len());
+        if count > u32::MAX as usize {
+            return false;
+        }
+        self.sets.push(Bulk { first: self.count as u32, geometry, set });
+        self.count = count;
+        true
+    }
+
+    /// How many there are, primitives of sets included.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// The shapes and instances.
+    pub fn placed(&self) -> &[Object] {
+        &self.placed
+    }
+
+    /// What a number stands for.
+    #[inline(always)]
+    pub fn get(&self, number: usize) -> ObjectRef<'_> {
+        if let Some(object) = self.placed.get(number) {
+            return ObjectRef::Placed(object);
+        }
+        let after = self.sets.partition_point(|bulk| bulk.first as usize <= number);
+        let bulk = &self.sets[after - 1];
+        ObjectRef::Primitive(bulk, number as u32 - bulk.first)
+    }
+
+    /// Memory of the list, without the geometries.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(self.placed.as_slice()) + size_of_val(self.sets.as_slice())
+    }
+}
+
+/// Tests an object by its number. `ray` is in the group's coordinates; `enter` searches a group that is instanced there: it gets the
+/// group, the ray in its coordinates and its occurrence number. True if the search is over.
+#[inline(always)]
+pub(crate) fn test_object<G: Goal>(
+    objects: &Objects,
+    number: usize,
+    ray: &DRay,
+    instance: u32,
+    search: &mut Search<'_, G>,
+    enter: impl FnOnce(usize, &DRay, u32, &mut Search<'_, G>) -> bool,
+) -> bool {
+    match objects.get(number) {
+        ObjectRef::Placed(Object::Shape { shape, geometry, shape_from_group }) => {
+            test_shape(search, shape.as_ref(), *geometry, instance, &mapped(shape_from_group, ray))
+        }
+        ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) => {
+            mask & search.mask != 0
+                && ray_in_child(child_from_group, ray).is_some_and(|ray| enter(*child, &ray, instance + offset, search))
+        }
+        ObjectRef::Primitive(bulk, primitive) => {
+            test_primitive(search, bulk.set.as_ref(), [instance, bulk.geometry, primitive], ray)
+        }
+    }
+}
+
 /// The ray mapped by an affine matrix; `t` is shared.
 #[inline(always)]
 pub(crate) fn mapped(map: &DAffine3, ray: &DRay) -> DRay {
@@ -45,7 +145,7 @@ pub(crate) fn ray_in_child(child_from_group: &DAffine3, ray: &DRay) -> Option<DR
     (ray.origin.is_finite() && ray.direction.is_finite()).then_some(ray)
 }
 
-/// How often one shape is asked again after a hit on it did not count. No shape has that many crossings.
+/// How often one object is asked again after a hit on it did not count. No shape has that many crossings.
 const MAX_CROSSINGS: usize = 64;
 
 /// Offers the crossings of one shape, nearest first. `ray` is in the shape's coordinates. True if the search is over.
@@ -68,6 +168,31 @@ pub(crate) fn test_shape<G: Goal>(
             Verdict::Behind => return false,
             Verdict::Taken | Verdict::Rejected => ray.t_min = found.t,
         }
+    }
+    false
+}
+
+/// Offers the crossings of one primitive of a set, nearest first; `ids` are instance, geometry and primitive. True if the search is
+/// over.
+fn test_primitive<G: Goal>(search: &mut Search<'_, G>, set: &dyn PrimitiveSet, ids: [u32; 3], ray: &DRay) -> bool {
+    search.goal.count_primitives(1);
+    let (time, number) = (search.time, ids[2] as usize);
+    // Not what is known by now: a hit that is moved into the bounds must not depend on what else was found before.
+    let [t_min, t_max] = G::Precision::interval(search.ray).map(Into::into);
+    let mut ray = DRay { t_min, t_max, ..*ray };
+    for _ in 0..MAX_CROSSINGS {
+        let Some(found) = set.closest(number, &ray, time) else { return false };
+        if found.t.is_nan() || found.t <= ray.t_min {
+            return false;
+        }
+        if let Some(t) = within_bounds(&set.bounds(number), &ray, found.t) {
+            match search.offer(G::Precision::hit(t, found.uv, ids)) {
+                Verdict::Finished => return true,
+                Verdict::Behind => return false,
+                Verdict::Taken | Verdict::Rejected => {}
+            }
+        }
+        ray.t_min = found.t;
     }
     false
 }

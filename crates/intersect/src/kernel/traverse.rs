@@ -2,7 +2,7 @@
 
 use super::node::{ChildRef, box_distances};
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{Object, mapped, ray_in_child, test_shape, test_triangle};
+use crate::accel::group::{self, test_triangle};
 use crate::precision::Rules;
 use crate::query::search::{Goal, Search};
 use snell_math::DRay;
@@ -210,7 +210,7 @@ unsafe fn push_sorted(stack: &mut Stack, top: usize, met: u32, near: &[f32; 8], 
     end
 }
 
-/// Tests a shape, or walks the group of an instance.
+/// Tests a shape or a primitive of a set, or walks the group of an instance.
 ///
 /// # Safety
 /// As [`walk`].
@@ -225,15 +225,8 @@ pub(super) unsafe fn test_object<G: Goal>(
     stack: &mut Stack,
     enter: Walk<G>,
 ) -> bool {
-    match &tree.objects[object] {
-        Object::Shape { shape, geometry, shape_from_group } => {
-            test_shape(search, shape.as_ref(), *geometry, instance, &mapped(shape_from_group, ray))
-        }
-        Object::Instance { mask, .. } if mask & search.mask == 0 => false,
-        Object::Instance { child, offset, child_from_group, .. } => {
-            let Some(ray) = ray_in_child(child_from_group, ray) else { return false };
-            // SAFETY: as promised by the caller: the stack has room for all below this group.
-            unsafe { enter(forest, *child, &ray, instance + offset, search, stack) }
-        }
-    }
+    group::test_object(&tree.objects, object, ray, instance, search, |child, ray, instance, search| {
+        // SAFETY: as promised by the caller: the stack has room for all below this group.
+        unsafe { enter(forest, child, ray, instance, search, stack) }
+    })
 }

@@ -28,6 +28,12 @@ impl<'a> From<&'a DRay> for RayQuery<'a, Double> {
     }
 }
 
+/// The time of a ray as searches use it: from 0 to 1, 0 if it is not a number.
+#[inline(always)]
+pub(crate) fn clamped_time(time: f32) -> f32 {
+    if time.is_nan() { 0.0 } else { time.clamp(0.0, 1.0) }
+}
+
 /// A batch of rays. A slice of rays converts into it: all geometries, time 0.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Rays<'a, P: Precision = Single> {

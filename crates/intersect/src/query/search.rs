@@ -1,7 +1,7 @@
 //! One search in progress: the world's ray, what it may be asked to reject, and what it has found.
 
 use super::HitFilter;
-use super::rays::RayQuery;
+use super::rays::{RayQuery, clamped_time};
 use crate::kernel::node::padded;
 use crate::precision::{Precision, Real, Rules};
 use crate::world::{GeometryOptions, TraversalCounters};
@@ -67,7 +67,6 @@ pub(crate) struct Search<'a, G: Goal> {
     /// What it may meet: [`RayQuery::mask`].
     pub mask: u32,
     /// When: from 0 to 1.
-    #[allow(dead_code, reason = "for what moves")]
     pub time: f32,
     /// What is common to all.
     pub context: &'a Context<'a, G::Precision>,
@@ -78,9 +77,8 @@ pub(crate) struct Search<'a, G: Goal> {
 impl<'a, G: Goal> Search<'a, G> {
     #[inline(always)]
     pub fn new(query: RayQuery<'a, G::Precision>, context: &'a Context<'a, G::Precision>, goal: G) -> Self {
-        let time = if query.time.is_nan() { 0.0 } else { query.time.clamp(0.0, 1.0) };
         let start = G::Precision::interval(query.ray)[0].below();
-        Self { ray: query.ray, start, mask: query.mask, time, context, goal }
+        Self { ray: query.ray, start, mask: query.mask, time: clamped_time(query.time), context, goal }
     }
 
     /// Where the interval of the ray starts.

@@ -9,6 +9,7 @@ use super::{
     BuildOptions, BuildStats, Geometry, GeometryId, GroupBounds, GroupId, Instance, World, WorldBuilder, WorldError,
 };
 use crate::accel::AcceleratorKind;
+use crate::geometry::PrimitiveSet;
 use crate::kernel::double::DoubleData;
 use crate::kernel::double::frame::Frame;
 use crate::mesh::{DTriangleMesh, TriangleMesh};
@@ -46,6 +47,12 @@ impl DWorldBuilder {
     pub fn add_shape(&mut self, group: GroupId, shape: Arc<dyn Shape>, group_from_shape: Transform) -> GeometryId {
         self.meshes.push(Arc::default());
         self.builder.add_shape(group, shape, group_from_shape)
+    }
+
+    /// As [`WorldBuilder::add_set`].
+    pub fn add_set(&mut self, group: GroupId, set: Arc<dyn PrimitiveSet>) -> GeometryId {
+        self.meshes.push(Arc::default());
+        self.builder.add_set(group, set)
     }
 
     /// As [`WorldBuilder::add_instance`].
@@ -116,7 +123,7 @@ pub struct DWorld {
 }
 
 impl DWorld {
-    /// The mesh with this number; `None` for a shape.
+    /// The mesh with this number; `None` for a shape or a set.
     pub fn mesh(&self, id: GeometryId) -> Option<&Arc<DTriangleMesh>> {
         let is_mesh = matches!(self.world.geometry(id), Geometry::Mesh(_));
         is_mesh.then(|| &self.data.meshes[id.0 as usize])

@@ -3,8 +3,9 @@
 use super::{Geometry, GeometryId, GroupId, World, abs_matrix};
 use crate::hit::{Hit, SurfaceInteraction};
 use crate::mesh::TriangleMesh;
-use crate::shape::Shape;
-use snell_math::{DMat3, DRay, DVec2, DVec3, Frame, Ray, Transform, Vec2, Vec3};
+use crate::query::rays::{RayQuery, clamped_time};
+use crate::shape::ShapeSurface;
+use snell_math::{DMat3, DRay, DVec2, DVec3, Frame, Transform, Vec2, Vec3};
 
 /// Bound of the relative error of a mapped coordinate in `f64` (four products, three sums), with room to spare.
 const MAP_ERROR: f64 = 1.0 / (1u64 << 49) as f64;
@@ -46,7 +47,7 @@ impl LocalSurface {
 }
 
 impl World {
-    /// Everything local about the surface at `hit`, which `ray` found.
+    /// Everything local about the surface at `hit`, which `ray` found (with its time, if anything moves).
     ///
     /// Positions come from the barycentrics of triangles, or are moved onto shapes, in `f64`; the error bound covers the way to the
     /// world and the way of a next ray back down (the idea of Wächter and Binder, A Fast and Robust Method for Avoiding
@@ -54,8 +55,9 @@ impl World {
     ///
     /// # Panics
     /// If `hit` is a miss or does not belong to this world.
-    pub fn interaction(&self, ray: &Ray, hit: &Hit) -> SurfaceInteraction {
-        let local = self.surface_in_group(GroupId(0), hit.instance, &DRay::from(ray), hit);
+    pub fn interaction<'a>(&self, ray: impl Into<RayQuery<'a>>, hit: &Hit) -> SurfaceInteraction {
+        let RayQuery { ray, time, .. } = ray.into();
+        let local = self.surface_in_group(GroupId(0), hit.instance, &DRay::from(ray), clamped_time(time), hit);
         let (position, position_error) = rounded(local.position, local.error);
         let geometric_normal = unit(local.normal).unwrap_or(Vec3::Z);
         let shading_normal = match unit(local.shading_normal) {
@@ -90,16 +92,24 @@ impl World {
     }
 
     /// The surface in the coordinates of `group`, for an occurrence `rest` below it. `ray` is in the same coordinates.
-    fn surface_in_group(&self, group: GroupId, rest: u32, ray: &DRay, hit: &Hit) -> LocalSurface {
+    fn surface_in_group(&self, group: GroupId, rest: u32, ray: &DRay, time: f32, hit: &Hit) -> LocalSurface {
         if let Some((step, left)) = self.step(group, rest) {
             let instance = &self.group(group).instances[step];
             let map = &instance.group_from_child;
-            return self.surface_in_group(instance.child, left, &map.inverse().ray(ray), hit).mapped(map);
+            return self.surface_in_group(instance.child, left, &map.inverse().ray(ray), time, hit).mapped(map);
         }
         match self.geometry(GeometryId(hit.geometry)) {
             Geometry::Mesh(mesh) => triangle_surface(mesh, &ray.direction, hit),
             Geometry::Shape(shape, placed) => {
-                shape_surface(shape.as_ref(), &placed.inverse().ray(ray), hit).mapped(placed)
+                let position = placed.inverse().ray(ray).at(hit.t.into());
+                shape_surface(shape.surface(position, hit.primitive)).mapped(placed)
+            }
+            Geometry::Set(set) => {
+                let (primitive, position) = (hit.primitive as usize, ray.at(hit.t.into()));
+                LocalSurface {
+                    color: set.color(primitive, hit.uv),
+                    ..shape_surface(set.surface(primitive, position, hit.uv, time))
+                }
             }
         }
     }
@@ -117,8 +127,7 @@ fn unit(v: DVec3) -> Option<Vec3> {
     v.try_normalize().map(|n| n.as_vec3())
 }
 
-fn shape_surface(shape: &dyn Shape, ray: &DRay, hit: &Hit) -> LocalSurface {
-    let surface = shape.surface(ray.at(hit.t.into()), hit.primitive);
+fn shape_surface(surface: ShapeSurface) -> LocalSurface {
     let size = surface.position.abs().max_element();
     let uv = surface.uv.as_vec2();
     LocalSurface {

@@ -390,7 +390,9 @@ fn normals_point_outward_under_every_transform() {
                         let n = (b - a).cross(c - a);
                         if n.dot(a - placed.point(DVec3::ZERO)) < 0.0 { -n } else { n }
                     }
-                    Geometry::Shape(..) => placed.normal(placed.inverse().point(s.position.as_dvec3())),
+                    Geometry::Shape(..) | Geometry::Set(_) => {
+                        placed.normal(placed.inverse().point(s.position.as_dvec3()))
+                    }
                 };
                 let expected = outward.normalize().as_vec3();
                 // Far away positions are coarse.

@@ -4,8 +4,8 @@ use crate::failure::{Failure, choice};
 use crate::progress::ProgressStyleOption;
 use snell_formats::image::Tonemap;
 use snell_formats::{Limits, ReadOptions};
-use snell_intersect::{BuildOptions, Quality};
 use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::{BuildOptions, Quality};
 use snell_math::Rgb;
 use snell_math::simd::Level;
 use snell_render::{

@@ -17,7 +17,7 @@ mod tests;
 pub use quality::Quality;
 
 use super::brute_force::GroupList;
-use super::group::Object;
+use super::group::{Object, Objects};
 use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::triangle::TriangleBlock;
 use rayon::prelude::*;
@@ -47,8 +47,8 @@ pub(crate) struct GroupTree {
     pub blocks: Storage<TriangleBlock>,
     /// Where the walk starts; [`ChildRef::NONE`] for a group without bounded contents.
     pub root: ChildRef,
-    /// Shapes and instances, as the leaves number them.
-    pub objects: Vec<Object>,
+    /// Shapes, instances and primitives of sets, as the leaves number them.
+    pub objects: Objects,
     /// Objects without finite bounds: always tested.
     pub unbounded: Vec<u32>,
     /// For each mesh the number of its first triangle within the group, and its geometry; ascending.
@@ -96,7 +96,7 @@ impl GroupTree {
 
     /// Memory of the tree.
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(&*self.nodes) + size_of_val(&*self.blocks) + size_of_val(self.objects.as_slice())
+        size_of_val(&*self.nodes) + size_of_val(&*self.blocks) + self.objects.memory_bytes()
     }
 }
 
@@ -132,7 +132,7 @@ impl Forest {
                 Object::Shape { .. } => 0,
             };
             let tree: &GroupTree = &trees[group];
-            sizes[group] = tree.stack_size() + tree.objects.iter().map(below).max().unwrap_or(0);
+            sizes[group] = tree.stack_size() + tree.objects.placed().iter().map(below).max().unwrap_or(0);
         }
         Self { stack_size: sizes[0], trees }
     }

@@ -1,0 +1,148 @@
+//! Round cubic curves in the usual bases.
+
+use super::rounded_cone::Ball;
+use super::sweep::{Sweep, tube_surface};
+use super::{PrimitiveHit, PrimitiveSet};
+use crate::shape::ShapeSurface;
+use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
+
+/// How the points of a cubic curve define it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum CurveBasis {
+    /// Four points of the segment: the ends, and between them two that it is drawn towards. Segments that follow each other share
+    /// a point.
+    #[default]
+    Bezier,
+    /// Uniform B-spline: four points that the segment is near; the next segment starts one point on.
+    BSpline,
+    /// The segment runs from the second to the third of four points; the next segment starts one point on.
+    CatmullRom,
+    /// Two points, and the derivative at each ([`CubicCurves::tangents`]).
+    Hermite,
+}
+
+/// Cubic curves of round cross-section: each segment is the space swept by a ball whose centre and radius are cubic functions.
+/// The ends are round, so segments that meet leave no crack. Each segment is a solid of its own.
+///
+/// The curve is divided in halves until it is straight to a thousandth of its largest radius (at most 4096 pieces), and the
+/// crossings of the pieces' hulls are then improved to the true surface where that converges, to some 1e-12 of the size of the
+/// segment. What remains is at silhouettes: whether a ray that all but touches the curve hits it may be wrong within a thousandth of
+/// the radius. Where a curve is bent more tightly than its radius, the swept space is still what is hit.
+///
+/// A segment with a point that does not exist or is not finite, with a negative radius, or with all radii 0, is never hit.
+/// Where the basis makes the radius negative between points, it is 0.
+///
+/// [`crate::Hit::uv`] is (parameter from 0 to 1 along the segment, 0); the texture coordinates are the same with the angle around the
+/// curve, from 0 to 1, for the second.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CubicCurves {
+    /// What the points mean.
+    pub basis: CurveBasis,
+    /// Position (x, y, z) and radius (w).
+    pub points: Vec<Vec4>,
+    /// For Hermite curves the derivatives at the points by the parameter of the segment, radius included.
+    pub tangents: Vec<Vec4>,
+    /// Per segment the number of its first point.
+    pub segments: Vec<u32>,
+}
+
+impl CubicCurves {
+    /// The Bézier control points of a segment, radius last; `None` if it is never hit.
+    pub fn bezier(&self, segment: usize) -> Option<[DVec4; 4]> {
+        let first = self.segments[segment] as usize;
+        let wide = |v: Vec4| v.as_dvec4();
+        let get = |all: &[Vec4], i: usize| all.get(first.checked_add(i)?).copied();
+        let mut controls = if self.basis == CurveBasis::Hermite {
+            let ends = [get(&self.points, 0)?, get(&self.points, 1)?];
+            let [a, b] = ends.map(wide);
+            let (da, db) = (wide(get(&self.tangents, 0)?), wide(get(&self.tangents, 1)?));
+            if ends.iter().any(|p| p.w < 0.0) {
+                return None;
+            }
+            [a, a + da / 3.0, b - db / 3.0, b]
+        } else {
+            let points = [get(&self.points, 0)?, get(&self.points, 1)?, get(&self.points, 2)?, get(&self.points, 3)?];
+            if points.iter().any(|p| p.w < 0.0) {
+                return None;
+            }
+            let [a, b, c, d] = points.map(wide);
+            match self.basis {
+                CurveBasis::BSpline => {
+                    [(a + b * 4.0 + c) / 6.0, (b * 2.0 + c) / 3.0, (b + c * 2.0) / 3.0, (b + c * 4.0 + d) / 6.0]
+                }
+                CurveBasis::CatmullRom => [b, b + (c - a) / 6.0, c - (d - b) / 6.0, c],
+                CurveBasis::Bezier | CurveBasis::Hermite => [a, b, c, d],
+            }
+        };
+        if !controls.iter().all(|c| c.is_finite()) {
+            return None;
+        }
+        controls.iter_mut().for_each(|c| c.w = c.w.max(0.0));
+        controls.iter().any(|c| c.w > 0.0).then_some(controls)
+    }
+}
+
+impl PrimitiveSet for CubicCurves {
+    fn len(&self) -> usize {
+        self.segments.len()
+    }
+
+    fn bounds(&self, segment: usize) -> Bounds3d {
+        // The curve is a mean of its control points, and so are the balls around it.
+        let ball = |c: DVec4| Ball { center: c.truncate(), radius: c.w }.bounds();
+        let balls = self.bezier(segment).into_iter().flatten().map(ball);
+        balls.fold(Bounds3d::EMPTY, |all, b| all.union(&b))
+    }
+
+    fn closest(&self, segment: usize, ray: &DRay, _time: f32) -> Option<PrimitiveHit> {
+        let sweep = Sweep::new(&self.bezier(segment)?, ray)?;
+        let (t, u) = sweep.crossings().find(|crossing| ray.contains(crossing.0))?;
+        Some(PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) })
+    }
+
+    fn surface(&self, segment: usize, position: DVec3, uv: Vec2, _time: f32) -> ShapeSurface {
+        let controls = self.bezier(segment).unwrap_or([position.extend(0.0); 4]);
+        let u = super::sweep::foot(&controls, position, uv.x.into());
+        let [c, d, _] = super::sweep::derivatives(&controls, u);
+        let chord = (controls[3] - controls[0]).truncate();
+        tube_surface(&Ball { center: c.truncate(), radius: c.w }, u, (d.truncate(), d.w), chord, position)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::sweep::derivatives;
+
+    fn points() -> Vec<Vec4> {
+        let p = |x: f32, y: f32, r: f32| Vec4::new(x, y, 0.5 * x * y, r);
+        vec![p(0.0, 1.0, 0.1), p(1.0, -1.0, 0.2), p(2.0, 2.0, 0.3), p(3.0, 0.0, 0.1), p(4.0, 1.0, 0.2)]
+    }
+
+    #[test]
+    fn segments_that_follow_each_other_meet_in_the_same_ball() {
+        for basis in [CurveBasis::BSpline, CurveBasis::CatmullRom, CurveBasis::Hermite] {
+            let curves = CubicCurves { basis, points: points(), tangents: points(), segments: vec![0, 1] };
+            let [a, b] = [0, 1].map(|s| curves.bezier(s).expect("a curve"));
+            assert_eq!(a[3], b[0], "{basis:?}");
+        }
+    }
+
+    #[test]
+    fn the_bases_do_what_they_are_known_for() {
+        let curve = |basis| {
+            CubicCurves { basis, points: points(), tangents: points(), segments: vec![0] }.bezier(0).expect("a curve")
+        };
+        let p = points().iter().map(|p| p.as_dvec4()).collect::<Vec<_>>();
+        let near = |a: DVec4, b: DVec4| (a - b).abs().max_element() < 1e-6;
+        // Catmull-Rom goes through the inner points, along the line between their neighbours.
+        let [c, d, _] = derivatives(&curve(CurveBasis::CatmullRom), 0.0);
+        assert!(near(c, p[1]) && near(d, (p[2] - p[0]) * 0.5));
+        // Hermite has the given points and derivatives.
+        let [c, d, _] = derivatives(&curve(CurveBasis::Hermite), 1.0);
+        assert!(near(c, p[1]) && near(d, p[1]));
+        // A B-spline has the weights 1, 4, 1 at the joints, and its second derivative there is p0 - 2 p1 + p2.
+        let [c, _, dd] = derivatives(&curve(CurveBasis::BSpline), 0.0);
+        assert!(near(c, (p[0] + p[1] * 4.0 + p[2]) / 6.0) && near(dd, p[0] - p[1] * 2.0 + p[2]));
+    }
+}

@@ -1,0 +1,69 @@
+//! Round linear curves: chains of cones between spheres.
+
+use super::rounded_cone::{Ball, UnitRay};
+use super::sweep::tube_surface;
+use super::{PrimitiveHit, PrimitiveSet};
+use crate::shape::ShapeSurface;
+use snell_math::{Bounds3d, DRay, DVec3, Vec2, Vec4};
+
+/// Line segments with a radius at each end. Each is the hull of two balls: a cone with round ends, which touches it. Segments that
+/// share a point share the whole ball there, so chains have no cracks. Each segment is a solid of its own: a ray that passes along
+/// a chain also crosses the ends inside.
+///
+/// A segment with a point that does not exist or is not finite, with a negative radius, or with both radii 0, is never hit; one
+/// without length is a ball. Hits are decided in double precision.
+///
+/// [`crate::Hit::uv`] is (0 at the first ball to 1 at the second, 0); the texture coordinates are the same with the angle around the
+/// axis, from 0 to 1, for the second.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LinearCurves {
+    /// Position (x, y, z) and radius (w).
+    pub points: Vec<Vec4>,
+    /// Per segment the number of its first point; the next point is its second.
+    pub segments: Vec<u32>,
+}
+
+impl LinearCurves {
+    /// One chain through all points.
+    pub fn chain(points: Vec<Vec4>) -> Self {
+        let segments = (1..points.len() as u32).map(|i| i - 1).collect();
+        Self { points, segments }
+    }
+
+    fn balls(&self, segment: usize) -> Option<[Ball; 2]> {
+        let first = self.segments[segment] as usize;
+        let &[a, b] = self.points.get(first..first.checked_add(2)?)? else { return None };
+        let balls = [Ball::new(a)?, Ball::new(b)?];
+        balls.iter().any(|b| b.radius > 0.0).then_some(balls)
+    }
+}
+
+impl PrimitiveSet for LinearCurves {
+    fn len(&self) -> usize {
+        self.segments.len()
+    }
+
+    fn bounds(&self, segment: usize) -> Bounds3d {
+        self.balls(segment).map_or(Bounds3d::EMPTY, |[a, b]| a.bounds().union(&b.bounds()))
+    }
+
+    fn closest(&self, segment: usize, ray: &DRay, _time: f32) -> Option<PrimitiveHit> {
+        let ends = UnitRay::new(ray)?.hull_span(&self.balls(segment)?)?;
+        let (t, u) = ends.into_iter().find(|end| ray.contains(end.0))?;
+        Some(PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) })
+    }
+
+    fn surface(&self, segment: usize, position: DVec3, _uv: Vec2, _time: f32) -> ShapeSurface {
+        let nothing = Ball { center: position, radius: 0.0 };
+        let [a, b] = self.balls(segment).unwrap_or([nothing; 2]);
+        let (axis, narrowing) = (b.center - a.center, a.radius - b.radius);
+        let g = axis.length_squared() - narrowing * narrowing;
+        let u = if g > 0.0 {
+            (((position - a.center).dot(axis) - a.radius * narrowing) / g).clamp(0.0, 1.0)
+        } else {
+            // One ball holds the other.
+            f64::from(u8::from(narrowing < 0.0))
+        };
+        tube_surface(&a.lerp(&b, u), u, (axis, -narrowing), axis, position)
+    }
+}

@@ -1,0 +1,50 @@
+//! Spheres in bulk: point clouds and particles.
+
+use super::rounded_cone::{Ball, UnitRay};
+use super::{PrimitiveHit, PrimitiveSet};
+use crate::shape::{Shape, ShapeSurface, Sphere};
+use snell_math::{Bounds3d, DRay, DVec3, Vec2, Vec4};
+
+/// Many spheres, 16 bytes each. A sphere whose centre is not finite or whose radius is not positive and finite is never hit.
+///
+/// Hits are decided in double precision on the single-precision centres and radii. A ray that only touches a sphere misses it.
+/// Texture coordinates are those of [`Sphere`], with y up; [`crate::Hit::uv`] is zero.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Spheres {
+    /// Centre (x, y, z) and radius (w).
+    pub spheres: Vec<Vec4>,
+    /// Linear RGB and alpha, one per sphere; missing ones are white.
+    pub colors: Vec<[f32; 4]>,
+}
+
+impl Spheres {
+    fn ball(&self, primitive: usize) -> Option<Ball> {
+        Ball::new(self.spheres[primitive]).filter(|ball| ball.radius > 0.0)
+    }
+}
+
+impl PrimitiveSet for Spheres {
+    fn len(&self) -> usize {
+        self.spheres.len()
+    }
+
+    fn bounds(&self, primitive: usize) -> Bounds3d {
+        self.ball(primitive).map_or(Bounds3d::EMPTY, |ball| ball.bounds())
+    }
+
+    fn closest(&self, primitive: usize, ray: &DRay, _time: f32) -> Option<PrimitiveHit> {
+        let t = UnitRay::new(ray)?.ball_span(&self.ball(primitive)?)?.into_iter().find(|&t| ray.contains(t))?;
+        Some(PrimitiveHit { t, uv: Vec2::ZERO })
+    }
+
+    fn surface(&self, primitive: usize, position: DVec3, _uv: Vec2, _time: f32) -> ShapeSurface {
+        let center = self.spheres[primitive].truncate().as_dvec3();
+        let sphere = Sphere { radius: self.spheres[primitive].w.into() };
+        let surface = sphere.surface(position - center, 0);
+        ShapeSurface { position: center + surface.position, ..surface }
+    }
+
+    fn color(&self, primitive: usize, _uv: Vec2) -> [f32; 4] {
+        self.colors.get(primitive).copied().unwrap_or([1.0; 4])
+    }
+}

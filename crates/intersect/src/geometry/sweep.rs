@@ -1,0 +1,274 @@
+//! The space swept by a ball along a cubic curve, and a ray's way through it.
+//!
+//! That space is a union of balls, so along a ray it is a union of stretches, one for each connected set of balls that the ray passes
+//! through; entries and exits alternate. Here the curve is divided in halves, parts whose bounds the ray misses are dropped (as in
+//! Nakamaru and Ohno, Ray tracing for curves primitive, WSCG 2002), the hulls of the balls at the ends of the last pieces give stretches
+//! ([`UnitRay::hull_span`]), and those that overlap are joined. The ends of what is left are then moved to the true surface by Newton's
+//! method.
+
+use super::rounded_cone::{Ball, UnitRay};
+use crate::shape::ShapeSurface;
+use snell_math::{DMat3, DRay, DVec2, DVec3, DVec4};
+use std::f64::consts::TAU;
+
+/// The largest distance between curve and chord, relative to the largest radius.
+const FLATNESS: f64 = 1e-3;
+
+/// Halvings at most.
+const MAX_DEPTH: u32 = 12;
+
+/// More stretches than this, of which no cubic has any number near, are joined.
+const MAX_STRETCHES: usize = 16;
+
+/// Value, first and second derivative of a Bézier curve.
+pub(super) fn derivatives(c: &[DVec4; 4], u: f64) -> [DVec4; 3] {
+    let l1 = [c[0].lerp(c[1], u), c[1].lerp(c[2], u), c[2].lerp(c[3], u)];
+    let l2 = [l1[0].lerp(l1[1], u), l1[1].lerp(l1[2], u)];
+    let second = (l1[2] - l1[1] * 2.0 + l1[0]) * 6.0;
+    [l2[0].lerp(l2[1], u), (l2[1] - l2[0]) * 3.0, second]
+}
+
+/// The curve parameter near `u` of the ball whose surface is at `position`.
+pub(super) fn foot(controls: &[DVec4; 4], position: DVec3, mut u: f64) -> f64 {
+    for _ in 0..6 {
+        let [g, slope] = envelope(&derivatives(controls, u), position);
+        // Not a minimum of the distance here: the ball that was hit will do.
+        if slope.is_nan() || slope <= 0.0 {
+            break;
+        }
+        u = (u - g / slope).clamp(0.0, 1.0);
+    }
+    if u.is_nan() { 0.5 } else { u }
+}
+
+/// Half the derivative by `u` of `|p - c|^2 - r^2`, which is 0 on the envelope of the balls, and its derivative.
+fn envelope([c, d, dd]: &[DVec4; 3], p: DVec3) -> [f64; 2] {
+    let e = p - c.truncate();
+    let (d3, dd3) = (d.truncate(), dd.truncate());
+    [-e.dot(d3) - c.w * d.w, d3.length_squared() - e.dot(dd3) - d.w * d.w - c.w * dd.w]
+}
+
+/// The surface of a tube at the ball of parameter `u`, where the tube grows by `(center, radius)` per unit of `u`. `chord` is any
+/// direction common to a whole curve; angles count from it.
+pub(super) fn tube_surface(ball: &Ball, u: f64, growth: (DVec3, f64), chord: DVec3, position: DVec3) -> ShapeSurface {
+    let normal = (position - ball.center).try_normalize().unwrap_or(DVec3::Y);
+    let axis = growth.0.try_normalize().or(chord.try_normalize()).unwrap_or(DVec3::Y);
+    let around = axis.cross(normal);
+    // Zero angle: across the curve, on the side of a coordinate axis that the curve is not along.
+    let reference = DVec3::AXES.into_iter().min_by(|a, b| a.dot(chord).abs().total_cmp(&b.dot(chord).abs()));
+    let zero = reference.unwrap_or(DVec3::X).reject_from(axis).normalize_or(axis.any_orthonormal_vector());
+    let angle = DVec2::new(normal.dot(zero), normal.dot(axis.cross(zero))).to_angle() / TAU;
+    let along = growth.0 + normal * growth.1;
+    let along = (along - normal * along.dot(normal)).try_normalize();
+    // At the poles of the ends any tangent will do.
+    let dpdu = along.unwrap_or(normal.any_orthonormal_vector()) * growth.0.length().max(ball.radius);
+    let dpdv = around.try_normalize().unwrap_or(normal.cross(dpdu).normalize_or(DVec3::X)) * (TAU * ball.radius);
+    let v = if angle < 0.0 { (angle + 1.0).min(1.0_f64.next_down()) } else { angle };
+    let position = ball.center + normal * ball.radius;
+    ShapeSurface { position, normal, uv: DVec2::new(u, v), dpdu, dpdv }
+}
+
+/// A stretch of the ray inside: both ends as length along the ray and curve parameter.
+#[derive(Clone, Copy, Debug)]
+struct Stretch {
+    enter: (f64, f64),
+    exit: (f64, f64),
+}
+
+/// A curve seen along a ray: the ray is the z axis, x and y are across it.
+pub(super) struct Sweep {
+    controls: [DVec4; 4],
+    /// What to add to z to get lengths along the ray.
+    start: f64,
+    /// Ray parameter per length.
+    scale: f64,
+}
+
+/// A part of the curve.
+#[derive(Clone, Copy)]
+struct Part {
+    controls: [DVec4; 4],
+    u: f64,
+    width: f64,
+    depth: u32,
+}
+
+impl Part {
+    fn is_missed(&self) -> bool {
+        let misses = |axis: usize| {
+            let low = self.controls.iter().all(|c| c[axis] + c.w < 0.0);
+            low || self.controls.iter().all(|c| c[axis] - c.w > 0.0)
+        };
+        misses(0) || misses(1)
+    }
+
+    fn halves(&self) -> [Self; 2] {
+        let [a, b, c, d] = self.controls;
+        let middle = |p: DVec4, q: DVec4| (p + q) * 0.5;
+        let (ab, bc, cd) = (middle(a, b), middle(b, c), middle(c, d));
+        let (abc, bcd) = (middle(ab, bc), middle(bc, cd));
+        let abcd = middle(abc, bcd);
+        let (width, depth) = (self.width * 0.5, self.depth - 1);
+        let half = |controls, u| Self { controls, u, width, depth };
+        [half([a, ab, abc, abcd], self.u), half([abcd, bcd, cd, d], self.u + width)]
+    }
+}
+
+impl Sweep {
+    /// The curve with these control points as the ray sees it.
+    pub fn new(controls: &[DVec4; 4], ray: &DRay) -> Option<Self> {
+        let ray = UnitRay::new(ray)?;
+        let middle = (controls[0] + controls[3]).truncate() * 0.5;
+        let start = (middle - ray.origin).dot(ray.direction);
+        let origin = ray.origin + ray.direction * start;
+        // x along the projected chord, so that y bounds the curve tightly.
+        let chord = (controls[3] - controls[0]).truncate().reject_from_normalized(ray.direction);
+        let x = chord.try_normalize().unwrap_or(ray.direction.any_orthonormal_vector());
+        let frame = DMat3::from_cols(x, ray.direction.cross(x), ray.direction).transpose();
+        let controls = controls.map(|c| (frame * (c.truncate() - origin)).extend(c.w));
+        Some(Self { controls, start, scale: ray.scale })
+    }
+
+    /// How often to halve the curve so that it is flat ([`FLATNESS`]): after `n` equal divisions a curve is off its chords by at most
+    /// a 8 n^2-th of its second derivative.
+    fn depth(&self) -> u32 {
+        let [a, b, c, d] = self.controls;
+        let bend = 6.0 * (a - b * 2.0 + c).length_squared().max((b - c * 2.0 + d).length_squared()).sqrt();
+        let radius = self.controls.iter().map(|c| c.w).fold(0.0, f64::max);
+        let divisions = (bend / (8.0 * FLATNESS * radius)).sqrt();
+        if divisions > 1.0 { (divisions.log2().ceil() as u32).min(MAX_DEPTH) } else { 0 }
+    }
+
+    /// Where the ray goes in and out, ascending, as ray parameter and curve parameter.
+    pub fn crossings(&self) -> impl Iterator<Item = (f64, f64)> + use<> {
+        let mut stretches = self.stretches();
+        let piece = 0.5f64.powi(self.depth() as i32);
+        stretches.improve(|end| self.improved(end, piece));
+        let (start, scale) = (self.start, self.scale);
+        let ends = stretches.list.into_iter().take(stretches.count).flat_map(|s| [s.enter, s.exit]);
+        ends.map(move |(z, u)| ((start + z) * scale, u))
+    }
+
+    fn stretches(&self) -> Stretches {
+        let axis = UnitRay { origin: DVec3::ZERO, direction: DVec3::Z, scale: 1.0 };
+        let mut found = Stretches::default();
+        let whole = Part { controls: self.controls, u: 0.0, width: 1.0, depth: self.depth() };
+        let mut stack = [whole; MAX_DEPTH as usize + 1];
+        let mut top = 1;
+        while top > 0 {
+            top -= 1;
+            let part = stack[top];
+            if part.is_missed() {
+                continue;
+            }
+            if part.depth > 0 {
+                let [first, second] = part.halves();
+                (stack[top], stack[top + 1]) = (second, first);
+                top += 2;
+                continue;
+            }
+            let ball = |c: DVec4| Ball { center: c.truncate(), radius: c.w };
+            if let Some(ends) = axis.hull_span(&[ball(part.controls[0]), ball(part.controls[3])]) {
+                let [enter, exit] = ends.map(|(z, v)| (z, part.u + v * part.width));
+                found.add(Stretch { enter, exit });
+            }
+        }
+        found
+    }
+
+    /// The crossing of the ball at an end (`u` is 0 or 1) nearest to `z`, if no ball next to it is farther out.
+    fn on_end(&self, (z, u): (f64, f64)) -> Option<(f64, f64)> {
+        let at = derivatives(&self.controls, u);
+        let c = at[0];
+        let half = (c.w * c.w - c.x * c.x - c.y * c.y).sqrt();
+        let z = if z < c.z { c.z - half } else { c.z + half };
+        let [g, _] = envelope(&at, DVec3::Z * z);
+        let is_outermost = if u <= 0.0 { g >= 0.0 } else { g <= 0.0 };
+        is_outermost.then_some((z, u))
+    }
+
+    /// The crossing of the true surface near one of the pieces': length and curve parameter at which the distance to the curve is
+    /// the radius, and is so at its least. `None` if there is none near.
+    fn improved(&self, (z, u): (f64, f64), piece: f64) -> Option<(f64, f64)> {
+        if let Some(at_end) = (u <= 0.0 || u >= 1.0).then(|| self.on_end((z, u))).flatten() {
+            return Some(at_end);
+        }
+        let (mut new_z, mut new_u) = (z, u);
+        for _ in 0..8 {
+            let at = derivatives(&self.controls, new_u);
+            let p = DVec3::Z * new_z;
+            let e = p - at[0].truncate();
+            let f = e.length_squared() - at[0].w * at[0].w;
+            let [g, g_u] = envelope(&at, p);
+            // f by z, f by u; g by z, g by u.
+            let (f_z, f_u, g_z) = (2.0 * e.z, 2.0 * g, -at[1].z);
+            let determinant = f_z * g_u - f_u * g_z;
+            let (dz, du) = ((g * f_u - f * g_u) / determinant, (f * g_z - g * f_z) / determinant);
+            (new_z, new_u) = (new_z + dz, new_u + du);
+            let is_near = (new_u - u).abs() <= 2.0 * piece;
+            if !is_near || !new_z.is_finite() {
+                return None;
+            }
+            if !(0.0..=1.0).contains(&new_u) {
+                return self.on_end((z, new_u.clamp(0.0, 1.0)));
+            }
+            if dz.abs() <= 1e-13 * (new_z.abs() + at[0].w) {
+                return (g_u > 0.0).then_some((new_z, new_u));
+            }
+        }
+        None
+    }
+}
+
+/// Disjoint stretches, ascending.
+#[derive(Clone, Copy)]
+struct Stretches {
+    list: [Stretch; MAX_STRETCHES],
+    count: usize,
+}
+
+impl Default for Stretches {
+    fn default() -> Self {
+        Self { list: [Stretch { enter: (0.0, 0.0), exit: (0.0, 0.0) }; MAX_STRETCHES], count: 0 }
+    }
+}
+
+impl Stretches {
+    /// Adds a stretch, joined with those it overlaps.
+    fn add(&mut self, mut new: Stretch) {
+        let mut kept = Self::default();
+        let mut place = 0;
+        for old in &self.list[..self.count] {
+            if old.exit.0 < new.enter.0 || old.enter.0 > new.exit.0 {
+                place += usize::from(old.exit.0 < new.enter.0);
+                kept.list[kept.count] = *old;
+                kept.count += 1;
+            } else {
+                new.enter = if old.enter.0 < new.enter.0 { old.enter } else { new.enter };
+                new.exit = if old.exit.0 > new.exit.0 { old.exit } else { new.exit };
+            }
+        }
+        if kept.count == MAX_STRETCHES {
+            let last = &mut kept.list[MAX_STRETCHES - 1];
+            last.exit = if new.exit.0 > last.exit.0 { new.exit } else { last.exit };
+        } else {
+            kept.list.copy_within(place..kept.count, place + 1);
+            kept.list[place] = new;
+            kept.count += 1;
+        }
+        *self = kept;
+    }
+
+    /// Moves the ends; those of a stretch stay where they were if they would get out of order.
+    fn improve(&mut self, moved: impl Fn((f64, f64)) -> Option<(f64, f64)>) {
+        let mut after = f64::NEG_INFINITY;
+        for i in 0..self.count {
+            let before = if i + 1 < self.count { self.list[i + 1].enter.0 } else { f64::INFINITY };
+            let old = self.list[i];
+            let enter = moved(old.enter).filter(|e| e.0 > after && e.0 < old.exit.0).unwrap_or(old.enter);
+            let exit = moved(old.exit).filter(|e| e.0 > enter.0 && e.0 < before).unwrap_or(old.exit);
+            self.list[i] = Stretch { enter, exit };
+            after = exit.0;
+        }
+    }
+}
