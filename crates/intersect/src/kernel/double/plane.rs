@@ -17,10 +17,34 @@ const SURE: f64 = 1.0 / (1u64 << 46) as f64;
 const TINY: f64 = 1e-150;
 const LARGE: f64 = 1e60;
 
-/// The ray parameter at which the line of the ray meets the plane of the corners. Infinite or NaN if they are parallel, or beyond
-/// what `f64` can hold.
+/// Bound of the relative error of a determinant in plain `f64`: `8 u`, with room to spare.
+const ROUGH: f64 = 1.0 / (1u64 << 49) as f64;
+
+/// The ray parameter at which the line of the ray meets the plane of the corners; `None` if that is surely not after `t_min`.
+/// Infinite or NaN if they are parallel, or beyond what `f64` can hold.
 #[inline(always)]
-pub(crate) fn plane_distance(ray: &DRay, corners: &[DVec3; 3]) -> f64 {
+pub(crate) fn plane_distance(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<f64> {
+    let [a, b, c] = *corners;
+    let (e1, e2, r, d) = (b - a, c - a, a - ray.origin, ray.direction);
+    let normal = e1.cross(e2);
+    let (height, speed) = (normal.dot(r), normal.dot(d));
+    // The sizes of all products.
+    let (e1, e2, r, d) = (e1.abs(), e2.abs(), r.abs(), d.abs());
+    let sizes = DVec3::new(e1.y * e2.z + e1.z * e2.y, e1.z * e2.x + e1.x * e2.z, e1.x * e2.y + e1.y * e2.x);
+    let (heights, speeds) = (sizes.dot(r), sizes.dot(d));
+    let in_range = heights > TINY && speeds > TINY && (r + d + e1 + e2).element_sum() < LARGE;
+    // Most rays leave a surface, and find it behind their start.
+    let (after, pace) = (height * speed.signum(), speed.abs());
+    let error = (heights + t_min.abs() * speeds) * ROUGH;
+    if in_range && pace > speeds * ROUGH && after - t_min * pace < -error {
+        return None;
+    }
+    Some(precise_distance(ray, corners, heights * SURE, if in_range { speeds * SURE } else { f64::INFINITY }))
+}
+
+/// The distance, in numbers of two parts if that gives determinants above these bounds.
+#[inline(always)]
+fn precise_distance(ray: &DRay, corners: &[DVec3; 3], least_height: f64, least_speed: f64) -> f64 {
     let [a, b, c] = corners;
     let (e1, e2, r) = (differences(b, a), differences(c, a), differences(a, &ray.origin));
     let normal = [minor(&e1, &e2, 1, 2), minor(&e1, &e2, 2, 0), minor(&e1, &e2, 0, 1)];
@@ -28,13 +52,8 @@ pub(crate) fn plane_distance(ray: &DRay, corners: &[DVec3; 3]) -> f64 {
     let height = along(0).plus(along(1)).plus(along(2));
     let d = ray.direction;
     let speed = normal[0].times_f64(d.x).plus(normal[1].times_f64(d.y)).plus(normal[2].times_f64(d.z));
-    // The sizes of all products.
-    let (e1, e2, r, d) = (sizes(&e1), sizes(&e2), sizes(&r), d.abs());
-    let sizes = DVec3::new(e1.y * e2.z + e1.z * e2.y, e1.z * e2.x + e1.x * e2.z, e1.x * e2.y + e1.y * e2.x);
-    let (heights, speeds) = (sizes.dot(r), sizes.dot(d));
-    let sure = height.high.abs() > heights * SURE && speed.high.abs() > speeds * SURE;
-    let in_range = heights > TINY && speeds > TINY && (r + d + e1 + e2).element_sum() < LARGE;
-    if sure & in_range { height.divided_by(speed) } else { exact_plane_distance(ray, corners) }
+    let sure = height.high.abs() > least_height && speed.high.abs() > least_speed;
+    if sure { height.divided_by(speed) } else { exact_plane_distance(ray, corners) }
 }
 
 /// A minor of the matrix of two edges.
@@ -46,11 +65,6 @@ fn minor(p: &[DoubleDouble; 3], q: &[DoubleDouble; 3], i: usize, j: usize) -> Do
 #[inline(always)]
 fn differences(p: &DVec3, q: &DVec3) -> [DoubleDouble; 3] {
     [DoubleDouble::difference(p.x, q.x), DoubleDouble::difference(p.y, q.y), DoubleDouble::difference(p.z, q.z)]
-}
-
-#[inline(always)]
-fn sizes(v: &[DoubleDouble; 3]) -> DVec3 {
-    DVec3::new(v[0].high, v[1].high, v[2].high).abs()
 }
 
 /// [`plane_distance`] without rounding before the quotient.

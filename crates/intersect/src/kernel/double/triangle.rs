@@ -135,7 +135,7 @@ pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<
     let scale = 1.0 / (w0 + w1 + w2);
     let uv = if scale > 0.0 && scale.is_finite() { DVec2::new(w1, w2) * scale } else { DVec2::splat(1.0 / 3.0) };
     let relative = corners.map(|v| v - ray.origin);
-    let plane = plane_distance(ray, corners);
+    let plane = plane_distance(ray, corners, t_min)?;
     let t = if plane.is_finite() {
         plane
     } else {
