@@ -265,7 +265,7 @@ impl Rules for Double {
     ) -> Option<DHit> {
         let [instance, geometry, primitive] = ids();
         let corners = search.context.data.corners(geometry, primitive);
-        let (t, uv) = double::triangle::exact_hit(&ray.exact, &corners, search.ray.t_min)?;
+        let (t, uv) = double::triangle::exact_hit(&ray.exact, corners, search.ray.t_min)?;
         (t <= search.goal.limit()).then_some(DHit { t, uv, instance, geometry, primitive })
     }
 }

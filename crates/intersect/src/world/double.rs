@@ -92,7 +92,9 @@ impl DWorldBuilder {
                 *mesh = Arc::default();
             }
         }
-        Ok(DWorld { world, data: DoubleData { frames, meshes: self.meshes } })
+        let data = DoubleData::new(frames, &self.meshes);
+        world.stats.memory_bytes += data.memory_bytes() as u64;
+        Ok(DWorld { world, meshes: self.meshes, data })
     }
 
     /// Chooses the frame of a group, and brings its meshes and the boxes of its objects into it.
@@ -119,6 +121,7 @@ impl DWorldBuilder {
 pub struct DWorld {
     /// Over the shadows of the meshes; queries must not be asked of it directly.
     pub(crate) world: World,
+    meshes: Vec<Arc<DTriangleMesh>>,
     pub(crate) data: DoubleData,
 }
 
@@ -126,7 +129,7 @@ impl DWorld {
     /// The mesh with this number; `None` for a shape or a set.
     pub fn mesh(&self, id: GeometryId) -> Option<&Arc<DTriangleMesh>> {
         let is_mesh = matches!(self.world.geometry(id), Geometry::Mesh(_));
-        is_mesh.then(|| &self.data.meshes[id.0 as usize])
+        is_mesh.then(|| &self.meshes[id.0 as usize])
     }
 
     /// The box around everything, in world coordinates; may have infinite sides, is empty for an empty world.

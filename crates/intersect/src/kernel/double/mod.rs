@@ -13,6 +13,7 @@ mod tests;
 
 use crate::mesh::DTriangleMesh;
 use frame::Frame;
+use rayon::prelude::*;
 use snell_math::DVec3;
 use std::sync::Arc;
 
@@ -21,14 +22,27 @@ use std::sync::Arc;
 pub(crate) struct DoubleData {
     /// Per group, how its tree's coordinates follow from its own.
     pub frames: Vec<Frame>,
-    /// Per geometry; empty for what is not a mesh.
-    pub meshes: Vec<Arc<DTriangleMesh>>,
+    /// Per geometry the corners of its triangles, side by side: most rays want one triangle of each leaf they reach, and so wait for
+    /// memory once. Empty for what is not a mesh.
+    corners: Vec<Vec<[DVec3; 3]>>,
 }
 
 impl DoubleData {
+    pub fn new(frames: Vec<Frame>, meshes: &[Arc<DTriangleMesh>]) -> Self {
+        let corners = |mesh: &Arc<DTriangleMesh>| {
+            (0..mesh.indices.len()).into_par_iter().with_min_len(1 << 14).map(|i| mesh.corners(i)).collect()
+        };
+        Self { frames, corners: meshes.iter().map(corners).collect() }
+    }
+
     /// The corners of a triangle in the coordinates of its group.
     #[inline(always)]
-    pub fn corners(&self, geometry: u32, triangle: u32) -> [DVec3; 3] {
-        self.meshes[geometry as usize].corners(triangle as usize)
+    pub fn corners(&self, geometry: u32, triangle: u32) -> &[DVec3; 3] {
+        &self.corners[geometry as usize][triangle as usize]
+    }
+
+    /// Memory of the corners.
+    pub fn memory_bytes(&self) -> usize {
+        self.corners.iter().map(|corners| size_of_val(corners.as_slice())).sum()
     }
 }
