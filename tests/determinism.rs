@@ -156,7 +156,7 @@ fn instructions_and_accelerators_do_not_change_a_bit() {
         let mut expected = None;
         for &simd in &levels {
             for accelerator in AcceleratorKind::ALL {
-                let build = BuildOptions { accelerator, simd };
+                let build = BuildOptions { accelerator, simd, ..BuildOptions::default() };
                 let compiled = CompiledScene::new(&scene, &build).expect("the scene compiles");
                 let found = all_bits(&render_compiled(&compiled, &camera, &settings, 2));
                 let expected = expected.get_or_insert_with(|| found.clone());

@@ -5,7 +5,7 @@
 //! there one after the other, so later ones may use what earlier ones wrote.
 //!
 //! To be quick, `snell render` is made small: its size becomes 16x12 (unless it has `--crop`), its samples per pixel 1, its time
-//! limit 1s, its threads 1. Nothing else is changed. `cargo run --release -- ARGUMENTS` runs the same program; of `cargo xtask WORD`
+//! limit 1s, its threads 1; `snell bench` measures once, with the rays of a small picture. Nothing else is changed. `cargo run --release -- ARGUMENTS` runs the same program; of `cargo xtask WORD`
 //! only the word is checked (this test is part of `cargo xtask test`); the other commands allowed are in [`NOT_RUN`].
 
 use std::collections::BTreeSet;
@@ -115,8 +115,19 @@ fn words(command: &str) -> Vec<String> {
     words
 }
 
-/// Makes `snell render` quick, as the top of this file says.
+/// Makes `snell render` and `snell bench` quick, as the top of this file says.
 fn make_small(arguments: &mut Vec<String>) {
+    if let Some("bench") = arguments.first().map(String::as_str)
+        && !arguments.iter().any(|w| w == "--help")
+    {
+        let value = |name: &str| if name == "--side" { "16" } else { "1" };
+        for name in ["--side", "--repeat", "--spp"] {
+            if let Some(at) = arguments.iter().position(|w| w == name) {
+                arguments[at + 1] = value(name).to_string();
+            }
+        }
+        return;
+    }
     let is_render = arguments.first().is_some_and(|w| w == "render");
     if !is_render || arguments.iter().any(|w| w == "--help") {
         return;
@@ -240,14 +251,20 @@ fn the_command_line_page_has_every_sub_command_and_option_and_no_other() {
         String::from_utf8(snell(&folder, arguments, "help")).expect("text")
     };
     let mut known = BTreeSet::from(["--version".to_string()]);
-    for name in ["render", "info", "compare", "scenes", "formats", "completions", "man"] {
+    let listed = |arguments: &[&str]| -> Vec<String> {
+        let text = help(arguments);
+        let lines = text.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
+        lines.filter_map(|l| l.split_whitespace().next()).filter(|c| *c != "help").map(str::to_string).collect()
+    };
+    let commands = listed(&["--help"]);
+    assert!(commands.len() >= 8, "{commands:?}");
+    for name in &commands {
         assert!(page.contains(&format!("\n## `snell {name}`")), "`snell {name}` has no section");
         known.extend(long_options(&help(&[name, "--help"])));
-    }
-    let listed = help(&["--help"]);
-    let commands = listed.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
-    for command in commands.filter_map(|l| l.split_whitespace().next()).filter(|c| *c != "help") {
-        assert!(page.contains(&format!("\n## `snell {command}`")), "`snell {command}` has no section");
+        for sub in listed(&[name, "--help"]) {
+            assert!(page.contains(&format!("`snell {name} {sub}")), "`snell {name} {sub}` is not on the page");
+            known.extend(long_options(&help(&[name, &sub, "--help"])));
+        }
     }
     assert_eq!(long_options(&page), known, "options of the page (left) and of the program (right)");
 }
@@ -273,11 +290,16 @@ fn commands_in_running_text_exist() {
                 }
             }
             let Some(arguments) = span.strip_prefix("snell ") else { continue };
-            let name = arguments.split(' ').next().expect("a word").to_string();
-            if name == "COMMAND" {
+            let is_word = |w: &&str| w.chars().all(|c| c.is_ascii_lowercase());
+            let mut words: Vec<String> = arguments.split(' ').take(2).take_while(is_word).map(str::to_string).collect();
+            if arguments.starts_with("COMMAND") {
                 continue;
             }
-            let help = String::from_utf8(snell(&folder, vec![name, "--help".into()], &place)).expect("text");
+            if words[0] != "bench" {
+                words.truncate(1);
+            }
+            words.push("--help".into());
+            let help = String::from_utf8(snell(&folder, words, &place)).expect("text");
             let unknown: Vec<_> = long_options(arguments).difference(&long_options(&help)).cloned().collect();
             assert!(unknown.is_empty(), "{place}: there are no {unknown:?}");
             count += 1;

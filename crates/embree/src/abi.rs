@@ -129,6 +129,7 @@ functions! {
     commit_scene: "rtcCommitScene" = unsafe extern "C" fn(Handle);
     attach: "rtcAttachGeometry" = unsafe extern "C" fn(Handle, Handle) -> c_uint;
     new_geometry: "rtcNewGeometry" = unsafe extern "C" fn(Handle, c_int) -> Handle;
+    set_geometry_quality: "rtcSetGeometryBuildQuality" = unsafe extern "C" fn(Handle, c_int);
     release_geometry: "rtcReleaseGeometry" = unsafe extern "C" fn(Handle);
     commit_geometry: "rtcCommitGeometry" = unsafe extern "C" fn(Handle);
     set_new_buffer: "rtcSetNewGeometryBuffer"

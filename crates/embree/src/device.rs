@@ -29,7 +29,7 @@ unsafe extern "C" fn count_memory(counter: *mut c_void, bytes: isize, _after: bo
 }
 
 impl Device {
-    /// A device that builds with this many threads.
+    /// A device that builds with this many threads; of several devices at a time, all build with the most.
     pub fn new(embree: &Arc<Embree>, threads: usize) -> Result<Arc<Self>, LoadError> {
         let config = CString::new(format!("threads={threads}")).expect("no zero byte in it");
         let functions = &embree.functions;

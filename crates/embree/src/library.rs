@@ -3,6 +3,7 @@
 use crate::abi::Functions;
 use std::fs::{self, File};
 use std::io;
+use std::mem::ManuallyDrop;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::TempDir;
@@ -50,8 +51,9 @@ pub enum LoadError {
 /// The loaded library.
 pub struct Embree {
     pub(crate) functions: Functions,
-    _library: libloading::Library,
-    /// Where a wheel was unpacked to. Goes last.
+    /// Never unloaded: its threads go on for a while after the last device is gone.
+    _library: ManuallyDrop<libloading::Library>,
+    /// Where a wheel was unpacked to.
     _folder: Option<TempDir>,
 }
 
@@ -82,7 +84,7 @@ impl Embree {
         // together with the library.
         let functions = unsafe { Functions::find(&library) };
         let functions = functions.map_err(|symbol| LoadError::Symbol { path: file, symbol })?;
-        Ok(Arc::new(Self { functions, _library: library, _folder: folder }))
+        Ok(Arc::new(Self { functions, _library: ManuallyDrop::new(library), _folder: folder }))
     }
 }
 

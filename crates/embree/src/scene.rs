@@ -152,6 +152,8 @@ impl PeerScene {
         // sides have three packed 32-bit numbers per element.
         unsafe {
             let geometry = (functions.new_geometry)(self.device.handle, abi::GEOMETRY_TYPE_TRIANGLE);
+            // The low quality of a scene is that of its top level only.
+            (functions.set_geometry_quality)(geometry, self.options.quality as i32);
             let buffer = |kind, format, count| (functions.set_new_buffer)(geometry, kind, 0, format, 12, count);
             let vertices = buffer(abi::BUFFER_TYPE_VERTEX, abi::FORMAT_FLOAT3, mesh.positions.len());
             let indices = buffer(abi::BUFFER_TYPE_INDEX, abi::FORMAT_UINT3, mesh.indices.len());

@@ -51,9 +51,14 @@ impl Mode {
     }
 }
 
-/// Which lanes of a packet hold rays.
-fn valid<const N: usize>(count: usize) -> [i32; N] {
-    std::array::from_fn(|lane| if lane < count { -1 } else { 0 })
+/// Which lanes of a packet hold rays (-1) and which do not (0), aligned as the widest packet asks.
+#[repr(align(64))]
+struct Valid<const N: usize>([i32; N]);
+
+impl<const N: usize> Valid<N> {
+    fn first(count: usize) -> Self {
+        Self(std::array::from_fn(|lane| if lane < count { -1 } else { 0 }))
+    }
 }
 
 impl PeerScene {
@@ -64,19 +69,20 @@ impl PeerScene {
     pub fn closest(&self, mode: Mode, rays: &[Ray], hits: &mut [Hit]) {
         let functions = &self.device.embree.functions;
         let mut arguments = Arguments::new(mode.coherent);
-        // SAFETY (of the three calls): the scene is alive and built, the structures have Embree's layout, and the first `count`
-        // lanes hold rays.
         with_flushed_denormals(|| match mode.width {
-            Width::One => closest::<1>(rays, hits, |_, packet| unsafe {
-                (functions.intersect_1)(self.handle, packet, &mut arguments);
+            Width::One => closest::<1>(rays, hits, |_, packet| {
+                // SAFETY: the scene is alive and built, and the structures have Embree's layout.
+                unsafe { (functions.intersect_1)(self.handle, packet, &mut arguments) };
             }),
-            Width::Eight => closest::<8>(rays, hits, |count, packet| unsafe {
-                // SAFETY: as above; the flags of the lanes are aligned as Embree asks by `Lanes`.
-                (functions.intersect_8)(Lanes(valid::<8>(count)).0.as_ptr(), self.handle, packet, &mut arguments);
+            Width::Eight => closest::<8>(rays, hits, |count, packet| {
+                let valid = Valid::<8>::first(count);
+                // SAFETY: as above; the lanes that are valid hold rays.
+                unsafe { (functions.intersect_8)(valid.0.as_ptr(), self.handle, packet, &mut arguments) };
             }),
-            Width::Sixteen => closest::<16>(rays, hits, |count, packet| unsafe {
-                // SAFETY: as above.
-                (functions.intersect_16)(Lanes(valid::<16>(count)).0.as_ptr(), self.handle, packet, &mut arguments);
+            Width::Sixteen => closest::<16>(rays, hits, |count, packet| {
+                let valid = Valid::<16>::first(count);
+                // SAFETY: as above; the lanes that are valid hold rays.
+                unsafe { (functions.intersect_16)(valid.0.as_ptr(), self.handle, packet, &mut arguments) };
             }),
         });
     }
@@ -88,26 +94,24 @@ impl PeerScene {
     pub fn occluded(&self, mode: Mode, rays: &[Ray], blocked: &mut [bool]) {
         let functions = &self.device.embree.functions;
         let mut arguments = Arguments::new(mode.coherent);
-        // SAFETY (of the three calls): as in `closest`.
         with_flushed_denormals(|| match mode.width {
-            Width::One => occluded::<1>(rays, blocked, |_, packet| unsafe {
-                (functions.occluded_1)(self.handle, packet, &mut arguments);
+            Width::One => occluded::<1>(rays, blocked, |_, packet| {
+                // SAFETY: the scene is alive and built, and the structures have Embree's layout.
+                unsafe { (functions.occluded_1)(self.handle, packet, &mut arguments) };
             }),
-            Width::Eight => occluded::<8>(rays, blocked, |count, packet| unsafe {
-                // SAFETY: as in `closest`.
-                (functions.occluded_8)(Lanes(valid::<8>(count)).0.as_ptr(), self.handle, packet, &mut arguments);
+            Width::Eight => occluded::<8>(rays, blocked, |count, packet| {
+                let valid = Valid::<8>::first(count);
+                // SAFETY: as above; the lanes that are valid hold rays.
+                unsafe { (functions.occluded_8)(valid.0.as_ptr(), self.handle, packet, &mut arguments) };
             }),
-            Width::Sixteen => occluded::<16>(rays, blocked, |count, packet| unsafe {
-                // SAFETY: as in `closest`.
-                (functions.occluded_16)(Lanes(valid::<16>(count)).0.as_ptr(), self.handle, packet, &mut arguments);
+            Width::Sixteen => occluded::<16>(rays, blocked, |count, packet| {
+                let valid = Valid::<16>::first(count);
+                // SAFETY: as above; the lanes that are valid hold rays.
+                unsafe { (functions.occluded_16)(valid.0.as_ptr(), self.handle, packet, &mut arguments) };
             }),
         });
     }
 }
-
-/// Flags of lanes, aligned for the widest packet.
-#[repr(align(64))]
-struct Lanes<const N: usize>([i32; N]);
 
 /// Packs rays `N` at a time, calls `trace` with how many there are, and unpacks what it found.
 #[inline(always)]

@@ -121,6 +121,9 @@ pub(crate) trait Rules: Precision {
     /// Instance, geometry and primitive of a hit.
     fn ids(hit: &Self::Hit) -> [u32; 3];
 
+    /// A ray of a group in the coordinates that the structures of the group are in.
+    fn ray_in_structure(data: &Self::Data, group: usize, ray: &DRay) -> DRay;
+
     /// A ray in the coordinates of a group, as the kernels want it.
     fn local_ray(data: &Self::Data, group: usize, ray: &DRay) -> LocalRay;
 
@@ -180,6 +183,11 @@ impl Rules for Single {
     #[inline(always)]
     fn ids(hit: &Hit) -> [u32; 3] {
         [hit.instance, hit.geometry, hit.primitive]
+    }
+
+    #[inline(always)]
+    fn ray_in_structure(_: &(), _: usize, ray: &DRay) -> DRay {
+        *ray
     }
 
     #[inline(always)]
@@ -243,6 +251,11 @@ impl Rules for Double {
     #[inline(always)]
     fn ids(hit: &DHit) -> [u32; 3] {
         [hit.instance, hit.geometry, hit.primitive]
+    }
+
+    #[inline(always)]
+    fn ray_in_structure(data: &DoubleData, group: usize, ray: &DRay) -> DRay {
+        data.frames[group].ray(ray)
     }
 
     #[inline(always)]

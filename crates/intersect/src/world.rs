@@ -15,7 +15,8 @@ mod occurrence;
 use crate::accel::brute_force::GroupList;
 use crate::accel::bvh::{BvhOptions, Forest};
 use crate::accel::group::Object;
-use crate::accel::{AcceleratorKind, Quality};
+use crate::accel::walk::Structures;
+use crate::accel::{AcceleratorKind, AcceleratorOptions, Quality};
 use crate::geometry::PrimitiveSet;
 use crate::mesh::TriangleMesh;
 use crate::shape::Shape;
@@ -52,6 +53,8 @@ pub enum WorldError {
 pub struct BuildOptions {
     /// Which acceleration structure.
     pub accelerator: AcceleratorKind,
+    /// What may be switched in it.
+    pub accelerator_options: AcceleratorOptions,
     /// How much time building a [`AcceleratorKind::Bvh`] may take for how fast a tree.
     pub quality: Quality,
     /// Which instructions the kernels use.
@@ -60,7 +63,12 @@ pub struct BuildOptions {
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { accelerator: AcceleratorKind::default(), quality: Quality::default(), simd: Level::best() }
+        Self {
+            accelerator: AcceleratorKind::default(),
+            accelerator_options: AcceleratorOptions::default(),
+            quality: Quality::default(),
+            simd: Level::best(),
+        }
     }
 }
 
@@ -195,17 +203,17 @@ impl WorldBuilder {
     ) -> Result<World, WorldError> {
         let lists = self.group_lists(&occurrences)?;
         let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
-        let structure = match options.accelerator {
-            AcceleratorKind::None => Structure::None(lists),
-            AcceleratorKind::Bvh => Structure::Bvh(
-                Forest::build(
-                    &lists,
-                    &occurrences.order,
-                    &bounds.objects,
-                    &BvhOptions { quality: options.quality, simd },
-                )
-                .map_err(WorldError::Limit)?,
+        let structure = match (options.accelerator.build(), options.accelerator) {
+            (Some(build), _) => Structure::Walked(
+                Structures::build(lists, &bounds.objects, build, &options.accelerator_options)
+                    .map_err(WorldError::Limit)?,
             ),
+            (None, AcceleratorKind::None) => Structure::None(lists),
+            (None, _) => {
+                let options = BvhOptions { quality: options.quality, simd };
+                let forest = Forest::build(&lists, &occurrences.order, &bounds.objects, &options);
+                Structure::Bvh(forest.map_err(WorldError::Limit)?)
+            }
         };
         let stats = self.count_triangles(&occurrences, &structure);
         Ok(World {
@@ -296,6 +304,13 @@ impl WorldBuilder {
             stats.memory_bytes = forest.memory_bytes() as u64;
             stats.sah_cost = forest.trees[0].sah_cost();
         }
+        if let Structure::Walked(structures) = structure {
+            let size = structures.size();
+            stats.nodes = size.nodes;
+            stats.references = size.references;
+            stats.depth = size.depth;
+            stats.memory_bytes = size.bytes;
+        }
         stats
     }
 }
@@ -383,6 +398,8 @@ pub(crate) enum Structure {
     None(Vec<GroupList>),
     /// A tree per group.
     Bvh(Forest),
+    /// One of the lecture's structures per group.
+    Walked(Structures),
 }
 
 /// Geometries and instances, ready for queries. Immutable.
@@ -415,6 +432,8 @@ pub struct BuildStats {
     pub nodes: u64,
     /// Blocks of up to eight triangles.
     pub triangle_blocks: u64,
+    /// Entries in the lists of primitives of the structures that have such lists.
+    pub references: u64,
     /// Nodes on the longest way down in any group.
     pub depth: u32,
     /// Memory of the acceleration structures, without the geometries.
@@ -431,6 +450,8 @@ pub struct TraversalCounters {
     pub nodes_visited: u32,
     /// Triangles and shapes tested.
     pub primitives_tested: u32,
+    /// Cells of grids, and leaves of trees that divide space, that were gone through.
+    pub cells_stepped: u32,
 }
 
 impl World {

@@ -30,7 +30,7 @@ pub mod settings;
 pub use compile::{CompileError, CompiledScene};
 pub use film::{Film, filter::Filter};
 pub use integrator::{IntegratorKind, aov::Aov};
-pub use job::{Job, Progress, Statistics};
+pub use job::{Job, Progress, Recording, Statistics};
 pub use light_sampler::LightSamplerKind;
 pub use sampler::SamplerKind;
 pub use settings::{Crop, LightStrategy, Settings, Shadows, TileOrder};

@@ -8,12 +8,13 @@ use std::process::ExitCode;
 pub fn run() -> Result<ExitCode, Failure> {
     let failed = |e: std::io::Error| Failure::Other(format!("cannot make the manual page: {e}"));
     let mut out = Vec::new();
-    let interface = crate::interface();
-    clap_mangen::Man::new(interface.clone()).render(&mut out).map_err(failed)?;
-    for sub in interface.get_subcommands() {
-        let title = format!("snell-{}", sub.get_name());
-        clap_mangen::Man::new(sub.clone()).title(title).render(&mut out).map_err(failed)?;
-    }
+    append(&crate::interface(), "snell", &mut out).map_err(failed)?;
     standard_output::write(&out)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The pages of a command and of all that are below it.
+fn append(command: &clap::Command, title: &str, out: &mut Vec<u8>) -> std::io::Result<()> {
+    clap_mangen::Man::new(command.clone()).title(title).render(out)?;
+    command.get_subcommands().try_for_each(|sub| append(sub, &format!("{title}-{}", sub.get_name()), out))
 }

@@ -1,5 +1,6 @@
 //! The real command in fresh folders: options, files, messages, exit codes.
 
+mod bench;
 mod errors;
 mod info;
 mod interrupt;

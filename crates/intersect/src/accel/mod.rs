@@ -1,35 +1,188 @@
 //! Acceleration structures, by name.
+//!
+//! All give the same hits, bit for bit: one exact test per ray and primitive decides ([`group`]), and a structure may skip only what
+//! the ray surely does not hit. Two live on their own: `none`, the oracle that skips nothing, and `bvh`, the fast one with kernels
+//! of its own. All others are [`Accelerator`]s over the numbered [`primitives`] of one group; [`walk`] joins them over instances
+//! and serves every query. To add one: a file with a `build` function, and a line in the list below.
 
+pub(crate) mod box_ray;
 pub(crate) mod brute_force;
+mod bsp;
 pub(crate) mod bvh;
+mod graph;
+mod grid;
 pub(crate) mod group;
+mod kdtree;
+mod mailbox;
+mod octree;
+pub(crate) mod primitives;
+mod spheres;
+pub(crate) mod walk;
 
 pub use bvh::Quality;
 
-/// Which acceleration structure a world is built with. All give the same hits, bit for bit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum AcceleratorKind {
+use box_ray::BoxRay;
+use primitives::Primitives;
+
+macro_rules! accelerators {
+    ($($(#[$attribute:meta])+ $kind:ident = $name:literal => $build:expr,)+) => {
+        /// Which acceleration structure a world is built with. All give the same hits, bit for bit.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+        pub enum AcceleratorKind {
+            $($(#[$attribute])+ $kind,)+
+        }
+
+        impl AcceleratorKind {
+            /// All kinds.
+            pub const ALL: [Self; [$($name),+].len()] = [$(Self::$kind),+];
+
+            /// The name on the command line.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $name,)+
+                }
+            }
+
+            /// How the structure of a group is built; `None` for the two that are built for all groups at once.
+            pub(crate) fn build(self) -> Option<Build> {
+                match self {
+                    $(Self::$kind => $build,)+
+                }
+            }
+        }
+    };
+}
+
+accelerators! {
     /// No structure: every primitive is tested. The oracle.
-    None,
-    /// An 8-wide bounding volume hierarchy.
+    None = "none" => None,
+    /// The scene graph's own boxes: one per mesh, shape and instance, in the order of the graph.
+    Graph = "graph" => Some(graph::build),
+    /// A binary hierarchy of bounding spheres.
+    Spheres = "spheres" => Some(spheres::build),
+    /// An 8-wide bounding volume hierarchy: the fast one.
     #[default]
-    Bvh,
+    Bvh = "bvh" => None,
+    /// A uniform grid, with finer grids in crowded cells.
+    Grid = "grid" => Some(grid::build),
+    /// An octree, walked from each cell to its neighbour.
+    Octree = "octree" => Some(octree::build_neighbours),
+    /// An octree, walked from the root down.
+    OctreeHierarchical = "octree-hierarchical" => Some(octree::build_hierarchical),
+    /// A binary space partition by the planes of the polygons themselves.
+    Bsp = "bsp" => Some(bsp::build),
+    /// A k-d tree by the surface area heuristic.
+    KdTree = "kdtree" => Some(kdtree::build),
 }
 
 impl AcceleratorKind {
-    /// All kinds.
-    pub const ALL: [Self; 2] = [Self::None, Self::Bvh];
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Bvh => "bvh",
-        }
-    }
-
     /// The kind of this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|k| k.name() == name)
     }
 }
+
+/// What can be switched to see what it saves. Hits never depend on it. `none` and `bvh` have no switches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AcceleratorOptions {
+    /// Whether what is nearer along the ray is visited first (lecture: "visit child nodes in front-to-back order"). Off, children
+    /// are visited in the order in which they are stored; grids and the octree by neighbours have no other order.
+    pub front_to_back: bool,
+    /// Whether in each group the primitive that was hit last is tested first (lecture: "store closest child intersection from
+    /// previous ray and check that node first"). The memory belongs to one batch on one thread, never to the world.
+    pub last_hit_cache: bool,
+    /// Cells of a grid along its longest side; `None` chooses by the number of primitives.
+    pub grid_resolution: Option<u32>,
+    /// Whether crowded cells of a grid become grids themselves.
+    pub nested_grids: bool,
+}
+
+impl Default for AcceleratorOptions {
+    fn default() -> Self {
+        Self { front_to_back: true, last_hit_cache: false, grid_resolution: None, nested_grids: true }
+    }
+}
+
+/// Builds the structure of one group.
+pub(crate) type Build = fn(&Primitives, &AcceleratorOptions) -> Box<dyn Accelerator>;
+
+/// A structure over the bounded primitives of one group.
+pub(crate) trait Accelerator: std::fmt::Debug + Send + Sync {
+    /// Hands the visitor every primitive that the ray may hit and that does not start beyond [`Visitor::cull`]. True if the search
+    /// is over. A primitive may be handed over more than once if [`Self::repeats`] says so.
+    fn walk(&self, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool;
+
+    /// True if primitives may lie in several places.
+    fn repeats(&self) -> bool;
+
+    /// What was built.
+    fn size(&self) -> Size;
+}
+
+/// What a structure consists of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Size {
+    /// Nodes and cells.
+    pub nodes: u64,
+    /// Entries in the lists of primitives.
+    pub references: u64,
+    /// Nodes on the longest way down.
+    pub depth: u32,
+    /// Memory in bytes.
+    pub bytes: u64,
+}
+
+/// Who tests the primitives of a group, and knows what has been found.
+pub(crate) trait Visitor {
+    /// What starts beyond this is of no interest. Shrinks as hits are found.
+    fn cull(&self) -> f64;
+
+    /// Tests primitives. True if the search is over.
+    fn test(&mut self, primitives: &[u32]) -> bool;
+
+    /// Tests the primitives `first..end`. True if the search is over.
+    fn test_range(&mut self, first: u32, end: u32) -> bool;
+
+    /// Told at the end of a walk how many nodes and cells it went through.
+    fn count(&mut self, work: Work);
+
+    /// An empty list of places to visit later, to be given back by [`Self::give_stack`].
+    fn take_stack(&mut self) -> Vec<Later>;
+
+    /// Takes the list back, so that its memory serves again.
+    fn give_stack(&mut self, stack: Vec<Later>);
+}
+
+/// What a walk cost.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Work {
+    /// Inner nodes.
+    pub nodes: u32,
+    /// Cells of grids, leaves of trees that divide space.
+    pub cells: u32,
+}
+
+/// A place to visit later.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Later {
+    /// Where the ray enters it.
+    pub start: f64,
+    /// Where the ray leaves it.
+    pub end: f64,
+    /// Which one.
+    pub node: u32,
+    /// How deep it lies, where it matters.
+    pub level: u32,
+    /// Its place among the cells of its level, where it matters.
+    pub cell: [u32; 3],
+}
+
+impl Later {
+    /// A node of a tree without places.
+    pub fn node(node: u32, start: f64, end: f64) -> Self {
+        Self { start, end, node, level: 0, cell: [0; 3] }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -123,6 +123,18 @@ impl<P: Rules> Searcher<'_, P> {
                 let batch = interleave::Batch { rays, context: &self.context };
                 interleave::search_batch(forest, self.simd, &batch, start, finish);
             }
+            Structure::Walked(structures) => {
+                let mut scratch = structures.scratch();
+                for i in 0..rays.len() {
+                    let query = rays.get(i);
+                    let mut search = Search::new(query, &self.context, start(query.ray));
+                    if P::is_valid(query.ray) {
+                        structures.search(&mut search, &mut scratch);
+                    }
+                    finish(i, search.goal);
+                }
+                scratch.keep();
+            }
             _ => (0..rays.len()).for_each(|i| finish(i, self.search(rays.get(i), &start))),
         }
     }
@@ -137,6 +149,11 @@ impl<P: Rules> Searcher<'_, P> {
                     search_all(groups, 0, &P::exact(query.ray), 0, &mut search);
                 }
                 Structure::Bvh(forest) => search_forest(forest, self.simd, &mut search),
+                Structure::Walked(structures) => {
+                    let mut scratch = structures.scratch();
+                    structures.search(&mut search, &mut scratch);
+                    scratch.keep();
+                }
             }
         }
         search.goal

@@ -33,6 +33,10 @@ pub(crate) trait Goal {
     /// Told of every primitive tested.
     #[inline(always)]
     fn count_primitives(&mut self, _count: u32) {}
+
+    /// Told of nodes and cells visited.
+    #[inline(always)]
+    fn count_visits(&mut self, _nodes: u32, _cells: u32) {}
 }
 
 /// What became of a hit that was offered.
@@ -255,5 +259,10 @@ impl<P: Rules> Goal for Counted<P> {
 
     fn count_primitives(&mut self, count: u32) {
         self.counters.primitives_tested = self.counters.primitives_tested.saturating_add(count);
+    }
+
+    fn count_visits(&mut self, nodes: u32, cells: u32) {
+        self.counters.nodes_visited = self.counters.nodes_visited.saturating_add(nodes);
+        self.counters.cells_stepped = self.counters.cells_stepped.saturating_add(cells);
     }
 }

@@ -8,7 +8,6 @@ use super::occurrence::Occurrences;
 use super::{
     BuildOptions, BuildStats, Geometry, GeometryId, GroupBounds, GroupId, Instance, World, WorldBuilder, WorldError,
 };
-use crate::accel::AcceleratorKind;
 use crate::geometry::PrimitiveSet;
 use crate::kernel::double::DoubleData;
 use crate::kernel::double::frame::Frame;
@@ -75,12 +74,8 @@ impl DWorldBuilder {
         self.builder.set_filtered(geometry);
     }
 
-    /// As [`WorldBuilder::build`]. Of the accelerators there are [`AcceleratorKind::None`] and [`AcceleratorKind::Bvh`].
+    /// As [`WorldBuilder::build`].
     pub fn build(mut self, options: &BuildOptions) -> Result<DWorld, WorldError> {
-        if !matches!(options.accelerator, AcceleratorKind::None | AcceleratorKind::Bvh) {
-            let name = options.accelerator.name();
-            return Err(WorldError::Limit(format!("{name} holds single precision only; use bvh for double precision")));
-        }
         let occurrences = Occurrences::count(&self.builder.groups)?;
         let mesh_bounds = |id: GeometryId, _: &TriangleMesh| self.meshes[id.0 as usize].bounds();
         let mut bounds = GroupBounds::of(&self.builder, &occurrences.order, mesh_bounds);

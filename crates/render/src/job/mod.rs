@@ -5,6 +5,9 @@
 
 mod part;
 mod paths;
+mod tracer;
+
+pub use tracer::{Recording, hit_filter};
 
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
@@ -20,6 +23,8 @@ use std::collections::BTreeMap;
 use std::ops::AddAssign;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::time::Duration;
+use tracer::Tracer;
 
 /// Rays traced, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -54,6 +59,8 @@ pub struct Statistics {
     pub rays: RayCounts,
     /// Samples that were not finite and counted as black. Always 0 unless there is a fault in a material or light.
     pub invalid_samples: u64,
+    /// Time that threads spent in ray queries, all threads together. Not the same each time.
+    pub tracing: Duration,
     /// False if the render was stopped before all samples were taken.
     pub is_complete: bool,
 }
@@ -111,6 +118,21 @@ impl<'a> Job<'a> {
     /// Renders with `threads` threads (at least one) until all samples are taken or `keep_going` says no. `keep_going` is called
     /// often, from any thread, with the progress so far.
     pub fn run(&self, threads: usize, keep_going: &(dyn Fn(&Progress) -> bool + Sync)) -> (Film, Statistics) {
+        let (film, statistics, _) = self.run_and_record(threads, keep_going, false);
+        (film, statistics)
+    }
+
+    /// The rays that [`Self::run`] traces, batch by batch: 32 bytes a ray. Which batch comes first is not the same each time.
+    pub fn record(&self, threads: usize) -> Recording {
+        self.run_and_record(threads, &|_| true, true).2
+    }
+
+    fn run_and_record(
+        &self,
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+        record: bool,
+    ) -> (Film, Statistics, Recording) {
         let mut film = Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight());
         let order = tile_order(film.tiles.len(), self.settings.tile_order);
         let ranges = sample_ranges(self.settings.spp, self.settings.progressive);
@@ -122,9 +144,11 @@ impl<'a> Job<'a> {
         let (next, done, rays, stopped) =
             (AtomicUsize::new(0), AtomicU64::new(0), AtomicU64::new(0), AtomicBool::new(false));
         let statistics = Mutex::new(Statistics::default());
+        let recording = Mutex::new(Recording::default());
         let work = || {
             let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights };
-            let mut renderer = PartRenderer::new(context, self.camera, &self.sampler, &self.filter);
+            let tracer = Tracer::new(self.scene, record.then(Recording::default));
+            let mut renderer = PartRenderer::new(context, self.camera, &self.sampler, &self.filter, tracer);
             let mut mine = Statistics::default();
             loop {
                 // Asked before a part is taken: every part that is taken is rendered, and so the passes counted here are whole,
@@ -156,6 +180,8 @@ impl<'a> Job<'a> {
             let mut all = lock(&statistics);
             all.rays += mine.rays;
             all.invalid_samples += mine.invalid_samples;
+            all.tracing += renderer.tracer.spent;
+            lock(&recording).append(renderer.tracer.recording.unwrap_or_default());
         };
         if threads <= 1 {
             work();
@@ -169,7 +195,7 @@ impl<'a> Job<'a> {
         film.tiles = tiles.into_iter().map(|t| into_inner(t).tile).collect();
         let mut statistics = into_inner(statistics);
         statistics.is_complete = film.tiles.iter().all(|t| t.samples == self.settings.spp);
-        (film, statistics)
+        (film, statistics, into_inner(recording))
     }
 }
 
@@ -225,6 +251,25 @@ fn tile_order(count: usize, order: TileOrder) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use snell_intersect::Grouping;
+
+    #[test]
+    fn the_rays_that_are_recorded_are_those_that_are_counted() {
+        let scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
+        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default()).expect("a valid scene");
+        let settings = Settings { size: [20, 20], spp: 16, ..Settings::default() };
+        let job = Job::new(&compiled, &scene.cameras[0], &settings);
+        let (_, statistics) = job.run(2, &|_| true);
+        let recording = job.record(2);
+        let count = |wanted: Grouping| {
+            let batches = recording.closest.iter().filter(|(grouping, _)| *grouping == wanted);
+            batches.map(|(_, rays)| rays.len() as u64).sum::<u64>()
+        };
+        let shadow = recording.occluded.iter().map(|rays| rays.len() as u64).sum();
+        let recorded = RayCounts { camera: count(Grouping::Pixel), shadow, indirect: count(Grouping::None) };
+        assert_eq!(recorded, statistics.rays);
+        assert!(statistics.tracing > Duration::ZERO);
+    }
 
     #[test]
     fn ranges_cover_all_samples_once() {

@@ -3,6 +3,7 @@
 
 use super::Statistics;
 use super::paths::{LightRays, Paths};
+use super::tracer::Tracer;
 use crate::film::filter::FilterSampler;
 use crate::film::{FilmPart, FilmSample};
 use crate::integrator::aov::Aov;
@@ -10,7 +11,7 @@ use crate::integrator::camera_path::camera_path;
 use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex, VertexFunction};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
-use snell_intersect::{AcceptAll, Grouping, Hit, HitFilter};
+use snell_intersect::{Grouping, Hit};
 use snell_math::SampledSpectrum;
 use snell_scene::{Background, Camera};
 
@@ -27,6 +28,8 @@ pub struct PartRenderer<'a> {
     sampler: &'a Sampler,
     filter: &'a FilterSampler,
     shade: VertexFunction,
+    /// Everything that is asked of the world, but for counting.
+    pub tracer: Tracer<'a>,
     paths: Paths,
     next: Paths,
     light_rays: LightRays,
@@ -52,7 +55,13 @@ struct Sample {
 }
 
 impl<'a> PartRenderer<'a> {
-    pub fn new(context: Context<'a>, camera: &'a Camera, sampler: &'a Sampler, filter: &'a FilterSampler) -> Self {
+    pub fn new(
+        context: Context<'a>,
+        camera: &'a Camera,
+        sampler: &'a Sampler,
+        filter: &'a FilterSampler,
+        tracer: Tracer<'a>,
+    ) -> Self {
         let shade = context.settings.integrator.vertex_function();
         Self {
             context,
@@ -60,6 +69,7 @@ impl<'a> PartRenderer<'a> {
             sampler,
             filter,
             shade,
+            tracer,
             paths: Paths::default(),
             next: Paths::default(),
             light_rays: LightRays::default(),
@@ -78,7 +88,7 @@ impl<'a> PartRenderer<'a> {
             if self.camera.has_common_origin() && range[1] - range[0] == 16 { Grouping::Pixel } else { Grouping::None };
         let mut depth = 0;
         while self.paths.len() > 0 {
-            self.trace(grouping);
+            self.tracer.closest(&self.paths.rays, grouping, &mut self.paths.hits);
             if depth == 0 {
                 self.drop_dead_paths();
                 self.note_first_hits();
@@ -113,18 +123,6 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    fn hit_filter(&self) -> &'a dyn HitFilter {
-        let scene: &'a _ = self.context.scene;
-        if scene.has_filter() { scene } else { &AcceptAll }
-    }
-
-    fn trace(&mut self, grouping: Grouping) {
-        let filter = self.hit_filter();
-        self.paths.hits.clear();
-        self.paths.hits.resize(self.paths.rays.len(), Hit::MISS);
-        self.context.scene.world.closest(&self.paths.rays, grouping, filter, &mut self.paths.hits);
-    }
-
     /// Where the camera has no ray, such as outside of a fisheye's circle, nothing is hit.
     fn drop_dead_paths(&mut self) {
         for (hit, state) in self.paths.hits.iter_mut().zip(&self.paths.states) {
@@ -147,7 +145,7 @@ impl<'a> PartRenderer<'a> {
             return;
         }
         let counted = aovs.iter().any(|a| a.needs_counters());
-        let filter = self.hit_filter();
+        let filter = self.tracer.filter();
         for i in 0..self.paths.len() {
             let (ray, hit) = (self.paths.rays[i], self.paths.hits[i]);
             let counters = if counted {
@@ -237,12 +235,9 @@ impl<'a> PartRenderer<'a> {
     }
 
     fn trace_light_rays(&mut self, statistics: &mut Statistics) {
-        let filter = self.hit_filter();
         let rays = &mut self.light_rays;
         statistics.rays.shadow += rays.rays.len() as u64;
-        rays.blocked.clear();
-        rays.blocked.resize(rays.rays.len(), false);
-        self.context.scene.world.occluded(&rays.rays, filter, &mut rays.blocked);
+        self.tracer.occluded(&rays.rays, &mut rays.blocked);
         for ((&sample, &value), &blocked) in rays.samples.iter().zip(&rays.values).zip(&rays.blocked) {
             if !blocked {
                 self.samples[sample as usize].brought += value;

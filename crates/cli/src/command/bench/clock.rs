@@ -26,6 +26,21 @@ impl Clock {
     }
 }
 
+/// The numbers of threads asked for, or else 1 and one per core.
+pub fn thread_counts(asked: &[u32]) -> Vec<usize> {
+    let cores = cores();
+    match asked {
+        [] if cores > 1 => vec![1, cores],
+        [] => vec![1],
+        _ => asked.iter().map(|&n| n as usize).collect(),
+    }
+}
+
+/// How many threads the machine runs at once.
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, |n| n.get())
+}
+
 /// A pool of this many threads.
 pub fn pool(threads: usize) -> Result<ThreadPool, String> {
     rayon::ThreadPoolBuilder::new()

@@ -7,7 +7,7 @@ use snell_intersect::{AcceptAll, Grouping, Hit, World};
 use snell_math::Ray;
 
 /// Contenders that come within this factor of the fastest at first are measured further.
-const CLOSE: f64 = 1.15;
+const CLOSE: f64 = 1.25;
 
 /// How many of them at most.
 const MAX_FINALISTS: usize = 3;

@@ -41,6 +41,14 @@ impl Kind {
     }
 }
 
+/// Reads the side of a picture.
+pub fn parse_side(text: &str) -> Result<u32, String> {
+    match text.parse::<u32>() {
+        Ok(n) if n.is_power_of_two() && (4..=16384).contains(&n) => Ok(n),
+        _ => Err(format!("\"{text}\" is not a side; write a power of two from 4 to 16384")),
+    }
+}
+
 /// A primary ray and what it hit.
 pub type First = (Ray, Option<SurfaceInteraction>);
 
@@ -58,15 +66,20 @@ pub fn first_hits(bench: &Bench, world: &World, side: u32) -> Vec<First> {
     rays.into_iter().zip(hits).map(surface).collect()
 }
 
+/// Rays that leave a surface begin this far from it, in radii of the scene: the fast ways of the peer would find the same surface
+/// again, and stop there. (Snell's own do not need it.)
+const START: f64 = 1e-4;
+
 /// The rays of a kind.
 pub fn rays(kind: Kind, bench: &Bench, first: &[First]) -> Vec<Ray> {
+    let start = (bench.world.bounds().radius() * START) as f32;
     let hits = first.iter().enumerate().filter_map(|(i, (ray, surface))| Some((i as u32, ray, surface.as_ref()?)));
     match kind {
         Kind::Primary => first.iter().map(|(ray, _)| *ray).collect(),
-        Kind::Shadow => hits.map(|(_, _, surface)| shadow_ray(surface, bench)).collect(),
-        Kind::Diffuse => hits.map(|(i, ray, surface)| bounce(i, ray, surface)).collect(),
+        Kind::Shadow => hits.map(|(_, _, surface)| shadow_ray(surface, bench, start)).collect(),
+        Kind::Diffuse => hits.map(|(i, ray, surface)| bounce(i, ray, surface, start)).collect(),
         Kind::Shuffled => {
-            let mut rays: Vec<Ray> = hits.map(|(i, ray, surface)| bounce(i, ray, surface)).collect();
+            let mut rays: Vec<Ray> = hits.map(|(i, ray, surface)| bounce(i, ray, surface, start)).collect();
             for i in (1..rays.len()).rev() {
                 rays.swap(i, rng::hash32(i as u32) as usize % (i + 1));
             }
@@ -75,18 +88,19 @@ pub fn rays(kind: Kind, bench: &Bench, first: &[First]) -> Vec<Ray> {
     }
 }
 
-fn shadow_ray(surface: &SurfaceInteraction, bench: &Bench) -> Ray {
+fn shadow_ray(surface: &SurfaceInteraction, bench: &Bench, start: f32) -> Ray {
     let to_light = bench.light - surface.position;
     let origin = surface.ray_origin(to_light);
-    Ray::new(origin, bench.light - origin).with_t_max(1.0)
+    let direction = bench.light - origin;
+    Ray { t_min: start / direction.length(), t_max: 1.0, ..Ray::new(origin, direction) }
 }
 
 /// A diffuse bounce of the ray with number `i`, on the side of the surface that it came from.
-fn bounce(i: u32, ray: &Ray, surface: &SurfaceInteraction) -> Ray {
+fn bounce(i: u32, ray: &Ray, surface: &SurfaceInteraction, start: f32) -> Ray {
     let normal =
         if surface.is_front_facing(ray.direction) { surface.geometric_normal } else { -surface.geometric_normal };
     let direction = Frame::from_z(normal).from_local(sampling::cosine_hemisphere(rng::uniform2([i, 1, 2, 3])));
-    Ray::new(surface.ray_origin(direction), direction)
+    Ray { t_min: start, ..Ray::new(surface.ray_origin(direction), direction) }
 }
 
 /// Every second bit of a number, from the lowest, side by side.

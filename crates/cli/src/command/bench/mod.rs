@@ -1,10 +1,12 @@
 //! `snell bench`: measurements that anybody can repeat.
 
+mod build;
 mod clock;
 mod contest;
 mod kinds;
 mod peer;
 mod rays;
+mod render;
 mod scenes;
 mod variants;
 
@@ -16,11 +18,17 @@ use std::process::ExitCode;
 pub enum Command {
     /// Rays per second, by kind of ray, beside those of Embree.
     Rays(rays::Options),
+    /// How long acceleration structures take to build, and their memory, beside Embree's.
+    Build(build::Options),
+    /// Rays per second inside of a render, beside those of the same rays alone.
+    Render(render::Options),
 }
 
 /// Runs a benchmark.
 pub fn run(command: &Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Rays(options) => rays::run(options),
+        Command::Build(options) => build::run(options),
+        Command::Render(options) => render::run(options),
     }
 }

@@ -20,17 +20,22 @@ pub fn parse_peer(text: &str) -> Result<PeerPath, String> {
     }
 }
 
-/// Embree, loaded.
+impl PeerPath {
+    /// Loads it.
+    pub fn load(&self) -> Result<Arc<Embree>, Failure> {
+        Embree::load(&self.0).map_err(|e| Failure::Other(e.to_string()))
+    }
+}
+
+/// Embree, ready to build.
 pub struct Peer {
     device: Arc<Device>,
 }
 
 impl Peer {
-    /// Loads it, to build with this many threads.
-    pub fn load(path: &PeerPath, threads: usize) -> Result<Self, Failure> {
-        let fail = |e: snell_embree::LoadError| Failure::Other(e.to_string());
-        let embree = Embree::load(&path.0).map_err(fail)?;
-        Ok(Self { device: Device::new(&embree, threads).map_err(fail)? })
+    /// Embree that builds with this many threads. One at a time: see [`Device::new`].
+    pub fn new(embree: &Arc<Embree>, threads: usize) -> Result<Self, Failure> {
+        Ok(Self { device: Device::new(embree, threads).map_err(|e| Failure::Other(e.to_string()))? })
     }
 
     /// The version, such as `4.4.0`.

@@ -37,7 +37,7 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     repeat: u32,
     /// Width and height of the picture whose rays are traced; a power of two
-    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = parse_side)]
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = kinds::parse_side)]
     side: u32,
     /// Which time counts: wall, or processor (on a machine that does other work)
     #[arg(long, value_name = "NAME", default_value = "wall")]
@@ -51,13 +51,6 @@ pub struct Options {
     /// Let scenes name files outside of their folders
     #[arg(long)]
     allow_outside: bool,
-}
-
-fn parse_side(text: &str) -> Result<u32, String> {
-    match text.parse::<u32>() {
-        Ok(n) if n.is_power_of_two() && (4..=16384).contains(&n) => Ok(n),
-        _ => Err(format!("\"{text}\" is not a side; write a power of two from 4 to 16384")),
-    }
 }
 
 /// What is measured on every scene.
@@ -75,18 +68,13 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let named = |name: &String| choice("kind of ray", name, &Kind::ALL, Kind::name);
     let call = |name: &String| choice("way to call", name, &Call::ALL, Call::name);
     options.scenes.iter().try_for_each(|name| scenes::check(name))?;
-    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let mut threads: Vec<usize> = options.threads.iter().map(|&n| n as usize).collect();
-    if threads.is_empty() {
-        threads = if cores > 1 { vec![1, cores] } else { vec![1] };
-    }
     let plan = Plan {
         options,
         kinds: options.rays.iter().map(named).collect::<Result<_, _>>()?,
-        threads,
+        threads: clock::thread_counts(&options.threads),
         calls: options.calls.iter().map(call).collect::<Result<_, _>>()?,
         variants: options.variants.variants()?,
-        peer: options.peer.as_ref().map(|path| Peer::load(path, cores)).transpose()?,
+        peer: options.peer.as_ref().map(|path| Peer::new(&path.load()?, clock::cores())).transpose()?,
     };
     if !options.json {
         standard_output::write(heading(plan.peer.as_ref()).as_bytes())?;
@@ -158,6 +146,7 @@ impl Plan<'_> {
             "hits": outcome.hits,
             "threads": row.threads,
             "accelerator": row.variant.accelerator.name(),
+            "quality": row.variant.quality.name(),
             "simd": row.world.simd().name(),
             "call": row.call.name(),
             "clock": self.options.clock.name(),
@@ -206,13 +195,14 @@ fn heading(peer: Option<&Peer>) -> String {
         None => text += "No peer.\n",
     }
     text + &format!(
-        "{:32} {:>11} {:9} {:5} {:>7} {:6} {:6} {:>8} {:>8} {:>6} {:>9} {:24} {:>8} {:>6} {:>9}  {}\n",
+        "{:32} {:>11} {:9} {:5} {:>7} {:6} {:7} {:6} {:>8} {:>8} {:>6} {:>9} {:24} {:>8} {:>6} {:>9}  {}\n",
         "scene",
         "triangles",
         "rays",
         "call",
         "threads",
         "accel",
+        "quality",
         "simd",
         "snell",
         "peer",
@@ -227,18 +217,19 @@ fn heading(peer: Option<&Peer>) -> String {
 }
 
 fn table_row(row: &Row, outcome: &Outcome) -> String {
-    let name = row.bench.name.rsplit(['/', '\\']).next().unwrap_or(&row.bench.name);
+    let name = scenes::short_name(&row.bench.name);
     let opponent = |o: &Option<Opponent>| match o {
         Some(o) => format!(" {:8.2} {:6.2} {:9.6} {:24}", row.rate(o.seconds), o.ratio, o.agree, o.mode),
         None => String::new(),
     };
     let text = format!(
-        "{name:32} {:11} {:9} {:5} {:7} {:6} {:6} {:8.2}{}{}",
+        "{name:32} {:11} {:9} {:5} {:7} {:6} {:7} {:6} {:8.2}{}{}",
         row.world.instanced_triangle_count(),
         row.kind.name(),
         row.call.name(),
         row.threads,
         row.variant.accelerator.name(),
+        row.variant.quality.name(),
         row.world.simd().name(),
         row.rate(outcome.seconds),
         opponent(&outcome.opponent),

@@ -57,8 +57,13 @@ pub fn check(name: &str) -> Result<(), Failure> {
     parse(name).map(|_| ())
 }
 
-/// Loads or makes the scene of this name.
-pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
+/// The name without the folders before it, for tables.
+pub fn short_name(name: &str) -> &str {
+    name.rsplit(['/', '\\']).next().unwrap_or(name)
+}
+
+/// Loads or makes the scene of this name, with a camera and light. The light of generated scenes comes beside it.
+pub fn load_scene(name: &str, read: &ReadOptions) -> Result<(Scene, Option<Vec3>), Failure> {
     let (base, change) = parse(name)?;
     let (mut scene, light) = match base {
         "terrain" => generate::terrain(),
@@ -70,10 +75,19 @@ pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
     }
     let framing = FramingOptions { size: [1024; 2], ..FramingOptions::default() };
     framing::prepare(&mut scene, &framing).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
+    Ok((scene, light))
+}
+
+/// The camera of a scene.
+pub fn camera(name: &str, scene: &Scene) -> Result<Camera, Failure> {
+    scene.cameras.first().cloned().ok_or_else(|| Failure::Scene(format!("{name}: the scene has no camera")))
+}
+
+/// Loads or makes the scene of this name, ready for rays.
+pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
+    let (scene, light) = load_scene(name, read)?;
+    let camera = camera(name, &scene)?;
     let world = compile(name, &scene)?;
-    let Some(camera) = scene.cameras.into_iter().next() else {
-        return Err(Failure::Scene(format!("{name}: the scene has no camera")));
-    };
     let light = light.unwrap_or_else(|| light_above(&world.bounds(), camera.eye));
     Ok(Bench { name: name.into(), world, camera, light })
 }
@@ -222,7 +236,8 @@ mod tests {
         };
         let (copies, instances) = (count(Change::Copies(5)), count(Change::Instances(5)));
         assert_eq!((copies.0, instances.0), (320, 320));
-        // Bounds of instances are those of turned boxes.
-        assert!(instances.1.contains(copies.1.min) && instances.1.contains(copies.1.max));
+        // Bounds of instances are those of turned boxes; copies are rounded.
+        let slack = 1e-5;
+        assert!(instances.1.contains(copies.1.min + slack) && instances.1.contains(copies.1.max - slack));
     }
 }

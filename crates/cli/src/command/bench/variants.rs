@@ -2,15 +2,19 @@
 
 use crate::failure::{Failure, choice};
 use snell_intersect::accel::AcceleratorKind;
-use snell_intersect::{BuildOptions, Geometry, GroupId, World, WorldBuilder, WorldError};
+use snell_intersect::{BuildOptions, Geometry, GroupId, Quality, World, WorldBuilder, WorldError};
 use snell_math::simd::Level;
 
 /// Options that choose how worlds are built.
 #[derive(Debug, clap::Args)]
+#[group(skip)]
 pub struct Options {
     /// Acceleration structures
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "bvh")]
     accelerator: Vec<String>,
+    /// How carefully `bvh` is built: fast, medium, high
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "medium")]
+    quality: Vec<String>,
     /// Instruction sets: scalar, avx2, avx512. Default: the best of this machine
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     simd: Vec<String>,
@@ -23,11 +27,18 @@ impl Options {
         let accelerators: Vec<_> = accelerators
             .map(|name| choice("accelerator", name, &AcceleratorKind::ALL, AcceleratorKind::name))
             .collect::<Result<_, _>>()?;
+        let qualities = self.quality.iter().map(|name| choice("quality", name, &Quality::ALL, Quality::name));
+        let qualities: Vec<_> = qualities.collect::<Result<_, _>>()?;
         let levels = self.levels()?;
-        let pairs = accelerators.iter().flat_map(|&accelerator| {
-            levels.iter().map(move |&simd| BuildOptions { accelerator, simd, ..BuildOptions::default() })
-        });
-        Ok(pairs.collect())
+        let mut variants = Vec::new();
+        for &accelerator in &accelerators {
+            // Only this one is built in several qualities.
+            let qualities = if accelerator == AcceleratorKind::Bvh { &qualities[..] } else { &[Quality::Medium] };
+            for &quality in qualities {
+                variants.extend(levels.iter().map(|&simd| BuildOptions { accelerator, quality, simd }));
+            }
+        }
+        Ok(variants)
     }
 
     fn levels(&self) -> Result<Vec<Level>, Failure> {
@@ -60,6 +71,7 @@ pub fn builder_of(world: &World) -> WorldBuilder {
         match world.geometry(id) {
             Geometry::Mesh(mesh) => builder.add_mesh(group, mesh.clone()),
             Geometry::Shape(shape, placed) => builder.add_shape(group, shape.clone(), *placed),
+            Geometry::Set(set) => builder.add_set(group, set.clone()),
         };
     }
     for group in groups() {

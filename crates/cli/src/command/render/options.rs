@@ -228,7 +228,7 @@ impl Options {
             )?,
             ao_distance: self.ao_distance,
             aovs,
-            build: BuildOptions { accelerator, quality, simd },
+            build: BuildOptions { accelerator, quality, simd, ..BuildOptions::default() },
             ..Settings::default()
         })
     }

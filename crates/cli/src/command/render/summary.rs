@@ -46,6 +46,7 @@ impl Summary<'_> {
             "render_seconds": self.render_seconds,
             "rays": { "camera": rays.camera, "shadow": rays.shadow, "indirect": rays.indirect },
             "mrays_per_second": self.mrays_per_second(),
+            "tracing_seconds": self.statistics.tracing.as_secs_f64(),
             "spp": self.film.least_samples(),
             "complete": self.statistics.is_complete,
             "invalid_samples": self.statistics.invalid_samples,

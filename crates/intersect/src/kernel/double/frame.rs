@@ -45,6 +45,12 @@ impl Frame {
         (p - self.center) * self.scale
     }
 
+    /// A ray in the tree's coordinates.
+    #[inline(always)]
+    pub fn ray(&self, ray: &DRay) -> DRay {
+        DRay { origin: self.point(ray.origin), direction: ray.direction * self.scale, ..*ray }
+    }
+
     /// A box in the tree's coordinates, with room for rounding; infinite sides and empty boxes stay as they are.
     pub fn bounds(&self, b: &Bounds3d) -> Bounds3d {
         if b.is_empty() {
@@ -86,7 +92,7 @@ impl Frame {
     /// A ray in the coordinates of the group, as the kernels want it: with the tree's coordinates for boxes and filter.
     #[inline(always)]
     pub fn local_ray(&self, ray: &DRay) -> LocalRay {
-        let (o, d) = (self.point(ray.origin), ray.direction * self.scale);
+        let DRay { origin: o, direction: d, .. } = self.ray(ray);
         let (distance, speed) = (o.abs().max_element(), d.abs().max_element());
         if distance < FAR && speed < FAST && speed > 1.0 / FAST {
             LocalRay::within(ray, o, d, self.slack)

@@ -54,27 +54,30 @@ fn random([a, b, c]: [u32; 3]) -> f32 {
     rng::to_unit(rng::pcg4d([a, b, c, 1])[0])
 }
 
-/// A closed room of 20 by 8 by 20 metres and 1.8 million triangles: rough balls, columns of slivers as high as the room, and 300 long
-/// thin beams across it at all angles. Its light hangs below the middle of the ceiling.
+/// Half of the size of the room, in metres.
+const ROOM: Vec3 = Vec3::new(20.0, 10.0, 20.0);
+
+/// A closed room of 40 by 20 by 40 metres and 1.8 million triangles: rough balls, columns of slivers as high as the room and 1.5 cm
+/// wide, and 300 long thin beams across it at all angles. Its light hangs below the middle of the ceiling.
 pub fn room() -> (Scene, Option<Vec3>) {
-    let mut parts = vec![cuboid(Vec3::new(10.0, 4.0, 10.0), &|p| p, true)];
+    let mut parts = vec![cuboid(ROOM, &|p| p, true)];
     for i in 0..12 {
         let u = |k: u32| random([i, k, 5]);
-        let center = Vec3::new(u(0) * 16.0 - 8.0, u(1) * 2.0 - 3.0, u(2) * 14.0 - 8.0);
-        parts.push(ball(center, 0.4 + u(3), 256, 268, i));
+        let center = Vec3::new(u(0) * 32.0 - 16.0, u(1) * 5.0 - 8.0, u(2) * 28.0 - 16.0);
+        parts.push(ball(center, 0.8 + 2.0 * u(3), 256, 280, i));
     }
-    for i in 0..36u32 {
-        let (x, z) = ((i % 6) as f32 * 3.2 - 8.0, (i / 6) as f32 * 3.2 - 8.0);
-        parts.push(column(Vec3::new(x, 0.0, z), 0.25, 2000));
+    for i in 0..64 {
+        let (x, z) = ((i % 8) as f32 * 5.0 - 17.0, (i / 8) as f32 * 5.0 - 18.5);
+        parts.push(column(Vec3::new(x, 0.0, z), 0.8, 336));
     }
     for i in 0..300 {
         parts.push(beam(i));
     }
     let mut scene = Scene::new("room");
     scene.nodes[0].surfaces.push(surface(joined(parts)));
-    let (eye, target) = (Vec3::new(0.5, 0.3, 9.5), Vec3::new(-0.5, -0.8, 0.0));
+    let (eye, target) = (Vec3::new(1.0, 0.6, 19.0), Vec3::new(-1.0, -1.6, 0.0));
     scene.cameras.push(Camera::look_at(eye, target, Vec3::Y, 0.7));
-    (scene, Some(Vec3::new(0.3, 3.7, 0.4)))
+    (scene, Some(Vec3::new(0.6, 9.3, 0.8)))
 }
 
 /// A box around the origin, its corners moved by `map`; seen from inside if `inward`.
@@ -90,16 +93,16 @@ fn cuboid(half: Vec3, map: &dyn Fn(Vec3) -> Vec3, inward: bool) -> TriangleMesh 
     TriangleMesh { positions, indices, ..TriangleMesh::default() }
 }
 
-/// A beam of 18 m by 4 cm through the middle of the room, more or less.
+/// A beam of 16 to 24 m by 8 cm through the middle of the room, more or less.
 fn beam(i: u32) -> TriangleMesh {
     let u = |k: u32| f64::from(random([i, k, 9]));
     let towards = DVec3::new(u(0) - 0.5, (u(1) - 0.5) * 0.35, u(2) - 0.5).normalize_or(DVec3::X);
     let side = towards.any_orthonormal_vector();
     let turn = DMat3::from_cols(towards, side, towards.cross(side));
-    let center = DVec3::new(u(3) * 6.0 - 3.0, u(4) * 3.0 - 1.0, u(5) * 6.0 - 3.0);
+    let center = DVec3::new(u(3) * 12.0 - 6.0, u(4) * 6.0 - 2.0, u(5) * 12.0 - 6.0);
     let place = Transform::new(DAffine3::from_mat3_translation(turn, center)).unwrap_or(Transform::IDENTITY);
-    let length = 4.0 + 2.0 * random([i, 6, 9]);
-    cuboid(Vec3::new(length, 0.02, 0.02), &|p| place.point(p.as_dvec3()).as_vec3(), false)
+    let half = 8.0 + 4.0 * random([i, 6, 9]);
+    cuboid(Vec3::new(half, 0.04, 0.04), &|p| place.point(p.as_dvec3()).as_vec3(), false)
 }
 
 /// A column from floor to ceiling of slivers as long as it is: two for each of its sides.
@@ -107,7 +110,7 @@ fn column(foot: Vec3, radius: f32, sides: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for i in 0..sides {
         let (sin, cos) = (i as f32 / sides as f32 * TAU).sin_cos();
-        for y in [-4.0, 4.0] {
+        for y in [-ROOM.y, ROOM.y] {
             mesh.positions.push(foot + Vec3::new(cos * radius, y, sin * radius));
         }
         let (a, b) = (2 * i, 2 * ((i + 1) % sides));
@@ -173,7 +176,7 @@ mod tests {
             snell_scene::Geometry::Mesh(mesh) => mesh.indices.len(),
             snell_scene::Geometry::Shape(_) => 0,
         };
-        assert_eq!(triangles(room().0) / 10_000, 179);
+        assert_eq!(triangles(room().0) / 10_000, 176);
         assert_eq!(height_field(5).indices.len(), 32);
     }
 

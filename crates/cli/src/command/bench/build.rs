@@ -1,0 +1,159 @@
+//! `snell bench build`: how long acceleration structures take to build, and how much memory, beside Embree's.
+
+use super::clock::{self, median};
+use super::peer::{Peer, PeerPath, parse_peer};
+use super::scenes::{self, Bench};
+use super::variants;
+use crate::failure::Failure;
+use crate::standard_output;
+use rayon::ThreadPool;
+use serde_json::{Value, json};
+use snell_embree::BuildQuality;
+use snell_formats::ReadOptions;
+use snell_intersect::BuildOptions;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Options of `snell bench build`.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// Scenes, as in `snell bench rays`
+    #[arg(value_name = "SCENE", required = true)]
+    scenes: Vec<String>,
+    /// Numbers of threads. Default: 1 and one per core
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=4096))]
+    threads: Vec<u32>,
+    #[command(flatten)]
+    variants: variants::Options,
+    /// Builds of each kind; medians count
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    repeat: u32,
+    /// Whom to compare with: embree=PATH, where PATH is its shared library or the wheel `embreex` of PyPI
+    #[arg(long, value_name = "NAME=PATH", value_parser = parse_peer)]
+    peer: Option<PeerPath>,
+    /// Print JSON, a line for each measurement
+    #[arg(long)]
+    json: bool,
+    /// Let scenes name files outside of their folders
+    #[arg(long)]
+    allow_outside: bool,
+}
+
+/// Measures and prints.
+pub fn run(options: &Options) -> Result<ExitCode, Failure> {
+    options.scenes.iter().try_for_each(|name| scenes::check(name))?;
+    let variants = options.variants.variants()?;
+    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    let embree = options.peer.as_ref().map(PeerPath::load).transpose()?;
+    if !options.json {
+        standard_output::write(heading().as_bytes())?;
+    }
+    for name in &options.scenes {
+        let bench = scenes::load(name, &read)?;
+        for threads in clock::thread_counts(&options.threads) {
+            let peer = embree.as_ref().map(|embree| Peer::new(embree, threads)).transpose()?;
+            let pool = clock::pool(threads).map_err(Failure::Other)?;
+            let own = variants.iter().map(|variant| Row::new(Way::Own(variant, &pool)));
+            let qualities =
+                peer.iter().flat_map(|peer| BuildQuality::ALL.map(|quality| Row::new(Way::Peer(peer, quality))));
+            let mut rows: Vec<Row> = own.chain(qualities).collect();
+            // In turn, so that whatever else the machine does troubles all.
+            for _ in 0..options.repeat {
+                rows.iter_mut().try_for_each(|row| row.build(&bench))?;
+            }
+            for row in rows {
+                let value = row.json(&bench, threads);
+                let text = if options.json { format!("{value}\n") } else { table_row(&value) };
+                standard_output::write(text.as_bytes())?;
+            }
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A way to build.
+enum Way<'a> {
+    Own(&'a BuildOptions, &'a ThreadPool),
+    Peer(&'a Peer, BuildQuality),
+}
+
+/// A way to build, measured.
+struct Row<'a> {
+    way: Way<'a>,
+    /// Of each build.
+    seconds: Vec<f64>,
+    memory_bytes: u64,
+}
+
+impl<'a> Row<'a> {
+    fn new(way: Way<'a>) -> Self {
+        Self { way, seconds: Vec::new(), memory_bytes: 0 }
+    }
+
+    /// Builds once.
+    fn build(&mut self, bench: &Bench) -> Result<(), Failure> {
+        let (seconds, memory_bytes) = match &self.way {
+            Way::Own(variant, pool) => {
+                let builder = variants::builder_of(&bench.world);
+                let start = Instant::now();
+                let world = pool.install(|| builder.build(variant));
+                let seconds = start.elapsed().as_secs_f64();
+                (seconds, world.map_err(|e| Failure::Scene(format!("{}: {e}", bench.name)))?.memory_bytes())
+            }
+            Way::Peer(peer, quality) => {
+                let scene = peer.build(&bench.world, *quality, false)?;
+                (scene.build_seconds(), scene.memory_bytes().max(0) as u64)
+            }
+        };
+        self.seconds.push(seconds);
+        self.memory_bytes = memory_bytes;
+        Ok(())
+    }
+
+    fn json(&self, bench: &Bench, threads: usize) -> Value {
+        let triangles = bench.world.triangle_count();
+        let seconds = median(&self.seconds);
+        let (builder, accelerator, quality) = match &self.way {
+            Way::Own(variant, _) => ("Snell".into(), variant.accelerator.name(), variant.quality.name()),
+            Way::Peer(peer, quality) => (format!("Embree {}", peer.version()), "bvh", quality.name()),
+        };
+        json!({
+            "scene": bench.name,
+            "triangles": bench.world.instanced_triangle_count(),
+            "unique_triangles": triangles,
+            "builder": builder,
+            "accelerator": accelerator,
+            "quality": quality,
+            "threads": threads,
+            "repeat": self.seconds.len(),
+            "seconds": seconds,
+            "mtriangles_per_second": triangles as f64 / seconds.max(1e-9) * 1e-6,
+            "memory_bytes": self.memory_bytes,
+            "bytes_per_triangle": self.memory_bytes as f64 / triangles.max(1) as f64,
+        })
+    }
+}
+
+fn heading() -> String {
+    format!(
+        "{:32} {:>11} {:13} {:21} {:7} {:>7} {:>10} {:>8} {:>11}\n",
+        "scene", "triangles", "builder", "accelerator", "quality", "threads", "seconds", "Mtri/s", "bytes/tri"
+    )
+}
+
+fn table_row(value: &Value) -> String {
+    let text = |key: &str| value[key].as_str().unwrap_or_default();
+    let number = |key: &str| value[key].as_f64().unwrap_or(f64::NAN);
+    format!(
+        "{:32} {:11} {:13} {:21} {:7} {:7} {:10.4} {:8.2} {:11.1}\n",
+        scenes::short_name(text("scene")),
+        value["unique_triangles"],
+        text("builder"),
+        text("accelerator"),
+        text("quality"),
+        value["threads"],
+        number("seconds"),
+        number("mtriangles_per_second"),
+        number("bytes_per_triangle")
+    )
+}

@@ -1,0 +1,140 @@
+//! `snell bench`: what it prints and what it refuses. How fast anything is cannot be tested here.
+
+use super::support::Place;
+use serde_json::Value;
+
+/// A closed pyramid.
+const PYRAMID: &str =
+    "OFF\n5 6 0\n-1 0 -1\n1 0 -1\n1 0 1\n-1 0 1\n0 1.5 0\n3 0 4 1\n3 1 4 2\n3 2 4 3\n3 3 4 0\n3 0 1 2\n3 0 2 3\n";
+
+fn lines(text: &str) -> Vec<Value> {
+    text.lines().map(|l| serde_json::from_str(l).expect("each line is JSON")).collect()
+}
+
+#[test]
+fn each_kind_of_ray_and_number_of_threads_is_a_line() {
+    let place = Place::new();
+    place.write("p.off", PYRAMID);
+    let run = place.run("bench rays p.off --side 16 --repeat 1 --threads 1,2 --json").done();
+    let rows = lines(run.text());
+    let names: Vec<_> = rows.iter().map(|r| (r["rays"].as_str().unwrap_or(""), r["threads"].as_u64())).collect();
+    let kinds = ["primary", "shadow", "diffuse", "shuffled"];
+    let expected: Vec<_> = [1, 2].iter().flat_map(|&n| kinds.map(|k| (k, Some(n)))).collect();
+    assert_eq!(names, expected);
+    for row in &rows {
+        assert_eq!((&row["scene"], &row["triangles"]), (&"p.off".into(), &6.into()));
+        assert_eq!((&row["accelerator"], &row["call"]), (&"bvh".into(), &"batch".into()));
+        assert!(row["mrays_per_second"].as_f64().is_some_and(|r| r > 0.0), "{row}");
+        assert!(row["simd"].is_string() && row["quality"].is_string() && row["peer"].is_null());
+    }
+    let number = |row: &Value, key: &str| row[key].as_u64().expect("a number");
+    let seen = number(&rows[0], "hits");
+    // The camera frames the pyramid: it covers some of the picture, not all.
+    assert_eq!(number(&rows[0], "ray_count"), 256);
+    assert!((40..230).contains(&seen), "{seen}");
+    for row in &rows[1..4] {
+        assert_eq!(number(row, "ray_count"), seen, "one ray from each hit");
+        assert!(number(row, "hits") < seen, "a convex shape hides little of itself: {row}");
+    }
+}
+
+#[test]
+fn every_way_to_build_and_call_hits_the_same() {
+    let place = Place::new();
+    place.write("p.off", PYRAMID);
+    let words = "bench rays p.off:copies=20 p.off:instances=20 --side 16 --repeat 1 --threads 1 --json --rays primary,shuffled \
+                 --accelerator none,bvh --simd scalar --calls batch,one";
+    let run = place.run(words).done();
+    let rows = lines(run.text());
+    assert_eq!(rows.len(), 2 * 2 * 2 * 2);
+    for kind in ["primary", "shuffled"] {
+        for scene in rows.chunks(8) {
+            let hits: Vec<_> = scene.iter().filter(|r| r["rays"] == kind).map(|r| &r["hits"]).collect();
+            assert!(hits.len() == 4 && hits.iter().all(|h| *h == hits[0]), "{kind}: {hits:?}");
+        }
+    }
+    assert_eq!(rows[0]["triangles"], 120);
+}
+
+#[test]
+fn without_json_there_is_a_table() {
+    let place = Place::new();
+    place.write("p.off", PYRAMID);
+    let table = place.run("bench rays p.off:subdivide=2 --side 16 --repeat 1 --threads 1 --rays diffuse").done();
+    let rows: Vec<_> = table.text().lines().collect();
+    assert!(rows.len() == 3 && rows[2].starts_with("p.off:subdivide=2") && rows[2].contains("diffuse"), "{rows:?}");
+}
+
+#[test]
+fn builds_are_measured() {
+    let place = Place::new();
+    place.write("p.off", PYRAMID);
+    let run = place.run("bench build p.off:subdivide=3 --repeat 2 --threads 1 --json").done();
+    let row = &lines(run.text())[0];
+    assert_eq!((&row["triangles"], &row["builder"]), (&384.into(), &"Snell".into()));
+    let all = place.run("bench build p.off --quality fast,medium,high --repeat 1 --threads 1 --json").done();
+    let qualities: Vec<_> = lines(all.text()).iter().map(|row| row["quality"].clone()).collect();
+    assert_eq!(qualities, ["fast", "medium", "high"]);
+    for key in ["seconds", "mtriangles_per_second", "bytes_per_triangle"] {
+        assert!(row[key].as_f64().is_some_and(|x| x > 0.0), "{key}: {row}");
+    }
+    assert!(place.run("bench build p.off --repeat 1 --threads 1").done().text().lines().count() == 2);
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_before_anything_is_measured() {
+    let place = Place::new();
+    place.write("p.off", PYRAMID);
+    for (words, complaint) in [
+        ("bench rays p.off --rays primary,difuse", "did you mean diffuse?"),
+        ("bench rays p.off --accelerator bvx", "did you mean bvh?"),
+        ("bench rays p.off --quality fats", "did you mean fast?"),
+        ("bench rays p.off --simd avx3", "did you mean avx2?"),
+        ("bench rays p.off --calls two", "known: batch, one"),
+        ("bench rays p.off --threads 0", "0 is not in 1..=4096"),
+        ("bench rays p.off --side 100", "a power of two"),
+        ("bench rays p.off --peer embre=x", "write embree=PATH"),
+        ("bench rays p.off:copies=none", "copies takes a number"),
+        ("bench rays p.off:shrink=2", "subdivide=N, copies=N or instances=N"),
+        ("bench rays", "SCENE"),
+        ("bench build p.off --accelerator x", "no accelerator"),
+    ] {
+        let run = place.run(words);
+        assert_eq!(run.code, 2, "{words}: {}", run.err);
+        assert!(run.err.contains(complaint) && run.out.is_empty(), "{words}: {}", run.err);
+    }
+}
+
+#[test]
+fn a_peer_that_cannot_be_loaded_is_an_error_with_a_remedy() {
+    let place = Place::new();
+    place.write("p.off", PYRAMID).write("libembree4.so", "nothing").write("a.whl", "nothing");
+    for (path, remedy) in [
+        ("none.so", "give the shared library of Embree 4"),
+        ("libembree4.so", "must be the shared library of Embree 4"),
+        ("a.whl", "give the shared library of Embree 4"),
+    ] {
+        let run = place.run(&format!("bench rays p.off --peer embree={path}"));
+        assert_eq!(run.code, 1, "{}", run.err);
+        assert!(
+            run.err.starts_with("error: ") && run.err.contains(remedy) && run.out.is_empty(),
+            "{path}: {}",
+            run.err
+        );
+    }
+    let run = place.run("bench rays none.off --json");
+    assert_eq!(run.code, 1, "{}", run.err);
+}
+
+#[test]
+fn the_rays_of_a_render_are_measured() {
+    let place = Place::new();
+    let run = place.run("bench render cornell-box --side 16 --spp 16 --threads 2 --repeat 1 --json").done();
+    let row = &lines(run.text())[0];
+    assert_eq!((&row["triangles"], &row["threads"]), (&32.into(), &2.into()));
+    assert!(row["ray_count"].as_u64().is_some_and(|n| n > 16 * 16 * 16 * 2), "{row}");
+    for key in ["mrays_per_second", "tracing_mrays_per_second", "raw_mrays_per_second", "mean_batch"] {
+        assert!(row[key].as_f64().is_some_and(|x| x > 0.0), "{key}: {row}");
+    }
+    assert!(row["tracing_share"].as_f64().is_some_and(|x| x > 0.0 && x < 1.0), "{row}");
+}

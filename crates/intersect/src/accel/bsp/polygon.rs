@@ -1,0 +1,136 @@
+//! Convex polygons, and cutting them by planes.
+
+use super::Plane;
+use snell_math::{Bounds3d, DVec3};
+
+/// A convex polygon: few vertices in a row of many.
+pub(super) type Vertices = Vec<DVec3>;
+
+/// On which side of a plane something lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    On,
+    Back,
+    Front,
+    /// On both sides.
+    Across,
+}
+
+impl Plane {
+    /// Distance in front of the plane.
+    #[inline(always)]
+    pub fn distance(&self, p: &DVec3) -> f64 {
+        self.normal.dot(*p) - self.offset
+    }
+
+    /// Where a polygon lies, if less than `tolerance` does not count.
+    #[inline(always)]
+    pub fn side(&self, polygon: &[DVec3], tolerance: f64) -> Side {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for p in polygon {
+            let d = self.distance(p);
+            (low, high) = (low.min(d), high.max(d));
+        }
+        side_of(low, high, tolerance)
+    }
+
+    /// Where a box lies. A box is never on a plane, unless it is flat.
+    #[inline(always)]
+    pub fn side_of_box(&self, b: &Bounds3d, tolerance: f64) -> Side {
+        let (center, half) = (b.center(), b.size() * 0.5);
+        let (middle, radius) = (self.distance(&center), self.normal.abs().dot(half));
+        side_of(middle - radius, middle + radius, tolerance)
+    }
+
+    /// Appends the part of a polygon on one side of the plane (`sign` 1: the front, -1: the back). Vertices on the plane belong to both.
+    pub fn cut(&self, polygon: &[DVec3], sign: f64, out: &mut Vertices) {
+        let Some(mut from) = polygon.last() else { return };
+        let mut d_from = self.distance(from) * sign;
+        for to in polygon {
+            let d_to = self.distance(to) * sign;
+            if (d_from < 0.0 && d_to > 0.0) || (d_from > 0.0 && d_to < 0.0) {
+                // The same point whichever side is asked for.
+                let (a, b, da, db) = if d_from < 0.0 { (from, to, d_from, d_to) } else { (to, from, d_to, d_from) };
+                out.push(*a + (*b - *a) * (da / (da - db)));
+            }
+            if d_to >= 0.0 {
+                out.push(*to);
+            }
+            (from, d_from) = (to, d_to);
+        }
+    }
+}
+
+fn side_of(low: f64, high: f64, tolerance: f64) -> Side {
+    match (low < -tolerance, high > tolerance) {
+        (false, false) => Side::On,
+        (true, false) => Side::Back,
+        (false, true) => Side::Front,
+        (true, true) => Side::Across,
+    }
+}
+
+/// The polygon in which a plane meets a box, if `point` is a point of the plane in or near the box.
+pub(super) fn plane_in_box(plane: &Plane, point: DVec3, b: &Bounds3d, out: &mut Vertices) {
+    let (x, y) = plane.normal.any_orthonormal_pair();
+    let r = b.size().length() * 2.0;
+    let mut polygon = vec![point - x * r - y * r, point + x * r - y * r, point + x * r + y * r, point - x * r + y * r];
+    for axis in DVec3::AXES {
+        for (side, sign) in [(b.min, 1.0), (b.max, -1.0)] {
+            let mut part = Vec::with_capacity(8);
+            Plane { normal: axis, offset: axis.dot(side) }.cut(&polygon, sign, &mut part);
+            polygon = part;
+        }
+    }
+    out.extend(polygon);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area(polygon: &[DVec3]) -> f64 {
+        let a = polygon[0];
+        polygon.windows(2).map(|w| (w[0] - a).cross(w[1] - a)).sum::<DVec3>().length() * 0.5
+    }
+
+    #[test]
+    fn the_parts_of_a_cut_polygon_make_up_the_whole() {
+        let square = [DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y];
+        for i in 0..100 {
+            let turn = f64::from(i);
+            let plane = Plane { normal: DVec3::new(turn.cos(), turn.sin(), 0.1).normalize(), offset: 0.3 };
+            let (mut front, mut back) = (Vec::new(), Vec::new());
+            plane.cut(&square, 1.0, &mut front);
+            plane.cut(&square, -1.0, &mut back);
+            let sum: f64 = [&front, &back].iter().filter(|p| p.len() > 2).map(|p| area(p)).sum();
+            assert!((sum - 1.0).abs() < 1e-12, "{i}: {sum}");
+            assert!(front.iter().all(|p| plane.distance(p) > -1e-12));
+            assert!(back.iter().all(|p| plane.distance(p) < 1e-12));
+        }
+    }
+
+    #[test]
+    fn a_plane_meets_a_cube_in_a_hexagon() {
+        let normal = DVec3::ONE.normalize();
+        let (center, mut polygon) = (DVec3::splat(0.5), Vec::new());
+        let plane = Plane { normal, offset: normal.dot(center) };
+        plane_in_box(&plane, center, &Bounds3d { min: DVec3::ZERO, max: DVec3::ONE }, &mut polygon);
+        assert_eq!(polygon.len(), 6);
+        assert!((area(&polygon) - 27f64.sqrt() / 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn sides_of_boxes_are_those_of_their_corners() {
+        let b = Bounds3d { min: DVec3::new(-1.0, 0.0, 2.0), max: DVec3::new(1.0, 3.0, 2.5) };
+        let corners: Vec<DVec3> = (0..8)
+            .map(|i| DVec3::from_array(std::array::from_fn(|a| if i >> a & 1 == 1 { b.max[a] } else { b.min[a] })))
+            .collect();
+        for i in 0..200 {
+            let turn = f64::from(i);
+            let normal = DVec3::new(turn.cos(), turn.sin(), (turn * 0.7).sin()).normalize();
+            let plane = Plane { normal, offset: turn * 0.02 - 1.0 };
+            assert_eq!(plane.side_of_box(&b, 0.0), plane.side(&corners, 0.0), "{i}");
+        }
+    }
+}

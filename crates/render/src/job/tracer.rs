@@ -1,0 +1,72 @@
+//! What the renderer asks the world: every batch of rays passes here, is timed, and kept if somebody wants to look at it.
+
+use crate::compile::CompiledScene;
+use snell_intersect::{AcceptAll, Grouping, Hit, HitFilter};
+use snell_math::Ray;
+use std::time::{Duration, Instant};
+
+/// Traces batches.
+pub struct Tracer<'a> {
+    scene: &'a CompiledScene,
+    /// Time spent here so far.
+    pub spent: Duration,
+    /// The batches, if they are wanted.
+    pub recording: Option<Recording>,
+}
+
+/// Batches of rays that a render traced.
+#[derive(Clone, Debug, Default)]
+pub struct Recording {
+    /// Those of [`snell_intersect::World::closest`].
+    pub closest: Vec<(Grouping, Vec<Ray>)>,
+    /// Those of [`snell_intersect::World::occluded`].
+    pub occluded: Vec<Vec<Ray>>,
+}
+
+impl Recording {
+    /// Adds the batches of another thread.
+    pub fn append(&mut self, mut other: Self) {
+        self.closest.append(&mut other.closest);
+        self.occluded.append(&mut other.occluded);
+    }
+}
+
+impl<'a> Tracer<'a> {
+    pub fn new(scene: &'a CompiledScene, recording: Option<Recording>) -> Self {
+        Self { scene, spent: Duration::ZERO, recording }
+    }
+
+    /// Who decides about hits on cut-out and blended surfaces.
+    pub fn filter(&self) -> &'a dyn HitFilter {
+        hit_filter(self.scene)
+    }
+
+    /// The nearest hit of each ray.
+    pub fn closest(&mut self, rays: &[Ray], grouping: Grouping, hits: &mut Vec<Hit>) {
+        if let Some(recording) = &mut self.recording {
+            recording.closest.push((grouping, rays.to_vec()));
+        }
+        hits.clear();
+        hits.resize(rays.len(), Hit::MISS);
+        let start = Instant::now();
+        self.scene.world.closest(rays, grouping, self.filter(), hits);
+        self.spent += start.elapsed();
+    }
+
+    /// For each ray, whether anything is in its way.
+    pub fn occluded(&mut self, rays: &[Ray], blocked: &mut Vec<bool>) {
+        if let Some(recording) = &mut self.recording {
+            recording.occluded.push(rays.to_vec());
+        }
+        blocked.clear();
+        blocked.resize(rays.len(), false);
+        let start = Instant::now();
+        self.scene.world.occluded(rays, self.filter(), blocked);
+        self.spent += start.elapsed();
+    }
+}
+
+/// Who decides about hits on cut-out and blended surfaces of a scene; scenes without any are traced without asking.
+pub fn hit_filter(scene: &CompiledScene) -> &dyn HitFilter {
+    if scene.has_filter() { scene } else { &AcceptAll }
+}
