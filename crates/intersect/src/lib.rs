@@ -19,10 +19,14 @@ pub use geometry::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, Primitiv
 pub use hit::{DHit, Hit, SurfaceInteraction};
 pub use mesh::{DTriangleMesh, TriangleMesh};
 pub use precision::{Double, Precision, Single};
-pub use query::rays::{RayQuery, Rays};
+pub use query::crossings::AllHits;
+pub use query::nearest::{NearestPoint, Points};
+pub use query::parallel::{Cancelled, Parallel};
+pub use query::rays::{InvalidRays, RayQuery, Rays};
 pub use query::{AcceptAll, Grouping, HitFilter};
-pub use shape::{AnyShape, Shape, ShapeHit, ShapeSample, ShapeSurface};
+pub use shape::{AnyShape, Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, Sphere};
 pub use world::double::{DWorld, DWorldBuilder};
 pub use world::{
-    BuildOptions, Geometry, GeometryId, GeometryOptions, GroupId, Instance, World, WorldBuilder, WorldError,
+    BuildOptions, DynamicWorld, EditError, Geometry, GeometryId, GeometryOptions, GroupId, Instance, InstanceId, Reuse,
+    Snapshots, World, WorldBuilder, WorldError,
 };

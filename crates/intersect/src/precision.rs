@@ -10,22 +10,23 @@ use crate::kernel::triangle::{TriangleBlock, exact_hit};
 use crate::query::search::{Goal, Search};
 use snell_math::simd::Lanes8;
 use snell_math::{DRay, Ray, Vec2};
+use std::cmp::Ordering;
 use std::fmt::Debug;
 
 /// The precision of a world's coordinates and rays: [`Single`] or [`Double`].
-pub trait Precision: sealed::Sealed + Copy + Debug + Default + Send + Sync + 'static {
+pub trait Precision: sealed::Sealed + Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Rays of the world.
     type Ray: Copy + Debug + Sync;
     /// What queries answer with.
-    type Hit: Copy + Debug + Send;
+    type Hit: Copy + Debug + Default + PartialEq + Send;
 }
 
 /// `f32`: [`Ray`] and [`Hit`].
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Single;
 
 /// `f64`: [`DRay`] and [`DHit`].
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Double;
 
 impl Precision for Single {
@@ -49,6 +50,9 @@ pub(crate) trait Real: Copy + Debug + PartialOrd + Into<f64> {
     /// The next greater number.
     fn next_up(self) -> Self;
 
+    /// The order of all numbers, NaN included.
+    fn compare(self, other: Self) -> Ordering;
+
     /// The greatest `f32` that is not above.
     fn below(self) -> f32;
 
@@ -60,6 +64,11 @@ impl Real for f32 {
     #[inline(always)]
     fn next_up(self) -> Self {
         self.next_up()
+    }
+
+    #[inline(always)]
+    fn compare(self, other: Self) -> Ordering {
+        self.total_cmp(&other)
     }
 
     #[inline(always)]
@@ -77,6 +86,11 @@ impl Real for f64 {
     #[inline(always)]
     fn next_up(self) -> Self {
         self.next_up()
+    }
+
+    #[inline(always)]
+    fn compare(self, other: Self) -> Ordering {
+        self.total_cmp(&other)
     }
 
     #[inline(always)]

@@ -9,22 +9,31 @@
 //! any depth, and [`World::instance_path`] gives the way back.
 
 pub(crate) mod double;
+pub mod dynamic;
+mod edit;
 mod interaction;
 mod occurrence;
+mod reuse;
+
+pub use dynamic::{DynamicWorld, Snapshots};
+pub use edit::{EditError, InstanceId};
+pub use reuse::Reuse;
 
 use crate::accel::brute_force::GroupList;
-use crate::accel::bvh::{BvhOptions, Forest};
+use crate::accel::bvh::Forest;
 use crate::accel::group::Object;
 use crate::accel::walk::Structures;
 use crate::accel::{AcceleratorKind, AcceleratorOptions, Quality};
 use crate::geometry::PrimitiveSet;
 use crate::mesh::TriangleMesh;
+use crate::query::winding::Winding;
 use crate::shape::Shape;
 use occurrence::Occurrences;
 use rayon::prelude::*;
+use reuse::{Inventory, Summary};
 use snell_math::simd::Level;
 use snell_math::{Bounds3d, DMat3, Transform};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Number of a group, in order of creation. The root is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -110,11 +119,15 @@ impl Default for GeometryOptions {
 }
 
 /// Collects groups, geometries and instances, then builds a [`World`].
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct WorldBuilder {
     pub(crate) geometries: Vec<Geometry>,
     pub(crate) options: Vec<GeometryOptions>,
     pub(crate) groups: Vec<GroupContents>,
+    /// Per geometry the group that holds it, unless it was removed.
+    homes: Vec<Option<GroupId>>,
+    /// Per instance the group that holds it, unless it was removed.
+    instance_homes: Vec<Option<GroupId>>,
 }
 
 /// What a group holds.
@@ -124,11 +137,19 @@ pub struct GroupContents {
     pub geometries: Vec<GeometryId>,
     /// Instances in order of insertion.
     pub instances: Vec<Instance>,
+    /// The number of each instance, ascending.
+    pub instance_ids: Vec<InstanceId>,
 }
 
 impl Default for WorldBuilder {
     fn default() -> Self {
-        Self { geometries: Vec::new(), options: Vec::new(), groups: vec![GroupContents::default()] }
+        Self {
+            geometries: Vec::new(),
+            options: Vec::new(),
+            groups: vec![GroupContents::default()],
+            homes: Vec::new(),
+            instance_homes: Vec::new(),
+        }
     }
 }
 
@@ -162,23 +183,34 @@ impl WorldBuilder {
         let id = GeometryId(self.geometries.len() as u32);
         self.geometries.push(geometry);
         self.options.push(GeometryOptions::default());
+        self.homes.push(Some(group));
         self.groups[group.0 as usize].geometries.push(id);
         id
     }
 
     /// Places `child` in `group`.
-    pub fn add_instance(&mut self, group: GroupId, child: GroupId, group_from_child: Transform) {
-        self.add(group, Instance { child, group_from_child, mask: u32::MAX });
+    pub fn add_instance(&mut self, group: GroupId, child: GroupId, group_from_child: Transform) -> InstanceId {
+        self.add(group, Instance { child, group_from_child, mask: u32::MAX })
     }
 
     /// Places an instance in `group`.
-    pub fn add(&mut self, group: GroupId, instance: Instance) {
-        self.groups[group.0 as usize].instances.push(instance);
+    pub fn add(&mut self, group: GroupId, instance: Instance) -> InstanceId {
+        let id = InstanceId(self.instance_homes.len() as u32);
+        self.instance_homes.push(Some(group));
+        let contents = &mut self.groups[group.0 as usize];
+        contents.instances.push(instance);
+        contents.instance_ids.push(id);
+        id
     }
 
     /// Only rays whose mask shares a bit with this meet the geometry ([`crate::query::rays::RayQuery::mask`]). All bits at first.
     pub fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
         self.options[geometry.0 as usize].mask = mask;
+    }
+
+    /// What queries ask about the geometry: its mask, and whether hits are filtered.
+    pub fn options_mut(&mut self, geometry: GeometryId) -> &mut GeometryOptions {
+        &mut self.options[geometry.0 as usize]
     }
 
     /// Hits on this geometry are asked about: the query's [`crate::HitFilter`] may reject them.
@@ -189,43 +221,41 @@ impl WorldBuilder {
     /// Builds the acceleration structures, on the threads of the current rayon pool. The result does not depend on how many there
     /// are. A SIMD level that the machine lacks is replaced by the best it has.
     pub fn build(self, options: &BuildOptions) -> Result<World, WorldError> {
-        let occurrences = Occurrences::count(&self.groups)?;
-        let bounds = GroupBounds::of(&self, &occurrences.order, |_, mesh| mesh.bounds().into());
-        self.finish(options, occurrences, bounds)
+        let (occurrences, parts) = self.parts(options, None)?;
+        Ok(self.into_world(occurrences, parts))
     }
 
-    /// Builds the structure. `bounds` hold the boxes of objects in the coordinates of their group's tree.
-    fn finish(
-        self,
-        options: &BuildOptions,
-        occurrences: Occurrences,
-        bounds: GroupBounds,
-    ) -> Result<World, WorldError> {
-        let lists = self.group_lists(&occurrences)?;
-        let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
-        let structure = match (options.accelerator.build(), options.accelerator) {
-            (Some(build), _) => Structure::Walked(
-                Structures::build(lists, &bounds.objects, build, &options.accelerator_options)
-                    .map_err(WorldError::Limit)?,
-            ),
-            (None, AcceleratorKind::None) => Structure::None(lists),
-            (None, _) => {
-                let options = BvhOptions { quality: options.quality, simd };
-                let forest = Forest::build(&lists, &occurrences.order, &bounds.objects, &options);
-                Structure::Bvh(forest.map_err(WorldError::Limit)?)
-            }
-        };
-        let stats = self.count_triangles(&occurrences, &structure);
-        Ok(World {
+    /// Builds a world that shares with `previous`, an earlier world of this builder (or of a copy of it), all that comes from contents
+    /// that did not change: see [`DynamicWorld`]. Queries of the result are the same, bit for bit, as if it were built from nothing.
+    pub fn rebuild(&self, options: &BuildOptions, previous: &World) -> Result<World, WorldError> {
+        let (occurrences, parts) = self.parts(options, Some(previous))?;
+        Ok(self.clone().into_world(occurrences, parts))
+    }
+
+    fn parts(&self, options: &BuildOptions, previous: Option<&World>) -> Result<(Occurrences, Parts), WorldError> {
+        let occurrences = Occurrences::count(&self.groups)?;
+        let summaries = self.summaries(previous);
+        let alike = Self::alike(options, previous);
+        let bounds = self.measure(&occurrences, &summaries, alike);
+        let parts = self.structures(options, &occurrences, summaries, bounds, alike)?;
+        Ok((occurrences, parts))
+    }
+
+    fn into_world(self, occurrences: Occurrences, parts: Parts) -> World {
+        let Parts { bounds, structure, inventory, simd, stats } = parts;
+        World {
             geometries: self.geometries,
             options: self.options,
             groups: self.groups,
             occurrences,
-            bounds: bounds.exact[0],
+            bounds,
             structure,
+            inventory,
             simd,
             stats,
-        })
+            winding: OnceLock::new(),
+            repeats: OnceLock::new(),
+        }
     }
 
     /// The contents of each group, ready to be tested.
@@ -270,18 +300,17 @@ impl WorldBuilder {
         })
     }
 
-    fn count_triangles(&self, occurrences: &Occurrences, structure: &Structure) -> BuildStats {
-        let mut stats = BuildStats::default();
-        for geometry in &self.geometries {
+    fn count_triangles(&self, occurrences: &Occurrences, structure: &Structure, inventory: &Inventory) -> BuildStats {
+        let mut stats = BuildStats { reuse: inventory.reuse, ..BuildStats::default() };
+        for (geometry, summary) in self.geometries.iter().zip(&inventory.summaries) {
             match geometry {
-                Geometry::Mesh(mesh) => {
-                    stats.triangles += mesh.indices.len() as u64;
-                    stats.skipped_triangles += mesh.degenerate_triangles() as u64;
+                Geometry::Mesh(_) => {
+                    stats.triangles += summary.count;
+                    stats.skipped_triangles += summary.skipped;
                 }
-                Geometry::Set(set) => {
-                    stats.primitives += set.len() as u64;
-                    let skipped = (0..set.len()).into_par_iter().filter(|&i| set.bounds(i).is_empty()).count();
-                    stats.skipped_primitives += skipped as u64;
+                Geometry::Set(_) => {
+                    stats.primitives += summary.count;
+                    stats.skipped_primitives += summary.skipped;
                 }
                 Geometry::Shape(..) => {}
             }
@@ -322,55 +351,53 @@ struct GroupBounds {
     /// Per group the boxes of its shapes, instances and primitives of sets, in the order of [`GroupList::objects`], grown by all that transforming a
     /// ray may be off by.
     objects: Vec<Vec<Bounds3d>>,
+    /// Per group, in its own coordinates, grown like those of the objects.
+    grown: Vec<Bounds3d>,
 }
 
 impl GroupBounds {
-    fn of(
-        builder: &WorldBuilder,
-        order: &[usize],
-        mesh_bounds: impl Fn(GeometryId, &TriangleMesh) -> Bounds3d,
-    ) -> Self {
-        let n = builder.groups.len();
-        let mut bounds = Self { exact: vec![Bounds3d::EMPTY; n], objects: vec![Vec::new(); n] };
-        let mut grown = vec![Bounds3d::EMPTY; n];
-        for &group in order {
-            let contents = &builder.groups[group];
-            let (mut exact, mut outer) = (Bounds3d::EMPTY, Bounds3d::EMPTY);
-            let mut objects = Vec::new();
-            for &id in &contents.geometries {
-                match &builder.geometries[id.0 as usize] {
-                    Geometry::Mesh(mesh) => {
-                        let b = mesh_bounds(id, mesh);
-                        (exact, outer) = (exact.union(&b), outer.union(&b));
-                    }
-                    Geometry::Shape(shape, placed) => {
-                        let b = shape.bounds();
-                        exact = exact.union(&placed.bounds(&b));
-                        objects.push(grown_bounds(placed, &b));
-                    }
-                    Geometry::Set(_) => {}
+    fn empty(groups: usize) -> Self {
+        let none = vec![Bounds3d::EMPTY; groups];
+        Self { exact: none.clone(), objects: vec![Vec::new(); groups], grown: none }
+    }
+
+    /// Finds the boxes of a group whose children are done.
+    fn measure(&mut self, builder: &WorldBuilder, summaries: &[Summary], group: usize) {
+        let contents = &builder.groups[group];
+        let (mut exact, mut outer) = (Bounds3d::EMPTY, Bounds3d::EMPTY);
+        let mut objects = Vec::new();
+        for &id in &contents.geometries {
+            match &builder.geometries[id.0 as usize] {
+                Geometry::Mesh(_) => {
+                    let b = summaries[id.0 as usize].bounds;
+                    (exact, outer) = (exact.union(&b), outer.union(&b));
                 }
+                Geometry::Shape(shape, placed) => {
+                    let b = shape.bounds();
+                    exact = exact.union(&placed.bounds(&b));
+                    objects.push(grown_bounds(placed, &b));
+                }
+                Geometry::Set(_) => {}
             }
-            for instance in &contents.instances {
-                let child = instance.child.0 as usize;
-                exact = exact.union(&instance.group_from_child.bounds(&bounds.exact[child]));
-                objects.push(grown_bounds(&instance.group_from_child, &grown[child]));
-            }
-            for (_, set) in builder.sets(contents) {
-                let of = |i: usize| {
-                    let b = set.bounds(i);
-                    if b.is_empty() { Bounds3d::EMPTY } else { b }
-                };
-                let first = objects.len();
-                objects.par_extend((0..set.len()).into_par_iter().with_min_len(1024).map(of));
-                exact = objects[first..].iter().fold(exact, |all, b| all.union(b));
-                objects[first..].par_iter_mut().for_each(|b| *b = grown_bounds(&Transform::IDENTITY, b));
-            }
-            bounds.exact[group] = exact;
-            grown[group] = objects.iter().fold(outer, |a, b| a.union(b));
-            bounds.objects[group] = objects;
         }
-        bounds
+        for instance in &contents.instances {
+            let child = instance.child.0 as usize;
+            exact = exact.union(&instance.group_from_child.bounds(&self.exact[child]));
+            objects.push(grown_bounds(&instance.group_from_child, &self.grown[child]));
+        }
+        for (_, set) in builder.sets(contents) {
+            let of = |i: usize| {
+                let b = set.bounds(i);
+                if b.is_empty() { Bounds3d::EMPTY } else { b }
+            };
+            let first = objects.len();
+            objects.par_extend((0..set.len()).into_par_iter().with_min_len(1024).map(of));
+            exact = objects[first..].iter().fold(exact, |all, b| all.union(b));
+            objects[first..].par_iter_mut().for_each(|b| *b = grown_bounds(&Transform::IDENTITY, b));
+        }
+        self.exact[group] = exact;
+        self.grown[group] = objects.iter().fold(outer, |a, b| a.union(b));
+        self.objects[group] = objects;
     }
 }
 
@@ -391,6 +418,15 @@ fn abs_matrix(m: &DMat3) -> DMat3 {
     DMat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs())
 }
 
+/// What a build makes of a builder's contents.
+struct Parts {
+    bounds: Bounds3d,
+    structure: Structure,
+    inventory: Inventory,
+    simd: Level,
+    stats: BuildStats,
+}
+
 /// How rays find what they hit.
 #[derive(Debug)]
 pub(crate) enum Structure {
@@ -405,14 +441,19 @@ pub(crate) enum Structure {
 /// Geometries and instances, ready for queries. Immutable.
 #[derive(Debug)]
 pub struct World {
-    geometries: Vec<Geometry>,
+    pub(crate) geometries: Vec<Geometry>,
     pub(crate) options: Vec<GeometryOptions>,
     groups: Vec<GroupContents>,
     occurrences: Occurrences,
     bounds: Bounds3d,
     pub(crate) structure: Structure,
+    inventory: Inventory,
     pub(crate) simd: Level,
     stats: BuildStats,
+    /// Made when it is first asked for.
+    pub(crate) winding: OnceLock<Winding>,
+    /// Whether the structure may offer a crossing several times; found out when it is first asked for.
+    pub(crate) repeats: OnceLock<bool>,
 }
 
 /// What was built.
@@ -441,6 +482,8 @@ pub struct BuildStats {
     /// Nodes and blocks of triangles that a random line through the root's bounds meets on average, by the surface area heuristic;
     /// what is in instances does not count.
     pub sah_cost: f32,
+    /// What was taken over from the world before.
+    pub reuse: Reuse,
 }
 
 /// What one ray cost.
@@ -475,9 +518,26 @@ impl World {
         self.geometries.iter().filter(|g| matches!(g, Geometry::Shape(..))).count()
     }
 
+    /// The number of the instance that an occurrence ([`crate::Hit::instance`]) belongs to: of the last step of
+    /// [`Self::instance_path`]. `None` for the root.
+    pub fn instance_id(&self, occurrence: u32) -> Option<InstanceId> {
+        let (group, at) = self.instance_path(occurrence).pop()?;
+        Some(self.group(group).instance_ids[at])
+    }
+
+    /// A world without contents.
+    fn empty(options: &BuildOptions) -> Self {
+        WorldBuilder::default().build(options).expect("nothing exceeds no limit")
+    }
+
     /// How many groups there are; ids run from 0.
     pub fn group_count(&self) -> usize {
         self.groups.len()
+    }
+
+    /// The numbers of all groups, children before parents.
+    pub(crate) fn children_first(&self) -> impl Iterator<Item = usize> {
+        self.occurrences.order.iter().copied()
     }
 
     /// How many occurrences one instance of a group adds: itself and all below.
@@ -522,4 +582,4 @@ impl World {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -1,9 +1,10 @@
 //! Round cubic curves in the usual bases.
 
+use super::nearest::on_sweep;
 use super::rounded_cone::Ball;
 use super::sweep::{Sweep, tube_surface};
 use super::{PrimitiveHit, PrimitiveSet};
-use crate::shape::ShapeSurface;
+use crate::shape::{Metric, ShapeSurface};
 use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
 
 /// How the points of a cubic curve define it.
@@ -82,6 +83,15 @@ impl CubicCurves {
     }
 }
 
+/// Balls of a segment that are compared first when looking for its nearest point.
+const SAMPLES: usize = 48;
+
+/// The ball that sweeps a curve, at `u`.
+fn ball(controls: &[DVec4; 4], u: f64) -> Ball {
+    let c = super::sweep::derivatives(controls, u)[0];
+    Ball { center: c.truncate(), radius: c.w }
+}
+
 impl PrimitiveSet for CubicCurves {
     fn len(&self) -> usize {
         self.segments.len()
@@ -106,6 +116,17 @@ impl PrimitiveSet for CubicCurves {
         let [c, d, _] = super::sweep::derivatives(&controls, u);
         let chord = (controls[3] - controls[0]).truncate();
         tube_surface(&Ball { center: c.truncate(), radius: c.w }, u, (d.truncate(), d.w), chord, position)
+    }
+
+    fn nearest_point(&self, segment: usize, point: DVec3, metric: &Metric) -> Option<(DVec3, Vec2)> {
+        let controls = self.bezier(segment)?;
+        let (position, _, u) = on_sweep(metric, point, SAMPLES, |u| ball(&controls, u));
+        Some((position, Vec2::new(u as f32, 0.0)))
+    }
+
+    fn contains(&self, segment: usize, point: DVec3) -> bool {
+        let inside = |controls| on_sweep(&Metric::EUCLIDEAN, point, SAMPLES, |u| ball(&controls, u)).1 < 0.0;
+        self.bezier(segment).is_some_and(inside)
     }
 }
 

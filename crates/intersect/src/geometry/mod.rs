@@ -5,6 +5,7 @@
 
 pub mod cubic;
 pub mod linear;
+mod nearest;
 mod rounded_cone;
 pub mod spheres;
 mod sweep;
@@ -15,7 +16,7 @@ pub use cubic::{CubicCurves, CurveBasis};
 pub use linear::LinearCurves;
 pub use spheres::Spheres;
 
-use crate::shape::ShapeSurface;
+use crate::shape::{Metric, ShapeSurface};
 use snell_math::{Bounds3d, DRay, DVec3, Vec2};
 
 /// A point where a ray meets a primitive of a set.
@@ -52,6 +53,17 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
     /// The surface of a primitive at `position`, a point on it (or within single-precision rounding of it), which was hit with
     /// this `uv` at this `time`.
     fn surface(&self, primitive: usize, position: DVec3, uv: Vec2, time: f32) -> ShapeSurface;
+
+    /// The point of a primitive's surface nearest to `point` at time 0, where lengths are measured by `metric`, and its `uv`. `None` if
+    /// that cannot be said: the primitive is never the nearest. (So it is unless a set says otherwise.)
+    fn nearest_point(&self, _primitive: usize, _point: DVec3, _metric: &Metric) -> Option<(DVec3, Vec2)> {
+        None
+    }
+
+    /// True if `point` is inside of a primitive that is solid, at time 0. Never, unless a set says otherwise.
+    fn contains(&self, _primitive: usize, _point: DVec3) -> bool {
+        false
+    }
 
     /// Linear RGB and alpha at a point: white unless the set has colours.
     fn color(&self, _primitive: usize, _uv: Vec2) -> [f32; 4] {

@@ -1,7 +1,8 @@
 //! The queries of worlds in double precision.
 
+use super::crossings::AllHits;
 use super::rays::{RayQuery, Rays};
-use super::search::{All, Any, Closest, Context, Counted};
+use super::search::{Any, Closest, Context, Counted};
 use super::{Grouping, HitFilter, Searcher};
 use crate::hit::DHit;
 use crate::precision::Double;
@@ -50,12 +51,22 @@ impl DWorld {
         self.searcher(filter).search(ray.into(), Any::new).found
     }
 
+    /// As [`crate::World::all`].
+    pub fn all<'a>(&self, rays: impl Into<Rays<'a, Double>>, filter: &dyn HitFilter<Double>) -> AllHits<Double> {
+        self.searcher(filter).all(rays.into())
+    }
+
     /// As [`crate::World::all_one`].
     pub fn all_one<'a>(&self, ray: impl Into<RayQuery<'a, Double>>, filter: &dyn HitFilter<Double>) -> Vec<DHit> {
-        let mut hits = self.searcher(filter).search(ray.into(), All::new).hits;
-        let ids = |h: &DHit| (h.instance, h.geometry, h.primitive);
-        hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(ids(a).cmp(&ids(b))));
-        hits
+        self.searcher(filter).all_one(ray.into())
+    }
+
+    /// As [`crate::World::count`].
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn count<'a>(&self, rays: impl Into<Rays<'a, Double>>, filter: &dyn HitFilter<Double>, counts: &mut [u32]) {
+        self.searcher(filter).count(rays.into(), counts);
     }
 
     /// As [`crate::World::closest_counted`].
@@ -71,6 +82,6 @@ impl DWorld {
     fn searcher<'a>(&'a self, filter: &'a dyn HitFilter<Double>) -> Searcher<'a, Double> {
         let world = &self.world;
         let context = Context { filter, options: &world.options, data: &self.data };
-        Searcher { structure: &world.structure, simd: world.simd, context }
+        Searcher { world, context }
     }
 }

@@ -1,8 +1,12 @@
 //! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray, never on its neighbours.
 
+pub mod crossings;
 mod double;
+pub mod nearest;
+pub mod parallel;
 pub mod rays;
 pub(crate) mod search;
+pub mod winding;
 
 use crate::accel::brute_force::search_all;
 use crate::hit::Hit;
@@ -11,8 +15,7 @@ use crate::kernel::traverse::search_forest;
 use crate::precision::{Precision, Rules, Single};
 use crate::world::{Structure, TraversalCounters, World};
 use rays::{RayQuery, Rays};
-use search::{All, Any, Closest, Context, Counted, Goal, RayOf, Search};
-use snell_math::simd::Level;
+use search::{Any, Closest, Context, Counted, Goal, RayOf, Search};
 
 /// Which rays of a batch belong together. The kernel follows from this and from the kind of query, never from what happens to
 /// share a batch, so a ray's result never depends on its neighbours.
@@ -79,14 +82,6 @@ impl World {
         self.searcher(filter).search(ray.into(), Any::new).found
     }
 
-    /// Every hit of one ray, ascending by `t`, equal ones by instance, geometry and primitive.
-    pub fn all_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Vec<Hit> {
-        let mut hits = self.searcher(filter).search(ray.into(), All::new).hits;
-        let ids = |h: &Hit| (h.instance, h.geometry, h.primitive);
-        hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(ids(a).cmp(&ids(b))));
-        hits
-    }
-
     /// The nearest hit of one ray, and what it cost to find.
     pub fn closest_counted<'a>(
         &self,
@@ -99,14 +94,14 @@ impl World {
 
     fn searcher<'a>(&'a self, filter: &'a dyn HitFilter) -> Searcher<'a, Single> {
         let context = Context { filter, options: &self.options, data: &() };
-        Searcher { structure: &self.structure, simd: self.simd, context }
+        Searcher { world: self, context }
     }
 }
 
 /// Where and how to search, whatever the goal.
 pub(crate) struct Searcher<'a, P: Rules> {
-    pub structure: &'a Structure,
-    pub simd: Level,
+    /// Its structure, and which of its geometries are meshes; not what these hold.
+    pub world: &'a World,
     pub context: Context<'a, P>,
 }
 
@@ -118,10 +113,10 @@ impl<P: Rules> Searcher<'_, P> {
         start: impl Fn(&RayOf<G>) -> G,
         mut finish: impl FnMut(usize, G),
     ) {
-        match self.structure {
+        match &self.world.structure {
             Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
                 let batch = interleave::Batch { rays, context: &self.context };
-                interleave::search_batch(forest, self.simd, &batch, start, finish);
+                interleave::search_batch(forest, self.world.simd, &batch, start, finish);
             }
             Structure::Walked(structures) => {
                 let mut scratch = structures.scratch();
@@ -144,11 +139,11 @@ impl<P: Rules> Searcher<'_, P> {
     pub fn search<G: Goal<Precision = P>>(&self, query: RayQuery<P>, start: impl Fn(&RayOf<G>) -> G) -> G {
         let mut search = Search::new(query, &self.context, start(query.ray));
         if P::is_valid(query.ray) {
-            match self.structure {
+            match &self.world.structure {
                 Structure::None(groups) => {
                     search_all(groups, 0, &P::exact(query.ray), 0, &mut search);
                 }
-                Structure::Bvh(forest) => search_forest(forest, self.simd, &mut search),
+                Structure::Bvh(forest) => search_forest(forest, self.world.simd, &mut search),
                 Structure::Walked(structures) => {
                     let mut scratch = structures.scratch();
                     structures.search(&mut search, &mut scratch);

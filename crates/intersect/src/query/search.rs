@@ -23,6 +23,12 @@ pub(crate) trait Goal {
     /// True if this hit would be taken.
     fn wants(&self, hit: &HitOf<Self>) -> bool;
 
+    /// True if this hit was dealt with before: then later ones on the same thing may still count.
+    #[inline(always)]
+    fn is_past(&self, _hit: &HitOf<Self>) -> bool {
+        false
+    }
+
     /// Takes a hit; true if the search is over.
     fn take(&mut self, hit: HitOf<Self>) -> bool;
 
@@ -102,7 +108,7 @@ impl<'a, G: Goal> Search<'a, G> {
     #[inline(always)]
     pub fn offer(&mut self, hit: HitOf<G>) -> Verdict {
         // The open interval holds after rounding too.
-        if G::Precision::t(&hit) <= self.t_min() {
+        if G::Precision::t(&hit) <= self.t_min() || self.goal.is_past(&hit) {
             return Verdict::Rejected;
         }
         if !self.goal.wants(&hit) {

@@ -5,14 +5,17 @@
 //! decided in `f64`.
 
 use super::occurrence::Occurrences;
+use super::reuse::Summary;
 use super::{
-    BuildOptions, BuildStats, Geometry, GeometryId, GroupBounds, GroupId, Instance, World, WorldBuilder, WorldError,
+    BuildOptions, BuildStats, Geometry, GeometryId, GroupBounds, GroupId, Instance, InstanceId, World, WorldBuilder,
+    WorldError,
 };
 use crate::geometry::PrimitiveSet;
 use crate::kernel::double::DoubleData;
 use crate::kernel::double::frame::Frame;
-use crate::mesh::{DTriangleMesh, TriangleMesh};
+use crate::mesh::DTriangleMesh;
 use crate::shape::Shape;
+use rayon::prelude::*;
 use snell_math::{Bounds3d, Transform};
 use std::sync::Arc;
 
@@ -55,13 +58,13 @@ impl DWorldBuilder {
     }
 
     /// As [`WorldBuilder::add_instance`].
-    pub fn add_instance(&mut self, group: GroupId, child: GroupId, group_from_child: Transform) {
-        self.builder.add_instance(group, child, group_from_child);
+    pub fn add_instance(&mut self, group: GroupId, child: GroupId, group_from_child: Transform) -> InstanceId {
+        self.builder.add_instance(group, child, group_from_child)
     }
 
     /// As [`WorldBuilder::add`].
-    pub fn add(&mut self, group: GroupId, instance: Instance) {
-        self.builder.add(group, instance);
+    pub fn add(&mut self, group: GroupId, instance: Instance) -> InstanceId {
+        self.builder.add(group, instance)
     }
 
     /// As [`WorldBuilder::set_mask`].
@@ -77,10 +80,12 @@ impl DWorldBuilder {
     /// As [`WorldBuilder::build`].
     pub fn build(mut self, options: &BuildOptions) -> Result<DWorld, WorldError> {
         let occurrences = Occurrences::count(&self.builder.groups)?;
-        let mesh_bounds = |id: GeometryId, _: &TriangleMesh| self.meshes[id.0 as usize].bounds();
-        let mut bounds = GroupBounds::of(&self.builder, &occurrences.order, mesh_bounds);
-        let frames = (0..self.builder.groups.len()).map(|group| self.enter_frame(group, &mut bounds)).collect();
-        let mut world = self.builder.finish(options, occurrences, bounds)?;
+        let summaries = self.summaries();
+        let (mut bounds, changed) = self.builder.measure(&occurrences, &summaries, None);
+        let frames =
+            (0..self.builder.groups.len()).map(|group| self.enter_frame(group, &summaries, &mut bounds)).collect();
+        let parts = self.builder.structures(options, &occurrences, summaries, (bounds, changed), None)?;
+        let mut world = self.builder.into_world(occurrences, parts);
         // The shadows have done their work.
         for geometry in &mut world.geometries {
             if let Geometry::Mesh(mesh) = geometry {
@@ -92,12 +97,25 @@ impl DWorldBuilder {
         Ok(DWorld { world, meshes: self.meshes, data })
     }
 
+    fn summaries(&self) -> Vec<Summary> {
+        let summary = |(geometry, mesh): (&Geometry, &Arc<DTriangleMesh>)| match geometry {
+            Geometry::Mesh(_) => Summary {
+                bounds: mesh.bounds(),
+                count: mesh.indices.len() as u64,
+                skipped: (0..mesh.indices.len()).filter(|&i| mesh.is_degenerate(i)).count() as u64,
+            },
+            other => Summary::of(other),
+        };
+        self.builder.geometries.par_iter().zip(&self.meshes).map(summary).collect()
+    }
+
     /// Chooses the frame of a group, and brings its meshes and the boxes of its objects into it.
-    fn enter_frame(&mut self, group: usize, bounds: &mut GroupBounds) -> Frame {
+    fn enter_frame(&mut self, group: usize, summaries: &[Summary], bounds: &mut GroupBounds) -> Frame {
         let objects = &mut bounds.objects[group];
         let finite = objects.iter().filter(|b| b.is_finite()).fold(Bounds3d::EMPTY, |all, b| all.union(b));
         let ids = &self.builder.groups[group].geometries;
-        let all = ids.iter().fold(finite, |all, id| all.union(&self.meshes[id.0 as usize].bounds()));
+        let meshes = ids.iter().map(|id| id.0 as usize).filter(|&id| !self.meshes[id].indices.is_empty());
+        let all = meshes.fold(finite, |all, id| all.union(&summaries[id].bounds));
         let mut frame = Frame::of(&all);
         for b in objects {
             *b = frame.bounds(b);

@@ -11,7 +11,7 @@ use snell_math::sampling::uniform_sphere;
 use snell_math::{DAffine3, DMat3, DRay, DVec3, Ray, Vec2, Vec3};
 
 /// Random numbers in order.
-pub(super) struct Random(pub u32);
+pub(crate) struct Random(pub u32);
 
 impl Random {
     pub fn unit(&mut self) -> f32 {
@@ -19,7 +19,7 @@ impl Random {
         to_unit(pcg4d([self.0, 17, 3, 5])[0])
     }
 
-    fn range(&mut self, low: f32, high: f32) -> f32 {
+    pub fn range(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.unit()
     }
 
@@ -46,7 +46,7 @@ impl Random {
     }
 }
 
-pub(super) fn soup(random: &mut Random, triangles: usize) -> TriangleMesh {
+pub(crate) fn soup(random: &mut Random, triangles: usize) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for i in 0..triangles as u32 {
         let center = random.point(2.0);
@@ -64,7 +64,7 @@ pub(super) fn soup(random: &mut Random, triangles: usize) -> TriangleMesh {
 }
 
 /// Meshes, spheres and instances of the group before, four deep.
-fn nested_scene(seed: u32) -> WorldBuilder {
+pub(crate) fn nested_scene(seed: u32) -> WorldBuilder {
     let mut random = Random(hash32(seed));
     let mut builder = WorldBuilder::default();
     let mut group = WorldBuilder::ROOT;
@@ -96,23 +96,23 @@ fn nested_scene(seed: u32) -> WorldBuilder {
     builder
 }
 
-pub(super) fn scaling(factor: f64) -> Transform {
+pub(crate) fn scaling(factor: f64) -> Transform {
     Transform::new(DAffine3::from_scale(DVec3::splat(factor))).expect("invertible")
 }
 
-fn build(builder: WorldBuilder, accelerator: AcceleratorKind, simd: Level) -> World {
+pub(crate) fn build(builder: WorldBuilder, accelerator: AcceleratorKind, simd: Level) -> World {
     builder.build(&BuildOptions { accelerator, simd, ..BuildOptions::default() }).expect("a world")
 }
 
-fn default_world(builder: WorldBuilder) -> World {
+pub(crate) fn default_world(builder: WorldBuilder) -> World {
     builder.build(&BuildOptions::default()).expect("a world")
 }
 
-fn bits(hit: &Hit) -> [u32; 6] {
+pub(crate) fn bits(hit: &Hit) -> [u32; 6] {
     [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), hit.instance, hit.geometry, hit.primitive]
 }
 
-pub(super) fn levels() -> impl Iterator<Item = Level> {
+pub(crate) fn levels() -> impl Iterator<Item = Level> {
     Level::ALL.into_iter().filter(|l| l.is_supported())
 }
 
@@ -170,14 +170,14 @@ fn errata_e8_a_world_keeps_nothing_between_rays_and_is_shared_by_threads() {
     });
 }
 
-fn sphere_mesh(center: Vec3, radius: f32, rings: u32, segments: u32) -> TriangleMesh {
+pub(crate) fn sphere_mesh(center: Vec3, radius: f32, rings: u32, segments: u32) -> TriangleMesh {
     let DTriangleMesh { positions, indices } = double_sphere(center.as_dvec3(), radius.into(), rings, segments);
     let positions = positions.iter().map(|p| p.as_vec3()).collect();
     TriangleMesh { positions, indices, ..TriangleMesh::default() }
 }
 
 /// A closed sphere of triangles between circles of latitude and longitude.
-pub(super) fn double_sphere(center: DVec3, radius: f64, rings: u32, segments: u32) -> DTriangleMesh {
+pub(crate) fn double_sphere(center: DVec3, radius: f64, rings: u32, segments: u32) -> DTriangleMesh {
     let mut mesh = DTriangleMesh::default();
     let mut add = |z: f64, r: f64, phi: f64| {
         mesh.positions.push(DVec3::new(r * phi.cos(), r * phi.sin(), z) * radius + center);
@@ -210,7 +210,7 @@ pub(super) fn double_sphere(center: DVec3, radius: f64, rings: u32, segments: u3
     mesh
 }
 
-fn mesh_world(mesh: TriangleMesh) -> World {
+pub(crate) fn mesh_world(mesh: TriangleMesh) -> World {
     let mut builder = WorldBuilder::default();
     builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
     default_world(builder)

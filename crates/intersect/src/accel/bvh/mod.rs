@@ -110,20 +110,7 @@ pub(crate) struct Forest {
 }
 
 impl Forest {
-    /// Builds all trees. `order` lists the groups with children before parents; `bounds` are the boxes of the objects of each group
-    /// in the coordinates of the group.
-    pub fn build(
-        lists: &[GroupList],
-        order: &[usize],
-        bounds: &[Vec<Bounds3d>],
-        options: &BvhOptions,
-    ) -> Result<Self, String> {
-        let tree = |(list, bounds): (_, &Vec<_>)| GroupTree::build(list, bounds, options).map(Arc::new);
-        let trees = lists.par_iter().zip(bounds).map(tree).collect::<Result<_, _>>()?;
-        Ok(Self::of(trees, order))
-    }
-
-    /// All groups from their trees.
+    /// All groups from their trees; `order` lists the groups with children before parents.
     pub fn of(trees: Vec<Arc<GroupTree>>, order: &[usize]) -> Self {
         let mut sizes = vec![0; trees.len()];
         for &group in order {
