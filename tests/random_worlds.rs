@@ -222,13 +222,13 @@ fn query<'a>(rays: &'a [Ray], masks: &[u32], index: usize) -> RayQuery<'a> {
 
 fn assert_batches(world: &World, name: &str, rays: &[Ray], masks: &[u32], all: &[Vec<Hit>], batch: usize) {
     let queries = Rays::new(rays).with_masks(masks);
-    for grouping in [Grouping::None, Grouping::Pixel] {
+    for grouping in [Grouping::None, Grouping::Coherent] {
         let mut hits = vec![Hit::MISS; rays.len()];
         let mut blocked = vec![false; rays.len()];
         for start in (0..rays.len()).step_by(batch) {
             let range = start..(start + batch).min(rays.len());
             world.closest(queries.slice(range.clone()), grouping, &AcceptAll, &mut hits[range.clone()]);
-            world.occluded(queries.slice(range.clone()), &AcceptAll, &mut blocked[range]);
+            world.occluded(queries.slice(range.clone()), grouping, &AcceptAll, &mut blocked[range]);
         }
         for (i, expected) in all.iter().enumerate() {
             let first = expected.first().copied().unwrap_or(Hit::MISS);

@@ -65,31 +65,31 @@ fn moved(rays: &[Ray], offset: DVec3) -> Vec<DRay> {
     rays.iter().map(DRay::from).map(|ray| DRay { origin: ray.origin + offset, ..ray }).collect()
 }
 
-fn closest(kind: &str, worlds: &Worlds, rays: &[Ray]) {
+fn closest(kind: &str, worlds: &Worlds, rays: &[Ray], grouping: Grouping) {
     let (double, city) = (moved(rays, DVec3::ZERO), moved(rays, CITY));
     let mut hits = vec![Hit::MISS; rays.len()];
     let mut double_hits = vec![DHit::MISS; rays.len()];
     let mut city_hits = vec![DHit::MISS; rays.len()];
     let times = medians([
-        &mut || worlds.single.closest(rays, Grouping::None, &AcceptAll, &mut hits),
-        &mut || worlds.double.closest(&double, Grouping::None, &AcceptAll, &mut double_hits),
-        &mut || worlds.city.closest(&city, Grouping::None, &AcceptAll, &mut city_hits),
+        &mut || worlds.single.closest(rays, grouping, &AcceptAll, &mut hits),
+        &mut || worlds.double.closest(&double, grouping, &AcceptAll, &mut double_hits),
+        &mut || worlds.city.closest(&city, grouping, &AcceptAll, &mut city_hits),
     ]);
     let same = |other: &[DHit]| hits.iter().zip(other).filter(|(a, b)| a.primitive == b.primitive).count();
     report(kind, rays.len(), times, [same(&double_hits), same(&city_hits)]);
 }
 
-fn occluded(worlds: &Worlds, rays: &[Ray]) {
+fn occluded(kind: &str, worlds: &Worlds, rays: &[Ray], grouping: Grouping) {
     let (double, city) = (moved(rays, DVec3::ZERO), moved(rays, CITY));
     let mut blocked = [const { Vec::new() }; 3].map(|_: Vec<bool>| vec![false; rays.len()]);
     let [a, b, c] = &mut blocked;
     let times = medians([
-        &mut || worlds.single.occluded(rays, &AcceptAll, a),
-        &mut || worlds.double.occluded(&double, &AcceptAll, b),
-        &mut || worlds.city.occluded(&city, &AcceptAll, c),
+        &mut || worlds.single.occluded(rays, grouping, &AcceptAll, a),
+        &mut || worlds.double.occluded(&double, grouping, &AcceptAll, b),
+        &mut || worlds.city.occluded(&city, grouping, &AcceptAll, c),
     ]);
     let same = |other: &[bool]| blocked[0].iter().zip(other).filter(|(a, b)| a == b).count();
-    report("shadow", rays.len(), times, [same(&blocked[1]), same(&blocked[2])]);
+    report(kind, rays.len(), times, [same(&blocked[1]), same(&blocked[2])]);
 }
 
 fn report(kind: &str, n: usize, times: [f64; 3], same: [usize; 2]) {
@@ -119,16 +119,18 @@ fn main() {
         };
         println!("{name}: {} triangles", mesh.indices.len());
         let primary = primary_rays(&worlds.single);
-        closest("primary", &worlds, &primary);
+        closest("primary", &worlds, &primary, Grouping::None);
+        closest("together", &worlds, &primary, Grouping::Coherent);
         let mut diffuse = diffuse_rays(&worlds.single, &primary);
-        closest("diffuse", &worlds, &diffuse);
+        closest("diffuse", &worlds, &diffuse, Grouping::None);
         let light = worlds.single.bounds().max.as_vec3() + worlds.single.bounds().radius() as f32;
         let shadow: Vec<Ray> = diffuse.iter().map(|r| shadow_ray(r.origin, light)).collect();
-        occluded(&worlds, &shadow);
+        occluded("shadow", &worlds, &shadow, Grouping::None);
+        occluded("together", &worlds, &shadow, Grouping::Coherent);
         for i in (1..diffuse.len()).rev() {
             diffuse.swap(i, rng::hash32(i as u32) as usize % (i + 1));
         }
-        closest("shuffled", &worlds, &diffuse);
+        closest("shuffled", &worlds, &diffuse, Grouping::None);
     }
 }
 

@@ -5,11 +5,12 @@
 
 use crate::hit::{DHit, Hit};
 use crate::kernel::double::{self, DoubleData};
+use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
-use crate::kernel::triangle::{TriangleBlock, exact_hit};
+use crate::kernel::triangle::{TriangleBlock, exact_hit, hit_in_plane, is_behind, plane_distance};
 use crate::query::search::{Goal, Search};
 use snell_math::simd::Lanes8;
-use snell_math::{DRay, Ray, Vec2};
+use snell_math::{DRay, DVec3, Ray, Vec2};
 use std::cmp::Ordering;
 use std::fmt::Debug;
 
@@ -138,8 +139,43 @@ pub(crate) trait Rules: Precision {
     /// A ray of a group in the coordinates that the structures of the group are in.
     fn ray_in_structure(data: &Self::Data, group: usize, ray: &DRay) -> DRay;
 
+    /// The point of a group that has these coordinates in the structures of the group.
+    fn point_of_structure(data: &Self::Data, group: usize, point: DVec3) -> DVec3;
+
     /// A ray in the coordinates of a group, as the kernels want it.
     fn local_ray(data: &Self::Data, group: usize, ray: &DRay) -> LocalRay;
+
+    /// How far the vertices in the structures of a group may be off along each axis.
+    fn slack(data: &Self::Data, group: usize) -> f32;
+
+    /// Prepares a ray of the world for the fast kernels, in the root group; false if it is not ordinary, or its interval is empty or
+    /// begins below zero.
+    fn prepare_root<L: Lanes8>(data: &Self::Data, quick: &mut QuickRay, ray: &Self::Ray) -> bool;
+
+    /// Prepares a ray of a group for the fast kernels; false if it is not ordinary.
+    fn prepare<L: Lanes8>(data: &Self::Data, group: usize, quick: &mut QuickRay, ray: &DRay) -> bool;
+
+    /// Which triangles of the block the line of an ordinary ray may pass through ([`crate::kernel::triangle::lines_through`]).
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; the ray must be prepared.
+    unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32;
+
+    /// As [`Self::triangle_hit`] for an ordinary ray; `origin` and `direction` are in the coordinates of the group.
+    fn hit_on_line<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &QuickRay,
+        origin: &DVec3,
+        direction: &DVec3,
+        corners: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<Self::Hit>;
+
+    /// True if triangles are decided on what is not in the blocks: then their memory may be asked for ahead.
+    const TRIANGLES_ELSEWHERE: bool;
+
+    /// Asks for the memory of a triangle.
+    fn fetch_triangle(data: &Self::Data, geometry: u32, triangle: u32);
 
     /// Which triangles of the block the ray may hit ([`crate::kernel::triangle::candidates`]).
     ///
@@ -205,6 +241,11 @@ impl Rules for Single {
     }
 
     #[inline(always)]
+    fn point_of_structure(_: &(), _: usize, point: DVec3) -> DVec3 {
+        point
+    }
+
+    #[inline(always)]
     fn local_ray(_: &(), _: usize, ray: &DRay) -> LocalRay {
         LocalRay::new(ray)
     }
@@ -222,14 +263,67 @@ impl Rules for Single {
         corners: &[[f32; 3]; 3],
         ids: impl FnOnce() -> [u32; 3],
     ) -> Option<Hit> {
-        let (t, uv) = exact_hit(ray, corners, search.ray.t_min.into())?;
-        let t = t as f32;
-        if t > search.goal.limit() {
+        single_hit(search, exact_hit(ray, corners, search.start.into()), ids)
+    }
+
+    #[inline(always)]
+    fn slack(_: &(), _: usize) -> f32 {
+        0.0
+    }
+
+    #[inline(always)]
+    fn prepare_root<L: Lanes8>(_: &(), quick: &mut QuickRay, ray: &Ray) -> bool {
+        quick.set_from_ray::<L>(ray)
+    }
+
+    #[inline(always)]
+    fn prepare<L: Lanes8>(_: &(), _: usize, quick: &mut QuickRay, ray: &DRay) -> bool {
+        quick.set_from_exact::<L>(&ray.origin, &ray.direction)
+    }
+
+    #[inline(always)]
+    unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
+        // SAFETY: passed on to the caller.
+        unsafe { crate::kernel::triangle::lines_through::<L>(block, ray) }
+    }
+
+    #[inline(always)]
+    fn hit_on_line<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &QuickRay,
+        origin: &DVec3,
+        direction: &DVec3,
+        corners: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<Hit> {
+        let t_min = search.start.into();
+        let plane = plane_distance(origin, direction, corners);
+        if is_behind(plane, t_min) {
             return None;
         }
-        let [instance, geometry, primitive] = ids();
-        Some(Hit { t, uv, instance, geometry, primitive })
+        single_hit(search, hit_in_plane(&ray.exact(*origin, *direction), corners, plane, t_min), ids)
     }
+
+    const TRIANGLES_ELSEWHERE: bool = false;
+
+    #[inline(always)]
+    fn fetch_triangle(_: &(), _: u32, _: u32) {}
+}
+
+/// What the exact test in single precision has found, as a hit; `None` if it is beyond what is wanted.
+#[inline(always)]
+fn single_hit<G: Goal<Precision = Single>>(
+    search: &Search<'_, G>,
+    found: Option<(f64, Vec2)>,
+    ids: impl FnOnce() -> [u32; 3],
+) -> Option<Hit> {
+    let (t, uv) = found?;
+    let t = t as f32;
+    if t > search.goal.limit() {
+        return None;
+    }
+    let [instance, geometry, primitive] = ids();
+    Some(Hit { t, uv, instance, geometry, primitive })
 }
 
 impl Rules for Double {
@@ -273,6 +367,12 @@ impl Rules for Double {
     }
 
     #[inline(always)]
+    fn point_of_structure(data: &DoubleData, group: usize, point: DVec3) -> DVec3 {
+        let frame = &data.frames[group];
+        point / frame.scale + frame.center
+    }
+
+    #[inline(always)]
     fn local_ray(data: &DoubleData, group: usize, ray: &DRay) -> LocalRay {
         data.frames[group].local_ray(ray)
     }
@@ -290,9 +390,58 @@ impl Rules for Double {
         _: &[[f32; 3]; 3],
         ids: impl FnOnce() -> [u32; 3],
     ) -> Option<DHit> {
-        let [instance, geometry, primitive] = ids();
-        let corners = search.context.data.corners(geometry, primitive);
-        let (t, uv) = double::triangle::exact_hit(&ray.exact, corners, search.ray.t_min)?;
-        (t <= search.goal.limit()).then_some(DHit { t, uv, instance, geometry, primitive })
+        double_hit(search, &ray.exact, ids())
     }
+
+    #[inline(always)]
+    fn slack(data: &DoubleData, group: usize) -> f32 {
+        data.frames[group].slack
+    }
+
+    #[inline(always)]
+    fn prepare_root<L: Lanes8>(data: &DoubleData, quick: &mut QuickRay, ray: &DRay) -> bool {
+        (ray.t_min >= 0.0) & (ray.t_min < ray.t_max) && Self::prepare::<L>(data, 0, quick, ray)
+    }
+
+    #[inline(always)]
+    fn prepare<L: Lanes8>(data: &DoubleData, group: usize, quick: &mut QuickRay, ray: &DRay) -> bool {
+        data.frames[group].prepare::<L>(quick, ray)
+    }
+
+    #[inline(always)]
+    unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
+        // SAFETY: passed on to the caller.
+        unsafe { double::triangle::lines_through::<L>(block, ray) }
+    }
+
+    #[inline(always)]
+    fn hit_on_line<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        _: &QuickRay,
+        origin: &DVec3,
+        direction: &DVec3,
+        _: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<DHit> {
+        double_hit(search, &DRay::new(*origin, *direction), ids())
+    }
+
+    const TRIANGLES_ELSEWHERE: bool = true;
+
+    #[inline(always)]
+    fn fetch_triangle(data: &DoubleData, geometry: u32, triangle: u32) {
+        data.fetch(geometry, triangle);
+    }
+}
+
+/// The hit on a triangle in double precision. `ray` is in the coordinates of the group; its interval is not used.
+#[inline(always)]
+fn double_hit<G: Goal<Precision = Double>>(
+    search: &Search<'_, G>,
+    ray: &DRay,
+    [instance, geometry, primitive]: [u32; 3],
+) -> Option<DHit> {
+    let corners = search.context.data.corners(geometry, primitive);
+    let (t, uv) = double::triangle::exact_hit(ray, corners, search.ray.t_min)?;
+    (t <= search.goal.limit()).then_some(DHit { t, uv, instance, geometry, primitive })
 }

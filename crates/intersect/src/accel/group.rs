@@ -3,7 +3,7 @@
 use crate::geometry::{PrimitiveSet, within_bounds};
 use crate::kernel::ray::LocalRay;
 use crate::precision::{Real, Rules};
-use crate::query::search::{Goal, Search, Verdict};
+use crate::query::search::{Goal, HitOf, Search, Verdict};
 use crate::shape::Shape;
 use snell_math::{DAffine3, DRay, Vec2};
 use std::sync::Arc;
@@ -205,6 +205,13 @@ pub(crate) fn test_triangle<G: Goal>(
     corners: &[[f32; 3]; 3],
     ids: impl FnOnce() -> [u32; 3],
 ) -> bool {
-    let Some(hit) = G::Precision::triangle_hit(search, ray, corners, ids) else { return false };
+    let hit = G::Precision::triangle_hit(search, ray, corners, ids);
+    offer_triangle(search, hit)
+}
+
+/// Offers what the exact test of a triangle has found. True if the search is over.
+#[inline(always)]
+pub(crate) fn offer_triangle<G: Goal>(search: &mut Search<'_, G>, found: Option<HitOf<G>>) -> bool {
+    let Some(hit) = found else { return false };
     search.offer(hit) == Verdict::Finished
 }

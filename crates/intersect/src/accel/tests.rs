@@ -251,7 +251,7 @@ fn compare(seed: u32, count: usize) -> usize {
         let mut hits = vec![Hit::MISS; rays.len()];
         world.closest(&rays[..], Grouping::None, &AcceptAll, &mut hits);
         let mut blocked = vec![false; rays.len()];
-        world.occluded(&rays[..], &AcceptAll, &mut blocked);
+        world.occluded(&rays[..], Grouping::None, &AcceptAll, &mut blocked);
         for i in 0..rays.len() {
             // The product's boxes know directions in `f32`, whose inverses vanish here.
             if kind == AcceleratorKind::Bvh && rays[i].direction.abs().max_element() > 1e37 {

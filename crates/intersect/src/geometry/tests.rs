@@ -346,7 +346,7 @@ pub(crate) fn agree(worlds: &[World], rays: &[Ray], times: &[f32]) -> usize {
     for world in worlds {
         let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
         world.closest(queries, Grouping::None, &AcceptAll, &mut hits);
-        world.occluded(queries, &AcceptAll, &mut blocked);
+        world.occluded(queries, Grouping::None, &AcceptAll, &mut blocked);
         for i in 0..rays.len() {
             let (query, wanted) = (queries.get(i), bits(&expected[i]));
             assert_eq!(bits(&hits[i]), wanted, "{:?} {:?}\n{:?}", rays[i], hits[i], expected[i]);

@@ -9,7 +9,7 @@ mod tests;
 
 use super::rays::{RayQuery, Rays};
 use super::search::{All, Goal};
-use super::{HitFilter, Searcher};
+use super::{Grouping, HitFilter, Searcher};
 use crate::hit::Hit;
 use crate::precision::{Precision, Real, Rules, Single};
 use crate::world::{Geometry, Structure, World};
@@ -95,7 +95,7 @@ impl<P: Rules> Searcher<'_, P> {
     /// [`World::all`].
     pub fn all(&self, rays: Rays<P>) -> AllHits<P> {
         let mut rows = vec![Vec::new(); rays.len()];
-        self.search_all(rays, All::new, |i, goal| {
+        self.search_all(rays, Grouping::None, All::new, |i, goal| {
             rows[i] = goal.hits;
             self.sort_and_deduplicate(&mut rows[i]);
         });
@@ -127,14 +127,14 @@ impl<P: Rules> Searcher<'_, P> {
         if self.world.may_repeat() {
             self.count_distinct(rays, BUFFER, counts);
         } else {
-            self.search_all(rays, Tally::new, |i, goal| counts[i] = goal.count);
+            self.search_all(rays, Grouping::None, Tally::new, |i, goal| counts[i] = goal.count);
         }
     }
 
     /// As [`Self::count`] for structures that may offer a crossing several times.
     fn count_distinct(&self, rays: Rays<P>, buffer: usize, counts: &mut [u32]) {
         let start = |ray: &P::Ray| Distinct::<P>::new(ray, &self.world.geometries, buffer);
-        self.search_all(rays, start, |i, mut goal| {
+        self.search_all(rays, Grouping::None, start, |i, mut goal| {
             let mut count = 0u32;
             loop {
                 let (found, last) = goal.finish();
@@ -162,6 +162,7 @@ impl<P: Rules> Tally<P> {
 
 impl<P: Rules> Goal for Tally<P> {
     type Precision = P;
+    const NARROWS: bool = false;
 
     #[inline(always)]
     fn limit(&self) -> P::Real {
@@ -240,6 +241,7 @@ impl<'a, P: Rules> Distinct<'a, P> {
 
 impl<P: Rules> Goal for Distinct<'_, P> {
     type Precision = P;
+    const NARROWS: bool = true;
 
     fn limit(&self) -> P::Real {
         self.until.map_or(self.limit, |last| last.t)

@@ -17,13 +17,13 @@ impl DWorld {
     pub fn closest<'a>(
         &self,
         rays: impl Into<Rays<'a, Double>>,
-        _grouping: Grouping,
+        grouping: Grouping,
         filter: &dyn HitFilter<Double>,
         hits: &mut [DHit],
     ) {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        self.searcher(filter).search_all(rays, Closest::new, |i, goal| hits[i] = goal.result());
+        self.searcher(filter).search_all(rays, grouping, Closest::new, |i, goal| hits[i] = goal.result());
     }
 
     /// As [`crate::World::occluded`].
@@ -33,12 +33,13 @@ impl DWorld {
     pub fn occluded<'a>(
         &self,
         rays: impl Into<Rays<'a, Double>>,
+        grouping: Grouping,
         filter: &dyn HitFilter<Double>,
         blocked: &mut [bool],
     ) {
         let rays = rays.into();
         assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        self.searcher(filter).search_all(rays, Any::new, |i, goal| blocked[i] = goal.found);
+        self.searcher(filter).search_all(rays, grouping, Any::new, |i, goal| blocked[i] = goal.found);
     }
 
     /// As [`crate::World::closest_one`].

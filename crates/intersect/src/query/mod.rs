@@ -10,8 +10,8 @@ pub mod winding;
 
 use crate::accel::brute_force::search_all;
 use crate::hit::Hit;
-use crate::kernel::interleave;
 use crate::kernel::traverse::search_forest;
+use crate::kernel::{interleave, packet};
 use crate::precision::{Precision, Rules, Single};
 use crate::world::{Structure, TraversalCounters, World};
 use rays::{RayQuery, Rays};
@@ -24,8 +24,10 @@ pub enum Grouping {
     /// Unrelated rays.
     #[default]
     None,
-    /// Runs of 16 rays that leave one point in similar directions (the samples of a pixel, seen by a pinhole).
-    Pixel,
+    /// Rays that are much like their neighbours: each run of 16, counted from the start of the batch (the last may be shorter),
+    /// leaves one point or goes to one point, in similar directions. Such are the samples of a pixel or of 4x4 pixels seen by a
+    /// pinhole, and the shadow rays from them to a point light. Where it is not so, such runs are traced like unrelated rays.
+    Coherent,
 }
 
 /// Decides about hits on geometries marked by [`crate::WorldBuilder::set_filtered`] (cut-out and blended surfaces). Must be a pure
@@ -50,26 +52,26 @@ impl World {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn closest<'a>(
-        &self,
-        rays: impl Into<Rays<'a>>,
-        _grouping: Grouping,
-        filter: &dyn HitFilter,
-        hits: &mut [Hit],
-    ) {
+    pub fn closest<'a>(&self, rays: impl Into<Rays<'a>>, grouping: Grouping, filter: &dyn HitFilter, hits: &mut [Hit]) {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        self.searcher(filter).search_all(rays, Closest::new, |i, goal| hits[i] = goal.result());
+        self.searcher(filter).search_all(rays, grouping, Closest::new, |i, goal| hits[i] = goal.result());
     }
 
     /// For each ray, whether anything lies in its interval. Invalid rays are not occluded.
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn occluded<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter, blocked: &mut [bool]) {
+    pub fn occluded<'a>(
+        &self,
+        rays: impl Into<Rays<'a>>,
+        grouping: Grouping,
+        filter: &dyn HitFilter,
+        blocked: &mut [bool],
+    ) {
         let rays = rays.into();
         assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        self.searcher(filter).search_all(rays, Any::new, |i, goal| blocked[i] = goal.found);
+        self.searcher(filter).search_all(rays, grouping, Any::new, |i, goal| blocked[i] = goal.found);
     }
 
     /// The nearest hit of one ray.
@@ -106,8 +108,27 @@ pub(crate) struct Searcher<'a, P: Rules> {
 }
 
 impl<P: Rules> Searcher<'_, P> {
-    /// Searches for all rays of a batch, each for itself, with the kernel that suits the structure.
+    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping.
     pub fn search_all<G: Goal<Precision = P>>(
+        &self,
+        rays: Rays<P>,
+        grouping: Grouping,
+        start: impl Fn(&RayOf<G>) -> G,
+        mut finish: impl FnMut(usize, G),
+    ) {
+        match &self.world.structure {
+            Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
+                let batch = interleave::Batch { rays, context: &self.context };
+                for left in packet::search_runs(forest, self.world.simd, &batch, &start, &mut finish) {
+                    let first = left.start;
+                    self.search_unrelated(rays.slice(left), &start, |i, goal| finish(first + i, goal));
+                }
+            }
+            _ => self.search_unrelated(rays, &start, finish),
+        }
+    }
+
+    fn search_unrelated<G: Goal<Precision = P>>(
         &self,
         rays: Rays<P>,
         start: impl Fn(&RayOf<G>) -> G,

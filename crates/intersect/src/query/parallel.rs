@@ -88,12 +88,13 @@ impl<'a> Parallel<'a> {
     pub fn occluded<'r>(
         &self,
         rays: impl Into<Rays<'r>>,
+        grouping: Grouping,
         filter: &dyn HitFilter,
         blocked: &mut [bool],
     ) -> Result<(), Cancelled> {
         let rays = rays.into();
         self.write(rays.len(), self.piece, blocked, |range, blocked| {
-            self.world.occluded(rays.slice(range), filter, blocked);
+            self.world.occluded(rays.slice(range), grouping, filter, blocked);
         })
     }
 

@@ -10,12 +10,15 @@ use snell_math::Vec2;
 /// Rays, hits and distances of the world that a goal is about.
 pub(crate) type RayOf<G> = <<G as Goal>::Precision as Precision>::Ray;
 pub(crate) type HitOf<G> = <<G as Goal>::Precision as Precision>::Hit;
+pub(crate) type DataOf<G> = <<G as Goal>::Precision as Rules>::Data;
 pub(crate) type RealOf<G> = <<G as Goal>::Precision as Rules>::Real;
 
 /// What a query wants to know about a ray: the nearest hit, any hit, all hits.
 pub(crate) trait Goal {
     /// Of the world that is searched.
     type Precision: Rules;
+    /// True if hits bring the limit nearer while the search goes on.
+    const NARROWS: bool;
 
     /// Hits at a greater `t` are of no interest.
     fn limit(&self) -> RealOf<Self>;
@@ -144,6 +147,7 @@ impl<P: Rules> Closest<P> {
 
 impl<P: Rules> Goal for Closest<P> {
     type Precision = P;
+    const NARROWS: bool = true;
 
     #[inline(always)]
     fn limit(&self) -> P::Real {
@@ -180,6 +184,7 @@ impl<P: Rules> Any<P> {
 
 impl<P: Rules> Goal for Any<P> {
     type Precision = P;
+    const NARROWS: bool = false;
 
     #[inline(always)]
     fn limit(&self) -> P::Real {
@@ -214,6 +219,7 @@ impl<P: Rules> All<P> {
 
 impl<P: Rules> Goal for All<P> {
     type Precision = P;
+    const NARROWS: bool = false;
 
     fn limit(&self) -> P::Real {
         self.limit
@@ -246,6 +252,7 @@ impl<P: Rules> Counted<P> {
 
 impl<P: Rules> Goal for Counted<P> {
     type Precision = P;
+    const NARROWS: bool = true;
 
     fn limit(&self) -> P::Real {
         self.closest.limit()

@@ -625,7 +625,7 @@ fn masks_of_rays_choose_geometries_and_instances() {
         let mut hits = vec![Hit::MISS; 40];
         world.closest(queries, Grouping::None, &AcceptAll, &mut hits);
         let mut blocked = vec![false; 40];
-        world.occluded(queries, &AcceptAll, &mut blocked);
+        world.occluded(queries, Grouping::None, &AcceptAll, &mut blocked);
         for i in 0..40 {
             assert_eq!(hits[i].t, expected[i % 5], "{accelerator:?}, mask {:b}", masks[i]);
             assert_eq!(world.closest_one(queries.get(i), &AcceptAll), hits[i]);
@@ -702,7 +702,7 @@ fn batches_answer_as_single_rays_do() {
     let rays: Vec<_> = (0..333).map(|_| Ray::new(random.point(5.0), random.direction())).collect();
     let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
     world.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
-    world.occluded(&rays, &AcceptAll, &mut blocked);
+    world.occluded(&rays, Grouping::None, &AcceptAll, &mut blocked);
     for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(&blocked) {
         assert_eq!(bits(hit), bits(&world.closest_one(ray, &AcceptAll)));
         assert_eq!(*blocked, world.occluded_one(ray, &AcceptAll));
@@ -742,7 +742,7 @@ mod properties {
                 let world = make(AcceleratorKind::Bvh, level);
                 let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
                 world.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
-                world.occluded(&rays, &AcceptAll, &mut blocked);
+                world.occluded(&rays, Grouping::None, &AcceptAll, &mut blocked);
                 for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(blocked) {
                     let expected = oracle.closest_one(ray, &AcceptAll);
                     prop_assert_eq!(bits(hit), bits(&expected), "{} {:?}", level, ray);
@@ -775,7 +775,7 @@ fn batches_with_rejections_agree_with_the_oracle() {
         let world = make(AcceleratorKind::Bvh, level);
         let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
         world.closest(&rays, Grouping::None, &Sieve, &mut hits);
-        world.occluded(&rays, &Sieve, &mut blocked);
+        world.occluded(&rays, Grouping::None, &Sieve, &mut blocked);
         for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(&blocked) {
             let expected = oracle.closest_one(ray, &Sieve);
             assert_eq!((bits(hit), *blocked), (bits(&expected), expected.is_hit()), "{level} {ray:?}");

@@ -69,9 +69,9 @@ impl Answer for Hit {
 }
 
 impl Answer for bool {
-    fn snell(world: &World, call: Call, _: Grouping, rays: &[Ray], answers: &mut [Self]) {
+    fn snell(world: &World, call: Call, grouping: Grouping, rays: &[Ray], answers: &mut [Self]) {
         match call {
-            Call::Batch => world.occluded(rays, &AcceptAll, answers),
+            Call::Batch => world.occluded(rays, grouping, &AcceptAll, answers),
             Call::One => {
                 for (ray, answer) in rays.iter().zip(answers) {
                     *answer = world.occluded_one(ray, &AcceptAll);

@@ -35,7 +35,12 @@ impl Options {
             // Only this one is built in several qualities.
             let qualities = if accelerator == AcceleratorKind::Bvh { &qualities[..] } else { &[Quality::Medium] };
             for &quality in qualities {
-                variants.extend(levels.iter().map(|&simd| BuildOptions { accelerator, quality, simd }));
+                variants.extend(levels.iter().map(|&simd| BuildOptions {
+                    accelerator,
+                    quality,
+                    simd,
+                    ..BuildOptions::default()
+                }));
             }
         }
         Ok(variants)

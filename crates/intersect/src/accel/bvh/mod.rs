@@ -19,6 +19,7 @@ pub use quality::Quality;
 use super::brute_force::GroupList;
 use super::group::{Object, Objects};
 use crate::kernel::node::{ChildRef, WideNode};
+use crate::kernel::quick::is_ordinary;
 use crate::kernel::triangle::TriangleBlock;
 use rayon::prelude::*;
 use snell_math::simd::Level;
@@ -107,6 +108,8 @@ pub(crate) struct Forest {
     pub trees: Vec<Arc<GroupTree>>,
     /// Entries a walk needs on the deepest way through all groups.
     pub stack_size: usize,
+    /// True if everything is of ordinary size ([`is_ordinary`]).
+    pub ordinary: bool,
 }
 
 impl Forest {
@@ -121,7 +124,8 @@ impl Forest {
             let tree: &GroupTree = &trees[group];
             sizes[group] = tree.stack_size() + tree.objects.placed().iter().map(below).max().unwrap_or(0);
         }
-        Self { stack_size: sizes[0], trees }
+        let ordinary = trees.iter().all(|tree| is_ordinary(tree));
+        Self { stack_size: sizes[0], trees, ordinary }
     }
 
     /// Memory of all trees.

@@ -78,7 +78,7 @@ fn none() -> BuildOptions {
 fn assert_equal(world: &World, oracle: &World, rays: &[Ray], what: &str) {
     let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
     world.closest(rays, Grouping::None, &AcceptAll, &mut hits);
-    world.occluded(rays, &AcceptAll, &mut blocked);
+    world.occluded(rays, Grouping::None, &AcceptAll, &mut blocked);
     for (i, ray) in rays.iter().enumerate() {
         let expected = oracle.all_one(ray, &AcceptAll);
         let first = expected.first().copied().unwrap_or(Hit::MISS);

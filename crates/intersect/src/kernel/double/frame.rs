@@ -1,7 +1,9 @@
 //! The coordinates of a tree in single precision, for a group in double precision.
 
+use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
 use crate::mesh::{DTriangleMesh, TriangleMesh};
+use snell_math::simd::Lanes8;
 use snell_math::{Bounds3d, DRay, DVec3, Vec3};
 
 /// Maps a group's coordinates to those of its tree, which are within -1 to 1: `(p - center) * scale`. Distances along rays are the
@@ -87,6 +89,15 @@ impl Frame {
         }
         self.slack = self.slack.max((slack + DOUBLE_ROUNDING) as f32).next_up();
         TriangleMesh { positions, indices, ..TriangleMesh::default() }
+    }
+
+    /// Prepares a ray of the group for the fast kernels; false if it is not ordinary.
+    #[inline(always)]
+    pub fn prepare<L: Lanes8>(&self, quick: &mut QuickRay, ray: &DRay) -> bool {
+        let DRay { origin, direction, .. } = self.ray(ray);
+        let ordinary = quick.set_from_exact::<L>(&origin, &direction);
+        quick.widen::<L>(self.slack);
+        ordinary
     }
 
     /// A ray in the coordinates of the group, as the kernels want it: with the tree's coordinates for boxes and filter.

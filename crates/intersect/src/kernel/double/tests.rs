@@ -2,8 +2,9 @@
 
 use super::frame::Frame;
 use super::plane::{exact_plane_distance, plane_distance};
-use super::triangle::{candidates, exact_hit};
-use crate::kernel::node::{ChildRef, WideNode, box_distances, padded};
+use super::triangle::{candidates, exact_hit, lines_through};
+use crate::kernel::node::{ChildRef, WideNode, box_distances, padded, quick_distances};
+use crate::kernel::quick::QuickRay;
 use crate::kernel::triangle::TriangleBlock;
 use crate::mesh::DTriangleMesh;
 use crate::precision::Real;
@@ -199,6 +200,18 @@ proptest! {
             // SAFETY: portable code.
             let (enter, leave) = unsafe { box_distances::<Portable8>(&node, &local, t.below(), cull) };
             prop_assert_eq!(enter.le(leave), 4);
+            // Nor do the fast kernels.
+            let mut quick = QuickRay::UNSET;
+            if frame.prepare::<Portable8>(&mut quick, &ray) {
+                // SAFETY: portable code, and the ray is prepared.
+                let (lanes, (enter, leave)) = unsafe {
+                    (
+                        lines_through::<Portable8>(&block, &quick),
+                        quick_distances::<Portable8>(&node, &quick, t.below(), cull),
+                    )
+                };
+                prop_assert!(lanes & 8 != 0 && enter.le(leave) == 4);
+            }
         }
     }
 

@@ -5,6 +5,7 @@
 //! or vertex of it, the same symbolic shift decides.
 
 use super::plane::plane_distance;
+use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{DrawingFrame, TriangleBlock, clamp_to_box};
 use snell_math::exact::compare_products;
@@ -58,17 +59,45 @@ const DEPTH_ERROR: f32 = 10.0 / (1u32 << 24) as f32;
 #[inline(always)]
 pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32 {
     let farthest = ray.origin[0].abs().max(ray.origin[1].abs()).max(ray.origin[2].abs());
-    // What a vertex relative to the origin may be off by on one axis.
-    let off = ray.slack + farthest * (f32::EPSILON * 0.5) + f32::MIN_POSITIVE;
+    let slack = ray.slack + farthest * (f32::EPSILON * 0.5) + f32::MIN_POSITIVE;
     // SAFETY: passed on to the caller.
-    let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2]) = unsafe {
-        let frame = DrawingFrame::<L>::new(ray);
-        let [v0, v1, v2] = &block.vertices;
-        (frame.draw(v0), frame.draw(v1), frame.draw(v2))
-    };
+    let (outside, [z0, z1, z2]) = unsafe { outside(block, &DrawingFrame::<L>::new(ray), slack) };
+    if ray.depth_scale == 0.0 {
+        return !outside & 0xff;
+    }
+    let margin = slack * 2.0 * ray.depth_scale.abs();
     // SAFETY: passed on to the caller.
-    let (zero, off4, depth_error, edge_error, tiny) = unsafe {
-        (L::splat(0.0), L::splat(off * 4.0), L::splat(DEPTH_ERROR), L::splat(EDGE_ERROR), L::splat(f32::MIN_POSITIVE))
+    let (scale, cull, start) =
+        unsafe { (L::splat(ray.depth_scale), L::splat(cull + margin), L::splat(t_min - t_min.abs() * 1e-6 - margin)) };
+    let (d0, d1, d2) = (z0.mul(scale), z1.mul(scale), z2.mul(scale));
+    let beyond = cull.lt(d0.min(d1).min(d2)) | d0.max(d1).max(d2).lt(start);
+    !(outside | beyond) & 0xff
+}
+
+/// [`crate::kernel::triangle::lines_through`] on the shadow of the triangles. Unused lanes are unspecified.
+///
+/// # Safety
+/// The machine must have the instructions of `L`; the axes of the ray must be below 3.
+#[inline(always)]
+pub(crate) unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
+    // SAFETY: passed on to the caller.
+    let (outside, _) = unsafe { outside(block, &DrawingFrame::<L>::of_quick(ray), ray.slack) };
+    !outside & 0xff
+}
+
+/// Which triangles the line of the ray surely does not pass through: two of their edges have signs that are certain and differ. Also
+/// their depths. A vertex relative to the origin may be off by `slack` on each axis.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn outside<L: Lanes8>(block: &TriangleBlock, frame: &DrawingFrame<L>, slack: f32) -> (u32, [L; 3]) {
+    let [v0, v1, v2] = &block.vertices;
+    // SAFETY: passed on to the caller.
+    let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2]) = unsafe { (frame.draw(v0), frame.draw(v1), frame.draw(v2)) };
+    // SAFETY: passed on to the caller.
+    let (zero, slack, depth_error, edge_error, tiny) = unsafe {
+        (L::splat(0.0), L::splat(slack * 4.0), L::splat(DEPTH_ERROR), L::splat(EDGE_ERROR), L::splat(f32::MIN_POSITIVE))
     };
     let u = x1.mul(y2).sub(y1.mul(x2));
     let v = x2.mul(y0).sub(y2.mul(x0));
@@ -76,21 +105,11 @@ pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay
     let x = x0.abs().max(x1.abs()).max(x2.abs());
     let y = y0.abs().max(y1.abs()).max(y2.abs());
     let z = z0.abs().max(z1.abs()).max(z2.abs());
-    // With each drawn coordinate off by `e` (an error along x or z each moves it by `off` at most), an edge value is off by at
+    // With each drawn coordinate off by `e` (an error along x or z each moves it by `slack` at most), an edge value is off by at
     // most `2 e (x + y) + 2 e^2`.
-    let twice = z.mul(depth_error).add(off4);
+    let twice = z.mul(depth_error).add(slack);
     let bound = x.mul(y).mul(edge_error).add(twice.mul(x.add(y).add(twice))).add(tiny);
-    let outside = u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w));
-    if ray.depth_scale == 0.0 {
-        return !outside & 0xff;
-    }
-    let margin = off * 2.0 * ray.depth_scale.abs();
-    // SAFETY: passed on to the caller.
-    let (scale, cull, start) =
-        unsafe { (L::splat(ray.depth_scale), L::splat(cull + margin), L::splat(t_min - t_min.abs() * 1e-6 - margin)) };
-    let (d0, d1, d2) = (z0.mul(scale), z1.mul(scale), z2.mul(scale));
-    let beyond = cull.lt(d0.min(d1).min(d2)) | d0.max(d1).max(d2).lt(start);
-    !(outside | beyond) & 0xff
+    (u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w)), [z0, z1, z2])
 }
 
 /// Twice the signed area of the drawn triangle (ray, p, q), and its exact sign after the symbolic shift of the ray: 0 only if

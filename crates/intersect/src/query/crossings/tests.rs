@@ -49,7 +49,7 @@ fn all_count_closest_and_occluded_agree() {
             let mut counts = vec![9; n];
             let mut distinct = vec![9; n];
             world.closest(&rays, crate::Grouping::None, filter, &mut hits);
-            world.occluded(&rays, filter, &mut occluded);
+            world.occluded(&rays, Grouping::None, filter, &mut occluded);
             world.count(&rays, filter, &mut counts);
             world.searcher(filter).count_distinct(Rays::new(&rays), 8, &mut distinct);
             assert_eq!(all.ray_count(), n);
@@ -158,7 +158,7 @@ proptest! {
             .collect();
         let (mut hits, mut blocked, mut counts) = (vec![Hit::MISS; rays.len()], vec![true; rays.len()], vec![7; rays.len()]);
         world.closest(&rays, crate::Grouping::None, &AcceptAll, &mut hits);
-        world.occluded(&rays, &AcceptAll, &mut blocked);
+        world.occluded(&rays, Grouping::None, &AcceptAll, &mut blocked);
         world.count(&rays, &AcceptAll, &mut counts);
         let all = world.all(&rays, &AcceptAll);
         for i in 0..rays.len() {

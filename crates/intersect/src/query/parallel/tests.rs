@@ -16,7 +16,7 @@ fn answers_do_not_depend_on_threads_or_pieces() {
 
     let (mut hits, mut blocked, mut counts) = (vec![Hit::MISS; 1000], vec![false; 1000], vec![0; 1000]);
     world.closest(rays, Grouping::None, &AcceptAll, &mut hits);
-    world.occluded(rays, &AcceptAll, &mut blocked);
+    world.occluded(rays, Grouping::None, &AcceptAll, &mut blocked);
     world.count(rays, &AcceptAll, &mut counts);
     let all = world.all(rays, &AcceptAll);
     let (mut nearest, mut distances) = (vec![NearestPoint::NONE; 60], vec![0.0; 60]);
@@ -33,7 +33,7 @@ fn answers_do_not_depend_on_threads_or_pieces() {
             pool.install(|| {
                 let (mut h, mut b, mut c) = (vec![Hit::MISS; 1000], vec![false; 1000], vec![0; 1000]);
                 parallel.closest(rays, Grouping::None, &AcceptAll, &mut h)?;
-                parallel.occluded(rays, &AcceptAll, &mut b)?;
+                parallel.occluded(rays, Grouping::Coherent, &AcceptAll, &mut b)?;
                 parallel.count(rays, &AcceptAll, &mut c)?;
                 assert!(h == hits && b == blocked && c == counts, "{threads} {piece}");
                 assert_eq!(parallel.all(rays, &AcceptAll)?, all);

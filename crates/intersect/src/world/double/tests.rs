@@ -112,7 +112,10 @@ fn every_structure_and_level_gives_the_same_hits_bit_for_bit() {
             let mut found = vec![DHit::MISS; rays.len()];
             let mut blocked = vec![false; rays.len()];
             world.closest(batch, Grouping::None, &Odd, &mut found);
-            world.occluded(batch, &Odd, &mut blocked);
+            world.occluded(batch, Grouping::None, &Odd, &mut blocked);
+            let mut together = vec![DHit::MISS; rays.len()];
+            world.closest(batch, Grouping::Coherent, &Odd, &mut together);
+            assert!(together.iter().zip(&found).all(|(a, b)| bits(a) == bits(b)), "{kind:?} {level}");
             let checked = if kind == AcceleratorKind::Bvh { rays.len() } else { 60 };
             for i in 0..checked {
                 let (ray, expected) = (batch.get(i), &expected[i]);
@@ -257,6 +260,39 @@ fn invalid_and_extreme_rays_end_in_an_answer() {
     }
     assert!(found > 100, "{found}");
     assert_eq!(hits.iter().filter(|h| h.geometry == Hit::NONE).count(), hits.len() - found);
+}
+
+#[test]
+fn rays_that_belong_together_hit_what_they_hit_alone() {
+    for (far, radius) in [(3.0, 1.0), (200.0, 1.0), (3.0, 1e-3)] {
+        let mut builder = DWorldBuilder::default();
+        let child = builder.add_group();
+        let other = CITY * 0.5;
+        builder.add_mesh(DWorldBuilder::ROOT, Arc::new(double_sphere(CITY, radius, 100, 200)));
+        builder.add_mesh(child, Arc::new(double_sphere(other, radius, 100, 200)));
+        let placed = Transform::translation(CITY + DVec3::X * 1.5 * radius - other);
+        builder.add_instance(DWorldBuilder::ROOT, child, placed);
+        let world = build(builder, AcceleratorKind::Bvh, Level::best());
+        let eye = CITY + DVec3::new(0.3, 0.4, 1.0).normalize() * far * radius;
+        let light = CITY + DVec3::new(3.0, 1.0, 2.0) * radius;
+        let pixels = (0..64 * 64).map(|i| DVec3::new(f64::from(i % 64) - 31.7, f64::from(i / 64) - 31.4, 0.0) / 24.0);
+        let rays: Vec<DRay> = pixels.map(|p| DRay::new(eye, CITY + p * radius - eye)).collect();
+        let (mut alone, mut together) = (vec![DHit::MISS; rays.len()], vec![DHit::MISS; rays.len()]);
+        world.closest(&rays, Grouping::None, &AcceptAll, &mut alone);
+        world.closest(&rays, Grouping::Coherent, &AcceptAll, &mut together);
+        assert!(alone.iter().zip(&together).all(|(a, b)| bits(a) == bits(b)));
+        let hit: Vec<DVec3> = rays.iter().zip(&alone).filter(|(_, h)| h.is_hit()).map(|(r, h)| r.at(h.t)).collect();
+        assert!(hit.len() > rays.len() / 4, "{}", hit.len());
+        let shadows: Vec<DRay> = hit.iter().map(|&p| DRay::new(p, light - p).with_t_max(0.999)).collect();
+        let (mut alone, mut together) = (vec![false; hit.len()], vec![false; hit.len()]);
+        world.occluded(&shadows, Grouping::None, &AcceptAll, &mut alone);
+        world.occluded(&shadows, Grouping::Coherent, &AcceptAll, &mut together);
+        assert_eq!(alone, together);
+        let mut counts = vec![0; rays.len()];
+        world.count(&rays, &AcceptAll, &mut counts);
+        let all = world.all(&rays, &AcceptAll);
+        assert!((0..rays.len()).all(|i| all.of_ray(i).len() == counts[i] as usize && counts[i] % 2 == 0));
+    }
 }
 
 #[test]

@@ -1,0 +1,374 @@
+//! Sixteen rays as one bundle: what they have in common, and each of them in lanes.
+//!
+//! The bundle is described from a point, its *apex*: where the rays start if they share an origin, about where they end if they
+//! go to one point, and any point near their origins else. Along the axis on which the first ray is fastest, `z` counts the distance from the apex, growing away from
+//! it, and a ray is the line `x = slope z + offset` in each of the other two axes. With a shared origin all offsets are 0. No
+//! inverse direction appears, so rays that are parallel to an axis, or go both ways along it, are nothing special.
+//!
+//! A box is missed by all if it lies outside of the four planes around the bundle (Reshetov, Soupikov and Hurley, Multi-Level Ray
+//! Tracing Algorithm, 2005, go down with the same kind of frustum). Everything here is conservative.
+
+use super::super::node::WideNode;
+use super::super::ray::LocalRay;
+use snell_math::DRay;
+use snell_math::DVec3;
+use snell_math::simd::Lanes8;
+
+/// Rays in a bundle.
+pub(super) const RAYS: usize = 16;
+
+/// One number per ray.
+type PerRay<T> = [T; RAYS];
+
+/// Relative padding of everything that follows from rounded coordinates, as [`super::super::node::BOX_PADDING`]: roundings
+/// of `f32` here, and of the drawing of triangles, come to less than half of it.
+const PADDING: f32 = 1.0e-6;
+
+/// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.
+const LARGEST: f32 = 1.0e15;
+
+/// No box is as far. (So that boxes that are missed, and empty ones, begin beyond it.)
+const FARTHEST: f32 = 1.0e16;
+
+/// Bundles that spread more than this, per unit of depth, are not worth it.
+const MAX_SPREAD: f32 = 0.25;
+
+/// The rays of a bundle in the coordinates of a group, one array per coordinate.
+#[derive(Clone, Debug)]
+pub(super) struct ExactRays {
+    pub origin: [PerRay<f64>; 3],
+    pub direction: [PerRay<f64>; 3],
+}
+
+impl ExactRays {
+    /// One of the rays; its interval is not used.
+    #[inline(always)]
+    pub fn get(&self, lane: usize) -> DRay {
+        let pick = |v: &[PerRay<f64>; 3]| DVec3::new(v[0][lane], v[1][lane], v[2][lane]);
+        DRay::new(pick(&self.origin), pick(&self.direction))
+    }
+}
+
+/// What is known of a bundle besides its rays.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kind {
+    /// The point that the bundle is described from.
+    pub apex: [f32; 3],
+    /// The rays end near the apex instead of starting there.
+    pub reversed: bool,
+    /// All rays start at the apex.
+    pub common: bool,
+    /// The apex, or the origins as triangles see them, are rounded.
+    pub rounded: bool,
+    /// How far vertices and boxes may be off along each axis.
+    pub slack: f32,
+}
+
+/// A bundle in the coordinates of a group.
+#[derive(Clone, Debug)]
+pub(super) struct Bundle {
+    pub rays: ExactRays,
+    pub kind: Kind,
+    /// Axes x, y and z of the bundle: z is the one along which it goes.
+    pub axes: [usize; 3],
+    /// 1 if `z` grows along its axis, -1 if it falls.
+    pub sign: f32,
+    /// For the order in which children are visited: as [`LocalRay::octant`], away from the apex.
+    pub octant: usize,
+    /// Bound of all absolute errors of positions; 0 for a shared origin at which nothing was rounded.
+    pub margin: f32,
+    /// The farthest that a ray starts from the apex.
+    pub distance: f32,
+    /// Per axis and ray.
+    pub slope: [PerRay<f32>; 2],
+    pub offset: [PerRay<f32>; 2],
+    /// Where each ray starts and ends on the z axis; it ends before it starts when nothing is wanted of it any more.
+    near: PerRay<f32>,
+    far: PerRay<f32>,
+    /// `z` at `t = 0`, and how fast it changes with `t`, without sign.
+    start: PerRay<f32>,
+    along: PerRay<f32>,
+    /// Least and greatest of all rays.
+    bundle_near: f32,
+    pub bundle_far: f32,
+    low_slope: [f32; 2],
+    high_slope: [f32; 2],
+    low_offset: [f32; 2],
+    high_offset: [f32; 2],
+}
+
+#[inline(always)]
+fn least(values: &PerRay<f32>) -> f32 {
+    let mut eight: [f32; 8] =
+        std::array::from_fn(|i| if values[i] < values[i + 8] { values[i] } else { values[i + 8] });
+    for step in [4, 2, 1] {
+        for i in 0..step {
+            eight[i] = if eight[i] < eight[i + step] { eight[i] } else { eight[i + step] };
+        }
+    }
+    eight[0]
+}
+
+#[inline(always)]
+fn greatest(values: &PerRay<f32>) -> f32 {
+    let mut eight: [f32; 8] =
+        std::array::from_fn(|i| if values[i] > values[i + 8] { values[i] } else { values[i + 8] });
+    for step in [4, 2, 1] {
+        for i in 0..step {
+            eight[i] = if eight[i] > eight[i + step] { eight[i] } else { eight[i + step] };
+        }
+    }
+    eight[0]
+}
+
+impl Bundle {
+    /// The bundle, or `None` if these rays do not make one. `t_min` must not be negative. `cull` are the padded limits of the
+    /// searches; rays whose search is over, and lanes without a ray, have a negative one.
+    #[inline(always)]
+    pub fn new(rays: &ExactRays, kind: Kind, t_min: &PerRay<f32>, cull: &PerRay<f32>) -> Option<Self> {
+        let axes = LocalRay::new(&rays.get(0)).axes;
+        let [x, y, z] = axes;
+        let (o, d) = (&rays.origin, &rays.direction);
+        let forward: f64 = if d[z][0] < 0.0 { -1.0 } else { 1.0 };
+        let sign = if kind.reversed { -forward } else { forward };
+        let mut slope = [[0.0; RAYS]; 2];
+        let mut along = [0.0; RAYS];
+        for i in 0..RAYS {
+            // The same operations as in `LocalRay`, whose shears these are.
+            let per_z = 1.0 / d[z][i];
+            slope[0][i] = (d[x][i] * per_z) as f32 * sign as f32;
+            slope[1][i] = (d[y][i] * per_z) as f32 * sign as f32;
+            along[i] = (d[z][i] * forward) as f32;
+        }
+        let (low, high) = ([least(&slope[0]), least(&slope[1])], [greatest(&slope[0]), greatest(&slope[1])]);
+        let fine = least(&along) > 1.0 / LARGEST
+            && greatest(&along) < LARGEST
+            && (0..2).all(|i| low[i] >= -2.0 && high[i] <= 2.0 && high[i] - low[i] <= MAX_SPREAD)
+            && kind.apex.iter().all(|a| a.abs() < LARGEST);
+        if !fine {
+            return None;
+        }
+        let mut offset = [[0.0; RAYS]; 2];
+        let mut start = [0.0; RAYS];
+        let (mut margin, mut distance) = (0.0f32, 0.0f32);
+        if !kind.common {
+            let apex = kind.apex.map(f64::from);
+            let mut far = [0.0f32; RAYS];
+            for i in 0..RAYS {
+                let from = [o[x][i] - apex[x], o[y][i] - apex[y], o[z][i] - apex[z]];
+                let from_z = from[2] * sign;
+                start[i] = from_z as f32;
+                offset[0][i] = (from[0] - f64::from(slope[0][i]) * from_z) as f32;
+                offset[1][i] = (from[1] - f64::from(slope[1][i]) * from_z) as f32;
+                far[i] = (from[0].abs() + from[1].abs() + from[2].abs()) as f32;
+            }
+            distance = greatest(&far);
+            margin = distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
+        }
+        if kind.rounded {
+            let mut size = [0.0f32; RAYS];
+            for i in 0..RAYS {
+                size[i] = (o[x][i].abs() + o[y][i].abs() + o[z][i].abs()) as f32;
+            }
+            margin += greatest(&size) * (4.0 * f32::EPSILON) + f32::MIN_POSITIVE;
+        }
+        margin += 2.0 * kind.slack;
+        if !(margin < LARGEST) {
+            return None;
+        }
+        let octant = (0..3).fold(0, |octant, axis| {
+            let down = (d[axis][0] < 0.0) != kind.reversed;
+            octant | usize::from(down) << axis
+        });
+        let (mut near, mut far) = ([0.0; RAYS], [0.0; RAYS]);
+        for i in 0..RAYS {
+            let early = t_min[i] * along[i];
+            near[i] = (start[i] + early) * (1.0 - PADDING) - margin;
+            far[i] = (start[i] - early) * (1.0 + PADDING) + margin;
+        }
+        let mut bundle = Self {
+            rays: rays.clone(),
+            kind,
+            axes,
+            sign: sign as f32,
+            octant,
+            margin,
+            distance,
+            slope,
+            offset,
+            near,
+            far,
+            start,
+            along,
+            bundle_near: 0.0,
+            bundle_far: 0.0,
+            low_slope: low.map(|s| s - 2.0 * PADDING),
+            high_slope: high.map(|s| s + 2.0 * PADDING),
+            low_offset: [least(&offset[0]), least(&offset[1])],
+            high_offset: [greatest(&offset[0]), greatest(&offset[1])],
+        };
+        for i in 0..RAYS {
+            let end = bundle.end(i, cull[i]);
+            if kind.reversed {
+                bundle.near[i] = end;
+            } else {
+                bundle.far[i] = end;
+            }
+            if cull[i] < 0.0 {
+                (bundle.near[i], bundle.far[i]) = (f32::INFINITY, f32::NEG_INFINITY);
+            }
+        }
+        bundle.update_limits();
+        // Before the apex the slopes change places; the bundle is hardly wider there.
+        let before = (-bundle.bundle_near).max(0.0);
+        for i in 0..2 {
+            let extra = margin + (bundle.high_slope[i] - bundle.low_slope[i]) * before;
+            bundle.low_offset[i] -= extra;
+            bundle.high_offset[i] += extra;
+        }
+        Some(bundle)
+    }
+
+    /// Where a search with this limit ends.
+    #[inline(always)]
+    fn end(&self, lane: usize, cull: f32) -> f32 {
+        if self.kind.reversed {
+            self.start[lane] * (1.0 - PADDING) - cull * self.along[lane] - self.margin
+        } else {
+            let end = (self.start[lane] + cull * self.along[lane]) * (1.0 + PADDING) + self.margin;
+            if end < FARTHEST { end } else { FARTHEST }
+        }
+    }
+
+    /// After a hit of one ray: its new padded limit, negative if its search is over. [`Self::update_limits`] must follow.
+    #[inline(always)]
+    pub fn tighten(&mut self, lane: usize, cull: f32) {
+        if cull < 0.0 {
+            (self.near[lane], self.far[lane]) = (f32::INFINITY, f32::NEG_INFINITY);
+        } else if self.kind.reversed {
+            self.near[lane] = self.end(lane, cull);
+        } else {
+            self.far[lane] = self.end(lane, cull);
+        }
+    }
+
+    /// After hits: what is of interest to any of the rays.
+    #[inline(always)]
+    pub fn update_limits(&mut self) {
+        self.bundle_near = least(&self.near);
+        self.bundle_far = greatest(&self.far);
+    }
+
+    /// For each child of a node where the bundle enters its box (at or beyond `bundle_far` if it is missed).
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    pub unsafe fn box_distances<L: Lanes8>(&self, node: &WideNode) -> L {
+        let [x, y, z] = self.axes;
+        let up = usize::from(self.sign < 0.0);
+        // SAFETY: passed on to the caller; axes are below 3.
+        unsafe {
+            let near = self.planes::<L>(node, up, z).mul(L::splat(self.sign)).sub(L::splat(self.margin));
+            let far =
+                self.planes::<L>(node, up ^ 1, z).mul(L::splat(self.sign * (1.0 + PADDING))).add(L::splat(self.margin));
+            let near = near.max(L::splat(self.bundle_near));
+            let far = far.min(L::splat(self.bundle_far));
+            // The last one is always a number.
+            let gap = self.gap(node, 0, x, near, far).max(self.gap(node, 1, y, near, far).max(near.sub(far)));
+            gap.mul(L::splat(f32::MAX)).max(near)
+        }
+    }
+
+    /// The planes of the boxes of a node as seen from the apex.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; `side` must be 0 or 1, `axis` below 3.
+    #[inline(always)]
+    unsafe fn planes<L: Lanes8>(&self, node: &WideNode, side: usize, axis: usize) -> L {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let planes = L::load(node.bounds.get_unchecked(side).get_unchecked(axis));
+            planes.sub(L::splat(*self.kind.apex.get_unchecked(axis)))
+        }
+    }
+
+    /// Positive where the boxes of a node, from `near` to `far`, lie beside the bundle on an axis.
+    ///
+    /// # Safety
+    /// As [`Self::planes`].
+    #[inline(always)]
+    unsafe fn gap<L: Lanes8>(&self, node: &WideNode, i: usize, axis: usize, near: L, far: L) -> L {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let (low, high) = (L::splat(self.low_slope[i]), L::splat(self.high_slope[i]));
+            let low = near.mul(low).min(far.mul(low)).add(L::splat(self.low_offset[i]));
+            let high = near.mul(high).max(far.mul(high)).add(L::splat(self.high_offset[i]));
+            self.planes::<L>(node, 0, axis).sub(high).max(low.sub(self.planes::<L>(node, 1, axis)))
+        }
+    }
+
+    /// Which rays meet one of the boxes of a node.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    pub unsafe fn rays_meeting<L: Lanes8>(&self, node: &WideNode, slot: usize) -> u32 {
+        let [x, y, z] = self.axes;
+        let up = usize::from(self.sign < 0.0);
+        let near = self.plane(node, slot, up, z) * self.sign - self.margin;
+        let far = self.plane(node, slot, up ^ 1, z) * self.sign * (1.0 + PADDING) + self.margin;
+        let mut sides = [[0.0; 2]; 2];
+        for (side, axis) in sides.iter_mut().zip([x, y]) {
+            let (low, high) = (self.plane(node, slot, 0, axis), self.plane(node, slot, 1, axis));
+            *side = [low - low.abs() * PADDING - self.margin, high + high.abs() * PADDING + self.margin];
+        }
+        let mut mask = 0;
+        for half in 0..2 {
+            // SAFETY: passed on to the caller.
+            unsafe {
+                let near = L::splat(near).max(lanes(&self.near, half));
+                let far = L::splat(far).min(lanes(&self.far, half));
+                let mut met = near.le(far);
+                for i in 0..2 {
+                    let (slope, offset): (L, L) = (lanes(&self.slope[i], half), lanes(&self.offset[i], half));
+                    let (a, b) = (near.mul(slope), far.mul(slope));
+                    met &=
+                        a.min(b).add(offset).le(L::splat(sides[i][1])) & L::splat(sides[i][0]).le(a.max(b).add(offset));
+                }
+                mask |= met << (8 * half);
+            }
+        }
+        mask
+    }
+
+    /// One plane of one box as seen from the apex.
+    #[inline(always)]
+    fn plane(&self, node: &WideNode, slot: usize, side: usize, axis: usize) -> f32 {
+        node.bounds[side][axis][slot & 7] - self.kind.apex[axis]
+    }
+}
+
+/// One half of the rays.
+///
+/// # Safety
+/// The machine must have the instructions of `L`; `half` must be 0 or 1.
+#[inline(always)]
+unsafe fn lanes<L: Lanes8>(values: &PerRay<f32>, half: usize) -> L {
+    // SAFETY: passed on to the caller.
+    unsafe { L::load(&*values.as_ptr().add(8 * half).cast::<[f32; 8]>()) }
+}
+
+/// True if the boxes of a node are where the tests of bundles cannot overflow.
+#[inline(always)]
+pub(super) fn is_in_range(node: &WideNode) -> bool {
+    let mut within = true;
+    for slot in 0..8 {
+        for axis in 0..3 {
+            let (low, high) = (node.bounds[0][axis][slot], node.bounds[1][axis][slot]);
+            // Unused slots are empty.
+            within &= low > high || (low > -LARGEST && high < LARGEST);
+        }
+    }
+    within
+}
