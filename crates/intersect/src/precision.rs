@@ -3,16 +3,20 @@
 //! Trees, boxes and kernels are the same for both, in `f32`: boxes and filters only skip. What decides is different: how a ray is
 //! brought into the coordinates of a tree, and the exact test of a triangle.
 
+use crate::accel::bvh::Forest;
 use crate::hit::{DHit, Hit};
 use crate::kernel::double::{self, DoubleData};
+use crate::kernel::interleave::Batch;
+use crate::kernel::packet;
 use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{TriangleBlock, exact_hit, hit_in_plane, is_behind, plane_distance};
 use crate::query::search::{Goal, Search};
-use snell_math::simd::Lanes8;
+use snell_math::simd::{Lanes8, Level};
 use snell_math::{DRay, DVec3, Ray, Vec2};
 use std::cmp::Ordering;
 use std::fmt::Debug;
+use std::ops::Range;
 
 /// The precision of a world's coordinates and rays: [`Single`] or [`Double`].
 pub trait Precision: sealed::Sealed + Copy + Debug + Default + PartialEq + Send + Sync + 'static {
@@ -139,14 +143,8 @@ pub(crate) trait Rules: Precision {
     /// A ray of a group in the coordinates that the structures of the group are in.
     fn ray_in_structure(data: &Self::Data, group: usize, ray: &DRay) -> DRay;
 
-    /// The point of a group that has these coordinates in the structures of the group.
-    fn point_of_structure(data: &Self::Data, group: usize, point: DVec3) -> DVec3;
-
     /// A ray in the coordinates of a group, as the kernels want it.
     fn local_ray(data: &Self::Data, group: usize, ray: &DRay) -> LocalRay;
-
-    /// How far the vertices in the structures of a group may be off along each axis.
-    fn slack(data: &Self::Data, group: usize) -> f32;
 
     /// Prepares a ray of the world for the fast kernels, in the root group; false if it is not ordinary, or its interval is empty or
     /// begins below zero.
@@ -170,6 +168,15 @@ pub(crate) trait Rules: Precision {
         corners: &[[f32; 3]; 3],
         ids: impl FnOnce() -> [u32; 3],
     ) -> Option<Self::Hit>;
+
+    /// Searches for runs of coherent rays ([`packet::search_runs`]); returns the ranges of rays that were left out.
+    fn search_runs<G: Goal<Precision = Self>>(
+        forest: &Forest,
+        level: Level,
+        batch: &Batch<Self>,
+        start: impl Fn(&Self::Ray) -> G,
+        finish: impl FnMut(usize, G),
+    ) -> Vec<Range<usize>>;
 
     /// True if triangles are decided on what is not in the blocks: then their memory may be asked for ahead.
     const TRIANGLES_ELSEWHERE: bool;
@@ -241,11 +248,6 @@ impl Rules for Single {
     }
 
     #[inline(always)]
-    fn point_of_structure(_: &(), _: usize, point: DVec3) -> DVec3 {
-        point
-    }
-
-    #[inline(always)]
     fn local_ray(_: &(), _: usize, ray: &DRay) -> LocalRay {
         LocalRay::new(ray)
     }
@@ -264,11 +266,6 @@ impl Rules for Single {
         ids: impl FnOnce() -> [u32; 3],
     ) -> Option<Hit> {
         single_hit(search, exact_hit(ray, corners, search.start.into()), ids)
-    }
-
-    #[inline(always)]
-    fn slack(_: &(), _: usize) -> f32 {
-        0.0
     }
 
     #[inline(always)]
@@ -304,6 +301,16 @@ impl Rules for Single {
         single_hit(search, hit_in_plane(&ray.exact(*origin, *direction), corners, plane, t_min), ids)
     }
 
+    fn search_runs<G: Goal<Precision = Self>>(
+        forest: &Forest,
+        level: Level,
+        batch: &Batch<Self>,
+        start: impl Fn(&Ray) -> G,
+        finish: impl FnMut(usize, G),
+    ) -> Vec<Range<usize>> {
+        packet::search_runs(forest, level, batch, start, finish)
+    }
+
     const TRIANGLES_ELSEWHERE: bool = false;
 
     #[inline(always)]
@@ -318,7 +325,8 @@ fn single_hit<G: Goal<Precision = Single>>(
     ids: impl FnOnce() -> [u32; 3],
 ) -> Option<Hit> {
     let (t, uv) = found?;
-    let t = t as f32;
+    // Never minus zero.
+    let t = t as f32 + 0.0;
     if t > search.goal.limit() {
         return None;
     }
@@ -367,12 +375,6 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    fn point_of_structure(data: &DoubleData, group: usize, point: DVec3) -> DVec3 {
-        let frame = &data.frames[group];
-        point / frame.scale + frame.center
-    }
-
-    #[inline(always)]
     fn local_ray(data: &DoubleData, group: usize, ray: &DRay) -> LocalRay {
         data.frames[group].local_ray(ray)
     }
@@ -391,11 +393,6 @@ impl Rules for Double {
         ids: impl FnOnce() -> [u32; 3],
     ) -> Option<DHit> {
         double_hit(search, &ray.exact, ids())
-    }
-
-    #[inline(always)]
-    fn slack(data: &DoubleData, group: usize) -> f32 {
-        data.frames[group].slack
     }
 
     #[inline(always)]
@@ -426,6 +423,17 @@ impl Rules for Double {
         double_hit(search, &DRay::new(*origin, *direction), ids())
     }
 
+    /// All of them: bundles are in single precision.
+    fn search_runs<G: Goal<Precision = Self>>(
+        _: &Forest,
+        _: Level,
+        batch: &Batch<Self>,
+        _: impl Fn(&DRay) -> G,
+        _: impl FnMut(usize, G),
+    ) -> Vec<Range<usize>> {
+        vec![0..batch.rays.len()]
+    }
+
     const TRIANGLES_ELSEWHERE: bool = true;
 
     #[inline(always)]
@@ -443,5 +451,7 @@ fn double_hit<G: Goal<Precision = Double>>(
 ) -> Option<DHit> {
     let corners = search.context.data.corners(geometry, primitive);
     let (t, uv) = double::triangle::exact_hit(ray, corners, search.ray.t_min)?;
+    // Never minus zero.
+    let t = t + 0.0;
     (t <= search.goal.limit()).then_some(DHit { t, uv, instance, geometry, primitive })
 }

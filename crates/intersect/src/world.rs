@@ -327,6 +327,7 @@ impl WorldBuilder {
         }
         stats.instanced_triangles = below[0];
         if let Structure::Bvh(forest) = structure {
+            stats.skipped_triangles = forest.trees.iter().map(|t| t.skipped.len() as u64).sum();
             stats.nodes = forest.trees.iter().map(|t| t.nodes.len() as u64).sum();
             stats.triangle_blocks = forest.trees.iter().map(|t| t.blocks.len() as u64).sum();
             stats.depth = forest.trees.iter().map(|t| t.depth as u32).max().unwrap_or(0);

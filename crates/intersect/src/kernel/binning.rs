@@ -35,6 +35,12 @@ impl Box8 {
         Self([low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]])
     }
 
+    /// The common part; may be empty.
+    pub fn intersection(&self, other: &Self) -> Self {
+        let (a, b) = (self.bounds(), other.bounds());
+        Self::new(a.min.max(b.min), a.max.min(b.max))
+    }
+
     /// The box grown to hold `p`.
     #[inline(always)]
     pub fn with_point(&self, p: Vec4) -> Self {

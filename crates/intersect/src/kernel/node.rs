@@ -173,10 +173,14 @@ fn sort8(keys: &mut [i64; 8]) {
 /// alone; the drawing of triangles may be off by as much again.
 pub(crate) const BOX_PADDING: f32 = 1.0e-6;
 
-/// A bound on distances, moved out by [`BOX_PADDING`].
+/// Relative padding of the distance beyond which nothing is of interest: more than a hit may be off along the ray from the box of the piece
+/// of its triangle that the ray meets ([`super::triangle::PLACE_TOLERANCE`]).
+const CULL_PADDING: f32 = 1.0e-4;
+
+/// A bound on distances, moved out by [`CULL_PADDING`].
 #[inline(always)]
 pub(crate) fn padded(t: f32) -> f32 {
-    t + t.abs() * BOX_PADDING
+    t + t.abs() * CULL_PADDING
 }
 
 /// Where the ray enters each of the eight boxes, and the value that must not exceed for the box to be met between `t_min` and

@@ -6,20 +6,24 @@
 //! as everywhere else, so that neighbours change neither results nor what is done for a ray.
 
 mod bundle;
+mod exact;
 mod leaf;
 
 use super::interleave::Batch;
-use super::node::ChildRef;
+use super::node::{ChildRef, padded};
 use super::ray::LocalRay;
 use super::traverse::{Entry, Stack, Walk, test_object, walk_portable};
+use super::triangle::TriangleBlock;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{Object, ObjectRef, ray_in_child, test_triangle};
-use crate::precision::{Real, Rules};
-use crate::query::search::{DataOf, Goal, RayOf, Search};
-use bundle::{Bundle, ExactRays, Kind, RAYS};
+use crate::hit::Hit;
+use crate::precision::Single;
+use crate::query::search::{Goal, Search, Verdict};
+use bundle::{Bundle, Kind, PerRay, RAYS};
+use exact::{PAIRS, Pairs, exact_hits};
 use leaf::SeenBlock;
-use snell_math::simd::{Lanes8, Level, Portable8};
-use snell_math::{DAffine3, DRay, DVec3};
+use snell_math::simd::{Level, Portable8, WideLanes};
+use snell_math::{DAffine3, DRay, DVec3, Ray, Vec2, Vec3};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 
@@ -45,11 +49,11 @@ fn fits(tree: &GroupTree) -> bool {
 
 /// Searches for the rays of the batch run by run; `finish` gets the number of a ray and what was found. Returns the ranges of
 /// rays that were left out.
-pub(crate) fn search_runs<G: Goal>(
+pub(crate) fn search_runs<G: Goal<Precision = Single>>(
     forest: &Forest,
     level: Level,
-    batch: &Batch<G::Precision>,
-    start: impl Fn(&RayOf<G>) -> G,
+    batch: &Batch<Single>,
+    start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
 ) -> Vec<Range<usize>> {
     debug_assert!(is_suitable(forest));
@@ -80,12 +84,12 @@ pub(crate) fn search_runs<G: Goal>(
 /// # Safety
 /// As [`run`].
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-unsafe fn run_avx2<G: Goal>(
+#[target_feature(enable = "avx2,bmi1,popcnt")]
+unsafe fn run_avx2<G: Goal<Precision = Single>>(
     forest: &Forest,
-    batch: &Batch<G::Precision>,
+    batch: &Batch<Single>,
     stacks: &mut Stacks,
-    start: impl Fn(&RayOf<G>) -> G,
+    start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
 ) -> Vec<Range<usize>> {
     use super::traverse::walk_avx2;
@@ -105,36 +109,33 @@ struct Stacks {
 /// The machine must have the instructions of `L`; the stacks must have room for all groups; `enter` and `enter_single` must be
 /// entries of the same level.
 #[inline(always)]
-unsafe fn run<L: Lanes8, G: Goal>(
+unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
     forest: &Forest,
-    batch: &Batch<G::Precision>,
+    batch: &Batch<Single>,
     stacks: &mut Stacks,
-    start: impl Fn(&RayOf<G>) -> G,
+    start: impl Fn(&Ray) -> G,
     mut finish: impl FnMut(usize, G),
     [enter]: [WalkBundle<G>; 1],
     enter_single: Walk<G>,
 ) -> Vec<Range<usize>> {
     let mut left: Vec<Range<usize>> = Vec::new();
+    let mut bundle = Bundle::NONE;
+    let mut searches: Vec<Search<G>> = Vec::with_capacity(RAYS);
     let mut first = 0;
     while first < batch.rays.len() {
         let run = first..(first + RAYS).min(batch.rays.len());
         first = run.end;
-        if let Some(mut bundle) = bundle_of::<G>(batch.context.data, &batch.rays.rays()[run.clone()]) {
-            let mut searches: [Search<G>; RAYS] = std::array::from_fn(|i| {
+        if set_up(&mut bundle, &batch.rays.rays()[run.clone()]) {
+            searches.clear();
+            for i in 0..RAYS {
                 let query = batch.rays.get((run.start + i).min(run.end - 1));
-                Search::new(query, batch.context, start(query.ray))
-            });
-            let mut walker = Walker {
-                forest,
-                searches: &mut searches,
-                stacks,
-                alive: u32::MAX >> (32 - run.len()),
-                enter,
-                enter_single,
-            };
+                searches.push(Search::new(query, batch.context, start(query.ray)));
+            }
+            let alive = u32::MAX >> (32 - run.len());
+            let mut walker = Walker { forest, searches: &mut searches, stacks, alive, enter, enter_single };
             // SAFETY: as promised by the caller.
             if unsafe { walker.walk::<L>(0, &mut bundle, 0, 0) } {
-                for (number, search) in run.zip(searches) {
+                for (number, search) in run.zip(searches.drain(..)) {
                     finish(number, search.goal);
                 }
                 continue;
@@ -148,83 +149,47 @@ unsafe fn run<L: Lanes8, G: Goal>(
     left
 }
 
-/// The bundle of a run, if it is one. Lanes without a ray repeat the first one and want nothing.
+/// Makes a bundle of a run; false if it is none. Lanes without a ray repeat the first one and want nothing.
 #[inline(always)]
-fn bundle_of<G: Goal>(data: &DataOf<G>, rays: &[RayOf<G>]) -> Option<Bundle> {
+fn set_up(bundle: &mut Bundle, rays: &[Ray]) -> bool {
     if rays.len() < MIN_RAYS {
-        return None;
+        return false;
     }
-    let mut exact = ExactRays { origin: [[0.0; RAYS]; 3], direction: [[0.0; RAYS]; 3] };
-    let (mut t_min, mut cull) = ([0.0; RAYS], [-1.0; RAYS]);
-    let first = G::Precision::exact(&rays[0]);
-    let mut valid = true;
-    let mut common = true;
-    let mut ends = true;
+    let first = numbers(&rays[0]);
+    let (mut t_min, mut t_max) = ([0.0; RAYS], [0.0; RAYS]);
+    // Neither may become anything but zero: what is not finite times zero, and differences to the first ray.
+    let (mut not_finite, mut differences) = ([0.0f32; 8], [0; 8]);
     for i in 0..RAYS {
-        let ray = if i < rays.len() { &rays[i] } else { &rays[0] };
-        let [start, end] = G::Precision::interval(ray).map(|t| [t.below(), t.above()]);
-        valid &= start[0] >= 0.0 && G::Precision::is_valid(ray);
-        ends &= end[1] < f32::INFINITY;
-        t_min[i] = start[0];
-        if i < rays.len() {
-            cull[i] = super::node::padded(end[1]);
+        let ray = numbers(rays.get(i).unwrap_or(&rays[0]));
+        for k in 0..8 {
+            not_finite[k] += ray[k] * 0.0;
+            differences[k] |= ray[k].to_bits() ^ first[k].to_bits();
         }
-        let ray = G::Precision::exact(ray);
-        common &= ray.origin == first.origin;
-        for axis in 0..3 {
-            exact.origin[axis][i] = ray.origin[axis];
-            exact.direction[axis][i] = ray.direction[axis];
-        }
+        let [ox, oy, oz, start, dx, dy, dz, end] = ray;
+        (t_min[i], t_max[i]) = (start, end);
+        bundle.rays.origin[i] = [ox, oy, oz, start].map(f64::from);
+        bundle.rays.direction[i] = [dx, dy, dz, end].map(f64::from);
     }
-    if !valid {
-        return None;
+    let mut cull = t_max.map(padded);
+    cull[rays.len()..].fill(-1.0);
+    let mut valid = [0, 1, 2, 4, 5, 6].iter().all(|&k| not_finite[k] == 0.0);
+    for i in 0..RAYS {
+        valid &= (t_min[i] >= 0.0) & (t_min[i] < t_max[i]);
     }
+    let common = differences[..3] == [0; 3];
+    let reversed = !common && not_finite[7] == 0.0;
     // A little beyond the ends, so that all rays end before it.
-    let reversed = !common && ends;
-    let end = G::Precision::interval(&rays[0])[1].into() * (1.0 + 1.0 / 4096.0);
-    let apex = if reversed { first.at(end) } else { first.origin };
-    bundle_in_group::<G>(data, 0, exact, Place { apex, reversed, common, rounded: false }, &t_min, &cull)
+    let end = rays[0].origin + rays[0].direction * (rays[0].t_max * (1.0 + 1.0 / 4096.0));
+    let apex = if reversed { end } else { rays[0].origin };
+    bundle.kind = Kind { apex: apex.to_array(), reversed, common, rounded: false };
+    valid && bundle.set_up(&t_min, &cull)
 }
 
-/// What is known of rays in the coordinates of a group: see [`Kind`].
-#[derive(Clone, Copy)]
-struct Place {
-    apex: DVec3,
-    reversed: bool,
-    common: bool,
-    rounded: bool,
-}
-
-/// The bundle of rays in the coordinates of a group.
+/// All that a ray consists of.
 #[inline(always)]
-fn bundle_in_group<G: Goal>(
-    data: &DataOf<G>,
-    group: usize,
-    rays: ExactRays,
-    place: Place,
-    t_min: &[f32; RAYS],
-    cull: &[f32; RAYS],
-) -> Option<Bundle> {
-    let Place { apex, reversed, common, rounded } = place;
-    let slack = G::Precision::slack(data, group);
-    let in_structure = |ray: &DRay| G::Precision::ray_in_structure(data, group, ray);
-    let seen_apex = in_structure(&DRay::new(apex, DVec3::ZERO)).origin.as_vec3().to_array();
-    let kind = Kind { apex: seen_apex, reversed, common, rounded: rounded || slack > 0.0, slack };
-    if slack == 0.0 {
-        return Bundle::new(&rays, kind, t_min, cull);
-    }
-    let mut seen = rays.clone();
-    for lane in 0..RAYS {
-        let ray = in_structure(&rays.get(lane));
-        for axis in 0..3 {
-            seen.origin[axis][lane] = ray.origin[axis];
-            seen.direction[axis][lane] = ray.direction[axis];
-        }
-    }
-    // Where it goes is seen in the coordinates of the structure, and the rays are kept as they are.
-    let mut bundle = Bundle::new(&seen, kind, t_min, cull)?;
-    bundle.rays = rays;
-    Some(bundle)
+fn numbers(ray: &Ray) -> [f32; 8] {
+    let (o, d) = (ray.origin, ray.direction);
+    [o.x, o.y, o.z, ray.t_min, d.x, d.y, d.z, ray.t_max]
 }
 
 /// The entry of a level, for the step into an instance.
@@ -233,8 +198,8 @@ type WalkBundle<G> = unsafe fn(&mut Walker<'_, '_, G>, usize, &mut Bundle, u32, 
 /// # Safety
 /// As [`Walker::walk`].
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-unsafe fn walk_bundle_avx2<G: Goal>(
+#[target_feature(enable = "avx2,bmi1,popcnt")]
+unsafe fn walk_bundle_avx2<G: Goal<Precision = Single>>(
     walker: &mut Walker<'_, '_, G>,
     group: usize,
     bundle: &mut Bundle,
@@ -247,7 +212,7 @@ unsafe fn walk_bundle_avx2<G: Goal>(
 
 /// # Safety
 /// As [`Walker::walk`].
-unsafe fn walk_bundle_portable<G: Goal>(
+unsafe fn walk_bundle_portable<G: Goal<Precision = Single>>(
     walker: &mut Walker<'_, '_, G>,
     group: usize,
     bundle: &mut Bundle,
@@ -261,7 +226,8 @@ unsafe fn walk_bundle_portable<G: Goal>(
 /// The searches of a run on their way through the forest.
 struct Walker<'w, 's, G: Goal> {
     forest: &'w Forest,
-    searches: &'w mut [Search<'s, G>; RAYS],
+    /// One per ray.
+    searches: &'w mut [Search<'s, G>],
     stacks: &'w mut Stacks,
     /// The rays whose search is not over.
     alive: u32,
@@ -269,13 +235,13 @@ struct Walker<'w, 's, G: Goal> {
     enter_single: Walk<G>,
 }
 
-impl<G: Goal> Walker<'_, '_, G> {
+impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
     /// Walks one group. False if the run is given up: then nothing of what was found may be used.
     ///
     /// # Safety
     /// The machine must have the instructions of `L`; the stacks must have room for the group and all below it from `base`.
     #[inline(always)]
-    unsafe fn walk<L: Lanes8>(&mut self, group: usize, bundle: &mut Bundle, instance: u32, base: usize) -> bool {
+    unsafe fn walk<L: WideLanes>(&mut self, group: usize, bundle: &mut Bundle, instance: u32, base: usize) -> bool {
         let tree = &self.forest.trees[group];
         let mut locals = Locals { built: 0, rays: [const { MaybeUninit::uninit() }; RAYS] };
         for &object in &tree.unbounded {
@@ -323,8 +289,8 @@ impl<G: Goal> Walker<'_, '_, G> {
                 // SAFETY: as promised by the caller.
                 unsafe {
                     if child.is_triangles() {
-                        self.test_triangles::<L>(tree, child, bundle, mask, &mut locals, group, instance);
-                    } else if !self.enter_object(tree, group, child.index(), bundle, mask, instance, top) {
+                        self.test_triangles::<L>(tree, child, bundle, mask, &mut locals, instance);
+                    } else if !self.enter_object(tree, child.index(), bundle, mask, instance, top) {
                         return false;
                     }
                 }
@@ -338,7 +304,13 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// # Safety
     /// The machine must have the instructions of `L`; the node must exist, and the stack must have room for eight entries from `top`.
     #[inline(always)]
-    unsafe fn push_children<L: Lanes8>(&mut self, tree: &GroupTree, node: usize, bundle: &Bundle, top: usize) -> usize {
+    unsafe fn push_children<L: WideLanes>(
+        &mut self,
+        tree: &GroupTree,
+        node: usize,
+        bundle: &Bundle,
+        top: usize,
+    ) -> usize {
         // SAFETY: as promised by the caller.
         unsafe {
             let places: [u32; 8] = std::array::from_fn(|slot| (node * 8 + slot) as u32);
@@ -356,14 +328,13 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// # Safety
     /// The machine must have the instructions of `L`; `child` must be a block of the tree.
     #[inline(always)]
-    unsafe fn test_triangles<L: Lanes8>(
+    unsafe fn test_triangles<L: WideLanes>(
         &mut self,
         tree: &GroupTree,
         child: ChildRef,
         bundle: &mut Bundle,
         mut mask: u32,
         locals: &mut Locals,
-        group: usize,
         instance: u32,
     ) {
         // SAFETY: as promised by the caller.
@@ -372,41 +343,88 @@ impl<G: Goal> Walker<'_, '_, G> {
             (block, SeenBlock::<L>::new(block, bundle))
         };
         let used = (2 << (child.count() - 1)) - 1;
+        let mut pairs = Pairs::NONE;
         let mut found = false;
         while mask != 0 {
-            let lane = mask.trailing_zeros() as usize & (RAYS - 1);
+            let lane = mask.trailing_zeros();
             mask &= mask - 1;
             // SAFETY: as promised by the caller.
-            let mut triangles = unsafe { seen.candidates(bundle, lane) } & used;
-            if triangles == 0 {
-                continue;
-            }
-            let search = &mut self.searches[lane];
-            let local =
-                locals.get(|| G::Precision::local_ray(search.context.data, group, &bundle.rays.get(lane)), lane);
-            let limit = search.goal.limit();
-            let mut over = false;
-            while triangles != 0 && !over {
-                let triangle = triangles.trailing_zeros() as usize;
+            let mut triangles = unsafe { seen.candidates(bundle, lane as usize & (RAYS - 1)) } & used;
+            while triangles != 0 {
+                pairs.rays[pairs.count & (PAIRS - 1)] = lane;
+                pairs.triangles[pairs.count & (PAIRS - 1)] = triangles.trailing_zeros();
+                pairs.count += 1;
                 triangles &= triangles - 1;
-                let ids = || {
-                    let (geometry, primitive) = tree.triangle(block.ids[triangle & 7]);
-                    [instance, geometry, primitive]
-                };
-                over = test_triangle(search, local, &block.corners(triangle), ids);
+                if pairs.count == PAIRS {
+                    // SAFETY: as promised by the caller.
+                    found |= unsafe { self.test_pairs::<L>(tree, block, bundle, &pairs, locals, instance) };
+                    pairs.count = 0;
+                }
             }
-            if over {
-                self.alive &= !(1 << lane);
-                bundle.tighten(lane, -1.0);
-                found = true;
-            } else if search.goal.limit() < limit {
-                bundle.tighten(lane, search.cull());
-                found = true;
-            }
+        }
+        if pairs.count != 0 {
+            // SAFETY: as promised by the caller.
+            found |= unsafe { self.test_pairs::<L>(tree, block, bundle, &pairs, locals, instance) };
         }
         if found {
             bundle.update_limits();
         }
+    }
+
+    /// Offers the hits of pairs of rays and triangles of a block. True if there are any that count.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    unsafe fn test_pairs<L: WideLanes>(
+        &mut self,
+        tree: &GroupTree,
+        block: &TriangleBlock,
+        bundle: &mut Bundle,
+        pairs: &Pairs,
+        locals: &mut Locals,
+        instance: u32,
+    ) -> bool {
+        let all = u32::MAX >> (32 - pairs.count);
+        // SAFETY: as promised by the caller; alignment is checked.
+        let found = bundle.is_aligned.then(|| unsafe { exact_hits::<L>(block, bundle, pairs) });
+        let mut pending = found.map_or(all, |found| (found.hits | found.unsure) & all);
+        let mut any = false;
+        while pending != 0 {
+            let pair = pending.trailing_zeros() as usize & (PAIRS - 1);
+            pending &= pending - 1;
+            let (lane, triangle) = (pairs.rays[pair] as usize & (RAYS - 1), pairs.triangles[pair] as usize & 7);
+            if self.alive >> lane & 1 == 0 {
+                continue;
+            }
+            let search = &mut self.searches[lane];
+            let limit = search.goal.limit();
+            let ids = || {
+                let (geometry, primitive) = tree.triangle(block.ids[triangle]);
+                [instance, geometry, primitive]
+            };
+            let over = match &found {
+                Some(found) if found.hits >> pair & 1 == 1 => {
+                    let t = found.t[pair];
+                    if t > limit {
+                        continue;
+                    }
+                    let [instance, geometry, primitive] = ids();
+                    let uv = Vec2::new(found.b1[pair], found.b2[pair]);
+                    search.offer(Hit { t, uv, instance, geometry, primitive }) == Verdict::Finished
+                }
+                _ => test_triangle(search, locals.get(bundle, lane), &block.corners(triangle), ids),
+            };
+            if over {
+                self.alive &= !(1 << lane);
+                bundle.tighten(lane, -1.0);
+                any = true;
+            } else if search.goal.limit() < limit {
+                bundle.tighten(lane, search.cull());
+                any = true;
+            }
+        }
+        any
     }
 
     /// Tests a shape or instance for some of the rays, one by one.
@@ -447,7 +465,6 @@ impl<G: Goal> Walker<'_, '_, G> {
     unsafe fn enter_object(
         &mut self,
         tree: &GroupTree,
-        group: usize,
         object: usize,
         bundle: &mut Bundle,
         mask: u32,
@@ -464,18 +481,16 @@ impl<G: Goal> Walker<'_, '_, G> {
                 }
             }
             if wanted.count_ones() as usize >= MIN_RAYS && fits(&self.forest.trees[*child]) {
-                if let Some(mut below) = self.bundle_in_child(bundle, wanted, [group, *child], child_from_group) {
-                    let alive = self.alive;
-                    self.alive = wanted;
+                let mut below = Bundle::NONE;
+                if self.set_up_in_child(&mut below, bundle, wanted, child_from_group) {
+                    let alive = std::mem::replace(&mut self.alive, wanted);
                     // SAFETY: as promised by the caller.
                     let complete = unsafe { (self.enter)(self, *child, &mut below, instance + offset, top) };
                     let over = wanted & !self.alive;
                     self.alive = alive & !over;
-                    for lane in 0..RAYS {
-                        if wanted >> lane & 1 == 1 {
-                            let over = over >> lane & 1 == 1;
-                            bundle.tighten(lane, if over { -1.0 } else { self.searches[lane].cull() });
-                        }
+                    for lane in (0..RAYS).filter(|lane| wanted >> lane & 1 == 1) {
+                        let is_over = over >> lane & 1 == 1;
+                        bundle.tighten(lane, if is_over { -1.0 } else { self.searches[lane].cull() });
                     }
                     bundle.update_limits();
                     return complete;
@@ -487,38 +502,30 @@ impl<G: Goal> Walker<'_, '_, G> {
         true
     }
 
-    /// Some of the rays of a bundle in the coordinates of an instanced group.
-    fn bundle_in_child(
-        &self,
-        bundle: &Bundle,
-        mask: u32,
-        [group, child]: [usize; 2],
-        child_from_group: &DAffine3,
-    ) -> Option<Bundle> {
-        let mut exact = bundle.rays.clone();
-        let (mut t_min, mut cull) = ([0.0; RAYS], [-1.0; RAYS]);
+    /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is none.
+    fn set_up_in_child(&self, below: &mut Bundle, bundle: &Bundle, mask: u32, child_from_group: &DAffine3) -> bool {
+        let (mut t_min, mut cull): (PerRay<f32>, PerRay<f32>) = ([0.0; RAYS], [-1.0; RAYS]);
         let mut valid = true;
         for lane in 0..RAYS {
             let ray = ray_in_child(child_from_group, &bundle.rays.get(lane));
             valid &= ray.is_some();
             let ray = ray.unwrap_or(DRay::new(DVec3::ZERO, DVec3::ZERO));
-            for axis in 0..3 {
-                exact.origin[axis][lane] = ray.origin[axis];
-                exact.direction[axis][lane] = ray.direction[axis];
-            }
-            t_min[lane] = self.searches[lane].start;
+            let (o, d) = (ray.origin, ray.direction);
+            t_min[lane] = self.searches[lane].ray.t_min;
             if mask >> lane & 1 == 1 {
                 cull[lane] = self.searches[lane].cull();
             }
+            below.rays.origin[lane] = [o.x, o.y, o.z, t_min[lane].into()];
+            below.rays.direction[lane] = [d.x, d.y, d.z, 0.0];
         }
-        if !valid {
-            return None;
-        }
-        let data = self.searches[0].context.data;
-        let apex = DVec3::from(bundle.kind.apex.map(f64::from));
-        let apex = child_from_group.transform_point3(G::Precision::point_of_structure(data, group, apex));
-        let Kind { reversed, common, .. } = bundle.kind;
-        bundle_in_group::<G>(data, child, exact, Place { apex, reversed, common, rounded: true }, &t_min, &cull)
+        let apex = if bundle.kind.common {
+            let [x, y, z, _] = below.rays.origin[0];
+            DVec3::new(x, y, z)
+        } else {
+            child_from_group.transform_point3(Vec3::from_array(bundle.kind.apex).as_dvec3())
+        };
+        below.kind = Kind { apex: apex.as_vec3().to_array(), rounded: true, ..bundle.kind };
+        valid && below.set_up(&t_min, &cull)
     }
 }
 
@@ -530,10 +537,10 @@ struct Locals {
 
 impl Locals {
     #[inline(always)]
-    fn get(&mut self, build: impl FnOnce() -> LocalRay, lane: usize) -> &LocalRay {
+    fn get(&mut self, bundle: &Bundle, lane: usize) -> &LocalRay {
         if self.built >> lane & 1 == 0 {
             self.built |= 1 << lane;
-            self.rays[lane].write(build());
+            self.rays[lane].write(LocalRay::new(&bundle.rays.get(lane)));
         }
         // SAFETY: written now or before.
         unsafe { self.rays[lane].assume_init_ref() }

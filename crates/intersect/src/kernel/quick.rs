@@ -228,3 +228,102 @@ static AXES: [[u32; 4]; 8] = {
 
 /// The factor that moves the far side of a box away. See [`BOX_PADDING`].
 pub(crate) const FAR_FACTOR: f32 = 1.0 + BOX_PADDING;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::node::{WideNode, padded, quick_distances};
+    use crate::kernel::ray::LocalRay;
+    use proptest::prelude::*;
+    use snell_math::simd::Portable8;
+    use snell_math::{Bounds3, DRay, Vec3};
+
+    /// Zero, either sign, small and large.
+    fn number() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            Just(0.0f32),
+            Just(-0.0f32),
+            -2.0f32..2.0,
+            (-2.0f32..2.0, -12i32..12).prop_map(|(x, e)| x * 10.0f32.powi(e)),
+            (-8i32..8).prop_map(|i| i as f32 * 0.25),
+        ]
+    }
+
+    fn vector() -> impl Strategy<Value = Vec3> {
+        [number(), number(), number()].prop_map(Vec3::from_array)
+    }
+
+    /// Whether a box is met, by the arithmetic of a level.
+    fn is_met<L: Lanes8>(ray: &Ray, bounds: &Bounds3, cull: f32) -> Option<bool> {
+        let mut quick = QuickRay::UNSET;
+        if !quick.set_from_ray::<L>(ray) {
+            return None;
+        }
+        let mut node = WideNode::EMPTY;
+        node.set(5, bounds, ChildRef::node(1));
+        // SAFETY: the caller has checked the level.
+        let (enter, limit) = unsafe { quick_distances::<L>(&node, &quick, ray.t_min, cull) };
+        let met = enter.le(limit);
+        assert_eq!(met & !(1 << 5), 0, "empty boxes are never met");
+        Some(met != 0)
+    }
+
+    proptest! {
+        #[test]
+        fn boxes_around_points_on_the_ray_are_met(
+            o in vector(), d in vector(), t in 0.0f64..1.0, e in -6i32..6, below in vector(), above in vector(),
+        ) {
+            let ray = Ray::new(o, if d == Vec3::ZERO { Vec3::Y } else { d });
+            // A box around the exact point, as tight as it may be.
+            let t = t * 10f64.powi(e);
+            let p = DRay::from(&ray).at(t);
+            let exact = snell_math::Bounds3d { min: p, max: p }.outward_f32();
+            let bounds = Bounds3 { min: exact.min - below.abs(), max: exact.max + above.abs() };
+            let cull = padded(t as f32);
+            prop_assert_ne!(is_met::<Portable8>(&ray, &bounds, cull), Some(false));
+            #[cfg(target_arch = "x86_64")]
+            if snell_math::simd::Level::Avx2.is_supported() {
+                prop_assert_ne!(is_met::<snell_math::simd::Avx8>(&ray, &bounds, cull), Some(false));
+            }
+        }
+
+        #[test]
+        fn rays_prepared_in_f32_and_in_f64_are_drawn_alike(o in vector(), d in vector()) {
+            let ray = Ray::new(o, d);
+            let (mut quick, mut exact) = (QuickRay::UNSET, QuickRay::UNSET);
+            let (o, d) = (o.as_dvec3(), d.as_dvec3());
+            if quick.set_from_ray::<Portable8>(&ray) {
+                prop_assert!(exact.set_from_exact::<Portable8>(&o, &d));
+                let careful = LocalRay::new(&DRay::new(o, d));
+                let axes = careful.axes.map(|k| k as u32);
+                prop_assert_eq!([&quick.axes[..3], &exact.axes[..3]], [&axes[..], &axes[..]]);
+                prop_assert_eq!(quick.shear.map(f32::to_bits), careful.shear.map(f32::to_bits));
+                prop_assert_eq!(exact.shear.map(f32::to_bits), careful.shear.map(f32::to_bits));
+                prop_assert_eq!(&quick.origin[..3], &careful.origin[..]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_box_beside_an_axis_parallel_ray_is_missed_and_one_around_it_met() {
+        let ray = Ray::new(Vec3::new(0.5, 0.25, -3.0), Vec3::Z);
+        let bounds = |x: f32| Bounds3 { min: Vec3::new(x, 0.0, 0.0), max: Vec3::new(x + 1.0, 1.0, 1.0) };
+        assert_eq!(is_met::<Portable8>(&ray, &bounds(0.0), 1e20), Some(true));
+        assert_eq!(is_met::<Portable8>(&ray, &bounds(0.51), 1e20), Some(false));
+        assert_eq!(is_met::<Portable8>(&ray, &bounds(0.5), 1e20), Some(true), "the side belongs to the box");
+    }
+
+    #[test]
+    fn extraordinary_rays_are_refused() {
+        let mut quick = QuickRay::UNSET;
+        let mut accepts = |ray: Ray| quick.set_from_ray::<Portable8>(&ray);
+        assert!(accepts(Ray::new(Vec3::ZERO, Vec3::new(1.0, 0.0, -1e-20))));
+        assert!(!accepts(Ray::new(Vec3::ZERO, Vec3::new(1.0, 0.0, 1e-30))));
+        assert!(!accepts(Ray::new(Vec3::ZERO, Vec3::splat(1e-20))));
+        assert!(!accepts(Ray::new(Vec3::splat(1e20), Vec3::X)));
+        assert!(!accepts(Ray::new(Vec3::splat(f32::NAN), Vec3::X)));
+        assert!(!accepts(Ray::new(Vec3::ZERO, Vec3::new(f32::NAN, 1.0, 0.0))));
+        assert!(!accepts(Ray { t_min: -1.0, ..Ray::new(Vec3::ZERO, Vec3::X) }));
+        assert!(!accepts(Ray { t_max: f32::NAN, ..Ray::new(Vec3::ZERO, Vec3::X) }));
+    }
+}

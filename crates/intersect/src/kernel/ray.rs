@@ -100,9 +100,10 @@ impl AxisRay {
         let slow = d as f32 + 0.0;
         let inverse = (1.0 / slow.abs()).max(f32::from_bits(1));
         let side = rounding.copysign(slow);
-        // So slow that `f32` cannot say when the ray crosses a plane, but it does: then no plane counts.
-        let (middle, side) =
-            if inverse == f32::INFINITY && d != 0.0 { (0.0, f32::MAX.copysign(slow)) } else { (origin, side) };
+        // So slow or fast that `f32` cannot say when the ray crosses a plane, but it does: then no plane counts.
+        let unknown = (inverse == f32::INFINITY && d != 0.0) || inverse < 1e-30;
+        let inverse = if unknown { f32::INFINITY } else { inverse };
+        let (middle, side) = if unknown { (0.0, f32::MAX.copysign(slow)) } else { (origin, side) };
         // Finite, so that an empty box never gives NaN, which would not count.
         let finite = |x: f32| x.clamp(f32::MIN, f32::MAX);
         Self { origin, near: finite(middle + side), far: finite(middle - side), inverse: inverse.copysign(slow) }

@@ -122,7 +122,7 @@ unsafe fn walk<L: Lanes8, G: Goal>(
         };
     let place = Place { forest, tree, group, ray, instance, enter };
     // SAFETY: as promised by the caller.
-    unsafe { if is_quick { place.walk::<L>(&quick, search, stack) } else { place.walk_carefully(search, stack) } }
+    unsafe { if is_quick { place.walk::<L>(&quick, search, stack) } else { place.walk_carefully::<L>(search, stack) } }
 }
 
 /// Where a ray walks.
@@ -213,10 +213,9 @@ impl<G: Goal> Place<'_, G> {
     /// The walk of any ray.
     ///
     /// # Safety
-    /// `stack` must have room for the group and all below it.
-    #[cold]
-    #[inline(never)]
-    unsafe fn walk_carefully(&self, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
+    /// As [`walk`].
+    #[inline(always)]
+    unsafe fn walk_carefully<L: Lanes8>(&self, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
         let local = G::Precision::local_ray(search.context.data, self.group, self.ray);
         let t_min = search.start;
         let (mut top, mut current, mut cull) = (0, self.tree.root, search.cull());
@@ -224,8 +223,8 @@ impl<G: Goal> Place<'_, G> {
             while current.is_node() {
                 search.goal.count_node();
                 let node = &self.tree.nodes[current.index()];
-                // SAFETY: portable code.
-                let (enters, limits) = unsafe { box_distances::<Portable8>(node, &local, t_min, cull) };
+                // SAFETY: as promised by the caller.
+                let (enters, limits) = unsafe { box_distances::<L>(node, &local, t_min, cull) };
                 let met = enters.le(limits);
                 if met == 0 {
                     break;
@@ -241,8 +240,8 @@ impl<G: Goal> Place<'_, G> {
             if current.is_triangles() {
                 let block = &self.tree.blocks[current.block()];
                 search.goal.count_primitives(current.count());
-                // SAFETY: portable code.
-                let mut lanes = unsafe { G::Precision::candidates::<Portable8>(block, &local, t_min, cull) };
+                // SAFETY: as promised by the caller.
+                let mut lanes = unsafe { G::Precision::candidates::<L>(block, &local, t_min, cull) };
                 lanes &= (2 << (current.count() - 1)) - 1;
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize & 7;

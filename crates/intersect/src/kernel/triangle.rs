@@ -245,7 +245,8 @@ impl Drawing {
 ///
 /// The distance comes from the plane of the triangle in `f64`, so it has the right sign for any start that is more than a few
 /// units in the last place (of `f64`) off the plane. It is then moved into the interval in which the ray is inside the
-/// triangle's box (it leaves that only by rounding), so that skipping boxes can never lose it.
+/// triangle's box (it leaves that only by rounding), so that skipping boxes can never lose it, and near the point of the triangle
+/// that was drawn where the ray is, so that skipping boxes of its pieces cannot either.
 #[inline(always)]
 pub(crate) fn exact_hit(ray: &LocalRay, corners: &[[f32; 3]; 3], t_min: f64) -> Option<(f64, Vec2)> {
     exact_hit_on(&ray.exact_ray(), corners, t_min)
@@ -287,25 +288,39 @@ pub(crate) fn hit_in_plane(ray: &ExactRay, corners: &[[f32; 3]; 3], plane: f64, 
     let scale = 1.0 / sum;
     let (b1, b2) = if sum != 0.0 { (w1 * scale, w2 * scale) } else { (1.0 / 3.0, 1.0 / 3.0) };
     let relative = corners.map(|corner| wide(corner) - ray.origin);
-    let t = if plane.is_finite() {
-        plane
-    } else {
-        let z = ray.drawing.axes[2];
-        (relative[0][z] * (1.0 - b1 - b2) + relative[1][z] * b1 + relative[2][z] * b2) / ray.direction[z]
-    };
+    let z = ray.drawing.axes[2];
+    let place = (relative[0][z] * (1.0 - b1 - b2) + relative[1][z] * b1 + relative[2][z] * b2) / ray.direction[z];
+    let t = if plane.is_finite() { plane } else { place };
     if t.is_nan() || t <= t_min {
         return None;
     }
+    let t = near_place(t, place, ray.direction[z], &relative);
     let t = clamp_to_box(&ray.direction, &relative, t);
     Some((t, Vec2::new(b1 as f32, b2 as f32)))
 }
 
-/// The nearest value to `t` at which the ray is in the box of the three corners (given relative to its origin); `t` itself if it is
-/// there up to an error that the padding of boxes covers.
+/// How far along the ray a hit may be from the point of the triangle that was drawn there, relative to the distance and to the size of the
+/// triangle. Only the drawing is inexact, by some `1e-7`, so only rays at less than about a tenth of a degree to the triangle get this far.
+pub(crate) const PLACE_TOLERANCE: f64 = 5e-5;
+
+/// The value nearest to `t` that is within [`PLACE_TOLERANCE`] of `place`. `z` is the largest component of the direction.
+#[inline(always)]
+fn near_place(t: f64, place: f64, z: f64, relative: &[DVec3; 3]) -> f64 {
+    let low = relative[0].min(relative[1]).min(relative[2]);
+    let high = relative[0].max(relative[1]).max(relative[2]);
+    let reach = (place.abs() + (high - low).max_element() / z.abs()) * PLACE_TOLERANCE;
+    // `max` and `min` pass over what is not a number.
+    if (t - place).abs() <= reach { t } else { t.max(place - reach).min(place + reach) }
+}
+
+/// The nearest value to `t` at which the ray is in the box of the three corners (given relative to its origin), padded by a little less than
+/// structures pad it ([`crate::mesh::padded_bounds`]); `t` itself if it is there up to an error that the padding of distances covers.
 #[inline(always)]
 pub(crate) fn clamp_to_box(direction: &DVec3, relative: &[DVec3; 3], t: f64) -> f64 {
     let low = relative[0].min(relative[1]).min(relative[2]);
     let high = relative[0].max(relative[1]).max(relative[2]);
+    let padding = (high - low).max_element() * 0.8e-6;
+    let (low, high) = (low - padding, high + padding);
     let point = *direction * t;
     let margin = point.abs() * 1e-8;
     if (point + margin).cmpge(low).all() && (point - margin).cmple(high).all() {
@@ -357,6 +372,17 @@ mod tests {
         assert!(exact_hit(&ray([1.0, 2.0, 0.0], [0.0, 0.0, 0.5]), &t, 4.0).is_none(), "the interval is open");
     }
 
+    fn lines_through_at_all_levels(block: &TriangleBlock, ray: &QuickRay) -> Vec<u32> {
+        // SAFETY: portable code.
+        let mut all = vec![unsafe { lines_through::<Portable8>(block, ray) }];
+        #[cfg(target_arch = "x86_64")]
+        if snell_math::simd::Level::Avx2.is_supported() {
+            // SAFETY: the level was checked.
+            all.push(unsafe { lines_through::<snell_math::simd::Avx8>(block, ray) });
+        }
+        all
+    }
+
     fn coordinate() -> impl Strategy<Value = f32> {
         prop_oneof![-4i32..=4, -4i32..=4].prop_map(|i| i as f32 * 0.25).boxed().prop_union((-2.0f32..2.0).boxed())
     }
@@ -376,8 +402,16 @@ mod tests {
             block.set(3, &corners, 0);
             // SAFETY: portable code.
             let mask = unsafe { candidates::<Portable8>(&block, &ray, 0.0, f32::INFINITY) };
+            let mut quick = QuickRay::UNSET;
+            let (origin, direction) = (ray.exact.origin, ray.exact.direction);
+            let is_quick = quick.set_from_exact::<Portable8>(&origin, &direction);
             if exact_hit(&ray, &corners, 0.0).is_some() {
                 prop_assert!(mask & 8 != 0);
+                prop_assert!(!is_quick || lines_through_at_all_levels(&block, &quick).iter().all(|lanes| lanes & 8 != 0));
+            }
+            if is_quick {
+                let again = exact_hit_on(&quick.exact(origin, direction), &corners, 0.0);
+                prop_assert_eq!(again, exact_hit(&ray, &corners, 0.0));
             }
         }
     }

@@ -119,7 +119,7 @@ impl<P: Rules> Searcher<'_, P> {
         match &self.world.structure {
             Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
                 let batch = interleave::Batch { rays, context: &self.context };
-                for left in packet::search_runs(forest, self.world.simd, &batch, &start, &mut finish) {
+                for left in P::search_runs(forest, self.world.simd, &batch, &start, &mut finish) {
                     let first = left.start;
                     self.search_unrelated(rays.slice(left), &start, |i, goal| finish(first + i, goal));
                 }

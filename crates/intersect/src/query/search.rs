@@ -129,19 +129,20 @@ impl<'a, G: Goal> Search<'a, G> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Closest<P: Rules> {
     best: P::Hit,
-    found: bool,
+    /// Not a `bool`: padding would make copies slow.
+    found: u32,
 }
 
 impl<P: Rules> Closest<P> {
     #[inline(always)]
     pub fn new(ray: &P::Ray) -> Self {
         // No ids are below zero, so only hits before `t_max` come before this.
-        Self { best: P::hit(P::interval(ray)[1].into(), Vec2::ZERO, [0; 3]), found: false }
+        Self { best: P::hit(P::interval(ray)[1].into(), Vec2::ZERO, [0; 3]), found: 0 }
     }
 
     #[inline(always)]
     pub fn result(&self) -> P::Hit {
-        if self.found { self.best } else { P::MISS }
+        if self.found != 0 { self.best } else { P::MISS }
     }
 }
 
@@ -162,7 +163,7 @@ impl<P: Rules> Goal for Closest<P> {
     #[inline(always)]
     fn take(&mut self, hit: P::Hit) -> bool {
         self.best = hit;
-        self.found = true;
+        self.found = 1;
         false
     }
 }

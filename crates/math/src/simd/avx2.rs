@@ -6,7 +6,7 @@ use std::arch::x86_64::*;
 /// Eight lanes of AVX. A value exists only where `splat` or `load` was allowed to make it, so its operations are safe to call.
 /// Callers carry `#[target_feature(enable = "avx2,fma")]`; everything here is inlined into them.
 #[derive(Clone, Copy, Debug)]
-pub struct Avx8(__m256);
+pub struct Avx8(pub(super) __m256);
 
 impl Lanes8 for Avx8 {
     const FUSED: bool = true;

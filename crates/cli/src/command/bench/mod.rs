@@ -3,6 +3,7 @@
 mod build;
 mod clock;
 mod contest;
+mod dump;
 mod kinds;
 mod peer;
 mod rays;

@@ -142,7 +142,7 @@ fn surface(mesh: TriangleMesh) -> Surface {
 }
 
 /// All triangles of a world in one mesh, positions only.
-fn merged(world: &World) -> TriangleMesh {
+pub fn merged(world: &World) -> TriangleMesh {
     let mut meshes = Vec::new();
     let mut stack: Vec<(GroupId, Transform)> = vec![(WorldBuilder::ROOT, Transform::IDENTITY)];
     while let Some((group, placed)) = stack.pop() {

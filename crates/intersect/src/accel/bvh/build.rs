@@ -1,10 +1,11 @@
 //! The tree of one group, in the quality asked for.
 
+use super::high::High;
 use super::medium::Medium;
 use super::primitive::{MAX_TRIANGLES, OBJECT, Triangles, triangle_primitives};
 use super::storage::Storage;
 use super::wide::{Wide, write};
-use super::{BvhOptions, GroupTree};
+use super::{BvhOptions, GroupTree, Quality, fast, waste};
 use crate::accel::brute_force::GroupList;
 use crate::kernel::binning::Primitive;
 use crate::kernel::node::ChildRef;
@@ -46,13 +47,30 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOpti
 
 /// Also says how many of the triangles are in the tree.
 fn build_wide(triangles: &Triangles, objects: &[Primitive], options: &BvhOptions) -> Result<(Wide, usize), String> {
-    let (mut primitives, count) = triangle_primitives(triangles, objects.len());
+    let nothing = || Wide { nodes: Storage::zeroed(0), blocks: Storage::zeroed(0), root: ChildRef::NONE, depth: 0 };
+    if options.quality == Quality::Fast {
+        let sorted = fast::sorted(triangles, objects);
+        if sorted.count == 0 {
+            return Ok((nothing(), 0));
+        }
+        let (tree, blocks) = fast::build(&sorted.keys[..sorted.count], triangles, objects);
+        return Ok((write(&tree, triangles, Some(blocks))?, sorted.triangles));
+    }
+    let has_objects = !objects.is_empty();
+    let most = triangles.count() + objects.len();
+    let room = if options.quality == Quality::High { most / 3 + 64 } else { most / 4 + 64 };
+    // Memory that is not used is never touched, and costs nothing.
+    let (mut primitives, count) = triangle_primitives(triangles, objects.len() + room);
     let all = count + objects.len();
     primitives[count..all].copy_from_slice(objects);
     if all == 0 {
-        let nothing = Wide { nodes: Storage::zeroed(0), blocks: Storage::zeroed(0), root: ChildRef::NONE, depth: 0 };
-        return Ok((nothing, 0));
+        return Ok((nothing(), 0));
     }
-    let tree = Medium { level: options.simd, has_objects: !objects.is_empty() }.build(&mut primitives[..all]);
-    Ok((write(&tree, triangles)?, count))
+    let splits = options.quality == Quality::High || waste::is_large(&primitives[..all], triangles);
+    let tree = if splits {
+        High::new(options.simd, has_objects, triangles).build(&mut primitives[..all + room], all)
+    } else {
+        Medium { level: options.simd, has_objects }.build(&mut primitives[..all])
+    };
+    Ok((write(&tree, triangles, None)?, count))
 }

@@ -3,12 +3,16 @@
 mod binary;
 mod bins;
 mod build;
+mod clip;
+mod fast;
+mod high;
 mod medium;
 mod partition;
 mod primitive;
 mod quality;
 mod refit;
 mod storage;
+mod waste;
 mod wide;
 
 #[cfg(test)]
@@ -59,7 +63,7 @@ pub(crate) struct GroupTree {
     /// How many triangles the meshes have.
     triangles: usize,
     /// The triangles that can never be hit and are not in the tree.
-    skipped: Vec<u32>,
+    pub skipped: Vec<u32>,
     /// The objects without contents; not in the tree.
     empty: Vec<u32>,
 }

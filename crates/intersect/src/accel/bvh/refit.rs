@@ -6,6 +6,7 @@ use super::primitive::Triangles;
 use crate::accel::brute_force::GroupList;
 use crate::kernel::node::WideNode;
 use crate::kernel::triangle::TriangleBlock;
+use crate::mesh::padded_bounds;
 use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d};
 
@@ -78,7 +79,7 @@ fn refill(block: &mut TriangleBlock, triangles: &Triangles) -> Bounds3 {
         } else {
             let corners = triangles.corners(id);
             block.set(lane, &corners.map(|v| v.to_array()), id);
-            bounds = corners.into_iter().fold(bounds, |b, p| b.with_point(p));
+            bounds = bounds.union(&padded_bounds(&corners));
         }
     }
     bounds

@@ -208,8 +208,7 @@ fn a_refitted_tree_finds_what_has_moved() {
         let mut world = world_of(&[after.clone()], &options);
         let Structure::Bvh(old) = world_of(&[before.clone()], &options).structure else { panic!("a tree") };
         let Structure::Bvh(forest) = &mut world.structure else { panic!("a tree") };
-        let list =
-            |mesh: &Arc<TriangleMesh>| GroupList { meshes: vec![(0, mesh.clone())], objects: Default::default() };
+        let list = |mesh: &Arc<TriangleMesh>| GroupList { meshes: vec![(0, mesh.clone())], ..GroupList::default() };
         let refitted = old.trees[0].refit(&list(&after), &[]).expect("the same triangles");
         // And back again.
         let back = refitted.refit(&list(&before), &[]).expect("the same triangles");

@@ -18,7 +18,7 @@ use snell_math::simd::Lanes8;
 pub(super) const RAYS: usize = 16;
 
 /// One number per ray.
-type PerRay<T> = [T; RAYS];
+pub(super) type PerRay<T> = [T; RAYS];
 
 /// Relative padding of everything that follows from rounded coordinates, as [`super::super::node::BOX_PADDING`]: roundings
 /// of `f32` here, and of the drawing of triangles, come to less than half of it.
@@ -33,19 +33,20 @@ const FARTHEST: f32 = 1.0e16;
 /// Bundles that spread more than this, per unit of depth, are not worth it.
 const MAX_SPREAD: f32 = 0.25;
 
-/// The rays of a bundle in the coordinates of a group, one array per coordinate.
+/// The rays of a bundle in the coordinates of a group, a row per ray.
 #[derive(Clone, Debug)]
 pub(super) struct ExactRays {
-    pub origin: [PerRay<f64>; 3],
-    pub direction: [PerRay<f64>; 3],
+    /// With `t_min` as fourth.
+    pub origin: PerRay<[f64; 4]>,
+    pub direction: PerRay<[f64; 4]>,
 }
 
 impl ExactRays {
     /// One of the rays; its interval is not used.
     #[inline(always)]
     pub fn get(&self, lane: usize) -> DRay {
-        let pick = |v: &[PerRay<f64>; 3]| DVec3::new(v[0][lane], v[1][lane], v[2][lane]);
-        DRay::new(pick(&self.origin), pick(&self.direction))
+        let (o, d) = (&self.origin[lane], &self.direction[lane]);
+        DRay::new(DVec3::new(o[0], o[1], o[2]), DVec3::new(d[0], d[1], d[2]))
     }
 }
 
@@ -60,8 +61,6 @@ pub(super) struct Kind {
     pub common: bool,
     /// The apex, or the origins as triangles see them, are rounded.
     pub rounded: bool,
-    /// How far vertices and boxes may be off along each axis.
-    pub slack: f32,
 }
 
 /// A bundle in the coordinates of a group.
@@ -82,6 +81,10 @@ pub(super) struct Bundle {
     /// Per axis and ray.
     pub slope: [PerRay<f32>; 2],
     pub offset: [PerRay<f32>; 2],
+    /// The origins as triangles see them, by axis of the bundle; not used with a shared origin.
+    pub drawn_origin: [PerRay<f32>; 3],
+    /// All rays are drawn along the z axis of the bundle.
+    pub is_aligned: bool,
     /// Where each ray starts and ends on the z axis; it ends before it starts when nothing is wanted of it any more.
     near: PerRay<f32>,
     far: PerRay<f32>,
@@ -99,134 +102,135 @@ pub(super) struct Bundle {
 
 #[inline(always)]
 fn least(values: &PerRay<f32>) -> f32 {
-    let mut eight: [f32; 8] =
-        std::array::from_fn(|i| if values[i] < values[i + 8] { values[i] } else { values[i + 8] });
-    for step in [4, 2, 1] {
+    let mut v = *values;
+    for step in [8, 4, 2, 1] {
         for i in 0..step {
-            eight[i] = if eight[i] < eight[i + step] { eight[i] } else { eight[i + step] };
+            v[i] = if v[i] > v[i + step] { v[i + step] } else { v[i] };
         }
     }
-    eight[0]
+    v[0]
 }
 
 #[inline(always)]
 fn greatest(values: &PerRay<f32>) -> f32 {
-    let mut eight: [f32; 8] =
-        std::array::from_fn(|i| if values[i] > values[i + 8] { values[i] } else { values[i + 8] });
-    for step in [4, 2, 1] {
+    let mut v = *values;
+    for step in [8, 4, 2, 1] {
         for i in 0..step {
-            eight[i] = if eight[i] > eight[i + step] { eight[i] } else { eight[i + step] };
+            v[i] = if v[i] < v[i + step] { v[i + step] } else { v[i] };
         }
     }
-    eight[0]
+    v[0]
 }
 
 impl Bundle {
-    /// The bundle, or `None` if these rays do not make one. `t_min` must not be negative. `cull` are the padded limits of the
-    /// searches; rays whose search is over, and lanes without a ray, have a negative one.
+    /// No bundle yet.
+    pub const NONE: Self = Self {
+        rays: ExactRays { origin: [[0.0; 4]; RAYS], direction: [[0.0; 4]; RAYS] },
+        kind: Kind { apex: [0.0; 3], reversed: false, common: false, rounded: false },
+        axes: [0; 3],
+        sign: 1.0,
+        octant: 0,
+        margin: 0.0,
+        distance: 0.0,
+        slope: [[0.0; RAYS]; 2],
+        offset: [[0.0; RAYS]; 2],
+        drawn_origin: [[0.0; RAYS]; 3],
+        is_aligned: false,
+        near: [0.0; RAYS],
+        far: [0.0; RAYS],
+        start: [0.0; RAYS],
+        along: [0.0; RAYS],
+        bundle_near: 0.0,
+        bundle_far: 0.0,
+        low_slope: [0.0; 2],
+        high_slope: [0.0; 2],
+        low_offset: [0.0; 2],
+        high_offset: [0.0; 2],
+    };
+
+    /// Works out everything else from `rays` and `kind`. False if these rays do not make a bundle. `t_min` must not be negative. `cull`
+    /// are the padded limits of the searches; rays whose search is over, and lanes without a ray, have a negative one.
     #[inline(always)]
-    pub fn new(rays: &ExactRays, kind: Kind, t_min: &PerRay<f32>, cull: &PerRay<f32>) -> Option<Self> {
-        let axes = LocalRay::new(&rays.get(0)).axes;
-        let [x, y, z] = axes;
-        let (o, d) = (&rays.origin, &rays.direction);
-        let forward: f64 = if d[z][0] < 0.0 { -1.0 } else { 1.0 };
+    pub fn set_up(&mut self, t_min: &PerRay<f32>, cull: &PerRay<f32>) -> bool {
+        let kind = self.kind;
+        self.axes = LocalRay::new(&self.rays.get(0)).axes;
+        let [x, y, z] = self.axes;
+        let forward: f64 = if self.rays.direction[0][z] < 0.0 { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
-        let mut slope = [[0.0; RAYS]; 2];
-        let mut along = [0.0; RAYS];
-        for i in 0..RAYS {
+        self.sign = sign as f32;
+        for (i, d) in self.rays.direction.iter().enumerate() {
             // The same operations as in `LocalRay`, whose shears these are.
-            let per_z = 1.0 / d[z][i];
-            slope[0][i] = (d[x][i] * per_z) as f32 * sign as f32;
-            slope[1][i] = (d[y][i] * per_z) as f32 * sign as f32;
-            along[i] = (d[z][i] * forward) as f32;
+            let per_z = 1.0 / d[z];
+            self.slope[0][i] = (d[x] * per_z) as f32 * sign as f32;
+            self.slope[1][i] = (d[y] * per_z) as f32 * sign as f32;
+            self.along[i] = (d[z] * forward) as f32;
         }
-        let (low, high) = ([least(&slope[0]), least(&slope[1])], [greatest(&slope[0]), greatest(&slope[1])]);
-        let fine = least(&along) > 1.0 / LARGEST
-            && greatest(&along) < LARGEST
+        let low = [least(&self.slope[0]), least(&self.slope[1])];
+        let high = [greatest(&self.slope[0]), greatest(&self.slope[1])];
+        let fine = least(&self.along) > 1.0 / LARGEST
+            && greatest(&self.along) < LARGEST
             && (0..2).all(|i| low[i] >= -2.0 && high[i] <= 2.0 && high[i] - low[i] <= MAX_SPREAD)
             && kind.apex.iter().all(|a| a.abs() < LARGEST);
         if !fine {
-            return None;
+            return false;
         }
-        let mut offset = [[0.0; RAYS]; 2];
-        let mut start = [0.0; RAYS];
-        let (mut margin, mut distance) = (0.0f32, 0.0f32);
-        if !kind.common {
+        // At slope 1 the choice of the axis is a tie, or decided by less than the rounding of the slope.
+        self.is_aligned = (0..2).all(|i| low[i] > -1.0 && high[i] < 1.0);
+        (self.margin, self.distance) = (0.0, 0.0);
+        if kind.common {
+            (self.start, self.offset) = ([0.0; RAYS], [[0.0; RAYS]; 2]);
+        } else {
             let apex = kind.apex.map(f64::from);
             let mut far = [0.0f32; RAYS];
-            for i in 0..RAYS {
-                let from = [o[x][i] - apex[x], o[y][i] - apex[y], o[z][i] - apex[z]];
+            for (i, o) in self.rays.origin.iter().enumerate() {
+                let from = [o[x] - apex[x], o[y] - apex[y], o[z] - apex[z]];
                 let from_z = from[2] * sign;
-                start[i] = from_z as f32;
-                offset[0][i] = (from[0] - f64::from(slope[0][i]) * from_z) as f32;
-                offset[1][i] = (from[1] - f64::from(slope[1][i]) * from_z) as f32;
+                self.start[i] = from_z as f32;
+                self.offset[0][i] = (from[0] - f64::from(self.slope[0][i]) * from_z) as f32;
+                self.offset[1][i] = (from[1] - f64::from(self.slope[1][i]) * from_z) as f32;
                 far[i] = (from[0].abs() + from[1].abs() + from[2].abs()) as f32;
+                for (drawn, axis) in self.drawn_origin.iter_mut().zip([x, y, z]) {
+                    drawn[i] = o[axis] as f32;
+                }
             }
-            distance = greatest(&far);
-            margin = distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
+            self.distance = greatest(&far);
+            self.margin = self.distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
         }
         if kind.rounded {
-            let mut size = [0.0f32; RAYS];
-            for i in 0..RAYS {
-                size[i] = (o[x][i].abs() + o[y][i].abs() + o[z][i].abs()) as f32;
-            }
-            margin += greatest(&size) * (4.0 * f32::EPSILON) + f32::MIN_POSITIVE;
+            let size = self.rays.origin.map(|o| (o[0].abs() + o[1].abs() + o[2].abs()) as f32);
+            self.margin += greatest(&size) * (4.0 * f32::EPSILON) + f32::MIN_POSITIVE;
         }
-        margin += 2.0 * kind.slack;
-        if !(margin < LARGEST) {
-            return None;
+        if !(self.margin < LARGEST) {
+            return false;
         }
-        let octant = (0..3).fold(0, |octant, axis| {
-            let down = (d[axis][0] < 0.0) != kind.reversed;
+        let first = &self.rays.direction[0];
+        self.octant = (0..3).fold(0, |octant, axis| {
+            let down = (first[axis] < 0.0) != kind.reversed;
             octant | usize::from(down) << axis
         });
-        let (mut near, mut far) = ([0.0; RAYS], [0.0; RAYS]);
         for i in 0..RAYS {
-            let early = t_min[i] * along[i];
-            near[i] = (start[i] + early) * (1.0 - PADDING) - margin;
-            far[i] = (start[i] - early) * (1.0 + PADDING) + margin;
-        }
-        let mut bundle = Self {
-            rays: rays.clone(),
-            kind,
-            axes,
-            sign: sign as f32,
-            octant,
-            margin,
-            distance,
-            slope,
-            offset,
-            near,
-            far,
-            start,
-            along,
-            bundle_near: 0.0,
-            bundle_far: 0.0,
-            low_slope: low.map(|s| s - 2.0 * PADDING),
-            high_slope: high.map(|s| s + 2.0 * PADDING),
-            low_offset: [least(&offset[0]), least(&offset[1])],
-            high_offset: [greatest(&offset[0]), greatest(&offset[1])],
-        };
-        for i in 0..RAYS {
-            let end = bundle.end(i, cull[i]);
-            if kind.reversed {
-                bundle.near[i] = end;
+            let early = t_min[i] * self.along[i];
+            let end = self.end(i, cull[i]);
+            let (near, far) = if kind.reversed {
+                (end, (self.start[i] - early) * (1.0 + PADDING) + self.margin)
             } else {
-                bundle.far[i] = end;
-            }
-            if cull[i] < 0.0 {
-                (bundle.near[i], bundle.far[i]) = (f32::INFINITY, f32::NEG_INFINITY);
-            }
+                ((self.start[i] + early) * (1.0 - PADDING) - self.margin, end)
+            };
+            let over = cull[i] < 0.0;
+            self.near[i] = if over { f32::INFINITY } else { near };
+            self.far[i] = if over { f32::NEG_INFINITY } else { far };
         }
-        bundle.update_limits();
+        self.update_limits();
         // Before the apex the slopes change places; the bundle is hardly wider there.
-        let before = (-bundle.bundle_near).max(0.0);
+        let before = (-self.bundle_near).max(0.0);
         for i in 0..2 {
-            let extra = margin + (bundle.high_slope[i] - bundle.low_slope[i]) * before;
-            bundle.low_offset[i] -= extra;
-            bundle.high_offset[i] += extra;
+            self.low_slope[i] = low[i] - 2.0 * PADDING;
+            self.high_slope[i] = high[i] + 2.0 * PADDING;
+            let extra = self.margin + (self.high_slope[i] - self.low_slope[i]) * before;
+            self.low_offset[i] = least(&self.offset[i]) - extra;
+            self.high_offset[i] = greatest(&self.offset[i]) + extra;
         }
-        Some(bundle)
+        true
     }
 
     /// Where a search with this limit ends.
