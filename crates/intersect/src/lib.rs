@@ -2,7 +2,8 @@
 //!
 //! A [`World`] holds triangle meshes and analytic shapes in groups; a group may be instanced in others at any depth. Queries take
 //! *batches* of rays ([`World::closest`], [`World::occluded`]) and answer with plain [`Hit`] records; [`World::interaction`] turns
-//! a hit into everything local about the surface. Nothing here knows of colours, materials or files.
+//! a hit into everything local about the surface. A [`DWorld`] is the same for coordinates in double precision. Nothing here knows of
+//! colours, materials or files.
 
 pub mod accel;
 pub mod geometry;
