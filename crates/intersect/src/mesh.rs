@@ -44,7 +44,7 @@ pub enum MeshError {
         found: usize,
         /// Entries expected.
         expected: usize,
-        /// "vertex" or "triangle".
+        /// "vertex", "triangle" or "quad".
         per: &'static str,
     },
 }

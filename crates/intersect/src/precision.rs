@@ -13,7 +13,7 @@ use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{TriangleBlock, exact_hit, hit_in_plane, is_behind, plane_distance};
 use crate::query::search::{Goal, Search};
 use snell_math::simd::{Lanes8, Level};
-use snell_math::{DRay, DVec3, Ray, Vec2};
+use snell_math::{DRay, DVec2, DVec3, Ray, Vec2};
 use std::cmp::Ordering;
 use std::fmt::Debug;
 use std::ops::Range;
@@ -140,6 +140,12 @@ pub(crate) trait Rules: Precision {
     /// Instance, geometry and primitive of a hit.
     fn ids(hit: &Self::Hit) -> [u32; 3];
 
+    /// What decides between equally far hits: the ids, then the bits of the parameters.
+    fn rank(hit: &Self::Hit) -> [u64; 5];
+
+    /// The hit on a quad that a hit on one of its triangles is ([`crate::geometry::quads`]).
+    fn quad_hit(hit: &Self::Hit) -> Self::Hit;
+
     /// A ray of a group in the coordinates that the structures of the group are in.
     fn ray_in_structure(data: &Self::Data, group: usize, ray: &DRay) -> DRay;
 
@@ -203,7 +209,7 @@ pub(crate) trait Rules: Precision {
     #[inline(always)]
     fn is_before(hit: &Self::Hit, other: &Self::Hit) -> bool {
         let (a, b) = (Self::t(hit), Self::t(other));
-        a < b || (a == b && Self::ids(hit) < Self::ids(other))
+        a < b || (a == b && Self::rank(hit) < Self::rank(other))
     }
 }
 
@@ -229,7 +235,8 @@ impl Rules for Single {
 
     #[inline(always)]
     fn hit(t: f64, uv: Vec2, [instance, geometry, primitive]: [u32; 3]) -> Hit {
-        Hit { t: t as f32, uv, instance, geometry, primitive }
+        // Never minus zero.
+        Hit { t: t as f32 + 0.0, uv, instance, geometry, primitive }
     }
 
     #[inline(always)]
@@ -240,6 +247,16 @@ impl Rules for Single {
     #[inline(always)]
     fn ids(hit: &Hit) -> [u32; 3] {
         [hit.instance, hit.geometry, hit.primitive]
+    }
+
+    #[inline(always)]
+    fn rank(hit: &Hit) -> [u64; 5] {
+        hit.rank().map(u64::from)
+    }
+
+    #[inline(always)]
+    fn quad_hit(hit: &Hit) -> Hit {
+        crate::geometry::quads::quad_hit(hit)
     }
 
     #[inline(always)]
@@ -367,6 +384,18 @@ impl Rules for Double {
     #[inline(always)]
     fn ids(hit: &DHit) -> [u32; 3] {
         [hit.instance, hit.geometry, hit.primitive]
+    }
+
+    #[inline(always)]
+    fn rank(hit: &DHit) -> [u64; 5] {
+        let [instance, geometry, primitive] = Self::ids(hit).map(u64::from);
+        [instance, geometry, primitive, hit.uv.x.to_bits(), hit.uv.y.to_bits()]
+    }
+
+    #[inline(always)]
+    fn quad_hit(hit: &DHit) -> DHit {
+        let uv = if hit.primitive & 1 == 1 { DVec2::ONE - hit.uv } else { hit.uv };
+        DHit { primitive: hit.primitive >> 1, uv, ..*hit }
     }
 
     #[inline(always)]

@@ -20,11 +20,12 @@ pub use edit::{EditError, InstanceId};
 pub use reuse::Reuse;
 
 use crate::accel::brute_force::GroupList;
-use crate::accel::bvh::Forest;
-use crate::accel::group::Object;
+use crate::accel::bvh::{CacheUse, Forest};
+use crate::accel::group::{BulkContents, Object, Placement};
 use crate::accel::walk::Structures;
 use crate::accel::{AcceleratorKind, AcceleratorOptions, Quality};
-use crate::geometry::PrimitiveSet;
+use crate::geometry::motion::transform_at;
+use crate::geometry::{MovingMesh, PrimitiveSet, QuadMesh};
 use crate::mesh::TriangleMesh;
 use crate::query::winding::Winding;
 use crate::shape::Shape;
@@ -33,6 +34,7 @@ use rayon::prelude::*;
 use reuse::{Inventory, Summary};
 use snell_math::simd::Level;
 use snell_math::{Bounds3d, DMat3, Transform};
+use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 /// Number of a group, in order of creation. The root is 0.
@@ -66,6 +68,9 @@ pub struct BuildOptions {
     pub accelerator_options: AcceleratorOptions,
     /// How much time building a [`AcceleratorKind::Bvh`] may take for how fast a tree.
     pub quality: Quality,
+    /// A folder in which the [`AcceleratorKind::Bvh`] of large groups (65,536 triangles and more) is kept in files: the next build of the
+    /// same group maps it into memory. Only one's own files belong there: hits come from them. `None`: nothing is kept.
+    pub cache: Option<PathBuf>,
     /// Which instructions the kernels use.
     pub simd: Level,
 }
@@ -76,6 +81,7 @@ impl Default for BuildOptions {
             accelerator: AcceleratorKind::default(),
             accelerator_options: AcceleratorOptions::default(),
             quality: Quality::default(),
+            cache: None,
             simd: Level::best(),
         }
     }
@@ -86,6 +92,10 @@ impl Default for BuildOptions {
 pub enum Geometry {
     /// A mesh in the coordinates of its group.
     Mesh(Arc<TriangleMesh>),
+    /// Quadrilaterals in the coordinates of their group.
+    Quads(Arc<QuadMesh>),
+    /// A mesh whose vertices move, in the coordinates of its group.
+    MovingMesh(Arc<MovingMesh>),
     /// A shape and the map from its own coordinates to those of its group.
     Shape(Arc<dyn Shape>, Transform),
     /// Many primitives in the coordinates of their group.
@@ -101,6 +111,30 @@ pub struct Instance {
     pub group_from_child: Transform,
     /// Only rays whose mask shares a bit with this enter it.
     pub mask: u32,
+    /// For an instance that moves: the map at the further keys, which are evenly spread from time 0 (`group_from_child`) to 1. Between
+    /// keys the matrices are interpolated linearly ([`crate::geometry::motion::transform_at`]). Empty for one that stays.
+    pub later: Vec<Transform>,
+}
+
+impl Instance {
+    /// An instance that all rays may enter and that does not move.
+    pub fn new(child: GroupId, group_from_child: Transform) -> Self {
+        Self { child, group_from_child, mask: u32::MAX, later: Vec::new() }
+    }
+
+    /// The map at all keys, the first at time 0.
+    pub(crate) fn keys(&self) -> impl Iterator<Item = &Transform> {
+        std::iter::once(&self.group_from_child).chain(&self.later)
+    }
+
+    /// The map at a time from 0 to 1; at times when the instance is flattened, and not to be hit, the map at time 0.
+    pub(crate) fn at(&self, time: f32) -> Transform {
+        if self.later.is_empty() {
+            return self.group_from_child;
+        }
+        let keys: Vec<_> = self.keys().copied().collect();
+        transform_at(&keys, time).unwrap_or(self.group_from_child)
+    }
 }
 
 /// What queries ask about a geometry before a hit on it counts.
@@ -110,11 +144,13 @@ pub struct GeometryOptions {
     pub mask: u32,
     /// The query's [`crate::HitFilter`] may reject hits.
     pub filtered: bool,
+    /// Its triangles are halves of quads.
+    pub(crate) quads: bool,
 }
 
 impl Default for GeometryOptions {
     fn default() -> Self {
-        Self { mask: u32::MAX, filtered: false }
+        Self { mask: u32::MAX, filtered: false, quads: false }
     }
 }
 
@@ -169,6 +205,16 @@ impl WorldBuilder {
         self.add_geometry(group, Geometry::Mesh(mesh))
     }
 
+    /// Puts quads into a group, in the group's coordinates.
+    pub fn add_quads(&mut self, group: GroupId, quads: Arc<QuadMesh>) -> GeometryId {
+        self.add_geometry(group, Geometry::Quads(quads))
+    }
+
+    /// Puts a mesh whose vertices move into a group, in the group's coordinates.
+    pub fn add_moving_mesh(&mut self, group: GroupId, mesh: Arc<MovingMesh>) -> GeometryId {
+        self.add_geometry(group, Geometry::MovingMesh(mesh))
+    }
+
     /// Puts a shape into a group.
     pub fn add_shape(&mut self, group: GroupId, shape: Arc<dyn Shape>, group_from_shape: Transform) -> GeometryId {
         self.add_geometry(group, Geometry::Shape(shape, group_from_shape))
@@ -181,8 +227,9 @@ impl WorldBuilder {
 
     fn add_geometry(&mut self, group: GroupId, geometry: Geometry) -> GeometryId {
         let id = GeometryId(self.geometries.len() as u32);
+        let quads = matches!(geometry, Geometry::Quads(_));
         self.geometries.push(geometry);
-        self.options.push(GeometryOptions::default());
+        self.options.push(GeometryOptions { quads, ..GeometryOptions::default() });
         self.homes.push(Some(group));
         self.groups[group.0 as usize].geometries.push(id);
         id
@@ -190,7 +237,7 @@ impl WorldBuilder {
 
     /// Places `child` in `group`.
     pub fn add_instance(&mut self, group: GroupId, child: GroupId, group_from_child: Transform) -> InstanceId {
-        self.add(group, Instance { child, group_from_child, mask: u32::MAX })
+        self.add(group, Instance::new(child, group_from_child))
     }
 
     /// Places an instance in `group`.
@@ -265,24 +312,25 @@ impl WorldBuilder {
             for &id in &contents.geometries {
                 match &self.geometries[id.0 as usize] {
                     Geometry::Mesh(mesh) => list.meshes.push((id.0, mesh.clone())),
+                    Geometry::Quads(quads) => list.meshes.push((id.0, quads.triangles().clone())),
                     Geometry::Shape(shape, placed) => list.objects.push(Object::Shape {
                         shape: shape.clone(),
                         geometry: id.0,
                         shape_from_group: *placed.inverse_matrix(),
                     }),
-                    Geometry::Set(_) => {}
+                    Geometry::Set(_) | Geometry::MovingMesh(_) => {}
                 }
             }
             for (instance, &offset) in contents.instances.iter().zip(&occurrences.offsets[group]) {
                 list.objects.push(Object::Instance {
                     child: instance.child.0 as usize,
                     offset,
-                    child_from_group: *instance.group_from_child.inverse_matrix(),
+                    child_from_group: Placement::of(instance),
                     mask: instance.mask,
                 });
             }
             for (id, set) in self.sets(contents) {
-                if !list.objects.push_set(id.0, set.clone()) {
+                if !list.objects.push_set(id.0, set) {
                     let limit = "a group holds more than 4294967295 primitives: spread them over several groups";
                     return Err(WorldError::Limit(limit.into()));
                 }
@@ -292,19 +340,16 @@ impl WorldBuilder {
         self.groups.iter().enumerate().map(list).collect()
     }
 
-    /// The sets of primitives of a group, which come after its shapes and instances.
-    fn sets(&self, contents: &GroupContents) -> impl Iterator<Item = (GeometryId, &Arc<dyn PrimitiveSet>)> {
-        contents.geometries.iter().filter_map(|&id| match &self.geometries[id.0 as usize] {
-            Geometry::Set(set) => Some((id, set)),
-            Geometry::Mesh(_) | Geometry::Shape(..) => None,
-        })
+    /// The geometries of many primitives of a group, which come after its shapes and instances.
+    fn sets(&self, contents: &GroupContents) -> impl Iterator<Item = (GeometryId, BulkContents)> {
+        contents.geometries.iter().filter_map(|&id| Some((id, BulkContents::of(&self.geometries[id.0 as usize])?)))
     }
 
     fn count_triangles(&self, occurrences: &Occurrences, structure: &Structure, inventory: &Inventory) -> BuildStats {
         let mut stats = BuildStats { reuse: inventory.reuse, ..BuildStats::default() };
         for (geometry, summary) in self.geometries.iter().zip(&inventory.summaries) {
             match geometry {
-                Geometry::Mesh(_) => {
+                Geometry::Mesh(_) | Geometry::Quads(_) | Geometry::MovingMesh(_) => {
                     stats.triangles += summary.count;
                     stats.skipped_triangles += summary.skipped;
                 }
@@ -320,6 +365,8 @@ impl WorldBuilder {
             let contents = &self.groups[group];
             let own = contents.geometries.iter().map(|g| match &self.geometries[g.0 as usize] {
                 Geometry::Mesh(mesh) => mesh.indices.len() as u64,
+                Geometry::Quads(quads) => 2 * quads.len() as u64,
+                Geometry::MovingMesh(mesh) => mesh.len() as u64,
                 Geometry::Shape(..) | Geometry::Set(_) => 0,
             });
             let placed = contents.instances.iter().map(|i| below[i.child.0 as usize]);
@@ -327,7 +374,7 @@ impl WorldBuilder {
         }
         stats.instanced_triangles = below[0];
         if let Structure::Bvh(forest) = structure {
-            stats.skipped_triangles = forest.trees.iter().map(|t| t.skipped.len() as u64).sum();
+            stats.cached_groups = forest.trees.iter().filter(|t| t.cache == CacheUse::Read).count() as u64;
             stats.nodes = forest.trees.iter().map(|t| t.nodes.len() as u64).sum();
             stats.triangle_blocks = forest.trees.iter().map(|t| t.blocks.len() as u64).sum();
             stats.depth = forest.trees.iter().map(|t| t.depth as u32).max().unwrap_or(0);
@@ -369,7 +416,7 @@ impl GroupBounds {
         let mut objects = Vec::new();
         for &id in &contents.geometries {
             match &builder.geometries[id.0 as usize] {
-                Geometry::Mesh(_) => {
+                Geometry::Mesh(_) | Geometry::Quads(_) => {
                     let b = summaries[id.0 as usize].bounds;
                     (exact, outer) = (exact.union(&b), outer.union(&b));
                 }
@@ -378,21 +425,18 @@ impl GroupBounds {
                     exact = exact.union(&placed.bounds(&b));
                     objects.push(grown_bounds(placed, &b));
                 }
-                Geometry::Set(_) => {}
+                Geometry::Set(_) | Geometry::MovingMesh(_) => {}
             }
         }
         for instance in &contents.instances {
             let child = instance.child.0 as usize;
-            exact = exact.union(&instance.group_from_child.bounds(&self.exact[child]));
-            objects.push(grown_bounds(&instance.group_from_child, &self.grown[child]));
+            let images = instance.keys().map(|map| map.bounds(&self.exact[child]));
+            exact = images.fold(exact, |all, b| all.union(&b));
+            objects.push(instance_bounds(instance, &self.grown[child]));
         }
         for (_, set) in builder.sets(contents) {
-            let of = |i: usize| {
-                let b = set.bounds(i);
-                if b.is_empty() { Bounds3d::EMPTY } else { b }
-            };
             let first = objects.len();
-            objects.par_extend((0..set.len()).into_par_iter().with_min_len(1024).map(of));
+            objects.par_extend((0..set.len()).into_par_iter().with_min_len(1024).map(|i| set.bounds(i)));
             exact = objects[first..].iter().fold(exact, |all, b| all.union(b));
             objects[first..].par_iter_mut().for_each(|b| *b = grown_bounds(&Transform::IDENTITY, b));
         }
@@ -412,6 +456,17 @@ fn grown_bounds(placed: &Transform, b: &Bounds3d) -> Bounds3d {
     let size = abs_matrix(&m.matrix3) * b.min.abs().max(b.max.abs()) + m.translation.abs();
     let margin = (size + image.size()) * 1e-13;
     Bounds3d { min: image.min - margin, max: image.max + margin }
+}
+
+/// The box of an instance at all times, grown likewise. Between keys every point moves on a straight line, so the boxes at the keys
+/// hold it; the inverse of an interpolated matrix may be less exact.
+fn instance_bounds(instance: &Instance, b: &Bounds3d) -> Bounds3d {
+    let all = instance.keys().map(|map| grown_bounds(map, b)).fold(Bounds3d::EMPTY, |all, b| all.union(&b));
+    if instance.later.is_empty() || !all.is_finite() {
+        return all;
+    }
+    let margin = all.size() * 1e-6;
+    Bounds3d { min: all.min - margin, max: all.max + margin }
 }
 
 /// The matrix of the absolute values.
@@ -460,7 +515,7 @@ pub struct World {
 /// What was built.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BuildStats {
-    /// Triangles of all meshes, each mesh counted once.
+    /// Triangles of all meshes, each mesh counted once; a quad is two.
     pub triangles: u64,
     /// Triangles that can never be hit ([`TriangleMesh::is_degenerate`]); part of `triangles`.
     pub skipped_triangles: u64,
@@ -470,6 +525,8 @@ pub struct BuildStats {
     pub primitives: u64,
     /// Primitives of sets that can never be hit: part of `primitives`.
     pub skipped_primitives: u64,
+    /// Groups whose structure was found in a file of [`BuildOptions::cache`].
+    pub cached_groups: u64,
     /// Nodes of acceleration structures.
     pub nodes: u64,
     /// Blocks of up to eight triangles.
@@ -496,6 +553,17 @@ pub struct TraversalCounters {
     pub primitives_tested: u32,
     /// Cells of grids, and leaves of trees that divide space, that were gone through.
     pub cells_stepped: u32,
+}
+
+/// What a batch of rays cost: [`TraversalCounters`], summed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TraversalWork {
+    /// See [`TraversalCounters::nodes_visited`].
+    pub nodes_visited: u64,
+    /// See [`TraversalCounters::primitives_tested`].
+    pub primitives_tested: u64,
+    /// See [`TraversalCounters::cells_stepped`].
+    pub cells_stepped: u64,
 }
 
 impl World {
@@ -554,6 +622,16 @@ impl World {
     /// What was built.
     pub fn stats(&self) -> &BuildStats {
         &self.stats
+    }
+
+    /// What the user should know of the build: files of [`BuildOptions::cache`] that were damaged or could not be written.
+    pub fn warnings(&self) -> Vec<String> {
+        let Structure::Bvh(forest) = &self.structure else { return Vec::new() };
+        let warning = |tree: &std::sync::Arc<crate::accel::bvh::GroupTree>| match &tree.cache {
+            CacheUse::Failed(warning) => Some(warning.clone()),
+            _ => None,
+        };
+        forest.trees.iter().filter_map(warning).collect()
     }
 
     /// Memory of the acceleration structures in bytes, without the geometries.

@@ -1,4 +1,5 @@
-//! The primitives of one group, numbered: first the triangles of its meshes in order, then its shapes and instances.
+//! The primitives of one group, numbered: first the triangles of its meshes in order, then its shapes and instances, then the
+//! primitives of its sets.
 
 use super::box_ray::margin_of;
 use super::brute_force::GroupList;
@@ -84,11 +85,11 @@ impl<'a> Primitives<'a> {
         Ok(Self { list, first, triangles: next, items, unbounded, bounds, margin })
     }
 
-    /// The ranges of primitives that are meshes, and the single ones that are not.
+    /// The ranges of primitives that are one geometry or instance each.
     pub fn geometries(&self) -> impl Iterator<Item = (u32, u32)> {
         let meshes =
             self.first.iter().zip(&self.list.meshes).map(|(&first, m)| (first, first + m.1.indices.len() as u32));
-        meshes.chain((0..self.list.objects.len() as u32).map(|i| (self.triangles + i, self.triangles + i + 1)))
+        meshes.chain(self.list.objects.geometries().map(|(first, end)| (self.triangles + first, self.triangles + end)))
     }
 
     /// The corners of a triangle; `None` for a shape or an instance.

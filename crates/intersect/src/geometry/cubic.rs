@@ -7,6 +7,8 @@ use super::{PrimitiveHit, PrimitiveSet};
 use crate::shape::{Metric, ShapeSurface};
 use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
 
+const SIXTH: f64 = 1.0 / 6.0;
+
 /// How the points of a cubic curve define it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum CurveBasis {
@@ -69,9 +71,10 @@ impl CubicCurves {
             let [a, b, c, d] = points.map(wide);
             match self.basis {
                 CurveBasis::BSpline => {
-                    [(a + b * 4.0 + c) / 6.0, (b * 2.0 + c) / 3.0, (b + c * 2.0) / 3.0, (b + c * 4.0 + d) / 6.0]
+                    let third = 1.0 / 3.0;
+                    [(a + b * 4.0 + c) * SIXTH, (b * 2.0 + c) * third, (b + c * 2.0) * third, (b + c * 4.0 + d) * SIXTH]
                 }
-                CurveBasis::CatmullRom => [b, b + (c - a) / 6.0, c - (d - b) / 6.0, c],
+                CurveBasis::CatmullRom => [b, b + (c - a) * SIXTH, c - (d - b) * SIXTH, c],
                 CurveBasis::Bezier | CurveBasis::Hermite => [a, b, c, d],
             }
         };

@@ -1,11 +1,14 @@
-//! Geometries of many primitives: spheres and curves in bulk, and whatever a user brings along by [`PrimitiveSet`].
+//! Geometries beyond meshes and shapes: spheres and curves in bulk, whatever a user brings along by [`PrimitiveSet`], quads, and what
+//! moves.
 //!
 //! A set says where each of its primitives is and where a ray first meets it. The rest is done here and is the same for every set:
 //! the primitives are sorted into the tree of their group, one by one, at a few bytes each.
 
 pub mod cubic;
 pub mod linear;
+pub mod motion;
 mod nearest;
+pub mod quads;
 mod rounded_cone;
 pub mod spheres;
 mod sweep;
@@ -14,6 +17,8 @@ mod tests;
 
 pub use cubic::{CubicCurves, CurveBasis};
 pub use linear::LinearCurves;
+pub use motion::{MeshKey, MovingMesh};
+pub use quads::QuadMesh;
 pub use spheres::Spheres;
 
 use crate::shape::{Metric, ShapeSurface};

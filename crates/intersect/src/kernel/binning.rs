@@ -203,11 +203,11 @@ unsafe fn fill_avx2(binning: &Binning, primitives: &[Primitive], bins: &mut Bins
 unsafe fn fill_with<L: Lanes8>(binning: &Binning, primitives: &[Primitive], bins: &mut Bins) {
     for p in primitives {
         let at = binning.bins_of(p.center2());
-        for axis in 0..3 {
-            let bin = &mut bins.boxes[axis][at[axis]].0;
+        for ((boxes, counts), at) in bins.boxes.iter_mut().zip(&mut bins.counts).zip(at) {
+            let bin = &mut boxes[at].0;
             // SAFETY: as promised by the caller.
             unsafe { L::load(bin).max(L::load(&p.0.0)) }.store(bin);
-            bins.counts[axis][at[axis]] += 1;
+            counts[at] += 1;
         }
     }
 }

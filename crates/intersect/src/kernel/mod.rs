@@ -1,4 +1,5 @@
-//! Traversal kernels: ray-boxes and ray-triangles, written once over [`snell_math::simd::Lanes8`], and their entries per level.
+//! Traversal kernels: ray-boxes and ray-triangles, written once over [`snell_math::simd::Lanes8`], and their entries per level. What was
+//! measured is in `README.md` beside this file.
 
 pub(crate) mod binning;
 pub(crate) mod double;

@@ -15,12 +15,12 @@ use super::ray::LocalRay;
 use super::traverse::{Entry, Stack, Walk, test_object, walk_portable};
 use super::triangle::TriangleBlock;
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{Object, ObjectRef, ray_in_child, test_triangle};
+use crate::accel::group::{Object, ObjectRef, Placement, ray_in_child, test_triangle};
 use crate::hit::Hit;
 use crate::precision::Single;
 use crate::query::search::{Goal, Search, Verdict};
 use bundle::{Bundle, Kind, PerRay, RAYS};
-use exact::{PAIRS, Pairs, exact_hits};
+use exact::{Found, PAIRS, Pairs, exact_hits};
 use leaf::SeenBlock;
 use snell_math::simd::{Level, Portable8, WideLanes};
 use snell_math::{DAffine3, DRay, DVec3, Ray, Vec2, Vec3};
@@ -156,33 +156,38 @@ fn set_up(bundle: &mut Bundle, rays: &[Ray]) -> bool {
         return false;
     }
     let first = numbers(&rays[0]);
-    let (mut t_min, mut t_max) = ([0.0; RAYS], [0.0; RAYS]);
-    // Neither may become anything but zero: what is not finite times zero, and differences to the first ray.
-    let (mut not_finite, mut differences) = ([0.0f32; 8], [0; 8]);
+    // By coordinate.
+    let mut columns = [[0.0f32; RAYS]; 8];
+    // Stays zero as long as everything is finite.
+    let mut not_finite = [0.0f32; 8];
+    let mut differences = [0; 8];
     for i in 0..RAYS {
         let ray = numbers(rays.get(i).unwrap_or(&rays[0]));
         for k in 0..8 {
+            columns[k][i] = ray[k];
             not_finite[k] += ray[k] * 0.0;
             differences[k] |= ray[k].to_bits() ^ first[k].to_bits();
         }
-        let [ox, oy, oz, start, dx, dy, dz, end] = ray;
-        (t_min[i], t_max[i]) = (start, end);
-        bundle.rays.origin[i] = [ox, oy, oz, start].map(f64::from);
-        bundle.rays.direction[i] = [dx, dy, dz, end].map(f64::from);
+        bundle.rays.origin[i] = [ray[0], ray[1], ray[2], ray[3]].map(f64::from);
+        bundle.rays.direction[i] = [ray[4], ray[5], ray[6], ray[7]].map(f64::from);
+    }
+    let [_, _, _, t_min, dx, dy, dz, t_max] = columns;
+    let mut invalid = 0;
+    for i in 0..RAYS {
+        invalid |= u32::from(!((t_min[i] >= 0.0) & (t_min[i] < t_max[i])));
+    }
+    if invalid != 0 || [0, 1, 2, 4, 5, 6].iter().any(|&k| not_finite[k] != 0.0) {
+        return false;
     }
     let mut cull = t_max.map(padded);
     cull[rays.len()..].fill(-1.0);
-    let mut valid = [0, 1, 2, 4, 5, 6].iter().all(|&k| not_finite[k] == 0.0);
-    for i in 0..RAYS {
-        valid &= (t_min[i] >= 0.0) & (t_min[i] < t_max[i]);
-    }
     let common = differences[..3] == [0; 3];
     let reversed = !common && not_finite[7] == 0.0;
     // A little beyond the ends, so that all rays end before it.
-    let end = rays[0].origin + rays[0].direction * (rays[0].t_max * (1.0 + 1.0 / 4096.0));
+    let end = rays[0].origin + rays[0].direction * (rays[0].t_max * (1.0 + 1.0 / 1024.0));
     let apex = if reversed { end } else { rays[0].origin };
     bundle.kind = Kind { apex: apex.to_array(), reversed, common, rounded: false };
-    valid && bundle.set_up(&t_min, &cull)
+    bundle.set_up(&[dx, dy, dz], &t_min, &cull)
 }
 
 /// All that a ray consists of.
@@ -350,28 +355,29 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             mask &= mask - 1;
             // SAFETY: as promised by the caller.
             let mut triangles = unsafe { seen.candidates(bundle, lane as usize & (RAYS - 1)) } & used;
-            while triangles != 0 {
-                pairs.rays[pairs.count & (PAIRS - 1)] = lane;
-                pairs.triangles[pairs.count & (PAIRS - 1)] = triangles.trailing_zeros();
-                pairs.count += 1;
-                triangles &= triangles - 1;
-                if pairs.count == PAIRS {
+            // Mostly there is one: written in any case, counted if it is one, so nothing branches on it.
+            loop {
+                pairs.push(lane, triangles.trailing_zeros() & 7, triangles != 0);
+                if pairs.is_full() {
                     // SAFETY: as promised by the caller.
-                    found |= unsafe { self.test_pairs::<L>(tree, block, bundle, &pairs, locals, instance) };
-                    pairs.count = 0;
+                    found |= unsafe { self.test_pairs::<L>(tree, block, bundle, &mut pairs, locals, instance) };
+                }
+                triangles &= triangles.wrapping_sub(1);
+                if triangles == 0 {
+                    break;
                 }
             }
         }
         if pairs.count != 0 {
             // SAFETY: as promised by the caller.
-            found |= unsafe { self.test_pairs::<L>(tree, block, bundle, &pairs, locals, instance) };
+            found |= unsafe { self.test_pairs::<L>(tree, block, bundle, &mut pairs, locals, instance) };
         }
         if found {
             bundle.update_limits();
         }
     }
 
-    /// Offers the hits of pairs of rays and triangles of a block. True if there are any that count.
+    /// Offers the hits of pairs of rays and triangles of a block, and forgets the pairs. True if there are any that count.
     ///
     /// # Safety
     /// The machine must have the instructions of `L`.
@@ -381,50 +387,64 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         tree: &GroupTree,
         block: &TriangleBlock,
         bundle: &mut Bundle,
-        pairs: &Pairs,
+        pairs: &mut Pairs,
         locals: &mut Locals,
         instance: u32,
     ) -> bool {
         let all = u32::MAX >> (32 - pairs.count);
-        // SAFETY: as promised by the caller; alignment is checked.
-        let found = bundle.is_aligned.then(|| unsafe { exact_hits::<L>(block, bundle, pairs) });
-        let mut pending = found.map_or(all, |found| (found.hits | found.unsure) & all);
         let mut any = false;
-        while pending != 0 {
-            let pair = pending.trailing_zeros() as usize & (PAIRS - 1);
-            pending &= pending - 1;
+        let mut found = Found::NONE;
+        if bundle.is_aligned {
+            // SAFETY: as promised by the caller.
+            unsafe { exact_hits::<L>(block, bundle, pairs, &mut found) };
+        } else {
+            found.unsure = all;
+        }
+        let mut hits = found.hits & all;
+        while hits != 0 {
+            let pair = hits.trailing_zeros() as usize & (PAIRS - 1);
+            hits &= hits - 1;
+            let (lane, triangle) = (pairs.rays[pair] as usize & (RAYS - 1), pairs.triangles[pair] as usize & 7);
+            let search = &mut self.searches[lane];
+            let t = found.t[pair];
+            if t > search.goal.limit() || self.alive >> lane & 1 == 0 {
+                continue;
+            }
+            let (geometry, primitive) = tree.triangle(block.ids[triangle]);
+            let uv = Vec2::new(found.b1[pair], found.b2[pair]);
+            let verdict = search.offer(Hit { t, uv, instance, geometry, primitive });
+            any |= self.note(bundle, lane, verdict == Verdict::Finished);
+        }
+        let mut unsure = found.unsure & all;
+        while unsure != 0 {
+            let pair = unsure.trailing_zeros() as usize & (PAIRS - 1);
+            unsure &= unsure - 1;
             let (lane, triangle) = (pairs.rays[pair] as usize & (RAYS - 1), pairs.triangles[pair] as usize & 7);
             if self.alive >> lane & 1 == 0 {
                 continue;
             }
-            let search = &mut self.searches[lane];
-            let limit = search.goal.limit();
             let ids = || {
                 let (geometry, primitive) = tree.triangle(block.ids[triangle]);
                 [instance, geometry, primitive]
             };
-            let over = match &found {
-                Some(found) if found.hits >> pair & 1 == 1 => {
-                    let t = found.t[pair];
-                    if t > limit {
-                        continue;
-                    }
-                    let [instance, geometry, primitive] = ids();
-                    let uv = Vec2::new(found.b1[pair], found.b2[pair]);
-                    search.offer(Hit { t, uv, instance, geometry, primitive }) == Verdict::Finished
-                }
-                _ => test_triangle(search, locals.get(bundle, lane), &block.corners(triangle), ids),
-            };
-            if over {
-                self.alive &= !(1 << lane);
-                bundle.tighten(lane, -1.0);
-                any = true;
-            } else if search.goal.limit() < limit {
-                bundle.tighten(lane, search.cull());
-                any = true;
-            }
+            let local = locals.get(bundle, lane);
+            let over = test_triangle(&mut self.searches[lane], local, &block.corners(triangle), ids);
+            any |= self.note(bundle, lane, over);
         }
+        pairs.count = 0;
         any
+    }
+
+    /// After a hit was offered to a ray. True if that can matter to the bundle.
+    #[inline(always)]
+    fn note(&mut self, bundle: &mut Bundle, lane: usize, over: bool) -> bool {
+        if over {
+            self.alive &= !(1 << lane);
+            bundle.tighten(lane, -1.0);
+        } else if G::NARROWS {
+            bundle.tighten(lane, self.searches[lane].cull());
+        }
+        over || G::NARROWS
     }
 
     /// Tests a shape or instance for some of the rays, one by one.
@@ -471,8 +491,12 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         instance: u32,
         top: usize,
     ) -> bool {
-        if let ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask: visible }) =
-            tree.objects.get(object)
+        if let ObjectRef::Placed(Object::Instance {
+            child,
+            offset,
+            child_from_group: Placement::Still(child_from_group),
+            mask: visible,
+        }) = tree.objects.get(object)
         {
             let mut wanted = mask;
             for lane in 0..RAYS {
@@ -505,6 +529,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
     /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is none.
     fn set_up_in_child(&self, below: &mut Bundle, bundle: &Bundle, mask: u32, child_from_group: &DAffine3) -> bool {
         let (mut t_min, mut cull): (PerRay<f32>, PerRay<f32>) = ([0.0; RAYS], [-1.0; RAYS]);
+        let mut directions = [[0.0; RAYS]; 3];
         let mut valid = true;
         for lane in 0..RAYS {
             let ray = ray_in_child(child_from_group, &bundle.rays.get(lane));
@@ -517,6 +542,9 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             }
             below.rays.origin[lane] = [o.x, o.y, o.z, t_min[lane].into()];
             below.rays.direction[lane] = [d.x, d.y, d.z, 0.0];
+            for axis in 0..3 {
+                directions[axis][lane] = d[axis] as f32;
+            }
         }
         let apex = if bundle.kind.common {
             let [x, y, z, _] = below.rays.origin[0];
@@ -525,7 +553,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             child_from_group.transform_point3(Vec3::from_array(bundle.kind.apex).as_dvec3())
         };
         below.kind = Kind { apex: apex.as_vec3().to_array(), rounded: true, ..bundle.kind };
-        valid && below.set_up(&t_min, &cull)
+        valid && below.set_up(&directions, &t_min, &cull)
     }
 }
 

@@ -166,10 +166,10 @@ impl QuickRay {
     #[inline(never)]
     fn set_parallel<L: Lanes8>(&mut self, d: &[f32; 4]) -> bool {
         let mut octant = 0;
-        for i in 0..3 {
-            octant |= usize::from(d[i] < 0.0) << i;
-            if d[i] != 0.0 {
-                if d[i].abs() < MIN_SLOPE {
+        for (i, &slope) in d.iter().enumerate().take(3) {
+            octant |= usize::from(slope < 0.0) << i;
+            if slope != 0.0 {
+                if slope.abs() < MIN_SLOPE {
                     return false;
                 }
                 continue;

@@ -6,7 +6,7 @@ use super::quick::QuickRay;
 use super::traverse::{Stack, Walk, test_object};
 use super::triangle::TriangleBlock;
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{Object, ObjectRef, offer_triangle, ray_in_child};
+use crate::accel::group::{Object, ObjectRef, offer_triangle};
 use crate::precision::Rules;
 use crate::query::search::{DataOf, Goal, RayOf, Search};
 use snell_math::simd::Lanes8;
@@ -305,10 +305,11 @@ impl<'a, G: Goal> Slot<'a, G> {
         };
         let tree = &forest.trees[*child];
         // SAFETY: as promised by the caller.
-        if mask & unsafe { self.search() }.mask == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
+        let (visible, time) = unsafe { (self.search().mask, self.search().time) };
+        if mask & visible == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
             return false;
         }
-        let Some(ray) = ray_in_child(child_from_group, &self.place.exact()) else { return false };
+        let Some(ray) = child_from_group.ray_in_child(&self.place.exact(), time) else { return false };
         self.outside.push(self.place);
         // SAFETY: as promised by the caller.
         let data = unsafe { self.search() }.context.data;

@@ -8,6 +8,7 @@ use crate::precision::Rules;
 use crate::query::search::{Goal, Search};
 use snell_math::DRay;
 use snell_math::simd::{Lanes8, Level, Portable8};
+use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
 
 /// A child to visit later: its reference below, the bits of its distance above.
@@ -164,6 +165,18 @@ impl<G: Goal> Place<'_, G> {
                 }
                 let mut near = [0.0; 8];
                 enters.store(&mut near);
+                let others = met & (met - 1);
+                let second = others.trailing_zeros() as usize & 7;
+                if others & (others - 1) == 0 {
+                    // Two, most often. Which of them is nearer is as good as random.
+                    let [a, b] = [first, second].map(|slot| entry(near[slot], node.children[slot]));
+                    let is_first_nearer = near[first] <= near[second];
+                    // SAFETY: as below.
+                    unsafe { stack.get_unchecked_mut(top).write(select_unpredictable(is_first_nearer, b, a)) };
+                    top += 1;
+                    current = ChildRef(select_unpredictable(is_first_nearer, a, b) as u32);
+                    continue;
+                }
                 // SAFETY: a walk holds at most 7 entries per level, so there are 8 free ones by the builder's count;
                 // `push_sorted` writes at least one.
                 unsafe {

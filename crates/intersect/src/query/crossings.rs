@@ -1,7 +1,7 @@
 //! Every crossing of a ray: how many there are, and which.
 //!
 //! A structure may hold a triangle several times (spatial splits do that), so a crossing may be offered several times, in any order.
-//! Each counts once: for triangles the same (instance, geometry, primitive) at the same `t` is the same crossing. Shapes are held
+//! Each counts once: for triangles the same (instance, geometry, primitive) at the same `t` and `uv` is the same crossing. Shapes are held
 //! once, and two of their crossings may well be equal in single precision.
 
 #[cfg(test)]
@@ -52,11 +52,11 @@ impl<P: Precision> AllHits<P> {
 
 /// What hits are sorted by.
 fn key<P: Rules>(hit: &P::Hit) -> Key<P> {
-    Key { t: P::t(hit), ids: P::ids(hit) }
+    Key { t: P::t(hit), rank: P::rank(hit) }
 }
 
 fn is_mesh(geometries: &[Geometry], geometry: u32) -> bool {
-    matches!(geometries[geometry as usize], Geometry::Mesh(_))
+    matches!(geometries[geometry as usize], Geometry::Mesh(_) | Geometry::Quads(_))
 }
 
 impl World {
@@ -185,12 +185,13 @@ impl<P: Rules> Goal for Tally<P> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Key<P: Rules> {
     t: P::Real,
-    ids: [u32; 3],
+    /// [`Rules::rank`].
+    rank: [u64; 5],
 }
 
 impl<P: Rules> Key<P> {
     fn compare(&self, other: &Self) -> std::cmp::Ordering {
-        self.t.compare(other.t).then(self.ids.cmp(&other.ids))
+        self.t.compare(other.t).then(self.rank.cmp(&other.rank))
     }
 }
 
@@ -229,7 +230,7 @@ impl<'a, P: Rules> Distinct<'a, P> {
     fn sort_and_deduplicate(&mut self) {
         self.found.sort_unstable_by(Key::compare);
         let geometries = self.geometries;
-        self.found.dedup_by(|a, b| a == b && is_mesh(geometries, a.ids[1]));
+        self.found.dedup_by(|a, b| a == b && is_mesh(geometries, a.rank[1] as u32));
     }
 
     /// How many there are, and the last of them if there are more.

@@ -13,7 +13,7 @@ use crate::hit::Hit;
 use crate::kernel::traverse::search_forest;
 use crate::kernel::{interleave, packet};
 use crate::precision::{Precision, Rules, Single};
-use crate::world::{Structure, TraversalCounters, World};
+use crate::world::{Structure, TraversalCounters, TraversalWork, World};
 use rays::{RayQuery, Rays};
 use search::{Any, Closest, Context, Counted, Goal, RayOf, Search};
 
@@ -92,6 +92,28 @@ impl World {
     ) -> (Hit, TraversalCounters) {
         let goal = self.searcher(filter).search(ray.into(), Counted::new);
         (goal.closest.result(), goal.counters)
+    }
+
+    /// The nearest hit of each ray, and what all of them together cost to find.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn closest_work<'a>(
+        &self,
+        rays: impl Into<Rays<'a>>,
+        filter: &dyn HitFilter,
+        hits: &mut [Hit],
+    ) -> TraversalWork {
+        let rays = rays.into();
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        let mut work = TraversalWork::default();
+        self.searcher(filter).search_all(rays, Grouping::None, Counted::new, |i, goal| {
+            hits[i] = goal.closest.result();
+            work.nodes_visited += u64::from(goal.counters.nodes_visited);
+            work.primitives_tested += u64::from(goal.counters.primitives_tested);
+            work.cells_stepped += u64::from(goal.counters.cells_stepped);
+        });
+        work
     }
 
     fn searcher<'a>(&'a self, filter: &'a dyn HitFilter) -> Searcher<'a, Single> {

@@ -114,10 +114,11 @@ impl<'a, G: Goal> Search<'a, G> {
         if G::Precision::t(&hit) <= self.t_min() || self.goal.is_past(&hit) {
             return Verdict::Rejected;
         }
+        let options = &self.context.options[G::Precision::ids(&hit)[1] as usize];
+        let hit = if options.quads { G::Precision::quad_hit(&hit) } else { hit };
         if !self.goal.wants(&hit) {
             return Verdict::Behind;
         }
-        let options = &self.context.options[G::Precision::ids(&hit)[1] as usize];
         if options.mask & self.mask == 0 || (options.filtered && !self.context.filter.accept(self.ray, &hit)) {
             return Verdict::Rejected;
         }

@@ -34,7 +34,7 @@ impl WorldBuilder {
     pub fn remove(&mut self, geometry: GeometryId) -> bool {
         let Some(group) = self.homes[geometry.0 as usize].take() else { return false };
         self.groups[group.0 as usize].geometries.retain(|&g| g != geometry);
-        self.geometries[geometry.0 as usize] = Geometry::Mesh(Arc::default());
+        self.put(geometry, Geometry::Mesh(Arc::default()));
         true
     }
 
@@ -47,8 +47,13 @@ impl WorldBuilder {
     /// If there never was such a geometry.
     pub fn replace(&mut self, id: GeometryId, geometry: Geometry) -> Result<(), EditError> {
         self.check(id)?;
-        self.geometries[id.0 as usize] = geometry;
+        self.put(id, geometry);
         Ok(())
+    }
+
+    fn put(&mut self, id: GeometryId, geometry: Geometry) {
+        self.options[id.0 as usize].quads = matches!(geometry, Geometry::Quads(_));
+        self.geometries[id.0 as usize] = geometry;
     }
 
     /// Moves the vertices of a mesh; all else stays. The next build refits instead of building, if that is good enough. (To change more
@@ -86,7 +91,7 @@ impl WorldBuilder {
         contents.instances.get_mut(at)
     }
 
-    /// Moves an instance. False if it was removed.
+    /// Moves an instance; further keys of its motion stay. False if it was removed.
     ///
     /// # Panics
     /// If there never was such an instance.

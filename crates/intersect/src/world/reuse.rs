@@ -47,7 +47,7 @@ pub struct Reuse {
 /// What it takes some time to find out about a geometry.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Summary {
-    /// In its own coordinates; for a set only whether there is anything.
+    /// In its own coordinates; empty for a set and for a mesh that moves.
     pub bounds: Bounds3d,
     /// Triangles, or primitives of a set, and how many of them can never be hit.
     pub count: u64,
@@ -61,6 +61,16 @@ impl Summary {
                 bounds: mesh.bounds().into(),
                 count: mesh.indices.len() as u64,
                 skipped: mesh.degenerate_triangles() as u64,
+            },
+            Geometry::Quads(quads) => Self {
+                bounds: quads.triangles().bounds().into(),
+                count: quads.triangles().indices.len() as u64,
+                skipped: quads.triangles().degenerate_triangles() as u64,
+            },
+            Geometry::MovingMesh(mesh) => Self {
+                bounds: Bounds3d::EMPTY,
+                count: mesh.len() as u64,
+                skipped: (0..mesh.len()).into_par_iter().filter(|&i| mesh.bounds(i).is_none()).count() as u64,
             },
             Geometry::Shape(shape, _) => Self { bounds: shape.bounds(), count: 1, skipped: 0 },
             Geometry::Set(set) => Self {
@@ -77,6 +87,8 @@ fn is_same(a: &Geometry, b: &Geometry) -> bool {
     match (a, b) {
         (Geometry::Mesh(a), Geometry::Mesh(b)) => Arc::ptr_eq(a, b),
         (Geometry::Shape(a, at), Geometry::Shape(b, bt)) => Arc::ptr_eq(a, b) && at == bt,
+        (Geometry::Quads(a), Geometry::Quads(b)) => Arc::ptr_eq(a, b),
+        (Geometry::MovingMesh(a), Geometry::MovingMesh(b)) => Arc::ptr_eq(a, b),
         (Geometry::Set(a), Geometry::Set(b)) => Arc::ptr_eq(a, b),
         _ => false,
     }
@@ -110,6 +122,7 @@ impl WorldBuilder {
                 a.child == b.child
                     && a.group_from_child == b.group_from_child
                     && a.mask == b.mask
+                    && a.later == b.later
                     && same_boxes(a.child.0 as usize)
             })
     }
@@ -159,7 +172,7 @@ impl WorldBuilder {
         let lists = self.group_lists(occurrences)?;
         let n = self.groups.len();
         let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
-        let bvh = BvhOptions { quality: options.quality, simd };
+        let bvh = BvhOptions { quality: options.quality, simd, cache: options.cache.clone() };
         let mut inventory = Inventory {
             accelerator: options.accelerator,
             quality: options.quality,

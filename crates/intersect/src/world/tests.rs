@@ -390,9 +390,7 @@ fn normals_point_outward_under_every_transform() {
                         let n = (b - a).cross(c - a);
                         if n.dot(a - placed.point(DVec3::ZERO)) < 0.0 { -n } else { n }
                     }
-                    Geometry::Shape(..) | Geometry::Set(_) => {
-                        placed.normal(placed.inverse().point(s.position.as_dvec3()))
-                    }
+                    _ => placed.normal(placed.inverse().point(s.position.as_dvec3())),
                 };
                 let expected = outward.normalize().as_vec3();
                 // Far away positions are coarse.
@@ -611,7 +609,7 @@ fn masks_of_rays_choose_geometries_and_instances() {
         let child = builder.add_group();
         let inner = builder.add_mesh(child, sheet(2.0));
         builder.set_mask(inner, 0b110);
-        builder.add(WorldBuilder::ROOT, Instance { child, group_from_child: Transform::IDENTITY, mask: 0b010 });
+        builder.add(WorldBuilder::ROOT, Instance { mask: 0b010, ..Instance::new(child, Transform::IDENTITY) });
         builder.add_shape(
             WorldBuilder::ROOT,
             Arc::new(Sphere { radius: 1.0 }),

@@ -77,7 +77,7 @@ pub fn time_pieces<A: Sync, B: Send>(
 }
 
 /// Processor time of this thread; wall time where the system does not tell.
-fn thread_time() -> Duration {
+pub fn thread_time() -> Duration {
     #[cfg(any(target_os = "linux", target_os = "macos"))]
     {
         use nix::time::{ClockId, clock_gettime};

@@ -38,7 +38,7 @@ pub fn write(folder: &Path, bench: &Bench, world: &World, batches: &[(Kind, Vec<
 fn distances(kind: Kind, world: &World, rays: &[Ray]) -> Vec<f32> {
     if kind == Kind::Shadow {
         let mut blocked = vec![false; rays.len()];
-        world.occluded(rays, &AcceptAll, &mut blocked);
+        world.occluded(rays, Grouping::None, &AcceptAll, &mut blocked);
         return blocked.iter().map(|&b| if b { 0.0 } else { f32::INFINITY }).collect();
     }
     let mut hits = vec![Hit::MISS; rays.len()];

@@ -1,5 +1,6 @@
 //! `snell bench`: measurements that anybody can repeat.
 
+mod accelerators;
 mod build;
 mod clock;
 mod contest;
@@ -21,6 +22,8 @@ pub enum Command {
     Rays(rays::Options),
     /// How long acceleration structures take to build, and their memory, beside Embree's.
     Build(build::Options),
+    /// All acceleration structures beside each other: time, memory, work, and how they grow with the scene.
+    Accelerators(accelerators::Options),
     /// Rays per second inside of a render, beside those of the same rays alone.
     Render(render::Options),
 }
@@ -30,6 +33,7 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Rays(options) => rays::run(options),
         Command::Build(options) => build::run(options),
+        Command::Accelerators(options) => accelerators::run(options),
         Command::Render(options) => render::run(options),
     }
 }

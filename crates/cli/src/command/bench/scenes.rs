@@ -182,7 +182,7 @@ fn place(i: u32, n: u32, mesh: &TriangleMesh) -> Transform {
 }
 
 /// Each triangle cut into four at the middles of its sides. Triangles that shared an edge still do.
-fn subdivided(mesh: &TriangleMesh) -> TriangleMesh {
+pub fn subdivided(mesh: &TriangleMesh) -> TriangleMesh {
     let mut positions = mesh.positions.clone();
     let mut middles: HashMap<(u32, u32), u32> = HashMap::with_capacity(mesh.indices.len() * 3 / 2);
     let mut middle = |a: u32, b: u32| {

@@ -277,10 +277,10 @@ impl SpaceBins {
             }
             let corners = triangles.corners(p.id());
             let mut rest = *p;
-            for i in first..last {
-                let [before, after] = divided(&rest, &corners, axis, slabs.start(axis, i + 1));
+            for (slab, bin) in (first + 1..).zip(&mut boxes[first..last]) {
+                let [before, after] = divided(&rest, &corners, axis, slabs.start(axis, slab));
                 if let Some(before) = before {
-                    boxes[i] = boxes[i].union(before.bounds());
+                    *bin = bin.union(before.bounds());
                 }
                 let Some(after) = after else { break };
                 rest = after;
@@ -311,10 +311,9 @@ impl SpaceBins {
                 right[i] = (bounds, count);
             }
             (bounds, count) = (Box8::EMPTY, 0);
-            for i in 1..BINS {
+            for (i, &(right_bounds, right_count)) in right.iter().enumerate().skip(1) {
                 bounds = bounds.union(&self.boxes[axis][i - 1]);
                 count += self.begin[axis][i - 1];
-                let (right_bounds, right_count) = right[i];
                 if count == 0 || right_count == 0 {
                     continue;
                 }

@@ -3,6 +3,7 @@
 mod binary;
 mod bins;
 mod build;
+mod cache;
 mod clip;
 mod fast;
 mod high;
@@ -28,6 +29,7 @@ use crate::kernel::triangle::TriangleBlock;
 use rayon::prelude::*;
 use snell_math::simd::Level;
 use snell_math::{Bounds3, Bounds3d};
+use std::path::PathBuf;
 use std::sync::Arc;
 use storage::{Plain, Storage};
 
@@ -42,6 +44,21 @@ pub(crate) struct BvhOptions {
     pub quality: Quality,
     /// Instructions the builder may use; the tree is the same at every level.
     pub simd: Level,
+    /// Where trees are kept in files.
+    pub cache: Option<PathBuf>,
+}
+
+/// Whether a tree came from a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum CacheUse {
+    /// Nothing was asked for, or the group is small.
+    None,
+    /// It did.
+    Read,
+    /// It was built and written to one.
+    Written,
+    /// It was built because the file was damaged, or could not be written: what to tell the user.
+    Failed(String),
 }
 
 /// The tree of one group.
@@ -66,6 +83,8 @@ pub(crate) struct GroupTree {
     pub skipped: Vec<u32>,
     /// The objects without contents; not in the tree.
     empty: Vec<u32>,
+    /// Whether it came from a file.
+    pub cache: CacheUse,
 }
 
 impl GroupTree {

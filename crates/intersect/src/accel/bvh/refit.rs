@@ -1,8 +1,8 @@
 //! New boxes for a tree whose vertices have moved: the topology stays, so it is much faster than a build, and the slower to trace the
 //! more the vertices have moved among each other.
 
-use super::GroupTree;
 use super::primitive::Triangles;
+use super::{CacheUse, GroupTree};
 use crate::accel::brute_force::GroupList;
 use crate::kernel::node::WideNode;
 use crate::kernel::triangle::TriangleBlock;
@@ -60,6 +60,7 @@ impl GroupTree {
             unbounded,
             empty: is_empty,
             skipped: self.skipped.clone(),
+            cache: CacheUse::None,
             ..*self
         })
     }

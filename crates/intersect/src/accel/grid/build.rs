@@ -73,7 +73,8 @@ fn level(bounds: &Bounds3d, cells: [u32; 3]) -> Level {
         inverse_size: size.to_array().map(|s| if s > 0.0 { 1.0 / s } else { 0.0 }),
         cells,
         first: 0,
-        padding: if shortest.is_finite() { shortest * PADDING } else { 0.0 },
+        // And more than the planes of boxes from here to the end of the numbers are rounded by.
+        padding: if shortest.is_finite() { shortest * PADDING + bounds.size().max_element() * 1e-12 } else { 0.0 },
     }
 }
 

@@ -9,7 +9,6 @@
 //! Tracing Algorithm, 2005, go down with the same kind of frustum). Everything here is conservative.
 
 use super::super::node::WideNode;
-use super::super::ray::LocalRay;
 use snell_math::DRay;
 use snell_math::DVec3;
 use snell_math::simd::Lanes8;
@@ -72,7 +71,7 @@ pub(super) struct Bundle {
     pub axes: [usize; 3],
     /// 1 if `z` grows along its axis, -1 if it falls.
     pub sign: f32,
-    /// For the order in which children are visited: as [`LocalRay::octant`], away from the apex.
+    /// For the order in which children are visited: as [`super::super::node::WideNode::order`] counts them, away from the apex.
     pub octant: usize,
     /// Bound of all absolute errors of positions; 0 for a shared origin at which nothing was rounded.
     pub margin: f32,
@@ -98,6 +97,18 @@ pub(super) struct Bundle {
     high_slope: [f32; 2],
     low_offset: [f32; 2],
     high_offset: [f32; 2],
+}
+
+/// The axes of a bundle, by the sizes of a direction: the last is the largest, as in [`super::super::ray::LocalRay`].
+#[inline(always)]
+fn axes(d: [f32; 3]) -> [usize; 3] {
+    if d[0] >= d[1] && d[0] >= d[2] {
+        [1, 2, 0]
+    } else if d[1] >= d[2] {
+        [2, 0, 1]
+    } else {
+        [0, 1, 2]
+    }
 }
 
 #[inline(always)]
@@ -148,22 +159,30 @@ impl Bundle {
         high_offset: [0.0; 2],
     };
 
-    /// Works out everything else from `rays` and `kind`. False if these rays do not make a bundle. `t_min` must not be negative. `cull`
+    /// Works out everything else from `rays` and `kind`; `directions` are those of `rays`, rounded. False if these rays do not make a bundle. `t_min` must not be negative. `cull`
     /// are the padded limits of the searches; rays whose search is over, and lanes without a ray, have a negative one.
     #[inline(always)]
-    pub fn set_up(&mut self, t_min: &PerRay<f32>, cull: &PerRay<f32>) -> bool {
+    pub fn set_up(&mut self, directions: &[PerRay<f32>; 3], t_min: &PerRay<f32>, cull: &PerRay<f32>) -> bool {
         let kind = self.kind;
-        self.axes = LocalRay::new(&self.rays.get(0)).axes;
+        self.axes = axes(directions.map(|d| d[0].abs()));
         let [x, y, z] = self.axes;
-        let forward: f64 = if self.rays.direction[0][z] < 0.0 { -1.0 } else { 1.0 };
+        let forward: f32 = if directions[z][0] < 0.0 { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
-        self.sign = sign as f32;
-        for (i, d) in self.rays.direction.iter().enumerate() {
-            // The same operations as in `LocalRay`, whose shears these are.
-            let per_z = 1.0 / d[z];
-            self.slope[0][i] = (d[x] * per_z) as f32 * sign as f32;
-            self.slope[1][i] = (d[y] * per_z) as f32 * sign as f32;
-            self.along[i] = (d[z] * forward) as f32;
+        self.sign = sign;
+        // Quotients as in [`super::super::ray::LocalRay`], whose shears these are.
+        if kind.rounded {
+            for (i, d) in self.rays.direction.iter().enumerate() {
+                self.slope[0][i] = (d[x] / d[z]) as f32 * sign;
+                self.slope[1][i] = (d[y] / d[z]) as f32 * sign;
+            }
+        } else {
+            for i in 0..RAYS {
+                self.slope[0][i] = directions[x][i] / directions[z][i] * sign;
+                self.slope[1][i] = directions[y][i] / directions[z][i] * sign;
+            }
+        }
+        for i in 0..RAYS {
+            self.along[i] = directions[z][i] * forward;
         }
         let low = [least(&self.slope[0]), least(&self.slope[1])];
         let high = [greatest(&self.slope[0]), greatest(&self.slope[1])];
@@ -184,7 +203,7 @@ impl Bundle {
             let mut far = [0.0f32; RAYS];
             for (i, o) in self.rays.origin.iter().enumerate() {
                 let from = [o[x] - apex[x], o[y] - apex[y], o[z] - apex[z]];
-                let from_z = from[2] * sign;
+                let from_z = from[2] * f64::from(sign);
                 self.start[i] = from_z as f32;
                 self.offset[0][i] = (from[0] - f64::from(self.slope[0][i]) * from_z) as f32;
                 self.offset[1][i] = (from[1] - f64::from(self.slope[1][i]) * from_z) as f32;
@@ -203,9 +222,8 @@ impl Bundle {
         if !(self.margin < LARGEST) {
             return false;
         }
-        let first = &self.rays.direction[0];
         self.octant = (0..3).fold(0, |octant, axis| {
-            let down = (first[axis] < 0.0) != kind.reversed;
+            let down = (directions[axis][0] < 0.0) != kind.reversed;
             octant | usize::from(down) << axis
         });
         for i in 0..RAYS {

@@ -3,7 +3,7 @@
 //! The same operations in the same order as in [`super::super::triangle::exact_hit`], so the same bits. What is rare there (ties, rays in
 //! the plane of the triangle, points outside of its box by rounding) is not decided here but handed back.
 
-use super::super::triangle::TriangleBlock;
+use super::super::triangle::{PLACE_TOLERANCE, TriangleBlock};
 use super::bundle::Bundle;
 use snell_math::simd::{Lanes4, WideLanes};
 
@@ -21,6 +21,19 @@ pub(super) struct Pairs {
 
 impl Pairs {
     pub const NONE: Self = Self { triangles: [0; PAIRS], rays: [0; PAIRS], count: 0 };
+
+    /// Adds a pair if it `is_one`. There must be room.
+    #[inline(always)]
+    pub fn push(&mut self, ray: u32, triangle: u32, is_one: bool) {
+        self.rays[self.count & (PAIRS - 1)] = ray;
+        self.triangles[self.count & (PAIRS - 1)] = triangle;
+        self.count += usize::from(is_one);
+    }
+
+    #[inline(always)]
+    pub fn is_full(&self) -> bool {
+        self.count == PAIRS
+    }
 }
 
 /// What became of the pairs.
@@ -35,13 +48,21 @@ pub(super) struct Found {
     pub unsure: u32,
 }
 
+impl Found {
+    pub const NONE: Self = Self { t: [0.0; PAIRS], b1: [0.0; PAIRS], b2: [0.0; PAIRS], hits: 0, unsure: 0 };
+}
+
 /// Tests up to eight pairs. Unused ones must be copies of others or [`Pairs::NONE`]; their results mean nothing.
 ///
 /// # Safety
 /// The machine must have the instructions of `L`. All rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
 #[inline(always)]
-pub(super) unsafe fn exact_hits<L: WideLanes>(block: &TriangleBlock, bundle: &Bundle, pairs: &Pairs) -> Found {
-    let mut found = Found { t: [0.0; PAIRS], b1: [0.0; PAIRS], b2: [0.0; PAIRS], hits: 0, unsure: 0 };
+pub(super) unsafe fn exact_hits<L: WideLanes>(
+    block: &TriangleBlock,
+    bundle: &Bundle,
+    pairs: &Pairs,
+    found: &mut Found,
+) {
     // SAFETY: passed on to the caller; axes are below 3.
     unsafe {
         let v = &block.vertices;
@@ -52,16 +73,15 @@ pub(super) unsafe fn exact_hits<L: WideLanes>(block: &TriangleBlock, bundle: &Bu
             drawn: [first(drawn[0]), first(drawn[1]), first(drawn[2])],
             corners: [first3(corners[0]), first3(corners[1]), first3(corners[2])],
         };
-        four.test(bundle, pairs, 0, &mut found);
+        four.test(bundle, pairs, 0, found);
         if pairs.count > 4 {
             let four = Four::<L::Doubles> {
                 drawn: [last(drawn[0]), last(drawn[1]), last(drawn[2])],
                 corners: [last3(corners[0]), last3(corners[1]), last3(corners[2])],
             };
-            four.test(bundle, pairs, 4, &mut found);
+            four.test(bundle, pairs, 4, found);
         }
     }
-    found
 }
 
 /// # Safety
@@ -177,8 +197,6 @@ impl<D: Lanes4> Four<D> {
         }
         // SAFETY: passed on to the caller.
         unsafe {
-            let scale = D::splat(1.0).div(w0.add(w1).add(w2));
-            let (b1, b2) = (w1.mul(scale), w2.mul(scale));
             let row = |i: usize| pairs.rays[from + i] as usize & 15;
             let rows = [row(0), row(1), row(2), row(3)];
             let (o, d) = (&bundle.rays.origin, &bundle.rays.direction);
@@ -191,14 +209,29 @@ impl<D: Lanes4> Four<D> {
             let t = dot(normal, relative[0]).div(dot(normal, direction));
             unsure |= !t.abs().lt(D::splat(f64::INFINITY)) & 0xf;
             let beyond = t_min.lt(t);
-            let mut in_box = 0xf;
+            if inside & beyond | unsure == 0 {
+                return;
+            }
+            let scale = D::splat(1.0).div(w0.add(w1).add(w2));
+            let (b1, b2) = (w1.mul(scale), w2.mul(scale));
+            let [r0, r1, r2] = relative;
+            let low = [r0[0].min(r1[0]).min(r2[0]), r0[1].min(r1[1]).min(r2[1]), r0[2].min(r1[2]).min(r2[2])];
+            let high = [r0[0].max(r1[0]).max(r2[0]), r0[1].max(r1[1]).max(r2[1]), r0[2].max(r1[2]).max(r2[2])];
+            let size = high[0].sub(low[0]).max(high[1].sub(low[1])).max(high[2].sub(low[2]));
+            // Surely near the drawn place: without divisions, so a little stricter.
+            let z = *bundle.axes.get_unchecked(2);
+            let b0 = D::splat(1.0).sub(b1).sub(b2);
+            let place = r0.get_unchecked(z).mul(b0).add(r1.get_unchecked(z).mul(b1)).add(r2.get_unchecked(z).mul(b2));
+            let reach = place.abs().add(size).mul(D::splat(PLACE_TOLERANCE * (1.0 - 1e-9)));
+            let mut in_place = place.sub(t.mul(*direction.get_unchecked(z))).abs().le(reach);
+            let padding = size.mul(D::splat(0.8e-6));
             for axis in 0..3 {
-                let (a, b, c) = (relative[0][axis], relative[1][axis], relative[2][axis]);
                 let point = direction[axis].mul(t);
                 let margin = point.abs().mul(D::splat(1e-8));
-                in_box &= a.min(b).min(c).le(point.add(margin)) & point.sub(margin).le(a.max(b).max(c));
+                in_place &=
+                    low[axis].sub(padding).le(point.add(margin)) & point.sub(margin).le(high[axis].add(padding));
             }
-            unsure |= inside & beyond & !in_box;
+            unsure |= inside & beyond & !in_place;
             found.hits |= (inside & beyond & !unsure) << from;
             found.unsure |= unsure << from;
             t.store_rounded(&mut *found.t.as_mut_ptr().add(from).cast::<[f32; 4]>());

@@ -2,7 +2,7 @@
 //!
 //! Distances are those in the world, however geometry is scaled or sheared on its way there. Each is computed by one rule per point
 //! and primitive, in `f64`; boxes only skip what is surely farther; and equal distances go to the lowest (instance, geometry,
-//! primitive). So every structure gives the same bits.
+//! primitive). So every structure gives the same bits. What moves counts as it is at time 0.
 
 mod place;
 #[cfg(test)]
@@ -10,10 +10,12 @@ mod tests;
 
 use crate::accel::brute_force::GroupList;
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{Bulk, Object, ObjectRef, Objects};
+use crate::accel::group::{Bulk, BulkContents, Object, ObjectRef, Objects};
+use crate::geometry::quads::quad_hit;
 use crate::hit::Hit;
 use crate::kernel::node::ChildRef;
 use crate::kernel::triangle::TriangleBlock;
+use crate::mesh::are_degenerate;
 use crate::shape::Shape;
 use crate::shape::nearest::on_triangle;
 use crate::world::{GeometryOptions, Structure, World};
@@ -154,7 +156,7 @@ impl World {
             Structure::Walked(structures) => search.list(&|group| structures.list(group), 0, &place, 0),
             Structure::Bvh(forest) => search.tree(forest, 0, &place, 0),
         }
-        search.best.result()
+        search.best.result(&self.options)
     }
 }
 
@@ -163,7 +165,7 @@ struct Best {
     squared: f64,
     /// `squared` rounded up.
     limit: f32,
-    /// Instance, geometry, primitive.
+    /// Instance, geometry, primitive (for a quad its triangle).
     ids: [u32; 3],
     position: DVec3,
     uv: Vec2,
@@ -181,16 +183,18 @@ impl Best {
         squared < self.squared || (squared == self.squared && ids < self.ids)
     }
 
-    fn result(&self) -> NearestPoint {
+    fn result(&self, options: &[GeometryOptions]) -> NearestPoint {
         let [instance, geometry, primitive] = self.ids;
         if geometry == Hit::NONE {
             return NearestPoint::NONE;
         }
+        let found = Hit { t: 0.0, uv: self.uv, instance, geometry, primitive };
+        let Hit { uv, primitive, .. } = if options[geometry as usize].quads { quad_hit(&found) } else { found };
         let largest = DVec3::splat(f32::MAX.into());
         NearestPoint {
             distance: (self.squared.sqrt() as f32).min(f32::MAX),
             position: self.position.clamp(-largest, largest).as_vec3(),
-            uv: self.uv,
+            uv,
             instance,
             geometry,
             primitive,
@@ -302,7 +306,7 @@ impl Search<'_> {
                 self.shape(shape.as_ref(), *geometry, shape_from_group, place, instance);
             }
             ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) => {
-                let place = if mask & self.mask == 0 { None } else { place.in_child(child_from_group) };
+                let place = if mask & self.mask == 0 { None } else { place.in_child(child_from_group.at_first()) };
                 if let Some(place) = place {
                     enter(self, *child, &place, instance + offset);
                 }
@@ -329,8 +333,16 @@ impl Search<'_> {
             return;
         }
         let number = primitive as usize;
-        let bounds = bulk.set.bounds(number);
-        let found = bulk.set.nearest_point(number, place.point, &place.metric);
+        let bounds = bulk.contents.bounds(number);
+        let found = match &bulk.contents {
+            BulkContents::Set(set) => set.nearest_point(number, place.point, &place.metric),
+            BulkContents::MovingMesh(mesh) => {
+                let corners = mesh.first().corners(number);
+                let exists = !are_degenerate(&corners);
+                let nearest = || on_triangle(&place.metric, place.point, &corners.map(|p| p.as_dvec3()));
+                exists.then(nearest).map(|(position, uv)| (position, uv.as_vec2()))
+            }
+        };
         if let Some((position, uv)) = found.filter(|found| !bounds.is_empty() && found.0.is_finite()) {
             let position = position.max(bounds.min).min(bounds.max);
             self.offer(position - place.point, uv, &place.metric, [instance, bulk.geometry, primitive]);

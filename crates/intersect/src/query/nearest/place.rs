@@ -60,20 +60,25 @@ impl Place {
     }
 
     /// Lower bounds of the squared distances in the world to what the eight boxes of a node hold.
-    #[inline]
+    #[inline(always)]
     pub fn node_bounds(&self, node: &WideNode) -> [f32; 8] {
         self.bounds(|axis| (&node.bounds[0][axis], &node.bounds[1][axis]))
     }
 
     /// The same for eight triangles.
-    #[inline]
+    #[inline(always)]
     pub fn triangle_bounds(&self, block: &TriangleBlock) -> [f32; 8] {
-        let corner = |axis: usize, fold: fn(f32, f32) -> f32| {
-            let [a, b, c] = &block.vertices;
-            std::array::from_fn(|i| fold(fold(a[axis][i], b[axis][i]), c[axis][i]))
-        };
-        let boxes: [([f32; 8], [f32; 8]); 3] =
-            std::array::from_fn(|axis| (corner(axis, f32::min), corner(axis, f32::max)));
+        let [a, b, c] = &block.vertices;
+        let mut boxes = [([0.0; 8], [0.0; 8]); 3];
+        for (axis, (low, high)) in boxes.iter_mut().enumerate() {
+            for i in 0..8 {
+                // Comparisons instead of `min` and `max`, which care about NaN: there is none.
+                let (x, y, z) = (a[axis][i], b[axis][i], c[axis][i]);
+                let (least, most) = if x < y { (x, y) } else { (y, x) };
+                low[i] = if z < least { z } else { least };
+                high[i] = if z > most { z } else { most };
+            }
+        }
         self.bounds(|axis| (&boxes[axis].0, &boxes[axis].1))
     }
 
@@ -84,7 +89,10 @@ impl Place {
             let (min, max) = sides(axis);
             let (low, high, weight) = (self.low[axis], self.high[axis], self.weights[axis]);
             for i in 0..8 {
-                let d = (min[i] - high).max(low - max[i]).clamp(0.0, FAR);
+                let (before, after) = (min[i] - high, low - max[i]);
+                let d = if before > after { before } else { after };
+                let d = if d > 0.0 { d } else { 0.0 };
+                let d = if d < FAR { d } else { FAR };
                 sum[i] += d * d * weight;
             }
         }

@@ -173,6 +173,14 @@ impl Group {
                     group.meshes.push((group.triangles, mesh.clone()));
                     group.triangles += mesh.indices.len() as u32;
                 }
+                Geometry::Quads(quads) => {
+                    group.meshes.push((group.triangles, quads.triangles().clone()));
+                    group.triangles += quads.triangles().indices.len() as u32;
+                }
+                Geometry::MovingMesh(mesh) => {
+                    group.meshes.push((group.triangles, mesh.first().clone()));
+                    group.triangles += mesh.len() as u32;
+                }
                 Geometry::Shape(shape, placed) => shapes.push((shape.clone(), *placed)),
                 Geometry::Set(set) => sets.push(set.clone()),
             }

@@ -61,7 +61,8 @@ fn nested_scene(seed: u32, center: DVec3, size: f64) -> DWorldBuilder {
             for i in 0..3 {
                 let placed = Transform::translation(middle).compose(&random.transform(2.0));
                 let group_from_child = placed.compose(&Transform::translation(-other));
-                builder.add(group, Instance { child, group_from_child, mask: if i == 0 { 3 } else { u32::MAX } });
+                let mask = if i == 0 { 3 } else { u32::MAX };
+                builder.add(group, Instance { child, group_from_child, mask, later: Vec::new() });
             }
             (group, middle) = (child, other);
         }

@@ -1,0 +1,219 @@
+//! The plot: how the cost of a ray grows with the number of triangles, and the resolution of the uniform grid. Both axes are
+//! logarithmic; every line has its name at its end; colours are told apart by the colour-blind (Okabe and Ito, Color universal
+//! design, 2008), and dashes help.
+
+use super::SweepPoint;
+use super::growth::Growth;
+use super::svg::{Anchor, Svg};
+use snell_intersect::accel::AcceleratorKind;
+
+const SIZE: [f64; 2] = [1600.0, 900.0];
+const INK: &str = "#222222";
+const FAINT: &str = "#e4e4e4";
+const GREY: &str = "#666666";
+
+/// A panel: a rectangle of the picture that shows a rectangle of logarithms.
+struct Panel {
+    left: f64,
+    right: f64,
+    top: f64,
+    bottom: f64,
+    /// Decimal logarithms.
+    x: [f64; 2],
+    y: [f64; 2],
+}
+
+impl Panel {
+    fn at(&self, x: f64, y: f64) -> [f64; 2] {
+        let part = |v: f64, [low, high]: [f64; 2]| (v.log10() - low) / (high - low);
+        [
+            self.left + part(x, self.x) * (self.right - self.left),
+            self.bottom - part(y, self.y) * (self.bottom - self.top),
+        ]
+    }
+
+    /// Lines at powers of ten, with their names.
+    fn axes(&self, svg: &mut Svg, ticks: &[(f64, String)], y_name: fn(i32) -> String) {
+        for (x, name) in ticks {
+            let [px, _] = self.at(*x, 1.0);
+            svg.line([px, self.top], [px, self.bottom], FAINT, 1.0);
+            svg.label([px, self.bottom + 30.0], 20.0, INK, Anchor::Middle, false, name);
+        }
+        for power in self.y[0].ceil() as i32..=self.y[1].floor() as i32 {
+            let [_, py] = self.at(1.0, 10f64.powi(power));
+            svg.line([self.left, py], [self.right, py], FAINT, 1.0);
+            svg.label([self.left - 12.0, py + 7.0], 20.0, INK, Anchor::End, false, &y_name(power));
+        }
+        svg.line([self.left, self.bottom], [self.right, self.bottom], INK, 1.5);
+    }
+}
+
+/// Colour and dashes of a structure.
+fn style(kind: AcceleratorKind) -> (&'static str, &'static str) {
+    match kind {
+        AcceleratorKind::None => ("#888888", ""),
+        AcceleratorKind::Graph => ("#888888", "4 7"),
+        AcceleratorKind::Spheres => ("#CC79A7", ""),
+        AcceleratorKind::Bvh => ("#000000", ""),
+        AcceleratorKind::Grid => ("#E69F00", ""),
+        AcceleratorKind::Octree => ("#009E73", ""),
+        AcceleratorKind::OctreeHierarchical => ("#009E73", "10 6"),
+        AcceleratorKind::Bsp => ("#56B4E9", ""),
+        AcceleratorKind::KdTree => ("#D55E00", ""),
+    }
+}
+
+/// Draws it.
+pub fn svg(scene: &str, growths: &[Growth], sweep: &[SweepPoint]) -> String {
+    let mut svg = Svg::new(SIZE[0], SIZE[1]);
+    svg.label(
+        [60.0, 62.0],
+        36.0,
+        INK,
+        Anchor::Start,
+        true,
+        "Ray intersection is sub-linear in the number of primitives",
+    );
+    let subtitle = format!(
+        "{scene}, decimated and subdivided; diffuse rays, one thread; in brackets the exponent of the fitted power"
+    );
+    svg.label([60.0, 98.0], 21.0, GREY, Anchor::Start, false, &subtitle);
+    growth_panel(&mut svg, growths);
+    sweep_panel(&mut svg, sweep);
+    svg.finish()
+}
+
+/// Time for a ray in a unit that reads well.
+fn duration_name(power: i32) -> String {
+    let (unit, rest) = match power {
+        ..=-7 => ("ns", power + 9),
+        -6..=-4 => ("µs", power + 6),
+        -3..=-1 => ("ms", power + 3),
+        _ => ("s", power),
+    };
+    format!("{} {unit}", 10f64.powi(rest))
+}
+
+fn count_name(n: f64) -> String {
+    if n >= 1e6 {
+        format!("{} M", n / 1e6)
+    } else if n >= 1e3 {
+        format!("{} k", n / 1e3)
+    } else {
+        n.to_string()
+    }
+}
+
+fn range(values: impl Iterator<Item = f64>, margin: f64) -> [f64; 2] {
+    let (low, high) = values.map(f64::log10).fold((f64::INFINITY, f64::NEG_INFINITY), |a, v| (a.0.min(v), a.1.max(v)));
+    if low > high { [0.0, 1.0] } else { [low - margin, high + margin] }
+}
+
+fn growth_panel(svg: &mut Svg, growths: &[Growth]) {
+    let points = || growths.iter().flat_map(|g| &g.points);
+    let panel = Panel {
+        left: 140.0,
+        right: 800.0,
+        top: 190.0,
+        bottom: 800.0,
+        x: range(points().map(|p| p.triangles), 0.02),
+        y: range(points().map(|p| p.seconds), 0.1),
+    };
+    svg.label([60.0, 160.0], 23.0, INK, Anchor::Start, true, "Time for one ray");
+    let powers = panel.x[0].ceil() as i32..=panel.x[1].floor() as i32;
+    let ticks: Vec<_> = powers.map(|p| 10f64.powi(p)).map(|n| (n, count_name(n))).collect();
+    panel.axes(svg, &ticks, duration_name);
+    svg.label([(panel.left + panel.right) / 2.0, 866.0], 22.0, INK, Anchor::Middle, false, "triangles");
+    let mut names = Vec::new();
+    for growth in growths {
+        let (color, dash) = style(growth.kind);
+        let line: Vec<[f64; 2]> = growth.points.iter().map(|p| panel.at(p.triangles, p.seconds)).collect();
+        svg.polyline(&line, color, dash);
+        line.iter().for_each(|p| svg.dot(*p, color));
+        if let Some(end) = line.last() {
+            let name = format!("{}  ({:.2})", growth.kind.name(), growth.exponents().0);
+            names.push(Name { end: *end, y: end[1], color, name });
+        }
+    }
+    place(&mut names, panel.top, panel.bottom);
+    for name in names {
+        let x = panel.right + 34.0;
+        svg.line([name.end[0] + 8.0, name.end[1]], [x - 6.0, name.y], name.color, 1.0);
+        svg.label([x, name.y + 7.0], 21.0, name.color, Anchor::Start, true, &name.name);
+    }
+}
+
+/// The name of a line, and where it goes.
+struct Name {
+    end: [f64; 2],
+    y: f64,
+    color: &'static str,
+    name: String,
+}
+
+/// Moves names apart so far that they can be read.
+fn place(names: &mut [Name], top: f64, bottom: f64) {
+    const APART: f64 = 29.0;
+    names.sort_by(|a, b| a.y.total_cmp(&b.y));
+    for _ in 0..200 {
+        for i in 1..names.len() {
+            let overlap = names[i - 1].y + APART - names[i].y;
+            if overlap > 0.0 {
+                names[i - 1].y -= overlap / 2.0;
+                names[i].y += overlap / 2.0;
+            }
+        }
+        for name in names.iter_mut() {
+            name.y = name.y.clamp(top, bottom);
+        }
+    }
+}
+
+fn sweep_panel(svg: &mut Svg, sweep: &[SweepPoint]) {
+    let panel = Panel {
+        left: 1190.0,
+        right: 1560.0,
+        top: 190.0,
+        bottom: 800.0,
+        x: range(sweep.iter().map(|p| f64::from(p.0)), 0.05),
+        y: range(sweep.iter().map(|p| p.1 * 1e-6), 0.15),
+    };
+    svg.label([1110.0, 160.0], 23.0, INK, Anchor::Start, true, "Uniform grid: too coarse, too fine");
+    let ticks: Vec<_> = sweep.iter().step_by(2).map(|p| (f64::from(p.0), p.0.to_string())).collect();
+    panel.axes(svg, &ticks, duration_name);
+    svg.label(
+        [(panel.left + panel.right) / 2.0, 866.0],
+        22.0,
+        INK,
+        Anchor::Middle,
+        false,
+        "cells along the longest side",
+    );
+    let color = style(AcceleratorKind::Grid).0;
+    let line: Vec<[f64; 2]> = sweep.iter().map(|p| panel.at(f64::from(p.0), p.1 * 1e-6)).collect();
+    svg.polyline(&line, color, "");
+    line.iter().for_each(|p| svg.dot(*p, color));
+    if let Some((best, point)) = sweep.iter().zip(&line).min_by(|a, b| a.0.1.total_cmp(&b.0.1)) {
+        let text = format!("best: {} cells, {:.2} µs", best.0, best.1);
+        svg.label([point[0], point[1] + 38.0], 20.0, INK, Anchor::Middle, true, &text);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_have_units_that_read_well() {
+        let names: Vec<String> = (-8..=1).map(duration_name).collect();
+        assert_eq!(names, ["10 ns", "100 ns", "1 µs", "10 µs", "100 µs", "1 ms", "10 ms", "100 ms", "1 s", "10 s"]);
+    }
+
+    #[test]
+    fn names_do_not_overlap() {
+        let name = |y: f64| Name { end: [0.0, y], y, color: "", name: String::new() };
+        let mut names = [name(100.0), name(100.0), name(105.0), name(300.0), name(99.0)];
+        place(&mut names, 0.0, 310.0);
+        assert!(names.windows(2).all(|w| w[1].y - w[0].y > 28.0), "{:?}", names.map(|n| n.y));
+    }
+}
