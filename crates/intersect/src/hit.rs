@@ -1,6 +1,6 @@
 //! What a ray found: the compact [`Hit`], and the [`SurfaceInteraction`] computed from it.
 
-use snell_math::{Vec2, Vec3, robust};
+use snell_math::{DVec2, Vec2, Vec3, robust};
 
 /// The answer to a closest-hit query for one ray. 24 bytes, plain data.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +40,41 @@ impl Hit {
     /// What decides between equally far hits.
     pub(crate) fn rank(&self) -> [u32; 5] {
         [self.instance, self.geometry, self.primitive, self.uv.x.to_bits(), self.uv.y.to_bits()]
+    }
+}
+
+/// [`Hit`] of a world in double precision.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DHit {
+    /// Ray parameter of the hit, in units of the ray's direction; infinite for a miss. On a triangle it is off by at most a unit
+    /// in the last place from where the line of the ray meets the plane of the three vertices in exact arithmetic, both taken in
+    /// the coordinates of the mesh. (Only where rounding lets a ray meet a triangle that it just misses, it is where the ray is
+    /// in the triangle's box.)
+    pub t: f64,
+    /// As in [`Hit`].
+    pub uv: DVec2,
+    /// As in [`Hit`].
+    pub instance: u32,
+    /// As in [`Hit`].
+    pub geometry: u32,
+    /// As in [`Hit`].
+    pub primitive: u32,
+}
+
+impl DHit {
+    /// A miss.
+    pub const MISS: Self =
+        Self { t: f64::INFINITY, uv: DVec2::ZERO, instance: Hit::NONE, geometry: Hit::NONE, primitive: Hit::NONE };
+
+    /// True unless this is a miss.
+    pub fn is_hit(&self) -> bool {
+        self.geometry != Hit::NONE
+    }
+}
+
+impl Default for DHit {
+    fn default() -> Self {
+        Self::MISS
     }
 }
 

@@ -4,7 +4,8 @@
 //! depth. Queries take *batches* of rays ([`World::closest`], [`World::occluded`], [`World::count`], [`World::all`]) or points
 //! ([`World::nearest_point`], [`World::signed_distance`], [`World::winding_number`]), by one thread or by all
 //! ([`World::parallel`]), and answer with plain records; [`World::interaction`] turns a [`Hit`] into everything local about the
-//! surface. A [`DynamicWorld`] changes between batches. Nothing here knows of colours, materials or files.
+//! surface. A [`DynamicWorld`] changes between batches, and a [`DWorld`] has coordinates in double precision. Nothing here
+//! knows of colours, materials or files.
 //!
 //! ```
 //! use snell_intersect::{AcceptAll, BuildOptions, TriangleMesh, WorldBuilder};
@@ -29,6 +30,7 @@ pub mod geometry;
 pub mod hit;
 mod kernel;
 pub mod mesh;
+pub mod precision;
 pub mod query;
 pub mod shape;
 pub mod world;
@@ -37,14 +39,16 @@ pub use accel::Quality;
 pub use geometry::{
     CubicCurves, CurveBasis, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet, QuadMesh, Spheres,
 };
-pub use hit::{Hit, SurfaceInteraction};
-pub use mesh::TriangleMesh;
+pub use hit::{DHit, Hit, SurfaceInteraction};
+pub use mesh::{DTriangleMesh, TriangleMesh};
+pub use precision::{Double, Precision, Single};
 pub use query::crossings::AllHits;
 pub use query::nearest::{NearestPoint, Points};
 pub use query::parallel::{Cancelled, Parallel};
 pub use query::rays::{InvalidRays, RayQuery, Rays};
 pub use query::{AcceptAll, Grouping, HitFilter};
 pub use shape::{AnyShape, Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, Sphere};
+pub use world::double::{DWorld, DWorldBuilder};
 pub use world::{
     BuildOptions, DynamicWorld, EditError, Geometry, GeometryId, GeometryOptions, GroupId, Instance, InstanceId, Reuse,
     Snapshots, World, WorldBuilder, WorldError,

@@ -1,7 +1,7 @@
 //! Indexed triangle meshes.
 
 use rayon::prelude::*;
-use snell_math::{Bounds3, Transform, Vec2, Vec3, Vec4};
+use snell_math::{Bounds3, Bounds3d, DVec3, Transform, Vec2, Vec3, Vec4};
 
 /// A triangle mesh. Attributes are per vertex; absent ones are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -49,6 +49,55 @@ pub enum MeshError {
     },
 }
 
+/// A triangle mesh in double precision: shape only.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DTriangleMesh {
+    /// Vertex positions. Triangles with a non-finite vertex are never hit.
+    pub positions: Vec<DVec3>,
+    /// Three vertex numbers per triangle; the right-hand rule gives the outer side.
+    pub indices: Vec<[u32; 3]>,
+}
+
+impl DTriangleMesh {
+    /// Checks that all indices are in range.
+    pub fn validate(&self) -> Result<(), MeshError> {
+        check_indices(&self.indices, self.positions.len())
+    }
+
+    /// The smallest box around all vertices that triangles use and that are finite.
+    pub fn bounds(&self) -> Bounds3d {
+        Bounds3d::of(self.indices.iter().flatten().map(|&i| self.positions[i as usize]).filter(|p| p.is_finite()))
+    }
+
+    /// The three corners of a triangle.
+    #[inline]
+    pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.indices[triangle].map(|i| self.positions[i as usize])
+    }
+
+    /// True for a triangle that can never be hit: with a non-finite vertex, or with two vertices in one place.
+    pub fn is_degenerate(&self, triangle: usize) -> bool {
+        let [a, b, c] = self.corners(triangle);
+        !(a.is_finite() && b.is_finite() && c.is_finite()) || a == b || b == c || c == a
+    }
+}
+
+impl From<&TriangleMesh> for DTriangleMesh {
+    fn from(mesh: &TriangleMesh) -> Self {
+        Self { positions: mesh.positions.iter().map(|p| p.as_dvec3()).collect(), indices: mesh.indices.clone() }
+    }
+}
+
+/// Refuses indices that point past the vertices.
+fn check_indices(indices: &[[u32; 3]], vertices: usize) -> Result<(), MeshError> {
+    for (triangle, indices) in indices.iter().enumerate() {
+        if let Some(&index) = indices.iter().find(|&&i| i as usize >= vertices) {
+            return Err(MeshError::IndexOutOfRange { triangle, index, vertices });
+        }
+    }
+    Ok(())
+}
+
 /// True for corners of a triangle that can never be hit; see [`TriangleMesh::is_degenerate`].
 #[inline(always)]
 pub(crate) fn are_degenerate([a, b, c]: &[Vec3; 3]) -> bool {
@@ -72,11 +121,7 @@ impl TriangleMesh {
     /// Checks that all indices are in range and all attributes are empty or complete.
     pub fn validate(&self) -> Result<(), MeshError> {
         let vertices = self.positions.len();
-        for (triangle, indices) in self.indices.iter().enumerate() {
-            if let Some(&index) = indices.iter().find(|&&i| i as usize >= vertices) {
-                return Err(MeshError::IndexOutOfRange { triangle, index, vertices });
-            }
-        }
+        check_indices(&self.indices, vertices)?;
         let check = |attribute, found: usize, expected: usize, per| {
             if found == 0 || found == expected {
                 Ok(())

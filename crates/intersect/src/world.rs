@@ -8,6 +8,7 @@
 //! order of insertion, the child followed by all that is below it. [`crate::Hit::instance`] is this number, so a hit stays small at
 //! any depth, and [`World::instance_path`] gives the way back.
 
+pub(crate) mod double;
 pub mod dynamic;
 mod edit;
 mod interaction;
@@ -19,7 +20,7 @@ pub use edit::{EditError, InstanceId};
 pub use reuse::Reuse;
 
 use crate::accel::brute_force::GroupList;
-use crate::accel::bvh::{BvhOptions, CacheUse, Forest};
+use crate::accel::bvh::{CacheUse, Forest};
 use crate::accel::group::{BulkContents, Object, Placement};
 use crate::accel::walk::Structures;
 use crate::accel::{AcceleratorKind, AcceleratorOptions, Quality};
@@ -267,28 +268,28 @@ impl WorldBuilder {
     /// Builds the acceleration structures, on the threads of the current rayon pool. The result does not depend on how many there
     /// are. A SIMD level that the machine lacks is replaced by the best it has.
     pub fn build(self, options: &BuildOptions) -> Result<World, WorldError> {
-        let parts = self.parts(options, None)?;
-        Ok(self.into_world(parts))
+        let (occurrences, parts) = self.parts(options, None)?;
+        Ok(self.into_world(occurrences, parts))
     }
 
     /// Builds a world that shares with `previous`, an earlier world of this builder (or of a copy of it), all that comes from contents
     /// that did not change: see [`DynamicWorld`]. Queries of the result are the same, bit for bit, as if it were built from nothing.
     pub fn rebuild(&self, options: &BuildOptions, previous: &World) -> Result<World, WorldError> {
-        let parts = self.parts(options, Some(previous))?;
-        Ok(self.clone().into_world(parts))
+        let (occurrences, parts) = self.parts(options, Some(previous))?;
+        Ok(self.clone().into_world(occurrences, parts))
     }
 
-    fn parts(&self, options: &BuildOptions, previous: Option<&World>) -> Result<Parts, WorldError> {
+    fn parts(&self, options: &BuildOptions, previous: Option<&World>) -> Result<(Occurrences, Parts), WorldError> {
         let occurrences = Occurrences::count(&self.groups)?;
-        let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
-        let bvh = BvhOptions { quality: options.quality, simd, cache: options.cache.clone() };
-        let (bounds, structure, inventory) = self.structures(options, &bvh, &occurrences, previous)?;
-        let stats = self.count_triangles(&occurrences, &structure, &inventory);
-        Ok(Parts { occurrences, bounds, structure, inventory, simd, stats })
+        let summaries = self.summaries(previous);
+        let alike = Self::alike(options, previous);
+        let bounds = self.measure(&occurrences, &summaries, alike);
+        let parts = self.structures(options, &occurrences, summaries, bounds, alike)?;
+        Ok((occurrences, parts))
     }
 
-    fn into_world(self, parts: Parts) -> World {
-        let Parts { occurrences, bounds, structure, inventory, simd, stats } = parts;
+    fn into_world(self, occurrences: Occurrences, parts: Parts) -> World {
+        let Parts { bounds, structure, inventory, simd, stats } = parts;
         World {
             geometries: self.geometries,
             options: self.options,
@@ -475,7 +476,6 @@ fn abs_matrix(m: &DMat3) -> DMat3 {
 
 /// What a build makes of a builder's contents.
 struct Parts {
-    occurrences: Occurrences,
     bounds: Bounds3d,
     structure: Structure,
     inventory: Inventory,

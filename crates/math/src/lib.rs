@@ -8,6 +8,7 @@
 
 pub mod bounds;
 pub mod distribution;
+pub mod exact;
 pub mod frame;
 pub mod ray;
 pub mod rng;

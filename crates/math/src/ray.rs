@@ -43,7 +43,7 @@ impl Ray {
     }
 }
 
-/// A double-precision ray: what analytic shapes are intersected with.
+/// A double-precision ray: what analytic shapes are intersected with, and what worlds in double precision are asked about.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DRay {
     /// Start point, `t = 0`.
@@ -67,6 +67,21 @@ impl DRay {
     #[inline]
     pub fn at(&self, t: f64) -> DVec3 {
         self.origin + self.direction * t
+    }
+
+    /// The same ray ended at `t_max` (exclusive).
+    #[inline]
+    pub fn with_t_max(self, t_max: f64) -> Self {
+        Self { t_max, ..self }
+    }
+
+    /// True if the ray can hit anything, as [`Ray::is_valid`].
+    #[inline]
+    pub fn is_valid(&self) -> bool {
+        self.origin.is_finite()
+            && self.direction.is_finite()
+            && self.direction != DVec3::ZERO
+            && self.t_min < self.t_max
     }
 
     /// True if `t` lies inside the open interval of the ray (false for NaN).

@@ -1,8 +1,8 @@
 //! No structure: every primitive of every occurrence is tested. The oracle for all others.
 
 use super::group::{Objects, test_object, test_triangle};
-use crate::kernel::ray::LocalRay;
 use crate::mesh::TriangleMesh;
+use crate::precision::Rules;
 use crate::query::search::{Goal, Search};
 use snell_math::DRay;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ pub(crate) fn search_all<G: Goal>(
     instance: u32,
     search: &mut Search<'_, G>,
 ) -> bool {
-    let local = LocalRay::new(ray);
+    let local = G::Precision::local_ray(search.context.data, group, ray);
     for (geometry, mesh) in &groups[group].meshes {
         for triangle in 0..mesh.indices.len() {
             if mesh.is_degenerate(triangle) {

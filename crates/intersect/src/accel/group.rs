@@ -2,11 +2,11 @@
 
 use crate::geometry::motion::transform_at;
 use crate::geometry::{MovingMesh, PrimitiveSet, within_bounds};
-use crate::hit::Hit;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::exact_hit;
 use crate::mesh::are_degenerate;
-use crate::query::search::{Goal, Search, Verdict};
+use crate::precision::{Real, Rules};
+use crate::query::search::{Goal, HitOf, Search, Verdict};
 use crate::shape::Shape;
 use crate::world::{Geometry, Instance};
 use snell_math::{Bounds3d, DAffine3, DRay, Transform, Vec2};
@@ -247,12 +247,12 @@ pub(crate) fn test_shape<G: Goal>(
     ray: &DRay,
 ) -> bool {
     search.goal.count_primitives(1);
-    let mut ray = DRay { t_min: search.ray.t_min.into(), ..*ray };
+    let mut ray = DRay { t_min: search.t_min().into(), ..*ray };
     for _ in 0..MAX_CROSSINGS {
         // One step more, for hits that are equally far once they are rounded.
         ray.t_max = search.goal.limit().next_up().into();
         let Some(found) = shape.closest(&ray) else { return false };
-        let hit = Hit { t: found.t as f32, uv: Vec2::ZERO, instance, geometry, primitive: found.face };
+        let hit = G::Precision::hit(found.t, Vec2::ZERO, [instance, geometry, found.face]);
         match search.offer(hit) {
             Verdict::Finished => return true,
             Verdict::Behind => return false,
@@ -266,18 +266,17 @@ pub(crate) fn test_shape<G: Goal>(
 /// over.
 fn test_primitive<G: Goal>(search: &mut Search<'_, G>, set: &dyn PrimitiveSet, ids: [u32; 3], ray: &DRay) -> bool {
     search.goal.count_primitives(1);
-    let [instance, geometry, primitive] = ids;
-    let (time, number) = (search.time, primitive as usize);
+    let (time, number) = (search.time, ids[2] as usize);
     // Not what is known by now: a hit that is moved into the bounds must not depend on what else was found before.
-    let mut ray = DRay { t_min: search.ray.t_min.into(), t_max: search.ray.t_max.into(), ..*ray };
+    let [t_min, t_max] = G::Precision::interval(search.ray).map(Into::into);
+    let mut ray = DRay { t_min, t_max, ..*ray };
     for _ in 0..MAX_CROSSINGS {
         let Some(found) = set.closest(number, &ray, time) else { return false };
         if found.t.is_nan() || found.t <= ray.t_min {
             return false;
         }
         if let Some(t) = within_bounds(&set.bounds(number), &ray, found.t) {
-            let hit = Hit { t: t as f32, uv: found.uv, instance, geometry, primitive };
-            match search.offer(hit) {
+            match search.offer(G::Precision::hit(t, found.uv, ids)) {
                 Verdict::Finished => return true,
                 Verdict::Behind => return false,
                 Verdict::Taken | Verdict::Rejected => {}
@@ -295,8 +294,11 @@ fn test_moving_triangle<G: Goal>(search: &mut Search<'_, G>, mesh: &MovingMesh, 
     if are_degenerate(&corners) {
         return false;
     }
-    let hit = exact_hit(&LocalRay::new(ray), &corners.map(|p| p.to_array()), search.ray.t_min.into());
-    hit.is_some() && mesh.bounds(ids[2] as usize).is_some() && offer_triangle(search, hit, || ids)
+    let found = exact_hit(&LocalRay::new(ray), &corners.map(|p| p.to_array()), search.t_min().into());
+    // Never minus zero.
+    let hit = found.map(|(t, uv)| G::Precision::hit(t + 0.0, uv, ids));
+    let hit = hit.filter(|hit| G::Precision::t(hit) <= search.goal.limit());
+    hit.is_some() && mesh.bounds(ids[2] as usize).is_some() && offer_triangle(search, hit)
 }
 
 /// Offers the hit on one triangle. True if the search is over.
@@ -307,22 +309,13 @@ pub(crate) fn test_triangle<G: Goal>(
     corners: &[[f32; 3]; 3],
     ids: impl FnOnce() -> [u32; 3],
 ) -> bool {
-    offer_triangle(search, exact_hit(ray, corners, search.ray.t_min.into()), ids)
+    let hit = G::Precision::triangle_hit(search, ray, corners, ids);
+    offer_triangle(search, hit)
 }
 
 /// Offers what the exact test of a triangle has found. True if the search is over.
 #[inline(always)]
-pub(crate) fn offer_triangle<G: Goal>(
-    search: &mut Search<'_, G>,
-    found: Option<(f64, Vec2)>,
-    ids: impl FnOnce() -> [u32; 3],
-) -> bool {
-    let Some((t, uv)) = found else { return false };
-    // Never minus zero.
-    let t = t as f32 + 0.0;
-    if t > search.goal.limit() {
-        return false;
-    }
-    let [instance, geometry, primitive] = ids();
-    search.offer(Hit { t, uv, instance, geometry, primitive }) == Verdict::Finished
+pub(crate) fn offer_triangle<G: Goal>(search: &mut Search<'_, G>, found: Option<HitOf<G>>) -> bool {
+    let Some(hit) = found else { return false };
+    search.offer(hit) == Verdict::Finished
 }

@@ -8,6 +8,7 @@ use super::mailbox::Mailbox;
 use super::primitives::Primitives;
 use super::{Accelerator, AcceleratorOptions, Build, Later, Size, Visitor, Work};
 use crate::kernel::ray::LocalRay;
+use crate::precision::Rules;
 use crate::query::search::{Goal, Search};
 use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d, DRay};
@@ -88,8 +89,7 @@ impl Structures {
     /// Searches from the root.
     pub fn search<G: Goal>(&self, search: &mut Search<'_, G>, scratch: &mut Scratch) {
         scratch.mailbox.clear();
-        let ray = DRay::from(search.ray);
-        self.search_group(0, &ray, 0, search, scratch);
+        self.search_group(0, &G::Precision::exact(search.ray), 0, search, scratch);
     }
 
     /// Searches a group and all below it. True if the search is over.
@@ -103,9 +103,10 @@ impl Structures {
     ) -> bool {
         let group = &self.groups[index];
         let cached = scratch.last_hit.get(index).copied().unwrap_or(NOTHING);
-        let thick = BoxRay::new(ray, &group.bounds, search.ray.t_min);
+        let data = search.context.data;
+        let thick = BoxRay::new(&G::Precision::ray_in_structure(data, index, ray), &group.bounds, search.start);
         let walk = if group.structure.repeats() { scratch.mailbox.begin() } else { 0 };
-        let local = LocalRay::new(ray);
+        let local = G::Precision::local_ray(data, index, ray);
         let mut visitor =
             GroupVisitor { structures: self, index, group, local, instance, walk, cached, search, scratch };
         (cached != NOTHING && visitor.test_one(cached))
@@ -139,7 +140,7 @@ impl Scratch {
 }
 
 /// Tests the primitives of one occurrence of a group.
-struct GroupVisitor<'a, 's, G> {
+struct GroupVisitor<'a, 's, G: Goal> {
     structures: &'a Structures,
     index: usize,
     group: &'a Group,

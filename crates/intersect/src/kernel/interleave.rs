@@ -5,9 +5,9 @@ use super::node::ChildRef;
 use super::slot::{STACK, Slot};
 use super::traverse::{Entry, SMALL_STACK, Walk, search_forest, walk_portable};
 use crate::accel::bvh::Forest;
+use crate::precision::Rules;
 use crate::query::rays::Rays;
-use crate::query::search::{Context, Goal, Search};
-use snell_math::Ray;
+use crate::query::search::{Context, Goal, RayOf, Search};
 use snell_math::simd::{Lanes8, Level, Portable8};
 use std::mem::MaybeUninit;
 
@@ -18,9 +18,9 @@ const SLOTS: usize = 16;
 const PREFETCH_BYTES: usize = 2 << 20;
 
 /// Rays to search for, and what is common to them.
-pub(crate) struct Batch<'a> {
-    pub rays: Rays<'a>,
-    pub context: &'a Context<'a>,
+pub(crate) struct Batch<'a, P: Rules> {
+    pub rays: Rays<'a, P>,
+    pub context: &'a Context<'a, P>,
 }
 
 /// True if walks through the forest fit the stacks of this kernel, and it has something to interleave.
@@ -37,8 +37,8 @@ pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
 pub(crate) fn search_batch<G: Goal>(
     forest: &Forest,
     level: Level,
-    batch: &Batch,
-    start: impl Fn(&Ray) -> G,
+    batch: &Batch<G::Precision>,
+    start: impl Fn(&RayOf<G>) -> G,
     finish: impl FnMut(usize, G),
 ) {
     debug_assert!(is_suitable(forest, batch.rays.len()));
@@ -58,8 +58,8 @@ pub(crate) fn search_batch<G: Goal>(
 unsafe fn run_avx2<G: Goal>(
     forest: &Forest,
     level: Level,
-    batch: &Batch,
-    start: impl Fn(&Ray) -> G,
+    batch: &Batch<G::Precision>,
+    start: impl Fn(&RayOf<G>) -> G,
     finish: impl FnMut(usize, G),
 ) {
     use super::traverse::walk_avx2;
@@ -75,8 +75,8 @@ unsafe fn run_avx2<G: Goal>(
 unsafe fn run<L: Lanes8, G: Goal>(
     forest: &Forest,
     level: Level,
-    batch: &Batch,
-    start: impl Fn(&Ray) -> G,
+    batch: &Batch<G::Precision>,
+    start: impl Fn(&RayOf<G>) -> G,
     mut finish: impl FnMut(usize, G),
     enter: Walk<G>,
 ) {
@@ -131,6 +131,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
                 let found = (*slot).leave_leaf();
                 if prefetch {
                     (*slot).fetch_ahead();
+                    (*slot).fetch_triangles(forest);
                 }
                 hopeful.put(slot, found);
                 let is_node = (*slot).current.is_node();
@@ -158,7 +159,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
                         }
                         let query = batch.rays.get(number);
                         let search = || Search::new(query, batch.context, start(query.ray));
-                        let started = (*slot).start::<L>(tree, number, search, query.ray);
+                        let started = (*slot).start::<L>(tree, number, batch.context.data, search, query.ray);
                         number += 1;
                         if started {
                             break true;
@@ -187,7 +188,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
 #[cold]
 #[inline(never)]
 fn search_alone<G: Goal>(forest: &Forest, level: Level, mut search: Search<G>) -> G {
-    if search.ray.is_valid() {
+    if G::Precision::is_valid(search.ray) {
         search_forest(forest, level, &mut search);
     }
     search.goal

@@ -19,6 +19,7 @@ use super::triangle::TriangleBlock;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{Object, ObjectRef, Placement, ray_in_child, test_triangle};
 use crate::hit::Hit;
+use crate::precision::Single;
 use crate::query::search::{Goal, Search, Verdict};
 use bundle::{Bundle, Kind, PerRay, RAYS};
 use exact::{Found, PAIRS, Pairs, exact_hits};
@@ -50,10 +51,10 @@ fn fits(tree: &GroupTree) -> bool {
 
 /// Searches for the rays of the batch run by run; `finish` gets the number of a ray and what was found. Returns the ranges of
 /// rays that were left out.
-pub(crate) fn search_runs<G: Goal>(
+pub(crate) fn search_runs<G: Goal<Precision = Single>>(
     forest: &Forest,
     level: Level,
-    batch: &Batch,
+    batch: &Batch<Single>,
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
 ) -> Vec<Range<usize>> {
@@ -86,9 +87,9 @@ pub(crate) fn search_runs<G: Goal>(
 /// As [`run`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,popcnt")]
-unsafe fn run_avx2<G: Goal>(
+unsafe fn run_avx2<G: Goal<Precision = Single>>(
     forest: &Forest,
-    batch: &Batch,
+    batch: &Batch<Single>,
     stacks: &mut Stacks,
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
@@ -110,9 +111,9 @@ struct Stacks {
 /// The machine must have the instructions of `L`; the stacks must have room for all groups; `enter` and `enter_single` must be
 /// entries of the same level.
 #[inline(always)]
-unsafe fn run<L: WideLanes, G: Goal>(
+unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
     forest: &Forest,
-    batch: &Batch,
+    batch: &Batch<Single>,
     stacks: &mut Stacks,
     start: impl Fn(&Ray) -> G,
     mut finish: impl FnMut(usize, G),
@@ -205,7 +206,7 @@ type WalkBundle<G> = unsafe fn(&mut Walker<'_, '_, G>, usize, &mut Bundle, u32, 
 /// As [`Walker::walk`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,popcnt")]
-unsafe fn walk_bundle_avx2<G: Goal>(
+unsafe fn walk_bundle_avx2<G: Goal<Precision = Single>>(
     walker: &mut Walker<'_, '_, G>,
     group: usize,
     bundle: &mut Bundle,
@@ -218,7 +219,7 @@ unsafe fn walk_bundle_avx2<G: Goal>(
 
 /// # Safety
 /// As [`Walker::walk`].
-unsafe fn walk_bundle_portable<G: Goal>(
+unsafe fn walk_bundle_portable<G: Goal<Precision = Single>>(
     walker: &mut Walker<'_, '_, G>,
     group: usize,
     bundle: &mut Bundle,
@@ -230,7 +231,7 @@ unsafe fn walk_bundle_portable<G: Goal>(
 }
 
 /// The searches of a run on their way through the forest.
-struct Walker<'w, 's, G> {
+struct Walker<'w, 's, G: Goal> {
     forest: &'w Forest,
     /// One per ray.
     searches: &'w mut [Search<'s, G>],
@@ -241,7 +242,7 @@ struct Walker<'w, 's, G> {
     enter_single: Walk<G>,
 }
 
-impl<G: Goal> Walker<'_, '_, G> {
+impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
     /// Walks one group. False if the run is given up: then nothing of what was found may be used.
     ///
     /// # Safety

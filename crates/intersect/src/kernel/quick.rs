@@ -46,6 +46,8 @@ pub(crate) struct QuickRay {
     pub shear: [f32; 2],
     /// As in [`super::ray::LocalRay`].
     pub axes: [u32; 4],
+    /// How far a vertex may be from where it should be, seen from the origin; 0 in single precision.
+    pub slack: f32,
 }
 
 /// Offsets of planes by octant, and the octant.
@@ -90,6 +92,7 @@ impl QuickRay {
         origin: [0.0; 4],
         shear: [0.0; 2],
         axes: AXES[0],
+        slack: 0.0,
     };
 
     /// Prepares a ray that comes in `f32`; false if it is not ordinary, or its interval is empty or begins below zero. (In place:
@@ -185,6 +188,22 @@ impl QuickRay {
         // Zero counts as up, whatever its sign.
         self.planes = PLANES[octant];
         true
+    }
+
+    /// Makes room for boxes and origins that are off by up to `slack` along each axis.
+    #[inline(always)]
+    pub fn widen<L: Lanes8>(&mut self, slack: f32) {
+        let largest = self.origin[0].abs().max(self.origin[1].abs()).max(self.origin[2].abs());
+        self.slack = slack + largest * (f32::EPSILON * 0.5);
+        for i in 0..3 {
+            if L::FUSED {
+                let side = slack * self.inverse[i].abs();
+                (self.near[i], self.far[i]) = (self.near[i] - side, self.far[i] + side);
+            } else {
+                let side = slack.copysign(self.inverse[i]);
+                (self.near[i], self.far[i]) = (self.near[i] + side, self.far[i] - side);
+            }
+        }
     }
 
     /// The octant of the direction.

@@ -25,6 +25,8 @@ pub(crate) struct LocalRay {
     pub inverse: [f32; 3],
     /// 1 for each axis on which the ray goes down: then the near plane of a box is its maximum.
     pub negative: [usize; 3],
+    /// How far the origin and a vertex may be from where they should be, for trees of rounded vertices ([`super::double`]).
+    pub slack: f32,
 }
 
 impl LocalRay {
@@ -32,7 +34,13 @@ impl LocalRay {
     /// that the processor never has to wait for a piece of a vector it has just stored.
     #[inline(always)]
     pub fn new(exact: &DRay) -> Self {
-        let (o, d) = (exact.origin, exact.direction);
+        Self::within(exact, exact.origin, exact.direction, 0.0)
+    }
+
+    /// A ray in a tree whose coordinates are others than those of its group (`o` and `d` are the ray in them), and off by up to
+    /// `slack`.
+    #[inline(always)]
+    pub fn within(exact: &DRay, o: DVec3, d: DVec3, slack: f32) -> Self {
         let a = d.abs();
         let (x_first, y_first) = (a.x >= a.y && a.x >= a.z, a.y >= a.z);
         let pick = |x: f64, y: f64, z: f64| {
@@ -47,7 +55,7 @@ impl LocalRay {
         let z = pick(d.x, d.y, d.z);
         let depth_scale = (1.0 / z) as f32;
         let usable = depth_scale.abs() > 1e-18 && depth_scale.abs() < 1e18;
-        let sides = [AxisRay::new(o.x, d.x), AxisRay::new(o.y, d.y), AxisRay::new(o.z, d.z)];
+        let sides = [AxisRay::new(o.x, d.x, slack), AxisRay::new(o.y, d.y, slack), AxisRay::new(o.z, d.z, slack)];
         Self {
             exact: *exact,
             origin: [sides[0].origin, sides[1].origin, sides[2].origin],
@@ -59,6 +67,7 @@ impl LocalRay {
             far_origin: [sides[0].far, sides[1].far, sides[2].far],
             inverse: [sides[0].inverse, sides[1].inverse, sides[2].inverse],
             negative: [sides[0].negative(), sides[1].negative(), sides[2].negative()],
+            slack,
         }
     }
 
@@ -83,9 +92,10 @@ struct AxisRay {
 
 impl AxisRay {
     #[inline(always)]
-    fn new(o: f64, d: f64) -> Self {
+    fn new(o: f64, d: f64, slack: f32) -> Self {
         let origin = (o as f32).clamp(f32::MIN, f32::MAX);
-        let rounding = if f64::from(origin) == o { 0.0 } else { origin.abs() * f32::EPSILON + f32::MIN_POSITIVE };
+        let is_exact = slack == 0.0 && f64::from(origin) == o;
+        let rounding = if is_exact { 0.0 } else { origin.abs() * f32::EPSILON + f32::MIN_POSITIVE + slack };
         // Zero counts as up. Never zero, so that empty boxes stay infinitely far.
         let slow = d as f32 + 0.0;
         let inverse = (1.0 / slow.abs()).max(f32::from_bits(1));

@@ -4,12 +4,13 @@ use super::node::WideNode;
 use super::node::{ChildRef, quick_distances};
 use super::quick::QuickRay;
 use super::traverse::{Stack, Walk, test_object};
-use super::triangle::{TriangleBlock, hit_in_plane, is_behind, lines_through, plane_distance};
+use super::triangle::TriangleBlock;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{Object, ObjectRef, offer_triangle};
-use crate::query::search::{Goal, Search};
+use crate::precision::Rules;
+use crate::query::search::{DataOf, Goal, RayOf, Search};
 use snell_math::simd::Lanes8;
-use snell_math::{DRay, DVec3, Ray};
+use snell_math::{DRay, DVec3};
 use std::mem::MaybeUninit;
 
 /// Entries of each stack.
@@ -51,7 +52,7 @@ struct Enters([f32; 8]);
 
 /// A ray in flight.
 #[repr(C, align(64))]
-pub(super) struct Slot<'a, G> {
+pub(super) struct Slot<'a, G: Goal> {
     /// Where it is.
     pub place: Place,
     t_min: f32,
@@ -109,18 +110,20 @@ impl<'a, G: Goal> Slot<'a, G> {
         &mut self,
         tree: &GroupTree,
         number: usize,
+        data: &DataOf<G>,
         search: impl FnOnce() -> Search<'a, G>,
-        ray: &Ray,
+        ray: &RayOf<G>,
     ) -> bool {
         let place = &mut self.place;
-        if !place.ray.set_from_ray::<L>(ray) {
+        if !G::Precision::prepare_root::<L>(data, &mut place.ray, ray) {
             return false;
         }
         (place.nodes, place.blocks) = (tree.nodes.as_ptr(), tree.blocks.as_ptr());
-        (place.origin, place.direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+        let exact = G::Precision::exact(ray);
+        (place.origin, place.direction) = (exact.origin, exact.direction);
         (place.group, place.instance) = (0, 0);
         let search = self.search.insert(search());
-        (self.t_min, self.cull) = (ray.t_min, search.cull());
+        (self.t_min, self.cull) = (search.start, search.cull());
         self.children[0].write(ChildRef::NONE.0);
         (self.current, self.top, self.number) = (tree.root, 1, number);
         true
@@ -195,7 +198,7 @@ impl<'a, G: Goal> Slot<'a, G> {
         unsafe {
             self.block = self.place.blocks.add(self.current.block());
             let count = self.current.count();
-            self.lanes = lines_through::<L>(&*self.block, &self.place.ray) & ((2 << (count - 1)) - 1);
+            self.lanes = G::Precision::lines_through::<L>(&*self.block, &self.place.ray) & ((2 << (count - 1)) - 1);
             self.search().goal.count_primitives(count);
         }
     }
@@ -223,24 +226,15 @@ impl<'a, G: Goal> Slot<'a, G> {
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize & 7;
                 lanes &= lanes - 1;
-                let t_min = f64::from(self.t_min);
-                let plane = plane_distance(&self.place.origin, &self.place.direction, &block.corners(lane));
-                if is_behind(plane, t_min) {
-                    continue;
-                }
-                let corners = block.corners(lane);
-                let found = hit_in_plane(
-                    &self.place.ray.exact(self.place.origin, self.place.direction),
-                    &corners,
-                    plane,
-                    t_min,
-                );
-                let (group, instance) = (self.place.group as usize, self.place.instance);
+                let Place { ray, origin, direction, group, instance, .. } = &self.place;
                 let ids = || {
-                    let (geometry, primitive) = forest.trees.get_unchecked(group).triangle(block.ids[lane]);
-                    [instance, geometry, primitive]
+                    let (geometry, primitive) = forest.trees.get_unchecked(*group as usize).triangle(block.ids[lane]);
+                    [*instance, geometry, primitive]
                 };
-                if offer_triangle(self.search(), found, ids) {
+                let search = self.search.as_ref().unwrap_unchecked();
+                let corners = block.corners(lane);
+                let found = G::Precision::hit_on_line(search, ray, origin, direction, &corners, ids);
+                if offer_triangle(self.search(), found) {
                     self.current = ChildRef::NONE;
                     return;
                 }
@@ -317,8 +311,10 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
         let Some(ray) = child_from_group.ray_in_child(&self.place.exact(), time) else { return false };
         self.outside.push(self.place);
+        // SAFETY: as promised by the caller.
+        let data = unsafe { self.search() }.context.data;
         let place = &mut self.place;
-        if !place.ray.set_from_exact::<L>(&ray.origin, &ray.direction) {
+        if !G::Precision::prepare::<L>(data, *child, &mut place.ray, &ray) {
             self.return_outside();
             return false;
         }
@@ -353,6 +349,27 @@ impl<'a, G: Goal> Slot<'a, G> {
         self.return_outside();
         // SAFETY: the entry that ends the walk is below that of the instance.
         unsafe { self.pop() }
+    }
+
+    /// Asks for the memory of the triangles that [`Self::leaf_step`] has found, if they are not in the block.
+    ///
+    /// # Safety
+    /// There must be a search; the last step must have been that of a leaf.
+    #[inline(always)]
+    pub unsafe fn fetch_triangles(&mut self, forest: &Forest) {
+        if <G::Precision as Rules>::TRIANGLES_ELSEWHERE {
+            let mut lanes = self.lanes;
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize & 7;
+                lanes &= lanes - 1;
+                // SAFETY: as promised by the caller.
+                unsafe {
+                    let tree = forest.trees.get_unchecked(self.place.group as usize);
+                    let (geometry, triangle) = tree.triangle((*self.block).ids[lane]);
+                    G::Precision::fetch_triangle(self.search().context.data, geometry, triangle);
+                }
+            }
+        }
     }
 
     /// Asks for the memory of what is current. (Without a branch: whether it is a node or a leaf is as good as random.)

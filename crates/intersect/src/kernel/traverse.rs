@@ -2,13 +2,12 @@
 
 use super::node::{ChildRef, box_distances, quick_distances};
 use super::quick::QuickRay;
-use super::ray::LocalRay;
-use super::triangle::{candidates, hit_in_plane, is_behind, lines_through, plane_distance};
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{self, offer_triangle, test_triangle};
+use crate::precision::Rules;
 use crate::query::search::{Goal, Search};
+use snell_math::DRay;
 use snell_math::simd::{Lanes8, Level, Portable8};
-use snell_math::{DRay, Ray};
 use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
 
@@ -45,7 +44,7 @@ pub(crate) fn search_forest<G: Goal>(forest: &Forest, level: Level, search: &mut
 
 #[inline]
 fn enter_root<G: Goal>(forest: &Forest, level: Level, search: &mut Search<'_, G>, stack: &mut Stack) {
-    let ray = DRay::from(search.ray as &Ray);
+    let ray = G::Precision::exact(search.ray);
     match level {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `World` holds only levels that the machine supports, and the stack has `stack_size` entries.
@@ -118,19 +117,20 @@ unsafe fn walk<L: Lanes8, G: Goal>(
     // The root's ray is the one of the search.
     let is_quick = forest.ordinary
         && if group == 0 {
-            quick.set_from_ray::<L>(search.ray)
+            G::Precision::prepare_root::<L>(search.context.data, &mut quick, search.ray)
         } else {
-            search.ray.t_min >= 0.0 && quick.set_from_exact::<L>(&ray.origin, &ray.direction)
+            search.start >= 0.0 && G::Precision::prepare::<L>(search.context.data, group, &mut quick, ray)
         };
-    let place = Place { forest, tree, ray, instance, enter };
+    let place = Place { forest, tree, group, ray, instance, enter };
     // SAFETY: as promised by the caller.
     unsafe { if is_quick { place.walk::<L>(&quick, search, stack) } else { place.walk_carefully::<L>(search, stack) } }
 }
 
 /// Where a ray walks.
-struct Place<'a, G> {
+struct Place<'a, G: Goal> {
     forest: &'a Forest,
     tree: &'a GroupTree,
+    group: usize,
     ray: &'a DRay,
     instance: u32,
     enter: Walk<G>,
@@ -143,7 +143,7 @@ impl<G: Goal> Place<'_, G> {
     /// As [`walk`]; `quick` must be prepared for `L`.
     #[inline(always)]
     unsafe fn walk<L: Lanes8>(&self, quick: &QuickRay, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
-        let t_min = search.ray.t_min;
+        let t_min = search.start;
         let (mut top, mut current, mut cull) = (0, self.tree.root, search.cull());
         loop {
             while current.is_node() {
@@ -189,25 +189,24 @@ impl<G: Goal> Place<'_, G> {
                 // SAFETY: the builder makes only references to blocks that exist; the rest is promised by the caller.
                 let (block, mut lanes) = unsafe {
                     let block = self.tree.blocks.get_unchecked(current.block());
-                    (block, lines_through::<L>(block, quick) & ((2 << (current.count() - 1)) - 1))
+                    (block, G::Precision::lines_through::<L>(block, quick) & ((2 << (current.count() - 1)) - 1))
                 };
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize & 7;
                     lanes &= lanes - 1;
-                    let (corners, t_min) = (block.corners(lane), f64::from(t_min));
-                    let plane = plane_distance(&self.ray.origin, &self.ray.direction, &corners);
-                    if is_behind(plane, t_min) {
-                        continue;
-                    }
-                    let found = hit_in_plane(&quick.exact(self.ray.origin, self.ray.direction), &corners, plane, t_min);
                     let ids = || {
                         let (geometry, primitive) = self.tree.triangle(block.ids[lane]);
                         [self.instance, geometry, primitive]
                     };
-                    if offer_triangle(search, found, ids) {
-                        return true;
+                    let corners = block.corners(lane);
+                    let (origin, direction) = (&self.ray.origin, &self.ray.direction);
+                    let found = G::Precision::hit_on_line(search, quick, origin, direction, &corners, ids);
+                    if found.is_some() {
+                        if offer_triangle(search, found) {
+                            return true;
+                        }
+                        cull = search.cull();
                     }
-                    cull = search.cull();
                 }
             } else if current.is_object() {
                 // SAFETY: as promised by the caller; the entries below `top` stay as they are.
@@ -230,8 +229,8 @@ impl<G: Goal> Place<'_, G> {
     /// As [`walk`].
     #[inline(always)]
     unsafe fn walk_carefully<L: Lanes8>(&self, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
-        let local = LocalRay::new(self.ray);
-        let t_min = search.ray.t_min;
+        let local = G::Precision::local_ray(search.context.data, self.group, self.ray);
+        let t_min = search.start;
         let (mut top, mut current, mut cull) = (0, self.tree.root, search.cull());
         loop {
             while current.is_node() {
@@ -255,7 +254,7 @@ impl<G: Goal> Place<'_, G> {
                 let block = &self.tree.blocks[current.block()];
                 search.goal.count_primitives(current.count());
                 // SAFETY: as promised by the caller.
-                let mut lanes = unsafe { candidates::<L>(block, &local, t_min, cull) };
+                let mut lanes = unsafe { G::Precision::candidates::<L>(block, &local, t_min, cull) };
                 lanes &= (2 << (current.count() - 1)) - 1;
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize & 7;
@@ -286,7 +285,7 @@ impl<G: Goal> Place<'_, G> {
     /// # Safety
     /// As [`walk`].
     unsafe fn test_object(&self, object: ChildRef, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
-        let Self { forest, tree, ray, instance, enter } = *self;
+        let Self { forest, tree, ray, instance, enter, .. } = *self;
         // SAFETY: as promised by the caller.
         unsafe { test_object(forest, tree, object.index(), ray, instance, search, stack, enter) }
     }

@@ -121,7 +121,7 @@ pub(crate) unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &Quick
 
 /// [`LocalRay::draw`] for eight vertices at a time, mirrored at the origin: all differences are the other way round (a load less each),
 /// so all coordinates have the opposite sign, and the edge values, products of two, are the same.
-struct MirroredFrame<L> {
+pub(crate) struct MirroredFrame<L> {
     axes: [usize; 3],
     origin: [L; 3],
     shear: [L; 2],
@@ -145,7 +145,7 @@ impl<L: Lanes8> MirroredFrame<L> {
 
 /// [`LocalRay::draw`] for eight vertices at a time: the same operations. (Plain functions instead of closures, which are not always
 /// inlined, and vectors must not pass through calls.)
-struct DrawingFrame<L> {
+pub(crate) struct DrawingFrame<L> {
     axes: [usize; 3],
     origin: [L; 3],
     shear: [L; 2],
@@ -155,7 +155,7 @@ impl<L: Lanes8> DrawingFrame<L> {
     /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
-    unsafe fn new(ray: &LocalRay) -> Self {
+    pub unsafe fn new(ray: &LocalRay) -> Self {
         let [x, y, z] = ray.axes;
         // SAFETY: passed on to the caller.
         unsafe {
@@ -168,9 +168,24 @@ impl<L: Lanes8> DrawingFrame<L> {
     }
 
     /// # Safety
+    /// The machine must have the instructions of `L`; the axes must be below 3.
+    #[inline(always)]
+    pub unsafe fn of_quick(ray: &QuickRay) -> Self {
+        let [x, y, z, _] = ray.axes.map(|k| k as usize);
+        // SAFETY: passed on to the caller.
+        unsafe {
+            Self {
+                axes: [x, y, z],
+                origin: [x, y, z].map(|k| L::splat(*ray.origin.get_unchecked(k))),
+                shear: [L::splat(ray.shear[0]), L::splat(ray.shear[1])],
+            }
+        }
+    }
+
+    /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
-    unsafe fn draw(&self, v: &[[f32; 8]; 3]) -> [L; 3] {
+    pub unsafe fn draw(&self, v: &[[f32; 8]; 3]) -> [L; 3] {
         let [kx, ky, kz] = self.axes;
         // SAFETY: passed on to the caller; axes are below 3.
         unsafe {
@@ -301,7 +316,7 @@ fn near_place(t: f64, place: f64, z: f64, relative: &[DVec3; 3]) -> f64 {
 /// The nearest value to `t` at which the ray is in the box of the three corners (given relative to its origin), padded by a little less than
 /// structures pad it ([`crate::mesh::padded_bounds`]); `t` itself if it is there up to an error that the padding of distances covers.
 #[inline(always)]
-fn clamp_to_box(direction: &DVec3, relative: &[DVec3; 3], t: f64) -> f64 {
+pub(crate) fn clamp_to_box(direction: &DVec3, relative: &[DVec3; 3], t: f64) -> f64 {
     let low = relative[0].min(relative[1]).min(relative[2]);
     let high = relative[0].max(relative[1]).max(relative[2]);
     let padding = (high - low).max_element() * 0.8e-6;

@@ -9,26 +9,26 @@ mod tests;
 
 use super::rays::{RayQuery, Rays};
 use super::search::{All, Goal};
-use super::{Grouping, HitFilter};
+use super::{Grouping, HitFilter, Searcher};
 use crate::hit::Hit;
+use crate::precision::{Precision, Real, Rules, Single};
 use crate::world::{Geometry, Structure, World};
-use snell_math::Ray;
 
 /// Every hit of each ray of a batch, as compressed sparse rows.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct AllHits {
+pub struct AllHits<P: Precision = Single> {
     /// Where the hits of each ray begin in `hits`, and after the last ray their number: one entry more than there are rays.
     pub ray_splits: Vec<usize>,
     /// The hits, ray after ray; of each ray ascending by `t`, equal ones by instance, geometry and primitive.
-    pub hits: Vec<Hit>,
+    pub hits: Vec<P::Hit>,
 }
 
-impl AllHits {
+impl<P: Precision> AllHits<P> {
     /// The hits of one ray.
     ///
     /// # Panics
     /// If there is no such ray.
-    pub fn of_ray(&self, ray: usize) -> &[Hit] {
+    pub fn of_ray(&self, ray: usize) -> &[P::Hit] {
         &self.hits[self.ray_splits[ray]..self.ray_splits[ray + 1]]
     }
 
@@ -51,14 +51,8 @@ impl AllHits {
 }
 
 /// What hits are sorted by.
-fn key(hit: &Hit) -> Key {
-    Key { t: hit.t, rank: hit.rank() }
-}
-
-/// Sorts hits and leaves each crossing once.
-fn sort_and_deduplicate(hits: &mut Vec<Hit>, geometries: &[Geometry]) {
-    hits.sort_by(|a, b| key(a).compare(&key(b)));
-    hits.dedup_by(|a, b| key(a) == key(b) && is_mesh(geometries, a.geometry));
+fn key<P: Rules>(hit: &P::Hit) -> Key<P> {
+    Key { t: P::t(hit), rank: P::rank(hit) }
 }
 
 fn is_mesh(geometries: &[Geometry], geometry: u32) -> bool {
@@ -68,25 +62,12 @@ fn is_mesh(geometries: &[Geometry], geometry: u32) -> bool {
 impl World {
     /// Every hit of each ray, in order; none for invalid rays. There is no limit to their number.
     pub fn all<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter) -> AllHits {
-        let rays = rays.into();
-        let mut rows = vec![Vec::new(); rays.len()];
-        self.search_all(rays, Grouping::None, filter, All::new, |i, goal| {
-            rows[i] = goal.hits;
-            sort_and_deduplicate(&mut rows[i], &self.geometries);
-        });
-        let mut all = AllHits { ray_splits: vec![0], hits: Vec::with_capacity(rows.iter().map(Vec::len).sum()) };
-        for row in rows {
-            all.hits.extend(row);
-            all.ray_splits.push(all.hits.len());
-        }
-        all
+        self.searcher(filter).all(rays.into())
     }
 
     /// Every hit of one ray, ascending by `t`, equal ones by instance, geometry and primitive.
     pub fn all_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Vec<Hit> {
-        let mut hits = self.search(ray.into(), filter, All::new).hits;
-        sort_and_deduplicate(&mut hits, &self.geometries);
-        hits
+        self.searcher(filter).all_one(ray.into())
     }
 
     /// How many hits each ray has, without keeping them; 0 for invalid rays.
@@ -94,28 +75,7 @@ impl World {
     /// # Panics
     /// If the slices differ in length.
     pub fn count<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter, counts: &mut [u32]) {
-        let rays = rays.into();
-        assert_eq!(rays.len(), counts.len(), "one count per ray");
-        if self.may_repeat() {
-            self.count_distinct(rays, filter, BUFFER, counts);
-        } else {
-            self.search_all(rays, Grouping::None, filter, Tally::new, |i, goal| counts[i] = goal.count);
-        }
-    }
-
-    /// As [`Self::count`] for structures that may offer a crossing several times.
-    fn count_distinct(&self, rays: Rays, filter: &dyn HitFilter, buffer: usize, counts: &mut [u32]) {
-        let start = |ray: &Ray| Distinct::new(ray, &self.geometries, buffer);
-        self.search_all(rays, Grouping::None, filter, start, |i, mut goal| {
-            let mut count = 0u32;
-            loop {
-                let (found, last) = goal.finish();
-                count = count.saturating_add(found);
-                let Some(last) = last else { break };
-                goal = self.search(rays.get(i), filter, |ray| Distinct { after: Some(last), ..start(ray) });
-            }
-            counts[i] = count;
-        });
+        self.searcher(filter).count(rays.into(), counts);
     }
 
     /// True if the structure may hold a triangle several times.
@@ -131,34 +91,91 @@ impl World {
     }
 }
 
-/// The number of hits, if each is offered once.
-#[derive(Clone, Copy, Debug)]
-struct Tally {
-    limit: f32,
-    count: u32,
-}
+impl<P: Rules> Searcher<'_, P> {
+    /// [`World::all`].
+    pub fn all(&self, rays: Rays<P>) -> AllHits<P> {
+        let mut rows = vec![Vec::new(); rays.len()];
+        self.search_all(rays, Grouping::None, All::new, |i, goal| {
+            rows[i] = goal.hits;
+            self.sort_and_deduplicate(&mut rows[i]);
+        });
+        let mut all = AllHits { ray_splits: vec![0], hits: Vec::with_capacity(rows.iter().map(Vec::len).sum()) };
+        for row in rows {
+            all.hits.extend(row);
+            all.ray_splits.push(all.hits.len());
+        }
+        all
+    }
 
-impl Tally {
-    fn new(ray: &Ray) -> Self {
-        Self { limit: ray.t_max, count: 0 }
+    /// [`World::all_one`].
+    pub fn all_one(&self, ray: RayQuery<P>) -> Vec<P::Hit> {
+        let mut hits = self.search(ray, All::new).hits;
+        self.sort_and_deduplicate(&mut hits);
+        hits
+    }
+
+    /// Sorts hits and leaves each crossing once.
+    fn sort_and_deduplicate(&self, hits: &mut Vec<P::Hit>) {
+        let geometries = &self.world.geometries;
+        hits.sort_by(|a, b| key::<P>(a).compare(&key(b)));
+        hits.dedup_by(|a, b| key::<P>(a) == key(b) && is_mesh(geometries, P::ids(a)[1]));
+    }
+
+    /// [`World::count`].
+    pub fn count(&self, rays: Rays<P>, counts: &mut [u32]) {
+        assert_eq!(rays.len(), counts.len(), "one count per ray");
+        if self.world.may_repeat() {
+            self.count_distinct(rays, BUFFER, counts);
+        } else {
+            self.search_all(rays, Grouping::None, Tally::new, |i, goal| counts[i] = goal.count);
+        }
+    }
+
+    /// As [`Self::count`] for structures that may offer a crossing several times.
+    fn count_distinct(&self, rays: Rays<P>, buffer: usize, counts: &mut [u32]) {
+        let start = |ray: &P::Ray| Distinct::<P>::new(ray, &self.world.geometries, buffer);
+        self.search_all(rays, Grouping::None, start, |i, mut goal| {
+            let mut count = 0u32;
+            loop {
+                let (found, last) = goal.finish();
+                count = count.saturating_add(found);
+                let Some(last) = last else { break };
+                goal = self.search(rays.get(i), |ray| Distinct { after: Some(last), ..start(ray) });
+            }
+            counts[i] = count;
+        });
     }
 }
 
-impl Goal for Tally {
+/// The number of hits, if each is offered once.
+#[derive(Clone, Copy, Debug)]
+struct Tally<P: Rules> {
+    limit: P::Real,
+    count: u32,
+}
+
+impl<P: Rules> Tally<P> {
+    fn new(ray: &P::Ray) -> Self {
+        Self { limit: P::interval(ray)[1], count: 0 }
+    }
+}
+
+impl<P: Rules> Goal for Tally<P> {
+    type Precision = P;
     const NARROWS: bool = false;
 
     #[inline(always)]
-    fn limit(&self) -> f32 {
+    fn limit(&self) -> P::Real {
         self.limit
     }
 
     #[inline(always)]
-    fn wants(&self, hit: &Hit) -> bool {
-        hit.t < self.limit
+    fn wants(&self, hit: &P::Hit) -> bool {
+        P::t(hit) < self.limit
     }
 
     #[inline(always)]
-    fn take(&mut self, _: Hit) -> bool {
+    fn take(&mut self, _: P::Hit) -> bool {
         self.count = self.count.saturating_add(1);
         false
     }
@@ -166,15 +183,15 @@ impl Goal for Tally {
 
 /// The order of hits.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Key {
-    t: f32,
-    /// [`Hit::rank`].
-    rank: [u32; 5],
+struct Key<P: Rules> {
+    t: P::Real,
+    /// [`Rules::rank`].
+    rank: [u64; 5],
 }
 
-impl Key {
+impl<P: Rules> Key<P> {
     fn compare(&self, other: &Self) -> std::cmp::Ordering {
-        self.t.total_cmp(&other.t).then(self.rank.cmp(&other.rank))
+        self.t.compare(other.t).then(self.rank.cmp(&other.rank))
     }
 }
 
@@ -184,19 +201,19 @@ const BUFFER: usize = 4096;
 /// The number of different hits in fixed memory: as many of the first ones as fit the buffer. When there are more, what is left is
 /// for another search, `after` the last of these.
 #[derive(Clone, Debug)]
-struct Distinct<'a> {
+struct Distinct<'a, P: Rules> {
     geometries: &'a [Geometry],
-    limit: f32,
-    after: Option<Key>,
+    limit: P::Real,
+    after: Option<Key<P>>,
     /// Hits behind this one were dropped.
-    until: Option<Key>,
-    found: Vec<Key>,
+    until: Option<Key<P>>,
+    found: Vec<Key<P>>,
     buffer: usize,
 }
 
-impl<'a> Distinct<'a> {
-    fn new(ray: &Ray, geometries: &'a [Geometry], buffer: usize) -> Self {
-        Self { geometries, limit: ray.t_max, after: None, until: None, found: Vec::new(), buffer }
+impl<'a, P: Rules> Distinct<'a, P> {
+    fn new(ray: &P::Ray, geometries: &'a [Geometry], buffer: usize) -> Self {
+        Self { geometries, limit: P::interval(ray)[1], after: None, until: None, found: Vec::new(), buffer }
     }
 
     /// Makes room, if need be by dropping the farther half.
@@ -213,34 +230,35 @@ impl<'a> Distinct<'a> {
     fn sort_and_deduplicate(&mut self) {
         self.found.sort_unstable_by(Key::compare);
         let geometries = self.geometries;
-        self.found.dedup_by(|a, b| a == b && is_mesh(geometries, a.rank[1]));
+        self.found.dedup_by(|a, b| a == b && is_mesh(geometries, a.rank[1] as u32));
     }
 
     /// How many there are, and the last of them if there are more.
-    fn finish(mut self) -> (u32, Option<Key>) {
+    fn finish(mut self) -> (u32, Option<Key<P>>) {
         self.sort_and_deduplicate();
         (self.found.len() as u32, self.until)
     }
 }
 
-impl Goal for Distinct<'_> {
+impl<P: Rules> Goal for Distinct<'_, P> {
+    type Precision = P;
     const NARROWS: bool = true;
 
-    fn limit(&self) -> f32 {
+    fn limit(&self) -> P::Real {
         self.until.map_or(self.limit, |last| last.t)
     }
 
-    fn wants(&self, hit: &Hit) -> bool {
-        let key = key(hit);
-        hit.t < self.limit && self.until.is_none_or(|until| key.compare(&until).is_le())
+    fn wants(&self, hit: &P::Hit) -> bool {
+        let key = key::<P>(hit);
+        P::t(hit) < self.limit && self.until.is_none_or(|until| key.compare(&until).is_le())
     }
 
-    fn is_past(&self, hit: &Hit) -> bool {
-        self.after.is_some_and(|after| key(hit).compare(&after).is_le())
+    fn is_past(&self, hit: &P::Hit) -> bool {
+        self.after.is_some_and(|after| key::<P>(hit).compare(&after).is_le())
     }
 
-    fn take(&mut self, hit: Hit) -> bool {
-        self.found.push(key(&hit));
+    fn take(&mut self, hit: P::Hit) -> bool {
+        self.found.push(key::<P>(&hit));
         if self.found.len() >= self.buffer {
             self.compact();
         }

@@ -1,6 +1,7 @@
 //! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray, never on its neighbours.
 
 pub mod crossings;
+mod double;
 pub mod nearest;
 pub mod parallel;
 pub mod rays;
@@ -11,10 +12,10 @@ use crate::accel::brute_force::search_all;
 use crate::hit::Hit;
 use crate::kernel::traverse::search_forest;
 use crate::kernel::{interleave, packet};
+use crate::precision::{Precision, Rules, Single};
 use crate::world::{Structure, TraversalCounters, TraversalWork, World};
 use rays::{RayQuery, Rays};
-use search::{Any, Closest, Context, Counted, Goal, Search};
-use snell_math::{DRay, Ray};
+use search::{Any, Closest, Context, Counted, Goal, RayOf, Search};
 
 /// Which rays of a batch belong together. The kernel follows from this and from the kind of query, never from what happens to
 /// share a batch, so a ray's result never depends on its neighbours.
@@ -31,30 +32,30 @@ pub enum Grouping {
 
 /// Decides about hits on geometries marked by [`crate::WorldBuilder::set_filtered`] (cut-out and blended surfaces). Must be a pure
 /// function of its arguments.
-pub trait HitFilter: Sync {
+pub trait HitFilter<P: Precision = Single>: Sync {
     /// False if the ray passes through at this hit. `ray` is in world space; its `t_max` is unspecified.
-    fn accept(&self, ray: &Ray, hit: &Hit) -> bool;
+    fn accept(&self, ray: &P::Ray, hit: &P::Hit) -> bool;
 }
 
 /// The filter that keeps every hit.
 #[derive(Clone, Copy, Debug)]
 pub struct AcceptAll;
 
-impl HitFilter for AcceptAll {
-    fn accept(&self, _: &Ray, _: &Hit) -> bool {
+impl<P: Precision> HitFilter<P> for AcceptAll {
+    fn accept(&self, _: &P::Ray, _: &P::Hit) -> bool {
         true
     }
 }
 
 impl World {
-    /// The nearest hit of each ray, [`Hit::MISS`] where there is none or the ray is invalid ([`Ray::is_valid`]).
+    /// The nearest hit of each ray, [`Hit::MISS`] where there is none or the ray is invalid ([`snell_math::Ray::is_valid`]).
     ///
     /// # Panics
     /// If the slices differ in length.
     pub fn closest<'a>(&self, rays: impl Into<Rays<'a>>, grouping: Grouping, filter: &dyn HitFilter, hits: &mut [Hit]) {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        self.search_all(rays, grouping, filter, Closest::new, |i, goal| hits[i] = goal.result());
+        self.searcher(filter).search_all(rays, grouping, Closest::new, |i, goal| hits[i] = goal.result());
     }
 
     /// For each ray, whether anything lies in its interval. Invalid rays are not occluded.
@@ -70,17 +71,17 @@ impl World {
     ) {
         let rays = rays.into();
         assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        self.search_all(rays, grouping, filter, Any::new, |i, goal| blocked[i] = goal.found);
+        self.searcher(filter).search_all(rays, grouping, Any::new, |i, goal| blocked[i] = goal.found);
     }
 
     /// The nearest hit of one ray.
     pub fn closest_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Hit {
-        self.search(ray.into(), filter, Closest::new).result()
+        self.searcher(filter).search(ray.into(), Closest::new).result()
     }
 
     /// True if anything lies in the interval of one ray.
     pub fn occluded_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> bool {
-        self.search(ray.into(), filter, Any::new).found
+        self.searcher(filter).search(ray.into(), Any::new).found
     }
 
     /// The nearest hit of one ray, and what it cost to find.
@@ -89,7 +90,7 @@ impl World {
         ray: impl Into<RayQuery<'a>>,
         filter: &dyn HitFilter,
     ) -> (Hit, TraversalCounters) {
-        let goal = self.search(ray.into(), filter, Counted::new);
+        let goal = self.searcher(filter).search(ray.into(), Counted::new);
         (goal.closest.result(), goal.counters)
     }
 
@@ -106,7 +107,7 @@ impl World {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
         let mut work = TraversalWork::default();
-        self.search_all(rays, Grouping::None, filter, Counted::new, |i, goal| {
+        self.searcher(filter).search_all(rays, Grouping::None, Counted::new, |i, goal| {
             hits[i] = goal.closest.result();
             work.nodes_visited += u64::from(goal.counters.nodes_visited);
             work.primitives_tested += u64::from(goal.counters.primitives_tested);
@@ -115,70 +116,77 @@ impl World {
         work
     }
 
+    fn searcher<'a>(&'a self, filter: &'a dyn HitFilter) -> Searcher<'a, Single> {
+        let context = Context { filter, options: &self.options, data: &() };
+        Searcher { world: self, context }
+    }
+}
+
+/// Where and how to search, whatever the goal.
+pub(crate) struct Searcher<'a, P: Rules> {
+    /// Its structure, and which of its geometries are meshes; not what these hold.
+    pub world: &'a World,
+    pub context: Context<'a, P>,
+}
+
+impl<P: Rules> Searcher<'_, P> {
     /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping.
-    fn search_all<G: Goal>(
+    pub fn search_all<G: Goal<Precision = P>>(
         &self,
-        rays: Rays,
+        rays: Rays<P>,
         grouping: Grouping,
-        filter: &dyn HitFilter,
-        start: impl Fn(&Ray) -> G,
+        start: impl Fn(&RayOf<G>) -> G,
         mut finish: impl FnMut(usize, G),
     ) {
-        let context = self.context(filter);
-        match &self.structure {
+        match &self.world.structure {
             Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
-                let batch = interleave::Batch { rays, context: &context };
-                for left in packet::search_runs(forest, self.simd, &batch, &start, &mut finish) {
+                let batch = interleave::Batch { rays, context: &self.context };
+                for left in P::search_runs(forest, self.world.simd, &batch, &start, &mut finish) {
                     let first = left.start;
-                    self.search_unrelated(rays.slice(left), &context, &start, |i, goal| finish(first + i, goal));
+                    self.search_unrelated(rays.slice(left), &start, |i, goal| finish(first + i, goal));
                 }
             }
-            _ => self.search_unrelated(rays, &context, &start, finish),
+            _ => self.search_unrelated(rays, &start, finish),
         }
     }
 
-    fn search_unrelated<G: Goal>(
+    fn search_unrelated<G: Goal<Precision = P>>(
         &self,
-        rays: Rays,
-        context: &Context,
-        start: impl Fn(&Ray) -> G,
+        rays: Rays<P>,
+        start: impl Fn(&RayOf<G>) -> G,
         mut finish: impl FnMut(usize, G),
     ) {
-        match &self.structure {
+        match &self.world.structure {
             Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
-                let batch = interleave::Batch { rays, context };
-                interleave::search_batch(forest, self.simd, &batch, start, finish);
+                let batch = interleave::Batch { rays, context: &self.context };
+                interleave::search_batch(forest, self.world.simd, &batch, start, finish);
             }
             Structure::Walked(structures) => {
                 let mut scratch = structures.scratch();
                 for i in 0..rays.len() {
                     let query = rays.get(i);
-                    let mut search = Search::new(query, context, start(query.ray));
-                    if query.ray.is_valid() {
+                    let mut search = Search::new(query, &self.context, start(query.ray));
+                    if P::is_valid(query.ray) {
                         structures.search(&mut search, &mut scratch);
                     }
                     finish(i, search.goal);
                 }
                 scratch.keep();
             }
-            _ => (0..rays.len()).for_each(|i| finish(i, self.search(rays.get(i), context.filter, &start))),
+            _ => (0..rays.len()).for_each(|i| finish(i, self.search(rays.get(i), &start))),
         }
     }
 
-    fn context<'a>(&'a self, filter: &'a dyn HitFilter) -> Context<'a> {
-        Context { filter, options: &self.options }
-    }
-
+    /// Searches for one ray.
     #[inline]
-    fn search<G: Goal>(&self, query: RayQuery, filter: &dyn HitFilter, start: impl Fn(&Ray) -> G) -> G {
-        let context = self.context(filter);
-        let mut search = Search::new(query, &context, start(query.ray));
-        if query.ray.is_valid() {
-            match &self.structure {
+    pub fn search<G: Goal<Precision = P>>(&self, query: RayQuery<P>, start: impl Fn(&RayOf<G>) -> G) -> G {
+        let mut search = Search::new(query, &self.context, start(query.ray));
+        if P::is_valid(query.ray) {
+            match &self.world.structure {
                 Structure::None(groups) => {
-                    search_all(groups, 0, &DRay::from(query.ray), 0, &mut search);
+                    search_all(groups, 0, &P::exact(query.ray), 0, &mut search);
                 }
-                Structure::Bvh(forest) => search_forest(forest, self.simd, &mut search),
+                Structure::Bvh(forest) => search_forest(forest, self.world.simd, &mut search),
                 Structure::Walked(structures) => {
                     let mut scratch = structures.scratch();
                     structures.search(&mut search, &mut scratch);

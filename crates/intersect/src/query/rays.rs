@@ -1,12 +1,13 @@
 //! What queries are asked about: rays, and per ray a mask and a time where the caller has them.
 
-use snell_math::{Ray, Vec3};
+use crate::precision::{Double, Precision, Single};
+use snell_math::{DRay, Ray, Vec3};
 
 /// One ray with its mask and time. A `&Ray` converts into it: all geometries, time 0.
 #[derive(Clone, Copy, Debug)]
-pub struct RayQuery<'a> {
+pub struct RayQuery<'a, P: Precision = Single> {
     /// In world space.
-    pub ray: &'a Ray,
+    pub ray: &'a P::Ray,
     /// The ray meets a geometry or enters an instance only if their masks share a bit with this.
     pub mask: u32,
     /// From 0 (start of the motion) to 1 (its end). What does not move does not care.
@@ -20,6 +21,13 @@ impl<'a> From<&'a Ray> for RayQuery<'a> {
     }
 }
 
+impl<'a> From<&'a DRay> for RayQuery<'a, Double> {
+    #[inline(always)]
+    fn from(ray: &'a DRay) -> Self {
+        Self { ray, mask: u32::MAX, time: 0.0 }
+    }
+}
+
 /// The time of a ray as searches use it: from 0 to 1, 0 if it is not a number.
 #[inline(always)]
 pub(crate) fn clamped_time(time: f32) -> f32 {
@@ -28,17 +36,17 @@ pub(crate) fn clamped_time(time: f32) -> f32 {
 
 /// A batch of rays. A slice of rays converts into it: all geometries, time 0.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Rays<'a> {
-    rays: &'a [Ray],
+pub struct Rays<'a, P: Precision = Single> {
+    rays: &'a [P::Ray],
     /// Empty, or one per ray.
     masks: &'a [u32],
     /// Empty, or one per ray.
     times: &'a [f32],
 }
 
-impl<'a> Rays<'a> {
+impl<'a, P: Precision> Rays<'a, P> {
     /// The rays, for all geometries and at time 0.
-    pub fn new(rays: &'a [Ray]) -> Self {
+    pub fn new(rays: &'a [P::Ray]) -> Self {
         Self { rays, masks: &[], times: &[] }
     }
 
@@ -72,7 +80,7 @@ impl<'a> Rays<'a> {
     }
 
     /// The rays alone.
-    pub fn rays(&self) -> &'a [Ray] {
+    pub fn rays(&self) -> &'a [P::Ray] {
         self.rays
     }
 
@@ -81,7 +89,7 @@ impl<'a> Rays<'a> {
     /// # Panics
     /// If there are not so many.
     #[inline(always)]
-    pub fn get(&self, index: usize) -> RayQuery<'a> {
+    pub fn get(&self, index: usize) -> RayQuery<'a, P> {
         let mask = if self.masks.is_empty() { u32::MAX } else { self.masks[index] };
         let time = if self.times.is_empty() { 0.0 } else { self.times[index] };
         RayQuery { ray: &self.rays[index], mask, time }
@@ -147,6 +155,24 @@ impl<'a> From<&'a Vec<Ray>> for Rays<'a> {
 
 impl<'a, const N: usize> From<&'a [Ray; N]> for Rays<'a> {
     fn from(rays: &'a [Ray; N]) -> Self {
+        Self::new(rays)
+    }
+}
+
+impl<'a> From<&'a [DRay]> for Rays<'a, Double> {
+    fn from(rays: &'a [DRay]) -> Self {
+        Self::new(rays)
+    }
+}
+
+impl<'a> From<&'a Vec<DRay>> for Rays<'a, Double> {
+    fn from(rays: &'a Vec<DRay>) -> Self {
+        Self::new(rays)
+    }
+}
+
+impl<'a, const N: usize> From<&'a [DRay; N]> for Rays<'a, Double> {
+    fn from(rays: &'a [DRay; N]) -> Self {
         Self::new(rays)
     }
 }

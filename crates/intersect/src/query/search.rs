@@ -2,31 +2,38 @@
 
 use super::HitFilter;
 use super::rays::{RayQuery, clamped_time};
-use crate::geometry::quads::quad_hit;
-use crate::hit::Hit;
 use crate::kernel::node::padded;
+use crate::precision::{Precision, Real, Rules};
 use crate::world::{GeometryOptions, TraversalCounters};
-use snell_math::Ray;
+use snell_math::Vec2;
+
+/// Rays, hits and distances of the world that a goal is about.
+pub(crate) type RayOf<G> = <<G as Goal>::Precision as Precision>::Ray;
+pub(crate) type HitOf<G> = <<G as Goal>::Precision as Precision>::Hit;
+pub(crate) type DataOf<G> = <<G as Goal>::Precision as Rules>::Data;
+pub(crate) type RealOf<G> = <<G as Goal>::Precision as Rules>::Real;
 
 /// What a query wants to know about a ray: the nearest hit, any hit, all hits.
 pub(crate) trait Goal {
+    /// Of the world that is searched.
+    type Precision: Rules;
     /// True if hits bring the limit nearer while the search goes on.
     const NARROWS: bool;
 
     /// Hits at a greater `t` are of no interest.
-    fn limit(&self) -> f32;
+    fn limit(&self) -> RealOf<Self>;
 
     /// True if this hit would be taken.
-    fn wants(&self, hit: &Hit) -> bool;
+    fn wants(&self, hit: &HitOf<Self>) -> bool;
 
     /// True if this hit was dealt with before: then later ones on the same thing may still count.
     #[inline(always)]
-    fn is_past(&self, _hit: &Hit) -> bool {
+    fn is_past(&self, _hit: &HitOf<Self>) -> bool {
         false
     }
 
     /// Takes a hit; true if the search is over.
-    fn take(&mut self, hit: Hit) -> bool;
+    fn take(&mut self, hit: HitOf<Self>) -> bool;
 
     /// Told of every node whose boxes are tested.
     #[inline(always)]
@@ -55,49 +62,60 @@ pub(crate) enum Verdict {
 }
 
 /// What all searches of a batch share.
-pub(crate) struct Context<'a> {
+pub(crate) struct Context<'a, P: Rules> {
     /// Who may reject hits.
-    pub filter: &'a dyn HitFilter,
+    pub filter: &'a dyn HitFilter<P>,
     /// Per geometry: its mask, and whether the filter is asked.
     pub options: &'a [GeometryOptions],
+    /// What the precision wants to know.
+    pub data: &'a P::Data,
 }
 
 /// A search over one ray.
-pub(crate) struct Search<'a, G> {
+pub(crate) struct Search<'a, G: Goal> {
     /// The ray in world space.
-    pub ray: &'a Ray,
+    pub ray: &'a RayOf<G>,
+    /// Where its interval starts, or a little before.
+    pub start: f32,
     /// What it may meet: [`RayQuery::mask`].
     pub mask: u32,
     /// When: from 0 to 1.
     pub time: f32,
     /// What is common to all.
-    pub context: &'a Context<'a>,
+    pub context: &'a Context<'a, G::Precision>,
     /// What is wanted, and found so far.
     pub goal: G,
 }
 
 impl<'a, G: Goal> Search<'a, G> {
     #[inline(always)]
-    pub fn new(query: RayQuery<'a>, context: &'a Context<'a>, goal: G) -> Self {
-        Self { ray: query.ray, mask: query.mask, time: clamped_time(query.time), context, goal }
+    pub fn new(query: RayQuery<'a, G::Precision>, context: &'a Context<'a, G::Precision>, goal: G) -> Self {
+        let start = G::Precision::interval(query.ray)[0].below();
+        Self { ray: query.ray, start, mask: query.mask, time: clamped_time(query.time), context, goal }
+    }
+
+    /// Where the interval of the ray starts.
+    #[inline(always)]
+    pub fn t_min(&self) -> RealOf<G> {
+        G::Precision::interval(self.ray)[0]
     }
 
     /// The padded limit: boxes that start beyond it can be skipped. Equal distances are never beyond it, because the lower
     /// number wins there.
     #[inline(always)]
     pub fn cull(&self) -> f32 {
-        padded(self.goal.limit())
+        padded(self.goal.limit().above())
     }
 
     /// Offers a hit. The filter is asked last, so a rejected hit leaves no trace.
     #[inline(always)]
-    pub fn offer(&mut self, hit: Hit) -> Verdict {
+    pub fn offer(&mut self, hit: HitOf<G>) -> Verdict {
         // The open interval holds after rounding too.
-        if hit.t <= self.ray.t_min || self.goal.is_past(&hit) {
+        if G::Precision::t(&hit) <= self.t_min() || self.goal.is_past(&hit) {
             return Verdict::Rejected;
         }
-        let options = &self.context.options[hit.geometry as usize];
-        let hit = if options.quads { quad_hit(&hit) } else { hit };
+        let options = &self.context.options[G::Precision::ids(&hit)[1] as usize];
+        let hit = if options.quads { G::Precision::quad_hit(&hit) } else { hit };
         if !self.goal.wants(&hit) {
             return Verdict::Behind;
         }
@@ -110,40 +128,41 @@ impl<'a, G: Goal> Search<'a, G> {
 
 /// The nearest hit; the lowest (instance, geometry, primitive) among equally near ones.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Closest {
-    best: Hit,
+pub(crate) struct Closest<P: Rules> {
+    best: P::Hit,
     /// Not a `bool`: padding would make copies slow.
     found: u32,
 }
 
-impl Closest {
+impl<P: Rules> Closest<P> {
     #[inline(always)]
-    pub fn new(ray: &Ray) -> Self {
+    pub fn new(ray: &P::Ray) -> Self {
         // No ids are below zero, so only hits before `t_max` come before this.
-        Self { best: Hit { t: ray.t_max, instance: 0, geometry: 0, primitive: 0, ..Hit::MISS }, found: 0 }
+        Self { best: P::hit(P::interval(ray)[1].into(), Vec2::ZERO, [0; 3]), found: 0 }
     }
 
     #[inline(always)]
-    pub fn result(&self) -> Hit {
-        if self.found != 0 { self.best } else { Hit::MISS }
+    pub fn result(&self) -> P::Hit {
+        if self.found != 0 { self.best } else { P::MISS }
     }
 }
 
-impl Goal for Closest {
+impl<P: Rules> Goal for Closest<P> {
+    type Precision = P;
     const NARROWS: bool = true;
 
     #[inline(always)]
-    fn limit(&self) -> f32 {
-        self.best.t
+    fn limit(&self) -> P::Real {
+        P::t(&self.best)
     }
 
     #[inline(always)]
-    fn wants(&self, hit: &Hit) -> bool {
-        hit.is_before(&self.best)
+    fn wants(&self, hit: &P::Hit) -> bool {
+        P::is_before(hit, &self.best)
     }
 
     #[inline(always)]
-    fn take(&mut self, hit: Hit) -> bool {
+    fn take(&mut self, hit: P::Hit) -> bool {
         self.best = hit;
         self.found = 1;
         false
@@ -152,34 +171,35 @@ impl Goal for Closest {
 
 /// Whether there is any hit.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Any {
-    limit: f32,
+pub(crate) struct Any<P: Rules> {
+    limit: P::Real,
     /// The answer.
     pub found: bool,
 }
 
-impl Any {
+impl<P: Rules> Any<P> {
     #[inline(always)]
-    pub fn new(ray: &Ray) -> Self {
-        Self { limit: ray.t_max, found: false }
+    pub fn new(ray: &P::Ray) -> Self {
+        Self { limit: P::interval(ray)[1], found: false }
     }
 }
 
-impl Goal for Any {
+impl<P: Rules> Goal for Any<P> {
+    type Precision = P;
     const NARROWS: bool = false;
 
     #[inline(always)]
-    fn limit(&self) -> f32 {
+    fn limit(&self) -> P::Real {
         self.limit
     }
 
     #[inline(always)]
-    fn wants(&self, hit: &Hit) -> bool {
-        hit.t < self.limit
+    fn wants(&self, hit: &P::Hit) -> bool {
+        P::t(hit) < self.limit
     }
 
     #[inline(always)]
-    fn take(&mut self, _: Hit) -> bool {
+    fn take(&mut self, _: P::Hit) -> bool {
         self.found = true;
         true
     }
@@ -187,30 +207,31 @@ impl Goal for Any {
 
 /// Every hit, in no order yet.
 #[derive(Clone, Debug)]
-pub(crate) struct All {
-    limit: f32,
+pub(crate) struct All<P: Rules> {
+    limit: P::Real,
     /// The answer.
-    pub hits: Vec<Hit>,
+    pub hits: Vec<P::Hit>,
 }
 
-impl All {
-    pub fn new(ray: &Ray) -> Self {
-        Self { limit: ray.t_max, hits: Vec::new() }
+impl<P: Rules> All<P> {
+    pub fn new(ray: &P::Ray) -> Self {
+        Self { limit: P::interval(ray)[1], hits: Vec::new() }
     }
 }
 
-impl Goal for All {
+impl<P: Rules> Goal for All<P> {
+    type Precision = P;
     const NARROWS: bool = false;
 
-    fn limit(&self) -> f32 {
+    fn limit(&self) -> P::Real {
         self.limit
     }
 
-    fn wants(&self, hit: &Hit) -> bool {
-        hit.t < self.limit
+    fn wants(&self, hit: &P::Hit) -> bool {
+        P::t(hit) < self.limit
     }
 
-    fn take(&mut self, hit: Hit) -> bool {
+    fn take(&mut self, hit: P::Hit) -> bool {
         self.hits.push(hit);
         false
     }
@@ -218,31 +239,32 @@ impl Goal for All {
 
 /// [`Closest`] that also counts its work.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Counted {
+pub(crate) struct Counted<P: Rules> {
     /// The hit.
-    pub closest: Closest,
+    pub closest: Closest<P>,
     /// The work.
     pub counters: TraversalCounters,
 }
 
-impl Counted {
-    pub fn new(ray: &Ray) -> Self {
+impl<P: Rules> Counted<P> {
+    pub fn new(ray: &P::Ray) -> Self {
         Self { closest: Closest::new(ray), counters: TraversalCounters::default() }
     }
 }
 
-impl Goal for Counted {
+impl<P: Rules> Goal for Counted<P> {
+    type Precision = P;
     const NARROWS: bool = true;
 
-    fn limit(&self) -> f32 {
+    fn limit(&self) -> P::Real {
         self.closest.limit()
     }
 
-    fn wants(&self, hit: &Hit) -> bool {
+    fn wants(&self, hit: &P::Hit) -> bool {
         self.closest.wants(hit)
     }
 
-    fn take(&mut self, hit: Hit) -> bool {
+    fn take(&mut self, hit: P::Hit) -> bool {
         self.closest.take(hit)
     }
 

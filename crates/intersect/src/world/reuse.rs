@@ -1,13 +1,14 @@
 //! What a build takes over from the world before: all that comes from contents that did not change.
 
 use super::occurrence::Occurrences;
-use super::{BuildOptions, Geometry, GroupBounds, Structure, World, WorldBuilder, WorldError};
+use super::{BuildOptions, Geometry, GroupBounds, Parts, Structure, World, WorldBuilder, WorldError};
 use crate::accel::AcceleratorKind;
 use crate::accel::brute_force::GroupList;
 use crate::accel::bvh::{BvhOptions, Forest, GroupTree};
 use crate::accel::walk::Structures;
 use rayon::prelude::*;
 use snell_math::Bounds3d;
+use snell_math::simd::Level;
 use std::sync::Arc;
 
 /// Groups with fewer triangles are always built: that takes no longer.
@@ -54,7 +55,7 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    fn of(geometry: &Geometry) -> Self {
+    pub fn of(geometry: &Geometry) -> Self {
         match geometry {
             Geometry::Mesh(mesh) => Self {
                 bounds: mesh.bounds().into(),
@@ -126,26 +127,26 @@ impl WorldBuilder {
             })
     }
 
-    /// Boxes and structures of all groups.
-    pub(super) fn structures(
-        &self,
-        options: &BuildOptions,
-        bvh: &BvhOptions,
-        occurrences: &Occurrences,
-        previous: Option<&World>,
-    ) -> Result<(Bounds3d, Structure, Inventory), WorldError> {
-        let summaries = self.summaries(previous);
-        let lists = self.group_lists(occurrences)?;
-        let n = self.groups.len();
-        let mut bounds = GroupBounds::empty(n);
-        let mut unchanged = vec![false; n];
-        // Only these trees are taken over.
-        let alike = previous.filter(|p| {
+    /// The parts of `previous` that may be taken over: trees of the same kind.
+    pub(super) fn alike<'a>(options: &BuildOptions, previous: Option<&'a World>) -> Option<&'a World> {
+        previous.filter(|p| {
             let inventory = &p.inventory;
             options.accelerator == AcceleratorKind::Bvh
                 && inventory.accelerator == options.accelerator
                 && inventory.quality == options.quality
-        });
+        })
+    }
+
+    /// The boxes of all groups; and for each whether nothing has changed.
+    pub(super) fn measure(
+        &self,
+        occurrences: &Occurrences,
+        summaries: &[Summary],
+        alike: Option<&World>,
+    ) -> (GroupBounds, Vec<bool>) {
+        let n = self.groups.len();
+        let mut bounds = GroupBounds::empty(n);
+        let mut unchanged = vec![false; n];
         for &group in &occurrences.order {
             match alike.filter(|p| self.is_unchanged(group, occurrences, &bounds, p)) {
                 Some(p) => {
@@ -153,9 +154,25 @@ impl WorldBuilder {
                     bounds.exact[group] = p.inventory.exact[group];
                     bounds.grown[group] = p.inventory.grown[group];
                 }
-                None => bounds.measure(self, &summaries, group),
+                None => bounds.measure(self, summaries, group),
             }
         }
+        (bounds, unchanged)
+    }
+
+    /// The structures of all groups. The boxes of objects are in the coordinates of the structures.
+    pub(super) fn structures(
+        &self,
+        options: &BuildOptions,
+        occurrences: &Occurrences,
+        summaries: Vec<Summary>,
+        (bounds, unchanged): (GroupBounds, Vec<bool>),
+        alike: Option<&World>,
+    ) -> Result<Parts, WorldError> {
+        let lists = self.group_lists(occurrences)?;
+        let n = self.groups.len();
+        let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
+        let bvh = BvhOptions { quality: options.quality, simd, cache: options.cache.clone() };
         let mut inventory = Inventory {
             accelerator: options.accelerator,
             quality: options.quality,
@@ -183,7 +200,7 @@ impl WorldBuilder {
                 let grown = (0..n).into_par_iter().map(|group| {
                     let old = old.filter(|(forest, _)| group < forest.trees.len());
                     let old = old.map(|(forest, inventory)| (&forest.trees[group], inventory.costs[group]));
-                    tree(&lists[group], &bounds.objects[group], bvh, old, unchanged[group])
+                    tree(&lists[group], &bounds.objects[group], &bvh, old, unchanged[group])
                 });
                 let grown: Vec<Grown> = grown.collect::<Result<_, _>>().map_err(WorldError::Limit)?;
                 for grown in &grown {
@@ -198,7 +215,8 @@ impl WorldBuilder {
                 Structure::Bvh(Forest::of(grown.into_iter().map(|g| g.tree).collect(), &occurrences.order))
             }
         };
-        Ok((inventory.exact[0], structure, inventory))
+        let stats = self.count_triangles(occurrences, &structure, &inventory);
+        Ok(Parts { bounds: inventory.exact[0], structure, inventory, simd, stats })
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::hit::Hit;
+use crate::mesh::DTriangleMesh;
 use crate::query::rays::Rays;
 use crate::query::{AcceptAll, Grouping, HitFilter};
 use crate::shape::{AnyShape, Sphere};
@@ -170,10 +171,16 @@ fn errata_e8_a_world_keeps_nothing_between_rays_and_is_shared_by_threads() {
 }
 
 pub(crate) fn sphere_mesh(center: Vec3, radius: f32, rings: u32, segments: u32) -> TriangleMesh {
-    let mut mesh = TriangleMesh::default();
+    let DTriangleMesh { positions, indices } = double_sphere(center.as_dvec3(), radius.into(), rings, segments);
+    let positions = positions.iter().map(|p| p.as_vec3()).collect();
+    TriangleMesh { positions, indices, ..TriangleMesh::default() }
+}
+
+/// A closed sphere of triangles between circles of latitude and longitude.
+pub(crate) fn double_sphere(center: DVec3, radius: f64, rings: u32, segments: u32) -> DTriangleMesh {
+    let mut mesh = DTriangleMesh::default();
     let mut add = |z: f64, r: f64, phi: f64| {
-        let p = DVec3::new(r * phi.cos(), r * phi.sin(), z) * f64::from(radius) + center.as_dvec3();
-        mesh.positions.push(p.as_vec3());
+        mesh.positions.push(DVec3::new(r * phi.cos(), r * phi.sin(), z) * radius + center);
     };
     add(1.0, 0.0, 0.0);
     for ring in 1..rings {

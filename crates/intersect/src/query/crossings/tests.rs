@@ -6,7 +6,7 @@ use crate::world::tests::{Random, build, default_world, mesh_world, nested_scene
 use crate::world::{GeometryId, WorldBuilder};
 use proptest::prelude::*;
 use snell_math::simd::Level;
-use snell_math::{Transform, Vec2, Vec3};
+use snell_math::{Ray, Transform, Vec2, Vec3};
 use std::sync::{Arc, OnceLock};
 
 fn rays(seed: u32, count: usize) -> Vec<Ray> {
@@ -51,7 +51,7 @@ fn all_count_closest_and_occluded_agree() {
             world.closest(&rays, crate::Grouping::None, filter, &mut hits);
             world.occluded(&rays, Grouping::None, filter, &mut occluded);
             world.count(&rays, filter, &mut counts);
-            world.count_distinct(Rays::new(&rays), filter, 8, &mut distinct);
+            world.searcher(filter).count_distinct(Rays::new(&rays), 8, &mut distinct);
             assert_eq!(all.ray_count(), n);
             for i in 0..n {
                 let row = all.of_ray(i);
@@ -83,7 +83,7 @@ fn a_crossing_that_is_offered_again_counts_once_unless_it_is_a_shape() {
     for buffer in [4, 6, 8, 64] {
         let ray = Ray::new(Vec3::ZERO, Vec3::X);
         let mut count = 0;
-        let mut after = None;
+        let mut after: Option<Key<Single>> = None;
         for _ in 0..100 {
             let mut goal = Distinct { after, ..Distinct::new(&ray, &world.geometries, buffer) };
             for offer in &offers {

@@ -1,0 +1,140 @@
+//! The coordinates of a tree in single precision, for a group in double precision.
+
+use crate::kernel::quick::QuickRay;
+use crate::kernel::ray::LocalRay;
+use crate::mesh::{DTriangleMesh, TriangleMesh};
+use snell_math::simd::Lanes8;
+use snell_math::{Bounds3d, DRay, DVec3, Vec3};
+
+/// Maps a group's coordinates to those of its tree, which are within -1 to 1: `(p - center) * scale`. Distances along rays are the
+/// same in both.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Frame {
+    pub center: DVec3,
+    /// A power of two.
+    pub scale: f64,
+    /// How far a vertex of the shadow may be from where it should be, along each axis.
+    pub slack: f32,
+}
+
+/// How far positions of the tree's coordinates may be off by the rounding of `f64`: of a box, and of a vertex.
+const DOUBLE_ROUNDING: f64 = 1.0 / (1u64 << 50) as f64;
+
+/// Rays that start farther away, or are faster or slower than `f32` can tell, see the whole tree.
+const FAR: f64 = 1e15;
+const FAST: f64 = 1e18;
+
+impl Frame {
+    /// The frame of a group whose triangles and finite boxes are within `bounds`.
+    pub fn of(bounds: &Bounds3d) -> Self {
+        // Never 0: rays are rounded on their way in any case.
+        let frame = Self { center: DVec3::ZERO, scale: 1.0, slack: f32::MIN_POSITIVE };
+        if bounds.is_empty() {
+            return frame;
+        }
+        let center = bounds.center();
+        let radius = (bounds.max * 0.5 - bounds.min * 0.5).max_element().clamp(f64::MIN_POSITIVE, f64::MAX);
+        // The power of two that brings the radius to between a half and 1. Not beyond what `f64` can hold, and nothing smaller than
+        // the rounding of the group's own coordinates is made larger.
+        let exponent = (radius.to_bits() >> 52) as i32 - 1022;
+        let scale = 2f64.powi((-exponent).clamp(-1000, 1000));
+        Self { center, scale, ..frame }
+    }
+
+    /// A point in the tree's coordinates.
+    #[inline(always)]
+    pub fn point(&self, p: DVec3) -> DVec3 {
+        (p - self.center) * self.scale
+    }
+
+    /// A ray in the tree's coordinates.
+    #[inline(always)]
+    pub fn ray(&self, ray: &DRay) -> DRay {
+        DRay { origin: self.point(ray.origin), direction: ray.direction * self.scale, ..*ray }
+    }
+
+    /// A box in the tree's coordinates, with room for rounding; infinite sides and empty boxes stay as they are.
+    pub fn bounds(&self, b: &Bounds3d) -> Bounds3d {
+        if b.is_empty() {
+            return *b;
+        }
+        let (min, max) = (self.point(b.min), self.point(b.max));
+        let margin = |v: DVec3| v.abs() * DOUBLE_ROUNDING + DOUBLE_ROUNDING;
+        Bounds3d { min: min - margin(min), max: max + margin(max) }
+    }
+
+    /// The shadow of a mesh of the group. Its triangles have the numbers of the mesh's; those that are degenerate stay so, and no
+    /// others become so. The slack grows to what the vertices are off by.
+    pub fn shadow(&mut self, mesh: &DTriangleMesh) -> TriangleMesh {
+        let shadow_point = |p: &DVec3| self.point(*p).as_vec3();
+        let mut positions: Vec<Vec3> = mesh.positions.iter().map(shadow_point).collect();
+        let mut indices = mesh.indices.clone();
+        let mut slack = 0.0f64;
+        for (i, triangle) in indices.iter_mut().enumerate() {
+            let mut corners = triangle.map(|v| positions[v as usize]);
+            if mesh.is_degenerate(i) {
+                *triangle = [triangle[0]; 3];
+                continue;
+            }
+            if separate(&mut corners) {
+                *triangle = corners.map(|corner| {
+                    positions.push(corner);
+                    (positions.len() - 1) as u32
+                });
+            }
+            for (corner, exact) in corners.iter().zip(mesh.corners(i)) {
+                let off = (corner.as_dvec3() - self.point(exact)).abs().max_element();
+                slack = slack.max(off);
+            }
+        }
+        self.slack = self.slack.max((slack + DOUBLE_ROUNDING) as f32).next_up();
+        TriangleMesh { positions, indices, ..TriangleMesh::default() }
+    }
+
+    /// Prepares a ray of the group for the fast kernels; false if it is not ordinary.
+    #[inline(always)]
+    pub fn prepare<L: Lanes8>(&self, quick: &mut QuickRay, ray: &DRay) -> bool {
+        let DRay { origin, direction, .. } = self.ray(ray);
+        let ordinary = quick.set_from_exact::<L>(&origin, &direction);
+        quick.widen::<L>(self.slack);
+        ordinary
+    }
+
+    /// A ray in the coordinates of the group, as the kernels want it: with the tree's coordinates for boxes and filter.
+    #[inline(always)]
+    pub fn local_ray(&self, ray: &DRay) -> LocalRay {
+        let DRay { origin: o, direction: d, .. } = self.ray(ray);
+        let (distance, speed) = (o.abs().max_element(), d.abs().max_element());
+        if distance < FAR && speed < FAST && speed > 1.0 / FAST {
+            LocalRay::within(ray, o, d, self.slack)
+        } else {
+            blind(ray)
+        }
+    }
+}
+
+/// Moves rounded corners apart until all three differ; true if it had to.
+fn separate([a, b, c]: &mut [Vec3; 3]) -> bool {
+    let mut moved = false;
+    if a == b {
+        b.x = b.x.next_up();
+        moved = true;
+    }
+    while c == a || c == b {
+        c.y = c.y.next_up();
+        moved = true;
+    }
+    moved
+}
+
+/// The local ray that skips nothing, for rays of which `f32` knows nothing.
+#[cold]
+fn blind(ray: &DRay) -> LocalRay {
+    let local = LocalRay::within(ray, DVec3::ZERO, ray.direction.signum(), f32::INFINITY);
+    LocalRay {
+        depth_scale: 0.0,
+        near_origin: local.negative.map(|n| if n == 1 { f32::MIN } else { f32::MAX }),
+        far_origin: local.negative.map(|n| if n == 1 { f32::MAX } else { f32::MIN }),
+        ..local
+    }
+}

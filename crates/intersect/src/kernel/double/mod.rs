@@ -1,0 +1,65 @@
+//! Exact decisions in double precision, on trees in single precision.
+//!
+//! The tree of a group is built over a *shadow*: its triangles with vertices moved near the origin, scaled to about 1 and rounded
+//! to `f32` ([`frame::Frame`]). Boxes and the filter of triangles work on the shadow and allow for the rounding; the triangles
+//! that remain, one or two a ray, are decided on the `f64` vertices.
+
+pub(crate) mod frame;
+pub(crate) mod plane;
+pub(crate) mod triangle;
+
+#[cfg(test)]
+mod tests;
+
+use crate::mesh::DTriangleMesh;
+use frame::Frame;
+use rayon::prelude::*;
+use snell_math::DVec3;
+use std::sync::Arc;
+
+/// What searches in double precision need besides the trees.
+#[derive(Debug, Default)]
+pub(crate) struct DoubleData {
+    /// Per group, how its tree's coordinates follow from its own.
+    pub frames: Vec<Frame>,
+    /// Per geometry the corners of its triangles, side by side: most rays want one triangle of each leaf they reach, and so wait for
+    /// memory once. Empty for what is not a mesh.
+    corners: Vec<Vec<[DVec3; 3]>>,
+}
+
+impl DoubleData {
+    pub fn new(frames: Vec<Frame>, meshes: &[Arc<DTriangleMesh>]) -> Self {
+        let corners = |mesh: &Arc<DTriangleMesh>| {
+            (0..mesh.indices.len()).into_par_iter().with_min_len(1 << 14).map(|i| mesh.corners(i)).collect()
+        };
+        Self { frames, corners: meshes.iter().map(corners).collect() }
+    }
+
+    /// The corners of a triangle in the coordinates of its group.
+    #[inline(always)]
+    pub fn corners(&self, geometry: u32, triangle: u32) -> &[DVec3; 3] {
+        &self.corners[geometry as usize][triangle as usize]
+    }
+
+    /// Asks for the memory of a triangle.
+    #[inline(always)]
+    pub fn fetch(&self, geometry: u32, triangle: u32) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            let start: *const i8 = std::ptr::from_ref(self.corners(geometry, triangle)).cast();
+            // SAFETY: asking ahead reads nothing: any address will do.
+            unsafe {
+                _mm_prefetch::<_MM_HINT_T0>(start);
+                _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64));
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = (geometry, triangle);
+    }
+
+    /// Memory of the corners.
+    pub fn memory_bytes(&self) -> usize {
+        self.corners.iter().map(|corners| size_of_val(corners.as_slice())).sum()
+    }
+}

@@ -1,0 +1,102 @@
+//! Where a ray meets the plane of a triangle, as good as `f64` can say it: off by little more than one unit in the last place for
+//! the coordinates as given, however thin the triangle, however grazing the ray, however far away both are.
+//!
+//! With edges `e1`, `e2` and `r` from the ray's origin to a corner, `t = (e1 x e2) . r / (e1 x e2) . d`. Numbers of two parts are
+//! good enough unless nearly 50 bits cancel, and a bound of their error says when they are; then the two determinants are worked
+//! out exactly.
+
+use snell_math::exact::{DoubleDouble, Expansion};
+use snell_math::{DRay, DVec3};
+
+/// Largest cancellation that numbers of two parts make up for. A determinant of theirs is off by at most `20 u^2 = 2^-101.6` of
+/// the sum of the sizes of its products (`u` is `2^-53`: products of exact differences `5 u^2`, their difference 3, the product
+/// with the third factor 5, two sums 6), so above this it is good to `2^-55`.
+const SURE: f64 = 1.0 / (1u64 << 46) as f64;
+
+/// Sums of products below this may have lost their last bits to underflow, if no factor is beyond [`LARGE`].
+const TINY: f64 = 1e-150;
+const LARGE: f64 = 1e60;
+
+/// Bound of the relative error of a determinant in plain `f64`: `8 u`, with room to spare.
+const ROUGH: f64 = 1.0 / (1u64 << 49) as f64;
+
+/// The ray parameter at which the line of the ray meets the plane of the corners; `None` if that is surely not after `t_min`.
+/// Infinite or NaN if they are parallel, or beyond what `f64` can hold.
+#[inline(always)]
+pub(crate) fn plane_distance(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<f64> {
+    let [a, b, c] = *corners;
+    let (e1, e2, r, d) = (b - a, c - a, a - ray.origin, ray.direction);
+    let normal = e1.cross(e2);
+    let (height, speed) = (normal.dot(r), normal.dot(d));
+    // The sizes of all products.
+    let (e1, e2, r, d) = (e1.abs(), e2.abs(), r.abs(), d.abs());
+    let sizes = DVec3::new(e1.y * e2.z + e1.z * e2.y, e1.z * e2.x + e1.x * e2.z, e1.x * e2.y + e1.y * e2.x);
+    let (heights, speeds) = (sizes.dot(r), sizes.dot(d));
+    let in_range = heights > TINY && speeds > TINY && (r + d + e1 + e2).element_sum() < LARGE;
+    // Most rays leave a surface, and find it behind their start.
+    let (after, pace) = (height * speed.signum(), speed.abs());
+    let error = (heights + t_min.abs() * speeds) * ROUGH;
+    if in_range && pace > speeds * ROUGH && after - t_min * pace < -error {
+        return None;
+    }
+    Some(precise_distance(ray, corners, heights * SURE, if in_range { speeds * SURE } else { f64::INFINITY }))
+}
+
+/// The distance, in numbers of two parts if that gives determinants above these bounds.
+#[inline(always)]
+fn precise_distance(ray: &DRay, corners: &[DVec3; 3], least_height: f64, least_speed: f64) -> f64 {
+    let [a, b, c] = corners;
+    let (e1, e2, r) = (differences(b, a), differences(c, a), differences(a, &ray.origin));
+    let normal = [minor(&e1, &e2, 1, 2), minor(&e1, &e2, 2, 0), minor(&e1, &e2, 0, 1)];
+    let along = |k: usize| normal[k].times(r[k]);
+    let height = along(0).plus(along(1)).plus(along(2));
+    let d = ray.direction;
+    let speed = normal[0].times_f64(d.x).plus(normal[1].times_f64(d.y)).plus(normal[2].times_f64(d.z));
+    let sure = height.high.abs() > least_height && speed.high.abs() > least_speed;
+    if sure { height.divided_by(speed) } else { exact_plane_distance(ray, corners) }
+}
+
+/// A minor of the matrix of two edges.
+#[inline(always)]
+fn minor(p: &[DoubleDouble; 3], q: &[DoubleDouble; 3], i: usize, j: usize) -> DoubleDouble {
+    p[i].times(q[j]).minus(p[j].times(q[i]))
+}
+
+#[inline(always)]
+fn differences(p: &DVec3, q: &DVec3) -> [DoubleDouble; 3] {
+    [DoubleDouble::difference(p.x, q.x), DoubleDouble::difference(p.y, q.y), DoubleDouble::difference(p.z, q.z)]
+}
+
+/// [`plane_distance`] without rounding before the quotient.
+///
+/// Positions and the direction are first brought near 1 by powers of two, so that nothing overflows, and what underflows is far
+/// below everything else.
+#[cold]
+#[inline(never)]
+pub(super) fn exact_plane_distance(ray: &DRay, corners: &[DVec3; 3]) -> f64 {
+    let largest = corners.iter().fold(ray.origin.abs(), |m, v| m.max(v.abs())).max_element();
+    let (place, pace) = (exponent(largest), exponent(ray.direction.abs().max_element()));
+    let [a, b, c] = corners.map(|v| v.to_array().map(|x| scaled(x, -place)));
+    let (o, d) = (ray.origin.to_array().map(|x| scaled(x, -place)), ray.direction.to_array().map(|x| scaled(x, -pace)));
+    let edge = |p: &[f64; 3]| -> [Expansion; 3] { std::array::from_fn(|i| Expansion::difference(p[i], a[i])) };
+    let (e1, e2) = (edge(&b), edge(&c));
+    let (mut height, mut speed) = (Expansion::default(), Expansion::default());
+    for k in 0..3 {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        let normal = e1[i].times(&e2[j]).plus(&e1[j].times(&e2[i]).negated());
+        height = height.plus(&normal.times(&Expansion::difference(a[k], o[k])));
+        speed = speed.plus(&normal.times(&Expansion::difference(d[k], 0.0)));
+    }
+    scaled(height.rounded().divided_by(speed.rounded()), place - pace)
+}
+
+/// The power of two at or below `x`; 0 for 0.
+fn exponent(x: f64) -> i32 {
+    if x == 0.0 { 0 } else { ((x.to_bits() >> 52) as i32 & 0x7ff).max(1) - 1023 }
+}
+
+/// `x 2^exponent`, in steps, because `2^exponent` itself may be out of range.
+fn scaled(x: f64, exponent: i32) -> f64 {
+    let half = exponent / 2;
+    x * 2f64.powi(half) * 2f64.powi(exponent - half)
+}

@@ -1,0 +1,486 @@
+//! Single and double precision: what worlds of `f32` coordinates and worlds of `f64` coordinates do differently.
+//!
+//! Trees, boxes and kernels are the same for both, in `f32`: boxes and filters only skip. What decides is different: how a ray is
+//! brought into the coordinates of a tree, and the exact test of a triangle.
+
+use crate::accel::bvh::Forest;
+use crate::hit::{DHit, Hit};
+use crate::kernel::double::{self, DoubleData};
+use crate::kernel::interleave::Batch;
+use crate::kernel::packet;
+use crate::kernel::quick::QuickRay;
+use crate::kernel::ray::LocalRay;
+use crate::kernel::triangle::{TriangleBlock, exact_hit, hit_in_plane, is_behind, plane_distance};
+use crate::query::search::{Goal, Search};
+use snell_math::simd::{Lanes8, Level};
+use snell_math::{DRay, DVec2, DVec3, Ray, Vec2};
+use std::cmp::Ordering;
+use std::fmt::Debug;
+use std::ops::Range;
+
+/// The precision of a world's coordinates and rays: [`Single`] or [`Double`].
+pub trait Precision: sealed::Sealed + Copy + Debug + Default + PartialEq + Send + Sync + 'static {
+    /// Rays of the world.
+    type Ray: Copy + Debug + Sync;
+    /// What queries answer with.
+    type Hit: Copy + Debug + Default + PartialEq + Send;
+}
+
+/// `f32`: [`Ray`] and [`Hit`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Single;
+
+/// `f64`: [`DRay`] and [`DHit`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Double;
+
+impl Precision for Single {
+    type Ray = Ray;
+    type Hit = Hit;
+}
+
+impl Precision for Double {
+    type Ray = DRay;
+    type Hit = DHit;
+}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for super::Single {}
+    impl Sealed for super::Double {}
+}
+
+/// A distance: `f32` or `f64`.
+pub(crate) trait Real: Copy + Debug + PartialOrd + Into<f64> {
+    /// The next greater number.
+    fn next_up(self) -> Self;
+
+    /// The order of all numbers, NaN included.
+    fn compare(self, other: Self) -> Ordering;
+
+    /// The greatest `f32` that is not above.
+    fn below(self) -> f32;
+
+    /// The least `f32` that is not below.
+    fn above(self) -> f32;
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn next_up(self) -> Self {
+        self.next_up()
+    }
+
+    #[inline(always)]
+    fn compare(self, other: Self) -> Ordering {
+        self.total_cmp(&other)
+    }
+
+    #[inline(always)]
+    fn below(self) -> f32 {
+        self
+    }
+
+    #[inline(always)]
+    fn above(self) -> f32 {
+        self
+    }
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn next_up(self) -> Self {
+        self.next_up()
+    }
+
+    #[inline(always)]
+    fn compare(self, other: Self) -> Ordering {
+        self.total_cmp(&other)
+    }
+
+    #[inline(always)]
+    fn below(self) -> f32 {
+        let near = self as f32;
+        if f64::from(near) > self { near.next_down() } else { near }
+    }
+
+    #[inline(always)]
+    fn above(self) -> f32 {
+        let near = self as f32;
+        if f64::from(near) < self { near.next_up() } else { near }
+    }
+}
+
+/// The rules of a precision, as searches use them.
+pub(crate) trait Rules: Precision {
+    /// Distances.
+    type Real: Real;
+
+    /// What searches need to know besides the trees.
+    type Data: Sync;
+
+    /// A hit that is none.
+    const MISS: Self::Hit;
+
+    /// Where the interval of a ray starts and ends.
+    fn interval(ray: &Self::Ray) -> [Self::Real; 2];
+
+    /// True if the ray can hit anything.
+    fn is_valid(ray: &Self::Ray) -> bool;
+
+    /// The ray in `f64`.
+    fn exact(ray: &Self::Ray) -> DRay;
+
+    /// A hit: distance (rounded), parameters, and instance, geometry and primitive.
+    fn hit(t: f64, uv: Vec2, ids: [u32; 3]) -> Self::Hit;
+
+    /// The distance of a hit.
+    fn t(hit: &Self::Hit) -> Self::Real;
+
+    /// Instance, geometry and primitive of a hit.
+    fn ids(hit: &Self::Hit) -> [u32; 3];
+
+    /// What decides between equally far hits: the ids, then the bits of the parameters.
+    fn rank(hit: &Self::Hit) -> [u64; 5];
+
+    /// The hit on a quad that a hit on one of its triangles is ([`crate::geometry::quads`]).
+    fn quad_hit(hit: &Self::Hit) -> Self::Hit;
+
+    /// A ray of a group in the coordinates that the structures of the group are in.
+    fn ray_in_structure(data: &Self::Data, group: usize, ray: &DRay) -> DRay;
+
+    /// A ray in the coordinates of a group, as the kernels want it.
+    fn local_ray(data: &Self::Data, group: usize, ray: &DRay) -> LocalRay;
+
+    /// Prepares a ray of the world for the fast kernels, in the root group; false if it is not ordinary, or its interval is empty or
+    /// begins below zero.
+    fn prepare_root<L: Lanes8>(data: &Self::Data, quick: &mut QuickRay, ray: &Self::Ray) -> bool;
+
+    /// Prepares a ray of a group for the fast kernels; false if it is not ordinary.
+    fn prepare<L: Lanes8>(data: &Self::Data, group: usize, quick: &mut QuickRay, ray: &DRay) -> bool;
+
+    /// Which triangles of the block the line of an ordinary ray may pass through ([`crate::kernel::triangle::lines_through`]).
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; the ray must be prepared.
+    unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32;
+
+    /// As [`Self::triangle_hit`] for an ordinary ray; `origin` and `direction` are in the coordinates of the group.
+    fn hit_on_line<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &QuickRay,
+        origin: &DVec3,
+        direction: &DVec3,
+        corners: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<Self::Hit>;
+
+    /// Searches for runs of coherent rays ([`packet::search_runs`]); returns the ranges of rays that were left out.
+    fn search_runs<G: Goal<Precision = Self>>(
+        forest: &Forest,
+        level: Level,
+        batch: &Batch<Self>,
+        start: impl Fn(&Self::Ray) -> G,
+        finish: impl FnMut(usize, G),
+    ) -> Vec<Range<usize>>;
+
+    /// True if triangles are decided on what is not in the blocks: then their memory may be asked for ahead.
+    const TRIANGLES_ELSEWHERE: bool;
+
+    /// Asks for the memory of a triangle.
+    fn fetch_triangle(data: &Self::Data, geometry: u32, triangle: u32);
+
+    /// Which triangles of the block the ray may hit ([`crate::kernel::triangle::candidates`]).
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32;
+
+    /// The hit on a triangle whose corners are these in the tree, after the start of the ray and not beyond what is wanted.
+    fn triangle_hit<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &LocalRay,
+        corners: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<Self::Hit>;
+
+    /// True if a hit is to be reported rather than the other: nearer, or at equal distance the lower (instance, geometry,
+    /// primitive).
+    #[inline(always)]
+    fn is_before(hit: &Self::Hit, other: &Self::Hit) -> bool {
+        let (a, b) = (Self::t(hit), Self::t(other));
+        a < b || (a == b && Self::rank(hit) < Self::rank(other))
+    }
+}
+
+impl Rules for Single {
+    type Real = f32;
+    type Data = ();
+    const MISS: Hit = Hit::MISS;
+
+    #[inline(always)]
+    fn interval(ray: &Ray) -> [f32; 2] {
+        [ray.t_min, ray.t_max]
+    }
+
+    #[inline(always)]
+    fn is_valid(ray: &Ray) -> bool {
+        ray.is_valid()
+    }
+
+    #[inline(always)]
+    fn exact(ray: &Ray) -> DRay {
+        ray.into()
+    }
+
+    #[inline(always)]
+    fn hit(t: f64, uv: Vec2, [instance, geometry, primitive]: [u32; 3]) -> Hit {
+        // Never minus zero.
+        Hit { t: t as f32 + 0.0, uv, instance, geometry, primitive }
+    }
+
+    #[inline(always)]
+    fn t(hit: &Hit) -> f32 {
+        hit.t
+    }
+
+    #[inline(always)]
+    fn ids(hit: &Hit) -> [u32; 3] {
+        [hit.instance, hit.geometry, hit.primitive]
+    }
+
+    #[inline(always)]
+    fn rank(hit: &Hit) -> [u64; 5] {
+        hit.rank().map(u64::from)
+    }
+
+    #[inline(always)]
+    fn quad_hit(hit: &Hit) -> Hit {
+        crate::geometry::quads::quad_hit(hit)
+    }
+
+    #[inline(always)]
+    fn ray_in_structure(_: &(), _: usize, ray: &DRay) -> DRay {
+        *ray
+    }
+
+    #[inline(always)]
+    fn local_ray(_: &(), _: usize, ray: &DRay) -> LocalRay {
+        LocalRay::new(ray)
+    }
+
+    #[inline(always)]
+    unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32 {
+        // SAFETY: passed on to the caller.
+        unsafe { crate::kernel::triangle::candidates::<L>(block, ray, t_min, cull) }
+    }
+
+    #[inline(always)]
+    fn triangle_hit<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &LocalRay,
+        corners: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<Hit> {
+        single_hit(search, exact_hit(ray, corners, search.start.into()), ids)
+    }
+
+    #[inline(always)]
+    fn prepare_root<L: Lanes8>(_: &(), quick: &mut QuickRay, ray: &Ray) -> bool {
+        quick.set_from_ray::<L>(ray)
+    }
+
+    #[inline(always)]
+    fn prepare<L: Lanes8>(_: &(), _: usize, quick: &mut QuickRay, ray: &DRay) -> bool {
+        quick.set_from_exact::<L>(&ray.origin, &ray.direction)
+    }
+
+    #[inline(always)]
+    unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
+        // SAFETY: passed on to the caller.
+        unsafe { crate::kernel::triangle::lines_through::<L>(block, ray) }
+    }
+
+    #[inline(always)]
+    fn hit_on_line<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &QuickRay,
+        origin: &DVec3,
+        direction: &DVec3,
+        corners: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<Hit> {
+        let t_min = search.start.into();
+        let plane = plane_distance(origin, direction, corners);
+        if is_behind(plane, t_min) {
+            return None;
+        }
+        single_hit(search, hit_in_plane(&ray.exact(*origin, *direction), corners, plane, t_min), ids)
+    }
+
+    fn search_runs<G: Goal<Precision = Self>>(
+        forest: &Forest,
+        level: Level,
+        batch: &Batch<Self>,
+        start: impl Fn(&Ray) -> G,
+        finish: impl FnMut(usize, G),
+    ) -> Vec<Range<usize>> {
+        packet::search_runs(forest, level, batch, start, finish)
+    }
+
+    const TRIANGLES_ELSEWHERE: bool = false;
+
+    #[inline(always)]
+    fn fetch_triangle(_: &(), _: u32, _: u32) {}
+}
+
+/// What the exact test in single precision has found, as a hit; `None` if it is beyond what is wanted.
+#[inline(always)]
+fn single_hit<G: Goal<Precision = Single>>(
+    search: &Search<'_, G>,
+    found: Option<(f64, Vec2)>,
+    ids: impl FnOnce() -> [u32; 3],
+) -> Option<Hit> {
+    let (t, uv) = found?;
+    // Never minus zero.
+    let t = t as f32 + 0.0;
+    if t > search.goal.limit() {
+        return None;
+    }
+    let [instance, geometry, primitive] = ids();
+    Some(Hit { t, uv, instance, geometry, primitive })
+}
+
+impl Rules for Double {
+    type Real = f64;
+    type Data = DoubleData;
+    const MISS: DHit = DHit::MISS;
+
+    #[inline(always)]
+    fn interval(ray: &DRay) -> [f64; 2] {
+        [ray.t_min, ray.t_max]
+    }
+
+    #[inline(always)]
+    fn is_valid(ray: &DRay) -> bool {
+        ray.is_valid()
+    }
+
+    #[inline(always)]
+    fn exact(ray: &DRay) -> DRay {
+        *ray
+    }
+
+    #[inline(always)]
+    fn hit(t: f64, uv: Vec2, [instance, geometry, primitive]: [u32; 3]) -> DHit {
+        DHit { t, uv: uv.as_dvec2(), instance, geometry, primitive }
+    }
+
+    #[inline(always)]
+    fn t(hit: &DHit) -> f64 {
+        hit.t
+    }
+
+    #[inline(always)]
+    fn ids(hit: &DHit) -> [u32; 3] {
+        [hit.instance, hit.geometry, hit.primitive]
+    }
+
+    #[inline(always)]
+    fn rank(hit: &DHit) -> [u64; 5] {
+        let [instance, geometry, primitive] = Self::ids(hit).map(u64::from);
+        [instance, geometry, primitive, hit.uv.x.to_bits(), hit.uv.y.to_bits()]
+    }
+
+    #[inline(always)]
+    fn quad_hit(hit: &DHit) -> DHit {
+        let uv = if hit.primitive & 1 == 1 { DVec2::ONE - hit.uv } else { hit.uv };
+        DHit { primitive: hit.primitive >> 1, uv, ..*hit }
+    }
+
+    #[inline(always)]
+    fn ray_in_structure(data: &DoubleData, group: usize, ray: &DRay) -> DRay {
+        data.frames[group].ray(ray)
+    }
+
+    #[inline(always)]
+    fn local_ray(data: &DoubleData, group: usize, ray: &DRay) -> LocalRay {
+        data.frames[group].local_ray(ray)
+    }
+
+    #[inline(always)]
+    unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay, t_min: f32, cull: f32) -> u32 {
+        // SAFETY: passed on to the caller.
+        unsafe { double::triangle::candidates::<L>(block, ray, t_min, cull) }
+    }
+
+    #[inline(always)]
+    fn triangle_hit<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        ray: &LocalRay,
+        _: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<DHit> {
+        double_hit(search, &ray.exact, ids())
+    }
+
+    #[inline(always)]
+    fn prepare_root<L: Lanes8>(data: &DoubleData, quick: &mut QuickRay, ray: &DRay) -> bool {
+        (ray.t_min >= 0.0) & (ray.t_min < ray.t_max) && Self::prepare::<L>(data, 0, quick, ray)
+    }
+
+    #[inline(always)]
+    fn prepare<L: Lanes8>(data: &DoubleData, group: usize, quick: &mut QuickRay, ray: &DRay) -> bool {
+        data.frames[group].prepare::<L>(quick, ray)
+    }
+
+    #[inline(always)]
+    unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
+        // SAFETY: passed on to the caller.
+        unsafe { double::triangle::lines_through::<L>(block, ray) }
+    }
+
+    #[inline(always)]
+    fn hit_on_line<G: Goal<Precision = Self>>(
+        search: &Search<'_, G>,
+        _: &QuickRay,
+        origin: &DVec3,
+        direction: &DVec3,
+        _: &[[f32; 3]; 3],
+        ids: impl FnOnce() -> [u32; 3],
+    ) -> Option<DHit> {
+        double_hit(search, &DRay::new(*origin, *direction), ids())
+    }
+
+    /// All of them: bundles are in single precision.
+    fn search_runs<G: Goal<Precision = Self>>(
+        _: &Forest,
+        _: Level,
+        batch: &Batch<Self>,
+        _: impl Fn(&DRay) -> G,
+        _: impl FnMut(usize, G),
+    ) -> Vec<Range<usize>> {
+        vec![0..batch.rays.len()]
+    }
+
+    const TRIANGLES_ELSEWHERE: bool = true;
+
+    #[inline(always)]
+    fn fetch_triangle(data: &DoubleData, geometry: u32, triangle: u32) {
+        data.fetch(geometry, triangle);
+    }
+}
+
+/// The hit on a triangle in double precision. `ray` is in the coordinates of the group; its interval is not used.
+#[inline(always)]
+fn double_hit<G: Goal<Precision = Double>>(
+    search: &Search<'_, G>,
+    ray: &DRay,
+    [instance, geometry, primitive]: [u32; 3],
+) -> Option<DHit> {
+    let corners = search.context.data.corners(geometry, primitive);
+    let (t, uv) = double::triangle::exact_hit(ray, corners, search.ray.t_min)?;
+    // Never minus zero.
+    let t = t + 0.0;
+    (t <= search.goal.limit()).then_some(DHit { t, uv, instance, geometry, primitive })
+}

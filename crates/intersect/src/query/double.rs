@@ -1,0 +1,88 @@
+//! The queries of worlds in double precision.
+
+use super::crossings::AllHits;
+use super::rays::{RayQuery, Rays};
+use super::search::{Any, Closest, Context, Counted};
+use super::{Grouping, HitFilter, Searcher};
+use crate::hit::DHit;
+use crate::precision::Double;
+use crate::world::TraversalCounters;
+use crate::world::double::DWorld;
+
+impl DWorld {
+    /// As [`crate::World::closest`].
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn closest<'a>(
+        &self,
+        rays: impl Into<Rays<'a, Double>>,
+        grouping: Grouping,
+        filter: &dyn HitFilter<Double>,
+        hits: &mut [DHit],
+    ) {
+        let rays = rays.into();
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        self.searcher(filter).search_all(rays, grouping, Closest::new, |i, goal| hits[i] = goal.result());
+    }
+
+    /// As [`crate::World::occluded`].
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn occluded<'a>(
+        &self,
+        rays: impl Into<Rays<'a, Double>>,
+        grouping: Grouping,
+        filter: &dyn HitFilter<Double>,
+        blocked: &mut [bool],
+    ) {
+        let rays = rays.into();
+        assert_eq!(rays.len(), blocked.len(), "one answer per ray");
+        self.searcher(filter).search_all(rays, grouping, Any::new, |i, goal| blocked[i] = goal.found);
+    }
+
+    /// As [`crate::World::closest_one`].
+    pub fn closest_one<'a>(&self, ray: impl Into<RayQuery<'a, Double>>, filter: &dyn HitFilter<Double>) -> DHit {
+        self.searcher(filter).search(ray.into(), Closest::new).result()
+    }
+
+    /// As [`crate::World::occluded_one`].
+    pub fn occluded_one<'a>(&self, ray: impl Into<RayQuery<'a, Double>>, filter: &dyn HitFilter<Double>) -> bool {
+        self.searcher(filter).search(ray.into(), Any::new).found
+    }
+
+    /// As [`crate::World::all`].
+    pub fn all<'a>(&self, rays: impl Into<Rays<'a, Double>>, filter: &dyn HitFilter<Double>) -> AllHits<Double> {
+        self.searcher(filter).all(rays.into())
+    }
+
+    /// As [`crate::World::all_one`].
+    pub fn all_one<'a>(&self, ray: impl Into<RayQuery<'a, Double>>, filter: &dyn HitFilter<Double>) -> Vec<DHit> {
+        self.searcher(filter).all_one(ray.into())
+    }
+
+    /// As [`crate::World::count`].
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn count<'a>(&self, rays: impl Into<Rays<'a, Double>>, filter: &dyn HitFilter<Double>, counts: &mut [u32]) {
+        self.searcher(filter).count(rays.into(), counts);
+    }
+
+    /// As [`crate::World::closest_counted`].
+    pub fn closest_counted<'a>(
+        &self,
+        ray: impl Into<RayQuery<'a, Double>>,
+        filter: &dyn HitFilter<Double>,
+    ) -> (DHit, TraversalCounters) {
+        let goal = self.searcher(filter).search(ray.into(), Counted::new);
+        (goal.closest.result(), goal.counters)
+    }
+
+    fn searcher<'a>(&'a self, filter: &'a dyn HitFilter<Double>) -> Searcher<'a, Double> {
+        let world = &self.world;
+        let context = Context { filter, options: &world.options, data: &self.data };
+        Searcher { world, context }
+    }
+}

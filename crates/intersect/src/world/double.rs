@@ -1,0 +1,176 @@
+//! Worlds in double precision: coordinates of a city in metres, with millimetres.
+//!
+//! Everything is as in [`World`], with [`DTriangleMesh`]es, [`snell_math::DRay`]s and [`crate::DHit`]s. The trees are the same too:
+//! they hold the meshes near their own centre, scaled and rounded to `f32`, to find out which few triangles a ray may hit; those are
+//! decided in `f64`. ([`crate::Grouping::Coherent`] makes no difference to speed here, and surfaces, nearest points and winding numbers are
+//! those of [`World`] alone.)
+
+use super::occurrence::Occurrences;
+use super::reuse::Summary;
+use super::{
+    BuildOptions, BuildStats, Geometry, GeometryId, GroupBounds, GroupId, Instance, InstanceId, World, WorldBuilder,
+    WorldError,
+};
+use crate::geometry::PrimitiveSet;
+use crate::kernel::double::DoubleData;
+use crate::kernel::double::frame::Frame;
+use crate::mesh::DTriangleMesh;
+use crate::shape::Shape;
+use rayon::prelude::*;
+use snell_math::{Bounds3d, Transform};
+use std::sync::Arc;
+
+/// Collects groups, geometries and instances, then builds a [`DWorld`]. As [`WorldBuilder`], which see.
+#[derive(Debug, Default)]
+pub struct DWorldBuilder {
+    /// With an empty mesh in the place of each mesh.
+    builder: WorldBuilder,
+    /// Per geometry; empty for what is not a mesh.
+    meshes: Vec<Arc<DTriangleMesh>>,
+}
+
+impl DWorldBuilder {
+    /// The root group: world coordinates.
+    pub const ROOT: GroupId = WorldBuilder::ROOT;
+
+    /// As [`WorldBuilder::add_group`].
+    pub fn add_group(&mut self) -> GroupId {
+        self.builder.add_group()
+    }
+
+    /// Puts a mesh into a group, in the group's coordinates. The mesh must be valid ([`DTriangleMesh::validate`]); triangles with
+    /// two vertices in one place, or with one that is not finite, are never hit. A mesh in single precision converts into one in
+    /// double precision.
+    pub fn add_mesh(&mut self, group: GroupId, mesh: Arc<DTriangleMesh>) -> GeometryId {
+        self.meshes.push(mesh);
+        self.builder.add_mesh(group, Arc::default())
+    }
+
+    /// As [`WorldBuilder::add_shape`].
+    pub fn add_shape(&mut self, group: GroupId, shape: Arc<dyn Shape>, group_from_shape: Transform) -> GeometryId {
+        self.meshes.push(Arc::default());
+        self.builder.add_shape(group, shape, group_from_shape)
+    }
+
+    /// As [`WorldBuilder::add_set`].
+    pub fn add_set(&mut self, group: GroupId, set: Arc<dyn PrimitiveSet>) -> GeometryId {
+        self.meshes.push(Arc::default());
+        self.builder.add_set(group, set)
+    }
+
+    /// As [`WorldBuilder::add_instance`].
+    pub fn add_instance(&mut self, group: GroupId, child: GroupId, group_from_child: Transform) -> InstanceId {
+        self.builder.add_instance(group, child, group_from_child)
+    }
+
+    /// As [`WorldBuilder::add`].
+    pub fn add(&mut self, group: GroupId, instance: Instance) -> InstanceId {
+        self.builder.add(group, instance)
+    }
+
+    /// As [`WorldBuilder::set_mask`].
+    pub fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
+        self.builder.set_mask(geometry, mask);
+    }
+
+    /// As [`WorldBuilder::set_filtered`].
+    pub fn set_filtered(&mut self, geometry: GeometryId) {
+        self.builder.set_filtered(geometry);
+    }
+
+    /// As [`WorldBuilder::build`].
+    pub fn build(mut self, options: &BuildOptions) -> Result<DWorld, WorldError> {
+        let occurrences = Occurrences::count(&self.builder.groups)?;
+        let summaries = self.summaries();
+        let (mut bounds, changed) = self.builder.measure(&occurrences, &summaries, None);
+        let frames =
+            (0..self.builder.groups.len()).map(|group| self.enter_frame(group, &summaries, &mut bounds)).collect();
+        let parts = self.builder.structures(options, &occurrences, summaries, (bounds, changed), None)?;
+        let mut world = self.builder.into_world(occurrences, parts);
+        // The shadows have done their work.
+        for geometry in &mut world.geometries {
+            if let Geometry::Mesh(mesh) = geometry {
+                *mesh = Arc::default();
+            }
+        }
+        let data = DoubleData::new(frames, &self.meshes);
+        world.stats.memory_bytes += data.memory_bytes() as u64;
+        Ok(DWorld { world, meshes: self.meshes, data })
+    }
+
+    fn summaries(&self) -> Vec<Summary> {
+        let summary = |(geometry, mesh): (&Geometry, &Arc<DTriangleMesh>)| match geometry {
+            Geometry::Mesh(_) => Summary {
+                bounds: mesh.bounds(),
+                count: mesh.indices.len() as u64,
+                skipped: (0..mesh.indices.len()).filter(|&i| mesh.is_degenerate(i)).count() as u64,
+            },
+            other => Summary::of(other),
+        };
+        self.builder.geometries.par_iter().zip(&self.meshes).map(summary).collect()
+    }
+
+    /// Chooses the frame of a group, and brings its meshes and the boxes of its objects into it.
+    fn enter_frame(&mut self, group: usize, summaries: &[Summary], bounds: &mut GroupBounds) -> Frame {
+        let objects = &mut bounds.objects[group];
+        let finite = objects.iter().filter(|b| b.is_finite()).fold(Bounds3d::EMPTY, |all, b| all.union(b));
+        let ids = &self.builder.groups[group].geometries;
+        let meshes = ids.iter().map(|id| id.0 as usize).filter(|&id| !self.meshes[id].indices.is_empty());
+        let all = meshes.fold(finite, |all, id| all.union(&summaries[id].bounds));
+        let mut frame = Frame::of(&all);
+        for b in objects {
+            *b = frame.bounds(b);
+        }
+        for id in ids.iter().map(|id| id.0 as usize) {
+            if let Geometry::Mesh(mesh) = &mut self.builder.geometries[id] {
+                *mesh = Arc::new(frame.shadow(&self.meshes[id]));
+            }
+        }
+        frame
+    }
+}
+
+/// Geometries and instances in double precision, ready for queries. Immutable.
+#[derive(Debug)]
+pub struct DWorld {
+    /// Over the shadows of the meshes; queries must not be asked of it directly.
+    pub(crate) world: World,
+    meshes: Vec<Arc<DTriangleMesh>>,
+    pub(crate) data: DoubleData,
+}
+
+impl DWorld {
+    /// The mesh with this number; `None` for a shape or a set.
+    pub fn mesh(&self, id: GeometryId) -> Option<&Arc<DTriangleMesh>> {
+        let is_mesh = matches!(self.world.geometry(id), Geometry::Mesh(_));
+        is_mesh.then(|| &self.meshes[id.0 as usize])
+    }
+
+    /// The box around everything, in world coordinates; may have infinite sides, is empty for an empty world.
+    pub fn bounds(&self) -> Bounds3d {
+        self.world.bounds()
+    }
+
+    /// What was built.
+    pub fn stats(&self) -> &BuildStats {
+        self.world.stats()
+    }
+
+    /// As [`World::instance_count`].
+    pub fn instance_count(&self) -> u32 {
+        self.world.instance_count()
+    }
+
+    /// As [`World::instance_path`].
+    pub fn instance_path(&self, instance: u32) -> Vec<(GroupId, usize)> {
+        self.world.instance_path(instance)
+    }
+
+    /// As [`World::world_from_instance`].
+    pub fn world_from_instance(&self, instance: u32) -> Transform {
+        self.world.world_from_instance(instance)
+    }
+}
+
+#[cfg(test)]
+mod tests;
