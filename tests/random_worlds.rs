@@ -3,10 +3,13 @@
 use snell_intersect::WorldBuilder;
 use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::shape::AnyShape;
-use snell_intersect::{AcceptAll, BuildOptions, GroupId, Grouping, Hit, Instance, RayQuery, Rays, TriangleMesh, World};
+use snell_intersect::{
+    AcceptAll, BuildOptions, CubicCurves, CurveBasis, GroupId, Grouping, Hit, Instance, LinearCurves, MeshKey,
+    MovingMesh, QuadMesh, Rays, Spheres, TriangleMesh, World,
+};
 use snell_math::rng::{hash32, pcg4d};
 use snell_math::simd::Level;
-use snell_math::{DAffine3, DMat3, DVec3, Ray, Transform, Vec3};
+use snell_math::{DAffine3, DMat3, DVec3, Ray, Transform, Vec3, Vec4};
 use std::sync::Arc;
 
 /// Bytes that are read as numbers; zeros when they have run out.
@@ -125,10 +128,58 @@ impl<'a> Source<'a> {
                 let group = GroupId(self.below(child) as u32);
                 let group_from_child = self.transform();
                 let mask = if self.below(8) == 0 { 1 << self.below(3) } else { u32::MAX };
-                builder.add(group, Instance { child: GroupId(child as u32), group_from_child, mask });
+                builder.add(group, Instance { mask, ..Instance::new(GroupId(child as u32), group_from_child) });
             }
         }
         builder
+    }
+
+    /// Adds spheres, curves, quads, a mesh with moving vertices, and a moving instance of the same.
+    pub fn add_sets(&mut self, builder: &mut WorldBuilder) {
+        let child = builder.add_group();
+        for group in [WorldBuilder::ROOT, child] {
+            if self.below(3) > 0 {
+                let count = 1 + 40 * self.below(2);
+                let spheres = self.balls(count);
+                builder.add_set(group, Arc::new(Spheres { spheres, colors: Vec::new() }));
+            }
+            if self.below(3) > 0 {
+                let points = self.balls(12);
+                builder.add_set(group, Arc::new(LinearCurves::chain(points)));
+            }
+            if self.below(3) > 0 {
+                let bases = [CurveBasis::Bezier, CurveBasis::BSpline, CurveBasis::CatmullRom, CurveBasis::Hermite];
+                let basis = bases[self.below(4)];
+                let (points, tangents) = (self.balls(12), self.balls(12));
+                let segments = (0..9).map(|_| self.below(12) as u32).collect();
+                builder.add_set(group, Arc::new(CubicCurves { basis, points, tangents, segments }));
+            }
+            if self.below(3) > 0 {
+                let mesh = self.mesh();
+                let quads: Vec<[u32; 4]> =
+                    mesh.indices.chunks_exact(2).map(|t| [t[0][0], t[0][1], t[1][0], t[0][2]]).collect();
+                builder.add_quads(group, Arc::new(QuadMesh::new(mesh, &quads).expect("vertices that exist")));
+            }
+            if self.below(3) > 0 {
+                let mesh = self.mesh();
+                let moved = |key: f32| mesh.positions.iter().rev().map(|p| *p * key).collect();
+                let later = [0.5, -1.0].map(|key| MeshKey { positions: moved(key), normals: Vec::new() });
+                let moving = MovingMesh::new(mesh.clone(), later.to_vec()).expect("as many vertices");
+                builder.add_moving_mesh(group, Arc::new(moving));
+            }
+        }
+        let later = (0..self.below(3)).map(|_| self.transform()).collect();
+        builder.add(WorldBuilder::ROOT, Instance { later, ..Instance::new(child, self.transform()) });
+    }
+
+    /// Points with radii.
+    fn balls(&mut self, count: usize) -> Vec<Vec4> {
+        let ball = |_| {
+            let radius = self.coordinate().abs() * 0.3;
+            let ball = self.point().extend(radius);
+            if self.below(40) == 39 { ball.with_w(self.strange()) } else { ball }
+        };
+        (0..count).map(ball).collect()
     }
 
     /// A ray at something, along an axis, through lattice points, or a broken one.
@@ -174,61 +225,75 @@ pub fn random_bytes(seed: u32, count: usize) -> Vec<u8> {
 /// If two answers differ.
 pub fn assert_agreement(bytes: &[u8], rays: usize, batches: &[usize]) -> (usize, usize) {
     let mut source = Source::new(bytes);
+    // Half of the worlds also have sets and motion, which are read from the end.
+    let reversed: Vec<u8> = bytes.iter().rev().copied().collect();
     let build = |accelerator, simd| {
         let options = BuildOptions { accelerator, simd, ..BuildOptions::default() };
-        Source::new(bytes).builder().build(&options).ok()
+        let (mut builder, mut end) = (Source::new(bytes).builder(), Source::new(&reversed));
+        if end.below(2) == 1 {
+            end.add_sets(&mut builder);
+        }
+        builder.build(&options).ok()
     };
     source.builder();
     let Some(oracle) = build(AcceleratorKind::None, Level::Scalar) else { return (0, 0) };
-    let (mut queries, mut masks) = (Vec::new(), Vec::new());
-    for _ in 0..rays {
+    let (mut queries, mut masks, mut times) = (Vec::new(), Vec::new(), Vec::new());
+    for i in 0..rays {
         queries.push(source.ray());
         masks.push(source.mask());
+        times.push([0.0, 1.0, 0.3, f32::NAN, 0.5, -1.0, 0.77][i % 7]);
     }
-    let all: Vec<Vec<Hit>> = (0..rays).map(|i| oracle.all_one(query(&queries, &masks, i), &AcceptAll)).collect();
+    let queries = Rays::new(&queries).with_masks(&masks).with_times(&times);
+    let all: Vec<Vec<Hit>> = (0..rays).map(|i| oracle.all_one(queries.get(i), &AcceptAll)).collect();
     for (i, hits) in all.iter().enumerate() {
-        let closest = oracle.closest_one(query(&queries, &masks, i), &AcceptAll);
-        assert_eq!(bits(&closest), bits(hits.first().unwrap_or(&Hit::MISS)), "closest and all: {:?}", queries[i]);
+        let closest = oracle.closest_one(queries.get(i), &AcceptAll);
+        assert_eq!(
+            bits(&closest),
+            bits(hits.first().unwrap_or(&Hit::MISS)),
+            "closest and all: {:?}",
+            queries.rays()[i]
+        );
     }
     for accelerator in AcceleratorKind::ALL {
         for simd in Level::ALL.into_iter().filter(|l| l.is_supported()) {
             let name = format!("{}, {simd}", accelerator.name());
             let world = build(accelerator, simd).unwrap_or_else(|| panic!("{name} builds what none builds"));
             for (i, expected) in all.iter().enumerate() {
-                let query = query(&queries, &masks, i);
+                let query = queries.get(i);
                 let found = world.all_one(query, &AcceptAll);
                 let only = |a: &[Hit], b: &[Hit]| -> Vec<Hit> {
                     a.iter().filter(|x| b.iter().all(|y| bits(x) != bits(y))).copied().collect()
                 };
                 let (missed, wrong) = (only(expected, &found), only(&found, expected));
                 let same = missed.is_empty() && wrong.is_empty() && found.len() == expected.len();
-                assert!(same, "{name}, all: {:?} misses {missed:?} and wrongly finds {wrong:?}", queries[i]);
+                assert!(same, "{name}, all: {:?} misses {missed:?} and wrongly finds {wrong:?}", queries.rays()[i]);
                 let closest = world.closest_one(query, &AcceptAll);
                 let first = expected.first().copied().unwrap_or(Hit::MISS);
-                assert_eq!(bits(&closest), bits(&first), "{name}, closest: {:?}", queries[i]);
-                assert_eq!(world.occluded_one(query, &AcceptAll), first.is_hit(), "{name}, any: {:?}", queries[i]);
+                assert_eq!(bits(&closest), bits(&first), "{name}, closest: {:?}", queries.rays()[i]);
+                assert_eq!(
+                    world.occluded_one(query, &AcceptAll),
+                    first.is_hit(),
+                    "{name}, any: {:?}",
+                    queries.rays()[i]
+                );
             }
             for &batch in batches {
-                assert_batches(&world, &name, &queries, &masks, &all, batch);
+                assert_batches(&world, &name, queries, &all, batch);
             }
         }
     }
     (rays, all.iter().filter(|hits| !hits.is_empty()).count())
 }
 
-fn query<'a>(rays: &'a [Ray], masks: &[u32], index: usize) -> RayQuery<'a> {
-    RayQuery { mask: masks[index], ..RayQuery::from(&rays[index]) }
-}
-
-fn assert_batches(world: &World, name: &str, rays: &[Ray], masks: &[u32], all: &[Vec<Hit>], batch: usize) {
-    let queries = Rays::new(rays).with_masks(masks);
-    for grouping in [Grouping::None, Grouping::Pixel] {
+fn assert_batches(world: &World, name: &str, queries: Rays, all: &[Vec<Hit>], batch: usize) {
+    let rays = queries.rays();
+    for grouping in [Grouping::None, Grouping::Coherent] {
         let mut hits = vec![Hit::MISS; rays.len()];
         let mut blocked = vec![false; rays.len()];
         for start in (0..rays.len()).step_by(batch) {
             let range = start..(start + batch).min(rays.len());
             world.closest(queries.slice(range.clone()), grouping, &AcceptAll, &mut hits[range.clone()]);
-            world.occluded(queries.slice(range.clone()), &AcceptAll, &mut blocked[range]);
+            world.occluded(queries.slice(range.clone()), grouping, &AcceptAll, &mut blocked[range]);
         }
         for (i, expected) in all.iter().enumerate() {
             let first = expected.first().copied().unwrap_or(Hit::MISS);

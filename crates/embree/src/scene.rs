@@ -2,7 +2,7 @@
 
 use crate::abi::{self, Handle};
 use crate::device::Device;
-use snell_intersect::{Geometry, GroupId, TriangleMesh, World};
+use snell_intersect::{Geometry, GeometryId, GroupId, TriangleMesh, World};
 use snell_math::Transform;
 use std::sync::Arc;
 use std::time::Instant;
@@ -11,7 +11,7 @@ use std::time::Instant;
 #[derive(Debug, thiserror::Error)]
 pub enum PeerError {
     /// Only triangles can be compared.
-    #[error("the scene has analytic shapes, which Embree does not know; compare on meshes only")]
+    #[error("the scene has more than triangles, which is not compared with Embree; take a scene of meshes")]
     Shapes,
     /// Embree says so.
     #[error("Embree could not build the scene (error {0})")]
@@ -75,7 +75,7 @@ impl PeerScene {
     /// Builds a scene of the same triangles. A group that occurs below the root becomes a scene, and each of its occurrences one
     /// instance of the top scene, because Embree comes with one level of instances.
     pub fn build(device: &Arc<Device>, world: &World, options: SceneOptions) -> Result<Self, PeerError> {
-        if world.shape_count() > 0 {
+        if !(0..world.geometry_count() as u32).all(|i| matches!(world.geometry(GeometryId(i)), Geometry::Mesh(_))) {
             return Err(PeerError::Shapes);
         }
         device.take_error();

@@ -81,9 +81,9 @@ fn primary_rays(world: &World) -> Vec<Ray> {
     rays
 }
 
-fn report(name: &str, world: &World, rays: &[Ray]) -> Vec<Hit> {
+fn report(name: &str, world: &World, rays: &[Ray], grouping: Grouping) -> Vec<Hit> {
     let mut hits = vec![Hit::MISS; rays.len()];
-    let (seconds, ()) = best_of(5, || world.closest(rays, Grouping::None, &AcceptAll, &mut hits));
+    let (seconds, ()) = best_of(5, || world.closest(rays, grouping, &AcceptAll, &mut hits));
     let (alone, ()) = best_of(3, || {
         for (ray, hit) in rays.iter().zip(&mut hits) {
             *hit = world.closest_one(ray, &AcceptAll);
@@ -123,7 +123,7 @@ fn main() -> std::io::Result<()> {
         let seconds = start.elapsed().as_secs_f64();
         println!("{simd}: {} triangles built in {seconds:.3} s, {:?}", mesh.indices.len(), world.stats());
         let rays = primary_rays(&world);
-        let hits = report("primary", &world, &rays);
+        let hits = report("primary", &world, &rays, Grouping::Coherent);
         let light = world.bounds().max.as_vec3() + world.bounds().radius() as f32;
         let (mut bounces, mut shadows) = (Vec::new(), Vec::new());
         for (i, (ray, hit)) in rays.iter().zip(&hits).enumerate().filter(|(_, (_, h))| h.is_hit()) {
@@ -135,13 +135,13 @@ fn main() -> std::io::Result<()> {
             let d = light - surface.position;
             shadows.push(Ray::new(surface.ray_origin(d), d).with_t_max(1.0));
         }
-        report("diffuse", &world, &bounces);
+        report("diffuse", &world, &bounces, Grouping::None);
         for i in (1..bounces.len()).rev() {
             bounces.swap(i, rng::hash32(i as u32) as usize % (i + 1));
         }
-        report("shuffled", &world, &bounces);
+        report("shuffled", &world, &bounces, Grouping::None);
         let mut blocked = vec![false; shadows.len()];
-        let (seconds, ()) = best_of(5, || world.occluded(&shadows, &AcceptAll, &mut blocked));
+        let (seconds, ()) = best_of(5, || world.occluded(&shadows, Grouping::Coherent, &AcceptAll, &mut blocked));
         let occluded = blocked.iter().filter(|b| **b).count();
         println!(
             "  shadow    {:6.2} Mrays/s  ({} rays, {occluded} occluded)",

@@ -31,11 +31,15 @@ impl Hit {
         self.geometry != Self::NONE
     }
 
-    /// True if this hit is to be reported rather than `other`: nearer, or at equal `t` the lower (instance, geometry, primitive).
-    /// Any hit is better than a miss.
+    /// True if this hit is to be reported rather than `other`: nearer, or at equal `t` the lower (instance, geometry, primitive), and
+    /// for two hits on one primitive (a quad that is folded over) the lower `uv`. Any hit is better than a miss.
     pub fn is_before(&self, other: &Self) -> bool {
-        let ids = |h: &Self| (h.instance, h.geometry, h.primitive);
-        self.t < other.t || (self.t == other.t && ids(self) < ids(other))
+        self.t < other.t || (self.t == other.t && self.rank() < other.rank())
+    }
+
+    /// What decides between equally far hits.
+    pub(crate) fn rank(&self) -> [u32; 5] {
+        [self.instance, self.geometry, self.primitive, self.uv.x.to_bits(), self.uv.y.to_bits()]
     }
 }
 

@@ -1,8 +1,28 @@
 //! Here is my ray, what does it hit? Shapes, acceleration structures and ray queries: a ray library on its own.
 //!
-//! A [`World`] holds triangle meshes and analytic shapes in groups; a group may be instanced in others at any depth. Queries take
-//! *batches* of rays ([`World::closest`], [`World::occluded`]) and answer with plain [`Hit`] records; [`World::interaction`] turns
-//! a hit into everything local about the surface. Nothing here knows of colours, materials or files.
+//! A [`World`] holds triangle meshes, analytic shapes and sets of primitives in groups; a group may be instanced in others at any
+//! depth. Queries take *batches* of rays ([`World::closest`], [`World::occluded`], [`World::count`], [`World::all`]) or points
+//! ([`World::nearest_point`], [`World::signed_distance`], [`World::winding_number`]), by one thread or by all
+//! ([`World::parallel`]), and answer with plain records; [`World::interaction`] turns a [`Hit`] into everything local about the
+//! surface. A [`DynamicWorld`] changes between batches. Nothing here knows of colours, materials or files.
+//!
+//! ```
+//! use snell_intersect::{AcceptAll, BuildOptions, TriangleMesh, WorldBuilder};
+//! use snell_math::{Ray, Vec3};
+//! use std::sync::Arc;
+//!
+//! let triangle = TriangleMesh {
+//!     positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+//!     indices: vec![[0, 1, 2]],
+//!     ..TriangleMesh::default()
+//! };
+//! let mut builder = WorldBuilder::default();
+//! builder.add_mesh(WorldBuilder::ROOT, Arc::new(triangle));
+//! let world = builder.build(&BuildOptions::default())?;
+//! let hit = world.closest_one(&Ray::new(Vec3::new(0.25, 0.5, -2.0), Vec3::Z), &AcceptAll);
+//! assert_eq!((hit.t, hit.uv.x, hit.uv.y), (2.0, 0.25, 0.5));
+//! # Ok::<(), snell_intersect::WorldError>(())
+//! ```
 
 pub mod accel;
 pub mod geometry;
@@ -14,12 +34,23 @@ pub mod shape;
 pub mod world;
 
 pub use accel::Quality;
-pub use geometry::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet, Spheres};
+pub use geometry::{
+    CubicCurves, CurveBasis, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet, QuadMesh, Spheres,
+};
 pub use hit::{Hit, SurfaceInteraction};
 pub use mesh::TriangleMesh;
-pub use query::rays::{RayQuery, Rays};
+pub use query::crossings::AllHits;
+pub use query::nearest::{NearestPoint, Points};
+pub use query::parallel::{Cancelled, Parallel};
+pub use query::rays::{InvalidRays, RayQuery, Rays};
 pub use query::{AcceptAll, Grouping, HitFilter};
-pub use shape::{AnyShape, Shape, ShapeHit, ShapeSample, ShapeSurface};
+pub use shape::{AnyShape, Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, Sphere};
 pub use world::{
-    BuildOptions, Geometry, GeometryId, GeometryOptions, GroupId, Instance, World, WorldBuilder, WorldError,
+    BuildOptions, DynamicWorld, EditError, Geometry, GeometryId, GeometryOptions, GroupId, Instance, InstanceId, Reuse,
+    Snapshots, World, WorldBuilder, WorldError,
 };
+
+/// The examples of the README are tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

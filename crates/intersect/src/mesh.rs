@@ -44,9 +44,28 @@ pub enum MeshError {
         found: usize,
         /// Entries expected.
         expected: usize,
-        /// "vertex" or "triangle".
+        /// "vertex", "triangle" or "quad".
         per: &'static str,
     },
+}
+
+/// True for corners of a triangle that can never be hit; see [`TriangleMesh::is_degenerate`].
+#[inline(always)]
+pub(crate) fn are_degenerate([a, b, c]: &[Vec3; 3]) -> bool {
+    // Differences of finite numbers may overflow; the numbers times 0 are 0 if all are finite, and otherwise NaN.
+    let finite = (*a * 0.0 + *b * 0.0 + *c * 0.0) == Vec3::ZERO;
+    !finite || a == b || b == c || c == a
+}
+
+/// The box around a triangle that acceleration structures use: padded by `1e-6` of its largest extent and a unit in the last place. The
+/// triangle as drawn across a ray (the test of hits) may lie outside of the exact box by less than that.
+#[inline(always)]
+pub(crate) fn padded_bounds([a, b, c]: &[Vec3; 3]) -> Bounds3 {
+    let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
+    let size = high - low;
+    let padding = size.x.max(size.y).max(size.z) * 1e-6 + f32::MIN_POSITIVE;
+    let (down, up) = (low.abs() * f32::EPSILON + padding, high.abs() * f32::EPSILON + padding);
+    Bounds3 { min: (low - down).max(Vec3::MIN), max: (high + up).min(Vec3::MAX) }
 }
 
 impl TriangleMesh {
@@ -82,8 +101,15 @@ impl TriangleMesh {
     }
 
     /// The three corners of a triangle.
+    #[inline(always)]
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
-        self.indices[triangle].map(|i| self.positions[i as usize])
+        let [a, b, c] = self.indices[triangle];
+        [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
+    }
+
+    /// The box around a triangle that acceleration structures use: a little larger than the triangle.
+    pub fn padded_bounds(&self, triangle: usize) -> Bounds3 {
+        padded_bounds(&self.corners(triangle))
     }
 
     /// Number of triangles that can never be hit ([`Self::is_degenerate`]).
@@ -96,8 +122,7 @@ impl TriangleMesh {
     /// Three different vertices on a line are not enough: as drawn across a ray they may cover a little, and what they cover no other
     /// triangle of a closed mesh does (rounding the coordinates of far-away meshes makes such triangles).
     pub fn is_degenerate(&self, triangle: usize) -> bool {
-        let [a, b, c] = self.corners(triangle);
-        !(a.is_finite() && b.is_finite() && c.is_finite()) || a == b || b == c || c == a
+        are_degenerate(&self.corners(triangle))
     }
 
     /// The mesh moved by `transform`: positions in double precision and rounded once, normals by the inverse transpose, tangents

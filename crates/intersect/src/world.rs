@@ -8,22 +8,33 @@
 //! order of insertion, the child followed by all that is below it. [`crate::Hit::instance`] is this number, so a hit stays small at
 //! any depth, and [`World::instance_path`] gives the way back.
 
+pub mod dynamic;
+mod edit;
 mod interaction;
 mod occurrence;
+mod reuse;
+
+pub use dynamic::{DynamicWorld, Snapshots};
+pub use edit::{EditError, InstanceId};
+pub use reuse::Reuse;
 
 use crate::accel::brute_force::GroupList;
-use crate::accel::bvh::{BvhOptions, Forest};
-use crate::accel::group::Object;
+use crate::accel::bvh::{BvhOptions, CacheUse, Forest};
+use crate::accel::group::{BulkContents, Object, Placement};
 use crate::accel::walk::Structures;
 use crate::accel::{AcceleratorKind, AcceleratorOptions, Quality};
-use crate::geometry::PrimitiveSet;
+use crate::geometry::motion::transform_at;
+use crate::geometry::{MovingMesh, PrimitiveSet, QuadMesh};
 use crate::mesh::TriangleMesh;
+use crate::query::winding::Winding;
 use crate::shape::Shape;
 use occurrence::Occurrences;
 use rayon::prelude::*;
+use reuse::{Inventory, Summary};
 use snell_math::simd::Level;
 use snell_math::{Bounds3d, DMat3, Transform};
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
 
 /// Number of a group, in order of creation. The root is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -56,6 +67,9 @@ pub struct BuildOptions {
     pub accelerator_options: AcceleratorOptions,
     /// How much time building a [`AcceleratorKind::Bvh`] may take for how fast a tree.
     pub quality: Quality,
+    /// A folder in which the [`AcceleratorKind::Bvh`] of large groups (65,536 triangles and more) is kept in files: the next build of the
+    /// same group maps it into memory. Only one's own files belong there: hits come from them. `None`: nothing is kept.
+    pub cache: Option<PathBuf>,
     /// Which instructions the kernels use.
     pub simd: Level,
 }
@@ -66,6 +80,7 @@ impl Default for BuildOptions {
             accelerator: AcceleratorKind::default(),
             accelerator_options: AcceleratorOptions::default(),
             quality: Quality::default(),
+            cache: None,
             simd: Level::best(),
         }
     }
@@ -76,6 +91,10 @@ impl Default for BuildOptions {
 pub enum Geometry {
     /// A mesh in the coordinates of its group.
     Mesh(Arc<TriangleMesh>),
+    /// Quadrilaterals in the coordinates of their group.
+    Quads(Arc<QuadMesh>),
+    /// A mesh whose vertices move, in the coordinates of its group.
+    MovingMesh(Arc<MovingMesh>),
     /// A shape and the map from its own coordinates to those of its group.
     Shape(Arc<dyn Shape>, Transform),
     /// Many primitives in the coordinates of their group.
@@ -91,6 +110,30 @@ pub struct Instance {
     pub group_from_child: Transform,
     /// Only rays whose mask shares a bit with this enter it.
     pub mask: u32,
+    /// For an instance that moves: the map at the further keys, which are evenly spread from time 0 (`group_from_child`) to 1. Between
+    /// keys the matrices are interpolated linearly ([`crate::geometry::motion::transform_at`]). Empty for one that stays.
+    pub later: Vec<Transform>,
+}
+
+impl Instance {
+    /// An instance that all rays may enter and that does not move.
+    pub fn new(child: GroupId, group_from_child: Transform) -> Self {
+        Self { child, group_from_child, mask: u32::MAX, later: Vec::new() }
+    }
+
+    /// The map at all keys, the first at time 0.
+    pub(crate) fn keys(&self) -> impl Iterator<Item = &Transform> {
+        std::iter::once(&self.group_from_child).chain(&self.later)
+    }
+
+    /// The map at a time from 0 to 1; at times when the instance is flattened, and not to be hit, the map at time 0.
+    pub(crate) fn at(&self, time: f32) -> Transform {
+        if self.later.is_empty() {
+            return self.group_from_child;
+        }
+        let keys: Vec<_> = self.keys().copied().collect();
+        transform_at(&keys, time).unwrap_or(self.group_from_child)
+    }
 }
 
 /// What queries ask about a geometry before a hit on it counts.
@@ -100,20 +143,26 @@ pub struct GeometryOptions {
     pub mask: u32,
     /// The query's [`crate::HitFilter`] may reject hits.
     pub filtered: bool,
+    /// Its triangles are halves of quads.
+    pub(crate) quads: bool,
 }
 
 impl Default for GeometryOptions {
     fn default() -> Self {
-        Self { mask: u32::MAX, filtered: false }
+        Self { mask: u32::MAX, filtered: false, quads: false }
     }
 }
 
 /// Collects groups, geometries and instances, then builds a [`World`].
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct WorldBuilder {
     pub(crate) geometries: Vec<Geometry>,
     pub(crate) options: Vec<GeometryOptions>,
     pub(crate) groups: Vec<GroupContents>,
+    /// Per geometry the group that holds it, unless it was removed.
+    homes: Vec<Option<GroupId>>,
+    /// Per instance the group that holds it, unless it was removed.
+    instance_homes: Vec<Option<GroupId>>,
 }
 
 /// What a group holds.
@@ -123,11 +172,19 @@ pub struct GroupContents {
     pub geometries: Vec<GeometryId>,
     /// Instances in order of insertion.
     pub instances: Vec<Instance>,
+    /// The number of each instance, ascending.
+    pub instance_ids: Vec<InstanceId>,
 }
 
 impl Default for WorldBuilder {
     fn default() -> Self {
-        Self { geometries: Vec::new(), options: Vec::new(), groups: vec![GroupContents::default()] }
+        Self {
+            geometries: Vec::new(),
+            options: Vec::new(),
+            groups: vec![GroupContents::default()],
+            homes: Vec::new(),
+            instance_homes: Vec::new(),
+        }
     }
 }
 
@@ -147,6 +204,16 @@ impl WorldBuilder {
         self.add_geometry(group, Geometry::Mesh(mesh))
     }
 
+    /// Puts quads into a group, in the group's coordinates.
+    pub fn add_quads(&mut self, group: GroupId, quads: Arc<QuadMesh>) -> GeometryId {
+        self.add_geometry(group, Geometry::Quads(quads))
+    }
+
+    /// Puts a mesh whose vertices move into a group, in the group's coordinates.
+    pub fn add_moving_mesh(&mut self, group: GroupId, mesh: Arc<MovingMesh>) -> GeometryId {
+        self.add_geometry(group, Geometry::MovingMesh(mesh))
+    }
+
     /// Puts a shape into a group.
     pub fn add_shape(&mut self, group: GroupId, shape: Arc<dyn Shape>, group_from_shape: Transform) -> GeometryId {
         self.add_geometry(group, Geometry::Shape(shape, group_from_shape))
@@ -159,25 +226,37 @@ impl WorldBuilder {
 
     fn add_geometry(&mut self, group: GroupId, geometry: Geometry) -> GeometryId {
         let id = GeometryId(self.geometries.len() as u32);
+        let quads = matches!(geometry, Geometry::Quads(_));
         self.geometries.push(geometry);
-        self.options.push(GeometryOptions::default());
+        self.options.push(GeometryOptions { quads, ..GeometryOptions::default() });
+        self.homes.push(Some(group));
         self.groups[group.0 as usize].geometries.push(id);
         id
     }
 
     /// Places `child` in `group`.
-    pub fn add_instance(&mut self, group: GroupId, child: GroupId, group_from_child: Transform) {
-        self.add(group, Instance { child, group_from_child, mask: u32::MAX });
+    pub fn add_instance(&mut self, group: GroupId, child: GroupId, group_from_child: Transform) -> InstanceId {
+        self.add(group, Instance::new(child, group_from_child))
     }
 
     /// Places an instance in `group`.
-    pub fn add(&mut self, group: GroupId, instance: Instance) {
-        self.groups[group.0 as usize].instances.push(instance);
+    pub fn add(&mut self, group: GroupId, instance: Instance) -> InstanceId {
+        let id = InstanceId(self.instance_homes.len() as u32);
+        self.instance_homes.push(Some(group));
+        let contents = &mut self.groups[group.0 as usize];
+        contents.instances.push(instance);
+        contents.instance_ids.push(id);
+        id
     }
 
     /// Only rays whose mask shares a bit with this meet the geometry ([`crate::query::rays::RayQuery::mask`]). All bits at first.
     pub fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
         self.options[geometry.0 as usize].mask = mask;
+    }
+
+    /// What queries ask about the geometry: its mask, and whether hits are filtered.
+    pub fn options_mut(&mut self, geometry: GeometryId) -> &mut GeometryOptions {
+        &mut self.options[geometry.0 as usize]
     }
 
     /// Hits on this geometry are asked about: the query's [`crate::HitFilter`] may reject them.
@@ -188,33 +267,41 @@ impl WorldBuilder {
     /// Builds the acceleration structures, on the threads of the current rayon pool. The result does not depend on how many there
     /// are. A SIMD level that the machine lacks is replaced by the best it has.
     pub fn build(self, options: &BuildOptions) -> Result<World, WorldError> {
+        let parts = self.parts(options, None)?;
+        Ok(self.into_world(parts))
+    }
+
+    /// Builds a world that shares with `previous`, an earlier world of this builder (or of a copy of it), all that comes from contents
+    /// that did not change: see [`DynamicWorld`]. Queries of the result are the same, bit for bit, as if it were built from nothing.
+    pub fn rebuild(&self, options: &BuildOptions, previous: &World) -> Result<World, WorldError> {
+        let parts = self.parts(options, Some(previous))?;
+        Ok(self.clone().into_world(parts))
+    }
+
+    fn parts(&self, options: &BuildOptions, previous: Option<&World>) -> Result<Parts, WorldError> {
         let occurrences = Occurrences::count(&self.groups)?;
-        let lists = self.group_lists(&occurrences)?;
         let simd = if options.simd.is_supported() { options.simd } else { Level::best() };
-        let bounds = GroupBounds::of(&self, &occurrences.order);
-        let structure = match (options.accelerator.build(), options.accelerator) {
-            (Some(build), _) => Structure::Walked(
-                Structures::build(lists, &bounds.objects, build, &options.accelerator_options)
-                    .map_err(WorldError::Limit)?,
-            ),
-            (None, AcceleratorKind::None) => Structure::None(lists),
-            (None, _) => {
-                let options = BvhOptions { quality: options.quality, simd };
-                let forest = Forest::build(&lists, &occurrences.order, &bounds.objects, &options);
-                Structure::Bvh(forest.map_err(WorldError::Limit)?)
-            }
-        };
-        let stats = self.count_triangles(&occurrences, &structure);
-        Ok(World {
+        let bvh = BvhOptions { quality: options.quality, simd, cache: options.cache.clone() };
+        let (bounds, structure, inventory) = self.structures(options, &bvh, &occurrences, previous)?;
+        let stats = self.count_triangles(&occurrences, &structure, &inventory);
+        Ok(Parts { occurrences, bounds, structure, inventory, simd, stats })
+    }
+
+    fn into_world(self, parts: Parts) -> World {
+        let Parts { occurrences, bounds, structure, inventory, simd, stats } = parts;
+        World {
             geometries: self.geometries,
             options: self.options,
             groups: self.groups,
             occurrences,
-            bounds: bounds.exact[0],
+            bounds,
             structure,
+            inventory,
             simd,
             stats,
-        })
+            winding: OnceLock::new(),
+            repeats: OnceLock::new(),
+        }
     }
 
     /// The contents of each group, ready to be tested.
@@ -224,24 +311,25 @@ impl WorldBuilder {
             for &id in &contents.geometries {
                 match &self.geometries[id.0 as usize] {
                     Geometry::Mesh(mesh) => list.meshes.push((id.0, mesh.clone())),
+                    Geometry::Quads(quads) => list.meshes.push((id.0, quads.triangles().clone())),
                     Geometry::Shape(shape, placed) => list.objects.push(Object::Shape {
                         shape: shape.clone(),
                         geometry: id.0,
                         shape_from_group: *placed.inverse_matrix(),
                     }),
-                    Geometry::Set(_) => {}
+                    Geometry::Set(_) | Geometry::MovingMesh(_) => {}
                 }
             }
             for (instance, &offset) in contents.instances.iter().zip(&occurrences.offsets[group]) {
                 list.objects.push(Object::Instance {
                     child: instance.child.0 as usize,
                     offset,
-                    child_from_group: *instance.group_from_child.inverse_matrix(),
+                    child_from_group: Placement::of(instance),
                     mask: instance.mask,
                 });
             }
             for (id, set) in self.sets(contents) {
-                if !list.objects.push_set(id.0, set.clone()) {
+                if !list.objects.push_set(id.0, set) {
                     let limit = "a group holds more than 4294967295 primitives: spread them over several groups";
                     return Err(WorldError::Limit(limit.into()));
                 }
@@ -251,26 +339,22 @@ impl WorldBuilder {
         self.groups.iter().enumerate().map(list).collect()
     }
 
-    /// The sets of primitives of a group, which come after its shapes and instances.
-    fn sets(&self, contents: &GroupContents) -> impl Iterator<Item = (GeometryId, &Arc<dyn PrimitiveSet>)> {
-        contents.geometries.iter().filter_map(|&id| match &self.geometries[id.0 as usize] {
-            Geometry::Set(set) => Some((id, set)),
-            Geometry::Mesh(_) | Geometry::Shape(..) => None,
-        })
+    /// The geometries of many primitives of a group, which come after its shapes and instances.
+    fn sets(&self, contents: &GroupContents) -> impl Iterator<Item = (GeometryId, BulkContents)> {
+        contents.geometries.iter().filter_map(|&id| Some((id, BulkContents::of(&self.geometries[id.0 as usize])?)))
     }
 
-    fn count_triangles(&self, occurrences: &Occurrences, structure: &Structure) -> BuildStats {
-        let mut stats = BuildStats::default();
-        for geometry in &self.geometries {
+    fn count_triangles(&self, occurrences: &Occurrences, structure: &Structure, inventory: &Inventory) -> BuildStats {
+        let mut stats = BuildStats { reuse: inventory.reuse, ..BuildStats::default() };
+        for (geometry, summary) in self.geometries.iter().zip(&inventory.summaries) {
             match geometry {
-                Geometry::Mesh(mesh) => {
-                    stats.triangles += mesh.indices.len() as u64;
-                    stats.skipped_triangles += mesh.degenerate_triangles() as u64;
+                Geometry::Mesh(_) | Geometry::Quads(_) | Geometry::MovingMesh(_) => {
+                    stats.triangles += summary.count;
+                    stats.skipped_triangles += summary.skipped;
                 }
-                Geometry::Set(set) => {
-                    stats.primitives += set.len() as u64;
-                    let skipped = (0..set.len()).into_par_iter().filter(|&i| set.bounds(i).is_empty()).count();
-                    stats.skipped_primitives += skipped as u64;
+                Geometry::Set(_) => {
+                    stats.primitives += summary.count;
+                    stats.skipped_primitives += summary.skipped;
                 }
                 Geometry::Shape(..) => {}
             }
@@ -280,6 +364,8 @@ impl WorldBuilder {
             let contents = &self.groups[group];
             let own = contents.geometries.iter().map(|g| match &self.geometries[g.0 as usize] {
                 Geometry::Mesh(mesh) => mesh.indices.len() as u64,
+                Geometry::Quads(quads) => 2 * quads.len() as u64,
+                Geometry::MovingMesh(mesh) => mesh.len() as u64,
                 Geometry::Shape(..) | Geometry::Set(_) => 0,
             });
             let placed = contents.instances.iter().map(|i| below[i.child.0 as usize]);
@@ -287,6 +373,7 @@ impl WorldBuilder {
         }
         stats.instanced_triangles = below[0];
         if let Structure::Bvh(forest) = structure {
+            stats.cached_groups = forest.trees.iter().filter(|t| t.cache == CacheUse::Read).count() as u64;
             stats.nodes = forest.trees.iter().map(|t| t.nodes.len() as u64).sum();
             stats.triangle_blocks = forest.trees.iter().map(|t| t.blocks.len() as u64).sum();
             stats.depth = forest.trees.iter().map(|t| t.depth as u32).max().unwrap_or(0);
@@ -311,51 +398,50 @@ struct GroupBounds {
     /// Per group the boxes of its shapes, instances and primitives of sets, in the order of [`GroupList::objects`], grown by all that transforming a
     /// ray may be off by.
     objects: Vec<Vec<Bounds3d>>,
+    /// Per group, in its own coordinates, grown like those of the objects.
+    grown: Vec<Bounds3d>,
 }
 
 impl GroupBounds {
-    fn of(builder: &WorldBuilder, order: &[usize]) -> Self {
-        let n = builder.groups.len();
-        let mut bounds = Self { exact: vec![Bounds3d::EMPTY; n], objects: vec![Vec::new(); n] };
-        let mut grown = vec![Bounds3d::EMPTY; n];
-        for &group in order {
-            let contents = &builder.groups[group];
-            let (mut exact, mut outer) = (Bounds3d::EMPTY, Bounds3d::EMPTY);
-            let mut objects = Vec::new();
-            for &id in &contents.geometries {
-                match &builder.geometries[id.0 as usize] {
-                    Geometry::Mesh(mesh) => {
-                        let b = mesh.bounds().into();
-                        (exact, outer) = (exact.union(&b), outer.union(&b));
-                    }
-                    Geometry::Shape(shape, placed) => {
-                        let b = shape.bounds();
-                        exact = exact.union(&placed.bounds(&b));
-                        objects.push(grown_bounds(placed, &b));
-                    }
-                    Geometry::Set(_) => {}
+    fn empty(groups: usize) -> Self {
+        let none = vec![Bounds3d::EMPTY; groups];
+        Self { exact: none.clone(), objects: vec![Vec::new(); groups], grown: none }
+    }
+
+    /// Finds the boxes of a group whose children are done.
+    fn measure(&mut self, builder: &WorldBuilder, summaries: &[Summary], group: usize) {
+        let contents = &builder.groups[group];
+        let (mut exact, mut outer) = (Bounds3d::EMPTY, Bounds3d::EMPTY);
+        let mut objects = Vec::new();
+        for &id in &contents.geometries {
+            match &builder.geometries[id.0 as usize] {
+                Geometry::Mesh(_) | Geometry::Quads(_) => {
+                    let b = summaries[id.0 as usize].bounds;
+                    (exact, outer) = (exact.union(&b), outer.union(&b));
                 }
+                Geometry::Shape(shape, placed) => {
+                    let b = shape.bounds();
+                    exact = exact.union(&placed.bounds(&b));
+                    objects.push(grown_bounds(placed, &b));
+                }
+                Geometry::Set(_) | Geometry::MovingMesh(_) => {}
             }
-            for instance in &contents.instances {
-                let child = instance.child.0 as usize;
-                exact = exact.union(&instance.group_from_child.bounds(&bounds.exact[child]));
-                objects.push(grown_bounds(&instance.group_from_child, &grown[child]));
-            }
-            for (_, set) in builder.sets(contents) {
-                let of = |i: usize| {
-                    let b = set.bounds(i);
-                    if b.is_empty() { Bounds3d::EMPTY } else { b }
-                };
-                let first = objects.len();
-                objects.par_extend((0..set.len()).into_par_iter().with_min_len(1024).map(of));
-                exact = objects[first..].iter().fold(exact, |all, b| all.union(b));
-                objects[first..].par_iter_mut().for_each(|b| *b = grown_bounds(&Transform::IDENTITY, b));
-            }
-            bounds.exact[group] = exact;
-            grown[group] = objects.iter().fold(outer, |a, b| a.union(b));
-            bounds.objects[group] = objects;
         }
-        bounds
+        for instance in &contents.instances {
+            let child = instance.child.0 as usize;
+            let images = instance.keys().map(|map| map.bounds(&self.exact[child]));
+            exact = images.fold(exact, |all, b| all.union(&b));
+            objects.push(instance_bounds(instance, &self.grown[child]));
+        }
+        for (_, set) in builder.sets(contents) {
+            let first = objects.len();
+            objects.par_extend((0..set.len()).into_par_iter().with_min_len(1024).map(|i| set.bounds(i)));
+            exact = objects[first..].iter().fold(exact, |all, b| all.union(b));
+            objects[first..].par_iter_mut().for_each(|b| *b = grown_bounds(&Transform::IDENTITY, b));
+        }
+        self.exact[group] = exact;
+        self.grown[group] = objects.iter().fold(outer, |a, b| a.union(b));
+        self.objects[group] = objects;
     }
 }
 
@@ -371,9 +457,30 @@ fn grown_bounds(placed: &Transform, b: &Bounds3d) -> Bounds3d {
     Bounds3d { min: image.min - margin, max: image.max + margin }
 }
 
+/// The box of an instance at all times, grown likewise. Between keys every point moves on a straight line, so the boxes at the keys
+/// hold it; the inverse of an interpolated matrix may be less exact.
+fn instance_bounds(instance: &Instance, b: &Bounds3d) -> Bounds3d {
+    let all = instance.keys().map(|map| grown_bounds(map, b)).fold(Bounds3d::EMPTY, |all, b| all.union(&b));
+    if instance.later.is_empty() || !all.is_finite() {
+        return all;
+    }
+    let margin = all.size() * 1e-6;
+    Bounds3d { min: all.min - margin, max: all.max + margin }
+}
+
 /// The matrix of the absolute values.
 fn abs_matrix(m: &DMat3) -> DMat3 {
     DMat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs())
+}
+
+/// What a build makes of a builder's contents.
+struct Parts {
+    occurrences: Occurrences,
+    bounds: Bounds3d,
+    structure: Structure,
+    inventory: Inventory,
+    simd: Level,
+    stats: BuildStats,
 }
 
 /// How rays find what they hit.
@@ -390,20 +497,25 @@ pub(crate) enum Structure {
 /// Geometries and instances, ready for queries. Immutable.
 #[derive(Debug)]
 pub struct World {
-    geometries: Vec<Geometry>,
+    pub(crate) geometries: Vec<Geometry>,
     pub(crate) options: Vec<GeometryOptions>,
     groups: Vec<GroupContents>,
     occurrences: Occurrences,
     bounds: Bounds3d,
     pub(crate) structure: Structure,
+    inventory: Inventory,
     pub(crate) simd: Level,
     stats: BuildStats,
+    /// Made when it is first asked for.
+    pub(crate) winding: OnceLock<Winding>,
+    /// Whether the structure may offer a crossing several times; found out when it is first asked for.
+    pub(crate) repeats: OnceLock<bool>,
 }
 
 /// What was built.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BuildStats {
-    /// Triangles of all meshes, each mesh counted once.
+    /// Triangles of all meshes, each mesh counted once; a quad is two.
     pub triangles: u64,
     /// Triangles that can never be hit ([`TriangleMesh::is_degenerate`]); part of `triangles`.
     pub skipped_triangles: u64,
@@ -413,6 +525,8 @@ pub struct BuildStats {
     pub primitives: u64,
     /// Primitives of sets that can never be hit: part of `primitives`.
     pub skipped_primitives: u64,
+    /// Groups whose structure was found in a file of [`BuildOptions::cache`].
+    pub cached_groups: u64,
     /// Nodes of acceleration structures.
     pub nodes: u64,
     /// Blocks of up to eight triangles.
@@ -426,6 +540,8 @@ pub struct BuildStats {
     /// Nodes and blocks of triangles that a random line through the root's bounds meets on average, by the surface area heuristic;
     /// what is in instances does not count.
     pub sah_cost: f32,
+    /// What was taken over from the world before.
+    pub reuse: Reuse,
 }
 
 /// What one ray cost.
@@ -471,9 +587,26 @@ impl World {
         self.geometries.iter().filter(|g| matches!(g, Geometry::Shape(..))).count()
     }
 
+    /// The number of the instance that an occurrence ([`crate::Hit::instance`]) belongs to: of the last step of
+    /// [`Self::instance_path`]. `None` for the root.
+    pub fn instance_id(&self, occurrence: u32) -> Option<InstanceId> {
+        let (group, at) = self.instance_path(occurrence).pop()?;
+        Some(self.group(group).instance_ids[at])
+    }
+
+    /// A world without contents.
+    fn empty(options: &BuildOptions) -> Self {
+        WorldBuilder::default().build(options).expect("nothing exceeds no limit")
+    }
+
     /// How many groups there are; ids run from 0.
     pub fn group_count(&self) -> usize {
         self.groups.len()
+    }
+
+    /// The numbers of all groups, children before parents.
+    pub(crate) fn children_first(&self) -> impl Iterator<Item = usize> {
+        self.occurrences.order.iter().copied()
     }
 
     /// How many occurrences one instance of a group adds: itself and all below.
@@ -489,6 +622,16 @@ impl World {
     /// What was built.
     pub fn stats(&self) -> &BuildStats {
         &self.stats
+    }
+
+    /// What the user should know of the build: files of [`BuildOptions::cache`] that were damaged or could not be written.
+    pub fn warnings(&self) -> Vec<String> {
+        let Structure::Bvh(forest) = &self.structure else { return Vec::new() };
+        let warning = |tree: &std::sync::Arc<crate::accel::bvh::GroupTree>| match &tree.cache {
+            CacheUse::Failed(warning) => Some(warning.clone()),
+            _ => None,
+        };
+        forest.trees.iter().filter_map(warning).collect()
     }
 
     /// Memory of the acceleration structures in bytes, without the geometries.
@@ -518,4 +661,4 @@ impl World {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -138,3 +138,29 @@ fn the_rays_of_a_render_are_measured() {
     }
     assert!(row["tracing_share"].as_f64().is_some_and(|x| x > 0.0 && x < 1.0), "{row}");
 }
+
+#[test]
+fn triangles_and_rays_are_written_as_arrays() {
+    let place = Place::new();
+    place.write("p.off", PYRAMID);
+    place
+        .run("bench rays p.off:copies=2 --side 16 --repeat 1 --threads 1 --rays primary,shadow --dump-rays out")
+        .done();
+    let array = |name: &str| {
+        let bytes = std::fs::read(place.path(&format!("out/p.off-copies-2/{name}.npy"))).expect("it was written");
+        let begin = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+        let header = String::from_utf8(bytes[10..begin].to_vec()).expect("text");
+        assert!(bytes.starts_with(b"\x93NUMPY\x01\x00") && begin % 64 == 0 && header.ends_with('\n'), "{header}");
+        (header, bytes[begin..].chunks(4).map(|b| f32::from_le_bytes(b.try_into().expect("four"))).collect::<Vec<_>>())
+    };
+    assert!(array("triangles").0.contains("'<u4'") && array("triangles").0.contains("(12, 3)"));
+    assert!(array("positions").0.contains("(10, 3)"));
+    let (header, rays) = array("primary");
+    assert!(header.contains("(256, 8)") && rays.len() == 256 * 8, "{header}");
+    let unit = rays[4] * rays[4] + rays[5] * rays[5] + rays[6] * rays[6];
+    assert!((unit - 1.0).abs() < 1e-5 && rays[7].is_infinite());
+    let (header, distances) = array("primary-t");
+    let hits = distances.iter().filter(|t| t.is_finite()).count();
+    assert!(header.contains("(256,)") && hits > 10, "{header}");
+    assert_eq!(array("shadow").1.len(), hits * 8);
+}

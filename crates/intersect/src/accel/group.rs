@@ -1,12 +1,15 @@
 //! The tests of single primitives, shared by every structure: what a group holds, ready to be tested.
 
-use crate::geometry::{PrimitiveSet, within_bounds};
+use crate::geometry::motion::transform_at;
+use crate::geometry::{MovingMesh, PrimitiveSet, within_bounds};
 use crate::hit::Hit;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::exact_hit;
+use crate::mesh::are_degenerate;
 use crate::query::search::{Goal, Search, Verdict};
 use crate::shape::Shape;
-use snell_math::{DAffine3, DRay, Vec2};
+use crate::world::{Geometry, Instance};
+use snell_math::{Bounds3d, DAffine3, DRay, Transform, Vec2};
 use std::sync::Arc;
 
 /// A shape or an instance in a group.
@@ -28,10 +31,84 @@ pub(crate) enum Object {
         /// What to add to the occurrence number of the group to get that of the child.
         offset: u32,
         /// The map from the group to the child.
-        child_from_group: DAffine3,
+        child_from_group: Placement,
         /// Rays whose mask shares no bit with this pass by.
         mask: u32,
     },
+}
+
+/// The map from a group to what is placed in it.
+#[derive(Clone, Debug)]
+pub(crate) enum Placement {
+    /// The same at all times.
+    Still(DAffine3),
+    /// Keys of the inverse map, from the child to the group.
+    Moving(Arc<[Transform]>),
+}
+
+impl Placement {
+    /// The map of an instance.
+    pub fn of(instance: &Instance) -> Self {
+        if instance.later.is_empty() {
+            Self::Still(*instance.group_from_child.inverse_matrix())
+        } else {
+            Self::Moving(instance.keys().copied().collect())
+        }
+    }
+
+    /// The map at time 0.
+    pub fn at_first(&self) -> &DAffine3 {
+        match self {
+            Self::Still(map) => map,
+            Self::Moving(keys) => keys[0].inverse_matrix(),
+        }
+    }
+
+    /// The ray in the child; `None` if it overflows on the way or the child is flattened, then nothing there can be hit.
+    #[inline(always)]
+    pub fn ray_in_child(&self, ray: &DRay, time: f32) -> Option<DRay> {
+        match self {
+            Self::Still(map) => ray_in_child(map, ray),
+            Self::Moving(keys) => ray_in_child(transform_at(keys, time)?.inverse_matrix(), ray),
+        }
+    }
+}
+
+/// Many primitives of one geometry.
+#[derive(Clone, Debug)]
+pub(crate) enum BulkContents {
+    /// Spheres, curves, a user's own.
+    Set(Arc<dyn PrimitiveSet>),
+    /// Triangles whose vertices move.
+    MovingMesh(Arc<MovingMesh>),
+}
+
+impl BulkContents {
+    /// What a geometry is, if it is of many primitives that are objects each.
+    pub fn of(geometry: &Geometry) -> Option<Self> {
+        match geometry {
+            Geometry::Set(set) => Some(Self::Set(set.clone())),
+            Geometry::MovingMesh(mesh) => Some(Self::MovingMesh(mesh.clone())),
+            Geometry::Mesh(_) | Geometry::Quads(_) | Geometry::Shape(..) => None,
+        }
+    }
+
+    /// How many primitives there are.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Set(set) => set.len(),
+            Self::MovingMesh(mesh) => mesh.len(),
+        }
+    }
+
+    /// The box of a primitive at all times, empty if it is never hit.
+    pub fn bounds(&self, primitive: usize) -> Bounds3d {
+        let b = match self {
+            Self::Set(set) => set.bounds(primitive),
+            Self::MovingMesh(mesh) => mesh.bounds(primitive).unwrap_or(Bounds3d::EMPTY),
+        };
+        if b.is_empty() { Bounds3d::EMPTY } else { b }
+    }
 }
 
 /// A set of primitives in a group.
@@ -42,7 +119,7 @@ pub(crate) struct Bulk {
     /// Its number.
     pub geometry: u32,
     /// What is tested.
-    pub set: Arc<dyn PrimitiveSet>,
+    pub contents: BulkContents,
 }
 
 /// All that a group holds besides the triangles of meshes, under one numbering: first the shapes and instances, then the primitives
@@ -71,12 +148,12 @@ impl Objects {
     }
 
     /// Adds a set. False if there are more objects than 32-bit numbers.
-    pub fn push_set(&mut self, geometry: u32, set: Arc<dyn PrimitiveSet>) -> bool {
-        let count = self.count.saturating_add(set.len());
+    pub fn push_set(&mut self, geometry: u32, contents: BulkContents) -> bool {
+        let count = self.count.saturating_add(contents.len());
         if count > u32::MAX as usize {
             return false;
         }
-        self.sets.push(Bulk { first: self.count as u32, geometry, set });
+        self.sets.push(Bulk { first: self.count as u32, geometry, contents });
         self.count = count;
         true
     }
@@ -86,15 +163,15 @@ impl Objects {
         self.count
     }
 
+    /// The ranges of numbers that are one geometry or instance each.
+    pub fn geometries(&self) -> impl Iterator<Item = (u32, u32)> {
+        let single = (0..self.placed.len() as u32).map(|i| (i, i + 1));
+        single.chain(self.sets.iter().map(|bulk| (bulk.first, bulk.first + bulk.contents.len() as u32)))
+    }
+
     /// The shapes and instances.
     pub fn placed(&self) -> &[Object] {
         &self.placed
-    }
-
-    /// First and end of the numbers of each shape, instance and set.
-    pub fn ranges(&self) -> impl Iterator<Item = (u32, u32)> {
-        let sets = self.sets.iter().map(|bulk| (bulk.first, bulk.first + bulk.set.len() as u32));
-        (0..self.placed.len() as u32).map(|i| (i, i + 1)).chain(sets)
     }
 
     /// What a number stands for.
@@ -131,10 +208,16 @@ pub(crate) fn test_object<G: Goal>(
         }
         ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) => {
             mask & search.mask != 0
-                && ray_in_child(child_from_group, ray).is_some_and(|ray| enter(*child, &ray, instance + offset, search))
+                && child_from_group
+                    .ray_in_child(ray, search.time)
+                    .is_some_and(|ray| enter(*child, &ray, instance + offset, search))
         }
         ObjectRef::Primitive(bulk, primitive) => {
-            test_primitive(search, bulk.set.as_ref(), [instance, bulk.geometry, primitive], ray)
+            let ids = [instance, bulk.geometry, primitive];
+            match &bulk.contents {
+                BulkContents::Set(set) => test_primitive(search, set.as_ref(), ids, ray),
+                BulkContents::MovingMesh(mesh) => test_moving_triangle(search, mesh, ids, ray),
+            }
         }
     }
 }
@@ -205,6 +288,17 @@ fn test_primitive<G: Goal>(search: &mut Search<'_, G>, set: &dyn PrimitiveSet, i
     false
 }
 
+/// Offers the hit on a triangle whose corners are those of the ray's time. True if the search is over.
+fn test_moving_triangle<G: Goal>(search: &mut Search<'_, G>, mesh: &MovingMesh, ids: [u32; 3], ray: &DRay) -> bool {
+    search.goal.count_primitives(1);
+    let corners = mesh.corners(ids[2] as usize, search.time);
+    if are_degenerate(&corners) {
+        return false;
+    }
+    let hit = exact_hit(&LocalRay::new(ray), &corners.map(|p| p.to_array()), search.ray.t_min.into());
+    hit.is_some() && mesh.bounds(ids[2] as usize).is_some() && offer_triangle(search, hit, || ids)
+}
+
 /// Offers the hit on one triangle. True if the search is over.
 #[inline(always)]
 pub(crate) fn test_triangle<G: Goal>(
@@ -213,8 +307,19 @@ pub(crate) fn test_triangle<G: Goal>(
     corners: &[[f32; 3]; 3],
     ids: impl FnOnce() -> [u32; 3],
 ) -> bool {
-    let Some((t, uv)) = exact_hit(ray, corners, search.ray.t_min.into()) else { return false };
-    let t = t as f32;
+    offer_triangle(search, exact_hit(ray, corners, search.ray.t_min.into()), ids)
+}
+
+/// Offers what the exact test of a triangle has found. True if the search is over.
+#[inline(always)]
+pub(crate) fn offer_triangle<G: Goal>(
+    search: &mut Search<'_, G>,
+    found: Option<(f64, Vec2)>,
+    ids: impl FnOnce() -> [u32; 3],
+) -> bool {
+    let Some((t, uv)) = found else { return false };
+    // Never minus zero.
+    let t = t as f32 + 0.0;
     if t > search.goal.limit() {
         return false;
     }

@@ -1,5 +1,5 @@
-//! The primitives of one group, numbered: first the triangles of its meshes in order, then its objects:
-//! shapes, instances and the primitives of sets.
+//! The primitives of one group, numbered: first the triangles of its meshes in order, then its shapes and instances, then the
+//! primitives of its sets.
 
 use super::box_ray::margin_of;
 use super::brute_force::GroupList;
@@ -85,12 +85,11 @@ impl<'a> Primitives<'a> {
         Ok(Self { list, first, triangles: next, items, unbounded, bounds, margin })
     }
 
-    /// The range of primitives of each mesh, shape, instance and set.
+    /// The ranges of primitives that are one geometry or instance each.
     pub fn geometries(&self) -> impl Iterator<Item = (u32, u32)> {
         let meshes =
             self.first.iter().zip(&self.list.meshes).map(|(&first, m)| (first, first + m.1.indices.len() as u32));
-        let objects = self.list.objects.ranges().map(|(first, end)| (self.triangles + first, self.triangles + end));
-        meshes.chain(objects)
+        meshes.chain(self.list.objects.geometries().map(|(first, end)| (self.triangles + first, self.triangles + end)))
     }
 
     /// The corners of a triangle; `None` for a shape or an instance.

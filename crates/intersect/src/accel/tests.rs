@@ -252,7 +252,7 @@ fn compare(seed: u32, count: usize) -> usize {
         let mut hits = vec![Hit::MISS; rays.len()];
         world.closest(&rays[..], Grouping::None, &AcceptAll, &mut hits);
         let mut blocked = vec![false; rays.len()];
-        world.occluded(&rays[..], &AcceptAll, &mut blocked);
+        world.occluded(&rays[..], Grouping::None, &AcceptAll, &mut blocked);
         for i in 0..rays.len() {
             let expected = closest[i];
             assert_eq!(bits(&hits[i]), bits(&expected), "{}: {:?} is not {expected:?}", what(i), hits[i]);

@@ -59,6 +59,11 @@ impl Structures {
         Ok(Self { groups: groups?, has_cache: options.last_hit_cache })
     }
 
+    /// What a group holds.
+    pub fn list(&self, group: usize) -> &GroupList {
+        &self.groups[group].list
+    }
+
     /// What was built, over all groups.
     pub fn size(&self) -> Size {
         let add = |a: Size, b: Size| Size {

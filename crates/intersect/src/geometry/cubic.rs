@@ -1,10 +1,13 @@
 //! Round cubic curves in the usual bases.
 
+use super::nearest::on_sweep;
 use super::rounded_cone::Ball;
 use super::sweep::{Sweep, tube_surface};
 use super::{PrimitiveHit, PrimitiveSet};
-use crate::shape::ShapeSurface;
+use crate::shape::{Metric, ShapeSurface};
 use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
+
+const SIXTH: f64 = 1.0 / 6.0;
 
 /// How the points of a cubic curve define it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -68,9 +71,10 @@ impl CubicCurves {
             let [a, b, c, d] = points.map(wide);
             match self.basis {
                 CurveBasis::BSpline => {
-                    [(a + b * 4.0 + c) / 6.0, (b * 2.0 + c) / 3.0, (b + c * 2.0) / 3.0, (b + c * 4.0 + d) / 6.0]
+                    let third = 1.0 / 3.0;
+                    [(a + b * 4.0 + c) * SIXTH, (b * 2.0 + c) * third, (b + c * 2.0) * third, (b + c * 4.0 + d) * SIXTH]
                 }
-                CurveBasis::CatmullRom => [b, b + (c - a) / 6.0, c - (d - b) / 6.0, c],
+                CurveBasis::CatmullRom => [b, b + (c - a) * SIXTH, c - (d - b) * SIXTH, c],
                 CurveBasis::Bezier | CurveBasis::Hermite => [a, b, c, d],
             }
         };
@@ -80,6 +84,15 @@ impl CubicCurves {
         controls.iter_mut().for_each(|c| c.w = c.w.max(0.0));
         controls.iter().any(|c| c.w > 0.0).then_some(controls)
     }
+}
+
+/// Balls of a segment that are compared first when looking for its nearest point.
+const SAMPLES: usize = 48;
+
+/// The ball that sweeps a curve, at `u`.
+fn ball(controls: &[DVec4; 4], u: f64) -> Ball {
+    let c = super::sweep::derivatives(controls, u)[0];
+    Ball { center: c.truncate(), radius: c.w }
 }
 
 impl PrimitiveSet for CubicCurves {
@@ -106,6 +119,17 @@ impl PrimitiveSet for CubicCurves {
         let [c, d, _] = super::sweep::derivatives(&controls, u);
         let chord = (controls[3] - controls[0]).truncate();
         tube_surface(&Ball { center: c.truncate(), radius: c.w }, u, (d.truncate(), d.w), chord, position)
+    }
+
+    fn nearest_point(&self, segment: usize, point: DVec3, metric: &Metric) -> Option<(DVec3, Vec2)> {
+        let controls = self.bezier(segment)?;
+        let (position, _, u) = on_sweep(metric, point, SAMPLES, |u| ball(&controls, u));
+        Some((position, Vec2::new(u as f32, 0.0)))
+    }
+
+    fn contains(&self, segment: usize, point: DVec3) -> bool {
+        let inside = |controls| on_sweep(&Metric::EUCLIDEAN, point, SAMPLES, |u| ball(&controls, u)).1 < 0.0;
+        self.bezier(segment).is_some_and(inside)
     }
 }
 

@@ -1,9 +1,10 @@
 //! Round linear curves: chains of cones between spheres.
 
+use super::nearest::on_sweep;
 use super::rounded_cone::{Ball, UnitRay};
 use super::sweep::tube_surface;
 use super::{PrimitiveHit, PrimitiveSet};
-use crate::shape::ShapeSurface;
+use crate::shape::{Metric, ShapeSurface};
 use snell_math::{Bounds3d, DRay, DVec3, Vec2, Vec4};
 
 /// Line segments with a radius at each end. Each is the hull of two balls: a cone with round ends, which touches it. Segments that
@@ -38,6 +39,9 @@ impl LinearCurves {
     }
 }
 
+/// Balls of a segment that are compared first when looking for its nearest point.
+const SAMPLES: usize = 8;
+
 impl PrimitiveSet for LinearCurves {
     fn len(&self) -> usize {
         self.segments.len()
@@ -65,5 +69,16 @@ impl PrimitiveSet for LinearCurves {
             f64::from(u8::from(narrowing < 0.0))
         };
         tube_surface(&a.lerp(&b, u), u, (axis, -narrowing), axis, position)
+    }
+
+    fn nearest_point(&self, segment: usize, point: DVec3, metric: &Metric) -> Option<(DVec3, Vec2)> {
+        let [a, b] = self.balls(segment)?;
+        let (position, _, u) = on_sweep(metric, point, SAMPLES, |u| a.lerp(&b, u));
+        Some((position, Vec2::new(u as f32, 0.0)))
+    }
+
+    fn contains(&self, segment: usize, point: DVec3) -> bool {
+        let inside = |[a, b]: [Ball; 2]| on_sweep(&Metric::EUCLIDEAN, point, SAMPLES, |u| a.lerp(&b, u)).1 < 0.0;
+        self.balls(segment).is_some_and(inside)
     }
 }

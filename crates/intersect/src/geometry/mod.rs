@@ -1,10 +1,14 @@
-//! Geometries of many primitives: spheres and curves in bulk, and whatever a user brings along by [`PrimitiveSet`].
+//! Geometries beyond meshes and shapes: spheres and curves in bulk, whatever a user brings along by [`PrimitiveSet`], quads, and what
+//! moves.
 //!
 //! A set says where each of its primitives is and where a ray first meets it. The rest is done here and is the same for every set:
 //! the primitives are sorted into the tree of their group, one by one, at a few bytes each.
 
 pub mod cubic;
 pub mod linear;
+pub mod motion;
+mod nearest;
+pub mod quads;
 mod rounded_cone;
 pub mod spheres;
 mod sweep;
@@ -13,9 +17,11 @@ mod tests;
 
 pub use cubic::{CubicCurves, CurveBasis};
 pub use linear::LinearCurves;
+pub use motion::{MeshKey, MovingMesh};
+pub use quads::QuadMesh;
 pub use spheres::Spheres;
 
-use crate::shape::ShapeSurface;
+use crate::shape::{Metric, ShapeSurface};
 use snell_math::{Bounds3d, DRay, DVec3, Vec2};
 
 /// A point where a ray meets a primitive of a set.
@@ -52,6 +58,17 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
     /// The surface of a primitive at `position`, a point on it (or within single-precision rounding of it), which was hit with
     /// this `uv` at this `time`.
     fn surface(&self, primitive: usize, position: DVec3, uv: Vec2, time: f32) -> ShapeSurface;
+
+    /// The point of a primitive's surface nearest to `point` at time 0, where lengths are measured by `metric`, and its `uv`. `None` if
+    /// that cannot be said: the primitive is never the nearest. (So it is unless a set says otherwise.)
+    fn nearest_point(&self, _primitive: usize, _point: DVec3, _metric: &Metric) -> Option<(DVec3, Vec2)> {
+        None
+    }
+
+    /// True if `point` is inside of a primitive that is solid, at time 0. Never, unless a set says otherwise.
+    fn contains(&self, _primitive: usize, _point: DVec3) -> bool {
+        false
+    }
 
     /// Linear RGB and alpha at a point: white unless the set has colours.
     fn color(&self, _primitive: usize, _uv: Vec2) -> [f32; 4] {

@@ -1,8 +1,9 @@
 //! Spheres in bulk: point clouds and particles.
 
+use super::nearest::on_ball;
 use super::rounded_cone::{Ball, UnitRay};
 use super::{PrimitiveHit, PrimitiveSet};
-use crate::shape::{Shape, ShapeSurface, Sphere};
+use crate::shape::{Metric, Shape, ShapeSurface, Sphere};
 use snell_math::{Bounds3d, DRay, DVec3, Vec2, Vec4};
 
 /// Many spheres, 16 bytes each. A sphere whose centre is not finite or whose radius is not positive and finite is never hit.
@@ -46,5 +47,13 @@ impl PrimitiveSet for Spheres {
 
     fn color(&self, primitive: usize, _uv: Vec2) -> [f32; 4] {
         self.colors.get(primitive).copied().unwrap_or([1.0; 4])
+    }
+
+    fn nearest_point(&self, primitive: usize, point: DVec3, metric: &Metric) -> Option<(DVec3, Vec2)> {
+        Some((on_ball(metric, point, &self.ball(primitive)?).0, Vec2::ZERO))
+    }
+
+    fn contains(&self, primitive: usize, point: DVec3) -> bool {
+        self.ball(primitive).is_some_and(|ball| point.distance(ball.center) < ball.radius)
     }
 }

@@ -135,24 +135,30 @@ impl Sweep {
         let [a, b, c, d] = self.controls;
         let bend = 6.0 * (a - b * 2.0 + c).length_squared().max((b - c * 2.0 + d).length_squared()).sqrt();
         let radius = self.controls.iter().map(|c| c.w).fold(0.0, f64::max);
-        let divisions = (bend / (8.0 * FLATNESS * radius)).sqrt();
-        if divisions > 1.0 { (divisions.log2().ceil() as u32).min(MAX_DEPTH) } else { 0 }
+        let mut off = bend / 8.0;
+        let mut depth = 0;
+        while off > FLATNESS * radius && depth < MAX_DEPTH {
+            off *= 0.25;
+            depth += 1;
+        }
+        depth
     }
 
     /// Where the ray goes in and out, ascending, as ray parameter and curve parameter.
     pub fn crossings(&self) -> impl Iterator<Item = (f64, f64)> + use<> {
-        let mut stretches = self.stretches();
-        let piece = 0.5f64.powi(self.depth() as i32);
+        let depth = self.depth();
+        let whole = Part { controls: self.controls, u: 0.0, width: 1.0, depth };
+        let mut stretches = if whole.is_missed() { Stretches::default() } else { Self::stretches(whole) };
+        let piece = 1.0 / f64::from(1 << depth);
         stretches.improve(|end| self.improved(end, piece));
         let (start, scale) = (self.start, self.scale);
         let ends = stretches.list.into_iter().take(stretches.count).flat_map(|s| [s.enter, s.exit]);
         ends.map(move |(z, u)| ((start + z) * scale, u))
     }
 
-    fn stretches(&self) -> Stretches {
+    fn stretches(whole: Part) -> Stretches {
         let axis = UnitRay { origin: DVec3::ZERO, direction: DVec3::Z, scale: 1.0 };
         let mut found = Stretches::default();
-        let whole = Part { controls: self.controls, u: 0.0, width: 1.0, depth: self.depth() };
         let mut stack = [whole; MAX_DEPTH as usize + 1];
         let mut top = 1;
         while top > 0 {

@@ -35,6 +35,12 @@ impl Box8 {
         Self([low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]])
     }
 
+    /// The common part; may be empty.
+    pub fn intersection(&self, other: &Self) -> Self {
+        let (a, b) = (self.bounds(), other.bounds());
+        Self::new(a.min.max(b.min), a.max.min(b.max))
+    }
+
     /// The box grown to hold `p`.
     #[inline(always)]
     pub fn with_point(&self, p: Vec4) -> Self {
@@ -197,11 +203,11 @@ unsafe fn fill_avx2(binning: &Binning, primitives: &[Primitive], bins: &mut Bins
 unsafe fn fill_with<L: Lanes8>(binning: &Binning, primitives: &[Primitive], bins: &mut Bins) {
     for p in primitives {
         let at = binning.bins_of(p.center2());
-        for axis in 0..3 {
-            let bin = &mut bins.boxes[axis][at[axis]].0;
+        for ((boxes, counts), at) in bins.boxes.iter_mut().zip(&mut bins.counts).zip(at) {
+            let bin = &mut boxes[at].0;
             // SAFETY: as promised by the caller.
             unsafe { L::load(bin).max(L::load(&p.0.0)) }.store(bin);
-            bins.counts[axis][at[axis]] += 1;
+            counts[at] += 1;
         }
     }
 }

@@ -1,8 +1,12 @@
-//! Traversal kernels: ray-boxes and ray-triangles, written once over [`snell_math::simd::Lanes8`], and their entries per level.
+//! Traversal kernels: ray-boxes and ray-triangles, written once over [`snell_math::simd::Lanes8`], and their entries per level. What was
+//! measured is in `README.md` beside this file.
 
 pub(crate) mod binning;
 pub(crate) mod interleave;
 pub(crate) mod node;
+pub(crate) mod packet;
+pub(crate) mod quick;
 pub(crate) mod ray;
+mod slot;
 pub(crate) mod traverse;
 pub(crate) mod triangle;

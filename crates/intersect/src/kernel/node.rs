@@ -1,5 +1,6 @@
 //! The 8-wide node and its box test.
 
+use super::quick::{FAR_FACTOR, QuickRay};
 use super::ray::LocalRay;
 use snell_math::simd::Lanes8;
 use snell_math::{Bounds3, Vec3};
@@ -19,6 +20,8 @@ impl ChildRef {
     pub const MAX_NODES: usize = 1 << 30;
     /// Fills unused slots; their boxes are empty.
     pub const NONE: Self = Self(u32::MAX);
+    /// On the stack of a walk: here it returns from an instance. Not in trees.
+    pub const RETURN: Self = Self(u32::MAX - 1);
 
     pub fn node(index: usize) -> Self {
         Self(index as u32)
@@ -41,6 +44,17 @@ impl ChildRef {
     #[inline(always)]
     pub fn is_triangles(self) -> bool {
         self.0 & (3 << 30) == Self::TRIANGLES
+    }
+
+    #[inline(always)]
+    pub fn is_object(self) -> bool {
+        self.0 & (3 << 30) == Self::OBJECT
+    }
+
+    /// Number of the node, of what is known to be one.
+    #[inline(always)]
+    pub fn node_index(self) -> usize {
+        self.0 as usize
     }
 
     /// Number of the node or object.
@@ -159,10 +173,14 @@ fn sort8(keys: &mut [i64; 8]) {
 /// alone; the drawing of triangles may be off by as much again.
 pub(crate) const BOX_PADDING: f32 = 1.0e-6;
 
-/// A bound on distances, moved out by [`BOX_PADDING`].
+/// Relative padding of the distance beyond which nothing is of interest: more than a hit may be off along the ray from the box of the piece
+/// of its triangle that the ray meets ([`super::triangle::PLACE_TOLERANCE`]).
+const CULL_PADDING: f32 = 1.0e-4;
+
+/// A bound on distances, moved out by [`CULL_PADDING`].
 #[inline(always)]
 pub(crate) fn padded(t: f32) -> f32 {
-    t + t.abs() * BOX_PADDING
+    t + t.abs() * CULL_PADDING
 }
 
 /// Where the ray enters each of the eight boxes, and the value that must not exceed for the box to be met between `t_min` and
@@ -208,5 +226,41 @@ unsafe fn far<L: Lanes8>(node: &WideNode, ray: &LocalRay, axis: usize) -> L {
     unsafe {
         let plane = L::load(&node.bounds.get_unchecked(ray.negative[axis] ^ 1)[axis]);
         plane.sub(L::splat(ray.far_origin[axis])).mul(L::splat(ray.inverse[axis]))
+    }
+}
+
+/// [`box_distances`] for an ordinary ray: a far plane less than [`FAR_FACTOR`] away is as good as met.
+///
+/// # Safety
+/// The machine must have the instructions of `L`, and the ray must be prepared for [`Lanes8::FUSED`].
+#[inline(always)]
+pub(crate) unsafe fn quick_distances<L: Lanes8>(node: &WideNode, ray: &QuickRay, t_min: f32, cull: f32) -> (L, L) {
+    // SAFETY: passed on to the caller; the offsets of a ray are of planes within the bounds of a node.
+    unsafe {
+        let near = [
+            quick::<L>(node, ray, &ray.near, 0, 0),
+            quick(node, ray, &ray.near, 1, 0),
+            quick(node, ray, &ray.near, 2, 0),
+        ];
+        let far =
+            [quick::<L>(node, ray, &ray.far, 0, 3), quick(node, ray, &ray.far, 1, 3), quick(node, ray, &ray.far, 2, 3)];
+        let enter = near[0].max(near[1]).max(near[2].max(L::splat(t_min)));
+        let leave = far[0].min(far[1]).min(far[2]).mul(L::splat(FAR_FACTOR));
+        (enter, leave.min(L::splat(cull)))
+    }
+}
+
+/// Where an ordinary ray meets the near (`side` 0) or far (3) planes of an axis.
+///
+/// # Safety
+/// As [`quick_distances`].
+#[inline(always)]
+unsafe fn quick<L: Lanes8>(node: &WideNode, ray: &QuickRay, offsets: &[f32; 4], axis: usize, side: usize) -> L {
+    // SAFETY: passed on to the caller.
+    unsafe {
+        let numbers = node.bounds.as_ptr().cast::<f32>().add(ray.planes[axis + side] as usize);
+        let (plane, inverse) = (L::load(&*numbers.cast()), L::splat(ray.inverse[axis]));
+        let offset = L::splat(offsets[axis]);
+        if L::FUSED { plane.mul_add(inverse, offset) } else { plane.sub(offset).mul(inverse) }
     }
 }

@@ -1,5 +1,6 @@
 //! A ray in the coordinates of one group, with all that the box and triangle tests want to know about it.
 
+use super::triangle::{Drawing, ExactRay};
 use snell_math::{DRay, DVec3, Vec3};
 
 /// A ray in the coordinates of a group. The `f64` ray decides distances; what follows from it in `f32` decides which triangles
@@ -43,15 +44,16 @@ impl LocalRay {
                 z
             }
         };
-        let per_z = 1.0 / pick(d.x, d.y, d.z);
-        let depth_scale = per_z as f32;
+        let z = pick(d.x, d.y, d.z);
+        let depth_scale = (1.0 / z) as f32;
         let usable = depth_scale.abs() > 1e-18 && depth_scale.abs() < 1e18;
         let sides = [AxisRay::new(o.x, d.x), AxisRay::new(o.y, d.y), AxisRay::new(o.z, d.z)];
         Self {
             exact: *exact,
             origin: [sides[0].origin, sides[1].origin, sides[2].origin],
             axes: AXES[if x_first { 0 } else { 2 - usize::from(y_first) }],
-            shear: [(pick(d.y, d.z, d.x) * per_z) as f32, (pick(d.z, d.x, d.y) * per_z) as f32],
+            // Quotients, so that `f32` operands give the bits of a division in `f32`.
+            shear: [(pick(d.y, d.z, d.x) / z) as f32, (pick(d.z, d.x, d.y) / z) as f32],
             depth_scale: if usable { depth_scale } else { 0.0 },
             near_origin: [sides[0].near, sides[1].near, sides[2].near],
             far_origin: [sides[0].far, sides[1].far, sides[2].far],
@@ -60,19 +62,11 @@ impl LocalRay {
         }
     }
 
-    /// The octant of the direction, as [`super::node::WideNode::order`] counts them.
+    /// What the exact test wants of it.
     #[inline(always)]
-    pub fn octant(&self) -> usize {
-        self.negative[0] | self.negative[1] << 1 | self.negative[2] << 2
-    }
-
-    /// The vertex as drawn on the plane across the ray. A vertex has the same bits in every triangle and at every SIMD level:
-    /// rounded subtraction, product, subtraction, never fused.
-    #[inline(always)]
-    pub fn draw(&self, v: &[f32; 3]) -> [f32; 2] {
-        let [kx, ky, kz] = self.axes;
-        let (x, y, z) = (v[kx] - self.origin[kx], v[ky] - self.origin[ky], v[kz] - self.origin[kz]);
-        [x - self.shear[0] * z, y - self.shear[1] * z]
+    pub fn exact_ray(&self) -> ExactRay {
+        let drawing = Drawing { origin: self.origin, axes: self.axes, shear: self.shear };
+        ExactRay { origin: self.exact.origin, direction: self.exact.direction, drawing }
     }
 }
 
@@ -96,9 +90,10 @@ impl AxisRay {
         let slow = d as f32 + 0.0;
         let inverse = (1.0 / slow.abs()).max(f32::from_bits(1));
         let side = rounding.copysign(slow);
-        // So slow that `f32` cannot say when the ray crosses a plane, but it does: then no plane counts.
-        let (middle, side) =
-            if inverse == f32::INFINITY && d != 0.0 { (0.0, f32::MAX.copysign(slow)) } else { (origin, side) };
+        // So slow or fast that `f32` cannot say when the ray crosses a plane, but it does: then no plane counts.
+        let unknown = (inverse == f32::INFINITY && d != 0.0) || inverse < 1e-30;
+        let inverse = if unknown { f32::INFINITY } else { inverse };
+        let (middle, side) = if unknown { (0.0, f32::MAX.copysign(slow)) } else { (origin, side) };
         // Finite, so that an empty box never gives NaN, which would not count.
         let finite = |x: f32| x.clamp(f32::MIN, f32::MAX);
         Self { origin, near: finite(middle + side), far: finite(middle - side), inverse: inverse.copysign(slow) }

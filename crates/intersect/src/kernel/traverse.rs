@@ -1,13 +1,15 @@
 //! The walk of one ray through the tree of a group and, through instances, the groups below it.
 
-use super::node::{ChildRef, box_distances};
+use super::node::{ChildRef, box_distances, quick_distances};
+use super::quick::QuickRay;
 use super::ray::LocalRay;
-use super::triangle::candidates;
+use super::triangle::{candidates, hit_in_plane, is_behind, lines_through, plane_distance};
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{self, test_triangle};
+use crate::accel::group::{self, offer_triangle, test_triangle};
 use crate::query::search::{Goal, Search};
 use snell_math::simd::{Lanes8, Level, Portable8};
 use snell_math::{DRay, Ray};
+use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
 
 /// A child to visit later: its reference below, the bits of its distance above.
@@ -56,7 +58,7 @@ fn enter_root<G: Goal>(forest: &Forest, level: Level, search: &mut Search<'_, G>
 /// # Safety
 /// The machine must have AVX2; `stack` must have room for the group and all below it.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,popcnt")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 pub(super) unsafe fn walk_avx2<G: Goal>(
     forest: &Forest,
     group: usize,
@@ -112,73 +114,199 @@ unsafe fn walk<L: Lanes8, G: Goal>(
     if tree.root == ChildRef::NONE {
         return false;
     }
-    let local = LocalRay::new(ray);
-    let t_min = search.ray.t_min;
-    let mut cull = search.cull();
-    let mut top = 0;
-    let mut current = tree.root;
-    loop {
-        while current.is_node() {
-            search.goal.count_node();
-            // SAFETY: the builder makes only references to nodes that exist.
-            let node = unsafe { tree.nodes.get_unchecked(current.index()) };
-            // SAFETY: as promised by the caller.
-            let (enters, limits) = unsafe { box_distances::<L>(node, &local, t_min, cull) };
-            let met = enters.le(limits);
-            if met == 0 {
-                break;
-            }
-            let mut near = [0.0; 8];
-            enters.store(&mut near);
-            // SAFETY: a walk holds at most 7 entries per level, so there are 8 free ones by the builder's count.
-            top = unsafe { push_sorted(stack, top, met, &near, &node.children) } - 1;
-            // SAFETY: `push_sorted` wrote at least one entry.
-            current = ChildRef(unsafe { stack.get_unchecked(top).assume_init() } as u32);
-        }
-        if current.is_triangles() {
-            // SAFETY: the builder makes only references to blocks that exist; `L` as promised by the caller.
-            let (block, mut mask) = unsafe {
-                let block = tree.blocks.get_unchecked(current.block());
-                (block, candidates::<L>(block, &local, t_min, cull))
-            };
-            search.goal.count_primitives(current.count());
-            mask &= (2 << (current.count() - 1)) - 1;
-            while mask != 0 {
-                let lane = mask.trailing_zeros() as usize;
-                mask &= mask - 1;
-                let ids = || {
-                    let (geometry, primitive) = tree.triangle(block.ids[lane & 7]);
-                    [instance, geometry, primitive]
+    let mut quick = QuickRay::UNSET;
+    // The root's ray is the one of the search.
+    let is_quick = forest.ordinary
+        && if group == 0 {
+            quick.set_from_ray::<L>(search.ray)
+        } else {
+            search.ray.t_min >= 0.0 && quick.set_from_exact::<L>(&ray.origin, &ray.direction)
+        };
+    let place = Place { forest, tree, ray, instance, enter };
+    // SAFETY: as promised by the caller.
+    unsafe { if is_quick { place.walk::<L>(&quick, search, stack) } else { place.walk_carefully::<L>(search, stack) } }
+}
+
+/// Where a ray walks.
+struct Place<'a, G> {
+    forest: &'a Forest,
+    tree: &'a GroupTree,
+    ray: &'a DRay,
+    instance: u32,
+    enter: Walk<G>,
+}
+
+impl<G: Goal> Place<'_, G> {
+    /// The walk of an ordinary ray.
+    ///
+    /// # Safety
+    /// As [`walk`]; `quick` must be prepared for `L`.
+    #[inline(always)]
+    unsafe fn walk<L: Lanes8>(&self, quick: &QuickRay, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
+        let t_min = search.ray.t_min;
+        let (mut top, mut current, mut cull) = (0, self.tree.root, search.cull());
+        loop {
+            while current.is_node() {
+                search.goal.count_node();
+                // SAFETY: the builder makes only references to nodes that exist; the rest is promised by the caller.
+                let (node, enters, limits) = unsafe {
+                    let node = self.tree.nodes.get_unchecked(current.index());
+                    let (enters, limits) = quick_distances::<L>(node, quick, t_min, cull);
+                    (node, enters, limits)
                 };
-                if test_triangle(search, &local, &block.corners(lane), ids) {
+                let met = enters.le(limits);
+                if met == 0 {
+                    break;
+                }
+                let first = met.trailing_zeros() as usize & 7;
+                if met & (met - 1) == 0 {
+                    current = node.children[first];
+                    continue;
+                }
+                let mut near = [0.0; 8];
+                enters.store(&mut near);
+                let others = met & (met - 1);
+                let second = others.trailing_zeros() as usize & 7;
+                if others & (others - 1) == 0 {
+                    // Two, most often. Which of them is nearer is as good as random.
+                    let [a, b] = [first, second].map(|slot| entry(near[slot], node.children[slot]));
+                    let is_first_nearer = near[first] <= near[second];
+                    // SAFETY: as below.
+                    unsafe { stack.get_unchecked_mut(top).write(select_unpredictable(is_first_nearer, b, a)) };
+                    top += 1;
+                    current = ChildRef(select_unpredictable(is_first_nearer, a, b) as u32);
+                    continue;
+                }
+                // SAFETY: a walk holds at most 7 entries per level, so there are 8 free ones by the builder's count;
+                // `push_sorted` writes at least one.
+                unsafe {
+                    top = push_sorted(stack, top, met, &near, &node.children) - 1;
+                    current = ChildRef(stack.get_unchecked(top).assume_init() as u32);
+                }
+            }
+            if current.is_triangles() {
+                search.goal.count_primitives(current.count());
+                // SAFETY: the builder makes only references to blocks that exist; the rest is promised by the caller.
+                let (block, mut lanes) = unsafe {
+                    let block = self.tree.blocks.get_unchecked(current.block());
+                    (block, lines_through::<L>(block, quick) & ((2 << (current.count() - 1)) - 1))
+                };
+                while lanes != 0 {
+                    let lane = lanes.trailing_zeros() as usize & 7;
+                    lanes &= lanes - 1;
+                    let (corners, t_min) = (block.corners(lane), f64::from(t_min));
+                    let plane = plane_distance(&self.ray.origin, &self.ray.direction, &corners);
+                    if is_behind(plane, t_min) {
+                        continue;
+                    }
+                    let found = hit_in_plane(&quick.exact(self.ray.origin, self.ray.direction), &corners, plane, t_min);
+                    let ids = || {
+                        let (geometry, primitive) = self.tree.triangle(block.ids[lane]);
+                        [self.instance, geometry, primitive]
+                    };
+                    if offer_triangle(search, found, ids) {
+                        return true;
+                    }
+                    cull = search.cull();
+                }
+            } else if current.is_object() {
+                // SAFETY: as promised by the caller; the entries below `top` stay as they are.
+                if unsafe { self.test_object(current, search, stack.get_unchecked_mut(top..)) } {
+                    return true;
+                }
+                cull = search.cull();
+            }
+            // SAFETY: all entries below `top` are written.
+            match unsafe { pop(stack, &mut top, cull) } {
+                Some(next) => current = next,
+                None => return false,
+            }
+        }
+    }
+
+    /// The walk of any ray.
+    ///
+    /// # Safety
+    /// As [`walk`].
+    #[inline(always)]
+    unsafe fn walk_carefully<L: Lanes8>(&self, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
+        let local = LocalRay::new(self.ray);
+        let t_min = search.ray.t_min;
+        let (mut top, mut current, mut cull) = (0, self.tree.root, search.cull());
+        loop {
+            while current.is_node() {
+                search.goal.count_node();
+                let node = &self.tree.nodes[current.index()];
+                // SAFETY: as promised by the caller.
+                let (enters, limits) = unsafe { box_distances::<L>(node, &local, t_min, cull) };
+                let met = enters.le(limits);
+                if met == 0 {
+                    break;
+                }
+                let mut near = [0.0; 8];
+                enters.store(&mut near);
+                // SAFETY: as in `walk`.
+                unsafe {
+                    top = push_sorted(stack, top, met, &near, &node.children) - 1;
+                    current = ChildRef(stack.get_unchecked(top).assume_init() as u32);
+                }
+            }
+            if current.is_triangles() {
+                let block = &self.tree.blocks[current.block()];
+                search.goal.count_primitives(current.count());
+                // SAFETY: as promised by the caller.
+                let mut lanes = unsafe { candidates::<L>(block, &local, t_min, cull) };
+                lanes &= (2 << (current.count() - 1)) - 1;
+                while lanes != 0 {
+                    let lane = lanes.trailing_zeros() as usize & 7;
+                    lanes &= lanes - 1;
+                    let ids = || {
+                        let (geometry, primitive) = self.tree.triangle(block.ids[lane]);
+                        [self.instance, geometry, primitive]
+                    };
+                    if test_triangle(search, &local, &block.corners(lane), ids) {
+                        return true;
+                    }
+                }
+            } else if current.is_object() {
+                // SAFETY: as promised by the caller; the entries below `top` stay as they are.
+                if unsafe { self.test_object(current, search, stack.get_unchecked_mut(top..)) } {
                     return true;
                 }
             }
             cull = search.cull();
-        } else if !current.is_node() {
-            // SAFETY: as promised by the caller; the entries below `top` stay as they are.
-            let over = unsafe {
-                let rest = stack.get_unchecked_mut(top..);
-                test_object(forest, tree, current.index(), ray, instance, search, rest, enter)
-            };
-            if over {
-                return true;
-            }
-            cull = search.cull();
-        }
-        loop {
-            if top == 0 {
-                return false;
-            }
-            top -= 1;
-            // SAFETY: all entries below the former `top` are written.
-            let next = unsafe { stack.get_unchecked(top).assume_init() };
-            if distance(next) <= cull {
-                current = ChildRef(next as u32);
-                break;
+            // SAFETY: all entries below `top` are written.
+            match unsafe { pop(stack, &mut top, cull) } {
+                Some(next) => current = next,
+                None => return false,
             }
         }
     }
+
+    /// # Safety
+    /// As [`walk`].
+    unsafe fn test_object(&self, object: ChildRef, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
+        let Self { forest, tree, ray, instance, enter } = *self;
+        // SAFETY: as promised by the caller.
+        unsafe { test_object(forest, tree, object.index(), ray, instance, search, stack, enter) }
+    }
+}
+
+/// Takes entries from the stack until one is not too far.
+///
+/// # Safety
+/// All entries below `top` must be written.
+#[inline(always)]
+unsafe fn pop(stack: &Stack, top: &mut usize, cull: f32) -> Option<ChildRef> {
+    while *top > 0 {
+        *top -= 1;
+        // SAFETY: as promised by the caller.
+        let next = unsafe { stack.get_unchecked(*top).assume_init() };
+        if distance(next) <= cull {
+            return Some(ChildRef(next as u32));
+        }
+    }
+    None
 }
 
 /// Pushes the children that were met, the nearest on top, and returns the new top.

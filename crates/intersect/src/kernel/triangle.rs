@@ -7,6 +7,7 @@
 //!
 //! The filter may pass too much but never too little, so the hits are the same at every SIMD level, and with any structure.
 
+use super::quick::QuickRay;
 use super::ray::{LocalRay, wide};
 use snell_math::simd::Lanes8;
 use snell_math::{DVec3, Vec2};
@@ -86,6 +87,62 @@ pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay
     !(outside | beyond) & 0xff
 }
 
+/// Bound of the rounding of an edge value in [`lines_through`], relative to the product that is rounded first: half a unit in the
+/// last place if the other is not rounded, else one and a half. Doubled.
+const FUSED_EDGE_ERROR: f32 = f32::EPSILON;
+const EDGE_ERROR_OF_PRODUCT: f32 = 2.0 * f32::EPSILON;
+
+/// Which triangles of the block the line of an ordinary ray may pass through: all except those with two edges whose signs are
+/// certain and differ. Unused lanes are unspecified.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+pub(crate) unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
+    // SAFETY: passed on to the caller; the axes are below 3.
+    unsafe {
+        let [kx, ky, kz, _] = ray.axes.map(|k| k as usize);
+        let frame = MirroredFrame {
+            axes: [kx, ky, kz],
+            origin: [kx, ky, kz].map(|k| L::splat(*ray.origin.get_unchecked(k))),
+            shear: [L::splat(ray.shear[0]), L::splat(ray.shear[1])],
+        };
+        let [v0, v1, v2] = &block.vertices;
+        let ([x0, y0], [x1, y1], [x2, y2]) = (frame.draw(v0), frame.draw(v1), frame.draw(v2));
+        let (pu, pv, pw) = (y1.mul(x2), y2.mul(x0), y0.mul(x1));
+        let (u, v, w) = (x1.mul_sub(y2, pu), x2.mul_sub(y0, pv), x0.mul_sub(y1, pw));
+        let error = L::splat(if L::FUSED { FUSED_EDGE_ERROR } else { EDGE_ERROR_OF_PRODUCT });
+        let bound = pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, L::splat(f32::MIN_POSITIVE));
+        // How far all of them are on one side, on the better side.
+        let inside = u.min(v).min(w).max(L::splat(0.0).sub(u.max(v).max(w)));
+        !inside.add(bound).signs() & 0xff
+    }
+}
+
+/// [`LocalRay::draw`] for eight vertices at a time, mirrored at the origin: all differences are the other way round (a load less each),
+/// so all coordinates have the opposite sign, and the edge values, products of two, are the same.
+struct MirroredFrame<L> {
+    axes: [usize; 3],
+    origin: [L; 3],
+    shear: [L; 2],
+}
+
+impl<L: Lanes8> MirroredFrame<L> {
+    /// # Safety
+    /// The machine must have the instructions of `L`; the axes must be below 3.
+    #[inline(always)]
+    unsafe fn draw(&self, v: &[[f32; 8]; 3]) -> [L; 2] {
+        let [kx, ky, kz] = self.axes;
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let x = self.origin[0].sub(L::load(v.get_unchecked(kx)));
+            let y = self.origin[1].sub(L::load(v.get_unchecked(ky)));
+            let z = self.origin[2].sub(L::load(v.get_unchecked(kz)));
+            [x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z))]
+        }
+    }
+}
+
 /// [`LocalRay::draw`] for eight vertices at a time: the same operations. (Plain functions instead of closures, which are not always
 /// inlined, and vectors must not pass through calls.)
 struct DrawingFrame<L> {
@@ -141,14 +198,71 @@ fn edge(p: [f32; 2], q: [f32; 2]) -> (f64, i32) {
     (a - b, decided)
 }
 
+/// A ray as the exact test wants it: what decides distances, and what decides which triangles cover it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ExactRay {
+    pub origin: DVec3,
+    pub direction: DVec3,
+    /// See [`LocalRay`].
+    pub drawing: Drawing,
+}
+
+/// The plane across the ray that vertices are drawn on; see [`LocalRay`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Drawing {
+    pub origin: [f32; 3],
+    pub axes: [usize; 3],
+    pub shear: [f32; 2],
+}
+
+impl Drawing {
+    /// The vertex as drawn. It has the same bits in every triangle and at every SIMD level: rounded subtraction, product,
+    /// subtraction, never fused.
+    #[inline(always)]
+    pub fn draw(&self, v: &[f32; 3]) -> [f32; 2] {
+        let [kx, ky, kz] = self.axes.map(|k| k.min(2));
+        let (x, y, z) = (v[kx] - self.origin[kx], v[ky] - self.origin[ky], v[kz] - self.origin[kz]);
+        [x - self.shear[0] * z, y - self.shear[1] * z]
+    }
+}
+
 /// The exact test: distance and barycentrics `(b1, b2)` if the line of the ray passes through the triangle at `t > t_min`.
 ///
 /// The distance comes from the plane of the triangle in `f64`, so it has the right sign for any start that is more than a few
 /// units in the last place (of `f64`) off the plane. It is then moved into the interval in which the ray is inside the
-/// triangle's box (it leaves that only by rounding), so that skipping boxes can never lose it.
+/// triangle's box (it leaves that only by rounding), so that skipping boxes can never lose it, and near the point of the triangle
+/// that was drawn where the ray is, so that skipping boxes of its pieces cannot either.
 #[inline(always)]
 pub(crate) fn exact_hit(ray: &LocalRay, corners: &[[f32; 3]; 3], t_min: f64) -> Option<(f64, Vec2)> {
-    let [p0, p1, p2] = [ray.draw(&corners[0]), ray.draw(&corners[1]), ray.draw(&corners[2])];
+    exact_hit_on(&ray.exact_ray(), corners, t_min)
+}
+
+/// [`exact_hit`] for a ray from elsewhere.
+#[inline(always)]
+pub(crate) fn exact_hit_on(ray: &ExactRay, corners: &[[f32; 3]; 3], t_min: f64) -> Option<(f64, Vec2)> {
+    let plane = plane_distance(&ray.origin, &ray.direction, corners);
+    if is_behind(plane, t_min) { None } else { hit_in_plane(ray, corners, plane, t_min) }
+}
+
+/// Where the ray meets the plane of a triangle: the first part of [`exact_hit`]. Infinite or NaN if that is not known.
+#[inline(always)]
+pub(crate) fn plane_distance(origin: &DVec3, direction: &DVec3, corners: &[[f32; 3]; 3]) -> f64 {
+    let corners = [wide(corners[0]), wide(corners[1]), wide(corners[2])];
+    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    normal.dot(corners[0] - *origin) / normal.dot(*direction)
+}
+
+/// True if a triangle with this [`plane_distance`] cannot be hit beyond `t_min`. Most triangles that are tested exactly are of
+/// this kind: the ones that the ray starts on.
+#[inline(always)]
+pub(crate) fn is_behind(plane: f64, t_min: f64) -> bool {
+    plane <= t_min && plane > f64::NEG_INFINITY
+}
+
+/// The second part of [`exact_hit`].
+#[inline(always)]
+pub(crate) fn hit_in_plane(ray: &ExactRay, corners: &[[f32; 3]; 3], plane: f64, t_min: f64) -> Option<(f64, Vec2)> {
+    let [p0, p1, p2] = [ray.drawing.draw(&corners[0]), ray.drawing.draw(&corners[1]), ray.drawing.draw(&corners[2])];
     let (w0, s0) = edge(p1, p2);
     let (w1, s1) = edge(p2, p0);
     let (w2, s2) = edge(p0, p1);
@@ -158,36 +272,46 @@ pub(crate) fn exact_hit(ray: &LocalRay, corners: &[[f32; 3]; 3], t_min: f64) -> 
     let sum = w0 + w1 + w2;
     let scale = 1.0 / sum;
     let (b1, b2) = if sum != 0.0 { (w1 * scale, w2 * scale) } else { (1.0 / 3.0, 1.0 / 3.0) };
-    let corners = [wide(corners[0]), wide(corners[1]), wide(corners[2])];
-    let o = ray.exact.origin;
-    let relative = [corners[0] - o, corners[1] - o, corners[2] - o];
-    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-    let plane = normal.dot(relative[0]) / normal.dot(ray.exact.direction);
-    let t = if plane.is_finite() {
-        plane
-    } else {
-        let z = ray.axes[2];
-        (relative[0][z] * (1.0 - b1 - b2) + relative[1][z] * b1 + relative[2][z] * b2) / ray.exact.direction[z]
-    };
+    let relative = corners.map(|corner| wide(corner) - ray.origin);
+    let z = ray.drawing.axes[2];
+    let place = (relative[0][z] * (1.0 - b1 - b2) + relative[1][z] * b1 + relative[2][z] * b2) / ray.direction[z];
+    let t = if plane.is_finite() { plane } else { place };
     if t.is_nan() || t <= t_min {
         return None;
     }
-    let t = clamp_to_box(ray, &relative, t);
+    let t = near_place(t, place, ray.direction[z], &relative);
+    let t = clamp_to_box(&ray.direction, &relative, t);
     Some((t, Vec2::new(b1 as f32, b2 as f32)))
 }
 
-/// The nearest value to `t` at which the ray is in the box of the three corners (given relative to its origin); `t` itself if it is
-/// there up to an error that the padding of boxes covers.
+/// How far along the ray a hit may be from the point of the triangle that was drawn there, relative to the distance and to the size of the
+/// triangle. Only the drawing is inexact, by some `1e-7`, so only rays at less than about a tenth of a degree to the triangle get this far.
+pub(crate) const PLACE_TOLERANCE: f64 = 5e-5;
+
+/// The value nearest to `t` that is within [`PLACE_TOLERANCE`] of `place`. `z` is the largest component of the direction.
 #[inline(always)]
-fn clamp_to_box(ray: &LocalRay, relative: &[DVec3; 3], t: f64) -> f64 {
+fn near_place(t: f64, place: f64, z: f64, relative: &[DVec3; 3]) -> f64 {
     let low = relative[0].min(relative[1]).min(relative[2]);
     let high = relative[0].max(relative[1]).max(relative[2]);
-    let point = ray.exact.direction * t;
+    let reach = (place.abs() + (high - low).max_element() / z.abs()) * PLACE_TOLERANCE;
+    // `max` and `min` pass over what is not a number.
+    if (t - place).abs() <= reach { t } else { t.max(place - reach).min(place + reach) }
+}
+
+/// The nearest value to `t` at which the ray is in the box of the three corners (given relative to its origin), padded by a little less than
+/// structures pad it ([`crate::mesh::padded_bounds`]); `t` itself if it is there up to an error that the padding of distances covers.
+#[inline(always)]
+fn clamp_to_box(direction: &DVec3, relative: &[DVec3; 3], t: f64) -> f64 {
+    let low = relative[0].min(relative[1]).min(relative[2]);
+    let high = relative[0].max(relative[1]).max(relative[2]);
+    let padding = (high - low).max_element() * 0.8e-6;
+    let (low, high) = (low - padding, high + padding);
+    let point = *direction * t;
     let margin = point.abs() * 1e-8;
     if (point + margin).cmpge(low).all() && (point - margin).cmple(high).all() {
         return t;
     }
-    clamp_to_slabs(&ray.exact.direction, low, high, t)
+    clamp_to_slabs(direction, low, high, t)
 }
 
 /// The slow part of [`clamp_to_box`], for rays that graze the triangle.
@@ -233,6 +357,17 @@ mod tests {
         assert!(exact_hit(&ray([1.0, 2.0, 0.0], [0.0, 0.0, 0.5]), &t, 4.0).is_none(), "the interval is open");
     }
 
+    fn lines_through_at_all_levels(block: &TriangleBlock, ray: &QuickRay) -> Vec<u32> {
+        // SAFETY: portable code.
+        let mut all = vec![unsafe { lines_through::<Portable8>(block, ray) }];
+        #[cfg(target_arch = "x86_64")]
+        if snell_math::simd::Level::Avx2.is_supported() {
+            // SAFETY: the level was checked.
+            all.push(unsafe { lines_through::<snell_math::simd::Avx8>(block, ray) });
+        }
+        all
+    }
+
     fn coordinate() -> impl Strategy<Value = f32> {
         prop_oneof![-4i32..=4, -4i32..=4].prop_map(|i| i as f32 * 0.25).boxed().prop_union((-2.0f32..2.0).boxed())
     }
@@ -252,8 +387,16 @@ mod tests {
             block.set(3, &corners, 0);
             // SAFETY: portable code.
             let mask = unsafe { candidates::<Portable8>(&block, &ray, 0.0, f32::INFINITY) };
+            let mut quick = QuickRay::UNSET;
+            let (origin, direction) = (ray.exact.origin, ray.exact.direction);
+            let is_quick = quick.set_from_exact::<Portable8>(&origin, &direction);
             if exact_hit(&ray, &corners, 0.0).is_some() {
                 prop_assert!(mask & 8 != 0);
+                prop_assert!(!is_quick || lines_through_at_all_levels(&block, &quick).iter().all(|lanes| lanes & 8 != 0));
+            }
+            if is_quick {
+                let again = exact_hit_on(&quick.exact(origin, direction), &corners, 0.0);
+                prop_assert_eq!(again, exact_hit(&ray, &corners, 0.0));
             }
         }
     }

@@ -1,15 +1,19 @@
 //! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray, never on its neighbours.
 
+pub mod crossings;
+pub mod nearest;
+pub mod parallel;
 pub mod rays;
 pub(crate) mod search;
+pub mod winding;
 
 use crate::accel::brute_force::search_all;
 use crate::hit::Hit;
-use crate::kernel::interleave;
 use crate::kernel::traverse::search_forest;
+use crate::kernel::{interleave, packet};
 use crate::world::{Structure, TraversalCounters, TraversalWork, World};
 use rays::{RayQuery, Rays};
-use search::{All, Any, Closest, Context, Counted, Goal, Search};
+use search::{Any, Closest, Context, Counted, Goal, Search};
 use snell_math::{DRay, Ray};
 
 /// Which rays of a batch belong together. The kernel follows from this and from the kind of query, never from what happens to
@@ -19,8 +23,10 @@ pub enum Grouping {
     /// Unrelated rays.
     #[default]
     None,
-    /// Runs of 16 rays that leave one point in similar directions (the samples of a pixel, seen by a pinhole).
-    Pixel,
+    /// Rays that are much like their neighbours: each run of 16, counted from the start of the batch (the last may be shorter),
+    /// leaves one point or goes to one point, in similar directions. Such are the samples of a pixel or of 4x4 pixels seen by a
+    /// pinhole, and the shadow rays from them to a point light. Where it is not so, such runs are traced like unrelated rays.
+    Coherent,
 }
 
 /// Decides about hits on geometries marked by [`crate::WorldBuilder::set_filtered`] (cut-out and blended surfaces). Must be a pure
@@ -45,26 +51,26 @@ impl World {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn closest<'a>(
-        &self,
-        rays: impl Into<Rays<'a>>,
-        _grouping: Grouping,
-        filter: &dyn HitFilter,
-        hits: &mut [Hit],
-    ) {
+    pub fn closest<'a>(&self, rays: impl Into<Rays<'a>>, grouping: Grouping, filter: &dyn HitFilter, hits: &mut [Hit]) {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        self.search_all(rays, filter, Closest::new, |i, goal| hits[i] = goal.result());
+        self.search_all(rays, grouping, filter, Closest::new, |i, goal| hits[i] = goal.result());
     }
 
     /// For each ray, whether anything lies in its interval. Invalid rays are not occluded.
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn occluded<'a>(&self, rays: impl Into<Rays<'a>>, filter: &dyn HitFilter, blocked: &mut [bool]) {
+    pub fn occluded<'a>(
+        &self,
+        rays: impl Into<Rays<'a>>,
+        grouping: Grouping,
+        filter: &dyn HitFilter,
+        blocked: &mut [bool],
+    ) {
         let rays = rays.into();
         assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        self.search_all(rays, filter, Any::new, |i, goal| blocked[i] = goal.found);
+        self.search_all(rays, grouping, filter, Any::new, |i, goal| blocked[i] = goal.found);
     }
 
     /// The nearest hit of one ray.
@@ -75,14 +81,6 @@ impl World {
     /// True if anything lies in the interval of one ray.
     pub fn occluded_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> bool {
         self.search(ray.into(), filter, Any::new).found
-    }
-
-    /// Every hit of one ray, ascending by `t`, equal ones by instance, geometry and primitive.
-    pub fn all_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Vec<Hit> {
-        let mut hits = self.search(ray.into(), filter, All::new).hits;
-        let ids = |h: &Hit| (h.instance, h.geometry, h.primitive);
-        hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(ids(a).cmp(&ids(b))));
-        hits
     }
 
     /// The nearest hit of one ray, and what it cost to find.
@@ -108,7 +106,7 @@ impl World {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
         let mut work = TraversalWork::default();
-        self.search_all(rays, filter, Counted::new, |i, goal| {
+        self.search_all(rays, Grouping::None, filter, Counted::new, |i, goal| {
             hits[i] = goal.closest.result();
             work.nodes_visited += u64::from(goal.counters.nodes_visited);
             work.primitives_tested += u64::from(goal.counters.primitives_tested);
@@ -117,24 +115,45 @@ impl World {
         work
     }
 
-    /// Searches for all rays of a batch, each for itself, with the kernel that suits the structure.
+    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping.
     fn search_all<G: Goal>(
         &self,
         rays: Rays,
+        grouping: Grouping,
         filter: &dyn HitFilter,
+        start: impl Fn(&Ray) -> G,
+        mut finish: impl FnMut(usize, G),
+    ) {
+        let context = self.context(filter);
+        match &self.structure {
+            Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
+                let batch = interleave::Batch { rays, context: &context };
+                for left in packet::search_runs(forest, self.simd, &batch, &start, &mut finish) {
+                    let first = left.start;
+                    self.search_unrelated(rays.slice(left), &context, &start, |i, goal| finish(first + i, goal));
+                }
+            }
+            _ => self.search_unrelated(rays, &context, &start, finish),
+        }
+    }
+
+    fn search_unrelated<G: Goal>(
+        &self,
+        rays: Rays,
+        context: &Context,
         start: impl Fn(&Ray) -> G,
         mut finish: impl FnMut(usize, G),
     ) {
         match &self.structure {
             Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
-                let batch = interleave::Batch { rays, context: &self.context(filter) };
+                let batch = interleave::Batch { rays, context };
                 interleave::search_batch(forest, self.simd, &batch, start, finish);
             }
             Structure::Walked(structures) => {
-                let (context, mut scratch) = (self.context(filter), structures.scratch());
+                let mut scratch = structures.scratch();
                 for i in 0..rays.len() {
                     let query = rays.get(i);
-                    let mut search = Search::new(query, &context, start(query.ray));
+                    let mut search = Search::new(query, context, start(query.ray));
                     if query.ray.is_valid() {
                         structures.search(&mut search, &mut scratch);
                     }
@@ -142,7 +161,7 @@ impl World {
                 }
                 scratch.keep();
             }
-            _ => (0..rays.len()).for_each(|i| finish(i, self.search(rays.get(i), filter, &start))),
+            _ => (0..rays.len()).for_each(|i| finish(i, self.search(rays.get(i), context.filter, &start))),
         }
     }
 

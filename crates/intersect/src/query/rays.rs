@@ -1,6 +1,6 @@
 //! What queries are asked about: rays, and per ray a mask and a time where the caller has them.
 
-use snell_math::Ray;
+use snell_math::{Ray, Vec3};
 
 /// One ray with its mask and time. A `&Ray` converts into it: all geometries, time 0.
 #[derive(Clone, Copy, Debug)]
@@ -95,6 +95,41 @@ impl<'a> Rays<'a> {
         let masks = if self.masks.is_empty() { self.masks } else { &self.masks[range.clone()] };
         let times = if self.times.is_empty() { self.times } else { &self.times[range.clone()] };
         Self { rays: &self.rays[range], masks, times }
+    }
+}
+
+/// Why rays of a batch hit nothing; each is counted once, under the first that holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct InvalidRays {
+    /// A coordinate of the origin or direction is infinite or NaN.
+    pub not_finite: usize,
+    /// The direction is zero.
+    pub without_direction: usize,
+    /// `t_min < t_max` does not hold, or one of them is NaN.
+    pub empty_interval: usize,
+}
+
+impl InvalidRays {
+    /// All of them.
+    pub fn total(&self) -> usize {
+        self.not_finite + self.without_direction + self.empty_interval
+    }
+}
+
+impl Rays<'_> {
+    /// Counts the rays that every query answers with a miss without looking ([`Ray::is_valid`]).
+    pub fn count_invalid(&self) -> InvalidRays {
+        let mut counts = InvalidRays::default();
+        for ray in self.rays.iter().filter(|ray| !ray.is_valid()) {
+            if !ray.origin.is_finite() || !ray.direction.is_finite() {
+                counts.not_finite += 1;
+            } else if ray.direction == Vec3::ZERO {
+                counts.without_direction += 1;
+            } else {
+                counts.empty_interval += 1;
+            }
+        }
+        counts
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::HitFilter;
 use super::rays::{RayQuery, clamped_time};
+use crate::geometry::quads::quad_hit;
 use crate::hit::Hit;
 use crate::kernel::node::padded;
 use crate::world::{GeometryOptions, TraversalCounters};
@@ -9,11 +10,20 @@ use snell_math::Ray;
 
 /// What a query wants to know about a ray: the nearest hit, any hit, all hits.
 pub(crate) trait Goal {
+    /// True if hits bring the limit nearer while the search goes on.
+    const NARROWS: bool;
+
     /// Hits at a greater `t` are of no interest.
     fn limit(&self) -> f32;
 
     /// True if this hit would be taken.
     fn wants(&self, hit: &Hit) -> bool;
+
+    /// True if this hit was dealt with before: then later ones on the same thing may still count.
+    #[inline(always)]
+    fn is_past(&self, _hit: &Hit) -> bool {
+        false
+    }
 
     /// Takes a hit; true if the search is over.
     fn take(&mut self, hit: Hit) -> bool;
@@ -83,13 +93,14 @@ impl<'a, G: Goal> Search<'a, G> {
     #[inline(always)]
     pub fn offer(&mut self, hit: Hit) -> Verdict {
         // The open interval holds after rounding too.
-        if hit.t <= self.ray.t_min {
+        if hit.t <= self.ray.t_min || self.goal.is_past(&hit) {
             return Verdict::Rejected;
         }
+        let options = &self.context.options[hit.geometry as usize];
+        let hit = if options.quads { quad_hit(&hit) } else { hit };
         if !self.goal.wants(&hit) {
             return Verdict::Behind;
         }
-        let options = &self.context.options[hit.geometry as usize];
         if options.mask & self.mask == 0 || (options.filtered && !self.context.filter.accept(self.ray, &hit)) {
             return Verdict::Rejected;
         }
@@ -101,23 +112,26 @@ impl<'a, G: Goal> Search<'a, G> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Closest {
     best: Hit,
-    found: bool,
+    /// Not a `bool`: padding would make copies slow.
+    found: u32,
 }
 
 impl Closest {
     #[inline(always)]
     pub fn new(ray: &Ray) -> Self {
         // No ids are below zero, so only hits before `t_max` come before this.
-        Self { best: Hit { t: ray.t_max, instance: 0, geometry: 0, primitive: 0, ..Hit::MISS }, found: false }
+        Self { best: Hit { t: ray.t_max, instance: 0, geometry: 0, primitive: 0, ..Hit::MISS }, found: 0 }
     }
 
     #[inline(always)]
     pub fn result(&self) -> Hit {
-        if self.found { self.best } else { Hit::MISS }
+        if self.found != 0 { self.best } else { Hit::MISS }
     }
 }
 
 impl Goal for Closest {
+    const NARROWS: bool = true;
+
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.best.t
@@ -131,7 +145,7 @@ impl Goal for Closest {
     #[inline(always)]
     fn take(&mut self, hit: Hit) -> bool {
         self.best = hit;
-        self.found = true;
+        self.found = 1;
         false
     }
 }
@@ -152,6 +166,8 @@ impl Any {
 }
 
 impl Goal for Any {
+    const NARROWS: bool = false;
+
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.limit
@@ -184,6 +200,8 @@ impl All {
 }
 
 impl Goal for All {
+    const NARROWS: bool = false;
+
     fn limit(&self) -> f32 {
         self.limit
     }
@@ -214,6 +232,8 @@ impl Counted {
 }
 
 impl Goal for Counted {
+    const NARROWS: bool = true;
+
     fn limit(&self) -> f32 {
         self.closest.limit()
     }

@@ -1,9 +1,10 @@
 //! A box with sides parallel to the axes, and two ways to hit it.
 
 use super::frustum::choose;
+use super::nearest::on_triangle;
 use super::plane::intersect_plane;
 use super::span::{Span, crossings, slab};
-use super::{Shape, ShapeError, ShapeHit, ShapeSample, ShapeSurface};
+use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
@@ -68,6 +69,20 @@ impl BoxShape {
         along(0)?.intersection(along(1)?)?.intersection(along(2)?)
     }
 
+    /// The two halves of a face.
+    fn face_triangles(&self, face: u32) -> [[DVec3; 3]; 2] {
+        let axis = face as usize / 2;
+        let corner = |x: bool, y: bool| {
+            let mut p = if face % 2 == 1 { self.max } else { self.min };
+            let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+            p[i] = if x { self.max[i] } else { self.min[i] };
+            p[j] = if y { self.max[j] } else { self.min[j] };
+            p
+        };
+        let (a, b, c, d) = (corner(false, false), corner(true, false), corner(true, true), corner(false, true));
+        [[a, b, c], [a, c, d]]
+    }
+
     fn face_areas(&self) -> [f64; 6] {
         let d = self.max - self.min;
         let pairs = [d.y * d.z, d.z * d.x, d.x * d.y];
@@ -118,6 +133,19 @@ impl Shape for BoxShape {
             dpdu: tangent(u),
             dpdv: tangent(v),
         }
+    }
+
+    fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
+        if metric.is_similarity() {
+            let on = |face| ShapePoint { position: self.surface(point, face).position, face };
+            return metric.nearest(point, (0..6).map(on));
+        }
+        let halves = (0..6).flat_map(|face| self.face_triangles(face).map(|corners| (face, corners)));
+        metric.nearest(point, halves.map(|(face, t)| ShapePoint { position: on_triangle(metric, point, &t).0, face }))
+    }
+
+    fn winding_number(&self, point: DVec3, _metric: &Metric) -> f64 {
+        f64::from(point.cmpgt(self.min).all() && point.cmplt(self.max).all())
     }
 
     fn area(&self) -> f64 {

@@ -1,7 +1,9 @@
 //! A disk or ring in the plane z = 0.
 
+use super::nearest::on_ring;
 use super::plane::closest_in_z0;
-use super::{Shape, ShapeError, ShapeHit, ShapeSample, ShapeSurface, turn};
+use super::winding;
+use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -68,6 +70,16 @@ impl Shape for Disk {
     fn surface(&self, position: DVec3, _face: u32) -> ShapeSurface {
         let (p, uv, dpdu, dpdv) = polar(position.truncate(), self.radius, self.inner_radius);
         ShapeSurface { position: p.extend(0.0), normal: DVec3::Z, uv, dpdu: dpdu.extend(0.0), dpdv: dpdv.extend(0.0) }
+    }
+
+    fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
+        let position = on_ring(metric, point, 2, 0.0, self.radius, self.inner_radius);
+        metric.nearest(point, [ShapePoint { position, face: 0 }])
+    }
+
+    fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
+        let disk = |radius| winding::of_disk(metric, point, 2, 0.0, radius);
+        disk(self.radius) - disk(self.inner_radius)
     }
 
     fn area(&self) -> f64 {

@@ -1,8 +1,10 @@
 //! The truncated cone, of which cylinder and cone are special cases: one routine for all three.
 
 use super::disk::{polar, sample_ring};
+use super::nearest::{around, on_ring, on_segment};
 use super::span::{Span, crossings, roots, slab};
-use super::{Shape, ShapeError, ShapeHit, ShapeSample, ShapeSurface, turn};
+use super::winding;
+use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
 use std::f64::consts::{PI, TAU};
@@ -153,6 +155,19 @@ impl Frustum {
         }
     }
 
+    /// The side is a segment for each angle.
+    fn nearest_on_side(&self, point: DVec3, metric: &Metric) -> DVec3 {
+        if metric.is_similarity() {
+            return self.side_surface(point).position;
+        }
+        let [bottom, top] = self.ends();
+        around(metric, point, |angle| {
+            let (sin, cos) = angle.sin_cos();
+            let at = |y: f64, radius: f64| DVec3::new(sin * radius, y, cos * radius);
+            on_segment(metric, point, at(bottom, self.bottom_radius), at(top, self.top_radius)).0
+        })
+    }
+
     fn cap_surface(&self, position: DVec3, y: f64, radius: f64) -> ShapeSurface {
         let place = |p: DVec2| DVec3::new(p.y, 0.0, p.x);
         let (p, uv, dpdu, dpdv) = polar(DVec2::new(position.z, position.x), radius, 0.0);
@@ -196,6 +211,31 @@ impl Shape for Frustum {
             Self::TOP if self.top_radius > 0.0 => self.cap_surface(position, top, self.top_radius),
             _ => self.side_surface(position),
         }
+    }
+
+    fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
+        let [bottom, top] = self.ends();
+        let cap = |face, y, radius: f64| {
+            let exists = self.caps && radius > 0.0;
+            exists.then(|| ShapePoint { position: on_ring(metric, point, 1, y, radius, 0.0), face })
+        };
+        let side = ShapePoint { position: self.nearest_on_side(point, metric), face: Self::SIDE };
+        let caps = [cap(Self::BOTTOM, bottom, self.bottom_radius), cap(Self::TOP, top, self.top_radius)];
+        metric.nearest(point, [Some(side)].into_iter().chain(caps).flatten())
+    }
+
+    fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
+        let [bottom, top] = self.ends();
+        let s = (point.y - bottom) / self.height;
+        let radius = self.bottom_radius * (1.0 - s) + self.top_radius * s;
+        let inside = 0.0 < s && s < 1.0 && DVec2::new(point.x, point.z).length() < radius;
+        let solid = f64::from(inside);
+        if self.caps {
+            return solid;
+        }
+        // The side is the solid without its caps, of which the lower one looks down.
+        solid + winding::of_disk(metric, point, 1, bottom, self.bottom_radius)
+            - winding::of_disk(metric, point, 1, top, self.top_radius)
     }
 
     fn area(&self) -> f64 {
@@ -262,6 +302,12 @@ macro_rules! shape_as_frustum {
             }
             fn surface(&self, position: DVec3, face: u32) -> ShapeSurface {
                 self.as_frustum().surface(position, face)
+            }
+            fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
+                self.as_frustum().nearest_point(point, metric)
+            }
+            fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
+                self.as_frustum().winding_number(point, metric)
             }
             fn area(&self) -> f64 {
                 self.as_frustum().area()

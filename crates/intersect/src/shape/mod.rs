@@ -10,6 +10,7 @@ pub mod cone;
 pub mod cylinder;
 pub mod disk;
 pub mod frustum;
+pub mod nearest;
 pub mod plane;
 pub mod polygon;
 pub mod rectangle;
@@ -18,12 +19,14 @@ pub mod sphere;
 #[cfg(test)]
 mod tests;
 pub mod triangle;
+pub(crate) mod winding;
 
 pub use box_shape::BoxShape;
 pub use cone::Cone;
 pub use cylinder::Cylinder;
 pub use disk::Disk;
 pub use frustum::Frustum;
+pub use nearest::{Metric, ShapePoint};
 pub use plane::Plane;
 pub use polygon::{Polygon, PolygonError};
 pub use rectangle::Rectangle;
@@ -141,6 +144,15 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// The surface at `position`, a point on (or within rounding of) `face`.
     fn surface(&self, position: DVec3, face: u32) -> ShapeSurface;
 
+    /// The point of the surface nearest to `point`, where lengths are measured by `metric`; the lowest face among equally near ones.
+    /// `None` if that cannot be said, as for points that are not finite.
+    fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint>;
+
+    /// How often the surface goes around `point`, as seen after the map of `metric`: the signed solid angle over `4 pi`, positive where
+    /// the surface is seen from behind. 1 inside and 0 outside of a closed shape (either on its surface), in between around an open
+    /// one, where 0 also stands for points in its plane.
+    fn winding_number(&self, point: DVec3, metric: &Metric) -> f64;
+
     /// Area; infinite for unbounded shapes, which cannot be sampled.
     fn area(&self) -> f64;
 
@@ -186,6 +198,8 @@ macro_rules! shapes {
             fn any(&self, ray: &DRay) -> bool { match self { $(Self::$kind(s) => s.any(ray),)* } }
             fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) { match self { $(Self::$kind(s) => s.all(ray, hits),)* } }
             fn surface(&self, position: DVec3, face: u32) -> ShapeSurface { match self { $(Self::$kind(s) => s.surface(position, face),)* } }
+            fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> { match self { $(Self::$kind(s) => s.nearest_point(point, metric),)* } }
+            fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 { match self { $(Self::$kind(s) => s.winding_number(point, metric),)* } }
             fn area(&self) -> f64 { match self { $(Self::$kind(s) => s.area(),)* } }
             fn sample(&self, u: DVec2) -> Option<ShapeSample> { match self { $(Self::$kind(s) => s.sample(u),)* } }
             fn is_closed(&self) -> bool { match self { $(Self::$kind(s) => s.is_closed(),)* } }

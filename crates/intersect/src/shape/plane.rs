@@ -1,7 +1,8 @@
 //! The infinite plane, and the ray-plane intersection that all flat shapes start from.
 
+use super::nearest::on_plane;
 use super::span::scaled_direction;
-use super::{Shape, ShapeHit, ShapeSample, ShapeSurface};
+use super::{Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
@@ -57,6 +58,14 @@ impl Shape for Plane {
             dpdu: DVec3::X,
             dpdv: DVec3::NEG_Y,
         }
+    }
+
+    fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
+        metric.nearest(point, [ShapePoint { position: on_plane(metric, point), face: 0 }])
+    }
+
+    fn winding_number(&self, point: DVec3, _metric: &Metric) -> f64 {
+        if point.z == 0.0 || point.is_nan() { 0.0 } else { -0.5_f64.copysign(point.z) }
     }
 
     fn area(&self) -> f64 {

@@ -1,9 +1,11 @@
 //! A convex planar polygon, hit both ways of the lecture.
 
 use super::frustum::choose;
+use super::nearest::on_triangle;
 use super::plane::intersect_plane;
 use super::triangle::{RaySpace, sample_barycentrics};
-use super::{Shape, ShapeHit, ShapeSample, ShapeSurface};
+use super::winding;
+use super::{Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 use std::f64::consts::TAU;
@@ -219,6 +221,15 @@ impl Shape for Polygon {
         let along = |axis: DVec3| ((position - self.origin).dot(axis) / axis.length_squared()).clamp(0.0, 1.0);
         let uv = DVec2::new(along(self.dpdu), along(self.dpdv));
         ShapeSurface { position, normal: self.normal, uv, dpdu: self.dpdu, dpdv: self.dpdv }
+    }
+
+    fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
+        let points = self.fan().map(|t| ShapePoint { position: on_triangle(metric, point, &t).0, face: 0 });
+        metric.nearest(point, points)
+    }
+
+    fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
+        winding::of_triangles(metric, point, self.fan())
     }
 
     fn area(&self) -> f64 {

@@ -1,7 +1,9 @@
 //! A rectangle in the plane z = 0.
 
+use super::nearest::on_triangle;
 use super::plane::closest_in_z0;
-use super::{Shape, ShapeError, ShapeHit, ShapeSample, ShapeSurface};
+use super::winding;
+use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
@@ -18,6 +20,14 @@ impl Rectangle {
     /// Rectangles for tests and galleries: square, long, tiny.
     pub fn examples() -> Vec<Self> {
         [(1.0, 1.0), (300.0, 0.01), (1e-3, 2e-3)].map(|(x, y)| Self { half_size: DVec2::new(x, y) }).to_vec()
+    }
+
+    /// The two halves.
+    fn triangles(&self) -> [[DVec3; 3]; 2] {
+        let h = self.half_size;
+        let corner = |x: f64, y: f64| DVec3::new(x * h.x, y * h.y, 0.0);
+        let (a, b, c, d) = (corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0));
+        [[a, b, c], [a, c, d]]
     }
 }
 
@@ -49,6 +59,15 @@ impl Shape for Rectangle {
             dpdu: DVec3::X * (2.0 * h.x),
             dpdv: DVec3::NEG_Y * (2.0 * h.y),
         }
+    }
+
+    fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
+        let on = |corners| ShapePoint { position: on_triangle(metric, point, &corners).0, face: 0 };
+        metric.nearest(point, self.triangles().map(on))
+    }
+
+    fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
+        winding::of_triangles(metric, point, self.triangles())
     }
 
     fn area(&self) -> f64 {

@@ -1,7 +1,8 @@
 //! A sphere around the origin, and the lecture's two ways to hit it.
 
+use super::nearest::on_sphere;
 use super::span::{Span, accurate_cross, crossings, roots};
-use super::{Shape, ShapeError, ShapeHit, ShapeSample, ShapeSurface, turn};
+use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
 use std::f64::consts::{PI, TAU};
@@ -95,6 +96,14 @@ impl Shape for Sphere {
         let theta = sin_theta.atan2(normal.y);
         let dpdv = DVec3::new(along.y * normal.y, -sin_theta, along.x * normal.y) * (PI * self.radius);
         ShapeSurface { position, normal, uv: DVec2::new(turn(along), theta / PI), dpdu, dpdv }
+    }
+
+    fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
+        metric.nearest(point, [ShapePoint { position: on_sphere(metric, point, self.radius), face: 0 }])
+    }
+
+    fn winding_number(&self, point: DVec3, _metric: &Metric) -> f64 {
+        f64::from(point.length() < self.radius)
     }
 
     fn area(&self) -> f64 {

@@ -1,8 +1,10 @@
 //! A single triangle, the lecture's two inside tests, and a watertight test. (Meshes have their own, faster kernel.)
 
+use super::nearest::on_triangle;
 use super::plane::intersect_plane;
 use super::span::{accurate_cross, scaled_direction};
-use super::{Shape, ShapeError, ShapeHit, ShapeSample, ShapeSurface};
+use super::winding;
+use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
 
@@ -184,6 +186,14 @@ impl Shape for Triangle {
             dpdu: e1,
             dpdv: e2,
         }
+    }
+
+    fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
+        metric.nearest(point, [ShapePoint { position: on_triangle(metric, point, &self.vertices).0, face: 0 }])
+    }
+
+    fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
+        winding::of_triangles(metric, point, [self.vertices])
     }
 
     fn area(&self) -> f64 {

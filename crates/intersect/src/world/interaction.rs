@@ -95,11 +95,16 @@ impl World {
     fn surface_in_group(&self, group: GroupId, rest: u32, ray: &DRay, time: f32, hit: &Hit) -> LocalSurface {
         if let Some((step, left)) = self.step(group, rest) {
             let instance = &self.group(group).instances[step];
-            let map = &instance.group_from_child;
-            return self.surface_in_group(instance.child, left, &map.inverse().ray(ray), time, hit).mapped(map);
+            let map = instance.at(time);
+            return self.surface_in_group(instance.child, left, &map.inverse().ray(ray), time, hit).mapped(&map);
         }
         match self.geometry(GeometryId(hit.geometry)) {
             Geometry::Mesh(mesh) => triangle_surface(mesh, &ray.direction, hit),
+            Geometry::Quads(quads) => triangle_surface(quads.triangles(), &ray.direction, &quads.triangle_hit(hit)),
+            Geometry::MovingMesh(mesh) => {
+                let alone = mesh.triangle_at(hit.primitive as usize, time);
+                triangle_surface(&alone, &ray.direction, &Hit { primitive: 0, ..*hit })
+            }
             Geometry::Shape(shape, placed) => {
                 let position = placed.inverse().ray(ray).at(hit.t.into());
                 shape_surface(shape.surface(position, hit.primitive)).mapped(placed)

@@ -107,18 +107,21 @@ impl World {
         path
     }
 
-    /// The map from the coordinates of an occurrence's group to the world.
+    /// The map from the coordinates of an occurrence's group to the world; at time 0, if it moves.
     pub fn world_from_instance(&self, instance: u32) -> Transform {
+        self.world_from_instance_at(instance, 0.0)
+    }
+
+    /// The map from the coordinates of an occurrence's group to the world at a time from 0 to 1. An instance that is flattened at that
+    /// time, so that nothing in it is hit, counts as if at time 0.
+    pub fn world_from_instance_at(&self, instance: u32, time: f32) -> Transform {
         let mut world_from_group = Transform::IDENTITY;
         let (mut group, mut rest) = (GroupId(0), instance);
         while let Some((step, left)) = self.step(group, rest) {
             let instance = &self.group(group).instances[step];
             // The first step needs no product, and most paths have one step.
-            world_from_group = if group.0 == 0 {
-                instance.group_from_child
-            } else {
-                world_from_group.compose(&instance.group_from_child)
-            };
+            world_from_group =
+                if group.0 == 0 { instance.at(time) } else { world_from_group.compose(&instance.at(time)) };
             (group, rest) = (instance.child, left);
         }
         world_from_group

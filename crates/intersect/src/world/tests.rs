@@ -10,29 +10,29 @@ use snell_math::sampling::uniform_sphere;
 use snell_math::{DAffine3, DMat3, DRay, DVec3, Ray, Vec2, Vec3};
 
 /// Random numbers in order.
-struct Random(u32);
+pub(crate) struct Random(pub u32);
 
 impl Random {
-    fn unit(&mut self) -> f32 {
+    pub fn unit(&mut self) -> f32 {
         self.0 += 1;
         to_unit(pcg4d([self.0, 17, 3, 5])[0])
     }
 
-    fn range(&mut self, low: f32, high: f32) -> f32 {
+    pub fn range(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.unit()
     }
 
-    fn point(&mut self, extent: f32) -> Vec3 {
+    pub fn point(&mut self, extent: f32) -> Vec3 {
         Vec3::new(self.range(-extent, extent), self.range(-extent, extent), self.range(-extent, extent))
     }
 
-    fn direction(&mut self) -> Vec3 {
+    pub fn direction(&mut self) -> Vec3 {
         let u = Vec2::new(self.unit(), self.unit());
         uniform_sphere(u)
     }
 
     /// Turned, stretched unevenly, sometimes mirrored, moved.
-    fn transform(&mut self, extent: f32) -> Transform {
+    pub fn transform(&mut self, extent: f32) -> Transform {
         let turn = DMat3::from_axis_angle(self.direction().as_dvec3(), f64::from(self.range(0.0, 6.0)));
         let mut scale =
             DVec3::new(self.range(0.3, 1.5).into(), self.range(0.3, 1.5).into(), self.range(0.3, 1.5).into());
@@ -45,7 +45,7 @@ impl Random {
     }
 }
 
-fn soup(random: &mut Random, triangles: usize) -> TriangleMesh {
+pub(crate) fn soup(random: &mut Random, triangles: usize) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     for i in 0..triangles as u32 {
         let center = random.point(2.0);
@@ -63,7 +63,7 @@ fn soup(random: &mut Random, triangles: usize) -> TriangleMesh {
 }
 
 /// Meshes, spheres and instances of the group before, four deep.
-fn nested_scene(seed: u32) -> WorldBuilder {
+pub(crate) fn nested_scene(seed: u32) -> WorldBuilder {
     let mut random = Random(hash32(seed));
     let mut builder = WorldBuilder::default();
     let mut group = WorldBuilder::ROOT;
@@ -95,23 +95,23 @@ fn nested_scene(seed: u32) -> WorldBuilder {
     builder
 }
 
-fn scaling(factor: f64) -> Transform {
+pub(crate) fn scaling(factor: f64) -> Transform {
     Transform::new(DAffine3::from_scale(DVec3::splat(factor))).expect("invertible")
 }
 
-fn build(builder: WorldBuilder, accelerator: AcceleratorKind, simd: Level) -> World {
+pub(crate) fn build(builder: WorldBuilder, accelerator: AcceleratorKind, simd: Level) -> World {
     builder.build(&BuildOptions { accelerator, simd, ..BuildOptions::default() }).expect("a world")
 }
 
-fn default_world(builder: WorldBuilder) -> World {
+pub(crate) fn default_world(builder: WorldBuilder) -> World {
     builder.build(&BuildOptions::default()).expect("a world")
 }
 
-fn bits(hit: &Hit) -> [u32; 6] {
+pub(crate) fn bits(hit: &Hit) -> [u32; 6] {
     [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), hit.instance, hit.geometry, hit.primitive]
 }
 
-fn levels() -> impl Iterator<Item = Level> {
+pub(crate) fn levels() -> impl Iterator<Item = Level> {
     Level::ALL.into_iter().filter(|l| l.is_supported())
 }
 
@@ -169,7 +169,7 @@ fn errata_e8_a_world_keeps_nothing_between_rays_and_is_shared_by_threads() {
     });
 }
 
-fn sphere_mesh(center: Vec3, radius: f32, rings: u32, segments: u32) -> TriangleMesh {
+pub(crate) fn sphere_mesh(center: Vec3, radius: f32, rings: u32, segments: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh::default();
     let mut add = |z: f64, r: f64, phi: f64| {
         let p = DVec3::new(r * phi.cos(), r * phi.sin(), z) * f64::from(radius) + center.as_dvec3();
@@ -203,7 +203,7 @@ fn sphere_mesh(center: Vec3, radius: f32, rings: u32, segments: u32) -> Triangle
     mesh
 }
 
-fn mesh_world(mesh: TriangleMesh) -> World {
+pub(crate) fn mesh_world(mesh: TriangleMesh) -> World {
     let mut builder = WorldBuilder::default();
     builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
     default_world(builder)
@@ -383,9 +383,7 @@ fn normals_point_outward_under_every_transform() {
                         let n = (b - a).cross(c - a);
                         if n.dot(a - placed.point(DVec3::ZERO)) < 0.0 { -n } else { n }
                     }
-                    Geometry::Shape(..) | Geometry::Set(_) => {
-                        placed.normal(placed.inverse().point(s.position.as_dvec3()))
-                    }
+                    _ => placed.normal(placed.inverse().point(s.position.as_dvec3())),
                 };
                 let expected = outward.normalize().as_vec3();
                 // Far away positions are coarse.
@@ -604,7 +602,7 @@ fn masks_of_rays_choose_geometries_and_instances() {
         let child = builder.add_group();
         let inner = builder.add_mesh(child, sheet(2.0));
         builder.set_mask(inner, 0b110);
-        builder.add(WorldBuilder::ROOT, Instance { child, group_from_child: Transform::IDENTITY, mask: 0b010 });
+        builder.add(WorldBuilder::ROOT, Instance { mask: 0b010, ..Instance::new(child, Transform::IDENTITY) });
         builder.add_shape(
             WorldBuilder::ROOT,
             Arc::new(Sphere { radius: 1.0 }),
@@ -618,7 +616,7 @@ fn masks_of_rays_choose_geometries_and_instances() {
         let mut hits = vec![Hit::MISS; 40];
         world.closest(queries, Grouping::None, &AcceptAll, &mut hits);
         let mut blocked = vec![false; 40];
-        world.occluded(queries, &AcceptAll, &mut blocked);
+        world.occluded(queries, Grouping::None, &AcceptAll, &mut blocked);
         for i in 0..40 {
             assert_eq!(hits[i].t, expected[i % 5], "{accelerator:?}, mask {:b}", masks[i]);
             assert_eq!(world.closest_one(queries.get(i), &AcceptAll), hits[i]);
@@ -695,7 +693,7 @@ fn batches_answer_as_single_rays_do() {
     let rays: Vec<_> = (0..333).map(|_| Ray::new(random.point(5.0), random.direction())).collect();
     let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
     world.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
-    world.occluded(&rays, &AcceptAll, &mut blocked);
+    world.occluded(&rays, Grouping::None, &AcceptAll, &mut blocked);
     for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(&blocked) {
         assert_eq!(bits(hit), bits(&world.closest_one(ray, &AcceptAll)));
         assert_eq!(*blocked, world.occluded_one(ray, &AcceptAll));
@@ -735,7 +733,7 @@ mod properties {
                 let world = make(AcceleratorKind::Bvh, level);
                 let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
                 world.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
-                world.occluded(&rays, &AcceptAll, &mut blocked);
+                world.occluded(&rays, Grouping::None, &AcceptAll, &mut blocked);
                 for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(blocked) {
                     let expected = oracle.closest_one(ray, &AcceptAll);
                     prop_assert_eq!(bits(hit), bits(&expected), "{} {:?}", level, ray);
@@ -768,7 +766,7 @@ fn batches_with_rejections_agree_with_the_oracle() {
         let world = make(AcceleratorKind::Bvh, level);
         let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
         world.closest(&rays, Grouping::None, &Sieve, &mut hits);
-        world.occluded(&rays, &Sieve, &mut blocked);
+        world.occluded(&rays, Grouping::None, &Sieve, &mut blocked);
         for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(&blocked) {
             let expected = oracle.closest_one(ray, &Sieve);
             assert_eq!((bits(hit), *blocked), (bits(&expected), expected.is_hit()), "{level} {ray:?}");

@@ -4,11 +4,13 @@ use super::Lanes8;
 use std::arch::x86_64::*;
 
 /// Eight lanes of AVX. A value exists only where `splat` or `load` was allowed to make it, so its operations are safe to call.
-/// Callers carry `#[target_feature(enable = "avx2")]`; everything here is inlined into them.
+/// Callers carry `#[target_feature(enable = "avx2,fma")]`; everything here is inlined into them.
 #[derive(Clone, Copy, Debug)]
-pub struct Avx8(__m256);
+pub struct Avx8(pub(super) __m256);
 
 impl Lanes8 for Avx8 {
+    const FUSED: bool = true;
+
     #[inline(always)]
     unsafe fn splat(value: f32) -> Self {
         // SAFETY: the caller guarantees AVX.
@@ -46,6 +48,18 @@ impl Lanes8 for Avx8 {
     }
 
     #[inline(always)]
+    fn mul_add(self, factor: Self, summand: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has the level that includes FMA.
+        Self(unsafe { _mm256_fmadd_ps(self.0, factor.0, summand.0) })
+    }
+
+    #[inline(always)]
+    fn mul_sub(self, factor: Self, subtrahend: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has the level that includes FMA.
+        Self(unsafe { _mm256_fmsub_ps(self.0, factor.0, subtrahend.0) })
+    }
+
+    #[inline(always)]
     fn min(self, other: Self) -> Self {
         // SAFETY: a value of this type exists, so the machine has AVX.
         Self(unsafe { _mm256_min_ps(self.0, other.0) })
@@ -76,6 +90,44 @@ impl Lanes8 for Avx8 {
     }
 
     #[inline(always)]
+    fn signs(self) -> u32 {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        unsafe { _mm256_movemask_ps(self.0) as u32 }
+    }
+
+    #[inline(always)]
+    fn le_in_order(self, limit: Self, order: u32) -> u32 {
+        // SAFETY: a value of this type exists, and whoever made it promised AVX2.
+        unsafe {
+            let kept = _mm256_cmp_ps::<_CMP_LE_OQ>(self.0, limit.0);
+            _mm256_movemask_ps(_mm256_permutevar8x32_ps(kept, lanes_of(order))) as u32
+        }
+    }
+
+    #[inline(always)]
+    fn compress<const VALUES: bool>(
+        self,
+        mask: u32,
+        order: u32,
+        payload: &[u32; 8],
+        values_out: &mut [f32; 8],
+        payload_out: &mut [u32; 8],
+    ) {
+        // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references cover 32 bytes each, and the number
+        // is below 256.
+        unsafe {
+            let shifts = _mm256_load_si256((&raw const FRONT_SHIFTS.0[mask as usize & 0xff]).cast());
+            // A permutation reads only the lowest three bits of each lane.
+            let order = _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts);
+            let payload = _mm256_loadu_si256(payload.as_ptr().cast());
+            if VALUES {
+                _mm256_storeu_ps(values_out.as_mut_ptr(), _mm256_permutevar8x32_ps(self.0, order));
+            }
+            _mm256_storeu_si256(payload_out.as_mut_ptr().cast(), _mm256_permutevar8x32_epi32(payload, order));
+        }
+    }
+
+    #[inline(always)]
     fn compress_le(
         self,
         limit: Self,
@@ -87,9 +139,7 @@ impl Lanes8 for Avx8 {
         // SAFETY: a value of this type exists, and whoever made it promised AVX2; the references cover 32 bytes each, and a mask
         // of eight lanes is below 256.
         unsafe {
-            let shifts = _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21);
-            // The permutation reads only the lowest three bits of each lane.
-            let order = _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), shifts);
+            let order = lanes_of(order);
             let kept = _mm256_permutevar8x32_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, limit.0), order);
             let mask = _mm256_movemask_ps(kept) as usize;
             let front = _mm_loadl_epi64(FRONT.get_unchecked(mask).as_ptr().cast());
@@ -100,6 +150,16 @@ impl Lanes8 for Avx8 {
             mask.count_ones() as usize
         }
     }
+}
+
+/// Eight numbers of 3 bits, as the indices of a permutation (which reads only the lowest three bits of each lane).
+///
+/// # Safety
+/// The machine must have AVX2.
+#[inline(always)]
+unsafe fn lanes_of(order: u32) -> __m256i {
+    // SAFETY: as promised by the caller.
+    unsafe { _mm256_srlv_epi32(_mm256_set1_epi32(order as i32), _mm256_setr_epi32(0, 3, 6, 9, 12, 15, 18, 21)) }
 }
 
 /// For each mask of eight lanes the numbers of the lanes that are set, in order.
@@ -120,12 +180,27 @@ static FRONT: [[u8; 8]; 256] = {
     table
 };
 
+/// [`FRONT`] times three: where the numbers are in an order.
+static FRONT_SHIFTS: Aligned<[[u32; 8]; 256]> = {
+    let mut table = [[0; 8]; 256];
+    let mut i = 0;
+    while i < 256 * 8 {
+        table[i / 8][i % 8] = 3 * FRONT[i / 8][i % 8] as u32;
+        i += 1;
+    }
+    Aligned(table)
+};
+
+/// Aligned to registers.
+#[repr(align(32))]
+struct Aligned<T>(T);
+
 #[cfg(test)]
 mod tests {
     use super::super::{Lanes8, Level, Portable8};
     use super::Avx8;
 
-    fn run<L: Lanes8>(a: &[f32; 8], b: &[f32; 8]) -> (Vec<[u32; 8]>, [u32; 2], Vec<(u32, u32)>) {
+    fn run<L: Lanes8>(a: &[f32; 8], b: &[f32; 8]) -> (Vec<[u32; 8]>, [u32; 4], Vec<(u32, u32)>) {
         // SAFETY: the test has checked the level.
         let (x, y) = unsafe { (L::load(a), L::load(b)) };
         let values = [x.add(y), x.sub(y), x.mul(y), x.min(y), x.max(y), x.abs()];
@@ -136,9 +211,33 @@ mod tests {
         });
         let order = [5u32, 0, 7, 2, 6, 1, 4, 3].iter().rev().fold(0, |o, lane| (o << 3) | lane);
         let (mut values, mut payload) = ([0.0; 8], [0; 8]);
-        let kept = x.compress_le(y, order, &[10, 11, 12, 13, 14, 15, 16, 17], &mut values, &mut payload);
-        let compressed = values.iter().zip(payload).take(kept).map(|(v, p)| (v.to_bits(), p)).collect();
-        (bits.to_vec(), [x.le(y), x.lt(y)], compressed)
+        let items = [10, 11, 12, 13, 14, 15, 16, 17];
+        let kept = x.compress_le(y, order, &items, &mut values, &mut payload);
+        let compressed: Vec<_> = values.iter().zip(payload).take(kept).map(|(v, p)| (v.to_bits(), p)).collect();
+        let mask = x.le_in_order(y, order);
+        let (mut values, mut payload, mut alone) = ([0.0; 8], [0; 8], [0; 8]);
+        x.compress::<true>(mask, order, &items, &mut values, &mut payload);
+        let in_two_steps: Vec<_> = values.iter().zip(payload).take(kept).map(|(v, p)| (v.to_bits(), p)).collect();
+        assert_eq!(in_two_steps, compressed);
+        x.compress::<false>(mask, order, &items, &mut values, &mut alone);
+        assert_eq!(alone[..kept], payload[..kept]);
+        (bits.to_vec(), [x.le(y), x.lt(y), x.signs(), mask], compressed)
+    }
+
+    #[test]
+    fn fused_operations_round_once() {
+        if !Level::Avx2.is_supported() {
+            eprintln!("skipped: no AVX2");
+            return;
+        }
+        let a = [1.0 + f32::EPSILON; 8];
+        // SAFETY: the level was checked.
+        let x = unsafe { Avx8::load(&a) };
+        let (mut sum, mut difference) = ([0.0; 8], [0.0; 8]);
+        x.mul_add(x, x).store(&mut sum);
+        x.mul_sub(x, x.mul(x)).store(&mut difference);
+        assert_eq!(sum, a.map(|a| a.mul_add(a, a)));
+        assert_eq!(difference, [f32::EPSILON * f32::EPSILON; 8]);
     }
 
     #[test]

@@ -1,8 +1,11 @@
 //! Eight `f32` at a time: the few operations that kernels need, once for each instruction set.
 
-/// Eight numbers that are worked on together. Every implementation gives the same bits: nothing is fused, and `min` and `max`
-/// return the second operand if one is NaN.
+/// Eight numbers that are worked on together. Every implementation gives the same bits, except for the operations that say so:
+/// nothing else is fused, and `min` and `max` return the second operand if one is NaN.
 pub trait Lanes8: Copy {
+    /// True if [`Self::mul_add`] and [`Self::mul_sub`] round once, false if they round the product too.
+    const FUSED: bool;
+
     /// The same number in all lanes.
     ///
     /// # Safety
@@ -27,6 +30,12 @@ pub trait Lanes8: Copy {
     /// `self * other`.
     fn mul(self, other: Self) -> Self;
 
+    /// `self * factor + summand`, fused or not: see [`Self::FUSED`].
+    fn mul_add(self, factor: Self, summand: Self) -> Self;
+
+    /// `self * factor - subtrahend`, fused or not: see [`Self::FUSED`].
+    fn mul_sub(self, factor: Self, subtrahend: Self) -> Self;
+
     /// The lesser of both; `other` if either is NaN.
     fn min(self, other: Self) -> Self;
 
@@ -41,6 +50,23 @@ pub trait Lanes8: Copy {
 
     /// Bit `i` is set if `self < other` in lane `i` (not for NaN).
     fn lt(self, other: Self) -> u32;
+
+    /// Bit `i` is set if lane `i` has its sign bit set.
+    fn signs(self) -> u32;
+
+    /// Bit `i` is set if `self <= limit` in the lane that comes `i`-th in `order` (eight numbers of 3 bits, the first lowest).
+    fn le_in_order(self, limit: Self, order: u32) -> u32;
+
+    /// Takes the lanes in `order`, keeps those whose bit is set in `mask` (as [`Self::le_in_order`] gives it), and writes them, if
+    /// `VALUES`, and their `payload` to the front of the outputs; what follows them there is unspecified.
+    fn compress<const VALUES: bool>(
+        self,
+        mask: u32,
+        order: u32,
+        payload: &[u32; 8],
+        values_out: &mut [f32; 8],
+        payload_out: &mut [u32; 8],
+    );
 
     /// Takes the lanes in the order given by `order` (eight numbers of 3 bits, the first lowest), keeps those with
     /// `self <= limit`, and writes them and their `payload` to the front of the outputs; what follows them there is unspecified.

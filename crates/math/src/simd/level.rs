@@ -7,7 +7,7 @@ use std::fmt;
 pub enum Level {
     /// Portable code, no special instructions: the twin that the others are tested against.
     Scalar,
-    /// AVX2, FMA, BMI1 and POPCNT (x86-64).
+    /// AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT (x86-64).
     Avx2,
     /// AVX-512 F, VL, BW, DQ (x86-64).
     Avx512,
@@ -40,6 +40,8 @@ impl Level {
                 is_x86_feature_detected!("avx2")
                     && is_x86_feature_detected!("fma")
                     && is_x86_feature_detected!("bmi1")
+                    && is_x86_feature_detected!("bmi2")
+                    && is_x86_feature_detected!("lzcnt")
                     && is_x86_feature_detected!("popcnt")
             }
             #[cfg(target_arch = "x86_64")]

@@ -2,12 +2,18 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx2_doubles;
+mod doubles;
 mod lanes;
 mod level;
 mod portable;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx8;
+#[cfg(target_arch = "x86_64")]
+pub use avx2_doubles::Avx4;
+pub use doubles::{Lanes4, Portable4, WideLanes};
 pub use lanes::Lanes8;
 pub use level::Level;
 pub use portable::Portable8;

@@ -19,6 +19,8 @@ impl Portable8 {
 }
 
 impl Lanes8 for Portable8 {
+    const FUSED: bool = false;
+
     #[inline(always)]
     unsafe fn splat(value: f32) -> Self {
         Self([value; 8])
@@ -50,6 +52,16 @@ impl Lanes8 for Portable8 {
     }
 
     #[inline(always)]
+    fn mul_add(self, factor: Self, summand: Self) -> Self {
+        self.mul(factor).add(summand)
+    }
+
+    #[inline(always)]
+    fn mul_sub(self, factor: Self, subtrahend: Self) -> Self {
+        self.mul(factor).sub(subtrahend)
+    }
+
+    #[inline(always)]
     fn min(self, other: Self) -> Self {
         self.zip(other, |a, b| if a < b { a } else { b })
     }
@@ -72,6 +84,40 @@ impl Lanes8 for Portable8 {
     #[inline(always)]
     fn lt(self, other: Self) -> u32 {
         self.compare(other, |a, b| a < b)
+    }
+
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        self.compare(self, |a, _| a.is_sign_negative())
+    }
+
+    #[inline(always)]
+    fn le_in_order(self, limit: Self, order: u32) -> u32 {
+        (0..8).fold(0, |mask, i| {
+            let lane = ((order >> (3 * i)) & 7) as usize;
+            mask | u32::from(self.0[lane] <= limit.0[lane]) << i
+        })
+    }
+
+    #[inline(always)]
+    fn compress<const VALUES: bool>(
+        self,
+        mask: u32,
+        order: u32,
+        payload: &[u32; 8],
+        values_out: &mut [f32; 8],
+        payload_out: &mut [u32; 8],
+    ) {
+        let mut count = 0;
+        for i in 0..8 {
+            let lane = ((order >> (3 * i)) & 7) as usize;
+            // Written in any case, counted only if kept: no branch on data.
+            if VALUES {
+                values_out[count & 7] = self.0[lane];
+            }
+            payload_out[count & 7] = payload[lane];
+            count += (mask >> i & 1) as usize;
+        }
     }
 
     #[inline(always)]

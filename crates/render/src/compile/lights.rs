@@ -135,8 +135,8 @@ impl LightTable {
                 }
                 (EmissiveGeometry::Shape(shape.clone()), world_from_group.compose(group_from_shape), material)
             }
-            // Sets of primitives shine when they are hit, but are not sampled.
-            Geometry::Set(_) => return,
+            // Shine when they are hit, but are not sampled.
+            Geometry::Quads(_) | Geometry::MovingMesh(_) | Geometry::Set(_) => return,
         };
         let Some(light) = AreaLight::new(geometry, placed, (instance, id.0)) else { return };
         let sides = if brightest.emits_on_both_sides { 2.0 } else { 1.0 };

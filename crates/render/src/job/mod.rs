@@ -266,7 +266,7 @@ mod tests {
             batches.map(|(_, rays)| rays.len() as u64).sum::<u64>()
         };
         let shadow = recording.occluded.iter().map(|rays| rays.len() as u64).sum();
-        let recorded = RayCounts { camera: count(Grouping::Pixel), shadow, indirect: count(Grouping::None) };
+        let recorded = RayCounts { camera: count(Grouping::Coherent), shadow, indirect: count(Grouping::None) };
         assert_eq!(recorded, statistics.rays);
         assert!(statistics.tracing > Duration::ZERO);
     }

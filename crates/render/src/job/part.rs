@@ -84,8 +84,11 @@ impl<'a> PartRenderer<'a> {
     pub fn render(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
         self.start(area, range);
         statistics.rays.camera += self.paths.len() as u64;
-        let mut grouping =
-            if self.camera.has_common_origin() && range[1] - range[0] == 16 { Grouping::Pixel } else { Grouping::None };
+        let mut grouping = if self.camera.has_common_origin() && range[1] - range[0] == 16 {
+            Grouping::Coherent
+        } else {
+            Grouping::None
+        };
         let mut depth = 0;
         while self.paths.len() > 0 {
             self.tracer.closest(&self.paths.rays, grouping, &mut self.paths.hits);

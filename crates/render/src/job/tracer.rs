@@ -61,7 +61,7 @@ impl<'a> Tracer<'a> {
         blocked.clear();
         blocked.resize(rays.len(), false);
         let start = Instant::now();
-        self.scene.world.occluded(rays, self.filter(), blocked);
+        self.scene.world.occluded(rays, Grouping::None, self.filter(), blocked);
         self.spent += start.elapsed();
     }
 }

@@ -35,7 +35,7 @@ impl Kind {
     /// What is known about rays that stand next to each other: those of 4x4 pixels have an origin or a target in common.
     pub fn grouping(self) -> Grouping {
         match self {
-            Self::Primary | Self::Shadow => Grouping::Pixel,
+            Self::Primary | Self::Shadow => Grouping::Coherent,
             Self::Diffuse | Self::Shuffled => Grouping::None,
         }
     }

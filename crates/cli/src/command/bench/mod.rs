@@ -4,6 +4,7 @@ mod accelerators;
 mod build;
 mod clock;
 mod contest;
+mod dump;
 mod kinds;
 mod peer;
 mod rays;

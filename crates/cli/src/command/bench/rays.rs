@@ -5,7 +5,7 @@ use super::contest::{Call, Contest, Opponent, Outcome};
 use super::kinds::{self, Kind};
 use super::peer::{Peer, PeerPath, contenders, parse_peer};
 use super::scenes::{self, Bench};
-use super::variants;
+use super::{dump, variants};
 use crate::failure::{Failure, choice};
 use crate::standard_output;
 use serde_json::{Value, json};
@@ -13,6 +13,7 @@ use snell_embree::{BuildQuality, PeerScene};
 use snell_formats::ReadOptions;
 use snell_intersect::{BuildOptions, Hit, World};
 use snell_math::Ray;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Options of `snell bench rays`.
@@ -45,6 +46,9 @@ pub struct Options {
     /// Whom to compare with: embree=PATH, where PATH is its shared library or the wheel `embreex` of PyPI
     #[arg(long, value_name = "NAME=PATH", value_parser = parse_peer)]
     peer: Option<PeerPath>,
+    /// Also write the triangles, the rays and what they hit, as NumPy arrays in a folder for each scene
+    #[arg(long, value_name = "FOLDER")]
+    dump_rays: Option<PathBuf>,
     /// Print JSON, a line for each measurement
     #[arg(long)]
     json: bool,
@@ -91,10 +95,13 @@ impl Plan<'_> {
         let fail = |e: snell_intersect::WorldError| Failure::Scene(format!("{}: {e}", bench.name));
         let sight = variants::rebuilt(&bench.world, &BuildOptions::default()).map_err(fail)?;
         let first = kinds::first_hits(bench, &sight, self.options.side);
-        drop(sight);
         let batches: Vec<(Kind, Vec<Ray>)> =
             self.kinds.iter().map(|&kind| (kind, kinds::rays(kind, bench, &first))).collect();
         drop(first);
+        if let Some(folder) = &self.options.dump_rays {
+            dump::write(folder, bench, &sight, &batches)?;
+        }
+        drop(sight);
         let peer_scenes = self.peer_scenes(&bench.world)?;
         for variant in &self.variants {
             let world = variants::rebuilt(&bench.world, variant).map_err(fail)?;

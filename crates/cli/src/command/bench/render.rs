@@ -118,7 +118,7 @@ fn measure(
         render.push(start.elapsed().as_secs_f64());
         tracing.push(statistics.tracing.as_secs_f64() / threads as f64);
         let mut seconds = 0.0;
-        for (grouping, rays) in [(Grouping::Pixel, &rays.coherent), (Grouping::None, &rays.unrelated)] {
+        for (grouping, rays) in [(Grouping::Coherent, &rays.coherent), (Grouping::None, &rays.unrelated)] {
             seconds +=
                 time_pieces(&pool, Clock::Wall, rays, &mut hits[..rays.len()], &|rays: &[Ray], hits: &mut [Hit]| {
                     world.closest(rays, grouping, filter, hits);
@@ -126,7 +126,7 @@ fn measure(
         }
         seconds +=
             time_pieces(&pool, Clock::Wall, &rays.occluded, &mut blocked, &|rays: &[Ray], blocked: &mut [bool]| {
-                world.occluded(rays, filter, blocked);
+                world.occluded(rays, Grouping::None, filter, blocked);
             });
         raw.push(seconds);
     }

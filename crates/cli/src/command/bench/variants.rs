@@ -77,11 +77,13 @@ pub fn builder_of(world: &World) -> WorldBuilder {
             Geometry::Mesh(mesh) => builder.add_mesh(group, mesh.clone()),
             Geometry::Shape(shape, placed) => builder.add_shape(group, shape.clone(), *placed),
             Geometry::Set(set) => builder.add_set(group, set.clone()),
+            Geometry::Quads(quads) => builder.add_quads(group, quads.clone()),
+            Geometry::MovingMesh(mesh) => builder.add_moving_mesh(group, mesh.clone()),
         };
     }
     for group in groups() {
         for instance in &world.group(group).instances {
-            builder.add_instance(group, instance.child, instance.group_from_child);
+            builder.add(group, instance.clone());
         }
     }
     builder

@@ -98,6 +98,9 @@ pub struct Options {
     /// How the bvh is built: fast, medium or high. Never changes the picture
     #[arg(long, value_name = "NAME", default_value = "medium", help_heading = "How light is computed")]
     pub quality: String,
+    /// Keep acceleration structures of large meshes in this folder, for the next render
+    #[arg(long, value_name = "FOLDER", help_heading = "How light is computed")]
+    pub bvh_cache: Option<PathBuf>,
     /// Which samples find lights in path and direct: mis, light or bsdf
     #[arg(long, value_name = "NAME", default_value = "mis", help_heading = "How light is computed")]
     pub light_samples: String,
@@ -228,7 +231,13 @@ impl Options {
             )?,
             ao_distance: self.ao_distance,
             aovs,
-            build: BuildOptions { accelerator, quality, simd, ..BuildOptions::default() },
+            build: BuildOptions {
+                accelerator,
+                quality,
+                cache: self.bvh_cache.clone(),
+                simd,
+                ..BuildOptions::default()
+            },
             ..Settings::default()
         })
     }

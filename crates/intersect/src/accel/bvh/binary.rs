@@ -120,6 +120,23 @@ impl PartBuilder {
         costs
     }
 
+    /// Where the next node goes.
+    pub fn next(&self) -> u32 {
+        self.nodes.len() as u32
+    }
+
+    /// An inner node whose box is known only from its children: `children` pushes both and returns the box, where the second starts, and
+    /// the costs of both.
+    pub fn inner_from_below(&mut self, children: impl FnOnce(&mut Self) -> (Box8, u32, Costs, Costs)) -> (Box8, Costs) {
+        let index = self.nodes.len();
+        self.push(&Box8::EMPTY, 0, 0);
+        let (bounds, link, first, second) = children(self);
+        let (choices, costs) = Choices::best(bounds.half_area(), &first, &second);
+        let b = bounds.bounds();
+        self.nodes[index] = BinaryNode { low: b.min.to_array(), link, high: b.max.to_array(), kind: choices.0 };
+        (bounds, costs)
+    }
+
     /// The finished part. `costs` are those of its root.
     pub fn finish<P>(self, primitives: &[P], costs: Costs) -> Tree<'_, P> {
         Tree::Part(Part { nodes: self.nodes, primitives, costs })

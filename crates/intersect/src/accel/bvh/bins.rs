@@ -64,6 +64,8 @@ pub(super) struct Plane {
     pub at: BinPlane,
     /// The boxes of both parts.
     pub bounds: [Box8; 2],
+    /// Area times blocks.
+    pub cost: f32,
 }
 
 /// The division of least cost; `None` if all primitives share a bin on every axis.
@@ -97,13 +99,17 @@ pub(super) fn best_plane(bins: &Bins) -> Option<Plane> {
     let at = best?;
     let (a, b) = bins.boxes[at.axis].split_at(at.bin);
     let bounds = |boxes: &[Box8]| boxes.iter().fold(Box8::EMPTY, |a, b| a.union(b));
-    Some(Plane { at, bounds: [bounds(a), bounds(b)] })
+    Some(Plane { at, bounds: [bounds(a), bounds(b)], cost: best_cost })
 }
 
 /// What it costs to visit a set: area times blocks of up to eight triangles.
 #[inline(always)]
 fn cost(bounds: &Box8, count: u32) -> f32 {
-    // Large sets do not fill their blocks evenly anyway.
-    let blocks = if count > 256 { count as f32 / 8.0 } else { count.div_ceil(8) as f32 };
-    bounds.half_area() * blocks
+    bounds.half_area() * blocks(count)
+}
+
+/// How many blocks of up to eight triangles a set will need. Large ones do not fill their blocks evenly anyway.
+#[inline(always)]
+pub(super) fn blocks(count: u32) -> f32 {
+    if count > 256 { count as f32 / 8.0 } else { count.div_ceil(8) as f32 }
 }

@@ -1,14 +1,17 @@
 //! The tree of one group, in the quality asked for.
 
+use super::cache::{self, Cached};
+use super::high::High;
 use super::medium::Medium;
 use super::primitive::{MAX_TRIANGLES, OBJECT, Triangles, triangle_primitives};
 use super::storage::Storage;
 use super::wide::{Wide, write};
-use super::{BvhOptions, GroupTree};
+use super::{BvhOptions, CacheUse, GroupTree, Quality, fast, waste};
 use crate::accel::brute_force::GroupList;
 use crate::kernel::binning::Primitive;
 use crate::kernel::node::ChildRef;
 use snell_math::Bounds3;
+use std::path::Path;
 
 /// Builds the tree of one group. `boxes` are those of its objects, in order.
 pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOptions) -> Result<GroupTree, String> {
@@ -38,21 +41,70 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOpti
         }
     }
     let triangles = Triangles::new(list, &meshes);
-    let (Wide { nodes, blocks, root, depth }, placed) = build_wide(&triangles, &objects, options)?;
-    let skipped = if placed < count { triangles.degenerate() } else { Vec::new() };
+    let build = || {
+        let (wide, placed) = build_wide(&triangles, &objects, options)?;
+        let skipped = if placed < count { triangles.degenerate() } else { Vec::new() };
+        Ok(Cached { wide, skipped })
+    };
+    let folder = options.cache.as_deref().filter(|_| count >= cache::LEAST_TRIANGLES);
+    let (Cached { wide, skipped }, cache) = match folder {
+        None => (build()?, CacheUse::None),
+        Some(folder) => {
+            through_cache(&cache::path(folder, list, boxes, options.quality), count, list.objects.len(), build)?
+        }
+    };
+    let Wide { nodes, blocks, root, depth } = wide;
     let objects = list.objects.clone();
-    Ok(GroupTree { nodes, blocks, root, objects, unbounded, meshes, depth, triangles: count, skipped, empty })
+    Ok(GroupTree { nodes, blocks, root, objects, unbounded, meshes, depth, triangles: count, skipped, empty, cache })
+}
+
+/// The tree in a file, or else a new one, which is then written there.
+fn through_cache(
+    path: &Path,
+    triangles: usize,
+    objects: usize,
+    build: impl FnOnce() -> Result<Cached, String>,
+) -> Result<(Cached, CacheUse), String> {
+    let damage = match cache::read(path, triangles, objects) {
+        Ok(Some(cached)) => return Ok((cached, CacheUse::Read)),
+        Ok(None) => None,
+        Err(e) => Some(format!("the cached structure {} was not used and is replaced: {e}", path.display())),
+    };
+    let built = build()?;
+    let usage = match (cache::write(path, &built.wide, &built.skipped), damage) {
+        (Err(e), _) => CacheUse::Failed(format!("the structure could not be cached as {}: {e}", path.display())),
+        (Ok(()), Some(warning)) => CacheUse::Failed(warning),
+        (Ok(()), None) => CacheUse::Written,
+    };
+    Ok((built, usage))
 }
 
 /// Also says how many of the triangles are in the tree.
 fn build_wide(triangles: &Triangles, objects: &[Primitive], options: &BvhOptions) -> Result<(Wide, usize), String> {
-    let (mut primitives, count) = triangle_primitives(triangles, objects.len());
+    let nothing = || Wide { nodes: Storage::zeroed(0), blocks: Storage::zeroed(0), root: ChildRef::NONE, depth: 0 };
+    if options.quality == Quality::Fast {
+        let sorted = fast::sorted(triangles, objects);
+        if sorted.count == 0 {
+            return Ok((nothing(), 0));
+        }
+        let (tree, blocks) = fast::build(&sorted.keys[..sorted.count], triangles, objects);
+        return Ok((write(&tree, triangles, Some(blocks))?, sorted.triangles));
+    }
+    let has_objects = !objects.is_empty();
+    let most = triangles.count() + objects.len();
+    let room = if options.quality == Quality::High { most / 3 + 64 } else { most / 4 + 64 };
+    // Memory that is not used is never touched, and costs nothing.
+    let (mut primitives, count) = triangle_primitives(triangles, objects.len() + room);
     let all = count + objects.len();
     primitives[count..all].copy_from_slice(objects);
     if all == 0 {
-        let nothing = Wide { nodes: Storage::zeroed(0), blocks: Storage::zeroed(0), root: ChildRef::NONE, depth: 0 };
-        return Ok((nothing, 0));
+        return Ok((nothing(), 0));
     }
-    let tree = Medium { level: options.simd, has_objects: !objects.is_empty() }.build(&mut primitives[..all]);
-    Ok((write(&tree, triangles)?, count))
+    let splits = options.quality == Quality::High || waste::is_large(&primitives[..all], triangles);
+    let tree = if splits {
+        High::new(options.simd, has_objects, triangles).build(&mut primitives[..all + room], all)
+    } else {
+        Medium { level: options.simd, has_objects }.build(&mut primitives[..all])
+    };
+    Ok((write(&tree, triangles, None)?, count))
 }

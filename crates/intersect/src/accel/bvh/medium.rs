@@ -9,10 +9,10 @@ use rayon::join;
 use snell_math::simd::Level;
 
 /// Sets up to this size become one part of the tree, built by one thread.
-const PART: usize = 4096;
+pub(super) const PART: usize = 4096;
 
 /// Below this depth sets are halved instead of divided by cost, so that no tree is deeper than some 90 nodes.
-const MAX_COST_DEPTH: usize = 60;
+pub(super) const MAX_COST_DEPTH: usize = 60;
 
 /// How to build.
 #[derive(Clone, Copy, Debug)]

@@ -2,10 +2,10 @@
 
 use super::storage::{Plain, Storage};
 use crate::accel::brute_force::GroupList;
-use crate::kernel::binning::Primitive;
-use crate::mesh::TriangleMesh;
+use crate::kernel::binning::{Box8, Primitive};
+use crate::mesh::{TriangleMesh, are_degenerate, padded_bounds};
 use rayon::prelude::*;
-use snell_math::Vec3;
+use snell_math::{Vec3, Vec4};
 
 /// Something with the number of a triangle within its group, or with [`OBJECT`] and that of an object.
 pub(super) trait Numbered: Copy + Send + Sync {
@@ -69,6 +69,17 @@ impl<'a> Triangles<'a> {
         mesh.is_degenerate(triangle)
     }
 
+    /// About the box around the doubled centres (by `center2`) of all triangles: large numbers of them are only sampled.
+    pub fn centers(&self, center2: impl Fn([Vec3; 3]) -> Vec4) -> Box8 {
+        let stride = self.count() / SAMPLES + 1;
+        let all = self
+            .list
+            .meshes
+            .iter()
+            .flat_map(|(_, mesh)| (0..mesh.indices.len()).step_by(stride).map(|triangle| mesh.corners(triangle)));
+        all.filter(|corners| !are_degenerate(corners)).fold(Box8::EMPTY, |b, corners| b.with_point(center2(corners)))
+    }
+
     /// The triangles that can never be hit.
     pub fn degenerate(&self) -> Vec<u32> {
         (0..self.count() as u32).into_par_iter().with_min_len(CHUNK).filter(|&id| self.is_degenerate(id)).collect()
@@ -92,8 +103,9 @@ impl<'a> Triangles<'a> {
             .map(|(mesh, first, range, piece)| {
                 let (size, mut count) = (range.len(), 0);
                 for i in range {
-                    if !mesh.is_degenerate(i) {
-                        piece[count] = make(first + i as u32, mesh.corners(i));
+                    let corners = mesh.corners(i);
+                    if !are_degenerate(&corners) {
+                        piece[count] = make(first + i as u32, corners);
                         count += 1;
                     }
                 }
@@ -104,8 +116,11 @@ impl<'a> Triangles<'a> {
     }
 }
 
+/// How many triangles are looked at to estimate where all are.
+const SAMPLES: usize = 1 << 16;
+
 /// Triangles handled at once by one thread.
-const CHUNK: usize = 1 << 14;
+pub(super) const CHUNK: usize = 1 << 14;
 
 /// Moves the used front of each piece (size, used) together; returns the sum.
 fn close_gaps<T: Copy>(items: &mut [T], pieces: &[(usize, usize)]) -> usize {
@@ -123,8 +138,9 @@ fn close_gaps<T: Copy>(items: &mut [T], pieces: &[(usize, usize)]) -> usize {
 /// The boxes of all triangles that can be hit, and how many they are; there is room for `extra` more.
 pub(super) fn triangle_primitives(triangles: &Triangles, extra: usize) -> (Storage<Primitive>, usize) {
     let mut primitives = Storage::zeroed(triangles.count() + extra);
-    let count = triangles.collect(&mut primitives[..triangles.count()], |id, [a, b, c]| {
-        Primitive::new(a.min(b).min(c), a.max(b).max(c), id)
+    let count = triangles.collect(&mut primitives[..triangles.count()], |id, corners| {
+        let bounds = padded_bounds(&corners);
+        Primitive::new(bounds.min, bounds.max, id)
     });
     (primitives, count)
 }

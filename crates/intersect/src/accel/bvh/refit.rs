@@ -1,11 +1,12 @@
 //! New boxes for a tree whose vertices have moved: the topology stays, so it is much faster than a build, and the slower to trace the
 //! more the vertices have moved among each other.
 
-use super::GroupTree;
 use super::primitive::Triangles;
+use super::{CacheUse, GroupTree};
 use crate::accel::brute_force::GroupList;
 use crate::kernel::node::WideNode;
 use crate::kernel::triangle::TriangleBlock;
+use crate::mesh::padded_bounds;
 use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d};
 
@@ -59,6 +60,7 @@ impl GroupTree {
             unbounded,
             empty: is_empty,
             skipped: self.skipped.clone(),
+            cache: CacheUse::None,
             ..*self
         })
     }
@@ -78,7 +80,7 @@ fn refill(block: &mut TriangleBlock, triangles: &Triangles) -> Bounds3 {
         } else {
             let corners = triangles.corners(id);
             block.set(lane, &corners.map(|v| v.to_array()), id);
-            bounds = corners.into_iter().fold(bounds, |b, p| b.with_point(p));
+            bounds = bounds.union(&padded_bounds(&corners));
         }
     }
     bounds

@@ -6,6 +6,7 @@
 
 use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
 use std::fmt;
+use std::fs::File;
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::ptr::NonNull;
@@ -62,6 +63,33 @@ impl<T: Plain> Storage<T> {
             NonNull::new(memory.cast::<T>()).unwrap_or_else(|| handle_alloc_error(layout))
         };
         Self { start, len, owner: Owner::Heap(layout), values: PhantomData }
+    }
+
+    /// Values in a file, from a byte on that is a multiple of the size of a page. What is written to them stays in memory.
+    pub fn mapped(file: &File, start: u64, len: usize) -> std::io::Result<Self> {
+        let layout = Layout::array::<T>(len).map_err(std::io::Error::other)?;
+        if len == 0 {
+            return Ok(Self::zeroed(0));
+        }
+        let options = || {
+            let mut options = memmap2::MmapOptions::new();
+            options.offset(start).len(layout.size());
+            options
+        };
+        // SAFETY: the mapping is private, so only another process that changes the file in place could change what is seen here before it is
+        // first touched; files are complete when they get their name and are never written again. Any bits are valid values.
+        let mut map = unsafe { options().map_copy(file)? };
+        let start = NonNull::new(map.as_mut_ptr().cast::<T>()).expect("mapped memory has an address");
+        if !start.is_aligned() {
+            return Err(std::io::Error::other("the memory of the file is not aligned"));
+        }
+        Ok(Self { start, len, owner: Owner::Mapped(map), values: PhantomData })
+    }
+
+    /// The values as they are in memory.
+    pub fn bytes(&self) -> &[u8] {
+        // SAFETY: plain values have no padding, and all of them are readable.
+        unsafe { std::slice::from_raw_parts(self.start.as_ptr().cast(), size_of_val(&**self)) }
     }
 }
 

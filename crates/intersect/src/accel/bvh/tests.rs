@@ -78,7 +78,7 @@ fn none() -> BuildOptions {
 fn assert_equal(world: &World, oracle: &World, rays: &[Ray], what: &str) {
     let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
     world.closest(rays, Grouping::None, &AcceptAll, &mut hits);
-    world.occluded(rays, &AcceptAll, &mut blocked);
+    world.occluded(rays, Grouping::None, &AcceptAll, &mut blocked);
     for (i, ray) in rays.iter().enumerate() {
         let expected = oracle.all_one(ray, &AcceptAll);
         let first = expected.first().copied().unwrap_or(Hit::MISS);
@@ -205,21 +205,63 @@ fn a_refitted_tree_finds_what_has_moved() {
         }
         let after = Arc::new(mesh);
         let options = BuildOptions { quality, ..BuildOptions::default() };
-        let mut world = world_of(&[after.clone()], &options);
-        let Structure::Bvh(old) = world_of(&[before.clone()], &options).structure else { panic!("a tree") };
+        let mut world = world_of(std::slice::from_ref(&after), &options);
+        let Structure::Bvh(old) = world_of(std::slice::from_ref(&before), &options).structure else { panic!("a tree") };
         let Structure::Bvh(forest) = &mut world.structure else { panic!("a tree") };
-        let list =
-            |mesh: &Arc<TriangleMesh>| GroupList { meshes: vec![(0, mesh.clone())], objects: Default::default() };
+        let list = |mesh: &Arc<TriangleMesh>| GroupList { meshes: vec![(0, mesh.clone())], ..GroupList::default() };
         let refitted = old.trees[0].refit(&list(&after), &[]).expect("the same triangles");
         // And back again.
         let back = refitted.refit(&list(&before), &[]).expect("the same triangles");
         assert!(back.nodes.len() == old.trees[0].nodes.len());
         forest.trees[0] = Arc::new(refitted);
-        assert_equal(&world, &world_of(&[after.clone()], &none()), &rays(&after, 500), quality.name());
-        let mut world = world_of(&[before.clone()], &options);
+        assert_equal(&world, &world_of(std::slice::from_ref(&after), &none()), &rays(&after, 500), quality.name());
+        let mut world = world_of(std::slice::from_ref(&before), &options);
         let Structure::Bvh(forest) = &mut world.structure else { panic!("a tree") };
         forest.trees[0] = Arc::new(back);
-        assert_equal(&world, &world_of(&[before.clone()], &none()), &rays(&before, 500), quality.name());
+        assert_equal(&world, &world_of(std::slice::from_ref(&before), &none()), &rays(&before, 500), quality.name());
         assert!(old.trees[0].refit(&list(&Arc::new(soup(5001, 4))), &[]).is_none(), "other triangles");
     }
+}
+
+#[test]
+fn a_cached_tree_is_the_same_and_a_damaged_file_is_replaced() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mesh = [Arc::new(soup(70_000, 8))];
+    let options = BuildOptions { cache: Some(folder.path().join("new")), ..BuildOptions::default() };
+    let cached = |world: &World| (world.stats().cached_groups, world.warnings().len());
+    let built = world_of(&mesh, &options);
+    assert_eq!(cached(&built), (0, 0));
+    let found = world_of(&mesh, &options);
+    assert_eq!(cached(&found), (1, 0));
+    assert!(contents(&built) == contents(&found));
+    let rays = rays(&mesh[0], 300);
+    assert_equal(&found, &world_of(&mesh, &none()), &rays, "cached");
+    let files: Vec<_> = std::fs::read_dir(folder.path().join("new")).expect("a folder").flatten().collect();
+    assert_eq!(files.len(), 1, "nothing else is left there");
+    let path = files[0].path();
+    let whole = std::fs::read(&path).expect("a file");
+    // Other contents and qualities have other names.
+    let high = BuildOptions { quality: Quality::High, ..options.clone() };
+    assert_eq!(cached(&world_of(&mesh, &high)), (0, 0));
+    assert_eq!(cached(&world_of(&[Arc::new(soup(70_000, 9))], &options)), (0, 0));
+    let mut damages: Vec<Vec<u8>> = vec![Vec::new(), whole[..100].to_vec(), whole[..whole.len() - 1].to_vec()];
+    // In the header, in the references of a node, and in the numbers of a block.
+    let blocks = whole.len() - built.stats().triangle_blocks as usize * 320;
+    for place in [3, 20, 40, 60, 4096 + 195, (blocks / 4096) * 4096 + 291] {
+        let mut bytes = whole.clone();
+        bytes[place] ^= 0x35;
+        damages.push(bytes);
+    }
+    for (i, damage) in damages.iter().enumerate() {
+        std::fs::write(&path, damage).expect("written");
+        let world = world_of(&mesh, &options);
+        assert_eq!(cached(&world), (0, 1), "damage {i}");
+        assert!(world.warnings()[0].contains("replaced"));
+        assert!(contents(&built) == contents(&world));
+        assert_eq!(cached(&world_of(&mesh, &options)), (1, 0), "it was replaced");
+    }
+    let nowhere = BuildOptions { cache: Some(path.join("below a file")), ..BuildOptions::default() };
+    let world = world_of(&mesh, &nowhere);
+    assert_eq!(cached(&world), (0, 1));
+    assert!(contents(&built) == contents(&world));
 }

@@ -8,7 +8,9 @@ use super::primitive::{Numbered, OBJECT, Triangles};
 use super::storage::Storage;
 use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::triangle::TriangleBlock;
+use crate::mesh::padded_bounds;
 use rayon::prelude::*;
+use snell_math::Bounds3;
 
 /// The finished tree.
 pub(super) struct Wide {
@@ -34,8 +36,12 @@ enum Step<'t, P> {
     Piece(Cursor<'t, P>),
 }
 
-/// Writes the tree.
-pub(super) fn write<P: Numbered>(tree: &Tree<'_, P>, triangles: &Triangles) -> Result<Wide, String> {
+/// Writes the tree. `written` are the blocks of its leaves, if the builder has filled them.
+pub(super) fn write<P: Numbered>(
+    tree: &Tree<'_, P>,
+    triangles: &Triangles,
+    written: Option<Storage<TriangleBlock>>,
+) -> Result<Wide, String> {
     let mut steps = Vec::new();
     plan(tree.root(), &mut steps);
     let sizes: Vec<Place> = steps
@@ -64,7 +70,8 @@ pub(super) fn write<P: Numbered>(tree: &Tree<'_, P>, triangles: &Triangles) -> R
         ));
     }
     let mut nodes = Storage::zeroed(end.nodes);
-    let mut blocks = Storage::zeroed(end.blocks);
+    let write_blocks = written.is_none();
+    let mut blocks = written.unwrap_or_else(|| Storage::zeroed(end.blocks));
     let reference = |step: usize, cursor: Cursor<P>| match cursor.leaf() {
         None => ChildRef::node(places[step].nodes),
         Some(leaf) => leaf_reference(leaf, places[step].blocks),
@@ -76,7 +83,7 @@ pub(super) fn write<P: Numbered>(tree: &Tree<'_, P>, triangles: &Triangles) -> R
         nodes_left = others;
         let (blocks, others) = blocks_left.split_at_mut(size.blocks);
         blocks_left = others;
-        jobs.push((step, Writer { triangles, nodes, blocks, start: *place, used: Place::default() }));
+        jobs.push((step, Writer { triangles, write_blocks, nodes, blocks, start: *place, used: Place::default() }));
     }
     let run = |(step, mut writer): (&Step<P>, Writer)| match step {
         Step::Piece(cursor) => writer.subtree(*cursor).1,
@@ -133,6 +140,7 @@ fn leaf_reference<P: Numbered>(leaf: &[P], block: usize) -> ChildRef {
 /// Writes a subtree into its piece of the tree.
 struct Writer<'a> {
     triangles: &'a Triangles<'a>,
+    write_blocks: bool,
     nodes: &'a mut [WideNode],
     blocks: &'a mut [TriangleBlock],
     /// Where the piece starts in the tree.
@@ -164,14 +172,24 @@ impl Writer<'_> {
     fn leaf<P: Numbered>(&mut self, leaf: &[P]) -> ChildRef {
         let reference = leaf_reference(leaf, self.start.blocks + self.used.blocks);
         if reference.is_triangles() {
-            let block = &mut self.blocks[self.used.blocks];
-            self.used.blocks += 1;
-            let mut filled = TriangleBlock::EMPTY;
-            for (lane, p) in leaf.iter().enumerate() {
-                filled.set(lane, &self.triangles.corners(p.id()).map(|v| v.to_array()), p.id());
+            if self.write_blocks {
+                fill(&mut self.blocks[self.used.blocks], leaf, self.triangles);
             }
-            *block = filled;
+            self.used.blocks += 1;
         }
         reference
     }
+}
+
+/// Fills the block of a leaf, which is all zeros; returns the box around it.
+#[inline]
+pub(super) fn fill<P: Numbered>(block: &mut TriangleBlock, leaf: &[P], triangles: &Triangles) -> Bounds3 {
+    block.ids = TriangleBlock::EMPTY.ids;
+    let mut bounds = Bounds3::EMPTY;
+    for (lane, p) in leaf.iter().enumerate() {
+        let corners = triangles.corners(p.id());
+        bounds = bounds.union(&padded_bounds(&corners));
+        block.set(lane, &corners.map(|v| v.to_array()), p.id());
+    }
+    bounds
 }

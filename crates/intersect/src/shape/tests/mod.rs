@@ -3,6 +3,7 @@
 //! `SNELL_ORACLE_RAYS` sets the number of rays per example.
 
 mod against_oracle;
+mod nearest;
 mod oracle;
 mod rays;
 mod surface;

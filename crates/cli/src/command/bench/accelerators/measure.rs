@@ -110,7 +110,7 @@ impl Measurer {
 
 fn trace(world: &World, kind: Kind, rays: &[Ray], hits: &mut [Hit], blocked: &mut [bool]) {
     match kind {
-        Kind::Shadow => world.occluded(rays, &AcceptAll, &mut blocked[..rays.len()]),
+        Kind::Shadow => world.occluded(rays, snell_intersect::Grouping::None, &AcceptAll, &mut blocked[..rays.len()]),
         _ => world.closest(rays, kind.grouping(), &AcceptAll, &mut hits[..rays.len()]),
     }
 }

@@ -1,37 +1,13 @@
 //! Every kind of set against an oracle that knows nothing but centres and radii, and in worlds, where all structures must agree.
 
-use super::*;
-use crate::accel::AcceleratorKind;
-use crate::hit::Hit;
-use crate::query::{AcceptAll, Grouping};
-use crate::world::{BuildOptions, World, WorldBuilder};
+use super::{Random, agree, worlds};
+use crate::geometry::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet, Spheres};
+use crate::query::AcceptAll;
+use crate::shape::ShapeSurface;
+use crate::world::{BuildOptions, WorldBuilder};
 use snell_math::rng::{pcg4d, to_unit};
-use snell_math::sampling::uniform_sphere;
-use snell_math::simd::Level;
-use snell_math::{DAffine3, DMat3, DVec2, Ray, Transform, Vec3, Vec4};
+use snell_math::{Bounds3d, DAffine3, DMat3, DRay, DVec2, DVec3, Ray, Transform, Vec2, Vec3, Vec4};
 use std::sync::Arc;
-
-/// Random numbers in order.
-pub(crate) struct Random(pub u32);
-
-impl Random {
-    pub fn unit(&mut self) -> f32 {
-        self.0 += 1;
-        to_unit(pcg4d([self.0, 11, 7, 2])[0])
-    }
-
-    pub fn range(&mut self, low: f32, high: f32) -> f32 {
-        low + (high - low) * self.unit()
-    }
-
-    pub fn point(&mut self, extent: f32) -> Vec3 {
-        Vec3::new(self.range(-extent, extent), self.range(-extent, extent), self.range(-extent, extent))
-    }
-
-    pub fn direction(&mut self) -> Vec3 {
-        uniform_sphere(Vec2::new(self.unit(), self.unit()))
-    }
-}
 
 /// A set and, for each primitive and parameter from 0 to 1, the ball that sweeps it.
 struct Example {
@@ -317,49 +293,8 @@ impl PrimitiveSet for Rogue {
     }
 }
 
-pub(crate) fn bits(hit: &Hit) -> [u32; 6] {
-    [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), hit.instance, hit.geometry, hit.primitive]
-}
-
-/// The same world with every structure and at every SIMD level; the oracle first.
-pub(crate) fn worlds(fill: impl Fn(&mut WorldBuilder)) -> Vec<World> {
-    let mut all = Vec::new();
-    for accelerator in AcceleratorKind::ALL {
-        for simd in Level::ALL.into_iter().filter(|l| l.is_supported()) {
-            let mut builder = WorldBuilder::default();
-            fill(&mut builder);
-            let options = BuildOptions { accelerator, ..BuildOptions::default() };
-            all.push(builder.build(&BuildOptions { simd, ..options }).expect("a world"));
-            if accelerator == AcceleratorKind::None {
-                break;
-            }
-        }
-    }
-    all
-}
-
-/// All worlds answer alike, one by one and in batches; returns how many rays hit.
-pub(crate) fn agree(worlds: &[World], rays: &[Ray], times: &[f32]) -> usize {
-    let queries = crate::query::rays::Rays::new(rays).with_times(times);
-    let expected: Vec<_> = (0..rays.len()).map(|i| worlds[0].closest_one(queries.get(i), &AcceptAll)).collect();
-    let all: Vec<_> = (0..rays.len()).map(|i| worlds[0].all_one(queries.get(i), &AcceptAll)).collect();
-    for world in worlds {
-        let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
-        world.closest(queries, Grouping::None, &AcceptAll, &mut hits);
-        world.occluded(queries, &AcceptAll, &mut blocked);
-        for i in 0..rays.len() {
-            let (query, wanted) = (queries.get(i), bits(&expected[i]));
-            assert_eq!(bits(&hits[i]), wanted, "{:?} {:?}\n{:?}", rays[i], hits[i], expected[i]);
-            assert_eq!(bits(&world.closest_one(query, &AcceptAll)), wanted);
-            assert_eq!(blocked[i], expected[i].is_hit());
-            assert_eq!(world.all_one(query, &AcceptAll), all[i], "{:?}", rays[i]);
-        }
-    }
-    expected.iter().filter(|h| h.is_hit()).count()
-}
-
 /// Every set, at the root and twice in instances.
-fn everything(builder: &mut WorldBuilder) {
+pub(super) fn everything(builder: &mut WorldBuilder) {
     let child = builder.add_group();
     for group in [WorldBuilder::ROOT, child] {
         for example in examples() {

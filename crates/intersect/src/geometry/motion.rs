@@ -1,0 +1,236 @@
+//! Linear motion between keys that are evenly spread over the time from 0 to 1.
+
+use crate::mesh::{MeshError, TriangleMesh};
+use snell_math::{Bounds3d, DAffine3, DVec3, Transform, Vec3};
+use std::sync::Arc;
+
+/// Where a time from 0 to 1 lies between keys: the key before it, and how far on the way to the next.
+#[inline(always)]
+pub(crate) fn between_keys(time: f32, keys: usize) -> (usize, f32) {
+    if keys < 2 {
+        return (0, 0.0);
+    }
+    let x = time * (keys - 1) as f32;
+    let key = (x as usize).min(keys - 2);
+    (key, x - key as f32)
+}
+
+/// The point at `s` on the way from `a` to `b`. Never outside of the box of both, and exact where they are the same.
+#[inline(always)]
+pub(crate) fn lerp(a: Vec3, b: Vec3, s: f32) -> Vec3 {
+    // Rounded products and a sum, never fused: a vertex has the same bits in all its triangles.
+    (a * (1.0 - s) + b * s).max(a.min(b)).min(a.max(b))
+}
+
+/// A matrix counts as singular if its columns, of length 1, span less than this, or if less than this is left of a column.
+const FLAT: f64 = 1e-9;
+
+/// The transform at a time: matrices are interpolated entry by entry (as in Embree), so every point moves on straight lines between
+/// keys; a rotation between two keys is not rigid, so give several. `None` while the interpolated matrix is singular to double
+/// precision (half of a turn between two keys flattens things on its way): then there is nothing to hit.
+pub(crate) fn transform_at(keys: &[Transform], time: f32) -> Option<Transform> {
+    let (key, s) = between_keys(time, keys.len());
+    let (first, s) = (keys.get(key)?, f64::from(s));
+    let second = keys.get(key + 1).unwrap_or(first);
+    if s == 0.0 || first == second {
+        return Some(*first);
+    }
+    if s == 1.0 {
+        return Some(*second);
+    }
+    let (a, b) = (first.matrix(), second.matrix());
+    let mean = |p: DVec3, q: DVec3| p * (1.0 - s) + q * s;
+    let mut map = DAffine3::from_translation(mean(a.translation, b.translation));
+    let (mut sides, mut is_flat) = (1.0, false);
+    for axis in 0..3 {
+        let (p, q) = (a.matrix3.col(axis), b.matrix3.col(axis));
+        let column = mean(p, q);
+        *map.matrix3.col_mut(axis) = column;
+        sides *= column.length();
+        is_flat |= column.length() <= p.length().max(q.length()) * FLAT;
+    }
+    is_flat |= map.matrix3.determinant().abs() <= FLAT * sides;
+    if is_flat { None } else { Transform::new(map) }
+}
+
+/// How far the box of a moving triangle is moved out, relative to its largest side.
+const PADDING: f64 = 1.1e-6;
+
+/// Vertices of a [`MovingMesh`] at a later key.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeshKey {
+    /// As [`TriangleMesh::positions`].
+    pub positions: Vec<Vec3>,
+    /// As [`TriangleMesh::normals`]; empty where the mesh has none.
+    pub normals: Vec<Vec3>,
+}
+
+/// A triangle mesh whose vertices move: along straight lines from key to key, the keys evenly spread over the time from 0 to 1.
+///
+/// At any time it is hit exactly as the triangle mesh with the vertices of that time ([`Self::at`]), bit for bit; so closed meshes
+/// stay closed. A vertex that is not finite at one of the keys never is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MovingMesh {
+    first: Arc<TriangleMesh>,
+    later: Vec<MeshKey>,
+}
+
+impl MovingMesh {
+    /// The mesh at time 0, and its vertices at the later keys.
+    pub fn new(first: TriangleMesh, later: Vec<MeshKey>) -> Result<Self, MeshError> {
+        first.validate()?;
+        for key in &later {
+            let same = |attribute, found: usize, expected: usize| {
+                let error = MeshError::AttributeLength { attribute, found, expected, per: "vertex" };
+                if found == expected { Ok(()) } else { Err(error) }
+            };
+            same("positions", key.positions.len(), first.positions.len())?;
+            same("normals", key.normals.len(), first.normals.len())?;
+        }
+        Ok(Self { first: Arc::new(first), later })
+    }
+
+    /// The mesh at time 0.
+    pub fn first(&self) -> &Arc<TriangleMesh> {
+        &self.first
+    }
+
+    /// The vertices at the keys after time 0.
+    pub fn later(&self) -> &[MeshKey] {
+        &self.later
+    }
+
+    /// Number of triangles.
+    pub fn len(&self) -> usize {
+        self.first.indices.len()
+    }
+
+    /// True without triangles.
+    pub fn is_empty(&self) -> bool {
+        self.first.indices.is_empty()
+    }
+
+    /// The whole mesh at a time from 0 to 1.
+    pub fn at(&self, time: f32) -> TriangleMesh {
+        let (before, after, s) = self.positions(time);
+        let position = |v: usize| {
+            let finite = self.keys().all(|positions| positions[v].is_finite());
+            if finite { lerp(before[v], after[v], s) } else { Vec3::NAN }
+        };
+        let mut mesh = TriangleMesh::clone(&self.first);
+        mesh.positions = (0..mesh.positions.len()).map(position).collect();
+        mesh.normals = (0..mesh.normals.len()).map(|v| self.normal(v, time)).collect();
+        mesh
+    }
+
+    /// Three corners at a time.
+    #[inline(always)]
+    pub(crate) fn corners(&self, triangle: usize, time: f32) -> [Vec3; 3] {
+        let [a, b, c] = self.first.indices[triangle];
+        let (before, after, s) = self.positions(time);
+        let at = |v: u32| lerp(before[v as usize], after[v as usize], s);
+        [at(a), at(b), at(c)]
+    }
+
+    /// A box around the three corners at all times, a little larger; `None` for a triangle that is never hit: a corner is not finite at some key, or two are in one
+    /// place at all of them.
+    pub(crate) fn bounds(&self, triangle: usize) -> Option<Bounds3d> {
+        let corners = self.first.indices[triangle].map(|v| v as usize);
+        if !self.keys().all(|positions| corners.iter().all(|&v| positions[v].is_finite())) {
+            return None;
+        }
+        let together = |a: usize, b: usize| self.keys().all(|p| p[corners[a]] == p[corners[b]]);
+        if together(0, 1) || together(1, 2) || together(2, 0) {
+            return None;
+        }
+        let b = Bounds3d::of(self.keys().flat_map(|p| corners.map(|v| p[v].as_dvec3())));
+        // As much as the box of a triangle at rest is padded, see `mesh::padded_bounds`.
+        let margin = b.size().max_element() * PADDING
+            + b.min.abs().max(b.max.abs()).max_element() * f64::from(f32::EPSILON)
+            + f64::from(f32::MIN_POSITIVE);
+        Some(Bounds3d { min: b.min - margin, max: b.max + margin })
+    }
+
+    fn keys(&self) -> impl Iterator<Item = &[Vec3]> {
+        std::iter::once(&self.first.positions[..]).chain(self.later.iter().map(|key| &key.positions[..]))
+    }
+
+    /// The positions at the keys before and after a time, and how far on the way between them it is.
+    #[inline(always)]
+    fn positions(&self, time: f32) -> (&[Vec3], &[Vec3], f32) {
+        let (key, s) = between_keys(time, self.later.len() + 1);
+        let before = if key == 0 { &self.first.positions } else { &self.later[key - 1].positions };
+        let after = self.later.get(key).map_or(before, |key| &key.positions);
+        (before, after, s)
+    }
+
+    fn normal(&self, v: usize, time: f32) -> Vec3 {
+        let (key, s) = between_keys(time, self.later.len() + 1);
+        let Some(after) = self.later.get(key) else { return self.first.normals[v] };
+        let before = if key == 0 { &self.first.normals } else { &self.later[key - 1].normals };
+        before[v].lerp(after.normals[v], s)
+    }
+
+    /// One triangle with its attributes at a time, as a mesh of its own.
+    pub(crate) fn triangle_at(&self, triangle: usize, time: f32) -> TriangleMesh {
+        let indices = self.first.indices[triangle].map(|v| v as usize);
+        fn part<T: Copy>(all: &[T], indices: [usize; 3]) -> Vec<T> {
+            if all.is_empty() { Vec::new() } else { indices.map(|v| all[v]).to_vec() }
+        }
+        let (mesh, has_normals) = (&self.first, !self.first.normals.is_empty());
+        TriangleMesh {
+            positions: self.corners(triangle, time).to_vec(),
+            indices: vec![[0, 1, 2]],
+            normals: if has_normals { indices.map(|v| self.normal(v, time)).to_vec() } else { Vec::new() },
+            tangents: part(&mesh.tangents, indices),
+            uvs: [part(&mesh.uvs[0], indices), part(&mesh.uvs[1], indices)],
+            colors: part(&mesh.colors, indices),
+            material_slots: Vec::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_math::DMat3;
+
+    #[test]
+    fn keys_are_evenly_spread() {
+        assert_eq!(
+            [0.0, 0.25, 0.5, 0.75, 1.0].map(|t| between_keys(t, 3)),
+            [(0, 0.0), (0, 0.5), (1, 0.0), (1, 0.5), (1, 1.0)]
+        );
+        assert_eq!(between_keys(0.7, 1), (0, 0.0));
+    }
+
+    #[test]
+    fn interpolated_points_stay_between_their_keys() {
+        let (a, b) = (Vec3::new(0.1, -3e38, 7.0), Vec3::new(0.1, 3e38, 7.000_001));
+        for i in 0..=1000 {
+            let p = lerp(a, b, i as f32 / 1000.0);
+            assert_eq!(p.x, 0.1);
+            assert!(p.y.is_finite() && p.z >= a.z && p.z <= b.z);
+        }
+        assert_eq!((lerp(a, b, 0.0), lerp(a, b, 1.0)), (a, b));
+    }
+
+    #[test]
+    fn transforms_hit_their_keys_and_vanish_where_they_are_flat() {
+        let half_turn = Transform::new(DAffine3::from_mat3(DMat3::from_rotation_z(std::f64::consts::PI)));
+        let keys = [Transform::IDENTITY, half_turn.expect("invertible"), Transform::translation(DVec3::X)];
+        for (time, key) in [(0.0, 0), (0.5, 1), (1.0, 2)] {
+            assert_eq!(transform_at(&keys, time), Some(keys[key]));
+        }
+        assert_eq!(transform_at(&keys, 0.25), None, "all points are on the axis");
+        let quarter = transform_at(&keys, 0.125).expect("shrunk but not flat");
+        assert!((quarter.point(DVec3::X) - DVec3::X * 0.5).length() < 1e-12);
+    }
+
+    #[test]
+    fn later_keys_must_have_as_many_vertices() {
+        let mesh = TriangleMesh { positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y], ..TriangleMesh::default() };
+        let key = MeshKey { positions: vec![Vec3::ZERO; 2], normals: Vec::new() };
+        assert!(matches!(MovingMesh::new(mesh, vec![key]), Err(MeshError::AttributeLength { found: 2, .. })));
+    }
+}

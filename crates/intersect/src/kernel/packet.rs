@@ -1,0 +1,609 @@
+//! Coherent rays sixteen at a time: one test of eight boxes serves a whole bundle of rays.
+//!
+//! A run of sixteen rays of the batch becomes a [`Bundle`] if it is one: rays from one point, or towards one point, or otherwise close together.
+//! Runs that are none, and those that turn out to have little in common in this tree, are left to the caller. The
+//! decision is made by the run alone, and every pair of ray and triangle that is not surely a miss goes to the same exact test
+//! as everywhere else, so that neighbours change neither results nor what is done for a ray.
+
+mod bundle;
+mod exact;
+mod leaf;
+#[cfg(test)]
+mod tests;
+
+use super::interleave::Batch;
+use super::node::{ChildRef, padded};
+use super::ray::LocalRay;
+use super::traverse::{Entry, Stack, Walk, test_object, walk_portable};
+use super::triangle::TriangleBlock;
+use crate::accel::bvh::{Forest, GroupTree};
+use crate::accel::group::{Object, ObjectRef, Placement, ray_in_child, test_triangle};
+use crate::hit::Hit;
+use crate::query::search::{Goal, Search, Verdict};
+use bundle::{Bundle, Kind, PerRay, RAYS};
+use exact::{Found, PAIRS, Pairs, exact_hits};
+use leaf::SeenBlock;
+use snell_math::simd::{Level, Portable8, WideLanes};
+use snell_math::{DAffine3, DRay, DVec3, Ray, Vec2, Vec3};
+use std::mem::MaybeUninit;
+use std::ops::Range;
+
+/// Runs with fewer rays are not worth a bundle.
+const MIN_RAYS: usize = 6;
+
+/// Trees larger than this are fetched ahead.
+const PREFETCH_BYTES: usize = 8 << 20;
+
+/// True if the forest can be searched with bundles at all.
+pub(crate) fn is_suitable(forest: &Forest) -> bool {
+    fits(&forest.trees[0])
+}
+
+/// True if bundles can walk this tree.
+fn fits(tree: &GroupTree) -> bool {
+    // A child is remembered as its place: eight to a node.
+    tree.root != ChildRef::NONE
+        && tree.root.is_node()
+        && tree.nodes.len() < 1 << 29
+        && bundle::is_in_range(&tree.nodes[tree.root.index()])
+}
+
+/// Searches for the rays of the batch run by run; `finish` gets the number of a ray and what was found. Returns the ranges of
+/// rays that were left out.
+pub(crate) fn search_runs<G: Goal>(
+    forest: &Forest,
+    level: Level,
+    batch: &Batch,
+    start: impl Fn(&Ray) -> G,
+    finish: impl FnMut(usize, G),
+) -> Vec<Range<usize>> {
+    debug_assert!(is_suitable(forest));
+    let mut stacks = Stacks {
+        distances: vec![0.0; forest.stack_size],
+        places: vec![0; forest.stack_size],
+        single: vec![MaybeUninit::uninit(); forest.stack_size],
+    };
+    match level {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: `World` holds only levels that the machine supports, and the stacks have `stack_size` entries.
+        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, batch, &mut stacks, start, finish) },
+        // SAFETY: portable code, and the stacks have `stack_size` entries.
+        _ => unsafe {
+            run::<Portable8, G>(
+                forest,
+                batch,
+                &mut stacks,
+                start,
+                finish,
+                [walk_bundle_portable::<G>],
+                walk_portable::<G>,
+            )
+        },
+    }
+}
+
+/// # Safety
+/// As [`run`].
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,popcnt")]
+unsafe fn run_avx2<G: Goal>(
+    forest: &Forest,
+    batch: &Batch,
+    stacks: &mut Stacks,
+    start: impl Fn(&Ray) -> G,
+    finish: impl FnMut(usize, G),
+) -> Vec<Range<usize>> {
+    use super::traverse::walk_avx2;
+    use snell_math::simd::Avx8;
+    // SAFETY: as promised by the caller.
+    unsafe { run::<Avx8, G>(forest, batch, stacks, start, finish, [walk_bundle_avx2::<G>], walk_avx2::<G>) }
+}
+
+/// Memory of the walks: what bundles put off, by distance and place (node times eight plus slot), and the stack of single rays.
+struct Stacks {
+    distances: Vec<f32>,
+    places: Vec<u32>,
+    single: Vec<MaybeUninit<Entry>>,
+}
+
+/// # Safety
+/// The machine must have the instructions of `L`; the stacks must have room for all groups; `enter` and `enter_single` must be
+/// entries of the same level.
+#[inline(always)]
+unsafe fn run<L: WideLanes, G: Goal>(
+    forest: &Forest,
+    batch: &Batch,
+    stacks: &mut Stacks,
+    start: impl Fn(&Ray) -> G,
+    mut finish: impl FnMut(usize, G),
+    [enter]: [WalkBundle<G>; 1],
+    enter_single: Walk<G>,
+) -> Vec<Range<usize>> {
+    let mut left: Vec<Range<usize>> = Vec::new();
+    let mut bundle = Bundle::NONE;
+    let mut searches: Vec<Search<G>> = Vec::with_capacity(RAYS);
+    let mut first = 0;
+    while first < batch.rays.len() {
+        let run = first..(first + RAYS).min(batch.rays.len());
+        first = run.end;
+        if set_up(&mut bundle, &batch.rays.rays()[run.clone()]) {
+            searches.clear();
+            for i in 0..RAYS {
+                let query = batch.rays.get((run.start + i).min(run.end - 1));
+                searches.push(Search::new(query, batch.context, start(query.ray)));
+            }
+            let alive = u32::MAX >> (32 - run.len());
+            let mut walker = Walker { forest, searches: &mut searches, stacks, alive, enter, enter_single };
+            // SAFETY: as promised by the caller.
+            if unsafe { walker.walk::<L>(0, &mut bundle, 0, 0) } {
+                for (number, search) in run.zip(searches.drain(..)) {
+                    finish(number, search.goal);
+                }
+                continue;
+            }
+        }
+        match left.last_mut() {
+            Some(last) if last.end == run.start => last.end = run.end,
+            _ => left.push(run),
+        }
+    }
+    left
+}
+
+/// Makes a bundle of a run; false if it is none. Lanes without a ray repeat the first one and want nothing.
+#[inline(always)]
+fn set_up(bundle: &mut Bundle, rays: &[Ray]) -> bool {
+    if rays.len() < MIN_RAYS {
+        return false;
+    }
+    let first = numbers(&rays[0]);
+    // By coordinate.
+    let mut columns = [[0.0f32; RAYS]; 8];
+    // Stays zero as long as everything is finite.
+    let mut not_finite = [0.0f32; 8];
+    let mut differences = [0; 8];
+    for i in 0..RAYS {
+        let ray = numbers(rays.get(i).unwrap_or(&rays[0]));
+        for k in 0..8 {
+            columns[k][i] = ray[k];
+            not_finite[k] += ray[k] * 0.0;
+            differences[k] |= ray[k].to_bits() ^ first[k].to_bits();
+        }
+        bundle.rays.origin[i] = [ray[0], ray[1], ray[2], ray[3]].map(f64::from);
+        bundle.rays.direction[i] = [ray[4], ray[5], ray[6], ray[7]].map(f64::from);
+    }
+    let [_, _, _, t_min, dx, dy, dz, t_max] = columns;
+    let mut invalid = 0;
+    for i in 0..RAYS {
+        invalid |= u32::from(!((t_min[i] >= 0.0) & (t_min[i] < t_max[i])));
+    }
+    if invalid != 0 || [0, 1, 2, 4, 5, 6].iter().any(|&k| not_finite[k] != 0.0) {
+        return false;
+    }
+    let mut cull = t_max.map(padded);
+    cull[rays.len()..].fill(-1.0);
+    let common = differences[..3] == [0; 3];
+    let reversed = !common && not_finite[7] == 0.0;
+    // A little beyond the ends, so that all rays end before it.
+    let end = rays[0].origin + rays[0].direction * (rays[0].t_max * (1.0 + 1.0 / 1024.0));
+    let apex = if reversed { end } else { rays[0].origin };
+    bundle.kind = Kind { apex: apex.to_array(), reversed, common, rounded: false };
+    bundle.set_up(&[dx, dy, dz], &t_min, &cull)
+}
+
+/// All that a ray consists of.
+#[inline(always)]
+fn numbers(ray: &Ray) -> [f32; 8] {
+    let (o, d) = (ray.origin, ray.direction);
+    [o.x, o.y, o.z, ray.t_min, d.x, d.y, d.z, ray.t_max]
+}
+
+/// The entry of a level, for the step into an instance.
+type WalkBundle<G> = unsafe fn(&mut Walker<'_, '_, G>, usize, &mut Bundle, u32, usize) -> bool;
+
+/// # Safety
+/// As [`Walker::walk`].
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,popcnt")]
+unsafe fn walk_bundle_avx2<G: Goal>(
+    walker: &mut Walker<'_, '_, G>,
+    group: usize,
+    bundle: &mut Bundle,
+    instance: u32,
+    base: usize,
+) -> bool {
+    // SAFETY: as promised by the caller.
+    unsafe { walker.walk::<snell_math::simd::Avx8>(group, bundle, instance, base) }
+}
+
+/// # Safety
+/// As [`Walker::walk`].
+unsafe fn walk_bundle_portable<G: Goal>(
+    walker: &mut Walker<'_, '_, G>,
+    group: usize,
+    bundle: &mut Bundle,
+    instance: u32,
+    base: usize,
+) -> bool {
+    // SAFETY: as promised by the caller.
+    unsafe { walker.walk::<Portable8>(group, bundle, instance, base) }
+}
+
+/// The searches of a run on their way through the forest.
+struct Walker<'w, 's, G> {
+    forest: &'w Forest,
+    /// One per ray.
+    searches: &'w mut [Search<'s, G>],
+    stacks: &'w mut Stacks,
+    /// The rays whose search is not over.
+    alive: u32,
+    enter: WalkBundle<G>,
+    enter_single: Walk<G>,
+}
+
+impl<G: Goal> Walker<'_, '_, G> {
+    /// Walks one group. False if the run is given up: then nothing of what was found may be used.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; the stacks must have room for the group and all below it from `base`.
+    #[inline(always)]
+    unsafe fn walk<L: WideLanes>(&mut self, group: usize, bundle: &mut Bundle, instance: u32, base: usize) -> bool {
+        let tree = &self.forest.trees[group];
+        let mut locals = Locals::NONE;
+        for &object in &tree.unbounded {
+            // SAFETY: as promised by the caller.
+            unsafe { self.test_objects(tree, object as usize, bundle, self.alive, instance) };
+        }
+        let prefetch = tree.memory_bytes() > PREFETCH_BYTES;
+        let mut top = base;
+        let mut node = tree.root.index();
+        while self.alive != 0 {
+            // SAFETY: the builder makes only references to nodes that exist; a walk holds at most 7 entries per level.
+            unsafe {
+                let pushed = self.push_children::<L>(tree, node, bundle, top);
+                if prefetch {
+                    for i in top..top + pushed {
+                        fetch_ahead(tree, child_at(tree, *self.stacks.places.get_unchecked(i)));
+                    }
+                }
+                top += pushed;
+            }
+            loop {
+                if top == base {
+                    return true;
+                }
+                top -= 1;
+                // SAFETY: entries below the former `top` are written.
+                let (distance, place) =
+                    unsafe { (*self.stacks.distances.get_unchecked(top), *self.stacks.places.get_unchecked(top)) };
+                if distance > bundle.bundle_far {
+                    continue;
+                }
+                // SAFETY: places come from nodes that exist.
+                let child = unsafe { child_at(tree, place) };
+                if child.is_node() {
+                    node = child.index();
+                    break;
+                }
+                // SAFETY: as above; `L` as promised by the caller.
+                let mask = unsafe {
+                    bundle.rays_meeting::<L>(tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7)
+                };
+                if mask == 0 {
+                    continue;
+                }
+                // SAFETY: as promised by the caller.
+                unsafe {
+                    if child.is_triangles() {
+                        self.test_triangles::<L>(tree, child, bundle, mask, &mut locals, instance);
+                    } else if !self.enter_object(tree, child.index(), bundle, mask, instance, top) {
+                        return false;
+                    }
+                }
+            }
+        }
+        true
+    }
+
+    /// Puts the children of a node that the bundle meets on the stack, the nearest on top, and returns how many they are.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; the node must exist, and the stack must have room for eight entries from `top`.
+    #[inline(always)]
+    unsafe fn push_children<L: WideLanes>(
+        &mut self,
+        tree: &GroupTree,
+        node: usize,
+        bundle: &Bundle,
+        top: usize,
+    ) -> usize {
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let places: [u32; 8] = std::array::from_fn(|slot| (node * 8 + slot) as u32);
+            let node = tree.nodes.get_unchecked(node);
+            let enter = bundle.box_distances::<L>(node);
+            let distances = &mut *self.stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>();
+            let payload = &mut *self.stacks.places.as_mut_ptr().add(top).cast::<[u32; 8]>();
+            let order = *node.order.get_unchecked(bundle.octant);
+            enter.compress_le(L::splat(bundle.bundle_far), order, &places, distances, payload)
+        }
+    }
+
+    /// Tests the triangles of a block for some of the rays.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; `child` must be a block of the tree.
+    #[inline(always)]
+    unsafe fn test_triangles<L: WideLanes>(
+        &mut self,
+        tree: &GroupTree,
+        child: ChildRef,
+        bundle: &mut Bundle,
+        mut mask: u32,
+        locals: &mut Locals,
+        instance: u32,
+    ) {
+        // SAFETY: as promised by the caller.
+        let (block, seen) = unsafe {
+            let block = tree.blocks.get_unchecked(child.block());
+            (block, SeenBlock::<L>::new(block, bundle))
+        };
+        let used = (2 << (child.count() - 1)) - 1;
+        let mut pairs = Pairs::NONE;
+        let mut found = false;
+        while mask != 0 {
+            let lane = mask.trailing_zeros();
+            mask &= mask - 1;
+            // SAFETY: as promised by the caller.
+            let mut triangles = unsafe { seen.candidates(bundle, lane as usize & (RAYS - 1)) } & used;
+            // Mostly there is one: written in any case, counted if it is one, so nothing branches on it.
+            loop {
+                pairs.push(lane, triangles.trailing_zeros() & 7, triangles != 0);
+                if pairs.is_full() {
+                    // SAFETY: as promised by the caller.
+                    found |= unsafe { self.test_pairs::<L>(tree, block, bundle, &mut pairs, locals, instance) };
+                }
+                triangles &= triangles.wrapping_sub(1);
+                if triangles == 0 {
+                    break;
+                }
+            }
+        }
+        if pairs.count != 0 {
+            // SAFETY: as promised by the caller.
+            found |= unsafe { self.test_pairs::<L>(tree, block, bundle, &mut pairs, locals, instance) };
+        }
+        if found {
+            bundle.update_limits();
+        }
+    }
+
+    /// Offers the hits of pairs of rays and triangles of a block, and forgets the pairs. True if there are any that count.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    unsafe fn test_pairs<L: WideLanes>(
+        &mut self,
+        tree: &GroupTree,
+        block: &TriangleBlock,
+        bundle: &mut Bundle,
+        pairs: &mut Pairs,
+        locals: &mut Locals,
+        instance: u32,
+    ) -> bool {
+        let all = u32::MAX >> (32 - pairs.count);
+        let mut any = false;
+        let mut found = Found::NONE;
+        if bundle.is_aligned {
+            // SAFETY: as promised by the caller.
+            unsafe { exact_hits::<L>(block, bundle, pairs, &mut found) };
+        } else {
+            found.unsure = all;
+        }
+        let mut hits = found.hits & all;
+        while hits != 0 {
+            let pair = hits.trailing_zeros() as usize & (PAIRS - 1);
+            hits &= hits - 1;
+            let (lane, triangle) = (pairs.rays[pair] as usize & (RAYS - 1), pairs.triangles[pair] as usize & 7);
+            let search = &mut self.searches[lane];
+            let t = found.t[pair];
+            if t > search.goal.limit() || self.alive >> lane & 1 == 0 {
+                continue;
+            }
+            let (geometry, primitive) = tree.triangle(block.ids[triangle]);
+            let uv = Vec2::new(found.b1[pair], found.b2[pair]);
+            let verdict = search.offer(Hit { t, uv, instance, geometry, primitive });
+            any |= self.note(bundle, lane, verdict == Verdict::Finished);
+        }
+        let mut unsure = found.unsure & all;
+        while unsure != 0 {
+            let pair = unsure.trailing_zeros() as usize & (PAIRS - 1);
+            unsure &= unsure - 1;
+            let (lane, triangle) = (pairs.rays[pair] as usize & (RAYS - 1), pairs.triangles[pair] as usize & 7);
+            if self.alive >> lane & 1 == 0 {
+                continue;
+            }
+            let ids = || {
+                let (geometry, primitive) = tree.triangle(block.ids[triangle]);
+                [instance, geometry, primitive]
+            };
+            let local = locals.get(bundle, lane);
+            let over = test_triangle(&mut self.searches[lane], local, &block.corners(triangle), ids);
+            any |= self.note(bundle, lane, over);
+        }
+        pairs.count = 0;
+        any
+    }
+
+    /// After a hit was offered to a ray. True if that can matter to the bundle.
+    #[inline(always)]
+    fn note(&mut self, bundle: &mut Bundle, lane: usize, over: bool) -> bool {
+        if over {
+            self.alive &= !(1 << lane);
+            bundle.tighten(lane, -1.0);
+        } else if G::NARROWS {
+            bundle.tighten(lane, self.searches[lane].cull());
+        }
+        over || G::NARROWS
+    }
+
+    /// Tests a shape or instance for some of the rays, one by one.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the entries; the stacks must have room for all below the group.
+    #[inline(never)]
+    unsafe fn test_objects(
+        &mut self,
+        tree: &GroupTree,
+        object: usize,
+        bundle: &mut Bundle,
+        mut mask: u32,
+        instance: u32,
+    ) {
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize & (RAYS - 1);
+            mask &= mask - 1;
+            let search = &mut self.searches[lane];
+            let ray = bundle.rays.get(lane);
+            let stack: &mut Stack = &mut self.stacks.single;
+            // SAFETY: as promised by the caller.
+            if unsafe { test_object(self.forest, tree, object, &ray, instance, search, stack, self.enter_single) } {
+                self.alive &= !(1 << lane);
+                bundle.tighten(lane, -1.0);
+            } else {
+                bundle.tighten(lane, search.cull());
+            }
+        }
+        bundle.update_limits();
+    }
+
+    /// Tests a shape or instance for some of the rays: in an instance they go on as a bundle if they can. False if the run is given up.
+    ///
+    /// # Safety
+    /// As [`Self::walk`]; the stack is free from `top`.
+    #[inline(never)]
+    unsafe fn enter_object(
+        &mut self,
+        tree: &GroupTree,
+        object: usize,
+        bundle: &mut Bundle,
+        mask: u32,
+        instance: u32,
+        top: usize,
+    ) -> bool {
+        if let ObjectRef::Placed(Object::Instance {
+            child,
+            offset,
+            child_from_group: Placement::Still(child_from_group),
+            mask: visible,
+        }) = tree.objects.get(object)
+        {
+            let mut wanted = mask;
+            for lane in 0..RAYS {
+                if self.searches[lane].mask & visible == 0 {
+                    wanted &= !(1 << lane);
+                }
+            }
+            if wanted.count_ones() as usize >= MIN_RAYS && fits(&self.forest.trees[*child]) {
+                let mut below = Bundle::NONE;
+                if self.set_up_in_child(&mut below, bundle, wanted, child_from_group) {
+                    let alive = std::mem::replace(&mut self.alive, wanted);
+                    // SAFETY: as promised by the caller.
+                    let complete = unsafe { (self.enter)(self, *child, &mut below, instance + offset, top) };
+                    let over = wanted & !self.alive;
+                    self.alive = alive & !over;
+                    for lane in (0..RAYS).filter(|lane| wanted >> lane & 1 == 1) {
+                        let is_over = over >> lane & 1 == 1;
+                        bundle.tighten(lane, if is_over { -1.0 } else { self.searches[lane].cull() });
+                    }
+                    bundle.update_limits();
+                    return complete;
+                }
+            }
+        }
+        // SAFETY: as promised by the caller.
+        unsafe { self.test_objects(tree, object, bundle, mask, instance) };
+        true
+    }
+
+    /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is none.
+    fn set_up_in_child(&self, below: &mut Bundle, bundle: &Bundle, mask: u32, child_from_group: &DAffine3) -> bool {
+        let (mut t_min, mut cull): (PerRay<f32>, PerRay<f32>) = ([0.0; RAYS], [-1.0; RAYS]);
+        let mut directions = [[0.0; RAYS]; 3];
+        let mut valid = true;
+        for lane in 0..RAYS {
+            let ray = ray_in_child(child_from_group, &bundle.rays.get(lane));
+            valid &= ray.is_some();
+            let ray = ray.unwrap_or(DRay::new(DVec3::ZERO, DVec3::ZERO));
+            let (o, d) = (ray.origin, ray.direction);
+            t_min[lane] = self.searches[lane].ray.t_min;
+            if mask >> lane & 1 == 1 {
+                cull[lane] = self.searches[lane].cull();
+            }
+            below.rays.origin[lane] = [o.x, o.y, o.z, t_min[lane].into()];
+            below.rays.direction[lane] = [d.x, d.y, d.z, 0.0];
+            for axis in 0..3 {
+                directions[axis][lane] = d[axis] as f32;
+            }
+        }
+        let apex = if bundle.kind.common {
+            let [x, y, z, _] = below.rays.origin[0];
+            DVec3::new(x, y, z)
+        } else {
+            child_from_group.transform_point3(Vec3::from_array(bundle.kind.apex).as_dvec3())
+        };
+        below.kind = Kind { apex: apex.as_vec3().to_array(), rounded: true, ..bundle.kind };
+        valid && below.set_up(&directions, &t_min, &cull)
+    }
+}
+
+/// What the exact test wants to know of the rays, worked out when it is needed.
+struct Locals {
+    built: u32,
+    rays: [MaybeUninit<LocalRay>; RAYS],
+}
+
+impl Locals {
+    const NONE: Self = Self { built: 0, rays: [const { MaybeUninit::uninit() }; RAYS] };
+
+    #[inline(always)]
+    fn get(&mut self, bundle: &Bundle, lane: usize) -> &LocalRay {
+        if self.built >> lane & 1 == 0 {
+            self.built |= 1 << lane;
+            self.rays[lane].write(LocalRay::new(&bundle.rays.get(lane)));
+        }
+        // SAFETY: written now or before.
+        unsafe { self.rays[lane].assume_init_ref() }
+    }
+}
+
+/// The child at a place.
+///
+/// # Safety
+/// The place must be one of the tree.
+#[inline(always)]
+unsafe fn child_at(tree: &GroupTree, place: u32) -> ChildRef {
+    // SAFETY: as promised by the caller.
+    unsafe { tree.nodes.get_unchecked(place as usize >> 3).children[place as usize & 7] }
+}
+
+/// Asks for the memory of a node or block.
+#[inline(always)]
+fn fetch_ahead(tree: &GroupTree, child: ChildRef) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let (start, lines): (*const i8, usize) = if child.is_node() {
+            (tree.nodes.as_ptr().wrapping_add(child.index()).cast(), 4)
+        } else {
+            (tree.blocks.as_ptr().wrapping_add(child.block()).cast(), 5)
+        };
+        for line in 0..lines {
+            // SAFETY: asking ahead reads nothing: any address will do.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (tree, child);
+}

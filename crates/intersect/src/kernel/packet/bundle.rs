@@ -1,0 +1,396 @@
+//! Sixteen rays as one bundle: what they have in common, and each of them in lanes.
+//!
+//! The bundle is described from a point, its *apex*: where the rays start if they share an origin, about where they end if they
+//! go to one point, and any point near their origins else. Along the axis on which the first ray is fastest, `z` counts the distance from the apex, growing away from
+//! it, and a ray is the line `x = slope z + offset` in each of the other two axes. With a shared origin all offsets are 0. No
+//! inverse direction appears, so rays that are parallel to an axis, or go both ways along it, are nothing special.
+//!
+//! A box is missed by all if it lies outside of the four planes around the bundle (Reshetov, Soupikov and Hurley, Multi-Level Ray
+//! Tracing Algorithm, 2005, go down with the same kind of frustum). Everything here is conservative.
+
+use super::super::node::WideNode;
+use snell_math::DRay;
+use snell_math::DVec3;
+use snell_math::simd::Lanes8;
+
+/// Rays in a bundle.
+pub(super) const RAYS: usize = 16;
+
+/// One number per ray.
+pub(super) type PerRay<T> = [T; RAYS];
+
+/// Relative padding of everything that follows from rounded coordinates, as [`super::super::node::BOX_PADDING`]: roundings
+/// of `f32` here, and of the drawing of triangles, come to less than half of it.
+const PADDING: f32 = 1.0e-6;
+
+/// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.
+const LARGEST: f32 = 1.0e15;
+
+/// No box is as far. (So that boxes that are missed, and empty ones, begin beyond it.)
+const FARTHEST: f32 = 1.0e16;
+
+/// Bundles that spread more than this, per unit of depth, are not worth it.
+const MAX_SPREAD: f32 = 0.25;
+
+/// The rays of a bundle in the coordinates of a group, a row per ray.
+#[derive(Clone, Debug)]
+pub(super) struct ExactRays {
+    /// With `t_min` as fourth.
+    pub origin: PerRay<[f64; 4]>,
+    pub direction: PerRay<[f64; 4]>,
+}
+
+impl ExactRays {
+    /// One of the rays; its interval is not used.
+    #[inline(always)]
+    pub fn get(&self, lane: usize) -> DRay {
+        let (o, d) = (&self.origin[lane], &self.direction[lane]);
+        DRay::new(DVec3::new(o[0], o[1], o[2]), DVec3::new(d[0], d[1], d[2]))
+    }
+}
+
+/// What is known of a bundle besides its rays.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kind {
+    /// The point that the bundle is described from.
+    pub apex: [f32; 3],
+    /// The rays end near the apex instead of starting there.
+    pub reversed: bool,
+    /// All rays start at the apex.
+    pub common: bool,
+    /// The apex, or the origins as triangles see them, are rounded.
+    pub rounded: bool,
+}
+
+/// A bundle in the coordinates of a group.
+#[derive(Clone, Debug)]
+pub(super) struct Bundle {
+    pub rays: ExactRays,
+    pub kind: Kind,
+    /// Axes x, y and z of the bundle: z is the one along which it goes.
+    pub axes: [usize; 3],
+    /// 1 if `z` grows along its axis, -1 if it falls.
+    pub sign: f32,
+    /// For the order in which children are visited: as [`super::super::node::WideNode::order`] counts them, away from the apex.
+    pub octant: usize,
+    /// Bound of all absolute errors of positions; 0 for a shared origin at which nothing was rounded.
+    pub margin: f32,
+    /// The farthest that a ray starts from the apex.
+    pub distance: f32,
+    /// Per axis and ray.
+    pub slope: [PerRay<f32>; 2],
+    pub offset: [PerRay<f32>; 2],
+    /// The origins as triangles see them, by axis of the bundle; not used with a shared origin.
+    pub drawn_origin: [PerRay<f32>; 3],
+    /// All rays are drawn along the z axis of the bundle.
+    pub is_aligned: bool,
+    /// Where each ray starts and ends on the z axis; it ends before it starts when nothing is wanted of it any more.
+    near: PerRay<f32>,
+    far: PerRay<f32>,
+    /// `z` at `t = 0`, and how fast it changes with `t`, without sign.
+    start: PerRay<f32>,
+    along: PerRay<f32>,
+    /// Least and greatest of all rays.
+    bundle_near: f32,
+    pub bundle_far: f32,
+    low_slope: [f32; 2],
+    high_slope: [f32; 2],
+    low_offset: [f32; 2],
+    high_offset: [f32; 2],
+}
+
+/// The axes of a bundle, by the sizes of a direction: the last is the largest, as in [`super::super::ray::LocalRay`].
+#[inline(always)]
+fn axes(d: [f32; 3]) -> [usize; 3] {
+    if d[0] >= d[1] && d[0] >= d[2] {
+        [1, 2, 0]
+    } else if d[1] >= d[2] {
+        [2, 0, 1]
+    } else {
+        [0, 1, 2]
+    }
+}
+
+#[inline(always)]
+fn least(values: &PerRay<f32>) -> f32 {
+    let mut v = *values;
+    for step in [8, 4, 2, 1] {
+        for i in 0..step {
+            v[i] = if v[i] > v[i + step] { v[i + step] } else { v[i] };
+        }
+    }
+    v[0]
+}
+
+#[inline(always)]
+fn greatest(values: &PerRay<f32>) -> f32 {
+    let mut v = *values;
+    for step in [8, 4, 2, 1] {
+        for i in 0..step {
+            v[i] = if v[i] < v[i + step] { v[i + step] } else { v[i] };
+        }
+    }
+    v[0]
+}
+
+impl Bundle {
+    /// No bundle yet.
+    pub const NONE: Self = Self {
+        rays: ExactRays { origin: [[0.0; 4]; RAYS], direction: [[0.0; 4]; RAYS] },
+        kind: Kind { apex: [0.0; 3], reversed: false, common: false, rounded: false },
+        axes: [0; 3],
+        sign: 1.0,
+        octant: 0,
+        margin: 0.0,
+        distance: 0.0,
+        slope: [[0.0; RAYS]; 2],
+        offset: [[0.0; RAYS]; 2],
+        drawn_origin: [[0.0; RAYS]; 3],
+        is_aligned: false,
+        near: [0.0; RAYS],
+        far: [0.0; RAYS],
+        start: [0.0; RAYS],
+        along: [0.0; RAYS],
+        bundle_near: 0.0,
+        bundle_far: 0.0,
+        low_slope: [0.0; 2],
+        high_slope: [0.0; 2],
+        low_offset: [0.0; 2],
+        high_offset: [0.0; 2],
+    };
+
+    /// Works out everything else from `rays` and `kind`; `directions` are those of `rays`, rounded. False if these rays do not make a bundle. `t_min` must not be negative. `cull`
+    /// are the padded limits of the searches; rays whose search is over, and lanes without a ray, have a negative one.
+    #[inline(always)]
+    pub fn set_up(&mut self, directions: &[PerRay<f32>; 3], t_min: &PerRay<f32>, cull: &PerRay<f32>) -> bool {
+        let kind = self.kind;
+        self.axes = axes(directions.map(|d| d[0].abs()));
+        let [x, y, z] = self.axes;
+        let forward: f32 = if directions[z][0] < 0.0 { -1.0 } else { 1.0 };
+        let sign = if kind.reversed { -forward } else { forward };
+        self.sign = sign;
+        // Quotients as in [`super::super::ray::LocalRay`], whose shears these are.
+        if kind.rounded {
+            for (i, d) in self.rays.direction.iter().enumerate() {
+                self.slope[0][i] = (d[x] / d[z]) as f32 * sign;
+                self.slope[1][i] = (d[y] / d[z]) as f32 * sign;
+            }
+        } else {
+            for i in 0..RAYS {
+                self.slope[0][i] = directions[x][i] / directions[z][i] * sign;
+                self.slope[1][i] = directions[y][i] / directions[z][i] * sign;
+            }
+        }
+        for i in 0..RAYS {
+            self.along[i] = directions[z][i] * forward;
+        }
+        let low = [least(&self.slope[0]), least(&self.slope[1])];
+        let high = [greatest(&self.slope[0]), greatest(&self.slope[1])];
+        let fine = least(&self.along) > 1.0 / LARGEST
+            && greatest(&self.along) < LARGEST
+            && (0..2).all(|i| low[i] >= -2.0 && high[i] <= 2.0 && high[i] - low[i] <= MAX_SPREAD)
+            && kind.apex.iter().all(|a| a.abs() < LARGEST);
+        if !fine {
+            return false;
+        }
+        // At slope 1 the choice of the axis is a tie, or decided by less than the rounding of the slope.
+        self.is_aligned = (0..2).all(|i| low[i] > -1.0 && high[i] < 1.0);
+        (self.margin, self.distance) = (0.0, 0.0);
+        if kind.common {
+            (self.start, self.offset) = ([0.0; RAYS], [[0.0; RAYS]; 2]);
+        } else {
+            let apex = kind.apex.map(f64::from);
+            let mut far = [0.0f32; RAYS];
+            for (i, o) in self.rays.origin.iter().enumerate() {
+                let from = [o[x] - apex[x], o[y] - apex[y], o[z] - apex[z]];
+                let from_z = from[2] * f64::from(sign);
+                self.start[i] = from_z as f32;
+                self.offset[0][i] = (from[0] - f64::from(self.slope[0][i]) * from_z) as f32;
+                self.offset[1][i] = (from[1] - f64::from(self.slope[1][i]) * from_z) as f32;
+                far[i] = (from[0].abs() + from[1].abs() + from[2].abs()) as f32;
+                for (drawn, axis) in self.drawn_origin.iter_mut().zip([x, y, z]) {
+                    drawn[i] = o[axis] as f32;
+                }
+            }
+            self.distance = greatest(&far);
+            self.margin = self.distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
+        }
+        if kind.rounded {
+            let size = self.rays.origin.map(|o| (o[0].abs() + o[1].abs() + o[2].abs()) as f32);
+            self.margin += greatest(&size) * (4.0 * f32::EPSILON) + f32::MIN_POSITIVE;
+        }
+        if !(self.margin < LARGEST) {
+            return false;
+        }
+        self.octant = (0..3).fold(0, |octant, axis| {
+            let down = (directions[axis][0] < 0.0) != kind.reversed;
+            octant | usize::from(down) << axis
+        });
+        for i in 0..RAYS {
+            let early = t_min[i] * self.along[i];
+            let end = self.end(i, cull[i]);
+            let (near, far) = if kind.reversed {
+                (end, (self.start[i] - early) * (1.0 + PADDING) + self.margin)
+            } else {
+                ((self.start[i] + early) * (1.0 - PADDING) - self.margin, end)
+            };
+            let over = cull[i] < 0.0;
+            self.near[i] = if over { f32::INFINITY } else { near };
+            self.far[i] = if over { f32::NEG_INFINITY } else { far };
+        }
+        self.update_limits();
+        // Before the apex the slopes change places; the bundle is hardly wider there.
+        let before = (-self.bundle_near).max(0.0);
+        for i in 0..2 {
+            self.low_slope[i] = low[i] - 2.0 * PADDING;
+            self.high_slope[i] = high[i] + 2.0 * PADDING;
+            let extra = self.margin + (self.high_slope[i] - self.low_slope[i]) * before;
+            self.low_offset[i] = least(&self.offset[i]) - extra;
+            self.high_offset[i] = greatest(&self.offset[i]) + extra;
+        }
+        true
+    }
+
+    /// Where a search with this limit ends.
+    #[inline(always)]
+    fn end(&self, lane: usize, cull: f32) -> f32 {
+        if self.kind.reversed {
+            self.start[lane] * (1.0 - PADDING) - cull * self.along[lane] - self.margin
+        } else {
+            let end = (self.start[lane] + cull * self.along[lane]) * (1.0 + PADDING) + self.margin;
+            if end < FARTHEST { end } else { FARTHEST }
+        }
+    }
+
+    /// After a hit of one ray: its new padded limit, negative if its search is over. [`Self::update_limits`] must follow.
+    #[inline(always)]
+    pub fn tighten(&mut self, lane: usize, cull: f32) {
+        if cull < 0.0 {
+            (self.near[lane], self.far[lane]) = (f32::INFINITY, f32::NEG_INFINITY);
+        } else if self.kind.reversed {
+            self.near[lane] = self.end(lane, cull);
+        } else {
+            self.far[lane] = self.end(lane, cull);
+        }
+    }
+
+    /// After hits: what is of interest to any of the rays.
+    #[inline(always)]
+    pub fn update_limits(&mut self) {
+        self.bundle_near = least(&self.near);
+        self.bundle_far = greatest(&self.far);
+    }
+
+    /// For each child of a node where the bundle enters its box (at or beyond `bundle_far` if it is missed).
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    pub unsafe fn box_distances<L: Lanes8>(&self, node: &WideNode) -> L {
+        let [x, y, z] = self.axes;
+        let up = usize::from(self.sign < 0.0);
+        // SAFETY: passed on to the caller; axes are below 3.
+        unsafe {
+            let near = self.planes::<L>(node, up, z).mul(L::splat(self.sign)).sub(L::splat(self.margin));
+            let far =
+                self.planes::<L>(node, up ^ 1, z).mul(L::splat(self.sign * (1.0 + PADDING))).add(L::splat(self.margin));
+            let near = near.max(L::splat(self.bundle_near));
+            let far = far.min(L::splat(self.bundle_far));
+            // The last one is always a number.
+            let gap = self.gap(node, 0, x, near, far).max(self.gap(node, 1, y, near, far).max(near.sub(far)));
+            gap.mul(L::splat(f32::MAX)).max(near)
+        }
+    }
+
+    /// The planes of the boxes of a node as seen from the apex.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; `side` must be 0 or 1, `axis` below 3.
+    #[inline(always)]
+    unsafe fn planes<L: Lanes8>(&self, node: &WideNode, side: usize, axis: usize) -> L {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let planes = L::load(node.bounds.get_unchecked(side).get_unchecked(axis));
+            planes.sub(L::splat(*self.kind.apex.get_unchecked(axis)))
+        }
+    }
+
+    /// Positive where the boxes of a node, from `near` to `far`, lie beside the bundle on an axis.
+    ///
+    /// # Safety
+    /// As [`Self::planes`].
+    #[inline(always)]
+    unsafe fn gap<L: Lanes8>(&self, node: &WideNode, i: usize, axis: usize, near: L, far: L) -> L {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let (low, high) = (L::splat(self.low_slope[i]), L::splat(self.high_slope[i]));
+            let low = near.mul(low).min(far.mul(low)).add(L::splat(self.low_offset[i]));
+            let high = near.mul(high).max(far.mul(high)).add(L::splat(self.high_offset[i]));
+            self.planes::<L>(node, 0, axis).sub(high).max(low.sub(self.planes::<L>(node, 1, axis)))
+        }
+    }
+
+    /// Which rays meet one of the boxes of a node.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    pub unsafe fn rays_meeting<L: Lanes8>(&self, node: &WideNode, slot: usize) -> u32 {
+        let [x, y, z] = self.axes;
+        let up = usize::from(self.sign < 0.0);
+        let near = self.plane(node, slot, up, z) * self.sign - self.margin;
+        let far = self.plane(node, slot, up ^ 1, z) * self.sign * (1.0 + PADDING) + self.margin;
+        let mut sides = [[0.0; 2]; 2];
+        for (side, axis) in sides.iter_mut().zip([x, y]) {
+            let (low, high) = (self.plane(node, slot, 0, axis), self.plane(node, slot, 1, axis));
+            *side = [low - low.abs() * PADDING - self.margin, high + high.abs() * PADDING + self.margin];
+        }
+        let mut mask = 0;
+        for half in 0..2 {
+            // SAFETY: passed on to the caller.
+            unsafe {
+                let near = L::splat(near).max(lanes(&self.near, half));
+                let far = L::splat(far).min(lanes(&self.far, half));
+                let mut met = near.le(far);
+                for i in 0..2 {
+                    let (slope, offset): (L, L) = (lanes(&self.slope[i], half), lanes(&self.offset[i], half));
+                    let (a, b) = (near.mul(slope), far.mul(slope));
+                    met &=
+                        a.min(b).add(offset).le(L::splat(sides[i][1])) & L::splat(sides[i][0]).le(a.max(b).add(offset));
+                }
+                mask |= met << (8 * half);
+            }
+        }
+        mask
+    }
+
+    /// One plane of one box as seen from the apex.
+    #[inline(always)]
+    fn plane(&self, node: &WideNode, slot: usize, side: usize, axis: usize) -> f32 {
+        node.bounds[side][axis][slot & 7] - self.kind.apex[axis]
+    }
+}
+
+/// One half of the rays.
+///
+/// # Safety
+/// The machine must have the instructions of `L`; `half` must be 0 or 1.
+#[inline(always)]
+unsafe fn lanes<L: Lanes8>(values: &PerRay<f32>, half: usize) -> L {
+    // SAFETY: passed on to the caller.
+    unsafe { L::load(&*values.as_ptr().add(8 * half).cast::<[f32; 8]>()) }
+}
+
+/// True if the boxes of a node are where the tests of bundles cannot overflow.
+#[inline(always)]
+pub(super) fn is_in_range(node: &WideNode) -> bool {
+    let mut within = true;
+    for slot in 0..8 {
+        for axis in 0..3 {
+            let (low, high) = (node.bounds[0][axis][slot], node.bounds[1][axis][slot]);
+            // Unused slots are empty.
+            within &= low > high || (low > -LARGEST && high < LARGEST);
+        }
+    }
+    within
+}

@@ -1,0 +1,246 @@
+use super::bundle::{Bundle, RAYS};
+use super::exact::{Found, Pairs, exact_hits};
+use super::leaf::SeenBlock;
+use super::{Locals, set_up};
+use crate::accel::AcceleratorKind;
+use crate::hit::Hit;
+use crate::kernel::ray::LocalRay;
+use crate::kernel::triangle::{TriangleBlock, exact_hit};
+use crate::mesh::TriangleMesh;
+use crate::query::rays::Rays;
+use crate::query::{AcceptAll, Grouping, HitFilter};
+use crate::world::tests::{bits, build, levels, nested_scene};
+use crate::world::{GeometryId, World, WorldBuilder};
+use proptest::prelude::*;
+use snell_math::simd::{Level, Portable8, WideLanes};
+use snell_math::{DAffine3, DRay, DVec3, Ray, Transform, Vec3, rng};
+use std::sync::Arc;
+
+/// Unit numbers from a seed.
+fn unit(seed: u32, i: u32) -> f32 {
+    rng::to_unit(rng::pcg4d([seed, i, 7, 9])[0])
+}
+
+fn vector(seed: u32, i: u32) -> Vec3 {
+    Vec3::new(unit(seed, 3 * i), unit(seed, 3 * i + 1), unit(seed, 3 * i + 2)) * 2.0 - 1.0
+}
+
+/// How the rays of a run belong together.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    FromPoint,
+    ToPoint,
+    Parallel,
+    Unlike,
+}
+
+fn kinds() -> impl Strategy<Value = Kind> {
+    prop_oneof![Just(Kind::FromPoint), Just(Kind::ToPoint), Just(Kind::Parallel), Just(Kind::Unlike)]
+}
+
+/// Rays around the line between two points, as close as `width`.
+fn rays(kind: Kind, seed: u32, count: usize, from: Vec3, to: Vec3, width: f32) -> Vec<Ray> {
+    let ray = |i: usize| {
+        let beside = vector(seed, i as u32) * width;
+        match kind {
+            Kind::FromPoint => Ray::new(from, to + beside - from),
+            Kind::ToPoint => Ray::new(from + beside, to - (from + beside)).with_t_max(1.0),
+            Kind::Parallel => Ray::new(from + beside, to - from),
+            Kind::Unlike => Ray::new(vector(seed, i as u32) * 3.0, vector(seed ^ 1, i as u32)),
+        }
+    };
+    (0..count).map(ray).collect()
+}
+
+/// Compares all claims with the oracle.
+fn check(world: &World, oracle: &World, rays: Rays, filter: &dyn HitFilter) -> Result<(), TestCaseError> {
+    let expected: Vec<Hit> = (0..rays.len()).map(|i| oracle.closest_one(rays.get(i), filter)).collect();
+    for grouping in [Grouping::Coherent, Grouping::None] {
+        let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+        world.closest(rays, grouping, filter, &mut hits);
+        world.occluded(rays, grouping, filter, &mut blocked);
+        for i in 0..rays.len() {
+            prop_assert_eq!(bits(&hits[i]), bits(&expected[i]), "{:?} {:?}", grouping, rays.get(i));
+            prop_assert_eq!(blocked[i], expected[i].is_hit(), "{:?} {:?}", grouping, rays.get(i));
+        }
+    }
+    Ok(())
+}
+
+fn lattice_point() -> impl Strategy<Value = Vec3> {
+    [-3i8..=3, -3i8..=3, -3i8..=3].prop_map(|p| Vec3::from_array(p.map(f32::from)))
+}
+
+fn sizes() -> impl Strategy<Value = usize> {
+    prop_oneof![Just(1), Just(2), Just(15), Just(16), Just(17), Just(40)]
+}
+
+fn widths() -> impl Strategy<Value = f32> {
+    prop_oneof![Just(0.0), Just(1e-4), Just(0.1), Just(0.5), Just(3.0)]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn bundles_hit_lattices_and_instances_of_them_as_the_oracle_does(
+        positions in proptest::collection::vec(lattice_point(), 3..20),
+        corners in proptest::collection::vec(proptest::array::uniform3(0u32..1000), 10..60),
+        (kind, seed, size) in (kinds(), 0u32..1_000_000, sizes()),
+        (from, to, width) in (lattice_point(), lattice_point(), widths()),
+        far in prop_oneof![Just(0.0), Just(1000.0f64)],
+    ) {
+        let n = positions.len() as u32;
+        let indices = corners.iter().map(|t| t.map(|i| i % n)).collect();
+        let mesh = Arc::new(TriangleMesh { positions, indices, ..TriangleMesh::default() });
+        let offset = DVec3::new(far, -far, far * 0.5);
+        let make = |accelerator, simd| {
+            let mut builder = WorldBuilder::default();
+            builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh.transformed(&Transform::translation(offset))));
+            let child = builder.add_group();
+            builder.add_mesh(child, mesh.clone());
+            let turned = DAffine3::from_rotation_y(0.3) * DAffine3::from_scale(DVec3::new(1.0, 0.7, 1.3));
+            for shift in [DVec3::ZERO, DVec3::X, DVec3::new(0.1, 2.0, 0.3)] {
+                let placed = Transform::new(DAffine3::from_translation(offset + shift) * turned).expect("invertible");
+                builder.add_instance(WorldBuilder::ROOT, child, placed);
+            }
+            build(builder, accelerator, simd)
+        };
+        let mut rays = rays(kind, seed, size, from, to, width);
+        rays.iter_mut().for_each(|ray| ray.origin += offset.as_vec3());
+        let oracle = make(AcceleratorKind::None, Level::Scalar);
+        for level in levels() {
+            check(&make(AcceleratorKind::Bvh, level), &oracle, Rays::from(&rays), &AcceptAll)?;
+        }
+    }
+
+    #[test]
+    fn what_the_exact_test_takes_passes_the_filter_and_gets_the_same_bits(
+        (kind, seed) in (kinds(), 0u32..1_000_000),
+        (from, to, width) in (lattice_point(), lattice_point(), widths()),
+        (size, scale, far) in (prop_oneof![Just(0.0f32), Just(1e-3), Just(1.0)], -20i32..20, prop_oneof![Just(0.0f32), Just(100.0)]),
+    ) {
+        let scale = 2.0f32.powi(scale);
+        let far = Vec3::new(far, -far, far);
+        let mut rays = rays(kind, seed, RAYS, from, to, width);
+        for ray in &mut rays {
+            (ray.origin, ray.direction) = ((ray.origin + far) * scale, ray.direction * scale);
+        }
+        let mut block = TriangleBlock::EMPTY;
+        for lane in 0..8 {
+            // Around points on the rays; some on the lattice, where edges are met.
+            let at = rays[lane].at(0.5 * unit(seed, lane as u32));
+            let corner = |k: u32| {
+                let p = at + vector(seed ^ 5, 8 * k + lane as u32) * (size * scale);
+                (if lane < 4 { p } else { (p / scale).round() * scale }).to_array()
+            };
+            block.set(lane, &[corner(0), corner(1), corner(2)], 0);
+        }
+        let mut bundle = Bundle::NONE;
+        if set_up(&mut bundle, &rays) {
+            // SAFETY: portable code.
+            unsafe { check_block::<Portable8>(&bundle, &block, &rays)? };
+            #[cfg(target_arch = "x86_64")]
+            if Level::Avx2.is_supported() {
+                // SAFETY: just checked.
+                unsafe { check_block_avx2(&bundle, &block, &rays)? };
+            }
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
+unsafe fn check_block_avx2(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray]) -> Result<(), TestCaseError> {
+    // SAFETY: as promised by the caller.
+    unsafe { check_block::<snell_math::simd::Avx8>(bundle, block, rays) }
+}
+
+#[inline(always)]
+unsafe fn check_block<L: WideLanes>(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray]) -> Result<(), TestCaseError> {
+    // SAFETY: as promised by the caller.
+    let seen = unsafe { SeenBlock::<L>::new(block, bundle) };
+    for (lane, ray) in rays.iter().enumerate() {
+        // SAFETY: as above.
+        let passed = unsafe { seen.candidates(bundle, lane) };
+        let local = LocalRay::new(&DRay::from(ray));
+        let pairs = Pairs { triangles: std::array::from_fn(|i| i as u32), rays: [lane as u32; 8], count: 8 };
+        let mut found = Found::NONE;
+        if bundle.is_aligned {
+            // SAFETY: as above.
+            unsafe { exact_hits::<L>(block, bundle, &pairs, &mut found) };
+        }
+        for triangle in 0..8 {
+            let expected = exact_hit(&local, &block.corners(triangle), ray.t_min.into());
+            prop_assert!(expected.is_none() || passed >> triangle & 1 == 1, "{ray:?} {:?}", block.corners(triangle));
+            if bundle.is_aligned && found.unsure >> triangle & 1 == 0 {
+                let hit = found.hits >> triangle & 1 == 1;
+                prop_assert_eq!(hit, expected.is_some(), "{:?} {:?}", ray, block.corners(triangle));
+                if let Some((t, uv)) = expected {
+                    let bits = [found.t[triangle], found.b1[triangle], found.b2[triangle]].map(f32::to_bits);
+                    prop_assert_eq!(bits, [t as f32, uv.x, uv.y].map(f32::to_bits));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn runs_with_a_common_point_are_bundles_and_others_are_not() {
+    let mut bundle = Bundle::NONE;
+    let (from, to) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.5, -1.0, -2.0));
+    let mut is_bundle = |rays: &[Ray]| set_up(&mut bundle, rays).then(|| (bundle.kind.common, bundle.kind.reversed));
+    assert_eq!(is_bundle(&rays(Kind::FromPoint, 1, 16, from, to, 0.1)), Some((true, false)));
+    assert_eq!(is_bundle(&rays(Kind::ToPoint, 1, 16, from, to, 0.1)), Some((false, true)));
+    assert_eq!(is_bundle(&rays(Kind::Parallel, 1, 9, from, to, 0.1)), Some((false, false)));
+    assert_eq!(is_bundle(&rays(Kind::Unlike, 1, 16, from, to, 0.1)), None);
+    assert_eq!(is_bundle(&rays(Kind::FromPoint, 1, 3, from, to, 0.1)), None);
+    for (k, broken) in [f32::NAN, f32::INFINITY, -1.0].into_iter().enumerate() {
+        let mut rays = rays(Kind::FromPoint, 1, 16, from, to, 0.1);
+        match k {
+            0 => rays[7].direction.y = broken,
+            1 => rays[7].origin.y = broken,
+            _ => rays[7].t_max = broken,
+        }
+        assert_eq!(is_bundle(&rays), None, "{broken}");
+    }
+}
+
+#[test]
+fn bundles_agree_with_the_oracle_on_nested_instances_with_masks_and_rejections() {
+    struct Sieve;
+    impl HitFilter for Sieve {
+        fn accept(&self, _: &Ray, hit: &Hit) -> bool {
+            rng::hash32(hit.primitive ^ hit.instance) & 3 != 0
+        }
+    }
+    let make = |accelerator, simd| {
+        let mut builder = nested_scene(5);
+        (0..builder.geometries.len() as u32).step_by(2).for_each(|g| builder.set_filtered(GeometryId(g)));
+        builder.set_mask(GeometryId(1), 2);
+        build(builder, accelerator, simd)
+    };
+    let oracle = make(AcceleratorKind::None, Level::Scalar);
+    let worlds: Vec<_> = levels().map(|level| make(AcceleratorKind::Bvh, level)).collect();
+    for seed in 0..60 {
+        let kind = [Kind::FromPoint, Kind::ToPoint, Kind::Parallel][seed as usize % 3];
+        let rays = rays(kind, seed, 50, vector(seed, 100) * 6.0, vector(seed, 101), 0.3);
+        let masks: Vec<u32> = (0..50).map(|i| 1 + (i / 5) % 3).collect();
+        for world in &worlds {
+            check(world, &oracle, Rays::new(&rays).with_masks(&masks), &Sieve).expect("the same hits");
+        }
+    }
+}
+
+#[test]
+fn locals_are_built_once_and_are_those_of_the_rays() {
+    let rays = rays(Kind::FromPoint, 3, 16, Vec3::ZERO, Vec3::Z, 0.1);
+    let mut bundle = Bundle::NONE;
+    assert!(set_up(&mut bundle, &rays));
+    let mut locals = Locals::NONE;
+    for lane in [3, 3, 0] {
+        assert_eq!(locals.get(&bundle, lane).exact.direction, rays[lane].direction.as_dvec3());
+    }
+    assert_eq!(locals.built, 0b1001);
+}

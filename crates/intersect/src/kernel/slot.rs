@@ -1,0 +1,373 @@
+//! One walk of the interleaved kernel: a ray in flight, with the memory of its way.
+
+use super::node::WideNode;
+use super::node::{ChildRef, quick_distances};
+use super::quick::QuickRay;
+use super::traverse::{Stack, Walk, test_object};
+use super::triangle::{TriangleBlock, hit_in_plane, is_behind, lines_through, plane_distance};
+use crate::accel::bvh::{Forest, GroupTree};
+use crate::accel::group::{Object, ObjectRef, offer_triangle};
+use crate::query::search::{Goal, Search};
+use snell_math::simd::Lanes8;
+use snell_math::{DRay, DVec3, Ray};
+use std::mem::MaybeUninit;
+
+/// Entries of each stack.
+pub(super) const STACK: usize = 504;
+
+/// Where a ray is: in which group, with which coordinates.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    ray: QuickRay,
+    nodes: *const WideNode,
+    blocks: *const TriangleBlock,
+    origin: DVec3,
+    direction: DVec3,
+    /// The group, and the occurrence number of it.
+    group: u32,
+    instance: u32,
+}
+
+impl Place {
+    const UNSET: Self = Self {
+        ray: QuickRay::UNSET,
+        nodes: std::ptr::null(),
+        blocks: std::ptr::null(),
+        origin: DVec3::ZERO,
+        direction: DVec3::ZERO,
+        group: 0,
+        instance: 0,
+    };
+
+    /// The ray here; without an interval.
+    fn exact(&self) -> DRay {
+        DRay::new(self.origin, self.direction)
+    }
+}
+
+/// Where boxes begin; aligned, so that it is in one line of the cache.
+#[repr(align(32))]
+struct Enters([f32; 8]);
+
+/// A ray in flight.
+#[repr(C, align(64))]
+pub(super) struct Slot<'a, G> {
+    /// Where it is.
+    pub place: Place,
+    t_min: f32,
+    /// Padded limit of the search.
+    cull: f32,
+    /// What to visit next.
+    pub current: ChildRef,
+    /// Entries on the stack; the lowest one ends the walk.
+    top: u32,
+    /// What the last leaf left to be tested exactly.
+    block: *const TriangleBlock,
+    lanes: u32,
+    node: *const WideNode,
+    /// The children of the current node that are met, in order, and where.
+    met: u32,
+    enters: Enters,
+    /// Which ray this is.
+    pub number: usize,
+    /// `None` before the first ray and after the last.
+    pub search: Option<Search<'a, G>>,
+    /// The places to return to.
+    outside: Vec<Place>,
+    /// Where the boxes of the entries begin, if the goal narrows, and what they lead to.
+    distances: [MaybeUninit<f32>; STACK],
+    children: [MaybeUninit<u32>; STACK],
+}
+
+impl<'a, G: Goal> Slot<'a, G> {
+    /// Makes an idle slot, all but its stack.
+    ///
+    /// # Safety
+    /// `slot` must be writable.
+    pub unsafe fn init(slot: *mut Self) {
+        // SAFETY: as promised by the caller. The stack needs no values.
+        unsafe {
+            (&raw mut (*slot).place).write(Place::UNSET);
+            (&raw mut (*slot).t_min).write(0.0);
+            (&raw mut (*slot).cull).write(0.0);
+            (&raw mut (*slot).current).write(ChildRef::NONE);
+            (&raw mut (*slot).top).write(1);
+            (&raw mut (*slot).block).write(std::ptr::null());
+            (&raw mut (*slot).lanes).write(0);
+            (&raw mut (*slot).node).write(std::ptr::null());
+            (&raw mut (*slot).met).write(0);
+            (&raw mut (*slot).enters).write(Enters([0.0; 8]));
+            (&raw mut (*slot).number).write(0);
+            (&raw mut (*slot).search).write(None);
+            (&raw mut (*slot).outside).write(Vec::new());
+        }
+    }
+
+    /// Begins the walk of a ray through the root's tree. False, and nothing done, if the ray is not ordinary.
+    #[inline(always)]
+    pub fn start<L: Lanes8>(
+        &mut self,
+        tree: &GroupTree,
+        number: usize,
+        search: impl FnOnce() -> Search<'a, G>,
+        ray: &Ray,
+    ) -> bool {
+        let place = &mut self.place;
+        if !place.ray.set_from_ray::<L>(ray) {
+            return false;
+        }
+        (place.nodes, place.blocks) = (tree.nodes.as_ptr(), tree.blocks.as_ptr());
+        (place.origin, place.direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+        (place.group, place.instance) = (0, 0);
+        let search = self.search.insert(search());
+        (self.t_min, self.cull) = (ray.t_min, search.cull());
+        self.children[0].write(ChildRef::NONE.0);
+        (self.current, self.top, self.number) = (tree.root, 1, number);
+        true
+    }
+
+    /// # Safety
+    /// There must be a search.
+    #[inline(always)]
+    pub unsafe fn search(&mut self) -> &mut Search<'a, G> {
+        // SAFETY: as promised by the caller.
+        unsafe { self.search.as_mut().unwrap_unchecked() }
+    }
+
+    /// # Safety
+    /// `top` must not be 0: the entry that ends the walk is still there.
+    #[inline(always)]
+    pub unsafe fn pop(&mut self) {
+        self.top -= 1;
+        // SAFETY: `top` was between 1 and the size of the stack, and all entries below it are written.
+        self.current = ChildRef(unsafe { self.children.get_unchecked(self.top as usize).assume_init() });
+    }
+
+    /// Tests the boxes of the current node. (The step is in two parts with the other slots between them: each waits less.)
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; there must be a search; the current reference must be a node of the group.
+    #[inline(always)]
+    pub unsafe fn boxes_step<L: Lanes8>(&mut self) {
+        // SAFETY: as promised by the caller.
+        unsafe {
+            self.search().goal.count_node();
+            let node = &*self.place.nodes.add(self.current.node_index());
+            self.node = node;
+            let (enter, limit) = quick_distances::<L>(node, &self.place.ray, self.t_min, self.cull);
+            self.met = enter.le_in_order(limit, *node.order.get_unchecked(self.place.ray.octant()));
+            if G::NARROWS {
+                enter.store(&mut self.enters.0);
+            }
+        }
+    }
+
+    /// Goes on to the nearest box that was met, and notes the others.
+    ///
+    /// # Safety
+    /// As [`Self::boxes_step`], which must have been done before; the stack must have room for eight more entries.
+    #[inline(always)]
+    pub unsafe fn push_step<L: Lanes8>(&mut self) {
+        // SAFETY: as promised by the caller. References are plain `u32`, and `top` is at least 1.
+        unsafe {
+            let (node, top) = (&*self.node, self.top as usize);
+            let values = &mut *self.distances.as_mut_ptr().add(top).cast::<[f32; 8]>();
+            let children = &mut *self.children.as_mut_ptr().add(top).cast::<[u32; 8]>();
+            let payload = &*node.children.as_ptr().cast::<[u32; 8]>();
+            let order = *node.order.get_unchecked(self.place.ray.octant());
+            if G::NARROWS {
+                L::load(&self.enters.0).compress::<true>(self.met, order, payload, values, children);
+            } else {
+                L::splat(0.0).compress::<false>(self.met, order, payload, values, children);
+            }
+            self.top += self.met.count_ones();
+            self.pop();
+        }
+    }
+
+    /// Finds which triangles of the current leaf the ray's line may pass through.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; there must be a search; the current reference must be a block of the group.
+    #[inline(always)]
+    pub unsafe fn leaf_step<L: Lanes8>(&mut self) {
+        // SAFETY: as promised by the caller.
+        unsafe {
+            self.block = self.place.blocks.add(self.current.block());
+            let count = self.current.count();
+            self.lanes = lines_through::<L>(&*self.block, &self.place.ray) & ((2 << (count - 1)) - 1);
+            self.search().goal.count_primitives(count);
+        }
+    }
+
+    /// Goes on after a leaf. True if [`Self::leaf_step`] has found any triangles.
+    ///
+    /// # Safety
+    /// The current entry must be a leaf.
+    #[inline(always)]
+    pub unsafe fn leave_leaf(&mut self) -> bool {
+        // SAFETY: the entry that ends the walk is below that of a leaf.
+        unsafe { self.pop() };
+        self.lanes != 0
+    }
+
+    /// Tests triangles exactly that [`Self::leaf_step`] has found.
+    ///
+    /// # Safety
+    /// There must be a search; the last step must have found triangles.
+    #[inline(always)]
+    pub unsafe fn triangles_step(&mut self, forest: &Forest) {
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let (block, mut lanes) = (&*self.block, self.lanes);
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize & 7;
+                lanes &= lanes - 1;
+                let t_min = f64::from(self.t_min);
+                let plane = plane_distance(&self.place.origin, &self.place.direction, &block.corners(lane));
+                if is_behind(plane, t_min) {
+                    continue;
+                }
+                let corners = block.corners(lane);
+                let found = hit_in_plane(
+                    &self.place.ray.exact(self.place.origin, self.place.direction),
+                    &corners,
+                    plane,
+                    t_min,
+                );
+                let (group, instance) = (self.place.group as usize, self.place.instance);
+                let ids = || {
+                    let (geometry, primitive) = forest.trees.get_unchecked(group).triangle(block.ids[lane]);
+                    [instance, geometry, primitive]
+                };
+                if offer_triangle(self.search(), found, ids) {
+                    self.current = ChildRef::NONE;
+                    return;
+                }
+            }
+            self.tighten();
+        }
+    }
+
+    /// After hits: a new limit, and the stack without what lies beyond it. The current entry must have been popped last.
+    ///
+    /// # Safety
+    /// There must be a search.
+    #[inline(always)]
+    pub unsafe fn tighten(&mut self) {
+        if !G::NARROWS {
+            return;
+        }
+        // SAFETY: as promised by the caller; all entries up to the one popped last are written, and the lowest stays.
+        unsafe {
+            let cull = self.search().cull();
+            if cull < self.cull {
+                self.cull = cull;
+                let mut kept = 1;
+                for i in 1..=self.top as usize {
+                    let (distance, child) = (*self.distances.get_unchecked(i), *self.children.get_unchecked(i));
+                    *self.distances.get_unchecked_mut(kept) = distance;
+                    *self.children.get_unchecked_mut(kept) = child;
+                    kept += usize::from(distance.assume_init() <= cull);
+                }
+                self.top = kept as u32;
+                self.pop();
+            }
+        }
+    }
+
+    /// Tests the shape that is the current object and goes on to the next entry, or goes into an instance.
+    ///
+    /// # Safety
+    /// There must be a search; the current reference must be an object of the group; the stack must have room for one more entry, and
+    /// `below` for all groups; `enter` must be the entry of the level of `L`, which the machine must have.
+    #[inline(always)]
+    pub unsafe fn object_step<L: Lanes8>(&mut self, forest: &Forest, below: &mut Stack, enter: Walk<G>) {
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let (object, exact) = (self.current.index(), self.place.exact());
+            let tree = forest.trees.get_unchecked(self.place.group as usize);
+            if self.enter_instance::<L>(forest, tree.objects.get(object)) {
+                return;
+            }
+            self.pop();
+            let instance = self.place.instance;
+            if test_object(forest, tree, object, &exact, instance, self.search(), below, enter) {
+                self.current = ChildRef::NONE;
+            } else {
+                self.tighten();
+            }
+        }
+    }
+
+    /// Goes into an instance, if the object is one that can be walked in this slot.
+    ///
+    /// # Safety
+    /// There must be a search; the stack must have room for one more entry.
+    #[inline(always)]
+    unsafe fn enter_instance<L: Lanes8>(&mut self, forest: &Forest, object: ObjectRef) -> bool {
+        let ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) = object else {
+            return false;
+        };
+        let tree = &forest.trees[*child];
+        // SAFETY: as promised by the caller.
+        let (visible, time) = unsafe { (self.search().mask, self.search().time) };
+        if mask & visible == 0 || tree.root == ChildRef::NONE || !tree.unbounded.is_empty() {
+            return false;
+        }
+        let Some(ray) = child_from_group.ray_in_child(&self.place.exact(), time) else { return false };
+        self.outside.push(self.place);
+        let place = &mut self.place;
+        if !place.ray.set_from_exact::<L>(&ray.origin, &ray.direction) {
+            self.return_outside();
+            return false;
+        }
+        (place.nodes, place.blocks) = (tree.nodes.as_ptr(), tree.blocks.as_ptr());
+        (place.origin, place.direction) = (ray.origin, ray.direction);
+        (place.group, place.instance) = (*child as u32, place.instance + offset);
+        let top = self.top as usize;
+        // SAFETY: as promised by the caller.
+        unsafe {
+            // Nearer than any limit.
+            self.distances.get_unchecked_mut(top).write(f32::NEG_INFINITY);
+            self.children.get_unchecked_mut(top).write(ChildRef::RETURN.0);
+        }
+        self.top += 1;
+        self.current = tree.root;
+        true
+    }
+
+    #[inline(always)]
+    fn return_outside(&mut self) {
+        if let Some(place) = self.outside.pop() {
+            self.place = place;
+        }
+    }
+
+    /// Returns from an instance and goes on there.
+    ///
+    /// # Safety
+    /// The current entry must be [`ChildRef::RETURN`].
+    #[inline(always)]
+    pub unsafe fn leave_instance(&mut self) {
+        self.return_outside();
+        // SAFETY: the entry that ends the walk is below that of the instance.
+        unsafe { self.pop() }
+    }
+
+    /// Asks for the memory of what is current. (Without a branch: whether it is a node or a leaf is as good as random.)
+    #[inline(always)]
+    pub fn fetch_ahead(&self) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            let node = self.place.nodes.wrapping_add(self.current.index()).cast::<i8>();
+            let block = self.place.blocks.wrapping_add(self.current.block()).cast::<i8>();
+            let start = std::hint::select_unpredictable(self.current.is_node(), node, block);
+            for line in 0..5 {
+                // SAFETY: asking ahead reads nothing: any address will do.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)) };
+            }
+        }
+    }
+}

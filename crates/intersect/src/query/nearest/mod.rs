@@ -1,0 +1,365 @@
+//! The point of the world nearest to a given one.
+//!
+//! Distances are those in the world, however geometry is scaled or sheared on its way there. Each is computed by one rule per point
+//! and primitive, in `f64`; boxes only skip what is surely farther; and equal distances go to the lowest (instance, geometry,
+//! primitive). So every structure gives the same bits. What moves counts as it is at time 0.
+
+mod place;
+#[cfg(test)]
+mod tests;
+
+use crate::accel::brute_force::GroupList;
+use crate::accel::bvh::{Forest, GroupTree};
+use crate::accel::group::{Bulk, BulkContents, Object, ObjectRef, Objects};
+use crate::geometry::quads::quad_hit;
+use crate::hit::Hit;
+use crate::kernel::node::ChildRef;
+use crate::kernel::triangle::TriangleBlock;
+use crate::mesh::are_degenerate;
+use crate::shape::Shape;
+use crate::shape::nearest::on_triangle;
+use crate::world::{GeometryOptions, Structure, World};
+use place::Place;
+use snell_math::{DAffine3, DVec3, Vec2, Vec3};
+
+/// The answer for one point. 36 bytes, plain data.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearestPoint {
+    /// Distance in world units, not negative; infinite if nothing is near enough.
+    pub distance: f32,
+    /// The point of the surface, in world space; zero if there is none.
+    pub position: Vec3,
+    /// Barycentrics `(b1, b2)` on a triangle, zero on a shape.
+    pub uv: Vec2,
+    /// As in [`Hit`].
+    pub instance: u32,
+    /// As in [`Hit`]; [`Hit::NONE`] if nothing is near enough.
+    pub geometry: u32,
+    /// As in [`Hit`].
+    pub primitive: u32,
+}
+
+impl NearestPoint {
+    /// Nothing is near enough.
+    pub const NONE: Self = Self {
+        distance: f32::INFINITY,
+        position: Vec3::ZERO,
+        uv: Vec2::ZERO,
+        instance: Hit::NONE,
+        geometry: Hit::NONE,
+        primitive: Hit::NONE,
+    };
+
+    /// True unless nothing is near enough.
+    pub fn is_found(&self) -> bool {
+        self.geometry != Hit::NONE
+    }
+}
+
+impl Default for NearestPoint {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+/// A batch of points. A slice of points converts into it: all geometries, any distance.
+#[derive(Clone, Copy, Debug)]
+pub struct Points<'a> {
+    /// The points, in world space.
+    pub points: &'a [Vec3],
+    /// What is farther from a point than this is not looked for; what is exactly as far is.
+    pub max_distance: f32,
+    /// The same for each point by itself, or empty. The lesser of the two counts.
+    pub max_distances: &'a [f32],
+    /// Only geometries and instances that share a bit with this count.
+    pub mask: u32,
+}
+
+impl<'a> Points<'a> {
+    /// Points without limits.
+    pub fn new(points: &'a [Vec3]) -> Self {
+        Self { points, max_distance: f32::INFINITY, max_distances: &[], mask: u32::MAX }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The points numbered `range`.
+    pub fn slice(&self, range: std::ops::Range<usize>) -> Self {
+        let max_distances =
+            if self.max_distances.is_empty() { self.max_distances } else { &self.max_distances[range.clone()] };
+        Self { points: &self.points[range], max_distances, ..*self }
+    }
+
+    /// How far to look from a point; NaN (which finds nothing) if either limit is.
+    pub(super) fn limit(&self, number: usize) -> f32 {
+        let own = if self.max_distances.is_empty() { f32::INFINITY } else { self.max_distances[number] };
+        if own < self.max_distance || own.is_nan() { own } else { self.max_distance }
+    }
+}
+
+impl<'a> From<&'a [Vec3]> for Points<'a> {
+    fn from(points: &'a [Vec3]) -> Self {
+        Self::new(points)
+    }
+}
+
+impl<'a> From<&'a Vec<Vec3>> for Points<'a> {
+    fn from(points: &'a Vec<Vec3>) -> Self {
+        Self::new(points)
+    }
+}
+
+impl<'a, const N: usize> From<&'a [Vec3; N]> for Points<'a> {
+    fn from(points: &'a [Vec3; N]) -> Self {
+        Self::new(points)
+    }
+}
+
+impl World {
+    /// For each point the nearest point of any surface, from either side; [`NearestPoint::NONE`] where there is none within the
+    /// limit, the point is not finite, or the limit is negative or NaN.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn nearest_point<'a>(&self, points: impl Into<Points<'a>>, nearest: &mut [NearestPoint]) {
+        let points = points.into();
+        assert_eq!(points.len(), nearest.len(), "one answer per point");
+        assert!(points.max_distances.is_empty() || points.max_distances.len() == points.len(), "one limit per point");
+        let mut stack = Vec::new();
+        for (i, answer) in nearest.iter_mut().enumerate() {
+            *answer = self.search_nearest(points.points[i], points.limit(i), points.mask, &mut stack);
+        }
+    }
+
+    /// The nearest point of any surface to one point.
+    pub fn nearest_point_one(&self, point: Vec3) -> NearestPoint {
+        self.search_nearest(point, f32::INFINITY, u32::MAX, &mut Vec::new())
+    }
+
+    fn search_nearest(&self, point: Vec3, limit: f32, mask: u32, stack: &mut Vec<Entry>) -> NearestPoint {
+        if !point.is_finite() || limit.is_nan() || limit < 0.0 {
+            return NearestPoint::NONE;
+        }
+        stack.clear();
+        let mut search = Search { point, mask, options: &self.options, best: Best::within(limit), stack };
+        let place = Place::world(point);
+        match &self.structure {
+            Structure::None(lists) => search.list(&|group| &lists[group], 0, &place, 0),
+            Structure::Walked(structures) => search.list(&|group| structures.list(group), 0, &place, 0),
+            Structure::Bvh(forest) => search.tree(forest, 0, &place, 0),
+        }
+        search.best.result(&self.options)
+    }
+}
+
+/// The best point so far.
+struct Best {
+    squared: f64,
+    /// `squared` rounded up.
+    limit: f32,
+    /// Instance, geometry, primitive (for a quad its triangle).
+    ids: [u32; 3],
+    position: DVec3,
+    uv: Vec2,
+}
+
+impl Best {
+    /// Nothing yet.
+    fn within(distance: f32) -> Self {
+        let squared = f64::from(distance) * f64::from(distance);
+        // Any ids are lower, so what lies exactly at the limit is taken.
+        Self { squared, limit: above(squared), ids: [Hit::NONE; 3], position: DVec3::ZERO, uv: Vec2::ZERO }
+    }
+
+    fn is_improved_by(&self, squared: f64, ids: [u32; 3]) -> bool {
+        squared < self.squared || (squared == self.squared && ids < self.ids)
+    }
+
+    fn result(&self, options: &[GeometryOptions]) -> NearestPoint {
+        let [instance, geometry, primitive] = self.ids;
+        if geometry == Hit::NONE {
+            return NearestPoint::NONE;
+        }
+        let found = Hit { t: 0.0, uv: self.uv, instance, geometry, primitive };
+        let Hit { uv, primitive, .. } = if options[geometry as usize].quads { quad_hit(&found) } else { found };
+        let largest = DVec3::splat(f32::MAX.into());
+        NearestPoint {
+            distance: (self.squared.sqrt() as f32).min(f32::MAX),
+            position: self.position.clamp(-largest, largest).as_vec3(),
+            uv,
+            instance,
+            geometry,
+            primitive,
+        }
+    }
+}
+
+/// The least `f32` not below.
+fn above(x: f64) -> f32 {
+    let rounded = x as f32;
+    if f64::from(rounded) < x { rounded.next_up() } else { rounded }
+}
+
+/// A child to visit later, and a lower bound of its squared distance.
+type Entry = (f32, ChildRef);
+
+/// The search for one point.
+struct Search<'a> {
+    /// In the world.
+    point: Vec3,
+    mask: u32,
+    options: &'a [GeometryOptions],
+    best: Best,
+    stack: &'a mut Vec<Entry>,
+}
+
+impl Search<'_> {
+    /// Looks through the tree of a group, nearest boxes first.
+    fn tree(&mut self, forest: &Forest, group: usize, place: &Place, instance: u32) {
+        let tree: &GroupTree = &forest.trees[group];
+        for &object in &tree.unbounded {
+            self.object(&tree.objects, object as usize, place, instance, |search, child, place, instance| {
+                search.tree(forest, child, place, instance);
+            });
+        }
+        if tree.root == ChildRef::NONE {
+            return;
+        }
+        let base = self.stack.len();
+        self.stack.push((0.0, tree.root));
+        while self.stack.len() > base {
+            let Some((bound, child)) = self.stack.pop() else { break };
+            if bound > self.best.limit {
+                continue;
+            }
+            if child.is_node() {
+                let node = &tree.nodes[child.index()];
+                let bounds = place.node_bounds(node);
+                let first = self.stack.len();
+                let children = bounds.into_iter().zip(node.children);
+                self.stack.extend(children.filter(|c| c.1 != ChildRef::NONE && c.0 <= self.best.limit));
+                self.stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+            } else if child.is_triangles() {
+                self.triangles(tree, &tree.blocks[child.block()], child.count() as usize, place, instance);
+            } else {
+                self.object(&tree.objects, child.index(), place, instance, |search, child, place, instance| {
+                    search.tree(forest, child, place, instance);
+                });
+            }
+        }
+    }
+
+    /// Looks at everything in a group; `lists` has what each group holds.
+    fn list<'l>(&mut self, lists: &impl Fn(usize) -> &'l GroupList, group: usize, place: &Place, instance: u32) {
+        let list = lists(group);
+        for (geometry, mesh) in &list.meshes {
+            for triangle in (0..mesh.indices.len()).filter(|&i| !mesh.is_degenerate(i)) {
+                let corners = mesh.corners(triangle).map(|p| p.as_dvec3());
+                self.triangle(&corners, place, [instance, *geometry, triangle as u32]);
+            }
+        }
+        for object in 0..list.objects.len() {
+            self.object(&list.objects, object, place, instance, |search, child, place, instance| {
+                search.list(lists, child, place, instance);
+            });
+        }
+    }
+
+    fn triangles(&mut self, tree: &GroupTree, block: &TriangleBlock, count: usize, place: &Place, instance: u32) {
+        let bounds = place.triangle_bounds(block);
+        for (lane, bound) in bounds.into_iter().enumerate().take(count) {
+            if bound <= self.best.limit {
+                let (geometry, primitive) = tree.triangle(block.ids[lane]);
+                let corners = block.corners(lane).map(|p| Vec3::from_array(p).as_dvec3());
+                self.triangle(&corners, place, [instance, geometry, primitive]);
+            }
+        }
+    }
+
+    fn triangle(&mut self, corners: &[DVec3; 3], place: &Place, ids: [u32; 3]) {
+        if self.admits(ids[1]) {
+            let (position, uv) = on_triangle(&place.metric, place.point, corners);
+            self.offer(position - place.point, uv.as_vec2(), &place.metric, ids);
+        }
+    }
+
+    /// Looks at a shape or a primitive of a set, or enters an instance.
+    fn object(
+        &mut self,
+        objects: &Objects,
+        number: usize,
+        place: &Place,
+        instance: u32,
+        enter: impl FnOnce(&mut Self, usize, &Place, u32),
+    ) {
+        match objects.get(number) {
+            ObjectRef::Primitive(bulk, primitive) => self.primitive(bulk, primitive, place, instance),
+            ObjectRef::Placed(Object::Shape { shape, geometry, shape_from_group }) => {
+                self.shape(shape.as_ref(), *geometry, shape_from_group, place, instance);
+            }
+            ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) => {
+                let place = if mask & self.mask == 0 { None } else { place.in_child(child_from_group.at_first()) };
+                if let Some(place) = place {
+                    enter(self, *child, &place, instance + offset);
+                }
+            }
+        }
+    }
+
+    fn shape(&mut self, shape: &dyn Shape, geometry: u32, shape_from_group: &DAffine3, place: &Place, instance: u32) {
+        if !self.admits(geometry) {
+            return;
+        }
+        let point = shape_from_group.transform_point3(place.point);
+        let metric = place.metric_in_child(shape_from_group);
+        if let Some(found) = shape.nearest_point(point, &metric) {
+            // Not outside of the box that is skipped when it is too far.
+            let bounds = shape.bounds();
+            let position = found.position.max(bounds.min).min(bounds.max);
+            self.offer(position - point, Vec2::ZERO, &metric, [instance, geometry, found.face]);
+        }
+    }
+
+    fn primitive(&mut self, bulk: &Bulk, primitive: u32, place: &Place, instance: u32) {
+        if !self.admits(bulk.geometry) {
+            return;
+        }
+        let number = primitive as usize;
+        let bounds = bulk.contents.bounds(number);
+        let found = match &bulk.contents {
+            BulkContents::Set(set) => set.nearest_point(number, place.point, &place.metric),
+            BulkContents::MovingMesh(mesh) => {
+                let corners = mesh.first().corners(number);
+                let exists = !are_degenerate(&corners);
+                let nearest = || on_triangle(&place.metric, place.point, &corners.map(|p| p.as_dvec3()));
+                exists.then(nearest).map(|(position, uv)| (position, uv.as_vec2()))
+            }
+        };
+        if let Some((position, uv)) = found.filter(|found| !bounds.is_empty() && found.0.is_finite()) {
+            let position = position.max(bounds.min).min(bounds.max);
+            self.offer(position - place.point, uv, &place.metric, [instance, bulk.geometry, primitive]);
+        }
+    }
+
+    fn admits(&self, geometry: u32) -> bool {
+        self.options[geometry as usize].mask & self.mask != 0
+    }
+
+    /// Takes a point if it is nearer than the best. `offset` is from the searched point, in coordinates measured by `metric`.
+    fn offer(&mut self, offset: DVec3, uv: Vec2, metric: &crate::shape::Metric, ids: [u32; 3]) {
+        let in_world = *metric.linear() * offset;
+        let squared = in_world.length_squared();
+        if self.best.is_improved_by(squared, ids) {
+            let position = self.point.as_dvec3() + in_world;
+            self.best = Best { squared, limit: above(squared), ids, position, uv };
+        }
+    }
+}

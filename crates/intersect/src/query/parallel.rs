@@ -1,0 +1,206 @@
+//! The queries over batches by all threads of the current rayon pool.
+//!
+//! A batch is cut into pieces of a fixed size, a multiple of the runs that [`Grouping`] speaks of, and each piece is an ordinary
+//! query: so results are the same for any number of threads and any size of pieces. (Who runs many batches in tasks of their own asks
+//! the [`World`] directly.)
+
+#[cfg(test)]
+mod tests;
+
+use super::crossings::AllHits;
+use super::nearest::{NearestPoint, Points};
+use super::rays::Rays;
+use super::{Grouping, HitFilter};
+use crate::hit::Hit;
+use crate::world::World;
+use rayon::prelude::*;
+use snell_math::Vec3;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Runs of coherent rays have this length or divide it.
+const RUN: usize = 64;
+
+/// Rays of a piece.
+const PIECE: usize = 4096;
+
+/// Rays of a piece if the caller may want to stop: some milliseconds at the most.
+const SHORT_PIECE: usize = 512;
+
+/// A query was stopped by its flag. What it should have written is partly written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the query was cancelled")]
+pub struct Cancelled;
+
+/// The queries of a world, by many threads. See [`World::parallel`].
+#[derive(Clone, Copy, Debug)]
+pub struct Parallel<'a> {
+    world: &'a World,
+    piece: usize,
+    cancel: Option<&'a AtomicBool>,
+}
+
+impl World {
+    /// The same queries as the world's own, by all threads of the current rayon pool. Results are the same, bit for bit.
+    pub fn parallel(&self) -> Parallel<'_> {
+        Parallel { world: self, piece: PIECE, cancel: None }
+    }
+}
+
+impl<'a> Parallel<'a> {
+    /// Stops soon after the flag is set, with [`Cancelled`]. It is looked at before each piece of 512 rays or 64 points.
+    pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
+        Self { cancel: Some(cancel), piece: self.piece.min(SHORT_PIECE), ..self }
+    }
+
+    /// How many rays make a piece, rounded up to a multiple of 64.
+    pub fn with_piece(self, rays: usize) -> Self {
+        Self { piece: rays.max(1).checked_next_multiple_of(RUN).unwrap_or(PIECE), ..self }
+    }
+
+    /// As [`World::closest`].
+    ///
+    /// # Errors
+    /// If the flag was set.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn closest<'r>(
+        &self,
+        rays: impl Into<Rays<'r>>,
+        grouping: Grouping,
+        filter: &dyn HitFilter,
+        hits: &mut [Hit],
+    ) -> Result<(), Cancelled> {
+        let rays = rays.into();
+        self.write(rays.len(), self.piece, hits, |range, hits| {
+            self.world.closest(rays.slice(range), grouping, filter, hits);
+        })
+    }
+
+    /// As [`World::occluded`].
+    ///
+    /// # Errors
+    /// If the flag was set.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn occluded<'r>(
+        &self,
+        rays: impl Into<Rays<'r>>,
+        grouping: Grouping,
+        filter: &dyn HitFilter,
+        blocked: &mut [bool],
+    ) -> Result<(), Cancelled> {
+        let rays = rays.into();
+        self.write(rays.len(), self.piece, blocked, |range, blocked| {
+            self.world.occluded(rays.slice(range), grouping, filter, blocked);
+        })
+    }
+
+    /// As [`World::count`].
+    ///
+    /// # Errors
+    /// If the flag was set.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn count<'r>(
+        &self,
+        rays: impl Into<Rays<'r>>,
+        filter: &dyn HitFilter,
+        counts: &mut [u32],
+    ) -> Result<(), Cancelled> {
+        let rays = rays.into();
+        self.write(rays.len(), self.piece, counts, |range, counts| self.world.count(rays.slice(range), filter, counts))
+    }
+
+    /// As [`World::all`].
+    ///
+    /// # Errors
+    /// If the flag was set.
+    pub fn all<'r>(&self, rays: impl Into<Rays<'r>>, filter: &dyn HitFilter) -> Result<AllHits, Cancelled> {
+        let rays = rays.into();
+        let pieces = (0..rays.len().div_ceil(self.piece)).into_par_iter().map(|i| {
+            self.check()?;
+            let start = i * self.piece;
+            Ok(self.world.all(rays.slice(start..rays.len().min(start + self.piece)), filter))
+        });
+        Ok(AllHits::concatenated(pieces.collect::<Result<_, _>>()?))
+    }
+
+    /// As [`World::nearest_point`].
+    ///
+    /// # Errors
+    /// If the flag was set.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn nearest_point<'p>(
+        &self,
+        points: impl Into<Points<'p>>,
+        nearest: &mut [NearestPoint],
+    ) -> Result<(), Cancelled> {
+        let points = points.into();
+        self.write(points.len(), RUN, nearest, |range, nearest| self.world.nearest_point(points.slice(range), nearest))
+    }
+
+    /// As [`World::signed_distance`].
+    ///
+    /// # Errors
+    /// If the flag was set.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn signed_distance<'p>(&self, points: impl Into<Points<'p>>, distances: &mut [f32]) -> Result<(), Cancelled> {
+        let points = points.into();
+        self.write(points.len(), RUN, distances, |range, distances| {
+            self.world.signed_distance(points.slice(range), distances);
+        })
+    }
+
+    /// As [`World::winding_number`].
+    ///
+    /// # Errors
+    /// If the flag was set.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn winding_number(&self, points: &[Vec3], numbers: &mut [f64]) -> Result<(), Cancelled> {
+        self.write(points.len(), RUN, numbers, |range, numbers| self.world.winding_number(&points[range], numbers))
+    }
+
+    /// As [`World::occupancy`].
+    ///
+    /// # Errors
+    /// If the flag was set.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn occupancy(&self, points: &[Vec3], inside: &mut [bool]) -> Result<(), Cancelled> {
+        self.write(points.len(), RUN, inside, |range, inside| self.world.occupancy(&points[range], inside))
+    }
+
+    /// Lets `query` write each piece of the answers, given which it is.
+    fn write<T: Send>(
+        &self,
+        count: usize,
+        piece: usize,
+        answers: &mut [T],
+        query: impl Fn(Range<usize>, &mut [T]) + Sync,
+    ) -> Result<(), Cancelled> {
+        assert_eq!(count, answers.len(), "one answer per ray or point");
+        answers.par_chunks_mut(piece).enumerate().try_for_each(|(i, answers)| {
+            self.check()?;
+            query(i * piece..i * piece + answers.len(), answers);
+            Ok(())
+        })
+    }
+
+    fn check(&self) -> Result<(), Cancelled> {
+        match self.cancel {
+            Some(flag) if flag.load(Ordering::Relaxed) => Err(Cancelled),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! What a build takes over from the world before: all that comes from contents that did not change.
+
+use super::occurrence::Occurrences;
+use super::{BuildOptions, Geometry, GroupBounds, Structure, World, WorldBuilder, WorldError};
+use crate::accel::AcceleratorKind;
+use crate::accel::brute_force::GroupList;
+use crate::accel::bvh::{BvhOptions, Forest, GroupTree};
+use crate::accel::walk::Structures;
+use rayon::prelude::*;
+use snell_math::Bounds3d;
+use std::sync::Arc;
+
+/// Groups with fewer triangles are always built: that takes no longer.
+const WORTH_REFITTING: u64 = 1024;
+
+/// A tree is built anew when refitting has made it this many times as costly to walk as it was when built.
+const WORN: f32 = 1.3;
+
+/// What a world knows of its contents, besides what queries need.
+#[derive(Debug)]
+pub(super) struct Inventory {
+    accelerator: AcceleratorKind,
+    quality: crate::accel::Quality,
+    /// Per geometry.
+    pub summaries: Vec<Summary>,
+    /// Per group, [`GroupBounds`].
+    exact: Vec<Bounds3d>,
+    grown: Vec<Bounds3d>,
+    /// Per group, the cost of its tree when it was last built.
+    costs: Vec<f32>,
+    /// How this world came about.
+    pub reuse: Reuse,
+}
+
+/// How the groups of a world came by their structures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reuse {
+    /// Shared with the world before.
+    pub kept: usize,
+    /// Those of the world before with new boxes.
+    pub refitted: usize,
+    /// Built.
+    pub built: usize,
+}
+
+/// What it takes some time to find out about a geometry.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Summary {
+    /// In its own coordinates; empty for a set and for a mesh that moves.
+    pub bounds: Bounds3d,
+    /// Triangles, or primitives of a set, and how many of them can never be hit.
+    pub count: u64,
+    pub skipped: u64,
+}
+
+impl Summary {
+    fn of(geometry: &Geometry) -> Self {
+        match geometry {
+            Geometry::Mesh(mesh) => Self {
+                bounds: mesh.bounds().into(),
+                count: mesh.indices.len() as u64,
+                skipped: mesh.degenerate_triangles() as u64,
+            },
+            Geometry::Quads(quads) => Self {
+                bounds: quads.triangles().bounds().into(),
+                count: quads.triangles().indices.len() as u64,
+                skipped: quads.triangles().degenerate_triangles() as u64,
+            },
+            Geometry::MovingMesh(mesh) => Self {
+                bounds: Bounds3d::EMPTY,
+                count: mesh.len() as u64,
+                skipped: (0..mesh.len()).into_par_iter().filter(|&i| mesh.bounds(i).is_none()).count() as u64,
+            },
+            Geometry::Shape(shape, _) => Self { bounds: shape.bounds(), count: 1, skipped: 0 },
+            Geometry::Set(set) => Self {
+                bounds: Bounds3d::EMPTY,
+                count: set.len() as u64,
+                skipped: (0..set.len()).into_par_iter().filter(|&i| set.bounds(i).is_empty()).count() as u64,
+            },
+        }
+    }
+}
+
+/// True for the very same geometry.
+fn is_same(a: &Geometry, b: &Geometry) -> bool {
+    match (a, b) {
+        (Geometry::Mesh(a), Geometry::Mesh(b)) => Arc::ptr_eq(a, b),
+        (Geometry::Shape(a, at), Geometry::Shape(b, bt)) => Arc::ptr_eq(a, b) && at == bt,
+        (Geometry::Quads(a), Geometry::Quads(b)) => Arc::ptr_eq(a, b),
+        (Geometry::MovingMesh(a), Geometry::MovingMesh(b)) => Arc::ptr_eq(a, b),
+        (Geometry::Set(a), Geometry::Set(b)) => Arc::ptr_eq(a, b),
+        _ => false,
+    }
+}
+
+impl WorldBuilder {
+    /// A summary of each geometry.
+    pub(super) fn summaries(&self, previous: Option<&World>) -> Vec<Summary> {
+        let summary = |(i, geometry): (usize, &Geometry)| {
+            let known = previous.and_then(|p| p.geometries.get(i).filter(|old| is_same(old, geometry)).map(|_| p));
+            known.map_or_else(|| Summary::of(geometry), |p| p.inventory.summaries[i])
+        };
+        self.geometries.par_iter().enumerate().with_min_len(16).map(summary).collect()
+    }
+
+    /// True if a group holds what it held in the world before, in the same places, under the same numbers.
+    fn is_unchanged(&self, group: usize, occurrences: &Occurrences, bounds: &GroupBounds, previous: &World) -> bool {
+        let (new, Some(old)) = (&self.groups[group], previous.groups.get(group)) else { return false };
+        let same_boxes = |child: usize| {
+            let inventory = &previous.inventory;
+            bounds.exact[child] == inventory.exact[child] && bounds.grown[child] == inventory.grown[child]
+        };
+        new.geometries == old.geometries
+            && new
+                .geometries
+                .iter()
+                .all(|g| is_same(&self.geometries[g.0 as usize], &previous.geometries[g.0 as usize]))
+            && new.instances.len() == old.instances.len()
+            && occurrences.offsets[group] == previous.occurrences.offsets[group]
+            && new.instances.iter().zip(&old.instances).all(|(a, b)| {
+                a.child == b.child
+                    && a.group_from_child == b.group_from_child
+                    && a.mask == b.mask
+                    && a.later == b.later
+                    && same_boxes(a.child.0 as usize)
+            })
+    }
+
+    /// Boxes and structures of all groups.
+    pub(super) fn structures(
+        &self,
+        options: &BuildOptions,
+        bvh: &BvhOptions,
+        occurrences: &Occurrences,
+        previous: Option<&World>,
+    ) -> Result<(Bounds3d, Structure, Inventory), WorldError> {
+        let summaries = self.summaries(previous);
+        let lists = self.group_lists(occurrences)?;
+        let n = self.groups.len();
+        let mut bounds = GroupBounds::empty(n);
+        let mut unchanged = vec![false; n];
+        // Only these trees are taken over.
+        let alike = previous.filter(|p| {
+            let inventory = &p.inventory;
+            options.accelerator == AcceleratorKind::Bvh
+                && inventory.accelerator == options.accelerator
+                && inventory.quality == options.quality
+        });
+        for &group in &occurrences.order {
+            match alike.filter(|p| self.is_unchanged(group, occurrences, &bounds, p)) {
+                Some(p) => {
+                    unchanged[group] = true;
+                    bounds.exact[group] = p.inventory.exact[group];
+                    bounds.grown[group] = p.inventory.grown[group];
+                }
+                None => bounds.measure(self, &summaries, group),
+            }
+        }
+        let mut inventory = Inventory {
+            accelerator: options.accelerator,
+            quality: options.quality,
+            summaries,
+            exact: bounds.exact,
+            grown: bounds.grown,
+            costs: Vec::new(),
+            reuse: Reuse::default(),
+        };
+        let structure = match (options.accelerator.build(), options.accelerator) {
+            (Some(build), _) => {
+                inventory.reuse.built = n;
+                let built = Structures::build(lists, &bounds.objects, build, &options.accelerator_options);
+                Structure::Walked(built.map_err(WorldError::Limit)?)
+            }
+            (None, AcceleratorKind::None) => {
+                inventory.reuse.built = n;
+                Structure::None(lists)
+            }
+            (None, _) => {
+                let old = alike.and_then(|p| match &p.structure {
+                    Structure::Bvh(forest) => Some((forest, &p.inventory)),
+                    Structure::None(_) | Structure::Walked(_) => None,
+                });
+                let grown = (0..n).into_par_iter().map(|group| {
+                    let old = old.filter(|(forest, _)| group < forest.trees.len());
+                    let old = old.map(|(forest, inventory)| (&forest.trees[group], inventory.costs[group]));
+                    tree(&lists[group], &bounds.objects[group], bvh, old, unchanged[group])
+                });
+                let grown: Vec<Grown> = grown.collect::<Result<_, _>>().map_err(WorldError::Limit)?;
+                for grown in &grown {
+                    let count = match grown.how {
+                        How::Kept => &mut inventory.reuse.kept,
+                        How::Refitted => &mut inventory.reuse.refitted,
+                        How::Built => &mut inventory.reuse.built,
+                    };
+                    *count += 1;
+                    inventory.costs.push(grown.cost);
+                }
+                Structure::Bvh(Forest::of(grown.into_iter().map(|g| g.tree).collect(), &occurrences.order))
+            }
+        };
+        Ok((inventory.exact[0], structure, inventory))
+    }
+}
+
+enum How {
+    Kept,
+    Refitted,
+    Built,
+}
+
+struct Grown {
+    tree: Arc<GroupTree>,
+    /// When it was built.
+    cost: f32,
+    how: How,
+}
+
+/// The tree of a group: the old one if it is as it was, else refitted if that pays, else built.
+fn tree(
+    list: &GroupList,
+    boxes: &[Bounds3d],
+    options: &BvhOptions,
+    old: Option<(&Arc<GroupTree>, f32)>,
+    unchanged: bool,
+) -> Result<Grown, String> {
+    if let Some((tree, cost)) = old {
+        if unchanged {
+            return Ok(Grown { tree: tree.clone(), cost, how: How::Kept });
+        }
+        let triangles: u64 = list.meshes.iter().map(|(_, mesh)| mesh.indices.len() as u64).sum();
+        let refitted = if triangles < WORTH_REFITTING { None } else { tree.refit(list, boxes) };
+        if let Some(tree) = refitted.filter(|tree| tree.sah_cost() <= WORN * cost) {
+            return Ok(Grown { tree: Arc::new(tree), cost, how: How::Refitted });
+        }
+    }
+    let tree = GroupTree::build(list, boxes, options)?;
+    Ok(Grown { cost: tree.sah_cost(), tree: Arc::new(tree), how: How::Built })
+}

@@ -1,0 +1,118 @@
+//! Four `f64` lanes in one AVX register.
+
+use super::{Avx8, Lanes4, WideLanes};
+use std::arch::x86_64::*;
+
+/// Four lanes of AVX. As [`Avx8`]: a value exists only where it was allowed to make one.
+#[derive(Clone, Copy, Debug)]
+pub struct Avx4(__m256d);
+
+impl Lanes4 for Avx4 {
+    #[inline(always)]
+    unsafe fn splat(value: f64) -> Self {
+        // SAFETY: the caller guarantees AVX.
+        Self(unsafe { _mm256_set1_pd(value) })
+    }
+
+    #[inline(always)]
+    unsafe fn load_columns(rows: [&[f64; 4]; 4]) -> [Self; 4] {
+        // SAFETY: the caller guarantees AVX; each reference covers 32 readable bytes.
+        unsafe {
+            let [a, b] = [_mm256_loadu_pd(rows[0].as_ptr()), _mm256_loadu_pd(rows[1].as_ptr())];
+            let [c, d] = [_mm256_loadu_pd(rows[2].as_ptr()), _mm256_loadu_pd(rows[3].as_ptr())];
+            let (even_ab, even_cd) = (_mm256_unpacklo_pd(a, b), _mm256_unpacklo_pd(c, d));
+            let (odd_ab, odd_cd) = (_mm256_unpackhi_pd(a, b), _mm256_unpackhi_pd(c, d));
+            [
+                Self(_mm256_permute2f128_pd::<0x20>(even_ab, even_cd)),
+                Self(_mm256_permute2f128_pd::<0x20>(odd_ab, odd_cd)),
+                Self(_mm256_permute2f128_pd::<0x31>(even_ab, even_cd)),
+                Self(_mm256_permute2f128_pd::<0x31>(odd_ab, odd_cd)),
+            ]
+        }
+    }
+
+    #[inline(always)]
+    fn store_rounded(self, to: &mut [f32; 4]) {
+        // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 16 writable bytes.
+        unsafe { _mm_storeu_ps(to.as_mut_ptr(), _mm256_cvtpd_ps(self.0)) }
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_add_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_sub_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_mul_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_div_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_min_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_max_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0) })
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(self.0, other.0)) as u32 }
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
+    }
+}
+
+impl WideLanes for Avx8 {
+    type Doubles = Avx4;
+
+    #[inline(always)]
+    unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self {
+        // SAFETY: the caller guarantees AVX2; the references cover 32 bytes each. Only the lowest three bits of each lane are read.
+        unsafe {
+            let lanes = _mm256_loadu_si256(lanes.as_ptr().cast());
+            Self(_mm256_permutevar8x32_ps(_mm256_loadu_ps(values.as_ptr()), lanes))
+        }
+    }
+
+    #[inline(always)]
+    fn first_doubles(self) -> Avx4 {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Avx4(unsafe { _mm256_cvtps_pd(_mm256_castps256_ps128(self.0)) })
+    }
+
+    #[inline(always)]
+    fn last_doubles(self) -> Avx4 {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Avx4(unsafe { _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(self.0)) })
+    }
+}

@@ -1,0 +1,221 @@
+//! Four `f64` at a time, and the way to them from eight `f32`: what exact decisions about several rays at once need.
+
+use super::{Lanes8, Portable8};
+
+/// Four numbers that are worked on together. Every implementation gives the same bits: nothing is fused, and `min` and `max`
+/// return the second operand if one is NaN.
+pub trait Lanes4: Copy {
+    /// The same number in all lanes.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn splat(value: f64) -> Self;
+
+    /// The columns of the matrix whose rows are given.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn load_columns(rows: [&[f64; 4]; 4]) -> [Self; 4];
+
+    /// Writes the four numbers, rounded to nearest.
+    fn store_rounded(self, to: &mut [f32; 4]);
+
+    /// `self + other`.
+    fn add(self, other: Self) -> Self;
+
+    /// `self - other`.
+    fn sub(self, other: Self) -> Self;
+
+    /// `self * other`.
+    fn mul(self, other: Self) -> Self;
+
+    /// `self / other`.
+    fn div(self, other: Self) -> Self;
+
+    /// The lesser of both; `other` if either is NaN.
+    fn min(self, other: Self) -> Self;
+
+    /// The greater of both; `other` if either is NaN.
+    fn max(self, other: Self) -> Self;
+
+    /// Absolute value.
+    fn abs(self) -> Self;
+
+    /// Bit `i` is set if `self <= other` in lane `i` (not for NaN).
+    fn le(self, other: Self) -> u32;
+
+    /// Bit `i` is set if `self < other` in lane `i` (not for NaN).
+    fn lt(self, other: Self) -> u32;
+}
+
+/// Eight lanes that can be rearranged and continued in double precision.
+pub trait WideLanes: Lanes8 {
+    /// Four of them in double precision.
+    type Doubles: Lanes4;
+
+    /// Lane `i` of the result is lane `lanes[i]` (below 8) of `values`.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self;
+
+    /// The first four lanes, exactly.
+    fn first_doubles(self) -> Self::Doubles;
+
+    /// The last four lanes, exactly.
+    fn last_doubles(self) -> Self::Doubles;
+}
+
+/// Four lanes as an array: the readable twin.
+#[derive(Clone, Copy, Debug)]
+pub struct Portable4([f64; 4]);
+
+impl Portable4 {
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
+    }
+
+    #[inline(always)]
+    fn compare(self, other: Self, f: impl Fn(f64, f64) -> bool) -> u32 {
+        (0..4).fold(0, |mask, i| mask | (u32::from(f(self.0[i], other.0[i])) << i))
+    }
+}
+
+impl Lanes4 for Portable4 {
+    #[inline(always)]
+    unsafe fn splat(value: f64) -> Self {
+        Self([value; 4])
+    }
+
+    #[inline(always)]
+    unsafe fn load_columns(rows: [&[f64; 4]; 4]) -> [Self; 4] {
+        std::array::from_fn(|column| Self(rows.map(|row| row[column])))
+    }
+
+    #[inline(always)]
+    fn store_rounded(self, to: &mut [f32; 4]) {
+        *to = self.0.map(|x| x as f32);
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.zip(other, |a, b| a * b)
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.zip(other, |a, b| a / b)
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(self.0.map(f64::abs))
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        self.compare(other, |a, b| a <= b)
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        self.compare(other, |a, b| a < b)
+    }
+}
+
+impl WideLanes for Portable8 {
+    type Doubles = Portable4;
+
+    #[inline(always)]
+    unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self {
+        // SAFETY: portable code.
+        unsafe { Self::load(&lanes.map(|lane| values[lane as usize & 7])) }
+    }
+
+    #[inline(always)]
+    fn first_doubles(self) -> Portable4 {
+        let mut values = [0.0; 8];
+        self.store(&mut values);
+        Portable4(std::array::from_fn(|i| values[i].into()))
+    }
+
+    #[inline(always)]
+    fn last_doubles(self) -> Portable4 {
+        let mut values = [0.0; 8];
+        self.store(&mut values);
+        Portable4(std::array::from_fn(|i| values[i + 4].into()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(target_arch = "x86_64")]
+    #[test]
+    fn avx_doubles_give_the_bits_of_the_portable_ones() {
+        use super::super::{Avx8, Level};
+        if !Level::Avx2.is_supported() {
+            eprintln!("skipped: no AVX2");
+            return;
+        }
+        let special =
+            [0.0, -0.0, 1.0, -1.5, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 5e-324, 3e38, 1e-45, 1.0 + f64::EPSILON];
+        let n = special.len();
+        for i in 0..n * n {
+            let a: [[f64; 4]; 4] = std::array::from_fn(|r| std::array::from_fn(|k| special[(i + r + k) % n]));
+            let b: [[f64; 4]; 4] = std::array::from_fn(|r| std::array::from_fn(|k| special[(i / n + 3 * r + k) % n]));
+            assert_eq!(run::<Avx8>(&a, &b), run::<Portable8>(&a, &b), "{a:?} {b:?}");
+        }
+    }
+
+    fn run<L: WideLanes>(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> (Vec<[u32; 4]>, [u32; 2]) {
+        // SAFETY: the test has checked the level.
+        let (x, y, one, permuted) = unsafe {
+            let [x, ..] = L::Doubles::load_columns(a.each_ref());
+            let [.., y] = L::Doubles::load_columns(b.each_ref());
+            let values: [f32; 8] = std::array::from_fn(|i| a[i / 4][i % 4] as f32);
+            (x, y, L::Doubles::splat(1.0), L::load_permuted(&values, &[5, 0, 7, 2, 6, 1, 4, 4]))
+        };
+        let values = [
+            x,
+            x.add(y),
+            x.sub(y),
+            x.mul(y),
+            x.div(y),
+            x.min(y),
+            x.max(y),
+            x.abs(),
+            one,
+            permuted.first_doubles(),
+            permuted.last_doubles(),
+        ];
+        let bits = values.map(|v| {
+            let mut out = [0.0; 4];
+            v.store_rounded(&mut out);
+            out.map(|f| if f.is_nan() { u32::MAX } else { f.to_bits() })
+        });
+        (bits.to_vec(), [x.le(y), x.lt(y)])
+    }
+}
