@@ -51,15 +51,15 @@ impl Panel {
 /// Colour and dashes of a structure.
 fn style(kind: AcceleratorKind) -> (&'static str, &'static str) {
     match kind {
-        AcceleratorKind::None => ("#888888", ""),
+        AcceleratorKind::None => ("#888888", "none"),
         AcceleratorKind::Graph => ("#888888", "4 7"),
-        AcceleratorKind::Spheres => ("#CC79A7", ""),
-        AcceleratorKind::Bvh => ("#000000", ""),
-        AcceleratorKind::Grid => ("#E69F00", ""),
-        AcceleratorKind::Octree => ("#009E73", ""),
+        AcceleratorKind::Spheres => ("#CC79A7", "none"),
+        AcceleratorKind::Bvh => ("#000000", "none"),
+        AcceleratorKind::Grid => ("#E69F00", "none"),
+        AcceleratorKind::Octree => ("#009E73", "none"),
         AcceleratorKind::OctreeHierarchical => ("#009E73", "10 6"),
-        AcceleratorKind::Bsp => ("#56B4E9", ""),
-        AcceleratorKind::KdTree => ("#D55E00", ""),
+        AcceleratorKind::Bsp => ("#56B4E9", "none"),
+        AcceleratorKind::KdTree => ("#D55E00", "none"),
     }
 }
 
@@ -120,8 +120,10 @@ fn growth_panel(svg: &mut Svg, growths: &[Growth]) {
         y: range(points().map(|p| p.seconds), 0.1),
     };
     svg.label([60.0, 160.0], 23.0, INK, Anchor::Start, true, "Time for one ray");
-    let powers = panel.x[0].ceil() as i32..=panel.x[1].floor() as i32;
-    let ticks: Vec<_> = powers.map(|p| 10f64.powi(p)).map(|n| (n, count_name(n))).collect();
+    let powers = panel.x[0].floor() as i32..=panel.x[1].floor() as i32;
+    let ticks = powers.flat_map(|p| [1.0, 3.0].map(|n| n * 10f64.powi(p)));
+    let is_inside = |n: &f64| (panel.x[0]..=panel.x[1]).contains(&n.log10());
+    let ticks: Vec<_> = ticks.filter(is_inside).map(|n| (n, count_name(n))).collect();
     panel.axes(svg, &ticks, duration_name);
     svg.label([(panel.left + panel.right) / 2.0, 866.0], 22.0, INK, Anchor::Middle, false, "triangles");
     let mut names = Vec::new();
@@ -176,7 +178,7 @@ fn sweep_panel(svg: &mut Svg, sweep: &[SweepPoint]) {
         top: 190.0,
         bottom: 800.0,
         x: range(sweep.iter().map(|p| f64::from(p.0)), 0.05),
-        y: range(sweep.iter().map(|p| p.1 * 1e-6), 0.15),
+        y: range(sweep.iter().map(|p| p.1 * 1e-6), 0.3),
     };
     svg.label([1110.0, 160.0], 23.0, INK, Anchor::Start, true, "Uniform grid: too coarse, too fine");
     let ticks: Vec<_> = sweep.iter().step_by(2).map(|p| (f64::from(p.0), p.0.to_string())).collect();
@@ -191,7 +193,7 @@ fn sweep_panel(svg: &mut Svg, sweep: &[SweepPoint]) {
     );
     let color = style(AcceleratorKind::Grid).0;
     let line: Vec<[f64; 2]> = sweep.iter().map(|p| panel.at(f64::from(p.0), p.1 * 1e-6)).collect();
-    svg.polyline(&line, color, "");
+    svg.polyline(&line, color, "none");
     line.iter().for_each(|p| svg.dot(*p, color));
     if let Some((best, point)) = sweep.iter().zip(&line).min_by(|a, b| a.0.1.total_cmp(&b.0.1)) {
         let text = format!("best: {} cells, {:.2} µs", best.0, best.1);
