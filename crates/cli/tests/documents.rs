@@ -254,7 +254,9 @@ fn the_command_line_page_has_every_sub_command_and_option_and_no_other() {
     let listed = |arguments: &[&str]| -> Vec<String> {
         let text = help(arguments);
         let lines = text.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
-        lines.filter_map(|l| l.split_whitespace().next()).filter(|c| *c != "help").map(str::to_string).collect()
+        // Descriptions of several lines go on further to the right.
+        let names = lines.filter_map(|l| l.strip_prefix("  ")).filter(|l| !l.starts_with(' '));
+        names.filter_map(|l| l.split_whitespace().next()).filter(|c| *c != "help").map(str::to_string).collect()
     };
     let commands = listed(&["--help"]);
     assert!(commands.len() >= 8, "{commands:?}");
