@@ -43,7 +43,7 @@ pub use hit::{DHit, Hit, SurfaceInteraction};
 pub use mesh::{DTriangleMesh, TriangleMesh};
 pub use precision::{Double, Precision, Single};
 pub use query::crossings::AllHits;
-pub use query::nearest::{NearestPoint, Points};
+pub use query::nearest::{DNearestPoint, NearestPoint, Points};
 pub use query::parallel::{Cancelled, Parallel};
 pub use query::rays::{InvalidRays, RayQuery, Rays};
 pub use query::{AcceptAll, Grouping, HitFilter};

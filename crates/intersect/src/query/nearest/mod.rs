@@ -56,6 +56,46 @@ impl NearestPoint {
     }
 }
 
+/// [`NearestPoint`] of a point in double precision.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DNearestPoint {
+    /// Distance in world units, not negative; infinite if nothing is near enough.
+    pub distance: f64,
+    /// The point of the surface, in world space; zero if there is none.
+    pub position: DVec3,
+    /// As in [`NearestPoint`].
+    pub uv: Vec2,
+    /// As in [`Hit`].
+    pub instance: u32,
+    /// As in [`Hit`]; [`Hit::NONE`] if nothing is near enough.
+    pub geometry: u32,
+    /// As in [`Hit`].
+    pub primitive: u32,
+}
+
+impl DNearestPoint {
+    /// Nothing is near enough.
+    pub const NONE: Self = Self {
+        distance: f64::INFINITY,
+        position: DVec3::ZERO,
+        uv: Vec2::ZERO,
+        instance: Hit::NONE,
+        geometry: Hit::NONE,
+        primitive: Hit::NONE,
+    };
+
+    /// True unless nothing is near enough.
+    pub fn is_found(&self) -> bool {
+        self.geometry != Hit::NONE
+    }
+}
+
+impl Default for DNearestPoint {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
 impl Default for NearestPoint {
     fn default() -> Self {
         Self::NONE
@@ -144,10 +184,29 @@ impl World {
         self.search_nearest(point, f32::INFINITY, u32::MAX, &mut Vec::new())
     }
 
+    /// The nearest point of any surface, within `max_distance` and among what shares a bit with `mask`, to a point in double precision:
+    /// it is not rounded, and neither is the answer. (Meshes have the vertices they have, in single precision; far from the origin,
+    /// give them coordinates of their own and place them by instances.)
+    pub fn nearest_point_at(&self, point: DVec3, max_distance: f64, mask: u32) -> DNearestPoint {
+        if !is_answered(point, max_distance) {
+            return DNearestPoint::NONE;
+        }
+        let best = self.search_best(point, max_distance, mask, &mut Vec::new());
+        let position = best.position;
+        let NearestPoint { uv, instance, geometry, primitive, .. } = best.result(&self.options);
+        let distance = if geometry == Hit::NONE { f64::INFINITY } else { best.squared.sqrt().min(f64::MAX) };
+        DNearestPoint { distance, position, uv, instance, geometry, primitive }
+    }
+
     fn search_nearest(&self, point: Vec3, limit: f32, mask: u32, stack: &mut Vec<Entry>) -> NearestPoint {
-        if !point.is_finite() || limit.is_nan() || limit < 0.0 {
+        let (point, limit) = (point.as_dvec3(), f64::from(limit));
+        if !is_answered(point, limit) {
             return NearestPoint::NONE;
         }
+        self.search_best(point, limit, mask, stack).result(&self.options)
+    }
+
+    fn search_best(&self, point: DVec3, limit: f64, mask: u32, stack: &mut Vec<Entry>) -> Best {
         stack.clear();
         let mut search = Search { point, mask, options: &self.options, best: Best::within(limit), stack };
         let place = Place::world(point);
@@ -156,8 +215,13 @@ impl World {
             Structure::Walked(structures) => search.list(&|group| structures.list(group), 0, &place, 0),
             Structure::Bvh(forest) => search.tree(forest, 0, &place, 0),
         }
-        search.best.result(&self.options)
+        search.best
     }
+}
+
+/// False for points that are not finite, and limits that are negative or NaN.
+fn is_answered(point: DVec3, limit: f64) -> bool {
+    point.is_finite() && limit >= 0.0
 }
 
 /// The best point so far.
@@ -173,8 +237,8 @@ struct Best {
 
 impl Best {
     /// Nothing yet.
-    fn within(distance: f32) -> Self {
-        let squared = f64::from(distance) * f64::from(distance);
+    fn within(distance: f64) -> Self {
+        let squared = distance * distance;
         // Any ids are lower, so what lies exactly at the limit is taken.
         Self { squared, limit: above(squared), ids: [Hit::NONE; 3], position: DVec3::ZERO, uv: Vec2::ZERO }
     }
@@ -214,7 +278,7 @@ type Entry = (f32, ChildRef);
 /// The search for one point.
 struct Search<'a> {
     /// In the world.
-    point: Vec3,
+    point: DVec3,
     mask: u32,
     options: &'a [GeometryOptions],
     best: Best,
@@ -358,7 +422,7 @@ impl Search<'_> {
         let in_world = *metric.linear() * offset;
         let squared = in_world.length_squared();
         if self.best.is_improved_by(squared, ids) {
-            let position = self.point.as_dvec3() + in_world;
+            let position = self.point + in_world;
             self.best = Best { squared, limit: above(squared), ids, position, uv };
         }
     }

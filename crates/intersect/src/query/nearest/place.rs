@@ -3,7 +3,7 @@
 use crate::kernel::node::WideNode;
 use crate::kernel::triangle::TriangleBlock;
 use crate::shape::Metric;
-use snell_math::{DAffine3, DMat3, DVec3, Vec3};
+use snell_math::{DAffine3, DMat3, DVec3};
 
 /// A point in the coordinates of a group. The `f64` point and the metric decide; the rest, in `f32`, only says which boxes are
 /// surely too far.
@@ -29,8 +29,8 @@ const FAR: f32 = 1e18;
 
 impl Place {
     /// In the world.
-    pub fn world(point: Vec3) -> Self {
-        Self::new(point.as_dvec3(), Metric::EUCLIDEAN)
+    pub fn world(point: DVec3) -> Self {
+        Self::new(point, Metric::EUCLIDEAN)
     }
 
     fn new(point: DVec3, metric: Metric) -> Self {

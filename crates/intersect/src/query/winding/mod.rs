@@ -41,12 +41,22 @@ impl World {
     pub fn winding_number(&self, points: &[Vec3], numbers: &mut [f64]) {
         assert_eq!(points.len(), numbers.len(), "one answer per point");
         let winding = self.winding();
-        points.iter().zip(numbers).for_each(|(&point, number)| *number = winding.around(point, ACCURACY));
+        points.iter().zip(numbers).for_each(|(&point, number)| *number = winding.around(point.as_dvec3(), ACCURACY));
+    }
+
+    /// [`Self::winding_number`] of a point in double precision, which is not rounded.
+    pub fn winding_number_at(&self, point: DVec3) -> f64 {
+        self.winding().around(point, ACCURACY)
+    }
+
+    /// [`Self::occupancy`] of a point in double precision, which is not rounded.
+    pub fn is_inside(&self, point: DVec3) -> bool {
+        self.winding().is_inside(point)
     }
 
     /// The generalised winding number without approximations: as long as there are triangles, to rounding.
     pub fn winding_number_exact(&self, point: Vec3) -> f64 {
-        self.winding().around(point, f64::INFINITY)
+        self.winding().around(point.as_dvec3(), f64::INFINITY)
     }
 
     /// For each point whether it is inside: its winding number is more than a half. Where the approximation of
@@ -57,7 +67,7 @@ impl World {
     pub fn occupancy(&self, points: &[Vec3], inside: &mut [bool]) {
         assert_eq!(points.len(), inside.len(), "one answer per point");
         let winding = self.winding();
-        points.iter().zip(inside).for_each(|(&point, inside)| *inside = winding.is_inside(point));
+        points.iter().zip(inside).for_each(|(&point, inside)| *inside = winding.is_inside(point.as_dvec3()));
     }
 
     /// The distance of each point to the nearest surface, in world units, negative inside ([`Self::occupancy`]); 0 on a surface,
@@ -76,7 +86,7 @@ impl World {
             let limit = points.limit(i);
             let far = if limit.is_nan() || limit < 0.0 { f32::INFINITY } else { limit };
             *distance = if nearest.is_found() { nearest.distance } else { far };
-            if *distance > 0.0 && winding.is_inside(points.points[i]) {
+            if *distance > 0.0 && winding.is_inside(points.points[i].as_dvec3()) {
                 *distance = -*distance;
             }
         }
@@ -120,17 +130,17 @@ impl Winding {
         Self { groups }
     }
 
-    fn is_inside(&self, point: Vec3) -> bool {
+    fn is_inside(&self, point: DVec3) -> bool {
         let fast = self.around(point, ACCURACY);
         let number = if (fast - 0.5).abs() < DOUBT { self.around(point, f64::INFINITY) } else { fast };
         number > 0.5
     }
 
-    fn around(&self, point: Vec3, accuracy: f64) -> f64 {
+    fn around(&self, point: DVec3, accuracy: f64) -> f64 {
         if !point.is_finite() {
             return 0.0;
         }
-        self.in_group(0, &View::new(point.as_dvec3(), DMat3::IDENTITY), accuracy)
+        self.in_group(0, &View::new(point, DMat3::IDENTITY), accuracy)
     }
 
     fn in_group(&self, group: usize, view: &View, accuracy: f64) -> f64 {

@@ -1,0 +1,415 @@
+//! Answers of queries as Python sees them: named arrays, each made when it is asked for.
+
+use crate::arrays::from_vec;
+use crate::assemble::{Form, Snapshot};
+use crate::precision::{Found, Precision};
+use crate::rays::KeptRays;
+use crate::surface::{Local, Surfaces};
+use crate::work::{Threads, run};
+use numpy::Element;
+use pyo3::exceptions::{PyAttributeError, PyKeyError, PyTypeError};
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyDict, PyList, PyTuple};
+use rayon::prelude::*;
+use snell_intersect::Hit;
+use snell_math::{DRay, DVec3};
+use std::sync::Arc;
+
+/// Answers of a piece.
+const PIECE: usize = 4096;
+
+/// Makes arrays from answers.
+pub trait Answers: Send + Sync {
+    /// The array of this name; `None` if answers of this kind have no such.
+    fn array<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>>;
+
+    /// The leading shape.
+    fn shape(&self) -> &[usize];
+}
+
+/// What was asked, for the surfaces of what was found.
+#[derive(Debug)]
+pub enum Asked<P> {
+    /// These rays; each answer belongs to the ray of its number, or to the one named here.
+    Rays(KeptRays, Option<Vec<u32>>),
+    /// The nearest points themselves.
+    Positions(Vec<[P; 3]>),
+}
+
+/// Answers in memory, with the world they speak of.
+#[derive(Debug)]
+pub struct Live<P: Precision, F: Form> {
+    /// The world that was asked.
+    pub snapshot: Arc<Snapshot<F>>,
+    /// The answers.
+    pub words: Vec<P::Words>,
+    /// The questions.
+    pub asked: Asked<P>,
+    /// How many rays were asked.
+    pub rays: usize,
+    /// Shape of the answers.
+    pub shape: Vec<usize>,
+    /// Where the answers of each ray begin.
+    pub splits: Option<Vec<i64>>,
+}
+
+impl<P: Precision, F: Form> Answers for Live<P, F> {
+    fn array<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let names = &self.snapshot.names;
+        let id = |wanted: fn(&Found<P>) -> u32| move |found: &Found<P>, place: &mut [u32]| place[0] = wanted(found);
+        let array = match name {
+            "t_hit" | "distances" => self.each(py, 1, |found, place| place[0] = found.t),
+            "primitive_ids" => self.each(py, 1, id(|found| found.primitive)),
+            "geometry_ids" => self.each(py, 1, |found, place| place[0] = names.object(found.geometry)),
+            "instance_ids" => self.each(py, 1, |found, place| place[0] = names.instance(found.occurrence)),
+            "primitive_uvs" => self.each(py, 2, |found, place| place.copy_from_slice(&found.uv)),
+            "points" if let Asked::Positions(positions) = &self.asked => {
+                let values = positions.as_flattened().to_vec();
+                from_vec(py, values, &[&self.shape[..], &[3]].concat())
+            }
+            "points" => self.surfaces(py, 3, |local| local.position.to_array()),
+            "primitive_normals" => self.surfaces(py, 3, |local| local.geometric_normal.to_array()),
+            "normals" => self.surfaces(py, 3, |local| local.normal.to_array()),
+            "uvs" => self.surfaces(py, 2, |local| local.uv.to_array()),
+            "ray_ids" => match &self.asked {
+                Asked::Rays(_, Some(ids)) => from_vec(py, ids.iter().map(|&i| i64::from(i)).collect(), &self.shape),
+                _ => return Ok(None),
+            },
+            "ray_splits" => match &self.splits {
+                Some(splits) => from_vec(py, splits.clone(), &[splits.len()]),
+                None => return Ok(None),
+            },
+            _ => return Ok(None),
+        };
+        array.map(Some)
+    }
+
+    fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+}
+
+impl<P: Precision, F: Form> Live<P, F> {
+    /// An array with `width` numbers per answer.
+    fn each<'py, T: Element + Default + Copy + Send>(
+        &self,
+        py: Python<'py>,
+        width: usize,
+        write: impl Fn(&Found<P>, &mut [T]) + Sync,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.pieces(py, width, |first, places| {
+            for (i, place) in places.chunks_exact_mut(width).enumerate() {
+                write(&P::unpack(&self.words[first + i]), place);
+            }
+        })
+    }
+
+    /// An array of something local about the surfaces.
+    fn surfaces<'py, const N: usize>(
+        &self,
+        py: Python<'py>,
+        width: usize,
+        wanted: impl Fn(&Local) -> [f64; N] + Sync,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let write = |first: usize, places: &mut [P], ray: &(dyn Fn(usize) -> DRay + Sync)| {
+            let mut surfaces = Surfaces::new(&self.snapshot);
+            for (i, place) in places.chunks_exact_mut(width).enumerate() {
+                let found = P::unpack(&self.words[first + i]);
+                let is_hit = found.geometry != Hit::NONE;
+                let local = if is_hit { surfaces.at(&ray(first + i), &found) } else { Local::NONE };
+                place.iter_mut().zip(wanted(&local)).for_each(|(place, x)| *place = P::round(x));
+            }
+        };
+        match &self.asked {
+            Asked::Positions(positions) => {
+                let ray = |i: usize| DRay::new(DVec3::from_array(positions[i].map(Into::into)), DVec3::ZERO);
+                self.pieces(py, width, |first, places| write(first, places, &ray))
+            }
+            Asked::Rays(kept, ids) => {
+                let arrays = kept.rays::<P>(py, self.rays)?;
+                let view = arrays.view()?;
+                let number = |i: usize| ids.as_ref().map_or(i, |ids| ids[i] as usize);
+                let ray = |i: usize| P::exact(&view.get(number(i)));
+                self.pieces(py, width, |first, places| write(first, places, &ray))
+            }
+        }
+    }
+
+    fn pieces<'py, T: Element + Default + Copy + Send>(
+        &self,
+        py: Python<'py>,
+        width: usize,
+        write: impl Fn(usize, &mut [T]) + Sync,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let count = self.words.len();
+        let values = run(py, Threads::new(None)?, count <= PIECE, |cancel| {
+            let mut values = vec![T::default(); count * width];
+            let piece = |(i, places): (usize, &mut [T])| {
+                cancel.check()?;
+                write(i * PIECE, places);
+                Ok(())
+            };
+            if count <= PIECE {
+                values.chunks_mut(PIECE * width).enumerate().try_for_each(piece)?;
+            } else {
+                values.par_chunks_mut(PIECE * width).enumerate().try_for_each(piece)?;
+            }
+            Ok(values)
+        })?;
+        let mut shape = self.shape.clone();
+        if width > 1 {
+            shape.push(width);
+        }
+        from_vec(py, values, &shape)
+    }
+}
+
+/// Arrays that were made, or came from elsewhere, and how to make the others.
+pub struct Named {
+    live: Option<Box<dyn Answers>>,
+    made: PyOnceLock<Py<PyDict>>,
+}
+
+impl Named {
+    /// Answers of a query.
+    pub fn new(live: impl Answers + 'static) -> Self {
+        Self { live: Some(Box::new(live)), made: PyOnceLock::new() }
+    }
+
+    /// Arrays that were stored.
+    pub fn stored(arrays: &Bound<'_, PyDict>, names: &[&str]) -> PyResult<Self> {
+        for name in names {
+            if !arrays.contains(name)? {
+                return Err(PyTypeError::new_err(format!("arrays: there is no {name}")));
+            }
+        }
+        let made = PyOnceLock::new();
+        let _ = made.set(arrays.py(), arrays.copy()?.unbind());
+        Ok(Self { live: None, made })
+    }
+
+    /// The array of this name.
+    pub fn get<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let made = self.made.get_or_init(py, || PyDict::new(py).unbind()).bind(py);
+        if let Some(array) = made.get_item(name)? {
+            return Ok(array);
+        }
+        let array = match &self.live {
+            Some(live) => live.array(py, name)?,
+            None => None,
+        };
+        let array = array.ok_or_else(|| PyAttributeError::new_err(name.to_string()))?;
+        // Another thread may have made it meanwhile: all see the same.
+        Ok(made.call_method1("setdefault", (name, array))?)
+    }
+
+    /// The same, for `answers[name]`.
+    pub fn item<'py>(&self, py: Python<'py>, names: &[&str], name: &str) -> PyResult<Bound<'py, PyAny>> {
+        if names.contains(&name) { self.get(py, name) } else { Err(PyKeyError::new_err(name.to_string())) }
+    }
+
+    /// All arrays.
+    pub fn all<'py>(&self, py: Python<'py>, names: &[&str]) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for name in names {
+            all.set_item(name, self.get(py, name)?)?;
+        }
+        Ok(all)
+    }
+
+    /// The leading shape: that of the first array of one number each.
+    pub fn shape<'py>(&self, py: Python<'py>, scalar: &str) -> PyResult<Bound<'py, PyTuple>> {
+        match &self.live {
+            Some(live) => PyTuple::new(py, live.shape()),
+            None => Ok(self.get(py, scalar)?.getattr("shape")?.cast_into::<PyTuple>()?),
+        }
+    }
+}
+
+/// Declares a kind of answers: a class with these arrays, as attributes and as a mapping.
+macro_rules! answers {
+    ($(#[doc = $doc:expr])* $class:ident by $scalar:ident { $($(#[doc = $about:expr])* $name:ident,)* }) => {
+        $(#[doc = $doc])*
+        #[pyclass(frozen, mapping, module = "snell")]
+        pub struct $class(pub Named);
+
+        impl $class {
+            const NAMES: &[&str] = &[$(stringify!($name)),*];
+        }
+
+        #[pymethods]
+        impl $class {
+            #[new]
+            fn new(arrays: &Bound<'_, PyDict>) -> PyResult<Self> {
+                Named::stored(arrays, Self::NAMES).map(Self)
+            }
+
+            $($(#[doc = $about])*
+            #[getter]
+            fn $name<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                self.0.get(py, stringify!($name))
+            })*
+
+            /// The shape of the arrays with one number per answer.
+            #[getter]
+            fn shape<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+                self.0.shape(py, stringify!($scalar))
+            }
+
+            fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+                self.0.item(py, Self::NAMES, name)
+            }
+
+            fn __len__(&self) -> usize {
+                Self::NAMES.len()
+            }
+
+            fn __contains__(&self, name: &Bound<'_, PyAny>) -> bool {
+                name.extract::<String>().is_ok_and(|name| Self::NAMES.contains(&name.as_str()))
+            }
+
+            fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                PyList::new(py, Self::NAMES)?.call_method0("__iter__")
+            }
+
+            /// The names of the arrays.
+            fn keys<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+                PyList::new(py, Self::NAMES)
+            }
+
+            /// The arrays, in the order of :meth:`keys`.
+            fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+                Ok(self.0.all(py, Self::NAMES)?.values())
+            }
+
+            /// The names with the arrays, in the order of :meth:`keys`.
+            fn items<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+                Ok(self.0.all(py, Self::NAMES)?.items())
+            }
+
+            fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyDict>,))> {
+                Ok((slf.get_type().into_any(), (slf.get().0.all(slf.py(), Self::NAMES)?,)))
+            }
+
+            fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+                Ok(format!("{} of shape {}", stringify!($class), self.0.shape(py, stringify!($scalar))?))
+            }
+        }
+    };
+}
+
+answers! {
+    /// The nearest hit of each ray: what :meth:`Scene.cast_rays` answers. `...` is the leading shape of the rays.
+    ///
+    /// Arrays are attributes and, by name, items of a mapping. Each is made when it is first asked for, from what the query found;
+    /// the real numbers have the dtype of the query. A miss has `t_hit` infinite, all ids :data:`INVALID_ID`, `points` NaN, all else 0.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> hits = scene.cast_rays([[0, 0, -5, 0, 0, 1], [9, 0, -5, 0, 0, 1]])
+    /// >>> hits.t_hit.tolist()
+    /// [4.0, inf]
+    /// >>> hits["geometry_ids"].tolist() == [ball, snell.INVALID_ID]
+    /// True
+    /// >>> hits.points[0].tolist()
+    /// [0.0, 0.0, -1.0]
+    Hits by t_hit {
+        /// `(...)`: ray parameter, in units of the direction's length; infinite for a miss.
+        t_hit,
+        /// `(...)`, uint32: the id that the `add_` method gave, in the scene that holds the object; :data:`INVALID_ID` for a miss.
+        geometry_ids,
+        /// `(...)`, uint32: the id that :meth:`Scene.add_instance` gave; :data:`INVALID_ID` for what is in no instance.
+        instance_ids,
+        /// `(...)`, uint32: triangle of a mesh, face of a shape, or sphere of many; :data:`INVALID_ID` for a miss.
+        primitive_ids,
+        /// `(..., 2)`: barycentric coordinates of the second and third vertex of a triangle, 0 on all else.
+        primitive_uvs,
+        /// `(..., 3)`: unit normals of the surface itself, on its outer side (right-hand rule for triangles); 0 for a miss.
+        primitive_normals,
+        /// `(..., 3)`: positions in the scene, from the barycentric coordinates of triangles; NaN for a miss.
+        points,
+        /// `(..., 3)`: unit shading normals, interpolated where a mesh has normals at its vertices; 0 for a miss.
+        normals,
+        /// `(..., 2)`: texture coordinates; 0 where there are none.
+        uvs,
+    }
+}
+
+answers! {
+    /// Every hit of each ray, as compressed sparse rows: what :meth:`Scene.list_intersections` answers. `n` is the number of all hits.
+    ///
+    /// The hits of ray `i` (in the order of the raveled leading shape) are those from `ray_splits[i]` to `ray_splits[i + 1]`,
+    /// ascending by `t_hit`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> found = scene.list_intersections([[9, 0, -5, 0, 0, 1], [0, 0, -5, 0, 0, 1]])
+    /// >>> found.ray_splits.tolist(), found.ray_ids.tolist(), found.t_hit.tolist()
+    /// ([0, 0, 2], [1, 1], [4.0, 6.0])
+    Intersections by t_hit {
+        /// `(rays + 1,)`, int64: where the hits of each ray begin, and their number.
+        ray_splits,
+        /// `(n,)`, int64: the ray of each hit.
+        ray_ids,
+        /// `(n,)`: ray parameter, in units of the direction's length.
+        t_hit,
+        /// `(n,)`, uint32: as of :class:`Hits`.
+        geometry_ids,
+        /// `(n,)`, uint32: as of :class:`Hits`.
+        instance_ids,
+        /// `(n,)`, uint32: as of :class:`Hits`.
+        primitive_ids,
+        /// `(n, 2)`: as of :class:`Hits`.
+        primitive_uvs,
+        /// `(n, 3)`: as of :class:`Hits`.
+        primitive_normals,
+        /// `(n, 3)`: as of :class:`Hits`.
+        points,
+        /// `(n, 3)`: as of :class:`Hits`.
+        normals,
+        /// `(n, 2)`: as of :class:`Hits`.
+        uvs,
+    }
+}
+
+answers! {
+    /// The nearest point of any surface to each point: what :meth:`Scene.closest_points` answers. `...` is the leading shape of the points.
+    ///
+    /// Where nothing is near enough, `distances` is infinite, all ids :data:`INVALID_ID`, `points` NaN, all else 0.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> near = scene.closest_points([3, 0, 0])
+    /// >>> near.points.tolist(), float(near.distances)
+    /// ([1.0, 0.0, 0.0], 2.0)
+    ClosestPoints by distances {
+        /// `(..., 3)`: the points of the surfaces, in the scene.
+        points,
+        /// `(...)`: how far they are, in units of the scene; not negative.
+        distances,
+        /// `(...)`, uint32: as of :class:`Hits`.
+        geometry_ids,
+        /// `(...)`, uint32: as of :class:`Hits`.
+        instance_ids,
+        /// `(...)`, uint32: as of :class:`Hits`.
+        primitive_ids,
+        /// `(..., 2)`: as of :class:`Hits`.
+        primitive_uvs,
+        /// `(..., 3)`: as of :class:`Hits`.
+        primitive_normals,
+        /// `(..., 3)`: as of :class:`Hits`.
+        normals,
+        /// `(..., 2)`: as of :class:`Hits`.
+        uvs,
+    }
+}

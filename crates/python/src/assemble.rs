@@ -1,0 +1,220 @@
+//! From what a scene holds to a world that answers, in single or in double precision.
+//!
+//! An object without a transform lies in the group of its scene; a mesh or set of spheres with one is a group of its own, so that
+//! moving it costs little; a scene is a group however often it is instanced. Numbers stay as they are when objects come and go at the end,
+//! so the next world shares what did not change.
+
+use crate::contents::{Contents, Kind, Mesh, Object, Slot};
+use snell_intersect::{AnyShape, BuildOptions, GeometryId, GroupId, Hit, Instance, Spheres, WorldBuilder, WorldError};
+use snell_math::{DVec3, Transform};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A geometry of a world, as surfaces are computed from it.
+#[derive(Clone, Debug)]
+pub enum Surface {
+    /// Triangles, in the coordinates of their group.
+    Mesh(Arc<Mesh>),
+    /// A shape, with the map to its group.
+    Shape(Arc<AnyShape>, Transform),
+    /// Spheres, in the coordinates of their group.
+    Spheres(Arc<Spheres>),
+    /// Nothing any more.
+    Gone,
+}
+
+/// What the numbers in a world's hits stand for.
+#[derive(Debug, Default)]
+pub struct Names {
+    /// By geometry of the world: its number in the scene that holds it.
+    objects: Vec<u32>,
+    /// By geometry of the world.
+    pub surfaces: Vec<Surface>,
+    /// Per instance in the root group, the first occurrence in it, ascending, and its number in the scene ([`Hit::NONE`] for one that
+    /// only moves an object).
+    instances: Vec<(u32, u32)>,
+}
+
+impl Names {
+    /// The number of an object in the scene that holds it.
+    #[inline]
+    pub fn object(&self, geometry: u32) -> u32 {
+        self.objects.get(geometry as usize).copied().unwrap_or(Hit::NONE)
+    }
+
+    /// The number of the instance that an occurrence is in, [`Hit::NONE`] for what is in no instance.
+    #[inline]
+    pub fn instance(&self, occurrence: u32) -> u32 {
+        let at = self.instances.partition_point(|&(first, _)| first <= occurrence);
+        if occurrence == Hit::NONE || at == 0 { Hit::NONE } else { self.instances[at - 1].1 }
+    }
+
+    /// True if surfaces are found without the ray that hit them.
+    pub fn are_all_meshes(&self) -> bool {
+        self.surfaces.iter().all(|s| matches!(s, Surface::Mesh(_) | Surface::Gone))
+    }
+}
+
+/// A world with what its numbers stand for. Never changes.
+#[derive(Debug)]
+pub struct Snapshot<F: Form> {
+    /// What is asked.
+    pub world: Arc<F::World>,
+    /// What its answers mean.
+    pub names: Arc<Names>,
+}
+
+/// Which vertices a mesh has in a world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshForm {
+    /// The vertices of the scene, in the precision of the world.
+    AsGiven,
+    /// Those less the centre of the mesh.
+    Centered,
+}
+
+/// A way to make a world of a scene.
+pub trait Form: 'static {
+    /// What is asked.
+    type World: Send + Sync + std::fmt::Debug + 'static;
+    /// What makes it.
+    type Builder: Builder;
+
+    /// Builds a world, sharing with the one before what did not change.
+    fn build(
+        builder: Self::Builder,
+        options: &BuildOptions,
+        previous: Option<&Self::World>,
+    ) -> Result<Self::World, WorldError>;
+
+    /// Which vertices meshes have.
+    const MESHES: MeshForm = MeshForm::AsGiven;
+
+    /// The point of a mesh that becomes the origin of its group.
+    fn center(_mesh: &Mesh) -> DVec3 {
+        DVec3::ZERO
+    }
+
+    /// Where an occurrence is.
+    fn placed(world: &Self::World, occurrence: u32) -> Transform;
+
+    /// What was built.
+    fn stats(world: &Self::World) -> &snell_intersect::world::BuildStats;
+}
+
+/// What collects groups and geometries.
+pub trait Builder: Default {
+    /// A new group.
+    fn add_group(&mut self) -> GroupId;
+    /// Triangles in a group.
+    fn add_mesh(&mut self, group: GroupId, mesh: &Mesh, form: MeshForm) -> GeometryId;
+    /// A shape in a group.
+    fn add_shape(&mut self, group: GroupId, shape: &Arc<AnyShape>, placed: Transform) -> GeometryId;
+    /// Spheres in a group.
+    fn add_spheres(&mut self, group: GroupId, spheres: &Arc<Spheres>) -> GeometryId;
+    /// A number that nothing has.
+    fn add_gap(&mut self);
+    /// A group in a group.
+    fn add(&mut self, group: GroupId, instance: Instance);
+    /// Which rays meet a geometry.
+    fn set_mask(&mut self, geometry: GeometryId, mask: u32);
+}
+
+struct Assembler<F: Form> {
+    builder: F::Builder,
+    names: Names,
+    /// The group of each scene that is instanced, and how many occurrences it makes. The scene is kept, so that no other has its address.
+    scenes: HashMap<*const Contents, (GroupId, u64)>,
+}
+
+/// Builds the world of a scene. `previous` is the one before, to share with.
+pub fn assemble<F: Form>(
+    contents: &Contents,
+    options: &BuildOptions,
+    previous: Option<&F::World>,
+) -> Result<Snapshot<F>, WorldError> {
+    let mut assembler: Assembler<F> =
+        Assembler { builder: F::Builder::default(), names: Names::default(), scenes: HashMap::new() };
+    assembler.fill(WorldBuilder::ROOT, contents);
+    let Assembler { builder, names, .. } = assembler;
+    Ok(Snapshot { world: Arc::new(F::build(builder, options, previous)?), names: Arc::new(names) })
+}
+
+impl<F: Form> Assembler<F> {
+    /// Puts the objects of a scene into its group; gives the number of occurrences: the group and all below.
+    fn fill(&mut self, group: GroupId, contents: &Contents) -> u64 {
+        let mut occurrences = 1u64;
+        for (number, slot) in contents.slots.iter().enumerate() {
+            let Slot::Here(object) = slot else {
+                self.builder.add_gap();
+                self.name(Hit::NONE, Surface::Gone);
+                if let Slot::Gone(true) = slot {
+                    self.builder.add_group();
+                }
+                continue;
+            };
+            let number = number as u32;
+            let center = match &object.kind {
+                Kind::Mesh(mesh) => F::center(mesh),
+                _ => DVec3::ZERO,
+            };
+            let centered = (center != DVec3::ZERO).then(|| Transform::translation(center));
+            let placed = match (object.transform, centered) {
+                (Some(placed), Some(centered)) => Some(placed.compose(&centered)),
+                (placed, centered) => placed.or(centered),
+            };
+            let (child, below, instance) = match (&object.kind, placed) {
+                (Kind::Instance(scene), _) => {
+                    let (child, below) = self.scene(scene);
+                    (child, below, number)
+                }
+                (Kind::Mesh(_) | Kind::Spheres(_), Some(_)) => {
+                    let own = self.builder.add_group();
+                    self.geometry(own, number, object);
+                    (own, 1, Hit::NONE)
+                }
+                _ => {
+                    self.geometry(group, number, object);
+                    continue;
+                }
+            };
+            let mask = if instance == Hit::NONE { u32::MAX } else { object.mask };
+            let placed = placed.unwrap_or(Transform::IDENTITY);
+            self.builder.add(group, Instance { mask, ..Instance::new(child, placed) });
+            if group == WorldBuilder::ROOT {
+                // Worlds with more occurrences than numbers are refused when they are built.
+                self.names.instances.push((occurrences.min(u32::MAX.into()) as u32, instance));
+            }
+            occurrences = occurrences.saturating_add(below);
+        }
+        occurrences
+    }
+
+    /// The group of an instanced scene, and how many occurrences it makes.
+    fn scene(&mut self, scene: &Arc<Contents>) -> (GroupId, u64) {
+        if let Some(&known) = self.scenes.get(&Arc::as_ptr(scene)) {
+            return known;
+        }
+        let group = self.builder.add_group();
+        let made = (group, self.fill(group, scene));
+        self.scenes.insert(Arc::as_ptr(scene), made);
+        made
+    }
+
+    fn geometry(&mut self, group: GroupId, number: u32, object: &Object) {
+        let placed = object.transform.unwrap_or(Transform::IDENTITY);
+        let (id, surface) = match &object.kind {
+            Kind::Mesh(mesh) => (self.builder.add_mesh(group, mesh, F::MESHES), Surface::Mesh(mesh.clone())),
+            Kind::Shape(shape) => (self.builder.add_shape(group, shape, placed), Surface::Shape(shape.clone(), placed)),
+            Kind::Spheres(spheres) => (self.builder.add_spheres(group, spheres), Surface::Spheres(spheres.clone())),
+            Kind::Instance(_) => return,
+        };
+        self.builder.set_mask(id, object.mask);
+        self.name(number, surface);
+    }
+
+    fn name(&mut self, number: u32, surface: Surface) {
+        self.names.objects.push(number);
+        self.names.surfaces.push(surface);
+    }
+}

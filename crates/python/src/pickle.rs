@@ -1,0 +1,112 @@
+//! Scenes as what pickles, and back.
+
+use crate::arrays::from_vec;
+use crate::contents::{Contents, Kind, Object, Slot};
+use crate::objects;
+use crate::scene::Scene;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyTuple};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// How to make such a scene again: a function and its arguments.
+pub fn reduce<'py>(py: Python<'py>, contents: &Contents) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    let mut children = HashMap::new();
+    let slots = PyList::empty(py);
+    for slot in &contents.slots {
+        match slot {
+            Slot::Gone(_) => slots.append(py.None())?,
+            Slot::Here(object) => slots.append(stored(py, object, &mut children)?)?,
+        }
+    }
+    let cameras = serde_json::to_string(&contents.cameras).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    let restore = py.import("snell._snell")?.getattr("_restore")?;
+    Ok((restore, (slots, cameras).into_pyobject(py)?))
+}
+
+/// An object as a dictionary. A scene that is instanced several times is stored once.
+fn stored<'py>(
+    py: Python<'py>,
+    object: &Object,
+    children: &mut HashMap<*const Contents, Py<Scene>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let all = PyDict::new(py);
+    match &object.kind {
+        Kind::Mesh(mesh) => {
+            let shape = [mesh.vertex_count(), 3];
+            let vertices = if mesh.is_double() {
+                from_vec(py, mesh.double().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<_>>(), &shape)?
+            } else {
+                from_vec(py, mesh.single().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<_>>(), &shape)?
+            };
+            all.set_item("vertices", vertices)?;
+            let indices = mesh.indices();
+            all.set_item("faces", from_vec(py, indices.as_flattened().to_vec(), &[indices.len(), 3])?)?;
+            let numbers: Vec<_> = mesh.normals().iter().flat_map(|n| n.to_array()).collect();
+            all.set_item("normals", from_vec(py, numbers, &[mesh.normals().len(), 3])?)?;
+            let numbers: Vec<_> = mesh.uvs().iter().flat_map(|n| n.to_array()).collect();
+            all.set_item("uvs", from_vec(py, numbers, &[mesh.uvs().len(), 2])?)?;
+        }
+        Kind::Shape(shape) => {
+            let json = serde_json::to_string(&**shape).map_err(|e| PyValueError::new_err(e.to_string()))?;
+            all.set_item("shape", json)?;
+        }
+        Kind::Spheres(spheres) => {
+            let numbers: Vec<_> = spheres.spheres.iter().flat_map(|s| s.truncate().to_array()).collect();
+            all.set_item("centers", from_vec(py, numbers, &[spheres.spheres.len(), 3])?)?;
+            let radii: Vec<_> = spheres.spheres.iter().map(|s| s.w).collect();
+            all.set_item("radii", from_vec(py, radii, &[spheres.spheres.len()])?)?;
+        }
+        Kind::Instance(child) => {
+            let scene = match children.get(&Arc::as_ptr(child)) {
+                Some(scene) => scene.clone_ref(py),
+                None => {
+                    let scene = Py::new(py, Scene::of(Contents::clone(child)))?;
+                    children.insert(Arc::as_ptr(child), scene.clone_ref(py));
+                    scene
+                }
+            };
+            all.set_item("scene", scene)?;
+        }
+    }
+    all.set_item("transform", object.transform.map(|map| objects::matrix(py, &map)).transpose()?)?;
+    all.set_item("name", &object.name)?;
+    all.set_item("mask", object.mask)?;
+    Ok(all)
+}
+
+/// Makes a scene from what was stored.
+#[pyfunction]
+pub fn _restore(slots: &Bound<'_, PyList>, cameras: &str) -> PyResult<Scene> {
+    let py = slots.py();
+    let mut contents = Contents::default();
+    contents.cameras = serde_json::from_str(cameras).map_err(|e| PyValueError::new_err(format!("cameras: {e}")))?;
+    for slot in slots {
+        if slot.is_none() {
+            contents.add_gap();
+            continue;
+        }
+        let slot = slot.cast_into::<PyDict>()?;
+        let get = |key: &str| slot.get_item(key).map(|value| value.filter(|v| !v.is_none()));
+        let need = |key: &str| get(key)?.ok_or_else(|| PyValueError::new_err(format!("there is no {key}")));
+        let kind = if let Some(vertices) = get("vertices")? {
+            let some = |key: &str| Ok::<_, PyErr>(get(key)?.filter(|v| v.len().is_ok_and(|n| n > 0)));
+            let (normals, uvs) = (some("normals")?, some("uvs")?);
+            let mesh = objects::mesh(&vertices, Some(&need("faces")?), normals.as_ref(), uvs.as_ref())?;
+            Kind::Mesh(Arc::new(mesh))
+        } else if let Some(shape) = get("shape")? {
+            let shape = serde_json::from_str(&shape.extract::<String>()?);
+            Kind::Shape(Arc::new(shape.map_err(|e| PyValueError::new_err(format!("shape: {e}")))?))
+        } else if let Some(centers) = get("centers")? {
+            Kind::Spheres(Arc::new(objects::spheres(&centers, &need("radii")?)?))
+        } else {
+            Kind::Instance(need("scene")?.cast::<Scene>()?.get().0.contents(py))
+        };
+        let transform = objects::transform(get("transform")?.as_ref())?;
+        let name = get("name")?.map(|name| name.extract()).transpose()?;
+        let mask = objects::mask(get("mask")?.map(|mask| mask.extract()).transpose()?)?;
+        contents.add(Object { kind, transform, name, mask })?;
+    }
+    Ok(Scene::of(contents))
+}

@@ -1,0 +1,303 @@
+//! What is done alike in `float32` and in `float64`: one trait, implemented by the two number types.
+
+use crate::assemble::{Builder, Form, MeshForm};
+use crate::contents::Mesh;
+use numpy::Element;
+use snell_intersect::world::BuildStats;
+use snell_intersect::{
+    AcceptAll, AllHits, AnyShape, BuildOptions, DHit, DWorld, DWorldBuilder, Double, GeometryId, GroupId, Grouping,
+    Hit, Instance, Rays, Single, Spheres, World, WorldBuilder, WorldError,
+};
+use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
+use std::sync::Arc;
+
+/// A hit as plain words, so that millions of them are allocated without being touched: NumPy's memory and ours alike.
+pub trait Words: Copy + Send + Sync + 'static {
+    /// All bits unset.
+    const ZERO: Self;
+}
+
+impl Words for [u32; 6] {
+    const ZERO: Self = [0; 6];
+}
+
+impl Words for [u64; 5] {
+    const ZERO: Self = [0; 5];
+}
+
+/// What a hit says: distance, parameters, and the world's numbers of occurrence, geometry and primitive.
+#[derive(Clone, Copy, Debug)]
+pub struct Found<P> {
+    /// In units of the ray's direction; infinite for a miss.
+    pub t: P,
+    /// Barycentrics of a triangle.
+    pub uv: [P; 2],
+    /// Occurrence.
+    pub occurrence: u32,
+    /// Geometry of the world; [`Hit::NONE`] for a miss.
+    pub geometry: u32,
+    /// Primitive.
+    pub primitive: u32,
+}
+
+/// `f32` or `f64`.
+pub trait Precision: Form + Element + Copy + Default + PartialEq + Into<f64> + Send + Sync + 'static {
+    /// The library's own word for it.
+    type Tag: snell_intersect::Precision<Ray = Self::Ray, Hit = Self::Hit>;
+    /// Rays.
+    type Ray: Copy + Send + Sync;
+    /// Answers.
+    type Hit: Copy + Send + Sync + Default;
+    /// [`Self::Hit`] in memory.
+    type Words: Words;
+
+    /// Rounds to this precision.
+    fn round(x: f64) -> Self;
+
+    /// A ray.
+    fn ray(origin: [Self; 3], direction: [Self; 3], interval: [Self; 2]) -> Self::Ray;
+
+    /// True if the ray can hit anything.
+    fn is_valid(ray: &Self::Ray) -> bool;
+
+    /// The ray in double precision.
+    fn exact(ray: &Self::Ray) -> DRay;
+
+    /// For memory, of a point nearest to another.
+    fn pack_found(found: &Found<Self>) -> Self::Words;
+
+    /// For memory.
+    fn pack(hit: &Self::Hit) -> Self::Words;
+
+    /// From memory.
+    fn unpack(words: &Self::Words) -> Found<Self>;
+
+    /// The nearest hits.
+    fn closest(world: &Self::World, rays: Rays<Self::Tag>, grouping: Grouping, hits: &mut [Self::Hit]);
+
+    /// Whether there are any.
+    fn occluded(world: &Self::World, rays: Rays<Self::Tag>, grouping: Grouping, blocked: &mut [bool]);
+
+    /// How many there are.
+    fn count(world: &Self::World, rays: Rays<Self::Tag>, counts: &mut [u32]);
+
+    /// All of them.
+    fn all(world: &Self::World, rays: Rays<Self::Tag>) -> AllHits<Self::Tag>;
+}
+
+impl Form for f32 {
+    type World = World;
+    type Builder = WorldBuilder;
+
+    fn build(builder: WorldBuilder, options: &BuildOptions, previous: Option<&World>) -> Result<World, WorldError> {
+        match previous {
+            Some(previous) => builder.rebuild(options, previous),
+            None => builder.build(options),
+        }
+    }
+
+    fn placed(world: &World, occurrence: u32) -> Transform {
+        world.world_from_instance(occurrence)
+    }
+
+    fn stats(world: &World) -> &BuildStats {
+        world.stats()
+    }
+}
+
+impl Form for f64 {
+    type World = DWorld;
+    type Builder = DWorldBuilder;
+
+    fn build(builder: DWorldBuilder, options: &BuildOptions, _: Option<&DWorld>) -> Result<DWorld, WorldError> {
+        builder.build(options)
+    }
+
+    fn placed(world: &DWorld, occurrence: u32) -> Transform {
+        world.world_from_instance(occurrence)
+    }
+
+    fn stats(world: &DWorld) -> &BuildStats {
+        world.stats()
+    }
+}
+
+impl Precision for f32 {
+    type Tag = Single;
+    type Ray = Ray;
+    type Hit = Hit;
+    type Words = [u32; 6];
+
+    fn round(x: f64) -> Self {
+        x as f32
+    }
+
+    #[inline(always)]
+    fn ray(origin: [f32; 3], direction: [f32; 3], [t_min, t_max]: [f32; 2]) -> Ray {
+        Ray { origin: Vec3::from_array(origin), direction: Vec3::from_array(direction), t_min, t_max }
+    }
+
+    fn is_valid(ray: &Ray) -> bool {
+        ray.is_valid()
+    }
+
+    fn exact(ray: &Ray) -> DRay {
+        DRay::from(ray)
+    }
+
+    fn pack_found(found: &Found<f32>) -> [u32; 6] {
+        let [u, v] = found.uv.map(f32::to_bits);
+        [found.t.to_bits(), u, v, found.occurrence, found.geometry, found.primitive]
+    }
+
+    #[inline(always)]
+    fn pack(hit: &Hit) -> [u32; 6] {
+        [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), hit.instance, hit.geometry, hit.primitive]
+    }
+
+    #[inline(always)]
+    fn unpack(&[t, u, v, occurrence, geometry, primitive]: &[u32; 6]) -> Found<f32> {
+        Found { t: f32::from_bits(t), uv: [u, v].map(f32::from_bits), occurrence, geometry, primitive }
+    }
+
+    fn closest(world: &World, rays: Rays, grouping: Grouping, hits: &mut [Hit]) {
+        world.closest(rays, grouping, &AcceptAll, hits);
+    }
+
+    fn occluded(world: &World, rays: Rays, grouping: Grouping, blocked: &mut [bool]) {
+        world.occluded(rays, grouping, &AcceptAll, blocked);
+    }
+
+    fn count(world: &World, rays: Rays, counts: &mut [u32]) {
+        world.count(rays, &AcceptAll, counts);
+    }
+
+    fn all(world: &World, rays: Rays) -> AllHits {
+        world.all(rays, &AcceptAll)
+    }
+}
+
+impl Precision for f64 {
+    type Tag = Double;
+    type Ray = DRay;
+    type Hit = DHit;
+    type Words = [u64; 5];
+
+    fn round(x: f64) -> Self {
+        x
+    }
+
+    #[inline(always)]
+    fn ray(origin: [f64; 3], direction: [f64; 3], [t_min, t_max]: [f64; 2]) -> DRay {
+        DRay { origin: DVec3::from_array(origin), direction: DVec3::from_array(direction), t_min, t_max }
+    }
+
+    fn is_valid(ray: &DRay) -> bool {
+        ray.is_valid()
+    }
+
+    fn exact(ray: &DRay) -> DRay {
+        *ray
+    }
+
+    fn pack_found(found: &Found<f64>) -> [u64; 5] {
+        let [u, v] = found.uv.map(f64::to_bits);
+        let ids = u64::from(found.occurrence) | u64::from(found.geometry) << 32;
+        [found.t.to_bits(), u, v, ids, found.primitive.into()]
+    }
+
+    #[inline(always)]
+    fn pack(hit: &DHit) -> [u64; 5] {
+        let ids = u64::from(hit.instance) | u64::from(hit.geometry) << 32;
+        [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), ids, hit.primitive.into()]
+    }
+
+    #[inline(always)]
+    fn unpack(&[t, u, v, ids, primitive]: &[u64; 5]) -> Found<f64> {
+        Found {
+            t: f64::from_bits(t),
+            uv: [u, v].map(f64::from_bits),
+            occurrence: ids as u32,
+            geometry: (ids >> 32) as u32,
+            primitive: primitive as u32,
+        }
+    }
+
+    fn closest(world: &DWorld, rays: Rays<Double>, grouping: Grouping, hits: &mut [DHit]) {
+        world.closest(rays, grouping, &AcceptAll, hits);
+    }
+
+    fn occluded(world: &DWorld, rays: Rays<Double>, grouping: Grouping, blocked: &mut [bool]) {
+        world.occluded(rays, grouping, &AcceptAll, blocked);
+    }
+
+    fn count(world: &DWorld, rays: Rays<Double>, counts: &mut [u32]) {
+        world.count(rays, &AcceptAll, counts);
+    }
+
+    fn all(world: &DWorld, rays: Rays<Double>) -> AllHits<Double> {
+        world.all(rays, &AcceptAll)
+    }
+}
+
+impl Builder for WorldBuilder {
+    fn add_group(&mut self) -> GroupId {
+        self.add_group()
+    }
+
+    fn add_mesh(&mut self, group: GroupId, mesh: &Mesh, form: MeshForm) -> GeometryId {
+        let mesh = if form == MeshForm::Centered { mesh.centered() } else { mesh.single() };
+        self.add_mesh(group, mesh.clone())
+    }
+
+    fn add_shape(&mut self, group: GroupId, shape: &Arc<AnyShape>, placed: Transform) -> GeometryId {
+        self.add_shape(group, shape.clone(), placed)
+    }
+
+    fn add_spheres(&mut self, group: GroupId, spheres: &Arc<Spheres>) -> GeometryId {
+        self.add_set(group, spheres.clone())
+    }
+
+    fn add_gap(&mut self) {
+        let gap = self.add_mesh(Self::ROOT, Arc::default());
+        self.remove(gap);
+    }
+
+    fn add(&mut self, group: GroupId, instance: Instance) {
+        self.add(group, instance);
+    }
+
+    fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
+        self.set_mask(geometry, mask);
+    }
+}
+
+impl Builder for DWorldBuilder {
+    fn add_group(&mut self) -> GroupId {
+        self.add_group()
+    }
+
+    fn add_mesh(&mut self, group: GroupId, mesh: &Mesh, _: MeshForm) -> GeometryId {
+        self.add_mesh(group, mesh.double().clone())
+    }
+
+    fn add_shape(&mut self, group: GroupId, shape: &Arc<AnyShape>, placed: Transform) -> GeometryId {
+        self.add_shape(group, shape.clone(), placed)
+    }
+
+    fn add_spheres(&mut self, group: GroupId, spheres: &Arc<Spheres>) -> GeometryId {
+        self.add_set(group, spheres.clone())
+    }
+
+    fn add_gap(&mut self) {
+        self.add_mesh(Self::ROOT, Arc::default());
+    }
+
+    fn add(&mut self, group: GroupId, instance: Instance) {
+        self.add(group, instance);
+    }
+
+    fn set_mask(&mut self, geometry: GeometryId, mask: u32) {
+        self.set_mask(geometry, mask);
+    }
+}

@@ -1,0 +1,221 @@
+//! Rays as Python gives them: `(..., 6)`, or a pair `(origins, directions)`.
+
+use crate::arrays::{
+    Column, Values, are_double, array, broadcast, common_shape, contiguous, leading, mask_column, numpy, shown, slice,
+};
+use crate::precision::Precision;
+use numpy::{Element, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use snell_intersect::Grouping;
+
+/// The argument `rays`, before its numbers are looked at.
+#[derive(Debug)]
+pub struct RayArgument<'py> {
+    arrays: Arrays<'py>,
+    /// The leading shape.
+    pub shape: Vec<usize>,
+    /// Whether it is asked in double precision.
+    pub is_double: bool,
+}
+
+#[derive(Debug)]
+enum Arrays<'py> {
+    Rows(Bound<'py, PyUntypedArray>),
+    Pair([Bound<'py, PyUntypedArray>; 2]),
+}
+
+impl<'py> RayArgument<'py> {
+    /// Reads an argument.
+    pub fn new(rays: &Bound<'py, PyAny>) -> PyResult<Self> {
+        let pair = rays.cast::<PyTuple>().ok().filter(|pair| pair.len() == 2);
+        let Some(pair) = pair else {
+            let rows = array(rays, "rays")?;
+            let shape = leading(&rows, 6, "rays")?;
+            let is_double = are_double(&[(rays, &rows, "rays")])?;
+            return Ok(Self { arrays: Arrays::Rows(rows), shape, is_double });
+        };
+        let (origins, directions) = (pair.get_item(0)?, pair.get_item(1)?);
+        let (o, d) = (array(&origins, "rays[0] (origins)")?, array(&directions, "rays[1] (directions)")?);
+        let shapes = [leading(&o, 3, "rays[0] (origins)")?, leading(&d, 3, "rays[1] (directions)")?];
+        let shape = common_shape(&shapes[0], &shapes[1]).ok_or_else(|| {
+            let (o, d) = (shown(o.shape()), shown(d.shape()));
+            PyValueError::new_err(format!("rays: origins of shape {o} and directions of shape {d} do not broadcast"))
+        })?;
+        let is_double = are_double(&[(&origins, &o, "rays[0] (origins)"), (&directions, &d, "rays[1] (directions)")])?;
+        Ok(Self { arrays: Arrays::Pair([o, d]), shape, is_double })
+    }
+
+    /// Which rays are alike: those of a picture are, row by row. (Where it is not so, no time is lost.)
+    pub fn grouping(&self) -> Grouping {
+        if self.shape.len() >= 2 { Grouping::Coherent } else { Grouping::None }
+    }
+
+    /// How many rays there are.
+    pub fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+}
+
+/// What else a query is told about its rays.
+#[derive(Debug)]
+pub struct Limits<'a, 'py> {
+    /// Hits at or before this do not count.
+    pub t_min: &'a Bound<'py, PyAny>,
+    /// Hits at or after this do not count.
+    pub t_max: &'a Bound<'py, PyAny>,
+    /// Which geometries count.
+    pub mask: Option<&'a Bound<'py, PyAny>>,
+}
+
+/// Vectors of three numbers, somewhere in an array.
+#[derive(Debug)]
+struct Vectors<'py, P: Precision> {
+    array: PyReadonlyArrayDyn<'py, P>,
+    /// Numbers from one to the next; 0 if all are the same.
+    stride: usize,
+    offset: usize,
+}
+
+impl<'py, P: Precision> Vectors<'py, P> {
+    fn new(array: &Bound<'py, PyUntypedArray>, shape: &[usize]) -> PyResult<Self> {
+        if array.len() == 3 {
+            return Ok(Self { array: contiguous(array)?, stride: 0, offset: 0 });
+        }
+        let full: Vec<usize> = shape.iter().copied().chain([3]).collect();
+        Ok(Self { array: broadcast(array, &full)?, stride: 3, offset: 0 })
+    }
+
+    fn view(&self) -> PyResult<VectorView<'_, P>> {
+        Ok(VectorView { values: slice(&self.array)?, stride: self.stride, offset: self.offset })
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+struct VectorView<'a, P> {
+    values: &'a [P],
+    stride: usize,
+    offset: usize,
+}
+
+impl<P: Precision> VectorView<'_, P> {
+    #[inline(always)]
+    fn get(&self, i: usize) -> [P; 3] {
+        let at = i * self.stride + self.offset;
+        let v = &self.values[at..at + 3];
+        [v[0], v[1], v[2]]
+    }
+}
+
+/// Rays in the precision they are asked in.
+#[derive(Debug)]
+pub struct RayArrays<'py, P: Precision> {
+    origins: Vectors<'py, P>,
+    directions: Vectors<'py, P>,
+    t_min: Column<'py, P>,
+    t_max: Column<'py, P>,
+    mask: Column<'py, u32>,
+    len: usize,
+}
+
+impl<'py, P: Precision> RayArrays<'py, P> {
+    /// Reads the numbers.
+    pub fn new(rays: &RayArgument<'py>, limits: &Limits<'_, 'py>) -> PyResult<Self> {
+        let shape = &rays.shape;
+        let (origins, directions) = match &rays.arrays {
+            Arrays::Rows(rows) => {
+                let part = |offset| Ok::<_, PyErr>(Vectors { array: contiguous(rows)?, stride: 6, offset });
+                (part(0)?, part(3)?)
+            }
+            Arrays::Pair([o, d]) => (Vectors::new(o, shape)?, Vectors::new(d, shape)?),
+        };
+        Ok(Self {
+            origins,
+            directions,
+            t_min: Column::new(limits.t_min, shape, "t_min")?,
+            t_max: Column::new(limits.t_max, shape, "t_max")?,
+            mask: mask_column(limits.mask, shape)?,
+            len: rays.len(),
+        })
+    }
+
+    /// For other threads.
+    pub fn view(&self) -> PyResult<RayView<'_, P>> {
+        Ok(RayView {
+            origins: self.origins.view()?,
+            directions: self.directions.view()?,
+            t_min: self.t_min.values()?,
+            t_max: self.t_max.values()?,
+            mask: self.mask.values()?,
+            len: self.len,
+        })
+    }
+
+    /// What hits need later to find the surfaces that rays met. A `copy` does not change when the caller's arrays do.
+    pub fn keep(&self, copy: bool) -> PyResult<KeptRays> {
+        fn kept<T: Element>(array: &PyReadonlyArrayDyn<'_, T>, copy: bool) -> PyResult<Py<PyUntypedArray>> {
+            let array = array.as_untyped().clone();
+            if !copy {
+                return Ok(array.unbind());
+            }
+            let copied = numpy(array.py(), "array")?.call1((array,))?;
+            Ok(copied.cast_into::<PyUntypedArray>()?.unbind())
+        }
+        let part = |v: &Vectors<'_, P>| Ok::<_, PyErr>((kept(&v.array, copy)?, v.stride, v.offset));
+        Ok(KeptRays { origins: part(&self.origins)?, directions: part(&self.directions)? })
+    }
+}
+
+/// Origins and directions of rays that were asked about.
+#[derive(Debug)]
+pub struct KeptRays {
+    origins: (Py<PyUntypedArray>, usize, usize),
+    directions: (Py<PyUntypedArray>, usize, usize),
+}
+
+impl KeptRays {
+    /// The rays as they are now.
+    pub fn rays<'py, P: Precision>(&self, py: Python<'py>, len: usize) -> PyResult<RayArrays<'py, P>> {
+        let part = |(array, stride, offset): &(Py<PyUntypedArray>, usize, usize)| {
+            Ok::<_, PyErr>(Vectors { array: contiguous(array.bind(py))?, stride: *stride, offset: *offset })
+        };
+        let (t_min, t_max) = (Column::All(P::round(0.0)), Column::All(P::round(f64::INFINITY)));
+        let mask = Column::All(u32::MAX);
+        Ok(RayArrays { origins: part(&self.origins)?, directions: part(&self.directions)?, t_min, t_max, mask, len })
+    }
+}
+
+/// Rays as slices.
+#[derive(Clone, Copy, Debug)]
+pub struct RayView<'a, P> {
+    origins: VectorView<'a, P>,
+    directions: VectorView<'a, P>,
+    t_min: Values<'a, P>,
+    t_max: Values<'a, P>,
+    mask: Values<'a, u32>,
+    len: usize,
+}
+
+impl<P: Precision> RayView<'_, P> {
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// One of them.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> P::Ray {
+        P::ray(self.origins.get(i), self.directions.get(i), [self.t_min.get(i), self.t_max.get(i)])
+    }
+
+    /// Some of them, and their masks (none if all bits are set).
+    pub fn read(&self, range: std::ops::Range<usize>, rays: &mut Vec<P::Ray>, masks: &mut Vec<u32>) {
+        rays.clear();
+        rays.extend(range.clone().map(|i| self.get(i)));
+        masks.clear();
+        if !matches!(self.mask, Values::All(u32::MAX)) {
+            masks.extend(range.map(|i| self.mask.get(i)));
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! What a scene is between calls: its contents, and the worlds made of them so far.
+//!
+//! A world is made when a query first needs it, by one thread for all that ask; queries keep the one they began with. The lock is taken
+//! only with the interpreter's lock held, and never for long.
+
+use crate::assemble::{Form, Snapshot, assemble};
+use crate::contents::Contents;
+use crate::nearest::Local;
+use crate::work::{Job, begin};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use snell_intersect::{BuildOptions, WorldError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+type Built<F> = Result<Arc<Snapshot<F>>, WorldError>;
+
+/// A world that is being made.
+#[derive(Debug)]
+struct Building<F: Form> {
+    /// The process that makes it: a forked child has no such thread.
+    pid: u32,
+    version: u64,
+    job: Arc<Job<Built<F>>>,
+}
+
+/// The worlds of one kind.
+#[derive(Debug)]
+pub struct Worlds<F: Form> {
+    made: Option<(u64, Arc<Snapshot<F>>)>,
+    building: Option<Building<F>>,
+    /// Whether [`snell_intersect::World::winding_number`] is ready, or who makes it so.
+    winding: Option<(Weak<F::World>, u32, Arc<Job<()>>)>,
+}
+
+impl<F: Form> Default for Worlds<F> {
+    fn default() -> Self {
+        Self { made: None, building: None, winding: None }
+    }
+}
+
+/// The state of a scene.
+#[derive(Debug, Default)]
+pub struct State {
+    contents: Arc<Contents>,
+    /// Grows with every edit.
+    version: u64,
+    single: Worlds<f32>,
+    double: Worlds<f64>,
+    local: Worlds<Local>,
+}
+
+/// Where the worlds of a kind are in a [`State`].
+pub trait Kept: Form + Sized {
+    /// There.
+    fn worlds(state: &mut State) -> &mut Worlds<Self>;
+}
+
+impl Kept for f32 {
+    fn worlds(state: &mut State) -> &mut Worlds<Self> {
+        &mut state.single
+    }
+}
+
+impl Kept for f64 {
+    fn worlds(state: &mut State) -> &mut Worlds<Self> {
+        &mut state.double
+    }
+}
+
+impl Kept for Local {
+    fn worlds(state: &mut State) -> &mut Worlds<Self> {
+        &mut state.local
+    }
+}
+
+/// A [`State`] that threads share.
+#[derive(Debug, Default)]
+pub struct Shared(Mutex<State>);
+
+impl Shared {
+    /// With these contents.
+    pub fn new(contents: Arc<Contents>) -> Self {
+        Self(Mutex::new(State { contents, ..State::default() }))
+    }
+
+    fn lock(&self, _attached: Python<'_>) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What the scene holds now.
+    pub fn contents(&self, py: Python<'_>) -> Arc<Contents> {
+        self.lock(py).contents.clone()
+    }
+
+    /// Changes what the scene holds; an error changes nothing.
+    pub fn edit<T>(&self, py: Python<'_>, edit: impl FnOnce(&mut Contents) -> PyResult<T>) -> PyResult<T> {
+        let mut state = self.lock(py);
+        let result = edit(Arc::make_mut(&mut state.contents))?;
+        state.version += 1;
+        Ok(result)
+    }
+
+    /// The world of what the scene holds now, made if it is not there yet.
+    pub fn snapshot<F: Kept>(&self, py: Python<'_>) -> PyResult<Arc<Snapshot<F>>> {
+        let wanted = self.lock(py).version;
+        loop {
+            let (version, job) = {
+                let mut state = self.lock(py);
+                let (version, contents) = (state.version, state.contents.clone());
+                let worlds = F::worlds(&mut state);
+                match &worlds.made {
+                    Some((made, snapshot)) if *made >= wanted => return Ok(snapshot.clone()),
+                    _ => {}
+                }
+                let pid = std::process::id();
+                match &worlds.building {
+                    Some(building) if building.pid == pid => (building.version, building.job.clone()),
+                    _ => {
+                        let previous = worlds.made.as_ref().map(|(_, snapshot)| snapshot.clone());
+                        let job = begin(py, move || {
+                            let previous = previous.as_ref().map(|snapshot| &*snapshot.world);
+                            assemble(&contents, &BuildOptions::default(), previous).map(Arc::new)
+                        })?;
+                        worlds.building = Some(Building { pid, version, job: job.clone() });
+                        (version, job)
+                    }
+                }
+            };
+            py.detach(|| job.wait_attentively())?;
+            let mut state = self.lock(py);
+            let worlds = F::worlds(&mut state);
+            // The first who is back stores it for all.
+            if worlds.building.as_ref().is_some_and(|building| Arc::ptr_eq(&building.job, &job)) {
+                worlds.building = None;
+            }
+            let built = job.result()?;
+            match built {
+                Ok(snapshot) if worlds.made.as_ref().is_none_or(|(made, _)| *made < version) => {
+                    worlds.made = Some((version, snapshot));
+                }
+                Ok(_) => {}
+                Err(error) if version >= wanted => return Err(PyValueError::new_err(error.to_string())),
+                Err(_) => {}
+            }
+        }
+    }
+
+    /// The world for points in double precision: that of single precision, if no vertices are lost by it.
+    pub fn local(&self, py: Python<'_>) -> PyResult<Arc<Snapshot<Local>>> {
+        if self.contents(py).has_double_meshes() {
+            return self.snapshot::<Local>(py);
+        }
+        let single = self.snapshot::<f32>(py)?;
+        Ok(Arc::new(Snapshot::<Local> { world: single.world.clone(), names: single.names.clone() }))
+    }
+
+    /// Makes the world ready for winding numbers. (Not left to the queries: threads of a pool that wait for each other's work might wait
+    /// for themselves.)
+    pub fn prepare_winding<F: Kept<World = snell_intersect::World>>(
+        &self,
+        py: Python<'_>,
+        snapshot: &Arc<Snapshot<F>>,
+    ) -> PyResult<()> {
+        let job = {
+            let mut state = self.lock(py);
+            let worlds = F::worlds(&mut state);
+            let (world, pid) = (&snapshot.world, std::process::id());
+            match &worlds.winding {
+                Some((of, by, job)) if of.as_ptr() == Arc::as_ptr(world) && *by == pid => job.clone(),
+                _ => {
+                    let asked = world.clone();
+                    let job = begin(py, move || asked.winding_number(&[], &mut []))?;
+                    // A weak one: it keeps the address from being used again.
+                    worlds.winding = Some((Arc::downgrade(world), pid, job.clone()));
+                    job
+                }
+            }
+        };
+        py.detach(|| job.wait_attentively())
+    }
+}

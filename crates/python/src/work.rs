@@ -1,0 +1,184 @@
+//! Running work: without the interpreter's lock, on as many threads as asked for, until Ctrl-C.
+//!
+//! A pool of threads is made when it is first needed and stays for the process; a forked child makes its own, for the threads of its
+//! parent are not in it. All locks here are taken only with the interpreter's lock held, so a fork never finds them locked.
+
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::any::Any;
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::Duration;
+
+/// How often Python is asked whether Ctrl-C was pressed.
+const LOOK_AT_SIGNALS: Duration = Duration::from_millis(30);
+
+/// Most threads of a pool.
+const MAX_THREADS: usize = 1024;
+
+/// The pools of the process `pid`, by their number of threads.
+struct Pools {
+    pid: u32,
+    by_threads: BTreeMap<usize, Arc<ThreadPool>>,
+}
+
+static POOLS: Mutex<Pools> = Mutex::new(Pools { pid: 0, by_threads: BTreeMap::new() });
+
+/// How many threads work for one call: `None` means all cores.
+#[derive(Clone, Copy, Debug)]
+pub struct Threads(usize);
+
+impl Threads {
+    /// From the argument `threads`.
+    pub fn new(threads: Option<usize>) -> PyResult<Self> {
+        match threads {
+            None => Ok(Self(std::thread::available_parallelism().map_or(1, |n| n.get()).min(MAX_THREADS))),
+            Some(n) if (1..=MAX_THREADS).contains(&n) => Ok(Self(n)),
+            Some(n) => Err(PyValueError::new_err(format!(
+                "threads is {n}, expected 1 to {MAX_THREADS}, or None for all cores"
+            ))),
+        }
+    }
+
+    /// The pool of this process with so many threads.
+    fn pool(self, _attached: Python<'_>) -> PyResult<Arc<ThreadPool>> {
+        let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
+        let pid = std::process::id();
+        if pools.pid != pid {
+            // After a fork: these threads are the parent's, and ending them would wait for them.
+            std::mem::forget(std::mem::take(&mut pools.by_threads));
+            pools.pid = pid;
+        }
+        if let Some(pool) = pools.by_threads.get(&self.0) {
+            return Ok(pool.clone());
+        }
+        let name = |i| format!("snell-{i}");
+        let pool = ThreadPoolBuilder::new().num_threads(self.0).thread_name(name).build();
+        let pool =
+            Arc::new(pool.map_err(|e| PyRuntimeError::new_err(format!("cannot start {} threads: {e}", self.0)))?);
+        pools.by_threads.insert(self.0, pool.clone());
+        Ok(pool)
+    }
+}
+
+/// Work that was stopped by its flag.
+#[derive(Debug)]
+pub struct Stopped;
+
+/// Whether work should stop.
+#[derive(Debug, Default)]
+pub struct Cancel(AtomicBool);
+
+impl Cancel {
+    /// An error if so. To be asked every few milliseconds.
+    pub fn check(&self) -> Result<(), Stopped> {
+        if self.0.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
+    }
+}
+
+/// What a task in a pool gave, for those who wait.
+#[derive(Debug)]
+pub struct Job<T> {
+    result: Mutex<Option<Result<T, String>>>,
+    done: Condvar,
+}
+
+impl<T> Default for Job<T> {
+    fn default() -> Self {
+        Self { result: Mutex::new(None), done: Condvar::new() }
+    }
+}
+
+/// The message of a panic.
+fn message(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+    format!("internal error: {}", text.unwrap_or("no message"))
+}
+
+impl<T> Job<T> {
+    /// Does the work; a panic becomes its message.
+    fn run(&self, work: impl FnOnce() -> T) {
+        let result = catch_unwind(AssertUnwindSafe(work)).map_err(|panic| message(&*panic));
+        *self.result.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
+        self.done.notify_all();
+    }
+
+    /// Waits for a while; true if the work is done.
+    fn wait(&self, time: Duration) -> bool {
+        let result = self.result.lock().unwrap_or_else(PoisonError::into_inner);
+        if result.is_some() {
+            return true;
+        }
+        let (result, _) = self.done.wait_timeout(result, time).unwrap_or_else(PoisonError::into_inner);
+        result.is_some()
+    }
+
+    /// Waits without the interpreter's lock, until the work is done or Ctrl-C is pressed.
+    pub fn wait_attentively(&self) -> PyResult<()>
+    where
+        T: Send,
+    {
+        while !self.wait(LOOK_AT_SIGNALS) {
+            Python::attach(|py| py.check_signals())?;
+        }
+        Ok(())
+    }
+
+    fn take(&self) -> PyResult<T> {
+        let result = self.result.lock().unwrap_or_else(PoisonError::into_inner).take();
+        result.unwrap_or_else(|| Err("nothing was done".into())).map_err(PyRuntimeError::new_err)
+    }
+}
+
+impl<T: Clone> Job<T> {
+    /// What the work gave; it must be done.
+    pub fn result(&self) -> PyResult<T> {
+        let result = self.result.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        result.unwrap_or_else(|| Err("nothing was done".into())).map_err(PyRuntimeError::new_err)
+    }
+}
+
+/// Does work that looks at its flag, on a pool. Small work is done at once by the calling thread.
+pub fn run<T: Send>(
+    py: Python<'_>,
+    threads: Threads,
+    is_small: bool,
+    work: impl FnOnce(&Cancel) -> Result<T, Stopped> + Send,
+) -> PyResult<T> {
+    let stopped = |_| PyRuntimeError::new_err("the query was stopped");
+    let cancel = Cancel::default();
+    if is_small {
+        return py.detach(|| work(&cancel)).map_err(stopped);
+    }
+    let pool = threads.pool(py)?;
+    let job = Job::default();
+    let interrupted = py.detach(|| {
+        pool.in_place_scope(|scope| {
+            scope.spawn(|_| job.run(|| work(&cancel)));
+            let waited = job.wait_attentively();
+            cancel.0.store(waited.is_err(), Ordering::Relaxed);
+            waited
+        })
+    });
+    interrupted?;
+    job.take()?.map_err(stopped)
+}
+
+/// Begins work that cannot be stopped, on the pool of all cores.
+pub fn begin<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<Arc<Job<T>>> {
+    let pool = Threads::new(None)?.pool(py)?;
+    let job = Arc::new(Job::default());
+    let doing = job.clone();
+    pool.spawn(move || doing.run(work));
+    Ok(job)
+}
+
+/// Does work that cannot be stopped. After Ctrl-C nobody waits for it any more.
+pub fn run_to_end<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
+    let job = begin(py, work)?;
+    py.detach(|| job.wait_attentively())?;
+    job.take()
+}

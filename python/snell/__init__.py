@@ -1,0 +1,34 @@
+"""Rays in, hits out: exact and fast ray casting for NumPy.
+
+Examples
+--------
+>>> import snell
+>>> scene = snell.Scene()
+>>> ball = scene.add_shape("sphere", radius=1)
+>>> scene.cast_rays([0, 0, -5, 0, 0, 1]).t_hit
+array(4.)
+"""
+
+from snell._cameras import create_rays_pinhole
+from snell._snell import (
+    INVALID_ID,
+    SHAPES,
+    ClosestPoints,
+    Hits,
+    Intersections,
+    Scene,
+    __version__,
+    load,
+)
+
+__all__ = [
+    "INVALID_ID",
+    "SHAPES",
+    "ClosestPoints",
+    "Hits",
+    "Intersections",
+    "Scene",
+    "__version__",
+    "create_rays_pinhole",
+    "load",
+]
