@@ -14,13 +14,15 @@ array([0.333], dtype=float32)
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from snell._cameras import create_rays_pinhole
 from snell._snell import INVALID_ID, Scene
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["RaycastingScene"]
 
@@ -103,13 +105,17 @@ class RaycastingScene:
 
     def compute_distance(self, query_points: ArrayLike, nthreads: int = 0) -> NDArray[np.float32]:
         """The distance of each point ``(..., 3)`` to the nearest surface."""
-        return self._scene.distance(_single(query_points), threads=_threads(nthreads))
+        distance: NDArray[np.float32] = self._scene.distance(_single(query_points), threads=_threads(nthreads))
+        return distance
 
     def compute_signed_distance(
         self, query_points: ArrayLike, nthreads: int = 0, nsamples: int = 1
     ) -> NDArray[np.float32]:
         """The same, negative inside. By winding numbers, so ``nsamples`` (rays that vote, in Open3D) is not needed."""
-        return self._scene.signed_distance(_single(query_points), threads=_threads(nthreads))
+        distance: NDArray[np.float32] = self._scene.signed_distance(
+            _single(query_points), threads=_threads(nthreads)
+        )
+        return distance
 
     def compute_occupancy(self, query_points: ArrayLike, nthreads: int = 0, nsamples: int = 1) -> NDArray[np.float32]:
         """1 for points ``(..., 3)`` inside, 0 for others."""
@@ -119,7 +125,7 @@ class RaycastingScene:
     def create_rays_pinhole(*args: Any, **kwargs: Any) -> NDArray[np.float32]:
         """The rays of a pinhole camera, ``(height_px, width_px, 6)``: by ``(intrinsic_matrix, extrinsic_matrix, width_px, height_px)`` or
         ``(fov_deg, center, eye, up, width_px, height_px)``."""
-        names = ("intrinsic_matrix", "extrinsic_matrix", "width_px", "height_px")
+        names = ["intrinsic_matrix", "extrinsic_matrix", "width_px", "height_px"]
         if len(args) == 6 or "fov_deg" in kwargs or (args and np.ndim(args[0]) == 0):
-            names = ("fov_deg", "center", "eye", "up", "width_px", "height_px")
+            names = ["fov_deg", "center", "eye", "up", "width_px", "height_px"]
         return create_rays_pinhole(**dict(zip(names, args)), **kwargs)

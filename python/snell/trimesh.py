@@ -1,6 +1,7 @@
 """A ray engine for trimesh: exact, on all cores.
 
-:class:`RayMeshIntersector` has the methods, arguments, shapes and meanings of ``mesh.ray`` of trimesh.
+:class:`RayMeshIntersector` has the methods, arguments, shapes and meanings of ``mesh.ray`` of trimesh; where its two engines differ in the
+order of arguments, those of the one on Embree.
 
 Examples
 --------
@@ -15,12 +16,14 @@ array([ True])
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from snell._snell import Scene
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["RayMeshIntersector"]
 

@@ -246,3 +246,24 @@ def test_files_are_loaded_with_their_names(tmp_path):
     (tmp_path / "bad.obj").write_text("v 0 0 0\nf 1 2 3\n")
     with pytest.raises(ValueError, match="bad.obj"):
         snell.load(tmp_path / "bad.obj")
+
+
+def test_cameras_of_a_file_give_rays(tmp_path):
+    gltf = """{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+      "nodes": [{"camera": 0, "name": "eye", "translation": [1, 2, 3]}],
+      "cameras": [{"type": "perspective", "name": "eye", "perspective": {"yfov": 1.5707963, "znear": 0.1, "aspectRatio": 2}}]}"""
+    (tmp_path / "camera.gltf").write_text(gltf)
+    scene = snell.load(tmp_path / "camera.gltf")
+    assert scene.cameras == ["eye"]
+    for camera in (None, 0, "eye"):
+        rays = scene.create_rays_camera(camera, 8, 4)
+        assert rays.shape == (4, 8, 6) and rays.dtype == np.float32
+        assert (rays[..., :3] == [1, 2, 3]).all()
+        np.testing.assert_allclose(np.linalg.norm(rays[..., 3:], axis=-1), 1, rtol=1e-6)
+        np.testing.assert_allclose(rays[0, 0, 3:] / -rays[0, 0, 5], [-1.75, 0.75, -1], rtol=1e-5)
+    again = pickle.loads(pickle.dumps(scene))
+    np.testing.assert_array_equal(again.create_rays_camera(0, 8, 4), scene.create_rays_camera(0, 8, 4))
+    with pytest.raises(ValueError, match='there is no "ear", only "eye"'):
+        scene.create_rays_camera("ear", 8, 4)
+    with pytest.raises(IndexError, match="camera is 1, but the scene has 1"):
+        scene.create_rays_camera(1, 8, 4)

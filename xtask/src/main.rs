@@ -1,5 +1,7 @@
 //! The words that developers and CI use: `cargo xtask test` and friends. No dependencies, so that it starts at once.
 
+mod python;
+
 use std::io::{BufRead, BufReader};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Instant;
@@ -7,6 +9,7 @@ use std::time::Instant;
 const HELP: &str = "cargo xtask COMMAND
 
   test   install what the tests need and run them all; ends with a summary
+  python only the tests of the Python package, in a virtual environment of their own
   lint   formatting, clippy and documentation, warnings as errors
   fmt    format everything
   docs   build the API documentation
@@ -17,6 +20,7 @@ fn main() -> ExitCode {
     let command = std::env::args().nth(1).unwrap_or_default();
     let succeeded = match command.as_str() {
         "test" => test(),
+        "python" => python::test().unwrap_or(false),
         "lint" => lint(),
         "fmt" => run("format", cargo(&["fmt", "--all"])),
         "docs" => run("documentation", cargo(&["doc", "--workspace", "--no-deps"])),
@@ -104,7 +108,7 @@ impl Counts {
     }
 }
 
-/// All tests: units, properties, documentation examples, and the command line run as users run it.
+/// All tests: units, properties, documentation examples, the command line run as users run it, and the Python package.
 fn test() -> bool {
     let start = Instant::now();
     let mut counts = Counts::default();
@@ -125,9 +129,16 @@ fn test() -> bool {
             false
         }
     };
+    let python = python::test();
+    let succeeded = succeeded && python != Some(false);
     let seconds = start.elapsed().as_secs();
     println!("\n{} suites in {}m{:02}s", counts.suites, seconds / 60, seconds % 60);
     println!("{} passed, {} failed, {} skipped", counts.passed, counts.failed, counts.ignored);
+    match python {
+        Some(true) => println!("the tests of the Python package passed"),
+        Some(false) => println!("the tests of the Python package failed"),
+        None => println!("the tests of the Python package were skipped: there is no Python for them"),
+    }
     if !succeeded {
         println!("FAILED");
     }

@@ -15,7 +15,7 @@ use std::process::Command;
 /// Beginnings of commands that a document may show but that are not run here: they would build the program in the middle of its
 /// own test, or need the network.
 const NOT_RUN: &[&str] =
-    &["cd ", "git clone ", "cargo build", "cargo test", "cargo install --path crates/cli", "cargo doc"];
+    &["cd ", "git clone ", "cargo build", "cargo test", "cargo install --path crates/cli", "cargo doc", "pip install "];
 
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")

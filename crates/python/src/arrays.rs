@@ -4,9 +4,7 @@
 //! plain Python numbers in double. A contiguous array of the right dtype is read where it is.
 
 use crate::precision::Precision;
-use numpy::{
-    Element, PyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
-};
+use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -251,11 +249,4 @@ pub fn check_unsigned(array: &Bound<'_, PyUntypedArray>, largest: u64, name: &st
     let place: Vec<usize> = place.extract()?;
     let place = place.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
     Err(PyValueError::new_err(format!("{name}[{place}] is {}, expected 0 to {largest}", value.str()?)))
-}
-
-/// Any array as an untyped one.
-pub fn untyped<'py, T: Element, D: numpy::ndarray::Dimension>(
-    array: &Bound<'py, PyArray<T, D>>,
-) -> Bound<'py, PyUntypedArray> {
-    array.as_untyped().clone()
 }

@@ -9,6 +9,7 @@
 mod answers;
 mod arrays;
 mod assemble;
+mod cameras;
 mod contents;
 mod load;
 mod nearest;

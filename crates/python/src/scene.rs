@@ -958,6 +958,43 @@ impl Scene {
         self.around(points, threads, |world, point| world.winding_number_at(point))
     }
 
+    /// The names of the cameras that the file of the scene has.
+    #[getter]
+    fn cameras(&self, py: Python<'_>) -> Vec<String> {
+        self.0.contents(py).cameras.iter().map(|camera| camera.name.clone()).collect()
+    }
+
+    /// Rays of a camera of the scene's file, one through the centre of each pixel: an array `(height_px, width_px, 6)` of float32.
+    ///
+    /// Directions have unit length, so `t_hit` is the distance; where a projection shows nothing (outside of a fisheye's circle) they are 0.
+    ///
+    /// Parameters
+    /// ----------
+    /// camera : int or str, optional
+    ///     Number or name. The first if left out.
+    /// width_px, height_px : int, optional
+    ///     Size of the picture; what the file says if left out.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> scene.cameras
+    /// []
+    /// >>> scene.create_rays_camera()
+    /// Traceback (most recent call last):
+    /// IndexError: camera: the scene has none
+    #[pyo3(signature = (camera=None, width_px=None, height_px=None))]
+    fn create_rays_camera<'py>(
+        &self,
+        py: Python<'py>,
+        camera: Option<&Bound<'py, PyAny>>,
+        width_px: Option<u32>,
+        height_px: Option<u32>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        crate::cameras::rays(py, &self.0.contents(py), camera, [width_px, height_px])
+    }
+
     /// Scenes share what does not change: copies cost little.
     fn __copy__(&self, py: Python<'_>) -> Self {
         Self(Shared::new(self.0.contents(py)))

@@ -1,0 +1,62 @@
+//! The rays of a scene's cameras.
+
+use crate::arrays::from_vec;
+use crate::contents::Contents;
+use crate::work::{Threads, run};
+use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use snell_math::{DVec2, Vec2};
+use snell_scene::{Camera, CameraSample};
+
+/// The camera of this number or name.
+fn find<'a>(contents: &'a Contents, wanted: Option<&Bound<'_, PyAny>>) -> PyResult<&'a Camera> {
+    let cameras = &contents.cameras;
+    let names = || cameras.iter().map(|camera| format!("{:?}", camera.name)).collect::<Vec<_>>().join(", ");
+    let Some(wanted) = wanted else {
+        return cameras.first().ok_or_else(|| PyIndexError::new_err("camera: the scene has none"));
+    };
+    if let Ok(name) = wanted.extract::<String>() {
+        let found = cameras.iter().find(|camera| camera.name == name);
+        return found.ok_or_else(|| PyValueError::new_err(format!("camera: there is no {name:?}, only {}", names())));
+    }
+    let number: usize =
+        wanted.extract().map_err(|_| PyTypeError::new_err("camera: expected a number from 0, or a name"))?;
+    let error = || PyIndexError::new_err(format!("camera is {number}, but the scene has {}", cameras.len()));
+    cameras.get(number).ok_or_else(error)
+}
+
+/// One ray through the centre of each pixel: an array `(height, width, 6)`.
+pub fn rays<'py>(
+    py: Python<'py>,
+    contents: &Contents,
+    camera: Option<&Bound<'py, PyAny>>,
+    size: [Option<u32>; 2],
+) -> PyResult<Bound<'py, PyAny>> {
+    let camera = find(contents, camera)?;
+    let side = |given: Option<u32>, own: usize, name: &str| match given.or(camera.resolution.map(|size| size[own])) {
+        Some(0) => Err(PyValueError::new_err(format!("{name} is 0, expected a whole number from 1"))),
+        Some(pixels) => Ok(pixels),
+        None => Err(PyTypeError::new_err(format!("{name} is left out, and the camera has no size of its own"))),
+    };
+    let size = [side(size[0], 0, "width_px")?, side(size[1], 1, "height_px")?];
+    let [width, height] = size.map(|side| side as usize);
+    let rows = run(py, Threads::new(None)?, false, |cancel| {
+        let mut rays = vec![0.0f32; width * height * 6];
+        rays.par_chunks_mut(width * 6).enumerate().try_for_each(|(y, row)| {
+            cancel.check()?;
+            for (x, place) in row.as_chunks_mut::<6>().0.iter_mut().enumerate() {
+                let film = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+                let found = camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, size);
+                place[..3].copy_from_slice(&found.ray.origin.to_array());
+                // Where a projection shows nothing there is no direction: such rays miss.
+                if found.weight > 0.0 {
+                    place[3..].copy_from_slice(&found.ray.direction.to_array());
+                }
+            }
+            Ok(())
+        })?;
+        Ok(rays)
+    })?;
+    from_vec(py, rows, &[height, width, 6])
+}

@@ -1,0 +1,114 @@
+"""Nearest points, distances, inside and outside."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import sphere_mesh
+
+import snell
+
+UTM = np.array([448262.0, 5411932.0, 120.0])
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("shape", [(), (4,), (2, 3), (0,)])
+def test_answers_keep_the_leading_shape_and_the_dtype(sphere, dtype, shape):
+    scene = snell.Scene()
+    scene.add_mesh(*sphere)
+    points = np.full((*shape, 3), 2, dtype=dtype)
+    near = scene.closest_points(points)
+    assert near.shape == shape == near.distances.shape and near.points.shape == (*shape, 3)
+    assert near.distances.dtype == near.points.dtype == near.primitive_normals.dtype == dtype
+    for name in ("distance", "signed_distance"):
+        answer = getattr(scene, name)(points)
+        assert (answer.shape, answer.dtype) == (shape, dtype)
+    assert (scene.occupancy(points).dtype, scene.winding_number(points).dtype) == (bool, np.float64)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("mesh_dtype", [np.float32, np.float64])
+def test_nearest_points_lie_on_their_triangles_and_no_other_is_nearer(sphere, rng, dtype, mesh_dtype):
+    vertices, faces = sphere[0].astype(mesh_dtype), sphere[1]
+    scene = snell.Scene()
+    scene.add_mesh(vertices, faces)
+    points = (rng.normal(size=(300, 3)) * 1.5).astype(dtype)
+    near = scene.closest_points(points)
+    eps = 1e-6 if dtype == np.float32 else 1e-12
+    np.testing.assert_allclose(np.linalg.norm(near.points - points, axis=1), near.distances, atol=4 * eps)
+    u, v = near.primitive_uvs.T.astype(np.float64)
+    corners = vertices.astype(np.float64)[faces[near.primitive_ids]]
+    b = np.stack([1 - u - v, u, v], axis=1)
+    assert (b > -1e-6).all()
+    np.testing.assert_allclose((corners * b[:, :, None]).sum(1), near.points, atol=1e-6)
+    samples = vertices.astype(np.float64)[faces].mean(1)
+    least = np.linalg.norm(samples[None] - points[:, None].astype(np.float64), axis=2).min(1)
+    assert (near.distances <= least + 1e-6).all()
+    np.testing.assert_array_equal(scene.distance(points), near.distances)
+
+
+def test_signs_are_those_of_occupancy_and_limits_cut_off(sphere, rng):
+    scene = snell.Scene()
+    scene.add_mesh(*sphere)
+    for dtype in (np.float32, np.float64):
+        points = (rng.normal(size=(1000, 3)) * 1.2).astype(dtype)
+        radius = np.linalg.norm(points, axis=1)
+        clear = abs(radius - 1) > 0.01
+        inside = scene.occupancy(points)
+        np.testing.assert_array_equal(inside[clear], radius[clear] < 1)
+        signed = scene.signed_distance(points)
+        np.testing.assert_array_equal(np.abs(signed), scene.distance(points))
+        np.testing.assert_array_equal(signed < 0, inside & (signed != 0))
+        cut = scene.signed_distance(points, max_distance=0.125)
+        np.testing.assert_array_equal(cut, np.clip(signed, -0.125, 0.125).astype(dtype))
+        assert np.isinf(scene.distance(points, max_distance=0.125)[np.abs(signed) > 0.126]).all()
+        limits = np.where(np.arange(1000) % 2, 0.125, 10)
+        far = np.isinf(scene.closest_points(points, max_distance=limits).distances)
+        np.testing.assert_array_equal(far, np.abs(signed) > limits)
+
+
+def test_occupancy_is_sensible_for_open_meshes(sphere):
+    vertices, faces = sphere
+    lid = vertices[faces].mean(1)[:, 1] > 0.9
+    scene = snell.Scene()
+    scene.add_mesh(vertices, faces[~lid])
+    assert scene.occupancy([[0, 0, 0], [0, -0.9, 0], [0, 1.5, 0], [3, 0, 0]]).tolist() == [True, True, False, False]
+
+
+def test_an_empty_scene_and_bad_points_have_defined_answers(sphere):
+    scene = snell.Scene()
+    assert scene.distance([0, 0, 0]) == scene.signed_distance([0, 0, 0]) == np.inf
+    assert not scene.occupancy([0, 0, 0]) and scene.closest_points([0, 0, 0]).geometry_ids == snell.INVALID_ID
+    scene.add_mesh(*sphere)
+    for dtype in (np.float32, np.float64):
+        bad = np.array([[np.nan, 0, 0], [0, np.inf, 0]], dtype=dtype)
+        assert np.isinf(scene.signed_distance(bad)).all() and not scene.occupancy(bad).any()
+        assert np.isnan(scene.closest_points(bad).points).all()
+        assert np.isinf(scene.distance(np.zeros((1, 3), dtype=dtype), max_distance=-1)).all()
+
+
+def test_double_precision_is_not_rounded_far_from_the_origin(sphere, rng):
+    """The same answers at the origin and at a place in UTM metres, to nanometres."""
+    vertices, faces = np.round(sphere[0] * 2**20) / 2**20, sphere[1]
+    here, there = snell.Scene(), snell.Scene()
+    here.add_mesh(vertices, faces)
+    there.add_mesh(vertices + UTM, faces)
+    placed, matrix = snell.Scene(), np.eye(4)
+    matrix[:3, 3] = UTM
+    placed.add_mesh(vertices.astype(np.float32), faces, matrix)
+    points = np.round(rng.normal(size=(500, 3)) * 2**20) / 2**20
+    expected = here.closest_points(points)
+    for scene in (there, placed):
+        near = scene.closest_points(points + UTM)
+        np.testing.assert_allclose(near.distances, expected.distances, atol=1e-8)
+        np.testing.assert_allclose(near.points - UTM, expected.points, atol=1e-8)
+        np.testing.assert_allclose(near.primitive_normals, expected.primitive_normals, atol=2e-2)
+        np.testing.assert_array_equal(scene.occupancy(points + UTM), here.occupancy(points))
+        np.testing.assert_allclose(scene.signed_distance(points + UTM), here.signed_distance(points), atol=1e-8)
+
+
+def test_masks_choose_what_counts():
+    scene = snell.Scene()
+    scene.add_shape("sphere", mask=1, radius=1)
+    scene.add_shape("sphere", mask=2, radius=2)
+    assert [float(scene.distance([0, 0, 5], mask=m)) for m in (1, 2, 3, 4)] == [4, 3, 3, np.inf]
