@@ -27,7 +27,8 @@ def scene_and_rays(count: int = 20_000) -> tuple[snell.Scene, np.ndarray]:
 
 def ask(scene: snell.Scene, rays: np.ndarray) -> float:
     t = scene.cast_rays(rays).t_hit
-    return float(t[np.isfinite(t)].sum() + scene.occupancy(rays[:500, :3]).sum())
+    few = scene.list_intersections(rays[:10]).t_hit.sum() + scene.distance(rays[0, :3]) + scene.bounds.sum()
+    return float(t[np.isfinite(t)].sum() + scene.occupancy(rays[:500, :3]).sum() + few)
 
 
 def answer_to(queue, scene, rays) -> None:

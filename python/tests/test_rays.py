@@ -116,6 +116,8 @@ def test_limits_are_exclusive_and_per_ray(triangle, dtype):
     t_min = np.array([0, 2, 1.5, 3])
     assert triangle.test_occlusions(rays, t_min=t_min).tolist() == [True, False, True, False]
     assert triangle.test_occlusions(rays, t_max=[2, 2.5, 1, np.inf]).tolist() == [False, True, False, True]
+    assert triangle.test_occlusions(rays, t_min=np.array([2])).tolist() == [False] * 4
+    assert triangle.test_occlusions(rays, t_max=np.float32(3), mask=np.array([1])).all()
     assert triangle.cast_rays(rays, t_min=2).t_hit.tolist() == [np.inf] * 4
 
 

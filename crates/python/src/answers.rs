@@ -201,7 +201,7 @@ impl Named {
         };
         let array = array.ok_or_else(|| PyAttributeError::new_err(name.to_string()))?;
         // Another thread may have made it meanwhile: all see the same.
-        Ok(made.call_method1("setdefault", (name, array))?)
+        made.call_method1("setdefault", (name, array))
     }
 
     /// The same, for `answers[name]`.

@@ -171,7 +171,9 @@ impl<'py, T: Element + Copy> Column<'py, T> {
     where
         T: Precision,
     {
-        if let Ok(number) = value.extract::<f64>() {
+        if !value.is_instance_of::<PyUntypedArray>()
+            && let Ok(number) = value.extract::<f64>()
+        {
             return Ok(Self::All(T::round(number)));
         }
         let array = array(value, name)?;
@@ -219,7 +221,9 @@ impl<T: Copy> Values<'_, T> {
 /// A mask of 32 bits, one for all or one per ray.
 pub fn mask_column<'py>(value: Option<&Bound<'py, PyAny>>, shape: &[usize]) -> PyResult<Column<'py, u32>> {
     let Some(value) = value else { return Ok(Column::All(u32::MAX)) };
-    if let Ok(mask) = value.extract::<u32>() {
+    if !value.is_instance_of::<PyUntypedArray>()
+        && let Ok(mask) = value.extract::<u32>()
+    {
         return Ok(Column::All(mask));
     }
     let array = array(value, "mask")?;

@@ -181,6 +181,7 @@ pub struct Object {
 
 /// The place of an object, by its number.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "almost all are the large one")]
 pub enum Slot {
     /// There.
     Here(Object),

@@ -209,7 +209,9 @@ fn json(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Value> {
     if value.is_instance_of::<PyBool>() {
         return Ok(Value::Bool(value.extract()?));
     }
-    if let Ok(number) = value.extract::<f64>() {
+    if !value.is_instance_of::<PyUntypedArray>()
+        && let Ok(number) = value.extract::<f64>()
+    {
         let finite = serde_json::Number::from_f64(number);
         let error = || PyValueError::new_err(format!("{name} is {number}, expected a finite number"));
         return finite.map(Value::Number).ok_or_else(error);

@@ -58,13 +58,16 @@ impl<P: Precision> Question<'_, P> {
         cancel: &Cancel,
         query: impl Fn(Rays<P::Tag>) -> AllHits<P::Tag> + Sync,
     ) -> Result<Vec<AllHits<P::Tag>>, Stopped> {
-        (0..self.rays.len().div_ceil(PIECE))
-            .into_par_iter()
-            .map(|i| {
-                cancel.check()?;
-                Ok(self.with_piece(i * PIECE..self.rays.len().min((i + 1) * PIECE), &query))
-            })
-            .collect()
+        let piece = |i: usize| {
+            cancel.check()?;
+            Ok(self.with_piece(i * PIECE..self.rays.len().min((i + 1) * PIECE), &query))
+        };
+        // Few rays may be asked outside of a pool.
+        match self.rays.len().div_ceil(PIECE) {
+            0 => Ok(Vec::new()),
+            1 => Ok(vec![piece(0)?]),
+            n => (0..n).into_par_iter().map(piece).collect(),
+        }
     }
 
     fn with_piece<T>(&self, range: Range<usize>, query: impl Fn(Rays<P::Tag>) -> T) -> T {

@@ -10,7 +10,7 @@ use crate::precision::{Precision, Words};
 use crate::query::{FEW, Question};
 use crate::rays::{Limits, RayArgument, RayArrays};
 use crate::state::{Kept, Shared};
-use crate::work::{Stopped, Threads, run};
+use crate::work::{Stopped, Threads, run, run_to_end};
 use numpy::PyUntypedArray;
 use pyo3::exceptions::{PyRuntimeWarning, PyValueError};
 use pyo3::prelude::*;
@@ -677,7 +677,7 @@ impl Scene {
     #[getter]
     fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let contents = self.0.contents(py);
-        let bounds = py.detach(|| contents.bounds());
+        let bounds = run_to_end(py, move || contents.bounds())?;
         from_vec(py, [bounds.min.to_array(), bounds.max.to_array()].concat(), &[2, 3])
     }
 
