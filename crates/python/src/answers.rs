@@ -3,6 +3,7 @@
 use crate::arrays::from_vec;
 use crate::assemble::{Form, Snapshot};
 use crate::precision::{Found, Precision};
+use crate::query::Pieces;
 use crate::rays::KeptRays;
 use crate::surface::{Local, Surfaces};
 use crate::work::{Threads, run};
@@ -43,7 +44,7 @@ pub struct Live<P: Precision, F: Form> {
     /// The world that was asked.
     pub snapshot: Arc<Snapshot<F>>,
     /// The answers.
-    pub words: Vec<P::Words>,
+    pub hits: Pieces<P::Hit>,
     /// The questions.
     pub asked: Asked<P>,
     /// How many rays were asked.
@@ -100,7 +101,7 @@ impl<P: Precision, F: Form> Live<P, F> {
     ) -> PyResult<Bound<'py, PyAny>> {
         self.pieces(py, width, |first, places| {
             for (i, place) in places.chunks_exact_mut(width).enumerate() {
-                write(&P::unpack(&self.words[first + i]), place);
+                write(&P::found(self.hits.get(first + i)), place);
             }
         })
     }
@@ -115,7 +116,7 @@ impl<P: Precision, F: Form> Live<P, F> {
         let write = |first: usize, places: &mut [P], ray: &(dyn Fn(usize) -> DRay + Sync)| {
             let mut surfaces = Surfaces::new(&self.snapshot);
             for (i, place) in places.chunks_exact_mut(width).enumerate() {
-                let found = P::unpack(&self.words[first + i]);
+                let found = P::found(self.hits.get(first + i));
                 let is_hit = found.geometry != Hit::NONE;
                 let local = if is_hit { surfaces.at(&ray(first + i), &found) } else { Local::NONE };
                 place.iter_mut().zip(wanted(&local)).for_each(|(place, x)| *place = P::round(x));
@@ -142,7 +143,7 @@ impl<P: Precision, F: Form> Live<P, F> {
         width: usize,
         write: impl Fn(usize, &mut [T]) + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let count = self.words.len();
+        let count = self.hits.len();
         let values = run(py, Threads::new(None)?, count <= PIECE, |cancel| {
             let mut values = vec![T::default(); count * width];
             let piece = |(i, places): (usize, &mut [T])| {

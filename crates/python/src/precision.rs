@@ -11,20 +11,6 @@ use snell_intersect::{
 use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;
 
-/// A hit as plain words, so that millions of them are allocated without being touched: NumPy's memory and ours alike.
-pub trait Words: Copy + Send + Sync + 'static {
-    /// All bits unset.
-    const ZERO: Self;
-}
-
-impl Words for [u32; 6] {
-    const ZERO: Self = [0; 6];
-}
-
-impl Words for [u64; 5] {
-    const ZERO: Self = [0; 5];
-}
-
 /// What a hit says: distance, parameters, and the world's numbers of occurrence, geometry and primitive.
 #[derive(Clone, Copy, Debug)]
 pub struct Found<P> {
@@ -48,8 +34,6 @@ pub trait Precision: Form + Element + Copy + Default + PartialEq + Into<f64> + S
     type Ray: Copy + Send + Sync;
     /// Answers.
     type Hit: Copy + Send + Sync + Default;
-    /// [`Self::Hit`] in memory.
-    type Words: Words;
 
     /// Rounds to this precision.
     fn round(x: f64) -> Self;
@@ -63,14 +47,11 @@ pub trait Precision: Form + Element + Copy + Default + PartialEq + Into<f64> + S
     /// The ray in double precision.
     fn exact(ray: &Self::Ray) -> DRay;
 
-    /// For memory, of a point nearest to another.
-    fn pack_found(found: &Found<Self>) -> Self::Words;
+    /// What a hit says.
+    fn found(hit: &Self::Hit) -> Found<Self>;
 
-    /// For memory.
-    fn pack(hit: &Self::Hit) -> Self::Words;
-
-    /// From memory.
-    fn unpack(words: &Self::Words) -> Found<Self>;
+    /// The hit that says so.
+    fn hit(found: &Found<Self>) -> Self::Hit;
 
     /// The nearest hits.
     fn closest(world: &Self::World, rays: Rays<Self::Tag>, grouping: Grouping, hits: &mut [Self::Hit]);
@@ -126,7 +107,6 @@ impl Precision for f32 {
     type Tag = Single;
     type Ray = Ray;
     type Hit = Hit;
-    type Words = [u32; 6];
 
     fn round(x: f64) -> Self {
         x as f32
@@ -145,19 +125,15 @@ impl Precision for f32 {
         DRay::from(ray)
     }
 
-    fn pack_found(found: &Found<f32>) -> [u32; 6] {
-        let [u, v] = found.uv.map(f32::to_bits);
-        [found.t.to_bits(), u, v, found.occurrence, found.geometry, found.primitive]
+    #[inline(always)]
+    fn found(hit: &Hit) -> Found<f32> {
+        let &Hit { t, uv, instance, geometry, primitive } = hit;
+        Found { t, uv: uv.to_array(), occurrence: instance, geometry, primitive }
     }
 
-    #[inline(always)]
-    fn pack(hit: &Hit) -> [u32; 6] {
-        [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), hit.instance, hit.geometry, hit.primitive]
-    }
-
-    #[inline(always)]
-    fn unpack(&[t, u, v, occurrence, geometry, primitive]: &[u32; 6]) -> Found<f32> {
-        Found { t: f32::from_bits(t), uv: [u, v].map(f32::from_bits), occurrence, geometry, primitive }
+    fn hit(found: &Found<f32>) -> Hit {
+        let &Found { t, uv, occurrence, geometry, primitive } = found;
+        Hit { t, uv: uv.into(), instance: occurrence, geometry, primitive }
     }
 
     fn closest(world: &World, rays: Rays, grouping: Grouping, hits: &mut [Hit]) {
@@ -181,7 +157,6 @@ impl Precision for f64 {
     type Tag = Double;
     type Ray = DRay;
     type Hit = DHit;
-    type Words = [u64; 5];
 
     fn round(x: f64) -> Self {
         x
@@ -200,27 +175,15 @@ impl Precision for f64 {
         *ray
     }
 
-    fn pack_found(found: &Found<f64>) -> [u64; 5] {
-        let [u, v] = found.uv.map(f64::to_bits);
-        let ids = u64::from(found.occurrence) | u64::from(found.geometry) << 32;
-        [found.t.to_bits(), u, v, ids, found.primitive.into()]
+    #[inline(always)]
+    fn found(hit: &DHit) -> Found<f64> {
+        let &DHit { t, uv, instance, geometry, primitive } = hit;
+        Found { t, uv: uv.to_array(), occurrence: instance, geometry, primitive }
     }
 
-    #[inline(always)]
-    fn pack(hit: &DHit) -> [u64; 5] {
-        let ids = u64::from(hit.instance) | u64::from(hit.geometry) << 32;
-        [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), ids, hit.primitive.into()]
-    }
-
-    #[inline(always)]
-    fn unpack(&[t, u, v, ids, primitive]: &[u64; 5]) -> Found<f64> {
-        Found {
-            t: f64::from_bits(t),
-            uv: [u, v].map(f64::from_bits),
-            occurrence: ids as u32,
-            geometry: (ids >> 32) as u32,
-            primitive: primitive as u32,
-        }
+    fn hit(found: &Found<f64>) -> DHit {
+        let &Found { t, uv, occurrence, geometry, primitive } = found;
+        DHit { t, uv: uv.into(), instance: occurrence, geometry, primitive }
     }
 
     fn closest(world: &DWorld, rays: Rays<Double>, grouping: Grouping, hits: &mut [DHit]) {

@@ -14,6 +14,32 @@ const PIECE: usize = 2048;
 /// So few rays are asked by the calling thread.
 pub const FEW: usize = 256;
 
+/// A long list in pieces of [`PIECE`], the last may be shorter.
+#[derive(Debug, Default)]
+pub struct Pieces<T> {
+    pieces: Vec<Vec<T>>,
+    len: usize,
+}
+
+impl<T: Copy> Pieces<T> {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// One of them.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> &T {
+        &self.pieces[i / PIECE][i % PIECE]
+    }
+}
+
+impl<T: Clone> From<Vec<T>> for Pieces<T> {
+    fn from(all: Vec<T>) -> Self {
+        Self { len: all.len(), pieces: all.chunks(PIECE).map(<[T]>::to_vec).collect() }
+    }
+}
+
 /// The rays of a query.
 #[derive(Debug)]
 pub struct Question<'a, P: Precision> {
@@ -26,30 +52,37 @@ pub struct Question<'a, P: Precision> {
 }
 
 impl<P: Precision> Question<'_, P> {
-    /// Answers every ray: `query` answers a piece, `store` puts an answer in its place.
-    pub fn answer<A: Clone + Default, W: Send>(
+    /// Answers every ray, in its place.
+    pub fn answer<A: Send>(
         &self,
         cancel: &Cancel,
-        width: usize,
-        answers: &mut [W],
+        answers: &mut [A],
         query: impl Fn(Rays<P::Tag>, &mut [A]) + Sync,
-        store: impl Fn(&A, &mut [W]) + Sync,
     ) -> Result<(), Stopped> {
-        let piece = |(i, answers): (usize, &mut [W])| {
+        let piece = |(i, answers): (usize, &mut [A])| {
             cancel.check()?;
-            let first = i * PIECE;
-            let found = self.with_piece(first..first + answers.len() / width, |rays| {
-                let mut found = vec![A::default(); rays.len()];
-                query(rays, &mut found);
-                found
-            });
-            found.iter().zip(answers.chunks_exact_mut(width)).for_each(|(answer, place)| store(answer, place));
+            let range = i * PIECE..i * PIECE + answers.len();
+            self.with_piece(range, |rays| query(rays, answers));
             Ok(())
         };
-        if self.rays.len() <= PIECE {
-            return answers.chunks_mut(PIECE * width).enumerate().try_for_each(piece);
+        if answers.len() <= PIECE {
+            return answers.chunks_mut(PIECE).enumerate().try_for_each(piece);
         }
-        answers.par_chunks_mut(PIECE * width).enumerate().try_for_each(piece)
+        answers.par_chunks_mut(PIECE).enumerate().try_for_each(piece)
+    }
+
+    /// The answers of every ray, piece by piece as they came: nothing is moved together.
+    pub fn pieces<A: Clone + Default + Send>(
+        &self,
+        cancel: &Cancel,
+        query: impl Fn(Rays<P::Tag>, &mut [A]) + Sync,
+    ) -> Result<Pieces<A>, Stopped> {
+        let answer = |rays: Rays<P::Tag>| {
+            let mut found = vec![A::default(); rays.len()];
+            query(rays, &mut found);
+            found
+        };
+        Ok(Pieces { len: self.rays.len(), pieces: self.by_piece(cancel, answer)? })
     }
 
     /// Every hit of every ray.
@@ -58,6 +91,10 @@ impl<P: Precision> Question<'_, P> {
         cancel: &Cancel,
         query: impl Fn(Rays<P::Tag>) -> AllHits<P::Tag> + Sync,
     ) -> Result<Vec<AllHits<P::Tag>>, Stopped> {
+        self.by_piece(cancel, query)
+    }
+
+    fn by_piece<T: Send>(&self, cancel: &Cancel, query: impl Fn(Rays<P::Tag>) -> T + Sync) -> Result<Vec<T>, Stopped> {
         let piece = |i: usize| {
             cancel.check()?;
             Ok(self.with_piece(i * PIECE..self.rays.len().min((i + 1) * PIECE), &query))
@@ -70,7 +107,7 @@ impl<P: Precision> Question<'_, P> {
         }
     }
 
-    fn with_piece<T>(&self, range: Range<usize>, query: impl Fn(Rays<P::Tag>) -> T) -> T {
+    fn with_piece<T>(&self, range: Range<usize>, query: impl FnOnce(Rays<P::Tag>) -> T) -> T {
         let (mut rays, mut masks) = (Vec::with_capacity(range.len()), Vec::new());
         self.rays.read(range, &mut rays, &mut masks);
         if let Some(invalid) = self.invalid {

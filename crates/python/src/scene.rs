@@ -6,8 +6,8 @@ use crate::assemble::Snapshot;
 use crate::contents::{Contents, Kind, Object};
 use crate::nearest::PointPrecision;
 use crate::objects;
-use crate::precision::{Precision, Words};
-use crate::query::{FEW, Question};
+use crate::precision::Precision;
+use crate::query::{FEW, Pieces, Question};
 use crate::rays::{Limits, RayArgument, RayArrays};
 use crate::state::{Kept, Shared};
 use crate::work::{Stopped, Threads, run, run_to_end};
@@ -97,22 +97,14 @@ impl Scene {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, arrays, question| {
             let world = &*snapshot.world;
-            let words = run(py, options.threads, count <= FEW, |cancel| {
-                let mut words = vec![P::Words::ZERO; count];
-                question.answer(
-                    cancel,
-                    1,
-                    &mut words,
-                    |rays, hits| P::closest(world, rays, question.grouping, hits),
-                    |hit, place| place[0] = P::pack(hit),
-                )?;
-                Ok(words)
+            let hits = run(py, options.threads, count <= FEW, |cancel| {
+                question.pieces(cancel, |rays, hits| P::closest(world, rays, question.grouping, hits))
             })?;
             // Where the ray met a shape decides its surface.
             let kept = arrays.keep(!snapshot.names.are_all_meshes())?;
             Ok(Hits(Named::new(Live::<P, P> {
                 snapshot: snapshot.clone(),
-                words,
+                hits,
                 asked: Asked::Rays(kept, None),
                 rays: count,
                 shape: rays.shape.clone(),
@@ -135,7 +127,7 @@ impl Scene {
                 let query = |rays: snell_intersect::Rays<'_, P::Tag>, blocked: &mut [bool]| {
                     P::occluded(world, rays, question.grouping, blocked);
                 };
-                question.answer(cancel, 1, &mut blocked, query, |&b, place| place[0] = b)?;
+                question.answer(cancel, &mut blocked, query)?;
                 Ok(blocked)
             })?;
             from_vec(py, blocked, &rays.shape)
@@ -154,7 +146,7 @@ impl Scene {
             let counts = run(py, options.threads, count <= FEW, |cancel| {
                 let mut counts = vec![0u32; count];
                 let query = |rays: snell_intersect::Rays<'_, P::Tag>, counts: &mut [u32]| P::count(world, rays, counts);
-                question.answer(cancel, 1, &mut counts, query, |&n, place| place[0] = n)?;
+                question.answer(cancel, &mut counts, query)?;
                 Ok(counts)
             })?;
             from_vec(py, counts, &rays.shape)
@@ -177,28 +169,28 @@ impl Scene {
         }
         self.ask::<P, _>(rays, limits, options, |snapshot, arrays, question| {
             let world = &*snapshot.world;
-            let (words, splits, ids) = run(py, options.threads, count <= FEW, |cancel| {
+            let (hits, splits, ids) = run(py, options.threads, count <= FEW, |cancel| {
                 let pieces = question.all(cancel, |rays| P::all(world, rays))?;
                 let total = pieces.iter().map(|piece| piece.hits.len()).sum();
-                let (mut words, mut ids) = (Vec::with_capacity(total), Vec::with_capacity(total));
+                let (mut hits, mut ids) = (Vec::with_capacity(total), Vec::with_capacity(total));
                 let mut splits = Vec::with_capacity(count + 1);
                 splits.push(0);
                 for piece in pieces {
                     cancel.check()?;
                     for ends in piece.ray_splits.windows(2) {
                         let ray = (splits.len() - 1) as u32;
-                        words.extend(piece.hits[ends[0]..ends[1]].iter().map(P::pack));
-                        ids.resize(words.len(), ray);
-                        splits.push(words.len() as i64);
+                        hits.extend_from_slice(&piece.hits[ends[0]..ends[1]]);
+                        ids.resize(hits.len(), ray);
+                        splits.push(hits.len() as i64);
                     }
                 }
-                Ok((words, splits, ids))
+                Ok((Pieces::from(hits), splits, ids))
             })?;
             let kept = arrays.keep(!snapshot.names.are_all_meshes())?;
             Ok(Intersections(Named::new(Live::<P, P> {
                 snapshot: snapshot.clone(),
-                shape: vec![words.len()],
-                words,
+                shape: vec![hits.len()],
+                hits,
                 asked: Asked::Rays(kept, Some(ids)),
                 rays: count,
                 splits: Some(splits),
@@ -219,29 +211,29 @@ impl Scene {
         let limit = limit.values()?;
         let values = slice(&points.values)?.as_chunks::<3>().0;
         let (world, names) = (&*snapshot.world, &snapshot.names);
-        let (words, positions) = run(py, threads, values.len() <= POINTS, |cancel| {
-            let mut words = vec![P::Words::ZERO; values.len()];
+        let (hits, positions) = run(py, threads, values.len() <= POINTS, |cancel| {
+            let mut hits = vec![P::Hit::default(); values.len()];
             let mut positions = vec![[P::default(); 3]; values.len()];
-            let each = |(i, (words, positions)): (usize, (&mut [P::Words], &mut [[P; 3]]))| {
+            let each = |(i, (hits, positions)): (usize, (&mut [P::Hit], &mut [[P; 3]]))| {
                 cancel.check()?;
-                for (k, (word, position)) in words.iter_mut().zip(positions).enumerate() {
+                for (k, (hit, position)) in hits.iter_mut().zip(positions).enumerate() {
                     let number = i * POINTS + k;
                     let near = P::nearest(world, names, values[number], limit.get(number), mask);
-                    (*word, *position) = (P::pack_found(&near.found), near.position);
+                    (*hit, *position) = (P::hit(&near.found), near.position);
                 }
                 Ok(())
             };
             if values.len() <= POINTS {
-                words.chunks_mut(POINTS).zip(positions.chunks_mut(POINTS)).enumerate().try_for_each(each)?;
+                hits.chunks_mut(POINTS).zip(positions.chunks_mut(POINTS)).enumerate().try_for_each(each)?;
             } else {
-                let pieces = words.par_chunks_mut(POINTS).zip(positions.par_chunks_mut(POINTS));
+                let pieces = hits.par_chunks_mut(POINTS).zip(positions.par_chunks_mut(POINTS));
                 pieces.enumerate().try_for_each(each)?;
             }
-            Ok((words, positions))
+            Ok((Pieces::from(hits), positions))
         })?;
         Ok(ClosestPoints(Named::new(Live::<P, P::Form> {
             snapshot,
-            words,
+            hits,
             asked: Asked::Positions(positions),
             rays: 0,
             shape: points.shape,
