@@ -6,6 +6,7 @@
 //! close: then all of them are. Shapes are tested ray by ray, with a look at their boxes before. Rays of extraordinary size go through the tree.
 
 mod contents;
+mod exact;
 mod lines;
 #[cfg(test)]
 mod tests;
@@ -20,10 +21,11 @@ use crate::accel::bvh::Forest;
 use crate::hit::Hit;
 use crate::precision::{Rules, Single};
 use crate::query::search::{Goal, Search, Verdict};
-use contents::MAX_TRIANGLES;
-use lines::{Lines, RAYS};
-use snell_math::simd::{Lanes8, Level, Portable8};
-use snell_math::Ray;
+use contents::{MAX_TRIANGLES, Row};
+use lines::{Lines, PerRay, RAYS};
+use snell_math::simd::{Level, Portable8, WideLanes};
+use snell_math::{Ray, Vec2};
+use std::hint::select_unpredictable;
 use std::mem::MaybeUninit;
 
 /// Batches of fewer rays are not worth it.
@@ -88,7 +90,7 @@ unsafe fn run_avx2<G: Goal<Precision = Single>>(
 /// # Safety
 /// The machine must have the instructions of `L`; `stack` must have room for all groups; `enter` must be the entry of the same level.
 #[inline(always)]
-unsafe fn run<L: Lanes8, G: Goal<Precision = Single>>(
+unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
     forest: &Forest,
     list: &List,
     level: Level,
@@ -98,7 +100,7 @@ unsafe fn run<L: Lanes8, G: Goal<Precision = Single>>(
     mut finish: impl FnMut(usize, G),
     enter: Walk<G>,
 ) {
-    let mut lines = Lines::NONE;
+    let (mut lines, mut found) = (Lines::NONE, Found::NONE);
     let mut passing = [[0u16; 4]; MAX_TRIANGLES / 4];
     let words = list.edges.len().div_ceil(4);
     let mut first = 0;
@@ -118,6 +120,8 @@ unsafe fn run<L: Lanes8, G: Goal<Precision = Single>>(
                 nearest.note(list, &lines, number * 4 + bit / RAYS, bit % RAYS);
             }
         }
+        // SAFETY: as promised by the caller.
+        unsafe { nearest.test::<L, G>(list, &lines, &mut found) };
         for (lane, ray) in rays.iter().enumerate() {
             let query = batch.rays.get(first + lane);
             let mut search = Search::new(query, batch.context, start(ray));
@@ -125,9 +129,15 @@ unsafe fn run<L: Lanes8, G: Goal<Precision = Single>>(
                 if Single::is_valid(ray) {
                     search_forest(forest, level, &mut search);
                 }
-            } else if !nearest.offer_nearest(list, &lines, lane, &mut search, &passing) && list.has_objects() {
-                // SAFETY: as promised by the caller.
-                unsafe { test_objects(forest, list, &mut search, stack, enter) };
+            } else {
+                let is_over = match found.offer(list, lane, &mut search) {
+                    Some(is_over) => is_over,
+                    None => offer_all(list, &lines.exact(lane, ray), passing.as_flattened(), lane, &mut search),
+                };
+                if !is_over && list.has_objects() {
+                    // SAFETY: as promised by the caller.
+                    unsafe { test_objects(forest, list, &mut search, stack, enter) };
+                }
             }
             finish(first + lane, search.goal);
         }
@@ -153,8 +163,7 @@ unsafe fn test_objects<G: Goal<Precision = Single>>(
         let (begins, ends) = object.bounds.map_or((f64::NEG_INFINITY, f64::INFINITY), |bounds| thick.span_of(&bounds));
         if begins <= ends && begins <= search.cull().into() {
             // SAFETY: as promised by the caller.
-            let over =
-                unsafe { test_object(forest, &forest.trees[0], object.number, &ray, 0, search, stack, enter) };
+            let over = unsafe { test_object(forest, &forest.trees[0], object.number, &ray, 0, search, stack, enter) };
             if over {
                 return;
             }
@@ -184,73 +193,135 @@ impl Nearest {
         let plane = &list.planes[triangle];
         let lane = lane % RAYS;
         // As in `plane_distance`, so the same bits.
-        let slope = plane.normal.dot(lines.direction[lane]);
-        let t = plane.normal.dot(plane.corner - lines.origin[lane]) / slope;
-        let is_ahead = !is_behind(t, lines.t_min[lane]);
-        let is_steep = (slope.abs() >= plane.steep * lines.size[lane]) & (t.abs() < f64::INFINITY);
+        let slope = plane.normal.dot(lines.direction(lane));
+        let t = plane.normal.dot(plane.corner - lines.origin(lane)) / slope;
+        let is_ahead = !is_behind(t, lines.t_min[lane].into());
+        let is_steep = (slope.abs() >= plane.steep * f64::from(lines.size[lane])) & (t.abs() < f64::INFINITY);
         self.doubtful |= u32::from(is_ahead & !is_steep) << lane;
         let t = if is_ahead & is_steep { t } else { f64::INFINITY };
         let (first, second) = (self.first[lane], self.second[lane]);
-        let is_first = t < first;
-        let later = if is_first { first } else { t };
-        self.second[lane] = if later < second { later } else { second };
-        self.first[lane] = if is_first { t } else { first };
-        self.triangle[lane] = if is_first { triangle as u32 } else { self.triangle[lane] };
+        let (is_first, is_second) = (t < first, t < second);
+        // As integers, which can be chosen without a branch.
+        let choose = |is_one: bool, one: f64, other: f64| {
+            f64::from_bits(select_unpredictable(is_one, one.to_bits(), other.to_bits()))
+        };
+        self.second[lane] = choose(is_first, first, choose(is_second, t, second));
+        self.first[lane] = choose(is_first, t, first);
+        self.triangle[lane] = select_unpredictable(is_first, triangle as u32, self.triangle[lane]);
     }
 
-    /// Offers the nearest hit of a ray. True if the search is over.
+    /// Tests the nearest triangle of each ray exactly.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    fn offer_nearest<G: Goal<Precision = Single>>(
-        &self,
-        list: &List,
-        lines: &Lines,
-        lane: usize,
-        search: &mut Search<'_, G>,
-        passing: &[[u16; 4]; MAX_TRIANGLES / 4],
-    ) -> bool {
-        let exact = lines.exact(lane, search.ray);
-        let error = lines.reach[lane] * PLACE_ERROR;
-        if self.doubtful >> lane & 1 == 0 {
-            let t = self.first[lane];
-            if t == f64::INFINITY || t > f64::from(search.goal.limit()) + error {
-                // Nothing within the interval.
-                return false;
-            }
-            if let Some((verdict, t)) = offer(list, &exact, self.triangle[lane] as usize, search)
-                && (t + error < self.second[lane] || verdict == Verdict::Finished)
-                && verdict != Verdict::Rejected
-            {
-                return verdict == Verdict::Finished;
-            }
+    unsafe fn test<L: WideLanes, G: Goal>(&self, list: &List, lines: &Lines, found: &mut Found) {
+        let (mut ahead, mut alone) = (0, 0);
+        for lane in 0..RAYS {
+            let (t, error) = (self.first[lane], f64::from(lines.reach[lane]) * PLACE_ERROR);
+            let is_ahead = (t < f64::INFINITY) & (t <= f64::from(lines.t_max[lane]) + error);
+            // The hit is where the plane is met, and the second may be off. If any hit will do, there is no second.
+            let is_alone = (t + error < self.second[lane]) | (!G::NARROWS & ((t as f32) < lines.t_max[lane]));
+            ahead |= u32::from(is_ahead) << lane;
+            alone |= u32::from(is_alone) << lane;
+            found.t[lane] = t as f32;
         }
-        let mut of_ray = passing.as_flattened().iter().enumerate().take(list.edges.len());
-        of_ray.any(|(triangle, rays)| {
-            rays >> lane & 1 == 1
-                && offer(list, &exact, triangle, search).is_some_and(|(verdict, _)| verdict == Verdict::Finished)
-        })
+        (found.hits, found.unsure, found.triangle) = (0, self.doubtful, self.triangle);
+        for from in [0, 4, 8, 12] {
+            if ahead >> from & 0xf == 0 {
+                continue;
+            }
+            let of_lane = |i: usize| &list.triangles[self.triangle[from + i] as usize].rows;
+            let [a, b, c, d] = [of_lane(0), of_lane(1), of_lane(2), of_lane(3)];
+            let axes = std::array::from_fn(|i| lines.axis[from + i]);
+            let corners = [[&a[0], &b[0], &c[0], &d[0]], [&a[1], &b[1], &c[1], &d[1]], [&a[2], &b[2], &c[2], &d[2]]];
+            let distances = std::array::from_fn(|i| self.first[from + i]);
+            // SAFETY: passed on to the caller; axes are below 3.
+            let four = unsafe {
+                exact::test::<L::Doubles>(
+                    four_of(&lines.origin, from),
+                    four_of(&lines.direction, from),
+                    corners,
+                    axes,
+                    &distances,
+                )
+            };
+            found.b1[from..from + 4].copy_from_slice(&four.b1);
+            found.b2[from..from + 4].copy_from_slice(&four.b2);
+            found.hits |= four.hits << from;
+        }
+        found.hits &= ahead & alone & !found.unsure;
+        // What is ahead and no hit, or not alone.
+        found.unsure |= ahead & !found.hits;
     }
 }
 
-/// Offers the hit on a triangle; `None` if it is none. The distance is as found, before it is rounded.
 #[inline(always)]
-fn offer<G: Goal<Precision = Single>>(
+fn four_of(rows: &PerRay<Row>, from: usize) -> [&Row; 4] {
+    [&rows[from], &rows[from + 1], &rows[from + 2], &rows[from + 3]]
+}
+
+/// What is known of the hits on triangles: nothing for rays without a bit.
+struct Found {
+    /// The rays whose nearest hit is known.
+    hits: u32,
+    /// The rays for which all triangles are to be tested.
+    unsure: u32,
+    t: PerRay<f32>,
+    b1: PerRay<f32>,
+    b2: PerRay<f32>,
+    triangle: PerRay<u32>,
+}
+
+impl Found {
+    const NONE: Self =
+        Self { hits: 0, unsure: 0, t: [0.0; RAYS], b1: [0.0; RAYS], b2: [0.0; RAYS], triangle: [0; RAYS] };
+
+    /// Offers the nearest hit. True if the search is over, `None` if all triangles are to be tested.
+    #[inline(always)]
+    fn offer<G: Goal<Precision = Single>>(&self, list: &List, lane: usize, search: &mut Search<'_, G>) -> Option<bool> {
+        if self.unsure >> lane & 1 == 1 {
+            return None;
+        }
+        // Never minus zero.
+        let t = self.t[lane] + 0.0;
+        if self.hits >> lane & 1 == 0 || t > search.goal.limit() {
+            return Some(false);
+        }
+        let (geometry, primitive) = list.triangles[self.triangle[lane] as usize].ids;
+        let uv = Vec2::new(self.b1[lane], self.b2[lane]);
+        match search.offer(Hit { t, uv, instance: 0, geometry, primitive }) {
+            Verdict::Finished => Some(true),
+            Verdict::Taken | Verdict::Behind => Some(false),
+            Verdict::Rejected => None,
+        }
+    }
+}
+
+/// Tests all triangles of a list exactly that the line of a ray may pass through. True if the search is over.
+#[inline(never)]
+fn offer_all<G: Goal<Precision = Single>>(
     list: &List,
     ray: &ExactRay,
-    triangle: usize,
+    passing: &[u16],
+    lane: usize,
     search: &mut Search<'_, G>,
-) -> Option<(Verdict, f64)> {
-    let (plane, triangle) = (&list.planes[triangle], &list.triangles[triangle]);
+) -> bool {
     let t_min = search.start.into();
-    let distance = plane.normal.dot(plane.corner - ray.origin) / plane.normal.dot(ray.direction);
-    if is_behind(distance, t_min) {
-        return None;
+    let of_ray = passing.iter().zip(&list.planes).zip(&list.triangles).filter(|((rays, _), _)| *rays >> lane & 1 == 1);
+    for ((_, plane), triangle) in of_ray {
+        let distance = plane.normal.dot(plane.corner - ray.origin) / plane.normal.dot(ray.direction);
+        if is_behind(distance, t_min) {
+            continue;
+        }
+        let Some((t, uv)) = hit_in_plane(ray, &triangle.corners, distance, t_min) else { continue };
+        // Never minus zero.
+        let t = t as f32 + 0.0;
+        let (geometry, primitive) = triangle.ids;
+        let hit = Hit { t, uv, instance: 0, geometry, primitive };
+        if t <= search.goal.limit() && search.offer(hit) == Verdict::Finished {
+            return true;
+        }
     }
-    let (exact, uv) = hit_in_plane(ray, &triangle.corners, distance, t_min)?;
-    // Never minus zero.
-    let t = exact as f32 + 0.0;
-    if t > search.goal.limit() {
-        return Some((Verdict::Behind, exact));
-    }
-    let (geometry, primitive) = triangle.ids;
-    Some((search.offer(Hit { t, uv, instance: 0, geometry, primitive }), exact))
+    false
 }

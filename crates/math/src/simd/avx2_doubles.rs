@@ -38,6 +38,12 @@ impl Lanes4 for Avx4 {
     }
 
     #[inline(always)]
+    fn rounded(self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_cvtps_pd(_mm256_cvtpd_ps(self.0)) })
+    }
+
+    #[inline(always)]
     fn add(self, other: Self) -> Self {
         // SAFETY: a value of this type exists, so the machine has AVX.
         Self(unsafe { _mm256_add_pd(self.0, other.0) })

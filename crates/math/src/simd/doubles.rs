@@ -20,6 +20,9 @@ pub trait Lanes4: Copy {
     /// Writes the four numbers, rounded to nearest.
     fn store_rounded(self, to: &mut [f32; 4]);
 
+    /// Rounded to `f32`, and back.
+    fn rounded(self) -> Self;
+
     /// `self + other`.
     fn add(self, other: Self) -> Self;
 
@@ -96,6 +99,11 @@ impl Lanes4 for Portable4 {
     #[inline(always)]
     fn store_rounded(self, to: &mut [f32; 4]) {
         *to = self.0.map(|x| x as f32);
+    }
+
+    #[inline(always)]
+    fn rounded(self) -> Self {
+        Self(self.0.map(|x| (x as f32).into()))
     }
 
     #[inline(always)]
@@ -207,6 +215,7 @@ mod tests {
             x.min(y),
             x.max(y),
             x.abs(),
+            x.rounded(),
             one,
             permuted.first_doubles(),
             permuted.last_doubles(),

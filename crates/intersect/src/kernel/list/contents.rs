@@ -28,18 +28,15 @@ pub(crate) struct List {
     /// No vertex is farther from the centre along any axis.
     pub(super) reach: f32,
     /// What each triangle needs at first, in three arrays by how often they are used.
-    pub(super) edges: Vec<[EdgeLine; 3]>,
+    pub(super) edges: Vec<EdgeLines>,
     pub(super) planes: Vec<Plane>,
     pub(super) triangles: Vec<Triangle>,
     pub(super) objects: Vec<ListObject>,
 }
 
-/// The line of an edge: its Plücker coordinates, divided by the size of the triangle.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct EdgeLine {
-    pub moment: [f32; 3],
-    pub direction: [f32; 3],
-}
+/// The lines of the edges of a triangle: the moments, then the directions (Plücker coordinates), by axis and edge, divided by the size of the
+/// triangle.
+pub(super) type EdgeLines = [[f32; 3]; 6];
 
 /// The plane of a triangle.
 #[derive(Clone, Copy, Debug)]
@@ -52,9 +49,17 @@ pub(super) struct Plane {
     pub steep: f64,
 }
 
+/// A vector as `x y z x y`, so that it can be read from any axis on, and one number more.
+pub(super) type Row = [f64; 6];
+
+pub(super) fn row(v: DVec3) -> Row {
+    [v.x, v.y, v.z, v.x, v.y, 0.0]
+}
+
 /// What the exact test wants to know.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Triangle {
+    pub rows: [Row; 3],
     pub corners: [[f32; 3]; 3],
     /// Geometry and primitive.
     pub ids: (u32, u32),
@@ -73,7 +78,10 @@ impl List {
     /// The list of a group; `None` if it is not for lists.
     pub fn of(tree: &GroupTree) -> Option<Self> {
         let is_instance = |object: &Object| matches!(object, Object::Instance { .. });
-        if tree.objects.len() > MAX_OBJECTS || tree.blocks.len() > MAX_TRIANGLES || tree.objects.placed().iter().any(is_instance) {
+        if tree.objects.len() > MAX_OBJECTS
+            || tree.blocks.len() > MAX_TRIANGLES
+            || tree.objects.placed().iter().any(is_instance)
+        {
             return None;
         }
         let mut objects: Vec<ListObject> =
@@ -124,7 +132,8 @@ impl List {
         };
         for (id, corners) in triangles {
             list.push(&corners, middle, reach * LEAST_SIZE);
-            list.triangles.push(Triangle { corners, ids: tree.triangle(id) });
+            let rows = corners.map(|corner| row(wide(corner)));
+            list.triangles.push(Triangle { rows, corners, ids: tree.triangle(id) });
         }
         Some(list)
     }
@@ -134,11 +143,15 @@ impl List {
         let [a, b, c] = corners.map(wide);
         let sides = [c - b, a - c, b - a];
         let size = sides.map(|side| side.abs().max_element()).into_iter().fold(least, f64::max);
-        let edge = |start: DVec3, side: DVec3| EdgeLine {
-            moment: ((start - center).cross(side) / size).as_vec3().to_array(),
-            direction: (side / size).as_vec3().to_array(),
-        };
-        self.edges.push([edge(b, sides[0]), edge(c, sides[1]), edge(a, sides[2])]);
+        let mut lines = [[0.0; 3]; 6];
+        for (i, (start, side)) in [b, c, a].into_iter().zip(sides).enumerate() {
+            let moment = (start - center).cross(side) / size;
+            let direction = side / size;
+            for axis in 0..3 {
+                (lines[axis][i], lines[axis + 3][i]) = (moment[axis] as f32, direction[axis] as f32);
+            }
+        }
+        self.edges.push(lines);
         // In the order of `plane_distance`.
         let normal = (b - a).cross(c - a);
         let largest = normal.abs().max_element();
@@ -152,4 +165,3 @@ impl List {
         !self.objects.is_empty()
     }
 }
-
