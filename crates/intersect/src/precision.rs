@@ -184,14 +184,14 @@ pub(crate) trait Rules: Precision {
         finish: impl FnMut(usize, G),
     ) -> Vec<Range<usize>>;
 
-    /// Searches for all rays in the list of the forest ([`list::search_list`]); false, and nothing done, if that is not possible.
+    /// Searches for the first rays of a batch, or all, in the list of the forest ([`list::search_list`]); returns how many.
     fn search_list<G: Goal<Precision = Self>>(
         forest: &Forest,
         level: Level,
         batch: &Batch<Self>,
         start: impl Fn(&Self::Ray) -> G,
         finish: impl FnMut(usize, G),
-    ) -> bool;
+    ) -> usize;
 
     /// True if triangles are decided on what is not in the blocks: then their memory may be asked for ahead.
     const TRIANGLES_ELSEWHERE: bool;
@@ -344,12 +344,12 @@ impl Rules for Single {
         batch: &Batch<Self>,
         start: impl Fn(&Ray) -> G,
         finish: impl FnMut(usize, G),
-    ) -> bool {
-        let is_suitable = list::is_suitable::<G>(forest, batch.rays.len());
-        if is_suitable {
-            list::search_list(forest, level, batch, start, finish);
+    ) -> usize {
+        if list::is_suitable::<G>(forest, batch.rays.len()) {
+            list::search_list(forest, level, batch, start, finish)
+        } else {
+            0
         }
-        is_suitable
     }
 
     const TRIANGLES_ELSEWHERE: bool = false;
@@ -487,15 +487,15 @@ impl Rules for Double {
         vec![0..batch.rays.len()]
     }
 
-    /// Never: lists are in single precision.
+    /// None: lists are in single precision.
     fn search_list<G: Goal<Precision = Self>>(
         _: &Forest,
         _: Level,
         _: &Batch<Self>,
         _: impl Fn(&DRay) -> G,
         _: impl FnMut(usize, G),
-    ) -> bool {
-        false
+    ) -> usize {
+        0
     }
 
     const TRIANGLES_ELSEWHERE: bool = true;

@@ -31,6 +31,9 @@ use std::mem::MaybeUninit;
 /// Batches of fewer rays are not worth it.
 const MIN_RAYS: usize = 4;
 
+/// After so many rays it is seen whether lists are the right thing for a batch.
+const TRIAL: usize = 128;
+
 /// Planes that a ray meets at less than this, relative to the size of both, are not compared by distance.
 const MIN_SLOPE: f64 = 1.0 / 256.0;
 
@@ -43,15 +46,16 @@ pub(crate) fn is_suitable<G: Goal>(forest: &Forest, rays: usize) -> bool {
     G::WANTS_ONE && rays >= MIN_RAYS && forest.list.is_some()
 }
 
-/// Searches for every ray of a batch; `finish` gets the number of a ray and what was found. [`is_suitable`] must hold.
+/// Searches for the rays of a batch; `finish` gets the number of a ray and what was found. [`is_suitable`] must hold. Returns how many
+/// rays were searched for: less than all if most of them hit nothing, for in a tree that costs next to nothing.
 pub(crate) fn search_list<G: Goal<Precision = Single>>(
     forest: &Forest,
     level: Level,
     batch: &Batch<Single>,
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
-) {
-    let Some(list) = &forest.list else { return };
+) -> usize {
+    let Some(list) = &forest.list else { return 0 };
     let mut small = [const { MaybeUninit::<Entry>::uninit() }; super::traverse::SMALL_STACK];
     let mut large = Vec::new();
     let stack: &mut Stack = if forest.stack_size <= small.len() {
@@ -81,7 +85,7 @@ unsafe fn run_avx2<G: Goal<Precision = Single>>(
     stack: &mut Stack,
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
-) {
+) -> usize {
     use super::traverse::walk_avx2;
     // SAFETY: as promised by the caller.
     unsafe { run::<snell_math::simd::Avx8, G>(forest, list, level, batch, stack, start, finish, walk_avx2::<G>) }
@@ -99,12 +103,15 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
     start: impl Fn(&Ray) -> G,
     mut finish: impl FnMut(usize, G),
     enter: Walk<G>,
-) {
+) -> usize {
     let (mut lines, mut found) = (Lines::NONE, Found::NONE);
     let mut passing = [[0u16; 4]; MAX_TRIANGLES / 4];
     let words = list.edges.len().div_ceil(4);
-    let mut first = 0;
+    let (mut first, mut met) = (0, 0);
     while first < batch.rays.len() {
+        if first >= TRIAL && 2 * met < first {
+            break;
+        }
         let end = (first + RAYS).min(batch.rays.len());
         let rays = &batch.rays.rays()[first..end];
         let ordinary = lines.set_up(list, rays);
@@ -122,6 +129,7 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
         }
         // SAFETY: as promised by the caller.
         unsafe { nearest.test::<L, G>(list, &lines, &mut found) };
+        met += (found.hits | found.unsure).count_ones() as usize;
         for (lane, ray) in rays.iter().enumerate() {
             let query = batch.rays.get(first + lane);
             let mut search = Search::new(query, batch.context, start(ray));
@@ -143,6 +151,7 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
         }
         first = end;
     }
+    first
 }
 
 /// Tests the shapes of a list.

@@ -138,12 +138,23 @@ impl<P: Rules> Searcher<'_, P> {
         start: impl Fn(&RayOf<G>) -> G,
         mut finish: impl FnMut(usize, G),
     ) {
+        let mut done = 0;
         if let Structure::Bvh(forest) = &self.world.structure {
             let batch = interleave::Batch { rays, context: &self.context };
-            if P::search_list(forest, self.world.simd, &batch, &start, &mut finish) {
-                return;
-            }
+            done = P::search_list(forest, self.world.simd, &batch, &start, &mut finish);
         }
+        if done < rays.len() {
+            self.search_tree(rays.slice(done..rays.len()), grouping, start, |i, goal| finish(done + i, goal));
+        }
+    }
+
+    fn search_tree<G: Goal<Precision = P>>(
+        &self,
+        rays: Rays<P>,
+        grouping: Grouping,
+        start: impl Fn(&RayOf<G>) -> G,
+        mut finish: impl FnMut(usize, G),
+    ) {
         match &self.world.structure {
             Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
                 let batch = interleave::Batch { rays, context: &self.context };

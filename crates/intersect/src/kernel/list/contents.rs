@@ -7,10 +7,11 @@ use crate::kernel::ray::wide;
 use snell_math::{Bounds3, DVec3, Vec3};
 
 /// Most triangles of a list.
-pub(super) const MAX_TRIANGLES: usize = 96;
+pub(super) const MAX_TRIANGLES: usize = 64;
 
-/// Most shapes of a list.
-const MAX_OBJECTS: usize = 8;
+/// Most shapes of a list, and least triangles for each of them: shapes gain nothing here.
+const MAX_OBJECTS: usize = 2;
+const TRIANGLES_PER_OBJECT: usize = 8;
 
 /// Triangles smaller than this, relative to the whole list, count as this large where errors are bounded.
 const LEAST_SIZE: f64 = 1.0 / 16384.0;
@@ -107,7 +108,7 @@ impl List {
         for node in tree.nodes.iter() {
             (0..8).for_each(|slot| add(node.children[slot], Some(node.slot_bounds(slot))));
         }
-        if triangles.len() > MAX_TRIANGLES {
+        if triangles.len() > MAX_TRIANGLES || triangles.len() < objects.len() * TRIANGLES_PER_OBJECT {
             return None;
         }
         let mut all = Bounds3::EMPTY;

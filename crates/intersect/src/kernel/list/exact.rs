@@ -2,7 +2,8 @@
 //!
 //! The same operations in the same order as in [`super::super::triangle::hit_in_plane`], so the same bits. Vectors are in the order of the axes
 //! that the ray draws on, so rays of all directions are worked on together; the drawing is rounded to `f32` after every
-//! operation, which gives the bits of `f32`. What is rare (ties, points outside of the box of the triangle by rounding) is handed back.
+//! operation, which gives the bits of `f32`. What is rare (ties, points outside of the box of the triangle by rounding) counts as no hit here,
+//! and is tested again by itself.
 
 use super::contents::Row;
 use crate::kernel::triangle::PLACE_TOLERANCE;
@@ -13,10 +14,8 @@ use snell_math::simd::Lanes4;
 pub(super) struct Found {
     pub b1: [f32; 4],
     pub b2: [f32; 4],
-    /// One bit per ray that hits its triangle, at the distance of the plane.
+    /// One bit per ray that surely hits its triangle, at the distance of the plane.
     pub hits: u32,
-    /// One bit per ray for which that is not decided.
-    pub unsure: u32,
 }
 
 /// Vectors of four rays by axis, as each of them draws: `row[axis]` is the first.
@@ -59,8 +58,6 @@ pub(super) unsafe fn test<D: Lanes4>(
         let (w1, s1) = edge(p2, p0);
         let (w2, s2) = edge(p0, p1);
         let inside = (s0[0] & s1[0] & s2[0]) | (s0[1] & s1[1] & s2[1]);
-        // Ties, and what is not a number.
-        let unsure = !((s0[0] | s0[1]) & (s1[0] | s1[1]) & (s2[0] | s2[1])) & 0xf;
         let scale = D::splat(1.0).div(w0.add(w1).add(w2));
         let (b1, b2) = (w1.mul(scale), w2.mul(scale));
         let t = D::load_columns([&[distances[0]; 4], &[distances[1]; 4], &[distances[2]; 4], &[distances[3]; 4]])[0];
@@ -80,8 +77,7 @@ pub(super) unsafe fn test<D: Lanes4>(
             let margin = point.abs().mul(D::splat(1e-8));
             in_place &= low[axis].sub(padding).le(point.add(margin)) & point.sub(margin).le(high[axis].add(padding));
         }
-        let mut found =
-            Found { b1: [0.0; 4], b2: [0.0; 4], hits: inside & in_place, unsure: unsure | (inside & !in_place) };
+        let mut found = Found { b1: [0.0; 4], b2: [0.0; 4], hits: inside & in_place };
         b1.store_rounded(&mut found.b1);
         b2.store_rounded(&mut found.b2);
         found
@@ -96,7 +92,7 @@ fn draw<D: Lanes4>(relative: [D; 3], shear: [D; 2]) -> [D; 2] {
     [x.sub(shear[0].mul(z).rounded()).rounded(), y.sub(shear[1].mul(z).rounded()).rounded()]
 }
 
-/// As the function of the same name of the exact test: the area, and where it is surely positive and negative.
+/// As the function of the same name of the exact test: the area, and where it is positive and negative.
 #[inline(always)]
 fn edge<D: Lanes4>(p: [D; 2], q: [D; 2]) -> (D, [u32; 2]) {
     let (a, b) = (p[0].mul(q[1]), p[1].mul(q[0]));
