@@ -14,13 +14,38 @@ use std::mem::MaybeUninit;
 /// Rays in flight.
 const SLOTS: usize = 16;
 
-/// Forests larger than this are fetched ahead: most of such a forest is not in the caches. (It costs a little in smaller ones.)
-const PREFETCH_BYTES: usize = 2 << 20;
+/// See [`is_large`].
+const LARGE_BYTES: usize = 2 << 20;
 
 /// Rays to search for, and what is common to them.
 pub(crate) struct Batch<'a, P: Rules> {
     pub rays: Rays<'a, P>,
     pub context: &'a Context<'a, P>,
+    /// In which order to search for them: their numbers; if empty, as they are.
+    pub order: &'a [u32],
+}
+
+impl<P: Rules> Batch<'_, P> {
+    /// The number of the ray that is searched for as the `i`-th.
+    #[inline(always)]
+    fn number(&self, i: usize) -> usize {
+        if self.order.is_empty() {
+            return i;
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let Some(&later) = self.order.get(i + SLOTS) {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            // SAFETY: asking ahead reads nothing: any address will do.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(self.rays.rays().as_ptr().wrapping_add(later as usize).cast()) };
+        }
+        self.order[i] as usize
+    }
+}
+
+/// True if forests are so large that rays should be in an order, and memory is fetched ahead: most is not in the caches. (It costs a
+/// little in smaller ones.)
+pub(crate) fn is_large(forest: &Forest) -> bool {
+    forest.memory_bytes() > LARGE_BYTES
 }
 
 /// True if walks through the forest fit the stacks of this kernel, and it has something to interleave.
@@ -81,7 +106,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
     enter: Walk<G>,
 ) {
     let tree = &forest.trees[0];
-    let prefetch = forest.memory_bytes() > PREFETCH_BYTES;
+    let prefetch = is_large(forest);
     let mut below = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
     let mut memory: Box<[MaybeUninit<Slot<G>>]> = Box::new_uninit_slice(SLOTS);
     // At first all are at the end of a walk that never was.
@@ -157,14 +182,14 @@ unsafe fn run<L: Lanes8, G: Goal>(
                         if number == batch.rays.len() {
                             break false;
                         }
-                        let query = batch.rays.get(number);
-                        let search = || Search::new(query, batch.context, start(query.ray));
-                        let started = (*slot).start::<L>(tree, number, batch.context.data, search, query.ray);
+                        let ray = batch.number(number);
                         number += 1;
-                        if started {
+                        let query = batch.rays.get(ray);
+                        let search = || Search::new(query, batch.context, start(query.ray));
+                        if (*slot).start::<L>(tree, ray, batch.context.data, search, query.ray) {
                             break true;
                         }
-                        finish(number - 1, search_alone(forest, level, search()));
+                        finish(ray, search_alone(forest, level, search()));
                     };
                     if !started {
                         // Nothing left to do: the slot stays out of all queues.

@@ -3,6 +3,7 @@
 pub mod crossings;
 mod double;
 pub mod nearest;
+mod order;
 pub mod parallel;
 pub mod rays;
 pub(crate) mod search;
@@ -140,7 +141,7 @@ impl<P: Rules> Searcher<'_, P> {
     ) {
         match &self.world.structure {
             Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
-                let batch = interleave::Batch { rays, context: &self.context };
+                let batch = interleave::Batch { rays, context: &self.context, order: &[] };
                 for left in P::search_runs(forest, self.world.simd, &batch, &start, &mut finish) {
                     let first = left.start;
                     self.search_unrelated(rays.slice(left), &start, |i, goal| finish(first + i, goal));
@@ -158,8 +159,13 @@ impl<P: Rules> Searcher<'_, P> {
     ) {
         match &self.world.structure {
             Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
-                let batch = interleave::Batch { rays, context: &self.context };
-                interleave::search_batch(forest, self.world.simd, &batch, start, finish);
+                let mut sorter = order::Sorter::new(rays.len(), interleave::is_large(forest));
+                for part in sorter.parts() {
+                    let first = part.start;
+                    let rays = rays.slice(part);
+                    let batch = interleave::Batch { rays, context: &self.context, order: sorter.order(rays) };
+                    interleave::search_batch(forest, self.world.simd, &batch, &start, |i, goal| finish(first + i, goal));
+                }
             }
             Structure::Walked(structures) => {
                 let mut scratch = structures.scratch();
