@@ -6,6 +6,7 @@ use super::slot::{STACK, Slot};
 use super::traverse::{Entry, SMALL_STACK, Walk, search_forest, walk_portable};
 use crate::accel::bvh::Forest;
 use crate::precision::Rules;
+use crate::query::answers::Answers;
 use crate::query::rays::Rays;
 use crate::query::search::{Context, Goal, RayOf, Search};
 use snell_math::simd::{Lanes8, Level, Portable8};
@@ -26,17 +27,15 @@ pub(crate) struct Batch<'a, P: Rules> {
 }
 
 impl<P: Rules> Batch<'_, P> {
-    /// The number of the ray that is searched for as the `i`-th.
+    /// The number of the ray that is searched for as the `i`-th; asks for the memory of a later one and of its answer.
     #[inline(always)]
-    fn number(&self, i: usize) -> usize {
+    fn number<G>(&self, i: usize, answers: &impl Answers<G>) -> usize {
         if self.order.is_empty() {
             return i;
         }
-        #[cfg(target_arch = "x86_64")]
         if let Some(&later) = self.order.get(i + SLOTS) {
-            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-            // SAFETY: asking ahead reads nothing: any address will do.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(self.rays.rays().as_ptr().wrapping_add(later as usize).cast()) };
+            fetch(self.rays.rays().as_ptr().wrapping_add(later as usize));
+            answers.fetch(later as usize);
         }
         self.order[i] as usize
     }
@@ -58,21 +57,21 @@ pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
         && forest.stack_size + 8 <= STACK
 }
 
-/// Searches for every ray of a batch; `finish` gets the number of a ray and what was found, in no particular order.
+/// Searches for every ray of a batch; `answers` get the number of a ray and what was found, in no particular order.
 pub(crate) fn search_batch<G: Goal>(
     forest: &Forest,
     level: Level,
     batch: &Batch<G::Precision>,
     start: impl Fn(&RayOf<G>) -> G,
-    finish: impl FnMut(usize, G),
+    answers: impl Answers<G>,
 ) {
     debug_assert!(is_suitable(forest, batch.rays.len()));
     match level {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `World` holds only levels that the machine supports.
-        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, level, batch, start, finish) },
+        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, level, batch, start, answers) },
         // SAFETY: portable code.
-        _ => unsafe { run::<Portable8, G>(forest, level, batch, start, finish, walk_portable::<G>) },
+        _ => unsafe { run::<Portable8, G>(forest, level, batch, start, answers, walk_portable::<G>) },
     }
 }
 
@@ -85,11 +84,11 @@ unsafe fn run_avx2<G: Goal>(
     level: Level,
     batch: &Batch<G::Precision>,
     start: impl Fn(&RayOf<G>) -> G,
-    finish: impl FnMut(usize, G),
+    answers: impl Answers<G>,
 ) {
     use super::traverse::walk_avx2;
     // SAFETY: as promised by the caller.
-    unsafe { run::<snell_math::simd::Avx8, G>(forest, level, batch, start, finish, walk_avx2::<G>) }
+    unsafe { run::<snell_math::simd::Avx8, G>(forest, level, batch, start, answers, walk_avx2::<G>) }
 }
 
 /// The loop over all rays in flight: first a step for each that is at a node, then one for each that is at a leaf or done.
@@ -102,7 +101,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
     level: Level,
     batch: &Batch<G::Precision>,
     start: impl Fn(&RayOf<G>) -> G,
-    mut finish: impl FnMut(usize, G),
+    mut answers: impl Answers<G>,
     enter: Walk<G>,
 ) {
     let tree = &forest.trees[0];
@@ -176,20 +175,20 @@ unsafe fn run<L: Lanes8, G: Goal>(
                     (*slot).leave_instance();
                 } else {
                     if let Some(search) = (*slot).search.take() {
-                        finish((*slot).number, search.goal);
+                        answers.put((*slot).number, search.goal);
                     }
                     let started = loop {
                         if number == batch.rays.len() {
                             break false;
                         }
-                        let ray = batch.number(number);
+                        let ray = batch.number(number, &answers);
                         number += 1;
                         let query = batch.rays.get(ray);
                         let search = || Search::new(query, batch.context, start(query.ray));
                         if (*slot).start::<L>(tree, ray, batch.context.data, search, query.ray) {
                             break true;
                         }
-                        finish(ray, search_alone(forest, level, search()));
+                        answers.put(ray, search_alone(forest, level, search()));
                     };
                     if !started {
                         // Nothing left to do: the slot stays out of all queues.
@@ -207,6 +206,23 @@ unsafe fn run<L: Lanes8, G: Goal>(
         // SAFETY: all slots were made.
         unsafe { slot.assume_init_drop() };
     }
+}
+
+/// Asks for the memory of an item.
+#[inline(always)]
+pub(crate) fn fetch<T>(item: *const T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let (first, end) = (item.cast::<i8>(), item.wrapping_add(1).cast::<i8>());
+        // SAFETY: asking ahead reads nothing: any address will do. An item may lie across two lines.
+        unsafe {
+            _mm_prefetch::<_MM_HINT_T0>(first);
+            _mm_prefetch::<_MM_HINT_T0>(end.wrapping_sub(1));
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = item;
 }
 
 /// A ray that is not ordinary.

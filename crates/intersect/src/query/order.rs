@@ -10,10 +10,10 @@ use snell_math::Vec3;
 use std::ops::Range;
 
 /// So many rays or more are worth sorting.
-const MIN_RAYS: usize = 2048;
+const MIN_RAYS: usize = 1 << 14;
 
-/// So many rays at most are sorted at a time: that bounds the memory, and more would be little better.
-const MAX_RAYS: usize = 1 << 20;
+/// So many rays at most are sorted at a time: rays and answers of more would not stay in the caches.
+const MAX_RAYS: usize = 1 << 16;
 
 /// Bits of a cell's place on each axis.
 const CELL_BITS: u32 = 7;
