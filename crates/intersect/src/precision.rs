@@ -13,7 +13,7 @@ use crate::kernel::triangle::{TriangleBlock, exact_hit, hit_in_plane, is_behind,
 use crate::kernel::{list, packet};
 use crate::query::search::{Goal, Search};
 use snell_math::simd::{Lanes8, Level};
-use snell_math::{DRay, DVec2, DVec3, Ray, Vec2};
+use snell_math::{DRay, DVec2, DVec3, Ray, Vec2, Vec3};
 use std::cmp::Ordering;
 use std::fmt::Debug;
 use std::ops::Range;
@@ -131,6 +131,12 @@ pub(crate) trait Rules: Precision {
     /// The ray in `f64`.
     fn exact(ray: &Self::Ray) -> DRay;
 
+    /// About where the ray starts.
+    fn origin(ray: &Self::Ray) -> Vec3;
+
+    /// About where it goes.
+    fn direction(ray: &Self::Ray) -> Vec3;
+
     /// A hit: distance (rounded), parameters, and instance, geometry and primitive.
     fn hit(t: f64, uv: Vec2, ids: [u32; 3]) -> Self::Hit;
 
@@ -240,6 +246,16 @@ impl Rules for Single {
     #[inline(always)]
     fn exact(ray: &Ray) -> DRay {
         ray.into()
+    }
+
+    #[inline(always)]
+    fn origin(ray: &Ray) -> Vec3 {
+        ray.origin
+    }
+
+    #[inline(always)]
+    fn direction(ray: &Ray) -> Vec3 {
+        ray.direction
     }
 
     #[inline(always)]
@@ -393,6 +409,16 @@ impl Rules for Double {
     #[inline(always)]
     fn exact(ray: &DRay) -> DRay {
         *ray
+    }
+
+    #[inline(always)]
+    fn origin(ray: &DRay) -> Vec3 {
+        ray.origin.as_vec3()
+    }
+
+    #[inline(always)]
+    fn direction(ray: &DRay) -> Vec3 {
+        ray.direction.as_vec3()
     }
 
     #[inline(always)]
