@@ -88,8 +88,7 @@ impl Lines {
             // NaN is never within. Lanes without a ray have an empty interval.
             let is_ordinary = (t_min[i] < t_max[i])
                 & (far <= list.reach * FARTHEST)
-                & (size >= SMALLEST)
-                & (size <= LARGEST)
+                & (SMALLEST..=LARGEST).contains(&size)
                 & (not_finite == 0.0);
             let distance = list.reach + far;
             self.error[i] = if is_ordinary { distance * size * VOLUME_ERROR } else { f32::NEG_INFINITY };
