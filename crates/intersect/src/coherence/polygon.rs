@@ -88,6 +88,17 @@ impl ConvexPolygon {
         self.edges().map(|(a, b)| signed_area_in_disk(a, b)).sum()
     }
 
+    /// The area that is in the rectangle from one corner to the other.
+    pub fn area_in_rectangle(&self, low: DVec2, high: DVec2) -> f64 {
+        if let Some((a, b)) = self.halved() {
+            return a.area_in_rectangle(low, high) + b.area_in_rectangle(low, high);
+        }
+        let side = |normal: DVec2, corner: DVec2| Affine { normal, offset: -normal.dot(corner) };
+        let sides = [side(DVec2::X, low), side(DVec2::Y, low), side(DVec2::NEG_X, high), side(DVec2::NEG_Y, high)];
+        let inside = sides.iter().try_fold(*self, |polygon, side| polygon.clipped(side, 0.0));
+        inside.map_or(0.0, |polygon| polygon.area())
+    }
+
     /// The least and the greatest corner of the rectangle around it.
     pub fn extent(&self) -> (DVec2, DVec2) {
         let start = (DVec2::INFINITY, DVec2::NEG_INFINITY);
@@ -230,6 +241,17 @@ mod tests {
         let segment = ConvexPolygon::rectangle(DVec2::new(0.5, -2.0), DVec2::new(2.0, 2.0));
         let expected = PI / 3.0 - 0.5 * (0.75f64).sqrt();
         assert!((segment.area_in_unit_disk() - expected).abs() < 1e-14);
+    }
+
+    #[test]
+    fn areas_in_the_cells_of_a_grid_add_up() {
+        for i in 0..200 {
+            let polygon = ConvexPolygon::triangle(random(i, 0), random(i, 1), random(i, 2));
+            let corner = |k: u32| DVec2::new(f64::from(k % 6), f64::from(k / 6)) * 0.5 - 1.5;
+            let sum: f64 = (0..36).map(|k| polygon.area_in_rectangle(corner(k), corner(k) + 0.5)).sum();
+            assert!((sum - polygon.area()).abs() < 1e-12);
+        }
+        assert_eq!(ConvexPolygon::around_unit_disk().area_in_rectangle(DVec2::ZERO, DVec2::splat(0.5)), 0.25);
     }
 
     #[test]
