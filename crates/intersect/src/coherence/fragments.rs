@@ -96,14 +96,22 @@ impl Fragments {
             if new.low.cmpge(old.high).any() || new.high.cmple(old.low).any() {
                 continue;
             }
+            // Most are hidden, or beside it: no need to cut.
+            let beside = |edge: &Affine| old.polygon.vertices().iter().all(|p| edge.at(*p) <= self.tolerance);
+            if edges.iter().any(beside) {
+                continue;
+            }
+            touched = true;
             if nearest < old.farthest {
-                touched = true;
+                continue;
+            }
+            let ahead = new.nearness.minus(&old.nearness);
+            if old.source.is_some() && old.polygon.range(&ahead).1 < -EQUAL * nearest.abs() {
                 continue;
             }
             let Some(common) = edges.iter().try_fold(old.polygon, |p, e| p.clipped(e, self.tolerance)) else {
                 continue;
             };
-            touched = true;
             self.hide(i, &edges, &common, &new);
         }
         touched

@@ -118,38 +118,20 @@ impl ConvexPolygon {
 
     /// Cuts along a line; values up to `tolerance` count as 0.
     pub(super) fn cut(&self, line: &Affine, tolerance: f64) -> Cut {
-        let snapped = |p: DVec2| {
-            let d = line.at(p);
-            if d.abs() <= tolerance { 0.0 } else { d }
-        };
         let mut values = [0.0; CAPACITY];
-        let (mut any_in, mut any_out) = (false, false);
-        for (value, &p) in values.iter_mut().zip(self.vertices()) {
-            *value = snapped(p);
-            any_in |= *value > 0.0;
-            any_out |= *value < 0.0;
-        }
-        match (any_in, any_out) {
+        match self.values(line, tolerance, &mut values) {
             (false, _) => Cut::Outside,
             (true, false) => Cut::Inside,
             (true, true) => {
                 let (mut inside, mut outside) = (Self::of(&[]), Self::of(&[]));
-                let count = usize::from(self.len);
-                for i in 0..count {
-                    let j = if i + 1 == count { 0 } else { i + 1 };
-                    let (a, b, da, db) = (self.vertices[i], self.vertices[j], values[i], values[j]);
-                    if da >= 0.0 {
-                        inside.push(a);
-                    }
-                    if da <= 0.0 {
-                        outside.push(a);
-                    }
-                    if (da < 0.0 && db > 0.0) || (da > 0.0 && db < 0.0) {
-                        let p = a + (b - a) * (da / (da - db));
+                self.walk_around(&values, |p, side| {
+                    if side >= 0.0 {
                         inside.push(p);
+                    }
+                    if side <= 0.0 {
                         outside.push(p);
                     }
-                }
+                });
                 Cut::Both(inside, outside)
             }
         }
@@ -157,10 +139,44 @@ impl ConvexPolygon {
 
     /// The part on the positive side of a line, if there is one.
     pub(super) fn clipped(&self, line: &Affine, tolerance: f64) -> Option<Self> {
-        match self.cut(line, tolerance) {
-            Cut::Inside => Some(*self),
-            Cut::Outside => None,
-            Cut::Both(inside, _) => Some(inside),
+        let mut values = [0.0; CAPACITY];
+        match self.values(line, tolerance, &mut values) {
+            (false, _) => None,
+            (true, false) => Some(*self),
+            (true, true) => {
+                let mut inside = Self::of(&[]);
+                self.walk_around(&values, |p, side| {
+                    if side >= 0.0 {
+                        inside.push(p);
+                    }
+                });
+                Some(inside)
+            }
+        }
+    }
+
+    /// Puts the value of each vertex into `values`, 0 up to `tolerance`. Whether any are positive, and whether any are negative.
+    fn values(&self, line: &Affine, tolerance: f64, values: &mut [f64; CAPACITY]) -> (bool, bool) {
+        let (mut any_in, mut any_out) = (false, false);
+        for (value, &p) in values.iter_mut().zip(self.vertices()) {
+            let d = line.at(p);
+            *value = if d.abs() <= tolerance { 0.0 } else { d };
+            any_in |= *value > 0.0;
+            any_out |= *value < 0.0;
+        }
+        (any_in, any_out)
+    }
+
+    /// Hands over the vertices with their values, and between them where an edge crosses 0.
+    fn walk_around(&self, values: &[f64; CAPACITY], mut each: impl FnMut(DVec2, f64)) {
+        let count = usize::from(self.len);
+        for i in 0..count {
+            let j = if i + 1 == count { 0 } else { i + 1 };
+            let (a, b, da, db) = (self.vertices[i], self.vertices[j], values[i], values[j]);
+            each(a, da);
+            if (da < 0.0 && db > 0.0) || (da > 0.0 && db < 0.0) {
+                each(a + (b - a) * (da / (da - db)), 0.0);
+            }
         }
     }
 

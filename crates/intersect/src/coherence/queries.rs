@@ -67,9 +67,17 @@ pub(super) fn window(queries: &[Query]) -> Window {
     Window { low: low - margin, high: high + margin, near: 0.0, floor }
 }
 
-/// True if the plane of a facet is before the start of any of the rays.
+/// True if a facet may be before the start of any of the rays. Those from an apex have no start: everything may matter to them.
 pub(super) fn matters(queries: &[Query], facet: &Facet) -> bool {
-    queries.iter().any(|q| facet.nearness.at(q.place) > q.floor)
+    let (low, high) = facet.polygon.extent();
+    // Far more than roundings.
+    let margin = (high - low).max_element() * 1e-6 + low.abs().max(high.abs()).max_element() * 1e-12;
+    let (near_low, near_high) = (low - margin, high + margin);
+    queries.iter().any(|q| {
+        let is_in_extent = || q.place.cmpge(near_low).all() && q.place.cmple(near_high).all();
+        let is_before = q.floor < facet.nearness.at(q.place) * (1.0 + 1e-12);
+        is_before && (q.floor == 0.0 || (is_in_extent() && facet.polygon.contains(q.place, margin)))
+    })
 }
 
 /// Divides queries in the middle of their window, across its longer side. `None` if they are all in one place.
