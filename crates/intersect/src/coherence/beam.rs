@@ -10,8 +10,8 @@ use crate::hit::Hit;
 use crate::world::World;
 use snell_math::{DVec2, DVec3, Ray};
 
-/// A beam that meets more triangles than this is divided: the work in one grows with the square.
-const MOST_TRIANGLES: usize = 24;
+/// A beam of more pieces than this is divided: the work in one grows with the square.
+const MOST_PIECES: usize = 48;
 
 /// So few rays are traced one by one when their beam would have to be divided.
 const FEW_RAYS: usize = 4;
@@ -42,7 +42,7 @@ impl VisiblePiece {
 /// Traces beams through a world. One for each thread.
 ///
 /// A beam starts as one piece, in which nothing is visible. The triangles in it come nearest box first, and each cuts from the pieces what it
-/// hides, until all pieces are nearer than the next box. A beam with many triangles is divided, and its parts go on where it stopped.
+/// hides, until all pieces are nearer than the next box. A beam of many pieces is divided, and its parts go on where it stopped.
 #[derive(Debug)]
 pub struct BeamTracer<'w> {
     walk: Walk<'w>,
@@ -147,7 +147,7 @@ impl<'w> BeamTracer<'w> {
         let region = ConvexPolygon::rectangle(window.low, window.high);
         let seen = {
             let matters = |facet: &Facet| queries::matters(queries, facet);
-            self.walk.see(view, &window, &region, from, MOST_TRIANGLES, matters)
+            self.walk.see(view, &window, &region, from, MOST_PIECES, matters)
         };
         match seen {
             Outcome::Seen(fragments) => {
@@ -195,7 +195,7 @@ pub(super) fn see_all(
 ) {
     let (low, high) = region.extent();
     let window = Window { low, high, near, floor };
-    let most = if divisions == 0 { usize::MAX } else { MOST_TRIANGLES };
+    let most = if divisions == 0 { usize::MAX } else { MOST_PIECES };
     match walk.see(view, &window, region, from, most, |_| true) {
         Outcome::Seen(fragments) => {
             fragments.list.iter().for_each(|f| each(walk, f));

@@ -184,6 +184,39 @@ fn coverage_of_known_polygons_is_exact() {
 }
 
 #[test]
+fn crowds_that_no_division_thins_out_are_seen() {
+    // Sixty times the same triangle, sixty that intersect in a line, and a fan of two hundred around a point.
+    let mut mesh = TriangleMesh::default();
+    let mut add = |corners: [Vec3; 3]| {
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(corners);
+        mesh.indices.push([first, first + 1, first + 2]);
+    };
+    for i in 0..60 {
+        add([Vec3::new(-2.0, -2.0, 3.0), Vec3::new(2.0, -2.0, 3.0), Vec3::new(0.0, 2.0, 3.0)]);
+        let slope = i as f32 * 0.03;
+        add([Vec3::new(-2.0, -2.0, 3.0 - slope), Vec3::new(2.0, -2.0, 3.0 + slope), Vec3::new(0.0, 2.0, 3.0)]);
+    }
+    for i in 0..200 {
+        let at = |k: i32| Vec3::new((k as f32 * 0.0314).cos(), (k as f32 * 0.0314).sin(), 1.5 + 0.3 * (k & 1) as f32);
+        add([Vec3::new(0.0, 0.0, 1.6), at(i), at(i + 1)]);
+    }
+    let world = world_of(vec![mesh], &[]);
+    let view = View::cube_side(DVec3::ZERO, 2, true);
+    let region = ConvexPolygon::rectangle(DVec2::splat(-1.0), DVec2::ONE);
+    let (mut area, mut count) = (0.0, 0);
+    let mut tracer = BeamTracer::new(&world).expect("triangles");
+    tracer.visible(&view, &region, |piece| {
+        area += piece.polygon.area();
+        count += 1;
+        let geometry_of_copies = piece.primitive.is_some_and(|p| p.primitive < 120 && p.primitive % 2 == 0);
+        assert!(!geometry_of_copies || piece.primitive.is_some_and(|p| p.primitive == 0));
+    });
+    assert!((area - 4.0).abs() < 1e-11 && count < 20_000, "{area} {count}");
+    assert!(tracer.work().regions < 5_000, "{:?}", tracer.work());
+}
+
+#[test]
 fn parallel_beams_see_what_is_ahead() {
     let world = world_of(vec![rectangle([0.0; 2], [1.0; 2], 4.0), rectangle([0.0; 2], [0.5, 1.0], -1.0)], &[]);
     let view = View::parallel(DVec3::Z, DVec3::ZERO, DVec3::X, DVec3::Y).expect("independent");

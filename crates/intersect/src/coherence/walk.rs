@@ -83,7 +83,7 @@ impl Ord for Next {
 pub(super) enum Outcome {
     /// All that is visible in it.
     Seen(Fragments),
-    /// It has more triangles than were allowed; what is in it, as the start of walks through parts of it.
+    /// It has more pieces than were allowed; what is in it, as the start of walks through parts of it.
     Crowded(Vec<Entry>),
 }
 
@@ -139,7 +139,8 @@ impl<'w> Walk<'w> {
         vec![Entry { bounds: Bounds3::INFINITE, child: tree.root, frame: 0 }]
     }
 
-    /// Finds all that is visible in a region of a window, unless there are more than so many triangles. Facets that do not matter are left out.
+    /// Finds all that is visible in a region of a window, unless that is more than so many pieces. (What is hidden does not count: dividing
+    /// the region would not help.) Facets that do not matter are left out.
     pub fn see(
         &mut self,
         view: &View,
@@ -150,20 +151,16 @@ impl<'w> Walk<'w> {
         matters: impl Fn(&Facet) -> bool,
     ) -> Outcome {
         let mut fragments = Fragments::new(region, window, self.spare.pop().unwrap_or_default());
-        let (mut count, mut done) = (0, Vec::new());
-        let mut is_crowded = false;
+        let (mut is_crowded, mut done) = (false, Vec::new());
         let left = self.visit(view, window, from, |entry, facets| {
             let mut touched = false;
             for (facet, source) in facets {
-                if matters(facet) && fragments.insert(facet, *source) {
-                    count += 1;
-                    touched = true;
-                }
+                touched |= matters(facet) && fragments.insert(facet, *source);
             }
             if touched {
                 done.push(entry);
             }
-            is_crowded = count > most;
+            is_crowded = fragments.list.len() > most;
             if is_crowded { f64::INFINITY } else { fragments.farthest() }
         });
         if !is_crowded {

@@ -81,6 +81,10 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     snell_intersect::coherence::BeamTracer::new(&world).map_err(|e| fail(&e))?;
     let view = view(&bench.camera, options.side)
         .ok_or_else(|| fail(&"beams, pencils and cones need a pinhole camera with a flat picture"))?;
+    if let Some(folder) = &options.image_folder {
+        std::fs::create_dir_all(folder)
+            .map_err(|e| Failure::Other(format!("{}: cannot make the folder: {e}", folder.display())))?;
+    }
     let first = kinds::first_hits(&bench, &world, options.side);
     let radius = world.bounds().radius();
     let case = Case {

@@ -21,7 +21,7 @@ const AMBIENT: f32 = 0.2;
 /// Side of the regions of beams, in pixels.
 const TILE: u32 = 16;
 
-/// Writes a picture for each way.
+/// Writes a picture for each way into a folder that exists.
 pub fn write(
     folder: &Path,
     case: &Case,
@@ -29,8 +29,6 @@ pub fn write(
     closest: &[(Way, Vec<Hit>)],
     occluded: &[(Way, Vec<bool>)],
 ) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder)
-        .map_err(|e| Failure::Other(format!("{}: cannot make the folder: {e}", folder.display())))?;
     let shadow_rays = kinds::rays(Kind::Shadow, case.bench, first);
     for ((way, hits), (_, blocked)) in closest.iter().zip(occluded) {
         // How much of the light each pixel sees. Shadow rays are those of the pixels whose rays hit.
