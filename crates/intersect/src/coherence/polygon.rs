@@ -40,6 +40,7 @@ impl Affine {
 }
 
 /// What a line does to a polygon.
+#[expect(clippy::large_enum_variant, reason = "taken apart at once, never stored")]
 pub(super) enum Cut {
     /// Nothing is on the negative side.
     Inside,

@@ -430,7 +430,7 @@ impl Sight {
             let greatest = side.greatest_of(node);
             for (inside, value) in inside.iter_mut().zip(greatest) {
                 // What is not a number is not outside.
-                *inside &= !(value < 0.0);
+                *inside &= value >= 0.0 || value.is_nan();
             }
         }
         let (high, low) = (self.nearness.greatest_of(node), self.depth.greatest_of(node));

@@ -36,10 +36,18 @@ pub fn write(
         let mut shadows = shadow_rays.iter().zip(blocked);
         let lit: Vec<f32> = first
             .iter()
-            .map(|(_, surface)| match surface.as_ref().and_then(|_| shadows.next()) {
-                Some((ray, _)) if *way == Way::Cones => seen_share(&mut cones, case, ray) as f32,
-                Some((_, blocked)) => f32::from(u8::from(!blocked)),
-                None => 1.0,
+            .map(|(ray, surface)| {
+                let Some(surface) = surface else { return 1.0 };
+                let Some((shadow_ray, blocked)) = shadows.next() else { return 1.0 };
+                // What turns away from the light is dark, so that it does not lighten its neighbours in the pixel.
+                let from_light = surface.position - case.bench.light;
+                if surface.is_front_facing(ray.direction) != surface.is_front_facing(from_light) {
+                    0.0
+                } else if *way == Way::Cones {
+                    seen_share(&mut cones, case, shadow_ray) as f32
+                } else {
+                    f32::from(u8::from(!blocked))
+                }
             })
             .collect();
         let pixels = match way {
