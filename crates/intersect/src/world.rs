@@ -588,6 +588,15 @@ pub struct TraversalWork {
     pub cells_stepped: u64,
 }
 
+impl TraversalWork {
+    /// Adds the work of a ray.
+    pub(crate) fn add(&mut self, ray: &TraversalCounters) {
+        self.nodes_visited += u64::from(ray.nodes_visited);
+        self.primitives_tested += u64::from(ray.primitives_tested);
+        self.cells_stepped += u64::from(ray.cells_stepped);
+    }
+}
+
 impl World {
     /// The geometry with this number.
     pub fn geometry(&self, id: GeometryId) -> &Geometry {

@@ -77,8 +77,8 @@ impl DWorld {
         ray: impl Into<RayQuery<'a, Double>>,
         filter: &dyn HitFilter<Double>,
     ) -> (DHit, TraversalCounters) {
-        let goal = self.searcher(filter).search(ray.into(), Counted::new);
-        (goal.closest.result(), goal.counters)
+        let counted = self.searcher(filter).search(ray.into(), |ray| Counted::new(Closest::new(ray)));
+        (counted.goal.result(), counted.counters)
     }
 
     fn searcher<'a>(&'a self, filter: &'a dyn HitFilter<Double>) -> Searcher<'a, Double> {

@@ -93,8 +93,8 @@ impl World {
         ray: impl Into<RayQuery<'a>>,
         filter: &dyn HitFilter,
     ) -> (Hit, TraversalCounters) {
-        let goal = self.searcher(filter).search(ray.into(), Counted::new);
-        (goal.closest.result(), goal.counters)
+        let counted = self.searcher(filter).search(ray.into(), |ray| Counted::new(Closest::new(ray)));
+        (counted.goal.result(), counted.counters)
     }
 
     /// The nearest hit of each ray, and what all of them together cost to find.
@@ -110,11 +110,31 @@ impl World {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
         let mut work = TraversalWork::default();
-        self.searcher(filter).search_all(rays, Grouping::None, Counted::new, |i, goal| {
-            hits[i] = goal.closest.result();
-            work.nodes_visited += u64::from(goal.counters.nodes_visited);
-            work.primitives_tested += u64::from(goal.counters.primitives_tested);
-            work.cells_stepped += u64::from(goal.counters.cells_stepped);
+        let start = |ray: &_| Counted::new(Closest::new(ray));
+        self.searcher(filter).search_all(rays, Grouping::None, start, |i, counted| {
+            hits[i] = counted.goal.result();
+            work.add(&counted.counters);
+        });
+        work
+    }
+
+    /// For each ray, whether anything lies in its interval, and what all of them together cost to find out.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn occluded_work<'a>(
+        &self,
+        rays: impl Into<Rays<'a>>,
+        filter: &dyn HitFilter,
+        blocked: &mut [bool],
+    ) -> TraversalWork {
+        let rays = rays.into();
+        assert_eq!(rays.len(), blocked.len(), "one answer per ray");
+        let mut work = TraversalWork::default();
+        let start = |ray: &_| Counted::new(Any::new(ray));
+        self.searcher(filter).search_all(rays, Grouping::None, start, |i, counted| {
+            blocked[i] = counted.goal.found;
+            work.add(&counted.counters);
         });
         work
     }

@@ -241,35 +241,39 @@ impl<P: Rules> Goal for All<P> {
     }
 }
 
-/// [`Closest`] that also counts its work.
+/// A goal that also counts the work.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Counted<P: Rules> {
-    /// The hit.
-    pub closest: Closest<P>,
+pub(crate) struct Counted<G> {
+    /// What is wanted.
+    pub goal: G,
     /// The work.
     pub counters: TraversalCounters,
 }
 
-impl<P: Rules> Counted<P> {
-    pub fn new(ray: &P::Ray) -> Self {
-        Self { closest: Closest::new(ray), counters: TraversalCounters::default() }
+impl<G> Counted<G> {
+    pub fn new(goal: G) -> Self {
+        Self { goal, counters: TraversalCounters::default() }
     }
 }
 
-impl<P: Rules> Goal for Counted<P> {
-    type Precision = P;
-    const NARROWS: bool = true;
+impl<G: Goal> Goal for Counted<G> {
+    type Precision = G::Precision;
+    const NARROWS: bool = G::NARROWS;
 
-    fn limit(&self) -> P::Real {
-        self.closest.limit()
+    fn limit(&self) -> RealOf<G> {
+        self.goal.limit()
     }
 
-    fn wants(&self, hit: &P::Hit) -> bool {
-        self.closest.wants(hit)
+    fn wants(&self, hit: &HitOf<G>) -> bool {
+        self.goal.wants(hit)
     }
 
-    fn take(&mut self, hit: P::Hit) -> bool {
-        self.closest.take(hit)
+    fn is_past(&self, hit: &HitOf<G>) -> bool {
+        self.goal.is_past(hit)
+    }
+
+    fn take(&mut self, hit: HitOf<G>) -> bool {
+        self.goal.take(hit)
     }
 
     fn count_node(&mut self) {
