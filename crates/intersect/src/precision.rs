@@ -7,7 +7,7 @@ use crate::accel::bvh::Forest;
 use crate::hit::{DHit, Hit};
 use crate::kernel::double::{self, DoubleData};
 use crate::kernel::interleave::Batch;
-use crate::kernel::packet;
+use crate::kernel::{list, packet};
 use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{TriangleBlock, exact_hit, hit_in_plane, is_behind, plane_distance};
@@ -190,6 +190,15 @@ pub(crate) trait Rules: Precision {
         finish: impl FnMut(usize, G),
     ) -> Vec<Range<usize>>;
 
+    /// Searches for all rays in the list of the forest ([`list::search_list`]); false, and nothing done, if that is not possible.
+    fn search_list<G: Goal<Precision = Self>>(
+        forest: &Forest,
+        level: Level,
+        batch: &Batch<Self>,
+        start: impl Fn(&Self::Ray) -> G,
+        finish: impl FnMut(usize, G),
+    ) -> bool;
+
     /// True if triangles are decided on what is not in the blocks: then their memory may be asked for ahead.
     const TRIANGLES_ELSEWHERE: bool;
 
@@ -344,6 +353,21 @@ impl Rules for Single {
         packet::search_runs(forest, level, batch, start, finish)
     }
 
+    #[inline(always)]
+    fn search_list<G: Goal<Precision = Self>>(
+        forest: &Forest,
+        level: Level,
+        batch: &Batch<Self>,
+        start: impl Fn(&Ray) -> G,
+        finish: impl FnMut(usize, G),
+    ) -> bool {
+        let is_suitable = list::is_suitable::<G>(forest, batch.rays.len());
+        if is_suitable {
+            list::search_list(forest, level, batch, start, finish);
+        }
+        is_suitable
+    }
+
     const TRIANGLES_ELSEWHERE: bool = false;
 
     #[inline(always)]
@@ -487,6 +511,17 @@ impl Rules for Double {
         _: impl FnMut(usize, G),
     ) -> Vec<Range<usize>> {
         vec![0..batch.rays.len()]
+    }
+
+    /// Never: lists are in single precision.
+    fn search_list<G: Goal<Precision = Self>>(
+        _: &Forest,
+        _: Level,
+        _: &Batch<Self>,
+        _: impl Fn(&DRay) -> G,
+        _: impl FnMut(usize, G),
+    ) -> bool {
+        false
     }
 
     const TRIANGLES_ELSEWHERE: bool = true;

@@ -152,6 +152,12 @@ impl<P: Rules> Searcher<'_, P> {
         start: impl Fn(&RayOf<G>) -> G,
         mut answers: impl Answers<G>,
     ) {
+        if let Structure::Bvh(forest) = &self.world.structure {
+            let batch = interleave::Batch { rays, context: &self.context };
+            if P::search_list(forest, self.world.simd, &batch, &start, &mut finish) {
+                return;
+            }
+        }
         match &self.world.structure {
             Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
                 let batch = interleave::Batch { rays, context: &self.context, order: &[] };
