@@ -153,8 +153,8 @@ impl<P: Rules> Searcher<'_, P> {
         mut answers: impl Answers<G>,
     ) {
         if let Structure::Bvh(forest) = &self.world.structure {
-            let batch = interleave::Batch { rays, context: &self.context };
-            if P::search_list(forest, self.world.simd, &batch, &start, &mut finish) {
+            let batch = interleave::Batch { rays, context: &self.context, order: &[] };
+            if P::search_list(forest, self.world.simd, &batch, &start, |i, goal| answers.put(i, goal)) {
                 return;
             }
         }
