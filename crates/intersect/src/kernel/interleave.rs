@@ -113,6 +113,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
     let [nodes, rest, mut hopeful] = items.each_mut().map(|items| Queue { items, count: 0 });
     let mut queues = Queues { nodes, rest };
     let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; SLOTS + 1];
+    let (mut return_slots, mut object_slots) = (other_slots, other_slots);
     for slot in &mut memory {
         // SAFETY: the memory is there, and there are as many slots as items.
         unsafe {
@@ -167,33 +168,55 @@ unsafe fn run<L: Lanes8, G: Goal>(
                 (*slot).triangles_step(forest);
                 queues.put(slot, (*slot).current);
             }
+            // Those at an end to the front, the others apart again.
+            let (mut ends, mut returns, mut objects) = (0, 0, 0);
             for i in 0..others {
                 let slot = other_slots.get_unchecked(i).assume_init();
-                if (*slot).current.is_object() {
-                    (*slot).object_step::<L>(forest, &mut below, enter);
-                } else if (*slot).current == ChildRef::RETURN {
-                    (*slot).leave_instance();
-                } else {
-                    if let Some(search) = (*slot).search.take() {
-                        answers.put((*slot).number, search.goal);
+                let (is_object, is_return) = ((*slot).current.is_object(), (*slot).current == ChildRef::RETURN);
+                other_slots.get_unchecked_mut(ends).write(slot);
+                ends += usize::from(!is_object & !is_return);
+                return_slots.get_unchecked_mut(returns).write(slot);
+                returns += usize::from(is_return);
+                object_slots.get_unchecked_mut(objects).write(slot);
+                objects += usize::from(is_object);
+            }
+            for i in 0..returns {
+                let slot = return_slots.get_unchecked(i).assume_init();
+                (*slot).leave_instance();
+                if prefetch {
+                    (*slot).fetch_ahead();
+                }
+                queues.put(slot, (*slot).current);
+            }
+            for i in 0..objects {
+                let slot = object_slots.get_unchecked(i).assume_init();
+                (*slot).object_step::<L>(forest, &mut below, enter);
+                if prefetch {
+                    (*slot).fetch_ahead();
+                }
+                queues.put(slot, (*slot).current);
+            }
+            for i in 0..ends {
+                let slot = other_slots.get_unchecked(i).assume_init();
+                if let Some(search) = (*slot).search.take() {
+                    answers.put((*slot).number, search.goal);
+                }
+                let started = loop {
+                    if number == batch.rays.len() {
+                        break false;
                     }
-                    let started = loop {
-                        if number == batch.rays.len() {
-                            break false;
-                        }
-                        let ray = batch.number(number, &answers);
-                        number += 1;
-                        let query = batch.rays.get(ray);
-                        let search = || Search::new(query, batch.context, start(query.ray));
-                        if (*slot).start::<L>(tree, ray, batch.context.data, search, query.ray) {
-                            break true;
-                        }
-                        answers.put(ray, search_alone(forest, level, search()));
-                    };
-                    if !started {
-                        // Nothing left to do: the slot stays out of all queues.
-                        continue;
+                    let ray = batch.number(number, &answers);
+                    number += 1;
+                    let query = batch.rays.get(ray);
+                    let search = || Search::new(query, batch.context, start(query.ray));
+                    if (*slot).start::<L>(tree, ray, batch.context.data, search, query.ray) {
+                        break true;
                     }
+                    answers.put(ray, search_alone(forest, level, search()));
+                };
+                if !started {
+                    // Nothing left to do: the slot stays out of all queues.
+                    continue;
                 }
                 if prefetch {
                     (*slot).fetch_ahead();

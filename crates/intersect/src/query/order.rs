@@ -61,7 +61,7 @@ impl Sorter {
         }
         let (low, high) = rays.rays().iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), ray| {
             let o = P::origin(ray);
-            (low.min(o), high.max(o))
+            if o.is_finite() { (low.min(o), high.max(o)) } else { (low, high) }
         });
         let cells = Cells::new(low, high);
         if is_in_order(rays.rays(), high - low, P::origin) {
@@ -138,5 +138,90 @@ fn sort_by_digit(from: &[u64], to: &mut [u64], shift: u32) {
         let at = &mut next[digit(entry)];
         to[*at as usize] = entry;
         *at += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hit::Hit;
+    use crate::kernel::interleave::is_large;
+    use crate::mesh::TriangleMesh;
+    use crate::precision::Single;
+    use crate::query::{AcceptAll, Grouping};
+    use crate::world::tests::Random;
+    use crate::world::{BuildOptions, Structure, WorldBuilder};
+    use snell_math::Ray;
+    use std::sync::Arc;
+
+    fn random_rays(count: usize, extent: f32) -> Vec<Ray> {
+        let mut random = Random(11);
+        (0..count).map(|_| Ray::new(random.point(extent), random.direction())).collect()
+    }
+
+    #[test]
+    fn every_ray_of_a_sorted_batch_has_its_turn_once() {
+        let mut rays = random_rays(MIN_RAYS + 5, 2.0);
+        rays[7].origin = Vec3::NAN;
+        rays[8].origin = Vec3::INFINITY;
+        for count in [MIN_RAYS, rays.len()] {
+            let rays = Rays::<Single>::new(&rays[..count]);
+            let mut sorter = Sorter::new(count, true);
+            assert_eq!(sorter.parts().next(), Some(0..count));
+            let mut order = sorter.order(rays).to_vec();
+            assert!(order.windows(2).any(|pair| pair[0] > pair[1]));
+            order.sort_unstable();
+            assert!(order.iter().enumerate().all(|(i, &number)| i == number as usize) && order.len() == count);
+        }
+    }
+
+    #[test]
+    fn sorted_rays_start_near_each_other() {
+        let rays = random_rays(MIN_RAYS, 2.0);
+        let mut sorter = Sorter::new(rays.len(), true);
+        let order = sorter.order(Rays::<Single>::new(&rays)).to_vec();
+        let sum = |of: &dyn Fn(usize) -> Vec3| (1..rays.len()).map(|i| of(i).distance(of(i - 1))).sum::<f32>();
+        let (before, after) = (sum(&|i| rays[i].origin), sum(&|i| rays[order[i] as usize].origin));
+        assert!(after < 0.1 * before, "{before} {after}");
+        let sorted: Vec<Ray> = order.iter().map(|&i| rays[i as usize]).collect();
+        assert!(sorter.order(Rays::<Single>::new(&sorted)).is_empty(), "what is in order stays so");
+    }
+
+    #[test]
+    fn parts_are_of_equal_size_and_small_batches_are_not_sorted() {
+        let sizes = |rays, sorts| Sorter::new(rays, sorts).parts().map(|part| part.len()).collect::<Vec<_>>();
+        assert_eq!(sizes(3 * MAX_RAYS - 1, true), [MAX_RAYS, MAX_RAYS, MAX_RAYS - 1]);
+        assert_eq!(sizes(3 * MAX_RAYS, false), [3 * MAX_RAYS]);
+        assert!(sizes(0, true).is_empty());
+        let rays = random_rays(MIN_RAYS - 1, 1.0);
+        assert!(Sorter::new(rays.len(), true).order(Rays::<Single>::new(&rays)).is_empty());
+    }
+
+    #[test]
+    fn a_sorted_batch_finds_what_single_rays_find() {
+        let mut random = Random(3);
+        let mut mesh = TriangleMesh::default();
+        for i in 0..60_000 {
+            let corner = random.point(1.0);
+            mesh.positions.extend([corner, corner + random.point(0.02), corner + random.point(0.02)]);
+            mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
+        }
+        let mut builder = WorldBuilder::default();
+        builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
+        let options = BuildOptions { accelerator: crate::accel::AcceleratorKind::Bvh, ..BuildOptions::default() };
+        let world = builder.build(&options).expect("it builds");
+        assert!(
+            matches!(&world.structure, Structure::Bvh(forest) if is_large(forest)),
+            "large enough to be sorted for"
+        );
+        let mut rays = random_rays(MAX_RAYS + 100, 1.0);
+        rays[50].direction = Vec3::ZERO;
+        let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+        world.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
+        world.occluded(&rays, Grouping::None, &AcceptAll, &mut blocked);
+        for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(&blocked) {
+            assert_eq!(world.closest_one(ray, &AcceptAll), *hit);
+            assert_eq!(hit.is_hit(), *blocked);
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! The ways to trace the rays of a picture.
 
-use super::super::clock::PIECE;
+use super::super::clock::MIN_PIECE;
 use super::super::contest::Answer;
 use super::Case;
 use snell_intersect::coherence::{BeamTracer, CoherenceError, Cone, ConeTracer, PencilTracer, RegionWork};
@@ -82,14 +82,14 @@ pub trait Answers: Answer + PartialEq {
 fn counted_piece(way: Way) -> Option<usize> {
     match way {
         Way::One => Some(1),
-        Way::Batches => Some(PIECE),
+        Way::Batches => Some(MIN_PIECE),
         _ => None,
     }
 }
 
 impl Answers for Hit {
     fn trace(way: Way, case: &Case, rays: &[Ray], answers: &mut [Self]) -> Result<Extra, CoherenceError> {
-        let pieces = rays.chunks(PIECE).zip(answers.chunks_mut(PIECE));
+        let pieces = rays.chunks(MIN_PIECE).zip(answers.chunks_mut(MIN_PIECE));
         let mut extra = Extra::default();
         match way {
             Way::One => rays.iter().zip(answers).for_each(|(ray, a)| *a = case.world.closest_one(ray, &AcceptAll)),
@@ -137,7 +137,7 @@ impl Answers for Hit {
 
 impl Answers for bool {
     fn trace(way: Way, case: &Case, rays: &[Ray], answers: &mut [Self]) -> Result<Extra, CoherenceError> {
-        let pieces = rays.chunks(PIECE).zip(answers.chunks_mut(PIECE));
+        let pieces = rays.chunks(MIN_PIECE).zip(answers.chunks_mut(MIN_PIECE));
         let light = case.bench.light.as_dvec3();
         let mut extra = Extra::default();
         match way {
