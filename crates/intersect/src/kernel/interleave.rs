@@ -188,9 +188,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
 #[cold]
 #[inline(never)]
 fn search_alone<G: Goal>(forest: &Forest, level: Level, mut search: Search<G>) -> G {
-    if G::Precision::is_valid(search.ray) {
-        search_forest(forest, level, &mut search);
-    }
+    search_forest(forest, level, &mut search);
     search.goal
 }
 

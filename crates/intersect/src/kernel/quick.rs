@@ -99,16 +99,19 @@ impl QuickRay {
     /// copies of what was just written would have to wait.)
     #[inline(always)]
     pub fn set_from_ray<L: Lanes8>(&mut self, ray: &Ray) -> bool {
-        let (o, d) = (ray.origin.extend(0.0), ray.direction.extend(0.0));
+        // With the interval beside them, since so they are loaded at once. What comes of that is not used.
+        let (o, d) = (ray.origin.extend(ray.t_min), ray.direction.extend(ray.t_max));
         let a = d.abs();
         if !((ray.t_min >= 0.0) & (ray.t_min < ray.t_max) & is_ordinary_line(o, a)) {
             return false;
         }
-        self.axes = AXES[(a.xxyw().cmpge(a.yzzw()).bitmask() & 7) as usize];
+        let axes = &AXES[(a.xxyw().cmpge(a.yzzw()).bitmask() & 7) as usize];
+        self.axes = *axes;
         // By memory instead of conditions: signs and sizes are as good as random.
-        let slopes = d.to_array();
-        let [x, y, z, _] = self.axes.map(|axis| slopes[axis as usize & 3]);
-        self.shear = [x / z, y / z];
+        let slopes: &[f32; 3] = ray.direction.as_ref();
+        // SAFETY: axes are below 3.
+        let slope = |i: usize| unsafe { *slopes.get_unchecked(axes[i] as usize) };
+        self.shear = [slope(0) / slope(2), slope(1) / slope(2)];
         self.set_slabs::<L>(o, d)
     }
 
@@ -157,14 +160,17 @@ impl QuickRay {
         self.far = far.to_array();
         self.origin = o.to_array();
         self.planes = PLANES[d.is_negative_bitmask() as usize & 7];
-        let fast = d.abs().cmpge(Vec4::splat(MIN_SLOPE)).bitmask() & 7;
-        fast == 7 || self.set_parallel::<L>(&d.to_array())
+        let fast = d.abs().cmpge(Vec4::splat(1.0 / MAX_SLOPE)).bitmask() & 7;
+        fast == 7 || self.set_slow::<L>(&d.to_array())
     }
 
-    /// Sets what is different on axes that the ray does not move along. False if it is just very slow there.
+    /// Sets what is different on axes that the ray does not move along. False if it is just very slow there, or slow on all.
     #[cold]
     #[inline(never)]
-    fn set_parallel<L: Lanes8>(&mut self, d: &[f32; 4]) -> bool {
+    fn set_slow<L: Lanes8>(&mut self, d: &[f32; 4]) -> bool {
+        if d[..3].iter().all(|slope| slope.abs() < 1.0 / MAX_SLOPE) {
+            return false;
+        }
         let mut octant = 0;
         for (i, &slope) in d.iter().enumerate().take(3) {
             octant |= usize::from(slope < 0.0) << i;
@@ -213,11 +219,11 @@ impl QuickRay {
     }
 }
 
-/// True if sizes are ordinary, as far as the sides of the direction are not too small.
+/// True if no size is too large. (The fourth number is not looked at.)
 #[inline(always)]
 fn is_ordinary_line(o: Vec4, d: Vec4) -> bool {
     let ordinary = o.abs().cmple(Vec4::splat(MAX_COORDINATE)) & d.cmple(Vec4::splat(MAX_SLOPE));
-    (ordinary.bitmask() == 0b1111) & (d.cmpge(Vec4::splat(1.0 / MAX_SLOPE)).bitmask() != 0)
+    ordinary.bitmask() & 7 == 7
 }
 
 /// The axes of the drawing by comparisons of the sizes of the direction, in bits: x at least y, x at least z, y at least z.

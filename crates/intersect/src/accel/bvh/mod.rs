@@ -40,6 +40,7 @@ use super::brute_force::GroupList;
 use super::group::{Object, Objects};
 use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::quick::is_ordinary;
+use crate::kernel::traverse::SMALL_STACK;
 use crate::kernel::triangle::TriangleBlock;
 use rayon::prelude::*;
 use snell_math::simd::Level;
@@ -148,6 +149,8 @@ pub(crate) struct Forest {
     pub stack_size: usize,
     /// True if everything is of ordinary size ([`is_ordinary`]).
     pub ordinary: bool,
+    /// True if besides nothing in the root is unbounded, and walks need no more than [`SMALL_STACK`].
+    pub simple: bool,
 }
 
 impl Forest {
@@ -163,7 +166,8 @@ impl Forest {
             sizes[group] = tree.stack_size() + tree.objects.placed().iter().map(below).max().unwrap_or(0);
         }
         let ordinary = trees.iter().all(|tree| is_ordinary(tree));
-        Self { stack_size: sizes[0], trees, ordinary }
+        let simple = ordinary && trees[0].unbounded.is_empty() && sizes[0] <= SMALL_STACK;
+        Self { stack_size: sizes[0], trees, ordinary, simple }
     }
 
     /// Memory of all trees.
