@@ -3,7 +3,7 @@
 use super::quick::{FAR_FACTOR, QuickRay};
 use super::ray::LocalRay;
 use snell_math::simd::Lanes8;
-use snell_math::{Bounds3, Vec3};
+use snell_math::{Bounds3, Vec3, Vec4};
 
 /// What a node's slot leads to, in 32 bits: an inner node, up to eight triangles, or an object (shape or instance).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -267,29 +267,34 @@ unsafe fn quick<L: Lanes8>(node: &WideNode, ray: &QuickRay, offsets: &[f32; 4], 
 pub(crate) struct QuickBoxes<L> {
     inverse: [L; 3],
     near: [L; 3],
-    /// These two are for far planes, times [`FAR_FACTOR`]: one operation less on the way to the answer. That rounds twice more, which
-    /// the padding has room for.
-    far_inverse: [L; 3],
     far: [L; 3],
     planes: [u32; 6],
 }
 
+/// Instead of [`FAR_FACTOR`]: far planes are this much farther, relative to the largest distance at which the ray may meet any plane. A
+/// little more, for the roundings of that.
+const FAR_PADDING: f32 = 1.1e-6;
+
 impl<L: Lanes8> QuickBoxes<L> {
+    /// `extent` is the largest coordinate of the boxes.
+    ///
     /// # Safety
     /// The machine must have the instructions of `L`, and the ray must be prepared for [`Lanes8::FUSED`].
     #[inline(always)]
-    pub unsafe fn new(ray: &QuickRay) -> Self {
-        let far_factor = if L::FUSED { FAR_FACTOR } else { 1.0 };
-        // (No closures: those are not always inlined.)
-        let [x, y, z, _] = ray.inverse;
-        let (near, far, planes) = (&ray.near, &ray.far, &ray.planes);
-        // SAFETY: passed on to the caller.
+    pub unsafe fn new(ray: &QuickRay, extent: f32) -> Self {
+        let (inverse, far) = (Vec4::from_array(ray.inverse), Vec4::from_array(ray.far));
+        let far = if L::FUSED {
+            far + (inverse.abs() * extent + far.abs()) * FAR_PADDING
+        } else {
+            far - ((far.abs() + extent) * FAR_PADDING).copysign(inverse)
+        };
+        let ([x, y, z, _], near, far, planes) = (ray.inverse, &ray.near, far.to_array(), &ray.planes);
+        // SAFETY: passed on to the caller. (No closures: those are not always inlined.)
         unsafe {
             Self {
                 inverse: [L::splat(x), L::splat(y), L::splat(z)],
                 near: [L::splat(near[0]), L::splat(near[1]), L::splat(near[2])],
-                far_inverse: [L::splat(x * FAR_FACTOR), L::splat(y * FAR_FACTOR), L::splat(z * FAR_FACTOR)],
-                far: [L::splat(far[0] * far_factor), L::splat(far[1] * far_factor), L::splat(far[2] * far_factor)],
+                far: [L::splat(far[0]), L::splat(far[1]), L::splat(far[2])],
                 planes: [planes[0], planes[1], planes[2], planes[3], planes[4], planes[5]],
             }
         }
@@ -322,7 +327,7 @@ impl<L: Lanes8> QuickBoxes<L> {
     #[inline(always)]
     unsafe fn far(&self, node: &WideNode, axis: usize) -> L {
         // SAFETY: passed on to the caller.
-        unsafe { crossing(node, self.planes[axis + 3] as usize, self.far_inverse[axis], self.far[axis]) }
+        unsafe { crossing(node, self.planes[axis + 3] as usize, self.inverse[axis], self.far[axis]) }
     }
 }
 

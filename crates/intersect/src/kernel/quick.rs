@@ -68,18 +68,23 @@ static PLANES: [[u32; 8]; 8] = {
     table
 };
 
-/// True if everything in the tree is of ordinary size.
-pub(crate) fn is_ordinary(tree: &GroupTree) -> bool {
-    let ordinary = |x: &f32| x.abs() <= MAX_COORDINATE;
+/// The largest coordinate in the tree; infinite if one is not a number.
+pub(crate) fn extent(tree: &GroupTree) -> f32 {
+    let largest = |extent: f32, x: &f32| if x.is_nan() { f32::INFINITY } else { extent.max(x.abs()) };
     if tree.root.is_node() {
         let node = &tree.nodes[tree.root.index()];
         let used = (0..8).filter(|&slot| node.children[slot] != ChildRef::NONE);
-        used.into_iter().all(|slot| node.bounds.iter().flatten().all(|side| ordinary(&side[slot])))
+        used.fold(0.0, |e, slot| node.bounds.iter().flatten().map(|side| &side[slot]).fold(e, largest))
     } else if tree.root.is_triangles() {
-        tree.blocks[tree.root.block()].vertices.iter().flatten().flatten().all(ordinary)
+        tree.blocks[tree.root.block()].vertices.iter().flatten().flatten().fold(0.0, largest)
     } else {
-        true
+        0.0
     }
+}
+
+/// True if a tree of this [`extent`] is of ordinary size.
+pub(crate) fn is_ordinary(extent: f32) -> bool {
+    extent <= MAX_COORDINATE
 }
 
 impl QuickRay {
@@ -88,10 +93,10 @@ impl QuickRay {
         inverse: [0.0; 4],
         near: [0.0; 4],
         far: [0.0; 4],
-        planes: PLANES[0],
+        planes: [0; 8],
         origin: [0.0; 4],
         shear: [0.0; 2],
-        axes: AXES[0],
+        axes: [0; 4],
         slack: 0.0,
     };
 
@@ -99,8 +104,7 @@ impl QuickRay {
     /// copies of what was just written would have to wait.)
     #[inline(always)]
     pub fn set_from_ray<L: Lanes8>(&mut self, ray: &Ray) -> bool {
-        // With the interval beside them, since so they are loaded at once. What comes of that is not used.
-        let (o, d) = (ray.origin.extend(ray.t_min), ray.direction.extend(ray.t_max));
+        let [o, d] = halves(ray);
         let a = d.abs();
         if !((ray.t_min >= 0.0) & (ray.t_min < ray.t_max) & is_ordinary_line(o, a)) {
             return false;
@@ -217,6 +221,16 @@ impl QuickRay {
     pub fn octant(&self) -> usize {
         self.planes[6] as usize
     }
+}
+
+/// Origin and direction, and a one each: numbers that are never used but must be ordinary, since others slow the processor down.
+#[inline(always)]
+fn halves(ray: &Ray) -> [Vec4; 2] {
+    let start = (&raw const *ray).cast::<Vec4>();
+    // SAFETY: a ray is eight numbers in this order (`repr(C)`): origin, start, direction, end. (Loaded at once, which the compiler does
+    // not see by itself.)
+    let [o, d] = unsafe { [start.read_unaligned(), start.add(1).read_unaligned()] };
+    [o.with_w(1.0), d.with_w(1.0)]
 }
 
 /// True if no size is too large. (The fourth number is not looked at.)

@@ -195,7 +195,7 @@ impl<G: Goal> Place<'_, G> {
     #[inline(always)]
     unsafe fn walk<L: Lanes8>(&self, quick: &QuickRay, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
         // SAFETY: as promised by the caller. (The sum makes zero positive.)
-        let (boxes, t_min) = unsafe { (QuickBoxes::<L>::new(quick), L::splat(search.start + 0.0)) };
+        let (boxes, t_min) = unsafe { (QuickBoxes::<L>::new(quick, self.forest.extents[self.group]), L::splat(search.start + 0.0)) };
         let mut cull = search.cull();
         let mut beyond = first_beyond(cull);
         let (mut top, mut current) = (1, self.tree.root);
