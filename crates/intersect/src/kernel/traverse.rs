@@ -227,7 +227,8 @@ impl<G: Goal> Place<'_, G> {
                         // SAFETY: as above.
                         let next = unsafe { stack.get_unchecked_mut(top) };
                         if near[first] < near[second] {
-                            next.write(entry(near[second], b));
+                            // SAFETY: it is valid. (Volatile, or the two branches become one with conditional moves.)
+                            unsafe { next.as_mut_ptr().write_volatile(entry(near[second], b)) };
                             current = a;
                         } else {
                             next.write(entry(near[first], a));

@@ -5,7 +5,6 @@ use super::rays::{RayQuery, clamped_time};
 use crate::kernel::node::padded;
 use crate::precision::{Precision, Real, Rules};
 use crate::world::{GeometryOptions, TraversalCounters};
-use snell_math::Vec2;
 
 /// Rays, hits and distances of the world that a goal is about.
 pub(crate) type RayOf<G> = <<G as Goal>::Precision as Precision>::Ray;
