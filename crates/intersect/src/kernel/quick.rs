@@ -131,18 +131,19 @@ impl QuickRay {
     /// Prepares a ray that comes through transforms; false if it is not ordinary.
     #[inline(always)]
     pub fn set_from_exact<L: Lanes8>(&mut self, origin: &DVec3, direction: &DVec3) -> bool {
-        let (o, d) = (origin.as_vec3().extend(0.0), direction.as_vec3().extend(0.0));
-        let a = direction.abs();
-        // Too slow for `f32` is not zero.
-        let slow = (a.cmplt(DVec3::splat(f64::from(MIN_SLOPE))) & a.cmpne(DVec3::ZERO)).any();
-        if slow | !is_ordinary_line(o, d.abs()) {
+        // Ones, as in `halves`.
+        let (o, d) = (origin.as_vec3().extend(1.0), direction.as_vec3().extend(1.0));
+        if !is_ordinary_line(o, d.abs()) || (is_slow(d) && is_too_slow(direction)) {
             return false;
         }
+        let a = direction.abs();
         let bit = |i: usize, at_least: bool| usize::from(at_least) << i;
-        self.axes = AXES[bit(0, a.x >= a.y) | bit(1, a.x >= a.z) | bit(2, a.y >= a.z)];
-        let slopes = [direction.x, direction.y, direction.z, 0.0];
-        let [x, y, z, _] = self.axes.map(|axis| slopes[axis as usize & 3]);
-        self.shear = [(x / z) as f32, (y / z) as f32];
+        let axes = &AXES[bit(0, a.x >= a.y) | bit(1, a.x >= a.z) | bit(2, a.y >= a.z)];
+        self.axes = *axes;
+        let slopes: &[f64; 3] = direction.as_ref();
+        // SAFETY: axes are below 3.
+        let slope = |i: usize| unsafe { *slopes.get_unchecked(axes[i] as usize) };
+        self.shear = [(slope(0) / slope(2)) as f32, (slope(1) / slope(2)) as f32];
         self.set_slabs::<L>(o, d)
     }
 
@@ -164,8 +165,7 @@ impl QuickRay {
         self.far = far.to_array();
         self.origin = o.to_array();
         self.planes = PLANES[d.is_negative_bitmask() as usize & 7];
-        let fast = d.abs().cmpge(Vec4::splat(1.0 / MAX_SLOPE)).bitmask() & 7;
-        fast == 7 || self.set_slow::<L>(&d.to_array())
+        !is_slow(d) || self.set_slow::<L>(&d.to_array())
     }
 
     /// Sets what is different on axes that the ray does not move along. False if it is just very slow there, or slow on all.
@@ -238,6 +238,18 @@ fn halves(ray: &Ray) -> [Vec4; 2] {
 fn is_ordinary_line(o: Vec4, d: Vec4) -> bool {
     let ordinary = o.abs().cmple(Vec4::splat(MAX_COORDINATE)) & d.cmple(Vec4::splat(MAX_SLOPE));
     ordinary.bitmask() & 7 == 7
+}
+
+/// True if a direction may not be ordinary for being slow along some axis.
+#[inline(always)]
+fn is_slow(d: Vec4) -> bool {
+    d.abs().cmpge(Vec4::splat(1.0 / MAX_SLOPE)).bitmask() & 7 != 7
+}
+
+/// True if a direction is slower than ordinary ones along some axis, but not parallel to it. (In `f32` it may be.)
+#[cold]
+fn is_too_slow(direction: &DVec3) -> bool {
+    (direction.abs().cmplt(DVec3::splat(f64::from(MIN_SLOPE))) & direction.cmpne(DVec3::ZERO)).any()
 }
 
 /// The axes of the drawing by comparisons of the sizes of the direction, in bits: x at least y, x at least z, y at least z.

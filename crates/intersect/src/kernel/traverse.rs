@@ -4,7 +4,7 @@ use super::careful;
 use super::node::{ChildRef, QuickBoxes};
 use super::quick::QuickRay;
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{self, offer_triangle};
+use crate::accel::group::{self, Object, Placement, offer_triangle};
 use crate::precision::Rules;
 use crate::query::search::{Goal, Search};
 use snell_math::DRay;
@@ -167,17 +167,21 @@ impl<G: Goal> Place<'_, G> {
     /// all below it.
     #[inline(always)]
     unsafe fn search<L: Lanes8>(&self, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
+        let Self { forest, group, ray, instance, .. } = *self;
+        let mut quick = QuickRay::UNSET;
+        let is_quick = forest.ordinary
+            && search.start >= 0.0
+            && G::Precision::prepare::<L>(search.context.data, group, &mut quick, ray);
+        // A ray that has overflowed on its way here hits nothing.
+        if !is_quick && !(ray.origin.is_finite() && ray.direction.is_finite()) {
+            return false;
+        }
         for &object in &self.tree.unbounded {
             // SAFETY: as promised by the caller.
             if unsafe { self.test_object(object as usize, search, stack) } {
                 return true;
             }
         }
-        let Self { forest, group, ray, instance, .. } = *self;
-        let mut quick = QuickRay::UNSET;
-        let is_quick = forest.ordinary
-            && search.start >= 0.0
-            && G::Precision::prepare::<L>(search.context.data, group, &mut quick, ray);
         // SAFETY: as promised by the caller.
         unsafe {
             if is_quick {
@@ -296,11 +300,22 @@ impl<G: Goal> Place<'_, G> {
         }
     }
 
+    /// Tests a shape or a primitive of a set, or searches the group of an instance. True if the search is over.
+    ///
     /// # Safety
     /// As [`Self::search`].
     #[inline(always)]
     unsafe fn test_object(&self, object: usize, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
         let Self { forest, tree, ray, instance, .. } = *self;
+        // Most instances stand still: these without a detour.
+        if let Some(Object::Instance { child, offset, child_from_group: Placement::Still(map), mask }) =
+            tree.objects.placed().get(object)
+        {
+            let ray = group::mapped(map, ray);
+            // SAFETY: as promised by the caller: the stack has room for all below this group.
+            return mask & search.mask != 0
+                && unsafe { (self.walks.enter)(forest, *child, &ray, instance + offset, search, stack) };
+        }
         // SAFETY: as promised by the caller.
         unsafe { test_object(forest, tree, object, ray, instance, search, stack, self.walks.enter) }
     }
