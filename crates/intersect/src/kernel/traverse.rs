@@ -94,8 +94,45 @@ pub(super) unsafe fn walk_portable<G: Goal>(
     unsafe { place.search::<Portable8>(search, stack) }
 }
 
+/// # Safety
+/// As [`walk_avx2`]; the ray must be prepared for it.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn walk_quick_avx2<G: Goal>(
+    forest: &Forest,
+    group: usize,
+    ray: &DRay,
+    quick: &QuickRay,
+    instance: u32,
+    search: &mut Search<'_, G>,
+    stack: &mut Stack,
+) -> bool {
+    let place = Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::AVX2 };
+    // SAFETY: as promised by the caller.
+    unsafe { place.walk::<snell_math::simd::Avx8>(quick, search, stack) }
+}
+
+/// # Safety
+/// As [`walk_portable`]; the ray must be prepared for it.
+unsafe fn walk_quick_portable<G: Goal>(
+    forest: &Forest,
+    group: usize,
+    ray: &DRay,
+    quick: &QuickRay,
+    instance: u32,
+    search: &mut Search<'_, G>,
+    stack: &mut Stack,
+) -> bool {
+    let place = Place { forest, tree: &forest.trees[group], group, ray, instance, walks: Walks::PORTABLE };
+    // SAFETY: as promised by the caller.
+    unsafe { place.walk::<Portable8>(quick, search, stack) }
+}
+
 /// The entry of a level, for the step into an instance.
 pub(super) type Walk<G> = unsafe fn(&Forest, usize, &DRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
+
+/// [`Walk`] with a ray that is prepared; the group must have nothing unbounded.
+type QuickWalk<G> = unsafe fn(&Forest, usize, &DRay, &QuickRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
 
 /// The ways of a level that are not inlined.
 #[derive(Clone, Copy)]
@@ -104,12 +141,15 @@ struct Walks<G: Goal> {
     enter: Walk<G>,
     /// Walks through a group with a ray that may not be ordinary.
     careful: Walk<G>,
+    /// The same with an ordinary ray.
+    quick: QuickWalk<G>,
 }
 
 impl<G: Goal> Walks<G> {
     #[cfg(target_arch = "x86_64")]
-    const AVX2: Self = Self { enter: walk_avx2::<G>, careful: careful::walk_avx2::<G> };
-    const PORTABLE: Self = Self { enter: walk_portable::<G>, careful: careful::walk_portable::<G> };
+    const AVX2: Self = Self { enter: walk_avx2::<G>, careful: careful::walk_avx2::<G>, quick: walk_quick_avx2::<G> };
+    const PORTABLE: Self =
+        Self { enter: walk_portable::<G>, careful: careful::walk_portable::<G>, quick: walk_quick_portable::<G> };
 }
 
 /// # Safety
@@ -178,14 +218,16 @@ impl<G: Goal> Place<'_, G> {
         }
         for &object in &self.tree.unbounded {
             // SAFETY: as promised by the caller.
-            if unsafe { self.test_object(object as usize, search, stack) } {
+            if unsafe {
+                test_object(forest, self.tree, object as usize, ray, instance, search, stack, self.walks.enter)
+            } {
                 return true;
             }
         }
         // SAFETY: as promised by the caller.
         unsafe {
             if is_quick {
-                self.walk::<L>(&quick, search, stack)
+                (self.walks.quick)(forest, group, ray, &quick, instance, search, stack)
             } else {
                 (self.walks.careful)(forest, group, ray, instance, search, stack)
             }
@@ -279,7 +321,7 @@ impl<G: Goal> Place<'_, G> {
                 }
             } else if current.is_object() {
                 // SAFETY: as promised by the caller; the entries below `top` stay as they are.
-                if unsafe { self.test_object(current.index(), search, stack.get_unchecked_mut(top..)) } {
+                if unsafe { self.test_object::<L>(current.index(), search, stack.get_unchecked_mut(top..)) } {
                     return true;
                 }
                 cull = search.cull();
@@ -300,21 +342,28 @@ impl<G: Goal> Place<'_, G> {
         }
     }
 
-    /// Tests a shape or a primitive of a set, or searches the group of an instance. True if the search is over.
+    /// Tests a shape or a primitive of a set, or searches the group of an instance, for an ordinary ray. True if the search is over.
     ///
     /// # Safety
-    /// As [`Self::search`].
+    /// As [`Self::walk`].
     #[inline(always)]
-    unsafe fn test_object(&self, object: usize, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
+    unsafe fn test_object<L: Lanes8>(&self, object: usize, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
         let Self { forest, tree, ray, instance, .. } = *self;
-        // Most instances stand still: these without a detour.
+        // Most instances stand still, and rays are ordinary there too: these without a detour.
         if let Some(Object::Instance { child, offset, child_from_group: Placement::Still(map), mask }) =
             tree.objects.placed().get(object)
         {
+            if mask & search.mask == 0 {
+                return false;
+            }
             let ray = group::mapped(map, ray);
-            // SAFETY: as promised by the caller: the stack has room for all below this group.
-            return mask & search.mask != 0
-                && unsafe { (self.walks.enter)(forest, *child, &ray, instance + offset, search, stack) };
+            let mut quick = QuickRay::UNSET;
+            if forest.trees[*child].unbounded.is_empty()
+                && G::Precision::prepare::<L>(search.context.data, *child, &mut quick, &ray)
+            {
+                // SAFETY: as promised by the caller: the stack has room for all below this group.
+                return unsafe { (self.walks.quick)(forest, *child, &ray, &quick, instance + offset, search, stack) };
+            }
         }
         // SAFETY: as promised by the caller.
         unsafe { test_object(forest, tree, object, ray, instance, search, stack, self.walks.enter) }
