@@ -134,6 +134,9 @@ pub(super) type Walk<G> = unsafe fn(&Forest, usize, &DRay, u32, &mut Search<'_, 
 /// [`Walk`] with a ray that is prepared; the group must have nothing unbounded.
 type QuickWalk<G> = unsafe fn(&Forest, usize, &DRay, &QuickRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
 
+/// [`test_object`] at a level.
+type ObjectTest<G> = unsafe fn(&Forest, &GroupTree, usize, &DRay, u32, &mut Search<'_, G>, &mut Stack) -> bool;
+
 /// The ways of a level that are not inlined.
 #[derive(Clone, Copy)]
 struct Walks<G: Goal> {
@@ -143,13 +146,24 @@ struct Walks<G: Goal> {
     careful: Walk<G>,
     /// The same with an ordinary ray.
     quick: QuickWalk<G>,
+    /// Tests an object of a group with an ordinary ray.
+    object: ObjectTest<G>,
 }
 
 impl<G: Goal> Walks<G> {
     #[cfg(target_arch = "x86_64")]
-    const AVX2: Self = Self { enter: walk_avx2::<G>, careful: careful::walk_avx2::<G>, quick: walk_quick_avx2::<G> };
-    const PORTABLE: Self =
-        Self { enter: walk_portable::<G>, careful: careful::walk_portable::<G>, quick: walk_quick_portable::<G> };
+    const AVX2: Self = Self {
+        enter: walk_avx2::<G>,
+        careful: careful::walk_avx2::<G>,
+        quick: walk_quick_avx2::<G>,
+        object: test_object_avx2::<G>,
+    };
+    const PORTABLE: Self = Self {
+        enter: walk_portable::<G>,
+        careful: careful::walk_portable::<G>,
+        quick: walk_quick_portable::<G>,
+        object: test_object_portable::<G>,
+    };
 }
 
 /// # Safety
@@ -320,8 +334,10 @@ impl<G: Goal> Place<'_, G> {
                     }
                 }
             } else if current.is_object() {
-                // SAFETY: as promised by the caller; the entries below `top` stay as they are.
-                if unsafe { self.test_object::<L>(current.index(), search, stack.get_unchecked_mut(top..)) } {
+                // SAFETY: the entries below `top` stay as they are.
+                let (object, stack) = (current.index(), unsafe { stack.get_unchecked_mut(top..) });
+                // SAFETY: as promised by the caller.
+                if unsafe { (self.walks.object)(self.forest, self.tree, object, self.ray, self.instance, search, stack) } {
                     return true;
                 }
                 cull = search.cull();
@@ -340,33 +356,6 @@ impl<G: Goal> Place<'_, G> {
                 }
             };
         }
-    }
-
-    /// Tests a shape or a primitive of a set, or searches the group of an instance, for an ordinary ray. True if the search is over.
-    ///
-    /// # Safety
-    /// As [`Self::walk`].
-    #[inline(always)]
-    unsafe fn test_object<L: Lanes8>(&self, object: usize, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
-        let Self { forest, tree, ray, instance, .. } = *self;
-        // Most instances stand still, and rays are ordinary there too: these without a detour.
-        if let Some(Object::Instance { child, offset, child_from_group: Placement::Still(map), mask }) =
-            tree.objects.placed().get(object)
-        {
-            if mask & search.mask == 0 {
-                return false;
-            }
-            let ray = group::mapped(map, ray);
-            let mut quick = QuickRay::UNSET;
-            if forest.trees[*child].unbounded.is_empty()
-                && G::Precision::prepare::<L>(search.context.data, *child, &mut quick, &ray)
-            {
-                // SAFETY: as promised by the caller: the stack has room for all below this group.
-                return unsafe { (self.walks.quick)(forest, *child, &ray, &quick, instance + offset, search, stack) };
-            }
-        }
-        // SAFETY: as promised by the caller.
-        unsafe { test_object(forest, tree, object, ray, instance, search, stack, self.walks.enter) }
     }
 }
 
@@ -425,4 +414,72 @@ pub(super) unsafe fn test_object<G: Goal>(
         // SAFETY: as promised by the caller: the stack has room for all below this group.
         unsafe { enter(forest, child, ray, instance, search, stack) }
     })
+}
+
+/// # Safety
+/// As [`walk_avx2`].
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn test_object_avx2<G: Goal>(
+    forest: &Forest,
+    tree: &GroupTree,
+    object: usize,
+    ray: &DRay,
+    instance: u32,
+    search: &mut Search<'_, G>,
+    stack: &mut Stack,
+) -> bool {
+    use snell_math::simd::Avx8;
+    // SAFETY: as promised by the caller.
+    unsafe { test_object_quickly::<Avx8, G>(forest, tree, object, ray, instance, search, stack, Walks::AVX2) }
+}
+
+/// # Safety
+/// As [`walk_portable`].
+unsafe fn test_object_portable<G: Goal>(
+    forest: &Forest,
+    tree: &GroupTree,
+    object: usize,
+    ray: &DRay,
+    instance: u32,
+    search: &mut Search<'_, G>,
+    stack: &mut Stack,
+) -> bool {
+    // SAFETY: as promised by the caller.
+    unsafe { test_object_quickly::<Portable8, G>(forest, tree, object, ray, instance, search, stack, Walks::PORTABLE) }
+}
+
+/// [`test_object`] for an ordinary ray in an ordinary forest: most instances stand still, and rays are ordinary there too, so these are
+/// entered without a detour.
+///
+/// # Safety
+/// As [`search_root`]; `stack` must have room for all below the group.
+#[inline(always)]
+unsafe fn test_object_quickly<L: Lanes8, G: Goal>(
+    forest: &Forest,
+    tree: &GroupTree,
+    object: usize,
+    ray: &DRay,
+    instance: u32,
+    search: &mut Search<'_, G>,
+    stack: &mut Stack,
+    walks: Walks<G>,
+) -> bool {
+    if let Some(Object::Instance { child, offset, child_from_group: Placement::Still(map), mask }) =
+        tree.objects.placed().get(object)
+    {
+        if mask & search.mask == 0 {
+            return false;
+        }
+        let ray = group::mapped(map, ray);
+        let mut quick = QuickRay::UNSET;
+        if forest.trees[*child].unbounded.is_empty()
+            && G::Precision::prepare::<L>(search.context.data, *child, &mut quick, &ray)
+        {
+            // SAFETY: as promised by the caller.
+            return unsafe { (walks.quick)(forest, *child, &ray, &quick, instance + offset, search, stack) };
+        }
+    }
+    // SAFETY: as promised by the caller.
+    unsafe { test_object(forest, tree, object, ray, instance, search, stack, walks.enter) }
 }
