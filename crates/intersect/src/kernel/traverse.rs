@@ -302,7 +302,7 @@ impl<G: Goal> Place<'_, G> {
                     // SAFETY: as above.
                     unsafe {
                         stack.get_unchecked_mut(top).write(farther);
-                        nearest = push_sorted(stack, top, nearest, rest, &near, &node.children);
+                        nearest = push_sorted::<G>(stack, top, nearest, rest, &near, &node.children);
                     }
                     top += rest.count_ones() as usize + 1;
                     current = ChildRef(nearest as u32);
@@ -350,7 +350,8 @@ impl<G: Goal> Place<'_, G> {
                 loop {
                     top -= 1;
                     let next = stack.get_unchecked(top).assume_init();
-                    if next < beyond {
+                    // Nothing is beyond what does not come nearer.
+                    if !G::NARROWS || next < beyond {
                         break ChildRef(next as u32);
                     }
                 }
@@ -359,12 +360,13 @@ impl<G: Goal> Place<'_, G> {
     }
 }
 
-/// Puts more children to one that is above `top` and one that is nearer than all, far ones first; returns the new nearest.
+/// Puts more children to one that is above `top` and one that is nearer than all, far ones first if hits bring the limit nearer; returns
+/// the new nearest.
 ///
 /// # Safety
 /// `stack` must have room for them, and the entry at `top` must be written.
 #[inline(always)]
-unsafe fn push_sorted(
+unsafe fn push_sorted<G: Goal>(
     stack: &mut Stack,
     top: usize,
     mut nearest: Entry,
@@ -384,7 +386,7 @@ unsafe fn push_sorted(
         let mut at = end;
         // SAFETY: entries from `top` to before `end` were just written, and there is room for one more.
         unsafe {
-            while at > top && stack.get_unchecked(at - 1).assume_init() < new {
+            while G::NARROWS && at > top && stack.get_unchecked(at - 1).assume_init() < new {
                 let before = stack.get_unchecked(at - 1).assume_init();
                 stack.get_unchecked_mut(at).write(before);
                 at -= 1;
