@@ -97,7 +97,9 @@ unsafe fn walk<L: Lanes8, G: Goal>(
             }
         } else if current.is_object() {
             // SAFETY: as promised by the caller; the entries below `top` stay as they are.
-            if unsafe { test_object(forest, tree, current.index(), ray, instance, search, stack.get_unchecked_mut(top..), enter) } {
+            if unsafe {
+                test_object(forest, tree, current.index(), ray, instance, search, stack.get_unchecked_mut(top..), enter)
+            } {
                 return true;
             }
         }

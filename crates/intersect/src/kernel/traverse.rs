@@ -255,7 +255,8 @@ impl<G: Goal> Place<'_, G> {
     #[inline(always)]
     unsafe fn walk<L: Lanes8>(&self, quick: &QuickRay, search: &mut Search<'_, G>, stack: &mut Stack) -> bool {
         // SAFETY: as promised by the caller. (The sum makes zero positive.)
-        let (boxes, t_min) = unsafe { (QuickBoxes::<L>::new(quick, self.forest.extents[self.group]), L::splat(search.start + 0.0)) };
+        let (boxes, t_min) =
+            unsafe { (QuickBoxes::<L>::new(quick, self.forest.extents[self.group]), L::splat(search.start + 0.0)) };
         let mut cull = search.cull();
         let mut beyond = first_beyond(cull);
         let (mut top, mut current) = (1, self.tree.root);
@@ -337,7 +338,9 @@ impl<G: Goal> Place<'_, G> {
                 // SAFETY: the entries below `top` stay as they are.
                 let (object, stack) = (current.index(), unsafe { stack.get_unchecked_mut(top..) });
                 // SAFETY: as promised by the caller.
-                if unsafe { (self.walks.object)(self.forest, self.tree, object, self.ray, self.instance, search, stack) } {
+                if unsafe {
+                    (self.walks.object)(self.forest, self.tree, object, self.ray, self.instance, search, stack)
+                } {
                     return true;
                 }
                 cull = search.cull();
