@@ -5,6 +5,7 @@ pub(crate) mod binning;
 mod careful;
 pub(crate) mod double;
 pub(crate) mod interleave;
+pub(crate) mod list;
 pub(crate) mod node;
 pub(crate) mod packet;
 pub(crate) mod quick;

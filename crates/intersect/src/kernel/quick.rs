@@ -10,7 +10,7 @@ use super::triangle::{Drawing, ExactRay};
 use crate::accel::bvh::GroupTree;
 use snell_math::glam::Vec4Swizzles;
 use snell_math::simd::Lanes8;
-use snell_math::{DVec3, Ray, Vec4};
+use snell_math::{DVec3, Ray, Vec3, Vec4};
 
 /// Coordinates of boxes and origins may be as large as this.
 const MAX_COORDINATE: f32 = 1e12;
@@ -109,13 +109,7 @@ impl QuickRay {
         if !((ray.t_min >= 0.0) & (ray.t_min < ray.t_max) & is_ordinary_line(o, a)) {
             return false;
         }
-        let axes = &AXES[(a.xxyw().cmpge(a.yzzw()).bitmask() & 7) as usize];
-        self.axes = *axes;
-        // By memory instead of conditions: signs and sizes are as good as random.
-        let slopes: &[f32; 3] = ray.direction.as_ref();
-        // SAFETY: axes are below 3.
-        let slope = |i: usize| unsafe { *slopes.get_unchecked(axes[i] as usize) };
-        self.shear = [slope(0) / slope(2), slope(1) / slope(2)];
+        (self.axes, self.shear) = axes_and_shear(&ray.direction, a);
         self.set_slabs::<L>(o, d)
     }
 
@@ -231,6 +225,24 @@ fn halves(ray: &Ray) -> [Vec4; 2] {
     // not see by itself.)
     let [o, d] = unsafe { [start.read_unaligned(), start.add(1).read_unaligned()] };
     [o.with_w(1.0), d.with_w(1.0)]
+}
+
+/// The axes of the drawing and its shear, by a direction and its sizes.
+#[inline(always)]
+fn axes_and_shear(direction: &Vec3, sizes: Vec4) -> ([u32; 4], [f32; 2]) {
+    let axes = &AXES[(sizes.xxyw().cmpge(sizes.yzzw()).bitmask() & 7) as usize];
+    // By memory instead of conditions: signs and sizes are as good as random.
+    let slopes: &[f32; 3] = direction.as_ref();
+    // SAFETY: axes are below 3.
+    let slope = |i: usize| unsafe { *slopes.get_unchecked(axes[i] as usize) };
+    (*axes, [slope(0) / slope(2), slope(1) / slope(2)])
+}
+
+/// The plane that a ray draws on: that of the [`QuickRay`].
+#[inline(always)]
+pub(crate) fn drawing(ray: &Ray) -> Drawing {
+    let ([x, y, z, _], shear) = axes_and_shear(&ray.direction, ray.direction.extend(1.0).abs());
+    Drawing { origin: ray.origin.to_array(), axes: [x as usize, y as usize, z as usize], shear }
 }
 
 /// True if no size is too large. (The fourth number is not looked at.)

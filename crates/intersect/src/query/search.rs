@@ -18,6 +18,8 @@ pub(crate) trait Goal {
     type Precision: Rules;
     /// True if hits bring the limit nearer while the search goes on.
     const NARROWS: bool;
+    /// True if one hit is all that is wanted, and how it is found does not matter.
+    const WANTS_ONE: bool = false;
 
     /// Hits at a greater `t` are of no interest.
     fn limit(&self) -> RealOf<Self>;
@@ -149,6 +151,7 @@ impl<P: Rules> Closest<P> {
 impl<P: Rules> Goal for Closest<P> {
     type Precision = P;
     const NARROWS: bool = true;
+    const WANTS_ONE: bool = true;
 
     #[inline(always)]
     fn limit(&self) -> P::Real {
@@ -188,6 +191,7 @@ impl<P: Rules> Any<P> {
 impl<P: Rules> Goal for Any<P> {
     type Precision = P;
     const NARROWS: bool = false;
+    const WANTS_ONE: bool = true;
 
     #[inline(always)]
     fn limit(&self) -> P::Real {

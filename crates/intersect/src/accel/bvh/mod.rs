@@ -38,6 +38,7 @@ pub use quality::Quality;
 
 use super::brute_force::GroupList;
 use super::group::{Object, Objects};
+use crate::kernel::list::List;
 use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::quick::{extent, is_ordinary};
 use crate::kernel::traverse::SMALL_STACK;
@@ -153,6 +154,8 @@ pub(crate) struct Forest {
     pub ordinary: bool,
     /// True if besides nothing in the root is unbounded, and walks need no more than [`SMALL_STACK`].
     pub simple: bool,
+    /// The root's contents without a tree, if they are few.
+    pub list: Option<List>,
 }
 
 impl Forest {
@@ -170,7 +173,8 @@ impl Forest {
         let extents: Vec<f32> = trees.iter().map(|tree| extent(tree)).collect();
         let ordinary = extents.iter().all(|&extent| is_ordinary(extent));
         let simple = ordinary && trees[0].unbounded.is_empty() && sizes[0] <= SMALL_STACK;
-        Self { stack_size: sizes[0], trees, extents, ordinary, simple }
+        let list = trees.first().and_then(|root| List::of(root));
+        Self { stack_size: sizes[0], trees, extents, ordinary, simple, list }
     }
 
     /// Memory of all trees.
