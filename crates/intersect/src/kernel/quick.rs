@@ -276,7 +276,7 @@ pub(crate) const FAR_FACTOR: f32 = 1.0 + BOX_PADDING;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::node::{WideNode, padded, quick_distances};
+    use crate::kernel::node::{QuickBoxes, WideNode, padded, quick_distances};
     use crate::kernel::ray::LocalRay;
     use proptest::prelude::*;
     use snell_math::simd::Portable8;
@@ -308,7 +308,15 @@ mod tests {
         // SAFETY: the caller has checked the level.
         let (enter, limit) = unsafe { quick_distances::<L>(&node, &quick, ray.t_min, cull) };
         let met = enter.le(limit);
-        assert_eq!(met & !(1 << 5), 0, "empty boxes are never met");
+        let extent = bounds.min.abs().max(bounds.max.abs()).max_element();
+        // SAFETY: as above.
+        let again = unsafe {
+            let boxes = QuickBoxes::<L>::new(&quick, extent);
+            let (enter, limit) = boxes.distances(&node, L::splat(ray.t_min), L::splat(cull));
+            enter.le(limit)
+        };
+        assert_eq!((met | again) & !(1 << 5), 0, "empty boxes are never met");
+        assert!(met == 0 || again != 0, "with all in registers it is not met: {ray:?} {bounds:?}");
         Some(met != 0)
     }
 
