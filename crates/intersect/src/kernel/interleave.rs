@@ -252,9 +252,7 @@ pub(crate) fn fetch<T>(item: *const T) {
 #[cold]
 #[inline(never)]
 fn search_alone<G: Goal>(forest: &Forest, level: Level, mut search: Search<G>) -> G {
-    if G::Precision::is_valid(search.ray) {
-        search_forest(forest, level, &mut search);
-    }
+    search_forest(forest, level, &mut search);
     search.goal
 }
 

@@ -2,6 +2,7 @@
 //! measured is in `README.md` beside this file.
 
 pub(crate) mod binning;
+mod careful;
 pub(crate) mod double;
 pub(crate) mod interleave;
 pub(crate) mod list;

@@ -236,22 +236,32 @@ impl<P: Rules> Searcher<'_, P> {
     }
 
     /// Searches for one ray.
-    #[inline]
+    #[inline(always)]
     pub fn search<G: Goal<Precision = P>>(&self, query: RayQuery<P>, start: impl Fn(&RayOf<G>) -> G) -> G {
         let mut search = Search::new(query, &self.context, start(query.ray));
-        if P::is_valid(query.ray) {
-            match &self.world.structure {
-                Structure::None(groups) => {
-                    search_all(groups, 0, &P::exact(query.ray), 0, &mut search);
-                }
-                Structure::Bvh(forest) => search_forest(forest, self.world.simd, &mut search),
-                Structure::Walked(structures) => {
-                    let mut scratch = structures.scratch();
-                    structures.search(&mut search, &mut scratch);
-                    scratch.keep();
-                }
-            }
+        match &self.world.structure {
+            Structure::Bvh(forest) => search_forest(forest, self.world.simd, &mut search),
+            other => search_other(other, &mut search),
         }
         search.goal
+    }
+}
+
+/// Searches a structure that is not the fast one. Rays that are not valid find nothing.
+#[inline(never)]
+fn search_other<G: Goal>(structure: &Structure, search: &mut Search<'_, G>) {
+    if !G::Precision::is_valid(search.ray) {
+        return;
+    }
+    match structure {
+        Structure::Bvh(_) => {}
+        Structure::None(groups) => {
+            search_all(groups, 0, &G::Precision::exact(search.ray), 0, search);
+        }
+        Structure::Walked(structures) => {
+            let mut scratch = structures.scratch();
+            structures.search(search, &mut scratch);
+            scratch.keep();
+        }
     }
 }

@@ -5,7 +5,6 @@ use super::rays::{RayQuery, clamped_time};
 use crate::kernel::node::padded;
 use crate::precision::{Precision, Real, Rules};
 use crate::world::{GeometryOptions, TraversalCounters};
-use snell_math::Vec2;
 
 /// Rays, hits and distances of the world that a goal is about.
 pub(crate) type RayOf<G> = <<G as Goal>::Precision as Precision>::Ray;
@@ -117,11 +116,11 @@ impl<'a, G: Goal> Search<'a, G> {
             return Verdict::Rejected;
         }
         let options = &self.context.options[G::Precision::ids(&hit)[1] as usize];
-        let hit = if options.quads { G::Precision::quad_hit(&hit) } else { hit };
+        let hit = if options.quads { G::Precision::quad_hit(&{ hit }) } else { hit };
         if !self.goal.wants(&hit) {
             return Verdict::Behind;
         }
-        if options.mask & self.mask == 0 || (options.filtered && !self.context.filter.accept(self.ray, &hit)) {
+        if options.mask & self.mask == 0 || (options.filtered && !self.context.filter.accept(self.ray, &{ hit })) {
             return Verdict::Rejected;
         }
         if self.goal.take(hit) { Verdict::Finished } else { Verdict::Taken }
@@ -131,21 +130,21 @@ impl<'a, G: Goal> Search<'a, G> {
 /// The nearest hit; the lowest (instance, geometry, primitive) among equally near ones.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Closest<P: Rules> {
+    /// A miss as long as nothing is found.
     best: P::Hit,
-    /// Not a `bool`: padding would make copies slow.
-    found: u32,
+    /// The distance of it, or the end of the ray.
+    limit: P::Real,
 }
 
 impl<P: Rules> Closest<P> {
     #[inline(always)]
     pub fn new(ray: &P::Ray) -> Self {
-        // No ids are below zero, so only hits before `t_max` come before this.
-        Self { best: P::hit(P::interval(ray)[1].into(), Vec2::ZERO, [0; 3]), found: 0 }
+        Self { best: P::MISS, limit: P::interval(ray)[1] }
     }
 
     #[inline(always)]
     pub fn result(&self) -> P::Hit {
-        if self.found != 0 { self.best } else { P::MISS }
+        self.best
     }
 }
 
@@ -156,18 +155,20 @@ impl<P: Rules> Goal for Closest<P> {
 
     #[inline(always)]
     fn limit(&self) -> P::Real {
-        P::t(&self.best)
+        self.limit
     }
 
     #[inline(always)]
     fn wants(&self, hit: &P::Hit) -> bool {
-        P::is_before(hit, &self.best)
+        // Misses are before nothing, also at infinity.
+        let is_found = || P::ids(&self.best) != P::ids(&P::MISS);
+        P::t(hit) < self.limit || (P::t(hit) == self.limit && is_found() && P::is_before(hit, &self.best))
     }
 
     #[inline(always)]
     fn take(&mut self, hit: P::Hit) -> bool {
+        self.limit = P::t(&hit);
         self.best = hit;
-        self.found = 1;
         false
     }
 }
