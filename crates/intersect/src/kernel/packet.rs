@@ -8,6 +8,7 @@
 mod bundle;
 mod exact;
 mod leaf;
+mod rest;
 #[cfg(test)]
 mod tests;
 
@@ -24,6 +25,7 @@ use crate::query::search::{Goal, Search, Verdict};
 use bundle::{Bundle, Kind, PerRay, RAYS};
 use exact::{Found, PAIRS, Pairs, exact_hits};
 use leaf::SeenBlock;
+use rest::Rest;
 use snell_math::simd::{Level, Portable8, WideLanes};
 use snell_math::{DAffine3, DRay, DVec3, Ray, Vec2, Vec3};
 use std::mem::MaybeUninit;
@@ -56,31 +58,28 @@ pub(crate) fn search_runs<G: Goal<Precision = Single>>(
     level: Level,
     batch: &Batch<Single>,
     start: impl Fn(&Ray) -> G,
-    finish: impl FnMut(usize, G),
+    mut finish: impl FnMut(usize, G),
 ) -> Vec<Range<usize>> {
     debug_assert!(is_suitable(forest));
     let mut stacks = Stacks {
         distances: vec![0.0; forest.stack_size],
         places: vec![0; forest.stack_size],
+        masks: vec![0; forest.stack_size],
         single: vec![MaybeUninit::uninit(); forest.stack_size],
     };
-    match level {
+    let mut rest = Rest::new(forest);
+    let left = match level {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `World` holds only levels that the machine supports, and the stacks have `stack_size` entries.
-        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, batch, &mut stacks, start, finish) },
+        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, level, batch, &mut stacks, &mut rest, &start, &mut finish) },
         // SAFETY: portable code, and the stacks have `stack_size` entries.
         _ => unsafe {
-            run::<Portable8, G>(
-                forest,
-                batch,
-                &mut stacks,
-                start,
-                finish,
-                [walk_bundle_portable::<G>],
-                walk_portable::<G>,
-            )
+            let entries = ([walk_bundle_portable::<G> as WalkBundle<G>], walk_portable::<G> as Walk<G>);
+            run::<Portable8, G>(forest, level, batch, &mut stacks, &mut rest, &start, &mut finish, entries)
         },
-    }
+    };
+    rest.search(forest, level, batch, &start, &mut finish);
+    left
 }
 
 /// # Safety
@@ -89,21 +88,26 @@ pub(crate) fn search_runs<G: Goal<Precision = Single>>(
 #[target_feature(enable = "avx2,bmi1,popcnt")]
 unsafe fn run_avx2<G: Goal<Precision = Single>>(
     forest: &Forest,
+    level: Level,
     batch: &Batch<Single>,
     stacks: &mut Stacks,
+    rest: &mut Rest<G>,
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
 ) -> Vec<Range<usize>> {
     use super::traverse::walk_avx2;
     use snell_math::simd::Avx8;
+    let entries = ([walk_bundle_avx2::<G> as WalkBundle<G>], walk_avx2::<G> as Walk<G>);
     // SAFETY: as promised by the caller.
-    unsafe { run::<Avx8, G>(forest, batch, stacks, start, finish, [walk_bundle_avx2::<G>], walk_avx2::<G>) }
+    unsafe { run::<Avx8, G>(forest, level, batch, stacks, rest, start, finish, entries) }
 }
 
-/// Memory of the walks: what bundles put off, by distance and place (node times eight plus slot), and the stack of single rays.
+/// Memory of the walks: what bundles put off, by distance, place (node times eight plus slot) and the rays that meet the node, and the
+/// stack of single rays.
 struct Stacks {
     distances: Vec<f32>,
     places: Vec<u32>,
+    masks: Vec<u32>,
     single: Vec<MaybeUninit<Entry>>,
 }
 
@@ -113,12 +117,13 @@ struct Stacks {
 #[inline(always)]
 unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
     forest: &Forest,
+    level: Level,
     batch: &Batch<Single>,
     stacks: &mut Stacks,
+    rest: &mut Rest<G>,
     start: impl Fn(&Ray) -> G,
     mut finish: impl FnMut(usize, G),
-    [enter]: [WalkBundle<G>; 1],
-    enter_single: Walk<G>,
+    ([enter], enter_single): ([WalkBundle<G>; 1], Walk<G>),
 ) -> Vec<Range<usize>> {
     let mut left: Vec<Range<usize>> = Vec::new();
     let mut bundle = Bundle::NONE;
@@ -134,14 +139,23 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
                 searches.push(Search::new(query, batch.context, start(query.ray)));
             }
             let alive = u32::MAX >> (32 - run.len());
-            let mut walker = Walker { forest, searches: &mut searches, stacks, alive, enter, enter_single };
+            rest.clear();
+            let mut walker =
+                Walker { forest, searches: &mut searches, stacks, rest, alive, dropped: 0, enter, enter_single };
             // SAFETY: as promised by the caller.
-            if unsafe { walker.walk::<L>(0, &mut bundle, 0, 0) } {
-                for (number, search) in run.zip(searches.drain(..)) {
+            unsafe { walker.walk::<L>(Position { group: 0, instance: 0, top: 0, object: None }, &mut bundle) };
+            let alive = walker.alive;
+            for (lane, (number, search)) in run.zip(searches.drain(..)).enumerate() {
+                if alive >> lane & 1 == 1 && rest.has_any(lane) {
+                    rest.put(number, lane, search.goal);
+                } else {
                     finish(number, search.goal);
                 }
-                continue;
             }
+            if rest.is_full() {
+                rest.search(forest, level, batch, &start, &mut finish);
+            }
+            continue;
         }
         match left.last_mut() {
             Some(last) if last.end == run.start => last.end = run.end,
@@ -200,7 +214,19 @@ fn numbers(ray: &Ray) -> [f32; 8] {
 }
 
 /// The entry of a level, for the step into an instance.
-type WalkBundle<G> = unsafe fn(&mut Walker<'_, '_, G>, usize, &mut Bundle, u32, usize) -> bool;
+type WalkBundle<G> = unsafe fn(&mut Walker<'_, '_, G>, Position, &mut Bundle);
+
+/// Where a bundle is.
+#[derive(Clone, Copy)]
+struct Position {
+    group: usize,
+    /// The occurrence number of the group.
+    instance: u32,
+    /// From where the stack is free.
+    top: usize,
+    /// The object of the root's tree that it has gone into.
+    object: Option<ChildRef>,
+}
 
 /// # Safety
 /// As [`Walker::walk`].
@@ -208,26 +234,22 @@ type WalkBundle<G> = unsafe fn(&mut Walker<'_, '_, G>, usize, &mut Bundle, u32, 
 #[target_feature(enable = "avx2,bmi1,popcnt")]
 unsafe fn walk_bundle_avx2<G: Goal<Precision = Single>>(
     walker: &mut Walker<'_, '_, G>,
-    group: usize,
+    position: Position,
     bundle: &mut Bundle,
-    instance: u32,
-    base: usize,
-) -> bool {
+) {
     // SAFETY: as promised by the caller.
-    unsafe { walker.walk::<snell_math::simd::Avx8>(group, bundle, instance, base) }
+    unsafe { walker.walk::<snell_math::simd::Avx8>(position, bundle) }
 }
 
 /// # Safety
 /// As [`Walker::walk`].
 unsafe fn walk_bundle_portable<G: Goal<Precision = Single>>(
     walker: &mut Walker<'_, '_, G>,
-    group: usize,
+    position: Position,
     bundle: &mut Bundle,
-    instance: u32,
-    base: usize,
-) -> bool {
+) {
     // SAFETY: as promised by the caller.
-    unsafe { walker.walk::<Portable8>(group, bundle, instance, base) }
+    unsafe { walker.walk::<Portable8>(position, bundle) }
 }
 
 /// The searches of a run on their way through the forest.
@@ -236,20 +258,25 @@ struct Walker<'w, 's, G: Goal> {
     /// One per ray.
     searches: &'w mut [Search<'s, G>],
     stacks: &'w mut Stacks,
+    /// What is left to single rays.
+    rest: &'w mut Rest<G>,
     /// The rays whose search is not over.
     alive: u32,
+    /// The rays to which the object of the root's tree that the bundle is in is left.
+    dropped: u32,
     enter: WalkBundle<G>,
     enter_single: Walk<G>,
 }
 
 impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
-    /// Walks one group. False if the run is given up: then nothing of what was found may be used.
+    /// Walks one group.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`; the stacks must have room for the group and all below it from `base`.
+    /// The machine must have the instructions of `L`; the stacks must have room for the group and all below it.
     #[inline(always)]
-    unsafe fn walk<L: WideLanes>(&mut self, group: usize, bundle: &mut Bundle, instance: u32, base: usize) -> bool {
-        let tree = &self.forest.trees[group];
+    unsafe fn walk<L: WideLanes>(&mut self, position: Position, bundle: &mut Bundle) {
+        let tree = &self.forest.trees[position.group];
+        let (base, instance) = (position.top, position.instance);
         let mut locals = Locals::NONE;
         for &object in &tree.unbounded {
             // SAFETY: as promised by the caller.
@@ -257,11 +284,11 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         }
         let prefetch = tree.memory_bytes() > PREFETCH_BYTES;
         let mut top = base;
-        let mut node = tree.root.index();
+        let (mut node, mut mask) = (tree.root.index(), self.alive);
         while self.alive != 0 {
             // SAFETY: the builder makes only references to nodes that exist; a walk holds at most 7 entries per level.
             unsafe {
-                let pushed = self.push_children::<L>(tree, node, bundle, top);
+                let pushed = self.push_children::<L>(tree, node, mask, bundle, top);
                 if prefetch {
                     for i in top..top + pushed {
                         fetch_ahead(tree, child_at(tree, *self.stacks.places.get_unchecked(i)));
@@ -271,39 +298,60 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             }
             loop {
                 if top == base {
-                    return true;
+                    return;
                 }
                 top -= 1;
                 // SAFETY: entries below the former `top` are written.
-                let (distance, place) =
-                    unsafe { (*self.stacks.distances.get_unchecked(top), *self.stacks.places.get_unchecked(top)) };
+                let (distance, place, meeting) = unsafe {
+                    (
+                        *self.stacks.distances.get_unchecked(top),
+                        *self.stacks.places.get_unchecked(top),
+                        *self.stacks.masks.get_unchecked(top),
+                    )
+                };
                 if distance > bundle.bundle_far {
                     continue;
                 }
-                // SAFETY: places come from nodes that exist.
-                let child = unsafe { child_at(tree, place) };
-                if child.is_node() {
-                    node = child.index();
-                    break;
-                }
-                // SAFETY: as above; `L` as promised by the caller.
-                let mask = unsafe {
-                    bundle.rays_meeting::<L>(tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7)
+                // SAFETY: places come from nodes that exist; `L` as promised by the caller.
+                let (child, mut meeting) = unsafe {
+                    let met = bundle.rays_meeting::<L>(tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7);
+                    (child_at(tree, place), met & meeting)
                 };
-                if mask == 0 {
+                if meeting.count_ones() <= self.rest.few {
+                    meeting = self.leave(meeting, child, &position, bundle);
+                }
+                if meeting == 0 {
                     continue;
+                }
+                if child.is_node() {
+                    (node, mask) = (child.index(), meeting);
+                    break;
                 }
                 // SAFETY: as promised by the caller.
                 unsafe {
                     if child.is_triangles() {
-                        self.test_triangles::<L>(tree, child, bundle, mask, &mut locals, instance);
-                    } else if !self.enter_object(tree, child.index(), bundle, mask, instance, top) {
-                        return false;
+                        self.test_triangles::<L>(tree, child, bundle, meeting, &mut locals, instance);
+                    } else {
+                        self.enter_object(tree, child, bundle, meeting, &Position { top, ..position });
                     }
                 }
             }
         }
-        true
+    }
+
+    /// Leaves a child to some of the rays alone. Returns those that have no room for more of that.
+    #[inline(always)]
+    fn leave(&mut self, mask: u32, child: ChildRef, position: &Position, bundle: &mut Bundle) -> u32 {
+        let Some(object) = position.object else { return self.rest.add(mask, child) };
+        // They will go into the instance again, from its root.
+        let kept = self.rest.add(mask, object);
+        let left = mask & !kept;
+        if left != 0 {
+            self.dropped |= left;
+            (0..RAYS).filter(|lane| left >> lane & 1 == 1).for_each(|lane| bundle.tighten(lane, -1.0));
+            bundle.update_limits();
+        }
+        kept
     }
 
     /// Puts the children of a node that the bundle meets on the stack, the nearest on top, and returns how many they are.
@@ -315,11 +363,13 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         &mut self,
         tree: &GroupTree,
         node: usize,
+        mask: u32,
         bundle: &Bundle,
         top: usize,
     ) -> usize {
         // SAFETY: as promised by the caller.
         unsafe {
+            *self.stacks.masks.as_mut_ptr().add(top).cast::<[u32; 8]>() = [mask; 8];
             let places: [u32; 8] = std::array::from_fn(|slot| (node * 8 + slot) as u32);
             let node = tree.nodes.get_unchecked(node);
             let enter = bundle.box_distances::<L>(node);
@@ -479,26 +529,25 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         bundle.update_limits();
     }
 
-    /// Tests a shape or instance for some of the rays: in an instance they go on as a bundle if they can. False if the run is given up.
+    /// Tests a shape or instance for some of the rays: in an instance they go on as a bundle if they can.
     ///
     /// # Safety
-    /// As [`Self::walk`]; the stack is free from `top`.
+    /// As [`Self::walk`].
     #[inline(never)]
     unsafe fn enter_object(
         &mut self,
         tree: &GroupTree,
-        object: usize,
+        object: ChildRef,
         bundle: &mut Bundle,
         mask: u32,
-        instance: u32,
-        top: usize,
-    ) -> bool {
+        position: &Position,
+    ) {
         if let ObjectRef::Placed(Object::Instance {
             child,
             offset,
             child_from_group: Placement::Still(child_from_group),
             mask: visible,
-        }) = tree.objects.get(object)
+        }) = tree.objects.get(object.index())
         {
             let mut wanted = mask;
             for lane in 0..RAYS {
@@ -509,23 +558,32 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             if wanted.count_ones() as usize >= MIN_RAYS && fits(&self.forest.trees[*child]) {
                 let mut below = Bundle::NONE;
                 if self.set_up_in_child(&mut below, bundle, wanted, child_from_group) {
+                    if position.object.is_none() {
+                        self.dropped = 0;
+                    }
                     let alive = std::mem::replace(&mut self.alive, wanted);
+                    let inside = Position {
+                        group: *child,
+                        instance: position.instance + offset,
+                        object: position.object.or(Some(object)),
+                        ..*position
+                    };
                     // SAFETY: as promised by the caller.
-                    let complete = unsafe { (self.enter)(self, *child, &mut below, instance + offset, top) };
+                    unsafe { (self.enter)(self, inside, &mut below) };
                     let over = wanted & !self.alive;
                     self.alive = alive & !over;
+                    let ended = if position.object.is_some() { over | self.dropped } else { over };
                     for lane in (0..RAYS).filter(|lane| wanted >> lane & 1 == 1) {
-                        let is_over = over >> lane & 1 == 1;
+                        let is_over = ended >> lane & 1 == 1;
                         bundle.tighten(lane, if is_over { -1.0 } else { self.searches[lane].cull() });
                     }
                     bundle.update_limits();
-                    return complete;
+                    return;
                 }
             }
         }
         // SAFETY: as promised by the caller.
-        unsafe { self.test_objects(tree, object, bundle, mask, instance) };
-        true
+        unsafe { self.test_objects(tree, object.index(), bundle, mask, position.instance) };
     }
 
     /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is none.
