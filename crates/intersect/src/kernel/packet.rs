@@ -85,7 +85,7 @@ pub(crate) fn search_runs<G: Goal<Precision = Single>>(
 /// # Safety
 /// As [`run`].
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,popcnt")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 unsafe fn run_avx2<G: Goal<Precision = Single>>(
     forest: &Forest,
     level: Level,
@@ -231,7 +231,7 @@ struct Position {
 /// # Safety
 /// As [`Walker::walk`].
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,popcnt")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 unsafe fn walk_bundle_avx2<G: Goal<Precision = Single>>(
     walker: &mut Walker<'_, '_, G>,
     position: Position,

@@ -80,6 +80,12 @@ pub(super) struct Bundle {
     /// Per axis and ray.
     pub slope: [PerRay<f32>; 2],
     pub offset: [PerRay<f32>; 2],
+    /// About where rays start, by axis of the bundle (z along the axis, not away from the apex), and how far the others do from there; not
+    /// used with a shared origin.
+    pub start_point: [f32; 3],
+    pub start_spread: f32,
+    /// Where the intervals of the rays begin, seen from there with the opposite sign (z away from the apex).
+    pub begin: [PerRay<f32>; 3],
     /// The origins as triangles see them, by axis of the bundle; not used with a shared origin.
     pub drawn_origin: [PerRay<f32>; 3],
     /// All rays are drawn along the z axis of the bundle.
@@ -145,6 +151,9 @@ impl Bundle {
         distance: 0.0,
         slope: [[0.0; RAYS]; 2],
         offset: [[0.0; RAYS]; 2],
+        start_point: [0.0; 3],
+        start_spread: 0.0,
+        begin: [[0.0; RAYS]; 3],
         drawn_origin: [[0.0; RAYS]; 3],
         is_aligned: false,
         near: [0.0; RAYS],
@@ -200,7 +209,7 @@ impl Bundle {
             (self.start, self.offset) = ([0.0; RAYS], [[0.0; RAYS]; 2]);
         } else {
             let apex = kind.apex.map(f64::from);
-            let mut far = [0.0f32; RAYS];
+            let (mut far, mut spread) = ([0.0f32; RAYS], [0.0f32; RAYS]);
             for (i, o) in self.rays.origin.iter().enumerate() {
                 let from = [o[x] - apex[x], o[y] - apex[y], o[z] - apex[z]];
                 let from_z = from[2] * f64::from(sign);
@@ -212,6 +221,18 @@ impl Bundle {
                     drawn[i] = o[axis] as f32;
                 }
             }
+            let first = self.rays.origin[0];
+            self.start_point = [x, y, z].map(|axis| first[axis] as f32);
+            let start = self.start_point.map(f64::from);
+            for (i, (o, d)) in self.rays.origin.iter().zip(&self.rays.direction).enumerate() {
+                let t = f64::from(t_min[i]);
+                let begin = [start[0] - (o[x] + t * d[x]), start[1] - (o[y] + t * d[y]), start[2] - (o[z] + t * d[z])];
+                self.begin[0][i] = begin[0] as f32;
+                self.begin[1][i] = begin[1] as f32;
+                self.begin[2][i] = begin[2] as f32 * sign;
+                spread[i] = (begin[0].abs() + begin[1].abs() + begin[2].abs()) as f32;
+            }
+            self.start_spread = greatest(&spread);
             self.distance = greatest(&far);
             self.margin = self.distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
         }
