@@ -18,16 +18,16 @@ use super::ray::LocalRay;
 use super::traverse::{Entry, Stack, Walk, test_object, walk_portable};
 use super::triangle::TriangleBlock;
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{Object, ObjectRef, Placement, ray_in_child, test_triangle};
+use crate::accel::group::{Object, ObjectRef, Placement, mapped, test_triangle};
 use crate::hit::Hit;
 use crate::precision::Single;
 use crate::query::search::{Goal, Search, Verdict};
-use bundle::{Bundle, Kind, PerRay, RAYS};
+use bundle::{Bundle, Columns, Kind, PerRay, RAYS, store};
 use exact::{Found, PAIRS, Pairs, exact_hits};
 use leaf::SeenBlock;
 use rest::Rest;
 use snell_math::simd::{Level, Portable8, WideLanes};
-use snell_math::{DAffine3, DRay, DVec3, Ray, Vec2, Vec3};
+use snell_math::{DAffine3, DVec3, Ray, Vec2, Vec3};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 
@@ -132,7 +132,8 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
     while first < batch.rays.len() {
         let run = first..(first + RAYS).min(batch.rays.len());
         first = run.end;
-        if set_up(&mut bundle, &batch.rays.rays()[run.clone()]) {
+        // SAFETY: as promised by the caller.
+        if unsafe { set_up::<L>(&mut bundle, &batch.rays.rays()[run.clone()]) } {
             searches.clear();
             for i in 0..RAYS {
                 let query = batch.rays.get((run.start + i).min(run.end - 1));
@@ -166,52 +167,92 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
 }
 
 /// Makes a bundle of a run; false if it is none. Lanes without a ray repeat the first one and want nothing.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
 #[inline(always)]
-fn set_up(bundle: &mut Bundle, rays: &[Ray]) -> bool {
+unsafe fn set_up<L: WideLanes>(bundle: &mut Bundle, rays: &[Ray]) -> bool {
     if rays.len() < MIN_RAYS {
         return false;
     }
-    let first = numbers(&rays[0]);
-    // By coordinate.
-    let mut columns = [[0.0f32; RAYS]; 8];
-    // Stays zero as long as everything is finite.
-    let mut not_finite = [0.0f32; 8];
-    let mut differences = [0; 8];
-    for i in 0..RAYS {
-        let ray = numbers(rays.get(i).unwrap_or(&rays[0]));
-        for k in 0..8 {
-            columns[k][i] = ray[k];
-            not_finite[k] += ray[k] * 0.0;
-            differences[k] |= ray[k].to_bits() ^ first[k].to_bits();
-        }
-        bundle.rays.origin[i] = [ray[0], ray[1], ray[2], ray[3]].map(f64::from);
-        bundle.rays.direction[i] = [ray[4], ray[5], ray[6], ray[7]].map(f64::from);
-    }
-    let [_, _, _, t_min, dx, dy, dz, t_max] = columns;
-    let mut invalid = 0;
-    for i in 0..RAYS {
-        invalid |= u32::from(!((t_min[i] >= 0.0) & (t_min[i] < t_max[i])));
-    }
-    if invalid != 0 || [0, 1, 2, 4, 5, 6].iter().any(|&k| not_finite[k] != 0.0) {
+    let first = &rays[0];
+    let all: [&Ray; RAYS] = if let Some(all) = rays.first_chunk::<RAYS>() {
+        all.each_ref()
+    } else {
+        std::array::from_fn(|i| rays.get(i).unwrap_or(first))
+    };
+    let (mut columns, mut t_max) = (Columns::ZERO, [0.0; RAYS]);
+    // SAFETY: as promised by the caller; halves are 0 and 1.
+    let (is_fine, ends) = unsafe { load_columns::<L>(&all, &mut columns, &mut bundle.drawn_origin, &mut t_max) };
+    if !is_fine {
         return false;
     }
-    let mut cull = t_max.map(padded);
-    cull[rays.len()..].fill(-1.0);
-    let common = differences[..3] == [0; 3];
-    let reversed = !common && not_finite[7] == 0.0;
+    let bits = |ray: &Ray| ray.origin.to_array().map(f32::to_bits);
+    let common = all.iter().all(|ray| bits(ray) == bits(first));
+    let reversed = !common && ends;
     // A little beyond the ends, so that all rays end before it.
-    let end = rays[0].origin + rays[0].direction * (rays[0].t_max * (1.0 + 1.0 / 1024.0));
-    let apex = if reversed { end } else { rays[0].origin };
-    bundle.kind = Kind { apex: apex.to_array(), reversed, common, rounded: false };
-    bundle.set_up(&[dx, dy, dz], &t_min, &cull)
+    let end = first.origin + first.direction * (first.t_max * (1.0 + 1.0 / 1024.0));
+    let apex = if reversed { end } else { first.origin }.to_array();
+    bundle.kind = Kind { apex, reversed, common, rounded: false };
+    for (i, ray) in all.iter().enumerate() {
+        bundle.rays.origin[i] = [ray.origin.x, ray.origin.y, ray.origin.z, ray.t_min].map(f64::from);
+        bundle.rays.direction[i] = [ray.direction.x, ray.direction.y, ray.direction.z, ray.t_max].map(f64::from);
+        columns.cull[i] = padded(t_max[i]);
+    }
+    columns.cull[rays.len()..].fill(-1.0);
+    if !common {
+        let first = first.origin.to_array();
+        for axis in 0..3 {
+            let origin = &bundle.drawn_origin[axis];
+            columns.from_apex[axis] = origin.map(|o| o - apex[axis]);
+            columns.from_first[axis] = origin.map(|o| o - first[axis]);
+        }
+    }
+    // SAFETY: as promised by the caller.
+    unsafe { bundle.set_up::<L>(&columns) }
 }
 
-/// All that a ray consists of.
+/// Transposes rays. Whether all are finite, with intervals that begin at zero or later and are not empty; and whether all end.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
 #[inline(always)]
-fn numbers(ray: &Ray) -> [f32; 8] {
-    let (o, d) = (ray.origin, ray.direction);
-    [o.x, o.y, o.z, ray.t_min, d.x, d.y, d.z, ray.t_max]
+unsafe fn load_columns<L: WideLanes>(
+    rays: &[&Ray; RAYS],
+    columns: &mut Columns,
+    origin: &mut [PerRay<f32>; 3],
+    t_max: &mut PerRay<f32>,
+) -> (bool, bool) {
+    let (mut fine, mut ends) = (0xff, 0xff);
+    for half in 0..2 {
+        // SAFETY: as promised by the caller; a ray is eight numbers in this order: origin, t_min, direction, t_max.
+        unsafe {
+            let rows = std::array::from_fn(|i| &*(&raw const *rays[8 * half + i]).cast::<[f32; 8]>());
+            let [ox, oy, oz, from, dx, dy, dz, to] = L::load_columns(rows);
+            let zero = L::splat(0.0);
+            // Zero if everything is finite.
+            let zeros = [ox, oy, oz, from, dx, dy, dz].map(|column| column.mul(zero));
+            let sum = zeros.into_iter().fold(zero, L::add);
+            fine &= sum.le(zero) & zero.le(from) & from.lt(to);
+            ends &= to.lt(L::splat(f32::INFINITY));
+            for (column, to) in [ox, oy, oz].into_iter().zip(origin.iter_mut()) {
+                store(column, to, half);
+            }
+            for (column, to) in [dx, dy, dz].into_iter().zip(columns.direction.iter_mut()) {
+                store(column, to, half);
+            }
+            store(from, &mut columns.t_min, half);
+            store(to, t_max, half);
+        }
+    }
+    (fine == 0xff, ends == 0xff)
 }
+
+const _: () = assert!(
+    std::mem::offset_of!(Ray, t_min) == 12
+        && std::mem::offset_of!(Ray, direction) == 16
+        && std::mem::offset_of!(Ray, t_max) == 28
+);
 
 /// The entry of a level, for the step into an instance.
 type WalkBundle<G> = unsafe fn(&mut Walker<'_, '_, G>, Position, &mut Bundle);
@@ -280,7 +321,10 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         let mut locals = Locals::NONE;
         for &object in &tree.unbounded {
             // SAFETY: as promised by the caller.
-            unsafe { self.test_objects(tree, object as usize, bundle, self.alive, instance) };
+            unsafe {
+                self.test_objects(tree, object as usize, bundle, self.alive, instance);
+                bundle.update_limits::<L>();
+            }
         }
         let prefetch = tree.memory_bytes() > PREFETCH_BYTES;
         let mut top = base;
@@ -318,7 +362,8 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                     (child_at(tree, place), met & meeting)
                 };
                 if meeting.count_ones() <= self.rest.few {
-                    meeting = self.leave(meeting, child, &position, bundle);
+                    // SAFETY: as promised by the caller.
+                    meeting = unsafe { self.leave::<L>(meeting, child, &position, bundle) };
                 }
                 if meeting == 0 {
                     continue;
@@ -332,7 +377,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                     if child.is_triangles() {
                         self.test_triangles::<L>(tree, child, bundle, meeting, &mut locals, instance);
                     } else {
-                        self.enter_object(tree, child, bundle, meeting, &Position { top, ..position });
+                        self.enter_object::<L>(tree, child, bundle, meeting, &Position { top, ..position });
                     }
                 }
             }
@@ -340,8 +385,11 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
     }
 
     /// Leaves a child to some of the rays alone. Returns those that have no room for more of that.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    fn leave(&mut self, mask: u32, child: ChildRef, position: &Position, bundle: &mut Bundle) -> u32 {
+    unsafe fn leave<L: WideLanes>(&mut self, mask: u32, child: ChildRef, position: &Position, bundle: &mut Bundle) -> u32 {
         let Some(object) = position.object else { return self.rest.add(mask, child) };
         // They will go into the instance again, from its root.
         let kept = self.rest.add(mask, object);
@@ -349,7 +397,8 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         if left != 0 {
             self.dropped |= left;
             (0..RAYS).filter(|lane| left >> lane & 1 == 1).for_each(|lane| bundle.tighten(lane, -1.0));
-            bundle.update_limits();
+            // SAFETY: as promised by the caller.
+            unsafe { bundle.update_limits::<L>() };
         }
         kept
     }
@@ -425,7 +474,8 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             found |= unsafe { self.test_pairs::<L>(tree, block, bundle, &mut pairs, locals, instance) };
         }
         if found {
-            bundle.update_limits();
+            // SAFETY: as promised by the caller.
+            unsafe { bundle.update_limits::<L>() };
         }
     }
 
@@ -499,7 +549,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         over || G::NARROWS
     }
 
-    /// Tests a shape or instance for some of the rays, one by one.
+    /// Tests a shape or instance for some of the rays, one by one. [`Bundle::update_limits`] must follow.
     ///
     /// # Safety
     /// The machine must have the instructions of the entries; the stacks must have room for all below the group.
@@ -526,15 +576,14 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                 bundle.tighten(lane, search.cull());
             }
         }
-        bundle.update_limits();
     }
 
     /// Tests a shape or instance for some of the rays: in an instance they go on as a bundle if they can.
     ///
     /// # Safety
     /// As [`Self::walk`].
-    #[inline(never)]
-    unsafe fn enter_object(
+    #[inline(always)]
+    unsafe fn enter_object<L: WideLanes>(
         &mut self,
         tree: &GroupTree,
         object: ChildRef,
@@ -557,7 +606,8 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             }
             if wanted.count_ones() as usize >= MIN_RAYS && fits(&self.forest.trees[*child]) {
                 let mut below = Bundle::NONE;
-                if self.set_up_in_child(&mut below, bundle, wanted, child_from_group) {
+                // SAFETY: as promised by the caller.
+                if unsafe { self.set_up_in_child::<L>(&mut below, bundle, wanted, child_from_group) } {
                     if position.object.is_none() {
                         self.dropped = 0;
                     }
@@ -577,43 +627,66 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                         let is_over = ended >> lane & 1 == 1;
                         bundle.tighten(lane, if is_over { -1.0 } else { self.searches[lane].cull() });
                     }
-                    bundle.update_limits();
+                    // SAFETY: as promised by the caller.
+                    unsafe { bundle.update_limits::<L>() };
                     return;
                 }
             }
         }
         // SAFETY: as promised by the caller.
-        unsafe { self.test_objects(tree, object.index(), bundle, mask, position.instance) };
+        unsafe {
+            self.test_objects(tree, object.index(), bundle, mask, position.instance);
+            bundle.update_limits::<L>();
+        }
     }
 
     /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is none.
-    fn set_up_in_child(&self, below: &mut Bundle, bundle: &Bundle, mask: u32, child_from_group: &DAffine3) -> bool {
-        let (mut t_min, mut cull): (PerRay<f32>, PerRay<f32>) = ([0.0; RAYS], [-1.0; RAYS]);
-        let mut directions = [[0.0; RAYS]; 3];
-        let mut valid = true;
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    unsafe fn set_up_in_child<L: WideLanes>(
+        &self,
+        below: &mut Bundle,
+        bundle: &Bundle,
+        mask: u32,
+        child_from_group: &DAffine3,
+    ) -> bool {
+        let mut columns = Columns::ZERO;
+        // Zero if everything is finite.
+        let mut sum = 0.0;
         for lane in 0..RAYS {
-            let ray = ray_in_child(child_from_group, &bundle.rays.get(lane));
-            valid &= ray.is_some();
-            let ray = ray.unwrap_or(DRay::new(DVec3::ZERO, DVec3::ZERO));
-            let (o, d) = (ray.origin, ray.direction);
-            t_min[lane] = self.searches[lane].ray.t_min;
-            if mask >> lane & 1 == 1 {
-                cull[lane] = self.searches[lane].cull();
-            }
-            below.rays.origin[lane] = [o.x, o.y, o.z, t_min[lane].into()];
-            below.rays.direction[lane] = [d.x, d.y, d.z, 0.0];
+            let ray = mapped(child_from_group, &bundle.rays.get(lane));
+            let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
+            columns.t_min[lane] = self.searches[lane].ray.t_min;
+            columns.cull[lane] = if mask >> lane & 1 == 1 { self.searches[lane].cull() } else { -1.0 };
+            below.rays.origin[lane] = [o[0], o[1], o[2], bundle.rays.origin[lane][3]];
+            below.rays.direction[lane] = [d[0], d[1], d[2], 0.0];
             for axis in 0..3 {
-                directions[axis][lane] = d[axis] as f32;
+                sum += o[axis] * 0.0 + d[axis] * 0.0;
+                columns.direction[axis][lane] = d[axis] as f32;
+                below.drawn_origin[axis][lane] = o[axis] as f32;
             }
         }
+        let [x, y, z, _] = below.rays.origin[0];
         let apex = if bundle.kind.common {
-            let [x, y, z, _] = below.rays.origin[0];
             DVec3::new(x, y, z)
         } else {
             child_from_group.transform_point3(Vec3::from_array(bundle.kind.apex).as_dvec3())
         };
-        below.kind = Kind { apex: apex.as_vec3().to_array(), rounded: true, ..bundle.kind };
-        valid && below.set_up(&directions, &t_min, &cull)
+        let apex = apex.as_vec3().to_array();
+        below.kind = Kind { apex, rounded: true, ..bundle.kind };
+        if !bundle.kind.common {
+            for axis in 0..3 {
+                let (apex, first) = (f64::from(apex[axis]), f64::from(below.drawn_origin[axis][0]));
+                for (lane, origin) in below.rays.origin.iter().enumerate() {
+                    columns.from_apex[axis][lane] = (origin[axis] - apex) as f32;
+                    columns.from_first[axis][lane] = (origin[axis] - first) as f32;
+                }
+            }
+        }
+        // SAFETY: as promised by the caller.
+        sum == 0.0 && unsafe { below.set_up::<L>(&columns) }
     }
 }
 

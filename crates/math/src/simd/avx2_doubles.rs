@@ -105,6 +105,50 @@ impl WideLanes for Avx8 {
     }
 
     #[inline(always)]
+    unsafe fn load_columns(rows: [&[f32; 8]; 8]) -> [Self; 8] {
+        // SAFETY: the caller guarantees AVX; each reference covers 32 readable bytes.
+        unsafe {
+            let r = rows.map(|row| _mm256_loadu_ps(row.as_ptr()));
+            // Pairs of rows, then fours, each in both halves.
+            let pair = |i: usize| (_mm256_unpacklo_ps(r[i], r[i + 1]), _mm256_unpackhi_ps(r[i], r[i + 1]));
+            let [(a, b), (c, d), (e, f), (g, h)] = [pair(0), pair(2), pair(4), pair(6)];
+            let four = |p: __m256, q: __m256| {
+                (_mm256_shuffle_ps::<0b0100_0100>(p, q), _mm256_shuffle_ps::<0b1110_1110>(p, q))
+            };
+            let [(a0, a1), (a2, a3), (b0, b1), (b2, b3)] = [four(a, c), four(b, d), four(e, g), four(f, h)];
+            let low = |p, q| Self(_mm256_permute2f128_ps::<0x20>(p, q));
+            let high = |p, q| Self(_mm256_permute2f128_ps::<0x31>(p, q));
+            [low(a0, b0), low(a1, b1), low(a2, b2), low(a3, b3), high(a0, b0), high(a1, b1), high(a2, b2), high(a3, b3)]
+        }
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_div_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn least(self) -> f32 {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        unsafe {
+            let four = _mm_min_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+            let two = _mm_min_ps(four, _mm_movehl_ps(four, four));
+            _mm_cvtss_f32(_mm_min_ss(two, _mm_shuffle_ps::<1>(two, two)))
+        }
+    }
+
+    #[inline(always)]
+    fn greatest(self) -> f32 {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        unsafe {
+            let four = _mm_max_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+            let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
+            _mm_cvtss_f32(_mm_max_ss(two, _mm_shuffle_ps::<1>(two, two)))
+        }
+    }
+
+    #[inline(always)]
     fn first_doubles(self) -> Avx4 {
         // SAFETY: a value of this type exists, so the machine has AVX.
         Avx4(unsafe { _mm256_cvtps_pd(_mm256_castps256_ps128(self.0)) })

@@ -11,7 +11,7 @@
 use super::super::node::WideNode;
 use snell_math::DRay;
 use snell_math::DVec3;
-use snell_math::simd::Lanes8;
+use snell_math::simd::{Lanes8, WideLanes};
 
 /// Rays in a bundle.
 pub(super) const RAYS: usize = 16;
@@ -117,26 +117,42 @@ fn axes(d: [f32; 3]) -> [usize; 3] {
     }
 }
 
-#[inline(always)]
-fn least(values: &PerRay<f32>) -> f32 {
-    let mut v = *values;
-    for step in [8, 4, 2, 1] {
-        for i in 0..step {
-            v[i] = if v[i] > v[i + step] { v[i + step] } else { v[i] };
-        }
-    }
-    v[0]
+/// What a bundle is made of, by axis of the group and ray, rounded to nearest.
+pub(super) struct Columns {
+    /// Origins, seen from the apex and from [the first one, rounded](Bundle::drawn_origin); not used with a shared origin.
+    pub from_apex: [PerRay<f32>; 3],
+    pub from_first: [PerRay<f32>; 3],
+    pub direction: [PerRay<f32>; 3],
+    /// Not negative.
+    pub t_min: PerRay<f32>,
+    /// The padded limits of the searches; negative for rays whose search is over, and lanes without a ray.
+    pub cull: PerRay<f32>,
 }
 
+impl Columns {
+    pub const ZERO: Self = Self {
+        from_apex: [[0.0; RAYS]; 3],
+        from_first: [[0.0; RAYS]; 3],
+        direction: [[0.0; RAYS]; 3],
+        t_min: [0.0; RAYS],
+        cull: [0.0; RAYS],
+    };
+}
+
+/// # Safety
+/// The machine must have the instructions of `L`.
 #[inline(always)]
-fn greatest(values: &PerRay<f32>) -> f32 {
-    let mut v = *values;
-    for step in [8, 4, 2, 1] {
-        for i in 0..step {
-            v[i] = if v[i] < v[i + step] { v[i + step] } else { v[i] };
-        }
-    }
-    v[0]
+unsafe fn least<L: WideLanes>(values: &PerRay<f32>) -> f32 {
+    // SAFETY: passed on to the caller.
+    unsafe { lanes::<L>(values, 0).min(lanes(values, 1)).least() }
+}
+
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn greatest<L: WideLanes>(values: &PerRay<f32>) -> f32 {
+    // SAFETY: passed on to the caller.
+    unsafe { lanes::<L>(values, 0).max(lanes(values, 1)).greatest() }
 }
 
 impl Bundle {
@@ -168,12 +184,16 @@ impl Bundle {
         high_offset: [0.0; 2],
     };
 
-    /// Works out everything else from `rays` and `kind`; `directions` are those of `rays`, rounded. False if these rays do not make a bundle. `t_min` must not be negative. `cull`
-    /// are the padded limits of the searches; rays whose search is over, and lanes without a ray, have a negative one.
+    /// Works out everything else from `kind`, `drawn_origin` by axis of the group, `rays` and `columns`. False if these rays do not make
+    /// a bundle.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub fn set_up(&mut self, directions: &[PerRay<f32>; 3], t_min: &PerRay<f32>, cull: &PerRay<f32>) -> bool {
+    pub unsafe fn set_up<L: WideLanes>(&mut self, columns: &Columns) -> bool {
         let kind = self.kind;
-        self.axes = axes(directions.map(|d| d[0].abs()));
+        let directions = &columns.direction;
+        self.axes = axes([0, 1, 2].map(|axis| directions[axis][0].abs()));
         let [x, y, z] = self.axes;
         let forward: f32 = if directions[z][0] < 0.0 { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
@@ -184,19 +204,25 @@ impl Bundle {
                 self.slope[0][i] = (d[x] / d[z]) as f32 * sign;
                 self.slope[1][i] = (d[y] / d[z]) as f32 * sign;
             }
-        } else {
-            for i in 0..RAYS {
-                self.slope[0][i] = directions[x][i] / directions[z][i] * sign;
-                self.slope[1][i] = directions[y][i] / directions[z][i] * sign;
+        }
+        // SAFETY: passed on to the caller; halves are 0 and 1.
+        unsafe {
+            for half in 0..2 {
+                let along: L = lanes(&directions[z], half);
+                if !kind.rounded {
+                    for (slope, axis) in self.slope.iter_mut().zip([x, y]) {
+                        store(lanes::<L>(&directions[axis], half).div(along).mul(L::splat(sign)), slope, half);
+                    }
+                }
+                store(along.mul(L::splat(forward)), &mut self.along, half);
             }
         }
-        for i in 0..RAYS {
-            self.along[i] = directions[z][i] * forward;
-        }
-        let low = [least(&self.slope[0]), least(&self.slope[1])];
-        let high = [greatest(&self.slope[0]), greatest(&self.slope[1])];
-        let fine = least(&self.along) > 1.0 / LARGEST
-            && greatest(&self.along) < LARGEST
+        // SAFETY: passed on to the caller.
+        let (low, high) = unsafe {
+            (self.slope.each_ref().map(|s| least::<L>(s)), self.slope.each_ref().map(|s| greatest::<L>(s)))
+        };
+        // SAFETY: passed on to the caller.
+        let fine = unsafe { least::<L>(&self.along) > 1.0 / LARGEST && greatest::<L>(&self.along) < LARGEST }
             && (0..2).all(|i| low[i] >= -2.0 && high[i] <= 2.0 && high[i] - low[i] <= MAX_SPREAD)
             && kind.apex.iter().all(|a| a.abs() < LARGEST);
         if !fine {
@@ -205,40 +231,17 @@ impl Bundle {
         // At slope 1 the choice of the axis is a tie, or decided by less than the rounding of the slope.
         self.is_aligned = (0..2).all(|i| low[i] > -1.0 && high[i] < 1.0);
         (self.margin, self.distance) = (0.0, 0.0);
-        if kind.common {
-            (self.start, self.offset) = ([0.0; RAYS], [[0.0; RAYS]; 2]);
-        } else {
-            let apex = kind.apex.map(f64::from);
-            let (mut far, mut spread) = ([0.0f32; RAYS], [0.0f32; RAYS]);
-            for (i, o) in self.rays.origin.iter().enumerate() {
-                let from = [o[x] - apex[x], o[y] - apex[y], o[z] - apex[z]];
-                let from_z = from[2] * f64::from(sign);
-                self.start[i] = from_z as f32;
-                self.offset[0][i] = (from[0] - f64::from(self.slope[0][i]) * from_z) as f32;
-                self.offset[1][i] = (from[1] - f64::from(self.slope[1][i]) * from_z) as f32;
-                far[i] = (from[0].abs() + from[1].abs() + from[2].abs()) as f32;
-                for (drawn, axis) in self.drawn_origin.iter_mut().zip([x, y, z]) {
-                    drawn[i] = o[axis] as f32;
-                }
+        // SAFETY: passed on to the caller.
+        unsafe {
+            if kind.common {
+                (self.start, self.offset) = ([0.0; RAYS], [[0.0; RAYS]; 2]);
+            } else {
+                self.place::<L>(columns);
             }
-            let first = self.rays.origin[0];
-            self.start_point = [x, y, z].map(|axis| first[axis] as f32);
-            let start = self.start_point.map(f64::from);
-            for (i, (o, d)) in self.rays.origin.iter().zip(&self.rays.direction).enumerate() {
-                let t = f64::from(t_min[i]);
-                let begin = [start[0] - (o[x] + t * d[x]), start[1] - (o[y] + t * d[y]), start[2] - (o[z] + t * d[z])];
-                self.begin[0][i] = begin[0] as f32;
-                self.begin[1][i] = begin[1] as f32;
-                self.begin[2][i] = begin[2] as f32 * sign;
-                spread[i] = (begin[0].abs() + begin[1].abs() + begin[2].abs()) as f32;
+            if kind.rounded {
+                let size = self.rays.origin.map(|o| (o[0].abs() + o[1].abs() + o[2].abs()) as f32);
+                self.margin += greatest::<L>(&size) * (4.0 * f32::EPSILON) + f32::MIN_POSITIVE;
             }
-            self.start_spread = greatest(&spread);
-            self.distance = greatest(&far);
-            self.margin = self.distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
-        }
-        if kind.rounded {
-            let size = self.rays.origin.map(|o| (o[0].abs() + o[1].abs() + o[2].abs()) as f32);
-            self.margin += greatest(&size) * (4.0 * f32::EPSILON) + f32::MIN_POSITIVE;
         }
         if !(self.margin < LARGEST) {
             return false;
@@ -248,28 +251,70 @@ impl Bundle {
             octant | usize::from(down) << axis
         });
         for i in 0..RAYS {
-            let early = t_min[i] * self.along[i];
-            let end = self.end(i, cull[i]);
+            let early = columns.t_min[i] * self.along[i];
+            let end = self.end(i, columns.cull[i]);
             let (near, far) = if kind.reversed {
                 (end, (self.start[i] - early) * (1.0 + PADDING) + self.margin)
             } else {
                 ((self.start[i] + early) * (1.0 - PADDING) - self.margin, end)
             };
-            let over = cull[i] < 0.0;
+            let over = columns.cull[i] < 0.0;
             self.near[i] = if over { f32::INFINITY } else { near };
             self.far[i] = if over { f32::NEG_INFINITY } else { far };
         }
-        self.update_limits();
+        // SAFETY: passed on to the caller.
+        unsafe { self.update_limits::<L>() };
         // Before the apex the slopes change places; the bundle is hardly wider there.
         let before = (-self.bundle_near).max(0.0);
         for i in 0..2 {
             self.low_slope[i] = low[i] - 2.0 * PADDING;
             self.high_slope[i] = high[i] + 2.0 * PADDING;
             let extra = self.margin + (self.high_slope[i] - self.low_slope[i]) * before;
-            self.low_offset[i] = least(&self.offset[i]) - extra;
-            self.high_offset[i] = greatest(&self.offset[i]) + extra;
+            // SAFETY: passed on to the caller.
+            unsafe {
+                self.low_offset[i] = least::<L>(&self.offset[i]) - extra;
+                self.high_offset[i] = greatest::<L>(&self.offset[i]) + extra;
+            }
         }
         true
+    }
+
+    /// Works out where rays that do not share their origin begin.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    unsafe fn place<L: WideLanes>(&mut self, columns: &Columns) {
+        let [x, y, z] = self.axes;
+        self.start_point = [self.drawn_origin[x][0], self.drawn_origin[y][0], self.drawn_origin[z][0]];
+        self.drawn_origin = [self.drawn_origin[x], self.drawn_origin[y], self.drawn_origin[z]];
+        // SAFETY: passed on to the caller; halves are 0 and 1.
+        unsafe {
+            let (mut far, mut spread) = (L::splat(0.0), L::splat(0.0));
+            let sign = L::splat(self.sign);
+            for half in 0..2 {
+                let from: [L; 3] = [x, y, z].map(|axis| lanes(&columns.from_apex[axis], half));
+                let from_z = from[2].mul(sign);
+                store(from_z, &mut self.start, half);
+                for i in 0..2 {
+                    let slope: L = lanes(&self.slope[i], half);
+                    store(from[i].sub(slope.mul(from_z)), &mut self.offset[i], half);
+                }
+                far = far.max(from[0].abs().add(from[1].abs()).add(from[2].abs()));
+                let t: L = lanes(&columns.t_min, half);
+                let begin: [L; 3] = [x, y, z].map(|axis| {
+                    let beside = L::splat(0.0).sub(lanes::<L>(&columns.from_first[axis], half));
+                    beside.sub(t.mul(lanes(&columns.direction[axis], half)))
+                });
+                spread = spread.max(begin[0].abs().add(begin[1].abs()).add(begin[2].abs()));
+                store(begin[0], &mut self.begin[0], half);
+                store(begin[1], &mut self.begin[1], half);
+                store(begin[2].mul(sign), &mut self.begin[2], half);
+            }
+            self.start_spread = spread.greatest();
+            self.distance = far.greatest();
+        }
+        self.margin = self.distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
     }
 
     /// Where a search with this limit ends.
@@ -296,10 +341,16 @@ impl Bundle {
     }
 
     /// After hits: what is of interest to any of the rays.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub fn update_limits(&mut self) {
-        self.bundle_near = least(&self.near);
-        self.bundle_far = greatest(&self.far);
+    pub unsafe fn update_limits<L: WideLanes>(&mut self) {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            self.bundle_near = least::<L>(&self.near);
+            self.bundle_far = greatest::<L>(&self.far);
+        }
     }
 
     /// For each child of a node where the bundle enters its box (at or beyond `bundle_far` if it is missed).
@@ -400,6 +451,14 @@ impl Bundle {
 unsafe fn lanes<L: Lanes8>(values: &PerRay<f32>, half: usize) -> L {
     // SAFETY: passed on to the caller.
     unsafe { L::load(&*values.as_ptr().add(8 * half).cast::<[f32; 8]>()) }
+}
+
+/// # Safety
+/// `half` must be 0 or 1.
+#[inline(always)]
+pub(super) unsafe fn store<L: Lanes8>(from: L, values: &mut PerRay<f32>, half: usize) {
+    // SAFETY: passed on to the caller.
+    from.store(unsafe { &mut *values.as_mut_ptr().add(8 * half).cast::<[f32; 8]>() });
 }
 
 /// True if the boxes of a node are where the tests of bundles cannot overflow.

@@ -25,6 +25,11 @@ fn vector(seed: u32, i: u32) -> Vec3 {
     Vec3::new(unit(seed, 3 * i), unit(seed, 3 * i + 1), unit(seed, 3 * i + 2)) * 2.0 - 1.0
 }
 
+fn is_bundle(bundle: &mut Bundle, rays: &[Ray]) -> bool {
+    // SAFETY: portable code.
+    unsafe { set_up::<Portable8>(bundle, rays) }
+}
+
 /// How the rays of a run belong together.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
@@ -137,7 +142,7 @@ proptest! {
             block.set(lane, &[corner(0), corner(1), corner(2)], 0);
         }
         let mut bundle = Bundle::NONE;
-        if set_up(&mut bundle, &rays) {
+        if is_bundle(&mut bundle, &rays) {
             // SAFETY: portable code.
             unsafe { check_block::<Portable8>(&bundle, &block, &rays)? };
             #[cfg(target_arch = "x86_64")]
@@ -190,12 +195,12 @@ unsafe fn check_block<L: WideLanes>(bundle: &Bundle, block: &TriangleBlock, rays
 fn runs_with_a_common_point_are_bundles_and_others_are_not() {
     let mut bundle = Bundle::NONE;
     let (from, to) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.5, -1.0, -2.0));
-    let mut is_bundle = |rays: &[Ray]| set_up(&mut bundle, rays).then(|| (bundle.kind.common, bundle.kind.reversed));
-    assert_eq!(is_bundle(&rays(Kind::FromPoint, 1, 16, from, to, 0.1)), Some((true, false)));
-    assert_eq!(is_bundle(&rays(Kind::ToPoint, 1, 16, from, to, 0.1)), Some((false, true)));
-    assert_eq!(is_bundle(&rays(Kind::Parallel, 1, 9, from, to, 0.1)), Some((false, false)));
-    assert_eq!(is_bundle(&rays(Kind::Unlike, 1, 16, from, to, 0.1)), None);
-    assert_eq!(is_bundle(&rays(Kind::FromPoint, 1, 3, from, to, 0.1)), None);
+    let mut kind_of = |rays: &[Ray]| is_bundle(&mut bundle, rays).then(|| (bundle.kind.common, bundle.kind.reversed));
+    assert_eq!(kind_of(&rays(Kind::FromPoint, 1, 16, from, to, 0.1)), Some((true, false)));
+    assert_eq!(kind_of(&rays(Kind::ToPoint, 1, 16, from, to, 0.1)), Some((false, true)));
+    assert_eq!(kind_of(&rays(Kind::Parallel, 1, 9, from, to, 0.1)), Some((false, false)));
+    assert_eq!(kind_of(&rays(Kind::Unlike, 1, 16, from, to, 0.1)), None);
+    assert_eq!(kind_of(&rays(Kind::FromPoint, 1, 3, from, to, 0.1)), None);
     for (k, broken) in [f32::NAN, f32::INFINITY, -1.0].into_iter().enumerate() {
         let mut rays = rays(Kind::FromPoint, 1, 16, from, to, 0.1);
         match k {
@@ -203,7 +208,7 @@ fn runs_with_a_common_point_are_bundles_and_others_are_not() {
             1 => rays[7].origin.y = broken,
             _ => rays[7].t_max = broken,
         }
-        assert_eq!(is_bundle(&rays), None, "{broken}");
+        assert_eq!(kind_of(&rays), None, "{broken}");
     }
 }
 
@@ -237,7 +242,7 @@ fn bundles_agree_with_the_oracle_on_nested_instances_with_masks_and_rejections()
 fn locals_are_built_once_and_are_those_of_the_rays() {
     let rays = rays(Kind::FromPoint, 3, 16, Vec3::ZERO, Vec3::Z, 0.1);
     let mut bundle = Bundle::NONE;
-    assert!(set_up(&mut bundle, &rays));
+    assert!(is_bundle(&mut bundle, &rays));
     let mut locals = Locals::NONE;
     for lane in [3, 3, 0] {
         assert_eq!(locals.get(&bundle, lane).exact.direction, rays[lane].direction.as_dvec3());
