@@ -6,7 +6,7 @@ use super::slot::{STACK, Slot};
 use super::traverse::{Entry, SMALL_STACK, Walk, search_forest, walk_portable};
 use crate::accel::bvh::Forest;
 use crate::precision::Rules;
-use crate::query::rays::{RayQuery, Rays};
+use crate::query::rays::Rays;
 use crate::query::search::{Context, Goal, RayOf, Search};
 use snell_math::simd::{Lanes8, Level, Portable8};
 use std::mem::MaybeUninit;
@@ -25,57 +25,12 @@ pub(crate) struct Batch<'a, P: Rules> {
 
 /// True if walks through the forest fit the stacks of this kernel, and it has something to interleave.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
-    rays >= SLOTS && can_resume(forest, 0)
-}
-
-/// True if walks that begin with so many children fit the stacks of this kernel.
-pub(super) fn can_resume(forest: &Forest, children: usize) -> bool {
     let tree = &forest.trees[0];
-    forest.ordinary
+    rays >= SLOTS
+        && forest.ordinary
         && tree.root.is_node()
         && tree.unbounded.is_empty()
-        && forest.stack_size + 8 + children <= STACK
-}
-
-/// Rays to search for, each from the root or from where it has come to.
-pub(super) trait Work<'a, G: Goal> {
-    fn len(&self) -> usize;
-
-    fn query(&self, number: usize) -> RayQuery<'a, G::Precision>;
-
-    /// What is wanted, and found so far; asked again for a ray that is not ordinary, which then starts anew.
-    fn goal(&mut self, number: usize) -> G;
-
-    /// Children of the root's tree that are left to visit, the first one first; none: all.
-    fn children(&self, number: usize) -> &[ChildRef];
-}
-
-/// All rays of a batch, from the root.
-struct Fresh<'b, 'a, P: Rules, S> {
-    batch: &'b Batch<'a, P>,
-    start: S,
-}
-
-impl<'a, G: Goal, S: Fn(&RayOf<G>) -> G> Work<'a, G> for Fresh<'_, 'a, G::Precision, S> {
-    #[inline(always)]
-    fn len(&self) -> usize {
-        self.batch.rays.len()
-    }
-
-    #[inline(always)]
-    fn query(&self, number: usize) -> RayQuery<'a, G::Precision> {
-        self.batch.rays.get(number)
-    }
-
-    #[inline(always)]
-    fn goal(&mut self, number: usize) -> G {
-        (self.start)(self.query(number).ray)
-    }
-
-    #[inline(always)]
-    fn children(&self, _: usize) -> &[ChildRef] {
-        &[]
-    }
+        && forest.stack_size + 8 <= STACK
 }
 
 /// Searches for every ray of a batch; `finish` gets the number of a ray and what was found, in no particular order.
@@ -87,23 +42,12 @@ pub(crate) fn search_batch<G: Goal>(
     finish: impl FnMut(usize, G),
 ) {
     debug_assert!(is_suitable(forest, batch.rays.len()));
-    search_work(forest, level, batch.context, Fresh { batch, start }, finish);
-}
-
-/// Searches for every ray of some work; [`can_resume`] must hold.
-pub(super) fn search_work<'a, G: Goal>(
-    forest: &Forest,
-    level: Level,
-    context: &'a Context<'a, G::Precision>,
-    work: impl Work<'a, G>,
-    finish: impl FnMut(usize, G),
-) {
     match level {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `World` holds only levels that the machine supports.
-        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, level, context, work, finish) },
+        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, level, batch, start, finish) },
         // SAFETY: portable code.
-        _ => unsafe { run::<Portable8, G>(forest, level, context, work, finish, walk_portable::<G>) },
+        _ => unsafe { run::<Portable8, G>(forest, level, batch, start, finish, walk_portable::<G>) },
     }
 }
 
@@ -111,28 +55,28 @@ pub(super) fn search_work<'a, G: Goal>(
 /// As [`run`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn run_avx2<'a, G: Goal>(
+unsafe fn run_avx2<G: Goal>(
     forest: &Forest,
     level: Level,
-    context: &'a Context<'a, G::Precision>,
-    work: impl Work<'a, G>,
+    batch: &Batch<G::Precision>,
+    start: impl Fn(&RayOf<G>) -> G,
     finish: impl FnMut(usize, G),
 ) {
     use super::traverse::walk_avx2;
     // SAFETY: as promised by the caller.
-    unsafe { run::<snell_math::simd::Avx8, G>(forest, level, context, work, finish, walk_avx2::<G>) }
+    unsafe { run::<snell_math::simd::Avx8, G>(forest, level, batch, start, finish, walk_avx2::<G>) }
 }
 
 /// The loop over all rays in flight: first a step for each that is at a node, then one for each that is at a leaf or done.
 ///
 /// # Safety
-/// The machine must have the instructions of `L`; [`can_resume`] must hold; `enter` must be the entry of the same level.
+/// The machine must have the instructions of `L`; [`is_suitable`] must hold; `enter` must be the entry of the same level.
 #[inline(always)]
-unsafe fn run<'a, L: Lanes8, G: Goal>(
+unsafe fn run<L: Lanes8, G: Goal>(
     forest: &Forest,
     level: Level,
-    context: &'a Context<'a, G::Precision>,
-    mut work: impl Work<'a, G>,
+    batch: &Batch<G::Precision>,
+    start: impl Fn(&RayOf<G>) -> G,
     mut finish: impl FnMut(usize, G),
     enter: Walk<G>,
 ) {
@@ -210,19 +154,17 @@ unsafe fn run<'a, L: Lanes8, G: Goal>(
                         finish((*slot).number, search.goal);
                     }
                     let started = loop {
-                        if number == work.len() {
+                        if number == batch.rays.len() {
                             break false;
                         }
-                        let query = work.query(number);
-                        let mut search = || Search::new(query, context, work.goal(number));
-                        let started = (*slot).start::<L>(tree, number, context.data, &mut search, query.ray);
+                        let query = batch.rays.get(number);
+                        let search = || Search::new(query, batch.context, start(query.ray));
+                        let started = (*slot).start::<L>(tree, number, batch.context.data, search, query.ray);
                         number += 1;
                         if started {
-                            (*slot).resume(work.children(number - 1));
                             break true;
                         }
-                        let search = Search::new(query, context, work.goal(number - 1));
-                        finish(number - 1, search_alone(forest, level, search));
+                        finish(number - 1, search_alone(forest, level, search()));
                     };
                     if !started {
                         // Nothing left to do: the slot stays out of all queues.

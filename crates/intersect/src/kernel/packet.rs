@@ -8,7 +8,6 @@
 mod bundle;
 mod exact;
 mod leaf;
-mod rest;
 #[cfg(test)]
 mod tests;
 
@@ -25,7 +24,6 @@ use crate::query::search::{Goal, Search, Verdict};
 use bundle::{Bundle, Columns, Kind, PerRay, RAYS, store};
 use exact::{Found, PAIRS, Pairs, exact_hits};
 use leaf::SeenBlock;
-use rest::Rest;
 use snell_math::simd::{Level, Portable8, WideLanes};
 use snell_math::{DAffine3, DVec3, Ray, Vec2, Vec3};
 use std::mem::MaybeUninit;
@@ -58,7 +56,7 @@ pub(crate) fn search_runs<G: Goal<Precision = Single>>(
     level: Level,
     batch: &Batch<Single>,
     start: impl Fn(&Ray) -> G,
-    mut finish: impl FnMut(usize, G),
+    finish: impl FnMut(usize, G),
 ) -> Vec<Range<usize>> {
     debug_assert!(is_suitable(forest));
     let mut stacks = Stacks {
@@ -67,19 +65,16 @@ pub(crate) fn search_runs<G: Goal<Precision = Single>>(
         masks: vec![0; forest.stack_size],
         single: vec![MaybeUninit::uninit(); forest.stack_size],
     };
-    let mut rest = Rest::new(forest);
-    let left = match level {
+    match level {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `World` holds only levels that the machine supports, and the stacks have `stack_size` entries.
-        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, level, batch, &mut stacks, &mut rest, &start, &mut finish) },
+        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, batch, &mut stacks, start, finish) },
         // SAFETY: portable code, and the stacks have `stack_size` entries.
         _ => unsafe {
-            let entries = ([walk_bundle_portable::<G> as WalkBundle<G>], walk_portable::<G> as Walk<G>);
-            run::<Portable8, G>(forest, level, batch, &mut stacks, &mut rest, &start, &mut finish, entries)
+            let entries = (walk_bundle_portable::<G> as WalkBundle<G>, walk_portable::<G> as Walk<G>);
+            run::<Portable8, G>(forest, batch, &mut stacks, start, finish, entries)
         },
-    };
-    rest.search(forest, level, batch, &start, &mut finish);
-    left
+    }
 }
 
 /// # Safety
@@ -88,18 +83,16 @@ pub(crate) fn search_runs<G: Goal<Precision = Single>>(
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 unsafe fn run_avx2<G: Goal<Precision = Single>>(
     forest: &Forest,
-    level: Level,
     batch: &Batch<Single>,
     stacks: &mut Stacks,
-    rest: &mut Rest<G>,
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
 ) -> Vec<Range<usize>> {
     use super::traverse::walk_avx2;
     use snell_math::simd::Avx8;
-    let entries = ([walk_bundle_avx2::<G> as WalkBundle<G>], walk_avx2::<G> as Walk<G>);
+    let entries = (walk_bundle_avx2::<G> as WalkBundle<G>, walk_avx2::<G> as Walk<G>);
     // SAFETY: as promised by the caller.
-    unsafe { run::<Avx8, G>(forest, level, batch, stacks, rest, start, finish, entries) }
+    unsafe { run::<Avx8, G>(forest, batch, stacks, start, finish, entries) }
 }
 
 /// Memory of the walks: what bundles put off, by distance, place (node times eight plus slot) and the rays that meet the node, and the
@@ -117,13 +110,11 @@ struct Stacks {
 #[inline(always)]
 unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
     forest: &Forest,
-    level: Level,
     batch: &Batch<Single>,
     stacks: &mut Stacks,
-    rest: &mut Rest<G>,
     start: impl Fn(&Ray) -> G,
     mut finish: impl FnMut(usize, G),
-    ([enter], enter_single): ([WalkBundle<G>; 1], Walk<G>),
+    (enter, enter_single): (WalkBundle<G>, Walk<G>),
 ) -> Vec<Range<usize>> {
     let mut left: Vec<Range<usize>> = Vec::new();
     let mut bundle = Bundle::NONE;
@@ -135,26 +126,21 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
         // SAFETY: as promised by the caller.
         if unsafe { set_up::<L>(&mut bundle, &batch.rays.rays()[run.clone()]) } {
             searches.clear();
-            for i in 0..RAYS {
-                let query = batch.rays.get((run.start + i).min(run.end - 1));
-                searches.push(Search::new(query, batch.context, start(query.ray)));
-            }
+            let search = |lane: usize| {
+                let query = batch.rays.get((run.start + lane).min(run.end - 1));
+                Search::new(query, batch.context, start(query.ray))
+            };
             let alive = u32::MAX >> (32 - run.len());
-            rest.clear();
             let mut walker =
-                Walker { forest, searches: &mut searches, stacks, rest, alive, dropped: 0, enter, enter_single };
+                Walker { forest, searches: &mut searches, search: &search, stacks, alive, enter, enter_single };
             // SAFETY: as promised by the caller.
-            unsafe { walker.walk::<L>(Position { group: 0, instance: 0, top: 0, object: None }, &mut bundle) };
-            let alive = walker.alive;
-            for (lane, (number, search)) in run.zip(searches.drain(..)).enumerate() {
-                if alive >> lane & 1 == 1 && rest.has_any(lane) {
-                    rest.put(number, lane, search.goal);
-                } else {
+            unsafe { walker.walk::<L>(Position { group: 0, instance: 0, top: 0 }, &mut bundle) };
+            if searches.is_empty() {
+                run.for_each(|number| finish(number, start(&batch.rays.rays()[number])));
+            } else {
+                for (number, search) in run.zip(searches.drain(..)) {
                     finish(number, search.goal);
                 }
-            }
-            if rest.is_full() {
-                rest.search(forest, level, batch, &start, &mut finish);
             }
             continue;
         }
@@ -265,8 +251,6 @@ struct Position {
     instance: u32,
     /// From where the stack is free.
     top: usize,
-    /// The object of the root's tree that it has gone into.
-    object: Option<ChildRef>,
 }
 
 /// # Safety
@@ -296,15 +280,13 @@ unsafe fn walk_bundle_portable<G: Goal<Precision = Single>>(
 /// The searches of a run on their way through the forest.
 struct Walker<'w, 's, G: Goal> {
     forest: &'w Forest,
-    /// One per ray.
-    searches: &'w mut [Search<'s, G>],
+    /// None, or one per ray: most bundles that hit nothing need none.
+    searches: &'w mut Vec<Search<'s, G>>,
+    /// The search of a ray at its beginning.
+    search: &'w dyn Fn(usize) -> Search<'s, G>,
     stacks: &'w mut Stacks,
-    /// What is left to single rays.
-    rest: &'w mut Rest<G>,
     /// The rays whose search is not over.
     alive: u32,
-    /// The rays to which the object of the root's tree that the bundle is in is left.
-    dropped: u32,
     enter: WalkBundle<G>,
     enter_single: Walk<G>,
 }
@@ -357,14 +339,10 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                     continue;
                 }
                 // SAFETY: places come from nodes that exist; `L` as promised by the caller.
-                let (child, mut meeting) = unsafe {
-                    let met = bundle.rays_meeting::<L>(tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7);
-                    (child_at(tree, place), met & meeting)
+                let (child, meeting) = unsafe {
+                    let node = tree.nodes.get_unchecked(place as usize >> 3);
+                    (child_at(tree, place), bundle.rays_meeting::<L>(node, place as usize & 7) & meeting)
                 };
-                if meeting.count_ones() <= self.rest.few {
-                    // SAFETY: as promised by the caller.
-                    meeting = unsafe { self.leave::<L>(meeting, child, &position, bundle) };
-                }
                 if meeting == 0 {
                     continue;
                 }
@@ -384,23 +362,13 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         }
     }
 
-    /// Leaves a child to some of the rays alone. Returns those that have no room for more of that.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`.
+    /// Begins the searches, if that has not been done.
     #[inline(always)]
-    unsafe fn leave<L: WideLanes>(&mut self, mask: u32, child: ChildRef, position: &Position, bundle: &mut Bundle) -> u32 {
-        let Some(object) = position.object else { return self.rest.add(mask, child) };
-        // They will go into the instance again, from its root.
-        let kept = self.rest.add(mask, object);
-        let left = mask & !kept;
-        if left != 0 {
-            self.dropped |= left;
-            (0..RAYS).filter(|lane| left >> lane & 1 == 1).for_each(|lane| bundle.tighten(lane, -1.0));
-            // SAFETY: as promised by the caller.
-            unsafe { bundle.update_limits::<L>() };
+    fn begin(&mut self) {
+        if self.searches.is_empty() {
+            let search = self.search;
+            self.searches.extend((0..RAYS).map(search));
         }
-        kept
     }
 
     /// Puts the children of a node that the bundle meets on the stack, the nearest on top, and returns how many they are.
@@ -493,6 +461,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         locals: &mut Locals,
         instance: u32,
     ) -> bool {
+        self.begin();
         let all = u32::MAX >> (32 - pairs.count);
         let mut any = false;
         let mut found = Found::NONE;
@@ -562,6 +531,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         mut mask: u32,
         instance: u32,
     ) {
+        self.begin();
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize & (RAYS - 1);
             mask &= mask - 1;
@@ -598,6 +568,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             mask: visible,
         }) = tree.objects.get(object.index())
         {
+            self.begin();
             let mut wanted = mask;
             for lane in 0..RAYS {
                 if self.searches[lane].mask & visible == 0 {
@@ -608,23 +579,14 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                 let mut below = Bundle::NONE;
                 // SAFETY: as promised by the caller.
                 if unsafe { self.set_up_in_child::<L>(&mut below, bundle, wanted, child_from_group) } {
-                    if position.object.is_none() {
-                        self.dropped = 0;
-                    }
                     let alive = std::mem::replace(&mut self.alive, wanted);
-                    let inside = Position {
-                        group: *child,
-                        instance: position.instance + offset,
-                        object: position.object.or(Some(object)),
-                        ..*position
-                    };
+                    let inside = Position { group: *child, instance: position.instance + offset, ..*position };
                     // SAFETY: as promised by the caller.
                     unsafe { (self.enter)(self, inside, &mut below) };
                     let over = wanted & !self.alive;
                     self.alive = alive & !over;
-                    let ended = if position.object.is_some() { over | self.dropped } else { over };
                     for lane in (0..RAYS).filter(|lane| wanted >> lane & 1 == 1) {
-                        let is_over = ended >> lane & 1 == 1;
+                        let is_over = over >> lane & 1 == 1;
                         bundle.tighten(lane, if is_over { -1.0 } else { self.searches[lane].cull() });
                     }
                     // SAFETY: as promised by the caller.

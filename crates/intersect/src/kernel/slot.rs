@@ -129,27 +129,6 @@ impl<'a, G: Goal> Slot<'a, G> {
         true
     }
 
-    /// Goes on with these children of the root's tree, the first one first, instead of all; does nothing if there are none.
-    ///
-    /// # Safety
-    /// The walk must have just begun; the stack must have room for the children.
-    #[inline(always)]
-    pub unsafe fn resume(&mut self, children: &[ChildRef]) {
-        if let Some((first, others)) = children.split_first() {
-            for child in others.iter().rev() {
-                let top = self.top as usize;
-                // SAFETY: as promised by the caller.
-                unsafe {
-                    // Nearer than any limit.
-                    self.distances.get_unchecked_mut(top).write(f32::NEG_INFINITY);
-                    self.children.get_unchecked_mut(top).write(child.0);
-                }
-                self.top += 1;
-            }
-            self.current = *first;
-        }
-    }
-
     /// # Safety
     /// There must be a search.
     #[inline(always)]

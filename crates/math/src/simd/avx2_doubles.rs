@@ -108,17 +108,32 @@ impl WideLanes for Avx8 {
     unsafe fn load_columns(rows: [&[f32; 8]; 8]) -> [Self; 8] {
         // SAFETY: the caller guarantees AVX; each reference covers 32 readable bytes.
         unsafe {
-            let r = rows.map(|row| _mm256_loadu_ps(row.as_ptr()));
+            // No closures: they do not have the instructions, and vectors must not pass through calls.
+            let [r0, r1] = [_mm256_loadu_ps(rows[0].as_ptr()), _mm256_loadu_ps(rows[1].as_ptr())];
+            let [r2, r3] = [_mm256_loadu_ps(rows[2].as_ptr()), _mm256_loadu_ps(rows[3].as_ptr())];
+            let [r4, r5] = [_mm256_loadu_ps(rows[4].as_ptr()), _mm256_loadu_ps(rows[5].as_ptr())];
+            let [r6, r7] = [_mm256_loadu_ps(rows[6].as_ptr()), _mm256_loadu_ps(rows[7].as_ptr())];
             // Pairs of rows, then fours, each in both halves.
-            let pair = |i: usize| (_mm256_unpacklo_ps(r[i], r[i + 1]), _mm256_unpackhi_ps(r[i], r[i + 1]));
-            let [(a, b), (c, d), (e, f), (g, h)] = [pair(0), pair(2), pair(4), pair(6)];
-            let four = |p: __m256, q: __m256| {
-                (_mm256_shuffle_ps::<0b0100_0100>(p, q), _mm256_shuffle_ps::<0b1110_1110>(p, q))
-            };
-            let [(a0, a1), (a2, a3), (b0, b1), (b2, b3)] = [four(a, c), four(b, d), four(e, g), four(f, h)];
-            let low = |p, q| Self(_mm256_permute2f128_ps::<0x20>(p, q));
-            let high = |p, q| Self(_mm256_permute2f128_ps::<0x31>(p, q));
-            [low(a0, b0), low(a1, b1), low(a2, b2), low(a3, b3), high(a0, b0), high(a1, b1), high(a2, b2), high(a3, b3)]
+            let [a, b] = [_mm256_unpacklo_ps(r0, r1), _mm256_unpackhi_ps(r0, r1)];
+            let [c, d] = [_mm256_unpacklo_ps(r2, r3), _mm256_unpackhi_ps(r2, r3)];
+            let [e, f] = [_mm256_unpacklo_ps(r4, r5), _mm256_unpackhi_ps(r4, r5)];
+            let [g, h] = [_mm256_unpacklo_ps(r6, r7), _mm256_unpackhi_ps(r6, r7)];
+            const FRONT: i32 = 0b0100_0100;
+            const BACK: i32 = 0b1110_1110;
+            let [a0, a1] = [_mm256_shuffle_ps::<FRONT>(a, c), _mm256_shuffle_ps::<BACK>(a, c)];
+            let [a2, a3] = [_mm256_shuffle_ps::<FRONT>(b, d), _mm256_shuffle_ps::<BACK>(b, d)];
+            let [b0, b1] = [_mm256_shuffle_ps::<FRONT>(e, g), _mm256_shuffle_ps::<BACK>(e, g)];
+            let [b2, b3] = [_mm256_shuffle_ps::<FRONT>(f, h), _mm256_shuffle_ps::<BACK>(f, h)];
+            [
+                Self(_mm256_permute2f128_ps::<0x20>(a0, b0)),
+                Self(_mm256_permute2f128_ps::<0x20>(a1, b1)),
+                Self(_mm256_permute2f128_ps::<0x20>(a2, b2)),
+                Self(_mm256_permute2f128_ps::<0x20>(a3, b3)),
+                Self(_mm256_permute2f128_ps::<0x31>(a0, b0)),
+                Self(_mm256_permute2f128_ps::<0x31>(a1, b1)),
+                Self(_mm256_permute2f128_ps::<0x31>(a2, b2)),
+                Self(_mm256_permute2f128_ps::<0x31>(a3, b3)),
+            ]
         }
     }
 

@@ -137,6 +137,19 @@ impl Columns {
         t_min: [0.0; RAYS],
         cull: [0.0; RAYS],
     };
+
+    /// Where half of the rays are at `t`, with the opposite sign, seen from the first one.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; `half` must be 0 or 1.
+    #[inline(always)]
+    unsafe fn begin<L: Lanes8>(&self, axis: usize, half: usize, t: L) -> L {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let (from, direction): (L, L) = (lanes(&self.from_first[axis], half), lanes(&self.direction[axis], half));
+            L::splat(0.0).sub(from).sub(t.mul(direction))
+        }
+    }
 }
 
 /// # Safety
@@ -219,7 +232,8 @@ impl Bundle {
         }
         // SAFETY: passed on to the caller.
         let (low, high) = unsafe {
-            (self.slope.each_ref().map(|s| least::<L>(s)), self.slope.each_ref().map(|s| greatest::<L>(s)))
+            let [a, b] = &self.slope;
+            ([least::<L>(a), least::<L>(b)], [greatest::<L>(a), greatest::<L>(b)])
         };
         // SAFETY: passed on to the caller.
         let fine = unsafe { least::<L>(&self.along) > 1.0 / LARGEST && greatest::<L>(&self.along) < LARGEST }
@@ -247,7 +261,7 @@ impl Bundle {
             return false;
         }
         self.octant = (0..3).fold(0, |octant, axis| {
-            let down = (directions[axis][0] < 0.0) != kind.reversed;
+            let down = directions[axis][0] < 0.0;
             octant | usize::from(down) << axis
         });
         for i in 0..RAYS {
@@ -293,7 +307,8 @@ impl Bundle {
             let (mut far, mut spread) = (L::splat(0.0), L::splat(0.0));
             let sign = L::splat(self.sign);
             for half in 0..2 {
-                let from: [L; 3] = [x, y, z].map(|axis| lanes(&columns.from_apex[axis], half));
+                let from = &columns.from_apex;
+                let from: [L; 3] = [lanes(&from[x], half), lanes(&from[y], half), lanes(&from[z], half)];
                 let from_z = from[2].mul(sign);
                 store(from_z, &mut self.start, half);
                 for i in 0..2 {
@@ -302,10 +317,11 @@ impl Bundle {
                 }
                 far = far.max(from[0].abs().add(from[1].abs()).add(from[2].abs()));
                 let t: L = lanes(&columns.t_min, half);
-                let begin: [L; 3] = [x, y, z].map(|axis| {
-                    let beside = L::splat(0.0).sub(lanes::<L>(&columns.from_first[axis], half));
-                    beside.sub(t.mul(lanes(&columns.direction[axis], half)))
-                });
+                let begin = [
+                    columns.begin::<L>(x, half, t),
+                    columns.begin::<L>(y, half, t),
+                    columns.begin::<L>(z, half, t),
+                ];
                 spread = spread.max(begin[0].abs().add(begin[1].abs()).add(begin[2].abs()));
                 store(begin[0], &mut self.begin[0], half);
                 store(begin[1], &mut self.begin[1], half);
@@ -423,14 +439,15 @@ impl Bundle {
             unsafe {
                 let near = L::splat(near).max(lanes(&self.near, half));
                 let far = L::splat(far).min(lanes(&self.far, half));
-                let mut met = near.le(far);
+                let mut gap = near.sub(far);
                 for i in 0..2 {
                     let (slope, offset): (L, L) = (lanes(&self.slope[i], half), lanes(&self.offset[i], half));
-                    let (a, b) = (near.mul(slope), far.mul(slope));
-                    met &=
-                        a.min(b).add(offset).le(L::splat(sides[i][1])) & L::splat(sides[i][0]).le(a.max(b).add(offset));
+                    let (a, b) = (near.mul_add(slope, offset), far.mul_add(slope, offset));
+                    let [low, high] = [L::splat(sides[i][0]), L::splat(sides[i][1])];
+                    // The last one is always a number.
+                    gap = a.min(b).sub(high).max(low.sub(a.max(b))).max(gap);
                 }
-                mask |= met << (8 * half);
+                mask |= gap.le(L::splat(0.0)) << (8 * half);
             }
         }
         mask
