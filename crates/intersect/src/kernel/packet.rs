@@ -117,14 +117,15 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
     (enter, enter_single): (WalkBundle<G>, Walk<G>),
 ) -> Vec<Range<usize>> {
     let mut left: Vec<Range<usize>> = Vec::new();
-    let mut bundle = Bundle::NONE;
+    let (mut bundle, mut columns) = (Bundle::NONE, Columns::ZERO);
+    let mut trial = Trial::default();
     let mut searches: Vec<Search<G>> = Vec::with_capacity(RAYS);
     let mut first = 0;
     while first < batch.rays.len() {
         let run = first..(first + RAYS).min(batch.rays.len());
         first = run.end;
         // SAFETY: as promised by the caller.
-        if unsafe { set_up::<L>(&mut bundle, &batch.rays.rays()[run.clone()]) } {
+        if unsafe { set_up::<L>(&mut bundle, &mut columns, &batch.rays.rays()[run.clone()], G::ANY && trial.is_backward()) } {
             searches.clear();
             let search = |lane: usize| {
                 let query = batch.rays.get((run.start + lane).min(run.end - 1));
@@ -132,9 +133,12 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
             };
             let alive = u32::MAX >> (32 - run.len());
             let mut walker =
-                Walker { forest, searches: &mut searches, search: &search, stacks, alive, enter, enter_single };
+                Walker { forest, searches: &mut searches, search: &search, stacks, alive, work: 0, enter, enter_single };
             // SAFETY: as promised by the caller.
             unsafe { walker.walk::<L>(Position { group: 0, instance: 0, top: 0 }, &mut bundle) };
+            if bundle.kind.reversed {
+                trial.count(walker.work);
+            }
             if searches.is_empty() {
                 run.for_each(|number| finish(number, start(&batch.rays.rays()[number])));
             } else {
@@ -152,12 +156,47 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
     left
 }
 
+/// Which way bundles to one point go, where any hit will do: from their starts (in a closed room the next wall is near) or from the
+/// point (towards the light, a rough surface is all that is in the way)? Now and then a few go each way, and the others as those that had
+/// less work. The way changes no answer.
+#[derive(Default)]
+struct Trial {
+    turn: u32,
+    work: [u32; 2],
+}
+
+impl Trial {
+    /// Bundles that try each way.
+    const TRIALS: u32 = 4;
+    /// Bundles after which it is tried again.
+    const PERIOD: u32 = 128;
+
+    fn is_backward(&self) -> bool {
+        match self.turn {
+            turn if turn < Self::TRIALS => true,
+            turn if turn < 2 * Self::TRIALS => false,
+            _ => self.work[1] < self.work[0],
+        }
+    }
+
+    /// Counts the work of a bundle that went the way it should.
+    fn count(&mut self, work: u32) {
+        if self.turn < 2 * Self::TRIALS {
+            self.work[usize::from(self.is_backward())] += work;
+        }
+        self.turn += 1;
+        if self.turn == Self::PERIOD {
+            *self = Self::default();
+        }
+    }
+}
+
 /// Makes a bundle of a run; false if it is none. Lanes without a ray repeat the first one and want nothing.
 ///
 /// # Safety
 /// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn set_up<L: WideLanes>(bundle: &mut Bundle, rays: &[Ray]) -> bool {
+unsafe fn set_up<L: WideLanes>(bundle: &mut Bundle, columns: &mut Columns, rays: &[Ray], backward: bool) -> bool {
     if rays.len() < MIN_RAYS {
         return false;
     }
@@ -167,9 +206,9 @@ unsafe fn set_up<L: WideLanes>(bundle: &mut Bundle, rays: &[Ray]) -> bool {
     } else {
         std::array::from_fn(|i| rays.get(i).unwrap_or(first))
     };
-    let (mut columns, mut t_max) = (Columns::ZERO, [0.0; RAYS]);
+    let mut t_max = [0.0; RAYS];
     // SAFETY: as promised by the caller; halves are 0 and 1.
-    let (is_fine, ends) = unsafe { load_columns::<L>(&all, &mut columns, &mut bundle.drawn_origin, &mut t_max) };
+    let (is_fine, ends) = unsafe { load_columns::<L>(&all, columns, &mut bundle.drawn_origin, &mut t_max) };
     if !is_fine {
         return false;
     }
@@ -179,7 +218,7 @@ unsafe fn set_up<L: WideLanes>(bundle: &mut Bundle, rays: &[Ray]) -> bool {
     // A little beyond the ends, so that all rays end before it.
     let end = first.origin + first.direction * (first.t_max * (1.0 + 1.0 / 1024.0));
     let apex = if reversed { end } else { first.origin }.to_array();
-    bundle.kind = Kind { apex, reversed, common, rounded: false };
+    bundle.kind = Kind { apex, reversed, common, backward: reversed && backward, rounded: false };
     for (i, ray) in all.iter().enumerate() {
         bundle.rays.origin[i] = [ray.origin.x, ray.origin.y, ray.origin.z, ray.t_min].map(f64::from);
         bundle.rays.direction[i] = [ray.direction.x, ray.direction.y, ray.direction.z, ray.t_max].map(f64::from);
@@ -195,7 +234,7 @@ unsafe fn set_up<L: WideLanes>(bundle: &mut Bundle, rays: &[Ray]) -> bool {
         }
     }
     // SAFETY: as promised by the caller.
-    unsafe { bundle.set_up::<L>(&columns) }
+    unsafe { bundle.set_up::<L>(columns) }
 }
 
 /// Transposes rays. Whether all are finite, with intervals that begin at zero or later and are not empty; and whether all end.
@@ -287,6 +326,8 @@ struct Walker<'w, 's, G: Goal> {
     stacks: &'w mut Stacks,
     /// The rays whose search is not over.
     alive: u32,
+    /// About what it took: a box tested is one.
+    work: u32,
     enter: WalkBundle<G>,
     enter_single: Walk<G>,
 }
@@ -338,6 +379,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                 if distance > bundle.bundle_far {
                     continue;
                 }
+                self.work += 1;
                 // SAFETY: places come from nodes that exist; `L` as promised by the caller.
                 let (child, meeting) = unsafe {
                     let node = tree.nodes.get_unchecked(place as usize >> 3);
@@ -350,6 +392,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                     (node, mask) = (child.index(), meeting);
                     break;
                 }
+                self.work += 2;
                 // SAFETY: as promised by the caller.
                 unsafe {
                     if child.is_triangles() {
@@ -423,7 +466,13 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             let lane = mask.trailing_zeros();
             mask &= mask - 1;
             // SAFETY: as promised by the caller.
-            let mut triangles = unsafe { seen.candidates(bundle, lane as usize & (RAYS - 1)) } & used;
+            let (candidates, sure) = unsafe { seen.candidates(bundle, lane as usize & (RAYS - 1)) };
+            if G::ANY && sure & used != 0 && self.take_any(tree, block, sure & used, lane as usize & (RAYS - 1)) {
+                self.note(bundle, lane as usize & (RAYS - 1), true);
+                found = true;
+                continue;
+            }
+            let mut triangles = candidates & used;
             // Mostly there is one: written in any case, counted if it is one, so nothing branches on it.
             loop {
                 pairs.push(lane, triangles.trailing_zeros() & 7, triangles != 0);
@@ -445,6 +494,22 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             // SAFETY: as promised by the caller.
             unsafe { bundle.update_limits::<L>() };
         }
+    }
+
+    /// Ends the search of a ray that surely hits some triangles of a block within its interval, if one of them counts without a doubt.
+    #[inline(always)]
+    fn take_any(&mut self, tree: &GroupTree, block: &TriangleBlock, mut triangles: u32, lane: usize) -> bool {
+        self.begin();
+        let search = &mut self.searches[lane];
+        while triangles != 0 {
+            let (geometry, primitive) = tree.triangle(block.ids[triangles.trailing_zeros() as usize & 7]);
+            triangles &= triangles - 1;
+            let options = &search.context.options[geometry as usize];
+            if options.mask & search.mask != 0 && !options.filtered {
+                return search.goal.take(Hit { t: 0.0, uv: Vec2::ZERO, instance: 0, geometry, primitive });
+            }
+        }
+        false
     }
 
     /// Offers the hits of pairs of rays and triangles of a block, and forgets the pairs. True if there are any that count.

@@ -19,6 +19,8 @@ pub(crate) trait Goal {
     type Precision: Rules;
     /// True if hits bring the limit nearer while the search goes on.
     const NARROWS: bool;
+    /// True if every hit is as good as any other: then [`Self::take`] does not look at it.
+    const ANY: bool = false;
 
     /// Hits at a greater `t` are of no interest.
     fn limit(&self) -> RealOf<Self>;
@@ -187,6 +189,7 @@ impl<P: Rules> Any<P> {
 impl<P: Rules> Goal for Any<P> {
     type Precision = P;
     const NARROWS: bool = false;
+    const ANY: bool = true;
 
     #[inline(always)]
     fn limit(&self) -> P::Real {

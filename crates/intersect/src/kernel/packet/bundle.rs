@@ -23,6 +23,10 @@ pub(super) type PerRay<T> = [T; RAYS];
 /// of `f32` here, and of the drawing of triangles, come to less than half of it.
 const PADDING: f32 = 1.0e-6;
 
+/// Relative distance from the ends of the intervals at which hits are surely within: more than limits are padded, and than hits are moved
+/// within their triangles.
+const SURE_PADDING: f32 = 1.0e-3;
+
 /// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.
 const LARGEST: f32 = 1.0e15;
 
@@ -58,6 +62,8 @@ pub(super) struct Kind {
     pub reversed: bool,
     /// All rays start at the apex.
     pub common: bool,
+    /// Children are visited from the ends of the rays to their starts.
+    pub backward: bool,
     /// The apex, or the origins as triangles see them, are rounded.
     pub rounded: bool,
 }
@@ -71,7 +77,7 @@ pub(super) struct Bundle {
     pub axes: [usize; 3],
     /// 1 if `z` grows along its axis, -1 if it falls.
     pub sign: f32,
-    /// For the order in which children are visited: as [`super::super::node::WideNode::order`] counts them, away from the apex.
+    /// For the order in which children are visited: as [`super::super::node::WideNode::order`] counts them.
     pub octant: usize,
     /// Bound of all absolute errors of positions; 0 for a shared origin at which nothing was rounded.
     pub margin: f32,
@@ -96,6 +102,9 @@ pub(super) struct Bundle {
     /// `z` at `t = 0`, and how fast it changes with `t`, without sign.
     start: PerRay<f32>,
     along: PerRay<f32>,
+    /// What lies between is surely within the intervals that all rays had at first.
+    pub sure_near: f32,
+    pub sure_far: f32,
     /// Least and greatest of all rays.
     bundle_near: f32,
     pub bundle_far: f32,
@@ -172,7 +181,7 @@ impl Bundle {
     /// No bundle yet.
     pub const NONE: Self = Self {
         rays: ExactRays { origin: [[0.0; 4]; RAYS], direction: [[0.0; 4]; RAYS] },
-        kind: Kind { apex: [0.0; 3], reversed: false, common: false, rounded: false },
+        kind: Kind { apex: [0.0; 3], reversed: false, common: false, backward: false, rounded: false },
         axes: [0; 3],
         sign: 1.0,
         octant: 0,
@@ -189,6 +198,8 @@ impl Bundle {
         far: [0.0; RAYS],
         start: [0.0; RAYS],
         along: [0.0; RAYS],
+        sure_near: 0.0,
+        sure_far: 0.0,
         bundle_near: 0.0,
         bundle_far: 0.0,
         low_slope: [0.0; 2],
@@ -261,9 +272,10 @@ impl Bundle {
             return false;
         }
         self.octant = (0..3).fold(0, |octant, axis| {
-            let down = directions[axis][0] < 0.0;
+            let down = (directions[axis][0] < 0.0) != kind.backward;
             octant | usize::from(down) << axis
         });
+        let (mut sure_near, mut sure_far) = ([0.0; RAYS], [0.0; RAYS]);
         for i in 0..RAYS {
             let early = columns.t_min[i] * self.along[i];
             let end = self.end(i, columns.cull[i]);
@@ -275,6 +287,13 @@ impl Bundle {
             let over = columns.cull[i] < 0.0;
             self.near[i] = if over { f32::INFINITY } else { near };
             self.far[i] = if over { f32::NEG_INFINITY } else { far };
+            sure_near[i] = near + near.abs() * SURE_PADDING;
+            sure_far[i] = far - far.abs() * SURE_PADDING;
+        }
+        // SAFETY: passed on to the caller.
+        unsafe {
+            self.sure_near = greatest::<L>(&sure_near) + 8.0 * self.margin;
+            self.sure_far = least::<L>(&sure_far) - 8.0 * self.margin;
         }
         // SAFETY: passed on to the caller.
         unsafe { self.update_limits::<L>() };
@@ -426,11 +445,15 @@ impl Bundle {
     pub unsafe fn rays_meeting<L: Lanes8>(&self, node: &WideNode, slot: usize) -> u32 {
         let [x, y, z] = self.axes;
         let up = usize::from(self.sign < 0.0);
-        let near = self.plane(node, slot, up, z) * self.sign - self.margin;
-        let far = self.plane(node, slot, up ^ 1, z) * self.sign * (1.0 + PADDING) + self.margin;
+        // SAFETY: sides are 0 or 1, axes below 3.
+        let plane = |side: usize, axis: usize| unsafe {
+            node.bounds.get_unchecked(side).get_unchecked(axis)[slot & 7] - self.kind.apex.get_unchecked(axis)
+        };
+        let near = plane(up, z) * self.sign - self.margin;
+        let far = plane(up ^ 1, z) * self.sign * (1.0 + PADDING) + self.margin;
         let mut sides = [[0.0; 2]; 2];
         for (side, axis) in sides.iter_mut().zip([x, y]) {
-            let (low, high) = (self.plane(node, slot, 0, axis), self.plane(node, slot, 1, axis));
+            let (low, high) = (plane(0, axis), plane(1, axis));
             *side = [low - low.abs() * PADDING - self.margin, high + high.abs() * PADDING + self.margin];
         }
         let mut mask = 0;
@@ -451,12 +474,6 @@ impl Bundle {
             }
         }
         mask
-    }
-
-    /// One plane of one box as seen from the apex.
-    #[inline(always)]
-    fn plane(&self, node: &WideNode, slot: usize, side: usize, axis: usize) -> f32 {
-        node.bounds[side][axis][slot & 7] - self.kind.apex[axis]
     }
 }
 

@@ -1,4 +1,4 @@
-use super::bundle::{Bundle, RAYS};
+use super::bundle::{Bundle, Columns, RAYS};
 use super::exact::{Found, Pairs, exact_hits};
 use super::leaf::SeenBlock;
 use super::{Locals, set_up};
@@ -27,7 +27,7 @@ fn vector(seed: u32, i: u32) -> Vec3 {
 
 fn is_bundle(bundle: &mut Bundle, rays: &[Ray]) -> bool {
     // SAFETY: portable code.
-    unsafe { set_up::<Portable8>(bundle, rays) }
+    unsafe { set_up::<Portable8>(bundle, &mut Columns::ZERO, rays, false) }
 }
 
 /// How the rays of a run belong together.
@@ -167,7 +167,7 @@ unsafe fn check_block<L: WideLanes>(bundle: &Bundle, block: &TriangleBlock, rays
     let seen = unsafe { SeenBlock::<L>::new(block, bundle) };
     for (lane, ray) in rays.iter().enumerate() {
         // SAFETY: as above.
-        let passed = unsafe { seen.candidates(bundle, lane) };
+        let (passed, sure) = unsafe { seen.candidates(bundle, lane) };
         let local = LocalRay::new(&DRay::from(ray));
         let pairs = Pairs { triangles: std::array::from_fn(|i| i as u32), rays: [lane as u32; 8], count: 8 };
         let mut found = Found::NONE;
@@ -178,6 +178,8 @@ unsafe fn check_block<L: WideLanes>(bundle: &Bundle, block: &TriangleBlock, rays
         for triangle in 0..8 {
             let expected = exact_hit(&local, &block.corners(triangle), ray.t_min.into());
             prop_assert!(expected.is_none() || passed >> triangle & 1 == 1, "{ray:?} {:?}", block.corners(triangle));
+            let is_within = expected.is_some_and(|(t, _)| (t as f32) < ray.t_max);
+            prop_assert!(is_within || sure >> triangle & 1 == 0, "{ray:?} {:?}", block.corners(triangle));
             if bundle.is_aligned && found.unsure >> triangle & 1 == 0 {
                 let hit = found.hits >> triangle & 1 == 1;
                 prop_assert_eq!(hit, expected.is_some(), "{:?} {:?}", ray, block.corners(triangle));
