@@ -8,11 +8,13 @@
 mod bundle;
 mod exact;
 mod leaf;
+mod runs;
 #[cfg(test)]
 mod tests;
+mod trial;
 
 use super::interleave::Batch;
-use super::node::{ChildRef, padded};
+use super::node::ChildRef;
 use super::ray::LocalRay;
 use super::traverse::{Entry, Stack, Walk, test_object, walk_portable};
 use super::triangle::TriangleBlock;
@@ -21,15 +23,17 @@ use crate::accel::group::{Object, ObjectRef, Placement, mapped, test_triangle};
 use crate::hit::Hit;
 use crate::precision::Single;
 use crate::query::search::{Goal, Search, Verdict};
-use bundle::{Bundle, Columns, Kind, PerRay, RAYS, store};
+use bundle::{Bundle, Columns, Kind, RAYS};
 use exact::{Found, PAIRS, Pairs, exact_hits};
 use leaf::SeenBlock;
+use runs::set_up;
 use snell_math::simd::{Level, Portable8, WideLanes};
 use snell_math::{DAffine3, DVec3, Ray, Vec2, Vec3};
 use std::mem::MaybeUninit;
 use std::ops::Range;
+use trial::Trial;
 
-/// Runs with fewer rays are not worth a bundle.
+/// Fewer rays are not worth a bundle.
 const MIN_RAYS: usize = 6;
 
 /// Trees larger than this are fetched ahead.
@@ -118,7 +122,7 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
 ) -> Vec<Range<usize>> {
     let mut left: Vec<Range<usize>> = Vec::new();
     let (mut bundle, mut columns) = (Bundle::NONE, Columns::ZERO);
-    let mut trial = Trial::default();
+    let (mut trial, mut spare) = (Trial::default(), Vec::new());
     let mut searches: Vec<Search<G>> = Vec::with_capacity(RAYS);
     let mut first = 0;
     while first < batch.rays.len() {
@@ -133,7 +137,7 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
             };
             let alive = u32::MAX >> (32 - run.len());
             let mut walker =
-                Walker { forest, searches: &mut searches, search: &search, stacks, alive, work: 0, enter, enter_single };
+                Walker { forest, searches: &mut searches, search: &search, stacks, alive, spare: &mut spare, work: 0, enter, enter_single };
             // SAFETY: as promised by the caller.
             unsafe { walker.walk::<L>(Position { group: 0, instance: 0, top: 0 }, &mut bundle) };
             if bundle.kind.reversed {
@@ -155,129 +159,6 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
     }
     left
 }
-
-/// Which way bundles to one point go, where any hit will do: from their starts (in a closed room the next wall is near) or from the
-/// point (towards the light, a rough surface is all that is in the way)? Now and then a few go each way, and the others as those that had
-/// less work. The way changes no answer.
-#[derive(Default)]
-struct Trial {
-    turn: u32,
-    work: [u32; 2],
-}
-
-impl Trial {
-    /// Bundles that try each way.
-    const TRIALS: u32 = 4;
-    /// Bundles after which it is tried again.
-    const PERIOD: u32 = 128;
-
-    fn is_backward(&self) -> bool {
-        match self.turn {
-            turn if turn < Self::TRIALS => true,
-            turn if turn < 2 * Self::TRIALS => false,
-            _ => self.work[1] < self.work[0],
-        }
-    }
-
-    /// Counts the work of a bundle that went the way it should.
-    fn count(&mut self, work: u32) {
-        if self.turn < 2 * Self::TRIALS {
-            self.work[usize::from(self.is_backward())] += work;
-        }
-        self.turn += 1;
-        if self.turn == Self::PERIOD {
-            *self = Self::default();
-        }
-    }
-}
-
-/// Makes a bundle of a run; false if it is none. Lanes without a ray repeat the first one and want nothing.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
-#[inline(always)]
-unsafe fn set_up<L: WideLanes>(bundle: &mut Bundle, columns: &mut Columns, rays: &[Ray], backward: bool) -> bool {
-    if rays.len() < MIN_RAYS {
-        return false;
-    }
-    let first = &rays[0];
-    let all: [&Ray; RAYS] = if let Some(all) = rays.first_chunk::<RAYS>() {
-        all.each_ref()
-    } else {
-        std::array::from_fn(|i| rays.get(i).unwrap_or(first))
-    };
-    let mut t_max = [0.0; RAYS];
-    // SAFETY: as promised by the caller; halves are 0 and 1.
-    let (is_fine, ends) = unsafe { load_columns::<L>(&all, columns, &mut bundle.drawn_origin, &mut t_max) };
-    if !is_fine {
-        return false;
-    }
-    let bits = |ray: &Ray| ray.origin.to_array().map(f32::to_bits);
-    let common = all.iter().all(|ray| bits(ray) == bits(first));
-    let reversed = !common && ends;
-    // A little beyond the ends, so that all rays end before it.
-    let end = first.origin + first.direction * (first.t_max * (1.0 + 1.0 / 1024.0));
-    let apex = if reversed { end } else { first.origin }.to_array();
-    bundle.kind = Kind { apex, reversed, common, backward: reversed && backward, rounded: false };
-    for (i, ray) in all.iter().enumerate() {
-        bundle.rays.origin[i] = [ray.origin.x, ray.origin.y, ray.origin.z, ray.t_min].map(f64::from);
-        bundle.rays.direction[i] = [ray.direction.x, ray.direction.y, ray.direction.z, ray.t_max].map(f64::from);
-        columns.cull[i] = padded(t_max[i]);
-    }
-    columns.cull[rays.len()..].fill(-1.0);
-    if !common {
-        let first = first.origin.to_array();
-        for axis in 0..3 {
-            let origin = &bundle.drawn_origin[axis];
-            columns.from_apex[axis] = origin.map(|o| o - apex[axis]);
-            columns.from_first[axis] = origin.map(|o| o - first[axis]);
-        }
-    }
-    // SAFETY: as promised by the caller.
-    unsafe { bundle.set_up::<L>(columns) }
-}
-
-/// Transposes rays. Whether all are finite, with intervals that begin at zero or later and are not empty; and whether all end.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
-#[inline(always)]
-unsafe fn load_columns<L: WideLanes>(
-    rays: &[&Ray; RAYS],
-    columns: &mut Columns,
-    origin: &mut [PerRay<f32>; 3],
-    t_max: &mut PerRay<f32>,
-) -> (bool, bool) {
-    let (mut fine, mut ends) = (0xff, 0xff);
-    for half in 0..2 {
-        // SAFETY: as promised by the caller; a ray is eight numbers in this order: origin, t_min, direction, t_max.
-        unsafe {
-            let rows = std::array::from_fn(|i| &*(&raw const *rays[8 * half + i]).cast::<[f32; 8]>());
-            let [ox, oy, oz, from, dx, dy, dz, to] = L::load_columns(rows);
-            let zero = L::splat(0.0);
-            // Zero if everything is finite.
-            let zeros = [ox, oy, oz, from, dx, dy, dz].map(|column| column.mul(zero));
-            let sum = zeros.into_iter().fold(zero, L::add);
-            fine &= sum.le(zero) & zero.le(from) & from.lt(to);
-            ends &= to.lt(L::splat(f32::INFINITY));
-            for (column, to) in [ox, oy, oz].into_iter().zip(origin.iter_mut()) {
-                store(column, to, half);
-            }
-            for (column, to) in [dx, dy, dz].into_iter().zip(columns.direction.iter_mut()) {
-                store(column, to, half);
-            }
-            store(from, &mut columns.t_min, half);
-            store(to, t_max, half);
-        }
-    }
-    (fine == 0xff, ends == 0xff)
-}
-
-const _: () = assert!(
-    std::mem::offset_of!(Ray, t_min) == 12
-        && std::mem::offset_of!(Ray, direction) == 16
-        && std::mem::offset_of!(Ray, t_max) == 28
-);
 
 /// The entry of a level, for the step into an instance.
 type WalkBundle<G> = unsafe fn(&mut Walker<'_, '_, G>, Position, &mut Bundle);
@@ -326,6 +207,8 @@ struct Walker<'w, 's, G: Goal> {
     stacks: &'w mut Stacks,
     /// The rays whose search is not over.
     alive: u32,
+    /// Memory for bundles in instances.
+    spare: &'w mut Vec<Box<(Bundle, Columns)>>,
     /// About what it took: a box tested is one.
     work: u32,
     enter: WalkBundle<G>,
@@ -466,8 +349,11 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             let lane = mask.trailing_zeros();
             mask &= mask - 1;
             // SAFETY: as promised by the caller.
-            let (candidates, sure) = unsafe { seen.candidates(bundle, lane as usize & (RAYS - 1)) };
-            if G::ANY && sure & used != 0 && self.take_any(tree, block, sure & used, lane as usize & (RAYS - 1)) {
+            let (candidates, sure) = unsafe {
+                let lane = lane as usize & (RAYS - 1);
+                if G::ANY { seen.candidates::<true>(bundle, lane) } else { seen.candidates::<false>(bundle, lane) }
+            };
+            if sure & used != 0 && self.take_any(tree, block, sure & used, lane as usize & (RAYS - 1)) {
                 self.note(bundle, lane as usize & (RAYS - 1), true);
                 found = true;
                 continue;
@@ -641,13 +527,14 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                 }
             }
             if wanted.count_ones() as usize >= MIN_RAYS && fits(&self.forest.trees[*child]) {
-                let mut below = Bundle::NONE;
+                let mut memory = self.spare.pop().unwrap_or_else(|| Box::new((Bundle::NONE, Columns::ZERO)));
+                let (below, columns) = &mut *memory;
                 // SAFETY: as promised by the caller.
-                if unsafe { self.set_up_in_child::<L>(&mut below, bundle, wanted, child_from_group) } {
+                if unsafe { self.set_up_in_child::<L>(below, columns, bundle, wanted, child_from_group) } {
                     let alive = std::mem::replace(&mut self.alive, wanted);
                     let inside = Position { group: *child, instance: position.instance + offset, ..*position };
                     // SAFETY: as promised by the caller.
-                    unsafe { (self.enter)(self, inside, &mut below) };
+                    unsafe { (self.enter)(self, inside, below) };
                     let over = wanted & !self.alive;
                     self.alive = alive & !over;
                     for lane in (0..RAYS).filter(|lane| wanted >> lane & 1 == 1) {
@@ -656,8 +543,10 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                     }
                     // SAFETY: as promised by the caller.
                     unsafe { bundle.update_limits::<L>() };
+                    self.spare.push(memory);
                     return;
                 }
+                self.spare.push(memory);
             }
         }
         // SAFETY: as promised by the caller.
@@ -675,11 +564,11 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
     unsafe fn set_up_in_child<L: WideLanes>(
         &self,
         below: &mut Bundle,
+        columns: &mut Columns,
         bundle: &Bundle,
         mask: u32,
         child_from_group: &DAffine3,
     ) -> bool {
-        let mut columns = Columns::ZERO;
         // Zero if everything is finite.
         let mut sum = 0.0;
         for lane in 0..RAYS {
@@ -713,7 +602,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             }
         }
         // SAFETY: as promised by the caller.
-        sum == 0.0 && unsafe { below.set_up::<L>(&columns) }
+        sum == 0.0 && unsafe { below.set_up::<L>(columns) }
     }
 }
 

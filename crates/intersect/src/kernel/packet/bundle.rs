@@ -23,9 +23,11 @@ pub(super) type PerRay<T> = [T; RAYS];
 /// of `f32` here, and of the drawing of triangles, come to less than half of it.
 const PADDING: f32 = 1.0e-6;
 
-/// Relative distance from the ends of the intervals at which hits are surely within: more than limits are padded, and than hits are moved
-/// within their triangles.
-const SURE_PADDING: f32 = 1.0e-3;
+/// Relative to their distance, how far from the start of an interval triangles are surely within: many times the roundings.
+const SURE_PADDING: f32 = 16.0 * PADDING;
+
+/// The same at the end, relative to the length: twice what limits are padded by ([`super::super::node::padded`]).
+const END_PADDING: f32 = 2.0e-4;
 
 /// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.
 const LARGEST: f32 = 1.0e15;
@@ -102,9 +104,9 @@ pub(super) struct Bundle {
     /// `z` at `t = 0`, and how fast it changes with `t`, without sign.
     start: PerRay<f32>,
     along: PerRay<f32>,
-    /// What lies between is surely within the intervals that all rays had at first.
-    pub sure_near: f32,
-    pub sure_far: f32,
+    /// What lies between is surely within the interval that the ray had at first.
+    pub sure_near: PerRay<f32>,
+    pub sure_far: PerRay<f32>,
     /// Least and greatest of all rays.
     bundle_near: f32,
     pub bundle_far: f32,
@@ -198,8 +200,8 @@ impl Bundle {
         far: [0.0; RAYS],
         start: [0.0; RAYS],
         along: [0.0; RAYS],
-        sure_near: 0.0,
-        sure_far: 0.0,
+        sure_near: [0.0; RAYS],
+        sure_far: [0.0; RAYS],
         bundle_near: 0.0,
         bundle_far: 0.0,
         low_slope: [0.0; 2],
@@ -275,7 +277,6 @@ impl Bundle {
             let down = (directions[axis][0] < 0.0) != kind.backward;
             octant | usize::from(down) << axis
         });
-        let (mut sure_near, mut sure_far) = ([0.0; RAYS], [0.0; RAYS]);
         for i in 0..RAYS {
             let early = columns.t_min[i] * self.along[i];
             let end = self.end(i, columns.cull[i]);
@@ -287,13 +288,12 @@ impl Bundle {
             let over = columns.cull[i] < 0.0;
             self.near[i] = if over { f32::INFINITY } else { near };
             self.far[i] = if over { f32::NEG_INFINITY } else { far };
-            sure_near[i] = near + near.abs() * SURE_PADDING;
-            sure_far[i] = far - far.abs() * SURE_PADDING;
-        }
-        // SAFETY: passed on to the caller.
-        unsafe {
-            self.sure_near = greatest::<L>(&sure_near) + 8.0 * self.margin;
-            self.sure_far = least::<L>(&sure_far) - 8.0 * self.margin;
+            // Limits are padded, starts are not.
+            let length = columns.cull[i] * self.along[i];
+            let at_end = if length < FARTHEST { length.abs() * END_PADDING } else { 0.0 };
+            let (at_near, at_far) = if kind.reversed { (at_end, 0.0) } else { (0.0, at_end) };
+            self.sure_near[i] = near + near.abs() * SURE_PADDING + 8.0 * self.margin + at_near;
+            self.sure_far[i] = far - far.abs() * SURE_PADDING - 8.0 * self.margin - at_far;
         }
         // SAFETY: passed on to the caller.
         unsafe { self.update_limits::<L>() };

@@ -29,8 +29,9 @@ pub(super) struct SeenBlock<L> {
     /// Bounds of the errors of heights, and of products of the normal and directions.
     height_error: L,
     normal_error: L,
-    /// The triangles that lie surely within the intervals of all rays.
-    within: u32,
+    /// How far from the apex the triangles begin and end.
+    low: L,
+    high: L,
 }
 
 impl<L: Lanes8> SeenBlock<L> {
@@ -74,9 +75,9 @@ impl<L: Lanes8> SeenBlock<L> {
             let normal_error = normal_error.mul(L::splat(HEIGHT_ERROR)).add(L::splat(f32::MIN_POSITIVE));
             let low = r0[2].min(r1[2]).min(r2[2]);
             let high = r0[2].max(r1[2]).max(r2[2]);
-            let within = L::splat(bundle.sure_near).lt(low) & high.lt(L::splat(bundle.sure_far));
             Self {
-                within,
+                low,
+                high,
                 normal,
                 height,
                 height_error,
@@ -88,12 +89,13 @@ impl<L: Lanes8> SeenBlock<L> {
         }
     }
 
-    /// The triangles that a ray may hit, somewhere on its line after its start; and those that it surely hits within its interval.
+    /// The triangles that a ray may hit, somewhere on its line after its start; and those that it surely hits within its interval, if
+    /// `ANY` of these is asked for.
     ///
     /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn candidates(&self, bundle: &Bundle, ray: usize) -> (u32, u32) {
+    pub unsafe fn candidates<const ANY: bool>(&self, bundle: &Bundle, ray: usize) -> (u32, u32) {
         let slope = [bundle.slope[0][ray], bundle.slope[1][ray]];
         // SAFETY: passed on to the caller.
         let (sx, sy, zero) = unsafe { (L::splat(slope[0]), L::splat(slope[1]), L::splat(0.0)) };
@@ -125,7 +127,13 @@ impl<L: Lanes8> SeenBlock<L> {
         // Surely outside: two edges whose signs are certain and differ. NaN is never sure.
         let inside = u.min(v).min(w).max(zero.sub(u.max(v).max(w)));
         let outside = inside.add(self.bound).lt(zero);
-        (!(outside | behind) & 0xff, self.bound.lt(inside) & self.within)
+        let mut sure = 0;
+        if ANY {
+            // SAFETY: as above.
+            let (near, far) = unsafe { (L::splat(bundle.sure_near[ray]), L::splat(bundle.sure_far[ray])) };
+            sure = self.bound.lt(inside) & near.lt(self.low) & self.high.lt(far);
+        }
+        (!(outside | behind) & 0xff, sure)
     }
 
     /// The signed area of an edge and a ray through the apex.

@@ -1,7 +1,8 @@
 use super::bundle::{Bundle, Columns, RAYS};
 use super::exact::{Found, Pairs, exact_hits};
 use super::leaf::SeenBlock;
-use super::{Locals, set_up};
+use super::Locals;
+use super::runs::set_up;
 use crate::accel::AcceleratorKind;
 use crate::hit::Hit;
 use crate::kernel::ray::LocalRay;
@@ -26,8 +27,9 @@ fn vector(seed: u32, i: u32) -> Vec3 {
 }
 
 fn is_bundle(bundle: &mut Bundle, rays: &[Ray]) -> bool {
+    let mut columns = Columns::ZERO;
     // SAFETY: portable code.
-    unsafe { set_up::<Portable8>(bundle, &mut Columns::ZERO, rays, false) }
+    unsafe { set_up::<Portable8>(bundle, &mut columns, rays, false) }
 }
 
 /// How the rays of a run belong together.
@@ -134,7 +136,8 @@ proptest! {
         let mut block = TriangleBlock::EMPTY;
         for lane in 0..8 {
             // Around points on the rays; some on the lattice, where edges are met.
-            let at = rays[lane].at(0.5 * unit(seed, lane as u32));
+            let u = unit(seed, lane as u32);
+            let at = rays[lane].at(if lane % 2 == 0 { 0.5 * u } else { 1.0 + (u - 0.5) * 1e-3 });
             let corner = |k: u32| {
                 let p = at + vector(seed ^ 5, 8 * k + lane as u32) * (size * scale);
                 (if lane < 4 { p } else { (p / scale).round() * scale }).to_array()
@@ -167,7 +170,7 @@ unsafe fn check_block<L: WideLanes>(bundle: &Bundle, block: &TriangleBlock, rays
     let seen = unsafe { SeenBlock::<L>::new(block, bundle) };
     for (lane, ray) in rays.iter().enumerate() {
         // SAFETY: as above.
-        let (passed, sure) = unsafe { seen.candidates(bundle, lane) };
+        let (passed, sure) = unsafe { seen.candidates::<true>(bundle, lane) };
         let local = LocalRay::new(&DRay::from(ray));
         let pairs = Pairs { triangles: std::array::from_fn(|i| i as u32), rays: [lane as u32; 8], count: 8 };
         let mut found = Found::NONE;
