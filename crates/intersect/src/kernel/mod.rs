@@ -4,6 +4,7 @@
 pub(crate) mod binning;
 pub(crate) mod double;
 pub(crate) mod interleave;
+pub(crate) mod list;
 pub(crate) mod node;
 pub(crate) mod packet;
 pub(crate) mod quick;

@@ -129,15 +129,26 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
         let run = first..(first + RAYS).min(batch.rays.len());
         first = run.end;
         // SAFETY: as promised by the caller.
-        if unsafe { set_up::<L>(&mut bundle, &mut columns, &batch.rays.rays()[run.clone()], G::ANY && trial.is_backward()) } {
+        if unsafe {
+            set_up::<L>(&mut bundle, &mut columns, &batch.rays.rays()[run.clone()], G::ANY && trial.is_backward())
+        } {
             searches.clear();
             let search = |lane: usize| {
                 let query = batch.rays.get((run.start + lane).min(run.end - 1));
                 Search::new(query, batch.context, start(query.ray))
             };
             let alive = u32::MAX >> (32 - run.len());
-            let mut walker =
-                Walker { forest, searches: &mut searches, search: &search, stacks, alive, spare: &mut spare, work: 0, enter, enter_single };
+            let mut walker = Walker {
+                forest,
+                searches: &mut searches,
+                search: &search,
+                stacks,
+                alive,
+                spare: &mut spare,
+                work: 0,
+                enter,
+                enter_single,
+            };
             // SAFETY: as promised by the caller.
             unsafe { walker.walk::<L>(Position { group: 0, instance: 0, top: 0 }, &mut bundle) };
             if bundle.kind.reversed {

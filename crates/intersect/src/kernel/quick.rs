@@ -104,11 +104,7 @@ impl QuickRay {
         if !((ray.t_min >= 0.0) & (ray.t_min < ray.t_max) & is_ordinary_line(o, a)) {
             return false;
         }
-        self.axes = AXES[(a.xxyw().cmpge(a.yzzw()).bitmask() & 7) as usize];
-        // By memory instead of conditions: signs and sizes are as good as random.
-        let slopes = d.to_array();
-        let [x, y, z, _] = self.axes.map(|axis| slopes[axis as usize & 3]);
-        self.shear = [x / z, y / z];
+        (self.axes, self.shear) = axes_and_shear(d, a);
         self.set_slabs::<L>(o, d)
     }
 
@@ -211,6 +207,24 @@ impl QuickRay {
     pub fn octant(&self) -> usize {
         self.planes[6] as usize
     }
+}
+
+/// The axes of the drawing and its shear, by a direction and its sizes.
+#[inline(always)]
+fn axes_and_shear(d: Vec4, sizes: Vec4) -> ([u32; 4], [f32; 2]) {
+    let axes = AXES[(sizes.xxyw().cmpge(sizes.yzzw()).bitmask() & 7) as usize];
+    // By memory instead of conditions: signs and sizes are as good as random.
+    let slopes = d.to_array();
+    let [x, y, z, _] = axes.map(|axis| slopes[axis as usize & 3]);
+    (axes, [x / z, y / z])
+}
+
+/// The plane that a ray draws on: that of the [`QuickRay`].
+#[inline(always)]
+pub(crate) fn drawing(ray: &Ray) -> Drawing {
+    let d = ray.direction.extend(0.0);
+    let ([x, y, z, _], shear) = axes_and_shear(d, d.abs());
+    Drawing { origin: ray.origin.to_array(), axes: [x as usize, y as usize, z as usize], shear }
 }
 
 /// True if sizes are ordinary, as far as the sides of the direction are not too small.

@@ -72,8 +72,8 @@ pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay
     let v = x2.mul(y0).sub(y2.mul(x0));
     let w = x0.mul(y1).sub(y0.mul(x1));
     // Surely outside: two edges whose signs are certain and differ. NaN is never sure.
-    let extent = x0.abs().max(x1.abs()).max(x2.abs()).mul(y0.abs().max(y1.abs()).max(y2.abs()));
-    let bound = extent.mul(bound_scale).add(tiny);
+    let (x, y) = (x0.abs().max(x1.abs()).max(x2.abs()), y0.abs().max(y1.abs()).max(y2.abs()));
+    let bound = x.mul(y).mul(bound_scale).add(tiny);
     let outside = u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w));
     // Surely too near or too far: all three corners are. (With `depth_scale` 0 all depths are 0 and prove nothing.)
     if ray.depth_scale == 0.0 {
@@ -83,8 +83,22 @@ pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay
     let (scale, cull, start) =
         unsafe { (L::splat(ray.depth_scale), L::splat(cull), L::splat(t_min - t_min.abs() * 1e-6)) };
     let (d0, d1, d2) = (z0.mul(scale), z1.mul(scale), z2.mul(scale));
-    let beyond = cull.lt(d0.min(d1).min(d2)) | d0.max(d1).max(d2).lt(start);
+    let (nearest, farthest) = (d0.min(d1).min(d2), d0.max(d1).max(d2));
+    // SAFETY: passed on to the caller.
+    let margin = unsafe { place_margin(nearest.abs().max(farthest.abs()), x.add(y), ray.depth_scale) };
+    let beyond = cull.add(margin).lt(nearest) | farthest.add(margin).lt(start);
     !(outside | beyond) & 0xff
+}
+
+/// How far before the nearest or beyond the farthest corner a hit may be placed: [`clamp_to_box`] keeps it in the box of the triangle,
+/// padded by a share of its size, which is at most twice the drawn size (`sides`) and the largest distance of a corner (`depth`) together.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+pub(crate) unsafe fn place_margin<L: Lanes8>(depth: L, sides: L, depth_scale: f32) -> L {
+    // SAFETY: passed on to the caller.
+    unsafe { sides.mul(L::splat(depth_scale.abs())).add(depth).mul(L::splat(4e-6)) }
 }
 
 /// Bound of the rounding of an edge value in [`lines_through`], relative to the product that is rounded first: half a unit in the

@@ -1,5 +1,6 @@
 //! The queries of worlds in double precision.
 
+use super::answers::Slice;
 use super::crossings::AllHits;
 use super::rays::{RayQuery, Rays};
 use super::search::{Any, Closest, Context, Counted};
@@ -23,7 +24,7 @@ impl DWorld {
     ) {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        self.searcher(filter).search_all(rays, grouping, Closest::new, |i, goal| hits[i] = goal.result());
+        self.searcher(filter).search_into(rays, grouping, Closest::new, Slice(hits));
     }
 
     /// As [`crate::World::occluded`].
@@ -39,7 +40,7 @@ impl DWorld {
     ) {
         let rays = rays.into();
         assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        self.searcher(filter).search_all(rays, grouping, Any::new, |i, goal| blocked[i] = goal.found);
+        self.searcher(filter).search_into(rays, grouping, Any::new, Slice(blocked));
     }
 
     /// As [`crate::World::closest_one`].

@@ -1,8 +1,10 @@
 //! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray, never on its neighbours.
 
+pub(crate) mod answers;
 pub mod crossings;
 mod double;
 pub mod nearest;
+mod order;
 pub mod parallel;
 pub mod rays;
 pub(crate) mod search;
@@ -14,6 +16,7 @@ use crate::kernel::traverse::search_forest;
 use crate::kernel::{interleave, packet};
 use crate::precision::{Precision, Rules, Single};
 use crate::world::{Structure, TraversalCounters, TraversalWork, World};
+use answers::{Answers, Part, Slice};
 use rays::{RayQuery, Rays};
 use search::{Any, Closest, Context, Counted, Goal, RayOf, Search};
 
@@ -55,7 +58,7 @@ impl World {
     pub fn closest<'a>(&self, rays: impl Into<Rays<'a>>, grouping: Grouping, filter: &dyn HitFilter, hits: &mut [Hit]) {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        self.searcher(filter).search_all(rays, grouping, Closest::new, |i, goal| hits[i] = goal.result());
+        self.searcher(filter).search_into(rays, grouping, Closest::new, Slice(hits));
     }
 
     /// For each ray, whether anything lies in its interval. Invalid rays are not occluded.
@@ -71,7 +74,7 @@ impl World {
     ) {
         let rays = rays.into();
         assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        self.searcher(filter).search_all(rays, grouping, Any::new, |i, goal| blocked[i] = goal.found);
+        self.searcher(filter).search_into(rays, grouping, Any::new, Slice(blocked));
     }
 
     /// The nearest hit of one ray.
@@ -130,23 +133,40 @@ pub(crate) struct Searcher<'a, P: Rules> {
 }
 
 impl<P: Rules> Searcher<'_, P> {
-    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping.
+    /// Searches for all rays of a batch; `finish` gets the number of a ray and what was found, in no particular order.
     pub fn search_all<G: Goal<Precision = P>>(
         &self,
         rays: Rays<P>,
         grouping: Grouping,
         start: impl Fn(&RayOf<G>) -> G,
-        mut finish: impl FnMut(usize, G),
+        finish: impl FnMut(usize, G),
     ) {
+        self.search_into(rays, grouping, start, finish);
+    }
+
+    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping.
+    pub fn search_into<G: Goal<Precision = P>>(
+        &self,
+        rays: Rays<P>,
+        grouping: Grouping,
+        start: impl Fn(&RayOf<G>) -> G,
+        mut answers: impl Answers<G>,
+    ) {
+        if let Structure::Bvh(forest) = &self.world.structure {
+            let batch = interleave::Batch { rays, context: &self.context, order: &[] };
+            if P::search_list(forest, self.world.simd, &batch, &start, |i, goal| answers.put(i, goal)) {
+                return;
+            }
+        }
         match &self.world.structure {
             Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
-                let batch = interleave::Batch { rays, context: &self.context };
-                for left in P::search_runs(forest, self.world.simd, &batch, &start, &mut finish) {
-                    let first = left.start;
-                    self.search_unrelated(rays.slice(left), &start, |i, goal| finish(first + i, goal));
+                let batch = interleave::Batch { rays, context: &self.context, order: &[] };
+                for left in P::search_runs(forest, self.world.simd, &batch, &start, |i, goal| answers.put(i, goal)) {
+                    let part = Part { first: left.start, answers: &mut answers };
+                    self.search_unrelated(rays.slice(left), &start, part);
                 }
             }
-            _ => self.search_unrelated(rays, &start, finish),
+            _ => self.search_unrelated(rays, &start, answers),
         }
     }
 
@@ -154,12 +174,17 @@ impl<P: Rules> Searcher<'_, P> {
         &self,
         rays: Rays<P>,
         start: impl Fn(&RayOf<G>) -> G,
-        mut finish: impl FnMut(usize, G),
+        mut answers: impl Answers<G>,
     ) {
         match &self.world.structure {
             Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
-                let batch = interleave::Batch { rays, context: &self.context };
-                interleave::search_batch(forest, self.world.simd, &batch, start, finish);
+                let mut sorter = order::Sorter::new(rays.len(), interleave::is_large(forest));
+                for part in sorter.parts() {
+                    let own = Part { first: part.start, answers: &mut answers };
+                    let rays = rays.slice(part);
+                    let batch = interleave::Batch { rays, context: &self.context, order: sorter.order(rays) };
+                    interleave::search_batch(forest, self.world.simd, &batch, &start, own);
+                }
             }
             Structure::Walked(structures) => {
                 let mut scratch = structures.scratch();
@@ -169,11 +194,11 @@ impl<P: Rules> Searcher<'_, P> {
                     if P::is_valid(query.ray) {
                         structures.search(&mut search, &mut scratch);
                     }
-                    finish(i, search.goal);
+                    answers.put(i, search.goal);
                 }
                 scratch.keep();
             }
-            _ => (0..rays.len()).for_each(|i| finish(i, self.search(rays.get(i), &start))),
+            _ => (0..rays.len()).for_each(|i| answers.put(i, self.search(rays.get(i), &start))),
         }
     }
 

@@ -19,6 +19,8 @@ pub(crate) trait Goal {
     type Precision: Rules;
     /// True if hits bring the limit nearer while the search goes on.
     const NARROWS: bool;
+    /// True if one hit is all that is wanted, and how it is found does not matter.
+    const WANTS_ONE: bool = false;
     /// True if every hit is as good as any other: then [`Self::take`] does not look at it.
     const ANY: bool = false;
 
@@ -152,6 +154,7 @@ impl<P: Rules> Closest<P> {
 impl<P: Rules> Goal for Closest<P> {
     type Precision = P;
     const NARROWS: bool = true;
+    const WANTS_ONE: bool = true;
 
     #[inline(always)]
     fn limit(&self) -> P::Real {
@@ -190,6 +193,7 @@ impl<P: Rules> Goal for Any<P> {
     type Precision = P;
     const NARROWS: bool = false;
     const ANY: bool = true;
+    const WANTS_ONE: bool = true;
 
     #[inline(always)]
     fn limit(&self) -> P::Real {

@@ -38,6 +38,7 @@ pub use quality::Quality;
 
 use super::brute_force::GroupList;
 use super::group::{Object, Objects};
+use crate::kernel::list::List;
 use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::quick::is_ordinary;
 use crate::kernel::triangle::TriangleBlock;
@@ -148,6 +149,8 @@ pub(crate) struct Forest {
     pub stack_size: usize,
     /// True if everything is of ordinary size ([`is_ordinary`]).
     pub ordinary: bool,
+    /// The root's contents without a tree, if they are few.
+    pub list: Option<List>,
 }
 
 impl Forest {
@@ -163,7 +166,8 @@ impl Forest {
             sizes[group] = tree.stack_size() + tree.objects.placed().iter().map(below).max().unwrap_or(0);
         }
         let ordinary = trees.iter().all(|tree| is_ordinary(tree));
-        Self { stack_size: sizes[0], trees, ordinary }
+        let list = trees.first().and_then(|root| List::of(root));
+        Self { stack_size: sizes[0], trees, ordinary, list }
     }
 
     /// Memory of all trees.

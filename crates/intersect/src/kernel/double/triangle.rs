@@ -7,7 +7,7 @@
 use super::plane::plane_distance;
 use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
-use crate::kernel::triangle::{DrawingFrame, TriangleBlock, clamp_to_box};
+use crate::kernel::triangle::{DrawingFrame, TriangleBlock, clamp_to_box, place_margin};
 use snell_math::exact::compare_products;
 use snell_math::simd::Lanes8;
 use snell_math::{DRay, DVec2, DVec3};
@@ -61,7 +61,7 @@ pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay
     let farthest = ray.origin[0].abs().max(ray.origin[1].abs()).max(ray.origin[2].abs());
     let slack = ray.slack + farthest * (f32::EPSILON * 0.5) + f32::MIN_POSITIVE;
     // SAFETY: passed on to the caller.
-    let (outside, [z0, z1, z2]) = unsafe { outside(block, &DrawingFrame::<L>::new(ray), slack) };
+    let (outside, sides, [z0, z1, z2]) = unsafe { outside(block, &DrawingFrame::<L>::new(ray), slack) };
     if ray.depth_scale == 0.0 {
         return !outside & 0xff;
     }
@@ -70,7 +70,10 @@ pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay
     let (scale, cull, start) =
         unsafe { (L::splat(ray.depth_scale), L::splat(cull + margin), L::splat(t_min - t_min.abs() * 1e-6 - margin)) };
     let (d0, d1, d2) = (z0.mul(scale), z1.mul(scale), z2.mul(scale));
-    let beyond = cull.lt(d0.min(d1).min(d2)) | d0.max(d1).max(d2).lt(start);
+    let (nearest, farthest) = (d0.min(d1).min(d2), d0.max(d1).max(d2));
+    // SAFETY: passed on to the caller.
+    let margin = unsafe { place_margin(nearest.abs().max(farthest.abs()), sides, ray.depth_scale) };
+    let beyond = cull.add(margin).lt(nearest) | farthest.add(margin).lt(start);
     !(outside | beyond) & 0xff
 }
 
@@ -81,17 +84,17 @@ pub(crate) unsafe fn candidates<L: Lanes8>(block: &TriangleBlock, ray: &LocalRay
 #[inline(always)]
 pub(crate) unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &QuickRay) -> u32 {
     // SAFETY: passed on to the caller.
-    let (outside, _) = unsafe { outside(block, &DrawingFrame::<L>::of_quick(ray), ray.slack) };
+    let (outside, ..) = unsafe { outside(block, &DrawingFrame::<L>::of_quick(ray), ray.slack) };
     !outside & 0xff
 }
 
 /// Which triangles the line of the ray surely does not pass through: two of their edges have signs that are certain and differ. Also
-/// their depths. A vertex relative to the origin may be off by `slack` on each axis.
+/// the drawn size and the depths. A vertex relative to the origin may be off by `slack` on each axis.
 ///
 /// # Safety
 /// The machine must have the instructions of `L`.
 #[inline(always)]
-unsafe fn outside<L: Lanes8>(block: &TriangleBlock, frame: &DrawingFrame<L>, slack: f32) -> (u32, [L; 3]) {
+unsafe fn outside<L: Lanes8>(block: &TriangleBlock, frame: &DrawingFrame<L>, slack: f32) -> (u32, L, [L; 3]) {
     let [v0, v1, v2] = &block.vertices;
     // SAFETY: passed on to the caller.
     let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2]) = unsafe { (frame.draw(v0), frame.draw(v1), frame.draw(v2)) };
@@ -109,7 +112,7 @@ unsafe fn outside<L: Lanes8>(block: &TriangleBlock, frame: &DrawingFrame<L>, sla
     // most `2 e (x + y) + 2 e^2`.
     let twice = z.mul(depth_error).add(slack);
     let bound = x.mul(y).mul(edge_error).add(twice.mul(x.add(y).add(twice))).add(tiny);
-    (u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w)), [z0, z1, z2])
+    (u.min(v).min(w).add(bound).lt(zero) & bound.lt(u.max(v).max(w)), x.add(y), [z0, z1, z2])
 }
 
 /// Twice the signed area of the drawn triangle (ray, p, q), and its exact sign after the symbolic shift of the ray: 0 only if

@@ -336,11 +336,8 @@ impl Bundle {
                 }
                 far = far.max(from[0].abs().add(from[1].abs()).add(from[2].abs()));
                 let t: L = lanes(&columns.t_min, half);
-                let begin = [
-                    columns.begin::<L>(x, half, t),
-                    columns.begin::<L>(y, half, t),
-                    columns.begin::<L>(z, half, t),
-                ];
+                let begin =
+                    [columns.begin::<L>(x, half, t), columns.begin::<L>(y, half, t), columns.begin::<L>(z, half, t)];
                 spread = spread.max(begin[0].abs().add(begin[1].abs()).add(begin[2].abs()));
                 store(begin[0], &mut self.begin[0], half);
                 store(begin[1], &mut self.begin[1], half);

@@ -62,7 +62,8 @@ impl<L: Lanes8> SeenBlock<L> {
             // The first edge may be as long as both others.
             let (length, far) = (length.add(length), size(r0).add(length).add(L::splat(bundle.distance)));
             let error = far.mul(L::splat(AREA_ERROR)).add(L::splat(8.0 * bundle.margin));
-            let (mut normal, mut height, mut height_error, normal_error) = (edges[0], length, length, length.mul(length));
+            let (mut normal, mut height, mut height_error, normal_error) =
+                (edges[0], length, length, length.mul(length));
             if !bundle.kind.common {
                 let start = &bundle.start_point;
                 let start = [L::splat(start[0]), L::splat(start[1]), L::splat(start[2]).mul(sign)];
@@ -113,8 +114,7 @@ impl<L: Lanes8> SeenBlock<L> {
             }
             let begin = &bundle.begin;
             // SAFETY: as above.
-            let (bx, by, bz) =
-                unsafe { (L::splat(begin[0][ray]), L::splat(begin[1][ray]), L::splat(begin[2][ray])) };
+            let (bx, by, bz) = unsafe { (L::splat(begin[0][ray]), L::splat(begin[1][ray]), L::splat(begin[2][ray])) };
             let [nx, ny, nz] = self.normal;
             let height = bx.mul_add(nx, by.mul_add(ny, bz.mul_add(nz, self.height)));
             let speed = sx.mul_add(nx, sy.mul_add(ny, nz));

@@ -11,7 +11,12 @@ use snell_math::simd::WideLanes;
 /// # Safety
 /// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(super) unsafe fn set_up<L: WideLanes>(bundle: &mut Bundle, columns: &mut Columns, rays: &[Ray], backward: bool) -> bool {
+pub(super) unsafe fn set_up<L: WideLanes>(
+    bundle: &mut Bundle,
+    columns: &mut Columns,
+    rays: &[Ray],
+    backward: bool,
+) -> bool {
     if rays.len() < MIN_RAYS {
         return false;
     }

@@ -1,7 +1,7 @@
+use super::Locals;
 use super::bundle::{Bundle, Columns, RAYS};
 use super::exact::{Found, Pairs, exact_hits};
 use super::leaf::SeenBlock;
-use super::Locals;
 use super::runs::set_up;
 use crate::accel::AcceleratorKind;
 use crate::hit::Hit;
@@ -134,10 +134,10 @@ proptest! {
             (ray.origin, ray.direction) = ((ray.origin + far) * scale, ray.direction * scale);
         }
         let mut block = TriangleBlock::EMPTY;
-        for lane in 0..8 {
+        for (lane, ray) in rays.iter().enumerate().take(8) {
             // Around points on the rays; some on the lattice, where edges are met.
             let u = unit(seed, lane as u32);
-            let at = rays[lane].at(if lane % 2 == 0 { 0.5 * u } else { 1.0 + (u - 0.5) * 1e-3 });
+            let at = ray.at(if lane % 2 == 0 { 0.5 * u } else { 1.0 + (u - 0.5) * 1e-3 });
             let corner = |k: u32| {
                 let p = at + vector(seed ^ 5, 8 * k + lane as u32) * (size * scale);
                 (if lane < 4 { p } else { (p / scale).round() * scale }).to_array()
@@ -200,7 +200,7 @@ unsafe fn check_block<L: WideLanes>(bundle: &Bundle, block: &TriangleBlock, rays
 fn runs_with_a_common_point_are_bundles_and_others_are_not() {
     let mut bundle = Bundle::NONE;
     let (from, to) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.5, -1.0, -2.0));
-    let mut kind_of = |rays: &[Ray]| is_bundle(&mut bundle, rays).then(|| (bundle.kind.common, bundle.kind.reversed));
+    let mut kind_of = |rays: &[Ray]| is_bundle(&mut bundle, rays).then_some((bundle.kind.common, bundle.kind.reversed));
     assert_eq!(kind_of(&rays(Kind::FromPoint, 1, 16, from, to, 0.1)), Some((true, false)));
     assert_eq!(kind_of(&rays(Kind::ToPoint, 1, 16, from, to, 0.1)), Some((false, true)));
     assert_eq!(kind_of(&rays(Kind::Parallel, 1, 9, from, to, 0.1)), Some((false, false)));
