@@ -219,6 +219,7 @@ struct Walker<'w, 's, G: Goal> {
     /// The rays whose search is not over.
     alive: u32,
     /// Memory for bundles in instances.
+    #[allow(clippy::vec_box, reason = "they are large, and come and go")]
     spare: &'w mut Vec<Box<(Bundle, Columns)>>,
     /// About what it took: a box tested is one.
     work: u32,

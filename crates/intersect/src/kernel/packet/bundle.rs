@@ -270,7 +270,7 @@ impl Bundle {
                 self.margin += greatest::<L>(&size) * (4.0 * f32::EPSILON) + f32::MIN_POSITIVE;
             }
         }
-        if !(self.margin < LARGEST) {
+        if self.margin.is_nan() || self.margin >= LARGEST {
             return false;
         }
         self.octant = (0..3).fold(0, |octant, axis| {
@@ -330,9 +330,9 @@ impl Bundle {
                 let from: [L; 3] = [lanes(&from[x], half), lanes(&from[y], half), lanes(&from[z], half)];
                 let from_z = from[2].mul(sign);
                 store(from_z, &mut self.start, half);
-                for i in 0..2 {
+                for (i, from) in from.iter().enumerate().take(2) {
                     let slope: L = lanes(&self.slope[i], half);
-                    store(from[i].sub(slope.mul(from_z)), &mut self.offset[i], half);
+                    store(from.sub(slope.mul(from_z)), &mut self.offset[i], half);
                 }
                 far = far.max(from[0].abs().add(from[1].abs()).add(from[2].abs()));
                 let t: L = lanes(&columns.t_min, half);
@@ -460,10 +460,10 @@ impl Bundle {
                 let near = L::splat(near).max(lanes(&self.near, half));
                 let far = L::splat(far).min(lanes(&self.far, half));
                 let mut gap = near.sub(far);
-                for i in 0..2 {
+                for (i, side) in sides.iter().enumerate() {
                     let (slope, offset): (L, L) = (lanes(&self.slope[i], half), lanes(&self.offset[i], half));
                     let (a, b) = (near.mul_add(slope, offset), far.mul_add(slope, offset));
-                    let [low, high] = [L::splat(sides[i][0]), L::splat(sides[i][1])];
+                    let [low, high] = [L::splat(side[0]), L::splat(side[1])];
                     // The last one is always a number.
                     gap = a.min(b).sub(high).max(low.sub(a.max(b))).max(gap);
                 }
