@@ -20,6 +20,8 @@ pub(crate) trait Goal {
     const NARROWS: bool;
     /// True if one hit is all that is wanted, and how it is found does not matter.
     const WANTS_ONE: bool = false;
+    /// True if every hit is as good as any other: then [`Self::take`] does not look at it.
+    const ANY: bool = false;
 
     /// Hits at a greater `t` are of no interest.
     fn limit(&self) -> RealOf<Self>;
@@ -191,6 +193,7 @@ impl<P: Rules> Any<P> {
 impl<P: Rules> Goal for Any<P> {
     type Precision = P;
     const NARROWS: bool = false;
+    const ANY: bool = true;
     const WANTS_ONE: bool = true;
 
     #[inline(always)]
