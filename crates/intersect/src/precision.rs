@@ -510,7 +510,7 @@ impl Rules for Double {
         _: impl Fn(&DRay) -> G,
         _: impl FnMut(usize, G),
     ) -> Vec<Range<usize>> {
-        vec![0..batch.rays.len()]
+        Vec::from([0..batch.rays.len()])
     }
 
     /// None: lists are in single precision.

@@ -275,6 +275,10 @@ pub(crate) struct QuickBoxes<L> {
 /// little more, for the roundings of that.
 const FAR_PADDING: f32 = 1.1e-6;
 
+/// No distance needs more. (Without a limit it would be infinite along an axis that the ray does not move along, and empty boxes would
+/// count as met.)
+const MAX_FAR_PADDING: f32 = 4e30;
+
 impl<L: Lanes8> QuickBoxes<L> {
     /// `extent` is the largest coordinate of the boxes.
     ///
@@ -284,7 +288,7 @@ impl<L: Lanes8> QuickBoxes<L> {
     pub unsafe fn new(ray: &QuickRay, extent: f32) -> Self {
         let (inverse, far) = (Vec4::from_array(ray.inverse), Vec4::from_array(ray.far));
         let far = if L::FUSED {
-            far + (inverse.abs() * extent + far.abs()) * FAR_PADDING
+            far + ((inverse.abs() * extent + far.abs()) * FAR_PADDING).min(Vec4::splat(MAX_FAR_PADDING))
         } else {
             far - ((far.abs() + extent) * FAR_PADDING).copysign(inverse)
         };

@@ -331,11 +331,12 @@ mod tests {
             let p = DRay::from(&ray).at(t);
             let exact = snell_math::Bounds3d { min: p, max: p }.outward_f32();
             let bounds = Bounds3 { min: exact.min - below.abs(), max: exact.max + above.abs() };
-            let cull = padded(t as f32);
-            prop_assert_ne!(is_met::<Portable8>(&ray, &bounds, cull), Some(false));
-            #[cfg(target_arch = "x86_64")]
-            if snell_math::simd::Level::Avx2.is_supported() {
-                prop_assert_ne!(is_met::<snell_math::simd::Avx8>(&ray, &bounds, cull), Some(false));
+            for cull in [padded(t as f32), f32::INFINITY] {
+                prop_assert_ne!(is_met::<Portable8>(&ray, &bounds, cull), Some(false));
+                #[cfg(target_arch = "x86_64")]
+                if snell_math::simd::Level::Avx2.is_supported() {
+                    prop_assert_ne!(is_met::<snell_math::simd::Avx8>(&ray, &bounds, cull), Some(false));
+                }
             }
         }
 

@@ -227,7 +227,7 @@ impl<G: Goal> Place<'_, G> {
             && search.start >= 0.0
             && G::Precision::prepare::<L>(search.context.data, group, &mut quick, ray);
         // A ray that has overflowed on its way here hits nothing.
-        if !is_quick && !(ray.origin.is_finite() && ray.direction.is_finite()) {
+        if !(is_quick || (ray.origin.is_finite() && ray.direction.is_finite())) {
             return false;
         }
         for &object in &self.tree.unbounded {

@@ -239,7 +239,7 @@ fn equally_far_triangles_go_to_the_lowest_number() {
 fn batches_that_hit_little_are_answered_too() {
     let make = |accelerator| build(strip(40), accelerator, Level::best());
     let (world, oracle) = (make(AcceleratorKind::Bvh), make(AcceleratorKind::None));
-    let beside = |i: usize| Vec3::new((i % 40) as f32, if i % 5 == 0 { 0.5 } else { 50.0 }, -9.0);
+    let beside = |i: usize| Vec3::new((i % 40) as f32, if i.is_multiple_of(5) { 0.5 } else { 50.0 }, -9.0);
     let rays: Vec<Ray> = (0..1000).map(|i| Ray::new(beside(i), Vec3::new(0.01, 0.0, 1.0))).collect();
     check(&world, &oracle, Rays::from(&rays), &AcceptAll).expect("the same hits");
     let hits = rays.iter().filter(|ray| oracle.closest_one(*ray, &AcceptAll).is_hit()).count();
