@@ -510,7 +510,7 @@ impl Rules for Double {
         _: impl Fn(&DRay) -> G,
         _: impl FnMut(usize, G),
     ) -> Vec<Range<usize>> {
-        Vec::from([0..batch.rays.len()])
+        std::iter::once(0..batch.rays.len()).collect()
     }
 
     /// None: lists are in single precision.
