@@ -108,7 +108,7 @@ fn probe(world: &World, mesh: &TriangleMesh, convex: bool, rays: usize, ray: imp
     let one = |i: usize| {
         let ray = ray(i);
         let hits = world.all_one(&ray, &AcceptAll);
-        let wrong = usize::from(hits.len() % 2 == 0);
+        let wrong = usize::from(hits.len().is_multiple_of(2));
         let folded = usize::from(winding(mesh, &ray, &hits) != 1 || (convex && hits.len() > 1));
         Counts { rays: 1, misses: usize::from(hits.is_empty()), wrong, folded }
     };

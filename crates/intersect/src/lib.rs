@@ -26,6 +26,7 @@
 //! ```
 
 pub mod accel;
+pub mod coherence;
 pub mod geometry;
 pub mod hit;
 mod kernel;

@@ -7,13 +7,13 @@ use crate::accel::bvh::Forest;
 use crate::hit::{DHit, Hit};
 use crate::kernel::double::{self, DoubleData};
 use crate::kernel::interleave::Batch;
-use crate::kernel::packet;
 use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{TriangleBlock, exact_hit, hit_in_plane, is_behind, plane_distance};
+use crate::kernel::{list, packet};
 use crate::query::search::{Goal, Search};
 use snell_math::simd::{Lanes8, Level};
-use snell_math::{DRay, DVec2, DVec3, Ray, Vec2};
+use snell_math::{DRay, DVec2, DVec3, Ray, Vec2, Vec3};
 use std::cmp::Ordering;
 use std::fmt::Debug;
 use std::ops::Range;
@@ -131,6 +131,12 @@ pub(crate) trait Rules: Precision {
     /// The ray in `f64`.
     fn exact(ray: &Self::Ray) -> DRay;
 
+    /// About where the ray starts.
+    fn origin(ray: &Self::Ray) -> Vec3;
+
+    /// About where it goes.
+    fn direction(ray: &Self::Ray) -> Vec3;
+
     /// A hit: distance (rounded), parameters, and instance, geometry and primitive.
     fn hit(t: f64, uv: Vec2, ids: [u32; 3]) -> Self::Hit;
 
@@ -184,6 +190,15 @@ pub(crate) trait Rules: Precision {
         finish: impl FnMut(usize, G),
     ) -> Vec<Range<usize>>;
 
+    /// Searches for the first rays of a batch, or all, in the list of the forest ([`list::search_list`]); returns how many.
+    fn search_list<G: Goal<Precision = Self>>(
+        forest: &Forest,
+        level: Level,
+        batch: &Batch<Self>,
+        start: impl Fn(&Self::Ray) -> G,
+        finish: impl FnMut(usize, G),
+    ) -> usize;
+
     /// True if triangles are decided on what is not in the blocks: then their memory may be asked for ahead.
     const TRIANGLES_ELSEWHERE: bool;
 
@@ -231,6 +246,16 @@ impl Rules for Single {
     #[inline(always)]
     fn exact(ray: &Ray) -> DRay {
         ray.into()
+    }
+
+    #[inline(always)]
+    fn origin(ray: &Ray) -> Vec3 {
+        ray.origin
+    }
+
+    #[inline(always)]
+    fn direction(ray: &Ray) -> Vec3 {
+        ray.direction
     }
 
     #[inline(always)]
@@ -328,6 +353,21 @@ impl Rules for Single {
         packet::search_runs(forest, level, batch, start, finish)
     }
 
+    #[inline(always)]
+    fn search_list<G: Goal<Precision = Self>>(
+        forest: &Forest,
+        level: Level,
+        batch: &Batch<Self>,
+        start: impl Fn(&Ray) -> G,
+        finish: impl FnMut(usize, G),
+    ) -> usize {
+        if list::is_suitable::<G>(forest, batch.rays.len()) {
+            list::search_list(forest, level, batch, start, finish)
+        } else {
+            0
+        }
+    }
+
     const TRIANGLES_ELSEWHERE: bool = false;
 
     #[inline(always)]
@@ -369,6 +409,16 @@ impl Rules for Double {
     #[inline(always)]
     fn exact(ray: &DRay) -> DRay {
         *ray
+    }
+
+    #[inline(always)]
+    fn origin(ray: &DRay) -> Vec3 {
+        ray.origin.as_vec3()
+    }
+
+    #[inline(always)]
+    fn direction(ray: &DRay) -> Vec3 {
+        ray.direction.as_vec3()
     }
 
     #[inline(always)]
@@ -460,7 +510,18 @@ impl Rules for Double {
         _: impl Fn(&DRay) -> G,
         _: impl FnMut(usize, G),
     ) -> Vec<Range<usize>> {
-        vec![0..batch.rays.len()]
+        std::iter::once(0..batch.rays.len()).collect()
+    }
+
+    /// None: lists are in single precision.
+    fn search_list<G: Goal<Precision = Self>>(
+        _: &Forest,
+        _: Level,
+        _: &Batch<Self>,
+        _: impl Fn(&DRay) -> G,
+        _: impl FnMut(usize, G),
+    ) -> usize {
+        0
     }
 
     const TRIANGLES_ELSEWHERE: bool = true;

@@ -8,6 +8,7 @@
 //! order of insertion, the child followed by all that is below it. [`crate::Hit::instance`] is this number, so a hit stays small at
 //! any depth, and [`World::instance_path`] gives the way back.
 
+mod cover;
 pub(crate) mod double;
 pub mod dynamic;
 mod edit;
@@ -29,6 +30,7 @@ use crate::geometry::{MovingMesh, PrimitiveSet, QuadMesh};
 use crate::mesh::TriangleMesh;
 use crate::query::winding::Winding;
 use crate::shape::Shape;
+use cover::Cover;
 use occurrence::Occurrences;
 use rayon::prelude::*;
 use reuse::{Inventory, Summary};
@@ -392,6 +394,9 @@ impl WorldBuilder {
     }
 }
 
+/// Boxes to be turned for the instances of a group; where there are so many instances, one for each must do.
+const MAX_PIECES: usize = 1 << 24;
+
 /// The boxes of all groups and of what they hold.
 struct GroupBounds {
     /// Per group, in its own coordinates.
@@ -401,12 +406,15 @@ struct GroupBounds {
     objects: Vec<Vec<Bounds3d>>,
     /// Per group, in its own coordinates, grown like those of the objects.
     grown: Vec<Bounds3d>,
+    /// Per group the same as many boxes. Without any if it is not known of a mesh.
+    covers: Vec<Cover>,
 }
 
 impl GroupBounds {
     fn empty(groups: usize) -> Self {
         let none = vec![Bounds3d::EMPTY; groups];
-        Self { exact: none.clone(), objects: vec![Vec::new(); groups], grown: none }
+        let covers = vec![Cover::default(); groups];
+        Self { exact: none.clone(), objects: vec![Vec::new(); groups], grown: none, covers }
     }
 
     /// Finds the boxes of a group whose children are done.
@@ -432,13 +440,27 @@ impl GroupBounds {
             let child = instance.child.0 as usize;
             let images = instance.keys().map(|map| map.bounds(&self.exact[child]));
             exact = images.fold(exact, |all, b| all.union(&b));
-            objects.push(instance_bounds(instance, &self.grown[child]));
         }
+        let pieces: usize = contents.instances.iter().map(|i| self.covers[i.child.0 as usize].len()).sum();
+        let instance_box = |instance: &Instance| {
+            let child = instance.child.0 as usize;
+            if pieces > MAX_PIECES || !instance.later.is_empty() || self.covers[child].is_empty() {
+                return instance_bounds(instance, &self.grown[child]);
+            }
+            self.covers[child].iter().fold(Bounds3d::EMPTY, |all, b| all.union(&instance_bounds(instance, b)))
+        };
+        objects.par_extend(contents.instances.par_iter().with_min_len(16).map(instance_box));
         for (_, set) in builder.sets(contents) {
             let first = objects.len();
             objects.par_extend((0..set.len()).into_par_iter().with_min_len(1024).map(|i| set.bounds(i)));
             exact = objects[first..].iter().fold(exact, |all, b| all.union(b));
             objects[first..].par_iter_mut().for_each(|b| *b = grown_bounds(&Transform::IDENTITY, b));
+        }
+        let is_mesh =
+            |id: &&GeometryId| matches!(builder.geometries[id.0 as usize], Geometry::Mesh(_) | Geometry::Quads(_));
+        let meshes = contents.geometries.iter().filter(is_mesh).map(|id| summaries[id.0 as usize].cover.as_ref());
+        if let Some(meshes) = meshes.collect::<Option<Vec<_>>>() {
+            self.covers[group] = cover::of_group(meshes.into_iter(), &objects);
         }
         self.exact[group] = exact;
         self.grown[group] = objects.iter().fold(outer, |a, b| a.union(b));
@@ -564,6 +586,15 @@ pub struct TraversalWork {
     pub primitives_tested: u64,
     /// See [`TraversalCounters::cells_stepped`].
     pub cells_stepped: u64,
+}
+
+impl TraversalWork {
+    /// Adds the work of a ray.
+    pub(crate) fn add(&mut self, ray: &TraversalCounters) {
+        self.nodes_visited += u64::from(ray.nodes_visited);
+        self.primitives_tested += u64::from(ray.primitives_tested);
+        self.cells_stepped += u64::from(ray.cells_stepped);
+    }
 }
 
 impl World {

@@ -6,6 +6,7 @@ use super::slot::{STACK, Slot};
 use super::traverse::{Entry, SMALL_STACK, Walk, search_forest, walk_portable};
 use crate::accel::bvh::Forest;
 use crate::precision::Rules;
+use crate::query::answers::Answers;
 use crate::query::rays::Rays;
 use crate::query::search::{Context, Goal, RayOf, Search};
 use snell_math::simd::{Lanes8, Level, Portable8};
@@ -14,13 +15,36 @@ use std::mem::MaybeUninit;
 /// Rays in flight.
 const SLOTS: usize = 16;
 
-/// Forests larger than this are fetched ahead: most of such a forest is not in the caches. (It costs a little in smaller ones.)
-const PREFETCH_BYTES: usize = 2 << 20;
+/// See [`is_large`].
+const LARGE_BYTES: usize = 2 << 20;
 
 /// Rays to search for, and what is common to them.
 pub(crate) struct Batch<'a, P: Rules> {
     pub rays: Rays<'a, P>,
     pub context: &'a Context<'a, P>,
+    /// In which order to search for them: their numbers; if empty, as they are.
+    pub order: &'a [u32],
+}
+
+impl<P: Rules> Batch<'_, P> {
+    /// The number of the ray that is searched for as the `i`-th; asks for the memory of a later one and of its answer.
+    #[inline(always)]
+    fn number<G>(&self, i: usize, answers: &impl Answers<G>) -> usize {
+        if self.order.is_empty() {
+            return i;
+        }
+        if let Some(&later) = self.order.get(i + SLOTS) {
+            fetch(self.rays.rays().as_ptr().wrapping_add(later as usize));
+            answers.fetch(later as usize);
+        }
+        self.order[i] as usize
+    }
+}
+
+/// True if forests are so large that rays should be in an order, and memory is fetched ahead: most is not in the caches. (It costs a
+/// little in smaller ones.)
+pub(crate) fn is_large(forest: &Forest) -> bool {
+    forest.memory_bytes() > LARGE_BYTES
 }
 
 /// True if walks through the forest fit the stacks of this kernel, and it has something to interleave.
@@ -33,21 +57,21 @@ pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
         && forest.stack_size + 8 <= STACK
 }
 
-/// Searches for every ray of a batch; `finish` gets the number of a ray and what was found, in no particular order.
+/// Searches for every ray of a batch; `answers` get the number of a ray and what was found, in no particular order.
 pub(crate) fn search_batch<G: Goal>(
     forest: &Forest,
     level: Level,
     batch: &Batch<G::Precision>,
     start: impl Fn(&RayOf<G>) -> G,
-    finish: impl FnMut(usize, G),
+    answers: impl Answers<G>,
 ) {
     debug_assert!(is_suitable(forest, batch.rays.len()));
     match level {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `World` holds only levels that the machine supports.
-        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, level, batch, start, finish) },
+        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, level, batch, start, answers) },
         // SAFETY: portable code.
-        _ => unsafe { run::<Portable8, G>(forest, level, batch, start, finish, walk_portable::<G>) },
+        _ => unsafe { run::<Portable8, G>(forest, level, batch, start, answers, walk_portable::<G>) },
     }
 }
 
@@ -60,11 +84,11 @@ unsafe fn run_avx2<G: Goal>(
     level: Level,
     batch: &Batch<G::Precision>,
     start: impl Fn(&RayOf<G>) -> G,
-    finish: impl FnMut(usize, G),
+    answers: impl Answers<G>,
 ) {
     use super::traverse::walk_avx2;
     // SAFETY: as promised by the caller.
-    unsafe { run::<snell_math::simd::Avx8, G>(forest, level, batch, start, finish, walk_avx2::<G>) }
+    unsafe { run::<snell_math::simd::Avx8, G>(forest, level, batch, start, answers, walk_avx2::<G>) }
 }
 
 /// The loop over all rays in flight: first a step for each that is at a node, then one for each that is at a leaf or done.
@@ -77,11 +101,11 @@ unsafe fn run<L: Lanes8, G: Goal>(
     level: Level,
     batch: &Batch<G::Precision>,
     start: impl Fn(&RayOf<G>) -> G,
-    mut finish: impl FnMut(usize, G),
+    mut answers: impl Answers<G>,
     enter: Walk<G>,
 ) {
     let tree = &forest.trees[0];
-    let prefetch = forest.memory_bytes() > PREFETCH_BYTES;
+    let prefetch = is_large(forest);
     let mut below = [const { MaybeUninit::<Entry>::uninit() }; SMALL_STACK];
     let mut memory: Box<[MaybeUninit<Slot<G>>]> = Box::new_uninit_slice(SLOTS);
     // At first all are at the end of a walk that never was.
@@ -89,6 +113,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
     let [nodes, rest, mut hopeful] = items.each_mut().map(|items| Queue { items, count: 0 });
     let mut queues = Queues { nodes, rest };
     let mut other_slots: Items<*mut Slot<G>> = [const { MaybeUninit::uninit() }; SLOTS + 1];
+    let (mut return_slots, mut object_slots) = (other_slots, other_slots);
     for slot in &mut memory {
         // SAFETY: the memory is there, and there are as many slots as items.
         unsafe {
@@ -143,33 +168,55 @@ unsafe fn run<L: Lanes8, G: Goal>(
                 (*slot).triangles_step(forest);
                 queues.put(slot, (*slot).current);
             }
+            // Those at an end to the front, the others apart again.
+            let (mut ends, mut returns, mut objects) = (0, 0, 0);
             for i in 0..others {
                 let slot = other_slots.get_unchecked(i).assume_init();
-                if (*slot).current.is_object() {
-                    (*slot).object_step::<L>(forest, &mut below, enter);
-                } else if (*slot).current == ChildRef::RETURN {
-                    (*slot).leave_instance();
-                } else {
-                    if let Some(search) = (*slot).search.take() {
-                        finish((*slot).number, search.goal);
+                let (is_object, is_return) = ((*slot).current.is_object(), (*slot).current == ChildRef::RETURN);
+                other_slots.get_unchecked_mut(ends).write(slot);
+                ends += usize::from(!is_object & !is_return);
+                return_slots.get_unchecked_mut(returns).write(slot);
+                returns += usize::from(is_return);
+                object_slots.get_unchecked_mut(objects).write(slot);
+                objects += usize::from(is_object);
+            }
+            for i in 0..returns {
+                let slot = return_slots.get_unchecked(i).assume_init();
+                (*slot).leave_instance();
+                if prefetch {
+                    (*slot).fetch_ahead();
+                }
+                queues.put(slot, (*slot).current);
+            }
+            for i in 0..objects {
+                let slot = object_slots.get_unchecked(i).assume_init();
+                (*slot).object_step::<L>(forest, &mut below, enter);
+                if prefetch {
+                    (*slot).fetch_ahead();
+                }
+                queues.put(slot, (*slot).current);
+            }
+            for i in 0..ends {
+                let slot = other_slots.get_unchecked(i).assume_init();
+                if let Some(search) = (*slot).search.take() {
+                    answers.put((*slot).number, search.goal);
+                }
+                let started = loop {
+                    if number == batch.rays.len() {
+                        break false;
                     }
-                    let started = loop {
-                        if number == batch.rays.len() {
-                            break false;
-                        }
-                        let query = batch.rays.get(number);
-                        let search = || Search::new(query, batch.context, start(query.ray));
-                        let started = (*slot).start::<L>(tree, number, batch.context.data, search, query.ray);
-                        number += 1;
-                        if started {
-                            break true;
-                        }
-                        finish(number - 1, search_alone(forest, level, search()));
-                    };
-                    if !started {
-                        // Nothing left to do: the slot stays out of all queues.
-                        continue;
+                    let ray = batch.number(number, &answers);
+                    number += 1;
+                    let query = batch.rays.get(ray);
+                    let search = || Search::new(query, batch.context, start(query.ray));
+                    if (*slot).start::<L>(tree, ray, batch.context.data, search, query.ray) {
+                        break true;
                     }
+                    answers.put(ray, search_alone(forest, level, search()));
+                };
+                if !started {
+                    // Nothing left to do: the slot stays out of all queues.
+                    continue;
                 }
                 if prefetch {
                     (*slot).fetch_ahead();
@@ -184,13 +231,28 @@ unsafe fn run<L: Lanes8, G: Goal>(
     }
 }
 
+/// Asks for the memory of an item.
+#[inline(always)]
+pub(crate) fn fetch<T>(item: *const T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let (first, end) = (item.cast::<i8>(), item.wrapping_add(1).cast::<i8>());
+        // SAFETY: asking ahead reads nothing: any address will do. An item may lie across two lines.
+        unsafe {
+            _mm_prefetch::<_MM_HINT_T0>(first);
+            _mm_prefetch::<_MM_HINT_T0>(end.wrapping_sub(1));
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = item;
+}
+
 /// A ray that is not ordinary.
 #[cold]
 #[inline(never)]
 fn search_alone<G: Goal>(forest: &Forest, level: Level, mut search: Search<G>) -> G {
-    if G::Precision::is_valid(search.ray) {
-        search_forest(forest, level, &mut search);
-    }
+    search_forest(forest, level, &mut search);
     search.goal
 }
 

@@ -2,8 +2,10 @@
 //! measured is in `README.md` beside this file.
 
 pub(crate) mod binning;
+mod careful;
 pub(crate) mod double;
 pub(crate) mod interleave;
+pub(crate) mod list;
 pub(crate) mod node;
 pub(crate) mod packet;
 pub(crate) mod quick;

@@ -3,7 +3,7 @@
 use super::quick::{FAR_FACTOR, QuickRay};
 use super::ray::LocalRay;
 use snell_math::simd::Lanes8;
-use snell_math::{Bounds3, Vec3};
+use snell_math::{Bounds3, Vec3, Vec4};
 
 /// What a node's slot leads to, in 32 bits: an inner node, up to eight triangles, or an object (shape or instance).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -258,9 +258,90 @@ pub(crate) unsafe fn quick_distances<L: Lanes8>(node: &WideNode, ray: &QuickRay,
 unsafe fn quick<L: Lanes8>(node: &WideNode, ray: &QuickRay, offsets: &[f32; 4], axis: usize, side: usize) -> L {
     // SAFETY: passed on to the caller.
     unsafe {
-        let numbers = node.bounds.as_ptr().cast::<f32>().add(ray.planes[axis + side] as usize);
-        let (plane, inverse) = (L::load(&*numbers.cast()), L::splat(ray.inverse[axis]));
-        let offset = L::splat(offsets[axis]);
-        if L::FUSED { plane.mul_add(inverse, offset) } else { plane.sub(offset).mul(inverse) }
+        let (inverse, offset) = (L::splat(ray.inverse[axis]), L::splat(offsets[axis]));
+        crossing(node, ray.planes[axis + side] as usize, inverse, offset)
     }
+}
+
+/// [`quick_distances`] with all about the ray in registers, for many nodes in turn.
+pub(crate) struct QuickBoxes<L> {
+    inverse: [L; 3],
+    near: [L; 3],
+    far: [L; 3],
+    planes: [u32; 6],
+}
+
+/// Instead of [`FAR_FACTOR`]: far planes are this much farther, relative to the largest distance at which the ray may meet any plane. A
+/// little more, for the roundings of that.
+const FAR_PADDING: f32 = 1.1e-6;
+
+/// No distance needs more. (Without a limit it would be infinite along an axis that the ray does not move along, and empty boxes would
+/// count as met.)
+const MAX_FAR_PADDING: f32 = 4e30;
+
+impl<L: Lanes8> QuickBoxes<L> {
+    /// `extent` is the largest coordinate of the boxes.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`, and the ray must be prepared for [`Lanes8::FUSED`].
+    #[inline(always)]
+    pub unsafe fn new(ray: &QuickRay, extent: f32) -> Self {
+        let (inverse, far) = (Vec4::from_array(ray.inverse), Vec4::from_array(ray.far));
+        let far = if L::FUSED {
+            far + ((inverse.abs() * extent + far.abs()) * FAR_PADDING).min(Vec4::splat(MAX_FAR_PADDING))
+        } else {
+            far - ((far.abs() + extent) * FAR_PADDING).copysign(inverse)
+        };
+        let ([x, y, z, _], near, far, planes) = (ray.inverse, &ray.near, far.to_array(), &ray.planes);
+        // SAFETY: passed on to the caller. (No closures: those are not always inlined.)
+        unsafe {
+            Self {
+                inverse: [L::splat(x), L::splat(y), L::splat(z)],
+                near: [L::splat(near[0]), L::splat(near[1]), L::splat(near[2])],
+                far: [L::splat(far[0]), L::splat(far[1]), L::splat(far[2])],
+                planes: [planes[0], planes[1], planes[2], planes[3], planes[4], planes[5]],
+            }
+        }
+    }
+
+    /// As [`quick_distances`].
+    ///
+    /// # Safety
+    /// The offsets of the ray must be of planes within the bounds of a node.
+    #[inline(always)]
+    pub unsafe fn distances(&self, node: &WideNode, t_min: L, cull: L) -> (L, L) {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let near = [self.near(node, 0), self.near(node, 1), self.near(node, 2)];
+            let far = [self.far(node, 0), self.far(node, 1), self.far(node, 2)];
+            (near[0].max(near[1]).max(near[2].max(t_min)), far[0].min(far[1]).min(far[2].min(cull)))
+        }
+    }
+
+    /// # Safety
+    /// As [`Self::distances`].
+    #[inline(always)]
+    unsafe fn near(&self, node: &WideNode, axis: usize) -> L {
+        // SAFETY: passed on to the caller.
+        unsafe { crossing(node, self.planes[axis] as usize, self.inverse[axis], self.near[axis]) }
+    }
+
+    /// # Safety
+    /// As [`Self::distances`].
+    #[inline(always)]
+    unsafe fn far(&self, node: &WideNode, axis: usize) -> L {
+        // SAFETY: passed on to the caller.
+        unsafe { crossing(node, self.planes[axis + 3] as usize, self.inverse[axis], self.far[axis]) }
+    }
+}
+
+/// Where an ordinary ray meets the planes that begin at a number of the bounds.
+///
+/// # Safety
+/// There must be eight.
+#[inline(always)]
+unsafe fn crossing<L: Lanes8>(node: &WideNode, first: usize, inverse: L, offset: L) -> L {
+    // SAFETY: passed on to the caller.
+    let plane = unsafe { L::load(&*node.bounds.as_ptr().cast::<f32>().add(first).cast()) };
+    if L::FUSED { plane.mul_add(inverse, offset) } else { plane.sub(offset).mul(inverse) }
 }

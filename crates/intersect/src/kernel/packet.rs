@@ -8,28 +8,32 @@
 mod bundle;
 mod exact;
 mod leaf;
+mod runs;
 #[cfg(test)]
 mod tests;
+mod trial;
 
 use super::interleave::Batch;
-use super::node::{ChildRef, padded};
+use super::node::ChildRef;
 use super::ray::LocalRay;
 use super::traverse::{Entry, Stack, Walk, test_object, walk_portable};
 use super::triangle::TriangleBlock;
 use crate::accel::bvh::{Forest, GroupTree};
-use crate::accel::group::{Object, ObjectRef, Placement, ray_in_child, test_triangle};
+use crate::accel::group::{Object, ObjectRef, Placement, mapped, test_triangle};
 use crate::hit::Hit;
 use crate::precision::Single;
 use crate::query::search::{Goal, Search, Verdict};
-use bundle::{Bundle, Kind, PerRay, RAYS};
+use bundle::{Bundle, Columns, Kind, RAYS};
 use exact::{Found, PAIRS, Pairs, exact_hits};
 use leaf::SeenBlock;
+use runs::set_up;
 use snell_math::simd::{Level, Portable8, WideLanes};
-use snell_math::{DAffine3, DRay, DVec3, Ray, Vec2, Vec3};
+use snell_math::{DAffine3, DVec3, Ray, Vec2, Vec3};
 use std::mem::MaybeUninit;
 use std::ops::Range;
+use trial::Trial;
 
-/// Runs with fewer rays are not worth a bundle.
+/// Fewer rays are not worth a bundle.
 const MIN_RAYS: usize = 6;
 
 /// Trees larger than this are fetched ahead.
@@ -62,6 +66,7 @@ pub(crate) fn search_runs<G: Goal<Precision = Single>>(
     let mut stacks = Stacks {
         distances: vec![0.0; forest.stack_size],
         places: vec![0; forest.stack_size],
+        masks: vec![0; forest.stack_size],
         single: vec![MaybeUninit::uninit(); forest.stack_size],
     };
     match level {
@@ -70,15 +75,8 @@ pub(crate) fn search_runs<G: Goal<Precision = Single>>(
         Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, batch, &mut stacks, start, finish) },
         // SAFETY: portable code, and the stacks have `stack_size` entries.
         _ => unsafe {
-            run::<Portable8, G>(
-                forest,
-                batch,
-                &mut stacks,
-                start,
-                finish,
-                [walk_bundle_portable::<G>],
-                walk_portable::<G>,
-            )
+            let entries = (walk_bundle_portable::<G> as WalkBundle<G>, walk_portable::<G> as Walk<G>);
+            run::<Portable8, G>(forest, batch, &mut stacks, start, finish, entries)
         },
     }
 }
@@ -86,7 +84,7 @@ pub(crate) fn search_runs<G: Goal<Precision = Single>>(
 /// # Safety
 /// As [`run`].
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,popcnt")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 unsafe fn run_avx2<G: Goal<Precision = Single>>(
     forest: &Forest,
     batch: &Batch<Single>,
@@ -96,14 +94,17 @@ unsafe fn run_avx2<G: Goal<Precision = Single>>(
 ) -> Vec<Range<usize>> {
     use super::traverse::walk_avx2;
     use snell_math::simd::Avx8;
+    let entries = (walk_bundle_avx2::<G> as WalkBundle<G>, walk_avx2::<G> as Walk<G>);
     // SAFETY: as promised by the caller.
-    unsafe { run::<Avx8, G>(forest, batch, stacks, start, finish, [walk_bundle_avx2::<G>], walk_avx2::<G>) }
+    unsafe { run::<Avx8, G>(forest, batch, stacks, start, finish, entries) }
 }
 
-/// Memory of the walks: what bundles put off, by distance and place (node times eight plus slot), and the stack of single rays.
+/// Memory of the walks: what bundles put off, by distance, place (node times eight plus slot) and the rays that meet the node, and the
+/// stack of single rays.
 struct Stacks {
     distances: Vec<f32>,
     places: Vec<u32>,
+    masks: Vec<u32>,
     single: Vec<MaybeUninit<Entry>>,
 }
 
@@ -117,31 +118,50 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
     stacks: &mut Stacks,
     start: impl Fn(&Ray) -> G,
     mut finish: impl FnMut(usize, G),
-    [enter]: [WalkBundle<G>; 1],
-    enter_single: Walk<G>,
+    (enter, enter_single): (WalkBundle<G>, Walk<G>),
 ) -> Vec<Range<usize>> {
     let mut left: Vec<Range<usize>> = Vec::new();
-    let mut bundle = Bundle::NONE;
+    let (mut bundle, mut columns) = (Bundle::NONE, Columns::ZERO);
+    let (mut trial, mut spare) = (Trial::default(), Vec::new());
     let mut searches: Vec<Search<G>> = Vec::with_capacity(RAYS);
     let mut first = 0;
     while first < batch.rays.len() {
         let run = first..(first + RAYS).min(batch.rays.len());
         first = run.end;
-        if set_up(&mut bundle, &batch.rays.rays()[run.clone()]) {
+        // SAFETY: as promised by the caller.
+        if unsafe {
+            set_up::<L>(&mut bundle, &mut columns, &batch.rays.rays()[run.clone()], G::ANY && trial.is_backward())
+        } {
             searches.clear();
-            for i in 0..RAYS {
-                let query = batch.rays.get((run.start + i).min(run.end - 1));
-                searches.push(Search::new(query, batch.context, start(query.ray)));
-            }
+            let search = |lane: usize| {
+                let query = batch.rays.get((run.start + lane).min(run.end - 1));
+                Search::new(query, batch.context, start(query.ray))
+            };
             let alive = u32::MAX >> (32 - run.len());
-            let mut walker = Walker { forest, searches: &mut searches, stacks, alive, enter, enter_single };
+            let mut walker = Walker {
+                forest,
+                searches: &mut searches,
+                search: &search,
+                stacks,
+                alive,
+                spare: &mut spare,
+                work: 0,
+                enter,
+                enter_single,
+            };
             // SAFETY: as promised by the caller.
-            if unsafe { walker.walk::<L>(0, &mut bundle, 0, 0) } {
+            unsafe { walker.walk::<L>(Position { group: 0, instance: 0, top: 0 }, &mut bundle) };
+            if bundle.kind.reversed {
+                trial.count(walker.work);
+            }
+            if searches.is_empty() {
+                run.for_each(|number| finish(number, start(&batch.rays.rays()[number])));
+            } else {
                 for (number, search) in run.zip(searches.drain(..)) {
                     finish(number, search.goal);
                 }
-                continue;
             }
+            continue;
         }
         match left.last_mut() {
             Some(last) if last.end == run.start => last.end = run.end,
@@ -151,117 +171,86 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
     left
 }
 
-/// Makes a bundle of a run; false if it is none. Lanes without a ray repeat the first one and want nothing.
-#[inline(always)]
-fn set_up(bundle: &mut Bundle, rays: &[Ray]) -> bool {
-    if rays.len() < MIN_RAYS {
-        return false;
-    }
-    let first = numbers(&rays[0]);
-    // By coordinate.
-    let mut columns = [[0.0f32; RAYS]; 8];
-    // Stays zero as long as everything is finite.
-    let mut not_finite = [0.0f32; 8];
-    let mut differences = [0; 8];
-    for i in 0..RAYS {
-        let ray = numbers(rays.get(i).unwrap_or(&rays[0]));
-        for k in 0..8 {
-            columns[k][i] = ray[k];
-            not_finite[k] += ray[k] * 0.0;
-            differences[k] |= ray[k].to_bits() ^ first[k].to_bits();
-        }
-        bundle.rays.origin[i] = [ray[0], ray[1], ray[2], ray[3]].map(f64::from);
-        bundle.rays.direction[i] = [ray[4], ray[5], ray[6], ray[7]].map(f64::from);
-    }
-    let [_, _, _, t_min, dx, dy, dz, t_max] = columns;
-    let mut invalid = 0;
-    for i in 0..RAYS {
-        invalid |= u32::from(!((t_min[i] >= 0.0) & (t_min[i] < t_max[i])));
-    }
-    if invalid != 0 || [0, 1, 2, 4, 5, 6].iter().any(|&k| not_finite[k] != 0.0) {
-        return false;
-    }
-    let mut cull = t_max.map(padded);
-    cull[rays.len()..].fill(-1.0);
-    let common = differences[..3] == [0; 3];
-    let reversed = !common && not_finite[7] == 0.0;
-    // A little beyond the ends, so that all rays end before it.
-    let end = rays[0].origin + rays[0].direction * (rays[0].t_max * (1.0 + 1.0 / 1024.0));
-    let apex = if reversed { end } else { rays[0].origin };
-    bundle.kind = Kind { apex: apex.to_array(), reversed, common, rounded: false };
-    bundle.set_up(&[dx, dy, dz], &t_min, &cull)
-}
-
-/// All that a ray consists of.
-#[inline(always)]
-fn numbers(ray: &Ray) -> [f32; 8] {
-    let (o, d) = (ray.origin, ray.direction);
-    [o.x, o.y, o.z, ray.t_min, d.x, d.y, d.z, ray.t_max]
-}
-
 /// The entry of a level, for the step into an instance.
-type WalkBundle<G> = unsafe fn(&mut Walker<'_, '_, G>, usize, &mut Bundle, u32, usize) -> bool;
+type WalkBundle<G> = unsafe fn(&mut Walker<'_, '_, G>, Position, &mut Bundle);
+
+/// Where a bundle is.
+#[derive(Clone, Copy)]
+struct Position {
+    group: usize,
+    /// The occurrence number of the group.
+    instance: u32,
+    /// From where the stack is free.
+    top: usize,
+}
 
 /// # Safety
 /// As [`Walker::walk`].
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,popcnt")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 unsafe fn walk_bundle_avx2<G: Goal<Precision = Single>>(
     walker: &mut Walker<'_, '_, G>,
-    group: usize,
+    position: Position,
     bundle: &mut Bundle,
-    instance: u32,
-    base: usize,
-) -> bool {
+) {
     // SAFETY: as promised by the caller.
-    unsafe { walker.walk::<snell_math::simd::Avx8>(group, bundle, instance, base) }
+    unsafe { walker.walk::<snell_math::simd::Avx8>(position, bundle) }
 }
 
 /// # Safety
 /// As [`Walker::walk`].
 unsafe fn walk_bundle_portable<G: Goal<Precision = Single>>(
     walker: &mut Walker<'_, '_, G>,
-    group: usize,
+    position: Position,
     bundle: &mut Bundle,
-    instance: u32,
-    base: usize,
-) -> bool {
+) {
     // SAFETY: as promised by the caller.
-    unsafe { walker.walk::<Portable8>(group, bundle, instance, base) }
+    unsafe { walker.walk::<Portable8>(position, bundle) }
 }
 
 /// The searches of a run on their way through the forest.
 struct Walker<'w, 's, G: Goal> {
     forest: &'w Forest,
-    /// One per ray.
-    searches: &'w mut [Search<'s, G>],
+    /// None, or one per ray: most bundles that hit nothing need none.
+    searches: &'w mut Vec<Search<'s, G>>,
+    /// The search of a ray at its beginning.
+    search: &'w dyn Fn(usize) -> Search<'s, G>,
     stacks: &'w mut Stacks,
     /// The rays whose search is not over.
     alive: u32,
+    /// Memory for bundles in instances.
+    #[allow(clippy::vec_box, reason = "they are large, and come and go")]
+    spare: &'w mut Vec<Box<(Bundle, Columns)>>,
+    /// About what it took: a box tested is one.
+    work: u32,
     enter: WalkBundle<G>,
     enter_single: Walk<G>,
 }
 
 impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
-    /// Walks one group. False if the run is given up: then nothing of what was found may be used.
+    /// Walks one group.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`; the stacks must have room for the group and all below it from `base`.
+    /// The machine must have the instructions of `L`; the stacks must have room for the group and all below it.
     #[inline(always)]
-    unsafe fn walk<L: WideLanes>(&mut self, group: usize, bundle: &mut Bundle, instance: u32, base: usize) -> bool {
-        let tree = &self.forest.trees[group];
+    unsafe fn walk<L: WideLanes>(&mut self, position: Position, bundle: &mut Bundle) {
+        let tree = &self.forest.trees[position.group];
+        let (base, instance) = (position.top, position.instance);
         let mut locals = Locals::NONE;
         for &object in &tree.unbounded {
             // SAFETY: as promised by the caller.
-            unsafe { self.test_objects(tree, object as usize, bundle, self.alive, instance) };
+            unsafe {
+                self.test_objects(tree, object as usize, bundle, self.alive, instance);
+                bundle.update_limits::<L>();
+            }
         }
         let prefetch = tree.memory_bytes() > PREFETCH_BYTES;
         let mut top = base;
-        let mut node = tree.root.index();
+        let (mut node, mut mask) = (tree.root.index(), self.alive);
         while self.alive != 0 {
             // SAFETY: the builder makes only references to nodes that exist; a walk holds at most 7 entries per level.
             unsafe {
-                let pushed = self.push_children::<L>(tree, node, bundle, top);
+                let pushed = self.push_children::<L>(tree, node, mask, bundle, top);
                 if prefetch {
                     for i in top..top + pushed {
                         fetch_ahead(tree, child_at(tree, *self.stacks.places.get_unchecked(i)));
@@ -271,39 +260,53 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             }
             loop {
                 if top == base {
-                    return true;
+                    return;
                 }
                 top -= 1;
                 // SAFETY: entries below the former `top` are written.
-                let (distance, place) =
-                    unsafe { (*self.stacks.distances.get_unchecked(top), *self.stacks.places.get_unchecked(top)) };
+                let (distance, place, meeting) = unsafe {
+                    (
+                        *self.stacks.distances.get_unchecked(top),
+                        *self.stacks.places.get_unchecked(top),
+                        *self.stacks.masks.get_unchecked(top),
+                    )
+                };
                 if distance > bundle.bundle_far {
                     continue;
                 }
-                // SAFETY: places come from nodes that exist.
-                let child = unsafe { child_at(tree, place) };
-                if child.is_node() {
-                    node = child.index();
-                    break;
-                }
-                // SAFETY: as above; `L` as promised by the caller.
-                let mask = unsafe {
-                    bundle.rays_meeting::<L>(tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7)
+                self.work += 1;
+                // SAFETY: places come from nodes that exist; `L` as promised by the caller.
+                let (child, meeting) = unsafe {
+                    let node = tree.nodes.get_unchecked(place as usize >> 3);
+                    (child_at(tree, place), bundle.rays_meeting::<L>(node, place as usize & 7) & meeting)
                 };
-                if mask == 0 {
+                if meeting == 0 {
                     continue;
                 }
+                if child.is_node() {
+                    (node, mask) = (child.index(), meeting);
+                    break;
+                }
+                self.work += 2;
                 // SAFETY: as promised by the caller.
                 unsafe {
                     if child.is_triangles() {
-                        self.test_triangles::<L>(tree, child, bundle, mask, &mut locals, instance);
-                    } else if !self.enter_object(tree, child.index(), bundle, mask, instance, top) {
-                        return false;
+                        self.test_triangles::<L>(tree, child, bundle, meeting, &mut locals, instance);
+                    } else {
+                        self.enter_object::<L>(tree, child, bundle, meeting, &Position { top, ..position });
                     }
                 }
             }
         }
-        true
+    }
+
+    /// Begins the searches, if that has not been done.
+    #[inline(always)]
+    fn begin(&mut self) {
+        if self.searches.is_empty() {
+            let search = self.search;
+            self.searches.extend((0..RAYS).map(search));
+        }
     }
 
     /// Puts the children of a node that the bundle meets on the stack, the nearest on top, and returns how many they are.
@@ -315,11 +318,13 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         &mut self,
         tree: &GroupTree,
         node: usize,
+        mask: u32,
         bundle: &Bundle,
         top: usize,
     ) -> usize {
         // SAFETY: as promised by the caller.
         unsafe {
+            *self.stacks.masks.as_mut_ptr().add(top).cast::<[u32; 8]>() = [mask; 8];
             let places: [u32; 8] = std::array::from_fn(|slot| (node * 8 + slot) as u32);
             let node = tree.nodes.get_unchecked(node);
             let enter = bundle.box_distances::<L>(node);
@@ -356,7 +361,16 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             let lane = mask.trailing_zeros();
             mask &= mask - 1;
             // SAFETY: as promised by the caller.
-            let mut triangles = unsafe { seen.candidates(bundle, lane as usize & (RAYS - 1)) } & used;
+            let (candidates, sure) = unsafe {
+                let lane = lane as usize & (RAYS - 1);
+                if G::ANY { seen.candidates::<true>(bundle, lane) } else { seen.candidates::<false>(bundle, lane) }
+            };
+            if sure & used != 0 && self.take_any(tree, block, sure & used, lane as usize & (RAYS - 1)) {
+                self.note(bundle, lane as usize & (RAYS - 1), true);
+                found = true;
+                continue;
+            }
+            let mut triangles = candidates & used;
             // Mostly there is one: written in any case, counted if it is one, so nothing branches on it.
             loop {
                 pairs.push(lane, triangles.trailing_zeros() & 7, triangles != 0);
@@ -375,8 +389,25 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             found |= unsafe { self.test_pairs::<L>(tree, block, bundle, &mut pairs, locals, instance) };
         }
         if found {
-            bundle.update_limits();
+            // SAFETY: as promised by the caller.
+            unsafe { bundle.update_limits::<L>() };
         }
+    }
+
+    /// Ends the search of a ray that surely hits some triangles of a block within its interval, if one of them counts without a doubt.
+    #[inline(always)]
+    fn take_any(&mut self, tree: &GroupTree, block: &TriangleBlock, mut triangles: u32, lane: usize) -> bool {
+        self.begin();
+        let search = &mut self.searches[lane];
+        while triangles != 0 {
+            let (geometry, primitive) = tree.triangle(block.ids[triangles.trailing_zeros() as usize & 7]);
+            triangles &= triangles - 1;
+            let options = &search.context.options[geometry as usize];
+            if options.mask & search.mask != 0 && !options.filtered {
+                return search.goal.take(Hit { t: 0.0, uv: Vec2::ZERO, instance: 0, geometry, primitive });
+            }
+        }
+        false
     }
 
     /// Offers the hits of pairs of rays and triangles of a block, and forgets the pairs. True if there are any that count.
@@ -393,6 +424,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         locals: &mut Locals,
         instance: u32,
     ) -> bool {
+        self.begin();
         let all = u32::MAX >> (32 - pairs.count);
         let mut any = false;
         let mut found = Found::NONE;
@@ -449,7 +481,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         over || G::NARROWS
     }
 
-    /// Tests a shape or instance for some of the rays, one by one.
+    /// Tests a shape or instance for some of the rays, one by one. [`Bundle::update_limits`] must follow.
     ///
     /// # Safety
     /// The machine must have the instructions of the entries; the stacks must have room for all below the group.
@@ -462,6 +494,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         mut mask: u32,
         instance: u32,
     ) {
+        self.begin();
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize & (RAYS - 1);
             mask &= mask - 1;
@@ -476,30 +509,29 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                 bundle.tighten(lane, search.cull());
             }
         }
-        bundle.update_limits();
     }
 
-    /// Tests a shape or instance for some of the rays: in an instance they go on as a bundle if they can. False if the run is given up.
+    /// Tests a shape or instance for some of the rays: in an instance they go on as a bundle if they can.
     ///
     /// # Safety
-    /// As [`Self::walk`]; the stack is free from `top`.
-    #[inline(never)]
-    unsafe fn enter_object(
+    /// As [`Self::walk`].
+    #[inline(always)]
+    unsafe fn enter_object<L: WideLanes>(
         &mut self,
         tree: &GroupTree,
-        object: usize,
+        object: ChildRef,
         bundle: &mut Bundle,
         mask: u32,
-        instance: u32,
-        top: usize,
-    ) -> bool {
+        position: &Position,
+    ) {
         if let ObjectRef::Placed(Object::Instance {
             child,
             offset,
             child_from_group: Placement::Still(child_from_group),
             mask: visible,
-        }) = tree.objects.get(object)
+        }) = tree.objects.get(object.index())
         {
+            self.begin();
             let mut wanted = mask;
             for lane in 0..RAYS {
                 if self.searches[lane].mask & visible == 0 {
@@ -507,55 +539,82 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                 }
             }
             if wanted.count_ones() as usize >= MIN_RAYS && fits(&self.forest.trees[*child]) {
-                let mut below = Bundle::NONE;
-                if self.set_up_in_child(&mut below, bundle, wanted, child_from_group) {
+                let mut memory = self.spare.pop().unwrap_or_else(|| Box::new((Bundle::NONE, Columns::ZERO)));
+                let (below, columns) = &mut *memory;
+                // SAFETY: as promised by the caller.
+                if unsafe { self.set_up_in_child::<L>(below, columns, bundle, wanted, child_from_group) } {
                     let alive = std::mem::replace(&mut self.alive, wanted);
+                    let inside = Position { group: *child, instance: position.instance + offset, ..*position };
                     // SAFETY: as promised by the caller.
-                    let complete = unsafe { (self.enter)(self, *child, &mut below, instance + offset, top) };
+                    unsafe { (self.enter)(self, inside, below) };
                     let over = wanted & !self.alive;
                     self.alive = alive & !over;
                     for lane in (0..RAYS).filter(|lane| wanted >> lane & 1 == 1) {
                         let is_over = over >> lane & 1 == 1;
                         bundle.tighten(lane, if is_over { -1.0 } else { self.searches[lane].cull() });
                     }
-                    bundle.update_limits();
-                    return complete;
+                    // SAFETY: as promised by the caller.
+                    unsafe { bundle.update_limits::<L>() };
+                    self.spare.push(memory);
+                    return;
                 }
+                self.spare.push(memory);
             }
         }
         // SAFETY: as promised by the caller.
-        unsafe { self.test_objects(tree, object, bundle, mask, instance) };
-        true
+        unsafe {
+            self.test_objects(tree, object.index(), bundle, mask, position.instance);
+            bundle.update_limits::<L>();
+        }
     }
 
     /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is none.
-    fn set_up_in_child(&self, below: &mut Bundle, bundle: &Bundle, mask: u32, child_from_group: &DAffine3) -> bool {
-        let (mut t_min, mut cull): (PerRay<f32>, PerRay<f32>) = ([0.0; RAYS], [-1.0; RAYS]);
-        let mut directions = [[0.0; RAYS]; 3];
-        let mut valid = true;
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    unsafe fn set_up_in_child<L: WideLanes>(
+        &self,
+        below: &mut Bundle,
+        columns: &mut Columns,
+        bundle: &Bundle,
+        mask: u32,
+        child_from_group: &DAffine3,
+    ) -> bool {
+        // Zero if everything is finite.
+        let mut sum = 0.0;
         for lane in 0..RAYS {
-            let ray = ray_in_child(child_from_group, &bundle.rays.get(lane));
-            valid &= ray.is_some();
-            let ray = ray.unwrap_or(DRay::new(DVec3::ZERO, DVec3::ZERO));
-            let (o, d) = (ray.origin, ray.direction);
-            t_min[lane] = self.searches[lane].ray.t_min;
-            if mask >> lane & 1 == 1 {
-                cull[lane] = self.searches[lane].cull();
-            }
-            below.rays.origin[lane] = [o.x, o.y, o.z, t_min[lane].into()];
-            below.rays.direction[lane] = [d.x, d.y, d.z, 0.0];
+            let ray = mapped(child_from_group, &bundle.rays.get(lane));
+            let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
+            columns.t_min[lane] = self.searches[lane].ray.t_min;
+            columns.cull[lane] = if mask >> lane & 1 == 1 { self.searches[lane].cull() } else { -1.0 };
+            below.rays.origin[lane] = [o[0], o[1], o[2], bundle.rays.origin[lane][3]];
+            below.rays.direction[lane] = [d[0], d[1], d[2], 0.0];
             for axis in 0..3 {
-                directions[axis][lane] = d[axis] as f32;
+                sum += o[axis] * 0.0 + d[axis] * 0.0;
+                columns.direction[axis][lane] = d[axis] as f32;
+                below.drawn_origin[axis][lane] = o[axis] as f32;
             }
         }
+        let [x, y, z, _] = below.rays.origin[0];
         let apex = if bundle.kind.common {
-            let [x, y, z, _] = below.rays.origin[0];
             DVec3::new(x, y, z)
         } else {
             child_from_group.transform_point3(Vec3::from_array(bundle.kind.apex).as_dvec3())
         };
-        below.kind = Kind { apex: apex.as_vec3().to_array(), rounded: true, ..bundle.kind };
-        valid && below.set_up(&directions, &t_min, &cull)
+        let apex = apex.as_vec3().to_array();
+        below.kind = Kind { apex, rounded: true, ..bundle.kind };
+        if !bundle.kind.common {
+            for axis in 0..3 {
+                let (apex, first) = (f64::from(apex[axis]), f64::from(below.drawn_origin[axis][0]));
+                for (lane, origin) in below.rays.origin.iter().enumerate() {
+                    columns.from_apex[axis][lane] = (origin[axis] - apex) as f32;
+                    columns.from_first[axis][lane] = (origin[axis] - first) as f32;
+                }
+            }
+        }
+        // SAFETY: as promised by the caller.
+        sum == 0.0 && unsafe { below.set_up::<L>(columns) }
     }
 }
 

@@ -10,7 +10,7 @@ use super::triangle::{Drawing, ExactRay};
 use crate::accel::bvh::GroupTree;
 use snell_math::glam::Vec4Swizzles;
 use snell_math::simd::Lanes8;
-use snell_math::{DVec3, Ray, Vec4};
+use snell_math::{DVec3, Ray, Vec3, Vec4};
 
 /// Coordinates of boxes and origins may be as large as this.
 const MAX_COORDINATE: f32 = 1e12;
@@ -68,18 +68,23 @@ static PLANES: [[u32; 8]; 8] = {
     table
 };
 
-/// True if everything in the tree is of ordinary size.
-pub(crate) fn is_ordinary(tree: &GroupTree) -> bool {
-    let ordinary = |x: &f32| x.abs() <= MAX_COORDINATE;
+/// The largest coordinate in the tree; infinite if one is not a number.
+pub(crate) fn extent(tree: &GroupTree) -> f32 {
+    let largest = |extent: f32, x: &f32| if x.is_nan() { f32::INFINITY } else { extent.max(x.abs()) };
     if tree.root.is_node() {
         let node = &tree.nodes[tree.root.index()];
         let used = (0..8).filter(|&slot| node.children[slot] != ChildRef::NONE);
-        used.into_iter().all(|slot| node.bounds.iter().flatten().all(|side| ordinary(&side[slot])))
+        used.fold(0.0, |e, slot| node.bounds.iter().flatten().map(|side| &side[slot]).fold(e, largest))
     } else if tree.root.is_triangles() {
-        tree.blocks[tree.root.block()].vertices.iter().flatten().flatten().all(ordinary)
+        tree.blocks[tree.root.block()].vertices.iter().flatten().flatten().fold(0.0, largest)
     } else {
-        true
+        0.0
     }
+}
+
+/// True if a tree of this [`extent`] is of ordinary size.
+pub(crate) fn is_ordinary(extent: f32) -> bool {
+    extent <= MAX_COORDINATE
 }
 
 impl QuickRay {
@@ -88,10 +93,10 @@ impl QuickRay {
         inverse: [0.0; 4],
         near: [0.0; 4],
         far: [0.0; 4],
-        planes: PLANES[0],
+        planes: [0; 8],
         origin: [0.0; 4],
         shear: [0.0; 2],
-        axes: AXES[0],
+        axes: [0; 4],
         slack: 0.0,
     };
 
@@ -99,16 +104,12 @@ impl QuickRay {
     /// copies of what was just written would have to wait.)
     #[inline(always)]
     pub fn set_from_ray<L: Lanes8>(&mut self, ray: &Ray) -> bool {
-        let (o, d) = (ray.origin.extend(0.0), ray.direction.extend(0.0));
+        let [o, d] = halves(ray);
         let a = d.abs();
         if !((ray.t_min >= 0.0) & (ray.t_min < ray.t_max) & is_ordinary_line(o, a)) {
             return false;
         }
-        self.axes = AXES[(a.xxyw().cmpge(a.yzzw()).bitmask() & 7) as usize];
-        // By memory instead of conditions: signs and sizes are as good as random.
-        let slopes = d.to_array();
-        let [x, y, z, _] = self.axes.map(|axis| slopes[axis as usize & 3]);
-        self.shear = [x / z, y / z];
+        (self.axes, self.shear) = axes_and_shear(&ray.direction, a);
         self.set_slabs::<L>(o, d)
     }
 
@@ -124,18 +125,19 @@ impl QuickRay {
     /// Prepares a ray that comes through transforms; false if it is not ordinary.
     #[inline(always)]
     pub fn set_from_exact<L: Lanes8>(&mut self, origin: &DVec3, direction: &DVec3) -> bool {
-        let (o, d) = (origin.as_vec3().extend(0.0), direction.as_vec3().extend(0.0));
-        let a = direction.abs();
-        // Too slow for `f32` is not zero.
-        let slow = (a.cmplt(DVec3::splat(f64::from(MIN_SLOPE))) & a.cmpne(DVec3::ZERO)).any();
-        if slow | !is_ordinary_line(o, d.abs()) {
+        // Ones, as in `halves`.
+        let (o, d) = (origin.as_vec3().extend(1.0), direction.as_vec3().extend(1.0));
+        if !is_ordinary_line(o, d.abs()) || (is_slow(d) && is_too_slow(direction)) {
             return false;
         }
+        let a = direction.abs();
         let bit = |i: usize, at_least: bool| usize::from(at_least) << i;
-        self.axes = AXES[bit(0, a.x >= a.y) | bit(1, a.x >= a.z) | bit(2, a.y >= a.z)];
-        let slopes = [direction.x, direction.y, direction.z, 0.0];
-        let [x, y, z, _] = self.axes.map(|axis| slopes[axis as usize & 3]);
-        self.shear = [(x / z) as f32, (y / z) as f32];
+        let axes = &AXES[bit(0, a.x >= a.y) | bit(1, a.x >= a.z) | bit(2, a.y >= a.z)];
+        self.axes = *axes;
+        let slopes: &[f64; 3] = direction.as_ref();
+        // SAFETY: axes are below 3.
+        let slope = |i: usize| unsafe { *slopes.get_unchecked(axes[i] as usize) };
+        self.shear = [(slope(0) / slope(2)) as f32, (slope(1) / slope(2)) as f32];
         self.set_slabs::<L>(o, d)
     }
 
@@ -157,14 +159,16 @@ impl QuickRay {
         self.far = far.to_array();
         self.origin = o.to_array();
         self.planes = PLANES[d.is_negative_bitmask() as usize & 7];
-        let fast = d.abs().cmpge(Vec4::splat(MIN_SLOPE)).bitmask() & 7;
-        fast == 7 || self.set_parallel::<L>(&d.to_array())
+        !is_slow(d) || self.set_slow::<L>(&d.to_array())
     }
 
-    /// Sets what is different on axes that the ray does not move along. False if it is just very slow there.
+    /// Sets what is different on axes that the ray does not move along. False if it is just very slow there, or slow on all.
     #[cold]
     #[inline(never)]
-    fn set_parallel<L: Lanes8>(&mut self, d: &[f32; 4]) -> bool {
+    fn set_slow<L: Lanes8>(&mut self, d: &[f32; 4]) -> bool {
+        if d[..3].iter().all(|slope| slope.abs() < 1.0 / MAX_SLOPE) {
+            return false;
+        }
         let mut octant = 0;
         for (i, &slope) in d.iter().enumerate().take(3) {
             octant |= usize::from(slope < 0.0) << i;
@@ -213,11 +217,51 @@ impl QuickRay {
     }
 }
 
-/// True if sizes are ordinary, as far as the sides of the direction are not too small.
+/// Origin and direction, and a one each: numbers that are never used but must be ordinary, since others slow the processor down.
+#[inline(always)]
+fn halves(ray: &Ray) -> [Vec4; 2] {
+    let start = (&raw const *ray).cast::<Vec4>();
+    // SAFETY: a ray is eight numbers in this order (`repr(C)`): origin, start, direction, end. (Loaded at once, which the compiler does
+    // not see by itself.)
+    let [o, d] = unsafe { [start.read_unaligned(), start.add(1).read_unaligned()] };
+    [o.with_w(1.0), d.with_w(1.0)]
+}
+
+/// The axes of the drawing and its shear, by a direction and its sizes.
+#[inline(always)]
+fn axes_and_shear(direction: &Vec3, sizes: Vec4) -> ([u32; 4], [f32; 2]) {
+    let axes = &AXES[(sizes.xxyw().cmpge(sizes.yzzw()).bitmask() & 7) as usize];
+    // By memory instead of conditions: signs and sizes are as good as random.
+    let slopes: &[f32; 3] = direction.as_ref();
+    // SAFETY: axes are below 3.
+    let slope = |i: usize| unsafe { *slopes.get_unchecked(axes[i] as usize) };
+    (*axes, [slope(0) / slope(2), slope(1) / slope(2)])
+}
+
+/// The plane that a ray draws on: that of the [`QuickRay`].
+#[inline(always)]
+pub(crate) fn drawing(ray: &Ray) -> Drawing {
+    let ([x, y, z, _], shear) = axes_and_shear(&ray.direction, ray.direction.extend(1.0).abs());
+    Drawing { origin: ray.origin.to_array(), axes: [x as usize, y as usize, z as usize], shear }
+}
+
+/// True if no size is too large. (The fourth number is not looked at.)
 #[inline(always)]
 fn is_ordinary_line(o: Vec4, d: Vec4) -> bool {
     let ordinary = o.abs().cmple(Vec4::splat(MAX_COORDINATE)) & d.cmple(Vec4::splat(MAX_SLOPE));
-    (ordinary.bitmask() == 0b1111) & (d.cmpge(Vec4::splat(1.0 / MAX_SLOPE)).bitmask() != 0)
+    ordinary.bitmask() & 7 == 7
+}
+
+/// True if a direction may not be ordinary for being slow along some axis.
+#[inline(always)]
+fn is_slow(d: Vec4) -> bool {
+    d.abs().cmpge(Vec4::splat(1.0 / MAX_SLOPE)).bitmask() & 7 != 7
+}
+
+/// True if a direction is slower than ordinary ones along some axis, but not parallel to it. (In `f32` it may be.)
+#[cold]
+fn is_too_slow(direction: &DVec3) -> bool {
+    (direction.abs().cmplt(DVec3::splat(f64::from(MIN_SLOPE))) & direction.cmpne(DVec3::ZERO)).any()
 }
 
 /// The axes of the drawing by comparisons of the sizes of the direction, in bits: x at least y, x at least z, y at least z.
@@ -232,7 +276,7 @@ pub(crate) const FAR_FACTOR: f32 = 1.0 + BOX_PADDING;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::node::{WideNode, padded, quick_distances};
+    use crate::kernel::node::{QuickBoxes, WideNode, padded, quick_distances};
     use crate::kernel::ray::LocalRay;
     use proptest::prelude::*;
     use snell_math::simd::Portable8;
@@ -264,7 +308,15 @@ mod tests {
         // SAFETY: the caller has checked the level.
         let (enter, limit) = unsafe { quick_distances::<L>(&node, &quick, ray.t_min, cull) };
         let met = enter.le(limit);
-        assert_eq!(met & !(1 << 5), 0, "empty boxes are never met");
+        let extent = bounds.min.abs().max(bounds.max.abs()).max_element();
+        // SAFETY: as above.
+        let again = unsafe {
+            let boxes = QuickBoxes::<L>::new(&quick, extent);
+            let (enter, limit) = boxes.distances(&node, L::splat(ray.t_min), L::splat(cull));
+            enter.le(limit)
+        };
+        assert_eq!((met | again) & !(1 << 5), 0, "empty boxes are never met");
+        assert!(met == 0 || again != 0, "with all in registers it is not met: {ray:?} {bounds:?}");
         Some(met != 0)
     }
 
@@ -279,11 +331,12 @@ mod tests {
             let p = DRay::from(&ray).at(t);
             let exact = snell_math::Bounds3d { min: p, max: p }.outward_f32();
             let bounds = Bounds3 { min: exact.min - below.abs(), max: exact.max + above.abs() };
-            let cull = padded(t as f32);
-            prop_assert_ne!(is_met::<Portable8>(&ray, &bounds, cull), Some(false));
-            #[cfg(target_arch = "x86_64")]
-            if snell_math::simd::Level::Avx2.is_supported() {
-                prop_assert_ne!(is_met::<snell_math::simd::Avx8>(&ray, &bounds, cull), Some(false));
+            for cull in [padded(t as f32), f32::INFINITY] {
+                prop_assert_ne!(is_met::<Portable8>(&ray, &bounds, cull), Some(false));
+                #[cfg(target_arch = "x86_64")]
+                if snell_math::simd::Level::Avx2.is_supported() {
+                    prop_assert_ne!(is_met::<snell_math::simd::Avx8>(&ray, &bounds, cull), Some(false));
+                }
             }
         }
 

@@ -1,5 +1,6 @@
 //! The queries of worlds in double precision.
 
+use super::answers::Slice;
 use super::crossings::AllHits;
 use super::rays::{RayQuery, Rays};
 use super::search::{Any, Closest, Context, Counted};
@@ -23,7 +24,7 @@ impl DWorld {
     ) {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        self.searcher(filter).search_all(rays, grouping, Closest::new, |i, goal| hits[i] = goal.result());
+        self.searcher(filter).search_into(rays, grouping, Closest::new, Slice(hits));
     }
 
     /// As [`crate::World::occluded`].
@@ -39,7 +40,7 @@ impl DWorld {
     ) {
         let rays = rays.into();
         assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        self.searcher(filter).search_all(rays, grouping, Any::new, |i, goal| blocked[i] = goal.found);
+        self.searcher(filter).search_into(rays, grouping, Any::new, Slice(blocked));
     }
 
     /// As [`crate::World::closest_one`].
@@ -76,8 +77,8 @@ impl DWorld {
         ray: impl Into<RayQuery<'a, Double>>,
         filter: &dyn HitFilter<Double>,
     ) -> (DHit, TraversalCounters) {
-        let goal = self.searcher(filter).search(ray.into(), Counted::new);
-        (goal.closest.result(), goal.counters)
+        let counted = self.searcher(filter).search(ray.into(), |ray| Counted::new(Closest::new(ray)));
+        (counted.goal.result(), counted.counters)
     }
 
     fn searcher<'a>(&'a self, filter: &'a dyn HitFilter<Double>) -> Searcher<'a, Double> {

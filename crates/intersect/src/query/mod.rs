@@ -1,8 +1,10 @@
 //! Ray queries over batches: the main way to ask a [`World`]. Results depend only on each ray, never on its neighbours.
 
+pub(crate) mod answers;
 pub mod crossings;
 mod double;
 pub mod nearest;
+mod order;
 pub mod parallel;
 pub mod rays;
 pub(crate) mod search;
@@ -14,6 +16,7 @@ use crate::kernel::traverse::search_forest;
 use crate::kernel::{interleave, packet};
 use crate::precision::{Precision, Rules, Single};
 use crate::world::{Structure, TraversalCounters, TraversalWork, World};
+use answers::{Answers, Part, Slice};
 use rays::{RayQuery, Rays};
 use search::{Any, Closest, Context, Counted, Goal, RayOf, Search};
 
@@ -55,7 +58,7 @@ impl World {
     pub fn closest<'a>(&self, rays: impl Into<Rays<'a>>, grouping: Grouping, filter: &dyn HitFilter, hits: &mut [Hit]) {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        self.searcher(filter).search_all(rays, grouping, Closest::new, |i, goal| hits[i] = goal.result());
+        self.searcher(filter).search_into(rays, grouping, Closest::new, Slice(hits));
     }
 
     /// For each ray, whether anything lies in its interval. Invalid rays are not occluded.
@@ -71,7 +74,7 @@ impl World {
     ) {
         let rays = rays.into();
         assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        self.searcher(filter).search_all(rays, grouping, Any::new, |i, goal| blocked[i] = goal.found);
+        self.searcher(filter).search_into(rays, grouping, Any::new, Slice(blocked));
     }
 
     /// The nearest hit of one ray.
@@ -90,8 +93,8 @@ impl World {
         ray: impl Into<RayQuery<'a>>,
         filter: &dyn HitFilter,
     ) -> (Hit, TraversalCounters) {
-        let goal = self.searcher(filter).search(ray.into(), Counted::new);
-        (goal.closest.result(), goal.counters)
+        let counted = self.searcher(filter).search(ray.into(), |ray| Counted::new(Closest::new(ray)));
+        (counted.goal.result(), counted.counters)
     }
 
     /// The nearest hit of each ray, and what all of them together cost to find.
@@ -107,11 +110,31 @@ impl World {
         let rays = rays.into();
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
         let mut work = TraversalWork::default();
-        self.searcher(filter).search_all(rays, Grouping::None, Counted::new, |i, goal| {
-            hits[i] = goal.closest.result();
-            work.nodes_visited += u64::from(goal.counters.nodes_visited);
-            work.primitives_tested += u64::from(goal.counters.primitives_tested);
-            work.cells_stepped += u64::from(goal.counters.cells_stepped);
+        let start = |ray: &_| Counted::new(Closest::new(ray));
+        self.searcher(filter).search_all(rays, Grouping::None, start, |i, counted| {
+            hits[i] = counted.goal.result();
+            work.add(&counted.counters);
+        });
+        work
+    }
+
+    /// For each ray, whether anything lies in its interval, and what all of them together cost to find out.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn occluded_work<'a>(
+        &self,
+        rays: impl Into<Rays<'a>>,
+        filter: &dyn HitFilter,
+        blocked: &mut [bool],
+    ) -> TraversalWork {
+        let rays = rays.into();
+        assert_eq!(rays.len(), blocked.len(), "one answer per ray");
+        let mut work = TraversalWork::default();
+        let start = |ray: &_| Counted::new(Any::new(ray));
+        self.searcher(filter).search_all(rays, Grouping::None, start, |i, counted| {
+            blocked[i] = counted.goal.found;
+            work.add(&counted.counters);
         });
         work
     }
@@ -130,23 +153,53 @@ pub(crate) struct Searcher<'a, P: Rules> {
 }
 
 impl<P: Rules> Searcher<'_, P> {
-    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping.
+    /// Searches for all rays of a batch; `finish` gets the number of a ray and what was found, in no particular order.
     pub fn search_all<G: Goal<Precision = P>>(
         &self,
         rays: Rays<P>,
         grouping: Grouping,
         start: impl Fn(&RayOf<G>) -> G,
-        mut finish: impl FnMut(usize, G),
+        finish: impl FnMut(usize, G),
+    ) {
+        self.search_into(rays, grouping, start, finish);
+    }
+
+    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping.
+    pub fn search_into<G: Goal<Precision = P>>(
+        &self,
+        rays: Rays<P>,
+        grouping: Grouping,
+        start: impl Fn(&RayOf<G>) -> G,
+        mut answers: impl Answers<G>,
+    ) {
+        let mut done = 0;
+        if let Structure::Bvh(forest) = &self.world.structure {
+            let batch = interleave::Batch { rays, context: &self.context, order: &[] };
+            done = P::search_list(forest, self.world.simd, &batch, &start, |i, goal| answers.put(i, goal));
+        }
+        if done < rays.len() {
+            let rest = Part { first: done, answers: &mut answers };
+            self.search_tree(rays.slice(done..rays.len()), grouping, start, rest);
+        }
+    }
+
+    /// [`Self::search_into`] by the structure.
+    fn search_tree<G: Goal<Precision = P>>(
+        &self,
+        rays: Rays<P>,
+        grouping: Grouping,
+        start: impl Fn(&RayOf<G>) -> G,
+        mut answers: impl Answers<G>,
     ) {
         match &self.world.structure {
             Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
-                let batch = interleave::Batch { rays, context: &self.context };
-                for left in P::search_runs(forest, self.world.simd, &batch, &start, &mut finish) {
-                    let first = left.start;
-                    self.search_unrelated(rays.slice(left), &start, |i, goal| finish(first + i, goal));
+                let batch = interleave::Batch { rays, context: &self.context, order: &[] };
+                for left in P::search_runs(forest, self.world.simd, &batch, &start, |i, goal| answers.put(i, goal)) {
+                    let part = Part { first: left.start, answers: &mut answers };
+                    self.search_unrelated(rays.slice(left), &start, part);
                 }
             }
-            _ => self.search_unrelated(rays, &start, finish),
+            _ => self.search_unrelated(rays, &start, answers),
         }
     }
 
@@ -154,12 +207,17 @@ impl<P: Rules> Searcher<'_, P> {
         &self,
         rays: Rays<P>,
         start: impl Fn(&RayOf<G>) -> G,
-        mut finish: impl FnMut(usize, G),
+        mut answers: impl Answers<G>,
     ) {
         match &self.world.structure {
             Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
-                let batch = interleave::Batch { rays, context: &self.context };
-                interleave::search_batch(forest, self.world.simd, &batch, start, finish);
+                let mut sorter = order::Sorter::new(rays.len(), interleave::is_large(forest));
+                for part in sorter.parts() {
+                    let own = Part { first: part.start, answers: &mut answers };
+                    let rays = rays.slice(part);
+                    let batch = interleave::Batch { rays, context: &self.context, order: sorter.order(rays) };
+                    interleave::search_batch(forest, self.world.simd, &batch, &start, own);
+                }
             }
             Structure::Walked(structures) => {
                 let mut scratch = structures.scratch();
@@ -169,31 +227,41 @@ impl<P: Rules> Searcher<'_, P> {
                     if P::is_valid(query.ray) {
                         structures.search(&mut search, &mut scratch);
                     }
-                    finish(i, search.goal);
+                    answers.put(i, search.goal);
                 }
                 scratch.keep();
             }
-            _ => (0..rays.len()).for_each(|i| finish(i, self.search(rays.get(i), &start))),
+            _ => (0..rays.len()).for_each(|i| answers.put(i, self.search(rays.get(i), &start))),
         }
     }
 
     /// Searches for one ray.
-    #[inline]
+    #[inline(always)]
     pub fn search<G: Goal<Precision = P>>(&self, query: RayQuery<P>, start: impl Fn(&RayOf<G>) -> G) -> G {
         let mut search = Search::new(query, &self.context, start(query.ray));
-        if P::is_valid(query.ray) {
-            match &self.world.structure {
-                Structure::None(groups) => {
-                    search_all(groups, 0, &P::exact(query.ray), 0, &mut search);
-                }
-                Structure::Bvh(forest) => search_forest(forest, self.world.simd, &mut search),
-                Structure::Walked(structures) => {
-                    let mut scratch = structures.scratch();
-                    structures.search(&mut search, &mut scratch);
-                    scratch.keep();
-                }
-            }
+        match &self.world.structure {
+            Structure::Bvh(forest) => search_forest(forest, self.world.simd, &mut search),
+            other => search_other(other, &mut search),
         }
         search.goal
+    }
+}
+
+/// Searches a structure that is not the fast one. Rays that are not valid find nothing.
+#[inline(never)]
+fn search_other<G: Goal>(structure: &Structure, search: &mut Search<'_, G>) {
+    if !G::Precision::is_valid(search.ray) {
+        return;
+    }
+    match structure {
+        Structure::Bvh(_) => {}
+        Structure::None(groups) => {
+            search_all(groups, 0, &G::Precision::exact(search.ray), 0, search);
+        }
+        Structure::Walked(structures) => {
+            let mut scratch = structures.scratch();
+            structures.search(search, &mut scratch);
+            scratch.keep();
+        }
     }
 }

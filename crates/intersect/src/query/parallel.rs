@@ -1,6 +1,6 @@
 //! The queries over batches by all threads of the current rayon pool.
 //!
-//! A batch is cut into pieces of a fixed size, a multiple of the runs that [`Grouping`] speaks of, and each piece is an ordinary
+//! A batch is cut into pieces, whose size is a multiple of the runs that [`Grouping`] speaks of, and each piece is an ordinary
 //! query: so results are the same for any number of threads and any size of pieces. (Who runs many batches in tasks of their own asks
 //! the [`World`] directly.)
 
@@ -21,11 +21,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Runs of coherent rays have this length or divide it.
 const RUN: usize = 64;
 
-/// Rays of a piece.
-const PIECE: usize = 4096;
+/// Rays of a piece: an eighth of a thread's share, so that all end at about the same time, between these limits. Large pieces of
+/// unrelated rays can be sorted.
+const MIN_PIECE: usize = 4096;
+const MAX_PIECE: usize = 65536;
 
-/// Rays of a piece if the caller may want to stop: some milliseconds at the most.
-const SHORT_PIECE: usize = 512;
+/// Rays of a piece at most if the caller may want to stop: some 20 milliseconds in large worlds.
+const MAX_PIECE_TO_CANCEL: usize = 16384;
 
 /// A query was stopped by its flag. What it should have written is partly written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -36,26 +38,26 @@ pub struct Cancelled;
 #[derive(Clone, Copy, Debug)]
 pub struct Parallel<'a> {
     world: &'a World,
-    piece: usize,
+    piece: Option<usize>,
     cancel: Option<&'a AtomicBool>,
 }
 
 impl World {
     /// The same queries as the world's own, by all threads of the current rayon pool. Results are the same, bit for bit.
     pub fn parallel(&self) -> Parallel<'_> {
-        Parallel { world: self, piece: PIECE, cancel: None }
+        Parallel { world: self, piece: None, cancel: None }
     }
 }
 
 impl<'a> Parallel<'a> {
-    /// Stops soon after the flag is set, with [`Cancelled`]. It is looked at before each piece of 512 rays or 64 points.
+    /// Stops soon after the flag is set, with [`Cancelled`]. It is looked at before each piece of at most 16,384 rays, or 64 points.
     pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
-        Self { cancel: Some(cancel), piece: self.piece.min(SHORT_PIECE), ..self }
+        Self { cancel: Some(cancel), ..self }
     }
 
-    /// How many rays make a piece, rounded up to a multiple of 64.
+    /// How many rays make a piece, rounded up to a multiple of 64. Otherwise that is chosen by the size of the batch.
     pub fn with_piece(self, rays: usize) -> Self {
-        Self { piece: rays.max(1).checked_next_multiple_of(RUN).unwrap_or(PIECE), ..self }
+        Self { piece: rays.max(1).checked_next_multiple_of(RUN), ..self }
     }
 
     /// As [`World::closest`].
@@ -73,7 +75,7 @@ impl<'a> Parallel<'a> {
         hits: &mut [Hit],
     ) -> Result<(), Cancelled> {
         let rays = rays.into();
-        self.write(rays.len(), self.piece, hits, |range, hits| {
+        self.write(rays.len(), self.piece(rays.len()), hits, |range, hits| {
             self.world.closest(rays.slice(range), grouping, filter, hits);
         })
     }
@@ -93,7 +95,7 @@ impl<'a> Parallel<'a> {
         blocked: &mut [bool],
     ) -> Result<(), Cancelled> {
         let rays = rays.into();
-        self.write(rays.len(), self.piece, blocked, |range, blocked| {
+        self.write(rays.len(), self.piece(rays.len()), blocked, |range, blocked| {
             self.world.occluded(rays.slice(range), grouping, filter, blocked);
         })
     }
@@ -112,7 +114,9 @@ impl<'a> Parallel<'a> {
         counts: &mut [u32],
     ) -> Result<(), Cancelled> {
         let rays = rays.into();
-        self.write(rays.len(), self.piece, counts, |range, counts| self.world.count(rays.slice(range), filter, counts))
+        self.write(rays.len(), self.piece(rays.len()), counts, |range, counts| {
+            self.world.count(rays.slice(range), filter, counts)
+        })
     }
 
     /// As [`World::all`].
@@ -121,10 +125,11 @@ impl<'a> Parallel<'a> {
     /// If the flag was set.
     pub fn all<'r>(&self, rays: impl Into<Rays<'r>>, filter: &dyn HitFilter) -> Result<AllHits, Cancelled> {
         let rays = rays.into();
-        let pieces = (0..rays.len().div_ceil(self.piece)).into_par_iter().map(|i| {
+        let piece = self.piece(rays.len());
+        let pieces = (0..rays.len().div_ceil(piece)).into_par_iter().map(|i| {
             self.check()?;
-            let start = i * self.piece;
-            Ok(self.world.all(rays.slice(start..rays.len().min(start + self.piece)), filter))
+            let start = i * piece;
+            Ok(self.world.all(rays.slice(start..rays.len().min(start + piece)), filter))
         });
         Ok(AllHits::concatenated(pieces.collect::<Result<_, _>>()?))
     }
@@ -179,6 +184,13 @@ impl<'a> Parallel<'a> {
     /// If the slices differ in length.
     pub fn occupancy(&self, points: &[Vec3], inside: &mut [bool]) -> Result<(), Cancelled> {
         self.write(points.len(), RUN, inside, |range, inside| self.world.occupancy(&points[range], inside))
+    }
+
+    /// Rays of a piece of a batch.
+    fn piece(&self, rays: usize) -> usize {
+        let most = if self.cancel.is_some() { MAX_PIECE_TO_CANCEL } else { MAX_PIECE };
+        let share = rays / (8 * rayon::current_num_threads());
+        self.piece.unwrap_or_else(|| share.next_multiple_of(RUN).clamp(MIN_PIECE, most))
     }
 
     /// Lets `query` write each piece of the answers, given which it is.

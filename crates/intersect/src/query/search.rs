@@ -5,7 +5,6 @@ use super::rays::{RayQuery, clamped_time};
 use crate::kernel::node::padded;
 use crate::precision::{Precision, Real, Rules};
 use crate::world::{GeometryOptions, TraversalCounters};
-use snell_math::Vec2;
 
 /// Rays, hits and distances of the world that a goal is about.
 pub(crate) type RayOf<G> = <<G as Goal>::Precision as Precision>::Ray;
@@ -19,6 +18,10 @@ pub(crate) trait Goal {
     type Precision: Rules;
     /// True if hits bring the limit nearer while the search goes on.
     const NARROWS: bool;
+    /// True if one hit is all that is wanted, and how it is found does not matter.
+    const WANTS_ONE: bool = false;
+    /// True if every hit is as good as any other: then [`Self::take`] does not look at it.
+    const ANY: bool = false;
 
     /// Hits at a greater `t` are of no interest.
     fn limit(&self) -> RealOf<Self>;
@@ -115,11 +118,11 @@ impl<'a, G: Goal> Search<'a, G> {
             return Verdict::Rejected;
         }
         let options = &self.context.options[G::Precision::ids(&hit)[1] as usize];
-        let hit = if options.quads { G::Precision::quad_hit(&hit) } else { hit };
+        let hit = if options.quads { G::Precision::quad_hit(&{ hit }) } else { hit };
         if !self.goal.wants(&hit) {
             return Verdict::Behind;
         }
-        if options.mask & self.mask == 0 || (options.filtered && !self.context.filter.accept(self.ray, &hit)) {
+        if options.mask & self.mask == 0 || (options.filtered && !self.context.filter.accept(self.ray, &{ hit })) {
             return Verdict::Rejected;
         }
         if self.goal.take(hit) { Verdict::Finished } else { Verdict::Taken }
@@ -129,42 +132,45 @@ impl<'a, G: Goal> Search<'a, G> {
 /// The nearest hit; the lowest (instance, geometry, primitive) among equally near ones.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Closest<P: Rules> {
+    /// A miss as long as nothing is found.
     best: P::Hit,
-    /// Not a `bool`: padding would make copies slow.
-    found: u32,
+    /// The distance of it, or the end of the ray.
+    limit: P::Real,
 }
 
 impl<P: Rules> Closest<P> {
     #[inline(always)]
     pub fn new(ray: &P::Ray) -> Self {
-        // No ids are below zero, so only hits before `t_max` come before this.
-        Self { best: P::hit(P::interval(ray)[1].into(), Vec2::ZERO, [0; 3]), found: 0 }
+        Self { best: P::MISS, limit: P::interval(ray)[1] }
     }
 
     #[inline(always)]
     pub fn result(&self) -> P::Hit {
-        if self.found != 0 { self.best } else { P::MISS }
+        self.best
     }
 }
 
 impl<P: Rules> Goal for Closest<P> {
     type Precision = P;
     const NARROWS: bool = true;
+    const WANTS_ONE: bool = true;
 
     #[inline(always)]
     fn limit(&self) -> P::Real {
-        P::t(&self.best)
+        self.limit
     }
 
     #[inline(always)]
     fn wants(&self, hit: &P::Hit) -> bool {
-        P::is_before(hit, &self.best)
+        // Misses are before nothing, also at infinity.
+        let is_found = || P::ids(&self.best) != P::ids(&P::MISS);
+        P::t(hit) < self.limit || (P::t(hit) == self.limit && is_found() && P::is_before(hit, &self.best))
     }
 
     #[inline(always)]
     fn take(&mut self, hit: P::Hit) -> bool {
+        self.limit = P::t(&hit);
         self.best = hit;
-        self.found = 1;
         false
     }
 }
@@ -187,6 +193,8 @@ impl<P: Rules> Any<P> {
 impl<P: Rules> Goal for Any<P> {
     type Precision = P;
     const NARROWS: bool = false;
+    const ANY: bool = true;
+    const WANTS_ONE: bool = true;
 
     #[inline(always)]
     fn limit(&self) -> P::Real {
@@ -237,35 +245,39 @@ impl<P: Rules> Goal for All<P> {
     }
 }
 
-/// [`Closest`] that also counts its work.
+/// A goal that also counts the work.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Counted<P: Rules> {
-    /// The hit.
-    pub closest: Closest<P>,
+pub(crate) struct Counted<G> {
+    /// What is wanted.
+    pub goal: G,
     /// The work.
     pub counters: TraversalCounters,
 }
 
-impl<P: Rules> Counted<P> {
-    pub fn new(ray: &P::Ray) -> Self {
-        Self { closest: Closest::new(ray), counters: TraversalCounters::default() }
+impl<G> Counted<G> {
+    pub fn new(goal: G) -> Self {
+        Self { goal, counters: TraversalCounters::default() }
     }
 }
 
-impl<P: Rules> Goal for Counted<P> {
-    type Precision = P;
-    const NARROWS: bool = true;
+impl<G: Goal> Goal for Counted<G> {
+    type Precision = G::Precision;
+    const NARROWS: bool = G::NARROWS;
 
-    fn limit(&self) -> P::Real {
-        self.closest.limit()
+    fn limit(&self) -> RealOf<G> {
+        self.goal.limit()
     }
 
-    fn wants(&self, hit: &P::Hit) -> bool {
-        self.closest.wants(hit)
+    fn wants(&self, hit: &HitOf<G>) -> bool {
+        self.goal.wants(hit)
     }
 
-    fn take(&mut self, hit: P::Hit) -> bool {
-        self.closest.take(hit)
+    fn is_past(&self, hit: &HitOf<G>) -> bool {
+        self.goal.is_past(hit)
+    }
+
+    fn take(&mut self, hit: HitOf<G>) -> bool {
+        self.goal.take(hit)
     }
 
     fn count_node(&mut self) {

@@ -104,6 +104,7 @@ impl DWorldBuilder {
                 bounds: mesh.bounds(),
                 count: mesh.indices.len() as u64,
                 skipped: (0..mesh.indices.len()).filter(|&i| mesh.is_degenerate(i)).count() as u64,
+                cover: None,
             },
             other => Summary::of(other),
         };

@@ -1,5 +1,6 @@
 //! What a build takes over from the world before: all that comes from contents that did not change.
 
+use super::cover::{self, Cover};
 use super::occurrence::Occurrences;
 use super::{BuildOptions, Geometry, GroupBounds, Parts, Structure, World, WorldBuilder, WorldError};
 use crate::accel::AcceleratorKind;
@@ -27,6 +28,7 @@ pub(super) struct Inventory {
     /// Per group, [`GroupBounds`].
     exact: Vec<Bounds3d>,
     grown: Vec<Bounds3d>,
+    covers: Vec<Cover>,
     /// Per group, the cost of its tree when it was last built.
     costs: Vec<f32>,
     /// How this world came about.
@@ -45,13 +47,15 @@ pub struct Reuse {
 }
 
 /// What it takes some time to find out about a geometry.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Summary {
     /// In its own coordinates; empty for a set and for a mesh that moves.
     pub bounds: Bounds3d,
     /// Triangles, or primitives of a set, and how many of them can never be hit.
     pub count: u64,
     pub skipped: u64,
+    /// Of a mesh that some instance shows; `None` if it was not asked for.
+    pub cover: Option<Cover>,
 }
 
 impl Summary {
@@ -61,24 +65,39 @@ impl Summary {
                 bounds: mesh.bounds().into(),
                 count: mesh.indices.len() as u64,
                 skipped: mesh.degenerate_triangles() as u64,
+                cover: None,
             },
             Geometry::Quads(quads) => Self {
                 bounds: quads.triangles().bounds().into(),
                 count: quads.triangles().indices.len() as u64,
                 skipped: quads.triangles().degenerate_triangles() as u64,
+                cover: None,
             },
             Geometry::MovingMesh(mesh) => Self {
                 bounds: Bounds3d::EMPTY,
                 count: mesh.len() as u64,
                 skipped: (0..mesh.len()).into_par_iter().filter(|&i| mesh.bounds(i).is_none()).count() as u64,
+                cover: None,
             },
-            Geometry::Shape(shape, _) => Self { bounds: shape.bounds(), count: 1, skipped: 0 },
+            Geometry::Shape(shape, _) => Self { bounds: shape.bounds(), count: 1, skipped: 0, cover: None },
             Geometry::Set(set) => Self {
                 bounds: Bounds3d::EMPTY,
                 count: set.len() as u64,
                 skipped: (0..set.len()).into_par_iter().filter(|&i| set.bounds(i).is_empty()).count() as u64,
+                cover: None,
             },
         }
+    }
+
+    /// With the cover of the geometry, if it is a mesh.
+    fn with_cover(mut self, geometry: &Geometry) -> Self {
+        let mesh = match geometry {
+            Geometry::Mesh(mesh) => mesh,
+            Geometry::Quads(quads) => quads.triangles(),
+            Geometry::Shape(..) | Geometry::Set(_) | Geometry::MovingMesh(_) => return self,
+        };
+        self.cover.get_or_insert_with(|| cover::of_mesh(mesh));
+        self
     }
 }
 
@@ -97,9 +116,16 @@ fn is_same(a: &Geometry, b: &Geometry) -> bool {
 impl WorldBuilder {
     /// A summary of each geometry.
     pub(super) fn summaries(&self, previous: Option<&World>) -> Vec<Summary> {
+        let mut is_shown = vec![false; self.geometries.len()];
+        for instance in self.groups.iter().flat_map(|group| &group.instances) {
+            for id in &self.groups[instance.child.0 as usize].geometries {
+                is_shown[id.0 as usize] = true;
+            }
+        }
         let summary = |(i, geometry): (usize, &Geometry)| {
             let known = previous.and_then(|p| p.geometries.get(i).filter(|old| is_same(old, geometry)).map(|_| p));
-            known.map_or_else(|| Summary::of(geometry), |p| p.inventory.summaries[i])
+            let summary = known.map_or_else(|| Summary::of(geometry), |p| p.inventory.summaries[i].clone());
+            if is_shown[i] { summary.with_cover(geometry) } else { summary }
         };
         self.geometries.par_iter().enumerate().with_min_len(16).map(summary).collect()
     }
@@ -109,7 +135,9 @@ impl WorldBuilder {
         let (new, Some(old)) = (&self.groups[group], previous.groups.get(group)) else { return false };
         let same_boxes = |child: usize| {
             let inventory = &previous.inventory;
-            bounds.exact[child] == inventory.exact[child] && bounds.grown[child] == inventory.grown[child]
+            bounds.exact[child] == inventory.exact[child]
+                && bounds.grown[child] == inventory.grown[child]
+                && bounds.covers[child] == inventory.covers[child]
         };
         new.geometries == old.geometries
             && new
@@ -153,6 +181,7 @@ impl WorldBuilder {
                     unchanged[group] = true;
                     bounds.exact[group] = p.inventory.exact[group];
                     bounds.grown[group] = p.inventory.grown[group];
+                    bounds.covers[group] = p.inventory.covers[group].clone();
                 }
                 None => bounds.measure(self, summaries, group),
             }
@@ -179,6 +208,7 @@ impl WorldBuilder {
             summaries,
             exact: bounds.exact,
             grown: bounds.grown,
+            covers: bounds.covers,
             costs: Vec::new(),
             reuse: Reuse::default(),
         };

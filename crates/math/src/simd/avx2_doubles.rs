@@ -38,6 +38,12 @@ impl Lanes4 for Avx4 {
     }
 
     #[inline(always)]
+    fn rounded(self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_cvtps_pd(_mm256_cvtpd_ps(self.0)) })
+    }
+
+    #[inline(always)]
     fn add(self, other: Self) -> Self {
         // SAFETY: a value of this type exists, so the machine has AVX.
         Self(unsafe { _mm256_add_pd(self.0, other.0) })
@@ -101,6 +107,65 @@ impl WideLanes for Avx8 {
         unsafe {
             let lanes = _mm256_loadu_si256(lanes.as_ptr().cast());
             Self(_mm256_permutevar8x32_ps(_mm256_loadu_ps(values.as_ptr()), lanes))
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn load_columns(rows: [&[f32; 8]; 8]) -> [Self; 8] {
+        // SAFETY: the caller guarantees AVX; each reference covers 32 readable bytes.
+        unsafe {
+            // No closures: they do not have the instructions, and vectors must not pass through calls.
+            let [r0, r1] = [_mm256_loadu_ps(rows[0].as_ptr()), _mm256_loadu_ps(rows[1].as_ptr())];
+            let [r2, r3] = [_mm256_loadu_ps(rows[2].as_ptr()), _mm256_loadu_ps(rows[3].as_ptr())];
+            let [r4, r5] = [_mm256_loadu_ps(rows[4].as_ptr()), _mm256_loadu_ps(rows[5].as_ptr())];
+            let [r6, r7] = [_mm256_loadu_ps(rows[6].as_ptr()), _mm256_loadu_ps(rows[7].as_ptr())];
+            // Pairs of rows, then fours, each in both halves.
+            let [a, b] = [_mm256_unpacklo_ps(r0, r1), _mm256_unpackhi_ps(r0, r1)];
+            let [c, d] = [_mm256_unpacklo_ps(r2, r3), _mm256_unpackhi_ps(r2, r3)];
+            let [e, f] = [_mm256_unpacklo_ps(r4, r5), _mm256_unpackhi_ps(r4, r5)];
+            let [g, h] = [_mm256_unpacklo_ps(r6, r7), _mm256_unpackhi_ps(r6, r7)];
+            const FRONT: i32 = 0b0100_0100;
+            const BACK: i32 = 0b1110_1110;
+            let [a0, a1] = [_mm256_shuffle_ps::<FRONT>(a, c), _mm256_shuffle_ps::<BACK>(a, c)];
+            let [a2, a3] = [_mm256_shuffle_ps::<FRONT>(b, d), _mm256_shuffle_ps::<BACK>(b, d)];
+            let [b0, b1] = [_mm256_shuffle_ps::<FRONT>(e, g), _mm256_shuffle_ps::<BACK>(e, g)];
+            let [b2, b3] = [_mm256_shuffle_ps::<FRONT>(f, h), _mm256_shuffle_ps::<BACK>(f, h)];
+            [
+                Self(_mm256_permute2f128_ps::<0x20>(a0, b0)),
+                Self(_mm256_permute2f128_ps::<0x20>(a1, b1)),
+                Self(_mm256_permute2f128_ps::<0x20>(a2, b2)),
+                Self(_mm256_permute2f128_ps::<0x20>(a3, b3)),
+                Self(_mm256_permute2f128_ps::<0x31>(a0, b0)),
+                Self(_mm256_permute2f128_ps::<0x31>(a1, b1)),
+                Self(_mm256_permute2f128_ps::<0x31>(a2, b2)),
+                Self(_mm256_permute2f128_ps::<0x31>(a3, b3)),
+            ]
+        }
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_div_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn least(self) -> f32 {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        unsafe {
+            let four = _mm_min_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+            let two = _mm_min_ps(four, _mm_movehl_ps(four, four));
+            _mm_cvtss_f32(_mm_min_ss(two, _mm_shuffle_ps::<1>(two, two)))
+        }
+    }
+
+    #[inline(always)]
+    fn greatest(self) -> f32 {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        unsafe {
+            let four = _mm_max_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+            let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
+            _mm_cvtss_f32(_mm_max_ss(two, _mm_shuffle_ps::<1>(two, two)))
         }
     }
 

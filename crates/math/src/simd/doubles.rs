@@ -20,6 +20,9 @@ pub trait Lanes4: Copy {
     /// Writes the four numbers, rounded to nearest.
     fn store_rounded(self, to: &mut [f32; 4]);
 
+    /// Rounded to `f32`, and back.
+    fn rounded(self) -> Self;
+
     /// `self + other`.
     fn add(self, other: Self) -> Self;
 
@@ -59,6 +62,21 @@ pub trait WideLanes: Lanes8 {
     /// The machine must have the instructions of the implementation.
     unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self;
 
+    /// The columns of the matrix whose rows are given.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn load_columns(rows: [&[f32; 8]; 8]) -> [Self; 8];
+
+    /// `self / other`.
+    fn div(self, other: Self) -> Self;
+
+    /// The least of the eight numbers; if any is NaN, any.
+    fn least(self) -> f32;
+
+    /// The greatest of the eight numbers; if any is NaN, any.
+    fn greatest(self) -> f32;
+
     /// The first four lanes, exactly.
     fn first_doubles(self) -> Self::Doubles;
 
@@ -96,6 +114,11 @@ impl Lanes4 for Portable4 {
     #[inline(always)]
     fn store_rounded(self, to: &mut [f32; 4]) {
         *to = self.0.map(|x| x as f32);
+    }
+
+    #[inline(always)]
+    fn rounded(self) -> Self {
+        Self(self.0.map(|x| (x as f32).into()))
     }
 
     #[inline(always)]
@@ -154,6 +177,35 @@ impl WideLanes for Portable8 {
     }
 
     #[inline(always)]
+    unsafe fn load_columns(rows: [&[f32; 8]; 8]) -> [Self; 8] {
+        // SAFETY: portable code.
+        std::array::from_fn(|column| unsafe { Self::load(&rows.map(|row| row[column])) })
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        let (mut a, mut b) = ([0.0; 8], [0.0; 8]);
+        self.store(&mut a);
+        other.store(&mut b);
+        // SAFETY: portable code.
+        unsafe { Self::load(&std::array::from_fn(|i| a[i] / b[i])) }
+    }
+
+    #[inline(always)]
+    fn least(self) -> f32 {
+        let mut values = [0.0; 8];
+        self.store(&mut values);
+        values.into_iter().fold(values[0], |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn greatest(self) -> f32 {
+        let mut values = [0.0; 8];
+        self.store(&mut values);
+        values.into_iter().fold(values[0], |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
     fn first_doubles(self) -> Portable4 {
         let mut values = [0.0; 8];
         self.store(&mut values);
@@ -190,6 +242,36 @@ mod tests {
         }
     }
 
+    #[cfg(target_arch = "x86_64")]
+    #[test]
+    fn avx_columns_quotients_and_extremes_are_the_portable_ones() {
+        use super::super::{Avx8, Level};
+        if !Level::Avx2.is_supported() {
+            eprintln!("skipped: no AVX2");
+            return;
+        }
+        let rows: [[f32; 8]; 8] =
+            std::array::from_fn(|r| std::array::from_fn(|k| ((r * 8 + k) * 37 % 64) as f32 - 20.5 + r as f32));
+        assert_eq!(columns::<Avx8>(&rows), columns::<Portable8>(&rows));
+        assert_eq!(columns::<Avx8>(&rows)[3], rows.map(|row| row[3]));
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn columns<L: WideLanes>(rows: &[[f32; 8]; 8]) -> Vec<[f32; 8]> {
+        // SAFETY: the test has checked the level.
+        let columns = unsafe { L::load_columns(rows.each_ref()) };
+        let stored = |lanes: L| {
+            let mut out = [0.0; 8];
+            lanes.store(&mut out);
+            out
+        };
+        let mut all = columns.map(stored).to_vec();
+        all.push(stored(columns[1].div(columns[2])));
+        all.push(columns.map(L::least));
+        all.push(columns.map(L::greatest));
+        all
+    }
+
     fn run<L: WideLanes>(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> (Vec<[u32; 4]>, [u32; 2]) {
         // SAFETY: the test has checked the level.
         let (x, y, one, permuted) = unsafe {
@@ -207,6 +289,7 @@ mod tests {
             x.min(y),
             x.max(y),
             x.abs(),
+            x.rounded(),
             one,
             permuted.first_doubles(),
             permuted.last_doubles(),

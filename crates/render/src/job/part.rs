@@ -34,6 +34,9 @@ pub struct PartRenderer<'a> {
     next: Paths,
     light_rays: LightRays,
     order: Vec<u32>,
+    /// The material of each path, and where the paths of each begin in `order`.
+    keys: Vec<u32>,
+    starts: Vec<u32>,
     outputs: Outputs,
     samples: Vec<Sample>,
     aovs: Vec<f32>,
@@ -74,6 +77,8 @@ impl<'a> PartRenderer<'a> {
             next: Paths::default(),
             light_rays: LightRays::default(),
             order: Vec::new(),
+            keys: Vec::new(),
+            starts: Vec::new(),
             outputs: Outputs::default(),
             samples: Vec::new(),
             aovs: Vec::new(),
@@ -193,15 +198,30 @@ impl<'a> PartRenderer<'a> {
 
     /// Paths of one material one after the other; those of one sample stay in order, so that sums have one order.
     fn group_by_material(&mut self) {
-        let scene = self.context.scene;
+        let (scene, count) = (self.context.scene, self.paths.len());
         self.order.clear();
-        self.order.extend(0..self.paths.len() as u32);
-        if scene.materials.len() > 2 {
-            let key = |i: &u32| {
-                let hit = &self.paths.hits[*i as usize];
-                if hit.is_hit() { scene.material_id(hit).0 } else { u32::MAX }
-            };
-            self.order.sort_by_cached_key(key);
+        self.order.extend(0..count as u32);
+        if scene.materials.len() <= 2 {
+            return;
+        }
+        // What hits nothing comes last.
+        let last = scene.materials.len();
+        let key = |hit: &Hit| if hit.is_hit() { scene.material_id(hit).index() } else { last };
+        self.keys.clear();
+        self.keys.extend(self.paths.hits[..count].iter().map(|hit| key(hit) as u32));
+        if last > count {
+            self.order.sort_by_key(|&path| self.keys[path as usize]);
+            return;
+        }
+        // By counting: first how many there are of each, then where those of each begin.
+        self.starts.clear();
+        self.starts.resize(last + 2, 0);
+        self.keys.iter().for_each(|&key| self.starts[key as usize + 1] += 1);
+        (0..=last).for_each(|key| self.starts[key + 1] += self.starts[key]);
+        for (path, &key) in (0..).zip(&self.keys) {
+            let at = &mut self.starts[key as usize];
+            self.order[*at as usize] = path;
+            *at += 1;
         }
     }
 

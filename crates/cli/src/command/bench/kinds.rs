@@ -104,7 +104,7 @@ fn bounce(i: u32, ray: &Ray, surface: &SurfaceInteraction, start: f32) -> Ray {
 }
 
 /// Every second bit of a number, from the lowest, side by side.
-fn even_bits(i: u32) -> u32 {
+pub fn even_bits(i: u32) -> u32 {
     (0..16).map(|bit| (i >> (2 * bit) & 1) << bit).sum()
 }
 

@@ -3,6 +3,7 @@
 mod accelerators;
 mod build;
 mod clock;
+mod coherence;
 mod contest;
 mod dump;
 mod kinds;
@@ -24,6 +25,8 @@ pub enum Command {
     Build(build::Options),
     /// All acceleration structures beside each other: time, memory, work, and how they grow with the scene.
     Accelerators(accelerators::Options),
+    /// Rays one by one, in batches and in bundles, beams, pencils and cones beside each other
+    Coherence(coherence::Options),
     /// Rays per second inside of a render, beside those of the same rays alone.
     Render(render::Options),
 }
@@ -34,6 +37,7 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
         Command::Rays(options) => rays::run(options),
         Command::Build(options) => build::run(options),
         Command::Accelerators(options) => accelerators::run(options),
+        Command::Coherence(options) => coherence::run(options),
         Command::Render(options) => render::run(options),
     }
 }

@@ -38,8 +38,10 @@ pub use quality::Quality;
 
 use super::brute_force::GroupList;
 use super::group::{Object, Objects};
+use crate::kernel::list::List;
 use crate::kernel::node::{ChildRef, WideNode};
-use crate::kernel::quick::is_ordinary;
+use crate::kernel::quick::{extent, is_ordinary};
+use crate::kernel::traverse::SMALL_STACK;
 use crate::kernel::triangle::TriangleBlock;
 use rayon::prelude::*;
 use snell_math::simd::Level;
@@ -146,8 +148,14 @@ pub(crate) struct Forest {
     pub trees: Vec<Arc<GroupTree>>,
     /// Entries a walk needs on the deepest way through all groups.
     pub stack_size: usize,
+    /// The largest coordinate of each tree.
+    pub extents: Vec<f32>,
     /// True if everything is of ordinary size ([`is_ordinary`]).
     pub ordinary: bool,
+    /// True if besides nothing in the root is unbounded, and walks need no more than [`SMALL_STACK`].
+    pub simple: bool,
+    /// The root's contents without a tree, if they are few.
+    pub list: Option<List>,
 }
 
 impl Forest {
@@ -162,8 +170,11 @@ impl Forest {
             let tree: &GroupTree = &trees[group];
             sizes[group] = tree.stack_size() + tree.objects.placed().iter().map(below).max().unwrap_or(0);
         }
-        let ordinary = trees.iter().all(|tree| is_ordinary(tree));
-        Self { stack_size: sizes[0], trees, ordinary }
+        let extents: Vec<f32> = trees.iter().map(|tree| extent(tree)).collect();
+        let ordinary = extents.iter().all(|&extent| is_ordinary(extent));
+        let simple = ordinary && trees[0].unbounded.is_empty() && sizes[0] <= SMALL_STACK;
+        let list = trees.first().and_then(|root| List::of(root));
+        Self { stack_size: sizes[0], trees, extents, ordinary, simple, list }
     }
 
     /// Memory of all trees.

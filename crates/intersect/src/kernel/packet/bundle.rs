@@ -11,7 +11,7 @@
 use super::super::node::WideNode;
 use snell_math::DRay;
 use snell_math::DVec3;
-use snell_math::simd::Lanes8;
+use snell_math::simd::{Lanes8, WideLanes};
 
 /// Rays in a bundle.
 pub(super) const RAYS: usize = 16;
@@ -22,6 +22,12 @@ pub(super) type PerRay<T> = [T; RAYS];
 /// Relative padding of everything that follows from rounded coordinates, as [`super::super::node::BOX_PADDING`]: roundings
 /// of `f32` here, and of the drawing of triangles, come to less than half of it.
 const PADDING: f32 = 1.0e-6;
+
+/// Relative to their distance, how far from the start of an interval triangles are surely within: many times the roundings.
+const SURE_PADDING: f32 = 16.0 * PADDING;
+
+/// The same at the end, relative to the length: twice what limits are padded by ([`super::super::node::padded`]).
+const END_PADDING: f32 = 2.0e-4;
 
 /// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.
 const LARGEST: f32 = 1.0e15;
@@ -58,6 +64,8 @@ pub(super) struct Kind {
     pub reversed: bool,
     /// All rays start at the apex.
     pub common: bool,
+    /// Children are visited from the ends of the rays to their starts.
+    pub backward: bool,
     /// The apex, or the origins as triangles see them, are rounded.
     pub rounded: bool,
 }
@@ -71,7 +79,7 @@ pub(super) struct Bundle {
     pub axes: [usize; 3],
     /// 1 if `z` grows along its axis, -1 if it falls.
     pub sign: f32,
-    /// For the order in which children are visited: as [`super::super::node::WideNode::order`] counts them, away from the apex.
+    /// For the order in which children are visited: as [`super::super::node::WideNode::order`] counts them.
     pub octant: usize,
     /// Bound of all absolute errors of positions; 0 for a shared origin at which nothing was rounded.
     pub margin: f32,
@@ -80,6 +88,12 @@ pub(super) struct Bundle {
     /// Per axis and ray.
     pub slope: [PerRay<f32>; 2],
     pub offset: [PerRay<f32>; 2],
+    /// About where rays start, by axis of the bundle (z along the axis, not away from the apex), and how far the others do from there; not
+    /// used with a shared origin.
+    pub start_point: [f32; 3],
+    pub start_spread: f32,
+    /// Where the intervals of the rays begin, seen from there with the opposite sign (z away from the apex).
+    pub begin: [PerRay<f32>; 3],
     /// The origins as triangles see them, by axis of the bundle; not used with a shared origin.
     pub drawn_origin: [PerRay<f32>; 3],
     /// All rays are drawn along the z axis of the bundle.
@@ -90,6 +104,9 @@ pub(super) struct Bundle {
     /// `z` at `t = 0`, and how fast it changes with `t`, without sign.
     start: PerRay<f32>,
     along: PerRay<f32>,
+    /// What lies between is surely within the interval that the ray had at first.
+    pub sure_near: PerRay<f32>,
+    pub sure_far: PerRay<f32>,
     /// Least and greatest of all rays.
     bundle_near: f32,
     pub bundle_far: f32,
@@ -111,33 +128,62 @@ fn axes(d: [f32; 3]) -> [usize; 3] {
     }
 }
 
-#[inline(always)]
-fn least(values: &PerRay<f32>) -> f32 {
-    let mut v = *values;
-    for step in [8, 4, 2, 1] {
-        for i in 0..step {
-            v[i] = if v[i] > v[i + step] { v[i + step] } else { v[i] };
-        }
-    }
-    v[0]
+/// What a bundle is made of, by axis of the group and ray, rounded to nearest.
+pub(super) struct Columns {
+    /// Origins, seen from the apex and from [the first one, rounded](Bundle::drawn_origin); not used with a shared origin.
+    pub from_apex: [PerRay<f32>; 3],
+    pub from_first: [PerRay<f32>; 3],
+    pub direction: [PerRay<f32>; 3],
+    /// Not negative.
+    pub t_min: PerRay<f32>,
+    /// The padded limits of the searches; negative for rays whose search is over, and lanes without a ray.
+    pub cull: PerRay<f32>,
 }
 
-#[inline(always)]
-fn greatest(values: &PerRay<f32>) -> f32 {
-    let mut v = *values;
-    for step in [8, 4, 2, 1] {
-        for i in 0..step {
-            v[i] = if v[i] < v[i + step] { v[i + step] } else { v[i] };
+impl Columns {
+    pub const ZERO: Self = Self {
+        from_apex: [[0.0; RAYS]; 3],
+        from_first: [[0.0; RAYS]; 3],
+        direction: [[0.0; RAYS]; 3],
+        t_min: [0.0; RAYS],
+        cull: [0.0; RAYS],
+    };
+
+    /// Where half of the rays are at `t`, with the opposite sign, seen from the first one.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`; `half` must be 0 or 1.
+    #[inline(always)]
+    unsafe fn begin<L: Lanes8>(&self, axis: usize, half: usize, t: L) -> L {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let (from, direction): (L, L) = (lanes(&self.from_first[axis], half), lanes(&self.direction[axis], half));
+            L::splat(0.0).sub(from).sub(t.mul(direction))
         }
     }
-    v[0]
+}
+
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn least<L: WideLanes>(values: &PerRay<f32>) -> f32 {
+    // SAFETY: passed on to the caller.
+    unsafe { lanes::<L>(values, 0).min(lanes(values, 1)).least() }
+}
+
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn greatest<L: WideLanes>(values: &PerRay<f32>) -> f32 {
+    // SAFETY: passed on to the caller.
+    unsafe { lanes::<L>(values, 0).max(lanes(values, 1)).greatest() }
 }
 
 impl Bundle {
     /// No bundle yet.
     pub const NONE: Self = Self {
         rays: ExactRays { origin: [[0.0; 4]; RAYS], direction: [[0.0; 4]; RAYS] },
-        kind: Kind { apex: [0.0; 3], reversed: false, common: false, rounded: false },
+        kind: Kind { apex: [0.0; 3], reversed: false, common: false, backward: false, rounded: false },
         axes: [0; 3],
         sign: 1.0,
         octant: 0,
@@ -145,12 +191,17 @@ impl Bundle {
         distance: 0.0,
         slope: [[0.0; RAYS]; 2],
         offset: [[0.0; RAYS]; 2],
+        start_point: [0.0; 3],
+        start_spread: 0.0,
+        begin: [[0.0; RAYS]; 3],
         drawn_origin: [[0.0; RAYS]; 3],
         is_aligned: false,
         near: [0.0; RAYS],
         far: [0.0; RAYS],
         start: [0.0; RAYS],
         along: [0.0; RAYS],
+        sure_near: [0.0; RAYS],
+        sure_far: [0.0; RAYS],
         bundle_near: 0.0,
         bundle_far: 0.0,
         low_slope: [0.0; 2],
@@ -159,12 +210,16 @@ impl Bundle {
         high_offset: [0.0; 2],
     };
 
-    /// Works out everything else from `rays` and `kind`; `directions` are those of `rays`, rounded. False if these rays do not make a bundle. `t_min` must not be negative. `cull`
-    /// are the padded limits of the searches; rays whose search is over, and lanes without a ray, have a negative one.
+    /// Works out everything else from `kind`, `drawn_origin` by axis of the group, `rays` and `columns`. False if these rays do not make
+    /// a bundle.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub fn set_up(&mut self, directions: &[PerRay<f32>; 3], t_min: &PerRay<f32>, cull: &PerRay<f32>) -> bool {
+    pub unsafe fn set_up<L: WideLanes>(&mut self, columns: &Columns) -> bool {
         let kind = self.kind;
-        self.axes = axes(directions.map(|d| d[0].abs()));
+        let directions = &columns.direction;
+        self.axes = axes([0, 1, 2].map(|axis| directions[axis][0].abs()));
         let [x, y, z] = self.axes;
         let forward: f32 = if directions[z][0] < 0.0 { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
@@ -175,19 +230,26 @@ impl Bundle {
                 self.slope[0][i] = (d[x] / d[z]) as f32 * sign;
                 self.slope[1][i] = (d[y] / d[z]) as f32 * sign;
             }
-        } else {
-            for i in 0..RAYS {
-                self.slope[0][i] = directions[x][i] / directions[z][i] * sign;
-                self.slope[1][i] = directions[y][i] / directions[z][i] * sign;
+        }
+        // SAFETY: passed on to the caller; halves are 0 and 1.
+        unsafe {
+            for half in 0..2 {
+                let along: L = lanes(&directions[z], half);
+                if !kind.rounded {
+                    for (slope, axis) in self.slope.iter_mut().zip([x, y]) {
+                        store(lanes::<L>(&directions[axis], half).div(along).mul(L::splat(sign)), slope, half);
+                    }
+                }
+                store(along.mul(L::splat(forward)), &mut self.along, half);
             }
         }
-        for i in 0..RAYS {
-            self.along[i] = directions[z][i] * forward;
-        }
-        let low = [least(&self.slope[0]), least(&self.slope[1])];
-        let high = [greatest(&self.slope[0]), greatest(&self.slope[1])];
-        let fine = least(&self.along) > 1.0 / LARGEST
-            && greatest(&self.along) < LARGEST
+        // SAFETY: passed on to the caller.
+        let (low, high) = unsafe {
+            let [a, b] = &self.slope;
+            ([least::<L>(a), least::<L>(b)], [greatest::<L>(a), greatest::<L>(b)])
+        };
+        // SAFETY: passed on to the caller.
+        let fine = unsafe { least::<L>(&self.along) > 1.0 / LARGEST && greatest::<L>(&self.along) < LARGEST }
             && (0..2).all(|i| low[i] >= -2.0 && high[i] <= 2.0 && high[i] - low[i] <= MAX_SPREAD)
             && kind.apex.iter().all(|a| a.abs() < LARGEST);
         if !fine {
@@ -196,59 +258,95 @@ impl Bundle {
         // At slope 1 the choice of the axis is a tie, or decided by less than the rounding of the slope.
         self.is_aligned = (0..2).all(|i| low[i] > -1.0 && high[i] < 1.0);
         (self.margin, self.distance) = (0.0, 0.0);
-        if kind.common {
-            (self.start, self.offset) = ([0.0; RAYS], [[0.0; RAYS]; 2]);
-        } else {
-            let apex = kind.apex.map(f64::from);
-            let mut far = [0.0f32; RAYS];
-            for (i, o) in self.rays.origin.iter().enumerate() {
-                let from = [o[x] - apex[x], o[y] - apex[y], o[z] - apex[z]];
-                let from_z = from[2] * f64::from(sign);
-                self.start[i] = from_z as f32;
-                self.offset[0][i] = (from[0] - f64::from(self.slope[0][i]) * from_z) as f32;
-                self.offset[1][i] = (from[1] - f64::from(self.slope[1][i]) * from_z) as f32;
-                far[i] = (from[0].abs() + from[1].abs() + from[2].abs()) as f32;
-                for (drawn, axis) in self.drawn_origin.iter_mut().zip([x, y, z]) {
-                    drawn[i] = o[axis] as f32;
-                }
+        // SAFETY: passed on to the caller.
+        unsafe {
+            if kind.common {
+                (self.start, self.offset) = ([0.0; RAYS], [[0.0; RAYS]; 2]);
+            } else {
+                self.place::<L>(columns);
             }
-            self.distance = greatest(&far);
-            self.margin = self.distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
+            if kind.rounded {
+                let size = self.rays.origin.map(|o| (o[0].abs() + o[1].abs() + o[2].abs()) as f32);
+                self.margin += greatest::<L>(&size) * (4.0 * f32::EPSILON) + f32::MIN_POSITIVE;
+            }
         }
-        if kind.rounded {
-            let size = self.rays.origin.map(|o| (o[0].abs() + o[1].abs() + o[2].abs()) as f32);
-            self.margin += greatest(&size) * (4.0 * f32::EPSILON) + f32::MIN_POSITIVE;
-        }
-        if !(self.margin < LARGEST) {
+        if self.margin.is_nan() || self.margin >= LARGEST {
             return false;
         }
         self.octant = (0..3).fold(0, |octant, axis| {
-            let down = (directions[axis][0] < 0.0) != kind.reversed;
+            let down = (directions[axis][0] < 0.0) != kind.backward;
             octant | usize::from(down) << axis
         });
         for i in 0..RAYS {
-            let early = t_min[i] * self.along[i];
-            let end = self.end(i, cull[i]);
+            let early = columns.t_min[i] * self.along[i];
+            let end = self.end(i, columns.cull[i]);
             let (near, far) = if kind.reversed {
                 (end, (self.start[i] - early) * (1.0 + PADDING) + self.margin)
             } else {
                 ((self.start[i] + early) * (1.0 - PADDING) - self.margin, end)
             };
-            let over = cull[i] < 0.0;
+            let over = columns.cull[i] < 0.0;
             self.near[i] = if over { f32::INFINITY } else { near };
             self.far[i] = if over { f32::NEG_INFINITY } else { far };
+            // Limits are padded, starts are not.
+            let length = columns.cull[i] * self.along[i];
+            let at_end = if length < FARTHEST { length.abs() * END_PADDING } else { 0.0 };
+            let (at_near, at_far) = if kind.reversed { (at_end, 0.0) } else { (0.0, at_end) };
+            self.sure_near[i] = near + near.abs() * SURE_PADDING + 8.0 * self.margin + at_near;
+            self.sure_far[i] = far - far.abs() * SURE_PADDING - 8.0 * self.margin - at_far;
         }
-        self.update_limits();
+        // SAFETY: passed on to the caller.
+        unsafe { self.update_limits::<L>() };
         // Before the apex the slopes change places; the bundle is hardly wider there.
         let before = (-self.bundle_near).max(0.0);
         for i in 0..2 {
             self.low_slope[i] = low[i] - 2.0 * PADDING;
             self.high_slope[i] = high[i] + 2.0 * PADDING;
             let extra = self.margin + (self.high_slope[i] - self.low_slope[i]) * before;
-            self.low_offset[i] = least(&self.offset[i]) - extra;
-            self.high_offset[i] = greatest(&self.offset[i]) + extra;
+            // SAFETY: passed on to the caller.
+            unsafe {
+                self.low_offset[i] = least::<L>(&self.offset[i]) - extra;
+                self.high_offset[i] = greatest::<L>(&self.offset[i]) + extra;
+            }
         }
         true
+    }
+
+    /// Works out where rays that do not share their origin begin.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    unsafe fn place<L: WideLanes>(&mut self, columns: &Columns) {
+        let [x, y, z] = self.axes;
+        self.start_point = [self.drawn_origin[x][0], self.drawn_origin[y][0], self.drawn_origin[z][0]];
+        self.drawn_origin = [self.drawn_origin[x], self.drawn_origin[y], self.drawn_origin[z]];
+        // SAFETY: passed on to the caller; halves are 0 and 1.
+        unsafe {
+            let (mut far, mut spread) = (L::splat(0.0), L::splat(0.0));
+            let sign = L::splat(self.sign);
+            for half in 0..2 {
+                let from = &columns.from_apex;
+                let from: [L; 3] = [lanes(&from[x], half), lanes(&from[y], half), lanes(&from[z], half)];
+                let from_z = from[2].mul(sign);
+                store(from_z, &mut self.start, half);
+                for (i, from) in from.iter().enumerate().take(2) {
+                    let slope: L = lanes(&self.slope[i], half);
+                    store(from.sub(slope.mul(from_z)), &mut self.offset[i], half);
+                }
+                far = far.max(from[0].abs().add(from[1].abs()).add(from[2].abs()));
+                let t: L = lanes(&columns.t_min, half);
+                let begin =
+                    [columns.begin::<L>(x, half, t), columns.begin::<L>(y, half, t), columns.begin::<L>(z, half, t)];
+                spread = spread.max(begin[0].abs().add(begin[1].abs()).add(begin[2].abs()));
+                store(begin[0], &mut self.begin[0], half);
+                store(begin[1], &mut self.begin[1], half);
+                store(begin[2].mul(sign), &mut self.begin[2], half);
+            }
+            self.start_spread = spread.greatest();
+            self.distance = far.greatest();
+        }
+        self.margin = self.distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
     }
 
     /// Where a search with this limit ends.
@@ -275,10 +373,16 @@ impl Bundle {
     }
 
     /// After hits: what is of interest to any of the rays.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub fn update_limits(&mut self) {
-        self.bundle_near = least(&self.near);
-        self.bundle_far = greatest(&self.far);
+    pub unsafe fn update_limits<L: WideLanes>(&mut self) {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            self.bundle_near = least::<L>(&self.near);
+            self.bundle_far = greatest::<L>(&self.far);
+        }
     }
 
     /// For each child of a node where the bundle enters its box (at or beyond `bundle_far` if it is missed).
@@ -338,11 +442,15 @@ impl Bundle {
     pub unsafe fn rays_meeting<L: Lanes8>(&self, node: &WideNode, slot: usize) -> u32 {
         let [x, y, z] = self.axes;
         let up = usize::from(self.sign < 0.0);
-        let near = self.plane(node, slot, up, z) * self.sign - self.margin;
-        let far = self.plane(node, slot, up ^ 1, z) * self.sign * (1.0 + PADDING) + self.margin;
+        // SAFETY: sides are 0 or 1, axes below 3.
+        let plane = |side: usize, axis: usize| unsafe {
+            node.bounds.get_unchecked(side).get_unchecked(axis)[slot & 7] - self.kind.apex.get_unchecked(axis)
+        };
+        let near = plane(up, z) * self.sign - self.margin;
+        let far = plane(up ^ 1, z) * self.sign * (1.0 + PADDING) + self.margin;
         let mut sides = [[0.0; 2]; 2];
         for (side, axis) in sides.iter_mut().zip([x, y]) {
-            let (low, high) = (self.plane(node, slot, 0, axis), self.plane(node, slot, 1, axis));
+            let (low, high) = (plane(0, axis), plane(1, axis));
             *side = [low - low.abs() * PADDING - self.margin, high + high.abs() * PADDING + self.margin];
         }
         let mut mask = 0;
@@ -351,23 +459,18 @@ impl Bundle {
             unsafe {
                 let near = L::splat(near).max(lanes(&self.near, half));
                 let far = L::splat(far).min(lanes(&self.far, half));
-                let mut met = near.le(far);
-                for i in 0..2 {
+                let mut gap = near.sub(far);
+                for (i, side) in sides.iter().enumerate() {
                     let (slope, offset): (L, L) = (lanes(&self.slope[i], half), lanes(&self.offset[i], half));
-                    let (a, b) = (near.mul(slope), far.mul(slope));
-                    met &=
-                        a.min(b).add(offset).le(L::splat(sides[i][1])) & L::splat(sides[i][0]).le(a.max(b).add(offset));
+                    let (a, b) = (near.mul_add(slope, offset), far.mul_add(slope, offset));
+                    let [low, high] = [L::splat(side[0]), L::splat(side[1])];
+                    // The last one is always a number.
+                    gap = a.min(b).sub(high).max(low.sub(a.max(b))).max(gap);
                 }
-                mask |= met << (8 * half);
+                mask |= gap.le(L::splat(0.0)) << (8 * half);
             }
         }
         mask
-    }
-
-    /// One plane of one box as seen from the apex.
-    #[inline(always)]
-    fn plane(&self, node: &WideNode, slot: usize, side: usize, axis: usize) -> f32 {
-        node.bounds[side][axis][slot & 7] - self.kind.apex[axis]
     }
 }
 
@@ -379,6 +482,14 @@ impl Bundle {
 unsafe fn lanes<L: Lanes8>(values: &PerRay<f32>, half: usize) -> L {
     // SAFETY: passed on to the caller.
     unsafe { L::load(&*values.as_ptr().add(8 * half).cast::<[f32; 8]>()) }
+}
+
+/// # Safety
+/// `half` must be 0 or 1.
+#[inline(always)]
+pub(super) unsafe fn store<L: Lanes8>(from: L, values: &mut PerRay<f32>, half: usize) {
+    // SAFETY: passed on to the caller.
+    from.store(unsafe { &mut *values.as_mut_ptr().add(8 * half).cast::<[f32; 8]>() });
 }
 
 /// True if the boxes of a node are where the tests of bundles cannot overflow.

@@ -1,7 +1,8 @@
-use super::bundle::{Bundle, RAYS};
+use super::Locals;
+use super::bundle::{Bundle, Columns, RAYS};
 use super::exact::{Found, Pairs, exact_hits};
 use super::leaf::SeenBlock;
-use super::{Locals, set_up};
+use super::runs::set_up;
 use crate::accel::AcceleratorKind;
 use crate::hit::Hit;
 use crate::kernel::ray::LocalRay;
@@ -23,6 +24,12 @@ fn unit(seed: u32, i: u32) -> f32 {
 
 fn vector(seed: u32, i: u32) -> Vec3 {
     Vec3::new(unit(seed, 3 * i), unit(seed, 3 * i + 1), unit(seed, 3 * i + 2)) * 2.0 - 1.0
+}
+
+fn is_bundle(bundle: &mut Bundle, rays: &[Ray]) -> bool {
+    let mut columns = Columns::ZERO;
+    // SAFETY: portable code.
+    unsafe { set_up::<Portable8>(bundle, &mut columns, rays, false) }
 }
 
 /// How the rays of a run belong together.
@@ -127,9 +134,10 @@ proptest! {
             (ray.origin, ray.direction) = ((ray.origin + far) * scale, ray.direction * scale);
         }
         let mut block = TriangleBlock::EMPTY;
-        for lane in 0..8 {
+        for (lane, ray) in rays.iter().enumerate().take(8) {
             // Around points on the rays; some on the lattice, where edges are met.
-            let at = rays[lane].at(0.5 * unit(seed, lane as u32));
+            let u = unit(seed, lane as u32);
+            let at = ray.at(if lane % 2 == 0 { 0.5 * u } else { 1.0 + (u - 0.5) * 1e-3 });
             let corner = |k: u32| {
                 let p = at + vector(seed ^ 5, 8 * k + lane as u32) * (size * scale);
                 (if lane < 4 { p } else { (p / scale).round() * scale }).to_array()
@@ -137,7 +145,7 @@ proptest! {
             block.set(lane, &[corner(0), corner(1), corner(2)], 0);
         }
         let mut bundle = Bundle::NONE;
-        if set_up(&mut bundle, &rays) {
+        if is_bundle(&mut bundle, &rays) {
             // SAFETY: portable code.
             unsafe { check_block::<Portable8>(&bundle, &block, &rays)? };
             #[cfg(target_arch = "x86_64")]
@@ -162,7 +170,7 @@ unsafe fn check_block<L: WideLanes>(bundle: &Bundle, block: &TriangleBlock, rays
     let seen = unsafe { SeenBlock::<L>::new(block, bundle) };
     for (lane, ray) in rays.iter().enumerate() {
         // SAFETY: as above.
-        let passed = unsafe { seen.candidates(bundle, lane) };
+        let (passed, sure) = unsafe { seen.candidates::<true>(bundle, lane) };
         let local = LocalRay::new(&DRay::from(ray));
         let pairs = Pairs { triangles: std::array::from_fn(|i| i as u32), rays: [lane as u32; 8], count: 8 };
         let mut found = Found::NONE;
@@ -173,6 +181,8 @@ unsafe fn check_block<L: WideLanes>(bundle: &Bundle, block: &TriangleBlock, rays
         for triangle in 0..8 {
             let expected = exact_hit(&local, &block.corners(triangle), ray.t_min.into());
             prop_assert!(expected.is_none() || passed >> triangle & 1 == 1, "{ray:?} {:?}", block.corners(triangle));
+            let is_within = expected.is_some_and(|(t, _)| (t as f32) < ray.t_max);
+            prop_assert!(is_within || sure >> triangle & 1 == 0, "{ray:?} {:?}", block.corners(triangle));
             if bundle.is_aligned && found.unsure >> triangle & 1 == 0 {
                 let hit = found.hits >> triangle & 1 == 1;
                 prop_assert_eq!(hit, expected.is_some(), "{:?} {:?}", ray, block.corners(triangle));
@@ -190,12 +200,12 @@ unsafe fn check_block<L: WideLanes>(bundle: &Bundle, block: &TriangleBlock, rays
 fn runs_with_a_common_point_are_bundles_and_others_are_not() {
     let mut bundle = Bundle::NONE;
     let (from, to) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.5, -1.0, -2.0));
-    let mut is_bundle = |rays: &[Ray]| set_up(&mut bundle, rays).then(|| (bundle.kind.common, bundle.kind.reversed));
-    assert_eq!(is_bundle(&rays(Kind::FromPoint, 1, 16, from, to, 0.1)), Some((true, false)));
-    assert_eq!(is_bundle(&rays(Kind::ToPoint, 1, 16, from, to, 0.1)), Some((false, true)));
-    assert_eq!(is_bundle(&rays(Kind::Parallel, 1, 9, from, to, 0.1)), Some((false, false)));
-    assert_eq!(is_bundle(&rays(Kind::Unlike, 1, 16, from, to, 0.1)), None);
-    assert_eq!(is_bundle(&rays(Kind::FromPoint, 1, 3, from, to, 0.1)), None);
+    let mut kind_of = |rays: &[Ray]| is_bundle(&mut bundle, rays).then_some((bundle.kind.common, bundle.kind.reversed));
+    assert_eq!(kind_of(&rays(Kind::FromPoint, 1, 16, from, to, 0.1)), Some((true, false)));
+    assert_eq!(kind_of(&rays(Kind::ToPoint, 1, 16, from, to, 0.1)), Some((false, true)));
+    assert_eq!(kind_of(&rays(Kind::Parallel, 1, 9, from, to, 0.1)), Some((false, false)));
+    assert_eq!(kind_of(&rays(Kind::Unlike, 1, 16, from, to, 0.1)), None);
+    assert_eq!(kind_of(&rays(Kind::FromPoint, 1, 3, from, to, 0.1)), None);
     for (k, broken) in [f32::NAN, f32::INFINITY, -1.0].into_iter().enumerate() {
         let mut rays = rays(Kind::FromPoint, 1, 16, from, to, 0.1);
         match k {
@@ -203,7 +213,7 @@ fn runs_with_a_common_point_are_bundles_and_others_are_not() {
             1 => rays[7].origin.y = broken,
             _ => rays[7].t_max = broken,
         }
-        assert_eq!(is_bundle(&rays), None, "{broken}");
+        assert_eq!(kind_of(&rays), None, "{broken}");
     }
 }
 
@@ -237,7 +247,7 @@ fn bundles_agree_with_the_oracle_on_nested_instances_with_masks_and_rejections()
 fn locals_are_built_once_and_are_those_of_the_rays() {
     let rays = rays(Kind::FromPoint, 3, 16, Vec3::ZERO, Vec3::Z, 0.1);
     let mut bundle = Bundle::NONE;
-    assert!(set_up(&mut bundle, &rays));
+    assert!(is_bundle(&mut bundle, &rays));
     let mut locals = Locals::NONE;
     for lane in [3, 3, 0] {
         assert_eq!(locals.get(&bundle, lane).exact.direction, rays[lane].direction.as_dvec3());

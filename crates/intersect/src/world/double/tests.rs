@@ -292,7 +292,7 @@ fn rays_that_belong_together_hit_what_they_hit_alone() {
         let mut counts = vec![0; rays.len()];
         world.count(&rays, &AcceptAll, &mut counts);
         let all = world.all(&rays, &AcceptAll);
-        assert!((0..rays.len()).all(|i| all.of_ray(i).len() == counts[i] as usize && counts[i] % 2 == 0));
+        assert!((0..rays.len()).all(|i| all.of_ray(i).len() == counts[i] as usize && counts[i].is_multiple_of(2)));
     }
 }
 

@@ -1,0 +1,228 @@
+//! Pencils through a world: regions in which all rays surely meet one triangle, or none.
+
+use super::CoherenceError;
+use super::fragments::Source;
+use super::pencil::{Pencil, barycentric_gradients, plane_error};
+use super::polygon::{Affine, ConvexPolygon};
+use super::queries::{self, Query};
+use super::view::{Facet, View, Window};
+use super::walk::{Entry, RegionWork, Walk};
+use crate::hit::Hit;
+use crate::world::World;
+use snell_math::{DVec3, Ray, Vec2};
+
+/// A pencil that may meet more triangles than this is divided.
+const MOST_TRIANGLES: usize = 6;
+
+/// So few rays are traced one by one when their pencil would have to be divided.
+const FEW_RAYS: usize = 4;
+
+/// A pencil of more rays than this is divided before it is traced.
+const MANY_RAYS: usize = 64;
+
+/// Traces pencils through a world. One for each thread.
+#[derive(Debug)]
+pub struct PencilTracer<'w> {
+    walk: Walk<'w>,
+    tolerance: f64,
+    /// Rays that were answered by the matrix of a pencil.
+    linear: u64,
+}
+
+/// What a pencil surely meets.
+enum Sure {
+    Nothing,
+    Triangle(Source),
+}
+
+impl<'w> PencilTracer<'w> {
+    /// For a world of triangles with a bounding volume hierarchy. Points that pencils find may be off by `tolerance`, relative to the distance.
+    pub fn new(world: &'w World, tolerance: f64) -> Result<Self, CoherenceError> {
+        Ok(Self { walk: Walk::new(world)?, tolerance, linear: 0 })
+    }
+
+    /// What was done so far.
+    pub fn work(&self) -> RegionWork {
+        self.walk.work
+    }
+
+    /// How many rays were answered by the matrix of a pencil, or because theirs met nothing; all others were traced.
+    pub fn linear_rays(&self) -> u64 {
+        self.linear
+    }
+
+    /// The nearest hit of each ray. Where a pencil surely meets one triangle, its axial ray is hit exactly and the others are where the
+    /// pencil says, within the tolerance; where it surely meets nothing they miss; the rest is traced one by one, also rays that do not
+    /// come from the apex of the view.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn closest(&mut self, view: &View, rays: &[Ray], hits: &mut [Hit]) {
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        let (mut queries, others) = queries::from_apex(view, rays);
+        let start = self.walk.start();
+        self.divide(view, &mut queries, &start, &mut |tracer, queries, sure| match sure {
+            None => {
+                queries.iter().for_each(|q| hits[q.index] = tracer.walk.closest(&rays[q.index]));
+                true
+            }
+            Some(Sure::Nothing) => {
+                tracer.linear += queries.len() as u64;
+                queries.iter().for_each(|q| hits[q.index] = Hit::MISS);
+                true
+            }
+            Some(Sure::Triangle(source)) => tracer.follow(&source, queries, rays, hits),
+        });
+        others.into_iter().for_each(|i| hits[i] = self.walk.closest(&rays[i]));
+    }
+
+    /// For rays that end at a point (at their `t_max`), whether anything lies in their interval: by pencils from there that surely meet nothing, or
+    /// surely one triangle. Others are traced one by one.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn occluded(&mut self, point: DVec3, rays: &[Ray], blocked: &mut [bool]) {
+        assert_eq!(rays.len(), blocked.len(), "one answer per ray");
+        let (sides, others) = queries::towards_point(point, rays);
+        let start = self.walk.start();
+        for (view, mut queries) in sides {
+            self.divide(&view, &mut queries, &start, &mut |tracer, queries, sure| {
+                match sure {
+                    None => queries.iter().for_each(|q| blocked[q.index] = tracer.walk.occluded(&rays[q.index])),
+                    Some(sure) => {
+                        tracer.linear += queries.len() as u64;
+                        let is_blocked = matches!(sure, Sure::Triangle(_));
+                        queries.iter().for_each(|q| blocked[q.index] = is_blocked);
+                    }
+                }
+                true
+            });
+        }
+        others.into_iter().for_each(|i| blocked[i] = self.walk.occluded(&rays[i]));
+    }
+
+    /// Divides queries until each set surely meets the same thing (and `take` agrees), or is few.
+    fn divide(
+        &mut self,
+        view: &View,
+        queries: &mut [Query],
+        from: &[Entry],
+        take: &mut impl FnMut(&mut Self, &[Query], Option<Sure>) -> bool,
+    ) {
+        if queries.is_empty() {
+            return;
+        }
+        if queries.len() <= FEW_RAYS {
+            take(self, queries, None);
+            return;
+        }
+        let mut inside = None;
+        if queries.len() <= MANY_RAYS {
+            let (sure, left) = self.sure(view, &queries::window(queries), queries, from);
+            if sure.is_some() && take(self, queries, sure) {
+                return;
+            }
+            inside = Some(left);
+        }
+        let from = inside.as_deref().unwrap_or(from);
+        match queries::divide(queries) {
+            Some((a, b)) => {
+                self.divide(view, a, from, take);
+                self.divide(view, b, from, take);
+            }
+            None => {
+                take(self, queries, None);
+            }
+        }
+    }
+
+    /// What all rays of a window surely meet before anything else, if that is one thing; and where walks through parts of it start.
+    fn sure(&mut self, view: &View, window: &Window, queries: &[Query], from: &[Entry]) -> (Option<Sure>, Vec<Entry>) {
+        let region = ConvexPolygon::rectangle(window.low, window.high);
+        let farthest_start = queries.iter().map(|q| q.floor).fold(f64::NEG_INFINITY, f64::max);
+        let mut met: Vec<(Facet, Source, ConvexPolygon)> = Vec::new();
+        let (mut entries, mut floor) = (Vec::new(), f64::NEG_INFINITY);
+        let left = self.walk.visit(view, window, from, |entry, facets| {
+            let before = met.len();
+            for (facet, source) in facets.iter().filter(|(facet, _)| queries::matters(queries, facet)) {
+                let Some(common) = overlap(&region, facet) else { continue };
+                if covers(facet, &region) {
+                    floor = f64::max(floor, region.range(&facet.nearness).0);
+                }
+                met.push((*facet, *source, common));
+            }
+            if met.len() > before {
+                entries.push(entry);
+            }
+            if met.len() > MOST_TRIANGLES { f64::INFINITY } else { floor }
+        });
+        entries.extend(left);
+        if met.len() > MOST_TRIANGLES {
+            return (None, entries);
+        }
+        if met.is_empty() {
+            return (Some(Sure::Nothing), entries);
+        }
+        let is_first = |(facet, source, _): &&(Facet, Source, ConvexPolygon)| {
+            let is_before = |(other, of, common): &(Facet, Source, ConvexPolygon)| {
+                of == source || common.range(&facet.nearness.minus(&other.nearness)).0 > 0.0
+            };
+            // Nearer than the start of every ray, so that all of them meet it.
+            let is_ahead = region.range(&facet.nearness).0 > farthest_start;
+            covers(facet, &region) && is_ahead && met.iter().all(is_before)
+        };
+        (met.iter().find(is_first).map(|(_, source, _)| Sure::Triangle(*source)), entries)
+    }
+
+    /// Answers rays that all meet one triangle from the axial one. False if the pencil is too wide for that.
+    fn follow(&mut self, source: &Source, queries: &[Query], rays: &[Ray], hits: &mut [Hit]) -> bool {
+        let window = queries::window(queries);
+        let middle = (window.low + window.high) * 0.5;
+        let apart = |q: &&Query| q.place.distance_squared(middle);
+        let Some(axial) = queries.iter().min_by(|a, b| apart(a).total_cmp(&apart(b))) else { return true };
+        let Some(hit) = self.walk.confirm(&rays[axial.index], source) else { return false };
+        let axis = &rays[axial.index];
+        let mut pencil = Pencil::new(axis.origin.as_dvec3(), axis.direction.as_dvec3());
+        let starts: Option<Vec<_>> =
+            queries.iter().map(|q| pencil.paraxial(rays[q.index].direction.as_dvec3())).collect();
+        let Some(starts) = starts else { return false };
+        let [a, b, c] = self.walk.corners(source);
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let cosine = normal.dot(pencil.direction()).abs();
+        let slope = starts.iter().map(|s| s.z.hypot(s.w)).fold(0.0, f64::max);
+        let distance = f64::from(hit.t) * axis.direction.as_dvec3().length();
+        let error = plane_error(distance, slope, (1.0 - cosine * cosine).max(0.0).sqrt() / cosine);
+        let Some(gradients) = barycentric_gradients(b - a, c - a) else { return false };
+        let is_close = error <= self.tolerance * distance;
+        if !is_close {
+            return false;
+        }
+        pencil.transfer(distance);
+        self.linear += queries.len() as u64;
+        for (query, start) in queries.iter().zip(starts) {
+            let ray = &rays[query.index];
+            let offset = pencil.offset_on(normal, start);
+            let direction = ray.direction.as_dvec3();
+            let t = (pencil.origin() + offset - ray.origin.as_dvec3()).dot(direction) / direction.length_squared();
+            let by = gradients.map(|g| g.dot(offset) as f32);
+            hits[query.index] = Hit { t: t as f32, uv: hit.uv + Vec2::from_array(by), ..hit };
+        }
+        hits[axial.index] = hit;
+        true
+    }
+}
+
+/// The part of a facet that is in a region.
+fn overlap(region: &ConvexPolygon, facet: &Facet) -> Option<ConvexPolygon> {
+    edges(facet).iter().try_fold(*region, |p, edge| p.clipped(edge, 0.0))
+}
+
+/// True if all of a region is in the facet.
+fn covers(facet: &Facet, region: &ConvexPolygon) -> bool {
+    edges(facet).iter().all(|edge| region.range(edge).0 > 0.0)
+}
+
+fn edges(facet: &Facet) -> [Affine; 3] {
+    let v = facet.polygon.vertices();
+    [Affine::left_of(v[0], v[1]), Affine::left_of(v[1], v[2]), Affine::left_of(v[2], v[0])]
+}

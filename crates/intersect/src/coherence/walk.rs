@@ -1,0 +1,455 @@
+//! The walk of a window of rays through the tree: nearest boxes first, and all triangles of the window handed over.
+
+use super::CoherenceError;
+use super::fragments::{Fragment, Fragments, Source};
+use super::polygon::ConvexPolygon;
+use super::view::{Facet, Rows, View, Window};
+use crate::accel::bvh::Forest;
+use crate::accel::group::{Object, Placement, ray_in_child, test_triangle};
+use crate::hit::Hit;
+use crate::kernel::node::{ChildRef, WideNode};
+use crate::kernel::ray::LocalRay;
+use crate::query::AcceptAll;
+use crate::query::search::{Closest, Context, Search};
+use crate::world::{Geometry, GeometryId, GroupId, Structure, World};
+use snell_math::{Bounds3, DAffine3, DRay, DVec3, DVec4, Ray};
+use std::cmp::Ordering;
+use std::collections::{BinaryHeap, HashMap};
+
+/// What tracing regions cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RegionWork {
+    /// Regions that were gone through, those that had to be divided included.
+    pub regions: u64,
+    /// Nodes of the tree whose eight boxes were tested.
+    pub nodes: u64,
+    /// Triangles projected.
+    pub triangles: u64,
+    /// Rays that were traced one by one after all.
+    pub rays: u64,
+    /// Rays that were tested with one triangle, which the region is known to see there.
+    pub confirmed: u64,
+}
+
+/// An occurrence of a group on the way of a walk.
+#[derive(Clone, Debug)]
+struct Frame {
+    group: usize,
+    instance: u32,
+    /// The frame that holds it, and the map from there; none for the root.
+    outer: Option<(u32, DAffine3)>,
+    world_from_group: DAffine3,
+    is_root: bool,
+    /// The largest absolute coordinates in the group.
+    extent: DVec3,
+}
+
+/// A part of the tree that is still to be visited.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Entry {
+    bounds: Bounds3,
+    child: ChildRef,
+    frame: u32,
+}
+
+/// An entry in the order of a walk.
+#[derive(Clone, Copy, Debug)]
+struct Next {
+    nearest: f32,
+    entry: Entry,
+}
+
+impl PartialEq for Next {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Next {}
+
+impl PartialOrd for Next {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Next {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.nearest.total_cmp(&other.nearest)
+    }
+}
+
+/// What a region turned out to be.
+pub(super) enum Outcome {
+    /// All that is visible in it.
+    Seen(Fragments),
+    /// It has more pieces than were allowed; what is in it, as the start of walks through parts of it.
+    Crowded(Vec<Entry>),
+}
+
+/// Walks through a world of triangles. One for each thread.
+#[derive(Debug)]
+pub(super) struct Walk<'w> {
+    pub world: &'w World,
+    forest: &'w Forest,
+    frames: Vec<Frame>,
+    /// The frame of each occurrence that was met.
+    frame_of: HashMap<u32, u32>,
+    pub work: RegionWork,
+    heap: BinaryHeap<Next>,
+    /// Memory of lists that are no longer used.
+    spare: Vec<Vec<Fragment>>,
+}
+
+impl<'w> Walk<'w> {
+    pub fn new(world: &'w World) -> Result<Self, CoherenceError> {
+        let Structure::Bvh(forest) = &world.structure else { return Err(CoherenceError::NotBvh) };
+        let only_triangles = forest.trees.iter().all(|tree| {
+            let still = |o: &Object| matches!(o, Object::Instance { child_from_group: Placement::Still(_), .. });
+            tree.objects.len() == tree.objects.placed().len() && tree.objects.placed().iter().all(still)
+        });
+        if !only_triangles {
+            return Err(CoherenceError::NotTriangles);
+        }
+        let root = Frame {
+            group: 0,
+            instance: 0,
+            outer: None,
+            world_from_group: DAffine3::IDENTITY,
+            is_root: true,
+            extent: extent(forest, 0),
+        };
+        Ok(Self {
+            world,
+            forest,
+            frames: vec![root],
+            frame_of: HashMap::new(),
+            work: RegionWork::default(),
+            heap: BinaryHeap::new(),
+            spare: Vec::new(),
+        })
+    }
+
+    /// Where walks start: the whole world.
+    pub fn start(&self) -> Vec<Entry> {
+        let tree = &self.forest.trees[0];
+        if tree.root == ChildRef::NONE {
+            return Vec::new();
+        }
+        vec![Entry { bounds: Bounds3::INFINITE, child: tree.root, frame: 0 }]
+    }
+
+    /// Finds all that is visible in a region of a window, unless that is more than so many pieces. (What is hidden does not count: dividing
+    /// the region would not help.) Facets that do not matter are left out.
+    pub fn see(
+        &mut self,
+        view: &View,
+        window: &Window,
+        region: &ConvexPolygon,
+        from: &[Entry],
+        most: usize,
+        matters: impl Fn(&Facet) -> bool,
+    ) -> Outcome {
+        let mut fragments = Fragments::new(region, window, self.spare.pop().unwrap_or_default());
+        let (mut is_crowded, mut done) = (false, Vec::new());
+        let left = self.visit(view, window, from, |entry, facets| {
+            let mut touched = false;
+            for (facet, source) in facets {
+                touched |= matters(facet) && fragments.insert(facet, *source);
+            }
+            if touched {
+                done.push(entry);
+            }
+            is_crowded = fragments.list.len() > most;
+            if is_crowded { f64::INFINITY } else { fragments.farthest() }
+        });
+        if !is_crowded {
+            return Outcome::Seen(fragments);
+        }
+        self.recycle(fragments);
+        done.extend(left);
+        Outcome::Crowded(done)
+    }
+
+    /// Takes memory back.
+    pub fn recycle(&mut self, fragments: Fragments) {
+        self.spare.push(fragments.list);
+    }
+
+    /// Visits the leaves that may be in the window, nearest first. `take` gets those with facets in it, and answers which nearness is of
+    /// interest from then on (infinite: none). Returns what was not visited.
+    pub fn visit(
+        &mut self,
+        view: &View,
+        window: &Window,
+        from: &[Entry],
+        mut take: impl FnMut(Entry, &[(Facet, Source)]) -> f64,
+    ) -> Vec<Entry> {
+        self.work.regions += 1;
+        let mut heap = std::mem::take(&mut self.heap);
+        heap.clear();
+        let mut sight = Sight::new(view, window, &self.frames[0]);
+        let mut sight_of = 0;
+        for entry in from {
+            self.look(view, window, entry.frame, &mut sight, &mut sight_of);
+            if let Some(nearest) = sight.nearest(&entry.bounds) {
+                heap.push(Next { nearest, entry: *entry });
+            }
+        }
+        let (mut floor, mut facets) = (f64::NEG_INFINITY, Vec::new());
+        while let Some(Next { nearest, entry }) = heap.pop() {
+            if f64::from(nearest) < floor {
+                break;
+            }
+            if entry.child.is_object() {
+                if let Some(inner) = self.enter(entry) {
+                    heap.push(Next { nearest, entry: inner });
+                }
+                continue;
+            }
+            self.look(view, window, entry.frame, &mut sight, &mut sight_of);
+            let tree = &self.forest.trees[self.frames[entry.frame as usize].group];
+            if entry.child.is_node() {
+                self.work.nodes += 1;
+                let node = &tree.nodes[entry.child.index()];
+                let (mut met, nearest) = sight.boxes(node);
+                while met != 0 {
+                    let slot = met.trailing_zeros() as usize;
+                    met &= met - 1;
+                    let child = node.children[slot];
+                    if child != ChildRef::NONE {
+                        let entry = Entry { bounds: node.slot_bounds(slot), child, frame: entry.frame };
+                        heap.push(Next { nearest: nearest[slot], entry });
+                    }
+                }
+                continue;
+            }
+            facets.clear();
+            let block = &tree.blocks[entry.child.block()];
+            let instance = self.frames[entry.frame as usize].instance;
+            for lane in 0..entry.child.count() as usize {
+                self.work.triangles += 1;
+                let source = Source { frame: entry.frame, triangle: block.ids[lane], instance };
+                let corners = block.corners(lane).map(|[x, y, z]| DVec3::new(x.into(), y.into(), z.into()));
+                window.facets(&sight.rows, &corners, |facet| facets.push((facet, source)));
+            }
+            if !facets.is_empty() {
+                floor = take(entry, &facets);
+                if floor == f64::INFINITY {
+                    break;
+                }
+            }
+        }
+        let left = if floor == f64::INFINITY { heap.drain().map(|next| next.entry).collect() } else { Vec::new() };
+        self.heap = heap;
+        left
+    }
+
+    /// Makes the window known in the coordinates of a frame.
+    fn look(&self, view: &View, window: &Window, frame: u32, sight: &mut Sight, sight_of: &mut u32) {
+        if frame != *sight_of {
+            *sight = Sight::new(view, window, &self.frames[frame as usize]);
+            *sight_of = frame;
+        }
+    }
+
+    /// The root of the tree of an instance; `None` if it is empty or flattened.
+    fn enter(&mut self, entry: Entry) -> Option<Entry> {
+        let outer = &self.frames[entry.frame as usize];
+        let group = outer.group;
+        let number = entry.child.index();
+        let Object::Instance { child, offset, child_from_group: Placement::Still(map), .. } =
+            &self.forest.trees[group].objects.placed()[number]
+        else {
+            return None;
+        };
+        let inner = ChildRef::NONE != self.forest.trees[*child].root && map.is_finite();
+        if !inner {
+            return None;
+        }
+        let instance = outer.instance + offset;
+        let frame = match self.frame_of.get(&instance) {
+            Some(&frame) => frame,
+            None => {
+                let placed = &self.world.group(GroupId(group as u32)).instances[number].group_from_child;
+                let frame = Frame {
+                    group: *child,
+                    instance,
+                    outer: Some((entry.frame, *map)),
+                    world_from_group: outer.world_from_group * *placed.matrix(),
+                    is_root: false,
+                    extent: extent(self.forest, *child),
+                };
+                self.frames.push(frame);
+                let number = self.frames.len() as u32 - 1;
+                self.frame_of.insert(instance, number);
+                number
+            }
+        };
+        Some(Entry { bounds: Bounds3::INFINITE, child: self.forest.trees[*child].root, frame })
+    }
+
+    /// Instance, geometry and primitive of a triangle.
+    pub fn ids(&self, source: &Source) -> [u32; 3] {
+        let frame = &self.frames[source.frame as usize];
+        let (geometry, primitive) = self.forest.trees[frame.group].triangle(source.triangle);
+        [frame.instance, geometry, primitive]
+    }
+
+    /// The corners of a triangle in world coordinates.
+    pub fn corners(&self, source: &Source) -> [DVec3; 3] {
+        let map = &self.frames[source.frame as usize].world_from_group;
+        self.local_corners(source).map(|p| map.transform_point3(p.as_dvec3()))
+    }
+
+    fn local_corners(&self, source: &Source) -> [snell_math::Vec3; 3] {
+        let [_, geometry, primitive] = self.ids(source);
+        match self.world.geometry(GeometryId(geometry)) {
+            Geometry::Mesh(mesh) => mesh.corners(primitive as usize),
+            Geometry::Quads(quads) => quads.triangles().corners(primitive as usize),
+            _ => [snell_math::Vec3::ZERO; 3],
+        }
+    }
+
+    /// Tests a ray with one triangle, by the rule that decides in every structure.
+    pub fn confirm(&mut self, ray: &Ray, source: &Source) -> Option<Hit> {
+        self.work.confirmed += 1;
+        let context = Context { filter: &AcceptAll, options: &self.world.options, data: &() };
+        let mut search = Search::new(ray.into(), &context, Closest::new(ray));
+        let local = LocalRay::new(&self.ray_in(source.frame, ray)?);
+        let corners = self.local_corners(source).map(|p| p.to_array());
+        test_triangle(&mut search, &local, &corners, || self.ids(source));
+        let hit = search.goal.result();
+        hit.is_hit().then_some(hit)
+    }
+
+    /// A ray of the world as the instances map it, one after the other.
+    fn ray_in(&self, frame: u32, ray: &Ray) -> Option<DRay> {
+        match &self.frames[frame as usize].outer {
+            None => Some(DRay::from(ray)),
+            Some((outer, map)) => ray_in_child(map, &self.ray_in(*outer, ray)?),
+        }
+    }
+
+    /// Traces one ray as always.
+    pub fn closest(&mut self, ray: &Ray) -> Hit {
+        self.work.rays += 1;
+        self.world.closest_one(ray, &AcceptAll)
+    }
+
+    /// Whether one ray is occluded, as always.
+    pub fn occluded(&mut self, ray: &Ray) -> bool {
+        self.work.rays += 1;
+        self.world.occluded_one(ray, &AcceptAll)
+    }
+}
+
+/// The largest absolute coordinates in a group.
+fn extent(forest: &Forest, group: usize) -> DVec3 {
+    let tree = &forest.trees[group];
+    if !tree.root.is_node() {
+        // A single leaf: its triangles are always looked at.
+        return DVec3::INFINITY;
+    }
+    let node = &tree.nodes[tree.root.index()];
+    let all = (0..8).fold(Bounds3::EMPTY, |b, slot| b.union(&node.slot_bounds(slot)));
+    all.min.abs().max(all.max.abs()).as_dvec3()
+}
+
+/// A window in the coordinates of a frame: conservative in `f32` for boxes, in `f64` for triangles.
+struct Sight {
+    rows: Rows,
+    sides: [Side; 6],
+    nearness: Side,
+    depth: Side,
+}
+
+/// An affine function of points.
+#[derive(Clone, Copy)]
+struct Side {
+    normal: [f32; 3],
+    /// Grown by all that rounding may do.
+    offset: f32,
+}
+
+impl Side {
+    fn new(row: DVec4, extent: DVec3) -> Self {
+        let (normal, offset) = (row.truncate(), row.w);
+        let size = normal.abs().dot(extent) + offset.abs();
+        // Three products, three sums, and the rounding of the numbers themselves.
+        let margin = size * 8.0 * f64::from(f32::EPSILON);
+        Self { normal: normal.as_vec3().to_array(), offset: (offset + margin) as f32 }
+    }
+
+    /// The greatest value in a box; NaN where it is not known.
+    fn greatest(&self, b: &Bounds3) -> f32 {
+        let (low, high) = (b.min.to_array(), b.max.to_array());
+        (0..3).fold(self.offset, |sum, axis| {
+            let n = self.normal[axis];
+            sum + n * if n >= 0.0 { high[axis] } else { low[axis] }
+        })
+    }
+
+    /// The greatest value in each box of a node.
+    #[inline(always)]
+    fn greatest_of(&self, node: &WideNode) -> [f32; 8] {
+        let mut sums = [self.offset; 8];
+        for axis in 0..3 {
+            let n = self.normal[axis];
+            let planes = &node.bounds[usize::from(n >= 0.0)][axis];
+            for (sum, plane) in sums.iter_mut().zip(planes) {
+                *sum += n * plane;
+            }
+        }
+        sums
+    }
+}
+
+impl Sight {
+    fn new(view: &View, window: &Window, frame: &Frame) -> Self {
+        let rows = if frame.is_root { view.rows() } else { view.rows_in(&frame.world_from_group) };
+        Self {
+            rows,
+            sides: window.sides(&rows).map(|row| Side::new(row, frame.extent)),
+            nearness: Side::new(rows.nearness, frame.extent),
+            // The least depth is the greatest of its negative, negated.
+            depth: Side::new(-rows.depth, frame.extent),
+        }
+    }
+
+    /// At least how near anything in the box may be; `None` if it is outside of the window.
+    fn nearest(&self, b: &Bounds3) -> Option<f32> {
+        let outside = self.sides.iter().any(|side| side.greatest(b) < 0.0);
+        (!outside).then(|| nearest(self.nearness.greatest(b), -self.depth.greatest(b)))
+    }
+
+    /// Which boxes may be in the window, and how near they may be.
+    fn boxes(&self, node: &WideNode) -> (u32, [f32; 8]) {
+        let mut inside = [true; 8];
+        for side in &self.sides {
+            let greatest = side.greatest_of(node);
+            for (inside, value) in inside.iter_mut().zip(greatest) {
+                // What is not a number is not outside.
+                *inside &= value >= 0.0 || value.is_nan();
+            }
+        }
+        let (high, low) = (self.nearness.greatest_of(node), self.depth.greatest_of(node));
+        let met = inside.iter().enumerate().fold(0, |met, (slot, &inside)| met | u32::from(inside) << slot);
+        (met, std::array::from_fn(|slot| nearest(high[slot], -low[slot])))
+    }
+}
+
+/// The greatest quotient of what is at most `nearness` and a depth of at least `depth`.
+fn nearest(nearness: f32, depth: f32) -> f32 {
+    let quotient = if nearness < 0.0 {
+        // Parallel rays: the depth is 1.
+        nearness
+    } else if depth > 0.0 {
+        nearness / depth
+    } else {
+        f32::INFINITY
+    };
+    // The division rounds too.
+    let quotient = quotient + quotient.abs() * f32::EPSILON;
+    if quotient.is_nan() { f32::INFINITY } else { quotient }
+}

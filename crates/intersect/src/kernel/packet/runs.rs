@@ -1,0 +1,100 @@
+//! Bundles from runs of rays as they come.
+
+use super::super::node::padded;
+use super::MIN_RAYS;
+use super::bundle::{Bundle, Columns, Kind, PerRay, RAYS, store};
+use snell_math::Ray;
+use snell_math::simd::WideLanes;
+
+/// Makes a bundle of a run; false if it is none. Lanes without a ray repeat the first one and want nothing.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+pub(super) unsafe fn set_up<L: WideLanes>(
+    bundle: &mut Bundle,
+    columns: &mut Columns,
+    rays: &[Ray],
+    backward: bool,
+) -> bool {
+    if rays.len() < MIN_RAYS {
+        return false;
+    }
+    let first = &rays[0];
+    let all: [&Ray; RAYS] = if let Some(all) = rays.first_chunk::<RAYS>() {
+        all.each_ref()
+    } else {
+        std::array::from_fn(|i| rays.get(i).unwrap_or(first))
+    };
+    let mut t_max = [0.0; RAYS];
+    // SAFETY: as promised by the caller; halves are 0 and 1.
+    let (is_fine, ends) = unsafe { load_columns::<L>(&all, columns, &mut bundle.drawn_origin, &mut t_max) };
+    if !is_fine {
+        return false;
+    }
+    let bits = |ray: &Ray| ray.origin.to_array().map(f32::to_bits);
+    let common = all.iter().all(|ray| bits(ray) == bits(first));
+    let reversed = !common && ends;
+    // A little beyond the ends, so that all rays end before it.
+    let end = first.origin + first.direction * (first.t_max * (1.0 + 1.0 / 1024.0));
+    let apex = if reversed { end } else { first.origin }.to_array();
+    bundle.kind = Kind { apex, reversed, common, backward: reversed && backward, rounded: false };
+    for (i, ray) in all.iter().enumerate() {
+        bundle.rays.origin[i] = [ray.origin.x, ray.origin.y, ray.origin.z, ray.t_min].map(f64::from);
+        bundle.rays.direction[i] = [ray.direction.x, ray.direction.y, ray.direction.z, ray.t_max].map(f64::from);
+        columns.cull[i] = padded(t_max[i]);
+    }
+    columns.cull[rays.len()..].fill(-1.0);
+    if !common {
+        let first = first.origin.to_array();
+        for axis in 0..3 {
+            let origin = &bundle.drawn_origin[axis];
+            columns.from_apex[axis] = origin.map(|o| o - apex[axis]);
+            columns.from_first[axis] = origin.map(|o| o - first[axis]);
+        }
+    }
+    // SAFETY: as promised by the caller.
+    unsafe { bundle.set_up::<L>(columns) }
+}
+
+/// Transposes rays. Whether all are finite, with intervals that begin at zero or later and are not empty; and whether all end.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn load_columns<L: WideLanes>(
+    rays: &[&Ray; RAYS],
+    columns: &mut Columns,
+    origin: &mut [PerRay<f32>; 3],
+    t_max: &mut PerRay<f32>,
+) -> (bool, bool) {
+    let (mut fine, mut ends) = (0xff, 0xff);
+    for half in 0..2 {
+        // SAFETY: as promised by the caller; a ray is eight numbers in this order: origin, t_min, direction, t_max.
+        unsafe {
+            let rows = std::array::from_fn(|i| &*(&raw const *rays[8 * half + i]).cast::<[f32; 8]>());
+            let [ox, oy, oz, from, dx, dy, dz, to] = L::load_columns(rows);
+            let zero = L::splat(0.0);
+            // Zero if everything is finite.
+            let zeros = [ox, oy, oz, from, dx, dy, dz].map(|column| column.mul(zero));
+            let sum = zeros.into_iter().fold(zero, L::add);
+            fine &= sum.le(zero) & zero.le(from) & from.lt(to);
+            ends &= to.lt(L::splat(f32::INFINITY));
+            for (column, to) in [ox, oy, oz].into_iter().zip(origin.iter_mut()) {
+                store(column, to, half);
+            }
+            for (column, to) in [dx, dy, dz].into_iter().zip(columns.direction.iter_mut()) {
+                store(column, to, half);
+            }
+            store(from, &mut columns.t_min, half);
+            store(to, t_max, half);
+        }
+    }
+    (fine == 0xff, ends == 0xff)
+}
+
+const _: () = assert!(
+    std::mem::offset_of!(Ray, t_min) == 12
+        && std::mem::offset_of!(Ray, direction) == 16
+        && std::mem::offset_of!(Ray, t_max) == 28
+);

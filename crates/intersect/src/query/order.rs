@@ -1,0 +1,227 @@
+//! The order in which the rays of a large batch are traced: rays from one place one after another, because they visit the same
+//! parts of the tree.
+//!
+//! Rays are sorted by the cell of their origin along a Morton curve and by the octant of their direction, if they are not in some such
+//! order already. Each ray is still traced for itself, so the results are the same.
+
+use super::rays::Rays;
+use crate::precision::Rules;
+use snell_math::Vec3;
+use std::ops::Range;
+
+/// So many rays or more are worth sorting.
+const MIN_RAYS: usize = 1 << 14;
+
+/// So many rays at most are sorted at a time: rays and answers of more would not stay in the caches.
+const MAX_RAYS: usize = 1 << 16;
+
+/// Bits of a cell's place on each axis.
+const CELL_BITS: u32 = 7;
+
+/// Bits of a key that a pass of the sort looks at: two passes for all of them.
+const DIGIT_BITS: u32 = 12;
+
+/// Neighbours of which so many are looked at to see whether rays are in order.
+const SAMPLES: usize = 256;
+
+/// Neighbours are close together within this part of the extent of all origins.
+const CLOSE: f32 = 1.0 / 16.0;
+
+/// Sorts a batch part by part.
+pub(crate) struct Sorter {
+    rays: usize,
+    /// Rays of a part.
+    size: usize,
+    sorts: bool,
+    /// A key above, the number of a ray below.
+    entries: Vec<u64>,
+    scratch: Vec<u64>,
+    order: Vec<u32>,
+}
+
+impl Sorter {
+    /// For this many rays, if they are to be sorted at all.
+    pub fn new(rays: usize, sorts: bool) -> Self {
+        let sorts = sorts && rays >= MIN_RAYS;
+        let parts = if sorts { rays.div_ceil(MAX_RAYS) } else { 1 };
+        Self { rays, size: rays.div_ceil(parts).max(1), sorts, entries: vec![], scratch: vec![], order: vec![] }
+    }
+
+    /// The parts, of equal size.
+    pub fn parts(&self) -> impl Iterator<Item = Range<usize>> + use<> {
+        let (rays, size) = (self.rays, self.size);
+        (0..rays).step_by(size).map(move |first| first..(first + size).min(rays))
+    }
+
+    /// In which order to trace the rays of a part; empty if they may stay as they are.
+    pub fn order<P: Rules>(&mut self, rays: Rays<P>) -> &[u32] {
+        self.order.clear();
+        if !self.sorts {
+            return &self.order;
+        }
+        let (low, high) = rays.rays().iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), ray| {
+            let o = P::origin(ray);
+            if o.is_finite() { (low.min(o), high.max(o)) } else { (low, high) }
+        });
+        let cells = Cells::new(low, high);
+        if is_in_order(rays.rays(), high - low, P::origin) {
+            return &self.order;
+        }
+        let entry = |(number, ray): (usize, &P::Ray)| {
+            let key = cells.morton(P::origin(ray)) << 3 | octant(P::direction(ray));
+            u64::from(key) << 32 | number as u64
+        };
+        self.entries.clear();
+        self.entries.extend(rays.rays().iter().enumerate().map(entry));
+        self.scratch.resize(self.entries.len(), 0);
+        sort_by_digit(&self.entries, &mut self.scratch, 32);
+        sort_by_digit(&self.scratch, &mut self.entries, 32 + DIGIT_BITS);
+        self.order.extend(self.entries.iter().map(|&entry| entry as u32));
+        &self.order
+    }
+}
+
+/// True if most rays start close to the one before.
+fn is_in_order<R>(rays: &[R], extent: Vec3, origin: impl Fn(&R) -> Vec3) -> bool {
+    let step = (rays.len() / SAMPLES).max(1);
+    let pairs = rays.windows(2).step_by(step);
+    let count = pairs.len();
+    let close = pairs.filter(|pair| (origin(&pair[1]) - origin(&pair[0])).abs().cmple(extent * CLOSE).all()).count();
+    close * 4 > count * 3
+}
+
+/// A grid over the origins.
+struct Cells {
+    low: Vec3,
+    scale: Vec3,
+}
+
+impl Cells {
+    const LAST: f32 = ((1 << CELL_BITS) - 1) as f32;
+
+    fn new(low: Vec3, high: Vec3) -> Self {
+        Self { low, scale: Vec3::splat(Self::LAST + 1.0) / (high - low) }
+    }
+
+    /// The number of a point's cell on the curve; anything in range for what is not finite.
+    #[inline(always)]
+    fn morton(&self, point: Vec3) -> u32 {
+        let at = ((point - self.low) * self.scale).min(Vec3::splat(Self::LAST));
+        spread(at.x as u32) | spread(at.y as u32) << 1 | spread(at.z as u32) << 2
+    }
+}
+
+/// Every bit of a number with [`CELL_BITS`] bits at three times its place.
+#[inline(always)]
+fn spread(x: u32) -> u32 {
+    let x = (x | x << 8) & 0x0000_f00f;
+    let x = (x | x << 4) & 0x000c_30c3;
+    (x | x << 2) & 0x0024_9249
+}
+
+#[inline(always)]
+fn octant(d: Vec3) -> u32 {
+    u32::from(d.x < 0.0) | u32::from(d.y < 0.0) << 1 | u32::from(d.z < 0.0) << 2
+}
+
+/// Sorts by [`DIGIT_BITS`] bits from `shift` on; what is equal there stays in order.
+fn sort_by_digit(from: &[u64], to: &mut [u64], shift: u32) {
+    const DIGITS: usize = 1 << DIGIT_BITS;
+    let digit = |entry: u64| (entry >> shift) as usize & (DIGITS - 1);
+    let mut next = [0u32; DIGITS];
+    from.iter().for_each(|&entry| next[digit(entry)] += 1);
+    let mut sum = 0;
+    for count in &mut next {
+        sum += std::mem::replace(count, sum);
+    }
+    for &entry in from {
+        let at = &mut next[digit(entry)];
+        to[*at as usize] = entry;
+        *at += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hit::Hit;
+    use crate::kernel::interleave::is_large;
+    use crate::mesh::TriangleMesh;
+    use crate::precision::Single;
+    use crate::query::{AcceptAll, Grouping};
+    use crate::world::tests::Random;
+    use crate::world::{BuildOptions, Structure, WorldBuilder};
+    use snell_math::Ray;
+    use std::sync::Arc;
+
+    fn random_rays(count: usize, extent: f32) -> Vec<Ray> {
+        let mut random = Random(11);
+        (0..count).map(|_| Ray::new(random.point(extent), random.direction())).collect()
+    }
+
+    #[test]
+    fn every_ray_of_a_sorted_batch_has_its_turn_once() {
+        let mut rays = random_rays(MIN_RAYS + 5, 2.0);
+        rays[7].origin = Vec3::NAN;
+        rays[8].origin = Vec3::INFINITY;
+        for count in [MIN_RAYS, rays.len()] {
+            let rays = Rays::<Single>::new(&rays[..count]);
+            let mut sorter = Sorter::new(count, true);
+            assert_eq!(sorter.parts().next(), Some(0..count));
+            let mut order = sorter.order(rays).to_vec();
+            assert!(order.windows(2).any(|pair| pair[0] > pair[1]));
+            order.sort_unstable();
+            assert!(order.iter().enumerate().all(|(i, &number)| i == number as usize) && order.len() == count);
+        }
+    }
+
+    #[test]
+    fn sorted_rays_start_near_each_other() {
+        let rays = random_rays(MIN_RAYS, 2.0);
+        let mut sorter = Sorter::new(rays.len(), true);
+        let order = sorter.order(Rays::<Single>::new(&rays)).to_vec();
+        let sum = |of: &dyn Fn(usize) -> Vec3| (1..rays.len()).map(|i| of(i).distance(of(i - 1))).sum::<f32>();
+        let (before, after) = (sum(&|i| rays[i].origin), sum(&|i| rays[order[i] as usize].origin));
+        assert!(after < 0.1 * before, "{before} {after}");
+        let sorted: Vec<Ray> = order.iter().map(|&i| rays[i as usize]).collect();
+        assert!(sorter.order(Rays::<Single>::new(&sorted)).is_empty(), "what is in order stays so");
+    }
+
+    #[test]
+    fn parts_are_of_equal_size_and_small_batches_are_not_sorted() {
+        let sizes = |rays, sorts| Sorter::new(rays, sorts).parts().map(|part| part.len()).collect::<Vec<_>>();
+        assert_eq!(sizes(3 * MAX_RAYS - 1, true), [MAX_RAYS, MAX_RAYS, MAX_RAYS - 1]);
+        assert_eq!(sizes(3 * MAX_RAYS, false), [3 * MAX_RAYS]);
+        assert!(sizes(0, true).is_empty());
+        let rays = random_rays(MIN_RAYS - 1, 1.0);
+        assert!(Sorter::new(rays.len(), true).order(Rays::<Single>::new(&rays)).is_empty());
+    }
+
+    #[test]
+    fn a_sorted_batch_finds_what_single_rays_find() {
+        let mut random = Random(3);
+        let mut mesh = TriangleMesh::default();
+        for i in 0..60_000 {
+            let corner = random.point(1.0);
+            mesh.positions.extend([corner, corner + random.point(0.02), corner + random.point(0.02)]);
+            mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
+        }
+        let mut builder = WorldBuilder::default();
+        builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
+        let options = BuildOptions { accelerator: crate::accel::AcceleratorKind::Bvh, ..BuildOptions::default() };
+        let world = builder.build(&options).expect("it builds");
+        assert!(
+            matches!(&world.structure, Structure::Bvh(forest) if is_large(forest)),
+            "large enough to be sorted for"
+        );
+        let mut rays = random_rays(MAX_RAYS + 100, 1.0);
+        rays[50].direction = Vec3::ZERO;
+        let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+        world.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
+        world.occluded(&rays, Grouping::None, &AcceptAll, &mut blocked);
+        for ((ray, hit), blocked) in rays.iter().zip(&hits).zip(&blocked) {
+            assert_eq!(world.closest_one(ray, &AcceptAll), *hit);
+            assert_eq!(hit.is_hit(), *blocked);
+        }
+    }
+}

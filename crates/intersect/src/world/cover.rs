@@ -1,0 +1,83 @@
+//! Many small boxes instead of one around what an instance shows: turned and put together again they make a box that is much tighter than
+//! the turned box (which is up to `sqrt(3)` times as long on each axis), so that fewer rays have to be brought into the instance.
+
+use crate::mesh::TriangleMesh;
+use rayon::prelude::*;
+use snell_math::{Bounds3, Bounds3d, Vec3};
+use std::sync::Arc;
+
+/// Boxes that together hold everything that can be hit. Shared, because it takes some time to make.
+pub(super) type Cover = Arc<[Bounds3d]>;
+
+/// Cells on each axis of the grid that triangles are put into.
+const CELLS: usize = 8;
+
+/// Meshes with fewer triangles are covered by the box of each.
+const FEW: usize = 32;
+
+/// Triangles that a thread takes at a time.
+const CHUNK: usize = 1 << 14;
+
+/// Boxes of a group at most, besides those of its meshes; more are put together.
+const MAX_OBJECTS: usize = 512;
+
+/// The cover of a mesh: the boxes around the triangles whose middles are in the same cell of a grid.
+pub(super) fn of_mesh(mesh: &TriangleMesh) -> Cover {
+    let hittable = |i: &usize| !mesh.is_degenerate(*i);
+    if mesh.indices.len() < FEW {
+        return (0..mesh.indices.len()).filter(hittable).map(|i| mesh.padded_bounds(i).into()).collect();
+    }
+    let all = mesh.bounds();
+    let scale = Vec3::splat(CELLS as f32) / all.size();
+    let cell = |b: &Bounds3| {
+        let at = (b.min * 0.5 + b.max * 0.5 - all.min) * scale;
+        // What is not a number becomes 0.
+        let [x, y, z] = at.to_array().map(|x| (x as usize).min(CELLS - 1));
+        x + CELLS * (y + CELLS * z)
+    };
+    let empty = || vec![Bounds3::EMPTY; CELLS * CELLS * CELLS];
+    let of_chunk = |mut cells: Vec<Bounds3>, chunk: usize| {
+        for i in (chunk * CHUNK..mesh.indices.len().min((chunk + 1) * CHUNK)).filter(hittable) {
+            let b = mesh.padded_bounds(i);
+            let cell = &mut cells[cell(&b)];
+            *cell = cell.union(&b);
+        }
+        cells
+    };
+    let union = |a: Vec<Bounds3>, b: Vec<Bounds3>| a.iter().zip(&b).map(|(a, b)| a.union(b)).collect();
+    let cells = (0..mesh.indices.len().div_ceil(CHUNK)).into_par_iter().fold(empty, of_chunk).reduce(empty, union);
+    cells.into_iter().filter(|b| !b.is_empty()).map(Bounds3d::from).collect()
+}
+
+/// The cover of a group, from those of its meshes and the boxes of its objects.
+pub(super) fn of_group<'a>(meshes: impl Iterator<Item = &'a Cover>, objects: &[Bounds3d]) -> Cover {
+    let size = objects.len().div_ceil(MAX_OBJECTS).max(1);
+    let together = objects.chunks(size).map(|some| some.iter().fold(Bounds3d::EMPTY, |all, b| all.union(b)));
+    meshes.flat_map(|cover| cover.iter().copied()).chain(together).filter(|b| !b.is_empty()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cover_holds_every_triangle_and_is_no_larger_than_the_mesh() {
+        let wave = |i: u32| (i as f32 * 0.37).sin() * 3.0;
+        let mut mesh = TriangleMesh::default();
+        for i in 0..3 * 1000 {
+            mesh.positions.push(Vec3::new(wave(i), wave(i + 7) * 2.0, wave(i * 3)));
+        }
+        mesh.positions[30] = Vec3::NAN;
+        mesh.indices = (0..1000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        for mesh in [mesh.clone(), TriangleMesh { indices: mesh.indices[..20].to_vec(), ..mesh }] {
+            let cover = of_mesh(&mesh);
+            let mut all = Bounds3d::EMPTY;
+            for i in (0..mesh.indices.len()).filter(|&i| !mesh.is_degenerate(i)) {
+                let b = Bounds3d::from(mesh.padded_bounds(i));
+                all = all.union(&b);
+                assert!(cover.iter().any(|c| c.union(&b) == *c), "triangle {i} is in a box");
+            }
+            assert_eq!(cover.iter().fold(Bounds3d::EMPTY, |a, b| a.union(b)), all);
+        }
+    }
+}
