@@ -1,7 +1,7 @@
 //! The class `Scene`: what it holds, and what it is asked.
 
 use crate::answers::{Asked, ClosestPoints, Hits, Intersections, Live, Named};
-use crate::arrays::{Column, PointArray, array, from_vec, is_double, slice};
+use crate::arrays::{Column, PointArray, array, from_vec, is_double, leading, slice};
 use crate::assemble::Snapshot;
 use crate::contents::{Contents, Kind, Object};
 use crate::nearest::PointPrecision;
@@ -278,8 +278,7 @@ impl Scene {
         snapshot: &Snapshot<P::Form>,
         signed: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let shape = PointArray::<P>::new(points, "points")?.shape;
-        let limit = limit::<P>(max_distance, &shape)?;
+        let limit = limit::<P>(max_distance, &leading(points, 3, "points")?)?;
         let limit = limit.values()?;
         let (world, names) = (&*snapshot.world, &snapshot.names);
         self.of_points::<P, P>(points, threads, |i, point| {
@@ -1020,7 +1019,7 @@ impl Scene {
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, array, threads) = (points.py(), array(points, "points")?, Threads::new(threads)?);
         let is_double = is_double(&array, "points")?;
-        crate::arrays::leading(&array, 3, "points")?;
+        leading(&array, 3, "points")?;
         if is_double {
             let snapshot = self.0.local(py)?;
             self.prepare(py, &snapshot)?;
