@@ -93,6 +93,12 @@ impl World {
     }
 
     fn winding(&self) -> &Winding {
+        // Not prepared while the cell is locked: a thread that waits for its part of the work may take up another query meanwhile, and
+        // would then wait for itself.
+        if self.winding.get().is_none() {
+            // Another thread may have been quicker.
+            let _ = self.winding.set(Winding::of(self));
+        }
         self.winding.get_or_init(|| Winding::of(self))
     }
 }
