@@ -197,7 +197,9 @@ fn sweep_panel(svg: &mut Svg, sweep: &[SweepPoint]) {
     line.iter().for_each(|p| svg.dot(*p, color));
     if let Some((best, point)) = sweep.iter().zip(&line).min_by(|a, b| a.0.1.total_cmp(&b.0.1)) {
         let text = format!("best: {} cells, {:.2} µs", best.0, best.1);
-        svg.label([point[0], point[1] + 38.0], 20.0, INK, Anchor::Middle, true, &text);
+        // Some 220 wide, and within the panel.
+        let x = point[0].clamp(panel.left + 110.0, panel.right - 110.0);
+        svg.label([x, point[1] + 38.0], 20.0, INK, Anchor::Middle, true, &text);
     }
 }
 
