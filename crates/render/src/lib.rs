@@ -20,6 +20,7 @@
 
 pub mod compile;
 pub mod film;
+pub mod guiding;
 pub mod integrator;
 pub mod job;
 pub mod light_sampler;
@@ -29,6 +30,7 @@ pub mod settings;
 
 pub use compile::{CompileError, CompiledScene};
 pub use film::{Film, filter::Filter};
+pub use guiding::Guiding;
 pub use integrator::{IntegratorKind, aov::Aov};
 pub use job::{Job, Progress, Recording, Statistics};
 pub use light_sampler::LightSamplerKind;

@@ -1,6 +1,7 @@
 //! Everything about a render that is not the scene.
 
 use crate::film::filter::Filter;
+use crate::guiding::Guiding;
 use crate::integrator::IntegratorKind;
 use crate::integrator::aov::Aov;
 use crate::light_sampler::LightSamplerKind;
@@ -122,6 +123,8 @@ pub struct Settings {
     pub light_strategy: LightStrategy,
     /// How a light is chosen among many.
     pub light_sampler: LightSamplerKind,
+    /// If set, `path` learns where light comes from before it renders.
+    pub guiding: Option<Guiding>,
     /// How far `ao` looks for occluders; `None` is half of the scene's radius.
     pub ao_distance: Option<f32>,
     /// Extra layers.
@@ -153,6 +156,7 @@ impl Default for Settings {
             shadows: Shadows::default(),
             light_strategy: LightStrategy::default(),
             light_sampler: LightSamplerKind::default(),
+            guiding: None,
             ao_distance: None,
             aovs: Vec::new(),
             tile_order: TileOrder::default(),

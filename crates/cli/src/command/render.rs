@@ -11,12 +11,13 @@ use crate::progress::Reporter;
 use crate::{overrides, scene_source};
 use snell_formats::error::one_line;
 use snell_math::simd::Level;
-use snell_render::{CompiledScene, IntegratorKind, Job, Settings, Statistics};
+use snell_render::{CompiledScene, Guiding, IntegratorKind, Job, Settings, Statistics};
 use snell_scene::{Camera, Scene};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use options::GuidingOption;
 use summary::Summary;
 
 /// Renders a scene and writes the picture.
@@ -143,6 +144,12 @@ fn render(
     let limit: Option<Duration> = options.time;
     let start = Instant::now();
     let result = Job::new(compiled, camera, settings).run(threads, &|progress| {
+        if let Some((_, begun)) = progress.training {
+            // A pass takes as long as all before it. Where passes are counted, the clock has no say: bits must repeat.
+            let share = limit.filter(|_| options.guiding == Some(GuidingOption::Auto)).map(|l| l.mul_f64(Guiding::SHARE));
+            let late = begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
+            return !late && !interrupted.load(Ordering::Relaxed);
+        }
         reporter.update(progress, limit);
         // A picture with holes is of no use: the time limit waits for the first pass.
         let late = progress.passes > 0 && limit.is_some_and(|l| start.elapsed() >= l);

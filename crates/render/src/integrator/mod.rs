@@ -8,9 +8,11 @@ pub(crate) mod camera_path;
 mod classic;
 mod estimators;
 mod flat;
+mod guided;
 mod path;
 
 use crate::compile::CompiledScene;
+use crate::guiding::{Choice, Field};
 use crate::light_sampler::LightSampler;
 use crate::sampler::Random;
 use crate::settings::Settings;
@@ -87,6 +89,8 @@ pub struct Context<'a> {
     pub settings: &'a Settings,
     /// Chooses a light.
     pub lights: &'a LightSampler,
+    /// What is known of where light comes from, if paths are guided.
+    pub field: Option<&'a Field>,
 }
 
 /// What a path carries from vertex to vertex. All of it is a function of (pixel, sample, seed) alone.
@@ -152,6 +156,8 @@ pub struct Outputs {
     pub light_rays: Vec<(Ray, SampledSpectrum)>,
     /// Where the path goes on (several ways for a ray tree).
     pub next: Vec<(Ray, PathState)>,
+    /// How the direction of the only next ray was chosen, if a field could learn from it.
+    pub choice: Option<Choice>,
 }
 
 impl Outputs {
@@ -160,6 +166,7 @@ impl Outputs {
         self.radiance = SampledSpectrum::ZERO;
         self.light_rays.clear();
         self.next.clear();
+        self.choice = None;
     }
 }
 

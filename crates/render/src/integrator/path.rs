@@ -2,6 +2,7 @@
 //! `direct` is the same with one bounce.
 
 use super::estimators::{background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light};
+use super::guided::{Scattering, guided_survival};
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::settings::LightStrategy;
 use snell_math::{Ray, SampledSpectrum, sampling};
@@ -37,8 +38,9 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
         return;
     }
     let shading = surface.material.bsdf_towards(&point, wo);
-    add_light_sample(context, vertex, surface, &shading, out);
-    add_bounce(vertex, surface, &shading, out);
+    let scattering = Scattering::new(context.field, &shading, surface.interaction.position, wo);
+    add_light_sample(context, vertex, surface, &shading, &scattering, out);
+    add_bounce(context, vertex, surface, &shading, &scattering, out);
 }
 
 fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
@@ -73,6 +75,7 @@ fn add_light_sample(
     vertex: &Vertex,
     surface: &SurfaceVertex,
     shading: &ShadingBsdf,
+    scattering: &Scattering,
     out: &mut Outputs,
 ) {
     if shading.is_delta() {
@@ -99,7 +102,7 @@ fn add_light_sample(
     let weight = if sample.is_delta || context.settings.light_strategy == LightStrategy::Light {
         1.0
     } else {
-        sampling::power_heuristic(sample.pdf * probability, shading.pdf(wo, sample.direction))
+        sampling::power_heuristic(sample.pdf * probability, scattering.pdf(wo, sample.direction))
     };
     let value = vertex.state.throughput * value * sample.radiance * (weight / (sample.pdf * probability));
     if !value.is_black() && value.is_finite() {
@@ -107,18 +110,26 @@ fn add_light_sample(
     }
 }
 
-fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, out: &mut Outputs) {
+fn add_bounce(
+    context: &Context,
+    vertex: &Vertex,
+    surface: &SurfaceVertex,
+    shading: &ShadingBsdf,
+    scattering: &Scattering,
+    out: &mut Outputs,
+) {
     let wo = outgoing(vertex.ray);
     let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
-    let Some(sample) = shading.sample(wo, u_lobe, u) else { return };
+    let Some(sample) = scattering.sample(wo, u_lobe, u) else { return };
     let mut throughput = vertex.state.throughput * sample.weight;
     if throughput.is_black() || !throughput.is_finite() {
         return;
     }
     let crossing = if sample.is_transmission { shading.crossing_scale(wo) } else { 1.0 };
     let eta_scale = vertex.state.eta_scale * crossing;
+    let mut survival = 1.0;
     if vertex.depth >= ROULETTE_DEPTH {
-        let survival = (throughput.max_element() * eta_scale).min(MAX_SURVIVAL);
+        survival = guided_survival(throughput.max_element() * eta_scale, context.field.is_some()).min(MAX_SURVIVAL);
         if vertex.random.number(dimension::ROULETTE) >= survival {
             return;
         }
@@ -135,5 +146,6 @@ fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, o
         },
         ..continued(vertex, surface, throughput)
     };
+    out.choice = scattering.choice(surface.interaction.position, wo, &sample, survival);
     out.next.push((Ray::new(surface.interaction.ray_origin(sample.wi), sample.wi), state));
 }

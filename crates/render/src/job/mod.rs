@@ -6,6 +6,7 @@
 mod part;
 mod paths;
 mod tracer;
+mod training;
 
 pub use tracer::{Recording, hit_filter};
 
@@ -23,7 +24,7 @@ use std::collections::BTreeMap;
 use std::ops::AddAssign;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tracer::Tracer;
 
 /// Rays traced, by kind.
@@ -61,6 +62,14 @@ pub struct Statistics {
     pub invalid_samples: u64,
     /// Time that threads spent in ray queries, all threads together. Not the same each time.
     pub tracing: Duration,
+    /// Training passes of path guiding that were whole.
+    pub training_passes: u32,
+    /// Time of training.
+    pub training: Duration,
+    /// Regions that path guiding knows something of.
+    pub guiding_regions: u64,
+    /// Bytes of what it knows.
+    pub guiding_bytes: u64,
     /// False if the render was stopped before all samples were taken.
     pub is_complete: bool,
 }
@@ -76,6 +85,9 @@ pub struct Progress {
     pub rays: u64,
     /// Passes over the whole picture that are complete, or will be if the render is stopped now: threads end what they began.
     pub passes: usize,
+    /// While paths are trained for guiding: the pass (from 0), and how many of its parts were begun before this one. To say no then
+    /// ends training with the passes that are whole, and the picture begins.
+    pub training: Option<(u32, usize)>,
 }
 
 /// One render, planned.
@@ -133,6 +145,10 @@ impl<'a> Job<'a> {
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
         record: bool,
     ) -> (Film, Statistics, Recording) {
+        let mut statistics = Statistics::default();
+        let start = Instant::now();
+        let field = self.train(threads, keep_going, &mut statistics);
+        statistics.training = if field.is_some() { start.elapsed() } else { Duration::ZERO };
         let mut film = Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight());
         let order = tile_order(film.tiles.len(), self.settings.tile_order);
         let ranges = sample_ranges(self.settings.spp, self.settings.progressive);
@@ -143,10 +159,15 @@ impl<'a> Job<'a> {
             .collect();
         let (next, done, rays, stopped) =
             (AtomicUsize::new(0), AtomicU64::new(0), AtomicU64::new(0), AtomicBool::new(false));
-        let statistics = Mutex::new(Statistics::default());
+        let statistics = Mutex::new(statistics);
         let recording = Mutex::new(Recording::default());
         let work = || {
-            let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights };
+            let context = Context {
+                scene: self.scene,
+                settings: self.settings,
+                lights: &self.lights,
+                field: field.as_ref(),
+            };
             let tracer = Tracer::new(self.scene, record.then(Recording::default));
             let mut renderer = PartRenderer::new(context, self.camera, &self.sampler, &self.filter, tracer);
             let mut mine = Statistics::default();
@@ -159,6 +180,7 @@ impl<'a> Job<'a> {
                     total,
                     rays: rays.load(Ordering::Relaxed),
                     passes: taken / tiles.len().max(1),
+                    training: None,
                 };
                 if stopped.load(Ordering::Relaxed) || !keep_going(&progress) {
                     stopped.store(true, Ordering::Relaxed);

@@ -1,11 +1,12 @@
 //! The loop that makes a picture: camera rays, hits, shading by material, light rays, next rays, depth by depth until no path is
 //! left. Batches only; nothing here asks for a single ray.
 
-use super::Statistics;
+use super::{Statistics, pixels};
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
 use crate::film::filter::FilterSampler;
 use crate::film::{FilmPart, FilmSample};
+use crate::guiding::{Record, Recorder};
 use crate::integrator::aov::Aov;
 use crate::integrator::camera_path::camera_path;
 use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex, VertexFunction};
@@ -40,6 +41,8 @@ pub struct PartRenderer<'a> {
     outputs: Outputs,
     samples: Vec<Sample>,
     aovs: Vec<f32>,
+    /// Writes down what paths find, while a field learns.
+    recorder: Option<Recorder>,
 }
 
 /// A sample being taken.
@@ -55,6 +58,13 @@ struct Sample {
     weight: f32,
     /// Rays sent on so far.
     rays: u32,
+}
+
+impl Sample {
+    /// All radiance so far.
+    fn collected(&self) -> SampledSpectrum {
+        self.radiance + self.brought
+    }
 }
 
 impl<'a> PartRenderer<'a> {
@@ -82,6 +92,17 @@ impl<'a> PartRenderer<'a> {
             outputs: Outputs::default(),
             samples: Vec::new(),
             aovs: Vec::new(),
+            recorder: None,
+        }
+    }
+
+    /// Takes samples `range` of every pixel of `area`; what a field learns from their paths is added to `records`.
+    pub fn record(&mut self, area: Crop, range: [u32; 2], records: &mut Vec<Record>, statistics: &mut Statistics) {
+        self.recorder = Some(self.recorder.take().unwrap_or_default());
+        self.render(area, range, statistics);
+        if let Some(recorder) = &mut self.recorder {
+            let samples = &self.samples;
+            recorder.finish(|sample| samples[sample as usize].collected(), records);
         }
     }
 
@@ -116,6 +137,9 @@ impl<'a> PartRenderer<'a> {
         self.samples.clear();
         self.aovs.clear();
         let settings = self.context.settings;
+        if let Some(recorder) = &mut self.recorder {
+            recorder.start(pixels(&area) as usize * (range[1] - range[0]) as usize);
+        }
         for y in area.min[1]..area.max[1] {
             for x in area.min[0]..area.max[0] {
                 for number in range[0]..range[1] {
@@ -232,6 +256,9 @@ impl<'a> PartRenderer<'a> {
             return;
         }
         let sample = self.paths.samples[path];
+        if let Some(recorder) = &mut self.recorder {
+            recorder.arrive(sample, self.samples[sample as usize].collected());
+        }
         let interaction = hit.is_hit().then(|| scene.world.interaction(&ray, &hit));
         let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
             hit: &hit,
@@ -246,6 +273,11 @@ impl<'a> PartRenderer<'a> {
         self.samples[sample as usize].radiance += self.outputs.radiance;
         for (ray, value) in self.outputs.light_rays.drain(..) {
             self.light_rays.push(ray, value, sample);
+        }
+        if let (Some(recorder), Some(choice), Some((_, next))) =
+            (&mut self.recorder, self.outputs.choice, self.outputs.next.first())
+        {
+            recorder.leave(sample, depth, choice, state.throughput, next.throughput);
         }
         let is_branched = state.stream != 0;
         if is_branched && self.samples[sample as usize].rays > MAX_TREE {
@@ -272,7 +304,7 @@ impl<'a> PartRenderer<'a> {
     fn finish(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
         let mode = self.context.scene.mode;
         let values = self.samples.iter().map(|sample| {
-            let radiance = sample.radiance + sample.brought;
+            let radiance = sample.collected();
             let finite = radiance.is_finite();
             statistics.invalid_samples += u64::from(!finite);
             let radiance = if finite { radiance } else { SampledSpectrum::ZERO };

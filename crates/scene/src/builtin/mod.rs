@@ -1,5 +1,7 @@
 //! Scenes that come with the program. They double as examples of how to make scenes in code.
 
+mod ajar;
+mod caustic;
 mod cornell_box;
 mod minray;
 mod palette;
@@ -25,9 +27,19 @@ pub struct Builtin {
 /// All built-in scenes.
 pub const BUILTINS: &[Builtin] = &[
     Builtin {
+        name: "caustic",
+        description: "A glass ball under a small lamp, whose light it gathers on the floor",
+        make: caustic::scene,
+    },
+    Builtin {
         name: "cornell-box",
         description: "The Cornell box with its measured geometry: soft shadows and colour bleeding",
         make: cornell_box::scene,
+    },
+    Builtin {
+        name: "door-ajar",
+        description: "A room lit through a door ajar, with the lamp in the next room",
+        make: ajar::scene,
     },
     Builtin {
         name: "minray",

@@ -6,6 +6,7 @@ mod clock;
 mod coherence;
 mod contest;
 mod dump;
+mod guiding;
 mod kinds;
 mod peer;
 mod rays;
@@ -29,6 +30,8 @@ pub enum Command {
     Coherence(coherence::Options),
     /// Rays per second inside of a render, beside those of the same rays alone.
     Render(render::Options),
+    /// What path guiding gains at equal time: errors with and without it.
+    Guiding(guiding::Options),
 }
 
 /// Runs a benchmark.
@@ -39,5 +42,6 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
         Command::Accelerators(options) => accelerators::run(options),
         Command::Coherence(options) => coherence::run(options),
         Command::Render(options) => render::run(options),
+        Command::Guiding(options) => guiding::run(options),
     }
 }

@@ -9,7 +9,7 @@ use snell_intersect::{BuildOptions, Quality};
 use snell_math::Rgb;
 use snell_math::simd::Level;
 use snell_render::{
-    Aov, Crop, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
+    Aov, Crop, Filter, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
 };
 use snell_scene::{Background, Camera, Environment, Scene};
 use std::path::{Path, PathBuf};
@@ -107,6 +107,10 @@ pub struct Options {
     /// How a light is chosen among many: power or uniform
     #[arg(long, value_name = "NAME", default_value = "power", help_heading = "How light is computed")]
     pub light_sampler: String,
+    /// Learn where light comes from before rendering, for caustics and hidden lights (path). PASSES is how often; default: as long
+    /// as that takes a quarter of the samples, or of the time
+    #[arg(long, value_name = "PASSES", num_args = 0..=1, require_equals = true, default_missing_value = "auto", value_parser = parse_guiding, help_heading = "How light is computed")]
+    pub guiding: Option<GuidingOption>,
     /// How far ao looks, in scene units. Default: half of the scene's radius
     #[arg(long, value_name = "DISTANCE", value_parser = parse_distance, help_heading = "How light is computed")]
     pub ao_distance: Option<f32>,
@@ -158,6 +162,24 @@ pub struct Options {
     pub verbose: bool,
 }
 
+/// What `--guiding` says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GuidingOption {
+    /// As many passes as fit into a share of the work.
+    Auto,
+    /// This many passes.
+    Passes(u32),
+}
+
+fn parse_guiding(text: &str) -> Result<GuidingOption, String> {
+    if text == "auto" {
+        return Ok(GuidingOption::Auto);
+    }
+    let most = Guiding::MAX_PASSES;
+    let passes = text.parse().ok().filter(|n| (1..=most).contains(n));
+    passes.map(GuidingOption::Passes).ok_or_else(|| format!("expected a number of passes from 1 to {most}, or auto"))
+}
+
 impl Options {
     /// How the scene file is read.
     pub fn read_options(&self) -> ReadOptions {
@@ -192,6 +214,10 @@ impl Options {
         let crop = self.checked_crop(size)?;
         let aovs = self.aovs(integrator)?;
         check_memory(crop.unwrap_or(Crop::full(size)), &aovs)?;
+        if self.guiding.is_some() && integrator != IntegratorKind::Path {
+            let name = integrator.name();
+            return Err(Failure::Usage(format!("--guiding is for the integrator path, not for {name}")));
+        }
         let pixel_position = match (&self.filter, self.spp) {
             (None, None | Some(1)) => hints.pixel_position,
             _ => None,
@@ -229,6 +255,13 @@ impl Options {
                 &LightSamplerKind::ALL,
                 LightSamplerKind::name,
             )?,
+            guiding: self.guiding.map(|guiding| match guiding {
+                GuidingOption::Auto if self.spp.is_none() && self.time.is_some() => {
+                    Guiding { passes: Guiding::MAX_PASSES }
+                }
+                GuidingOption::Auto => Guiding::for_picture(size, spp),
+                GuidingOption::Passes(passes) => Guiding { passes },
+            }),
             ao_distance: self.ao_distance,
             aovs,
             build: BuildOptions {

@@ -47,6 +47,12 @@ impl Summary<'_> {
             "rays": { "camera": rays.camera, "shadow": rays.shadow, "indirect": rays.indirect },
             "mrays_per_second": self.mrays_per_second(),
             "tracing_seconds": self.statistics.tracing.as_secs_f64(),
+            "guiding": self.settings.guiding.map(|_| json!({
+                "passes": self.statistics.training_passes,
+                "seconds": self.statistics.training.as_secs_f64(),
+                "regions": self.statistics.guiding_regions,
+                "memory_bytes": self.statistics.guiding_bytes,
+            })),
             "spp": self.film.least_samples(),
             "complete": self.statistics.is_complete,
             "invalid_samples": self.statistics.invalid_samples,
@@ -73,7 +79,9 @@ impl Summary<'_> {
             ("ImageSHA256", self.image_sha256.clone()),
         ]
         .map(|(k, v)| (k.to_string(), v))
-        .to_vec()
+        .into_iter()
+        .chain(s.guiding.map(|_| ("GuidingPasses".to_string(), self.statistics.training_passes.to_string())))
+        .collect()
     }
 
     /// The closing lines on the terminal.
@@ -88,6 +96,16 @@ impl Summary<'_> {
             self.mrays_per_second(),
             self.threads,
         );
+        if self.settings.guiding.is_some() {
+            let statistics = &self.statistics;
+            eprintln!(
+                "guided by {} training passes in {} ({} regions, {:.1} MB)",
+                statistics.training_passes,
+                duration(statistics.training.as_secs_f64()),
+                statistics.guiding_regions,
+                statistics.guiding_bytes as f64 * 1e-6,
+            );
+        }
         if options.verbose {
             let rays = self.statistics.rays;
             eprintln!(

@@ -1,0 +1,219 @@
+//! `snell bench guiding`: what path guiding gains at equal time.
+
+use super::scenes;
+use crate::failure::Failure;
+use crate::standard_output;
+use serde_json::{Value, json};
+use snell_formats::image::{WriteOptions, read_image, write_image};
+use snell_formats::{Input, ReadOptions};
+use snell_render::{CompiledScene, Film, Guiding, IntegratorKind, Job, Settings, Statistics};
+use snell_scene::{Camera, Image, LayeredImage};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// Options of `snell bench guiding`.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// Scenes: files or built-in ones
+    #[arg(value_name = "SCENE", default_values = ["caustic", "door-ajar"])]
+    scenes: Vec<String>,
+    /// Processor time of each render, all threads together
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = parse_seconds)]
+    seconds: f64,
+    /// Processor time of the reference, which is guided: errors of its own are not subtracted
+    #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = parse_seconds)]
+    reference_seconds: f64,
+    /// Width of the pictures; the scene says how high
+    #[arg(long, value_name = "N", default_value_t = 320, value_parser = clap::value_parser!(u32).range(1..=16384))]
+    width: u32,
+    /// Bounces after the first hit at most
+    #[arg(long, value_name = "N", default_value_t = Settings::MAX_DEPTH)]
+    max_depth: u32,
+    /// Write the pictures here, and use the reference that is here
+    #[arg(long, value_name = "FOLDER")]
+    keep: Option<PathBuf>,
+    /// Threads. Default: one per core
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    threads: Option<u32>,
+    /// Print JSON, a line for each scene
+    #[arg(long)]
+    json: bool,
+    /// Let scenes name files outside of their folders
+    #[arg(long)]
+    allow_outside: bool,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0 && s.is_finite());
+    seconds.ok_or_else(|| "expected a number of seconds above 0".to_string())
+}
+
+/// Measures and prints.
+pub fn run(options: &Options) -> Result<ExitCode, Failure> {
+    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    if !options.json {
+        let seconds = options.seconds;
+        standard_output::write(format!("{seconds} s of processor time each.\n{}\n", heading()).as_bytes())?;
+    }
+    for name in &options.scenes {
+        let value = measure(name, &read, options)?;
+        let text = if options.json { format!("{value}\n") } else { row(&value) };
+        standard_output::write(text.as_bytes())?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn measure(name: &str, read: &ReadOptions, options: &Options) -> Result<Value, Failure> {
+    let (scene, _) = scenes::load_scene(name, read)?;
+    let camera = scenes::camera(name, &scene)?;
+    let [w, h] = scene.settings.size.or(camera.resolution).unwrap_or([4, 3]);
+    let height = (u64::from(options.width) * u64::from(h) / u64::from(w.max(1))).clamp(1, 16384) as u32;
+    let plain = Settings {
+        size: [options.width, height],
+        spp: 1 << 20,
+        progressive: true,
+        integrator: IntegratorKind::Path,
+        max_depth: options.max_depth,
+        ..Settings::default()
+    };
+    let guided = Settings { guiding: Some(Guiding { passes: Guiding::MAX_PASSES }), ..plain.clone() };
+    let compiled =
+        CompiledScene::new(&scene, &plain.build).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
+    let render = |settings: &Settings, seconds: f64| render(&compiled, &camera, settings, seconds, options);
+    let stem: String = scenes::short_name(name).chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
+    let file = |kind: &str| options.keep.as_ref().map(|folder| folder.join(format!("{stem}-{kind}.exr")));
+    let reference = match file("reference").filter(|path| path.exists()) {
+        Some(path) => pixels_of_file(&path, plain.size)?,
+        None => {
+            // Random numbers of its own.
+            let (film, _) = render(&Settings { seed: 77, ..guided.clone() }, options.reference_seconds);
+            let picture = film.image();
+            keep(file("reference"), &picture)?;
+            pixels(&picture)
+        }
+    };
+    let mut found = Vec::new();
+    for (kind, settings) in [("plain", &plain), ("guided", &guided)] {
+        let (film, statistics) = render(settings, options.seconds);
+        let picture = film.image();
+        keep(file(kind), &picture)?;
+        found.push((errors(&pixels(&picture), &reference), film.least_samples(), statistics));
+    }
+    let [(plain, plain_spp, _), (guided, guided_spp, statistics)] = &found[..] else { unreachable!("two were rendered") };
+    Ok(json!({
+        "scene": name,
+        "size": [options.width, height],
+        "seconds": options.seconds,
+        "plain": { "spp": plain_spp, "relative_mse": plain.mean, "without_outliers": plain.trimmed },
+        "guided": {
+            "spp": guided_spp, "relative_mse": guided.mean, "without_outliers": guided.trimmed,
+            "passes": statistics.training_passes,
+            "regions": statistics.guiding_regions, "memory_bytes": statistics.guiding_bytes,
+        },
+        "gain": plain.mean / guided.mean,
+        "gain_without_outliers": plain.trimmed / guided.trimmed,
+    }))
+}
+
+fn render(
+    compiled: &CompiledScene,
+    camera: &Camera,
+    settings: &Settings,
+    seconds: f64,
+    options: &Options,
+) -> (Film, Statistics) {
+    let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
+    let threads = options.threads.map_or_else(cores, |n| n as usize);
+    let start = process_time();
+    Job::new(compiled, camera, settings).run(threads, &|progress| {
+        let spent = (process_time().saturating_sub(start)).as_secs_f64();
+        match progress.training {
+            Some((_, begun)) => begun > 0 || spent * 2.0 < seconds * Guiding::SHARE,
+            None => progress.passes == 0 || spent < seconds,
+        }
+    })
+}
+
+/// Processor time of all threads; wall time where the system does not tell.
+fn process_time() -> Duration {
+    #[cfg(unix)]
+    {
+        use nix::time::{ClockId, clock_gettime};
+        if let Ok(time) = clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID) {
+            return Duration::from(time);
+        }
+    }
+    static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
+    START.get_or_init(Instant::now).elapsed()
+}
+
+/// Relative squared errors, as `snell compare` has them.
+struct Errors {
+    mean: f64,
+    /// Without the worst thousandth of the pixels.
+    trimmed: f64,
+}
+
+fn errors(test: &[[f32; 3]], reference: &[[f32; 3]]) -> Errors {
+    let pixel = |(t, r): (&[f32; 3], &[f32; 3])| {
+        let channel = |c: usize| {
+            let (t, r) = (f64::from(t[c]), f64::from(r[c]));
+            (t - r).powi(2) / (r * r + snell_formats::image::compare::RELATIVE_EPSILON)
+        };
+        (channel(0) + channel(1) + channel(2)) / 3.0
+    };
+    let mut all: Vec<f64> = test.iter().zip(reference).map(pixel).collect();
+    all.sort_by(f64::total_cmp);
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    Errors { mean: mean(&all), trimmed: mean(&all[..all.len() - all.len() / 1000]) }
+}
+
+fn pixels(picture: &LayeredImage) -> Vec<[f32; 3]> {
+    let layer = &picture.layers[0];
+    layer.values.chunks(layer.channels.len()).map(|p| [p[0], p[1], p[2]]).collect()
+}
+
+fn pixels_of_file(path: &Path, size: [u32; 2]) -> Result<Vec<[f32; 3]>, Failure> {
+    let image: Image = read_image(&Input::open(path, &ReadOptions::default())?)?;
+    if [image.width, image.height] != size {
+        let ([w, h], found) = (size, [image.width, image.height]);
+        let place = path.display();
+        return Err(Failure::Usage(format!(
+            "{place} has {}x{} pixels and not {w}x{h}; remove it, or name another folder for --keep",
+            found[0], found[1]
+        )));
+    }
+    let all = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+    Ok(all.map(|(x, y)| image.rgba(x, y)).map(|[r, g, b, _]| [r, g, b]).collect())
+}
+
+fn keep(path: Option<PathBuf>, picture: &LayeredImage) -> Result<(), Failure> {
+    let Some(path) = path else { return Ok(()) };
+    write_image(&path, picture, &WriteOptions::default())?;
+    Ok(write_image(&path.with_extension("png"), picture, &WriteOptions::default())?)
+}
+
+fn heading() -> String {
+    format!(
+        "{:24} {:>9} {:>9} {:>11} {:>11} {:>7} {:>9}  passes  regions",
+        "scene", "spp", "guided", "rel. MSE", "guided", "gain", "trimmed"
+    )
+}
+
+fn row(value: &Value) -> String {
+    let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+    let (plain, guided) = (&value["plain"], &value["guided"]);
+    format!(
+        "{:24} {:9} {:9} {:11.5} {:11.5} {:7.2} {:9.2}  {:6}  {:7}\n",
+        scenes::short_name(value["scene"].as_str().unwrap_or_default()),
+        plain["spp"],
+        guided["spp"],
+        number(&plain["relative_mse"]),
+        number(&guided["relative_mse"]),
+        number(&value["gain"]),
+        number(&value["gain_without_outliers"]),
+        guided["passes"],
+        guided["regions"],
+    )
+}

@@ -1,0 +1,275 @@
+//! Where which light comes from: a density of directions for each region of space and each way that surfaces face.
+//!
+//! Regions are the leaves of binary trees, one for each of the six ways that a surface may face (by the largest component of its
+//! normal), so that what shines on one side of a wall is not looked for on the other. A region that sees many records is halved.
+
+use super::directional::{Density, Gatherer};
+use super::record::Record;
+use snell_math::{Vec3, rng};
+
+/// Most regions.
+const MAX_CELLS: usize = 1 << 15;
+/// Most halvings of the scene's box.
+const MAX_DEPTH: u32 = 48;
+/// Fewer records than this say too little to change what is known of a region.
+const MIN_RECORDS: u32 = 64;
+/// The share of BSDF samples stays between these, so that wrong guesses cannot cost much.
+const BSDF_SHARE: [f32; 2] = [0.1, 0.95];
+
+/// What is known of one region.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// Where light comes from; `None` if nothing is known.
+    pub density: Option<Density>,
+    /// The share of samples that is drawn from the BSDF instead of the density.
+    pub bsdf_share: f32,
+    gatherer: Gatherer,
+    records: u32,
+    /// Light found by all records, and how much of it BSDF samples would have found.
+    found: f64,
+    found_by_bsdf: f64,
+}
+
+impl Cell {
+    fn new() -> Self {
+        Self { density: None, bsdf_share: 0.5, gatherer: Gatherer::default(), records: 0, found: 0.0, found_by_bsdf: 0.0 }
+    }
+
+    fn add(&mut self, record: &Record, key: u32) {
+        self.records += 1;
+        if record.incident > 0.0 {
+            let jitter = rng::uniform2([key, self.records, 3, 1]);
+            self.gatherer.add(record.direction, record.incident, jitter);
+            self.found += f64::from(record.found);
+            self.found_by_bsdf += f64::from(record.found) * f64::from(record.bsdf_share);
+        }
+    }
+
+    /// Ends a pass: what was gathered becomes what is known.
+    fn learn(&mut self) {
+        if self.records >= MIN_RECORDS
+            && let Some(density) = self.gatherer.density()
+        {
+            self.gatherer = Gatherer::suited_to(&density);
+            // One step of expectation maximisation of the mixture of both, starting from the share that was used.
+            if self.density.is_some() && self.found > 0.0 {
+                let share = (self.found_by_bsdf / self.found) as f32;
+                self.bsdf_share = share.clamp(BSDF_SHARE[0], BSDF_SHARE[1]);
+            }
+            self.density = Some(density);
+        }
+        (self.found, self.found_by_bsdf) = (0.0, 0.0);
+    }
+}
+
+/// A node of the trees over space: two halves, or a region.
+#[derive(Clone, Copy, Debug)]
+enum Node {
+    Halves { axis: u8, first: u32 },
+    Region(u32),
+}
+
+/// Ways that a surface may face.
+const FACES: usize = 6;
+
+/// By the largest component of a normal: 0 to 2 for positive x, y, z; 3 to 5 for negative.
+fn face(normal: Vec3) -> usize {
+    let size = normal.abs();
+    let axis = if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
+    if normal[axis] < 0.0 { axis + 3 } else { axis }
+}
+
+/// The regions of a scene.
+#[derive(Clone, Debug)]
+pub struct Field {
+    origin: Vec3,
+    scale: f32,
+    /// The first nodes are the roots.
+    nodes: Vec<Node>,
+    cells: Vec<Cell>,
+    is_learning: bool,
+}
+
+impl Field {
+    /// A field that knows nothing, over a ball.
+    pub fn new(center: Vec3, radius: f32) -> Self {
+        let scale = 0.5 / radius;
+        Self {
+            origin: center - radius,
+            scale: if scale.is_finite() { scale } else { 0.0 },
+            nodes: (0..FACES as u32).map(Node::Region).collect(),
+            cells: vec![Cell::new(); FACES],
+            is_learning: true,
+        }
+    }
+
+    /// What is known at a point of a surface that faces along `normal`. Points outside of the ball count as on its border.
+    pub fn cell(&self, position: Vec3, normal: Vec3) -> &Cell {
+        let (cell, _) = self.find(self.unit(position), face(normal));
+        &self.cells[cell]
+    }
+
+    /// Coordinates in the unit cube.
+    fn unit(&self, position: Vec3) -> Vec3 {
+        let p = (position - self.origin) * self.scale;
+        // NaN becomes 0.
+        Vec3::from(p.to_array().map(|x| x.max(0.0).min(rng::ONE_MINUS_EPSILON)))
+    }
+
+    /// The region of a point of the unit cube, and how often the cube was halved for it.
+    fn find(&self, mut p: Vec3, face: usize) -> (usize, u32) {
+        let (mut node, mut depth) = (face, 0);
+        loop {
+            match self.nodes[node] {
+                Node::Region(cell) => return (cell as usize, depth),
+                Node::Halves { axis, first } => {
+                    let axis = usize::from(axis);
+                    let doubled = p[axis] * 2.0;
+                    let upper = doubled >= 1.0;
+                    p[axis] = doubled - f32::from(upper);
+                    node = first as usize + usize::from(upper);
+                    depth += 1;
+                }
+            }
+        }
+    }
+
+    /// The region that a record counts for: that of a point near by, at most half of a region's size away, so that what is found
+    /// in one region tells something of its neighbours.
+    fn region_of(&self, record: &Record, key: u32) -> u32 {
+        let (p, face) = (self.unit(record.position), face(record.normal));
+        let (_, depth) = self.find(p, face);
+        let [x, y, z, _] = rng::pcg4d([key, depth, 17, 4]);
+        let u = Vec3::new(rng::to_unit(x), rng::to_unit(y), rng::to_unit(z)) - 0.5;
+        // Axes take turns.
+        let size = Vec3::new(halved((depth + 2) / 3), halved((depth + 1) / 3), halved(depth / 3));
+        let moved = (p + u * size).clamp(Vec3::ZERO, Vec3::splat(rng::ONE_MINUS_EPSILON));
+        self.find(moved, face).0 as u32
+    }
+
+    /// Adds records. Each region sees its own in the order given, whatever the number of threads.
+    pub fn add(&mut self, records: &[Record], key: u32, threads: usize) {
+        let key = |i: usize| rng::hash_combine(key, i as u32);
+        let mut regions = vec![0u32; records.len()];
+        let piece = records.len().div_ceil(threads.max(1)).max(1);
+        std::thread::scope(|scope| {
+            for (number, (regions, records)) in regions.chunks_mut(piece).zip(records.chunks(piece)).enumerate() {
+                let (this, start) = (&*self, number * piece);
+                scope.spawn(move || {
+                    for (i, (region, record)) in regions.iter_mut().zip(records).enumerate() {
+                        *region = this.region_of(record, key(start + i));
+                    }
+                });
+            }
+        });
+        // Sorted by region, by counting.
+        let mut starts = vec![0u32; self.cells.len() + 1];
+        regions.iter().for_each(|&region| starts[region as usize + 1] += 1);
+        (0..self.cells.len()).for_each(|i| starts[i + 1] += starts[i]);
+        let mut order = vec![0u32; records.len()];
+        let mut ends = starts.clone();
+        for (i, &region) in (0..).zip(&regions) {
+            let at = &mut ends[region as usize];
+            order[*at as usize] = i;
+            *at += 1;
+        }
+        let of = |cell: usize| &order[starts[cell] as usize..starts[cell + 1] as usize];
+        self.for_each_cell(threads, |i, cell| {
+            for &record in of(i) {
+                cell.add(&records[record as usize], key(record as usize));
+            }
+        });
+    }
+
+    /// Calls a function for each region, on several threads.
+    fn for_each_cell(&mut self, threads: usize, f: impl Fn(usize, &mut Cell) + Sync) {
+        let queue = std::sync::Mutex::new(self.cells.iter_mut().enumerate());
+        let next = || queue.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
+        std::thread::scope(|scope| {
+            for _ in 0..threads.max(1) {
+                scope.spawn(|| {
+                    while let Some((i, cell)) = next() {
+                        f(i, cell);
+                    }
+                });
+            }
+        });
+    }
+
+    /// Ends a pass: what was gathered becomes what is known, and regions of more than `most` records are halved.
+    pub fn learn(&mut self, most: u32, threads: usize) {
+        self.for_each_cell(threads, |_, cell| cell.learn());
+        for root in 0..FACES {
+            self.halve(root, 0, most);
+        }
+        for cell in &mut self.cells {
+            cell.records = 0;
+        }
+    }
+
+    fn halve(&mut self, node: usize, depth: u32, most: u32) {
+        match self.nodes[node] {
+            Node::Halves { first, .. } => {
+                self.halve(first as usize, depth + 1, most);
+                self.halve(first as usize + 1, depth + 1, most);
+            }
+            Node::Region(cell) => {
+                let records = self.cells[cell as usize].records;
+                if records <= most || depth >= MAX_DEPTH || self.cells.len() >= MAX_CELLS {
+                    return;
+                }
+                self.cells[cell as usize].records = records / 2;
+                self.cells.push(self.cells[cell as usize].clone());
+                let first = self.nodes.len() as u32;
+                self.nodes.push(Node::Region(cell));
+                self.nodes.push(Node::Region(self.cells.len() as u32 - 1));
+                self.nodes[node] = Node::Halves { axis: (depth % 3) as u8, first };
+                self.halve(first as usize, depth + 1, most);
+                self.halve(first as usize + 1, depth + 1, most);
+            }
+        }
+    }
+
+    /// Regions of which something is known.
+    pub fn len(&self) -> usize {
+        self.cells.iter().filter(|c| c.density.is_some()).count()
+    }
+
+    /// Bytes of what samples are drawn from.
+    pub fn memory_bytes(&self) -> usize {
+        let densities: usize = self.cells.iter().filter_map(|c| c.density.as_ref()).map(Density::memory_bytes).sum();
+        densities + self.cells.len() * size_of::<Cell>() + self.nodes.len() * size_of::<Node>()
+    }
+
+    /// Drops the records since the last call of [`Self::learn`].
+    pub fn forget_pass(&mut self) {
+        for cell in &mut self.cells {
+            cell.gatherer = Gatherer::default();
+            (cell.records, cell.found, cell.found_by_bsdf) = (0, 0.0, 0.0);
+        }
+    }
+
+    /// True until [`Self::finish`]: records are wanted.
+    pub fn is_learning(&self) -> bool {
+        self.is_learning
+    }
+
+    /// Ends learning, and frees what was only for that.
+    pub fn finish(&mut self) {
+        self.is_learning = false;
+        for cell in &mut self.cells {
+            cell.gatherer = Gatherer::default();
+        }
+    }
+}
+
+/// 2 to the power of `-times`.
+fn halved(times: u32) -> f32 {
+    0.5f32.powi(times as i32)
+}

@@ -1,0 +1,66 @@
+//! Path guiding: `path` learns where light comes from before it renders, and looks there.
+//!
+//! Passes of twice as many paths each write down at every vertex what arrived from the direction that the path took. A [`Field`]
+//! turns these records into densities of directions, region by region, and each pass draws its directions from what the one before
+//! has learnt. Then the field is frozen, and the picture is rendered with samples that have nothing to do with those of the passes:
+//! it is unbiased, whatever was learnt (Müller, Gross and Novák, Practical Path Guiding for Efficient Light-Transport Simulation,
+//! 2017; Müller's notes in the SIGGRAPH course Path Guiding in Production, 2019).
+//!
+//! Nothing here is added up in an order that depends on threads: records are kept until a batch of parts is done, and each region
+//! reads its own in the order of the parts. So what is learnt is a function of scene, camera, size, seed and settings.
+
+pub mod directional;
+mod field;
+mod record;
+
+pub use field::{Cell, Field};
+pub use record::{Choice, Record, Recorder};
+
+/// Path guiding of a render.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Guiding {
+    /// Training passes: the first of [`Self::FIRST_PASS`] paths, each of twice as many as the one before.
+    pub passes: u32,
+}
+
+impl Guiding {
+    /// Paths of the first pass, about.
+    pub const FIRST_PASS: u64 = 1 << 14;
+    /// Most passes: more paths than anybody waits for.
+    pub const MAX_PASSES: u32 = 20;
+    /// The share of all work that training may take if nothing else is asked for.
+    pub const SHARE: f64 = 0.25;
+
+    /// As many passes as fit into [`Self::SHARE`] of a picture of this size; at least one.
+    pub fn for_picture(size: [u32; 2], spp: u32) -> Self {
+        let paths = size.iter().map(|&x| f64::from(x)).product::<f64>() * f64::from(spp) * Self::SHARE;
+        let passes = (paths / Self::FIRST_PASS as f64 + 1.0).log2().floor();
+        Self { passes: (passes as u32).clamp(1, Self::MAX_PASSES) }
+    }
+
+    /// Records after which a region is halved in a pass: the square root of the number of paths makes both regions and what is
+    /// known of each grow.
+    pub(crate) fn most_records(pass: u32) -> u32 {
+        (RECORDS_OF_REGION * f64::from(1u32 << pass.min(31)).sqrt()) as u32
+    }
+}
+
+/// See [`Guiding::most_records`].
+const RECORDS_OF_REGION: f64 = 1000.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_take_their_share() {
+        for (size, spp) in [([512, 512], 64), ([960, 720], 256), ([1920, 1080], 1000)] {
+            let passes = Guiding::for_picture(size, spp).passes;
+            let paths = Guiding::FIRST_PASS * ((1 << passes) - 1);
+            let all = f64::from(size[0] * size[1]) * f64::from(spp);
+            assert!((0.1..=0.25).contains(&(paths as f64 / all)), "{passes}");
+        }
+        assert_eq!(Guiding::for_picture([8, 8], 1).passes, 1);
+        assert_eq!(Guiding::for_picture([u32::MAX; 2], u32::MAX).passes, Guiding::MAX_PASSES);
+    }
+}

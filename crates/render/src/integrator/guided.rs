@@ -1,0 +1,86 @@
+//! Scattering at a vertex: by the BSDF alone, or by a mixture of the BSDF and what a field has learnt.
+
+use crate::guiding::{Cell, Choice, Field};
+use snell_math::rng::ONE_MINUS_EPSILON;
+use snell_math::{Vec2, Vec3};
+use snell_scene::bsdf::BsdfSample;
+use snell_scene::material::ShadingBsdf;
+
+/// Least probability of going on after a guided bounce: a throughput is small where light is expected, too.
+pub const MIN_SURVIVAL: f32 = 0.1;
+
+/// A BSDF and the field's cell that helps it to find light.
+pub struct Scattering<'a> {
+    shading: &'a ShadingBsdf,
+    /// What is known at the point, where there is a field and a lobe that can be guided.
+    cell: Option<&'a Cell>,
+    is_learning: bool,
+}
+
+impl<'a> Scattering<'a> {
+    /// At a point seen from `wo`.
+    pub fn new(field: Option<&'a Field>, shading: &'a ShadingBsdf, position: Vec3, wo: Vec3) -> Self {
+        let cell = field.filter(|_| !shading.is_delta()).map(|f| f.cell(position, facing(shading, wo)));
+        Self { shading, cell, is_learning: field.is_some_and(Field::is_learning) }
+    }
+
+    /// Density per steradian with which [`Self::sample`] draws `wi`, without delta lobes.
+    pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        self.mixed_pdf(wi, self.shading.pdf(wo, wi))
+    }
+
+    fn mixed_pdf(&self, wi: Vec3, bsdf_pdf: f32) -> f32 {
+        match self.cell.and_then(|cell| Some((cell.bsdf_share, cell.density.as_ref()?))) {
+            Some((share, density)) => share * bsdf_pdf + (1.0 - share) * density.pdf(wi),
+            None => bsdf_pdf,
+        }
+    }
+
+    /// Draws a direction, as [`ShadingBsdf::sample`] does. Delta lobes are the BSDF's alone.
+    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let Some((share, density)) = self.cell.and_then(|cell| Some((cell.bsdf_share, cell.density.as_ref()?))) else {
+            return self.shading.sample(wo, u_lobe, u);
+        };
+        if u_lobe < share {
+            let sample = self.shading.sample(wo, (u_lobe / share).min(ONE_MINUS_EPSILON), u)?;
+            if sample.is_delta {
+                return Some(BsdfSample { weight: sample.weight * (1.0 / share), ..sample });
+            }
+            let pdf = self.mixed_pdf(sample.wi, sample.pdf);
+            let weight = sample.weight * (sample.pdf / pdf);
+            return Some(BsdfSample { weight, pdf, ..sample });
+        }
+        let (wi, _) = density.sample(u);
+        let value = self.shading.eval(wo, wi);
+        if value.is_black() {
+            return None;
+        }
+        let pdf = self.pdf(wo, wi);
+        let is_transmission = self.shading.geometric_normal.dot(wo) * self.shading.geometric_normal.dot(wi) < 0.0;
+        let weight = value * (1.0 / pdf);
+        (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, is_delta: false, is_transmission })
+    }
+
+    /// What is written down of a direction that was drawn, if the field wants to know. `survival` is the probability with which
+    /// the path goes on.
+    pub fn choice(&self, position: Vec3, wo: Vec3, sample: &BsdfSample, survival: f32) -> Option<Choice> {
+        let cell = self.cell.filter(|_| self.is_learning && !sample.is_delta)?;
+        let bsdf_share = match cell.density {
+            Some(_) => cell.bsdf_share * self.shading.pdf(wo, sample.wi) / sample.pdf,
+            None => 1.0,
+        };
+        let normal = facing(self.shading, wo);
+        Some(Choice { position, normal, direction: sample.wi, pdf: sample.pdf * survival, bsdf_share })
+    }
+}
+
+/// The surface's normal on the side of `wo`.
+fn facing(shading: &ShadingBsdf, wo: Vec3) -> Vec3 {
+    let normal = shading.frame.z;
+    if shading.geometric_normal.dot(wo) < 0.0 { -normal } else { normal }
+}
+
+/// The larger of a survival probability and what a guided path keeps at least.
+pub fn guided_survival(survival: f32, is_guided: bool) -> f32 {
+    if is_guided { survival.max(MIN_SURVIVAL) } else { survival }
+}

@@ -1,0 +1,138 @@
+//! The passes in which a field learns where light comes from, before the picture is rendered.
+
+use super::part::PartRenderer;
+use super::tracer::Tracer;
+use super::{Job, Progress, Statistics, lock};
+use crate::film::{Film, TILE};
+use crate::guiding::{Field, Guiding, Record};
+use crate::integrator::{Context, IntegratorKind};
+use crate::sampler::Sampler;
+use crate::settings::{Crop, Settings};
+use snell_math::rng;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// Paths whose records are kept before the field reads them: what bounds the memory of training.
+const PATHS_OF_BATCH: u64 = 1 << 17;
+
+/// Most samples of a part.
+const MAX_RANGE: u32 = 16;
+
+/// Makes the seed of training: its random numbers are none of the picture's.
+const SEED: u32 = 0x7261_696e;
+
+/// Tiles and ranges of samples that are rendered in one pass.
+struct Pass {
+    parts: Vec<(Crop, [u32; 2])>,
+    samples: u32,
+}
+
+impl Pass {
+    /// Pass number `pass`: tiles from all over the picture if one sample in each pixel is too many, else all tiles.
+    fn new(tiles: &[Crop], pass: u32, seed: u32) -> Self {
+        let pixels: u64 = tiles.iter().map(super::pixels).sum();
+        let paths = Guiding::FIRST_PASS << pass;
+        let mut order: Vec<usize> = (0..tiles.len()).collect();
+        order.sort_by_key(|&t| rng::hash_combine(seed, t as u32));
+        if paths < pixels {
+            let count = (tiles.len() as u64 * paths).div_ceil(pixels) as usize;
+            let parts = order[..count].iter().map(|&t| (tiles[t], [0, 1])).collect();
+            return Self { parts, samples: 1 };
+        }
+        let samples = (paths / pixels.max(1)).min(u64::from(u32::MAX)) as u32;
+        let starts = (0..samples).step_by(MAX_RANGE as usize);
+        let ranges = starts.map(|start| [start, (start + MAX_RANGE).min(samples)]);
+        let parts = ranges.flat_map(|range| order.iter().map(move |&t| (tiles[t], range))).collect();
+        Self { parts, samples }
+    }
+}
+
+impl Job<'_> {
+    /// Learns where light comes from; `None` if the settings ask for no guiding. A pass that `keep_going` interrupts counts for
+    /// nothing; `statistics` says how many were whole.
+    pub(super) fn train(
+        &self,
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+        statistics: &mut Statistics,
+    ) -> Option<Field> {
+        let guiding = self.settings.guiding.filter(|_| self.settings.integrator == IntegratorKind::Path)?;
+        // All of the picture, even if only a part of it is rendered: crops must fit together.
+        let tiles: Vec<Crop> = Film::new(Crop::full(self.settings.size), &[]).tiles.iter().map(|t| t.area).collect();
+        let mut field = Field::new(self.scene.center, self.scene.radius);
+        for pass in 0..guiding.passes.min(Guiding::MAX_PASSES) {
+            let seed = rng::hash_combine(rng::hash_combine(self.settings.seed, SEED), pass);
+            let plan = Pass::new(&tiles, pass, seed);
+            if !self.train_pass(&mut field, pass, seed, &plan, threads, keep_going, statistics) {
+                field.forget_pass();
+                break;
+            }
+            field.learn(Guiding::most_records(pass), threads);
+            statistics.training_passes += 1;
+        }
+        field.finish();
+        statistics.guiding_regions = field.len() as u64;
+        statistics.guiding_bytes = field.memory_bytes() as u64;
+        Some(field)
+    }
+
+    /// One pass; false if it was interrupted.
+    fn train_pass(
+        &self,
+        field: &mut Field,
+        pass: u32,
+        seed: u32,
+        plan: &Pass,
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+        statistics: &mut Statistics,
+    ) -> bool {
+        let settings = Settings { aovs: Vec::new(), crop: None, ..self.settings.clone() };
+        let sampler = Sampler::new(settings.sampler, seed, plan.samples);
+        let stopped = AtomicBool::new(false);
+        let paths_of_part = u64::from(TILE * TILE * plan.samples.min(MAX_RANGE));
+        let parts_of_batch = (PATHS_OF_BATCH / paths_of_part) as usize;
+        for (batch, parts) in plan.parts.chunks(parts_of_batch).enumerate() {
+            let records: Vec<Mutex<Vec<Record>>> = parts.iter().map(|_| Mutex::default()).collect();
+            let (next, all) = (AtomicUsize::new(0), Mutex::new(Statistics::default()));
+            let work = || {
+                let context = Context { scene: self.scene, settings: &settings, lights: &self.lights, field: Some(field) };
+                let tracer = Tracer::new(self.scene, None);
+                let mut renderer = PartRenderer::new(context, self.camera, &sampler, &self.filter, tracer);
+                let mut mine = Statistics::default();
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(&(area, range)) = parts.get(index) else { break };
+                    let training = Some((pass, batch * parts_of_batch + index));
+                    let progress = Progress { training, ..Progress::default() };
+                    if stopped.load(Ordering::Relaxed) || !keep_going(&progress) {
+                        stopped.store(true, Ordering::Relaxed);
+                        break;
+                    }
+                    renderer.record(area, range, &mut lock(&records[index]), &mut mine);
+                }
+                let mut all = lock(&all);
+                all.rays += mine.rays;
+                all.tracing += renderer.tracer.spent;
+            };
+            if threads <= 1 {
+                work();
+            } else {
+                std::thread::scope(|scope| {
+                    for _ in 0..threads {
+                        scope.spawn(work);
+                    }
+                });
+            }
+            let all = super::into_inner(all);
+            statistics.rays += all.rays;
+            statistics.tracing += all.tracing;
+            if stopped.load(Ordering::Relaxed) {
+                return false;
+            }
+            let records: Vec<Record> = records.into_iter().flat_map(super::into_inner).collect();
+            field.add(&records, rng::hash_combine(seed, batch as u32), threads);
+        }
+        true
+    }
+}
