@@ -78,7 +78,9 @@ impl CompiledScene {
         let mode = ColorMode::Rgb;
         let bounds = finite_part(&scene_bounds(&world));
         let environment = scene.environment.as_ref().map(EnvironmentLight::new);
-        let lights = LightTable::new(scene, &world, &surfaces, &materials, environment.as_ref(), bounds.radius());
+        let textures = TextureSet::new(&scene.textures, &scene.images);
+        let (sky, radius) = (environment.as_ref(), bounds.radius());
+        let lights = LightTable::new(scene, &world, &surfaces, &materials, &textures, sky, radius);
         if !lights.is_complete() {
             let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
             Warning::note(&mut warnings, message.into(), 1);
@@ -86,7 +88,7 @@ impl CompiledScene {
         let radius = bounds.radius() as f32;
         Ok(Self {
             materials,
-            textures: TextureSet::new(&scene.textures, &scene.images),
+            textures,
             environment,
             background: match scene.background {
                 Background::Color(color) => Background::Color(color.map(sane)),
@@ -136,7 +138,7 @@ impl CompiledScene {
     /// A chooser among the lights.
     pub fn light_sampler(&self, kind: LightSamplerKind, strategy: LightStrategy) -> LightSampler {
         let left_out = self.environment_light().filter(|_| !self.samples_environment(strategy));
-        LightSampler::new(kind, &self.lights.powers, left_out)
+        LightSampler::new(kind, &self.lights.summaries(kind == LightSamplerKind::Bvh, left_out))
     }
 
     /// False if the environment is left to BSDF samples. For a constant one that is half the work and less variance.

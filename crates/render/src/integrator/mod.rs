@@ -11,7 +11,7 @@ mod flat;
 mod path;
 
 use crate::compile::CompiledScene;
-use crate::light_sampler::LightSampler;
+use crate::light_sampler::{LightSampler, Receiver};
 use crate::sampler::Random;
 use crate::settings::Settings;
 use snell_intersect::{Hit, SurfaceInteraction};
@@ -96,6 +96,8 @@ pub struct PathState {
     pub throughput: SampledSpectrum,
     /// Density per steradian of the last BSDF sample; 0 after the camera and after delta lobes: no light sample competes.
     pub bsdf_pdf: f32,
+    /// The vertex where [`Self::bsdf_pdf`] was sampled: light samples there compete.
+    pub receiver: Receiver,
     /// Factor that undoes what refraction did to the throughput, for Russian roulette.
     pub eta_scale: f32,
     /// True while every bounce so far was a delta lobe.

@@ -1,8 +1,11 @@
 //! Path tracing: light samples at every vertex, BSDF samples to go on, both weighted by the power heuristic, Russian roulette.
 //! `direct` is the same with one bounce.
 
-use super::estimators::{background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light};
+use super::estimators::{
+    Arrival, background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light,
+};
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
+use crate::light_sampler::Receiver;
 use crate::settings::LightStrategy;
 use snell_math::{Ray, SampledSpectrum, sampling};
 use snell_scene::material::ShadingBsdf;
@@ -37,8 +40,14 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
         return;
     }
     let shading = surface.material.bsdf_towards(&point, wo);
-    add_light_sample(context, vertex, surface, &shading, out);
-    add_bounce(vertex, surface, &shading, out);
+    let normal = shading.frame.z;
+    let receiver = Receiver {
+        position: surface.interaction.position,
+        normal: if normal.dot(wo) < 0.0 { -normal } else { normal },
+        transmits: true,
+    };
+    add_light_sample(context, vertex, surface, &receiver, &shading, out);
+    add_bounce(vertex, surface, &receiver, &shading, out);
 }
 
 fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
@@ -50,7 +59,7 @@ fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
         return SampledSpectrum::ZERO;
     }
     let weight = if context.scene.samples_environment(context.settings.light_strategy) {
-        weight_of_bsdf_sample(context, vertex, || light_pdf_of_environment(context, vertex.ray.direction))
+        weight_of_bsdf_sample(context, vertex, || light_pdf_of_environment(context, vertex))
     } else {
         1.0
     };
@@ -72,22 +81,18 @@ fn add_light_sample(
     context: &Context,
     vertex: &Vertex,
     surface: &SurfaceVertex,
+    receiver: &Receiver,
     shading: &ShadingBsdf,
     out: &mut Outputs,
 ) {
     if shading.is_delta() {
         return;
     }
-    let Some((light, probability)) = context.lights.sample(|| vertex.random.number(dimension::LIGHT_CHOICE)) else {
-        return;
-    };
-    if context.scene.environment_light() == Some(light)
-        && !context.scene.samples_environment(context.settings.light_strategy)
-    {
-        return;
-    }
+    let u = || vertex.random.number(dimension::LIGHT_CHOICE);
+    let Some(chosen) = context.lights.sample(receiver, u) else { return };
+    let probability = chosen.probability;
     let u = vertex.random.pair(dimension::LIGHT);
-    let Some(sample) = sample_light(context, surface.interaction, light, u) else { return };
+    let Some(sample) = sample_light(context, Arrival::Surface(surface.interaction), &chosen, u) else { return };
     if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
         return;
     }
@@ -107,7 +112,13 @@ fn add_light_sample(
     }
 }
 
-fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, out: &mut Outputs) {
+fn add_bounce(
+    vertex: &Vertex,
+    surface: &SurfaceVertex,
+    receiver: &Receiver,
+    shading: &ShadingBsdf,
+    out: &mut Outputs,
+) {
     let wo = outgoing(vertex.ray);
     let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
     let Some(sample) = shading.sample(wo, u_lobe, u) else { return };
@@ -127,6 +138,7 @@ fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, o
     let state = PathState {
         eta_scale,
         bsdf_pdf: if sample.is_delta { 0.0 } else { sample.pdf },
+        receiver: *receiver,
         is_specular: vertex.state.is_specular && sample.is_delta,
         cone_spread: if sample.is_delta {
             vertex.state.cone_spread
