@@ -7,8 +7,10 @@
 
 mod lights;
 mod surfaces;
+mod volumes;
 
 pub use lights::CompiledLight;
+pub(crate) use volumes::{Boundary, VolumeTable};
 
 use crate::light_sampler::{LightSampler, LightSamplerKind};
 use crate::settings::LightStrategy;
@@ -62,6 +64,8 @@ pub struct CompiledScene {
     pub radius: f32,
     /// What compiling had to say.
     pub warnings: Vec<Warning>,
+    /// Media, if there are any.
+    pub(crate) volumes: Option<VolumeTable>,
     surfaces: SurfaceTable,
     lights: LightTable,
 }
@@ -85,6 +89,7 @@ impl CompiledScene {
             let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
             Warning::note(&mut warnings, message.into(), 1);
         }
+        let volumes = VolumeTable::new(scene, &materials)?;
         let radius = bounds.radius() as f32;
         Ok(Self {
             materials,
@@ -100,6 +105,7 @@ impl CompiledScene {
             radius: if radius > 0.0 { radius } else { 1.0 },
             warnings,
             world,
+            volumes,
             surfaces,
             lights,
         })
@@ -149,7 +155,7 @@ impl CompiledScene {
 
     /// A point as materials see it.
     pub fn shading_point<'a>(&'a self, surface: &'a SurfaceInteraction, footprint: f32) -> ShadingPoint<'a> {
-        ShadingPoint { surface, footprint, textures: &self.textures, mode: self.mode }
+        ShadingPoint { surface, footprint, textures: &self.textures, mode: self.mode, outside_ior: 1.0 }
     }
 
     /// True if some hits must be asked about.

@@ -50,7 +50,6 @@ pub enum Arrival<'a> {
     /// At a surface.
     Surface(&'a SurfaceInteraction),
     /// At a point of a medium.
-    #[expect(dead_code, reason = "media are not rendered yet")]
     Point(Vec3),
 }
 
@@ -170,7 +169,8 @@ pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVer
     let Some(part) = area.part_of(surface.hit.primitive) else { return 0.0 };
     let receiver = &vertex.state.receiver;
     let to_light = surface.interaction.position - receiver.position;
-    let pdf = area.pdf_from(part, receiver.position, surface.interaction, vertex.ray.direction, to_light.length_squared());
+    let pdf =
+        area.pdf_from(part, receiver.position, surface.interaction, vertex.ray.direction, to_light.length_squared());
     pdf * context.lights.probability(receiver, light, (part, area.part_probability(part)))
 }
 

@@ -92,7 +92,7 @@ pub fn travel(
     // Mean over the lanes, each as probable as its share of the throughput.
     let mean = |by_lane: SampledSpectrum| (throughput * by_lane).0.iter().sum::<f32>() / sum;
     // The first also if the lane is clear, where 0 / 0 may be undefined.
-    if !(column < whole) {
+    if column.is_nan() || column >= whole {
         let through = transmittance(sigma_t, whole);
         return passed(through * (1.0 / mean(through)));
     }

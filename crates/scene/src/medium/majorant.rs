@@ -97,7 +97,7 @@ impl MajorantGrid {
             if stop > start && !visit(BoundedPart { start, end: stop, cell: index }) {
                 return;
             }
-            if !(next[axis] < end) {
+            if next[axis].is_nan() || next[axis] >= end {
                 return;
             }
             start = stop;

@@ -99,7 +99,7 @@ impl TrackedGrid {
             loop {
                 let u = numbers();
                 t += -(-u.x).ln_1p() / rate;
-                if !(t < part.end) {
+                if t.is_nan() || t >= part.end {
                     return true;
                 }
                 let p = origin + direction * t;
@@ -113,7 +113,7 @@ impl TrackedGrid {
                 let weigh = |by_lane: SampledSpectrum| (travel.throughput * by_lane).0.iter().sum::<f32>();
                 let (of_scattering, of_null) = (weigh(scattered), weigh(null));
                 let both = of_scattering + of_null;
-                if !(both > 0.0) {
+                if both.is_nan() || both <= 0.0 {
                     travel.throughput = SampledSpectrum::ZERO;
                     return false;
                 }
@@ -151,7 +151,7 @@ impl TrackedGrid {
             let mut t = part.start;
             loop {
                 t += -(-numbers().x).ln_1p() / rate;
-                if !(t < part.end) {
+                if t.is_nan() || t >= part.end {
                     return true;
                 }
                 let share = self.density(origin + direction * t) / rate;
@@ -176,7 +176,7 @@ fn survives(weight: &mut SampledSpectrum, start: f32, numbers: &mut dyn FnMut() 
     if largest >= ROULETTE_BELOW * start {
         return true;
     }
-    if !(largest > 0.0) || numbers().x >= SURVIVAL {
+    if largest.is_nan() || largest <= 0.0 || numbers().x >= SURVIVAL {
         *weight = SampledSpectrum::ZERO;
         return false;
     }
