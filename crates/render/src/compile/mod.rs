@@ -7,8 +7,10 @@
 
 mod lights;
 mod surfaces;
+mod volumes;
 
 pub use lights::CompiledLight;
+pub(crate) use volumes::{Boundary, VolumeTable};
 
 use crate::light_sampler::{LightSampler, LightSamplerKind};
 use crate::settings::LightStrategy;
@@ -62,6 +64,8 @@ pub struct CompiledScene {
     pub radius: f32,
     /// What compiling had to say.
     pub warnings: Vec<Warning>,
+    /// Media, if there are any.
+    pub(crate) volumes: Option<VolumeTable>,
     surfaces: SurfaceTable,
     lights: LightTable,
 }
@@ -78,15 +82,18 @@ impl CompiledScene {
         let mode = ColorMode::Rgb;
         let bounds = finite_part(&scene_bounds(&world));
         let environment = scene.environment.as_ref().map(EnvironmentLight::new);
-        let lights = LightTable::new(scene, &world, &surfaces, &materials, environment.as_ref(), bounds.radius());
+        let textures = TextureSet::new(&scene.textures, &scene.images);
+        let (sky, radius) = (environment.as_ref(), bounds.radius());
+        let lights = LightTable::new(scene, &world, &surfaces, &materials, &textures, sky, radius);
         if !lights.is_complete() {
             let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
             Warning::note(&mut warnings, message.into(), 1);
         }
+        let volumes = VolumeTable::new(scene, &materials)?;
         let radius = bounds.radius() as f32;
         Ok(Self {
             materials,
-            textures: TextureSet::new(&scene.textures, &scene.images),
+            textures,
             environment,
             background: match scene.background {
                 Background::Color(color) => Background::Color(color.map(sane)),
@@ -98,6 +105,7 @@ impl CompiledScene {
             radius: if radius > 0.0 { radius } else { 1.0 },
             warnings,
             world,
+            volumes,
             surfaces,
             lights,
         })
@@ -136,7 +144,7 @@ impl CompiledScene {
     /// A chooser among the lights.
     pub fn light_sampler(&self, kind: LightSamplerKind, strategy: LightStrategy) -> LightSampler {
         let left_out = self.environment_light().filter(|_| !self.samples_environment(strategy));
-        LightSampler::new(kind, &self.lights.powers, left_out)
+        LightSampler::new(kind, &self.lights.summaries(kind == LightSamplerKind::Bvh, left_out))
     }
 
     /// False if the environment is left to BSDF samples. For a constant one that is half the work and less variance.
@@ -147,7 +155,7 @@ impl CompiledScene {
 
     /// A point as materials see it.
     pub fn shading_point<'a>(&'a self, surface: &'a SurfaceInteraction, footprint: f32) -> ShadingPoint<'a> {
-        ShadingPoint { surface, footprint, textures: &self.textures, mode: self.mode }
+        ShadingPoint { surface, footprint, textures: &self.textures, mode: self.mode, outside_ior: 1.0 }
     }
 
     /// True if some hits must be asked about.

@@ -104,11 +104,13 @@ fn choose(u: &mut f32, first: f32, second: f32) -> bool {
 #[derive(Clone, Debug)]
 pub struct Gatherer {
     nodes: Vec<Node>,
+    /// What was known before: the share of all light in each undivided quad. Empty if nothing was.
+    known: Vec<[f32; 4]>,
 }
 
 impl Default for Gatherer {
     fn default() -> Self {
-        Self { nodes: vec![Node::default()] }
+        Self { nodes: vec![Node::default()], known: Vec::new() }
     }
 }
 
@@ -139,9 +141,17 @@ impl Gatherer {
         }
     }
 
-    /// The density of what was gathered; `None` if that is nothing, or not finite.
-    pub fn density(&self) -> Option<Density> {
+    /// The density of what was gathered, and of what was known before with weight `trust` in `[0, 1]`; `None` if both are nothing, or
+    /// not finite.
+    pub fn density(&self, trust: f32) -> Option<Density> {
         let mut nodes = self.nodes.clone();
+        let gathered: f32 = nodes.iter().flat_map(|n| n.light).sum();
+        if !self.known.is_empty() {
+            let (old, new) = if gathered > 0.0 { (trust, (1.0 - trust) / gathered) } else { (1.0, 0.0) };
+            for (node, known) in nodes.iter_mut().zip(&self.known) {
+                node.light = std::array::from_fn(|q| node.light[q] * new + known[q] * old);
+            }
+        }
         // Children come after their parents.
         for i in (0..nodes.len()).rev() {
             for q in 0..4 {
@@ -165,7 +175,7 @@ impl Gatherer {
     /// An empty gatherer whose quads suit a density: those with much light divided, those with little joined.
     pub fn suited_to(density: &Density) -> Self {
         // Node to make from: the old one if there is one; its share of all light.
-        let mut nodes = vec![Node::default()];
+        let (mut nodes, mut known) = (vec![Node::default()], vec![[0.0; 4]]);
         let mut queue = std::collections::VecDeque::from([(0, Some(0), 1.0, 1)]);
         while let Some((new, old, share, depth)) = queue.pop_front() {
             for q in 0..4 {
@@ -180,10 +190,13 @@ impl Gatherer {
                     nodes[new].children[q] = nodes.len() as u32;
                     queue.push_back((nodes.len(), (child != 0).then_some(child), quad_share, depth + 1));
                     nodes.push(Node::default());
+                    known.push([0.0; 4]);
+                } else {
+                    known[new][q] = quad_share;
                 }
             }
         }
-        Self { nodes }
+        Self { nodes, known }
     }
 }
 
@@ -204,7 +217,7 @@ mod tests {
                 let light = 0.01 + 50.0 * f32::from(direction.dot(sun) > 0.995);
                 gatherer.add(direction, light, jitter);
             }
-            density = gatherer.density();
+            density = gatherer.density(0.0);
             gatherer = Gatherer::suited_to(density.as_ref().expect("there is light"));
         }
         density.expect("there was a round")
@@ -296,9 +309,9 @@ mod tests {
 
     #[test]
     fn nothing_gathered_is_no_density() {
-        assert!(Gatherer::default().density().is_none());
+        assert!(Gatherer::default().density(0.5).is_none());
         let mut spoilt = Gatherer::default();
         spoilt.add(Vec3::X, f32::NAN, Vec2::splat(0.5));
-        assert!(spoilt.density().is_none());
+        assert!(spoilt.density(0.5).is_none());
     }
 }

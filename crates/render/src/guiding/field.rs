@@ -11,8 +11,10 @@ use snell_math::{Vec3, rng};
 const MAX_CELLS: usize = 1 << 15;
 /// Most halvings of the scene's box.
 const MAX_DEPTH: u32 = 48;
-/// Fewer records than this say too little to change what is known of a region.
-const MIN_RECORDS: u32 = 64;
+/// What is known of a region counts like this many new records.
+const TRUST: f32 = 256.0;
+/// Fewer records than this are no knowledge.
+const MIN_RECORDS: u32 = 32;
 /// The share of BSDF samples stays between these, so that wrong guesses cannot cost much.
 const BSDF_SHARE: [f32; 2] = [0.1, 0.95];
 
@@ -47,8 +49,9 @@ impl Cell {
 
     /// Ends a pass: what was gathered becomes what is known.
     fn learn(&mut self) {
-        if self.records >= MIN_RECORDS
-            && let Some(density) = self.gatherer.density()
+        let trust = TRUST / (TRUST + self.records as f32);
+        if (self.density.is_some() || self.records >= MIN_RECORDS)
+            && let Some(density) = self.gatherer.density(trust)
         {
             self.gatherer = Gatherer::suited_to(&density);
             // One step of expectation maximisation of the mixture of both, starting from the share that was used.

@@ -21,6 +21,8 @@ pub use record::{Choice, Record, Recorder};
 pub struct Guiding {
     /// Training passes: the first of [`Self::FIRST_PASS`] paths, each of twice as many as the one before.
     pub passes: u32,
+    /// True if photons come before the first pass.
+    pub photons: bool,
 }
 
 impl Guiding {
@@ -31,11 +33,16 @@ impl Guiding {
     /// The share of all work that training may take if nothing else is asked for.
     pub const SHARE: f64 = 0.25;
 
+    /// So many passes, after photons.
+    pub fn with_passes(passes: u32) -> Self {
+        Self { passes, photons: true }
+    }
+
     /// As many passes as fit into [`Self::SHARE`] of a picture of this size; at least one.
     pub fn for_picture(size: [u32; 2], spp: u32) -> Self {
         let paths = size.iter().map(|&x| f64::from(x)).product::<f64>() * f64::from(spp) * Self::SHARE;
         let passes = (paths / Self::FIRST_PASS as f64 + 1.0).log2().floor();
-        Self { passes: (passes as u32).clamp(1, Self::MAX_PASSES) }
+        Self::with_passes((passes as u32).clamp(1, Self::MAX_PASSES))
     }
 
     /// Records after which a region is halved in a pass: the square root of the number of paths makes both regions and what is

@@ -3,6 +3,7 @@
 use super::PathState;
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
+use crate::light_sampler::Receiver;
 use crate::sampler::Random;
 use crate::settings::Settings;
 use snell_math::{DVec2, Ray};
@@ -33,6 +34,7 @@ pub(crate) fn camera_path(
     let state = PathState {
         throughput: scene.mode.unit() * camera_ray.weight,
         bsdf_pdf: 0.0,
+        receiver: Receiver::default(),
         eta_scale: 1.0,
         is_specular: true,
         cone_width: camera_ray.width,

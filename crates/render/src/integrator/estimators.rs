@@ -2,9 +2,11 @@
 
 use super::{Context, PathState, SurfaceVertex, Vertex};
 use crate::compile::CompiledLight;
+use crate::light_sampler::ChosenLight;
 use snell_intersect::SurfaceInteraction;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3};
 use snell_scene::Background;
+use snell_scene::light::area::DirectedSample;
 
 /// How far along a shadow ray to a point occluders count: just short of the light itself.
 const SHADOW_END: f32 = 1.0 - 1e-4;
@@ -42,16 +44,57 @@ pub struct IncidentLight {
     pub shadow_ray: Ray,
 }
 
-/// Light arriving at a surface point from light number `light`.
-pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usize, u: Vec2) -> Option<IncidentLight> {
+/// Where light arrives and shadow rays begin.
+#[derive(Clone, Copy, Debug)]
+pub enum Arrival<'a> {
+    /// At a surface.
+    Surface(&'a SurfaceInteraction),
+    /// At a point of a medium.
+    Point(Vec3),
+}
+
+impl Arrival<'_> {
+    /// Where.
+    pub fn position(&self) -> Vec3 {
+        match self {
+            Self::Surface(surface) => surface.position,
+            Self::Point(p) => *p,
+        }
+    }
+
+    fn ray_origin(&self, direction: Vec3) -> Vec3 {
+        match self {
+            Self::Surface(surface) => surface.ray_origin(direction),
+            Self::Point(p) => *p,
+        }
+    }
+}
+
+/// Light arriving from a point of the whole of light number `light`, which is uniform by area for a shape: `u = (0.5, 0.5)` is its
+/// middle. For integrators without multiple importance sampling.
+pub fn sample_whole_light(context: &Context, at: Arrival, light: usize, u: Vec2) -> Option<IncidentLight> {
+    let CompiledLight::Area(area) = &context.scene.lights()[light] else {
+        let chosen = ChosenLight { light, part: None, probability: 1.0 };
+        return sample_light(context, at, &chosen, u);
+    };
+    let sample = area.sample(u)?;
+    let to_light = sample.surface.position - at.position();
+    let direction = to_light.try_normalize()?;
+    let cos = direction.dot(sample.surface.geometric_normal).abs();
+    let pdf = sample.pdf_area * to_light.length_squared() / cos;
+    from_surface(context, at, DirectedSample { surface: sample.surface, direction, pdf })
+}
+
+/// Light arriving from a point of the chosen light; its `pdf` is that of the point only, without the probability of the choice.
+pub fn sample_light(context: &Context, at: Arrival, chosen: &ChosenLight, u: Vec2) -> Option<IncidentLight> {
     let scene = context.scene;
-    match &scene.lights()[light] {
+    match &scene.lights()[chosen.light] {
         CompiledLight::Light(light) => {
-            let sample = light.sample(surface.position, u, scene.mode)?;
-            let origin = surface.ray_origin(sample.direction);
+            let sample = light.sample(at.position(), u, scene.mode)?;
+            let origin = at.ray_origin(sample.direction);
             let shadow_ray = if sample.distance.is_finite() {
                 // Aim from the moved origin at the same point of the light.
-                let target = surface.position + sample.direction * sample.distance;
+                let target = at.position() + sample.direction * sample.distance;
                 Ray::new(origin, target - origin).with_t_max(SHADOW_END)
             } else {
                 Ray::new(origin, sample.direction)
@@ -65,24 +108,16 @@ pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usiz
             })
         }
         CompiledLight::Area(area) => {
-            let sample = area.sample(u)?;
-            let to_light = sample.surface.position - surface.position;
-            let distance_squared = to_light.length_squared();
-            let direction = to_light.try_normalize()?;
-            let cos = direction.dot(sample.surface.geometric_normal).abs();
-            let pdf = sample.pdf_area * distance_squared / cos;
-            let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
-            let point = scene.shading_point(&sample.surface, 0.0);
-            // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends before it.
-            let presence = material.presence(direction, &point);
-            let radiance = material.emitted(&point, -direction) * presence;
-            if radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {
-                return None;
-            }
-            let origin = surface.ray_origin(direction);
-            let target = sample.surface.ray_origin(-direction);
-            let shadow_ray = Ray::new(origin, target - origin).with_t_max(SHADOW_END);
-            Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+            let (part, probability, u) = match chosen.part {
+                Some(part) => (part, 1.0, u),
+                None => {
+                    let (part, probability, rest) = area.choose_part(u.x);
+                    (part, probability, Vec2::new(rest, u.y))
+                }
+            };
+            let mut sample = area.sample_from(part, at.position(), u)?;
+            sample.pdf *= probability;
+            from_surface(context, at, sample)
         }
         CompiledLight::Environment => {
             let environment = scene.environment.as_ref()?;
@@ -91,10 +126,27 @@ pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usiz
             if radiance.is_black() || pdf <= 0.0 {
                 return None;
             }
-            let shadow_ray = Ray::new(surface.ray_origin(direction), direction);
+            let shadow_ray = Ray::new(at.ray_origin(direction), direction);
             Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
         }
     }
+}
+
+/// Light from a point of an emissive surface.
+fn from_surface(context: &Context, at: Arrival, sample: DirectedSample) -> Option<IncidentLight> {
+    let (scene, direction, pdf) = (context.scene, sample.direction, sample.pdf);
+    let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
+    let point = scene.shading_point(&sample.surface, 0.0);
+    // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends before it.
+    let presence = material.presence(direction, &point);
+    let radiance = material.emitted(&point, -direction) * presence;
+    if radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {
+        return None;
+    }
+    let origin = at.ray_origin(direction);
+    let target = sample.surface.ray_origin(-direction);
+    let shadow_ray = Ray::new(origin, target - origin).with_t_max(SHADOW_END);
+    Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
 }
 
 /// The hit that an interaction describes.
@@ -114,18 +166,22 @@ pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVer
     let scene = context.scene;
     let Some(light) = scene.light_of(surface.hit.instance, surface.hit.geometry) else { return 0.0 };
     let CompiledLight::Area(area) = &scene.lights()[light] else { return 0.0 };
-    let cos = vertex.ray.direction.dot(surface.interaction.geometric_normal).abs();
-    // The distance of this segment: directions are unit vectors.
-    let distance = surface.interaction.t;
-    let pdf = area.pdf_area(surface.interaction) * distance * distance / cos;
-    if pdf.is_finite() { pdf * context.lights.probability(light) } else { 0.0 }
+    let Some(part) = area.part_of(surface.hit.primitive) else { return 0.0 };
+    let receiver = &vertex.state.receiver;
+    let to_light = surface.interaction.position - receiver.position;
+    let pdf =
+        area.pdf_from(part, receiver.position, surface.interaction, vertex.ray.direction, to_light.length_squared());
+    pdf * context.lights.probability(receiver, light, (part, area.part_probability(part)))
 }
 
 /// Density per steradian with which light samples give a direction to the environment.
-pub fn light_pdf_of_environment(context: &Context, direction: Vec3) -> f32 {
+pub fn light_pdf_of_environment(context: &Context, vertex: &Vertex) -> f32 {
     let scene = context.scene;
     match (&scene.environment, scene.environment_light()) {
-        (Some(environment), Some(light)) => environment.pdf(direction) * context.lights.probability(light),
+        (Some(environment), Some(light)) => {
+            let probability = context.lights.probability(&vertex.state.receiver, light, (0, 1.0));
+            environment.pdf(vertex.ray.direction) * probability
+        }
         _ => 0.0,
     }
 }

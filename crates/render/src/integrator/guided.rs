@@ -1,6 +1,7 @@
-//! Scattering at a vertex: by the BSDF alone, or by a mixture of the BSDF and what a field has learnt.
+//! GuidedBsdf at a vertex: by the BSDF alone, or by a mixture of the BSDF and what a field has learnt.
 
 use crate::guiding::{Cell, Choice, Field};
+use crate::light_sampler::Receiver;
 use snell_math::rng::ONE_MINUS_EPSILON;
 use snell_math::{Vec2, Vec3};
 use snell_scene::bsdf::BsdfSample;
@@ -10,17 +11,18 @@ use snell_scene::material::ShadingBsdf;
 pub const MIN_SURVIVAL: f32 = 0.1;
 
 /// A BSDF and the field's cell that helps it to find light.
-pub struct Scattering<'a> {
-    shading: &'a ShadingBsdf,
+pub struct GuidedBsdf<'a> {
+    /// The BSDF alone.
+    pub shading: &'a ShadingBsdf,
     /// What is known at the point, where there is a field and a lobe that can be guided.
     cell: Option<&'a Cell>,
     is_learning: bool,
 }
 
-impl<'a> Scattering<'a> {
-    /// At a point seen from `wo`.
-    pub fn new(field: Option<&'a Field>, shading: &'a ShadingBsdf, position: Vec3, wo: Vec3) -> Self {
-        let cell = field.filter(|_| !shading.is_delta()).map(|f| f.cell(position, facing(shading, wo)));
+impl<'a> GuidedBsdf<'a> {
+    /// At a point.
+    pub fn new(field: Option<&'a Field>, shading: &'a ShadingBsdf, point: &Receiver) -> Self {
+        let cell = field.filter(|_| !shading.is_delta()).map(|f| f.cell(point.position, point.normal));
         Self { shading, cell, is_learning: field.is_some_and(Field::is_learning) }
     }
 
@@ -63,21 +65,15 @@ impl<'a> Scattering<'a> {
 
     /// What is written down of a direction that was drawn, if the field wants to know. `survival` is the probability with which
     /// the path goes on.
-    pub fn choice(&self, position: Vec3, wo: Vec3, sample: &BsdfSample, survival: f32) -> Option<Choice> {
+    pub fn choice(&self, point: &Receiver, wo: Vec3, sample: &BsdfSample, survival: f32) -> Option<Choice> {
         let cell = self.cell.filter(|_| self.is_learning && !sample.is_delta)?;
         let bsdf_share = match cell.density {
             Some(_) => cell.bsdf_share * self.shading.pdf(wo, sample.wi) / sample.pdf,
             None => 1.0,
         };
-        let normal = facing(self.shading, wo);
+        let &Receiver { position, normal, .. } = point;
         Some(Choice { position, normal, direction: sample.wi, pdf: sample.pdf * survival, bsdf_share })
     }
-}
-
-/// The surface's normal on the side of `wo`.
-fn facing(shading: &ShadingBsdf, wo: Vec3) -> Vec3 {
-    let normal = shading.frame.z;
-    if shading.geometric_normal.dot(wo) < 0.0 { -normal } else { normal }
 }
 
 /// The larger of a survival probability and what a guided path keeps at least.

@@ -5,8 +5,10 @@
 
 mod part;
 mod paths;
+mod photons;
 mod tracer;
 mod training;
+mod volumes;
 
 pub use tracer::{Recording, hit_filter};
 

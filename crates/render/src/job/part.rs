@@ -4,6 +4,7 @@
 use super::{Statistics, pixels};
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
+use super::volumes::VolumeBatch;
 use crate::film::filter::FilterSampler;
 use crate::film::{FilmPart, FilmSample};
 use crate::guiding::{Record, Recorder};
@@ -43,6 +44,8 @@ pub struct PartRenderer<'a> {
     aovs: Vec<f32>,
     /// Writes down what paths find, while a field learns.
     recorder: Option<Recorder>,
+    /// What media need, where there are any and the integrator knows of them.
+    volumes: Option<VolumeBatch<'a>>,
 }
 
 /// A sample being taken.
@@ -75,6 +78,9 @@ impl<'a> PartRenderer<'a> {
         filter: &'a FilterSampler,
         tracer: Tracer<'a>,
     ) -> Self {
+        let (scene, eye) = (context.scene, camera.eye.as_vec3());
+        let sees_media = context.settings.integrator.sees_media();
+        let volumes = if sees_media { VolumeBatch::new(scene, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
         Self {
             context,
@@ -93,6 +99,7 @@ impl<'a> PartRenderer<'a> {
             samples: Vec::new(),
             aovs: Vec::new(),
             recorder: None,
+            volumes,
         }
     }
 
@@ -117,14 +124,19 @@ impl<'a> PartRenderer<'a> {
         };
         let mut depth = 0;
         while self.paths.len() > 0 {
-            self.tracer.closest(&self.paths.rays, grouping, &mut self.paths.hits);
+            self.note_arrivals();
+            if depth == 0 || !self.volumes.as_ref().is_some_and(VolumeBatch::sees_more) {
+                self.tracer.closest(&self.paths.rays, grouping, &mut self.paths.hits);
+            }
             if depth == 0 {
                 self.drop_dead_paths();
                 self.note_first_hits();
             }
+            self.travel(depth, grouping);
             self.next.clear();
             self.shade_batch(depth, statistics);
             std::mem::swap(&mut self.paths, &mut self.next);
+            self.volumes.iter_mut().for_each(VolumeBatch::swap);
             statistics.rays.indirect += self.paths.len() as u64;
             depth += 1;
             grouping = Grouping::None;
@@ -151,6 +163,35 @@ impl<'a> PartRenderer<'a> {
                     self.samples.push(Sample { random, radiance, brought, alpha: 1.0, weight, rays: 0 });
                     self.paths.push(ray, state, index);
                 }
+            }
+        }
+    }
+
+    /// Tells the recorder, if there is one, what paths have brought before what they find next.
+    fn note_arrivals(&mut self) {
+        let Some(recorder) = &mut self.recorder else { return };
+        for &sample in &self.paths.samples {
+            recorder.arrive(sample, self.samples[sample as usize].collected());
+        }
+    }
+
+    /// Through media, if there are any, to the next vertices.
+    fn travel(&mut self, depth: u32, grouping: Grouping) {
+        let Some(volumes) = &mut self.volumes else { return };
+        if depth == 0 {
+            volumes.start(self.paths.len());
+        }
+        let samples = &mut self.samples;
+        let randoms: Vec<Random> = samples.iter().map(|s| s.random).collect();
+        let random = |paths: &Paths, path: usize| {
+            randoms[paths.samples[path] as usize].at_vertex(paths.states[path].stream, depth)
+        };
+        volumes.advance(&mut self.tracer, &mut self.paths, grouping, random, |paths, path, radiance| {
+            samples[paths.samples[path] as usize].radiance += radiance;
+        });
+        if depth == 0 {
+            for (path, _) in volumes.scattered.iter().enumerate().filter(|(_, s)| s.is_some()) {
+                samples[self.paths.samples[path] as usize].alpha = 1.0;
             }
         }
     }
@@ -193,9 +234,10 @@ impl<'a> PartRenderer<'a> {
                 interaction,
                 material: scene.material(scene.material_id(&hit)),
                 footprint: state.cone_width + state.cone_spread * hit.t,
+                outside_ior: 1.0,
             });
             let random = self.samples[i].random.at_vertex(0, 0);
-            let vertex = Vertex { depth: 0, ray: &ray, state, random, surface };
+            let vertex = Vertex { depth: 0, ray: &ray, state, random, surface, medium: None };
             let towards = self.camera.towards.as_vec3();
             for aov in aovs {
                 aov.extend(&self.context, &vertex, towards, counters, &mut self.aovs);
@@ -256,20 +298,24 @@ impl<'a> PartRenderer<'a> {
             return;
         }
         let sample = self.paths.samples[path];
-        if let Some(recorder) = &mut self.recorder {
-            recorder.arrive(sample, self.samples[sample as usize].collected());
-        }
         let interaction = hit.is_hit().then(|| scene.world.interaction(&ray, &hit));
         let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
             hit: &hit,
             interaction,
             material: scene.material(scene.material_id(&hit)),
             footprint: state.cone_width + state.cone_spread * hit.t,
+            outside_ior: self.volumes.as_ref().map_or(1.0, |v| v.outside_ior(path, &hit)),
         });
         let random = self.samples[sample as usize].random.at_vertex(state.stream, depth);
-        let vertex = Vertex { depth, ray: &ray, state: &state, random, surface };
+        let medium = self.volumes.as_ref().and_then(|v| v.scattered[path]);
+        let vertex = Vertex { depth, ray: &ray, state: &state, random, surface, medium };
         self.outputs.clear();
         (self.shade)(&self.context, &vertex, &mut self.outputs);
+        if let Some(volumes) = &mut self.volumes {
+            let Outputs { light_rays, next, .. } = &self.outputs;
+            let next = next.iter().map(|(ray, _)| ray.direction);
+            volumes.note_outputs(path, ray.direction, vertex.surface.as_ref(), random, light_rays, next);
+        }
         self.samples[sample as usize].radiance += self.outputs.radiance;
         for (ray, value) in self.outputs.light_rays.drain(..) {
             self.light_rays.push(ray, value, sample);
@@ -292,7 +338,10 @@ impl<'a> PartRenderer<'a> {
     fn trace_light_rays(&mut self, statistics: &mut Statistics) {
         let rays = &mut self.light_rays;
         statistics.rays.shadow += rays.rays.len() as u64;
-        self.tracer.occluded(&rays.rays, &mut rays.blocked);
+        match &mut self.volumes {
+            Some(volumes) => volumes.trace_light_rays(&mut self.tracer, rays),
+            None => self.tracer.occluded(&rays.rays, &mut rays.blocked),
+        }
         for ((&sample, &value), &blocked) in rays.samples.iter().zip(&rays.values).zip(&rays.blocked) {
             if !blocked {
                 self.samples[sample as usize].brought += value;

@@ -21,6 +21,9 @@ const MAX_RANGE: u32 = 16;
 /// Makes the seed of training: its random numbers are none of the picture's.
 const SEED: u32 = 0x7261_696e;
 
+/// The same for photons.
+const PHOTONS: u32 = 0x7068_6f74;
+
 /// Tiles and ranges of samples that are rendered in one pass.
 struct Pass {
     parts: Vec<(Crop, [u32; 2])>,
@@ -60,6 +63,9 @@ impl Job<'_> {
         // All of the picture, even if only a part of it is rendered: crops must fit together.
         let tiles: Vec<Crop> = Film::new(Crop::full(self.settings.size), &[]).tiles.iter().map(|t| t.area).collect();
         let mut field = Field::new(self.scene.center, self.scene.radius);
+        if guiding.photons {
+            self.learn_from_photons(&mut field, rng::hash_combine(self.settings.seed, PHOTONS), threads);
+        }
         for pass in 0..guiding.passes.min(Guiding::MAX_PASSES) {
             let seed = rng::hash_combine(rng::hash_combine(self.settings.seed, SEED), pass);
             let plan = Pass::new(&tiles, pass, seed);

@@ -14,7 +14,7 @@ const WALL: f64 = 0.15;
 /// The opening in the wall at `x = 0`: from 0 to this far along z, and as high.
 const DOOR: [f64; 2] = [1.0, 2.05];
 /// How far the door is open, in radians.
-const OPEN: f64 = 0.28;
+const OPEN: f64 = 0.35;
 
 /// The two rooms.
 pub fn scene() -> Scene {
@@ -26,7 +26,7 @@ pub fn scene() -> Scene {
     let white = scene.add_material(plastic("china", Rgb::new(0.75, 0.75, 0.73), 0.05));
     let steel = scene.add_material(metal("steel", Rgb::splat(0.7), 0.15));
     let clear = scene.add_material(glass("glass"));
-    let lamp = scene.add_material(Material::new("lamp", Black {}).emitting(Rgb::new(420.0, 380.0, 310.0)));
+    let lamp = scene.add_material(Material::new("lamp", Black {}).emitting(Rgb::new(9000.0, 8200.0, 6900.0)));
     rooms(&mut scene, walls, floor);
     let depth = DOOR[0];
     let hinge = DAffine3::from_translation(DVec3::new(0.0, 0.0, depth)) * DAffine3::from_rotation_y(OPEN);

@@ -1,9 +1,10 @@
-//! Emissive surfaces as lights: a point on them is chosen uniformly by area.
+//! Emissive surfaces as lights: a part (a triangle, or a whole shape) is chosen by its power, then a point of it.
 
+use super::LightBounds;
 use snell_intersect::{Shape, SurfaceInteraction, TriangleMesh};
 use snell_math::distribution::Distribution1D;
 use snell_math::robust::gamma;
-use snell_math::{DVec2, DVec3, Frame, Transform, Vec2, Vec3, sampling};
+use snell_math::{Bounds3d, DVec2, DVec3, Frame, Transform, UVec2, Vec2, Vec3, sampling};
 use std::sync::Arc;
 
 /// The geometry of an emissive surface.
@@ -30,6 +31,17 @@ pub struct AreaSample {
     pub pdf_area: f32,
 }
 
+/// A point on an emissive surface as seen from somewhere.
+#[derive(Clone, Debug)]
+pub struct DirectedSample {
+    /// The point, as in [`AreaSample`].
+    pub surface: SurfaceInteraction,
+    /// Unit direction towards it.
+    pub direction: Vec3,
+    /// Density per steradian of the direction.
+    pub pdf: f32,
+}
+
 /// An emissive surface at one place in the world.
 #[derive(Debug)]
 pub struct AreaLight {
@@ -41,6 +53,8 @@ pub struct AreaLight {
     pub ids: (u32, u32),
     table: Table,
     area: f64,
+    /// Mean luminance of each part, W / (m^2 sr); empty if all shine alike.
+    radiance: Vec<f32>,
 }
 
 #[derive(Debug)]
@@ -88,6 +102,18 @@ impl PlacedTriangle {
     }
 }
 
+impl PlacedTriangle {
+    fn area(&self) -> f64 {
+        let area = self.edges[0].as_dvec3().cross(self.edges[1].as_dvec3()).length() * 0.5;
+        if area.is_finite() { area } else { 0.0 }
+    }
+
+    fn bounds(&self) -> Bounds3d {
+        let corner = self.corner.as_dvec3();
+        Bounds3d::of([corner, corner + self.edges[0].as_dvec3(), corner + self.edges[1].as_dvec3()])
+    }
+}
+
 impl AreaLight {
     /// Prepares sampling. `None` if the surface has no finite positive area. Triangles without area are never chosen.
     pub fn new(geometry: EmissiveGeometry, world_from_geometry: Transform, ids: (u32, u32)) -> Option<Self> {
@@ -110,16 +136,13 @@ impl AreaLight {
         let area: f64 = areas.iter().sum();
         // Weights relative to the whole: areas may be too small or large for single precision.
         let choice = Distribution1D::new(&areas.iter().map(|a| (a / area) as f32).collect::<Vec<_>>());
-        let pdf = areas
-            .iter()
-            .enumerate()
-            .map(|(i, &a)| if a > 0.0 { (f64::from(choice.probability(i)) / a) as f32 } else { 0.0 });
-        let placed_triangle = |(&t, pdf): (&u32, f32)| PlacedTriangle::new(&mesh, t, &placed, pdf.min(f32::MAX));
+        let pdf = areas.iter().enumerate().map(|(i, &a)| density(choice.probability(i), a));
+        let placed_triangle = |(&t, pdf): (&u32, f32)| PlacedTriangle::new(&mesh, t, &placed, pdf);
         let placed_triangles = triangles.iter().zip(pdf).map(placed_triangle).collect();
         let table = Table::Mesh { choice, placed: placed_triangles };
         let geometry = EmissiveGeometry::Mesh { mesh, triangles };
         let usable = area > 0.0 && area.is_finite();
-        usable.then_some(Self { geometry, world_from_geometry: placed, ids, table, area })
+        usable.then_some(Self { geometry, world_from_geometry: placed, ids, table, area, radiance: Vec::new() })
     }
 
     fn new_shape(shape: Arc<dyn Shape>, placed: Transform, ids: (u32, u32)) -> Option<Self> {
@@ -131,7 +154,7 @@ impl AreaLight {
         let table = Table::Shape { pdf: 1.0 / own_area };
         let geometry = EmissiveGeometry::Shape(shape);
         let usable = area > 0.0 && area.is_finite();
-        usable.then_some(Self { geometry, world_from_geometry: placed, ids, table, area })
+        usable.then_some(Self { geometry, world_from_geometry: placed, ids, table, area, radiance: Vec::new() })
     }
 
     /// A point with density [`AreaSample::pdf_area`] per unit of world area.
@@ -152,19 +175,157 @@ impl AreaLight {
         (pdf_area > 0.0 && pdf_area.is_finite()).then_some(AreaSample { surface, pdf_area })
     }
 
+    /// Measures how strongly each part shines, so that parts are chosen by power and not by area alone. `radiance` gives the
+    /// luminance at a point of the surface, averaged over about this width; it is asked for `points^2` points of each part (1 is
+    /// enough where the parts are uniform). Every part keeps some chance to be chosen.
+    pub fn measured(mut self, points: u32, radiance: impl Fn(&SurfaceInteraction, f32) -> f32) -> Self {
+        const DIM: f32 = 1e-3;
+        let (count, points) = (self.part_count(), points.max(1));
+        let mean_of = |part: u32| {
+            let width = (self.part_area(part).sqrt() / f64::from(points)) as f32;
+            let grid =
+                (0..points * points).map(|k| (UVec2::new(k % points, k / points).as_vec2() + 0.5) / points as f32);
+            let sum: f32 = grid.filter_map(|u| self.part_surface(part, u)).map(|s| finite(radiance(&s, width))).sum();
+            finite(sum / (points * points) as f32)
+        };
+        self.radiance = (0..count).map(mean_of).collect();
+        let powers: Vec<f64> = (0..count).map(|k| self.part_area(k) * f64::from(self.radiance[k as usize])).collect();
+        let power: f64 = powers.iter().sum();
+        let areas: Vec<f64> = (0..count).map(|k| self.part_area(k)).collect();
+        if let Table::Mesh { choice, placed } = &mut self.table
+            && power > 0.0
+        {
+            let least = f64::from(DIM) / self.area;
+            let weight = |(&p, &a): (&f64, &f64)| (p / power).max(a * least) as f32;
+            *choice = Distribution1D::new(&powers.iter().zip(&areas).map(weight).collect::<Vec<_>>());
+            for (i, (triangle, &area)) in placed.iter_mut().zip(&areas).enumerate() {
+                triangle.pdf = density(choice.probability(i), area);
+            }
+        }
+        self
+    }
+
+    /// Mean luminance of the whole surface's emitted radiance, W / (m^2 sr); 1 before [`Self::measured`].
+    pub fn mean_radiance(&self) -> f64 {
+        if self.radiance.is_empty() {
+            return 1.0;
+        }
+        let sum: f64 = (0..).zip(&self.radiance).map(|(part, &l)| self.part_area(part) * f64::from(l)).sum();
+        sum / self.area
+    }
+
+    /// Where a part is, and how strongly it shines which way.
+    pub fn part_bounds(&self, part: u32, is_two_sided: bool) -> LightBounds {
+        let radiance = f64::from(self.radiance.get(part as usize).copied().unwrap_or(1.0));
+        let (bounds, axis, cos_spread, facing_area) = match (&self.geometry, &self.table) {
+            (EmissiveGeometry::Shape(shape), _) => {
+                let bounds = self.world_from_geometry.bounds(&shape.bounds());
+                match self.part_surface(0, Vec2::splat(0.5)) {
+                    // Shapes without an inside are flat. The shadow of a convex body is a quarter of its surface on average.
+                    Some(surface) if !shape.is_closed() => (bounds, surface.geometric_normal, 1.0, self.area),
+                    _ => (bounds, Vec3::Z, -1.0, self.area * 0.25),
+                }
+            }
+            (_, Table::Mesh { placed, .. }) => {
+                let triangle = &placed[part as usize];
+                (triangle.bounds(), triangle.normal, 1.0, triangle.area())
+            }
+            _ => (Bounds3d::EMPTY, Vec3::Z, -1.0, 0.0),
+        };
+        let intensity = radiance * facing_area;
+        let intensity = if intensity > 0.0 { intensity.min(1e300) } else { 0.0 };
+        LightBounds { bounds, axis, cos_spread, cos_emission: 0.0, is_two_sided, intensity }
+    }
+
+    fn part_area(&self, part: u32) -> f64 {
+        match &self.table {
+            Table::Mesh { placed, .. } => placed[part as usize].area(),
+            Table::Shape { .. } => self.area,
+        }
+    }
+
+    /// A point of a part, uniform by its area (of a shape: in its own coordinates).
+    fn part_surface(&self, part: u32, u: Vec2) -> Option<SurfaceInteraction> {
+        match (&self.geometry, &self.table) {
+            (EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { placed, .. }) => {
+                let (triangle, placed) = (*triangles.get(part as usize)?, placed.get(part as usize)?);
+                Some(self.mesh_surface(mesh, triangle, placed, sampling::uniform_triangle(u)))
+            }
+            (EmissiveGeometry::Shape(shape), _) => self.shape_surface(&**shape, u.as_dvec2()),
+            _ => None,
+        }
+    }
+
+    /// How many parts can be chosen apart from each other: emissive triangles, or 1 for a shape.
+    pub fn part_count(&self) -> u32 {
+        match &self.table {
+            Table::Mesh { placed, .. } => placed.len() as u32,
+            Table::Shape { .. } => 1,
+        }
+    }
+
+    /// A part chosen by its power, its probability, and a uniform number that is left of `u`.
+    pub fn choose_part(&self, u: f32) -> (u32, f32, f32) {
+        match &self.table {
+            Table::Mesh { choice, .. } => {
+                let (part, rest) = choice.sample(u);
+                (part as u32, choice.probability(part), rest)
+            }
+            Table::Shape { .. } => (0, 1.0, u),
+        }
+    }
+
+    /// The probability with which [`Self::choose_part`] gives a part.
+    pub fn part_probability(&self, part: u32) -> f32 {
+        match &self.table {
+            Table::Mesh { choice, .. } if (part as usize) < choice.len() => choice.probability(part as usize),
+            Table::Mesh { .. } => 0.0,
+            Table::Shape { .. } => 1.0,
+        }
+    }
+
+    /// The part that a primitive of the geometry is; `None` if it does not emit.
+    pub fn part_of(&self, primitive: u32) -> Option<u32> {
+        let EmissiveGeometry::Mesh { triangles, .. } = &self.geometry else { return Some(0) };
+        // If all triangles emit, their numbers are their positions.
+        if triangles.get(primitive as usize) == Some(&primitive) {
+            return Some(primitive);
+        }
+        triangles.binary_search(&primitive).ok().map(|part| part as u32)
+    }
+
+    /// A point of a part as seen from `from`. `None` where the part cannot be seen or sampled.
+    pub fn sample_from(&self, part: u32, from: Vec3, u: Vec2) -> Option<DirectedSample> {
+        let surface = self.part_surface(part, u)?;
+        let to_light = surface.position - from;
+        let direction = to_light.try_normalize()?;
+        let pdf = self.pdf_from(part, from, &surface, direction, to_light.length_squared());
+        (pdf > 0.0 && pdf.is_finite()).then_some(DirectedSample { surface, direction, pdf })
+    }
+
+    /// Density per steradian with which [`Self::sample_from`] gives `direction`, in which `surface` was met on this part.
+    pub fn pdf_from(
+        &self,
+        part: u32,
+        _from: Vec3,
+        surface: &SurfaceInteraction,
+        direction: Vec3,
+        distance_squared: f32,
+    ) -> f32 {
+        let pdf_area = match &self.table {
+            Table::Mesh { placed, .. } => density(1.0, placed[part as usize].area()),
+            Table::Shape { pdf } => self.shape_pdf(*pdf, surface.geometric_normal),
+        };
+        let pdf = pdf_area * distance_squared / direction.dot(surface.geometric_normal).abs();
+        if pdf.is_finite() { pdf } else { 0.0 }
+    }
+
     /// Density per unit of world area with which [`Self::sample`] gives the point of this interaction on this light. 0 for
     /// triangles that do not emit. Only the triangle or the normal is looked at, not the position.
     pub fn pdf_area(&self, surface: &SurfaceInteraction) -> f32 {
-        match (&self.geometry, &self.table) {
-            (EmissiveGeometry::Mesh { triangles, .. }, Table::Mesh { placed, .. }) => {
-                // If all triangles emit, their numbers are their positions.
-                let t = surface.primitive;
-                let same = triangles.get(t as usize) == Some(&t);
-                let i = if same { Ok(t as usize) } else { triangles.binary_search(&t) };
-                i.map_or(0.0, |i| placed[i].pdf)
-            }
-            (_, Table::Shape { pdf }) => self.shape_pdf(*pdf, surface.geometric_normal),
-            _ => 0.0,
+        match &self.table {
+            Table::Mesh { placed, .. } => self.part_of(surface.primitive).map_or(0.0, |part| placed[part as usize].pdf),
+            Table::Shape { pdf } => self.shape_pdf(*pdf, surface.geometric_normal),
         }
     }
 
@@ -244,6 +405,15 @@ impl AreaLight {
         let sign = mesh.tangents[indices[0]].w;
         Some((tangent, if self.world_from_geometry.is_mirrored() { -sign } else { sign }))
     }
+}
+
+/// Density per unit of area; 0 for triangles without area.
+fn density(probability: f32, area: f64) -> f32 {
+    if area > 0.0 { (f64::from(probability) / area).min(f64::from(f32::MAX)) as f32 } else { 0.0 }
+}
+
+fn finite(x: f32) -> f32 {
+    if x > 0.0 { x.min(1e30) } else { 0.0 }
 }
 
 /// The mean factor by which the transform stretches the shape's area: exact for similarities and flat shapes.

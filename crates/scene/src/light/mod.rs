@@ -2,12 +2,14 @@
 //! directions ([`environment::EnvironmentLight`]).
 
 pub mod area;
+mod bounds;
 pub mod environment;
 mod panel;
 mod spot;
 #[cfg(test)]
 mod tests;
 
+pub use bounds::LightBounds;
 pub use spot::SpotFalloff;
 
 use serde::{Deserialize, Serialize};

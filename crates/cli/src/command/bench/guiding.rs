@@ -30,6 +30,9 @@ pub struct Options {
     /// Bounces after the first hit at most
     #[arg(long, value_name = "N", default_value_t = Settings::MAX_DEPTH)]
     max_depth: u32,
+    /// Learn from paths only
+    #[arg(long)]
+    no_photons: bool,
     /// Write the pictures here, and use the reference that is here
     #[arg(long, value_name = "FOLDER")]
     keep: Option<PathBuf>,
@@ -77,7 +80,8 @@ fn measure(name: &str, read: &ReadOptions, options: &Options) -> Result<Value, F
         max_depth: options.max_depth,
         ..Settings::default()
     };
-    let guided = Settings { guiding: Some(Guiding { passes: Guiding::MAX_PASSES }), ..plain.clone() };
+    let guiding = Guiding { passes: Guiding::MAX_PASSES, photons: !options.no_photons };
+    let guided = Settings { guiding: Some(guiding), ..plain.clone() };
     let compiled =
         CompiledScene::new(&scene, &plain.build).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
     let render = |settings: &Settings, seconds: f64| render(&compiled, &camera, settings, seconds, options);
@@ -203,17 +207,18 @@ fn heading() -> String {
 
 fn row(value: &Value) -> String {
     let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+    let whole = |value: &Value| value.as_u64().unwrap_or(0);
     let (plain, guided) = (&value["plain"], &value["guided"]);
     format!(
         "{:24} {:9} {:9} {:11.5} {:11.5} {:7.2} {:9.2}  {:6}  {:7}\n",
         scenes::short_name(value["scene"].as_str().unwrap_or_default()),
-        plain["spp"],
-        guided["spp"],
+        whole(&plain["spp"]),
+        whole(&guided["spp"]),
         number(&plain["relative_mse"]),
         number(&guided["relative_mse"]),
         number(&value["gain"]),
         number(&value["gain_without_outliers"]),
-        guided["passes"],
-        guided["regions"],
+        whole(&guided["passes"]),
+        whole(&guided["regions"]),
     )
 }

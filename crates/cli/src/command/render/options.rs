@@ -257,10 +257,10 @@ impl Options {
             )?,
             guiding: self.guiding.map(|guiding| match guiding {
                 GuidingOption::Auto if self.spp.is_none() && self.time.is_some() => {
-                    Guiding { passes: Guiding::MAX_PASSES }
+                    Guiding::with_passes(Guiding::MAX_PASSES)
                 }
                 GuidingOption::Auto => Guiding::for_picture(size, spp),
-                GuidingOption::Passes(passes) => Guiding { passes },
+                GuidingOption::Passes(passes) => Guiding::with_passes(passes),
             }),
             ao_distance: self.ao_distance,
             aovs,

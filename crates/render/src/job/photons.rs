@@ -1,0 +1,192 @@
+//! Photons: what a field learns before the first path. A path finds a small lamp behind glass or behind a door once in a million
+//! times, a photon comes from there (Jensen, Importance driven path tracing using the photon map, 1995; Vorba et al., On-line
+//! learning of parametric mixture models for light transport simulation, 2014).
+//!
+//! Photons only say where paths should look, so they may take short cuts: media do not hold them up, and light goes both ways alike
+//! through every surface.
+
+use super::tracer::Tracer;
+use super::{Job, into_inner, lock};
+use crate::compile::{CompiledLight, CompiledScene};
+use crate::guiding::{Field, Guiding, Record};
+use crate::light_sampler::{LightSampler, LightSamplerKind, Receiver};
+use crate::sampler::{Random, Sampler, SamplerKind};
+use snell_intersect::{Grouping, Hit};
+use snell_math::{Frame, Ray, SampledSpectrum, Vec2, Vec3, sampling};
+use std::f32::consts::PI;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Photons of one render.
+const PHOTONS: usize = 1 << 18;
+/// Photons traced together.
+const BATCH: usize = 4096;
+/// Bounces that a photon makes at most.
+const MAX_DEPTH: u32 = 24;
+/// Largest probability of going on.
+const MAX_SURVIVAL: f32 = 0.95;
+
+/// What numbers are for.
+mod dimension {
+    pub const LIGHT: u32 = 0;
+    pub const POSITION: u32 = 1;
+    pub const DIRECTION: u32 = 2;
+    pub const LOBE: u32 = 3;
+    pub const BSDF: u32 = 4;
+    pub const ROULETTE: u32 = 5;
+}
+
+/// A photon in flight.
+#[derive(Clone, Copy)]
+struct Photon {
+    ray: Ray,
+    flux: SampledSpectrum,
+    /// Roulette goes by what is left of the flux at first.
+    first_flux: f32,
+    random: Random,
+}
+
+impl Job<'_> {
+    /// Shoots photons from all lights, and lets the field learn from what they meet.
+    pub(super) fn learn_from_photons(&self, field: &mut Field, seed: u32, threads: usize) {
+        let lights = self.scene.light_sampler(LightSamplerKind::Power, self.settings.light_strategy);
+        let sampler = Sampler::new(SamplerKind::Independent, seed, 1);
+        let batches: Vec<Mutex<Vec<Record>>> = (0..PHOTONS / BATCH).map(|_| Mutex::default()).collect();
+        let next = AtomicUsize::new(0);
+        let work = || {
+            let mut tracer = Tracer::new(self.scene, None);
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                let Some(records) = batches.get(index) else { break };
+                shoot(self.scene, &lights, &sampler, index, &mut tracer, &mut lock(records));
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 0..threads.max(1) {
+                scope.spawn(work);
+            }
+        });
+        let records: Vec<Record> = batches.into_iter().flat_map(into_inner).collect();
+        field.add(&records, seed, threads);
+        field.learn(Guiding::most_records(0), threads);
+    }
+}
+
+/// Shoots one batch.
+fn shoot(
+    scene: &CompiledScene,
+    lights: &LightSampler,
+    sampler: &Sampler,
+    batch: usize,
+    tracer: &mut Tracer,
+    records: &mut Vec<Record>,
+) {
+    let random = |i: usize| sampler.random([batch as u32, i as u32], 0);
+    let mut photons: Vec<Photon> = (0..BATCH).filter_map(|i| emitted(scene, lights, random(i))).collect();
+    let mut hits = Vec::new();
+    for depth in 0..MAX_DEPTH {
+        let rays: Vec<Ray> = photons.iter().map(|p| p.ray).collect();
+        tracer.closest(&rays, Grouping::None, &mut hits);
+        let bounce = |(photon, hit)| bounced(scene, photon, hit, depth, records);
+        photons = photons.iter().zip(&hits).filter_map(bounce).collect();
+    }
+}
+
+/// A photon leaves a light.
+fn emitted(scene: &CompiledScene, lights: &LightSampler, random: Random) -> Option<Photon> {
+    let vertex = random.at_vertex(0, 0);
+    let chosen = lights.sample(&Receiver::default(), || vertex.number(dimension::LIGHT))?;
+    let (u, v) = (vertex.pair(dimension::POSITION), vertex.pair(dimension::DIRECTION));
+    let (ray, flux) = match &scene.lights()[chosen.light] {
+        CompiledLight::Area(area) => {
+            let sample = area.sample(u)?;
+            let point = scene.shading_point(&sample.surface, 0.0);
+            let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
+            let normal = sample.surface.geometric_normal;
+            let (normal, sides, v) = match material.emits_on_both_sides {
+                true if v.x < 0.5 => (-normal, 2.0, Vec2::new(v.x * 2.0, v.y)),
+                true => (normal, 2.0, Vec2::new(v.x * 2.0 - 1.0, v.y)),
+                false => (normal, 1.0, v),
+            };
+            let direction = Frame::from_z(normal).from_local(sampling::cosine_hemisphere(v)).try_normalize()?;
+            let radiance = material.emitted(&point, direction);
+            (Ray::new(sample.surface.ray_origin(direction), direction), radiance * (sides * PI / sample.pdf_area))
+        }
+        CompiledLight::Light(light) => {
+            let seen = light.sample(scene.center, u, scene.mode)?;
+            if seen.distance.is_finite() {
+                let position = scene.center + seen.direction * seen.distance;
+                let direction = sampling::uniform_sphere(v);
+                // The intensity, from the irradiance near by.
+                let distance = scene.radius * 0.1;
+                let near = light.sample(position + direction * distance, u, scene.mode)?;
+                let flux = near.radiance * (distance * distance * 4.0 * PI / near.pdf);
+                (Ray::new(position, direction), flux)
+            } else {
+                let area = PI * scene.radius * scene.radius;
+                (from_afar(scene, seen.direction, v), seen.radiance * (area / seen.pdf))
+            }
+        }
+        CompiledLight::Environment => {
+            let environment = scene.environment.as_ref()?;
+            let (direction, pdf) = environment.sample(u);
+            let area = PI * scene.radius * scene.radius;
+            (from_afar(scene, direction, v), environment.radiance(direction, scene.mode) * (area / pdf))
+        }
+    };
+    let flux = flux * (1.0 / chosen.probability);
+    let first_flux = flux.max_element();
+    (flux.is_finite() && first_flux > 0.0).then_some(Photon { ray, flux, first_flux, random })
+}
+
+/// A ray from a direction through the disk that the scene shows there.
+fn from_afar(scene: &CompiledScene, direction: Vec3, u: Vec2) -> Ray {
+    let disk = sampling::concentric_disk(u) * scene.radius;
+    let frame = Frame::from_z(direction);
+    let origin = scene.center + frame.from_local(disk.extend(2.0 * scene.radius));
+    Ray::new(origin, -direction)
+}
+
+/// The hit that an interaction describes.
+fn hit_of(surface: &snell_intersect::SurfaceInteraction) -> Hit {
+    Hit {
+        t: surface.t,
+        uv: surface.primitive_uv,
+        instance: surface.instance,
+        geometry: surface.geometry,
+        primitive: surface.primitive,
+    }
+}
+
+/// Writes down where a photon arrives, and sends it on.
+fn bounced(
+    scene: &CompiledScene,
+    photon: &Photon,
+    hit: &Hit,
+    depth: u32,
+    records: &mut Vec<Record>,
+) -> Option<Photon> {
+    if !hit.is_hit() {
+        return None;
+    }
+    let surface = scene.world.interaction(&photon.ray, hit);
+    let point = scene.shading_point(&surface, 0.0);
+    let from = -photon.ray.direction;
+    let shading = scene.material(scene.material_id(hit)).bsdf_towards(&point, from);
+    // Light samples find what comes straight from a light.
+    if depth > 0 && !shading.is_delta() {
+        let normal = shading.frame.z;
+        let normal = if normal.dot(from) < 0.0 { -normal } else { normal };
+        let (position, incident) = (surface.position, photon.flux.average());
+        records.push(Record { position, normal, direction: from, incident, found: 0.0, bsdf_share: 0.0 });
+    }
+    let vertex = photon.random.at_vertex(0, depth + 1);
+    let sample = shading.sample(from, vertex.number(dimension::LOBE), vertex.pair(dimension::BSDF))?;
+    let flux = photon.flux * sample.weight;
+    let survival = (flux.max_element() / photon.first_flux).min(MAX_SURVIVAL);
+    if !flux.is_finite() || !(vertex.number(dimension::ROULETTE) < survival) {
+        return None;
+    }
+    let ray = Ray::new(surface.ray_origin(sample.wi), sample.wi);
+    Some(Photon { ray, flux: flux * (1.0 / survival), ..*photon })
+}
