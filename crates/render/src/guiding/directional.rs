@@ -100,6 +100,16 @@ fn choose(u: &mut f32, first: f32, second: f32) -> bool {
     is_second
 }
 
+/// What is gathered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moment {
+    /// Light: the density becomes proportional to it.
+    First,
+    /// Squares of light: the density of a quad becomes proportional to the square root of their mean, which is best for the variance
+    /// where light is noisy or finer than quads (Rath et al., Variance-aware path guiding, 2020, section 4).
+    Second,
+}
+
 /// What gathers light by direction. Its quads are those that the light found so far asked for.
 #[derive(Clone, Debug)]
 pub struct Gatherer {
@@ -143,8 +153,11 @@ impl Gatherer {
 
     /// The density of what was gathered, and of what was known before with weight `trust` in `[0, 1]`; `None` if both are nothing, or
     /// not finite.
-    pub fn density(&self, trust: f32) -> Option<Density> {
+    pub fn density(&self, moment: Moment, trust: f32) -> Option<Density> {
         let mut nodes = self.nodes.clone();
+        if moment == Moment::Second {
+            take_roots(&mut nodes);
+        }
         let gathered: f32 = nodes.iter().flat_map(|n| n.light).sum();
         if !self.known.is_empty() {
             let (old, new) = if gathered > 0.0 { (trust, (1.0 - trust) / gathered) } else { (1.0, 0.0) };
@@ -200,6 +213,19 @@ impl Gatherer {
     }
 }
 
+/// From sums of squares over undivided quads to what their light counts for.
+fn take_roots(nodes: &mut [Node]) {
+    let mut area = vec![0.25; nodes.len()];
+    for i in 0..nodes.len() {
+        for q in 0..4 {
+            match nodes[i].children[q] {
+                0 => nodes[i].light[q] = (nodes[i].light[q] * area[i]).sqrt(),
+                child => area[child as usize] = area[i] * 0.25,
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -217,7 +243,7 @@ mod tests {
                 let light = 0.01 + 50.0 * f32::from(direction.dot(sun) > 0.995);
                 gatherer.add(direction, light, jitter);
             }
-            density = gatherer.density(0.0);
+            density = gatherer.density(Moment::First, 0.0);
             gatherer = Gatherer::suited_to(density.as_ref().expect("there is light"));
         }
         density.expect("there was a round")
@@ -309,9 +335,9 @@ mod tests {
 
     #[test]
     fn nothing_gathered_is_no_density() {
-        assert!(Gatherer::default().density(0.5).is_none());
+        assert!(Gatherer::default().density(Moment::First, 0.5).is_none());
         let mut spoilt = Gatherer::default();
         spoilt.add(Vec3::X, f32::NAN, Vec2::splat(0.5));
-        assert!(spoilt.density(0.5).is_none());
+        assert!(spoilt.density(Moment::First, 0.5).is_none());
     }
 }

@@ -3,7 +3,7 @@
 //! Regions are the leaves of binary trees, one for each of the six ways that a surface may face (by the largest component of its
 //! normal), so that what shines on one side of a wall is not looked for on the other. A region that sees many records is halved.
 
-use super::directional::{Density, Gatherer};
+use super::directional::{Density, Gatherer, Moment};
 use super::record::Record;
 use snell_math::{Vec3, rng};
 
@@ -11,10 +11,10 @@ use snell_math::{Vec3, rng};
 const MAX_CELLS: usize = 1 << 15;
 /// Most halvings of the scene's box.
 const MAX_DEPTH: u32 = 48;
-/// What is known of a region counts like this many new records.
-const TRUST: f32 = 256.0;
-/// Fewer records than this are no knowledge.
-const MIN_RECORDS: u32 = 32;
+/// What is known of a region counts like this many new records of equal light.
+const TRUST: f64 = 16.0;
+/// Fewer than this are no knowledge.
+const MIN_RECORDS: f64 = 4.0;
 /// The share of BSDF samples stays between these, so that wrong guesses cannot cost much.
 const BSDF_SHARE: [f32; 2] = [0.1, 0.95];
 
@@ -27,41 +27,81 @@ pub struct Cell {
     pub bsdf_share: f32,
     gatherer: Gatherer,
     records: u32,
+    /// What was gathered by direction.
+    gathered: Weights,
     /// Light found by all records, and how much of it BSDF samples would have found.
-    found: f64,
+    found: Weights,
     found_by_bsdf: f64,
+}
+
+/// A sum of weights, and how much it says.
+#[derive(Clone, Copy, Debug, Default)]
+struct Weights {
+    sum: f64,
+    squares: f64,
+}
+
+impl Weights {
+    fn add(&mut self, weight: f32) {
+        self.sum += f64::from(weight);
+        self.squares += f64::from(weight) * f64::from(weight);
+    }
+
+    /// The number of equal weights that would say as much (Kish's effective sample size): one that outweighs all others is one.
+    fn count(&self) -> f64 {
+        if self.squares > 0.0 && self.squares.is_finite() { self.sum * self.sum / self.squares } else { 0.0 }
+    }
+
+    /// The weight of what was known before, against these.
+    fn trust(&self) -> f64 {
+        TRUST / (TRUST + self.count())
+    }
 }
 
 impl Cell {
     fn new() -> Self {
-        Self { density: None, bsdf_share: 0.5, gatherer: Gatherer::default(), records: 0, found: 0.0, found_by_bsdf: 0.0 }
+        Self {
+            density: None,
+            bsdf_share: 0.5,
+            gatherer: Gatherer::default(),
+            records: 0,
+            gathered: Weights::default(),
+            found: Weights::default(),
+            found_by_bsdf: 0.0,
+        }
     }
 
     fn add(&mut self, record: &Record, key: u32) {
         self.records += 1;
-        if record.incident > 0.0 {
+        if record.light > 0.0 {
             let jitter = rng::uniform2([key, self.records, 3, 1]);
-            self.gatherer.add(record.direction, record.incident, jitter);
-            self.found += f64::from(record.found);
+            self.gatherer.add(record.direction, record.light, jitter);
+            self.gathered.add(record.light.sqrt());
+            self.found.add(record.found);
             self.found_by_bsdf += f64::from(record.found) * f64::from(record.bsdf_share);
         }
     }
 
     /// Ends a pass: what was gathered becomes what is known.
-    fn learn(&mut self) {
-        let trust = TRUST / (TRUST + self.records as f32);
-        if (self.density.is_some() || self.records >= MIN_RECORDS)
-            && let Some(density) = self.gatherer.density(trust)
+    fn learn(&mut self, moment: Moment) {
+        if self.density.is_some() && self.found.count() > 0.0 {
+            // A step of expectation maximisation of the mixture of both, from the share that was used.
+            let (share, trust) = (self.found_by_bsdf / self.found.sum, self.found.trust());
+            let share = (f64::from(self.bsdf_share) * trust + share * (1.0 - trust)) as f32;
+            self.bsdf_share = share.clamp(BSDF_SHARE[0], BSDF_SHARE[1]);
+        }
+        if (self.density.is_some() || self.gathered.count() >= MIN_RECORDS)
+            && let Some(density) = self.gatherer.density(moment, self.gathered.trust() as f32)
         {
             self.gatherer = Gatherer::suited_to(&density);
-            // One step of expectation maximisation of the mixture of both, starting from the share that was used.
-            if self.density.is_some() && self.found > 0.0 {
-                let share = (self.found_by_bsdf / self.found) as f32;
-                self.bsdf_share = share.clamp(BSDF_SHARE[0], BSDF_SHARE[1]);
-            }
             self.density = Some(density);
         }
-        (self.found, self.found_by_bsdf) = (0.0, 0.0);
+        self.forget();
+    }
+
+    /// Drops sums that belong to a pass.
+    fn forget(&mut self) {
+        (self.gathered, self.found, self.found_by_bsdf) = (Weights::default(), Weights::default(), 0.0);
     }
 }
 
@@ -205,9 +245,9 @@ impl Field {
         });
     }
 
-    /// Ends a pass: what was gathered becomes what is known, and regions of more than `most` records are halved.
-    pub fn learn(&mut self, most: u32, threads: usize) {
-        self.for_each_cell(threads, |_, cell| cell.learn());
+    /// Ends a pass: what was gathered (records of this moment) becomes what is known, and regions of more than `most` records are halved.
+    pub fn learn(&mut self, moment: Moment, most: u32, threads: usize) {
+        self.for_each_cell(threads, |_, cell| cell.learn(moment));
         for root in 0..FACES {
             self.halve(root, 0, most);
         }
@@ -254,7 +294,8 @@ impl Field {
     pub fn forget_pass(&mut self) {
         for cell in &mut self.cells {
             cell.gatherer = Gatherer::default();
-            (cell.records, cell.found, cell.found_by_bsdf) = (0, 0.0, 0.0);
+            cell.records = 0;
+            cell.forget();
         }
     }
 

@@ -14,9 +14,9 @@ pub struct Record {
     pub normal: Vec3,
     /// The direction; unit.
     pub direction: Vec3,
-    /// Incident radiance times the cosine, over the density of the direction.
-    pub incident: f32,
-    /// The same times the BSDF: what the vertex sent on.
+    /// Of a photon: its flux. Of a path: the square of incident radiance times the cosine, over the density of the direction.
+    pub light: f32,
+    /// Incident radiance times the cosine and the BSDF, over the density of the direction: what the vertex sent on.
     pub found: f32,
     /// The probability that the direction came from the BSDF, given the direction.
     pub bsdf_share: f32,
@@ -88,12 +88,13 @@ impl Recorder {
         records.extend(self.open.iter().map(|open| {
             let brought = (total(open.sample) - open.collected).map(|x| x.max(0.0));
             let Choice { position, normal, direction, pdf, bsdf_share } = open.choice;
-            let incident = mean_ratio(brought, open.after) * direction.dot(normal).abs() / pdf;
+            let incident = mean_ratio(brought, open.after) * direction.dot(normal).abs();
+            let light = incident * incident / pdf;
             let found = mean_ratio(brought, open.before);
             // What is not finite counts as nothing, as it does in the picture.
-            let valid = incident.is_finite() && found.is_finite();
-            let [incident, found] = [incident, found].map(|x| if valid { x } else { 0.0 });
-            Record { position, normal, direction, incident, found, bsdf_share }
+            let valid = light.is_finite() && found.is_finite();
+            let [light, found] = [light, found].map(|x| if valid { x } else { 0.0 });
+            Record { position, normal, direction, light, found, bsdf_share }
         }));
         self.open.clear();
     }

@@ -7,15 +7,13 @@ use snell_math::{Vec2, Vec3};
 use snell_scene::bsdf::BsdfSample;
 use snell_scene::material::ShadingBsdf;
 
-/// Least probability of going on after a guided bounce: a throughput is small where light is expected, too.
-pub const MIN_SURVIVAL: f32 = 0.1;
-
 /// A BSDF and the field's cell that helps it to find light.
 pub struct GuidedBsdf<'a> {
     /// The BSDF alone.
     pub shading: &'a ShadingBsdf,
     /// What is known at the point, where there is a field and a lobe that can be guided.
     cell: Option<&'a Cell>,
+    is_guided: bool,
     is_learning: bool,
 }
 
@@ -23,7 +21,7 @@ impl<'a> GuidedBsdf<'a> {
     /// At a point.
     pub fn new(field: Option<&'a Field>, shading: &'a ShadingBsdf, point: &Receiver) -> Self {
         let cell = field.filter(|_| !shading.is_delta()).map(|f| f.cell(point.position, point.normal));
-        Self { shading, cell, is_learning: field.is_some_and(Field::is_learning) }
+        Self { shading, cell, is_guided: field.is_some(), is_learning: field.is_some_and(Field::is_learning) }
     }
 
     /// Density per steradian with which [`Self::sample`] draws `wi`, without delta lobes.
@@ -63,6 +61,17 @@ impl<'a> GuidedBsdf<'a> {
         (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, is_delta: false, is_transmission })
     }
 
+    /// By what roulette decides whether a path goes on: without guiding, the path's throughput. A guided throughput is small where
+    /// much light is expected, because many paths go there; so what counts is how much this bounce absorbs. `crossing` is
+    /// [`ShadingBsdf::crossing_scale`] of the sample.
+    pub fn survival(&self, wo: Vec3, sample: &BsdfSample, crossing: f32, throughput: f32) -> f32 {
+        match self.cell {
+            _ if !self.is_guided => throughput,
+            Some(_) => self.shading.albedo(wo).max_element(),
+            None => sample.weight.max_element() * crossing,
+        }
+    }
+
     /// What is written down of a direction that was drawn, if the field wants to know. `survival` is the probability with which
     /// the path goes on.
     pub fn choice(&self, point: &Receiver, wo: Vec3, sample: &BsdfSample, survival: f32) -> Option<Choice> {
@@ -74,9 +83,4 @@ impl<'a> GuidedBsdf<'a> {
         let &Receiver { position, normal, .. } = point;
         Some(Choice { position, normal, direction: sample.wi, pdf: sample.pdf * survival, bsdf_share })
     }
-}
-
-/// The larger of a survival probability and what a guided path keeps at least.
-pub fn guided_survival(survival: f32, is_guided: bool) -> f32 {
-    if is_guided { survival.max(MIN_SURVIVAL) } else { survival }
 }

@@ -4,7 +4,7 @@
 use super::estimators::{
     Arrival, background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light,
 };
-use super::guided::{GuidedBsdf, guided_survival};
+use super::guided::GuidedBsdf;
 use super::scattering::scatter;
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::light_sampler::Receiver;
@@ -58,7 +58,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
         let bsdf = |wi| (shading.eval(wo, wi), guided.pdf(wo, wi));
         light_sample(context, vertex, Arrival::Surface(surface.interaction), &receiver, bsdf, out);
     }
-    add_bounce(context, vertex, surface, &receiver, &guided, out);
+    add_bounce(vertex, surface, &receiver, &guided, out);
 }
 
 fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
@@ -131,7 +131,6 @@ pub(super) fn survival(vertex: &Vertex, weight: f32) -> Option<f32> {
 }
 
 fn add_bounce(
-    context: &Context,
     vertex: &Vertex,
     surface: &SurfaceVertex,
     receiver: &Receiver,
@@ -147,7 +146,7 @@ fn add_bounce(
     }
     let crossing = if sample.is_transmission { guided.shading.crossing_scale(wo) } else { 1.0 };
     let eta_scale = vertex.state.eta_scale * crossing;
-    let weight = guided_survival(throughput.max_element() * eta_scale, context.field.is_some());
+    let weight = guided.survival(wo, &sample, crossing, throughput.max_element() * eta_scale);
     let Some(survival) = survival(vertex, weight) else { return };
     throughput *= 1.0 / survival;
     let state = PathState {

@@ -8,17 +8,20 @@
 use super::tracer::Tracer;
 use super::{Job, into_inner, lock};
 use crate::compile::{CompiledLight, CompiledScene};
+use crate::guiding::directional::Moment;
 use crate::guiding::{Field, Guiding, Record};
 use crate::light_sampler::{LightSampler, LightSamplerKind, Receiver};
 use crate::sampler::{Random, Sampler, SamplerKind};
 use snell_intersect::{Grouping, Hit};
-use snell_math::{Frame, Ray, SampledSpectrum, Vec2, Vec3, sampling};
+use snell_math::{Frame, Ray, SampledSpectrum, Vec2, Vec3, rng, sampling};
 use std::f32::consts::PI;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Photons of one render.
-const PHOTONS: usize = 1 << 18;
+const PHOTONS: usize = 1 << 19;
+/// How often the field reads what photons met.
+const ROUNDS: u32 = 4;
 /// Photons traced together.
 const BATCH: usize = 4096;
 /// Bounces that a photon makes at most.
@@ -67,8 +70,11 @@ impl Job<'_> {
             }
         });
         let records: Vec<Record> = batches.into_iter().flat_map(into_inner).collect();
-        field.add(&records, seed, threads);
-        field.learn(Guiding::most_records(0), threads);
+        // Regions and quads are made by what is found in them, so all is read again where there are new ones.
+        for round in 0..ROUNDS {
+            field.add(&records, rng::hash_combine(seed, round), threads);
+            field.learn(Moment::First, Guiding::most_records(0), threads);
+        }
     }
 }
 
@@ -177,8 +183,8 @@ fn bounced(
     if depth > 0 && !shading.is_delta() {
         let normal = shading.frame.z;
         let normal = if normal.dot(from) < 0.0 { -normal } else { normal };
-        let (position, incident) = (surface.position, photon.flux.average());
-        records.push(Record { position, normal, direction: from, incident, found: 0.0, bsdf_share: 0.0 });
+        let (position, light) = (surface.position, photon.flux.average());
+        records.push(Record { position, normal, direction: from, light, found: 0.0, bsdf_share: 0.0 });
     }
     let vertex = photon.random.at_vertex(0, depth + 1);
     let sample = shading.sample(from, vertex.number(dimension::LOBE), vertex.pair(dimension::BSDF))?;

@@ -4,6 +4,7 @@ use super::part::PartRenderer;
 use super::tracer::Tracer;
 use super::{Job, Progress, Statistics, lock};
 use crate::film::{Film, TILE};
+use crate::guiding::directional::Moment;
 use crate::guiding::{Field, Guiding, Record};
 use crate::integrator::{Context, IntegratorKind};
 use crate::sampler::Sampler;
@@ -73,7 +74,7 @@ impl Job<'_> {
                 field.forget_pass();
                 break;
             }
-            field.learn(Guiding::most_records(pass), threads);
+            field.learn(Moment::Second, Guiding::most_records(pass), threads);
             statistics.training_passes += 1;
         }
         field.finish();
