@@ -1,9 +1,12 @@
 //! Scenes that come with the program. They double as examples of how to make scenes in code.
 
 mod cornell_box;
+mod drink;
+mod fog;
 mod minray;
 mod palette;
 mod quads;
+mod smoke;
 mod spheres;
 mod teapot;
 
@@ -38,6 +41,17 @@ pub const BUILTINS: &[Builtin] = &[
         name: "spheres",
         description: "Metal, glass and plastic balls under a sky, seen through a lens",
         make: spheres::scene,
+    },
+    Builtin {
+        name: "fog",
+        description: "A dusty room into which the sun shines through a barred window",
+        make: fog::scene,
+    },
+    Builtin { name: "smoke", description: "A camp fire with its plume of smoke, on grids", make: smoke::scene },
+    Builtin {
+        name: "drink",
+        description: "Iced tea in a tumbler: coloured media in glass, within each other",
+        make: drink::scene,
     },
     Builtin { name: "teapot", description: "Newell's teapot of 32 Bezier patches on a ground", make: teapot::scene },
 ];
