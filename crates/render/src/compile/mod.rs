@@ -138,13 +138,20 @@ impl CompiledScene {
     /// A chooser among the lights.
     pub fn light_sampler(&self, kind: LightSamplerKind, strategy: LightStrategy) -> LightSampler {
         let left_out = self.environment_light().filter(|_| !self.samples_environment(strategy));
-        LightSampler::new(kind, &self.lights.summaries(kind == LightSamplerKind::Bvh, left_out))
+        let mut lights = self.lights.summaries(kind == LightSamplerKind::Bvh, left_out);
+        if let (Some(i), Some(sky), LightStrategy::Mis) = (self.environment_light(), &self.environment, strategy) {
+            lights[i].power *= sky.excess();
+        }
+        LightSampler::new(kind, &lights)
     }
 
-    /// False if the environment is left to BSDF samples. For a constant one that is half the work and less variance.
+    /// False if the environment is left to BSDF samples. For one that is constant that is half the work and less variance.
     pub fn samples_environment(&self, strategy: LightStrategy) -> bool {
-        let is_constant = self.environment.as_ref().is_some_and(|e| e.is_constant());
-        strategy == LightStrategy::Light || !is_constant
+        self.environment.as_ref().is_some_and(|sky| match strategy {
+            LightStrategy::Mis => sky.excess() > 0.0,
+            LightStrategy::Light => true,
+            LightStrategy::Bsdf => false,
+        })
     }
 
     /// A point as materials see it.

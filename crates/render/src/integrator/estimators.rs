@@ -3,6 +3,7 @@
 use super::{Context, PathState, SurfaceVertex, Vertex};
 use crate::compile::CompiledLight;
 use crate::light_sampler::ChosenLight;
+use crate::settings::LightStrategy;
 use snell_intersect::SurfaceInteraction;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3};
 use snell_scene::Background;
@@ -74,16 +75,21 @@ impl Arrival<'_> {
 /// Light arriving from a point of the whole of light number `light`, which is uniform by area for a shape: `u = (0.5, 0.5)` is its
 /// middle. For integrators without multiple importance sampling.
 pub fn sample_whole_light(context: &Context, at: Arrival, light: usize, u: Vec2) -> Option<IncidentLight> {
-    let CompiledLight::Area(area) = &context.scene.lights()[light] else {
-        let chosen = ChosenLight { light, part: None, probability: 1.0 };
-        return sample_light(context, at, &chosen, u);
-    };
-    let sample = area.sample(u)?;
-    let to_light = sample.surface.position - at.position();
-    let direction = to_light.try_normalize()?;
-    let cos = direction.dot(sample.surface.geometric_normal).abs();
-    let pdf = sample.pdf_area * to_light.length_squared() / cos;
-    from_surface(context, at, DirectedSample { surface: sample.surface, direction, pdf })
+    match &context.scene.lights()[light] {
+        CompiledLight::Light(_) => sample_light(context, at, &ChosenLight { light, part: None, probability: 1.0 }, u),
+        CompiledLight::Environment => {
+            let (direction, pdf) = context.scene.environment.as_ref()?.sample(u);
+            from_environment(context, at, direction, pdf)
+        }
+        CompiledLight::Area(area) => {
+            let sample = area.sample(u)?;
+            let to_light = sample.surface.position - at.position();
+            let direction = to_light.try_normalize()?;
+            let cos = direction.dot(sample.surface.geometric_normal).abs();
+            let pdf = sample.pdf_area * to_light.length_squared() / cos;
+            from_surface(context, at, DirectedSample { surface: sample.surface, direction, pdf })
+        }
+    }
 }
 
 /// Light arriving from a point of the chosen light; its `pdf` is that of the point only, without the probability of the choice.
@@ -121,16 +127,22 @@ pub fn sample_light(context: &Context, at: Arrival, chosen: &ChosenLight, u: Vec
             from_surface(context, at, sample)
         }
         CompiledLight::Environment => {
-            let environment = scene.environment.as_ref()?;
-            let (direction, pdf) = environment.sample(u);
-            let radiance = environment.radiance(direction, scene.mode);
-            if radiance.is_black() || pdf <= 0.0 {
-                return None;
-            }
-            let shadow_ray = Ray::new(at.ray_origin(direction), direction);
-            Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+            let sky = scene.environment.as_ref()?;
+            let (direction, pdf) = match context.settings.light_strategy {
+                LightStrategy::Mis => sky.sample_compensated(u)?,
+                LightStrategy::Light | LightStrategy::Bsdf => sky.sample(u),
+            };
+            from_environment(context, at, direction, pdf)
         }
     }
+}
+
+/// Light from a direction of the environment.
+fn from_environment(context: &Context, at: Arrival, direction: Vec3, pdf: f32) -> Option<IncidentLight> {
+    let radiance = environment(context, direction);
+    let shadow_ray = Ray::new(at.ray_origin(direction), direction);
+    let arrives = !radiance.is_black() && pdf > 0.0;
+    arrives.then_some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
 }
 
 /// Light from a point of an emissive surface.
@@ -169,21 +181,19 @@ pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVer
     let CompiledLight::Area(area) = &scene.lights()[light] else { return 0.0 };
     let Some(part) = area.part_of(surface.hit.primitive) else { return 0.0 };
     let receiver = &vertex.state.receiver;
-    let to_light = surface.interaction.position - receiver.position;
-    let pdf = area.pdf_from(part, receiver.position, surface.interaction, vertex.ray.direction, to_light.length_squared());
+    let pdf = area.pdf_from(part, receiver.position, surface.interaction, vertex.ray.direction);
     pdf * context.lights.probability(receiver, light, (part, area.part_probability(part)))
 }
 
 /// Density per steradian with which light samples give a direction to the environment.
 pub fn light_pdf_of_environment(context: &Context, vertex: &Vertex) -> f32 {
     let scene = context.scene;
-    match (&scene.environment, scene.environment_light()) {
-        (Some(environment), Some(light)) => {
-            let probability = context.lights.probability(&vertex.state.receiver, light, (0, 1.0));
-            environment.pdf(vertex.ray.direction) * probability
-        }
-        _ => 0.0,
-    }
+    let (Some(sky), Some(light)) = (&scene.environment, scene.environment_light()) else { return 0.0 };
+    let pdf = match context.settings.light_strategy {
+        LightStrategy::Mis => sky.pdf_compensated(vertex.ray.direction),
+        LightStrategy::Light | LightStrategy::Bsdf => sky.pdf(vertex.ray.direction),
+    };
+    if pdf > 0.0 { pdf * context.lights.probability(&vertex.state.receiver, light, (0, 1.0)) } else { 0.0 }
 }
 
 /// The state after a bounce.
