@@ -48,7 +48,12 @@ fn every_light(with_points: bool) -> (Scene, Camera) {
         let falloff = SpotFalloff::Smooth { inner: 0.3, outer: 0.6 };
         let position = DVec3::new(0.5, 1.7, 0.7);
         scene.lights = vec![
-            Light::Point { position: DVec3::new(-0.2, 0.3, -0.6), intensity: Rgb::splat(0.1), attenuation, body_radius: 0.0 },
+            Light::Point {
+                position: DVec3::new(-0.2, 0.3, -0.6),
+                intensity: Rgb::splat(0.1),
+                attenuation,
+                body_radius: 0.0,
+            },
             Light::Spot { position, direction: DVec3::NEG_Y, intensity: Rgb::splat(1.0), attenuation, falloff },
             Light::Directional { direction: DVec3::new(0.3, -0.9, -0.2).normalize(), irradiance: Rgb::splat(0.2) },
             Light::Point { position, intensity: Rgb::splat(0.1), attenuation: Attenuation::NONE, body_radius: 0.0 },

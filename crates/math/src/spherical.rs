@@ -66,7 +66,8 @@ impl SphericalRectangle {
         let g2 = (-b1 * n3).clamp(-1.0, 1.0).acos();
         let g3 = (-n3 * b0).clamp(-1.0, 1.0).acos();
         let k = TAU - g2 - g3;
-        let corners = [min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)].map(|p| p.extend(z).normalize_or_zero());
+        let corners =
+            [min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)].map(|p| p.extend(z).normalize_or_zero());
         let [a, b, c, d] = corners;
         let solid_angle = triangle_solid_angle(a, b, c) + triangle_solid_angle(a, c, d);
         Self { min, max, z, b: [b0, b1], k, solid_angle }

@@ -112,13 +112,7 @@ fn add_light_sample(
     }
 }
 
-fn add_bounce(
-    vertex: &Vertex,
-    surface: &SurfaceVertex,
-    receiver: &Receiver,
-    shading: &ShadingBsdf,
-    out: &mut Outputs,
-) {
+fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, receiver: &Receiver, shading: &ShadingBsdf, out: &mut Outputs) {
     let wo = outgoing(vertex.ray);
     let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
     let Some(sample) = shading.sample(wo, u_lobe, u) else { return };

@@ -243,7 +243,8 @@ fn set_child(node: &mut Node, lane: usize, emitters: &[Emitter]) {
     let sum = emitters.iter().fold(Vec3::ZERO, |sum, e| sum + e.axis * e.intensity);
     let axis = sum.try_normalize().unwrap_or(emitters[0].axis);
     // Rounding of unit vectors.
-    let least = emitters.iter().map(|e| e.axis.dot(axis)).fold(1.0, f32::min) - if emitters.len() > 1 { 1e-6 } else { 0.0 };
+    let least =
+        emitters.iter().map(|e| e.axis.dot(axis)).fold(1.0, f32::min) - if emitters.len() > 1 { 1e-6 } else { 0.0 };
     let widest = emitters.iter().map(|e| e.cos_spread).fold(1.0, f32::min);
     let cos_spread = if widest == 1.0 { least.max(-1.0) } else { (angle(least) + angle(widest)).min(PI).cos() };
     for k in 0..3 {

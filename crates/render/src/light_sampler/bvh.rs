@@ -9,8 +9,8 @@ use super::build;
 use super::cone::{cos_of_difference, sin_from_cos, sin_of_difference};
 use super::table::LightTable;
 use super::{ChosenLight, LightSummary, Receiver};
-use snell_math::rng::ONE_MINUS_EPSILON;
 use snell_math::Vec3;
+use snell_math::rng::ONE_MINUS_EPSILON;
 
 /// Children of a node.
 pub const WIDTH: usize = 8;
@@ -89,7 +89,8 @@ impl LightBvh {
         let nodes = build::build(&normalized);
         let in_tree = |i: &usize| first[*i] != NONE && !nodes.is_empty();
         let tree_power: f64 = (0..lights.len()).filter(in_tree).map(|i| lights[i].power).sum();
-        let weights = mixed(std::iter::once(tree_power).chain(beside.iter().map(|&i| lights[i as usize].power)).collect());
+        let weights =
+            mixed(std::iter::once(tree_power).chain(beside.iter().map(|&i| lights[i as usize].power)).collect());
         let table = LightTable::new(&weights[1..]);
         let places = vec![NONE; emitters.len()];
         let tree_share = weights[0] as f32;

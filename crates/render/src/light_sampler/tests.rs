@@ -86,7 +86,8 @@ fn the_tree_gives_every_emitter_with_the_probability_it_says() {
             let receiver = receiver(key, size);
             let parts = |l: &LightSummary| l.parts.len().max(1) as u32;
             let of = |light: usize, part: u32| sampler.probability(&receiver, light, (part, 1.0));
-            let all: f64 = (0..lights.len()).flat_map(|l| (0..parts(&lights[l])).map(move |p| f64::from(of(l, p)))).sum();
+            let all: f64 =
+                (0..lights.len()).flat_map(|l| (0..parts(&lights[l])).map(move |p| f64::from(of(l, p)))).sum();
             let mut chosen_at_all = 0.0;
             for i in 0..2000 {
                 let u = (i as f32 + 0.5) / 2000.0;

@@ -60,7 +60,8 @@ impl IntensityTable {
         let polar = direction.z.clamp(-1.0, 1.0).acos();
         let azimuth = direction.y.atan2(direction.x);
         let Some((row, t)) = interval(&self.polar, polar) else { return Rgb::BLACK };
-        let (column, s) = interval(&self.azimuth, if azimuth < 0.0 { azimuth + TAU } else { azimuth }).unwrap_or((0, 0.0));
+        let (column, s) =
+            interval(&self.azimuth, if azimuth < 0.0 { azimuth + TAU } else { azimuth }).unwrap_or((0, 0.0));
         let value = |column: usize| {
             let start = column.min(self.azimuth.len() - 1) * self.polar.len();
             let next = (row + 1).min(self.polar.len() - 1);

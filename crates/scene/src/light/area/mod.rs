@@ -141,10 +141,7 @@ impl AreaLight {
         let area: f64 = areas.iter().sum();
         // Weights relative to the whole: areas may be too small or large for single precision.
         let choice = Distribution1D::new(&areas.iter().map(|a| (a / area) as f32).collect::<Vec<_>>());
-        let pdf = areas
-            .iter()
-            .enumerate()
-            .map(|(i, &a)| density(choice.probability(i), a));
+        let pdf = areas.iter().enumerate().map(|(i, &a)| density(choice.probability(i), a));
         let placed_triangle = |(&t, pdf): (&u32, f32)| PlacedTriangle::new(&mesh, t, &placed, pdf);
         let placed_triangles = triangles.iter().zip(pdf).map(placed_triangle).collect();
         let table = Table::Mesh { choice, placed: placed_triangles };
@@ -191,7 +188,8 @@ impl AreaLight {
         let (count, points) = (self.part_count(), points.max(1));
         let mean_of = |part: u32| {
             let width = (self.part_area(part).sqrt() / f64::from(points)) as f32;
-            let grid = (0..points * points).map(|k| (UVec2::new(k % points, k / points).as_vec2() + 0.5) / points as f32);
+            let grid =
+                (0..points * points).map(|k| (UVec2::new(k % points, k / points).as_vec2() + 0.5) / points as f32);
             let sum: f32 = grid.filter_map(|u| self.part_surface(part, u)).map(|s| finite(radiance(&s, width))).sum();
             finite(sum / (points * points) as f32)
         };
@@ -370,9 +368,7 @@ impl AreaLight {
     /// triangles that do not emit. Only the triangle or the normal is looked at, not the position.
     pub fn pdf_area(&self, surface: &SurfaceInteraction) -> f32 {
         match &self.table {
-            Table::Mesh { placed, .. } => {
-                self.part_of(surface.primitive).map_or(0.0, |part| placed[part as usize].pdf)
-            }
+            Table::Mesh { placed, .. } => self.part_of(surface.primitive).map_or(0.0, |part| placed[part as usize].pdf),
             Table::Shape { pdf, .. } => self.shape_pdf(*pdf, surface.geometric_normal),
         }
     }

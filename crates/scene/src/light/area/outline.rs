@@ -7,12 +7,27 @@ use snell_math::{DVec2, DVec3, Transform, Vec2};
 /// A part whose solid angle can be sampled, in the world.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Outline {
-    Triangle { corner: DVec3, edges: [DVec3; 2] },
+    Triangle {
+        corner: DVec3,
+        edges: [DVec3; 2],
+    },
     /// Unit vectors along the sides, half of their lengths.
-    Rectangle { center: DVec3, axes: [DVec3; 2], half: DVec2 },
+    Rectangle {
+        center: DVec3,
+        axes: [DVec3; 2],
+        half: DVec2,
+    },
     /// A disk or ring: sampled as the square around it, if it is near.
-    Disk { center: DVec3, axes: [DVec3; 2], radius: f64, inner: f64 },
-    Sphere { center: DVec3, radius: f64 },
+    Disk {
+        center: DVec3,
+        axes: [DVec3; 2],
+        radius: f64,
+        inner: f64,
+    },
+    Sphere {
+        center: DVec3,
+        radius: f64,
+    },
     /// Sampled by area.
     Other,
 }

@@ -167,8 +167,7 @@ fn surfaces_without_area_are_no_lights() {
 fn every_shape_with_area_can_be_a_light() {
     for shape in AnyShape::examples() {
         for place in [Transform::IDENTITY, stretched()] {
-            let Some(light) = AreaLight::new(EmissiveGeometry::Shape(Arc::new(shape.clone())), place, (0, 0))
-            else {
+            let Some(light) = AreaLight::new(EmissiveGeometry::Shape(Arc::new(shape.clone())), place, (0, 0)) else {
                 assert!(!shape.area().is_finite() || shape.area() == 0.0, "{shape:?}");
                 continue;
             };
@@ -186,7 +185,8 @@ fn every_shape_with_area_can_be_a_light() {
 /// Lights of each kind that knows how it looks from a point, and of some that do not, in two places.
 fn seen_lights() -> Vec<AreaLight> {
     let turned = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.1) * 1.5;
-    let turned = Transform::new(DAffine3::from_mat3_translation(turned, DVec3::new(0.2, -0.1, 0.3))).expect("invertible");
+    let turned =
+        Transform::new(DAffine3::from_mat3_translation(turned, DVec3::new(0.2, -0.1, 0.3))).expect("invertible");
     let shapes: Vec<AnyShape> = vec![
         Sphere { radius: 0.7 }.into(),
         Disk { radius: 1.0, inner_radius: 0.0 }.into(),
@@ -232,7 +232,9 @@ fn points_seen_from_somewhere_are_distributed_by_their_density() {
     const CELLS: usize = 5;
     let mut tests = 0;
     for (number, light) in seen_lights().into_iter().enumerate() {
-        for (k, from) in [Vec3::new(0.4, 0.9, 1.6), Vec3::new(-3.0, 2.0, -1.0), Vec3::new(0.3, 0.5, -9.0)].into_iter().enumerate() {
+        for (k, from) in
+            [Vec3::new(0.4, 0.9, 1.6), Vec3::new(-3.0, 2.0, -1.0), Vec3::new(0.3, 0.5, -9.0)].into_iter().enumerate()
+        {
             for part in (0..light.part_count()).filter(|&part| light.part_area(part) > 0.0) {
                 let cell = |s: &SurfaceInteraction| {
                     let uv = if s.primitive_uv == Vec2::ZERO { s.uv[0] } else { s.primitive_uv };

@@ -80,7 +80,12 @@ fn row_cos(row: usize, rows: usize) -> f64 {
 }
 
 /// Mean of all texels that a cell of a smaller (or equal) table touches.
-pub(super) fn block_mean(values: &[f32], [w, h]: [usize; 2], [column, row]: [usize; 2], [columns, rows]: [usize; 2]) -> f32 {
+pub(super) fn block_mean(
+    values: &[f32],
+    [w, h]: [usize; 2],
+    [column, row]: [usize; 2],
+    [columns, rows]: [usize; 2],
+) -> f32 {
     let range = |i: usize, cells: usize, texels: usize| (i * texels / cells, ((i + 1) * texels).div_ceil(cells));
     let ((x0, x1), (y0, y1)) = (range(column, columns, w), range(row, rows, h));
     let sum: f64 = (y0..y1).flat_map(|y| &values[y * w + x0..y * w + x1]).map(|&v| f64::from(v)).sum();

@@ -205,7 +205,9 @@ mod tests {
     #[test]
     fn daylight_is_as_bright_as_in_nature() {
         // Clear days: total and diffuse illuminance in klx, of the ranges that daylight tables give (IES, CIE).
-        for (elevation, total, diffuse) in [(60.0, 75.0..115.0, 8.0..25.0), (30.0, 35.0..60.0, 6.0..18.0), (5.0, 2.0..9.0, 1.5..7.0)] {
+        for (elevation, total, diffuse) in
+            [(60.0, 75.0..115.0, 8.0..25.0), (30.0, 35.0..60.0, 6.0..18.0), (5.0, 2.0..9.0, 1.5..7.0)]
+        {
             let sky = Sky { elevation, ..Sky::default() };
             let (all, without) = (illuminance(sky) / 1e3, illuminance(Sky { sun: 0.0, ..sky }) / 1e3);
             eprintln!("{elevation} degrees: {all:.1} klx, {without:.1} klx without the sun");
