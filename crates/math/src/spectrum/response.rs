@@ -16,8 +16,9 @@ static RESPONSE: [[f32; 3]; LAMBDA_COUNT] = response();
 
 /// D65 at a wavelength of the observer: linear between the entries.
 const fn d65(i: usize) -> f64 {
-    let t = (i % 5) as f64 / 5.0;
-    if i % 5 == 0 { D65[i / 5] } else { D65[i / 5] * (1.0 - t) + D65[i / 5 + 1] * t }
+    let (node, t) = (i / 5, (i % 5) as f64 / 5.0);
+    let next = if node + 1 < D65.len() { node + 1 } else { node };
+    D65[node] * (1.0 - t) + D65[next] * t
 }
 
 /// Y of a light of 1 at all wavelengths, in the units of the table of the observer.
