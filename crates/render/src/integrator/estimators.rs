@@ -12,10 +12,10 @@ use snell_scene::light::area::DirectedSample;
 /// How far along a shadow ray to a point occluders count: just short of the light itself.
 const SHADOW_END: f32 = 1.0 - 1e-4;
 
-/// The environment's radiance along a direction; black without one.
-pub fn environment(context: &Context, direction: Vec3) -> SampledSpectrum {
-    let scene = context.scene;
-    scene.environment.as_ref().map_or(SampledSpectrum::ZERO, |e| e.radiance(direction, scene.mode))
+/// The environment's radiance along the ray that came to a vertex; black without one.
+pub fn environment(context: &Context, vertex: &Vertex) -> SampledSpectrum {
+    let environment = context.scene.environment.as_ref();
+    environment.map_or(SampledSpectrum::ZERO, |e| e.radiance(vertex.ray.direction, vertex.state.mode))
 }
 
 /// What a ray that leaves the scene shows, or `None` if it carries the environment's light and not the background.
@@ -24,7 +24,7 @@ pub fn environment(context: &Context, direction: Vec3) -> SampledSpectrum {
 pub fn background(context: &Context, vertex: &Vertex) -> Option<SampledSpectrum> {
     let shows = vertex.depth == 0 || (vertex.state.is_specular && context.scene.environment.is_none());
     match context.scene.background {
-        Background::Color(color) if shows => Some(context.scene.mode.illuminant(color)),
+        Background::Color(color) if shows => Some(vertex.state.mode.illuminant(color)),
         Background::Transparent if vertex.depth == 0 => Some(SampledSpectrum::ZERO),
         _ => None,
     }
@@ -45,6 +45,7 @@ pub struct IncidentLight {
     pub shadow_ray: Ray,
 }
 
+<<<<<<< HEAD
 /// Where light arrives and shadow rays begin.
 #[derive(Clone, Copy, Debug)]
 pub enum Arrival<'a> {
@@ -99,6 +100,15 @@ pub fn sample_light(context: &Context, at: Arrival, chosen: &ChosenLight, u: Vec
         CompiledLight::Light(light) => {
             let sample = light.sample(at.position(), u, scene.mode)?;
             let origin = at.ray_origin(sample.direction);
+=======
+/// Light arriving at a surface point from light number `light`.
+pub fn sample_light(context: &Context, vertex: &SurfaceVertex, light: usize, u: Vec2) -> Option<IncidentLight> {
+    let (scene, surface, mode) = (context.scene, vertex.interaction, vertex.mode);
+    match &scene.lights()[light] {
+        CompiledLight::Light(light) => {
+            let sample = light.sample(surface.position, u, mode)?;
+            let origin = surface.ray_origin(sample.direction);
+>>>>>>> main
             let shadow_ray = if sample.distance.is_finite() {
                 // Aim from the moved origin at the same point of the light.
                 let target = at.position() + sample.direction * sample.distance;
@@ -115,6 +125,7 @@ pub fn sample_light(context: &Context, at: Arrival, chosen: &ChosenLight, u: Vec
             })
         }
         CompiledLight::Area(area) => {
+<<<<<<< HEAD
             let (part, probability, u) = match chosen.part {
                 Some(part) => (part, 1.0, u),
                 None => {
@@ -133,6 +144,36 @@ pub fn sample_light(context: &Context, at: Arrival, chosen: &ChosenLight, u: Vec
                 LightStrategy::Light | LightStrategy::Bsdf => sky.sample(u),
             };
             from_environment(context, at, direction, pdf)
+=======
+            let sample = area.sample(u)?;
+            let to_light = sample.surface.position - surface.position;
+            let distance_squared = to_light.length_squared();
+            let direction = to_light.try_normalize()?;
+            let cos = direction.dot(sample.surface.geometric_normal).abs();
+            let pdf = sample.pdf_area * distance_squared / cos;
+            let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
+            let point = scene.shading_point(&sample.surface, 0.0, mode);
+            // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends before it.
+            let presence = material.presence(direction, &point);
+            let radiance = material.emitted(&point, -direction) * presence;
+            if radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {
+                return None;
+            }
+            let origin = surface.ray_origin(direction);
+            let target = sample.surface.ray_origin(-direction);
+            let shadow_ray = Ray::new(origin, target - origin).with_t_max(SHADOW_END);
+            Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+        }
+        CompiledLight::Environment => {
+            let environment = scene.environment.as_ref()?;
+            let (direction, pdf) = environment.sample(u);
+            let radiance = environment.radiance(direction, mode);
+            if radiance.is_black() || pdf <= 0.0 {
+                return None;
+            }
+            let shadow_ray = Ray::new(surface.ray_origin(direction), direction);
+            Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+>>>>>>> main
         }
     }
 }

@@ -54,7 +54,7 @@ fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
     if let Some(background) = background(context, vertex) {
         return vertex.state.throughput * background;
     }
-    let radiance = environment(context, vertex.ray.direction);
+    let radiance = environment(context, vertex);
     if radiance.is_black() {
         return SampledSpectrum::ZERO;
     }
@@ -92,7 +92,11 @@ fn add_light_sample(
     let Some(chosen) = context.lights.sample(receiver, u) else { return };
     let probability = chosen.probability;
     let u = vertex.random.pair(dimension::LIGHT);
+<<<<<<< HEAD
     let Some(sample) = sample_light(context, Arrival::Surface(surface.interaction), &chosen, u) else { return };
+=======
+    let Some(sample) = sample_light(context, surface, light, u) else { return };
+>>>>>>> main
     if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
         return;
     }
