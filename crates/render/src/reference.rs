@@ -27,9 +27,9 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
             let (mut plain, mut sum, mut weights) = (Rgb::BLACK, Rgb::BLACK, 0.0);
             for number in 0..settings.spp {
                 let random = sampler.random([x, y], number);
-                let (ray, state, weight) = camera_path(scene, camera, settings, &filter, [x, y], &random);
+                let (ray, state, weight) = camera_path(camera, settings, &filter, [x, y], &random);
                 let mut media = Media::new(scene, settings, camera);
-                let color = scene.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
+                let color = state.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
                 plain = plain + color;
                 sum = sum + color * weight;
                 weights += weight;
@@ -72,6 +72,7 @@ fn radiance(
         interaction,
         material: scene.material(scene.material_id(&hit)),
         footprint: state.cone_width + state.cone_spread * hit.t,
+        mode: state.mode,
         outside_ior: media.as_ref().map_or(1.0, |m| m.walker.outside_ior(&m.insides, &hit)),
     });
     let vertex = Vertex { depth, ray: &ray, state: &state, random: numbers, surface, medium };

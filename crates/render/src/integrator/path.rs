@@ -64,7 +64,7 @@ fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
     if let Some(background) = background(context, vertex) {
         return vertex.state.throughput * background;
     }
-    let radiance = environment(context, vertex.ray.direction);
+    let radiance = environment(context, vertex);
     if radiance.is_black() {
         return SampledSpectrum::ZERO;
     }

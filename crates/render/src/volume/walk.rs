@@ -73,7 +73,7 @@ impl<'a> Walker<'a> {
         radiance: &mut SampledSpectrum,
     ) -> PathStep {
         let segment = segment_to(ray, hit);
-        let travel = self.travel(own, insides, &segment, state.throughput, self.scene.mode, numbers);
+        let travel = self.travel(own, insides, &segment, state.throughput, state.mode, numbers);
         state.throughput = travel.throughput;
         *radiance += travel.emitted;
         if let Some(scattered) = travel.scattered {
@@ -86,7 +86,7 @@ impl<'a> Walker<'a> {
         }
         let surface = self.scene.world.interaction(&*ray, hit);
         state.cone_width += state.cone_spread * segment.length;
-        *insides = self.beyond(own, insides, &surface, hit, ray.direction);
+        *insides = self.beyond(own, insides, &surface, hit, ray.direction, state.mode);
         *ray = Ray::new(surface.ray_origin(ray.direction), ray.direction);
         PathStep::Passed
     }
@@ -97,6 +97,7 @@ impl<'a> Walker<'a> {
         own: &mut OwnMedia,
         ray: &mut Ray,
         value: &mut SampledSpectrum,
+        mode: ColorMode,
         insides: &mut Insides,
         hit: &Hit,
         numbers: &mut Numbers,
@@ -105,7 +106,7 @@ impl<'a> Walker<'a> {
         if hit.is_hit() && !is_passed {
             return LightStep::Blocked;
         }
-        *value = self.attenuate(own, insides, &segment_to(ray, hit), *value, self.scene.mode, numbers);
+        *value = self.attenuate(own, insides, &segment_to(ray, hit), *value, mode, numbers);
         if value.is_black() {
             return LightStep::Blocked;
         }
@@ -113,7 +114,7 @@ impl<'a> Walker<'a> {
             return LightStep::Arrived;
         }
         let surface = self.scene.world.interaction(&*ray, hit);
-        *insides = self.beyond(own, insides, &surface, hit, ray.direction);
+        *insides = self.beyond(own, insides, &surface, hit, ray.direction, mode);
         let left = ray.t_max - hit.t;
         *ray = Ray::new(surface.ray_origin(ray.direction), ray.direction).with_t_max(left);
         if left > 0.0 { LightStep::Passed } else { LightStep::Arrived }
@@ -182,12 +183,13 @@ impl<'a> Walker<'a> {
         surface: &SurfaceInteraction,
         hit: &Hit,
         direction: Vec3,
+        mode: ColorMode,
     ) -> Insides {
         let mut insides = *insides;
         let material = self.scene.material_id(hit);
         let Some(boundary) = self.table.boundary(material) else { return insides };
         if surface.is_front_facing(direction) {
-            insides.enter(self.inside(own, material, boundary, surface));
+            insides.enter(self.inside(own, material, boundary, surface, mode));
         } else {
             insides.leave(material);
         }
@@ -197,7 +199,7 @@ impl<'a> Walker<'a> {
     fn inside(&self, own: &mut OwnMedia, id: MaterialId, boundary: &Boundary, surface: &SurfaceInteraction) -> Inside {
         let material = self.scene.material(id);
         let mut brought = || {
-            material.own_medium(&self.scene.shading_point(surface, 0.0)).map(|medium| {
+            material.own_medium(&self.scene.shading_point(surface, 0.0, mode)).map(|medium| {
                 own.push(medium);
                 Filling::Own(own.len() as u32 - 1)
             })

@@ -4,6 +4,7 @@ mod cornell_box;
 mod drink;
 mod fog;
 mod minray;
+mod night_town;
 mod palette;
 mod quads;
 mod smoke;
@@ -36,6 +37,11 @@ pub const BUILTINS: &[Builtin] = &[
         name: "minray",
         description: "Heckbert's business card ray tracer: five spheres, three of which shine",
         make: minray::scene,
+    },
+    Builtin {
+        name: "night-town",
+        description: "A town at night: a thousand lamps of very different strengths, most of them hidden",
+        make: night_town::scene,
     },
     Builtin {
         name: "spheres",
