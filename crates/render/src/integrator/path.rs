@@ -92,11 +92,7 @@ fn add_light_sample(
     let Some(chosen) = context.lights.sample(receiver, u) else { return };
     let probability = chosen.probability;
     let u = vertex.random.pair(dimension::LIGHT);
-<<<<<<< HEAD
-    let Some(sample) = sample_light(context, Arrival::Surface(surface.interaction), &chosen, u) else { return };
-=======
-    let Some(sample) = sample_light(context, surface, light, u) else { return };
->>>>>>> main
+    let Some(sample) = sample_light(context, &Arrival::at_surface(surface), &chosen, u) else { return };
     if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
         return;
     }
