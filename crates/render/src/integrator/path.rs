@@ -55,7 +55,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     };
     if !shading.is_delta() {
         let bsdf = |wi| (shading.eval(wo, wi), shading.pdf(wo, wi));
-        light_sample(context, vertex, Arrival::Surface(surface.interaction), &receiver, bsdf, out);
+        light_sample(context, vertex, Arrival::at_surface(surface), &receiver, bsdf, out);
     }
     add_bounce(vertex, surface, &receiver, &shading, out);
 }
@@ -101,7 +101,7 @@ pub(super) fn light_sample(
     let Some(chosen) = context.lights.sample(receiver, u) else { return };
     let probability = chosen.probability;
     let u = vertex.random.pair(dimension::LIGHT);
-    let Some(sample) = sample_light(context, at, &chosen, u) else { return };
+    let Some(sample) = sample_light(context, &at, &chosen, u) else { return };
     if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
         return;
     }

@@ -148,7 +148,7 @@ impl<'a> PartRenderer<'a> {
     fn travel(&mut self, depth: u32, grouping: Grouping) {
         let Some(volumes) = &mut self.volumes else { return };
         if depth == 0 {
-            volumes.start(self.paths.len());
+            volumes.start(&self.paths);
         }
         let samples = &mut self.samples;
         let randoms: Vec<Random> = samples.iter().map(|s| s.random).collect();
@@ -305,7 +305,10 @@ impl<'a> PartRenderer<'a> {
         let rays = &mut self.light_rays;
         statistics.rays.shadow += rays.rays.len() as u64;
         match &mut self.volumes {
-            Some(volumes) => volumes.trace_light_rays(&mut self.tracer, rays),
+            Some(volumes) => {
+                let samples = &self.samples;
+                volumes.trace_light_rays(&mut self.tracer, rays, |sample| samples[sample as usize].mode);
+            }
             None => self.tracer.occluded(&rays.rays, &mut rays.blocked),
         }
         for ((&sample, &value), &blocked) in rays.samples.iter().zip(&rays.values).zip(&rays.blocked) {
