@@ -176,6 +176,9 @@ impl CompiledScene {
 impl HitFilter for CompiledScene {
     fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
         let material = self.material(self.material_id(hit));
+        if material.is_interface() {
+            return false;
+        }
         let surface = self.world.interaction(ray, hit);
         let bits =
             |v: Vec3| rng::pcg4d([v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), hit.primitive ^ hit.geometry << 16]);
