@@ -11,7 +11,7 @@ use crate::sampler::{Random, Sampler};
 use crate::settings::Settings;
 use crate::volume::{Insides, LightStep, Numbers, OwnMedia, PathStep, Walker};
 use snell_intersect::Hit;
-use snell_math::{Ray, Rgb, SampledSpectrum};
+use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum};
 use snell_scene::Camera;
 
 /// Renders a picture: for each pixel, the filtered mean of its samples. Row by row from the top.
@@ -27,9 +27,9 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
             let (mut plain, mut sum, mut weights) = (Rgb::BLACK, Rgb::BLACK, 0.0);
             for number in 0..settings.spp {
                 let random = sampler.random([x, y], number);
-                let (ray, state, weight) = camera_path(scene, camera, settings, &filter, [x, y], &random);
-                let mut media = Media::new(scene, settings, camera);
-                let color = scene.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
+                let (ray, state, weight) = camera_path(camera, settings, &filter, [x, y], &random);
+                let mut media = Media::new(scene, settings, camera, state.mode);
+                let color = state.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
                 plain = plain + color;
                 sum = sum + color * weight;
                 weights += weight;
@@ -72,6 +72,7 @@ fn radiance(
         interaction,
         material: scene.material(scene.material_id(&hit)),
         footprint: state.cone_width + state.cone_spread * hit.t,
+        mode: state.mode,
         outside_ior: media.as_ref().map_or(1.0, |m| m.walker.outside_ior(&m.insides, &hit)),
     });
     let vertex = Vertex { depth, ray: &ray, state: &state, random: numbers, surface, medium };
@@ -83,7 +84,7 @@ fn radiance(
         sum += match media {
             Some(media) => {
                 media.go_on(here, &vertex, light_ray);
-                media.arriving(scene, *light_ray, *value, Numbers::of_light_ray(numbers, number))
+                media.arriving(scene, *light_ray, *value, state.mode, Numbers::of_light_ray(numbers, number))
             }
             None if scene.world.occluded_one(light_ray, scene) => SampledSpectrum::ZERO,
             None => *value,
@@ -106,10 +107,11 @@ struct Media<'a> {
 }
 
 impl<'a> Media<'a> {
-    fn new(scene: &'a CompiledScene, settings: &Settings, camera: &Camera) -> Option<Self> {
+    fn new(scene: &'a CompiledScene, settings: &Settings, camera: &Camera, mode: ColorMode) -> Option<Self> {
         let walker = Walker::new(scene).filter(|_| settings.integrator.sees_media())?;
         let mut own = OwnMedia::new();
-        let insides = walker.insides_at(&mut own, camera.eye.as_vec3());
+        let around = walker.surfaces_around(camera.eye.as_vec3());
+        let insides = walker.insides_of(&mut own, &around, mode);
         Some(Self { walker, own, insides })
     }
 
@@ -139,12 +141,13 @@ impl<'a> Media<'a> {
         scene: &CompiledScene,
         mut ray: Ray,
         mut value: SampledSpectrum,
+        mode: ColorMode,
         mut numbers: Numbers,
     ) -> SampledSpectrum {
         loop {
             let hit = scene.world.closest_one(&ray, &self.walker);
             let insides = &mut self.insides;
-            match self.walker.light_step(&mut self.own, &mut ray, &mut value, insides, &hit, &mut numbers) {
+            match self.walker.light_step(&mut self.own, &mut ray, &mut value, mode, insides, &hit, &mut numbers) {
                 LightStep::Arrived => return value,
                 LightStep::Blocked => return SampledSpectrum::ZERO,
                 LightStep::Passed => {}
@@ -159,7 +162,8 @@ impl<'a> Media<'a> {
         let (normal, direction) = (surface.interaction.geometric_normal, ray.direction);
         if direction.dot(normal) * vertex.ray.direction.dot(normal) > 0.0 {
             let own = &mut self.own;
-            self.insides = self.walker.beyond(own, &self.insides, surface.interaction, surface.hit, direction);
+            self.insides =
+                self.walker.beyond(own, &self.insides, surface.interaction, surface.hit, direction, surface.mode);
         }
     }
 }

@@ -3,18 +3,19 @@
 use super::{Context, PathState, SurfaceVertex, Vertex};
 use crate::compile::CompiledLight;
 use crate::light_sampler::ChosenLight;
+use crate::settings::LightStrategy;
 use snell_intersect::SurfaceInteraction;
-use snell_math::{Ray, SampledSpectrum, Vec2, Vec3};
+use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3};
 use snell_scene::Background;
 use snell_scene::light::area::DirectedSample;
 
 /// How far along a shadow ray to a point occluders count: just short of the light itself.
 const SHADOW_END: f32 = 1.0 - 1e-4;
 
-/// The environment's radiance along a direction; black without one.
-pub fn environment(context: &Context, direction: Vec3) -> SampledSpectrum {
-    let scene = context.scene;
-    scene.environment.as_ref().map_or(SampledSpectrum::ZERO, |e| e.radiance(direction, scene.mode))
+/// The environment's radiance along the ray that came to a vertex; black without one.
+pub fn environment(context: &Context, vertex: &Vertex) -> SampledSpectrum {
+    let environment = context.scene.environment.as_ref();
+    environment.map_or(SampledSpectrum::ZERO, |e| e.radiance(vertex.ray.direction, vertex.state.mode))
 }
 
 /// What a ray that leaves the scene shows, or `None` if it carries the environment's light and not the background.
@@ -23,7 +24,7 @@ pub fn environment(context: &Context, direction: Vec3) -> SampledSpectrum {
 pub fn background(context: &Context, vertex: &Vertex) -> Option<SampledSpectrum> {
     let shows = vertex.depth == 0 || (vertex.state.is_specular && context.scene.environment.is_none());
     match context.scene.background {
-        Background::Color(color) if shows => Some(context.scene.mode.illuminant(color)),
+        Background::Color(color) if shows => Some(vertex.state.mode.illuminant(color)),
         Background::Transparent if vertex.depth == 0 => Some(SampledSpectrum::ZERO),
         _ => None,
     }
@@ -46,55 +47,56 @@ pub struct IncidentLight {
 
 /// Where light arrives and shadow rays begin.
 #[derive(Clone, Copy, Debug)]
-pub enum Arrival<'a> {
-    /// At a surface.
-    Surface(&'a SurfaceInteraction),
-    /// At a point of a medium.
-    Point(Vec3),
+pub struct Arrival<'a> {
+    /// Where.
+    pub position: Vec3,
+    /// The surface there; none at a point of a medium.
+    pub surface: Option<&'a SurfaceInteraction>,
+    /// What spectra mean to the path.
+    pub mode: ColorMode,
 }
 
-impl Arrival<'_> {
-    /// Where.
-    pub fn position(&self) -> Vec3 {
-        match self {
-            Self::Surface(surface) => surface.position,
-            Self::Point(p) => *p,
-        }
+impl<'a> Arrival<'a> {
+    /// At a surface.
+    pub fn at_surface(vertex: &SurfaceVertex<'a>) -> Self {
+        Self { position: vertex.interaction.position, surface: Some(vertex.interaction), mode: vertex.mode }
     }
 
     fn ray_origin(&self, direction: Vec3) -> Vec3 {
-        match self {
-            Self::Surface(surface) => surface.ray_origin(direction),
-            Self::Point(p) => *p,
-        }
+        self.surface.map_or(self.position, |surface| surface.ray_origin(direction))
     }
 }
 
 /// Light arriving from a point of the whole of light number `light`, which is uniform by area for a shape: `u = (0.5, 0.5)` is its
 /// middle. For integrators without multiple importance sampling.
-pub fn sample_whole_light(context: &Context, at: Arrival, light: usize, u: Vec2) -> Option<IncidentLight> {
-    let CompiledLight::Area(area) = &context.scene.lights()[light] else {
-        let chosen = ChosenLight { light, part: None, probability: 1.0 };
-        return sample_light(context, at, &chosen, u);
-    };
-    let sample = area.sample(u)?;
-    let to_light = sample.surface.position - at.position();
-    let direction = to_light.try_normalize()?;
-    let cos = direction.dot(sample.surface.geometric_normal).abs();
-    let pdf = sample.pdf_area * to_light.length_squared() / cos;
-    from_surface(context, at, DirectedSample { surface: sample.surface, direction, pdf })
+pub fn sample_whole_light(context: &Context, at: &Arrival, light: usize, u: Vec2) -> Option<IncidentLight> {
+    match &context.scene.lights()[light] {
+        CompiledLight::Light(_) => sample_light(context, at, &ChosenLight { light, part: None, probability: 1.0 }, u),
+        CompiledLight::Environment => {
+            let (direction, pdf) = context.scene.environment.as_ref()?.sample(u);
+            from_environment(context, at, direction, pdf)
+        }
+        CompiledLight::Area(area) => {
+            let sample = area.sample(u)?;
+            let to_light = sample.surface.position - at.position;
+            let direction = to_light.try_normalize()?;
+            let cos = direction.dot(sample.surface.geometric_normal).abs();
+            let pdf = sample.pdf_area * to_light.length_squared() / cos;
+            from_surface(context, at, DirectedSample { surface: sample.surface, direction, pdf })
+        }
+    }
 }
 
 /// Light arriving from a point of the chosen light; its `pdf` is that of the point only, without the probability of the choice.
-pub fn sample_light(context: &Context, at: Arrival, chosen: &ChosenLight, u: Vec2) -> Option<IncidentLight> {
+pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Vec2) -> Option<IncidentLight> {
     let scene = context.scene;
     match &scene.lights()[chosen.light] {
         CompiledLight::Light(light) => {
-            let sample = light.sample(at.position(), u, scene.mode)?;
+            let sample = light.sample(at.position, u, at.mode)?;
             let origin = at.ray_origin(sample.direction);
             let shadow_ray = if sample.distance.is_finite() {
                 // Aim from the moved origin at the same point of the light.
-                let target = at.position() + sample.direction * sample.distance;
+                let target = at.position + sample.direction * sample.distance;
                 Ray::new(origin, target - origin).with_t_max(SHADOW_END)
             } else {
                 Ray::new(origin, sample.direction)
@@ -115,28 +117,35 @@ pub fn sample_light(context: &Context, at: Arrival, chosen: &ChosenLight, u: Vec
                     (part, probability, Vec2::new(rest, u.y))
                 }
             };
-            let mut sample = area.sample_from(part, at.position(), u)?;
+            let mut sample = area.sample_from(part, at.position, u)?;
             sample.pdf *= probability;
             from_surface(context, at, sample)
         }
         CompiledLight::Environment => {
-            let environment = scene.environment.as_ref()?;
-            let (direction, pdf) = environment.sample(u);
-            let radiance = environment.radiance(direction, scene.mode);
-            if radiance.is_black() || pdf <= 0.0 {
-                return None;
-            }
-            let shadow_ray = Ray::new(at.ray_origin(direction), direction);
-            Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+            let sky = scene.environment.as_ref()?;
+            let (direction, pdf) = match context.settings.light_strategy {
+                LightStrategy::Mis => sky.sample_compensated(u)?,
+                LightStrategy::Light | LightStrategy::Bsdf => sky.sample(u),
+            };
+            from_environment(context, at, direction, pdf)
         }
     }
 }
 
+/// Light from a direction of the environment.
+fn from_environment(context: &Context, at: &Arrival, direction: Vec3, pdf: f32) -> Option<IncidentLight> {
+    let sky = context.scene.environment.as_ref()?;
+    let radiance = sky.radiance(direction, at.mode);
+    let shadow_ray = Ray::new(at.ray_origin(direction), direction);
+    let arrives = !radiance.is_black() && pdf > 0.0;
+    arrives.then_some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+}
+
 /// Light from a point of an emissive surface.
-fn from_surface(context: &Context, at: Arrival, sample: DirectedSample) -> Option<IncidentLight> {
+fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Option<IncidentLight> {
     let (scene, direction, pdf) = (context.scene, sample.direction, sample.pdf);
     let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
-    let point = scene.shading_point(&sample.surface, 0.0);
+    let point = scene.shading_point(&sample.surface, 0.0, at.mode);
     // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends before it.
     let presence = material.presence(direction, &point);
     let radiance = material.emitted(&point, -direction) * presence;
@@ -168,22 +177,19 @@ pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVer
     let CompiledLight::Area(area) = &scene.lights()[light] else { return 0.0 };
     let Some(part) = area.part_of(surface.hit.primitive) else { return 0.0 };
     let receiver = &vertex.state.receiver;
-    let to_light = surface.interaction.position - receiver.position;
-    let pdf =
-        area.pdf_from(part, receiver.position, surface.interaction, vertex.ray.direction, to_light.length_squared());
+    let pdf = area.pdf_from(part, receiver.position, surface.interaction, vertex.ray.direction);
     pdf * context.lights.probability(receiver, light, (part, area.part_probability(part)))
 }
 
 /// Density per steradian with which light samples give a direction to the environment.
 pub fn light_pdf_of_environment(context: &Context, vertex: &Vertex) -> f32 {
     let scene = context.scene;
-    match (&scene.environment, scene.environment_light()) {
-        (Some(environment), Some(light)) => {
-            let probability = context.lights.probability(&vertex.state.receiver, light, (0, 1.0));
-            environment.pdf(vertex.ray.direction) * probability
-        }
-        _ => 0.0,
-    }
+    let (Some(sky), Some(light)) = (&scene.environment, scene.environment_light()) else { return 0.0 };
+    let pdf = match context.settings.light_strategy {
+        LightStrategy::Mis => sky.pdf_compensated(vertex.ray.direction),
+        LightStrategy::Light | LightStrategy::Bsdf => sky.pdf(vertex.ray.direction),
+    };
+    if pdf > 0.0 { pdf * context.lights.probability(&vertex.state.receiver, light, (0, 1.0)) } else { 0.0 }
 }
 
 /// The state after a bounce.

@@ -18,7 +18,7 @@ use crate::light_sampler::{LightSampler, Receiver};
 use crate::sampler::Random;
 use crate::settings::Settings;
 use snell_intersect::{Hit, SurfaceInteraction};
-use snell_math::{Ray, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
 use snell_scene::Material;
 use snell_scene::material::ShadingPoint;
 use snell_scene::medium::HenyeyGreenstein;
@@ -105,6 +105,8 @@ pub struct Context<'a> {
 pub struct PathState {
     /// Factor on all radiance found from here on.
     pub throughput: SampledSpectrum,
+    /// What the lanes of the throughput stand for.
+    pub mode: ColorMode,
     /// Density per steradian of the last BSDF sample; 0 after the camera and after delta lobes: no light sample competes.
     pub bsdf_pdf: f32,
     /// The vertex where [`Self::bsdf_pdf`] was sampled: light samples there compete.
@@ -149,6 +151,8 @@ pub struct SurfaceVertex<'a> {
     pub material: &'a Material,
     /// Width of the ray's cone at the point.
     pub footprint: f32,
+    /// What spectra mean to the path.
+    pub mode: ColorMode,
     /// Index of refraction on the outer side of the surface.
     pub outside_ior: f32,
 }
@@ -167,7 +171,8 @@ pub struct MediumVertex {
 impl<'a> SurfaceVertex<'a> {
     /// The point as the material sees it.
     pub fn point(&self, scene: &'a CompiledScene) -> ShadingPoint<'a> {
-        ShadingPoint { outside_ior: self.outside_ior, ..scene.shading_point(self.interaction, self.footprint) }
+        let point = scene.shading_point(self.interaction, self.footprint, self.mode);
+        ShadingPoint { outside_ior: self.outside_ior, ..point }
     }
 }
 

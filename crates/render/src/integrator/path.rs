@@ -56,7 +56,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let guided = GuidedBsdf::new(context.field, &shading, &receiver);
     if !shading.is_delta() {
         let bsdf = |wi| (shading.eval(wo, wi), guided.pdf(wo, wi));
-        light_sample(context, vertex, Arrival::Surface(surface.interaction), &receiver, bsdf, out);
+        light_sample(context, vertex, Arrival::at_surface(surface), &receiver, bsdf, out);
     }
     add_bounce(vertex, surface, &receiver, &guided, out);
 }
@@ -65,7 +65,7 @@ fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
     if let Some(background) = background(context, vertex) {
         return vertex.state.throughput * background;
     }
-    let radiance = environment(context, vertex.ray.direction);
+    let radiance = environment(context, vertex);
     if radiance.is_black() {
         return SampledSpectrum::ZERO;
     }
@@ -102,7 +102,7 @@ pub(super) fn light_sample(
     let Some(chosen) = context.lights.sample(receiver, u) else { return };
     let probability = chosen.probability;
     let u = vertex.random.pair(dimension::LIGHT);
-    let Some(sample) = sample_light(context, at, &chosen, u) else { return };
+    let Some(sample) = sample_light(context, &at, &chosen, u) else { return };
     if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
         return;
     }

@@ -15,7 +15,8 @@ pub fn scatter(context: &Context, vertex: &Vertex, medium: &MediumVertex, out: &
         let pdf = medium.phase.pdf(forward, wi);
         (SampledSpectrum::splat(pdf), pdf)
     };
-    light_sample(context, vertex, Arrival::Point(medium.position), &receiver, phase, out);
+    let at = Arrival { position: medium.position, surface: None, mode: vertex.state.mode };
+    light_sample(context, vertex, at, &receiver, phase, out);
     let (wi, pdf) = medium.phase.sample(forward, vertex.random.pair(dimension::BSDF));
     let mut throughput = vertex.state.throughput;
     let Some(survival) = survival(vertex, throughput.max_element() * vertex.state.eta_scale) else { return };

@@ -14,7 +14,7 @@ use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex,
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
 use snell_intersect::{Grouping, Hit};
-use snell_math::SampledSpectrum;
+use snell_math::{ColorMode, SampledSpectrum};
 use snell_scene::{Background, Camera};
 
 /// Light rays that are traced at once, up to those of one vertex more: ray trees and scenes of many lights have too many to keep.
@@ -52,6 +52,8 @@ pub struct PartRenderer<'a> {
 #[derive(Clone, Copy)]
 struct Sample {
     random: Random,
+    /// What the lanes of its spectra stand for.
+    mode: ColorMode,
     /// Found at vertices.
     radiance: SampledSpectrum,
     /// Brought by light rays. Summed apart, because how the two alternate depends on where a batch of many samples is cut into
@@ -156,11 +158,11 @@ impl<'a> PartRenderer<'a> {
             for x in area.min[0]..area.max[0] {
                 for number in range[0]..range[1] {
                     let random = self.sampler.random([x, y], number);
-                    let (ray, state, weight) =
-                        camera_path(self.context.scene, self.camera, settings, self.filter, [x, y], &random);
+                    let (ray, state, weight) = camera_path(self.camera, settings, self.filter, [x, y], &random);
                     let index = self.samples.len() as u32;
                     let (radiance, brought) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
-                    self.samples.push(Sample { random, radiance, brought, alpha: 1.0, weight, rays: 0 });
+                    let mode = state.mode;
+                    self.samples.push(Sample { random, mode, radiance, brought, alpha: 1.0, weight, rays: 0 });
                     self.paths.push(ray, state, index);
                 }
             }
@@ -179,7 +181,7 @@ impl<'a> PartRenderer<'a> {
     fn travel(&mut self, depth: u32, grouping: Grouping) {
         let Some(volumes) = &mut self.volumes else { return };
         if depth == 0 {
-            volumes.start(self.paths.len());
+            volumes.start(&self.paths);
         }
         let samples = &mut self.samples;
         let randoms: Vec<Random> = samples.iter().map(|s| s.random).collect();
@@ -234,6 +236,7 @@ impl<'a> PartRenderer<'a> {
                 interaction,
                 material: scene.material(scene.material_id(&hit)),
                 footprint: state.cone_width + state.cone_spread * hit.t,
+                mode: state.mode,
                 outside_ior: 1.0,
             });
             let random = self.samples[i].random.at_vertex(0, 0);
@@ -304,6 +307,7 @@ impl<'a> PartRenderer<'a> {
             interaction,
             material: scene.material(scene.material_id(&hit)),
             footprint: state.cone_width + state.cone_spread * hit.t,
+            mode: state.mode,
             outside_ior: self.volumes.as_ref().map_or(1.0, |v| v.outside_ior(path, &hit)),
         });
         let random = self.samples[sample as usize].random.at_vertex(state.stream, depth);
@@ -339,7 +343,10 @@ impl<'a> PartRenderer<'a> {
         let rays = &mut self.light_rays;
         statistics.rays.shadow += rays.rays.len() as u64;
         match &mut self.volumes {
-            Some(volumes) => volumes.trace_light_rays(&mut self.tracer, rays),
+            Some(volumes) => {
+                let samples = &self.samples;
+                volumes.trace_light_rays(&mut self.tracer, rays, |sample| samples[sample as usize].mode);
+            }
             None => self.tracer.occluded(&rays.rays, &mut rays.blocked),
         }
         for ((&sample, &value), &blocked) in rays.samples.iter().zip(&rays.values).zip(&rays.blocked) {
@@ -351,13 +358,12 @@ impl<'a> PartRenderer<'a> {
     }
 
     fn finish(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
-        let mode = self.context.scene.mode;
         let values = self.samples.iter().map(|sample| {
             let radiance = sample.collected();
             let finite = radiance.is_finite();
             statistics.invalid_samples += u64::from(!finite);
             let radiance = if finite { radiance } else { SampledSpectrum::ZERO };
-            FilmSample { color: mode.to_rgb(radiance), alpha: sample.alpha, weight: sample.weight }
+            FilmSample { color: sample.mode.to_rgb(radiance), alpha: sample.alpha, weight: sample.weight }
         });
         let values = values.collect();
         let mut aovs = std::mem::take(&mut self.aovs);

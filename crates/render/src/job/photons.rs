@@ -13,7 +13,7 @@ use crate::guiding::{Field, Guiding, Record};
 use crate::light_sampler::{LightSampler, LightSamplerKind, Receiver};
 use crate::sampler::{Random, Sampler, SamplerKind};
 use snell_intersect::{Grouping, Hit};
-use snell_math::{Frame, Ray, SampledSpectrum, Vec2, Vec3, rng, sampling};
+use snell_math::{ColorMode, Frame, Ray, SampledSpectrum, Vec2, Vec3, rng, sampling};
 use std::f32::consts::PI;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -28,6 +28,9 @@ const BATCH: usize = 4096;
 const MAX_DEPTH: u32 = 24;
 /// Largest probability of going on.
 const MAX_SURVIVAL: f32 = 0.95;
+
+/// Where light comes from does not depend on how colours are computed.
+const COLOR: ColorMode = ColorMode::Rgb;
 
 /// What numbers are for.
 mod dimension {
@@ -106,7 +109,7 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, random: Random) -> Opti
     let (ray, flux) = match &scene.lights()[chosen.light] {
         CompiledLight::Area(area) => {
             let sample = area.sample(u)?;
-            let point = scene.shading_point(&sample.surface, 0.0);
+            let point = scene.shading_point(&sample.surface, 0.0, COLOR);
             let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
             let normal = sample.surface.geometric_normal;
             let (normal, sides, v) = match material.emits_on_both_sides {
@@ -119,13 +122,13 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, random: Random) -> Opti
             (Ray::new(sample.surface.ray_origin(direction), direction), radiance * (sides * PI / sample.pdf_area))
         }
         CompiledLight::Light(light) => {
-            let seen = light.sample(scene.center, u, scene.mode)?;
+            let seen = light.sample(scene.center, u, COLOR)?;
             if seen.distance.is_finite() {
                 let position = scene.center + seen.direction * seen.distance;
                 let direction = sampling::uniform_sphere(v);
                 // The intensity, from the irradiance near by.
                 let distance = scene.radius * 0.1;
-                let near = light.sample(position + direction * distance, u, scene.mode)?;
+                let near = light.sample(position + direction * distance, u, COLOR)?;
                 let flux = near.radiance * (distance * distance * 4.0 * PI / near.pdf);
                 (Ray::new(position, direction), flux)
             } else {
@@ -137,7 +140,7 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, random: Random) -> Opti
             let environment = scene.environment.as_ref()?;
             let (direction, pdf) = environment.sample(u);
             let area = PI * scene.radius * scene.radius;
-            (from_afar(scene, direction, v), environment.radiance(direction, scene.mode) * (area / pdf))
+            (from_afar(scene, direction, v), environment.radiance(direction, COLOR) * (area / pdf))
         }
     };
     let flux = flux * (1.0 / chosen.probability);
@@ -176,7 +179,7 @@ fn bounced(
         return None;
     }
     let surface = scene.world.interaction(&photon.ray, hit);
-    let point = scene.shading_point(&surface, 0.0);
+    let point = scene.shading_point(&surface, 0.0, COLOR);
     let from = -photon.ray.direction;
     let shading = scene.material(scene.material_id(hit)).bsdf_towards(&point, from);
     // Light samples find what comes straight from a light.

@@ -7,8 +7,9 @@ use crate::compile::CompiledScene;
 use crate::integrator::{MediumVertex, SurfaceVertex};
 use crate::sampler::Random;
 use crate::volume::{Insides, LightStep, Numbers, OwnMedia, PathStep, Walker};
-use snell_intersect::{Grouping, Hit};
-use snell_math::{Ray, SampledSpectrum, Vec3};
+use snell_intersect::{Grouping, Hit, SurfaceInteraction};
+use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
+use snell_scene::MaterialId;
 
 /// Most surfaces that a ray passes between two vertices. No scene that makes sense has as many.
 const MOST_PASSED: usize = 1 << 14;
@@ -16,10 +17,9 @@ const MOST_PASSED: usize = 1 << 14;
 /// What media need beside [`Paths`] and [`LightRays`]: entries for the same paths and rays.
 pub struct VolumeBatch<'a> {
     walker: Walker<'a>,
-    /// What media of materials the camera is in; then those that paths entered.
     own: OwnMedia,
-    own_at_camera: usize,
-    at_camera: Insides,
+    /// Surfaces whose insides the camera is in.
+    around_camera: Vec<(MaterialId, SurfaceInteraction)>,
     /// The insides that each path is in.
     insides: Vec<Insides>,
     next: Vec<Insides>,
@@ -37,13 +37,10 @@ impl<'a> VolumeBatch<'a> {
     /// `None` if the scene has no media.
     pub fn new(scene: &'a CompiledScene, eye: Vec3) -> Option<Self> {
         let walker = Walker::new(scene)?;
-        let mut own = OwnMedia::new();
-        let at_camera = walker.insides_at(&mut own, eye);
         Some(Self {
             walker,
-            own_at_camera: own.len(),
-            own,
-            at_camera,
+            own: OwnMedia::new(),
+            around_camera: walker.surfaces_around(eye),
             insides: Vec::new(),
             next: Vec::new(),
             scattered: Vec::new(),
@@ -56,11 +53,12 @@ impl<'a> VolumeBatch<'a> {
         })
     }
 
-    /// Begins a part with as many camera paths.
-    pub fn start(&mut self, paths: usize) {
-        self.own.truncate(self.own_at_camera);
+    /// Begins a part with these camera paths.
+    pub fn start(&mut self, paths: &Paths) {
+        self.own.clear();
         self.insides.clear();
-        self.insides.resize(paths, self.at_camera);
+        let (walker, own, around) = (self.walker, &mut self.own, &self.around_camera);
+        self.insides.extend(paths.states.iter().map(|state| walker.insides_of(own, around, state.mode)));
         self.next.clear();
     }
 
@@ -165,7 +163,7 @@ impl<'a> VolumeBatch<'a> {
                 if direction.dot(s.interaction.geometric_normal) * arriving.dot(s.interaction.geometric_normal)
                     > 0.0 =>
             {
-                *beyond.get_or_insert_with(|| self.walker.beyond(own, &here, s.interaction, s.hit, direction))
+                *beyond.get_or_insert_with(|| self.walker.beyond(own, &here, s.interaction, s.hit, direction, s.mode))
             }
             _ => here,
         };
@@ -178,8 +176,8 @@ impl<'a> VolumeBatch<'a> {
         }
     }
 
-    /// Sends light rays to their lights: values lose what media take, and what arrives is not `blocked`.
-    pub fn trace_light_rays(&mut self, tracer: &mut Tracer, light: &mut LightRays) {
+    /// Sends light rays to their lights: values lose what media take, and what arrives is not `blocked`. `mode` is that of a sample.
+    pub fn trace_light_rays(&mut self, tracer: &mut Tracer, light: &mut LightRays, mode: impl Fn(u32) -> ColorMode) {
         let may_see_past = self.walker.has_priorities();
         if may_see_past {
             light.blocked.clear();
@@ -206,6 +204,7 @@ impl<'a> VolumeBatch<'a> {
                     &mut self.own,
                     &mut light.rays[i],
                     &mut light.values[i],
+                    mode(light.samples[i]),
                     &mut self.light_insides[i],
                     &self.hits[at],
                     &mut self.light_numbers[i],

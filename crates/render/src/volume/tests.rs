@@ -284,3 +284,88 @@ fn a_point_light_in_fog_has_the_closed_form_of_its_halo_in_the_limit_of_thin_fog
         assert!((mean - angle / 0.5).abs() < 4.0 * error + 1e-3 * mean, "{mean} +- {error} is not {}", angle / 0.5);
     }
 }
+
+/// Two balls of radius 1 around `x = -0.5` and `x = 0.5`, seen along x.
+fn overlapping(priorities: [i32; 2], eye: f32) -> (Scene, Camera) {
+    let mut scene = Scene::new("overlap");
+    sky(&mut scene, Rgb::WHITE);
+    for (x, sigma_a, priority) in [(-0.5, 1.0, priorities[0]), (0.5, 0.25, priorities[1])] {
+        let material = around(&mut scene, Homogeneous::absorbing(Rgb::splat(sigma_a)));
+        scene.materials[material.index()].interior.as_mut().expect("an inside").priority = priority;
+        add_ball(&mut scene, DVec3::new(x, 0.0, 0.0), 1.0, material);
+    }
+    (scene, Camera::look_at(Vec3::new(eye, 0.0, 0.0), Vec3::new(99.0, 0.0, 0.0), Vec3::Y, 1e-4))
+}
+
+#[test]
+fn where_media_overlap_the_higher_priority_is_there_or_the_one_entered_last() {
+    // From -1.5 to -0.5 the first alone, to 0.5 both, to 1.5 the second alone.
+    for (priorities, eye, thickness) in [
+        ([0, 0], -3.0, 1.0 + 0.25 + 0.25),
+        ([1, 0], -3.0, 1.0 + 1.0 + 0.25),
+        ([0, 1], -3.0, 1.0 + 0.25 + 0.25),
+        // The camera is within one, or both, or on the way out.
+        ([1, 0], -1.0, 0.5 + 1.0 + 0.25),
+        ([1, 0], 0.0, 0.5 + 0.25),
+        ([0, 1], 0.0, 0.125 + 0.25),
+        ([1, 0], 1.0, 0.125),
+    ] {
+        let (scene, camera) = overlapping(priorities, eye);
+        let expected = (-thickness as f64).exp();
+        for pixel in render(&scene, &camera, &settings(1)) {
+            assert!((pixel[0] - expected).abs() < 1e-4, "{priorities:?} from {eye}: {pixel:?} is not {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_furnace_shows_nothing_in_spectral_colours_either() {
+    let chromatic = Rgb::new(0.3, 1.0, 3.0);
+    let fog = Homogeneous { sigma_a: Rgb::BLACK, sigma_s: chromatic, emission: Rgb::BLACK, g: 0.5 };
+    for medium in [Medium::from(fog), puff(Rgb::BLACK, chromatic, 0.2).into()] {
+        let mut scene = Scene::new("furnace");
+        sky(&mut scene, Rgb::splat(0.5));
+        let material = around(&mut scene, medium);
+        add_ball(&mut scene, DVec3::ZERO, 1.0, material);
+        let settings = Settings { size: [8, 8], color: snell_math::ColorModel::Spectral, ..settings(64) };
+        for (mean, error) in mean(&render(&scene, &camera(5.0), &settings)) {
+            assert!((mean - 0.5).abs() <= 4.0 * error + 2e-3, "{mean} +- {error}");
+        }
+    }
+}
+
+#[test]
+fn wild_media_end_soon_in_finite_pixels() {
+    let wild = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, 1e30, 1e-30];
+    let mut media: Vec<Medium> = Medium::examples();
+    for x in wild {
+        let color = Rgb::new(x, 1.0, 0.5);
+        media.push(Homogeneous { sigma_a: color, sigma_s: color, emission: color, g: x }.into());
+        media.push(Grid { emission: color, ..puff(color, color, x) }.into());
+        media.push(
+            Grid { world_from_grid: DAffine3::from_scale(DVec3::splat(f64::from(x))), ..puff(color, color, x) }.into(),
+        );
+        let up = DVec3::new(f64::from(x), 1.0, 0.0);
+        let fog = HeightFog { sigma_a: color, sigma_s: color, g: x, base: up, up, scale_height: f64::from(x) };
+        media.push(fog.into());
+    }
+    for medium in media {
+        for is_everywhere in [false, true] {
+            let mut scene = Scene::new("wild");
+            sky(&mut scene, Rgb::WHITE);
+            if is_everywhere {
+                scene.medium = Some(scene.add_medium(medium.clone()));
+            } else {
+                let material = around(&mut scene, medium.clone());
+                add_ball(&mut scene, DVec3::ZERO, 1.0, material);
+            }
+            let position = DVec3::new(0.0, 3.0, 0.0);
+            let attenuation = Attenuation::INVERSE_SQUARE;
+            scene.lights.push(Light::Point { position, intensity: Rgb::WHITE, attenuation, body_radius: 0.0 });
+            let settings = Settings { size: [3, 3], max_depth: 20, ..settings(2) };
+            for pixel in render(&scene, &camera(4.0), &settings) {
+                assert!(pixel.iter().all(|x| x.is_finite() && *x >= 0.0), "{medium:?}: {pixel:?}");
+            }
+        }
+    }
+}

@@ -73,7 +73,7 @@ impl<'a> Walker<'a> {
         radiance: &mut SampledSpectrum,
     ) -> PathStep {
         let segment = segment_to(ray, hit);
-        let travel = self.travel(own, insides, &segment, state.throughput, self.scene.mode, numbers);
+        let travel = self.travel(own, insides, &segment, state.throughput, state.mode, numbers);
         state.throughput = travel.throughput;
         *radiance += travel.emitted;
         if let Some(scattered) = travel.scattered {
@@ -86,7 +86,7 @@ impl<'a> Walker<'a> {
         }
         let surface = self.scene.world.interaction(&*ray, hit);
         state.cone_width += state.cone_spread * segment.length;
-        *insides = self.beyond(own, insides, &surface, hit, ray.direction);
+        *insides = self.beyond(own, insides, &surface, hit, ray.direction, state.mode);
         *ray = Ray::new(surface.ray_origin(ray.direction), ray.direction);
         PathStep::Passed
     }
@@ -97,6 +97,7 @@ impl<'a> Walker<'a> {
         own: &mut OwnMedia,
         ray: &mut Ray,
         value: &mut SampledSpectrum,
+        mode: ColorMode,
         insides: &mut Insides,
         hit: &Hit,
         numbers: &mut Numbers,
@@ -105,7 +106,7 @@ impl<'a> Walker<'a> {
         if hit.is_hit() && !is_passed {
             return LightStep::Blocked;
         }
-        *value = self.attenuate(own, insides, &segment_to(ray, hit), *value, self.scene.mode, numbers);
+        *value = self.attenuate(own, insides, &segment_to(ray, hit), *value, mode, numbers);
         if value.is_black() {
             return LightStep::Blocked;
         }
@@ -113,7 +114,7 @@ impl<'a> Walker<'a> {
             return LightStep::Arrived;
         }
         let surface = self.scene.world.interaction(&*ray, hit);
-        *insides = self.beyond(own, insides, &surface, hit, ray.direction);
+        *insides = self.beyond(own, insides, &surface, hit, ray.direction, mode);
         let left = ray.t_max - hit.t;
         *ray = Ray::new(surface.ray_origin(ray.direction), ray.direction).with_t_max(left);
         if left > 0.0 { LightStep::Passed } else { LightStep::Arrived }
@@ -182,22 +183,30 @@ impl<'a> Walker<'a> {
         surface: &SurfaceInteraction,
         hit: &Hit,
         direction: Vec3,
+        mode: ColorMode,
     ) -> Insides {
         let mut insides = *insides;
         let material = self.scene.material_id(hit);
         let Some(boundary) = self.table.boundary(material) else { return insides };
         if surface.is_front_facing(direction) {
-            insides.enter(self.inside(own, material, boundary, surface));
+            insides.enter(self.inside(own, material, boundary, surface, mode));
         } else {
             insides.leave(material);
         }
         insides
     }
 
-    fn inside(&self, own: &mut OwnMedia, id: MaterialId, boundary: &Boundary, surface: &SurfaceInteraction) -> Inside {
+    fn inside(
+        &self,
+        own: &mut OwnMedia,
+        id: MaterialId,
+        boundary: &Boundary,
+        surface: &SurfaceInteraction,
+        mode: ColorMode,
+    ) -> Inside {
         let material = self.scene.material(id);
         let mut brought = || {
-            material.own_medium(&self.scene.shading_point(surface, 0.0)).map(|medium| {
+            material.own_medium(&self.scene.shading_point(surface, 0.0, mode)).map(|medium| {
                 own.push(medium);
                 Filling::Own(own.len() as u32 - 1)
             })
@@ -209,15 +218,14 @@ impl<'a> Walker<'a> {
         Inside { material: id, priority: boundary.interior.priority, filling }
     }
 
-    /// The insides that a point is in: those whose surface is first met from within, by most of three rays.
-    pub fn insides_at(&self, own: &mut OwnMedia, point: Vec3) -> Insides {
+    /// The surfaces whose insides a point is in, outermost first: those that most of three rays first meet from within.
+    pub fn surfaces_around(&self, point: Vec3) -> Vec<(MaterialId, SurfaceInteraction)> {
         /// Most surfaces that a ray passes.
         const MOST_SURFACES: usize = 1000;
         /// In no special direction.
         const DIRECTIONS: [Vec3; 3] =
             [Vec3::new(0.267, 0.802, 0.535), Vec3::new(-0.873, 0.218, 0.436), Vec3::new(0.371, -0.557, -0.743)];
-        // Material, surface where it was first met from within, and how often that was.
-        let mut found: Vec<(MaterialId, SurfaceInteraction, usize)> = Vec::new();
+        let mut from_within: Vec<(MaterialId, SurfaceInteraction)> = Vec::new();
         for direction in DIRECTIONS {
             let mut met = Vec::new();
             let mut ray = Ray::new(point, direction);
@@ -231,21 +239,35 @@ impl<'a> Walker<'a> {
                 if self.table.boundary(id).is_some() && !met.contains(&id) {
                     met.push(id);
                     if !surface.is_front_facing(direction) {
-                        match found.iter_mut().find(|f| f.0 == id) {
-                            Some(known) => known.2 += 1,
-                            None => found.push((id, surface, 1)),
-                        }
+                        from_within.push((id, surface));
                     }
                 }
                 ray = Ray::new(surface.ray_origin(direction), direction);
             }
         }
-        let mut insides = Insides::default();
+        let mut around: Vec<(MaterialId, SurfaceInteraction)> = Vec::new();
+        for (id, surface) in &from_within {
+            let is_most = from_within.iter().filter(|other| other.0 == *id).count() >= 2;
+            if is_most && around.iter().all(|other| other.0 != *id) {
+                around.push((*id, *surface));
+            }
+        }
         // The farther one leaves it, the earlier one entered it.
-        found.sort_by(|a, b| (b.1.position - point).length().total_cmp(&(a.1.position - point).length()));
-        for (id, surface, count) in found {
-            if let Some(boundary) = self.table.boundary(id).filter(|_| count >= 2) {
-                insides.enter(self.inside(own, id, boundary, &surface));
+        around.sort_by(|a, b| (b.1.position - point).length().total_cmp(&(a.1.position - point).length()));
+        around
+    }
+
+    /// The insides of these surfaces, for a path of this colour mode.
+    pub fn insides_of(
+        &self,
+        own: &mut OwnMedia,
+        surfaces: &[(MaterialId, SurfaceInteraction)],
+        mode: ColorMode,
+    ) -> Insides {
+        let mut insides = Insides::default();
+        for (id, surface) in surfaces {
+            if let Some(boundary) = self.table.boundary(*id) {
+                insides.enter(self.inside(own, *id, boundary, surface, mode));
             }
         }
         insides

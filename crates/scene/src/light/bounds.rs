@@ -36,6 +36,14 @@ impl Light {
                 let intensity = strength(intensity, attenuation)?;
                 (around(*position, DVec3::ZERO), *direction, falloff.widest().cos(), 1.0, intensity)
             }
+            Self::Profile { position, world_from_light, scale, table } => {
+                let mean = mean_intensity(scale, table.power(), table.widest());
+                (around(*position, DVec3::ZERO), world_from_light.z_axis, table.widest().cos(), 1.0, mean)
+            }
+            Self::Projector { position, world_from_light, scale, slide } => {
+                let mean = mean_intensity(scale, slide.power(), slide.widest());
+                (around(*position, DVec3::ZERO), world_from_light.z_axis, slide.widest().cos(), 1.0, mean)
+            }
             Self::Disk { position, direction, radius, emission, attenuation } => {
                 let intensity = 2.0 * strength(emission, attenuation)?;
                 (around(*position, DVec3::splat(*radius)), *direction, 1.0, 0.0, intensity)
@@ -57,6 +65,12 @@ impl Light {
             intensity,
         })
     }
+}
+
+/// Mean intensity in a cone of this half-angle that holds all of the power.
+fn mean_intensity(scale: &Rgb, power: f64, widest: f64) -> f64 {
+    let mean = f64::from(scale.map(f32::abs).luminance()) * power / (std::f64::consts::TAU * (1.0 - widest.cos()));
+    if mean > 0.0 { mean.min(1e300) } else { 0.0 }
 }
 
 /// Luminance of an intensity; `None` unless it falls with the square of the distance.

@@ -4,15 +4,18 @@
 //! inside of closed surfaces ([`crate::material::Interior`]) or the whole scene ([`crate::Scene::medium`]).
 
 mod analytic;
+mod cloud;
 mod grid;
 mod height_fog;
 mod homogeneous;
 mod majorant;
+pub mod noise;
 mod phase;
 mod prepared;
 mod segment;
 mod tracking;
 
+pub use cloud::Cloud;
 pub use grid::{Grid, ScalarGrid};
 pub use height_fog::HeightFog;
 pub use homogeneous::Homogeneous;
@@ -70,6 +73,16 @@ fn sane(x: f32) -> f32 {
     if x > 0.0 { x.min(MAX_COEFFICIENT) } else { 0.0 }
 }
 
+impl Medium {
+    /// Takes over the grids of another medium, which a description in words has none of.
+    pub fn keep_grids_of(&mut self, other: &Self) {
+        if let (Self::Grid(grid), Self::Grid(other)) = (self, other) {
+            grid.density = other.density.clone();
+            grid.emission_scale = other.emission_scale.clone();
+        }
+    }
+}
+
 /// Makes [`Medium`] from the list of media: the enum, its names, its dispatch.
 macro_rules! media {
     ($($name:literal => $kind:ident,)*) => {
@@ -112,6 +125,7 @@ media! {
     "homogeneous" => Homogeneous,
     "height-fog" => HeightFog,
     "grid" => Grid,
+    "cloud" => Cloud,
 }
 
 #[cfg(test)]

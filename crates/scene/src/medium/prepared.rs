@@ -22,6 +22,7 @@ impl PreparedMedium {
         match medium {
             Medium::Homogeneous(medium) => Self::Homogeneous(medium.clone()),
             Medium::HeightFog(fog) => Self::HeightFog(fog.clone()),
+            Medium::Cloud(cloud) => Self::Tracked(Box::new(TrackedGrid::new(&cloud.grid()))),
             Medium::Grid(grid) => Self::Tracked(Box::new(TrackedGrid::new(grid))),
         }
     }

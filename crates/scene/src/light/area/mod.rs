@@ -1,6 +1,11 @@
 //! Emissive surfaces as lights: a part (a triangle, or a whole shape) is chosen by its power, then a point of it.
 
+mod outline;
+#[cfg(test)]
+mod tests;
+
 use super::LightBounds;
+use outline::{Outline, barycentrics};
 use snell_intersect::{Shape, SurfaceInteraction, TriangleMesh};
 use snell_math::distribution::Distribution1D;
 use snell_math::robust::gamma;
@@ -62,7 +67,7 @@ enum Table {
     /// Choice among the triangles by area in the world, and each of them as it lies there.
     Mesh { choice: Distribution1D, placed: Vec<PlacedTriangle> },
     /// Density in the shape's own coordinates.
-    Shape { pdf: f64 },
+    Shape { pdf: f64, outline: Outline },
 }
 
 /// An emissive triangle in the world, ready to be sampled.
@@ -151,7 +156,7 @@ impl AreaLight {
             return None;
         }
         let area = own_area * mean_area_scale(&*shape, &placed)?;
-        let table = Table::Shape { pdf: 1.0 / own_area };
+        let table = Table::Shape { pdf: 1.0 / own_area, outline: Outline::of(&*shape, &placed) };
         let geometry = EmissiveGeometry::Shape(shape);
         let usable = area > 0.0 && area.is_finite();
         usable.then_some(Self { geometry, world_from_geometry: placed, ids, table, area, radiance: Vec::new() })
@@ -165,7 +170,7 @@ impl AreaLight {
                 let b = sampling::uniform_triangle(Vec2::new(rest, u.y));
                 (self.mesh_surface(mesh, triangles[i], &placed[i], b), placed[i].pdf)
             }
-            (EmissiveGeometry::Shape(shape), Table::Shape { pdf }) => {
+            (EmissiveGeometry::Shape(shape), Table::Shape { pdf, .. }) => {
                 let surface = self.shape_surface(&**shape, u.as_dvec2())?;
                 let pdf_area = self.shape_pdf(*pdf, surface.geometric_normal);
                 (surface, pdf_area)
@@ -294,30 +299,69 @@ impl AreaLight {
         triangles.binary_search(&primitive).ok().map(|part| part as u32)
     }
 
-    /// A point of a part as seen from `from`. `None` where the part cannot be seen or sampled.
+    /// A point of a part as seen from `from`, uniform by solid angle where that can be sampled and by area elsewhere. `None` where
+    /// the part cannot be seen or sampled, or the sample misses it.
     pub fn sample_from(&self, part: u32, from: Vec3, u: Vec2) -> Option<DirectedSample> {
+        let outline = self.outline(part);
+        if let Some(seen) = outline.seen_from(from.as_dvec3()) {
+            let offset = seen.sample(u.as_dvec2())?;
+            let surface = self.surface_at(part, from.as_dvec3() + offset)?;
+            let direction = offset.normalize().as_vec3();
+            return Some(DirectedSample { surface, direction, pdf: seen.pdf() });
+        }
         let surface = self.part_surface(part, u)?;
         let to_light = surface.position - from;
         let direction = to_light.try_normalize()?;
-        let pdf = self.pdf_from(part, from, &surface, direction, to_light.length_squared());
+        let pdf = self.pdf_by_area(part, &surface, direction, to_light.length_squared());
         (pdf > 0.0 && pdf.is_finite()).then_some(DirectedSample { surface, direction, pdf })
     }
 
-    /// Density per steradian with which [`Self::sample_from`] gives `direction`, in which `surface` was met on this part.
-    pub fn pdf_from(
-        &self,
-        part: u32,
-        _from: Vec3,
-        surface: &SurfaceInteraction,
-        direction: Vec3,
-        distance_squared: f32,
-    ) -> f32 {
+    /// Density per steradian with which [`Self::sample_from`] gives the way from `from` to `surface`, a point of this part that can be
+    /// seen from there in `direction` (unit).
+    pub fn pdf_from(&self, part: u32, from: Vec3, surface: &SurfaceInteraction, direction: Vec3) -> f32 {
+        let outline = self.outline(part);
+        if let Some(seen) = outline.seen_from(from.as_dvec3()) {
+            // Of a sphere only the near side is sampled.
+            let is_far_side = outline.is_sphere() && direction.dot(surface.geometric_normal) >= 0.0;
+            return if is_far_side { 0.0 } else { seen.pdf() };
+        }
+        self.pdf_by_area(part, surface, direction, (surface.position - from).length_squared())
+    }
+
+    fn pdf_by_area(&self, part: u32, surface: &SurfaceInteraction, direction: Vec3, distance_squared: f32) -> f32 {
         let pdf_area = match &self.table {
             Table::Mesh { placed, .. } => density(1.0, placed[part as usize].area()),
-            Table::Shape { pdf } => self.shape_pdf(*pdf, surface.geometric_normal),
+            Table::Shape { pdf, .. } => self.shape_pdf(*pdf, surface.geometric_normal),
         };
         let pdf = pdf_area * distance_squared / direction.dot(surface.geometric_normal).abs();
         if pdf.is_finite() { pdf } else { 0.0 }
+    }
+
+    fn outline(&self, part: u32) -> Outline {
+        match &self.table {
+            Table::Mesh { placed, .. } => {
+                let PlacedTriangle { corner, edges, .. } = placed[part as usize];
+                let (corner, edges) = (corner.as_dvec3(), edges.map(|e| e.as_dvec3()));
+                Outline::Triangle { corner, edges }
+            }
+            Table::Shape { outline, .. } => *outline,
+        }
+    }
+
+    /// The surface of a part at (or within rounding of) a point of the world. `None` beside the part.
+    fn surface_at(&self, part: u32, p: DVec3) -> Option<SurfaceInteraction> {
+        match (&self.geometry, &self.table) {
+            (EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { placed, .. }) => {
+                let placed = &placed[part as usize];
+                let b = barycentrics(p - placed.corner.as_dvec3(), placed.edges.map(|e| e.as_dvec3()));
+                Some(self.mesh_surface(mesh, triangles[part as usize], placed, b))
+            }
+            (EmissiveGeometry::Shape(shape), Table::Shape { outline, .. }) => {
+                let local = self.world_from_geometry.inverse().point(p);
+                outline.holds(p).then(|| self.shape_surface_at(&**shape, local, 0))?
+            }
+            _ => None,
+        }
     }
 
     /// Density per unit of world area with which [`Self::sample`] gives the point of this interaction on this light. 0 for
@@ -325,7 +369,7 @@ impl AreaLight {
     pub fn pdf_area(&self, surface: &SurfaceInteraction) -> f32 {
         match &self.table {
             Table::Mesh { placed, .. } => self.part_of(surface.primitive).map_or(0.0, |part| placed[part as usize].pdf),
-            Table::Shape { pdf } => self.shape_pdf(*pdf, surface.geometric_normal),
+            Table::Shape { pdf, .. } => self.shape_pdf(*pdf, surface.geometric_normal),
         }
     }
 
@@ -341,9 +385,13 @@ impl AreaLight {
     }
 
     fn shape_surface(&self, shape: &dyn Shape, u: DVec2) -> Option<SurfaceInteraction> {
-        let place = &self.world_from_geometry;
         let sample = shape.sample(u)?;
-        let surface = shape.surface(sample.position, sample.face);
+        self.shape_surface_at(shape, sample.position, sample.face)
+    }
+
+    fn shape_surface_at(&self, shape: &dyn Shape, position: DVec3, face: u32) -> Option<SurfaceInteraction> {
+        let place = &self.world_from_geometry;
+        let surface = shape.surface(position, face);
         let position = place.point(surface.position);
         // The position is rounded once; the rounding of double precision is far below.
         let reach = place.matrix().matrix3.abs() * surface.position.abs() + place.matrix().translation.abs();
@@ -363,7 +411,7 @@ impl AreaLight {
             primitive_uv: Vec2::ZERO,
             instance: self.ids.0,
             geometry: self.ids.1,
-            primitive: sample.face,
+            primitive: face,
         })
     }
 
@@ -451,192 +499,4 @@ fn uv_derivatives(mesh: &TriangleMesh, indices: [usize; 3], [p0, p1, p2]: [DVec3
     let dpdv = ((e2 * d1.x - e1 * d2.x) / determinant).as_vec3();
     let usable = |v: Vec3| v.is_finite() && v != Vec3::ZERO;
     (usable(dpdu) && usable(dpdv)).then_some([dpdu, dpdv])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use snell_intersect::AnyShape;
-    use snell_intersect::shape::Sphere;
-    use snell_math::rng::uniform2;
-    use snell_math::{DAffine3, DMat3};
-    use std::f64::consts::PI;
-
-    /// Two triangles of areas 1 and 3, one without area, and one that does not emit.
-    fn mesh() -> Arc<TriangleMesh> {
-        let p = [[0., 0., 0.], [2., 0., 0.], [0., 1., 0.], [0., 0., 5.], [0., 3., 5.], [0., 0., 7.]];
-        Arc::new(TriangleMesh {
-            positions: p.map(Vec3::from).to_vec(),
-            indices: vec![[0, 1, 2], [0, 1, 1], [0, 1, 5], [3, 4, 5]],
-            normals: vec![Vec3::new(0.6, 0.0, -0.8); 6],
-            uvs: [p.map(|[x, y, z]| Vec2::new(x, y + z)).to_vec(), vec![]],
-            colors: (0..6).map(|i| [i as f32, 0.0, 0.0, 1.0]).collect(),
-            ..TriangleMesh::default()
-        })
-    }
-
-    fn stretched() -> Transform {
-        let matrix = DMat3::from_cols(DVec3::new(2.0, 0.5, 0.0), DVec3::new(0.0, -1.0, 0.3), DVec3::new(0.0, 0.0, 0.5));
-        Transform::new(DAffine3::from_mat3_translation(matrix, DVec3::new(1.0, 2.0, 3.0))).expect("invertible")
-    }
-
-    fn mesh_light(place: Transform) -> AreaLight {
-        let geometry = EmissiveGeometry::Mesh { mesh: mesh(), triangles: vec![3, 1, 0, 3, 99] };
-        AreaLight::new(geometry, place, (7, 8)).expect("it has area")
-    }
-
-    fn sphere_light(place: Transform) -> AreaLight {
-        AreaLight::new(EmissiveGeometry::Shape(Arc::new(Sphere { radius: 2.0 })), place, (7, 8)).expect("area")
-    }
-
-    #[test]
-    fn mesh_points_are_uniform_by_world_area() {
-        for place in [Transform::IDENTITY, stretched()] {
-            let light = mesh_light(place);
-            let area = |t: usize| {
-                let [a, b, c] = mesh().corners(t).map(|p| place.point(p.as_dvec3()));
-                (b - a).cross(c - a).length() / 2.0
-            };
-            assert!((light.area() - area(0) - area(3)).abs() < 1e-9);
-            let (n, mut first, mut center) = (20_000, 0, DVec3::ZERO);
-            for i in 0..n {
-                let s = light.sample(uniform2([i, 1, 0, 0])).expect("a point");
-                assert!((f64::from(s.pdf_area) * light.area() - 1.0).abs() < 1e-5);
-                assert_eq!(s.pdf_area, light.pdf_area(&s.surface));
-                if s.surface.primitive == 0 {
-                    first += 1;
-                    center += place.inverse().point(s.surface.position.as_dvec3());
-                } else {
-                    assert_eq!(s.surface.primitive, 3);
-                }
-            }
-            let p = area(0) / light.area();
-            let sigma = (p * (1.0 - p) / f64::from(n)).sqrt();
-            assert!((f64::from(first) / f64::from(n) - p).abs() < 4.0 * sigma);
-            // The centroid; the standard deviation of a coordinate is below 0.5.
-            let mean = center / f64::from(first);
-            assert!((mean - DVec3::new(2.0 / 3.0, 1.0 / 3.0, 0.0)).length() < 3.0 / f64::from(first).sqrt());
-        }
-    }
-
-    #[test]
-    fn the_density_of_triangles_that_do_not_emit_is_zero() {
-        let light = mesh_light(Transform::IDENTITY);
-        let mut surface = light.sample(Vec2::splat(0.3)).expect("a point").surface;
-        for (primitive, positive) in [(0, true), (1, false), (2, false), (3, true), (99, false), (u32::MAX, false)] {
-            surface.primitive = primitive;
-            assert_eq!(light.pdf_area(&surface) > 0.0, positive, "{primitive}");
-        }
-    }
-
-    #[test]
-    fn a_mesh_point_carries_everything_that_emission_may_look_at() {
-        let light = mesh_light(Transform::IDENTITY);
-        for i in 0..100 {
-            let s = light.sample(uniform2([i, 3, 3, 3])).expect("a point").surface;
-            let p = s.position;
-            assert!((s.uv[0] - Vec2::new(p.x, p.y + p.z)).length() < 1e-5 && s.uv[1] == Vec2::ZERO);
-            assert_eq!((s.instance, s.geometry), (7, 8));
-            let (n, color) = if s.primitive == 0 { (Vec3::Z, p.x / 2.0 + 2.0 * p.y) } else { (Vec3::X, 0.0) };
-            assert!((s.geometric_normal - n).length() < 1e-6 && s.shading_normal.dot(n) > 0.0);
-            assert!((s.shading_normal.length() - 1.0).abs() < 1e-6);
-            if s.primitive == 0 {
-                assert!((s.color[0] - color).abs() < 1e-5);
-                assert!((s.dpdu - Vec3::X).length() < 1e-5 && (s.dpdv - Vec3::Y).length() < 1e-5);
-            }
-            assert!(s.position_error.cmpge(Vec3::ZERO).all() && s.position_error.max_element() < 1e-5);
-        }
-    }
-
-    #[test]
-    fn a_mirrored_mesh_keeps_its_outer_side() {
-        let mirror = Transform::new(DAffine3::from_scale(DVec3::new(1.0, 1.0, -1.0))).expect("invertible");
-        let s = mesh_light(mirror).sample(Vec2::new(0.01, 0.5)).expect("a point").surface;
-        assert_eq!((s.primitive, s.geometric_normal), (0, Vec3::NEG_Z));
-    }
-
-    #[test]
-    fn shape_densities_integrate_to_one_under_any_transform() {
-        for place in [Transform::IDENTITY, stretched()] {
-            let light = sphere_light(place);
-            // Integrates the density over the ellipsoid by the sphere's longitude and height.
-            let (n, mut integral, mut area) = (300, 0.0, 0.0);
-            for i in 0..n {
-                for j in 0..n {
-                    let (z, phi) = (1.0 - 2.0 * (i as f64 + 0.5) / n as f64, 2.0 * PI * (j as f64 + 0.5) / n as f64);
-                    let r = (1.0 - z * z).sqrt();
-                    let normal = DVec3::new(r * phi.cos(), r * phi.sin(), z);
-                    let mut surface = light.sample(Vec2::ZERO).expect("a point").surface;
-                    surface.geometric_normal = place.normal(normal).normalize().as_vec3();
-                    let patch = 16.0 * PI / f64::from(n * n) * place.area_scale(normal);
-                    integral += f64::from(light.pdf_area(&surface)) * patch;
-                    area += patch;
-                }
-            }
-            assert!((integral - 1.0).abs() < 1e-5, "{integral}");
-            assert!((light.area() / area - 1.0).abs() < 0.01, "{} {area}", light.area());
-        }
-    }
-
-    #[test]
-    fn shape_samples_estimate_the_world_area_without_bias() {
-        let light = sphere_light(stretched());
-        let n = 50_000;
-        let (mut sum, mut squares) = (0.0, 0.0);
-        for i in 0..n {
-            let s = light.sample(uniform2([i, 2, 2, 2])).expect("a point");
-            assert_eq!(s.pdf_area, light.pdf_area(&s.surface));
-            let local = stretched().inverse().point(s.surface.position.as_dvec3());
-            assert!((local.length() - 2.0).abs() < 1e-5);
-            let x = 1.0 / f64::from(s.pdf_area);
-            sum += x;
-            squares += x * x;
-        }
-        let mean = sum / f64::from(n);
-        let error = ((squares / f64::from(n) - mean * mean) / f64::from(n)).sqrt();
-        assert!((mean - light.area()).abs() < 3.0 * error + 0.01 * mean, "{mean} {error} {}", light.area());
-    }
-
-    #[test]
-    fn stratified_numbers_stay_stratified_over_the_triangles() {
-        let light = mesh_light(Transform::IDENTITY);
-        let first = (0..400).filter(|i| {
-            let s = light.sample(Vec2::new((*i as f32 + 0.5) / 400.0, 0.5)).expect("a point");
-            s.surface.primitive == 0
-        });
-        assert_eq!(first.count(), 100);
-    }
-
-    #[test]
-    fn surfaces_without_area_are_no_lights() {
-        let light =
-            |triangles| AreaLight::new(EmissiveGeometry::Mesh { mesh: mesh(), triangles }, Transform::IDENTITY, (0, 0));
-        assert!(light(vec![1]).is_none() && light(vec![]).is_none() && light(vec![99]).is_none());
-        let point = EmissiveGeometry::Shape(Arc::new(Sphere { radius: 0.0 }));
-        assert!(AreaLight::new(point, Transform::IDENTITY, (0, 0)).is_none());
-        let mut broken = (*mesh()).clone();
-        broken.positions[2] = Vec3::NAN;
-        let geometry = EmissiveGeometry::Mesh { mesh: Arc::new(broken), triangles: vec![0] };
-        assert!(AreaLight::new(geometry, Transform::IDENTITY, (0, 0)).is_none());
-    }
-
-    #[test]
-    fn every_shape_with_area_can_be_a_light() {
-        for shape in AnyShape::examples() {
-            for place in [Transform::IDENTITY, stretched()] {
-                let Some(light) = AreaLight::new(EmissiveGeometry::Shape(Arc::new(shape.clone())), place, (0, 0))
-                else {
-                    assert!(!shape.area().is_finite() || shape.area() == 0.0, "{shape:?}");
-                    continue;
-                };
-                for i in 0..50 {
-                    let s = light.sample(uniform2([i, 6, 6, 6])).expect("a point");
-                    assert!(s.pdf_area > 0.0 && s.pdf_area.is_finite() && s.surface.position.is_finite());
-                    assert!(s.surface.geometric_normal.is_normalized(), "{shape:?}");
-                    let again = light.pdf_area(&s.surface);
-                    assert!((again / s.pdf_area - 1.0).abs() < 1e-5);
-                }
-            }
-        }
-    }
 }
