@@ -21,8 +21,8 @@ pub use record::{Choice, Record, Recorder};
 pub struct Guiding {
     /// Training passes: the first of [`Self::FIRST_PASS`] paths, each of twice as many as the one before.
     pub passes: u32,
-    /// True if photons come before the first pass.
-    pub photons: bool,
+    /// Photons that are shot before the first pass.
+    pub photons: u32,
 }
 
 impl Guiding {
@@ -33,9 +33,10 @@ impl Guiding {
     /// The share of all work that training may take if nothing else is asked for.
     pub const SHARE: f64 = 0.25;
 
-    /// So many passes, after photons.
+    /// So many passes, after as many photons as the last pass has paths, but not more than half a million.
     pub fn with_passes(passes: u32) -> Self {
-        Self { passes, photons: true }
+        let photons = (Self::FIRST_PASS << passes.min(Self::MAX_PASSES)).min(1 << 19) as u32;
+        Self { passes, photons }
     }
 
     /// As many passes as fit into [`Self::SHARE`] of a picture of this size; at least one.

@@ -18,8 +18,6 @@ use std::f32::consts::PI;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Photons of one render.
-const PHOTONS: usize = 1 << 19;
 /// How often the field reads what photons met.
 const ROUNDS: u32 = 4;
 /// Photons traced together.
@@ -54,10 +52,10 @@ struct Photon {
 
 impl Job<'_> {
     /// Shoots photons from all lights, and lets the field learn from what they meet.
-    pub(super) fn learn_from_photons(&self, field: &mut Field, seed: u32, threads: usize) {
+    pub(super) fn learn_from_photons(&self, field: &mut Field, photons: u32, seed: u32, threads: usize) {
         let lights = self.scene.light_sampler(LightSamplerKind::Power, self.settings.light_strategy);
         let sampler = Sampler::new(SamplerKind::Independent, seed, 1);
-        let batches: Vec<Mutex<Vec<Record>>> = (0..PHOTONS / BATCH).map(|_| Mutex::default()).collect();
+        let batches: Vec<Mutex<Vec<Record>>> = (0..photons as usize / BATCH).map(|_| Mutex::default()).collect();
         let next = AtomicUsize::new(0);
         let work = || {
             let mut tracer = Tracer::new(self.scene, None);

@@ -64,8 +64,8 @@ impl Job<'_> {
         // All of the picture, even if only a part of it is rendered: crops must fit together.
         let tiles: Vec<Crop> = Film::new(Crop::full(self.settings.size), &[]).tiles.iter().map(|t| t.area).collect();
         let mut field = Field::new(self.scene.center, self.scene.radius);
-        if guiding.photons {
-            self.learn_from_photons(&mut field, rng::hash_combine(self.settings.seed, PHOTONS), threads);
+        if guiding.photons > 0 {
+            self.learn_from_photons(&mut field, guiding.photons, rng::hash_combine(self.settings.seed, PHOTONS), threads);
         }
         for pass in 0..guiding.passes.min(Guiding::MAX_PASSES) {
             let seed = rng::hash_combine(rng::hash_combine(self.settings.seed, SEED), pass);

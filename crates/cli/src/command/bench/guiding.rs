@@ -80,7 +80,8 @@ fn measure(name: &str, read: &ReadOptions, options: &Options) -> Result<Value, F
         max_depth: options.max_depth,
         ..Settings::default()
     };
-    let guiding = Guiding { passes: Guiding::MAX_PASSES, photons: !options.no_photons };
+    let guiding = Guiding::with_passes(Guiding::MAX_PASSES);
+    let guiding = if options.no_photons { Guiding { photons: 0, ..guiding } } else { guiding };
     let guided = Settings { guiding: Some(guiding), ..plain.clone() };
     let compiled =
         CompiledScene::new(&scene, &plain.build).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
