@@ -9,6 +9,7 @@ pub use options::Options;
 use crate::failure::Failure;
 use crate::progress::Reporter;
 use crate::{overrides, scene_source};
+use options::GuidingOption;
 use snell_formats::error::one_line;
 use snell_math::simd::Level;
 use snell_render::{CompiledScene, Guiding, IntegratorKind, Job, Settings, Statistics};
@@ -17,7 +18,6 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use options::GuidingOption;
 use summary::Summary;
 
 /// Renders a scene and writes the picture.
@@ -150,7 +150,8 @@ fn render(
     let result = Job::new(compiled, camera, settings).run(threads, &|progress| {
         if let Some((_, begun)) = progress.training {
             // A pass takes as long as all before it. Where passes are counted, the clock has no say: bits must repeat.
-            let share = limit.filter(|_| options.guiding == Some(GuidingOption::Auto)).map(|l| l.mul_f64(Guiding::SHARE));
+            let share =
+                limit.filter(|_| options.guiding == Some(GuidingOption::Auto)).map(|l| l.mul_f64(Guiding::SHARE));
             let late = begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
             return !late && !interrupted.load(Ordering::Relaxed);
         }

@@ -10,7 +10,7 @@ const SHARE: f32 = 0.01;
 /// Divisions of the square along each side are at most 2 to this power.
 const MAX_DEPTH: u32 = 16;
 /// No more nodes than this in one tree.
-const MAX_NODES: usize = 1024;
+const MAX_NODES: usize = 256;
 
 /// The point of the unit square that stands for a unit direction. Equal areas stand for equal solid angles.
 pub fn square_from_direction(d: Vec3) -> Vec2 {
@@ -132,7 +132,13 @@ impl Gatherer {
         let (_, _, size) = self.find(point);
         let moved = point + (u - 0.5) * size;
         // Around the cylinder, and not beyond its ends.
-        let y = if moved.y < 0.0 { -moved.y } else if moved.y >= 1.0 { 2.0 - moved.y } else { moved.y };
+        let y = if moved.y < 0.0 {
+            -moved.y
+        } else if moved.y >= 1.0 {
+            2.0 - moved.y
+        } else {
+            moved.y
+        };
         let moved = Vec2::new(moved.x - moved.x.floor(), y).clamp(Vec2::ZERO, Vec2::splat(ONE_MINUS_EPSILON));
         let (node, quadrant, _) = self.find(moved);
         self.nodes[node].light[quadrant] += light;

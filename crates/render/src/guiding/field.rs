@@ -8,7 +8,7 @@ use super::record::Record;
 use snell_math::{Vec3, rng};
 
 /// Most regions.
-const MAX_CELLS: usize = 1 << 15;
+const MAX_CELLS: usize = 1 << 14;
 /// Most halvings of the scene's box.
 const MAX_DEPTH: u32 = 48;
 /// What is known of a region counts like this many new records of equal light.

@@ -30,13 +30,15 @@ impl Guiding {
     pub const FIRST_PASS: u64 = 1 << 14;
     /// Most passes: more paths than anybody waits for.
     pub const MAX_PASSES: u32 = 20;
+    /// Photons if nothing else is asked for: the same number whatever the passes, so that passes that the clock has counted can be
+    /// asked for by their number.
+    pub const PHOTONS: u32 = 1 << 19;
     /// The share of all work that training may take if nothing else is asked for.
     pub const SHARE: f64 = 0.25;
 
-    /// So many passes, after as many photons as the last pass has paths, but not more than half a million.
+    /// So many passes, after [`Self::PHOTONS`].
     pub fn with_passes(passes: u32) -> Self {
-        let photons = (Self::FIRST_PASS << passes.min(Self::MAX_PASSES)).min(1 << 19) as u32;
-        Self { passes, photons }
+        Self { passes, photons: Self::PHOTONS }
     }
 
     /// As many passes as fit into [`Self::SHARE`] of a picture of this size; at least one.

@@ -130,13 +130,7 @@ pub(super) fn survival(vertex: &Vertex, weight: f32) -> Option<f32> {
     (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)
 }
 
-fn add_bounce(
-    vertex: &Vertex,
-    surface: &SurfaceVertex,
-    receiver: &Receiver,
-    guided: &GuidedBsdf,
-    out: &mut Outputs,
-) {
+fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, receiver: &Receiver, guided: &GuidedBsdf, out: &mut Outputs) {
     let wo = outgoing(vertex.ray);
     let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
     let Some(sample) = guided.sample(wo, u_lobe, u) else { return };

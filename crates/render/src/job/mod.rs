@@ -164,12 +164,8 @@ impl<'a> Job<'a> {
         let statistics = Mutex::new(statistics);
         let recording = Mutex::new(Recording::default());
         let work = || {
-            let context = Context {
-                scene: self.scene,
-                settings: self.settings,
-                lights: &self.lights,
-                field: field.as_ref(),
-            };
+            let context =
+                Context { scene: self.scene, settings: self.settings, lights: &self.lights, field: field.as_ref() };
             let tracer = Tracer::new(self.scene, record.then(Recording::default));
             let mut renderer = PartRenderer::new(context, self.camera, &self.sampler, &self.filter, tracer);
             let mut mine = Statistics::default();

@@ -1,10 +1,10 @@
 //! The loop that makes a picture: camera rays, hits, shading by material, light rays, next rays, depth by depth until no path is
 //! left. Batches only; nothing here asks for a single ray.
 
-use super::{Statistics, pixels};
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
 use super::volumes::VolumeBatch;
+use super::{Statistics, pixels};
 use crate::film::filter::FilterSampler;
 use crate::film::{FilmPart, FilmSample};
 use crate::guiding::{Record, Recorder};

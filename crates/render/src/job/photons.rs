@@ -166,13 +166,7 @@ fn hit_of(surface: &snell_intersect::SurfaceInteraction) -> Hit {
 }
 
 /// Writes down where a photon arrives, and sends it on.
-fn bounced(
-    scene: &CompiledScene,
-    photon: &Photon,
-    hit: &Hit,
-    depth: u32,
-    records: &mut Vec<Record>,
-) -> Option<Photon> {
+fn bounced(scene: &CompiledScene, photon: &Photon, hit: &Hit, depth: u32, records: &mut Vec<Record>) -> Option<Photon> {
     if !hit.is_hit() {
         return None;
     }

@@ -65,7 +65,12 @@ impl Job<'_> {
         let tiles: Vec<Crop> = Film::new(Crop::full(self.settings.size), &[]).tiles.iter().map(|t| t.area).collect();
         let mut field = Field::new(self.scene.center, self.scene.radius);
         if guiding.photons > 0 {
-            self.learn_from_photons(&mut field, guiding.photons, rng::hash_combine(self.settings.seed, PHOTONS), threads);
+            self.learn_from_photons(
+                &mut field,
+                guiding.photons,
+                rng::hash_combine(self.settings.seed, PHOTONS),
+                threads,
+            );
         }
         for pass in 0..guiding.passes.min(Guiding::MAX_PASSES) {
             let seed = rng::hash_combine(rng::hash_combine(self.settings.seed, SEED), pass);
@@ -103,7 +108,8 @@ impl Job<'_> {
             let records: Vec<Mutex<Vec<Record>>> = parts.iter().map(|_| Mutex::default()).collect();
             let (next, all) = (AtomicUsize::new(0), Mutex::new(Statistics::default()));
             let work = || {
-                let context = Context { scene: self.scene, settings: &settings, lights: &self.lights, field: Some(field) };
+                let context =
+                    Context { scene: self.scene, settings: &settings, lights: &self.lights, field: Some(field) };
                 let tracer = Tracer::new(self.scene, None);
                 let mut renderer = PartRenderer::new(context, self.camera, &sampler, &self.filter, tracer);
                 let mut mine = Statistics::default();

@@ -83,8 +83,7 @@ fn measure(name: &str, read: &ReadOptions, options: &Options) -> Result<Value, F
     let guiding = Guiding::with_passes(Guiding::MAX_PASSES);
     let guiding = if options.no_photons { Guiding { photons: 0, ..guiding } } else { guiding };
     let guided = Settings { guiding: Some(guiding), ..plain.clone() };
-    let compiled =
-        CompiledScene::new(&scene, &plain.build).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
+    let compiled = CompiledScene::new(&scene, &plain.build).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
     let render = |settings: &Settings, seconds: f64| render(&compiled, &camera, settings, seconds, options);
     let stem: String = scenes::short_name(name).chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
     let file = |kind: &str| options.keep.as_ref().map(|folder| folder.join(format!("{stem}-{kind}.exr")));
@@ -105,7 +104,9 @@ fn measure(name: &str, read: &ReadOptions, options: &Options) -> Result<Value, F
         keep(file(kind), &picture)?;
         found.push((errors(&pixels(&picture), &reference), film.least_samples(), statistics));
     }
-    let [(plain, plain_spp, _), (guided, guided_spp, statistics)] = &found[..] else { unreachable!("two were rendered") };
+    let [(plain, plain_spp, _), (guided, guided_spp, statistics)] = &found[..] else {
+        unreachable!("two were rendered")
+    };
     Ok(json!({
         "scene": name,
         "size": [options.width, height],
