@@ -14,6 +14,7 @@ pub mod graph;
 pub mod image;
 pub mod light;
 pub mod material;
+pub mod overrides;
 pub mod settings;
 pub mod texture;
 
