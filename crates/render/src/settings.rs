@@ -6,6 +6,8 @@ use crate::integrator::aov::Aov;
 use crate::light_sampler::LightSamplerKind;
 use crate::sampler::SamplerKind;
 use snell_intersect::BuildOptions;
+use snell_math::Rgb;
+use snell_math::ColorModel;
 
 /// How `raycast` and `whitted` treat occlusion of lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -113,6 +115,8 @@ pub struct Settings {
     pub pixel_position: Option<[f64; 2]>,
     /// What light does.
     pub integrator: IntegratorKind,
+    /// How it is computed with colours.
+    pub color: ColorModel,
     /// How many bounces after the camera ray's hit are followed at most: 0 shows light that reaches the camera from the first
     /// surface itself, 1 adds direct light (in `path`), and so on.
     pub max_depth: u32,
@@ -122,6 +126,8 @@ pub struct Settings {
     pub light_strategy: LightStrategy,
     /// How a light is chosen among many.
     pub light_sampler: LightSamplerKind,
+    /// Added to the scene's ambient light in `raycast` and `whitted`: a stand-in for indirect light where there is no time for it.
+    pub fill: Rgb,
     /// How far `ao` looks for occluders; `None` is half of the scene's radius.
     pub ao_distance: Option<f32>,
     /// Extra layers.
@@ -149,10 +155,12 @@ impl Default for Settings {
             filter: Filter::default(),
             pixel_position: None,
             integrator: IntegratorKind::default(),
+            color: ColorModel::default(),
             max_depth: Self::MAX_DEPTH,
             shadows: Shadows::default(),
             light_strategy: LightStrategy::default(),
             light_sampler: LightSamplerKind::default(),
+            fill: Rgb::BLACK,
             ao_distance: None,
             aovs: Vec::new(),
             tile_order: TileOrder::default(),

@@ -6,10 +6,12 @@
 #![forbid(unsafe_code)]
 
 mod budget;
+mod denoise;
 mod describe;
 mod encode;
 mod page;
 mod pick;
+mod preview;
 pub mod protocol;
 mod security;
 mod server;

@@ -1,10 +1,13 @@
 //! The thread that renders: small pictures while something moves, the picture of `snell render` when it rests.
 
 use crate::budget::Budget;
+use crate::denoise::denoise;
 use crate::encode::{self, DisplayTable};
+use crate::preview;
 use crate::protocol::{FrameHeader, ToPage};
 use crate::session::{Finished, Frame, REST, Session, Snapshot, lock};
-use snell_render::{CompiledScene, Film, IntegratorKind, Job, Settings, picture};
+use snell_math::Rgb;
+use snell_render::{CompiledScene, Film, IntegratorKind, Job, picture};
 use snell_scene::LayeredImage;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -21,6 +24,10 @@ pub struct Worker<'a> {
     compiled: Option<(u32, Arc<CompiledScene>)>,
     table: DisplayTable,
     frame: u32,
+    /// In the place of indirect light while something moves.
+    fill: Rgb,
+    /// The last ray-cast picture, and the version of what it shows.
+    last_preview: Option<(u64, LayeredImage)>,
     /// The picture at rest being made.
     refinement: Option<Refinement>,
 }
@@ -42,6 +49,8 @@ impl<'a> Worker<'a> {
             compiled: None,
             table: DisplayTable::new(Default::default()),
             frame: 0,
+            fill: Rgb::BLACK,
+            last_preview: None,
             refinement: None,
         }
     }
@@ -89,6 +98,7 @@ impl<'a> Worker<'a> {
         }
         self.compiled = None;
         self.budget.reset();
+        self.fill = Rgb::BLACK;
         let compiled = CompiledScene::new(&snapshot.scene, &snapshot.settings.build).map_err(|e| e.to_string())?;
         let compiled = Arc::new(compiled);
         self.compiled = Some((snapshot.generation, compiled.clone()));
@@ -99,9 +109,15 @@ impl<'a> Worker<'a> {
     fn preview(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) {
         let start = Instant::now();
         let size = self.budget.size(snapshot.settings.size);
-        let settings = preview_settings(&snapshot.settings, size);
-        let (film, _) = Job::new(compiled, &snapshot.camera, &settings).run(self.threads, &|_| true);
-        let rgb = rgb_of(&picture(&film, &settings, compiled));
+        let plan = preview::plan(&snapshot.settings, compiled, size, self.fill);
+        let (film, _) = Job::new(compiled, &snapshot.camera, &plan.settings).run(self.threads, &|_| true);
+        let image = picture(&film, &plan.settings, compiled);
+        let mut rgb = rgb_of(&image);
+        if plan.is_noisy {
+            denoise(&image, &compiled.materials, &mut rgb);
+        }
+        let has_fill = plan.settings.integrator == IntegratorKind::Raycast && snapshot.settings.integrator == IntegratorKind::Path;
+        self.last_preview = has_fill.then_some((snapshot.version, image));
         let spent = start.elapsed();
         self.budget.spent(size, spent.as_secs_f64());
         if *self.table.display() != snapshot.display {
@@ -138,7 +154,11 @@ impl<'a> Worker<'a> {
         let samples = film.least_samples();
         let is_last = samples >= settings.spp;
         if is_last || refinement.sent.is_none_or(|sent| sent.elapsed() >= REST_INTERVAL) {
-            let rgb = rgb_of(&picture(&film, settings, compiled));
+            let image = picture(&film, settings, compiled);
+            if let Some((_, preview)) = self.last_preview.take_if(|(of, _)| *of == version && samples >= 4) {
+                self.fill = preview::fill(&image, &preview, self.fill);
+            }
+            let rgb = rgb_of(&image);
             let noise = if samples >= 4 { noise_of(&film) } else { f32::NAN };
             let header = FrameHeader {
                 kind: 1,
@@ -182,24 +202,6 @@ fn next_pass(samples: u32) -> u32 {
         0 => 1,
         1..4 => 4,
         _ => (samples / 16 + 1) * 16,
-    }
-}
-
-/// What is shown while something moves: one sample in the middle of each pixel, and no light that needs many.
-fn preview_settings(settings: &Settings, size: [u32; 2]) -> Settings {
-    let integrator = match settings.integrator {
-        IntegratorKind::Path | IntegratorKind::Direct => IntegratorKind::Raycast,
-        other => other,
-    };
-    Settings {
-        size,
-        crop: None,
-        spp: 1,
-        integrator,
-        max_depth: settings.max_depth.min(integrator.default_max_depth().min(4)),
-        pixel_position: Some([0.5, 0.5]),
-        progressive: false,
-        ..settings.clone()
     }
 }
 
