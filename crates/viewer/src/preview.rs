@@ -48,14 +48,17 @@ pub fn plan(settings: &Settings, compiled: &CompiledScene, size: [u32; 2], fill:
 
 /// The constant that makes a ray-cast picture as bright as the one at rest: what it lacks, over the share that surfaces reflect.
 pub fn fill(rest: &LayeredImage, preview: &LayeredImage, before: Rgb) -> Rgb {
-    let lacking = mean(rest) - mean(preview);
+    let (rest, preview, before) = (mean(rest), mean(preview), before.to_array());
     // Most surfaces reflect about half; bright spots of the picture at rest must not flood everything.
-    let wanted = before + lacking * 2.0;
-    wanted.map(|x| if x.is_finite() { x.clamp(0.0, 2.0) } else { 0.0 })
+    let [r, g, b] = [0, 1, 2].map(|c| {
+        let wanted = before[c] + 2.0 * (rest[c] - preview[c]);
+        if wanted.is_finite() { wanted.clamp(0.0, 2.0) } else { 0.0 }
+    });
+    Rgb::new(r, g, b)
 }
 
 /// The mean of a picture with each value cut at 1: what lamps and highlights add beyond is no measure of indirect light.
-fn mean(image: &LayeredImage) -> Rgb {
+fn mean(image: &LayeredImage) -> [f32; 3] {
     let layer = &image.layers[0];
     let stride = layer.channels.len();
     let mut sums = [0.0_f64; 3];
@@ -65,8 +68,7 @@ fn mean(image: &LayeredImage) -> Rgb {
         }
     }
     let count = (layer.values.len() / stride).max(1) as f64;
-    let [r, g, b] = sums.map(|sum| (sum / count) as f32);
-    Rgb::new(r, g, b)
+    sums.map(|sum| (sum / count) as f32)
 }
 
 #[cfg(test)]

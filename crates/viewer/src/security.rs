@@ -18,11 +18,16 @@ pub struct Guard {
 }
 
 impl Guard {
-    /// A guard with a new random token of 128 bits.
-    pub fn new(address: SocketAddr) -> Result<Self, String> {
-        let mut bytes = [0_u8; 16];
-        getrandom::fill(&mut bytes).map_err(|e| format!("no random numbers for the token: {e}"))?;
-        let token = bytes.iter().map(|b| format!("{b:02x}")).collect();
+    /// A guard with this token, or a new random one of 128 bits.
+    pub fn new(address: SocketAddr, token: Option<String>) -> Result<Self, String> {
+        let token = match token {
+            Some(token) => token,
+            None => {
+                let mut bytes = [0_u8; 16];
+                getrandom::fill(&mut bytes).map_err(|e| format!("no random numbers for the token: {e}"))?;
+                bytes.iter().map(|b| format!("{b:02x}")).collect()
+            }
+        };
         Ok(Self { token, address, any_host: address.ip().is_unspecified() })
     }
 
@@ -74,7 +79,7 @@ mod tests {
     use axum::http::HeaderValue;
 
     fn guard(address: &str) -> Guard {
-        Guard::new(address.parse().expect("an address")).expect("random numbers")
+        Guard::new(address.parse().expect("an address"), None).expect("random numbers")
     }
 
     fn headers(host: &'static str, origin: Option<&'static str>) -> HeaderMap {

@@ -43,6 +43,8 @@ pub struct ServerOptions {
     pub frames_per_second: f64,
     /// For rendering.
     pub threads: usize,
+    /// In the place of a random one: letters and digits.
+    pub token: Option<String>,
 }
 
 /// A running server; it stops when it is dropped.
@@ -100,7 +102,7 @@ pub fn serve(source: Box<dyn Source>, options: &ServerOptions) -> Result<Server,
         .and_then(|l| l.set_nonblocking(true).map(|()| l))
         .map_err(|e| format!("cannot listen on {place}: {e}; choose another --port, or leave it out for any"))?;
     let address = listener.local_addr().map_err(|e| e.to_string())?;
-    let guard = Arc::new(Guard::new(address)?);
+    let guard = Arc::new(Guard::new(address, options.token.clone())?);
     let shown = if address.ip().is_unspecified() { SocketAddr::new([127, 0, 0, 1].into(), address.port()) } else { address };
     let url = format!("http://{shown}/{}/", guard.token());
 

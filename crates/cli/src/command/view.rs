@@ -34,6 +34,9 @@ pub struct Options {
     /// Only print the address of the page
     #[arg(long)]
     no_open: bool,
+    /// Token of the page's address, 16 to 64 letters and digits, so that the address stays the same. Default: a random one
+    #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
+    token: Option<String>,
     /// Frames per second while something moves
     #[arg(long, value_name = "N", default_value_t = 30.0)]
     fps: f64,
@@ -56,6 +59,11 @@ struct RenderLine {
     options: render::Options,
 }
 
+fn parse_token(text: &str) -> Result<String, String> {
+    let is_safe = (16..=64).contains(&text.len()) && text.chars().all(|c| c.is_ascii_alphanumeric());
+    if is_safe { Ok(text.to_string()) } else { Err("a token has 16 to 64 letters and digits".into()) }
+}
+
 /// Serves the scene until Ctrl-C.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !(options.fps >= 1.0 && options.fps <= 240.0) {
@@ -69,6 +77,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         port: options.port,
         frames_per_second: options.fps,
         threads: options.threads.map_or_else(cores, |n| n as usize),
+        token: options.token.clone(),
     };
     let server = snell_viewer::serve(Box::new(files), &server_options).map_err(Failure::Other)?;
     let (ended, ends) = mpsc::channel();
