@@ -7,6 +7,8 @@ export class Picture {
   readonly canvas = document.createElement("canvas");
   /** What is compared with, if anything. */
   readonly reference = document.createElement("canvas");
+  /** Size of the picture at rest, as the server has it. */
+  pictureSize: [number, number] = [0, 0];
   display: Display = { exposure: 0, tonemap: "none", srgb: true };
   private readonly context = this.canvas.getContext("2d", { alpha: false })!;
   private linear: { halves: Uint16Array; size: [number, number] } | null = null;
@@ -14,6 +16,11 @@ export class Picture {
   constructor() {
     this.canvas.className = "picture";
     this.reference.className = "picture reference";
+  }
+
+  /** Has the size of the picture, which another page may have chosen, if this is one. */
+  private fit(size: [number, number]): void {
+    if (size[0] > 0 && size[1] > 0) this.resize(size);
   }
 
   resize(size: [number, number]): void {
@@ -29,10 +36,12 @@ export class Picture {
     if (frame.kind === "jpeg") {
       this.linear = null;
       const bitmap = await createImageBitmap(new Blob([frame.payload], { type: "image/jpeg" }));
+      this.fit(this.pictureSize);
       this.context.imageSmoothingQuality = "medium";
       this.context.drawImage(bitmap, 0, 0, this.canvas.width, this.canvas.height);
       bitmap.close();
     } else {
+      this.fit(frame.size);
       this.linear = { halves: new Uint16Array(frame.payload), size: frame.size };
       this.redraw();
     }

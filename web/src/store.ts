@@ -96,7 +96,6 @@ export class Store {
   resize(width: number, height: number): void {
     const scale = Math.min(1, Math.sqrt(MAX_PIXELS / Math.max(1, width * height)));
     this.size = [Math.max(1, Math.round(width * scale)), Math.max(1, Math.round(height * scale))];
-    this.picture.resize(this.size);
     this.sendSize();
   }
 
@@ -190,6 +189,7 @@ export class Store {
         exposure.value = message.view.exposure;
         tonemap.value = message.view.tonemap;
         this.picture.display = message.view;
+        this.picture.pictureSize = message.view.size as [number, number];
         this.adopt();
         break;
       case "steering":

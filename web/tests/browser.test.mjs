@@ -11,7 +11,7 @@ import { chromium } from "playwright-core";
 
 const SNELL = process.env.SNELL ?? "snell";
 const CHROME = process.env.CHROME;
-const VIEWPORT = { width: 700, height: 420 };
+const VIEWPORT = { width: 860, height: 420 };
 /** Slow machines under load need long. */
 const PATIENCE = 120_000;
 
@@ -30,7 +30,7 @@ after(async () => {
 
 /** Starts `snell view`; gives its address and a way to stop it. */
 async function serve(...words) {
-  const child = spawn(SNELL, ["view", ...words, "--no-open"], { stdio: ["ignore", "pipe", "pipe"] });
+  const child = spawn(SNELL, ["view", "--no-open", ...words], { stdio: ["ignore", "pipe", "pipe"] });
   const wait = new Promise((resolve, reject) => {
     let text = "";
     child.stdout.on("data", (data) => {
@@ -199,8 +199,8 @@ test("one page steers, others watch and may take over", { timeout: PATIENCE * 2 
   try {
     const { page: first } = await open(server.url);
     const { page: second } = await open(server.url);
-    await second.getByText("Take over").click();
-    await first.getByText("Take over").waitFor();
+    await second.getByRole("button", { name: "Take over" }).click();
+    await first.getByRole("button", { name: "Take over" }).waitFor();
     await isDone(second);
     const shown = await first.evaluate(() => document.querySelector("canvas").dataset.frame);
     await drag(second, 40, 0);

@@ -234,6 +234,10 @@ impl Session {
             self.tell(ToPage::Steering { client, watching: state.watching });
         }
         if state.steering != client {
+            // A page says its size when it opens, whether it steers or not.
+            if matches!(message, ToServer::Size { .. } | ToServer::Display { .. }) {
+                return Ok(());
+            }
             return Err("another page steers; take over first".into());
         }
         let is_camera = matches!(message, ToServer::Camera { .. });
