@@ -264,7 +264,7 @@ test("strangers are refused and nonsense does no harm", { timeout: PATIENCE * 2 
           socket.onclose = () => end(true);
         });
       return {
-        malformed: await said(["", "{", "[]", '{"type":"camera"}', '{"type":"size","size":[0,99999999]}', new Uint8Array(9)]),
+        malformed: await said(["", "{", "[]", '{"type":"camera"}', '{"type":"pick"}', new Uint8Array(9)]),
         oversized: await said(["x".repeat(3 << 20)]),
       };
     });
