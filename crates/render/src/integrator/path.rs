@@ -44,7 +44,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let receiver = Receiver {
         position: surface.interaction.position,
         normal: if normal.dot(wo) < 0.0 { -normal } else { normal },
-        transmits: true,
+        transmits: !shading.is_opaque(),
     };
     add_light_sample(context, vertex, surface, &receiver, &shading, out);
     add_bounce(vertex, surface, &receiver, &shading, out);

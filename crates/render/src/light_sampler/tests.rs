@@ -16,9 +16,9 @@ fn part(key: u32, size: f32) -> LightBounds {
     LightBounds {
         bounds: Bounds3d { min: center - reach, max: center + reach },
         axis: sampling::uniform_sphere(uniform2([key, 0, 0, 1])),
-        cos_spread: if key % 5 == 0 { -1.0 } else { 1.0 },
-        cos_emission: if key % 7 == 0 { 0.9 } else { 0.0 },
-        is_two_sided: key % 3 == 0,
+        cos_spread: if key.is_multiple_of(5) { -1.0 } else { 1.0 },
+        cos_emission: if key.is_multiple_of(7) { 0.9 } else { 0.0 },
+        is_two_sided: key.is_multiple_of(3),
         intensity: f64::from(unit(key, 5)).powi(4) + 1e-4,
     }
 }
@@ -37,8 +37,8 @@ fn lights(count: u32, size: f32) -> Vec<LightSummary> {
 }
 
 fn receiver(key: u32, size: f32) -> Receiver {
-    let normal = if key % 4 == 0 { Vec3::ZERO } else { sampling::uniform_sphere(uniform2([key, 7, 7, 7])) };
-    Receiver { position: random_point(key ^ 0x5555, size), normal, transmits: key % 3 == 0 }
+    let normal = if key.is_multiple_of(4) { Vec3::ZERO } else { sampling::uniform_sphere(uniform2([key, 7, 7, 7])) };
+    Receiver { position: random_point(key ^ 0x5555, size), normal, transmits: key.is_multiple_of(3) }
 }
 
 fn table(kind: LightSamplerKind, powers: &[f64], left_out: Option<usize>) -> LightSampler {
