@@ -150,7 +150,13 @@ impl LightTable {
             (true, _) => 16,
         };
         let light = light.measured(points, |surface, width| {
-            let point = ShadingPoint { surface, footprint: width, textures: parts.textures, mode: ColorMode::Rgb };
+            let point = ShadingPoint {
+                surface,
+                footprint: width,
+                textures: parts.textures,
+                mode: ColorMode::Rgb,
+                outside_ior: 1.0,
+            };
             let emitted = material(surface.primitive).emitted(&point, surface.geometric_normal);
             ColorMode::Rgb.to_rgb(emitted).luminance()
         });

@@ -7,8 +7,10 @@
 
 mod lights;
 mod surfaces;
+mod volumes;
 
 pub use lights::CompiledLight;
+pub(crate) use volumes::{Boundary, VolumeTable};
 
 use crate::light_sampler::{LightSampler, LightSamplerKind};
 use crate::settings::LightStrategy;
@@ -60,6 +62,8 @@ pub struct CompiledScene {
     pub radius: f32,
     /// What compiling had to say.
     pub warnings: Vec<Warning>,
+    /// Media, if there are any.
+    pub(crate) volumes: Option<VolumeTable>,
     surfaces: SurfaceTable,
     lights: LightTable,
 }
@@ -82,6 +86,7 @@ impl CompiledScene {
             let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
             Warning::note(&mut warnings, message.into(), 1);
         }
+        let volumes = VolumeTable::new(scene, &materials)?;
         let radius = bounds.radius() as f32;
         Ok(Self {
             materials,
@@ -96,6 +101,7 @@ impl CompiledScene {
             radius: if radius > 0.0 { radius } else { 1.0 },
             warnings,
             world,
+            volumes,
             surfaces,
             lights,
         })
@@ -157,7 +163,7 @@ impl CompiledScene {
         footprint: f32,
         mode: ColorMode,
     ) -> ShadingPoint<'a> {
-        ShadingPoint { surface, footprint, textures: &self.textures, mode }
+        ShadingPoint { surface, footprint, textures: &self.textures, mode, outside_ior: 1.0 }
     }
 
     /// True if some hits must be asked about.
@@ -170,6 +176,9 @@ impl CompiledScene {
 impl HitFilter for CompiledScene {
     fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
         let material = self.material(self.material_id(hit));
+        if material.is_interface() {
+            return false;
+        }
         let surface = self.world.interaction(ray, hit);
         let bits =
             |v: Vec3| rng::pcg4d([v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), hit.primitive ^ hit.geometry << 16]);

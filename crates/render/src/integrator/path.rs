@@ -4,10 +4,11 @@
 use super::estimators::{
     Arrival, background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light,
 };
+use super::scattering::scatter;
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::light_sampler::Receiver;
 use crate::settings::LightStrategy;
-use snell_math::{Ray, SampledSpectrum, sampling};
+use snell_math::{Ray, SampledSpectrum, Vec3, sampling};
 use snell_scene::material::ShadingBsdf;
 
 /// Roulette starts after this many bounces.
@@ -15,10 +16,20 @@ const ROULETTE_DEPTH: u32 = 4;
 /// Largest probability of going on, so that every path ends.
 const MAX_SURVIVAL: f32 = 0.98;
 /// Growth of the ray cone after a bounce that scatters.
-const SCATTERED_SPREAD: f32 = 0.2;
+pub(super) const SCATTERED_SPREAD: f32 = 0.2;
 
 /// Vertex function of `path` and `direct`.
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
+    let max_depth = match context.settings.integrator {
+        IntegratorKind::Direct => 1,
+        _ => context.settings.max_depth,
+    };
+    if let Some(medium) = &vertex.medium {
+        if vertex.depth < max_depth {
+            scatter(context, vertex, medium, out);
+        }
+        return;
+    }
     let Some(surface) = &vertex.surface else {
         out.radiance = escaped(context, vertex);
         return;
@@ -32,10 +43,6 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
             out.radiance = vertex.state.throughput * emitted * weight;
         }
     }
-    let max_depth = match context.settings.integrator {
-        IntegratorKind::Direct => 1,
-        _ => context.settings.max_depth,
-    };
     if vertex.depth >= max_depth {
         return;
     }
@@ -46,7 +53,10 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
         normal: if normal.dot(wo) < 0.0 { -normal } else { normal },
         transmits: !shading.is_opaque(),
     };
-    add_light_sample(context, vertex, surface, &receiver, &shading, out);
+    if !shading.is_delta() {
+        let bsdf = |wi| (shading.eval(wo, wi), shading.pdf(wo, wi));
+        light_sample(context, vertex, Arrival::at_surface(surface), &receiver, bsdf, out);
+    }
     add_bounce(vertex, surface, &receiver, &shading, out);
 }
 
@@ -77,39 +87,46 @@ fn weight_of_bsdf_sample(context: &Context, vertex: &Vertex, light_pdf: impl Fn(
     }
 }
 
-fn add_light_sample(
+/// Adds a light ray towards a light sample. `scattering` gives, for a direction, what share of light from there goes on along the path
+/// and the density with which the path itself would have gone there.
+pub(super) fn light_sample(
     context: &Context,
     vertex: &Vertex,
-    surface: &SurfaceVertex,
+    at: Arrival,
     receiver: &Receiver,
-    shading: &ShadingBsdf,
+    scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
     out: &mut Outputs,
 ) {
-    if shading.is_delta() {
-        return;
-    }
     let u = || vertex.random.number(dimension::LIGHT_CHOICE);
     let Some(chosen) = context.lights.sample(receiver, u) else { return };
     let probability = chosen.probability;
     let u = vertex.random.pair(dimension::LIGHT);
-    let Some(sample) = sample_light(context, &Arrival::at_surface(surface), &chosen, u) else { return };
+    let Some(sample) = sample_light(context, &at, &chosen, u) else { return };
     if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
         return;
     }
-    let wo = outgoing(vertex.ray);
-    let value = shading.eval(wo, sample.direction);
+    let (value, pdf) = scattering(sample.direction);
     if value.is_black() {
         return;
     }
     let weight = if sample.is_delta || context.settings.light_strategy == LightStrategy::Light {
         1.0
     } else {
-        sampling::power_heuristic(sample.pdf * probability, shading.pdf(wo, sample.direction))
+        sampling::power_heuristic(sample.pdf * probability, pdf)
     };
     let value = vertex.state.throughput * value * sample.radiance * (weight / (sample.pdf * probability));
     if !value.is_black() && value.is_finite() {
         out.light_rays.push((sample.shadow_ray, value));
     }
+}
+
+/// Russian roulette: the probability with which the path goes on, by the weight it would have; `None` if it ends.
+pub(super) fn survival(vertex: &Vertex, weight: f32) -> Option<f32> {
+    if vertex.depth < ROULETTE_DEPTH {
+        return Some(1.0);
+    }
+    let survival = weight.min(MAX_SURVIVAL);
+    (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)
 }
 
 fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, receiver: &Receiver, shading: &ShadingBsdf, out: &mut Outputs) {
@@ -122,13 +139,8 @@ fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, receiver: &Receiver, sha
     }
     let crossing = if sample.is_transmission { shading.crossing_scale(wo) } else { 1.0 };
     let eta_scale = vertex.state.eta_scale * crossing;
-    if vertex.depth >= ROULETTE_DEPTH {
-        let survival = (throughput.max_element() * eta_scale).min(MAX_SURVIVAL);
-        if vertex.random.number(dimension::ROULETTE) >= survival {
-            return;
-        }
-        throughput *= 1.0 / survival;
-    }
+    let Some(survival) = survival(vertex, throughput.max_element() * eta_scale) else { return };
+    throughput *= 1.0 / survival;
     let state = PathState {
         eta_scale,
         bsdf_pdf: if sample.is_delta { 0.0 } else { sample.pdf },

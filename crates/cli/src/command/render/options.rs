@@ -49,7 +49,7 @@ Ctrl-C ends a render early and saves what is there.";
 
 /// Options of `snell render`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, args_override_self = true)]
 pub struct Options {
     /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
     #[arg(default_value = "cornell-box")]
@@ -143,7 +143,10 @@ pub struct Options {
     /// day), none, #rrggbb or r,g,b
     #[arg(long, value_name = "FILE", help_heading = "What is rendered")]
     pub environment: Option<String>,
-    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, `ambient=[r,g,b]`
+    /// Fill the scene with fog that takes this share of light per scene unit, such as 0.001
+    #[arg(long, value_name = "DENSITY", value_parser = parse_density, help_heading = "What is rendered")]
+    pub fog: Option<f32>,
+    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…, `ambient=[r,g,b]`
     #[arg(short = 'D', long = "define", value_name = "key=value", help_heading = "What is rendered")]
     pub define: Vec<String>,
     /// Write statistics as JSON
@@ -389,6 +392,13 @@ fn parse_exposure(text: &str) -> Result<f64, String> {
 fn parse_distance(text: &str) -> Result<f32, String> {
     let distance = text.parse().ok().filter(|x: &f32| *x > 0.0);
     distance.ok_or_else(|| format!("\"{text}\" is not a distance; write a positive number"))
+}
+
+fn parse_density(text: &str) -> Result<f32, String> {
+    let density = text.parse().ok().filter(|x: &f32| *x > 0.0);
+    density.ok_or_else(|| {
+        format!("\"{text}\" is not a density; write a positive number: the share of light lost per scene unit")
+    })
 }
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
