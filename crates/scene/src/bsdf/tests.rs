@@ -85,6 +85,16 @@ fn furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3, n: u32) -> [f64; 3] {
 }
 
 #[test]
+fn opaque_bsdfs_bring_no_light_across() {
+    for_each(|name, _, bsdf, wo| {
+        for i in (0..200).filter(|_| bsdf.is_opaque()) {
+            let wi = snell_math::sampling::uniform_sphere(rng::uniform2([i, 8, 8, 8]));
+            assert!(wi.z * wo.z > 0.0 || bsdf.eval(wo, wi).is_black(), "{name}: {wi}");
+        }
+    });
+}
+
+#[test]
 fn no_bsdf_makes_light() {
     for_each(|name, kind, bsdf, wo| {
         let albedo = furnace(kind, bsdf, wo, 100_000);
