@@ -3,6 +3,7 @@
 mod cornell_box;
 mod minray;
 mod palette;
+mod prism;
 mod quads;
 mod spheres;
 mod teapot;
@@ -33,6 +34,11 @@ pub const BUILTINS: &[Builtin] = &[
         name: "minray",
         description: "Heckbert's business card ray tracer: five spheres, three of which shine",
         make: minray::scene,
+    },
+    Builtin {
+        name: "prism",
+        description: "A slit seen through a prism of flint glass; render it with --color spectral",
+        make: prism::scene,
     },
     Builtin {
         name: "spheres",

@@ -202,6 +202,11 @@ impl Material {
         Self { emission: ColorParam::constant(radiance), ..self }
     }
 
+    /// True if wavelengths part where light meets it: the path's hero goes on alone ([`ColorMode::hero_only`]).
+    pub fn is_dispersive(&self) -> bool {
+        matches!(&self.kind, MaterialKind::Dielectric(glass) if glass.ior.is_dispersive())
+    }
+
     /// True if it can emit anywhere.
     pub fn is_emissive(&self) -> bool {
         !self.emission.factor.is_black()

@@ -77,7 +77,7 @@ fn kind(pbr: Pbr) -> MaterialKind {
     let is_clear = pbr.transmission.factor >= 0.5 && pbr.transmission.texture.is_none();
     if pbr.is_boundary && is_clear && pbr.metallic.factor == 0.0 {
         let Pbr { ior, roughness, base_color: tint, absorption, .. } = pbr;
-        return Dielectric { ior, roughness, tint, absorption }.into();
+        return Dielectric { ior: ior.into(), roughness, tint, absorption }.into();
     }
     MetallicRoughness {
         base_color: pbr.base_color,
