@@ -169,6 +169,15 @@ pub fn rgb_of_light(radiance: impl Fn(f32) -> f64) -> Rgb {
     sum.map(|x| x as f32).into()
 }
 
+/// The luminance of a light of this spectral radiance: 1 for a radiance of 1 at all wavelengths.
+pub fn luminance_of_light(radiance: impl Fn(f32) -> f64) -> f64 {
+    let value = |i: usize| {
+        let weight = if i == 0 || i == LAMBDA_COUNT - 1 { 0.5 } else { 1.0 };
+        radiance(LAMBDA_MIN + i as f32) * OBSERVER_1931[i][1] * weight
+    };
+    (0..LAMBDA_COUNT).map(value).sum::<f64>() / OBSERVED
+}
+
 /// The colour that a surface of this reflectance has in white light (D65).
 pub fn rgb_of_reflectance(reflectance: impl Fn(f32) -> f64) -> Rgb {
     rgb_of_light(|lambda| reflectance(lambda) * f64::from(white_light(lambda)))
