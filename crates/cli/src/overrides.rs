@@ -1,13 +1,15 @@
 //! `-D key=value`: changes to the scene from the command line.
 //!
 //! A key is a path into the scene: `material.NAME.PARAMETER`, `camera.NAME.PARAMETER`, `light.NUMBER.PARAMETER`, `ambient`. The
-//! parameters are those of the scene's own declarations; the value is JSON, or plain text where JSON is not given.
+//! parameters are those of the scene's own declarations; the value is JSON, or plain text where JSON is not given. A `spectrum` may
+//! also be the name of a file with a wavelength and a value in each line.
 
 use crate::failure::{Failure, nearest};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use snell_scene::Scene;
+use std::path::Path;
 
 /// Applies one `key=value`.
 pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), Failure> {
@@ -17,6 +19,10 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), Failure> {
         )));
     };
     let value: Value = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_string()));
+    let value = match &value {
+        Value::String(name) if key.ends_with(".spectrum") && Path::new(name).is_file() => spectrum_file(name)?,
+        _ => value,
+    };
     let (family, rest) = key.split_once('.').unwrap_or((key, ""));
     match family {
         "ambient" => {
@@ -42,6 +48,26 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), Failure> {
             "-D {key}: unknown key; keys begin with material.NAME, camera.NAME, light.NUMBER, or are ambient"
         ))),
     }
+}
+
+/// The pairs of a file with a wavelength in nm and a value in each line, separated by blanks or a comma. What follows `#` is a comment.
+fn spectrum_file(name: &str) -> Result<Value, Failure> {
+    let text = std::fs::read_to_string(name).map_err(|e| Failure::Other(format!("{name}: {e}")))?;
+    let mut pairs = Vec::new();
+    for (number, line) in (1..).zip(text.lines()) {
+        let line = line.split('#').next().unwrap_or_default();
+        let words: Vec<&str> = line.split([' ', '\t', ',', '\r']).filter(|w| !w.is_empty()).collect();
+        if words.is_empty() {
+            continue;
+        }
+        let numbers: Vec<f32> = words.iter().filter_map(|w| w.parse().ok()).collect();
+        let [wavelength, value] = numbers[..] else {
+            let message = "expected a wavelength in nm and a value, such as 550 0.8";
+            return Err(Failure::Usage(format!("{name}:{number}: {message}, found \"{}\"", line.trim())));
+        };
+        pairs.push(serde_json::json!([wavelength, value]));
+    }
+    Ok(Value::Array(pairs))
 }
 
 /// The thing that a key names, by name or number, and the rest of the key. Names may contain dots.
@@ -124,6 +150,26 @@ mod tests {
         let MaterialKind::Diffuse(diffuse) = &scene.materials[0].kind else { panic!("still diffuse") };
         assert_eq!(diffuse.reflectance.factor, Rgb::new(0.5, 0.0, 0.0));
         assert!(!scene.materials[0].double_sided);
+    }
+
+    #[test]
+    fn spectra_come_from_text_and_files() {
+        let mut scene = scene();
+        apply(&mut scene, "material.0.emission.spectrum=blackbody:3000").expect("a spectrum");
+        let red = scene.materials[0].emission.spectrum.expect("it was set").light_rgb();
+        assert!(red.r > red.g && red.g > red.b);
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("paint.spd");
+        std::fs::write(&file, "# nm, share\n400 0.1\n700, 0.9 # red\n\n").expect("is written");
+        apply(&mut scene, &format!("material.0.reflectance.spectrum={}", file.display())).expect("a table");
+        let MaterialKind::Diffuse(diffuse) = &scene.materials[0].kind else { panic!("still diffuse") };
+        assert!((diffuse.reflectance.spectrum.expect("it was set").at(550.0) - 0.5).abs() < 1e-6);
+        std::fs::write(&file, "400 0.1\n500\n").expect("is written");
+        let error = apply(&mut scene, &format!("material.0.reflectance.spectrum={}", file.display()));
+        let error = error.expect_err("a line is short").to_string();
+        assert!(error.contains("paint.spd:2: expected a wavelength"), "{error}");
+        let error = apply(&mut scene, "material.0.reflectance.spectrum=nonsense").expect_err("no spectrum").to_string();
+        assert!(error.contains("blackbody:KELVIN"), "{error}");
     }
 
     #[test]

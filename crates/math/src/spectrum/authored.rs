@@ -103,6 +103,16 @@ impl Spectrum {
         }
     }
 
+    /// Its colour as light.
+    pub fn light_rgb(&self) -> Rgb {
+        self.light
+    }
+
+    /// The colour of a surface that reflects this share of white light.
+    pub fn reflectance_rgb(&self) -> Rgb {
+        self.reflectance
+    }
+
     /// The value at a wavelength in nm.
     pub fn at(&self, lambda: f32) -> f32 {
         self.value(lambda) as f32
