@@ -6,7 +6,7 @@
 use super::palette::matte;
 use super::quads::quads;
 use crate::camera::Camera;
-use crate::graph::{Geometry, MaterialId, Node, Scene, Surface};
+use crate::graph::{Environment, Geometry, MaterialId, Node, Scene, Surface};
 use crate::material::{Black, Dielectric, Material};
 use snell_intersect::TriangleMesh;
 use snell_math::spectrum::{Glass, LINE_D};
@@ -14,15 +14,15 @@ use snell_math::{Rgb, Vec3};
 use std::sync::Arc;
 
 /// The angle between the faces through which light goes.
-const APEX: f32 = 40.0_f32.to_radians();
+const APEX: f32 = 50.0_f32.to_radians();
 /// Length of the sides next to the apex, and height.
 const SIDE: f32 = 2.4;
 const HEIGHT: f32 = 2.2;
 /// Where the prism stands, and how far it is from there to the slit.
-const DISTANCE: f32 = 8.0;
-const TO_SLIT: f32 = 9.0;
+const DISTANCE: f32 = 5.0;
+const TO_SLIT: f32 = 14.0;
 /// Width and height of the slit.
-const SLIT: [f32; 2] = [0.07, 3.0];
+const SLIT: [f32; 2] = [0.07, 7.0];
 
 /// By how much the prism bends light of the d-line that goes through it symmetrically.
 fn least_deviation() -> f32 {
@@ -67,17 +67,19 @@ fn screen(center: Vec3, [width, height]: [f32; 2], material: MaterialId) -> Surf
 pub fn scene() -> Scene {
     let mut scene = Scene::new("prism");
     let glass = scene.add_material(Material::new("glass", Dielectric::smooth(Glass::SF11)));
-    let lamp = scene.add_material(Material::new("lamp", Black {}).emitting(Rgb::splat(8.0)));
-    let table = scene.add_material(matte("table", Rgb::splat(0.25)));
+    let lamp = scene.add_material(Material::new("lamp", Black {}).emitting(Rgb::splat(25.0)));
+    let table = scene.add_material(matte("table", Rgb::splat(0.5)));
     let slit = Vec3::new(0.0, 0.0, -DISTANCE) + towards(least_deviation()) * TO_SLIT;
     let floor = -HEIGHT / 2.0 - 0.01;
     let mut add =
         |name: &str, surface| scene.add_child(scene.root, Node { surfaces: vec![surface], ..Node::named(name) });
     add("prism", prism(glass));
     add("slit", screen(slit, SLIT, lamp));
-    let (x, z) = (12.0, -24.0);
+    let (x, z) = (16.0, -24.0);
     add("table", quads(&[[[-x, floor, 2.0], [x, floor, 2.0], [x, floor, z], [-x, floor, z]]], table));
-    let camera = Camera::look_at(Vec3::new(0.0, 0.6, 0.0), Vec3::new(-1.6, -0.05, -DISTANCE), Vec3::Y, 0.42);
+    let camera = Camera::look_at(Vec3::new(0.0, 0.35, 0.0), Vec3::new(-1.35, 0.0, -DISTANCE), Vec3::Y, 0.31);
+    // A little light from all around, to see the glass by.
+    scene.environment = Some(Environment::Constant(Rgb::splat(0.03)));
     scene.cameras.push(Camera { name: "main".into(), ..camera });
     scene.settings.size = Some([640, 400]);
     scene
@@ -108,7 +110,7 @@ mod tests {
         // Newton's minimum: sin((apex + deviation) / 2) = n sin(apex / 2).
         let deviation = |lambda: f32| 2.0 * (Glass::SF11.index(lambda) * (APEX / 2.0).sin()).asin() - APEX;
         let spread = (deviation(430.0) - deviation(660.0)).to_degrees();
-        assert!((2.0..6.0).contains(&spread), "{spread}");
-        assert!((least_deviation().to_degrees() - 35.2).abs() < 0.5);
+        assert!((4.0..8.0).contains(&spread), "{spread}");
+        assert!((least_deviation().to_degrees() - 47.9).abs() < 0.5);
     }
 }
