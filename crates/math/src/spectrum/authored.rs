@@ -16,16 +16,21 @@ static LUMINANCE_OF_A: LazyLock<f64> = LazyLock::new(|| luminance(|lambda| planc
 /// A spectrum: of light, where it is emitted, or of a factor on light.
 ///
 /// Written as text, `"blackbody:3000"`, `"illuminant:A"` or `"metal:Au"`, or as a table of pairs of a wavelength in nm and a value.
+///
+/// Small to copy, because every colour may have one: what it is lives as long as the program. There are as many as authors write.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
-pub struct Spectrum {
+pub struct Spectrum(&'static Definition);
+
+#[derive(Debug, PartialEq)]
+struct Definition {
     kind: Kind,
     /// Its colour as light, and in white light: what it is in RGB mode.
     light: Rgb,
     reflectance: Rgb,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 enum Kind {
     /// A black body of this temperature in kelvin, divided by its luminance.
     Blackbody {
@@ -35,8 +40,8 @@ enum Kind {
     Illuminant(Illuminant),
     /// The reflectance of a metal at normal incidence.
     Metal(Metal),
-    /// Wavelengths in nm, ascending, and values. Lives as long as the program: there are few, and every copy of a colour shares them.
-    Table(&'static [[f32; 2]]),
+    /// Wavelengths in nm, ascending, and values.
+    Table(Vec<[f32; 2]>),
 }
 
 /// A standard illuminant of the CIE with luminance 1.
@@ -79,43 +84,44 @@ impl Spectrum {
                     .into(),
             );
         }
-        Ok(Self::new(Kind::Table(Box::leak(pairs.to_vec().into_boxed_slice()))))
+        Ok(Self::new(Kind::Table(pairs.to_vec())))
     }
 
     fn new(kind: Kind) -> Self {
-        let mut spectrum = Self { kind, light: Rgb::BLACK, reflectance: Rgb::BLACK };
-        spectrum.light = rgb_of_light(|lambda| spectrum.value(lambda));
-        spectrum.reflectance = rgb_of_reflectance(|lambda| spectrum.value(lambda));
-        spectrum
-    }
-
-    fn value(&self, lambda: f32) -> f64 {
-        match self.kind {
-            Kind::Blackbody { kelvin, luminance } => planck(lambda.into(), kelvin.into()) / luminance,
-            Kind::Illuminant(Illuminant::A) => planck(lambda.into(), KELVIN_OF_A) / *LUMINANCE_OF_A,
-            Kind::Illuminant(Illuminant::D65) => white_light(lambda).into(),
-            Kind::Illuminant(Illuminant::E) => 1.0,
-            Kind::Metal(metal) => metal.reflectance(lambda).into(),
-            Kind::Table(rows) => {
-                let [value] = table::lookup(rows, lambda);
-                value.into()
-            }
-        }
+        let light = rgb_of_light(|lambda| kind.at(lambda));
+        let reflectance = rgb_of_reflectance(|lambda| kind.at(lambda));
+        Self(Box::leak(Box::new(Definition { kind, light, reflectance })))
     }
 
     /// Its colour as light.
     pub fn light_rgb(&self) -> Rgb {
-        self.light
+        self.0.light
     }
 
     /// The colour of a surface that reflects this share of white light.
     pub fn reflectance_rgb(&self) -> Rgb {
-        self.reflectance
+        self.0.reflectance
     }
 
     /// The value at a wavelength in nm.
     pub fn at(&self, lambda: f32) -> f32 {
-        self.value(lambda) as f32
+        self.0.kind.at(lambda) as f32
+    }
+}
+
+impl Kind {
+    fn at(&self, lambda: f32) -> f64 {
+        match self {
+            Self::Blackbody { kelvin, luminance } => planck(lambda.into(), (*kelvin).into()) / luminance,
+            Self::Illuminant(Illuminant::A) => planck(lambda.into(), KELVIN_OF_A) / *LUMINANCE_OF_A,
+            Self::Illuminant(Illuminant::D65) => white_light(lambda).into(),
+            Self::Illuminant(Illuminant::E) => 1.0,
+            Self::Metal(metal) => metal.reflectance(lambda).into(),
+            Self::Table(rows) => {
+                let [value] = table::lookup(rows, lambda);
+                value.into()
+            }
+        }
     }
 }
 
@@ -174,13 +180,13 @@ impl Mul<f32> for Color {
 impl ColorMode {
     /// The lanes of a factor with a spectrum.
     pub(super) fn spectral_reflectance(self, rgb: Rgb, spectrum: &Spectrum) -> SampledSpectrum {
-        self.reflectance(rgb) * self.lanes(spectrum.reflectance, |lambda| spectrum.at(lambda))
+        self.reflectance(rgb) * self.lanes(spectrum.0.reflectance, |lambda| spectrum.at(lambda))
     }
 
     /// The lanes of light with a spectrum.
     pub(super) fn spectral_illuminant(self, rgb: Rgb, spectrum: &Spectrum) -> SampledSpectrum {
         // White light is in the spectrum already.
-        self.reflectance(rgb) * self.lanes(spectrum.light, |lambda| spectrum.at(lambda))
+        self.reflectance(rgb) * self.lanes(spectrum.0.light, |lambda| spectrum.at(lambda))
     }
 }
 
@@ -194,10 +200,10 @@ enum Written {
 
 impl From<Spectrum> for Written {
     fn from(spectrum: Spectrum) -> Self {
-        match spectrum.kind {
+        match &spectrum.0.kind {
             Kind::Blackbody { kelvin, .. } => Self::Text(format!("blackbody:{kelvin}")),
             Kind::Illuminant(which) => {
-                let name = Illuminant::ALL.iter().find(|(_, i)| *i == which).map_or("D65", |(name, _)| name);
+                let name = Illuminant::ALL.iter().find(|(_, i)| i == which).map_or("D65", |(name, _)| name);
                 Self::Text(format!("illuminant:{name}"))
             }
             Kind::Metal(metal) => Self::Text(format!("metal:{}", metal.symbol())),
@@ -259,9 +265,9 @@ mod tests {
             ("illuminant:D65", 0.312_72, 0.329_03),
             ("illuminant:E", 0.333_33, 0.333_33),
         ] {
-            let [found_x, found_y] = chromaticity(read(text).light);
+            let [found_x, found_y] = chromaticity(read(text).light_rgb());
             assert!((found_x - x).abs() < 3e-4 && (found_y - y).abs() < 3e-4, "{text}: {found_x} {found_y}");
-            assert!((read(text).light.luminance() - 1.0).abs() < 2e-3, "{text}");
+            assert!((read(text).light_rgb().luminance() - 1.0).abs() < 2e-3, "{text}");
         }
     }
 
@@ -270,7 +276,7 @@ mod tests {
         for kelvin in [100.0, 500.0, 1e5, 1e9] {
             let spectrum = Spectrum::blackbody(kelvin).expect("a temperature");
             assert!(
-                spectrum.light.is_finite() && spectrum.at(360.0).is_finite() && spectrum.at(830.0).is_finite(),
+                spectrum.light_rgb().is_finite() && spectrum.at(360.0).is_finite() && spectrum.at(830.0).is_finite(),
                 "{kelvin}"
             );
         }
