@@ -1,8 +1,8 @@
 //! `-D key=value`: changes to the scene from the command line.
 //!
-//! A key is a path into the scene: `material.NAME.PARAMETER`, `camera.NAME.PARAMETER`, `light.NUMBER.PARAMETER`, `ambient`. The
-//! parameters are those of the scene's own declarations; the value is JSON, or plain text where JSON is not given. A `spectrum` may
-//! also be the name of a file with a wavelength and a value in each line.
+//! A key is a path into the scene: `material.NAME.PARAMETER`, `camera.NAME.PARAMETER`, `light.NUMBER.PARAMETER`,
+//! `medium.NUMBER.PARAMETER`, `ambient`. The parameters are those of the scene's own declarations; the value is JSON, or plain text
+//! where JSON is not given. A `spectrum` may also be the name of a file with a wavelength and a value in each line.
 
 use crate::failure::{Failure, nearest};
 use serde::Serialize;
@@ -44,8 +44,16 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), Failure> {
             let (index, path) = find(key, "light", &names, rest)?;
             edit(&mut scene.lights[index], key, path, value)
         }
+        "medium" => {
+            let names = vec![String::new(); scene.media.len()];
+            let (index, path) = find(key, "medium", &names, rest)?;
+            let before = scene.media[index].clone();
+            edit(&mut scene.media[index], key, path, value)?;
+            scene.media[index].keep_grids_of(&before);
+            Ok(())
+        }
         _ => Err(Failure::Usage(format!(
-            "-D {key}: unknown key; keys begin with material.NAME, camera.NAME, light.NUMBER, or are ambient"
+            "-D {key}: unknown key; keys begin with material.NAME, camera.NAME, light.NUMBER, medium.NUMBER, or are ambient"
         ))),
     }
 }
@@ -133,8 +141,8 @@ fn from_value<T: DeserializeOwned>(key: &str, value: Value) -> Result<T, Failure
 mod tests {
     use super::*;
     use snell_math::Rgb;
-    use snell_scene::Material;
     use snell_scene::material::{Diffuse, MaterialKind};
+    use snell_scene::{Material, Medium};
 
     fn scene() -> Scene {
         let mut scene = Scene::new("test");
@@ -170,6 +178,16 @@ mod tests {
         assert!(error.contains("paint.spd:2: expected a wavelength"), "{error}");
         let error = apply(&mut scene, "material.0.reflectance.spectrum=nonsense").expect_err("no spectrum").to_string();
         assert!(error.contains("blackbody:KELVIN"), "{error}");
+    }
+
+    #[test]
+    fn media_are_changed_by_number_and_keep_their_grids() {
+        let mut scene = snell_scene::builtin::builtin("smoke").expect("the scene is built in");
+        let before = scene.media[0].clone();
+        apply(&mut scene, "medium.0.g=0.5").expect("the path exists");
+        let (Medium::Grid(before), Medium::Grid(after)) = (&before, &scene.media[0]) else { panic!("a grid") };
+        assert_eq!(after.g, 0.5);
+        assert_eq!(*after, snell_scene::medium::Grid { g: 0.5, ..before.clone() });
     }
 
     #[test]

@@ -26,6 +26,7 @@ pub mod light_sampler;
 pub mod reference;
 pub mod sampler;
 pub mod settings;
+mod volume;
 
 pub use compile::{CompileError, CompiledScene};
 pub use film::{Film, filter::Filter};

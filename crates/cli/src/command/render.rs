@@ -101,6 +101,10 @@ fn prepare_scene(scene: &mut Scene, options: &Options) -> Result<(), Failure> {
     let framing = snell_scene::framing::FramingOptions { size, ..Default::default() };
     snell_scene::framing::prepare(scene, &framing).map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
     options.apply_background(scene)?;
+    if let Some(density) = options.fog {
+        let filled = snell_scene::framing::fill_with_fog(scene, density);
+        filled.map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
+    }
     for definition in &options.define {
         overrides::apply(scene, definition)?;
     }

@@ -6,6 +6,7 @@
 mod part;
 mod paths;
 mod tracer;
+mod volumes;
 
 pub use tracer::{Recording, hit_filter};
 

@@ -65,7 +65,7 @@ impl Dielectric {
         // Where wavelengths part, the hero stands for all of them.
         let unit = if self.ior.is_dispersive() { mode.hero_factor() } else { mode.unit() };
         Bsdf::Dielectric(DielectricBsdf {
-            ior: positive_ior(self.ior.at(mode.hero(LINE_D))),
+            ior: positive_ior(positive_ior(self.ior.at(mode.hero(LINE_D))) / point.outside_ior),
             tint: point.reflectance(self.tint.at(point)) * unit,
             unit,
             ggx: Ggx::from_roughness(self.roughness.at(point)),
@@ -87,7 +87,13 @@ mod tests {
     fn only_rays_from_within_are_absorbed_by_their_length() {
         let surface = SurfaceInteraction { t: 2.0, ..crate::material::tests::surface() };
         let textures = TextureSet::default();
-        let point = ShadingPoint { surface: &surface, footprint: 0.0, textures: &textures, mode: ColorMode::Rgb };
+        let point = ShadingPoint {
+            surface: &surface,
+            footprint: 0.0,
+            textures: &textures,
+            mode: ColorMode::Rgb,
+            outside_ior: 1.0,
+        };
         let absorption = Rgb::new(0.5f32.ln().abs(), 0.0, 0.0);
         for clear in [Dielectric::smooth(1.5), Dielectric::rough(1.5, 0.5)] {
             let dark = MaterialKind::from(Dielectric { absorption, ..clear.clone() }).bsdf(&point);
