@@ -59,9 +59,9 @@ fn energy_scale(kind: &MaterialKind, wo: Vec3, is_transmission: bool) -> f32 {
     match kind {
         MaterialKind::Dielectric(d) if is_transmission => {
             if wo.z > 0.0 {
-                d.ior * d.ior
+                d.ior.at_line_d().powi(2)
             } else {
-                1.0 / (d.ior * d.ior)
+                1.0 / d.ior.at_line_d().powi(2)
             }
         }
         _ => 1.0,
@@ -290,8 +290,8 @@ fn samples_are_distributed_by_their_density() {
             return;
         }
         let eta = match kind {
-            MaterialKind::Dielectric(d) if wo.z > 0.0 => d.ior,
-            MaterialKind::Dielectric(d) => 1.0 / d.ior,
+            MaterialKind::Dielectric(d) if wo.z > 0.0 => d.ior.at_line_d(),
+            MaterialKind::Dielectric(d) => 1.0 / d.ior.at_line_d(),
             _ => 1.0,
         };
         let side = Vec3::new(0.0, 0.0, wo.z.signum());

@@ -294,7 +294,7 @@ fn clear_volumes_refract_and_thin_sheets_do_not() {
     };
     let glass = material(1.0);
     let MaterialKind::Dielectric(dielectric) = &glass.kind else { panic!("{glass:?}") };
-    assert_eq!((dielectric.ior, dielectric.tint.factor, glass.double_sided), (1.33, Rgb::WHITE, true));
+    assert_eq!((dielectric.ior, dielectric.tint.factor, glass.double_sided), (1.33.into(), Rgb::WHITE, true));
     assert_eq!(dielectric.absorption, Rgb::new(4.0f32.ln(), 0.0, 0.0));
     let sheet = material(0.0);
     assert!(matches!(&sheet.kind, MaterialKind::MetallicRoughness(m) if m.transmission.factor == 1.0), "{sheet:?}");
