@@ -7,10 +7,10 @@
 
 mod command;
 mod failure;
-mod overrides;
 mod progress;
 mod resources;
 mod scene_source;
+mod spectrum_file;
 mod standard_output;
 
 use clap::{CommandFactory, Parser};

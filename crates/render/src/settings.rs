@@ -8,6 +8,7 @@ use crate::light_sampler::LightSamplerKind;
 use crate::sampler::SamplerKind;
 use snell_intersect::BuildOptions;
 use snell_math::ColorModel;
+use snell_math::Rgb;
 
 /// How `raycast` and `whitted` treat occlusion of lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -128,6 +129,8 @@ pub struct Settings {
     pub light_sampler: LightSamplerKind,
     /// If set, `path` learns where light comes from before it renders.
     pub guiding: Option<Guiding>,
+    /// Added to the scene's ambient light in `raycast` and `whitted`: a stand-in for indirect light where there is no time for it.
+    pub fill: Rgb,
     /// How far `ao` looks for occluders; `None` is half of the scene's radius.
     pub ao_distance: Option<f32>,
     /// Extra layers.
@@ -161,6 +164,7 @@ impl Default for Settings {
             light_strategy: LightStrategy::default(),
             light_sampler: LightSamplerKind::default(),
             guiding: None,
+            fill: Rgb::BLACK,
             ao_distance: None,
             aovs: Vec::new(),
             tile_order: TileOrder::default(),

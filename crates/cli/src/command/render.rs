@@ -8,7 +8,7 @@ pub use options::Options;
 
 use crate::failure::Failure;
 use crate::progress::Reporter;
-use crate::{overrides, scene_source};
+use crate::{scene_source, spectrum_file};
 use options::GuidingOption;
 use snell_formats::error::one_line;
 use snell_math::simd::Level;
@@ -53,7 +53,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let render_seconds = start.elapsed().as_secs_f64();
 
     let stem = scene_source::stem(&options.scene, &scene);
-    let picture = output::picture(&film, &settings, &compiled);
+    let picture = snell_render::picture(&film, &settings, &compiled);
     let summary = Summary {
         scene: &scene,
         compiled: &compiled,
@@ -96,7 +96,7 @@ fn warn_of_lost_layers(options: &Options, settings: &Settings) {
     }
 }
 
-fn prepare_scene(scene: &mut Scene, options: &Options) -> Result<(), Failure> {
+pub(super) fn prepare_scene(scene: &mut Scene, options: &Options) -> Result<(), Failure> {
     options.apply_environment(scene)?;
     let size = options.size.unwrap_or(options::DEFAULT_SIZE);
     let framing = snell_scene::framing::FramingOptions { size, ..Default::default() };
@@ -107,12 +107,12 @@ fn prepare_scene(scene: &mut Scene, options: &Options) -> Result<(), Failure> {
         filled.map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
     }
     for definition in &options.define {
-        overrides::apply(scene, definition)?;
+        snell_scene::overrides::apply(scene, &spectrum_file::resolve(definition)?)?;
     }
     Ok(())
 }
 
-fn choose_camera(scene: &Scene, options: &Options) -> Result<Camera, Failure> {
+pub(super) fn choose_camera(scene: &Scene, options: &Options) -> Result<Camera, Failure> {
     let Some(wanted) = &options.camera else {
         return scene.cameras.first().cloned().ok_or_else(|| Failure::Scene("the scene has no camera".into()));
     };

@@ -24,7 +24,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let wo = outgoing(vertex.ray);
     let point = surface.point(context.scene);
     let shading = surface.material.bsdf_towards(&point, wo);
-    let ambient = shading.ambient(wo) * vertex.state.mode.illuminant(context.scene.ambient);
+    let ambient = shading.ambient(wo) * vertex.state.mode.illuminant(context.scene.ambient + context.settings.fill);
     out.radiance = throughput * (surface.material.emitted(&point, wo) + ambient);
     for light in 0..context.scene.lights().len() {
         add_light(context, vertex, surface, &shading, light, out);

@@ -1,20 +1,33 @@
-//! `-D key=value`: changes to the scene from the command line.
+//! Changes to a scene by name: `-D key=value` of the command line, edits in the viewer.
 //!
 //! A key is a path into the scene: `material.NAME.PARAMETER`, `camera.NAME.PARAMETER`, `light.NUMBER.PARAMETER`,
-//! `medium.NUMBER.PARAMETER`, `ambient`. The parameters are those of the scene's own declarations; the value is JSON, or plain text where JSON is not given.
+//! `medium.NUMBER.PARAMETER`, `ambient`. The parameters are those of the scene's own declarations; the value is JSON, or plain text
+//! where JSON is not given.
 
-use crate::failure::{Failure, nearest};
+use crate::Scene;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use snell_scene::Scene;
 
-/// Applies one `key=value`.
-pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), Failure> {
+/// Why a change is not possible: what was asked for, what there is instead.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("-D {key}: {problem}")]
+pub struct OverrideError {
+    /// The key, or all of a definition that has none.
+    pub key: String,
+    /// What is wrong with it.
+    pub problem: String,
+}
+
+fn error(key: &str, problem: impl Into<String>) -> OverrideError {
+    OverrideError { key: key.to_string(), problem: problem.into() }
+}
+
+/// Applies one `key=value`. The scene is as it was if that fails.
+pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
     let Some((key, text)) = definition.split_once('=') else {
-        return Err(Failure::Usage(format!(
-            "-D {definition}: expected key=value, such as material.floor.reflectance.factor=[1,0,0]"
-        )));
+        let problem = "expected key=value, such as material.floor.reflectance.factor=[1,0,0]";
+        return Err(error(definition, problem));
     };
     let value: Value = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_string()));
     let (family, rest) = key.split_once('.').unwrap_or((key, ""));
@@ -46,14 +59,15 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), Failure> {
             scene.media[index].keep_grids_of(&before);
             Ok(())
         }
-        _ => Err(Failure::Usage(format!(
-            "-D {key}: unknown key; keys begin with material.NAME, camera.NAME, light.NUMBER, medium.NUMBER, or are ambient"
-        ))),
+        _ => {
+            let known = "material.NAME, camera.NAME, light.NUMBER, medium.NUMBER";
+            Err(error(key, format!("unknown key; keys begin with {known}, or are ambient")))
+        }
     }
 }
 
 /// The thing that a key names, by name or number, and the rest of the key. Names may contain dots.
-fn find<'a>(key: &str, what: &str, names: &[String], rest: &'a str) -> Result<(usize, &'a str), Failure> {
+fn find<'a>(key: &str, what: &str, names: &[String], rest: &'a str) -> Result<(usize, &'a str), OverrideError> {
     for (index, name) in names.iter().enumerate() {
         if let Some(path) = rest.strip_prefix(name.as_str()).and_then(|r| r.strip_prefix('.'))
             && !name.is_empty()
@@ -70,29 +84,36 @@ fn find<'a>(key: &str, what: &str, names: &[String], rest: &'a str) -> Result<(u
     let known: Vec<_> =
         names.iter().enumerate().map(|(i, n)| if n.is_empty() { i.to_string() } else { n.clone() }).collect();
     let list = if known.is_empty() { "the scene has none".to_string() } else { format!("known: {}", known.join(", ")) };
-    Err(Failure::Usage(format!("-D {key}: there is no {what} \"{first}\" ({list})")))
+    Err(error(key, format!("there is no {what} \"{first}\" ({list})")))
 }
 
-fn edit<T: Serialize + DeserializeOwned>(target: &mut T, key: &str, path: &str, value: Value) -> Result<(), Failure> {
-    let mut tree = serde_json::to_value(&*target).map_err(|e| Failure::Other(format!("-D {key}: {e}")))?;
+fn edit<T: Serialize + DeserializeOwned>(
+    target: &mut T,
+    key: &str,
+    path: &str,
+    value: Value,
+) -> Result<(), OverrideError> {
+    let mut tree = serde_json::to_value(&*target).map_err(|e| error(key, e.to_string()))?;
     let mut place = &mut tree;
     for step in path.split('.') {
         place = descend(place, key, step)?;
     }
     let before = std::mem::replace(place, value);
-    *target = serde_json::from_value(tree)
-        .map_err(|e| Failure::Usage(format!("-D {key}: {e}; the value that it has now is {before}")))?;
+    *target =
+        serde_json::from_value(tree).map_err(|e| error(key, format!("{e}; the value that it has now is {before}")))?;
     Ok(())
 }
 
 /// One step into a tree. Materials hold their parameters one level down (`kind`), which keys may leave out.
-fn descend<'a>(tree: &'a mut Value, key: &str, step: &str) -> Result<&'a mut Value, Failure> {
+fn descend<'a>(tree: &'a mut Value, key: &str, step: &str) -> Result<&'a mut Value, OverrideError> {
     let shown = tree.clone();
     if let Value::Array(items) = tree {
         let length = items.len();
-        return step.parse::<usize>().ok().and_then(|i| items.get_mut(i)).ok_or_else(|| {
-            Failure::Usage(format!("-D {key}: \"{step}\" is not a position from 0 to {}", length.saturating_sub(1)))
-        });
+        return step
+            .parse::<usize>()
+            .ok()
+            .and_then(|i| items.get_mut(i))
+            .ok_or_else(|| error(key, format!("\"{step}\" is not a position from 0 to {}", length.saturating_sub(1))));
     }
     let inner = tree.get("kind").is_some_and(|k| k.get(step).is_some()) && tree.get(step).is_none();
     let tree = if inner { &mut tree["kind"] } else { tree };
@@ -104,19 +125,42 @@ fn descend<'a>(tree: &'a mut Value, key: &str, step: &str) -> Result<&'a mut Val
         names.extend(kind.keys().map(String::as_str));
     }
     let hint = nearest(step, &names).map(|n| format!("; did you mean {n}?")).unwrap_or_default();
-    Err(Failure::Usage(format!("-D {key}: there is no parameter \"{step}\"{hint} (known: {})", names.join(", "))))
+    Err(error(key, format!("there is no parameter \"{step}\"{hint} (known: {})", names.join(", "))))
 }
 
-fn from_value<T: DeserializeOwned>(key: &str, value: Value) -> Result<T, Failure> {
-    serde_json::from_value(value).map_err(|e| Failure::Usage(format!("-D {key}: {e}")))
+fn from_value<T: DeserializeOwned>(key: &str, value: Value) -> Result<T, OverrideError> {
+    serde_json::from_value(value).map_err(|e| error(key, e.to_string()))
+}
+
+/// The nearest of some names, if one is near.
+pub fn nearest<'a>(name: &str, names: &[&'a str]) -> Option<&'a str> {
+    let best = names.iter().map(|n| (edit_distance(name, n), *n)).min()?;
+    (best.0 <= name.chars().count().div_ceil(3).max(1)).then_some(best.1)
+}
+
+/// Number of insertions, deletions and replacements between two words (Levenshtein).
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, &y) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Material;
+    use crate::Medium;
+    use crate::material::{Diffuse, MaterialKind};
     use snell_math::Rgb;
-    use snell_scene::material::{Diffuse, MaterialKind};
-    use snell_scene::{Material, Medium};
 
     fn scene() -> Scene {
         let mut scene = Scene::new("test");
@@ -135,13 +179,23 @@ mod tests {
     }
 
     #[test]
+    fn spectra_come_from_text() {
+        let mut scene = scene();
+        apply(&mut scene, "material.0.emission.spectrum=blackbody:3000").expect("a spectrum");
+        let red = scene.materials[0].emission.spectrum.expect("it was set").light_rgb();
+        assert!(red.r > red.g && red.g > red.b);
+        let error = apply(&mut scene, "material.0.reflectance.spectrum=nonsense").expect_err("no spectrum").to_string();
+        assert!(error.contains("blackbody:KELVIN"), "{error}");
+    }
+
+    #[test]
     fn media_are_changed_by_number_and_keep_their_grids() {
-        let mut scene = snell_scene::builtin::builtin("smoke").expect("the scene is built in");
+        let mut scene = crate::builtin::builtin("smoke").expect("the scene is built in");
         let before = scene.media[0].clone();
         apply(&mut scene, "medium.0.g=0.5").expect("the path exists");
         let (Medium::Grid(before), Medium::Grid(after)) = (&before, &scene.media[0]) else { panic!("a grid") };
         assert_eq!(after.g, 0.5);
-        assert_eq!(*after, snell_scene::medium::Grid { g: 0.5, ..before.clone() });
+        assert_eq!(*after, crate::medium::Grid { g: 0.5, ..before.clone() });
     }
 
     #[test]
@@ -152,5 +206,11 @@ mod tests {
         assert!(error.contains("the value that it has now is [1.0,1.0,1.0]"), "{error}");
         let error = apply(&mut scene(), "material.wall.x=1").expect_err("no such material").to_string();
         assert!(error.contains("known: the.floor"), "{error}");
+    }
+
+    #[test]
+    fn the_nearest_name_is_suggested_only_if_it_is_near() {
+        assert_eq!(nearest("pth", &["path", "whitted"]), Some("path"));
+        assert_eq!(nearest("zzz", &["path", "whitted"]), None);
     }
 }
