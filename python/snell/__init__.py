@@ -10,11 +10,14 @@ array(4.)
 """
 
 from snell._cameras import create_rays_pinhole
+from snell._images import Comparison, compare
+from snell._render import SceneWarning, render
 from snell._snell import (
     INVALID_ID,
     SHAPES,
     ClosestPoints,
     Hits,
+    Image,
     Intersections,
     Scene,
     __version__,
@@ -25,10 +28,15 @@ __all__ = [
     "INVALID_ID",
     "SHAPES",
     "ClosestPoints",
+    "Comparison",
     "Hits",
+    "Image",
     "Intersections",
     "Scene",
+    "SceneWarning",
     "__version__",
+    "compare",
     "create_rays_pinhole",
     "load",
+    "render",
 ]

@@ -5,7 +5,7 @@
 //! lies on the surface to double precision, and is the nearest to within `2^-23` of the size of the mesh.
 
 use crate::assemble::{Form, MeshForm, Names, Surface};
-use crate::contents::Mesh;
+use crate::mesh::Mesh;
 use crate::precision::Found;
 use numpy::Element;
 use snell_intersect::shape::nearest::on_triangle;

@@ -1,7 +1,7 @@
 //! Arguments that become objects of a scene: vertices, faces, transforms, shapes.
 
 use crate::arrays::{array, contiguous, is_double, numpy, shown, slice};
-use crate::contents::{Mesh, Positions};
+use crate::mesh::{Attributes, Mesh, Positions};
 use numpy::{Element, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -134,7 +134,8 @@ pub fn mesh<'py>(
     let indices = faces(&faces_given, n)?;
     let normals = normals(normals_given, n)?.unwrap_or_default();
     let uvs = uvs(uvs_given, n)?.unwrap_or_default();
-    Ok(py.detach(|| Mesh::new(positions, indices, normals, uvs)))
+    let attributes = Attributes { normals, uvs, ..Attributes::default() };
+    Ok(py.detach(|| Mesh::new(positions, indices, attributes)))
 }
 
 /// A transform: a matrix `(4, 4)` whose last row is 0, 0, 0, 1, or its first three rows.

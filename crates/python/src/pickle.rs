@@ -20,7 +20,7 @@ pub fn reduce<'py>(py: Python<'py>, contents: &Contents) -> PyResult<(Bound<'py,
             Slot::Here(object) => slots.append(stored(py, object, &mut children)?)?,
         }
     }
-    let cameras = serde_json::to_string(&contents.cameras).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    let cameras = serde_json::to_string(&contents.stage.cameras).map_err(|e| PyValueError::new_err(e.to_string()))?;
     let restore = py.import("snell._snell")?.getattr("_restore")?;
     Ok((restore, (slots, cameras).into_pyobject(py)?))
 }
@@ -43,10 +43,11 @@ fn stored<'py>(
             all.set_item("vertices", vertices)?;
             let indices = mesh.indices();
             all.set_item("faces", from_vec(py, indices.as_flattened().to_vec(), &[indices.len(), 3])?)?;
-            let numbers: Vec<_> = mesh.normals().iter().flat_map(|n| n.to_array()).collect();
-            all.set_item("normals", from_vec(py, numbers, &[mesh.normals().len(), 3])?)?;
-            let numbers: Vec<_> = mesh.uvs().iter().flat_map(|n| n.to_array()).collect();
-            all.set_item("uvs", from_vec(py, numbers, &[mesh.uvs().len(), 2])?)?;
+            let attributes = mesh.attributes();
+            let numbers: Vec<_> = attributes.normals.iter().flat_map(|n| n.to_array()).collect();
+            all.set_item("normals", from_vec(py, numbers, &[attributes.normals.len(), 3])?)?;
+            let numbers: Vec<_> = attributes.uvs.iter().flat_map(|n| n.to_array()).collect();
+            all.set_item("uvs", from_vec(py, numbers, &[attributes.uvs.len(), 2])?)?;
         }
         Kind::Shape(shape) => {
             let json = serde_json::to_string(&**shape).map_err(|e| PyValueError::new_err(e.to_string()))?;
@@ -81,7 +82,7 @@ fn stored<'py>(
 pub fn _restore(slots: &Bound<'_, PyList>, cameras: &str) -> PyResult<Scene> {
     let py = slots.py();
     let mut contents = Contents::default();
-    contents.cameras = serde_json::from_str(cameras).map_err(|e| PyValueError::new_err(format!("cameras: {e}")))?;
+    contents.stage_mut().cameras = serde_json::from_str(cameras).map_err(|e| PyValueError::new_err(format!("cameras: {e}")))?;
     for slot in slots {
         if slot.is_none() {
             contents.add_gap();
@@ -106,7 +107,7 @@ pub fn _restore(slots: &Bound<'_, PyList>, cameras: &str) -> PyResult<Scene> {
         let transform = objects::transform(get("transform")?.as_ref())?;
         let name = get("name")?.map(|name| name.extract()).transpose()?;
         let mask = objects::mask(get("mask")?.map(|mask| mask.extract()).transpose()?)?;
-        contents.add(Object { kind, transform, name, mask })?;
+        contents.add(Object { mask, ..Object::new(kind, transform, name) })?;
     }
     Ok(Scene::of(contents))
 }

@@ -1,7 +1,7 @@
 //! What is done alike in `float32` and in `float64`: one trait, implemented by the two number types.
 
 use crate::assemble::{Builder, Form, MeshForm};
-use crate::contents::Mesh;
+use crate::mesh::Mesh;
 use numpy::Element;
 use snell_intersect::world::BuildStats;
 use snell_intersect::{

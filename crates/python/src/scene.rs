@@ -56,7 +56,7 @@ impl Scene {
         mask: Option<i64>,
     ) -> PyResult<u32> {
         let (transform, mask) = (objects::transform(transform)?, objects::mask(mask)?);
-        self.0.edit(py, |contents| contents.add(Object { kind, transform, name, mask }))
+        self.0.edit(py, |contents| contents.add(Object { mask, ..Object::new(kind, transform, name) }))
     }
 
     /// Asks about rays.
@@ -952,7 +952,7 @@ impl Scene {
     /// The names of the cameras that the file of the scene has.
     #[getter]
     fn cameras(&self, py: Python<'_>) -> Vec<String> {
-        self.0.contents(py).cameras.iter().map(|camera| camera.name.clone()).collect()
+        self.0.contents(py).stage.cameras.iter().map(|camera| camera.name.clone()).collect()
     }
 
     /// Rays of a camera of the scene's file, one through the centre of each pixel: an array `(height_px, width_px, 6)` of float32.

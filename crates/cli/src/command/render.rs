@@ -52,7 +52,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let render_seconds = start.elapsed().as_secs_f64();
 
     let stem = scene_source::stem(&options.scene, &scene);
-    let picture = output::picture(&film, &settings, &compiled);
+    let picture = snell_render::picture(&film, &settings, &compiled);
     let summary = Summary {
         scene: &scene,
         compiled: &compiled,
