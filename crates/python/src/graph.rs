@@ -102,9 +102,8 @@ impl Writer {
     fn spheres(&mut self, spheres: &Spheres) -> Vec<NodeId> {
         let mut shapes: BTreeMap<u32, Arc<AnyShape>> = BTreeMap::new();
         let each = spheres.spheres.iter().map(|s| {
-            let shape = shapes.entry(s.w.to_bits()).or_insert_with(|| {
-                Arc::new(Sphere { radius: f64::from(s.w) }.into())
-            });
+            let shape =
+                shapes.entry(s.w.to_bits()).or_insert_with(|| Arc::new(Sphere { radius: f64::from(s.w) }.into()));
             let transform = DAffine3::from_translation(DVec3::from(s.truncate().to_array().map(f64::from)));
             let surfaces = vec![Surface::new(Geometry::Shape(shape.clone()))];
             self.scene.add_node(Node { transform, surfaces, ..Node::default() })

@@ -118,6 +118,18 @@ impl Image {
     fn main(&self) -> &Layer {
         &self.picture.layers[0]
     }
+
+    fn written_metadata(&self, py: Python<'_>) -> PyResult<Vec<(String, String)>> {
+        let mut all = vec![("Software".to_string(), format!("Snell {}", env!("CARGO_PKG_VERSION")))];
+        for (key, value) in self.facts.bind(py) {
+            let (key, value) = (key.extract::<String>()?, value.str()?.extract::<String>()?);
+            // Not of the picture but of the run.
+            if !["seconds", "warnings", "is_complete", "Software"].contains(&key.as_str()) {
+                all.push((key, value));
+            }
+        }
+        Ok(all)
+    }
 }
 
 /// Pixels of an array.
@@ -343,18 +355,6 @@ impl Image {
             WriteError::Io { .. } => PyOSError::new_err(error.to_string()),
             WriteError::Format { .. } => PyValueError::new_err(error.to_string()),
         })
-    }
-
-    fn written_metadata(&self, py: Python<'_>) -> PyResult<Vec<(String, String)>> {
-        let mut all = vec![("Software".to_string(), format!("Snell {}", env!("CARGO_PKG_VERSION")))];
-        for (key, value) in self.facts.bind(py) {
-            let (key, value) = (key.extract::<String>()?, value.str()?.extract::<String>()?);
-            // Not of the picture but of the run.
-            if !["seconds", "warnings", "is_complete", "Software"].contains(&key.as_str()) {
-                all.push((key, value));
-            }
-        }
-        Ok(all)
     }
 
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {

@@ -4,12 +4,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 /// The thing of this name.
-pub fn choice<T: Copy>(
-    argument: &str,
-    wanted: &str,
-    all: &[T],
-    name_of: impl Fn(T) -> &'static str,
-) -> PyResult<T> {
+pub fn choice<T: Copy>(argument: &str, wanted: &str, all: &[T], name_of: impl Fn(T) -> &'static str) -> PyResult<T> {
     if let Some(&found) = all.iter().find(|&&thing| name_of(thing) == wanted) {
         return Ok(found);
     }

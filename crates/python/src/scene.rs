@@ -9,6 +9,7 @@ use crate::objects;
 use crate::precision::Precision;
 use crate::query::{FEW, Pieces, Question};
 use crate::rays::{Limits, RayArgument, RayArrays};
+use crate::stage::add_materials;
 use crate::state::{Kept, Shared};
 use crate::work::{Stopped, Threads, run, run_to_end};
 use numpy::PyUntypedArray;
@@ -54,9 +55,13 @@ impl Scene {
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
         mask: Option<i64>,
+        material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         let (transform, mask) = (objects::transform(transform)?, objects::mask(mask)?);
-        self.0.edit(py, |contents| contents.add(Object { mask, ..Object::new(kind, transform, name) }))
+        self.0.edit(py, |contents| {
+            let materials = add_materials(contents, material)?;
+            contents.add(Object { mask, materials, ..Object::new(kind, transform, name) })
+        })
     }
 
     /// Asks about rays.
@@ -349,7 +354,13 @@ impl Scene {
     /// normals : array (n, 3), optional
     ///     Normals at the vertices, of any length, for :attr:`Hits.normals`.
     /// uvs : array (n, 2), optional
-    ///     Texture coordinates at the vertices, for :attr:`Hits.uvs`.
+    ///     Texture coordinates at the vertices, for :attr:`Hits.uvs` and textures. (0, 0) is the upper left corner of an image.
+    /// colors : array (n, 3) or (n, 4), optional
+    ///     Linear colours at the vertices, which the material's colour is multiplied by.
+    /// material : Material or list of Material, optional
+    ///     For rendering; grey if left out. Of a list, each face takes the one that `material_ids` says.
+    /// material_ids : array (m,) of integers, optional
+    ///     Which material of the list each face has; the first if left out.
     ///
     /// Examples
     /// --------
@@ -357,7 +368,7 @@ impl Scene {
     /// >>> scene = snell.Scene()
     /// >>> scene.add_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], name="triangle")
     /// 0
-    #[pyo3(signature = (vertices, faces=None, transform=None, name=None, *, mask=None, normals=None, uvs=None))]
+    #[pyo3(signature = (vertices, faces=None, transform=None, name=None, *, mask=None, normals=None, uvs=None, colors=None, material=None, material_ids=None))]
     fn add_mesh(
         &self,
         vertices: &Bound<'_, PyAny>,
@@ -367,9 +378,13 @@ impl Scene {
         mask: Option<i64>,
         normals: Option<&Bound<'_, PyAny>>,
         uvs: Option<&Bound<'_, PyAny>>,
+        colors: Option<&Bound<'_, PyAny>>,
+        material: Option<&Bound<'_, PyAny>>,
+        material_ids: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
-        let mesh = objects::mesh(vertices, faces, normals, uvs)?;
-        self.add(vertices.py(), Kind::Mesh(Arc::new(mesh)), transform, name, mask)
+        let given = objects::Given { normals, uvs, colors, material_ids };
+        let mesh = objects::mesh(vertices, faces, &given)?;
+        self.add(vertices.py(), Kind::Mesh(Arc::new(mesh)), transform, name, mask, material)
     }
 
     /// Adds an analytic shape and gives its id. :data:`SHAPES` lists the shapes and their parameters.
@@ -382,6 +397,8 @@ impl Scene {
     ///     Map from the coordinates of the shape to the scene's.
     /// name, mask
     ///     As for :meth:`add_mesh`.
+    /// material : Material, optional
+    ///     For rendering; grey if left out.
     /// **parameters
     ///     Those of the shape, in units of the scene.
     ///
@@ -391,7 +408,7 @@ impl Scene {
     /// >>> scene = snell.Scene()
     /// >>> scene.add_shape("cylinder", radius=0.5, height=2)
     /// 0
-    #[pyo3(signature = (shape, transform=None, name=None, *, mask=None, **parameters))]
+    #[pyo3(signature = (shape, transform=None, name=None, *, mask=None, material=None, **parameters))]
     fn add_shape(
         &self,
         py: Python<'_>,
@@ -399,10 +416,11 @@ impl Scene {
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
         mask: Option<i64>,
+        material: Option<&Bound<'_, PyAny>>,
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<u32> {
-        let shape = objects::shape(py, shape, parameters)?;
-        self.add(py, Kind::Shape(Arc::new(shape)), transform, name, mask)
+        let shape = objects::shape(shape, parameters)?;
+        self.add(py, Kind::Shape(Arc::new(shape)), transform, name, mask, material)
     }
 
     /// Adds many spheres as one object and gives its id: a point cloud, particles.
@@ -413,7 +431,7 @@ impl Scene {
     ///     Finite positions, kept in single precision.
     /// radii : array (n,) or float
     ///     Positive.
-    /// transform, name, mask
+    /// transform, name, mask, material
     ///     As for :meth:`add_mesh`.
     ///
     /// Examples
@@ -423,7 +441,7 @@ impl Scene {
     /// >>> cloud = scene.add_spheres([[0, 0, 0], [0, 0, 5]], 0.5)
     /// >>> scene.cast_rays([0, 0, 2, 0, 0, 1]).primitive_ids
     /// array(1, dtype=uint32)
-    #[pyo3(signature = (centers, radii, transform=None, name=None, *, mask=None))]
+    #[pyo3(signature = (centers, radii, transform=None, name=None, *, mask=None, material=None))]
     fn add_spheres(
         &self,
         centers: &Bound<'_, PyAny>,
@@ -431,9 +449,10 @@ impl Scene {
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
         mask: Option<i64>,
+        material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         let spheres = objects::spheres(centers, radii)?;
-        self.add(centers.py(), Kind::Spheres(Arc::new(spheres)), transform, name, mask)
+        self.add(centers.py(), Kind::Spheres(Arc::new(spheres)), transform, name, mask, material)
     }
 
     /// Adds all that another scene holds now, as one object, and gives its id.
@@ -450,6 +469,8 @@ impl Scene {
     ///     For people.
     /// mask : int, optional
     ///     Only rays whose mask shares a bit with it enter the instance.
+    /// material : Material, optional
+    ///     For what in it has none.
     ///
     /// Examples
     /// --------
@@ -463,7 +484,7 @@ impl Scene {
     /// ...     id = scene.add_instance(ball, place)
     /// >>> scene.cast_rays([20, 0, -5, 0, 0, 1]).instance_ids
     /// array(2, dtype=uint32)
-    #[pyo3(signature = (scene, transform=None, name=None, *, mask=None))]
+    #[pyo3(signature = (scene, transform=None, name=None, *, mask=None, material=None))]
     fn add_instance(
         &self,
         py: Python<'_>,
@@ -471,8 +492,9 @@ impl Scene {
         transform: Option<&Bound<'_, PyAny>>,
         name: Option<String>,
         mask: Option<i64>,
+        material: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
-        self.add(py, Kind::Instance(scene.0.contents(py)), transform, name, mask)
+        self.add(py, Kind::Instance(scene.0.contents(py)), transform, name, mask, material)
     }
 
     /// Moves an object: `transform` takes the place of the one it had.
@@ -949,32 +971,22 @@ impl Scene {
         self.around(points, threads, |world, point| world.winding_number_at(point))
     }
 
-    /// The names of the cameras that the file of the scene has.
-    #[getter]
-    fn cameras(&self, py: Python<'_>) -> Vec<String> {
-        self.0.contents(py).stage.cameras.iter().map(|camera| camera.name.clone()).collect()
-    }
-
-    /// Rays of a camera of the scene's file, one through the centre of each pixel: an array `(height_px, width_px, 6)` of float32.
+    /// Rays of one of :attr:`cameras`, one through the centre of each pixel: an array `(height_px, width_px, 6)` of float32.
     ///
     /// Directions have unit length, so `t_hit` is the distance; where a projection shows nothing (outside of a fisheye's circle) they are 0.
     ///
     /// Parameters
     /// ----------
-    /// camera : int or str, optional
-    ///     Number or name. The first if left out.
+    /// camera : int, str or Camera, optional
+    ///     Number or name, or a camera. The first if left out.
     /// width_px, height_px : int, optional
-    ///     Size of the picture; what the file says if left out.
+    ///     Size of the picture; what the camera says if left out.
     ///
     /// Examples
     /// --------
     /// >>> import snell
-    /// >>> scene = snell.Scene()
-    /// >>> scene.cameras
-    /// []
-    /// >>> scene.create_rays_camera()
-    /// Traceback (most recent call last):
-    /// IndexError: camera: the scene has none
+    /// >>> snell.load("cornell-box").create_rays_camera(0, 4, 4).shape
+    /// (4, 4, 6)
     #[pyo3(signature = (camera=None, width_px=None, height_px=None))]
     fn create_rays_camera<'py>(
         &self,

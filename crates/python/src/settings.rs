@@ -5,7 +5,9 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use snell_intersect::{BuildOptions, Quality};
-use snell_render::{Aov, Crop, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows};
+use snell_render::{
+    Aov, Crop, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
+};
 use snell_scene::{Camera, SceneSettings};
 use std::time::Duration;
 
@@ -87,7 +89,8 @@ pub struct Request {
 
 /// Reads the settings.
 pub fn read(keywords: &Keywords<'_, '_>, hints: &SceneSettings, camera: &Camera) -> PyResult<Request> {
-    let integrator = keywords.one_of("integrator", hints.integrator.as_ref(), &IntegratorKind::ALL, IntegratorKind::name)?;
+    let integrator =
+        keywords.one_of("integrator", hints.integrator.as_ref(), &IntegratorKind::ALL, IntegratorKind::name)?;
     let integrator = integrator.unwrap_or_default();
     let given_spp = keywords.whole("spp", 1..=i64::from(MAX_SPP))?;
     let time = keywords.positive("time")?.map(Duration::from_secs_f64);

@@ -200,7 +200,9 @@ impl ser::Serializer for Writer {
 
     fn serialize_newtype_struct<T: Serialize + ?Sized>(self, name: &'static str, value: &T) -> Result<Tree, Unsaid> {
         match value.serialize(self)? {
-            Tree::Whole(number) if name.ends_with("Id") => Ok(Tree::Id(name, u32::try_from(number).unwrap_or(u32::MAX))),
+            Tree::Whole(number) if name.ends_with("Id") => {
+                Ok(Tree::Id(name, u32::try_from(number).unwrap_or(u32::MAX)))
+            }
             tree => Ok(tree),
         }
     }
