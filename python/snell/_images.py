@@ -2,48 +2,44 @@
 
 from __future__ import annotations
 
-import dataclasses
-from typing import Any
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import types
+from typing import TYPE_CHECKING
 
 from snell._snell import Image, _compare
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Comparison", "compare"]
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Comparison:
-    """How far two pictures are apart: what :func:`compare` answers."""
+class Comparison(types.SimpleNamespace):
+    """How far two pictures are apart: what :func:`compare` answers.
+
+    `mse` and `rel_mse` are the mean squared error of linear values, and the same relative to the reference (``(test - reference)**2 /
+    (reference**2 + 0.01)``). `mse_srgb`, `psnr` (decibels; None if equal) and `flip` (0 to 1, at 67 pixels per degree) are of what a screen shows, and
+    `flip_map` has the FLIP error of each pixel. `max_abs` is the largest difference of a linear value, at column and row `max_at`;
+    `max_levels` that of an 8-bit one. `different` is the share of pixels that differ by more than `threshold` levels.
+    """
 
     width: int
     height: int
     mse: float
-    """Mean squared error of the linear values."""
     rel_mse: float
-    """Mean of ``(test - reference)**2 / (reference**2 + 0.01)``, linear."""
     mse_srgb: float
-    """Mean squared error of display values, from 0 to 1."""
     psnr: float | None
-    """Peak signal to noise ratio of display values in decibels; None if they are equal."""
     flip: float
-    """Mean FLIP error, from 0 to 1, at 67 pixels per degree."""
+    flip_map: NDArray[np.float32]
     max_abs: float
-    """Largest difference of a linear value."""
     max_at: tuple[int, int]
-    """Column and row of it."""
     max_levels: int
-    """Largest difference of an 8-bit display value."""
     different: float
-    """Share of the pixels that differ by more than `threshold` levels."""
     threshold: int
     not_finite_in_reference: int
     not_finite_in_test: int
     tone_mapped: bool
     exposure: float
-    flip_map: NDArray[np.float32] = dataclasses.field(repr=False)
-    """The FLIP error of each pixel."""
 
 
 def compare(reference: Image | ArrayLike, test: Image | ArrayLike) -> Comparison:
@@ -61,6 +57,5 @@ def compare(reference: Image | ArrayLike, test: Image | ArrayLike) -> Comparison
     >>> round(snell.compare(grey, grey * 1.1).mse, 6)
     0.0025
     """
-    numbers: dict[str, Any]
     numbers, flip_map = _compare(reference, test)
     return Comparison(**numbers, flip_map=flip_map)

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import os
+import sys
+import time as clock
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 from snell._progress import reporter
-from snell._snell import Image, Scene, _render, load
+from snell._snell import Image, Scene, _render, _samples, load
 
-__all__ = ["SceneWarning", "render"]
+if TYPE_CHECKING:
+    from snell._snell import Camera
+
+__all__ = ["SceneWarning", "render", "render_iter"]
 
 
 class SceneWarning(UserWarning):
@@ -20,13 +26,18 @@ def _scene(scene: Scene | str | os.PathLike[str]) -> Scene:
     return scene if isinstance(scene, Scene) else load(scene)
 
 
+def _warn(image: Image) -> None:
+    for message in image.metadata["warnings"]:
+        warnings.warn(message, SceneWarning, stacklevel=3)
+
+
 def render(
     scene: Scene | str | os.PathLike[str],
     integrator: str | None = None,
     spp: int | None = None,
     size: tuple[int, int] | None = None,
     *,
-    camera: int | str | None = None,
+    camera: Camera | int | str | None = None,
     aovs: str | Sequence[str] | None = None,
     time: float | None = None,
     max_depth: int | None = None,
@@ -57,8 +68,8 @@ def render(
         Samples per pixel: 64 for ``"path"``.
     size : tuple of int
         Width and height in pixels: (1280, 720).
-    camera : int, str
-        Number or name of one of the scene's cameras; the first.
+    camera : Camera, int, str
+        A camera, or number or name of one of the scene's; the first.
     aovs : list of str
         Extra layers, such as ``["depth", "normal", "albedo"]``, or ``"all"``.
     time : float
@@ -109,6 +120,76 @@ def render(
     }
     with reporter(progress) as report:
         image = _render(_scene(scene), options, report)
-    for message in image.metadata["warnings"]:
-        warnings.warn(message, SceneWarning, stacklevel=2)
+    _warn(image)
     return image
+
+
+def render_iter(
+    scene: Scene | str | os.PathLike[str],
+    integrator: str | None = None,
+    spp: int | None = None,
+    size: tuple[int, int] | None = None,
+    *,
+    time: float | None = None,
+    view: bool | None = None,
+    **options: Any,
+) -> Iterator[Image]:
+    """Renders a scene again and again with more samples: 1, 4, 16 and so on per pixel. The last picture is that of :func:`render`.
+
+    Each picture is whole; all but the last together cost a third of its time.
+
+    Parameters
+    ----------
+    scene, integrator, spp, size, **options
+        As of :func:`render`.
+    time : float
+        Stop after so many seconds altogether.
+    view : bool
+        Show the pictures in the notebook, each in the place of the one before. Left out: if this is a notebook.
+
+    Examples
+    --------
+    >>> import snell
+    >>> pictures = snell.render_iter("cornell-box", spp=16, size=(16, 16))
+    >>> [image.metadata["samples"] for image in pictures]
+    [1, 4, 16]
+    """
+    scene = _scene(scene)
+    show = _View() if (_is_notebook() if view is None else view) else None
+    start = clock.perf_counter()
+    options = {**options, "integrator": integrator, "size": size, "progress": options.get("progress", False)}
+    asked = {key: value for key, value in options.items() if key != "progress"}
+    last = _samples(scene, {**asked, "spp": spp, "time": time})
+    step = 1
+    while True:
+        left = None if time is None else max(time - (clock.perf_counter() - start), 1e-3)
+        count = min(step, last)
+        image = render(scene, spp=count, time=left, **options)
+        is_last = count == last or not image.metadata["is_complete"] or (left is not None and left <= 1e-3)
+        if show is not None:
+            show(image)
+        yield image
+        if is_last:
+            return
+        step *= 4
+
+
+def _is_notebook() -> bool:
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    return shell is not None and type(shell).__name__ == "ZMQInteractiveShell"
+
+
+class _View:
+    """Pictures in a notebook, each in the place of the one before."""
+
+    def __init__(self) -> None:
+        self._handle: Any = None
+
+    def __call__(self, image: Image) -> None:
+        from IPython.display import display
+
+        if self._handle is None:
+            self._handle = display(image, display_id=True)
+        else:
+            self._handle.update(image)

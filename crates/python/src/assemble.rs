@@ -98,9 +98,6 @@ pub trait Form: 'static {
 
     /// Where an occurrence is.
     fn placed(world: &Self::World, occurrence: u32) -> Transform;
-
-    /// What was built.
-    fn stats(world: &Self::World) -> &snell_intersect::world::BuildStats;
 }
 
 /// What collects groups and geometries.

@@ -46,8 +46,25 @@ impl Family {
         all
     }
 
-    /// What the parameters of a kind look like: of each, the form that says most.
+    /// The parameters of a kind, each with an example.
     pub fn parameters(&self, kind: &str) -> PyResult<Vec<(String, Tree)>> {
+        self.gather(kind, |_, _| {})
+    }
+
+    /// What the parameters of a kind may look like: of those that are one of several things, the fields of all.
+    pub fn forms(&self, kind: &str) -> PyResult<Vec<(String, Tree)>> {
+        self.gather(kind, |known, form| {
+            if let (Tree::Fields(known), Tree::Fields(form)) = (known, form) {
+                for (key, value) in form {
+                    if known.iter().all(|(name, _)| name != key) {
+                        known.push((key.clone(), value.clone()));
+                    }
+                }
+            }
+        })
+    }
+
+    fn gather(&self, kind: &str, merge: impl Fn(&mut Tree, &Tree)) -> PyResult<Vec<(String, Tree)>> {
         let mut all: Vec<(String, Tree)> = Vec::new();
         let mut is_known = false;
         for example in self.examples.iter().filter(|example| self.kind(example) == kind) {
@@ -57,7 +74,7 @@ impl Family {
                 match all.iter_mut().find(|(known, _)| known == key) {
                     None => all.push((key.clone(), form.clone())),
                     Some((_, known)) if *known == Tree::Nothing => *known = form.clone(),
-                    Some(_) => {}
+                    Some((_, known)) => merge(known, form),
                 }
             }
         }
@@ -155,6 +172,14 @@ fn is_color(form: &Tree) -> bool {
 /// The form of a factor with a texture.
 fn textured(form: &Tree) -> Option<&Tree> {
     form.get("texture").and(form.get("factor"))
+}
+
+/// True for a factor that changes nothing.
+fn is_neutral(factor: &Tree) -> bool {
+    match factor {
+        Tree::List(items) => items.iter().all(is_neutral),
+        factor => *factor == Tree::Single(1.0),
+    }
 }
 
 /// A texture in the form of a parameter.
@@ -315,8 +340,19 @@ pub fn show<'py>(py: Python<'py>, tree: &Tree, references: &References) -> PyRes
             Ok(PyTuple::new(py, items)?.into_any())
         }
         Tree::Fields(fields) => {
-            if let (Some(factor), Some(Tree::Nothing)) = (textured(tree), tree.get("texture")) {
-                return show(py, factor, references);
+            // What is as one says it is shown so: a constant, a texture, one of its channels.
+            match (textured(tree), tree.get("texture")) {
+                (Some(factor), Some(Tree::Nothing)) => return show(py, factor, references),
+                (Some(factor), Some(texture)) if is_neutral(factor) => match texture {
+                    Tree::List(items) if let [id, Tree::Whole(number)] = &items[..] => {
+                        if let Ok(texture) = show(py, id, references)?.cast_into::<Texture>() {
+                            let channel = Channel { texture: texture.unbind(), number: *number as u8 };
+                            return Ok(Bound::new(py, channel)?.into_any());
+                        }
+                    }
+                    _ => return show(py, texture, references),
+                },
+                _ => {}
             }
             let all = PyDict::new(py);
             for (key, value) in fields {

@@ -192,13 +192,13 @@ impl Image {
         Ok(Self::new(picture, None, Look::default(), facts.unbind()))
     }
 
-    /// Width in pixels.
+    /// How many pixels a row has.
     #[getter]
     fn width(&self) -> u32 {
         self.picture.width
     }
 
-    /// Height in pixels.
+    /// How many rows of pixels there are.
     #[getter]
     fn height(&self) -> u32 {
         self.picture.height

@@ -14,11 +14,16 @@ pub fn choice<T: Copy>(argument: &str, wanted: &str, all: &[T], name_of: impl Fn
 
 /// The closest of some names to one that is not among them, as the end of a message.
 pub fn suggestion(name: &str, known: &[&str]) -> String {
-    let nearest = known.iter().map(|known| (distance(name, known), *known)).min();
+    let far = |known: &str| match name.is_empty() || !(known.starts_with(name) || name.starts_with(known)) {
+        true => distance(name, known),
+        false => 1,
+    };
+    let nearest = known.iter().filter(|known| !known.is_empty()).map(|known| (far(known), *known)).min();
     match nearest {
         Some((far, nearest)) if far <= name.chars().count().div_ceil(3).max(1) => {
             format!("; did you mean {nearest:?}?")
         }
+        Some(_) if known.len() == 1 => format!("; there is only {:?}", known[0]),
         Some(_) => format!("; there are {}", known.join(", ")),
         None => "; there is none".into(),
     }

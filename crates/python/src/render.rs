@@ -32,6 +32,26 @@ struct Rendered {
     seconds: f64,
 }
 
+/// What a render of these options reads of the scene: the samples per pixel.
+#[pyfunction]
+pub fn _samples<'py>(py: Python<'py>, scene: &Bound<'py, Scene>, options: &Bound<'py, PyDict>) -> PyResult<u32> {
+    Ok(plan(py, scene, &Keywords(options))?.2.settings.spp)
+}
+
+/// Makes the scene ready and reads the options.
+fn plan<'py>(
+    py: Python<'py>,
+    scene: &Bound<'py, Scene>,
+    keywords: &Keywords<'_, 'py>,
+) -> PyResult<(Arc<Prepared>, Camera, Request)> {
+    let quality = settings::build(keywords)?.quality;
+    let size = settings::size(keywords)?.unwrap_or(DEFAULT_SIZE);
+    let prepared = scene.get().0.prepared(py, &Preparation { quality, size })?;
+    let camera = cameras::choose(&prepared.cameras, keywords.any("camera")?.as_ref())?;
+    let request = settings::read(keywords, &prepared.hints, &camera)?;
+    Ok((prepared, camera, request))
+}
+
 /// Renders what a scene holds. `report` is called with the share that is done and the rays so far; it stops the render by answering False.
 #[pyfunction]
 #[pyo3(signature = (scene, options, report=None))]
@@ -43,11 +63,7 @@ pub fn _render<'py>(
 ) -> PyResult<Image> {
     let keywords = Keywords(options);
     let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
-    let quality = settings::build(&keywords)?.quality;
-    let size = settings::size(&keywords)?.unwrap_or(DEFAULT_SIZE);
-    let prepared = scene.get().0.prepared(py, &Preparation { quality, size })?;
-    let camera = cameras::choose(&prepared.cameras, keywords.any("camera")?.as_ref())?;
-    let Request { settings, time } = settings::read(&keywords, &prepared.hints, &camera)?;
+    let (prepared, camera, Request { settings, time }) = plan(py, scene, &keywords)?;
 
     let watch = Arc::new(Watch::default());
     let doing = (prepared.clone(), camera, settings.clone(), watch.clone());

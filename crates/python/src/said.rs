@@ -44,7 +44,7 @@ impl<T: Declared> Said<T> {
         let family = T::family();
         let (parameters, common) = (family.parameters(kind)?, T::common()?);
         let mut references = References::default();
-        let known: Vec<_> = parameters.iter().chain(&common).cloned().collect();
+        let known = Self::known(kind)?;
         let given = match given {
             Some(given) => read_all(kind, &known, given, &mut references)?,
             None => Vec::new(),
@@ -107,8 +107,9 @@ impl<T: Declared> Said<T> {
         Self::new(&self.kind()?, Some(&all))
     }
 
+    /// What parameters may look like.
     fn known(kind: &str) -> PyResult<Vec<(String, Tree)>> {
-        Ok(T::family().parameters(kind)?.into_iter().chain(T::common()?).collect())
+        Ok(T::family().forms(kind)?.into_iter().chain(T::common()?).collect())
     }
 
     /// As one would write it.

@@ -105,6 +105,11 @@ fn color(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Rgb> {
     }
 }
 
+fn color_tuple(py: Python<'_>, color: Rgb) -> PyResult<Bound<'_, PyAny>> {
+    let form = Tree::List(color.to_array().map(Tree::Single).to_vec());
+    form.plain(py)
+}
+
 /// All of a list.
 fn each<'py, T: pyo3::PyClass>(list: &Bound<'py, PyAny>, name: &str) -> PyResult<Vec<Bound<'py, T>>> {
     let items = list.try_iter().map_err(|_| PyTypeError::new_err(format!("{name}: expected a list")))?;
@@ -278,7 +283,7 @@ impl Scene {
     fn environment<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match &self.0.contents(py).stage.environment {
             None => Ok(py.None().into_bound(py)),
-            Some(Environment::Constant(color)) => Ok(color.to_array().into_pyobject(py)?.into_any()),
+            Some(Environment::Constant(color)) => color_tuple(py, *color),
             Some(Environment::Image { image, .. }) => {
                 let rgb = (0..image.height).flat_map(|y| (0..image.width).flat_map(move |x| [(x, y)]));
                 let values: Vec<f32> = rgb
@@ -336,7 +341,7 @@ impl Scene {
         match self.0.contents(py).stage.background {
             Background::Environment => Ok(PyString::new(py, "environment").into_any()),
             Background::Transparent => Ok(PyString::new(py, "transparent").into_any()),
-            Background::Color(color) => Ok(color.to_array().into_pyobject(py)?.into_any()),
+            Background::Color(color) => color_tuple(py, color),
         }
     }
 

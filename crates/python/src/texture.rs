@@ -53,10 +53,10 @@ pub struct Texture {
 /// 0
 #[pyclass(frozen, module = "snell")]
 pub struct Channel {
-    /// Of which.
+    /// The texture that it is a channel of.
     #[pyo3(get)]
     pub texture: Py<Texture>,
-    /// 0 red to 3 alpha.
+    /// Which channel: 0 red, 1 green, 2 blue, 3 alpha.
     #[pyo3(get)]
     pub number: u8,
 }
@@ -211,4 +211,12 @@ pub fn _restore_texture(pixels: &Bound<'_, PyAny>, srgb: bool, declared: &str) -
     image.encoding = if srgb { Encoding::Srgb } else { Encoding::Linear };
     let declared = serde_json::from_str(declared).map_err(|e| PyValueError::new_err(e.to_string()))?;
     Ok(Texture { image: Arc::new(image), declared })
+}
+
+#[pymethods]
+impl Channel {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let name = ["r", "g", "b", "a"][usize::from(self.number & 3)];
+        Ok(format!("{}.channel({name:?})", self.texture.bind(py).repr()?))
+    }
 }
