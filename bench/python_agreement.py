@@ -6,8 +6,8 @@
 Without meshes: twenty made here, closed and open, smooth and sharp, tiny and at large coordinates. For each mesh, `--rays` random rays through its
 box go to Snell (float32) and Open3D (all three kinds of questions), and the first `--exact` of them, in float64, to Snell and trimesh's own exact
 path. Counts: rays that one side hits and the other does not, other numbers of crossings, and distances that differ by more than 1e-4 of the
-size of the mesh. For rays on which Snell and Open3D differ, the truth is computed with whole numbers (`--no-truth` leaves that out): who is wrong,
-and how near to an edge the ray passes.
+size of the mesh. A hundred of the rays that Snell and Open3D count differently are judged in float64 (`--no-truth` leaves that out): a side is wrong
+if its number is not one that rounding allows, or, for a closed mesh, is odd where it must be even.
 
 The aimed probe: a closed sphere of 100 by 200 squares, and rays from six inner points to all of its vertices and middles of edges. Every one must
 be hit, and cross exactly once.
@@ -18,7 +18,6 @@ from __future__ import annotations
 import argparse
 import json
 import pathlib
-from fractions import Fraction
 
 import numpy as np
 
@@ -120,59 +119,55 @@ def random_rays(vertices: np.ndarray, n: int, rng: np.random.Generator) -> np.nd
     return np.concatenate([origins, directions], axis=1)
 
 
-def exact_crossings(ray: np.ndarray, triangles: np.ndarray) -> tuple[int, bool]:
-    """How many triangles a ray crosses properly, and whether it touches an edge or vertex of any, in whole-number arithmetic."""
-    exact = lambda v: [Fraction(float(x)) for x in v]  # noqa: E731
-    sub = lambda a, b: [x - y for x, y in zip(a, b)]  # noqa: E731
-    dot = lambda a, b: sum(x * y for x, y in zip(a, b))  # noqa: E731
-    cross = lambda a, b: [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]  # noqa: E731
-    o, d = exact(ray[:3]), exact(ray[3:])
-    proper, touches = 0, False
-    for triangle in triangles:
-        a, b, c = (sub(exact(v), o) for v in triangle)
-        u, v, w = dot(d, cross(c, b)), dot(d, cross(a, c)), dot(d, cross(b, a))
-        if (u < 0 or v < 0 or w < 0) and (u > 0 or v > 0 or w > 0):
-            continue
-        total = u + v + w
-        if total == 0:
-            continue
-        t = (u * dot(a, a) * 0 + dot(a, cross(sub(b, a), sub(c, a)))) / dot(d, cross(sub(b, a), sub(c, a)))
-        if t <= 0:
-            continue
-        if u == 0 or v == 0 or w == 0:
-            touches = True
-        else:
-            proper += 1
-    return proper, touches
+# A crossing nearer to an edge than this share of the triangle may fall to either side by rounding to float32.
+MARGIN = 2e-5
 
 
-def near(ray: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The triangles that a ray may cross, generously."""
+def crossings(ray: np.ndarray, triangles: np.ndarray) -> tuple[int, int]:
+    """How many triangles a ray crosses for certain, and how many more it may cross, because it passes that near to an edge."""
     low, high = triangles.min(axis=1), triangles.max(axis=1)
-    margin = 1e-5 * np.abs(triangles).max()
+    margin = MARGIN * np.abs(triangles).max()
     o, d = ray[:3], ray[3:]
     with np.errstate(divide="ignore", invalid="ignore"):
         t0, t1 = (low - margin - o) / d, (high + margin - o) / d
     inside = (o >= low - margin) & (o <= high + margin)
     first = np.where(d == 0, np.where(inside, -np.inf, np.inf), np.minimum(t0, t1)).max(axis=1)
     last = np.where(d == 0, np.where(inside, np.inf, -np.inf), np.maximum(t0, t1)).min(axis=1)
-    return triangles[(first <= last) & (last >= 0)]
+    a, b, c = np.moveaxis(triangles[(first <= last) & (last >= 0)] - o, 1, 0)
+    u, v, w = (np.cross(x, y) @ d for x, y in ((c, b), (a, c), (b, a)))
+    total = u + v + w
+    normal = np.cross(b - a, c - a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.min([u / total, v / total, w / total], axis=0)
+        t = (normal * a).sum(axis=1) / (normal @ d)
+        near_plane = np.abs((normal * a).sum(axis=1)) < margin * np.linalg.norm(normal, axis=1)
+        grazing = np.abs(normal @ d) < 1e-4 * np.linalg.norm(normal, axis=1) * np.linalg.norm(d)
+    uncertain = (least > -MARGIN) & (t > 0) & (least < MARGIN) | near_plane & (least > -MARGIN) | grazing | ~np.isfinite(least)
+    return int(((least >= MARGIN) & (t > 0) & ~uncertain).sum()), int(uncertain.sum())
 
 
-def truth(rays: np.ndarray, triangles: np.ndarray, ours: np.ndarray, theirs: np.ndarray, most: int = 200) -> dict[str, int]:
-    """Of rays with other numbers of crossings: whose number lies outside of what exact arithmetic allows."""
-    wrong = {"judged": 0, "at_edges": 0, "snell_wrong": 0, "other_wrong": 0}
-    for ray, mine, other in list(zip(rays, ours, theirs))[:most]:
-        proper, touches = exact_crossings(ray, near(ray, triangles))
-        wrong["judged"] += 1
-        wrong["at_edges"] += touches
-        if not touches:
-            wrong["snell_wrong"] += int(mine) != proper
-            wrong["other_wrong"] += int(other) != proper
-    return wrong
+def truth(rays, triangles, ours, theirs, is_closed: bool, most: int = 100) -> dict[str, int]:
+    """Of rays with other numbers of crossings: who counts more or fewer than rounding explains, or through a closed mesh an odd number too many."""
+    found = {"judged": 0, "near_edges": 0, "snell_wrong": 0, "other_wrong": 0}
+    rng = np.random.default_rng(5)
+    for ray, mine, other in list(zip(rays, ours.astype(int), theirs.astype(int), strict=True))[:most]:
+        certain, more = crossings(ray, triangles)
+        allowed = range(certain, certain + more + 1)
+        if is_closed:
+            # Whether the ray begins inside, by another one from there that passes no edge.
+            for _ in range(20):
+                count, doubt = crossings(np.concatenate([ray[:3], rng.normal(size=3)]), triangles)
+                if doubt == 0:
+                    allowed = [n for n in allowed if n % 2 == count % 2]
+                    break
+        found["judged"] += 1
+        found["near_edges"] += more > 0
+        found["snell_wrong"] += mine not in allowed
+        found["other_wrong"] += other not in allowed
+    return found
 
 
-def compare_with_open3d(vertices, faces, rays, judge: bool) -> dict:
+def compare_with_open3d(vertices, faces, rays, judge: bool, is_closed: bool) -> dict:
     vertices, rays = vertices.astype(np.float32), rays.astype(np.float32)
     ours = snell.Scene()
     ours.add_mesh(vertices, faces)
@@ -198,7 +193,7 @@ def compare_with_open3d(vertices, faces, rays, judge: bool) -> dict:
     }
     if judge and other.any():
         triangles = vertices.astype(np.float64)[faces]
-        row |= truth(rays[other].astype(np.float64), triangles, counts[0][other], counts[1][other])
+        row |= truth(rays[other].astype(np.float64), triangles, counts[0][other], counts[1][other], is_closed)
     points = rays[:2000, :3] * 0.5
     near_us, near_them = ours.distance(points), theirs.compute_distance(o3d.core.Tensor(np.ascontiguousarray(points))).numpy()
     row["distances_of_points_apart"] = int((np.abs(near_us - near_them) > 1e-4 * size).sum())
@@ -221,7 +216,8 @@ def compare_with_trimesh(vertices, faces, rays) -> dict:
     distance = np.full(len(rays), np.inf)
     np.minimum.at(distance, index, np.linalg.norm(places - origins[index], axis=1))
     mine = first.t_hit * np.linalg.norm(directions, axis=1)
-    apart = hit[0] & hit[1] & ~(np.abs(mine - distance) <= 1e-6 * size)
+    with np.errstate(invalid="ignore"):
+        apart = hit[0] & hit[1] & ~(np.abs(mine - distance) <= 1e-6 * size)
     return {
         "only_snell_hits": int((hit[0] & ~hit[1]).sum()),
         "only_trimesh_hits": int((hit[1] & ~hit[0]).sum()),
@@ -274,8 +270,9 @@ def main() -> None:
         rays = random_rays(vertices, options.rays, np.random.default_rng(number))
         about = {"mesh": name, "triangles": len(faces), "rays": len(rays)}
         if o3d is not None:
-            show(about | {"peer": "open3d"} | compare_with_open3d(vertices, faces, rays, not options.no_truth))
-        if trimesh is not None:
+            show(about | {"peer": "open3d"} | compare_with_open3d(vertices, faces, rays, not options.no_truth, name.startswith(("sphere", "torus", "cube"))))
+        # Its own exact path takes hours on large meshes.
+        if trimesh is not None and len(faces) <= 50_000:
             few = rays[np.linspace(0, len(rays) - 1, options.exact).astype(int)]
             show(about | {"peer": "trimesh", "rays": len(few)} | compare_with_trimesh(vertices, faces, few))
     for row in probe():

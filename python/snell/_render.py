@@ -50,6 +50,7 @@ def render(
     light_samples: str | None = None,
     light_sampler: str | None = None,
     ao_distance: float | None = None,
+    color: str | None = None,
     quality: str | None = None,
     progress: bool | Callable[[float, int], object] = True,
 ) -> Image:
@@ -82,7 +83,7 @@ def render(
         All cores.
     crop : tuple of int
         ``(x0, y0, x1, y1)``: only these pixels, right and lower border excluded.
-    sampler, filter, shadows, light_samples, light_sampler, ao_distance, quality
+    sampler, filter, shadows, light_samples, light_sampler, ao_distance, color, quality
         As the options of the command ``snell render``.
     progress : bool or callable
         True shows how far it is, after a second, by tqdm or rich if the program has imported one of them, else as a line of text on a terminal. A
@@ -116,6 +117,7 @@ def render(
         "light_samples": light_samples,
         "light_sampler": light_sampler,
         "ao_distance": ao_distance,
+        "color": color,
         "quality": quality,
     }
     with reporter(progress) as report:

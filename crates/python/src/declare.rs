@@ -14,6 +14,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyString, PyTuple};
 use serde::de::DeserializeOwned;
 use snell_math::Rgb;
+use snell_scene::medium::Medium;
 
 /// The kinds of one family, such as the materials.
 #[derive(Debug)]
@@ -95,11 +96,13 @@ pub fn catalogue<'py>(py: Python<'py>, family: &Family) -> PyResult<Bound<'py, P
     Ok(all)
 }
 
-/// The textures that a declared value refers to, by the number that it has for each.
+/// What a declared value refers to, by the number that it has for each.
 #[derive(Debug, Default)]
 pub struct References {
     /// By number.
     pub textures: Vec<Py<Texture>>,
+    /// By number.
+    pub media: Vec<Medium>,
 }
 
 impl References {

@@ -124,9 +124,12 @@ impl Writer {
             texture.image = ImageId(texture.image.0 + images);
             texture
         }));
+        let media = scene.media.len() as u32;
+        scene.media.extend(stage.media.iter().cloned());
         for material in &stage.materials {
             scene.materials.push(tree::with_ids(material, |kind, id| match kind {
                 "TextureId" => id + textures,
+                "MediumId" => id + media,
                 _ => id,
             })?);
         }

@@ -131,6 +131,6 @@ impl Light {
 
 /// Makes a light from what was stored.
 #[pyfunction]
-pub fn _restore_light(json: &str, textures: Vec<Py<Texture>>) -> PyResult<Light> {
-    Said::restored(json, textures).map(Light)
+pub fn _restore_light(json: &str, textures: Vec<Py<Texture>>, media: &str) -> PyResult<Light> {
+    Said::restored(json, textures, media).map(Light)
 }

@@ -114,6 +114,6 @@ impl Material {
 
 /// Makes a material from what was stored.
 #[pyfunction]
-pub fn _restore_material(json: &str, textures: Vec<Py<Texture>>) -> PyResult<Material> {
-    Said::restored(json, textures).map(Material)
+pub fn _restore_material(json: &str, textures: Vec<Py<Texture>>, media: &str) -> PyResult<Material> {
+    Said::restored(json, textures, media).map(Material)
 }

@@ -125,15 +125,19 @@ impl<T: Declared> Said<T> {
         Ok(text + ")")
     }
 
-    /// What pickles: JSON and textures.
-    pub fn stored(&self, py: Python<'_>) -> PyResult<(String, Vec<Py<Texture>>)> {
-        let json = serde_json::to_string(&self.value).map_err(|e| PyValueError::new_err(e.to_string()))?;
-        Ok((json, self.references.textures.iter().map(|texture| texture.clone_ref(py)).collect()))
+    /// What pickles: JSON, of media too, and textures.
+    pub fn stored(&self, py: Python<'_>) -> PyResult<(String, Vec<Py<Texture>>, String)> {
+        let error = |e: serde_json::Error| PyValueError::new_err(e.to_string());
+        let json = serde_json::to_string(&self.value).map_err(error)?;
+        let media = serde_json::to_string(&self.references.media).map_err(error)?;
+        Ok((json, self.references.textures.iter().map(|texture| texture.clone_ref(py)).collect(), media))
     }
 
     /// From what was stored.
-    pub fn restored(json: &str, textures: Vec<Py<Texture>>) -> PyResult<Self> {
-        let value = serde_json::from_str(json).map_err(|e| PyValueError::new_err(e.to_string()))?;
-        Ok(Self { value, references: References { textures } })
+    pub fn restored(json: &str, textures: Vec<Py<Texture>>, media: &str) -> PyResult<Self> {
+        let error = |e: serde_json::Error| PyValueError::new_err(e.to_string());
+        let value = serde_json::from_str(json).map_err(error)?;
+        let media = serde_json::from_str(media).map_err(error)?;
+        Ok(Self { value, references: References { textures, media } })
     }
 }

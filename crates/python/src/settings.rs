@@ -5,6 +5,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use snell_intersect::{BuildOptions, Quality};
+use snell_math::ColorModel;
 use snell_render::{
     Aov, Crop, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
 };
@@ -127,6 +128,7 @@ pub fn read(keywords: &Keywords<'_, '_>, hints: &SceneSettings, camera: &Camera)
             .unwrap_or_default(),
         ao_distance: keywords.positive("ao_distance")?.map(|x| x as f32),
         aovs,
+        color: keywords.one_of("color", None, &ColorModel::ALL, ColorModel::name)?.unwrap_or_default(),
         build: build(keywords)?,
         ..Settings::default()
     };

@@ -19,7 +19,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyString};
 use snell_formats::WriteError;
 use snell_math::{DAffine3, Rgb};
-use snell_scene::graph::ImageId;
+use snell_scene::graph::{ImageId, MediumId};
+use snell_scene::medium::Medium;
 use snell_scene::{Background, Environment, MaterialId, Scene as Graph, TextureId};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -33,11 +34,19 @@ fn add_texture(stage: &mut Graph, texture: &Texture) -> TextureId {
     known.map_or_else(|| stage.add_texture(wanted), |at| TextureId(at as u32))
 }
 
+/// The number of a medium on a stage; added if it is not there.
+fn add_medium(stage: &mut Graph, medium: &Medium) -> MediumId {
+    let known = stage.media.iter().position(|known| known == medium);
+    known.map_or_else(|| stage.add_medium(medium.clone()), |at| MediumId(at as u32))
+}
+
 /// A material or light with the textures of a stage in the place of its own.
 fn on_stage<T: serde::Serialize + serde::de::DeserializeOwned>(stage: &mut Graph, said: &Said<T>) -> PyResult<T> {
     let textures: Vec<_> = said.references.textures.iter().map(|t| add_texture(stage, t.get())).collect();
+    let media: Vec<_> = said.references.media.iter().map(|medium| add_medium(stage, medium)).collect();
     let id = |kind: &str, id: u32| match kind {
         "TextureId" => textures.get(id as usize).map_or(id, |texture| texture.0),
+        "MediumId" => media.get(id as usize).map_or(id, |medium| medium.0),
         _ => id,
     };
     with_ids(&said.value, id).map_err(PyValueError::new_err)
@@ -71,8 +80,12 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
     stage: &Graph,
     value: &T,
 ) -> PyResult<Said<T>> {
-    let (mut used, mut textures) = (Vec::new(), Vec::new());
+    let (mut used, mut textures, mut media) = (Vec::new(), Vec::new(), Vec::new());
     let value = with_ids(value, |kind, id| match kind {
+        "MediumId" => {
+            media.extend(stage.media.get(id as usize).cloned());
+            (media.len() as u32).saturating_sub(1)
+        }
         "TextureId" => used.iter().position(|&known| known == id).unwrap_or_else(|| {
             used.push(id);
             used.len() - 1
@@ -88,7 +101,7 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
         let declared = snell_scene::Texture { image: ImageId(0), ..declared.clone() };
         textures.push(Py::new(py, Texture { image, declared })?);
     }
-    Ok(Said { value: value.map_err(PyValueError::new_err)?, references: References { textures } })
+    Ok(Said { value: value.map_err(PyValueError::new_err)?, references: References { textures, media } })
 }
 
 /// A colour: a number, three numbers, or `#rrggbb`.

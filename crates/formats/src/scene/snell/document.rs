@@ -2,10 +2,12 @@
 
 use super::numbers::Numbers;
 use crate::Limits;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use snell_intersect::{AnyShape, Shape, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3, Vec4};
-use snell_scene::graph::ImageId;
+use snell_scene::graph::{ImageId, MediumId};
+use snell_scene::medium::Medium;
 use snell_scene::{
     Background, Camera, Encoding, Environment, Geometry, Image, Light, Material, MaterialId, Node, NodeId, Pixels,
     Scene, SceneSettings, Surface, Texture,
@@ -41,6 +43,10 @@ pub struct Document {
     pub textures: Vec<Texture>,
     #[serde(default)]
     pub images: Vec<ImageForm>,
+    #[serde(default)]
+    pub media: Vec<Medium>,
+    #[serde(default)]
+    pub medium: Option<MediumId>,
     pub root: NodeId,
     pub nodes: Vec<NodeForm>,
     #[serde(default)]
@@ -145,6 +151,17 @@ fn affine(rows: &Rows) -> DAffine3 {
     DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) }
 }
 
+/// Refuses what would come back as something else: numbers that are not finite, and what a declaration keeps to itself.
+fn check<T: Serialize + DeserializeOwned + PartialEq>(what: &str, items: &[T]) -> Result<(), String> {
+    for (number, item) in items.iter().enumerate() {
+        let again = serde_json::to_string(item).and_then(|text| serde_json::from_str::<T>(&text));
+        if !again.is_ok_and(|again| again == *item) {
+            return Err(format!("{what} {number} holds what this format has no words for, such as an infinite number"));
+        }
+    }
+    Ok(())
+}
+
 impl Document {
     /// The file of a scene. (What a reader had to say about another file is not part of it.)
     pub fn of(scene: &Scene) -> Result<Self, String> {
@@ -155,6 +172,8 @@ impl Document {
             materials,
             textures,
             images,
+            media,
+            medium,
             lights,
             cameras,
             environment,
@@ -163,6 +182,12 @@ impl Document {
             settings,
             warnings: _,
         } = scene;
+        check("camera", cameras)?;
+        check("light", lights)?;
+        check("material", materials)?;
+        check("medium", media)?;
+        check("texture", textures)?;
+        check("settings", std::slice::from_ref(settings))?;
         let mut meshes = Meshes::default();
         let nodes = nodes.iter().map(|node| NodeForm::of(node, &mut meshes)).collect();
         Ok(Self {
@@ -178,6 +203,8 @@ impl Document {
             materials: materials.clone(),
             textures: textures.clone(),
             images: images.iter().map(|image| ImageForm::of(image)).collect(),
+            media: media.clone(),
+            medium: *medium,
             root: *root,
             nodes,
             meshes: meshes.forms,
@@ -214,6 +241,8 @@ impl Document {
             materials: self.materials,
             textures: self.textures,
             images,
+            media: self.media,
+            medium: self.medium,
             lights: self.lights,
             cameras: self.cameras,
             environment,

@@ -74,6 +74,8 @@ fn write(scene: &Scene) -> Result<Vec<u8>, String> {
     out.table("materials", &document.materials);
     out.table("textures", &document.textures);
     out.table("images", &document.images);
+    out.table("media", &document.media);
+    out.field("medium", &document.medium);
     out.field("root", &document.root);
     out.table("nodes", &document.nodes);
     out.table("meshes", &document.meshes);

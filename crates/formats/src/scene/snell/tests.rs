@@ -1,7 +1,10 @@
 use super::*;
 use crate::{ReadOptions, read_scene_bytes};
 use snell_scene::builtin::BUILTINS;
+use snell_scene::graph::MediumId;
+use snell_scene::material::Interior;
 use snell_scene::material::MaterialKind;
+use snell_scene::medium::Medium;
 use snell_scene::{Encoding, TextureId, material::ColorParam};
 use snell_scene::{Geometry, Image, Light, Material, Node, Surface, Texture};
 use std::path::Path;
@@ -26,6 +29,9 @@ fn everything() -> Scene {
         scene.add_material(Material { emission, ..Material::new(format!("number {i}"), kind) });
     }
     scene.lights = Light::examples();
+    scene.media = Medium::examples().into_iter().filter(|m| !matches!(m, Medium::Grid(_))).collect();
+    scene.materials[0].interior = Some(Interior { medium: Some(MediumId(0)), priority: 2 });
+    scene.medium = Some(MediumId(0));
     let positions =
         (0..99).map(|i| snell_math::Vec3::new(i as f32 / 3.0, 0.1 * i as f32, -1.0 / (i + 1) as f32)).collect();
     let indices = (0..33).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
@@ -57,6 +63,19 @@ fn a_shared_mesh_is_written_once() {
     let meshes: Vec<_> = again.nodes.iter().flat_map(|n| &n.surfaces).map(|s| &s.geometry).collect();
     let [Geometry::Mesh(a), Geometry::Mesh(b)] = meshes[..] else { panic!("two meshes") };
     assert!(Arc::ptr_eq(a, b));
+}
+
+#[test]
+fn what_cannot_be_said_is_refused() {
+    let mut scene = everything();
+    scene.cameras.push(snell_scene::Camera::look_at(
+        snell_math::Vec3::INFINITY,
+        snell_math::Vec3::ZERO,
+        snell_math::Vec3::Y,
+        1.0,
+    ));
+    let error = write(&scene).expect_err("JSON has no word for infinity");
+    assert!(error.contains("camera 0"), "{error}");
 }
 
 #[test]
