@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -42,8 +43,7 @@ class _Bar:
 
 class _Tqdm(_Bar):
     def open(self) -> None:
-        from tqdm.auto import tqdm
-
+        tqdm = importlib.import_module("tqdm.auto").tqdm
         self._bar: Any = tqdm(total=100, unit="%", bar_format="{l_bar}{bar}| {elapsed}<{remaining}{postfix}", leave=False)
 
     def show(self, share: float, rate: str) -> None:
@@ -57,9 +57,7 @@ class _Tqdm(_Bar):
 
 class _Rich(_Bar):
     def open(self) -> None:
-        from rich.progress import Progress
-
-        self._progress: Any = Progress(transient=True)
+        self._progress: Any = importlib.import_module("rich.progress").Progress(transient=True)
         self._task = self._progress.add_task("rendering", total=1.0)
         self._progress.start()
 

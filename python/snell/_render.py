@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 import time as clock
@@ -189,9 +190,7 @@ class _View:
         self._handle: Any = None
 
     def __call__(self, image: Image) -> None:
-        from IPython.display import display
-
         if self._handle is None:
-            self._handle = display(image, display_id=True)
+            self._handle = importlib.import_module("IPython.display").display(image, display_id=True)
         else:
             self._handle.update(image)
