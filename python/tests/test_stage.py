@@ -157,6 +157,26 @@ def test_surroundings():
     assert scene.lights == []
 
 
+def test_media():
+    fog = snell.Medium("homogeneous", sigma_a=0, sigma_s=0.3, emission=0, g=0)
+    assert repr(pickle.loads(pickle.dumps(fog))) == repr(fog) and fog.replace(g=0.5).g == 0.5
+    glass = snell.Material("dielectric", ior=1.5, roughness=0, tint=1, absorption=0, interior={"medium": fog, "priority": 1})
+    assert repr(glass.interior["medium"]) == repr(fog)
+    again = pickle.loads(pickle.dumps(glass))
+    assert repr(again) == repr(glass)
+    scene = snell.Scene()
+    scene.add_shape("sphere", radius=1, material=again)
+    scene.environment = 1
+    scene.medium = fog
+    assert repr(scene.medium) == repr(fog) and repr(scene.materials[0].interior["medium"]) == repr(fog)
+    outer = snell.Scene()
+    outer.add_instance(scene)
+    outer.environment, outer.cameras = 1, [snell.Camera(eye=(0, 0, 5))]
+    assert np.isfinite(pixels(outer)).all()
+    scene.medium = None
+    assert scene.medium is None
+
+
 def test_materials_of_a_scene_are_shared_and_replaced():
     scene = snell.load("cornell-box")
     names = [material.name for material in scene.materials]

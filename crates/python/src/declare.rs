@@ -5,7 +5,9 @@
 //! Python as soon as it is declared.
 
 use crate::arrays::numpy;
+use crate::medium::Medium as PyMedium;
 use crate::names::suggestion;
+use crate::said::Said;
 use crate::settings::shown;
 use crate::texture::{Channel, Texture};
 use crate::tree::Tree;
@@ -106,6 +108,16 @@ pub struct References {
 }
 
 impl References {
+    /// The number of a medium.
+    fn medium(&mut self, medium: &Medium) -> Tree {
+        let known = self.media.iter().position(|known| known == medium);
+        let number = known.unwrap_or_else(|| {
+            self.media.push(medium.clone());
+            self.media.len() - 1
+        });
+        Tree::Id("MediumId", number as u32)
+    }
+
     /// The number of a texture.
     fn texture(&mut self, texture: &Bound<'_, Texture>) -> Tree {
         let known = self.textures.iter().position(|known| known.is(texture));
@@ -177,6 +189,11 @@ fn textured(form: &Tree) -> Option<&Tree> {
     form.get("texture").and(form.get("factor"))
 }
 
+/// The inside of a surface that is filled with a medium.
+fn interior(medium: Tree) -> Tree {
+    Tree::Fields(vec![("medium".into(), medium), ("priority".into(), Tree::Whole(0))])
+}
+
 /// True for a factor that changes nothing.
 fn is_neutral(factor: &Tree) -> bool {
     match factor {
@@ -225,10 +242,17 @@ pub fn read(value: &Bound<'_, PyAny>, form: &Tree, name: &str, references: &mut 
         let channel = channel.get();
         return with_texture(form, references.texture(channel.texture.bind(value.py())), Some(channel.number), name);
     }
+    if let Ok(medium) = value.cast::<PyMedium>() {
+        return Ok(interior(references.medium(&medium.get().0.value)));
+    }
     if let Ok(fields) = value.cast::<PyDict>() {
         let mut all = Vec::new();
         for (key, value) in fields {
             let key: String = key.extract()?;
+            if let Ok(medium) = value.cast::<PyMedium>() {
+                all.push((key, references.medium(&medium.get().0.value)));
+                continue;
+            }
             let form = form.get(&key).unwrap_or(&Tree::Nothing);
             all.push((key.clone(), read(&value, form, &format!("{name}[{key:?}]"), references)?));
         }
@@ -336,6 +360,13 @@ pub fn show<'py>(py: Python<'py>, tree: &Tree, references: &References) -> PyRes
     match tree {
         Tree::Id("TextureId", number) => match references.textures.get(*number as usize) {
             Some(texture) => Ok(texture.bind(py).clone().into_any()),
+            None => tree.plain(py),
+        },
+        Tree::Id("MediumId", number) => match references.media.get(*number as usize) {
+            Some(medium) => {
+                let said = Said { value: medium.clone(), references: References::default() };
+                Ok(Bound::new(py, PyMedium(said))?.into_any())
+            }
             None => tree.plain(py),
         },
         Tree::List(items) => {

@@ -18,14 +18,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// How a picture is turned into what a screen shows.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Look(Display);
-
-impl Default for Look {
-    fn default() -> Self {
-        Self(Display::default())
-    }
-}
 
 impl Look {
     /// As the scene's file asks.

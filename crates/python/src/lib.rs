@@ -18,6 +18,7 @@ mod image;
 mod light;
 mod load;
 mod material;
+mod medium;
 mod mesh;
 mod names;
 mod nearest;
@@ -52,6 +53,7 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<camera::Camera>()?;
     module.add_class::<light::Light>()?;
     module.add_class::<material::Material>()?;
+    module.add_class::<medium::Medium>()?;
     module.add_class::<texture::Texture>()?;
     module.add_class::<texture::Channel>()?;
     module.add_function(wrap_pyfunction!(load::load, module)?)?;
@@ -62,12 +64,14 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(light::_restore_light, module)?)?;
     module.add_function(wrap_pyfunction!(material::_restore_material, module)?)?;
     module.add_function(wrap_pyfunction!(texture::_restore_texture, module)?)?;
+    module.add_function(wrap_pyfunction!(medium::_restore_medium, module)?)?;
     module.add_function(wrap_pyfunction!(render::_render, module)?)?;
     module.add_function(wrap_pyfunction!(render::_samples, module)?)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("INVALID_ID", snell_intersect::Hit::NONE)?;
     module.add("SHAPES", declare::catalogue(py, &objects::shapes())?)?;
     module.add("MATERIALS", declare::catalogue(py, &snell_scene::Material::family())?)?;
+    module.add("MEDIA", declare::catalogue(py, &snell_scene::medium::Medium::family())?)?;
     module.add("LIGHTS", declare::catalogue(py, &snell_scene::Light::family())?)?;
     module.add("PROJECTIONS", declare::catalogue(py, &camera::projections())?)
 }

@@ -8,6 +8,7 @@ use crate::graph::graph;
 use crate::image::Image;
 use crate::light::Light;
 use crate::material::Material;
+use crate::medium::Medium as PyMedium;
 use crate::names::suggestion;
 use crate::said::Said;
 use crate::scene::Scene;
@@ -230,13 +231,10 @@ impl Scene {
 
     #[setter]
     fn set_lights(&self, lights: &Bound<'_, PyAny>) -> PyResult<()> {
-        let lights = each::<Light>(lights, "lights")?;
-        let Some(first) = lights.first() else {
-            return Python::attach(|py| self.0.edit(py, |contents| Ok(contents.stage_mut().lights.clear())));
-        };
-        self.0.edit(first.py(), |contents| {
+        let all = each::<Light>(lights, "lights")?;
+        self.0.edit(lights.py(), |contents| {
             let stage = contents.stage_mut();
-            let all = lights.iter().map(|light| on_stage(stage, &light.get().0)).collect::<PyResult<_>>()?;
+            let all = all.iter().map(|light| on_stage(stage, &light.get().0)).collect::<PyResult<_>>()?;
             stage.lights = all;
             Ok(())
         })
@@ -344,6 +342,23 @@ impl Scene {
         let environment = read_environment(value, scale, placed.map_or(DAffine3::IDENTITY, |map| *map.matrix()))?;
         self.0.edit(value.py(), |contents| {
             contents.stage_mut().environment = environment;
+            Ok(())
+        })
+    }
+
+    /// What is everywhere where no inside of a surface is, such as fog: a :class:`Medium` or None. Can be assigned.
+    #[getter]
+    fn medium(&self, py: Python<'_>) -> Option<PyMedium> {
+        let stage = self.0.contents(py).stage.clone();
+        let value = stage.medium.and_then(|id| stage.media.get(id.index())).cloned()?;
+        Some(PyMedium(Said { value, references: References::default() }))
+    }
+
+    #[setter]
+    fn set_medium(&self, py: Python<'_>, medium: Option<&Bound<'_, PyMedium>>) -> PyResult<()> {
+        self.0.edit(py, |contents| {
+            let stage = contents.stage_mut();
+            stage.medium = medium.map(|medium| add_medium(stage, &medium.get().0.value));
             Ok(())
         })
     }

@@ -23,10 +23,11 @@ pub mod film;
 pub mod integrator;
 pub mod job;
 pub mod light_sampler;
-pub mod picture;
+mod picture;
 pub mod reference;
 pub mod sampler;
 pub mod settings;
+mod volume;
 
 pub use compile::{CompileError, CompiledScene};
 pub use film::{Film, filter::Filter};

@@ -1,4 +1,4 @@
-//! The picture of a film, as it is shown and written.
+//! From film to the picture that people are shown.
 
 use crate::compile::CompiledScene;
 use crate::film::Film;
@@ -6,7 +6,7 @@ use crate::integrator::IntegratorKind;
 use crate::settings::Settings;
 use snell_scene::{Background, LayeredImage};
 
-/// The linear picture with its layers. The alpha channel stays only where it says something; the integrator `aov` shows its first layer.
+/// The linear picture with its layers. The alpha channel stays only where it says something.
 pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> LayeredImage {
     let mut picture = film.image();
     if settings.integrator == IntegratorKind::Aov

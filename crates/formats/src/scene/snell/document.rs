@@ -221,10 +221,9 @@ impl Document {
         for (i, image) in self.images.into_iter().enumerate() {
             images.push(Arc::new(image.image(limits).map_err(|flaw| (format!("/images/{i}"), flaw))?));
         }
-        for (i, texture) in self.textures.iter().enumerate().filter(|(_, t)| t.image.index() >= images.len()) {
-            let ImageId(id) = texture.image;
-            let flaw = format!("image is {id}, but there are {}", images.len());
-            return Err((format!("/textures/{i}"), flaw));
+        if let Some(i) = self.textures.iter().position(|texture| texture.image.index() >= images.len()) {
+            let ImageId(id) = self.textures[i].image;
+            return Err((format!("/textures/{i}"), format!("image is {id}, but there are {}", images.len())));
         }
         let mut nodes = Vec::with_capacity(self.nodes.len());
         for (i, node) in self.nodes.into_iter().enumerate() {
