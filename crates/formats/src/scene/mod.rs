@@ -3,6 +3,7 @@
 pub mod gltf;
 pub mod minray;
 pub mod nff;
+pub mod pbrt;
 pub mod scn;
 mod shapes;
 #[cfg(test)]
@@ -10,4 +11,4 @@ mod testing;
 mod tokens;
 
 /// The readers of scene files, in the order in which contents are tried.
-pub const READERS: &[crate::SceneReader] = &[gltf::READER, minray::READER, nff::READER, scn::READER];
+pub const READERS: &[crate::SceneReader] = &[gltf::READER, minray::READER, nff::READER, pbrt::READER, scn::READER];
