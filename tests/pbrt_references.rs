@@ -29,7 +29,13 @@ struct Case {
 }
 
 const CASES: [Case; 4] = [
-    Case { name: "cornell-box", spp: 256, max_depth: Some(64), limits: [0.01, 0.03], why: "noise; edges by another filter" },
+    Case {
+        name: "cornell-box",
+        spp: 256,
+        max_depth: Some(64),
+        limits: [0.01, 0.03],
+        why: "noise; edges by another filter",
+    },
     Case {
         name: "veach-mis",
         spp: 64,
@@ -37,8 +43,20 @@ const CASES: [Case; 4] = [
         limits: [3.0, 0.3],
         why: "the reference has Beckmann's distribution of facets, pbrt-v4 and Snell have GGX with its long tails",
     },
-    Case { name: "veach-bidir", spp: 256, max_depth: Some(64), limits: [3.0, 0.5], why: "caustics are found by chance" },
-    Case { name: "coffee", spp: 128, max_depth: Some(64), limits: [3.0, 0.5], why: "coats of the reference are smooth" },
+    Case {
+        name: "veach-bidir",
+        spp: 256,
+        max_depth: Some(64),
+        limits: [3.0, 0.5],
+        why: "caustics are found by chance",
+    },
+    Case {
+        name: "coffee",
+        spp: 128,
+        max_depth: Some(64),
+        limits: [3.0, 0.5],
+        why: "coats of the reference are smooth",
+    },
 ];
 
 /// The mean of each block of pixels.

@@ -58,6 +58,7 @@ const COLLECTED: &[(&str, &[&str])] = &[
     ),
     ("nff", &["nff/tetra-s2.nff", "nff/tree-s3.nff"]),
     ("minray", &["minray/test1.json"]),
+    ("pbrt", &["bitterli/veach-mis/pbrt/scene-v4.pbrt"]),
 ];
 
 /// Small files that are always there.

@@ -5,6 +5,7 @@ use super::fault::Fault;
 use super::material::Known;
 use super::options::is_kind;
 use super::params::Params;
+use super::spectrum::COPPER;
 use super::texture::Pattern;
 use snell_math::Rgb;
 use snell_scene::Material;
@@ -44,12 +45,12 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
         Material::new("", Mirror { reflectance: builder.color_param(&reflectance) })
     } else if kind("metal") {
         let roughness = builder.roughness(params, "", 0.01)?;
-        let get = |builder: &mut Builder, name: &str, copper: [f32; 3]| -> Result<Rgb, Fault> {
+        let get = |builder: &mut Builder, name: &str, copper: Rgb| -> Result<Rgb, Fault> {
             let pattern = builder.pattern_param(params, name, true)?;
-            Ok(pattern.and_then(|p| p.as_constant()).unwrap_or(Rgb::from(copper)))
+            Ok(pattern.and_then(|p| p.as_constant()).unwrap_or(copper))
         };
-        let eta = get(builder, "eta", [0.200, 0.924, 1.102])?;
-        let k = get(builder, "k", [3.912, 2.452, 2.142])?;
+        let eta = get(builder, "eta", COPPER[0])?;
+        let k = get(builder, "k", COPPER[1])?;
         Material::new("", Conductor { spectrum: ConductorSpectrum::Measured { eta, k }, roughness })
     } else if kind("glass") {
         let named = if params.has("eta") { "eta" } else { "index" };

@@ -4,13 +4,13 @@ use super::Builder;
 use super::fault::{Fault, Spot};
 use super::lexer::{Lexer, quoted};
 use super::params::{Params, Type};
-use super::spectrum::Role;
+use super::spectrum::{COPPER, Role};
 use super::texture::Pattern;
 use super::{legacy, options::is_kind};
 use snell_math::Rgb;
 use snell_scene::material::{
-    AlphaMode, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, MetallicRoughness, NormalMap, Plastic,
-    ScalarParam,
+    AlphaMode, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Interface, Interior, MetallicRoughness,
+    NormalMap, Plastic, ScalarParam,
 };
 use snell_scene::{Encoding, Material, MaterialId, Texture};
 use std::collections::HashMap;
@@ -43,6 +43,8 @@ pub struct Finish {
     pub emission: Option<(ColorParam, bool)>,
     /// Opacity.
     pub alpha: Option<ScalarParam>,
+    /// What is inside.
+    pub interior: Option<Interior>,
 }
 
 impl Builder<'_> {
@@ -122,7 +124,12 @@ impl Builder<'_> {
             return Some(*id);
         }
         let Known { material, opacity } = self.materials.known[position].clone();
-        let mut material = material?;
+        let mut material = match (material, finish.interior) {
+            (Some(material), _) => material,
+            (None, Some(_)) => Material::new("interface", Interface {}),
+            (None, None) => return None,
+        };
+        material.interior = finish.interior.or(material.interior);
         if let Some((emission, both)) = finish.emission {
             material.emission = emission;
             material.emits_on_both_sides = both;
@@ -135,6 +142,12 @@ impl Builder<'_> {
         let id = self.scene.add_material(material);
         self.materials.ids.insert(key, id);
         Some(id)
+    }
+
+    /// True if the current material is none: the boundary of a medium.
+    pub(super) fn is_without_surface(&mut self) -> bool {
+        let position = self.current_material();
+        self.materials.known[position].material.is_none()
     }
 
     /// True if the current material has textures, so that texture coordinates matter.
@@ -252,18 +265,18 @@ impl Builder<'_> {
             }
             return Ok(ConductorSpectrum::Color(self.material_color(params, "reflectance", 0.5)?));
         }
-        let mut part = |name: &str, copper: [f32; 3]| -> Result<Rgb, Fault> {
+        let mut part = |name: &str, copper: Rgb| -> Result<Rgb, Fault> {
             let pattern = self.pattern_param(params, &format!("{prefix}{name}"), true)?;
-            let Some(pattern) = pattern else { return Ok(Rgb::from(copper)) };
+            let Some(pattern) = pattern else { return Ok(copper) };
             Ok(pattern.as_constant().unwrap_or_else(|| {
                 self.note("textured metal", params.at, || {
                     "a texture as the index of a metal: copper was used instead".into()
                 });
-                Rgb::from(copper)
+                copper
             }))
         };
-        let eta = part("eta", [0.200, 0.924, 1.102])?;
-        let k = part("k", [3.912, 2.452, 2.142])?;
+        let eta = part("eta", COPPER[0])?;
+        let k = part("k", COPPER[1])?;
         Ok(ConductorSpectrum::Measured { eta, k })
     }
 

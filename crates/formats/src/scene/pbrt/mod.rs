@@ -30,6 +30,7 @@ use crate::textures::Textures;
 use crate::{Input, ReadError, SceneReader};
 use fault::{Fault, Spot};
 use material::Materials;
+use medium::Media;
 use options::RenderOptions;
 use params::{Params, Type};
 use shape::Shapes;
@@ -59,6 +60,7 @@ struct Builder<'a> {
     patterns: Patterns,
     images: Textures,
     shapes: Shapes,
+    media: Media,
     /// Nodes of finished object definitions by name.
     objects: HashMap<String, NodeId>,
     /// The object being defined.
@@ -88,6 +90,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         patterns: Patterns::default(),
         images: Textures::default(),
         shapes: Shapes::default(),
+        media: Media::default(),
         objects: HashMap::new(),
         object: None,
         in_world: false,
@@ -107,6 +110,7 @@ impl Builder<'_> {
     fn read_scene(&mut self) -> Result<(), Fault> {
         self.read_file(self.main, Spot::default())?;
         self.finish_options()?;
+        self.finish_media();
         self.scene.nodes[self.scene.root.index()].transform = self.world_from_file;
         self.notes.finish(&mut self.scene, &self.files);
         Ok(())
@@ -193,6 +197,7 @@ impl Notes {
     }
 
     fn finish(&mut self, scene: &mut Scene, files: &[String]) {
+        self.notes.sort_by_key(|(at, ..)| (at.file, at.line, at.column));
         for (at, message, count) in self.notes.drain(..) {
             let file = files.get(at.file as usize).map_or("", String::as_str);
             let message = format!("{file}:{}:{}: {message}", at.line, at.column);

@@ -36,6 +36,7 @@ impl Builder<'_> {
                 };
                 self.coordinate_systems.insert("camera".into(), inverse);
                 let at = params.at;
+                self.media.around_camera = Some(self.state.media[1].clone());
                 self.options.camera = Some((params, transform, at));
             }
             "Film" => {

@@ -63,10 +63,11 @@ impl Builder<'_> {
         let finish = Finish {
             emission: self.emission(&params, &made, place),
             alpha: alpha.filter(|a| a.as_constant().is_none_or(|c| c.r < 1.0)).map(|a| self.scalar_param(&a)),
+            interior: self.interior(),
         };
         let Some(material) = self.finished_material(&finish) else {
             self.note("interface", params.at, || {
-                "surfaces without a material (interfaces) are not seen, and were left out".into()
+                "surfaces without a material that bound no medium are not seen, and were left out".into()
             });
             return Ok(());
         };
@@ -112,6 +113,12 @@ impl Builder<'_> {
         place: DAffine3,
     ) -> Option<(snell_scene::material::ColorParam, bool)> {
         let light = self.shapes.area_lights[self.state.area_light?].clone();
+        if self.is_without_surface() {
+            self.note("emitting interface", params.at, || {
+                "a surface without a material does not emit, as in pbrt".into()
+            });
+            return None;
+        }
         if self.object.is_some() {
             self.note("area light in object", params.at, || {
                 "area lights within object definitions do not emit, as in pbrt".into()

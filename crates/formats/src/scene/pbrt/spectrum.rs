@@ -5,6 +5,7 @@ use super::fault::{Fault, Spot};
 use super::lexer::quoted;
 use super::params::{Param, Type, Values};
 use snell_math::Rgb;
+use snell_math::spectrum::cie::{LAMBDA_MIN, OBSERVER_1931};
 
 /// What the numbers of an RGB colour mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,6 +90,11 @@ impl Builder<'_> {
         if let Some(color) = named(name) {
             return Ok(color);
         }
+        if let Some(part) = name.strip_prefix("metal-CuZn-") {
+            self.note("brass", at, || format!("the table {} of brass: gold was used instead", quoted(name.as_bytes())));
+            return named(&format!("metal-Au-{part}"))
+                .ok_or_else(|| Fault::new(at, "this is no table of brass", "use metal-CuZn-eta or metal-CuZn-k"));
+        }
         if name.starts_with("stdillum-") || name.starts_with("illum-") {
             let name = quoted(name.as_bytes());
             self.note(format!("illuminant {name}"), at, || format!("the illuminant {name} became white"));
@@ -135,8 +141,8 @@ fn at_wavelength(samples: &[(f64, f64)], lambda: f64) -> f64 {
 /// The colour of a spectrum: of equal energy for factors, so that the constant 1 is white.
 fn average(samples: &[(f64, f64)], role: Role) -> Rgb {
     let (mut xyz, mut white) = ([0.0; 3], [0.0; 3]);
-    for lambda in (360..=830).map(f64::from) {
-        let (cie, value) = (cie_xyz(lambda), at_wavelength(samples, lambda));
+    for (i, cie) in OBSERVER_1931.iter().enumerate() {
+        let value = at_wavelength(samples, f64::from(LAMBDA_MIN) + i as f64);
         for c in 0..3 {
             xyz[c] += cie[c] * value;
             white[c] += cie[c];
@@ -183,20 +189,6 @@ fn unclamped_rgb([x, y, z]: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// The CIE 1931 observer by the multi-lobe fit of Wyman, Sloan and Shirley, Simple Analytic Approximations to the CIE XYZ Color Matching
-/// Functions (JCGT 2013).
-fn cie_xyz(lambda: f64) -> [f64; 3] {
-    let lobe = |mean: f64, below: f64, above: f64| {
-        let t = (lambda - mean) * if lambda < mean { below } else { above };
-        (-0.5 * t * t).exp()
-    };
-    [
-        0.362 * lobe(442.0, 0.0624, 0.0374) + 1.056 * lobe(599.8, 0.0264, 0.0323) - 0.065 * lobe(501.1, 0.0490, 0.0382),
-        0.821 * lobe(568.8, 0.0213, 0.0247) + 0.286 * lobe(530.9, 0.0613, 0.0322),
-        1.217 * lobe(437.0, 0.0845, 0.0278) + 0.681 * lobe(459.0, 0.0385, 0.0725),
-    ]
-}
-
 /// Spectra that pbrt knows by name.
 fn named(name: &str) -> Option<Rgb> {
     let glass = [
@@ -223,16 +215,19 @@ fn named(name: &str) -> Option<Rgb> {
     }
 }
 
-/// Index of refraction of metals in the three channels: n and k of the tables of refractiveindex.info, weighted by the observer.
+/// Real and imaginary part of the index of copper: what conductors are by default.
+pub const COPPER: [Rgb; 2] = [Rgb::new(0.2332, 1.0410, 1.2976), Rgb::new(3.2553, 2.5941, 2.3530)];
+
+/// Index of refraction of metals in the three channels, by the weights of `average`. From refractiveindex.info (CC0): Johnson and Christy,
+/// 1972 (Ag, Au, Cu); Rakic, 1995 (Al). The oxides are clear: their usual index.
 fn metal_index(name: &str) -> Option<(Rgb, Rgb)> {
     let (eta, k) = match name {
-        "Ag" => ([0.155, 0.117, 0.138], [4.828, 3.122, 2.147]),
-        "Al" => ([1.657, 0.880, 0.521], [9.224, 6.270, 4.837]),
-        "Au" => ([0.143, 0.375, 1.442], [3.983, 2.386, 1.603]),
-        "Cu" => ([0.200, 0.924, 1.102], [3.912, 2.452, 2.142]),
-        "CuZn" => ([0.444, 0.527, 1.094], [3.695, 2.765, 1.829]),
-        "MgO" => ([1.735, 1.737, 1.742], [0.0, 0.0, 0.0]),
-        "TiO2" => ([2.58, 2.65, 2.80], [0.0, 0.0, 0.0]),
+        "Ag" => ([0.0553, 0.0547, 0.0427], [4.3023, 3.5365, 2.5348]),
+        "Al" => ([1.4480, 0.9840, 0.5857], [7.5690, 6.5581, 5.3065]),
+        "Au" => ([0.1048, 0.4915, 1.4773], [3.5190, 2.3297, 1.8102]),
+        "Cu" => (COPPER[0].to_array(), COPPER[1].to_array()),
+        "MgO" => ([1.737; 3], [0.0; 3]),
+        "TiO2" => ([2.65; 3], [0.0; 3]),
         _ => return None,
     };
     Some((Rgb::from(eta), Rgb::from(k)))

@@ -208,7 +208,7 @@ mod tests {
         assert!(refined.edges().values().all(|e| e.count == 2));
         let (positions, normals) = refined.limit();
         for (p, n) in positions.iter().zip(&normals) {
-            assert!(p.length() > 0.4 && p.length() < 0.7 && p.normalize().dot(*n) > 0.97, "{p} {n}");
+            assert!(p.length() > 0.4 && p.length() < 0.7 && p.normalize().dot(*n) > 0.94, "{p} {n}");
         }
     }
 
@@ -227,6 +227,6 @@ mod tests {
         let sheet = Control { positions, triangles: vec![[0, 1, 2], [1, 3, 2]] };
         let (positions, normals) = sheet.refined().limit();
         assert!(positions.iter().all(|p| p.z == 0.0 && p.min_element() >= 0.0 && p.max_element() <= 1.0));
-        assert!(normals.iter().all(|n| *n == Vec3::Z));
+        assert!(normals.iter().all(|n| n.z > 0.9999));
     }
 }

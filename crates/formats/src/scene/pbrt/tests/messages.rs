@@ -126,8 +126,14 @@ fn broken_files_are_errors_with_file_line_and_column() {
 #[test]
 fn bytes_that_are_not_text_are_errors() {
     for (bytes, expected) in [
-        (&b"Shape \"sph\xffere\""[..], "a.pbrt:1:7: the string \"sph\u{fffd}ere\" is not valid UTF-8; save the file as UTF-8"),
-        (&b"\n\xff\xfe"[..], "a.pbrt:2:1: \"\u{fffd}\u{fffd}\" is not a directive of pbrt; correct it; is this a value without brackets, or not a pbrt file?"),
+        (
+            &b"Shape \"sph\xffere\""[..],
+            "a.pbrt:1:7: the string \"sph\u{fffd}ere\" is not valid UTF-8; save the file as UTF-8",
+        ),
+        (
+            &b"\n\xff\xfe"[..],
+            "a.pbrt:2:1: \"\u{fffd}\u{fffd}\" is not a directive of pbrt; correct it; is this a value without brackets, or not a pbrt file?",
+        ),
     ] {
         let error = crate::read_scene_bytes("a.pbrt", bytes.to_vec(), Path::new("."), &ReadOptions::default());
         assert_eq!(error.expect_err("broken").to_string(), expected);
@@ -144,7 +150,7 @@ fn limits_are_errors() {
     let few = Limits { elements: 5, depth: 3, ..Limits::default() };
     assert_snapshot!(read(few.clone(), &"Identity ".repeat(6)), @"a.pbrt:1:46: the scene has more than 5 directives, the limit; split the scene");
     assert_snapshot!(read(few.clone(), &"AttributeBegin ".repeat(4)), @"a.pbrt:1:46: blocks are nested deeper than 3, the limit; flatten the scene");
-    assert_snapshot!(read(few, "Shape \"sphere\" \"float radius\" [ 1 2 3 4 5 6 ]"), @"a.pbrt:1:43: \"radius\" has more than 5 numbers, the limit; split it");
+    assert_snapshot!(read(few, "Shape \"sphere\" \"float radius\" [ 1 2 3 4 5 6 ]"), @"a.pbrt:1:44: \"radius\" has more than 5 numbers, the limit; split it");
 }
 
 #[test]
@@ -152,5 +158,21 @@ fn what_is_changed_is_told_once_of_each_kind() {
     assert_snapshot!(warnings("Integrator \"mlt\" \"integer maxdepth\" 3\nCamera \"realistic\" \"string lensfile\" \"a\"\nFilm \"rgb\" \"float cropwindow\" [0 1 0 1]\nPixelFilter \"gaussian\" \"float xradius\" 3\nSampler \"halton\" \"integer speed\" 3\nWorldBegin\n\
         CoordSysTransform \"nowhere\"\nMaterial \"measured\" \"string filename\" \"a.bsdf\"\nMaterial \"diffuse\" \"float rougness\" 3\nMaterial \"diffuse\" \"float rougness\" 3\n\
         Shape \"hyperboloid\"\nShape \"hyperboloid\"\nTexture \"f\" \"float\" \"fbm\"\nLightSource \"laser\"\nOption \"bool disablepixeljitter\" true\n\
-        ActiveTransform EndTime Translate 1 0 0 ActiveTransform All Shape \"sphere\"\nMaterial \"interface\" Shape \"disk\"\n"), @r#""#);
+        ActiveTransform EndTime Translate 1 0 0 ActiveTransform All Shape \"sphere\"\nMaterial \"interface\" Shape \"disk\"\n"), @r#"
+    test:1:1: Integrator "mlt": the integrator path was used instead (1x)
+    test:2:1: Camera "realistic": a perspective camera was used instead (1x)
+    test:2:20: "string lensfile" of Camera "realistic" was ignored: the camera has no lenses (1x)
+    test:3:12: "float cropwindow" of Film "rgb" was ignored: give --crop instead (1x)
+    test:4:1: PixelFilter "gaussian" of radius 3: radius 1.5 was used, the only one of this filter (1x)
+    test:5:18: "integer speed" of Sampler "halton" is not known; it was ignored (1x)
+    test:7:19: there is no coordinate system "nowhere"; the transform was left as it is (1x)
+    test:8:1: Material "measured" is not supported; a grey diffuse surface was used instead (1x)
+    test:9:20: "float rougness" of Material "diffuse" is not known; it was ignored (2x)
+    test:11:1: Shape "hyperboloid" is not a shape that is known; it was left out (2x)
+    test:13:1: Texture "fbm" is a pattern in space; its mean was used instead (1x)
+    test:14:1: LightSource "laser" is not known; it was left out (1x)
+    test:15:8: "bool disablepixeljitter" of Option was ignored: it is an aid for debugging pbrt (1x)
+    test:16:61: a transform that changes over time; the one at the start was used (2x)
+    test:17:22: surfaces without a material that bound no medium are not seen, and were left out (1x)
+    "#);
 }
