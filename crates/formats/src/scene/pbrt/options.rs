@@ -147,8 +147,9 @@ impl Builder<'_> {
             return Err(params.fault(format!("{spp} samples per pixel"), "give a number from 1 to 16777216"));
         }
         self.scene.settings.spp = Some(spp as u32);
-        let name = ["independent", "stratified"].into_iter().find(|n| is_kind(params, n)).unwrap_or("sobol");
-        self.scene.settings.sampler = Some(name.into());
+        // Of the better samplers, ours is as good as any.
+        let plain = ["independent", "stratified"].into_iter().find(|n| is_kind(params, n));
+        self.scene.settings.sampler = plain.map(String::from);
         for name in ["randomization", "seed", "jitter", "dimensions"] {
             params.get(name);
         }

@@ -33,7 +33,12 @@ pub struct Shapes {
     /// Where the last surface went: further ones at the same place join it.
     last: Option<(NodeId, DAffine3, NodeId)>,
     triangles: usize,
+    /// Triangles that stand for something else.
+    made: usize,
 }
+
+/// Most triangles that stand for curves, subdivided surfaces and parts of shapes in one scene: a short file can ask for any number.
+const MAX_MADE: usize = 1 << 25;
 
 /// The geometry of a shape.
 pub enum Made {
@@ -159,6 +164,20 @@ impl Builder<'_> {
             return Ok(());
         }
         Err(params.fault(format!("the scene has more than {limit} triangles, the limit"), "split it"))
+    }
+
+    /// True if this many more triangles may stand for something else.
+    fn may_make(&mut self, params: &Params, triangles: usize) -> bool {
+        let made = self.shapes.made.saturating_add(triangles);
+        if made > MAX_MADE {
+            let owner = params.owner.clone();
+            self.note("made triangles", params.at, || {
+                format!("{owner} needs more than {MAX_MADE} triangles together with those before it; it was left out")
+            });
+            return false;
+        }
+        self.shapes.made = made;
+        true
     }
 
     /// The node for surfaces at a place of the current object.

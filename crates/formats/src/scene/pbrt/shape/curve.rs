@@ -8,8 +8,10 @@ use super::Made;
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
 
-/// Pieces of a segment along the curve.
+/// Most pieces of a segment along the curve.
 const ALONG: usize = 8;
+/// A piece of a segment turns by no more than this, radians.
+const TURN: f32 = 0.25;
 /// Sides of a tube.
 const SIDES: usize = 5;
 
@@ -67,11 +69,15 @@ impl Builder<'_> {
             let p = &points[segment * stride..=segment * stride + degree];
             evaluate(basis, p, position - segment as f32)
         };
-        let rings = segments * ALONG;
-        let mut strip =
-            Strip { mesh: TriangleMesh::default(), sides: if is_ribbon { 1 } else { SIDES }, side: Vec3::ZERO };
+        let pieces = pieces(segments, at);
+        let rings = segments * pieces;
+        let sides = if is_ribbon { 1 } else { SIDES };
+        if !self.may_make(params, 2 * rings * sides) {
+            return Ok(Made::Nothing);
+        }
+        let mut strip = Strip { mesh: TriangleMesh::default(), sides, side: Vec3::ZERO };
         for ring in 0..=rings {
-            let position = ring as f32 / ALONG as f32;
+            let position = ring as f32 / pieces as f32;
             let (center, tangent) = at(position);
             let v = position / segments as f32;
             let radius = 0.5 * (widths[0] + (widths[1] - widths[0]) * v);
@@ -84,6 +90,17 @@ impl Builder<'_> {
         }
         Ok(self.finish_mesh(strip.mesh))
     }
+}
+
+/// Into how many pieces each segment is cut, by how much the most bent one turns.
+fn pieces(segments: usize, at: impl Fn(f32) -> (Vec3, Vec3)) -> usize {
+    let tangent = |segment: usize, t: f32| at(segment as f32 + t).1.normalize_or_zero();
+    let turn = |segment: usize| {
+        let [a, b, c] = [1e-3, 0.5, 0.999].map(|t| tangent(segment, t));
+        a.angle_between(b) + b.angle_between(c)
+    };
+    let most = (0..segments).map(turn).fold(0.0, f32::max);
+    (most / TURN).ceil().clamp(1.0, ALONG as f32) as usize
 }
 
 /// Point and derivative (any length) of a curve of degree 2 or 3 at `t` from 0 to 1, by de Casteljau's and de Boor's schemes.

@@ -20,13 +20,11 @@ impl Builder<'_> {
         }
         let name = if params.has("nlevels") { "nlevels" } else { "levels" };
         let levels = self.count_param(params, name, 3, [0, 12])?;
-        let limit = self.main.options.limits.elements;
-        if (indices.len() / 3).saturating_mul(1 << (2 * levels)) > limit {
-            let problem = format!("{levels} levels make more than {limit} triangles, the limit");
-            return Err(params.fault(problem, "give fewer levels"));
-        }
         params.get("scheme");
         self.note_common(params);
+        if !self.may_make(params, (indices.len() / 3).saturating_mul(1 << (2 * levels))) {
+            return Ok(Made::Nothing);
+        }
         let triangles = indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
         let mut control = Control { positions, triangles };
         // A triangle with a repeated vertex has no neighbours that make sense.

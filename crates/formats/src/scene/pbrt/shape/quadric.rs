@@ -35,7 +35,7 @@ impl Builder<'_> {
             }
             let angle = |z: f64| (z / radius).clamp(-1.0, 1.0).acos();
             let (bottom, top) = (angle(low.min(high)), angle(high.max(low)));
-            return Ok(self.swept(turn, ALONG, |phi, v| {
+            return Ok(self.swept(params, turn, ALONG, |phi, v| {
                 let (sin, cos) = (bottom + (top - bottom) * v).sin_cos();
                 let normal = DVec3::new(sin * phi.cos(), sin * phi.sin(), cos);
                 (normal * radius, normal)
@@ -56,7 +56,7 @@ impl Builder<'_> {
             let middle = DVec3::Z * ((low + high) * 0.5);
             return Ok(Made::Shape(cylinder.into(), DAffine3::from_mat3_translation(turned(), middle)));
         }
-        Ok(self.swept(turn, 1, |phi, v| {
+        Ok(self.swept(params, turn, 1, |phi, v| {
             let normal = DVec3::new(phi.cos(), phi.sin(), 0.0);
             (normal * radius + DVec3::Z * (low + (high - low) * v), normal)
         }))
@@ -74,7 +74,7 @@ impl Builder<'_> {
             let place = DAffine3::from_translation(DVec3::Z * height);
             return Ok(Made::Shape(Disk { radius, inner_radius }.into(), place));
         }
-        Ok(self.swept(turn, 1, |phi, v| {
+        Ok(self.swept(params, turn, 1, |phi, v| {
             let r = radius + (inner_radius - radius) * v;
             (DVec3::new(r * phi.cos(), r * phi.sin(), height), DVec3::Z)
         }))
@@ -84,14 +84,14 @@ impl Builder<'_> {
     fn old_quadric(&mut self, params: &Params, radius: f64, turn: f64) -> Result<Made, Fault> {
         if is_kind(params, "cone") {
             let height = params.float_or("height", 1.0)?;
-            return Ok(self.swept(turn, 1, |phi, v| {
+            return Ok(self.swept(params, turn, 1, |phi, v| {
                 let around = DVec3::new(phi.cos(), phi.sin(), 0.0);
                 let normal = (around * height + DVec3::Z * radius).normalize_or(DVec3::Z);
                 (around * (radius * (1.0 - v)) + DVec3::Z * (height * v), normal)
             }));
         }
         let (low, high) = (params.float_or("zmin", 0.0)?, params.float_or("zmax", 1.0)?);
-        Ok(self.swept(turn, ALONG, |phi, v| {
+        Ok(self.swept(params, turn, ALONG, |phi, v| {
             let z = low + (high - low) * v;
             let (r, around) = (radius * (z / high).max(0.0).sqrt(), DVec3::new(phi.cos(), phi.sin(), 0.0));
             let slope = radius * radius / (2.0 * high);
@@ -100,8 +100,11 @@ impl Builder<'_> {
     }
 
     /// The surface of points and normals by longitude (radians) and v from 0 to 1, over a turn in degrees.
-    fn swept(&mut self, turn: f64, along: u32, surface: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Made {
+    fn swept(&mut self, params: &Params, turn: f64, along: u32, surface: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Made {
         let around = ((turn / 360.0 * f64::from(AROUND)).ceil() as u32).clamp(1, AROUND);
+        if !self.may_make(params, (2 * around * along) as usize) {
+            return Made::Nothing;
+        }
         let mut mesh = TriangleMesh::default();
         for j in 0..=along {
             for i in 0..=around {
