@@ -44,10 +44,17 @@ const MAX_MADE: usize = 1 << 25;
 pub enum Made {
     /// Triangles.
     Mesh(Arc<TriangleMesh>),
-    /// An analytic shape, its place in object space, and whether its outer side is turned inwards.
-    Shape(AnyShape, DAffine3),
+    /// An analytic shape and its place in object space.
+    Shape(Box<AnyShape>, DAffine3),
     /// Nothing to see.
     Nothing,
+}
+
+impl Made {
+    /// An analytic shape.
+    fn shape(shape: impl Into<AnyShape>, object_from_shape: DAffine3) -> Self {
+        Self::Shape(Box::new(shape.into()), object_from_shape)
+    }
 }
 
 impl Builder<'_> {
@@ -82,7 +89,7 @@ impl Builder<'_> {
                 self.count_triangles(&params, mesh.indices.len())?;
                 (Geometry::Mesh(mesh), DAffine3::IDENTITY)
             }
-            Made::Shape(shape, object_from_shape) => (self.shapes.table.shared(shape), object_from_shape),
+            Made::Shape(shape, object_from_shape) => (self.shapes.table.shared(*shape), object_from_shape),
         };
         let node = self.node_at(place * object_from_geometry);
         self.scene.nodes[node.index()].surfaces.push(Surface::with_material(geometry, material));

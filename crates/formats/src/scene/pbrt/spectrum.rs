@@ -121,7 +121,7 @@ impl Builder<'_> {
 
 /// Wavelengths and values, ascending; at least one.
 fn pairs(numbers: &[f64]) -> Option<Vec<(f64, f64)>> {
-    if numbers.is_empty() || numbers.len() % 2 != 0 || numbers.iter().any(|n| !n.is_finite()) {
+    if numbers.is_empty() || !numbers.len().is_multiple_of(2) || numbers.iter().any(|n| !n.is_finite()) {
         return None;
     }
     let samples: Vec<_> = numbers.chunks_exact(2).map(|p| (p[0], p[1])).collect();

@@ -23,7 +23,7 @@ impl Builder<'_> {
     pub(super) fn quadric(&mut self, params: &Params) -> Result<Made, Fault> {
         let radius = params.float_or("radius", 1.0)?;
         let turn = params.float_or("phimax", 360.0)?.clamp(0.0, 360.0);
-        if !(radius > 0.0) {
+        if radius <= 0.0 {
             return Err(params.fault(format!("a radius of {radius}"), "give a positive number"));
         }
         self.note_common(params);
@@ -31,7 +31,7 @@ impl Builder<'_> {
         if is_kind(params, "sphere") {
             let (low, high) = (params.float_or("zmin", -radius)?, params.float_or("zmax", radius)?);
             if is_whole && low <= -radius && high >= radius {
-                return Ok(Made::Shape(Sphere { radius }.into(), DAffine3::from_mat3(turned())));
+                return Ok(Made::shape(Sphere { radius }, DAffine3::from_mat3(turned())));
             }
             let angle = |z: f64| (z / radius).clamp(-1.0, 1.0).acos();
             let (bottom, top) = (angle(low.min(high)), angle(high.max(low)));
@@ -48,13 +48,13 @@ impl Builder<'_> {
             return self.old_quadric(params, radius, turn);
         }
         let (low, high) = (params.float_or("zmin", -1.0)?, params.float_or("zmax", 1.0)?);
-        if !(high > low) {
+        if high <= low {
             return Err(params.fault(format!("a cylinder from {low} to {high}"), "make zmax larger than zmin"));
         }
         if is_whole {
             let cylinder = Cylinder { radius, height: high - low, caps: false };
             let middle = DVec3::Z * ((low + high) * 0.5);
-            return Ok(Made::Shape(cylinder.into(), DAffine3::from_mat3_translation(turned(), middle)));
+            return Ok(Made::shape(cylinder, DAffine3::from_mat3_translation(turned(), middle)));
         }
         Ok(self.swept(params, turn, 1, |phi, v| {
             let normal = DVec3::new(phi.cos(), phi.sin(), 0.0);
@@ -72,7 +72,7 @@ impl Builder<'_> {
         // Texture coordinates of our disks grow inwards in the picture's sense, those of pbrt outwards.
         if is_whole && !self.is_textured() {
             let place = DAffine3::from_translation(DVec3::Z * height);
-            return Ok(Made::Shape(Disk { radius, inner_radius }.into(), place));
+            return Ok(Made::shape(Disk { radius, inner_radius }, place));
         }
         Ok(self.swept(params, turn, 1, |phi, v| {
             let r = radius + (inner_radius - radius) * v;
