@@ -60,7 +60,7 @@ impl Builder<'_> {
                     "the picture of the infinite light is not square, as pbrt-v4 has them; it was taken for an equal-area map nevertheless".into()
                 });
             }
-            (Arc::new(latlong(&image)), DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y))
+            (Arc::new(latlong(&image, environment_direction)), DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y))
         };
         let world_from_environment = DAffine3::from_mat3(world_from_light.matrix3 * light_from_environment);
         self.set_environment(params, Environment::Image { image, scale, world_from_environment });
@@ -121,18 +121,23 @@ fn illuminance_from_above(image: &Image) -> f64 {
     sum * TAU / (f64::from(image.width) * f64::from(image.height))
 }
 
-/// An equal-area map of directions with `+z` up, as a latitude-longitude picture with the environment's own axes: x as x, y as z.
-fn latlong(image: &Image) -> Image {
+/// The direction, with `+z` up, of a polar angle and a share of the turn in a picture of the scene's environment: its axes are x as x,
+/// y as z, and the middle is `-z`.
+fn environment_direction(theta: f64, turn: f64) -> DVec3 {
+    let ((sin, cos), (sin_phi, cos_phi)) = (theta.sin_cos(), ((turn - 0.5) * TAU).sin_cos());
+    DVec3::new(sin * sin_phi, sin * cos_phi, cos)
+}
+
+/// An equal-area map of directions as a latitude-longitude picture, by the direction of a polar angle and a share of the turn.
+pub fn latlong(image: &Image, direction: impl Fn(f64, f64) -> DVec3) -> Image {
     let height = image.height.clamp(2, MAX_HEIGHT);
     let width = 2 * height;
     let mut values = Vec::with_capacity(width as usize * height as usize * 3);
     for row in 0..height {
-        let (sin, cos) = ((f64::from(row) + 0.5) / f64::from(height) * PI).sin_cos();
+        let theta = (f64::from(row) + 0.5) / f64::from(height) * PI;
         for column in 0..width {
-            let (sin_phi, cos_phi) = (((f64::from(column) + 0.5) / f64::from(width) - 0.5) * TAU).sin_cos();
-            // The environment's direction is (sin sin_phi, cos, -sin cos_phi).
-            let direction = DVec3::new(sin * sin_phi, sin * cos_phi, cos);
-            values.extend(lookup(image, square_from_direction(direction)));
+            let turn = (f64::from(column) + 0.5) / f64::from(width);
+            values.extend(lookup(image, square_from_direction(direction(theta, turn))));
         }
     }
     Image::from_f32(width, height, 3, values)
@@ -202,7 +207,7 @@ mod tests {
         let image = Image::from_f32(64, 64, 3, vec![2.0; 64 * 64 * 3]);
         assert!((illuminance_from_above(&image) / PI - 1.0).abs() < 0.01);
         assert!(
-            matches!(latlong(&image).pixels, snell_scene::Pixels::F32(v) if v.iter().all(|x| (*x - 2.0).abs() < 1e-5))
+            matches!(latlong(&image, environment_direction).pixels, snell_scene::Pixels::F32(v) if v.iter().all(|x| (*x - 2.0).abs() < 1e-5))
         );
     }
 }

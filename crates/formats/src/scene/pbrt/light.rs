@@ -5,15 +5,17 @@
 //! luminance 1 would emit this power (or give this illuminance).
 
 use super::Builder;
+use super::environment::latlong;
 use super::fault::Fault;
 use super::options::is_kind;
 use super::params::{Params, Type};
 use super::spectrum::Role;
-use snell_math::{DAffine3, DVec3, Rgb, Transform};
-use snell_scene::light::{Attenuation, SpotFalloff};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform};
+use snell_scene::light::{Attenuation, IntensityTable, Slide, SpotFalloff};
 use snell_scene::material::ColorParam;
-use snell_scene::{Encoding, Light, Texture};
-use std::f64::consts::PI;
+use snell_scene::{Encoding, Image, Light, Texture};
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// An area light, which makes the shapes after it emit.
 #[derive(Clone, Debug)]
@@ -83,7 +85,7 @@ impl Builder<'_> {
         }
         let map = *world_from_light.matrix();
         if is_kind(&params, "point") {
-            self.point_light(&params, map, None)?;
+            self.point_light(&params, map)?;
         } else if is_kind(&params, "spot") {
             self.spot_light(&params, map)?;
         } else if is_kind(&params, "distant") {
@@ -91,7 +93,7 @@ impl Builder<'_> {
         } else if is_kind(&params, "infinite") || is_kind(&params, "exinfinite") {
             self.environment(&params, map)?;
         } else if is_kind(&params, "goniometric") || is_kind(&params, "goniophotometric") {
-            self.point_light(&params, map, Some("it shines alike in all directions"))?;
+            self.goniometric_light(&params, map)?;
         } else if is_kind(&params, "projection") {
             self.projection_light(&params, map)?;
         } else {
@@ -103,18 +105,12 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn point_light(&mut self, params: &Params, map: DAffine3, loss: Option<&str>) -> Result<(), Fault> {
+    fn point_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
         let mut intensity = self.light_color(params, "I")?;
         if let Some(power) = self.positive(params, "power")? {
             intensity = intensity * (power / (4.0 * PI)) as f32;
         }
         let position = map.transform_point3(params.point("from")?.unwrap_or(DVec3::ZERO));
-        if let Some(loss) = loss {
-            params.get("filename");
-            params.get("mapname");
-            let owner = params.owner.clone();
-            self.note(owner.clone(), params.at, || format!("{owner}: its picture of directions is not used; {loss}"));
-        }
         let attenuation = Attenuation::INVERSE_SQUARE;
         self.scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
         Ok(())
@@ -130,31 +126,66 @@ impl Builder<'_> {
             intensity = intensity * if emitted > 0.0 { (power / emitted) as f32 } else { 0.0 };
         }
         let Some((position, direction)) = self.axis(params, map)? else { return Ok(()) };
-        let falloff = SpotFalloff::Smooth { inner, outer };
+        let falloff = SpotFalloff::Step { inner, outer };
         let attenuation = Attenuation::INVERSE_SQUARE;
         self.scene.lights.push(Light::Spot { position, direction, intensity, attenuation, falloff });
         Ok(())
     }
 
-    /// A projector without its picture: a spot of the same width.
-    fn projection_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
-        let mut intensity = self.light_color(params, "I")?;
-        let fov = params.float_or("fov", 90.0)?.clamp(0.1, 179.0);
-        let outer = (fov * 0.5).to_radians();
+    /// The picture of a light: its name in pbrt-v4 or pbrt-v3, and whether it was the latter.
+    fn light_picture(&mut self, params: &Params) -> Result<(Arc<Image>, bool), Fault> {
+        let is_old = params.has("mapname");
+        let Some((name, at)) = self.file_name(params, if is_old { "mapname" } else { "filename" })? else {
+            return Err(params.fault("there is no file name", "add \"string filename\""));
+        };
+        let image = self.image(name, at)?;
+        Ok((self.scene.images[image.index()].clone(), is_old))
+    }
+
+    /// Intensity by a picture of directions, in which y and z change places.
+    fn goniometric_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
+        let mut scale = self.light_color(params, "I")?;
+        let (image, is_old) = self.light_picture(params)?;
         if let Some(power) = self.positive(params, "power")? {
-            intensity = intensity * (power / (2.0 * PI * (1.0 - outer.cos()))) as f32;
+            let pixels = f64::from(image.width) * f64::from(image.height);
+            let all = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+            let mean = all.map(|(x, y)| f64::from(image.rgba(x, y)[0])).sum::<f64>() / pixels;
+            scale = scale * if mean > 0.0 { (power / (4.0 * PI * mean)) as f32 } else { 0.0 };
         }
-        params.get("filename");
-        params.get("mapname");
-        let owner = params.owner.clone();
-        self.note(owner.clone(), params.at, || {
-            format!("{owner}: its picture is not projected; it became a spot light")
-        });
-        let position = map.transform_point3(DVec3::ZERO);
-        let Some(direction) = map.transform_vector3(DVec3::Z).try_normalize() else { return Ok(()) };
-        let falloff = SpotFalloff::Smooth { inner: outer * 0.95, outer };
-        let attenuation = Attenuation::INVERSE_SQUARE;
-        self.scene.lights.push(Light::Spot { position, direction, intensity, attenuation, falloff });
+        let around = |theta: f64, turn: f64| {
+            let ((sin, cos), (sin_phi, cos_phi)) = (theta.sin_cos(), (turn * TAU).sin_cos());
+            DVec3::new(sin * cos_phi, sin * sin_phi, cos)
+        };
+        let table = if is_old {
+            IntensityTable::from_picture(&image)
+        } else {
+            IntensityTable::from_picture(&latlong(&image, around))
+        };
+        let (Some(table), Some(axes)) = (table, unit_axes(map)) else { return Ok(()) };
+        let world_from_light = axes * DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
+        self.scene.lights.push(Light::Profile { position: map.translation, world_from_light, scale, table });
+        Ok(())
+    }
+
+    /// A picture thrown along `+z`, as wide as `fov` along its shorter side.
+    fn projection_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
+        let mut scale = self.light_color(params, "I")?;
+        let fov = params.float_or("fov", 90.0)?;
+        if !(fov > 0.0 && fov < 180.0) {
+            return Err(params.fault(format!("a field of view of {fov} degrees"), "give one between 0 and 180"));
+        }
+        let (image, _) = self.light_picture(params)?;
+        let aspect = f64::from(image.width) / f64::from(image.height);
+        let half = (fov * 0.5).to_radians().tan();
+        let half_size = DVec2::new(aspect.max(1.0), (1.0 / aspect).max(1.0)) * half;
+        let (Some(slide), Some(world_from_light)) = (Slide::new(&image, half_size), unit_axes(map)) else {
+            return Ok(());
+        };
+        if let Some(power) = self.positive(params, "power")? {
+            let own = slide.power();
+            scale = scale * if own > 0.0 { (power / own) as f32 } else { 0.0 };
+        }
+        self.scene.lights.push(Light::Projector { position: map.translation, world_from_light, scale, slide });
         Ok(())
     }
 
@@ -212,4 +243,10 @@ impl Builder<'_> {
         self.state.area_light = Some(self.shapes.area_lights.len() - 1);
         Ok(())
     }
+}
+
+/// The axes of a map without their lengths.
+fn unit_axes(map: DAffine3) -> Option<DMat3> {
+    let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(DVec3::try_normalize);
+    Some(DMat3::from_cols(x?, y?, z?))
 }

@@ -247,7 +247,7 @@ fn brightness_means_what_it_means_in_pbrt() {
     // The default camera wants a mirrored world.
     assert_eq!((position, direction), (DVec3::NEG_X, DVec3::Z));
     assert!((falloff.at(34f64.to_radians().cos()), falloff.at(41f64.to_radians().cos())) == (1.0, 0.0), "{falloff:?}");
-    assert!(matches!(falloff, SpotFalloff::Smooth { .. }));
+    assert!(matches!(falloff, SpotFalloff::Step { .. }));
     // A black body has luminance 1 whatever its temperature.
     let Light::Point { intensity, .. } = light("\"point\" \"blackbody I\" 3000") else { panic!("no point") };
     assert!((intensity.luminance() - 1.0).abs() < 0.02 && intensity.r > 2.0 * intensity.b, "{intensity:?}");
