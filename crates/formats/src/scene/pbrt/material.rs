@@ -225,10 +225,11 @@ impl Builder<'_> {
     }
 
     fn coated_diffuse(&mut self, params: &Params) -> Result<Material, Fault> {
-        let diffuse = self.material_color(params, "reflectance", 0.5)?;
+        let base = self.pattern_param(params, "reflectance", true)?.unwrap_or_else(|| Pattern::constant(0.5));
         let roughness = self.roughness(params, "", 0.0)?;
         let ior = self.index(params, "eta")?;
         self.coating_details(params)?;
+        let diffuse = self.color_param(&base.mapped(seen_through_coat, ior));
         Ok(Material::new("", Plastic { diffuse, specular: Rgb::WHITE.into(), ior, roughness }))
     }
 
@@ -410,11 +411,11 @@ impl Builder<'_> {
         let v = v.or(both).or_else(|| u.clone());
         let u = u.or_else(|| v.clone());
         let remap = params.bool_or("remaproughness", true)?;
-        let from_alpha: fn(f32) -> f32 = |alpha| alpha.max(0.0).sqrt();
+        let from_alpha: fn(f32, f32) -> f32 = |alpha, _| alpha.max(0.0).sqrt();
         let function = match (remap, self.is_v3) {
             (false, _) => from_alpha,
-            (true, false) => |roughness: f32| roughness.max(0.0).sqrt().sqrt(),
-            (true, true) => |roughness: f32| legacy::alpha_of_roughness(roughness).sqrt(),
+            (true, false) => |roughness: f32, _| roughness.max(0.0).sqrt().sqrt(),
+            (true, true) => |roughness: f32, _| legacy::alpha_of_roughness(roughness).sqrt(),
         };
         let pattern = match (u, v) {
             (Some(u), Some(v)) => match (u.as_constant(), v.as_constant()) {
@@ -429,7 +430,7 @@ impl Builder<'_> {
             },
             _ => Pattern::constant(default),
         };
-        let pattern = pattern.mapped(function);
+        let pattern = pattern.mapped(function, 0.0);
         Ok(self.scalar_param(&pattern))
     }
 
@@ -439,6 +440,15 @@ impl Builder<'_> {
         let texture = self.scene.add_texture(Texture::new(image, Encoding::Linear));
         Ok(Some(NormalMap { texture, scale: 1.0 }))
     }
+}
+
+/// Share of the diffuse light that enters a coat and leaves it again: the base reflects, and so does the coat's inner side, to and fro.
+/// The diffuse reflectance of the inner side is the fit of Egan and Hilgeman, Optical Properties of Inhomogeneous Materials, 1979.
+fn seen_through_coat(reflectance: f32, ior: f32) -> f32 {
+    let inner = (-1.440 / (ior * ior) + 0.710 / ior + 0.668 + 0.0636 * ior).clamp(0.0, 0.99);
+    let inner = if ior > 1.0 { inner } else { 0.0 };
+    let base = reflectance.clamp(0.0, 1.0);
+    base * (1.0 - inner) / (1.0 - base * inner)
 }
 
 /// What a metal reflects at normal incidence (Fresnel).

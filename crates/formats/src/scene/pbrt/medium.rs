@@ -8,7 +8,7 @@ use super::spectrum::Role;
 use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::graph::MediumId;
 use snell_scene::material::Interior;
-use snell_scene::medium::{Grid, Homogeneous, Medium, ScalarGrid};
+use snell_scene::medium::{Cloud, Grid, Homogeneous, Medium, ScalarGrid};
 use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -49,6 +49,7 @@ impl Builder<'_> {
                 Some(Homogeneous { sigma_a, sigma_s, emission, g }.into())
             }
             "uniformgrid" => Some(self.grid(&params)?.into()),
+            "cloud" => Some(self.cloud(&params)?.into()),
             _ => None,
         };
         if medium.is_none() {
@@ -106,10 +107,30 @@ impl Builder<'_> {
         };
         let names = ["temperature", "temperaturescale", "temperatureoffset", "temperaturecutoff"];
         self.note_ignored(params, &names, "media do not glow by temperature");
-        let (p0, p1) = (params.point("p0")?.unwrap_or(DVec3::ZERO), params.point("p1")?.unwrap_or(DVec3::ONE));
-        let box_of_grid = DAffine3::from_translation(p0) * DAffine3::from_scale(p1 - p0);
-        let world_from_grid = self.world_from_file * self.placement(params.at) * box_of_grid;
+        let world_from_grid = self.world_from_box(params)?;
         Ok(Grid { density: density.into(), emission_scale, world_from_grid, sigma_a, sigma_s, emission, g })
+    }
+
+    /// Map of the unit cube to the box between `p0` and `p1` in the world.
+    fn world_from_box(&mut self, params: &Params) -> Result<DAffine3, Fault> {
+        let (p0, p1) = (params.point("p0")?.unwrap_or(DVec3::ZERO), params.point("p1")?.unwrap_or(DVec3::ONE));
+        let box_of_medium = DAffine3::from_translation(p0) * DAffine3::from_scale(p1 - p0);
+        Ok(self.world_from_file * self.placement(params.at) * box_of_medium)
+    }
+
+    fn cloud(&mut self, params: &Params) -> Result<Cloud, Fault> {
+        let Coefficients { sigma_a, sigma_s, g, .. } = self.coefficients(params, (Rgb::WHITE, Rgb::WHITE))?;
+        let density = params.float_or("density", 1.0)? as f32;
+        let frequency = params.float_or("frequency", 5.0)?.clamp(1.0, 100.0) as f32;
+        params.get("wispiness");
+        self.note("cloud", params.at, || "a cloud of other noise than pbrt's: its shape is another".into());
+        Ok(Cloud {
+            sigma_a: sigma_a * density,
+            g,
+            lumps: 1.0 / frequency,
+            world_from_cloud: self.world_from_box(params)?,
+            ..Cloud::new(DVec3::ZERO, DVec3::ONE, sigma_s * density, 0)
+        })
     }
 
     /// `MediumInterface "inside" "outside"`

@@ -57,8 +57,8 @@ pub enum Pattern {
     Bilinear([Rgb; 4], Mapping),
     /// Inside and outside of dots.
     Dots([Rc<Pattern>; 2], Mapping),
-    /// A function of each value of another.
-    Map(Rc<Pattern>, fn(f32) -> f32),
+    /// A function of each value of another, and of a constant.
+    Map(Rc<Pattern>, fn(f32, f32) -> f32, f32),
 }
 
 /// The textures of a scene.
@@ -92,7 +92,7 @@ impl Pattern {
                 let (a, b, t) = (a.as_constant()?, b.as_constant()?, t.as_constant()?);
                 Some(a * t.map(|t| 1.0 - t) + b * t)
             }
-            Self::Map(of, function) => Some(of.as_constant()?.map(function)),
+            Self::Map(of, function, constant) => Some(of.as_constant()?.map(|x| function(x, *constant))),
             _ => None,
         }
     }
@@ -104,7 +104,7 @@ impl Pattern {
             Self::Constant(_) | Self::Picture(_) | Self::Bilinear(..) => &[],
             Self::Product(a, b) | Self::Checkerboard([a, b], _) | Self::Dots([a, b], _) => &[a, b],
             Self::Mix([a, b, t]) => &[a, b, t],
-            Self::Map(of, _) => &[of],
+            Self::Map(of, ..) => &[of],
         };
         let mut size = 1;
         for part in parts {
@@ -130,12 +130,10 @@ impl Pattern {
         }
     }
 
-    /// The same with a function applied to each value.
-    pub fn mapped(self: &Rc<Self>, function: fn(f32) -> f32) -> Rc<Self> {
-        match self.as_constant() {
-            Some(constant) => Rc::new(Self::Constant(constant.map(function))),
-            None => Rc::new(Self::Map(self.clone(), function)),
-        }
+    /// The same with a function of each value and of a constant.
+    pub fn mapped(self: &Rc<Self>, function: fn(f32, f32) -> f32, constant: f32) -> Rc<Self> {
+        let mapped = Self::Map(self.clone(), function, constant);
+        Rc::new(mapped.as_constant().map_or(mapped, Self::Constant))
     }
 }
 

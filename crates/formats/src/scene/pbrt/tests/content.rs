@@ -308,6 +308,11 @@ fn materials_map_to_ours() {
         panic!("no plastic")
     };
     assert_eq!((plastic.diffuse.factor, plastic.ior), (Rgb::new(1.0, 0.0, 0.0), 1.5));
+    // Grey light is reflected to and fro below the coat.
+    let MaterialKind::Plastic(plastic) = of("Material \"coateddiffuse\" \"rgb reflectance\" [.5 .5 .5]") else {
+        panic!("no plastic")
+    };
+    assert!((plastic.diffuse.factor.r - 0.287).abs() < 0.002, "{}", plastic.diffuse.factor.r);
     let MaterialKind::Diffuse(_) = of("MakeNamedMaterial \"a\" \"string type\" \"diffuse\" NamedMaterial \"a\"") else {
         panic!("not diffuse")
     };
@@ -394,4 +399,23 @@ fn textures_of_textures_are_computed() {
     );
     let MaterialKind::Dielectric(glass) = &material(&scene).kind else { panic!("no glass") };
     assert!(close(glass.roughness.factor, 0.625f32.sqrt()) && scene.textures.is_empty());
+}
+
+#[test]
+fn media_fill_what_their_interface_says() {
+    use snell_scene::medium::Medium;
+    let scene = world(
+        "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [1 2 3] \"rgb sigma_s\" [4 5 6] \"float scale\" 2 \"rgb Le\" [1 1 1]\n\
+         MediumInterface \"fog\" \"\"\nMaterial \"interface\" Shape \"sphere\"\nMediumInterface \"\" \"fog\"\nMaterial \"dielectric\" Shape \"sphere\" \"float radius\" 0.5",
+    );
+    let Medium::Homogeneous(fog) = &scene.media[0] else { panic!("not homogeneous") };
+    assert_eq!((fog.sigma_a, fog.sigma_s), (Rgb::new(2.0, 4.0, 6.0), Rgb::new(8.0, 10.0, 12.0)));
+    // Emission is that of what absorbs.
+    assert_eq!(fog.emission, Rgb::new(2.0, 4.0, 6.0));
+    let insides: Vec<_> = scene.materials.iter().map(|m| m.interior.map(|i| i.medium.map(|m| m.0))).collect();
+    assert_eq!(insides, [Some(Some(0)), Some(None)]);
+    let around = super::scene(
+        "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"\" \"fog\"\nCamera \"perspective\"\nWorldBegin",
+    );
+    assert_eq!(around.medium.map(|m| m.0), Some(0));
 }

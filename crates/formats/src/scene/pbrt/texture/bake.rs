@@ -118,7 +118,7 @@ impl Facts {
                 self.resolve(mapping, [DOT_SIZE; 2]);
                 of.iter().for_each(|p| self.gather(p, images));
             }
-            Pattern::Map(of, _) => self.gather(of, images),
+            Pattern::Map(of, ..) => self.gather(of, images),
         }
     }
 
@@ -169,7 +169,7 @@ fn value(pattern: &Pattern, uv: Vec2, images: &[Arc<Image>]) -> Rgb {
                 of(outside)
             }
         }
-        Pattern::Map(pattern, function) => of(pattern).map(function),
+        Pattern::Map(pattern, function, constant) => of(pattern).map(|x| function(x, *constant)),
     }
 }
 
