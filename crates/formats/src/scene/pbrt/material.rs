@@ -8,6 +8,7 @@ use super::spectrum::{COPPER, Role};
 use super::texture::Pattern;
 use super::{legacy, options::is_kind};
 use snell_math::Rgb;
+use snell_math::spectrum::{Metal, Spectrum};
 use snell_scene::material::{
     AlphaMode, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Interface, Interior, MetallicRoughness,
     NormalMap, Plastic, ScalarParam,
@@ -266,6 +267,9 @@ impl Builder<'_> {
             }
             return Ok(ConductorSpectrum::Color(self.material_color(params, "reflectance", 0.5)?));
         }
+        if let Some(metal) = named_metal(params, prefix) {
+            return Ok(ConductorSpectrum::Metal(metal));
+        }
         let mut part = |name: &str, copper: Rgb| -> Result<Rgb, Fault> {
             let pattern = self.pattern_param(params, &format!("{prefix}{name}"), true)?;
             let Some(pattern) = pattern else { return Ok(copper) };
@@ -289,6 +293,9 @@ impl Builder<'_> {
         self.coating_details(params)?;
         let base_color = match spectrum {
             ConductorSpectrum::Color(color) => color,
+            ConductorSpectrum::Metal(metal) => {
+                ColorParam { spectrum: Some(Spectrum::metal(metal)), ..Rgb::WHITE.into() }
+            }
             ConductorSpectrum::Measured { eta, k } => ColorParam::constant(normal_reflectance(eta, k)),
         };
         let kind = MetallicRoughness {
@@ -440,6 +447,21 @@ impl Builder<'_> {
         let texture = self.scene.add_texture(Texture::new(image, Encoding::Linear));
         Ok(Some(NormalMap { texture, scale: 1.0 }))
     }
+}
+
+/// The metal whose tables `eta` and `k` name, if Snell has it too; copper if they say nothing.
+fn named_metal(params: &Params, prefix: &str) -> Option<Metal> {
+    let [eta, k] = ["eta", "k"].map(|part| {
+        let name = format!("{prefix}{part}");
+        if !params.has(&name) {
+            return Some("Cu".to_string());
+        }
+        match params.get(&name)?.strings() {
+            [table] => Some(table.strip_prefix("metal-")?.strip_suffix(part)?.strip_suffix('-')?.to_string()),
+            _ => None,
+        }
+    });
+    if eta == k { Metal::named(&eta?) } else { None }
 }
 
 /// Share of the diffuse light that enters a coat and leaves it again: the base reflects, and so does the coat's inner side, to and fro.

@@ -108,7 +108,16 @@ impl Builder<'_> {
         let names = ["temperature", "temperaturescale", "temperatureoffset", "temperaturecutoff"];
         self.note_ignored(params, &names, "media do not glow by temperature");
         let world_from_grid = self.world_from_box(params)?;
-        Ok(Grid { density: density.into(), emission_scale, world_from_grid, sigma_a, sigma_s, emission, g })
+        Ok(Grid {
+            density: density.into(),
+            emission_scale,
+            temperature: None,
+            world_from_grid,
+            sigma_a,
+            sigma_s,
+            emission,
+            g,
+        })
     }
 
     /// Map of the unit cube to the box between `p0` and `p1` in the world.

@@ -340,7 +340,7 @@ impl Builder<'_> {
     /// A pattern as a parameter of a material.
     pub(super) fn color_param(&mut self, pattern: &Rc<Pattern>) -> ColorParam {
         let (factor, texture) = self.place_pattern(pattern, true);
-        ColorParam { factor, texture }
+        ColorParam::textured(factor, texture)
     }
 
     /// A pattern as a scalar parameter of a material.
