@@ -100,6 +100,7 @@ pub fn read_scene_bytes(
     directory: &Path,
     options: &ReadOptions,
 ) -> Result<Scene, ReadError> {
+    let bytes = input::unpacked(bytes, name, &options.limits)?;
     read_input(&Input::from_bytes(name, bytes, directory, options))
 }
 

@@ -17,6 +17,7 @@ mod write;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use openexr::rec709_from;
 pub use tonemap::display_value;
 
 use crate::{Input, Place, ReadError, WriteError};
