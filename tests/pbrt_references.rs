@@ -55,7 +55,7 @@ const CASES: [Case; 4] = [
         spp: 128,
         max_depth: Some(64),
         limits: [3.0, 0.5],
-        why: "coats of the reference are smooth",
+        why: "noise of caustics; a coat of another model",
     },
 ];
 
