@@ -18,7 +18,7 @@ fn a_wrong_name_suggests_the_nearest() {
     "#);
     insta::assert_snapshot!(failure(&place, "render --sampler sobel"), @r#"
     2
-    error: there is no sampler "sobel"; did you mean sobol? (known: independent, stratified, sobol)
+    error: there is no sampler "sobel"; did you mean sobol? (known: independent, stratified, sobol, zsobol)
     "#);
     insta::assert_snapshot!(failure(&place, "render --filter gausian"), @r#"
     2

@@ -5,6 +5,7 @@
 
 mod sobol;
 mod stratified;
+mod zsobol;
 
 use snell_math::{Vec2, rng};
 
@@ -16,13 +17,15 @@ pub enum SamplerKind {
     /// Jittered strata, one sample in each (Cook, 1986), with strata permuted between dimensions.
     Stratified,
     /// Owen-scrambled Sobol points, padded by two dimensions at a time (Burley, Practical hash-based Owen scrambling, JCGT 2020).
-    #[default]
     Sobol,
+    /// The same points, shared out among neighbouring pixels so that the error of the picture is blue noise (Ahmed and Wonka, 2020).
+    #[default]
+    ZSobol,
 }
 
 impl SamplerKind {
     /// All samplers.
-    pub const ALL: [Self; 3] = [Self::Independent, Self::Stratified, Self::Sobol];
+    pub const ALL: [Self; 4] = [Self::Independent, Self::Stratified, Self::Sobol, Self::ZSobol];
 
     /// The name on the command line.
     pub fn name(self) -> &'static str {
@@ -30,6 +33,7 @@ impl SamplerKind {
             Self::Independent => "independent",
             Self::Stratified => "stratified",
             Self::Sobol => "sobol",
+            Self::ZSobol => "zsobol",
         }
     }
 }
@@ -50,24 +54,30 @@ impl Sampler {
 
     /// Numbers for a sample of a pixel (coordinates in the whole picture).
     pub fn random(&self, pixel: [u32; 2], sample: u32) -> Random {
-        let key = rng::hash_combine(rng::hash_combine(self.seed, pixel[0]), pixel[1]);
-        Random { sampler: *self, pixel: key, sample, base: 0 }
+        let key = |[x, y]: [u32; 2]| rng::hash_combine(rng::hash_combine(self.seed, x), y);
+        let (key, sample) = match self.kind {
+            SamplerKind::ZSobol => {
+                let stretch = zsobol::stretch(pixel, self.spp);
+                (key(stretch.square), stretch.start + sample)
+            }
+            _ => (key(pixel), sample),
+        };
+        Random { sampler: *self, key, sample, base: 0 }
     }
 
-    fn number(&self, pixel: u32, sample: u32, dimension: u32) -> f32 {
-        let key = rng::hash_combine(pixel, dimension);
+    fn number(&self, key: u32, sample: u32, dimension: u32) -> f32 {
         match self.kind {
-            SamplerKind::Sobol => sobol::number(key, sample),
-            _ => self.point(pixel, sample, dimension).x,
+            SamplerKind::Sobol | SamplerKind::ZSobol => sobol::number(rng::hash_combine(key, dimension), sample),
+            _ => self.point(key, sample, dimension).x,
         }
     }
 
-    fn point(&self, pixel: u32, sample: u32, dimension: u32) -> Vec2 {
-        let key = rng::hash_combine(pixel, dimension);
+    fn point(&self, key: u32, sample: u32, dimension: u32) -> Vec2 {
+        let of_dimension = rng::hash_combine(key, dimension);
         match self.kind {
-            SamplerKind::Independent => rng::uniform2([key, sample, pixel, dimension]),
-            SamplerKind::Stratified => stratified::point(key, sample, self.spp),
-            SamplerKind::Sobol => sobol::point(key, sample),
+            SamplerKind::Independent => rng::uniform2([of_dimension, sample, key, dimension]),
+            SamplerKind::Stratified => stratified::point(of_dimension, sample, self.spp),
+            SamplerKind::Sobol | SamplerKind::ZSobol => sobol::point(of_dimension, sample),
         }
     }
 }
@@ -76,7 +86,9 @@ impl Sampler {
 #[derive(Clone, Copy, Debug)]
 pub struct Random {
     sampler: Sampler,
-    pixel: u32,
+    /// Chooses the sequences: of the pixel, or of the pixels that share them.
+    key: u32,
+    /// Number in these sequences.
     sample: u32,
     base: u32,
 }
@@ -90,12 +102,12 @@ impl Random {
 
     /// A well-distributed pair for a dimension below 256.
     pub fn pair(&self, dimension: u32) -> Vec2 {
-        self.sampler.point(self.pixel, self.sample, self.base + dimension)
+        self.sampler.point(self.key, self.sample, self.base + dimension)
     }
 
     /// A well-distributed number for a dimension below 256.
     pub fn number(&self, dimension: u32) -> f32 {
-        self.sampler.number(self.pixel, self.sample, self.base + dimension)
+        self.sampler.number(self.key, self.sample, self.base + dimension)
     }
 }
 
@@ -134,8 +146,9 @@ mod tests {
             assert!((mean - 0.25).abs() < 4.0 * (variance / 2000.0).sqrt(), "{kind:?}: {mean}");
             variances.push(variance);
         }
-        let [independent, stratified, sobol] = variances[..] else { panic!("three samplers") };
+        let [independent, stratified, sobol, zsobol] = variances[..] else { panic!("four samplers") };
         assert!(stratified < 0.25 * independent && sobol < 0.1 * independent, "{variances:?}");
+        assert!(zsobol < 1.2 * sobol, "{variances:?}");
     }
 
     #[test]
@@ -166,16 +179,37 @@ mod tests {
         assert_eq!(seen, [1; 16]);
     }
 
+    /// How many of these points lie in each of `columns * rows` boxes.
+    fn counts(points: &[Vec2], columns: usize, rows: usize) -> Vec<u32> {
+        let mut seen = vec![0; columns * rows];
+        for u in points {
+            let cell = *u * Vec2::new(columns as f32, rows as f32);
+            seen[cell.y as usize * columns + cell.x as usize] += 1;
+        }
+        seen
+    }
+
     #[test]
     fn sobol_prefixes_are_nets() {
-        let sampler = Sampler::new(SamplerKind::Sobol, 5, 16);
-        for (columns, rows) in [(16, 1), (8, 2), (4, 4), (2, 8), (1, 16)] {
-            let mut seen = vec![0; 16];
-            for s in 0..16 {
-                let u = sampler.random([1, 2], s).pair(0) * Vec2::new(columns as f32, rows as f32);
-                seen[u.y as usize * columns + u.x as usize] += 1;
+        for kind in [SamplerKind::Sobol, SamplerKind::ZSobol] {
+            let sampler = Sampler::new(kind, 5, 100);
+            let points: Vec<Vec2> = (0..16).map(|s| sampler.random([1, 2], s).pair(0)).collect();
+            for (columns, rows) in [(16, 1), (8, 2), (4, 4), (2, 8), (1, 16)] {
+                assert_eq!(counts(&points, columns, rows), [1; 16], "{kind:?} {columns} x {rows}");
             }
-            assert_eq!(seen, [1; 16], "{columns} x {rows}");
+        }
+    }
+
+    #[test]
+    fn the_samples_of_aligned_squares_of_pixels_are_nets_together() {
+        let sampler = Sampler::new(SamplerKind::ZSobol, 5, 4);
+        for corner in [[0, 0], [2, 6], [130, 258]] {
+            let pixels = (0..4).map(|p| [corner[0] + p % 2, corner[1] + p / 2]);
+            let points: Vec<Vec2> =
+                pixels.flat_map(|p| (0..4).map(move |s| sampler.random(p, s).at_vertex(0, 1).pair(3))).collect();
+            for (columns, rows) in [(16, 1), (8, 2), (4, 4), (2, 8), (1, 16)] {
+                assert_eq!(counts(&points, columns, rows), [1; 16], "{corner:?} {columns} x {rows}");
+            }
         }
     }
 }

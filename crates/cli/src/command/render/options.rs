@@ -83,7 +83,7 @@ pub struct Options {
     /// Threads. Default: one per core
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "How light is computed")]
     pub threads: Option<u32>,
-    /// independent, stratified or sobol
+    /// independent, stratified, sobol or zsobol
     #[arg(long, value_name = "NAME", help_heading = "How light is computed")]
     pub sampler: Option<String>,
     /// box, tent, gaussian, mitchell, blackman-harris or lanczos
