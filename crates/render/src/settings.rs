@@ -101,6 +101,10 @@ pub struct Settings {
     pub crop: Option<Crop>,
     /// Samples per pixel.
     pub spp: u32,
+    /// If set, a pixel takes samples only until its error is at most this, see [`crate::film::noise`]; `spp` is the most.
+    pub noise: Option<f64>,
+    /// Intensity that is added to a pixel's own before its error is compared with it, see [`crate::film::noise`].
+    pub noise_floor: f64,
     /// Render in passes that grow from one sample, so that stopping early leaves a whole picture. Never changes the bits.
     pub progressive: bool,
     /// Seed of all random numbers.
@@ -135,6 +139,8 @@ pub struct Settings {
 impl Settings {
     /// The cap on path length when none is asked for. Russian roulette ends practically all paths long before.
     pub const MAX_DEPTH: u32 = 1000;
+    /// The usual [`Settings::noise_floor`] of a picture whose white is 1: somewhat darker than middle grey.
+    pub const NOISE_FLOOR: f64 = 0.1;
 }
 
 impl Default for Settings {
@@ -143,6 +149,8 @@ impl Default for Settings {
             size: [640, 480],
             crop: None,
             spp: 64,
+            noise: None,
+            noise_floor: Self::NOISE_FLOOR,
             progressive: false,
             seed: 0,
             sampler: SamplerKind::default(),

@@ -11,6 +11,8 @@ pub enum AovKind {
     Averaged,
     /// The first sample's value: for ids, of which a mean means nothing.
     First,
+    /// What the film knows of the pixel, not the samples.
+    OfFilm,
 }
 
 /// An extra layer of the picture.
@@ -46,11 +48,15 @@ pub enum Aov {
     NodesVisited,
     /// Triangles and shapes that the camera ray was tested against.
     PrimitivesTested,
+    /// Error of the pixel: half of its 95 % confidence interval in tone-mapped units, see [`crate::film::noise`].
+    Noise,
+    /// Number of samples of the pixel.
+    Samples,
 }
 
 impl Aov {
     /// All AOVs.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 17] = [
         Self::Depth,
         Self::Distance,
         Self::Position,
@@ -66,6 +72,8 @@ impl Aov {
         Self::Barycentrics,
         Self::NodesVisited,
         Self::PrimitivesTested,
+        Self::Noise,
+        Self::Samples,
     ];
 
     /// The name on the command line, and of the layer.
@@ -86,6 +94,8 @@ impl Aov {
             Self::Barycentrics => "barycentrics",
             Self::NodesVisited => "nodes-visited",
             Self::PrimitivesTested => "primitives-tested",
+            Self::Noise => "noise",
+            Self::Samples => "samples",
         }
     }
 
@@ -104,8 +114,14 @@ impl Aov {
     pub fn kind(self) -> AovKind {
         match self {
             Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => AovKind::First,
+            Self::Noise | Self::Samples => AovKind::OfFilm,
             _ => AovKind::Averaged,
         }
+    }
+
+    /// How many values each sample brings.
+    pub fn sampled_channels(self) -> usize {
+        if self.kind() == AovKind::OfFilm { 0 } else { self.channels().len() }
     }
 
     /// True if the camera ray must be traced with counters.
@@ -116,6 +132,7 @@ impl Aov {
     /// Appends the values at a camera ray's vertex.
     pub fn extend(self, context: &Context, vertex: &Vertex, towards: Vec3, counters: [u32; 2], values: &mut Vec<f32>) {
         match (self, &vertex.surface) {
+            _ if self.kind() == AovKind::OfFilm => {}
             (Self::NodesVisited, _) => values.push(counters[0] as f32),
             (Self::PrimitivesTested, _) => values.push(counters[1] as f32),
             (_, Some(surface)) => self.extend_surface(context, vertex, surface, towards, values),
@@ -155,6 +172,7 @@ impl Aov {
             Self::Facing => values.push(outgoing(vertex.ray).dot(s.geometric_normal)),
             Self::Barycentrics => values.extend(s.primitive_uv.to_array()),
             Self::NodesVisited | Self::PrimitivesTested => values.push(0.0),
+            Self::Noise | Self::Samples => {}
         }
     }
 
@@ -188,6 +206,8 @@ impl Aov {
                     Rgb::new(-v(0), 0.0, 0.0)
                 }
             }
+            Self::Noise => heat((v(0) * 10.0).clamp(0.0, 1.0)),
+            Self::Samples => heat(((1.0 + v(0).max(0.0)).log2() / 14.0).min(1.0)),
             Self::NodesVisited | Self::PrimitivesTested => heat(((1.0 + v(0).max(0.0)).log2() / 8.0).min(1.0)),
         }
     }

@@ -5,6 +5,7 @@ use super::Statistics;
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
 use crate::film::filter::FilterSampler;
+use crate::film::noise::positions;
 use crate::film::{FilmPart, FilmSample};
 use crate::integrator::aov::Aov;
 use crate::integrator::camera_path::camera_path;
@@ -85,9 +86,15 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Takes samples `range` of every pixel of `area`.
-    pub fn render(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
-        self.start(area, range);
+    /// Takes samples `range` of the pixels of `area`: of all, or of those with these numbers (row by row).
+    pub fn render(
+        &mut self,
+        area: Crop,
+        pixels: Option<&[u32]>,
+        range: [u32; 2],
+        statistics: &mut Statistics,
+    ) -> FilmPart {
+        self.start(area, pixels, range);
         statistics.rays.camera += self.paths.len() as u64;
         let mut grouping = if self.camera.has_common_origin() && range[1] - range[0] == 16 {
             Grouping::Coherent
@@ -108,26 +115,36 @@ impl<'a> PartRenderer<'a> {
             depth += 1;
             grouping = Grouping::None;
         }
-        self.finish(area, range, statistics)
+        let values = self.finish(statistics);
+        let mut aovs = std::mem::take(&mut self.aovs);
+        aovs.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = 0.0);
+        FilmPart { area, samples: range, pixels: pixels.map(<[u32]>::to_vec), values, aovs }
     }
 
-    fn start(&mut self, area: Crop, range: [u32; 2]) {
+    fn start(&mut self, area: Crop, pixels: Option<&[u32]>, range: [u32; 2]) {
         self.paths.clear();
         self.samples.clear();
         self.aovs.clear();
-        let settings = self.context.settings;
-        for y in area.min[1]..area.max[1] {
-            for x in area.min[0]..area.max[0] {
-                for number in range[0]..range[1] {
-                    let random = self.sampler.random([x, y], number);
-                    let (ray, state, weight) =
-                        camera_path(self.context.scene, self.camera, settings, self.filter, [x, y], &random);
-                    let index = self.samples.len() as u32;
-                    let (radiance, brought) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
-                    self.samples.push(Sample { random, radiance, brought, alpha: 1.0, weight, rays: 0 });
-                    self.paths.push(ray, state, index);
-                }
+        match pixels {
+            None => positions(&area).for_each(|pixel| self.start_pixel(pixel, range)),
+            Some(pixels) => {
+                let width = area.size()[0];
+                let position = |i: &u32| [area.min[0] + i % width, area.min[1] + i / width];
+                pixels.iter().map(position).for_each(|pixel| self.start_pixel(pixel, range));
             }
+        }
+    }
+
+    fn start_pixel(&mut self, pixel: [u32; 2], range: [u32; 2]) {
+        let settings = self.context.settings;
+        for number in range[0]..range[1] {
+            let random = self.sampler.random(pixel, number);
+            let (ray, state, weight) =
+                camera_path(self.context.scene, self.camera, settings, self.filter, pixel, &random);
+            let index = self.samples.len() as u32;
+            let (radiance, brought) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
+            self.samples.push(Sample { random, radiance, brought, alpha: 1.0, weight, rays: 0 });
+            self.paths.push(ray, state, index);
         }
     }
 
@@ -269,7 +286,7 @@ impl<'a> PartRenderer<'a> {
         rays.clear();
     }
 
-    fn finish(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
+    fn finish(&self, statistics: &mut Statistics) -> Vec<FilmSample> {
         let mode = self.context.scene.mode;
         let values = self.samples.iter().map(|sample| {
             let radiance = sample.radiance + sample.brought;
@@ -278,14 +295,7 @@ impl<'a> PartRenderer<'a> {
             let radiance = if finite { radiance } else { SampledSpectrum::ZERO };
             FilmSample { color: mode.to_rgb(radiance), alpha: sample.alpha, weight: sample.weight }
         });
-        let values = values.collect();
-        let mut aovs = std::mem::take(&mut self.aovs);
-        for value in &mut aovs {
-            if !value.is_finite() {
-                *value = 0.0;
-            }
-        }
-        FilmPart { area, samples: range, values, aovs }
+        values.collect()
     }
 }
 

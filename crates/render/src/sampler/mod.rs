@@ -7,6 +7,8 @@ mod sobol;
 mod stratified;
 mod zsobol;
 
+use crate::film::BLOCK;
+use crate::settings::Settings;
 use snell_math::{Vec2, rng};
 
 /// Which sampler.
@@ -44,17 +46,37 @@ pub struct Sampler {
     kind: SamplerKind,
     seed: u32,
     spp: u32,
+    /// True if every `spp` samples are a set of their own, independent of the others.
+    in_blocks: bool,
 }
 
 impl Sampler {
     /// The sampler of a render with `spp` samples per pixel.
     pub fn new(kind: SamplerKind, seed: u32, spp: u32) -> Self {
-        Self { kind, seed, spp: spp.max(1) }
+        Self { kind, seed, spp: spp.max(1), in_blocks: false }
+    }
+
+    /// A sampler for any number of samples: those of each block are spread well, and different blocks are independent, so that
+    /// the differences of blocks tell the error of their mean.
+    pub fn in_blocks(kind: SamplerKind, seed: u32, block: u32) -> Self {
+        Self { in_blocks: true, ..Self::new(kind, seed, block) }
+    }
+
+    /// The sampler of a render.
+    pub fn of(settings: &Settings) -> Self {
+        match settings.noise {
+            None => Self::new(settings.sampler, settings.seed, settings.spp),
+            Some(_) => Self::in_blocks(settings.sampler, settings.seed, BLOCK),
+        }
     }
 
     /// Numbers for a sample of a pixel (coordinates in the whole picture).
     pub fn random(&self, pixel: [u32; 2], sample: u32) -> Random {
-        let key = |[x, y]: [u32; 2]| rng::hash_combine(rng::hash_combine(self.seed, x), y);
+        let (seed, sample) = match self.in_blocks {
+            true => (rng::hash_combine(self.seed, !(sample / self.spp)), sample % self.spp),
+            false => (self.seed, sample),
+        };
+        let key = |[x, y]: [u32; 2]| rng::hash_combine(rng::hash_combine(seed, x), y);
         let (key, sample) = match self.kind {
             SamplerKind::ZSobol => {
                 let stretch = zsobol::stretch(pixel, self.spp);
@@ -65,9 +87,14 @@ impl Sampler {
         Random { sampler: *self, key, sample, base: 0 }
     }
 
+    /// Logarithm of the number of samples of a pixel or block, rounded up.
+    fn set_log2(&self) -> u32 {
+        self.spp.next_power_of_two().trailing_zeros()
+    }
+
     fn number(&self, key: u32, sample: u32, dimension: u32) -> f32 {
         match self.kind {
-            SamplerKind::Sobol | SamplerKind::ZSobol => sobol::number(rng::hash_combine(key, dimension), sample),
+            SamplerKind::Sobol | SamplerKind::ZSobol => sobol::number(rng::hash_combine(key, dimension), sample, self.set_log2()),
             _ => self.point(key, sample, dimension).x,
         }
     }
@@ -77,7 +104,7 @@ impl Sampler {
         match self.kind {
             SamplerKind::Independent => rng::uniform2([of_dimension, sample, key, dimension]),
             SamplerKind::Stratified => stratified::point(of_dimension, sample, self.spp),
-            SamplerKind::Sobol | SamplerKind::ZSobol => sobol::point(of_dimension, sample),
+            SamplerKind::Sobol | SamplerKind::ZSobol => sobol::point(of_dimension, sample, self.set_log2()),
         }
     }
 }
@@ -152,6 +179,21 @@ mod tests {
     }
 
     #[test]
+    fn blocks_of_samples_are_independent() {
+        for kind in SamplerKind::ALL {
+            let sampler = Sampler::in_blocks(kind, 9, 16);
+            let mean = |pixel: u32, block: u32| {
+                let numbers = (0..16).map(|s| sampler.random([pixel, 2], block * 16 + s).pair(1));
+                f64::from(numbers.map(|u| u.x * u.y).sum::<f32>()) / 16.0 - 0.25
+            };
+            let pixels = 0..2000;
+            let variance = pixels.clone().map(|x| mean(x, 0).powi(2)).sum::<f64>();
+            let covariance = pixels.map(|x| mean(x, 0) * mean(x, 1)).sum::<f64>();
+            assert!((covariance / variance).abs() < 4.0 / 2000f64.sqrt(), "{kind:?}: {}", covariance / variance);
+        }
+    }
+
+    #[test]
     fn dimensions_are_uncorrelated() {
         for kind in SamplerKind::ALL {
             let sampler = Sampler::new(kind, 9, 64);
@@ -165,6 +207,23 @@ mod tests {
             }
             // Standard error is (1 / 12) / sqrt(32000) = 0.0005.
             assert!((covariance / 32000.0).abs() < 0.002, "{kind:?}: {covariance}");
+        }
+    }
+
+    #[test]
+    fn what_depends_on_several_dimensions_is_as_good_as_chance_allows() {
+        // The product of 8 numbers plus 1/2: the parts that depend on one pair vanish, the others are random.
+        let pair = (13.0f64 / 12.0).powi(2) - 1.0;
+        let rest = (1.0 + pair).powi(4) - 1.0 - 4.0 * pair;
+        for kind in [SamplerKind::Stratified, SamplerKind::Sobol, SamplerKind::ZSobol] {
+            let mut variance = 0.0;
+            for x in 0..4000 {
+                let sampler = Sampler::new(kind, x, 64);
+                let value = |s| (0..4).map(|d| sampler.random([x, 7], s).pair(d) + 0.5).fold(1.0, |f, u| f * u.x * u.y);
+                let mean = f64::from((0..64).map(value).sum::<f32>()) / 64.0;
+                variance += (mean - 1.0).powi(2) / 4000.0;
+            }
+            assert!((0.9..1.15).contains(&(variance * 64.0 / rest)), "{kind:?}: {}", variance * 64.0 / rest);
         }
     }
 

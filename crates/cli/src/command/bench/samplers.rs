@@ -1,6 +1,6 @@
 //! `snell bench samplers`: error against number of samples.
 //!
-//! Every pixel of a square estimates the same integral of known value. The root mean square of their errors tells how good a
+//! Every pixel of some pictures estimates the same integral of known value. The root mean square of their errors tells how good a
 //! sampler is; the same after a slight blur tells how the errors of neighbours make up for each other, which is what the eye sees.
 
 mod blur;
@@ -25,10 +25,13 @@ pub struct Options {
     /// Numbers of samples per pixel
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "1,2,4,8,16,32,64,128,256,512,1024", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     spp: Vec<u32>,
-    /// Width and height of the picture whose pixels are estimates
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(8..=1024))]
+    /// Pictures, each with another seed, whose pixels are estimates
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pictures: u32,
+    /// Width and height of a picture
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(8..=1024))]
     side: u32,
-    /// Seed of the random numbers
+    /// Seed of the first picture
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u32,
     /// Write a plot as SVG
@@ -91,12 +94,22 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
 
 fn measure(options: &Options, integrand: &'static Integrand, sampler: SamplerKind) -> Series {
     let point = |&spp: &u32| {
-        let errors = errors(Sampler::new(sampler, options.seed, spp), options.side, spp, integrand);
-        let [error, blurred] = [&errors, &blur::blurred(&errors, options.side as usize)]
-            .map(|e| (e.iter().map(|x| x * x).sum::<f64>() / e.len() as f64).sqrt());
+        let mut squares = [0.0; 2];
+        for picture in 0..options.pictures {
+            let sampler = Sampler::new(sampler, options.seed.wrapping_add(picture), spp);
+            let errors = errors(sampler, options.side, spp, integrand);
+            let blurred = blur::blurred(&errors, options.side as usize);
+            squares[0] += mean_square(&errors);
+            squares[1] += mean_square(&blurred);
+        }
+        let [error, blurred] = squares.map(|s| (s / f64::from(options.pictures)).sqrt());
         Point { spp, error, blurred: blurred / blur::OF_WHITE_NOISE }
     };
     Series { integrand, sampler, points: options.spp.iter().map(point).collect() }
+}
+
+fn mean_square(errors: &[f64]) -> f64 {
+    errors.iter().map(|x| x * x).sum::<f64>() / errors.len() as f64
 }
 
 /// The relative error of each pixel's estimate.
