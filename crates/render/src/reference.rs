@@ -19,7 +19,7 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
     let sampler = Sampler::of(settings);
     let filter = FilterSampler::new(settings.filter);
     let lights = scene.light_sampler(settings.light_sampler, settings.light_strategy);
-    let context = Context { scene, settings, lights: &lights };
+    let context = Context { scene, settings, lights: &lights, wants_lobes: false };
     let mut image = Vec::new();
     for y in 0..height {
         for x in 0..width {

@@ -3,6 +3,7 @@
 use crate::film::filter::Filter;
 use crate::integrator::IntegratorKind;
 use crate::integrator::aov::Aov;
+use crate::integrator::light_part::LightSource;
 use crate::light_sampler::LightSamplerKind;
 use crate::sampler::SamplerKind;
 use snell_intersect::BuildOptions;
@@ -92,6 +93,15 @@ pub enum TileOrder {
     Shuffled(u32),
 }
 
+/// Lights that belong together, for layers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LightGroup {
+    /// Its name.
+    pub name: String,
+    /// What gives its light. What is in several groups counts for the first.
+    pub sources: Vec<LightSource>,
+}
+
 /// Settings of a render.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -128,6 +138,10 @@ pub struct Settings {
     pub light_sampler: LightSamplerKind,
     /// How far `ao` looks for occluders; `None` is half of the scene's radius.
     pub ao_distance: Option<f32>,
+    /// Light that was scattered more than once and is brighter than this, in any lane, is dimmed to it: no fireflies, but too dark.
+    pub clamp: Option<f32>,
+    /// Lights that layers show apart.
+    pub light_groups: Vec<LightGroup>,
     /// Extra layers.
     pub aovs: Vec<Aov>,
     /// Order of work.
@@ -162,6 +176,8 @@ impl Default for Settings {
             light_strategy: LightStrategy::default(),
             light_sampler: LightSamplerKind::default(),
             ao_distance: None,
+            clamp: None,
+            light_groups: Vec::new(),
             aovs: Vec::new(),
             tile_order: TileOrder::default(),
             build: BuildOptions::default(),

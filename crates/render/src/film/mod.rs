@@ -13,6 +13,9 @@ use snell_scene::{Layer, LayeredImage};
 /// Samples whose values are summed before the sum is added to the pixel: the unit of splitting a render.
 pub const BLOCK: u32 = 16;
 
+/// What the layer `noise` shows where too few samples tell nothing: the largest number of half precision.
+const UNKNOWN: f64 = 65504.0;
+
 /// One sample of one pixel, as the film sees it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FilmSample {
@@ -315,7 +318,9 @@ impl Film {
                                 }
                                 AovKind::First | AovKind::OfFilm if variance => 0.0,
                                 AovKind::OfFilm if self.aovs[number - 1] == Aov::Samples => tile.taken[pixel] as f32,
-                                AovKind::OfFilm => map.error(row * width as usize + column, self.noise_floor) as f32,
+                                AovKind::OfFilm => {
+                                    map.error(row * width as usize + column, self.noise_floor).min(UNKNOWN) as f32
+                                }
                                 AovKind::First => tile.first[pixel * (tile.channels - 4) + channel - 4],
                             };
                             layer.values[(row * width as usize + column) * count + c] = value;

@@ -11,7 +11,7 @@
 //!
 //! For light that is bright beside the floor f it is the relative error; in the dark it is an absolute one, because nobody sees what
 //! is relative there. f is 0.1, divided by the exposure: middle grey is 0.18. An error of 0.02 at white is 2.2 % of it, at middle
-//! grey 3.1 %, at black 0.002 of white.
+//! grey 3.1 % of it, at black 0.002 of white.
 //!
 //! **When a pixel stops.** It is looked at after 128 samples and each time it has a quarter more. It stops when its error is small
 //! enough, and would be so too if its blocks were spread as those of the 3 x 3 pixels around it are in the mean: few blocks of one pixel may
@@ -67,6 +67,11 @@ impl NoiseMap {
             }
         }
         Self { size, pixels }
+    }
+
+    /// The estimate of a pixel's intensity.
+    pub fn intensity(&self, pixel: usize) -> f64 {
+        self.pixels[pixel].intensity
     }
 
     /// Half of the 95 % confidence interval of a pixel's intensity; infinite with fewer than two blocks of samples.

@@ -1,5 +1,6 @@
 //! Arbitrary output variables: what the first hit is, apart from its light.
 
+use super::light_part::{LightPart, Lobe, Scatterings};
 use super::{Context, SurfaceVertex, Vertex, outgoing};
 use snell_math::{Rgb, Vec3};
 use snell_scene::bsdf::Lobes;
@@ -52,11 +53,13 @@ pub enum Aov {
     Noise,
     /// Number of samples of the pixel.
     Samples,
+    /// Some of the light. Only `path` and `direct` tell light apart; with other integrators it is black.
+    Light(LightPart),
 }
 
 impl Aov {
     /// All AOVs.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 28] = [
         Self::Depth,
         Self::Distance,
         Self::Position,
@@ -74,6 +77,17 @@ impl Aov {
         Self::PrimitivesTested,
         Self::Noise,
         Self::Samples,
+        light(None, Some(Scatterings::None)),
+        light(None, Some(Scatterings::One)),
+        light(None, Some(Scatterings::Many)),
+        light(Some(Lobe::Diffuse), Some(Scatterings::One)),
+        light(Some(Lobe::Diffuse), Some(Scatterings::Many)),
+        light(Some(Lobe::Specular), Some(Scatterings::One)),
+        light(Some(Lobe::Specular), Some(Scatterings::Many)),
+        light(Some(Lobe::Transmission), Some(Scatterings::One)),
+        light(Some(Lobe::Transmission), Some(Scatterings::Many)),
+        light(Some(Lobe::Volume), Some(Scatterings::One)),
+        light(Some(Lobe::Volume), Some(Scatterings::Many)),
     ];
 
     /// The name on the command line, and of the layer.
@@ -96,6 +110,7 @@ impl Aov {
             Self::PrimitivesTested => "primitives-tested",
             Self::Noise => "noise",
             Self::Samples => "samples",
+            Self::Light(part) => light_name(part),
         }
     }
 
@@ -104,7 +119,8 @@ impl Aov {
         match self {
             Self::Position | Self::Normal | Self::GeometricNormal => &["X", "Y", "Z"],
             Self::Uv | Self::Barycentrics => &["U", "V"],
-            Self::Albedo => &["R", "G", "B"],
+            Self::Albedo | Self::Light(_) => &["R", "G", "B"],
+            Self::Depth => &["Z"],
             Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => &["id"],
             _ => &["V"],
         }
@@ -133,6 +149,8 @@ impl Aov {
     pub fn extend(self, context: &Context, vertex: &Vertex, towards: Vec3, counters: [u32; 2], values: &mut Vec<f32>) {
         match (self, &vertex.surface) {
             _ if self.kind() == AovKind::OfFilm => {}
+            // Found on the way.
+            (Self::Light(_), _) => values.extend([0.0; 3]),
             (Self::NodesVisited, _) => values.push(counters[0] as f32),
             (Self::PrimitivesTested, _) => values.push(counters[1] as f32),
             (_, Some(surface)) => self.extend_surface(context, vertex, surface, towards, values),
@@ -172,7 +190,7 @@ impl Aov {
             Self::Facing => values.push(outgoing(vertex.ray).dot(s.geometric_normal)),
             Self::Barycentrics => values.extend(s.primitive_uv.to_array()),
             Self::NodesVisited | Self::PrimitivesTested => values.push(0.0),
-            Self::Noise | Self::Samples => {}
+            Self::Noise | Self::Samples | Self::Light(_) => {}
         }
     }
 
@@ -197,7 +215,7 @@ impl Aov {
                 Rgb::new(f(v(0)), f(v(1)), f(v(2)))
             }
             Self::Uv | Self::Barycentrics => Rgb::new(v(0).rem_euclid(1.0), v(1).rem_euclid(1.0), 0.0),
-            Self::Albedo => Rgb::new(v(0), v(1), v(2)),
+            Self::Albedo | Self::Light(_) => Rgb::new(v(0), v(1), v(2)),
             Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => id_color(v(0)),
             Self::Facing => {
                 if v(0) >= 0.0 {
@@ -210,6 +228,33 @@ impl Aov {
             Self::Samples => heat(((1.0 + v(0).max(0.0)).log2() / 14.0).min(1.0)),
             Self::NodesVisited | Self::PrimitivesTested => heat(((1.0 + v(0).max(0.0)).log2() / 8.0).min(1.0)),
         }
+    }
+}
+
+const fn light(lobe: Option<Lobe>, scatterings: Option<Scatterings>) -> Aov {
+    Aov::Light(LightPart { lobe, scatterings, group: None })
+}
+
+/// The name of a part of the light, whatever the group.
+fn light_name(part: LightPart) -> &'static str {
+    use {Lobe as L, Scatterings as S};
+    match (part.lobe, part.scatterings) {
+        (None, None) => "light",
+        (None, Some(S::None)) | (Some(_), Some(S::None)) => "emission",
+        (None, Some(S::One)) => "direct",
+        (None, Some(S::Many)) => "indirect",
+        (Some(L::Diffuse), Some(S::One)) => "diffuse-direct",
+        (Some(L::Diffuse), Some(S::Many)) => "diffuse-indirect",
+        (Some(L::Specular), Some(S::One)) => "specular-direct",
+        (Some(L::Specular), Some(S::Many)) => "specular-indirect",
+        (Some(L::Transmission), Some(S::One)) => "transmission-direct",
+        (Some(L::Transmission), Some(S::Many)) => "transmission-indirect",
+        (Some(L::Volume), Some(S::One)) => "volume-direct",
+        (Some(L::Volume), Some(S::Many)) => "volume-indirect",
+        (Some(L::Diffuse), None) => "diffuse",
+        (Some(L::Specular), None) => "specular",
+        (Some(L::Transmission), None) => "transmission",
+        (Some(L::Volume), None) => "volume",
     }
 }
 

@@ -1,6 +1,7 @@
 //! How a path starts: at a point of the film, through the lens.
 
 use super::PathState;
+use super::light_part::LobeShares;
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
 use crate::sampler::Random;
@@ -38,6 +39,7 @@ pub(crate) fn camera_path(
         cone_width: camera_ray.width,
         cone_spread: camera_ray.spread,
         stream: 0,
+        lobe: LobeShares::UNKNOWN,
     };
     (camera_ray.ray, state, weight)
 }

@@ -1,5 +1,6 @@
 //! Steps that integrators share: light that arrives from outside the scene, and light samples.
 
+use super::light_part::LightSource;
 use super::{Context, PathState, SurfaceVertex, Vertex};
 use crate::compile::CompiledLight;
 use snell_intersect::SurfaceInteraction;
@@ -38,13 +39,15 @@ pub struct IncidentLight {
     pub pdf: f32,
     /// No BSDF sample can find this light.
     pub is_delta: bool,
+    /// What gives it.
+    pub source: LightSource,
     /// The ray whose interval must be free.
     pub shadow_ray: Ray,
 }
 
 /// Light arriving at a surface point from light number `light`.
 pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usize, u: Vec2) -> Option<IncidentLight> {
-    let scene = context.scene;
+    let (scene, number) = (context.scene, light as u32);
     match &scene.lights()[light] {
         CompiledLight::Light(light) => {
             let sample = light.sample(surface.position, u, scene.mode)?;
@@ -61,6 +64,7 @@ pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usiz
                 radiance: sample.radiance,
                 pdf: sample.pdf,
                 is_delta: sample.is_delta,
+                source: LightSource::Light(number),
                 shadow_ray,
             })
         }
@@ -71,7 +75,8 @@ pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usiz
             let direction = to_light.try_normalize()?;
             let cos = direction.dot(sample.surface.geometric_normal).abs();
             let pdf = sample.pdf_area * distance_squared / cos;
-            let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
+            let material_id = scene.material_id(&hit_of(&sample.surface));
+            let material = scene.material(material_id);
             let point = scene.shading_point(&sample.surface, 0.0);
             // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends before it.
             let presence = material.presence(direction, &point);
@@ -82,7 +87,8 @@ pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usiz
             let origin = surface.ray_origin(direction);
             let target = sample.surface.ray_origin(-direction);
             let shadow_ray = Ray::new(origin, target - origin).with_t_max(SHADOW_END);
-            Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+            let source = LightSource::Material(material_id);
+            Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray })
         }
         CompiledLight::Environment => {
             let environment = scene.environment.as_ref()?;
@@ -92,7 +98,8 @@ pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usiz
                 return None;
             }
             let shadow_ray = Ray::new(surface.ray_origin(direction), direction);
-            Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+            let source = LightSource::Environment;
+            Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray })
         }
     }
 }

@@ -2,9 +2,10 @@
 //! `direct` is the same with one bounce.
 
 use super::estimators::{background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light};
+use super::light_part::LobeShares;
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::settings::LightStrategy;
-use snell_math::{Ray, SampledSpectrum, sampling};
+use snell_math::{Ray, SampledSpectrum, Vec3, sampling};
 use snell_scene::material::ShadingBsdf;
 
 /// Roulette starts after this many bounces.
@@ -38,7 +39,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     }
     let shading = surface.material.bsdf_towards(&point, wo);
     add_light_sample(context, vertex, surface, &shading, out);
-    add_bounce(vertex, surface, &shading, out);
+    add_bounce(context, vertex, surface, &shading, out);
 }
 
 fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
@@ -103,11 +104,13 @@ fn add_light_sample(
     };
     let value = vertex.state.throughput * value * sample.radiance * (weight / (sample.pdf * probability));
     if !value.is_black() && value.is_finite() {
+        out.light_source = Some(sample.source);
+        out.light_lobe = lobe(context, vertex, shading, sample.direction, false);
         out.light_rays.push((sample.shadow_ray, value));
     }
 }
 
-fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, out: &mut Outputs) {
+fn add_bounce(context: &Context, vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, out: &mut Outputs) {
     let wo = outgoing(vertex.ray);
     let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
     let Some(sample) = shading.sample(wo, u_lobe, u) else { return };
@@ -128,6 +131,7 @@ fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, o
         eta_scale,
         bsdf_pdf: if sample.is_delta { 0.0 } else { sample.pdf },
         is_specular: vertex.state.is_specular && sample.is_delta,
+        lobe: lobe(context, vertex, shading, sample.wi, sample.is_delta),
         cone_spread: if sample.is_delta {
             vertex.state.cone_spread
         } else {
@@ -136,4 +140,13 @@ fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, o
         ..continued(vertex, surface, throughput)
     };
     out.next.push((Ray::new(surface.interaction.ray_origin(sample.wi), sample.wi), state));
+}
+
+/// The path's first scattering, this one if there was none before.
+fn lobe(context: &Context, vertex: &Vertex, shading: &ShadingBsdf, wi: Vec3, is_delta: bool) -> LobeShares {
+    if context.wants_lobes && vertex.depth == 0 {
+        LobeShares::of_surface(shading, outgoing(vertex.ray), wi, is_delta)
+    } else {
+        vertex.state.lobe
+    }
 }

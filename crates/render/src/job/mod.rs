@@ -3,6 +3,7 @@
 //! The unit of work is a *part*: one tile of 16 x 16 pixels and one range of sample numbers. Threads take parts in a fixed order and
 //! fold them into the film tile by tile, in order of the samples; which thread did what never shows in the picture.
 
+mod light_parts;
 mod part;
 mod paths;
 mod tracer;
@@ -16,6 +17,7 @@ use crate::integrator::Context;
 use crate::light_sampler::LightSampler;
 use crate::sampler::Sampler;
 use crate::settings::{Crop, Settings, TileOrder};
+use light_parts::LightParts;
 use part::PartRenderer;
 use snell_math::rng;
 use snell_scene::Camera;
@@ -90,6 +92,7 @@ pub struct Job<'a> {
     sampler: Sampler,
     filter: FilterSampler,
     lights: LightSampler,
+    light_parts: LightParts,
     crop: Crop,
 }
 
@@ -142,6 +145,7 @@ impl<'a> Job<'a> {
             sampler: Sampler::of(settings),
             filter: FilterSampler::new(settings.filter),
             lights: scene.light_sampler(settings.light_sampler, settings.light_strategy),
+            light_parts: LightParts::new(scene, settings),
             crop,
         }
     }
@@ -264,9 +268,10 @@ impl<'a> Job<'a> {
     /// What each thread does: take the next part, render it, add it to its tile.
     fn work(&self, shared: &Shared) {
         let Shared { tiles, parts, next, passes, tally, keep_going } = shared;
-        let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights };
+        let wants_lobes = !self.light_parts.is_empty();
+        let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights, wants_lobes };
         let tracer = Tracer::new(self.scene, tally.record.then(Recording::default));
-        let mut renderer = PartRenderer::new(context, self.camera, &self.sampler, &self.filter, tracer);
+        let mut renderer = PartRenderer::new(context, self.camera, &self.sampler, &self.filter, &self.light_parts, tracer);
         let mut mine = Statistics::default();
         loop {
             // Asked before a part is taken: every part that is taken is rendered, and so the passes counted here are whole,

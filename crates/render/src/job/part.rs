@@ -2,6 +2,7 @@
 //! left. Batches only; nothing here asks for a single ray.
 
 use super::Statistics;
+use super::light_parts::LightParts;
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
 use crate::film::filter::FilterSampler;
@@ -9,6 +10,7 @@ use crate::film::noise::positions;
 use crate::film::{FilmPart, FilmSample};
 use crate::integrator::aov::Aov;
 use crate::integrator::camera_path::camera_path;
+use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
 use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex, VertexFunction};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
@@ -41,6 +43,7 @@ pub struct PartRenderer<'a> {
     outputs: Outputs,
     samples: Vec<Sample>,
     aovs: Vec<f32>,
+    light_parts: &'a LightParts,
 }
 
 /// A sample being taken.
@@ -64,6 +67,7 @@ impl<'a> PartRenderer<'a> {
         camera: &'a Camera,
         sampler: &'a Sampler,
         filter: &'a FilterSampler,
+        light_parts: &'a LightParts,
         tracer: Tracer<'a>,
     ) -> Self {
         let shade = context.settings.integrator.vertex_function();
@@ -83,6 +87,7 @@ impl<'a> PartRenderer<'a> {
             outputs: Outputs::default(),
             samples: Vec::new(),
             aovs: Vec::new(),
+            light_parts,
         }
     }
 
@@ -260,7 +265,11 @@ impl<'a> PartRenderer<'a> {
         let vertex = Vertex { depth, ray: &ray, state: &state, random, surface };
         self.outputs.clear();
         (self.shade)(&self.context, &vertex, &mut self.outputs);
+        self.clamp(depth);
         self.samples[sample as usize].radiance += self.outputs.radiance;
+        if !self.light_parts.is_empty() {
+            self.note_light_parts(depth, path, sample);
+        }
         for (ray, value) in self.outputs.light_rays.drain(..) {
             self.light_rays.push(ray, value, sample);
         }
@@ -274,6 +283,36 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
+    /// Dims light that was scattered more than once, if that is asked for.
+    fn clamp(&mut self, depth: u32) {
+        let Some(most) = self.context.settings.clamp else { return };
+        let dimmed = |light: SampledSpectrum| {
+            let brightest = light.max_element();
+            if brightest > most { light * (most / brightest) } else { light }
+        };
+        if depth > 1 {
+            self.outputs.radiance = dimmed(self.outputs.radiance);
+        }
+        if depth > 0 {
+            self.outputs.light_rays.iter_mut().for_each(|(_, value)| *value = dimmed(*value));
+        }
+    }
+
+    /// Adds what was found to its layers, and keeps what must be known of the light rays.
+    fn note_light_parts(&mut self, depth: u32, path: usize, sample: u32) {
+        let (scene, hit) = (self.context.scene, &self.paths.hits[path]);
+        let source = if hit.is_hit() { LightSource::Material(scene.material_id(hit)) } else { LightSource::Environment };
+        let tag = |lobe, count, source| LightTag {
+            lobe,
+            scatterings: Scatterings::of(count),
+            group: self.light_parts.group(source),
+        };
+        let found = tag(self.paths.states[path].lobe, depth, source);
+        let brought = tag(self.outputs.light_lobe, depth + 1, self.outputs.light_source.unwrap_or(source));
+        self.light_parts.add(&mut self.aovs, sample, self.outputs.radiance, &found, scene.mode);
+        self.light_rays.tags.extend(self.outputs.light_rays.iter().map(|_| brought));
+    }
+
     fn trace_light_rays(&mut self, statistics: &mut Statistics) {
         let rays = &mut self.light_rays;
         statistics.rays.shadow += rays.rays.len() as u64;
@@ -281,6 +320,12 @@ impl<'a> PartRenderer<'a> {
         for ((&sample, &value), &blocked) in rays.samples.iter().zip(&rays.values).zip(&rays.blocked) {
             if !blocked {
                 self.samples[sample as usize].brought += value;
+            }
+        }
+        let lights = rays.samples.iter().zip(&rays.values).zip(&rays.blocked);
+        for (((&sample, &value), blocked), tag) in lights.zip(&rays.tags) {
+            if !blocked {
+                self.light_parts.add(&mut self.aovs, sample, value, tag, self.context.scene.mode);
             }
         }
         rays.clear();

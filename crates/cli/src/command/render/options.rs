@@ -19,8 +19,8 @@ use std::time::Duration;
 /// Size of a picture for which nobody asks for one.
 pub const DEFAULT_SIZE: [u32; 2] = [960, 720];
 
-/// Most samples per pixel that a time limit alone allows.
-const SPP_OF_TIME_LIMIT: u32 = 1 << 16;
+/// Most samples per pixel that a limit of time or noise alone allows.
+const SPP_OF_LIMITS: u32 = 1 << 16;
 
 /// How values are stored in display formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -62,6 +62,10 @@ pub struct Options {
     /// Samples per pixel
     #[arg(long, visible_alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)), help_heading = "How light is computed")]
     pub spp: Option<u32>,
+    /// Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as 0.02: relative to the light where
+    /// it is bright, see the documents. --spp and --time are caps
+    #[arg(long, value_name = "ERROR", value_parser = parse_noise, help_heading = "How light is computed")]
+    pub noise: Option<f64>,
     /// Stop after this time, such as 30s, 5m or 1h (the first pass over the picture is always finished)
     #[arg(long, value_name = "TIME", value_parser = parse_duration, help_heading = "How light is computed")]
     pub time: Option<Duration>,
@@ -170,6 +174,11 @@ impl Options {
         self.threads.map_or_else(cores, |n| n as usize)
     }
 
+    /// Exposure in stops.
+    pub fn exposure(&self, scene: &Scene) -> f64 {
+        self.exposure.or(scene.settings.exposure).unwrap_or(0.0)
+    }
+
     /// The tone map asked for.
     pub fn tonemap(&self, scene: &Scene) -> Result<Tonemap, Failure> {
         let name = self.tonemap.as_deref().or(scene.settings.tonemap.as_deref()).unwrap_or("none");
@@ -196,15 +205,17 @@ impl Options {
             (None, None | Some(1)) => hints.pixel_position,
             _ => None,
         };
-        let spp = match (self.spp, self.time) {
+        let spp = match (self.spp, self.time.is_some() || self.noise.is_some()) {
             (Some(spp), _) => spp,
-            (None, Some(_)) => SPP_OF_TIME_LIMIT,
-            (None, None) => hints.spp.unwrap_or(default_spp(integrator)).clamp(1, MAX_SPP),
+            (None, true) => SPP_OF_LIMITS,
+            (None, false) => hints.spp.unwrap_or(default_spp(integrator)).clamp(1, MAX_SPP),
         };
         Ok(Settings {
             size,
             crop,
             spp,
+            noise: self.noise,
+            noise_floor: Settings::NOISE_FLOOR / self.exposure(scene).exp2(),
             progressive: self.time.is_some() || spp > 16,
             seed: self.seed,
             sampler: choice("sampler", &sampler, &SamplerKind::ALL, SamplerKind::name)?,
@@ -362,6 +373,11 @@ fn parse_color(text: &str) -> Option<Rgb> {
 fn parse_exposure(text: &str) -> Result<f64, String> {
     let stops = text.parse().ok().filter(|x: &f64| x.abs() <= 100.0);
     stops.ok_or_else(|| format!("\"{text}\" is not an exposure; write stops from -100 to 100, such as 1.5"))
+}
+
+fn parse_noise(text: &str) -> Result<f64, String> {
+    let error = text.parse().ok().filter(|x: &f64| (1e-5..=10.0).contains(x));
+    error.ok_or_else(|| format!("\"{text}\" is not an error; write a number from 0.00001 to 10, such as 0.02 for 2 %"))
 }
 
 fn parse_distance(text: &str) -> Result<f32, String> {

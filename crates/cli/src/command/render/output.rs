@@ -50,7 +50,7 @@ impl<'a> Output<'a> {
         }
         picture.metadata = summary.metadata();
         let display = Display {
-            exposure: options.exposure.or(scene.settings.exposure).unwrap_or(0.0),
+            exposure: options.exposure(scene),
             tonemap: summary.tonemap,
             srgb: match options.display {
                 Some(encoding) => encoding == DisplayEncoding::Srgb,
