@@ -4,7 +4,7 @@
 pub mod filter;
 pub mod noise;
 
-use crate::integrator::aov::{Aov, AovKind};
+use crate::integrator::aov::{Aov, AovKind, NOTHING};
 use crate::settings::{Crop, Settings};
 use noise::NoiseMap;
 use snell_math::Rgb;
@@ -129,6 +129,8 @@ pub struct FilmPart {
     pub values: Vec<FilmSample>,
     /// AOV values in the same order, all channels of a sample together.
     pub aovs: Vec<f32>,
+    /// What covers each sample, for each AOV of kind [`AovKind::Coverage`], in the same order.
+    pub keys: Vec<u64>,
 }
 
 /// One tile of the film.
@@ -150,16 +152,19 @@ pub struct FilmTile {
     partial: Option<Sums>,
     /// Values of AOVs that cannot be averaged: of the first sample.
     first: Vec<f32>,
+    /// What covers each pixel, and how many of its samples: a list for each AOV of kind [`AovKind::Coverage`].
+    coverage: Vec<Vec<(u64, u32)>>,
 }
 
 impl FilmTile {
-    fn new(area: Crop, aov_channels: usize, mean_weight: f64) -> Self {
+    fn new(area: Crop, aov_channels: usize, coverages: usize, mean_weight: f64) -> Self {
         let pixels = area.size().iter().product::<u32>() as usize;
         let channels = 4 + aov_channels;
         let total = Sums::new(pixels, channels, mean_weight < 1.0);
         let first = vec![0.0; pixels * aov_channels];
         let (taken, blocks) = (vec![0; pixels], vec![[0.0; 2]; pixels]);
-        Self { area, samples: 0, taken, blocks, channels, mean_weight, total, partial: None, first }
+        let coverage = vec![Vec::new(); pixels * coverages];
+        Self { area, samples: 0, taken, blocks, channels, mean_weight, total, partial: None, first, coverage }
     }
 
     /// Adds a part of this tile.
@@ -196,6 +201,24 @@ impl FilmTile {
             }
         }
         pixels.iter().for_each(|&pixel| self.taken[pixel] = self.samples);
+        self.cover(part, &pixels);
+    }
+
+    fn cover(&mut self, part: &FilmPart, pixels: &[usize]) {
+        let kinds = self.coverage.len() / self.taken.len().max(1);
+        if kinds == 0 {
+            return;
+        }
+        let samples = part.keys.len() / kinds / pixels.len().max(1);
+        for (keys, &pixel) in part.keys.chunks(samples * kinds).zip(pixels) {
+            for (i, &key) in keys.iter().enumerate().filter(|k| *k.1 != NOTHING) {
+                let list = &mut self.coverage[pixel * kinds + i % kinds];
+                match list.iter_mut().find(|entry| entry.0 == key) {
+                    Some(entry) => entry.1 += 1,
+                    None => list.push((key, 1)),
+                }
+            }
+        }
     }
 
     fn end_block(&mut self, pixels: &[usize]) {
@@ -238,13 +261,14 @@ impl Film {
     /// An empty film for samples of a filter, see [`filter::FilterSampler::mean_weight`].
     pub fn with_mean_weight(crop: Crop, aovs: &[Aov], mean_weight: f64) -> Self {
         let aov_channels = aovs.iter().map(|a| a.sampled_channels()).sum::<usize>();
+        let coverages = aovs.iter().filter(|a| a.kind() == AovKind::Coverage).count();
         let range = |axis: usize| crop.min[axis] / TILE..crop.max[axis].div_ceil(TILE);
         let mut tiles = Vec::new();
         for y in range(1) {
             for x in range(0) {
                 let min = [(x * TILE).max(crop.min[0]), (y * TILE).max(crop.min[1])];
                 let max = [((x + 1) * TILE).min(crop.max[0]), ((y + 1) * TILE).min(crop.max[1])];
-                tiles.push(FilmTile::new(Crop { min, max }, aov_channels, mean_weight));
+                tiles.push(FilmTile::new(Crop { min, max }, aov_channels, coverages, mean_weight));
             }
         }
         Self { crop, noise_floor: Settings::NOISE_FLOOR, aovs: aovs.to_vec(), tiles }
@@ -279,6 +303,23 @@ impl Film {
         self.layers(false)
     }
 
+    /// What covers each pixel, row by row, by the keys of [`Aov::key`] with the number of samples of each, and the number of all
+    /// samples of the pixel. Empty if the AOV was not asked for.
+    pub fn coverage(&self, aov: Aov) -> Vec<(&[(u64, u32)], u32)> {
+        let mut kinds = self.aovs.iter().filter(|a| a.kind() == AovKind::Coverage);
+        let count = kinds.clone().count();
+        let Some(kind) = kinds.position(|&a| a == aov) else { return Vec::new() };
+        let [width, height] = self.crop.size().map(|s| s as usize);
+        let mut pixels: Vec<(&[(u64, u32)], u32)> = vec![(&[], 0); width * height];
+        for tile in &self.tiles {
+            for (number, [x, y]) in noise::positions(&tile.area).enumerate() {
+                let [column, row] = [x - self.crop.min[0], y - self.crop.min[1]].map(|p| p as usize);
+                pixels[row * width + column] = (&tile.coverage[number * count + kind], tile.taken[number]);
+            }
+        }
+        pixels
+    }
+
     /// The variance of each value of [`Self::image`] as an estimate (that of the mean, not of one sample). 0 for values that are
     /// not averaged.
     pub fn variance(&self) -> LayeredImage {
@@ -295,11 +336,12 @@ impl Film {
             values: vec![0.0; channels.len() * pixels],
         };
         let mut layers = vec![layer("", &["R", "G", "B", "A"])];
-        layers.extend(self.aovs.iter().map(|a| layer(a.name(), a.channels())));
+        let aovs: Vec<Aov> = self.aovs.iter().filter(|a| a.kind() != AovKind::Coverage).copied().collect();
+        layers.extend(aovs.iter().map(|a| layer(a.name(), a.channels())));
         let mut first_channel = 0;
         for (number, layer) in layers.iter_mut().enumerate() {
             let count = layer.channels.len();
-            let kind = number.checked_sub(1).map_or(AovKind::Averaged, |i| self.aovs[i].kind());
+            let kind = number.checked_sub(1).map_or(AovKind::Averaged, |i| aovs[i].kind());
             for tile in &self.tiles {
                 let [w, h] = tile.area.size();
                 for y in 0..h {
@@ -316,8 +358,9 @@ impl Film {
                                     let value = if variance { of_mean } else { mean };
                                     value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
                                 }
-                                AovKind::First | AovKind::OfFilm if variance => 0.0,
-                                AovKind::OfFilm if self.aovs[number - 1] == Aov::Samples => tile.taken[pixel] as f32,
+                                AovKind::First | AovKind::OfFilm | AovKind::Coverage if variance => 0.0,
+                                AovKind::Coverage => 0.0,
+                                AovKind::OfFilm if aovs[number - 1] == Aov::Samples => tile.taken[pixel] as f32,
                                 AovKind::OfFilm => {
                                     map.error(row * width as usize + column, self.noise_floor).min(UNKNOWN) as f32
                                 }
@@ -345,7 +388,7 @@ mod tests {
             FilmSample { color: Rgb::splat(value), alpha: 1.0, weight: 1.0 }
         });
         let values = values.collect();
-        FilmPart { area: Crop::full([1, 1]), samples, pixels: None, values, aovs: Vec::new() }
+        FilmPart { area: Crop::full([1, 1]), samples, pixels: None, values, aovs: Vec::new(), keys: Vec::new() }
     }
 
     fn film(splits: &[u32]) -> Film {
@@ -381,7 +424,7 @@ mod tests {
             FilmSample { color: Rgb::splat(value(u)), alpha: 1.0, weight }
         });
         let (area, values) = (Crop::full([1, 1]), values.collect());
-        film.tiles[0].fold(&FilmPart { area, samples: [0, samples], pixels: None, values, aovs: Vec::new() });
+        film.tiles[0].fold(&FilmPart { area, samples: [0, samples], pixels: None, values, aovs: Vec::new(), keys: Vec::new() });
         film
     }
 

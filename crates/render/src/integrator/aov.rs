@@ -2,6 +2,7 @@
 
 use super::light_part::{LightPart, Lobe, Scatterings};
 use super::{Context, SurfaceVertex, Vertex, outgoing};
+use snell_intersect::Hit;
 use snell_math::{Rgb, Vec3};
 use snell_scene::bsdf::Lobes;
 
@@ -14,7 +15,12 @@ pub enum AovKind {
     First,
     /// What the film knows of the pixel, not the samples.
     OfFilm,
+    /// Which share of them has which value, see [`crate::Film::coverage`]. No layer by itself.
+    Coverage,
 }
+
+/// The key of a sample that nothing covers.
+pub const NOTHING: u64 = u64::MAX;
 
 /// An extra layer of the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,13 +59,17 @@ pub enum Aov {
     Noise,
     /// Number of samples of the pixel.
     Samples,
+    /// Which objects cover the pixel: for Cryptomatte.
+    CryptoObject,
+    /// Which materials cover the pixel: for Cryptomatte.
+    CryptoMaterial,
     /// Some of the light. Only `path` and `direct` tell light apart; with other integrators it is black.
     Light(LightPart),
 }
 
 impl Aov {
     /// All AOVs.
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 30] = [
         Self::Depth,
         Self::Distance,
         Self::Position,
@@ -77,6 +87,8 @@ impl Aov {
         Self::PrimitivesTested,
         Self::Noise,
         Self::Samples,
+        Self::CryptoObject,
+        Self::CryptoMaterial,
         light(None, Some(Scatterings::None)),
         light(None, Some(Scatterings::One)),
         light(None, Some(Scatterings::Many)),
@@ -110,6 +122,8 @@ impl Aov {
             Self::PrimitivesTested => "primitives-tested",
             Self::Noise => "noise",
             Self::Samples => "samples",
+            Self::CryptoObject => "crypto-object",
+            Self::CryptoMaterial => "crypto-material",
             Self::Light(part) => light_name(part),
         }
     }
@@ -121,6 +135,7 @@ impl Aov {
             Self::Uv | Self::Barycentrics => &["U", "V"],
             Self::Albedo | Self::Light(_) => &["R", "G", "B"],
             Self::Depth => &["Z"],
+            Self::CryptoObject | Self::CryptoMaterial => &[],
             Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => &["id"],
             _ => &["V"],
         }
@@ -131,13 +146,23 @@ impl Aov {
         match self {
             Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => AovKind::First,
             Self::Noise | Self::Samples => AovKind::OfFilm,
+            Self::CryptoObject | Self::CryptoMaterial => AovKind::Coverage,
             _ => AovKind::Averaged,
         }
     }
 
     /// How many values each sample brings.
     pub fn sampled_channels(self) -> usize {
-        if self.kind() == AovKind::OfFilm { 0 } else { self.channels().len() }
+        if matches!(self.kind(), AovKind::OfFilm | AovKind::Coverage) { 0 } else { self.channels().len() }
+    }
+
+    /// What covers a sample, as the key of [`crate::Film::coverage`]: for an object instance and geometry, for a material its number.
+    pub fn key(self, context: &Context, hit: &Hit) -> u64 {
+        match self {
+            _ if !hit.is_hit() => NOTHING,
+            Self::CryptoObject => u64::from(hit.instance) << 32 | u64::from(hit.geometry),
+            _ => u64::from(context.scene.material_id(hit).0),
+        }
     }
 
     /// True if the camera ray must be traced with counters.
@@ -148,7 +173,7 @@ impl Aov {
     /// Appends the values at a camera ray's vertex.
     pub fn extend(self, context: &Context, vertex: &Vertex, towards: Vec3, counters: [u32; 2], values: &mut Vec<f32>) {
         match (self, &vertex.surface) {
-            _ if self.kind() == AovKind::OfFilm => {}
+            _ if matches!(self.kind(), AovKind::OfFilm | AovKind::Coverage) => {}
             // Found on the way.
             (Self::Light(_), _) => values.extend([0.0; 3]),
             (Self::NodesVisited, _) => values.push(counters[0] as f32),
@@ -190,7 +215,7 @@ impl Aov {
             Self::Facing => values.push(outgoing(vertex.ray).dot(s.geometric_normal)),
             Self::Barycentrics => values.extend(s.primitive_uv.to_array()),
             Self::NodesVisited | Self::PrimitivesTested => values.push(0.0),
-            Self::Noise | Self::Samples | Self::Light(_) => {}
+            Self::Noise | Self::Samples | Self::Light(_) | Self::CryptoObject | Self::CryptoMaterial => {}
         }
     }
 
@@ -217,6 +242,7 @@ impl Aov {
             Self::Uv | Self::Barycentrics => Rgb::new(v(0).rem_euclid(1.0), v(1).rem_euclid(1.0), 0.0),
             Self::Albedo | Self::Light(_) => Rgb::new(v(0), v(1), v(2)),
             Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => id_color(v(0)),
+            Self::CryptoObject | Self::CryptoMaterial => Rgb::BLACK,
             Self::Facing => {
                 if v(0) >= 0.0 {
                     Rgb::splat(v(0))

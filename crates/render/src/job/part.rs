@@ -8,7 +8,7 @@ use super::tracer::Tracer;
 use crate::film::filter::FilterSampler;
 use crate::film::noise::positions;
 use crate::film::{FilmPart, FilmSample};
-use crate::integrator::aov::Aov;
+use crate::integrator::aov::{Aov, AovKind};
 use crate::integrator::camera_path::camera_path;
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
 use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex, VertexFunction};
@@ -43,6 +43,8 @@ pub struct PartRenderer<'a> {
     outputs: Outputs,
     samples: Vec<Sample>,
     aovs: Vec<f32>,
+    /// What covers each sample.
+    covering: Vec<u64>,
     light_parts: &'a LightParts,
 }
 
@@ -87,6 +89,7 @@ impl<'a> PartRenderer<'a> {
             outputs: Outputs::default(),
             samples: Vec::new(),
             aovs: Vec::new(),
+            covering: Vec::new(),
             light_parts,
         }
     }
@@ -123,7 +126,8 @@ impl<'a> PartRenderer<'a> {
         let values = self.finish(statistics);
         let mut aovs = std::mem::take(&mut self.aovs);
         aovs.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = 0.0);
-        FilmPart { area, samples: range, pixels: pixels.map(<[u32]>::to_vec), values, aovs }
+        let keys = std::mem::take(&mut self.covering);
+        FilmPart { area, samples: range, pixels: pixels.map(<[u32]>::to_vec), values, aovs, keys }
     }
 
     fn start(&mut self, area: Crop, pixels: Option<&[u32]>, range: [u32; 2]) {
@@ -174,6 +178,7 @@ impl<'a> PartRenderer<'a> {
         if aovs.is_empty() {
             return;
         }
+        let coverages: Vec<Aov> = aovs.iter().filter(|a| a.kind() == AovKind::Coverage).copied().collect();
         let counted = aovs.iter().any(|a| a.needs_counters());
         let filter = self.tracer.filter();
         for i in 0..self.paths.len() {
@@ -195,6 +200,7 @@ impl<'a> PartRenderer<'a> {
             let random = self.samples[i].random.at_vertex(0, 0);
             let vertex = Vertex { depth: 0, ray: &ray, state, random, surface };
             let towards = self.camera.towards.as_vec3();
+            self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, &hit)));
             for aov in aovs {
                 aov.extend(&self.context, &vertex, towards, counters, &mut self.aovs);
             }

@@ -1,5 +1,6 @@
 //! Options of `snell render`, and the settings that follow from them, the scene and the defaults, in this order.
 
+use super::layers;
 use crate::failure::{Failure, choice};
 use crate::progress::ProgressStyleOption;
 use snell_formats::image::Tonemap;
@@ -111,12 +112,21 @@ pub struct Options {
     /// How a light is chosen among many: power or uniform
     #[arg(long, value_name = "NAME", default_value = "power", help_heading = "How light is computed")]
     pub light_sampler: String,
+    /// Dim light of two or more bounces to this radiance: no fireflies, but the picture becomes too dark. Default: off
+    #[arg(long, value_name = "RADIANCE", value_parser = parse_radiance, help_heading = "How light is computed")]
+    pub clamp: Option<f32>,
     /// How far ao looks, in scene units. Default: half of the scene's radius
     #[arg(long, value_name = "DISTANCE", value_parser = parse_distance, help_heading = "How light is computed")]
     pub ao_distance: Option<f32>,
     /// Extra layers, separated by commas, such as depth,normal,albedo (`all` for all)
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "The picture")]
     pub aov: Vec<String>,
+    /// Show the light of some lights apart: NAME=LIST of light numbers, names of emissive materials, and `environment`
+    #[arg(long, value_name = "NAME=LIST", help_heading = "The picture")]
+    pub light_group: Vec<String>,
+    /// Remove noise with Open Image Denoise, if it is installed; PATH is its library or folder
+    #[arg(long, value_name = "PATH", num_args = 0..=1, require_equals = true, default_missing_value = "", help_heading = "The picture")]
+    pub denoise: Option<String>,
     /// Also write the variance of the picture and the layers (OpenEXR)
     #[arg(long, help_heading = "The picture")]
     pub variance: bool,
@@ -199,7 +209,8 @@ impl Options {
         let quality = choice("quality", &self.quality, &Quality::ALL, Quality::name)?;
         let size = self.size.or(hints.size).or(camera.resolution).unwrap_or(DEFAULT_SIZE);
         let crop = self.checked_crop(size)?;
-        let aovs = self.aovs(integrator)?;
+        let light_groups = layers::light_groups(&self.light_group, scene)?;
+        let aovs = layers::aovs(&self.aov, integrator, &light_groups, self.denoise.is_some())?;
         check_memory(crop.unwrap_or(Crop::full(size)), &aovs)?;
         let pixel_position = match (&self.filter, self.spp) {
             (None, None | Some(1)) => hints.pixel_position,
@@ -241,6 +252,8 @@ impl Options {
                 LightSamplerKind::name,
             )?,
             ao_distance: self.ao_distance,
+            clamp: self.clamp,
+            light_groups,
             aovs,
             build: BuildOptions {
                 accelerator,
@@ -261,28 +274,6 @@ impl Options {
             ))),
             crop => Ok(crop),
         }
-    }
-
-    fn aovs(&self, integrator: IntegratorKind) -> Result<Vec<Aov>, Failure> {
-        let mut aovs = Vec::new();
-        for name in self.aov.iter().filter(|n| !n.is_empty()) {
-            if name == "all" {
-                aovs.extend(Aov::ALL);
-            } else {
-                aovs.push(choice("layer", name, &Aov::ALL, Aov::name)?);
-            }
-        }
-        if aovs.is_empty() && integrator == IntegratorKind::Aov {
-            aovs.push(Aov::Normal);
-        }
-        let mut seen = Vec::new();
-        aovs.retain(|a| {
-            !seen.contains(a) && {
-                seen.push(*a);
-                true
-            }
-        });
-        Ok(aovs)
     }
 
     /// Applies `--environment`.
@@ -378,6 +369,11 @@ fn parse_exposure(text: &str) -> Result<f64, String> {
 fn parse_noise(text: &str) -> Result<f64, String> {
     let error = text.parse().ok().filter(|x: &f64| (1e-5..=10.0).contains(x));
     error.ok_or_else(|| format!("\"{text}\" is not an error; write a number from 0.00001 to 10, such as 0.02 for 2 %"))
+}
+
+fn parse_radiance(text: &str) -> Result<f32, String> {
+    let radiance = text.parse().ok().filter(|x: &f32| *x > 0.0 && x.is_finite());
+    radiance.ok_or_else(|| format!("\"{text}\" is not a radiance; write a positive number, such as 10"))
 }
 
 fn parse_distance(text: &str) -> Result<f32, String> {
