@@ -17,7 +17,13 @@ fn cornell_box() -> (CompiledScene, Camera) {
 const TRIALS: u32 = 40;
 
 /// Shares of pixels of `trials` renders whose intervals hold the truth, and the mean number of samples.
-fn coverage((scene, camera): &(CompiledScene, Camera), side: u32, noise: f64, trials: u32, truth_spp: u32) -> (f64, f64) {
+fn coverage(
+    (scene, camera): &(CompiledScene, Camera),
+    side: u32,
+    noise: f64,
+    trials: u32,
+    truth_spp: u32,
+) -> (f64, f64) {
     let settings = Settings { size: [side, side], max_depth: 5, spp: 1 << 16, ..Settings::default() };
     let truth = Settings { spp: truth_spp, seed: 1_000_000, sampler: SamplerKind::Sobol, ..settings.clone() };
     let truth = NoiseMap::new(&render_compiled(scene, camera, &truth, 4));
@@ -50,7 +56,6 @@ fn the_stated_interval_covers_the_truth_in_a_thousand_trials() {
         for noise in [0.05, 0.1, 0.2] {
             let (share, samples) = coverage(&scene, 8, noise, TRIALS, 1 << 18);
             eprintln!("{name}, {noise}: {:.2} % of the pixels are covered, with {samples:.0} samples", share * 100.0);
-            
         }
     }
 }

@@ -6,9 +6,11 @@ use std::path::{Path, PathBuf};
 /// system's loader knows.
 pub fn candidates(named: Option<&Path>) -> Vec<PathBuf> {
     match named {
-        None => ["libOpenImageDenoise.so.2", "libOpenImageDenoise.so", "libOpenImageDenoise.dylib", "OpenImageDenoise.dll"]
-            .map(PathBuf::from)
-            .to_vec(),
+        None => {
+            ["libOpenImageDenoise.so.2", "libOpenImageDenoise.so", "libOpenImageDenoise.dylib", "OpenImageDenoise.dll"]
+                .map(PathBuf::from)
+                .to_vec()
+        }
         Some(folder) if folder.is_dir() => in_folder(folder).into_iter().collect(),
         Some(file) => file.is_file().then(|| file.to_path_buf()).into_iter().collect(),
     }
@@ -26,7 +28,9 @@ fn in_folder(folder: &Path) -> Option<PathBuf> {
 /// True for the name of the library itself, not of the devices that belong to it.
 fn is_library_name(name: &str) -> bool {
     let rest = name.trim_start_matches("lib").strip_prefix("OpenImageDenoise");
-    rest.is_some_and(|rest| rest == ".dll" || rest.starts_with(".so") || (rest.starts_with('.') && rest.ends_with(".dylib")))
+    rest.is_some_and(|rest| {
+        rest == ".dll" || rest.starts_with(".so") || (rest.starts_with('.') && rest.ends_with(".dylib"))
+    })
 }
 
 #[cfg(test)]
@@ -35,7 +39,12 @@ mod tests {
 
     #[test]
     fn the_library_is_known_by_its_name() {
-        for name in ["libOpenImageDenoise.so.2", "libOpenImageDenoise.so.2.5.1", "OpenImageDenoise.dll", "libOpenImageDenoise.2.dylib"] {
+        for name in [
+            "libOpenImageDenoise.so.2",
+            "libOpenImageDenoise.so.2.5.1",
+            "OpenImageDenoise.dll",
+            "libOpenImageDenoise.2.dylib",
+        ] {
             assert!(is_library_name(name), "{name}");
         }
         for name in ["libOpenImageDenoise_core.so.2.5.1", "libtbb.so.12", "OpenImageDenoise.lib"] {

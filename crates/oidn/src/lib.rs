@@ -22,7 +22,9 @@ pub enum DenoiseError {
     )]
     NotFound(Option<PathBuf>),
     /// The system's loader refused it.
-    #[error("{path}: cannot be loaded: {source}; it must be Open Image Denoise 2 for this machine, with the libraries that belong to it beside it")]
+    #[error(
+        "{path}: cannot be loaded: {source}; it must be Open Image Denoise 2 for this machine, with the libraries that belong to it beside it"
+    )]
     Load {
         /// What was loaded.
         path: PathBuf,

@@ -424,7 +424,14 @@ mod tests {
             FilmSample { color: Rgb::splat(value(u)), alpha: 1.0, weight }
         });
         let (area, values) = (Crop::full([1, 1]), values.collect());
-        film.tiles[0].fold(&FilmPart { area, samples: [0, samples], pixels: None, values, aovs: Vec::new(), keys: Vec::new() });
+        film.tiles[0].fold(&FilmPart {
+            area,
+            samples: [0, samples],
+            pixels: None,
+            values,
+            aovs: Vec::new(),
+            keys: Vec::new(),
+        });
         film
     }
 

@@ -3,9 +3,9 @@
 //! A path counts as what its *first* scattering is, seen from the camera: a mirror image of a wall is specular, whatever the wall is.
 
 use snell_math::SampledSpectrum;
+use snell_math::Vec3;
 use snell_scene::MaterialId;
 use snell_scene::material::ShadingBsdf;
-use snell_math::Vec3;
 
 /// What the first scattering of a path is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,7 +61,8 @@ pub struct LightPart {
 impl LightPart {
     /// How much of some light belongs to the part, by lane.
     pub fn share(&self, light: &LightTag) -> SampledSpectrum {
-        let fits = self.scatterings.is_none_or(|s| s == light.scatterings) && self.group.is_none_or(|g| g == light.group);
+        let fits =
+            self.scatterings.is_none_or(|s| s == light.scatterings) && self.group.is_none_or(|g| g == light.group);
         match self.lobe {
             _ if !fits => SampledSpectrum::ZERO,
             None => SampledSpectrum::ONE,

@@ -184,7 +184,8 @@ impl<'a> Job<'a> {
         }
         let mut statistics = into_inner(tally.statistics);
         let is_stopped = tally.stopped.into_inner();
-        statistics.is_complete = film.least_samples() == self.settings.spp || (self.settings.noise.is_some() && !is_stopped);
+        statistics.is_complete =
+            film.least_samples() == self.settings.spp || (self.settings.noise.is_some() && !is_stopped);
         (film, statistics, into_inner(tally.recording))
     }
 
@@ -248,9 +249,7 @@ impl<'a> Job<'a> {
     ) {
         let tiles = std::mem::take(&mut film.tiles).into_iter().zip(active);
         let tiles: Vec<_> = tiles
-            .map(|(tile, pixels)| {
-                Mutex::new(SharedTile { tile, pixels: pixels.clone(), waiting: BTreeMap::new() })
-            })
+            .map(|(tile, pixels)| Mutex::new(SharedTile { tile, pixels: pixels.clone(), waiting: BTreeMap::new() }))
             .collect();
         let shared = Shared { tiles: &tiles, parts, next: AtomicUsize::new(0), passes, tally, keep_going };
         if threads <= 1 {
@@ -271,7 +270,8 @@ impl<'a> Job<'a> {
         let wants_lobes = !self.light_parts.is_empty();
         let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights, wants_lobes };
         let tracer = Tracer::new(self.scene, tally.record.then(Recording::default));
-        let mut renderer = PartRenderer::new(context, self.camera, &self.sampler, &self.filter, &self.light_parts, tracer);
+        let mut renderer =
+            PartRenderer::new(context, self.camera, &self.sampler, &self.filter, &self.light_parts, tracer);
         let mut mine = Statistics::default();
         loop {
             // Asked before a part is taken: every part that is taken is rendered, and so the passes counted here are whole,

@@ -15,7 +15,7 @@ use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex,
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
 use snell_intersect::{Grouping, Hit};
-use snell_math::SampledSpectrum;
+use snell_math::{ColorMode, SampledSpectrum};
 use snell_scene::{Background, Camera};
 
 /// Light rays that are traced at once, up to those of one vertex more: ray trees and scenes of many lights have too many to keep.
@@ -52,6 +52,8 @@ pub struct PartRenderer<'a> {
 #[derive(Clone, Copy)]
 struct Sample {
     random: Random,
+    /// What the lanes of its spectra stand for.
+    mode: ColorMode,
     /// Found at vertices.
     radiance: SampledSpectrum,
     /// Brought by light rays. Summed apart, because how the two alternate depends on where a batch of many samples is cut into
@@ -148,11 +150,10 @@ impl<'a> PartRenderer<'a> {
         let settings = self.context.settings;
         for number in range[0]..range[1] {
             let random = self.sampler.random(pixel, number);
-            let (ray, state, weight) =
-                camera_path(self.context.scene, self.camera, settings, self.filter, pixel, &random);
-            let index = self.samples.len() as u32;
+            let (ray, state, weight) = camera_path(self.camera, settings, self.filter, pixel, &random);
+            let (index, mode) = (self.samples.len() as u32, state.mode);
             let (radiance, brought) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
-            self.samples.push(Sample { random, radiance, brought, alpha: 1.0, weight, rays: 0 });
+            self.samples.push(Sample { random, mode, radiance, brought, alpha: 1.0, weight, rays: 0 });
             self.paths.push(ray, state, index);
         }
     }
@@ -196,6 +197,7 @@ impl<'a> PartRenderer<'a> {
                 interaction,
                 material: scene.material(scene.material_id(&hit)),
                 footprint: state.cone_width + state.cone_spread * hit.t,
+                mode: state.mode,
             });
             let random = self.samples[i].random.at_vertex(0, 0);
             let vertex = Vertex { depth: 0, ray: &ray, state, random, surface };
@@ -266,6 +268,7 @@ impl<'a> PartRenderer<'a> {
             interaction,
             material: scene.material(scene.material_id(&hit)),
             footprint: state.cone_width + state.cone_spread * hit.t,
+            mode: state.mode,
         });
         let random = self.samples[sample as usize].random.at_vertex(state.stream, depth);
         let vertex = Vertex { depth, ray: &ray, state: &state, random, surface };
@@ -307,7 +310,8 @@ impl<'a> PartRenderer<'a> {
     /// Adds what was found to its layers, and keeps what must be known of the light rays.
     fn note_light_parts(&mut self, depth: u32, path: usize, sample: u32) {
         let (scene, hit) = (self.context.scene, &self.paths.hits[path]);
-        let source = if hit.is_hit() { LightSource::Material(scene.material_id(hit)) } else { LightSource::Environment };
+        let source =
+            if hit.is_hit() { LightSource::Material(scene.material_id(hit)) } else { LightSource::Environment };
         let tag = |lobe, count, source| LightTag {
             lobe,
             scatterings: Scatterings::of(count),
@@ -315,7 +319,8 @@ impl<'a> PartRenderer<'a> {
         };
         let found = tag(self.paths.states[path].lobe, depth, source);
         let brought = tag(self.outputs.light_lobe, depth + 1, self.outputs.light_source.unwrap_or(source));
-        self.light_parts.add(&mut self.aovs, sample, self.outputs.radiance, &found, scene.mode);
+        let mode = self.samples[sample as usize].mode;
+        self.light_parts.add(&mut self.aovs, sample, self.outputs.radiance, &found, mode);
         self.light_rays.tags.extend(self.outputs.light_rays.iter().map(|_| brought));
     }
 
@@ -331,20 +336,20 @@ impl<'a> PartRenderer<'a> {
         let lights = rays.samples.iter().zip(&rays.values).zip(&rays.blocked);
         for (((&sample, &value), blocked), tag) in lights.zip(&rays.tags) {
             if !blocked {
-                self.light_parts.add(&mut self.aovs, sample, value, tag, self.context.scene.mode);
+                let mode = self.samples[sample as usize].mode;
+                self.light_parts.add(&mut self.aovs, sample, value, tag, mode);
             }
         }
         rays.clear();
     }
 
     fn finish(&self, statistics: &mut Statistics) -> Vec<FilmSample> {
-        let mode = self.context.scene.mode;
         let values = self.samples.iter().map(|sample| {
             let radiance = sample.radiance + sample.brought;
             let finite = radiance.is_finite();
             statistics.invalid_samples += u64::from(!finite);
             let radiance = if finite { radiance } else { SampledSpectrum::ZERO };
-            FilmSample { color: mode.to_rgb(radiance), alpha: sample.alpha, weight: sample.weight }
+            FilmSample { color: sample.mode.to_rgb(radiance), alpha: sample.alpha, weight: sample.weight }
         });
         values.collect()
     }

@@ -94,7 +94,9 @@ impl Sampler {
 
     fn number(&self, key: u32, sample: u32, dimension: u32) -> f32 {
         match self.kind {
-            SamplerKind::Sobol | SamplerKind::ZSobol => sobol::number(rng::hash_combine(key, dimension), sample, self.set_log2()),
+            SamplerKind::Sobol | SamplerKind::ZSobol => {
+                sobol::number(rng::hash_combine(key, dimension), sample, self.set_log2())
+            }
             _ => self.point(key, sample, dimension).x,
         }
     }

@@ -43,7 +43,11 @@ pub fn aovs(
         asked.extend([Aov::Albedo, Aov::Normal]);
     }
     let mut aovs: Vec<Aov> = Vec::new();
-    asked.into_iter().for_each(|aov| if !aovs.contains(&aov) { aovs.push(aov) });
+    asked.into_iter().for_each(|aov| {
+        if !aovs.contains(&aov) {
+            aovs.push(aov)
+        }
+    });
     Ok(aovs)
 }
 
@@ -63,7 +67,10 @@ pub fn light_groups(definitions: &[String], scene: &Scene) -> Result<Vec<LightGr
         groups.push(LightGroup { name: name.to_string(), sources: sources.collect::<Result<_, _>>()? });
     }
     if groups.len() > MAX_GROUPS {
-        return Err(Failure::Usage(format!("there are {} light groups; at most {MAX_GROUPS} are allowed", groups.len())));
+        return Err(Failure::Usage(format!(
+            "there are {} light groups; at most {MAX_GROUPS} are allowed",
+            groups.len()
+        )));
     }
     Ok(groups)
 }
@@ -82,7 +89,10 @@ fn source(item: &str, scene: &Scene) -> Result<LightSource, String> {
             0 => "no other lights".to_string(),
             n => format!("lights 0 to {}", n - 1),
         };
-        format!("there is no light \"{item}\"; there are {lights}, environment, and emissive materials: {}", materials.join(", "))
+        format!(
+            "there is no light \"{item}\"; there are {lights}, environment, and emissive materials: {}",
+            materials.join(", ")
+        )
     })
 }
 
@@ -128,7 +138,8 @@ fn thing_name(aov: Aov, key: u64, scene: &Scene, compiled: &CompiledScene) -> St
     }
     let hit = snell_intersect::Hit { instance: (key >> 32) as u32, geometry: key as u32, ..snell_intersect::Hit::MISS };
     let path: Vec<NodeId> = compiled.node_path(&hit);
-    let named = |id: &NodeId| Some(scene.nodes[id.index()].name.as_str()).filter(|n| !n.is_empty() && *id != scene.root);
+    let named =
+        |id: &NodeId| Some(scene.nodes[id.index()].name.as_str()).filter(|n| !n.is_empty() && *id != scene.root);
     let names: Vec<&str> = path.iter().filter_map(named).collect();
     if names.is_empty() { format!("object {}.{}", key >> 32, key as u32) } else { names.join("/") }
 }

@@ -26,8 +26,9 @@ mod tests {
     #[test]
     fn white_noise_loses_what_is_said() {
         let side = 128;
-        let noise: Vec<f64> =
-            (0..side * side).map(|i| f64::from(snell_math::rng::to_unit(snell_math::rng::hash32(i as u32))) - 0.5).collect();
+        let noise: Vec<f64> = (0..side * side)
+            .map(|i| f64::from(snell_math::rng::to_unit(snell_math::rng::hash32(i as u32))) - 0.5)
+            .collect();
         let rms = |p: &[f64]| (p.iter().map(|x| x * x).sum::<f64>() / p.len() as f64).sqrt();
         let left = rms(&blurred(&noise, side)) / rms(&noise);
         assert!((left / OF_WHITE_NOISE - 1.0).abs() < 0.03, "{left}");

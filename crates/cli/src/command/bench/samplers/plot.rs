@@ -21,7 +21,8 @@ fn color(sampler: SamplerKind) -> &'static str {
 pub fn svg(all: &[Series]) -> String {
     let mut svg = Svg::new(SIZE[0], SIZE[1]);
     svg.label([50.0, 56.0], 34.0, INK, Anchor::Start, true, "Error against number of samples");
-    let subtitle = "relative root mean square error of a pixel; dashed: after a blur, which shows how errors of neighbours cancel";
+    let subtitle =
+        "relative root mean square error of a pixel; dashed: after a blur, which shows how errors of neighbours cancel";
     svg.label([50.0, 90.0], 20.0, GREY, Anchor::Start, false, subtitle);
     let panels: Vec<&[Series]> = all.chunk_by(|a, b| a.integrand.name == b.integrand.name).collect();
     for (number, series) in panels.iter().enumerate() {
