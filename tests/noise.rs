@@ -42,7 +42,7 @@ fn coverage(
 
 #[test]
 fn the_stated_interval_covers_the_truth_as_often_as_stated() {
-    let (share, samples) = coverage(&cornell_box(), 12, 0.12, 12, 8192);
+    let (share, samples) = coverage(&cornell_box(), 12, 0.2, 12, 4096);
     eprintln!("Cornell box: {:.2} % of the pixels are covered, with {samples:.0} samples", share * 100.0);
     assert!((0.93..=0.97).contains(&share), "{share}");
 }

@@ -14,10 +14,12 @@
 //! grey 3.1 % of it, at black 0.002 of white.
 //!
 //! **When a pixel stops.** It is looked at after 128 samples and each time it has a quarter more. It stops when its error is small
-//! enough, and would be so too if its blocks were spread as those of the 3 x 3 pixels around it are in the mean: few blocks of one pixel may
-//! happen to agree. Looking again and again at an interval that shrinks to a given width is the sequential procedure of Chow and
-//! Robbins (On the asymptotic theory of fixed-width sequential confidence intervals, 1965): as the width goes to zero the interval
-//! covers with the stated probability, and the mean converges to the truth, for any finite variance.
+//! enough, and would be so too if its blocks were spread as those of the 3 x 3 pixels around it are in the mean: few blocks of one
+//! pixel may happen to agree. Looking again and again at an interval that shrinks to a given width is the sequential procedure of
+//! Chow and Robbins (On the asymptotic theory of fixed-width sequential confidence intervals, 1965): as the width goes to zero the
+//! interval covers with the stated probability, and the mean converges to the truth, for any finite variance. On the way there,
+//! pixels whose blocks agree by chance stop first, so the spread of a pixel alone is a little too small. The interval that is stated
+//! takes the mean of that spread and of the one that decided.
 
 use super::{BLOCK, Film, FilmTile};
 use crate::settings::Crop;
@@ -76,8 +78,8 @@ impl NoiseMap {
 
     /// Half of the 95 % confidence interval of a pixel's intensity; infinite with fewer than two blocks of samples.
     pub fn half_width(&self, pixel: usize) -> f64 {
-        let pixel = &self.pixels[pixel];
-        pixel.half_width(pixel.deviation)
+        let own = &self.pixels[pixel];
+        own.half_width((own.deviation + self.cautious_deviation(pixel)) / 2.0)
     }
 
     /// The error of a pixel in tone-mapped units; infinite with fewer than two blocks of samples.
@@ -85,15 +87,20 @@ impl NoiseMap {
         self.half_width(pixel) / (self.pixels[pixel].intensity.max(0.0) + floor)
     }
 
-    /// The larger of [`Self::error`] and the same with the mean deviation of the pixels around: what decides.
+    /// The same, with what decides in place of the deviation: not less than that of the pixels around.
     pub fn cautious_error(&self, pixel: usize, floor: f64) -> f64 {
+        let own = &self.pixels[pixel];
+        own.half_width(self.cautious_deviation(pixel)) / (own.intensity.max(0.0) + floor)
+    }
+
+    /// The larger of a pixel's deviation and the mean over it and those around.
+    fn cautious_deviation(&self, pixel: usize) -> f64 {
         let [width, height] = self.size;
         let (column, row) = (pixel % width, pixel / width);
         let around = |p: usize, end: usize| p.saturating_sub(1)..(p + 2).min(end);
         let window = || around(row, height).flat_map(|y| around(column, width).map(move |x| y * width + x));
         let mean = window().map(|p| self.pixels[p].deviation).sum::<f64>() / window().count() as f64;
-        let own = &self.pixels[pixel];
-        own.half_width(own.deviation.max(mean)) / (own.intensity.max(0.0) + floor)
+        self.pixels[pixel].deviation.max(mean)
     }
 }
 
