@@ -14,7 +14,8 @@ fn cornell_box() -> (CompiledScene, Camera) {
     (CompiledScene::new(&scene, &BuildOptions::default()).expect("the scene compiles"), camera)
 }
 
-const TRIALS: u32 = 40;
+/// Renders of the long test, of 64 pixels each.
+const TRIALS: u32 = 1000;
 
 /// Shares of pixels of `trials` renders whose intervals hold the truth, and the mean number of samples.
 fn coverage(
@@ -35,7 +36,10 @@ fn coverage(
         let holds = |&p: &usize| (map.intensity(p) - truth.intensity(p)).abs() <= map.half_width(p);
         covered += (0..pixels).filter(holds).count();
         samples += film.mean_samples() / f64::from(trials);
-        assert!((0..pixels).all(|p| map.error(p, settings.noise_floor) <= noise), "every pixel is as good as asked");
+        assert!(
+            (0..pixels).all(|p| map.error(p, settings.noise_floor) <= noise * 1.000_001),
+            "every pixel is as good as asked"
+        );
     }
     (covered as f64 / f64::from(trials) / pixels as f64, samples)
 }
@@ -53,9 +57,10 @@ fn the_stated_interval_covers_the_truth_in_a_thousand_trials() {
     let (scene, camera) = everything();
     let everything = (CompiledScene::new(&scene, &BuildOptions::default()).expect("the scene compiles"), camera);
     for (name, scene) in [("Cornell box", cornell_box()), ("everything", everything)] {
-        for noise in [0.05, 0.1, 0.2] {
-            let (share, samples) = coverage(&scene, 8, noise, TRIALS, 1 << 18);
+        for noise in [0.1, 0.2] {
+            let (share, samples) = coverage(&scene, 8, noise, TRIALS, 1 << 16);
             eprintln!("{name}, {noise}: {:.2} % of the pixels are covered, with {samples:.0} samples", share * 100.0);
+            assert!((0.93..=0.97).contains(&share), "{name} {noise}: {share}");
         }
     }
 }

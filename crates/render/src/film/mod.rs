@@ -144,6 +144,8 @@ pub struct FilmTile {
     taken: Vec<u32>,
     /// Sum of the intensities of whole blocks, and of their squares, of each pixel.
     blocks: Vec<[f64; 2]>,
+    /// Of pixels that have stopped, the deviation of blocks that decided.
+    decided: Vec<Option<f64>>,
     channels: usize,
     /// Expected weight of a sample, see [`filter::FilterSampler::mean_weight`].
     mean_weight: f64,
@@ -163,8 +165,8 @@ impl FilmTile {
         let total = Sums::new(pixels, channels, mean_weight < 1.0);
         let first = vec![0.0; pixels * aov_channels];
         let (taken, blocks) = (vec![0; pixels], vec![[0.0; 2]; pixels]);
-        let coverage = vec![Vec::new(); pixels * coverages];
-        Self { area, samples: 0, taken, blocks, channels, mean_weight, total, partial: None, first, coverage }
+        let (decided, coverage) = (vec![None; pixels], vec![Vec::new(); pixels * coverages]);
+        Self { area, samples: 0, taken, blocks, decided, channels, mean_weight, total, partial: None, first, coverage }
     }
 
     /// Adds a part of this tile.

@@ -217,12 +217,9 @@ impl<'a> Job<'a> {
             samples = end;
             active = noise::unconverged(film, &active, noise, floor);
         }
+        let left: usize = noise::unconverged(film, &active, noise, floor).iter().flatten().map(Vec::len).sum();
         let all: u64 = film.tiles.iter().map(|t| pixels(&t.area)).sum();
-        let left: u64 = noise::unconverged(film, &vec![None; film.tiles.len()], noise, floor)
-            .iter()
-            .map(|p| p.as_ref().map_or(0, |p| p.len() as u64))
-            .sum();
-        lock(&tally.statistics).converged_pixels = all - left;
+        lock(&tally.statistics).converged_pixels = all - left as u64;
     }
 
     /// Parts in the order in which they are rendered: the first range of all tiles, then the second …
