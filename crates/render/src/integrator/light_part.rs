@@ -130,4 +130,6 @@ pub enum LightSource {
     Material(MaterialId),
     /// The environment, or the background where the camera sees it.
     Environment,
+    /// Media that glow.
+    Medium,
 }

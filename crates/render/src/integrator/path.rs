@@ -1,9 +1,13 @@
 //! Path tracing: light samples at every vertex, BSDF samples to go on, both weighted by the power heuristic, Russian roulette.
 //! `direct` is the same with one bounce.
 
-use super::estimators::{background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light};
+use super::estimators::{
+    Arrival, background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light,
+};
 use super::light_part::LobeShares;
+use super::scattering::scatter;
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
+use crate::light_sampler::Receiver;
 use crate::settings::LightStrategy;
 use snell_math::{Ray, SampledSpectrum, Vec3, sampling};
 use snell_scene::material::ShadingBsdf;
@@ -13,10 +17,20 @@ const ROULETTE_DEPTH: u32 = 4;
 /// Largest probability of going on, so that every path ends.
 const MAX_SURVIVAL: f32 = 0.98;
 /// Growth of the ray cone after a bounce that scatters.
-const SCATTERED_SPREAD: f32 = 0.2;
+pub(super) const SCATTERED_SPREAD: f32 = 0.2;
 
 /// Vertex function of `path` and `direct`.
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
+    let max_depth = match context.settings.integrator {
+        IntegratorKind::Direct => 1,
+        _ => context.settings.max_depth,
+    };
+    if let Some(medium) = &vertex.medium {
+        if vertex.depth < max_depth {
+            scatter(context, vertex, medium, out);
+        }
+        return;
+    }
     let Some(surface) = &vertex.surface else {
         out.radiance = escaped(context, vertex);
         return;
@@ -30,16 +44,24 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
             out.radiance = vertex.state.throughput * emitted * weight;
         }
     }
-    let max_depth = match context.settings.integrator {
-        IntegratorKind::Direct => 1,
-        _ => context.settings.max_depth,
-    };
     if vertex.depth >= max_depth {
         return;
     }
     let shading = surface.material.bsdf_towards(&point, wo);
-    add_light_sample(context, vertex, surface, &shading, out);
-    add_bounce(context, vertex, surface, &shading, out);
+    let normal = shading.frame.z;
+    let receiver = Receiver {
+        position: surface.interaction.position,
+        normal: if normal.dot(wo) < 0.0 { -normal } else { normal },
+        transmits: true,
+    };
+    if !shading.is_delta() {
+        let bsdf = |wi| (shading.eval(wo, wi), shading.pdf(wo, wi));
+        let direction = light_sample(context, vertex, Arrival::at_surface(surface), &receiver, bsdf, out);
+        if let Some(wi) = direction {
+            out.light_lobe = first_lobe(context, vertex, || LobeShares::of_surface(&shading, wo, wi, false));
+        }
+    }
+    add_bounce(context, vertex, surface, &receiver, &shading, out);
 }
 
 fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
@@ -51,7 +73,7 @@ fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
         return SampledSpectrum::ZERO;
     }
     let weight = if context.scene.samples_environment(context.settings.light_strategy) {
-        weight_of_bsdf_sample(context, vertex, || light_pdf_of_environment(context, vertex.ray.direction))
+        weight_of_bsdf_sample(context, vertex, || light_pdf_of_environment(context, vertex))
     } else {
         1.0
     };
@@ -69,48 +91,64 @@ fn weight_of_bsdf_sample(context: &Context, vertex: &Vertex, light_pdf: impl Fn(
     }
 }
 
-fn add_light_sample(
+/// Adds a light ray towards a light sample, and tells its direction. `scattering` gives, for a direction, what share of light from there goes on along the path
+/// and the density with which the path itself would have gone there.
+pub(super) fn light_sample(
     context: &Context,
     vertex: &Vertex,
-    surface: &SurfaceVertex,
-    shading: &ShadingBsdf,
+    at: Arrival,
+    receiver: &Receiver,
+    scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
     out: &mut Outputs,
-) {
-    if shading.is_delta() {
-        return;
-    }
-    let Some((light, probability)) = context.lights.sample(|| vertex.random.number(dimension::LIGHT_CHOICE)) else {
-        return;
-    };
-    if context.scene.environment_light() == Some(light)
-        && !context.scene.samples_environment(context.settings.light_strategy)
-    {
-        return;
-    }
+) -> Option<Vec3> {
+    let u = || vertex.random.number(dimension::LIGHT_CHOICE);
+    let chosen = context.lights.sample(receiver, u)?;
+    let probability = chosen.probability;
     let u = vertex.random.pair(dimension::LIGHT);
-    let Some(sample) = sample_light(context, surface, light, u) else { return };
+    let sample = sample_light(context, &at, &chosen, u)?;
     if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
-        return;
+        return None;
     }
-    let wo = outgoing(vertex.ray);
-    let value = shading.eval(wo, sample.direction);
+    let (value, pdf) = scattering(sample.direction);
     if value.is_black() {
-        return;
+        return None;
     }
     let weight = if sample.is_delta || context.settings.light_strategy == LightStrategy::Light {
         1.0
     } else {
-        sampling::power_heuristic(sample.pdf * probability, shading.pdf(wo, sample.direction))
+        sampling::power_heuristic(sample.pdf * probability, pdf)
     };
     let value = vertex.state.throughput * value * sample.radiance * (weight / (sample.pdf * probability));
-    if !value.is_black() && value.is_finite() {
-        out.light_source = Some(sample.source);
-        out.light_lobe = lobe(context, vertex, shading, sample.direction, false);
-        out.light_rays.push((sample.shadow_ray, value));
+    if value.is_black() || !value.is_finite() {
+        return None;
     }
+    out.light_source = Some(sample.source);
+    out.light_rays.push((sample.shadow_ray, value));
+    Some(sample.direction)
 }
 
-fn add_bounce(context: &Context, vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, out: &mut Outputs) {
+/// The path's first scattering: this one, if it is the first and somebody wants to know.
+pub(super) fn first_lobe(context: &Context, vertex: &Vertex, this: impl FnOnce() -> LobeShares) -> LobeShares {
+    if context.wants_lobes && vertex.depth == 0 { this() } else { vertex.state.lobe }
+}
+
+/// Russian roulette: the probability with which the path goes on, by the weight it would have; `None` if it ends.
+pub(super) fn survival(vertex: &Vertex, weight: f32) -> Option<f32> {
+    if vertex.depth < ROULETTE_DEPTH {
+        return Some(1.0);
+    }
+    let survival = weight.min(MAX_SURVIVAL);
+    (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)
+}
+
+fn add_bounce(
+    context: &Context,
+    vertex: &Vertex,
+    surface: &SurfaceVertex,
+    receiver: &Receiver,
+    shading: &ShadingBsdf,
+    out: &mut Outputs,
+) {
     let wo = outgoing(vertex.ray);
     let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
     let Some(sample) = shading.sample(wo, u_lobe, u) else { return };
@@ -120,18 +158,14 @@ fn add_bounce(context: &Context, vertex: &Vertex, surface: &SurfaceVertex, shadi
     }
     let crossing = if sample.is_transmission { shading.crossing_scale(wo) } else { 1.0 };
     let eta_scale = vertex.state.eta_scale * crossing;
-    if vertex.depth >= ROULETTE_DEPTH {
-        let survival = (throughput.max_element() * eta_scale).min(MAX_SURVIVAL);
-        if vertex.random.number(dimension::ROULETTE) >= survival {
-            return;
-        }
-        throughput *= 1.0 / survival;
-    }
+    let Some(survival) = survival(vertex, throughput.max_element() * eta_scale) else { return };
+    throughput *= 1.0 / survival;
     let state = PathState {
         eta_scale,
         bsdf_pdf: if sample.is_delta { 0.0 } else { sample.pdf },
+        receiver: *receiver,
         is_specular: vertex.state.is_specular && sample.is_delta,
-        lobe: lobe(context, vertex, shading, sample.wi, sample.is_delta),
+        lobe: first_lobe(context, vertex, || LobeShares::of_surface(shading, wo, sample.wi, sample.is_delta)),
         cone_spread: if sample.is_delta {
             vertex.state.cone_spread
         } else {
@@ -140,13 +174,4 @@ fn add_bounce(context: &Context, vertex: &Vertex, surface: &SurfaceVertex, shadi
         ..continued(vertex, surface, throughput)
     };
     out.next.push((Ray::new(surface.interaction.ray_origin(sample.wi), sample.wi), state));
-}
-
-/// The path's first scattering, this one if there was none before.
-fn lobe(context: &Context, vertex: &Vertex, shading: &ShadingBsdf, wi: Vec3, is_delta: bool) -> LobeShares {
-    if context.wants_lobes && vertex.depth == 0 {
-        LobeShares::of_surface(shading, outgoing(vertex.ray), wi, is_delta)
-    } else {
-        vertex.state.lobe
-    }
 }

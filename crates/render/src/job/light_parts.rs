@@ -14,10 +14,11 @@ pub struct LightParts {
     parts: Vec<(usize, LightPart)>,
     /// Values of all layers of a sample.
     channels: usize,
-    /// Groups by light, by material, and that of the environment.
+    /// Groups by light, by material, and those of the environment and of media.
     of_light: Vec<u8>,
     of_material: Vec<u8>,
     of_environment: u8,
+    of_media: u8,
 }
 
 impl LightParts {
@@ -36,7 +37,8 @@ impl LightParts {
             (0..scene.materials.len()).map(|i| group(groups, LightSource::Material(MaterialId(i as u32)))).collect();
         let of_environment = group(groups, LightSource::Environment);
         let of_light = (0..scene.lights().len() as u32).map(|i| group(groups, LightSource::Light(i))).collect();
-        Self { parts, channels, of_light, of_material, of_environment }
+        let of_media = group(groups, LightSource::Medium);
+        Self { parts, channels, of_light, of_material, of_environment, of_media }
     }
 
     /// True if nothing is wanted.
@@ -50,6 +52,7 @@ impl LightParts {
             LightSource::Light(light) => self.of_light[light as usize],
             LightSource::Material(material) => self.of_material[material.index()],
             LightSource::Environment => self.of_environment,
+            LightSource::Medium => self.of_media,
         }
     }
 

@@ -7,6 +7,7 @@ mod light_parts;
 mod part;
 mod paths;
 mod tracer;
+mod volumes;
 
 pub use tracer::{Recording, hit_filter};
 
@@ -153,39 +154,63 @@ impl<'a> Job<'a> {
     /// Renders with `threads` threads (at least one) until all samples are taken or `keep_going` says no. `keep_going` is called
     /// often, from any thread, with the progress so far.
     pub fn run(&self, threads: usize, keep_going: &(dyn Fn(&Progress) -> bool + Sync)) -> (Film, Statistics) {
-        let (film, statistics, _) = self.run_and_record(threads, keep_going, false);
+        let Some(noise) = self.settings.noise else {
+            return self.extend(self.empty_film(), self.settings.spp, threads, keep_going);
+        };
+        let (mut film, tally) = (self.empty_film(), Tally::default());
+        self.run_until_converged(&mut film, noise, threads, &tally, keep_going);
+        let mut statistics = into_inner(tally.statistics);
+        statistics.is_complete = !tally.stopped.into_inner();
         (film, statistics)
     }
 
-    /// The rays that [`Self::run`] traces, batch by batch: 32 bytes a ray. Which batch comes first is not the same each time.
-    pub fn record(&self, threads: usize) -> Recording {
-        self.run_and_record(threads, &|_| true, true).2
+    /// A film of this render without samples.
+    pub fn empty_film(&self) -> Film {
+        let mut film = Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight());
+        film.noise_floor = self.settings.noise_floor;
+        film
     }
 
-    fn run_and_record(
+    /// Goes on with a film of this render until every pixel has `until` samples (or all that are asked for), or `keep_going` says
+    /// no. In how many steps a film is made never shows in it. No pixel stops by its error.
+    pub fn extend(
         &self,
+        film: Film,
+        until: u32,
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+    ) -> (Film, Statistics) {
+        let (film, statistics, _) = self.extend_and_record(film, until, threads, keep_going, false);
+        (film, statistics)
+    }
+
+    /// The rays that [`Self::extend`] traces, batch by batch: 32 bytes a ray. Which batch comes first is not the same each time.
+    pub fn record(&self, threads: usize) -> Recording {
+        self.extend_and_record(self.empty_film(), self.settings.spp, threads, &|_| true, true).2
+    }
+
+    fn extend_and_record(
+        &self,
+        mut film: Film,
+        until: u32,
         threads: usize,
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
         record: bool,
     ) -> (Film, Statistics, Recording) {
-        let mut film = Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight());
-        film.noise_floor = self.settings.noise_floor;
+        let until = until.min(self.settings.spp);
+        let ranges = sample_ranges(self.settings.spp, self.settings.progressive);
+        let missing = |tile: &FilmTile| pixels(&tile.area) * u64::from(until.saturating_sub(tile.samples));
         let tally = Tally { record, ..Tally::default() };
-        match self.settings.noise {
-            None => {
-                let ranges = sample_ranges(self.settings.spp, self.settings.progressive);
-                let total = film.tiles.iter().map(|t| pixels(&t.area)).sum::<u64>() * u64::from(self.settings.spp);
-                tally.total.store(total, Ordering::Relaxed);
-                let parts = self.parts(&film, |_| ranges.clone());
-                let all = vec![None; film.tiles.len()];
-                self.render_parts(&mut film, &all, &parts, 0, threads, &tally, keep_going);
-            }
-            Some(noise) => self.run_until_converged(&mut film, noise, threads, &tally, keep_going),
-        }
+        tally.total.store(film.tiles.iter().map(missing).sum(), Ordering::Relaxed);
+        // What the film brings along is not rendered again.
+        let parts = self.parts(&film, |tile| {
+            let cut = |r: &[u32; 2]| [r[0].max(film.tiles[tile].samples), r[1].min(until)];
+            ranges.iter().map(cut).filter(|r| r[0] < r[1]).collect()
+        });
+        let all = vec![None; film.tiles.len()];
+        self.render_parts(&mut film, &all, &parts, 0, threads, &tally, keep_going);
         let mut statistics = into_inner(tally.statistics);
-        let is_stopped = tally.stopped.into_inner();
-        statistics.is_complete =
-            film.least_samples() == self.settings.spp || (self.settings.noise.is_some() && !is_stopped);
+        statistics.is_complete = film.tiles.iter().all(|t| t.samples >= until);
         (film, statistics, into_inner(tally.recording))
     }
 
