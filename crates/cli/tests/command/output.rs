@@ -184,7 +184,7 @@ fn a_light_group_or_a_denoiser_that_is_not_there_is_an_error_that_tells_what_to_
         ("--light-group key", "write NAME=LIST"),
         ("--denoise=nowhere", "pip install pyoidn"),
         ("--noise 0", "write a number from 0.00001"),
-        ("--clamp -1", "write a positive number"),
+        ("--clamp=-1", "write a positive number"),
     ] {
         let run = place.run(&format!("render cornell-box {option} -o a.png"));
         assert!(run.code != 0 && run.err.contains(remedy), "{option}: {}", run.err);
