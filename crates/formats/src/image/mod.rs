@@ -6,6 +6,7 @@
 //! are encoded.
 
 pub mod compare;
+pub mod cryptomatte;
 mod flip;
 mod openexr;
 mod pfm;
