@@ -137,6 +137,10 @@ impl Lobes for CoatedBsdf {
         self.ggx.is_smooth() && self.base.is_delta()
     }
 
+    fn is_opaque(&self) -> bool {
+        self.base.is_opaque()
+    }
+
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {
         let e = self.coat_albedo(wo);
         e + self.base.albedo(wo) * (SampledSpectrum::ONE - e)

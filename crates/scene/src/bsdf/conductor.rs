@@ -83,6 +83,10 @@ impl Lobes for ConductorBsdf {
         self.ggx.is_smooth()
     }
 
+    fn is_opaque(&self) -> bool {
+        true
+    }
+
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {
         self.reflectance(wo.z.abs())
     }

@@ -39,6 +39,10 @@ impl Lobes for DiffuseBsdf {
         false
     }
 
+    fn is_opaque(&self) -> bool {
+        true
+    }
+
     fn albedo(&self, _wo: Vec3) -> SampledSpectrum {
         self.reflectance
     }

@@ -156,6 +156,10 @@ impl Lobes for GlossyBsdf {
         self.ggx.is_smooth() && self.diffuse.is_black()
     }
 
+    fn is_opaque(&self) -> bool {
+        self.ggx.is_smooth() || self.transmission.is_black()
+    }
+
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {
         let e = self.layer_albedo(wo);
         e + (self.diffuse + self.transmission) * (SampledSpectrum::ONE - e)

@@ -77,7 +77,7 @@ fn kind(pbr: Pbr) -> MaterialKind {
     let is_clear = pbr.transmission.factor >= 0.5 && pbr.transmission.texture.is_none();
     if pbr.is_boundary && is_clear && pbr.metallic.factor == 0.0 {
         let Pbr { ior, roughness, base_color: tint, absorption, .. } = pbr;
-        return Dielectric { ior, roughness, tint, absorption }.into();
+        return Dielectric { ior: ior.into(), roughness, tint, absorption }.into();
     }
     MetallicRoughness {
         base_color: pbr.base_color,
@@ -202,7 +202,7 @@ fn color_with_alpha(
     }
     let [r, g, b, a] = rgba.map(|c| c.clamp(0.0, 1.0));
     let texture = texture_of(reader, json, map, Use::Color)?;
-    let color = ColorParam { factor: rgb([r, g, b]), texture };
+    let color = ColorParam::textured(rgb([r, g, b]), texture);
     Ok((color, ScalarParam { factor: a as f32, texture: texture.map(|t| (t, 3)) }))
 }
 
@@ -217,7 +217,7 @@ fn emission(reader: &mut Reader, json: &Json) -> Result<ColorParam, ReadError> {
         return Err(json.error("the emission is too large to be computed"));
     }
     let texture = texture_of(reader, json, "emissiveTexture", Use::Color)?;
-    Ok(ColorParam { factor, texture })
+    Ok(ColorParam::textured(factor, texture))
 }
 
 fn alpha_mode(json: &Json) -> Result<AlphaMode, ReadError> {
