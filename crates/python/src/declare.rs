@@ -57,12 +57,21 @@ impl Family {
     /// What the parameters of a kind may look like: of those that are one of several things, the fields of all.
     pub fn forms(&self, kind: &str) -> PyResult<Vec<(String, Tree)>> {
         self.gather(kind, |known, form| {
-            if let (Tree::Fields(known), Tree::Fields(form)) = (known, form) {
-                for (key, value) in form {
-                    if known.iter().all(|(name, _)| name != key) {
-                        known.push((key.clone(), value.clone()));
+            match (&mut *known, form) {
+                (Tree::Fields(known), Tree::Fields(form)) => {
+                    for (key, value) in form {
+                        if known.iter().all(|(name, _)| name != key) {
+                            known.push((key.clone(), value.clone()));
+                        }
                     }
                 }
+                (Tree::Fields(_), _) | (_, Tree::Nothing) => {}
+                (_, Tree::Fields(_)) => *known = form.clone(),
+                // A number or a name, say: the declaration judges.
+                (known, form) if std::mem::discriminant(known) != std::mem::discriminant(form) => {
+                    *known = Tree::Nothing
+                }
+                _ => {}
             }
         })
     }
@@ -375,7 +384,9 @@ pub fn show<'py>(py: Python<'py>, tree: &Tree, references: &References) -> PyRes
         }
         Tree::Fields(fields) => {
             // What is as one says it is shown so: a constant, a texture, one of its channels.
-            match (textured(tree), tree.get("texture")) {
+            let is_bare =
+                |(key, value): &(String, Tree)| matches!(&**key, "factor" | "texture") || *value == Tree::Nothing;
+            match (textured(tree).filter(|_| fields.iter().all(is_bare)), tree.get("texture")) {
                 (Some(factor), Some(Tree::Nothing)) => return show(py, factor, references),
                 (Some(factor), Some(texture)) if is_neutral(factor) => match texture {
                     Tree::List(items) if let [id, Tree::Whole(number)] = &items[..] => {
