@@ -71,7 +71,12 @@ impl Projection {
         let focal_length = [900.0, 900.0];
         vec![
             Self::Perspective { tan_half_fov: [Some(0.6), Some(0.4)] },
-            Self::Intrinsics(Intrinsics { focal_length, principal_point: [640.0, 360.0], skew: 0.0, size: [1280, 720] }),
+            Self::Intrinsics(Intrinsics {
+                focal_length,
+                principal_point: [640.0, 360.0],
+                skew: 0.0,
+                size: [1280, 720],
+            }),
             Self::Orthographic { half_size: [Some(1.6), Some(0.9)] },
             Self::Panoramic,
             Self::Fisheye { max_angle: std::f64::consts::PI },
