@@ -149,6 +149,10 @@ impl Files {
         render::prepare_scene(&mut scene, &options)?;
         let camera = render::choose_camera(&scene, &options)?;
         let settings = options.settings(&scene, &camera, simd)?;
+        if settings.noise.is_some() || settings.guiding.is_some() {
+            let problem = "the viewer takes equally many samples everywhere and learns nothing before: leave out --noise and --guiding";
+            return Err(Failure::Usage(problem.into()));
+        }
         let display = Display {
             exposure: options.exposure.or(scene.settings.exposure).unwrap_or(0.0),
             tonemap: options.tonemap(&scene)?,

@@ -1,5 +1,6 @@
 //! The passes in which a field learns where light comes from, before the picture is rendered.
 
+use super::light_parts::LightParts;
 use super::part::PartRenderer;
 use super::tracer::Tracer;
 use super::{Job, Progress, Statistics, lock};
@@ -100,7 +101,8 @@ impl Job<'_> {
         statistics: &mut Statistics,
     ) -> bool {
         let settings = Settings { aovs: Vec::new(), crop: None, ..self.settings.clone() };
-        let sampler = Sampler::new(settings.sampler, seed, plan.samples);
+        let sampler = Sampler::of(&Settings { seed, spp: plan.samples, ..settings.clone() });
+        let light_parts = LightParts::new(self.scene, &settings);
         let stopped = AtomicBool::new(false);
         let paths_of_part = u64::from(TILE * TILE * plan.samples.min(MAX_RANGE));
         let parts_of_batch = (PATHS_OF_BATCH / paths_of_part) as usize;
@@ -109,9 +111,9 @@ impl Job<'_> {
             let (next, all) = (AtomicUsize::new(0), Mutex::new(Statistics::default()));
             let work = || {
                 let context =
-                    Context { scene: self.scene, settings: &settings, lights: &self.lights, field: Some(field) };
+                    Context { scene: self.scene, settings: &settings, lights: &self.lights, field: Some(field), wants_lobes: false };
                 let tracer = Tracer::new(self.scene, None);
-                let mut renderer = PartRenderer::new(context, self.camera, &sampler, &self.filter, tracer);
+                let mut renderer = PartRenderer::new(context, self.camera, &sampler, &self.filter, &light_parts, tracer);
                 let mut mine = Statistics::default();
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);

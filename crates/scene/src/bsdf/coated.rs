@@ -105,6 +105,10 @@ impl Lobes for CoatedBsdf {
         self.coat_value(wo, wi) + self.base.eval(wo, wi) * self.passed(wo, wi)
     }
 
+    fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        self.base.diffuse(wo, wi) * self.passed(wo, wi)
+    }
+
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         self.coat_share(wo).map_or(0.0, |share| self.mixture_pdf(share, wo, wi))
     }

@@ -113,6 +113,10 @@ impl Lobes for GlossyBsdf {
         }
     }
 
+    fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        if wo.z * wi.z > 0.0 { self.diffuse_value(wo, wi) } else { SampledSpectrum::ZERO }
+    }
+
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if wo.z * wi.z == 0.0 {
             return 0.0;

@@ -9,8 +9,10 @@ mod dump;
 mod guiding;
 mod kinds;
 mod peer;
+mod plot;
 mod rays;
 mod render;
+mod samplers;
 mod scenes;
 mod variants;
 
@@ -32,6 +34,8 @@ pub enum Command {
     Render(render::Options),
     /// What path guiding gains at equal time: errors with and without it.
     Guiding(guiding::Options),
+    /// Error against number of samples, for all samplers, on integrands of known value
+    Samplers(samplers::Options),
 }
 
 /// Runs a benchmark.
@@ -43,5 +47,6 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
         Command::Coherence(options) => coherence::run(options),
         Command::Render(options) => render::run(options),
         Command::Guiding(options) => guiding::run(options),
+        Command::Samplers(options) => samplers::run(options),
     }
 }
