@@ -90,9 +90,9 @@ impl CoatedBsdf {
     /// A direction by the coat, of a density that [`Self::coat_pdf`] tells.
     fn sample_coat(&self, wo: Vec3, u: Vec2) -> Option<Vec3> {
         let local = self.frame.to_local(wo);
-        let up = fresnel::reflect(lift(local), self.ggx.sample_visible_normal(lift(local), u));
+        let up = self.ggx.sample_reflection(lift(local), u)?;
         let wi = self.frame.from_local(super::lower_like(up, local));
-        (up.z > 0.0 && wo.z * wi.z > 0.0).then_some(wi)
+        (wo.z * wi.z > 0.0).then_some(wi)
     }
 
     fn mixture_pdf(&self, share: f32, wo: Vec3, wi: Vec3) -> f32 {

@@ -36,6 +36,12 @@ pub fn dielectric(cos_i: f32, eta: f32) -> f32 {
     (parallel * parallel + perpendicular * perpendicular) * 0.5
 }
 
+/// Reflectance of an interface between dielectrics for diffuse light from the side of lower index; `eta >= 1` as in [`refract`].
+/// The fit of Kulla and Conty (Revisiting Physically Based Shading at Imageworks, SIGGRAPH 2017 course).
+pub fn dielectric_average(eta: f32) -> f32 {
+    (eta - 1.0) / (4.08567 + 1.00071 * eta)
+}
+
 /// Reflectance of a conductor with index of refraction `eta + i k` (relative to the outside) for unpolarised light, from the
 /// closed form in real numbers (Born and Wolf, Principles of Optics, section 14.2).
 pub fn conductor(cos_i: f32, eta: f32, k: f32) -> f32 {

@@ -138,11 +138,7 @@ impl Lobes for GlossyBsdf {
                 self.smooth_reflection(wo).sample(choice.layer)
             });
         }
-        let up = if is_diffuse {
-            sampling::cosine_hemisphere(u)
-        } else {
-            fresnel::reflect(lift(wo), self.ggx.sample_visible_normal(lift(wo), u))
-        };
+        let up = if is_diffuse { sampling::cosine_hemisphere(u) } else { self.ggx.sample_reflection(lift(wo), u)? };
         if up.z <= 0.0 {
             return None;
         }

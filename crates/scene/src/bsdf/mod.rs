@@ -8,6 +8,7 @@ mod coated;
 mod conductor;
 mod dielectric;
 mod diffuse;
+mod energy;
 pub mod fresnel;
 mod ggx;
 mod ggx_albedo;
@@ -42,6 +43,41 @@ pub struct BsdfSample {
     pub is_delta: bool,
     /// True if the path crosses the surface.
     pub is_transmission: bool,
+}
+
+impl BsdfSample {
+    /// The sample of a direction with its value (`f |cos|`) and density. `None` if the density is 0.
+    fn of(wi: Vec3, value: SampledSpectrum, pdf: f32, is_transmission: bool) -> Option<Self> {
+        (pdf > 0.0).then(|| Self { wi, weight: value / pdf, pdf, is_delta: false, is_transmission })
+    }
+}
+
+/// Probabilities of `N` lobes. They add up to 1, or are all 0 if no lobe has anything to give.
+#[derive(Clone, Copy, Debug)]
+struct Choice<const N: usize> {
+    probabilities: [f32; N],
+}
+
+impl<const N: usize> Choice<N> {
+    /// In proportion to the lobes' albedos.
+    fn new(albedos: [SampledSpectrum; N]) -> Self {
+        let sums = albedos.map(|s| s.0.iter().sum::<f32>().max(0.0));
+        let total: f32 = sums.iter().sum();
+        Self { probabilities: if total > 0.0 && total.is_finite() { sums.map(|x| x / total) } else { [0.0; N] } }
+    }
+
+    /// The lobe that a number in `[0, 1)` stands for, and a number in `[0, 1)` for use in that lobe.
+    fn pick(&self, u: f32) -> Option<(usize, f32)> {
+        let mut rest = u;
+        for (i, &p) in self.probabilities.iter().enumerate() {
+            if rest < p {
+                return Some((i, (rest / p).min(1.0 - f32::EPSILON)));
+            }
+            rest -= p;
+        }
+        // Rounding may leave a little over.
+        self.probabilities.iter().rposition(|&p| p > 0.0).map(|i| (i, 1.0 - f32::EPSILON))
+    }
 }
 
 /// One direction of perfect reflection or refraction with its factor: what Whitted's recursion follows.

@@ -71,6 +71,6 @@ impl Conductor {
             ConductorSpectrum::Color(color) => FacetReflectance::Schlick(point.reflectance(color.at(point))),
         };
         let ggx = Ggx::from_roughness(self.roughness.at(point));
-        Bsdf::Conductor(ConductorBsdf { facets, unit: point.mode.unit(), ggx })
+        Bsdf::Conductor(ConductorBsdf::new(facets, point.mode.unit(), ggx))
     }
 }
