@@ -26,8 +26,8 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
             let (mut plain, mut sum, mut weights) = (Rgb::BLACK, Rgb::BLACK, 0.0);
             for number in 0..settings.spp {
                 let random = sampler.random([x, y], number);
-                let (ray, state, weight) = camera_path(scene, camera, settings, &filter, [x, y], &random);
-                let color = scene.mode.to_rgb(radiance(&context, &ray, &state, random, 0));
+                let (ray, state, weight) = camera_path(camera, settings, &filter, [x, y], &random);
+                let color = state.mode.to_rgb(radiance(&context, &ray, &state, random, 0));
                 plain = plain + color;
                 sum = sum + color * weight;
                 weights += weight;
@@ -56,6 +56,7 @@ fn radiance(context: &Context, ray: &Ray, state: &PathState, random: Random, dep
         interaction,
         material: scene.material(scene.material_id(&hit)),
         footprint: state.cone_width + state.cone_spread * hit.t,
+        mode: state.mode,
     });
     let vertex = Vertex { depth, ray, state, random: random.at_vertex(state.stream, depth), surface };
     let mut out = Outputs::default();

@@ -6,6 +6,7 @@ use crate::integrator::aov::Aov;
 use crate::light_sampler::LightSamplerKind;
 use crate::sampler::SamplerKind;
 use snell_intersect::BuildOptions;
+use snell_math::ColorModel;
 
 /// How `raycast` and `whitted` treat occlusion of lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -113,6 +114,8 @@ pub struct Settings {
     pub pixel_position: Option<[f64; 2]>,
     /// What light does.
     pub integrator: IntegratorKind,
+    /// How it is computed with colours.
+    pub color: ColorModel,
     /// How many bounces after the camera ray's hit are followed at most: 0 shows light that reaches the camera from the first
     /// surface itself, 1 adds direct light (in `path`), and so on.
     pub max_depth: u32,
@@ -149,6 +152,7 @@ impl Default for Settings {
             filter: Filter::default(),
             pixel_position: None,
             integrator: IntegratorKind::default(),
+            color: ColorModel::default(),
             max_depth: Self::MAX_DEPTH,
             shadows: Shadows::default(),
             light_strategy: LightStrategy::default(),

@@ -6,6 +6,7 @@ use crate::camera::Camera;
 use crate::image::Image;
 use crate::light::Light;
 use crate::material::Material;
+use crate::medium::Medium;
 use crate::settings::SceneSettings;
 use crate::texture::Texture;
 use snell_intersect::{AnyShape, Shape, TriangleMesh};
@@ -43,6 +44,10 @@ id!(
 id!(
     /// Position in [`Scene::images`].
     ImageId
+);
+id!(
+    /// Position in [`Scene::media`].
+    MediumId
 );
 
 /// What a surface is made of geometrically. Shared by reference: a mesh used twice is stored once.
@@ -197,6 +202,10 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Images by id, shared by textures.
     pub images: Vec<Arc<Image>>,
+    /// Media by id, in world coordinates. They fill the insides of surfaces ([`crate::material::Interior`]).
+    pub media: Vec<Medium>,
+    /// The medium that is everywhere where no inside of a surface is, such as the fog of a landscape.
+    pub medium: Option<MediumId>,
     /// Lights that are not surfaces, in world coordinates.
     pub lights: Vec<Light>,
     /// Cameras in world coordinates; the first is used unless another is asked for. A scene may have none.
@@ -257,6 +266,8 @@ impl Scene {
             materials: Vec::new(),
             textures: Vec::new(),
             images: Vec::new(),
+            media: Vec::new(),
+            medium: None,
             lights: Vec::new(),
             cameras: Vec::new(),
             environment: None,
@@ -296,6 +307,12 @@ impl Scene {
     pub fn add_texture(&mut self, texture: Texture) -> TextureId {
         self.textures.push(texture);
         TextureId(self.textures.len() as u32 - 1)
+    }
+
+    /// Stores a medium.
+    pub fn add_medium(&mut self, medium: impl Into<Medium>) -> MediumId {
+        self.media.push(medium.into());
+        MediumId(self.media.len() as u32 - 1)
     }
 
     /// Notes a warning; an equal one is counted instead of repeated.

@@ -14,15 +14,17 @@ pub mod graph;
 pub mod image;
 pub mod light;
 pub mod material;
+pub mod medium;
 pub mod settings;
 pub mod texture;
 
 pub use camera::{Camera, CameraSample, Projection};
 pub use graph::{
-    Background, Environment, Geometry, MaterialId, Node, NodeId, Scene, SceneError, Surface, TextureId, Warning,
+    Background, Environment, Geometry, MaterialId, MediumId, Node, NodeId, Scene, SceneError, Surface, TextureId, Warning,
 };
 pub use image::{Encoding, Image, Layer, LayeredImage, Pixels};
 pub use light::Light;
 pub use material::Material;
+pub use medium::Medium;
 pub use settings::SceneSettings;
 pub use texture::{Texture, TextureSet};

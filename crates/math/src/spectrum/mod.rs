@@ -1,12 +1,19 @@
 //! Radiometric quantities along a path: four lanes, whatever they stand for.
 //!
-//! In RGB mode (linear Rec. 709) the lanes hold red, green, blue and 0; in spectral mode they will hold four wavelengths. Code that
+//! In RGB mode (linear Rec. 709) the lanes hold red, green, blue and 0; in spectral mode they hold four wavelengths. Code that
 //! transports light works on all four lanes alike and never asks which mode it runs in: only where colours enter
 //! ([`ColorMode::reflectance`], [`ColorMode::illuminant`]) and leave ([`ColorMode::to_rgb`]) does the mode matter.
 
+pub mod cie;
+mod mode;
+pub mod response;
 mod rgb;
+pub mod uplift;
+mod wavelengths;
 
+pub use mode::{ColorMode, ColorModel};
 pub use rgb::{Rgb, linear_to_srgb, srgb_to_linear};
+pub use wavelengths::SampledWavelengths;
 
 use std::ops::{Add, AddAssign, Div, Index, Mul, MulAssign, Sub};
 
@@ -148,47 +155,5 @@ impl Index<usize> for SampledSpectrum {
     #[inline]
     fn index(&self, lane: usize) -> &f32 {
         &self.0[lane]
-    }
-}
-
-/// What the lanes stand for. A value that travels with the render settings; there is no global mode.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ColorMode {
-    /// Linear Rec. 709 red, green, blue; the fourth lane is 0.
-    #[default]
-    Rgb,
-}
-
-impl ColorMode {
-    /// The lanes of a reflectance, albedo or other factor in `[0, 1]`.
-    #[inline]
-    pub fn reflectance(self, color: Rgb) -> SampledSpectrum {
-        match self {
-            Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
-        }
-    }
-
-    /// The lanes of an emitted or incident radiance.
-    #[inline]
-    pub fn illuminant(self, color: Rgb) -> SampledSpectrum {
-        match self {
-            Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
-        }
-    }
-
-    /// The throughput a path starts with: 1 in every lane that is in use.
-    #[inline]
-    pub fn unit(self) -> SampledSpectrum {
-        match self {
-            Self::Rgb => SampledSpectrum([1.0, 1.0, 1.0, 0.0]),
-        }
-    }
-
-    /// The colour that a sensor sees: linear Rec. 709.
-    #[inline]
-    pub fn to_rgb(self, s: SampledSpectrum) -> Rgb {
-        match self {
-            Self::Rgb => Rgb::new(s[0], s[1], s[2]),
-        }
     }
 }

@@ -14,7 +14,7 @@ use crate::light_sampler::{LightSampler, LightSamplerKind};
 use crate::settings::LightStrategy;
 use lights::LightTable;
 use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, SurfaceInteraction, World, WorldError};
-use snell_math::{Bounds3d, ColorMode, Ray, SampledSpectrum, Vec3, rng};
+use snell_math::{Bounds3d, ColorMode, Ray, Rgb, Vec3, rng};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::ShadingPoint;
 use snell_scene::{Background, Material, MaterialId, NodeId, Scene, SceneError, TextureSet, Warning};
@@ -53,9 +53,7 @@ pub struct CompiledScene {
     /// What camera rays that leave the scene show.
     pub background: Background,
     /// Ambient light, for local illumination only.
-    pub ambient: SampledSpectrum,
-    /// What spectra mean.
-    pub mode: ColorMode,
+    pub ambient: Rgb,
     /// Middle of the scene's finite part.
     pub center: Vec3,
     /// Radius of the scene's finite part; 1 if it is empty.
@@ -75,7 +73,6 @@ impl CompiledScene {
         materials.push(snell_scene::framing::default_material());
         let (builder, surfaces) = surfaces::compile(scene, &materials, default_material, &mut warnings)?;
         let world = builder.build(options)?;
-        let mode = ColorMode::Rgb;
         let bounds = finite_part(&scene_bounds(&world));
         let environment = scene.environment.as_ref().map(EnvironmentLight::new);
         let lights = LightTable::new(scene, &world, &surfaces, &materials, environment.as_ref(), bounds.radius());
@@ -92,8 +89,7 @@ impl CompiledScene {
                 Background::Color(color) => Background::Color(color.map(sane)),
                 other => other,
             },
-            ambient: mode.illuminant(scene.ambient.map(sane)),
-            mode,
+            ambient: scene.ambient.map(sane),
             center: if bounds.is_empty() { Vec3::ZERO } else { bounds.center().as_vec3() },
             radius: if radius > 0.0 { radius } else { 1.0 },
             warnings,
@@ -145,9 +141,14 @@ impl CompiledScene {
         strategy == LightStrategy::Light || !is_constant
     }
 
-    /// A point as materials see it.
-    pub fn shading_point<'a>(&'a self, surface: &'a SurfaceInteraction, footprint: f32) -> ShadingPoint<'a> {
-        ShadingPoint { surface, footprint, textures: &self.textures, mode: self.mode }
+    /// A point as materials see it from a path of this colour mode.
+    pub fn shading_point<'a>(
+        &'a self,
+        surface: &'a SurfaceInteraction,
+        footprint: f32,
+        mode: ColorMode,
+    ) -> ShadingPoint<'a> {
+        ShadingPoint { surface, footprint, textures: &self.textures, mode }
     }
 
     /// True if some hits must be asked about.
@@ -165,7 +166,8 @@ impl HitFilter for CompiledScene {
             |v: Vec3| rng::pcg4d([v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), hit.primitive ^ hit.geometry << 16]);
         let [a, b, ..] = bits(ray.direction);
         let u = rng::to_unit(rng::hash_combine(rng::hash_combine(a ^ b, bits(ray.origin)[0]), hit.t.to_bits()));
-        material.is_present(ray.direction, &self.shading_point(&surface, 0.0), u)
+        // What is present has no colour.
+        material.is_present(ray.direction, &self.shading_point(&surface, 0.0, ColorMode::Rgb), u)
     }
 }
 

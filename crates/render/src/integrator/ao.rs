@@ -5,8 +5,10 @@ use snell_math::{Frame, Ray, SampledSpectrum, sampling};
 
 /// Vertex function of `ao`: white where the cosine-weighted hemisphere is free within the distance.
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
+    let mode = vertex.state.mode;
+    let white: SampledSpectrum = mode.in_white_light(mode.unit());
     let Some(surface) = &vertex.surface else {
-        out.radiance = super::estimators::background(context, vertex).unwrap_or(context.scene.mode.unit());
+        out.radiance = super::estimators::background(context, vertex).unwrap_or(white);
         return;
     };
     let interaction = surface.interaction;
@@ -19,6 +21,5 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     }
     let reach = context.settings.ao_distance.unwrap_or(0.5 * context.scene.radius);
     let ray = Ray::new(interaction.ray_origin(direction), direction).with_t_max(reach);
-    let white: SampledSpectrum = context.scene.mode.unit();
     out.light_rays.push((ray, white));
 }

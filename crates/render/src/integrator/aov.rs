@@ -146,7 +146,7 @@ impl Aov {
             Self::Albedo => {
                 let shading = surface.material.bsdf(&surface.point(context.scene));
                 let albedo = shading.bsdf.albedo(shading.frame.to_local(outgoing(vertex.ray)));
-                values.extend(context.scene.mode.to_rgb(albedo).to_array());
+                values.extend(surface.mode.to_rgb(surface.mode.in_white_light(albedo)).to_array());
             }
             Self::InstanceId => values.push(s.instance as f32),
             Self::GeometryId => values.push(s.geometry as f32),

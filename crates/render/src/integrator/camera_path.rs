@@ -1,7 +1,6 @@
 //! How a path starts: at a point of the film, through the lens.
 
 use super::PathState;
-use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
 use crate::sampler::Random;
 use crate::settings::Settings;
@@ -11,10 +10,10 @@ use snell_scene::{Camera, CameraSample};
 /// Dimensions of the camera sample.
 const FILM: u32 = 0;
 const LENS: u32 = 1;
+const WAVELENGTH: u32 = 2;
 
 /// A sample's first ray, what the path carries, and the filter's weight.
 pub(crate) fn camera_path(
-    scene: &CompiledScene,
     camera: &Camera,
     settings: &Settings,
     filter: &FilterSampler,
@@ -30,8 +29,10 @@ pub(crate) fn camera_path(
     };
     let film = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + position;
     let camera_ray = camera.ray(&CameraSample { film, lens: random.pair(LENS) }, settings.size);
+    let mode = settings.color.mode(|| random.number(WAVELENGTH));
     let state = PathState {
-        throughput: scene.mode.unit() * camera_ray.weight,
+        throughput: mode.unit() * camera_ray.weight,
+        mode,
         bsdf_pdf: 0.0,
         eta_scale: 1.0,
         is_specular: true,

@@ -17,14 +17,14 @@ const LEAST_THROUGHPUT: f32 = 1e-4;
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let throughput = vertex.state.throughput;
     let Some(surface) = &vertex.surface else {
-        let seen = background(context, vertex).unwrap_or_else(|| environment(context, vertex.ray.direction));
+        let seen = background(context, vertex).unwrap_or_else(|| environment(context, vertex));
         out.radiance = throughput * seen;
         return;
     };
     let wo = outgoing(vertex.ray);
     let point = surface.point(context.scene);
     let shading = surface.material.bsdf_towards(&point, wo);
-    let ambient = shading.ambient(wo) * context.scene.ambient;
+    let ambient = shading.ambient(wo) * vertex.state.mode.illuminant(context.scene.ambient);
     out.radiance = throughput * (surface.material.emitted(&point, wo) + ambient);
     for light in 0..context.scene.lights().len() {
         add_light(context, vertex, surface, &shading, light, out);
@@ -51,7 +51,7 @@ fn add_light(
     let is_environment = context.scene.environment_light() == Some(light);
     // The middle of the sky is no better than any other place of it: always sample that one.
     let u = if is_environment { vertex.random.pair(dimension::LIGHT) } else { u };
-    let Some(sample) = sample_light(context, surface.interaction, light, u) else { return };
+    let Some(sample) = sample_light(context, surface, light, u) else { return };
     let wo = outgoing(vertex.ray);
     let local = shading.eval_classic(wo, sample.direction) * FRAC_1_PI;
     let value = vertex.state.throughput * local * sample.radiance / sample.pdf;

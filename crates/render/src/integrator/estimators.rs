@@ -9,10 +9,10 @@ use snell_scene::Background;
 /// How far along a shadow ray to a point occluders count: just short of the light itself.
 const SHADOW_END: f32 = 1.0 - 1e-4;
 
-/// The environment's radiance along a direction; black without one.
-pub fn environment(context: &Context, direction: Vec3) -> SampledSpectrum {
-    let scene = context.scene;
-    scene.environment.as_ref().map_or(SampledSpectrum::ZERO, |e| e.radiance(direction, scene.mode))
+/// The environment's radiance along the ray that came to a vertex; black without one.
+pub fn environment(context: &Context, vertex: &Vertex) -> SampledSpectrum {
+    let environment = context.scene.environment.as_ref();
+    environment.map_or(SampledSpectrum::ZERO, |e| e.radiance(vertex.ray.direction, vertex.state.mode))
 }
 
 /// What a ray that leaves the scene shows, or `None` if it carries the environment's light and not the background.
@@ -21,7 +21,7 @@ pub fn environment(context: &Context, direction: Vec3) -> SampledSpectrum {
 pub fn background(context: &Context, vertex: &Vertex) -> Option<SampledSpectrum> {
     let shows = vertex.depth == 0 || (vertex.state.is_specular && context.scene.environment.is_none());
     match context.scene.background {
-        Background::Color(color) if shows => Some(context.scene.mode.illuminant(color)),
+        Background::Color(color) if shows => Some(vertex.state.mode.illuminant(color)),
         Background::Transparent if vertex.depth == 0 => Some(SampledSpectrum::ZERO),
         _ => None,
     }
@@ -43,11 +43,11 @@ pub struct IncidentLight {
 }
 
 /// Light arriving at a surface point from light number `light`.
-pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usize, u: Vec2) -> Option<IncidentLight> {
-    let scene = context.scene;
+pub fn sample_light(context: &Context, vertex: &SurfaceVertex, light: usize, u: Vec2) -> Option<IncidentLight> {
+    let (scene, surface, mode) = (context.scene, vertex.interaction, vertex.mode);
     match &scene.lights()[light] {
         CompiledLight::Light(light) => {
-            let sample = light.sample(surface.position, u, scene.mode)?;
+            let sample = light.sample(surface.position, u, mode)?;
             let origin = surface.ray_origin(sample.direction);
             let shadow_ray = if sample.distance.is_finite() {
                 // Aim from the moved origin at the same point of the light.
@@ -72,7 +72,7 @@ pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usiz
             let cos = direction.dot(sample.surface.geometric_normal).abs();
             let pdf = sample.pdf_area * distance_squared / cos;
             let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
-            let point = scene.shading_point(&sample.surface, 0.0);
+            let point = scene.shading_point(&sample.surface, 0.0, mode);
             // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends before it.
             let presence = material.presence(direction, &point);
             let radiance = material.emitted(&point, -direction) * presence;
@@ -87,7 +87,7 @@ pub fn sample_light(context: &Context, surface: &SurfaceInteraction, light: usiz
         CompiledLight::Environment => {
             let environment = scene.environment.as_ref()?;
             let (direction, pdf) = environment.sample(u);
-            let radiance = environment.radiance(direction, scene.mode);
+            let radiance = environment.radiance(direction, mode);
             if radiance.is_black() || pdf <= 0.0 {
                 return None;
             }

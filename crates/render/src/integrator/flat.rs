@@ -2,20 +2,22 @@
 
 use super::estimators::{background, environment};
 use super::{Context, Outputs, Vertex, outgoing};
+use snell_math::ColorMode;
 use snell_scene::bsdf::Lobes;
+use snell_scene::material::ShadingPoint;
 
 /// Vertex function of `flat`.
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let Some(surface) = &vertex.surface else {
-        out.radiance = background(context, vertex).unwrap_or_else(|| environment(context, vertex.ray.direction));
+        out.radiance = background(context, vertex).unwrap_or_else(|| environment(context, vertex));
         return;
     };
     let point = surface.point(context.scene);
     let wo = outgoing(vertex.ray);
     let shading = surface.material.bsdf(&point);
-    let color = shading.bsdf.albedo(shading.frame.to_local(wo));
+    let color = vertex.state.mode.in_white_light(shading.bsdf.albedo(shading.frame.to_local(wo)));
     let emitted = surface.material.emitted(&point, wo);
     // A lamp is as bright as white paper here.
-    let brightest = emitted.max_element();
+    let brightest = surface.material.emitted(&ShadingPoint { mode: ColorMode::Rgb, ..point }, wo).max_element();
     out.radiance = color + if brightest > 1.0 { emitted / brightest } else { emitted };
 }

@@ -15,7 +15,7 @@ use crate::light_sampler::LightSampler;
 use crate::sampler::Random;
 use crate::settings::Settings;
 use snell_intersect::{Hit, SurfaceInteraction};
-use snell_math::{Ray, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
 use snell_scene::Material;
 use snell_scene::material::ShadingPoint;
 
@@ -94,6 +94,8 @@ pub struct Context<'a> {
 pub struct PathState {
     /// Factor on all radiance found from here on.
     pub throughput: SampledSpectrum,
+    /// What the lanes of the throughput stand for.
+    pub mode: ColorMode,
     /// Density per steradian of the last BSDF sample; 0 after the camera and after delta lobes: no light sample competes.
     pub bsdf_pdf: f32,
     /// Factor that undoes what refraction did to the throughput, for Russian roulette.
@@ -134,12 +136,14 @@ pub struct SurfaceVertex<'a> {
     pub material: &'a Material,
     /// Width of the ray's cone at the point.
     pub footprint: f32,
+    /// What spectra mean to the path.
+    pub mode: ColorMode,
 }
 
 impl<'a> SurfaceVertex<'a> {
     /// The point as the material sees it.
     pub fn point(&self, scene: &'a CompiledScene) -> ShadingPoint<'a> {
-        scene.shading_point(self.interaction, self.footprint)
+        scene.shading_point(self.interaction, self.footprint, self.mode)
     }
 }
 

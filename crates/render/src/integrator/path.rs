@@ -45,7 +45,7 @@ fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
     if let Some(background) = background(context, vertex) {
         return vertex.state.throughput * background;
     }
-    let radiance = environment(context, vertex.ray.direction);
+    let radiance = environment(context, vertex);
     if radiance.is_black() {
         return SampledSpectrum::ZERO;
     }
@@ -87,7 +87,7 @@ fn add_light_sample(
         return;
     }
     let u = vertex.random.pair(dimension::LIGHT);
-    let Some(sample) = sample_light(context, surface.interaction, light, u) else { return };
+    let Some(sample) = sample_light(context, surface, light, u) else { return };
     if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
         return;
     }

@@ -12,7 +12,7 @@ use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex,
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
 use snell_intersect::{Grouping, Hit};
-use snell_math::SampledSpectrum;
+use snell_math::{ColorMode, SampledSpectrum};
 use snell_scene::{Background, Camera};
 
 /// Light rays that are traced at once, up to those of one vertex more: ray trees and scenes of many lights have too many to keep.
@@ -46,6 +46,8 @@ pub struct PartRenderer<'a> {
 #[derive(Clone, Copy)]
 struct Sample {
     random: Random,
+    /// What the lanes of its spectra stand for.
+    mode: ColorMode,
     /// Found at vertices.
     radiance: SampledSpectrum,
     /// Brought by light rays. Summed apart, because how the two alternate depends on where a batch of many samples is cut into
@@ -120,11 +122,11 @@ impl<'a> PartRenderer<'a> {
             for x in area.min[0]..area.max[0] {
                 for number in range[0]..range[1] {
                     let random = self.sampler.random([x, y], number);
-                    let (ray, state, weight) =
-                        camera_path(self.context.scene, self.camera, settings, self.filter, [x, y], &random);
+                    let (ray, state, weight) = camera_path(self.camera, settings, self.filter, [x, y], &random);
                     let index = self.samples.len() as u32;
                     let (radiance, brought) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
-                    self.samples.push(Sample { random, radiance, brought, alpha: 1.0, weight, rays: 0 });
+                    let mode = state.mode;
+                    self.samples.push(Sample { random, mode, radiance, brought, alpha: 1.0, weight, rays: 0 });
                     self.paths.push(ray, state, index);
                 }
             }
@@ -169,6 +171,7 @@ impl<'a> PartRenderer<'a> {
                 interaction,
                 material: scene.material(scene.material_id(&hit)),
                 footprint: state.cone_width + state.cone_spread * hit.t,
+                mode: state.mode,
             });
             let random = self.samples[i].random.at_vertex(0, 0);
             let vertex = Vertex { depth: 0, ray: &ray, state, random, surface };
@@ -238,6 +241,7 @@ impl<'a> PartRenderer<'a> {
             interaction,
             material: scene.material(scene.material_id(&hit)),
             footprint: state.cone_width + state.cone_spread * hit.t,
+            mode: state.mode,
         });
         let random = self.samples[sample as usize].random.at_vertex(state.stream, depth);
         let vertex = Vertex { depth, ray: &ray, state: &state, random, surface };
@@ -270,13 +274,12 @@ impl<'a> PartRenderer<'a> {
     }
 
     fn finish(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
-        let mode = self.context.scene.mode;
         let values = self.samples.iter().map(|sample| {
             let radiance = sample.radiance + sample.brought;
             let finite = radiance.is_finite();
             statistics.invalid_samples += u64::from(!finite);
             let radiance = if finite { radiance } else { SampledSpectrum::ZERO };
-            FilmSample { color: mode.to_rgb(radiance), alpha: sample.alpha, weight: sample.weight }
+            FilmSample { color: sample.mode.to_rgb(radiance), alpha: sample.alpha, weight: sample.weight }
         });
         let values = values.collect();
         let mut aovs = std::mem::take(&mut self.aovs);

@@ -4,6 +4,8 @@ mod black;
 mod conductor;
 mod dielectric;
 mod diffuse;
+mod interface;
+mod interior;
 mod metallic_roughness;
 mod mirror;
 mod normal;
@@ -17,6 +19,8 @@ pub use black::Black;
 pub use conductor::{Conductor, ConductorSpectrum};
 pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
+pub use interface::Interface;
+pub use interior::Interior;
 pub use metallic_roughness::MetallicRoughness;
 pub use mirror::Mirror;
 pub use phong::Phong;
@@ -24,7 +28,7 @@ pub use plastic::Plastic;
 pub use shading::ShadingBsdf;
 
 use crate::bsdf::{Bsdf, bounded};
-use crate::graph::TextureId;
+use crate::graph::{MediumId, TextureId};
 use crate::texture::TextureSet;
 use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
@@ -178,6 +182,9 @@ pub struct Material {
     pub double_sided: bool,
     /// Bends the shading normal.
     pub normal_map: Option<NormalMap>,
+    /// What is inside of a closed surface; `None` for what the kind implies ([`Material::bounded_interior`]).
+    #[serde(default)]
+    pub interior: Option<Interior>,
 }
 
 impl Material {
@@ -194,7 +201,14 @@ impl Material {
             alpha: ScalarParam::constant(1.0),
             double_sided: true,
             normal_map: None,
+            interior: None,
         }
+    }
+
+    /// The boundary of a medium, and nothing else.
+    pub fn interface(name: impl Into<String>, medium: MediumId) -> Self {
+        let interior = Some(Interior { medium: Some(medium), priority: 0 });
+        Self { interior, ..Self::new(name, Interface {}) }
     }
 
     /// The same material, emitting this radiance.
@@ -209,7 +223,7 @@ impl Material {
 
     /// True if hits must be asked about ([`Self::is_present`]).
     pub fn needs_filter(&self) -> bool {
-        self.alpha_mode != AlphaMode::Opaque || !self.double_sided
+        self.alpha_mode != AlphaMode::Opaque || !self.double_sided || self.is_interface()
     }
 
     /// Opacity at a point, `[0, 1]`: 0 or 1 for a mask.
@@ -227,8 +241,12 @@ impl Material {
         u < self.presence(ray_direction, point)
     }
 
-    /// The probability that a ray meets the surface at a point: its opacity, or 0 on the side that a single-sided surface lacks.
+    /// The probability that a ray meets the surface at a point: its opacity, or 0 on the side that a single-sided surface lacks, and
+    /// 0 for interfaces.
     pub fn presence(&self, ray_direction: Vec3, point: &ShadingPoint) -> f32 {
+        if self.is_interface() {
+            return 0.0;
+        }
         if self.double_sided || point.surface.is_front_facing(ray_direction) { self.opacity(point) } else { 0.0 }
     }
 
@@ -327,4 +345,5 @@ materials! {
     "dielectric" => Dielectric,
     "plastic" => Plastic,
     "metallic-roughness" => MetallicRoughness,
+    "interface" => Interface,
 }

@@ -6,8 +6,8 @@ use snell_formats::image::Tonemap;
 use snell_formats::{Limits, ReadOptions};
 use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::{BuildOptions, Quality};
-use snell_math::Rgb;
 use snell_math::simd::Level;
+use snell_math::{ColorModel, Rgb};
 use snell_render::{
     Aov, Crop, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
 };
@@ -59,6 +59,9 @@ pub struct Options {
     /// flat, raycast, whitted, direct, ao, path or aov. Default: what the scene says, else path
     #[arg(short, long, value_name = "NAME", help_heading = "How light is computed")]
     pub integrator: Option<String>,
+    /// How light is computed with colours: rgb, or spectral (four wavelengths for each sample)
+    #[arg(long, value_name = "NAME", default_value = "rgb", help_heading = "How light is computed")]
+    pub color: String,
     /// Samples per pixel
     #[arg(long, visible_alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)), help_heading = "How light is computed")]
     pub spp: Option<u32>,
@@ -211,6 +214,7 @@ impl Options {
             filter: choice("filter", &filter, &Filter::ALL, Filter::name)?,
             pixel_position,
             integrator,
+            color: choice("colour model", &self.color, &ColorModel::ALL, ColorModel::name)?,
             max_depth: self
                 .max_depth
                 .or(hints.max_depth)

@@ -1,0 +1,135 @@
+//! Where colours become spectra and spectra colours.
+
+use super::response::{rgb_of_samples, white_light};
+use super::uplift::RgbSpectrum;
+use super::{LANES, Rgb, SampledSpectrum, SampledWavelengths};
+
+/// How a render computes with colours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColorModel {
+    /// Three values: linear Rec. 709.
+    #[default]
+    Rgb,
+    /// Four wavelengths for each path, drawn anew for each sample.
+    Spectral,
+}
+
+impl ColorModel {
+    /// All models.
+    pub const ALL: [Self; 2] = [Self::Rgb, Self::Spectral];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rgb => "rgb",
+            Self::Spectral => "spectral",
+        }
+    }
+
+    /// The mode of a path. `u` in `[0, 1)` draws its wavelengths; it is asked for only if there are any.
+    #[inline]
+    pub fn mode(self, u: impl FnOnce() -> f32) -> ColorMode {
+        match self {
+            Self::Rgb => ColorMode::Rgb,
+            Self::Spectral => ColorMode::Spectral(SampledWavelengths::sample(u())),
+        }
+    }
+}
+
+/// What the lanes of a path stand for. A value that travels with the path; there is no global mode.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ColorMode {
+    /// Linear Rec. 709 red, green, blue; the fourth lane is 0.
+    #[default]
+    Rgb,
+    /// One wavelength in each lane.
+    Spectral(SampledWavelengths),
+}
+
+impl ColorMode {
+    /// The lanes of a reflectance, albedo or other factor, or of a coefficient that is not bounded by 1.
+    #[inline]
+    pub fn reflectance(self, color: Rgb) -> SampledSpectrum {
+        match self {
+            Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
+            Self::Spectral(wavelengths) => RgbSpectrum::of_factor(color).at(&wavelengths),
+        }
+    }
+
+    /// The lanes of an emitted or incident radiance: white is the light of illuminant D65.
+    #[inline]
+    pub fn illuminant(self, color: Rgb) -> SampledSpectrum {
+        match self {
+            Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
+            Self::Spectral(wavelengths) => {
+                RgbSpectrum::of_light(color).at(&wavelengths) * SampledSpectrum(wavelengths.lambda().map(white_light))
+            }
+        }
+    }
+
+    /// What a surface of these lanes of reflectance shows in white light of radiance 1.
+    #[inline]
+    pub fn in_white_light(self, reflectance: SampledSpectrum) -> SampledSpectrum {
+        match self {
+            Self::Rgb => reflectance,
+            Self::Spectral(wavelengths) => reflectance * SampledSpectrum(wavelengths.lambda().map(white_light)),
+        }
+    }
+
+    /// The throughput a path starts with: 1 in every lane that is in use.
+    #[inline]
+    pub fn unit(self) -> SampledSpectrum {
+        match self {
+            Self::Rgb => SampledSpectrum([1.0, 1.0, 1.0, 0.0]),
+            Self::Spectral(_) => SampledSpectrum::ONE,
+        }
+    }
+
+    /// The colour that a sensor sees: linear Rec. 709. In spectral mode the estimate from these wavelengths, which may be negative.
+    #[inline]
+    pub fn to_rgb(self, s: SampledSpectrum) -> Rgb {
+        match self {
+            Self::Rgb => Rgb::new(s[0], s[1], s[2]),
+            Self::Spectral(wavelengths) => rgb_of_samples(s, &wavelengths),
+        }
+    }
+
+    /// Lane by lane, a quantity that depends on the wavelength (nm in vacuum); in RGB mode red, green and blue as they are given.
+    #[inline]
+    pub fn lanes(self, rgb: Rgb, at: impl Fn(f32) -> f32) -> SampledSpectrum {
+        match self {
+            Self::Rgb => SampledSpectrum([rgb.r, rgb.g, rgb.b, 0.0]),
+            Self::Spectral(wavelengths) => SampledSpectrum(wavelengths.lambda().map(at)),
+        }
+    }
+
+    /// The wavelength in nm by which a path goes where each has a way of its own: the hero's, or in RGB mode `otherwise`.
+    #[inline]
+    pub fn hero(self, otherwise: f32) -> f32 {
+        match self {
+            Self::Rgb => otherwise,
+            Self::Spectral(wavelengths) => wavelengths.lambda()[0],
+        }
+    }
+
+    /// Factor on a path's throughput where its wavelengths part and only the hero's is followed: it stands for the others from
+    /// there on. 1 in RGB mode, where all go together, and in the hero's lane where the others are gone already.
+    #[inline]
+    pub fn hero_factor(self) -> SampledSpectrum {
+        match self {
+            Self::Rgb => self.unit(),
+            Self::Spectral(wavelengths) => {
+                SampledSpectrum([if wavelengths.is_hero_only() { 1.0 } else { LANES as f32 }, 0.0, 0.0, 0.0])
+            }
+        }
+    }
+
+    /// The mode of a path whose throughput was multiplied by [`Self::hero_factor`].
+    #[inline]
+    pub fn hero_only(self) -> Self {
+        match self {
+            Self::Rgb => self,
+            Self::Spectral(wavelengths) => Self::Spectral(wavelengths.hero_only()),
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! What a sensor sees of a spectrum: CIE 1931 tristimulus values, and linear Rec. 709 with a white that is exactly (1, 1, 1).
+//!
+//! The white is that of illuminant D65 by our own tables, so that the colour of the illuminant comes out without a tint of rounding.
+
+use super::cie::{D65, LAMBDA_COUNT, LAMBDA_MAX, LAMBDA_MIN, OBSERVER_1931};
+use super::{LANES, Rgb, SampledSpectrum, SampledWavelengths};
+
+/// Chromaticities of red, green and blue (ITU-R BT.709).
+const PRIMARIES: [[f64; 2]; 3] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]];
+
+/// D65 at the wavelengths of the observer, scaled so that it is as luminous as a light of 1 at all wavelengths.
+static WHITE: [f32; LAMBDA_COUNT] = white();
+
+/// What a nm of radiance adds to red, green and blue; a radiance of 1 at all wavelengths has luminance 1.
+static RESPONSE: [[f32; 3]; LAMBDA_COUNT] = response();
+
+/// D65 at a wavelength of the observer: linear between the entries.
+const fn d65(i: usize) -> f64 {
+    let (node, t) = (i / 5, (i % 5) as f64 / 5.0);
+    let next = if node + 1 < D65.len() { node + 1 } else { node };
+    D65[node] * (1.0 - t) + D65[next] * t
+}
+
+/// Y of a light of 1 at all wavelengths, in the units of the table of the observer.
+const OBSERVED: f64 = observed();
+
+const fn observed() -> f64 {
+    let (mut sum, mut i) = (0.0, 0);
+    while i < LAMBDA_COUNT {
+        sum += OBSERVER_1931[i][1] * if i == 0 || i == LAMBDA_COUNT - 1 { 0.5 } else { 1.0 };
+        i += 1;
+    }
+    sum
+}
+
+/// X, Y, Z of D65.
+const fn white_xyz() -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    let mut i = 0;
+    while i < LAMBDA_COUNT {
+        let weight = d65(i) * if i == 0 || i == LAMBDA_COUNT - 1 { 0.5 } else { 1.0 };
+        sum[0] += weight * OBSERVER_1931[i][0];
+        sum[1] += weight * OBSERVER_1931[i][1];
+        sum[2] += weight * OBSERVER_1931[i][2];
+        i += 1;
+    }
+    sum
+}
+
+const fn white() -> [f32; LAMBDA_COUNT] {
+    let luminance = white_xyz()[1] / OBSERVED;
+    let mut table = [0.0; LAMBDA_COUNT];
+    let mut i = 0;
+    while i < LAMBDA_COUNT {
+        table[i] = (d65(i) / luminance) as f32;
+        i += 1;
+    }
+    table
+}
+
+const fn response() -> [[f32; 3]; LAMBDA_COUNT] {
+    let m = RGB_FROM_XYZ;
+    let mut table = [[0.0; 3]; LAMBDA_COUNT];
+    let mut i = 0;
+    while i < LAMBDA_COUNT {
+        let mut c = 0;
+        while c < 3 {
+            let [x, y, z] = OBSERVER_1931[i];
+            table[i][c] = ((m[c][0] * x + m[c][1] * y + m[c][2] * z) / OBSERVED) as f32;
+            c += 1;
+        }
+        i += 1;
+    }
+    table
+}
+
+/// Rows of the matrix from X, Y, Z (Y = 1 for white) to linear red, green and blue.
+pub const RGB_FROM_XYZ: [[f64; 3]; 3] = rgb_from_xyz();
+
+const fn rgb_from_xyz() -> [[f64; 3]; 3] {
+    // Columns: X, Y, Z of each primary with Y = 1. Its inverse, scaled row by row so that white becomes (1, 1, 1).
+    let mut m = [[0.0; 3]; 3];
+    let mut c = 0;
+    while c < 3 {
+        let [x, y] = PRIMARIES[c];
+        m[0][c] = x / y;
+        m[1][c] = 1.0;
+        m[2][c] = (1.0 - x - y) / y;
+        c += 1;
+    }
+    let mut inverse = inverse(m);
+    let [x, y, z] = white_xyz();
+    let mut r = 0;
+    while r < 3 {
+        let white = (inverse[r][0] * x + inverse[r][1] * y + inverse[r][2] * z) / y;
+        inverse[r] = [inverse[r][0] / white, inverse[r][1] / white, inverse[r][2] / white];
+        r += 1;
+    }
+    inverse
+}
+
+const fn inverse(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
+    let mut cofactors = [[0.0; 3]; 3];
+    let mut r = 0;
+    while r < 3 {
+        let mut c = 0;
+        while c < 3 {
+            let ([r1, r2], [c1, c2]) = ([(r + 1) % 3, (r + 2) % 3], [(c + 1) % 3, (c + 2) % 3]);
+            cofactors[c][r] = m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1];
+            c += 1;
+        }
+        r += 1;
+    }
+    let determinant = m[0][0] * cofactors[0][0] + m[0][1] * cofactors[1][0] + m[0][2] * cofactors[2][0];
+    let mut r = 0;
+    while r < 3 {
+        let mut c = 0;
+        while c < 3 {
+            cofactors[r][c] /= determinant;
+            c += 1;
+        }
+        r += 1;
+    }
+    cofactors
+}
+
+/// Entry below a wavelength, and the way to the next.
+#[inline]
+fn place(lambda: f32) -> (usize, f32) {
+    let x = (lambda - LAMBDA_MIN).clamp(0.0, LAMBDA_MAX - LAMBDA_MIN);
+    let i = (x as usize).min(LAMBDA_COUNT - 2);
+    (i, x - i as f32)
+}
+
+/// Spectral radiance of white light (D65) whose colour is (1, 1, 1), in units of the light of luminance 1 that is the same at all
+/// wavelengths.
+#[inline]
+pub fn white_light(lambda: f32) -> f32 {
+    let (i, t) = place(lambda);
+    WHITE[i] * (1.0 - t) + WHITE[i + 1] * t
+}
+
+/// What a nm of radiance 1 at a wavelength adds to linear red, green and blue. Single wavelengths lie outside of the
+/// triangle of the primaries: some entries are negative.
+#[inline]
+pub fn rgb_response(lambda: f32) -> [f32; 3] {
+    let (i, t) = place(lambda);
+    std::array::from_fn(|c| RESPONSE[i][c] * (1.0 - t) + RESPONSE[i + 1][c] * t)
+}
+
+/// The estimate of the colour of a spectrum that is known at sampled wavelengths.
+pub fn rgb_of_samples(spectrum: SampledSpectrum, wavelengths: &SampledWavelengths) -> Rgb {
+    let mut rgb = [0.0; 3];
+    for (value, lambda) in spectrum.0.into_iter().zip(wavelengths.lambda()) {
+        let weight = value / (LANES as f32 * SampledWavelengths::pdf(lambda));
+        rgb.iter_mut().zip(rgb_response(lambda)).for_each(|(sum, response)| *sum += weight * response);
+    }
+    rgb.into()
+}
+
+/// The colour of a light of this spectral radiance, by summing over the visible range nm by nm.
+pub fn rgb_of_light(radiance: impl Fn(f32) -> f64) -> Rgb {
+    let mut sum = [0.0; 3];
+    for (i, response) in RESPONSE.iter().enumerate() {
+        let weight = if i == 0 || i == LAMBDA_COUNT - 1 { 0.5 } else { 1.0 };
+        let value = radiance(LAMBDA_MIN + i as f32) * weight;
+        sum.iter_mut().zip(response).for_each(|(sum, r)| *sum += value * f64::from(*r));
+    }
+    sum.map(|x| x as f32).into()
+}
+
+/// The colour that a surface of this reflectance has in white light (D65).
+pub fn rgb_of_reflectance(reflectance: impl Fn(f32) -> f64) -> Rgb {
+    rgb_of_light(|lambda| reflectance(lambda) * f64::from(white_light(lambda)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn white_is_one_and_the_matrix_is_that_of_the_standard() {
+        let [r, g, b] = rgb_of_reflectance(|_| 1.0).to_array();
+        assert!([r, g, b].iter().all(|c| (c - 1.0).abs() < 1e-5), "{r} {g} {b}");
+        // IEC 61966-2-1, for the white point (0.3127, 0.3290).
+        let standard = [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
+        for (row, expected) in RGB_FROM_XYZ.iter().zip(standard) {
+            assert!(row.iter().zip(expected).all(|(a, b)| (a - b).abs() < 2e-3), "{row:?}");
+        }
+    }
+
+    #[test]
+    fn sampled_wavelengths_see_the_same_colour() {
+        let reflectance = |lambda: f32| 0.5 + 0.4 * (lambda / 60.0).sin();
+        let expected = rgb_of_reflectance(|lambda| f64::from(reflectance(lambda))).to_array();
+        let n = 2048;
+        let mut mean = [0.0; 3];
+        for i in 0..n {
+            let wavelengths = SampledWavelengths::sample((i as f32 + 0.5) / n as f32);
+            let values = SampledSpectrum(wavelengths.lambda().map(|l| reflectance(l) * white_light(l)));
+            let rgb = rgb_of_samples(values, &wavelengths).to_array();
+            mean.iter_mut().zip(rgb).for_each(|(m, x)| *m += f64::from(x) / f64::from(n));
+        }
+        assert!(mean.iter().zip(expected).all(|(m, e)| (m - f64::from(e)).abs() < 1e-3), "{mean:?} {expected:?}");
+    }
+}

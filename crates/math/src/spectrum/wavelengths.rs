@@ -1,0 +1,90 @@
+//! Which wavelengths a path carries.
+
+use super::LANES;
+use super::cie::{LAMBDA_MAX, LAMBDA_MIN};
+
+/// The wavelengths of the lanes of a path: a *hero* and three that follow it at equal distances in the distribution, so that
+/// together they cover the visible range (Wilkie et al., Hero Wavelength Spectral Sampling, EGSR 2014).
+///
+/// They are drawn about in proportion to how much the eye sees of them, from the density of Radziszewski et al. (An improved
+/// technique for full spectral rendering, 2009) with the parameters of pbrt-v4: `sech^2(0.0072 (lambda - 538 nm))`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampledWavelengths {
+    /// Wavelengths in vacuum, nm; the first is the hero's.
+    lambda: [f32; LANES],
+    /// True if the path went where only the hero could follow.
+    hero_only: bool,
+}
+
+/// Steepness of the density, 1/nm, and where it is highest, nm.
+const STEEPNESS: f32 = 0.0072;
+const PEAK: f32 = 538.0;
+/// `tanh(STEEPNESS (PEAK - LAMBDA_MIN))`, and the same of `LAMBDA_MAX` added.
+const TANH_MIN: f32 = 0.856_910_6;
+const TANH_RANGE: f32 = 1.827_495;
+
+impl SampledWavelengths {
+    /// The wavelengths that a number in `[0, 1)` stands for.
+    pub fn sample(u: f32) -> Self {
+        let lambda = std::array::from_fn(|lane| {
+            let u = (u + lane as f32 / LANES as f32).fract();
+            (PEAK - (TANH_MIN - TANH_RANGE * u).atanh() / STEEPNESS).clamp(LAMBDA_MIN, LAMBDA_MAX)
+        });
+        Self { lambda, hero_only: false }
+    }
+
+    /// Wavelengths in nm, lane by lane; the first is the hero's.
+    #[inline]
+    pub fn lambda(&self) -> [f32; LANES] {
+        self.lambda
+    }
+
+    /// Density per nm with which [`Self::sample`] gives a wavelength.
+    pub fn pdf(lambda: f32) -> f32 {
+        let cosh = (STEEPNESS * (lambda - PEAK)).cosh();
+        STEEPNESS / (TANH_RANGE * cosh * cosh)
+    }
+
+    /// True if only the hero's lane carries light.
+    #[inline]
+    pub fn is_hero_only(&self) -> bool {
+        self.hero_only
+    }
+
+    /// The same wavelengths after an event in which they part.
+    #[inline]
+    pub fn hero_only(self) -> Self {
+        Self { hero_only: true, ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wavelengths_follow_their_density_and_cover_the_visible_range() {
+        // The distribution function at a wavelength is the density integrated up to it.
+        let n = 4000;
+        let step = (LAMBDA_MAX - LAMBDA_MIN) / n as f32;
+        let (mut sum, mut at) = (0.0, Vec::new());
+        for i in 0..n {
+            at.push((LAMBDA_MIN + step * i as f32, sum));
+            sum += SampledWavelengths::pdf(LAMBDA_MIN + step * (i as f32 + 0.5)) * step;
+        }
+        assert!((sum - 1.0).abs() < 1e-4, "{sum}");
+        for &(lambda, u) in at.iter().skip(1).step_by(97) {
+            let hero = SampledWavelengths::sample(u).lambda()[0];
+            assert!((hero - lambda).abs() < 0.2, "{hero} {lambda}");
+        }
+    }
+
+    #[test]
+    fn lanes_are_a_quarter_of_the_distribution_apart() {
+        let a = SampledWavelengths::sample(0.1).lambda();
+        let b = SampledWavelengths::sample(0.35).lambda();
+        assert!((0..3).all(|i| (a[i + 1] - b[i]).abs() < 0.01) && (b[3] - a[0]).abs() < 0.01);
+        let ends = [SampledWavelengths::sample(0.0), SampledWavelengths::sample(0.999_999_94)];
+        assert!(ends.iter().all(|w| w.lambda().iter().all(|l| (LAMBDA_MIN..=LAMBDA_MAX).contains(l))));
+    }
+}

@@ -1,0 +1,21 @@
+//! The boundary of a medium without a surface.
+
+use super::ShadingPoint;
+use crate::bsdf::{BlackBsdf, Bsdf};
+use serde::{Deserialize, Serialize};
+
+/// Nothing to be seen: light passes unchanged. For the boundaries of fog, smoke and clouds. (One that emits is a black lamp.)
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Interface {}
+
+impl Interface {
+    /// The only one.
+    pub fn examples() -> Vec<Self> {
+        vec![Self {}]
+    }
+
+    /// Rays never meet an interface, but for one that emits.
+    pub fn bsdf(&self, _: &ShadingPoint) -> Bsdf {
+        Bsdf::Black(BlackBsdf)
+    }
+}

@@ -1,0 +1,148 @@
+//! A medium whose density is given on a regular grid.
+
+use super::{MediumProperties, sane};
+use serde::{Deserialize, Serialize};
+use snell_math::{ColorMode, DAffine3, Rgb, Vec3};
+use std::sync::Arc;
+
+/// Numbers on a regular grid over the unit cube, each at the middle of its cell.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ScalarGrid {
+    size: [usize; 3],
+    values: Vec<f32>,
+}
+
+impl ScalarGrid {
+    /// A grid of `size` cells along x, y and z; `values` in the order of x first, then y, then z. `None` if their number is not the
+    /// product of the sizes. Values that are negative or not finite count as 0.
+    pub fn new(size: [usize; 3], mut values: Vec<f32>) -> Option<Self> {
+        let cells = size[0].checked_mul(size[1])?.checked_mul(size[2])?;
+        if cells != values.len() {
+            return None;
+        }
+        values.iter_mut().for_each(|x| *x = sane(*x));
+        Some(Self { size, values })
+    }
+
+    /// Cells along x, y and z.
+    pub fn size(&self) -> [usize; 3] {
+        self.size
+    }
+
+    /// All values, x first.
+    pub fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    /// The value of a cell; outside of the grid that of the nearest cell.
+    fn at(&self, cell: [i64; 3]) -> f32 {
+        let [x, y, z] = std::array::from_fn(|i| cell[i].clamp(0, self.size[i] as i64 - 1) as usize);
+        self.values[(z * self.size[1] + y) * self.size[0] + x]
+    }
+
+    /// The value at a point of the unit cube, interpolated between the eight nearest cells; 0 outside of the cube.
+    pub fn lookup(&self, p: Vec3) -> f32 {
+        if self.values.is_empty() || !(p.cmpge(Vec3::ZERO).all() && p.cmple(Vec3::ONE).all()) {
+            return 0.0;
+        }
+        let [nx, ny, nz] = self.size.map(|n| n as f32);
+        let scaled = p * Vec3::new(nx, ny, nz) - 0.5;
+        let low = scaled.floor();
+        let f = scaled - low;
+        let [x, y, z] = low.to_array().map(|c| c as i64);
+        let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
+        let row = |y, z| lerp(self.at([x, y, z]), self.at([x + 1, y, z]), f.x);
+        let plane = |z| lerp(row(y, z), row(y + 1, z), f.y);
+        lerp(plane(z), plane(z + 1), f.z)
+    }
+}
+
+/// A medium on a grid: coefficients times a density, and nothing outside of the grid's box.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Grid {
+    /// Absorption coefficient per scene unit of length where the density is 1.
+    pub sigma_a: Rgb,
+    /// Scattering coefficient per scene unit of length where the density is 1.
+    pub sigma_s: Rgb,
+    /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`.
+    pub g: f32,
+    /// Factor on both coefficients.
+    #[serde(skip)]
+    pub density: Arc<ScalarGrid>,
+    /// Radiance emitted per scene unit of length, W / (m^2 sr), where `emission_scale` is 1.
+    pub emission: Rgb,
+    /// Factor on the emission; `None` for the density.
+    #[serde(skip)]
+    pub emission_scale: Option<Arc<ScalarGrid>>,
+    /// From the unit cube of the grids to the world.
+    pub world_from_grid: DAffine3,
+}
+
+impl Grid {
+    /// A medium that does not emit.
+    pub fn new(sigma_a: Rgb, sigma_s: Rgb, g: f32, density: ScalarGrid, world_from_grid: DAffine3) -> Self {
+        Self {
+            sigma_a,
+            sigma_s,
+            g,
+            density: Arc::new(density),
+            emission: Rgb::BLACK,
+            emission_scale: None,
+            world_from_grid,
+        }
+    }
+
+    /// Grid media for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        let ball = |n: usize| {
+            let value = |i: usize| {
+                let [x, y, z] = [i % n, i / n % n, i / n / n].map(|c| (c as f32 + 0.5) / n as f32 - 0.5);
+                (1.0 - 4.0 * (x * x + y * y + z * z)).max(0.0)
+            };
+            ScalarGrid::new([n; 3], (0..n * n * n).map(value).collect()).unwrap_or_default()
+        };
+        let (thin, thick) = (Rgb::splat(0.2), Rgb::new(4.0, 2.0, 1.0));
+        vec![
+            Self::new(thin, thick, 0.3, ball(12), DAffine3::IDENTITY),
+            Self { emission: Rgb::new(3.0, 1.0, 0.2), ..Self::new(thick, thin, 0.0, ball(5), DAffine3::IDENTITY) },
+            Self::new(thin, thin, 0.0, ScalarGrid::default(), DAffine3::IDENTITY),
+        ]
+    }
+
+    /// What the medium does at a point of the world.
+    pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
+        let grid_from_world = self.world_from_grid.inverse();
+        let p = grid_from_world.transform_point3(p.as_dvec3()).as_vec3();
+        let density = self.density.lookup(p);
+        let emission = self.emission_scale.as_ref().map_or(density, |scale| scale.lookup(p));
+        MediumProperties::from_colors(
+            self.sigma_a * density,
+            self.sigma_s * density,
+            self.emission * emission,
+            self.g,
+            mode,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lookups_give_the_cells_at_their_middles_and_lines_between_them() {
+        let grid = ScalarGrid::new([2, 1, 3], vec![0.0, 1.0, 2.0, 3.0, 4.0, 5.0]).expect("six values");
+        let at = |x, z| grid.lookup(Vec3::new(x, 0.5, z));
+        assert_eq!([at(0.25, 1.0 / 6.0), at(0.75, 0.5), at(0.5, 5.0 / 6.0)], [0.0, 3.0, 4.5]);
+        assert_eq!([at(0.0, 0.0), at(1.0, 1.0)], [0.0, 5.0], "beyond the last middles as there");
+        assert_eq!([at(-0.001, 0.5), at(f32::NAN, 0.5)], [0.0; 2], "nothing outside");
+    }
+
+    #[test]
+    fn a_wrong_number_of_values_is_refused_and_wild_values_count_as_nothing() {
+        assert!(ScalarGrid::new([2, 2, 2], vec![1.0; 7]).is_none());
+        assert!(ScalarGrid::new([usize::MAX, 2, 2], vec![1.0; 7]).is_none());
+        let wild = ScalarGrid::new([3, 1, 1], vec![f32::NAN, -1.0, f32::INFINITY]).expect("three values");
+        assert!(wild.values().iter().all(|x| x.is_finite()) && wild.values()[..2] == [0.0; 2]);
+    }
+}

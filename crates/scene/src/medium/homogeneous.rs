@@ -1,0 +1,47 @@
+//! The same everywhere.
+
+use super::MediumProperties;
+use serde::{Deserialize, Serialize};
+use snell_math::{ColorMode, Rgb, Vec3};
+
+/// A medium that is the same everywhere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Homogeneous {
+    /// Absorption coefficient per scene unit of length, at least 0.
+    pub sigma_a: Rgb,
+    /// Scattering coefficient per scene unit of length, at least 0.
+    pub sigma_s: Rgb,
+    /// Radiance emitted per scene unit of length, W / (m^2 sr), whatever is absorbed. (Elsewhere often `sigma_a` times a radiance.)
+    pub emission: Rgb,
+    /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: 0 in all directions alike, towards 1 forwards.
+    pub g: f32,
+}
+
+impl Homogeneous {
+    /// A medium that only absorbs.
+    pub fn absorbing(sigma_a: Rgb) -> Self {
+        Self { sigma_a, sigma_s: Rgb::BLACK, emission: Rgb::BLACK, g: 0.0 }
+    }
+
+    /// A medium of extinction `sigma_t` of which the share `albedo` (in `[0, 1]`) is scattered.
+    pub fn scattering(sigma_t: Rgb, albedo: Rgb, g: f32) -> Self {
+        let sigma_s = sigma_t * albedo;
+        Self { sigma_a: sigma_t + sigma_s * -1.0, sigma_s, emission: Rgb::BLACK, g }
+    }
+
+    /// Homogeneous media for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        vec![
+            Self::absorbing(Rgb::new(0.1, 0.5, 2.0)),
+            Self::scattering(Rgb::splat(1.0), Rgb::WHITE, 0.0),
+            Self::scattering(Rgb::new(0.5, 1.0, 4.0), Rgb::new(0.9, 0.5, 1.0), 0.8),
+            Self { emission: Rgb::new(2.0, 0.5, 0.1), ..Self::scattering(Rgb::splat(0.3), Rgb::splat(0.5), -0.6) },
+            Self::scattering(Rgb::splat(1e6), Rgb::splat(0.9), 0.999),
+        ]
+    }
+
+    /// What the medium does, wherever.
+    pub fn properties(&self, _: Vec3, mode: ColorMode) -> MediumProperties {
+        MediumProperties::from_colors(self.sigma_a, self.sigma_s, self.emission, self.g, mode)
+    }
+}

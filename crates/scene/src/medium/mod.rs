@@ -1,0 +1,134 @@
+//! Participating media: what light meets between surfaces. Fog, smoke, clouds, milk, coloured glass, flames.
+//!
+//! A medium absorbs, scatters and emits, each with a coefficient per scene unit of length. It has no shape of its own: it fills the
+//! inside of closed surfaces ([`crate::material::Interior`]) or the whole scene ([`crate::Scene::medium`]).
+
+mod grid;
+mod homogeneous;
+mod phase;
+
+pub use grid::{Grid, ScalarGrid};
+pub use homogeneous::Homogeneous;
+pub use phase::HenyeyGreenstein;
+
+use serde::{Deserialize, Serialize};
+use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec3};
+
+/// Largest coefficient that is computed with, per scene unit: more is as good as opaque.
+const MAX_COEFFICIENT: f32 = 1e9;
+
+/// What a medium does at one point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MediumProperties {
+    /// Probability density of absorption per scene unit of length.
+    pub sigma_a: SampledSpectrum,
+    /// Probability density of scattering per scene unit of length.
+    pub sigma_s: SampledSpectrum,
+    /// Radiance emitted per scene unit of length, W / (m^2 sr).
+    pub emission: SampledSpectrum,
+    /// How scattered light is spread over directions.
+    pub phase: HenyeyGreenstein,
+}
+
+impl MediumProperties {
+    /// Extinction: absorption and scattering together.
+    pub fn sigma_t(&self) -> SampledSpectrum {
+        self.sigma_a + self.sigma_s
+    }
+
+    /// The properties from colours as files and people give them. Negative and undefined coefficients count as 0.
+    pub fn from_colors(sigma_a: Rgb, sigma_s: Rgb, emission: Rgb, g: f32, mode: ColorMode) -> Self {
+        Self {
+            sigma_a: coefficient(sigma_a, mode),
+            sigma_s: coefficient(sigma_s, mode),
+            emission: mode.illuminant(emission.map(sane)),
+            phase: HenyeyGreenstein::new(g),
+        }
+    }
+}
+
+/// The lanes of a coefficient, which may exceed 1.
+fn coefficient(color: Rgb, mode: ColorMode) -> SampledSpectrum {
+    let color = color.map(sane);
+    // Reflectances end at 1; twice the largest leaves room for their spectra.
+    let scale = 2.0 * color.r.max(color.g).max(color.b);
+    if scale > 0.0 { mode.reflectance(color * (1.0 / scale)) * scale } else { SampledSpectrum::ZERO }
+}
+
+/// `x` if it can be computed with: 0 for negative numbers and NaN, and no more than [`MAX_COEFFICIENT`].
+fn sane(x: f32) -> f32 {
+    if x > 0.0 { x.min(MAX_COEFFICIENT) } else { 0.0 }
+}
+
+/// Makes [`Medium`] from the list of media: the enum, its names, its dispatch.
+macro_rules! media {
+    ($($name:literal => $kind:ident,)*) => {
+        /// Any of the media, placed in world coordinates.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(tag = "medium", rename_all = "kebab-case")]
+        pub enum Medium {
+            $(#[doc = concat!("See [`", stringify!($kind), "`].")] $kind($kind),)*
+        }
+
+        impl Medium {
+            /// The names of all media.
+            pub const NAMES: &[&str] = &[$($name),*];
+
+            /// The name of this kind.
+            pub fn name(&self) -> &'static str {
+                match self { $(Self::$kind(_) => $name,)* }
+            }
+
+            /// A few of each kind, extremes included: what tests and galleries run over.
+            pub fn examples() -> Vec<Self> {
+                let mut all = Vec::new();
+                $(all.extend($kind::examples().into_iter().map(Self::$kind));)*
+                all
+            }
+
+            /// What the medium does at a point of the world.
+            pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
+                match self { $(Self::$kind(m) => m.properties(p, mode),)* }
+            }
+        }
+
+        $(impl From<$kind> for Medium {
+            fn from(kind: $kind) -> Self { Self::$kind(kind) }
+        })*
+    };
+}
+
+media! {
+    "homogeneous" => Homogeneous,
+    "grid" => Grid,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nonsense_coefficients_count_as_nothing_and_huge_ones_stay_finite() {
+        let wild = Rgb::new(f32::NAN, -3.0, f32::INFINITY);
+        let medium = MediumProperties::from_colors(wild, wild, wild, f32::NAN, ColorMode::Rgb);
+        for lanes in [medium.sigma_t(), medium.emission] {
+            assert!(lanes.is_finite() && lanes[0] == 0.0 && lanes[1] == 0.0 && lanes[2] >= MAX_COEFFICIENT, "{lanes:?}");
+        }
+    }
+
+    #[test]
+    fn coefficients_above_one_are_kept() {
+        let medium = MediumProperties::from_colors(Rgb::new(5.0, 0.25, 0.0), Rgb::WHITE, Rgb::BLACK, 0.0, ColorMode::Rgb);
+        assert_eq!(medium.sigma_t(), SampledSpectrum([6.0, 1.25, 1.0, 0.0]));
+    }
+
+    #[test]
+    fn every_medium_has_finite_properties_everywhere() {
+        for medium in Medium::examples() {
+            for p in [Vec3::ZERO, Vec3::splat(0.5), Vec3::splat(-1e30), Vec3::splat(f32::MAX)] {
+                let m = medium.properties(p, ColorMode::Rgb);
+                assert!(m.sigma_t().is_finite() && m.emission.is_finite(), "{} at {p}", medium.name());
+            }
+        }
+    }
+}

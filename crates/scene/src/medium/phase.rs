@@ -1,0 +1,130 @@
+//! Phase functions: how scattered light is spread over directions.
+
+use serde::{Deserialize, Serialize};
+use snell_math::{Frame, Vec2, Vec3};
+use std::f64::consts::PI;
+
+/// Largest size of the asymmetry that is computed with: beyond, light is hardly deflected at all.
+const MAX_ASYMMETRY: f32 = 0.999;
+
+/// The phase function of Henyey and Greenstein (Diffuse Radiation in the Galaxy, 1941), whose samples are distributed exactly by it:
+/// its value is its density.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HenyeyGreenstein {
+    g: f32,
+}
+
+impl HenyeyGreenstein {
+    /// With mean cosine `g` of the angle of deflection, kept within 0.999 of 0; NaN counts as 0.
+    pub fn new(g: f32) -> Self {
+        Self { g: if g.is_nan() { 0.0 } else { g.clamp(-MAX_ASYMMETRY, MAX_ASYMMETRY) } }
+    }
+
+    /// The mean cosine of the angle of deflection.
+    pub fn g(&self) -> f32 {
+        self.g
+    }
+
+    /// Share of light per steradian that goes from `forward` (the direction it travelled in) to `wi`, both unit vectors. Over all
+    /// `wi` the integral is 1. It is symmetric, so it does not matter which of the two is the light's direction.
+    pub fn pdf(&self, forward: Vec3, wi: Vec3) -> f32 {
+        let g = f64::from(self.g);
+        let cos = f64::from(forward.dot(wi)).clamp(-1.0, 1.0);
+        let denominator = 1.0 + g * g - 2.0 * g * cos;
+        ((1.0 - g * g) / (4.0 * PI * denominator * denominator.sqrt())) as f32
+    }
+
+    /// A direction and its density per steradian, for `u` in `[0, 1)^2`.
+    pub fn sample(&self, forward: Vec3, u: Vec2) -> (Vec3, f32) {
+        let g = f64::from(self.g);
+        let x = f64::from(u.x);
+        // In double precision: the inversion cancels where `g` is small.
+        let cos = if g.abs() < 1e-4 {
+            1.0 - 2.0 * x
+        } else {
+            let root = (1.0 - g * g) / (1.0 + g - 2.0 * g * x);
+            ((1.0 + g * g - root * root) / (2.0 * g)).clamp(-1.0, 1.0)
+        };
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        let (sin_phi, cos_phi) = (2.0 * PI * f64::from(u.y)).sin_cos();
+        let local = Vec3::new((sin * cos_phi) as f32, (sin * sin_phi) as f32, cos as f32);
+        let wi = Frame::from_z(forward).from_local(local).normalize_or(forward);
+        (wi, self.pdf(forward, wi))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_math::rng;
+
+    const ASYMMETRIES: [f32; 9] = [-0.99, -0.7, -0.3, -1e-5, 0.0, 1e-3, 0.5, 0.9, 0.99];
+
+    /// Share of light deflected by an angle whose cosine is at most `cos`, in closed form.
+    fn cumulative(g: f64, cos: f64) -> f64 {
+        if g.abs() < 1e-4 {
+            return 0.5 * (1.0 + cos);
+        }
+        (1.0 - g * g) / (2.0 * g) * (1.0 / (1.0 + g * g - 2.0 * g * cos).sqrt() - 1.0 / (1.0 + g))
+    }
+
+    /// Wilson and Hilferty's approximation of the upper tail: chi squared of `dof` degrees is beyond `x` with the probability that a
+    /// normal variable is beyond the result.
+    fn normal_of_chi_squared(x: f64, dof: f64) -> f64 {
+        let v = 2.0 / (9.0 * dof);
+        ((x / dof).cbrt() - (1.0 - v)) / v.sqrt()
+    }
+
+    #[test]
+    fn samples_are_distributed_by_their_density() {
+        let (rows, columns, n) = (16, 8, 64_000);
+        let forward = Vec3::new(0.3, -0.8, 0.5).normalize();
+        let frame = Frame::from_z(forward);
+        for (key, g) in ASYMMETRIES.into_iter().enumerate() {
+            let phase = HenyeyGreenstein::new(g);
+            // Rows that hold equal shares, so that no cell is empty.
+            let mut counts = vec![0u32; rows * columns];
+            for i in 0..n {
+                let (wi, pdf) = phase.sample(forward, rng::uniform2([i, key as u32, 3, 1]));
+                assert!((pdf - phase.pdf(forward, wi)).abs() <= 1e-5 * pdf, "g {g}");
+                let local = frame.to_local(wi);
+                let row = (cumulative(f64::from(g), f64::from(local.z).min(1.0)) * rows as f64) as usize;
+                let phi = f64::from(local.y).atan2(f64::from(local.x)) / (2.0 * PI) + 0.5;
+                counts[row.min(rows - 1) * columns + ((phi * columns as f64) as usize).min(columns - 1)] += 1;
+            }
+            let expected = f64::from(n) / counts.len() as f64;
+            let chi_squared: f64 = counts.iter().map(|&c| (f64::from(c) - expected).powi(2) / expected).sum();
+            // Significance 0.01, corrected for nine tests (Sidak): 3.06 standard deviations.
+            let z = normal_of_chi_squared(chi_squared, counts.len() as f64 - 1.0);
+            assert!(z < 3.06, "g {g}: chi squared {chi_squared} of {} cells, z {z}", counts.len());
+        }
+    }
+
+    #[test]
+    fn the_density_integrates_to_one_and_its_mean_cosine_is_g() {
+        for g in ASYMMETRIES {
+            let phase = HenyeyGreenstein::new(g);
+            let (mut sum, mut mean) = (0.0, 0.0);
+            let n = 200_000;
+            for i in 0..n {
+                let cos = -1.0 + 2.0 * (f64::from(i) + 0.5) / f64::from(n);
+                let wi = Vec3::new((1.0 - cos * cos).max(0.0).sqrt() as f32, 0.0, cos as f32);
+                let share = f64::from(phase.pdf(Vec3::Z, wi)) * 4.0 * PI / f64::from(n);
+                sum += share;
+                mean += share * cos;
+            }
+            assert!((sum - 1.0).abs() < 2e-3 && (mean - f64::from(g)).abs() < 2e-3, "g {g}: {sum} {mean}");
+        }
+    }
+
+    #[test]
+    fn wild_parameters_give_unit_directions_and_finite_densities() {
+        for g in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1.0, -1.0, 1e-30, 5.0] {
+            let phase = HenyeyGreenstein::new(g);
+            for u in [Vec2::ZERO, Vec2::splat(rng::ONE_MINUS_EPSILON), Vec2::splat(0.5)] {
+                let (wi, pdf) = phase.sample(Vec3::Z, u);
+                assert!((wi.length() - 1.0).abs() < 1e-4 && pdf.is_finite() && pdf > 0.0, "g {g}: {wi} {pdf}");
+            }
+        }
+    }
+}
