@@ -20,7 +20,8 @@ pub mod texture;
 
 pub use camera::{Camera, CameraSample, Projection};
 pub use graph::{
-    Background, Environment, Geometry, MaterialId, MediumId, Node, NodeId, Scene, SceneError, Surface, TextureId, Warning,
+    Background, Environment, Geometry, MaterialId, MediumId, Node, NodeId, Scene, SceneError, Surface, TextureId,
+    Warning,
 };
 pub use image::{Encoding, Image, Layer, LayeredImage, Pixels};
 pub use light::Light;

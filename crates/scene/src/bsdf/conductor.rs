@@ -1,6 +1,7 @@
 //! Metals: reflection by GGX microfacets of a conductor.
 
 use super::energy::{FacetLoss, bounced_pdf, sample_bounced};
+use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
 use super::{BsdfSample, Choice, Lobes, SpecularBranch, fresnel, lift, lower_like};
@@ -17,23 +18,44 @@ pub enum FacetReflectance {
         /// Imaginary part (absorption).
         k: SampledSpectrum,
     },
-    /// Schlick's approximation with this reflectance at normal and white at grazing incidence.
-    Schlick(SampledSpectrum),
+    /// Schlick's approximation between this reflectance at normal and white at grazing incidence, less a dip (Kutz, Hasan and
+    /// Edmondson, Novel aspects of the Adobe Standard Material, 2021): times `edge` at about 82 degrees.
+    F82 {
+        /// Reflectance at normal incidence.
+        f0: SampledSpectrum,
+        /// Factor on Schlick's reflectance at the edge, `[0, 1]`.
+        edge: SampledSpectrum,
+    },
+}
+
+/// Cosine of the angle of [`FacetReflectance::F82`], and the height of the dip's shape `mu (1 - mu)^6` there.
+const EDGE: f32 = 1.0 / 7.0;
+const DIP: f32 = EDGE * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0);
+
+/// Factor of the dip.
+fn dip(f0: SampledSpectrum, edge: SampledSpectrum) -> SampledSpectrum {
+    fresnel::schlick(EDGE, f0, SampledSpectrum::ONE) * (SampledSpectrum::ONE - edge) * (1.0 / DIP)
 }
 
 impl FacetReflectance {
     fn at(&self, cos: f32) -> SampledSpectrum {
         match *self {
             Self::Complex { eta, k } => eta.zip(k, |eta, k| fresnel::conductor(cos, eta, k)),
-            Self::Schlick(f0) => fresnel::schlick(cos, f0, SampledSpectrum::ONE),
+            Self::F82 { f0, edge } => {
+                let schlick = fresnel::schlick(cos, f0, SampledSpectrum::ONE);
+                let rest = (1.0 - cos).clamp(0.0, 1.0);
+                (schlick - dip(f0, edge) * (cos * rest.powi(6))).clamp(0.0, 1.0)
+            }
         }
     }
 
     /// The mean over directions weighted by the cosine.
     fn average(&self) -> SampledSpectrum {
         match *self {
-            // 2 int (1 - mu)^5 mu dmu = 1 / 21.
-            Self::Schlick(f0) => f0.lerp(SampledSpectrum::ONE, 1.0 / 21.0),
+            // 2 int (1 - mu)^5 mu dmu = 1 / 21, and 2 int mu (1 - mu)^6 mu dmu = 1 / 126.
+            Self::F82 { f0, edge } => {
+                (f0.lerp(SampledSpectrum::ONE, 1.0 / 21.0) - dip(f0, edge) * (1.0 / 126.0)).clamp(0.0, 1.0)
+            }
             Self::Complex { .. } => {
                 // Gauss's points for the weight `2 mu` on [0, 1].
                 const POINTS: [(f32, f32); 3] =
@@ -53,6 +75,9 @@ pub struct ConductorBsdf {
     unit: SampledSpectrum,
     ggx: Ggx,
     loss: FacetLoss,
+    film: Option<ThinFilm>,
+    /// Reflectance at normal incidence, for the film.
+    f0: SampledSpectrum,
     /// What is left of light that meets several facets, over the mean loss.
     bounced: SampledSpectrum,
 }
@@ -69,11 +94,17 @@ impl ConductorBsdf {
         } else {
             SampledSpectrum::ZERO
         };
-        Self { facets, unit, ggx, loss, bounced }
+        Self { facets, unit, ggx, loss, film: None, f0: facets.at(1.0), bounced }
+    }
+
+    /// The same metal under a film.
+    pub fn with_film(self, film: Option<ThinFilm>) -> Self {
+        Self { film, ..self }
     }
 
     fn reflectance(&self, cos: f32) -> SampledSpectrum {
-        self.unit * self.facets.at(cos)
+        let plain = self.facets.at(cos);
+        self.unit * self.film.map_or(plain, |film| film.reflectance(cos, self.f0, plain))
     }
 
     /// Probabilities of facets and of many bounces.

@@ -6,6 +6,7 @@
 //! unimportant: Russian roulette compensates for it ([`Lobes::crossing_scale`]).
 
 use super::energy::{DielectricLoss, bounced_pdf, sample_bounced};
+use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
 use super::{BsdfSample, Lobes, SpecularBranch, fresnel, lift, lower_like};
@@ -21,8 +22,12 @@ pub struct DielectricBsdf {
     pub ior: f32,
     /// Factor on light that crosses the interface.
     pub tint: SampledSpectrum,
+    /// Factor on light that is reflected on the outer side; 1 for a real interface.
+    pub reflection_tint: SampledSpectrum,
     /// 1 in every lane in use, 0 elsewhere.
     pub unit: SampledSpectrum,
+    /// A film on the interface.
+    pub film: Option<ThinFilm>,
     /// Roughness.
     pub ggx: Ggx,
     /// Share of light that the medium lets through on the way from the last point to this one, for rays that come from the inside.
@@ -47,7 +52,6 @@ struct Facet {
     wi: Vec3,
     /// Normal of the facet, above.
     m: Vec3,
-    reflectance: f32,
 }
 
 impl DielectricBsdf {
@@ -59,6 +63,22 @@ impl DielectricBsdf {
     fn is_smooth(&self) -> bool {
         // With equal indices nothing bends, however rough the interface.
         self.ggx.is_smooth() || (self.ior - 1.0).abs() < 1e-4
+    }
+
+    /// Reflectance of a facet without a film, and with one if there is one.
+    fn fresnel(&self, cos: f32, eta: f32) -> (f32, SampledSpectrum) {
+        let plain = fresnel::dielectric(cos, eta);
+        let f = SampledSpectrum::splat(plain);
+        let Some(film) = self.film.filter(|_| plain < 1.0) else { return (plain, f) };
+        // The film knows the angle on the outer side only.
+        let outside = eta == self.ior;
+        let cos = if outside { cos } else { (1.0 - (1.0 - cos * cos) / (eta * eta)).max(0.0).sqrt() };
+        (plain, film.reflectance(cos, SampledSpectrum::splat(fresnel::f0_from_ior(self.ior)), f))
+    }
+
+    /// Factor on what is reflected on the side with this relative index.
+    fn mirror_tint(&self, eta: f32) -> SampledSpectrum {
+        if eta == self.ior { self.reflection_tint * self.unit } else { self.unit }
     }
 
     /// Factor on radiance that crosses: tint and change of solid angle.
@@ -73,15 +93,18 @@ impl DielectricBsdf {
 
     fn branches(&self, wo: Vec3) -> (f32, [Option<SpecularBranch>; 2]) {
         let (up, eta) = (lift(wo), self.relative_ior(wo));
-        let reflectance = fresnel::dielectric(up.z, eta);
+        let (plain, reflectance) = self.fresnel(up.z, eta);
         let absorbed = self.absorbed(wo);
-        let reflection = (reflectance > 0.0).then(|| mirror_branch(wo, self.unit * absorbed * reflectance));
+        let mirrored = self.mirror_tint(eta) * absorbed * reflectance;
+        let reflection = (plain > 0.0 || self.film.is_some()).then(|| mirror_branch(wo, mirrored));
         let transmission = fresnel::refract(up, Vec3::Z, eta).map(|wi| SpecularBranch {
             wi: lower_like(wi, wo),
-            weight: self.crossing(eta) * absorbed * (1.0 - reflectance),
+            weight: self.crossing(eta) * absorbed * (SampledSpectrum::ONE - reflectance),
             is_transmission: true,
         });
-        (reflectance, [reflection, transmission])
+        let share =
+            if self.film.is_some() { plain.max(reflectance.max_element()).min(0.5 + 0.5 * plain) } else { plain };
+        (share, [reflection, transmission])
     }
 
     /// The facet that takes `wi` to `wo` by reflection or refraction; `wo` above.
@@ -93,7 +116,7 @@ impl DielectricBsdf {
         if m.z <= 0.0 || wo.dot(m) <= 0.0 || wi.dot(m) * wi.z <= 0.0 {
             return None;
         }
-        Some(Facet { wo, wi, m, reflectance: fresnel::dielectric(wo.dot(m), eta) })
+        Some(Facet { wo, wi, m })
     }
 
     /// Density of refracted directions per density of facet normals (Walter et al., equation 17).
@@ -104,21 +127,23 @@ impl DielectricBsdf {
 
     /// Density of facets alone.
     fn facet_pdf(&self, f: &Facet, eta: f32) -> f32 {
+        let reflectance = fresnel::dielectric(f.wo.dot(f.m), eta);
         if f.wi.z > 0.0 {
-            self.ggx.visible_reflection_pdf(f.wo, f.wi) * f.reflectance
+            self.ggx.visible_reflection_pdf(f.wo, f.wi) * reflectance
         } else {
-            self.ggx.visible_normal_pdf(f.wo, f.m) * Self::refraction_jacobian(f, eta) * (1.0 - f.reflectance)
+            self.ggx.visible_normal_pdf(f.wo, f.m) * Self::refraction_jacobian(f, eta) * (1.0 - reflectance)
         }
     }
 
     /// Value of facets alone, for `wo` above.
     fn facet_value(&self, f: &Facet, eta: f32) -> SampledSpectrum {
+        let reflectance = self.fresnel(f.wo.dot(f.m), eta).1;
         if f.wi.z > 0.0 {
             let value = self.ggx.reflection(f.wo, f.wi).map_or(0.0, |(_, value)| value);
-            self.unit * (value * f.reflectance)
+            self.mirror_tint(eta) * reflectance * value
         } else {
-            let flux = self.ggx.refraction_flux(f.wo, lift(f.wi), f.m);
-            self.crossing(eta) * (flux * Self::refraction_jacobian(f, eta) * (1.0 - f.reflectance))
+            let flux = self.ggx.refraction_flux(f.wo, lift(f.wi), f.m) * Self::refraction_jacobian(f, eta);
+            self.crossing(eta) * (SampledSpectrum::ONE - reflectance) * flux
         }
     }
 
@@ -147,7 +172,7 @@ impl DielectricBsdf {
             + if is_transmission {
                 self.crossing(eta) * (diffuse * bounced.transmitted)
             } else {
-                self.unit * (diffuse * (1.0 - bounced.transmitted))
+                self.mirror_tint(eta) * (diffuse * (1.0 - bounced.transmitted))
             }
     }
 
@@ -198,11 +223,11 @@ impl Lobes for DielectricBsdf {
             return None;
         }
         if self.is_smooth() {
-            let (reflectance, [reflection, transmission]) = self.branches(wo);
-            return if u_lobe < reflectance {
-                reflection.map(|b| b.sample(reflectance))
+            let (share, [reflection, transmission]) = self.branches(wo);
+            return if u_lobe < share {
+                reflection.map(|b| b.sample(share))
             } else {
-                transmission.map(|b| b.sample(1.0 - reflectance))
+                transmission.map(|b| b.sample(1.0 - share))
             };
         }
         let (up, eta) = (lift(wo), self.relative_ior(wo));
@@ -217,8 +242,9 @@ impl Lobes for DielectricBsdf {
     }
 
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {
-        let reflectance = fresnel::dielectric(wo.z.abs(), self.relative_ior(wo));
-        self.unit * reflectance + self.tint * (1.0 - reflectance)
+        let eta = self.relative_ior(wo);
+        let reflectance = self.fresnel(wo.z.abs(), eta).1;
+        self.mirror_tint(eta) * reflectance + self.tint * (SampledSpectrum::ONE - reflectance)
     }
 
     fn ambient(&self, _wo: Vec3) -> SampledSpectrum {

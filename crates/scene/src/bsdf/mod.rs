@@ -4,29 +4,33 @@
 //! it comes from. Opaque BSDFs reflect on both sides; dielectrics are outside where `z > 0`.
 
 mod black;
-mod coated;
 mod conductor;
 mod dielectric;
 mod diffuse;
 mod energy;
+mod film;
 pub mod fresnel;
+mod fuzz;
 mod ggx;
-mod ggx_albedo;
 mod glossy;
 mod mirror;
+mod open_pbr;
 mod phong;
+mod sheet;
 #[cfg(test)]
 mod tests;
 
 pub use black::BlackBsdf;
-pub use coated::CoatedBsdf;
 pub use conductor::{ConductorBsdf, FacetReflectance};
 pub use dielectric::DielectricBsdf;
 pub use diffuse::DiffuseBsdf;
+pub use film::ThinFilm;
 pub use ggx::Ggx;
-pub use glossy::GlossyBsdf;
+pub use glossy::{Body, Gloss, GlossyBsdf};
 pub use mirror::MirrorBsdf;
+pub use open_pbr::{Coat, Fuzz, OpenPbrBsdf, Slabs, Translucent};
 pub use phong::{PhongBsdf, PhongCoefficients};
+pub use sheet::SheetBsdf;
 
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
@@ -139,7 +143,7 @@ macro_rules! bsdfs {
         /// Any BSDF, with parameters fixed for one point.
         #[derive(Clone, Debug)]
         pub enum Bsdf {
-            $(#[doc = concat!("See [`", stringify!($type), "`].")] $kind($type),)*
+            $(#[doc = concat!("`", stringify!($type), "`.")] $kind($type),)*
         }
 
         impl Lobes for Bsdf {
@@ -164,7 +168,7 @@ bsdfs! {
     Conductor => ConductorBsdf,
     Dielectric => DielectricBsdf,
     Glossy => GlossyBsdf,
-    Coated => CoatedBsdf,
+    OpenPbr => Box<OpenPbrBsdf>,
 }
 
 /// `x` in `[0, most]`; NaN counts as 0.

@@ -3,7 +3,7 @@
 use super::{ColorParam, ScalarParam, ShadingPoint};
 use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, Ggx};
 use serde::{Deserialize, Serialize};
-use snell_math::Rgb;
+use snell_math::{Rgb, SampledSpectrum};
 
 /// What a metal reflects.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -68,7 +68,9 @@ impl Conductor {
             ConductorSpectrum::Measured { eta, k } => {
                 FacetReflectance::Complex { eta: point.coefficient(eta), k: point.coefficient(k) }
             }
-            ConductorSpectrum::Color(color) => FacetReflectance::Schlick(point.reflectance(color.at(point))),
+            ConductorSpectrum::Color(color) => {
+                FacetReflectance::F82 { f0: point.reflectance(color.at(point)), edge: SampledSpectrum::ONE }
+            }
         };
         let ggx = Ggx::from_roughness(self.roughness.at(point));
         Bsdf::Conductor(ConductorBsdf::new(facets, point.mode.unit(), ggx))

@@ -59,7 +59,9 @@ impl Dielectric {
         Bsdf::Dielectric(DielectricBsdf {
             ior: positive_ior(self.ior),
             tint: point.reflectance(self.tint.at(point)),
+            reflection_tint: SampledSpectrum::ONE,
             unit: point.mode.unit(),
+            film: None,
             ggx: Ggx::from_roughness(self.roughness.at(point)),
             arriving: self.transmittance(point),
         })

@@ -22,8 +22,12 @@ pub struct Interior {
 impl Material {
     /// The inside that a closed surface of this material has; `None` if it bounds nothing, as opaque things and leaves do not.
     pub fn bounded_interior(&self) -> Option<Interior> {
-        let implied = || matches!(self.kind, MaterialKind::Dielectric(_)).then(Interior::default);
-        self.interior.or_else(implied)
+        let has_inside = match &self.kind {
+            MaterialKind::Dielectric(_) => true,
+            MaterialKind::OpenPbr(surface) => surface.has_inside(),
+            _ => false,
+        };
+        self.interior.or_else(|| has_inside.then(Interior::default))
     }
 
     /// True if light passes the surface as if it were not there, so that it is only the boundary of a medium.
@@ -33,13 +37,15 @@ impl Material {
 
     /// True if [`Self::own_medium`] may be something.
     pub fn has_own_medium(&self) -> bool {
-        false
+        matches!(&self.kind, MaterialKind::OpenPbr(surface) if surface.has_medium())
     }
 
     /// The homogeneous medium that the kind of material itself fills its inside with, as it is for a path that enters at `point`.
     /// Counts if [`Interior::medium`] is `None`.
     pub fn own_medium(&self, point: &ShadingPoint) -> Option<MediumProperties> {
-        let _ = point;
-        None
+        match &self.kind {
+            MaterialKind::OpenPbr(surface) => surface.medium(point),
+            _ => None,
+        }
     }
 }

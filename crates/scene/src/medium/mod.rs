@@ -112,13 +112,17 @@ mod tests {
         let wild = Rgb::new(f32::NAN, -3.0, f32::INFINITY);
         let medium = MediumProperties::from_colors(wild, wild, wild, f32::NAN, ColorMode::Rgb);
         for lanes in [medium.sigma_t(), medium.emission] {
-            assert!(lanes.is_finite() && lanes[0] == 0.0 && lanes[1] == 0.0 && lanes[2] >= MAX_COEFFICIENT, "{lanes:?}");
+            assert!(
+                lanes.is_finite() && lanes[0] == 0.0 && lanes[1] == 0.0 && lanes[2] >= MAX_COEFFICIENT,
+                "{lanes:?}"
+            );
         }
     }
 
     #[test]
     fn coefficients_above_one_are_kept() {
-        let medium = MediumProperties::from_colors(Rgb::new(5.0, 0.25, 0.0), Rgb::WHITE, Rgb::BLACK, 0.0, ColorMode::Rgb);
+        let medium =
+            MediumProperties::from_colors(Rgb::new(5.0, 0.25, 0.0), Rgb::WHITE, Rgb::BLACK, 0.0, ColorMode::Rgb);
         assert_eq!(medium.sigma_t(), SampledSpectrum([6.0, 1.25, 1.0, 0.0]));
     }
 

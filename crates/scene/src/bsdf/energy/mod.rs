@@ -60,7 +60,7 @@ fn row_roughness(row: usize) -> f32 {
 }
 
 /// The two nodes around a position in `[0, 1]` on a grid of `n`, and the weight of the second.
-fn nodes(x: f32, n: usize) -> (usize, f32) {
+pub(super) fn nodes(x: f32, n: usize) -> (usize, f32) {
     let x = x.clamp(0.0, 1.0) * (n - 1) as f32;
     let i = (x as usize).min(n - 2);
     (i, x - i as f32)
