@@ -397,8 +397,18 @@ impl OpenPbr {
             unit,
             film,
             ggx: common.ggx,
-            arriving: SampledSpectrum::ONE,
+            arriving: self.left_on_arrival(point),
         })
+    }
+
+    /// What the medium inside has left of a ray that met the point from within.
+    fn left_on_arrival(&self, point: &ShadingPoint) -> SampledSpectrum {
+        let depth = self.transmission_depth.at(point);
+        if depth > 0.0 {
+            self.clear_medium(point, depth).sigma_a.map(|sigma| (-sigma * point.surface.t).exp())
+        } else {
+            SampledSpectrum::ONE
+        }
     }
 
     /// True if [`Self::medium`] may be something.

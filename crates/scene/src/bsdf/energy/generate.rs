@@ -3,6 +3,17 @@
 use super::*;
 use crate::bsdf::fresnel;
 
+/// Index of refraction at a node: 1 for the first.
+fn ior_at(node: usize) -> f64 {
+    let s = MOST_ROOT_F0 * (node as f64 / (INDICES - 1) as f64).powf(2.5);
+    (1.0 + s) / (1.0 - s)
+}
+
+/// Roughness at a row; the first is close to smooth.
+fn row_roughness(row: usize) -> f32 {
+    (row as f32 / (ROUGHNESSES - 1) as f32).max(0.0141)
+}
+
 /// Numbers for one direction.
 #[derive(Clone, Copy, Default)]
 struct Shares {

@@ -29,17 +29,8 @@ const PLANE: usize = ROUGHNESSES * (STEEPNESSES + 1);
 /// surface reflects at the angle of a typical facet (in units of [`MOST`]), lost from outside, lost from inside.
 static TABLES: &[u8] = include_bytes!("tables.bin");
 
-/// Index of refraction at a node, at least 1.
-#[cfg(test)]
-fn ior_at(node: usize) -> f64 {
-    let s = root_f0_at(node);
-    (1.0 + s) / (1.0 - s)
-}
-
-/// Root of the reflectance at normal incidence at a node: 0 for equal indices, closer to 1 than any material at the last.
-fn root_f0_at(node: usize) -> f64 {
-    0.98 * (node as f64 / (INDICES - 1) as f64).powf(2.5)
-}
+/// Root of the reflectance at normal incidence at the last index of refraction; the nodes before follow the power 2.5.
+const MOST_ROOT_F0: f64 = 0.98;
 
 fn number(plane: usize, index: usize) -> f32 {
     let at = 2 * (plane * PLANE + index);
@@ -51,13 +42,6 @@ const DEEPEST: f32 = -16.0;
 
 /// Range of the quotient of the reflectance of a rough and of a smooth dielectric, see [`Ggx::facet_cosine`].
 const MOST: f32 = 16.0;
-
-/// Roughness that stands for that of smooth surfaces.
-const SMOOTHEST: f32 = 0.0141;
-
-fn row_roughness(row: usize) -> f32 {
-    (row as f32 / (ROUGHNESSES - 1) as f32).max(SMOOTHEST)
-}
 
 /// The two nodes around a position in `[0, 1]` on a grid of `n`, and the weight of the second.
 pub(super) fn nodes(x: f32, n: usize) -> (usize, f32) {
@@ -189,7 +173,7 @@ impl FacetLoss {
 /// Four indices of refraction around one (at least 1), as the numbers of the first, and their weights in a cubic.
 fn indices(ior: f32) -> (usize, [f32; 4]) {
     let s = f64::from((ior - 1.0) / (ior + 1.0));
-    let x = (s / 0.98).clamp(0.0, 1.0).powf(1.0 / 2.5) * (INDICES - 1) as f64;
+    let x = (s / MOST_ROOT_F0).clamp(0.0, 1.0).powf(1.0 / 2.5) * (INDICES - 1) as f64;
     let first = (x as usize).saturating_sub(1).min(INDICES - 4);
     (first, cubic((x - first as f64) as f32))
 }
