@@ -75,11 +75,12 @@ fn direct_is_a_path_of_one_bounce() {
 #[test]
 fn light_samplers_agree() {
     let (scene, camera) = lamps_and_sky();
-    let [uniform, power] = [LightSamplerKind::Uniform, LightSamplerKind::Power].map(|light_sampler| {
+    let [uniform, power, bvh] = LightSamplerKind::ALL.map(|light_sampler| {
         let seed = light_sampler as u32 + 10;
         render(&scene, &camera, &Settings { light_sampler, seed, max_depth: 3, ..settings(32, 192) })
     });
-    compare(&uniform, &power).check("light samplers");
+    compare(&uniform, &power).check("uniform against power");
+    compare(&uniform, &bvh).check("uniform against bvh");
 }
 
 #[test]

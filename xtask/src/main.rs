@@ -1,6 +1,7 @@
 //! The words that developers and CI use: `cargo xtask test` and friends. No dependencies, so that it starts at once.
 
 mod python;
+mod web;
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, ExitCode, Stdio};
@@ -10,6 +11,8 @@ const HELP: &str = "cargo xtask COMMAND
 
   test   install what the tests need and run them all; ends with a summary
   python only the tests of the Python package, in a virtual environment of their own
+  web    only the tests of the viewer's page: types, units, and in a real browser
+  web-build  build the viewer's page from web/ into crates/viewer/page
   lint   formatting, clippy and documentation, warnings as errors
   fmt    format everything
   docs   build the API documentation
@@ -21,6 +24,8 @@ fn main() -> ExitCode {
     let succeeded = match command.as_str() {
         "test" => test(),
         "python" => python::test().unwrap_or(false),
+        "web" => web::test().unwrap_or(false),
+        "web-build" => web::build(),
         "lint" => lint(),
         "fmt" => run("format", cargo(&["fmt", "--all"])),
         "docs" => run("documentation", cargo(&["doc", "--workspace", "--no-deps"])),
@@ -108,7 +113,8 @@ impl Counts {
     }
 }
 
-/// All tests: units, properties, documentation examples, the command line run as users run it, and the Python package.
+/// All tests: units, properties, documentation examples, the command line run as users run it, the Python package, and the page of
+/// the viewer in a browser.
 fn test() -> bool {
     let start = Instant::now();
     let mut counts = Counts::default();
@@ -130,7 +136,8 @@ fn test() -> bool {
         }
     };
     let python = python::test();
-    let succeeded = succeeded && python != Some(false);
+    let web = web::test();
+    let succeeded = succeeded && python != Some(false) && web != Some(false);
     let seconds = start.elapsed().as_secs();
     println!("\n{} suites in {}m{:02}s", counts.suites, seconds / 60, seconds % 60);
     println!("{} passed, {} failed, {} skipped", counts.passed, counts.failed, counts.ignored);
@@ -138,6 +145,11 @@ fn test() -> bool {
         Some(true) => println!("the tests of the Python package passed"),
         Some(false) => println!("the tests of the Python package failed"),
         None => println!("the tests of the Python package were skipped: there is no Python for them"),
+    }
+    match web {
+        Some(true) => println!("the tests of the viewer's page passed"),
+        Some(false) => println!("the tests of the viewer's page failed"),
+        None => println!("the tests of the viewer's page were skipped: there is no Node.js for them"),
     }
     if !succeeded {
         println!("FAILED");

@@ -2,6 +2,7 @@
 
 use snell_formats::error::one_line;
 use snell_formats::{ReadError, WriteError};
+use snell_scene::overrides::{OverrideError, nearest};
 use std::process::ExitCode;
 
 /// An error that ends the command.
@@ -10,6 +11,9 @@ pub enum Failure {
     /// The options do not make sense.
     #[error("{0}")]
     Usage(String),
+    /// `-D` names what is not there.
+    #[error(transparent)]
+    Override(#[from] OverrideError),
     /// A file could not be read.
     #[error(transparent)]
     Read(#[from] ReadError),
@@ -29,7 +33,7 @@ impl Failure {
     pub fn report(&self) -> ExitCode {
         eprintln!("error: {}", one_line(&self.to_string()));
         match self {
-            Self::Usage(_) => ExitCode::from(2),
+            Self::Usage(_) | Self::Override(_) => ExitCode::from(2),
             _ => ExitCode::from(1),
         }
     }
@@ -48,37 +52,4 @@ pub fn choice<T: Copy>(
     let names: Vec<_> = choices.iter().map(|&c| name_of(c)).collect();
     let hint = nearest(name, &names).map(|n| format!("; did you mean {n}?")).unwrap_or_default();
     Err(Failure::Usage(format!("there is no {what} \"{name}\"{hint} (known: {})", names.join(", "))))
-}
-
-/// The nearest of some names, if one is near.
-pub fn nearest<'a>(name: &str, names: &[&'a str]) -> Option<&'a str> {
-    let best = names.iter().map(|n| (edit_distance(name, n), *n)).min()?;
-    (best.0 <= name.chars().count().div_ceil(3).max(1)).then_some(best.1)
-}
-
-/// Number of insertions, deletions and replacements between two words (Levenshtein).
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, &y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_nearest_name_is_suggested_only_if_it_is_near() {
-        assert_eq!(nearest("pth", &["path", "whitted"]), Some("path"));
-        assert_eq!(nearest("zzz", &["path", "whitted"]), None);
-    }
 }

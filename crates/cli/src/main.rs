@@ -7,7 +7,6 @@
 
 mod command;
 mod failure;
-mod overrides;
 mod progress;
 mod resources;
 mod scene_source;

@@ -1,9 +1,10 @@
 //! Where a scene comes from: a file, standard input, or the built-in ones.
 
-use crate::failure::{Failure, nearest};
+use crate::failure::Failure;
 use snell_formats::ReadOptions;
 use snell_scene::Scene;
 use snell_scene::builtin::{BUILTINS, builtin};
+use snell_scene::overrides::nearest;
 use std::io::Read;
 use std::path::Path;
 

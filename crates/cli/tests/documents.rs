@@ -9,8 +9,9 @@
 //! only the word is checked (this test is part of `cargo xtask test`); the other commands allowed are in [`NOT_RUN`].
 
 use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// Beginnings of commands that a document may show but that are not run here: they would build the program in the middle of its
 /// own test, or need the network.
@@ -151,8 +152,27 @@ fn make_small(arguments: &mut Vec<String>) {
     }
 }
 
+/// Starts `snell view` and ends it when it has printed its address. Its port is any that is free, as others may use the document's.
+fn view(folder: &Path, mut arguments: Vec<String>, place: &str) -> Vec<u8> {
+    if let Some(at) = arguments.iter().position(|w| w == "--port") {
+        arguments[at + 1] = "0".into();
+    }
+    let mut command = Command::new(env!("CARGO_BIN_EXE_snell"));
+    command.arg("view").arg("--no-open").args(&arguments[1..]).current_dir(folder).stdout(Stdio::piped());
+    let mut child = command.spawn().unwrap_or_else(|e| panic!("{place}: {e}"));
+    let mut line = String::new();
+    let output = child.stdout.take().expect("standard output is piped");
+    BufReader::new(output).read_line(&mut line).expect("text");
+    child.kill().and_then(|()| child.wait()).expect("it can be ended");
+    assert!(line.starts_with("http://127.0.0.1:"), "{place}: {arguments:?} printed {line:?}");
+    line.into_bytes()
+}
+
 /// Runs `snell` in a folder; gives standard output.
 fn snell(folder: &Path, mut arguments: Vec<String>, place: &str) -> Vec<u8> {
+    if arguments.first().is_some_and(|w| w == "view") && !arguments.iter().any(|w| w == "--help") {
+        return view(folder, arguments, place);
+    }
     make_small(&mut arguments);
     let mut command = Command::new(env!("CARGO_BIN_EXE_snell"));
     let run = command.args(&arguments).current_dir(folder).env_remove("SNELL_SIMD").output();

@@ -7,6 +7,7 @@
 
 pub mod atomic;
 pub mod error;
+pub mod ies;
 pub mod image;
 pub mod input;
 pub mod limits;

@@ -16,6 +16,7 @@ pub mod robust;
 pub mod sampling;
 pub mod simd;
 pub mod spectrum;
+pub mod spherical;
 pub mod transform;
 
 pub use bounds::{Bounds3, Bounds3d};

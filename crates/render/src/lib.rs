@@ -23,14 +23,17 @@ pub mod film;
 pub mod integrator;
 pub mod job;
 pub mod light_sampler;
+mod picture;
 pub mod reference;
 pub mod sampler;
 pub mod settings;
+mod volume;
 
 pub use compile::{CompileError, CompiledScene};
 pub use film::{Film, filter::Filter};
 pub use integrator::{IntegratorKind, aov::Aov};
 pub use job::{Job, Progress, Recording, Statistics};
 pub use light_sampler::LightSamplerKind;
+pub use picture::picture;
 pub use sampler::SamplerKind;
 pub use settings::{Crop, LightStrategy, Settings, Shadows, TileOrder};

@@ -6,11 +6,12 @@
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
 use crate::integrator::camera_path::camera_path;
-use crate::integrator::{Context, Outputs, PathState, SurfaceVertex, Vertex};
+use crate::integrator::{Context, MediumVertex, Outputs, PathState, SurfaceVertex, Vertex};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Settings;
-use snell_intersect::HitFilter;
-use snell_math::{Ray, Rgb, SampledSpectrum};
+use crate::volume::{Insides, LightStep, Numbers, OwnMedia, PathStep, Walker};
+use snell_intersect::Hit;
+use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum};
 use snell_scene::Camera;
 
 /// Renders a picture: for each pixel, the filtered mean of its samples. Row by row from the top.
@@ -27,7 +28,8 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
             for number in 0..settings.spp {
                 let random = sampler.random([x, y], number);
                 let (ray, state, weight) = camera_path(camera, settings, &filter, [x, y], &random);
-                let color = state.mode.to_rgb(radiance(&context, &ray, &state, random, 0));
+                let mut media = Media::new(scene, settings, camera, state.mode);
+                let color = state.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
                 plain = plain + color;
                 sum = sum + color * weight;
                 weights += weight;
@@ -43,34 +45,127 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
 
 /// Radiance along a ray: what is found where it ends, light rays that reach their lights, and the radiance along all rays that the
 /// integrator sends on.
-fn radiance(context: &Context, ray: &Ray, state: &PathState, random: Random, depth: u32) -> SampledSpectrum {
+fn radiance(
+    context: &Context,
+    ray: &Ray,
+    state: &PathState,
+    random: Random,
+    depth: u32,
+    media: &mut Option<Media>,
+) -> SampledSpectrum {
     if state.throughput.is_black() {
         return SampledSpectrum::ZERO;
     }
     let (scene, settings) = (context.scene, context.settings);
-    let filter: &dyn HitFilter = scene;
-    let hit = scene.world.closest_one(ray, filter);
-    let interaction = hit.is_hit().then(|| scene.world.interaction(ray, &hit));
+    let numbers = random.at_vertex(state.stream, depth);
+    let (mut ray, mut state, mut sum) = (*ray, *state, SampledSpectrum::ZERO);
+    let (hit, medium) = match media {
+        Some(media) => media.travel(scene, &mut ray, &mut state, numbers, &mut sum),
+        None => (scene.world.closest_one(&ray, scene), None),
+    };
+    if state.throughput.is_black() {
+        return sum;
+    }
+    let interaction = hit.is_hit().then(|| scene.world.interaction(&ray, &hit));
     let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
         hit: &hit,
         interaction,
         material: scene.material(scene.material_id(&hit)),
         footprint: state.cone_width + state.cone_spread * hit.t,
         mode: state.mode,
+        outside_ior: media.as_ref().map_or(1.0, |m| m.walker.outside_ior(&m.insides, &hit)),
     });
-    let vertex = Vertex { depth, ray, state, random: random.at_vertex(state.stream, depth), surface };
+    let vertex = Vertex { depth, ray: &ray, state: &state, random: numbers, surface, medium };
     let mut out = Outputs::default();
     (settings.integrator.vertex_function())(context, &vertex, &mut out);
-    let mut sum = out.radiance;
-    for (light_ray, value) in &out.light_rays {
-        if !scene.world.occluded_one(light_ray, filter) {
-            sum += *value;
-        }
+    sum += out.radiance;
+    let here = media.as_ref().map(|m| m.insides);
+    for (number, (light_ray, value)) in (0..).zip(&out.light_rays) {
+        sum += match media {
+            Some(media) => {
+                media.go_on(here, &vertex, light_ray);
+                media.arriving(scene, *light_ray, *value, state.mode, Numbers::of_light_ray(numbers, number))
+            }
+            None if scene.world.occluded_one(light_ray, scene) => SampledSpectrum::ZERO,
+            None => *value,
+        };
     }
     for (next_ray, next_state) in &out.next {
-        sum += radiance(context, next_ray, next_state, random, depth + 1);
+        if let Some(media) = media {
+            media.go_on(here, &vertex, next_ray);
+        }
+        sum += radiance(context, next_ray, next_state, random, depth + 1, media);
     }
     sum
+}
+
+/// What a ray must know where there are media.
+struct Media<'a> {
+    walker: Walker<'a>,
+    own: OwnMedia,
+    insides: Insides,
+}
+
+impl<'a> Media<'a> {
+    fn new(scene: &'a CompiledScene, settings: &Settings, camera: &Camera, mode: ColorMode) -> Option<Self> {
+        let walker = Walker::new(scene).filter(|_| settings.integrator.sees_media())?;
+        let mut own = OwnMedia::new();
+        let around = walker.surfaces_around(camera.eye.as_vec3());
+        let insides = walker.insides_of(&mut own, &around, mode);
+        Some(Self { walker, own, insides })
+    }
+
+    /// From surface to surface that the ray passes, until it meets one that it does not, or a medium scatters it.
+    fn travel(
+        &mut self,
+        scene: &CompiledScene,
+        ray: &mut Ray,
+        state: &mut PathState,
+        random: Random,
+        emitted: &mut SampledSpectrum,
+    ) -> (Hit, Option<MediumVertex>) {
+        let mut numbers = Numbers::of_path(random);
+        loop {
+            let hit = scene.world.closest_one(&*ray, &self.walker);
+            match self.walker.step(&mut self.own, ray, state, &mut self.insides, &hit, &mut numbers, emitted) {
+                PathStep::Arrived => return (hit, None),
+                PathStep::Scattered(vertex) => return (Hit::MISS, Some(vertex)),
+                PathStep::Passed => {}
+            }
+        }
+    }
+
+    /// What is left of a light ray's value at the light.
+    fn arriving(
+        &mut self,
+        scene: &CompiledScene,
+        mut ray: Ray,
+        mut value: SampledSpectrum,
+        mode: ColorMode,
+        mut numbers: Numbers,
+    ) -> SampledSpectrum {
+        loop {
+            let hit = scene.world.closest_one(&ray, &self.walker);
+            let insides = &mut self.insides;
+            match self.walker.light_step(&mut self.own, &mut ray, &mut value, mode, insides, &hit, &mut numbers) {
+                LightStep::Arrived => return value,
+                LightStep::Blocked => return SampledSpectrum::ZERO,
+                LightStep::Passed => {}
+            }
+        }
+    }
+
+    /// Enters or leaves what the vertex's surface bounds, if a ray goes on to its other side.
+    fn go_on(&mut self, here: Option<Insides>, vertex: &Vertex, ray: &Ray) {
+        self.insides = here.unwrap_or_default();
+        let Some(surface) = &vertex.surface else { return };
+        let (normal, direction) = (surface.interaction.geometric_normal, ray.direction);
+        if direction.dot(normal) * vertex.ray.direction.dot(normal) > 0.0 {
+            let own = &mut self.own;
+            self.insides =
+                self.walker.beyond(own, &self.insides, surface.interaction, surface.hit, direction, surface.mode);
+        }
+    }
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use crate::light_sampler::LightSamplerKind;
 use crate::sampler::SamplerKind;
 use snell_intersect::BuildOptions;
 use snell_math::ColorModel;
+use snell_math::Rgb;
 
 /// How `raycast` and `whitted` treat occlusion of lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -125,6 +126,8 @@ pub struct Settings {
     pub light_strategy: LightStrategy,
     /// How a light is chosen among many.
     pub light_sampler: LightSamplerKind,
+    /// Added to the scene's ambient light in `raycast` and `whitted`: a stand-in for indirect light where there is no time for it.
+    pub fill: Rgb,
     /// How far `ao` looks for occluders; `None` is half of the scene's radius.
     pub ao_distance: Option<f32>,
     /// Extra layers.
@@ -157,6 +160,7 @@ impl Default for Settings {
             shadows: Shadows::default(),
             light_strategy: LightStrategy::default(),
             light_sampler: LightSamplerKind::default(),
+            fill: Rgb::BLACK,
             ao_distance: None,
             aovs: Vec::new(),
             tile_order: TileOrder::default(),

@@ -1,9 +1,11 @@
 //! A camera and a sky for scenes that have none, so that a bare mesh gives a good picture.
 
+mod air;
 mod extent;
 mod fit;
 mod sky;
 
+pub use air::fill_with_fog;
 pub use fit::frame;
 pub use sky::{default_sky, sky_seen_by};
 

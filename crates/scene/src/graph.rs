@@ -236,6 +236,16 @@ pub enum SceneError {
         /// Its name.
         name: String,
     },
+    /// A medium that is not in the table.
+    #[error("{what} refers to medium {id}, but there are only {count}")]
+    DanglingMedium {
+        /// Who refers to it.
+        what: String,
+        /// The id found.
+        id: u32,
+        /// Length of the table.
+        count: usize,
+    },
     /// An id points past its table.
     #[error("node {node} (\"{name}\") refers to {what} {id}, but there are only {count}")]
     DanglingId {

@@ -15,6 +15,7 @@ pub mod image;
 pub mod light;
 pub mod material;
 pub mod medium;
+pub mod overrides;
 pub mod settings;
 pub mod texture;
 

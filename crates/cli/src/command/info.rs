@@ -89,6 +89,8 @@ impl Facts<'_> {
             "images": scene.images.iter().map(|i| json!({ "width": i.width, "height": i.height, "channels": i.channels }))
                 .collect::<Vec<_>>(),
             "lights": scene.lights,
+            "media": scene.media,
+            "medium": scene.medium,
             "environment": self.environment(),
             "cameras": scene.cameras,
             "warnings": scene.warnings.iter().map(|w| json!({ "message": w.message, "count": w.count })).collect::<Vec<_>>(),

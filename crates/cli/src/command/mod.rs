@@ -8,6 +8,7 @@ mod info;
 mod man;
 mod render;
 mod scenes;
+mod view;
 
 use crate::failure::Failure;
 use std::process::ExitCode;
@@ -17,6 +18,8 @@ use std::process::ExitCode;
 pub enum Command {
     /// Render a scene to a picture.
     Render(Box<render::Options>),
+    /// Look at a scene in the browser.
+    View(view::Options),
     /// Show what is in a scene file.
     Info(info::Options),
     /// Compare two pictures.
@@ -38,6 +41,7 @@ pub enum Command {
 pub fn run(command: Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Render(options) => render::run(&options),
+        Command::View(options) => view::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options),
         Command::Bench(command) => bench::run(&command),

@@ -8,7 +8,7 @@ pub use options::Options;
 
 use crate::failure::Failure;
 use crate::progress::Reporter;
-use crate::{overrides, scene_source};
+use crate::scene_source;
 use snell_formats::error::one_line;
 use snell_math::simd::Level;
 use snell_render::{CompiledScene, IntegratorKind, Job, Settings, Statistics};
@@ -52,7 +52,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let render_seconds = start.elapsed().as_secs_f64();
 
     let stem = scene_source::stem(&options.scene, &scene);
-    let picture = output::picture(&film, &settings, &compiled);
+    let picture = snell_render::picture(&film, &settings, &compiled);
     let summary = Summary {
         scene: &scene,
         compiled: &compiled,
@@ -95,19 +95,23 @@ fn warn_of_lost_layers(options: &Options, settings: &Settings) {
     }
 }
 
-fn prepare_scene(scene: &mut Scene, options: &Options) -> Result<(), Failure> {
+pub(super) fn prepare_scene(scene: &mut Scene, options: &Options) -> Result<(), Failure> {
     options.apply_environment(scene)?;
     let size = options.size.unwrap_or(options::DEFAULT_SIZE);
     let framing = snell_scene::framing::FramingOptions { size, ..Default::default() };
     snell_scene::framing::prepare(scene, &framing).map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
     options.apply_background(scene)?;
+    if let Some(density) = options.fog {
+        let filled = snell_scene::framing::fill_with_fog(scene, density);
+        filled.map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
+    }
     for definition in &options.define {
-        overrides::apply(scene, definition)?;
+        snell_scene::overrides::apply(scene, definition)?;
     }
     Ok(())
 }
 
-fn choose_camera(scene: &Scene, options: &Options) -> Result<Camera, Failure> {
+pub(super) fn choose_camera(scene: &Scene, options: &Options) -> Result<Camera, Failure> {
     let Some(wanted) = &options.camera else {
         return scene.cameras.first().cloned().ok_or_else(|| Failure::Scene("the scene has no camera".into()));
     };

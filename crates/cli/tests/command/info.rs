@@ -24,7 +24,7 @@ fn info_shows_tree_materials_lights_and_cameras() {
 #[test]
 fn info_in_json_has_the_same_facts() {
     let place = Place::new();
-    for scene in ["cornell-box", "minray", "spheres", "teapot"] {
+    for scene in ["cornell-box", "minray", "night-town", "spheres", "teapot"] {
         let info: serde_json::Value =
             serde_json::from_slice(&place.run(&format!("info {scene} --json")).done().out).expect("it is JSON");
         assert_eq!(info["name"], scene);

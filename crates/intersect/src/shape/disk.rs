@@ -3,7 +3,7 @@
 use super::nearest::on_ring;
 use super::plane::closest_in_z0;
 use super::winding;
-use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
+use super::{AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
@@ -92,5 +92,9 @@ impl Shape for Disk {
 
     fn is_closed(&self) -> bool {
         false
+    }
+
+    fn to_any(&self) -> Option<AnyShape> {
+        Some((*self).into())
     }
 }

@@ -162,6 +162,12 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// The outside is the side the normal points to; false for open surfaces (disk, rectangle, plane, triangle, polygon), which
     /// have no inside.
     fn is_closed(&self) -> bool;
+
+    /// The shape as one that is known by name, for those who can do more with some than with others: light sampling knows how a
+    /// sphere looks from a point. `None` for shapes of users.
+    fn to_any(&self) -> Option<AnyShape> {
+        None
+    }
 }
 
 /// Makes [`AnyShape`] from the list of shapes: the enum, its names, its dispatch.
@@ -203,6 +209,7 @@ macro_rules! shapes {
             fn area(&self) -> f64 { match self { $(Self::$kind(s) => s.area(),)* } }
             fn sample(&self, u: DVec2) -> Option<ShapeSample> { match self { $(Self::$kind(s) => s.sample(u),)* } }
             fn is_closed(&self) -> bool { match self { $(Self::$kind(s) => s.is_closed(),)* } }
+            fn to_any(&self) -> Option<AnyShape> { Some(self.clone()) }
         }
 
         $(impl From<$kind> for AnyShape {

@@ -3,7 +3,7 @@
 use super::nearest::on_triangle;
 use super::plane::closest_in_z0;
 use super::winding;
-use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
+use super::{AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
@@ -81,5 +81,9 @@ impl Shape for Rectangle {
 
     fn is_closed(&self) -> bool {
         false
+    }
+
+    fn to_any(&self) -> Option<AnyShape> {
+        Some((*self).into())
     }
 }

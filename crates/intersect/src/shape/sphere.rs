@@ -2,7 +2,7 @@
 
 use super::nearest::on_sphere;
 use super::span::{Span, accurate_cross, crossings, roots};
-use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
+use super::{AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
 use std::f64::consts::{PI, TAU};
@@ -120,6 +120,10 @@ impl Shape for Sphere {
 
     fn is_closed(&self) -> bool {
         true
+    }
+
+    fn to_any(&self) -> Option<AnyShape> {
+        Some((*self).into())
     }
 }
 

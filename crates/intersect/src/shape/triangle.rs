@@ -4,7 +4,7 @@ use super::nearest::on_triangle;
 use super::plane::intersect_plane;
 use super::span::{accurate_cross, scaled_direction};
 use super::winding;
-use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
+use super::{AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
 
@@ -208,6 +208,10 @@ impl Shape for Triangle {
 
     fn is_closed(&self) -> bool {
         false
+    }
+
+    fn to_any(&self) -> Option<AnyShape> {
+        Some((*self).into())
     }
 }
 

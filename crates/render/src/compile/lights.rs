@@ -1,11 +1,13 @@
 //! All lights in one table: lights without a surface, emissive surfaces, the environment.
 
 use super::surfaces::SurfaceTable;
+use crate::light_sampler::LightSummary;
 use snell_intersect::{Geometry, GeometryId, GroupId, World};
-use snell_math::Transform;
+use snell_math::{ColorMode, Transform};
 use snell_scene::light::area::{AreaLight, EmissiveGeometry};
 use snell_scene::light::environment::EnvironmentLight;
-use snell_scene::{Light, Material, MaterialId, Scene};
+use snell_scene::material::ShadingPoint;
+use snell_scene::{Light, Material, MaterialId, Scene, TextureSet};
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
@@ -34,6 +36,8 @@ pub struct LightTable {
     /// Position of the environment.
     pub environment: Option<usize>,
     by_surface: HashMap<(u32, u32), usize>,
+    /// Whether each shines on both sides.
+    two_sided: Vec<bool>,
     spent: u64,
 }
 
@@ -43,6 +47,7 @@ impl LightTable {
         world: &World,
         surfaces: &SurfaceTable,
         materials: &[Material],
+        textures: &TextureSet,
         environment: Option<&EnvironmentLight>,
         scene_radius: f64,
     ) -> Self {
@@ -53,7 +58,8 @@ impl LightTable {
         }
         let emissive = EmissiveGroups::new(world, surfaces, materials);
         if !emissive.is_empty() {
-            table.add_surfaces(world, surfaces, materials, &emissive, GroupId(0), 0, &Transform::IDENTITY);
+            let parts = Parts { world, surfaces, materials, textures, emissive: &emissive };
+            table.add_surfaces(&parts, GroupId(0), 0, &Transform::IDENTITY);
         }
         if let Some(environment) = environment {
             table.environment = Some(table.lights.len());
@@ -69,8 +75,26 @@ impl LightTable {
         self.spent <= BUDGET
     }
 
+    /// What light samplers look at; the bounds of all parts only if asked for. The light `left_out` is not sampled.
+    pub fn summaries(&self, with_parts: bool, left_out: Option<usize>) -> Vec<LightSummary> {
+        let parts = |i: usize| match &self.lights[i] {
+            CompiledLight::Light(light) => light.bounds().into_iter().collect(),
+            CompiledLight::Area(area) => {
+                (0..area.part_count()).map(|part| area.part_bounds(part, self.two_sided[i])).collect()
+            }
+            CompiledLight::Environment => Vec::new(),
+        };
+        let summary = |i: usize| LightSummary {
+            power: self.powers[i],
+            parts: if with_parts { parts(i) } else { Vec::new() },
+            is_sampled: left_out != Some(i),
+        };
+        (0..self.lights.len()).map(summary).collect()
+    }
+
     fn push(&mut self, light: CompiledLight, power: f64) {
         self.lights.push(light);
+        self.two_sided.push(false);
         self.powers.push(if power.is_finite() && power > 0.0 { power } else { 0.0 });
     }
 
@@ -78,22 +102,12 @@ impl LightTable {
         self.by_surface.get(&(instance, geometry)).copied()
     }
 
-    fn add_surfaces(
-        &mut self,
-        world: &World,
-        surfaces: &SurfaceTable,
-        materials: &[Material],
-        emissive: &EmissiveGroups,
-        group: GroupId,
-        instance: u32,
-        world_from_group: &Transform,
-    ) {
-        let contents = world.group(group);
+    fn add_surfaces(&mut self, parts: &Parts, group: GroupId, instance: u32, world_from_group: &Transform) {
+        let contents = parts.world.group(group);
         self.spent += COST_OF_INSTANCE;
         for &id in &contents.geometries {
-            let material = |primitive| &materials[surfaces.material(world, instance, id.0, primitive).index()];
-            if emissive.geometries[id.0 as usize] && self.is_complete() {
-                self.add_surface(world, id, instance, world_from_group, material);
+            if parts.emissive.geometries[id.0 as usize] && self.is_complete() {
+                self.add_surface(parts, id, instance, world_from_group);
             }
         }
         let mut next = instance + 1;
@@ -101,48 +115,92 @@ impl LightTable {
             if !self.is_complete() {
                 return;
             }
-            if emissive.groups[child.child.0 as usize] {
+            if parts.emissive.groups[child.child.0 as usize] {
                 let placed = world_from_group.compose(&child.group_from_child);
-                self.add_surfaces(world, surfaces, materials, emissive, child.child, next, &placed);
+                self.add_surfaces(parts, child.child, next, &placed);
             }
-            next += world.occurrences_below(child.child);
+            next += parts.world.occurrences_below(child.child);
         }
     }
 
-    fn add_surface<'a>(
-        &mut self,
-        world: &World,
-        id: GeometryId,
-        instance: u32,
-        world_from_group: &Transform,
-        material: impl Fn(u32) -> &'a Material,
-    ) {
-        let (geometry, placed, brightest) = match world.geometry(id) {
+    fn add_surface(&mut self, parts: &Parts, id: GeometryId, instance: u32, world_from_group: &Transform) {
+        let material = |primitive| parts.material(instance, id, primitive);
+        let (geometry, placed, emitting) = match parts.world.geometry(id) {
             Geometry::Mesh(mesh) => {
                 let emits = |t: &u32| is_light(material(*t));
                 let triangles: Vec<u32> = (0..mesh.indices.len() as u32).filter(emits).collect();
                 self.spent += mesh.indices.len() as u64 + COST_OF_TRIANGLE * triangles.len() as u64;
-                let luminance = |m: &&Material| f64::from(m.emission.factor.luminance());
-                let materials = triangles.iter().map(|&t| material(t));
-                let Some(brightest) = materials.max_by(|a, b| luminance(a).total_cmp(&luminance(b))) else { return };
-                let geometry = EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles };
-                (geometry, *world_from_group, brightest)
+                let emitting = Emitting::of(triangles.iter().map(|&t| material(t)));
+                (EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles }, *world_from_group, emitting)
             }
             Geometry::Shape(shape, group_from_shape) => {
-                let material = material(0);
-                if !is_light(material) {
-                    return;
-                }
-                (EmissiveGeometry::Shape(shape.clone()), world_from_group.compose(group_from_shape), material)
+                let emitting = Emitting::of(Some(material(0)).filter(|m| is_light(m)).into_iter());
+                (EmissiveGeometry::Shape(shape.clone()), world_from_group.compose(group_from_shape), emitting)
             }
             // Shine when they are hit, but are not sampled.
             Geometry::Quads(_) | Geometry::MovingMesh(_) | Geometry::Set(_) => return,
         };
+        if !emitting.any {
+            return;
+        }
         let Some(light) = AreaLight::new(geometry, placed, (instance, id.0)) else { return };
-        let sides = if brightest.emits_on_both_sides { 2.0 } else { 1.0 };
-        let power = light.area() * PI * sides * f64::from(brightest.emission.factor.luminance());
+        let points = match (emitting.varies, light.part_count()) {
+            (false, _) => 1,
+            (true, 257..) => 2,
+            (true, _) => 16,
+        };
+        let light = light.measured(points, |surface, width| {
+            let point = ShadingPoint {
+                surface,
+                footprint: width,
+                textures: parts.textures,
+                mode: ColorMode::Rgb,
+                outside_ior: 1.0,
+            };
+            let emitted = material(surface.primitive).emitted(&point, surface.geometric_normal);
+            ColorMode::Rgb.to_rgb(emitted).luminance()
+        });
+        let sides = if emitting.both_sides { 2.0 } else { 1.0 };
+        let power = light.area() * PI * sides * light.mean_radiance();
         self.by_surface.insert((instance, id.0), self.lights.len());
         self.push(CompiledLight::Area(light), power);
+        self.two_sided.pop();
+        self.two_sided.push(emitting.both_sides);
+    }
+}
+
+/// Where emissive surfaces are found.
+struct Parts<'a> {
+    world: &'a World,
+    surfaces: &'a SurfaceTable,
+    materials: &'a [Material],
+    textures: &'a TextureSet,
+    emissive: &'a EmissiveGroups,
+}
+
+impl Parts<'_> {
+    fn material(&self, instance: u32, geometry: GeometryId, primitive: u32) -> &Material {
+        &self.materials[self.surfaces.material(self.world, instance, geometry.0, primitive).index()]
+    }
+}
+
+/// What the materials of an emissive surface have in common.
+#[derive(Default)]
+struct Emitting {
+    any: bool,
+    /// Some shine on both sides.
+    both_sides: bool,
+    /// Some do not shine alike everywhere.
+    varies: bool,
+}
+
+impl Emitting {
+    fn of<'a>(materials: impl Iterator<Item = &'a Material>) -> Self {
+        materials.fold(Self::default(), |all, m| Self {
+            any: true,
+            both_sides: all.both_sides || m.emits_on_both_sides,
+            varies: all.varies || m.emission.texture.is_some() || m.emission_takes_vertex_color,
+        })
     }
 }
 

@@ -7,8 +7,10 @@
 
 mod lights;
 mod surfaces;
+mod volumes;
 
 pub use lights::CompiledLight;
+pub(crate) use volumes::{Boundary, VolumeTable};
 
 use crate::light_sampler::{LightSampler, LightSamplerKind};
 use crate::settings::LightStrategy;
@@ -60,6 +62,8 @@ pub struct CompiledScene {
     pub radius: f32,
     /// What compiling had to say.
     pub warnings: Vec<Warning>,
+    /// Media, if there are any.
+    pub(crate) volumes: Option<VolumeTable>,
     surfaces: SurfaceTable,
     lights: LightTable,
 }
@@ -75,15 +79,18 @@ impl CompiledScene {
         let world = builder.build(options)?;
         let bounds = finite_part(&scene_bounds(&world));
         let environment = scene.environment.as_ref().map(EnvironmentLight::new);
-        let lights = LightTable::new(scene, &world, &surfaces, &materials, environment.as_ref(), bounds.radius());
+        let textures = TextureSet::new(&scene.textures, &scene.images);
+        let (sky, radius) = (environment.as_ref(), bounds.radius());
+        let lights = LightTable::new(scene, &world, &surfaces, &materials, &textures, sky, radius);
         if !lights.is_complete() {
             let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
             Warning::note(&mut warnings, message.into(), 1);
         }
+        let volumes = VolumeTable::new(scene, &materials)?;
         let radius = bounds.radius() as f32;
         Ok(Self {
             materials,
-            textures: TextureSet::new(&scene.textures, &scene.images),
+            textures,
             environment,
             background: match scene.background {
                 Background::Color(color) => Background::Color(color.map(sane)),
@@ -94,6 +101,7 @@ impl CompiledScene {
             radius: if radius > 0.0 { radius } else { 1.0 },
             warnings,
             world,
+            volumes,
             surfaces,
             lights,
         })
@@ -132,13 +140,20 @@ impl CompiledScene {
     /// A chooser among the lights.
     pub fn light_sampler(&self, kind: LightSamplerKind, strategy: LightStrategy) -> LightSampler {
         let left_out = self.environment_light().filter(|_| !self.samples_environment(strategy));
-        LightSampler::new(kind, &self.lights.powers, left_out)
+        let mut lights = self.lights.summaries(kind == LightSamplerKind::Bvh, left_out);
+        if let (Some(i), Some(sky), LightStrategy::Mis) = (self.environment_light(), &self.environment, strategy) {
+            lights[i].power *= sky.excess();
+        }
+        LightSampler::new(kind, &lights)
     }
 
-    /// False if the environment is left to BSDF samples. For a constant one that is half the work and less variance.
+    /// False if the environment is left to BSDF samples. For one that is constant that is half the work and less variance.
     pub fn samples_environment(&self, strategy: LightStrategy) -> bool {
-        let is_constant = self.environment.as_ref().is_some_and(|e| e.is_constant());
-        strategy == LightStrategy::Light || !is_constant
+        self.environment.as_ref().is_some_and(|sky| match strategy {
+            LightStrategy::Mis => sky.excess() > 0.0,
+            LightStrategy::Light => true,
+            LightStrategy::Bsdf => false,
+        })
     }
 
     /// A point as materials see it from a path of this colour mode.
@@ -148,7 +163,7 @@ impl CompiledScene {
         footprint: f32,
         mode: ColorMode,
     ) -> ShadingPoint<'a> {
-        ShadingPoint { surface, footprint, textures: &self.textures, mode }
+        ShadingPoint { surface, footprint, textures: &self.textures, mode, outside_ior: 1.0 }
     }
 
     /// True if some hits must be asked about.
@@ -161,6 +176,9 @@ impl CompiledScene {
 impl HitFilter for CompiledScene {
     fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
         let material = self.material(self.material_id(hit));
+        if material.is_interface() {
+            return false;
+        }
         let surface = self.world.interaction(ray, hit);
         let bits =
             |v: Vec3| rng::pcg4d([v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), hit.primitive ^ hit.geometry << 16]);

@@ -2,6 +2,7 @@
 
 use super::PathState;
 use crate::film::filter::FilterSampler;
+use crate::light_sampler::Receiver;
 use crate::sampler::Random;
 use crate::settings::Settings;
 use snell_math::{DVec2, Ray};
@@ -34,6 +35,7 @@ pub(crate) fn camera_path(
         throughput: mode.unit() * camera_ray.weight,
         mode,
         bsdf_pdf: 0.0,
+        receiver: Receiver::default(),
         eta_scale: 1.0,
         is_specular: true,
         cone_width: camera_ray.width,

@@ -3,7 +3,7 @@
 //! I = emission + ambient reflectance x ambient + sum over lights of their local illumination; `whitted` adds the radiance along
 //! the perfectly reflected and refracted directions, weighted.
 
-use super::estimators::{background, continued, environment, sample_light};
+use super::estimators::{Arrival, background, continued, environment, sample_whole_light};
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::settings::Shadows;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, rng};
@@ -24,7 +24,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let wo = outgoing(vertex.ray);
     let point = surface.point(context.scene);
     let shading = surface.material.bsdf_towards(&point, wo);
-    let ambient = shading.ambient(wo) * vertex.state.mode.illuminant(context.scene.ambient);
+    let ambient = shading.ambient(wo) * vertex.state.mode.illuminant(context.scene.ambient + context.settings.fill);
     out.radiance = throughput * (surface.material.emitted(&point, wo) + ambient);
     for light in 0..context.scene.lights().len() {
         add_light(context, vertex, surface, &shading, light, out);
@@ -51,7 +51,7 @@ fn add_light(
     let is_environment = context.scene.environment_light() == Some(light);
     // The middle of the sky is no better than any other place of it: always sample that one.
     let u = if is_environment { vertex.random.pair(dimension::LIGHT) } else { u };
-    let Some(sample) = sample_light(context, surface, light, u) else { return };
+    let Some(sample) = sample_whole_light(context, &Arrival::at_surface(surface), light, u) else { return };
     let wo = outgoing(vertex.ray);
     let local = shading.eval_classic(wo, sample.direction) * FRAC_1_PI;
     let value = vertex.state.throughput * local * sample.radiance / sample.pdf;

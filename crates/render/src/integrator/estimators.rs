@@ -2,9 +2,12 @@
 
 use super::{Context, PathState, SurfaceVertex, Vertex};
 use crate::compile::CompiledLight;
+use crate::light_sampler::ChosenLight;
+use crate::settings::LightStrategy;
 use snell_intersect::SurfaceInteraction;
-use snell_math::{Ray, SampledSpectrum, Vec2, Vec3};
+use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3};
 use snell_scene::Background;
+use snell_scene::light::area::DirectedSample;
 
 /// How far along a shadow ray to a point occluders count: just short of the light itself.
 const SHADOW_END: f32 = 1.0 - 1e-4;
@@ -42,16 +45,58 @@ pub struct IncidentLight {
     pub shadow_ray: Ray,
 }
 
-/// Light arriving at a surface point from light number `light`.
-pub fn sample_light(context: &Context, vertex: &SurfaceVertex, light: usize, u: Vec2) -> Option<IncidentLight> {
-    let (scene, surface, mode) = (context.scene, vertex.interaction, vertex.mode);
-    match &scene.lights()[light] {
+/// Where light arrives and shadow rays begin.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrival<'a> {
+    /// Where.
+    pub position: Vec3,
+    /// The surface there; none at a point of a medium.
+    pub surface: Option<&'a SurfaceInteraction>,
+    /// What spectra mean to the path.
+    pub mode: ColorMode,
+}
+
+impl<'a> Arrival<'a> {
+    /// At a surface.
+    pub fn at_surface(vertex: &SurfaceVertex<'a>) -> Self {
+        Self { position: vertex.interaction.position, surface: Some(vertex.interaction), mode: vertex.mode }
+    }
+
+    fn ray_origin(&self, direction: Vec3) -> Vec3 {
+        self.surface.map_or(self.position, |surface| surface.ray_origin(direction))
+    }
+}
+
+/// Light arriving from a point of the whole of light number `light`, which is uniform by area for a shape: `u = (0.5, 0.5)` is its
+/// middle. For integrators without multiple importance sampling.
+pub fn sample_whole_light(context: &Context, at: &Arrival, light: usize, u: Vec2) -> Option<IncidentLight> {
+    match &context.scene.lights()[light] {
+        CompiledLight::Light(_) => sample_light(context, at, &ChosenLight { light, part: None, probability: 1.0 }, u),
+        CompiledLight::Environment => {
+            let (direction, pdf) = context.scene.environment.as_ref()?.sample(u);
+            from_environment(context, at, direction, pdf)
+        }
+        CompiledLight::Area(area) => {
+            let sample = area.sample(u)?;
+            let to_light = sample.surface.position - at.position;
+            let direction = to_light.try_normalize()?;
+            let cos = direction.dot(sample.surface.geometric_normal).abs();
+            let pdf = sample.pdf_area * to_light.length_squared() / cos;
+            from_surface(context, at, DirectedSample { surface: sample.surface, direction, pdf })
+        }
+    }
+}
+
+/// Light arriving from a point of the chosen light; its `pdf` is that of the point only, without the probability of the choice.
+pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Vec2) -> Option<IncidentLight> {
+    let scene = context.scene;
+    match &scene.lights()[chosen.light] {
         CompiledLight::Light(light) => {
-            let sample = light.sample(surface.position, u, mode)?;
-            let origin = surface.ray_origin(sample.direction);
+            let sample = light.sample(at.position, u, at.mode)?;
+            let origin = at.ray_origin(sample.direction);
             let shadow_ray = if sample.distance.is_finite() {
                 // Aim from the moved origin at the same point of the light.
-                let target = surface.position + sample.direction * sample.distance;
+                let target = at.position + sample.direction * sample.distance;
                 Ray::new(origin, target - origin).with_t_max(SHADOW_END)
             } else {
                 Ray::new(origin, sample.direction)
@@ -65,36 +110,52 @@ pub fn sample_light(context: &Context, vertex: &SurfaceVertex, light: usize, u: 
             })
         }
         CompiledLight::Area(area) => {
-            let sample = area.sample(u)?;
-            let to_light = sample.surface.position - surface.position;
-            let distance_squared = to_light.length_squared();
-            let direction = to_light.try_normalize()?;
-            let cos = direction.dot(sample.surface.geometric_normal).abs();
-            let pdf = sample.pdf_area * distance_squared / cos;
-            let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
-            let point = scene.shading_point(&sample.surface, 0.0, mode);
-            // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends before it.
-            let presence = material.presence(direction, &point);
-            let radiance = material.emitted(&point, -direction) * presence;
-            if radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {
-                return None;
-            }
-            let origin = surface.ray_origin(direction);
-            let target = sample.surface.ray_origin(-direction);
-            let shadow_ray = Ray::new(origin, target - origin).with_t_max(SHADOW_END);
-            Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+            let (part, probability, u) = match chosen.part {
+                Some(part) => (part, 1.0, u),
+                None => {
+                    let (part, probability, rest) = area.choose_part(u.x);
+                    (part, probability, Vec2::new(rest, u.y))
+                }
+            };
+            let mut sample = area.sample_from(part, at.position, u)?;
+            sample.pdf *= probability;
+            from_surface(context, at, sample)
         }
         CompiledLight::Environment => {
-            let environment = scene.environment.as_ref()?;
-            let (direction, pdf) = environment.sample(u);
-            let radiance = environment.radiance(direction, mode);
-            if radiance.is_black() || pdf <= 0.0 {
-                return None;
-            }
-            let shadow_ray = Ray::new(surface.ray_origin(direction), direction);
-            Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+            let sky = scene.environment.as_ref()?;
+            let (direction, pdf) = match context.settings.light_strategy {
+                LightStrategy::Mis => sky.sample_compensated(u)?,
+                LightStrategy::Light | LightStrategy::Bsdf => sky.sample(u),
+            };
+            from_environment(context, at, direction, pdf)
         }
     }
+}
+
+/// Light from a direction of the environment.
+fn from_environment(context: &Context, at: &Arrival, direction: Vec3, pdf: f32) -> Option<IncidentLight> {
+    let sky = context.scene.environment.as_ref()?;
+    let radiance = sky.radiance(direction, at.mode);
+    let shadow_ray = Ray::new(at.ray_origin(direction), direction);
+    let arrives = !radiance.is_black() && pdf > 0.0;
+    arrives.then_some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+}
+
+/// Light from a point of an emissive surface.
+fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Option<IncidentLight> {
+    let (scene, direction, pdf) = (context.scene, sample.direction, sample.pdf);
+    let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
+    let point = scene.shading_point(&sample.surface, 0.0, at.mode);
+    // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends before it.
+    let presence = material.presence(direction, &point);
+    let radiance = material.emitted(&point, -direction) * presence;
+    if radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {
+        return None;
+    }
+    let origin = at.ray_origin(direction);
+    let target = sample.surface.ray_origin(-direction);
+    let shadow_ray = Ray::new(origin, target - origin).with_t_max(SHADOW_END);
+    Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
 }
 
 /// The hit that an interaction describes.
@@ -114,20 +175,21 @@ pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVer
     let scene = context.scene;
     let Some(light) = scene.light_of(surface.hit.instance, surface.hit.geometry) else { return 0.0 };
     let CompiledLight::Area(area) = &scene.lights()[light] else { return 0.0 };
-    let cos = vertex.ray.direction.dot(surface.interaction.geometric_normal).abs();
-    // The distance of this segment: directions are unit vectors.
-    let distance = surface.interaction.t;
-    let pdf = area.pdf_area(surface.interaction) * distance * distance / cos;
-    if pdf.is_finite() { pdf * context.lights.probability(light) } else { 0.0 }
+    let Some(part) = area.part_of(surface.hit.primitive) else { return 0.0 };
+    let receiver = &vertex.state.receiver;
+    let pdf = area.pdf_from(part, receiver.position, surface.interaction, vertex.ray.direction);
+    pdf * context.lights.probability(receiver, light, (part, area.part_probability(part)))
 }
 
 /// Density per steradian with which light samples give a direction to the environment.
-pub fn light_pdf_of_environment(context: &Context, direction: Vec3) -> f32 {
+pub fn light_pdf_of_environment(context: &Context, vertex: &Vertex) -> f32 {
     let scene = context.scene;
-    match (&scene.environment, scene.environment_light()) {
-        (Some(environment), Some(light)) => environment.pdf(direction) * context.lights.probability(light),
-        _ => 0.0,
-    }
+    let (Some(sky), Some(light)) = (&scene.environment, scene.environment_light()) else { return 0.0 };
+    let pdf = match context.settings.light_strategy {
+        LightStrategy::Mis => sky.pdf_compensated(vertex.ray.direction),
+        LightStrategy::Light | LightStrategy::Bsdf => sky.pdf(vertex.ray.direction),
+    };
+    if pdf > 0.0 { pdf * context.lights.probability(&vertex.state.receiver, light, (0, 1.0)) } else { 0.0 }
 }
 
 /// The state after a bounce.

@@ -9,15 +9,17 @@ mod classic;
 mod estimators;
 mod flat;
 mod path;
+mod scattering;
 
 use crate::compile::CompiledScene;
-use crate::light_sampler::LightSampler;
+use crate::light_sampler::{LightSampler, Receiver};
 use crate::sampler::Random;
 use crate::settings::Settings;
 use snell_intersect::{Hit, SurfaceInteraction};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
 use snell_scene::Material;
 use snell_scene::material::ShadingPoint;
+use snell_scene::medium::HenyeyGreenstein;
 
 /// Which integrator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -66,6 +68,11 @@ impl IntegratorKind {
         }
     }
 
+    /// True if media count. To the others there are none.
+    pub(crate) fn sees_media(self) -> bool {
+        matches!(self, Self::Direct | Self::Path)
+    }
+
     /// The vertex function.
     pub(crate) fn vertex_function(self) -> VertexFunction {
         match self {
@@ -98,6 +105,8 @@ pub struct PathState {
     pub mode: ColorMode,
     /// Density per steradian of the last BSDF sample; 0 after the camera and after delta lobes: no light sample competes.
     pub bsdf_pdf: f32,
+    /// The vertex where [`Self::bsdf_pdf`] was sampled: light samples there compete.
+    pub receiver: Receiver,
     /// Factor that undoes what refraction did to the throughput, for Russian roulette.
     pub eta_scale: f32,
     /// True while every bounce so far was a delta lobe.
@@ -121,8 +130,10 @@ pub struct Vertex<'a> {
     pub state: &'a PathState,
     /// Numbers for this vertex.
     pub random: Random,
-    /// What was hit; `None` if the ray left the scene.
+    /// What was hit; `None` if the ray left the scene, or a medium scattered the path.
     pub surface: Option<SurfaceVertex<'a>>,
+    /// Where a medium scattered the path, if one did. Only `path` and `direct` know of media.
+    pub medium: Option<MediumVertex>,
 }
 
 /// The surface at a vertex.
@@ -138,12 +149,26 @@ pub struct SurfaceVertex<'a> {
     pub footprint: f32,
     /// What spectra mean to the path.
     pub mode: ColorMode,
+    /// Index of refraction on the outer side of the surface.
+    pub outside_ior: f32,
+}
+
+/// Where a medium scattered a path. What it absorbed is taken off the path's throughput already.
+#[derive(Clone, Copy, Debug)]
+pub struct MediumVertex {
+    /// The point.
+    pub position: Vec3,
+    /// How light is spread over directions there.
+    pub phase: HenyeyGreenstein,
+    /// Width of the ray's cone at the point.
+    pub footprint: f32,
 }
 
 impl<'a> SurfaceVertex<'a> {
     /// The point as the material sees it.
     pub fn point(&self, scene: &'a CompiledScene) -> ShadingPoint<'a> {
-        scene.shading_point(self.interaction, self.footprint, self.mode)
+        let point = scene.shading_point(self.interaction, self.footprint, self.mode);
+        ShadingPoint { outside_ior: self.outside_ior, ..point }
     }
 }
 
@@ -177,6 +202,7 @@ pub(crate) mod dimension {
     pub const LIGHT_CHOICE: u32 = 2;
     pub const LIGHT: u32 = 3;
     pub const ROULETTE: u32 = 4;
+    pub const MEDIUM: u32 = 5;
     /// For integrators that sample every light: this and the following.
     pub const LIGHTS: u32 = 8;
 }

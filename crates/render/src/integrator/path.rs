@@ -1,10 +1,14 @@
 //! Path tracing: light samples at every vertex, BSDF samples to go on, both weighted by the power heuristic, Russian roulette.
 //! `direct` is the same with one bounce.
 
-use super::estimators::{background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light};
+use super::estimators::{
+    Arrival, background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light,
+};
+use super::scattering::scatter;
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
+use crate::light_sampler::Receiver;
 use crate::settings::LightStrategy;
-use snell_math::{Ray, SampledSpectrum, sampling};
+use snell_math::{Ray, SampledSpectrum, Vec3, sampling};
 use snell_scene::material::ShadingBsdf;
 
 /// Roulette starts after this many bounces.
@@ -12,10 +16,20 @@ const ROULETTE_DEPTH: u32 = 4;
 /// Largest probability of going on, so that every path ends.
 const MAX_SURVIVAL: f32 = 0.98;
 /// Growth of the ray cone after a bounce that scatters.
-const SCATTERED_SPREAD: f32 = 0.2;
+pub(super) const SCATTERED_SPREAD: f32 = 0.2;
 
 /// Vertex function of `path` and `direct`.
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
+    let max_depth = match context.settings.integrator {
+        IntegratorKind::Direct => 1,
+        _ => context.settings.max_depth,
+    };
+    if let Some(medium) = &vertex.medium {
+        if vertex.depth < max_depth {
+            scatter(context, vertex, medium, out);
+        }
+        return;
+    }
     let Some(surface) = &vertex.surface else {
         out.radiance = escaped(context, vertex);
         return;
@@ -29,16 +43,21 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
             out.radiance = vertex.state.throughput * emitted * weight;
         }
     }
-    let max_depth = match context.settings.integrator {
-        IntegratorKind::Direct => 1,
-        _ => context.settings.max_depth,
-    };
     if vertex.depth >= max_depth {
         return;
     }
     let shading = surface.material.bsdf_towards(&point, wo);
-    add_light_sample(context, vertex, surface, &shading, out);
-    add_bounce(vertex, surface, &shading, out);
+    let normal = shading.frame.z;
+    let receiver = Receiver {
+        position: surface.interaction.position,
+        normal: if normal.dot(wo) < 0.0 { -normal } else { normal },
+        transmits: true,
+    };
+    if !shading.is_delta() {
+        let bsdf = |wi| (shading.eval(wo, wi), shading.pdf(wo, wi));
+        light_sample(context, vertex, Arrival::at_surface(surface), &receiver, bsdf, out);
+    }
+    add_bounce(vertex, surface, &receiver, &shading, out);
 }
 
 fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
@@ -50,7 +69,7 @@ fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
         return SampledSpectrum::ZERO;
     }
     let weight = if context.scene.samples_environment(context.settings.light_strategy) {
-        weight_of_bsdf_sample(context, vertex, || light_pdf_of_environment(context, vertex.ray.direction))
+        weight_of_bsdf_sample(context, vertex, || light_pdf_of_environment(context, vertex))
     } else {
         1.0
     };
@@ -68,38 +87,32 @@ fn weight_of_bsdf_sample(context: &Context, vertex: &Vertex, light_pdf: impl Fn(
     }
 }
 
-fn add_light_sample(
+/// Adds a light ray towards a light sample. `scattering` gives, for a direction, what share of light from there goes on along the path
+/// and the density with which the path itself would have gone there.
+pub(super) fn light_sample(
     context: &Context,
     vertex: &Vertex,
-    surface: &SurfaceVertex,
-    shading: &ShadingBsdf,
+    at: Arrival,
+    receiver: &Receiver,
+    scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
     out: &mut Outputs,
 ) {
-    if shading.is_delta() {
-        return;
-    }
-    let Some((light, probability)) = context.lights.sample(|| vertex.random.number(dimension::LIGHT_CHOICE)) else {
-        return;
-    };
-    if context.scene.environment_light() == Some(light)
-        && !context.scene.samples_environment(context.settings.light_strategy)
-    {
-        return;
-    }
+    let u = || vertex.random.number(dimension::LIGHT_CHOICE);
+    let Some(chosen) = context.lights.sample(receiver, u) else { return };
+    let probability = chosen.probability;
     let u = vertex.random.pair(dimension::LIGHT);
-    let Some(sample) = sample_light(context, surface, light, u) else { return };
+    let Some(sample) = sample_light(context, &at, &chosen, u) else { return };
     if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
         return;
     }
-    let wo = outgoing(vertex.ray);
-    let value = shading.eval(wo, sample.direction);
+    let (value, pdf) = scattering(sample.direction);
     if value.is_black() {
         return;
     }
     let weight = if sample.is_delta || context.settings.light_strategy == LightStrategy::Light {
         1.0
     } else {
-        sampling::power_heuristic(sample.pdf * probability, shading.pdf(wo, sample.direction))
+        sampling::power_heuristic(sample.pdf * probability, pdf)
     };
     let value = vertex.state.throughput * value * sample.radiance * (weight / (sample.pdf * probability));
     if !value.is_black() && value.is_finite() {
@@ -107,7 +120,16 @@ fn add_light_sample(
     }
 }
 
-fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, out: &mut Outputs) {
+/// Russian roulette: the probability with which the path goes on, by the weight it would have; `None` if it ends.
+pub(super) fn survival(vertex: &Vertex, weight: f32) -> Option<f32> {
+    if vertex.depth < ROULETTE_DEPTH {
+        return Some(1.0);
+    }
+    let survival = weight.min(MAX_SURVIVAL);
+    (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)
+}
+
+fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, receiver: &Receiver, shading: &ShadingBsdf, out: &mut Outputs) {
     let wo = outgoing(vertex.ray);
     let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
     let Some(sample) = shading.sample(wo, u_lobe, u) else { return };
@@ -117,16 +139,12 @@ fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, shading: &ShadingBsdf, o
     }
     let crossing = if sample.is_transmission { shading.crossing_scale(wo) } else { 1.0 };
     let eta_scale = vertex.state.eta_scale * crossing;
-    if vertex.depth >= ROULETTE_DEPTH {
-        let survival = (throughput.max_element() * eta_scale).min(MAX_SURVIVAL);
-        if vertex.random.number(dimension::ROULETTE) >= survival {
-            return;
-        }
-        throughput *= 1.0 / survival;
-    }
+    let Some(survival) = survival(vertex, throughput.max_element() * eta_scale) else { return };
+    throughput *= 1.0 / survival;
     let state = PathState {
         eta_scale,
         bsdf_pdf: if sample.is_delta { 0.0 } else { sample.pdf },
+        receiver: *receiver,
         is_specular: vertex.state.is_specular && sample.is_delta,
         cone_spread: if sample.is_delta {
             vertex.state.cone_spread

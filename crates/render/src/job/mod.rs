@@ -6,6 +6,7 @@
 mod part;
 mod paths;
 mod tracer;
+mod volumes;
 
 pub use tracer::{Recording, hit_filter};
 
@@ -118,25 +119,47 @@ impl<'a> Job<'a> {
     /// Renders with `threads` threads (at least one) until all samples are taken or `keep_going` says no. `keep_going` is called
     /// often, from any thread, with the progress so far.
     pub fn run(&self, threads: usize, keep_going: &(dyn Fn(&Progress) -> bool + Sync)) -> (Film, Statistics) {
-        let (film, statistics, _) = self.run_and_record(threads, keep_going, false);
+        self.extend(self.empty_film(), self.settings.spp, threads, keep_going)
+    }
+
+    /// A film of this render without samples.
+    pub fn empty_film(&self) -> Film {
+        Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight())
+    }
+
+    /// Goes on with a film of this render until every pixel has `until` samples (or all that are asked for), or `keep_going` says
+    /// no. In how many steps a film is made never shows in it.
+    pub fn extend(
+        &self,
+        film: Film,
+        until: u32,
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+    ) -> (Film, Statistics) {
+        let (film, statistics, _) = self.extend_and_record(film, until, threads, keep_going, false);
         (film, statistics)
     }
 
     /// The rays that [`Self::run`] traces, batch by batch: 32 bytes a ray. Which batch comes first is not the same each time.
     pub fn record(&self, threads: usize) -> Recording {
-        self.run_and_record(threads, &|_| true, true).2
+        self.extend_and_record(self.empty_film(), self.settings.spp, threads, &|_| true, true).2
     }
 
-    fn run_and_record(
+    fn extend_and_record(
         &self,
+        mut film: Film,
+        until: u32,
         threads: usize,
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
         record: bool,
     ) -> (Film, Statistics, Recording) {
-        let mut film = Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight());
         let order = tile_order(film.tiles.len(), self.settings.tile_order);
-        let ranges = sample_ranges(self.settings.spp, self.settings.progressive);
-        let total: u64 = film.tiles.iter().map(|t| pixels(&t.area)).sum::<u64>() * u64::from(self.settings.spp);
+        let until = until.min(self.settings.spp);
+        let mut ranges = sample_ranges(self.settings.spp, self.settings.progressive);
+        let start = film.least_samples();
+        ranges.retain(|range| range[1] > start && range[0] < until);
+        let missing = |tile: &FilmTile| pixels(&tile.area) * u64::from(until.saturating_sub(tile.samples));
+        let total: u64 = film.tiles.iter().map(missing).sum();
         let tiles: Vec<Mutex<SharedTile>> = std::mem::take(&mut film.tiles)
             .into_iter()
             .map(|tile| Mutex::new(SharedTile { tile, waiting: BTreeMap::new() }))
@@ -170,7 +193,15 @@ impl<'a> Job<'a> {
                 }
                 let range = ranges[index / tiles.len()];
                 let shared = &tiles[order[index % tiles.len()]];
-                let area = lock(shared).tile.area;
+                let (area, range) = {
+                    let tile = &lock(shared).tile;
+                    // What the film brings along is not rendered again. (Samples that other threads are adding now belong to
+                    // earlier ranges.)
+                    (tile.area, [range[0].max(tile.samples.min(range[1])), range[1].min(until)])
+                };
+                if range[0] >= range[1] {
+                    continue;
+                }
                 let before = mine.rays.total();
                 let part = renderer.render(area, range, &mut mine);
                 done.fetch_add(pixels(&area) * u64::from(range[1] - range[0]), Ordering::Relaxed);
@@ -194,7 +225,7 @@ impl<'a> Job<'a> {
         }
         film.tiles = tiles.into_iter().map(|t| into_inner(t).tile).collect();
         let mut statistics = into_inner(statistics);
-        statistics.is_complete = film.tiles.iter().all(|t| t.samples == self.settings.spp);
+        statistics.is_complete = film.tiles.iter().all(|t| t.samples >= until);
         (film, statistics, into_inner(recording))
     }
 }
@@ -269,6 +300,27 @@ mod tests {
         let recorded = RayCounts { camera: count(Grouping::Coherent), shadow, indirect: count(Grouping::None) };
         assert_eq!(recorded, statistics.rays);
         assert!(statistics.tracing > Duration::ZERO);
+    }
+
+    #[test]
+    fn a_film_that_is_extended_step_by_step_is_the_film_of_one_run() {
+        let scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
+        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default()).expect("a valid scene");
+        let settings = Settings { size: [20, 20], spp: 20, ..Settings::default() };
+        let job = Job::new(&compiled, &scene.cameras[0], &settings);
+        let whole = job.run(2, &|_| true).0.image();
+        for steps in [&[1, 4, 16, 20][..], &[7, 7, 30], &[19, 20]] {
+            let mut film = job.empty_film();
+            for &until in steps {
+                // Stopped in the middle, too: tiles then differ in their samples.
+                let limit = AtomicUsize::new(0);
+                film = job.extend(film, until, 2, &|_| limit.fetch_add(1, Ordering::Relaxed) < 3).0;
+                let statistics;
+                (film, statistics) = job.extend(film, until, 2, &|_| true);
+                assert!(statistics.is_complete && film.least_samples() == until.min(20), "{steps:?}");
+            }
+            assert_eq!(film.image(), whole, "{steps:?}");
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@
 use super::Statistics;
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
+use super::volumes::VolumeBatch;
 use crate::film::filter::FilterSampler;
 use crate::film::{FilmPart, FilmSample};
 use crate::integrator::aov::Aov;
@@ -40,6 +41,8 @@ pub struct PartRenderer<'a> {
     outputs: Outputs,
     samples: Vec<Sample>,
     aovs: Vec<f32>,
+    /// What media need, where there are any and the integrator knows of them.
+    volumes: Option<VolumeBatch<'a>>,
 }
 
 /// A sample being taken.
@@ -67,6 +70,9 @@ impl<'a> PartRenderer<'a> {
         filter: &'a FilterSampler,
         tracer: Tracer<'a>,
     ) -> Self {
+        let (scene, eye) = (context.scene, camera.eye.as_vec3());
+        let sees_media = context.settings.integrator.sees_media();
+        let volumes = if sees_media { VolumeBatch::new(scene, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
         Self {
             context,
@@ -84,6 +90,7 @@ impl<'a> PartRenderer<'a> {
             outputs: Outputs::default(),
             samples: Vec::new(),
             aovs: Vec::new(),
+            volumes,
         }
     }
 
@@ -98,14 +105,18 @@ impl<'a> PartRenderer<'a> {
         };
         let mut depth = 0;
         while self.paths.len() > 0 {
-            self.tracer.closest(&self.paths.rays, grouping, &mut self.paths.hits);
+            if depth == 0 || !self.volumes.as_ref().is_some_and(VolumeBatch::sees_more) {
+                self.tracer.closest(&self.paths.rays, grouping, &mut self.paths.hits);
+            }
             if depth == 0 {
                 self.drop_dead_paths();
                 self.note_first_hits();
             }
+            self.travel(depth, grouping);
             self.next.clear();
             self.shade_batch(depth, statistics);
             std::mem::swap(&mut self.paths, &mut self.next);
+            self.volumes.iter_mut().for_each(VolumeBatch::swap);
             statistics.rays.indirect += self.paths.len() as u64;
             depth += 1;
             grouping = Grouping::None;
@@ -129,6 +140,27 @@ impl<'a> PartRenderer<'a> {
                     self.samples.push(Sample { random, mode, radiance, brought, alpha: 1.0, weight, rays: 0 });
                     self.paths.push(ray, state, index);
                 }
+            }
+        }
+    }
+
+    /// Through media, if there are any, to the next vertices.
+    fn travel(&mut self, depth: u32, grouping: Grouping) {
+        let Some(volumes) = &mut self.volumes else { return };
+        if depth == 0 {
+            volumes.start(&self.paths);
+        }
+        let samples = &mut self.samples;
+        let randoms: Vec<Random> = samples.iter().map(|s| s.random).collect();
+        let random = |paths: &Paths, path: usize| {
+            randoms[paths.samples[path] as usize].at_vertex(paths.states[path].stream, depth)
+        };
+        volumes.advance(&mut self.tracer, &mut self.paths, grouping, random, |paths, path, radiance| {
+            samples[paths.samples[path] as usize].radiance += radiance;
+        });
+        if depth == 0 {
+            for (path, _) in volumes.scattered.iter().enumerate().filter(|(_, s)| s.is_some()) {
+                samples[self.paths.samples[path] as usize].alpha = 1.0;
             }
         }
     }
@@ -172,9 +204,10 @@ impl<'a> PartRenderer<'a> {
                 material: scene.material(scene.material_id(&hit)),
                 footprint: state.cone_width + state.cone_spread * hit.t,
                 mode: state.mode,
+                outside_ior: 1.0,
             });
             let random = self.samples[i].random.at_vertex(0, 0);
-            let vertex = Vertex { depth: 0, ray: &ray, state, random, surface };
+            let vertex = Vertex { depth: 0, ray: &ray, state, random, surface, medium: None };
             let towards = self.camera.towards.as_vec3();
             for aov in aovs {
                 aov.extend(&self.context, &vertex, towards, counters, &mut self.aovs);
@@ -242,11 +275,18 @@ impl<'a> PartRenderer<'a> {
             material: scene.material(scene.material_id(&hit)),
             footprint: state.cone_width + state.cone_spread * hit.t,
             mode: state.mode,
+            outside_ior: self.volumes.as_ref().map_or(1.0, |v| v.outside_ior(path, &hit)),
         });
         let random = self.samples[sample as usize].random.at_vertex(state.stream, depth);
-        let vertex = Vertex { depth, ray: &ray, state: &state, random, surface };
+        let medium = self.volumes.as_ref().and_then(|v| v.scattered[path]);
+        let vertex = Vertex { depth, ray: &ray, state: &state, random, surface, medium };
         self.outputs.clear();
         (self.shade)(&self.context, &vertex, &mut self.outputs);
+        if let Some(volumes) = &mut self.volumes {
+            let Outputs { light_rays, next, .. } = &self.outputs;
+            let next = next.iter().map(|(ray, _)| ray.direction);
+            volumes.note_outputs(path, ray.direction, vertex.surface.as_ref(), random, light_rays, next);
+        }
         self.samples[sample as usize].radiance += self.outputs.radiance;
         for (ray, value) in self.outputs.light_rays.drain(..) {
             self.light_rays.push(ray, value, sample);
@@ -264,7 +304,13 @@ impl<'a> PartRenderer<'a> {
     fn trace_light_rays(&mut self, statistics: &mut Statistics) {
         let rays = &mut self.light_rays;
         statistics.rays.shadow += rays.rays.len() as u64;
-        self.tracer.occluded(&rays.rays, &mut rays.blocked);
+        match &mut self.volumes {
+            Some(volumes) => {
+                let samples = &self.samples;
+                volumes.trace_light_rays(&mut self.tracer, rays, |sample| samples[sample as usize].mode);
+            }
+            None => self.tracer.occluded(&rays.rays, &mut rays.blocked),
+        }
         for ((&sample, &value), &blocked) in rays.samples.iter().zip(&rays.values).zip(&rays.blocked) {
             if !blocked {
                 self.samples[sample as usize].brought += value;

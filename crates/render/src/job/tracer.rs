@@ -43,13 +43,18 @@ impl<'a> Tracer<'a> {
 
     /// The nearest hit of each ray.
     pub fn closest(&mut self, rays: &[Ray], grouping: Grouping, hits: &mut Vec<Hit>) {
+        self.closest_by(self.filter(), rays, grouping, hits);
+    }
+
+    /// The nearest hit of each ray that a filter accepts.
+    pub fn closest_by(&mut self, filter: &dyn HitFilter, rays: &[Ray], grouping: Grouping, hits: &mut Vec<Hit>) {
         if let Some(recording) = &mut self.recording {
             recording.closest.push((grouping, rays.to_vec()));
         }
         hits.clear();
         hits.resize(rays.len(), Hit::MISS);
         let start = Instant::now();
-        self.scene.world.closest(rays, grouping, self.filter(), hits);
+        self.scene.world.closest(rays, grouping, filter, hits);
         self.spent += start.elapsed();
     }
 

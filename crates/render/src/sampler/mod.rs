@@ -93,6 +93,11 @@ impl Random {
         self.sampler.point(self.pixel, self.sample, self.base + dimension)
     }
 
+    /// The pair of number `step` of a sequence of independent pairs: where nobody knows how many it takes.
+    pub fn independent_pair(&self, step: u32) -> Vec2 {
+        rng::uniform2([self.pixel, self.sample, rng::hash32(self.base), step])
+    }
+
     /// A well-distributed number for a dimension below 256.
     pub fn number(&self, dimension: u32) -> f32 {
         self.sampler.number(self.pixel, self.sample, self.base + dimension)

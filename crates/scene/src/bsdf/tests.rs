@@ -28,7 +28,13 @@ fn surface() -> SurfaceInteraction {
 
 fn bsdf(kind: &MaterialKind) -> Bsdf {
     let textures = TextureSet::default();
-    kind.bsdf(&ShadingPoint { surface: &surface(), footprint: 0.0, textures: &textures, mode: ColorMode::Rgb })
+    kind.bsdf(&ShadingPoint {
+        surface: &surface(),
+        footprint: 0.0,
+        textures: &textures,
+        mode: ColorMode::Rgb,
+        outside_ior: 1.0,
+    })
 }
 
 /// Directions to look from: both sides, straight and grazing.

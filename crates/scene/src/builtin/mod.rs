@@ -1,9 +1,13 @@
 //! Scenes that come with the program. They double as examples of how to make scenes in code.
 
 mod cornell_box;
+mod drink;
+mod fog;
 mod minray;
+mod night_town;
 mod palette;
 mod quads;
+mod smoke;
 mod spheres;
 mod teapot;
 
@@ -30,10 +34,26 @@ pub const BUILTINS: &[Builtin] = &[
         make: cornell_box::scene,
     },
     Builtin {
+        name: "drink",
+        description: "Iced tea in a tumbler: coloured media in glass, within each other",
+        make: drink::scene,
+    },
+    Builtin {
+        name: "fog",
+        description: "A dusty room into which the sun shines through a barred window",
+        make: fog::scene,
+    },
+    Builtin {
         name: "minray",
         description: "Heckbert's business card ray tracer: five spheres, three of which shine",
         make: minray::scene,
     },
+    Builtin {
+        name: "night-town",
+        description: "A town at night: a thousand lamps of very different strengths, most of them hidden",
+        make: night_town::scene,
+    },
+    Builtin { name: "smoke", description: "A camp fire with its plume of smoke, on grids", make: smoke::scene },
     Builtin {
         name: "spheres",
         description: "Metal, glass and plastic balls under a sky, seen through a lens",

@@ -2,16 +2,21 @@
 //! directions ([`environment::EnvironmentLight`]).
 
 pub mod area;
+mod bounds;
 pub mod environment;
 mod panel;
+mod profile;
+pub mod sky;
 mod spot;
 #[cfg(test)]
 mod tests;
 
+pub use bounds::LightBounds;
+pub use profile::{IntensityTable, Slide};
 pub use spot::SpotFalloff;
 
 use serde::{Deserialize, Serialize};
-use snell_math::{ColorMode, DVec3, Rgb, SampledSpectrum, Vec2, Vec3};
+use snell_math::{ColorMode, DMat3, DVec3, Rgb, SampledSpectrum, Vec2, Vec3};
 
 /// Light arriving at a point from one direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,6 +89,28 @@ pub enum Light {
         /// By angle.
         falloff: SpotFalloff,
     },
+    /// Light from a point with a measured intensity by direction (IES files, goniometric pictures); with the inverse square law.
+    Profile {
+        /// Where.
+        position: DVec3,
+        /// Rotation of the table's coordinates into the world.
+        world_from_light: DMat3,
+        /// Factor on the table.
+        scale: Rgb,
+        /// Radiant intensity by direction, W / sr.
+        table: IntensityTable,
+    },
+    /// Light from a point that throws a picture; with the inverse square law.
+    Projector {
+        /// Where.
+        position: DVec3,
+        /// Rotation of the slide's coordinates into the world: it shines along their `+z`.
+        world_from_light: DMat3,
+        /// Factor on the slide.
+        scale: Rgb,
+        /// Radiant intensity by direction, W / sr.
+        slide: Slide,
+    },
     /// An invisible disk that emits to one side. A facing surface receives the average over the disk of
     /// `emission * attenuation(d) * 2 cos(angle at the light)`.
     Disk {
@@ -115,7 +142,7 @@ pub enum Light {
 
 impl Light {
     /// The names of all lights.
-    pub const NAMES: &[&str] = &["directional", "point", "spot", "disk", "rectangle"];
+    pub const NAMES: &[&str] = &["directional", "point", "spot", "profile", "projector", "disk", "rectangle"];
 
     /// The name of this kind, one of [`Self::NAMES`].
     pub fn name(&self) -> &'static str {
@@ -123,6 +150,8 @@ impl Light {
             Self::Directional { .. } => "directional",
             Self::Point { .. } => "point",
             Self::Spot { .. } => "spot",
+            Self::Profile { .. } => "profile",
+            Self::Projector { .. } => "projector",
             Self::Disk { .. } => "disk",
             Self::Rectangle { .. } => "rectangle",
         }
@@ -134,7 +163,16 @@ impl Light {
         let (intensity, emission) = (Rgb::splat(10.0), Rgb::new(8.0, 7.0, 6.0));
         let spot = |falloff| Self::Spot { position, direction: DVec3::NEG_Y, intensity, attenuation, falloff };
         let axes = [DVec3::Z, DVec3::X];
-        vec![
+        // Both shine downwards.
+        let world_from_light = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::NEG_Y);
+        let values = [3.0, 5.0, 1.0, 0.0].map(Rgb::splat).to_vec();
+        let table = IntensityTable::new(vec![0.0, 0.4, 0.9, 1.2], vec![0.0], values);
+        let picture = crate::Image::from_f32(2, 2, 3, (0..12).map(|i| (i % 5) as f32).collect());
+        let slide = Slide::new(&picture, snell_math::DVec2::new(0.8, 0.5));
+        let scale = Rgb::new(2.0, 1.5, 1.0);
+        let measured = table.map(|table| Self::Profile { position, world_from_light, scale, table });
+        let projected = slide.map(|slide| Self::Projector { position, world_from_light, scale, slide });
+        let plain = vec![
             Self::Directional { direction: DVec3::new(-0.6, -0.8, 0.0), irradiance: Rgb::splat(3.0) },
             Self::Point { position, intensity, attenuation, body_radius: 0.0 },
             Self::Point { position, intensity: Rgb::WHITE, attenuation: Attenuation::NONE, body_radius: 0.25 },
@@ -143,7 +181,8 @@ impl Light {
             Self::Disk { position, direction: DVec3::NEG_Y, radius: 0.7, emission, attenuation },
             Self::Disk { position, direction: DVec3::NEG_Y, radius: 0.0, emission, attenuation },
             Self::Rectangle { center: position, axes, lengths: [2.0, 0.5], emission, attenuation },
-        ]
+        ];
+        plain.into_iter().chain(measured).chain(projected).collect()
     }
 
     /// Light arriving at `p`. `u` in `[0, 1)^2` chooses a point of an extended light. `None` if nothing arrives.
@@ -161,6 +200,16 @@ impl Light {
                 let (direction, distance) = towards(p, *position)?;
                 let factor = falloff.at(-direction.dot(*axis)) as f32;
                 (direction, distance, *intensity * (attenuation.at(distance as f32) * factor))
+            }
+            Self::Profile { position, world_from_light, scale, table } => {
+                let (direction, distance) = towards(p, *position)?;
+                let intensity = table.at(world_from_light.transpose() * -direction);
+                (direction, distance, *scale * intensity * Attenuation::INVERSE_SQUARE.at(distance as f32))
+            }
+            Self::Projector { position, world_from_light, scale, slide } => {
+                let (direction, distance) = towards(p, *position)?;
+                let intensity = slide.at(world_from_light.transpose() * -direction);
+                (direction, distance, *scale * intensity * Attenuation::INVERSE_SQUARE.at(distance as f32))
             }
             Self::Disk { position, direction, radius, emission, attenuation } => {
                 let point = panel::disk_point(*position, *direction, *radius, u);
@@ -194,6 +243,8 @@ impl Light {
             Self::Spot { intensity, attenuation, falloff, .. } => {
                 falloff.solid_angle() * luminance(intensity) * by_distance(attenuation)
             }
+            Self::Profile { scale, table, .. } => luminance(scale) * table.power(),
+            Self::Projector { scale, slide, .. } => luminance(scale) * slide.power(),
             // The integral of 2 cos over the hemisphere.
             Self::Disk { emission, attenuation, .. } | Self::Rectangle { emission, attenuation, .. } => {
                 TAU * luminance(emission) * by_distance(attenuation)

@@ -50,17 +50,19 @@ impl SpotFalloff {
         if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    /// Integral of the factor over all directions, in steradians: `[0, 4 pi]`.
-    pub fn solid_angle(&self) -> f64 {
-        // The midpoint rule in the cosine over the cone only, so that narrow cones are resolved.
+    /// Half-angle of the cone outside of which the factor is 0, in `[0, pi]`.
+    pub fn widest(&self) -> f64 {
         let widest = match *self {
             Self::Power { cutoff, .. } => cutoff,
             Self::Smooth { outer, .. } => outer,
         };
-        if widest.is_nan() || widest <= 0.0 {
-            return 0.0;
-        }
-        let cos_widest = widest.min(std::f64::consts::PI).cos();
+        if widest.is_nan() { 0.0 } else { widest.clamp(0.0, std::f64::consts::PI) }
+    }
+
+    /// Integral of the factor over all directions, in steradians: `[0, 4 pi]`.
+    pub fn solid_angle(&self) -> f64 {
+        // The midpoint rule in the cosine over the cone only, so that narrow cones are resolved.
+        let cos_widest = self.widest().cos();
         let (n, width) = (256, 1.0 - cos_widest);
         let sum: f64 = (0..n).map(|i| self.at(1.0 - width * (i as f64 + 0.5) / n as f64)).sum();
         std::f64::consts::TAU * width * sum / n as f64

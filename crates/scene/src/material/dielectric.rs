@@ -57,7 +57,7 @@ impl Dielectric {
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
         Bsdf::Dielectric(DielectricBsdf {
-            ior: positive_ior(self.ior),
+            ior: positive_ior(positive_ior(self.ior) / point.outside_ior),
             tint: point.reflectance(self.tint.at(point)),
             reflection_tint: SampledSpectrum::ONE,
             unit: point.mode.unit(),
@@ -81,7 +81,13 @@ mod tests {
     fn only_rays_from_within_are_absorbed_by_their_length() {
         let surface = SurfaceInteraction { t: 2.0, ..crate::material::tests::surface() };
         let textures = TextureSet::default();
-        let point = ShadingPoint { surface: &surface, footprint: 0.0, textures: &textures, mode: ColorMode::Rgb };
+        let point = ShadingPoint {
+            surface: &surface,
+            footprint: 0.0,
+            textures: &textures,
+            mode: ColorMode::Rgb,
+            outside_ior: 1.0,
+        };
         let absorption = Rgb::new(0.5f32.ln().abs(), 0.0, 0.0);
         for clear in [Dielectric::smooth(1.5), Dielectric::rough(1.5, 0.5)] {
             let dark = MaterialKind::from(Dielectric { absorption, ..clear.clone() }).bsdf(&point);

@@ -30,6 +30,14 @@ impl Material {
         self.interior.or_else(|| has_inside.then(Interior::default))
     }
 
+    /// Index of refraction of the inside; 1 where nothing says otherwise.
+    pub fn ior(&self) -> f32 {
+        match &self.kind {
+            MaterialKind::Dielectric(dielectric) => super::positive_ior(dielectric.ior),
+            _ => 1.0,
+        }
+    }
+
     /// True if light passes the surface as if it were not there, so that it is only the boundary of a medium.
     pub fn is_interface(&self) -> bool {
         matches!(self.kind, MaterialKind::Interface(_)) && !self.is_emissive()

@@ -112,6 +112,8 @@ pub struct ShadingPoint<'a> {
     pub textures: &'a TextureSet,
     /// What spectra mean.
     pub mode: ColorMode,
+    /// Index of refraction of what is on the outer side: 1, but for things within others.
+    pub outside_ior: f32,
 }
 
 impl ShadingPoint<'_> {

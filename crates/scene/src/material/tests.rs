@@ -25,7 +25,7 @@ pub(super) fn surface() -> SurfaceInteraction {
 }
 
 fn at<'a>(surface: &'a SurfaceInteraction, textures: &'a TextureSet) -> ShadingPoint<'a> {
-    ShadingPoint { surface, footprint: 0.0, textures, mode: ColorMode::Rgb }
+    ShadingPoint { surface, footprint: 0.0, textures, mode: ColorMode::Rgb, outside_ior: 1.0 }
 }
 
 /// One texel that holds this normal.

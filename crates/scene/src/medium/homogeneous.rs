@@ -40,8 +40,12 @@ impl Homogeneous {
         ]
     }
 
-    /// What the medium does, wherever.
+    /// What the medium does at a point of the world: at each the same.
     pub fn properties(&self, _: Vec3, mode: ColorMode) -> MediumProperties {
+        self.at_all(mode)
+    }
+
+    pub(super) fn at_all(&self, mode: ColorMode) -> MediumProperties {
         MediumProperties::from_colors(self.sigma_a, self.sigma_s, self.emission, self.g, mode)
     }
 }

@@ -3,13 +3,26 @@
 //! A medium absorbs, scatters and emits, each with a coefficient per scene unit of length. It has no shape of its own: it fills the
 //! inside of closed surfaces ([`crate::material::Interior`]) or the whole scene ([`crate::Scene::medium`]).
 
+mod analytic;
+mod cloud;
 mod grid;
+mod height_fog;
 mod homogeneous;
+mod majorant;
+pub mod noise;
 mod phase;
+mod prepared;
+mod segment;
+mod tracking;
 
+pub use cloud::Cloud;
 pub use grid::{Grid, ScalarGrid};
+pub use height_fog::HeightFog;
 pub use homogeneous::Homogeneous;
 pub use phase::HenyeyGreenstein;
+pub use prepared::PreparedMedium;
+pub use segment::{Scattering, Segment, Travel};
+pub use tracking::TrackedGrid;
 
 use serde::{Deserialize, Serialize};
 use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec3};
@@ -60,6 +73,16 @@ fn sane(x: f32) -> f32 {
     if x > 0.0 { x.min(MAX_COEFFICIENT) } else { 0.0 }
 }
 
+impl Medium {
+    /// Takes over the grids of another medium, which a description in words has none of.
+    pub fn keep_grids_of(&mut self, other: &Self) {
+        if let (Self::Grid(grid), Self::Grid(other)) = (self, other) {
+            grid.density = other.density.clone();
+            grid.emission_scale = other.emission_scale.clone();
+        }
+    }
+}
+
 /// Makes [`Medium`] from the list of media: the enum, its names, its dispatch.
 macro_rules! media {
     ($($name:literal => $kind:ident,)*) => {
@@ -100,7 +123,9 @@ macro_rules! media {
 
 media! {
     "homogeneous" => Homogeneous,
+    "height-fog" => HeightFog,
     "grid" => Grid,
+    "cloud" => Cloud,
 }
 
 #[cfg(test)]

@@ -103,6 +103,13 @@ impl Facts<'_> {
         for (i, light) in scene.lights.iter().enumerate() {
             line!(out, "  {i} {}", light.name());
         }
+        if !scene.media.is_empty() {
+            line!(out, "\nMedia");
+            for (i, medium) in scene.media.iter().enumerate() {
+                let fills = if scene.medium.is_some_and(|m| m.index() == i) { ", outside of all surfaces" } else { "" };
+                line!(out, "  {i} {}{fills}", medium.name());
+            }
+        }
         line!(
             out,
             "\nCameras{}",

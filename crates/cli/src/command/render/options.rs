@@ -11,6 +11,7 @@ use snell_math::{ColorModel, Rgb};
 use snell_render::{
     Aov, Crop, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
 };
+use snell_scene::light::sky::Sky;
 use snell_scene::{Background, Camera, Environment, Scene};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -48,7 +49,7 @@ Ctrl-C ends a render early and saves what is there.";
 
 /// Options of `snell render`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, args_override_self = true)]
 pub struct Options {
     /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
     #[arg(default_value = "cornell-box")]
@@ -107,8 +108,8 @@ pub struct Options {
     /// Which samples find lights in path and direct: mis, light or bsdf
     #[arg(long, value_name = "NAME", default_value = "mis", help_heading = "How light is computed")]
     pub light_samples: String,
-    /// How a light is chosen among many: power or uniform
-    #[arg(long, value_name = "NAME", default_value = "power", help_heading = "How light is computed")]
+    /// How a light is chosen among many: bvh, power or uniform
+    #[arg(long, value_name = "NAME", default_value = "bvh", help_heading = "How light is computed")]
     pub light_sampler: String,
     /// How far ao looks, in scene units. Default: half of the scene's radius
     #[arg(long, value_name = "DISTANCE", value_parser = parse_distance, help_heading = "How light is computed")]
@@ -138,10 +139,14 @@ pub struct Options {
     /// What the camera sees behind the scene: environment, transparent, white, black, #rrggbb or r,g,b
     #[arg(long, value_name = "COLOR", help_heading = "What is rendered")]
     pub background: Option<String>,
-    /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky, none, #rrggbb or r,g,b
+    /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky (a studio), sky:elevation=35,azimuth=135,… (a clear
+    /// day), none, #rrggbb or r,g,b
     #[arg(long, value_name = "FILE", help_heading = "What is rendered")]
     pub environment: Option<String>,
-    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, `ambient=[r,g,b]`
+    /// Fill the scene with fog that takes this share of light per scene unit, such as 0.001
+    #[arg(long, value_name = "DENSITY", value_parser = parse_density, help_heading = "What is rendered")]
+    pub fog: Option<f32>,
+    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…, `ambient=[r,g,b]`
     #[arg(short = 'D', long = "define", value_name = "key=value", help_heading = "What is rendered")]
     pub define: Vec<String>,
     /// Write statistics as JSON
@@ -284,6 +289,7 @@ impl Options {
         scene.environment = match name.as_str() {
             "none" => None,
             "sky" => Some(snell_scene::framing::default_sky()),
+            _ if name.starts_with("sky:") => Some(parse_sky(&name["sky:".len()..])?),
             _ => match parse_color(name) {
                 Some(color) => Some(Environment::Constant(color)),
                 None => {
@@ -346,6 +352,21 @@ fn default_spp(integrator: IntegratorKind) -> u32 {
     }
 }
 
+/// A clear day from `parameter=value,…`.
+fn parse_sky(text: &str) -> Result<Environment, Failure> {
+    let usage = |problem: String| {
+        let ranges = Sky::PARAMETERS.map(|(name, least, most)| format!("{name} ({least} to {most})"));
+        Failure::Usage(format!("--environment sky:{text}: {problem}; the parameters are {}", ranges.join(", ")))
+    };
+    let mut sky = Sky::default();
+    for part in text.split(',').filter(|part| !part.trim().is_empty()) {
+        let (name, value) = part.split_once('=').ok_or_else(|| usage(format!("\"{part}\" has no \"=\"")))?;
+        let slot = sky.parameter(name.trim()).ok_or_else(|| usage(format!("\"{name}\" is no parameter")))?;
+        *slot = value.trim().parse().map_err(|_| usage(format!("\"{value}\" is not a number")))?;
+    }
+    sky.environment().map_err(|error| usage(error.to_string()))
+}
+
 /// A colour: `white`, `black`, `#rrggbb` (sRGB) or `r,g,b` (linear).
 fn parse_color(text: &str) -> Option<Rgb> {
     match text {
@@ -371,6 +392,13 @@ fn parse_exposure(text: &str) -> Result<f64, String> {
 fn parse_distance(text: &str) -> Result<f32, String> {
     let distance = text.parse().ok().filter(|x: &f32| *x > 0.0);
     distance.ok_or_else(|| format!("\"{text}\" is not a distance; write a positive number"))
+}
+
+fn parse_density(text: &str) -> Result<f32, String> {
+    let density = text.parse().ok().filter(|x: &f32| *x > 0.0);
+    density.ok_or_else(|| {
+        format!("\"{text}\" is not a density; write a positive number: the share of light lost per scene unit")
+    })
 }
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {

@@ -6,8 +6,8 @@ use crate::failure::Failure;
 use crate::standard_output;
 use sha2::{Digest, Sha256};
 use snell_formats::image::{self, Display, WriteOptions};
-use snell_render::{CompiledScene, Film, IntegratorKind, Settings};
-use snell_scene::{Background, Layer, LayeredImage, Scene};
+use snell_render::{Film, IntegratorKind};
+use snell_scene::{Layer, LayeredImage, Scene};
 use std::path::{Path, PathBuf};
 
 /// Where and how the picture is written.
@@ -85,29 +85,6 @@ fn check_place(path: &Path) -> Result<(), Failure> {
         return Err(Failure::Other(format!("{shown}: this is a folder; name a file in it")));
     }
     Ok(snell_formats::atomic::check(path)?)
-}
-
-/// The linear picture with its layers. The alpha channel stays only where it says something.
-pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> LayeredImage {
-    let mut picture = film.image();
-    if settings.integrator == IntegratorKind::Aov
-        && let (Some(&aov), true) = (film.aovs().first(), picture.layers.len() > 1)
-    {
-        let channels = picture.layers[1].channels.len();
-        let previews: Vec<_> =
-            picture.layers[1].values.chunks(channels).map(|v| aov.preview(v, compiled.radius)).collect();
-        for (pixel, color) in picture.layers[0].values.chunks_mut(4).zip(previews) {
-            // Colours are premultiplied.
-            let premultiplied = color * pixel[3];
-            pixel[..3].copy_from_slice(&premultiplied.to_array());
-        }
-    }
-    if compiled.background != Background::Transparent {
-        let main = &mut picture.layers[0];
-        main.channels.truncate(3);
-        main.values = main.values.chunks(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
-    }
-    picture
 }
 
 /// SHA-256 of the values of the first layer (rows from the top, channels together) as little-endian 32-bit floats.

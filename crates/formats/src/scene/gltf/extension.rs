@@ -6,6 +6,7 @@ use snell_scene::Scene;
 
 /// Extensions that this reader honours.
 const UNDERSTOOD: &[&str] = &[
+    "EXT_lights_ies",
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
     "KHR_lights_punctual",

@@ -1,9 +1,11 @@
-//! `KHR_lights_punctual`: directional, point and spot lights, placed by their nodes.
+//! `KHR_lights_punctual` and `EXT_lights_ies`: directional, point and spot lights and measured luminaires, placed by their nodes.
 
 use super::Reader;
+use super::container::fetch_uri;
 use super::json::Json;
-use crate::ReadError;
-use snell_math::{DAffine3, DVec3, Rgb};
+use crate::ies::read_ies as read_ies_file;
+use crate::{Input, ReadError};
+use snell_math::{DAffine3, DMat3, DVec3, Rgb};
 use snell_scene::framing::{DEFAULT_BACKGROUND, default_sky, sky_seen_by};
 use snell_scene::light::{Attenuation, SpotFalloff};
 use snell_scene::{Background, Light, Material, Scene};
@@ -57,6 +59,47 @@ pub(super) fn read(reader: &mut Reader, node: &Json, world_from_node: &DAffine3,
             reader.scene.lights.push(Light::Spot { position, direction, intensity, attenuation, falloff });
         }
         other => reader.scene.warn(format!("\"{other}\" is not a type of light; it is left out")),
+    }
+    Ok(())
+}
+
+/// Adds the luminaire of a node, if it has one: its axis is the node's `-z`, its horizontal angles go from `x` towards `y`. A profile that
+/// cannot be read leaves a warning.
+pub(super) fn read_ies(
+    reader: &mut Reader,
+    node: &Json,
+    world_from_node: &DAffine3,
+    scale: f64,
+) -> Result<(), ReadError> {
+    let Some(extension) = node.extension("EXT_lights_ies")? else { return Ok(()) };
+    let index = extension.require("light")?;
+    let Some(lights) = reader.root.extension("EXT_lights_ies")? else {
+        return Err(extension.error("the node has a light profile, but the file has no table of them"));
+    };
+    let profile = lights.entry("lights", &index)?;
+    let bytes = match (profile.get("uri")?, profile.get("bufferView")?) {
+        (Some(uri), _) => fetch_uri(reader.input, &uri)?,
+        (None, Some(view)) => reader.accessors.buffers().view_bytes(&view)?.to_vec(),
+        (None, None) => return Err(profile.error("a light profile needs \"uri\" or \"bufferView\"")),
+    };
+    let name = format!("{} ({})", reader.input.name, profile.path());
+    let input = Input::from_bytes(&name, bytes, &reader.input.directory, &reader.input.options);
+    let color = extension.numbers_or("color", [1.0; 3])?;
+    let factor = extension.number_or("multiplier", 1.0)? * scale;
+    let [r, g, b] = color.map(|c| (c.clamp(0.0, 1.0) * factor.max(0.0)) as f32);
+    let axis = |v: DVec3, otherwise| v.try_normalize().unwrap_or(otherwise);
+    let m = world_from_node.matrix3;
+    let z = axis(-m.z_axis, DVec3::NEG_Z);
+    let x = axis(m.x_axis - z * z.dot(m.x_axis), z.any_orthonormal_vector());
+    let y = axis(m.y_axis - z * z.dot(m.y_axis) - x * x.dot(m.y_axis), z.cross(x));
+    match read_ies_file(&input) {
+        Ok(table) => reader.scene.lights.push(Light::Profile {
+            position: world_from_node.translation,
+            world_from_light: DMat3::from_cols(x, y, z),
+            scale: Rgb::new(r, g, b),
+            table,
+        }),
+        Err(error) => reader.scene.warn(format!("{error}; the light is left out")),
     }
     Ok(())
 }

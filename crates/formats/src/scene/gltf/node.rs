@@ -157,6 +157,7 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
         queue.extend(hierarchy.children[i].iter().map(|&child| (child, id)));
         camera::read(reader, node, &hierarchy.world[i])?;
         light::read(reader, node, &hierarchy.world[i], light_scale)?;
+        light::read_ies(reader, node, &hierarchy.world[i], light_scale)?;
         read_mesh(reader, &hierarchy, i, id, &mut meshes)?;
     }
     if hierarchy.nodes.is_empty() {

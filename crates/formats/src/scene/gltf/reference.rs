@@ -12,6 +12,7 @@ const REFERENCES: &[(&str, &str)] = &[
     ("nodes/*/skin", "skins"),
     ("nodes/*/camera", "cameras"),
     ("nodes/*/extensions/EXT_mesh_gpu_instancing/attributes/*", "accessors"),
+    ("extensions/EXT_lights_ies/lights/*/bufferView", "bufferViews"),
     ("meshes/*/primitives/*/indices", "accessors"),
     ("meshes/*/primitives/*/attributes/*", "accessors"),
     ("meshes/*/primitives/*/targets/*/*", "accessors"),

@@ -1,0 +1,182 @@
+//! `snell view`: a scene in the browser.
+
+use super::render;
+use crate::failure::Failure;
+use clap::Parser;
+use snell_formats::image::Display;
+use snell_math::simd::Level;
+use snell_scene::Scene;
+use snell_viewer::{Opened, ServerOptions, Source, Which};
+use std::net::IpAddr;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::mpsc;
+use std::time::{Duration, SystemTime};
+
+/// How often `--watch` looks at the files.
+const WATCH_INTERVAL: Duration = Duration::from_millis(300);
+
+/// Options of `snell view`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// Scene or mesh file, or the name of a built-in scene
+    #[arg(default_value = "cornell-box")]
+    scene: String,
+    /// Port to listen on. Default: any that is free
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    port: u16,
+    /// Address to listen on. Others than this machine see the scene only if you name one of its addresses here, or 0.0.0.0
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1")]
+    host: IpAddr,
+    /// Open the page in the browser (the default where there is a display)
+    #[arg(long, overrides_with = "no_open")]
+    open: bool,
+    /// Only print the address of the page
+    #[arg(long)]
+    no_open: bool,
+    /// Token of the page's address, 16 to 64 letters and digits, so that the address stays the same. Default: a random one
+    #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
+    token: Option<String>,
+    /// Frames per second while something moves
+    #[arg(long, value_name = "N", default_value_t = 30.0)]
+    fps: f64,
+    /// Read the scene again when its file changes; the camera stays
+    #[arg(long)]
+    watch: bool,
+    /// Threads. Default: one per core
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    threads: Option<u32>,
+    /// More options of `snell render`, after `--`: how the picture at rest is made, such as `-- --spp 256 --environment sky`
+    #[arg(last = true, value_name = "RENDER OPTIONS")]
+    render: Vec<String>,
+}
+
+/// `snell render` as a command of its own, to read its options.
+#[derive(Debug, clap::Parser)]
+#[command(name = "snell render", no_binary_name = true)]
+struct RenderLine {
+    #[command(flatten)]
+    options: render::Options,
+}
+
+fn parse_token(text: &str) -> Result<String, String> {
+    let is_safe = (16..=64).contains(&text.len()) && text.chars().all(|c| c.is_ascii_alphanumeric());
+    if is_safe { Ok(text.to_string()) } else { Err("a token has 16 to 64 letters and digits".into()) }
+}
+
+/// Serves the scene until Ctrl-C.
+pub fn run(options: &Options) -> Result<ExitCode, Failure> {
+    if !(options.fps >= 1.0 && options.fps <= 240.0) {
+        return Err(Failure::Usage(format!("--fps {}: from 1 to 240", options.fps)));
+    }
+    let files = Files { scene: options.scene.clone(), render: options.render.clone() };
+    files.line(&files.scene).map_err(Failure::Usage)?;
+    let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
+    let server_options = ServerOptions {
+        host: options.host,
+        port: options.port,
+        frames_per_second: options.fps,
+        threads: options.threads.map_or_else(cores, |n| n as usize),
+        token: options.token.clone(),
+    };
+    let server = snell_viewer::serve(Box::new(files), &server_options).map_err(Failure::Other)?;
+    let (ended, ends) = mpsc::channel();
+    ctrlc::set_handler(move || {
+        let _ = ended.send(());
+    })
+    .map_err(|e| Failure::Other(format!("cannot watch for Ctrl-C: {e}")))?;
+    if !options.host.is_loopback() {
+        eprintln!("warning: others can reach this address; whoever knows it sees the scene and can change the view");
+    }
+    println!("{}", server.url);
+    eprintln!("Open this address in a browser; Ctrl-C ends.");
+    if !options.no_open && (options.open || has_display()) {
+        open_browser(&server.url);
+    }
+    let watched = options.watch.then(|| PathBuf::from(&options.scene)).filter(|path| path.exists());
+    let mut before = watched.as_deref().and_then(modified);
+    loop {
+        match ends.recv_timeout(WATCH_INTERVAL) {
+            Err(mpsc::RecvTimeoutError::Timeout) => {}
+            _ => break,
+        }
+        let now = watched.as_deref().and_then(modified);
+        if now.is_some() && now != before {
+            before = now;
+            server.reload();
+        }
+    }
+    server.stop();
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The newest change of a scene file or of a file beside it that it may name.
+fn modified(path: &Path) -> Option<SystemTime> {
+    let own = path.metadata().ok()?.modified().ok()?;
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let beside =
+        std::fs::read_dir(folder).ok()?.flatten().take(1000).filter_map(|entry| entry.metadata().ok()?.modified().ok());
+    Some(beside.fold(own, SystemTime::max))
+}
+
+fn has_display() -> bool {
+    let is_set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
+    cfg!(any(target_os = "macos", windows)) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
+}
+
+fn open_browser(url: &str) {
+    if let Err(error) = open::that_detached(url) {
+        eprintln!("warning: no browser could be opened ({error}); open the address yourself");
+    }
+}
+
+/// Scenes as `snell render` reads them.
+struct Files {
+    scene: String,
+    render: Vec<String>,
+}
+
+impl Files {
+    fn line(&self, scene: &str) -> Result<render::Options, String> {
+        let words = std::iter::once(scene.to_string()).chain(self.render.iter().cloned());
+        let line = RenderLine::try_parse_from(words).map_err(|e| e.to_string().trim().replace("error: ", ""))?;
+        Ok(line.options)
+    }
+
+    fn opened(&self, name: &str, mut scene: Scene) -> Result<Opened, Failure> {
+        let options = self.line(name).map_err(Failure::Usage)?;
+        let simd = Level::from_env().map_err(Failure::Usage)?;
+        render::prepare_scene(&mut scene, &options)?;
+        let camera = render::choose_camera(&scene, &options)?;
+        let settings = options.settings(&scene, &camera, simd)?;
+        let display = Display {
+            exposure: options.exposure.or(scene.settings.exposure).unwrap_or(0.0),
+            tonemap: options.tonemap(&scene)?,
+            srgb: !scene.settings.raw_display,
+        };
+        let camera_number = scene.cameras.iter().position(|c| *c == camera).unwrap_or(0);
+        let command = [["snell".to_string(), "render".to_string(), name.to_string()].to_vec(), self.render.clone()];
+        Ok(Opened { scene, camera, camera_number, settings, display, command: command.concat() })
+    }
+}
+
+impl Source for Files {
+    fn open(&self, which: Which) -> Result<Opened, String> {
+        let options = self.line(&self.scene)?.read_options();
+        let (name, scene) = match which {
+            Which::Given => (self.scene.clone(), crate::scene_source::load(&self.scene, &options)),
+            Which::Builtin(name) => {
+                let scene = snell_scene::builtin::builtin(&name);
+                let missing = || Failure::Scene(format!("{name}: there is no such built-in scene"));
+                (name.clone(), scene.ok_or_else(missing))
+            }
+            Which::Dropped { name, bytes } => {
+                // In a folder that does not exist, so that a dropped file can name no file of this machine.
+                let nowhere = Path::new("/nonexistent/dropped");
+                let scene = snell_formats::read_scene_bytes(&name, bytes, nowhere, &options).map_err(Failure::from);
+                (name, scene)
+            }
+        };
+        self.opened(&name, scene.map_err(|e| e.to_string())?).map_err(|e| e.to_string())
+    }
+}

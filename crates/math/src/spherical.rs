@@ -1,0 +1,227 @@
+//! Uniform directions in the solid angle of triangles, rectangles and spheres, with their densities. In double precision: the solid
+//! angle of something small is a difference of angles.
+
+use glam::{DVec2, DVec3};
+use std::f64::consts::{PI, TAU};
+
+/// Solid angle of the triangle of these unit vectors, `[0, 2 pi]` (Van Oosterom and Strackee, The Solid Angle of a Plane Triangle,
+/// 1983).
+#[inline]
+pub fn triangle_solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
+    let volume = a.dot(b.cross(c)).abs();
+    2.0 * volume.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a))
+}
+
+/// A unit vector uniform in the spherical triangle of three unit vectors (Arvo, Stratified Sampling of Spherical Triangles, 1995, in
+/// the form of Pharr, Jakob and Humphreys, 4th edition, section 6.5.4). `None` if the triangle is degenerate.
+#[inline]
+pub fn sample_triangle([a, b, c]: [DVec3; 3], u: DVec2) -> Option<DVec3> {
+    let n_ab = a.cross(b).try_normalize()?;
+
+    let n_ca = c.cross(a).try_normalize()?;
+    let cos_alpha = -n_ab.dot(n_ca);
+    let sin_alpha = n_ab.cross(n_ca).length();
+    let alpha = sin_alpha.atan2(cos_alpha);
+    let area = triangle_solid_angle(a, b, c);
+    // The part of the triangle's area up to the new side b c', with its angles: those at a and c' are alpha and gamma'.
+    let part = u.x * area;
+    let (sin_phi, cos_phi) = (part - alpha).sin_cos();
+    let k1 = cos_phi - cos_alpha;
+    let k2 = sin_phi + sin_alpha * a.dot(b);
+    let numerator = (k2 * cos_phi - k1 * sin_phi) * cos_alpha - k2;
+    let denominator = (k2 * sin_phi + k1 * cos_phi) * sin_alpha;
+    let cos_side = (numerator / denominator).clamp(-1.0, 1.0);
+    if cos_side.is_nan() {
+        return None;
+    }
+    let sin_side = (1.0 - cos_side * cos_side).sqrt();
+    let third = a * cos_side + (c - a * c.dot(a)).try_normalize()? * sin_side;
+    let z = 1.0 - u.y * (1.0 - third.dot(b));
+    let side = (third - b * third.dot(b)).normalize_or_zero();
+    Some(b * z + side * ((1.0 - z) * (1.0 + z)).max(0.0).sqrt())
+}
+
+/// A rectangle as seen from the origin, prepared to be sampled uniformly by solid angle (Ureña, Fajardo and King, An
+/// Area-Preserving Parametrization for Spherical Rectangles, 2013).
+#[derive(Clone, Copy, Debug)]
+pub struct SphericalRectangle {
+    min: DVec2,
+    max: DVec2,
+    z: f64,
+    b: [f64; 2],
+    k: f64,
+    /// The solid angle, `[0, 2 pi]`.
+    pub solid_angle: f64,
+}
+
+impl SphericalRectangle {
+    /// The rectangle from `min` to `max` in the plane at this `z`, in coordinates around the viewpoint.
+    #[inline]
+    pub fn new(min: DVec2, max: DVec2, z: f64) -> Self {
+        let z = -z.abs();
+        // Component along z of the normals of the planes through the origin and each side.
+        let along_z = |side: f64| side / side.hypot(z);
+        let (b0, b1, n3) = (-along_z(min.y), along_z(max.y), -along_z(min.x));
+        // Two of the interior angles.
+        let g2 = (-b1 * n3).clamp(-1.0, 1.0).acos();
+        let g3 = (-n3 * b0).clamp(-1.0, 1.0).acos();
+        let k = TAU - g2 - g3;
+        let corners =
+            [min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)].map(|p| p.extend(z).normalize_or_zero());
+        let [a, b, c, d] = corners;
+        let solid_angle = triangle_solid_angle(a, b, c) + triangle_solid_angle(a, c, d);
+        Self { min, max, z, b: [b0, b1], k, solid_angle }
+    }
+
+    /// The point `(x, y)` of the rectangle in a direction uniform by solid angle.
+    #[inline]
+    pub fn sample(&self, u: DVec2) -> DVec2 {
+        let (sin, cos) = (u.x * self.solid_angle + self.k).sin_cos();
+        let f = (cos * self.b[0] - self.b[1]) / sin;
+        let c = (f.signum() / (f * f + self.b[0] * self.b[0]).sqrt()).clamp(-1.0, 1.0);
+        let x = (-(c * self.z) / ((1.0 - c) * (1.0 + c)).sqrt()).clamp(self.min.x, self.max.x);
+        let d2 = x * x + self.z * self.z;
+        let height = |y: f64| y / (d2 + y * y).sqrt();
+        let (h0, h1) = (height(self.min.y), height(self.max.y));
+        let h = h0 + u.y * (h1 - h0);
+        let y = h * (d2 / ((1.0 - h) * (1.0 + h)).max(1e-300)).sqrt();
+        DVec2::new(x, y.clamp(self.min.y, self.max.y))
+    }
+}
+
+/// Solid angle of a sphere of this squared radius at this squared distance of its centre: of the cone around it. The viewpoint is
+/// outside.
+#[inline]
+pub fn sphere_solid_angle(radius_squared: f64, distance_squared: f64) -> f64 {
+    let sin2 = radius_squared / distance_squared;
+    // 1 - cos without cancellation.
+    TAU * sin2 / (1.0 + (1.0 - sin2).max(0.0).sqrt())
+}
+
+/// A point on the sphere around `center`, in a direction from the origin that is uniform in the cone around the sphere. The origin is
+/// outside.
+#[inline]
+pub fn sample_sphere(center: DVec3, radius: f64, u: DVec2) -> DVec3 {
+    let d2 = center.length_squared();
+    let d = d2.sqrt();
+    let sin2_max = radius * radius / d2;
+    let one_minus_cos = u.x * sin2_max / (1.0 + (1.0 - sin2_max).max(0.0).sqrt());
+    let cos = 1.0 - one_minus_cos;
+    let sin2 = one_minus_cos * (2.0 - one_minus_cos);
+    // The angle at the centre between the way to the viewpoint and the point on the near side.
+    let distance = d * cos - (radius * radius - d2 * sin2).max(0.0).sqrt();
+    let cos_alpha = ((d2 + radius * radius - distance * distance) / (2.0 * d * radius)).clamp(-1.0, 1.0);
+    let sin_alpha = ((1.0 - cos_alpha) * (1.0 + cos_alpha)).sqrt();
+    let towards = -center / d;
+    let (x, y) = towards.any_orthonormal_pair();
+    let (s, c) = (2.0 * PI * u.y).sin_cos();
+    center + (x * (sin_alpha * c) + y * (sin_alpha * s) + towards * cos_alpha) * radius
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::uniform2;
+
+    fn number(i: u32, k: u32) -> f64 {
+        f64::from(uniform2([i, k, 1, 1]).x) * 2.0 - 1.0
+    }
+
+    fn vector(i: u32, k: u32) -> DVec3 {
+        DVec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2))
+    }
+
+    /// Mean of a function over samples against its integral over area, divided by the solid angle: three moments each.
+    fn check(name: &str, solid_angle: f64, sample: impl Fn(DVec2) -> DVec3, point: impl Fn(DVec2) -> (DVec3, DVec3)) {
+        let n = 120;
+        let (mut moments, mut expected, mut area) = ([DVec3::ZERO; 2], [DVec3::ZERO; 2], 0.0);
+        for i in 0..n {
+            for j in 0..n {
+                let u = (DVec2::new(f64::from(i), f64::from(j)) + 0.5) / f64::from(n);
+                let w = sample(u);
+                assert!(w.is_normalized(), "{name}: {w}");
+                moments[0] += w / f64::from(n * n);
+                moments[1] += w * w / f64::from(n * n);
+                let (p, d_area) = point(u);
+                let w = p.normalize();
+                let weight = d_area.dot(w).abs() / p.length_squared() / f64::from(n * n);
+                area += weight;
+                expected[0] += w * weight;
+                expected[1] += w * w * weight;
+            }
+        }
+        assert!((area / solid_angle - 1.0).abs() < 5e-3, "{name}: {area} {solid_angle}");
+        for k in 0..2 {
+            assert!((moments[k] - expected[k] / area).length() < 4e-3, "{name}: {} {}", moments[k], expected[k] / area);
+        }
+    }
+
+    #[test]
+    fn directions_to_triangles_are_uniform() {
+        for i in 0..30 {
+            let p: [DVec3; 3] = std::array::from_fn(|k| vector(i, k as u32) + DVec3::new(0.0, 0.0, 1.3));
+            let unit = p.map(|p| p.normalize());
+            let solid_angle = triangle_solid_angle(unit[0], unit[1], unit[2]);
+            if !(0.05..3.0).contains(&solid_angle) {
+                continue;
+            }
+            let normal = (p[1] - p[0]).cross(p[2] - p[0]);
+            check(
+                &format!("triangle {i}"),
+                solid_angle,
+                |u| sample_triangle(unit, u).expect("it has area"),
+                |u| {
+                    let s = u.x.sqrt();
+                    (p[0] * (1.0 - s) + p[1] * (s * (1.0 - u.y)) + p[2] * (s * u.y), normal * 0.5)
+                },
+            );
+        }
+    }
+
+    #[test]
+    fn directions_to_rectangles_are_uniform() {
+        for i in 0..30 {
+            let (a, b) = (vector(i, 1), vector(i, 2));
+            let (min, max) = (a.min(b).truncate(), a.max(b).truncate());
+            let z = a.z.abs() + 0.2;
+            let r = SphericalRectangle::new(min, max, z);
+            let size = max - min;
+            check(
+                &format!("rectangle {i}"),
+                r.solid_angle,
+                |u| r.sample(u).extend(-z).normalize(),
+                |u| ((min + size * u).extend(-z), DVec3::Z * (size.x * size.y)),
+            );
+        }
+    }
+
+    #[test]
+    fn directions_to_spheres_are_uniform_in_their_cone() {
+        for (distance, radius) in [(1.1, 1.0), (3.0, 1.0), (1e4, 1e-3), (5.0, 4.99)] {
+            let center = DVec3::new(0.6, -0.48, 0.64) * distance;
+            let sin2: f64 = radius * radius / (distance * distance);
+            let cos_max = (1.0 - sin2).sqrt();
+            let solid_angle = sphere_solid_angle(radius * radius, distance * distance);
+            assert!((solid_angle / (PI * sin2) - 2.0 / (1.0 + cos_max)).abs() < 1e-9);
+            let n = 4000;
+            for i in 0..n {
+                let u = uniform2([i, 2, 2, 2]).as_dvec2();
+                let p = sample_sphere(center, radius, u);
+                assert!(((p - center).length() / radius - 1.0).abs() < 1e-9);
+                // The share of the cone that lies nearer to the axis is u.x.
+                let one_minus = (p.normalize() - center.normalize()).length_squared() * 0.5;
+                assert!((one_minus * TAU / solid_angle - u.x).abs() < 1e-5, "{distance}: {one_minus} {u}");
+                assert!(p.dot(p - center) <= 1e-9 * distance * radius + 1e-12, "the near side");
+            }
+        }
+    }
+
+    #[test]
+    fn degenerate_triangles_have_no_directions_or_finite_ones() {
+        let line = [DVec3::X, DVec3::new(0.6, 0.8, 0.0), DVec3::Y];
+        assert!(triangle_solid_angle(line[0], line[1], line[2]) < 1e-12);
+        for corners in [line, [DVec3::X; 3], [DVec3::NAN; 3], [DVec3::X, DVec3::NEG_X, DVec3::Y]] {
+            assert!(sample_triangle(corners, DVec2::splat(0.3)).is_none_or(|w| w.is_finite()));
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! Which media there are, and which materials bound them.
+
+use super::CompileError;
+use snell_scene::material::Interior;
+use snell_scene::medium::PreparedMedium;
+use snell_scene::{Material, MaterialId, MediumId, Scene, SceneError};
+
+/// The media of a scene and the surfaces that bound them. A scene without has none of this, and pays nothing for it.
+#[derive(Debug)]
+pub struct VolumeTable {
+    media: Vec<PreparedMedium>,
+    /// What is where no inside is.
+    pub everywhere: Option<MediumId>,
+    boundaries: Vec<Option<Boundary>>,
+    /// True if rays may pass some surfaces as if they were not there.
+    pub has_passable: bool,
+    /// True if insides may hide surfaces of others.
+    pub has_priorities: bool,
+}
+
+/// A surface that bounds an inside.
+#[derive(Clone, Copy, Debug)]
+pub struct Boundary {
+    /// What is inside.
+    pub interior: Interior,
+    /// Light passes it as if it were not there.
+    pub is_interface: bool,
+    /// Index of refraction inside.
+    pub ior: f32,
+}
+
+impl VolumeTable {
+    /// `None` if nothing says anything about insides, so that light goes straight through the void.
+    pub fn new(scene: &Scene, materials: &[Material]) -> Result<Option<Self>, CompileError> {
+        let check = |id: Option<MediumId>, what: &str| match id {
+            Some(id) if id.index() >= scene.media.len() => {
+                let (what, count) = (what.to_string(), scene.media.len());
+                Err(CompileError::Scene(SceneError::DanglingMedium { what, id: id.0, count }))
+            }
+            _ => Ok(()),
+        };
+        check(scene.medium, "the scene")?;
+        for material in materials {
+            check(material.interior.and_then(|i| i.medium), &format!("material \"{}\"", material.name))?;
+        }
+        let says = |m: &Material| m.interior.is_some() || m.has_own_medium();
+        if scene.medium.is_none() && !materials.iter().any(says) {
+            return Ok(None);
+        }
+        let boundary = |m: &Material| {
+            let interior = m.bounded_interior()?;
+            Some(Boundary { interior, is_interface: m.is_interface(), ior: m.ior() })
+        };
+        let boundaries: Vec<_> = materials.iter().map(boundary).collect();
+        let mut priorities = boundaries.iter().flatten().map(|b| b.interior.priority);
+        let first = priorities.next();
+        let has_priorities = priorities.any(|p| Some(p) != first);
+        Ok(Some(Self {
+            media: scene.media.iter().map(PreparedMedium::new).collect(),
+            everywhere: scene.medium,
+            has_passable: has_priorities || boundaries.iter().flatten().any(|b| b.is_interface),
+            has_priorities,
+            boundaries,
+        }))
+    }
+
+    /// A medium of the scene.
+    pub fn medium(&self, id: MediumId) -> &PreparedMedium {
+        &self.media[id.index()]
+    }
+
+    /// What a material bounds.
+    pub fn boundary(&self, material: MaterialId) -> Option<&Boundary> {
+        self.boundaries[material.index()].as_ref()
+    }
+}

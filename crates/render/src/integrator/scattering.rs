@@ -1,0 +1,34 @@
+//! What `path` and `direct` do where a medium scatters: a light sample, and a new direction from the phase function, both weighted
+//! by the power heuristic on their densities of direction. Whatever media and interfaces lie on the way counts in both alike.
+
+use super::estimators::Arrival;
+use super::path::{SCATTERED_SPREAD, light_sample, survival};
+use super::{Context, MediumVertex, Outputs, PathState, Vertex, dimension};
+use crate::light_sampler::Receiver;
+use snell_math::{Ray, SampledSpectrum, Vec3};
+
+/// Light samples and the next ray of a path that was scattered in a medium.
+pub fn scatter(context: &Context, vertex: &Vertex, medium: &MediumVertex, out: &mut Outputs) {
+    let forward = vertex.ray.direction;
+    let receiver = Receiver { position: medium.position, normal: Vec3::ZERO, transmits: true };
+    let phase = |wi: Vec3| {
+        let pdf = medium.phase.pdf(forward, wi);
+        (SampledSpectrum::splat(pdf), pdf)
+    };
+    let at = Arrival { position: medium.position, surface: None, mode: vertex.state.mode };
+    light_sample(context, vertex, at, &receiver, phase, out);
+    let (wi, pdf) = medium.phase.sample(forward, vertex.random.pair(dimension::BSDF));
+    let mut throughput = vertex.state.throughput;
+    let Some(survival) = survival(vertex, throughput.max_element() * vertex.state.eta_scale) else { return };
+    throughput *= 1.0 / survival;
+    let state = PathState {
+        throughput,
+        bsdf_pdf: pdf,
+        receiver,
+        is_specular: false,
+        cone_width: medium.footprint,
+        cone_spread: vertex.state.cone_spread.max(SCATTERED_SPREAD),
+        ..*vertex.state
+    };
+    out.next.push((Ray::new(medium.position, wi), state));
+}

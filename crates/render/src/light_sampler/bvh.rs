@@ -1,0 +1,280 @@
+//! A light BVH: a tree over all lights with a place and all triangles of emissive surfaces, descended with one random number by what
+//! each branch may bring to the receiver (Conty Estevez and Kulla, Importance Sampling of Many Lights with Adaptive Tree Splitting,
+//! 2018; the importance is that of Pharr, Jakob and Humphreys, 4th edition, section 12.6.3).
+//!
+//! Nodes have up to eight children and the importance of all is computed at once. Space is bounded by spheres, directions by cones.
+//! Lights without a place (the environment, the sun) stand beside the tree in a table.
+
+use super::build;
+use super::cone::{cos_of_difference, sin_from_cos, sin_of_difference};
+use super::table::LightTable;
+use super::{ChosenLight, LightSummary, Receiver};
+use snell_math::Vec3;
+use snell_math::rng::ONE_MINUS_EPSILON;
+
+/// Children of a node.
+pub const WIDTH: usize = 8;
+/// No child.
+pub const NONE: u32 = u32::MAX;
+/// Set in a child that is an emitter and not a node.
+pub const EMITTER: u32 = 1 << 31;
+/// Receivers farther away count as if they were there: in units of the lights' extent.
+const FAR: f32 = 1e12;
+/// Allowance for rounding before a branch counts as dark.
+const SLACK: f32 = 1e-4;
+
+/// A node: its children in lanes. Lengths are in units of the tree.
+#[derive(Clone, Debug)]
+pub struct Node {
+    /// Centre of the sphere around each child.
+    pub center: [[f32; WIDTH]; 3],
+    /// Its radius.
+    pub radius: [f32; WIDTH],
+    /// Axis of the cone of main directions.
+    pub axis: [[f32; WIDTH]; 3],
+    /// Cosine and sine of the cone's half-angle.
+    pub cos_spread: [f32; WIDTH],
+    pub sin_spread: [f32; WIDTH],
+    /// Cosine of the angle around the cone that still receives light.
+    pub cos_emission: [f32; WIDTH],
+    /// -1 if the opposite direction counts too, else 1.
+    pub side: [f32; WIDTH],
+    /// Radiant intensity relative to the strongest emitter; 0 for no child.
+    pub intensity: [f32; WIDTH],
+    /// A node, an emitter (with [`EMITTER`]) or [`NONE`].
+    pub child: [u32; WIDTH],
+    /// The node above, and which of its children this is; [`NONE`] for the root.
+    pub parent: u32,
+    pub slot: u32,
+}
+
+/// The tree, and the table of lights beside it.
+#[derive(Debug)]
+pub struct LightBvh {
+    nodes: Vec<Node>,
+    /// Light and part of each emitter.
+    emitters: Vec<(u32, u32)>,
+    /// Node and slot of each emitter: `node * WIDTH + slot`.
+    places: Vec<u32>,
+    /// Number of the first emitter of each light; [`NONE`] for those beside the tree.
+    first: Vec<u32>,
+    /// The lights beside the tree, and their choice.
+    beside: Vec<u32>,
+    table: LightTable,
+    /// Position in `beside` of each light; [`NONE`] for the others.
+    entry: Vec<u32>,
+    /// How often the tree is chosen where both can bring light.
+    tree_share: f32,
+    /// Map of world positions into the units of the tree.
+    origin: Vec3,
+    scale: f32,
+}
+
+impl LightBvh {
+    /// Builds the tree.
+    pub fn new(lights: &[LightSummary]) -> Self {
+        let (mut parts, mut emitters, mut first) = (Vec::new(), Vec::new(), vec![NONE; lights.len()]);
+        let (mut beside, mut entry) = (Vec::new(), vec![NONE; lights.len()]);
+        for (number, light) in lights.iter().enumerate().filter(|(_, light)| light.is_sampled) {
+            if light.parts.is_empty() {
+                entry[number] = beside.len() as u32;
+                beside.push(number as u32);
+            } else {
+                first[number] = emitters.len() as u32;
+                emitters.extend((0..light.parts.len() as u32).map(|part| (number as u32, part)));
+                parts.extend_from_slice(&light.parts);
+            }
+        }
+        let (normalized, origin, scale) = build::normalized(&parts);
+        let nodes = build::build(&normalized);
+        let in_tree = |i: &usize| first[*i] != NONE && !nodes.is_empty();
+        let tree_power: f64 = (0..lights.len()).filter(in_tree).map(|i| lights[i].power).sum();
+        let weights =
+            mixed(std::iter::once(tree_power).chain(beside.iter().map(|&i| lights[i as usize].power)).collect());
+        let table = LightTable::new(&weights[1..]);
+        let places = vec![NONE; emitters.len()];
+        let tree_share = weights[0] as f32;
+        let mut tree = Self { nodes, emitters, places, first, beside, table, entry, tree_share, origin, scale };
+        tree.note_places();
+        tree
+    }
+
+    fn note_places(&mut self) {
+        for (n, node) in self.nodes.iter().enumerate() {
+            for (slot, &child) in node.child.iter().enumerate() {
+                if child != NONE && child & EMITTER != 0 {
+                    self.places[(child & !EMITTER) as usize] = (n * WIDTH + slot) as u32;
+                }
+            }
+        }
+    }
+
+    /// A light. `u` is asked for a uniform number if there is a choice.
+    pub fn sample(&self, receiver: &Receiver, u: impl FnOnce() -> f32) -> Option<ChosenLight> {
+        let has_choice = self.emitters.len() + self.beside.len() > 1;
+        let mut u = if has_choice { u() } else { 0.0 };
+        let local = self.local(receiver);
+        let of_tree = self.probability_of_tree(&local);
+        let mut probability = of_tree;
+        if u >= of_tree {
+            let rest = ((u - of_tree) / (1.0 - of_tree)).clamp(0.0, ONE_MINUS_EPSILON);
+            let chosen = self.table.sample(|| rest)?;
+            let light = self.beside[chosen.light] as usize;
+            return Some(ChosenLight { light, part: None, probability: chosen.probability * (1.0 - of_tree) });
+        }
+        u = (u / of_tree).min(ONE_MINUS_EPSILON);
+        let mut node = self.nodes.first()?;
+        loop {
+            let weights = node.importance(&local);
+            let (slot, of_slot, rest) = choose(&weights, u)?;
+            probability *= of_slot;
+            u = rest;
+            let child = node.child[slot];
+            if child & EMITTER == 0 {
+                node = &self.nodes[child as usize];
+                continue;
+            }
+            let (light, part) = self.emitters[(child & !EMITTER) as usize];
+            return Some(ChosenLight { light: light as usize, part: Some(part), probability });
+        }
+    }
+
+    /// The probability with which [`Self::sample`] gives a part of a light.
+    pub fn probability(&self, receiver: &Receiver, light: usize, part: u32) -> f32 {
+        let Some(&first) = self.first.get(light) else { return 0.0 };
+        let local = self.local(receiver);
+        let of_tree = self.probability_of_tree(&local);
+        if first == NONE {
+            let entry = self.entry[light];
+            return if entry == NONE { 0.0 } else { self.table.probability(entry as usize) * (1.0 - of_tree) };
+        }
+        let Some(&place) = self.places.get((first + part) as usize) else { return 0.0 };
+        if place == NONE {
+            return 0.0;
+        }
+        let mut probability = of_tree;
+        let (mut node, mut slot) = (place as usize / WIDTH, place as usize % WIDTH);
+        loop {
+            let n = &self.nodes[node];
+            probability *= share(&n.importance(&local), slot);
+            if n.parent == NONE || probability == 0.0 {
+                return probability;
+            }
+            (node, slot) = (n.parent as usize, n.slot as usize);
+        }
+    }
+
+    /// The probability of choosing the tree rather than a light beside it: 0 where no emitter can bring light.
+    fn probability_of_tree(&self, local: &Receiver) -> f32 {
+        match self.nodes.first() {
+            None => 0.0,
+            Some(_) if self.beside.is_empty() => 1.0,
+            Some(root) => {
+                let can_bring_light = root.importance(local).iter().any(|&w| w > 0.0);
+                if can_bring_light { self.tree_share } else { 0.0 }
+            }
+        }
+    }
+
+    /// Bytes that the tree takes.
+    pub fn bytes(&self) -> usize {
+        self.nodes.len() * size_of::<Node>() + self.emitters.len() * 8 + self.places.len() * 4
+    }
+
+    /// The receiver in the units of the tree.
+    fn local(&self, receiver: &Receiver) -> Receiver {
+        let position = (receiver.position - self.origin) * self.scale;
+        Receiver { position: position.clamp(Vec3::splat(-FAR), Vec3::splat(FAR)), ..*receiver }
+    }
+}
+
+/// Probabilities, half alike and half by power: power alone would starve a lamp indoors beside the sun.
+fn mixed(powers: Vec<f64>) -> Vec<f64> {
+    let count = powers.len() as f64;
+    let strongest = powers.iter().copied().fold(0.0, f64::max);
+    let total: f64 = powers.iter().map(|p| p / strongest).sum();
+    let share = |p: f64| if strongest > 0.0 { p / strongest / total } else { 1.0 / count };
+    powers.into_iter().map(|p| 0.5 / count + 0.5 * share(p)).collect()
+}
+
+impl Node {
+    /// An empty node.
+    pub fn new(parent: u32, slot: u32) -> Self {
+        Self {
+            center: [[0.0; WIDTH]; 3],
+            radius: [0.0; WIDTH],
+            axis: [[0.0; WIDTH]; 3],
+            cos_spread: [-1.0; WIDTH],
+            sin_spread: [0.0; WIDTH],
+            cos_emission: [0.0; WIDTH],
+            side: [1.0; WIDTH],
+            intensity: [0.0; WIDTH],
+            child: [NONE; WIDTH],
+            parent,
+            slot,
+        }
+    }
+
+    /// What each child may bring to the receiver, in units that only compare: 0 if surely nothing.
+    ///
+    /// The intensity, times the cosine of the least angle between a main direction and the way to the receiver, over the squared
+    /// distance, times the cosine of the least angle of incidence.
+    #[inline]
+    fn importance(&self, receiver: &Receiver) -> [f32; WIDTH] {
+        let Receiver { position: p, normal: n, transmits } = *receiver;
+        let in_medium = n == Vec3::ZERO;
+        // |x| is max(x, -x), and x is max(x, x).
+        let incident_side = if transmits { -1.0 } else { 1.0 };
+        std::array::from_fn(|i| {
+            let d = [p.x - self.center[0][i], p.y - self.center[1][i], p.z - self.center[2][i]];
+            let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+            let inverse = 1.0 / squared.max(1e-30).sqrt();
+            // The sphere around the child, as seen from the receiver.
+            let r2 = self.radius[i] * self.radius[i];
+            let is_inside = squared <= r2 * 1.0001;
+            let sin2 = r2 / squared.max(1e-30);
+            let sin_b = if is_inside { 0.0 } else { sin2.sqrt() };
+            let cos_b = if is_inside { -1.0 } else { (1.0 - sin2).max(0.0).sqrt() };
+            // Angle between the cone of main directions and the way to the receiver.
+            let w = (self.axis[0][i] * d[0] + self.axis[1][i] * d[1] + self.axis[2][i] * d[2]) * inverse;
+            let cos_w = w.max(w * self.side[i]).min(1.0);
+            let sin_w = sin_from_cos(cos_w);
+            let cos_x = cos_of_difference(sin_w, cos_w, self.sin_spread[i], self.cos_spread[i]);
+            let sin_x = sin_of_difference(sin_w, cos_w, self.sin_spread[i], self.cos_spread[i]);
+            let cos_e = cos_of_difference(sin_x, cos_x, sin_b, cos_b);
+            let emits = if cos_e + SLACK >= self.cos_emission[i] { cos_e.max(SLACK) } else { 0.0 };
+            // Angle of incidence.
+            let c = -(n.x * d[0] + n.y * d[1] + n.z * d[2]) * inverse;
+            let cos_n = c.max(c * incident_side).clamp(-1.0, 1.0);
+            let cos_i = cos_of_difference(sin_from_cos(cos_n), cos_n, sin_b, cos_b) + SLACK;
+            let incident = if in_medium { 1.0 } else { cos_i };
+            let importance = self.intensity[i] * emits * incident / squared.max(r2).max(1e-30);
+            if importance > 0.0 { importance } else { 0.0 }
+        })
+    }
+}
+
+/// A child by its weight, its probability, and the rest of the number; `None` if all weights are 0.
+fn choose(weights: &[f32; WIDTH], u: f32) -> Option<(usize, f32, f32)> {
+    let total: f32 = weights.iter().sum();
+    let target = u * total;
+    let (mut before, mut chosen) = (0.0, None);
+    for (i, &w) in weights.iter().enumerate() {
+        if w <= 0.0 {
+            continue;
+        }
+        chosen = Some((i, before));
+        if target < before + w {
+            break;
+        }
+        before += w;
+    }
+    let (i, before) = chosen?;
+    let rest = ((target - before) / weights[i]).clamp(0.0, ONE_MINUS_EPSILON);
+    Some((i, weights[i] / total, rest))
+}
+
+/// The probability with which [`choose`] gives a child.
+fn share(weights: &[f32; WIDTH], slot: usize) -> f32 {
+    if weights[slot] > 0.0 { weights[slot] / weights.iter().sum::<f32>() } else { 0.0 }
+}

@@ -1,0 +1,30 @@
+//! From film to the picture that people are shown.
+
+use crate::compile::CompiledScene;
+use crate::film::Film;
+use crate::integrator::IntegratorKind;
+use crate::settings::Settings;
+use snell_scene::{Background, LayeredImage};
+
+/// The linear picture with its layers. The alpha channel stays only where it says something.
+pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> LayeredImage {
+    let mut picture = film.image();
+    if settings.integrator == IntegratorKind::Aov
+        && let (Some(&aov), true) = (film.aovs().first(), picture.layers.len() > 1)
+    {
+        let channels = picture.layers[1].channels.len();
+        let previews: Vec<_> =
+            picture.layers[1].values.chunks(channels).map(|v| aov.preview(v, compiled.radius)).collect();
+        for (pixel, color) in picture.layers[0].values.chunks_mut(4).zip(previews) {
+            // Colours are premultiplied.
+            let premultiplied = color * pixel[3];
+            pixel[..3].copy_from_slice(&premultiplied.to_array());
+        }
+    }
+    if compiled.background != Background::Transparent {
+        let main = &mut picture.layers[0];
+        main.channels.truncate(3);
+        main.values = main.values.chunks(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    }
+    picture
+}

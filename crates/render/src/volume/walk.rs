@@ -1,0 +1,282 @@
+//! Steps of paths and light rays from surface to surface.
+
+use super::insides::{Filling, Inside};
+use super::{Insides, Numbers, OwnMedia};
+use crate::compile::{Boundary, CompiledScene, VolumeTable};
+use crate::integrator::{MediumVertex, PathState};
+use snell_intersect::{Hit, HitFilter, SurfaceInteraction};
+use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
+use snell_scene::MaterialId;
+use snell_scene::medium::{Segment, Travel};
+
+/// Walks through the media of a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Walker<'a> {
+    scene: &'a CompiledScene,
+    table: &'a VolumeTable,
+}
+
+/// What became of a path that was sent along a ray.
+#[derive(Clone, Copy, Debug)]
+pub enum PathStep {
+    /// It is at the hit, or out of the scene.
+    Arrived,
+    /// A medium scattered it.
+    Scattered(MediumVertex),
+    /// It passed a surface and goes on along its new ray.
+    Passed,
+}
+
+/// What became of a light ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightStep {
+    /// It is at the light.
+    Arrived,
+    /// Nothing of it is left.
+    Blocked,
+    /// It passed a surface and goes on along its new ray.
+    Passed,
+}
+
+/// Rays meet interfaces too, which nobody sees but who walks through media.
+impl HitFilter for Walker<'_> {
+    fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
+        self.scene.material(self.scene.material_id(hit)).is_interface() || self.scene.accept(ray, hit)
+    }
+}
+
+impl<'a> Walker<'a> {
+    /// `None` if the scene has no media.
+    pub fn new(scene: &'a CompiledScene) -> Option<Self> {
+        scene.volumes.as_ref().map(|table| Self { scene, table })
+    }
+
+    /// True if rays may have to be traced on from surfaces that they pass.
+    pub fn has_passable(&self) -> bool {
+        self.table.has_passable
+    }
+
+    /// True if a surface that blocks other rays may be passed by one.
+    pub fn has_priorities(&self) -> bool {
+        self.table.has_priorities
+    }
+
+    /// Sends a path along its ray up to a hit. Emission on the way is added to `radiance`.
+    pub fn step(
+        &self,
+        own: &mut OwnMedia,
+        ray: &mut Ray,
+        state: &mut PathState,
+        insides: &mut Insides,
+        hit: &Hit,
+        numbers: &mut Numbers,
+        radiance: &mut SampledSpectrum,
+    ) -> PathStep {
+        let segment = segment_to(ray, hit);
+        let travel = self.travel(own, insides, &segment, state.throughput, state.mode, numbers);
+        state.throughput = travel.throughput;
+        *radiance += travel.emitted;
+        if let Some(scattered) = travel.scattered {
+            let footprint = state.cone_width + state.cone_spread * scattered.distance;
+            let position = segment.at(scattered.distance);
+            return PathStep::Scattered(MediumVertex { position, phase: scattered.phase, footprint });
+        }
+        if !hit.is_hit() || travel.throughput.is_black() || !self.is_passed(insides, hit) {
+            return PathStep::Arrived;
+        }
+        let surface = self.scene.world.interaction(&*ray, hit);
+        state.cone_width += state.cone_spread * segment.length;
+        *insides = self.beyond(own, insides, &surface, hit, ray.direction, state.mode);
+        *ray = Ray::new(surface.ray_origin(ray.direction), ray.direction);
+        PathStep::Passed
+    }
+
+    /// Sends a light ray up to a hit; its value loses what media take.
+    pub fn light_step(
+        &self,
+        own: &mut OwnMedia,
+        ray: &mut Ray,
+        value: &mut SampledSpectrum,
+        mode: ColorMode,
+        insides: &mut Insides,
+        hit: &Hit,
+        numbers: &mut Numbers,
+    ) -> LightStep {
+        let is_passed = hit.is_hit() && self.is_passed(insides, hit);
+        if hit.is_hit() && !is_passed {
+            return LightStep::Blocked;
+        }
+        *value = self.attenuate(own, insides, &segment_to(ray, hit), *value, mode, numbers);
+        if value.is_black() {
+            return LightStep::Blocked;
+        }
+        if !is_passed {
+            return LightStep::Arrived;
+        }
+        let surface = self.scene.world.interaction(&*ray, hit);
+        *insides = self.beyond(own, insides, &surface, hit, ray.direction, mode);
+        let left = ray.t_max - hit.t;
+        *ray = Ray::new(surface.ray_origin(ray.direction), ray.direction).with_t_max(left);
+        if left > 0.0 { LightStep::Passed } else { LightStep::Arrived }
+    }
+
+    fn travel(
+        &self,
+        own: &OwnMedia,
+        insides: &Insides,
+        segment: &Segment,
+        throughput: SampledSpectrum,
+        mode: ColorMode,
+        numbers: &mut Numbers,
+    ) -> Travel {
+        match self.filling(insides) {
+            Filling::Empty => Travel::unchanged(throughput),
+            Filling::Own(i) => own[i as usize].travel(segment, throughput, numbers.next()),
+            Filling::Medium(id) => self.table.medium(id).travel(segment, throughput, mode, &mut || numbers.next()),
+        }
+    }
+
+    fn attenuate(
+        &self,
+        own: &OwnMedia,
+        insides: &Insides,
+        segment: &Segment,
+        value: SampledSpectrum,
+        mode: ColorMode,
+        numbers: &mut Numbers,
+    ) -> SampledSpectrum {
+        match self.filling(insides) {
+            Filling::Empty => value,
+            Filling::Own(i) => own[i as usize].attenuate(segment, value),
+            Filling::Medium(id) => self.table.medium(id).attenuate(segment, value, mode, &mut || numbers.next()),
+        }
+    }
+
+    fn filling(&self, insides: &Insides) -> Filling {
+        match insides.innermost() {
+            Some(inside) => inside.filling,
+            None => self.table.everywhere.map_or(Filling::Empty, Filling::Medium),
+        }
+    }
+
+    /// True if a ray goes on through the surface: an interface, or one that an inside of higher priority hides.
+    fn is_passed(&self, insides: &Insides, hit: &Hit) -> bool {
+        let material = self.scene.material_id(hit);
+        let is_hidden = |boundary: &Boundary| {
+            let other = insides.innermost_but(material);
+            other.is_some_and(|other| other.priority > boundary.interior.priority)
+        };
+        self.table.boundary(material).is_some_and(|b| b.is_interface || is_hidden(b))
+    }
+
+    /// Index of refraction on the outer side of a surface.
+    pub fn outside_ior(&self, insides: &Insides, hit: &Hit) -> f32 {
+        let outside = insides.innermost_but(self.scene.material_id(hit));
+        outside.and_then(|inside| self.table.boundary(inside.material)).map_or(1.0, |b| b.ior)
+    }
+
+    /// The insides of a ray that goes on from a surface to the other side.
+    pub fn beyond(
+        &self,
+        own: &mut OwnMedia,
+        insides: &Insides,
+        surface: &SurfaceInteraction,
+        hit: &Hit,
+        direction: Vec3,
+        mode: ColorMode,
+    ) -> Insides {
+        let mut insides = *insides;
+        let material = self.scene.material_id(hit);
+        let Some(boundary) = self.table.boundary(material) else { return insides };
+        if surface.is_front_facing(direction) {
+            insides.enter(self.inside(own, material, boundary, surface, mode));
+        } else {
+            insides.leave(material);
+        }
+        insides
+    }
+
+    fn inside(
+        &self,
+        own: &mut OwnMedia,
+        id: MaterialId,
+        boundary: &Boundary,
+        surface: &SurfaceInteraction,
+        mode: ColorMode,
+    ) -> Inside {
+        let material = self.scene.material(id);
+        let mut brought = || {
+            material.own_medium(&self.scene.shading_point(surface, 0.0, mode)).map(|medium| {
+                own.push(medium);
+                Filling::Own(own.len() as u32 - 1)
+            })
+        };
+        let filling = match boundary.interior.medium {
+            Some(medium) => Filling::Medium(medium),
+            None => brought().unwrap_or_default(),
+        };
+        Inside { material: id, priority: boundary.interior.priority, filling }
+    }
+
+    /// The surfaces whose insides a point is in, outermost first: those that most of three rays first meet from within.
+    pub fn surfaces_around(&self, point: Vec3) -> Vec<(MaterialId, SurfaceInteraction)> {
+        /// Most surfaces that a ray passes.
+        const MOST_SURFACES: usize = 1000;
+        /// In no special direction.
+        const DIRECTIONS: [Vec3; 3] =
+            [Vec3::new(0.267, 0.802, 0.535), Vec3::new(-0.873, 0.218, 0.436), Vec3::new(0.371, -0.557, -0.743)];
+        let mut from_within: Vec<(MaterialId, SurfaceInteraction)> = Vec::new();
+        for direction in DIRECTIONS {
+            let mut met = Vec::new();
+            let mut ray = Ray::new(point, direction);
+            for _ in 0..MOST_SURFACES {
+                let hit = self.scene.world.closest_one(&ray, self);
+                if !hit.is_hit() {
+                    break;
+                }
+                let surface = self.scene.world.interaction(&ray, &hit);
+                let id = self.scene.material_id(&hit);
+                if self.table.boundary(id).is_some() && !met.contains(&id) {
+                    met.push(id);
+                    if !surface.is_front_facing(direction) {
+                        from_within.push((id, surface));
+                    }
+                }
+                ray = Ray::new(surface.ray_origin(direction), direction);
+            }
+        }
+        let mut around: Vec<(MaterialId, SurfaceInteraction)> = Vec::new();
+        for (id, surface) in &from_within {
+            let is_most = from_within.iter().filter(|other| other.0 == *id).count() >= 2;
+            if is_most && around.iter().all(|other| other.0 != *id) {
+                around.push((*id, *surface));
+            }
+        }
+        // The farther one leaves it, the earlier one entered it.
+        around.sort_by(|a, b| (b.1.position - point).length().total_cmp(&(a.1.position - point).length()));
+        around
+    }
+
+    /// The insides of these surfaces, for a path of this colour mode.
+    pub fn insides_of(
+        &self,
+        own: &mut OwnMedia,
+        surfaces: &[(MaterialId, SurfaceInteraction)],
+        mode: ColorMode,
+    ) -> Insides {
+        let mut insides = Insides::default();
+        for (id, surface) in surfaces {
+            if let Some(boundary) = self.table.boundary(*id) {
+                insides.enter(self.inside(own, *id, boundary, surface, mode));
+            }
+        }
+        insides
+    }
+}
+
+/// The way to a hit, or to the end of the ray.
+fn segment_to(ray: &Ray, hit: &Hit) -> Segment {
+    let scale = ray.direction.length();
+    let end = if hit.is_hit() { hit.t } else { ray.t_max };
+    Segment { origin: ray.origin, direction: ray.direction / scale, length: end * scale }
+}

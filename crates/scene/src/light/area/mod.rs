@@ -1,0 +1,502 @@
+//! Emissive surfaces as lights: a part (a triangle, or a whole shape) is chosen by its power, then a point of it.
+
+mod outline;
+#[cfg(test)]
+mod tests;
+
+use super::LightBounds;
+use outline::{Outline, barycentrics};
+use snell_intersect::{Shape, SurfaceInteraction, TriangleMesh};
+use snell_math::distribution::Distribution1D;
+use snell_math::robust::gamma;
+use snell_math::{Bounds3d, DVec2, DVec3, Frame, Transform, UVec2, Vec2, Vec3, sampling};
+use std::sync::Arc;
+
+/// The geometry of an emissive surface.
+#[derive(Clone, Debug)]
+pub enum EmissiveGeometry {
+    /// These triangles of a mesh.
+    Mesh {
+        /// The mesh.
+        mesh: Arc<TriangleMesh>,
+        /// Which triangles emit. Numbers past the mesh's triangles are ignored.
+        triangles: Vec<u32>,
+    },
+    /// A whole shape.
+    Shape(Arc<dyn Shape>),
+}
+
+/// A point on an emissive surface.
+#[derive(Clone, Debug)]
+pub struct AreaSample {
+    /// The point as an interaction in the world (`t` is 0 and meaningless, ids are those given to [`AreaLight::new`]).
+    /// `position_error` bounds how far the surface that rays hit may be from `position`: a shadow ray has to end before.
+    pub surface: SurfaceInteraction,
+    /// Density per unit of world area.
+    pub pdf_area: f32,
+}
+
+/// A point on an emissive surface as seen from somewhere.
+#[derive(Clone, Debug)]
+pub struct DirectedSample {
+    /// The point, as in [`AreaSample`].
+    pub surface: SurfaceInteraction,
+    /// Unit direction towards it.
+    pub direction: Vec3,
+    /// Density per steradian of the direction.
+    pub pdf: f32,
+}
+
+/// An emissive surface at one place in the world.
+#[derive(Debug)]
+pub struct AreaLight {
+    /// What emits. Of a mesh, the triangles are ascending, each once.
+    pub geometry: EmissiveGeometry,
+    /// Where it is.
+    pub world_from_geometry: Transform,
+    /// Ids for the sampled interactions: instance and geometry.
+    pub ids: (u32, u32),
+    table: Table,
+    area: f64,
+    /// Mean luminance of each part, W / (m^2 sr); empty if all shine alike.
+    radiance: Vec<f32>,
+}
+
+#[derive(Debug)]
+enum Table {
+    /// Choice among the triangles by area in the world, and each of them as it lies there.
+    Mesh { choice: Distribution1D, placed: Vec<PlacedTriangle> },
+    /// Density in the shape's own coordinates.
+    Shape { pdf: f64, outline: Outline },
+}
+
+/// An emissive triangle in the world, ready to be sampled.
+#[derive(Clone, Copy, Debug)]
+struct PlacedTriangle {
+    corner: Vec3,
+    edges: [Vec3; 2],
+    normal: Vec3,
+    /// Bound of the error of each coordinate of a point.
+    error: Vec3,
+    /// Tangents by the first texture coordinates, or any.
+    tangents: [Vec3; 2],
+    /// Density per unit of area, choice included.
+    pdf: f32,
+}
+
+impl PlacedTriangle {
+    fn new(mesh: &TriangleMesh, triangle: u32, place: &Transform, pdf: f32) -> Self {
+        let own = mesh.corners(triangle as usize).map(|p| p.as_dvec3());
+        let corners = own.map(|p| place.point(p));
+        let normal = place.normal((own[1] - own[0]).cross(own[2] - own[0])).normalize_or(DVec3::Z).as_vec3();
+        // Corners and edges are rounded once and blended, a hit is found with a few roundings more.
+        let reach = corners.into_iter().fold(DVec3::ZERO, |m, p| m.max(p.abs()));
+        let indices = mesh.indices[triangle as usize].map(|i| i as usize);
+        let tangents = uv_derivatives(mesh, indices, corners).unwrap_or_else(|| {
+            let frame = Frame::from_z(normal);
+            [frame.x, frame.y]
+        });
+        Self {
+            corner: corners[0].as_vec3(),
+            edges: [(corners[1] - corners[0]).as_vec3(), (corners[2] - corners[0]).as_vec3()],
+            normal,
+            error: (reach * f64::from(gamma(8))).as_vec3(),
+            tangents,
+            pdf,
+        }
+    }
+}
+
+impl PlacedTriangle {
+    fn area(&self) -> f64 {
+        let area = self.edges[0].as_dvec3().cross(self.edges[1].as_dvec3()).length() * 0.5;
+        if area.is_finite() { area } else { 0.0 }
+    }
+
+    fn bounds(&self) -> Bounds3d {
+        let corner = self.corner.as_dvec3();
+        Bounds3d::of([corner, corner + self.edges[0].as_dvec3(), corner + self.edges[1].as_dvec3()])
+    }
+}
+
+impl AreaLight {
+    /// Prepares sampling. `None` if the surface has no finite positive area. Triangles without area are never chosen.
+    pub fn new(geometry: EmissiveGeometry, world_from_geometry: Transform, ids: (u32, u32)) -> Option<Self> {
+        match geometry {
+            EmissiveGeometry::Mesh { mesh, triangles } => Self::new_mesh(mesh, triangles, world_from_geometry, ids),
+            EmissiveGeometry::Shape(shape) => Self::new_shape(shape, world_from_geometry, ids),
+        }
+    }
+
+    fn new_mesh(mesh: Arc<TriangleMesh>, mut triangles: Vec<u32>, placed: Transform, ids: (u32, u32)) -> Option<Self> {
+        triangles.retain(|&t| (t as usize) < mesh.indices.len());
+        triangles.sort_unstable();
+        triangles.dedup();
+        let area_of = |&t: &u32| {
+            let [a, b, c] = mesh.corners(t as usize).map(|p| placed.point(p.as_dvec3()));
+            let area = (b - a).cross(c - a).length() * 0.5;
+            if area.is_finite() { area } else { 0.0 }
+        };
+        let areas: Vec<f64> = triangles.iter().map(area_of).collect();
+        let area: f64 = areas.iter().sum();
+        // Weights relative to the whole: areas may be too small or large for single precision.
+        let choice = Distribution1D::new(&areas.iter().map(|a| (a / area) as f32).collect::<Vec<_>>());
+        let pdf = areas.iter().enumerate().map(|(i, &a)| density(choice.probability(i), a));
+        let placed_triangle = |(&t, pdf): (&u32, f32)| PlacedTriangle::new(&mesh, t, &placed, pdf);
+        let placed_triangles = triangles.iter().zip(pdf).map(placed_triangle).collect();
+        let table = Table::Mesh { choice, placed: placed_triangles };
+        let geometry = EmissiveGeometry::Mesh { mesh, triangles };
+        let usable = area > 0.0 && area.is_finite();
+        usable.then_some(Self { geometry, world_from_geometry: placed, ids, table, area, radiance: Vec::new() })
+    }
+
+    fn new_shape(shape: Arc<dyn Shape>, placed: Transform, ids: (u32, u32)) -> Option<Self> {
+        let own_area = shape.area();
+        if !(own_area > 0.0 && own_area.is_finite()) {
+            return None;
+        }
+        let area = own_area * mean_area_scale(&*shape, &placed)?;
+        let table = Table::Shape { pdf: 1.0 / own_area, outline: Outline::of(&*shape, &placed) };
+        let geometry = EmissiveGeometry::Shape(shape);
+        let usable = area > 0.0 && area.is_finite();
+        usable.then_some(Self { geometry, world_from_geometry: placed, ids, table, area, radiance: Vec::new() })
+    }
+
+    /// A point with density [`AreaSample::pdf_area`] per unit of world area.
+    pub fn sample(&self, u: Vec2) -> Option<AreaSample> {
+        let (surface, pdf_area) = match (&self.geometry, &self.table) {
+            (EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { choice, placed }) => {
+                let (i, rest) = choice.sample(u.x);
+                let b = sampling::uniform_triangle(Vec2::new(rest, u.y));
+                (self.mesh_surface(mesh, triangles[i], &placed[i], b), placed[i].pdf)
+            }
+            (EmissiveGeometry::Shape(shape), Table::Shape { pdf, .. }) => {
+                let surface = self.shape_surface(&**shape, u.as_dvec2())?;
+                let pdf_area = self.shape_pdf(*pdf, surface.geometric_normal);
+                (surface, pdf_area)
+            }
+            _ => return None,
+        };
+        (pdf_area > 0.0 && pdf_area.is_finite()).then_some(AreaSample { surface, pdf_area })
+    }
+
+    /// Measures how strongly each part shines, so that parts are chosen by power and not by area alone. `radiance` gives the
+    /// luminance at a point of the surface, averaged over about this width; it is asked for `points^2` points of each part (1 is
+    /// enough where the parts are uniform). Every part keeps some chance to be chosen.
+    pub fn measured(mut self, points: u32, radiance: impl Fn(&SurfaceInteraction, f32) -> f32) -> Self {
+        const DIM: f32 = 1e-3;
+        let (count, points) = (self.part_count(), points.max(1));
+        let mean_of = |part: u32| {
+            let width = (self.part_area(part).sqrt() / f64::from(points)) as f32;
+            let grid =
+                (0..points * points).map(|k| (UVec2::new(k % points, k / points).as_vec2() + 0.5) / points as f32);
+            let sum: f32 = grid.filter_map(|u| self.part_surface(part, u)).map(|s| finite(radiance(&s, width))).sum();
+            finite(sum / (points * points) as f32)
+        };
+        self.radiance = (0..count).map(mean_of).collect();
+        let powers: Vec<f64> = (0..count).map(|k| self.part_area(k) * f64::from(self.radiance[k as usize])).collect();
+        let power: f64 = powers.iter().sum();
+        let areas: Vec<f64> = (0..count).map(|k| self.part_area(k)).collect();
+        if let Table::Mesh { choice, placed } = &mut self.table
+            && power > 0.0
+        {
+            let least = f64::from(DIM) / self.area;
+            let weight = |(&p, &a): (&f64, &f64)| (p / power).max(a * least) as f32;
+            *choice = Distribution1D::new(&powers.iter().zip(&areas).map(weight).collect::<Vec<_>>());
+            for (i, (triangle, &area)) in placed.iter_mut().zip(&areas).enumerate() {
+                triangle.pdf = density(choice.probability(i), area);
+            }
+        }
+        self
+    }
+
+    /// Mean luminance of the whole surface's emitted radiance, W / (m^2 sr); 1 before [`Self::measured`].
+    pub fn mean_radiance(&self) -> f64 {
+        if self.radiance.is_empty() {
+            return 1.0;
+        }
+        let sum: f64 = (0..).zip(&self.radiance).map(|(part, &l)| self.part_area(part) * f64::from(l)).sum();
+        sum / self.area
+    }
+
+    /// Where a part is, and how strongly it shines which way.
+    pub fn part_bounds(&self, part: u32, is_two_sided: bool) -> LightBounds {
+        let radiance = f64::from(self.radiance.get(part as usize).copied().unwrap_or(1.0));
+        let (bounds, axis, cos_spread, facing_area) = match (&self.geometry, &self.table) {
+            (EmissiveGeometry::Shape(shape), _) => {
+                let bounds = self.world_from_geometry.bounds(&shape.bounds());
+                match self.part_surface(0, Vec2::splat(0.5)) {
+                    // Shapes without an inside are flat. The shadow of a convex body is a quarter of its surface on average.
+                    Some(surface) if !shape.is_closed() => (bounds, surface.geometric_normal, 1.0, self.area),
+                    _ => (bounds, Vec3::Z, -1.0, self.area * 0.25),
+                }
+            }
+            (_, Table::Mesh { placed, .. }) => {
+                let triangle = &placed[part as usize];
+                (triangle.bounds(), triangle.normal, 1.0, triangle.area())
+            }
+            _ => (Bounds3d::EMPTY, Vec3::Z, -1.0, 0.0),
+        };
+        let intensity = radiance * facing_area;
+        let intensity = if intensity > 0.0 { intensity.min(1e300) } else { 0.0 };
+        LightBounds { bounds, axis, cos_spread, cos_emission: 0.0, is_two_sided, intensity }
+    }
+
+    fn part_area(&self, part: u32) -> f64 {
+        match &self.table {
+            Table::Mesh { placed, .. } => placed[part as usize].area(),
+            Table::Shape { .. } => self.area,
+        }
+    }
+
+    /// A point of a part, uniform by its area (of a shape: in its own coordinates).
+    fn part_surface(&self, part: u32, u: Vec2) -> Option<SurfaceInteraction> {
+        match (&self.geometry, &self.table) {
+            (EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { placed, .. }) => {
+                let (triangle, placed) = (*triangles.get(part as usize)?, placed.get(part as usize)?);
+                Some(self.mesh_surface(mesh, triangle, placed, sampling::uniform_triangle(u)))
+            }
+            (EmissiveGeometry::Shape(shape), _) => self.shape_surface(&**shape, u.as_dvec2()),
+            _ => None,
+        }
+    }
+
+    /// How many parts can be chosen apart from each other: emissive triangles, or 1 for a shape.
+    pub fn part_count(&self) -> u32 {
+        match &self.table {
+            Table::Mesh { placed, .. } => placed.len() as u32,
+            Table::Shape { .. } => 1,
+        }
+    }
+
+    /// A part chosen by its power, its probability, and a uniform number that is left of `u`.
+    pub fn choose_part(&self, u: f32) -> (u32, f32, f32) {
+        match &self.table {
+            Table::Mesh { choice, .. } => {
+                let (part, rest) = choice.sample(u);
+                (part as u32, choice.probability(part), rest)
+            }
+            Table::Shape { .. } => (0, 1.0, u),
+        }
+    }
+
+    /// The probability with which [`Self::choose_part`] gives a part.
+    pub fn part_probability(&self, part: u32) -> f32 {
+        match &self.table {
+            Table::Mesh { choice, .. } if (part as usize) < choice.len() => choice.probability(part as usize),
+            Table::Mesh { .. } => 0.0,
+            Table::Shape { .. } => 1.0,
+        }
+    }
+
+    /// The part that a primitive of the geometry is; `None` if it does not emit.
+    pub fn part_of(&self, primitive: u32) -> Option<u32> {
+        let EmissiveGeometry::Mesh { triangles, .. } = &self.geometry else { return Some(0) };
+        // If all triangles emit, their numbers are their positions.
+        if triangles.get(primitive as usize) == Some(&primitive) {
+            return Some(primitive);
+        }
+        triangles.binary_search(&primitive).ok().map(|part| part as u32)
+    }
+
+    /// A point of a part as seen from `from`, uniform by solid angle where that can be sampled and by area elsewhere. `None` where
+    /// the part cannot be seen or sampled, or the sample misses it.
+    pub fn sample_from(&self, part: u32, from: Vec3, u: Vec2) -> Option<DirectedSample> {
+        let outline = self.outline(part);
+        if let Some(seen) = outline.seen_from(from.as_dvec3()) {
+            let offset = seen.sample(u.as_dvec2())?;
+            let surface = self.surface_at(part, from.as_dvec3() + offset)?;
+            let direction = offset.normalize().as_vec3();
+            return Some(DirectedSample { surface, direction, pdf: seen.pdf() });
+        }
+        let surface = self.part_surface(part, u)?;
+        let to_light = surface.position - from;
+        let direction = to_light.try_normalize()?;
+        let pdf = self.pdf_by_area(part, &surface, direction, to_light.length_squared());
+        (pdf > 0.0 && pdf.is_finite()).then_some(DirectedSample { surface, direction, pdf })
+    }
+
+    /// Density per steradian with which [`Self::sample_from`] gives the way from `from` to `surface`, a point of this part that can be
+    /// seen from there in `direction` (unit).
+    pub fn pdf_from(&self, part: u32, from: Vec3, surface: &SurfaceInteraction, direction: Vec3) -> f32 {
+        let outline = self.outline(part);
+        if let Some(seen) = outline.seen_from(from.as_dvec3()) {
+            // Of a sphere only the near side is sampled.
+            let is_far_side = outline.is_sphere() && direction.dot(surface.geometric_normal) >= 0.0;
+            return if is_far_side { 0.0 } else { seen.pdf() };
+        }
+        self.pdf_by_area(part, surface, direction, (surface.position - from).length_squared())
+    }
+
+    fn pdf_by_area(&self, part: u32, surface: &SurfaceInteraction, direction: Vec3, distance_squared: f32) -> f32 {
+        let pdf_area = match &self.table {
+            Table::Mesh { placed, .. } => density(1.0, placed[part as usize].area()),
+            Table::Shape { pdf, .. } => self.shape_pdf(*pdf, surface.geometric_normal),
+        };
+        let pdf = pdf_area * distance_squared / direction.dot(surface.geometric_normal).abs();
+        if pdf.is_finite() { pdf } else { 0.0 }
+    }
+
+    fn outline(&self, part: u32) -> Outline {
+        match &self.table {
+            Table::Mesh { placed, .. } => {
+                let PlacedTriangle { corner, edges, .. } = placed[part as usize];
+                let (corner, edges) = (corner.as_dvec3(), edges.map(|e| e.as_dvec3()));
+                Outline::Triangle { corner, edges }
+            }
+            Table::Shape { outline, .. } => *outline,
+        }
+    }
+
+    /// The surface of a part at (or within rounding of) a point of the world. `None` beside the part.
+    fn surface_at(&self, part: u32, p: DVec3) -> Option<SurfaceInteraction> {
+        match (&self.geometry, &self.table) {
+            (EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { placed, .. }) => {
+                let placed = &placed[part as usize];
+                let b = barycentrics(p - placed.corner.as_dvec3(), placed.edges.map(|e| e.as_dvec3()));
+                Some(self.mesh_surface(mesh, triangles[part as usize], placed, b))
+            }
+            (EmissiveGeometry::Shape(shape), Table::Shape { outline, .. }) => {
+                let local = self.world_from_geometry.inverse().point(p);
+                outline.holds(p).then(|| self.shape_surface_at(&**shape, local, 0))?
+            }
+            _ => None,
+        }
+    }
+
+    /// Density per unit of world area with which [`Self::sample`] gives the point of this interaction on this light. 0 for
+    /// triangles that do not emit. Only the triangle or the normal is looked at, not the position.
+    pub fn pdf_area(&self, surface: &SurfaceInteraction) -> f32 {
+        match &self.table {
+            Table::Mesh { placed, .. } => self.part_of(surface.primitive).map_or(0.0, |part| placed[part as usize].pdf),
+            Table::Shape { pdf, .. } => self.shape_pdf(*pdf, surface.geometric_normal),
+        }
+    }
+
+    /// Area in the world. For shapes under transforms that stretch, an estimate good to about a percent.
+    pub fn area(&self) -> f64 {
+        self.area
+    }
+
+    fn shape_pdf(&self, own_pdf: f64, world_normal: Vec3) -> f32 {
+        let n = self.world_from_geometry.matrix().matrix3.transpose() * world_normal.as_dvec3();
+        let pdf = own_pdf / self.world_from_geometry.area_scale(n.normalize_or_zero());
+        if pdf.is_finite() { pdf.min(f64::from(f32::MAX)) as f32 } else { 0.0 }
+    }
+
+    fn shape_surface(&self, shape: &dyn Shape, u: DVec2) -> Option<SurfaceInteraction> {
+        let sample = shape.sample(u)?;
+        self.shape_surface_at(shape, sample.position, sample.face)
+    }
+
+    fn shape_surface_at(&self, shape: &dyn Shape, position: DVec3, face: u32) -> Option<SurfaceInteraction> {
+        let place = &self.world_from_geometry;
+        let surface = shape.surface(position, face);
+        let position = place.point(surface.position);
+        // The position is rounded once; the rounding of double precision is far below.
+        let reach = place.matrix().matrix3.abs() * surface.position.abs() + place.matrix().translation.abs();
+        let error = (position.abs() * f64::from(gamma(1)) + reach * 1e-14).as_vec3();
+        let normal = place.normal(surface.normal).try_normalize()?.as_vec3();
+        Some(SurfaceInteraction {
+            position: position.as_vec3(),
+            position_error: error,
+            geometric_normal: normal,
+            shading_normal: normal,
+            uv: [surface.uv.as_vec2(); 2],
+            dpdu: place.vector(surface.dpdu).as_vec3(),
+            dpdv: place.vector(surface.dpdv).as_vec3(),
+            tangent: None,
+            color: [1.0; 4],
+            t: 0.0,
+            primitive_uv: Vec2::ZERO,
+            instance: self.ids.0,
+            geometry: self.ids.1,
+            primitive: face,
+        })
+    }
+
+    fn mesh_surface(&self, mesh: &TriangleMesh, triangle: u32, placed: &PlacedTriangle, b: Vec2) -> SurfaceInteraction {
+        let indices = mesh.indices[triangle as usize].map(|i| i as usize);
+        let weights = [1.0 - b.x - b.y, b.x, b.y];
+        let uv_of = |set: usize| interpolate(&mesh.uvs[set], indices, weights, |uv| *uv).unwrap_or(Vec2::ZERO);
+        SurfaceInteraction {
+            position: placed.corner + placed.edges[0] * b.x + placed.edges[1] * b.y,
+            position_error: placed.error,
+            geometric_normal: placed.normal,
+            shading_normal: self.shading_normal(mesh, indices, weights, placed.normal),
+            uv: [uv_of(0), uv_of(1)],
+            dpdu: placed.tangents[0],
+            dpdv: placed.tangents[1],
+            tangent: self.tangent(mesh, indices, weights),
+            color: interpolate(&mesh.colors, indices, weights, |&c| snell_math::Vec4::from(c))
+                .map_or([1.0; 4], |c| c.to_array()),
+            t: 0.0,
+            primitive_uv: b,
+            instance: self.ids.0,
+            geometry: self.ids.1,
+            primitive: triangle,
+        }
+    }
+
+    fn shading_normal(&self, mesh: &TriangleMesh, indices: [usize; 3], weights: [f32; 3], normal: Vec3) -> Vec3 {
+        let Some(own) = interpolate(&mesh.normals, indices, weights, |n| n.normalize_or_zero()) else { return normal };
+        match self.world_from_geometry.normal(own.as_dvec3()).try_normalize().map(|n| n.as_vec3()) {
+            Some(n) if n.dot(normal) >= 0.0 => n,
+            Some(n) => -n,
+            None => normal,
+        }
+    }
+
+    fn tangent(&self, mesh: &TriangleMesh, indices: [usize; 3], weights: [f32; 3]) -> Option<(Vec3, f32)> {
+        let own = interpolate(&mesh.tangents, indices, weights, |t| t.truncate())?;
+        let tangent = self.world_from_geometry.vector(own.as_dvec3()).try_normalize()?.as_vec3();
+        let sign = mesh.tangents[indices[0]].w;
+        Some((tangent, if self.world_from_geometry.is_mirrored() { -sign } else { sign }))
+    }
+}
+
+/// Density per unit of area; 0 for triangles without area.
+fn density(probability: f32, area: f64) -> f32 {
+    if area > 0.0 { (f64::from(probability) / area).min(f64::from(f32::MAX)) as f32 } else { 0.0 }
+}
+
+fn finite(x: f32) -> f32 {
+    if x > 0.0 { x.min(1e30) } else { 0.0 }
+}
+
+/// The mean factor by which the transform stretches the shape's area: exact for similarities and flat shapes.
+fn mean_area_scale(shape: &dyn Shape, placed: &Transform) -> Option<f64> {
+    const N: u32 = 32;
+    let mut sum = 0.0;
+    for i in 0..N {
+        for j in 0..N {
+            let u = DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5) / f64::from(N);
+            sum += placed.area_scale(shape.sample(u)?.normal);
+        }
+    }
+    Some(sum / f64::from(N * N))
+}
+
+/// The weighted mean of a vertex attribute; `None` if the mesh does not have it.
+fn interpolate<T, V>(values: &[T], indices: [usize; 3], weights: [f32; 3], get: impl Fn(&T) -> V) -> Option<V>
+where
+    V: std::ops::Mul<f32, Output = V> + std::ops::Add<Output = V>,
+{
+    let [a, b, c] = indices.map(|i| values.get(i).map(&get));
+    Some(a? * weights[0] + b? * weights[1] + c? * weights[2])
+}
+
+/// Derivatives of the position by the first texture coordinates; `None` if there are none or they are degenerate.
+fn uv_derivatives(mesh: &TriangleMesh, indices: [usize; 3], [p0, p1, p2]: [DVec3; 3]) -> Option<[Vec3; 2]> {
+    if mesh.uvs[0].is_empty() {
+        return None;
+    }
+    let [a, b, c] = indices.map(|i| mesh.uvs[0][i].as_dvec2());
+    let (d1, d2) = (b - a, c - a);
+    let determinant = d1.perp_dot(d2);
+    let (e1, e2) = (p1 - p0, p2 - p0);
+    let dpdu = ((e1 * d2.y - e2 * d1.y) / determinant).as_vec3();
+    let dpdv = ((e2 * d1.x - e1 * d2.x) / determinant).as_vec3();
+    let usable = |v: Vec3| v.is_finite() && v != Vec3::ZERO;
+    (usable(dpdu) && usable(dpdv)).then_some([dpdu, dpdv])
+}

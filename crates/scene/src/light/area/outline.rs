@@ -1,0 +1,175 @@
+//! How a part of an emissive surface looks from a point: its solid angle, and points uniform in it.
+
+use snell_intersect::{AnyShape, Shape};
+use snell_math::spherical::{self, SphericalRectangle};
+use snell_math::{DVec2, DVec3, Transform, Vec2};
+
+/// A part whose solid angle can be sampled, in the world.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Outline {
+    Triangle {
+        corner: DVec3,
+        edges: [DVec3; 2],
+    },
+    /// Unit vectors along the sides, half of their lengths.
+    Rectangle {
+        center: DVec3,
+        axes: [DVec3; 2],
+        half: DVec2,
+    },
+    /// A disk or ring: sampled as the square around it, if it is near.
+    Disk {
+        center: DVec3,
+        axes: [DVec3; 2],
+        radius: f64,
+        inner: f64,
+    },
+    Sphere {
+        center: DVec3,
+        radius: f64,
+    },
+    /// Sampled by area.
+    Other,
+}
+
+/// Solid angles below this are sampled by area: what is small is seen alike from everywhere, and differences of angles lose digits.
+const LEAST: f64 = 1e-4;
+/// Those above too: the point lies on the surface, to rounding, and angles of nearly half a turn lose digits.
+const MOST: f64 = 6.22;
+/// A square is worth its wasted corners only if the distances to points of the disk are very different.
+const LEAST_OF_DISK: f64 = 0.5;
+
+impl Outline {
+    /// The outline of a shape.
+    pub(super) fn of(shape: &dyn Shape, place: &Transform) -> Self {
+        let matrix = place.matrix().matrix3;
+        let (x, y, z) = (matrix.x_axis, matrix.y_axis, matrix.z_axis);
+        let alike = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(b.abs());
+        let square = |a: DVec3, b: DVec3| a.dot(b).abs() <= 1e-9 * a.length() * b.length();
+        let center = place.point(DVec3::ZERO);
+        let axes = [x.normalize_or_zero(), y.normalize_or_zero()];
+        match shape.to_any() {
+            Some(AnyShape::Triangle(t)) => {
+                let [a, b, c] = t.vertices.map(|p| place.point(p));
+                Self::Triangle { corner: a, edges: [b - a, c - a] }
+            }
+            Some(AnyShape::Rectangle(r)) if square(x, y) => {
+                Self::Rectangle { center, axes, half: r.half_size * DVec2::new(x.length(), y.length()) }
+            }
+            Some(AnyShape::Disk(d)) if square(x, y) && alike(x.length(), y.length()) => {
+                Self::Disk { center, axes, radius: d.radius * x.length(), inner: d.inner_radius * x.length() }
+            }
+            Some(AnyShape::Sphere(s))
+                if square(x, y)
+                    && square(y, z)
+                    && square(z, x)
+                    && alike(x.length(), y.length())
+                    && alike(x.length(), z.length()) =>
+            {
+                Self::Sphere { center, radius: s.radius * x.length() }
+            }
+            _ => Self::Other,
+        }
+    }
+
+    pub(super) fn is_sphere(&self) -> bool {
+        matches!(self, Self::Sphere { .. })
+    }
+
+    /// False for points of a disk's square that the disk does not hold.
+    pub(super) fn holds(&self, p: DVec3) -> bool {
+        match self {
+            Self::Disk { center, radius, inner, .. } => {
+                let d2 = (p - *center).length_squared();
+                d2 <= radius * radius && d2 >= inner * inner
+            }
+            _ => true,
+        }
+    }
+
+    /// The view from a point; `None` if the part should be sampled by area.
+    pub(super) fn seen_from(&self, from: DVec3) -> Option<Seen> {
+        let (seen, least) = match *self {
+            Self::Triangle { corner, edges } => (Seen::triangle(corner - from, edges)?, LEAST),
+            Self::Rectangle { center, axes, half } => (Seen::rectangle(center - from, axes, half), LEAST),
+            Self::Disk { center, axes, radius, .. } => {
+                (Seen::rectangle(center - from, axes, DVec2::splat(radius)), LEAST_OF_DISK)
+            }
+            Self::Sphere { center, radius } => return Seen::sphere(center - from, radius),
+            Self::Other => return None,
+        };
+        (seen.solid_angle > least && seen.solid_angle < MOST).then_some(seen)
+    }
+}
+
+/// An outline around the viewpoint.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    solid_angle: f64,
+    kind: SeenKind,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum SeenKind {
+    Triangle { corner: DVec3, edges: [DVec3; 2], directions: [DVec3; 3] },
+    Rectangle { axes: [DVec3; 3], z: f64, rectangle: SphericalRectangle },
+    Sphere { center: DVec3, radius: f64 },
+}
+
+impl Seen {
+    fn triangle(corner: DVec3, edges: [DVec3; 2]) -> Option<Self> {
+        let corners = [corner, corner + edges[0], corner + edges[1]];
+        let directions = corners.map(|p| p.normalize_or_zero());
+        let [a, b, c] = directions;
+        let solid_angle = spherical::triangle_solid_angle(a, b, c);
+        solid_angle.is_finite().then_some(Self { solid_angle, kind: SeenKind::Triangle { corner, edges, directions } })
+    }
+
+    fn rectangle(center: DVec3, [x, y]: [DVec3; 2], half: DVec2) -> Self {
+        let normal = x.cross(y);
+        let z = center.dot(normal);
+        let middle = DVec2::new(center.dot(x), center.dot(y));
+        let rectangle = SphericalRectangle::new(middle - half, middle + half, z);
+        Self { solid_angle: rectangle.solid_angle, kind: SeenKind::Rectangle { axes: [x, y, normal], z, rectangle } }
+    }
+
+    /// `None` from inside, and from so near that the cone is nearly half of all directions.
+    fn sphere(center: DVec3, radius: f64) -> Option<Self> {
+        let (r2, d2) = (radius * radius, center.length_squared());
+        let usable = r2 < d2 * (1.0 - 1e-7) && r2 > d2 * 1e-30;
+        let solid_angle = spherical::sphere_solid_angle(r2, d2);
+        usable.then_some(Self { solid_angle, kind: SeenKind::Sphere { center, radius } })
+    }
+
+    /// Density per steradian.
+    pub(super) fn pdf(&self) -> f32 {
+        (1.0 / self.solid_angle).min(f64::from(f32::MAX)) as f32
+    }
+
+    /// The way from the viewpoint to a point of the outline. `None` if rounding leaves no direction.
+    pub(super) fn sample(&self, u: DVec2) -> Option<DVec3> {
+        let offset = match &self.kind {
+            SeenKind::Triangle { corner, edges, directions } => {
+                let w = spherical::sample_triangle(*directions, u)?;
+                let normal = edges[0].cross(edges[1]);
+                let b = barycentrics(w * (corner.dot(normal) / w.dot(normal)) - *corner, *edges).as_dvec2();
+                *corner + edges[0] * b.x + edges[1] * b.y
+            }
+            SeenKind::Rectangle { axes, z, rectangle } => {
+                let p = rectangle.sample(u);
+                axes[0] * p.x + axes[1] * p.y + axes[2] * *z
+            }
+            SeenKind::Sphere { center, radius } => spherical::sample_sphere(*center, *radius, u),
+        };
+        (offset.is_finite() && offset != DVec3::ZERO).then_some(offset)
+    }
+}
+
+/// Barycentric coordinates of the point of a triangle's plane at this offset from its first corner, moved into the triangle.
+pub(super) fn barycentrics(offset: DVec3, [e1, e2]: [DVec3; 2]) -> Vec2 {
+    let normal = e1.cross(e2);
+    let n2 = normal.length_squared();
+    let b = DVec2::new(offset.cross(e2).dot(normal), e1.cross(offset).dot(normal)) / n2;
+    let b = if b.is_finite() { b.max(DVec2::ZERO) } else { DVec2::splat(1.0 / 3.0) };
+    (b / (b.x + b.y).max(1.0)).as_vec2()
+}

@@ -1,0 +1,210 @@
+//! Light from all directions, importance sampled.
+//!
+//! An image is looked up with bilinear interpolation. A direction is drawn in two steps: a cell of a latitude-longitude table with
+//! probability proportional to the interpolated luminance in it times its solid angle, then a direction uniform in the solid angle
+//! of the cell (a rectangle in longitude and height). So the density is constant over each cell and finite at the poles.
+//!
+//! Beside BSDF samples a second table serves better, from which the mean is taken off: BSDF samples bring the even part of the light
+//! anyway (Karlík, Šik, Vévoda, Skřivan and Křivánek, MIS Compensation: Optimizing Sampling Techniques in Multiple Importance
+//! Sampling, 2019). Of a constant environment nothing is left to sample.
+
+mod table;
+#[cfg(test)]
+mod tests;
+
+use crate::graph::Environment;
+use crate::image::Image;
+use snell_math::{ColorMode, DMat3, DVec3, Mat3, Rgb, SampledSpectrum, Vec2, Vec3, sampling};
+use std::f32::consts::FRAC_1_PI;
+use std::sync::Arc;
+use table::DirectionTable;
+
+/// An environment prepared for lookups and sampling.
+#[derive(Debug)]
+pub struct EnvironmentLight {
+    kind: Kind,
+    mean_luminance: f64,
+}
+
+#[derive(Debug)]
+enum Kind {
+    Constant(Rgb),
+    Image(Box<ImageLight>),
+}
+
+#[derive(Debug)]
+struct ImageLight {
+    width: usize,
+    height: usize,
+    /// Scaled radiance, row by row from the zenith.
+    texels: Vec<Rgb>,
+    world_from_environment: Mat3,
+    /// By the light from each direction.
+    exact: DirectionTable,
+    /// By what the light from each direction exceeds the mean; `None` if it hardly does anywhere.
+    compensated: Option<DirectionTable>,
+    /// The share of the light that exceeds the mean.
+    excess: f64,
+}
+
+impl EnvironmentLight {
+    /// Prepares an environment (builds the sampling tables of an image). Values that are negative or not finite count as 0, and
+    /// the alpha of an image is ignored. Of the transform only the rotation (and mirroring) is used.
+    pub fn new(environment: &Environment) -> Self {
+        match environment {
+            Environment::Constant(color) => {
+                let color = color.map(sane);
+                Self { kind: Kind::Constant(color), mean_luminance: color.luminance().into() }
+            }
+            Environment::Image { image, scale, world_from_environment } => {
+                let light = ImageLight::new(image, scale.map(sane), world_from_environment.matrix3);
+                Self { mean_luminance: light.1, kind: Kind::Image(Box::new(light.0)) }
+            }
+        }
+    }
+
+    /// Radiance arriving along a ray that leaves the scene in this unit direction.
+    pub fn radiance(&self, direction: Vec3, mode: ColorMode) -> SampledSpectrum {
+        mode.illuminant(match &self.kind {
+            Kind::Constant(color) => *color,
+            Kind::Image(light) => light.radiance(direction),
+        })
+    }
+
+    /// A unit direction from which light comes, and its density per steradian. The density is positive, and 0 nowhere where there
+    /// is light.
+    pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
+        match &self.kind {
+            Kind::Constant(_) => (sampling::uniform_sphere(u), sampling::UNIFORM_SPHERE_PDF),
+            Kind::Image(light) => {
+                light.sample(&light.exact, u).unwrap_or((sampling::uniform_sphere(u), sampling::UNIFORM_SPHERE_PDF))
+            }
+        }
+    }
+
+    /// Density per steradian with which [`Self::sample`] gives this unit direction.
+    pub fn pdf(&self, direction: Vec3) -> f32 {
+        match &self.kind {
+            Kind::Constant(_) => sampling::UNIFORM_SPHERE_PDF,
+            Kind::Image(light) => light.exact.pdf(light.to_square(direction)),
+        }
+    }
+
+    /// A unit direction in which the light is worth a sample beside BSDF samples that are combined with it by multiple importance
+    /// sampling, and its density per steradian, which is 0 in many directions. `None` if no direction is worth it.
+    pub fn sample_compensated(&self, u: Vec2) -> Option<(Vec3, f32)> {
+        match &self.kind {
+            Kind::Constant(_) => None,
+            Kind::Image(light) => light.sample(light.compensated.as_ref()?, u),
+        }
+    }
+
+    /// Density per steradian with which [`Self::sample_compensated`] gives this unit direction.
+    pub fn pdf_compensated(&self, direction: Vec3) -> f32 {
+        match &self.kind {
+            Kind::Constant(_) => 0.0,
+            Kind::Image(light) => light.compensated.as_ref().map_or(0.0, |table| table.pdf(light.to_square(direction))),
+        }
+    }
+
+    /// The share of the light that exceeds the mean, `[0, 1]`: what [`Self::sample_compensated`] is for. 0 if it gives nothing.
+    pub fn excess(&self) -> f64 {
+        match &self.kind {
+            Kind::Image(light) if light.compensated.is_some() => light.excess,
+            _ => 0.0,
+        }
+    }
+
+    /// Mean radiance over the sphere (luminance). Finite and not negative.
+    pub fn mean_luminance(&self) -> f64 {
+        self.mean_luminance
+    }
+}
+
+/// Largest radiance that counts, so that sums over a whole image stay finite.
+const MAX_RADIANCE: f32 = 1e30;
+
+fn sane(x: f32) -> f32 {
+    if x > 0.0 && x.is_finite() { x.min(MAX_RADIANCE) } else { 0.0 }
+}
+
+impl ImageLight {
+    /// The light and its mean luminance.
+    fn new(image: &Arc<Image>, scale: Rgb, matrix: DMat3) -> (Self, f64) {
+        let texels = texels(image, scale);
+        let (w, h) = (image.width as usize, image.height as usize);
+        let luminance = smoothed_luminance(&texels, w, h);
+        let (exact, mean_luminance) = DirectionTable::new(&luminance, [w, h], 0.0);
+        let compensated = DirectionTable::new(&luminance, [w, h], mean_luminance);
+        // A share of light this small is rounding.
+        let excess = compensated.1 / mean_luminance.max(f64::MIN_POSITIVE);
+        let compensated = (excess > 1e-4).then_some(compensated.0);
+        let world_from_environment = rotation(matrix);
+        (Self { width: w, height: h, texels, world_from_environment, exact, compensated, excess }, mean_luminance)
+    }
+
+    /// Longitude and latitude of a direction as a point of the unit square.
+    fn to_square(&self, direction: Vec3) -> Vec2 {
+        let d = self.world_from_environment.transpose() * direction;
+        let phi = d.x.atan2(-d.z);
+        let theta = d.x.hypot(d.z).atan2(d.y);
+        let p = Vec2::new(0.5 + phi * (0.5 * FRAC_1_PI), theta * FRAC_1_PI);
+        if p.is_nan() { Vec2::splat(0.5) } else { p }
+    }
+
+    fn radiance(&self, direction: Vec3) -> Rgb {
+        let p = self.to_square(direction);
+        let x = p.x * self.width as f32 - 0.5;
+        let y = p.y * self.height as f32 - 0.5;
+        let (fx, fy) = (x - x.floor(), y - y.floor());
+        // Around the sides, and clamped at the poles.
+        let around = |x: f32| if x < 0.0 { self.width - 1 } else { x as usize % self.width };
+        let columns = [around(x.floor()), around(x.floor() + 1.0)];
+        let row = |y: f32| (y.max(0.0) as usize).min(self.height - 1) * self.width;
+        let blend = |row: usize| self.texels[row + columns[0]] * (1.0 - fx) + self.texels[row + columns[1]] * fx;
+        blend(row(y.floor())) * (1.0 - fy) + blend(row(y.floor() + 1.0)) * fy
+    }
+
+    fn sample(&self, table: &DirectionTable, u: Vec2) -> Option<(Vec3, f32)> {
+        let (direction, pdf) = table.sample(u);
+        (pdf > 0.0).then_some((self.world_from_environment * direction, pdf))
+    }
+}
+
+/// The nearest rotation (or rotation with mirroring) that keeps the first axis' direction; the identity if there is none.
+fn rotation(m: DMat3) -> Mat3 {
+    let unit = |v: DVec3| v.try_normalize().filter(|v| v.is_finite());
+    let orthonormal = || {
+        let y = unit(m.y_axis)?;
+        let z = unit(m.z_axis - y * y.dot(m.z_axis))?;
+        let x = y.cross(z);
+        Some(DMat3::from_cols(if x.dot(m.x_axis) < 0.0 { -x } else { x }, y, z))
+    };
+    orthonormal().unwrap_or(DMat3::IDENTITY).as_mat3()
+}
+
+/// Scaled radiance of every texel.
+fn texels(image: &Image, scale: Rgb) -> Vec<Rgb> {
+    let texel = |x, y| {
+        let [r, g, b, _] = image.rgba(x, y);
+        (Rgb::new(sane(r), sane(g), sane(b)) * scale).map(sane)
+    };
+    (0..image.height).flat_map(|y| (0..image.width).map(move |x| texel(x, y))).collect()
+}
+
+/// Mean luminance over each texel's square of the bilinear interpolation: the image filtered by `[1 6 1] / 8` both ways. It is
+/// positive wherever any of the interpolated radiance is.
+fn smoothed_luminance(texels: &[Rgb], w: usize, h: usize) -> Vec<f32> {
+    let plain: Vec<f32> = texels.iter().map(|t| sane(t.luminance())).collect();
+    let filter = |a: f32, b: f32, c: f32| (a + c) * 0.125 + b * 0.75;
+    let mut across = Vec::with_capacity(w * h);
+    for row in plain.chunks_exact(w) {
+        across.extend((0..w).map(|x| filter(row[(x + w - 1) % w], row[x], row[(x + 1) % w])));
+    }
+    let at = |x: usize, y: usize| across[y * w + x];
+    let mut both = Vec::with_capacity(w * h);
+    for y in 0..h {
+        both.extend((0..w).map(|x| filter(at(x, y.saturating_sub(1)), at(x, y), at(x, (y + 1).min(h - 1)))));
+    }
+    both
+}

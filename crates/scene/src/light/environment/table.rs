@@ -1,0 +1,93 @@
+//! A density over all directions, constant over cells of longitude and latitude.
+
+use snell_math::distribution::Distribution1D;
+use snell_math::{DVec3, Vec2, Vec3};
+use std::f32::consts::TAU;
+use std::f64::consts::PI as PI64;
+
+/// Choice of a row of cells, then of a cell in it; uniform by solid angle in the cell.
+#[derive(Debug)]
+pub(super) struct DirectionTable {
+    rows: Distribution1D,
+    columns: Vec<Distribution1D>,
+    /// Cosines of the polar angles of the edges of the rows.
+    edges: Vec<f64>,
+}
+
+/// Largest table; larger images are summed up.
+const MAX_TABLE: [usize; 2] = [2048, 1024];
+/// Each cell with any light, and each row, is drawn at least this often relative to the mean. Otherwise what is dim beside a sun
+/// would vanish in the rounding of the tables.
+const FLOOR: f32 = 1e-3;
+
+impl DirectionTable {
+    /// The density in proportion to what this luminance (row by row from the zenith) exceeds `taken_off`, and the mean of that over the
+    /// sphere.
+    pub fn new(luminance: &[f32], [w, h]: [usize; 2], taken_off: f64) -> (Self, f64) {
+        let [columns, rows] = [w.min(MAX_TABLE[0]), h.min(MAX_TABLE[1])];
+        let mut table = Vec::with_capacity(rows);
+        let mut sums = Vec::with_capacity(rows);
+        let mut all = 0.0;
+        for row in 0..rows {
+            let cell = |column| block_mean(luminance, [w, h], [column, row], [columns, rows]) - taken_off as f32;
+            let cells: Vec<f32> = (0..columns).map(|column| cell(column).max(0.0)).collect();
+            let mean = cells.iter().map(|&c| f64::from(c)).sum::<f64>() / columns as f64;
+            let floor = mean as f32 * FLOOR;
+            table.push(Distribution1D::new(
+                &cells.iter().map(|&c| if c > 0.0 { c.max(floor) } else { 0.0 }).collect::<Vec<_>>(),
+            ));
+            // The share of the row in the sphere.
+            let share = (row_cos(row, rows) - row_cos(row + 1, rows)) * 0.5;
+            all += mean * share;
+            sums.push((mean * share) as f32);
+        }
+        let floor = FLOOR * (all / rows as f64) as f32;
+        let sums: Vec<f32> = sums.iter().map(|&s| if s > 0.0 { s.max(floor) } else { 0.0 }).collect();
+        let edges = (0..=rows).map(|row| row_cos(row, rows)).collect();
+        (Self { rows: Distribution1D::new(&sums), columns: table, edges }, all)
+    }
+
+    /// A unit direction (`+y` is the zenith, `-z` the middle) and its density per steradian.
+    pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
+        let (row, v) = self.rows.sample(u.y);
+        let (column, s) = self.columns[row].sample(u.x);
+        let (top, bottom) = (self.edges[row], self.edges[row + 1]);
+        let cos = top + (bottom - top) * f64::from(v);
+        let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
+        let phi = ((column as f64 + f64::from(s)) / self.columns[row].len() as f64 - 0.5) * (2.0 * PI64);
+        let (sin_phi, cos_phi) = phi.sin_cos();
+        (DVec3::new(sin * sin_phi, cos, -sin * cos_phi).as_vec3(), self.cell_pdf(row, column))
+    }
+
+    /// Density per steradian in a direction given by longitude and latitude as a point of the unit square.
+    pub fn pdf(&self, p: Vec2) -> f32 {
+        let index = |x: f32, n: usize| ((x * n as f32) as usize).min(n - 1);
+        let row = index(p.y, self.columns.len());
+        self.cell_pdf(row, index(p.x, self.columns[row].len()))
+    }
+
+    fn cell_pdf(&self, row: usize, column: usize) -> f32 {
+        let height = (self.edges[row] - self.edges[row + 1]) as f32;
+        let solid_angle = TAU / self.columns[row].len() as f32 * height;
+        self.rows.probability(row) * self.columns[row].probability(column) / solid_angle
+    }
+}
+
+/// Cosine of the polar angle at the upper edge of a row.
+fn row_cos(row: usize, rows: usize) -> f64 {
+    // The sine of the angle from the horizon: exact at the poles and symmetric.
+    (PI64 * (0.5 - row as f64 / rows as f64)).sin()
+}
+
+/// Mean of all texels that a cell of a smaller (or equal) table touches.
+pub(super) fn block_mean(
+    values: &[f32],
+    [w, h]: [usize; 2],
+    [column, row]: [usize; 2],
+    [columns, rows]: [usize; 2],
+) -> f32 {
+    let range = |i: usize, cells: usize, texels: usize| (i * texels / cells, ((i + 1) * texels).div_ceil(cells));
+    let ((x0, x1), (y0, y1)) = (range(column, columns, w), range(row, rows, h));
+    let sum: f64 = (y0..y1).flat_map(|y| &values[y * w + x0..y * w + x1]).map(|&v| f64::from(v)).sum();
+    (sum / ((x1 - x0) * (y1 - y0)) as f64) as f32
+}

@@ -1,0 +1,68 @@
+//! The sky-dome model: a formula with nine coefficients a channel, which are blended between published tables by turbidity, albedo of
+//! the ground and height of the sun.
+
+use std::f64::consts::FRAC_PI_2;
+
+/// The tables of Hosek and Wilkie (version 1.4, RGB): for each channel `[albedo 0, 1][turbidity 1 to 10][control point][coefficient]`,
+/// then the mean radiances `[albedo][turbidity][control point]`. Licence: `LICENSE-hosek-wilkie.txt` beside this file.
+const TABLES: &[u8] = include_bytes!("hosek_wilkie.bin");
+const COEFFICIENTS: usize = 9;
+const CONTROL_POINTS: usize = 6;
+const TURBIDITIES: usize = 10;
+/// Numbers of one channel before its mean radiances, and in all.
+const SHAPES: usize = 2 * TURBIDITIES * CONTROL_POINTS * COEFFICIENTS;
+const CHANNEL: usize = SHAPES + 2 * TURBIDITIES * CONTROL_POINTS;
+
+/// The model for one sun.
+pub(super) struct HosekWilkie {
+    coefficients: [[f64; COEFFICIENTS]; 3],
+    means: [f64; 3],
+}
+
+impl HosekWilkie {
+    /// Elevation in radians, `[0, pi / 2]`; turbidity in `[1, 10]`; albedo in `[0, 1]`.
+    pub fn new(elevation: f64, turbidity: f64, albedo: f64) -> Self {
+        let t = (elevation / FRAC_PI_2).cbrt();
+        let value = |channel: usize, start: usize, stride: usize, offset: usize| {
+            let at = |albedo: usize, turbidity: usize| {
+                let first = channel * CHANNEL + start + (albedo * TURBIDITIES + turbidity) * CONTROL_POINTS * stride;
+                bezier(std::array::from_fn(|k| number(first + k * stride + offset)), t)
+            };
+            let lower = (turbidity as usize - 1).min(TURBIDITIES - 2);
+            let part = turbidity - 1.0 - lower as f64;
+            let blend = |albedo: usize| at(albedo, lower) * (1.0 - part) + at(albedo, lower + 1) * part;
+            blend(0) * (1.0 - albedo) + blend(1) * albedo
+        };
+        Self {
+            coefficients: std::array::from_fn(|c| std::array::from_fn(|i| value(c, 0, COEFFICIENTS, i))),
+            means: std::array::from_fn(|c| value(c, SHAPES, 1, 0)),
+        }
+    }
+
+    /// Radiance (in units of luminance over 683 lm / W) in red, green and blue, by the cosines of the angle from the zenith and from
+    /// the sun (equation 8 of the paper).
+    pub fn radiance(&self, cos_zenith: f64, cos_sun: f64) -> [f64; 3] {
+        let gamma = cos_sun.acos();
+        let cos_zenith = cos_zenith.max(0.0);
+        std::array::from_fn(|channel| {
+            let [a, b, c, d, e, f, g, i, h] = self.coefficients[channel];
+            let haze = (1.0 + cos_sun * cos_sun) / (1.0 + h * h - 2.0 * h * cos_sun).powf(1.5);
+            let falloff = 1.0 + a * (b / (cos_zenith + 0.01)).exp();
+            let glow = c + d * (e * gamma).exp() + f * cos_sun * cos_sun + g * haze + i * cos_zenith.sqrt();
+            let radiance = self.means[channel] * falloff * glow;
+            if radiance > 0.0 && radiance.is_finite() { radiance } else { 0.0 }
+        })
+    }
+}
+
+fn number(index: usize) -> f64 {
+    let bytes: [u8; 4] = std::array::from_fn(|k| TABLES[index * 4 + k]);
+    f32::from_le_bytes(bytes).into()
+}
+
+/// A Bezier curve of degree 5.
+fn bezier(p: [f64; CONTROL_POINTS], t: f64) -> f64 {
+    let s = 1.0 - t;
+    let binomials = [1.0, 5.0, 10.0, 10.0, 5.0, 1.0];
+    (0..).zip(p.iter().zip(binomials)).map(|(k, (p, n))| p * n * s.powi(5 - k) * t.powi(k)).sum()
+}

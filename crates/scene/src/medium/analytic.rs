@@ -1,0 +1,215 @@
+//! Travel in closed form: media whose density along a ray is constant or exponential.
+//!
+//! Distances are drawn for one lane, chosen in proportion to the path's throughput in it, and weighted by the density of all lanes
+//! together: the balance heuristic over lanes (Miller, Georgiev and Jarosz, A Null-Scattering Path Integral Formulation of Light
+//! Transport, SIGGRAPH 2019, section 5.2), with the history of the path in the choice (Wilkie et al., Hero Wavelength Spectral
+//! Sampling, EGSR 2014). The sum of the lanes of the throughput then never grows.
+
+use super::{MediumProperties, Scattering, Segment, Travel};
+use snell_math::{SampledSpectrum, Vec2};
+
+/// Density along a segment: `density * exp(-slope * distance)`, a factor on the medium's coefficients.
+#[derive(Clone, Copy, Debug)]
+pub struct Profile {
+    /// Where the segment begins.
+    pub density: f64,
+    /// Decrease per scene unit; negative where it grows.
+    pub slope: f64,
+}
+
+impl Profile {
+    /// The same everywhere.
+    pub const CONSTANT: Self = Self { density: 1.0, slope: 0.0 };
+
+    /// The integral of the density over the first part of the segment.
+    fn column(&self, distance: f64) -> f64 {
+        let x = self.slope * distance;
+        if self.density == 0.0 {
+            0.0
+        } else if x.abs() < 1e-9 || x.is_nan() {
+            self.density * distance
+        } else {
+            self.density * -(-x).exp_m1() / self.slope
+        }
+    }
+
+    /// The distance that has this column, which is less than that of some distance.
+    fn distance(&self, column: f64) -> f64 {
+        let plain = column / self.density;
+        let x = self.slope * plain;
+        if x.abs() < 1e-9 { plain } else { -(-x).ln_1p() / self.slope }
+    }
+}
+
+/// `exp(-sigma * column)`, also for no extinction over an infinite way.
+fn transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpectrum {
+    sigma_t.map(|sigma| if sigma == 0.0 { 1.0 } else { (-f64::from(sigma) * column).exp() as f32 })
+}
+
+/// The integral of the transmittance over the column: what an emission of 1 per unit adds up to. 0 for an infinite way without
+/// extinction, where it is not finite.
+fn integrated_transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpectrum {
+    sigma_t.map(|sigma| {
+        let sigma = f64::from(sigma);
+        let depth = sigma * column;
+        let sum = if depth < 1e-6 || sigma == 0.0 { column } else { -(-depth).exp_m1() / sigma };
+        if sum.is_finite() { sum as f32 } else { 0.0 }
+    })
+}
+
+/// What is left of a light ray's value at the end of a segment.
+pub fn attenuate(
+    medium: &MediumProperties,
+    profile: Profile,
+    segment: &Segment,
+    value: SampledSpectrum,
+) -> SampledSpectrum {
+    value * transmittance(medium.sigma_t(), profile.column(f64::from(segment.length)))
+}
+
+/// Sends a path along a segment. `u` in `[0, 1)^2`: its `x` chooses the distance, its `y` the lane.
+pub fn travel(
+    medium: &MediumProperties,
+    profile: Profile,
+    segment: &Segment,
+    throughput: SampledSpectrum,
+    u: Vec2,
+) -> Travel {
+    let sigma_t = medium.sigma_t();
+    let whole = profile.column(f64::from(segment.length));
+    let emitted = if medium.emission.is_black() {
+        SampledSpectrum::ZERO
+    } else {
+        throughput * medium.emission * integrated_transmittance(sigma_t, whole)
+    };
+    let passed = |by_lane: SampledSpectrum| Travel { throughput: throughput * by_lane, emitted, scattered: None };
+    let sum: f32 = throughput.0.iter().sum();
+    if medium.sigma_s.is_black() || !(sum > 0.0 && sum.is_finite()) {
+        return passed(transmittance(sigma_t, whole));
+    }
+    let sigma = f64::from(sigma_t[chosen_lane(throughput, sum, u.y)]);
+    let column = -f64::from(-u.x).ln_1p() / sigma;
+    // Mean over the lanes, each as probable as its share of the throughput.
+    let mean = |by_lane: SampledSpectrum| (throughput * by_lane).0.iter().sum::<f32>() / sum;
+    // The first also if the lane is clear, where 0 / 0 may be undefined.
+    if column.is_nan() || column >= whole {
+        let through = transmittance(sigma_t, whole);
+        return passed(through * (1.0 / mean(through)));
+    }
+    let through = transmittance(sigma_t, column);
+    let distance = (profile.distance(column) as f32).min(segment.length);
+    let weight = medium.sigma_s * through * (1.0 / mean(sigma_t * through));
+    let scattered = Some(Scattering { distance, phase: medium.phase });
+    Travel { throughput: throughput * weight, emitted, scattered }
+}
+
+/// A lane in proportion to the throughput; never one that has none.
+fn chosen_lane(throughput: SampledSpectrum, sum: f32, u: f32) -> usize {
+    let mut rest = u * sum;
+    let mut chosen = 0;
+    for (lane, &share) in throughput.0.iter().enumerate() {
+        if share > 0.0 {
+            chosen = lane;
+            if rest < share {
+                break;
+            }
+            rest -= share;
+        }
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::medium::HenyeyGreenstein;
+    use snell_math::{Vec3, rng};
+
+    fn medium(sigma_a: [f32; 3], sigma_s: [f32; 3]) -> MediumProperties {
+        let lanes = |[r, g, b]: [f32; 3]| SampledSpectrum([r, g, b, 0.0]);
+        let emission = SampledSpectrum([1.0, 2.0, 3.0, 0.0]);
+        MediumProperties {
+            sigma_a: lanes(sigma_a),
+            sigma_s: lanes(sigma_s),
+            emission,
+            phase: HenyeyGreenstein::new(0.0),
+        }
+    }
+
+    const UNIT: SampledSpectrum = SampledSpectrum([1.0, 1.0, 1.0, 0.0]);
+
+    fn segment(length: f32) -> Segment {
+        Segment { origin: Vec3::ZERO, direction: Vec3::Z, length }
+    }
+
+    #[test]
+    fn absorption_is_that_of_lambert_and_beer_without_noise() {
+        let medium = medium([0.5, 1.0, 0.0], [0.0; 3]);
+        let travel = travel(&medium, Profile::CONSTANT, &segment(2.0), UNIT, Vec2::splat(0.7));
+        let expected = [(-1.0f32).exp(), (-2.0f32).exp(), 1.0, 0.0];
+        assert!(travel.scattered.is_none());
+        for (a, b) in travel.throughput.0.into_iter().zip(expected) {
+            assert!((a - b).abs() < 1e-6, "{a} {b}");
+        }
+        // Emission in a clear lane adds up along the way, elsewhere to (1 - T) / sigma.
+        assert!(
+            (travel.emitted[2] - 6.0).abs() < 1e-5 && (travel.emitted[1] - 2.0 * (1.0 - (-2.0f32).exp())).abs() < 1e-5
+        );
+    }
+
+    #[test]
+    fn chromatic_paths_have_the_right_mean_and_their_weight_never_grows() {
+        let profiles = [Profile::CONSTANT, Profile { density: 0.7, slope: 0.4 }, Profile { density: 0.3, slope: -0.5 }];
+        for (key, profile) in profiles.into_iter().enumerate() {
+            let medium = medium([0.1, 0.0, 0.6], [0.3, 2.0, 0.2]);
+            let beta = SampledSpectrum([1.0, 0.2, 0.6, 0.0]);
+            let n = 40_000;
+            let (mut passed, mut scattered) = ([0.0f64; 3], [0.0f64; 3]);
+            for i in 0..n {
+                let u = rng::uniform2([i, key as u32, 0, 5]);
+                let travel = travel(&medium, profile, &segment(1.5), beta, u);
+                assert!(travel.throughput.0.iter().sum::<f32>() <= 1.8 * 1.0001, "{:?}", travel.throughput);
+                let sums = if travel.scattered.is_some() { &mut scattered } else { &mut passed };
+                (0..3).for_each(|c| sums[c] += f64::from(travel.throughput[c]) / f64::from(n));
+            }
+            for c in 0..3 {
+                let sigma_t = f64::from(medium.sigma_t()[c]);
+                let left = (-sigma_t * profile.column(1.5)).exp();
+                let (b, albedo) = (f64::from(beta[c]), f64::from(medium.sigma_s[c]) / sigma_t);
+                assert!((passed[c] - b * left).abs() < 0.015, "lane {c}: {} {}", passed[c], b * left);
+                let expected = b * albedo * (1.0 - left);
+                assert!((scattered[c] - expected).abs() < 0.015, "lane {c}: {} {expected}", scattered[c]);
+            }
+        }
+    }
+
+    #[test]
+    fn columns_and_distances_are_inverse() {
+        for slope in [-3.0, -1e-4, 0.0, 1e-12, 0.2, 5.0] {
+            let profile = Profile { density: 2.0, slope };
+            for distance in [1e-6, 0.1, 1.0, 4.0] {
+                let back = profile.distance(profile.column(distance));
+                assert!((back - distance).abs() < 1e-6 * distance.max(1e-3), "slope {slope}: {distance} {back}");
+            }
+        }
+    }
+
+    #[test]
+    fn infinite_ways_and_clear_lanes_stay_finite() {
+        for length in [0.0, 1e-30, 1e30, f32::INFINITY] {
+            for (sigma_a, sigma_s) in
+                [([0.0; 3], [0.0; 3]), ([1e9, 0.0, 0.0], [0.0, 1e9, 0.0]), ([0.0; 3], [1e-30, 0.0, 1.0])]
+            {
+                for u in [0.0, 0.5, rng::ONE_MINUS_EPSILON] {
+                    let travel =
+                        travel(&medium(sigma_a, sigma_s), Profile::CONSTANT, &segment(length), UNIT, Vec2::splat(u));
+                    assert!(
+                        travel.throughput.is_finite() && travel.emitted.is_finite(),
+                        "{length} {sigma_s:?} {travel:?}"
+                    );
+                    assert!(travel.scattered.is_none_or(|s| s.distance <= length && s.distance.is_finite()));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! Clouds made of noise.
+
+use super::noise::fractal_noise;
+use super::{Grid, MediumProperties, ScalarGrid};
+use serde::{Deserialize, Serialize};
+use snell_math::{ColorMode, DAffine3, DVec3, Rgb, Vec3};
+
+/// Cells along each axis, at most: 64 MiB.
+const MOST_CELLS: u32 = 256;
+
+/// A cloud: an ellipsoid whose surface fractal noise has eaten into. Kept as a [`Grid`] of its density, which is from 0 to 1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cloud {
+    /// Absorption coefficient per scene unit of length where the cloud is densest.
+    pub sigma_a: Rgb,
+    /// Scattering coefficient per scene unit of length where the cloud is densest.
+    pub sigma_s: Rgb,
+    /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`: about 0.85 for water drops.
+    pub g: f32,
+    /// Size of the largest lumps, as a share of the cloud's; positive.
+    pub lumps: f32,
+    /// How far noise eats into the ellipsoid: 0 leaves it as it is, 1 leaves shreds.
+    pub raggedness: f32,
+    /// Chooses one of many clouds.
+    pub seed: u32,
+    /// Cells along each axis, 1 to 256.
+    pub resolution: u32,
+    /// From the cloud's coordinates, where it fills the unit cube, to the world.
+    pub world_from_cloud: DAffine3,
+}
+
+impl Cloud {
+    /// A white cloud in the box between two corners.
+    pub fn new(min: DVec3, max: DVec3, sigma_s: Rgb, seed: u32) -> Self {
+        Self {
+            sigma_a: Rgb::BLACK,
+            sigma_s,
+            g: 0.7,
+            lumps: 0.3,
+            raggedness: 0.6,
+            seed,
+            resolution: 96,
+            world_from_cloud: DAffine3::from_translation(min) * DAffine3::from_scale(max - min),
+        }
+    }
+
+    /// Clouds for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        let cloud = Self { resolution: 16, ..Self::new(DVec3::ZERO, DVec3::ONE, Rgb::splat(20.0), 1) };
+        vec![Self { raggedness: 0.0, g: -0.3, ..cloud.clone() }, cloud]
+    }
+
+    /// The density at a point of the unit cube.
+    fn density(&self, p: Vec3) -> f32 {
+        let lumps = if self.lumps > 1e-3 { self.lumps } else { 1.0 };
+        let octaves = 1 + (lumps * self.resolution as f32).max(1.0).log2() as u32;
+        let from_center = 2.0 * p - 1.0;
+        let inside = 1.0 - from_center.length();
+        // Flatter below, as clouds are.
+        let base = (p.y * 6.0).clamp(0.0, 1.0);
+        let noise = fractal_noise(p / lumps, octaves.min(8), self.seed);
+        // Steep, so that the edge is seen.
+        (4.0 * (inside * base + self.raggedness * (noise - 0.35))).clamp(0.0, 1.0)
+    }
+
+    /// The cloud as a grid.
+    pub fn grid(&self) -> Grid {
+        let n = self.resolution.clamp(1, MOST_CELLS);
+        let middle = |i: u32| (i as f32 + 0.5) / n as f32;
+        let cells = (0..n).flat_map(|z| (0..n).flat_map(move |y| (0..n).map(move |x| [x, y, z])));
+        let values = cells.map(|cell| self.density(Vec3::from_array(cell.map(middle)))).collect();
+        let density = ScalarGrid::new([n as usize; 3], values).unwrap_or_default();
+        Grid::new(self.sigma_a, self.sigma_s, self.g, density, self.world_from_cloud)
+    }
+
+    /// What the cloud does at a point of the world, but for the rounding of its grid.
+    pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
+        let p = self.world_from_cloud.inverse().transform_point3(p.as_dvec3()).as_vec3();
+        let is_inside = p.cmpge(Vec3::ZERO).all() && p.cmple(Vec3::ONE).all();
+        let density = if is_inside { self.density(p) } else { 0.0 };
+        MediumProperties::from_colors(self.sigma_a * density, self.sigma_s * density, Rgb::BLACK, self.g, mode)
+    }
+}

@@ -1,0 +1,68 @@
+//! Fog that thins out with height.
+
+use super::analytic::Profile;
+use super::{MediumProperties, Segment};
+use serde::{Deserialize, Serialize};
+use snell_math::{ColorMode, DVec3, Rgb, Vec3};
+
+/// Largest exponent of the density: beyond, fog is opaque, or not there.
+const MAX_EXPONENT: f64 = 60.0;
+
+/// Fog, haze, or air whose density falls exponentially with height: `exp(-height / scale_height)`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeightFog {
+    /// Absorption coefficient per scene unit of length at height 0.
+    pub sigma_a: Rgb,
+    /// Scattering coefficient per scene unit of length at height 0.
+    pub sigma_s: Rgb,
+    /// Mean cosine of the angle by which light is deflected, in `(-1, 1)`.
+    pub g: f32,
+    /// A point of height 0.
+    pub base: DVec3,
+    /// Which way is up; any length.
+    pub up: DVec3,
+    /// The height at which the density has fallen to 1 / e, in scene units; positive, otherwise the density is 1 everywhere.
+    pub scale_height: f64,
+}
+
+impl HeightFog {
+    /// Fogs for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        let fog = Self {
+            sigma_a: Rgb::splat(0.02),
+            sigma_s: Rgb::new(0.3, 0.4, 0.5),
+            g: 0.6,
+            base: DVec3::ZERO,
+            up: DVec3::Y,
+            scale_height: 0.5,
+        };
+        vec![Self { scale_height: 0.0, ..fog.clone() }, Self { up: DVec3::new(1.0, 2.0, 0.5), ..fog.clone() }, fog]
+    }
+
+    /// Upwards, in units of the scale height.
+    fn gradient(&self) -> DVec3 {
+        let gradient = self.up.normalize_or_zero() / self.scale_height;
+        if self.scale_height > 0.0 && gradient.is_finite() { gradient } else { DVec3::ZERO }
+    }
+
+    fn density(&self, p: Vec3) -> f64 {
+        let height = (p.as_dvec3() - self.base).dot(self.gradient());
+        if height.is_nan() { 0.0 } else { (-height).clamp(-MAX_EXPONENT, MAX_EXPONENT).exp() }
+    }
+
+    /// What the fog does at height 0.
+    pub(super) fn at_base(&self, mode: ColorMode) -> MediumProperties {
+        MediumProperties::from_colors(self.sigma_a, self.sigma_s, Rgb::BLACK, self.g, mode)
+    }
+
+    /// Density along a segment.
+    pub(super) fn profile(&self, segment: &Segment) -> Profile {
+        Profile { density: self.density(segment.origin), slope: segment.direction.as_dvec3().dot(self.gradient()) }
+    }
+
+    /// What the fog does at a point of the world.
+    pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
+        let density = self.density(p) as f32;
+        MediumProperties::from_colors(self.sigma_a * density, self.sigma_s * density, Rgb::BLACK, self.g, mode)
+    }
+}

@@ -1,0 +1,75 @@
+//! Media ready for travel: with their tables made.
+
+use super::analytic::{self, Profile};
+use super::tracking::TrackedGrid;
+use super::{HeightFog, Homogeneous, Medium, MediumProperties, Segment, Travel};
+use snell_math::{ColorMode, SampledSpectrum, Vec2};
+
+/// A medium with what travel through it needs to know.
+#[derive(Clone, Debug)]
+pub enum PreparedMedium {
+    /// In closed form.
+    Homogeneous(Homogeneous),
+    /// In closed form.
+    HeightFog(HeightFog),
+    /// By collisions with a grid.
+    Tracked(Box<TrackedGrid>),
+}
+
+impl PreparedMedium {
+    /// Makes the tables.
+    pub fn new(medium: &Medium) -> Self {
+        match medium {
+            Medium::Homogeneous(medium) => Self::Homogeneous(medium.clone()),
+            Medium::HeightFog(fog) => Self::HeightFog(fog.clone()),
+            Medium::Cloud(cloud) => Self::Tracked(Box::new(TrackedGrid::new(&cloud.grid()))),
+            Medium::Grid(grid) => Self::Tracked(Box::new(TrackedGrid::new(grid))),
+        }
+    }
+
+    /// Sends a path along a segment: it is scattered on the way, or comes to the end. `numbers` gives pairs of uniform numbers in
+    /// `[0, 1)`, independent of each other.
+    pub fn travel(
+        &self,
+        segment: &Segment,
+        throughput: SampledSpectrum,
+        mode: ColorMode,
+        numbers: &mut dyn FnMut() -> Vec2,
+    ) -> Travel {
+        match self {
+            Self::Homogeneous(m) => m.at_all(mode).travel(segment, throughput, numbers()),
+            Self::HeightFog(fog) => {
+                analytic::travel(&fog.at_base(mode), fog.profile(segment), segment, throughput, numbers())
+            }
+            Self::Tracked(grid) => grid.travel(segment, throughput, mode, numbers),
+        }
+    }
+
+    /// What is left at the end of a segment of the value of a light ray, on average over `numbers`.
+    pub fn attenuate(
+        &self,
+        segment: &Segment,
+        value: SampledSpectrum,
+        mode: ColorMode,
+        numbers: &mut dyn FnMut() -> Vec2,
+    ) -> SampledSpectrum {
+        match self {
+            Self::Homogeneous(m) => m.at_all(mode).attenuate(segment, value),
+            Self::HeightFog(fog) => analytic::attenuate(&fog.at_base(mode), fog.profile(segment), segment, value),
+            Self::Tracked(grid) => grid.attenuate(segment, value, mode, numbers),
+        }
+    }
+}
+
+/// As a homogeneous medium.
+impl MediumProperties {
+    /// As [`PreparedMedium::travel`], for `u` in `[0, 1)^2`.
+    pub fn travel(&self, segment: &Segment, throughput: SampledSpectrum, u: Vec2) -> Travel {
+        analytic::travel(self, Profile::CONSTANT, segment, throughput, u)
+    }
+
+    /// As [`PreparedMedium::attenuate`].
+    pub fn attenuate(&self, segment: &Segment, value: SampledSpectrum) -> SampledSpectrum {
+        analytic::attenuate(self, Profile::CONSTANT, segment, value)
+    }
+}

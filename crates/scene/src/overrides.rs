@@ -1,0 +1,206 @@
+//! Changes to a scene by name: `-D key=value` of the command line, edits in the viewer.
+//!
+//! A key is a path into the scene: `material.NAME.PARAMETER`, `camera.NAME.PARAMETER`, `light.NUMBER.PARAMETER`,
+//! `medium.NUMBER.PARAMETER`, `ambient`. The parameters are those of the scene's own declarations; the value is JSON, or plain text
+//! where JSON is not given.
+
+use crate::Scene;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+/// Why a change is not possible: what was asked for, what there is instead.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("-D {key}: {problem}")]
+pub struct OverrideError {
+    /// The key, or all of a definition that has none.
+    pub key: String,
+    /// What is wrong with it.
+    pub problem: String,
+}
+
+fn error(key: &str, problem: impl Into<String>) -> OverrideError {
+    OverrideError { key: key.to_string(), problem: problem.into() }
+}
+
+/// Applies one `key=value`. The scene is as it was if that fails.
+pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
+    let Some((key, text)) = definition.split_once('=') else {
+        let problem = "expected key=value, such as material.floor.reflectance.factor=[1,0,0]";
+        return Err(error(definition, problem));
+    };
+    let value: Value = serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_string()));
+    let (family, rest) = key.split_once('.').unwrap_or((key, ""));
+    match family {
+        "ambient" => {
+            scene.ambient = from_value(key, value)?;
+            Ok(())
+        }
+        "material" => {
+            let names: Vec<String> = scene.materials.iter().map(|m| m.name.clone()).collect();
+            let (index, path) = find(key, "material", &names, rest)?;
+            edit(&mut scene.materials[index], key, path, value)
+        }
+        "camera" => {
+            let names: Vec<String> = scene.cameras.iter().map(|c| c.name.clone()).collect();
+            let (index, path) = find(key, "camera", &names, rest)?;
+            edit(&mut scene.cameras[index], key, path, value)
+        }
+        "light" => {
+            let names = vec![String::new(); scene.lights.len()];
+            let (index, path) = find(key, "light", &names, rest)?;
+            edit(&mut scene.lights[index], key, path, value)
+        }
+        "medium" => {
+            let names = vec![String::new(); scene.media.len()];
+            let (index, path) = find(key, "medium", &names, rest)?;
+            let before = scene.media[index].clone();
+            edit(&mut scene.media[index], key, path, value)?;
+            scene.media[index].keep_grids_of(&before);
+            Ok(())
+        }
+        _ => {
+            let known = "material.NAME, camera.NAME, light.NUMBER, medium.NUMBER";
+            Err(error(key, format!("unknown key; keys begin with {known}, or are ambient")))
+        }
+    }
+}
+
+/// The thing that a key names, by name or number, and the rest of the key. Names may contain dots.
+fn find<'a>(key: &str, what: &str, names: &[String], rest: &'a str) -> Result<(usize, &'a str), OverrideError> {
+    for (index, name) in names.iter().enumerate() {
+        if let Some(path) = rest.strip_prefix(name.as_str()).and_then(|r| r.strip_prefix('.'))
+            && !name.is_empty()
+        {
+            return Ok((index, path));
+        }
+    }
+    let (first, path) = rest.split_once('.').unwrap_or((rest, ""));
+    if let Ok(index) = first.parse::<usize>()
+        && index < names.len()
+    {
+        return Ok((index, path));
+    }
+    let known: Vec<_> =
+        names.iter().enumerate().map(|(i, n)| if n.is_empty() { i.to_string() } else { n.clone() }).collect();
+    let list = if known.is_empty() { "the scene has none".to_string() } else { format!("known: {}", known.join(", ")) };
+    Err(error(key, format!("there is no {what} \"{first}\" ({list})")))
+}
+
+fn edit<T: Serialize + DeserializeOwned>(
+    target: &mut T,
+    key: &str,
+    path: &str,
+    value: Value,
+) -> Result<(), OverrideError> {
+    let mut tree = serde_json::to_value(&*target).map_err(|e| error(key, e.to_string()))?;
+    let mut place = &mut tree;
+    for step in path.split('.') {
+        place = descend(place, key, step)?;
+    }
+    let before = std::mem::replace(place, value);
+    *target =
+        serde_json::from_value(tree).map_err(|e| error(key, format!("{e}; the value that it has now is {before}")))?;
+    Ok(())
+}
+
+/// One step into a tree. Materials hold their parameters one level down (`kind`), which keys may leave out.
+fn descend<'a>(tree: &'a mut Value, key: &str, step: &str) -> Result<&'a mut Value, OverrideError> {
+    let shown = tree.clone();
+    if let Value::Array(items) = tree {
+        let length = items.len();
+        return step
+            .parse::<usize>()
+            .ok()
+            .and_then(|i| items.get_mut(i))
+            .ok_or_else(|| error(key, format!("\"{step}\" is not a position from 0 to {}", length.saturating_sub(1))));
+    }
+    let inner = tree.get("kind").is_some_and(|k| k.get(step).is_some()) && tree.get(step).is_none();
+    let tree = if inner { &mut tree["kind"] } else { tree };
+    if tree.get(step).is_some() {
+        return Ok(&mut tree[step]);
+    }
+    let mut names: Vec<&str> = shown.as_object().map(|o| o.keys().map(String::as_str).collect()).unwrap_or_default();
+    if let Some(kind) = shown.get("kind").and_then(Value::as_object) {
+        names.extend(kind.keys().map(String::as_str));
+    }
+    let hint = nearest(step, &names).map(|n| format!("; did you mean {n}?")).unwrap_or_default();
+    Err(error(key, format!("there is no parameter \"{step}\"{hint} (known: {})", names.join(", "))))
+}
+
+fn from_value<T: DeserializeOwned>(key: &str, value: Value) -> Result<T, OverrideError> {
+    serde_json::from_value(value).map_err(|e| error(key, e.to_string()))
+}
+
+/// The nearest of some names, if one is near.
+pub fn nearest<'a>(name: &str, names: &[&'a str]) -> Option<&'a str> {
+    let best = names.iter().map(|n| (edit_distance(name, n), *n)).min()?;
+    (best.0 <= name.chars().count().div_ceil(3).max(1)).then_some(best.1)
+}
+
+/// Number of insertions, deletions and replacements between two words (Levenshtein).
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, &y) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Material;
+    use crate::Medium;
+    use crate::material::{Diffuse, MaterialKind};
+    use snell_math::Rgb;
+
+    fn scene() -> Scene {
+        let mut scene = Scene::new("test");
+        scene.add_material(Material::new("the.floor", Diffuse::new(Rgb::WHITE)));
+        scene
+    }
+
+    #[test]
+    fn a_parameter_is_changed_by_its_path() {
+        let mut scene = scene();
+        apply(&mut scene, "material.the.floor.reflectance.factor=[0.5,0,0]").expect("the path exists");
+        apply(&mut scene, "material.0.double_sided=false").expect("the path exists");
+        let MaterialKind::Diffuse(diffuse) = &scene.materials[0].kind else { panic!("still diffuse") };
+        assert_eq!(diffuse.reflectance.factor, Rgb::new(0.5, 0.0, 0.0));
+        assert!(!scene.materials[0].double_sided);
+    }
+
+    #[test]
+    fn media_are_changed_by_number_and_keep_their_grids() {
+        let mut scene = crate::builtin::builtin("smoke").expect("the scene is built in");
+        let before = scene.media[0].clone();
+        apply(&mut scene, "medium.0.g=0.5").expect("the path exists");
+        let (Medium::Grid(before), Medium::Grid(after)) = (&before, &scene.media[0]) else { panic!("a grid") };
+        assert_eq!(after.g, 0.5);
+        assert_eq!(*after, crate::medium::Grid { g: 0.5, ..before.clone() });
+    }
+
+    #[test]
+    fn a_wrong_path_names_what_there_is() {
+        let error = apply(&mut scene(), "material.0.reflectence=1").expect_err("misspelt").to_string();
+        assert!(error.contains("did you mean reflectance?"), "{error}");
+        let error = apply(&mut scene(), "material.0.reflectance.factor=red").expect_err("no colour").to_string();
+        assert!(error.contains("the value that it has now is [1.0,1.0,1.0]"), "{error}");
+        let error = apply(&mut scene(), "material.wall.x=1").expect_err("no such material").to_string();
+        assert!(error.contains("known: the.floor"), "{error}");
+    }
+
+    #[test]
+    fn the_nearest_name_is_suggested_only_if_it_is_near() {
+        assert_eq!(nearest("pth", &["path", "whitted"]), Some("path"));
+        assert_eq!(nearest("zzz", &["path", "whitted"]), None);
+    }
+}

@@ -1,0 +1,86 @@
+//! How large a picture may be while something moves, so that frames come at the chosen rate.
+
+/// Chooses the size of moving pictures from how long the last ones took.
+#[derive(Clone, Debug)]
+pub struct Budget {
+    /// Seconds that a frame may take.
+    target: f64,
+    /// Seconds a pixel, smoothed; none before the first frame.
+    cost: Option<f64>,
+    scale: f64,
+}
+
+/// The smallest share of width and height.
+const LEAST: f64 = 0.125;
+/// Share of a frame's time that rendering may take; the rest is for the encoder, the network and the browser.
+const SHARE: f64 = 0.75;
+/// Sizes change only by more than this, because each change of size is seen.
+const TOLERANCE: f64 = 0.15;
+
+impl Budget {
+    /// For this many frames a second.
+    pub fn new(frames_per_second: f64) -> Self {
+        Self { target: SHARE / frames_per_second.clamp(1.0, 240.0), cost: None, scale: 0.5 }
+    }
+
+    /// Forgets what frames cost: the scene is another one.
+    pub fn reset(&mut self) {
+        self.cost = None;
+    }
+
+    /// Width and height of the next frame of a picture of `full` pixels.
+    pub fn size(&mut self, full: [u32; 2]) -> [u32; 2] {
+        let pixels = f64::from(full[0].max(1)) * f64::from(full[1].max(1));
+        let wanted = match self.cost {
+            Some(cost) => (self.target / (cost * pixels)).sqrt().clamp(LEAST, 1.0),
+            // Small at first: a first frame that is late is worse than a coarse one.
+            None => (100_000.0 / pixels).sqrt().clamp(LEAST, 1.0),
+        };
+        let change = wanted / self.scale;
+        if change < 1.0 - TOLERANCE || change > 1.0 + TOLERANCE || self.cost.is_none() {
+            self.scale = wanted;
+        }
+        full.map(|side| ((f64::from(side) * self.scale).round() as u32).clamp(1, side.max(1)))
+    }
+
+    /// A frame of this size took this long.
+    pub fn spent(&mut self, size: [u32; 2], seconds: f64) {
+        let pixels = f64::from(size[0].max(1)) * f64::from(size[1].max(1));
+        let cost = (seconds / pixels).max(1e-12);
+        // Quick to become cautious, slow to become bold.
+        let weight = if self.cost.is_some_and(|old| cost < old) { 0.2 } else { 0.5 };
+        self.cost = Some(self.cost.map_or(cost, |old| old + (cost - old) * weight));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settle(cost_per_pixel: f64) -> [u32; 2] {
+        let mut budget = Budget::new(30.0);
+        let mut size = [0; 2];
+        for _ in 0..50 {
+            size = budget.size([1280, 720]);
+            budget.spent(size, f64::from(size[0] * size[1]) * cost_per_pixel);
+        }
+        size
+    }
+
+    #[test]
+    fn frames_fit_into_their_time() {
+        for cost in [1e-8, 5e-8, 2e-7, 1e-6] {
+            let size = settle(cost);
+            let seconds = f64::from(size[0] * size[1]) * cost;
+            assert!(seconds < 1.0 / 30.0, "{cost}: {size:?}");
+            assert!(size == [1280, 720] || seconds > 0.4 / 30.0, "{cost}: {size:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_smaller_than_an_eighth_or_larger_than_the_picture() {
+        assert_eq!(settle(1.0), [160, 90]);
+        assert_eq!(settle(0.0), [1280, 720]);
+        assert_eq!(Budget::new(f64::NAN.max(30.0)).size([1, 1]), [1, 1]);
+    }
+}

@@ -1,0 +1,117 @@
+//! Pictures to bytes: JPEG while something moves, 16-bit floats at rest.
+
+use crate::protocol::FrameHeader;
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+use rayon::prelude::*;
+use snell_formats::image::{Display, Tonemap, display_value};
+
+/// Quality of JPEG while something moves.
+const JPEG_QUALITY: u8 = 82;
+
+/// Display values of half floats, for tone maps that treat channels alike. Made once per exposure.
+pub struct DisplayTable {
+    display: Display,
+    /// By the bits of a half float; empty if the tone map mixes channels.
+    table: Vec<u8>,
+}
+
+impl DisplayTable {
+    /// For these display settings.
+    pub fn new(display: Display) -> Self {
+        let byte = |bits: u16| to_byte(display_value([f16::from_bits(bits).to_f32(); 3], &display)[0]);
+        let is_separable = display.tonemap == Tonemap::None;
+        let table = if is_separable { (0..=u16::MAX).into_par_iter().map(byte).collect() } else { Vec::new() };
+        Self { display, table }
+    }
+
+    /// The settings it was made for.
+    pub fn display(&self) -> &Display {
+        &self.display
+    }
+
+    fn pixel(&self, rgb: [f32; 3]) -> [u8; 3] {
+        if self.table.is_empty() {
+            return display_value(rgb, &self.display).map(to_byte);
+        }
+        rgb.map(|v| self.table[usize::from(f16::from_f32(v).to_bits())])
+    }
+}
+
+fn to_byte(value: f32) -> u8 {
+    (value * 255.0 + 0.5) as u8
+}
+
+/// A JPEG of linear RGB values (three a pixel), behind its header. `None` for sizes that JPEG does not have.
+pub fn jpeg(header: FrameHeader, rgb: &[f32], table: &DisplayTable) -> Option<Vec<u8>> {
+    let [width, height] = header.size;
+    let row = width as usize * 3;
+    let mut bytes = vec![0; rgb.len()];
+    bytes.par_chunks_mut(row.max(1)).zip(rgb.par_chunks(row.max(1))).for_each(|(to, from)| {
+        for (to, from) in to.chunks_exact_mut(3).zip(from.chunks_exact(3)) {
+            to.copy_from_slice(&table.pixel([from[0], from[1], from[2]]));
+        }
+    });
+    let mut out = header.to_bytes().to_vec();
+    let (width, height) = (u16::try_from(width).ok()?, u16::try_from(height).ok()?);
+    let encoder = jpeg_encoder::Encoder::new(&mut out, JPEG_QUALITY);
+    encoder.encode(&bytes, width, height, jpeg_encoder::ColorType::Rgb).ok()?;
+    Some(out)
+}
+
+/// Linear RGB values as half floats, behind their header.
+pub fn half_floats(header: FrameHeader, rgb: &[f32]) -> Vec<u8> {
+    let mut halves = vec![f16::ZERO; rgb.len()];
+    halves.par_chunks_mut(1 << 15).zip(rgb.par_chunks(1 << 15)).for_each(|(to, from)| to.convert_from_f32_slice(from));
+    let mut out = Vec::with_capacity(FrameHeader::SIZE + rgb.len() * 2);
+    out.extend_from_slice(&header.to_bytes());
+    out.extend(halves.iter().flat_map(|h| h.to_le_bytes()));
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(size: [u32; 2]) -> FrameHeader {
+        FrameHeader {
+            kind: 0,
+            frame: 1,
+            seq: 2,
+            generation: 3,
+            size,
+            samples: 4,
+            wanted: 5,
+            milliseconds: 6.0,
+            noise: 0.5,
+        }
+    }
+
+    #[test]
+    fn a_table_gives_what_the_formula_gives() {
+        let display = Display { exposure: 0.7, ..Display::default() };
+        let table = DisplayTable::new(display);
+        for value in [0.0, 1e-4, 0.18, 0.5, 1.0, 1e6, f32::NAN, -1.0] {
+            let exact = display_value([value; 3], &display)[0] * 255.0;
+            assert!((f32::from(table.pixel([value; 3])[0]) - exact).abs() < 0.7, "{value}");
+        }
+    }
+
+    #[test]
+    fn half_floats_follow_the_header() {
+        let bytes = half_floats(header([1, 1]), &[0.5, 1.0, 1e9]);
+        assert_eq!(bytes.len(), FrameHeader::SIZE + 6);
+        assert_eq!(bytes[4..8], 1_u32.to_le_bytes());
+        let values: Vec<f32> =
+            bytes[FrameHeader::SIZE..].chunks(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect();
+        assert_eq!(values, [0.5, 1.0, f32::INFINITY]);
+    }
+
+    #[test]
+    fn a_jpeg_is_a_jpeg_and_sizes_beyond_its_limit_are_refused() {
+        let table = DisplayTable::new(Display::default());
+        let bytes = jpeg(header([2, 2]), &[0.5; 12], &table).expect("a small picture");
+        assert_eq!(bytes[FrameHeader::SIZE..][..2], [0xff, 0xd8]);
+        assert!(jpeg(header([70_000, 1]), &[0.5; 210_000], &table).is_none());
+    }
+}

@@ -1,0 +1,63 @@
+//! `snell view`: a local server that shows a scene and its live picture in the browser.
+//!
+//! [`serve`] binds a port, prints nothing, and gives a handle. The page (`web/`, built into the binary) talks to it over one
+//! WebSocket: see [`protocol`]. The picture at rest is the one of `snell render` with the same settings, bit for bit.
+
+#![forbid(unsafe_code)]
+
+mod budget;
+mod denoise;
+mod describe;
+mod encode;
+mod page;
+mod pick;
+mod preview;
+pub mod protocol;
+mod security;
+mod server;
+mod session;
+mod worker;
+
+pub use server::{Server, ServerOptions, serve};
+
+use snell_formats::image::Display;
+use snell_render::Settings;
+use snell_scene::{Camera, Scene};
+
+/// A scene that is ready to be looked at.
+pub struct Opened {
+    /// The scene, with a camera and light.
+    pub scene: Scene,
+    /// The camera to begin with.
+    pub camera: Camera,
+    /// Its position among the scene's.
+    pub camera_number: usize,
+    /// How it is rendered at rest.
+    pub settings: Settings,
+    /// How values are shown.
+    pub display: Display,
+    /// The words of a command that renders the same, without size, samples, integrator, camera and changes.
+    pub command: Vec<String>,
+}
+
+/// What is to be opened.
+#[derive(Clone, Debug)]
+pub enum Which {
+    /// What the user named when the viewer was started; also when it has changed.
+    Given,
+    /// A built-in scene.
+    Builtin(String),
+    /// A file that was dropped on the page.
+    Dropped {
+        /// Its name.
+        name: String,
+        /// Its contents.
+        bytes: Vec<u8>,
+    },
+}
+
+/// Where scenes come from.
+pub trait Source: Send + Sync {
+    /// Opens a scene; the error is for people.
+    fn open(&self, which: Which) -> Result<Opened, String>;
+}

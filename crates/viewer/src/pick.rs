@@ -1,0 +1,36 @@
+//! What is at a pixel.
+
+use crate::protocol::PickedHit;
+use crate::session::Snapshot;
+use snell_math::{DVec2, Vec2};
+use snell_render::CompiledScene;
+use snell_scene::CameraSample;
+
+/// What the camera sees at a position of the picture, in pixels from its upper left corner.
+pub fn pick(snapshot: &Snapshot, compiled: &CompiledScene, pixel: [f64; 2]) -> Option<PickedHit> {
+    let film = DVec2::from(pixel);
+    if !film.is_finite() {
+        return None;
+    }
+    let sample = CameraSample { film, lens: Vec2::splat(0.5) };
+    let ray = snapshot.camera.ray(&sample, snapshot.settings.size).ray;
+    let hit = compiled.world.closest_one(&ray, snell_render::job::hit_filter(compiled));
+    if !hit.is_hit() {
+        return None;
+    }
+    let surface = compiled.world.interaction(&ray, &hit);
+    let material = compiled.material_id(&hit);
+    let path = compiled.node_path(&hit);
+    let nodes = &snapshot.scene.nodes;
+    let name = |id: &snell_scene::NodeId| nodes.get(id.index()).map_or(String::new(), |n| n.name.clone());
+    Some(PickedHit {
+        position: surface.position.as_dvec3().to_array(),
+        normal: surface.shading_normal.as_dvec3().to_array(),
+        distance: f64::from(hit.t),
+        node: path.last().map(|n| n.0),
+        path: path.iter().map(name).collect(),
+        material: (material.index() < snapshot.scene.materials.len()).then_some(material.0),
+        material_name: compiled.material(material).name.clone(),
+        primitive: hit.primitive,
+    })
+}

@@ -1,0 +1,223 @@
+//! The thread that renders: small pictures while something moves, the picture of `snell render` when it rests.
+
+use crate::budget::Budget;
+use crate::denoise::denoise;
+use crate::encode::{self, DisplayTable};
+use crate::preview;
+use crate::protocol::{FrameHeader, ToPage};
+use crate::session::{Finished, Frame, REST, Session, Snapshot, lock};
+use snell_math::Rgb;
+use snell_render::{CompiledScene, Film, IntegratorKind, Job, picture};
+use snell_scene::LayeredImage;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Pictures at rest are sent at most this often.
+const REST_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Renders for a session until it ends.
+pub struct Worker<'a> {
+    session: &'a Session,
+    threads: usize,
+    budget: Budget,
+    compiled: Option<(u32, Arc<CompiledScene>)>,
+    table: DisplayTable,
+    frame: u32,
+    /// In the place of indirect light while something moves.
+    fill: Rgb,
+    /// The last ray-cast picture, and the version of what it shows.
+    last_preview: Option<(u64, LayeredImage)>,
+    /// The picture at rest being made.
+    refinement: Option<Refinement>,
+}
+
+struct Refinement {
+    version: u64,
+    film: Film,
+    spent: Duration,
+    sent: Option<Instant>,
+}
+
+impl<'a> Worker<'a> {
+    /// For a session, with this many threads and frames a second.
+    pub fn new(session: &'a Session, threads: usize, frames_per_second: f64) -> Self {
+        Self {
+            session,
+            threads,
+            budget: Budget::new(frames_per_second),
+            compiled: None,
+            table: DisplayTable::new(Default::default()),
+            frame: 0,
+            fill: Rgb::BLACK,
+            last_preview: None,
+            refinement: None,
+        }
+    }
+
+    /// Renders until the session ends. A fault in a picture is told to the pages, and the next change is rendered again.
+    pub fn run(mut self) {
+        let mut seen = 0;
+        let mut due = None;
+        while let Some(snapshot) = self.session.wait(seen, due) {
+            let is_new = snapshot.version != seen;
+            seen = snapshot.version;
+            let outcome = catch_unwind(AssertUnwindSafe(|| self.step(&snapshot, is_new)));
+            due = match outcome {
+                Ok(Ok(due)) => due,
+                Ok(Err(message)) => {
+                    self.session.tell(ToPage::Error { message });
+                    None
+                }
+                Err(_) => {
+                    (self.compiled, self.refinement) = (None, None);
+                    let message = "a fault in the renderer; the scene can still be changed or reloaded".into();
+                    self.session.tell(ToPage::Error { message });
+                    None
+                }
+            };
+        }
+    }
+
+    /// One frame while moving, or one step of refinement. Gives when to go on if nothing changes.
+    fn step(&mut self, snapshot: &Snapshot, is_new: bool) -> Result<Option<Instant>, String> {
+        let compiled = self.compile(snapshot)?;
+        if is_new {
+            self.refinement = None;
+            self.preview(snapshot, &compiled);
+            return Ok(Some(snapshot.moved + REST));
+        }
+        Ok(self.refine(snapshot, &compiled).then(Instant::now))
+    }
+
+    fn compile(&mut self, snapshot: &Snapshot) -> Result<Arc<CompiledScene>, String> {
+        if let Some((generation, compiled)) = &self.compiled
+            && *generation == snapshot.generation
+        {
+            return Ok(compiled.clone());
+        }
+        self.compiled = None;
+        self.budget.reset();
+        self.fill = Rgb::BLACK;
+        let compiled = CompiledScene::new(&snapshot.scene, &snapshot.settings.build).map_err(|e| e.to_string())?;
+        let compiled = Arc::new(compiled);
+        self.compiled = Some((snapshot.generation, compiled.clone()));
+        self.session.set_compiled(snapshot.generation, &compiled);
+        Ok(compiled)
+    }
+
+    fn preview(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) {
+        let start = Instant::now();
+        let size = self.budget.size(snapshot.settings.size);
+        let plan = preview::plan(&snapshot.settings, compiled, size, self.fill);
+        let (film, _) = Job::new(compiled, &snapshot.camera, &plan.settings).run(self.threads, &|_| true);
+        let image = picture(&film, &plan.settings, compiled);
+        let mut rgb = rgb_of(&image);
+        if plan.is_noisy {
+            denoise(&image, &compiled.materials, &mut rgb);
+        }
+        let has_fill =
+            plan.settings.integrator == IntegratorKind::Raycast && snapshot.settings.integrator == IntegratorKind::Path;
+        self.last_preview = has_fill.then_some((snapshot.version, image));
+        let spent = start.elapsed();
+        self.budget.spent(size, spent.as_secs_f64());
+        if *self.table.display() != snapshot.display {
+            self.table = DisplayTable::new(snapshot.display);
+        }
+        let header = self.header(snapshot, size, spent);
+        if let Some(bytes) = encode::jpeg(header, &rgb, &self.table) {
+            self.send(bytes);
+        }
+    }
+
+    /// One step of the picture at rest; true if there is more to do.
+    fn refine(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) -> bool {
+        let (settings, version) = (&snapshot.settings, snapshot.version);
+        let job = Job::new(compiled, &snapshot.camera, settings);
+        let fresh = || Refinement { version, film: job.empty_film(), spent: Duration::ZERO, sent: None };
+        let mut refinement = self.refinement.take().filter(|r| r.version == version).unwrap_or_else(fresh);
+        let samples = refinement.film.least_samples();
+        if samples == 0 {
+            self.session.tell_view();
+        }
+        if samples >= settings.spp {
+            self.refinement = Some(refinement);
+            return false;
+        }
+        let start = Instant::now();
+        let until = next_pass(samples);
+        let keep_going = |_: &_| self.session.version() == version;
+        let (film, _) = job.extend(refinement.film, until, self.threads, &keep_going);
+        refinement.spent += start.elapsed();
+        if self.session.version() != version {
+            return false;
+        }
+        let samples = film.least_samples();
+        let is_last = samples >= settings.spp;
+        if is_last || refinement.sent.is_none_or(|sent| sent.elapsed() >= REST_INTERVAL) {
+            let image = picture(&film, settings, compiled);
+            if let Some((_, preview)) = self.last_preview.take_if(|(of, _)| *of == version && samples >= 4) {
+                self.fill = preview::fill(&image, &preview, self.fill);
+            }
+            let rgb = rgb_of(&image);
+            let noise = if samples >= 4 { noise_of(&film) } else { f32::NAN };
+            let header = FrameHeader {
+                kind: 1,
+                samples,
+                wanted: settings.spp,
+                noise,
+                ..self.header(snapshot, settings.size, refinement.spent)
+            };
+            self.send(encode::half_floats(header, &rgb));
+            refinement.sent = Some(Instant::now());
+            let (snapshot, compiled, film) = (snapshot.clone(), compiled.clone(), Arc::new(film.clone()));
+            *lock(&self.session.finished) = Some(Finished { snapshot, compiled, film });
+        }
+        self.refinement = Some(Refinement { film, ..refinement });
+        !is_last
+    }
+
+    fn header(&mut self, snapshot: &Snapshot, size: [u32; 2], spent: Duration) -> FrameHeader {
+        self.frame = self.frame.wrapping_add(1);
+        FrameHeader {
+            kind: 0,
+            frame: self.frame,
+            seq: snapshot.seq,
+            generation: snapshot.generation,
+            size,
+            samples: 1,
+            wanted: 0,
+            milliseconds: spent.as_secs_f32() * 1000.0,
+            noise: f32::NAN,
+        }
+    }
+
+    fn send(&self, bytes: Vec<u8>) {
+        self.session.frames.send_replace(Some(Arc::new(Frame { number: self.frame, bytes })));
+    }
+}
+
+/// Samples per pixel after the next step.
+fn next_pass(samples: u32) -> u32 {
+    match samples {
+        0 => 1,
+        1..4 => 4,
+        _ => (samples / 16 + 1) * 16,
+    }
+}
+
+/// Red, green, blue of the first layer.
+fn rgb_of(image: &LayeredImage) -> Vec<f32> {
+    let layer = &image.layers[0];
+    layer.values.chunks_exact(layer.channels.len()).flat_map(|p| [p[0], p[1], p[2]]).collect()
+}
+
+/// The root of the mean variance over the mean.
+fn noise_of(film: &Film) -> f32 {
+    let mean = |image: &LayeredImage| {
+        let layer = &image.layers[0];
+        let sum: f64 = layer.values.chunks_exact(4).map(|p| f64::from(p[0] + p[1] + p[2])).sum();
+        sum / (layer.values.len() as f64 * 0.75).max(1.0)
+    };
+    (mean(&film.variance()).max(0.0).sqrt() / mean(&film.image()).max(1e-30)) as f32
+}

@@ -1,0 +1,123 @@
+//! Every way of choosing lights gives the same picture and the same bits, with every kind of light in one scene; lights that make no
+//! sense do no harm.
+
+use snell_intersect::shape::{BoxShape, Disk, Sphere, Triangle};
+use snell_math::{DAffine3, DVec3, Rgb, Vec3};
+use snell_render::{CompiledScene, IntegratorKind, LightSamplerKind, LightStrategy, Settings};
+use snell_scene::light::{Attenuation, SpotFalloff};
+use snell_scene::material::{Black, ColorParam, Conductor};
+use snell_scene::{Camera, Encoding, Environment, Geometry, Light, Material, Node, Scene, Surface, Texture};
+use snell_tests::scenes::{at, facing, ground, image, lamp, matte, put, put_mesh, quad, rectangle, sky};
+use snell_tests::statistics::compare;
+use snell_tests::{bits, render, render_compiled, settings};
+use std::sync::Arc;
+
+/// A small room open to a sky, with surfaces and lamps of every kind.
+fn every_light(with_points: bool) -> (Scene, Camera) {
+    let mut scene = Scene::new("every light");
+    ground(&mut scene, 0.6);
+    let (paper, glow, dim) = (matte(&mut scene, 0.7), lamp(&mut scene, 6.0), lamp(&mut scene, 1.0));
+    let metal = scene.add_material(Material::new("metal", Conductor::copper(0.5)));
+    put(&mut scene, BoxShape { min: DVec3::ZERO, max: DVec3::new(0.7, 1.0, 0.7) }, at(0.2, 0.0, -0.9), paper);
+    put(&mut scene, Sphere { radius: 0.4 }, at(-0.7, 0.4, 0.3), metal);
+    put(&mut scene, rectangle(4.0, 3.0), facing(DVec3::new(0.0, 1.5, -1.6), DVec3::Z), paper);
+    // Analytic lamps, one that touches a wall.
+    put(&mut scene, Sphere { radius: 0.15 }, at(-1.2, 1.2, -1.45), glow);
+    put(&mut scene, Disk { radius: 0.4, inner_radius: 0.1 }, facing(DVec3::new(1.0, 1.8, 0.0), DVec3::NEG_Y), glow);
+    put(&mut scene, rectangle(0.8, 0.2), facing(DVec3::new(-0.4, 2.0, 0.2), DVec3::new(0.2, -1.0, -0.3)), glow);
+    let corners = [DVec3::new(1.4, 0.1, 0.4), DVec3::new(1.5, 0.9, 0.2), DVec3::new(1.4, 0.2, -0.8)];
+    put(&mut scene, Triangle { vertices: corners }, DAffine3::IDENTITY, dim);
+    let stretched = at(0.9, 0.3, 0.8) * DAffine3::from_scale(DVec3::new(0.3, 0.1, 0.2));
+    put(&mut scene, Sphere { radius: 0.8 }, stretched, dim);
+    // A textured mesh that shines on both sides, instanced.
+    let picture = image(4, 4, 3, |x, y| vec![x as f32 * 2.0, f32::from(y == 1) * 9.0, 0.5]);
+    let picture = scene.add_image(picture);
+    let texture = Some(scene.add_texture(Texture::new(picture, Encoding::Linear)));
+    let emission = ColorParam { factor: Rgb::splat(1.0), texture };
+    let screen = Material { emission, emits_on_both_sides: true, ..Material::new("screen", Black {}) };
+    let screen = scene.add_material(screen);
+    let surfaces = vec![Surface::with_material(Geometry::Mesh(Arc::new(quad())), screen)];
+    let shared = scene.add_node(Node { surfaces, ..Node::default() });
+    for (x, turn) in [(-1.5, 1.2), (0.1, -0.4)] {
+        let transform = at(x, 0.8, 0.9) * DAffine3::from_rotation_y(turn) * DAffine3::from_scale(DVec3::splat(0.5));
+        scene.add_child(scene.root, Node { transform, children: vec![shared], ..Node::default() });
+    }
+    put_mesh(&mut scene, quad(), at(0.5, 1.4, -1.5) * DAffine3::from_scale(DVec3::splat(0.3)), dim);
+    if with_points {
+        let attenuation = Attenuation::INVERSE_SQUARE;
+        let falloff = SpotFalloff::Smooth { inner: 0.3, outer: 0.6 };
+        let position = DVec3::new(0.5, 1.7, 0.7);
+        scene.lights = vec![
+            Light::Point {
+                position: DVec3::new(-0.2, 0.3, -0.6),
+                intensity: Rgb::splat(0.1),
+                attenuation,
+                body_radius: 0.0,
+            },
+            Light::Spot { position, direction: DVec3::NEG_Y, intensity: Rgb::splat(1.0), attenuation, falloff },
+            Light::Directional { direction: DVec3::new(0.3, -0.9, -0.2).normalize(), irradiance: Rgb::splat(0.2) },
+            Light::Point { position, intensity: Rgb::splat(0.1), attenuation: Attenuation::NONE, body_radius: 0.0 },
+        ];
+    }
+    let image = sky(32, |d| [0.1, 0.2, if d.y > 0.7 && d.x > 0.0 { 4.0 } else { 0.3 }]);
+    scene.environment =
+        Some(Environment::Image { image, scale: Rgb::splat(0.5), world_from_environment: DAffine3::IDENTITY });
+    (scene, Camera::look_at(Vec3::new(0.3, 1.4, 4.2), Vec3::new(0.0, 0.7, 0.0), Vec3::Y, 0.4))
+}
+
+#[test]
+fn all_choices_of_lights_give_the_same_picture() {
+    let (scene, camera) = every_light(true);
+    let picture = |light_sampler, light_strategy, seed, spp| {
+        let settings = Settings { light_sampler, light_strategy, seed, max_depth: 3, ..settings(24, spp) };
+        render(&scene, &camera, &settings)
+    };
+    let tree = picture(LightSamplerKind::Bvh, LightStrategy::Mis, 1, 256);
+    let cases = [
+        (LightSamplerKind::Uniform, LightStrategy::Mis, 512),
+        (LightSamplerKind::Power, LightStrategy::Mis, 512),
+        (LightSamplerKind::Bvh, LightStrategy::Light, 256),
+        (LightSamplerKind::Bvh, LightStrategy::Bsdf, 1024),
+    ];
+    for (seed, (sampler, strategy, spp)) in (2..).zip(cases) {
+        let name = format!("bvh, mis against {}, {}", sampler.name(), strategy.name());
+        compare(&tree, &picture(sampler, strategy, seed, spp)).check(&name);
+    }
+}
+
+#[test]
+fn threads_do_not_change_a_bit_of_a_scene_of_many_lights() {
+    let (scene, camera) = every_light(true);
+    let settings = Settings { max_depth: 4, integrator: IntegratorKind::Path, ..settings(24, 17) };
+    let compiled = CompiledScene::new(&scene, &settings.build).expect("the scene compiles");
+    let one = bits(&render_compiled(&compiled, &camera, &settings, 1).image());
+    for threads in 2..=4 {
+        assert_eq!(bits(&render_compiled(&compiled, &camera, &settings, threads).image()), one, "{threads} threads");
+    }
+}
+
+/// Zero size, infinite power, nonsense: the picture stays finite, and what is sane still gives light.
+#[test]
+fn lights_that_make_no_sense_do_no_harm() {
+    let (mut scene, camera) = every_light(false);
+    let attenuation = Attenuation::INVERSE_SQUARE;
+    for x in [0.0, 1e-30, 1e30, f64::INFINITY, f64::NAN] {
+        let position = DVec3::new(x, 1.0, 0.5);
+        for strength in [0.0, f32::INFINITY, f32::NAN, -1.0, f32::MAX] {
+            let intensity = Rgb::splat(strength);
+            scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: x });
+            let direction = DVec3::new(x, 0.0, 0.0);
+            scene.lights.push(Light::Disk { position, direction, radius: x, emission: intensity, attenuation });
+            let falloff = SpotFalloff::Smooth { inner: x, outer: x };
+            scene.lights.push(Light::Spot { position, direction, intensity, attenuation, falloff });
+        }
+        let broken = lamp(&mut scene, x as f32);
+        put(&mut scene, Sphere { radius: 1e-30 }, at(0.1, 0.5, 0.1), broken);
+        put(&mut scene, rectangle(0.0, 1.0), at(0.1, 0.5, 0.1), broken);
+        put(&mut scene, rectangle(1e-20, 1.0), at(0.1, 0.5, 0.1), broken);
+    }
+    for light_sampler in LightSamplerKind::ALL {
+        let film = render(&scene, &camera, &Settings { light_sampler, max_depth: 2, ..settings(12, 8) });
+        assert!(snell_tests::colors(&film.image()).iter().flatten().all(|c| c.is_finite()), "{light_sampler:?}");
+    }
+}

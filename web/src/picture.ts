@@ -1,0 +1,82 @@
+// The canvas: shows frames, and shows them again when only the display changes.
+
+import type { Frame } from "./connection";
+import { toDisplay, type Display } from "./tonemap";
+
+export class Picture {
+  readonly canvas = document.createElement("canvas");
+  /** What is compared with, if anything. */
+  readonly reference = document.createElement("canvas");
+  /** Size of the picture at rest, as the server has it. */
+  pictureSize: [number, number] = [0, 0];
+  display: Display = { exposure: 0, tonemap: "none", srgb: true };
+  private readonly context = this.canvas.getContext("2d", { alpha: false })!;
+  private linear: { halves: Uint16Array; size: [number, number] } | null = null;
+
+  constructor() {
+    this.canvas.className = "picture";
+    this.reference.className = "picture reference";
+  }
+
+  /** Has the size of the picture, which another page may have chosen, if this is one. */
+  private fit(size: [number, number]): void {
+    if (size[0] > 0 && size[1] > 0) this.resize(size);
+  }
+
+  resize(size: [number, number]): void {
+    if (this.canvas.width === size[0] && this.canvas.height === size[1]) return;
+    const before = document.createElement("canvas");
+    [before.width, before.height] = [this.canvas.width, this.canvas.height];
+    before.getContext("2d")!.drawImage(this.canvas, 0, 0);
+    [this.canvas.width, this.canvas.height] = size;
+    this.context.drawImage(before, 0, 0, size[0], size[1]);
+  }
+
+  async show(frame: Frame): Promise<void> {
+    if (frame.kind === "jpeg") {
+      this.linear = null;
+      const bitmap = await createImageBitmap(new Blob([frame.payload], { type: "image/jpeg" }));
+      this.fit(this.pictureSize);
+      this.context.imageSmoothingQuality = "medium";
+      this.context.drawImage(bitmap, 0, 0, this.canvas.width, this.canvas.height);
+      bitmap.close();
+    } else {
+      this.fit(frame.size);
+      this.linear = { halves: new Uint16Array(frame.payload), size: frame.size };
+      this.redraw();
+    }
+    this.canvas.dataset.frame = String(frame.number);
+    this.canvas.dataset.samples = String(frame.samples);
+    this.canvas.dataset.kind = frame.kind;
+  }
+
+  /** Shows what is there with the present display settings. */
+  redraw(): void {
+    if (!this.linear) return;
+    const { halves, size } = this.linear;
+    const image = new ImageData(size[0], size[1]);
+    toDisplay(halves, image.data, this.display);
+    if (size[0] === this.canvas.width && size[1] === this.canvas.height) {
+      this.context.putImageData(image, 0, 0);
+      return;
+    }
+    const whole = document.createElement("canvas");
+    [whole.width, whole.height] = size;
+    whole.getContext("2d")!.putImageData(image, 0, 0);
+    this.context.drawImage(whole, 0, 0, this.canvas.width, this.canvas.height);
+  }
+
+  /** Keeps what is shown now to compare with. */
+  keep(): void {
+    [this.reference.width, this.reference.height] = [this.canvas.width, this.canvas.height];
+    this.reference.getContext("2d")!.drawImage(this.canvas, 0, 0);
+  }
+
+  /** Compares with a picture file. */
+  async keepFile(file: Blob): Promise<void> {
+    const bitmap = await createImageBitmap(file);
+    [this.reference.width, this.reference.height] = [bitmap.width, bitmap.height];
+    this.reference.getContext("2d")!.drawImage(bitmap, 0, 0);
+    bitmap.close();
+  }
+}

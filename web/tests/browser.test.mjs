@@ -1,0 +1,280 @@
+// The page in a real browser, against the real server. `cargo xtask web` runs this; SNELL and CHROME name the programs.
+
+import assert from "node:assert/strict";
+import { execFileSync, spawn } from "node:child_process";
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { request } from "node:http";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { chromium } from "playwright-core";
+
+const SNELL = process.env.SNELL ?? "snell";
+const CHROME = process.env.CHROME;
+const VIEWPORT = { width: 860, height: 420 };
+/** Slow machines under load need long. */
+const PATIENCE = 120_000;
+
+let browser;
+const folder = mkdtempSync(join(tmpdir(), "snell-view-"));
+
+before(async () => {
+  assert.ok(CHROME, "CHROME names a Chromium or Chrome");
+  browser = await chromium.launch({ executablePath: CHROME, args: ["--no-sandbox", "--disable-gpu"] });
+});
+
+after(async () => {
+  await browser?.close();
+  rmSync(folder, { recursive: true, force: true });
+});
+
+/** Starts `snell view`; gives its address and a way to stop it. */
+async function serve(...words) {
+  const child = spawn(SNELL, ["view", "--no-open", ...words], { stdio: ["ignore", "pipe", "pipe"] });
+  const wait = new Promise((resolve, reject) => {
+    let text = "";
+    child.stdout.on("data", (data) => {
+      text += data;
+      if (text.includes("\n")) resolve(text.trim());
+    });
+    child.stderr.on("data", (data) => (text += data));
+    child.on("exit", (code) => reject(new Error(`snell view ended with ${code}: ${text}`)));
+  });
+  const url = await wait;
+  const stop = () =>
+    new Promise((resolve) => {
+      child.removeAllListeners("exit");
+      child.on("exit", resolve);
+      child.kill("SIGINT");
+    });
+  return { url, stop };
+}
+
+async function open(url) {
+  const page = await browser.newPage({ viewport: VIEWPORT });
+  page.setDefaultTimeout(PATIENCE);
+  const faults = [];
+  page.on("pageerror", (error) => faults.push(error.message));
+  page.on("console", (message) => message.type() === "error" && faults.push(message.text()));
+  await page.goto(url);
+  await page.waitForSelector("canvas[data-frame]");
+  return { page, faults };
+}
+
+const isDone = (page) => page.waitForSelector(".dot.done");
+
+/** A number that differs for different pictures. */
+const fingerprint = (page) =>
+  page.evaluate(() => {
+    const canvas = document.querySelector("canvas.picture");
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    let hash = 0;
+    for (const value of data) hash = (hash * 31 + value) | 0;
+    return hash;
+  });
+
+async function drag(page, dx, dy) {
+  const box = await page.locator(".stage").boundingBox();
+  const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  for (let i = 1; i <= 8; i++) await page.mouse.move(x + (dx * i) / 8, y + (dy * i) / 8);
+  await page.mouse.up();
+}
+
+/** The words of a command as a shell reads them. */
+const words = (command) => [...command.matchAll(/'((?:[^']|'\\'')*)'|(\S+)/g)].map((m) => m[2] ?? m[1].replaceAll("'\\''", "'"));
+
+/** Status of a request with headers of one's own choice. */
+const status = (url, headers) =>
+  new Promise((resolve, reject) => {
+    const asked = request(url, { headers }, (response) => {
+      response.resume();
+      resolve(response.statusCode);
+    });
+    asked.on("error", reject);
+    asked.end();
+  });
+
+test("the page shows the scene, turns it, and at rest has the bits of snell render", { timeout: PATIENCE * 2 }, async () => {
+  const server = await serve("cornell-box", "--", "--spp", "4");
+  try {
+    const { page, faults } = await open(server.url);
+    await isDone(page);
+    const first = await fingerprint(page);
+    await drag(page, 60, 20);
+    await page.waitForSelector("canvas[data-kind=jpeg]");
+    await isDone(page);
+    assert.notEqual(await fingerprint(page), first, "the picture has turned");
+
+    // The command that the page copies makes the same picture.
+    await page.evaluate(() => Object.defineProperty(navigator, "clipboard", { value: { writeText: async () => { throw 0; } } }));
+    await page.getByText("Save", { exact: true }).click();
+    await page.getByText("Copy the command").click();
+    const command = words((await page.locator(".notices p").first().innerText()).replace(/\n?×$/, "").trim());
+    assert.deepEqual(command.slice(0, 2), ["snell", "render"]);
+    assert.ok(command.some((w) => w.startsWith("camera.0.eye=")), command.join(" "));
+    const [shown, rendered] = [join(folder, "shown.pfm"), join(folder, "rendered.pfm")];
+    const bytes = await page.evaluate(async () => [...new Uint8Array(await (await fetch("save?format=pfm")).arrayBuffer())]);
+    writeFileSync(shown, Buffer.from(bytes));
+    execFileSync(SNELL, [...command.slice(1), "-o", rendered, "-q"]);
+    assert.ok(readFileSync(shown).equals(readFileSync(rendered)), "the picture at rest is the one of snell render");
+
+    // Exposure is a matter of the page: the same samples, another picture.
+    const before = await fingerprint(page);
+    await page.getByLabel("Exposure (stops)").last().fill("2");
+    await page.keyboard.press("Tab");
+    await page.waitForTimeout(200);
+    assert.notEqual(await fingerprint(page), before);
+    assert.deepEqual(faults, []);
+    await page.close();
+  } finally {
+    await server.stop();
+  }
+});
+
+test("pixels are picked, materials changed and changed back, pictures saved", { timeout: PATIENCE * 2 }, async () => {
+  const server = await serve("cornell-box", "--", "--spp", "1");
+  try {
+    const { page, faults } = await open(server.url);
+    await isDone(page);
+    const before = await fingerprint(page);
+    const box = await page.locator(".stage").boundingBox();
+    await page.mouse.click(box.x + box.width / 2, box.y + box.height * 0.4);
+    const facts = await page.locator(".facts").innerText();
+    assert.match(facts, /Material\s+white/);
+
+    const generation = (n) => page.waitForFunction((old) => document.querySelector("canvas").dataset.frame !== old, n);
+    const shown = await page.evaluate(() => document.querySelector("canvas").dataset.frame);
+    await page.getByLabel("reflectance red", { exact: true }).fill("0.05");
+    await page.keyboard.press("Tab");
+    await generation(shown);
+    await isDone(page);
+    assert.notEqual(await fingerprint(page), before, "a material has changed");
+    await page.getByText("Undo", { exact: true }).click();
+    await page.waitForSelector("button:has-text('Undo'):disabled");
+    await page.waitForSelector(".dot.moving, .dot:not(.done)").catch(() => {});
+    await isDone(page);
+    await page.waitForTimeout(300);
+    assert.equal(await fingerprint(page), before, "and back");
+
+    const download = page.waitForEvent("download");
+    await page.getByText("Save", { exact: true }).click();
+    await page.getByText("PNG, as shown").click();
+    const file = await (await download).path();
+    assert.deepEqual([...readFileSync(file).subarray(1, 4)], [...Buffer.from("PNG")]);
+    assert.deepEqual(faults, []);
+    await page.close();
+  } finally {
+    await server.stop();
+  }
+});
+
+test("files are dropped, broken ones are a message, built-in scenes a choice", { timeout: PATIENCE * 2 }, async () => {
+  const server = await serve("cornell-box", "--", "--spp", "1");
+  try {
+    const { page } = await open(server.url);
+    const mesh = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+    await page.evaluate((text) => {
+      const data = new DataTransfer();
+      data.items.add(new File([text], "tetrahedron.off"));
+      document.querySelector("main").dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+    }, mesh);
+    await page.waitForFunction(() => document.title.startsWith("tetrahedron"));
+    await page.waitForFunction(() => document.querySelector(".status").textContent.includes("4 triangles"));
+    await page.setInputFiles("input[type=file]", { name: "broken.ply", mimeType: "", buffer: Buffer.from("ply\nnonsense") });
+    await page.waitForFunction(() => document.querySelector(".notices").textContent.includes("broken.ply"));
+    assert.match(await page.title(), /^tetrahedron/, "what was there still is");
+    await page.locator(".menu summary").first().click();
+    await page.getByRole("button", { name: "spheres", exact: true }).click();
+    await page.waitForFunction(() => document.title.startsWith("spheres"));
+    await page.close();
+  } finally {
+    await server.stop();
+  }
+});
+
+test("one page steers, others watch and may take over", { timeout: PATIENCE * 2 }, async () => {
+  const server = await serve("cornell-box", "--", "--spp", "1");
+  try {
+    const { page: first } = await open(server.url);
+    const { page: second } = await open(server.url);
+    await second.getByRole("button", { name: "Take over" }).click();
+    await first.getByRole("button", { name: "Take over" }).waitFor();
+    await isDone(second);
+    const shown = await first.evaluate(() => document.querySelector("canvas").dataset.frame);
+    await drag(second, 40, 0);
+    await first.waitForFunction((old) => document.querySelector("canvas").dataset.frame !== old, shown);
+    await second.close();
+    await first.waitForFunction(() => !document.querySelector(".bar").textContent.includes("2 watch"));
+    await first.close();
+  } finally {
+    await server.stop();
+  }
+});
+
+test("a page finds its server again after a restart", { timeout: PATIENCE * 2 }, async () => {
+  const token = "0123456789abcdef0123456789abcdef";
+  let server = await serve("cornell-box", "--token", token, "--", "--spp", "1");
+  const port = new URL(server.url).port;
+  const { page } = await open(server.url);
+  try {
+    await server.stop();
+    await page.getByText("No connection to the server").waitFor();
+    server = await serve("spheres", "--token", token, "--port", port, "--", "--spp", "1");
+    await page.waitForFunction(() => document.title.startsWith("spheres"));
+    await page.close();
+  } finally {
+    await server.stop();
+  }
+});
+
+test("strangers are refused and nonsense does no harm", { timeout: PATIENCE * 2 }, async () => {
+  const server = await serve("cornell-box", "--", "--spp", "1");
+  try {
+    const { host, origin } = new URL(server.url);
+    assert.equal(await status(server.url, { host }), 200);
+    assert.equal(await status(`${origin}/`, { host }), 403);
+    assert.equal(await status(`${origin}/00000000000000000000000000000000/`, { host }), 403);
+    assert.equal(await status(server.url, { host: "evil.example" }), 403);
+    const upgrade = { connection: "upgrade", upgrade: "websocket", "sec-websocket-version": "13", "sec-websocket-key": "AAAAAAAAAAAAAAAAAAAAAA==" };
+    assert.equal(await status(`${server.url}ws`, { host, origin: "http://evil.example", ...upgrade }), 403);
+
+    const { page } = await open(server.url);
+    await isDone(page);
+    assert.equal(await status(`${server.url}save?format=exr/../..`, { host }), 400);
+    const answers = await page.evaluate(async () => {
+      const url = new URL("ws", document.baseURI).href.replace("http", "ws");
+      const said = (messages) =>
+        new Promise((resolve) => {
+          const socket = new WebSocket(url);
+          const errors = [];
+          const end = (closed) => {
+            socket.close();
+            resolve({ errors, closed });
+          };
+          socket.onopen = () => messages.forEach((m) => socket.send(m));
+          socket.onmessage = (e) => {
+            if (typeof e.data !== "string") return;
+            const message = JSON.parse(e.data);
+            if (message.type !== "error") return;
+            errors.push(message.message);
+            if (errors.length === messages.length) end(false);
+          };
+          socket.onclose = () => end(true);
+        });
+      return {
+        malformed: await said(["", "{", "[]", '{"type":"camera"}', '{"type":"pick"}', new Uint8Array(9)]),
+        oversized: await said(["x".repeat(3 << 20)]),
+      };
+    });
+    assert.equal(answers.malformed.errors.length, 6, JSON.stringify(answers));
+    assert.equal(answers.oversized.closed, true);
+    // The page that behaves has noticed nothing.
+    await drag(page, 30, 0);
+    await isDone(page);
+    await page.close();
+  } finally {
+    await server.stop();
+  }
+});
