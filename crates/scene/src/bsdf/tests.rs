@@ -71,16 +71,23 @@ fn energy_scale(kind: &MaterialKind, wo: Vec3, is_transmission: bool) -> f32 {
     if is_transmission { relative_ior(kind, wo).powi(2) } else { 1.0 }
 }
 
+/// True if light goes on in a medium inside, whose BSDF is not the whole story.
+fn has_walk(kind: &MaterialKind) -> bool {
+    matches!(kind, MaterialKind::OpenPbr(p) if p.subsurface_weight.factor > 0.0 && !p.geometry_thin_walled)
+}
+
 /// True for materials whose layers are weighted by the viewer's direction alone (and fuzz, which is a fit of that form).
 fn is_layered(kind: &MaterialKind) -> bool {
     match kind {
         MaterialKind::OpenPbr(p) => {
             p.coat_weight.factor > 0.0
+                || has_walk(kind)
                 || p.fuzz_weight.factor > 0.0
                 || p.base_diffuse_roughness.factor > 0.0
                 || p.specular_color.factor != Rgb::WHITE
         }
         MaterialKind::MetallicRoughness(m) => m.clearcoat.factor > 0.0,
+        MaterialKind::CoatedConductor(_) => true,
         _ => false,
     }
 }
@@ -294,7 +301,7 @@ fn values_are_reciprocal() {
 #[test]
 fn both_sides_of_opaque_materials_look_alike() {
     for_each(|name, kind, bsdf, wo| {
-        if relative_ior(kind, wo) != 1.0 || matches!(kind, MaterialKind::Dielectric(_)) {
+        if relative_ior(kind, wo) != 1.0 || has_walk(kind) || matches!(kind, MaterialKind::Dielectric(_)) {
             return;
         }
         let flip = |v: Vec3| Vec3::new(v.x, v.y, -v.z);

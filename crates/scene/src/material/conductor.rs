@@ -64,15 +64,21 @@ impl Conductor {
 
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
+        Bsdf::Conductor(self.lobe(point, 1.0))
+    }
+
+    /// The metal under something of this index of refraction.
+    pub(super) fn lobe(&self, point: &ShadingPoint, outside_ior: f32) -> ConductorBsdf {
+        let over = 1.0 / outside_ior;
         let facets = match self.spectrum {
             ConductorSpectrum::Measured { eta, k } => {
-                FacetReflectance::Complex { eta: point.coefficient(eta), k: point.coefficient(k) }
+                FacetReflectance::Complex { eta: point.coefficient(eta) * over, k: point.coefficient(k) * over }
             }
             ConductorSpectrum::Color(color) => {
                 FacetReflectance::F82 { f0: point.reflectance(color.at(point)), edge: SampledSpectrum::ONE }
             }
         };
         let ggx = Ggx::from_roughness(self.roughness.at(point));
-        Bsdf::Conductor(ConductorBsdf::new(facets, point.mode.unit(), ggx))
+        ConductorBsdf::new(facets, point.mode.unit(), ggx)
     }
 }

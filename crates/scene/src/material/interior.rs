@@ -34,6 +34,7 @@ impl Material {
     pub fn ior(&self) -> f32 {
         match &self.kind {
             MaterialKind::Dielectric(dielectric) => super::positive_ior(dielectric.ior),
+            MaterialKind::OpenPbr(surface) => surface.inside_ior(),
             _ => 1.0,
         }
     }

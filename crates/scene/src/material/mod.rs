@@ -1,6 +1,8 @@
 //! Materials: from a surface point to a BSDF, emission and opacity. One file per material, with its parameters.
 
 mod black;
+mod coated_conductor;
+mod coated_diffuse;
 mod conductor;
 mod dielectric;
 mod diffuse;
@@ -17,6 +19,8 @@ mod shading;
 mod tests;
 
 pub use black::Black;
+pub use coated_conductor::CoatedConductor;
+pub use coated_diffuse::CoatedDiffuse;
 pub use conductor::{Conductor, ConductorSpectrum};
 pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
@@ -378,4 +382,6 @@ materials! {
     "metallic-roughness" => MetallicRoughness,
     "interface" => Interface,
     "open-pbr" => OpenPbr,
+    "coated-diffuse" => CoatedDiffuse,
+    "coated-conductor" => CoatedConductor,
 }

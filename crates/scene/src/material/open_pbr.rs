@@ -180,9 +180,6 @@ impl Default for OpenPbr {
     }
 }
 
-/// True once the renderer walks through media inside of surfaces; until then subsurface scattering is shown as diffuse reflection.
-const SUBSURFACE_WALKS: bool = false;
-
 /// Dielectric indices whose reflectance at normal incidence is that of `eta` times `weight` (OpenPBR Surface 1.1, "Dielectric base").
 fn modulated_ior(eta: f32, weight: f32) -> f32 {
     let epsilon = (weight * fresnel::f0_from_ior(eta)).clamp(0.0, 0.98).sqrt();
@@ -224,6 +221,7 @@ impl OpenPbr {
         let orange = || ColorParam::from(Rgb::new(0.9, 0.4, 0.05));
         vec![
             plain(),
+            Self { subsurface_weight: 0.7.into(), subsurface_color: orange(), ..plain() },
             Self {
                 base_metalness: 1.0.into(),
                 base_color: orange(),
@@ -284,7 +282,7 @@ impl OpenPbr {
             coat,
             ggx: Ggx::from_anisotropy(roughness, share(&self.specular_roughness_anisotropy)),
             specular_weight: bounded(self.specular_weight.at(point), 1e3),
-            ior: positive_ior(self.specular_ior.at(point)),
+            ior: positive_ior(positive_ior(self.specular_ior.at(point)) / point.outside_ior),
         }
     }
 
@@ -348,7 +346,7 @@ impl OpenPbr {
             metal: (metalness > 0.0).then(|| (metalness, metal())),
             opaque: (opaque > 0.0).then(|| (opaque, GlossyBsdf::new(gloss, self.body(point, base, subsurface)))),
             translucent: (clear > 0.0).then(|| (clear, self.translucent(point, common, tint, film))),
-            subsurface: if has_inside && SUBSURFACE_WALKS { subsurface } else { 0.0 },
+            subsurface: if has_inside { subsurface } else { 0.0 },
         }
     }
 
@@ -368,11 +366,7 @@ impl OpenPbr {
                 walk: zero,
             };
         }
-        if SUBSURFACE_WALKS {
-            Body { diffuse: DiffuseBsdf::new(rest, roughness), through: zero, walk: point.mode.unit() * subsurface }
-        } else {
-            Body::matte(DiffuseBsdf::new(rest + color * subsurface, roughness))
-        }
+        Body { diffuse: DiffuseBsdf::new(rest, roughness), through: zero, walk: point.mode.unit() * subsurface }
     }
 
     fn translucent(
@@ -397,30 +391,25 @@ impl OpenPbr {
             unit,
             film,
             ggx: common.ggx,
-            arriving: self.left_on_arrival(point),
+            arriving: SampledSpectrum::ONE,
         })
-    }
-
-    /// What the medium inside has left of a ray that met the point from within.
-    fn left_on_arrival(&self, point: &ShadingPoint) -> SampledSpectrum {
-        let depth = self.transmission_depth.at(point);
-        if depth > 0.0 {
-            self.clear_medium(point, depth).sigma_a.map(|sigma| (-sigma * point.surface.t).exp())
-        } else {
-            SampledSpectrum::ONE
-        }
     }
 
     /// True if [`Self::medium`] may be something.
     pub(super) fn has_medium(&self) -> bool {
         let clear = self.transmission_weight.factor > 0.0 && self.transmission_depth.factor > 0.0;
-        !self.geometry_thin_walled && (clear || (SUBSURFACE_WALKS && self.subsurface_weight.factor > 0.0))
+        !self.geometry_thin_walled && (clear || self.subsurface_weight.factor > 0.0)
     }
 
     /// True if the surface bounds an inside that light gets to.
     pub(super) fn has_inside(&self) -> bool {
-        let scatters = SUBSURFACE_WALKS && self.subsurface_weight.factor > 0.0;
-        !self.geometry_thin_walled && (self.transmission_weight.factor > 0.0 || scatters)
+        !self.geometry_thin_walled && (self.transmission_weight.factor > 0.0 || self.subsurface_weight.factor > 0.0)
+    }
+
+    /// Index of refraction of the inside; 1 where light gets in by scattering only.
+    pub(super) fn inside_ior(&self) -> f32 {
+        let is_clear = self.transmission_weight.factor > 0.0 && !self.geometry_thin_walled;
+        if is_clear { positive_ior(self.specular_ior.factor) } else { 1.0 }
     }
 
     /// Angle by which the tangent of the base is turned at a point.
