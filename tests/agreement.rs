@@ -109,7 +109,7 @@ fn filters_agree_on_a_ramp() {
     let mut scene = Scene::new("ramp");
     let ramp = scene.add_image(image(2, 1, 3, |x, _| vec![x as f32, 2.0 * x as f32, 1.0 - x as f32]));
     let texture = scene.add_texture(Texture { wrap: [Wrap::Clamp; 2], ..Texture::new(ramp, Encoding::Linear) });
-    let emission = ColorParam { factor: Rgb::WHITE, texture: Some(texture) };
+    let emission = ColorParam::textured(Rgb::WHITE, Some(texture));
     let material = scene.add_material(Material { emission, ..Material::new("ramp", Black {}) });
     put_mesh(&mut scene, quad(), DAffine3::from_scale(DVec3::splat(4.0)), material);
     let projection = snell_scene::Projection::Orthographic { half_size: [Some(0.6), Some(0.6)] };

@@ -33,7 +33,7 @@ fn every_light(with_points: bool) -> (Scene, Camera) {
     let picture = image(4, 4, 3, |x, y| vec![x as f32 * 2.0, f32::from(y == 1) * 9.0, 0.5]);
     let picture = scene.add_image(picture);
     let texture = Some(scene.add_texture(Texture::new(picture, Encoding::Linear)));
-    let emission = ColorParam { factor: Rgb::splat(1.0), texture };
+    let emission = ColorParam::textured(Rgb::splat(1.0), texture);
     let screen = Material { emission, emits_on_both_sides: true, ..Material::new("screen", Black {}) };
     let screen = scene.add_material(screen);
     let surfaces = vec![Surface::with_material(Geometry::Mesh(Arc::new(quad())), screen)];

@@ -100,7 +100,7 @@ pub fn everything() -> (Scene, Camera) {
     let (checks, bumps) = (scene.add_image(checks), scene.add_image(bumps));
     let checks = scene.add_texture(Texture::new(checks, Encoding::Linear));
     let bumps = scene.add_texture(Texture::new(bumps, Encoding::Linear));
-    let textured = ColorParam { factor: Rgb::WHITE, texture: Some(checks) };
+    let textured = ColorParam::textured(Rgb::WHITE, Some(checks));
     let alpha = ScalarParam { factor: 1.0, texture: Some((checks, 3)) };
 
     let floor = Material::new("floor", Diffuse { reflectance: textured });

@@ -2,8 +2,9 @@
 
 use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Sphere};
+use snell_math::spectrum::{Metal, RefractiveIndex};
 use snell_math::{ColorModel, DAffine3, DVec3, Rgb, Vec3};
-use snell_render::{CompiledScene, IntegratorKind, Settings, TileOrder};
+use snell_render::{CompiledScene, Crop, IntegratorKind, Settings, TileOrder};
 use snell_scene::builtin::builtin;
 use snell_scene::material::{Conductor, Dielectric, MaterialKind, MetallicRoughness, Mirror, Phong, Plastic};
 use snell_scene::{Background, Camera, Environment, Light, Material, Scene};
@@ -84,6 +85,43 @@ fn grey_scenes_look_as_they_do_in_rgb() {
 }
 
 #[test]
+fn a_path_of_one_wavelength_stands_for_four() {
+    // Glass that parts wavelengths without bending them apart.
+    let scene =
+        |ior: RefractiveIndex| display(vec![Dielectric::smooth(ior).into(), Dielectric::rough(ior, 0.4).into()]);
+    let film = |ior: RefractiveIndex, seed| {
+        let (scene, camera) = scene(ior);
+        let settings = Settings { color: ColorModel::Spectral, seed, max_depth: 8, ..settings(24, 160) };
+        render(&scene, &camera, &settings)
+    };
+    let parting = RefractiveIndex::Cauchy { a: 1.5, b: 1e-9 };
+    compare(&film(1.5.into(), 1), &film(parting, 2)).check("one wavelength for four");
+}
+
+#[test]
+fn a_prism_shows_a_spectrum_and_in_rgb_a_white_line() {
+    let scene = builtin("prism").expect("the scene is built in");
+    let rows = |color| {
+        let settings = Settings { size: [160, 100], spp: 64, color, ..settings(160, 64) };
+        let crop = Some(Crop { min: [0, 50], max: [160, 51] });
+        colors(&render(&scene, &scene.cameras[0], &Settings { crop, ..settings }).image())
+    };
+    let spectral = rows(ColorModel::Spectral);
+    // The pixel in which a channel leads the others by most.
+    let place = |c: usize| {
+        let lead = |p: &[f64; 3]| p[c] - p[(c + 1) % 3].max(p[(c + 2) % 3]);
+        let best = (0..160).max_by(|&a, &b| lead(&spectral[a]).total_cmp(&lead(&spectral[b]))).expect("pixels");
+        assert!(lead(&spectral[best]) > 0.1, "channel {c}: {:?}", spectral[best]);
+        best as i32
+    };
+    let [red, green, blue] = [0, 1, 2].map(place);
+    assert!((green - red) * (blue - green) > 0 && (blue - red).abs() >= 3, "{red} {green} {blue}");
+    for pixel in rows(ColorModel::Rgb) {
+        assert!((pixel[0] - pixel[2]).abs() <= 1e-3 * pixel[0], "{pixel:?}");
+    }
+}
+
+#[test]
 fn colours_that_are_seen_once_are_those_of_rgb() {
     let mut scene = Scene::new("colours");
     let colors = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.8, 0.7, 0.1], [0.02, 0.3, 0.4], [1.0; 3]];
@@ -129,7 +167,14 @@ fn a_furnace_of_all_colours_of_light_stays_white() {
 
 #[test]
 fn spectral_pictures_do_not_depend_on_threads_order_or_the_textbook() {
-    let (scene, camera) = everything();
+    let (mut scene, camera) = everything();
+    for material in &mut scene.materials {
+        match &mut material.kind {
+            MaterialKind::Dielectric(glass) => glass.ior = RefractiveIndex::from_abbe(1.6, 20.0),
+            MaterialKind::Conductor(metal) => *metal = Conductor::metal(Metal::named("Cu").expect("known"), 0.3),
+            _ => {}
+        }
+    }
     let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("the scene compiles");
     for integrator in [IntegratorKind::Path, IntegratorKind::Whitted] {
         let plain = Settings {

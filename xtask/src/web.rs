@@ -77,7 +77,7 @@ fn in_browser() -> bool {
         eprintln!("xtask: no Chromium or Chrome, and none could be installed; CHROME names one");
         return false;
     };
-    if !run("build of snell", cargo(&["build", "--quiet", "--profile", "test", "--package", "snell"])) {
+    if !run("build of snell", cargo(&["build", "--quiet", "--workspace", "--profile", "test", "--bin", "snell"])) {
         return false;
     }
     let snell = root().join("target/debug").join(if cfg!(windows) { "snell.exe" } else { "snell" });

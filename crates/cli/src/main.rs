@@ -10,6 +10,7 @@ mod failure;
 mod progress;
 mod resources;
 mod scene_source;
+mod spectrum_file;
 mod standard_output;
 
 use clap::{CommandFactory, Parser};

@@ -83,7 +83,7 @@ impl Header {
     fn read(numbers: &mut Numbers) -> Result<Self, ReadError> {
         let fixed = numbers.take(13, "one of the 13 numbers after TILT")?;
         let count = |x: f64, what: &str| {
-            let is_count = x >= 1.0 && x <= 10_000.0 && x.fract() == 0.0;
+            let is_count = (1.0..=10_000.0).contains(&x) && x.fract() == 0.0;
             let problem = || format!("the number of {what} angles is {x}, expected 1 to 10000");
             if is_count { Ok(x as usize) } else { Err(numbers.input.error(Place::Whole, problem(), REMEDY)) }
         };

@@ -179,6 +179,16 @@ mod tests {
     }
 
     #[test]
+    fn spectra_come_from_text() {
+        let mut scene = scene();
+        apply(&mut scene, "material.0.emission.spectrum=blackbody:3000").expect("a spectrum");
+        let red = scene.materials[0].emission.spectrum.expect("it was set").light_rgb();
+        assert!(red.r > red.g && red.g > red.b);
+        let error = apply(&mut scene, "material.0.reflectance.spectrum=nonsense").expect_err("no spectrum").to_string();
+        assert!(error.contains("blackbody:KELVIN"), "{error}");
+    }
+
+    #[test]
     fn media_are_changed_by_number_and_keep_their_grids() {
         let mut scene = crate::builtin::builtin("smoke").expect("the scene is built in");
         let before = scene.media[0].clone();

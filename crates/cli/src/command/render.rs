@@ -8,7 +8,7 @@ pub use options::Options;
 
 use crate::failure::Failure;
 use crate::progress::Reporter;
-use crate::scene_source;
+use crate::{scene_source, spectrum_file};
 use snell_formats::error::one_line;
 use snell_math::simd::Level;
 use snell_render::{CompiledScene, IntegratorKind, Job, Settings, Statistics};
@@ -106,7 +106,7 @@ pub(super) fn prepare_scene(scene: &mut Scene, options: &Options) -> Result<(), 
         filled.map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
     }
     for definition in &options.define {
-        snell_scene::overrides::apply(scene, definition)?;
+        snell_scene::overrides::apply(scene, &spectrum_file::resolve(definition)?)?;
     }
     Ok(())
 }

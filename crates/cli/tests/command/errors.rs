@@ -186,3 +186,16 @@ fn files_that_are_no_files_are_errors() {
     error: a.exr: the OpenEXR file is damaged or of an unsupported kind: not supported: too new file feature flags; render or export it again as scan lines with ZIP compression
     ");
 }
+
+#[test]
+fn the_viewer_refuses_what_it_cannot_serve() {
+    let place = Place::new();
+    let first = |words: &str| {
+        let text = failure(&place, words);
+        text.lines().take(2).collect::<Vec<_>>().join(" ")
+    };
+    assert!(first("view cornel-box").starts_with("1 error: cornel-box: neither a file nor a built-in scene"));
+    assert!(first("view --fps 0").starts_with("2 error: --fps 0: from 1 to 240"));
+    assert!(first("view --token short").starts_with("2 error: invalid value 'short' for '--token <TOKEN>'"));
+    assert!(first("view cornell-box -- --spp none").starts_with("2 error: invalid value 'none' for '--spp <N>'"));
+}

@@ -4,13 +4,20 @@
 //! transports light works on all four lanes alike and never asks which mode it runs in: only where colours enter
 //! ([`ColorMode::reflectance`], [`ColorMode::illuminant`]) and leave ([`ColorMode::to_rgb`]) does the mode matter.
 
+mod authored;
 pub mod cie;
+mod glass;
+mod metal;
 mod mode;
 pub mod response;
 mod rgb;
+mod table;
 pub mod uplift;
 mod wavelengths;
 
+pub use authored::{Color, Spectrum};
+pub use glass::{Glass, LINE_D, RefractiveIndex};
+pub use metal::Metal;
 pub use mode::{ColorMode, ColorModel};
 pub use rgb::{Rgb, linear_to_srgb, srgb_to_linear};
 pub use wavelengths::SampledWavelengths;

@@ -2,7 +2,7 @@
 
 use super::response::{rgb_of_samples, white_light};
 use super::uplift::RgbSpectrum;
-use super::{LANES, Rgb, SampledSpectrum, SampledWavelengths};
+use super::{Color, LANES, Rgb, SampledSpectrum, SampledWavelengths};
 
 /// How a render computes with colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -49,7 +49,11 @@ pub enum ColorMode {
 impl ColorMode {
     /// The lanes of a reflectance, albedo or other factor, or of a coefficient that is not bounded by 1.
     #[inline]
-    pub fn reflectance(self, color: Rgb) -> SampledSpectrum {
+    pub fn reflectance(self, color: impl Into<Color>) -> SampledSpectrum {
+        let Color { rgb: color, spectrum } = color.into();
+        if let Some(spectrum) = &spectrum {
+            return self.spectral_reflectance(color, spectrum);
+        }
         match self {
             Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
             Self::Spectral(wavelengths) => RgbSpectrum::of_factor(color).at(&wavelengths),
@@ -58,7 +62,11 @@ impl ColorMode {
 
     /// The lanes of an emitted or incident radiance: white is the light of illuminant D65.
     #[inline]
-    pub fn illuminant(self, color: Rgb) -> SampledSpectrum {
+    pub fn illuminant(self, color: impl Into<Color>) -> SampledSpectrum {
+        let Color { rgb: color, spectrum } = color.into();
+        if let Some(spectrum) = &spectrum {
+            return self.spectral_illuminant(color, spectrum);
+        }
         match self {
             Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
             Self::Spectral(wavelengths) => {

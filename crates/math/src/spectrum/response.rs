@@ -169,6 +169,15 @@ pub fn rgb_of_light(radiance: impl Fn(f32) -> f64) -> Rgb {
     sum.map(|x| x as f32).into()
 }
 
+/// The luminance of a light of this spectral radiance: 1 for a radiance of 1 at all wavelengths.
+pub fn luminance_of_light(radiance: impl Fn(f32) -> f64) -> f64 {
+    let value = |i: usize| {
+        let weight = if i == 0 || i == LAMBDA_COUNT - 1 { 0.5 } else { 1.0 };
+        radiance(LAMBDA_MIN + i as f32) * OBSERVER_1931[i][1] * weight
+    };
+    (0..LAMBDA_COUNT).map(value).sum::<f64>() / OBSERVED
+}
+
 /// The colour that a surface of this reflectance has in white light (D65).
 pub fn rgb_of_reflectance(reflectance: impl Fn(f32) -> f64) -> Rgb {
     rgb_of_light(|lambda| reflectance(lambda) * f64::from(white_light(lambda)))
@@ -202,5 +211,42 @@ mod tests {
             mean.iter_mut().zip(rgb).for_each(|(m, x)| *m += f64::from(x) / f64::from(n));
         }
         assert!(mean.iter().zip(expected).all(|(m, e)| (m - f64::from(e)).abs() < 1e-3), "{mean:?} {expected:?}");
+    }
+
+    /// The rows of a file of comma-separated values, without its head; `None` where the shared data are not there.
+    fn csv(name: &str) -> Option<Vec<Vec<String>>> {
+        let path = format!("{}/../../../shared/data/spectra/cie/{name}", env!("CARGO_MANIFEST_DIR"));
+        let Ok(text) = std::fs::read_to_string(&path) else {
+            eprintln!("skipped: there is no {path}");
+            return None;
+        };
+        Some(text.lines().skip(1).map(|line| line.split(',').map(str::to_string).collect()).collect())
+    }
+
+    /// Spectra of the 24 patches of the ColorChecker against colours computed elsewhere, and there and back from the colours.
+    #[test]
+    fn a_colour_checker_has_its_colours_and_they_come_back() {
+        let (Some(spectra), Some(colors)) =
+            (csv("colorchecker_babelcolor_reflectance.csv"), csv("colorchecker_expected_XYZ_linear_sRGB_D65.csv"))
+        else {
+            return;
+        };
+        let number = |text: &String| text.parse::<f32>().expect("a number");
+        for (patch, row) in colors.iter().enumerate() {
+            let table: Vec<[f32; 2]> = spectra.iter().map(|r| [number(&r[0]), number(&r[patch + 1])]).collect();
+            let seen = rgb_of_reflectance(|lambda| {
+                let [value] = super::super::table::lookup(&table, lambda);
+                f64::from(value)
+            });
+            let expected = Rgb::new(number(&row[4]), number(&row[5]), number(&row[6]));
+            let uplifted = super::super::uplift::RgbSpectrum::of_factor(expected);
+            let back = rgb_of_reflectance(|lambda| uplifted.at_wavelength(lambda).into());
+            for c in 0..3 {
+                let [seen, expected, back] = [seen, expected, back].map(|rgb| rgb.to_array()[c]);
+                assert!((seen - expected).abs() < 2e-3, "{}: {seen} instead of {expected}", row[0]);
+                // One patch, cyan, is outside of what a screen shows.
+                assert!((back - expected.max(0.0)).abs() < 2e-3, "{}: {expected} comes back as {back}", row[0]);
+            }
+        }
     }
 }

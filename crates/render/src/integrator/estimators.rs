@@ -194,5 +194,7 @@ pub fn light_pdf_of_environment(context: &Context, vertex: &Vertex) -> f32 {
 
 /// The state after a bounce.
 pub fn continued(vertex: &Vertex, surface: &SurfaceVertex, throughput: SampledSpectrum) -> PathState {
-    PathState { throughput, cone_width: surface.footprint, ..*vertex.state }
+    let mode = vertex.state.mode;
+    let mode = if surface.material.is_dispersive() { mode.hero_only() } else { mode };
+    PathState { throughput, mode, cone_width: surface.footprint, ..*vertex.state }
 }

@@ -51,7 +51,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let receiver = Receiver {
         position: surface.interaction.position,
         normal: if normal.dot(wo) < 0.0 { -normal } else { normal },
-        transmits: true,
+        transmits: !shading.is_opaque(),
     };
     if !shading.is_delta() {
         let bsdf = |wi| (shading.eval(wo, wi), shading.pdf(wo, wi));

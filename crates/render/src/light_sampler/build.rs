@@ -4,18 +4,20 @@
 
 use super::bvh::{EMITTER, NONE, Node, WIDTH};
 use super::cone::sin_from_cos;
+use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d, Vec3};
 use snell_scene::light::LightBounds;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 const BUCKETS: usize = 12;
+/// Ranges of more emitters are built in parallel, on the threads of the current rayon pool; the tree does not depend on them.
+const PARALLEL: usize = 4096;
 
 /// An emitter in the units of the tree.
 #[derive(Clone, Copy, Debug)]
 pub struct Emitter {
     center: Vec3,
     radius: f32,
-    bounds: Bounds3,
     axis: Vec3,
     cos_spread: f32,
     cos_emission: f32,
@@ -39,7 +41,6 @@ pub fn normalized(lights: &[LightBounds]) -> (Vec<Emitter>, Vec3, f32) {
         Emitter {
             center: bounds.center(),
             radius: bounds.radius(),
-            bounds,
             axis: light.axis,
             cos_spread: light.cos_spread,
             cos_emission: light.cos_emission,
@@ -53,32 +54,66 @@ pub fn normalized(lights: &[LightBounds]) -> (Vec<Emitter>, Vec3, f32) {
     (emitters.collect(), origin, scale)
 }
 
+impl Emitter {
+    /// The box around its sphere.
+    fn bounds(&self) -> Bounds3 {
+        Bounds3 { min: self.center - self.radius, max: self.center + self.radius }
+    }
+}
+
 /// The nodes of the tree, the root first; none without emitters.
 pub fn build(emitters: &[Emitter]) -> Vec<Node> {
-    let mut nodes = Vec::new();
-    if emitters.is_empty() {
-        return nodes;
+    if emitters.is_empty() { Vec::new() } else { subtree(&mut emitters.to_vec()) }
+}
+
+/// The tree over some emitters, numbered from 0.
+fn subtree(emitters: &mut [Emitter]) -> Vec<Node> {
+    if emitters.len() <= PARALLEL {
+        return small_subtree(emitters);
     }
-    let mut emitters = emitters.to_vec();
-    // A stack of its own: many lights in one place may nest deeply.
+    let mut rest = &mut *emitters;
+    let mut parts = Vec::new();
+    for length in split_wide(rest) {
+        let (part, others) = rest.split_at_mut(length);
+        parts.push(part);
+        rest = others;
+    }
+    let mut root = Node::new(NONE, 0);
+    (0..).zip(&parts).for_each(|(lane, part)| set_child(&mut root, lane, part));
+    let below: Vec<Vec<Node>> =
+        parts.into_par_iter().map(|part| if part.len() > 1 { subtree(part) } else { Vec::new() }).collect();
+    let mut nodes = vec![root];
+    for (lane, below) in below.into_iter().enumerate().filter(|(_, nodes)| !nodes.is_empty()) {
+        let offset = nodes.len() as u32;
+        nodes[0].child[lane] = offset;
+        nodes.extend(below.into_iter().map(|mut node| {
+            let is_node = |c: u32| c != NONE && c & EMITTER == 0;
+            node.child = node.child.map(|c| if is_node(c) { c + offset } else { c });
+            (node.parent, node.slot) =
+                if node.parent == NONE { (0, lane as u32) } else { (node.parent + offset, node.slot) };
+            node
+        }));
+    }
+    nodes
+}
+
+/// The same for few: with a stack of its own, because many lights in one place may nest deeply.
+fn small_subtree(emitters: &mut [Emitter]) -> Vec<Node> {
+    let mut nodes: Vec<Node> = Vec::new();
     let mut todo = vec![(0, emitters.len(), NONE, 0)];
     while let Some((start, end, parent, slot)) = todo.pop() {
         let number = nodes.len() as u32;
         if parent != NONE {
-            let above: &mut Node = &mut nodes[parent as usize];
-            above.child[slot as usize] = number;
+            nodes[parent as usize].child[slot as usize] = number;
         }
         let mut node = Node::new(parent, slot);
         let mut first = start;
-        for (lane, part) in (0..).zip(split_wide(&mut emitters[start..end])) {
-            let range = first..first + part;
-            set_child(&mut node, lane as usize, &emitters[range.clone()]);
-            if part == 1 {
-                node.child[lane as usize] = emitters[range.start].number | EMITTER;
-            } else {
-                todo.push((range.start, range.end, number, lane));
+        for (lane, length) in (0..).zip(split_wide(&mut emitters[start..end])) {
+            set_child(&mut node, lane as usize, &emitters[first..first + length]);
+            if length > 1 {
+                todo.push((first, first + length, number, lane));
             }
-            first += part;
+            first += length;
         }
         nodes.push(node);
     }
@@ -122,7 +157,7 @@ impl Bucket {
     };
 
     fn add(&mut self, e: &Emitter) {
-        self.bounds = self.bounds.union(&e.bounds);
+        self.bounds = self.bounds.union(&e.bounds());
         self.axes = self.axes.with_point(e.axis);
         self.cos_spread = self.cos_spread.min(e.cos_spread);
         self.cos_emission = self.cos_emission.min(e.cos_emission);
@@ -175,9 +210,10 @@ fn split(emitters: &mut [Emitter]) -> (usize, [f32; 2]) {
     let size = centers.size();
     let mut best: Option<(f32, usize, usize, [f32; 2])> = None;
     if emitters.len() > 2 {
+        let buckets = sort_into_buckets(emitters, &centers);
         for axis in (0..3).filter(|&axis| size[axis] > 0.0) {
             let stretch = size.max_element() / size[axis];
-            let Some((bucket, costs)) = best_boundary(emitters, &centers, axis) else { continue };
+            let Some((bucket, costs)) = best_boundary(&buckets[axis]) else { continue };
             let cost = (costs[0] + costs[1]) * stretch;
             if best.is_none_or(|b| cost < b.0) {
                 best = Some((cost, axis, bucket, costs));
@@ -201,10 +237,19 @@ fn bucket_of(e: &Emitter, centers: &Bounds3, axis: usize) -> usize {
     ((relative * BUCKETS as f32) as usize).min(BUCKETS - 1)
 }
 
-/// After which bucket to split along an axis, and what the two parts cost.
-fn best_boundary(emitters: &[Emitter], centers: &Bounds3, axis: usize) -> Option<(usize, [f32; 2])> {
-    let mut buckets = [Bucket::EMPTY; BUCKETS];
-    emitters.iter().for_each(|e| buckets[bucket_of(e, centers, axis)].add(e));
+/// What the buckets along each axis hold.
+fn sort_into_buckets(emitters: &[Emitter], centers: &Bounds3) -> [[Bucket; BUCKETS]; 3] {
+    let mut buckets = [[Bucket::EMPTY; BUCKETS]; 3];
+    for e in emitters {
+        for (axis, buckets) in buckets.iter_mut().enumerate() {
+            buckets[bucket_of(e, centers, axis)].add(e);
+        }
+    }
+    buckets
+}
+
+/// After which bucket to split, and what the two parts cost.
+fn best_boundary(buckets: &[Bucket; BUCKETS]) -> Option<(usize, [f32; 2])> {
     let mut above = [Bucket::EMPTY; BUCKETS + 1];
     for i in (0..BUCKETS).rev() {
         above[i] = above[i + 1].union(&buckets[i]);
@@ -236,7 +281,10 @@ fn partition(emitters: &mut [Emitter], is_first: impl Fn(&Emitter) -> bool) -> u
 
 /// Tight bounds of a child.
 fn set_child(node: &mut Node, lane: usize, emitters: &[Emitter]) {
-    let bounds = emitters.iter().fold(Bounds3::EMPTY, |b, e| b.union(&e.bounds));
+    if let [only] = emitters {
+        node.child[lane] = only.number | EMITTER;
+    }
+    let bounds = emitters.iter().fold(Bounds3::EMPTY, |b, e| b.union(&e.bounds()));
     let center = bounds.center();
     let radius = emitters.iter().map(|e| (e.center - center).length() + e.radius).fold(0.0, f32::max);
     let is_two_sided = emitters.iter().any(|e| e.is_two_sided);
@@ -251,7 +299,7 @@ fn set_child(node: &mut Node, lane: usize, emitters: &[Emitter]) {
         node.center[k][lane] = center[k];
         node.axis[k][lane] = axis[k];
     }
-    node.radius[lane] = radius.min(bounds.radius()) * (1.0 + 1e-6);
+    node.radius[lane] = radius * (1.0 + 1e-6);
     node.cos_spread[lane] = cos_spread;
     node.sin_spread[lane] = sin_from_cos(cos_spread);
     node.cos_emission[lane] = emitters.iter().map(|e| e.cos_emission).fold(1.0, f32::min);

@@ -88,7 +88,7 @@ impl LightBvh {
         let (normalized, origin, scale) = build::normalized(&parts);
         let nodes = build::build(&normalized);
         let in_tree = |i: &usize| first[*i] != NONE && !nodes.is_empty();
-        let tree_power: f64 = (0..lights.len()).filter(in_tree).map(|i| lights[i].power).sum();
+        let tree_power = (0..lights.len()).filter(in_tree).map(|i| lights[i].power).sum::<f64>().min(f64::MAX);
         let weights =
             mixed(std::iter::once(tree_power).chain(beside.iter().map(|&i| lights[i as usize].power)).collect());
         let table = LightTable::new(&weights[1..]);

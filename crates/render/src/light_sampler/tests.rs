@@ -16,9 +16,9 @@ fn part(key: u32, size: f32) -> LightBounds {
     LightBounds {
         bounds: Bounds3d { min: center - reach, max: center + reach },
         axis: sampling::uniform_sphere(uniform2([key, 0, 0, 1])),
-        cos_spread: if key % 5 == 0 { -1.0 } else { 1.0 },
-        cos_emission: if key % 7 == 0 { 0.9 } else { 0.0 },
-        is_two_sided: key % 3 == 0,
+        cos_spread: if key.is_multiple_of(5) { -1.0 } else { 1.0 },
+        cos_emission: if key.is_multiple_of(7) { 0.9 } else { 0.0 },
+        is_two_sided: key.is_multiple_of(3),
         intensity: f64::from(unit(key, 5)).powi(4) + 1e-4,
     }
 }
@@ -37,8 +37,8 @@ fn lights(count: u32, size: f32) -> Vec<LightSummary> {
 }
 
 fn receiver(key: u32, size: f32) -> Receiver {
-    let normal = if key % 4 == 0 { Vec3::ZERO } else { sampling::uniform_sphere(uniform2([key, 7, 7, 7])) };
-    Receiver { position: random_point(key ^ 0x5555, size), normal, transmits: key % 3 == 0 }
+    let normal = if key.is_multiple_of(4) { Vec3::ZERO } else { sampling::uniform_sphere(uniform2([key, 7, 7, 7])) };
+    Receiver { position: random_point(key ^ 0x5555, size), normal, transmits: key.is_multiple_of(3) }
 }
 
 fn table(kind: LightSamplerKind, powers: &[f64], left_out: Option<usize>) -> LightSampler {
@@ -79,7 +79,7 @@ fn a_light_that_is_left_out_takes_no_samples_from_the_others() {
 
 #[test]
 fn the_tree_gives_every_emitter_with_the_probability_it_says() {
-    for (count, size) in [(1, 1.0), (2, 1.0), (3, 1e-4), (30, 1e5), (300, 1.0)] {
+    for (count, size) in [(1, 1.0), (2, 1.0), (3, 1e-4), (30, 1e5), (900, 1.0)] {
         let lights = lights(count, size);
         let sampler = LightSampler::new(LightSamplerKind::Bvh, &lights);
         for key in 0..12 {
@@ -100,6 +100,18 @@ fn the_tree_gives_every_emitter_with_the_probability_it_says() {
             assert!((all - chosen_at_all).abs() < 0.01 && all < 1.0001, "{count} {key}: {all} {chosen_at_all}");
         }
     }
+}
+
+#[test]
+fn the_tree_does_not_depend_on_the_number_of_threads() {
+    let parts: Vec<LightBounds> = (0..20_000).map(|i| part(i, 1.0)).collect();
+    let lights = [LightSummary { power: 1.0, parts, is_sampled: true }];
+    let choices = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        let sampler = pool.install(|| LightSampler::new(LightSamplerKind::Bvh, &lights));
+        (0..3000).map(|i| sampler.sample(&receiver(i, 1.0), || unit(i, 9))).collect::<Vec<_>>()
+    };
+    assert_eq!(choices(1), choices(3));
 }
 
 /// Equidistant numbers: each emitter comes as often as its probability says, to one per boundary.

@@ -311,7 +311,7 @@ fn where_media_overlap_the_higher_priority_is_there_or_the_one_entered_last() {
         ([1, 0], 1.0, 0.125),
     ] {
         let (scene, camera) = overlapping(priorities, eye);
-        let expected = (-thickness as f64).exp();
+        let expected = f64::exp(-thickness);
         for pixel in render(&scene, &camera, &settings(1)) {
             assert!((pixel[0] - expected).abs() < 1e-4, "{priorities:?} from {eye}: {pixel:?} is not {expected}");
         }

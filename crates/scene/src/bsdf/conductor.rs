@@ -161,6 +161,10 @@ impl Lobes for ConductorBsdf {
         self.ggx.is_smooth()
     }
 
+    fn is_opaque(&self) -> bool {
+        true
+    }
+
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {
         let lost = self.loss.towards(lift(wo));
         self.reflectance(wo.z.abs()) * (1.0 - lost) + self.bounced * self.loss.average() * lost

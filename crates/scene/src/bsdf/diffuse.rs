@@ -115,6 +115,10 @@ impl Lobes for DiffuseBsdf {
         false
     }
 
+    fn is_opaque(&self) -> bool {
+        true
+    }
+
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {
         self.directional_albedo(wo.z.abs())
     }

@@ -230,6 +230,10 @@ impl Lobes for GlossyBsdf {
             && self.body.walk.is_black()
     }
 
+    fn is_opaque(&self) -> bool {
+        self.body.through.is_black() && self.body.walk.is_black()
+    }
+
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {
         let e = self.gloss_albedo(lift(wo));
         let body = self.body.diffuse.directional_albedo(wo.z.abs()) + self.body.through + self.body.walk;

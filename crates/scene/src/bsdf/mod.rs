@@ -109,6 +109,11 @@ pub trait Lobes {
     /// True if there is no lobe but delta lobes: light samples are useless.
     fn is_delta(&self) -> bool;
 
+    /// True if [`Self::eval`] is 0 for directions on opposite sides: lights behind the surface need no samples. Delta lobes do not count.
+    fn is_opaque(&self) -> bool {
+        false
+    }
+
     /// Approximate share of light that is reflected or transmitted towards `wo`: what the albedo AOV shows.
     fn albedo(&self, wo: Vec3) -> SampledSpectrum;
 
@@ -151,6 +156,7 @@ macro_rules! bsdfs {
             fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 { match self { $(Self::$kind(b) => b.pdf(wo, wi),)* } }
             fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> { match self { $(Self::$kind(b) => b.sample(wo, u_lobe, u),)* } }
             fn is_delta(&self) -> bool { match self { $(Self::$kind(b) => b.is_delta(),)* } }
+            fn is_opaque(&self) -> bool { match self { $(Self::$kind(b) => b.is_opaque(),)* } }
             fn albedo(&self, wo: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.albedo(wo),)* } }
             fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.eval_classic(wo, wi),)* } }
             fn ambient(&self, wo: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.ambient(wo),)* } }

@@ -79,7 +79,7 @@ pub struct OpenPbrBsdf {
     slabs: Slabs,
     coat: Option<CoatLobe>,
     fuzz: Option<Fuzz>,
-    /// 1 in every lane in use, 0 elsewhere.
+    /// 1 in every lane in use (or more in the only one), 0 elsewhere: a factor on everything.
     unit: SampledSpectrum,
 }
 
@@ -244,7 +244,7 @@ impl OpenPbrBsdf {
             let (_, Translucent::Solid(b)) = self.slabs.translucent? else { return None };
             let sample = b.sample(wo, ((u_lobe - scattering) / clear).min(1.0 - f32::EPSILON), u)?;
             if sample.is_delta {
-                return Some(sample);
+                return Some(BsdfSample { weight: sample.weight * self.unit, ..sample });
             }
             sample.wi
         };
@@ -260,9 +260,9 @@ impl OpenPbrBsdf {
         if let Some((_, b)) = &self.slabs.opaque
             && wi.z > 0.0
         {
-            value += b.exit_value(wi) * self.unit * scattering;
+            value += b.exit_value(wi) * scattering;
         }
-        value
+        value * self.unit
     }
 
     fn pdf_inside(&self, wo: Vec3, wi: Vec3) -> f32 {
@@ -406,6 +406,10 @@ impl Lobes for OpenPbrBsdf {
         self.fuzz.is_none()
             && self.coat.as_ref().is_none_or(|c| c.coat.ggx.is_smooth())
             && self.slabs().iter().flatten().all(|(_, slab)| slab.is_delta())
+    }
+
+    fn is_opaque(&self) -> bool {
+        !self.has_inside() && self.slabs().iter().flatten().all(|(_, slab)| slab.is_opaque())
     }
 
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {

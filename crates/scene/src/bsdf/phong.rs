@@ -151,6 +151,10 @@ impl Lobes for PhongBsdf {
         self.diffuse.is_black() && self.specular.is_black()
     }
 
+    fn is_opaque(&self) -> bool {
+        true
+    }
+
     fn albedo(&self, _wo: Vec3) -> SampledSpectrum {
         (self.diffuse + self.specular + self.mirror_excess() + self.transmission) * self.scale
     }

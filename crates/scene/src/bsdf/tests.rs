@@ -57,7 +57,7 @@ fn for_each(mut check: impl FnMut(&str, &MaterialKind, &Bsdf, Vec3)) {
 /// Index of refraction behind the surface over that on the side of `wo`, for what bends light.
 fn relative_ior(kind: &MaterialKind, wo: Vec3) -> f32 {
     let ior = match kind {
-        MaterialKind::Dielectric(d) => d.ior,
+        MaterialKind::Dielectric(d) => d.ior.at_line_d(),
         MaterialKind::OpenPbr(p) if p.transmission_weight.factor > 0.0 && !p.geometry_thin_walled => {
             p.specular_ior.factor
         }
@@ -127,6 +127,16 @@ fn furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3, n: u32) -> [f64; 3] {
         }
     }
     sum.map(|s| s / f64::from(n))
+}
+
+#[test]
+fn opaque_bsdfs_bring_no_light_across() {
+    for_each(|name, _, bsdf, wo| {
+        for i in (0..200).filter(|_| bsdf.is_opaque()) {
+            let wi = snell_math::sampling::uniform_sphere(rng::uniform2([i, 8, 8, 8]));
+            assert!(wi.z * wo.z > 0.0 || bsdf.eval(wo, wi).is_black(), "{name}: {wi}");
+        }
+    });
 }
 
 #[test]

@@ -6,6 +6,7 @@ mod fog;
 mod minray;
 mod night_town;
 mod palette;
+mod prism;
 mod quads;
 mod smoke;
 mod spheres;
@@ -52,6 +53,11 @@ pub const BUILTINS: &[Builtin] = &[
         name: "night-town",
         description: "A town at night: a thousand lamps of very different strengths, most of them hidden",
         make: night_town::scene,
+    },
+    Builtin {
+        name: "prism",
+        description: "A slit seen through a prism of flint glass; render it with --color spectral",
+        make: prism::scene,
     },
     Builtin { name: "smoke", description: "A camp fire with its plume of smoke, on grids", make: smoke::scene },
     Builtin {

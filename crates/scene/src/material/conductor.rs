@@ -2,13 +2,18 @@
 
 use super::{ColorParam, ScalarParam, ShadingPoint};
 use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, Ggx};
-use serde::{Deserialize, Serialize};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use snell_math::spectrum::Metal;
 use snell_math::{Rgb, SampledSpectrum};
 
-/// What a metal reflects.
+/// What a metal reflects. A metal by name is also written as text: `"metal:Au"`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[serde(rename_all = "kebab-case", remote = "Self")]
 pub enum ConductorSpectrum {
+    /// A measured metal by chemical symbol or name: exact in spectral mode, and of the same colour at normal incidence in RGB mode.
+    Metal(Metal),
     /// Complex index of refraction `eta + i k` relative to air.
     Measured {
         /// Real part, at least 0.
@@ -18,6 +23,37 @@ pub enum ConductorSpectrum {
     },
     /// Colour at normal incidence, `[0, 1]`; white at grazing angles (Schlick).
     Color(ColorParam),
+}
+
+impl Serialize for ConductorSpectrum {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for ConductorSpectrum {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(SpectrumVisitor)
+    }
+}
+
+struct SpectrumVisitor;
+
+impl<'de> Visitor<'de> for SpectrumVisitor {
+    type Value = ConductorSpectrum;
+
+    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str("metal:NAME, or one of {\"metal\": NAME}, {\"measured\": {\"eta\": [r, g, b], \"k\": [r, g, b]}} and {\"color\": …}")
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<ConductorSpectrum, E> {
+        let name = text.strip_prefix("metal:").unwrap_or(text);
+        Metal::try_from(name.to_string()).map(ConductorSpectrum::Metal).map_err(E::custom)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ConductorSpectrum, A::Error> {
+        ConductorSpectrum::deserialize(MapAccessDeserializer::new(map))
+    }
 }
 
 /// A metal with GGX microfacets.
@@ -33,6 +69,11 @@ impl Conductor {
     /// A metal of this complex index of refraction.
     pub fn measured(eta: Rgb, k: Rgb, roughness: f32) -> Self {
         Self { spectrum: ConductorSpectrum::Measured { eta, k }, roughness: roughness.into() }
+    }
+
+    /// A measured metal.
+    pub fn metal(metal: Metal, roughness: f32) -> Self {
+        Self { spectrum: ConductorSpectrum::Metal(metal), roughness: roughness.into() }
     }
 
     /// A metal of this colour.
@@ -52,14 +93,17 @@ impl Conductor {
 
     /// Metals for tests and galleries.
     pub fn examples() -> Vec<Self> {
-        vec![
+        let silver = Metal::named("silver").map(|metal| Self::metal(metal, 0.2));
+        let mut all = vec![
             Self::gold(0.0),
             Self::copper(0.35),
             Self::gold(1.0),
             Self::color(Rgb::WHITE, 0.0),
             Self::color(Rgb::new(0.9, 0.2, 0.1), 0.1),
             Self::color(Rgb::WHITE, 0.6),
-        ]
+        ];
+        all.extend(silver);
+        all
     }
 
     /// The BSDF at a point.
@@ -71,6 +115,10 @@ impl Conductor {
     pub(super) fn lobe(&self, point: &ShadingPoint, outside_ior: f32) -> ConductorBsdf {
         let over = 1.0 / outside_ior;
         let facets = match self.spectrum {
+            ConductorSpectrum::Metal(metal) => {
+                let [eta, k] = metal.indices(point.mode);
+                FacetReflectance::Complex { eta: eta * over, k: k * over }
+            }
             ConductorSpectrum::Measured { eta, k } => {
                 FacetReflectance::Complex { eta: point.coefficient(eta) * over, k: point.coefficient(k) * over }
             }

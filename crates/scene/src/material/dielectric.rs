@@ -3,14 +3,17 @@
 use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{Bsdf, DielectricBsdf, Ggx, bounded};
 use serde::{Deserialize, Serialize};
+use snell_math::spectrum::{Glass, LINE_D, RefractiveIndex};
 use snell_math::{Rgb, SampledSpectrum};
 
 /// The interface between air (outer side) and a clear medium: reflects and refracts by Fresnel's and Snell's laws. For closed
 /// surfaces; a single sheet bends light once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dielectric {
-    /// Index of refraction of the inside over the outside: 1.33 for water, 1.5 for glass. Positive, otherwise 1.
-    pub ior: f32,
+    /// Index of refraction of the inside over the outside: 1.33 for water, 1.5 for glass, or a glass by name. Positive, otherwise 1.
+    /// If it depends on the wavelength, light of one wavelength goes on behind the interface (and in the mirror direction); in RGB
+    /// mode all colours have the index of the d-line.
+    pub ior: RefractiveIndex,
     /// Roughness, `[0, 1]`; the distribution's `alpha` is its square. Below 0.032 the interface is perfectly smooth.
     pub roughness: ScalarParam,
     /// Factor on light at each crossing, `[0, 1]`.
@@ -23,12 +26,12 @@ pub struct Dielectric {
 
 impl Dielectric {
     /// Clear and smooth.
-    pub fn smooth(ior: f32) -> Self {
-        Self { ior, roughness: 0.0.into(), tint: Rgb::WHITE.into(), absorption: Rgb::BLACK }
+    pub fn smooth(ior: impl Into<RefractiveIndex>) -> Self {
+        Self { ior: ior.into(), roughness: 0.0.into(), tint: Rgb::WHITE.into(), absorption: Rgb::BLACK }
     }
 
     /// Frosted.
-    pub fn rough(ior: f32, roughness: f32) -> Self {
+    pub fn rough(ior: impl Into<RefractiveIndex>, roughness: f32) -> Self {
         Self { roughness: roughness.into(), ..Self::smooth(ior) }
     }
 
@@ -42,6 +45,8 @@ impl Dielectric {
             Self::rough(1.5, 0.7),
             Self { tint: Rgb::new(1.0, 0.5, 0.0).into(), ..Self::rough(2.4, 0.4) },
             Self::rough(0.75, 0.5),
+            Self::smooth(Glass::SF11),
+            Self::rough(RefractiveIndex::from_abbe(1.6, 20.0), 0.4),
         ]
     }
 
@@ -56,11 +61,14 @@ impl Dielectric {
 
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
+        let mode = point.mode;
+        // Where wavelengths part, the hero stands for all of them.
+        let unit = if self.ior.is_dispersive() { mode.hero_factor() } else { mode.unit() };
         Bsdf::Dielectric(DielectricBsdf {
-            ior: positive_ior(positive_ior(self.ior) / point.outside_ior),
-            tint: point.reflectance(self.tint.at(point)),
+            ior: positive_ior(positive_ior(self.ior.at(mode.hero(LINE_D))) / point.outside_ior),
+            tint: point.reflectance(self.tint.at(point)) * unit,
             reflection_tint: SampledSpectrum::ONE,
-            unit: point.mode.unit(),
+            unit,
             film: None,
             ggx: Ggx::from_roughness(self.roughness.at(point)),
             arriving: self.transmittance(point),

@@ -33,7 +33,7 @@ impl Material {
     /// Index of refraction of the inside; 1 where nothing says otherwise.
     pub fn ior(&self) -> f32 {
         match &self.kind {
-            MaterialKind::Dielectric(dielectric) => super::positive_ior(dielectric.ior),
+            MaterialKind::Dielectric(dielectric) => super::positive_ior(dielectric.ior.at_line_d()),
             MaterialKind::OpenPbr(surface) => surface.inside_ior(),
             _ => 1.0,
         }

@@ -38,32 +38,42 @@ use crate::graph::{MediumId, TextureId};
 use crate::texture::TextureSet;
 use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
+use snell_math::spectrum::{Color, Spectrum};
 use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec3};
 
-/// A colour parameter: a factor, times a texture if there is one.
+/// A colour parameter: a factor, times a texture and a spectrum if there are any.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ColorParam {
     /// Linear factor.
     pub factor: Rgb,
     /// Its RGB multiplies the factor.
     pub texture: Option<TextureId>,
+    /// Multiplied by the factor: a black body, a measured spectrum. Exact in spectral mode, its colour in RGB mode.
+    #[serde(default)]
+    pub spectrum: Option<Spectrum>,
 }
 
 impl ColorParam {
     /// A constant colour.
     pub const fn constant(factor: Rgb) -> Self {
-        Self { factor, texture: None }
+        Self { factor, texture: None, spectrum: None }
+    }
+
+    /// A factor times a texture.
+    pub const fn textured(factor: Rgb, texture: Option<TextureId>) -> Self {
+        Self { factor, texture, spectrum: None }
     }
 
     /// The colour at a point.
-    pub fn at(&self, point: &ShadingPoint) -> Rgb {
-        match self.texture {
+    pub fn at(&self, point: &ShadingPoint) -> Color {
+        let rgb = match self.texture {
             None => self.factor,
             Some(id) => {
                 let [r, g, b, _] = point.textures.lookup(id, point.surface, point.footprint);
                 self.factor * Rgb::new(r, g, b)
             }
-        }
+        };
+        Color { rgb, spectrum: self.spectrum }
     }
 }
 
@@ -122,13 +132,18 @@ pub struct ShadingPoint<'a> {
 
 impl ShadingPoint<'_> {
     /// The spectrum of a reflectance, clamped to `[0, 1]` (NaN counts as 0): more would make light out of nothing.
-    pub fn reflectance(&self, color: Rgb) -> SampledSpectrum {
-        self.mode.reflectance(color.map(|x| bounded(x, 1.0)))
+    pub fn reflectance(&self, color: impl Into<Color>) -> SampledSpectrum {
+        let color = color.into();
+        let bounds = |x| bounded(x, 1.0);
+        match color.spectrum {
+            None => self.mode.reflectance(color.rgb.map(bounds)),
+            Some(_) => self.mode.reflectance(color.map(|x| bounded(x, 1e6))).map(bounds),
+        }
     }
 
     /// The spectrum of a factor that may exceed 1; negative values and NaN count as 0.
-    pub fn coefficient(&self, color: Rgb) -> SampledSpectrum {
-        self.mode.reflectance(color.map(|x| bounded(x, 1e6)))
+    pub fn coefficient(&self, color: impl Into<Color>) -> SampledSpectrum {
+        self.mode.reflectance(color.into().map(|x| bounded(x, 1e6)))
     }
 
     /// Vertex colour of the mesh, white where there is none.
@@ -240,6 +255,15 @@ impl Material {
     /// The same material, emitting this radiance.
     pub fn emitting(self, radiance: Rgb) -> Self {
         Self { emission: ColorParam::constant(radiance), ..self }
+    }
+
+    /// True if wavelengths part where light meets it: the path's hero goes on alone ([`ColorMode::hero_only`]).
+    pub fn is_dispersive(&self) -> bool {
+        match &self.kind {
+            MaterialKind::Dielectric(glass) => glass.ior.is_dispersive(),
+            MaterialKind::OpenPbr(surface) => surface.is_dispersive(),
+            _ => false,
+        }
     }
 
     /// True if it can emit anywhere.

@@ -8,6 +8,7 @@ use crate::bsdf::{
 use crate::graph::TextureId;
 use crate::medium::{HenyeyGreenstein, MediumProperties};
 use serde::{Deserialize, Serialize};
+use snell_math::spectrum::{LINE_D, RefractiveIndex};
 use snell_math::{Rgb, SampledSpectrum};
 
 /// Everything that the specification OpenPBR Surface 1.1 (Academy Software Foundation) describes, under its names and with its
@@ -297,7 +298,9 @@ impl OpenPbr {
             roughness: bounded(self.fuzz_roughness.at(point), 1.0),
         });
         let slabs = self.slabs(point, &common, coat.as_ref());
-        Bsdf::OpenPbr(Box::new(OpenPbrBsdf::new(slabs, coat, fuzz, point.mode.unit())))
+        // Where wavelengths part, the hero stands for all of them.
+        let unit = if self.is_dispersive() { point.mode.hero_factor() } else { point.mode.unit() };
+        Bsdf::OpenPbr(Box::new(OpenPbrBsdf::new(slabs, coat, fuzz, unit)))
     }
 
     fn film(&self, point: &ShadingPoint) -> Option<ThinFilm> {
@@ -383,6 +386,7 @@ impl OpenPbr {
         if self.geometry_thin_walled {
             return Translucent::Sheet(SheetBsdf::new(ior, tint * unit, color() * extra, unit, common.ggx, film));
         }
+        let ior = self.dispersed(ior, point);
         let crossing = if self.transmission_depth.at(point) > 0.0 { unit } else { color() };
         Translucent::Solid(DielectricBsdf {
             ior,
@@ -393,6 +397,22 @@ impl OpenPbr {
             ggx: common.ggx,
             arriving: SampledSpectrum::ONE,
         })
+    }
+
+    /// True if wavelengths part where light goes through.
+    pub(super) fn is_dispersive(&self) -> bool {
+        let is_clear = self.transmission_weight.factor > 0.0 && !self.geometry_thin_walled;
+        is_clear && self.transmission_dispersion_scale.factor > 0.0
+    }
+
+    /// The index of refraction for the wavelength of the path.
+    fn dispersed(&self, ior: f32, point: &ShadingPoint) -> f32 {
+        if !self.is_dispersive() {
+            return ior;
+        }
+        let scale = bounded(self.transmission_dispersion_scale.at(point), 1.0);
+        let abbe = self.transmission_dispersion_abbe_number.at(point) / scale;
+        positive_ior(RefractiveIndex::from_abbe(ior, abbe).at(point.mode.hero(LINE_D)))
     }
 
     /// True if [`Self::medium`] may be something.

@@ -73,6 +73,11 @@ impl ShadingBsdf {
         self.bsdf.is_delta()
     }
 
+    /// True if [`Self::eval`] is 0 for directions on opposite sides of the shading normal.
+    pub fn is_opaque(&self) -> bool {
+        self.bsdf.is_opaque()
+    }
+
     /// Perfect reflection and refraction, at most two.
     pub fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
         self.bsdf.specular_branches(self.frame.to_local(wo)).map(|branch| {

@@ -1,8 +1,8 @@
 //! A medium whose density is given on a regular grid.
 
-use super::{MediumProperties, sane};
+use super::{MediumProperties, blackbody, coefficient, sane};
 use serde::{Deserialize, Serialize};
-use snell_math::{ColorMode, DAffine3, Rgb, Vec3};
+use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec3};
 use std::sync::Arc;
 
 /// Numbers on a regular grid over the unit cube, each at the middle of its cell.
@@ -74,6 +74,10 @@ pub struct Grid {
     /// Factor on the emission; `None` for the density.
     #[serde(skip)]
     pub emission_scale: Option<Arc<ScalarGrid>>,
+    /// Temperature in kelvin: emitted light is that of a black body of luminance 1, times `emission` and its scale. `None` for the
+    /// colour of `emission` alone.
+    #[serde(skip)]
+    pub temperature: Option<Arc<ScalarGrid>>,
     /// From the unit cube of the grids to the world.
     pub world_from_grid: DAffine3,
 }
@@ -88,6 +92,7 @@ impl Grid {
             density: Arc::new(density),
             emission: Rgb::BLACK,
             emission_scale: None,
+            temperature: None,
             world_from_grid,
         }
     }
@@ -114,14 +119,18 @@ impl Grid {
         let grid_from_world = self.world_from_grid.inverse();
         let p = grid_from_world.transform_point3(p.as_dvec3()).as_vec3();
         let density = self.density.lookup(p);
-        let emission = self.emission_scale.as_ref().map_or(density, |scale| scale.lookup(p));
-        MediumProperties::from_colors(
-            self.sigma_a * density,
-            self.sigma_s * density,
-            self.emission * emission,
-            self.g,
-            mode,
-        )
+        let (sigma_a, sigma_s) = (self.sigma_a * density, self.sigma_s * density);
+        let emission = self.emitted(p, density, mode);
+        MediumProperties { emission, ..MediumProperties::from_colors(sigma_a, sigma_s, Rgb::BLACK, self.g, mode) }
+    }
+
+    /// Radiance emitted per unit of length at a point of the unit cube where the density is known.
+    pub(super) fn emitted(&self, p: Vec3, density: f32, mode: ColorMode) -> SampledSpectrum {
+        let scale = self.emission_scale.as_ref().map_or(density, |scale| scale.lookup(p));
+        match &self.temperature {
+            None => mode.illuminant(self.emission.map(sane)) * scale,
+            Some(kelvin) => coefficient(self.emission, mode) * blackbody(kelvin.lookup(p), mode) * scale,
+        }
     }
 }
 

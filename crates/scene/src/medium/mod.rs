@@ -4,6 +4,7 @@
 //! inside of closed surfaces ([`crate::material::Interior`]) or the whole scene ([`crate::Scene::medium`]).
 
 mod analytic;
+mod blackbody;
 mod cloud;
 mod grid;
 mod height_fog;
@@ -15,6 +16,7 @@ mod prepared;
 mod segment;
 mod tracking;
 
+pub use blackbody::blackbody;
 pub use cloud::Cloud;
 pub use grid::{Grid, ScalarGrid};
 pub use height_fog::HeightFog;
@@ -79,6 +81,7 @@ impl Medium {
         if let (Self::Grid(grid), Self::Grid(other)) = (self, other) {
             grid.density = other.density.clone();
             grid.emission_scale = other.emission_scale.clone();
+            grid.temperature = other.temperature.clone();
         }
     }
 }

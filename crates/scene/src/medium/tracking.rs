@@ -105,8 +105,7 @@ impl TrackedGrid {
                 let p = origin + direction * t;
                 let density = self.density(p);
                 if glows {
-                    let scale = self.grid.emission_scale.as_ref().map_or(density, |scale| scale.lookup(p));
-                    travel.emitted += travel.throughput * medium.emission * (scale / rate);
+                    travel.emitted += travel.throughput * self.grid.emitted(p, density, mode) * (1.0 / rate);
                 }
                 let scattered = medium.sigma_s * density;
                 let null = (sigma_t * density).map(|sigma| (rate - sigma).max(0.0));

@@ -5,6 +5,7 @@ mod generate;
 use crate::failure::Failure;
 use crate::scene_source;
 use snell_formats::ReadOptions;
+use snell_formats::error::one_line;
 use snell_intersect::{BuildOptions, Geometry, GroupId, TriangleMesh, World, WorldBuilder};
 use snell_math::{Bounds3d, DAffine3, DMat3, DVec3, Transform, Vec3, rng};
 use snell_render::CompiledScene;
@@ -88,6 +89,12 @@ pub fn load(name: &str, read: &ReadOptions) -> Result<Bench, Failure> {
     let (scene, light) = load_scene(name, read)?;
     let camera = camera(name, &scene)?;
     let world = compile(name, &scene)?;
+    if world.bounds().is_empty() {
+        let why = scene.warnings.first().map_or(String::new(), |w| format!(" ({})", one_line(&w.message)));
+        return Err(Failure::Scene(format!(
+            "{name}: the scene has no surfaces to trace rays at{why}; name another one"
+        )));
+    }
     let light = light.unwrap_or_else(|| light_above(&world.bounds(), camera.eye));
     Ok(Bench { name: name.into(), world, camera, light })
 }

@@ -90,7 +90,9 @@ impl Facts<'_> {
             line!(out, "\nMaterials");
             for (i, material) in scene.materials.iter().enumerate() {
                 let emits = if material.is_emissive() { ", emits" } else { "" };
-                line!(out, "  {i} \"{}\" {}{emits}", material.name, material.kind.name());
+                // In RGB all colours have the index of the d-line.
+                let disperses = if material.is_dispersive() { ", disperses with --color spectral" } else { "" };
+                line!(out, "  {i} \"{}\" {}{emits}{disperses}", material.name, material.kind.name());
             }
         }
         if !scene.images.is_empty() {

@@ -178,7 +178,7 @@ impl Maker<'_> {
         mtl: &Mtl,
     ) -> Result<ColorParam, ReadError> {
         let texture = map.as_ref().map(|map| self.texture(map, Encoding::Srgb, mtl)).transpose()?;
-        Ok(ColorParam { factor: factor.unwrap_or(default), texture })
+        Ok(ColorParam::textured(factor.unwrap_or(default), texture))
     }
 
     fn texture(&mut self, map: &Map, encoding: Encoding, mtl: &Mtl) -> Result<TextureId, ReadError> {

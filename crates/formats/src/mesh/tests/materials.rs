@@ -41,7 +41,7 @@ fn a_material_with_highlight_is_phong_and_mirrors_by_illum_3() {
 fn glass_is_dielectric_and_not_blended() {
     let glass = material("newmtl m\nNi 1.33\nd 0.2\nillum 4\nTf 1 0.5 1\n");
     let MaterialKind::Dielectric(dielectric) = &glass.kind else { panic!("not glass") };
-    assert_eq!((dielectric.ior, dielectric.tint.factor), (1.33, Rgb::new(1.0, 0.5, 1.0)));
+    assert_eq!((dielectric.ior, dielectric.tint.factor), (1.33.into(), Rgb::new(1.0, 0.5, 1.0)));
     assert_eq!(glass.alpha_mode, AlphaMode::Opaque);
 }
 

@@ -158,7 +158,7 @@ fn color_with_alpha(
     }
     let [r, g, b, a] = rgba.map(|c| c.clamp(0.0, 1.0));
     let texture = texture_of(reader, json, map, Use::Color)?;
-    let color = ColorParam { factor: rgb([r, g, b]), texture };
+    let color = ColorParam::textured(rgb([r, g, b]), texture);
     Ok((color, ScalarParam { factor: a as f32, texture: texture.map(|t| (t, 3)) }))
 }
 
@@ -173,7 +173,7 @@ fn emission(reader: &mut Reader, json: &Json) -> Result<ColorParam, ReadError> {
         return Err(json.error("the emission is too large to be computed"));
     }
     let texture = texture_of(reader, json, "emissiveTexture", Use::Color)?;
-    Ok(ColorParam { factor, texture })
+    Ok(ColorParam::textured(factor, texture))
 }
 
 fn alpha_mode(json: &Json) -> Result<AlphaMode, ReadError> {

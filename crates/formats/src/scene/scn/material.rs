@@ -39,7 +39,7 @@ impl Builder {
         let texture = self.read_texture(file)?;
         let phong = Phong {
             ambient: ambient.into(),
-            diffuse: ColorParam { factor: diffuse, texture },
+            diffuse: ColorParam::textured(diffuse, texture),
             // The assignments use one coefficient for highlights and for mirror reflection.
             specular: specular.into(),
             reflection: specular.into(),

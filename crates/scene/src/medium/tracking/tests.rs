@@ -122,6 +122,21 @@ fn fire_without_smoke_glows() {
 }
 
 #[test]
+fn gas_of_one_temperature_glows_as_a_black_body() {
+    let full = |value: f32| ScalarGrid::new([3; 3], vec![value; 27]).expect("as many values as cells");
+    let grid = Grid {
+        emission: Rgb::splat(2.0),
+        temperature: Some(std::sync::Arc::new(full(1800.0))),
+        ..Grid::new(Rgb::BLACK, Rgb::BLACK, 0.0, full(0.5), DAffine3::IDENTITY)
+    };
+    let tracked = TrackedGrid::new(&grid);
+    let glow = mean(20_000, |i| tracked.travel(&through(1.0), UNIT, ColorMode::Rgb, &mut numbers(i)).emitted);
+    let color = crate::medium::blackbody(1800.0, ColorMode::Rgb);
+    // Twice the density of a half along a way of one.
+    assert_agree(glow, [0, 1, 2].map(|c| f64::from(color[c])));
+}
+
+#[test]
 fn hostile_grids_end_soon_and_stay_finite() {
     let wild = [f32::NAN, f32::INFINITY, -1.0, 1e30, 0.0, 1e-30, 1.0, f32::MAX];
     let density = || ScalarGrid::new([2, 2, 2], wild.to_vec()).expect("eight values");

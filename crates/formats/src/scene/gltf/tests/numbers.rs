@@ -2,7 +2,7 @@
 
 use super::{data, meshes, open, read_text};
 use snell_intersect::TriangleMesh;
-use snell_math::{Bounds3, DVec3, Rgb, Vec3};
+use snell_math::{Bounds3, ColorMode, DVec3, Rgb, Vec2, Vec3};
 use snell_scene::light::SpotFalloff;
 use snell_scene::material::{AlphaMode, MaterialKind};
 use snell_scene::texture::{Filtering, Wrap};
@@ -137,6 +137,25 @@ fn lights_keep_their_numbers_and_shine_along_minus_z() {
     };
     assert_eq!((position, intensity), (DVec3::new(0.0, 0.0, 5.0), Rgb::splat(5.0)));
     assert_eq!(falloff, SpotFalloff::Smooth { inner: 0.2, outer: 0.4 });
+}
+
+#[test]
+fn light_profiles_shine_along_minus_z_of_their_nodes() {
+    let document = |uri: &str| {
+        format!(
+            r#"{{"asset": {{"version": "2.0"}}, "extensions": {{"EXT_lights_ies": {{"lights": [{{"uri": "{uri}"}}]}}}},
+            "nodes": [{{"translation": [0, 0, 5], "extensions": {{"EXT_lights_ies": {{"light": 0, "multiplier": 3}}}}}}]}}"#
+        )
+    };
+    // 100 cd along the axis, 50 to the side, nothing behind.
+    let ies = "data:application/x-ies-lm-63,TILT=NONE%0A1 1 1 2 1 1 2 0 0 0%0A1 1 0%0A0 90%0A0%0A100 50";
+    let scene = read_text(&document(ies)).expect("the document is sound");
+    let at = |p: Vec3| scene.lights[0].sample(p, Vec2::ZERO, ColorMode::Rgb).map(|s| s.radiance[1]);
+    assert_eq!(at(Vec3::new(0.0, 0.0, 3.0)), Some(75.0));
+    assert_eq!(at(Vec3::new(0.0, 0.0, 6.0)), None);
+    assert!(at(Vec3::new(1.0, 0.0, 5.0)).is_some_and(|side| (side - 150.0).abs() < 1e-2));
+    let broken = read_text(&document("data:,nothing")).expect("the rest is shown");
+    assert!(broken.lights.is_empty() && broken.warnings.iter().any(|w| w.message.contains("no line TILT=")));
 }
 
 #[test]
