@@ -98,11 +98,17 @@ fn directional_light_on_a_plane() {
 fn spot_light_on_a_plane() {
     let position = DVec3::new(0.0, 2.0, 0.0);
     let direction = DVec3::new(0.1, -1.0, 0.2).normalize();
-    for falloff in [SpotFalloff::Power { cutoff: 0.3, exponent: 20.0 }, SpotFalloff::Smooth { inner: 0.1, outer: 0.25 }]
-    {
+    let (inner, outer) = (0.1_f64, 0.25_f64);
+    let falloffs = [
+        SpotFalloff::Power { cutoff: 0.3, exponent: 20.0 },
+        SpotFalloff::Smooth { inner, outer },
+        SpotFalloff::Step { inner, outer },
+    ];
+    for falloff in falloffs {
         let mut scene = scene();
         let (intensity, attenuation) = (Rgb::splat(5.0), Attenuation::INVERSE_SQUARE);
         scene.lights.push(Light::Spot { position, direction, intensity, attenuation, falloff });
+        let ramp = |cos: f64| ((cos - outer.cos()) / (inner.cos() - outer.cos())).clamp(0.0, 1.0);
         let factor = |cos: f64| match falloff {
             SpotFalloff::Power { .. } => {
                 if cos.acos() > 0.3 {
@@ -111,10 +117,8 @@ fn spot_light_on_a_plane() {
                     cos.powi(20)
                 }
             }
-            SpotFalloff::Smooth { .. } => {
-                let (inner, outer) = (0.1f64.cos(), 0.25f64.cos());
-                ((cos - outer) / (inner - outer)).clamp(0.0, 1.0).powi(2)
-            }
+            SpotFalloff::Smooth { .. } => ramp(cos).powi(2),
+            SpotFalloff::Step { .. } => ramp(cos).powi(2) * (3.0 - 2.0 * ramp(cos)),
         };
         check("spot light", &scene, &over_ground(0.0, 0.0), 4, |p| {
             let to_light = position - p;

@@ -1,4 +1,4 @@
-"""Rays in, hits out: exact and fast ray casting for NumPy.
+"""Rays in, hits out; scenes in, pictures out: exact and fast ray casting, and physically based rendering, for NumPy.
 
 Examples
 --------
@@ -7,28 +7,59 @@ Examples
 >>> ball = scene.add_shape("sphere", radius=1)
 >>> scene.cast_rays([0, 0, -5, 0, 0, 1]).t_hit
 array(4.)
+>>> snell.render(scene, spp=1, size=(64, 48))
+<snell.Image: 64 x 48 pixels, 1 samples each>
 """
 
 from snell._cameras import create_rays_pinhole
+from snell._images import Comparison, compare
+from snell._render import SceneWarning, render, render_iter
 from snell._snell import (
     INVALID_ID,
+    LIGHTS,
+    MATERIALS,
+    MEDIA,
+    PROJECTIONS,
     SHAPES,
+    Camera,
+    Channel,
     ClosestPoints,
     Hits,
+    Image,
     Intersections,
+    Light,
+    Material,
+    Medium,
     Scene,
+    Texture,
     __version__,
     load,
 )
 
 __all__ = [
     "INVALID_ID",
+    "LIGHTS",
+    "MATERIALS",
+    "MEDIA",
+    "PROJECTIONS",
     "SHAPES",
+    "Camera",
+    "Channel",
     "ClosestPoints",
+    "Comparison",
     "Hits",
+    "Image",
     "Intersections",
+    "Light",
+    "Material",
+    "Medium",
     "Scene",
+    "SceneWarning",
+    "Texture",
     "__version__",
+    "compare",
     "create_rays_pinhole",
     "load",
+    "render",
+    "render_iter",
 ]

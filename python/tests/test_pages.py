@@ -1,7 +1,8 @@
-"""The user's pages are true: their examples run, and they have every name."""
+"""The user's pages are true: their examples run, and they have every name and picture."""
 
 from __future__ import annotations
 
+import json
 import pathlib
 import re
 
@@ -10,36 +11,78 @@ import pytest
 import snell
 
 REPOSITORY = pathlib.Path(__file__).parents[2]
-PAGE = REPOSITORY / "docs/user/python.md"
+FOLDER = REPOSITORY / "docs/user/python"
+PAGES = [*sorted(FOLDER.glob("*.md")), REPOSITORY / "README.md"]
+NOTEBOOKS = sorted((FOLDER / "notebooks").glob("*.ipynb"))
 
 
-def examples() -> list[tuple[str, str]]:
-    found = []
-    for page in (PAGE, REPOSITORY / "README.md"):
-        text = page.read_text(encoding="utf-8")
-        for match in re.finditer(r"^```python\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE):
-            line = text[: match.start()].count("\n") + 2
-            # So that errors show the line of the page.
-            found.append((f"{page.name}:{line}", "\n" * (line - 1) + match[1]))
+def blocks(page: pathlib.Path) -> list[str]:
+    """The examples of a page, each with as many empty lines before it that errors show the line of the page."""
+    text = page.read_text(encoding="utf-8")
+    found = re.finditer(r"^```python\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+    return ["\n" * (text[: match.start()].count("\n") + 1) + match[1] for match in found]
+
+
+def examples() -> list[tuple[str, list[str]]]:
+    """What runs in one go: a block, with those after it that begin without an import."""
+    found: list[tuple[str, list[str]]] = []
+    for page in PAGES:
+        for code in blocks(page):
+            if code.lstrip().startswith("import") or not found:
+                line = len(code) - len(code.lstrip("\n")) + 1
+                found.append((f"{page.name}:{line}", []))
+            found[-1][1].append(code)
     return found
 
 
-@pytest.mark.parametrize(("place", "code"), examples(), ids=[place for place, _ in examples()])
-def test_examples_run(place, code, monkeypatch):
-    monkeypatch.chdir(REPOSITORY)
-    exec(compile(code, place, "exec"), {})
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> pathlib.Path:
+    """A folder to write to, with the scenes of the repository."""
+    (tmp_path / "scenes").symlink_to(REPOSITORY / "scenes")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
-def test_there_are_examples_of_both_pages():
-    assert {place.split(":")[0] for place, _ in examples()} == {"python.md", "README.md"}
+@pytest.mark.parametrize(("place", "codes"), examples(), ids=[place for place, _ in examples()])
+def test_examples_run(place, codes, folder):
+    names: dict[str, object] = {}
+    for code in codes:
+        exec(compile(code, place, "exec"), names)
+    for picture in folder.glob("*.jpg"):
+        made, kept = snell.Image.open(picture), snell.Image.open(FOLDER / "pictures" / picture.name)
+        # They look alike; the noise may be another.
+        assert snell.compare(kept, made).flip < 0.15, picture.name
 
 
-def test_the_page_has_every_name():
-    page = PAGE.read_text(encoding="utf-8")
+def test_there_are_examples_of_all_pages():
+    assert {place.split(":")[0] for place, _ in examples()} == {page.name for page in PAGES}
+
+
+def test_every_picture_is_made_by_its_page():
+    for page in PAGES[:-1]:
+        text = page.read_text(encoding="utf-8")
+        for picture in re.findall(r"\(pictures/(.*?)\)", text):
+            assert (FOLDER / "pictures" / picture).stat().st_size < 80_000, picture
+            assert f'save("{picture}")' in text, picture
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=[path.stem for path in NOTEBOOKS])
+def test_notebooks_run(path, folder):
+    notebook = json.loads(path.read_text(encoding="utf-8"))
+    assert notebook["nbformat"] == 4 and notebook["metadata"]["kernelspec"]["name"] == "python3"
+    names: dict[str, object] = {}
+    for number, cell in enumerate(notebook["cells"]):
+        if cell["cell_type"] == "code":
+            exec(compile("".join(cell["source"]), f"{path.name}, cell {number}", "exec"), names)
+
+
+def test_the_pages_have_every_name():
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
     names = [*snell.__all__, *(name for name in vars(snell.Scene) if not name.startswith("_"))]
-    names += [name for name in vars(snell.Hits) if not name.startswith("_") and name not in ("keys", "values", "items", "shape")]
-    missing = [name for name in names if name not in page and name not in ("__version__", "SHAPES")]
+    for kind in (snell.Hits, snell.Image, snell.Camera):
+        names += [name for name in vars(kind) if not name.startswith("_") and name not in ("keys", "values", "items", "shape")]
+    missing = [name for name in names if name not in text and name not in ("__version__", "SHAPES")]
     assert not missing
     for shape, parameters in snell.SHAPES.items():
-        row = next(line for line in page.splitlines() if line.startswith(f"| `{shape}` |"))
+        row = next(line for line in text.splitlines() if line.startswith(f"| `{shape}` |"))
         assert all(f"`{parameter}`" in row for parameter in parameters), row

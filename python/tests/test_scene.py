@@ -254,7 +254,8 @@ def test_cameras_of_a_file_give_rays(tmp_path):
       "cameras": [{"type": "perspective", "name": "eye", "perspective": {"yfov": 1.5707963, "znear": 0.1, "aspectRatio": 2}}]}"""
     (tmp_path / "camera.gltf").write_text(gltf)
     scene = snell.load(tmp_path / "camera.gltf")
-    assert scene.cameras == ["eye"]
+    assert [camera.name for camera in scene.cameras] == ["eye"]
+    assert scene.cameras[0].rays(8, 4).tolist() == scene.create_rays_camera(0, 8, 4).tolist()
     for camera in (None, 0, "eye"):
         rays = scene.create_rays_camera(camera, 8, 4)
         assert rays.shape == (4, 8, 6) and rays.dtype == np.float32
@@ -263,7 +264,7 @@ def test_cameras_of_a_file_give_rays(tmp_path):
         np.testing.assert_allclose(rays[0, 0, 3:] / -rays[0, 0, 5], [-1.75, 0.75, -1], rtol=1e-5)
     again = pickle.loads(pickle.dumps(scene))
     np.testing.assert_array_equal(again.create_rays_camera(0, 8, 4), scene.create_rays_camera(0, 8, 4))
-    with pytest.raises(ValueError, match='there is no "ear", only "eye"'):
+    with pytest.raises(ValueError, match='camera is "ear"; there is only "eye"'):
         scene.create_rays_camera("ear", 8, 4)
     with pytest.raises(IndexError, match="camera is 1, but the scene has 1"):
         scene.create_rays_camera(1, 8, 4)

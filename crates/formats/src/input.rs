@@ -10,7 +10,7 @@ use std::path::{Component, Path, PathBuf};
 pub struct Input {
     /// As the user or the naming file wrote it: for messages.
     pub name: String,
-    /// The content.
+    /// The content, unpacked if it was compressed with gzip.
     pub bytes: Vec<u8>,
     /// Where relative names start.
     pub directory: PathBuf,
@@ -68,15 +68,50 @@ impl Input {
         ReadError { file: self.name.clone(), place, problem: problem.into(), remedy: remedy.into() }
     }
 
-    /// Extension in lower case, without the dot.
+    /// Extension in lower case, without the dot: of `a.ply.gz`, `ply`.
     pub fn extension(&self) -> String {
-        Path::new(&self.name).extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+        self.plain_name().extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
     }
 
     /// File name without folder and extension.
     pub fn stem(&self) -> String {
-        Path::new(&self.name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
+        self.plain_name().file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
     }
+
+    /// The name without `.gz`.
+    fn plain_name(&self) -> &Path {
+        Path::new(self.name.strip_suffix(".gz").unwrap_or(&self.name))
+    }
+}
+
+/// How gzip files begin.
+const GZIP: [u8; 3] = [0x1f, 0x8b, 8];
+/// Text and meshes do not shrink to less than this part; files that do are made to fill the memory.
+const MAX_EXPANSION: u64 = 256;
+/// Files may grow to this size whatever their own.
+const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
+
+/// The content of a file that was compressed with gzip; others as they are.
+pub(crate) fn unpacked(bytes: Vec<u8>, name: &str, limits: &Limits) -> Result<Vec<u8>, ReadError> {
+    use std::io::Read;
+    if !bytes.starts_with(&GZIP) {
+        return Ok(bytes);
+    }
+    let error = |problem: String, remedy: &str| ReadError {
+        file: name.into(),
+        place: Place::Whole,
+        problem,
+        remedy: remedy.into(),
+    };
+    let limit = (bytes.len() as u64 * MAX_EXPANSION).max(ALWAYS_ALLOWED_BYTES).min(limits.file_bytes);
+    let mut content = Vec::new();
+    flate2::read::MultiGzDecoder::new(&*bytes).take(limit + 1).read_to_end(&mut content).map_err(|e| {
+        error(format!("its gzip compression is damaged: {e}"), "the file seems cut off; compress or copy it again")
+    })?;
+    if content.len() as u64 > limit {
+        return Err(error(format!("unpacks to more than {limit} bytes, the limit"), "unpack it with gunzip"));
+    }
+    Ok(content)
 }
 
 /// True if `path`, links followed where it exists, lies in `root`.
@@ -121,5 +156,5 @@ fn read_limited(path: &Path, name: &str, limits: &Limits) -> Result<Vec<u8>, Rea
     if bytes.len() as u64 > limits.file_bytes {
         return Err(error(format!("larger than the limit of {} bytes", limits.file_bytes), "split the scene"));
     }
-    Ok(bytes)
+    unpacked(bytes, name, limits)
 }

@@ -4,7 +4,8 @@
 //! moving it costs little; a scene is a group however often it is instanced. Numbers stay as they are when objects come and go at the end,
 //! so the next world shares what did not change.
 
-use crate::contents::{Contents, Kind, Mesh, Object, Slot};
+use crate::contents::{Contents, Kind, Object, Slot};
+use crate::mesh::Mesh;
 use snell_intersect::{AnyShape, BuildOptions, GeometryId, GroupId, Hit, Instance, Spheres, WorldBuilder, WorldError};
 use snell_math::{DVec3, Transform};
 use std::collections::HashMap;
@@ -97,9 +98,6 @@ pub trait Form: 'static {
 
     /// Where an occurrence is.
     fn placed(world: &Self::World, occurrence: u32) -> Transform;
-
-    /// What was built.
-    fn stats(world: &Self::World) -> &snell_intersect::world::BuildStats;
 }
 
 /// What collects groups and geometries.

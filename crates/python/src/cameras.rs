@@ -1,7 +1,8 @@
-//! The rays of a scene's cameras.
+//! The rays of cameras, and which camera is meant.
 
 use crate::arrays::from_vec;
 use crate::contents::Contents;
+use crate::names::suggestion;
 use crate::work::{Threads, run};
 use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -9,37 +10,46 @@ use rayon::prelude::*;
 use snell_math::{DVec2, Vec2};
 use snell_scene::{Camera, CameraSample};
 
-/// The camera of this number or name.
-fn find<'a>(contents: &'a Contents, wanted: Option<&Bound<'_, PyAny>>) -> PyResult<&'a Camera> {
-    let cameras = &contents.cameras;
-    let names = || cameras.iter().map(|camera| format!("{:?}", camera.name)).collect::<Vec<_>>().join(", ");
+/// The camera that is wanted: one of these by number or name, or a camera itself. The first if nothing is said.
+pub fn choose(cameras: &[Camera], wanted: Option<&Bound<'_, PyAny>>) -> PyResult<Camera> {
     let Some(wanted) = wanted else {
-        return cameras.first().ok_or_else(|| PyIndexError::new_err("camera: the scene has none"));
+        return cameras.first().cloned().ok_or_else(|| PyIndexError::new_err("camera: the scene has none"));
     };
+    if let Ok(camera) = wanted.cast::<crate::camera::Camera>() {
+        return Ok(camera.get().0.clone());
+    }
     if let Ok(name) = wanted.extract::<String>() {
-        let found = cameras.iter().find(|camera| camera.name == name);
-        return found.ok_or_else(|| PyValueError::new_err(format!("camera: there is no {name:?}, only {}", names())));
+        let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
+        let found = cameras.iter().find(|camera| camera.name == name).cloned();
+        return found.ok_or_else(|| PyValueError::new_err(format!("camera is {name:?}{}", suggestion(&name, &names))));
     }
     let number: usize =
-        wanted.extract().map_err(|_| PyTypeError::new_err("camera: expected a number from 0, or a name"))?;
+        wanted.extract().map_err(|_| PyTypeError::new_err("camera: expected a Camera, a number from 0, or a name"))?;
     let error = || PyIndexError::new_err(format!("camera is {number}, but the scene has {}", cameras.len()));
-    cameras.get(number).ok_or_else(error)
+    cameras.get(number).cloned().ok_or_else(error)
 }
 
-/// One ray through the centre of each pixel: an array `(height, width, 6)`.
+/// The rays of one of a scene's cameras.
 pub fn rays<'py>(
     py: Python<'py>,
     contents: &Contents,
     camera: Option<&Bound<'py, PyAny>>,
     size: [Option<u32>; 2],
 ) -> PyResult<Bound<'py, PyAny>> {
-    let camera = find(contents, camera)?;
+    rays_of(py, &choose(&contents.stage.cameras, camera)?, size)
+}
+
+/// One ray through the centre of each pixel: an array `(height, width, 6)`.
+pub fn rays_of<'py>(py: Python<'py>, camera: &Camera, size: [Option<u32>; 2]) -> PyResult<Bound<'py, PyAny>> {
     let side = |given: Option<u32>, own: usize, name: &str| match given.or(camera.resolution.map(|size| size[own])) {
         Some(0) => Err(PyValueError::new_err(format!("{name} is 0, expected a whole number from 1"))),
         Some(pixels) => Ok(pixels),
         None => Err(PyTypeError::new_err(format!("{name} is left out, and the camera has no size of its own"))),
     };
     let size = [side(size[0], 0, "width_px")?, side(size[1], 1, "height_px")?];
+    if size.iter().any(|&side| side > 1 << 16) {
+        return Err(PyValueError::new_err(format!("width_px and height_px are {size:?}, expected at most 65536")));
+    }
     let [width, height] = size.map(|side| side as usize);
     let rows = run(py, Threads::new(None)?, false, |cancel| {
         let mut rays = vec![0.0f32; width * height * 6];

@@ -1,157 +1,17 @@
-//! What a scene holds, as plain data: objects by number. Worlds are assembled from it ([`crate::assemble`]).
+//! What a scene holds, as plain data: objects by number, and the stage around them. Worlds are assembled from it ([`crate::assemble`]), and so
+//! is the scene graph that is rendered ([`crate::graph`]).
 
+use crate::mesh::Mesh;
 use pyo3::PyResult;
 use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
-use snell_intersect::{AnyShape, DTriangleMesh, PrimitiveSet, Shape, Spheres, TriangleMesh};
-use snell_math::{Bounds3d, DVec3, Transform, Vec2, Vec3};
-use snell_scene::Camera;
+use snell_intersect::{AnyShape, PrimitiveSet, Shape, Spheres};
+use snell_math::{Bounds3d, Transform};
+use snell_scene::{MaterialId, Node, NodeId, Scene};
 use std::collections::HashMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// Scenes may be instanced in scenes this deep.
 const MAX_NESTING: usize = 500;
-
-/// Vertices as they were given.
-#[derive(Clone, Debug)]
-pub enum Positions {
-    /// `float32`.
-    Single(Vec<Vec3>),
-    /// `float64`.
-    Double(Vec<DVec3>),
-}
-
-impl Positions {
-    /// How many.
-    pub fn len(&self) -> usize {
-        match self {
-            Self::Single(p) => p.len(),
-            Self::Double(p) => p.len(),
-        }
-    }
-}
-
-/// A mesh. It is kept in the precision it was given in; the other is made when it is asked for.
-#[derive(Debug)]
-pub struct Mesh {
-    is_double: bool,
-    single: OnceLock<Arc<TriangleMesh>>,
-    double: OnceLock<Arc<DTriangleMesh>>,
-    /// The middle of its box, if it was given in double precision; else the origin.
-    center: DVec3,
-    centered: OnceLock<Arc<TriangleMesh>>,
-    normals: Vec<Vec3>,
-    uvs: Vec<Vec2>,
-}
-
-impl Mesh {
-    /// A mesh whose indices are in range and whose attributes are complete or empty.
-    pub fn new(positions: Positions, indices: Vec<[u32; 3]>, normals: Vec<Vec3>, uvs: Vec<Vec2>) -> Self {
-        let mesh = |is_double| Self {
-            is_double,
-            single: OnceLock::new(),
-            double: OnceLock::new(),
-            center: DVec3::ZERO,
-            centered: OnceLock::new(),
-            normals,
-            uvs,
-        };
-        match positions {
-            Positions::Single(positions) => {
-                let mesh = mesh(false);
-                let made = mesh.single.set(Arc::new(TriangleMesh { positions, indices, ..TriangleMesh::default() }));
-                debug_assert!(made.is_ok());
-                mesh
-            }
-            Positions::Double(positions) => {
-                let mut mesh = mesh(true);
-                let double = DTriangleMesh { positions, indices };
-                let bounds = double.bounds();
-                // Rounded, so that subtracting it from nearby vertices is exact.
-                mesh.center = if bounds.is_empty() { DVec3::ZERO } else { bounds.center().as_vec3().as_dvec3() };
-                let made = mesh.double.set(Arc::new(double));
-                debug_assert!(made.is_ok());
-                mesh
-            }
-        }
-    }
-
-    /// The mesh of a file.
-    pub fn read(mut mesh: TriangleMesh) -> Self {
-        let normals = std::mem::take(&mut mesh.normals);
-        let [uvs, _] = std::mem::take(&mut mesh.uvs);
-        Self::new(Positions::Single(mesh.positions), mesh.indices, normals, uvs)
-    }
-
-    /// In single precision.
-    pub fn single(&self) -> &Arc<TriangleMesh> {
-        self.single.get_or_init(|| {
-            let double = self.double.get().cloned().unwrap_or_default();
-            let positions = double.positions.iter().map(|p| p.as_vec3()).collect();
-            Arc::new(TriangleMesh { positions, indices: double.indices.clone(), ..TriangleMesh::default() })
-        })
-    }
-
-    /// In single precision, with [`Self::center`] as the origin.
-    pub fn centered(&self) -> &Arc<TriangleMesh> {
-        if !self.is_double {
-            return self.single();
-        }
-        self.centered.get_or_init(|| {
-            let positions = self.double().positions.iter().map(|p| (p - self.center).as_vec3()).collect();
-            Arc::new(TriangleMesh { positions, indices: self.indices().to_vec(), ..TriangleMesh::default() })
-        })
-    }
-
-    /// The origin of [`Self::centered`].
-    pub fn center(&self) -> DVec3 {
-        self.center
-    }
-
-    /// In double precision.
-    pub fn double(&self) -> &Arc<DTriangleMesh> {
-        self.double.get_or_init(|| Arc::new(DTriangleMesh::from(&**self.single())))
-    }
-
-    /// True if its vertices were given in double precision.
-    pub fn is_double(&self) -> bool {
-        self.is_double
-    }
-
-    /// Three vertex numbers per triangle.
-    pub fn indices(&self) -> &[[u32; 3]] {
-        if self.is_double { &self.double().indices } else { &self.single().indices }
-    }
-
-    /// How many vertices it has.
-    pub fn vertex_count(&self) -> usize {
-        if self.is_double { self.double().positions.len() } else { self.single().positions.len() }
-    }
-
-    /// The corners of a triangle, as they were given.
-    pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
-        if self.is_double {
-            self.double().corners(triangle)
-        } else {
-            self.single().corners(triangle).map(|p| p.as_dvec3())
-        }
-    }
-
-    /// Normals per vertex, or empty.
-    pub fn normals(&self) -> &[Vec3] {
-        &self.normals
-    }
-
-    /// Texture coordinates per vertex, or empty.
-    pub fn uvs(&self) -> &[Vec2] {
-        &self.uvs
-    }
-
-    /// The same mesh with its vertices elsewhere.
-    pub fn moved(&self, positions: Positions, normals: Option<Vec<Vec3>>) -> Self {
-        let normals = normals.unwrap_or_else(|| self.normals.clone());
-        Self::new(positions, self.indices().to_vec(), normals, self.uvs.clone())
-    }
-}
 
 /// What an object is.
 #[derive(Clone, Debug)]
@@ -177,6 +37,15 @@ pub struct Object {
     pub name: Option<String>,
     /// Only rays that share a bit with it meet the object.
     pub mask: u32,
+    /// By slot of a mesh, of the stage's materials; others have one slot. That of an instance is for what in it has none.
+    pub materials: Vec<Option<MaterialId>>,
+}
+
+impl Object {
+    /// An object that every ray meets, without a material of its own.
+    pub fn new(kind: Kind, transform: Option<Transform>, name: Option<String>) -> Self {
+        Self { kind, transform, name, mask: u32::MAX, materials: Vec::new() }
+    }
 }
 
 /// The place of an object, by its number.
@@ -189,19 +58,35 @@ pub enum Slot {
     Gone(bool),
 }
 
+/// The nodes of a file.
+#[derive(Clone, Debug)]
+pub struct Nodes {
+    /// All of them.
+    pub nodes: Vec<Node>,
+    /// Where the file begins.
+    pub root: NodeId,
+}
+
 /// All objects of a scene. Numbers of removed ones stay unused.
 #[derive(Clone, Debug, Default)]
 pub struct Contents {
     /// By number.
     pub slots: Vec<Slot>,
-    /// Cameras of the file the scene was read from.
-    pub cameras: Vec<Camera>,
+    /// All else that makes a picture: materials, textures, lights, cameras. A graph without nodes.
+    pub stage: Arc<Scene>,
+    /// The nodes that the objects were read from, as long as no object was changed: they are named and nested as the file says.
+    nodes: Option<Arc<Nodes>>,
     nesting: usize,
     /// Some mesh has, or had, vertices in double precision.
     has_double: bool,
 }
 
 impl Contents {
+    /// Nothing, on a stage.
+    pub fn on(stage: Arc<Scene>) -> Self {
+        Self { stage, ..Self::default() }
+    }
+
     /// Adds an object and gives its number.
     pub fn add(&mut self, object: Object) -> PyResult<u32> {
         if let Kind::Instance(child) = &object.kind {
@@ -219,6 +104,7 @@ impl Contents {
         // The last number means "nothing".
         let number = u32::try_from(self.slots.len()).ok().filter(|&n| n != u32::MAX);
         let number = number.ok_or_else(|| PyValueError::new_err("a scene holds no more than 4294967295 objects"))?;
+        self.nodes = None;
         self.slots.push(Slot::Here(object));
         Ok(number)
     }
@@ -250,6 +136,7 @@ impl Contents {
     /// The object with this number, to be changed.
     pub fn get_mut(&mut self, id: i64) -> PyResult<&mut Object> {
         self.get(id)?;
+        self.nodes = None;
         match &mut self.slots[id as usize] {
             Slot::Here(object) => Ok(object),
             Slot::Gone(_) => unreachable!("it was found above"),
@@ -270,6 +157,21 @@ impl Contents {
             Kind::Mesh(mesh) => Ok(mesh),
             _ => Err(PyTypeError::new_err(format!("id {id} is not a mesh"))),
         }
+    }
+
+    /// Says which nodes the objects stand for.
+    pub fn set_nodes(&mut self, nodes: Nodes) {
+        self.nodes = Some(Arc::new(nodes));
+    }
+
+    /// The nodes that the objects stand for, if they are those of a file.
+    pub fn nodes(&self) -> Option<&Arc<Nodes>> {
+        self.nodes.as_ref()
+    }
+
+    /// The stage, to be changed.
+    pub fn stage_mut(&mut self) -> &mut Scene {
+        Arc::make_mut(&mut self.stage)
     }
 
     /// The box around everything.

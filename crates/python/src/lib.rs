@@ -9,22 +9,38 @@
 mod answers;
 mod arrays;
 mod assemble;
+mod camera;
 mod cameras;
 mod contents;
+mod declare;
+mod graph;
+mod image;
+mod light;
 mod load;
+mod material;
+mod medium;
+mod mesh;
+mod names;
 mod nearest;
 mod objects;
 mod pickle;
 mod precision;
+mod prepare;
 mod query;
 mod rays;
+mod render;
+mod said;
 mod scene;
+mod settings;
+mod stage;
 mod state;
 mod surface;
+mod texture;
+mod tree;
 mod work;
 
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use said::Declared;
 
 #[pymodule]
 fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -33,13 +49,29 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<answers::Hits>()?;
     module.add_class::<answers::Intersections>()?;
     module.add_class::<answers::ClosestPoints>()?;
+    module.add_class::<image::Image>()?;
+    module.add_class::<camera::Camera>()?;
+    module.add_class::<light::Light>()?;
+    module.add_class::<material::Material>()?;
+    module.add_class::<medium::Medium>()?;
+    module.add_class::<texture::Texture>()?;
+    module.add_class::<texture::Channel>()?;
     module.add_function(wrap_pyfunction!(load::load, module)?)?;
     module.add_function(wrap_pyfunction!(pickle::_restore, module)?)?;
+    module.add_function(wrap_pyfunction!(image::_restore_image, module)?)?;
+    module.add_function(wrap_pyfunction!(image::_compare, module)?)?;
+    module.add_function(wrap_pyfunction!(camera::_restore_camera, module)?)?;
+    module.add_function(wrap_pyfunction!(light::_restore_light, module)?)?;
+    module.add_function(wrap_pyfunction!(material::_restore_material, module)?)?;
+    module.add_function(wrap_pyfunction!(texture::_restore_texture, module)?)?;
+    module.add_function(wrap_pyfunction!(medium::_restore_medium, module)?)?;
+    module.add_function(wrap_pyfunction!(render::_render, module)?)?;
+    module.add_function(wrap_pyfunction!(render::_samples, module)?)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("INVALID_ID", snell_intersect::Hit::NONE)?;
-    let shapes = PyDict::new(py);
-    for (name, parameters) in objects::shape_parameters() {
-        shapes.set_item(name, PyTuple::new(py, parameters)?)?;
-    }
-    module.add("SHAPES", shapes)
+    module.add("SHAPES", declare::catalogue(py, &objects::shapes())?)?;
+    module.add("MATERIALS", declare::catalogue(py, &snell_scene::Material::family())?)?;
+    module.add("MEDIA", declare::catalogue(py, &snell_scene::medium::Medium::family())?)?;
+    module.add("LIGHTS", declare::catalogue(py, &snell_scene::Light::family())?)?;
+    module.add("PROJECTIONS", declare::catalogue(py, &camera::projections())?)
 }

@@ -3,7 +3,8 @@
 //! A node with one parent is folded into the scene, its surfaces with the map from their node; a node or mesh that is used several times
 //! is a scene of its own, instanced.
 
-use crate::contents::{Contents, Kind, Mesh, Object, Positions};
+use crate::contents::{Contents, Kind, Nodes, Object};
+use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::work::run_to_end;
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyValueError};
@@ -11,18 +12,20 @@ use pyo3::prelude::*;
 use snell_formats::{ReadOptions, read_scene};
 use snell_intersect::TriangleMesh;
 use snell_math::Transform;
-use snell_scene::{Geometry, NodeId};
+use snell_scene::builtin::builtin;
+use snell_scene::{Geometry, MaterialId, NodeId, Scene as Graph, Surface};
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The scene of a file: everything that rays can meet, and the cameras.
+/// The scene of a file: everything that rays can meet, its materials, lights and cameras.
 ///
-/// Reads what `snell formats` lists: OBJ, PLY, STL, glTF and others. Objects are named as in the file. Materials and lights are not kept.
+/// Reads what `snell formats` lists: OBJ, PLY, STL, glTF and others. Objects are named as in the file.
 ///
 /// Parameters
 /// ----------
 /// path : str or os.PathLike
+///     A file, or, where there is none of that name, a scene that is built in: `"cornell-box"` and what `snell scenes` lists.
 ///
 /// Examples
 /// --------
@@ -35,34 +38,68 @@ use std::sync::Arc;
 /// [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]
 #[pyfunction]
 pub fn load(py: Python<'_>, path: PathBuf) -> PyResult<Scene> {
-    // The same error as of `open`.
-    match std::fs::metadata(&path) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-            return Err(PyFileNotFoundError::new_err((e.raw_os_error(), "No such file or directory", path)));
-        }
-        Err(e) => return Err(PyOSError::new_err((e.raw_os_error(), e.to_string(), path))),
-        Ok(_) => {}
+    let built_in = if path.exists() { None } else { path.to_str().and_then(builtin) };
+    if built_in.is_none() {
+        check_there(&path)?;
     }
     let scene = run_to_end(py, move || {
-        let scene = read_scene(&path, &ReadOptions::default()).map_err(|e| e.to_string())?;
-        Folder::fold(&scene)
+        let scene = match built_in {
+            Some(scene) => scene,
+            None => read_scene(&path, &ReadOptions::default()).map_err(|e| e.to_string())?,
+        };
+        fold(scene)
     })?;
     scene.map(Scene::of).map_err(PyValueError::new_err)
 }
 
+/// The same error as of `open` if a file cannot be read.
+pub fn check_there(path: &Path) -> PyResult<()> {
+    let Err(error) = std::fs::metadata(path) else { return Ok(()) };
+    let (number, shown) = (error.raw_os_error(), path.display().to_string());
+    if error.kind() == std::io::ErrorKind::NotFound {
+        return Err(PyFileNotFoundError::new_err((number, "No such file or directory", shown)));
+    }
+    Err(PyOSError::new_err((number, error.to_string(), shown)))
+}
+
+/// What a scene graph holds.
+pub fn fold(mut scene: Graph) -> Result<Contents, String> {
+    let nodes = std::mem::take(&mut scene.nodes);
+    let stage = Arc::new(scene.clone());
+    scene.nodes = nodes;
+    let mut contents = Folder::fold(&scene, stage)?;
+    contents.set_nodes(Nodes { nodes: scene.nodes, root: scene.root });
+    Ok(contents)
+}
+
 /// Folds nodes into scenes.
 struct Folder<'a> {
-    scene: &'a snell_scene::Scene,
+    scene: &'a Graph,
     parents: Vec<u32>,
     uses: HashMap<*const TriangleMesh, u32>,
     /// Nodes with several parents.
     nodes: HashMap<NodeId, Arc<Contents>>,
     /// Meshes with several uses.
-    meshes: HashMap<*const TriangleMesh, Arc<Contents>>,
+    meshes: HashMap<MeshUse, Arc<Contents>>,
+    /// What the materials of all of them are of.
+    stage: Arc<Graph>,
+}
+
+/// A mesh, with the materials that it is used with.
+type MeshUse = (*const TriangleMesh, Vec<Option<MaterialId>>);
+
+/// The material of each slot of a surface.
+fn slots(surface: &Surface, inherited: Option<MaterialId>) -> Vec<Option<MaterialId>> {
+    let count = match &surface.geometry {
+        Geometry::Mesh(mesh) => mesh.material_slots.iter().max().map_or(1, |&slot| usize::from(slot) + 1),
+        Geometry::Shape(_) => 1,
+    };
+    let own = |slot: usize| surface.materials.get(slot).copied().flatten();
+    (0..count.max(surface.materials.len())).map(|slot| own(slot).or(inherited)).collect()
 }
 
 impl<'a> Folder<'a> {
-    fn fold(scene: &'a snell_scene::Scene) -> Result<Contents, String> {
+    fn fold(scene: &'a Graph, stage: Arc<Graph>) -> Result<Contents, String> {
         let order = scene.topological_order().map_err(|e| e.to_string())?;
         let (mut parents, mut uses) = (vec![0; scene.nodes.len()], HashMap::new());
         for id in &order {
@@ -75,7 +112,7 @@ impl<'a> Folder<'a> {
                 }
             }
         }
-        let mut folder = Self { scene, parents, uses, nodes: HashMap::new(), meshes: HashMap::new() };
+        let mut folder = Self { scene, parents, uses, nodes: HashMap::new(), meshes: HashMap::new(), stage };
         // Children come before parents.
         for id in order.into_iter().filter(|&id| id != scene.root) {
             if folder.parents[id.index()] > 1 {
@@ -83,41 +120,48 @@ impl<'a> Folder<'a> {
                 folder.nodes.insert(id, Arc::new(contents));
             }
         }
-        let mut contents = match Transform::new(scene.nodes[scene.root.index()].transform) {
-            Some(placed) => folder.contents(scene.root, placed)?,
-            None => Contents::default(),
-        };
-        contents.cameras.clone_from(&scene.cameras);
-        Ok(contents)
+        match Transform::new(scene.nodes[scene.root.index()].transform) {
+            Some(placed) => folder.contents(scene.root, placed),
+            None => Ok(folder.empty()),
+        }
+    }
+
+    fn empty(&self) -> Contents {
+        Contents::on(self.stage.clone())
     }
 
     /// A node and all that only it holds.
     fn contents(&mut self, id: NodeId, placed: Transform) -> Result<Contents, String> {
-        let mut contents = Contents::default();
+        let mut contents = self.empty();
         // An explicit stack, because files may nest deeper than the thread's stack.
-        let mut stack = vec![(id, placed)];
-        while let Some((id, placed)) = stack.pop() {
+        let mut stack = vec![(id, placed, None)];
+        while let Some((id, placed, inherited)) = stack.pop() {
             let node = &self.scene.nodes[id.index()];
+            let material = node.material.or(inherited);
             let transform = (!placed.is_identity()).then_some(placed);
-            let named = |kind, transform| {
+            let named = |kind, transform, materials| {
                 let name = (!node.name.is_empty()).then(|| node.name.clone());
-                Object { kind, transform, name, mask: u32::MAX }
+                Object { materials, ..Object::new(kind, transform, name) }
             };
             let mut add = |object| contents.add(object).map_err(|_| "the file is nested too deep".to_string());
             for surface in &node.surfaces {
+                let materials = slots(surface, material);
                 match &surface.geometry {
-                    Geometry::Shape(shape) => add(named(Kind::Shape(shape.clone()), transform))?,
+                    Geometry::Shape(shape) => add(named(Kind::Shape(shape.clone()), transform, materials))?,
                     Geometry::Mesh(mesh) if self.uses[&Arc::as_ptr(mesh)] > 1 => {
-                        let shared = self.meshes.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
-                            let mut alone = Contents::default();
-                            let kind = Kind::Mesh(Arc::new(Mesh::read(TriangleMesh::clone(mesh))));
+                        let key = (Arc::as_ptr(mesh), materials.clone());
+                        let shared = self.meshes.entry(key).or_insert_with(|| {
+                            let mut alone = Contents::on(self.stage.clone());
+                            let kind = Kind::Mesh(Arc::new(Mesh::read(mesh, &Transform::IDENTITY)));
                             // One mesh is neither too many nor too deep.
-                            let _ = alone.add(named(kind, None));
+                            let _ = alone.add(named(kind, None, materials));
                             Arc::new(alone)
                         });
-                        add(named(Kind::Instance(shared.clone()), transform))?
+                        add(named(Kind::Instance(shared.clone()), transform, vec![material]))?
                     }
-                    Geometry::Mesh(mesh) => add(named(Kind::Mesh(Arc::new(in_place(mesh, &placed))), None))?,
+                    Geometry::Mesh(mesh) => {
+                        add(named(Kind::Mesh(Arc::new(Mesh::read(mesh, &placed))), None, materials))?
+                    }
                 };
             }
             // Reversed, so that the first child is folded first.
@@ -126,29 +170,12 @@ impl<'a> Folder<'a> {
                 let placed = placed.compose(&node_from_child);
                 match self.nodes.get(&child) {
                     Some(shared) => {
-                        add(named(Kind::Instance(shared.clone()), Some(placed)))?;
+                        add(named(Kind::Instance(shared.clone()), Some(placed), vec![material]))?;
                     }
-                    None => stack.push((child, placed)),
+                    None => stack.push((child, placed, material)),
                 }
             }
         }
         Ok(contents)
     }
-}
-
-/// A mesh with its transform applied: in double precision, so that nothing is lost.
-fn in_place(mesh: &TriangleMesh, placed: &Transform) -> Mesh {
-    if placed.is_identity() {
-        return Mesh::read(mesh.clone());
-    }
-    let positions = mesh.positions.iter().map(|p| placed.point(p.as_dvec3())).collect();
-    let mut moved = TriangleMesh { positions: Vec::new(), ..mesh.clone() };
-    for n in &mut moved.normals {
-        *n = placed.normal(n.as_dvec3()).normalize_or_zero().as_vec3();
-    }
-    if placed.is_mirrored() {
-        moved.indices.iter_mut().for_each(|[_, b, c]| std::mem::swap(b, c));
-    }
-    let [uvs, _] = moved.uvs;
-    Mesh::new(Positions::Double(positions), moved.indices, moved.normals, uvs)
 }

@@ -5,11 +5,10 @@
 //! lies on the surface to double precision, and is the nearest to within `2^-23` of the size of the mesh.
 
 use crate::assemble::{Form, MeshForm, Names, Surface};
-use crate::contents::Mesh;
+use crate::mesh::Mesh;
 use crate::precision::Found;
 use numpy::Element;
 use snell_intersect::shape::nearest::on_triangle;
-use snell_intersect::world::BuildStats;
 use snell_intersect::{BuildOptions, DNearestPoint, Metric, NearestPoint, Points, World, WorldBuilder, WorldError};
 use snell_math::{DVec3, Transform, Vec3};
 
@@ -32,10 +31,6 @@ impl Form for Local {
 
     fn placed(world: &World, occurrence: u32) -> Transform {
         world.world_from_instance(occurrence)
-    }
-
-    fn stats(world: &World) -> &BuildStats {
-        world.stats()
     }
 }
 

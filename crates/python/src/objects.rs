@@ -1,12 +1,13 @@
 //! Arguments that become objects of a scene: vertices, faces, transforms, shapes.
 
-use crate::arrays::{array, contiguous, is_double, numpy, shown, slice};
-use crate::contents::{Mesh, Positions};
+use crate::arrays::{array, check_unsigned, contiguous, is_double, numpy, shown, slice};
+use crate::declare::{Family, References, make, read_all};
+use crate::mesh::{Attributes, Mesh, Positions};
+use crate::tree::Tree;
 use numpy::{Element, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyString};
-use serde_json::{Map, Value};
+use pyo3::types::PyDict;
 use snell_intersect::{AnyShape, Shape, Spheres};
 use snell_math::{DMat4, DVec3, Transform, Vec2, Vec3, Vec4};
 
@@ -114,12 +115,58 @@ fn convert<T: Element + Copy + TryInto<u32> + std::fmt::Display + Sync>(
     })
 }
 
+/// What a mesh may be given beside vertices and faces.
+#[derive(Debug, Default)]
+pub struct Given<'a, 'py> {
+    /// `(n, 3)`.
+    pub normals: Option<&'a Bound<'py, PyAny>>,
+    /// `(n, 2)`.
+    pub uvs: Option<&'a Bound<'py, PyAny>>,
+    /// `(n, 3)` or `(n, 4)`.
+    pub colors: Option<&'a Bound<'py, PyAny>>,
+    /// `(m,)`.
+    pub material_ids: Option<&'a Bound<'py, PyAny>>,
+}
+
+impl Given<'_, '_> {
+    fn attributes(&self, vertices: usize, faces: usize) -> PyResult<Attributes> {
+        Ok(Attributes {
+            normals: normals(self.normals, vertices)?.unwrap_or_default(),
+            uvs: uvs(self.uvs, vertices)?.unwrap_or_default(),
+            colors: self.colors.map_or(Ok(Vec::new()), |value| colors(value, vertices))?,
+            material_slots: self.material_ids.map_or(Ok(Vec::new()), |value| slots(value, faces))?,
+            ..Attributes::default()
+        })
+    }
+}
+
+/// Colours of vertices, with alpha or without.
+fn colors(value: &Bound<'_, PyAny>, vertices: usize) -> PyResult<Vec<[f32; 4]>> {
+    if array(value, "colors")?.shape().last() == Some(&4) {
+        return attribute::<4>(value, Some(vertices), "colors");
+    }
+    let opaque = attribute::<3>(value, Some(vertices), "colors")?;
+    Ok(opaque.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect())
+}
+
+/// Material slots of faces.
+fn slots(value: &Bound<'_, PyAny>, faces: usize) -> PyResult<Vec<u16>> {
+    let array = array(value, "material_ids")?;
+    if array.shape() != [faces] {
+        let found = shown(array.shape());
+        return Err(PyValueError::new_err(format!(
+            "material_ids: shape is {found}, expected ({faces},), one per face"
+        )));
+    }
+    check_unsigned(&array, u16::MAX.into(), "material_ids")?;
+    Ok(slice(&contiguous::<u16>(&array)?)?.to_vec())
+}
+
 /// A mesh from its arrays, or from a mesh of another library.
 pub fn mesh<'py>(
     vertices: &Bound<'py, PyAny>,
     faces_given: Option<&Bound<'py, PyAny>>,
-    normals_given: Option<&Bound<'py, PyAny>>,
-    uvs_given: Option<&Bound<'py, PyAny>>,
+    given: &Given<'_, 'py>,
 ) -> PyResult<Mesh> {
     let py = vertices.py();
     let (vertices, faces_given) = match faces_given {
@@ -132,9 +179,8 @@ pub fn mesh<'py>(
         return Err(PyValueError::new_err(format!("vertices: there are {n}, expected at most {}", u32::MAX)));
     }
     let indices = faces(&faces_given, n)?;
-    let normals = normals(normals_given, n)?.unwrap_or_default();
-    let uvs = uvs(uvs_given, n)?.unwrap_or_default();
-    Ok(py.detach(|| Mesh::new(positions, indices, normals, uvs)))
+    let attributes = given.attributes(n, indices.len())?;
+    Ok(py.detach(|| Mesh::new(positions, indices, attributes)))
 }
 
 /// A transform: a matrix `(4, 4)` whose last row is 0, 0, 0, 1, or its first three rows.
@@ -191,68 +237,23 @@ pub fn spheres(centers: &Bound<'_, PyAny>, radii: &Bound<'_, PyAny>) -> PyResult
     Ok(Spheres { spheres, colors: Vec::new() })
 }
 
-/// The names of the parameters of all shapes.
-pub fn shape_parameters() -> Vec<(&'static str, Vec<String>)> {
-    let mut all: Vec<(&'static str, Vec<String>)> = Vec::new();
-    for shape in AnyShape::examples() {
-        if all.iter().all(|(name, _)| *name != shape.name())
-            && let Ok(Value::Object(fields)) = serde_json::to_value(&shape)
-        {
-            all.push((shape.name(), fields.keys().filter(|k| *k != "shape").cloned().collect()));
-        }
-    }
-    all
-}
-
-/// What stands for a Python value in a declaration.
-fn json(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Value> {
-    if value.is_instance_of::<PyBool>() {
-        return Ok(Value::Bool(value.extract()?));
-    }
-    if !value.is_instance_of::<PyUntypedArray>()
-        && let Ok(number) = value.extract::<f64>()
-    {
-        let finite = serde_json::Number::from_f64(number);
-        let error = || PyValueError::new_err(format!("{name} is {number}, expected a finite number"));
-        return finite.map(Value::Number).ok_or_else(error);
-    }
-    if value.is_instance_of::<PyString>() {
-        return Ok(Value::String(value.extract()?));
-    }
-    let items = if value.hasattr("tolist")? { value.call_method0("tolist")? } else { value.clone() };
-    let items = items.try_iter().map_err(|_| PyTypeError::new_err(format!("{name}: expected numbers")))?;
-    items.enumerate().map(|(i, item)| json(&item?, &format!("{name}[{i}]"))).collect()
-}
-
-/// The closest of some names to one that is not among them.
-fn suggestion(py: Python<'_>, name: &str, known: &[&str]) -> PyResult<String> {
-    let close: Vec<String> = py.import("difflib")?.call_method1("get_close_matches", (name, known, 1))?.extract()?;
-    Ok(match close.first() {
-        Some(close) => format!("; did you mean {close:?}?"),
-        None => format!("; there are {}", known.join(", ")),
-    })
+/// The analytic shapes.
+pub fn shapes() -> Family {
+    let examples = AnyShape::examples();
+    let examples = examples.iter().filter_map(|example| Tree::of(example).ok()).collect();
+    Family { name: "shape", tag: "shape", examples }
 }
 
 /// An analytic shape from its name and parameters.
-pub fn shape(py: Python<'_>, kind: &str, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<AnyShape> {
-    let shapes = shape_parameters();
-    let Some((_, known)) = shapes.iter().find(|(name, _)| *name == kind) else {
-        let names: Vec<_> = shapes.iter().map(|(name, _)| *name).collect();
-        let hint = suggestion(py, kind, &names)?;
-        return Err(PyValueError::new_err(format!("shape: there is no {kind:?}{hint}")));
+pub fn shape(kind: &str, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<AnyShape> {
+    let family = shapes();
+    let known = family.parameters(kind)?;
+    let given = match parameters {
+        Some(given) => read_all(kind, &known, given, &mut References::default())?,
+        None => Vec::new(),
     };
-    let mut fields = Map::new();
-    fields.insert("shape".into(), kind.into());
-    for (key, value) in parameters.into_iter().flatten() {
-        let key: String = key.extract()?;
-        if !known.contains(&key) {
-            let hint = suggestion(py, &key, &known.iter().map(String::as_str).collect::<Vec<_>>())?;
-            return Err(PyTypeError::new_err(format!("{kind} has no parameter {key:?}{hint}")));
-        }
-        fields.insert(key.clone(), json(&value, &key)?);
-    }
-    let shape: AnyShape = serde_json::from_value(Value::Object(fields))
-        .map_err(|e| PyValueError::new_err(format!("{kind}: {e}; its parameters are {}", known.join(", "))))?;
+    let tag = || std::iter::once(("shape".to_string(), Tree::Text(kind.to_string())));
+    let shape: AnyShape = make(kind, &given, &known, |fields| Tree::Fields(tag().chain(fields).collect()))?;
     shape.validate().map_err(|e| PyValueError::new_err(e.to_string()))?;
     Ok(shape)
 }

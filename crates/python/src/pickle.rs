@@ -6,8 +6,12 @@ use crate::objects;
 use crate::scene::Scene;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyTuple};
+use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
+use snell_formats::scene::snell::WRITER;
+use snell_formats::{Limits, ReadOptions, read_scene_bytes};
+use snell_scene::{MaterialId, Node, NodeId, Scene as Graph, Warning};
 use std::collections::HashMap;
+use std::path::Path;
 use std::sync::Arc;
 
 /// How to make such a scene again: a function and its arguments.
@@ -20,9 +24,13 @@ pub fn reduce<'py>(py: Python<'py>, contents: &Contents) -> PyResult<(Bound<'py,
             Slot::Here(object) => slots.append(stored(py, object, &mut children)?)?,
         }
     }
-    let cameras = serde_json::to_string(&contents.cameras).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    // The stage is a scene file without objects.
+    let mut stage = Graph::clone(&contents.stage);
+    (stage.nodes, stage.root) = (vec![Node::default()], NodeId(0));
+    let warnings: Vec<(String, u64)> = stage.warnings.iter().map(|w| (w.message.clone(), w.count)).collect();
+    let stage = (WRITER.write)(&stage).map_err(PyValueError::new_err)?;
     let restore = py.import("snell._snell")?.getattr("_restore")?;
-    Ok((restore, (slots, cameras).into_pyobject(py)?))
+    Ok((restore, (slots, PyBytes::new(py, &stage), warnings).into_pyobject(py)?))
 }
 
 /// An object as a dictionary. A scene that is instanced several times is stored once.
@@ -43,10 +51,15 @@ fn stored<'py>(
             all.set_item("vertices", vertices)?;
             let indices = mesh.indices();
             all.set_item("faces", from_vec(py, indices.as_flattened().to_vec(), &[indices.len(), 3])?)?;
-            let numbers: Vec<_> = mesh.normals().iter().flat_map(|n| n.to_array()).collect();
-            all.set_item("normals", from_vec(py, numbers, &[mesh.normals().len(), 3])?)?;
-            let numbers: Vec<_> = mesh.uvs().iter().flat_map(|n| n.to_array()).collect();
-            all.set_item("uvs", from_vec(py, numbers, &[mesh.uvs().len(), 2])?)?;
+            let attributes = mesh.attributes();
+            let numbers: Vec<_> = attributes.normals.iter().flat_map(|n| n.to_array()).collect();
+            all.set_item("normals", from_vec(py, numbers, &[attributes.normals.len(), 3])?)?;
+            let numbers: Vec<_> = attributes.uvs.iter().flat_map(|n| n.to_array()).collect();
+            all.set_item("uvs", from_vec(py, numbers, &[attributes.uvs.len(), 2])?)?;
+            let numbers = attributes.colors.as_flattened().to_vec();
+            all.set_item("colors", from_vec(py, numbers, &[attributes.colors.len(), 4])?)?;
+            let slots = &attributes.material_slots;
+            all.set_item("material_ids", from_vec(py, slots.clone(), &[slots.len()])?)?;
         }
         Kind::Shape(shape) => {
             let json = serde_json::to_string(&**shape).map_err(|e| PyValueError::new_err(e.to_string()))?;
@@ -73,15 +86,22 @@ fn stored<'py>(
     all.set_item("transform", object.transform.map(|map| objects::matrix(py, &map)).transpose()?)?;
     all.set_item("name", &object.name)?;
     all.set_item("mask", object.mask)?;
+    let materials: Vec<Option<u32>> = object.materials.iter().map(|m| m.map(|m| m.0)).collect();
+    all.set_item("materials", materials)?;
     Ok(all)
 }
 
 /// Makes a scene from what was stored.
 #[pyfunction]
-pub fn _restore(slots: &Bound<'_, PyList>, cameras: &str) -> PyResult<Scene> {
+pub fn _restore(slots: &Bound<'_, PyList>, stage: &[u8], warnings: Vec<(String, u64)>) -> PyResult<Scene> {
     let py = slots.py();
-    let mut contents = Contents::default();
-    contents.cameras = serde_json::from_str(cameras).map_err(|e| PyValueError::new_err(format!("cameras: {e}")))?;
+    let options =
+        ReadOptions { limits: Limits { file_bytes: u64::MAX, ..Limits::default() }, ..ReadOptions::default() };
+    let stage = read_scene_bytes("stage", stage.to_vec(), Path::new("."), &options);
+    let mut stage = stage.map_err(|e| PyValueError::new_err(e.to_string()))?;
+    stage.nodes.clear();
+    stage.warnings = warnings.into_iter().map(|(message, count)| Warning { message, count }).collect();
+    let mut contents = Contents::on(Arc::new(stage));
     for slot in slots {
         if slot.is_none() {
             contents.add_gap();
@@ -92,8 +112,10 @@ pub fn _restore(slots: &Bound<'_, PyList>, cameras: &str) -> PyResult<Scene> {
         let need = |key: &str| get(key)?.ok_or_else(|| PyValueError::new_err(format!("there is no {key}")));
         let kind = if let Some(vertices) = get("vertices")? {
             let some = |key: &str| Ok::<_, PyErr>(get(key)?.filter(|v| v.len().is_ok_and(|n| n > 0)));
-            let (normals, uvs) = (some("normals")?, some("uvs")?);
-            let mesh = objects::mesh(&vertices, Some(&need("faces")?), normals.as_ref(), uvs.as_ref())?;
+            let keys = [some("normals")?, some("uvs")?, some("colors")?, some("material_ids")?];
+            let [normals, uvs, colors, material_ids] = keys.each_ref().map(Option::as_ref);
+            let given = objects::Given { normals, uvs, colors, material_ids };
+            let mesh = objects::mesh(&vertices, Some(&need("faces")?), &given)?;
             Kind::Mesh(Arc::new(mesh))
         } else if let Some(shape) = get("shape")? {
             let shape = serde_json::from_str(&shape.extract::<String>()?);
@@ -106,7 +128,13 @@ pub fn _restore(slots: &Bound<'_, PyList>, cameras: &str) -> PyResult<Scene> {
         let transform = objects::transform(get("transform")?.as_ref())?;
         let name = get("name")?.map(|name| name.extract()).transpose()?;
         let mask = objects::mask(get("mask")?.map(|mask| mask.extract()).transpose()?)?;
-        contents.add(Object { kind, transform, name, mask })?;
+        let materials: Vec<Option<u32>> = need("materials")?.extract()?;
+        let count = contents.stage.materials.len();
+        if materials.iter().flatten().any(|&m| m as usize >= count) {
+            return Err(PyValueError::new_err(format!("materials are {materials:?}, but there are {count}")));
+        }
+        let materials = materials.into_iter().map(|m| m.map(MaterialId)).collect();
+        contents.add(Object { mask, materials, ..Object::new(kind, transform, name) })?;
     }
     Ok(Scene::of(contents))
 }

@@ -1,9 +1,8 @@
 //! What is done alike in `float32` and in `float64`: one trait, implemented by the two number types.
 
 use crate::assemble::{Builder, Form, MeshForm};
-use crate::contents::Mesh;
+use crate::mesh::Mesh;
 use numpy::Element;
-use snell_intersect::world::BuildStats;
 use snell_intersect::{
     AcceptAll, AllHits, AnyShape, BuildOptions, DHit, DWorld, DWorldBuilder, Double, GeometryId, GroupId, Grouping,
     Hit, Instance, Rays, Single, Spheres, World, WorldBuilder, WorldError,
@@ -80,10 +79,6 @@ impl Form for f32 {
     fn placed(world: &World, occurrence: u32) -> Transform {
         world.world_from_instance(occurrence)
     }
-
-    fn stats(world: &World) -> &BuildStats {
-        world.stats()
-    }
 }
 
 impl Form for f64 {
@@ -96,10 +91,6 @@ impl Form for f64 {
 
     fn placed(world: &DWorld, occurrence: u32) -> Transform {
         world.world_from_instance(occurrence)
-    }
-
-    fn stats(world: &DWorld) -> &BuildStats {
-        world.stats()
     }
 }
 

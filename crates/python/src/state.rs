@@ -6,7 +6,8 @@
 use crate::assemble::{Form, Snapshot, assemble};
 use crate::contents::Contents;
 use crate::nearest::Local;
-use crate::work::{Job, begin};
+use crate::prepare::{Prepared, Request};
+use crate::work::{Job, begin, run_to_end};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use snell_intersect::{BuildOptions, WorldError};
@@ -47,6 +48,7 @@ pub struct State {
     single: Worlds<f32>,
     double: Worlds<f64>,
     local: Worlds<Local>,
+    prepared: Option<(u64, Request, Arc<Prepared>)>,
 }
 
 /// Where the worlds of a kind are in a [`State`].
@@ -177,5 +179,23 @@ impl Shared {
             }
         };
         py.detach(|| job.wait_attentively())
+    }
+
+    /// The scene as it is rendered, made if it is not there yet.
+    pub fn prepared(&self, py: Python<'_>, request: &Request) -> PyResult<Arc<Prepared>> {
+        let (version, contents) = {
+            let state = self.lock(py);
+            match &state.prepared {
+                Some((version, made_for, prepared)) if *version == state.version && made_for == request => {
+                    return Ok(prepared.clone());
+                }
+                _ => (state.version, state.contents.clone()),
+            }
+        };
+        let asked = request.clone();
+        let made = run_to_end(py, move || Prepared::new(&contents, &asked))?;
+        let prepared = Arc::new(made.map_err(PyValueError::new_err)?);
+        self.lock(py).prepared = Some((version, request.clone(), prepared.clone()));
+        Ok(prepared)
     }
 }

@@ -1,7 +1,7 @@
 //! The surface at a hit: position, normals and texture coordinates, in double precision whatever the hit's.
 
 use crate::assemble::{Form, Snapshot, Surface};
-use crate::contents::Mesh;
+use crate::mesh::Mesh;
 use crate::precision::{Found, Precision};
 use snell_intersect::{PrimitiveSet, Shape};
 use snell_math::{DRay, DVec2, DVec3, Transform, Vec2};
@@ -91,13 +91,14 @@ fn on_mesh<P: Precision>(mesh: &Mesh, direction: &DVec3, found: &Found<P>) -> Lo
     let position = p[0] * b[0] + p[1] * b[1] + p[2] * b[2];
     let normal = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize().unwrap_or_else(|| line_normal(&p, direction));
     let mut local = Local::of(position, normal, DVec2::ZERO);
-    if !mesh.normals().is_empty() {
-        let blend: DVec3 = indices.iter().zip(b).map(|(&i, b)| mesh.normals()[i].as_dvec3() * b).sum();
+    let attributes = mesh.attributes();
+    if !attributes.normals.is_empty() {
+        let blend: DVec3 = indices.iter().zip(b).map(|(&i, b)| attributes.normals[i].as_dvec3() * b).sum();
         let blend = blend.normalize_or(normal);
         local.normal = if blend.dot(normal) < 0.0 { -blend } else { blend };
     }
-    if !mesh.uvs().is_empty() {
-        local.uv = indices.iter().zip(b).map(|(&i, b)| mesh.uvs()[i].as_dvec2() * b).sum();
+    if !attributes.uvs.is_empty() {
+        local.uv = indices.iter().zip(b).map(|(&i, b)| attributes.uvs[i].as_dvec2() * b).sum();
     }
     local
 }

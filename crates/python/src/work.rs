@@ -43,6 +43,11 @@ impl Threads {
         }
     }
 
+    /// How many.
+    pub fn count(self) -> usize {
+        self.0
+    }
+
     /// The pool of this process with so many threads.
     fn pool(self, _attached: Python<'_>) -> PyResult<Arc<ThreadPool>> {
         let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
@@ -76,6 +81,11 @@ impl Cancel {
     /// An error if so. To be asked every few milliseconds.
     pub fn check(&self) -> Result<(), Stopped> {
         if self.0.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
+    }
+
+    /// Says that it should.
+    pub fn stop(&self) {
+        self.0.store(true, Ordering::Relaxed);
     }
 }
 
@@ -121,13 +131,22 @@ impl<T> Job<T> {
     where
         T: Send,
     {
+        self.wait_with(|_| Ok(()))
+    }
+
+    /// The same; looks after something else as often.
+    pub fn wait_with(&self, mut look: impl FnMut(Python<'_>) -> PyResult<()>) -> PyResult<()>
+    where
+        T: Send,
+    {
         while !self.wait(LOOK_AT_SIGNALS) {
-            Python::attach(|py| py.check_signals())?;
+            Python::attach(|py| py.check_signals().and_then(|()| look(py)))?;
         }
         Ok(())
     }
 
-    fn take(&self) -> PyResult<T> {
+    /// What the work gave; it must be done, and is given once.
+    pub fn take(&self) -> PyResult<T> {
         let result = self.result.lock().unwrap_or_else(PoisonError::into_inner).take();
         result.unwrap_or_else(|| Err("nothing was done".into())).map_err(PyRuntimeError::new_err)
     }
@@ -165,6 +184,15 @@ pub fn run<T: Send>(
     });
     interrupted?;
     job.take()?.map_err(stopped)
+}
+
+/// Begins work that has threads of its own.
+pub fn begin_alone<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> PyResult<Arc<Job<T>>> {
+    let job = Arc::new(Job::default());
+    let doing = job.clone();
+    let thread = std::thread::Builder::new().name("snell".into()).spawn(move || doing.run(work));
+    thread.map_err(|e| PyRuntimeError::new_err(format!("cannot start a thread: {e}")))?;
+    Ok(job)
 }
 
 /// Begins work that cannot be stopped, on the pool of all cores.

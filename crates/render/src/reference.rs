@@ -17,10 +17,10 @@ use snell_scene::Camera;
 /// Renders a picture: for each pixel, the filtered mean of its samples. Row by row from the top.
 pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<Rgb> {
     let [width, height] = settings.size;
-    let sampler = Sampler::new(settings.sampler, settings.seed, settings.spp);
+    let sampler = Sampler::of(settings);
     let filter = FilterSampler::new(settings.filter);
     let lights = scene.light_sampler(settings.light_sampler, settings.light_strategy);
-    let context = Context { scene, settings, lights: &lights };
+    let context = Context { scene, settings, lights: &lights, wants_lobes: false };
     let mut image = Vec::new();
     for y in 0..height {
         for x in 0..width {

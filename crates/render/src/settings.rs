@@ -3,6 +3,7 @@
 use crate::film::filter::Filter;
 use crate::integrator::IntegratorKind;
 use crate::integrator::aov::Aov;
+use crate::integrator::light_part::LightSource;
 use crate::light_sampler::LightSamplerKind;
 use crate::sampler::SamplerKind;
 use snell_intersect::BuildOptions;
@@ -94,6 +95,15 @@ pub enum TileOrder {
     Shuffled(u32),
 }
 
+/// Lights that belong together, for layers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LightGroup {
+    /// Its name.
+    pub name: String,
+    /// What gives its light. What is in several groups counts for the first.
+    pub sources: Vec<LightSource>,
+}
+
 /// Settings of a render.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -103,6 +113,10 @@ pub struct Settings {
     pub crop: Option<Crop>,
     /// Samples per pixel.
     pub spp: u32,
+    /// If set, a pixel takes samples only until its error is at most this, see [`crate::film::noise`]; `spp` is the most.
+    pub noise: Option<f64>,
+    /// Intensity that is added to a pixel's own before its error is compared with it, see [`crate::film::noise`].
+    pub noise_floor: f64,
     /// Render in passes that grow from one sample, so that stopping early leaves a whole picture. Never changes the bits.
     pub progressive: bool,
     /// Seed of all random numbers.
@@ -130,6 +144,10 @@ pub struct Settings {
     pub fill: Rgb,
     /// How far `ao` looks for occluders; `None` is half of the scene's radius.
     pub ao_distance: Option<f32>,
+    /// Light that was scattered more than once and is brighter than this, in any lane, is dimmed to it: no fireflies, but too dark.
+    pub clamp: Option<f32>,
+    /// Lights that layers show apart.
+    pub light_groups: Vec<LightGroup>,
     /// Extra layers.
     pub aovs: Vec<Aov>,
     /// Order of work.
@@ -141,6 +159,8 @@ pub struct Settings {
 impl Settings {
     /// The cap on path length when none is asked for. Russian roulette ends practically all paths long before.
     pub const MAX_DEPTH: u32 = 1000;
+    /// The usual [`Settings::noise_floor`] of a picture whose white is 1: somewhat darker than middle grey.
+    pub const NOISE_FLOOR: f64 = 0.1;
 }
 
 impl Default for Settings {
@@ -149,6 +169,8 @@ impl Default for Settings {
             size: [640, 480],
             crop: None,
             spp: 64,
+            noise: None,
+            noise_floor: Self::NOISE_FLOOR,
             progressive: false,
             seed: 0,
             sampler: SamplerKind::default(),
@@ -162,6 +184,8 @@ impl Default for Settings {
             light_sampler: LightSamplerKind::default(),
             fill: Rgb::BLACK,
             ao_distance: None,
+            clamp: None,
+            light_groups: Vec::new(),
             aovs: Vec::new(),
             tile_order: TileOrder::default(),
             build: BuildOptions::default(),

@@ -148,7 +148,8 @@ pub enum Environment {
 }
 
 /// What camera rays that leave the scene show.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Background {
     /// The environment (black if there is none).
     #[default]

@@ -1,7 +1,10 @@
 //! Pixels in memory: images that come from files ([`Image`]) and pictures that go to files ([`LayeredImage`]).
 
+use serde::{Deserialize, Serialize};
+
 /// How stored values encode colour.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Encoding {
     /// Colour channels carry the sRGB curve; alpha is linear.
     Srgb,

@@ -1,9 +1,11 @@
 //! What a scene file may ask of the renderer. Options on the command line override all of it.
 
+use serde::{Deserialize, Serialize};
 use snell_math::DVec3;
 
 /// Hints of the scene file; `None` where it says nothing.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct SceneSettings {
     /// Width and height in pixels.
     pub size: Option<[u32; 2]>,

@@ -1,5 +1,7 @@
 //! `snell render`: a scene file to a picture.
 
+mod denoise;
+mod layers;
 mod options;
 mod output;
 mod summary;
@@ -24,6 +26,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let simd = Level::from_env().map_err(Failure::Usage)?;
     // Fail before the work, not after it.
     let output = output::Output::plan(options)?;
+    let denoiser = options.denoise.as_deref().map(denoise::load).transpose()?;
     let start = Instant::now();
     let mut scene = scene_source::load(&options.scene, &options.read_options())?;
     prepare_scene(&mut scene, options)?;
@@ -52,7 +55,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let render_seconds = start.elapsed().as_secs_f64();
 
     let stem = scene_source::stem(&options.scene, &scene);
-    let picture = snell_render::picture(&film, &settings, &compiled);
+    let mut picture = snell_render::picture(&film, &settings, &compiled);
     let summary = Summary {
         scene: &scene,
         compiled: &compiled,
@@ -66,6 +69,11 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         threads,
         image_sha256: output::sha256(&picture),
     };
+    layers::name_groups(&mut picture, &film, &settings.light_groups);
+    layers::add_cryptomatte(&mut picture, &film, &scene, &compiled);
+    if let Some(denoiser) = &denoiser {
+        denoise::apply(denoiser, &mut picture, threads)?;
+    }
     let written = output.write(&stem, picture, &film, &summary, &scene)?;
     if let Some(path) = &options.stats {
         let text = serde_json::to_string_pretty(&summary.json()).map_err(|e| Failure::Other(e.to_string()))?;
@@ -89,7 +97,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
 fn warn_of_lost_layers(options: &Options, settings: &Settings) {
     let extension = options.output.as_ref().and_then(|path| path.extension());
     let shown = usize::from(settings.integrator == IntegratorKind::Aov);
-    let asked = settings.aovs.len() > shown || options.variance;
+    let asked = options.aov.len().max(shown) > shown || !options.light_group.is_empty() || options.variance;
     if asked && !extension.is_some_and(|e| e.eq_ignore_ascii_case("exr")) {
         eprintln!("warning: only OpenEXR holds layers and variance; write the picture to a file.exr to have them");
     }

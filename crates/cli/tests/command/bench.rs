@@ -166,6 +166,23 @@ fn triangles_and_rays_are_written_as_arrays() {
 }
 
 #[test]
+fn samplers_are_measured_on_every_integrand() {
+    let place = Place::new();
+    let words = "bench samplers --spp 1,16 --pictures 1 --side 16 --json --plot p.svg";
+    let rows = lines(place.run(words).done().text());
+    assert_eq!(rows.len(), 7 * 4 * 3, "integrands, samplers, two numbers of samples and the exponent");
+    let exponent = |sampler: &str| {
+        let row =
+            rows.iter().find(|r| r["integrand"] == "smooth" && r["sampler"] == sampler && !r["exponent"].is_null());
+        row.and_then(|r| r["exponent"].as_f64()).expect("a number")
+    };
+    assert!(exponent("zsobol") < exponent("independent") - 0.3);
+    let plot = std::fs::read_to_string(place.path("p.svg")).expect("the plot was written");
+    assert!(plot.contains("product8") && plot.ends_with("</svg>\n"));
+    assert!(place.run("bench samplers --sampler sobel").err.contains("did you mean sobol"));
+}
+
+#[test]
 fn a_scene_without_surfaces_is_not_measured() {
     let place = Place::new();
     place.write("empty.obj", "v 0 0 0\nv 1 0 0\nf 1 2 9\n");

@@ -18,7 +18,7 @@ fn a_wrong_name_suggests_the_nearest() {
     "#);
     insta::assert_snapshot!(failure(&place, "render --sampler sobel"), @r#"
     2
-    error: there is no sampler "sobel"; did you mean sobol? (known: independent, stratified, sobol)
+    error: there is no sampler "sobel"; did you mean sobol? (known: independent, stratified, sobol, zsobol)
     "#);
     insta::assert_snapshot!(failure(&place, "render --filter gausian"), @r#"
     2
@@ -26,7 +26,7 @@ fn a_wrong_name_suggests_the_nearest() {
     "#);
     insta::assert_snapshot!(failure(&place, "render --aov norml"), @r#"
     2
-    error: there is no layer "norml"; did you mean normal? (known: depth, distance, position, normal, geometric-normal, uv, albedo, instance-id, geometry-id, primitive-id, material-id, facing, barycentrics, nodes-visited, primitives-tested)
+    error: there is no layer "norml"; did you mean normal? (known: depth, distance, position, normal, geometric-normal, uv, albedo, instance-id, geometry-id, primitive-id, material-id, facing, barycentrics, nodes-visited, primitives-tested, noise, samples, crypto-object, crypto-material, emission, direct, indirect, diffuse-direct, diffuse-indirect, specular-direct, specular-indirect, transmission-direct, transmission-indirect, volume-direct, volume-indirect)
     "#);
     insta::assert_snapshot!(failure(&place, "render --tonemap acs"), @r#"
     2
@@ -116,7 +116,7 @@ fn a_wrong_value_says_what_is_expected() {
 #[test]
 fn a_broken_file_names_place_problem_and_remedy() {
     let place = Place::new();
-    let files: [(&str, &[u8]); 16] = [
+    let files: [(&str, &[u8]); 17] = [
         ("syntax.gltf", br#"{"asset": {"version": "2.0"}, "#),
         ("range.gltf", br#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [7]}]}"#),
         ("version.gltf", br#"{"asset": {"version": "1.0"}}"#),
@@ -131,6 +131,7 @@ fn a_broken_file_names_place_problem_and_remedy() {
         ("short.off", b"OFF\n3 1 0\n0 0 0\n"),
         ("word.scn", b"material 0 0 0 1 1 1 0 0 0 0 0 0 0 0 0 1 1 0\nsphere 0 0 0 0 big\n"),
         ("short.nff", b"v\nfrom 0 0 1\n"),
+        ("word.pbrt", b"WorldBegin\n  Shape \"sphere\" \"float radius\" [ big ]\n"),
         ("what.xyz", b"nothing that is known"),
         ("empty.obj", b""),
     ];
@@ -155,7 +156,8 @@ fn a_broken_file_names_place_problem_and_remedy() {
     1 error: short.off:4:1: the file ends where a coordinate of vertex 1 of 3 is expected; the file seems cut off; export or copy it again
     1 error: word.scn:2:16: "big" stands where the radius of the sphere, a number, was expected; write it as: sphere material center(3) radius
     1 error: short.nff:3: the file ends where `at` was expected; write it as: v from x y z at x y z up x y z angle degrees hither distance resolution width height
-    1 error: what.xyz: this is not a scene or mesh format that Snell knows, neither by its content nor by its extension; use one of: gltf, minray, nff, scn, ply, off, stl, ray, obj (`snell formats` tells more)
+    1 error: word.pbrt:2:35: "big" stands where a number of radius was expected; write a number
+    1 error: what.xyz: this is not a scene or mesh format that Snell knows, neither by its content nor by its extension; use one of: gltf, minray, nff, pbrt, scn, ply, off, stl, ray, obj (`snell formats` tells more)
     0 rendered
     "#);
 }

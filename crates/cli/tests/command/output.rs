@@ -147,3 +147,63 @@ fn a_reader_that_stops_reading_is_no_fault() {
         assert!(output.status.success(), "{words}: {}", String::from_utf8_lossy(&output.stderr));
     }
 }
+
+#[test]
+fn light_groups_and_cryptomatte_have_their_names_in_openexr() {
+    let place = Place::new();
+    let words = "render cornell-box --size 16x12 --spp 4 -t 1 -q --aov direct,crypto-object,crypto-material --variance \
+                 --light-group lamp=lamp -o a.exr";
+    place.run(words).done();
+    let picture = place.layers("a.exr");
+    let names: Vec<&str> = picture.layers.iter().map(|l| l.name.as_str()).collect();
+    for name in [
+        "direct",
+        "light_lamp",
+        "light_other",
+        "direct_lamp",
+        "direct_lamp.variance",
+        "CryptoObject00",
+        "CryptoMaterial02",
+    ] {
+        assert!(names.contains(&name), "{name} in {names:?}");
+    }
+    let values = |name: &str| picture.layer(name).expect("the layer is there").values.clone();
+    assert!(values("light_other").iter().all(|&v| v == 0.0), "there is one lamp");
+    let manifest = picture.metadata.iter().find(|(k, v)| k.ends_with("/manifest") && v.contains("\"white\":"));
+    assert!(manifest.is_some_and(|(k, _)| k.starts_with("cryptomatte/")), "{:?}", picture.metadata);
+    // The largest share of a pixel is known to the manifest, bit for bit.
+    let hash = format!("{:08x}", values("CryptoMaterial00")[0].to_bits());
+    assert!(picture.metadata.iter().any(|(k, v)| k.ends_with("/manifest") && v.contains(&hash)), "{hash}");
+}
+
+#[test]
+fn a_light_group_or_a_denoiser_that_is_not_there_is_an_error_that_tells_what_to_do() {
+    let place = Place::new();
+    for (option, remedy) in [
+        ("--light-group key=9", "emissive materials: lamp"),
+        ("--light-group key", "write NAME=LIST"),
+        ("--denoise=nowhere", "pip install pyoidn"),
+        ("--noise 0", "write a number from 0.00001"),
+        ("--clamp=-1", "write a positive number"),
+    ] {
+        let run = place.run(&format!("render cornell-box {option} -o a.png"));
+        assert!(run.code != 0 && run.err.contains(remedy), "{option}: {}", run.err);
+    }
+    assert!(place.files().is_empty(), "{:?}", place.files());
+}
+
+#[test]
+fn a_render_to_a_stated_error_says_how_far_it_came() {
+    let place = Place::new();
+    let words = "render cornell-box --size 12x8 --noise 0.5 --spp 512 --max-depth 2 -t 2 --aov noise,samples --stats s.json -o a.exr";
+    let run = place.run(words).done();
+    assert!(run.err.contains("% of the pixels within 0.5"), "{}", run.err);
+    let s = place.json("s.json");
+    assert_eq!(s["noise"], 0.5);
+    let number = |key: &str| s[key].as_f64().unwrap_or(-1.0);
+    assert!(number("spp") >= 128.0 && number("spp_most") <= 512.0 && number("spp_mean") >= number("spp"), "{s}");
+    assert!(number("converged") > 0.5, "{s}");
+    let picture = place.layers("a.exr");
+    let samples = &picture.layer("samples").expect("the layer is there").values;
+    assert_eq!(samples.iter().fold(0.0f32, |a, &b| a.max(b)) as f64, number("spp_most"));
+}

@@ -107,6 +107,17 @@ const OWN: &[(&str, &str, &str)] = &[
         "v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 40\nhither 1\nresolution 16 16\nb 0.1 0.2 0.3\nl 3 4 5\n\
          f 1 0.5 0.2 0.5 0.5 20 0.3 1.5\ns 0 0 0 1\nc\n0 -1 0 0.5\n0 1 0 0.2\np 3\n-2 -2 -1\n2 -2 -1\n0 2 -1\n",
     ),
+    (
+        "pbrt",
+        "own.pbrt",
+        "LookAt 3 4 1.5  .5 .5 0  0 0 1\nCamera \"perspective\" \"float fov\" 45\nFilm \"rgb\" \"integer xresolution\" [16] \"integer yresolution\" [16]\n\
+         WorldBegin\nLightSource \"infinite\" \"rgb L\" [ .4 .45 .5 ]\nAttributeBegin\nAreaLightSource \"diffuse\" \"blackbody L\" 3000 \"float power\" 9\n\
+         Translate 0 0 3 Shape \"disk\" \"float radius\" 0.5\nAttributeEnd\nTexture \"c\" \"spectrum\" \"checkerboard\" \"float uscale\" [4] \"rgb tex1\" [.1 .1 .1]\n\
+         Material \"coateddiffuse\" \"texture reflectance\" \"c\" \"float roughness\" 0.1\n\
+         Shape \"bilinearmesh\" \"point3 P\" [ -9 -9 0 9 -9 0 -9 9 0 9 9 1 ]\nObjectBegin \"o\" Shape \"sphere\" \"float zmin\" 0 ObjectEnd\n\
+         ObjectInstance \"o\" Translate 1 0 0 ObjectInstance \"o\"\nMaterial \"dielectric\" Shape \"loopsubdiv\" \"integer levels\" 1\n\
+         \"point3 P\" [0 0 0 1 0 0 0 1 0 0 0 1] \"integer indices\" [0 1 2 0 3 1 1 3 2 2 3 0] \"float alpha\" 0.5\n",
+    ),
 ];
 
 /// A material file, tried behind a mesh that uses all of its materials.

@@ -6,6 +6,7 @@
 //! are encoded.
 
 pub mod compare;
+pub mod cryptomatte;
 mod flip;
 mod openexr;
 mod pfm;
@@ -17,6 +18,7 @@ mod write;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use openexr::rec709_from;
 pub use tonemap::display_value;
 
 use crate::{Input, Place, ReadError, WriteError};

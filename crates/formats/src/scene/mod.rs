@@ -3,11 +3,17 @@
 pub mod gltf;
 pub mod minray;
 pub mod nff;
+pub mod pbrt;
 pub mod scn;
 mod shapes;
+pub mod snell;
 #[cfg(test)]
 mod testing;
 mod tokens;
 
 /// The readers of scene files, in the order in which contents are tried.
-pub const READERS: &[crate::SceneReader] = &[gltf::READER, minray::READER, nff::READER, scn::READER];
+pub const READERS: &[crate::SceneReader] =
+    &[snell::READER, gltf::READER, minray::READER, nff::READER, pbrt::READER, scn::READER];
+
+/// The writers of scene files.
+pub const WRITERS: &[crate::SceneWriter] = &[snell::WRITER];

@@ -2,14 +2,19 @@
 //! picture do not depend on threads, tile order or splitting. Memory does not grow with the number of samples.
 
 pub mod filter;
+pub mod noise;
 
-use crate::integrator::aov::{Aov, AovKind};
-use crate::settings::Crop;
+use crate::integrator::aov::{Aov, AovKind, NOTHING};
+use crate::settings::{Crop, Settings};
+use noise::NoiseMap;
 use snell_math::Rgb;
 use snell_scene::{Layer, LayeredImage};
 
 /// Samples whose values are summed before the sum is added to the pixel: the unit of splitting a render.
 pub const BLOCK: u32 = 16;
+
+/// What the layer `noise` shows where too few samples tell nothing: the largest number of half precision.
+const UNKNOWN: f64 = 65504.0;
 
 /// One sample of one pixel, as the film sees it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -60,11 +65,54 @@ impl Sums {
         self.weight[pixel] += f64::from(weight);
     }
 
+    /// The sums of one channel of one pixel.
+    fn channel(&self, pixel: usize, channel: usize) -> ChannelSums {
+        let i = pixel * (self.sum.len() / self.weight.len()) + channel;
+        let [sum, square, weight] = [self.sum[i], self.square[i], self.weight[pixel]];
+        ChannelSums { sum, square, weight, plain: self.plain.get(i).copied() }
+    }
+
     fn add_all(&mut self, other: &Self) {
         let mine = self.sum.iter_mut().chain(&mut self.square).chain(&mut self.weight).chain(&mut self.plain);
         for (a, b) in mine.zip(other.sum.iter().chain(&other.square).chain(&other.weight).chain(&other.plain)) {
             *a += b;
         }
+    }
+}
+
+/// The sums of one channel of one pixel.
+#[derive(Clone, Copy)]
+struct ChannelSums {
+    sum: f64,
+    square: f64,
+    weight: f64,
+    plain: Option<f64>,
+}
+
+impl ChannelSums {
+    fn plus(self, other: Self) -> Self {
+        Self {
+            sum: self.sum + other.sum,
+            square: self.square + other.square,
+            weight: self.weight + other.weight,
+            plain: self.plain.zip(other.plain).map(|(a, b)| a + b),
+        }
+    }
+
+    /// Mean over `n` samples, and its variance.
+    ///
+    /// The sum of the weights of few samples may be 0 or of the wrong sign where the filter is partly negative, so it is no
+    /// divisor. Only what differs from the plain mean is weighted, and divided by the weight that is expected.
+    fn estimate(&self, n: f64, mean_weight: f64) -> (f64, f64) {
+        let (mean, difference) = match self.plain {
+            None => (self.sum / n, 0.0),
+            Some(plain) => (plain / n, self.sum - plain / n * self.weight),
+        };
+        // Of the weighted differences from the plain mean, whose weights are all of size 1.
+        let spread = (self.square - mean * mean * n - difference * difference / n).max(0.0);
+        let divisor = n * mean_weight;
+        let variance = if n > 1.0 { spread / (divisor * divisor) * (n / (n - 1.0)) } else { 0.0 };
+        (mean + difference / divisor, variance)
     }
 }
 
@@ -75,10 +123,14 @@ pub struct FilmPart {
     pub area: Crop,
     /// First sample number and one past the last.
     pub samples: [u32; 2],
+    /// Which pixels of the area have samples, by number row by row, ascending; `None` if all have.
+    pub pixels: Option<Vec<u32>>,
     /// Sample values: all samples of the first pixel, then of the next.
     pub values: Vec<FilmSample>,
     /// AOV values in the same order, all channels of a sample together.
     pub aovs: Vec<f32>,
+    /// What covers each sample, for each AOV of kind [`AovKind::Coverage`], in the same order.
+    pub keys: Vec<u64>,
 }
 
 /// One tile of the film.
@@ -86,8 +138,14 @@ pub struct FilmPart {
 pub struct FilmTile {
     /// Pixels covered, in the whole picture.
     pub area: Crop,
-    /// Samples that every pixel of the tile has.
+    /// Samples of the pixels that have most.
     pub samples: u32,
+    /// Samples of each pixel.
+    taken: Vec<u32>,
+    /// Sum of the intensities of whole blocks, and of their squares, of each pixel.
+    blocks: Vec<[f64; 2]>,
+    /// Of pixels that have stopped, the deviation of blocks that decided.
+    decided: Vec<Option<f64>>,
     channels: usize,
     /// Expected weight of a sample, see [`filter::FilterSampler::mean_weight`].
     mean_weight: f64,
@@ -96,15 +154,19 @@ pub struct FilmTile {
     partial: Option<Sums>,
     /// Values of AOVs that cannot be averaged: of the first sample.
     first: Vec<f32>,
+    /// What covers each pixel, and how many of its samples: a list for each AOV of kind [`AovKind::Coverage`].
+    coverage: Vec<Vec<(u64, u32)>>,
 }
 
 impl FilmTile {
-    fn new(area: Crop, aov_channels: usize, mean_weight: f64) -> Self {
+    fn new(area: Crop, aov_channels: usize, coverages: usize, mean_weight: f64) -> Self {
         let pixels = area.size().iter().product::<u32>() as usize;
         let channels = 4 + aov_channels;
         let total = Sums::new(pixels, channels, mean_weight < 1.0);
         let first = vec![0.0; pixels * aov_channels];
-        Self { area, samples: 0, channels, mean_weight, total, partial: None, first }
+        let (taken, blocks) = (vec![0; pixels], vec![[0.0; 2]; pixels]);
+        let (decided, coverage) = (vec![None; pixels], vec![Vec::new(); pixels * coverages]);
+        Self { area, samples: 0, taken, blocks, decided, channels, mean_weight, total, partial: None, first, coverage }
     }
 
     /// Adds a part of this tile.
@@ -113,14 +175,18 @@ impl FilmTile {
     /// If the part does not continue where the tile's samples end.
     pub fn fold(&mut self, part: &FilmPart) {
         assert_eq!(part.samples[0], self.samples, "parts of a tile are added in order");
-        let pixels = self.total.weight.len();
+        let count = self.total.weight.len();
         let samples = (part.samples[1] - part.samples[0]) as usize;
         let aov_channels = self.channels - 4;
+        let pixels: Vec<usize> = match &part.pixels {
+            Some(pixels) => pixels.iter().map(|&p| p as usize).collect(),
+            None => (0..count).collect(),
+        };
         let mut values = vec![0.0; self.channels];
         for s in 0..samples {
-            let partial = self.partial.get_or_insert_with(|| Sums::new(pixels, self.channels, self.mean_weight < 1.0));
-            for pixel in 0..pixels {
-                let i = pixel * samples + s;
+            let partial = self.partial.get_or_insert_with(|| Sums::new(count, self.channels, self.mean_weight < 1.0));
+            for (number, &pixel) in pixels.iter().enumerate() {
+                let i = number * samples + s;
                 let sample = &part.values[i];
                 let aovs = &part.aovs[i * aov_channels..][..aov_channels];
                 values[..3].copy_from_slice(&sample.color.to_array());
@@ -133,34 +199,46 @@ impl FilmTile {
             }
             self.samples += 1;
             if self.samples.is_multiple_of(BLOCK) {
-                self.total.add_all(partial);
-                self.partial = None;
+                self.end_block(&pixels);
+            }
+        }
+        pixels.iter().for_each(|&pixel| self.taken[pixel] = self.samples);
+        self.cover(part, &pixels);
+    }
+
+    fn cover(&mut self, part: &FilmPart, pixels: &[usize]) {
+        let kinds = self.coverage.len() / self.taken.len().max(1);
+        if kinds == 0 {
+            return;
+        }
+        let samples = part.keys.len() / kinds / pixels.len().max(1);
+        for (keys, &pixel) in part.keys.chunks(samples * kinds).zip(pixels) {
+            for (i, &key) in keys.iter().enumerate().filter(|k| *k.1 != NOTHING) {
+                let list = &mut self.coverage[pixel * kinds + i % kinds];
+                match list.iter_mut().find(|entry| entry.0 == key) {
+                    Some(entry) => entry.1 += 1,
+                    None => list.push((key, 1)),
+                }
             }
         }
     }
 
+    fn end_block(&mut self, pixels: &[usize]) {
+        let Some(partial) = self.partial.take() else { return };
+        for &pixel in pixels {
+            let mean = |channel| partial.channel(pixel, channel).estimate(f64::from(BLOCK), self.mean_weight).0;
+            let intensity = (mean(0) + mean(1) + mean(2)) / 3.0;
+            self.blocks[pixel][0] += intensity;
+            self.blocks[pixel][1] += intensity * intensity;
+        }
+        self.total.add_all(&partial);
+    }
+
     /// Mean and variance of the mean for one channel of a pixel.
-    ///
-    /// The sum of the weights of few samples may be 0 or of the wrong sign where the filter is partly negative, so it is no
-    /// divisor. Only what differs from the plain mean is weighted, and divided by the weight that is expected.
     fn estimate(&self, pixel: usize, channel: usize) -> (f64, f64) {
-        let i = pixel * self.channels + channel;
-        let get = |field: fn(&Sums) -> &Vec<f64>, i: usize| {
-            field(&self.total)[i] + self.partial.as_ref().map_or(0.0, |p| field(p)[i])
-        };
-        let (sum, square) = (get(|s| &s.sum, i), get(|s| &s.square, i));
-        let n = f64::from(self.samples.max(1));
-        let (mean, difference) = if self.total.plain.is_empty() {
-            (sum / n, 0.0)
-        } else {
-            let mean = get(|s| &s.plain, i) / n;
-            (mean, sum - mean * get(|s| &s.weight, pixel))
-        };
-        // Of the weighted differences from the plain mean, whose weights are all of size 1.
-        let spread = (square - mean * mean * n - difference * difference / n).max(0.0);
-        let divisor = n * self.mean_weight;
-        let variance = if n > 1.0 { spread / (divisor * divisor) * (n / (n - 1.0)) } else { 0.0 };
-        (mean + difference / divisor, variance)
+        let total = self.total.channel(pixel, channel);
+        let sums = self.partial.as_ref().map_or(total, |partial| total.plus(partial.channel(pixel, channel)));
+        sums.estimate(f64::from(self.taken[pixel].max(1)), self.mean_weight)
     }
 }
 
@@ -169,6 +247,8 @@ impl FilmTile {
 pub struct Film {
     /// The part of the picture that is rendered.
     pub crop: Crop,
+    /// See [`crate::Settings::noise_floor`].
+    pub noise_floor: f64,
     aovs: Vec<Aov>,
     /// Tiles, row by row.
     pub tiles: Vec<FilmTile>,
@@ -182,17 +262,18 @@ impl Film {
 
     /// An empty film for samples of a filter, see [`filter::FilterSampler::mean_weight`].
     pub fn with_mean_weight(crop: Crop, aovs: &[Aov], mean_weight: f64) -> Self {
-        let aov_channels = aovs.iter().map(|a| a.channels().len()).sum::<usize>();
+        let aov_channels = aovs.iter().map(|a| a.sampled_channels()).sum::<usize>();
+        let coverages = aovs.iter().filter(|a| a.kind() == AovKind::Coverage).count();
         let range = |axis: usize| crop.min[axis] / TILE..crop.max[axis].div_ceil(TILE);
         let mut tiles = Vec::new();
         for y in range(1) {
             for x in range(0) {
                 let min = [(x * TILE).max(crop.min[0]), (y * TILE).max(crop.min[1])];
                 let max = [((x + 1) * TILE).min(crop.max[0]), ((y + 1) * TILE).min(crop.max[1])];
-                tiles.push(FilmTile::new(Crop { min, max }, aov_channels, mean_weight));
+                tiles.push(FilmTile::new(Crop { min, max }, aov_channels, coverages, mean_weight));
             }
         }
-        Self { crop, aovs: aovs.to_vec(), tiles }
+        Self { crop, noise_floor: Settings::NOISE_FLOOR, aovs: aovs.to_vec(), tiles }
     }
 
     /// The AOVs that have layers.
@@ -202,12 +283,43 @@ impl Film {
 
     /// Least number of samples that any pixel has.
     pub fn least_samples(&self) -> u32 {
-        self.tiles.iter().map(|t| t.samples).min().unwrap_or(0)
+        self.taken().min().unwrap_or(0)
+    }
+
+    /// Largest number of samples that any pixel has.
+    pub fn most_samples(&self) -> u32 {
+        self.taken().max().unwrap_or(0)
+    }
+
+    /// Mean number of samples of a pixel.
+    pub fn mean_samples(&self) -> f64 {
+        self.taken().map(f64::from).sum::<f64>() / self.taken().count().max(1) as f64
+    }
+
+    fn taken(&self) -> impl Iterator<Item = u32> {
+        self.tiles.iter().flat_map(|t| t.taken.iter().copied())
     }
 
     /// The picture: first the layer of colour and alpha (premultiplied), then one layer per AOV. Linear Rec. 709.
     pub fn image(&self) -> LayeredImage {
         self.layers(false)
+    }
+
+    /// What covers each pixel, row by row, by the keys of [`Aov::key`] with the number of samples of each, and the number of all
+    /// samples of the pixel. Empty if the AOV was not asked for.
+    pub fn coverage(&self, aov: Aov) -> Vec<(&[(u64, u32)], u32)> {
+        let mut kinds = self.aovs.iter().filter(|a| a.kind() == AovKind::Coverage);
+        let count = kinds.clone().count();
+        let Some(kind) = kinds.position(|&a| a == aov) else { return Vec::new() };
+        let [width, height] = self.crop.size().map(|s| s as usize);
+        let mut pixels: Vec<(&[(u64, u32)], u32)> = vec![(&[], 0); width * height];
+        for tile in &self.tiles {
+            for (number, [x, y]) in noise::positions(&tile.area).enumerate() {
+                let [column, row] = [x - self.crop.min[0], y - self.crop.min[1]].map(|p| p as usize);
+                pixels[row * width + column] = (&tile.coverage[number * count + kind], tile.taken[number]);
+            }
+        }
+        pixels
     }
 
     /// The variance of each value of [`Self::image`] as an estimate (that of the mean, not of one sample). 0 for values that are
@@ -217,6 +329,7 @@ impl Film {
     }
 
     fn layers(&self, variance: bool) -> LayeredImage {
+        let map = NoiseMap::new(self);
         let [width, height] = self.crop.size();
         let pixels = width as usize * height as usize;
         let layer = |name: &str, channels: &[&str]| Layer {
@@ -225,11 +338,12 @@ impl Film {
             values: vec![0.0; channels.len() * pixels],
         };
         let mut layers = vec![layer("", &["R", "G", "B", "A"])];
-        layers.extend(self.aovs.iter().map(|a| layer(a.name(), a.channels())));
+        let aovs: Vec<Aov> = self.aovs.iter().filter(|a| a.kind() != AovKind::Coverage).copied().collect();
+        layers.extend(aovs.iter().map(|a| layer(a.name(), a.channels())));
         let mut first_channel = 0;
         for (number, layer) in layers.iter_mut().enumerate() {
             let count = layer.channels.len();
-            let kind = number.checked_sub(1).map_or(AovKind::Averaged, |i| self.aovs[i].kind());
+            let kind = number.checked_sub(1).map_or(AovKind::Averaged, |i| aovs[i].kind());
             for tile in &self.tiles {
                 let [w, h] = tile.area.size();
                 for y in 0..h {
@@ -246,7 +360,12 @@ impl Film {
                                     let value = if variance { of_mean } else { mean };
                                     value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
                                 }
-                                AovKind::First if variance => 0.0,
+                                AovKind::First | AovKind::OfFilm | AovKind::Coverage if variance => 0.0,
+                                AovKind::Coverage => 0.0,
+                                AovKind::OfFilm if aovs[number - 1] == Aov::Samples => tile.taken[pixel] as f32,
+                                AovKind::OfFilm => {
+                                    map.error(row * width as usize + column, self.noise_floor).min(UNKNOWN) as f32
+                                }
                                 AovKind::First => tile.first[pixel * (tile.channels - 4) + channel - 4],
                             };
                             layer.values[(row * width as usize + column) * count + c] = value;
@@ -254,7 +373,7 @@ impl Film {
                     }
                 }
             }
-            first_channel += count;
+            first_channel += if kind == AovKind::OfFilm { 0 } else { count };
         }
         LayeredImage { width, height, layers, metadata: Vec::new() }
     }
@@ -270,7 +389,8 @@ mod tests {
             let value = rng::to_unit(rng::hash32(s)) * 1000.0;
             FilmSample { color: Rgb::splat(value), alpha: 1.0, weight: 1.0 }
         });
-        FilmPart { area: Crop::full([1, 1]), samples, values: values.collect(), aovs: Vec::new() }
+        let values = values.collect();
+        FilmPart { area: Crop::full([1, 1]), samples, pixels: None, values, aovs: Vec::new(), keys: Vec::new() }
     }
 
     fn film(splits: &[u32]) -> Film {
@@ -306,7 +426,14 @@ mod tests {
             FilmSample { color: Rgb::splat(value(u)), alpha: 1.0, weight }
         });
         let (area, values) = (Crop::full([1, 1]), values.collect());
-        film.tiles[0].fold(&FilmPart { area, samples: [0, samples], values, aovs: Vec::new() });
+        film.tiles[0].fold(&FilmPart {
+            area,
+            samples: [0, samples],
+            pixels: None,
+            values,
+            aovs: Vec::new(),
+            keys: Vec::new(),
+        });
         film
     }
 

@@ -1,6 +1,8 @@
 //! Arbitrary output variables: what the first hit is, apart from its light.
 
+use super::light_part::{LightPart, Lobe, Scatterings};
 use super::{Context, SurfaceVertex, Vertex, outgoing};
+use snell_intersect::Hit;
 use snell_math::{Rgb, Vec3};
 use snell_scene::bsdf::Lobes;
 
@@ -11,7 +13,14 @@ pub enum AovKind {
     Averaged,
     /// The first sample's value: for ids, of which a mean means nothing.
     First,
+    /// What the film knows of the pixel, not the samples.
+    OfFilm,
+    /// Which share of them has which value, see [`crate::Film::coverage`]. No layer by itself.
+    Coverage,
 }
+
+/// The key of a sample that nothing covers.
+pub const NOTHING: u64 = u64::MAX;
 
 /// An extra layer of the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,11 +55,21 @@ pub enum Aov {
     NodesVisited,
     /// Triangles and shapes that the camera ray was tested against.
     PrimitivesTested,
+    /// Error of the pixel: half of its 95 % confidence interval in tone-mapped units, see [`crate::film::noise`].
+    Noise,
+    /// Number of samples of the pixel.
+    Samples,
+    /// Which objects cover the pixel: for Cryptomatte.
+    CryptoObject,
+    /// Which materials cover the pixel: for Cryptomatte.
+    CryptoMaterial,
+    /// Some of the light. Only `path` and `direct` tell light apart; with other integrators it is black.
+    Light(LightPart),
 }
 
 impl Aov {
     /// All AOVs.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 30] = [
         Self::Depth,
         Self::Distance,
         Self::Position,
@@ -66,6 +85,21 @@ impl Aov {
         Self::Barycentrics,
         Self::NodesVisited,
         Self::PrimitivesTested,
+        Self::Noise,
+        Self::Samples,
+        Self::CryptoObject,
+        Self::CryptoMaterial,
+        light(None, Some(Scatterings::None)),
+        light(None, Some(Scatterings::One)),
+        light(None, Some(Scatterings::Many)),
+        light(Some(Lobe::Diffuse), Some(Scatterings::One)),
+        light(Some(Lobe::Diffuse), Some(Scatterings::Many)),
+        light(Some(Lobe::Specular), Some(Scatterings::One)),
+        light(Some(Lobe::Specular), Some(Scatterings::Many)),
+        light(Some(Lobe::Transmission), Some(Scatterings::One)),
+        light(Some(Lobe::Transmission), Some(Scatterings::Many)),
+        light(Some(Lobe::Volume), Some(Scatterings::One)),
+        light(Some(Lobe::Volume), Some(Scatterings::Many)),
     ];
 
     /// The name on the command line, and of the layer.
@@ -86,6 +120,11 @@ impl Aov {
             Self::Barycentrics => "barycentrics",
             Self::NodesVisited => "nodes-visited",
             Self::PrimitivesTested => "primitives-tested",
+            Self::Noise => "noise",
+            Self::Samples => "samples",
+            Self::CryptoObject => "crypto-object",
+            Self::CryptoMaterial => "crypto-material",
+            Self::Light(part) => light_name(part),
         }
     }
 
@@ -94,7 +133,9 @@ impl Aov {
         match self {
             Self::Position | Self::Normal | Self::GeometricNormal => &["X", "Y", "Z"],
             Self::Uv | Self::Barycentrics => &["U", "V"],
-            Self::Albedo => &["R", "G", "B"],
+            Self::Albedo | Self::Light(_) => &["R", "G", "B"],
+            Self::Depth => &["Z"],
+            Self::CryptoObject | Self::CryptoMaterial => &[],
             Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => &["id"],
             _ => &["V"],
         }
@@ -104,7 +145,23 @@ impl Aov {
     pub fn kind(self) -> AovKind {
         match self {
             Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => AovKind::First,
+            Self::Noise | Self::Samples => AovKind::OfFilm,
+            Self::CryptoObject | Self::CryptoMaterial => AovKind::Coverage,
             _ => AovKind::Averaged,
+        }
+    }
+
+    /// How many values each sample brings.
+    pub fn sampled_channels(self) -> usize {
+        if matches!(self.kind(), AovKind::OfFilm | AovKind::Coverage) { 0 } else { self.channels().len() }
+    }
+
+    /// What covers a sample, as the key of [`crate::Film::coverage`]: for an object instance and geometry, for a material its number.
+    pub fn key(self, context: &Context, hit: &Hit) -> u64 {
+        match self {
+            _ if !hit.is_hit() => NOTHING,
+            Self::CryptoObject => u64::from(hit.instance) << 32 | u64::from(hit.geometry),
+            _ => u64::from(context.scene.material_id(hit).0),
         }
     }
 
@@ -116,6 +173,9 @@ impl Aov {
     /// Appends the values at a camera ray's vertex.
     pub fn extend(self, context: &Context, vertex: &Vertex, towards: Vec3, counters: [u32; 2], values: &mut Vec<f32>) {
         match (self, &vertex.surface) {
+            _ if matches!(self.kind(), AovKind::OfFilm | AovKind::Coverage) => {}
+            // Found on the way.
+            (Self::Light(_), _) => values.extend([0.0; 3]),
             (Self::NodesVisited, _) => values.push(counters[0] as f32),
             (Self::PrimitivesTested, _) => values.push(counters[1] as f32),
             (_, Some(surface)) => self.extend_surface(context, vertex, surface, towards, values),
@@ -155,6 +215,7 @@ impl Aov {
             Self::Facing => values.push(outgoing(vertex.ray).dot(s.geometric_normal)),
             Self::Barycentrics => values.extend(s.primitive_uv.to_array()),
             Self::NodesVisited | Self::PrimitivesTested => values.push(0.0),
+            Self::Noise | Self::Samples | Self::Light(_) | Self::CryptoObject | Self::CryptoMaterial => {}
         }
     }
 
@@ -179,8 +240,9 @@ impl Aov {
                 Rgb::new(f(v(0)), f(v(1)), f(v(2)))
             }
             Self::Uv | Self::Barycentrics => Rgb::new(v(0).rem_euclid(1.0), v(1).rem_euclid(1.0), 0.0),
-            Self::Albedo => Rgb::new(v(0), v(1), v(2)),
+            Self::Albedo | Self::Light(_) => Rgb::new(v(0), v(1), v(2)),
             Self::InstanceId | Self::GeometryId | Self::PrimitiveId | Self::MaterialId => id_color(v(0)),
+            Self::CryptoObject | Self::CryptoMaterial => Rgb::BLACK,
             Self::Facing => {
                 if v(0) >= 0.0 {
                     Rgb::splat(v(0))
@@ -188,8 +250,37 @@ impl Aov {
                     Rgb::new(-v(0), 0.0, 0.0)
                 }
             }
+            Self::Noise => heat((v(0) * 10.0).clamp(0.0, 1.0)),
+            Self::Samples => heat(((1.0 + v(0).max(0.0)).log2() / 14.0).min(1.0)),
             Self::NodesVisited | Self::PrimitivesTested => heat(((1.0 + v(0).max(0.0)).log2() / 8.0).min(1.0)),
         }
+    }
+}
+
+const fn light(lobe: Option<Lobe>, scatterings: Option<Scatterings>) -> Aov {
+    Aov::Light(LightPart { lobe, scatterings, group: None })
+}
+
+/// The name of a part of the light, whatever the group.
+fn light_name(part: LightPart) -> &'static str {
+    use {Lobe as L, Scatterings as S};
+    match (part.lobe, part.scatterings) {
+        (None, None) => "light",
+        (None, Some(S::None)) | (Some(_), Some(S::None)) => "emission",
+        (None, Some(S::One)) => "direct",
+        (None, Some(S::Many)) => "indirect",
+        (Some(L::Diffuse), Some(S::One)) => "diffuse-direct",
+        (Some(L::Diffuse), Some(S::Many)) => "diffuse-indirect",
+        (Some(L::Specular), Some(S::One)) => "specular-direct",
+        (Some(L::Specular), Some(S::Many)) => "specular-indirect",
+        (Some(L::Transmission), Some(S::One)) => "transmission-direct",
+        (Some(L::Transmission), Some(S::Many)) => "transmission-indirect",
+        (Some(L::Volume), Some(S::One)) => "volume-direct",
+        (Some(L::Volume), Some(S::Many)) => "volume-indirect",
+        (Some(L::Diffuse), None) => "diffuse",
+        (Some(L::Specular), None) => "specular",
+        (Some(L::Transmission), None) => "transmission",
+        (Some(L::Volume), None) => "volume",
     }
 }
 

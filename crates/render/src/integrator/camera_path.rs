@@ -1,6 +1,7 @@
 //! How a path starts: at a point of the film, through the lens.
 
 use super::PathState;
+use super::light_part::LobeShares;
 use crate::film::filter::FilterSampler;
 use crate::light_sampler::Receiver;
 use crate::sampler::Random;
@@ -41,6 +42,7 @@ pub(crate) fn camera_path(
         cone_width: camera_ray.width,
         cone_spread: camera_ray.spread,
         stream: 0,
+        lobe: LobeShares::UNKNOWN,
     };
     (camera_ray.ray, state, weight)
 }

@@ -1,5 +1,6 @@
 //! Steps that integrators share: light that arrives from outside the scene, and light samples.
 
+use super::light_part::LightSource;
 use super::{Context, PathState, SurfaceVertex, Vertex};
 use crate::compile::CompiledLight;
 use crate::light_sampler::ChosenLight;
@@ -41,6 +42,8 @@ pub struct IncidentLight {
     pub pdf: f32,
     /// No BSDF sample can find this light.
     pub is_delta: bool,
+    /// What gives it.
+    pub source: LightSource,
     /// The ray whose interval must be free.
     pub shadow_ray: Ray,
 }
@@ -106,6 +109,7 @@ pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Ve
                 radiance: sample.radiance,
                 pdf: sample.pdf,
                 is_delta: sample.is_delta,
+                source: LightSource::Light(chosen.light as u32),
                 shadow_ray,
             })
         }
@@ -138,13 +142,15 @@ fn from_environment(context: &Context, at: &Arrival, direction: Vec3, pdf: f32) 
     let radiance = sky.radiance(direction, at.mode);
     let shadow_ray = Ray::new(at.ray_origin(direction), direction);
     let arrives = !radiance.is_black() && pdf > 0.0;
-    arrives.then_some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+    let source = LightSource::Environment;
+    arrives.then_some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray })
 }
 
 /// Light from a point of an emissive surface.
 fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Option<IncidentLight> {
     let (scene, direction, pdf) = (context.scene, sample.direction, sample.pdf);
-    let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
+    let material_id = scene.material_id(&hit_of(&sample.surface));
+    let material = scene.material(material_id);
     let point = scene.shading_point(&sample.surface, 0.0, at.mode);
     // A ray meets a cut-out or blended lamp only with this probability, and the shadow ray ends before it.
     let presence = material.presence(direction, &point);
@@ -155,7 +161,8 @@ fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Opti
     let origin = at.ray_origin(direction);
     let target = sample.surface.ray_origin(-direction);
     let shadow_ray = Ray::new(origin, target - origin).with_t_max(SHADOW_END);
-    Some(IncidentLight { direction, radiance, pdf, is_delta: false, shadow_ray })
+    let source = LightSource::Material(material_id);
+    Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray })
 }
 
 /// The hit that an interaction describes.

@@ -8,6 +8,7 @@ pub(crate) mod camera_path;
 mod classic;
 mod estimators;
 mod flat;
+pub mod light_part;
 mod path;
 mod scattering;
 
@@ -15,6 +16,7 @@ use crate::compile::CompiledScene;
 use crate::light_sampler::{LightSampler, Receiver};
 use crate::sampler::Random;
 use crate::settings::Settings;
+use light_part::{LightSource, LobeShares};
 use snell_intersect::{Hit, SurfaceInteraction};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
 use snell_scene::Material;
@@ -94,6 +96,8 @@ pub struct Context<'a> {
     pub settings: &'a Settings,
     /// Chooses a light.
     pub lights: &'a LightSampler,
+    /// True if somebody wants to know which lobes scatter: [`PathState::lobe`] and [`Outputs::light_lobe`].
+    pub wants_lobes: bool,
 }
 
 /// What a path carries from vertex to vertex. All of it is a function of (pixel, sample, seed) alone.
@@ -117,6 +121,8 @@ pub struct PathState {
     pub cone_spread: f32,
     /// Distinguishes the branches of a ray tree in random numbers; 0 on an unbranched path.
     pub stream: u32,
+    /// The first scattering, where [`Context::wants_lobes`].
+    pub lobe: LobeShares,
 }
 
 /// A vertex: where a path's ray ended.
@@ -173,20 +179,37 @@ impl<'a> SurfaceVertex<'a> {
 }
 
 /// What a vertex function gives back. Values are already multiplied by the path's throughput.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Outputs {
     /// Radiance found at the vertex.
     pub radiance: SampledSpectrum,
     /// Radiance that counts if nothing lies on the ray.
     pub light_rays: Vec<(Ray, SampledSpectrum)>,
+    /// Where the light of the light rays comes from, if one source is meant.
+    pub light_source: Option<LightSource>,
+    /// What scatters the light of the light rays, at the first vertex and where [`Context::wants_lobes`].
+    pub light_lobe: LobeShares,
     /// Where the path goes on (several ways for a ray tree).
     pub next: Vec<(Ray, PathState)>,
+}
+
+impl Default for Outputs {
+    fn default() -> Self {
+        Self {
+            radiance: SampledSpectrum::ZERO,
+            light_rays: Vec::new(),
+            light_source: None,
+            light_lobe: LobeShares::UNKNOWN,
+            next: Vec::new(),
+        }
+    }
 }
 
 impl Outputs {
     /// Empties all lists.
     pub fn clear(&mut self) {
         self.radiance = SampledSpectrum::ZERO;
+        (self.light_source, self.light_lobe) = (None, LobeShares::UNKNOWN);
         self.light_rays.clear();
         self.next.clear();
     }

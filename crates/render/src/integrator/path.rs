@@ -4,6 +4,7 @@
 use super::estimators::{
     Arrival, background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light,
 };
+use super::light_part::LobeShares;
 use super::scattering::scatter;
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::light_sampler::Receiver;
@@ -55,9 +56,12 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     };
     if !shading.is_delta() {
         let bsdf = |wi| (shading.eval(wo, wi), shading.pdf(wo, wi));
-        light_sample(context, vertex, Arrival::at_surface(surface), &receiver, bsdf, out);
+        let direction = light_sample(context, vertex, Arrival::at_surface(surface), &receiver, bsdf, out);
+        if let Some(wi) = direction {
+            out.light_lobe = first_lobe(context, vertex, || LobeShares::of_surface(&shading, wo, wi, false));
+        }
     }
-    add_bounce(vertex, surface, &receiver, &shading, out);
+    add_bounce(context, vertex, surface, &receiver, &shading, out);
 }
 
 fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
@@ -87,7 +91,7 @@ fn weight_of_bsdf_sample(context: &Context, vertex: &Vertex, light_pdf: impl Fn(
     }
 }
 
-/// Adds a light ray towards a light sample. `scattering` gives, for a direction, what share of light from there goes on along the path
+/// Adds a light ray towards a light sample, and tells its direction. `scattering` gives, for a direction, what share of light from there goes on along the path
 /// and the density with which the path itself would have gone there.
 pub(super) fn light_sample(
     context: &Context,
@@ -96,18 +100,18 @@ pub(super) fn light_sample(
     receiver: &Receiver,
     scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
     out: &mut Outputs,
-) {
+) -> Option<Vec3> {
     let u = || vertex.random.number(dimension::LIGHT_CHOICE);
-    let Some(chosen) = context.lights.sample(receiver, u) else { return };
+    let chosen = context.lights.sample(receiver, u)?;
     let probability = chosen.probability;
     let u = vertex.random.pair(dimension::LIGHT);
-    let Some(sample) = sample_light(context, &at, &chosen, u) else { return };
+    let sample = sample_light(context, &at, &chosen, u)?;
     if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
-        return;
+        return None;
     }
     let (value, pdf) = scattering(sample.direction);
     if value.is_black() {
-        return;
+        return None;
     }
     let weight = if sample.is_delta || context.settings.light_strategy == LightStrategy::Light {
         1.0
@@ -115,9 +119,17 @@ pub(super) fn light_sample(
         sampling::power_heuristic(sample.pdf * probability, pdf)
     };
     let value = vertex.state.throughput * value * sample.radiance * (weight / (sample.pdf * probability));
-    if !value.is_black() && value.is_finite() {
-        out.light_rays.push((sample.shadow_ray, value));
+    if value.is_black() || !value.is_finite() {
+        return None;
     }
+    out.light_source = Some(sample.source);
+    out.light_rays.push((sample.shadow_ray, value));
+    Some(sample.direction)
+}
+
+/// The path's first scattering: this one, if it is the first and somebody wants to know.
+pub(super) fn first_lobe(context: &Context, vertex: &Vertex, this: impl FnOnce() -> LobeShares) -> LobeShares {
+    if context.wants_lobes && vertex.depth == 0 { this() } else { vertex.state.lobe }
 }
 
 /// Russian roulette: the probability with which the path goes on, by the weight it would have; `None` if it ends.
@@ -129,7 +141,14 @@ pub(super) fn survival(vertex: &Vertex, weight: f32) -> Option<f32> {
     (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)
 }
 
-fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, receiver: &Receiver, shading: &ShadingBsdf, out: &mut Outputs) {
+fn add_bounce(
+    context: &Context,
+    vertex: &Vertex,
+    surface: &SurfaceVertex,
+    receiver: &Receiver,
+    shading: &ShadingBsdf,
+    out: &mut Outputs,
+) {
     let wo = outgoing(vertex.ray);
     let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
     let Some(sample) = shading.sample(wo, u_lobe, u) else { return };
@@ -146,6 +165,7 @@ fn add_bounce(vertex: &Vertex, surface: &SurfaceVertex, receiver: &Receiver, sha
         bsdf_pdf: if sample.is_delta { 0.0 } else { sample.pdf },
         receiver: *receiver,
         is_specular: vertex.state.is_specular && sample.is_delta,
+        lobe: first_lobe(context, vertex, || LobeShares::of_surface(shading, wo, sample.wi, sample.is_delta)),
         cone_spread: if sample.is_delta {
             vertex.state.cone_spread
         } else {

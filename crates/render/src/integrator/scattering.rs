@@ -2,7 +2,8 @@
 //! by the power heuristic on their densities of direction. Whatever media and interfaces lie on the way counts in both alike.
 
 use super::estimators::Arrival;
-use super::path::{SCATTERED_SPREAD, light_sample, survival};
+use super::light_part::LobeShares;
+use super::path::{SCATTERED_SPREAD, first_lobe, light_sample, survival};
 use super::{Context, MediumVertex, Outputs, PathState, Vertex, dimension};
 use crate::light_sampler::Receiver;
 use snell_math::{Ray, SampledSpectrum, Vec3};
@@ -17,6 +18,8 @@ pub fn scatter(context: &Context, vertex: &Vertex, medium: &MediumVertex, out: &
     };
     let at = Arrival { position: medium.position, surface: None, mode: vertex.state.mode };
     light_sample(context, vertex, at, &receiver, phase, out);
+    let lobe = first_lobe(context, vertex, || LobeShares::VOLUME);
+    out.light_lobe = lobe;
     let (wi, pdf) = medium.phase.sample(forward, vertex.random.pair(dimension::BSDF));
     let mut throughput = vertex.state.throughput;
     let Some(survival) = survival(vertex, throughput.max_element() * vertex.state.eta_scale) else { return };
@@ -26,6 +29,7 @@ pub fn scatter(context: &Context, vertex: &Vertex, medium: &MediumVertex, out: &
         bsdf_pdf: pdf,
         receiver,
         is_specular: false,
+        lobe,
         cone_width: medium.footprint,
         cone_spread: vertex.state.cone_spread.max(SCATTERED_SPREAD),
         ..*vertex.state

@@ -3,6 +3,7 @@
 //! The unit of work is a *part*: one tile of 16 x 16 pixels and one range of sample numbers. Threads take parts in a fixed order and
 //! fold them into the film tile by tile, in order of the samples; which thread did what never shows in the picture.
 
+mod light_parts;
 mod part;
 mod paths;
 mod tracer;
@@ -12,11 +13,12 @@ pub use tracer::{Recording, hit_filter};
 
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
-use crate::film::{BLOCK, Film, FilmPart, FilmTile};
+use crate::film::{BLOCK, Film, FilmPart, FilmTile, TILE, noise};
 use crate::integrator::Context;
 use crate::light_sampler::LightSampler;
 use crate::sampler::Sampler;
 use crate::settings::{Crop, Settings, TileOrder};
+use light_parts::LightParts;
 use part::PartRenderer;
 use snell_math::rng;
 use snell_scene::Camera;
@@ -58,10 +60,14 @@ impl AddAssign for RayCounts {
 pub struct Statistics {
     /// Rays traced.
     pub rays: RayCounts,
+    /// Samples of pixels.
+    pub samples: u64,
     /// Samples that were not finite and counted as black. Always 0 unless there is a fault in a material or light.
     pub invalid_samples: u64,
     /// Time that threads spent in ray queries, all threads together. Not the same each time.
     pub tracing: Duration,
+    /// Pixels whose error is as small as was asked for; 0 if nothing was.
+    pub converged_pixels: u64,
     /// False if the render was stopped before all samples were taken.
     pub is_complete: bool,
 }
@@ -71,7 +77,7 @@ pub struct Statistics {
 pub struct Progress {
     /// Pixel samples taken.
     pub done: u64,
-    /// Pixel samples asked for.
+    /// Pixel samples asked for; a guess if pixels stop by their error.
     pub total: u64,
     /// Rays traced so far.
     pub rays: u64,
@@ -87,14 +93,42 @@ pub struct Job<'a> {
     sampler: Sampler,
     filter: FilterSampler,
     lights: LightSampler,
+    light_parts: LightParts,
     crop: Crop,
 }
 
 /// A tile being filled by several threads.
 struct SharedTile {
     tile: FilmTile,
+    /// The pixels that take samples; `None` if all do.
+    pixels: Option<Vec<u32>>,
     /// Parts whose predecessors are still being rendered.
     waiting: BTreeMap<u32, FilmPart>,
+}
+
+/// What threads share while they render a list of parts.
+struct Shared<'b> {
+    tiles: &'b [Mutex<SharedTile>],
+    /// Tile and range of samples of each part.
+    parts: &'b [(usize, [u32; 2])],
+    /// The next part.
+    next: AtomicUsize,
+    /// Passes over the whole picture that were complete before.
+    passes: usize,
+    tally: &'b Tally,
+    keep_going: &'b (dyn Fn(&Progress) -> bool + Sync),
+}
+
+/// What a render has done so far.
+#[derive(Default)]
+struct Tally {
+    done: AtomicU64,
+    total: AtomicU64,
+    rays: AtomicU64,
+    stopped: AtomicBool,
+    record: bool,
+    statistics: Mutex<Statistics>,
+    recording: Mutex<Recording>,
 }
 
 impl<'a> Job<'a> {
@@ -109,9 +143,10 @@ impl<'a> Job<'a> {
             scene,
             camera,
             settings,
-            sampler: Sampler::new(settings.sampler, settings.seed, settings.spp),
+            sampler: Sampler::of(settings),
             filter: FilterSampler::new(settings.filter),
             lights: scene.light_sampler(settings.light_sampler, settings.light_strategy),
+            light_parts: LightParts::new(scene, settings),
             crop,
         }
     }
@@ -119,16 +154,25 @@ impl<'a> Job<'a> {
     /// Renders with `threads` threads (at least one) until all samples are taken or `keep_going` says no. `keep_going` is called
     /// often, from any thread, with the progress so far.
     pub fn run(&self, threads: usize, keep_going: &(dyn Fn(&Progress) -> bool + Sync)) -> (Film, Statistics) {
-        self.extend(self.empty_film(), self.settings.spp, threads, keep_going)
+        let Some(noise) = self.settings.noise else {
+            return self.extend(self.empty_film(), self.settings.spp, threads, keep_going);
+        };
+        let (mut film, tally) = (self.empty_film(), Tally::default());
+        self.run_until_converged(&mut film, noise, threads, &tally, keep_going);
+        let mut statistics = into_inner(tally.statistics);
+        statistics.is_complete = !tally.stopped.into_inner();
+        (film, statistics)
     }
 
     /// A film of this render without samples.
     pub fn empty_film(&self) -> Film {
-        Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight())
+        let mut film = Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight());
+        film.noise_floor = self.settings.noise_floor;
+        film
     }
 
     /// Goes on with a film of this render until every pixel has `until` samples (or all that are asked for), or `keep_going` says
-    /// no. In how many steps a film is made never shows in it.
+    /// no. In how many steps a film is made never shows in it. No pixel stops by its error.
     pub fn extend(
         &self,
         film: Film,
@@ -140,7 +184,7 @@ impl<'a> Job<'a> {
         (film, statistics)
     }
 
-    /// The rays that [`Self::run`] traces, batch by batch: 32 bytes a ray. Which batch comes first is not the same each time.
+    /// The rays that [`Self::extend`] traces, batch by batch: 32 bytes a ray. Which batch comes first is not the same each time.
     pub fn record(&self, threads: usize) -> Recording {
         self.extend_and_record(self.empty_film(), self.settings.spp, threads, &|_| true, true).2
     }
@@ -153,80 +197,140 @@ impl<'a> Job<'a> {
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
         record: bool,
     ) -> (Film, Statistics, Recording) {
-        let order = tile_order(film.tiles.len(), self.settings.tile_order);
         let until = until.min(self.settings.spp);
-        let mut ranges = sample_ranges(self.settings.spp, self.settings.progressive);
-        let start = film.least_samples();
-        ranges.retain(|range| range[1] > start && range[0] < until);
+        let ranges = sample_ranges(self.settings.spp, self.settings.progressive);
         let missing = |tile: &FilmTile| pixels(&tile.area) * u64::from(until.saturating_sub(tile.samples));
-        let total: u64 = film.tiles.iter().map(missing).sum();
-        let tiles: Vec<Mutex<SharedTile>> = std::mem::take(&mut film.tiles)
-            .into_iter()
-            .map(|tile| Mutex::new(SharedTile { tile, waiting: BTreeMap::new() }))
-            .collect();
-        let (next, done, rays, stopped) =
-            (AtomicUsize::new(0), AtomicU64::new(0), AtomicU64::new(0), AtomicBool::new(false));
-        let statistics = Mutex::new(Statistics::default());
-        let recording = Mutex::new(Recording::default());
-        let work = || {
-            let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights };
-            let tracer = Tracer::new(self.scene, record.then(Recording::default));
-            let mut renderer = PartRenderer::new(context, self.camera, &self.sampler, &self.filter, tracer);
-            let mut mine = Statistics::default();
-            loop {
-                // Asked before a part is taken: every part that is taken is rendered, and so the passes counted here are whole,
-                // however late some thread is.
-                let taken = next.load(Ordering::Relaxed);
-                let progress = Progress {
-                    done: done.load(Ordering::Relaxed),
-                    total,
-                    rays: rays.load(Ordering::Relaxed),
-                    passes: taken / tiles.len().max(1),
-                };
-                if stopped.load(Ordering::Relaxed) || !keep_going(&progress) {
-                    stopped.store(true, Ordering::Relaxed);
-                    break;
-                }
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                if index >= tiles.len() * ranges.len() {
-                    break;
-                }
-                let range = ranges[index / tiles.len()];
-                let shared = &tiles[order[index % tiles.len()]];
-                let (area, range) = {
-                    let tile = &lock(shared).tile;
-                    // What the film brings along is not rendered again. (Samples that other threads are adding now belong to
-                    // earlier ranges.)
-                    (tile.area, [range[0].max(tile.samples.min(range[1])), range[1].min(until)])
-                };
-                if range[0] >= range[1] {
-                    continue;
-                }
-                let before = mine.rays.total();
-                let part = renderer.render(area, range, &mut mine);
-                done.fetch_add(pixels(&area) * u64::from(range[1] - range[0]), Ordering::Relaxed);
-                rays.fetch_add(mine.rays.total() - before, Ordering::Relaxed);
-                lock(shared).accept(part);
+        let tally = Tally { record, ..Tally::default() };
+        tally.total.store(film.tiles.iter().map(missing).sum(), Ordering::Relaxed);
+        // What the film brings along is not rendered again.
+        let parts = self.parts(&film, |tile| {
+            let cut = |r: &[u32; 2]| [r[0].max(film.tiles[tile].samples), r[1].min(until)];
+            ranges.iter().map(cut).filter(|r| r[0] < r[1]).collect()
+        });
+        let all = vec![None; film.tiles.len()];
+        self.render_parts(&mut film, &all, &parts, 0, threads, &tally, keep_going);
+        let mut statistics = into_inner(tally.statistics);
+        statistics.is_complete = film.tiles.iter().all(|t| t.samples >= until);
+        (film, statistics, into_inner(tally.recording))
+    }
+
+    /// Rounds of samples for the pixels whose error is still too large, see [`crate::film::noise`].
+    fn run_until_converged(
+        &self,
+        film: &mut Film,
+        noise: f64,
+        threads: usize,
+        tally: &Tally,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+    ) {
+        let (spp, floor) = (self.settings.spp, self.settings.noise_floor);
+        let mut samples = 0;
+        let mut active: Vec<Option<Vec<u32>>> = vec![None; film.tiles.len()];
+        while samples < spp && active.iter().any(|pixels| pixels.as_ref().is_none_or(|p| !p.is_empty())) {
+            let end = noise::next_look(samples).min(spp);
+            let count = |film: &Film, tile: usize| {
+                active[tile].as_ref().map_or(pixels(&film.tiles[tile].area), |p| p.len() as u64)
+            };
+            let still: u64 = (0..film.tiles.len()).map(|tile| count(film, tile)).sum();
+            let done = tally.done.load(Ordering::Relaxed);
+            tally.total.store(done + still * u64::from(end - samples), Ordering::Relaxed);
+            let parts = self.parts(film, |tile| round_ranges([samples, end], count(film, tile)));
+            self.render_parts(film, &active, &parts, usize::from(samples > 0), threads, tally, keep_going);
+            if tally.stopped.load(Ordering::Relaxed) {
+                break;
             }
-            let mut all = lock(&statistics);
-            all.rays += mine.rays;
-            all.invalid_samples += mine.invalid_samples;
-            all.tracing += renderer.tracer.spent;
-            lock(&recording).append(renderer.tracer.recording.unwrap_or_default());
+            samples = end;
+            active = noise::unconverged(film, &active, noise, floor);
+        }
+        let left: usize = noise::unconverged(film, &active, noise, floor).iter().flatten().map(Vec::len).sum();
+        let all: u64 = film.tiles.iter().map(|t| pixels(&t.area)).sum();
+        lock(&tally.statistics).converged_pixels = all - left as u64;
+    }
+
+    /// Parts in the order in which they are rendered: the first range of all tiles, then the second …
+    fn parts(&self, film: &Film, ranges: impl Fn(usize) -> Vec<[u32; 2]>) -> Vec<(usize, [u32; 2])> {
+        let order = tile_order(film.tiles.len(), self.settings.tile_order);
+        let ranges: Vec<Vec<[u32; 2]>> = (0..film.tiles.len()).map(ranges).collect();
+        let most = ranges.iter().map(Vec::len).max().unwrap_or(0);
+        let of_pass = |pass: usize| {
+            let ranges = &ranges;
+            order.iter().filter_map(move |&tile| ranges[tile].get(pass).map(|&range| (tile, range)))
         };
+        (0..most).flat_map(of_pass).collect()
+    }
+
+    fn render_parts(
+        &self,
+        film: &mut Film,
+        active: &[Option<Vec<u32>>],
+        parts: &[(usize, [u32; 2])],
+        passes: usize,
+        threads: usize,
+        tally: &Tally,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+    ) {
+        let tiles = std::mem::take(&mut film.tiles).into_iter().zip(active);
+        let tiles: Vec<_> = tiles
+            .map(|(tile, pixels)| Mutex::new(SharedTile { tile, pixels: pixels.clone(), waiting: BTreeMap::new() }))
+            .collect();
+        let shared = Shared { tiles: &tiles, parts, next: AtomicUsize::new(0), passes, tally, keep_going };
         if threads <= 1 {
-            work();
+            self.work(&shared);
         } else {
             std::thread::scope(|scope| {
                 for _ in 0..threads {
-                    scope.spawn(work);
+                    scope.spawn(|| self.work(&shared));
                 }
             });
         }
         film.tiles = tiles.into_iter().map(|t| into_inner(t).tile).collect();
-        let mut statistics = into_inner(statistics);
-        statistics.is_complete = film.tiles.iter().all(|t| t.samples >= until);
-        (film, statistics, into_inner(recording))
+    }
+
+    /// What each thread does: take the next part, render it, add it to its tile.
+    fn work(&self, shared: &Shared) {
+        let Shared { tiles, parts, next, passes, tally, keep_going } = shared;
+        let wants_lobes = !self.light_parts.is_empty();
+        let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights, wants_lobes };
+        let tracer = Tracer::new(self.scene, tally.record.then(Recording::default));
+        let mut renderer =
+            PartRenderer::new(context, self.camera, &self.sampler, &self.filter, &self.light_parts, tracer);
+        let mut mine = Statistics::default();
+        loop {
+            // Asked before a part is taken: every part that is taken is rendered, and so the passes counted here are whole,
+            // however late some thread is.
+            let progress = Progress {
+                done: tally.done.load(Ordering::Relaxed),
+                total: tally.total.load(Ordering::Relaxed),
+                rays: tally.rays.load(Ordering::Relaxed),
+                passes: passes + next.load(Ordering::Relaxed) / tiles.len().max(1),
+            };
+            if next.load(Ordering::Relaxed) >= parts.len() {
+                break;
+            }
+            if tally.stopped.load(Ordering::Relaxed) || !keep_going(&progress) {
+                tally.stopped.store(true, Ordering::Relaxed);
+                break;
+            }
+            let Some(&(tile, range)) = parts.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
+            let tile = &tiles[tile];
+            let (area, pixels) = {
+                let tile = lock(tile);
+                (tile.tile.area, tile.pixels.clone())
+            };
+            let before = mine.rays.total();
+            let part = renderer.render(area, pixels.as_deref(), range, &mut mine);
+            let samples = part.values.len() as u64;
+            mine.samples += samples;
+            tally.done.fetch_add(samples, Ordering::Relaxed);
+            tally.rays.fetch_add(mine.rays.total() - before, Ordering::Relaxed);
+            lock(tile).accept(part);
+        }
+        let mut all = lock(&tally.statistics);
+        all.rays += mine.rays;
+        all.samples += mine.samples;
+        all.invalid_samples += mine.invalid_samples;
+        all.tracing += renderer.tracer.spent;
+        lock(&tally.recording).append(renderer.tracer.recording.unwrap_or_default());
     }
 }
 
@@ -269,6 +373,16 @@ fn sample_ranges(spp: u32, progressive: bool) -> Vec<[u32; 2]> {
     ranges
 }
 
+/// Ranges of one round, for a tile of which so many pixels go on: larger ones where there are few.
+fn round_ranges([start, end]: [u32; 2], pixels: u64) -> Vec<[u32; 2]> {
+    if pixels == 0 {
+        return Vec::new();
+    }
+    let blocks = (u64::from(TILE * TILE) / pixels).clamp(1, 16) as u32;
+    let step = blocks * BLOCK;
+    (start..end).step_by(step as usize).map(|s| [s, (s + step).min(end)]).collect()
+}
+
 fn tile_order(count: usize, order: TileOrder) -> Vec<usize> {
     let mut tiles: Vec<usize> = (0..count).collect();
     match order {
@@ -300,27 +414,6 @@ mod tests {
         let recorded = RayCounts { camera: count(Grouping::Coherent), shadow, indirect: count(Grouping::None) };
         assert_eq!(recorded, statistics.rays);
         assert!(statistics.tracing > Duration::ZERO);
-    }
-
-    #[test]
-    fn a_film_that_is_extended_step_by_step_is_the_film_of_one_run() {
-        let scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
-        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default()).expect("a valid scene");
-        let settings = Settings { size: [20, 20], spp: 20, ..Settings::default() };
-        let job = Job::new(&compiled, &scene.cameras[0], &settings);
-        let whole = job.run(2, &|_| true).0.image();
-        for steps in [&[1, 4, 16, 20][..], &[7, 7, 30], &[19, 20]] {
-            let mut film = job.empty_film();
-            for &until in steps {
-                // Stopped in the middle, too: tiles then differ in their samples.
-                let limit = AtomicUsize::new(0);
-                film = job.extend(film, until, 2, &|_| limit.fetch_add(1, Ordering::Relaxed) < 3).0;
-                let statistics;
-                (film, statistics) = job.extend(film, until, 2, &|_| true);
-                assert!(statistics.is_complete && film.least_samples() == until.min(20), "{steps:?}");
-            }
-            assert_eq!(film.image(), whole, "{steps:?}");
-        }
     }
 
     #[test]

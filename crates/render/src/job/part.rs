@@ -2,13 +2,16 @@
 //! left. Batches only; nothing here asks for a single ray.
 
 use super::Statistics;
+use super::light_parts::LightParts;
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
 use super::volumes::VolumeBatch;
 use crate::film::filter::FilterSampler;
+use crate::film::noise::positions;
 use crate::film::{FilmPart, FilmSample};
-use crate::integrator::aov::Aov;
+use crate::integrator::aov::{Aov, AovKind};
 use crate::integrator::camera_path::camera_path;
+use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
 use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex, VertexFunction};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
@@ -41,6 +44,9 @@ pub struct PartRenderer<'a> {
     outputs: Outputs,
     samples: Vec<Sample>,
     aovs: Vec<f32>,
+    /// What covers each sample.
+    covering: Vec<u64>,
+    light_parts: &'a LightParts,
     /// What media need, where there are any and the integrator knows of them.
     volumes: Option<VolumeBatch<'a>>,
 }
@@ -68,6 +74,7 @@ impl<'a> PartRenderer<'a> {
         camera: &'a Camera,
         sampler: &'a Sampler,
         filter: &'a FilterSampler,
+        light_parts: &'a LightParts,
         tracer: Tracer<'a>,
     ) -> Self {
         let (scene, eye) = (context.scene, camera.eye.as_vec3());
@@ -90,13 +97,21 @@ impl<'a> PartRenderer<'a> {
             outputs: Outputs::default(),
             samples: Vec::new(),
             aovs: Vec::new(),
+            covering: Vec::new(),
+            light_parts,
             volumes,
         }
     }
 
-    /// Takes samples `range` of every pixel of `area`.
-    pub fn render(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
-        self.start(area, range);
+    /// Takes samples `range` of the pixels of `area`: of all, or of those with these numbers (row by row).
+    pub fn render(
+        &mut self,
+        area: Crop,
+        pixels: Option<&[u32]>,
+        range: [u32; 2],
+        statistics: &mut Statistics,
+    ) -> FilmPart {
+        self.start(area, pixels, range);
         statistics.rays.camera += self.paths.len() as u64;
         let mut grouping = if self.camera.has_common_origin() && range[1] - range[0] == 16 {
             Grouping::Coherent
@@ -121,26 +136,36 @@ impl<'a> PartRenderer<'a> {
             depth += 1;
             grouping = Grouping::None;
         }
-        self.finish(area, range, statistics)
+        let values = self.finish(statistics);
+        let mut aovs = std::mem::take(&mut self.aovs);
+        aovs.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = 0.0);
+        let keys = std::mem::take(&mut self.covering);
+        FilmPart { area, samples: range, pixels: pixels.map(<[u32]>::to_vec), values, aovs, keys }
     }
 
-    fn start(&mut self, area: Crop, range: [u32; 2]) {
+    fn start(&mut self, area: Crop, pixels: Option<&[u32]>, range: [u32; 2]) {
         self.paths.clear();
         self.samples.clear();
         self.aovs.clear();
-        let settings = self.context.settings;
-        for y in area.min[1]..area.max[1] {
-            for x in area.min[0]..area.max[0] {
-                for number in range[0]..range[1] {
-                    let random = self.sampler.random([x, y], number);
-                    let (ray, state, weight) = camera_path(self.camera, settings, self.filter, [x, y], &random);
-                    let index = self.samples.len() as u32;
-                    let (radiance, brought) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
-                    let mode = state.mode;
-                    self.samples.push(Sample { random, mode, radiance, brought, alpha: 1.0, weight, rays: 0 });
-                    self.paths.push(ray, state, index);
-                }
+        match pixels {
+            None => positions(&area).for_each(|pixel| self.start_pixel(pixel, range)),
+            Some(pixels) => {
+                let width = area.size()[0];
+                let position = |i: &u32| [area.min[0] + i % width, area.min[1] + i / width];
+                pixels.iter().map(position).for_each(|pixel| self.start_pixel(pixel, range));
             }
+        }
+    }
+
+    fn start_pixel(&mut self, pixel: [u32; 2], range: [u32; 2]) {
+        let settings = self.context.settings;
+        for number in range[0]..range[1] {
+            let random = self.sampler.random(pixel, number);
+            let (ray, state, weight) = camera_path(self.camera, settings, self.filter, pixel, &random);
+            let (index, mode) = (self.samples.len() as u32, state.mode);
+            let (radiance, brought) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
+            self.samples.push(Sample { random, mode, radiance, brought, alpha: 1.0, weight, rays: 0 });
+            self.paths.push(ray, state, index);
         }
     }
 
@@ -155,8 +180,15 @@ impl<'a> PartRenderer<'a> {
         let random = |paths: &Paths, path: usize| {
             randoms[paths.samples[path] as usize].at_vertex(paths.states[path].stream, depth)
         };
+        let (light_parts, aovs) = (self.light_parts, &mut self.aovs);
         volumes.advance(&mut self.tracer, &mut self.paths, grouping, random, |paths, path, radiance| {
-            samples[paths.samples[path] as usize].radiance += radiance;
+            let sample = paths.samples[path];
+            samples[sample as usize].radiance += radiance;
+            if !light_parts.is_empty() {
+                let (scatterings, group) = (Scatterings::of(depth), light_parts.group(LightSource::Medium));
+                let tag = LightTag { lobe: paths.states[path].lobe, scatterings, group };
+                light_parts.add(aovs, sample, radiance, &tag, samples[sample as usize].mode);
+            }
         });
         if depth == 0 {
             for (path, _) in volumes.scattered.iter().enumerate().filter(|(_, s)| s.is_some()) {
@@ -186,6 +218,7 @@ impl<'a> PartRenderer<'a> {
         if aovs.is_empty() {
             return;
         }
+        let coverages: Vec<Aov> = aovs.iter().filter(|a| a.kind() == AovKind::Coverage).copied().collect();
         let counted = aovs.iter().any(|a| a.needs_counters());
         let filter = self.tracer.filter();
         for i in 0..self.paths.len() {
@@ -209,6 +242,7 @@ impl<'a> PartRenderer<'a> {
             let random = self.samples[i].random.at_vertex(0, 0);
             let vertex = Vertex { depth: 0, ray: &ray, state, random, surface, medium: None };
             let towards = self.camera.towards.as_vec3();
+            self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, &hit)));
             for aov in aovs {
                 aov.extend(&self.context, &vertex, towards, counters, &mut self.aovs);
             }
@@ -287,7 +321,11 @@ impl<'a> PartRenderer<'a> {
             let next = next.iter().map(|(ray, _)| ray.direction);
             volumes.note_outputs(path, ray.direction, vertex.surface.as_ref(), random, light_rays, next);
         }
+        self.clamp(depth);
         self.samples[sample as usize].radiance += self.outputs.radiance;
+        if !self.light_parts.is_empty() {
+            self.note_light_parts(depth, path, sample);
+        }
         for (ray, value) in self.outputs.light_rays.drain(..) {
             self.light_rays.push(ray, value, sample);
         }
@@ -299,6 +337,38 @@ impl<'a> PartRenderer<'a> {
         for (ray, state) in self.outputs.next.drain(..) {
             self.next.push(ray, state, sample);
         }
+    }
+
+    /// Dims light that was scattered more than once, if that is asked for.
+    fn clamp(&mut self, depth: u32) {
+        let Some(most) = self.context.settings.clamp else { return };
+        let dimmed = |light: SampledSpectrum| {
+            let brightest = light.max_element();
+            if brightest > most { light * (most / brightest) } else { light }
+        };
+        if depth > 1 {
+            self.outputs.radiance = dimmed(self.outputs.radiance);
+        }
+        if depth > 0 {
+            self.outputs.light_rays.iter_mut().for_each(|(_, value)| *value = dimmed(*value));
+        }
+    }
+
+    /// Adds what was found to its layers, and keeps what must be known of the light rays.
+    fn note_light_parts(&mut self, depth: u32, path: usize, sample: u32) {
+        let (scene, hit) = (self.context.scene, &self.paths.hits[path]);
+        let source =
+            if hit.is_hit() { LightSource::Material(scene.material_id(hit)) } else { LightSource::Environment };
+        let tag = |lobe, count, source| LightTag {
+            lobe,
+            scatterings: Scatterings::of(count),
+            group: self.light_parts.group(source),
+        };
+        let found = tag(self.paths.states[path].lobe, depth, source);
+        let brought = tag(self.outputs.light_lobe, depth + 1, self.outputs.light_source.unwrap_or(source));
+        let mode = self.samples[sample as usize].mode;
+        self.light_parts.add(&mut self.aovs, sample, self.outputs.radiance, &found, mode);
+        self.light_rays.tags.extend(self.outputs.light_rays.iter().map(|_| brought));
     }
 
     fn trace_light_rays(&mut self, statistics: &mut Statistics) {
@@ -316,10 +386,17 @@ impl<'a> PartRenderer<'a> {
                 self.samples[sample as usize].brought += value;
             }
         }
+        let lights = rays.samples.iter().zip(&rays.values).zip(&rays.blocked);
+        for (((&sample, &value), blocked), tag) in lights.zip(&rays.tags) {
+            if !blocked {
+                let mode = self.samples[sample as usize].mode;
+                self.light_parts.add(&mut self.aovs, sample, value, tag, mode);
+            }
+        }
         rays.clear();
     }
 
-    fn finish(&mut self, area: Crop, range: [u32; 2], statistics: &mut Statistics) -> FilmPart {
+    fn finish(&self, statistics: &mut Statistics) -> Vec<FilmSample> {
         let values = self.samples.iter().map(|sample| {
             let radiance = sample.radiance + sample.brought;
             let finite = radiance.is_finite();
@@ -327,14 +404,7 @@ impl<'a> PartRenderer<'a> {
             let radiance = if finite { radiance } else { SampledSpectrum::ZERO };
             FilmSample { color: sample.mode.to_rgb(radiance), alpha: sample.alpha, weight: sample.weight }
         });
-        let values = values.collect();
-        let mut aovs = std::mem::take(&mut self.aovs);
-        for value in &mut aovs {
-            if !value.is_finite() {
-                *value = 0.0;
-            }
-        }
-        FilmPart { area, samples: range, values, aovs }
+        values.collect()
     }
 }
 

@@ -1,6 +1,7 @@
 //! The paths of a part, as a structure of arrays.
 
 use crate::integrator::PathState;
+use crate::integrator::light_part::LightTag;
 use snell_intersect::Hit;
 use snell_math::{Ray, SampledSpectrum};
 
@@ -41,6 +42,8 @@ pub struct LightRays {
     pub rays: Vec<Ray>,
     pub values: Vec<SampledSpectrum>,
     pub samples: Vec<u32>,
+    /// What is known of the light, if anybody wants to know.
+    pub tags: Vec<LightTag>,
     pub blocked: Vec<bool>,
 }
 
@@ -49,6 +52,7 @@ impl LightRays {
         self.rays.clear();
         self.values.clear();
         self.samples.clear();
+        self.tags.clear();
     }
 
     pub fn push(&mut self, ray: Ray, value: SampledSpectrum, sample: u32) {

@@ -28,10 +28,10 @@ pub struct Emitter {
 
 /// Emitters of some intensity with positions around 0 and of extent about 1, and intensities of at most 1; the origin and the scale
 /// of the positions.
-pub fn normalized(lights: &[LightBounds]) -> (Vec<Emitter>, Vec3, f32) {
+pub fn normalized<'a>(lights: impl Iterator<Item = &'a LightBounds> + Clone) -> (Vec<Emitter>, Vec3, f32) {
     let usable = |l: &LightBounds| l.intensity > 0.0 && l.bounds.is_finite() && !l.bounds.is_empty();
-    let all = lights.iter().filter(|l| usable(l)).fold(Bounds3d::EMPTY, |b, l| b.union(&l.bounds));
-    let strongest = lights.iter().filter(|l| usable(l)).map(|l| l.intensity).fold(0.0, f64::max);
+    let all = lights.clone().filter(|l| usable(l)).fold(Bounds3d::EMPTY, |b, l| b.union(&l.bounds));
+    let strongest = lights.clone().filter(|l| usable(l)).map(|l| l.intensity).fold(0.0, f64::max);
     let origin = if all.is_empty() { Vec3::ZERO } else { all.center().as_vec3() };
     let extent = all.radius();
     let scale = if extent > 1e-30 && extent < 1e30 { (1.0 / extent) as f32 } else { 1.0 };
@@ -50,7 +50,7 @@ pub fn normalized(lights: &[LightBounds]) -> (Vec<Emitter>, Vec3, f32) {
             number: number as u32,
         }
     };
-    let emitters = lights.iter().enumerate().filter(|(_, l)| usable(l)).map(emitter);
+    let emitters = lights.enumerate().filter(|(_, l)| usable(l)).map(emitter);
     (emitters.collect(), origin, scale)
 }
 
@@ -62,8 +62,8 @@ impl Emitter {
 }
 
 /// The nodes of the tree, the root first; none without emitters.
-pub fn build(emitters: &[Emitter]) -> Vec<Node> {
-    if emitters.is_empty() { Vec::new() } else { subtree(&mut emitters.to_vec()) }
+pub fn build(mut emitters: Vec<Emitter>) -> Vec<Node> {
+    if emitters.is_empty() { Vec::new() } else { subtree(&mut emitters) }
 }
 
 /// The tree over some emitters, numbered from 0.

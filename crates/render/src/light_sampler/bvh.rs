@@ -73,7 +73,7 @@ pub struct LightBvh {
 impl LightBvh {
     /// Builds the tree.
     pub fn new(lights: &[LightSummary]) -> Self {
-        let (mut parts, mut emitters, mut first) = (Vec::new(), Vec::new(), vec![NONE; lights.len()]);
+        let (mut emitters, mut first) = (Vec::new(), vec![NONE; lights.len()]);
         let (mut beside, mut entry) = (Vec::new(), vec![NONE; lights.len()]);
         for (number, light) in lights.iter().enumerate().filter(|(_, light)| light.is_sampled) {
             if light.parts.is_empty() {
@@ -82,11 +82,11 @@ impl LightBvh {
             } else {
                 first[number] = emitters.len() as u32;
                 emitters.extend((0..light.parts.len() as u32).map(|part| (number as u32, part)));
-                parts.extend_from_slice(&light.parts);
             }
         }
-        let (normalized, origin, scale) = build::normalized(&parts);
-        let nodes = build::build(&normalized);
+        let parts = lights.iter().filter(|light| light.is_sampled).flat_map(|light| &light.parts);
+        let (normalized, origin, scale) = build::normalized(parts);
+        let nodes = build::build(normalized);
         let in_tree = |i: &usize| first[*i] != NONE && !nodes.is_empty();
         let tree_power = (0..lights.len()).filter(in_tree).map(|i| lights[i].power).sum::<f64>().min(f64::MAX);
         let weights =

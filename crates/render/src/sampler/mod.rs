@@ -5,7 +5,10 @@
 
 mod sobol;
 mod stratified;
+mod zsobol;
 
+use crate::film::BLOCK;
+use crate::settings::Settings;
 use snell_math::{Vec2, rng};
 
 /// Which sampler.
@@ -16,13 +19,15 @@ pub enum SamplerKind {
     /// Jittered strata, one sample in each (Cook, 1986), with strata permuted between dimensions.
     Stratified,
     /// Owen-scrambled Sobol points, padded by two dimensions at a time (Burley, Practical hash-based Owen scrambling, JCGT 2020).
-    #[default]
     Sobol,
+    /// The same points, shared out among neighbouring pixels so that the error of the picture is blue noise (Ahmed and Wonka, 2020).
+    #[default]
+    ZSobol,
 }
 
 impl SamplerKind {
     /// All samplers.
-    pub const ALL: [Self; 3] = [Self::Independent, Self::Stratified, Self::Sobol];
+    pub const ALL: [Self; 4] = [Self::Independent, Self::Stratified, Self::Sobol, Self::ZSobol];
 
     /// The name on the command line.
     pub fn name(self) -> &'static str {
@@ -30,6 +35,7 @@ impl SamplerKind {
             Self::Independent => "independent",
             Self::Stratified => "stratified",
             Self::Sobol => "sobol",
+            Self::ZSobol => "zsobol",
         }
     }
 }
@@ -40,34 +46,67 @@ pub struct Sampler {
     kind: SamplerKind,
     seed: u32,
     spp: u32,
+    /// True if every `spp` samples are a set of their own, independent of the others.
+    in_blocks: bool,
 }
 
 impl Sampler {
     /// The sampler of a render with `spp` samples per pixel.
     pub fn new(kind: SamplerKind, seed: u32, spp: u32) -> Self {
-        Self { kind, seed, spp: spp.max(1) }
+        Self { kind, seed, spp: spp.max(1), in_blocks: false }
+    }
+
+    /// A sampler for any number of samples: those of each block are spread well, and different blocks are independent, so that
+    /// the differences of blocks tell the error of their mean.
+    pub fn in_blocks(kind: SamplerKind, seed: u32, block: u32) -> Self {
+        Self { in_blocks: true, ..Self::new(kind, seed, block) }
+    }
+
+    /// The sampler of a render.
+    pub fn of(settings: &Settings) -> Self {
+        match settings.noise {
+            None => Self::new(settings.sampler, settings.seed, settings.spp),
+            Some(_) => Self::in_blocks(settings.sampler, settings.seed, BLOCK),
+        }
     }
 
     /// Numbers for a sample of a pixel (coordinates in the whole picture).
     pub fn random(&self, pixel: [u32; 2], sample: u32) -> Random {
-        let key = rng::hash_combine(rng::hash_combine(self.seed, pixel[0]), pixel[1]);
-        Random { sampler: *self, pixel: key, sample, base: 0 }
+        let (seed, sample) = match self.in_blocks {
+            true => (rng::hash_combine(self.seed, !(sample / self.spp)), sample % self.spp),
+            false => (self.seed, sample),
+        };
+        let key = |[x, y]: [u32; 2]| rng::hash_combine(rng::hash_combine(seed, x), y);
+        let (key, sample) = match self.kind {
+            SamplerKind::ZSobol => {
+                let stretch = zsobol::stretch(pixel, self.spp);
+                (key(stretch.square), stretch.start + sample)
+            }
+            _ => (key(pixel), sample),
+        };
+        Random { sampler: *self, key, sample, base: 0 }
     }
 
-    fn number(&self, pixel: u32, sample: u32, dimension: u32) -> f32 {
-        let key = rng::hash_combine(pixel, dimension);
+    /// Logarithm of the number of samples of a pixel or block, rounded up.
+    fn set_log2(&self) -> u32 {
+        self.spp.next_power_of_two().trailing_zeros()
+    }
+
+    fn number(&self, key: u32, sample: u32, dimension: u32) -> f32 {
         match self.kind {
-            SamplerKind::Sobol => sobol::number(key, sample),
-            _ => self.point(pixel, sample, dimension).x,
+            SamplerKind::Sobol | SamplerKind::ZSobol => {
+                sobol::number(rng::hash_combine(key, dimension), sample, self.set_log2())
+            }
+            _ => self.point(key, sample, dimension).x,
         }
     }
 
-    fn point(&self, pixel: u32, sample: u32, dimension: u32) -> Vec2 {
-        let key = rng::hash_combine(pixel, dimension);
+    fn point(&self, key: u32, sample: u32, dimension: u32) -> Vec2 {
+        let of_dimension = rng::hash_combine(key, dimension);
         match self.kind {
-            SamplerKind::Independent => rng::uniform2([key, sample, pixel, dimension]),
-            SamplerKind::Stratified => stratified::point(key, sample, self.spp),
-            SamplerKind::Sobol => sobol::point(key, sample),
+            SamplerKind::Independent => rng::uniform2([of_dimension, sample, key, dimension]),
+            SamplerKind::Stratified => stratified::point(of_dimension, sample, self.spp),
+            SamplerKind::Sobol | SamplerKind::ZSobol => sobol::point(of_dimension, sample, self.set_log2()),
         }
     }
 }
@@ -76,7 +115,9 @@ impl Sampler {
 #[derive(Clone, Copy, Debug)]
 pub struct Random {
     sampler: Sampler,
-    pixel: u32,
+    /// Chooses the sequences: of the pixel, or of the pixels that share them.
+    key: u32,
+    /// Number in these sequences.
     sample: u32,
     base: u32,
 }
@@ -90,17 +131,17 @@ impl Random {
 
     /// A well-distributed pair for a dimension below 256.
     pub fn pair(&self, dimension: u32) -> Vec2 {
-        self.sampler.point(self.pixel, self.sample, self.base + dimension)
+        self.sampler.point(self.key, self.sample, self.base + dimension)
     }
 
     /// The pair of number `step` of a sequence of independent pairs: where nobody knows how many it takes.
     pub fn independent_pair(&self, step: u32) -> Vec2 {
-        rng::uniform2([self.pixel, self.sample, rng::hash32(self.base), step])
+        rng::uniform2([self.key, self.sample, rng::hash32(self.base), step])
     }
 
     /// A well-distributed number for a dimension below 256.
     pub fn number(&self, dimension: u32) -> f32 {
-        self.sampler.number(self.pixel, self.sample, self.base + dimension)
+        self.sampler.number(self.key, self.sample, self.base + dimension)
     }
 }
 
@@ -139,8 +180,24 @@ mod tests {
             assert!((mean - 0.25).abs() < 4.0 * (variance / 2000.0).sqrt(), "{kind:?}: {mean}");
             variances.push(variance);
         }
-        let [independent, stratified, sobol] = variances[..] else { panic!("three samplers") };
+        let [independent, stratified, sobol, zsobol] = variances[..] else { panic!("four samplers") };
         assert!(stratified < 0.25 * independent && sobol < 0.1 * independent, "{variances:?}");
+        assert!(zsobol < 1.2 * sobol, "{variances:?}");
+    }
+
+    #[test]
+    fn blocks_of_samples_are_independent() {
+        for kind in SamplerKind::ALL {
+            let sampler = Sampler::in_blocks(kind, 9, 16);
+            let mean = |pixel: u32, block: u32| {
+                let numbers = (0..16).map(|s| sampler.random([pixel, 2], block * 16 + s).pair(1));
+                f64::from(numbers.map(|u| u.x * u.y).sum::<f32>()) / 16.0 - 0.25
+            };
+            let pixels = 0..2000;
+            let variance = pixels.clone().map(|x| mean(x, 0).powi(2)).sum::<f64>();
+            let covariance = pixels.map(|x| mean(x, 0) * mean(x, 1)).sum::<f64>();
+            assert!((covariance / variance).abs() < 4.0 / 2000f64.sqrt(), "{kind:?}: {}", covariance / variance);
+        }
     }
 
     #[test]
@@ -161,6 +218,23 @@ mod tests {
     }
 
     #[test]
+    fn what_depends_on_several_dimensions_is_as_good_as_chance_allows() {
+        // The product of 8 numbers plus 1/2: the parts that depend on one pair vanish, the others are random.
+        let pair = (13.0f64 / 12.0).powi(2) - 1.0;
+        let rest = (1.0 + pair).powi(4) - 1.0 - 4.0 * pair;
+        for kind in [SamplerKind::Stratified, SamplerKind::Sobol, SamplerKind::ZSobol] {
+            let mut variance = 0.0;
+            for x in 0..4000 {
+                let sampler = Sampler::new(kind, x, 64);
+                let value = |s| (0..4).map(|d| sampler.random([x, 7], s).pair(d) + 0.5).fold(1.0, |f, u| f * u.x * u.y);
+                let mean = f64::from((0..64).map(value).sum::<f32>()) / 64.0;
+                variance += (mean - 1.0).powi(2) / 4000.0;
+            }
+            assert!((0.9..1.15).contains(&(variance * 64.0 / rest)), "{kind:?}: {}", variance * 64.0 / rest);
+        }
+    }
+
+    #[test]
     fn stratified_samples_fill_each_stratum_once() {
         let sampler = Sampler::new(SamplerKind::Stratified, 5, 16);
         let mut seen = [0; 16];
@@ -171,16 +245,37 @@ mod tests {
         assert_eq!(seen, [1; 16]);
     }
 
+    /// How many of these points lie in each of `columns * rows` boxes.
+    fn counts(points: &[Vec2], columns: usize, rows: usize) -> Vec<u32> {
+        let mut seen = vec![0; columns * rows];
+        for u in points {
+            let cell = *u * Vec2::new(columns as f32, rows as f32);
+            seen[cell.y as usize * columns + cell.x as usize] += 1;
+        }
+        seen
+    }
+
     #[test]
     fn sobol_prefixes_are_nets() {
-        let sampler = Sampler::new(SamplerKind::Sobol, 5, 16);
-        for (columns, rows) in [(16, 1), (8, 2), (4, 4), (2, 8), (1, 16)] {
-            let mut seen = vec![0; 16];
-            for s in 0..16 {
-                let u = sampler.random([1, 2], s).pair(0) * Vec2::new(columns as f32, rows as f32);
-                seen[u.y as usize * columns + u.x as usize] += 1;
+        for kind in [SamplerKind::Sobol, SamplerKind::ZSobol] {
+            let sampler = Sampler::new(kind, 5, 100);
+            let points: Vec<Vec2> = (0..16).map(|s| sampler.random([1, 2], s).pair(0)).collect();
+            for (columns, rows) in [(16, 1), (8, 2), (4, 4), (2, 8), (1, 16)] {
+                assert_eq!(counts(&points, columns, rows), [1; 16], "{kind:?} {columns} x {rows}");
             }
-            assert_eq!(seen, [1; 16], "{columns} x {rows}");
+        }
+    }
+
+    #[test]
+    fn the_samples_of_aligned_squares_of_pixels_are_nets_together() {
+        let sampler = Sampler::new(SamplerKind::ZSobol, 5, 4);
+        for corner in [[0, 0], [2, 6], [130, 258]] {
+            let pixels = (0..4).map(|p| [corner[0] + p % 2, corner[1] + p / 2]);
+            let points: Vec<Vec2> =
+                pixels.flat_map(|p| (0..4).map(move |s| sampler.random(p, s).at_vertex(0, 1).pair(3))).collect();
+            for (columns, rows) in [(16, 1), (8, 2), (4, 4), (2, 8), (1, 16)] {
+                assert_eq!(counts(&points, columns, rows), [1; 16], "{corner:?} {columns} x {rows}");
+            }
         }
     }
 }

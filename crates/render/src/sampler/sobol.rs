@@ -2,18 +2,41 @@
 
 use snell_math::{Vec2, rng};
 
-/// Sample `index` of the point set chosen by `key`.
-pub fn point(key: u32, index: u32) -> Vec2 {
-    let index = owen_scramble(index, key);
+/// Sample `index` of the point set chosen by `key`, for sets of `2^set_log2` samples.
+pub fn point(key: u32, index: u32, set_log2: u32) -> Vec2 {
+    let index = shuffle(index, key, set_log2);
     let x = owen_scramble(index.reverse_bits(), rng::hash_combine(key, 1));
     let y = owen_scramble(second_dimension(index), rng::hash_combine(key, 2));
     Vec2::new(rng::to_unit(x), rng::to_unit(y))
 }
 
 /// The first coordinate of [`point`].
-pub fn number(key: u32, index: u32) -> f32 {
-    let index = owen_scramble(index, key);
+pub fn number(key: u32, index: u32, set_log2: u32) -> f32 {
+    let index = shuffle(index, key, set_log2);
     rng::to_unit(owen_scramble(index.reverse_bits(), rng::hash_combine(key, 1)))
+}
+
+/// The order of the points, which decides what meets what in different dimensions. A nested scramble leaves aligned runs of a power of
+/// two together, and so all prefixes good; but two neighbours are then in opposite halves in *every* dimension, and their products
+/// are alike. So runs of up to 16 are permuted freely.
+fn shuffle(index: u32, key: u32, set_log2: u32) -> u32 {
+    let bits = set_log2.min(4);
+    let mask = (1 << bits) - 1;
+    let nested = owen_scramble(index, key);
+    let run = nested >> bits;
+    run << bits | permute(nested & mask, mask, rng::hash32(run ^ key.rotate_left(16)))
+}
+
+/// Position of `i` in a permutation of `0..=mask` chosen by `key`; `mask` is a power of two less one, at most 15.
+fn permute(i: u32, mask: u32, key: u32) -> u32 {
+    let i = (i ^ key) & mask;
+    let i = i.wrapping_mul(key >> 4 | 1) & mask;
+    let i = i ^ i >> 2;
+    let i = i.wrapping_mul(key >> 8 | 1) & mask;
+    let i = i ^ i >> 1;
+    let i = i.wrapping_mul(key >> 12 | 1).wrapping_add(key >> 16) & mask;
+    let i = i ^ i >> 2;
+    i.wrapping_mul(key >> 20 | 1).wrapping_add(key >> 24) & mask
 }
 
 /// The second Sobol dimension. Its direction numbers are those of Pascal's triangle modulo 2, so the matrix product is five steps of
@@ -56,6 +79,22 @@ mod tests {
         for index in [0u32, 1, 2, 3, 7, 100, 0xdead_beef, u32::MAX] {
             let direct = (0..32).filter(|b| index >> b & 1 == 1).fold(0, |x, b| x ^ directions[b]);
             assert_eq!(second_dimension(index), direct, "{index:#x}");
+        }
+    }
+
+    #[test]
+    fn permutations_of_a_run_are_permutations_and_send_each_place_everywhere() {
+        for mask in [0, 1, 3, 7, 15] {
+            let mut counts = [0u32; 16];
+            for key in 0..4000 {
+                let key = rng::hash32(key);
+                let mut seen = 0u32;
+                (0..=mask).for_each(|i| seen |= 1 << permute(i, mask, key));
+                assert_eq!(seen, (1u64 << (mask + 1)) as u32 - 1);
+                counts[permute(mask / 2, mask, key) as usize] += 1;
+            }
+            let expected = 4000 / (mask + 1);
+            assert!(counts[..=mask as usize].iter().all(|c| c.abs_diff(expected) < expected / 3), "{counts:?}");
         }
     }
 }

@@ -95,6 +95,10 @@ impl Lobes for DiffuseBsdf {
         self.value(super::lift(wo), super::lift(wi)) * (wi.z.abs() * FRAC_1_PI)
     }
 
+    fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        self.eval(wo, wi)
+    }
+
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if wo.z * wi.z <= 0.0 { 0.0 } else { sampling::cosine_hemisphere_pdf(wi.z.abs()) }
     }

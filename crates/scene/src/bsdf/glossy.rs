@@ -200,6 +200,10 @@ impl Lobes for GlossyBsdf {
         }
     }
 
+    fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        if wo.z * wi.z > 0.0 { self.body_value(lift(wo), lift(wi), false) } else { SampledSpectrum::ZERO }
+    }
+
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if wo.z * wi.z == 0.0 {
             return 0.0;

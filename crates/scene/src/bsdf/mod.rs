@@ -117,6 +117,12 @@ pub trait Lobes {
     /// Approximate share of light that is reflected or transmitted towards `wo`: what the albedo AOV shows.
     fn albedo(&self, wo: Vec3) -> SampledSpectrum;
 
+    /// What diffuse reflection adds to [`Self::eval`]: for layers that show it apart.
+    fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        let _ = (wo, wi);
+        SampledSpectrum::ZERO
+    }
+
     /// `pi f(wo, wi) |cos(wi)|`, or what a classic formula has in its place (Phong): `raycast` and `whitted` add this times
     /// `irradiance / pi` per light, with the irradiance of a surface that faces the light.
     fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
@@ -153,6 +159,7 @@ macro_rules! bsdfs {
 
         impl Lobes for Bsdf {
             fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.eval(wo, wi),)* } }
+            fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.diffuse(wo, wi),)* } }
             fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 { match self { $(Self::$kind(b) => b.pdf(wo, wi),)* } }
             fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> { match self { $(Self::$kind(b) => b.sample(wo, u_lobe, u),)* } }
             fn is_delta(&self) -> bool { match self { $(Self::$kind(b) => b.is_delta(),)* } }

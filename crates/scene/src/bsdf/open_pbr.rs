@@ -408,6 +408,14 @@ impl Lobes for OpenPbrBsdf {
             && self.slabs().iter().flatten().all(|(_, slab)| slab.is_delta())
     }
 
+    fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        let Some((share, body)) = self.slabs.opaque.as_ref().filter(|_| !self.is_inside(wo)) else {
+            return SampledSpectrum::ZERO;
+        };
+        let factor = self.unit * self.under_coat(wo, wi) * (share * Self::under_fuzz(&self.fuzz_lobe(wo)));
+        body.diffuse(wo, wi) * factor
+    }
+
     fn is_opaque(&self) -> bool {
         !self.has_inside() && self.slabs().iter().flatten().all(|(_, slab)| slab.is_opaque())
     }

@@ -114,6 +114,10 @@ impl Lobes for PhongBsdf {
         (self.diffuse * FRAC_1_PI + self.specular * highlight) * (wi.z * self.scale)
     }
 
+    fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        if wo.z * wi.z > 0.0 { self.diffuse * (FRAC_1_PI * wi.z.abs() * self.scale) } else { SampledSpectrum::ZERO }
+    }
+
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if wo.z * wi.z <= 0.0 {
             return 0.0;

@@ -40,6 +40,7 @@ pub struct Intrinsics {
     /// `(0.5, 0.5)`. (Where it is `(0, 0)`, add one half.)
     pub principal_point: [f64; 2],
     /// Skew `s`, usually 0.
+    #[serde(default)]
     pub skew: f64,
     /// Width and height of the picture that the numbers are about.
     pub size: [u32; 2],
@@ -65,6 +66,23 @@ const MAX_HALF_ANGLE: f64 = 1.570;
 const MIN_HALF_ANGLE: f64 = 1e-6;
 
 impl Projection {
+    /// One of each kind: what documentation and other languages learn the parameters from.
+    pub fn examples() -> Vec<Self> {
+        let focal_length = [900.0, 900.0];
+        vec![
+            Self::Perspective { tan_half_fov: [Some(0.6), Some(0.4)] },
+            Self::Intrinsics(Intrinsics {
+                focal_length,
+                principal_point: [640.0, 360.0],
+                skew: 0.0,
+                size: [1280, 720],
+            }),
+            Self::Orthographic { half_size: [Some(1.6), Some(0.9)] },
+            Self::Panoramic,
+            Self::Fisheye { max_angle: std::f64::consts::PI },
+        ]
+    }
+
     /// A perspective view whose picture is twice `half_angle` (radians) wide: the Θ of the view frustum. Clamped to what a flat
     /// picture can show.
     pub fn from_half_angle_x(half_angle: f64) -> Self {

@@ -37,6 +37,12 @@ pub struct LightSample {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Attenuation(pub [f32; 3]);
 
+impl Default for Attenuation {
+    fn default() -> Self {
+        Self::INVERSE_SQUARE
+    }
+}
+
 impl Attenuation {
     /// The inverse square law.
     pub const INVERSE_SQUARE: Self = Self([0.0, 0.0, 1.0]);
@@ -71,9 +77,11 @@ pub enum Light {
         /// Radiant intensity, W / sr (with the inverse square law).
         intensity: Rgb,
         /// By distance.
+        #[serde(default)]
         attenuation: Attenuation,
         /// Radius of a surrounding sphere in the scene that is the lamp's body: shadow rays end where they first meet it. 0 for
         /// none.
+        #[serde(default)]
         body_radius: f64,
     },
     /// Light from a point into a cone.
@@ -85,6 +93,7 @@ pub enum Light {
         /// Radiant intensity on the axis, W / sr (with the inverse square law).
         intensity: Rgb,
         /// By distance.
+        #[serde(default)]
         attenuation: Attenuation,
         /// By angle.
         falloff: SpotFalloff,
@@ -123,6 +132,7 @@ pub enum Light {
         /// Half of the radiant intensity of the whole disk along its normal, W / sr (with the inverse square law).
         emission: Rgb,
         /// By distance.
+        #[serde(default)]
         attenuation: Attenuation,
     },
     /// An invisible rectangle that emits to one side, in the same way as the disk.
@@ -136,6 +146,7 @@ pub enum Light {
         /// Half of the radiant intensity of the whole rectangle along its normal, W / sr (with the inverse square law).
         emission: Rgb,
         /// By distance.
+        #[serde(default)]
         attenuation: Attenuation,
     },
 }

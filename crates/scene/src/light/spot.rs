@@ -21,6 +21,13 @@ pub enum SpotFalloff {
         /// Half-angle from which it is 0; at least `inner` (equal ones make a hard edge).
         outer: f64,
     },
+    /// 1 inside the inner cone, 0 outside the outer one, and a cubic step in the cosine between them: the spot light of pbrt-v4.
+    Step {
+        /// Half-angle up to which the intensity is full.
+        inner: f64,
+        /// Half-angle from which it is 0; at least `inner` (equal ones make a hard edge).
+        outer: f64,
+    },
 }
 
 impl SpotFalloff {
@@ -36,15 +43,10 @@ impl SpotFalloff {
                 }
             }
             Self::Power { .. } => 0.0,
-            Self::Smooth { inner, outer } => {
-                let (cos_inner, cos_outer) = (inner.cos(), outer.cos());
-                if cos_angle <= cos_outer {
-                    0.0
-                } else if cos_angle >= cos_inner {
-                    1.0
-                } else {
-                    ((cos_angle - cos_outer) / (cos_inner - cos_outer)).powi(2)
-                }
+            Self::Smooth { inner, outer } => ramp(cos_angle, inner, outer).powi(2),
+            Self::Step { inner, outer } => {
+                let t = ramp(cos_angle, inner, outer);
+                t * t * (3.0 - 2.0 * t)
             }
         };
         if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 0.0 }
@@ -54,7 +56,7 @@ impl SpotFalloff {
     pub fn widest(&self) -> f64 {
         let widest = match *self {
             Self::Power { cutoff, .. } => cutoff,
-            Self::Smooth { outer, .. } => outer,
+            Self::Smooth { outer, .. } | Self::Step { outer, .. } => outer,
         };
         if widest.is_nan() { 0.0 } else { widest.clamp(0.0, std::f64::consts::PI) }
     }
@@ -66,6 +68,18 @@ impl SpotFalloff {
         let (n, width) = (256, 1.0 - cos_widest);
         let sum: f64 = (0..n).map(|i| self.at(1.0 - width * (i as f64 + 0.5) / n as f64)).sum();
         std::f64::consts::TAU * width * sum / n as f64
+    }
+}
+
+/// From 0 at the outer angle to 1 at the inner one, linear in the cosine.
+fn ramp(cos_angle: f64, inner: f64, outer: f64) -> f64 {
+    let (cos_inner, cos_outer) = (inner.cos(), outer.cos());
+    if cos_angle <= cos_outer {
+        0.0
+    } else if cos_angle >= cos_inner {
+        1.0
+    } else {
+        (cos_angle - cos_outer) / (cos_inner - cos_outer)
     }
 }
 
@@ -95,6 +109,15 @@ mod tests {
             let linear = (angle.cos() * scale - 0.6f64.cos() * scale).clamp(0.0, 1.0);
             assert!((spot.at(angle.cos()) - linear * linear).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn the_cubic_step_has_the_integral_that_pbrt_says() {
+        let (inner, outer) = (0.3f64, 0.5f64);
+        let spot = SpotFalloff::Step { inner, outer };
+        assert_eq!((spot.at(1.0), spot.at(0.3f64.cos()), spot.at(0.5f64.cos())), (1.0, 1.0, 0.0));
+        let closed_form = TAU * ((1.0 - inner.cos()) + (inner.cos() - outer.cos()) / 2.0);
+        assert!((spot.solid_angle() / closed_form - 1.0).abs() < 1e-4);
     }
 
     #[test]

@@ -36,6 +36,11 @@ impl ShadingBsdf {
         self.local(wo, wi).map_or(SampledSpectrum::ZERO, |(o, i)| self.bsdf.eval(o, i))
     }
 
+    /// What diffuse reflection adds to [`Self::eval`].
+    pub fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        self.local(wo, wi).map_or(SampledSpectrum::ZERO, |(o, i)| self.bsdf.diffuse(o, i))
+    }
+
     /// Density per steradian with which [`Self::sample`] draws `wi`, without delta lobes.
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         self.local(wo, wi).map_or(0.0, |(o, i)| self.bsdf.pdf(o, i))

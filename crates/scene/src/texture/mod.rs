@@ -13,13 +13,15 @@ use crate::TextureId;
 use crate::graph::ImageId;
 use crate::image::{Encoding, Image};
 use pyramid::Pyramid;
+use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
 use snell_math::Vec2;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// How texels are combined.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Filtering {
     /// The nearest texel of the full image.
     Nearest,
@@ -29,7 +31,7 @@ pub enum Filtering {
 }
 
 /// An image on a surface.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Texture {
     /// Which image.
     pub image: ImageId,

@@ -1,7 +1,10 @@
 //! What a texture shows outside `[0, 1]`.
 
+use serde::{Deserialize, Serialize};
+
 /// What happens outside `[0, 1]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Wrap {
     /// The image repeats.
     #[default]

@@ -3,7 +3,6 @@
 mod growth;
 mod measure;
 mod plot;
-mod svg;
 
 use super::clock;
 use super::kinds::{Kind, parse_side};

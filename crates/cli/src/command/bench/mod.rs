@@ -8,8 +8,10 @@ mod contest;
 mod dump;
 mod kinds;
 mod peer;
+mod plot;
 mod rays;
 mod render;
+mod samplers;
 mod scenes;
 mod variants;
 
@@ -29,6 +31,8 @@ pub enum Command {
     Coherence(coherence::Options),
     /// Rays per second inside of a render, beside those of the same rays alone.
     Render(render::Options),
+    /// Error against number of samples, for all samplers, on integrands of known value
+    Samplers(samplers::Options),
 }
 
 /// Runs a benchmark.
@@ -39,5 +43,6 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
         Command::Accelerators(options) => accelerators::run(options),
         Command::Coherence(options) => coherence::run(options),
         Command::Render(options) => render::run(options),
+        Command::Samplers(options) => samplers::run(options),
     }
 }

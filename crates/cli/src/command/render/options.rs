@@ -1,5 +1,6 @@
 //! Options of `snell render`, and the settings that follow from them, the scene and the defaults, in this order.
 
+use super::layers;
 use crate::failure::{Failure, choice};
 use crate::progress::ProgressStyleOption;
 use snell_formats::image::Tonemap;
@@ -20,8 +21,8 @@ use std::time::Duration;
 /// Size of a picture for which nobody asks for one.
 pub const DEFAULT_SIZE: [u32; 2] = [960, 720];
 
-/// Most samples per pixel that a time limit alone allows.
-const SPP_OF_TIME_LIMIT: u32 = 1 << 16;
+/// Most samples per pixel that a limit of time or noise alone allows.
+const SPP_OF_LIMITS: u32 = 1 << 16;
 
 /// How values are stored in display formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -66,6 +67,10 @@ pub struct Options {
     /// Samples per pixel
     #[arg(long, visible_alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)), help_heading = "How light is computed")]
     pub spp: Option<u32>,
+    /// Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as 0.02: relative to the light where
+    /// it is bright, see the documents. --spp and --time are caps
+    #[arg(long, value_name = "ERROR", value_parser = parse_noise, help_heading = "How light is computed")]
+    pub noise: Option<f64>,
     /// Stop after this time, such as 30s, 5m or 1h (the first pass over the picture is always finished)
     #[arg(long, value_name = "TIME", value_parser = parse_duration, help_heading = "How light is computed")]
     pub time: Option<Duration>,
@@ -87,7 +92,7 @@ pub struct Options {
     /// Threads. Default: one per core
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "How light is computed")]
     pub threads: Option<u32>,
-    /// independent, stratified or sobol
+    /// independent, stratified, sobol or zsobol
     #[arg(long, value_name = "NAME", help_heading = "How light is computed")]
     pub sampler: Option<String>,
     /// box, tent, gaussian, mitchell, blackman-harris or lanczos
@@ -111,12 +116,21 @@ pub struct Options {
     /// How a light is chosen among many: bvh, power or uniform
     #[arg(long, value_name = "NAME", default_value = "bvh", help_heading = "How light is computed")]
     pub light_sampler: String,
+    /// Dim light of two or more bounces to this radiance: no fireflies, but the picture becomes too dark. Default: off
+    #[arg(long, value_name = "RADIANCE", value_parser = parse_radiance, help_heading = "How light is computed")]
+    pub clamp: Option<f32>,
     /// How far ao looks, in scene units. Default: half of the scene's radius
     #[arg(long, value_name = "DISTANCE", value_parser = parse_distance, help_heading = "How light is computed")]
     pub ao_distance: Option<f32>,
     /// Extra layers, separated by commas, such as depth,normal,albedo (`all` for all)
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "The picture")]
     pub aov: Vec<String>,
+    /// Show the light of some lights apart: NAME=LIST of light numbers, names of emissive materials, and `environment`
+    #[arg(long, value_name = "NAME=LIST", help_heading = "The picture")]
+    pub light_group: Vec<String>,
+    /// Remove noise with Open Image Denoise, if it is installed; PATH is its library or folder
+    #[arg(long, value_name = "PATH", num_args = 0..=1, require_equals = true, default_missing_value = "", help_heading = "The picture")]
+    pub denoise: Option<String>,
     /// Also write the variance of the picture and the layers (OpenEXR)
     #[arg(long, help_heading = "The picture")]
     pub variance: bool,
@@ -178,6 +192,11 @@ impl Options {
         self.threads.map_or_else(cores, |n| n as usize)
     }
 
+    /// Exposure in stops.
+    pub fn exposure(&self, scene: &Scene) -> f64 {
+        self.exposure.or(scene.settings.exposure).unwrap_or(0.0)
+    }
+
     /// The tone map asked for.
     pub fn tonemap(&self, scene: &Scene) -> Result<Tonemap, Failure> {
         let name = self.tonemap.as_deref().or(scene.settings.tonemap.as_deref()).unwrap_or("none");
@@ -198,21 +217,24 @@ impl Options {
         let quality = choice("quality", &self.quality, &Quality::ALL, Quality::name)?;
         let size = self.size.or(hints.size).or(camera.resolution).unwrap_or(DEFAULT_SIZE);
         let crop = self.checked_crop(size)?;
-        let aovs = self.aovs(integrator)?;
+        let light_groups = layers::light_groups(&self.light_group, scene)?;
+        let aovs = layers::aovs(&self.aov, integrator, &light_groups, self.denoise.is_some())?;
         check_memory(crop.unwrap_or(Crop::full(size)), &aovs)?;
         let pixel_position = match (&self.filter, self.spp) {
             (None, None | Some(1)) => hints.pixel_position,
             _ => None,
         };
-        let spp = match (self.spp, self.time) {
+        let spp = match (self.spp, self.time.is_some() || self.noise.is_some()) {
             (Some(spp), _) => spp,
-            (None, Some(_)) => SPP_OF_TIME_LIMIT,
-            (None, None) => hints.spp.unwrap_or(default_spp(integrator)).clamp(1, MAX_SPP),
+            (None, true) => SPP_OF_LIMITS,
+            (None, false) => hints.spp.unwrap_or(default_spp(integrator)).clamp(1, MAX_SPP),
         };
         Ok(Settings {
             size,
             crop,
             spp,
+            noise: self.noise,
+            noise_floor: Settings::NOISE_FLOOR / self.exposure(scene).exp2(),
             progressive: self.time.is_some() || spp > 16,
             seed: self.seed,
             sampler: choice("sampler", &sampler, &SamplerKind::ALL, SamplerKind::name)?,
@@ -239,6 +261,8 @@ impl Options {
                 LightSamplerKind::name,
             )?,
             ao_distance: self.ao_distance,
+            clamp: self.clamp,
+            light_groups,
             aovs,
             build: BuildOptions {
                 accelerator,
@@ -259,28 +283,6 @@ impl Options {
             ))),
             crop => Ok(crop),
         }
-    }
-
-    fn aovs(&self, integrator: IntegratorKind) -> Result<Vec<Aov>, Failure> {
-        let mut aovs = Vec::new();
-        for name in self.aov.iter().filter(|n| !n.is_empty()) {
-            if name == "all" {
-                aovs.extend(Aov::ALL);
-            } else {
-                aovs.push(choice("layer", name, &Aov::ALL, Aov::name)?);
-            }
-        }
-        if aovs.is_empty() && integrator == IntegratorKind::Aov {
-            aovs.push(Aov::Normal);
-        }
-        let mut seen = Vec::new();
-        aovs.retain(|a| {
-            !seen.contains(a) && {
-                seen.push(*a);
-                true
-            }
-        });
-        Ok(aovs)
     }
 
     /// Applies `--environment`.
@@ -387,6 +389,16 @@ fn parse_color(text: &str) -> Option<Rgb> {
 fn parse_exposure(text: &str) -> Result<f64, String> {
     let stops = text.parse().ok().filter(|x: &f64| x.abs() <= 100.0);
     stops.ok_or_else(|| format!("\"{text}\" is not an exposure; write stops from -100 to 100, such as 1.5"))
+}
+
+fn parse_noise(text: &str) -> Result<f64, String> {
+    let error = text.parse().ok().filter(|x: &f64| (1e-5..=10.0).contains(x));
+    error.ok_or_else(|| format!("\"{text}\" is not an error; write a number from 0.00001 to 10, such as 0.02 for 2 %"))
+}
+
+fn parse_radiance(text: &str) -> Result<f32, String> {
+    let radiance = text.parse().ok().filter(|x: &f32| *x > 0.0 && x.is_finite());
+    radiance.ok_or_else(|| format!("\"{text}\" is not a radiance; write a positive number, such as 10"))
 }
 
 fn parse_distance(text: &str) -> Result<f32, String> {

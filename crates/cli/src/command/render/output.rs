@@ -43,14 +43,16 @@ impl<'a> Output<'a> {
     ) -> Result<Option<PathBuf>, Failure> {
         let options = self.options;
         if options.variance {
-            picture.layers.extend(film.variance().layers.into_iter().map(|layer| Layer {
-                name: if layer.name.is_empty() { "variance".into() } else { format!("{}.variance", layer.name) },
+            // Light groups have been given names.
+            let names: Vec<String> = picture.layers.iter().map(|l| l.name.clone()).collect();
+            picture.layers.extend(film.variance().layers.into_iter().zip(names).map(|(layer, name)| Layer {
+                name: if name.is_empty() { "variance".into() } else { format!("{name}.variance") },
                 ..layer
             }));
         }
-        picture.metadata = summary.metadata();
+        picture.metadata.splice(0..0, summary.metadata());
         let display = Display {
-            exposure: options.exposure.or(scene.settings.exposure).unwrap_or(0.0),
+            exposure: options.exposure(scene),
             tonemap: summary.tonemap,
             srgb: match options.display {
                 Some(encoding) => encoding == DisplayEncoding::Srgb,

@@ -29,6 +29,26 @@ impl Summary<'_> {
         self.statistics.rays.total() as f64 / self.render_seconds.max(1e-9) / 1e6
     }
 
+    /// The share of pixels whose error is as small as was asked for.
+    fn converged(&self) -> Option<f64> {
+        let pixels = self.film.crop.size().iter().map(|&s| f64::from(s)).product::<f64>();
+        self.settings.noise.map(|_| self.statistics.converged_pixels as f64 / pixels.max(1.0))
+    }
+
+    /// Samples per pixel, in words.
+    fn samples(&self) -> String {
+        let least = self.film.least_samples();
+        match (self.settings.noise, self.converged()) {
+            (Some(noise), Some(share)) => format!(
+                "{:.0} samples per pixel ({least} to {}), {:.1} % of the pixels within {noise}",
+                self.film.mean_samples(),
+                self.film.most_samples(),
+                (share * 1000.0).floor() / 10.0
+            ),
+            _ => format!("{least} samples per pixel"),
+        }
+    }
+
     /// For `--stats`.
     pub fn json(&self) -> Value {
         let rays = self.statistics.rays;
@@ -48,6 +68,10 @@ impl Summary<'_> {
             "mrays_per_second": self.mrays_per_second(),
             "tracing_seconds": self.statistics.tracing.as_secs_f64(),
             "spp": self.film.least_samples(),
+            "spp_mean": self.film.mean_samples(),
+            "spp_most": self.film.most_samples(),
+            "noise": self.settings.noise,
+            "converged": self.converged(),
             "complete": self.statistics.is_complete,
             "invalid_samples": self.statistics.invalid_samples,
             "peak_memory_bytes": peak_memory_bytes(),
@@ -81,8 +105,8 @@ impl Summary<'_> {
         let [w, h] = self.film.crop.size();
         let place = written.as_ref().map_or("standard output".into(), |p| p.display().to_string());
         eprintln!(
-            "{place}: {w}x{h}, {} samples per pixel, {} in {} ({:.1} Mrays/s, {} threads)",
-            self.film.least_samples(),
+            "{place}: {w}x{h}, {}, {} in {} ({:.1} Mrays/s, {} threads)",
+            self.samples(),
             self.settings.integrator.name(),
             duration(self.render_seconds),
             self.mrays_per_second(),

@@ -12,7 +12,11 @@ const REC709: [[f64; 2]; 4] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.3127
 pub fn to_rec709(chromaticities: &Chromaticities) -> Option<[[f32; 3]; 3]> {
     let point = |v: Vec2<f32>| [f64::from(v.0), f64::from(v.1)];
     let Chromaticities { red, green, blue, white } = *chromaticities;
-    let file = [red, green, blue, white].map(point);
+    rec709_from([red, green, blue, white].map(point))
+}
+
+/// The same for the chromaticities of red, green, blue and white.
+pub fn rec709_from(file: [[f64; 2]; 4]) -> Option<[[f32; 3]; 3]> {
     let same = file.iter().flatten().zip(REC709.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-3);
     if same {
         return None;

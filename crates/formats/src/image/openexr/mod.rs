@@ -5,5 +5,6 @@ mod chromaticities;
 mod read;
 mod write;
 
+pub use chromaticities::rec709_from;
 pub use read::{read_image, read_layers};
 pub use write::encode;

@@ -1,0 +1,213 @@
+//! Infinite lights.
+//!
+//! Pictures of pbrt-v4 cover the sphere by an equal-area octahedral map of a square; they are drawn anew as latitude-longitude
+//! pictures. Those of pbrt-v3 have that form already.
+
+use super::Builder;
+use super::fault::Fault;
+use super::params::{Params, Type};
+use super::spectrum::Role;
+use snell_math::{DAffine3, DMat3, DVec3, Rgb};
+use snell_scene::{Environment, Image};
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+
+/// Largest height of a picture that is drawn anew.
+const MAX_HEIGHT: u32 = 4096;
+
+impl Builder<'_> {
+    pub(super) fn environment(&mut self, params: &Params, world_from_light: DAffine3) -> Result<(), Fault> {
+        let kinds = [Type::Rgb, Type::Spectrum, Type::Blackbody, Type::Xyz];
+        let color = match params.typed("L", &kinds)? {
+            Some(param) => Some(self.color(param, Role::Light)?),
+            None => None,
+        };
+        let mut scale = match params.get("scale") {
+            Some(param) => self.color(param, Role::Factor)?,
+            None => Rgb::WHITE,
+        };
+        let illuminance = params.float("illuminance")?.filter(|e| *e > 0.0);
+        self.note_ignored(params, &["portal"], "light from all directions needs none, but is noisier without");
+        let is_latlong = params.has("mapname");
+        let Some((name, at)) = self.file_name(params, if is_latlong { "mapname" } else { "filename" })? else {
+            if let Some(illuminance) = illuminance {
+                scale = scale * (illuminance / PI) as f32;
+            }
+            self.set_environment(params, Environment::Constant(color.unwrap_or(Rgb::WHITE) * scale));
+            return Ok(());
+        };
+        if let Some(color) = color {
+            if !is_latlong {
+                return Err(params.fault("both L and filename are given", "take one of them out"));
+            }
+            scale = scale * color;
+        }
+        let image = self.image(name, at)?;
+        let image = self.scene.images[image.index()].clone();
+        if let Some(illuminance) = illuminance
+            && !is_latlong
+        {
+            let own = illuminance_from_above(&image);
+            scale = scale * if own > 0.0 { (illuminance / own) as f32 } else { 0.0 };
+        }
+        let (image, light_from_environment) = if is_latlong {
+            // Column 0 is +x and columns grow towards +y; the middle, which is -z for us, is -x.
+            (image, DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::X))
+        } else {
+            if image.width != image.height {
+                let at = params.at;
+                self.note("environment shape", at, || {
+                    "the picture of the infinite light is not square, as pbrt-v4 has them; it was taken for an equal-area map nevertheless".into()
+                });
+            }
+            (Arc::new(latlong(&image, environment_direction)), DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y))
+        };
+        let world_from_environment = DAffine3::from_mat3(world_from_light.matrix3 * light_from_environment);
+        self.set_environment(params, Environment::Image { image, scale, world_from_environment });
+        Ok(())
+    }
+
+    fn set_environment(&mut self, params: &Params, environment: Environment) {
+        match (&self.scene.environment, &environment) {
+            (Some(Environment::Constant(a)), Environment::Constant(b)) => {
+                self.scene.environment = Some(Environment::Constant(*a + *b));
+                return;
+            }
+            (Some(_), _) => self.note("second environment", params.at, || {
+                "a second infinite light; it replaces the first instead of adding to it".into()
+            }),
+            (None, _) => {}
+        }
+        self.scene.environment = Some(environment);
+    }
+}
+
+/// The point of the unit square that stands for a unit direction (Clarberg, Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD,
+/// 2008).
+fn square_from_direction(d: DVec3) -> [f64; 2] {
+    let (x, y, z) = (d.x.abs(), d.y.abs(), d.z.abs());
+    let radius = (1.0 - z).max(0.0).sqrt();
+    let angle = x.min(y).atan2(x.max(y)) / (PI / 2.0);
+    let angle = if x < y { 1.0 - angle } else { angle };
+    let (mut v, mut u) = (angle * radius, radius - angle * radius);
+    if d.z < 0.0 {
+        (u, v) = (1.0 - v, 1.0 - u);
+    }
+    [(u.copysign(d.x) + 1.0) * 0.5, (v.copysign(d.y) + 1.0) * 0.5]
+}
+
+/// The cosine of the elevation's complement at a point of the unit square: the z of its direction.
+fn height_of_square([u, v]: [f64; 2]) -> f64 {
+    let (u, v) = ((2.0 * u - 1.0).abs(), (2.0 * v - 1.0).abs());
+    let distance = 1.0 - (u + v);
+    let radius = 1.0 - distance.abs();
+    (1.0 - radius * radius).copysign(distance)
+}
+
+/// What pbrt takes for the illuminance on a surface that faces up (`+z`), of an equal-area map: half of it, because the whole square is
+/// counted as a hemisphere. Scenes are made to look right with that.
+fn illuminance_from_above(image: &Image) -> f64 {
+    let mut sum = 0.0;
+    for y in 0..image.height {
+        for x in 0..image.width {
+            let at = |i: u32, n: u32| (f64::from(i) + 0.5) / f64::from(n);
+            let cosine = height_of_square([at(x, image.width), at(y, image.height)]);
+            if cosine > 0.0 {
+                let [r, g, b, _] = image.rgba(x, y);
+                sum += f64::from(Rgb::new(r, g, b).luminance()) * cosine;
+            }
+        }
+    }
+    sum * TAU / (f64::from(image.width) * f64::from(image.height))
+}
+
+/// The direction, with `+z` up, of a polar angle and a share of the turn in a picture of the scene's environment: its axes are x as x,
+/// y as z, and the middle is `-z`.
+fn environment_direction(theta: f64, turn: f64) -> DVec3 {
+    let ((sin, cos), (sin_phi, cos_phi)) = (theta.sin_cos(), ((turn - 0.5) * TAU).sin_cos());
+    DVec3::new(sin * sin_phi, sin * cos_phi, cos)
+}
+
+/// An equal-area map of directions as a latitude-longitude picture, by the direction of a polar angle and a share of the turn.
+pub fn latlong(image: &Image, direction: impl Fn(f64, f64) -> DVec3) -> Image {
+    let height = image.height.clamp(2, MAX_HEIGHT);
+    let width = 2 * height;
+    let mut values = Vec::with_capacity(width as usize * height as usize * 3);
+    for row in 0..height {
+        let theta = (f64::from(row) + 0.5) / f64::from(height) * PI;
+        for column in 0..width {
+            let turn = (f64::from(column) + 0.5) / f64::from(width);
+            values.extend(lookup(image, square_from_direction(direction(theta, turn))));
+        }
+    }
+    Image::from_f32(width, height, 3, values)
+}
+
+/// Bilinear within the square; at its edges the border continues.
+fn lookup(image: &Image, [u, v]: [f64; 2]) -> [f32; 3] {
+    let (x, y) = (u * f64::from(image.width) - 0.5, v * f64::from(image.height) - 0.5);
+    let (fx, fy) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
+    let texel = |x: f64, y: f64| {
+        let index = |i: f64, n: u32| (i.max(0.0) as u32).min(n - 1);
+        image.rgba(index(x, image.width), index(y, image.height))
+    };
+    let mut color = [0.0; 3];
+    for (dx, dy, weight) in [
+        (0.0, 0.0, (1.0 - fx) * (1.0 - fy)),
+        (1.0, 0.0, fx * (1.0 - fy)),
+        (0.0, 1.0, (1.0 - fx) * fy),
+        (1.0, 1.0, fx * fy),
+    ] {
+        let texel = texel(x.floor() + dx, y.floor() + dy);
+        for c in 0..3 {
+            color[c] += texel[c] * weight;
+        }
+    }
+    color
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_square_covers_the_sphere_evenly() {
+        assert_eq!(square_from_direction(DVec3::Z), [0.5, 0.5]);
+        let corner = square_from_direction(DVec3::new(1e-9, 1e-9, -1.0));
+        assert!((corner[0] - 1.0).abs() < 1e-6 && (corner[1] - 1.0).abs() < 1e-6, "{corner:?}");
+        let right = square_from_direction(DVec3::X);
+        assert!((right[0] - 1.0).abs() < 1e-6 && (right[1] - 0.5).abs() < 1e-6, "{right:?}");
+        // Equal areas: half of the square looks up, and the mean height there is that of a hemisphere.
+        let n = 200;
+        let cell = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
+        let heights: Vec<_> =
+            (0..n * n).map(|i| height_of_square([cell(i % n), cell(i / n)])).filter(|z| *z > 0.0).collect();
+        let mean = heights.iter().sum::<f64>() / heights.len() as f64;
+        assert!(
+            (mean - 0.5).abs() < 0.01 && heights.len().abs_diff((n * n / 2) as usize) < 400,
+            "{mean} {}",
+            heights.len()
+        );
+    }
+
+    #[test]
+    fn directions_have_the_height_of_their_place() {
+        for i in 0..100u32 {
+            let d = snell_math::sampling::uniform_sphere(snell_math::Vec2::new(
+                i as f32 / 100.0,
+                (i * 37 % 100) as f32 / 100.0,
+            ));
+            let d = d.as_dvec3().normalize();
+            assert!((height_of_square(square_from_direction(d)) - d.z).abs() < 1e-6, "{d}");
+        }
+    }
+
+    #[test]
+    fn the_illuminance_of_a_constant_map_is_that_of_pbrt() {
+        let image = Image::from_f32(64, 64, 3, vec![2.0; 64 * 64 * 3]);
+        assert!((illuminance_from_above(&image) / PI - 1.0).abs() < 0.01);
+        assert!(
+            matches!(latlong(&image, environment_direction).pixels, snell_scene::Pixels::F32(v) if v.iter().all(|x| (*x - 2.0).abs() < 1e-5))
+        );
+    }
+}

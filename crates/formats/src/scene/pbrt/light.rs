@@ -1,0 +1,252 @@
+//! Lights that are not surfaces, and what makes surfaces emit.
+//!
+//! Brightness as pbrt means it: a light's RGB colour times `scale` is its radiance, intensity or irradiance; spectra that are not RGB are
+//! scaled to luminance 1 first. `power` and `illuminance` replace the brightness: the colour is multiplied so that a light of
+//! luminance 1 would emit this power (or give this illuminance).
+
+use super::Builder;
+use super::environment::latlong;
+use super::fault::Fault;
+use super::options::is_kind;
+use super::params::{Params, Type};
+use super::spectrum::Role;
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform};
+use snell_scene::light::{Attenuation, IntensityTable, Slide, SpotFalloff};
+use snell_scene::material::ColorParam;
+use snell_scene::{Encoding, Image, Light, Texture};
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+
+/// An area light, which makes the shapes after it emit.
+#[derive(Clone, Debug)]
+pub struct AreaLight {
+    /// Radiance.
+    radiance: ColorParam,
+    /// If set, every piece of surface emits this, in W; else the radiance is what it is.
+    power: Option<f64>,
+    /// Mean luminance of the picture, if there is one; else 1.
+    mean: f64,
+    /// True if both sides emit.
+    pub both_sides: bool,
+}
+
+impl AreaLight {
+    /// Radiance of a surface that consists of pieces (triangles, or one whole shape) of this mean area.
+    pub fn radiance(&self, piece_area: f64) -> ColorParam {
+        let Some(power) = self.power else { return self.radiance };
+        let sides = if self.both_sides { 2.0 } else { 1.0 };
+        let emitted = sides * piece_area * PI * self.mean;
+        let factor = if emitted > 0.0 { (power / emitted) as f32 } else { 0.0 };
+        ColorParam { factor: self.radiance.factor * factor, ..self.radiance }
+    }
+
+    /// True if the brightness depends on the size of the surface.
+    pub fn depends_on_area(&self) -> bool {
+        self.power.is_some()
+    }
+}
+
+impl Builder<'_> {
+    /// The colour of a light times its scale.
+    fn light_color(&mut self, params: &Params, name: &str) -> Result<Rgb, Fault> {
+        let kinds = [Type::Rgb, Type::Spectrum, Type::Blackbody, Type::Xyz];
+        let color = match params.typed(name, &kinds)? {
+            Some(param) => self.color(param, Role::Light)?,
+            None => Rgb::WHITE,
+        };
+        let scale = match params.get("scale") {
+            // pbrt-v3 had colours as scales.
+            Some(param) => self.color(param, Role::Factor)?,
+            None => Rgb::WHITE,
+        };
+        Ok(color * scale)
+    }
+
+    /// A positive number of a parameter; pbrt ignores others.
+    fn positive(&self, params: &Params, name: &str) -> Result<Option<f64>, Fault> {
+        Ok(params.float(name)?.filter(|x| *x > 0.0))
+    }
+
+    /// `LightSource "point" ...`
+    pub(super) fn light(&mut self, params: Params) -> Result<(), Fault> {
+        let place = self.placement(params.at);
+        let Some(world_from_light) = Transform::new(self.world_from_file * place) else {
+            self.note_singular(params.at);
+            return Ok(());
+        };
+        if self.object.is_some() {
+            self.note("light in object", params.at, || {
+                "a light within an object definition stands in the world once".into()
+            });
+        }
+        // They only ever told how many samples to take.
+        for name in ["samples", "nsamples"] {
+            params.get(name);
+        }
+        let map = *world_from_light.matrix();
+        if is_kind(&params, "point") {
+            self.point_light(&params, map)?;
+        } else if is_kind(&params, "spot") {
+            self.spot_light(&params, map)?;
+        } else if is_kind(&params, "distant") {
+            self.distant_light(&params, map)?;
+        } else if is_kind(&params, "infinite") || is_kind(&params, "exinfinite") {
+            self.environment(&params, map)?;
+        } else if is_kind(&params, "goniometric") || is_kind(&params, "goniophotometric") {
+            self.goniometric_light(&params, map)?;
+        } else if is_kind(&params, "projection") {
+            self.projection_light(&params, map)?;
+        } else {
+            let owner = params.owner.clone();
+            self.note(owner.clone(), params.at, || format!("{owner} is not known; it was left out"));
+            return Ok(());
+        }
+        self.note_unused(&params);
+        Ok(())
+    }
+
+    fn point_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
+        let mut intensity = self.light_color(params, "I")?;
+        if let Some(power) = self.positive(params, "power")? {
+            intensity = intensity * (power / (4.0 * PI)) as f32;
+        }
+        let position = map.transform_point3(params.point("from")?.unwrap_or(DVec3::ZERO));
+        let attenuation = Attenuation::INVERSE_SQUARE;
+        self.scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
+        Ok(())
+    }
+
+    fn spot_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
+        let mut intensity = self.light_color(params, "I")?;
+        let cone = params.float_or("coneangle", 30.0)?.clamp(0.0, 180.0);
+        let delta = params.float_or("conedeltaangle", 5.0)?;
+        let (outer, inner) = (cone.to_radians(), (cone - delta).clamp(0.0, cone).to_radians());
+        if let Some(power) = self.positive(params, "power")? {
+            let emitted = 2.0 * PI * ((1.0 - inner.cos()) + (inner.cos() - outer.cos()) / 2.0);
+            intensity = intensity * if emitted > 0.0 { (power / emitted) as f32 } else { 0.0 };
+        }
+        let Some((position, direction)) = self.axis(params, map)? else { return Ok(()) };
+        let falloff = SpotFalloff::Step { inner, outer };
+        let attenuation = Attenuation::INVERSE_SQUARE;
+        self.scene.lights.push(Light::Spot { position, direction, intensity, attenuation, falloff });
+        Ok(())
+    }
+
+    /// The picture of a light: its name in pbrt-v4 or pbrt-v3, and whether it was the latter.
+    fn light_picture(&mut self, params: &Params) -> Result<(Arc<Image>, bool), Fault> {
+        let is_old = params.has("mapname");
+        let Some((name, at)) = self.file_name(params, if is_old { "mapname" } else { "filename" })? else {
+            return Err(params.fault("there is no file name", "add \"string filename\""));
+        };
+        let image = self.image(name, at)?;
+        Ok((self.scene.images[image.index()].clone(), is_old))
+    }
+
+    /// Intensity by a picture of directions, in which y and z change places.
+    fn goniometric_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
+        let mut scale = self.light_color(params, "I")?;
+        let (image, is_old) = self.light_picture(params)?;
+        if let Some(power) = self.positive(params, "power")? {
+            let pixels = f64::from(image.width) * f64::from(image.height);
+            let all = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+            let mean = all.map(|(x, y)| f64::from(image.rgba(x, y)[0])).sum::<f64>() / pixels;
+            scale = scale * if mean > 0.0 { (power / (4.0 * PI * mean)) as f32 } else { 0.0 };
+        }
+        let around = |theta: f64, turn: f64| {
+            let ((sin, cos), (sin_phi, cos_phi)) = (theta.sin_cos(), (turn * TAU).sin_cos());
+            DVec3::new(sin * cos_phi, sin * sin_phi, cos)
+        };
+        let table = if is_old {
+            IntensityTable::from_picture(&image)
+        } else {
+            IntensityTable::from_picture(&latlong(&image, around))
+        };
+        let (Some(table), Some(axes)) = (table, unit_axes(map)) else { return Ok(()) };
+        let world_from_light = axes * DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
+        self.scene.lights.push(Light::Profile { position: map.translation, world_from_light, scale, table });
+        Ok(())
+    }
+
+    /// A picture thrown along `+z`, as wide as `fov` along its shorter side.
+    fn projection_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
+        let mut scale = self.light_color(params, "I")?;
+        let fov = params.float_or("fov", 90.0)?;
+        if !(fov > 0.0 && fov < 180.0) {
+            return Err(params.fault(format!("a field of view of {fov} degrees"), "give one between 0 and 180"));
+        }
+        let (image, _) = self.light_picture(params)?;
+        let aspect = f64::from(image.width) / f64::from(image.height);
+        let half = (fov * 0.5).to_radians().tan();
+        let half_size = DVec2::new(aspect.max(1.0), (1.0 / aspect).max(1.0)) * half;
+        let (Some(slide), Some(world_from_light)) = (Slide::new(&image, half_size), unit_axes(map)) else {
+            return Ok(());
+        };
+        if let Some(power) = self.positive(params, "power")? {
+            let own = slide.power();
+            scale = scale * if own > 0.0 { (power / own) as f32 } else { 0.0 };
+        }
+        self.scene.lights.push(Light::Projector { position: map.translation, world_from_light, scale, slide });
+        Ok(())
+    }
+
+    fn distant_light(&mut self, params: &Params, map: DAffine3) -> Result<(), Fault> {
+        let mut irradiance = self.light_color(params, "L")?;
+        if let Some(illuminance) = self.positive(params, "illuminance")? {
+            irradiance = irradiance * illuminance as f32;
+        }
+        let Some((_, direction)) = self.axis(params, map)? else { return Ok(()) };
+        self.scene.lights.push(Light::Directional { direction, irradiance });
+        Ok(())
+    }
+
+    /// Position, and the direction from `from` to `to`.
+    fn axis(&mut self, params: &Params, map: DAffine3) -> Result<Option<(DVec3, DVec3)>, Fault> {
+        let from = params.point("from")?.unwrap_or(DVec3::ZERO);
+        let to = params.point("to")?.unwrap_or(DVec3::Z);
+        let direction = map.transform_vector3(to - from).try_normalize();
+        if direction.is_none() {
+            let owner = params.owner.clone();
+            self.note(format!("{owner} axis"), params.at, || format!("{owner}: from and to coincide; it was left out"));
+        }
+        Ok(direction.map(|direction| (map.transform_point3(from), direction)))
+    }
+
+    /// `AreaLightSource "diffuse" ...`
+    pub(super) fn area_light(&mut self, params: Params) -> Result<(), Fault> {
+        if !is_kind(&params, "diffuse") && !is_kind(&params, "area") {
+            let owner = params.owner.clone();
+            self.note(owner.clone(), params.at, || format!("{owner} is not known; it was taken for \"diffuse\""));
+        }
+        let mut radiance: ColorParam = self.light_color(&params, "L")?.into();
+        let mut mean = 1.0;
+        if let Some((name, at)) = self.file_name(&params, "filename")? {
+            let image = self.image(name, at)?;
+            let pixels = &self.scene.images[image.index()];
+            let count = f64::from(pixels.width) * f64::from(pixels.height);
+            let all = (0..pixels.height).flat_map(|y| (0..pixels.width).map(move |x| (x, y)));
+            let luminance = |(x, y)| {
+                let [r, g, b, _] = pixels.rgba(x, y);
+                f64::from(Rgb::new(r, g, b).luminance())
+            };
+            mean = all.map(luminance).sum::<f64>() / count;
+            let mut texture = Texture::new(image, Encoding::Linear);
+            texture.encoding = pixels.encoding;
+            radiance.texture = Some(self.scene.add_texture(texture));
+        }
+        let power = self.positive(&params, "power")?;
+        let both_sides = params.bool_or("twosided", false)?;
+        for name in ["samples", "nsamples"] {
+            params.get(name);
+        }
+        self.note_unused(&params);
+        self.shapes.area_lights.push(AreaLight { radiance, power, mean, both_sides });
+        self.state.area_light = Some(self.shapes.area_lights.len() - 1);
+        Ok(())
+    }
+}
+
+/// The axes of a map without their lengths.
+fn unit_axes(map: DAffine3) -> Option<DMat3> {
+    let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(DVec3::try_normalize);
+    Some(DMat3::from_cols(x?, y?, z?))
+}

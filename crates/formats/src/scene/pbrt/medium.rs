@@ -1,0 +1,184 @@
+//! Participating media.
+
+use super::Builder;
+use super::fault::{Fault, Spot};
+use super::lexer::{Lexer, quoted};
+use super::params::{Params, Type};
+use super::spectrum::Role;
+use snell_math::{DAffine3, DVec3, Rgb};
+use snell_scene::graph::MediumId;
+use snell_scene::material::Interior;
+use snell_scene::medium::{Cloud, Grid, Homogeneous, Medium, ScalarGrid};
+use std::collections::HashMap;
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// The media of a scene.
+#[derive(Debug, Default)]
+pub struct Media {
+    /// By name; `None` is one that became clear air.
+    named: HashMap<String, Option<MediumId>>,
+    /// The medium around the camera.
+    pub around_camera: Option<Rc<str>>,
+    /// Names of media that are inside of something.
+    inside: Vec<Rc<str>>,
+}
+
+/// What a medium does, without its density.
+struct Coefficients {
+    sigma_a: Rgb,
+    sigma_s: Rgb,
+    emission: Rgb,
+    g: f32,
+}
+
+impl Builder<'_> {
+    /// `MakeNamedMedium "name" "string type" "homogeneous" ...`
+    pub(super) fn make_named_medium(&mut self, params: Params) -> Result<(), Fault> {
+        let name = params.owner.strip_prefix("MakeNamedMedium \"").unwrap_or_default();
+        let name = name.strip_suffix('"').unwrap_or(name).to_string();
+        let Some(kind) = params.string("type")?.map(str::to_string) else {
+            return Err(params.fault("there is no type", "add \"string type\" [ \"homogeneous\" ] or the like"));
+        };
+        let params = params.of(format!("Medium {}", quoted(kind.as_bytes())));
+        params.get("preset");
+        let medium: Option<Medium> = match kind.as_str() {
+            "homogeneous" => {
+                let preset = (Rgb::new(0.0011, 0.0024, 0.014), Rgb::new(2.55, 3.21, 3.77));
+                let Coefficients { sigma_a, sigma_s, emission, g } = self.coefficients(&params, preset)?;
+                Some(Homogeneous { sigma_a, sigma_s, emission, g }.into())
+            }
+            "uniformgrid" => Some(self.grid(&params)?.into()),
+            "cloud" => Some(self.cloud(&params)?.into()),
+            _ => None,
+        };
+        if medium.is_none() {
+            let what = params.owner.clone();
+            self.note(what.clone(), params.at, || format!("{what} is not supported; it became clear air"));
+        } else {
+            self.note_unused(&params);
+        }
+        let id = medium.map(|medium| self.scene.add_medium(medium));
+        self.media.named.insert(name, id);
+        Ok(())
+    }
+
+    /// Absorption, scattering and emission, which is that of what absorbs.
+    fn coefficients(&mut self, params: &Params, default: (Rgb, Rgb)) -> Result<Coefficients, Fault> {
+        let mut color = |name: &str, default: Rgb, role: Role| -> Result<Rgb, Fault> {
+            let kinds = [Type::Rgb, Type::Spectrum, Type::Blackbody, Type::Xyz];
+            match params.typed(name, &kinds)? {
+                Some(param) => self.color(param, role),
+                None => Ok(default),
+            }
+        };
+        let (sigma_a, sigma_s) =
+            (color("sigma_a", default.0, Role::Factor)?, color("sigma_s", default.1, Role::Factor)?);
+        let le = color("Le", Rgb::BLACK, Role::Light)?;
+        let scale = params.float_or("scale", 1.0)? as f32;
+        let le_scale = match params.floats("Lescale")? {
+            [] => 1.0,
+            [one] => *one as f32,
+            // A number for each cell: see `grid`.
+            _ => 1.0,
+        };
+        let sigma_a = sigma_a * scale;
+        let g = params.float_or("g", 0.0)? as f32;
+        Ok(Coefficients { sigma_a, sigma_s: sigma_s * scale, emission: sigma_a * le * le_scale, g })
+    }
+
+    fn grid(&mut self, params: &Params) -> Result<Grid, Fault> {
+        let Coefficients { sigma_a, sigma_s, emission, g } = self.coefficients(params, (Rgb::WHITE, Rgb::WHITE))?;
+        let names = ["nx", "ny", "nz"];
+        let mut size = [1; 3];
+        for (cells, name) in size.iter_mut().zip(names) {
+            let count = params.integer(name)?.unwrap_or(1);
+            *cells = usize::try_from(count).unwrap_or(0);
+        }
+        let density: Vec<f32> = params.floats("density")?.iter().map(|d| *d as f32).collect();
+        let found = density.len();
+        // What glows is what absorbs, so the density counts too.
+        let glow = params.floats("Lescale")?;
+        let glow = (glow.len() > 1).then(|| density.iter().zip(glow).map(|(d, l)| d * *l as f32).collect());
+        let emission_scale = glow.and_then(|glow: Vec<f32>| ScalarGrid::new(size, glow)).map(Arc::new);
+        let Some(density) = ScalarGrid::new(size, density) else {
+            let problem = format!("{found} densities for a grid of {} x {} x {}", size[0], size[1], size[2]);
+            return Err(params.fault(problem, "give one for each cell in \"float density\""));
+        };
+        let names = ["temperature", "temperaturescale", "temperatureoffset", "temperaturecutoff"];
+        self.note_ignored(params, &names, "media do not glow by temperature");
+        let world_from_grid = self.world_from_box(params)?;
+        Ok(Grid {
+            density: density.into(),
+            emission_scale,
+            temperature: None,
+            world_from_grid,
+            sigma_a,
+            sigma_s,
+            emission,
+            g,
+        })
+    }
+
+    /// Map of the unit cube to the box between `p0` and `p1` in the world.
+    fn world_from_box(&mut self, params: &Params) -> Result<DAffine3, Fault> {
+        let (p0, p1) = (params.point("p0")?.unwrap_or(DVec3::ZERO), params.point("p1")?.unwrap_or(DVec3::ONE));
+        let box_of_medium = DAffine3::from_translation(p0) * DAffine3::from_scale(p1 - p0);
+        Ok(self.world_from_file * self.placement(params.at) * box_of_medium)
+    }
+
+    fn cloud(&mut self, params: &Params) -> Result<Cloud, Fault> {
+        let Coefficients { sigma_a, sigma_s, g, .. } = self.coefficients(params, (Rgb::WHITE, Rgb::WHITE))?;
+        let density = params.float_or("density", 1.0)? as f32;
+        let frequency = params.float_or("frequency", 5.0)?.clamp(1.0, 100.0) as f32;
+        params.get("wispiness");
+        self.note("cloud", params.at, || "a cloud of other noise than pbrt's: its shape is another".into());
+        Ok(Cloud {
+            sigma_a: sigma_a * density,
+            g,
+            lumps: 1.0 / frequency,
+            world_from_cloud: self.world_from_box(params)?,
+            ..Cloud::new(DVec3::ZERO, DVec3::ONE, sigma_s * density, 0)
+        })
+    }
+
+    /// `MediumInterface "inside" "outside"`
+    pub(super) fn medium_interface(&mut self, lexer: &mut Lexer) -> Result<(), Fault> {
+        let (inside, at) = lexer.expect_string("the name of the medium inside")?;
+        let (outside, outside_at) =
+            if lexer.string_follows() { lexer.expect_string("the name of the medium outside")? } else { (inside, at) };
+        self.check_medium(inside, at)?;
+        self.check_medium(outside, outside_at)?;
+        self.state.media = [inside.into(), outside.into()];
+        Ok(())
+    }
+
+    fn check_medium(&self, name: &str, at: Spot) -> Result<(), Fault> {
+        if name.is_empty() || self.media.named.contains_key(name) {
+            return Ok(());
+        }
+        let problem = format!("there is no medium {} so far", quoted(name.as_bytes()));
+        Err(Fault::new(at, problem, "define it above with MakeNamedMedium"))
+    }
+
+    /// What the current media make of the inside of a surface; `None` if it bounds none.
+    pub(super) fn interior(&mut self) -> Option<Interior> {
+        let [inside, outside] = &self.state.media;
+        if inside == outside {
+            return None;
+        }
+        let medium = self.media.named.get(&**inside).copied().flatten();
+        if medium.is_some() && !self.media.inside.contains(inside) {
+            self.media.inside.push(inside.clone());
+        }
+        Some(Interior { medium, ..Interior::default() })
+    }
+
+    /// The medium around the camera is everywhere, unless it is the inside of something: then the renderer finds out.
+    pub(super) fn finish_media(&mut self) {
+        let Some(name) = &self.media.around_camera else { return };
+        if !self.media.inside.contains(name) {
+            self.scene.medium = self.media.named.get(&**name).copied().flatten();
+        }
+    }
+}

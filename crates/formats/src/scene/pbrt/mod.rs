@@ -1,0 +1,216 @@
+//! pbrt-v4 scenes, and those of pbrt-v3 where their meaning is plain.
+//!
+//! The format is that of <https://pbrt.org/fileformat-v4>. `lexer.rs` and `params.rs` read the syntax, `directive.rs` does what each
+//! directive says, and one file or folder each builds cameras, shapes, materials, textures, lights and media. What Snell cannot express
+//! becomes the nearest thing that it can, and a warning with file, line and column; so does every parameter that nobody asked for.
+//!
+//! Coordinates of pbrt are left-handed: its cameras look along `+z` with `+x` to the right and `+y` up. Where the camera's own transform
+//! does not mirror that, the whole scene is mirrored in x (by the root node), so that pictures are not.
+
+mod camera;
+mod directive;
+mod environment;
+mod fault;
+mod legacy;
+mod lexer;
+mod light;
+mod material;
+mod medium;
+mod options;
+mod params;
+mod shape;
+mod spectrum;
+mod state;
+#[cfg(test)]
+mod tests;
+mod texture;
+mod transform;
+
+use crate::textures::Textures;
+use crate::{Input, ReadError, SceneReader};
+use fault::{Fault, Spot};
+use material::Materials;
+use medium::Media;
+use options::RenderOptions;
+use params::{Params, Type};
+use shape::Shapes;
+use snell_math::DAffine3;
+use snell_scene::{NodeId, Scene, Warning};
+use state::{Stack, State};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use texture::Patterns;
+
+/// The reader of pbrt scenes.
+pub const READER: SceneReader =
+    SceneReader { name: "pbrt", description: "pbrt-v4 and pbrt-v3 scene", extensions: &["pbrt"], recognises, read };
+
+/// What is known after some directives, over all files.
+struct Builder<'a> {
+    /// The file that the user named; names in all files are relative to its folder.
+    main: &'a Input,
+    scene: Scene,
+    state: State,
+    stack: Stack,
+    options: RenderOptions,
+    coordinate_systems: HashMap<String, state::Motion>,
+    /// Map of the file's world to the scene's: a mirror or nothing.
+    world_from_file: DAffine3,
+    materials: Materials,
+    patterns: Patterns,
+    images: Textures,
+    shapes: Shapes,
+    media: Media,
+    /// Nodes of finished object definitions by name.
+    objects: HashMap<String, NodeId>,
+    /// The object being defined.
+    object: Option<(String, NodeId)>,
+    /// True after `WorldBegin`.
+    in_world: bool,
+    /// True if something told that the file is of pbrt-v3.
+    is_v3: bool,
+    /// Names of all files so far.
+    files: Vec<String>,
+    /// Paths of the files that are being read, the innermost last.
+    open_files: Vec<PathBuf>,
+    directives: usize,
+    notes: Notes,
+}
+
+fn read(input: &Input) -> Result<Scene, ReadError> {
+    let mut builder = Builder {
+        main: input,
+        scene: Scene::new(""),
+        state: State::default(),
+        stack: Stack::default(),
+        options: RenderOptions::default(),
+        coordinate_systems: HashMap::new(),
+        world_from_file: DAffine3::IDENTITY,
+        materials: Materials::default(),
+        patterns: Patterns::default(),
+        images: Textures::default(),
+        shapes: Shapes::default(),
+        media: Media::default(),
+        objects: HashMap::new(),
+        object: None,
+        in_world: false,
+        is_v3: false,
+        files: Vec::new(),
+        open_files: Vec::new(),
+        directives: 0,
+        notes: Notes::default(),
+    };
+    match builder.read_scene() {
+        Ok(()) => Ok(builder.scene),
+        Err(fault) => Err(fault.into_error(&builder.files)),
+    }
+}
+
+impl Builder<'_> {
+    fn read_scene(&mut self) -> Result<(), Fault> {
+        self.read_file(self.main, Spot::default())?;
+        self.finish_options()?;
+        self.finish_media();
+        self.scene.nodes[self.scene.root.index()].transform = self.world_from_file;
+        self.notes.finish(&mut self.scene, &self.files);
+        Ok(())
+    }
+
+    /// Notes something that the user should know: what was found, and what was done instead. Of each kind only the first is told.
+    fn note(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
+        self.notes.add(kind.into(), at, message);
+    }
+
+    /// Notes the parameters that nobody asked for.
+    fn note_unused(&mut self, params: &Params) {
+        for param in params.unused() {
+            let what = format!("\"{} {}\" of {}", param.kind.name(), param.name, params.owner);
+            self.note(format!("unused {what}"), param.at, || format!("{what} is not known; it was ignored"));
+        }
+    }
+
+    /// Looks at parameters that change nothing here, with the reason.
+    fn note_ignored(&mut self, params: &Params, names: &[&str], reason: &str) {
+        for name in names {
+            if let Some(param) = params.get(name) {
+                let what = format!("\"{} {}\" of {}", param.kind.name(), param.name, params.owner);
+                let at = param.at;
+                self.note(format!("ignored {what}"), at, || format!("{what} was ignored: {reason}"));
+            }
+        }
+    }
+
+    /// Opens a file that the scene names in a parameter or directive at `at`.
+    fn open(&mut self, name: &str, at: Spot) -> Result<Input, Fault> {
+        let limit = self.main.options.limits.files;
+        if self.files.len() >= limit {
+            return Err(Fault::new(at, format!("the scene names more than {limit} files, the limit"), "split it"));
+        }
+        self.main.open_relative(name).map_err(|error| {
+            // Either about the main file, which leads outside, or about the other one, which cannot be opened.
+            let is_own = error.file == self.main.name;
+            let problem = if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
+            Fault::new(at, problem, error.remedy)
+        })
+    }
+
+    /// The name of a file in a parameter.
+    fn file_name<'p>(&self, params: &'p Params, name: &str) -> Result<Option<(&'p str, Spot)>, Fault> {
+        let Some(param) = params.typed(name, &[Type::String, Type::Spectrum])? else { return Ok(None) };
+        match param.strings() {
+            [file] => Ok(Some((file, param.at))),
+            _ => Err(param.fault("one file name was expected", "give one")),
+        }
+    }
+
+    /// The map from the current object space to the file's world, at the beginning of the motion.
+    fn placement(&mut self, at: Spot) -> DAffine3 {
+        let [start, end] = self.state.transform.0;
+        if start != end {
+            self.note("motion", at, || "a transform that changes over time; the one at the start was used".into());
+        }
+        start
+    }
+}
+
+/// The same path for all names of one file.
+fn identity(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
+}
+
+/// Warnings, counted by kind.
+#[derive(Debug, Default)]
+struct Notes {
+    positions: HashMap<String, usize>,
+    notes: Vec<(Spot, String, u64)>,
+}
+
+impl Notes {
+    fn add(&mut self, kind: String, at: Spot, message: impl FnOnce() -> String) {
+        match self.positions.get(&kind) {
+            Some(&position) => self.notes[position].2 += 1,
+            None => {
+                self.positions.insert(kind, self.notes.len());
+                self.notes.push((at, message(), 1));
+            }
+        }
+    }
+
+    fn finish(&mut self, scene: &mut Scene, files: &[String]) {
+        self.notes.sort_by_key(|(at, ..)| (at.file, at.line, at.column));
+        for (at, message, count) in self.notes.drain(..) {
+            let file = files.get(at.file as usize).map_or("", String::as_str);
+            let message = format!("{file}:{}:{}: {message}", at.line, at.column);
+            Warning::note(&mut scene.warnings, message, count);
+        }
+    }
+}
+
+/// True if the text starts, after comments, with a directive that no other format has, and what may follow it.
+fn recognises(bytes: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
+    let mut lines = text.trim_start_matches('\u{feff}').lines().map(str::trim_start);
+    let Some(line) = lines.find(|l| !l.is_empty() && !l.starts_with('#')) else { return false };
+    let word = line.split_ascii_whitespace().next().unwrap_or_default();
+    directive::NAMES.contains(&word)
+}

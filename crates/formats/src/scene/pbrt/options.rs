@@ -1,0 +1,228 @@
+//! What comes before `WorldBegin`: camera, film, sampler, filter and integrator.
+
+use super::fault::{Fault, Spot};
+use super::lexer::quoted;
+use super::params::Params;
+use super::state::Motion;
+use super::{Builder, camera};
+
+/// The options of a scene as they were written.
+#[derive(Debug, Default)]
+pub struct RenderOptions {
+    /// The camera, and the map from the world to its space.
+    pub camera: Option<(Params, Motion, Spot)>,
+    film: Option<Params>,
+    sampler: Option<Params>,
+    filter: Option<Params>,
+    integrator: Option<Params>,
+}
+
+/// Size of the picture if the film does not say.
+const SIZE: [i64; 2] = [1280, 720];
+/// Of pbrt-v3.
+const SIZE_V3: [i64; 2] = [640, 480];
+
+impl Builder<'_> {
+    /// `Camera`, `Film` and the like.
+    pub(super) fn render_option(&mut self, directive: &str, params: Params) -> Result<(), Fault> {
+        if self.in_world {
+            return Err(params.fault("options must stand before WorldBegin", "move it up"));
+        }
+        match directive {
+            "Camera" => {
+                let transform = self.state.transform;
+                let Some(inverse) = transform.inverse() else {
+                    return Err(params.fault("the current transform is singular", "correct the transforms above it"));
+                };
+                self.coordinate_systems.insert("camera".into(), inverse);
+                let at = params.at;
+                self.media.around_camera = Some(self.state.media[1].clone());
+                self.options.camera = Some((params, transform, at));
+            }
+            "Film" => {
+                self.is_v3 |= is_kind(&params, "image");
+                self.options.film = Some(params);
+            }
+            "Sampler" => self.options.sampler = Some(params),
+            "PixelFilter" => self.options.filter = Some(params),
+            "Integrator" => self.options.integrator = Some(params),
+            // Accelerators do not change the picture.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// What must be known before the world: the film's size, the camera and whether the scene is to be mirrored.
+    pub(super) fn start_world(&mut self) -> Result<(), Fault> {
+        if let Some(film) = self.options.film.take() {
+            self.film(&film)?;
+        } else if self.in_world {
+            self.set_size(SIZE);
+        }
+        let Some((params, camera_from_file, at)) = self.options.camera.take() else {
+            if self.in_world && self.scene.cameras.is_empty() {
+                let params = Params::default().of("the default camera".into());
+                self.camera(&params, Motion::IDENTITY, Spot::default())?;
+            }
+            return Ok(());
+        };
+        self.camera(&params, camera_from_file, at)?;
+        self.note_unused(&params);
+        Ok(())
+    }
+
+    /// What is left of the options at the end of the scene.
+    pub(super) fn finish_options(&mut self) -> Result<(), Fault> {
+        if !self.in_world {
+            self.start_world()?;
+        }
+        for (what, params) in [
+            ("Sampler", self.options.sampler.take()),
+            ("PixelFilter", self.options.filter.take()),
+            ("Integrator", self.options.integrator.take()),
+        ] {
+            let Some(params) = params else { continue };
+            match what {
+                "Sampler" => self.sampler(&params)?,
+                "PixelFilter" => self.filter(&params)?,
+                _ => self.integrator(&params)?,
+            }
+            self.note_unused(&params);
+        }
+        Ok(())
+    }
+
+    fn camera(&mut self, params: &Params, camera_from_file: Motion, at: Spot) -> Result<(), Fault> {
+        let [start, end] = camera_from_file.0;
+        if start != end {
+            self.note("motion", at, || "the camera moves; its place at the start was used".into());
+        }
+        let size = self.scene.settings.size.unwrap_or(SIZE.map(|s| s as u32));
+        let built = camera::build(self, params, start.inverse(), size)?;
+        self.world_from_file = built.world_from_file;
+        self.scene.cameras = vec![built.camera];
+        Ok(())
+    }
+
+    fn set_size(&mut self, size: [i64; 2]) {
+        self.scene.settings.size = Some(size.map(|s| s as u32));
+    }
+
+    fn film(&mut self, params: &Params) -> Result<(), Fault> {
+        let default = if self.is_v3 { SIZE_V3 } else { SIZE };
+        let size = [
+            params.integer("xresolution")?.unwrap_or(default[0]),
+            params.integer("yresolution")?.unwrap_or(default[1]),
+        ];
+        if size.iter().any(|s| !(1..=1 << 16).contains(s)) {
+            let problem = format!("a picture of {} x {} pixels", size[0], size[1]);
+            return Err(params.fault(problem, "give sizes from 1 to 65536"));
+        }
+        self.set_size(size);
+        let iso = params.float_or("iso", 100.0)?;
+        if iso > 0.0 && iso != 100.0 {
+            self.scene.settings.exposure = Some((iso / 100.0).log2());
+        }
+        if params.string("sensor")?.is_some_and(|s| s != "cie1931") || params.float_or("whitebalance", 0.0)? != 0.0 {
+            let what = "a sensor of a real camera, or a white balance: colours are those of the CIE observer instead";
+            self.note("sensor", params.at, || what.into());
+        }
+        self.note_ignored(params, &["cropwindow", "pixelbounds"], "give --crop instead");
+        self.note_ignored(params, &["maxcomponentvalue"], "samples are not clamped");
+        // Where and how the picture is stored is for the command line to say; the diagonal is for the realistic camera.
+        for name in ["filename", "diagonal", "savefp16", "scale", "maxsampleluminance", "coordinatesystem"] {
+            params.get(name);
+        }
+        self.note_unused(params);
+        Ok(())
+    }
+
+    fn sampler(&mut self, params: &Params) -> Result<(), Fault> {
+        let stratified = match (params.integer("xsamples")?, params.integer("ysamples")?) {
+            (Some(x), Some(y)) => Some(x.saturating_mul(y)),
+            _ => None,
+        };
+        let spp = params.integer("pixelsamples")?.or(stratified).unwrap_or(16);
+        if !(1..=1 << 24).contains(&spp) {
+            return Err(params.fault(format!("{spp} samples per pixel"), "give a number from 1 to 16777216"));
+        }
+        self.scene.settings.spp = Some(spp as u32);
+        // Of the better samplers, ours is as good as any.
+        let plain = ["independent", "stratified"].into_iter().find(|n| is_kind(params, n));
+        self.scene.settings.sampler = plain.map(String::from);
+        for name in ["randomization", "seed", "jitter", "dimensions"] {
+            params.get(name);
+        }
+        Ok(())
+    }
+
+    fn filter(&mut self, params: &Params) -> Result<(), Fault> {
+        // Kind, ours, and the radius that ours has.
+        let known = [
+            ("box", "box", 0.5),
+            ("triangle", "tent", 1.0),
+            ("gaussian", "gaussian", 1.5),
+            ("mitchell", "mitchell", 2.0),
+            ("sinc", "lanczos", 3.0),
+        ];
+        let Some((_, ours, radius)) = known.into_iter().find(|(kind, ..)| is_kind(params, kind)) else {
+            let owner = params.owner.clone();
+            self.note(owner.clone(), params.at, || format!("{owner} is not known; the default filter was used"));
+            return Ok(());
+        };
+        self.scene.settings.filter = Some(ours.into());
+        let mut given = Vec::new();
+        for name in ["xradius", "yradius", "xwidth", "ywidth"] {
+            given.extend(params.float(name)?);
+        }
+        if let Some(other) = given.into_iter().find(|r| *r != radius) {
+            let owner = params.owner.clone();
+            self.note(format!("{owner} radius"), params.at, || {
+                format!("{owner} of radius {other}: radius {radius} was used, the only one of this filter")
+            });
+        }
+        if params.float_or("sigma", 0.5)? != 0.5 || params.float_or("alpha", 2.0)? != 2.0 {
+            self.note("filter sigma", params.at, || {
+                "a Gaussian of another width: the standard deviation 0.5 was used".into()
+            });
+        }
+        for name in ["B", "C", "tau"] {
+            params.get(name);
+        }
+        Ok(())
+    }
+
+    fn integrator(&mut self, params: &Params) -> Result<(), Fault> {
+        let depth = params.integer("maxdepth")?.unwrap_or(5);
+        if !(0..=1 << 20).contains(&depth) {
+            return Err(params.fault(format!("a depth of {depth}"), "give a number from 0 to 1048576"));
+        }
+        self.scene.settings.max_depth = Some(depth as u32);
+        let ours = if is_kind(params, "ambientocclusion") || is_kind(params, "ao") {
+            "ao"
+        } else if is_kind(params, "directlighting") {
+            "direct"
+        } else {
+            "path"
+        };
+        self.scene.settings.integrator = Some(ours.into());
+        let exact = ["path", "volpath", "simplepath", "simplevolpath", "directlighting", "ambientocclusion", "ao"];
+        if !exact.iter().any(|kind| is_kind(params, kind)) {
+            let owner = params.owner.clone();
+            self.note(owner.clone(), params.at, || format!("{owner}: the integrator {ours} was used instead"));
+        }
+        // How lights are chosen and paths are ended changes the noise only.
+        for name in ["lightsampler", "lightsamplestrategy", "regularize", "rrthreshold", "samplelights", "samplebsdf"] {
+            params.get(name);
+        }
+        let names =
+            ["photonsperiteration", "radius", "seed", "iterations", "numiterations", "mutationsperpixel", "cossample"];
+        self.note_ignored(params, &names, "it belongs to another integrator");
+        Ok(())
+    }
+}
+
+/// True if a directive is of this kind: `Sampler "halton"`.
+pub fn is_kind(params: &Params, kind: &str) -> bool {
+    params.owner.ends_with(&format!(" {}", quoted(kind.as_bytes())))
+}

@@ -1,0 +1,279 @@
+//! Shapes: what each kind is, and its place, material and light.
+//!
+//! Texture coordinates: in pbrt v grows upwards on meshes and on shapes; in the scene it is turned downwards on both.
+
+mod curve;
+mod loop_subdivision;
+mod mesh;
+mod patch;
+mod quadric;
+
+use super::Builder;
+use super::fault::Fault;
+use super::light::AreaLight;
+use super::material::Finish;
+use super::options::is_kind;
+use super::params::{Params, Type};
+use crate::scene::shapes::ShapeTable;
+use snell_intersect::{AnyShape, Shape, TriangleMesh};
+use snell_math::{DAffine3, Transform, Vec3};
+use snell_scene::{Geometry, Node, NodeId, Surface};
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// What the shapes of a scene share.
+#[derive(Debug, Default)]
+pub struct Shapes {
+    /// In the order of definition.
+    pub area_lights: Vec<AreaLight>,
+    table: ShapeTable,
+    /// Meshes read from files, by path and whether they were turned over.
+    files: HashMap<(PathBuf, bool), Arc<TriangleMesh>>,
+    /// Where the last surface went: further ones at the same place join it.
+    last: Option<(NodeId, DAffine3, NodeId)>,
+    triangles: usize,
+    /// Triangles that stand for something else.
+    made: usize,
+}
+
+/// Most triangles that stand for curves, subdivided surfaces and parts of shapes in one scene: a short file can ask for any number.
+const MAX_MADE: usize = 1 << 25;
+
+/// The geometry of a shape.
+pub enum Made {
+    /// Triangles.
+    Mesh(Arc<TriangleMesh>),
+    /// An analytic shape and its place in object space.
+    Shape(Box<AnyShape>, DAffine3),
+    /// Nothing to see.
+    Nothing,
+}
+
+impl Made {
+    /// An analytic shape.
+    fn shape(shape: impl Into<AnyShape>, object_from_shape: DAffine3) -> Self {
+        Self::Shape(Box::new(shape.into()), object_from_shape)
+    }
+}
+
+impl Builder<'_> {
+    /// `Shape "sphere" ...`
+    pub(super) fn shape(&mut self, params: Params) -> Result<(), Fault> {
+        let place = self.placement(params.at);
+        if Transform::new(place).is_none() {
+            self.note_singular(params.at);
+            return Ok(());
+        }
+        let made = self.make_shape(&params)?;
+        let alpha = self.pattern_param(&params, "alpha", false)?;
+        if let Some(param) = params.get("shadowalpha") {
+            let at = param.at;
+            self.note("shadowalpha", at, || "\"shadowalpha\": shadows follow alpha instead".into());
+        }
+        self.note_unused(&params);
+        let finish = Finish {
+            emission: self.emission(&params, &made, place),
+            alpha: alpha.filter(|a| a.as_constant().is_none_or(|c| c.r < 1.0)).map(|a| self.scalar_param(&a)),
+            interior: self.interior(),
+        };
+        let Some(material) = self.finished_material(&finish) else {
+            self.note("interface", params.at, || {
+                "surfaces without a material that bound no medium are not seen, and were left out".into()
+            });
+            return Ok(());
+        };
+        let (geometry, object_from_geometry) = match made {
+            Made::Nothing => return Ok(()),
+            Made::Mesh(mesh) => {
+                self.count_triangles(&params, mesh.indices.len())?;
+                (Geometry::Mesh(mesh), DAffine3::IDENTITY)
+            }
+            Made::Shape(shape, object_from_shape) => (self.shapes.table.shared(*shape), object_from_shape),
+        };
+        let node = self.node_at(place * object_from_geometry);
+        self.scene.nodes[node.index()].surfaces.push(Surface::with_material(geometry, material));
+        Ok(())
+    }
+
+    fn make_shape(&mut self, params: &Params) -> Result<Made, Fault> {
+        let kind = |kind: &str| is_kind(params, kind);
+        if kind("trianglemesh") {
+            self.triangle_mesh(params)
+        } else if kind("plymesh") {
+            self.ply_mesh(params)
+        } else if kind("bilinearmesh") {
+            self.bilinear_mesh(params)
+        } else if kind("loopsubdiv") {
+            self.loop_subdivision(params)
+        } else if kind("curve") {
+            self.curve(params)
+        } else if kind("sphere") || kind("cylinder") || kind("disk") || kind("cone") || kind("paraboloid") {
+            self.quadric(params)
+        } else {
+            let owner = params.owner.clone();
+            self.note(owner.clone(), params.at, || format!("{owner} is not a shape that is known; it was left out"));
+            Ok(Made::Nothing)
+        }
+    }
+
+    /// Radiance of the shape, and whether both sides emit, if the current area light makes it emit.
+    fn emission(
+        &mut self,
+        params: &Params,
+        made: &Made,
+        place: DAffine3,
+    ) -> Option<(snell_scene::material::ColorParam, bool)> {
+        let light = self.shapes.area_lights[self.state.area_light?].clone();
+        if self.is_without_surface() {
+            self.note("emitting interface", params.at, || {
+                "a surface without a material does not emit, as in pbrt".into()
+            });
+            return None;
+        }
+        if self.object.is_some() {
+            self.note("area light in object", params.at, || {
+                "area lights within object definitions do not emit, as in pbrt".into()
+            });
+            return None;
+        }
+        let area = if light.depends_on_area() { self.piece_area(params, made, place) } else { 1.0 };
+        Some((light.radiance(area), light.both_sides))
+    }
+
+    /// Mean area of the triangles, or the area of a shape in its own space: what `power` is about in pbrt.
+    fn piece_area(&mut self, params: &Params, made: &Made, place: DAffine3) -> f64 {
+        let mesh = match made {
+            Made::Shape(shape, _) => return shape.area(),
+            Made::Nothing => return 0.0,
+            Made::Mesh(mesh) => mesh,
+        };
+        let area = |triangle: usize| {
+            let [a, b, c] = mesh.corners(triangle).map(|p| place.transform_point3(p.as_dvec3()));
+            0.5 * (b - a).cross(c - a).length()
+        };
+        let count = mesh.indices.len();
+        let (sum, largest) = (0..count).map(area).fold((0.0, 0.0f64), |(sum, most), a| (sum + a, most.max(a)));
+        let mean = sum / count.max(1) as f64;
+        if largest > mean * 1.01 {
+            self.note("power of triangles", params.at, || {
+                "\"power\" is that of each triangle, and these are not alike: all got the radiance of the mean one"
+                    .into()
+            });
+        }
+        mean
+    }
+
+    fn count_triangles(&mut self, params: &Params, count: usize) -> Result<(), Fault> {
+        self.shapes.triangles += count;
+        let limit = self.main.options.limits.elements;
+        if self.shapes.triangles <= limit {
+            return Ok(());
+        }
+        Err(params.fault(format!("the scene has more than {limit} triangles, the limit"), "split it"))
+    }
+
+    /// True if this many more triangles may stand for something else.
+    fn may_make(&mut self, params: &Params, triangles: usize) -> bool {
+        let made = self.shapes.made.saturating_add(triangles);
+        if made > MAX_MADE {
+            let owner = params.owner.clone();
+            self.note("made triangles", params.at, || {
+                format!("{owner} needs more than {MAX_MADE} triangles together with those before it; it was left out")
+            });
+            return false;
+        }
+        self.shapes.made = made;
+        true
+    }
+
+    /// The node for surfaces at a place of the current object.
+    fn node_at(&mut self, transform: DAffine3) -> NodeId {
+        let parent = self.parent();
+        if let Some((last_parent, last_transform, node)) = self.shapes.last
+            && last_parent == parent
+            && last_transform == transform
+        {
+            return node;
+        }
+        let node = self.scene.add_child(parent, Node { transform, ..Node::default() });
+        self.shapes.last = Some((parent, transform, node));
+        node
+    }
+
+    /// True if the winding of triangles is to be turned over.
+    fn is_reversed(&self) -> bool {
+        self.state.reverse_orientation
+    }
+
+    /// Looks at parameters that many shapes have and that change nothing.
+    fn note_common(&mut self, params: &Params) {
+        if let Some(param) = params.get("displacement") {
+            let at = param.at;
+            self.note("shape displacement", at, || "\"displacement\" of a mesh was ignored: it stays smooth".into());
+        }
+        for name in ["edgelength", "splitdepth", "faceIndices"] {
+            params.get(name);
+        }
+    }
+
+    /// A whole number of at least this, in a parameter.
+    fn count_param(&self, params: &Params, name: &str, default: i64, range: [i64; 2]) -> Result<usize, Fault> {
+        let number = params.integer(name)?.unwrap_or(default);
+        if !(range[0]..=range[1]).contains(&number) {
+            let problem = format!("\"{name}\" is {number}");
+            return Err(params.fault(problem, format!("give a number from {} to {}", range[0], range[1])));
+        }
+        Ok(number as usize)
+    }
+
+    /// The points of a shape, which must be there.
+    fn points(&self, params: &Params) -> Result<Vec<Vec3>, Fault> {
+        let points = params.points("P")?;
+        if points.is_empty() {
+            return Err(params.fault("there are no points", "give some in \"point3 P\""));
+        }
+        Ok(points)
+    }
+}
+
+/// An attribute of a mesh must be there for each vertex.
+fn check_length(params: &Params, name: &str, found: usize, vertices: usize) -> Result<(), Fault> {
+    if found == 0 || found == vertices {
+        return Ok(());
+    }
+    let problem = format!("\"{name}\" has {found} values, but there are {vertices} vertices");
+    Err(match params.typed(name, &[Type::Normal, Type::Vector3, Type::Point2, Type::Vector2, Type::Float])? {
+        Some(param) => param.fault(problem, "give one for each vertex"),
+        None => params.fault(problem, "give one for each vertex"),
+    })
+}
+
+/// Turns v downwards.
+fn flip_v(mesh: &mut TriangleMesh) {
+    for uv in &mut mesh.uvs[0] {
+        uv.y = 1.0 - uv.y;
+    }
+}
+
+/// Turns triangles over where they look away from their vertex normals, and all of them if there are none and `reversed`. In pbrt, a
+/// triangle's outer side is that of its normals.
+fn orient(mesh: &mut TriangleMesh, reversed: bool) {
+    if mesh.normals.is_empty() {
+        if reversed {
+            mesh.indices.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        return;
+    }
+    if reversed {
+        mesh.normals.iter_mut().for_each(|n| *n = -*n);
+    }
+    let TriangleMesh { positions, indices, normals, .. } = mesh;
+    for t in indices {
+        let [a, b, c] = t.map(|i| positions[i as usize]);
+        let normal: Vec3 = t.iter().map(|&i| normals[i as usize]).sum();
+        if (b - a).cross(c - a).dot(normal) < 0.0 {
+            t.swap(1, 2);
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! Triangle meshes, in the scene and in files.
+
+use super::super::fault::Fault;
+use super::super::params::Params;
+use super::super::{Builder, identity};
+use super::{Made, check_length, flip_v, orient};
+use snell_intersect::TriangleMesh;
+use snell_math::{Vec2, Vec3};
+use std::sync::Arc;
+
+impl Builder<'_> {
+    pub(super) fn triangle_mesh(&mut self, params: &Params) -> Result<Made, Fault> {
+        let positions = self.points(params)?;
+        let count = positions.len();
+        let mut indices = params.indices("indices", count)?;
+        if indices.is_empty() {
+            if count != 3 {
+                return Err(params.fault("there are no indices", "give three for each triangle in \"integer indices\""));
+            }
+            indices = vec![0, 1, 2];
+        }
+        if indices.len() % 3 != 0 {
+            let problem = format!("{} indices, which is not a multiple of three", indices.len());
+            return Err(params.fault(problem, "give three for each triangle"));
+        }
+        let normals = params.directions("N")?;
+        let uvs = self.uv_param(params)?;
+        // Tangents only say how anisotropic surfaces lie.
+        params.get("S");
+        check_length(params, "N", normals.len(), count)?;
+        check_length(params, "uv", uvs.len(), count)?;
+        self.note_common(params);
+        let indices = indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        let mesh = TriangleMesh { positions, indices, normals, uvs: [uvs, Vec::new()], ..TriangleMesh::default() };
+        Ok(self.finish_mesh(mesh))
+    }
+
+    /// Texture coordinates, by the names of pbrt-v4 and pbrt-v3.
+    pub(super) fn uv_param(&self, params: &Params) -> Result<Vec<Vec2>, Fault> {
+        let uvs = params.pairs("uv")?;
+        if uvs.is_empty() { params.pairs("st") } else { Ok(uvs) }
+    }
+
+    /// A mesh as the scene has it.
+    pub(super) fn finish_mesh(&mut self, mut mesh: TriangleMesh) -> Made {
+        repair(&mut mesh);
+        orient(&mut mesh, self.is_reversed());
+        if mesh.uvs[0].is_empty() && self.is_textured() {
+            separate_with_uvs(&mut mesh);
+        }
+        flip_v(&mut mesh);
+        if mesh.indices.is_empty() { Made::Nothing } else { Made::Mesh(Arc::new(mesh)) }
+    }
+
+    pub(super) fn ply_mesh(&mut self, params: &Params) -> Result<Made, Fault> {
+        let Some((name, at)) = self.file_name(params, "filename")? else {
+            return Err(params.fault("there is no file name", "add \"string filename\""));
+        };
+        self.note_common(params);
+        let path = self.main.resolve(name).map_err(|error| Fault::new(at, error.problem, error.remedy))?;
+        let key = (identity(&path), self.is_reversed());
+        if let Some(mesh) = self.shapes.files.get(&key) {
+            return Ok(Made::Mesh(mesh.clone()));
+        }
+        let input = self.open(name, at)?;
+        let mut mesh = crate::mesh::read_mesh(&input)?;
+        mesh.colors.clear();
+        mesh.material_slots.clear();
+        let made = self.finish_mesh(mesh);
+        if let Made::Mesh(mesh) = &made {
+            self.shapes.files.insert(key, mesh.clone());
+        }
+        Ok(made)
+    }
+}
+
+/// Normals without a direction become those of the faces around.
+fn repair(mesh: &mut TriangleMesh) {
+    let is_bad = |n: &Vec3| n.try_normalize().is_none();
+    if mesh.normals.iter().any(is_bad) {
+        let computed = mesh.computed_normals();
+        for (normal, computed) in mesh.normals.iter_mut().zip(computed) {
+            if is_bad(normal) {
+                *normal = computed;
+            }
+        }
+    }
+    for uv in &mut mesh.uvs[0] {
+        if !uv.is_finite() {
+            *uv = Vec2::ZERO;
+        }
+    }
+}
+
+/// Gives each triangle vertices of its own, with the coordinates that pbrt gives to triangles without.
+fn separate_with_uvs(mesh: &mut TriangleMesh) {
+    let corners: Vec<usize> = mesh.indices.iter().flatten().map(|&i| i as usize).collect();
+    mesh.positions = corners.iter().map(|&i| mesh.positions[i]).collect();
+    if !mesh.normals.is_empty() {
+        mesh.normals = corners.iter().map(|&i| mesh.normals[i]).collect();
+    }
+    let triangle = [Vec2::ZERO, Vec2::X, Vec2::ONE];
+    mesh.uvs[0] = (0..corners.len()).map(|i| triangle[i % 3]).collect();
+    mesh.indices = (0..mesh.indices.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+}

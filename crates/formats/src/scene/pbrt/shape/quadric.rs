@@ -1,0 +1,128 @@
+//! Spheres, cylinders and disks: whole ones as analytic shapes, parts of them as triangles.
+
+use super::super::Builder;
+use super::super::fault::Fault;
+use super::super::options::is_kind;
+use super::super::params::Params;
+use super::Made;
+use snell_intersect::TriangleMesh;
+use snell_intersect::shape::{Cylinder, Disk, Sphere};
+use snell_math::{DAffine3, DMat3, DVec3, Vec2};
+use std::f64::consts::{PI, TAU};
+
+/// Pieces around a full turn, and from pole to pole.
+const AROUND: u32 = 256;
+const ALONG: u32 = 128;
+
+/// Our shapes stand around y and count longitude from z towards x; those of pbrt around z, from x towards y.
+fn turned() -> DMat3 {
+    DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X)
+}
+
+impl Builder<'_> {
+    pub(super) fn quadric(&mut self, params: &Params) -> Result<Made, Fault> {
+        let radius = params.float_or("radius", 1.0)?;
+        let turn = params.float_or("phimax", 360.0)?.clamp(0.0, 360.0);
+        if radius <= 0.0 {
+            return Err(params.fault(format!("a radius of {radius}"), "give a positive number"));
+        }
+        self.note_common(params);
+        let is_whole = turn == 360.0 && !self.is_reversed();
+        if is_kind(params, "sphere") {
+            let (low, high) = (params.float_or("zmin", -radius)?, params.float_or("zmax", radius)?);
+            if is_whole && low <= -radius && high >= radius {
+                return Ok(Made::shape(Sphere { radius }, DAffine3::from_mat3(turned())));
+            }
+            let angle = |z: f64| (z / radius).clamp(-1.0, 1.0).acos();
+            let (bottom, top) = (angle(low.min(high)), angle(high.max(low)));
+            return Ok(self.swept(params, turn, ALONG, |phi, v| {
+                let (sin, cos) = (bottom + (top - bottom) * v).sin_cos();
+                let normal = DVec3::new(sin * phi.cos(), sin * phi.sin(), cos);
+                (normal * radius, normal)
+            }));
+        }
+        if is_kind(params, "disk") {
+            return self.disk(params, radius, turn, is_whole);
+        }
+        if !is_kind(params, "cylinder") {
+            return self.old_quadric(params, radius, turn);
+        }
+        let (low, high) = (params.float_or("zmin", -1.0)?, params.float_or("zmax", 1.0)?);
+        if high <= low {
+            return Err(params.fault(format!("a cylinder from {low} to {high}"), "make zmax larger than zmin"));
+        }
+        if is_whole {
+            let cylinder = Cylinder { radius, height: high - low, caps: false };
+            let middle = DVec3::Z * ((low + high) * 0.5);
+            return Ok(Made::shape(cylinder, DAffine3::from_mat3_translation(turned(), middle)));
+        }
+        Ok(self.swept(params, turn, 1, |phi, v| {
+            let normal = DVec3::new(phi.cos(), phi.sin(), 0.0);
+            (normal * radius + DVec3::Z * (low + (high - low) * v), normal)
+        }))
+    }
+
+    fn disk(&mut self, params: &Params, radius: f64, turn: f64, is_whole: bool) -> Result<Made, Fault> {
+        let height = params.float_or("height", 0.0)?;
+        let inner_radius = params.float_or("innerradius", 0.0)?;
+        if !(inner_radius >= 0.0 && inner_radius < radius) {
+            let problem = format!("an inner radius of {inner_radius} within {radius}");
+            return Err(params.fault(problem, "give one from 0 to below the radius"));
+        }
+        // Texture coordinates of our disks grow inwards in the picture's sense, those of pbrt outwards.
+        if is_whole && !self.is_textured() {
+            let place = DAffine3::from_translation(DVec3::Z * height);
+            return Ok(Made::shape(Disk { radius, inner_radius }, place));
+        }
+        Ok(self.swept(params, turn, 1, |phi, v| {
+            let r = radius + (inner_radius - radius) * v;
+            (DVec3::new(r * phi.cos(), r * phi.sin(), height), DVec3::Z)
+        }))
+    }
+
+    /// Cones and paraboloids of pbrt-v3.
+    fn old_quadric(&mut self, params: &Params, radius: f64, turn: f64) -> Result<Made, Fault> {
+        if is_kind(params, "cone") {
+            let height = params.float_or("height", 1.0)?;
+            return Ok(self.swept(params, turn, 1, |phi, v| {
+                let around = DVec3::new(phi.cos(), phi.sin(), 0.0);
+                let normal = (around * height + DVec3::Z * radius).normalize_or(DVec3::Z);
+                (around * (radius * (1.0 - v)) + DVec3::Z * (height * v), normal)
+            }));
+        }
+        let (low, high) = (params.float_or("zmin", 0.0)?, params.float_or("zmax", 1.0)?);
+        Ok(self.swept(params, turn, ALONG, |phi, v| {
+            let z = low + (high - low) * v;
+            let (r, around) = (radius * (z / high).max(0.0).sqrt(), DVec3::new(phi.cos(), phi.sin(), 0.0));
+            let slope = radius * radius / (2.0 * high);
+            (around * r + DVec3::Z * z, (around * r - DVec3::Z * slope).normalize_or(DVec3::NEG_Z))
+        }))
+    }
+
+    /// The surface of points and normals by longitude (radians) and v from 0 to 1, over a turn in degrees.
+    fn swept(&mut self, params: &Params, turn: f64, along: u32, surface: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Made {
+        let around = ((turn / 360.0 * f64::from(AROUND)).ceil() as u32).clamp(1, AROUND);
+        if !self.may_make(params, (2 * around * along) as usize) {
+            return Made::Nothing;
+        }
+        let mut mesh = TriangleMesh::default();
+        for j in 0..=along {
+            for i in 0..=around {
+                let (u, v) = (f64::from(i) / f64::from(around), f64::from(j) / f64::from(along));
+                let (position, normal) = surface(u * turn / 360.0 * TAU, v);
+                mesh.positions.push(position.as_vec3());
+                mesh.normals.push(normal.as_vec3());
+                mesh.uvs[0].push(Vec2::new(u as f32, v as f32));
+            }
+        }
+        for j in 0..along {
+            for i in 0..around {
+                let a = j * (around + 1) + i;
+                let b = a + around + 1;
+                mesh.indices.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+            }
+        }
+        debug_assert!(turn <= 2.0 * PI.to_degrees());
+        self.finish_mesh(mesh)
+    }
+}

@@ -1,0 +1,178 @@
+//! The graphics state: what holds for the directives that follow, and the stack on which it is kept.
+
+use super::fault::{Fault, Spot};
+use super::params::Param;
+use super::spectrum::ColorSpace;
+use snell_math::DAffine3;
+use std::rc::Rc;
+
+/// What `Attribute` can set defaults for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    Shape,
+    Light,
+    Material,
+    Medium,
+    Texture,
+}
+
+impl Target {
+    /// The target of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "shape" => Self::Shape,
+            "light" => Self::Light,
+            "material" => Self::Material,
+            "medium" => Self::Medium,
+            "texture" => Self::Texture,
+            _ => return None,
+        })
+    }
+}
+
+/// The current transform at both ends of the motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion(pub [DAffine3; 2]);
+
+impl Motion {
+    /// No transform at all times.
+    pub const IDENTITY: Self = Self([DAffine3::IDENTITY; 2]);
+
+    /// The inverse maps; `None` if one does not exist.
+    pub fn inverse(&self) -> Option<Self> {
+        let inverse = |m: DAffine3| snell_math::Transform::new(m).map(|t| *t.inverse_matrix());
+        Some(Self([inverse(self.0[0])?, inverse(self.0[1])?]))
+    }
+}
+
+/// The graphics state.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// The current transform.
+    pub transform: Motion,
+    /// Which ends of the motion transform directives change.
+    pub active: [bool; 2],
+    /// True if surfaces are turned inside out.
+    pub reverse_orientation: bool,
+    /// The current material, by position in the list of materials; `None` is pbrt's default.
+    pub material: Option<usize>,
+    /// The current area light, by position in the list of area lights.
+    pub area_light: Option<usize>,
+    /// What RGB values mean.
+    pub color_space: ColorSpace,
+    /// Names of the media inside and outside of surfaces; empty for none.
+    pub media: [Rc<str>; 2],
+    defaults: [Rc<Vec<Rc<Param>>>; 5],
+}
+
+impl Default for State {
+    fn default() -> Self {
+        Self {
+            transform: Motion::IDENTITY,
+            active: [true; 2],
+            reverse_orientation: false,
+            material: None,
+            area_light: None,
+            color_space: ColorSpace::Srgb,
+            media: ["".into(), "".into()],
+            defaults: Default::default(),
+        }
+    }
+}
+
+impl State {
+    /// The parameters that `Attribute` has set for a target.
+    pub fn defaults(&self, target: Target) -> &[Rc<Param>] {
+        &self.defaults[target as usize]
+    }
+
+    /// Sets parameters for a target.
+    pub fn add_defaults(&mut self, target: Target, params: Vec<Rc<Param>>) {
+        Rc::make_mut(&mut self.defaults[target as usize]).extend(params);
+    }
+
+    /// Changes the current transform where it is active.
+    pub fn change_transform(&mut self, change: impl Fn(DAffine3) -> DAffine3) {
+        for (transform, active) in self.transform.0.iter_mut().zip(self.active) {
+            if active {
+                *transform = change(*transform);
+            }
+        }
+    }
+
+    /// Applies a map of object space before the current transform.
+    pub fn concatenate(&mut self, map: DAffine3) {
+        self.change_transform(|m| m * map);
+    }
+}
+
+/// What was begun.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Block {
+    Attribute,
+    Transform,
+    Object,
+}
+
+impl Block {
+    /// The directives that begin and end it.
+    fn directives(self) -> [&'static str; 2] {
+        match self {
+            Self::Attribute => ["AttributeBegin", "AttributeEnd"],
+            Self::Transform => ["TransformBegin", "TransformEnd"],
+            Self::Object => ["ObjectBegin", "ObjectEnd"],
+        }
+    }
+}
+
+/// The states that come back at the ends of blocks.
+#[derive(Debug, Default)]
+pub struct Stack {
+    saved: Vec<(Block, Spot, State)>,
+}
+
+impl Stack {
+    /// How many blocks are open.
+    pub fn depth(&self) -> usize {
+        self.saved.len()
+    }
+
+    /// Opens a block.
+    pub fn begin(&mut self, block: Block, at: Spot, state: &State, limit: usize) -> Result<(), Fault> {
+        if self.saved.len() >= limit {
+            let problem = format!("blocks are nested deeper than {limit}, the limit");
+            return Err(Fault::new(at, problem, "flatten the scene"));
+        }
+        self.saved.push((block, at, state.clone()));
+        Ok(())
+    }
+
+    /// Closes a block, and puts back what it kept.
+    pub fn end(&mut self, block: Block, at: Spot, state: &mut State) -> Result<(), Fault> {
+        let [begin, end] = block.directives();
+        match self.saved.last() {
+            Some((open, opened, _)) if *open != block => {
+                let [other, its_end] = open.directives();
+                let problem = format!("{end}, but {other} of line {} is still open", opened.line);
+                return Err(Fault::new(at, problem, format!("write {its_end} before it")));
+            }
+            None => return Err(Fault::new(at, format!("{end} without {begin}"), "take it out")),
+            Some(_) => {}
+        }
+        if let Some((_, _, saved)) = self.saved.pop() {
+            if block == Block::Transform {
+                state.transform = saved.transform;
+            } else {
+                *state = saved;
+            }
+        }
+        Ok(())
+    }
+
+    /// An error if blocks above this depth are open.
+    pub fn check_closed(&self, depth: usize) -> Result<(), Fault> {
+        let Some((block, at, _)) = self.saved.get(depth) else { return Ok(()) };
+        let [begin, end] = block.directives();
+        Err(Fault::new(*at, format!("this {begin} has no {end}"), "close the block; is the file cut off?"))
+    }
+}

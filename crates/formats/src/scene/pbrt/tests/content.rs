@@ -1,0 +1,420 @@
+//! Directives and what they mean.
+
+use super::*;
+use snell_intersect::Shape;
+use snell_math::{DVec2, DVec3, Rgb, Vec2, Vec3};
+use snell_scene::light::SpotFalloff;
+use snell_scene::material::{ConductorSpectrum, MaterialKind};
+use snell_scene::texture::{Filtering, Wrap};
+use snell_scene::{Environment, Geometry, Light, Material, Projection};
+
+fn close(a: f32, b: f32) -> bool {
+    (a - b).abs() <= 1e-4 * b.abs().max(1e-3)
+}
+
+fn colors_are(color: Rgb, expected: [f32; 3]) {
+    let found = color.to_array();
+    assert!(found.iter().zip(expected).all(|(a, b)| close(*a, b)), "{found:?} instead of {expected:?}");
+}
+
+/// The only material in use.
+fn material(scene: &Scene) -> &Material {
+    assert_eq!(scene.materials.len(), 1);
+    &scene.materials[0]
+}
+
+/// Where a point of the file is seen, in parts of the picture from its upper left corner.
+fn seen(scene: &Scene, point: DVec3) -> DVec2 {
+    let point = scene.nodes[scene.root.index()].transform.transform_point3(point);
+    let size = scene.settings.size.expect("the reader sets a size");
+    let film = scene.cameras[0].project(point, size).expect("in view");
+    film / DVec2::new(f64::from(size[0]), f64::from(size[1]))
+}
+
+#[test]
+fn pictures_are_not_mirrored() {
+    // Cameras of pbrt see +x on the right, whichever way LookAt turns them; only a transform that mirrors turns them over.
+    for (text, right) in [
+        ("", DVec3::new(0.2, 0.0, 1.0)),
+        ("LookAt 0 0 -5  0 0 0  0 1 0", DVec3::new(0.5, 0.0, 0.0)),
+        ("Scale -1 1 1 LookAt 0 0 -5  0 0 0  0 1 0", DVec3::new(-0.5, 0.0, 0.0)),
+        ("LookAt 0 0 5  0 0 0  0 1 0", DVec3::new(-0.5, 0.0, 0.0)),
+    ] {
+        let scene = scene(&format!("{text} Camera \"perspective\" WorldBegin"));
+        let at = seen(&scene, right + DVec3::Y * 0.1);
+        assert!(at.x > 0.51 && at.y < 0.499, "{text}: {at}");
+    }
+}
+
+#[test]
+fn the_field_of_view_spans_the_shorter_side() {
+    for (size, top) in [([200, 100], DVec3::new(0.0, 1.0, 1.0)), ([100, 200], DVec3::new(1.0, 0.0, 1.0))] {
+        let text = format!(
+            "Film \"rgb\" \"integer xresolution\" {} \"integer yresolution\" [{}] Camera \"perspective\" \"float fov\" 90 WorldBegin",
+            size[0], size[1]
+        );
+        let scene = scene(&text);
+        let at = seen(&scene, top);
+        assert!(at.x > 0.999 || at.y < 0.001, "{at}");
+    }
+}
+
+#[test]
+fn a_screen_window_cuts_a_part_out_of_the_view() {
+    let film = "Film \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 100";
+    let scene = scene(&format!("{film} Camera \"perspective\" \"float screenwindow\" [0 1 -1 0] WorldBegin"));
+    assert!((seen(&scene, DVec3::Z) - DVec2::new(0.0, 0.0)).length() < 1e-9);
+    assert!((seen(&scene, DVec3::new(1.0, -1.0, 1.0)) - DVec2::ONE).length() < 1e-9);
+    assert!(scene.warnings.is_empty());
+}
+
+#[test]
+fn an_orthographic_camera_is_scaled_by_its_transform() {
+    let scene = scene("Scale .5 .5 .5 Camera \"orthographic\" WorldBegin");
+    let Projection::Orthographic { half_size } = scene.cameras[0].projection else { panic!("not orthographic") };
+    assert_eq!(half_size, [None, Some(2.0)]);
+}
+
+#[test]
+fn options_become_settings() {
+    let scene = scene(
+        "Film \"rgb\" \"integer xresolution\" 320 \"integer yresolution\" 200 \"float iso\" 400\nSampler \"halton\" \"integer pixelsamples\" 77\n\
+         PixelFilter \"triangle\" \"float xradius\" 1 \"float yradius\" 1\nIntegrator \"volpath\" \"integer maxdepth\" 9\nWorldBegin",
+    );
+    let settings = &scene.settings;
+    assert_eq!((settings.size, settings.spp, settings.max_depth), (Some([320, 200]), Some(77), Some(9)));
+    assert_eq!((settings.filter.as_deref(), settings.exposure), (Some("tent"), Some(2.0)));
+    assert_eq!(scene.warnings, []);
+    assert_eq!(super::scene("WorldBegin").settings.size, Some([1280, 720]));
+    assert_eq!(super::scene("Film \"image\" WorldBegin").settings.size, Some([640, 480]));
+}
+
+#[test]
+fn transforms_apply_in_the_order_of_pbrt() {
+    let scene = world("Translate 1 0 0 Rotate 90 0 0 1 Scale 2 2 2 Shape \"sphere\" \"float radius\" 0.5");
+    let place = scene.nodes[1].transform;
+    // The point on the +x side goes to +y by the rotation.
+    let sphere_x = place.transform_point3(DVec3::Z * 0.5);
+    assert!((sphere_x - DVec3::new(1.0, 1.0, 0.0)).length() < 1e-12, "{sphere_x}");
+    let matrix = world("Transform [2 0 0 0  0 2 0 0  0 0 2 0  5 6 7 1] Shape \"disk\"");
+    assert_eq!(matrix.nodes[1].transform.translation, DVec3::new(5.0, 6.0, 7.0));
+}
+
+#[test]
+fn blocks_keep_the_state_and_coordinate_systems_name_it() {
+    let scene = world(
+        "AttributeBegin Translate 5 0 0 CoordinateSystem \"there\" Material \"diffuse\" \"rgb reflectance\" [1 0 0] AttributeEnd\n\
+         Shape \"disk\"\nTransformBegin CoordSysTransform \"there\" Shape \"disk\" TransformEnd\nShape \"disk\"",
+    );
+    let places: Vec<f64> = scene.nodes[1..].iter().map(|n| n.transform.translation.x).collect();
+    assert_eq!(places, [0.0, 5.0, 0.0]);
+    colors_are(diffuse(material(&scene)), [0.5; 3]);
+}
+
+fn diffuse(material: &Material) -> Rgb {
+    match &material.kind {
+        MaterialKind::Diffuse(diffuse) => diffuse.reflectance.factor,
+        other => panic!("expected a diffuse material, found {}", other.name()),
+    }
+}
+
+#[test]
+fn attribute_sets_defaults_that_shapes_may_override() {
+    let scene = world("Attribute \"shape\" \"float radius\" 3\nShape \"sphere\"\nShape \"sphere\" \"float radius\" 1");
+    let radii: Vec<_> = testing::geometries(&scene)
+        .iter()
+        .map(|g| if let Geometry::Shape(shape) = g { shape.bounds().max.x } else { 0.0 })
+        .collect();
+    assert_eq!(radii, [3.0, 1.0]);
+}
+
+#[test]
+fn the_outer_side_of_triangles_is_that_of_their_normals() {
+    let triangle = "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]";
+    let normal = |text: &str| {
+        let scene = world(text);
+        let mesh = meshes(&scene)[0].clone();
+        let [a, b, c] = mesh.corners(0);
+        (b - a).cross(c - a).normalize()
+    };
+    assert_eq!(normal(triangle), Vec3::Z);
+    assert_eq!(normal(&format!("ReverseOrientation {triangle}")), Vec3::NEG_Z);
+    assert_eq!(normal(&format!("{triangle} \"normal N\" [0 0 -1 0 0 -1 0 0 -1]")), Vec3::NEG_Z);
+    assert_eq!(normal(&format!("ReverseOrientation {triangle} \"normal N\" [0 0 -1 0 0 -1 0 0 -1]")), Vec3::Z);
+}
+
+#[test]
+fn texture_coordinates_grow_downwards_on_meshes_as_on_shapes() {
+    let scene = world("Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"point2 uv\" [0 0 1 0 0 1]");
+    assert_eq!(meshes(&scene)[0].uvs[0], [Vec2::Y, Vec2::ONE, Vec2::ZERO]);
+}
+
+#[test]
+fn parts_of_quadrics_are_made_of_triangles() {
+    let area = |text: &str| {
+        let scene = world(text);
+        let mesh = meshes(&scene)[0].clone();
+        let area = |t| {
+            let [a, b, c] = mesh.corners(t);
+            0.5 * (b - a).cross(c - a).length()
+        };
+        assert!(mesh.indices.iter().enumerate().all(|(t, i)| {
+            let [a, b, c] = mesh.corners(t);
+            let normal = (b - a).cross(c - a);
+            normal.length() < 1e-9 || normal.dot(i.iter().map(|&i| mesh.normals[i as usize]).sum()) > 0.0
+        }));
+        (0..mesh.indices.len()).map(area).sum::<f32>()
+    };
+    use std::f32::consts::PI;
+    for (text, expected) in [
+        ("Shape \"sphere\" \"float phimax\" 180", 2.0 * PI),
+        ("Shape \"sphere\" \"float zmin\" 0", 2.0 * PI),
+        ("ReverseOrientation Shape \"sphere\"", 4.0 * PI),
+        ("Shape \"cylinder\" \"float phimax\" 90 \"float zmin\" 0 \"float zmax\" 3", 0.5 * PI * 3.0),
+        ("Shape \"disk\" \"float phimax\" 90 \"float radius\" 2 \"float innerradius\" 1", 0.25 * PI * 3.0),
+    ] {
+        let found = area(text);
+        // A reversed sphere has its normals inside.
+        assert!((found / expected - 1.0).abs() < 1e-3, "{text}: {found} instead of {expected}");
+    }
+}
+
+#[test]
+fn a_bilinear_patch_is_two_triangles_if_flat_and_more_if_not() {
+    let patch = |z: f32| world(&format!("Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 {z}]"));
+    assert_eq!(meshes(&patch(0.0))[0].indices.len(), 2);
+    let bent = patch(1.0);
+    let mesh = &meshes(&bent)[0];
+    assert_eq!((mesh.indices.len(), mesh.normals.len()), (128, 81));
+    assert_eq!(mesh.positions[40], Vec3::new(0.5, 0.5, 0.25));
+}
+
+#[test]
+fn curves_go_through_their_ends() {
+    for (text, ends) in [
+        ("\"point3 P\" [0 0 0 1 0 0 1 1 0 2 2 2]", [Vec3::ZERO, Vec3::splat(2.0)]),
+        ("\"integer degree\" 2 \"point3 P\" [0 0 0 1 0 0 1 1 0]", [Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0)]),
+        (
+            "\"string basis\" \"bspline\" \"point3 P\" [0 0 0 3 0 0 6 0 0 9 0 0]",
+            [Vec3::new(3.0, 0.0, 0.0), Vec3::new(6.0, 0.0, 0.0)],
+        ),
+    ] {
+        let scene = scene(&format!("WorldBegin Shape \"curve\" \"float width\" 0.2 {text}"));
+        let mesh = &meshes(&scene)[0];
+        for (ring, end) in [(&mesh.positions[..6], ends[0]), (&mesh.positions[mesh.positions.len() - 6..], ends[1])] {
+            assert!(ring.iter().all(|p| ((*p - end).length() - 0.1).abs() < 1e-5), "{text}: {ring:?} around {end}");
+        }
+    }
+}
+
+#[test]
+fn objects_are_stored_once() {
+    let scene = world(
+        "ObjectBegin \"ball\" Translate 0 1 0 Shape \"sphere\" ObjectEnd\nTranslate 5 0 0 ObjectInstance \"ball\"\nTranslate 5 0 0 ObjectInstance \"ball\"",
+    );
+    let instances: Vec<_> = scene.nodes.iter().filter(|n| n.name == "instance").collect();
+    assert_eq!(instances.len(), 2);
+    assert_eq!(instances[0].children, instances[1].children);
+    // The default camera wants a mirrored world.
+    let bounds = scene.bounds().expect("no cycles");
+    assert!(
+        bounds.min.abs_diff_eq(DVec3::new(-11.0, 0.0, -1.0), 1e-9)
+            && bounds.max.abs_diff_eq(DVec3::new(-4.0, 2.0, 1.0), 1e-9)
+    );
+}
+
+#[test]
+fn brightness_means_what_it_means_in_pbrt() {
+    let light = |text: &str| world(&format!("LightSource {text}")).lights[0].clone();
+    let Light::Point { intensity, .. } = light("\"point\" \"rgb I\" [1 2 3] \"float scale\" 2") else {
+        panic!("no point")
+    };
+    colors_are(intensity, [2.0, 4.0, 6.0]);
+    let Light::Point { intensity, .. } = light("\"point\" \"float power\" 100") else { panic!("no point") };
+    colors_are(intensity, [100.0 / (4.0 * std::f32::consts::PI); 3]);
+    let Light::Directional { irradiance, direction } =
+        light("\"distant\" \"float illuminance\" 50 \"point3 from\" [0 0 0] \"point3 to\" [0 0 -2]")
+    else {
+        panic!("no distant light")
+    };
+    colors_are(irradiance, [50.0; 3]);
+    assert_eq!(direction, DVec3::NEG_Z);
+    let Light::Spot { falloff, position, direction, .. } =
+        light("\"spot\" \"float coneangle\" 40 \"point3 from\" [1 0 0] \"point3 to\" [1 0 5]")
+    else {
+        panic!("no spot")
+    };
+    // The default camera wants a mirrored world.
+    assert_eq!((position, direction), (DVec3::NEG_X, DVec3::Z));
+    assert!((falloff.at(34f64.to_radians().cos()), falloff.at(41f64.to_radians().cos())) == (1.0, 0.0), "{falloff:?}");
+    assert!(matches!(falloff, SpotFalloff::Step { .. }));
+    // A black body has luminance 1 whatever its temperature.
+    let Light::Point { intensity, .. } = light("\"point\" \"blackbody I\" 3000") else { panic!("no point") };
+    assert!((intensity.luminance() - 1.0).abs() < 0.02 && intensity.r > 2.0 * intensity.b, "{intensity:?}");
+}
+
+#[test]
+fn area_lights_emit_their_radiance_or_their_power() {
+    let emission = |light: &str, shape: &str| {
+        let scene = world(&format!("AreaLightSource \"diffuse\" {light} Shape {shape}"));
+        let material = material(&scene);
+        (material.emission.factor, material.emits_on_both_sides)
+    };
+    colors_are(emission("\"rgb L\" [4 5 6] \"float scale\" 0.5", "\"sphere\"").0, [2.0, 2.5, 3.0]);
+    // Area 4 pi, radiance times pi leaves each piece of it.
+    let power = 4.0 * std::f32::consts::PI * std::f32::consts::PI;
+    colors_are(emission(&format!("\"float power\" {power}"), "\"sphere\"").0, [1.0; 3]);
+    let (color, both) = emission(&format!("\"float power\" {power} \"bool twosided\" true"), "\"sphere\"");
+    colors_are(color, [0.5; 3]);
+    assert!(both);
+    // Of meshes, each triangle has the power.
+    let square = "\"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0] \"integer indices\" [0 1 2 0 2 3]";
+    colors_are(emission(&format!("\"float power\" {}", std::f32::consts::PI), square).0, [2.0; 3]);
+}
+
+#[test]
+fn infinite_lights_without_a_picture_are_constant() {
+    let environment = |text: &str| match world(&format!("LightSource \"infinite\" {text}")).environment {
+        Some(Environment::Constant(color)) => color,
+        other => panic!("{other:?}"),
+    };
+    colors_are(environment("\"rgb L\" [.4 .5 .6] \"float scale\" 2"), [0.8, 1.0, 1.2]);
+    colors_are(environment("\"float illuminance\" 10"), [10.0 / std::f32::consts::PI; 3]);
+}
+
+#[test]
+fn materials_map_to_ours() {
+    let of = |text: &str| {
+        let scene = world(&format!("{text} Shape \"sphere\""));
+        material(&scene).kind.clone()
+    };
+    let MaterialKind::Conductor(metal) = of("Material \"conductor\" \"float roughness\" 0.04") else {
+        panic!("no metal")
+    };
+    // Roughness is the width of the facets by its root, and ours by its square.
+    assert!(
+        close(metal.roughness.factor, 0.04f32.sqrt().sqrt()) && matches!(metal.spectrum, ConductorSpectrum::Metal(_))
+    );
+    let MaterialKind::Conductor(metal) =
+        of("Material \"conductor\" \"float roughness\" 0.04 \"bool remaproughness\" false")
+    else {
+        panic!("no metal")
+    };
+    assert!(close(metal.roughness.factor, 0.2));
+    let MaterialKind::Dielectric(glass) = of("Material \"dielectric\" \"float eta\" 1.33") else { panic!("no glass") };
+    assert_eq!((glass.ior.at_line_d(), glass.roughness.factor), (1.33, 0.0));
+    let MaterialKind::Plastic(plastic) = of("Material \"coateddiffuse\" \"rgb reflectance\" [1 0 0]") else {
+        panic!("no plastic")
+    };
+    assert_eq!((plastic.diffuse.factor, plastic.ior), (Rgb::new(1.0, 0.0, 0.0), 1.5));
+    // Grey light is reflected to and fro below the coat.
+    let MaterialKind::Plastic(plastic) = of("Material \"coateddiffuse\" \"rgb reflectance\" [.5 .5 .5]") else {
+        panic!("no plastic")
+    };
+    assert!((plastic.diffuse.factor.r - 0.287).abs() < 0.002, "{}", plastic.diffuse.factor.r);
+    let MaterialKind::Diffuse(_) = of("MakeNamedMaterial \"a\" \"string type\" \"diffuse\" NamedMaterial \"a\"") else {
+        panic!("not diffuse")
+    };
+}
+
+#[test]
+fn materials_of_the_third_version_are_understood() {
+    let of = |text: &str| material(&world(&format!("{text} Shape \"sphere\""))).kind.clone();
+    let MaterialKind::Plastic(plastic) =
+        of("Material \"plastic\" \"color Kd\" [.4 .2 .2] \"color Ks\" [.5 .5 .5] \"float roughness\" .025")
+    else {
+        panic!("no plastic")
+    };
+    assert_eq!((plastic.diffuse.factor, plastic.specular.factor), (Rgb::new(0.4, 0.2, 0.2), Rgb::splat(0.5)));
+    assert!((plastic.roughness.factor.powi(2) - 0.2156).abs() < 0.001, "{}", plastic.roughness.factor.powi(2));
+    let MaterialKind::Diffuse(_) = of("Material \"matte\" \"float sigma\" 0") else { panic!("not diffuse") };
+    let MaterialKind::Mirror(_) = of("Material \"mirror\"") else { panic!("no mirror") };
+    let MaterialKind::Dielectric(glass) = of("Material \"glass\" \"float index\" 1.2 \"rgb Kt\" [1 0 0]") else {
+        panic!("no glass")
+    };
+    assert_eq!((glass.ior.at_line_d(), glass.tint.factor), (1.2, Rgb::new(1.0, 0.0, 0.0)));
+}
+
+#[test]
+fn alpha_makes_surfaces_of_one_material_differ() {
+    let scene = world(
+        "Material \"diffuse\" Shape \"sphere\" Shape \"sphere\" \"float alpha\" 0.25 Shape \"sphere\" \"float alpha\" 0.25",
+    );
+    let alphas: Vec<f32> = scene.materials.iter().map(|m| m.alpha.factor).collect();
+    assert_eq!(alphas, [1.0, 0.25]);
+}
+
+#[test]
+fn colours_of_other_spaces_are_converted() {
+    let color = |space: &str, rgb: &str| {
+        let scene =
+            world(&format!("ColorSpace \"{space}\" Material \"diffuse\" \"rgb reflectance\" [{rgb}] Shape \"sphere\""));
+        diffuse(material(&scene)).to_array()
+    };
+    for space in ["srgb", "rec2020", "dci-p3", "aces2065-1"] {
+        let white = color(space, "1 1 1");
+        assert!(white.iter().all(|c| (c - 1.0).abs() < 1e-3), "{space}: {white:?}");
+    }
+    let red = color("rec2020", "1 0 0");
+    assert!(red[0] > 1.5 && red[1] == 0.0, "{red:?}");
+}
+
+#[test]
+fn spectra_become_colours() {
+    let color = |spectrum: &str| {
+        diffuse(material(&world(&format!(
+            "Material \"diffuse\" \"spectrum reflectance\" [{spectrum}] Shape \"sphere\""
+        ))))
+        .to_array()
+    };
+    let grey = color("300 .5 900 .5");
+    assert!(grey.iter().all(|c| (c - 0.5).abs() < 1e-3), "{grey:?}");
+    let red = color("300 0 590 0 600 1 900 1");
+    assert!(red[0] > 0.5 && red[1] < 0.2 && red[2] < 0.05, "{red:?}");
+}
+
+#[test]
+fn a_checkerboard_is_drawn_into_four_pixels() {
+    let scene = world(
+        "Texture \"checks\" \"spectrum\" \"checkerboard\" \"float uscale\" 4 \"float vscale\" 4 \"rgb tex1\" [1 0 0] \"rgb tex2\" [0 0 1]\n\
+         Material \"diffuse\" \"texture reflectance\" \"checks\" Shape \"sphere\"",
+    );
+    let texture = &scene.textures[0];
+    assert_eq!((texture.filtering, texture.wrap), (Filtering::Nearest, [Wrap::Repeat; 2]));
+    let set = snell_scene::TextureSet::new(&scene.textures, &scene.images);
+    for (u, v, first) in [(0.1, 0.1, true), (0.3, 0.1, false), (0.3, 0.3, true), (0.6, 0.9, false)] {
+        // Coordinates of the scene have v downwards.
+        let [r, ..] = set.lookup_at(snell_scene::TextureId(0), Vec2::new(u, 1.0 - v), 0.0);
+        assert_eq!(r == 1.0, first, "{u} {v}");
+    }
+}
+
+#[test]
+fn textures_of_textures_are_computed() {
+    let scene = world(
+        "Texture \"a\" \"float\" \"constant\" \"float value\" 0.5\nTexture \"b\" \"float\" \"scale\" \"texture tex\" \"a\" \"float scale\" 0.5\n\
+         Texture \"c\" \"float\" \"mix\" \"texture tex1\" \"b\" \"float tex2\" 1 \"float amount\" 0.5\n\
+         Material \"dielectric\" \"texture roughness\" \"c\" \"bool remaproughness\" false Shape \"sphere\"",
+    );
+    let MaterialKind::Dielectric(glass) = &material(&scene).kind else { panic!("no glass") };
+    assert!(close(glass.roughness.factor, 0.625f32.sqrt()) && scene.textures.is_empty());
+}
+
+#[test]
+fn media_fill_what_their_interface_says() {
+    use snell_scene::medium::Medium;
+    let scene = world(
+        "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [1 2 3] \"rgb sigma_s\" [4 5 6] \"float scale\" 2 \"rgb Le\" [1 1 1]\n\
+         MediumInterface \"fog\" \"\"\nMaterial \"interface\" Shape \"sphere\"\nMediumInterface \"\" \"fog\"\nMaterial \"dielectric\" Shape \"sphere\" \"float radius\" 0.5",
+    );
+    let Medium::Homogeneous(fog) = &scene.media[0] else { panic!("not homogeneous") };
+    assert_eq!((fog.sigma_a, fog.sigma_s), (Rgb::new(2.0, 4.0, 6.0), Rgb::new(8.0, 10.0, 12.0)));
+    // Emission is that of what absorbs.
+    assert_eq!(fog.emission, Rgb::new(2.0, 4.0, 6.0));
+    let insides: Vec<_> = scene.materials.iter().map(|m| m.interior.map(|i| i.medium.map(|m| m.0))).collect();
+    assert_eq!(insides, [Some(Some(0)), Some(None)]);
+    let around = super::scene(
+        "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"\" \"fog\"\nCamera \"perspective\"\nWorldBegin",
+    );
+    assert_eq!(around.medium.map(|m| m.0), Some(0));
+}

@@ -1,0 +1,429 @@
+//! What a file holds, and the way from the scene graph and back.
+
+use super::numbers::Numbers;
+use crate::Limits;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use snell_intersect::{AnyShape, Shape, TriangleMesh};
+use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3, Vec4};
+use snell_scene::graph::{ImageId, MediumId};
+use snell_scene::medium::Medium;
+use snell_scene::{
+    Background, Camera, Encoding, Environment, Geometry, Image, Light, Material, MaterialId, Node, NodeId, Pixels,
+    Scene, SceneSettings, Surface, Texture,
+};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A whole file.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Document {
+    /// Says that it is one.
+    pub format: String,
+    /// Of the format.
+    pub version: u32,
+    #[serde(default)]
+    pub name: String,
+    #[serde(default)]
+    pub settings: SceneSettings,
+    #[serde(default)]
+    pub background: Background,
+    #[serde(default)]
+    pub ambient: Rgb,
+    #[serde(default)]
+    pub environment: Option<EnvironmentForm>,
+    #[serde(default)]
+    pub cameras: Vec<Camera>,
+    #[serde(default)]
+    pub lights: Vec<Light>,
+    #[serde(default)]
+    pub materials: Vec<Material>,
+    #[serde(default)]
+    pub textures: Vec<Texture>,
+    #[serde(default)]
+    pub images: Vec<ImageForm>,
+    #[serde(default)]
+    pub media: Vec<Medium>,
+    #[serde(default)]
+    pub medium: Option<MediumId>,
+    pub root: NodeId,
+    pub nodes: Vec<NodeForm>,
+    #[serde(default)]
+    pub meshes: Vec<MeshForm>,
+}
+
+/// Light from all directions.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum EnvironmentForm {
+    Constant(Rgb),
+    Image { image: ImageForm, scale: Rgb, world_from_environment: Rows },
+}
+
+/// A picture.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImageForm {
+    width: u32,
+    height: u32,
+    channels: u32,
+    encoding: Encoding,
+    pixels: PixelForm,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum PixelForm {
+    U8(Numbers<u8>),
+    U16(Numbers<u16>),
+    F32(Numbers<f32>),
+}
+
+/// An affine map: three rows of four numbers.
+type Rows = [[f64; 4]; 3];
+
+/// A node.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NodeForm {
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    name: String,
+    #[serde(default = "identity", skip_serializing_if = "is_identity")]
+    transform: Rows,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    material: Option<MaterialId>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    surfaces: Vec<SurfaceForm>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    children: Vec<NodeId>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SurfaceForm {
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    mesh: Option<u32>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    shape: Option<AnyShape>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    materials: Vec<Option<MaterialId>>,
+}
+
+/// A mesh; numbers one after the other.
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshForm {
+    positions: Numbers<f32>,
+    indices: Numbers<u32>,
+    #[serde(default, skip_serializing_if = "Numbers::is_empty")]
+    normals: Numbers<f32>,
+    #[serde(default, skip_serializing_if = "Numbers::is_empty")]
+    tangents: Numbers<f32>,
+    #[serde(default, skip_serializing_if = "Numbers::is_empty")]
+    uvs: Numbers<f32>,
+    #[serde(default, skip_serializing_if = "Numbers::is_empty")]
+    second_uvs: Numbers<f32>,
+    #[serde(default, skip_serializing_if = "Numbers::is_empty")]
+    colors: Numbers<f32>,
+    #[serde(default, skip_serializing_if = "Numbers::is_empty")]
+    material_slots: Numbers<u16>,
+}
+
+/// A place in the file (a JSON pointer), and what is wrong there.
+pub type Flaw = (String, String);
+
+fn identity() -> Rows {
+    rows(&DAffine3::IDENTITY)
+}
+
+fn is_identity(rows: &Rows) -> bool {
+    *rows == identity()
+}
+
+fn rows(map: &DAffine3) -> Rows {
+    let (m, t) = (map.matrix3, map.translation);
+    std::array::from_fn(|i| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]])
+}
+
+fn affine(rows: &Rows) -> DAffine3 {
+    let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
+    DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) }
+}
+
+/// Refuses what would come back as something else: numbers that are not finite, and what a declaration keeps to itself.
+fn check<T: Serialize + DeserializeOwned + PartialEq>(what: &str, items: &[T]) -> Result<(), String> {
+    for (number, item) in items.iter().enumerate() {
+        let again = serde_json::to_string(item).and_then(|text| serde_json::from_str::<T>(&text));
+        if !again.is_ok_and(|again| again == *item) {
+            return Err(format!("{what} {number} holds what this format has no words for, such as an infinite number"));
+        }
+    }
+    Ok(())
+}
+
+impl Document {
+    /// The file of a scene. (What a reader had to say about another file is not part of it.)
+    pub fn of(scene: &Scene) -> Result<Self, String> {
+        let Scene {
+            name,
+            nodes,
+            root,
+            materials,
+            textures,
+            images,
+            media,
+            medium,
+            lights,
+            cameras,
+            environment,
+            background,
+            ambient,
+            settings,
+            warnings: _,
+        } = scene;
+        check("camera", cameras)?;
+        check("light", lights)?;
+        check("material", materials)?;
+        check("medium", media)?;
+        check("texture", textures)?;
+        check("settings", std::slice::from_ref(settings))?;
+        let mut meshes = Meshes::default();
+        let nodes = nodes.iter().map(|node| NodeForm::of(node, &mut meshes)).collect();
+        Ok(Self {
+            format: super::FORMAT.into(),
+            version: super::VERSION,
+            name: name.clone(),
+            settings: settings.clone(),
+            background: *background,
+            ambient: *ambient,
+            environment: environment.as_ref().map(EnvironmentForm::of),
+            cameras: cameras.clone(),
+            lights: lights.clone(),
+            materials: materials.clone(),
+            textures: textures.clone(),
+            images: images.iter().map(|image| ImageForm::of(image)).collect(),
+            media: media.clone(),
+            medium: *medium,
+            root: *root,
+            nodes,
+            meshes: meshes.forms,
+        })
+    }
+
+    /// The scene of a file.
+    pub fn scene(self, limits: &Limits) -> Result<Scene, Flaw> {
+        let mut meshes = Vec::with_capacity(self.meshes.len());
+        for (i, mesh) in self.meshes.into_iter().enumerate() {
+            meshes.push(Arc::new(mesh.mesh(limits).map_err(|(key, flaw)| (format!("/meshes/{i}/{key}"), flaw))?));
+        }
+        let mut images = Vec::with_capacity(self.images.len());
+        for (i, image) in self.images.into_iter().enumerate() {
+            images.push(Arc::new(image.image(limits).map_err(|flaw| (format!("/images/{i}"), flaw))?));
+        }
+        if let Some(i) = self.textures.iter().position(|texture| texture.image.index() >= images.len()) {
+            let ImageId(id) = self.textures[i].image;
+            return Err((format!("/textures/{i}"), format!("image is {id}, but there are {}", images.len())));
+        }
+        let mut nodes = Vec::with_capacity(self.nodes.len());
+        for (i, node) in self.nodes.into_iter().enumerate() {
+            nodes.push(node.node(&meshes).map_err(|(key, flaw)| (format!("/nodes/{i}{key}"), flaw))?);
+        }
+        let environment = match self.environment {
+            Some(form) => Some(form.environment(limits).map_err(|flaw| ("/environment".to_string(), flaw))?),
+            None => None,
+        };
+        let scene = Scene {
+            name: self.name,
+            nodes,
+            root: self.root,
+            materials: self.materials,
+            textures: self.textures,
+            images,
+            media: self.media,
+            medium: self.medium,
+            lights: self.lights,
+            cameras: self.cameras,
+            environment,
+            background: self.background,
+            ambient: self.ambient,
+            settings: self.settings,
+            warnings: Vec::new(),
+        };
+        match scene.topological_order() {
+            Ok(_) => Ok(scene),
+            Err(error) => Err(("/nodes".into(), error.to_string())),
+        }
+    }
+}
+
+/// The table of meshes as it grows.
+#[derive(Default)]
+struct Meshes {
+    forms: Vec<MeshForm>,
+    known: HashMap<*const TriangleMesh, u32>,
+}
+
+impl Meshes {
+    fn number(&mut self, mesh: &Arc<TriangleMesh>) -> u32 {
+        *self.known.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
+            self.forms.push(MeshForm::of(mesh));
+            self.forms.len() as u32 - 1
+        })
+    }
+}
+
+impl NodeForm {
+    fn of(node: &Node, meshes: &mut Meshes) -> Self {
+        let surface = |surface: &Surface| {
+            let (mesh, shape) = match &surface.geometry {
+                Geometry::Mesh(mesh) => (Some(meshes.number(mesh)), None),
+                Geometry::Shape(shape) => (None, Some(AnyShape::clone(shape))),
+            };
+            SurfaceForm { mesh, shape, materials: surface.materials.clone() }
+        };
+        Self {
+            name: node.name.clone(),
+            transform: rows(&node.transform),
+            material: node.material,
+            children: node.children.clone(),
+            surfaces: node.surfaces.iter().map(surface).collect(),
+        }
+    }
+
+    fn node(self, meshes: &[Arc<TriangleMesh>]) -> Result<Node, Flaw> {
+        let mut surfaces = Vec::with_capacity(self.surfaces.len());
+        for (i, surface) in self.surfaces.into_iter().enumerate() {
+            let flaw = |text: String| (format!("/surfaces/{i}"), text);
+            let geometry = match (surface.mesh, surface.shape) {
+                (Some(number), None) => match meshes.get(number as usize) {
+                    Some(mesh) => Geometry::Mesh(mesh.clone()),
+                    None => return Err(flaw(format!("mesh is {number}, but there are {}", meshes.len()))),
+                },
+                (None, Some(shape)) => {
+                    shape.validate().map_err(|error| flaw(error.to_string()))?;
+                    Geometry::Shape(Arc::new(shape))
+                }
+                _ => return Err(flaw("a surface is a mesh or a shape".into())),
+            };
+            surfaces.push(Surface { geometry, materials: surface.materials });
+        }
+        let (transform, children) = (affine(&self.transform), self.children);
+        Ok(Node { name: self.name, transform, children, surfaces, material: self.material })
+    }
+}
+
+/// Vectors of `N` numbers each.
+fn vectors<const N: usize, T>(
+    key: &'static str,
+    numbers: Numbers<f32>,
+    make: impl Fn([f32; N]) -> T,
+) -> Result<Vec<T>, (&'static str, String)> {
+    let (all, rest) = numbers.0.as_chunks::<N>();
+    if rest.is_empty() {
+        return Ok(all.iter().map(|&numbers| make(numbers)).collect());
+    }
+    Err((key, format!("there are {} numbers, expected a multiple of {N}", numbers.0.len())))
+}
+
+fn flat<const N: usize, T: Copy>(items: &[T], parts: impl Fn(T) -> [f32; N]) -> Numbers<f32> {
+    Numbers(items.iter().flat_map(|&item| parts(item)).collect())
+}
+
+impl MeshForm {
+    fn of(mesh: &TriangleMesh) -> Self {
+        let TriangleMesh { positions, indices, normals, tangents, uvs, colors, material_slots } = mesh;
+        Self {
+            positions: flat(positions, |p: Vec3| p.to_array()),
+            indices: Numbers(indices.as_flattened().to_vec()),
+            normals: flat(normals, |n: Vec3| n.to_array()),
+            tangents: flat(tangents, |t: Vec4| t.to_array()),
+            uvs: flat(&uvs[0], |uv: Vec2| uv.to_array()),
+            second_uvs: flat(&uvs[1], |uv: Vec2| uv.to_array()),
+            colors: flat(colors, |c: [f32; 4]| c),
+            material_slots: Numbers(material_slots.clone()),
+        }
+    }
+
+    fn mesh(self, limits: &Limits) -> Result<TriangleMesh, (&'static str, String)> {
+        let (indices, rest) = self.indices.0.as_chunks::<3>();
+        if !rest.is_empty() {
+            let found = self.indices.0.len();
+            return Err(("indices", format!("there are {found} numbers, expected a multiple of 3")));
+        }
+        if indices.len().max(self.positions.0.len() / 3) > limits.elements {
+            return Err(("positions", format!("more elements than the limit of {}", limits.elements)));
+        }
+        let mesh = TriangleMesh {
+            positions: vectors("positions", self.positions, Vec3::from_array)?,
+            indices: indices.to_vec(),
+            normals: vectors("normals", self.normals, Vec3::from_array)?,
+            tangents: vectors("tangents", self.tangents, Vec4::from_array)?,
+            uvs: [
+                vectors("uvs", self.uvs, Vec2::from_array)?,
+                vectors("second_uvs", self.second_uvs, Vec2::from_array)?,
+            ],
+            colors: vectors("colors", self.colors, |c| c)?,
+            material_slots: self.material_slots.0,
+        };
+        mesh.validate().map_err(|error| ("", error.to_string()))?;
+        Ok(mesh)
+    }
+}
+
+impl ImageForm {
+    fn of(image: &Image) -> Self {
+        let Image { width, height, channels, pixels, encoding } = image;
+        let pixels = match pixels {
+            Pixels::U8(v) => PixelForm::U8(Numbers(v.clone())),
+            Pixels::U16(v) => PixelForm::U16(Numbers(v.clone())),
+            Pixels::F32(v) => PixelForm::F32(Numbers(v.clone())),
+        };
+        Self { width: *width, height: *height, channels: *channels, encoding: *encoding, pixels }
+    }
+
+    fn image(self, limits: &Limits) -> Result<Image, String> {
+        let Self { width, height, channels, encoding, pixels } = self;
+        let (found, pixels) = match pixels {
+            PixelForm::U8(Numbers(v)) => (v.len(), Pixels::U8(v)),
+            PixelForm::U16(Numbers(v)) => (v.len(), Pixels::U16(v)),
+            PixelForm::F32(Numbers(v)) => (v.len(), Pixels::F32(v)),
+        };
+        let area = u64::from(width) * u64::from(height);
+        if area == 0 || area > limits.image_pixels || !(1..=4).contains(&channels) {
+            let most = limits.image_pixels;
+            return Err(format!(
+                "{width} by {height} pixels of {channels} channels, expected 1 to {most} pixels of 1 to 4"
+            ));
+        }
+        let expected = area * u64::from(channels);
+        if found as u64 != expected {
+            return Err(format!("there are {found} values, expected {expected}"));
+        }
+        Ok(Image { width, height, channels, pixels, encoding })
+    }
+}
+
+impl EnvironmentForm {
+    fn of(environment: &Environment) -> Self {
+        match environment {
+            Environment::Constant(color) => Self::Constant(*color),
+            Environment::Image { image, scale, world_from_environment } => Self::Image {
+                image: ImageForm::of(image),
+                scale: *scale,
+                world_from_environment: rows(world_from_environment),
+            },
+        }
+    }
+
+    fn environment(self, limits: &Limits) -> Result<Environment, String> {
+        Ok(match self {
+            Self::Constant(color) => Environment::Constant(color),
+            Self::Image { image, scale, world_from_environment } => Environment::Image {
+                image: Arc::new(image.image(limits)?),
+                scale,
+                world_from_environment: affine(&world_from_environment),
+            },
+        })
+    }
+}

@@ -1,0 +1,123 @@
+//! Snell's own scene files: the scene graph as it is, in JSON, without loss.
+//!
+//! The declarations of the scene graph are the format: materials, lights, cameras, textures and shapes are written as `serde` says, so what
+//! is declared is read and written. Meshes and images are tables of their own here, because several nodes may share one; their numbers are
+//! lists or, if they are many, base64 ([`numbers`]).
+
+mod document;
+mod numbers;
+#[cfg(test)]
+mod tests;
+
+use crate::{Input, Place, ReadError, SceneReader, SceneWriter};
+use document::Document;
+use serde::Serialize;
+use snell_scene::Scene;
+
+/// The reader of Snell's scene files.
+pub const READER: SceneReader = SceneReader {
+    name: "snell",
+    description: "Snell's own scene files: all of a scene, without loss, as JSON",
+    extensions: &["snell"],
+    recognises,
+    read,
+};
+
+/// The writer of Snell's scene files.
+pub const WRITER: SceneWriter = SceneWriter { name: READER.name, extensions: READER.extensions, write };
+
+/// What `format` says in every file.
+const FORMAT: &str = "snell scene";
+
+/// The version that is written, and the latest that is read.
+const VERSION: u32 = 1;
+
+/// True for a JSON object that says near its start that it is one.
+fn recognises(bytes: &[u8]) -> bool {
+    let start = &bytes[..bytes.len().min(256)];
+    let has = |key: &[u8]| start.windows(key.len()).any(|part| part == key);
+    start.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{') && has(b"\"format\"") && has(b"\"snell scene\"")
+}
+
+fn read(input: &Input) -> Result<Scene, ReadError> {
+    let document: Document = serde_json::from_slice(&input.bytes).map_err(|error| {
+        let message = error.to_string();
+        let problem = message.split(" at line ").next().unwrap_or(&message).to_string();
+        let remedy = "see the page on Snell's scene files for what belongs there";
+        input.error(Place::Column(error.line().max(1), error.column().max(1)), problem, remedy)
+    })?;
+    if document.format != FORMAT {
+        let problem = format!("format is {:?}, expected {FORMAT:?}", document.format);
+        return Err(input.error(Place::Json("/format".into()), problem, "give another file"));
+    }
+    if document.version == 0 || document.version > VERSION {
+        let problem = format!("version is {}, and this program reads 1 to {VERSION}", document.version);
+        return Err(input.error(Place::Json("/version".into()), problem, "use a newer Snell"));
+    }
+    document
+        .scene(&input.options.limits)
+        .map_err(|(place, problem)| input.error(Place::Json(place), problem, "write the scene again, or mend the file"))
+}
+
+fn write(scene: &Scene) -> Result<Vec<u8>, String> {
+    let document = Document::of(scene)?;
+    let mut out = Out { text: String::from("{"), error: None };
+    out.field("format", &document.format);
+    out.field("version", &document.version);
+    out.field("name", &document.name);
+    out.field("settings", &document.settings);
+    out.field("background", &document.background);
+    out.field("ambient", &document.ambient);
+    out.field("environment", &document.environment);
+    out.table("cameras", &document.cameras);
+    out.table("lights", &document.lights);
+    out.table("materials", &document.materials);
+    out.table("textures", &document.textures);
+    out.table("images", &document.images);
+    out.table("media", &document.media);
+    out.field("medium", &document.medium);
+    out.field("root", &document.root);
+    out.table("nodes", &document.nodes);
+    out.table("meshes", &document.meshes);
+    out.text += "\n}\n";
+    match out.error {
+        Some(error) => Err(error),
+        None => Ok(out.text.into_bytes()),
+    }
+}
+
+/// JSON with one thing a line.
+struct Out {
+    text: String,
+    error: Option<String>,
+}
+
+impl Out {
+    fn key(&mut self, key: &str) {
+        let comma = if self.text.len() > 1 { "," } else { "" };
+        self.text += &format!("{comma}\n\"{key}\": ");
+    }
+
+    fn value(&mut self, value: &impl Serialize) {
+        match serde_json::to_string(value) {
+            Ok(text) => self.text += &text,
+            Err(error) => self.error = Some(error.to_string()),
+        }
+    }
+
+    fn field(&mut self, key: &str, value: &impl Serialize) {
+        self.key(key);
+        self.value(value);
+    }
+
+    /// A list with one item a line.
+    fn table(&mut self, key: &str, items: &[impl Serialize]) {
+        self.key(key);
+        self.text += "[";
+        for (i, item) in items.iter().enumerate() {
+            self.text += if i == 0 { "\n  " } else { ",\n  " };
+            self.value(item);
+        }
+        self.text += if items.is_empty() { "]" } else { "\n]" };
+    }
+}

@@ -1,0 +1,138 @@
+use super::*;
+use crate::{ReadOptions, read_scene_bytes};
+use snell_scene::builtin::BUILTINS;
+use snell_scene::graph::MediumId;
+use snell_scene::material::Interior;
+use snell_scene::material::MaterialKind;
+use snell_scene::medium::Medium;
+use snell_scene::{Encoding, TextureId, material::ColorParam};
+use snell_scene::{Geometry, Image, Light, Material, Node, Surface, Texture};
+use std::path::Path;
+use std::sync::Arc;
+
+fn reread(bytes: Vec<u8>) -> Result<Scene, String> {
+    read_scene_bytes("test.snell", bytes, Path::new("."), &ReadOptions::default()).map_err(|e| e.to_string())
+}
+
+/// Every value there is, as text; what is shared is compared by the file itself.
+fn shown(scene: &Scene) -> String {
+    format!("{:?}", Scene { warnings: Vec::new(), ..scene.clone() })
+}
+
+/// One of every material and light, a texture, and a mesh that two nodes share.
+fn everything() -> Scene {
+    let mut scene = Scene::new("everything");
+    let image = scene.add_image(Arc::new(Image::from_f32(9, 3, 3, (0..81).map(|i| i as f32 / 7.0).collect())));
+    scene.add_texture(Texture::new(image, Encoding::Linear));
+    for (i, kind) in MaterialKind::examples().into_iter().enumerate() {
+        let emission = ColorParam { texture: Some(TextureId(0)), ..ColorParam::constant(snell_math::Rgb::WHITE) };
+        scene.add_material(Material { emission, ..Material::new(format!("number {i}"), kind) });
+    }
+    scene.lights = Light::examples();
+    scene.media = Medium::examples().into_iter().filter(|m| !matches!(m, Medium::Grid(_))).collect();
+    scene.materials[0].interior = Some(Interior { medium: Some(MediumId(0)), priority: 2 });
+    scene.medium = Some(MediumId(0));
+    let positions =
+        (0..99).map(|i| snell_math::Vec3::new(i as f32 / 3.0, 0.1 * i as f32, -1.0 / (i + 1) as f32)).collect();
+    let indices = (0..33).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let mesh = Arc::new(snell_intersect::TriangleMesh { positions, indices, ..Default::default() });
+    for i in 0..2 {
+        let transform = snell_math::DAffine3::from_translation(snell_math::DVec3::splat(f64::from(i) / 3.0));
+        let surface = Surface::with_material(Geometry::Mesh(mesh.clone()), snell_scene::MaterialId(i as u32));
+        let root = scene.root;
+        scene.add_child(root, Node { transform, surfaces: vec![surface], ..Node::named(format!("copy {i}")) });
+    }
+    scene
+}
+
+#[test]
+fn what_is_written_is_read_and_written_alike() {
+    let scenes = BUILTINS.iter().map(|b| (b.make)()).chain([everything()]);
+    for scene in scenes {
+        let bytes = write(&scene).expect("every scene can be written");
+        let again = reread(bytes.clone()).expect("what was written can be read");
+        assert_eq!(shown(&again), shown(&scene), "{}", scene.name);
+        assert!(write(&again).expect("it was written before") == bytes, "{}", scene.name);
+    }
+}
+
+#[test]
+fn a_shared_mesh_is_written_once() {
+    let bytes = write(&everything()).expect("it can be written");
+    let again = reread(bytes).expect("it can be read");
+    let meshes: Vec<_> = again.nodes.iter().flat_map(|n| &n.surfaces).map(|s| &s.geometry).collect();
+    let [Geometry::Mesh(a), Geometry::Mesh(b)] = meshes[..] else { panic!("two meshes") };
+    assert!(Arc::ptr_eq(a, b));
+}
+
+#[test]
+fn what_cannot_be_said_is_refused() {
+    let mut scene = everything();
+    scene.cameras.push(snell_scene::Camera::look_at(
+        snell_math::Vec3::INFINITY,
+        snell_math::Vec3::ZERO,
+        snell_math::Vec3::Y,
+        1.0,
+    ));
+    let error = write(&scene).expect_err("JSON has no word for infinity");
+    assert!(error.contains("camera 0"), "{error}");
+}
+
+#[test]
+fn a_file_may_be_written_by_hand() {
+    let text = r#"{
+        "format": "snell scene", "version": 1, "root": 0,
+        "materials": [{
+            "name": "red", "kind": {"material": "diffuse", "reflectance": {"factor": [0.8, 0.1, 0.1], "texture": null}},
+            "emission": {"factor": [0, 0, 0], "texture": null}, "emits_on_both_sides": false, "illuminates": true,
+            "alpha_mode": "opaque", "alpha": {"factor": 1, "texture": null}, "double_sided": true, "normal_map": null
+        }],
+        "nodes": [{"children": [1]}, {
+            "transform": [[1, 0, 0, 2], [0, 1, 0, 0], [0, 0, 1, 0]],
+            "surfaces": [{"shape": {"shape": "sphere", "radius": 1}, "materials": [0]}]
+        }]
+    }"#;
+    let scene = reread(text.as_bytes().to_vec()).expect("it is complete");
+    assert_eq!(scene.bounds().expect("no cycle").center().x, 2.0);
+}
+
+#[test]
+fn errors_say_where_and_what() {
+    let file = |rest: &str| format!("{{\"format\": \"snell scene\", \"version\": 1, \"root\": 0, {rest}}}");
+    let cases = [
+        (file("\"nodes\": [{\"child\": []}]"), "unknown field `child`"),
+        (file("\"nodes\": [{\"children\": [7]}]"), "/nodes: node 0 (\"\") refers to child node 7"),
+        (file("\"nodes\": [{\"surfaces\": [{\"mesh\": 1}]}]"), "/nodes/0/surfaces/0: mesh is 1, but there are 0"),
+        (file("\"nodes\": [{\"surfaces\": [{}]}]"), "a surface is a mesh or a shape"),
+        (
+            file("\"nodes\": [{}], \"meshes\": [{\"positions\": [1, 2], \"indices\": []}]"),
+            "/meshes/0/positions: there are 2 numbers, expected a multiple of 3",
+        ),
+        (file("\"nodes\": [{}], \"meshes\": [{\"positions\": \"!\", \"indices\": []}]"), "broken base64"),
+        (
+            file(
+                "\"nodes\": [{}], \"images\": [{\"width\": 2, \"height\": 1, \"channels\": 1, \"encoding\": \"srgb\", \"pixels\": {\"u8\": [0]}}]",
+            ),
+            "/images/0: there are 1 values, expected 2",
+        ),
+        (file("\"nodes\": [{}]").replace("\"version\": 1", "\"version\": 9"), "version is 9"),
+    ];
+    for (text, expected) in cases {
+        let error = reread(text.into_bytes()).expect_err(expected);
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn damaged_files_never_panic() {
+    let bytes = write(&everything()).expect("it can be written");
+    for seed in 0..300u32 {
+        let mut damaged = bytes.clone();
+        for k in 0..3 {
+            let at = snell_math::rng::hash_combine(seed, k) as usize % damaged.len();
+            damaged[at] = snell_math::rng::hash_combine(seed, k + 10) as u8;
+        }
+        damaged.truncate(damaged.len() - seed as usize * 7 % damaged.len());
+        let _ = reread(damaged);
+    }
+}

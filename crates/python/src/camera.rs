@@ -1,0 +1,226 @@
+//! The class `Camera`.
+
+use crate::cameras::rays_of;
+use crate::declare::{Family, References, make, read, read_all, show};
+use crate::tree::Tree;
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use snell_math::DVec3;
+use snell_scene::{Camera as Value, Projection};
+
+/// Where a picture is seen from, and how.
+///
+/// Parameters
+/// ----------
+/// projection : str
+///     One of :data:`PROJECTIONS`: `"perspective"`, `"intrinsics"` (a camera matrix), `"orthographic"`, `"panoramic"` or `"fisheye"`.
+/// eye : three numbers
+///     Where the camera is.
+/// target : three numbers, optional
+///     What it looks at. Or `towards`: in which direction; -z if both are left out.
+/// up : three numbers
+///     What is up in the picture; need not be perpendicular.
+/// fov : float, optional
+///     Angle of view in degrees: from the bottom to the top of a perspective picture (45 if nothing is said), across the circle of a fisheye (180).
+/// aperture_radius : float
+///     Of a thin lens, in units of the scene; 0 for a pinhole.
+/// focus_distance : float, optional
+///     Where a lens is sharp; the distance of the target.
+/// resolution : two whole numbers, optional
+///     Size of the picture that it is made for.
+/// name : str
+///     For `camera="name"`.
+/// **parameters
+///     Those of the projection, in the place of `fov`.
+///
+/// Examples
+/// --------
+/// >>> import snell
+/// >>> above = snell.Camera("orthographic", eye=(0, 10, 0), target=(0, 0, 0), up=(0, 0, -1), half_size=(None, 4))
+/// >>> above.towards
+/// (0.0, -1.0, 0.0)
+/// >>> lens = snell.Camera(eye=(0, 1, 5), target=(0, 1, 0), fov=30, aperture_radius=0.1)
+/// >>> lens.focus_distance
+/// 5.0
+#[pyclass(frozen, module = "snell")]
+pub struct Camera(pub Value);
+
+/// The projections.
+pub fn projections() -> Family {
+    let examples = Projection::examples();
+    let examples = examples.iter().filter_map(|example| Tree::of(example).ok()).collect();
+    Family { name: "projection", tag: "projection", examples }
+}
+
+/// Three finite numbers.
+fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
+    let form = Tree::List(vec![Tree::Double(0.0); 3]);
+    match read(value, &form, name, &mut References::default())? {
+        Tree::List(items) => match items[..] {
+            [Tree::Double(x), Tree::Double(y), Tree::Double(z)] => Ok(DVec3::new(x, y, z)),
+            _ => Err(PyTypeError::new_err(format!("{name}: expected 3 numbers"))),
+        },
+        _ => Err(PyTypeError::new_err(format!("{name}: expected 3 numbers"))),
+    }
+}
+
+fn at_least(value: f64, low: f64, name: &str) -> PyResult<f64> {
+    if value >= low && value.is_finite() {
+        return Ok(value);
+    }
+    Err(PyValueError::new_err(format!("{name} is {value}, expected a number from {low}")))
+}
+
+/// The projection with these parameters.
+fn projection(kind: &str, fov: Option<f64>, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<Projection> {
+    let family = projections();
+    let known = family.parameters(kind)?;
+    let given = match parameters {
+        Some(given) => read_all(kind, &known, given, &mut References::default())?,
+        None => Vec::new(),
+    };
+    let angle = |degrees: f64, limit: f64| {
+        if degrees > 0.0 && degrees <= limit {
+            return Ok(degrees.to_radians());
+        }
+        Err(PyValueError::new_err(format!("fov is {degrees}, expected degrees from 0 to {limit}")))
+    };
+    match (kind, fov, given.is_empty()) {
+        ("perspective", fov, true) => Ok(Projection::from_half_angle_y(angle(fov.unwrap_or(45.0), 179.9)? / 2.0)),
+        ("fisheye", fov, true) => Ok(Projection::Fisheye { max_angle: angle(fov.unwrap_or(180.0), 360.0)? }),
+        (_, Some(_), _) => {
+            let message = format!("{kind} takes fov or its own parameters, not both");
+            Err(PyTypeError::new_err(message))
+        }
+        _ => {
+            let tag = || std::iter::once(("projection".to_string(), Tree::Text(kind.to_string())));
+            make(kind, &given, &known, |fields| Tree::Fields(tag().chain(fields).collect()))
+        }
+    }
+}
+
+#[pymethods]
+impl Camera {
+    #[new]
+    #[pyo3(signature = (projection="perspective", /, *, eye, target=None, towards=None, up=None, fov=None, aperture_radius=0.0, focus_distance=None, resolution=None, name=None, **parameters))]
+    fn new(
+        projection: &str,
+        eye: &Bound<'_, PyAny>,
+        target: Option<&Bound<'_, PyAny>>,
+        towards: Option<&Bound<'_, PyAny>>,
+        up: Option<&Bound<'_, PyAny>>,
+        fov: Option<f64>,
+        aperture_radius: f64,
+        focus_distance: Option<f64>,
+        resolution: Option<[u32; 2]>,
+        name: Option<String>,
+        parameters: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let projection = self::projection(projection, fov, parameters)?;
+        let eye = vector(eye, "eye")?;
+        let up = up.map_or(Ok(DVec3::Y), |up| vector(up, "up"))?;
+        let mut camera = match (target, towards) {
+            (Some(_), Some(_)) => return Err(PyTypeError::new_err("a camera takes target or towards, not both")),
+            (Some(target), None) => {
+                let target = vector(target, "target")?;
+                if target == eye {
+                    return Err(PyValueError::new_err("target is where eye is, expected another point"));
+                }
+                Value::from_target(eye, target, up, projection)
+            }
+            (None, towards) => {
+                let towards = towards.map_or(Ok(DVec3::NEG_Z), |towards| vector(towards, "towards"))?;
+                Value::from_direction(eye, towards, up, projection)
+            }
+        };
+        camera.aperture_radius = at_least(aperture_radius, 0.0, "aperture_radius")?;
+        if let Some(distance) = focus_distance {
+            camera.focus_distance = at_least(distance, f64::MIN_POSITIVE, "focus_distance")?;
+        }
+        if let Some(size) = resolution.filter(|size| size.contains(&0)) {
+            return Err(PyValueError::new_err(format!("resolution is {size:?}, expected numbers from 1")));
+        }
+        camera.resolution = resolution;
+        camera.name = name.unwrap_or_default();
+        Ok(Self(camera))
+    }
+
+    /// Which projection, one of :data:`PROJECTIONS`.
+    #[getter]
+    fn kind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let tree = Tree::of(&self.0.projection).map_err(PyTypeError::new_err)?;
+        tree.get("projection").unwrap_or(&Tree::Nothing).plain(py)
+    }
+
+    /// What the camera is, by name: its place and axes, and the parameters of the projection. Each is an attribute, too.
+    #[getter]
+    fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        let parts = [Tree::of(&self.0), Tree::of(&self.0.projection)];
+        for part in parts {
+            let Tree::Fields(fields) = part.map_err(PyTypeError::new_err)? else { continue };
+            for (key, value) in fields.iter().filter(|(key, _)| key != "projection") {
+                all.set_item(key, show(py, value, &References::default())?)?;
+            }
+        }
+        Ok(all)
+    }
+
+    /// One ray through the centre of each pixel: an array `(height_px, width_px, 6)` of float32, for :meth:`Scene.cast_rays`.
+    ///
+    /// Directions have unit length, so `t_hit` is the distance; where a projection shows nothing (outside of a fisheye's circle) they are 0.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> snell.Camera(eye=(0, 0, 5)).rays(4, 3).shape
+    /// (3, 4, 6)
+    #[pyo3(signature = (width_px=None, height_px=None))]
+    fn rays<'py>(&self, py: Python<'py>, width_px: Option<u32>, height_px: Option<u32>) -> PyResult<Bound<'py, PyAny>> {
+        rays_of(py, &self.0, [width_px, height_px])
+    }
+
+    /// Where points are seen in a picture of some size, in pixels from its upper left corner: an array `(..., 2)`, NaN for what is not seen.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> snell.Camera(eye=(0, 0, 5)).project([[0, 0, 0]], (640, 480)).tolist()
+    /// [[320.0, 240.0]]
+    fn project<'py>(&self, points: &Bound<'py, PyAny>, size: [u32; 2]) -> PyResult<Bound<'py, PyAny>> {
+        let py = points.py();
+        let array = crate::arrays::array(points, "points")?;
+        let points = crate::arrays::PointArray::<f64>::new(&array, "points")?;
+        let values = crate::arrays::slice(&points.values)?.as_chunks::<3>().0;
+        let seen = |p: &[f64; 3]| self.0.project(DVec3::from_array(*p), size).map_or([f64::NAN; 2], |p| p.to_array());
+        let pixels = values.iter().flat_map(seen).collect();
+        crate::arrays::from_vec(py, pixels, &[&points.shape[..], &[2]].concat())
+    }
+
+    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let found = self.parameters(py)?.get_item(name)?;
+        let error = || pyo3::exceptions::PyAttributeError::new_err(format!("this camera has no {name:?}"));
+        found.ok_or_else(error)
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let mut text = format!("Camera({}", self.kind(py)?.repr()?);
+        for (key, value) in self.parameters(py)? {
+            text += &format!(", {key}={}", value.repr()?);
+        }
+        Ok(text + ")")
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let restore = py.import("snell._snell")?.getattr("_restore_camera")?;
+        let json = serde_json::to_string(&self.0).map_err(|e| PyValueError::new_err(e.to_string()))?;
+        Ok((restore, (json,).into_pyobject(py)?))
+    }
+}
+
+/// Makes a camera from what was stored.
+#[pyfunction]
+pub fn _restore_camera(json: &str) -> PyResult<Camera> {
+    serde_json::from_str(json).map(Camera).map_err(|e| PyValueError::new_err(e.to_string()))
+}

@@ -1,0 +1,139 @@
+//! From what a scene holds to the scene graph that is rendered and saved.
+//!
+//! Objects become nodes below the root, instanced scenes nodes with several parents. A scene that was read from a file and whose objects were
+//! not changed is the file's own graph. What instanced scenes have in their tables is added to those of the scene that holds them.
+
+use crate::contents::{Contents, Kind, Nodes, Object};
+use crate::tree;
+use snell_intersect::shape::Sphere;
+use snell_intersect::{AnyShape, Spheres};
+use snell_math::{DAffine3, DVec3, Transform};
+use snell_scene::graph::ImageId;
+use snell_scene::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+/// The scene graph of a scene.
+pub fn graph(contents: &Contents) -> Result<Scene, String> {
+    let mut scene = Scene::clone(&contents.stage);
+    if let Some(nodes) = contents.nodes() {
+        let Nodes { nodes, root } = &**nodes;
+        (scene.nodes, scene.root) = (nodes.clone(), *root);
+        return Ok(scene);
+    }
+    (scene.nodes, scene.root) = (vec![Node::named("root")], NodeId(0));
+    let mut writer = Writer { scene, stages: HashMap::new(), children: HashMap::new() };
+    writer.stages.insert(Arc::as_ptr(&contents.stage), 0);
+    let root = writer.scene.root;
+    writer.fill(root, contents)?;
+    Ok(writer.scene)
+}
+
+struct Writer {
+    scene: Scene,
+    /// Where the materials of each stage begin.
+    stages: HashMap<*const Scene, u32>,
+    /// The node of each scene that is instanced.
+    children: HashMap<*const Contents, NodeId>,
+}
+
+impl Writer {
+    /// Puts the objects of a scene below a node.
+    fn fill(&mut self, parent: NodeId, contents: &Contents) -> Result<(), String> {
+        let first = self.stage(&contents.stage)?;
+        let materials = |object: &Object| -> Vec<Option<MaterialId>> {
+            object.materials.iter().map(|m| m.map(|m| MaterialId(m.0 + first))).collect()
+        };
+        for (_, object) in contents.objects() {
+            let mut node = Node::named(object.name.clone().unwrap_or_default());
+            let placed = object.transform.unwrap_or(Transform::IDENTITY);
+            node.transform = *placed.matrix();
+            match &object.kind {
+                Kind::Mesh(mesh) => {
+                    let (mesh, own) = mesh.rendered();
+                    node.transform = *placed.compose(&own).matrix();
+                    node.surfaces.push(Surface { geometry: Geometry::Mesh(mesh), materials: materials(object) });
+                }
+                Kind::Shape(shape) => {
+                    let geometry = Geometry::Shape(shape.clone());
+                    node.surfaces.push(Surface { geometry, materials: materials(object) });
+                }
+                Kind::Spheres(spheres) => {
+                    node.material = materials(object).first().copied().flatten();
+                    node.children = self.spheres(spheres);
+                }
+                Kind::Instance(child) => {
+                    node.material = materials(object).first().copied().flatten();
+                    self.instance(&mut node, child)?;
+                }
+            }
+            self.scene.add_child(parent, node);
+        }
+        Ok(())
+    }
+
+    /// Puts a scene into a node. One that is a single mesh is put as a surface: a mesh may be used twice, too.
+    fn instance(&mut self, node: &mut Node, child: &Arc<Contents>) -> Result<(), String> {
+        let mut objects = child.objects();
+        if let (Some((_, Object { kind: Kind::Mesh(mesh), transform: None, materials, .. })), None) =
+            (objects.next(), objects.next())
+            && let (mesh, own) = mesh.rendered()
+            && own.is_identity()
+        {
+            let first = self.stage(&child.stage)?;
+            let materials = materials.iter().map(|m| m.map(|m| MaterialId(m.0 + first))).collect();
+            node.surfaces.push(Surface { geometry: Geometry::Mesh(mesh), materials });
+            return Ok(());
+        }
+        let below = match self.children.get(&Arc::as_ptr(child)) {
+            Some(&known) => known,
+            None => {
+                let made = self.scene.add_node(Node::default());
+                self.fill(made, child)?;
+                self.children.insert(Arc::as_ptr(child), made);
+                made
+            }
+        };
+        node.children.push(below);
+        Ok(())
+    }
+
+    /// Spheres as shapes; those of one radius share it.
+    fn spheres(&mut self, spheres: &Spheres) -> Vec<NodeId> {
+        let mut shapes: BTreeMap<u32, Arc<AnyShape>> = BTreeMap::new();
+        let each = spheres.spheres.iter().map(|s| {
+            let shape =
+                shapes.entry(s.w.to_bits()).or_insert_with(|| Arc::new(Sphere { radius: f64::from(s.w) }.into()));
+            let transform = DAffine3::from_translation(DVec3::from(s.truncate().to_array().map(f64::from)));
+            let surfaces = vec![Surface::new(Geometry::Shape(shape.clone()))];
+            self.scene.add_node(Node { transform, surfaces, ..Node::default() })
+        });
+        each.collect()
+    }
+
+    /// Adds the tables of a stage, unless they are there; gives the number of its first material.
+    fn stage(&mut self, stage: &Arc<Scene>) -> Result<u32, String> {
+        if let Some(&first) = self.stages.get(&Arc::as_ptr(stage)) {
+            return Ok(first);
+        }
+        let scene = &mut self.scene;
+        let (images, textures) = (scene.images.len() as u32, scene.textures.len() as u32);
+        let first = scene.materials.len() as u32;
+        scene.images.extend(stage.images.iter().cloned());
+        scene.textures.extend(stage.textures.iter().cloned().map(|mut texture| {
+            texture.image = ImageId(texture.image.0 + images);
+            texture
+        }));
+        let media = scene.media.len() as u32;
+        scene.media.extend(stage.media.iter().cloned());
+        for material in &stage.materials {
+            scene.materials.push(tree::with_ids(material, |kind, id| match kind {
+                "TextureId" => id + textures,
+                "MediumId" => id + media,
+                _ => id,
+            })?);
+        }
+        self.stages.insert(Arc::as_ptr(stage), first);
+        Ok(first)
+    }
+}

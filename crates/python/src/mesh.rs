@@ -1,0 +1,211 @@
+//! Meshes of a scene, in the precision they were given in, with what rendering needs to know of them.
+
+use snell_intersect::{DTriangleMesh, TriangleMesh};
+use snell_math::{DVec3, Transform, Vec2, Vec3};
+use std::sync::{Arc, OnceLock};
+
+/// Vertices as they were given.
+#[derive(Clone, Debug)]
+pub enum Positions {
+    /// `float32`.
+    Single(Vec<Vec3>),
+    /// `float64`.
+    Double(Vec<DVec3>),
+}
+
+impl Positions {
+    /// How many.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Single(p) => p.len(),
+            Self::Double(p) => p.len(),
+        }
+    }
+}
+
+/// What vertices and triangles have beside positions. Each list is complete or empty.
+#[derive(Clone, Debug, Default)]
+pub struct Attributes {
+    /// Normals per vertex.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates per vertex.
+    pub uvs: Vec<Vec2>,
+    /// A second set of them.
+    pub second_uvs: Vec<Vec2>,
+    /// Linear RGB and alpha per vertex.
+    pub colors: Vec<[f32; 4]>,
+    /// Material slot per triangle.
+    pub material_slots: Vec<u16>,
+}
+
+/// A mesh as it is rendered, and its place.
+#[derive(Clone, Debug)]
+struct Rendered {
+    mesh: Arc<TriangleMesh>,
+    placed: Transform,
+}
+
+/// A mesh. It is kept in the precision it was given in; the other is made when it is asked for.
+#[derive(Debug)]
+pub struct Mesh {
+    is_double: bool,
+    single: OnceLock<Arc<TriangleMesh>>,
+    double: OnceLock<Arc<DTriangleMesh>>,
+    /// The middle of its box, if it was given in double precision; else the origin.
+    center: DVec3,
+    centered: OnceLock<Arc<TriangleMesh>>,
+    attributes: Attributes,
+    rendered: OnceLock<Rendered>,
+}
+
+impl Mesh {
+    /// A mesh whose indices are in range and whose attributes are complete or empty.
+    pub fn new(positions: Positions, indices: Vec<[u32; 3]>, attributes: Attributes) -> Self {
+        let mesh = |is_double| Self {
+            is_double,
+            single: OnceLock::new(),
+            double: OnceLock::new(),
+            center: DVec3::ZERO,
+            centered: OnceLock::new(),
+            attributes,
+            rendered: OnceLock::new(),
+        };
+        match positions {
+            Positions::Single(positions) => {
+                let mesh = mesh(false);
+                let made = mesh.single.set(Arc::new(TriangleMesh { positions, indices, ..TriangleMesh::default() }));
+                debug_assert!(made.is_ok());
+                mesh
+            }
+            Positions::Double(positions) => {
+                let mut mesh = mesh(true);
+                let double = DTriangleMesh { positions, indices };
+                let bounds = double.bounds();
+                // Rounded, so that subtracting it from nearby vertices is exact.
+                mesh.center = if bounds.is_empty() { DVec3::ZERO } else { bounds.center().as_vec3().as_dvec3() };
+                let made = mesh.double.set(Arc::new(double));
+                debug_assert!(made.is_ok());
+                mesh
+            }
+        }
+    }
+
+    /// The mesh of a file, in its place: transformed in double precision, so that nothing is lost.
+    pub fn read(source: &Arc<TriangleMesh>, placed: &Transform) -> Self {
+        let mut attributes = Attributes {
+            normals: source.normals.clone(),
+            uvs: source.uvs[0].clone(),
+            second_uvs: source.uvs[1].clone(),
+            colors: source.colors.clone(),
+            material_slots: source.material_slots.clone(),
+        };
+        let mesh = if placed.is_identity() {
+            let mut mesh = Self::new(Positions::Single(Vec::new()), Vec::new(), attributes);
+            mesh.single = OnceLock::from(source.clone());
+            mesh
+        } else {
+            let positions = source.positions.iter().map(|p| placed.point(p.as_dvec3())).collect();
+            for n in &mut attributes.normals {
+                *n = placed.normal(n.as_dvec3()).normalize_or_zero().as_vec3();
+            }
+            let mut indices = source.indices.clone();
+            if placed.is_mirrored() {
+                indices.iter_mut().for_each(|[_, b, c]| std::mem::swap(b, c));
+            }
+            Self::new(Positions::Double(positions), indices, attributes)
+        };
+        // Rendered as it was read.
+        let _ = mesh.rendered.set(Rendered { mesh: source.clone(), placed: *placed });
+        mesh
+    }
+
+    /// In single precision.
+    pub fn single(&self) -> &Arc<TriangleMesh> {
+        self.single.get_or_init(|| {
+            let double = self.double.get().cloned().unwrap_or_default();
+            let positions = double.positions.iter().map(|p| p.as_vec3()).collect();
+            Arc::new(TriangleMesh { positions, indices: double.indices.clone(), ..TriangleMesh::default() })
+        })
+    }
+
+    /// In single precision, with [`Self::center`] as the origin.
+    pub fn centered(&self) -> &Arc<TriangleMesh> {
+        if !self.is_double {
+            return self.single();
+        }
+        self.centered.get_or_init(|| {
+            let positions = self.double().positions.iter().map(|p| (p - self.center).as_vec3()).collect();
+            Arc::new(TriangleMesh { positions, indices: self.indices().to_vec(), ..TriangleMesh::default() })
+        })
+    }
+
+    /// The origin of [`Self::centered`].
+    pub fn center(&self) -> DVec3 {
+        self.center
+    }
+
+    /// In double precision.
+    pub fn double(&self) -> &Arc<DTriangleMesh> {
+        self.double.get_or_init(|| Arc::new(DTriangleMesh::from(&**self.single())))
+    }
+
+    /// As it is rendered, with all attributes, and the map from there to the coordinates of the mesh.
+    pub fn rendered(&self) -> (Arc<TriangleMesh>, Transform) {
+        let Rendered { mesh, placed } = self.rendered.get_or_init(|| {
+            let Attributes { normals, uvs, second_uvs, colors, material_slots } = self.attributes.clone();
+            let bare = self.centered();
+            let is_bare = normals.is_empty() && uvs.is_empty() && colors.is_empty() && material_slots.is_empty();
+            let mesh = if is_bare {
+                bare.clone()
+            } else {
+                Arc::new(TriangleMesh {
+                    normals,
+                    uvs: [uvs, second_uvs],
+                    colors,
+                    material_slots,
+                    ..TriangleMesh::clone(bare)
+                })
+            };
+            Rendered { mesh, placed: Transform::translation(self.center) }
+        });
+        (mesh.clone(), *placed)
+    }
+
+    /// True if its vertices were given in double precision.
+    pub fn is_double(&self) -> bool {
+        self.is_double
+    }
+
+    /// Three vertex numbers per triangle.
+    pub fn indices(&self) -> &[[u32; 3]] {
+        if self.is_double { &self.double().indices } else { &self.single().indices }
+    }
+
+    /// How many vertices it has.
+    pub fn vertex_count(&self) -> usize {
+        if self.is_double { self.double().positions.len() } else { self.single().positions.len() }
+    }
+
+    /// The corners of a triangle, as they were given.
+    pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        if self.is_double {
+            self.double().corners(triangle)
+        } else {
+            self.single().corners(triangle).map(|p| p.as_dvec3())
+        }
+    }
+
+    /// What vertices and triangles have beside positions.
+    pub fn attributes(&self) -> &Attributes {
+        &self.attributes
+    }
+
+    /// The same mesh with its vertices elsewhere.
+    pub fn moved(&self, positions: Positions, normals: Option<Vec<Vec3>>) -> Self {
+        let mut attributes = self.attributes.clone();
+        if let Some(normals) = normals {
+            attributes.normals = normals;
+        }
+        Self::new(positions, self.indices().to_vec(), attributes)
+    }
+}

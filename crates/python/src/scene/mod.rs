@@ -1,0 +1,482 @@
+//! The class `Scene`: what it holds. What it is asked is in [`rays`] and [`points`], what is around its objects in [`crate::stage`].
+
+mod points;
+mod rays;
+
+use crate::arrays::from_vec;
+use crate::contents::{Contents, Kind, Object};
+use crate::objects;
+use crate::stage::add_materials;
+use crate::state::Shared;
+use crate::work::run_to_end;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use snell_math::Transform;
+use std::sync::Arc;
+
+/// Things to cast rays at: meshes, shapes and instances of other scenes.
+///
+/// Objects are added and changed at any time, also while other threads ask; a query sees the scene as it was when it began. What has
+/// changed is built when the next query needs it. `add_` methods give ids, which count from 0 and are never used again.
+///
+/// The dtype of a question decides its precision. `float32` rays and points are answered in single precision. `float64` ones (and integers
+/// and plain Python numbers) are answered in double precision, from vertices as they were given: nothing is rounded to `float32`.
+///
+/// Lengths are in the units of the scene, whatever they are; `t` is in units of the direction's length.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, snell
+/// >>> scene = snell.Scene()
+/// >>> triangle = scene.add_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+/// >>> hits = scene.cast_rays(np.array([[0.25, 0.5, -2, 0, 0, 1]], dtype=np.float32))
+/// >>> hits.t_hit, hits.primitive_uvs
+/// (array([2.], dtype=float32), array([[0.25, 0.5 ]], dtype=float32))
+#[pyclass(frozen, module = "snell")]
+#[derive(Debug, Default)]
+pub struct Scene(pub Shared);
+
+impl Scene {
+    fn add(
+        &self,
+        py: Python<'_>,
+        kind: Kind,
+        transform: Option<&Bound<'_, PyAny>>,
+        name: Option<String>,
+        mask: Option<i64>,
+        material: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<u32> {
+        let (transform, mask) = (objects::transform(transform)?, objects::mask(mask)?);
+        self.0.edit(py, |contents| {
+            let materials = add_materials(contents, material)?;
+            contents.add(Object { mask, materials, ..Object::new(kind, transform, name) })
+        })
+    }
+}
+
+#[pymethods]
+impl Scene {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a triangle mesh and gives its id.
+    ///
+    /// Parameters
+    /// ----------
+    /// vertices : array (n, 3), or a mesh of trimesh, Open3D or meshio
+    ///     Finite positions. `float32` is kept as it is; all else is kept in double precision.
+    /// faces : array (m, 3) of integers
+    ///     Vertex numbers; seen from the outer side they go around counterclockwise. Left out for a mesh of another library.
+    /// transform : array (4, 4) or (3, 4), optional
+    ///     Map from the coordinates of the mesh to the scene's; column vectors, so the translation is the last column.
+    /// name : str, optional
+    ///     For people; see :attr:`names`.
+    /// mask : int, optional
+    ///     32 bits: only rays whose mask shares a bit with it meet the mesh. All bits if left out.
+    /// normals : array (n, 3), optional
+    ///     Normals at the vertices, of any length, for :attr:`Hits.normals`.
+    /// uvs : array (n, 2), optional
+    ///     Texture coordinates at the vertices, for :attr:`Hits.uvs` and textures. (0, 0) is the upper left corner of an image.
+    /// colors : array (n, 3) or (n, 4), optional
+    ///     Linear colours at the vertices, which the material's colour is multiplied by.
+    /// material : Material or list of Material, optional
+    ///     For rendering; grey if left out. Of a list, each face takes the one that `material_ids` says.
+    /// material_ids : array (m,) of integers, optional
+    ///     Which material of the list each face has; the first if left out.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> scene.add_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], name="triangle")
+    /// 0
+    #[pyo3(signature = (vertices, faces=None, transform=None, name=None, *, mask=None, normals=None, uvs=None, colors=None, material=None, material_ids=None))]
+    fn add_mesh(
+        &self,
+        vertices: &Bound<'_, PyAny>,
+        faces: Option<&Bound<'_, PyAny>>,
+        transform: Option<&Bound<'_, PyAny>>,
+        name: Option<String>,
+        mask: Option<i64>,
+        normals: Option<&Bound<'_, PyAny>>,
+        uvs: Option<&Bound<'_, PyAny>>,
+        colors: Option<&Bound<'_, PyAny>>,
+        material: Option<&Bound<'_, PyAny>>,
+        material_ids: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<u32> {
+        let given = objects::Given { normals, uvs, colors, material_ids };
+        let mesh = objects::mesh(vertices, faces, &given)?;
+        self.add(vertices.py(), Kind::Mesh(Arc::new(mesh)), transform, name, mask, material)
+    }
+
+    /// Adds an analytic shape and gives its id. :data:`SHAPES` lists the shapes and their parameters.
+    ///
+    /// Parameters
+    /// ----------
+    /// shape : str
+    ///     Which, such as `"sphere"`. Shapes are centred at the origin; see the user's guide for each.
+    /// transform : array (4, 4) or (3, 4), optional
+    ///     Map from the coordinates of the shape to the scene's.
+    /// name, mask
+    ///     As for :meth:`add_mesh`.
+    /// material : Material, optional
+    ///     For rendering; grey if left out.
+    /// **parameters
+    ///     Those of the shape, in units of the scene.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> scene.add_shape("cylinder", radius=0.5, height=2)
+    /// 0
+    #[pyo3(signature = (shape, transform=None, name=None, *, mask=None, material=None, **parameters))]
+    fn add_shape(
+        &self,
+        py: Python<'_>,
+        shape: &str,
+        transform: Option<&Bound<'_, PyAny>>,
+        name: Option<String>,
+        mask: Option<i64>,
+        material: Option<&Bound<'_, PyAny>>,
+        parameters: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<u32> {
+        let shape = objects::shape(shape, parameters)?;
+        self.add(py, Kind::Shape(Arc::new(shape)), transform, name, mask, material)
+    }
+
+    /// Adds many spheres as one object and gives its id: a point cloud, particles.
+    ///
+    /// Parameters
+    /// ----------
+    /// centers : array (n, 3)
+    ///     Finite positions, kept in single precision.
+    /// radii : array (n,) or float
+    ///     Positive.
+    /// transform, name, mask, material
+    ///     As for :meth:`add_mesh`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> cloud = scene.add_spheres([[0, 0, 0], [0, 0, 5]], 0.5)
+    /// >>> scene.cast_rays([0, 0, 2, 0, 0, 1]).primitive_ids
+    /// array(1, dtype=uint32)
+    #[pyo3(signature = (centers, radii, transform=None, name=None, *, mask=None, material=None))]
+    fn add_spheres(
+        &self,
+        centers: &Bound<'_, PyAny>,
+        radii: &Bound<'_, PyAny>,
+        transform: Option<&Bound<'_, PyAny>>,
+        name: Option<String>,
+        mask: Option<i64>,
+        material: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<u32> {
+        let spheres = objects::spheres(centers, radii)?;
+        self.add(centers.py(), Kind::Spheres(Arc::new(spheres)), transform, name, mask, material)
+    }
+
+    /// Adds all that another scene holds now, as one object, and gives its id.
+    ///
+    /// Its geometry is stored and accelerated once, however often it is instanced. Later changes of the other scene do not show here.
+    ///
+    /// Parameters
+    /// ----------
+    /// scene : Scene
+    ///     What is placed. May hold instances itself.
+    /// transform : array (4, 4) or (3, 4), optional
+    ///     Map from its coordinates to this scene's.
+    /// name : str, optional
+    ///     For people.
+    /// mask : int, optional
+    ///     Only rays whose mask shares a bit with it enter the instance.
+    /// material : Material, optional
+    ///     For what in it has none.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, snell
+    /// >>> ball, scene = snell.Scene(), snell.Scene()
+    /// >>> ball.add_shape("sphere", radius=1)
+    /// 0
+    /// >>> for x in range(3):
+    /// ...     place = np.eye(4)
+    /// ...     place[0, 3] = 10 * x
+    /// ...     id = scene.add_instance(ball, place)
+    /// >>> scene.cast_rays([20, 0, -5, 0, 0, 1]).instance_ids
+    /// array(2, dtype=uint32)
+    #[pyo3(signature = (scene, transform=None, name=None, *, mask=None, material=None))]
+    fn add_instance(
+        &self,
+        py: Python<'_>,
+        scene: &Self,
+        transform: Option<&Bound<'_, PyAny>>,
+        name: Option<String>,
+        mask: Option<i64>,
+        material: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<u32> {
+        self.add(py, Kind::Instance(scene.0.contents(py)), transform, name, mask, material)
+    }
+
+    /// Moves an object: `transform` takes the place of the one it had.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.update_transform(ball, [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3]])
+    /// >>> float(scene.distance([0, 0, 0]))
+    /// 2.0
+    fn update_transform(&self, id: i64, transform: &Bound<'_, PyAny>) -> PyResult<()> {
+        let map = objects::transform(Some(transform))?.unwrap_or(Transform::IDENTITY);
+        self.0.edit(transform.py(), |contents| {
+            contents.get_mut(id)?.transform = Some(map);
+            Ok(())
+        })
+    }
+
+    /// Moves the vertices of a mesh. The faces stay, and so the structure of a mesh in single precision is adapted, not built anew.
+    ///
+    /// Parameters
+    /// ----------
+    /// id : int
+    ///     Of a mesh.
+    /// vertices : array (n, 3)
+    ///     As many as before.
+    /// normals : array (n, 3), optional
+    ///     The old ones stay if this is left out.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> mesh = scene.add_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    /// >>> scene.update_vertices(mesh, [[0, 0, 7], [1, 0, 7], [0, 1, 7]])
+    /// >>> scene.cast_rays([0.2, 0.2, 0, 0, 0, 1]).t_hit
+    /// array(7.)
+    #[pyo3(signature = (id, vertices, normals=None))]
+    fn update_vertices(
+        &self,
+        id: i64,
+        vertices: &Bound<'_, PyAny>,
+        normals: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let py = vertices.py();
+        let old = self.0.contents(py).mesh(id)?.clone();
+        let positions = objects::positions(vertices, "vertices")?;
+        let (found, expected) = (positions.len(), old.vertex_count());
+        if found != expected {
+            return Err(PyValueError::new_err(format!("vertices: there are {found}, expected {expected} as before")));
+        }
+        let normals = objects::normals(normals, expected)?;
+        let mesh = Arc::new(py.detach(|| old.moved(positions, normals)));
+        self.0.edit(py, |contents| contents.set_mesh(id, mesh))
+    }
+
+    /// Sets the mask of an object: only rays that share a bit with it meet the object.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.update_mask(ball, 0b10)
+    /// >>> scene.test_occlusions([0, 0, -5, 0, 0, 1], mask=0b01)
+    /// array(False)
+    fn update_mask(&self, py: Python<'_>, id: i64, mask: i64) -> PyResult<()> {
+        let mask = objects::mask(Some(mask))?;
+        self.0.edit(py, |contents| {
+            contents.get_mut(id)?.mask = mask;
+            Ok(())
+        })
+    }
+
+    /// Takes an object out. Its id is not used again.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.remove(ball)
+    /// >>> len(scene)
+    /// 0
+    fn remove(&self, py: Python<'_>, id: i64) -> PyResult<()> {
+        self.0.edit(py, |contents| contents.remove(id))
+    }
+
+    /// The vertices `(n, 3)` and faces `(m, 3)` of a mesh, in its own coordinates, as new arrays.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> id = scene.add_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    /// >>> vertices, faces = scene.mesh(id)
+    /// >>> vertices.shape, faces.tolist()
+    /// ((3, 3), [[0, 1, 2]])
+    fn mesh<'py>(&self, py: Python<'py>, id: i64) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let contents = self.0.contents(py);
+        let mesh = contents.mesh(id)?;
+        let faces = from_vec(py, mesh.indices().as_flattened().to_vec(), &[mesh.indices().len(), 3])?;
+        let shape = [mesh.vertex_count(), 3];
+        let vertices = if mesh.is_double() {
+            let values = mesh.double().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<f64>>();
+            from_vec(py, values, &shape)?
+        } else {
+            let values = mesh.single().positions.iter().flat_map(|p| p.to_array()).collect::<Vec<f32>>();
+            from_vec(py, values, &shape)?
+        };
+        Ok((vertices, faces))
+    }
+
+    /// The map `(4, 4)` from an object's coordinates to the scene's, as a new array.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> scene.transform(scene.add_shape("sphere", radius=1)).tolist()[0]
+    /// [1.0, 0.0, 0.0, 0.0]
+    fn transform<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Bound<'py, PyAny>> {
+        let contents = self.0.contents(py);
+        objects::matrix(py, &contents.get(id)?.transform.unwrap_or(Transform::IDENTITY))
+    }
+
+    /// The ids of all objects, ascending.
+    #[getter]
+    fn ids(&self, py: Python<'_>) -> Vec<u32> {
+        self.0.contents(py).objects().map(|(id, _)| id).collect()
+    }
+
+    /// The names of the objects that have one, by id.
+    #[getter]
+    fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let names = PyDict::new(py);
+        for (id, object) in self.0.contents(py).objects() {
+            if let Some(name) = &object.name {
+                names.set_item(id, name)?;
+            }
+        }
+        Ok(names)
+    }
+
+    fn __len__(&self, py: Python<'_>) -> usize {
+        self.0.contents(py).objects().count()
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let contents = self.0.contents(py);
+        let count = |wanted: fn(&Kind) -> bool| contents.objects().filter(|(_, object)| wanted(&object.kind)).count();
+        let meshes = count(|kind| matches!(kind, Kind::Mesh(_)));
+        let instances = count(|kind| matches!(kind, Kind::Instance(_)));
+        let others = count(|kind| matches!(kind, Kind::Shape(_) | Kind::Spheres(_)));
+        format!("<snell.Scene: {meshes} meshes, {others} shapes and sets of spheres, {instances} instances>")
+    }
+
+    /// Builds now what the next query would build first.
+    ///
+    /// Parameters
+    /// ----------
+    /// dtype : numpy.float32 or numpy.float64
+    ///     For queries of which precision. `float32` if left out.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> scene.add_shape("sphere", radius=1)
+    /// 0
+    /// >>> scene.commit()
+    #[pyo3(signature = (dtype=None))]
+    fn commit(&self, py: Python<'_>, dtype: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        if precision(py, dtype)? {
+            self.0.snapshot::<f64>(py).map(|_| ())
+        } else {
+            self.0.snapshot::<f32>(py).map(|_| ())
+        }
+    }
+
+    /// The box around everything: least and greatest corner, an array `(2, 3)` of float64. Infinite where an object is; the least is greater
+    /// than the greatest if there is nothing.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.bounds.tolist()
+    /// [[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]
+    #[getter]
+    fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let contents = self.0.contents(py);
+        let bounds = run_to_end(py, move || contents.bounds())?;
+        from_vec(py, [bounds.min.to_array(), bounds.max.to_array()].concat(), &[2, 3])
+    }
+
+    /// What was built: numbers of triangles and nodes, and bytes of the structures without the vertices.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> id = scene.add_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    /// >>> scene.statistics()["triangles"]
+    /// 1
+    #[pyo3(signature = (dtype=None))]
+    fn statistics<'py>(&self, py: Python<'py>, dtype: Option<&Bound<'_, PyAny>>) -> PyResult<Bound<'py, PyDict>> {
+        let stats = if precision(py, dtype)? {
+            *self.0.snapshot::<f64>(py)?.world.stats()
+        } else {
+            *self.0.snapshot::<f32>(py)?.world.stats()
+        };
+        let all = PyDict::new(py);
+        all.set_item("triangles", stats.triangles)?;
+        all.set_item("skipped_triangles", stats.skipped_triangles)?;
+        all.set_item("instanced_triangles", stats.instanced_triangles)?;
+        all.set_item("spheres", stats.primitives)?;
+        all.set_item("nodes", stats.nodes)?;
+        all.set_item("memory_bytes", stats.memory_bytes)?;
+        all.set_item("groups_kept", stats.reuse.kept)?;
+        all.set_item("groups_refitted", stats.reuse.refitted)?;
+        all.set_item("groups_built", stats.reuse.built)?;
+        Ok(all)
+    }
+
+    /// Scenes share what does not change: copies cost little.
+    fn __copy__(&self, py: Python<'_>) -> Self {
+        Self(Shared::new(self.0.contents(py)))
+    }
+
+    fn __deepcopy__(&self, py: Python<'_>, _memo: &Bound<'_, PyAny>) -> Self {
+        self.__copy__(py)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        crate::pickle::reduce(py, &self.0.contents(py))
+    }
+}
+
+impl Scene {
+    /// A scene of these contents.
+    pub fn of(contents: Contents) -> Self {
+        Self(Shared::new(Arc::new(contents)))
+    }
+}
+
+/// Whether a dtype is the double one; it may be left out.
+fn precision(py: Python<'_>, dtype: Option<&Bound<'_, PyAny>>) -> PyResult<bool> {
+    let Some(dtype) = dtype else { return Ok(false) };
+    let dtype = crate::arrays::numpy(py, "dtype")?.call1((dtype,))?;
+    let name: String = dtype.getattr("name")?.extract()?;
+    match name.as_str() {
+        "float32" => Ok(false),
+        "float64" => Ok(true),
+        other => Err(PyValueError::new_err(format!("dtype is {other}, expected float32 or float64"))),
+    }
+}

@@ -1,0 +1,288 @@
+//! What a scene is asked about points.
+
+use super::Scene;
+use crate::answers::{Asked, ClosestPoints, Live, Named};
+use crate::arrays::{Column, PointArray, array, from_vec, is_double, leading, slice};
+use crate::assemble::Snapshot;
+use crate::nearest::PointPrecision;
+use crate::objects;
+use crate::precision::Precision;
+use crate::query::Pieces;
+use crate::state::Kept;
+use crate::work::{Stopped, Threads, run};
+use numpy::PyUntypedArray;
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use snell_intersect::World;
+use snell_math::DVec3;
+use std::sync::Arc;
+
+/// Points of a piece.
+const POINTS: usize = 64;
+
+impl Scene {
+    fn closest<'py, P: PointPrecision>(
+        &self,
+        points: &Bound<'py, PyUntypedArray>,
+        max_distance: Option<&Bound<'py, PyAny>>,
+        mask: u32,
+        threads: Threads,
+        snapshot: Arc<Snapshot<P::Form>>,
+    ) -> PyResult<ClosestPoints> {
+        let (py, points) = (points.py(), PointArray::<P>::new(points, "points")?);
+        let limit = limit(max_distance, &points.shape)?;
+        let limit = limit.values()?;
+        let values = slice(&points.values)?.as_chunks::<3>().0;
+        let (world, names) = (&*snapshot.world, &snapshot.names);
+        let (hits, positions) = run(py, threads, values.len() <= POINTS, |cancel| {
+            let mut hits = vec![P::Hit::default(); values.len()];
+            let mut positions = vec![[P::default(); 3]; values.len()];
+            let each = |(i, (hits, positions)): (usize, (&mut [P::Hit], &mut [[P; 3]]))| {
+                cancel.check()?;
+                for (k, (hit, position)) in hits.iter_mut().zip(positions).enumerate() {
+                    let number = i * POINTS + k;
+                    let near = P::nearest(world, names, values[number], limit.get(number), mask);
+                    (*hit, *position) = (P::hit(&near.found), near.position);
+                }
+                Ok(())
+            };
+            if values.len() <= POINTS {
+                hits.chunks_mut(POINTS).zip(positions.chunks_mut(POINTS)).enumerate().try_for_each(each)?;
+            } else {
+                let pieces = hits.par_chunks_mut(POINTS).zip(positions.par_chunks_mut(POINTS));
+                pieces.enumerate().try_for_each(each)?;
+            }
+            Ok((Pieces::from(hits), positions))
+        })?;
+        Ok(ClosestPoints(Named::new(Live::<P, P::Form> {
+            snapshot,
+            hits,
+            asked: Asked::Positions(positions),
+            rays: 0,
+            shape: points.shape,
+            splits: None,
+        })))
+    }
+
+    /// One answer per point.
+    fn of_points<'py, P: PointPrecision, T: numpy::Element + Default + Copy + Send>(
+        &self,
+        points: &Bound<'py, PyUntypedArray>,
+        threads: Threads,
+        answer: impl Fn(usize, [P; 3]) -> T + Sync,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (py, points) = (points.py(), PointArray::<P>::new(points, "points")?);
+        let values = slice(&points.values)?.as_chunks::<3>().0;
+        let answers = run(py, threads, values.len() <= POINTS, |cancel| {
+            let mut answers = vec![T::default(); values.len()];
+            let each = |(i, places): (usize, &mut [T])| -> Result<(), Stopped> {
+                cancel.check()?;
+                for (k, place) in places.iter_mut().enumerate() {
+                    *place = answer(i * POINTS + k, values[i * POINTS + k]);
+                }
+                Ok(())
+            };
+            if values.len() <= POINTS {
+                answers.chunks_mut(POINTS).enumerate().try_for_each(each)?;
+            } else {
+                answers.par_chunks_mut(POINTS).enumerate().try_for_each(each)?;
+            }
+            Ok(answers)
+        })?;
+        from_vec(py, answers, &points.shape)
+    }
+
+    fn distances<'py, P: PointPrecision>(
+        &self,
+        points: &Bound<'py, PyUntypedArray>,
+        max_distance: Option<&Bound<'py, PyAny>>,
+        mask: u32,
+        threads: Threads,
+        snapshot: &Snapshot<P::Form>,
+        signed: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let limit = limit::<P>(max_distance, &leading(points, 3, "points")?)?;
+        let limit = limit.values()?;
+        let (world, names) = (&*snapshot.world, &snapshot.names);
+        self.of_points::<P, P>(points, threads, |i, point| {
+            let (limit, zero) = (limit.get(i), P::round(0.0));
+            let found = P::nearest(world, names, point, limit, mask).found;
+            if !signed {
+                return found.t;
+            }
+            let is_limit = limit.into() >= 0.0 && point.iter().all(|&x| x.into().is_finite());
+            let distance = if found.t.into().is_infinite() && is_limit { limit } else { found.t };
+            if distance != zero && P::is_inside(world, point) { P::round(-distance.into()) } else { distance }
+        })
+    }
+
+    fn prepare<F: Kept<World = World>>(&self, py: Python<'_>, snapshot: &Arc<Snapshot<F>>) -> PyResult<()> {
+        self.0.prepare_winding(py, snapshot)
+    }
+
+    /// Something about the surfaces around points.
+    fn around<'py, T: numpy::Element + Default + Copy + Send>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        threads: Option<usize>,
+        answer: impl Fn(&World, DVec3) -> T + Sync,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (py, array, threads) = (points.py(), array(points, "points")?, Threads::new(threads)?);
+        let is_double = is_double(&array, "points")?;
+        leading(&array, 3, "points")?;
+        if is_double {
+            let snapshot = self.0.local(py)?;
+            self.prepare(py, &snapshot)?;
+            self.of_points::<f64, T>(&array, threads, |_, p| answer(&snapshot.world, DVec3::from_array(p)))
+        } else {
+            let snapshot = self.0.snapshot::<f32>(py)?;
+            self.prepare(py, &snapshot)?;
+            self.of_points::<f32, T>(&array, threads, |_, p| {
+                answer(&snapshot.world, DVec3::from_array(p.map(f64::from)))
+            })
+        }
+    }
+}
+
+/// How far to look.
+fn limit<'py, P: Precision>(max_distance: Option<&Bound<'py, PyAny>>, shape: &[usize]) -> PyResult<Column<'py, P>> {
+    match max_distance {
+        None => Ok(Column::All(P::round(f64::INFINITY))),
+        Some(limit) => Column::new(limit, shape, "max_distance"),
+    }
+}
+
+#[pymethods]
+impl Scene {
+    /// The nearest point of any surface to each point.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : array (..., 3)
+    ///     `float32` is answered in single precision, all else in double: then the point lies on the surface to double precision, and is the
+    ///     nearest to within `2**-23` of the size of its mesh.
+    /// max_distance : float or array (...), optional
+    ///     What is farther is not looked for.
+    /// mask : int, optional
+    ///     Only objects that share a bit with it count.
+    /// threads : int, optional
+    ///     As of :meth:`cast_rays`.
+    ///
+    /// Returns
+    /// -------
+    /// ClosestPoints
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.closest_points([[0, 0, -5], [0, 3, 0]]).points.tolist()
+    /// [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+    #[pyo3(signature = (points, *, max_distance=None, mask=None, threads=None))]
+    fn closest_points<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        max_distance: Option<&Bound<'py, PyAny>>,
+        mask: Option<i64>,
+        threads: Option<usize>,
+    ) -> PyResult<ClosestPoints> {
+        let (py, array) = (points.py(), array(points, "points")?);
+        let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
+        if is_double(&array, "points")? {
+            self.closest::<f64>(&array, max_distance, mask, threads, self.0.local(py)?)
+        } else {
+            self.closest::<f32>(&array, max_distance, mask, threads, self.0.snapshot::<f32>(py)?)
+        }
+    }
+
+    /// The distance of each point to the nearest surface, not negative: an array `(...)`. Infinite where nothing is near enough.
+    /// Parameters as of :meth:`closest_points`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.distance([[0, 0, -5], [0, 0.25, 0]]).tolist()
+    /// [4.0, 0.75]
+    #[pyo3(signature = (points, *, max_distance=None, mask=None, threads=None))]
+    fn distance<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        max_distance: Option<&Bound<'py, PyAny>>,
+        mask: Option<i64>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (py, array) = (points.py(), array(points, "points")?);
+        let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
+        if is_double(&array, "points")? {
+            self.distances::<f64>(&array, max_distance, mask, threads, &*self.0.local(py)?, false)
+        } else {
+            self.distances::<f32>(&array, max_distance, mask, threads, &*self.0.snapshot::<f32>(py)?, false)
+        }
+    }
+
+    /// The distance of each point to the nearest surface, negative inside (see :meth:`occupancy`): an array `(...)`. Where nothing is near
+    /// enough it is `max_distance`, with the sign. Parameters as of :meth:`closest_points`; the mask does not matter to the sign.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.signed_distance([[0, 0, -5], [0, 0.25, 0]]).tolist()
+    /// [4.0, -0.75]
+    #[pyo3(signature = (points, *, max_distance=None, mask=None, threads=None))]
+    fn signed_distance<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        max_distance: Option<&Bound<'py, PyAny>>,
+        mask: Option<i64>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (py, array) = (points.py(), array(points, "points")?);
+        let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
+        if is_double(&array, "points")? {
+            let snapshot = self.0.local(py)?;
+            self.prepare(py, &snapshot)?;
+            self.distances::<f64>(&array, max_distance, mask, threads, &snapshot, true)
+        } else {
+            let snapshot = self.0.snapshot::<f32>(py)?;
+            self.prepare(py, &snapshot)?;
+            self.distances::<f32>(&array, max_distance, mask, threads, &snapshot, true)
+        }
+    }
+
+    /// Whether each point is inside of what the scene holds: an array `(...)` of bool.
+    ///
+    /// Inside is where the generalised winding number of all surfaces is more than a half: right for closed meshes, and sensible for open
+    /// ones, soups and overlaps. Masks do not matter. Points that are not finite are outside.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.occupancy([[0, 0, -5], [0, 0.25, 0]]).tolist()
+    /// [False, True]
+    #[pyo3(signature = (points, *, threads=None))]
+    fn occupancy<'py>(&self, points: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        self.around(points, threads, |world, point| world.is_inside(point))
+    }
+
+    /// The generalised winding number of all surfaces around each point: an array `(...)` of float64. 1 inside of a closed surface, 0 outside,
+    /// something between around open ones (to some hundredths next to large open surfaces).
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.winding_number([[0, 0, -5], [0, 0.25, 0]]).tolist()
+    /// [0.0, 1.0]
+    #[pyo3(signature = (points, *, threads=None))]
+    fn winding_number<'py>(&self, points: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
+        self.around(points, threads, |world, point| world.winding_number_at(point))
+    }
+}

@@ -1,0 +1,295 @@
+//! What a scene is asked about rays.
+
+use super::Scene;
+use crate::answers::{Asked, Hits, Intersections, Live, Named};
+use crate::arrays::from_vec;
+use crate::assemble::Snapshot;
+use crate::precision::Precision;
+use crate::query::{FEW, Pieces, Question};
+use crate::rays::{Limits, RayArgument, RayArrays};
+use crate::state::Kept;
+use crate::work::{Threads, run};
+use pyo3::exceptions::{PyRuntimeWarning, PyValueError};
+use pyo3::prelude::*;
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
+
+/// What a query over rays may be told.
+#[derive(Clone, Copy, Debug)]
+struct Options {
+    threads: Threads,
+    warn_invalid: bool,
+}
+
+impl Scene {
+    /// Asks about rays.
+    fn ask<'py, P: Precision + Kept, T>(
+        &self,
+        rays: &RayArgument<'py>,
+        limits: &Limits<'_, 'py>,
+        options: Options,
+        answer: impl FnOnce(&Arc<Snapshot<P>>, &RayArrays<'py, P>, &Question<'_, P>) -> PyResult<T>,
+    ) -> PyResult<T> {
+        let py = limits.t_min.py();
+        let snapshot = self.0.snapshot::<P>(py)?;
+        let arrays = RayArrays::<P>::new(rays, limits)?;
+        let invalid = AtomicUsize::new(0);
+        let invalid_wanted = options.warn_invalid.then_some(&invalid);
+        let question = Question { rays: arrays.view()?, grouping: rays.grouping(), invalid: invalid_wanted };
+        let result = answer(&snapshot, &arrays, &question)?;
+        match invalid.into_inner() {
+            0 => {}
+            n => {
+                let message = format!(
+                    "{n} of {} rays can hit nothing: not finite, without direction, or with t_min >= t_max",
+                    rays.len()
+                );
+                let message = std::ffi::CString::new(message).unwrap_or_default();
+                PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &message, 1)?;
+            }
+        }
+        Ok(result)
+    }
+
+    fn cast<'py, P: Precision + Kept>(
+        &self,
+        rays: &RayArgument<'py>,
+        limits: &Limits<'_, 'py>,
+        options: Options,
+    ) -> PyResult<Hits> {
+        let (py, count) = (limits.t_min.py(), rays.len());
+        self.ask::<P, _>(rays, limits, options, |snapshot, arrays, question| {
+            let world = &*snapshot.world;
+            let hits = run(py, options.threads, count <= FEW, |cancel| {
+                question.pieces(cancel, |rays, hits| P::closest(world, rays, question.grouping, hits))
+            })?;
+            // Where the ray met a shape decides its surface.
+            let kept = arrays.keep(!snapshot.names.are_all_meshes())?;
+            Ok(Hits(Named::new(Live::<P, P> {
+                snapshot: snapshot.clone(),
+                hits,
+                asked: Asked::Rays(kept, None),
+                rays: count,
+                shape: rays.shape.clone(),
+                splits: None,
+            })))
+        })
+    }
+
+    fn occlusions<'py, P: Precision + Kept>(
+        &self,
+        rays: &RayArgument<'py>,
+        limits: &Limits<'_, 'py>,
+        options: Options,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (py, count) = (limits.t_min.py(), rays.len());
+        self.ask::<P, _>(rays, limits, options, |snapshot, _, question| {
+            let world = &*snapshot.world;
+            let blocked = run(py, options.threads, count <= FEW, |cancel| {
+                let mut blocked = vec![false; count];
+                let query = |rays: snell_intersect::Rays<'_, P::Tag>, blocked: &mut [bool]| {
+                    P::occluded(world, rays, question.grouping, blocked);
+                };
+                question.answer(cancel, &mut blocked, query)?;
+                Ok(blocked)
+            })?;
+            from_vec(py, blocked, &rays.shape)
+        })
+    }
+
+    fn count<'py, P: Precision + Kept>(
+        &self,
+        rays: &RayArgument<'py>,
+        limits: &Limits<'_, 'py>,
+        options: Options,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (py, count) = (limits.t_min.py(), rays.len());
+        self.ask::<P, _>(rays, limits, options, |snapshot, _, question| {
+            let world = &*snapshot.world;
+            let counts = run(py, options.threads, count <= FEW, |cancel| {
+                let mut counts = vec![0u32; count];
+                let query = |rays: snell_intersect::Rays<'_, P::Tag>, counts: &mut [u32]| P::count(world, rays, counts);
+                question.answer(cancel, &mut counts, query)?;
+                Ok(counts)
+            })?;
+            from_vec(py, counts, &rays.shape)
+        })
+    }
+
+    fn list<'py, P: Precision + Kept>(
+        &self,
+        rays: &RayArgument<'py>,
+        limits: &Limits<'_, 'py>,
+        options: Options,
+    ) -> PyResult<Intersections> {
+        let (py, count) = (limits.t_min.py(), rays.len());
+        if u32::try_from(rays.len()).is_err() {
+            return Err(PyValueError::new_err(format!(
+                "rays: there are {}, expected at most {}",
+                rays.len(),
+                u32::MAX
+            )));
+        }
+        self.ask::<P, _>(rays, limits, options, |snapshot, arrays, question| {
+            let world = &*snapshot.world;
+            let (hits, splits, ids) = run(py, options.threads, count <= FEW, |cancel| {
+                let pieces = question.all(cancel, |rays| P::all(world, rays))?;
+                let total = pieces.iter().map(|piece| piece.hits.len()).sum();
+                let (mut hits, mut ids) = (Vec::with_capacity(total), Vec::with_capacity(total));
+                let mut splits = Vec::with_capacity(count + 1);
+                splits.push(0);
+                for piece in pieces {
+                    cancel.check()?;
+                    for ends in piece.ray_splits.windows(2) {
+                        let ray = (splits.len() - 1) as u32;
+                        hits.extend_from_slice(&piece.hits[ends[0]..ends[1]]);
+                        ids.resize(hits.len(), ray);
+                        splits.push(hits.len() as i64);
+                    }
+                }
+                Ok((Pieces::from(hits), splits, ids))
+            })?;
+            let kept = arrays.keep(!snapshot.names.are_all_meshes())?;
+            Ok(Intersections(Named::new(Live::<P, P> {
+                snapshot: snapshot.clone(),
+                shape: vec![hits.len()],
+                hits,
+                asked: Asked::Rays(kept, Some(ids)),
+                rays: count,
+                splits: Some(splits),
+            })))
+        })
+    }
+}
+
+/// Declares queries, which all take the same, and ask in the precision of the rays.
+macro_rules! queries {
+    ($($(#[doc = $doc:expr])* $name:ident -> $answer:ty = $method:ident;)*) => {
+        #[pymethods]
+        impl Scene {
+            $($(#[doc = $doc])*
+            #[pyo3(signature = (rays, *, t_min=None, t_max=None, mask=None, threads=None, warn_invalid=false))]
+            fn $name<'py>(
+                &self,
+                py: Python<'py>,
+                rays: &Bound<'py, PyAny>,
+                t_min: Option<&Bound<'py, PyAny>>,
+                t_max: Option<&Bound<'py, PyAny>>,
+                mask: Option<&Bound<'py, PyAny>>,
+                threads: Option<usize>,
+                warn_invalid: bool,
+            ) -> PyResult<$answer> {
+                let rays = RayArgument::new(rays)?;
+                let zero = 0.0f64.into_pyobject(py)?.into_any();
+                let infinity = f64::INFINITY.into_pyobject(py)?.into_any();
+                let limits = Limits { t_min: t_min.unwrap_or(&zero), t_max: t_max.unwrap_or(&infinity), mask };
+                let options = Options { threads: Threads::new(threads)?, warn_invalid };
+                if rays.is_double {
+                    self.$method::<f64>(&rays, &limits, options)
+                } else {
+                    self.$method::<f32>(&rays, &limits, options)
+                }
+            })*
+        }
+    };
+}
+
+queries! {
+    /// The nearest hit of each ray.
+    ///
+    /// Parameters
+    /// ----------
+    /// rays : array (..., 6), or a tuple of two arrays (..., 3)
+    ///     Origin and direction of each ray; a tuple `(origins, directions)` is broadcast. Directions have any length but 0.
+    /// t_min, t_max : float or array (...), optional
+    ///     Only hits between them count, ends excluded. 0 and infinity if left out.
+    /// mask : int or array (...) of integers, optional
+    ///     Only objects whose mask shares a bit with it are met.
+    /// threads : int, optional
+    ///     How many work on it. All cores if left out. The answer does not depend on it.
+    /// warn_invalid : bool
+    ///     Warn (RuntimeWarning) about rays that can hit nothing: not finite, direction 0, or `t_min >= t_max`. They miss.
+    ///
+    /// Returns
+    /// -------
+    /// Hits
+    ///     With the leading shape of the rays.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.cast_rays(([0, 0, -5], [[0, 0, 1], [0, 0, 2], [0, 1, 0]])).t_hit.tolist()
+    /// [4.0, 2.0, inf]
+    cast_rays -> Hits = cast;
+
+    /// Whether each ray hits anything: an array `(...)` of bool. Faster than the nearest hit. Parameters as of :meth:`cast_rays`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.test_occlusions(([0, 0, -5], [[0, 0, 1], [0, 1, 0]])).tolist()
+    /// [True, False]
+    test_occlusions -> Bound<'py, PyAny> = occlusions;
+
+    /// How many hits each ray has: an array `(...)` of uint32. Parameters as of :meth:`cast_rays`.
+    ///
+    /// Exact: a ray through an edge or vertex of a closed mesh crosses it as often as it should.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.count_intersections(([[0, 0, -5], [0, 0, 0]], [0, 0, 1])).tolist()
+    /// [2, 1]
+    count_intersections -> Bound<'py, PyAny> = count;
+
+    /// Every hit of each ray, sorted. Parameters as of :meth:`cast_rays`.
+    ///
+    /// Returns
+    /// -------
+    /// Intersections
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.list_intersections([0, 0, -5, 0, 0, 1]).t_hit.tolist()
+    /// [4.0, 6.0]
+    list_intersections -> Intersections = list;
+}
+
+#[pymethods]
+impl Scene {
+    /// Rays of one of :attr:`cameras`, one through the centre of each pixel: an array `(height_px, width_px, 6)` of float32.
+    ///
+    /// Directions have unit length, so `t_hit` is the distance; where a projection shows nothing (outside of a fisheye's circle) they are 0.
+    ///
+    /// Parameters
+    /// ----------
+    /// camera : int, str or Camera, optional
+    ///     Number or name, or a camera. The first if left out.
+    /// width_px, height_px : int, optional
+    ///     Size of the picture; what the camera says if left out.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> snell.load("cornell-box").create_rays_camera(0, 4, 4).shape
+    /// (4, 4, 6)
+    #[pyo3(signature = (camera=None, width_px=None, height_px=None))]
+    fn create_rays_camera<'py>(
+        &self,
+        py: Python<'py>,
+        camera: Option<&Bound<'py, PyAny>>,
+        width_px: Option<u32>,
+        height_px: Option<u32>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        crate::cameras::rays(py, &self.0.contents(py), camera, [width_px, height_px])
+    }
+}

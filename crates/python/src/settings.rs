@@ -1,0 +1,215 @@
+//! The keyword arguments of a render as settings. What is left out is what the scene says, else the default.
+
+use crate::names::choice;
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use snell_intersect::{BuildOptions, Quality};
+use snell_math::ColorModel;
+use snell_render::{
+    Aov, Crop, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
+};
+use snell_scene::{Camera, SceneSettings};
+use std::time::Duration;
+
+/// Size of a picture if nobody says.
+pub const DEFAULT_SIZE: [u32; 2] = [1280, 720];
+/// Most samples per pixel.
+const MAX_SPP: u32 = 1 << 24;
+/// Most samples per pixel that a time limit alone allows.
+const SPP_OF_TIME_LIMIT: u32 = 1 << 16;
+/// Longest side of a picture.
+const MAX_SIDE: u32 = 1 << 16;
+/// Most pixels of a picture.
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// Keyword arguments by name.
+#[derive(Debug)]
+pub struct Keywords<'a, 'py>(pub &'a Bound<'py, PyDict>);
+
+impl<'py> Keywords<'_, 'py> {
+    /// The value of a name, if there is one.
+    pub fn any(&self, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+        Ok(self.0.get_item(name)?.filter(|value| !value.is_none()))
+    }
+
+    /// The value of a name, which is `what`.
+    pub fn get<T: for<'a> FromPyObject<'a, 'py>>(&self, name: &str, what: &str) -> PyResult<Option<T>> {
+        let Some(value) = self.any(name)? else { return Ok(None) };
+        let read = value.extract().map(Some);
+        read.map_err(|_| PyTypeError::new_err(format!("{name} is {}, expected {what}", shown(&value))))
+    }
+
+    /// A whole number of a range.
+    fn whole(&self, name: &str, range: std::ops::RangeInclusive<i64>) -> PyResult<Option<u32>> {
+        let Some(number) = self.get::<i64>(name, "a whole number")? else { return Ok(None) };
+        if range.contains(&number) {
+            return Ok(u32::try_from(number).ok());
+        }
+        let (low, high) = (range.start(), range.end());
+        Err(PyValueError::new_err(format!("{name} is {number}, expected a whole number from {low} to {high}")))
+    }
+
+    /// A positive number.
+    fn positive(&self, name: &str) -> PyResult<Option<f64>> {
+        let Some(number) = self.get::<f64>(name, "a number")? else { return Ok(None) };
+        if number > 0.0 && number <= 1e9 {
+            return Ok(Some(number));
+        }
+        Err(PyValueError::new_err(format!("{name} is {number}, expected a positive number up to 1e9")))
+    }
+
+    /// One of some names; otherwise what the scene says, or nothing.
+    fn one_of<T: Copy>(
+        &self,
+        name: &str,
+        hint: Option<&String>,
+        all: &[T],
+        name_of: impl Fn(T) -> &'static str,
+    ) -> PyResult<Option<T>> {
+        let given = self.get::<String>(name, "a name")?;
+        let Some(wanted) = given.as_ref().or(hint) else { return Ok(None) };
+        choice(name, wanted, all, name_of).map(Some)
+    }
+}
+
+/// A value in a message: not longer than a line.
+pub fn shown(value: &Bound<'_, PyAny>) -> String {
+    let text = value.repr().map_or_else(|_| "something".into(), |text| text.to_string_lossy().into_owned());
+    if text.chars().count() <= 60 { text } else { text.chars().take(57).chain("...".chars()).collect() }
+}
+
+/// What a render is told beside the settings of the renderer.
+#[derive(Debug)]
+pub struct Request {
+    /// Those settings.
+    pub settings: Settings,
+    /// Stop after this time, once every pixel has a sample.
+    pub time: Option<Duration>,
+}
+
+/// Reads the settings.
+pub fn read(keywords: &Keywords<'_, '_>, hints: &SceneSettings, camera: &Camera) -> PyResult<Request> {
+    let integrator =
+        keywords.one_of("integrator", hints.integrator.as_ref(), &IntegratorKind::ALL, IntegratorKind::name)?;
+    let integrator = integrator.unwrap_or_default();
+    let given_spp = keywords.whole("spp", 1..=i64::from(MAX_SPP))?;
+    let time = keywords.positive("time")?.map(Duration::from_secs_f64);
+    let spp = match (given_spp, time) {
+        (Some(spp), _) => spp,
+        (None, Some(_)) => SPP_OF_TIME_LIMIT,
+        (None, None) => hints.spp.unwrap_or(default_spp(integrator)).clamp(1, MAX_SPP),
+    };
+    let size = size(keywords)?.or(hints.size).or(camera.resolution).unwrap_or(DEFAULT_SIZE);
+    let crop = crop(keywords, size)?;
+    let aovs = aovs(keywords, integrator)?;
+    check_memory(crop.unwrap_or(Crop::full(size)), &aovs)?;
+    let has_filter = keywords.any("filter")?.is_some();
+    let max_depth = keywords.whole("max_depth", 0..=i64::from(Settings::MAX_DEPTH))?.or(hints.max_depth);
+    let settings = Settings {
+        size,
+        crop,
+        spp,
+        progressive: time.is_some() || spp > 16,
+        seed: keywords.whole("seed", 0..=i64::from(u32::MAX))?.unwrap_or(0),
+        sampler: keywords
+            .one_of("sampler", hints.sampler.as_ref(), &SamplerKind::ALL, SamplerKind::name)?
+            .unwrap_or_default(),
+        filter: keywords.one_of("filter", hints.filter.as_ref(), &Filter::ALL, Filter::name)?.unwrap_or_default(),
+        pixel_position: if has_filter || given_spp.is_some_and(|n| n > 1) { None } else { hints.pixel_position },
+        integrator,
+        max_depth: max_depth.unwrap_or(integrator.default_max_depth()).min(Settings::MAX_DEPTH),
+        shadows: keywords.one_of("shadows", None, &Shadows::ALL, Shadows::name)?.unwrap_or_default(),
+        light_strategy: keywords
+            .one_of("light_samples", None, &LightStrategy::ALL, LightStrategy::name)?
+            .unwrap_or_default(),
+        light_sampler: keywords
+            .one_of("light_sampler", None, &LightSamplerKind::ALL, LightSamplerKind::name)?
+            .unwrap_or_default(),
+        ao_distance: keywords.positive("ao_distance")?.map(|x| x as f32),
+        aovs,
+        color: keywords.one_of("color", None, &ColorModel::ALL, ColorModel::name)?.unwrap_or_default(),
+        build: build(keywords)?,
+        ..Settings::default()
+    };
+    Ok(Request { settings, time })
+}
+
+/// How the structures are built.
+pub fn build(keywords: &Keywords<'_, '_>) -> PyResult<BuildOptions> {
+    let quality = keywords.one_of("quality", None, &Quality::ALL, Quality::name)?;
+    Ok(BuildOptions { quality: quality.unwrap_or(Quality::Medium), ..BuildOptions::default() })
+}
+
+/// The size that is asked for.
+pub fn size(keywords: &Keywords<'_, '_>) -> PyResult<Option<[u32; 2]>> {
+    let Some(size) = keywords.get::<[i64; 2]>("size", "a tuple (width, height) of whole numbers")? else {
+        return Ok(None);
+    };
+    if size.iter().all(|side| (1..=i64::from(MAX_SIDE)).contains(side)) {
+        return Ok(Some(size.map(|side| side as u32)));
+    }
+    let [w, h] = size;
+    Err(PyValueError::new_err(format!("size is ({w}, {h}), expected width and height from 1 to {MAX_SIDE}")))
+}
+
+fn crop(keywords: &Keywords<'_, '_>, size: [u32; 2]) -> PyResult<Option<Crop>> {
+    let Some(crop) = keywords.get::<[i64; 4]>("crop", "a tuple (x0, y0, x1, y1) of whole numbers")? else {
+        return Ok(None);
+    };
+    let [x0, y0, x1, y1] = crop;
+    let fits = |low: i64, high: i64, side: u32| 0 <= low && low < high && high <= i64::from(side);
+    if fits(x0, x1, size[0]) && fits(y0, y1, size[1]) {
+        return Ok(Some(Crop { min: [x0 as u32, y0 as u32], max: [x1 as u32, y1 as u32] }));
+    }
+    let [w, h] = size;
+    Err(PyValueError::new_err(format!(
+        "crop is ({x0}, {y0}, {x1}, {y1}), expected x0 < x1 and y0 < y1 within the picture of {w} by {h} pixels"
+    )))
+}
+
+fn aovs(keywords: &Keywords<'_, '_>, integrator: IntegratorKind) -> PyResult<Vec<Aov>> {
+    let wanted = match keywords.get::<String>("aovs", "names") {
+        Ok(Some(name)) => vec![name],
+        _ => keywords.get::<Vec<String>>("aovs", "a list of names")?.unwrap_or_default(),
+    };
+    let mut aovs: Vec<Aov> = Vec::new();
+    for name in wanted {
+        let found = if name == "all" { Aov::ALL.to_vec() } else { vec![choice("aovs", &name, &Aov::ALL, Aov::name)?] };
+        for aov in found {
+            if !aovs.contains(&aov) {
+                aovs.push(aov);
+            }
+        }
+    }
+    if aovs.is_empty() && integrator == IntegratorKind::Aov {
+        aovs.push(Aov::Normal);
+    }
+    Ok(aovs)
+}
+
+/// Refuses pictures that the machine has no room for.
+fn check_memory(crop: Crop, aovs: &[Aov]) -> PyResult<()> {
+    let [w, h] = crop.size();
+    let pixels = u64::from(w) * u64::from(h);
+    // Sums and sums of squares in double precision, twice, and the picture and its variance made of them.
+    let channels = 4 + aovs.iter().map(|a| a.channels().len() as u64).sum::<u64>();
+    let bytes = pixels * (2 * (2 * channels + 1) * 8 + channels * 8);
+    let has_room = || usize::try_from(bytes).is_ok_and(|b| Vec::<u8>::new().try_reserve_exact(b).is_ok());
+    if pixels <= MAX_PIXELS && has_room() {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!(
+        "size: a picture of {w} by {h} pixels needs {:.1} GB of memory, more than is allowed or there is; render parts of it with crop",
+        bytes as f64 * 1e-9
+    )))
+}
+
+/// Samples per pixel if nobody asks for a number.
+fn default_spp(integrator: IntegratorKind) -> u32 {
+    match integrator {
+        IntegratorKind::Ao => 32,
+        IntegratorKind::Flat | IntegratorKind::Raycast | IntegratorKind::Whitted | IntegratorKind::Aov => 16,
+        _ => 64,
+    }
+}

@@ -1,0 +1,435 @@
+//! What a scene has beside objects: materials, lights, cameras, what is around it. And files.
+
+use crate::arrays::from_vec;
+use crate::camera::Camera;
+use crate::contents::Contents;
+use crate::declare::{References, read};
+use crate::graph::graph;
+use crate::image::Image;
+use crate::light::Light;
+use crate::material::Material;
+use crate::medium::Medium as PyMedium;
+use crate::names::suggestion;
+use crate::said::Said;
+use crate::scene::Scene;
+use crate::texture::{Texture, image};
+use crate::tree::{Tree, with_ids};
+use crate::work::run_to_end;
+use pyo3::exceptions::{PyIndexError, PyOSError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyList, PyString};
+use snell_formats::WriteError;
+use snell_math::{DAffine3, Rgb};
+use snell_scene::graph::{ImageId, MediumId};
+use snell_scene::medium::Medium;
+use snell_scene::{Background, Environment, MaterialId, Scene as Graph, TextureId};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// The number of a texture on a stage; added if it is not there.
+fn add_texture(stage: &mut Graph, texture: &Texture) -> TextureId {
+    let known = stage.images.iter().position(|known| Arc::ptr_eq(known, &texture.image));
+    let image = known.map_or_else(|| stage.add_image(texture.image.clone()), |at| ImageId(at as u32));
+    let wanted = snell_scene::Texture { image, ..texture.declared.clone() };
+    let known = stage.textures.iter().position(|known| *known == wanted);
+    known.map_or_else(|| stage.add_texture(wanted), |at| TextureId(at as u32))
+}
+
+/// The number of a medium on a stage; added if it is not there.
+fn add_medium(stage: &mut Graph, medium: &Medium) -> MediumId {
+    let known = stage.media.iter().position(|known| known == medium);
+    known.map_or_else(|| stage.add_medium(medium.clone()), |at| MediumId(at as u32))
+}
+
+/// A material or light with the textures of a stage in the place of its own.
+fn on_stage<T: serde::Serialize + serde::de::DeserializeOwned>(stage: &mut Graph, said: &Said<T>) -> PyResult<T> {
+    let textures: Vec<_> = said.references.textures.iter().map(|t| add_texture(stage, t.get())).collect();
+    let media: Vec<_> = said.references.media.iter().map(|medium| add_medium(stage, medium)).collect();
+    let id = |kind: &str, id: u32| match kind {
+        "TextureId" => textures.get(id as usize).map_or(id, |texture| texture.0),
+        "MediumId" => media.get(id as usize).map_or(id, |medium| medium.0),
+        _ => id,
+    };
+    with_ids(&said.value, id).map_err(PyValueError::new_err)
+}
+
+/// The number of a material on a stage; added if it is not there.
+pub fn add_material(contents: &mut Contents, material: &Material) -> PyResult<MaterialId> {
+    let stage = contents.stage_mut();
+    let wanted = on_stage(stage, &material.0)?;
+    let known = stage.materials.iter().position(|known| *known == wanted);
+    Ok(known.map_or_else(|| stage.add_material(wanted), |at| MaterialId(at as u32)))
+}
+
+/// Materials by slot: one, or a list of them.
+pub fn add_materials(contents: &mut Contents, value: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Option<MaterialId>>> {
+    let Some(value) = value else { return Ok(Vec::new()) };
+    let one = |contents: &mut Contents, value: &Bound<'_, PyAny>, name: &str| {
+        let error =
+            || PyTypeError::new_err(format!("{name} is {}, expected a Material", crate::settings::shown(value)));
+        add_material(contents, value.cast::<Material>().map_err(|_| error())?.get()).map(Some)
+    };
+    match value.cast::<PyList>() {
+        Ok(list) => list.iter().enumerate().map(|(i, item)| one(contents, &item, &format!("material[{i}]"))).collect(),
+        Err(_) => Ok(vec![one(contents, value, "material")?]),
+    }
+}
+
+/// A value of a stage with textures of its own.
+fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
+    py: Python<'_>,
+    stage: &Graph,
+    value: &T,
+) -> PyResult<Said<T>> {
+    let (mut used, mut textures, mut media) = (Vec::new(), Vec::new(), Vec::new());
+    let value = with_ids(value, |kind, id| match kind {
+        "MediumId" => {
+            media.extend(stage.media.get(id as usize).cloned());
+            (media.len() as u32).saturating_sub(1)
+        }
+        "TextureId" => used.iter().position(|&known| known == id).unwrap_or_else(|| {
+            used.push(id);
+            used.len() - 1
+        }) as u32,
+        _ => id,
+    });
+    for id in used {
+        let Some(declared) = stage.textures.get(id as usize) else {
+            return Err(PyIndexError::new_err(format!("texture {id} is not in the scene")));
+        };
+        let missing = || Arc::new(snell_scene::texture::missing_texture_image());
+        let image = stage.images.get(declared.image.index()).cloned().unwrap_or_else(missing);
+        let declared = snell_scene::Texture { image: ImageId(0), ..declared.clone() };
+        textures.push(Py::new(py, Texture { image, declared })?);
+    }
+    Ok(Said { value: value.map_err(PyValueError::new_err)?, references: References { textures, media } })
+}
+
+/// A colour: a number, three numbers, or `#rrggbb`.
+fn color(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Rgb> {
+    let form = Tree::List(vec![Tree::Single(0.0); 3]);
+    match read(value, &form, name, &mut References::default())? {
+        Tree::List(items) => match items[..] {
+            [Tree::Single(r), Tree::Single(g), Tree::Single(b)] if r >= 0.0 && g >= 0.0 && b >= 0.0 => {
+                Ok(Rgb::new(r, g, b))
+            }
+            _ => Err(PyValueError::new_err(format!("{name}: a colour has no negative numbers"))),
+        },
+        _ => Err(PyTypeError::new_err(format!("{name}: expected a colour"))),
+    }
+}
+
+fn color_tuple(py: Python<'_>, color: Rgb) -> PyResult<Bound<'_, PyAny>> {
+    let form = Tree::List(color.to_array().map(Tree::Single).to_vec());
+    form.plain(py)
+}
+
+/// All of a list.
+fn each<'py, T: pyo3::PyClass>(list: &Bound<'py, PyAny>, name: &str) -> PyResult<Vec<Bound<'py, T>>> {
+    let items = list.try_iter().map_err(|_| PyTypeError::new_err(format!("{name}: expected a list")))?;
+    let item = |(i, item): (usize, PyResult<Bound<'py, PyAny>>)| {
+        let item = item?;
+        let found = crate::settings::shown(&item);
+        item.cast_into::<T>()
+            .map_err(|_| PyTypeError::new_err(format!("{name}[{i}] is {found}, which does not belong there")))
+    };
+    items.enumerate().map(item).collect()
+}
+
+#[pymethods]
+impl Scene {
+    /// For people; the stem of the file's name.
+    #[getter]
+    fn name(&self, py: Python<'_>) -> String {
+        self.0.contents(py).stage.name.clone()
+    }
+
+    #[setter]
+    fn set_name(&self, py: Python<'_>, name: String) -> PyResult<()> {
+        self.0.edit(py, |contents| {
+            contents.stage_mut().name = name;
+            Ok(())
+        })
+    }
+
+    /// What the reader of the file had to say, and what could not be kept.
+    #[getter]
+    fn warnings(&self, py: Python<'_>) -> Vec<String> {
+        self.0.contents(py).stage.warnings.iter().map(|warning| warning.message.clone()).collect()
+    }
+
+    /// The materials, as a list of :class:`Material`: those of the file, and those that objects were given.
+    #[getter]
+    fn materials(&self, py: Python<'_>) -> PyResult<Vec<Material>> {
+        let stage = self.0.contents(py).stage.clone();
+        stage.materials.iter().map(|material| taken(py, &stage, material).map(Material)).collect()
+    }
+
+    /// Puts another material in the place of one, on every surface that has it.
+    ///
+    /// Parameters
+    /// ----------
+    /// material : int or str
+    ///     Number in :attr:`materials`, or name.
+    /// new : Material
+    ///     What takes its place.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.load("cornell-box")
+    /// >>> red = next(i for i, material in enumerate(scene.materials) if material.name == "red")
+    /// >>> scene.replace_material(red, scene.materials[red].replace(reflectance="#3050ff"))
+    fn replace_material(&self, material: &Bound<'_, PyAny>, new: &Bound<'_, Material>) -> PyResult<()> {
+        let py = material.py();
+        self.0.edit(py, |contents| {
+            let names: Vec<&str> = contents.stage.materials.iter().map(|m| m.name.as_str()).collect();
+            let at = match material.extract::<String>() {
+                Ok(name) => names.iter().position(|known| *known == name).ok_or_else(|| {
+                    PyValueError::new_err(format!("there is no material {name:?}{}", suggestion(&name, &names)))
+                })?,
+                Err(_) => material.extract::<usize>().ok().filter(|&at| at < names.len()).ok_or_else(|| {
+                    PyIndexError::new_err(format!("material: expected a name or a number from 0 to {}", names.len()))
+                })?,
+            };
+            let stage = contents.stage_mut();
+            stage.materials[at] = on_stage(stage, &new.get().0)?;
+            Ok(())
+        })
+    }
+
+    /// Gives an object another material.
+    ///
+    /// Parameters
+    /// ----------
+    /// id : int
+    ///     Of the object.
+    /// material : Material or list of Material
+    ///     One, or one per material slot of a mesh. That of an instance is for what in it has none.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1)
+    /// >>> scene.update_material(ball, snell.Material("mirror", reflectance=0.9))
+    fn update_material(&self, py: Python<'_>, id: i64, material: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.0.edit(py, |contents| {
+            contents.get(id)?;
+            let materials = add_materials(contents, Some(material))?;
+            contents.get_mut(id)?.materials = materials;
+            Ok(())
+        })
+    }
+
+    /// The lights that are not surfaces, as a list of :class:`Light`. Can be assigned.
+    #[getter]
+    fn lights(&self, py: Python<'_>) -> PyResult<Vec<Light>> {
+        let stage = self.0.contents(py).stage.clone();
+        stage.lights.iter().map(|light| taken(py, &stage, light).map(Light)).collect()
+    }
+
+    #[setter]
+    fn set_lights(&self, lights: &Bound<'_, PyAny>) -> PyResult<()> {
+        let all = each::<Light>(lights, "lights")?;
+        self.0.edit(lights.py(), |contents| {
+            let stage = contents.stage_mut();
+            let all = all.iter().map(|light| on_stage(stage, &light.get().0)).collect::<PyResult<_>>()?;
+            stage.lights = all;
+            Ok(())
+        })
+    }
+
+    /// Adds a light and gives its number in :attr:`lights`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> scene.add_light(snell.Light("directional", direction=(0, -1, -1), irradiance=3))
+    /// 0
+    fn add_light(&self, light: &Bound<'_, Light>) -> PyResult<usize> {
+        self.0.edit(light.py(), |contents| {
+            let stage = contents.stage_mut();
+            let light = on_stage(stage, &light.get().0)?;
+            stage.lights.push(light);
+            Ok(stage.lights.len() - 1)
+        })
+    }
+
+    /// The cameras, as a list of :class:`Camera`; the first is used unless another is asked for. Can be assigned.
+    #[getter]
+    fn cameras(&self, py: Python<'_>) -> Vec<Camera> {
+        self.0.contents(py).stage.cameras.iter().cloned().map(Camera).collect()
+    }
+
+    #[setter]
+    fn set_cameras(&self, cameras: &Bound<'_, PyAny>) -> PyResult<()> {
+        let all = each::<Camera>(cameras, "cameras")?.iter().map(|camera| camera.get().0.clone()).collect();
+        self.0.edit(cameras.py(), |contents| {
+            contents.stage_mut().cameras = all;
+            Ok(())
+        })
+    }
+
+    /// Adds a camera and gives its number in :attr:`cameras`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> scene.add_camera(snell.Camera(eye=(0, 0, 5)))
+    /// 0
+    fn add_camera(&self, camera: &Bound<'_, Camera>) -> PyResult<usize> {
+        self.0.edit(camera.py(), |contents| {
+            let cameras = &mut contents.stage_mut().cameras;
+            cameras.push(camera.get().0.clone());
+            Ok(cameras.len() - 1)
+        })
+    }
+
+    /// Light from all directions: None, a colour (radiance, W / (m^2 sr)), or a latitude-longitude picture (row 0 is the zenith, its middle -z). Can
+    /// be assigned: a colour, an array, an :class:`Image`, its file, or `"sky"`. See :meth:`set_environment` to turn and scale a picture.
+    #[getter]
+    fn environment<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        match &self.0.contents(py).stage.environment {
+            None => Ok(py.None().into_bound(py)),
+            Some(Environment::Constant(color)) => color_tuple(py, *color),
+            Some(Environment::Image { image, .. }) => {
+                let rgb = (0..image.height).flat_map(|y| (0..image.width).flat_map(move |x| [(x, y)]));
+                let values: Vec<f32> = rgb
+                    .flat_map(|(x, y)| {
+                        let [r, g, b, _] = image.rgba(x, y);
+                        [r, g, b]
+                    })
+                    .collect();
+                let pixels = from_vec(py, values, &[image.height as usize, image.width as usize, 3])?;
+                py.get_type::<Image>().call1((pixels,))
+            }
+        }
+    }
+
+    #[setter(environment)]
+    fn environment_simply(&self, value: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.set_environment(value, None, None)
+    }
+
+    /// Surrounds the scene with light.
+    ///
+    /// Parameters
+    /// ----------
+    /// value
+    ///     What :attr:`environment` may be.
+    /// scale : colour, optional
+    ///     Factor on the radiance of a picture.
+    /// transform : array (4, 4) or (3, 4), optional
+    ///     Map from the environment's coordinates, in which +y is the zenith, to the scene's: how a picture is turned.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np, snell
+    /// >>> scene = snell.Scene()
+    /// >>> scene.set_environment(np.full((4, 8, 3), 0.5), scale=2)
+    #[pyo3(signature = (value, *, scale=None, transform=None))]
+    fn set_environment(
+        &self,
+        value: &Bound<'_, PyAny>,
+        scale: Option<&Bound<'_, PyAny>>,
+        transform: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let scale = scale.map_or(Ok(Rgb::WHITE), |scale| color(scale, "scale"))?;
+        let placed = crate::objects::transform(transform)?;
+        let environment = read_environment(value, scale, placed.map_or(DAffine3::IDENTITY, |map| *map.matrix()))?;
+        self.0.edit(value.py(), |contents| {
+            contents.stage_mut().environment = environment;
+            Ok(())
+        })
+    }
+
+    /// What is everywhere where no inside of a surface is, such as fog: a :class:`Medium` or None. Can be assigned.
+    #[getter]
+    fn medium(&self, py: Python<'_>) -> Option<PyMedium> {
+        let stage = self.0.contents(py).stage.clone();
+        let value = stage.medium.and_then(|id| stage.media.get(id.index())).cloned()?;
+        Some(PyMedium(Said { value, references: References::default() }))
+    }
+
+    #[setter]
+    fn set_medium(&self, py: Python<'_>, medium: Option<&Bound<'_, PyMedium>>) -> PyResult<()> {
+        self.0.edit(py, |contents| {
+            let stage = contents.stage_mut();
+            stage.medium = medium.map(|medium| add_medium(stage, &medium.get().0.value));
+            Ok(())
+        })
+    }
+
+    /// What the camera sees behind the scene: `"environment"`, `"transparent"`, or a colour (linear), which lights nothing. Can be assigned.
+    #[getter]
+    fn background<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        match self.0.contents(py).stage.background {
+            Background::Environment => Ok(PyString::new(py, "environment").into_any()),
+            Background::Transparent => Ok(PyString::new(py, "transparent").into_any()),
+            Background::Color(color) => color_tuple(py, color),
+        }
+    }
+
+    #[setter]
+    fn set_background(&self, value: &Bound<'_, PyAny>) -> PyResult<()> {
+        let background = match value.extract::<String>().as_deref() {
+            Ok("environment") => Background::Environment,
+            Ok("transparent") => Background::Transparent,
+            _ => Background::Color(color(value, "background")?),
+        };
+        self.0.edit(value.py(), |contents| {
+            contents.stage_mut().background = background;
+            Ok(())
+        })
+    }
+
+    /// Writes the scene as a `.snell` file, which :func:`load` and `snell render` read: the same picture to the bit.
+    ///
+    /// Vertices are written as they are rendered: those given as float64 in float32, around the centre of their mesh. Masks are not
+    /// written. To keep all of it, pickle the scene.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile, snell
+    /// >>> scene = snell.Scene()
+    /// >>> ball = scene.add_shape("sphere", radius=1, material=snell.Material("diffuse", reflectance=0.5))
+    /// >>> with tempfile.TemporaryDirectory() as folder:
+    /// ...     path = pathlib.Path(folder, "ball.snell")
+    /// ...     scene.save(path)
+    /// ...     snell.load(path).materials
+    /// [Material("diffuse", reflectance=(0.5, 0.5, 0.5))]
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let contents = self.0.contents(py);
+        let written = run_to_end(py, move || {
+            let scene = graph(&contents).map_err(Err)?;
+            snell_formats::write_scene(&path, &scene).map_err(Ok)
+        })?;
+        written.map_err(|error: Result<WriteError, String>| match error {
+            Ok(error @ WriteError::Io { .. }) => PyOSError::new_err(error.to_string()),
+            Ok(error) => PyValueError::new_err(error.to_string()),
+            Err(message) => PyValueError::new_err(message),
+        })
+    }
+}
+
+/// Light from all directions, as it may be said.
+fn read_environment(value: &Bound<'_, PyAny>, scale: Rgb, placed: DAffine3) -> PyResult<Option<Environment>> {
+    if value.is_none() {
+        return Ok(None);
+    }
+    let text = value.extract::<String>();
+    if text.as_ref().is_ok_and(|text| text == "sky") {
+        return Ok(Some(snell_scene::framing::default_sky()));
+    }
+    let is_hex = text.is_ok_and(|text| text.starts_with('#'));
+    let is_number = value.extract::<f64>().is_ok()
+        || value.len().is_ok_and(|n| n == 3) && value.get_item(0)?.extract::<f64>().is_ok();
+    if is_hex || is_number {
+        return Ok(Some(Environment::Constant(color(value, "environment")?)));
+    }
+    let image = image(value, "environment")?;
+    Ok(Some(Environment::Image { image, scale, world_from_environment: placed }))
+}

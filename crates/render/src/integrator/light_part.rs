@@ -1,0 +1,135 @@
+//! Which way light took to the camera, and the parts of a picture by it: for layers that add up to the picture.
+//!
+//! A path counts as what its *first* scattering is, seen from the camera: a mirror image of a wall is specular, whatever the wall is.
+
+use snell_math::SampledSpectrum;
+use snell_math::Vec3;
+use snell_scene::MaterialId;
+use snell_scene::material::ShadingBsdf;
+
+/// What the first scattering of a path is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lobe {
+    /// Reflection by diffuse lobes.
+    Diffuse,
+    /// All other reflection: mirrors, glossy lobes, coats.
+    Specular,
+    /// Through a surface.
+    Transmission,
+    /// In a medium.
+    Volume,
+}
+
+impl Lobe {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Diffuse, Self::Specular, Self::Transmission, Self::Volume];
+}
+
+/// How often light was scattered between the light and the camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scatterings {
+    /// Never: the camera sees the light itself.
+    None,
+    /// Once.
+    One,
+    /// More than once.
+    Many,
+}
+
+impl Scatterings {
+    /// By number.
+    pub fn of(count: u32) -> Self {
+        match count {
+            0 => Self::None,
+            1 => Self::One,
+            _ => Self::Many,
+        }
+    }
+}
+
+/// A part of the picture: all light of these properties; `None` stands for any.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LightPart {
+    /// First scattering. Light that is not scattered has none.
+    pub lobe: Option<Lobe>,
+    /// How often it was scattered.
+    pub scatterings: Option<Scatterings>,
+    /// Number of the light group, see [`crate::settings::LightGroup`]; one past the last is the light of no group.
+    pub group: Option<u8>,
+}
+
+impl LightPart {
+    /// How much of some light belongs to the part, by lane.
+    pub fn share(&self, light: &LightTag) -> SampledSpectrum {
+        let fits =
+            self.scatterings.is_none_or(|s| s == light.scatterings) && self.group.is_none_or(|g| g == light.group);
+        match self.lobe {
+            _ if !fits => SampledSpectrum::ZERO,
+            None => SampledSpectrum::ONE,
+            Some(_) if light.scatterings == Scatterings::None => SampledSpectrum::ZERO,
+            Some(lobe) => light.lobe.share(lobe),
+        }
+    }
+}
+
+/// What a first scattering is made of: a share of diffuse reflection, and one other lobe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LobeShares {
+    diffuse: SampledSpectrum,
+    rest: Lobe,
+}
+
+impl LobeShares {
+    /// Before any scattering: nothing is known.
+    pub const UNKNOWN: Self = Self { diffuse: SampledSpectrum::ZERO, rest: Lobe::Specular };
+    /// Scattering in a medium.
+    pub const VOLUME: Self = Self { diffuse: SampledSpectrum::ZERO, rest: Lobe::Volume };
+
+    /// Scattering by a surface.
+    pub fn of_surface(shading: &ShadingBsdf, wo: Vec3, wi: Vec3, is_delta: bool) -> Self {
+        let normal = shading.geometric_normal;
+        if normal.dot(wo) * normal.dot(wi) < 0.0 {
+            return Self { diffuse: SampledSpectrum::ZERO, rest: Lobe::Transmission };
+        }
+        let mut diffuse = SampledSpectrum::ZERO;
+        if !is_delta {
+            let (part, all) = (shading.diffuse(wo, wi), shading.eval(wo, wi));
+            for ((share, part), all) in diffuse.0.iter_mut().zip(part.0).zip(all.0) {
+                *share = if all > 0.0 { (part / all).clamp(0.0, 1.0) } else { 0.0 };
+            }
+        }
+        Self { diffuse, rest: Lobe::Specular }
+    }
+
+    fn share(&self, lobe: Lobe) -> SampledSpectrum {
+        match lobe {
+            Lobe::Diffuse => self.diffuse,
+            _ if lobe == self.rest => SampledSpectrum::ONE - self.diffuse,
+            _ => SampledSpectrum::ZERO,
+        }
+    }
+}
+
+/// What is known of some light that arrives.
+#[derive(Clone, Copy, Debug)]
+pub struct LightTag {
+    /// The first scattering.
+    pub lobe: LobeShares,
+    /// How often it was scattered.
+    pub scatterings: Scatterings,
+    /// Its group.
+    pub group: u8,
+}
+
+/// Where light comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightSource {
+    /// A light of the scene graph, by its number.
+    Light(u32),
+    /// Surfaces of an emissive material.
+    Material(MaterialId),
+    /// The environment, or the background where the camera sees it.
+    Environment,
+    /// Media that glow.
+    Medium,
+}

@@ -1,0 +1,76 @@
+//! Layers that show parts of the light: which values of a sample they are, and which light belongs to them.
+
+use crate::compile::CompiledScene;
+use crate::integrator::IntegratorKind;
+use crate::integrator::aov::Aov;
+use crate::integrator::light_part::{LightPart, LightSource, LightTag};
+use crate::settings::{LightGroup, Settings};
+use snell_math::{ColorMode, SampledSpectrum};
+use snell_scene::MaterialId;
+
+/// The parts of the light that are wanted.
+pub struct LightParts {
+    /// Where the values of each begin among those of a sample.
+    parts: Vec<(usize, LightPart)>,
+    /// Values of all layers of a sample.
+    channels: usize,
+    /// Groups by light, by material, and those of the environment and of media.
+    of_light: Vec<u8>,
+    of_material: Vec<u8>,
+    of_environment: u8,
+    of_media: u8,
+}
+
+impl LightParts {
+    /// Those of a render.
+    pub fn new(scene: &CompiledScene, settings: &Settings) -> Self {
+        let (mut parts, mut channels) = (Vec::new(), 0);
+        let is_known = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
+        for aov in &settings.aovs {
+            if let (Aov::Light(part), true) = (aov, is_known) {
+                parts.push((channels, *part));
+            }
+            channels += aov.sampled_channels();
+        }
+        let groups = &settings.light_groups;
+        let of_material: Vec<u8> =
+            (0..scene.materials.len()).map(|i| group(groups, LightSource::Material(MaterialId(i as u32)))).collect();
+        let of_environment = group(groups, LightSource::Environment);
+        let of_light = (0..scene.lights().len() as u32).map(|i| group(groups, LightSource::Light(i))).collect();
+        let of_media = group(groups, LightSource::Medium);
+        Self { parts, channels, of_light, of_material, of_environment, of_media }
+    }
+
+    /// True if nothing is wanted.
+    pub fn is_empty(&self) -> bool {
+        self.parts.is_empty()
+    }
+
+    /// The group of a source.
+    pub fn group(&self, source: LightSource) -> u8 {
+        match source {
+            LightSource::Light(light) => self.of_light[light as usize],
+            LightSource::Material(material) => self.of_material[material.index()],
+            LightSource::Environment => self.of_environment,
+            LightSource::Medium => self.of_media,
+        }
+    }
+
+    /// Adds light to the values of a sample.
+    pub fn add(&self, values: &mut [f32], sample: u32, light: SampledSpectrum, tag: &LightTag, mode: ColorMode) {
+        if light.is_black() || !light.is_finite() {
+            return;
+        }
+        let values = &mut values[sample as usize * self.channels..][..self.channels];
+        for (offset, part) in &self.parts {
+            let rgb = mode.to_rgb(light * part.share(tag)).to_array();
+            values[*offset..][..3].iter_mut().zip(rgb).for_each(|(value, c)| *value += c);
+        }
+    }
+}
+
+/// The first group that holds a source; one past the last for none.
+fn group(groups: &[LightGroup], source: LightSource) -> u8 {
+    let number = groups.iter().position(|g| g.sources.contains(&source)).unwrap_or(groups.len());
+    number.min(usize::from(u8::MAX)) as u8
+}

@@ -1,0 +1,77 @@
+//! Sobol points handed out along a space-filling curve over the pixels, so that what one pixel gets too much of, its neighbours get
+//! too little: the error of the picture is blue noise (Ahmed and Wonka, Screen-space blue-noise diffusion of Monte Carlo sampling
+//! error via hierarchical ordering of pixels, 2020; `ZSobolSampler` of pbrt-v4).
+//!
+//! One scrambled sequence per dimension serves a square of pixels. Position on the curve and number of the sample together, highest
+//! digits first, are a number in that sequence. So the samples of a pixel are a stretch whose length is a power of two, which is a
+//! net by itself; two neighbours on the curve, four, sixteen … are nets too. The curve is Hilbert's instead of Morton's: the pairs
+//! of a Morton curve are always side by side, those of Hilbert's also one above the other, so that a binary scramble (see
+//! [`super::sobol`]) shuffles as well as a quaternary one.
+
+/// Where a pixel's samples lie in the sequences of its square.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stretch {
+    /// Which square of pixels: all of its pixels share sequences.
+    pub square: [u32; 2],
+    /// Number of the first sample.
+    pub start: u32,
+}
+
+/// Logarithm of the side of the largest square.
+const MAX_SIDE_LOG2: u32 = 8;
+
+/// The stretch of a pixel that takes `spp` samples. Squares are smaller where many samples would use up the 32-bit numbers.
+pub fn stretch(pixel: [u32; 2], spp: u32) -> Stretch {
+    let samples_log2 = spp.max(1).next_power_of_two().trailing_zeros();
+    let side_log2 = ((32 - samples_log2) / 2).min(MAX_SIDE_LOG2);
+    let mask = (1 << side_log2) - 1;
+    let position = hilbert_position(pixel.map(|p| p & mask), side_log2);
+    Stretch { square: pixel.map(|p| p >> side_log2), start: position << samples_log2 }
+}
+
+/// Position of a pixel on the Hilbert curve through a square of `2^side_log2` pixels a side.
+fn hilbert_position([mut x, mut y]: [u32; 2], side_log2: u32) -> u32 {
+    let mut position = 0;
+    for level in (0..side_log2).rev() {
+        let (right, low) = (x >> level & 1, y >> level & 1);
+        position = position << 2 | (3 * right) ^ low;
+        // Turn and mirror the quarter so that its curve runs like that of the whole.
+        if low == 0 {
+            if right == 1 {
+                (x, y) = (!x, !y);
+            }
+            std::mem::swap(&mut x, &mut y);
+        }
+    }
+    position
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_curve_visits_every_pixel_once_and_moves_by_one_pixel() {
+        for side_log2 in [1, 2, 5] {
+            let side = 1u32 << side_log2;
+            let mut visited = vec![None; (side * side) as usize];
+            for y in 0..side {
+                for x in 0..side {
+                    visited[hilbert_position([x, y], side_log2) as usize] = Some([x, y]);
+                }
+            }
+            let curve: Vec<_> = visited.into_iter().map(|p| p.expect("every position has a pixel")).collect();
+            assert!(curve.windows(2).all(|w| w[0][0].abs_diff(w[1][0]) + w[0][1].abs_diff(w[1][1]) == 1));
+        }
+    }
+
+    #[test]
+    fn stretches_do_not_overlap_and_fit_into_32_bits() {
+        for spp in [1, 3, 16, 100, 1 << 16, 1 << 24] {
+            let mut starts: Vec<_> = (0..64).map(|i| stretch([i % 8, i / 8], spp)).collect();
+            starts.sort_by_key(|s| (s.square, s.start));
+            assert!(starts.windows(2).all(|w| w[0].square != w[1].square || w[1].start - w[0].start >= spp), "{spp}");
+            assert!(starts.iter().all(|s| s.start.checked_add(spp - 1).is_some()), "{spp}");
+        }
+    }
+}

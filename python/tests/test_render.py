@@ -1,0 +1,223 @@
+"""Pictures: what they hold, how they are made, shown, kept and stopped."""
+
+from __future__ import annotations
+
+import copy
+import pathlib
+import pickle
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+import warnings
+
+import numpy as np
+import pytest
+
+import snell
+
+SMALL = {"spp": 4, "size": (32, 24)}
+
+
+@pytest.fixture(scope="module")
+def box() -> snell.Image:
+    return snell.render("cornell-box", spp=16, size=(48, 48), aovs=["depth", "normal", "geometry-id"])
+
+
+def test_a_picture_is_an_array_of_linear_light(box):
+    pixels = np.asarray(box)
+    assert pixels.shape == box.shape == (48, 48, 3) and pixels.dtype == np.float32
+    assert np.isfinite(pixels).all() and pixels.min() >= 0 and pixels.max() > 5  # The lamp.
+    assert not pixels.flags.writeable and np.array(box).flags.writeable
+    assert np.asarray(box, dtype=np.float64).dtype == np.float64
+    assert (box.width, box.height) == (48, 48) and "16 samples" in repr(box)
+
+
+def test_layers_and_variance(box):
+    assert set(box.aovs) == {"depth", "normal", "geometry-id"}
+    assert box.aovs["depth"].shape == (48, 48) and box.aovs["normal"].shape == (48, 48, 3)
+    assert box.aovs["geometry-id"].dtype == np.int32 and len(np.unique(box.aovs["geometry-id"])) > 3
+    assert box.variance.shape == (48, 48, 3) and (box.variance >= 0).all()
+    # The variance is that of the mean: two pictures with other random numbers differ by so much.
+    one, other = (snell.render("cornell-box", spp=16, size=(48, 48), sampler="independent", seed=seed) for seed in (1, 2))
+    ratio = np.mean((np.asarray(one) - np.asarray(other)) ** 2) / np.mean(one.variance + other.variance)
+    assert 0.5 < ratio < 2
+
+
+def test_the_picture_depends_on_the_seed_and_not_on_threads():
+    pictures = [np.asarray(snell.render("cornell-box", threads=n, **SMALL)) for n in (1, 3)]
+    assert (pictures[0] == pictures[1]).all()
+    assert (pictures[0] != np.asarray(snell.render("cornell-box", seed=5, **SMALL))).any()
+
+
+def test_files_keep_what_they_can(box, tmp_path):
+    box.save(tmp_path / "a.exr", variance=True)
+    again = snell.Image.open(tmp_path / "a.exr")
+    np.testing.assert_array_equal(again, box)
+    np.testing.assert_array_equal(again.aovs["depth"], box.aovs["depth"])
+    np.testing.assert_array_equal(again.aovs["variance"], box.variance)
+    box.save(tmp_path / "a.png")
+    shown = snell.Image.open(tmp_path / "a.png")
+    np.testing.assert_array_equal(shown.to_uint8(), box.to_uint8())
+    assert box._repr_png_().startswith(b"\x89PNG")
+    with pytest.raises(ValueError, match="not an image format"):
+        box.save(tmp_path / "a.xyz")
+    with pytest.raises(OSError, match="cannot write"):
+        box.save(tmp_path / "none" / "a.png")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.exr", "a.png"]
+
+
+def test_pictures_pickle_and_copy(box):
+    again = pickle.loads(pickle.dumps(box))
+    np.testing.assert_array_equal(again, box)
+    np.testing.assert_array_equal(again.variance, box.variance)
+    assert again.metadata == box.metadata and set(again.aovs) == set(box.aovs)
+    assert copy.deepcopy(box) is box
+
+
+def test_comparison():
+    a = np.random.default_rng(1).random((20, 30, 3), dtype=np.float32)
+    same = snell.compare(a, snell.Image(a))
+    assert (same.mse, same.flip, same.psnr, same.different) == (0, 0, None, 0) and same.flip_map.shape == (20, 30)
+    assert snell.compare(a, a * 1.2).flip > 0.01
+    with pytest.raises(ValueError, match="sizes differ"):
+        snell.compare(a, a[1:])
+
+
+def test_a_scene_without_camera_and_light_is_framed_and_lit():
+    scene = snell.Scene()
+    scene.add_shape("box", min=[0, 0, 0], max=[1, 1, 1], transform=np.eye(4) * [1, 1, 1, 1])
+    image = snell.render(scene, aovs=["depth"], **SMALL)
+    depth = image.aovs["depth"]
+    assert 0.1 < (depth > 0).mean() < 0.9 and np.asarray(image).min() > 0
+    scene.background = "transparent"
+    image = snell.render(scene, **SMALL)
+    assert image.shape == (24, 32, 4) and set(np.unique(np.asarray(image)[..., 3] > 0.5)) == {False, True}
+
+
+def test_a_path_is_read_and_warnings_are_warnings(tmp_path):
+    path = tmp_path / "two.obj"
+    path.write_text("mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 1 2\n")
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        image = snell.render(path, **SMALL)
+    assert {warning.category for warning in said} == {snell.SceneWarning} and said[0].filename == __file__
+    assert any("degenerate" in str(warning.message) for warning in said)
+    assert image.metadata["scene"] == "two" and snell.load(path).warnings
+
+
+def test_time_limits_and_progress():
+    start = time.perf_counter()
+    image = snell.render("cornell-box", size=(64, 64), time=0.3)
+    assert time.perf_counter() - start < 5
+    assert image.metadata["samples"] >= 1 and not image.metadata["is_complete"]
+    told = []
+    snell.render("cornell-box", size=(64, 64), time=0.5, progress=lambda share, rays: told.append((share, rays)))
+    assert len(told) >= 2 and all(0 <= share <= 1 for share, _ in told) and told == sorted(told)
+    stopped = snell.render("cornell-box", size=(64, 64), time=60, progress=lambda share, rays: False)
+    assert stopped.metadata["samples"] >= 1
+
+    def fails(share, rays):
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        snell.render("cornell-box", size=(64, 64), time=60, progress=fails)
+
+
+def test_refining_pictures_end_with_the_picture():
+    pictures = list(snell.render_iter("cornell-box", spp=16, size=(16, 16)))
+    assert [image.metadata["samples"] for image in pictures] == [1, 4, 16]
+    np.testing.assert_array_equal(pictures[-1], snell.render("cornell-box", spp=16, size=(16, 16)))
+    start = time.perf_counter()
+    assert list(snell.render_iter("cornell-box", size=(32, 32), time=0.3))
+    assert time.perf_counter() - start < 5
+
+
+def test_rendering_leaves_python_to_others():
+    done = threading.Event()
+    counted = 0
+
+    def work():
+        snell.render("cornell-box", size=(64, 64), time=0.5)
+        done.set()
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    while not done.is_set():
+        counted += 1
+        time.sleep(0.001)
+    thread.join()
+    assert counted > 20
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_control_c_ends_a_render_at_once():
+    code = """
+        import signal, threading, time, os, snell
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        scene = snell.load("cornell-box")
+        snell.render(scene, spp=1, size=(16, 16))
+        pressed = []
+        def press():
+            time.sleep(0.3)
+            pressed.append(time.perf_counter())
+            os.kill(os.getpid(), signal.SIGINT)
+        threading.Thread(target=press).start()
+        try:
+            snell.render(scene, spp=100000, size=(256, 256))
+        except KeyboardInterrupt:
+            print(time.perf_counter() - pressed[0])
+    """
+    run = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=60, check=True)
+    # A loaded machine may take longer than the 100 ms that are promised.
+    assert float(run.stdout) < 1.0
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="fork")
+def test_a_forked_child_renders():
+    code = """
+        import multiprocessing, numpy as np, snell
+        scene = snell.load("cornell-box")
+        here = np.asarray(snell.render(scene, spp=2, size=(16, 16)))
+        def child(queue):
+            queue.put(np.asarray(snell.render(scene, spp=2, size=(16, 16))))
+        context = multiprocessing.get_context("fork")
+        queue = context.Queue()
+        process = context.Process(target=child, args=(queue,))
+        process.start()
+        print((queue.get(timeout=30) == here).all())
+        process.join()
+    """
+    run = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=60, check=True)
+    assert run.stdout.strip() == "True"
+
+
+BAD = [
+    ({"integrator": "pth"}, ValueError, 'integrator is "pth"; did you mean "path"?'),
+    ({"spp": 0}, ValueError, "spp is 0, expected a whole number from 1"),
+    ({"spp": 1.5}, TypeError, "spp is 1.5, expected a whole number"),
+    ({"size": (0, 5)}, ValueError, r"size is \(0, 5\)"),
+    ({"size": 5}, TypeError, "size is 5, expected a tuple"),
+    ({"size": (65536, 65536)}, ValueError, "GB of memory"),
+    ({"crop": (0, 0, 99, 1)}, ValueError, "within the picture of 32 by 24"),
+    ({"aovs": ["deph"]}, ValueError, 'aovs is "deph"; did you mean "depth"?'),
+    ({"aovs": 3}, TypeError, "aovs is 3, expected a list of names"),
+    ({"camera": 7}, IndexError, "camera is 7, but the scene has 1"),
+    ({"time": -1}, ValueError, "time is -1, expected a positive number"),
+    ({"seed": -1}, ValueError, "seed is -1"),
+    ({"threads": 0}, ValueError, "threads is 0"),
+    ({"sampler": "halton"}, ValueError, 'sampler is "halton"'),
+]
+
+
+@pytest.mark.parametrize(("options", "error", "message"), BAD, ids=[message for _, _, message in BAD])
+def test_bad_options_are_named(options, error, message):
+    with pytest.raises(error, match=message):
+        snell.render("cornell-box", **{**SMALL, **options})
+
+
+def test_a_file_that_is_not_there():
+    with pytest.raises(FileNotFoundError, match="'none.gltf'"):
+        snell.render(pathlib.Path("none.gltf"))

@@ -1,0 +1,138 @@
+//! pbrt scenes beside pictures of them that other renderers made: `cargo test --release -p snell-tests --test pbrt_references -- --ignored
+//! --nocapture` prints the table and leaves the pictures in `target/references`.
+//!
+//! Both pictures are compared at a quarter of the reference's size: its own noise and ours are averaged away, differences of light stay.
+
+use snell_formats::image::compare::{CompareOptions, LinearImage, compare, difference_picture};
+use snell_formats::image::{WriteOptions, read_image, write_image};
+use snell_formats::{Input, ReadOptions, read_scene};
+use snell_render::{Filter, Settings};
+use snell_scene::framing::{FramingOptions, prepare};
+use snell_scene::{Layer, LayeredImage};
+use snell_tests::{render, shared_data};
+use std::path::Path;
+
+/// How many pixels of the reference make one of the comparison, along each side.
+const REDUCTION: u32 = 4;
+
+/// A scene and what is known about its reference.
+struct Case {
+    name: &'static str,
+    /// Samples per (reduced) pixel.
+    spp: u32,
+    /// Depth of the reference where the file says another one.
+    max_depth: Option<u32>,
+    /// Largest relative mean squared error and FLIP that are explained.
+    limits: [f64; 2],
+    /// Why they are not smaller.
+    why: &'static str,
+}
+
+const CASES: [Case; 4] = [
+    Case {
+        name: "cornell-box",
+        spp: 256,
+        max_depth: Some(64),
+        limits: [0.01, 0.03],
+        why: "noise; edges by another filter",
+    },
+    Case {
+        name: "veach-mis",
+        spp: 64,
+        max_depth: Some(1),
+        limits: [3.0, 0.3],
+        why: "the reference has Beckmann's distribution of facets, pbrt-v4 and Snell have GGX with its long tails",
+    },
+    Case {
+        name: "veach-bidir",
+        spp: 256,
+        max_depth: Some(64),
+        limits: [3.0, 0.5],
+        why: "caustics are found by chance",
+    },
+    Case {
+        name: "coffee",
+        spp: 128,
+        max_depth: Some(64),
+        limits: [3.0, 0.5],
+        why: "noise of caustics; a coat of another model",
+    },
+];
+
+/// The mean of each block of pixels.
+fn reduced(image: &LinearImage) -> LinearImage {
+    let (width, height) = (image.width / REDUCTION, image.height / REDUCTION);
+    let mut pixels = vec![[0.0f32; 3]; (width * height) as usize];
+    for y in 0..height * REDUCTION {
+        for x in 0..width * REDUCTION {
+            let from = image.pixels[(y * image.width + x) as usize];
+            let to = &mut pixels[(y / REDUCTION * width + x / REDUCTION) as usize];
+            for c in 0..3 {
+                to[c] += from[c] / (REDUCTION * REDUCTION) as f32;
+            }
+        }
+    }
+    LinearImage { width, height, pixels }
+}
+
+fn picture(image: &LinearImage) -> LayeredImage {
+    let channels = ["R", "G", "B"].map(String::from).to_vec();
+    let values = image.pixels.iter().flatten().copied().collect();
+    let layers = vec![Layer { name: String::new(), channels, values }];
+    LayeredImage { width: image.width, height: image.height, layers, metadata: Vec::new() }
+}
+
+/// Renders the scene, writes the pictures, and gives the line of the table and whether it is within the limits.
+fn check(case: &Case) -> Option<(String, bool)> {
+    let folder = shared_data(&format!("bitterli/{}/pbrt", case.name))?;
+    let reference = Input::open(&folder.join("TungstenRender.exr"), &ReadOptions::default()).expect("it is there");
+    let reference = reduced(&LinearImage::from_image(&read_image(&reference).expect("the image is fine")));
+    let mut scene = read_scene(&folder.join("scene-v4.pbrt"), &ReadOptions::default()).expect("the scene is fine");
+    prepare(&mut scene, &FramingOptions::default()).expect("no cycles");
+    let settings = Settings {
+        size: [reference.width, reference.height],
+        spp: case.spp,
+        max_depth: case.max_depth.or(scene.settings.max_depth).unwrap_or(Settings::MAX_DEPTH),
+        filter: Filter::Box,
+        ..Settings::default()
+    };
+    let ours = render(&scene, &scene.cameras[0], &settings).image();
+    let ours = LinearImage::from_layer(&ours, &ours.layers[0]);
+    let compared = compare(&reference, &ours, &CompareOptions::default()).expect("the sizes are equal");
+    let target = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/references");
+    std::fs::create_dir_all(&target).expect("the folder can be made");
+    for (kind, picture) in
+        [("ours", picture(&ours)), ("reference", picture(&reference)), ("difference", difference_picture(&compared))]
+    {
+        let path = target.join(format!("{}-{kind}.png", case.name));
+        write_image(&path, &picture, &WriteOptions::default()).expect("the picture can be written");
+    }
+    let mean = |image: &LinearImage| image.pixels.iter().flatten().map(|v| f64::from(*v)).sum::<f64>();
+    let numbers = &compared.comparison;
+    let line = format!(
+        "{:12} {:10.5} {:8.4} {:10.4}   {}",
+        case.name,
+        numbers.rel_mse,
+        numbers.flip,
+        mean(&ours) / mean(&reference),
+        case.why
+    );
+    let [rel_mse, flip] = case.limits;
+    Some((line, numbers.rel_mse <= rel_mse && numbers.flip <= flip))
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn pbrt_scenes_look_like_their_references() {
+    println!("{:12} {:>10} {:>8} {:>10}", "scene", "rel. MSE", "FLIP", "brightness");
+    let only = std::env::var("SNELL_SCENE").ok();
+    let mut failed = Vec::new();
+    for case in CASES.iter().filter(|c| only.as_ref().is_none_or(|only| only == c.name)) {
+        let Some((line, within)) = check(case) else { continue };
+        println!("{line}");
+        if !within {
+            failed.push(case.name);
+        }
+    }
+    assert!(failed.is_empty(), "too far from the references: {failed:?}");
+}
