@@ -222,6 +222,8 @@ pub struct Scene {
     pub settings: SceneSettings,
     /// What the reader had to say.
     pub warnings: Vec<Warning>,
+    /// How the reader translated what the file says, where that is not obvious: for those who ask, not warnings.
+    pub notes: Vec<Warning>,
 }
 
 /// Why a scene graph is not usable.
@@ -286,6 +288,7 @@ impl Scene {
             ambient: Rgb::BLACK,
             settings: SceneSettings::default(),
             warnings: Vec::new(),
+            notes: Vec::new(),
         }
     }
 
@@ -329,6 +332,11 @@ impl Scene {
     /// Notes a warning; an equal one is counted instead of repeated.
     pub fn warn(&mut self, message: impl Into<String>) {
         Warning::note(&mut self.warnings, message.into(), 1);
+    }
+
+    /// Notes how something was translated; an equal note is counted instead of repeated.
+    pub fn note(&mut self, message: impl Into<String>) {
+        Warning::note(&mut self.notes, message.into(), 1);
     }
 
     /// Checks that all ids are in range and that no node is its own descendant; gives the reachable nodes, each once, children

@@ -94,6 +94,7 @@ impl Facts<'_> {
             "environment": self.environment(),
             "cameras": scene.cameras,
             "warnings": scene.warnings.iter().map(|w| json!({ "message": w.message, "count": w.count })).collect::<Vec<_>>(),
+            "notes": scene.notes.iter().map(|n| json!({ "message": n.message, "count": n.count })).collect::<Vec<_>>(),
             "tree": self.tree_json(scene.root, 64, &mut HashSet::new()),
         })
     }

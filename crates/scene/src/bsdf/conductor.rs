@@ -1,9 +1,12 @@
 //! Metals: reflection by GGX microfacets of a conductor.
 
+use super::energy::{FacetLoss, bounced_pdf, sample_bounced};
+use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
-use super::{BsdfSample, Lobes, SpecularBranch, fresnel, lift, lower_like};
+use super::{BsdfSample, Choice, Lobes, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
+use std::f32::consts::FRAC_1_PI;
 
 /// Reflectance of a facet.
 #[derive(Clone, Copy, Debug)]
@@ -15,48 +18,130 @@ pub enum FacetReflectance {
         /// Imaginary part (absorption).
         k: SampledSpectrum,
     },
-    /// Schlick's approximation with this reflectance at normal and white at grazing incidence.
-    Schlick(SampledSpectrum),
+    /// Schlick's approximation between this reflectance at normal and white at grazing incidence, less a dip (Kutz, Hasan and
+    /// Edmondson, Novel aspects of the Adobe Standard Material, 2021): times `edge` at about 82 degrees.
+    F82 {
+        /// Reflectance at normal incidence.
+        f0: SampledSpectrum,
+        /// Factor on Schlick's reflectance at the edge, `[0, 1]`.
+        edge: SampledSpectrum,
+    },
 }
 
-/// A metal. Light that bounces between facets is lost, as in most renderers: rough metals are a little too dark.
+/// Cosine of the angle of [`FacetReflectance::F82`], and the height of the dip's shape `mu (1 - mu)^6` there.
+const EDGE: f32 = 1.0 / 7.0;
+const DIP: f32 = EDGE * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0);
+
+/// Factor of the dip.
+fn dip(f0: SampledSpectrum, edge: SampledSpectrum) -> SampledSpectrum {
+    fresnel::schlick(EDGE, f0, SampledSpectrum::ONE) * (SampledSpectrum::ONE - edge) * (1.0 / DIP)
+}
+
+impl FacetReflectance {
+    fn at(&self, cos: f32) -> SampledSpectrum {
+        match *self {
+            Self::Complex { eta, k } => eta.zip(k, |eta, k| fresnel::conductor(cos, eta, k)),
+            Self::F82 { f0, edge } => {
+                let schlick = fresnel::schlick(cos, f0, SampledSpectrum::ONE);
+                let rest = (1.0 - cos).clamp(0.0, 1.0);
+                (schlick - dip(f0, edge) * (cos * rest.powi(6))).clamp(0.0, 1.0)
+            }
+        }
+    }
+
+    /// The mean over directions weighted by the cosine.
+    fn average(&self) -> SampledSpectrum {
+        match *self {
+            // 2 int (1 - mu)^5 mu dmu = 1 / 21, and 2 int mu (1 - mu)^6 mu dmu = 1 / 126.
+            Self::F82 { f0, edge } => {
+                (f0.lerp(SampledSpectrum::ONE, 1.0 / 21.0) - dip(f0, edge) * (1.0 / 126.0)).clamp(0.0, 1.0)
+            }
+            Self::Complex { .. } => {
+                // Gauss's points for the weight `2 mu` on [0, 1].
+                const POINTS: [(f32, f32); 3] =
+                    [(0.212_340_54, 0.139_653_96), (0.590_533_14, 0.458_482_21), (0.911_412_04, 0.401_863_83)];
+                POINTS.iter().map(|&(mu, weight)| self.at(mu) * weight).sum()
+            }
+        }
+    }
+}
+
+/// A metal. Light that bounces between facets is given back by a diffuse lobe, so that a white one loses nothing at any roughness
+/// (Kulla and Conty, Revisiting Physically Based Shading at Imageworks, SIGGRAPH 2017 course). Make it with [`ConductorBsdf::new`].
 #[derive(Clone, Copy, Debug)]
 pub struct ConductorBsdf {
-    /// Fresnel's law.
-    pub facets: FacetReflectance,
+    facets: FacetReflectance,
     /// 1 in every lane in use, 0 elsewhere.
-    pub unit: SampledSpectrum,
-    /// Roughness; smooth surfaces are mirrors.
-    pub ggx: Ggx,
+    unit: SampledSpectrum,
+    ggx: Ggx,
+    loss: FacetLoss,
+    film: Option<ThinFilm>,
+    /// Reflectance at normal incidence, for the film.
+    f0: SampledSpectrum,
+    /// What is left of light that meets several facets, over the mean loss.
+    bounced: SampledSpectrum,
 }
 
 impl ConductorBsdf {
+    /// A metal of this law of reflection and roughness; smooth ones are mirrors. `unit` is 1 in every lane in use.
+    pub fn new(facets: FacetReflectance, unit: SampledSpectrum, ggx: Ggx) -> Self {
+        let loss = FacetLoss::new(ggx);
+        let lost = loss.average();
+        let bounced = if lost > 0.0 {
+            // Each further bounce reflects the mean reflectance, and loses `lost` to the next.
+            let f = facets.average();
+            f * f * (1.0 - lost) / (SampledSpectrum::ONE - f * lost) * unit * (1.0 / lost)
+        } else {
+            SampledSpectrum::ZERO
+        };
+        Self { facets, unit, ggx, loss, film: None, f0: facets.at(1.0), bounced }
+    }
+
+    /// The same metal under a film.
+    pub fn with_film(self, film: Option<ThinFilm>) -> Self {
+        Self { film, ..self }
+    }
+
     fn reflectance(&self, cos: f32) -> SampledSpectrum {
-        self.unit
-            * match self.facets {
-                FacetReflectance::Complex { eta, k } => eta.zip(k, |eta, k| fresnel::conductor(cos, eta, k)),
-                FacetReflectance::Schlick(f0) => fresnel::schlick(cos, f0, SampledSpectrum::ONE),
-            }
+        let plain = self.facets.at(cos);
+        self.unit * self.film.map_or(plain, |film| film.reflectance(cos, self.f0, plain))
+    }
+
+    /// Probabilities of facets and of many bounces.
+    fn choice(&self, wo: Vec3) -> Choice<2> {
+        let (lost, f) = (self.loss.towards(wo), self.reflectance(wo.z));
+        Choice::new([f * (1.0 - lost), self.bounced * self.loss.average() * lost])
+    }
+
+    /// Density for directions above.
+    fn mixture_pdf(&self, choice: &Choice<2>, wo: Vec3, wi: Vec3) -> f32 {
+        let [facets, diffuse] = choice.probabilities;
+        facets * self.ggx.reflection_pdf(wo, wi) + diffuse * bounced_pdf(self.ggx, wi.z)
+    }
+
+    /// Value for directions above.
+    fn value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        let once = match self.ggx.reflection(wo, wi) {
+            Some((m, value)) => self.reflectance(wo.dot(m)) * value,
+            None => SampledSpectrum::ZERO,
+        };
+        once + self.bounced * (self.loss.towards(wo) * self.loss.towards(wi) * wi.z * FRAC_1_PI)
     }
 }
 
 impl Lobes for ConductorBsdf {
     fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        if wo.z * wi.z <= 0.0 || self.ggx.is_smooth() {
-            return SampledSpectrum::ZERO;
-        }
-        let (wo, wi) = (lift(wo), lift(wi));
-        match self.ggx.reflection(wo, wi) {
-            Some((m, value)) => self.reflectance(wo.dot(m)) * value,
-            None => SampledSpectrum::ZERO,
-        }
+        if wo.z * wi.z <= 0.0 || self.ggx.is_smooth() { SampledSpectrum::ZERO } else { self.value(lift(wo), lift(wi)) }
     }
 
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        if wo.z * wi.z <= 0.0 || self.ggx.is_smooth() { 0.0 } else { self.ggx.reflection_pdf(lift(wo), lift(wi)) }
+        if wo.z * wi.z <= 0.0 || self.ggx.is_smooth() {
+            return 0.0;
+        }
+        self.mixture_pdf(&self.choice(lift(wo)), lift(wo), lift(wi))
     }
 
-    fn sample(&self, wo: Vec3, _u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         if wo.z == 0.0 {
             return None;
         }
@@ -64,19 +149,12 @@ impl Lobes for ConductorBsdf {
             return Some(mirror_branch(wo, self.reflectance(wo.z.abs())).sample(1.0));
         }
         let up = lift(wo);
-        let m = self.ggx.sample_visible_normal(up, u);
-        let wi = fresnel::reflect(up, m);
-        if wi.z <= 0.0 {
-            return None;
-        }
-        let pdf = self.ggx.reflection_pdf(up, wi);
-        (pdf > 0.0).then(|| BsdfSample {
-            wi: lower_like(wi, wo),
-            weight: self.reflectance(up.dot(m)) * self.ggx.shadowing(up, wi),
-            pdf,
-            is_delta: false,
-            is_transmission: false,
-        })
+        let choice = self.choice(up);
+        let wi = match choice.pick(u_lobe)? {
+            (0, _) => self.ggx.sample_reflection(up, u)?,
+            _ => sample_bounced(self.ggx, u),
+        };
+        BsdfSample::of(lower_like(wi, wo), self.value(up, wi), self.mixture_pdf(&choice, up, wi), false)
     }
 
     fn is_delta(&self) -> bool {
@@ -88,7 +166,8 @@ impl Lobes for ConductorBsdf {
     }
 
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {
-        self.reflectance(wo.z.abs())
+        let lost = self.loss.towards(lift(wo));
+        self.reflectance(wo.z.abs()) * (1.0 - lost) + self.bounced * self.loss.average() * lost
     }
 
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {

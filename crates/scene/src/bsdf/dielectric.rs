@@ -5,26 +5,45 @@
 //! air gets the factor `1 / ior^2`, and gets it back when it leaves. Throughput inside glass is therefore small without being
 //! unimportant: Russian roulette compensates for it ([`Lobes::crossing_scale`]).
 
+use super::energy::{DielectricLoss, bounced_pdf, sample_bounced};
+use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
 use super::{BsdfSample, Lobes, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
+use std::f32::consts::FRAC_1_PI;
 
 /// An interface between the outside (`z > 0`, index 1) and a medium. Rough interfaces follow Walter et al., Microfacet Models for
-/// Refraction through Rough Surfaces (EGSR 2007), with visible normals.
+/// Refraction through Rough Surfaces (EGSR 2007), with visible normals. What bounces between facets is given back by diffuse lobes on
+/// both sides, so that a clear interface loses nothing at any roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct DielectricBsdf {
     /// Index of refraction inside over outside, positive.
     pub ior: f32,
     /// Factor on light that crosses the interface.
     pub tint: SampledSpectrum,
+    /// Factor on light that is reflected on the outer side; 1 for a real interface.
+    pub reflection_tint: SampledSpectrum,
     /// 1 in every lane in use, 0 elsewhere.
     pub unit: SampledSpectrum,
+    /// A film on the interface.
+    pub film: Option<ThinFilm>,
     /// Roughness.
     pub ggx: Ggx,
     /// Share of light that the medium lets through on the way from the last point to this one, for rays that come from the inside.
     /// It is no property of the interface, but there a path knows how far it went.
     pub arriving: SampledSpectrum,
+}
+
+/// Diffuse lobes in place of light that bounces between facets, seen from one side.
+struct Bounced {
+    /// Losses on this side and on the other.
+    near: DielectricLoss,
+    far: DielectricLoss,
+    /// Share of it that goes through.
+    transmitted: f32,
+    /// `near` towards the direction of light gathered.
+    lost: f32,
 }
 
 /// A pair of directions seen from the side of `wo`, which is above.
@@ -33,7 +52,6 @@ struct Facet {
     wi: Vec3,
     /// Normal of the facet, above.
     m: Vec3,
-    reflectance: f32,
 }
 
 impl DielectricBsdf {
@@ -45,6 +63,22 @@ impl DielectricBsdf {
     fn is_smooth(&self) -> bool {
         // With equal indices nothing bends, however rough the interface.
         self.ggx.is_smooth() || (self.ior - 1.0).abs() < 1e-4
+    }
+
+    /// Reflectance of a facet without a film, and with one if there is one.
+    fn fresnel(&self, cos: f32, eta: f32) -> (f32, SampledSpectrum) {
+        let plain = fresnel::dielectric(cos, eta);
+        let f = SampledSpectrum::splat(plain);
+        let Some(film) = self.film.filter(|_| plain < 1.0) else { return (plain, f) };
+        // The film knows the angle on the outer side only.
+        let outside = eta == self.ior;
+        let cos = if outside { cos } else { (1.0 - (1.0 - cos * cos) / (eta * eta)).max(0.0).sqrt() };
+        (plain, film.reflectance(cos, SampledSpectrum::splat(fresnel::f0_from_ior(self.ior)), f))
+    }
+
+    /// Factor on what is reflected on the side with this relative index.
+    fn mirror_tint(&self, eta: f32) -> SampledSpectrum {
+        if eta == self.ior { self.reflection_tint * self.unit } else { self.unit }
     }
 
     /// Factor on radiance that crosses: tint and change of solid angle.
@@ -59,20 +93,22 @@ impl DielectricBsdf {
 
     fn branches(&self, wo: Vec3) -> (f32, [Option<SpecularBranch>; 2]) {
         let (up, eta) = (lift(wo), self.relative_ior(wo));
-        let reflectance = fresnel::dielectric(up.z, eta);
+        let (plain, reflectance) = self.fresnel(up.z, eta);
         let absorbed = self.absorbed(wo);
-        let reflection = (reflectance > 0.0).then(|| mirror_branch(wo, self.unit * absorbed * reflectance));
+        let mirrored = self.mirror_tint(eta) * absorbed * reflectance;
+        let reflection = (plain > 0.0 || self.film.is_some()).then(|| mirror_branch(wo, mirrored));
         let transmission = fresnel::refract(up, Vec3::Z, eta).map(|wi| SpecularBranch {
             wi: lower_like(wi, wo),
-            weight: self.crossing(eta) * absorbed * (1.0 - reflectance),
+            weight: self.crossing(eta) * absorbed * (SampledSpectrum::ONE - reflectance),
             is_transmission: true,
         });
-        (reflectance, [reflection, transmission])
+        let share =
+            if self.film.is_some() { plain.max(reflectance.max_element()).min(0.5 + 0.5 * plain) } else { plain };
+        (share, [reflection, transmission])
     }
 
-    /// The facet that takes `wi` to `wo` by reflection or refraction.
+    /// The facet that takes `wi` to `wo` by reflection or refraction; `wo` above.
     fn facet(&self, wo: Vec3, wi: Vec3, eta: f32) -> Option<Facet> {
-        let (wo, wi) = (lift(wo), lower_like(wi, wo));
         let eta_i = if wi.z > 0.0 { 1.0 } else { eta };
         let m = (wo + wi * eta_i).try_normalize()?;
         let m = if m.z < 0.0 { -m } else { m };
@@ -80,7 +116,7 @@ impl DielectricBsdf {
         if m.z <= 0.0 || wo.dot(m) <= 0.0 || wi.dot(m) * wi.z <= 0.0 {
             return None;
         }
-        Some(Facet { wo, wi, m, reflectance: fresnel::dielectric(wo.dot(m), eta) })
+        Some(Facet { wo, wi, m })
     }
 
     /// Density of refracted directions per density of facet normals (Walter et al., equation 17).
@@ -89,12 +125,74 @@ impl DielectricBsdf {
         if denominator == 0.0 { 0.0 } else { f.wi.dot(f.m).abs() / (denominator * denominator) }
     }
 
+    /// Density of facets alone.
     fn facet_pdf(&self, f: &Facet, eta: f32) -> f32 {
+        let reflectance = fresnel::dielectric(f.wo.dot(f.m), eta);
         if f.wi.z > 0.0 {
-            self.ggx.reflection_pdf(f.wo, f.wi) * f.reflectance
+            self.ggx.visible_reflection_pdf(f.wo, f.wi) * reflectance
         } else {
-            self.ggx.visible_normal_pdf(f.wo, f.m) * Self::refraction_jacobian(f, eta) * (1.0 - f.reflectance)
+            self.ggx.visible_normal_pdf(f.wo, f.m) * Self::refraction_jacobian(f, eta) * (1.0 - reflectance)
         }
+    }
+
+    /// Value of facets alone, for `wo` above.
+    fn facet_value(&self, f: &Facet, eta: f32) -> SampledSpectrum {
+        let reflectance = self.fresnel(f.wo.dot(f.m), eta).1;
+        if f.wi.z > 0.0 {
+            let value = self.ggx.reflection(f.wo, f.wi).map_or(0.0, |(_, value)| value);
+            self.mirror_tint(eta) * reflectance * value
+        } else {
+            let flux = self.ggx.refraction_flux(f.wo, lift(f.wi), f.m) * Self::refraction_jacobian(f, eta);
+            self.crossing(eta) * (SampledSpectrum::ONE - reflectance) * flux
+        }
+    }
+
+    fn bounced(&self, up: Vec3, eta: f32) -> Bounced {
+        let (near, far) = (DielectricLoss::new(self.ggx, eta), DielectricLoss::new(self.ggx, 1.0 / eta));
+        // Diffuse light from the side of lower index is let through to this share. Both directions of the crossing must then carry
+        // the same light per squared index, which limits it.
+        let through = 1.0 - fresnel::dielectric_average(eta.max(1.0 / eta));
+        let (near_average, far_average) = (near.average(), far.average());
+        let transmitted =
+            if near_average > 0.0 { through * (eta * eta * far_average / near_average).min(1.0) } else { 0.0 };
+        Bounced { near, far, transmitted, lost: near.towards(up) }
+    }
+
+    /// `f |cos(wi)|` with facets and diffuse lobes, for `wo` above; `wi` mirrored likewise.
+    fn value(&self, wo: Vec3, wi: Vec3, eta: f32, bounced: &Bounced) -> SampledSpectrum {
+        let facets = self.facet(wo, wi, eta).map_or(SampledSpectrum::ZERO, |f| self.facet_value(&f, eta));
+        let is_transmission = wi.z < 0.0;
+        let loss = if is_transmission { &bounced.far } else { &bounced.near };
+        let average = loss.average();
+        if average <= 0.0 {
+            return facets;
+        }
+        let diffuse = bounced.lost * loss.towards(lift(wi)) / average * wi.z.abs() * FRAC_1_PI;
+        facets
+            + if is_transmission {
+                self.crossing(eta) * (diffuse * bounced.transmitted)
+            } else {
+                self.mirror_tint(eta) * (diffuse * (1.0 - bounced.transmitted))
+            }
+    }
+
+    fn mixture_pdf(&self, wo: Vec3, wi: Vec3, eta: f32, bounced: &Bounced) -> f32 {
+        let facets = self.facet(wo, wi, eta).map_or(0.0, |f| self.facet_pdf(&f, eta));
+        let side = if wi.z < 0.0 { bounced.transmitted } else { 1.0 - bounced.transmitted };
+        (1.0 - bounced.lost) * facets + bounced.lost * side * bounced_pdf(self.ggx, wi.z.abs())
+    }
+
+    /// A direction for `wo` above.
+    fn sample_rough(&self, up: Vec3, eta: f32, bounced: &Bounced, u_lobe: f32, u: Vec2) -> Option<Vec3> {
+        if u_lobe < bounced.lost {
+            let wi = sample_bounced(self.ggx, u);
+            let is_transmission = u_lobe < bounced.lost * bounced.transmitted;
+            return Some(if is_transmission { Vec3::new(wi.x, wi.y, -wi.z) } else { wi });
+        }
+        let m = self.ggx.sample_visible_normal(up, u);
+        let is_transmission = (u_lobe - bounced.lost) / (1.0 - bounced.lost) >= fresnel::dielectric(up.dot(m), eta);
+        let wi = if is_transmission { fresnel::refract(up, m, eta)? } else { fresnel::reflect(up, m) };
+        (wi.z != 0.0 && (wi.z < 0.0) == is_transmission).then_some(wi)
     }
 }
 
@@ -108,24 +206,16 @@ impl Lobes for DielectricBsdf {
         if self.is_smooth() || wo.z * wi.z == 0.0 {
             return SampledSpectrum::ZERO;
         }
-        let eta = self.relative_ior(wo);
-        let Some(f) = self.facet(wo, wi, eta) else { return SampledSpectrum::ZERO };
-        let value = if f.wi.z > 0.0 {
-            let value = self.ggx.reflection(f.wo, f.wi).map_or(0.0, |(_, value)| value);
-            self.unit * (value * f.reflectance)
-        } else {
-            let flux = self.ggx.refraction_flux(f.wo, lift(f.wi), f.m);
-            self.crossing(eta) * (flux * Self::refraction_jacobian(&f, eta) * (1.0 - f.reflectance))
-        };
-        value * self.absorbed(wo)
+        let (up, eta) = (lift(wo), self.relative_ior(wo));
+        self.value(up, lower_like(wi, wo), eta, &self.bounced(up, eta)) * self.absorbed(wo)
     }
 
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if self.is_smooth() || wo.z * wi.z == 0.0 {
             return 0.0;
         }
-        let eta = self.relative_ior(wo);
-        self.facet(wo, wi, eta).map_or(0.0, |f| self.facet_pdf(&f, eta))
+        let (up, eta) = (lift(wo), self.relative_ior(wo));
+        self.mixture_pdf(up, lower_like(wi, wo), eta, &self.bounced(up, eta))
     }
 
     fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
@@ -133,33 +223,18 @@ impl Lobes for DielectricBsdf {
             return None;
         }
         if self.is_smooth() {
-            let (reflectance, [reflection, transmission]) = self.branches(wo);
-            return if u_lobe < reflectance {
-                reflection.map(|b| b.sample(reflectance))
+            let (share, [reflection, transmission]) = self.branches(wo);
+            return if u_lobe < share {
+                reflection.map(|b| b.sample(share))
             } else {
-                transmission.map(|b| b.sample(1.0 - reflectance))
+                transmission.map(|b| b.sample(1.0 - share))
             };
         }
         let (up, eta) = (lift(wo), self.relative_ior(wo));
-        let m = self.ggx.sample_visible_normal(up, u);
-        let reflectance = fresnel::dielectric(up.dot(m), eta);
-        let is_transmission = u_lobe >= reflectance;
-        let (wi, factor) = if is_transmission {
-            (fresnel::refract(up, m, eta)?, self.crossing(eta))
-        } else {
-            (fresnel::reflect(up, m), self.unit)
-        };
-        if (wi.z < 0.0) != is_transmission || wi.z == 0.0 {
-            return None;
-        }
-        let pdf = self.facet_pdf(&Facet { wo: up, wi, m, reflectance }, eta);
-        (pdf > 0.0).then(|| BsdfSample {
-            wi: lower_like(wi, wo),
-            weight: factor * self.absorbed(wo) * self.ggx.shadowing(up, lift(wi)),
-            pdf,
-            is_delta: false,
-            is_transmission,
-        })
+        let bounced = self.bounced(up, eta);
+        let wi = self.sample_rough(up, eta, &bounced, u_lobe, u)?;
+        let value = self.value(up, wi, eta, &bounced) * self.absorbed(wo);
+        BsdfSample::of(lower_like(wi, wo), value, self.mixture_pdf(up, wi, eta, &bounced), wi.z < 0.0)
     }
 
     fn is_delta(&self) -> bool {
@@ -167,8 +242,9 @@ impl Lobes for DielectricBsdf {
     }
 
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {
-        let reflectance = fresnel::dielectric(wo.z.abs(), self.relative_ior(wo));
-        self.unit * reflectance + self.tint * (1.0 - reflectance)
+        let eta = self.relative_ior(wo);
+        let reflectance = self.fresnel(wo.z.abs(), eta).1;
+        self.mirror_tint(eta) * reflectance + self.tint * (SampledSpectrum::ONE - reflectance)
     }
 
     fn ambient(&self, _wo: Vec3) -> SampledSpectrum {

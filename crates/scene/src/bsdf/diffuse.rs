@@ -1,19 +1,98 @@
-//! Lambertian reflection.
+//! Matte reflection: the energy-preserving Oren-Nayar model.
 
 use super::{BsdfSample, Lobes};
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 
-/// Light leaves in all directions with equal radiance.
+/// Rough matte surfaces look flatter and send more light back where it came from than smooth ones, which are Lambertian (Portsmouth,
+/// Kutz and Hill, EON: A practical energy-preserving rough diffuse BRDF, 2024). A white one loses nothing at any roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct DiffuseBsdf {
-    /// Share of light reflected, `[0, 1]`.
-    pub reflectance: SampledSpectrum,
+    /// Share of light reflected by a facet, `[0, 1]`: that of the surface where it is smooth.
+    reflectance: SampledSpectrum,
+    roughness: f32,
+    /// `A` of the model, and the factor of the lobe that stands for light that meets several facets.
+    level: f32,
+    bounced: SampledSpectrum,
+}
+
+/// Of Fujii's model: loss of level, and gain of the mean albedo.
+const LEVEL: f32 = 0.5 - 2.0 / (3.0 * PI);
+const MEAN: f32 = 2.0 / 3.0 - 28.0 / (15.0 * PI);
+
+impl DiffuseBsdf {
+    /// Lambertian reflection.
+    pub fn lambertian(reflectance: SampledSpectrum) -> Self {
+        Self::new(reflectance, 0.0)
+    }
+
+    /// A matte surface of this roughness, `[0, 1]`.
+    pub fn new(reflectance: SampledSpectrum, roughness: f32) -> Self {
+        let roughness = super::bounded(roughness, 1.0);
+        let level = 1.0 / (1.0 + LEVEL * roughness);
+        let mean = level * (1.0 + MEAN * roughness);
+        let lost = 1.0 - mean;
+        let bounced = if roughness > 0.0 {
+            reflectance * reflectance * (mean / lost) / (SampledSpectrum::ONE - reflectance * lost)
+        } else {
+            SampledSpectrum::ZERO
+        };
+        Self { reflectance, roughness, level, bounced }
+    }
+
+    /// True if nothing is reflected.
+    pub(super) fn is_black(&self) -> bool {
+        self.reflectance.is_black()
+    }
+
+    /// True if all directions get equal radiance.
+    pub(super) fn is_lambertian(&self) -> bool {
+        self.roughness == 0.0
+    }
+
+    /// Share of light that a white surface does not reflect by single facets towards a direction of this cosine.
+    fn lost(&self, cos: f32) -> f32 {
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        let g = sin * (cos.clamp(-1.0, 1.0).acos() - sin * cos)
+            + (2.0 / 3.0) * (sin * cos * (1.0 + sin + sin * sin) / (1.0 + sin) - sin);
+        (1.0 - self.level * (1.0 + self.roughness * FRAC_1_PI * g)).max(0.0)
+    }
+
+    /// `pi f` for directions above.
+    pub(super) fn value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        if self.is_lambertian() {
+            return self.reflectance;
+        }
+        let s = wo.x * wi.x + wo.y * wi.y;
+        let s = if s > 0.0 { s / wo.z.max(wi.z) } else { s };
+        let once = (self.level * (1.0 + self.roughness * s)).max(0.0);
+        self.reflectance * once + self.bounced * (self.lost(wo.z) * self.lost(wi.z))
+    }
+
+    /// `pi f` of a white surface, averaged over the azimuth.
+    pub(super) fn white_mean(&self, cos_o: f32, cos_i: f32) -> f32 {
+        let [so, si] = [cos_o, cos_i].map(|c| (1.0 - c * c).max(0.0).sqrt());
+        let s = FRAC_1_PI * so * si * (1.0 / cos_o.max(cos_i).max(1e-6) - 1.0);
+        let mean = self.level * (1.0 + MEAN * self.roughness);
+        self.level * (1.0 + self.roughness * s) + self.lost(cos_o) * self.lost(cos_i) / (1.0 - mean).max(1e-6)
+    }
+
+    /// Share of light reflected towards a direction of this cosine.
+    pub(super) fn directional_albedo(&self, cos: f32) -> SampledSpectrum {
+        if self.is_lambertian() {
+            return self.reflectance;
+        }
+        let (lost, mean) = (self.lost(cos), self.level * (1.0 + MEAN * self.roughness));
+        self.reflectance * (1.0 - lost) + self.bounced * (lost * (1.0 - mean))
+    }
 }
 
 impl Lobes for DiffuseBsdf {
     fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        if wo.z * wi.z <= 0.0 { SampledSpectrum::ZERO } else { self.reflectance * (wi.z.abs() * FRAC_1_PI) }
+        if wo.z * wi.z <= 0.0 {
+            return SampledSpectrum::ZERO;
+        }
+        self.value(super::lift(wo), super::lift(wi)) * (wi.z.abs() * FRAC_1_PI)
     }
 
     fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
@@ -25,14 +104,11 @@ impl Lobes for DiffuseBsdf {
     }
 
     fn sample(&self, wo: Vec3, _u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
-        let mut wi = sampling::cosine_hemisphere(u);
-        let pdf = sampling::cosine_hemisphere_pdf(wi.z);
-        if wo.z < 0.0 {
-            wi.z = -wi.z;
-        }
-        (pdf > 0.0 && wo.z != 0.0).then_some(BsdfSample {
-            wi,
-            weight: self.reflectance,
+        let up = sampling::cosine_hemisphere(u);
+        let pdf = sampling::cosine_hemisphere_pdf(up.z);
+        (pdf > 0.0 && wo.z != 0.0).then(|| BsdfSample {
+            wi: super::lower_like(up, wo),
+            weight: self.value(super::lift(wo), up),
             pdf,
             is_delta: false,
             is_transmission: false,
@@ -47,7 +123,7 @@ impl Lobes for DiffuseBsdf {
         true
     }
 
-    fn albedo(&self, _wo: Vec3) -> SampledSpectrum {
-        self.reflectance
+    fn albedo(&self, wo: Vec3) -> SampledSpectrum {
+        self.directional_albedo(wo.z.abs())
     }
 }

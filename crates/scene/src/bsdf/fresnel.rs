@@ -36,6 +36,25 @@ pub fn dielectric(cos_i: f32, eta: f32) -> f32 {
     (parallel * parallel + perpendicular * perpendicular) * 0.5
 }
 
+/// Reflectance of an interface between dielectrics for diffuse light from the side of lower index; `eta >= 1` as in [`refract`].
+/// The closed form of Walsh (1926), as in Judd, Fresnel reflection of diffusely incident light (1942).
+pub fn dielectric_average(eta: f32) -> f32 {
+    if eta < 1.002 {
+        // Its terms cancel; the limit is linear.
+        return (eta - 1.0).max(0.0) * 0.33;
+    }
+    if eta > 100.0 {
+        return (eta - 1.0) / (4.08567 + 1.00071 * eta);
+    }
+    let n = f64::from(eta);
+    let (n2, n4) = (n * n, n * n * n * n);
+    let rational = 0.5 + (n - 1.0) * (3.0 * n + 1.0) / (6.0 * (n + 1.0).powi(2));
+    let parallel = n2 * (n2 - 1.0).powi(2) / (n2 + 1.0).powi(3) * ((n - 1.0) / (n + 1.0)).ln();
+    let mixed = 2.0 * n2 * n * (n2 + 2.0 * n - 1.0) / ((n2 + 1.0) * (n4 - 1.0));
+    let last = 8.0 * n4 * (n4 + 1.0) / ((n2 + 1.0) * (n4 - 1.0).powi(2)) * n.ln();
+    (rational + parallel - mixed + last) as f32
+}
+
 /// Reflectance of a conductor with index of refraction `eta + i k` (relative to the outside) for unpolarised light, from the
 /// closed form in real numbers (Born and Wolf, Principles of Optics, section 14.2).
 pub fn conductor(cos_i: f32, eta: f32, k: f32) -> f32 {
@@ -87,6 +106,20 @@ mod tests {
         // Beyond the critical angle of glass to air, 41.8 degrees.
         assert_eq!(dielectric(45f32.to_radians().cos(), 1.0 / 1.5), 1.0);
         assert_eq!(dielectric(0.3, 1.0), 0.0);
+    }
+
+    #[test]
+    fn the_mean_reflectance_is_the_integral() {
+        for eta in [1.001f32, 1.0021, 1.01, 1.1, 1.5, 2.5, 20.0, 101.0] {
+            let steps = 100_000;
+            let term = |i: i32| {
+                let mu = (f64::from(i) + 0.5) / f64::from(steps);
+                2.0 * mu * f64::from(dielectric(mu as f32, eta)) / f64::from(steps)
+            };
+            let mean: f64 = (0..steps).map(term).sum();
+            let found = f64::from(dielectric_average(eta));
+            assert!((found - mean).abs() < 2e-3 * mean + 2e-5, "{eta}: {found} for {mean}");
+        }
     }
 
     #[test]

@@ -1,186 +1,258 @@
-//! A glossy layer over a diffuse or transparent base: plastics, paints, and the metallic-roughness model of glTF.
+//! A dielectric gloss over a scattering body: plastics, paints, leaves, skin.
 //!
-//! The layer is GGX with Schlick's reflectance. The base gets what the layer lets through on the way in and on the way out,
-//! `(1 - E(wo)) (1 - E(wi)) / (1 - E_average)` with `E` the layer's albedo (Kelemen and Szirmay-Kalos, A Microfacet Based Coupled
-//! Specular-Matte BRDF Model, 2001): reciprocal, and a white base loses nothing.
+//! The gloss is GGX with Fresnel's law. The body gets what the gloss lets through on the way in and on the way out,
+//! `(1 - E(wo)) (1 - E(wi))` with `E` the albedo of the gloss, over its mean in the body's directions (Kelemen and Szirmay-Kalos, A
+//! Microfacet Based Coupled Specular-Matte BRDF Model, 2001): a white body loses nothing, and over a Lambertian body the model is
+//! reciprocal. Light that bounces between facets enters the body.
 
+use super::energy::DielectricReflection;
+use super::film::ThinFilm;
 use super::ggx::Ggx;
-use super::ggx_albedo::LayerAlbedo;
 use super::mirror::mirror_branch;
-use super::{BsdfSample, Lobes, SpecularBranch, fresnel, lift, lower_like};
+use super::{BsdfSample, Choice, DiffuseBsdf, Lobes, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::FRAC_1_PI;
+
+/// The interface on top.
+#[derive(Clone, Copy, Debug)]
+pub struct Gloss {
+    /// Index of refraction over that of the outside. Below 1 the reflectance is that of its inverse, without total reflection, as
+    /// OpenPBR suggests for what lies under a denser coat.
+    pub ior: f32,
+    /// Factor on the reflection.
+    pub tint: SampledSpectrum,
+    /// Roughness.
+    pub ggx: Ggx,
+    /// A film on the interface.
+    pub film: Option<ThinFilm>,
+}
+
+/// What lies below the interface. Shares of the light that reaches it, together at most 1 in each lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Body {
+    /// What comes back diffusely.
+    pub diffuse: DiffuseBsdf,
+    /// What leaves diffusely on the other side, through an interface like the upper one.
+    pub through: SampledSpectrum,
+    /// What goes on diffusely in the medium inside.
+    pub walk: SampledSpectrum,
+}
+
+impl Body {
+    /// A body that only reflects.
+    pub fn matte(diffuse: DiffuseBsdf) -> Self {
+        Self { diffuse, through: SampledSpectrum::ZERO, walk: SampledSpectrum::ZERO }
+    }
+}
 
 /// The parameters of one point. Make it with [`GlossyBsdf::new`].
 #[derive(Clone, Copy, Debug)]
 pub struct GlossyBsdf {
+    gloss: Gloss,
+    body: Body,
+    albedo: DielectricReflection,
+    /// Reflectance of the interface at normal incidence, for the film.
     f0: SampledSpectrum,
-    f90: SampledSpectrum,
-    ggx: Ggx,
-    diffuse: SampledSpectrum,
-    transmission: SampledSpectrum,
-    layer: LayerAlbedo,
-}
-
-/// Shares of the three lobes among the samples; they add up to 1.
-#[derive(Clone, Copy)]
-struct Choice {
-    layer: f32,
-    diffuse: f32,
+    /// Share of diffuse light that the gloss lets through.
+    passed_average: SampledSpectrum,
 }
 
 impl GlossyBsdf {
-    /// A layer that reflects `f0` at normal and `f90` at grazing incidence, over a base of which `diffuse` comes back diffusely and
-    /// `transmission` passes straight through (thin walls: no bending; roughness spreads it as much as the reflection). All in
-    /// `[0, 1]`, and `diffuse + transmission <= 1`.
-    pub fn new(
-        f0: SampledSpectrum,
-        f90: SampledSpectrum,
-        ggx: Ggx,
-        diffuse: SampledSpectrum,
-        transmission: SampledSpectrum,
-    ) -> Self {
-        Self { f0, f90, ggx, diffuse, transmission, layer: LayerAlbedo::new(ggx) }
+    /// A gloss over a body.
+    pub fn new(gloss: Gloss, body: Body) -> Self {
+        let ior = if gloss.ior < 1.0 { 1.0 / gloss.ior } else { gloss.ior };
+        let albedo = DielectricReflection::new(gloss.ggx, ior);
+        let mut made = Self {
+            gloss: Gloss { ior, ..gloss },
+            body,
+            albedo,
+            f0: SampledSpectrum::splat(fresnel::f0_from_ior(ior)),
+            passed_average: SampledSpectrum::ZERO,
+        };
+        made.passed_average = made.mean_of_passed();
+        made
     }
 
-    fn layer_albedo(&self, w: Vec3) -> SampledSpectrum {
-        self.layer.directional(w.z.abs(), self.f0, self.f90)
+    fn mean_of_passed(&self) -> SampledSpectrum {
+        let average = if self.gloss.film.is_some() {
+            NODES.iter().map(|&(cos, weight)| self.gloss_albedo(along(cos)) * weight).sum()
+        } else {
+            self.gloss.tint * self.albedo.average()
+        };
+        SampledSpectrum::ONE - average
     }
 
-    fn choice(&self, wo: Vec3) -> Option<Choice> {
-        let sum = |s: SampledSpectrum| s.0.iter().sum::<f32>();
-        let e = self.layer_albedo(wo);
+    fn fresnel(&self, cos: f32) -> SampledSpectrum {
+        let f = SampledSpectrum::splat(fresnel::dielectric(cos, self.gloss.ior));
+        let f = self.gloss.film.map_or(f, |film| film.reflectance(cos, self.f0, f));
+        f * self.gloss.tint
+    }
+
+    /// Share of light that the gloss reflects towards a direction above.
+    fn gloss_albedo(&self, w: Vec3) -> SampledSpectrum {
+        let plain = self.albedo.towards(w);
+        let Some(film) = self.gloss.film else { return self.gloss.tint * plain };
+        // The film changes the reflectance of the typical facet, and as much what all of them reflect.
+        let cos = self.gloss.ggx.facet_cosine(w);
+        let f = fresnel::dielectric(cos, self.gloss.ior);
+        let ratio = if f > 0.0 { plain / f } else { 1.0 };
+        (film.reflectance(cos, self.f0, SampledSpectrum::splat(f)) * ratio).clamp(0.0, 1.0) * self.gloss.tint
+    }
+
+    /// Share of light that reaches the body from a direction above.
+    fn passed(&self, w: Vec3) -> SampledSpectrum {
+        SampledSpectrum::ONE - self.gloss_albedo(w)
+    }
+
+    /// Mean of [`Self::passed`] over the directions in which a white body scatters light towards `wo`.
+    fn passed_by_body(&self, wo: Vec3) -> SampledSpectrum {
+        if self.body.diffuse.is_lambertian() {
+            return self.passed_average;
+        }
+        let difference = |&(cos, weight): &(f32, f32)| {
+            (self.passed(along(cos)) - self.passed_average) * (weight * (self.body.diffuse.white_mean(wo.z, cos) - 1.0))
+        };
+        self.passed_average + NODES.iter().map(difference).sum::<SampledSpectrum>()
+    }
+
+    /// `(1 - E(wo)) (1 - E(wi)) / mean` for directions above.
+    fn coupling(&self, wo: Vec3, wi: Vec3, mean: SampledSpectrum) -> SampledSpectrum {
+        (self.passed(wo) * self.passed(wi)).zip(mean, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 })
+    }
+
+    /// `f |cos(wi)|` of the gloss for directions above.
+    fn gloss_value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        if self.gloss.ggx.is_smooth() {
+            return SampledSpectrum::ZERO;
+        }
+        let reflection = self.gloss.ggx.reflection(wo, wi);
+        reflection.map_or(SampledSpectrum::ZERO, |(m, value)| self.fresnel(wo.dot(m)) * value)
+    }
+
+    /// `f |cos(wi)|` of the body for directions lifted above.
+    fn body_value(&self, wo: Vec3, wi: Vec3, is_transmission: bool) -> SampledSpectrum {
+        let cos = wi.z * FRAC_1_PI;
+        if !is_transmission {
+            if self.body.diffuse.is_black() {
+                return SampledSpectrum::ZERO;
+            }
+            return self.body.diffuse.value(wo, wi) * self.coupling(wo, wi, self.passed_by_body(wo)) * cos;
+        }
+        let mut value = SampledSpectrum::ZERO;
+        if !self.body.through.is_black() {
+            value += self.body.through * self.coupling(wo, wi, self.passed_average) * cos;
+        }
+        if !self.body.walk.is_black() {
+            value += self.body.walk * self.passed(wo) * cos;
+        }
+        value
+    }
+
+    /// `f |cos(wi)|` where light of the medium inside, gathered along `wo`, comes out: `wi` is outside and above, for a share of 1.
+    pub(super) fn exit_value(&self, wi: Vec3) -> SampledSpectrum {
+        self.passed(wi).zip(self.passed_average, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 })
+            * (wi.z * FRAC_1_PI)
+    }
+
+    /// Probabilities of gloss, reflection and transmission by the body.
+    fn choice(&self, wo: Vec3) -> Choice<3> {
+        let e = self.gloss_albedo(wo);
         let rest = SampledSpectrum::ONE - e;
-        let [layer, diffuse, transmission] = [e, self.diffuse * rest, self.transmission * rest].map(sum);
-        let total = layer + diffuse + transmission;
-        (total > 0.0).then(|| Choice { layer: layer / total, diffuse: diffuse / total })
+        Choice::new([e, self.body.diffuse.directional_albedo(wo.z) * rest, (self.body.through + self.body.walk) * rest])
     }
 
-    /// `f |cos(wi)|` of the diffuse base.
-    fn diffuse_value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        if self.diffuse.is_black() {
-            return SampledSpectrum::ZERO;
+    fn mixture_pdf(&self, choice: &Choice<3>, wo: Vec3, wi: Vec3, is_transmission: bool) -> f32 {
+        let [gloss, diffuse, through] = choice.probabilities;
+        let cosine = sampling::cosine_hemisphere_pdf(wi.z);
+        if is_transmission {
+            return through * cosine;
         }
-        let lost = SampledSpectrum::ONE - self.layer.average(self.f0, self.f90);
-        let (out, into) = (SampledSpectrum::ONE - self.layer_albedo(wo), SampledSpectrum::ONE - self.layer_albedo(wi));
-        let coupling = (out * into).zip(lost, |x, lost| if lost > 1e-5 { x / lost } else { 0.0 });
-        self.diffuse * coupling * (wi.z.abs() * FRAC_1_PI)
+        let facets = if self.gloss.ggx.is_smooth() { 0.0 } else { self.gloss.ggx.reflection_pdf(wo, wi) };
+        gloss * facets + diffuse * cosine
     }
 
-    /// `f |cos(wi)|` of the facets: reflection for `wi` on the side of `wo`, else thin transmission, which is the same mirrored.
-    fn facet_value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        if self.ggx.is_smooth() {
-            return SampledSpectrum::ZERO;
-        }
-        let Some((m, value)) = self.ggx.reflection(lift(wo), lift(wi)) else { return SampledSpectrum::ZERO };
-        let reflectance = fresnel::schlick(lift(wo).dot(m), self.f0, self.f90);
-        if wo.z * wi.z > 0.0 {
-            reflectance * value
-        } else {
-            self.transmission * (SampledSpectrum::ONE - reflectance) * value
-        }
+    fn mirror(&self, wo: Vec3) -> SpecularBranch {
+        mirror_branch(wo, self.fresnel(wo.z.abs()))
     }
+}
 
-    fn mixture_pdf(&self, choice: Choice, wo: Vec3, wi: Vec3) -> f32 {
-        let facets = if self.ggx.is_smooth() { 0.0 } else { self.ggx.reflection_pdf(lift(wo), lift(wi)) };
-        if wo.z * wi.z > 0.0 {
-            choice.layer * facets + choice.diffuse * sampling::cosine_hemisphere_pdf(wi.z.abs())
-        } else {
-            (1.0 - choice.layer - choice.diffuse).max(0.0) * facets
-        }
-    }
+/// Gauss's points for the weight `2 mu` on [0, 1].
+const NODES: [(f32, f32); 5] = [
+    (0.098_535_09, 0.031_495_83),
+    (0.304_535_73, 0.147_817_74),
+    (0.562_025_19, 0.292_773_97),
+    (0.801_986_58, 0.334_349_28),
+    (0.960_190_14, 0.193_563_18),
+];
 
-    fn straight_through(&self, wo: Vec3) -> SpecularBranch {
-        let reflectance = fresnel::schlick(wo.z.abs(), self.f0, self.f90);
-        let weight = self.transmission * (SampledSpectrum::ONE - reflectance);
-        SpecularBranch { wi: -wo, weight, is_transmission: true }
-    }
-
-    fn smooth_reflection(&self, wo: Vec3) -> SpecularBranch {
-        mirror_branch(wo, fresnel::schlick(wo.z.abs(), self.f0, self.f90))
-    }
+/// A direction of this cosine.
+fn along(cos: f32) -> Vec3 {
+    Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos)
 }
 
 impl Lobes for GlossyBsdf {
     fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        let side = wo.z * wi.z;
-        if side > 0.0 {
-            self.facet_value(wo, wi) + self.diffuse_value(wo, wi)
-        } else if side < 0.0 {
-            self.facet_value(wo, wi)
-        } else {
-            SampledSpectrum::ZERO
+        let (up, wi_up) = (lift(wo), lift(wi));
+        match wo.z * wi.z {
+            side if side > 0.0 => self.gloss_value(up, wi_up) + self.body_value(up, wi_up, false),
+            side if side < 0.0 => self.body_value(up, wi_up, true),
+            _ => SampledSpectrum::ZERO,
         }
     }
 
     fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        if wo.z * wi.z > 0.0 { self.diffuse_value(wo, wi) } else { SampledSpectrum::ZERO }
+        if wo.z * wi.z > 0.0 { self.body_value(lift(wo), lift(wi), false) } else { SampledSpectrum::ZERO }
     }
 
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         if wo.z * wi.z == 0.0 {
             return 0.0;
         }
-        self.choice(wo).map_or(0.0, |choice| self.mixture_pdf(choice, wo, wi))
+        self.mixture_pdf(&self.choice(lift(wo)), lift(wo), lift(wi), wo.z * wi.z < 0.0)
     }
 
     fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         if wo.z == 0.0 {
             return None;
         }
-        let choice = self.choice(wo)?;
-        let is_diffuse = u_lobe >= choice.layer && u_lobe < choice.layer + choice.diffuse;
-        let is_transmission = u_lobe >= choice.layer + choice.diffuse;
-        let transmission_share = 1.0 - choice.layer - choice.diffuse;
-        if is_transmission && transmission_share <= 0.0 {
-            return None;
+        let up = lift(wo);
+        let choice = self.choice(up);
+        let lobe = choice.pick(u_lobe)?.0;
+        if lobe == 0 && self.gloss.ggx.is_smooth() {
+            return Some(self.mirror(wo).sample(choice.probabilities[0]));
         }
-        if self.ggx.is_smooth() && !is_diffuse {
-            return Some(if is_transmission {
-                self.straight_through(wo).sample(transmission_share)
-            } else {
-                self.smooth_reflection(wo).sample(choice.layer)
-            });
-        }
-        let up = if is_diffuse {
-            sampling::cosine_hemisphere(u)
-        } else {
-            fresnel::reflect(lift(wo), self.ggx.sample_visible_normal(lift(wo), u))
-        };
-        if up.z <= 0.0 {
-            return None;
-        }
-        let same_side = lower_like(up, wo);
-        let wi = if is_transmission { Vec3::new(same_side.x, same_side.y, -same_side.z) } else { same_side };
-        let pdf = self.mixture_pdf(choice, wo, wi);
-        (pdf > 0.0).then(|| BsdfSample { wi, weight: self.eval(wo, wi) / pdf, pdf, is_delta: false, is_transmission })
+        let wi_up = if lobe == 0 { self.gloss.ggx.sample_reflection(up, u)? } else { sampling::cosine_hemisphere(u) };
+        let is_transmission = lobe == 2;
+        let wi = lower_like(if is_transmission { Vec3::new(wi_up.x, wi_up.y, -wi_up.z) } else { wi_up }, wo);
+        BsdfSample::of(wi, self.eval(wo, wi), self.mixture_pdf(&choice, up, wi_up, is_transmission), is_transmission)
     }
 
     fn is_delta(&self) -> bool {
-        self.ggx.is_smooth() && self.diffuse.is_black()
+        self.gloss.ggx.is_smooth()
+            && self.body.diffuse.is_black()
+            && self.body.through.is_black()
+            && self.body.walk.is_black()
     }
 
     fn is_opaque(&self) -> bool {
-        self.ggx.is_smooth() || self.transmission.is_black()
+        self.body.through.is_black() && self.body.walk.is_black()
     }
 
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {
-        let e = self.layer_albedo(wo);
-        e + (self.diffuse + self.transmission) * (SampledSpectrum::ONE - e)
+        let e = self.gloss_albedo(lift(wo));
+        let body = self.body.diffuse.directional_albedo(wo.z.abs()) + self.body.through + self.body.walk;
+        e + body * (SampledSpectrum::ONE - e)
     }
 
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {
-        // What smooth layers mirror and transmit comes with the branches.
-        let e = self.layer_albedo(wo);
-        let base = self.diffuse * (SampledSpectrum::ONE - e);
-        if self.ggx.is_smooth() { base } else { base + e }
+        // What smooth layers mirror comes with the branch.
+        let e = self.gloss_albedo(lift(wo));
+        let base = self.body.diffuse.directional_albedo(wo.z.abs()) * (SampledSpectrum::ONE - e);
+        if self.gloss.ggx.is_smooth() { base } else { base + e }
     }
 
     fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
-        if !self.ggx.is_smooth() {
-            return [None, None];
-        }
-        let some = |b: SpecularBranch| (!b.weight.is_black()).then_some(b);
-        [some(self.smooth_reflection(wo)), some(self.straight_through(wo))]
+        let mirror = self.gloss.ggx.is_smooth().then(|| self.mirror(wo)).filter(|b| !b.weight.is_black());
+        [mirror, None]
     }
 }

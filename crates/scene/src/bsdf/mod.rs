@@ -4,28 +4,33 @@
 //! it comes from. Opaque BSDFs reflect on both sides; dielectrics are outside where `z > 0`.
 
 mod black;
-mod coated;
 mod conductor;
 mod dielectric;
 mod diffuse;
+mod energy;
+mod film;
 pub mod fresnel;
+mod fuzz;
 mod ggx;
-mod ggx_albedo;
 mod glossy;
 mod mirror;
+mod open_pbr;
 mod phong;
+mod sheet;
 #[cfg(test)]
 mod tests;
 
 pub use black::BlackBsdf;
-pub use coated::CoatedBsdf;
 pub use conductor::{ConductorBsdf, FacetReflectance};
 pub use dielectric::DielectricBsdf;
 pub use diffuse::DiffuseBsdf;
+pub use film::ThinFilm;
 pub use ggx::Ggx;
-pub use glossy::GlossyBsdf;
+pub use glossy::{Body, Gloss, GlossyBsdf};
 pub use mirror::MirrorBsdf;
+pub use open_pbr::{Coat, Fuzz, OpenPbrBsdf, Slabs, Translucent};
 pub use phong::{PhongBsdf, PhongCoefficients};
+pub use sheet::SheetBsdf;
 
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
@@ -42,6 +47,41 @@ pub struct BsdfSample {
     pub is_delta: bool,
     /// True if the path crosses the surface.
     pub is_transmission: bool,
+}
+
+impl BsdfSample {
+    /// The sample of a direction with its value (`f |cos|`) and density. `None` if the density is 0.
+    fn of(wi: Vec3, value: SampledSpectrum, pdf: f32, is_transmission: bool) -> Option<Self> {
+        (pdf > 0.0).then(|| Self { wi, weight: value / pdf, pdf, is_delta: false, is_transmission })
+    }
+}
+
+/// Probabilities of `N` lobes. They add up to 1, or are all 0 if no lobe has anything to give.
+#[derive(Clone, Copy, Debug)]
+struct Choice<const N: usize> {
+    probabilities: [f32; N],
+}
+
+impl<const N: usize> Choice<N> {
+    /// In proportion to the lobes' albedos.
+    fn new(albedos: [SampledSpectrum; N]) -> Self {
+        let sums = albedos.map(|s| s.0.iter().sum::<f32>().max(0.0));
+        let total: f32 = sums.iter().sum();
+        Self { probabilities: if total > 0.0 && total.is_finite() { sums.map(|x| x / total) } else { [0.0; N] } }
+    }
+
+    /// The lobe that a number in `[0, 1)` stands for, and a number in `[0, 1)` for use in that lobe.
+    fn pick(&self, u: f32) -> Option<(usize, f32)> {
+        let mut rest = u;
+        for (i, &p) in self.probabilities.iter().enumerate() {
+            if rest < p {
+                return Some((i, (rest / p).min(1.0 - f32::EPSILON)));
+            }
+            rest -= p;
+        }
+        // Rounding may leave a little over.
+        self.probabilities.iter().rposition(|&p| p > 0.0).map(|i| (i, 1.0 - f32::EPSILON))
+    }
 }
 
 /// One direction of perfect reflection or refraction with its factor: what Whitted's recursion follows.
@@ -114,7 +154,7 @@ macro_rules! bsdfs {
         /// Any BSDF, with parameters fixed for one point.
         #[derive(Clone, Debug)]
         pub enum Bsdf {
-            $(#[doc = concat!("See [`", stringify!($type), "`].")] $kind($type),)*
+            $(#[doc = concat!("`", stringify!($type), "`.")] $kind($type),)*
         }
 
         impl Lobes for Bsdf {
@@ -141,7 +181,7 @@ bsdfs! {
     Conductor => ConductorBsdf,
     Dielectric => DielectricBsdf,
     Glossy => GlossyBsdf,
-    Coated => CoatedBsdf,
+    OpenPbr => Box<OpenPbrBsdf>,
 }
 
 /// `x` in `[0, most]`; NaN counts as 0.

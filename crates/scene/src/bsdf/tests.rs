@@ -54,27 +54,72 @@ fn for_each(mut check: impl FnMut(&str, &MaterialKind, &Bsdf, Vec3)) {
     }
 }
 
-/// Change of the radiance scale at refraction, undone: what is left is energy.
-fn energy_scale(kind: &MaterialKind, wo: Vec3, is_transmission: bool) -> f32 {
-    match kind {
-        MaterialKind::Dielectric(d) if is_transmission => {
-            if wo.z > 0.0 {
-                d.ior.at_line_d().powi(2)
-            } else {
-                1.0 / d.ior.at_line_d().powi(2)
-            }
+/// Index of refraction behind the surface over that on the side of `wo`, for what bends light.
+fn relative_ior(kind: &MaterialKind, wo: Vec3) -> f32 {
+    let ior = match kind {
+        MaterialKind::Dielectric(d) => d.ior.at_line_d(),
+        MaterialKind::OpenPbr(p) if p.transmission_weight.factor > 0.0 && !p.geometry_thin_walled => {
+            p.specular_ior.factor
         }
         _ => 1.0,
+    };
+    if wo.z > 0.0 { ior } else { 1.0 / ior }
+}
+
+/// Change of the radiance scale at refraction, undone: what is left is energy.
+fn energy_scale(kind: &MaterialKind, wo: Vec3, is_transmission: bool) -> f32 {
+    if is_transmission { relative_ior(kind, wo).powi(2) } else { 1.0 }
+}
+
+/// True if light goes on in a medium inside, whose BSDF is not the whole story.
+fn has_walk(kind: &MaterialKind) -> bool {
+    matches!(kind, MaterialKind::OpenPbr(p) if p.subsurface_weight.factor > 0.0 && !p.geometry_thin_walled)
+}
+
+/// True for materials whose layers are weighted by the viewer's direction alone (and fuzz, which is a fit of that form).
+fn is_layered(kind: &MaterialKind) -> bool {
+    match kind {
+        MaterialKind::OpenPbr(p) => {
+            p.coat_weight.factor > 0.0
+                || has_walk(kind)
+                || p.fuzz_weight.factor > 0.0
+                || p.base_diffuse_roughness.factor > 0.0
+                || p.specular_color.factor != Rgb::WHITE
+        }
+        MaterialKind::MetallicRoughness(m) => m.clearcoat.factor > 0.0,
+        MaterialKind::CoatedConductor(_) => true,
+        _ => false,
     }
 }
 
-/// Share of a uniform surrounding that is seen, by a fixed low-discrepancy set (Roberts' R3 sequence).
+/// The first three dimensions of Sobol's sequence (direction numbers of Joe and Kuo, 2008).
+fn sobol(i: u32) -> [f32; 3] {
+    let mut numbers = [[0u32; 32]; 3];
+    for k in 0..32 {
+        let shift = 31 - k;
+        let m = |d: usize, back: usize| numbers[d][k - back] >> (31 - (k - back));
+        let found = [
+            1,
+            if k == 0 { 1 } else { m(1, 1) << 1 ^ m(1, 1) },
+            if k < 2 { [1, 3][k] } else { m(2, 1) << 1 ^ m(2, 2) << 2 ^ m(2, 2) },
+        ];
+        for (d, m) in found.into_iter().enumerate() {
+            numbers[d][k] = m << shift;
+        }
+    }
+    numbers.map(|v| {
+        let bits = (0..32).filter(|k| i >> k & 1 == 1).fold(0, |x, k| x ^ v[k]);
+        (bits >> 8) as f32 / (1u32 << 24) as f32
+    })
+}
+
+/// Share of a uniform surrounding that is seen, by the first points of Sobol's sequence.
 fn furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3, n: u32) -> [f64; 3] {
+    static POINTS: std::sync::LazyLock<Vec<[f32; 3]>> = std::sync::LazyLock::new(|| (0..1 << 17).map(sobol).collect());
+    let half = 0.5 / n as f32;
     let mut sum = [0.0; 3];
-    for i in 0..n {
-        let at = |step: f64| (0.5 + f64::from(i) * step).fract() as f32;
-        let u = Vec2::new(at(0.671_043_606_703_789_2), at(0.549_700_477_901_970_3));
-        if let Some(s) = bsdf.sample(wo, at(0.819_172_513_396_164_4), u) {
+    for &[lobe, x, y] in &POINTS[..n as usize] {
+        if let Some(s) = bsdf.sample(wo, lobe + half, Vec2::new(x + half, y + half)) {
             let scale = energy_scale(kind, wo, s.is_transmission);
             for (sum, w) in sum.iter_mut().zip(s.weight.0) {
                 *sum += f64::from(w * scale);
@@ -97,8 +142,8 @@ fn opaque_bsdfs_bring_no_light_across() {
 #[test]
 fn no_bsdf_makes_light() {
     for_each(|name, kind, bsdf, wo| {
-        let albedo = furnace(kind, bsdf, wo, 100_000);
-        assert!(albedo.iter().all(|&a| a <= 1.001), "{name}: {albedo:?}");
+        let albedo = furnace(kind, bsdf, wo, 1 << 15);
+        assert!(albedo.iter().all(|&a| a <= 1.003), "{name}: {albedo:?}");
     });
 }
 
@@ -124,9 +169,71 @@ fn lossless_settings_lose_nothing() {
     for kind in lossless {
         let bsdf = bsdf(&kind);
         for wo in views() {
-            let albedo = furnace(&kind, &bsdf, wo, 400_000);
+            let albedo = furnace(&kind, &bsdf, wo, 1 << 16);
             assert!(albedo.iter().all(|a| (a - 1.0).abs() < 1e-3), "{kind:?} from {wo}: {albedo:?}");
         }
+    }
+}
+
+/// Twenty roughnesses and ten angles, from either side where `sides` is 2, of lossless settings.
+fn lossless_at_every_roughness_and_angle(sides: usize, n: u32, most: f64, kind: impl Fn(f32) -> MaterialKind) {
+    for r in 1..=20 {
+        let kind = kind(r as f32 * 0.05);
+        let bsdf = bsdf(&kind);
+        for angle in 0..10 {
+            for side in 0..sides {
+                let theta = (angle as f32 * 9.5 + 2.0).to_radians();
+                let wo = Vec3::new(theta.sin(), 0.0, if side == 0 { theta.cos() } else { -theta.cos() });
+                let share = furnace(&kind, &bsdf, wo, n)[0];
+                assert!((share - 1.0).abs() < most, "{share} at {} degrees: {kind:?}", theta.to_degrees());
+            }
+        }
+    }
+}
+
+#[test]
+fn white_metals_lose_nothing_at_any_roughness() {
+    lossless_at_every_roughness_and_angle(1, 1 << 13, 1e-3, |r| {
+        crate::material::Conductor::color(Rgb::WHITE, r).into()
+    });
+}
+
+#[test]
+fn clear_dielectrics_lose_nothing_at_any_roughness() {
+    lossless_at_every_roughness_and_angle(2, 1 << 12, 5e-3, |r| crate::material::Dielectric::rough(1.5, r).into());
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn clear_dielectrics_lose_less_than_a_thousandth_at_any_roughness() {
+    for ior in [1.33, 1.5, 2.4] {
+        lossless_at_every_roughness_and_angle(2, 1 << 16, 1e-3, |r| crate::material::Dielectric::rough(ior, r).into());
+    }
+}
+
+#[test]
+fn white_layers_lose_nothing_at_any_roughness() {
+    use crate::material::OpenPbr;
+    let white = || crate::material::ColorParam::from(Rgb::WHITE);
+    let plain = |r: f32| OpenPbr { base_color: white(), specular_roughness: r.into(), ..OpenPbr::default() };
+    let all: [&dyn Fn(f32) -> OpenPbr; 8] = [
+        &plain,
+        &|r| OpenPbr { base_diffuse_roughness: 1.0.into(), specular_weight: 2.0.into(), ..plain(r) },
+        &|r| OpenPbr { coat_weight: 1.0.into(), coat_roughness: r.into(), ..plain(0.5) },
+        &|r| OpenPbr { coat_weight: 0.7.into(), base_metalness: 0.5.into(), fuzz_weight: 1.0.into(), ..plain(r) },
+        &|r| OpenPbr { fuzz_weight: 0.8.into(), fuzz_roughness: r.into(), ..plain(0.3) },
+        &|r| OpenPbr { transmission_weight: 1.0.into(), geometry_thin_walled: true, ..plain(r) },
+        &|r| OpenPbr {
+            subsurface_weight: 0.6.into(),
+            subsurface_color: white(),
+            geometry_thin_walled: true,
+            ..plain(r)
+        },
+        &|r| OpenPbr { subsurface_weight: 0.6.into(), subsurface_color: white(), coat_weight: 1.0.into(), ..plain(r) },
+    ];
+    for surface in all {
+        // What so few directions leave as noise is most of what is allowed here.
+        lossless_at_every_roughness_and_angle(1, 1 << 12, 1e-2, |r| surface(r).into());
     }
 }
 
@@ -183,6 +290,9 @@ fn samples_agree_with_value_and_density() {
 #[test]
 fn values_are_reciprocal() {
     for_each(|name, kind, bsdf, wo| {
+        if is_layered(kind) {
+            return;
+        }
         for i in 0..200u32 {
             let wi = snell_math::sampling::uniform_sphere(rng::uniform2([i, 21, 3, 0]));
             let is_transmission = wi.z * wo.z < 0.0;
@@ -202,7 +312,7 @@ fn values_are_reciprocal() {
 #[test]
 fn both_sides_of_opaque_materials_look_alike() {
     for_each(|name, kind, bsdf, wo| {
-        if matches!(kind, MaterialKind::Dielectric(_)) {
+        if relative_ior(kind, wo) != 1.0 || has_walk(kind) || matches!(kind, MaterialKind::Dielectric(_)) {
             return;
         }
         let flip = |v: Vec3| Vec3::new(v.x, v.y, -v.z);
@@ -289,11 +399,7 @@ fn samples_are_distributed_by_their_density() {
         if bsdf.is_delta() {
             return;
         }
-        let eta = match kind {
-            MaterialKind::Dielectric(d) if wo.z > 0.0 => d.ior.at_line_d(),
-            MaterialKind::Dielectric(d) => 1.0 / d.ior.at_line_d(),
-            _ => 1.0,
-        };
+        let eta = relative_ior(kind, wo);
         let side = Vec3::new(0.0, 0.0, wo.z.signum());
         let mirror = fresnel::reflect(wo, side);
         let through = fresnel::refract(wo, side, eta).unwrap_or(-wo);

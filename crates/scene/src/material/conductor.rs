@@ -5,8 +5,8 @@ use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, Ggx};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
-use snell_math::Rgb;
 use snell_math::spectrum::Metal;
+use snell_math::{Rgb, SampledSpectrum};
 
 /// What a metal reflects. A metal by name is also written as text: `"metal:Au"`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -108,17 +108,25 @@ impl Conductor {
 
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
+        Bsdf::Conductor(self.lobe(point, 1.0))
+    }
+
+    /// The metal under something of this index of refraction.
+    pub(super) fn lobe(&self, point: &ShadingPoint, outside_ior: f32) -> ConductorBsdf {
+        let over = 1.0 / outside_ior;
         let facets = match self.spectrum {
             ConductorSpectrum::Metal(metal) => {
                 let [eta, k] = metal.indices(point.mode);
-                FacetReflectance::Complex { eta, k }
+                FacetReflectance::Complex { eta: eta * over, k: k * over }
             }
             ConductorSpectrum::Measured { eta, k } => {
-                FacetReflectance::Complex { eta: point.coefficient(eta), k: point.coefficient(k) }
+                FacetReflectance::Complex { eta: point.coefficient(eta) * over, k: point.coefficient(k) * over }
             }
-            ConductorSpectrum::Color(color) => FacetReflectance::Schlick(point.reflectance(color.at(point))),
+            ConductorSpectrum::Color(color) => {
+                FacetReflectance::F82 { f0: point.reflectance(color.at(point)), edge: SampledSpectrum::ONE }
+            }
         };
         let ggx = Ggx::from_roughness(self.roughness.at(point));
-        Bsdf::Conductor(ConductorBsdf { facets, unit: point.mode.unit(), ggx })
+        ConductorBsdf::new(facets, point.mode.unit(), ggx)
     }
 }

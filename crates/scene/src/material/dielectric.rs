@@ -67,7 +67,9 @@ impl Dielectric {
         Bsdf::Dielectric(DielectricBsdf {
             ior: positive_ior(positive_ior(self.ior.at(mode.hero(LINE_D))) / point.outside_ior),
             tint: point.reflectance(self.tint.at(point)) * unit,
+            reflection_tint: SampledSpectrum::ONE,
             unit,
+            film: None,
             ggx: Ggx::from_roughness(self.roughness.at(point)),
             arriving: self.transmittance(point),
         })

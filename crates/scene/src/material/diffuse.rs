@@ -26,6 +26,6 @@ impl Diffuse {
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
         let reflectance = self.reflectance.at(point) * point.vertex_color();
-        Bsdf::Diffuse(DiffuseBsdf { reflectance: point.reflectance(reflectance) })
+        Bsdf::Diffuse(DiffuseBsdf::lambertian(point.reflectance(reflectance)))
     }
 }

@@ -22,14 +22,19 @@ pub struct Interior {
 impl Material {
     /// The inside that a closed surface of this material has; `None` if it bounds nothing, as opaque things and leaves do not.
     pub fn bounded_interior(&self) -> Option<Interior> {
-        let implied = || matches!(self.kind, MaterialKind::Dielectric(_)).then(Interior::default);
-        self.interior.or_else(implied)
+        let has_inside = match &self.kind {
+            MaterialKind::Dielectric(_) => true,
+            MaterialKind::OpenPbr(surface) => surface.has_inside(),
+            _ => false,
+        };
+        self.interior.or_else(|| has_inside.then(Interior::default))
     }
 
     /// Index of refraction of the inside; 1 where nothing says otherwise.
     pub fn ior(&self) -> f32 {
         match &self.kind {
             MaterialKind::Dielectric(dielectric) => super::positive_ior(dielectric.ior.at_line_d()),
+            MaterialKind::OpenPbr(surface) => surface.inside_ior(),
             _ => 1.0,
         }
     }
@@ -41,13 +46,15 @@ impl Material {
 
     /// True if [`Self::own_medium`] may be something.
     pub fn has_own_medium(&self) -> bool {
-        false
+        matches!(&self.kind, MaterialKind::OpenPbr(surface) if surface.has_medium())
     }
 
     /// The homogeneous medium that the kind of material itself fills its inside with, as it is for a path that enters at `point`.
     /// Counts if [`Interior::medium`] is `None`.
     pub fn own_medium(&self, point: &ShadingPoint) -> Option<MediumProperties> {
-        let _ = point;
-        None
+        match &self.kind {
+            MaterialKind::OpenPbr(surface) => surface.medium(point),
+            _ => None,
+        }
     }
 }

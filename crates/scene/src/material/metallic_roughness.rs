@@ -1,13 +1,13 @@
 //! The material of glTF 2.0.
 
-use super::{ColorParam, NormalMap, ScalarParam, ShadingPoint};
-use crate::bsdf::{Bsdf, CoatedBsdf, Ggx, GlossyBsdf, bounded, fresnel};
+use super::{ColorParam, NormalMap, OpenPbr, ScalarParam, ShadingPoint};
+use crate::bsdf::{Bsdf, bounded, fresnel};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
 /// A mix of metal and dielectric: the metallic-roughness model of glTF 2.0 (specification, appendix B) with the extensions
-/// `KHR_materials_ior`, `KHR_materials_specular`, `KHR_materials_transmission` (thin walls) and `KHR_materials_clearcoat`. The diffuse base is coupled to the
-/// layer so that energy is conserved, where the appendix's example weights it by `1 - F` alone and may gain some.
+/// `KHR_materials_ior`, `KHR_materials_specular`, `KHR_materials_transmission` (thin walls) and `KHR_materials_clearcoat`: some of the
+/// parameters of [`OpenPbr`] under the names of glTF.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct MetallicRoughness {
@@ -84,28 +84,43 @@ impl MetallicRoughness {
         ]
     }
 
+    /// The same surface as an OpenPBR one.
+    pub fn open_pbr(&self) -> OpenPbr {
+        let (ior, specular_color) = reflectance_at_most_white(self.ior, self.specular_color);
+        OpenPbr {
+            base_color: self.base_color,
+            base_metalness: self.metallic,
+            specular_weight: self.specular,
+            specular_color,
+            specular_roughness: self.roughness,
+            specular_ior: ior.into(),
+            transmission_weight: self.transmission,
+            transmission_color: self.base_color,
+            geometry_thin_walled: true,
+            coat_weight: self.clearcoat,
+            coat_roughness: self.clearcoat_roughness,
+            coat_ior: 1.5.into(),
+            coat_darkening: 0.0.into(),
+            geometry_coat_normal: self.clearcoat_normal_map,
+            ..OpenPbr::default()
+        }
+    }
+
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
-        let unit_interval = |p: &ScalarParam| bounded(p.at(point), 1.0);
-        let base = point.reflectance(self.base_color.at(point) * point.vertex_color());
-        let (metallic, transmission) = (unit_interval(&self.metallic), unit_interval(&self.transmission));
-        let specular = unit_interval(&self.specular);
-        let ior = if self.ior.is_finite() { self.ior.max(0.0) } else { 1.5 };
-        let f0 = point.reflectance(self.specular_color.at(point) * fresnel::f0_from_ior(ior)) * specular;
-        let f90 = point.mode.unit() * specular;
-        let body = base * (1.0 - metallic);
-        let base = GlossyBsdf::new(
-            f0.lerp(base, metallic),
-            f90.lerp(point.mode.unit(), metallic),
-            Ggx::from_roughness(self.roughness.at(point)),
-            body * (1.0 - transmission),
-            body * transmission,
-        );
-        let clearcoat = unit_interval(&self.clearcoat);
-        if clearcoat == 0.0 {
-            return Bsdf::Glossy(base);
-        }
-        let ggx = Ggx::from_roughness(self.clearcoat_roughness.at(point));
-        Bsdf::Coated(CoatedBsdf::new(base, ggx, point.mode.unit() * clearcoat))
+        self.open_pbr().bsdf(point)
     }
+}
+
+/// An index of refraction and a tint of at most 1 with the reflectance at normal incidence that glTF gives to these. An index of 0
+/// reflects everything, as in `KHR_materials_ior`.
+pub fn reflectance_at_most_white(ior: f32, color: ColorParam) -> (f32, ColorParam) {
+    let most = color.factor.max_element();
+    let ior = if ior.is_finite() { ior.max(0.0) } else { 1.5 };
+    if most <= 1.0 && ior > 0.0 {
+        return (ior, color);
+    }
+    let root = bounded(fresnel::f0_from_ior(ior) * most, 0.95).sqrt();
+    let factor = if most > 0.0 && most.is_finite() { color.factor * (1.0 / most) } else { color.factor };
+    ((1.0 + root) / (1.0 - root), ColorParam { factor, ..color })
 }

@@ -1,6 +1,8 @@
 //! Materials: from a surface point to a BSDF, emission and opacity. One file per material, with its parameters.
 
 mod black;
+mod coated_conductor;
+mod coated_diffuse;
 mod conductor;
 mod dielectric;
 mod diffuse;
@@ -9,6 +11,7 @@ mod interior;
 mod metallic_roughness;
 mod mirror;
 mod normal;
+mod open_pbr;
 mod phong;
 mod plastic;
 mod shading;
@@ -16,13 +19,16 @@ mod shading;
 mod tests;
 
 pub use black::Black;
+pub use coated_conductor::CoatedConductor;
+pub use coated_diffuse::CoatedDiffuse;
 pub use conductor::{Conductor, ConductorSpectrum};
 pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
 pub use interface::Interface;
 pub use interior::Interior;
-pub use metallic_roughness::MetallicRoughness;
+pub use metallic_roughness::{MetallicRoughness, reflectance_at_most_white};
 pub use mirror::Mirror;
+pub use open_pbr::{OpenPbr, TangentMap};
 pub use phong::Phong;
 pub use plastic::Plastic;
 pub use shading::ShadingBsdf;
@@ -33,7 +39,7 @@ use crate::texture::TextureSet;
 use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
 use snell_math::spectrum::{Color, Spectrum};
-use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec3};
 
 /// A colour parameter: a factor, times a texture and a spectrum if there are any.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -205,11 +211,29 @@ pub struct Material {
 }
 
 impl Material {
-    /// A material that does nothing but what `kind` says.
+    /// A material that does nothing but what `kind` says. What an [`OpenPbr`] says of emission, opacity and normals is moved to the
+    /// material.
     pub fn new(name: impl Into<String>, kind: impl Into<MaterialKind>) -> Self {
+        let kind = kind.into();
+        let material = Self::plain(name.into(), kind);
+        let MaterialKind::OpenPbr(surface) = &material.kind else { return material };
+        let luminance = surface.emission_luminance;
+        let emission =
+            ColorParam { factor: surface.emission_color.factor * luminance.factor, ..surface.emission_color };
+        let is_whole = surface.geometry_opacity == ScalarParam::constant(1.0);
         Self {
-            name: name.into(),
-            kind: kind.into(),
+            emission: ColorParam { texture: emission.texture.or(luminance.texture.map(|t| t.0)), ..emission },
+            alpha: surface.geometry_opacity,
+            alpha_mode: if is_whole { AlphaMode::Opaque } else { AlphaMode::Blend },
+            normal_map: surface.geometry_normal,
+            ..material
+        }
+    }
+
+    fn plain(name: String, kind: MaterialKind) -> Self {
+        Self {
+            name,
+            kind,
             emission: ColorParam::constant(Rgb::BLACK),
             emission_takes_vertex_color: false,
             emits_on_both_sides: false,
@@ -235,7 +259,11 @@ impl Material {
 
     /// True if wavelengths part where light meets it: the path's hero goes on alone ([`ColorMode::hero_only`]).
     pub fn is_dispersive(&self) -> bool {
-        matches!(&self.kind, MaterialKind::Dielectric(glass) if glass.ior.is_dispersive())
+        match &self.kind {
+            MaterialKind::Dielectric(glass) => glass.ior.is_dispersive(),
+            MaterialKind::OpenPbr(surface) => surface.is_dispersive(),
+            _ => false,
+        }
     }
 
     /// True if it can emit anywhere.
@@ -279,20 +307,31 @@ impl Material {
 
     fn without_coat_normal(&self, point: &ShadingPoint) -> ShadingBsdf {
         let frame = normal::shading_frame(self.normal_map.as_ref(), point);
+        let angle = if let MaterialKind::OpenPbr(surface) = &self.kind { surface.tangent_angle(point) } else { 0.0 };
+        let frame = normal::turned(frame, angle);
         ShadingBsdf { bsdf: self.kind.bsdf(point), frame, geometric_normal: point.surface.geometric_normal }
+    }
+
+    /// The normal map of a coat, and the angle by which its tangent is turned.
+    fn coat_map(&self, point: &ShadingPoint) -> (Option<NormalMap>, f32) {
+        match &self.kind {
+            MaterialKind::MetallicRoughness(kind) => (kind.clearcoat_normal_map, 0.0),
+            MaterialKind::OpenPbr(surface) => (surface.geometry_coat_normal, surface.coat_tangent_angle(point)),
+            _ => (None, 0.0),
+        }
     }
 
     /// Gives the coat of a coated surface its own normal, if it has one.
     fn with_coat(&self, shading: ShadingBsdf, point: &ShadingPoint, wo: Option<Vec3>) -> ShadingBsdf {
-        let (MaterialKind::MetallicRoughness(kind), Bsdf::Coated(coated)) = (&self.kind, &shading.bsdf) else {
-            return shading;
-        };
-        if kind.clearcoat_normal_map == self.normal_map {
+        let Bsdf::OpenPbr(layers) = &shading.bsdf else { return shading };
+        let (map, angle) = self.coat_map(point);
+        if !layers.has_coat() || (map == self.normal_map && angle == 0.0) {
             return shading;
         }
-        let own = normal::shading_frame(kind.clearcoat_normal_map.as_ref(), point).z;
-        let seen = wo.map_or(own, |wo| normal::valid_towards(own, shading.geometric_normal, wo, true));
-        let bsdf = Bsdf::Coated(coated.with_coat_normal(shading.frame.to_local(seen)));
+        let own = normal::turned(normal::shading_frame(map.as_ref(), point), angle);
+        let z = wo.map_or(own.z, |wo| normal::valid_towards(own.z, shading.geometric_normal, wo, true));
+        let [z, x] = [z, own.x].map(|v| shading.frame.to_local(v));
+        let bsdf = Bsdf::OpenPbr(Box::new(layers.with_coat_frame(Frame::from_z_and_x(z, x))));
         ShadingBsdf { bsdf, ..shading }
     }
 
@@ -301,11 +340,8 @@ impl Material {
     pub fn bsdf_towards(&self, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf {
         let bsdf = self.without_coat_normal(point);
         let z = normal::valid_towards(bsdf.frame.z, bsdf.geometric_normal, wo, normal::mirrors(&bsdf.bsdf));
-        let seen = if z == bsdf.frame.z {
-            bsdf
-        } else {
-            ShadingBsdf { frame: snell_math::Frame::from_z_and_x(z, bsdf.frame.x), ..bsdf }
-        };
+        let seen =
+            if z == bsdf.frame.z { bsdf } else { ShadingBsdf { frame: Frame::from_z_and_x(z, bsdf.frame.x), ..bsdf } };
         self.with_coat(seen, point, Some(wo))
     }
 
@@ -325,9 +361,10 @@ macro_rules! materials {
     ($($name:literal => $kind:ident,)*) => {
         /// Any of the materials.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-        #[serde(tag = "material", rename_all = "kebab-case")]
+        #[serde(tag = "material")]
+        #[expect(clippy::large_enum_variant, reason = "materials are few, and stay where they are")]
         pub enum MaterialKind {
-            $(#[doc = concat!("See [`", stringify!($kind), "`].")] $kind($kind),)*
+            $(#[doc = concat!("See [`", stringify!($kind), "`].")] #[serde(rename = $name)] $kind($kind),)*
         }
 
         impl MaterialKind {
@@ -368,4 +405,7 @@ materials! {
     "plastic" => Plastic,
     "metallic-roughness" => MetallicRoughness,
     "interface" => Interface,
+    "open-pbr" => OpenPbr,
+    "coated-diffuse" => CoatedDiffuse,
+    "coated-conductor" => CoatedConductor,
 }

@@ -17,6 +17,15 @@ pub(super) fn shading_frame(map: Option<&NormalMap>, point: &ShadingPoint) -> Fr
     Frame::from_z_and_x(normal, tangent)
 }
 
+/// The frame turned about its normal, counter-clockwise by an angle in radians.
+pub(super) fn turned(frame: Frame, angle: f32) -> Frame {
+    if angle == 0.0 {
+        return frame;
+    }
+    let (sin, cos) = angle.sin_cos();
+    Frame { x: frame.x * cos + frame.y * sin, y: frame.y * cos - frame.x * sin, z: frame.z }
+}
+
 /// Unit tangent and bitangent perpendicular to the shading normal: the directions in which the picture's columns grow to the right
 /// and its rows upwards.
 fn tangents(map: &NormalMap, point: &ShadingPoint) -> (Vec3, Vec3) {
@@ -49,7 +58,12 @@ fn above(normal: Vec3, geometric_normal: Vec3) -> Option<Vec3> {
 
 /// True for BSDFs whose look is their reflection, so that losing it below the surface is worse than bending the normal.
 pub(super) fn mirrors(bsdf: &Bsdf) -> bool {
-    bsdf.is_delta() || matches!(bsdf, Bsdf::Conductor(_) | Bsdf::Dielectric(_))
+    let by_kind = match bsdf {
+        Bsdf::Conductor(_) | Bsdf::Dielectric(_) => true,
+        Bsdf::OpenPbr(layers) => layers.mirrors(),
+        _ => false,
+    };
+    by_kind || bsdf.is_delta()
 }
 
 /// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface, and for mirrors one that reflects

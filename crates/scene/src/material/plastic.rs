@@ -1,9 +1,9 @@
 //! A coloured body under a clear coat.
 
 use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior};
-use crate::bsdf::{Bsdf, Ggx, GlossyBsdf, fresnel};
+use crate::bsdf::{Body, Bsdf, DiffuseBsdf, Ggx, Gloss, GlossyBsdf};
 use serde::{Deserialize, Serialize};
-use snell_math::{Rgb, SampledSpectrum};
+use snell_math::Rgb;
 
 /// Plastic, varnish, glazed ceramics: a diffuse base under a dielectric layer. White plastic loses no light.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,10 +37,13 @@ impl Plastic {
 
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
-        let f90 = point.reflectance(self.specular.at(point));
-        let f0 = f90 * fresnel::f0_from_ior(positive_ior(self.ior));
-        let ggx = Ggx::from_roughness(self.roughness.at(point));
+        let gloss = Gloss {
+            ior: positive_ior(self.ior),
+            tint: point.reflectance(self.specular.at(point)),
+            ggx: Ggx::from_roughness(self.roughness.at(point)),
+            film: None,
+        };
         let diffuse = point.reflectance(self.diffuse.at(point) * point.vertex_color());
-        Bsdf::Glossy(GlossyBsdf::new(f0, f90, ggx, diffuse, SampledSpectrum::ZERO))
+        Bsdf::Glossy(GlossyBsdf::new(gloss, Body::matte(DiffuseBsdf::lambertian(diffuse))))
     }
 }

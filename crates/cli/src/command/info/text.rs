@@ -46,6 +46,12 @@ impl Facts<'_> {
         let mut left = limit;
         self.add_node(&mut out, scene.root, 1, &mut left, &mut HashSet::new());
         self.add_tables(&mut out);
+        if !scene.notes.is_empty() {
+            line!(out, "\nHow it was translated");
+            for note in &scene.notes {
+                line!(out, "  {} ({}x)", note.message, note.count);
+            }
+        }
         if !scene.warnings.is_empty() {
             line!(out, "\nWarnings");
             for warning in &scene.warnings {

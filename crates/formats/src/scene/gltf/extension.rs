@@ -10,21 +10,26 @@ const UNDERSTOOD: &[&str] = &[
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
     "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_transmission",
+    "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_iridescence",
     "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];
 
 /// Extensions that cannot change a still picture.
-const WITHOUT_EFFECT: &[&str] =
-    &["FB_ngon_encoding", "KHR_animation_pointer", "KHR_materials_variants", "KHR_xmp", "KHR_xmp_json_ld"];
+const WITHOUT_EFFECT: &[&str] = &["FB_ngon_encoding", "KHR_animation_pointer", "KHR_xmp", "KHR_xmp_json_ld"];
 
 /// Refuses required extensions that are not understood, and warns of optional ones.
 pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {

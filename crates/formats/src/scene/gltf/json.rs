@@ -69,6 +69,13 @@ impl<'a> Json<'a> {
         }
     }
 
+    /// The names of all extension objects here.
+    pub fn extension_names(&self) -> Result<Vec<String>, ReadError> {
+        let extensions = self.get("extensions")?;
+        let object = extensions.as_ref().and_then(|e| e.value.as_object());
+        Ok(object.map_or(Vec::new(), |o| o.keys().cloned().collect()))
+    }
+
     fn step(&self, value: &'a Value, key: &str) -> Self {
         // RFC 6901: "~" and "/" in keys are escaped.
         let escaped = key.replace('~', "~0").replace('/', "~1");

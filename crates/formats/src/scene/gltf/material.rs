@@ -1,4 +1,9 @@
-//! Materials: metallic-roughness with its extensions.
+//! Materials: metallic-roughness with its extensions, as OpenPBR surfaces.
+
+mod layer;
+mod note;
+mod variant;
+mod volume;
 
 use super::Reader;
 use super::json::Json;
@@ -6,12 +11,13 @@ use super::texture::{self, Use};
 use crate::ReadError;
 use snell_math::Rgb;
 use snell_scene::material::{
-    AlphaMode, Black, ColorParam, Dielectric, MaterialKind, MetallicRoughness, NormalMap, ScalarParam,
+    AlphaMode, Black, ColorParam, MaterialKind, NormalMap, OpenPbr, ScalarParam, reflectance_at_most_white,
 };
 use snell_scene::{Material, MaterialId};
 
 /// Reads all materials, in the order of the file: number `i` there is material `i` of the scene.
 pub(super) fn read_all(reader: &mut Reader) -> Result<(), ReadError> {
+    variant::check(reader)?;
     for json in reader.root.items_of("materials")? {
         let material = read(reader, &json)?;
         reader.scene.add_material(material);
@@ -25,7 +31,7 @@ pub(super) fn default_material(reader: &mut Reader) -> MaterialId {
     if let Some(id) = reader.default_material {
         return id;
     }
-    let material = Material::new("default", kind(Pbr::default()));
+    let material = Material::new("default", Pbr::default().surface);
     let id = reader.scene.add_material(material);
     reader.default_material = Some(id);
     id
@@ -33,68 +39,32 @@ pub(super) fn default_material(reader: &mut Reader) -> MaterialId {
 
 /// What reflects and transmits, as glTF tells it.
 struct Pbr {
-    base_color: ColorParam,
+    surface: OpenPbr,
     /// Opacity that belongs to the base colour.
     alpha: ScalarParam,
-    metallic: ScalarParam,
-    roughness: ScalarParam,
-    ior: f32,
-    specular: ScalarParam,
-    specular_color: ColorParam,
-    transmission: ScalarParam,
-    clearcoat: ScalarParam,
-    clearcoat_roughness: ScalarParam,
-    clearcoat_normal_map: Option<NormalMap>,
     /// True if the surface bounds a volume; false if it is a thin sheet where it transmits.
     is_boundary: bool,
-    /// What the volume absorbs per unit of length.
-    absorption: Rgb,
 }
 
 impl Default for Pbr {
+    /// The defaults of glTF: a rough white metal, thin where light goes through.
     fn default() -> Self {
-        Self {
+        let surface = OpenPbr {
             base_color: Rgb::WHITE.into(),
-            alpha: 1.0.into(),
-            metallic: 1.0.into(),
-            roughness: 1.0.into(),
-            ior: 1.5,
-            specular: 1.0.into(),
-            specular_color: Rgb::WHITE.into(),
-            transmission: 0.0.into(),
-            clearcoat: 0.0.into(),
-            clearcoat_roughness: 0.0.into(),
-            clearcoat_normal_map: None,
-            is_boundary: false,
-            absorption: Rgb::BLACK,
-        }
+            base_metalness: 1.0.into(),
+            specular_roughness: 1.0.into(),
+            coat_ior: 1.5.into(),
+            coat_darkening: 0.0.into(),
+            thin_film_ior: 1.3.into(),
+            geometry_thin_walled: true,
+            ..OpenPbr::default()
+        };
+        Self { surface, alpha: 1.0.into(), is_boundary: false }
     }
-}
-
-/// The material of the scene that comes nearest.
-fn kind(pbr: Pbr) -> MaterialKind {
-    // Clear volumes refract; what is only partly clear or metallic is a thin wall.
-    let is_clear = pbr.transmission.factor >= 0.5 && pbr.transmission.texture.is_none();
-    if pbr.is_boundary && is_clear && pbr.metallic.factor == 0.0 {
-        let Pbr { ior, roughness, base_color: tint, absorption, .. } = pbr;
-        return Dielectric { ior: ior.into(), roughness, tint, absorption }.into();
-    }
-    MetallicRoughness {
-        base_color: pbr.base_color,
-        metallic: pbr.metallic,
-        roughness: pbr.roughness,
-        ior: pbr.ior,
-        specular: pbr.specular,
-        specular_color: pbr.specular_color,
-        transmission: pbr.transmission,
-        clearcoat: pbr.clearcoat,
-        clearcoat_roughness: pbr.clearcoat_roughness,
-        clearcoat_normal_map: pbr.clearcoat_normal_map,
-    }
-    .into()
 }
 
 fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
+    note::add(reader, json)?;
     let pbr = match json.extension("KHR_materials_pbrSpecularGlossiness")? {
         Some(extension) => specular_glossiness(reader, &extension)?,
         None => metallic_roughness(reader, json)?,
@@ -103,8 +73,11 @@ fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
     // A boundary of a volume is always met from both sides (KHR_materials_volume).
     let double_sided = json.boolean_or("doubleSided", false)? || pbr.is_boundary;
     let is_unlit = json.extension("KHR_materials_unlit")?.is_some();
-    let (kind, emission) =
-        if is_unlit { (Black {}.into(), pbr.base_color) } else { (kind(pbr), emission(reader, json)?) };
+    let (kind, emission): (MaterialKind, _) = if is_unlit {
+        (Black {}.into(), pbr.surface.base_color)
+    } else {
+        (pbr.surface.into(), emission(reader, json)?)
+    };
     Ok(Material {
         emission,
         emission_takes_vertex_color: is_unlit,
@@ -122,50 +95,17 @@ fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
 fn metallic_roughness(reader: &mut Reader, json: &Json) -> Result<Pbr, ReadError> {
     let mut pbr = Pbr::default();
     if let Some(core) = json.get("pbrMetallicRoughness")? {
-        (pbr.base_color, pbr.alpha) = color_with_alpha(reader, &core, "baseColorFactor", "baseColorTexture")?;
-        pbr.metallic.factor = fraction(reader, &core, "metallicFactor", 1.0)?;
-        pbr.roughness.factor = fraction(reader, &core, "roughnessFactor", 1.0)?;
+        (pbr.surface.base_color, pbr.alpha) = color_with_alpha(reader, &core, "baseColorFactor", "baseColorTexture")?;
+        pbr.surface.base_metalness.factor = fraction(reader, &core, "metallicFactor", 1.0)?;
+        pbr.surface.specular_roughness.factor = fraction(reader, &core, "roughnessFactor", 1.0)?;
         if let Some(map) = texture_of(reader, &core, "metallicRoughnessTexture", Use::Data)? {
-            pbr.metallic.texture = Some((map, 2));
-            pbr.roughness.texture = Some((map, 1));
+            pbr.surface.base_metalness.texture = Some((map, 2));
+            pbr.surface.specular_roughness.texture = Some((map, 1));
         }
     }
-    if let Some(ior) = json.extension("KHR_materials_ior")? {
-        pbr.ior = ior.number_or("ior", 1.5)? as f32;
-    }
-    if let Some(specular) = json.extension("KHR_materials_specular")? {
-        pbr.specular.factor = fraction(reader, &specular, "specularFactor", 1.0)?;
-        pbr.specular.texture = texture_of(reader, &specular, "specularTexture", Use::Data)?.map(|t| (t, 3));
-        pbr.specular_color.factor = rgb(specular.numbers_or("specularColorFactor", [1.0; 3])?);
-        pbr.specular_color.texture = texture_of(reader, &specular, "specularColorTexture", Use::Color)?;
-    }
-    if let Some(transmission) = json.extension("KHR_materials_transmission")? {
-        pbr.transmission.factor = fraction(reader, &transmission, "transmissionFactor", 0.0)?;
-        pbr.transmission.texture = texture_of(reader, &transmission, "transmissionTexture", Use::Data)?.map(|t| (t, 0));
-    }
-    if let Some(coat) = json.extension("KHR_materials_clearcoat")? {
-        pbr.clearcoat.factor = fraction(reader, &coat, "clearcoatFactor", 0.0)?;
-        pbr.clearcoat.texture = texture_of(reader, &coat, "clearcoatTexture", Use::Data)?.map(|t| (t, 0));
-        pbr.clearcoat_roughness.factor = fraction(reader, &coat, "clearcoatRoughnessFactor", 0.0)?;
-        pbr.clearcoat_roughness.texture =
-            texture_of(reader, &coat, "clearcoatRoughnessTexture", Use::Data)?.map(|t| (t, 1));
-        pbr.clearcoat_normal_map = normal_map(reader, &coat, "clearcoatNormalTexture")?;
-    }
-    if let Some(volume) = json.extension("KHR_materials_volume")? {
-        let thickness = volume.number_or("thicknessFactor", 0.0)?;
-        pbr.is_boundary = thickness > 0.0;
-        pbr.absorption = absorption(&volume)?;
-    }
+    layer::read(reader, json, &mut pbr.surface)?;
+    volume::read(reader, json, &mut pbr.surface, &mut pbr.is_boundary)?;
     Ok(pbr)
-}
-
-/// What a volume absorbs per unit of length: after the attenuation distance, the attenuation colour is left.
-fn absorption(volume: &Json) -> Result<Rgb, ReadError> {
-    /// Stands for black, whose logarithm is infinite.
-    const DARKEST: f64 = 1e-6;
-    let color = volume.numbers_or("attenuationColor", [1.0; 3])?;
-    let distance = volume.number_or("attenuationDistance", f64::INFINITY)?;
-    Ok(if distance > 0.0 { rgb(color.map(|c| (-c.clamp(DARKEST, 1.0).ln() / distance).min(1e6))) } else { Rgb::BLACK })
 }
 
 /// Converts the older model: its diffuse colour is the base colour of a non-metal with the given reflectance at normal incidence,
@@ -178,15 +118,31 @@ fn specular_glossiness(reader: &mut Reader, extension: &Json) -> Result<Pbr, Rea
     let specular = rgb(extension.numbers_or("specularFactor", [1.0; 3])?);
     if extension.get("specularGlossinessTexture")?.is_some() {
         reader.scene.warn("specular-glossiness maps are not supported; a surface of medium roughness is shown instead");
-        return Ok(Pbr { base_color, alpha, metallic: 0.0.into(), roughness: 0.5.into(), ..Pbr::default() });
+        return Ok(dielectric(base_color, alpha, 0.5, ColorParam::from(Rgb::WHITE)));
     }
     let diffuse = if base_color.texture.is_some() { 1.0 } else { base_color.factor.max_element() };
-    let roughness = (1.0 - glossiness).into();
+    let roughness = 1.0 - glossiness;
     if specular.max_element() > 0.2 && diffuse < specular.max_element() {
-        return Ok(Pbr { base_color: specular.into(), alpha, roughness, ..Pbr::default() });
+        let surface =
+            OpenPbr { base_color: specular.into(), specular_roughness: roughness.into(), ..Pbr::default().surface };
+        return Ok(Pbr { surface, alpha, ..Pbr::default() });
     }
     let specular_color = ColorParam::constant(specular * (1.0 / DIELECTRIC));
-    Ok(Pbr { base_color, alpha, metallic: 0.0.into(), roughness, specular_color, ..Pbr::default() })
+    Ok(dielectric(base_color, alpha, roughness, specular_color))
+}
+
+/// A dielectric of index 1.5 whose reflectance at normal incidence is tinted, perhaps brighter.
+fn dielectric(base_color: ColorParam, alpha: ScalarParam, roughness: f32, specular_color: ColorParam) -> Pbr {
+    let (ior, specular_color) = reflectance_at_most_white(1.5, specular_color);
+    let surface = OpenPbr {
+        base_color,
+        base_metalness: 0.0.into(),
+        specular_roughness: roughness.into(),
+        specular_color,
+        specular_ior: ior.into(),
+        ..Pbr::default().surface
+    };
+    Pbr { surface, alpha, is_boundary: false }
 }
 
 /// A colour of four numbers with its texture, apart into colour and alpha.

@@ -181,6 +181,7 @@ impl Document {
             ambient,
             settings,
             warnings: _,
+            notes: _,
         } = scene;
         check("camera", cameras)?;
         check("light", lights)?;
@@ -249,6 +250,7 @@ impl Document {
             ambient: self.ambient,
             settings: self.settings,
             warnings: Vec::new(),
+            notes: Vec::new(),
         };
         match scene.topological_order() {
             Ok(_) => Ok(scene),

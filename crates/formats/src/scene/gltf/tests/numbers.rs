@@ -293,11 +293,12 @@ fn clear_volumes_refract_and_thin_sheets_do_not() {
         read_text(&json).expect("the document is sound").materials.remove(0)
     };
     let glass = material(1.0);
-    let MaterialKind::Dielectric(dielectric) = &glass.kind else { panic!("{glass:?}") };
-    assert_eq!((dielectric.ior, dielectric.tint.factor, glass.double_sided), (1.33.into(), Rgb::WHITE, true));
-    assert_eq!(dielectric.absorption, Rgb::new(4.0f32.ln(), 0.0, 0.0));
+    let MaterialKind::OpenPbr(solid) = &glass.kind else { panic!("{glass:?}") };
+    assert_eq!((solid.specular_ior.factor, solid.transmission_weight.factor, glass.double_sided), (1.33, 1.0, true));
+    assert_eq!((solid.transmission_color.factor, solid.transmission_depth.factor), (Rgb::new(0.25, 1.0, 1.0), 1.0));
+    assert!(!solid.geometry_thin_walled);
     let sheet = material(0.0);
-    assert!(matches!(&sheet.kind, MaterialKind::MetallicRoughness(m) if m.transmission.factor == 1.0), "{sheet:?}");
+    assert!(matches!(&sheet.kind, MaterialKind::OpenPbr(m) if m.geometry_thin_walled), "{sheet:?}");
 }
 
 #[test]
@@ -308,9 +309,40 @@ fn coats_have_their_own_roughness_and_normals() {
             "clearcoatRoughnessFactor": 0.25, "clearcoatNormalTexture": {"index": 0, "scale": 2}}}}]}"#;
     let scene = read_text(json).expect("the document is sound");
     assert_eq!(scene.warnings, []);
-    let MaterialKind::MetallicRoughness(coated) = &scene.materials[0].kind else { panic!("{scene:?}") };
-    assert_eq!((coated.clearcoat.factor, coated.clearcoat_roughness.factor), (0.5, 0.25));
-    assert_eq!(coated.clearcoat_normal_map.map(|m| m.scale), Some(2.0));
+    let MaterialKind::OpenPbr(coated) = &scene.materials[0].kind else { panic!("{scene:?}") };
+    assert_eq!((coated.coat_weight.factor, coated.coat_roughness.factor), (0.5, 0.25));
+    assert_eq!(coated.geometry_coat_normal.map(|m| m.scale), Some(2.0));
+}
+
+#[test]
+fn extensions_of_materials_become_parameters_of_open_pbr_and_are_noted() {
+    let json = r#"{"asset": {"version": "2.0"}, "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0.5},
+        "extensions": {
+            "KHR_materials_sheen": {"sheenColorFactor": [0.5, 0.25, 0], "sheenRoughnessFactor": 0.3},
+            "KHR_materials_iridescence": {"iridescenceFactor": 0.75, "iridescenceIor": 1.8, "iridescenceThicknessMaximum": 500},
+            "KHR_materials_anisotropy": {"anisotropyStrength": 1, "anisotropyRotation": 0.5},
+            "KHR_materials_dispersion": {"dispersion": 0.5},
+            "KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.25, "diffuseTransmissionColorFactor": [1, 0, 0]},
+            "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [2, 1, 1]},
+            "ACME_materials_magic": {}}}]}"#;
+    let scene = read_text(json).expect("the document is sound");
+    let MaterialKind::OpenPbr(m) = &scene.materials[0].kind else { panic!("{scene:?}") };
+    assert_eq!(
+        (m.fuzz_weight.factor, m.fuzz_color.factor, m.fuzz_roughness.factor),
+        (0.5, Rgb::new(1.0, 0.5, 0.0), 0.3)
+    );
+    assert_eq!((m.thin_film_weight.factor, m.thin_film_ior.factor, m.thin_film_thickness.factor), (0.75, 1.8, 0.5));
+    // alpha is 1 along the tangent and stays 0.25 across.
+    assert!((m.specular_roughness_anisotropy.factor - 0.75).abs() < 1e-6);
+    assert!((m.specular_roughness.factor.powi(4) - 0.5 * (1.0 + 0.0625)).abs() < 1e-6);
+    assert_eq!(m.geometry_tangent.map(|t| t.rotation), Some(0.5));
+    assert_eq!(m.transmission_dispersion_scale.factor, 0.5);
+    assert_eq!((m.subsurface_weight.factor, m.subsurface_color.factor), (0.25, Rgb::new(1.0, 0.0, 0.0)));
+    // Twice 4 % is the reflectance of an index of 1.789.
+    assert!((m.specular_ior.factor - 1.7888).abs() < 1e-3, "{}", m.specular_ior.factor);
+    assert_eq!(m.specular_color.factor, Rgb::new(1.0, 0.5, 0.5));
+    assert!(scene.notes.iter().any(|n| n.message.starts_with("KHR_materials_sheen: fuzz_weight")), "{:?}", scene.notes);
+    assert!(scene.notes.iter().any(|n| n.message == "ACME_materials_magic: not mapped"), "{:?}", scene.notes);
 }
 
 #[test]

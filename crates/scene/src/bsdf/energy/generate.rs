@@ -1,0 +1,188 @@
+//! Integrates the tables, and checks that what is read between their nodes is right.
+
+use super::*;
+use crate::bsdf::fresnel;
+
+/// Index of refraction at a node: 1 for the first.
+fn ior_at(node: usize) -> f64 {
+    let s = MOST_ROOT_F0 * (node as f64 / (INDICES - 1) as f64).powf(2.5);
+    (1.0 + s) / (1.0 - s)
+}
+
+/// Roughness at a row; the first is close to smooth.
+fn row_roughness(row: usize) -> f32 {
+    (row as f32 / (ROUGHNESSES - 1) as f32).max(0.0141)
+}
+
+/// Numbers for one direction.
+#[derive(Clone, Copy, Default)]
+struct Shares {
+    /// Reflected by facets that reflect everything, by facets of a dielectric seen from outside, and from inside.
+    mirror: f64,
+    outside: f64,
+    inside: f64,
+    /// Let through by facets of a dielectric, from outside and from inside.
+    into: f64,
+    out: f64,
+}
+
+/// [`Ggx::facet_cosine`] of rough surfaces also for those that count as smooth.
+fn facet_cosine(ggx: Ggx, w: Vec3) -> f32 {
+    (f64::from(ggx.spread(w)).hypot(f64::from(w.z)) as f32).min(1.0)
+}
+
+/// The direction of a node.
+fn direction(ggx: Ggx, node: usize) -> Vec3 {
+    let at = |mu: f64| Vec3::new((1.0 - mu * mu).max(0.0).sqrt() as f32, 0.0, mu as f32);
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        let reached = f64::from(position(ggx, at(middle))) < node as f64 / (STEEPNESSES - 1) as f64;
+        *(if reached { &mut low } else { &mut high }) = middle;
+    }
+    at(if node == 0 { 0.0 } else { high })
+}
+
+fn shares(ggx: Ggx, wo: Vec3, ior: f64, n: u32) -> Shares {
+    let mut sum = Shares::default();
+    let weight = |wi: Vec3| f64::from(ggx.shadowing(wo, wi));
+    for i in 0..n {
+        // A Fibonacci lattice, warped so that the tilted facets, whose light gets lost, are more often asked.
+        let x = (f64::from(i) + 0.5) / f64::from(n);
+        let y = (f64::from(i) * 0.618_033_988_749_894_9 + 0.5).fract();
+        let (v, density) = (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x));
+        let m = ggx.sample_visible_normal(wo, Vec2::new(y as f32, v as f32));
+        let cos = wo.dot(m);
+        let [from_outside, from_inside] =
+            [ior as f32, 1.0 / ior as f32].map(|eta| f64::from(fresnel::dielectric(cos, eta)));
+        let wi = fresnel::reflect(wo, m);
+        if wi.z > 0.0 {
+            let weight = weight(wi) * density;
+            sum.mirror += weight;
+            sum.outside += weight * from_outside;
+            sum.inside += weight * from_inside;
+        }
+        for (sum, eta, reflectance) in [(&mut sum.into, ior, from_outside), (&mut sum.out, 1.0 / ior, from_inside)] {
+            if let Some(wi) = fresnel::refract(wo, m, eta as f32).filter(|wi| wi.z < 0.0) {
+                *sum += weight(Vec3::new(wi.x, wi.y, -wi.z)) * density * (1.0 - reflectance);
+            }
+        }
+    }
+    let n = f64::from(n);
+    Shares {
+        mirror: sum.mirror / n,
+        outside: sum.outside / n,
+        inside: sum.inside / n,
+        into: sum.into / n,
+        out: sum.out / n,
+    }
+}
+
+/// `2 int f mu dmu` over the cosine of a quantity that is interpolated in steepness.
+fn average(alpha: f64, row: &[f64], reference: impl Fn(f64) -> f64) -> f64 {
+    let steps = 20_000;
+    let mut sum = 0.0;
+    for i in 0..steps {
+        let t = (f64::from(i) + 0.5) / f64::from(steps);
+        let (mu, weight) = (t * t * t, 6.0 * t.powi(5) / f64::from(steps));
+        let steepness = mu / (mu + alpha * (1.0 - mu * mu).sqrt());
+        let x = 0.5 * (steepness.sqrt() + mu) * (STEEPNESSES - 1) as f64;
+        let k = (x as usize).min(STEEPNESSES - 2);
+        sum += weight * reference(mu) * (row[k] + (row[k + 1] - row[k]) * (x - k as f64));
+    }
+    sum
+}
+
+fn encode(rows: &[Vec<f64>], bytes: &mut Vec<u8>) {
+    for row in rows {
+        let (mean, albedos) = row.split_last().expect("rows end in their mean");
+        let logarithm = mean.ln() / f64::from(DEEPEST);
+        for x in albedos.iter().chain([&logarithm]) {
+            bytes.extend(((x.clamp(0.0, 1.0) * 65535.0).round() as u16).to_le_bytes());
+        }
+    }
+}
+
+/// The four planes of an index of refraction: rows of albedos with their means.
+fn integrate(ior: f64) -> [Vec<Vec<f64>>; 4] {
+    let mut planes: [Vec<Vec<f64>>; 4] = Default::default();
+    for r in 0..ROUGHNESSES {
+        let alpha = f64::from(row_roughness(r)).powi(2);
+        let ggx = Ggx::from_alphas(alpha as f32, alpha as f32);
+        let mut rows: [Vec<f64>; 4] = Default::default();
+        for k in 0..STEEPNESSES {
+            let wo = direction(ggx, k);
+            let s = shares(ggx, wo, ior, 1 << 13);
+            let reference = f64::from(fresnel::dielectric(facet_cosine(ggx, wo), ior as f32));
+            let ratio = if reference > 0.0 { s.outside / reference / f64::from(MOST) } else { 1.0 / f64::from(MOST) };
+            let values = [1.0 - s.mirror, ratio, 1.0 - s.outside - s.into, 1.0 - s.inside - s.out];
+            for (row, value) in rows.iter_mut().zip(values) {
+                row.push(value);
+            }
+        }
+        let reference = |mu: f64| {
+            let wo = Vec3::new((1.0 - mu * mu).sqrt() as f32, 0.0, mu as f32);
+            f64::from(MOST * fresnel::dielectric(facet_cosine(ggx, wo), ior as f32))
+        };
+        for (i, (plane, mut row)) in planes.iter_mut().zip(rows).enumerate() {
+            row.push(if i == 1 {
+                average(alpha, &row, reference)
+            } else {
+                average(alpha, &row, |_| 1.0) / f64::from(mean_reference(alpha as f32))
+            });
+            plane.push(row);
+        }
+    }
+    planes
+}
+
+#[test]
+#[ignore = "writes the tables"]
+fn write_tables() {
+    let mut planes: Vec<_> = (0..INDICES).map(|_| None).collect();
+    std::thread::scope(|scope| {
+        for chunk in planes.chunks_mut(8).enumerate() {
+            scope.spawn(move || {
+                for (i, plane) in chunk.1.iter_mut().enumerate() {
+                    *plane = Some(integrate(ior_at(chunk.0 * 8 + i)));
+                }
+            });
+        }
+    });
+    let mut bytes = Vec::new();
+    let planes: Vec<_> = planes.into_iter().flatten().collect();
+    encode(&planes[0][0], &mut bytes);
+    for plane in &planes {
+        plane[1..].iter().for_each(|rows| encode(rows, &mut bytes));
+    }
+    std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/energy/tables.bin"), bytes)
+        .expect("writes the tables");
+}
+
+#[test]
+fn the_tables_agree_with_fine_integrals_between_their_nodes() {
+    let mut errors: [Vec<f64>; 4] = Default::default();
+    for seed in 0..400u32 {
+        let [a, b] = [1, 2].map(|k| snell_math::rng::uniform2([seed, k, 7, 7]));
+        let ggx = Ggx::from_roughness(0.032 + 0.968 * a.x);
+        let mu = if seed % 2 == 0 { a.y } else { a.y * a.y * a.y };
+        let wo = Vec3::new((1.0 - mu * mu).sqrt(), 0.0, mu);
+        let ior = 1.05 + 2.0 * b.x * b.x;
+        let s = shares(ggx, wo, f64::from(ior), 1 << 12);
+        let found = [
+            FacetLoss::new(ggx).towards(wo),
+            DielectricReflection::new(ggx, ior).towards(wo),
+            DielectricLoss::new(ggx, ior).towards(wo),
+            DielectricLoss::new(ggx, 1.0 / ior).towards(wo),
+        ];
+        let values = [1.0 - s.mirror, s.outside, 1.0 - s.outside - s.into, 1.0 - s.inside - s.out];
+        for ((errors, found), value) in errors.iter_mut().zip(found).zip(values) {
+            errors.push((f64::from(found) - value).abs());
+        }
+    }
+    for (i, errors) in errors.iter_mut().enumerate() {
+        errors.sort_by(f64::total_cmp);
+        let [most, worst] = [errors[395], errors[399]];
+        assert!(most < 2e-3 && worst < 1e-2, "table {i}: {most} {worst}");
+    }
+}

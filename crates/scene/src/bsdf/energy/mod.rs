@@ -1,0 +1,236 @@
+//! How much light a rough interface passes on by facets that are met once, and so how much is missing: what bounces between facets.
+//!
+//! Lobes give the missing part back diffusely, in proportion to what is missing on the way in and on the way out (Kelemen and
+//! Szirmay-Kalos 2001; Kulla and Conty, Revisiting Physically Based Shading at Imageworks, SIGGRAPH 2017 course), which is
+//! reciprocal and loses nothing. Layers use the same numbers to know what is left for what lies below.
+//!
+//! The tables in `tables.bin` were integrated by `generate.rs`. Half of their nodes along the direction follow the cosine in units of
+//! the roughness ([`Ggx::steepness`]), in which albedos are smooth even for nearly smooth surfaces at grazing angles, and half the
+//! cosine itself, for the critical angle.
+
+#[cfg(test)]
+mod generate;
+
+use super::ggx::Ggx;
+use snell_math::{Vec2, Vec3};
+use std::f32::consts::{FRAC_1_PI, PI};
+
+/// Nodes along the direction.
+const STEEPNESSES: usize = 48;
+/// Nodes in roughness, the square root of `alpha`.
+const ROUGHNESSES: usize = 28;
+/// Nodes in the index of refraction.
+const INDICES: usize = 32;
+/// Numbers per index of refraction: a row of albedos and their mean for each roughness.
+const PLANE: usize = ROUGHNESSES * (STEEPNESSES + 1);
+
+/// Numbers of 16 bits, little-endian: albedos in units of 1/65535, means by their logarithms. First [`PLANE`] of facets that reflect everything; then for each index of
+/// refraction three of them: reflected from outside over what a smooth
+/// surface reflects at the angle of a typical facet (in units of [`MOST`]), lost from outside, lost from inside.
+static TABLES: &[u8] = include_bytes!("tables.bin");
+
+/// Root of the reflectance at normal incidence at the last index of refraction; the nodes before follow the power 2.5.
+const MOST_ROOT_F0: f64 = 0.98;
+
+fn number(plane: usize, index: usize) -> f32 {
+    let at = 2 * (plane * PLANE + index);
+    f32::from(u16::from_le_bytes([TABLES[at], TABLES[at + 1]])) * (1.0 / 65535.0)
+}
+
+/// Range of the logarithms of means: at low roughness nothing is lost on average, but much at grazing angles, and the ratio counts.
+const DEEPEST: f32 = -16.0;
+
+/// Range of the quotient of the reflectance of a rough and of a smooth dielectric, see [`Ggx::facet_cosine`].
+const MOST: f32 = 16.0;
+
+/// The two nodes around a position in `[0, 1]` on a grid of `n`, and the weight of the second.
+pub(super) fn nodes(x: f32, n: usize) -> (usize, f32) {
+    let x = x.clamp(0.0, 1.0) * (n - 1) as f32;
+    let i = (x as usize).min(n - 2);
+    (i, x - i as f32)
+}
+
+/// Where a direction is among the nodes, `[0, 1]`.
+fn position(ggx: Ggx, w: Vec3) -> f32 {
+    0.5 * (ggx.steepness(w).sqrt() + w.z)
+}
+
+fn lerp(a: f32, b: f32, t: f32) -> f32 {
+    a + (b - a) * t
+}
+
+/// One quantity for one surface: a function of direction.
+#[derive(Clone, Copy, Debug)]
+struct Albedo {
+    /// Planes around the index of refraction: the first, and the weights of it and of every third after it.
+    plane: usize,
+    planes: [f32; 4],
+    /// The first of four rows around the roughness, and their weights in a cubic.
+    first: usize,
+    weights: [f32; 4],
+    /// What the means are stored over.
+    reference: f32,
+}
+
+/// How the mean loss grows with the width of the distribution, with some room above.
+fn mean_reference(alpha: f32) -> f32 {
+    let a2 = alpha * alpha;
+    4.0 * a2 * (1.0 / a2).ln_1p()
+}
+
+/// Weights of the values at 0, 1, 2, 3 for the cubic through them at `x`.
+fn cubic(x: f32) -> [f32; 4] {
+    let [a, b, c, d] = [x, x - 1.0, x - 2.0, x - 3.0];
+    [b * c * d * (-1.0 / 6.0), a * c * d * 0.5, a * b * d * -0.5, a * b * c * (1.0 / 6.0)]
+}
+
+impl Albedo {
+    fn new(ggx: Ggx, plane: usize, planes: [f32; 4]) -> Self {
+        let (row, weight) = nodes(ggx.alpha().sqrt(), ROUGHNESSES);
+        let first = row.saturating_sub(1).min(ROUGHNESSES - 4);
+        Self { plane, planes, first, weights: cubic((row - first) as f32 + weight), reference: 1.0 }
+    }
+
+    /// A loss: its mean is stored over [`mean_reference`].
+    fn loss(ggx: Ggx, plane: usize, planes: [f32; 4]) -> Self {
+        Self { reference: mean_reference(ggx.alpha().clamp(1e-4, 1.0)), ..Self::new(ggx, plane, planes) }
+    }
+
+    /// The cubic through what the planes say.
+    fn over_planes(&self, f: impl Fn(usize) -> f32) -> f32 {
+        let term = |(k, &w): (usize, &f32)| if w == 0.0 { 0.0 } else { w * f(self.plane + 3 * k) };
+        self.planes.iter().enumerate().map(term).sum::<f32>().max(0.0)
+    }
+
+    fn at(&self, plane: usize, i: usize, t: f32) -> f32 {
+        let start = self.first * (STEEPNESSES + 1) + i;
+        let at = |row| lerp(number(plane, row), number(plane, row + 1), t);
+        self.weights.iter().enumerate().map(|(k, w)| w * at(start + k * (STEEPNESSES + 1))).sum()
+    }
+
+    fn plane_average(&self, plane: usize) -> f32 {
+        let start = self.first * (STEEPNESSES + 1) + STEEPNESSES;
+        let rows = self.weights.iter().enumerate().map(|(k, w)| w * number(plane, start + k * (STEEPNESSES + 1)));
+        self.reference * (rows.sum::<f32>() * DEEPEST).exp()
+    }
+
+    /// Towards a direction at this place of the table.
+    fn directional(&self, position: f32) -> f32 {
+        let (i, t) = nodes(position, STEEPNESSES);
+        self.over_planes(|plane| self.at(plane, i, t))
+    }
+
+    /// The mean over directions weighted by the cosine.
+    fn average(&self) -> f32 {
+        self.over_planes(|plane| self.plane_average(plane))
+    }
+}
+
+/// Squared widths this small end the logarithm in [`sample_bounced`].
+fn squared_width(ggx: Ggx) -> f32 {
+    (ggx.alpha() * ggx.alpha()).max(1e-6)
+}
+
+/// Draws a direction above for light that met several facets. Smooth surfaces lose light only at grazing angles, and give it back
+/// there: the square of the cosine has the density `1 / (mu^2 + alpha^2)`, not normalised.
+pub(super) fn sample_bounced(ggx: Ggx, u: Vec2) -> Vec3 {
+    let a2 = squared_width(ggx);
+    let z2 = (a2 * (u.x * (1.0 / a2).ln_1p()).exp_m1()).clamp(0.0, 1.0);
+    let (sin, cos) = (2.0 * PI * u.y).sin_cos();
+    let r = (1.0 - z2).sqrt();
+    Vec3::new(r * cos, r * sin, z2.sqrt())
+}
+
+/// Density of [`sample_bounced`] per steradian, for a direction above of this cosine.
+pub(super) fn bounced_pdf(ggx: Ggx, cos: f32) -> f32 {
+    let a2 = squared_width(ggx);
+    cos * FRAC_1_PI / ((cos * cos + a2) * (1.0 / a2).ln_1p())
+}
+
+/// What facets that reflect everything lose by shadowing each other.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FacetLoss {
+    ggx: Ggx,
+    loss: Albedo,
+}
+
+impl FacetLoss {
+    pub(super) fn new(ggx: Ggx) -> Self {
+        Self { ggx, loss: Albedo::loss(ggx, 0, [1.0, 0.0, 0.0, 0.0]) }
+    }
+
+    /// Share of light lost towards (equally: from) a direction above.
+    pub(super) fn towards(&self, w: Vec3) -> f32 {
+        if self.ggx.is_smooth() { 0.0 } else { self.loss.directional(position(self.ggx, w)) }
+    }
+
+    /// Share of diffuse light lost.
+    pub(super) fn average(&self) -> f32 {
+        if self.ggx.is_smooth() { 0.0 } else { self.loss.average() }
+    }
+}
+
+/// Four indices of refraction around one (at least 1), as the numbers of the first, and their weights in a cubic.
+fn indices(ior: f32) -> (usize, [f32; 4]) {
+    let s = f64::from((ior - 1.0) / (ior + 1.0));
+    let x = (s / MOST_ROOT_F0).clamp(0.0, 1.0).powf(1.0 / 2.5) * (INDICES - 1) as f64;
+    let first = (x as usize).saturating_sub(1).min(INDICES - 4);
+    (first, cubic((x - first as f64) as f32))
+}
+
+/// What a dielectric reflects.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DielectricReflection {
+    ggx: Ggx,
+    ior: f32,
+    reflected: Albedo,
+}
+
+impl DielectricReflection {
+    /// Seen from the side of lower index; `ior` is that of the other side over this one, at least 1.
+    pub(super) fn new(ggx: Ggx, ior: f32) -> Self {
+        let (first, weights) = indices(ior);
+        Self { ggx, ior, reflected: Albedo::new(ggx, 1 + 3 * first, weights) }
+    }
+
+    /// Share of light reflected once towards a direction above.
+    pub(super) fn towards(&self, w: Vec3) -> f32 {
+        let reference = super::fresnel::dielectric(self.ggx.facet_cosine(w), self.ior);
+        if self.ggx.is_smooth() {
+            reference
+        } else {
+            (reference * MOST * self.reflected.directional(position(self.ggx, w))).min(1.0)
+        }
+    }
+
+    /// Share of diffuse light reflected once.
+    pub(super) fn average(&self) -> f32 {
+        if self.ggx.is_smooth() { super::fresnel::dielectric_average(self.ior) } else { self.reflected.average() }
+    }
+}
+
+/// What a dielectric neither reflects nor lets through by facets that are met once.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DielectricLoss {
+    ggx: Ggx,
+    loss: Albedo,
+}
+
+impl DielectricLoss {
+    /// Seen from one side; `eta` is the index of the other side over that of this one.
+    pub(super) fn new(ggx: Ggx, eta: f32) -> Self {
+        let (first, weights) = indices(if eta >= 1.0 { eta } else { 1.0 / eta });
+        let which = if eta >= 1.0 { 2 } else { 3 };
+        Self { ggx, loss: Albedo::loss(ggx, which + 3 * first, weights) }
+    }
+
+    /// Share of light lost towards (equally: from) a direction above.
+    pub(super) fn towards(&self, w: Vec3) -> f32 {
+        self.loss.directional(position(self.ggx, w))
+    }
+
+    /// Share of diffuse light lost.
+    pub(super) fn average(&self) -> f32 {
+        self.loss.average()
+    }
+}

@@ -1,0 +1,43 @@
+//! pbrt's coated diffuse material.
+
+use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior};
+use crate::bsdf::{Body, Bsdf, DiffuseBsdf, Ggx, Gloss, GlossyBsdf, fresnel};
+use serde::{Deserialize, Serialize};
+use snell_math::Rgb;
+
+/// A matte body under a dielectric layer, told by the body's own colour: light that is reflected back into the body by the inner side
+/// of the layer meets it again, so the surface looks darker and more saturated than the body ([`super::Plastic`] is told by the colour
+/// that is seen). What pbrt-v4 calls `coateddiffuse`, without a medium in the layer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CoatedDiffuse {
+    /// Reflectance of the body, `[0, 1]`; multiplied by the vertex colour.
+    pub reflectance: ColorParam,
+    /// Index of refraction of the layer. Positive, otherwise 1.
+    pub ior: f32,
+    /// Roughness of the layer, `[0, 1]`; the distribution's `alpha` is its square.
+    pub roughness: ScalarParam,
+}
+
+impl CoatedDiffuse {
+    /// A layer of index 1.5.
+    pub fn new(reflectance: Rgb, roughness: f32) -> Self {
+        Self { reflectance: reflectance.into(), ior: 1.5, roughness: roughness.into() }
+    }
+
+    /// Materials for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        vec![Self::new(Rgb::WHITE, 0.3), Self::new(Rgb::new(0.8, 0.3, 0.1), 0.0)]
+    }
+
+    /// The BSDF at a point.
+    pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
+        let ior = positive_ior(self.ior).max(1.0);
+        let body = point.reflectance(self.reflectance.at(point) * point.vertex_color());
+        // Share of diffuse light in the layer that its outer side reflects back.
+        let back = 1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior);
+        let seen = body.map(|r| r * (1.0 - back) / (1.0 - r * back));
+        let ggx = Ggx::from_roughness(self.roughness.at(point));
+        let gloss = Gloss { ior, tint: point.mode.unit(), ggx, film: None };
+        Bsdf::Glossy(GlossyBsdf::new(gloss, Body::matte(DiffuseBsdf::lambertian(seen))))
+    }
+}

@@ -1,0 +1,492 @@
+//! The surface of OpenPBR Surface 1.1.
+
+use super::{ColorParam, NormalMap, ScalarParam, ShadingPoint, positive_ior};
+use crate::bsdf::{
+    Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf, FacetReflectance, Fuzz, Ggx, Gloss, GlossyBsdf,
+    OpenPbrBsdf, SheetBsdf, Slabs, ThinFilm, Translucent, bounded, fresnel,
+};
+use crate::graph::TextureId;
+use crate::medium::{HenyeyGreenstein, MediumProperties};
+use serde::{Deserialize, Serialize};
+use snell_math::spectrum::{LINE_D, RefractiveIndex};
+use snell_math::{Rgb, SampledSpectrum};
+
+/// Everything that the specification OpenPBR Surface 1.1 (Academy Software Foundation) describes, under its names and with its
+/// defaults: fuzz over coat over a mixture of metal, clear and opaque dielectric. Each parameter is a factor, times a texture if there
+/// is one.
+///
+/// What belongs to any surface is moved to the fields of [`super::Material`] when the material is made ([`super::Material::new`]):
+/// `emission_luminance` times `emission_color` to `emission` (one nit as one W/(m² sr), as for glTF), `geometry_opacity` to `alpha`,
+/// `geometry_normal` to `normal_map`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct OpenPbr {
+    /// Factor on `base_color`, `[0, 1]`.
+    pub base_weight: ScalarParam,
+    /// Colour of the diffuse base, and reflectance of the metal at normal incidence, `[0, 1]`; multiplied by the vertex colour.
+    pub base_color: ColorParam,
+    /// Roughness of the diffuse base, `[0, 1]`: 0 is Lambertian, 1 looks flat.
+    pub base_diffuse_roughness: ScalarParam,
+    /// 0 dielectric, 1 metal.
+    pub base_metalness: ScalarParam,
+    /// Factor on the reflectance at normal incidence; may exceed 1 for dielectrics, as far as reflectances go.
+    pub specular_weight: ScalarParam,
+    /// Tint of the dielectric's reflection; factor on the metal's reflectance at 82 degrees. `[0, 1]`.
+    pub specular_color: ColorParam,
+    /// Roughness of metal and dielectric, `[0, 1]`; `alpha` of the distribution is its square.
+    pub specular_roughness: ScalarParam,
+    /// How much highlights are stretched along the tangent, `[0, 1]`.
+    pub specular_roughness_anisotropy: ScalarParam,
+    /// Index of refraction of the dielectric, positive.
+    pub specular_ior: ScalarParam,
+    /// Share of the dielectric that is clear, `[0, 1]`.
+    pub transmission_weight: ScalarParam,
+    /// What is left of white light after `transmission_depth`; for a depth of 0 a factor on what goes through the surface. `[0, 1]`.
+    pub transmission_color: ColorParam,
+    /// Distance, in units of the scene.
+    pub transmission_depth: ScalarParam,
+    /// Scattering coefficient of the clear dielectric times `transmission_depth`.
+    pub transmission_scatter: ColorParam,
+    /// Mean cosine of that scattering, `(-1, 1)`.
+    pub transmission_scatter_anisotropy: ScalarParam,
+    /// Factor on dispersion, `[0, 1]`.
+    pub transmission_dispersion_scale: ScalarParam,
+    /// Abbe number of the clear dielectric, positive: 20 spreads colours widely, 60 is glass.
+    pub transmission_dispersion_abbe_number: ScalarParam,
+    /// Factor on light that goes through the surface in addition to what the specification has (glTF's base colour of glass).
+    pub transmission_tint: ColorParam,
+    /// Share of the opaque dielectric that scatters under the surface, `[0, 1]`.
+    pub subsurface_weight: ScalarParam,
+    /// Colour that it shows, `[0, 1]`.
+    pub subsurface_color: ColorParam,
+    /// Mean free path there, in units of the scene.
+    pub subsurface_radius: ScalarParam,
+    /// Factor on that per channel.
+    pub subsurface_radius_scale: ColorParam,
+    /// Mean cosine of scattering there, `(-1, 1)`. For thin walls: -1 reflects, 1 lets through.
+    pub subsurface_scatter_anisotropy: ScalarParam,
+    /// Share of the surface that is coated, `[0, 1]`.
+    pub coat_weight: ScalarParam,
+    /// What is left of light that crosses the coat twice, `[0, 1]`.
+    pub coat_color: ColorParam,
+    /// Roughness of the coat, `[0, 1]`.
+    pub coat_roughness: ScalarParam,
+    /// How much highlights of the coat are stretched along the tangent, `[0, 1]`.
+    pub coat_roughness_anisotropy: ScalarParam,
+    /// Index of refraction of the coat, positive.
+    pub coat_ior: ScalarParam,
+    /// How much of the darkening by reflections inside of the coat there is, `[0, 1]`.
+    pub coat_darkening: ScalarParam,
+    /// Share of the surface that is fuzzy, `[0, 1]`.
+    pub fuzz_weight: ScalarParam,
+    /// Colour of the fuzz, `[0, 1]`.
+    pub fuzz_color: ColorParam,
+    /// 0 for thin straight fibres, 1 for dust.
+    pub fuzz_roughness: ScalarParam,
+    /// Share of the base that a thin film covers, `[0, 1]`.
+    pub thin_film_weight: ScalarParam,
+    /// Thickness of the film in micrometres.
+    pub thin_film_thickness: ScalarParam,
+    /// Index of refraction of the film, positive.
+    pub thin_film_ior: ScalarParam,
+    /// Luminance of the surface in cd/m².
+    pub emission_luminance: ScalarParam,
+    /// Factor on that, `[0, 1]`.
+    pub emission_color: ColorParam,
+    /// Share of the surface that is there, `[0, 1]`.
+    pub geometry_opacity: ScalarParam,
+    /// True for sheets without an inside: windows, leaves, paper.
+    pub geometry_thin_walled: bool,
+    /// Bends the normal of the base.
+    pub geometry_normal: Option<NormalMap>,
+    /// Bends the normal of the coat, which does not follow that of the base.
+    pub geometry_coat_normal: Option<NormalMap>,
+    /// Turns the tangent of the base.
+    pub geometry_tangent: Option<TangentMap>,
+    /// Turns the tangent of the coat; without effect unless the coat has its own normal.
+    pub geometry_coat_tangent: Option<TangentMap>,
+}
+
+/// The direction in which highlights are stretched.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct TangentMap {
+    /// Radians, counter-clockwise from the tangent of the surface.
+    pub rotation: f32,
+    /// Linear texture with `2 rg - 1` a direction that is turned further.
+    pub texture: Option<TextureId>,
+}
+
+impl TangentMap {
+    /// The angle at a point, radians counter-clockwise from the tangent of the surface.
+    fn angle(&self, point: &ShadingPoint) -> f32 {
+        let turned = self.texture.map_or(0.0, |id| {
+            let [r, g, ..] = point.textures.lookup(id, point.surface, point.footprint);
+            let (x, y) = (2.0 * r - 1.0, 2.0 * g - 1.0);
+            if x == 0.0 && y == 0.0 { 0.0 } else { y.atan2(x) }
+        });
+        if self.rotation.is_finite() { self.rotation + turned } else { turned }
+    }
+}
+
+impl Default for OpenPbr {
+    /// The specification's defaults.
+    fn default() -> Self {
+        let (one, none): (ScalarParam, ScalarParam) = (1.0.into(), 0.0.into());
+        let (white, grey) = (ColorParam::from(Rgb::WHITE), ColorParam::from(Rgb::splat(0.8)));
+        Self {
+            base_weight: one,
+            base_color: grey,
+            base_diffuse_roughness: none,
+            base_metalness: none,
+            specular_weight: one,
+            specular_color: white,
+            specular_roughness: 0.3.into(),
+            specular_roughness_anisotropy: none,
+            specular_ior: 1.5.into(),
+            transmission_weight: none,
+            transmission_color: white,
+            transmission_depth: none,
+            transmission_scatter: Rgb::BLACK.into(),
+            transmission_scatter_anisotropy: none,
+            transmission_dispersion_scale: none,
+            transmission_dispersion_abbe_number: 20.0.into(),
+            transmission_tint: white,
+            subsurface_weight: none,
+            subsurface_color: grey,
+            subsurface_radius: one,
+            subsurface_radius_scale: Rgb::new(1.0, 0.5, 0.25).into(),
+            subsurface_scatter_anisotropy: none,
+            coat_weight: none,
+            coat_color: white,
+            coat_roughness: none,
+            coat_roughness_anisotropy: none,
+            coat_ior: 1.6.into(),
+            coat_darkening: one,
+            fuzz_weight: none,
+            fuzz_color: white,
+            fuzz_roughness: 0.5.into(),
+            thin_film_weight: none,
+            thin_film_thickness: 0.5.into(),
+            thin_film_ior: 1.4.into(),
+            emission_luminance: none,
+            emission_color: white,
+            geometry_opacity: one,
+            geometry_thin_walled: false,
+            geometry_normal: None,
+            geometry_coat_normal: None,
+            geometry_tangent: None,
+            geometry_coat_tangent: None,
+        }
+    }
+}
+
+/// Dielectric indices whose reflectance at normal incidence is that of `eta` times `weight` (OpenPBR Surface 1.1, "Dielectric base").
+fn modulated_ior(eta: f32, weight: f32) -> f32 {
+    let epsilon = (weight * fresnel::f0_from_ior(eta)).clamp(0.0, 0.98).sqrt();
+    let epsilon = if eta < 1.0 { -epsilon } else { epsilon };
+    (1.0 + epsilon) / (1.0 - epsilon)
+}
+
+/// The roughness of what lies under a rough coat (OpenPBR Surface 1.1, "Roughening").
+fn roughened(base: f32, coat: f32, weight: f32) -> f32 {
+    let together = (base.powi(4) + 2.0 * coat.powi(4)).min(1.0).sqrt().sqrt();
+    base + (together - base) * weight
+}
+
+/// Single-scattering albedo whose multiple scattering shows this colour in diffuse light (van de Hulst's approximation, as OpenPBR
+/// Surface 1.1 gives it).
+fn scattering_albedo(color: f32, g: f32) -> f32 {
+    let c = color.clamp(0.0, 1.0);
+    let s = 4.09712 + 4.20863 * c - (9.59217 + 41.6808 * c + 17.7126 * c * c).sqrt();
+    let s2 = (s * s).clamp(0.0, 1.0);
+    ((1.0 - s2) / (1.0 - g * s2)).clamp(0.0, 1.0)
+}
+
+/// The scalar parameters at a point that several lobes need.
+struct Common {
+    metalness: f32,
+    transmission: f32,
+    subsurface: f32,
+    coat: f32,
+    /// Of the base, under the coat.
+    ggx: Ggx,
+    specular_weight: f32,
+    ior: f32,
+}
+
+impl OpenPbr {
+    /// Materials for tests and galleries.
+    pub fn examples() -> Vec<Self> {
+        let plain = Self::default;
+        let orange = || ColorParam::from(Rgb::new(0.9, 0.4, 0.05));
+        vec![
+            plain(),
+            Self { subsurface_weight: 0.7.into(), subsurface_color: orange(), ..plain() },
+            Self {
+                base_metalness: 1.0.into(),
+                base_color: orange(),
+                specular_color: Rgb::new(0.5, 0.8, 0.9).into(),
+                specular_roughness: 0.4.into(),
+                specular_roughness_anisotropy: 0.6.into(),
+                ..plain()
+            },
+            Self { transmission_weight: 1.0.into(), specular_roughness: 0.35.into(), ..plain() },
+            Self {
+                transmission_weight: 0.7.into(),
+                transmission_color: orange(),
+                geometry_thin_walled: true,
+                specular_roughness: 0.0.into(),
+                ..plain()
+            },
+            Self {
+                coat_weight: 1.0.into(),
+                coat_roughness: 0.2.into(),
+                coat_color: orange(),
+                base_metalness: 0.5.into(),
+                specular_roughness: 0.5.into(),
+                ..plain()
+            },
+            Self {
+                fuzz_weight: 1.0.into(),
+                fuzz_color: orange(),
+                base_diffuse_roughness: 1.0.into(),
+                coat_weight: 0.5.into(),
+                specular_roughness: 0.6.into(),
+                ..plain()
+            },
+            Self {
+                thin_film_weight: 1.0.into(),
+                base_metalness: 0.3.into(),
+                specular_roughness: 0.3.into(),
+                ..plain()
+            },
+            Self {
+                subsurface_weight: 1.0.into(),
+                subsurface_color: orange(),
+                subsurface_scatter_anisotropy: 0.4.into(),
+                geometry_thin_walled: true,
+                ..plain()
+            },
+            Self { specular_weight: 0.0.into(), specular_roughness: 0.5.into(), ..plain() },
+        ]
+    }
+
+    fn common(&self, point: &ShadingPoint) -> Common {
+        let share = |p: &ScalarParam| bounded(p.at(point), 1.0);
+        let coat = share(&self.coat_weight);
+        let roughness = roughened(share(&self.specular_roughness), share(&self.coat_roughness), coat);
+        Common {
+            metalness: share(&self.base_metalness),
+            transmission: share(&self.transmission_weight),
+            subsurface: share(&self.subsurface_weight),
+            coat,
+            ggx: Ggx::from_anisotropy(roughness, share(&self.specular_roughness_anisotropy)),
+            specular_weight: bounded(self.specular_weight.at(point), 1e3),
+            ior: positive_ior(positive_ior(self.specular_ior.at(point)) / point.outside_ior),
+        }
+    }
+
+    /// The BSDF at a point.
+    pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
+        let common = self.common(point);
+        let coat = self.coat(point, &common);
+        let fuzz_weight = bounded(self.fuzz_weight.at(point), 1.0);
+        let fuzz = (fuzz_weight > 0.0).then(|| Fuzz {
+            weight: fuzz_weight,
+            color: point.reflectance(self.fuzz_color.at(point)),
+            roughness: bounded(self.fuzz_roughness.at(point), 1.0),
+        });
+        let slabs = self.slabs(point, &common, coat.as_ref());
+        // Where wavelengths part, the hero stands for all of them.
+        let unit = if self.is_dispersive() { point.mode.hero_factor() } else { point.mode.unit() };
+        Bsdf::OpenPbr(Box::new(OpenPbrBsdf::new(slabs, coat, fuzz, unit)))
+    }
+
+    fn film(&self, point: &ShadingPoint) -> Option<ThinFilm> {
+        let weight = bounded(self.thin_film_weight.at(point), 1.0);
+        let thickness = 1000.0 * bounded(self.thin_film_thickness.at(point), 1e3);
+        let ior = positive_ior(self.thin_film_ior.at(point));
+        (weight > 0.0 && thickness > 0.0).then_some(ThinFilm { weight, thickness, ior, mode: point.mode })
+    }
+
+    fn coat(&self, point: &ShadingPoint, common: &Common) -> Option<Coat> {
+        let share = |p: &ScalarParam| bounded(p.at(point), 1.0);
+        let base = share(&self.specular_roughness);
+        let f0 = fresnel::f0_from_ior(common.ior) * common.specular_weight;
+        let dielectric = 1.0 + (base - 1.0) * f0.min(1.0);
+        (common.coat > 0.0).then(|| Coat {
+            weight: common.coat,
+            ggx: Ggx::from_anisotropy(share(&self.coat_roughness), share(&self.coat_roughness_anisotropy)),
+            ior: positive_ior(self.coat_ior.at(point)),
+            color: point.reflectance(self.coat_color.at(point)),
+            darkening: share(&self.coat_darkening),
+            base_roughness: dielectric + (base - dielectric) * common.metalness,
+        })
+    }
+
+    fn slabs(&self, point: &ShadingPoint, common: &Common, coat: Option<&Coat>) -> Slabs {
+        let Common { metalness, transmission, subsurface, .. } = *common;
+        let film = self.film(point);
+        let tint = point.reflectance(self.specular_color.at(point));
+        let base = point.reflectance(self.base_color.at(point) * point.vertex_color())
+            * bounded(self.base_weight.at(point), 1.0);
+        let clear = (1.0 - metalness) * transmission;
+        let opaque = (1.0 - metalness) * (1.0 - transmission);
+        let metal = || {
+            let facets = FacetReflectance::F82 { f0: base, edge: tint };
+            let unit = point.mode.unit() * common.specular_weight.min(1.0);
+            ConductorBsdf::new(facets, unit, common.ggx).with_film(film)
+        };
+        // The coat replaces the air above the base; without total reflection where it is the denser.
+        let ratio = coat.map_or(common.ior, |coat| {
+            let below = common.ior / coat.ior;
+            common.ior + (below.max(1.0 / below) - common.ior) * common.coat
+        });
+        let gloss = Gloss { ior: modulated_ior(ratio, common.specular_weight), tint, ggx: common.ggx, film };
+        let has_inside = !self.geometry_thin_walled;
+        Slabs {
+            metal: (metalness > 0.0).then(|| (metalness, metal())),
+            opaque: (opaque > 0.0).then(|| (opaque, GlossyBsdf::new(gloss, self.body(point, base, subsurface)))),
+            translucent: (clear > 0.0).then(|| (clear, self.translucent(point, common, tint, film))),
+            subsurface: if has_inside { subsurface } else { 0.0 },
+        }
+    }
+
+    fn body(&self, point: &ShadingPoint, base: SampledSpectrum, subsurface: f32) -> Body {
+        let roughness = bounded(self.base_diffuse_roughness.at(point), 1.0);
+        if subsurface == 0.0 {
+            return Body::matte(DiffuseBsdf::new(base, roughness));
+        }
+        let color = point.reflectance(self.subsurface_color.at(point) * point.vertex_color());
+        let (zero, rest) = (SampledSpectrum::ZERO, base * (1.0 - subsurface));
+        if self.geometry_thin_walled {
+            let forward = bounded(0.5 * (1.0 + self.subsurface_scatter_anisotropy.at(point)), 1.0);
+            let back = color * (subsurface * (1.0 - forward));
+            return Body {
+                diffuse: DiffuseBsdf::new(rest + back, roughness),
+                through: color * (subsurface * forward),
+                walk: zero,
+            };
+        }
+        Body { diffuse: DiffuseBsdf::new(rest, roughness), through: zero, walk: point.mode.unit() * subsurface }
+    }
+
+    fn translucent(
+        &self,
+        point: &ShadingPoint,
+        common: &Common,
+        tint: SampledSpectrum,
+        film: Option<ThinFilm>,
+    ) -> Translucent {
+        let ior = modulated_ior(common.ior, common.specular_weight);
+        let unit = point.mode.unit();
+        let color = || point.reflectance(self.transmission_color.at(point));
+        let extra = point.reflectance(self.transmission_tint.at(point));
+        if self.geometry_thin_walled {
+            return Translucent::Sheet(SheetBsdf::new(ior, tint * unit, color() * extra, unit, common.ggx, film));
+        }
+        let ior = self.dispersed(ior, point);
+        let crossing = if self.transmission_depth.at(point) > 0.0 { unit } else { color() };
+        Translucent::Solid(DielectricBsdf {
+            ior,
+            tint: crossing * extra,
+            reflection_tint: tint,
+            unit,
+            film,
+            ggx: common.ggx,
+            arriving: SampledSpectrum::ONE,
+        })
+    }
+
+    /// True if wavelengths part where light goes through.
+    pub(super) fn is_dispersive(&self) -> bool {
+        let is_clear = self.transmission_weight.factor > 0.0 && !self.geometry_thin_walled;
+        is_clear && self.transmission_dispersion_scale.factor > 0.0
+    }
+
+    /// The index of refraction for the wavelength of the path.
+    fn dispersed(&self, ior: f32, point: &ShadingPoint) -> f32 {
+        if !self.is_dispersive() {
+            return ior;
+        }
+        let scale = bounded(self.transmission_dispersion_scale.at(point), 1.0);
+        let abbe = self.transmission_dispersion_abbe_number.at(point) / scale;
+        positive_ior(RefractiveIndex::from_abbe(ior, abbe).at(point.mode.hero(LINE_D)))
+    }
+
+    /// True if [`Self::medium`] may be something.
+    pub(super) fn has_medium(&self) -> bool {
+        let clear = self.transmission_weight.factor > 0.0 && self.transmission_depth.factor > 0.0;
+        !self.geometry_thin_walled && (clear || self.subsurface_weight.factor > 0.0)
+    }
+
+    /// True if the surface bounds an inside that light gets to.
+    pub(super) fn has_inside(&self) -> bool {
+        !self.geometry_thin_walled && (self.transmission_weight.factor > 0.0 || self.subsurface_weight.factor > 0.0)
+    }
+
+    /// Index of refraction of the inside; 1 where light gets in by scattering only.
+    pub(super) fn inside_ior(&self) -> f32 {
+        let is_clear = self.transmission_weight.factor > 0.0 && !self.geometry_thin_walled;
+        if is_clear { positive_ior(self.specular_ior.factor) } else { 1.0 }
+    }
+
+    /// Angle by which the tangent of the base is turned at a point.
+    pub(super) fn tangent_angle(&self, point: &ShadingPoint) -> f32 {
+        self.geometry_tangent.map_or(0.0, |t| t.angle(point))
+    }
+
+    /// The same for the coat.
+    pub(super) fn coat_tangent_angle(&self, point: &ShadingPoint) -> f32 {
+        self.geometry_coat_tangent.map_or(0.0, |t| t.angle(point))
+    }
+
+    /// The medium inside, for a path that enters at a point: that of the clear dielectric, or of the scattering one.
+    pub(super) fn medium(&self, point: &ShadingPoint) -> Option<MediumProperties> {
+        let common = self.common(point);
+        let depth = self.transmission_depth.at(point);
+        let clear = common.transmission;
+        if self.has_medium() && clear >= (1.0 - clear) * common.subsurface {
+            return (depth > 0.0).then(|| self.clear_medium(point, depth));
+        }
+        (self.has_medium() && common.subsurface > 0.0).then(|| self.subsurface_medium(point))
+    }
+
+    fn clear_medium(&self, point: &ShadingPoint, depth: f32) -> MediumProperties {
+        /// Stands for black, whose logarithm is infinite.
+        const DARKEST: f32 = 1e-6;
+        let color = point.reflectance(self.transmission_color.at(point));
+        let sigma_t = color.map(|c| -c.clamp(DARKEST, 1.0).ln() / depth);
+        let sigma_s = point.coefficient(self.transmission_scatter.at(point)) * (1.0 / depth);
+        let sigma_a = sigma_t - sigma_s;
+        let least = sigma_a
+            .0
+            .into_iter()
+            .zip(point.mode.unit().0)
+            .filter(|(_, u)| *u > 0.0)
+            .map(|(a, _)| a)
+            .fold(0.0, f32::min);
+        let sigma_a = sigma_a.map(|a| (a - least).max(0.0));
+        medium(sigma_a, sigma_s, bounded_cosine(self.transmission_scatter_anisotropy.at(point)))
+    }
+
+    fn subsurface_medium(&self, point: &ShadingPoint) -> MediumProperties {
+        let g = bounded_cosine(self.subsurface_scatter_anisotropy.at(point));
+        let color = point.reflectance(self.subsurface_color.at(point) * point.vertex_color());
+        let radius =
+            point.coefficient(self.subsurface_radius_scale.at(point)) * self.subsurface_radius.at(point).max(0.0);
+        let sigma_t = radius.map(|r| 1.0 / r.max(1e-6));
+        let albedo = color.map(|c| scattering_albedo(c, g));
+        medium(sigma_t * (SampledSpectrum::ONE - albedo), sigma_t * albedo, g)
+    }
+}
+
+/// A mean cosine that phase functions can be computed with.
+fn bounded_cosine(g: f32) -> f32 {
+    if g.is_finite() { g.clamp(-0.98, 0.98) } else { 0.0 }
+}
+
+fn medium(sigma_a: SampledSpectrum, sigma_s: SampledSpectrum, g: f32) -> MediumProperties {
+    MediumProperties { sigma_a, sigma_s, emission: SampledSpectrum::ZERO, phase: HenyeyGreenstein::new(g) }
+}
