@@ -67,10 +67,8 @@ impl Family {
                 }
                 (Tree::Fields(_), _) | (_, Tree::Nothing) => {}
                 (_, Tree::Fields(_)) => *known = form.clone(),
-                // A number or a name, say: the declaration judges.
-                (known, form) if std::mem::discriminant(known) != std::mem::discriminant(form) => {
-                    *known = Tree::Nothing
-                }
+                // A number or a name: the declaration judges.
+                (Tree::Single(_) | Tree::Double(_) | Tree::Whole(_), Tree::Text(_)) => *known = form.clone(),
                 _ => {}
             }
         })
@@ -330,8 +328,8 @@ fn read_number(number: f64, form: &Tree, name: &str, unexpected: impl Fn() -> Py
         form if is_color(form) && number.abs() <= f64::from(f32::MAX) => {
             Ok(Tree::List(vec![Tree::Single(number as f32); 3]))
         }
-        Tree::Nothing if is_whole => Ok(Tree::Whole(number as i64)),
-        Tree::Nothing => Ok(Tree::Double(number)),
+        Tree::Nothing | Tree::Text(_) if is_whole => Ok(Tree::Whole(number as i64)),
+        Tree::Nothing | Tree::Text(_) => Ok(Tree::Double(number)),
         _ => Err(unexpected()),
     }
 }
