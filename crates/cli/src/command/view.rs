@@ -18,6 +18,7 @@ const WATCH_INTERVAL: Duration = Duration::from_millis(300);
 
 /// Options of `snell view`.
 #[derive(Clone, Debug, clap::Args)]
+#[command(args_override_self = true)]
 pub struct Options {
     /// Scene or mesh file, or the name of a built-in scene
     #[arg(default_value = "cornell-box")]

@@ -444,6 +444,27 @@ mod tests {
     }
 
     #[test]
+    fn a_film_that_is_extended_step_by_step_is_the_film_of_one_run() {
+        let scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
+        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default()).expect("a valid scene");
+        let settings = Settings { size: [20, 20], spp: 20, ..Settings::default() };
+        let job = Job::new(&compiled, &scene.cameras[0], &settings);
+        let whole = job.run(2, &|_| true).0.image();
+        for steps in [&[1, 4, 16, 20][..], &[7, 7, 30], &[19, 20]] {
+            let mut film = job.empty_film();
+            for &until in steps {
+                // Stopped in the middle, too: tiles then differ in their samples.
+                let asked = AtomicUsize::new(0);
+                film = job.extend(film, until, 2, &|_| asked.fetch_add(1, Ordering::Relaxed) < 3).0;
+                let statistics;
+                (film, statistics) = job.extend(film, until, 2, &|_| true);
+                assert!(statistics.is_complete && film.least_samples() == until.min(20), "{steps:?}");
+            }
+            assert_eq!(film.image(), whole, "{steps:?}");
+        }
+    }
+
+    #[test]
     fn ranges_cover_all_samples_once() {
         for spp in [1, 3, 4, 15, 16, 17, 40, 64] {
             for progressive in [false, true] {

@@ -1,11 +1,11 @@
 //! The loop that makes a picture: camera rays, hits, shading by material, light rays, next rays, depth by depth until no path is
 //! left. Batches only; nothing here asks for a single ray.
 
+use super::Statistics;
 use super::light_parts::LightParts;
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
 use super::volumes::VolumeBatch;
-use super::Statistics;
 use crate::film::filter::FilterSampler;
 use crate::film::noise::positions;
 use crate::film::{FilmPart, FilmSample};

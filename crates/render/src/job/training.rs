@@ -110,10 +110,16 @@ impl Job<'_> {
             let records: Vec<Mutex<Vec<Record>>> = parts.iter().map(|_| Mutex::default()).collect();
             let (next, all) = (AtomicUsize::new(0), Mutex::new(Statistics::default()));
             let work = || {
-                let context =
-                    Context { scene: self.scene, settings: &settings, lights: &self.lights, field: Some(field), wants_lobes: false };
+                let context = Context {
+                    scene: self.scene,
+                    settings: &settings,
+                    lights: &self.lights,
+                    field: Some(field),
+                    wants_lobes: false,
+                };
                 let tracer = Tracer::new(self.scene, None);
-                let mut renderer = PartRenderer::new(context, self.camera, &sampler, &self.filter, &light_parts, tracer);
+                let mut renderer =
+                    PartRenderer::new(context, self.camera, &sampler, &self.filter, &light_parts, tracer);
                 let mut mine = Statistics::default();
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);

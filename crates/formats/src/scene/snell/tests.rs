@@ -49,6 +49,11 @@ fn everything() -> Scene {
 fn what_is_written_is_read_and_written_alike() {
     let scenes = BUILTINS.iter().map(|b| (b.make)()).chain([everything()]);
     for scene in scenes {
+        // The cells of grids have no form in this format yet; such a scene is refused, not written without them.
+        if scene.media.iter().any(|m| matches!(m, snell_scene::Medium::Grid(_))) {
+            assert!(write(&scene).is_err(), "{}", scene.name);
+            continue;
+        }
         let bytes = write(&scene).expect("every scene can be written");
         let again = reread(bytes.clone()).expect("what was written can be read");
         assert_eq!(shown(&again), shown(&scene), "{}", scene.name);

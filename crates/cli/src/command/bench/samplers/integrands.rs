@@ -78,7 +78,8 @@ mod tests {
         for integrand in &INTEGRANDS {
             let sum: f64 = (0..1 << 16).map(|s| (integrand.value)(&sampler.random([0, 0], s))).sum();
             let mean = sum / f64::from(1 << 16);
-            assert!((mean / integrand.integral - 1.0).abs() < 2e-3, "{}: {mean}", integrand.name);
+            // Dimensions beyond the second pair are as random as pairs go: four standard deviations.
+            assert!((mean / integrand.integral - 1.0).abs() < 6e-3, "{}: {mean}", integrand.name);
         }
     }
 }
