@@ -194,17 +194,15 @@ fn glass_and_mirrors_vanish_in_a_white_furnace() {
 }
 
 #[test]
-fn rough_white_metal_and_rough_glass_lose_what_one_scattering_loses() {
+fn rough_white_metal_and_rough_glass_lose_nothing() {
     for scene in [furnace(), sampled_furnace()] {
-        // Light that facets scatter more than once is not followed. What is left was computed by a random walk through the same
-        // model, written apart from the renderer.
-        for (roughness, metal, glass) in [(0.1, 0.9998, 0.999), (0.3, 0.983, 0.9627), (0.6, 0.8606, 0.760)] {
-            for (kind, expected) in [
-                (MaterialKind::from(Conductor::color(Rgb::WHITE, roughness)), metal),
-                (Dielectric::rough(1.5, roughness).into(), glass),
-            ] {
+        for roughness in [0.1, 0.3, 0.6, 1.0] {
+            for kind in
+                [MaterialKind::from(Conductor::color(Rgb::WHITE, roughness)), Dielectric::rough(1.5, roughness).into()]
+            {
                 let found = ball_in_furnace(&scene, kind.clone());
-                assert!((found.mean - expected).abs() < 0.006, "{kind:?}: {found:?}, not {expected}");
+                assert!((found.mean - 1.0).abs() < 0.002 || found.z(1.0).abs() < 3.0, "{kind:?}: {found:?}");
+                assert!(found.error < 0.005, "{kind:?}: {found:?}");
             }
         }
     }

@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 
 /// Work and memory for the table of emissive surfaces: a small file may place an emissive mesh billions of times.
 const BUDGET: u64 = 1 << 28;
-const COST_OF_INSTANCE: u64 = 1024;
+const COST_OF_INSTANCE: u64 = 4096;
 const COST_OF_TRIANGLE: u64 = 64;
 
 /// One light of the table.
