@@ -23,7 +23,7 @@ fn runs(program: &str, arguments: &[&str]) -> bool {
 
 /// Installs what the page is built with, if that has changed. `None` without Node.js.
 fn packages() -> Option<bool> {
-    let is_new_enough = "process.exit(Number(process.versions.node.split('.')[0]) < 20)";
+    let is_new_enough = "process.exit(Number(process.versions.node.split('.')[0]) < 20 ? 1 : 0)";
     if !runs("node", &["-e", is_new_enough]) || npm(&["--version"]).output().is_err() {
         println!("xtask: Node.js 20 or later with npm is not here");
         return None;
@@ -34,7 +34,7 @@ fn packages() -> Option<bool> {
         return Some(true);
     }
     let installed =
-        run("installation of what the page is built with", npm(&["ci", "--no-audit", "--no-fund", "--silent"]));
+        run("installation of what the page is built with", npm(&["install", "--no-save", "--no-audit", "--no-fund", "--silent"]));
     Some(installed && std::fs::write(marker, wanted).is_ok())
 }
 
