@@ -111,7 +111,7 @@ export function Field(props: FieldProps): JSX.Element | null {
   if (value !== null && typeof value === "object") {
     // A factor without a texture is shown as the parameter itself.
     const keys = Object.keys(value);
-    if (keys.length === 2 && "factor" in value && value.texture === null) {
+    if ("factor" in value && keys.every((key) => key === "factor" || value[key] === null)) {
       return <Field label={label} value={value.factor!} path={`${path}.factor`} change={change} />;
     }
     return (
