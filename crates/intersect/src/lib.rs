@@ -44,6 +44,7 @@ pub use hit::{DHit, Hit, SurfaceInteraction};
 pub use mesh::{DTriangleMesh, TriangleMesh};
 pub use precision::{Double, Precision, Single};
 pub use query::crossings::AllHits;
+pub use query::journey::{Journey, Place, PlaceKind, Stop};
 pub use query::nearest::{DNearestPoint, NearestPoint, Points};
 pub use query::parallel::{Cancelled, Parallel};
 pub use query::rays::{InvalidRays, RayQuery, Rays};

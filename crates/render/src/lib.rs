@@ -19,6 +19,7 @@
 #![forbid(unsafe_code)]
 
 pub mod compile;
+pub mod explain;
 pub mod film;
 pub mod guiding;
 pub mod integrator;

@@ -63,6 +63,11 @@ impl BoxRay {
         Self { origin: (DVec3::from_array(self.origin) - point).to_array(), ..*self }
     }
 
+    /// The point at a distance.
+    pub fn at(&self, t: f64) -> DVec3 {
+        DVec3::from_array(self.origin) + DVec3::from_array(self.direction) * t
+    }
+
     /// True if the ray goes down along the axis.
     #[inline(always)]
     pub fn is_down(&self, axis: usize) -> bool {

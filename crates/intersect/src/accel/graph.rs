@@ -4,6 +4,7 @@
 use super::box_ray::BoxRay;
 use super::primitives::{Item, Primitives, bounds_of};
 use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work};
+use crate::query::journey::Place;
 use snell_math::Bounds3;
 
 /// The children of a group in the order of the graph.
@@ -51,22 +52,23 @@ fn add_ranges(items: &[Item], ranges: &mut Vec<(u32, u32)>) {
 
 impl Graph {
     /// Tests what a child holds. True if the search is over.
-    fn visit(&self, child: &Child, visitor: &mut dyn Visitor) -> bool {
+    fn visit(&self, child: &Child, visitor: &mut dyn Visitor, work: &Work) -> bool {
         let (first, end) = child.ranges;
+        work.look(visitor, true, || Place::of_bounds(&child.bounds));
         self.ranges[first as usize..end as usize].iter().any(|&(first, end)| visitor.test_range(first, end))
     }
 
     /// Children in the order of the graph.
-    fn walk_unsorted(&self, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool {
+    fn walk_unsorted(&self, ray: &BoxRay, visitor: &mut dyn Visitor, work: &Work) -> bool {
         self.children.iter().any(|child| {
             let (start, end) = ray.span_of(&child.bounds);
             let is_met = start <= end && start <= visitor.cull();
-            is_met && self.visit(child, visitor)
+            is_met && self.visit(child, visitor, work)
         })
     }
 
     /// Children in the order in which the ray enters their boxes.
-    fn walk_sorted(&self, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool {
+    fn walk_sorted(&self, ray: &BoxRay, visitor: &mut dyn Visitor, work: &Work) -> bool {
         let mut met = visitor.take_stack();
         let cull = visitor.cull();
         for (i, child) in self.children.iter().enumerate() {
@@ -81,7 +83,7 @@ impl Graph {
             if finished || later.start > visitor.cull() {
                 break;
             }
-            finished = self.visit(&self.children[later.node as usize], visitor);
+            finished = self.visit(&self.children[later.node as usize], visitor, work);
         }
         visitor.give_stack(met);
         finished
@@ -90,8 +92,9 @@ impl Graph {
 
 impl Accelerator for Graph {
     fn walk(&self, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool {
-        visitor.count(Work { nodes: self.children.len() as u32, cells: 0 });
-        if self.front_to_back { self.walk_sorted(ray, visitor) } else { self.walk_unsorted(ray, visitor) }
+        let work = Work { nodes: self.children.len() as u32, ..Work::of(visitor) };
+        visitor.count(work);
+        if self.front_to_back { self.walk_sorted(ray, visitor, &work) } else { self.walk_unsorted(ray, visitor, &work) }
     }
 
     fn repeats(&self) -> bool {

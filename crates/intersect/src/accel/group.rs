@@ -64,6 +64,21 @@ impl Placement {
         }
     }
 
+    /// Tells a goal that records that the search enters the child.
+    #[inline(always)]
+    fn tell<G: Goal>(&self, search: &mut Search<'_, G>) {
+        if !G::RECORDS {
+            return;
+        }
+        match self {
+            Self::Still(map) => search.goal.enter(map),
+            Self::Moving(keys) => {
+                let map = transform_at(keys, search.time).map_or(DAffine3::IDENTITY, |t| *t.inverse_matrix());
+                search.goal.enter(&map);
+            }
+        }
+    }
+
     /// The ray in the child; `None` if it overflows on the way or the child is flattened, then nothing there can be hit.
     #[inline(always)]
     pub fn ray_in_child(&self, ray: &DRay, time: f32) -> Option<DRay> {
@@ -208,9 +223,12 @@ pub(crate) fn test_object<G: Goal>(
         }
         ObjectRef::Placed(Object::Instance { child, offset, child_from_group, mask }) => {
             mask & search.mask != 0
-                && child_from_group
-                    .ray_in_child(ray, search.time)
-                    .is_some_and(|ray| enter(*child, &ray, instance + offset, search))
+                && child_from_group.ray_in_child(ray, search.time).is_some_and(|ray| {
+                    child_from_group.tell(search);
+                    let is_over = enter(*child, &ray, instance + offset, search);
+                    search.goal.leave();
+                    is_over
+                })
         }
         ObjectRef::Primitive(bulk, primitive) => {
             let ids = [instance, bulk.geometry, primitive];

@@ -11,6 +11,7 @@ mod build;
 use super::box_ray::BoxRay;
 use super::primitives::Primitives;
 use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work};
+use crate::query::journey::Place;
 use snell_math::Bounds3;
 
 /// Eight bytes. Of an inner node: the bits of the plane's coordinate; the second child times four plus the axis (the first child
@@ -60,6 +61,27 @@ pub(super) fn build(primitives: &Primitives, options: &AcceleratorOptions) -> Bo
 }
 
 impl KdTree {
+    /// The part of space that belongs to a node. It is not stored, and so sought from the root: children come after their parents,
+    /// and all below the first child before the second.
+    fn cell(&self, wanted: u32) -> Bounds3 {
+        let (mut at, mut cell) = (0, self.bounds);
+        while at < wanted {
+            let node = self.nodes[at as usize];
+            if node.is_leaf() {
+                break;
+            }
+            let (axis, plane, second) = ((node.data & 3) as usize, f32::from_bits(node.word), node.data >> 2);
+            if wanted < second {
+                at += 1;
+                cell.max[axis] = plane;
+            } else {
+                at = second;
+                cell.min[axis] = plane;
+            }
+        }
+        cell
+    }
+
     fn search(&self, ray: &BoxRay, visitor: &mut dyn Visitor, stack: &mut Vec<Later>, work: &mut Work) -> bool {
         let (start, end) = ray.span_of(&self.bounds);
         if start <= end {
@@ -72,7 +94,7 @@ impl KdTree {
             }
             let mut node = self.nodes[at as usize];
             while !node.is_leaf() {
-                work.nodes += 1;
+                work.node(visitor, || Place::of_bounds(&self.cell(at)));
                 let axis = (node.data & 3) as usize;
                 let (low, high) = ray.crossing(axis, f32::from_bits(node.word).into());
                 let is_down = ray.is_down(axis);
@@ -96,7 +118,7 @@ impl KdTree {
                 node = self.nodes[at as usize];
             }
             let (first, count) = (node.word as usize, (node.data >> 2) as usize);
-            work.cells += 1;
+            work.cell(visitor, || Place::of_bounds(&self.cell(at)));
             if visitor.test(&self.references[first..first + count]) {
                 return true;
             }
@@ -107,7 +129,7 @@ impl KdTree {
 
 impl Accelerator for KdTree {
     fn walk(&self, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool {
-        let mut work = Work::default();
+        let mut work = Work::of(visitor);
         let mut stack = visitor.take_stack();
         let finished = self.search(ray, visitor, &mut stack, &mut work);
         visitor.give_stack(stack);

@@ -21,6 +21,7 @@ pub(crate) mod walk;
 
 pub use bvh::Quality;
 
+use crate::query::journey::Place;
 use box_ray::BoxRay;
 use primitives::Primitives;
 
@@ -143,6 +144,12 @@ pub(crate) trait Visitor {
     /// Tests the primitives `first..end`. True if the search is over.
     fn test_range(&mut self, first: u32, end: u32) -> bool;
 
+    /// True if it wants to be told of places.
+    fn records(&self) -> bool;
+
+    /// Told of a place where the walk looks; true if it holds primitives and not other places.
+    fn visit(&mut self, is_leaf: bool, place: Place);
+
     /// Told at the end of a walk how many nodes and cells it went through.
     fn count(&mut self, work: Work);
 
@@ -160,6 +167,37 @@ pub(crate) struct Work {
     pub nodes: u32,
     /// Cells of grids, leaves of trees that divide space.
     pub cells: u32,
+    /// Whether somebody wants to be told of places.
+    is_recorded: bool,
+}
+
+impl Work {
+    /// For a walk of this visitor.
+    pub fn of(visitor: &dyn Visitor) -> Self {
+        Self { is_recorded: visitor.records(), ..Self::default() }
+    }
+
+    /// Counts an inner node.
+    #[inline(always)]
+    pub fn node(&mut self, visitor: &mut dyn Visitor, place: impl FnOnce() -> Place) {
+        self.nodes += 1;
+        self.look(visitor, false, place);
+    }
+
+    /// Counts a cell.
+    #[inline(always)]
+    pub fn cell(&mut self, visitor: &mut dyn Visitor, place: impl FnOnce() -> Place) {
+        self.cells += 1;
+        self.look(visitor, true, place);
+    }
+
+    /// Says where the walk looks, without counting.
+    #[inline(always)]
+    pub fn look(&self, visitor: &mut dyn Visitor, is_leaf: bool, place: impl FnOnce() -> Place) {
+        if self.is_recorded {
+            visitor.visit(is_leaf, place());
+        }
+    }
 }
 
 /// A place to visit later.

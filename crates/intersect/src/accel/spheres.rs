@@ -8,6 +8,7 @@
 use super::box_ray::BoxRay;
 use super::primitives::{Item, PARALLEL, Primitives, bounds_of};
 use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work};
+use crate::query::journey::Place;
 use snell_math::{Bounds3, DVec3, Vec3};
 
 /// Primitives in a leaf.
@@ -190,14 +191,16 @@ impl Spheres {
                 continue;
             }
             let node = &self.nodes[later.node as usize];
+            let place = || Place::ball(node.center.as_dvec3(), node.radius.into());
             if node.count > 0 {
+                work.look(visitor, true, place);
                 let first = node.at as usize;
                 if visitor.test(&self.references[first..first + node.count as usize]) {
                     return true;
                 }
                 continue;
             }
-            work.nodes += 1;
+            work.node(visitor, place);
             let child = |at: u32| self.span(at, &ray).map(|(start, end)| Later::node(at, start, end));
             let (first, second) = (child(later.node + 1), child(node.at));
             let swap = match (&first, &second) {
@@ -240,7 +243,7 @@ impl Accelerator for Spheres {
         if self.nodes.is_empty() {
             return false;
         }
-        let mut work = Work::default();
+        let mut work = Work::of(visitor);
         let mut stack = visitor.take_stack();
         let finished = self.search(ray, visitor, &mut stack, &mut work);
         visitor.give_stack(stack);

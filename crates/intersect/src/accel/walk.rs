@@ -9,6 +9,7 @@ use super::primitives::Primitives;
 use super::{Accelerator, AcceleratorOptions, Build, Later, Size, Visitor, Work};
 use crate::kernel::ray::LocalRay;
 use crate::precision::Rules;
+use crate::query::journey::Place;
 use crate::query::search::{Goal, Search};
 use rayon::prelude::*;
 use snell_math::{Bounds3, Bounds3d, DRay};
@@ -207,6 +208,14 @@ impl<G: Goal> Visitor for GroupVisitor<'_, '_, G> {
 
     fn test_range(&mut self, first: u32, end: u32) -> bool {
         (first..end).any(|p| self.is_new(p) && self.test_one(p))
+    }
+
+    fn records(&self) -> bool {
+        G::RECORDS
+    }
+
+    fn visit(&mut self, is_leaf: bool, place: Place) {
+        self.search.goal.visit(is_leaf, || place);
     }
 
     fn count(&mut self, work: Work) {

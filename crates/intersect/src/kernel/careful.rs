@@ -5,6 +5,7 @@ use super::traverse::{self, Entry, Stack, Walk, entry, test_object};
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::test_triangle;
 use crate::precision::Rules;
+use crate::query::journey::Place;
 use crate::query::search::{Goal, Search};
 use snell_math::DRay;
 use snell_math::simd::{Lanes8, Portable8};
@@ -63,6 +64,7 @@ unsafe fn walk<L: Lanes8, G: Goal>(
         while current.is_node() {
             search.goal.count_node();
             let node = &tree.nodes[current.index()];
+            search.goal.visit(false, || Place::of_bounds(&node.bounds()));
             // SAFETY: as promised by the caller.
             let (enters, limits) = unsafe { box_distances::<L>(node, &local, t_min, cull) };
             let met = enters.le(limits);
@@ -80,6 +82,7 @@ unsafe fn walk<L: Lanes8, G: Goal>(
         }
         if current.is_triangles() {
             let block = &tree.blocks[current.block()];
+            search.goal.visit(true, || Place::of_bounds(&block.bounds(current.count())));
             search.goal.count_primitives(current.count());
             // SAFETY: as promised by the caller.
             let mut lanes = unsafe { G::Precision::candidates::<L>(block, &local, t_min, cull) };

@@ -108,6 +108,11 @@ impl WideNode {
         Bounds3 { min: side(0), max: side(1) }
     }
 
+    /// The box of all slots.
+    pub fn bounds(&self) -> Bounds3 {
+        (0..8).map(|slot| self.slot_bounds(slot)).fold(Bounds3::EMPTY, |all, own| all.union(&own))
+    }
+
     /// Works out the order of the children for each octant, when all are set: by their centres along the diagonal.
     pub fn sort_octants(&mut self) {
         let center = |axis: usize| {

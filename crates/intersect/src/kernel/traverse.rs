@@ -6,6 +6,7 @@ use super::quick::QuickRay;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{self, Object, Placement, offer_triangle};
 use crate::precision::Rules;
+use crate::query::journey::Place;
 use crate::query::search::{Goal, Search};
 use snell_math::DRay;
 use snell_math::simd::{Lanes8, Level, Portable8};
@@ -271,6 +272,7 @@ impl<G: Goal> Place<'_, G> {
                     let (enters, limits) = boxes.distances(node, t_min, L::splat(cull));
                     (node, enters, enters.le(limits))
                 };
+                search.goal.visit(false, || Place::of_bounds(&node.bounds()));
                 if met != 0 {
                     let first = met.trailing_zeros() as usize & 7;
                     let others = met & (met - 1);
@@ -310,12 +312,13 @@ impl<G: Goal> Place<'_, G> {
                     continue;
                 }
             } else if current.is_triangles() {
-                search.goal.count_primitives(current.count());
                 // SAFETY: the builder makes only references to blocks that exist; the rest is promised by the caller.
                 let (block, mut lanes) = unsafe {
                     let block = self.tree.blocks.get_unchecked(current.block());
                     (block, G::Precision::lines_through::<L>(block, quick) & ((2 << (current.count() - 1)) - 1))
                 };
+                search.goal.visit(true, || Place::of_bounds(&block.bounds(current.count())));
+                search.goal.count_primitives(current.count());
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize & 7;
                     lanes &= lanes - 1;
@@ -481,8 +484,11 @@ unsafe fn test_object_quickly<L: Lanes8, G: Goal>(
         if forest.trees[*child].unbounded.is_empty()
             && G::Precision::prepare::<L>(search.context.data, *child, &mut quick, &ray)
         {
+            search.goal.enter(map);
             // SAFETY: as promised by the caller.
-            return unsafe { (walks.quick)(forest, *child, &ray, &quick, instance + offset, search, stack) };
+            let is_over = unsafe { (walks.quick)(forest, *child, &ray, &quick, instance + offset, search, stack) };
+            search.goal.leave();
+            return is_over;
         }
     }
     // SAFETY: as promised by the caller.

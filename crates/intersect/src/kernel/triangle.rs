@@ -10,7 +10,7 @@
 use super::quick::QuickRay;
 use super::ray::{LocalRay, wide};
 use snell_math::simd::Lanes8;
-use snell_math::{DVec3, Vec2};
+use snell_math::{Bounds3, DVec3, Vec2, Vec3};
 
 /// Up to eight triangles, ready for [`candidates`].
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +24,11 @@ pub(crate) struct TriangleBlock {
 
 impl TriangleBlock {
     pub const EMPTY: Self = Self { vertices: [[[0.0; 8]; 3]; 3], ids: [u32::MAX; 8] };
+
+    /// The box of its first triangles.
+    pub fn bounds(&self, count: u32) -> Bounds3 {
+        Bounds3::of((0..count as usize).flat_map(|lane| self.corners(lane)).map(Vec3::from_array))
+    }
 
     /// The corners of one of the triangles.
     #[inline(always)]

@@ -3,6 +3,7 @@
 pub(crate) mod answers;
 pub mod crossings;
 mod double;
+pub mod journey;
 pub mod nearest;
 mod order;
 pub mod parallel;
@@ -139,7 +140,7 @@ impl World {
         work
     }
 
-    fn searcher<'a>(&'a self, filter: &'a dyn HitFilter) -> Searcher<'a, Single> {
+    pub(crate) fn searcher<'a>(&'a self, filter: &'a dyn HitFilter) -> Searcher<'a, Single> {
         let context = Context { filter, options: &self.options, data: &() };
         Searcher { world: self, context }
     }

@@ -1,10 +1,12 @@
 //! One search in progress: the world's ray, what it may be asked to reject, and what it has found.
 
 use super::HitFilter;
+use super::journey::Place;
 use super::rays::{RayQuery, clamped_time};
 use crate::kernel::node::padded;
 use crate::precision::{Precision, Real, Rules};
 use crate::world::{GeometryOptions, TraversalCounters};
+use snell_math::DAffine3;
 
 /// Rays, hits and distances of the world that a goal is about.
 pub(crate) type RayOf<G> = <<G as Goal>::Precision as Precision>::Ray;
@@ -22,6 +24,8 @@ pub(crate) trait Goal {
     const WANTS_ONE: bool = false;
     /// True if every hit is as good as any other: then [`Self::take`] does not look at it.
     const ANY: bool = false;
+    /// True if it wants to be told of places and instances.
+    const RECORDS: bool = false;
 
     /// Hits at a greater `t` are of no interest.
     fn limit(&self) -> RealOf<Self>;
@@ -49,6 +53,18 @@ pub(crate) trait Goal {
     /// Told of nodes and cells visited.
     #[inline(always)]
     fn count_visits(&mut self, _nodes: u32, _cells: u32) {}
+
+    /// Told of every place where the search looks, in the coordinates of the group.
+    #[inline(always)]
+    fn visit(&mut self, _is_leaf: bool, _place: impl FnOnce() -> Place) {}
+
+    /// Told that the search enters an instance, by the map from outside to inside.
+    #[inline(always)]
+    fn enter(&mut self, _child_from_group: &DAffine3) {}
+
+    /// Told that it has left the instance entered last.
+    #[inline(always)]
+    fn leave(&mut self) {}
 }
 
 /// What became of a hit that was offered.

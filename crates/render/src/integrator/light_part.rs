@@ -101,7 +101,8 @@ impl LobeShares {
         Self { diffuse, rest: Lobe::Specular }
     }
 
-    fn share(&self, lobe: Lobe) -> SampledSpectrum {
+    /// The share of a lobe.
+    pub(crate) fn share(&self, lobe: Lobe) -> SampledSpectrum {
         match lobe {
             Lobe::Diffuse => self.diffuse,
             _ if lobe == self.rest => SampledSpectrum::ONE - self.diffuse,

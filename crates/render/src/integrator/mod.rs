@@ -191,6 +191,8 @@ pub struct Outputs {
     pub light_rays: Vec<(Ray, SampledSpectrum)>,
     /// Where the light of the light rays comes from, if one source is meant.
     pub light_source: Option<LightSource>,
+    /// By multiple importance sampling.
+    pub weights: Weights,
     /// What scatters the light of the light rays, at the first vertex and where [`Context::wants_lobes`].
     pub light_lobe: LobeShares,
     /// Where the path goes on (several ways for a ray tree).
@@ -199,12 +201,29 @@ pub struct Outputs {
     pub choice: Option<Choice>,
 }
 
+/// What multiple importance sampling gives two ways of finding the same light: 1 where only one can. For people to look at; the values
+/// are multiplied already.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Weights {
+    /// Of the radiance found at the vertex: by following the path.
+    pub found: f32,
+    /// Of the light ray: by choosing a light.
+    pub light: f32,
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self { found: 1.0, light: 1.0 }
+    }
+}
+
 impl Default for Outputs {
     fn default() -> Self {
         Self {
             radiance: SampledSpectrum::ZERO,
             light_rays: Vec::new(),
             light_source: None,
+            weights: Weights::default(),
             light_lobe: LobeShares::UNKNOWN,
             next: Vec::new(),
             choice: None,
@@ -217,6 +236,7 @@ impl Outputs {
     pub fn clear(&mut self) {
         self.radiance = SampledSpectrum::ZERO;
         (self.light_source, self.light_lobe) = (None, LobeShares::UNKNOWN);
+        self.weights = Weights::default();
         self.light_rays.clear();
         self.next.clear();
         self.choice = None;

@@ -32,7 +32,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
         return;
     }
     let Some(surface) = &vertex.surface else {
-        out.radiance = escaped(context, vertex);
+        (out.radiance, out.weights.found) = escaped(context, vertex);
         return;
     };
     let wo = outgoing(vertex.ray);
@@ -42,6 +42,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
         if !emitted.is_black() {
             let weight = weight_of_bsdf_sample(context, vertex, || light_pdf_of_hit(context, vertex, surface));
             out.radiance = vertex.state.throughput * emitted * weight;
+            out.weights.found = weight;
         }
     }
     if vertex.depth >= max_depth {
@@ -65,20 +66,21 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     add_bounce(context, vertex, surface, &receiver, &guided, out);
 }
 
-fn escaped(context: &Context, vertex: &Vertex) -> SampledSpectrum {
+/// What a path that leaves the scene brings, and its weight.
+fn escaped(context: &Context, vertex: &Vertex) -> (SampledSpectrum, f32) {
     if let Some(background) = background(context, vertex) {
-        return vertex.state.throughput * background;
+        return (vertex.state.throughput * background, 1.0);
     }
     let radiance = environment(context, vertex);
     if radiance.is_black() {
-        return SampledSpectrum::ZERO;
+        return (SampledSpectrum::ZERO, 1.0);
     }
     let weight = if context.scene.samples_environment(context.settings.light_strategy) {
         weight_of_bsdf_sample(context, vertex, || light_pdf_of_environment(context, vertex))
     } else {
         1.0
     };
-    vertex.state.throughput * radiance * weight
+    (vertex.state.throughput * radiance * weight, weight)
 }
 
 fn weight_of_bsdf_sample(context: &Context, vertex: &Vertex, light_pdf: impl Fn() -> f32) -> f32 {
@@ -124,6 +126,7 @@ pub(super) fn light_sample(
         return None;
     }
     out.light_source = Some(sample.source);
+    out.weights.light = weight;
     out.light_rays.push((sample.shadow_ray, value));
     Some(sample.direction)
 }

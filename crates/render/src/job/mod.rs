@@ -3,6 +3,7 @@
 //! The unit of work is a *part*: one tile of 16 x 16 pixels and one range of sample numbers. Threads take parts in a fixed order and
 //! fold them into the film tile by tile, in order of the samples; which thread did what never shows in the picture.
 
+mod journal;
 mod light_parts;
 mod part;
 mod paths;
@@ -11,6 +12,7 @@ mod tracer;
 mod training;
 mod volumes;
 
+pub(crate) use journal::{Event, Journal, Shaded};
 pub use tracer::{Recording, hit_filter};
 
 use crate::compile::CompiledScene;
@@ -180,6 +182,16 @@ impl<'a> Job<'a> {
         (film, statistics)
     }
 
+    /// What is rendered.
+    pub fn scene(&self) -> &'a CompiledScene {
+        self.scene
+    }
+
+    /// How.
+    pub fn settings(&self) -> &'a Settings {
+        self.settings
+    }
+
     /// A film of this render without samples.
     pub fn empty_film(&self) -> Film {
         let mut film = Film::with_mean_weight(self.crop, &self.settings.aovs, self.filter.mean_weight());
@@ -203,6 +215,25 @@ impl<'a> Job<'a> {
     /// The rays that [`Self::extend`] traces, batch by batch: 32 bytes a ray. Which batch comes first is not the same each time.
     pub fn record(&self, threads: usize) -> Recording {
         self.extend_and_record(self.empty_film(), self.settings.spp, threads, &|_| true, true).2
+    }
+
+    /// All samples of one pixel of the whole picture, with what happened to them: block by block, with the bits of [`Self::run`] if no
+    /// pixel stops by its error. The film is that of the pixel alone, and empty.
+    pub(crate) fn observe(&self, pixel: [u32; 2], threads: usize) -> (Film, Vec<(FilmPart, Journal)>) {
+        let tally = self.trained(threads, &|_| true);
+        let (wants_lobes, field) = (!self.light_parts.is_empty(), tally.field.as_ref());
+        let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights, field, wants_lobes };
+        let tracer = Tracer::new(self.scene, None);
+        let mut renderer =
+            PartRenderer::new(context, self.camera, &self.sampler, &self.filter, &self.light_parts, tracer);
+        let area = Crop { min: pixel, max: pixel.map(|p| p + 1) };
+        let mut observed = |range| {
+            renderer.journal = Some(Journal::default());
+            let part = renderer.render(area, None, range, &mut Statistics::default());
+            (part, renderer.journal.take().unwrap_or_default())
+        };
+        let parts = sample_ranges(self.settings.spp, false).into_iter().map(&mut observed).collect();
+        (Film::with_mean_weight(area, &self.settings.aovs, self.filter.mean_weight()), parts)
     }
 
     fn extend_and_record(

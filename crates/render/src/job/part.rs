@@ -2,6 +2,7 @@
 //! left. Batches only; nothing here asks for a single ray.
 
 use super::Statistics;
+use super::journal::{Event, Journal};
 use super::light_parts::LightParts;
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
@@ -47,6 +48,8 @@ pub struct PartRenderer<'a> {
     aovs: Vec<f32>,
     /// Writes down what paths find, while a field learns.
     recorder: Option<Recorder>,
+    /// Writes down everything, for explanations.
+    pub journal: Option<Journal>,
     /// What covers each sample.
     covering: Vec<u64>,
     light_parts: &'a LightParts,
@@ -108,6 +111,7 @@ impl<'a> PartRenderer<'a> {
             samples: Vec::new(),
             aovs: Vec::new(),
             recorder: None,
+            journal: None,
             covering: Vec::new(),
             light_parts,
             volumes,
@@ -142,6 +146,7 @@ impl<'a> PartRenderer<'a> {
         let mut depth = 0;
         while self.paths.len() > 0 {
             self.note_arrivals();
+            self.journal.iter_mut().for_each(|journal| journal.events.push(Event::Depth));
             if depth == 0 || !self.volumes.as_ref().is_some_and(VolumeBatch::sees_more) {
                 self.tracer.closest(&self.paths.rays, grouping, &mut self.paths.hits);
             }
@@ -214,10 +219,13 @@ impl<'a> PartRenderer<'a> {
         let random = |paths: &Paths, path: usize| {
             randoms[paths.samples[path] as usize].at_vertex(paths.states[path].stream, depth)
         };
-        let (light_parts, aovs) = (self.light_parts, &mut self.aovs);
+        let (light_parts, aovs, journal) = (self.light_parts, &mut self.aovs, &mut self.journal);
         volumes.advance(&mut self.tracer, &mut self.paths, grouping, random, |paths, path, radiance| {
             let sample = paths.samples[path];
             samples[sample as usize].radiance += radiance;
+            if let Some(journal) = journal {
+                journal.events.push(Event::Glow { path, sample, radiance });
+            }
             if !light_parts.is_empty() {
                 let (scatterings, group) = (Scatterings::of(depth), light_parts.group(LightSource::Medium));
                 let tag = LightTag { lobe: paths.states[path].lobe, scatterings, group };
@@ -360,6 +368,13 @@ impl<'a> PartRenderer<'a> {
         if !self.light_parts.is_empty() {
             self.note_light_parts(depth, path, sample);
         }
+        let is_branched = state.stream != 0;
+        if is_branched && self.samples[sample as usize].rays > MAX_TREE {
+            self.outputs.next.clear();
+        }
+        if let Some(journal) = &mut self.journal {
+            journal.note(path, sample, hit, &vertex, &self.outputs);
+        }
         for (ray, value) in self.outputs.light_rays.drain(..) {
             self.light_rays.push(ray, value, sample);
         }
@@ -367,10 +382,6 @@ impl<'a> PartRenderer<'a> {
             (&mut self.recorder, self.outputs.choice, self.outputs.next.first())
         {
             recorder.leave(sample, depth, choice, state.throughput, next.throughput);
-        }
-        let is_branched = state.stream != 0;
-        if is_branched && self.samples[sample as usize].rays > MAX_TREE {
-            self.outputs.next.clear();
         }
         self.samples[sample as usize].rays += self.outputs.next.len() as u32;
         for (ray, state) in self.outputs.next.drain(..) {
@@ -419,6 +430,9 @@ impl<'a> PartRenderer<'a> {
                 volumes.trace_light_rays(&mut self.tracer, rays, |sample| samples[sample as usize].mode);
             }
             None => self.tracer.occluded(&rays.rays, &mut rays.blocked),
+        }
+        if let Some(journal) = &mut self.journal {
+            journal.fates.extend(rays.values.iter().copied().zip(rays.blocked.iter().copied()));
         }
         for ((&sample, &value), &blocked) in rays.samples.iter().zip(&rays.values).zip(&rays.blocked) {
             if !blocked {

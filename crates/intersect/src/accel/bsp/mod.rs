@@ -12,6 +12,7 @@ mod polygon;
 use super::box_ray::BoxRay;
 use super::primitives::Primitives;
 use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work};
+use crate::query::journey::Place;
 use snell_math::{Bounds3, DVec3};
 
 /// `normal . (x - center) = offset`: the front is where the left side is greater.
@@ -98,21 +99,27 @@ impl BspTree {
             }
             let at = ChildRef(node);
             if level == ON_PLANE {
+                work.look(visitor, true, || Place::stretch(ray.at(start), ray.at(end)));
                 if visitor.test(self.references(self.nodes[at.index()].on)) {
                     return true;
                 }
                 continue;
             }
             if at.is_leaf() {
-                work.cells += 1;
+                work.cell(visitor, || Place::stretch(ray.at(start), ray.at(end)));
                 if visitor.test(self.references(self.leaves[at.index()])) {
                     return true;
                 }
                 continue;
             }
-            work.nodes += 1;
             let node = &self.nodes[at.index()];
             let (low, high, goes_to_front) = ray_here.plane_crossing(&node.plane.normal, node.plane.offset);
+            work.node(visitor, || {
+                // As large as the stretch of the ray that is divided, where it is met, or nearest to that.
+                let middle = low * 0.5 + high * 0.5;
+                let at = if middle.is_finite() { middle.clamp(start, end) } else { start };
+                Place::plane(ray.at(at), node.plane.normal, ray.at(end).distance(ray.at(start)) * 0.5)
+            });
             let side = usize::from(goes_to_front);
             let (ends_near, starts_far) = (end.min(high), start.max(low));
             let near = (start <= ends_near).then(|| Later::node(node.children[1 - side].0, start, ends_near));
@@ -132,7 +139,7 @@ const ON_PLANE: u32 = 1;
 
 impl Accelerator for BspTree {
     fn walk(&self, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool {
-        let mut work = Work::default();
+        let mut work = Work::of(visitor);
         let mut stack = visitor.take_stack();
         let finished = self.search(ray, visitor, &mut stack, &mut work);
         visitor.give_stack(stack);

@@ -87,7 +87,7 @@ impl Accelerator for Grids {
         if self.levels.is_empty() {
             return false;
         }
-        let mut work = Work::default();
+        let mut work = Work::of(visitor);
         let finished = walk::walk(self, 0, ray, visitor, &mut work);
         visitor.count(work);
         finished

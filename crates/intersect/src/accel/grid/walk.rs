@@ -6,11 +6,13 @@
 use super::{Cell, Grids, Level, PADDING};
 use crate::accel::box_ray::BoxRay;
 use crate::accel::{Visitor, Work};
+use crate::query::journey::Place;
+use snell_math::Bounds3d;
 
 /// Walks through a grid and those within. True if the search is over.
 pub(super) fn walk(grids: &Grids, number: u32, ray: &BoxRay, visitor: &mut dyn Visitor, work: &mut Work) -> bool {
     let level = &grids.levels[number as usize];
-    work.nodes += 1;
+    work.node(visitor, || Place::of_box(&Bounds3d { min: level.low.into(), max: level.high.into() }));
     let (start, end) = ray.span(level.low, level.high);
     if start > end {
         return false;
@@ -29,7 +31,7 @@ pub(super) fn walk(grids: &Grids, number: u32, ray: &BoxRay, visitor: &mut dyn V
             let [low, high] = around(level, ray, steps.start, next.min(end));
             visit_range(grids, level, low, high, ray, visitor, work)
         } else {
-            visit(grids, grids.cells[level.index(steps.place)], ray, visitor, work)
+            visit(grids, level, steps.place, ray, visitor, work)
         };
         if finished {
             return true;
@@ -43,8 +45,19 @@ pub(super) fn walk(grids: &Grids, number: u32, ray: &BoxRay, visitor: &mut dyn V
 
 /// Tests what a cell holds, or walks through the grid that it is.
 #[inline(always)]
-fn visit(grids: &Grids, cell: Cell, ray: &BoxRay, visitor: &mut dyn Visitor, work: &mut Work) -> bool {
-    work.cells += 1;
+fn visit(
+    grids: &Grids,
+    level: &Level,
+    place: [u32; 3],
+    ray: &BoxRay,
+    visitor: &mut dyn Visitor,
+    work: &mut Work,
+) -> bool {
+    let cell = grids.cells[level.index(place)];
+    work.cell(visitor, || {
+        let side = |up: u32| std::array::from_fn::<_, 3, _>(|axis| level.plane(axis, place[axis] + up));
+        Place::of_box(&Bounds3d { min: side(0).into(), max: side(1).into() })
+    });
     match cell.count {
         0 => false,
         Cell::GRID => walk(grids, cell.first, ray, visitor, work),
@@ -64,7 +77,7 @@ fn visit_range(
 ) -> bool {
     (low[2]..=high[2]).any(|z| {
         (low[1]..=high[1])
-            .any(|y| (low[0]..=high[0]).any(|x| visit(grids, grids.cells[level.index([x, y, z])], ray, visitor, work)))
+            .any(|y| (low[0]..=high[0]).any(|x| visit(grids, level, [x, y, z], ray, visitor, work)))
     })
 }
 

@@ -5,6 +5,7 @@
 use super::{Node, Octree};
 use crate::accel::box_ray::BoxRay;
 use crate::accel::{Accelerator, Later, Size, Visitor, Work};
+use crate::query::journey::Place;
 
 #[derive(Debug)]
 pub(super) struct Hierarchical(pub Octree);
@@ -25,7 +26,7 @@ impl Accelerator for Hierarchical {
 
 /// Walks the tree from its root.
 pub(super) fn walk(tree: &Octree, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool {
-    let mut work = Work::default();
+    let mut work = Work::of(visitor);
     let mut stack = visitor.take_stack();
     let finished = search(tree, ray, visitor, &mut stack, &mut work);
     visitor.give_stack(stack);
@@ -45,12 +46,12 @@ fn search(tree: &Octree, ray: &BoxRay, visitor: &mut dyn Visitor, stack: &mut Ve
         }
         let node = tree.nodes[later.node as usize];
         if node.is_leaf() {
-            work.cells += 1;
+            work.cell(visitor, || Place::of_box(&tree.space.cell(later.cell, later.level)));
             if visitor.test(tree.contents(node)) {
                 return true;
             }
         } else {
-            work.nodes += 1;
+            work.node(visitor, || Place::of_box(&tree.space.cell(later.cell, later.level)));
             push_children(tree, ray, node, &later, stack);
         }
     }

@@ -10,6 +10,7 @@ use super::hierarchical;
 use super::{MAX_LEVEL, Octree};
 use crate::accel::box_ray::BoxRay;
 use crate::accel::{Accelerator, Size, Visitor, Work};
+use crate::query::journey::Place;
 
 #[derive(Debug)]
 pub(super) struct ByNeighbours(pub Octree);
@@ -26,7 +27,7 @@ impl Accelerator for ByNeighbours {
         if !is_thin {
             return hierarchical::walk(tree, ray, visitor);
         }
-        let mut work = Work::default();
+        let mut work = Work::of(visitor);
         let finished = Walk::new(tree, ray, start).run(start, end, visitor, &mut work);
         visitor.count(work);
         finished
@@ -74,9 +75,9 @@ impl<'a> Walk<'a> {
 
     fn run(&mut self, mut start: f64, end: f64, visitor: &mut dyn Visitor, work: &mut Work) -> bool {
         loop {
-            self.descend(work);
+            self.descend(visitor, work);
             let leaf = self.tree.nodes[self.path[self.level as usize] as usize];
-            work.cells += 1;
+            work.cell(visitor, || self.cell());
             if visitor.test(self.tree.contents(leaf)) {
                 return true;
             }
@@ -88,16 +89,22 @@ impl<'a> Walk<'a> {
         }
     }
 
+    /// The current cell.
+    fn cell(&self) -> Place {
+        let shift = MAX_LEVEL - self.level;
+        Place::of_box(&self.tree.space.cell(self.place.map(|p| p >> shift), self.level))
+    }
+
     /// Goes down to the leaf that holds the place.
     #[inline(always)]
-    fn descend(&mut self, work: &mut Work) {
+    fn descend(&mut self, visitor: &mut dyn Visitor, work: &mut Work) {
         let mut at = self.path[self.level as usize];
         loop {
             let node = self.tree.nodes[at as usize];
             if node.is_leaf() {
                 return;
             }
-            work.nodes += 1;
+            work.node(visitor, || self.cell());
             let shift = MAX_LEVEL - 1 - self.level;
             let octant = |axis: usize| (self.place[axis] >> shift & 1) << axis;
             at = node.first + octant(0) + octant(1) + octant(2);

@@ -1,0 +1,258 @@
+//! The way of one ray through an acceleration structure, stop by stop: for people to look at. The search is the ordinary one with a
+//! goal that also writes down where it is.
+
+use super::HitFilter;
+use super::rays::RayQuery;
+use super::search::{Closest, Counted, Goal, HitOf, RealOf};
+use crate::hit::Hit;
+use crate::precision::Single;
+use crate::world::{Structure, TraversalCounters, World};
+use snell_math::{Bounds3, Bounds3d, DAffine3, DVec3};
+
+/// Most stops that are kept. Those of structures that do their work are some hundred.
+const MAX_STOPS: usize = 10_000;
+
+/// What a place looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlaceKind {
+    /// `center` plus from -1 to 1 times each of the axes.
+    Box,
+    /// The centre, and the axes times all that has length 1.
+    Ball,
+    /// A piece of a plane: `center` plus from -1 to 1 times the first two axes.
+    Plane,
+    /// A piece of the ray itself: `center` plus from -1 to 1 times the first axis.
+    Stretch,
+}
+
+/// Where a structure has looked: in world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// What it looks like.
+    pub kind: PlaceKind,
+    /// Its middle.
+    pub center: DVec3,
+    /// From the middle to its sides.
+    pub axes: [DVec3; 3],
+}
+
+impl Place {
+    fn along_axes(kind: PlaceKind, center: DVec3, half: DVec3) -> Self {
+        Self { kind, center, axes: [DVec3::X * half.x, DVec3::Y * half.y, DVec3::Z * half.z] }
+    }
+
+    /// A box.
+    pub(crate) fn of_box(bounds: &Bounds3d) -> Self {
+        Self::along_axes(PlaceKind::Box, bounds.center(), bounds.size() * 0.5)
+    }
+
+    /// A box in single precision.
+    pub(crate) fn of_bounds(bounds: &Bounds3) -> Self {
+        Self::of_box(&(*bounds).into())
+    }
+
+    /// A ball.
+    pub(crate) fn ball(center: DVec3, radius: f64) -> Self {
+        Self::along_axes(PlaceKind::Ball, center, DVec3::splat(radius))
+    }
+
+    /// A square piece of a plane. The normal need not have length 1.
+    pub(crate) fn plane(center: DVec3, normal: DVec3, half_side: f64) -> Self {
+        let normal = normal.normalize_or(DVec3::X);
+        let first = normal.any_orthonormal_vector();
+        let axes = [first * half_side, normal.cross(first) * half_side, DVec3::ZERO];
+        Self { kind: PlaceKind::Plane, center, axes }
+    }
+
+    /// A piece of a ray.
+    pub(crate) fn stretch(from: DVec3, to: DVec3) -> Self {
+        let axes = [(to - from) * 0.5, DVec3::ZERO, DVec3::ZERO];
+        Self { kind: PlaceKind::Stretch, center: (from + to) * 0.5, axes }
+    }
+
+    fn mapped(&self, map: &DAffine3) -> Self {
+        let axes = self.axes.map(|axis| map.transform_vector3(axis));
+        Self { kind: self.kind, center: map.transform_point3(self.center), axes }
+    }
+}
+
+/// A stop on the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// The node or cell.
+    pub place: Place,
+    /// True if it holds primitives and not other nodes.
+    pub is_leaf: bool,
+    /// How many instances it is within.
+    pub level: u32,
+    /// Primitives tested here.
+    pub tested: u32,
+    /// Distance of the nearest hit that was found here, if there was one nearer than all before.
+    pub found: Option<f32>,
+}
+
+/// The way of a ray.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Journey {
+    /// In order.
+    pub stops: Vec<Stop>,
+    /// Stops that are not listed because there are too many.
+    pub left_out: u64,
+    /// What was found.
+    pub hit: Hit,
+    /// What it cost.
+    pub counters: TraversalCounters,
+}
+
+impl World {
+    /// How the nearest hit of one ray is found. The hit is that of [`World::closest_one`].
+    pub fn journey<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Journey {
+        let whole = match &self.structure {
+            // Here is no node, and everything is tested.
+            Structure::None(_) => Some(self.bounds()),
+            _ => None,
+        };
+        let start = |ray: &_| {
+            let goal = Counted::new(Closest::new(ray));
+            let mut recorded = Recorded { goal, stops: Vec::new(), left_out: 0, maps: Vec::new() };
+            if let Some(bounds) = &whole {
+                recorded.visit(true, || Place::of_box(bounds));
+            }
+            recorded
+        };
+        let Recorded { goal, stops, left_out, .. } = self.searcher(filter).search(ray.into(), start);
+        Journey { stops, left_out, hit: goal.goal.result(), counters: goal.counters }
+    }
+}
+
+/// The nearest hit, and the way to it.
+struct Recorded {
+    goal: Counted<Closest<Single>>,
+    stops: Vec<Stop>,
+    left_out: u64,
+    /// From the instances that the search is in to the world.
+    maps: Vec<DAffine3>,
+}
+
+impl Goal for Recorded {
+    type Precision = Single;
+    const NARROWS: bool = true;
+    const RECORDS: bool = true;
+
+    fn limit(&self) -> RealOf<Self> {
+        self.goal.limit()
+    }
+
+    fn wants(&self, hit: &HitOf<Self>) -> bool {
+        self.goal.wants(hit)
+    }
+
+    fn take(&mut self, hit: HitOf<Self>) -> bool {
+        if let Some(stop) = self.stops.last_mut() {
+            stop.found = Some(hit.t);
+        }
+        self.goal.take(hit)
+    }
+
+    fn count_node(&mut self) {
+        self.goal.count_node();
+    }
+
+    fn count_primitives(&mut self, count: u32) {
+        if let Some(stop) = self.stops.last_mut() {
+            stop.tested += count;
+        }
+        self.goal.count_primitives(count);
+    }
+
+    fn count_visits(&mut self, nodes: u32, cells: u32) {
+        self.goal.count_visits(nodes, cells);
+    }
+
+    fn visit(&mut self, is_leaf: bool, place: impl FnOnce() -> Place) {
+        if self.stops.len() >= MAX_STOPS {
+            self.left_out += 1;
+            return;
+        }
+        let place = place();
+        let place = self.maps.last().map_or(place, |map| place.mapped(map));
+        let level = self.maps.len() as u32;
+        self.stops.push(Stop { place, is_leaf, level, tested: 0, found: None });
+    }
+
+    fn enter(&mut self, child_from_group: &DAffine3) {
+        let outer = self.maps.last().copied().unwrap_or(DAffine3::IDENTITY);
+        self.maps.push(outer * child_from_group.inverse());
+    }
+
+    fn leave(&mut self) {
+        self.maps.pop();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::AcceleratorKind;
+    use crate::query::AcceptAll;
+    use crate::shape::Sphere;
+    use crate::world::{BuildOptions, WorldBuilder};
+    use snell_math::{DVec3, Ray, Transform, Vec3, rng};
+    use std::sync::Arc;
+
+    /// Balls in a group that is instanced, moved, beside a few of the root's own.
+    fn world(accelerator: AcceleratorKind) -> World {
+        let mut builder = WorldBuilder::default();
+        let group = builder.add_group();
+        let number = |i: u32, axis: u32| f64::from(rng::to_unit(rng::hash_combine(i, axis))) * 4.0 - 2.0;
+        let mut ball = |group, i: u32, radius: f64| {
+            let center = DVec3::new(number(i, 0), number(i, 1), number(i, 2));
+            let placed = Transform::from_matrix(DAffine3::from_translation(center));
+            builder.add_shape(group, Arc::new(Sphere { radius }), placed);
+        };
+        (0..60).for_each(|i| ball(group, i, 0.2));
+        (100..104).for_each(|i| ball(WorldBuilder::ROOT, i, 0.1));
+        let map = DAffine3::from_translation(DVec3::new(7.0, 0.0, 0.0)) * DAffine3::from_scale(DVec3::new(1.0, 2.0, 0.5));
+        builder.add_instance(WorldBuilder::ROOT, group, Transform::from_matrix(map));
+        builder.build(&BuildOptions { accelerator, ..BuildOptions::default() }).expect("a world")
+    }
+
+    /// True if a point is in a place that has an inside, or a little outside.
+    fn holds(place: &Place, point: DVec3) -> bool {
+        let matrix = snell_math::DMat3::from_cols(place.axes[0], place.axes[1], place.axes[2]);
+        let local = matrix.inverse() * (point - place.center);
+        match place.kind {
+            PlaceKind::Box => local.abs().max_element() < 1.001,
+            PlaceKind::Ball => local.length() < 1.001,
+            PlaceKind::Plane | PlaceKind::Stretch => true,
+        }
+    }
+
+    #[test]
+    fn the_way_leads_to_the_hit_in_every_structure() {
+        for kind in AcceleratorKind::ALL {
+            let world = world(kind);
+            let mut found = 0;
+            for i in 0..200 {
+                let number = |axis: u32| rng::to_unit(rng::hash_combine(i + 1000, axis)) * 4.0 - 2.0;
+                let origin = Vec3::new(-5.0, number(0), number(1));
+                let target = Vec3::new(7.0 + number(2), number(3), number(4) * 0.5);
+                let ray = Ray::new(origin, (target - origin).normalize());
+                let journey = world.journey(&ray, &AcceptAll);
+                assert_eq!(journey.hit, world.closest_one(&ray, &AcceptAll), "{kind:?} {i}");
+                let tested: u32 = journey.stops.iter().map(|s| s.tested).sum();
+                assert_eq!(tested, journey.counters.primitives_tested, "{kind:?} {i}");
+                if !journey.hit.is_hit() {
+                    assert!(journey.stops.iter().all(|s| s.found.is_none()));
+                    continue;
+                }
+                found += 1;
+                let last = journey.stops.iter().rev().find(|s| s.found.is_some()).expect("it was found somewhere");
+                assert_eq!(last.found, Some(journey.hit.t), "{kind:?} {i}");
+                let point = (ray.origin + ray.direction * journey.hit.t).as_dvec3();
+                assert!(last.is_leaf && holds(&last.place, point), "{kind:?} {i}: {last:?} {point}");
+            }
+            assert!(found > 20, "{kind:?}: {found}");
+        }
+    }
+}

@@ -1,0 +1,433 @@
+//! Why a pixel looks as it does: the path tree of each of its samples, with all that was added to it, and how the mean of the samples
+//! came about.
+//!
+//! There is no second integrator here. The renderer itself renders the pixel and keeps a [`Journal`]; this module only puts the
+//! entries together. So the trees add up to the samples, and the samples to the pixel of the picture, bit for bit.
+
+use crate::compile::CompiledScene;
+use crate::film::FilmPart;
+use crate::integrator::light_part::{Lobe, LobeShares, LightSource};
+use crate::integrator::{PathState, SurfaceVertex};
+use crate::job::{Event, Job, Journal, Shaded};
+use snell_intersect::{Hit, SurfaceInteraction};
+use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum, Vec3};
+use snell_scene::MaterialId;
+
+/// All samples of a pixel.
+#[derive(Clone, Debug)]
+pub struct Explanation {
+    /// The pixel, from the upper left corner of the whole picture.
+    pub pixel: [u32; 2],
+    /// Its values in the picture: red, green, blue (linear), alpha.
+    pub value: [f32; 4],
+    /// The samples, by number.
+    pub samples: Vec<PathTree>,
+    /// The pixel after one sample, two samples …, with the standard error of red, green and blue (0 while unknown).
+    pub convergence: Vec<([f32; 3], [f32; 3])>,
+}
+
+/// One sample.
+#[derive(Clone, Debug)]
+pub struct PathTree {
+    /// Its number.
+    pub number: u32,
+    /// What it adds to the pixel: linear Rec. 709.
+    pub color: Rgb,
+    /// Weight of the filter: 1 or -1.
+    pub weight: f32,
+    /// What the lanes of its spectra stand for.
+    pub mode: ColorMode,
+    /// The vertices, parents first; the first is what the camera ray met.
+    pub vertices: Vec<PathVertex>,
+    /// What was added, in the order of adding: vertex, number of its light ray (none: found on the way or at the vertex), how much.
+    pub additions: Vec<Addition>,
+}
+
+/// Light that was added to a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Addition {
+    /// Position among the vertices.
+    pub vertex: usize,
+    /// Which of the vertex's light rays brought it; none if it was found.
+    pub light_ray: Option<usize>,
+    /// How much.
+    pub radiance: SampledSpectrum,
+}
+
+/// Where a ray ended.
+#[derive(Clone, Debug)]
+pub struct PathVertex {
+    /// Position of the vertex that the ray came from; none for the camera.
+    pub parent: Option<usize>,
+    /// How many bounces came before.
+    pub depth: u32,
+    /// The ray that came here.
+    pub ray: Ray,
+    /// What it met.
+    pub kind: VertexKind,
+    /// What the path carried when it arrived.
+    pub throughput: SampledSpectrum,
+    /// How the direction of the ray was chosen at the parent; none for the camera's.
+    pub scattering: Option<Scattering>,
+    /// Radiance of media on the way, times throughput.
+    pub glow: SampledSpectrum,
+    /// Radiance found at the vertex, times throughput and weight.
+    pub found: SampledSpectrum,
+    /// Its weight by multiple importance sampling.
+    pub found_weight: f32,
+    /// Rays towards lights.
+    pub light_rays: Vec<LightRay>,
+}
+
+/// What a ray met.
+#[derive(Clone, Copy, Debug)]
+pub enum VertexKind {
+    /// A surface.
+    Surface {
+        /// The hit.
+        hit: Hit,
+        /// Where.
+        position: Vec3,
+        /// Shading normal.
+        normal: Vec3,
+        /// The material.
+        material: MaterialId,
+    },
+    /// A medium scattered the path.
+    Medium {
+        /// Where.
+        position: Vec3,
+    },
+    /// Nothing: the environment or the background.
+    Escaped,
+    /// Media took all that the path carried.
+    Absorbed,
+}
+
+impl VertexKind {
+    /// Where, if it is somewhere.
+    pub fn position(&self) -> Option<Vec3> {
+        match *self {
+            Self::Surface { position, .. } | Self::Medium { position } => Some(position),
+            Self::Escaped | Self::Absorbed => None,
+        }
+    }
+}
+
+/// How a path went on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scattering {
+    /// Which lobe, as far as one can say: the one that gives most of the value in this direction.
+    pub lobe: Lobe,
+    /// True for perfect mirrors and clear glass.
+    pub is_delta: bool,
+    /// Density per steradian of the direction; 0 if it is a delta lobe.
+    pub pdf: f32,
+}
+
+/// A ray from a vertex to a light.
+#[derive(Clone, Copy, Debug)]
+pub struct LightRay {
+    /// The ray; the light is where its interval ends.
+    pub ray: Ray,
+    /// Where its light comes from, if that is known.
+    pub source: Option<LightSource>,
+    /// What it would bring if nothing were in the way.
+    pub value: SampledSpectrum,
+    /// What it brings: less in media, nothing if it is blocked.
+    pub brought: SampledSpectrum,
+    /// True if something is in the way.
+    pub is_blocked: bool,
+    /// Weight by multiple importance sampling; it is in the values.
+    pub weight: f32,
+}
+
+impl PathTree {
+    /// The sum of all additions, in the renderer's own order: what was found and what light rays brought, apart.
+    pub fn sum(&self) -> SampledSpectrum {
+        let of = |is_brought: bool| {
+            let parts = self.additions.iter().filter(move |a| a.light_ray.is_some() == is_brought);
+            parts.fold(SampledSpectrum::ZERO, |sum, a| sum + a.radiance)
+        };
+        of(false) + of(true)
+    }
+
+    /// An addition as a colour.
+    pub fn color_of(&self, radiance: SampledSpectrum) -> Rgb {
+        self.mode.to_rgb(radiance)
+    }
+}
+
+/// Renders one pixel of a job and tells how. `None` if the pixel is outside of the picture.
+pub fn explain(job: &Job, pixel: [u32; 2], threads: usize) -> Option<Explanation> {
+    let size = job.settings().size;
+    if pixel[0] >= size[0] || pixel[1] >= size[1] {
+        return None;
+    }
+    let (mut film, parts) = job.observe(pixel, threads);
+    let (mut samples, mut convergence) = (Vec::new(), Vec::new());
+    for (part, journal) in &parts {
+        samples.extend(trees(job, part, journal));
+        for number in 0..part.values.len() {
+            film.tiles[0].fold(&one_sample(part, number));
+            let triple = |image: snell_scene::LayeredImage| std::array::from_fn(|c| image.layers[0].values[c]);
+            let variance: [f32; 3] = triple(film.variance());
+            convergence.push((triple(film.image()), variance.map(|v| v.max(0.0).sqrt())));
+        }
+    }
+    let value = film.image().layers[0].values[..4].try_into().unwrap_or_default();
+    Some(Explanation { pixel, value, samples, convergence })
+}
+
+/// One sample of a part that has only one pixel.
+fn one_sample(part: &FilmPart, number: usize) -> FilmPart {
+    fn share<T: Copy>(all: &[T], number: usize, count: usize) -> Vec<T> {
+        let each = all.len() / count;
+        all[number * each..(number + 1) * each].to_vec()
+    }
+    let count = part.values.len();
+    let first = part.samples[0] + number as u32;
+    FilmPart {
+        area: part.area,
+        samples: [first, first + 1],
+        pixels: part.pixels.clone(),
+        values: vec![part.values[number]],
+        aovs: share(&part.aovs, number, count),
+        keys: share(&part.keys, number, count),
+    }
+}
+
+/// The trees of a part's samples.
+fn trees(job: &Job, part: &FilmPart, journal: &Journal) -> Vec<PathTree> {
+    let tree = |(number, value): (u32, &crate::film::FilmSample)| PathTree {
+        number,
+        color: value.color,
+        weight: value.weight,
+        mode: ColorMode::Rgb,
+        vertices: Vec::new(),
+        additions: Vec::new(),
+    };
+    let mut trees: Vec<PathTree> = (part.samples[0]..).zip(&part.values).map(tree).collect();
+    let mut planting = Planting::default();
+    let mut fates = journal.fates.iter();
+    for event in &journal.events {
+        match event {
+            Event::Depth => planting.next_depth(),
+            Event::Glow { path, sample, radiance } => {
+                let tree = &mut trees[*sample as usize];
+                let vertex = planting.vertex(tree, *path);
+                tree.vertices[vertex].glow += *radiance;
+                tree.additions.push(Addition { vertex, light_ray: None, radiance: *radiance });
+            }
+            Event::Vertex(shaded) => {
+                let tree = &mut trees[shaded.sample as usize];
+                let vertex = planting.vertex(tree, shaded.path);
+                add_vertex(job.scene(), tree, vertex, shaded, &mut fates);
+                planting.leave(job.scene(), vertex, shaded);
+            }
+        }
+    }
+    trees
+}
+
+/// A ray under way: the vertex that it leaves, and how it was chosen.
+#[derive(Clone, Copy)]
+struct Twig {
+    parent: Option<usize>,
+    ray: Option<Ray>,
+    scattering: Option<Scattering>,
+}
+
+/// Which ray leads where while trees grow. Paths have numbers by depth; those of the next depth are the rays that leave, in order.
+#[derive(Default)]
+struct Planting {
+    depth: Option<u32>,
+    arriving: Vec<Twig>,
+    leaving: Vec<Twig>,
+    /// The vertices of this depth, by path.
+    vertices: Vec<Option<usize>>,
+}
+
+impl Planting {
+    fn next_depth(&mut self) {
+        self.depth = Some(self.depth.map_or(0, |d| d + 1));
+        self.arriving = std::mem::take(&mut self.leaving);
+        self.vertices.clear();
+    }
+
+    /// The vertex that a path comes to, new if it was not met before.
+    fn vertex(&mut self, tree: &mut PathTree, path: usize) -> usize {
+        if self.vertices.len() <= path {
+            self.vertices.resize(path + 1, None);
+        }
+        let twig = self.arriving.get(path).copied().unwrap_or(Twig { parent: None, ray: None, scattering: None });
+        *self.vertices[path].get_or_insert_with(|| {
+            tree.vertices.push(PathVertex {
+                parent: twig.parent,
+                depth: self.depth.unwrap_or(0),
+                ray: twig.ray.unwrap_or(Ray::new(Vec3::ZERO, Vec3::Z)),
+                kind: VertexKind::Absorbed,
+                throughput: SampledSpectrum::ZERO,
+                scattering: twig.scattering,
+                glow: SampledSpectrum::ZERO,
+                found: SampledSpectrum::ZERO,
+                found_weight: 1.0,
+                light_rays: Vec::new(),
+            });
+            tree.vertices.len() - 1
+        })
+    }
+
+    fn leave(&mut self, scene: &CompiledScene, vertex: usize, shaded: &Shaded) {
+        for (ray, state) in &shaded.next {
+            let scattering = Some(scattering(scene, shaded, ray, state));
+            self.leaving.push(Twig { parent: Some(vertex), ray: Some(*ray), scattering });
+        }
+    }
+}
+
+fn add_vertex<'a>(
+    scene: &CompiledScene,
+    tree: &mut PathTree,
+    number: usize,
+    shaded: &Shaded,
+    fates: &mut impl Iterator<Item = &'a (SampledSpectrum, bool)>,
+) {
+    tree.mode = shaded.state.mode;
+    let vertex = &mut tree.vertices[number];
+    let surface = shaded.hit.is_hit().then(|| scene.world.interaction(&shaded.ray, &shaded.hit));
+    // Media move the origin of the ray on; what is shown is the whole way.
+    vertex.ray = if vertex.parent.is_some() { vertex.ray } else { shaded.ray };
+    vertex.kind = match (&surface, &shaded.medium) {
+        (_, Some(medium)) => VertexKind::Medium { position: medium.position },
+        (Some(surface), None) => VertexKind::Surface {
+            hit: shaded.hit,
+            position: surface.position,
+            normal: surface.shading_normal,
+            material: scene.material_id(&shaded.hit),
+        },
+        (None, None) => VertexKind::Escaped,
+    };
+    vertex.throughput = shaded.state.throughput;
+    (vertex.found, vertex.found_weight) = (shaded.radiance, shaded.weights.found);
+    for ((ray, value), &(arrived, is_blocked)) in shaded.light_rays.iter().zip(fates) {
+        let brought = if is_blocked { SampledSpectrum::ZERO } else { arrived };
+        let weight = shaded.weights.light;
+        let light_ray =
+            LightRay { ray: *ray, source: shaded.source, value: *value, brought, is_blocked, weight };
+        if !is_blocked {
+            tree.additions.push(Addition {
+                vertex: number,
+                light_ray: Some(vertex.light_rays.len()),
+                radiance: arrived,
+            });
+        }
+        vertex.light_rays.push(light_ray);
+    }
+    tree.additions.push(Addition { vertex: number, light_ray: None, radiance: shaded.radiance });
+}
+
+/// How a ray was chosen, from what is known of it.
+fn scattering(scene: &CompiledScene, shaded: &Shaded, ray: &Ray, state: &PathState) -> Scattering {
+    let is_delta = state.bsdf_pdf == 0.0;
+    let lobe = if shaded.medium.is_some() {
+        Lobe::Volume
+    } else {
+        let surface = scene.world.interaction(&shaded.ray, &shaded.hit);
+        surface_lobe(scene, shaded, &surface, ray.direction, is_delta)
+    };
+    Scattering { lobe, is_delta, pdf: state.bsdf_pdf }
+}
+
+fn surface_lobe(
+    scene: &CompiledScene,
+    shaded: &Shaded,
+    surface: &SurfaceInteraction,
+    wi: Vec3,
+    is_delta: bool,
+) -> Lobe {
+    let material = scene.material(scene.material_id(&shaded.hit));
+    let state = &shaded.state;
+    let vertex = SurfaceVertex {
+        hit: &shaded.hit,
+        interaction: surface,
+        material,
+        footprint: state.cone_width + state.cone_spread * shaded.hit.t,
+        mode: state.mode,
+        outside_ior: shaded.outside_ior,
+    };
+    let wo = -shaded.ray.direction;
+    let shading = material.bsdf_towards(&vertex.point(scene), wo);
+    let shares = LobeShares::of_surface(&shading, wo, wi, is_delta);
+    let share = |lobe: &Lobe| shares.share(*lobe).max_element();
+    Lobe::ALL.into_iter().max_by(|a, b| share(a).total_cmp(&share(b))).unwrap_or(Lobe::Diffuse)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{IntegratorKind, Settings};
+    use snell_intersect::BuildOptions;
+    use snell_scene::builtin::builtin;
+
+    /// Every sample's tree adds up to the sample, and the samples to the pixel of the picture: the same bits.
+    fn check(name: &str, fog: Option<f32>, settings: &Settings) {
+        let mut scene = builtin(name).expect("the scene is built in");
+        if let Some(density) = fog {
+            snell_scene::framing::fill_with_fog(&mut scene, density).expect("a scene that can be filled");
+        }
+        let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+        let job = Job::new(&compiled, &scene.cameras[0], settings);
+        let image = job.run(2, &|_| true).0.image();
+        let (mut longest, mut blocked, mut light_rays) = (0, 0, 0);
+        for (number, pixel) in image.layers[0].values.chunks_exact(4).enumerate() {
+            let at = [number as u32 % settings.size[0], number as u32 / settings.size[0]];
+            let explanation = explain(&job, at, 1).expect("a pixel of the picture");
+            assert_eq!(explanation.value, pixel, "{name} {at:?}");
+            assert_eq!(explanation.samples.len(), settings.spp as usize);
+            for tree in &explanation.samples {
+                assert_eq!(tree.color_of(tree.sum()), tree.color, "{name} {at:?} sample {}", tree.number);
+                let parts = tree.vertices.iter().map(|v| {
+                    v.light_rays.iter().fold(v.glow + v.found, |sum, ray| sum + ray.brought)
+                });
+                let (sum, wanted) = (parts.fold(SampledSpectrum::ZERO, |a, b| a + b), tree.sum());
+                let is_close = |(a, b): (f32, f32)| (a - b).abs() <= 1e-5 * b.abs();
+                assert!(sum.0.into_iter().zip(wanted.0).all(is_close), "{name} {at:?}: {sum:?} {wanted:?}");
+                longest = longest.max(tree.vertices.len());
+                let rays = tree.vertices.iter().flat_map(|v| &v.light_rays);
+                rays.for_each(|ray| (light_rays, blocked) = (light_rays + 1, blocked + u32::from(ray.is_blocked)));
+                for vertex in &tree.vertices[1..] {
+                    let parent = &tree.vertices[vertex.parent.expect("only the first has none")];
+                    let from = parent.kind.position().expect("paths go on from somewhere");
+                    assert!((vertex.ray.origin - from).length() < 1e-2 * compiled.radius, "{name} {at:?}");
+                    assert_eq!(vertex.depth, parent.depth + 1);
+                }
+            }
+            let last = explanation.convergence.last().expect("there are samples");
+            assert_eq!(last.0, pixel[..3], "{name} {at:?}");
+        }
+        assert!(longest > 2 && light_rays > 0, "{name}: {longest} {light_rays}");
+        assert!(fog.is_some() || blocked > 0, "{name}: some lights are hidden");
+    }
+
+    #[test]
+    fn the_path_trees_of_a_pixel_add_up_to_it() {
+        let settings = Settings { size: [12, 9], spp: 19, ..Settings::default() };
+        check("cornell-box", None, &settings);
+        check("drink", None, &settings);
+        check("cornell-box", Some(0.3), &settings);
+        let color = snell_math::ColorModel::Spectral;
+        check("drink", None, &Settings { color, ..settings.clone() });
+        let branching = Settings { integrator: IntegratorKind::Whitted, max_depth: 8, ..settings };
+        check("drink", None, &branching);
+    }
+
+    #[test]
+    fn a_pixel_outside_of_the_picture_is_none() {
+        let scene = builtin("cornell-box").expect("the scene is built in");
+        let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+        let settings = Settings { size: [4, 3], spp: 1, ..Settings::default() };
+        let job = Job::new(&compiled, &scene.cameras[0], &settings);
+        assert!(explain(&job, [4, 0], 1).is_none() && explain(&job, [0, 3], 1).is_none());
+    }
+}
