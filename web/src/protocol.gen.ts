@@ -68,7 +68,23 @@ id: number,
 /**
  * Position in pixels.
  */
-pixel: [number, number], } | { "type": "ack", 
+pixel: [number, number], } | { "type": "explain", 
+/**
+ * Returned with the answer.
+ */
+id: number, 
+/**
+ * The pixel.
+ */
+pixel: [number, number], 
+/**
+ * The sample to show; none for a typical one.
+ */
+sample?: number | null, 
+/**
+ * Whether rays are followed through all structures, however long it takes to build them.
+ */
+all?: boolean, } | { "type": "ack", 
 /**
  * Its number.
  */
@@ -110,7 +126,15 @@ id: number,
 /**
  * Nothing if the ray leaves the scene.
  */
-hit: PickedHit | null, } | { "type": "error", 
+hit: PickedHit | null, } | { "type": "explained", 
+/**
+ * The number of the question.
+ */
+id: number, 
+/**
+ * The answer; none if there is an error, which was told before.
+ */
+report: Report | null, } | { "type": "error", 
 /**
  * For people.
  */
@@ -293,3 +317,287 @@ material_name: string,
  * Triangle or face.
  */
 primitive: number, };
+
+export type Report = { 
+/**
+ * The scene's name.
+ */
+scene: string, 
+/**
+ * The pixel, from the upper left corner.
+ */
+pixel: [number, number], 
+/**
+ * Width and height of the picture.
+ */
+size: [number, number], 
+/**
+ * The integrator.
+ */
+integrator: string, 
+/**
+ * The pixel in the picture: red, green, blue, alpha.
+ */
+value: [number, number, number, number], 
+/**
+ * Standard error of red, green, blue.
+ */
+error: [number, number, number], 
+/**
+ * Samples of the pixel.
+ */
+spp: number, 
+/**
+ * The pixel as the samples come in.
+ */
+convergence: Array<Point>, 
+/**
+ * Its light, by the way that it took; the brightest first.
+ */
+classes: Array<PathClass>, 
+/**
+ * The colours of the samples, by number.
+ */
+samples: Array<[number, number, number]>, 
+/**
+ * One sample in all detail.
+ */
+tree: SampleReport, 
+/**
+ * The way of that sample's camera ray through acceleration structures.
+ */
+journeys: Array<JourneyReport>, 
+/**
+ * Corners of the box around the scene.
+ */
+bounds: [[number, number, number], [number, number, number]], 
+/**
+ * Some points that the camera sees.
+ */
+cloud: Array<[number, number, number]>, };
+
+export type Point = { 
+/**
+ * How many.
+ */
+samples: number, 
+/**
+ * Their mean.
+ */
+value: [number, number, number], 
+/**
+ * Its standard error; 0 while unknown.
+ */
+error: [number, number, number], };
+
+export type PathClass = { 
+/**
+ * In Heckbert's letters, from the eye to the light: E, then D (diffuse), G (glossy), S (mirror), T (through), V (medium), L.
+ */
+way: string, 
+/**
+ * What it adds to the pixel.
+ */
+value: [number, number, number], 
+/**
+ * Its share of the pixel's luminance.
+ */
+share: number, };
+
+export type SampleReport = { 
+/**
+ * Its number.
+ */
+number: number, 
+/**
+ * Its colour.
+ */
+color: [number, number, number], 
+/**
+ * The sum of all contributions of its vertices, in the renderer's order: the same.
+ */
+sum: [number, number, number], 
+/**
+ * The filter's weight.
+ */
+weight: number, 
+/**
+ * Where its rays ended, parents first.
+ */
+vertices: Array<VertexReport>, };
+
+export type VertexReport = { 
+/**
+ * The vertex that the ray came from; none for the camera.
+ */
+parent: number | null, 
+/**
+ * Bounces before.
+ */
+depth: number, 
+/**
+ * `surface`, `medium`, `escaped` or `absorbed`.
+ */
+what: string, 
+/**
+ * Names of the nodes down to the surface.
+ */
+object: string, 
+/**
+ * The material's name.
+ */
+material: string, 
+/**
+ * Triangle or face.
+ */
+primitive: number | null, 
+/**
+ * Where the ray begins.
+ */
+origin: [number, number, number], 
+/**
+ * Its direction.
+ */
+direction: [number, number, number], 
+/**
+ * Where it ended.
+ */
+position: [number, number, number] | null, 
+/**
+ * Shading normal.
+ */
+normal: [number, number, number] | null, 
+/**
+ * Length of the ray.
+ */
+distance: number | null, 
+/**
+ * What the path carried on arrival.
+ */
+throughput: [number, number, number], 
+/**
+ * The lobe that sent the ray; none for the camera's.
+ */
+lobe: string | null, 
+/**
+ * Density per steradian with which it was sent; none for mirrors and clear glass.
+ */
+pdf: number | null, 
+/**
+ * Light of media on the way, times throughput.
+ */
+glow: [number, number, number], 
+/**
+ * Light found here, times throughput and weight.
+ */
+found: [number, number, number], 
+/**
+ * Weight of what was found, by multiple importance sampling.
+ */
+found_weight: number, 
+/**
+ * Light samples.
+ */
+lights: Array<LightReport>, };
+
+export type LightReport = { 
+/**
+ * The light.
+ */
+source: string, 
+/**
+ * What scatters its light.
+ */
+lobe: string, 
+/**
+ * Where the ray to it begins.
+ */
+origin: [number, number, number], 
+/**
+ * Its direction.
+ */
+direction: [number, number, number], 
+/**
+ * Where it ends; none for lights at infinity.
+ */
+end: [number, number, number] | null, 
+/**
+ * What it would bring.
+ */
+value: [number, number, number], 
+/**
+ * What it brings.
+ */
+brought: [number, number, number], 
+/**
+ * True if something is in the way.
+ */
+is_blocked: boolean, 
+/**
+ * Its weight by multiple importance sampling; it is in the values.
+ */
+weight: number, };
+
+export type JourneyReport = { 
+/**
+ * The structure.
+ */
+accelerator: string, 
+/**
+ * Nodes visited.
+ */
+nodes: number, 
+/**
+ * Cells gone through.
+ */
+cells: number, 
+/**
+ * Primitives tested.
+ */
+primitives: number, 
+/**
+ * Nodes and cells that there are.
+ */
+built_nodes: number, 
+/**
+ * How far the hit is; none if there is none.
+ */
+distance: number | null, 
+/**
+ * Where it looked, in order.
+ */
+stops: Array<StopReport>, 
+/**
+ * Stops that are not told.
+ */
+left_out: number, };
+
+export type StopReport = { 
+/**
+ * `box`, `ball`, `plane` or `stretch` (of the ray itself).
+ */
+kind: string, 
+/**
+ * Its middle.
+ */
+center: [number, number, number], 
+/**
+ * From the middle to its sides.
+ */
+axes: [[number, number, number], [number, number, number], [number, number, number]], 
+/**
+ * True if it holds primitives.
+ */
+is_leaf: boolean, 
+/**
+ * How many instances it is within.
+ */
+level: number, 
+/**
+ * Primitives tested there.
+ */
+tested: number, 
+/**
+ * Distance of a hit that was found there.
+ */
+found: number | null, };

@@ -140,6 +140,8 @@ pub struct LightRay {
     pub is_blocked: bool,
     /// Weight by multiple importance sampling; it is in the values.
     pub weight: f32,
+    /// What scatters its light towards the camera.
+    pub lobe: Lobe,
 }
 
 impl PathTree {
@@ -312,9 +314,9 @@ fn add_vertex<'a>(
     (vertex.found, vertex.found_weight) = (shaded.radiance, shaded.weights.found);
     for ((ray, value), &(arrived, is_blocked)) in shaded.light_rays.iter().zip(fates) {
         let brought = if is_blocked { SampledSpectrum::ZERO } else { arrived };
-        let weight = shaded.weights.light;
-        let light_ray =
-            LightRay { ray: *ray, source: shaded.source, value: *value, brought, is_blocked, weight };
+        let (source, weight) = (shaded.source, shaded.weights.light);
+        let lobe = lobe(scene, shaded, surface.as_ref(), ray.direction.normalize_or_zero(), false);
+        let light_ray = LightRay { ray: *ray, source, value: *value, brought, is_blocked, weight, lobe };
         if !is_blocked {
             tree.additions.push(Addition {
                 vertex: number,
@@ -330,22 +332,20 @@ fn add_vertex<'a>(
 /// How a ray was chosen, from what is known of it.
 fn scattering(scene: &CompiledScene, shaded: &Shaded, ray: &Ray, state: &PathState) -> Scattering {
     let is_delta = state.bsdf_pdf == 0.0;
-    let lobe = if shaded.medium.is_some() {
-        Lobe::Volume
-    } else {
-        let surface = scene.world.interaction(&shaded.ray, &shaded.hit);
-        surface_lobe(scene, shaded, &surface, ray.direction, is_delta)
-    };
+    let surface = shaded.hit.is_hit().then(|| scene.world.interaction(&shaded.ray, &shaded.hit));
+    let lobe = lobe(scene, shaded, surface.as_ref(), ray.direction, is_delta);
     Scattering { lobe, is_delta, pdf: state.bsdf_pdf }
 }
 
-fn surface_lobe(
+/// The lobe that gives most of what is scattered from `wi` to the ray that came.
+fn lobe(
     scene: &CompiledScene,
     shaded: &Shaded,
-    surface: &SurfaceInteraction,
+    surface: Option<&SurfaceInteraction>,
     wi: Vec3,
     is_delta: bool,
 ) -> Lobe {
+    let Some(surface) = surface.filter(|_| shaded.medium.is_none()) else { return Lobe::Volume };
     let material = scene.material(scene.material_id(&shaded.hit));
     let state = &shaded.state;
     let vertex = SurfaceVertex {

@@ -67,6 +67,14 @@ impl Geometry {
             Self::Shape(shape) => shape.bounds(),
         }
     }
+
+    /// What it is, for people: "sphere", "mesh of 12 triangles".
+    pub fn describe(&self) -> String {
+        match self {
+            Self::Shape(shape) => shape.name().to_string(),
+            Self::Mesh(mesh) => format!("mesh of {} triangles", mesh.indices.len()),
+        }
+    }
 }
 
 /// A geometry with its materials.

@@ -1,13 +1,15 @@
 //! Changes to a scene by name: `-D key=value` of the command line, edits in the viewer.
 //!
 //! A key is a path into the scene: `material.NAME.PARAMETER`, `camera.NAME.PARAMETER`, `light.NUMBER.PARAMETER`,
-//! `medium.NUMBER.PARAMETER`, `ambient`. The parameters are those of the scene's own declarations; the value is JSON, or plain text
+//! `medium.NUMBER.PARAMETER`, `node.NAME.visible`, `environment.rotation` (degrees about the scene's up, as seen from above against
+//! the clock), `environment.scale`, `ambient`. The parameters are those of the scene's own declarations; the value is JSON, or plain text
 //! where JSON is not given.
 
-use crate::Scene;
+use crate::{Environment, Scene};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
+use snell_math::{DAffine3, DVec3};
 
 /// Why a change is not possible: what was asked for, what there is instead.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -59,11 +61,58 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
             scene.media[index].keep_grids_of(&before);
             Ok(())
         }
+        "node" => {
+            let names: Vec<String> = scene.nodes.iter().map(|n| n.name.clone()).collect();
+            let (index, path) = find(key, "node", &names, rest)?;
+            if path != "visible" {
+                return Err(error(key, format!("there is no parameter \"{path}\" (known: visible)")));
+            }
+            if !from_value::<bool>(key, value)? {
+                let node = &mut scene.nodes[index];
+                (node.surfaces, node.children) = (Vec::new(), Vec::new());
+            }
+            Ok(())
+        }
+        "environment" => edit_environment(scene, key, rest, value),
         _ => {
-            let known = "material.NAME, camera.NAME, light.NUMBER, medium.NUMBER";
+            let known = "material.NAME, camera.NAME, light.NUMBER, medium.NUMBER, node.NAME, environment";
             Err(error(key, format!("unknown key; keys begin with {known}, or are ambient")))
         }
     }
+}
+
+/// Turns the environment, or makes it brighter.
+fn edit_environment(scene: &mut Scene, key: &str, path: &str, value: Value) -> Result<(), OverrideError> {
+    let up = scene.settings.up.unwrap_or(DVec3::Y);
+    match (path, &mut scene.environment) {
+        (_, None) => Err(error(key, "the scene has no environment")),
+        ("scale", Some(Environment::Image { scale, .. })) => {
+            *scale = from_value(key, value)?;
+            Ok(())
+        }
+        ("rotation", Some(Environment::Image { world_from_environment, .. })) => {
+            let wanted: f64 = from_value(key, value)?;
+            if !wanted.is_finite() {
+                return Err(error(key, "a number of degrees"));
+            }
+            let turn = (wanted - rotation(world_from_environment, up)).to_radians();
+            *world_from_environment = DAffine3::from_axis_angle(up.normalize_or(DVec3::Y), turn) * *world_from_environment;
+            Ok(())
+        }
+        ("rotation", Some(Environment::Constant(_))) => Ok(()),
+        ("scale", Some(Environment::Constant(_))) => Err(error(key, "a constant environment is its radiance: it has no scale")),
+        _ => Err(error(key, format!("there is no parameter \"{path}\" (known: rotation, scale)"))),
+    }
+}
+
+/// How far an environment is turned about a direction, in degrees from -180 to 180: where the middle of its picture is, from `-z` (from
+/// `+y` if up is along `z`).
+pub fn rotation(world_from_environment: &DAffine3, up: DVec3) -> f64 {
+    let up = up.normalize_or(DVec3::Y);
+    let level = |v: DVec3| (v - up * v.dot(up)).normalize_or_zero();
+    let zero = level(if up.z.abs() > 0.9 { DVec3::Y } else { DVec3::NEG_Z });
+    let middle = level(world_from_environment.transform_vector3(DVec3::NEG_Z));
+    zero.cross(middle).dot(up).atan2(zero.dot(middle)).to_degrees()
 }
 
 /// The thing that a key names, by name or number, and the rest of the key. Names may contain dots.
@@ -212,5 +261,34 @@ mod tests {
     fn the_nearest_name_is_suggested_only_if_it_is_near() {
         assert_eq!(nearest("pth", &["path", "whitted"]), Some("path"));
         assert_eq!(nearest("zzz", &["path", "whitted"]), None);
+    }
+
+    #[test]
+    fn an_environment_is_turned_to_an_angle_whatever_it_was_before() {
+        let mut scene = crate::Scene::new("sky");
+        assert!(apply(&mut scene, "environment.rotation=10").is_err());
+        let image = std::sync::Arc::new(crate::Image { width: 1, height: 1, channels: 3, ..crate::Image::default() });
+        scene.environment = Some(Environment::Image {
+            image,
+            scale: snell_math::Rgb::WHITE,
+            world_from_environment: DAffine3::from_rotation_x(0.1),
+        });
+        for angle in [30.0, -170.0, 0.0] {
+            apply(&mut scene, &format!("environment.rotation={angle}")).expect("it can be turned");
+            let Some(Environment::Image { world_from_environment, .. }) = &scene.environment else { panic!("still there") };
+            assert!((rotation(world_from_environment, DVec3::Y) - angle).abs() < 1e-9);
+        }
+        assert!(apply(&mut scene, "environment.rotation=true").is_err() && apply(&mut scene, "environment.tilt=1").is_err());
+    }
+
+    #[test]
+    fn a_hidden_node_holds_nothing() {
+        let mut scene = crate::builtin::builtin("spheres").expect("the scene is built in");
+        let node = scene.nodes.iter().position(|n| !n.surfaces.is_empty()).expect("some node has surfaces");
+        apply(&mut scene, &format!("node.{node}.visible=true")).expect("there is such a node");
+        assert!(!scene.nodes[node].surfaces.is_empty());
+        apply(&mut scene, &format!("node.{node}.visible=false")).expect("there is such a node");
+        assert!(scene.nodes[node].surfaces.is_empty());
+        assert!(apply(&mut scene, "node.0.name=x").is_err() && apply(&mut scene, "node.99999.visible=false").is_err());
     }
 }

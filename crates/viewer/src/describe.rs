@@ -3,7 +3,7 @@
 use crate::protocol::{NodeInfo, SceneInfo};
 use serde_json::Value;
 use snell_math::{Bounds3d, DVec3};
-use snell_scene::{Geometry, NodeId, Scene};
+use snell_scene::{NodeId, Scene};
 use std::collections::{BTreeSet, HashMap};
 
 /// Most nodes that are listed: a page with more is of no use to anybody.
@@ -60,18 +60,11 @@ fn nodes(scene: &Scene, hidden: &BTreeSet<u32>) -> (Vec<NodeInfo>, u32) {
             id: id.0,
             parent: parents[&id],
             name: node.name.clone(),
-            surfaces: node.surfaces.iter().take(20).map(|s| describe(&s.geometry)).collect(),
+            surfaces: node.surfaces.iter().take(20).map(|s| s.geometry.describe()).collect(),
             visible: !hidden.contains(&id.0),
         });
     }
     (list, left_out)
-}
-
-fn describe(geometry: &Geometry) -> String {
-    match geometry {
-        Geometry::Shape(shape) => shape.name().to_string(),
-        Geometry::Mesh(mesh) => format!("mesh of {} triangles", mesh.indices.len()),
-    }
 }
 
 #[cfg(test)]

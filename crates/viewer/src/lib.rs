@@ -9,6 +9,7 @@ mod budget;
 mod denoise;
 mod describe;
 mod encode;
+pub mod explain;
 mod page;
 mod pick;
 mod preview;

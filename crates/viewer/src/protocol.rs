@@ -1,6 +1,7 @@
 //! What page and server say to each other over the WebSocket: JSON text both ways, and pictures as binary messages to the page.
 //! The TypeScript types in `web/src/protocol.gen.ts` are generated from these; a test proves them fresh.
 
+use crate::explain::Report;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -83,6 +84,21 @@ pub enum ToServer {
         /// Position in pixels.
         pixel: [f64; 2],
     },
+    /// Why does a pixel of the picture at rest look as it does?
+    Explain {
+        /// Returned with the answer.
+        id: u32,
+        /// The pixel.
+        pixel: [u32; 2],
+        /// The sample to show; none for a typical one.
+        #[serde(default)]
+        #[cfg_attr(test, ts(optional = nullable))]
+        sample: Option<u32>,
+        /// Whether rays are followed through all structures, however long it takes to build them.
+        #[serde(default)]
+        #[cfg_attr(test, ts(as = "Option<bool>", optional))]
+        all: bool,
+    },
     /// A frame has been shown.
     Ack {
         /// Its number.
@@ -129,6 +145,13 @@ pub enum ToPage {
         id: u32,
         /// Nothing if the ray leaves the scene.
         hit: Option<PickedHit>,
+    },
+    /// Why a pixel looks as it does.
+    Explained {
+        /// The number of the question.
+        id: u32,
+        /// The answer; none if there is an error, which was told before.
+        report: Option<Box<Report>>,
     },
     /// Something went wrong; what was there before still is.
     Error {
@@ -311,6 +334,7 @@ impl FrameHeader {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::explain;
     use ts_rs::TS;
 
     /// The text of `web/src/protocol.gen.ts`.
@@ -329,6 +353,14 @@ mod tests {
             NodeInfo::decl(&config),
             ViewInfo::decl(&config),
             PickedHit::decl(&config),
+            Report::decl(&config),
+            explain::Point::decl(&config),
+            explain::PathClass::decl(&config),
+            explain::SampleReport::decl(&config),
+            explain::VertexReport::decl(&config),
+            explain::LightReport::decl(&config),
+            explain::JourneyReport::decl(&config),
+            explain::StopReport::decl(&config),
         ];
         for declaration in declarations {
             text += &format!("\nexport {declaration}\n");

@@ -1,5 +1,6 @@
 //! HTTP and WebSocket. Every path begins with the token; see [`crate::security`] for who is let in.
 
+use crate::explain::Question;
 use crate::protocol::{ToPage, ToServer};
 use crate::security::Guard;
 use crate::session::{Finished, Frame, Session, lock};
@@ -324,6 +325,21 @@ impl Connection {
                     pick::pick(&session.now(), &compiled, pixel)
                 });
                 send(socket, &ToPage::Picked { id, hit: picked.await.ok().flatten() }).await
+            }
+            ToServer::Explain { id, pixel, sample, all } => {
+                let session = session.clone();
+                let question = Question { pixel, sample };
+                let told = tokio::task::spawn_blocking(move || session.explain(&question, all)).await;
+                let report = match told.unwrap_or_else(|_| Err("a fault; please report it".into())) {
+                    Ok(report) => Some(Box::new(report)),
+                    Err(message) => {
+                        if !send(socket, &ToPage::Error { message }).await {
+                            return false;
+                        }
+                        None
+                    }
+                };
+                send(socket, &ToPage::Explained { id, report }).await
             }
             other => {
                 let session = session.clone();

@@ -4,6 +4,7 @@
 //! a picture.
 
 use crate::describe::scene_info;
+use crate::explain::{self, Question, Report, Structure, Subject};
 use crate::protocol::{Choices, SceneInfo, ToPage, ToServer, ViewInfo};
 use crate::{Opened, Source, Which};
 use serde_json::Value;
@@ -24,6 +25,9 @@ pub const REST: Duration = Duration::from_millis(150);
 const MAX_SIDE: u32 = 8192;
 /// Most samples per pixel.
 const MAX_SPP: u32 = 1 << 20;
+
+/// With at most so many triangles, all structures are built without being asked for.
+const FEW_TRIANGLES: u64 = 300_000;
 
 /// An encoded picture.
 #[derive(Debug)]
@@ -116,6 +120,8 @@ pub struct Session {
     pub compiled: Mutex<Option<(u32, Arc<CompiledScene>)>>,
     /// The newest picture at rest.
     pub finished: Mutex<Option<Finished>>,
+    /// The scene of a generation in other structures, for explanations.
+    structures: Mutex<Option<(u32, Vec<Structure>)>>,
 }
 
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -137,6 +143,7 @@ impl Session {
             events: broadcast::Sender::new(256),
             compiled: Mutex::new(None),
             finished: Mutex::new(None),
+            structures: Mutex::new(None),
         })
     }
 
@@ -288,7 +295,7 @@ impl Session {
                 drop(state);
                 return self.open(Which::Given);
             }
-            ToServer::Steer | ToServer::Ack { .. } | ToServer::Pick { .. } => return Ok(()),
+            ToServer::Steer | ToServer::Ack { .. } | ToServer::Pick { .. } | ToServer::Explain { .. } => return Ok(()),
         }
         self.after_change(state);
         // Where the camera is is told when it rests.
@@ -345,6 +352,27 @@ impl Session {
     /// A copy of what a picture needs now.
     pub fn now(&self) -> Snapshot {
         self.snapshot(&lock(&self.state))
+    }
+
+    /// Why a pixel of the picture at rest looks as it does.
+    pub fn explain(&self, question: &Question, all: bool) -> Result<Report, String> {
+        let snapshot = self.now();
+        let compiled = lock(&self.compiled).clone().filter(|(generation, _)| *generation == snapshot.generation);
+        let Some((generation, compiled)) = compiled else { return Err("the scene is still being prepared".into()) };
+        let Snapshot { scene, camera, settings, .. } = &snapshot;
+        let own = settings.build.accelerator;
+        let mut structures = vec![(own, compiled.clone())];
+        if all || compiled.world.stats().triangles <= FEW_TRIANGLES {
+            let mut kept = lock(&self.structures);
+            if kept.as_ref().is_none_or(|(of, _)| *of != generation) {
+                *kept = None;
+                let others: Vec<AcceleratorKind> = AcceleratorKind::ALL.into_iter().filter(|k| *k != own).collect();
+                *kept = Some((generation, explain::structures(scene, settings, &others)?));
+            }
+            structures.extend(kept.iter().flat_map(|(_, all)| all.iter().cloned()));
+            structures.sort_by_key(|(kind, _)| AcceleratorKind::ALL.iter().position(|k| k == kind));
+        }
+        explain::report(Subject { scene, compiled: &compiled, camera, settings }, question, &structures)
     }
 
     fn scene_info(&self, state: &State) -> SceneInfo {

@@ -112,7 +112,7 @@ impl Facts<'_> {
         };
         json!({
             "id": id.0, "name": node.name, "bounds": bounds_json(&self.bounds[&id]),
-            "surfaces": node.surfaces.iter().map(|s| describe(&s.geometry)).collect::<Vec<_>>(),
+            "surfaces": node.surfaces.iter().map(|s| s.geometry.describe()).collect::<Vec<_>>(),
             "children": children,
         })
     }
@@ -127,13 +127,6 @@ impl Facts<'_> {
             Some(snell_scene::Environment::Constant(_)) => "constant",
             Some(snell_scene::Environment::Image { .. }) => "image",
         }
-    }
-}
-
-fn describe(geometry: &Geometry) -> String {
-    match geometry {
-        Geometry::Shape(shape) => shape.name().to_string(),
-        Geometry::Mesh(mesh) => format!("mesh of {} triangles", mesh.indices.len()),
     }
 }
 

@@ -3,6 +3,7 @@
 mod bench;
 mod compare;
 mod completions;
+mod explain;
 mod formats;
 mod info;
 mod man;
@@ -20,6 +21,8 @@ pub enum Command {
     Render(Box<render::Options>),
     /// Look at a scene in the browser.
     View(view::Options),
+    /// Tell why a pixel looks as it does.
+    Explain(explain::Options),
     /// Show what is in a scene file.
     Info(info::Options),
     /// Compare two pictures.
@@ -42,6 +45,7 @@ pub fn run(command: Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Render(options) => render::run(&options),
         Command::View(options) => view::run(&options),
+        Command::Explain(options) => explain::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options),
         Command::Bench(command) => bench::run(&command),

@@ -70,8 +70,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !(options.fps >= 1.0 && options.fps <= 240.0) {
         return Err(Failure::Usage(format!("--fps {}: from 1 to 240", options.fps)));
     }
-    let files = Files { scene: options.scene.clone(), render: options.render.clone() };
-    files.line(&files.scene).map_err(Failure::Usage)?;
+    let files = Files::new(&options.scene, &options.render)?;
     let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
     let server_options = ServerOptions {
         host: options.host,
@@ -132,12 +131,19 @@ fn open_browser(url: &str) {
 }
 
 /// Scenes as `snell render` reads them.
-struct Files {
+pub(super) struct Files {
     scene: String,
     render: Vec<String>,
 }
 
 impl Files {
+    /// A scene with options of `snell render`.
+    pub fn new(scene: &str, render: &[String]) -> Result<Self, Failure> {
+        let files = Self { scene: scene.to_string(), render: render.to_vec() };
+        files.line(scene).map_err(Failure::Usage)?;
+        Ok(files)
+    }
+
     fn line(&self, scene: &str) -> Result<render::Options, String> {
         let words = std::iter::once(scene.to_string()).chain(self.render.iter().cloned());
         let line = RenderLine::try_parse_from(words).map_err(|e| e.to_string().trim().replace("error: ", ""))?;
@@ -150,10 +156,6 @@ impl Files {
         render::prepare_scene(&mut scene, &options)?;
         let camera = render::choose_camera(&scene, &options)?;
         let settings = options.settings(&scene, &camera, simd)?;
-        if settings.noise.is_some() || settings.guiding.is_some() {
-            let problem = "the viewer takes equally many samples everywhere and learns nothing before: leave out --noise and --guiding";
-            return Err(Failure::Usage(problem.into()));
-        }
         let display = Display {
             exposure: options.exposure.or(scene.settings.exposure).unwrap_or(0.0),
             tonemap: options.tonemap(&scene)?,

@@ -6,7 +6,7 @@ use super::quick::QuickRay;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{self, Object, Placement, offer_triangle};
 use crate::precision::Rules;
-use crate::query::journey::Place;
+use crate::query::journey;
 use crate::query::search::{Goal, Search};
 use snell_math::DRay;
 use snell_math::simd::{Lanes8, Level, Portable8};
@@ -272,7 +272,7 @@ impl<G: Goal> Place<'_, G> {
                     let (enters, limits) = boxes.distances(node, t_min, L::splat(cull));
                     (node, enters, enters.le(limits))
                 };
-                search.goal.visit(false, || Place::of_bounds(&node.bounds()));
+                search.goal.visit(false, || journey::Place::of_bounds(&node.bounds()));
                 if met != 0 {
                     let first = met.trailing_zeros() as usize & 7;
                     let others = met & (met - 1);
@@ -317,7 +317,7 @@ impl<G: Goal> Place<'_, G> {
                     let block = self.tree.blocks.get_unchecked(current.block());
                     (block, G::Precision::lines_through::<L>(block, quick) & ((2 << (current.count() - 1)) - 1))
                 };
-                search.goal.visit(true, || Place::of_bounds(&block.bounds(current.count())));
+                search.goal.visit(true, || journey::Place::of_bounds(&block.bounds(current.count())));
                 search.goal.count_primitives(current.count());
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize & 7;

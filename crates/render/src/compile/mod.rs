@@ -19,7 +19,8 @@ use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, SurfaceInteracti
 use snell_math::{Bounds3d, ColorMode, Ray, Rgb, Vec3, rng};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::ShadingPoint;
-use snell_scene::{Background, Material, MaterialId, NodeId, Scene, SceneError, TextureSet, Warning};
+use snell_scene::{Background, Environment, Material, MaterialId, NodeId, Scene, SceneError, TextureSet, Warning};
+use std::sync::Arc;
 use surfaces::SurfaceTable;
 
 /// Why a scene could not be compiled.
@@ -45,13 +46,13 @@ pub enum CompileError {
 #[derive(Debug)]
 pub struct CompiledScene {
     /// What rays hit.
-    pub world: World,
+    pub world: Arc<World>,
     /// Materials by id; the last one is the default for surfaces without any.
     pub materials: Vec<Material>,
     /// Textures by id.
-    pub textures: TextureSet,
+    pub textures: Arc<TextureSet>,
     /// Light from all directions.
-    pub environment: Option<EnvironmentLight>,
+    pub environment: Option<Arc<EnvironmentLight>>,
     /// What camera rays that leave the scene show.
     pub background: Background,
     /// Ambient light, for local illumination only.
@@ -64,7 +65,7 @@ pub struct CompiledScene {
     pub warnings: Vec<Warning>,
     /// Media, if there are any.
     pub(crate) volumes: Option<VolumeTable>,
-    surfaces: SurfaceTable,
+    surfaces: Arc<SurfaceTable>,
     lights: LightTable,
 }
 
@@ -72,18 +73,48 @@ impl CompiledScene {
     /// Compiles a scene.
     pub fn new(scene: &Scene, options: &BuildOptions) -> Result<Self, CompileError> {
         let mut warnings = Vec::new();
-        let mut materials = scene.materials.clone();
-        let default_material = MaterialId(materials.len() as u32);
-        materials.push(snell_scene::framing::default_material());
+        let materials = materials(scene);
+        let default_material = MaterialId(scene.materials.len() as u32);
         let (builder, surfaces) = surfaces::compile(scene, &materials, default_material, &mut warnings)?;
-        let world = builder.build(options)?;
+        let world = Arc::new(builder.build(options)?);
+        let environment = scene.environment.as_ref().map(|e| Arc::new(EnvironmentLight::new(e)));
+        let textures = Arc::new(TextureSet::new(&scene.textures, &scene.images));
+        Self::over(scene, materials, warnings, world, Arc::new(surfaces), textures, environment)
+    }
+
+    /// The same scene after changes of materials, lights, media and surroundings. `before` is what this was compiled from; its nodes,
+    /// geometries, textures and images must be those of `scene`. Nothing is built again that need not be. `None` if the structure
+    /// has to be: a surface has become cut out, blended or an interface, or is so no more.
+    pub fn changed(&self, before: &Scene, scene: &Scene) -> Result<Option<Self>, CompileError> {
+        let materials = materials(scene);
+        let is_alike = |(a, b): (&Material, &Material)| a.needs_filter() == b.needs_filter();
+        if materials.len() != self.materials.len() || !self.materials.iter().zip(&materials).all(is_alike) {
+            return Ok(None);
+        }
+        scene.topological_order()?;
+        let environment = match (&before.environment, &scene.environment) {
+            (Some(old), Some(new)) if is_same(old, new) => self.environment.clone(),
+            (_, new) => new.as_ref().map(|e| Arc::new(EnvironmentLight::new(e))),
+        };
+        let (world, surfaces, textures) = (self.world.clone(), self.surfaces.clone(), self.textures.clone());
+        Self::over(scene, materials, self.warnings.clone(), world, surfaces, textures, environment).map(Some)
+    }
+
+    /// What is made anew whenever anything changes.
+    fn over(
+        scene: &Scene,
+        materials: Vec<Material>,
+        mut warnings: Vec<Warning>,
+        world: Arc<World>,
+        surfaces: Arc<SurfaceTable>,
+        textures: Arc<TextureSet>,
+        environment: Option<Arc<EnvironmentLight>>,
+    ) -> Result<Self, CompileError> {
         let bounds = finite_part(&scene_bounds(&world));
-        let environment = scene.environment.as_ref().map(EnvironmentLight::new);
-        let textures = TextureSet::new(&scene.textures, &scene.images);
-        let (sky, radius) = (environment.as_ref(), bounds.radius());
+        let (sky, radius) = (environment.as_deref(), bounds.radius());
         let lights = LightTable::new(scene, &world, &surfaces, &materials, &textures, sky, radius);
-        if !lights.is_complete() {
-            let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
+        let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
+        if !lights.is_complete() && !warnings.iter().any(|w| w.message == message) {
             Warning::note(&mut warnings, message.into(), 1);
         }
         let volumes = VolumeTable::new(scene, &materials)?;
@@ -186,6 +217,25 @@ impl HitFilter for CompiledScene {
         let u = rng::to_unit(rng::hash_combine(rng::hash_combine(a ^ b, bits(ray.origin)[0]), hit.t.to_bits()));
         // What is present has no colour.
         material.is_present(ray.direction, &self.shading_point(&surface, 0.0, ColorMode::Rgb), u)
+    }
+}
+
+/// The scene's materials, and the default as the last.
+fn materials(scene: &Scene) -> Vec<Material> {
+    let mut materials = scene.materials.clone();
+    materials.push(snell_scene::framing::default_material());
+    materials
+}
+
+/// True if two environments surely give the same light.
+fn is_same(a: &Environment, b: &Environment) -> bool {
+    match (a, b) {
+        (Environment::Constant(a), Environment::Constant(b)) => a == b,
+        (
+            Environment::Image { image: a, scale: a_scale, world_from_environment: a_map },
+            Environment::Image { image: b, scale: b_scale, world_from_environment: b_map },
+        ) => Arc::ptr_eq(a, b) && a_scale == b_scale && a_map == b_map,
+        _ => false,
     }
 }
 

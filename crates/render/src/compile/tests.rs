@@ -5,7 +5,6 @@ use snell_intersect::{AcceptAll, TriangleMesh};
 use snell_math::{DAffine3, DVec3, Rgb, Vec2};
 use snell_scene::material::Diffuse;
 use snell_scene::{Geometry, Node, Surface};
-use std::sync::Arc;
 
 /// A square of `n` by `n` cells over `[-1, 1]^2` at `z = 0`.
 fn square(n: u32) -> Arc<TriangleMesh> {
@@ -86,4 +85,25 @@ fn a_singular_node_is_left_out_with_a_warning() {
     assert!(!compiled.world.closest_one(&look_down(-13.0), &AcceptAll).is_hit());
     assert!(compiled.world.closest_one(&look_down(13.0), &AcceptAll).is_hit());
     assert!(compiled.warnings.iter().any(|w| w.message.contains("singular")), "{:?}", compiled.warnings);
+}
+
+#[test]
+fn a_changed_scene_is_the_scene_compiled_anew() {
+    let before = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
+    let compiled = CompiledScene::new(&before, &BuildOptions::default()).expect("a valid scene");
+    let mut scene = before.clone();
+    for definition in ["material.white.reflectance.factor=[0.1,0.5,0.2]", "ambient=[0.1,0.1,0.1]"] {
+        snell_scene::overrides::apply(&mut scene, definition).expect("the scene has them");
+    }
+    scene.materials[1].emission = snell_scene::material::ColorParam::constant(Rgb::splat(2.0));
+    let changed = compiled.changed(&before, &scene).expect("a valid scene").expect("the structure stays");
+    assert!(Arc::ptr_eq(&changed.world, &compiled.world));
+    let anew = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+    assert!(changed.lights().len() > compiled.lights().len() && changed.lights().len() == anew.lights().len());
+    let settings = crate::Settings { size: [16, 12], spp: 4, ..crate::Settings::default() };
+    let picture = |scene| crate::Job::new(scene, &before.cameras[0], &settings).run(2, &|_| true).0.image();
+    assert_eq!(picture(&changed), picture(&anew));
+
+    scene.materials[0].double_sided = false;
+    assert!(compiled.changed(&before, &scene).expect("a valid scene").is_none());
 }

@@ -1,6 +1,6 @@
 //! What `snell info` says to people.
 
-use super::{Facts, describe};
+use super::Facts;
 use snell_scene::NodeId;
 use std::collections::HashSet;
 
@@ -73,7 +73,7 @@ impl Facts<'_> {
         }
         let node = &self.scene.nodes[id.index()];
         let name = if node.name.is_empty() { format!("node {}", id.0) } else { node.name.clone() };
-        let surfaces: Vec<_> = node.surfaces.iter().map(|s| describe(&s.geometry)).collect();
+        let surfaces: Vec<_> = node.surfaces.iter().map(|s| s.geometry.describe()).collect();
         let again = !shown.insert(id) && !node.children.is_empty();
         let what = format!("{}{}", surfaces.join(", "), if again { "(shared, shown above)" } else { "" });
         line!(out, "{}", format!("{indent}{name}  {what}").trim_end());

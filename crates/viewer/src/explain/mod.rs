@@ -1,0 +1,315 @@
+//! Why a pixel looks as it does, in words and numbers for people: [`Report`]. The same for `snell explain`, the page and Python.
+//!
+//! What happened is told by [`snell_render::explain`] and [`snell_intersect::World::journey`]; here it gets names, and becomes text
+//! ([`text`]), a drawing ([`svg`]) or JSON (it is `Serialize`).
+
+mod classes;
+mod report;
+pub mod svg;
+pub mod text;
+
+pub use report::{JourneyReport, LightReport, PathClass, Point, Report, SampleReport, StopReport, VertexReport};
+
+use snell_intersect::accel::AcceleratorKind;
+use snell_intersect::{Journey, PlaceKind};
+use snell_math::{DVec2, Ray, SampledSpectrum, Vec2};
+use snell_render::explain::{Explanation, LightRay, PathTree, PathVertex, VertexKind, explain};
+use snell_render::integrator::light_part::{Lobe, LightSource};
+use snell_render::{CompiledScene, IntegratorKind, Job, Settings};
+use snell_scene::{Camera, CameraSample, Scene};
+use std::sync::Arc;
+
+/// Points of the convergence plot at most.
+const MAX_POINTS: usize = 160;
+/// Samples whose brightness is listed at most.
+const MAX_SAMPLES: usize = 4096;
+/// Stops of a journey that are told at most.
+const MAX_STOPS: usize = 1500;
+/// Points that show roughly where the scene is: columns and rows.
+const CLOUD: [u32; 2] = [56, 32];
+
+/// What is asked.
+#[derive(Clone, Debug)]
+pub struct Question {
+    /// The pixel, from the upper left corner.
+    pub pixel: [u32; 2],
+    /// The sample whose tree is told; none for the one whose colour is nearest to the pixel's.
+    pub sample: Option<u32>,
+}
+
+/// A scene with everything that makes a picture of it.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    /// The scene graph, for names.
+    pub scene: &'a Scene,
+    /// What is rendered.
+    pub compiled: &'a CompiledScene,
+    /// From where.
+    pub camera: &'a Camera,
+    /// How.
+    pub settings: &'a Settings,
+}
+
+/// The same scene with another acceleration structure.
+pub type Structure = (AcceleratorKind, Arc<CompiledScene>);
+
+/// The scene in each of these structures.
+pub fn structures(scene: &Scene, settings: &Settings, kinds: &[AcceleratorKind]) -> Result<Vec<Structure>, String> {
+    let build = |&kind: &AcceleratorKind| {
+        let options = snell_intersect::BuildOptions { accelerator: kind, ..settings.build.clone() };
+        let compiled = CompiledScene::new(scene, &options).map_err(|e| e.to_string())?;
+        Ok((kind, Arc::new(compiled)))
+    };
+    kinds.iter().map(build).collect()
+}
+
+/// Answers the question. The errors are for people.
+pub fn report(subject: Subject, question: &Question, structures: &[Structure]) -> Result<Report, String> {
+    let Subject { scene, compiled, camera, settings } = subject;
+    let Question { pixel, sample } = *question;
+    if settings.noise.is_some() {
+        return Err("how many samples a pixel takes depends on the whole picture with --noise; leave it out".into());
+    }
+    if settings.integrator == IntegratorKind::Aov {
+        return Err("the integrator aov shows a layer and no light: there is nothing to explain".into());
+    }
+    if sample.is_some_and(|s| s >= settings.spp) {
+        return Err(format!("sample {}: the pixel has samples 0 to {}", sample.unwrap_or(0), settings.spp - 1));
+    }
+    let [width, height] = settings.size;
+    let job = Job::new(compiled, camera, settings);
+    let outside =
+        || format!("pixel {},{} is outside of the picture of {width}x{height} pixels", pixel[0], pixel[1]);
+    let explanation = explain(&job, pixel, 1).ok_or_else(outside)?;
+    let chosen = sample.unwrap_or_else(|| typical(&explanation)) as usize;
+    let tree = &explanation.samples[chosen];
+    let ray = tree.vertices.first().map_or_else(|| middle_ray(camera, settings, pixel), |v| v.ray);
+    Ok(Report {
+        scene: scene.name.clone(),
+        pixel,
+        size: settings.size,
+        integrator: settings.integrator.name().into(),
+        value: explanation.value,
+        error: explanation.convergence.last().map_or([0.0; 3], |(_, error)| *error),
+        spp: settings.spp,
+        convergence: thinned(&explanation),
+        classes: classes::classes(&explanation),
+        samples: explanation.samples.iter().take(MAX_SAMPLES).map(|s| s.color.to_array()).collect(),
+        tree: sample_report(scene, compiled, tree),
+        journeys: structures.iter().map(|(kind, compiled)| journey_report(*kind, compiled, &ray)).collect(),
+        bounds: bounds(compiled),
+        cloud: cloud(compiled, camera, settings),
+    })
+}
+
+/// The sample whose colour is nearest to that of the pixel.
+fn typical(explanation: &Explanation) -> u32 {
+    let distance = |tree: &PathTree| {
+        let color = tree.color.to_array();
+        (0..3).map(|c| (color[c] - explanation.value[c]).powi(2)).sum::<f32>()
+    };
+    let nearest = explanation.samples.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    nearest.map_or(0, |tree| tree.number)
+}
+
+fn middle_ray(camera: &Camera, settings: &Settings, pixel: [u32; 2]) -> Ray {
+    let film = DVec2::new(f64::from(pixel[0]) + 0.5, f64::from(pixel[1]) + 0.5);
+    camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, settings.size).ray
+}
+
+/// The plot with points that are evenly spread over the logarithm of the number of samples.
+fn thinned(explanation: &Explanation) -> Vec<Point> {
+    let all = &explanation.convergence;
+    let last = all.len().max(1) as f64;
+    let mut numbers: Vec<usize> =
+        (0..MAX_POINTS).map(|i| last.powf(i as f64 / (MAX_POINTS - 1) as f64).round() as usize).collect();
+    numbers.dedup();
+    let point = |n: usize| all.get(n - 1).map(|(value, error)| Point { samples: n as u32, value: *value, error: *error });
+    numbers.into_iter().filter(|n| *n > 0).filter_map(point).collect()
+}
+
+fn bounds(compiled: &CompiledScene) -> [[f32; 3]; 2] {
+    let (center, radius) = (compiled.center, compiled.radius);
+    let b = compiled.world.bounds();
+    if b.is_finite() && !b.is_empty() {
+        return [b.min.as_vec3().to_array(), b.max.as_vec3().to_array()];
+    }
+    [(center - radius).to_array(), (center + radius).to_array()]
+}
+
+/// Where the camera sees something: a few points that show what the scene is like.
+fn cloud(compiled: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<[f32; 3]> {
+    let filter = snell_render::job::hit_filter(compiled);
+    let at = |i: u32| {
+        let [x, y] = [i % CLOUD[0], i / CLOUD[0]];
+        let place = |n: u32, of: u32, size: u32| (f64::from(n) + 0.5) / f64::from(of) * f64::from(size);
+        let film = DVec2::new(place(x, CLOUD[0], settings.size[0]), place(y, CLOUD[1], settings.size[1]));
+        let ray = camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, settings.size).ray;
+        let hit = compiled.world.closest_one(&ray, filter);
+        hit.is_hit().then(|| (ray.origin + ray.direction * hit.t).to_array())
+    };
+    (0..CLOUD[0] * CLOUD[1]).filter_map(at).filter(|p| p.iter().all(|x| x.is_finite())).collect()
+}
+
+fn journey_report(kind: AcceleratorKind, compiled: &CompiledScene, ray: &Ray) -> JourneyReport {
+    let Journey { stops, left_out, hit, counters } =
+        compiled.world.journey(ray, snell_render::job::hit_filter(compiled));
+    let statistics = compiled.world.stats();
+    JourneyReport {
+        accelerator: kind.name().into(),
+        nodes: counters.nodes_visited,
+        cells: counters.cells_stepped,
+        primitives: counters.primitives_tested,
+        built_nodes: statistics.nodes,
+        distance: hit.is_hit().then_some(hit.t),
+        left_out: left_out + stops.len().saturating_sub(MAX_STOPS) as u64,
+        stops: stops
+            .iter()
+            .take(MAX_STOPS)
+            .map(|stop| StopReport {
+                kind: match stop.place.kind {
+                    PlaceKind::Box => "box",
+                    PlaceKind::Ball => "ball",
+                    PlaceKind::Plane => "plane",
+                    PlaceKind::Stretch => "stretch",
+                }
+                .into(),
+                center: stop.place.center.as_vec3().to_array(),
+                axes: stop.place.axes.map(|axis| axis.as_vec3().to_array()),
+                is_leaf: stop.is_leaf,
+                level: stop.level,
+                tested: stop.tested,
+                found: stop.found,
+            })
+            .collect(),
+    }
+}
+
+fn sample_report(scene: &Scene, compiled: &CompiledScene, tree: &PathTree) -> SampleReport {
+    let vertices = tree.vertices.iter().map(|v| vertex_report(scene, compiled, tree, v)).collect();
+    let color = |s: SampledSpectrum| tree.color_of(s).to_array();
+    let sum = color(tree.sum());
+    SampleReport { number: tree.number, color: tree.color.to_array(), weight: tree.weight, sum, vertices }
+}
+
+fn vertex_report(scene: &Scene, compiled: &CompiledScene, tree: &PathTree, vertex: &PathVertex) -> VertexReport {
+    let color = |s: SampledSpectrum| tree.color_of(s).to_array();
+    let (what, object, material, primitive, normal) = match &vertex.kind {
+        VertexKind::Surface { hit, normal, material, .. } => {
+            let path = compiled.node_path(hit);
+            let names = path.iter().filter_map(|id| scene.nodes.get(id.index())).map(|n| n.name.clone());
+            let object: Vec<String> = names.skip(1).filter(|name| !name.is_empty()).collect();
+            let name = compiled.material(*material).name.clone();
+            ("surface", object.join(" › "), name, Some(hit.primitive), Some(normal.to_array()))
+        }
+        VertexKind::Medium { .. } => ("medium", String::new(), String::new(), None, None),
+        VertexKind::Escaped => ("escaped", String::new(), String::new(), None, None),
+        VertexKind::Absorbed => ("absorbed", String::new(), String::new(), None, None),
+    };
+    let position = vertex.kind.position();
+    let scattering = vertex.scattering;
+    VertexReport {
+        parent: vertex.parent.map(|p| p as u32),
+        depth: vertex.depth,
+        what: what.into(),
+        object,
+        material,
+        primitive,
+        origin: vertex.ray.origin.to_array(),
+        direction: vertex.ray.direction.to_array(),
+        position: position.map(|p| p.to_array()),
+        normal,
+        distance: position.map(|p| p.distance(vertex.ray.origin)),
+        throughput: color(vertex.throughput),
+        lobe: scattering.map(|s| lobe_name(s.lobe, s.is_delta).into()),
+        pdf: scattering.filter(|s| !s.is_delta).map(|s| s.pdf),
+        glow: color(vertex.glow),
+        found: color(vertex.found),
+        found_weight: vertex.found_weight,
+        lights: vertex.light_rays.iter().map(|ray| light_report(scene, compiled, tree, ray)).collect(),
+    }
+}
+
+fn light_report(scene: &Scene, compiled: &CompiledScene, tree: &PathTree, light: &LightRay) -> LightReport {
+    let end = light.ray.origin + light.ray.direction * light.ray.t_max;
+    LightReport {
+        source: light.source.map_or_else(|| "a light".into(), |s| source_name(scene, compiled, s)),
+        lobe: lobe_name(light.lobe, false).into(),
+        origin: light.ray.origin.to_array(),
+        direction: light.ray.direction.to_array(),
+        end: end.is_finite().then(|| end.to_array()),
+        value: tree.color_of(light.value).to_array(),
+        brought: tree.color_of(light.brought).to_array(),
+        is_blocked: light.is_blocked,
+        weight: light.weight,
+    }
+}
+
+fn source_name(scene: &Scene, compiled: &CompiledScene, source: LightSource) -> String {
+    let named = |what: &str, name: &str| if name.is_empty() { what.to_string() } else { name.to_string() };
+    match source {
+        LightSource::Light(number) => {
+            let kind = scene.lights.get(number as usize).map_or("", |light| light.name());
+            format!("{kind} light {number}").trim_start().into()
+        }
+        LightSource::Material(material) => named("a lamp", &compiled.material(material).name),
+        LightSource::Environment => "the environment".into(),
+        LightSource::Medium => "a medium".into(),
+    }
+}
+
+/// What a lobe is called.
+fn lobe_name(lobe: Lobe, is_delta: bool) -> &'static str {
+    match (lobe, is_delta) {
+        (Lobe::Diffuse, _) => "diffuse",
+        (Lobe::Specular, true) => "mirror",
+        (Lobe::Specular, false) => "glossy",
+        (Lobe::Transmission, true) => "refraction",
+        (Lobe::Transmission, false) => "rough transmission",
+        (Lobe::Volume, _) => "phase function",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_intersect::BuildOptions;
+    use snell_scene::builtin::builtin;
+
+    fn report_of(name: &str, pixel: [u32; 2], sample: Option<u32>) -> Result<Report, String> {
+        let scene = builtin(name).expect("the scene is built in");
+        let settings = Settings { size: [40, 30], spp: 8, ..Settings::default() };
+        let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+        let structures = structures(&scene, &settings, &AcceleratorKind::ALL)?;
+        let subject =
+            Subject { scene: &scene, compiled: &compiled, camera: &scene.cameras[0], settings: &settings };
+        report(subject, &Question { pixel, sample }, &structures)
+    }
+
+    #[test]
+    fn a_report_names_things_and_its_parts_add_up() {
+        let report = report_of("cornell-box", [20, 22], None).expect("a pixel of the picture");
+        let mean = |c: usize| report.samples.iter().map(|s| s[c]).sum::<f32>() / 8.0;
+        let classes = |c: usize| report.classes.iter().map(|class| class.value[c]).sum::<f32>();
+        for c in 0..3 {
+            assert!((mean(c) - report.value[c]).abs() < 1e-5 && (classes(c) - report.value[c]).abs() < 1e-5);
+        }
+        assert_eq!(report.tree.sum, report.tree.color);
+        let first = &report.tree.vertices[0];
+        assert!(!first.material.is_empty() && first.parent.is_none() && first.throughput == [1.0; 3]);
+        // All structures find the same, each in its way.
+        assert_eq!(report.journeys.len(), AcceleratorKind::ALL.len());
+        assert!(report.journeys.iter().all(|j| j.distance == report.journeys[0].distance && !j.stops.is_empty()));
+        for text in [text::text(&report), svg::svg(&report), serde_json::to_string(&report).expect("plain data")] {
+            assert!(text.contains(&first.material) && text.contains("kdtree"), "{text}");
+        }
+        let drawing = svg::svg(&report);
+        assert!(drawing.starts_with("<svg") && !drawing.contains("NaN") && !drawing.contains("inf"));
+    }
+
+    #[test]
+    fn what_cannot_be_answered_is_said() {
+        assert!(report_of("cornell-box", [40, 0], None).is_err_and(|e| e.contains("40x30")));
+        assert!(report_of("cornell-box", [0, 0], Some(8)).is_err_and(|e| e.contains("0 to 7")));
+    }
+}
