@@ -32,9 +32,11 @@ from snell._snell import (
     Medium,
     Scene,
     Texture,
+    View,
     __version__,
     load,
 )
+from snell._view import explain, view
 
 __all__ = [
     "INVALID_ID",
@@ -56,10 +58,13 @@ __all__ = [
     "Scene",
     "SceneWarning",
     "Texture",
+    "View",
     "__version__",
     "compare",
     "create_rays_pinhole",
+    "explain",
     "load",
     "render",
     "render_iter",
+    "view",
 ]

@@ -39,6 +39,7 @@ export interface Actions {
   undo(): void;
   redo(): void;
   select(x: number, y: number): void;
+  explain(x: number, y: number): void;
 }
 
 /** Listens until the returned function is called. */
@@ -48,6 +49,8 @@ export function listen(element: HTMLElement, store: Store, actions: Actions): ()
   let moved = 0;
   let mode = "orbit";
   let flying = 0;
+  /** Where the pointer is. */
+  let at: { clientX: number; clientY: number } | null = null;
 
   /** Pixels of the picture per pixel of the page. */
   const ratio = (): number => store.size[0] / Math.max(1, element.clientWidth);
@@ -72,6 +75,7 @@ export function listen(element: HTMLElement, store: Store, actions: Actions): ()
     mode = event.button === 1 || event.button === 2 || event.shiftKey ? "pan" : event.altKey ? "look" : "orbit";
   };
   const moveTo = (event: PointerEvent): void => {
+    at = { clientX: event.clientX, clientY: event.clientY };
     const before = pointers.get(event.pointerId);
     if (!before || !store.rig) return;
     const now = { x: event.clientX, y: event.clientY };
@@ -135,6 +139,7 @@ export function listen(element: HTMLElement, store: Store, actions: Actions): ()
     else if (event.key === "?") actions.help();
     else if (event.key === "p") actions.panel();
     else if (event.key === "c") actions.compare();
+    else if (event.key === "x" && at) actions.explain(...inPicture(at));
     else if (event.key.startsWith("Arrow") && store.rig) {
       const [x, y] = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key]!;
       event.preventDefault();

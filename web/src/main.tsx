@@ -3,9 +3,11 @@
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { render, type JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
+import { Costs } from "./costs";
+import { Explain } from "./explain";
 import { listen, PRESETS, presetDirection } from "./controls";
 import { Panel } from "./panels";
-import { busy, choices, comparing, connected, notices, numbers, picked, scene, steering, steers, Store, view } from "./store";
+import { busy, choices, comparing, connected, costs, gallery, notices, numbers, picked, pickedPixel, scene, steering, steers, Store, view } from "./store";
 import "./style.css";
 
 const socketUrl = new URL("ws", document.baseURI);
@@ -31,7 +33,11 @@ function Stage(): JSX.Element {
       compare: () => toggleCompare(),
       undo: () => store.send({ type: "undo" }),
       redo: () => store.send({ type: "redo" }),
-      select: (x, y) => void store.pick(x, y).then((hit) => (picked.value = hit)),
+      select: (x, y) => {
+        pickedPixel.value = [Math.floor(x), Math.floor(y)];
+        void store.pick(x, y).then((hit) => (picked.value = hit));
+      },
+      explain: (x, y) => void store.explain([Math.floor(x), Math.floor(y)]),
     });
     return () => {
       resized.disconnect();
@@ -110,7 +116,8 @@ function Bar(): JSX.Element {
           <button onClick={() => file.current?.click()}>Open a file …</button>
           <button onClick={() => store.send({ type: "reload" })}>Read again</button>
           <hr />
-          {choices.value?.scenes.map((name) => (
+          <button onClick={() => (gallery.value = true)}>Gallery …</button>
+          {choices.value?.scenes.map(({ name }) => (
             <button onClick={() => void store.open(`builtin=${encodeURIComponent(name)}`)}>{name}</button>
           ))}
         </div>
@@ -157,6 +164,29 @@ function Bar(): JSX.Element {
   );
 }
 
+/** Scenes to begin with. */
+function Gallery(): JSX.Element {
+  return (
+    <div class="explain gallery" role="dialog" aria-label="scenes to look at">
+      <header>
+        <h2>Choose a scene, or drop a file</h2>
+        <span class="quiet">glb, gltf, ply, obj, stl, off, scn, snell …</span>
+        <span class="space" />
+        <button onClick={() => (gallery.value = false)}>Close</button>
+      </header>
+      <div class="cards">
+        {choices.value?.scenes.map(({ name, description }) => (
+          <button class="card" aria-label={name} onClick={() => void store.open(`builtin=${encodeURIComponent(name)}`)}>
+            <img src={`thumbnail?scene=${encodeURIComponent(name)}`} alt="" width="288" height="180" loading="lazy" />
+            <strong>{name}</strong>
+            <small class="quiet">{description}</small>
+          </button>
+        ))}
+      </div>
+    </div>
+  );
+}
+
 function Status(): JSX.Element {
   const n = numbers.value;
   const moving = n.wanted === 0;
@@ -192,6 +222,7 @@ const KEYS: [string, string][] = [
   ["Wheel, + and -", "come closer or go away"],
   ["Double-click", "turn about this point and focus on it"],
   ["Click", "what is here?"],
+  ["X", "why does the pixel under the pointer look so?"],
   ["W A S D, Q E", "fly"],
   ["Arrows", "turn"],
   ["F", "see all"],
@@ -242,6 +273,9 @@ function App(): JSX.Element {
       <Bar />
       <div class="middle">
         <Stage />
+        <Explain store={store} />
+        {costs.value && <Costs />}
+        {gallery.value && <Gallery />}
         {panel.value && <Panel store={store} />}
       </div>
       <Status />

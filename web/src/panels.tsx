@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import type { ComponentChildren, JSX } from "preact";
 import { fieldOfView, withFieldOfView, type Camera } from "./camera";
 import { Field } from "./form";
-import { choices, exposure, picked, scene, steers, tonemap, view, type Store } from "./store";
+import { choices, costs, exposure, picked, pickedPixel, scene, steers, tonemap, view, type Store } from "./store";
 import type { NodeInfo } from "./protocol.gen";
 
 function Section(props: { title: string; open?: boolean; children: ComponentChildren }): JSX.Element {
@@ -85,6 +85,7 @@ function RenderSection({ store }: { store: Store }): JSX.Element | null {
         options={options(names.accelerators)}
         change={(accelerator) => store.send({ type: "render", accelerator })}
       />
+      <button onClick={() => (costs.value = !costs.value)} aria-pressed={costs.value}>Compare acceleration structures</button>
     </Section>
   );
 }
@@ -136,9 +137,12 @@ function PickSection({ store }: { store: Store }): JSX.Element | null {
           <tr><th>Face</th><td>{hit.primitive}</td></tr>
         </tbody>
       </table>
-      {hit.node !== null && (
-        <button onClick={() => store.send({ type: "show", node: hit.node!, visible: false })}>Hide</button>
-      )}
+      <div class="field">
+        <button class="accent" onClick={() => pickedPixel.value && void store.explain(pickedPixel.value)}>Why does it look so?</button>
+        {hit.node !== null && (
+          <button onClick={() => store.send({ type: "show", node: hit.node!, visible: false })}>Hide</button>
+        )}
+      </div>
     </Section>
   );
 }

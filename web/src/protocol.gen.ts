@@ -102,7 +102,11 @@ client: number,
 /**
  * Names to choose from.
  */
-choices: Choices, } | { "type": "scene", 
+choices: Choices, 
+/**
+ * True if nobody has named a scene: the page offers some.
+ */
+is_gallery: boolean, } | { "type": "scene", 
 /**
  * What is in it.
  */
@@ -164,7 +168,17 @@ accelerators: Array<string>,
 /**
  * Built-in scenes.
  */
-scenes: Array<string>, };
+scenes: Array<SceneChoice>, };
+
+export type SceneChoice = { 
+/**
+ * Its name.
+ */
+name: string, 
+/**
+ * What is to be seen.
+ */
+description: string, };
 
 export type SceneInfo = { 
 /**

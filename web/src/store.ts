@@ -3,7 +3,7 @@
 import { computed, signal } from "@preact/signals";
 import { frameBall, move, preset, rigOf, type Camera, type Rig } from "./camera";
 import { Connection, type Frame } from "./connection";
-import type { Choices, PickedHit, SceneInfo, ToPage, ToServer, ViewInfo } from "./protocol.gen";
+import type { Choices, PickedHit, Report, SceneInfo, ToPage, ToServer, ViewInfo } from "./protocol.gen";
 import { Picture } from "./picture";
 import { add, length, mul, sub, type Vec3 } from "./vec";
 
@@ -35,6 +35,14 @@ export const numbers = signal<Numbers>({
   samples: 0, wanted: 0, seconds: 0, noise: NaN, size: [0, 0], scale: 1, framesPerSecond: 0, latency: 0,
 });
 export const picked = signal<PickedHit | null>(null);
+/** The pixel that was picked. */
+export const pickedPixel = signal<[number, number] | null>(null);
+/** The explanation that is shown. */
+export const explained = signal<Report | null>(null);
+/** Whether scenes are offered. */
+export const gallery = signal(false);
+/** Whether acceleration structures are compared. */
+export const costs = signal(false);
 export const exposure = signal(0);
 export const tonemap = signal("none");
 export const comparing = signal(false);
@@ -55,9 +63,11 @@ export class Store {
   private arrivals: number[] = [];
   private isDirty = false;
   private generation = -1;
+  private wasWelcome = false;
   private noticeId = 0;
   private pickId = 0;
   private picks = new Map<number, (hit: PickedHit | null) => void>();
+  private reports = new Map<number, () => void>();
 
   constructor(url: string) {
     this.connection = new Connection(url, {
@@ -121,6 +131,14 @@ export class Store {
     return new Promise((resolve) => this.picks.set(id, resolve));
   }
 
+  /** Why a pixel looks as it does. */
+  explain(pixel: [number, number], sample: number | null = null, all = false): Promise<void> {
+    const id = ++this.pickId;
+    this.send({ type: "explain", id, pixel, sample, all });
+    busy.value = "following the light";
+    return new Promise((resolve) => this.reports.set(id, resolve));
+  }
+
   /** Turns about the point at a pixel, and focuses on it. */
   async focus(x: number, y: number): Promise<void> {
     const hit = await this.pick(x, y);
@@ -161,8 +179,13 @@ export class Store {
 
   async open(query: string, body?: Blob): Promise<void> {
     const response = await fetch(`open?${query}`, { method: "POST", body: body ?? null });
-    this.rig = null;
-    if (!response.ok) this.notice((await response.text()).trim());
+    if (response.ok) {
+      this.rig = null;
+      gallery.value = false;
+      explained.value = null;
+      picked.value = null;
+      this.adopt();
+    } else this.notice((await response.text()).trim());
   }
 
   notice(text: string): void {
@@ -175,6 +198,8 @@ export class Store {
     switch (message.type) {
       case "welcome":
         choices.value = message.choices;
+        gallery.value = message.is_gallery && !this.wasWelcome;
+        this.wasWelcome = true;
         steering.value = { ...steering.value, me: message.client };
         this.generation = -1;
         break;
@@ -198,6 +223,12 @@ export class Store {
       case "picked":
         this.picks.get(message.id)?.(message.hit);
         this.picks.delete(message.id);
+        break;
+      case "explained":
+        busy.value = "";
+        if (message.report) explained.value = message.report;
+        this.reports.get(message.id)?.();
+        this.reports.delete(message.id);
         break;
       case "error":
         this.notice(message.message);

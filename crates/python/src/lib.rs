@@ -37,6 +37,7 @@ mod state;
 mod surface;
 mod texture;
 mod tree;
+mod view;
 mod work;
 
 use pyo3::prelude::*;
@@ -67,6 +68,9 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(medium::_restore_medium, module)?)?;
     module.add_function(wrap_pyfunction!(render::_render, module)?)?;
     module.add_function(wrap_pyfunction!(render::_samples, module)?)?;
+    module.add_class::<view::View>()?;
+    module.add_function(wrap_pyfunction!(view::_explain, module)?)?;
+    module.add_function(wrap_pyfunction!(view::_view, module)?)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("INVALID_ID", snell_intersect::Hit::NONE)?;
     module.add("SHAPES", declare::catalogue(py, &objects::shapes())?)?;

@@ -5,7 +5,7 @@ use crate::graph::graph;
 use snell_intersect::{BuildOptions, Quality};
 use snell_render::CompiledScene;
 use snell_scene::framing::{FramingOptions, prepare};
-use snell_scene::{Camera, SceneSettings};
+use snell_scene::{Camera, Scene, SceneSettings};
 
 /// What the result depends on, beside the scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,6 +19,8 @@ pub struct Request {
 /// A scene ready to be rendered.
 #[derive(Debug)]
 pub struct Prepared {
+    /// What is compiled.
+    pub scene: Scene,
     /// What is rendered.
     pub compiled: CompiledScene,
     /// At least one.
@@ -45,6 +47,7 @@ impl Prepared {
         };
         let mut warnings: Vec<String> = scene.warnings.iter().chain(&compiled.warnings).map(shown).collect();
         warnings.extend(compiled.world.warnings().iter().map(ToString::to_string));
-        Ok(Self { compiled, cameras: scene.cameras, hints: scene.settings, name: scene.name, warnings })
+        let (cameras, hints, name) = (scene.cameras.clone(), scene.settings.clone(), scene.name.clone());
+        Ok(Self { scene, compiled, cameras, hints, name, warnings })
     }
 }

@@ -39,7 +39,7 @@ pub fn _samples<'py>(py: Python<'py>, scene: &Bound<'py, Scene>, options: &Bound
 }
 
 /// Makes the scene ready and reads the options.
-fn plan<'py>(
+pub fn plan<'py>(
     py: Python<'py>,
     scene: &Bound<'py, Scene>,
     keywords: &Keywords<'_, 'py>,

@@ -267,7 +267,7 @@ mod tests {
     fn an_environment_is_turned_to_an_angle_whatever_it_was_before() {
         let mut scene = crate::Scene::new("sky");
         assert!(apply(&mut scene, "environment.rotation=10").is_err());
-        let image = std::sync::Arc::new(crate::Image { width: 1, height: 1, channels: 3, ..crate::Image::default() });
+        let image = std::sync::Arc::new(crate::Image::from_f32(1, 1, 3, vec![1.0; 3]));
         scene.environment = Some(Environment::Image {
             image,
             scale: snell_math::Rgb::WHITE,

@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod budget;
+mod cost;
 mod denoise;
 mod describe;
 mod encode;
@@ -17,6 +18,7 @@ pub mod protocol;
 mod security;
 mod server;
 mod session;
+mod thumbnail;
 mod worker;
 
 pub use server::{Server, ServerOptions, serve};

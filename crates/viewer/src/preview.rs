@@ -38,6 +38,8 @@ pub fn plan(settings: &Settings, compiled: &CompiledScene, size: [u32; 2], fill:
         max_depth,
         fill,
         light_strategy: LightStrategy::Mis,
+        noise: None,
+        guiding: None,
         pixel_position: Some([0.5, 0.5]),
         progressive: false,
         aovs: if is_noisy {

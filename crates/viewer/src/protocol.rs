@@ -121,6 +121,8 @@ pub enum ToPage {
         client: u32,
         /// Names to choose from.
         choices: Choices,
+        /// True if nobody has named a scene: the page offers some.
+        is_gallery: bool,
     },
     /// The scene as it is now.
     Scene {
@@ -178,7 +180,17 @@ pub struct Choices {
     /// Acceleration structures.
     pub accelerators: Vec<String>,
     /// Built-in scenes.
-    pub scenes: Vec<String>,
+    pub scenes: Vec<SceneChoice>,
+}
+
+/// A built-in scene.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct SceneChoice {
+    /// Its name.
+    pub name: String,
+    /// What is to be seen.
+    pub description: String,
 }
 
 /// What is in a scene.
@@ -349,6 +361,7 @@ mod tests {
             ToServer::decl(&config),
             ToPage::decl(&config),
             Choices::decl(&config),
+            SceneChoice::decl(&config),
             SceneInfo::decl(&config),
             NodeInfo::decl(&config),
             ViewInfo::decl(&config),

@@ -44,6 +44,10 @@ pub struct ServerOptions {
     pub frames_per_second: f64,
     /// For rendering.
     pub threads: usize,
+    /// True if nobody has named a scene: pages begin with a choice of built-in ones.
+    pub is_gallery: bool,
+    /// Whether pages of others may show this one in a frame, such as notebooks: who knows the token lets them.
+    pub may_be_framed: bool,
     /// In the place of a random one: letters and digits.
     pub token: Option<String>,
 }
@@ -91,13 +95,14 @@ impl Drop for Server {
 
 #[derive(Clone)]
 struct Shared {
+    may_be_framed: bool,
     session: Arc<Session>,
     guard: Arc<Guard>,
 }
 
 /// Opens the source's scene and serves it. Errors are for people.
 pub fn serve(source: Box<dyn Source>, options: &ServerOptions) -> Result<Server, String> {
-    let session = Arc::new(Session::new(source)?);
+    let session = Arc::new(Session::new(source, options.is_gallery)?);
     let place = SocketAddr::new(options.host, options.port);
     let listener = std::net::TcpListener::bind(place)
         .and_then(|l| l.set_nonblocking(true).map(|()| l))
@@ -115,7 +120,7 @@ pub fn serve(source: Box<dyn Source>, options: &ServerOptions) -> Result<Server,
         .build()
         .map_err(|e| format!("cannot start the server: {e}"))?;
     let (stop, stopped) = oneshot::channel::<()>();
-    let app = router(Shared { session: session.clone(), guard });
+    let app = router(Shared { may_be_framed: options.may_be_framed, session: session.clone(), guard });
     let network = std::thread::Builder::new().name("snell-view".into()).spawn(move || {
         runtime.block_on(async move {
             let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
@@ -142,6 +147,8 @@ fn router(shared: Shared) -> Router {
         .route("/{token}/{file}", get(serve_page))
         .route("/{token}/ws", get(socket))
         .route("/{token}/save", get(save))
+        .route("/{token}/cost", get(cost))
+        .route("/{token}/thumbnail", get(thumbnail))
         .route("/{token}/open", post(open))
         .layer(DefaultBodyLimit::max(MAX_UPLOAD))
         .fallback(|| async { refused() })
@@ -162,11 +169,10 @@ async fn check(State(shared): State<Shared>, request: Request, next: Next) -> Re
         return refused();
     }
     let mut response = next.run(request).await;
+    const FRAMED: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; base-uri 'none'; form-action 'none'";
+    const ALONE: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'self'; base-uri 'none'; form-action 'none'";
     let rules = [
-        (
-            header::CONTENT_SECURITY_POLICY,
-            "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'self'; base-uri 'none'; form-action 'none'",
-        ),
+        (header::CONTENT_SECURITY_POLICY, if shared.may_be_framed { FRAMED } else { ALONE }),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (header::REFERRER_POLICY, "no-referrer"),
         (header::CACHE_CONTROL, "no-store"),
@@ -216,6 +222,29 @@ fn encode(
     let options = WriteOptions { display, ..WriteOptions::default() };
     let bytes = encode_image_as(format, &picture, &options).map_err(|e| e.to_string())?;
     Ok((bytes, format.to_string()))
+}
+
+/// What each pixel costs in a structure: `?structure=kdtree&width=320`.
+async fn cost(State(shared): State<Shared>, Query(query): Query<HashMap<String, String>>) -> Response {
+    let structure = query.get("structure").cloned().unwrap_or_default();
+    let width = query.get("width").and_then(|w| w.parse().ok()).unwrap_or(320);
+    let session = shared.session;
+    match tokio::task::spawn_blocking(move || session.cost(&structure, width)).await {
+        Ok(Ok(bytes)) => ([(header::CONTENT_TYPE, "application/octet-stream")], bytes).into_response(),
+        Ok(Err(message)) => (StatusCode::BAD_REQUEST, message + "\n").into_response(),
+        Err(_) => (StatusCode::INTERNAL_SERVER_ERROR, "a fault; please report it\n").into_response(),
+    }
+}
+
+/// A small picture of a built-in scene: `?scene=teapot`.
+async fn thumbnail(State(shared): State<Shared>, Query(query): Query<HashMap<String, String>>) -> Response {
+    let name = query.get("scene").cloned().unwrap_or_default();
+    let session = shared.session;
+    match tokio::task::spawn_blocking(move || session.thumbnail(&name)).await {
+        Ok(Ok(bytes)) => ([(header::CONTENT_TYPE, "image/png")], bytes.to_vec()).into_response(),
+        Ok(Err(message)) => (StatusCode::NOT_FOUND, message + "\n").into_response(),
+        Err(_) => (StatusCode::INTERNAL_SERVER_ERROR, "a fault; please report it\n").into_response(),
+    }
 }
 
 /// A file dropped on the page, or a built-in scene by name.

@@ -5,7 +5,8 @@
 
 use crate::describe::scene_info;
 use crate::explain::{self, Question, Report, Structure, Subject};
-use crate::protocol::{Choices, SceneInfo, ToPage, ToServer, ViewInfo};
+use crate::protocol::{Choices, SceneChoice, SceneInfo, ToPage, ToServer, ViewInfo};
+use crate::{cost, thumbnail};
 use crate::{Opened, Source, Which};
 use serde_json::Value;
 use snell_formats::image::{Display, Tonemap};
@@ -13,7 +14,7 @@ use snell_intersect::accel::AcceleratorKind;
 use snell_render::{Aov, CompiledScene, Film, IntegratorKind, Settings};
 use snell_scene::builtin::BUILTINS;
 use snell_scene::{Camera, Scene, overrides};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -38,19 +39,12 @@ pub struct Frame {
     pub bytes: Vec<u8>,
 }
 
-/// A change of the scene that can be taken back.
-#[derive(Clone, Debug)]
-enum Edit {
-    /// As `-D` takes it.
-    Define(String),
-    /// A node hidden or shown.
-    Show { node: u32, visible: bool },
-}
 
 /// Everything that decides what the picture is.
 pub struct State {
     opened: Opened,
-    edits: Vec<Edit>,
+    /// Changes of the scene that can be taken back, as `-D` takes them.
+    edits: Vec<String>,
     /// How many of them count; the rest can be made again.
     applied: usize,
     /// The scene with its edits.
@@ -58,6 +52,8 @@ pub struct State {
     hidden: BTreeSet<u32>,
     /// Counts up with the scene.
     pub generation: u32,
+    /// Counts up when more has changed than materials, lights and surroundings.
+    pub geometry: u32,
     /// Where it is seen from.
     pub camera: Camera,
     /// Number of the last camera message.
@@ -71,6 +67,8 @@ pub struct State {
     watching: u32,
     steering: u32,
     is_stopped: bool,
+    /// True until a scene is chosen, if none was named.
+    is_gallery: bool,
 }
 
 /// A copy of what a picture needs.
@@ -80,6 +78,8 @@ pub struct Snapshot {
     pub version: u64,
     /// Of the scene.
     pub generation: u32,
+    /// Of what its surfaces are.
+    pub geometry: u32,
     /// The scene.
     pub scene: Arc<Scene>,
     /// The camera.
@@ -121,7 +121,9 @@ pub struct Session {
     /// The newest picture at rest.
     pub finished: Mutex<Option<Finished>>,
     /// The scene of a generation in other structures, for explanations.
-    structures: Mutex<Option<(u32, Vec<Structure>)>>,
+    structures: Mutex<(u32, Vec<Structure>)>,
+    /// Pictures of built-in scenes that were asked for.
+    thumbnails: Mutex<BTreeMap<String, Arc<Vec<u8>>>>,
 }
 
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -130,9 +132,9 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Session {
     /// Looks at what the source opens first.
-    pub fn new(source: Box<dyn Source>) -> Result<Self, String> {
+    pub fn new(source: Box<dyn Source>, is_gallery: bool) -> Result<Self, String> {
         let opened = source.open(Which::Given)?;
-        let state = State::new(opened);
+        let state = State { is_gallery, ..State::new(opened) };
         Ok(Self {
             source,
             state: Mutex::new(state),
@@ -143,7 +145,8 @@ impl Session {
             events: broadcast::Sender::new(256),
             compiled: Mutex::new(None),
             finished: Mutex::new(None),
-            structures: Mutex::new(None),
+            structures: Mutex::new((0, Vec::new())),
+            thumbnails: Mutex::new(BTreeMap::new()),
         })
     }
 
@@ -175,6 +178,7 @@ impl Session {
         Snapshot {
             version: self.version(),
             generation: state.generation,
+            geometry: state.geometry,
             scene: state.scene.clone(),
             camera: state.camera.clone(),
             seq: state.seq,
@@ -208,7 +212,12 @@ impl Session {
         // A picture for whom came.
         self.changed.notify_all();
         let messages = vec![
-            ToPage::Welcome { version: crate::protocol::VERSION, client, choices: choices() },
+            ToPage::Welcome {
+                version: crate::protocol::VERSION,
+                client,
+                choices: choices(),
+                is_gallery: state.is_gallery,
+            },
             ToPage::Scene { scene: self.scene_info(&state) },
             ToPage::View { view: self.view_info(&state) },
         ];
@@ -280,9 +289,9 @@ impl Session {
                     Value::String(text) => text,
                     other => other.to_string(),
                 };
-                state.edit(Edit::Define(format!("{key}={text}")))?;
+                state.edit(format!("{key}={text}"))?;
             }
-            ToServer::Show { node, visible } => state.edit(Edit::Show { node, visible })?,
+            ToServer::Show { node, visible } => state.edit(format!("node.{node}.visible={visible}"))?,
             ToServer::Undo => {
                 let applied = state.applied.saturating_sub(1);
                 state.go_to(applied)?;
@@ -314,7 +323,7 @@ impl Session {
         let opened = opened?;
         let mut state = lock(&self.state);
         let mut new = State::new(opened);
-        new.generation = state.generation + 1;
+        (new.generation, new.geometry) = (state.generation + 1, state.geometry + 1);
         (new.watching, new.steering, new.seq) = (state.watching, state.steering, state.seq);
         new.settings.size = state.settings.size;
         new.is_stopped = state.is_stopped;
@@ -356,23 +365,64 @@ impl Session {
 
     /// Why a pixel of the picture at rest looks as it does.
     pub fn explain(&self, question: &Question, all: bool) -> Result<Report, String> {
+        let (snapshot, compiled) = self.prepared()?;
+        let Snapshot { scene, camera, settings, .. } = &snapshot;
+        let structures = if all || compiled.world.stats().triangles <= FEW_TRIANGLES {
+            AcceleratorKind::ALL.into_iter().map(|k| self.structure(&snapshot, &compiled, k)).collect::<Result<_, _>>()?
+        } else {
+            vec![(settings.build.accelerator, compiled.clone())]
+        };
+        explain::report(Subject { scene, compiled: &compiled, camera, settings }, question, &structures)
+    }
+
+    /// What each pixel costs in a structure, see [`cost::map`].
+    pub fn cost(&self, kind: &str, width: u32) -> Result<Vec<u8>, String> {
+        let kind = by_name("accelerator", &AcceleratorKind::ALL, AcceleratorKind::name, kind)?;
+        let (snapshot, compiled) = self.prepared()?;
+        let (_, compiled) = self.structure(&snapshot, &compiled, kind)?;
+        let Snapshot { scene, camera, settings, .. } = &snapshot;
+        Ok(cost::map(Subject { scene, compiled: &compiled, camera, settings }, width))
+    }
+
+    /// A small picture of a built-in scene, as PNG.
+    pub fn thumbnail(&self, name: &str) -> Result<Arc<Vec<u8>>, String> {
+        // One at a time: they are in nobody's way.
+        let mut known = lock(&self.thumbnails);
+        if let Some(bytes) = known.get(name) {
+            return Ok(bytes.clone());
+        }
+        let opened = self.source.open(Which::Builtin(name.into()))?;
+        let bytes = Arc::new(thumbnail::png(&opened)?);
+        known.insert(name.into(), bytes.clone());
+        Ok(bytes)
+    }
+
+    /// What is looked at now, and compiled.
+    fn prepared(&self) -> Result<(Snapshot, Arc<CompiledScene>), String> {
         let snapshot = self.now();
         let compiled = lock(&self.compiled).clone().filter(|(generation, _)| *generation == snapshot.generation);
-        let Some((generation, compiled)) = compiled else { return Err("the scene is still being prepared".into()) };
-        let Snapshot { scene, camera, settings, .. } = &snapshot;
-        let own = settings.build.accelerator;
-        let mut structures = vec![(own, compiled.clone())];
-        if all || compiled.world.stats().triangles <= FEW_TRIANGLES {
-            let mut kept = lock(&self.structures);
-            if kept.as_ref().is_none_or(|(of, _)| *of != generation) {
-                *kept = None;
-                let others: Vec<AcceleratorKind> = AcceleratorKind::ALL.into_iter().filter(|k| *k != own).collect();
-                *kept = Some((generation, explain::structures(scene, settings, &others)?));
-            }
-            structures.extend(kept.iter().flat_map(|(_, all)| all.iter().cloned()));
-            structures.sort_by_key(|(kind, _)| AcceleratorKind::ALL.iter().position(|k| k == kind));
+        compiled.map(|(_, compiled)| (snapshot, compiled)).ok_or_else(|| "the scene is still being prepared".into())
+    }
+
+    /// The scene in another structure, built when it is first asked for.
+    fn structure(
+        &self,
+        snapshot: &Snapshot,
+        compiled: &Arc<CompiledScene>,
+        kind: AcceleratorKind,
+    ) -> Result<Structure, String> {
+        if kind == snapshot.settings.build.accelerator {
+            return Ok((kind, compiled.clone()));
         }
-        explain::report(Subject { scene, compiled: &compiled, camera, settings }, question, &structures)
+        let mut kept = lock(&self.structures);
+        if kept.0 != snapshot.generation {
+            *kept = (snapshot.generation, Vec::new());
+        }
+        if let Some(known) = kept.1.iter().find(|(k, _)| *k == kind) {
+            return Ok(known.clone());
+        }
+        kept.1.extend(explain::structures(&snapshot.scene, &snapshot.settings, &[kind])?);
+        kept.1.last().cloned().ok_or_else(|| "there is no such structure".into())
     }
 
     fn scene_info(&self, state: &State) -> SceneInfo {
@@ -418,26 +468,22 @@ impl State {
             applied: 0,
             hidden: BTreeSet::new(),
             generation: 1,
+            geometry: 1,
             seq: 0,
             moved: Instant::now(),
             watching: 0,
             steering: 0,
             is_stopped: false,
+            is_gallery: false,
         }
     }
 
-    fn edit(&mut self, edit: Edit) -> Result<(), String> {
+    fn edit(&mut self, edit: String) -> Result<(), String> {
         let before = (self.edits.clone(), self.applied);
         self.edits.truncate(self.applied);
         // A slider that is dragged is one change.
-        let replaces = match (self.edits.last(), &edit) {
-            (Some(Edit::Define(old)), Edit::Define(new)) => {
-                old.split_once('=').map(|x| x.0) == new.split_once('=').map(|x| x.0)
-                    && self.moved.elapsed() < Duration::from_secs(1)
-            }
-            _ => false,
-        };
-        if replaces {
+        let is_again = self.edits.last().is_some_and(|old| key(old) == key(&edit));
+        if is_again && self.moved.elapsed() < Duration::from_secs(1) {
             self.edits.pop();
         }
         self.edits.push(edit);
@@ -452,23 +498,11 @@ impl State {
     /// The scene after this many edits.
     fn go_to(&mut self, applied: usize) -> Result<(), String> {
         let mut scene = self.opened.scene.clone();
-        let mut hidden = BTreeSet::new();
-        for edit in &self.edits[..applied] {
-            match edit {
-                Edit::Define(definition) => overrides::apply(&mut scene, definition).map_err(|e| e.to_string())?,
-                Edit::Show { node, visible: true } => {
-                    hidden.remove(node);
-                }
-                Edit::Show { node, visible: false } => {
-                    hidden.insert(*node);
-                }
-            }
+        for edit in standing(&self.edits[..applied]) {
+            overrides::apply(&mut scene, edit).map_err(|e| e.to_string())?;
         }
-        for &node in &hidden {
-            let Some(node) = scene.nodes.get_mut(node as usize) else { return Err("there is no such node".into()) };
-            node.surfaces.clear();
-            node.children.clear();
-        }
+        let hidden = standing(&self.edits[..applied]).filter_map(hidden_node).collect();
+        self.geometry += u32::from(hidden != self.hidden);
         self.scene = Arc::new(scene);
         (self.hidden, self.applied) = (hidden, applied);
         self.generation += 1;
@@ -515,6 +549,7 @@ impl State {
         if let Some(name) = accelerator {
             settings.build.accelerator = by_name("accelerator", &AcceleratorKind::ALL, AcceleratorKind::name, &name)?;
             self.generation += 1;
+            self.geometry += 1;
         }
         Ok(())
     }
@@ -535,10 +570,8 @@ impl State {
         if settings.build.accelerator != AcceleratorKind::default() {
             option("--accelerator", settings.build.accelerator.name().into());
         }
-        for edit in &self.edits[..self.applied] {
-            if let Edit::Define(definition) = edit {
-                option("-D", definition.clone());
-            }
+        for edit in standing(&self.edits[..self.applied]) {
+            option("-D", edit.clone());
         }
         if *camera != self.opened.camera {
             let number = self.opened.camera_number;
@@ -552,6 +585,23 @@ impl State {
         }
         words.iter().map(|w| quoted(w)).collect::<Vec<_>>().join(" ")
     }
+}
+
+/// What an edit changes.
+fn key(edit: &str) -> &str {
+    edit.split_once('=').map_or(edit, |(key, _)| key)
+}
+
+/// The edits that count: of those of one key the last, and nothing is said of nodes that are shown.
+fn standing(edits: &[String]) -> impl Iterator<Item = &String> {
+    let is_last = move |(i, edit): &(usize, &String)| !edits[i + 1..].iter().any(|later| key(later) == key(edit));
+    let says = |edit: &&String| !(edit.starts_with("node.") && edit.ends_with(".visible=true"));
+    edits.iter().enumerate().filter(is_last).map(|(_, edit)| edit).filter(says)
+}
+
+/// The node that an edit hides.
+fn hidden_node(edit: &String) -> Option<u32> {
+    edit.strip_prefix("node.")?.strip_suffix(".visible=false")?.parse().ok()
 }
 
 /// A word as a shell wants it.
@@ -577,6 +627,10 @@ fn valid_camera(value: Value) -> Result<Camera, String> {
     Ok(if is_close { camera } else { Camera { towards: upright.towards, up: upright.up, ..camera } })
 }
 
+fn scene_choice(builtin: &snell_scene::builtin::Builtin) -> SceneChoice {
+    SceneChoice { name: builtin.name.into(), description: builtin.description.into() }
+}
+
 fn by_name<T: Copy>(what: &str, all: &[T], name_of: impl Fn(T) -> &'static str, name: &str) -> Result<T, String> {
     all.iter().copied().find(|&x| name_of(x) == name).ok_or_else(|| format!("there is no {what} \"{name}\""))
 }
@@ -590,6 +644,6 @@ fn choices() -> Choices {
         aovs: names(&Aov::ALL, Aov::name),
         tonemaps: names(&Tonemap::ALL, Tonemap::name),
         accelerators: names(&AcceleratorKind::ALL, AcceleratorKind::name),
-        scenes: BUILTINS.iter().map(|b| b.name.to_string()).collect(),
+        scenes: BUILTINS.iter().map(scene_choice).collect(),
     }
 }

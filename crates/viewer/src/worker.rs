@@ -7,11 +7,14 @@ use crate::preview;
 use crate::protocol::{FrameHeader, ToPage};
 use crate::session::{Finished, Frame, REST, Session, Snapshot, lock};
 use snell_math::Rgb;
-use snell_render::{CompiledScene, Film, IntegratorKind, Job, picture};
-use snell_scene::LayeredImage;
+use snell_render::{CompiledScene, Film, IntegratorKind, Job, Settings, picture};
+use snell_scene::{LayeredImage, Scene};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+/// Samples of the quick picture where the whole has no steps.
+const QUICK: u32 = 16;
 
 /// Pictures at rest are sent at most this often.
 const REST_INTERVAL: Duration = Duration::from_millis(100);
@@ -21,7 +24,7 @@ pub struct Worker<'a> {
     session: &'a Session,
     threads: usize,
     budget: Budget,
-    compiled: Option<(u32, Arc<CompiledScene>)>,
+    compiled: Option<Compiled>,
     table: DisplayTable,
     frame: u32,
     /// In the place of indirect light while something moves.
@@ -32,11 +35,20 @@ pub struct Worker<'a> {
     refinement: Option<Refinement>,
 }
 
+/// A scene, compiled.
+struct Compiled {
+    generation: u32,
+    geometry: u32,
+    scene: Arc<Scene>,
+    compiled: Arc<CompiledScene>,
+}
+
 struct Refinement {
     version: u64,
     film: Film,
     spent: Duration,
     sent: Option<Instant>,
+    is_complete: bool,
 }
 
 impl<'a> Worker<'a> {
@@ -91,18 +103,26 @@ impl<'a> Worker<'a> {
     }
 
     fn compile(&mut self, snapshot: &Snapshot) -> Result<Arc<CompiledScene>, String> {
-        if let Some((generation, compiled)) = &self.compiled
-            && *generation == snapshot.generation
-        {
-            return Ok(compiled.clone());
+        let Snapshot { generation, geometry, ref scene, ref settings, .. } = *snapshot;
+        if let Some(known) = self.compiled.as_ref().filter(|known| known.generation == generation) {
+            return Ok(known.compiled.clone());
         }
-        self.compiled = None;
-        self.budget.reset();
-        self.fill = Rgb::BLACK;
-        let compiled = CompiledScene::new(&snapshot.scene, &snapshot.settings.build).map_err(|e| e.to_string())?;
+        let before = self.compiled.take();
+        let changed = match before.filter(|known| known.geometry == geometry) {
+            Some(known) => known.compiled.changed(&known.scene, scene).map_err(|e| e.to_string())?,
+            None => None,
+        };
+        let compiled = match changed {
+            Some(compiled) => compiled,
+            None => {
+                self.budget.reset();
+                self.fill = Rgb::BLACK;
+                CompiledScene::new(scene, &settings.build).map_err(|e| e.to_string())?
+            }
+        };
         let compiled = Arc::new(compiled);
-        self.compiled = Some((snapshot.generation, compiled.clone()));
-        self.session.set_compiled(snapshot.generation, &compiled);
+        self.compiled = Some(Compiled { generation, geometry, scene: scene.clone(), compiled: compiled.clone() });
+        self.session.set_compiled(generation, &compiled);
         Ok(compiled)
     }
 
@@ -133,27 +153,45 @@ impl<'a> Worker<'a> {
     /// One step of the picture at rest; true if there is more to do.
     fn refine(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) -> bool {
         let (settings, version) = (&snapshot.settings, snapshot.version);
-        let job = Job::new(compiled, &snapshot.camera, settings);
-        let fresh = || Refinement { version, film: job.empty_film(), spent: Duration::ZERO, sent: None };
+        // Where pixels stop by their error, or paths learn first, there are no steps: a quick picture first, then the whole.
+        let in_steps = settings.noise.is_none() && settings.guiding.is_none();
+        let plain = Settings { noise: None, guiding: None, ..settings.clone() };
+        let job = Job::new(compiled, &snapshot.camera, &plain);
+        let fresh = || Refinement {
+            version,
+            film: job.empty_film(),
+            spent: Duration::ZERO,
+            sent: None,
+            is_complete: false,
+        };
         let mut refinement = self.refinement.take().filter(|r| r.version == version).unwrap_or_else(fresh);
         let samples = refinement.film.least_samples();
         if samples == 0 {
             self.session.tell_view();
         }
-        if samples >= settings.spp {
+        if refinement.is_complete {
             self.refinement = Some(refinement);
             return false;
         }
         let start = Instant::now();
         let until = next_pass(samples);
         let keep_going = |_: &_| self.session.version() == version;
-        let (film, _) = job.extend(refinement.film, until, self.threads, &keep_going);
+        let (film, is_last) = if in_steps || samples < QUICK {
+            let film = job.extend(refinement.film, until, self.threads, &keep_going).0;
+            let is_last = in_steps && film.least_samples() >= settings.spp;
+            (film, is_last)
+        } else {
+            self.session.tell(ToPage::Busy { message: "rendering to the error that was asked for".into() });
+            let film = Job::new(compiled, &snapshot.camera, settings).run(self.threads, &keep_going).0;
+            self.session.tell(ToPage::Busy { message: String::new() });
+            (film, true)
+        };
         refinement.spent += start.elapsed();
         if self.session.version() != version {
             return false;
         }
-        let samples = film.least_samples();
-        let is_last = samples >= settings.spp;
+        refinement.is_complete = is_last;
+        let samples = film.mean_samples() as u32;
         if is_last || refinement.sent.is_none_or(|sent| sent.elapsed() >= REST_INTERVAL) {
             let image = picture(&film, settings, compiled);
             if let Some((_, preview)) = self.last_preview.take_if(|(of, _)| *of == version && samples >= 4) {
@@ -164,7 +202,7 @@ impl<'a> Worker<'a> {
             let header = FrameHeader {
                 kind: 1,
                 samples,
-                wanted: settings.spp,
+                wanted: if is_last { samples } else { settings.spp.max(samples + 1) },
                 noise,
                 ..self.header(snapshot, settings.size, refinement.spent)
             };

@@ -16,13 +16,15 @@ use std::time::{Duration, SystemTime};
 /// How often `--watch` looks at the files.
 const WATCH_INTERVAL: Duration = Duration::from_millis(300);
 
+/// Behind the choice of scenes if none is named.
+const FIRST_SCENE: &str = "cornell-box";
+
 /// Options of `snell view`.
 #[derive(Clone, Debug, clap::Args)]
 #[command(args_override_self = true)]
 pub struct Options {
-    /// Scene or mesh file, or the name of a built-in scene
-    #[arg(default_value = "cornell-box")]
-    scene: String,
+    /// Scene or mesh file, or the name of a built-in scene. Without one, the page offers the built-in scenes
+    scene: Option<String>,
     /// Port to listen on. Default: any that is free
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     port: u16,
@@ -70,13 +72,15 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !(options.fps >= 1.0 && options.fps <= 240.0) {
         return Err(Failure::Usage(format!("--fps {}: from 1 to 240", options.fps)));
     }
-    let files = Files::new(&options.scene, &options.render)?;
+    let files = Files::new(options.scene.as_deref().unwrap_or(FIRST_SCENE), &options.render)?;
     let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
     let server_options = ServerOptions {
         host: options.host,
         port: options.port,
         frames_per_second: options.fps,
         threads: options.threads.map_or_else(cores, |n| n as usize),
+        is_gallery: options.scene.is_none(),
+        may_be_framed: false,
         token: options.token.clone(),
     };
     let server = snell_viewer::serve(Box::new(files), &server_options).map_err(Failure::Other)?;
@@ -93,7 +97,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     if !options.no_open && (options.open || has_display()) {
         open_browser(&server.url);
     }
-    let watched = options.watch.then(|| PathBuf::from(&options.scene)).filter(|path| path.exists());
+    let watched = options.scene.as_ref().filter(|_| options.watch).map(PathBuf::from).filter(|path| path.exists());
     let mut before = watched.as_deref().and_then(modified);
     loop {
         match ends.recv_timeout(WATCH_INTERVAL) {

@@ -103,7 +103,8 @@ fn compile(name: &str, scene: &Scene) -> Result<World, Failure> {
     let options =
         BuildOptions { accelerator: snell_intersect::accel::AcceleratorKind::None, ..BuildOptions::default() };
     let compiled = CompiledScene::new(scene, &options).map_err(|e| Failure::Scene(format!("{name}: {e}")))?;
-    Ok(compiled.world)
+    let shared = || Failure::Other(format!("{name}: the world is in use elsewhere"));
+    Arc::into_inner(compiled.world).ok_or_else(shared)
 }
 
 /// A point light: outside and above a scene that is seen from outside, below the ceiling of one that is seen from inside.

@@ -1,0 +1,163 @@
+//! A scene in the browser, and why a pixel looks as it does.
+
+use crate::prepare::Prepared;
+use crate::render::plan;
+use crate::scene::Scene;
+use crate::settings::{Keywords, Request};
+use crate::work::{Threads, begin_alone};
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use snell_formats::ReadOptions;
+use snell_formats::image::{Display, Tonemap};
+use snell_intersect::accel::AcceleratorKind;
+use snell_render::Settings;
+use snell_scene::Camera;
+use snell_scene::framing::{FramingOptions, prepare};
+use snell_viewer::explain::{Question, Subject, report, structures};
+use snell_viewer::{Opened, Server, ServerOptions, Source, Which};
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Why a pixel looks as it does, as JSON. With `structures`, also the way of the camera ray through those acceleration structures.
+#[pyfunction]
+pub fn _explain<'py>(
+    py: Python<'py>,
+    scene: &Bound<'py, Scene>,
+    options: &Bound<'py, PyDict>,
+    pixel: [u32; 2],
+    sample: Option<u32>,
+    followed: Vec<String>,
+) -> PyResult<String> {
+    let (prepared, camera, Request { settings, .. }) = plan(py, scene, &Keywords(options))?;
+    let kinds = followed.iter().map(|name| {
+        let names: Vec<_> = AcceleratorKind::ALL.iter().map(|k| k.name()).collect();
+        let unknown = || PyValueError::new_err(format!("structures has {name:?}, expected of {}", names.join(", ")));
+        AcceleratorKind::from_name(name).ok_or_else(unknown)
+    });
+    let kinds = kinds.collect::<PyResult<Vec<_>>>()?;
+    let job = begin_alone(move || {
+        let Prepared { scene, compiled, .. } = &*prepared;
+        let structures = structures(scene, &settings, &kinds)?;
+        let subject = Subject { scene, compiled, camera: &camera, settings: &settings };
+        let report = report(subject, &Question { pixel, sample }, &structures)?;
+        serde_json::to_string(&report).map_err(|e| e.to_string())
+    })?;
+    py.detach(|| job.wait_with(|_| Ok(())))?;
+    job.take()?.map_err(PyValueError::new_err)
+}
+
+/// A scene that is being looked at in the browser, until it is closed or forgotten.
+#[pyclass(module = "snell", name = "View", frozen)]
+pub struct View {
+    server: Mutex<Option<Server>>,
+    /// Address of the page, with the token that lets in who knows it.
+    #[pyo3(get)]
+    url: String,
+}
+
+#[pymethods]
+impl View {
+    /// Ends the server; the page says that it has lost it. Closing again does nothing.
+    fn close(&self, py: Python<'_>) {
+        let server = self.server.lock().unwrap_or_else(PoisonError::into_inner).take();
+        py.detach(|| server.map(Server::stop));
+    }
+
+    /// True until it is closed.
+    #[getter]
+    fn is_open(&self) -> bool {
+        self.server.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
+    fn __enter__(this: Bound<'_, Self>) -> Bound<'_, Self> {
+        this
+    }
+
+    #[pyo3(signature = (*_raised))]
+    fn __exit__(&self, py: Python<'_>, _raised: &Bound<'_, pyo3::types::PyTuple>) {
+        self.close(py);
+    }
+
+    fn __repr__(&self) -> String {
+        let state = if self.is_open() { "" } else { " (closed)" };
+        format!("<snell.View at {}{state}>", self.url)
+    }
+
+    /// The page, in a cell of a notebook.
+    fn _repr_html_(&self) -> String {
+        if !self.is_open() {
+            return "<em>This view is closed.</em>".into();
+        }
+        format!(
+            "<iframe src=\"{}\" style=\"width:100%;height:600px;border:1px solid #8884;border-radius:6px\" title=\"Snell\"></iframe>",
+            self.url
+        )
+    }
+}
+
+/// Starts to show a scene.
+#[pyfunction]
+pub fn _view<'py>(
+    py: Python<'py>,
+    scene: &Bound<'py, Scene>,
+    options: &Bound<'py, PyDict>,
+    port: u16,
+    frames_per_second: f64,
+) -> PyResult<View> {
+    let keywords = Keywords(options);
+    let threads = Threads::new(keywords.get("threads", "a whole number")?)?.count();
+    let (prepared, camera, Request { settings, .. }) = plan(py, scene, &keywords)?;
+    let options = ServerOptions {
+        host: [127, 0, 0, 1].into(),
+        port,
+        frames_per_second,
+        threads,
+        is_gallery: false,
+        may_be_framed: true,
+        token: None,
+    };
+    let source = Box::new(Shown { prepared, camera, settings });
+    let server = py.detach(|| snell_viewer::serve(source, &options)).map_err(PyRuntimeError::new_err)?;
+    Ok(View { url: server.url.clone(), server: Mutex::new(Some(server)) })
+}
+
+/// A scene of Python, and whatever is chosen on the page.
+struct Shown {
+    prepared: Arc<Prepared>,
+    camera: Camera,
+    settings: Settings,
+}
+
+impl Source for Shown {
+    fn open(&self, which: Which) -> Result<Opened, String> {
+        let options = ReadOptions::default();
+        let (name, mut scene) = match which {
+            Which::Given => (self.prepared.name.clone(), self.prepared.scene.clone()),
+            Which::Builtin(name) => {
+                let scene = snell_scene::builtin::builtin(&name).ok_or("there is no such built-in scene")?;
+                (name, scene)
+            }
+            Which::Dropped { name, bytes } => {
+                // In a folder that does not exist, so that a dropped file can name no file of this machine.
+                let nowhere = Path::new("/nonexistent/dropped");
+                let scene = snell_formats::read_scene_bytes(&name, bytes, nowhere, &options).map_err(|e| e.to_string())?;
+                (name, scene)
+            }
+        };
+        prepare(&mut scene, &FramingOptions { size: self.settings.size, ..FramingOptions::default() })
+            .map_err(|e| e.to_string())?;
+        let camera = if scene.cameras.contains(&self.camera) { Some(&self.camera) } else { scene.cameras.first() };
+        let camera = camera.cloned().ok_or("the scene has no camera")?;
+        let wanted = scene.settings.tonemap.as_deref().unwrap_or("none");
+        let display = Display {
+            exposure: scene.settings.exposure.unwrap_or(0.0),
+            tonemap: Tonemap::ALL.into_iter().find(|t| t.name() == wanted).unwrap_or_default(),
+            srgb: !scene.settings.raw_display,
+        };
+        let camera_number = scene.cameras.iter().position(|c| *c == camera).unwrap_or(0);
+        let command = ["snell", "render", &name].map(String::from).to_vec();
+        let settings = Settings { crop: None, ..self.settings.clone() };
+        Ok(Opened { scene, camera, camera_number, settings, display, command })
+    }
+}

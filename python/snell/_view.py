@@ -1,0 +1,108 @@
+"""Scenes in the browser, and why pixels look as they do."""
+
+from __future__ import annotations
+
+import json
+import webbrowser
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from snell._render import _scene
+from snell._snell import View, _explain, _view
+
+if TYPE_CHECKING:
+    import os
+
+    from snell._snell import Scene
+
+__all__ = ["View", "explain", "view"]
+
+
+def explain(
+    scene: Scene | str | os.PathLike[str],
+    pixel: tuple[int, int],
+    sample: int | None = None,
+    *,
+    structures: Sequence[str] = (),
+    **options: Any,
+) -> dict[str, Any]:
+    """Tells why a pixel looks as it does: what :func:`render` of the same options did for it.
+
+    Parameters
+    ----------
+    scene : Scene, str or os.PathLike
+        As for :func:`render`.
+    pixel : tuple of int
+        Column and row, from the upper left corner.
+    sample : int
+        The sample whose path is told; the one whose colour is nearest to that of the pixel.
+    structures : list of str
+        Acceleration structures through which the camera ray is followed, such as ``["bvh", "kdtree"]``.
+    **options
+        As for :func:`render`: ``spp``, ``size``, ``camera`` and so on.
+
+    Returns
+    -------
+    dict
+        ``value`` is the pixel (red, green, blue, alpha). ``samples`` are the colours of its samples, whose mean it is; ``convergence`` is the mean
+        after some of them. ``classes`` is its light by the way it took: E for the eye, then D (diffuse), G (glossy), S (mirror), T (through a
+        surface) or V (in a medium), and L for the light. ``tree`` is one sample: ``vertices`` with what each adds to its ``color``. ``journeys`` is
+        what each structure did for the camera ray.
+
+    Examples
+    --------
+    >>> import snell
+    >>> told = snell.explain("cornell-box", (32, 20), spp=4, size=(64, 48))
+    >>> [vertex["material"] for vertex in told["tree"]["vertices"]][:1]
+    ['white']
+    """
+    told: dict[str, Any] = json.loads(_explain(_scene(scene), options, pixel, sample, list(structures)))
+    return told
+
+
+def view(
+    scene: Scene | str | os.PathLike[str],
+    *,
+    port: int = 0,
+    open: bool | None = None,
+    fps: float = 30.0,
+    **options: Any,
+) -> View:
+    """Shows a scene in the browser, as ``snell view`` does: it moves while you steer and is refined when you rest.
+
+    Parameters
+    ----------
+    scene : Scene, str or os.PathLike
+        As for :func:`render`. What is shown is the scene as it is now.
+    port : int
+        Where the server listens, on this machine only; any that is free.
+    open : bool
+        Whether the page is opened in the browser. In a notebook the cell shows it; elsewhere it is opened.
+    fps : float
+        Frames per second while something moves.
+    **options
+        As for :func:`render`: how the picture at rest is made.
+
+    Returns
+    -------
+    View
+        It ends with ``close()``, at the end of a ``with`` block, or with the program.
+
+    Examples
+    --------
+    >>> import snell
+    >>> with snell.view("cornell-box", spp=16, open=False) as view:
+    ...     view.url.startswith("http://127.0.0.1:")
+    True
+    """
+    shown = _view(_scene(scene), options, port, fps)
+    if open or (open is None and not _is_notebook()):
+        webbrowser.open(shown.url)
+    return shown
+
+
+def _is_notebook() -> bool:
+    try:
+        return get_ipython().__class__.__name__ == "ZMQInteractiveShell"  # type: ignore[name-defined]
+    except NameError:
+        return False
