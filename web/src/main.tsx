@@ -7,7 +7,7 @@ import { Costs } from "./costs";
 import { Explain } from "./explain";
 import { listen, PRESETS, presetDirection } from "./controls";
 import { Panel } from "./panels";
-import { busy, choices, comparing, connected, costs, gallery, notices, numbers, picked, pickedPixel, scene, steering, steers, Store, view } from "./store";
+import { busy, choices, comparing, connected, costs, focusing, gallery, notices, numbers, picked, pickedPixel, scene, steering, steers, Store, view } from "./store";
 import "./style.css";
 
 const socketUrl = new URL("ws", document.baseURI);
@@ -34,6 +34,11 @@ function Stage(): JSX.Element {
       undo: () => store.send({ type: "undo" }),
       redo: () => store.send({ type: "redo" }),
       select: (x, y) => {
+        if (focusing.value) {
+          focusing.value = false;
+          void store.focus(x, y, false);
+          return;
+        }
         pickedPixel.value = [Math.floor(x), Math.floor(y)];
         void store.pick(x, y).then((hit) => (picked.value = hit));
       },
@@ -106,6 +111,7 @@ const close = (event: JSX.TargetedEvent<HTMLElement>): void => {
 
 function Bar(): JSX.Element {
   const file = useRef<HTMLInputElement>(null);
+  const reference = useRef<HTMLInputElement>(null);
   const history = scene.value?.history ?? [false, false];
   return (
     <header class="bar" role="toolbar" aria-label="scene">
@@ -133,9 +139,26 @@ function Bar(): JSX.Element {
           e.currentTarget.value = "";
         }}
       />
+      <input
+        ref={reference}
+        type="file"
+        accept="image/*"
+        hidden
+        aria-label="picture to compare with"
+        onChange={(e) => {
+          const chosen = e.currentTarget.files?.[0];
+          e.currentTarget.value = "";
+          if (!chosen) return;
+          store.picture.keepFile(chosen).then(
+            () => (comparing.value = true),
+            () => store.notice(`${chosen.name}: the browser cannot read this picture; PNG, JPEG and WebP it can`),
+          );
+        }}
+      />
       <details class="menu">
         <summary>View</summary>
         <div onClick={close}>
+          <button onClick={() => reference.current?.click()}>Compare with a picture …</button>
           <button onClick={() => store.frameAll()}>Frame all <kbd>F</kbd></button>
           {PRESETS.map((p) => (
             <button onClick={() => store.look(presetDirection(p.direction, store.rig?.worldUp ?? [0, 1, 0]))}>

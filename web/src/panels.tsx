@@ -4,8 +4,10 @@ import { useSignal } from "@preact/signals";
 import type { ComponentChildren, JSX } from "preact";
 import { fieldOfView, withFieldOfView, type Camera } from "./camera";
 import { Field } from "./form";
-import { choices, costs, exposure, picked, pickedPixel, scene, steers, tonemap, view, type Store } from "./store";
+import { choices, costs, exposure, focusing, picked, pickedPixel, scene, steers, tonemap, view, type Store } from "./store";
 import type { NodeInfo } from "./protocol.gen";
+import { sunDirection, sunPosition, type SunPosition } from "./sun";
+import type { Vec3 } from "./vec";
 
 function Section(props: { title: string; open?: boolean; children: ComponentChildren }): JSX.Element {
   return (
@@ -113,10 +115,41 @@ function CameraSection({ store }: { store: Store }): JSX.Element | null {
       <Slider label="Lens radius" min={0} max={radius * 0.05} step={radius * 0.0002} value={camera.aperture_radius} change={(v) => change({ aperture_radius: Math.max(0, v) })} />
       <Slider label="Focus" min={radius * 0.05} max={radius * 8} step={radius * 0.01} value={camera.focus_distance} change={(v) => v > 0 && change({ focus_distance: v })} />
       <div class="field">
+        <span>Sharp at</span>
+        <button aria-pressed={focusing.value} onClick={() => (focusing.value = !focusing.value)}>{focusing.value ? "Click on the picture" : "Pick a point"}</button>
+      </div>
+      <div class="field">
         <span>Up</span>
         <button onClick={() => store.setUp([0, 1, 0])}>y</button>
         <button onClick={() => store.setUp([0, 0, 1])}>z</button>
       </div>
+    </Section>
+  );
+}
+
+function SurroundingsSection({ store }: { store: Store }): JSX.Element | null {
+  const info = scene.value;
+  if (!info) return null;
+  const up = info.up as Vec3;
+  const sun = info.lights.findIndex((light) => light.light === "directional");
+  const rotation = info.environment_rotation;
+  if (sun < 0 && rotation === null) return null;
+  const position = sun < 0 ? null : sunPosition(info.lights[sun]!.direction as Vec3, up);
+  const move = (next: Partial<SunPosition>): void => {
+    const direction = sunDirection({ ...position!, ...next }, up).map((v) => Number(v.toPrecision(6)));
+    store.edit(`light.${sun}.direction`, direction);
+  };
+  return (
+    <Section title="Surroundings">
+      {rotation !== null && (
+        <Slider label="Environment" unit="°" min={-180} max={180} step={1} value={rotation} change={(v) => store.edit("environment.rotation", v)} />
+      )}
+      {position && (
+        <>
+          <Slider label="Sun height" unit="°" min={-90} max={90} step={0.5} value={position.height} change={(height) => move({ height })} />
+          <Slider label="Sun side" unit="°" min={-180} max={180} step={1} value={position.side} change={(side) => move({ side })} />
+        </>
+      )}
     </Section>
   );
 }
@@ -218,6 +251,7 @@ export function Panel({ store }: { store: Store }): JSX.Element {
       <PickSection store={store} />
       <RenderSection store={store} />
       <CameraSection store={store} />
+      <SurroundingsSection store={store} />
       {info && <Things key={`m${material}`} family="material" title="Materials" list={info.materials} chosen={material} store={store} />}
       {info && <Things family="light" title="Lights" list={info.lights} chosen={null} store={store} />}
       <TreeSection store={store} />

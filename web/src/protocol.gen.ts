@@ -210,6 +210,10 @@ lights: Record<string, unknown>[],
  */
 cameras: Camera[], 
 /**
+ * How far its environment is turned about up, in degrees; none if there is none, or one that is the same all around.
+ */
+environment_rotation: number | null, 
+/**
  * Corners of the box around all that is finite.
  */
 bounds: [[number, number, number], [number, number, number]], 

@@ -39,6 +39,8 @@ export const picked = signal<PickedHit | null>(null);
 export const pickedPixel = signal<[number, number] | null>(null);
 /** The explanation that is shown. */
 export const explained = signal<Report | null>(null);
+/** Whether the next click says what is sharp. */
+export const focusing = signal(false);
 /** Whether scenes are offered. */
 export const gallery = signal(false);
 /** Whether acceleration structures are compared. */
@@ -139,13 +141,13 @@ export class Store {
     return new Promise((resolve) => this.reports.set(id, resolve));
   }
 
-  /** Turns about the point at a pixel, and focuses on it. */
-  async focus(x: number, y: number): Promise<void> {
+  /** Focuses on the point at a pixel, and turns about it from then on if that is wanted. */
+  async focus(x: number, y: number, turns = true): Promise<void> {
     const hit = await this.pick(x, y);
     if (!hit || !this.rig) return;
     const { camera } = this.rig;
     const depth = sub(hit.position, camera.eye).reduce((sum, v, i) => sum + v * camera.towards[i]!, 0);
-    this.setRig({ ...this.rig, pivot: hit.position, camera: { ...camera, focus_distance: Math.max(depth, 1e-6) } });
+    this.setRig({ ...this.rig, pivot: turns ? hit.position : this.rig.pivot, camera: { ...camera, focus_distance: Math.max(depth, 1e-6) } });
   }
 
   private ball(): [Vec3, number] {
@@ -255,6 +257,9 @@ export class Store {
     const start = this.sent.get(frame.seq);
     for (const seq of this.sent.keys()) if (seq <= frame.seq) this.sent.delete(seq);
     this.generation = Math.max(this.generation, frame.generation);
+    // For bench/viewer_speed.mjs, which makes the list.
+    const list = (window as unknown as { snellFrames?: { latency: number; scale: number }[] }).snellFrames;
+    if (frame.wanted === 0) list?.push({ latency: start === undefined ? -1 : now - start, scale: frame.size[0] / this.size[0] });
     numbers.value = {
       samples: frame.samples,
       wanted: frame.wanted,

@@ -170,6 +170,56 @@ test("pixels are picked, materials changed and changed back, pictures saved", { 
   }
 });
 
+test("a pixel is explained, and its sample is that of snell explain", { timeout: PATIENCE * 2 }, async () => {
+  const server = await serve("cornell-box", "--", "--spp", "8");
+  try {
+    const { page, faults } = await open(server.url);
+    await isDone(page);
+    const box = await page.locator(".stage").boundingBox();
+    await page.mouse.click(box.x + box.width / 2, box.y + box.height * 0.4);
+    await page.getByRole("button", { name: "Why does it look so?" }).click();
+    const dialog = page.locator(".explain");
+    await dialog.locator("h2").waitFor();
+    const [x, y] = (await dialog.locator("h2").innerText()).match(/\d+/g);
+    assert.equal(await dialog.locator(".samples button").count(), 8);
+    assert.equal(await dialog.locator(".journey").count(), 9, "every structure");
+    await dialog.locator(".samples button").nth(3).click();
+    await page.getByText("Path of sample 3").waitFor();
+    const shown = await dialog.locator(".total code").innerText();
+    // The same from the command line, with the size that the page has.
+    const size = await page.evaluate(() => document.querySelector("canvas.picture")).then(() => page.locator(".status").innerText());
+    const [, width, height] = size.match(/(\d+) × (\d+)/);
+    const text = execFileSync(SNELL, ["explain", "cornell-box", "--pixel", `${x},${y}`, "--sample", "3", "--json", "--structures", "none", "--", "--spp", "8", "--size", `${width}x${height}`]);
+    const told = JSON.parse(text);
+    const short = (v) => (v === 0 ? "0" : Math.abs(v) < 1e-4 ? v.toExponential(2) : Number(v.toPrecision(4)).toString());
+    assert.equal(shown, `= ${told.tree.sum.map(short).join("  ")}`);
+    await dialog.getByRole("button", { name: "Replay" }).click();
+    await page.waitForFunction(() => [...document.querySelectorAll(".journey small")].some((s) => /^stop /.test(s.textContent)));
+    await page.getByRole("button", { name: "Close" }).click();
+    await page.getByRole("button", { name: "Compare acceleration structures" }).click();
+    await page.waitForFunction(() => document.querySelectorAll("canvas.heat").length === 9);
+    await page.getByRole("button", { name: "Close" }).click();
+    assert.deepEqual(faults, []);
+    await page.close();
+  } finally {
+    await server.stop();
+  }
+});
+
+test("without a scene there is a choice of scenes, with pictures", { timeout: PATIENCE * 2 }, async () => {
+  const server = await serve();
+  try {
+    const { page } = await open(server.url);
+    await page.waitForFunction(() => document.querySelector(".card img")?.naturalWidth > 0);
+    await page.getByRole("button", { name: "teapot", exact: true }).click();
+    await page.waitForFunction(() => document.title.startsWith("teapot"));
+    assert.equal(await page.locator(".gallery").count(), 0);
+    await page.close();
+  } finally {
+    await server.stop();
+  }
+});
+
 test("files are dropped, broken ones are a message, built-in scenes a choice", { timeout: PATIENCE * 2 }, async () => {
   const server = await serve("cornell-box", "--", "--spp", "1");
   try {

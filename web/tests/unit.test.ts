@@ -1,6 +1,11 @@
 import { describe, expect, it } from "vitest";
 import { dolly, fieldOfView, frameBall, look, move, orbit, pixelAtPivot, preset, rigOf, withFieldOfView, type Camera, type Rig } from "../src/camera";
 import { parseFrame } from "../src/connection";
+import { heat, parseCosts, statistics } from "../src/costs";
+import { css, plotted, short } from "../src/explain";
+import type { Report } from "../src/protocol.gen";
+import { outline } from "../src/replay";
+import { sunDirection, sunPosition } from "../src/sun";
 import { halfToNumber, toDisplay } from "../src/tonemap";
 import { dot, length, sub, type Vec3 } from "../src/vec";
 
@@ -101,5 +106,57 @@ describe("display", () => {
     expect(out[1]! / 255).toBeCloseTo(0.619, 2);
     toDisplay(white, out, { exposure: 0, tonemap: "agx", srgb: false });
     expect((out[1]! / 255) ** (1 / 2.2)).toBeCloseTo(0.783, 2);
+  });
+});
+
+describe("explanations", () => {
+  it("draws the outline of every kind of place", () => {
+    const axes: [Vec3, Vec3, Vec3] = [[2, 0, 0], [0, 1, 0], [0, 0, 1]];
+    const center: Vec3 = [10, 0, 0];
+    const box = outline({ kind: "box", center, axes });
+    expect(box.length).toBe(12);
+    expect(Math.min(...box.flat().map((p) => p[0]))).toBe(8);
+    for (const p of outline({ kind: "ball", center, axes }).flat()) {
+      expect(((p[0] - 10) / 2) ** 2 + p[1] ** 2 + p[2] ** 2).toBeCloseTo(1, 9);
+    }
+    expect(outline({ kind: "stretch", center, axes })).toEqual([[[8, 0, 0], [12, 0, 0]]]);
+    expect(outline({ kind: "plane", center, axes })[0]!.length).toBe(5);
+  });
+  it("plots what is there and nothing that is no number", () => {
+    const convergence = [1, 2, 4].map((samples) => ({ samples, value: [samples, 1, 0], error: [0.5, 0, 0] }));
+    const { lines, bands, ceiling } = plotted({ convergence } as unknown as Report);
+    expect(lines.length).toBe(3);
+    expect(ceiling).toBeGreaterThan(4);
+    expect([...lines, ...bands].join()).not.toMatch(/NaN|Infinity/);
+    expect(plotted({ convergence: [] } as unknown as Report).lines).toEqual([]);
+  });
+  it("writes numbers and colours shortly", () => {
+    expect([0, 0.123456, 1e-7].map(short)).toEqual(["0", "0.1235", "1.00e-7"]);
+    expect(css([2, 1, 0])).toBe("rgb(255 188 0)");
+  });
+});
+
+describe("cost maps", () => {
+  it("are read, measured and coloured", () => {
+    const map = parseCosts("bvh", new Uint32Array([2, 1, 10, 4, 30, 8]).buffer);
+    expect(map.size).toEqual([2, 1]);
+    expect(statistics(map, (nodes) => nodes).mean).toBe(20);
+    expect(statistics(map, (_, tests) => tests).high).toBe(8);
+    expect(heat(0)).toEqual([0, 0, 4]);
+    expect(heat(2)[0]).toBeGreaterThan(heat(0.3)[0]);
+  });
+});
+
+describe("the sun", () => {
+  it("goes there and back, whatever is up", () => {
+    for (const up of [[0, 1, 0], [0, 0, 1]] as Vec3[]) {
+      for (const position of [{ height: 30, side: 0 }, { height: 60, side: 100 }, { height: -5, side: -20 }]) {
+        const back = sunPosition(sunDirection(position, up), up);
+        expect(back.height).toBeCloseTo(position.height, 9);
+        expect(back.side).toBeCloseTo(position.side, 9);
+      }
+    }
+    const [x, y, z] = sunDirection({ height: 0, side: 0 }, [0, 1, 0]);
+    expect([x, y, z].map((v) => Math.round(v * 1e6) / 1e6 + 0)).toEqual([0, 0, 1]);
   });
 });

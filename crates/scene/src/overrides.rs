@@ -63,7 +63,12 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
         }
         "node" => {
             let names: Vec<String> = scene.nodes.iter().map(|n| n.name.clone()).collect();
-            let (index, path) = find(key, "node", &names, rest)?;
+            // Numbers first: nodes of many files have numbers for names.
+            let numbered = rest.split_once('.').and_then(|(number, path)| Some((number.parse::<usize>().ok()?, path)));
+            let (index, path) = match numbered.filter(|(index, _)| *index < names.len()) {
+                Some(numbered) => numbered,
+                None => find(key, "node", &names, rest)?,
+            };
             if path != "visible" {
                 return Err(error(key, format!("there is no parameter \"{path}\" (known: visible)")));
             }

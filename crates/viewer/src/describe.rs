@@ -3,7 +3,7 @@
 use crate::protocol::{NodeInfo, SceneInfo};
 use serde_json::Value;
 use snell_math::{Bounds3d, DVec3};
-use snell_scene::{NodeId, Scene};
+use snell_scene::{Environment, NodeId, Scene, overrides};
 use std::collections::{BTreeSet, HashMap};
 
 /// Most nodes that are listed: a page with more is of no use to anybody.
@@ -30,12 +30,19 @@ pub fn scene_info(base: &Scene, scene: &Scene, hidden: &BTreeSet<u32>, generatio
         materials: values(scene.materials.iter().take(MAX_LISTED).map(serde_json::to_value).collect()),
         lights: values(scene.lights.iter().take(MAX_LISTED).map(serde_json::to_value).collect()),
         cameras: values(scene.cameras.iter().take(MAX_LISTED).map(serde_json::to_value).collect()),
+        environment_rotation: environment_rotation(scene),
         bounds,
         up: scene.settings.up.unwrap_or(DVec3::Y).to_array(),
         triangles: 0,
         warnings: scene.warnings.iter().map(|w| w.message.clone()).collect(),
         history: [false; 2],
     }
+}
+
+/// How far the environment is turned.
+fn environment_rotation(scene: &Scene) -> Option<f64> {
+    let Some(Environment::Image { world_from_environment, .. }) = &scene.environment else { return None };
+    Some(overrides::rotation(world_from_environment, scene.settings.up.unwrap_or(DVec3::Y)))
 }
 
 /// The reachable nodes, parents first, and how many more there are.

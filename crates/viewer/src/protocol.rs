@@ -214,6 +214,8 @@ pub struct SceneInfo {
     /// Cameras.
     #[cfg_attr(test, ts(type = "Camera[]"))]
     pub cameras: Vec<Value>,
+    /// How far its environment is turned about up, in degrees; none if there is none, or one that is the same all around.
+    pub environment_rotation: Option<f64>,
     /// Corners of the box around all that is finite.
     pub bounds: [[f64; 3]; 2],
     /// Direction that is up.
