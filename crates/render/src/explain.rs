@@ -359,7 +359,8 @@ fn lobe(
     let wo = -shaded.ray.direction;
     let shading = material.bsdf_towards(&vertex.point(scene), wo);
     let shares = LobeShares::of_surface(&shading, wo, wi, is_delta);
-    let share = |lobe: &Lobe| shares.share(*lobe).max_element();
+    // Of the lanes that mean something.
+    let share = |lobe: &Lobe| (shares.share(*lobe) * state.mode.unit()).0.iter().sum::<f32>();
     Lobe::ALL.into_iter().max_by(|a, b| share(a).total_cmp(&share(b))).unwrap_or(Lobe::Diffuse)
 }
 
@@ -420,6 +421,18 @@ mod tests {
         check("drink", None, &Settings { color, ..settings.clone() });
         let branching = Settings { integrator: IntegratorKind::Whitted, max_depth: 8, ..settings };
         check("drink", None, &branching);
+    }
+
+    #[test]
+    fn lobes_have_their_names() {
+        let scene = builtin("cornell-box").expect("the scene is built in");
+        let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+        let settings = Settings { size: [20, 20], spp: 4, ..Settings::default() };
+        let job = Job::new(&compiled, &scene.cameras[0], &settings);
+        let explanation = explain(&job, [10, 15], 1).expect("a pixel of the picture");
+        let vertices = explanation.samples.iter().flat_map(|tree| &tree.vertices);
+        let lobes: Vec<Lobe> = vertices.filter_map(|v| v.scattering).map(|s| s.lobe).collect();
+        assert!(lobes.len() > 4 && lobes.iter().all(|l| *l == Lobe::Diffuse), "all is matt in the box: {lobes:?}");
     }
 
     #[test]
