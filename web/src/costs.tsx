@@ -109,7 +109,7 @@ export function Costs(): JSX.Element {
         <span class="space" />
         <button onClick={() => (costs.value = false)}>Close</button>
       </header>
-      <div class="journeys">
+      <div class="journeys maps">
         {maps.value.map((map) => <Heat key={map.name} map={map} measure={of} low={low} most={most} />)}
       </div>
     </div>

@@ -28,6 +28,8 @@ const SECONDS = 8;
 const EDGES: [number, number][] = [];
 for (let a = 0; a < 8; a++) for (const bit of [1, 2, 4]) if (!(a & bit)) EDGES.push([a, a | bit]);
 
+const counted = (n: number, what: string): string => `${n.toLocaleString("en")} ${what}${n === 1 ? "" : "s"}`;
+
 /** Lines that show a place, in world space. */
 export function outline(stop: Pick<StopReport, "kind" | "center" | "axes">): Vec3[][] {
   const at = (...signs: number[]): Vec3 =>
@@ -160,9 +162,7 @@ function One(props: { stage: Stage; look: Signal<Look>; step: Signal<number>; jo
       <figcaption>
         <strong>{journey.accelerator}</strong>
         <span class="quiet">
-          {journey.nodes > 0 && `${journey.nodes.toLocaleString("en")} nodes `}
-          {journey.cells > 0 && `${journey.cells.toLocaleString("en")} cells `}
-          {journey.primitives.toLocaleString("en")} tests
+          {[counted(journey.nodes, "node"), counted(journey.cells, "cell"), counted(journey.primitives, "test")].filter((t) => !t.startsWith("0")).join(", ")}
         </span>
       </figcaption>
       <canvas
@@ -177,7 +177,7 @@ function One(props: { stage: Stage; look: Signal<Look>; step: Signal<number>; jo
         }}
       />
       <small class={isDone ? "end" : ""}>
-        {isDone ? (journey.distance === null ? "nothing hit" : `hit after ${journey.stops.length} stops`) : `stop ${step.value} of ${journey.stops.length}`}
+        {isDone ? (journey.distance === null ? "nothing hit" : `hit after ${counted(journey.stops.length, "stop")}`) : `stop ${step.value} of ${journey.stops.length}`}
         {!isDone && now && now.tested > 0 && `, ${tested} tested`}
         {journey.left_out > 0 && ` and ${journey.left_out} more`}
       </small>

@@ -32,7 +32,7 @@ pub mod settings;
 mod volume;
 
 pub use compile::{CompileError, CompiledScene};
-pub use film::{Film, filter::Filter};
+pub use film::{Film, FilmTile, filter::Filter};
 pub use guiding::Guiding;
 pub use integrator::{IntegratorKind, aov::Aov};
 pub use job::{Job, Progress, Recording, Statistics};

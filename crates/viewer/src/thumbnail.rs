@@ -3,12 +3,12 @@
 use crate::Opened;
 use crate::denoise::denoise;
 use snell_formats::image::{Display, WriteOptions, encode_image_as};
-use snell_render::{Aov, CompiledScene, IntegratorKind, Job, Settings, picture};
+use snell_render::{Aov, CompiledScene, Job, Settings, picture};
 
 /// Width and height in pixels.
 const SIZE: [u32; 2] = [288, 180];
 /// Samples of a pixel; what is left of the noise is smoothed away.
-const SPP: u32 = 8;
+const SPP: u32 = 16;
 
 /// A picture of a scene as its camera sees it. The error is for people.
 pub fn png(opened: &Opened) -> Result<Vec<u8>, String> {
@@ -18,7 +18,6 @@ pub fn png(opened: &Opened) -> Result<Vec<u8>, String> {
         spp: SPP,
         noise: None,
         guiding: None,
-        integrator: IntegratorKind::Path,
         aovs: vec![Aov::Albedo, Aov::Normal, Aov::Depth, Aov::MaterialId],
         ..opened.settings.clone()
     };

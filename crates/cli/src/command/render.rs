@@ -5,6 +5,7 @@ mod layers;
 mod options;
 mod output;
 mod summary;
+mod tev;
 
 pub use options::Options;
 
@@ -14,13 +15,14 @@ use crate::{scene_source, spectrum_file};
 use options::GuidingOption;
 use snell_formats::error::one_line;
 use snell_math::simd::Level;
-use snell_render::{CompiledScene, Guiding, IntegratorKind, Job, Settings, Statistics};
+use snell_render::{CompiledScene, FilmTile, Guiding, IntegratorKind, Job, Settings, Statistics};
 use snell_scene::{Camera, Scene};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use summary::Summary;
+use tev::Tev;
 
 /// Renders a scene and writes the picture.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
@@ -51,9 +53,19 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let interrupted = Arc::new(AtomicBool::new(false));
     catch_interrupts(&interrupted)?;
     let threads = options.threads();
+    let tev = options.display.as_deref().map(|url| Tev::open(url, &scene.name, &settings)).transpose()?;
     let start = Instant::now();
-    let (film, statistics) = render(&compiled, &camera, &settings, options, threads, &interrupted, &scene.name);
+    let watcher = |tile: &FilmTile| tev.iter().for_each(|tev| tev.send(tile));
+    let mut job = Job::new(&compiled, &camera, &settings);
+    if tev.is_some() {
+        job = job.watched(&watcher);
+    }
+    let (film, statistics) = render(&job, options, threads, &interrupted, &scene.name);
     let render_seconds = start.elapsed().as_secs_f64();
+    drop(job);
+    if let Some(tev) = tev {
+        tev.finish(&film.tiles);
+    }
 
     let stem = scene_source::stem(&options.scene, &scene);
     let mut picture = snell_render::picture(&film, &settings, &compiled);
@@ -144,9 +156,7 @@ fn catch_interrupts(interrupted: &Arc<AtomicBool>) -> Result<(), Failure> {
 }
 
 fn render(
-    compiled: &CompiledScene,
-    camera: &Camera,
-    settings: &Settings,
+    job: &Job,
     options: &Options,
     threads: usize,
     interrupted: &AtomicBool,
@@ -155,7 +165,7 @@ fn render(
     let reporter = Reporter::new(options.progress, options.quiet, name);
     let limit: Option<Duration> = options.time;
     let start = Instant::now();
-    let result = Job::new(compiled, camera, settings).run(threads, &|progress| {
+    let result = job.run(threads, &|progress| {
         if let Some((_, begun)) = progress.training {
             // A pass takes as long as all before it. Where passes are counted, the clock has no say: bits must repeat.
             let share =

@@ -223,6 +223,12 @@ impl FilmTile {
         }
     }
 
+    /// The picture of this tile so far, row by row: red, green, blue (linear Rec. 709), alpha (premultiplied).
+    pub fn colors(&self) -> Vec<f32> {
+        let value = |i: usize| self.estimate(i / 4, i % 4).0 as f32;
+        (0..self.taken.len() * 4).map(value).collect()
+    }
+
     fn end_block(&mut self, pixels: &[usize]) {
         let Some(partial) = self.partial.take() else { return };
         for &pixel in pixels {

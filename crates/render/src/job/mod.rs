@@ -111,6 +111,7 @@ pub struct Job<'a> {
     lights: LightSampler,
     light_parts: LightParts,
     crop: Crop,
+    watcher: Option<TileWatcher<'a>>,
 }
 
 /// A tile being filled by several threads.
@@ -134,6 +135,9 @@ struct Shared<'b> {
     tally: &'b Tally,
     keep_going: &'b (dyn Fn(&Progress) -> bool + Sync),
 }
+
+/// Who is told of every tile that has got more samples, from any thread.
+pub type TileWatcher<'a> = &'a (dyn Fn(&FilmTile) + Sync);
 
 /// What a render has done so far.
 #[derive(Default)]
@@ -166,7 +170,13 @@ impl<'a> Job<'a> {
             lights: scene.light_sampler(settings.light_sampler, settings.light_strategy),
             light_parts: LightParts::new(scene, settings),
             crop,
+            watcher: None,
         }
+    }
+
+    /// The same render, with somebody who looks at tiles as they come.
+    pub fn watched(self, watcher: TileWatcher<'a>) -> Self {
+        Self { watcher: Some(watcher), ..self }
     }
 
     /// Renders with `threads` threads (at least one) until all samples are taken or `keep_going` says no. `keep_going` is called
@@ -381,7 +391,11 @@ impl<'a> Job<'a> {
             mine.samples += samples;
             tally.done.fetch_add(samples, Ordering::Relaxed);
             tally.rays.fetch_add(mine.rays.total() - before, Ordering::Relaxed);
-            lock(tile).accept(part);
+            let mut tile = lock(tile);
+            tile.accept(part);
+            if let Some(watcher) = self.watcher {
+                watcher(&tile.tile);
+            }
         }
         let mut all = lock(&tally.statistics);
         all.rays += mine.rays;

@@ -167,6 +167,9 @@ pub struct Options {
     /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…, `ambient=[r,g,b]`
     #[arg(short = 'D', long = "define", value_name = "key=value", help_heading = "What is rendered")]
     pub define: Vec<String>,
+    /// Show tiles in the viewer tev while they are rendered, such as tev://127.0.0.1:14158
+    #[arg(long, value_name = "tev://HOST:PORT", help_heading = "Messages")]
+    pub display: Option<String>,
     /// Write statistics as JSON
     #[arg(long, value_name = "FILE.json", help_heading = "Messages")]
     pub stats: Option<PathBuf>,
