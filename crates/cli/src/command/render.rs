@@ -53,7 +53,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let interrupted = Arc::new(AtomicBool::new(false));
     catch_interrupts(&interrupted)?;
     let threads = options.threads();
-    let tev = options.display.as_deref().map(|url| Tev::open(url, &scene.name, &settings)).transpose()?;
+    let tev = options.tev().map(|url| Tev::open(url, &scene.name, &settings)).transpose()?;
     let start = Instant::now();
     let watcher = |tile: &FilmTile| tev.iter().for_each(|tev| tev.send(tile));
     let mut job = Job::new(&compiled, &camera, &settings);

@@ -24,8 +24,26 @@ pub const DEFAULT_SIZE: [u32; 2] = [960, 720];
 /// Most samples per pixel that a limit of time or noise alone allows.
 const SPP_OF_LIMITS: u32 = 1 << 16;
 
+/// What `--display` says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DisplayOption {
+    /// How values are stored.
+    Encoding(DisplayEncoding),
+    /// Address of a tev.
+    Tev(String),
+}
+
+fn parse_display(text: &str) -> Result<DisplayOption, String> {
+    match text {
+        "srgb" => Ok(DisplayOption::Encoding(DisplayEncoding::Srgb)),
+        "linear" => Ok(DisplayOption::Encoding(DisplayEncoding::Linear)),
+        _ if text.starts_with("tev://") => Ok(DisplayOption::Tev(text.into())),
+        _ => Err("expected srgb, linear, or tev://HOST:PORT".into()),
+    }
+}
+
 /// How values are stored in display formats.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DisplayEncoding {
     /// With the sRGB curve.
     Srgb,
@@ -145,9 +163,10 @@ pub struct Options {
     #[arg(long, value_name = "NAME", help_heading = "The picture")]
     pub tonemap: Option<String>,
     /// How display formats store values: srgb (the standard) or linear (clamped, without the sRGB curve, as old programs wrote
-    /// them). Default: srgb, but linear for .scn and .nff
-    #[arg(long, value_name = "NAME", help_heading = "The picture")]
-    pub display: Option<DisplayEncoding>,
+    /// them). Default: srgb, but linear for .scn and .nff. Or tev://HOST:PORT: tiles are shown by the viewer tev, which runs there,
+    /// while they are rendered
+    #[arg(long, value_name = "NAME", value_parser = parse_display, help_heading = "The picture")]
+    pub display: Vec<DisplayOption>,
     /// Bits per channel of PNG: 8 or 16
     #[arg(long, value_name = "N", default_value_t = 8, help_heading = "The picture")]
     pub bits: u8,
@@ -167,9 +186,6 @@ pub struct Options {
     /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…, `ambient=[r,g,b]`
     #[arg(short = 'D', long = "define", value_name = "key=value", help_heading = "What is rendered")]
     pub define: Vec<String>,
-    /// Show tiles in the viewer tev while they are rendered, such as tev://127.0.0.1:14158
-    #[arg(long, value_name = "tev://HOST:PORT", help_heading = "Messages")]
-    pub display: Option<String>,
     /// Write statistics as JSON
     #[arg(long, value_name = "FILE.json", help_heading = "Messages")]
     pub stats: Option<PathBuf>,
@@ -215,6 +231,23 @@ impl Options {
     pub fn threads(&self) -> usize {
         let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
         self.threads.map_or_else(cores, |n| n as usize)
+    }
+
+    /// How values are stored, if that was said.
+    pub fn encoding(&self) -> Option<DisplayEncoding> {
+        let encoding = |option: &DisplayOption| match option {
+            DisplayOption::Encoding(encoding) => Some(*encoding),
+            DisplayOption::Tev(_) => None,
+        };
+        self.display.iter().rev().find_map(encoding)
+    }
+
+    /// Where tiles are sent, if that was said.
+    pub fn tev(&self) -> Option<&str> {
+        self.display.iter().rev().find_map(|option| match option {
+            DisplayOption::Tev(url) => Some(url.as_str()),
+            DisplayOption::Encoding(_) => None,
+        })
     }
 
     /// Exposure in stops.

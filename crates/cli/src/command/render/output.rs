@@ -54,7 +54,7 @@ impl<'a> Output<'a> {
         let display = Display {
             exposure: options.exposure(scene),
             tonemap: summary.tonemap,
-            srgb: match options.display {
+            srgb: match options.encoding() {
                 Some(encoding) => encoding == DisplayEncoding::Srgb,
                 None => !scene.settings.raw_display && summary.settings.integrator != IntegratorKind::Aov,
             },
