@@ -59,7 +59,7 @@ export function stageOf(report: Report, up: Vec3): Stage {
   const middle = (axis: number): number => all.map((p) => p[axis]!).sort((a, b) => a - b)[Math.floor(all.length / 2)]!;
   const center: Vec3 = [middle(0), middle(1), middle(2)];
   const distances = all.map((p) => length(sub(p, center))).sort((a, b) => a - b);
-  const radius = distances[Math.floor(distances.length * 0.9)] || 1;
+  const radius = 1.3 * (distances[Math.floor(distances.length * 0.7)] ?? 0) || 1;
   return { center, radius, up, report };
 }
 

@@ -141,7 +141,8 @@ impl Source for Shown {
             Which::Dropped { name, bytes } => {
                 // In a folder that does not exist, so that a dropped file can name no file of this machine.
                 let nowhere = Path::new("/nonexistent/dropped");
-                let scene = snell_formats::read_scene_bytes(&name, bytes, nowhere, &options).map_err(|e| e.to_string())?;
+                let scene =
+                    snell_formats::read_scene_bytes(&name, bytes, nowhere, &options).map_err(|e| e.to_string())?;
                 (name, scene)
             }
         };

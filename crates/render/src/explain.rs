@@ -6,7 +6,7 @@
 
 use crate::compile::CompiledScene;
 use crate::film::FilmPart;
-use crate::integrator::light_part::{Lobe, LobeShares, LightSource};
+use crate::integrator::light_part::{LightSource, Lobe, LobeShares};
 use crate::integrator::{PathState, SurfaceVertex};
 use crate::job::{Event, Job, Journal, Shaded};
 use snell_intersect::{Hit, SurfaceInteraction};
@@ -388,9 +388,10 @@ mod tests {
             assert_eq!(explanation.samples.len(), settings.spp as usize);
             for tree in &explanation.samples {
                 assert_eq!(tree.color_of(tree.sum()), tree.color, "{name} {at:?} sample {}", tree.number);
-                let parts = tree.vertices.iter().map(|v| {
-                    v.light_rays.iter().fold(v.glow + v.found, |sum, ray| sum + ray.brought)
-                });
+                let parts = tree
+                    .vertices
+                    .iter()
+                    .map(|v| v.light_rays.iter().fold(v.glow + v.found, |sum, ray| sum + ray.brought));
                 let (sum, wanted) = (parts.fold(SampledSpectrum::ZERO, |a, b| a + b), tree.sum());
                 let is_close = |(a, b): (f32, f32)| (a - b).abs() <= 1e-5 * b.abs();
                 assert!(sum.0.into_iter().zip(wanted.0).all(is_close), "{name} {at:?}: {sum:?} {wanted:?}");

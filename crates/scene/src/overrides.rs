@@ -101,11 +101,14 @@ fn edit_environment(scene: &mut Scene, key: &str, path: &str, value: Value) -> R
                 return Err(error(key, "a number of degrees"));
             }
             let turn = (wanted - rotation(world_from_environment, up)).to_radians();
-            *world_from_environment = DAffine3::from_axis_angle(up.normalize_or(DVec3::Y), turn) * *world_from_environment;
+            *world_from_environment =
+                DAffine3::from_axis_angle(up.normalize_or(DVec3::Y), turn) * *world_from_environment;
             Ok(())
         }
         ("rotation", Some(Environment::Constant(_))) => Ok(()),
-        ("scale", Some(Environment::Constant(_))) => Err(error(key, "a constant environment is its radiance: it has no scale")),
+        ("scale", Some(Environment::Constant(_))) => {
+            Err(error(key, "a constant environment is its radiance: it has no scale"))
+        }
         _ => Err(error(key, format!("there is no parameter \"{path}\" (known: rotation, scale)"))),
     }
 }
@@ -280,10 +283,14 @@ mod tests {
         });
         for angle in [30.0, -170.0, 0.0] {
             apply(&mut scene, &format!("environment.rotation={angle}")).expect("it can be turned");
-            let Some(Environment::Image { world_from_environment, .. }) = &scene.environment else { panic!("still there") };
+            let Some(Environment::Image { world_from_environment, .. }) = &scene.environment else {
+                panic!("still there")
+            };
             assert!((rotation(world_from_environment, DVec3::Y) - angle).abs() < 1e-9);
         }
-        assert!(apply(&mut scene, "environment.rotation=true").is_err() && apply(&mut scene, "environment.tilt=1").is_err());
+        assert!(
+            apply(&mut scene, "environment.rotation=true").is_err() && apply(&mut scene, "environment.tilt=1").is_err()
+        );
     }
 
     #[test]

@@ -5,8 +5,8 @@
 //! sample a pixel is smoothed (see [`crate::denoise`]).
 
 use snell_math::Rgb;
-use snell_render::{Aov, CompiledScene, IntegratorKind, LightStrategy, Settings};
-use snell_scene::LayeredImage;
+use snell_render::{Aov, CompiledScene, IntegratorKind, Job, LightStrategy, Settings};
+use snell_scene::{Camera, LayeredImage};
 
 /// Most lights that are all asked at every pixel.
 const FEW_LIGHTS: usize = 8;
@@ -52,6 +52,24 @@ pub fn plan(settings: &Settings, compiled: &CompiledScene, size: [u32; 2], fill:
     Preview { settings, is_noisy }
 }
 
+/// Width of the pictures that a first guess is made from.
+const GUESS_WIDTH: u32 = 48;
+/// Samples of their pixels.
+const GUESS_SPP: u32 = 4;
+
+/// A first [`fill`] of a scene that has not rested yet, from two tiny pictures. Black where none is needed.
+pub fn first_fill(settings: &Settings, camera: &Camera, compiled: &CompiledScene, threads: usize) -> Rgb {
+    let [width, height] = settings.size;
+    let small = [GUESS_WIDTH.min(width), (GUESS_WIDTH * height / width.max(1)).clamp(1, height.max(1))];
+    let Preview { settings: quick, is_noisy } = plan(settings, compiled, small, Rgb::BLACK);
+    if is_noisy || quick.integrator != IntegratorKind::Raycast || settings.integrator != IntegratorKind::Path {
+        return Rgb::BLACK;
+    }
+    let whole = Settings { integrator: IntegratorKind::Path, spp: GUESS_SPP, max_depth: 5, ..quick.clone() };
+    let picture = |settings| Job::new(compiled, camera, settings).run(threads, &|_| true).0.image();
+    fill(&picture(&whole), &picture(&quick), Rgb::BLACK)
+}
+
 /// The constant that makes a ray-cast picture as bright as the one at rest: what it lacks, over the share that surfaces reflect.
 pub fn fill(rest: &LayeredImage, preview: &LayeredImage, before: Rgb) -> Rgb {
     let (rest, preview, before) = (mean(rest), mean(preview), before.to_array());
@@ -86,6 +104,17 @@ mod tests {
         let channels = ["R", "G", "B"].map(String::from).to_vec();
         let layers = vec![Layer { name: String::new(), channels, values: vec![value; 12] }];
         LayeredImage { width: 2, height: 2, layers, metadata: Vec::new() }
+    }
+
+    #[test]
+    fn a_scene_that_has_not_rested_is_not_dark() {
+        let scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
+        let compiled = CompiledScene::new(&scene, &Default::default()).expect("a valid scene");
+        let settings = Settings { size: [640, 480], ..Settings::default() };
+        let fill = first_fill(&settings, &scene.cameras[0], &compiled, 2);
+        assert!(fill.r > 0.03 && fill.g > 0.02 && fill.max_element() < 1.0, "{fill:?}");
+        let flat = Settings { integrator: IntegratorKind::Flat, ..settings };
+        assert_eq!(first_fill(&flat, &scene.cameras[0], &compiled, 2), Rgb::BLACK);
     }
 
     #[test]

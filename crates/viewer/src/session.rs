@@ -6,8 +6,8 @@
 use crate::describe::scene_info;
 use crate::explain::{self, Question, Report, Structure, Subject};
 use crate::protocol::{Choices, SceneChoice, SceneInfo, ToPage, ToServer, ViewInfo};
-use crate::{cost, thumbnail};
 use crate::{Opened, Source, Which};
+use crate::{cost, thumbnail};
 use serde_json::Value;
 use snell_formats::image::{Display, Tonemap};
 use snell_intersect::accel::AcceleratorKind;
@@ -38,7 +38,6 @@ pub struct Frame {
     /// Header and bytes.
     pub bytes: Vec<u8>,
 }
-
 
 /// Everything that decides what the picture is.
 pub struct State {
@@ -368,7 +367,10 @@ impl Session {
         let (snapshot, compiled) = self.prepared()?;
         let Snapshot { scene, camera, settings, .. } = &snapshot;
         let structures = if all || compiled.world.stats().triangles <= FEW_TRIANGLES {
-            AcceleratorKind::ALL.into_iter().map(|k| self.structure(&snapshot, &compiled, k)).collect::<Result<_, _>>()?
+            AcceleratorKind::ALL
+                .into_iter()
+                .map(|k| self.structure(&snapshot, &compiled, k))
+                .collect::<Result<_, _>>()?
         } else {
             vec![(settings.build.accelerator, compiled.clone())]
         };
@@ -645,5 +647,18 @@ fn choices() -> Choices {
         tonemaps: names(&Tonemap::ALL, Tonemap::name),
         accelerators: names(&AcceleratorKind::ALL, AcceleratorKind::name),
         scenes: BUILTINS.iter().map(scene_choice).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_several_changes_of_one_thing_the_last_counts() {
+        let edits = ["a=1", "node.3.visible=false", "b=2", "a=3", "node.3.visible=true", "node.4.visible=false"];
+        let edits: Vec<String> = edits.map(String::from).to_vec();
+        assert_eq!(standing(&edits).collect::<Vec<_>>(), ["b=2", "a=3", "node.4.visible=false"]);
+        assert_eq!(standing(&edits[..3]).filter_map(hidden_node).collect::<Vec<_>>(), [3]);
     }
 }

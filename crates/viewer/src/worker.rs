@@ -27,8 +27,8 @@ pub struct Worker<'a> {
     compiled: Option<Compiled>,
     table: DisplayTable,
     frame: u32,
-    /// In the place of indirect light while something moves.
-    fill: Rgb,
+    /// In the place of indirect light while something moves; none for a scene that is not known yet.
+    fill: Option<Rgb>,
     /// The last ray-cast picture, and the version of what it shows.
     last_preview: Option<(u64, LayeredImage)>,
     /// The picture at rest being made.
@@ -61,7 +61,7 @@ impl<'a> Worker<'a> {
             compiled: None,
             table: DisplayTable::new(Default::default()),
             frame: 0,
-            fill: Rgb::BLACK,
+            fill: None,
             last_preview: None,
             refinement: None,
         }
@@ -116,7 +116,7 @@ impl<'a> Worker<'a> {
             Some(compiled) => compiled,
             None => {
                 self.budget.reset();
-                self.fill = Rgb::BLACK;
+                self.fill = None;
                 CompiledScene::new(scene, &settings.build).map_err(|e| e.to_string())?
             }
         };
@@ -129,7 +129,10 @@ impl<'a> Worker<'a> {
     fn preview(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) {
         let start = Instant::now();
         let size = self.budget.size(snapshot.settings.size);
-        let plan = preview::plan(&snapshot.settings, compiled, size, self.fill);
+        let threads = self.threads;
+        let guess = || preview::first_fill(&snapshot.settings, &snapshot.camera, compiled, threads);
+        let fill = *self.fill.get_or_insert_with(guess);
+        let plan = preview::plan(&snapshot.settings, compiled, size, fill);
         let (film, _) = Job::new(compiled, &snapshot.camera, &plan.settings).run(self.threads, &|_| true);
         let image = picture(&film, &plan.settings, compiled);
         let mut rgb = rgb_of(&image);
@@ -157,13 +160,8 @@ impl<'a> Worker<'a> {
         let in_steps = settings.noise.is_none() && settings.guiding.is_none();
         let plain = Settings { noise: None, guiding: None, ..settings.clone() };
         let job = Job::new(compiled, &snapshot.camera, &plain);
-        let fresh = || Refinement {
-            version,
-            film: job.empty_film(),
-            spent: Duration::ZERO,
-            sent: None,
-            is_complete: false,
-        };
+        let fresh =
+            || Refinement { version, film: job.empty_film(), spent: Duration::ZERO, sent: None, is_complete: false };
         let mut refinement = self.refinement.take().filter(|r| r.version == version).unwrap_or_else(fresh);
         let samples = refinement.film.least_samples();
         if samples == 0 {
@@ -195,7 +193,7 @@ impl<'a> Worker<'a> {
         if is_last || refinement.sent.is_none_or(|sent| sent.elapsed() >= REST_INTERVAL) {
             let image = picture(&film, settings, compiled);
             if let Some((_, preview)) = self.last_preview.take_if(|(of, _)| *of == version && samples >= 4) {
-                self.fill = preview::fill(&image, &preview, self.fill);
+                self.fill = Some(preview::fill(&image, &preview, self.fill.unwrap_or(Rgb::BLACK)));
             }
             let rgb = rgb_of(&image);
             let noise = if samples >= 4 { noise_of(&film) } else { f32::NAN };

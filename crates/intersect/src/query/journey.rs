@@ -212,7 +212,8 @@ mod tests {
         };
         (0..60).for_each(|i| ball(group, i, 0.2));
         (100..104).for_each(|i| ball(WorldBuilder::ROOT, i, 0.1));
-        let map = DAffine3::from_translation(DVec3::new(7.0, 0.0, 0.0)) * DAffine3::from_scale(DVec3::new(1.0, 2.0, 0.5));
+        let map =
+            DAffine3::from_translation(DVec3::new(7.0, 0.0, 0.0)) * DAffine3::from_scale(DVec3::new(1.0, 2.0, 0.5));
         builder.add_instance(WorldBuilder::ROOT, group, placed(map));
         builder.build(&BuildOptions { accelerator, ..BuildOptions::default() }).expect("a world")
     }

@@ -14,7 +14,7 @@ use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::{Journey, PlaceKind};
 use snell_math::{DVec2, Ray, SampledSpectrum, Vec2};
 use snell_render::explain::{Explanation, LightRay, PathTree, PathVertex, VertexKind, explain};
-use snell_render::integrator::light_part::{Lobe, LightSource};
+use snell_render::integrator::light_part::{LightSource, Lobe};
 use snell_render::{CompiledScene, IntegratorKind, Job, Settings};
 use snell_scene::{Camera, CameraSample, Scene};
 use std::sync::Arc;
@@ -78,8 +78,7 @@ pub fn report(subject: Subject, question: &Question, structures: &[Structure]) -
     }
     let [width, height] = settings.size;
     let job = Job::new(compiled, camera, settings);
-    let outside =
-        || format!("pixel {},{} is outside of the picture of {width}x{height} pixels", pixel[0], pixel[1]);
+    let outside = || format!("pixel {},{} is outside of the picture of {width}x{height} pixels", pixel[0], pixel[1]);
     let explanation = explain(&job, pixel, 1).ok_or_else(outside)?;
     let chosen = sample.unwrap_or_else(|| typical(&explanation)) as usize;
     let tree = &explanation.samples[chosen];
@@ -124,7 +123,8 @@ fn thinned(explanation: &Explanation) -> Vec<Point> {
     let mut numbers: Vec<usize> =
         (0..MAX_POINTS).map(|i| last.powf(i as f64 / (MAX_POINTS - 1) as f64).round() as usize).collect();
     numbers.dedup();
-    let point = |n: usize| all.get(n - 1).map(|(value, error)| Point { samples: n as u32, value: *value, error: *error });
+    let point =
+        |n: usize| all.get(n - 1).map(|(value, error)| Point { samples: n as u32, value: *value, error: *error });
     numbers.into_iter().filter(|n| *n > 0).filter_map(point).collect()
 }
 
@@ -281,8 +281,7 @@ mod tests {
         let settings = Settings { size: [40, 30], spp: 8, ..Settings::default() };
         let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
         let structures = structures(&scene, &settings, &AcceleratorKind::ALL)?;
-        let subject =
-            Subject { scene: &scene, compiled: &compiled, camera: &scene.cameras[0], settings: &settings };
+        let subject = Subject { scene: &scene, compiled: &compiled, camera: &scene.cameras[0], settings: &settings };
         report(subject, &Question { pixel, sample }, &structures)
     }
 

@@ -117,7 +117,8 @@ fn contributions(out: &mut String, vertex: &VertexReport, x: f32, mut y: f32) ->
     let found = |what: &str, weight: f32| {
         if weight == 1.0 { what.to_string() } else { format!("{what}, weight {weight:.3}") }
     };
-    let own = [(vertex.glow, "from media on the way".to_string()), (vertex.found, found("found here", vertex.found_weight))];
+    let own =
+        [(vertex.glow, "from media on the way".to_string()), (vertex.found, found("found here", vertex.found_weight))];
     let of_lights = vertex.lights.iter().map(|light| {
         let fate = if light.is_blocked { "hidden" } else { "seen" };
         (light.brought, format!("{}: {fate}, weight {:.3}", light.source, light.weight))
@@ -210,9 +211,7 @@ fn journeys(out: &mut String, journeys: &[JourneyReport], mut y: f32) -> f32 {
         let all = work(journey).max(1e-9);
         let length = 200.0 * all.ln_1p() / most;
         let mut x = f64::from(RIGHT) + 132.0;
-        for (part, color) in
-            [(journey.nodes, "#4a7fb5"), (journey.cells, "#58a68c"), (journey.primitives, "#d08a3c")]
-        {
+        for (part, color) in [(journey.nodes, "#4a7fb5"), (journey.cells, "#58a68c"), (journey.primitives, "#d08a3c")] {
             let width = length * f64::from(part) / all;
             let _ = writeln!(
                 out,

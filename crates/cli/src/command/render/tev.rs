@@ -36,7 +36,8 @@ pub struct Tev {
 impl Tev {
     /// Connects, and creates the picture.
     pub fn open(url: &str, name: &str, settings: &Settings) -> Result<Self, Failure> {
-        let wrong = || Failure::Usage(format!("--display {url}: expected tev://HOST:PORT, such as tev://127.0.0.1:{PORT}"));
+        let wrong =
+            || Failure::Usage(format!("--display {url}: expected tev://HOST:PORT, such as tev://127.0.0.1:{PORT}"));
         let place = url.strip_prefix("tev://").ok_or_else(wrong)?.trim_end_matches('/');
         if place.is_empty() {
             return Err(wrong());
@@ -125,7 +126,11 @@ mod tests {
         let url = format!("tev://{}", listener.local_addr().expect("it listens"));
         let heard = std::thread::spawn(move || {
             let mut bytes = Vec::new();
-            listener.accept().map(|(mut stream, _)| stream.read_to_end(&mut bytes)).expect("a client").expect("its bytes");
+            listener
+                .accept()
+                .map(|(mut stream, _)| stream.read_to_end(&mut bytes))
+                .expect("a client")
+                .expect("its bytes");
             bytes
         });
         let settings = Settings { size: [20, 18], ..Settings::default() };
@@ -142,7 +147,8 @@ mod tests {
             assert_eq!(&bytes[at + 6..at + 10], b"box\0");
             if bytes[at + 4] == UPDATE {
                 let head = 4 + 2 + 4 + 4 + 8;
-                let word = |i: usize| u32::from_le_bytes(bytes[at + head + 4 * i..][..4].try_into().expect("four bytes"));
+                let word =
+                    |i: usize| u32::from_le_bytes(bytes[at + head + 4 * i..][..4].try_into().expect("four bytes"));
                 let [x, y, w, h] = [0, 1, 2, 3].map(word);
                 assert!(x + w <= 20 && y + h <= 18, "{x} {y} {w} {h}");
                 assert_eq!(length, head + 16 + 64 + (w * h * 16) as usize);
@@ -157,7 +163,9 @@ mod tests {
     #[test]
     fn nobody_there_is_said() {
         let settings = Settings::default();
-        for (url, what) in [("tev://127.0.0.1:1", "running"), ("127.0.0.1:1", "tev://HOST:PORT"), ("tev://", "tev://HOST")] {
+        for (url, what) in
+            [("tev://127.0.0.1:1", "running"), ("127.0.0.1:1", "tev://HOST:PORT"), ("tev://", "tev://HOST")]
+        {
             let error = Tev::open(url, "x", &settings).err().map(|e| e.to_string()).unwrap_or_default();
             assert!(error.contains(what), "{url}: {error}");
         }

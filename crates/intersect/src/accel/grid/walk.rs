@@ -76,8 +76,7 @@ fn visit_range(
     work: &mut Work,
 ) -> bool {
     (low[2]..=high[2]).any(|z| {
-        (low[1]..=high[1])
-            .any(|y| (low[0]..=high[0]).any(|x| visit(grids, level, [x, y, z], ray, visitor, work)))
+        (low[1]..=high[1]).any(|y| (low[0]..=high[0]).any(|x| visit(grids, level, [x, y, z], ray, visitor, work)))
     })
 }
 
