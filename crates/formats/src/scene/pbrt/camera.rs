@@ -1,7 +1,7 @@
 //! Cameras.
 
 use super::Builder;
-use super::fault::Fault;
+use crate::scene::fault::Fault;
 use super::options::is_kind;
 use super::params::Params;
 use snell_math::{DAffine3, DVec3};

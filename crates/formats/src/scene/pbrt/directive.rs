@@ -1,6 +1,6 @@
 //! What each directive does.
 
-use super::fault::{Fault, Spot};
+use crate::scene::fault::{Fault, Spot};
 use super::lexer::{Lexer, Token, quoted};
 use super::params::Params;
 use super::spectrum::ColorSpace;

@@ -4,7 +4,7 @@
 //! pictures. Those of pbrt-v3 have that form already.
 
 use super::Builder;
-use super::fault::Fault;
+use crate::scene::fault::Fault;
 use super::params::{Params, Type};
 use super::spectrum::Role;
 use snell_math::{DAffine3, DMat3, DVec3, Rgb};

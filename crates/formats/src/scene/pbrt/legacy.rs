@@ -1,7 +1,7 @@
 //! What pbrt-v3 wrote otherwise.
 
 use super::Builder;
-use super::fault::Fault;
+use crate::scene::fault::Fault;
 use super::material::Known;
 use super::options::is_kind;
 use super::params::Params;

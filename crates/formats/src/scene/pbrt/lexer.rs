@@ -1,6 +1,6 @@
 //! Bytes to tokens: words, strings, numbers and brackets, each with its place.
 
-use super::fault::{Fault, Spot};
+use crate::scene::fault::{Fault, Spot};
 use crate::Input;
 
 /// Numbers beyond this cannot be rendered in single precision.

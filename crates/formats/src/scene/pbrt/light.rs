@@ -6,7 +6,7 @@
 
 use super::Builder;
 use super::environment::latlong;
-use super::fault::Fault;
+use crate::scene::fault::Fault;
 use super::options::is_kind;
 use super::params::{Params, Type};
 use super::spectrum::Role;

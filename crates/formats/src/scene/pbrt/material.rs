@@ -1,7 +1,7 @@
 //! Materials.
 
 use super::Builder;
-use super::fault::{Fault, Spot};
+use crate::scene::fault::{Fault, Spot};
 use super::lexer::{Lexer, quoted};
 use super::params::{Params, Type};
 use super::spectrum::{COPPER, Role};

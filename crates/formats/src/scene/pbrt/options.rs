@@ -1,6 +1,6 @@
 //! What comes before `WorldBegin`: camera, film, sampler, filter and integrator.
 
-use super::fault::{Fault, Spot};
+use crate::scene::fault::{Fault, Spot};
 use super::lexer::quoted;
 use super::params::Params;
 use super::state::Motion;

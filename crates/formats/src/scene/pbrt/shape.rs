@@ -9,7 +9,7 @@ mod patch;
 mod quadric;
 
 use super::Builder;
-use super::fault::Fault;
+use crate::scene::fault::Fault;
 use super::light::AreaLight;
 use super::material::Finish;
 use super::options::is_kind;

@@ -1,7 +1,7 @@
 //! Colours: RGB in several spaces, black bodies, and spectra by value, file and name.
 
 use super::Builder;
-use super::fault::{Fault, Spot};
+use crate::scene::fault::{Fault, Spot};
 use super::lexer::quoted;
 use super::params::{Param, Type, Values};
 use snell_math::Rgb;

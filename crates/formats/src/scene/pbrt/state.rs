@@ -1,6 +1,6 @@
 //! The graphics state: what holds for the directives that follow, and the stack on which it is kept.
 
-use super::fault::{Fault, Spot};
+use crate::scene::fault::{Fault, Spot};
 use super::params::Param;
 use super::spectrum::ColorSpace;
 use snell_math::DAffine3;

@@ -6,7 +6,7 @@
 mod bake;
 
 use super::Builder;
-use super::fault::{Fault, Spot};
+use crate::scene::fault::{Fault, Spot};
 use super::lexer::{Lexer, quoted};
 use super::options::is_kind;
 use super::params::{Params, Type};

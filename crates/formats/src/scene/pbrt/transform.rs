@@ -1,6 +1,6 @@
 //! The directives that change the current transform.
 
-use super::fault::{Fault, Spot};
+use crate::scene::fault::{Fault, Spot};
 use super::lexer::Lexer;
 use super::state::State;
 use snell_math::{DAffine3, DMat4, DVec3, Transform};

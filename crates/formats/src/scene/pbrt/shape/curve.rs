@@ -1,7 +1,7 @@
 //! Curves as tubes and ribbons of triangles.
 
 use super::super::Builder;
-use super::super::fault::Fault;
+use crate::scene::fault::Fault;
 use super::super::lexer::quoted;
 use super::super::params::Params;
 use super::Made;

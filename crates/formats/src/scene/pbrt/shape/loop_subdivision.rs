@@ -2,7 +2,7 @@
 //! the limit, with the normals there.
 
 use super::super::Builder;
-use super::super::fault::Fault;
+use crate::scene::fault::Fault;
 use super::super::params::Params;
 use super::Made;
 use snell_intersect::TriangleMesh;

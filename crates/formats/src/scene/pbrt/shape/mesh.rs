@@ -1,6 +1,6 @@
 //! Triangle meshes, in the scene and in files.
 
-use super::super::fault::Fault;
+use crate::scene::fault::Fault;
 use super::super::params::Params;
 use super::super::{Builder, identity};
 use super::{Made, check_length, flip_v, orient};

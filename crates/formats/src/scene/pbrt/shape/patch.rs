@@ -1,7 +1,7 @@
 //! Bilinear patches as triangles.
 
 use super::super::Builder;
-use super::super::fault::Fault;
+use crate::scene::fault::Fault;
 use super::super::params::Params;
 use super::{Made, check_length};
 use snell_intersect::TriangleMesh;
