@@ -2,12 +2,14 @@
 
 mod fault;
 pub mod gltf;
+mod layers;
 mod metal;
 pub mod minray;
 pub mod mitsuba;
 pub mod nff;
 mod notes;
 pub mod pbrt;
+mod scattering;
 pub mod scn;
 mod shapes;
 mod sheet;

@@ -8,13 +8,14 @@ use super::object::Object;
 use super::texture::{Pattern, rgb_of};
 use super::value::Value;
 use crate::scene::fault::Fault;
+use crate::scene::layers;
 use crate::scene::metal::{Roughness, metal};
 use crate::scene::sheet::letting_through;
 use snell_math::Rgb;
 use snell_math::spectrum::Metal;
 use snell_scene::Material;
 use snell_scene::material::{
-    AlphaMode, CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse,
+    CoatedConductor, CoatedDiffuse, Conductor, ConductorSpectrum, Dielectric, Diffuse,
     MaterialKind, MetallicRoughness, Mirror, NormalMap, OpenPbr, Phong, Plastic, ScalarParam,
 };
 use std::rc::Rc;
@@ -335,28 +336,12 @@ impl Builder<'_> {
     fn mask(&mut self, object: &Object) -> Result<Look, Fault> {
         let mut look = self.inner_bsdf(object)?;
         let opacity = self.scalar(object, "opacity", 0.5)?;
-        if look.layers.len() > 1 && opacity.texture.is_some() {
+        let (layers, is_exact) = layers::mask(look.layers, opacity);
+        look.layers = layers;
+        if !is_exact {
             self.note("mask of blend", object.at, || {
                 "a mask with a texture around a blend: the mask was put on the blend's last bsdf only".into()
             });
-        }
-        let count = look.layers.len();
-        let share = opacity.factor.clamp(0.0, 1.0);
-        // What of the light passes the layers before one, and how much of it each may stop.
-        let mut passed = 1.0;
-        for (i, layer) in look.layers.iter_mut().enumerate() {
-            let is_last = i + 1 == count;
-            let own = layer.alpha.factor;
-            if opacity.texture.is_none() {
-                let stopped = passed_by(own) * share;
-                let left = 1.0 - (1.0 - passed) * share;
-                layer.alpha.factor = if left > 0.0 { (passed * stopped / left).clamp(0.0, 1.0) } else { 0.0 };
-                passed *= 1.0 - own;
-                layer.alpha_mode = AlphaMode::Blend;
-            } else if is_last {
-                layer.alpha = opacity;
-                layer.alpha_mode = AlphaMode::Blend;
-            }
         }
         Ok(look)
     }
@@ -470,10 +455,6 @@ impl Builder<'_> {
     }
 }
 
-fn passed_by(alpha: f32) -> f32 {
-    alpha.clamp(0.0, 1.0)
-}
-
 fn root(alpha: f32) -> f32 {
     alpha.max(0.0).sqrt()
 }
@@ -481,25 +462,6 @@ fn root(alpha: f32) -> f32 {
 /// `top` by its share, `rest` elsewhere.
 fn on_each_other(top: Look, rest: Look, share: ScalarParam) -> Look {
     let uses_vertex_colors = top.uses_vertex_colors || rest.uses_vertex_colors;
-    if share == 1.0.into() {
-        return top;
-    }
-    if share == 0.0.into() {
-        return rest;
-    }
-    let mut layers = top.layers;
-    let count = layers.len();
-    let mut left = 1.0;
-    for (i, layer) in layers.iter_mut().enumerate() {
-        // The shares of the layers among themselves, as parts of the whole.
-        let own = if i + 1 == count { 1.0 } else { layer.alpha.factor };
-        let of_whole = left * own * share.factor;
-        let before = share.factor * (1.0 - left);
-        left *= 1.0 - own;
-        let factor = if before < 1.0 { of_whole / (1.0 - before) } else { 0.0 };
-        layer.alpha = ScalarParam { factor, texture: share.texture };
-        layer.alpha_mode = AlphaMode::Blend;
-    }
-    layers.extend(rest.layers);
+    let layers = layers::blend(top.layers, rest.layers, share);
     Look { layers, uses_vertex_colors }
 }

@@ -5,6 +5,7 @@ use super::color;
 use super::object::Object;
 use super::value::Value;
 use crate::scene::fault::Fault;
+use crate::scene::scattering::{self, Coefficients};
 use crate::{Input, Place, ReadError};
 use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::MediumId;
@@ -83,6 +84,10 @@ impl Builder<'_> {
     fn homogeneous(&mut self, object: &Object, g: f32) -> Result<MediumId, Fault> {
         let scale = object.float_or("scale", 1.0)? as f32;
         if let Some((name, at)) = object.string("material")? {
+            if let Some(Coefficients { sigma_a, sigma_s }) = scattering::named(name) {
+                let plain = Homogeneous { sigma_a: sigma_a * scale, sigma_s: sigma_s * scale, emission: Rgb::BLACK, g };
+                return Ok(self.scene.add_medium(plain));
+            }
             let name = super::value::shortened(name);
             self.note("medium preset", at, || {
                 format!("the medium \"{name}\" has no table here; sigma_t and albedo were used, or their defaults")

@@ -5,7 +5,7 @@
 use super::Builder;
 use super::color;
 use super::object::Object;
-use super::value::{Hue, Value};
+use super::value::Value;
 use crate::scene::fault::Fault;
 use snell_math::{DAffine3, Rgb};
 use snell_scene::graph::ImageId;

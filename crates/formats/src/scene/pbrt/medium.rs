@@ -5,6 +5,7 @@ use crate::scene::fault::{Fault, Spot};
 use super::lexer::{Lexer, quoted};
 use super::params::{Params, Type};
 use super::spectrum::Role;
+use crate::scene::scattering;
 use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::graph::MediumId;
 use snell_scene::material::Interior;
@@ -41,10 +42,9 @@ impl Builder<'_> {
             return Err(params.fault("there is no type", "add \"string type\" [ \"homogeneous\" ] or the like"));
         };
         let params = params.of(format!("Medium {}", quoted(kind.as_bytes())));
-        params.get("preset");
         let medium: Option<Medium> = match kind.as_str() {
             "homogeneous" => {
-                let preset = (Rgb::new(0.0011, 0.0024, 0.014), Rgb::new(2.55, 3.21, 3.77));
+                let preset = self.preset(&params)?;
                 let Coefficients { sigma_a, sigma_s, emission, g } = self.coefficients(&params, preset)?;
                 Some(Homogeneous { sigma_a, sigma_s, emission, g }.into())
             }
@@ -105,19 +105,50 @@ impl Builder<'_> {
             let problem = format!("{found} densities for a grid of {} x {} x {}", size[0], size[1], size[2]);
             return Err(params.fault(problem, "give one for each cell in \"float density\""));
         };
-        let names = ["temperature", "temperaturescale", "temperatureoffset", "temperaturecutoff"];
-        self.note_ignored(params, &names, "media do not glow by temperature");
+        let temperature = self.temperature(params, size)?;
         let world_from_grid = self.world_from_box(params)?;
         Ok(Grid {
             density: density.into(),
             emission_scale,
-            temperature: None,
+            // What is hot glows by its temperature, unless a colour is given.
+            emission: if temperature.is_some() && emission.is_black() { sigma_a } else { emission },
+            temperature,
             world_from_grid,
             sigma_a,
             sigma_s,
-            emission,
             g,
         })
+    }
+
+    /// Temperatures in kelvin on the grid, if there are any.
+    fn temperature(&mut self, params: &Params, size: [usize; 3]) -> Result<Option<Arc<ScalarGrid>>, Fault> {
+        let (scale, offset) = (params.float_or("temperaturescale", 1.0)?, params.float_or("temperatureoffset", 0.0)?);
+        let cutoff = params.float_or("temperaturecutoff", 0.0)?;
+        let kelvin: Vec<f32> = params.floats("temperature")?.iter().map(|t| ((t - offset) * scale) as f32).collect();
+        if kelvin.is_empty() {
+            return Ok(None);
+        }
+        let found = kelvin.len();
+        let glowing = kelvin.into_iter().map(|t| if f64::from(t) > cutoff { t } else { 0.0 }).collect();
+        let Some(grid) = ScalarGrid::new(size, glowing) else {
+            let problem = format!("{found} temperatures for a grid of {} x {} x {}", size[0], size[1], size[2]);
+            return Err(params.fault(problem, "give one for each cell in \"float temperature\""));
+        };
+        Ok(Some(Arc::new(grid)))
+    }
+
+    /// Absorption and scattering by name; whole milk if there is none.
+    fn preset(&mut self, params: &Params) -> Result<(Rgb, Rgb), Fault> {
+        let name = params.string("preset")?.unwrap_or_default();
+        let known = scattering::named(if name.is_empty() { "wholemilk" } else { name });
+        if known.is_none() {
+            let name = quoted(name.as_bytes());
+            self.note(format!("medium preset {name}"), params.at, || {
+                format!("the medium {name} has no table here; milk was used instead")
+            });
+        }
+        let known = known.or_else(|| scattering::named("wholemilk"));
+        Ok(known.map_or((Rgb::BLACK, Rgb::WHITE), |k| (k.sigma_a, k.sigma_s)))
     }
 
     /// Map of the unit cube to the box between `p0` and `p1` in the world.
