@@ -15,8 +15,8 @@ use snell_math::Rgb;
 use snell_math::spectrum::Metal;
 use snell_scene::Material;
 use snell_scene::material::{
-    CoatedConductor, CoatedDiffuse, Conductor, ConductorSpectrum, Dielectric, Diffuse,
-    MaterialKind, MetallicRoughness, Mirror, NormalMap, OpenPbr, Phong, Plastic, ScalarParam,
+    CoatedConductor, CoatedDiffuse, Conductor, ConductorSpectrum, Dielectric, Diffuse, MaterialKind, MetallicRoughness,
+    Mirror, NormalMap, OpenPbr, Phong, Plastic, ScalarParam,
 };
 use std::rc::Rc;
 
@@ -135,7 +135,10 @@ impl Builder<'_> {
             let found = match &property.value {
                 Value::String(material) => index_named(material).ok_or_else(|| {
                     let material = super::value::shortened(material);
-                    property.fault(format!("\"{material}\" is not a material that Mitsuba knows"), "give a number or bk7, water, …")
+                    property.fault(
+                        format!("\"{material}\" is not a material that Mitsuba knows"),
+                        "give a number or bk7, water, …",
+                    )
                 })?,
                 Value::Color(hue) => f64::from(color::factor(*hue).luminance()),
                 _ => object.float_or(name, default)?,
@@ -158,7 +161,8 @@ impl Builder<'_> {
                 "ggx" => {}
                 "beckmann" | "phong" | "as" => self.note_distribution(object, at),
                 other => {
-                    let problem = format!("\"{}\" is not a distribution of microfacets", super::value::shortened(other));
+                    let problem =
+                        format!("\"{}\" is not a distribution of microfacets", super::value::shortened(other));
                     return Err(Fault::new(at, problem, "use ggx or beckmann"));
                 }
             }
@@ -180,7 +184,9 @@ impl Builder<'_> {
     fn note_distribution(&mut self, object: &Object, at: crate::scene::fault::Spot) {
         let owner = object.owner();
         self.note("distribution", at, || {
-            format!("{owner}: microfacets by Beckmann; GGX of the same width was used, whose highlights have wider tails")
+            format!(
+                "{owner}: microfacets by Beckmann; GGX of the same width was used, whose highlights have wider tails"
+            )
         });
     }
 
@@ -242,9 +248,8 @@ impl Builder<'_> {
         let over = 1.0 / self.outside_index(object)?;
         if object.has("eta") || object.has("k") {
             object.get("material");
-            let mut part = |name: &str| -> Result<Rgb, Fault> {
-                Ok(self.constant(object, name)?.unwrap_or(Rgb::BLACK) * over)
-            };
+            let mut part =
+                |name: &str| -> Result<Rgb, Fault> { Ok(self.constant(object, name)?.unwrap_or(Rgb::BLACK) * over) };
             return Ok(Some(ConductorSpectrum::Measured { eta: part("eta")?, k: part("k")? }));
         }
         let default = if self.version.starts_with("0.") { "Cu" } else { "none" };

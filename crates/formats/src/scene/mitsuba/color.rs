@@ -10,9 +10,7 @@ pub fn reflectance(hue: Hue) -> ColorParam {
     match hue {
         Hue::Rgb(rgb) => rgb.into(),
         Hue::Uniform(x) => Rgb::splat(x as f32).into(),
-        Hue::Spectrum(spectrum, factor) => {
-            ColorParam { spectrum: Some(spectrum), ..Rgb::splat(factor as f32).into() }
-        }
+        Hue::Spectrum(spectrum, factor) => ColorParam { spectrum: Some(spectrum), ..Rgb::splat(factor as f32).into() },
     }
 }
 

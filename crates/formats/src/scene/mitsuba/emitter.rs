@@ -132,7 +132,9 @@ impl Builder<'_> {
         let scale = object.float_or("scale", 1.0)? as f32;
         let fov = object.float_within("fov", 45.0, [1e-3, 179.9])?;
         if object.string("fov_axis")?.is_some_and(|(axis, _)| axis != "x") {
-            self.note("projector axis", object.at, || "a projector whose fov is not that of x: it was taken for that".into());
+            self.note("projector axis", object.at, || {
+                "a projector whose fov is not that of x: it was taken for that".into()
+            });
         }
         object.get("size");
         let Some(Pattern::Picture(factor, texture)) = self.pattern(object, "irradiance")? else {

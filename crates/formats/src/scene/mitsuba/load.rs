@@ -14,8 +14,20 @@ use std::rc::Rc;
 
 /// Elements that are objects.
 const CLASSES: [&str; 14] = [
-    "scene", "integrator", "sensor", "sampler", "film", "rfilter", "bsdf", "shape", "texture", "emitter", "medium", "phase",
-    "volume", "subsurface",
+    "scene",
+    "integrator",
+    "sensor",
+    "sampler",
+    "film",
+    "rfilter",
+    "bsdf",
+    "shape",
+    "texture",
+    "emitter",
+    "medium",
+    "phase",
+    "volume",
+    "subsurface",
 ];
 /// What older versions called them.
 const OLD_CLASSES: [(&str, &str); 2] = [("camera", "sensor"), ("luminaire", "emitter")];
@@ -105,7 +117,8 @@ impl<'a> Loader<'a> {
         let document = Document::parse_with_options(text, options).map_err(|error| {
             let place = error.pos();
             let message = error.to_string();
-            let problem = message.split(" at ").next().unwrap_or(&message).to_string();
+            // The place is told as that of all messages.
+            let problem = message.replace(&format!(" at {place}"), "");
             Fault::new(Spot { file: number, line: place.row, column: place.col }, problem, "correct the XML")
         })?;
         let lines = std::iter::once(0).chain(text.match_indices('\n').map(|(i, _)| i + 1)).collect();
@@ -118,7 +131,11 @@ impl<'a> Loader<'a> {
         if number == 0 {
             let missing = || {
                 let problem = "<scene> has no version, as Mitsuba's scenes have";
-                Fault::new(file.at(&root), problem, "write <scene version=\"3.0.0\">, or convert it if it is another program's")
+                Fault::new(
+                    file.at(&root),
+                    problem,
+                    "write <scene version=\"3.0.0\">, or convert it if it is another program's",
+                )
             };
             self.version = root.attribute("version").ok_or_else(missing)?.to_string();
         }
@@ -268,9 +285,7 @@ impl<'a> Loader<'a> {
     /// The value that an element says; `None` if there is no such element.
     fn value(&mut self, file: &File, node: &Node, tag: &str) -> Result<Option<Value>, Fault> {
         let at = file.at(node);
-        let fault = |problem: String| {
-            Fault::new(at, format!("<{tag}>: {problem}"), "correct the value")
-        };
+        let fault = |problem: String| Fault::new(at, format!("<{tag}>: {problem}"), "correct the value");
         Ok(Some(match tag {
             "float" => Value::Float(value::number(&self.required(file, node, "value")?).map_err(fault)?),
             "integer" | "int" => {
@@ -438,7 +453,8 @@ impl<'a> Loader<'a> {
 
     /// The value of a property inside of an element.
     fn inner(&mut self, file: &File, node: &Node, name: &str) -> Result<Option<String>, Fault> {
-        let is = |child: &Node| child.is_element() && child.attribute("name").is_some_and(|n| value::snake_case(n) == name);
+        let is =
+            |child: &Node| child.is_element() && child.attribute("name").is_some_and(|n| value::snake_case(n) == name);
         match node.children().find(is) {
             Some(child) => Ok(Some(self.required(file, &child, "value")?)),
             None => Ok(None),
@@ -462,7 +478,8 @@ impl<'a> Loader<'a> {
             Some(text) => value::number(&text).map_err(fault)?,
             None => self.inner_number(file, node, "scale")?.unwrap_or(1.0),
         };
-        let spectrum = (100.0..=1e6).contains(&kelvin).then(|| snell_math::spectrum::Spectrum::blackbody(kelvin as f32));
+        let spectrum =
+            (100.0..=1e6).contains(&kelvin).then(|| snell_math::spectrum::Spectrum::blackbody(kelvin as f32));
         let Some(spectrum) = spectrum.flatten() else {
             return Err(fault(format!("a black body of {kelvin} K")));
         };

@@ -54,7 +54,8 @@ impl Builder<'_> {
                 None
             }
         };
-        for name in ["sample_emitters", "has_spectral_extinction", "majorant_resolution_factor", "method", "step_size"] {
+        for name in ["sample_emitters", "has_spectral_extinction", "majorant_resolution_factor", "method", "step_size"]
+        {
             object.get(name);
         }
         self.leave();
@@ -218,9 +219,10 @@ fn read_volume(input: &Input) -> Result<VolumeFile, ReadError> {
     let mut counts = [0usize; 4];
     for (i, count) in counts.iter_mut().enumerate() {
         let found = i32::from_le_bytes(word(8 + 4 * i));
-        *count = usize::try_from(found).ok().filter(|c| *c > 0).ok_or_else(|| {
-            error(8 + 4 * i, format!("a grid with {found} cells or channels"))
-        })?;
+        *count = usize::try_from(found)
+            .ok()
+            .filter(|c| *c > 0)
+            .ok_or_else(|| error(8 + 4 * i, format!("a grid with {found} cells or channels")))?;
     }
     let [x, y, z, channels] = counts;
     let total = [x, y, z, channels].iter().try_fold(1usize, |a, b| a.checked_mul(*b));

@@ -138,7 +138,9 @@ impl Builder<'_> {
         }
         for other in children.iter().filter(|o| !KNOWN_AT_TOP.contains(&o.class.as_str())) {
             let owner = other.owner();
-            self.note(owner.clone(), other.at, || format!("{owner} does not stand in an object that uses it; it was ignored"));
+            self.note(owner.clone(), other.at, || {
+                format!("{owner} does not stand in an object that uses it; it was ignored")
+            });
         }
         for property in &root.properties {
             let name = property.name.clone();

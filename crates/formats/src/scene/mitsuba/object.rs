@@ -61,7 +61,10 @@ impl Property {
 
     fn wrong_kind(&self, expected: &str) -> Fault {
         let found = self.value.kind();
-        self.fault(format!("a {found}, where a {expected} was expected"), format!("write a {expected}"))
+        self.fault(
+            format!("{found} found, {expected} expected"),
+            format!("write <{expected} name=\"{}\" …/>", self.name),
+        )
     }
 }
 
@@ -110,7 +113,21 @@ impl Object {
             return Ok(number);
         }
         let at = self.get(name).map_or(self.at, |p| p.at);
-        Err(Fault::new(at, format!("\"{name}\" is {number}"), format!("give a number from {} to {}", range[0], range[1])))
+        Err(Fault::new(
+            at,
+            format!("\"{name}\" is {number}"),
+            format!("give a number from {} to {}", range[0], range[1]),
+        ))
+    }
+
+    /// A positive number or its default.
+    pub fn positive(&self, name: &str, default: f64) -> Result<f64, Fault> {
+        let number = self.float_or(name, default)?;
+        if number > 0.0 && number < 1e30 {
+            return Ok(number);
+        }
+        let at = self.get(name).map_or(self.at, |p| p.at);
+        Err(Fault::new(at, format!("\"{name}\" is {number}"), "give a positive number"))
     }
 
     /// A whole number in a range (inclusive).

@@ -77,7 +77,7 @@ impl Builder<'_> {
             return Ok(camera);
         }
         let aperture = object.float_within("aperture_radius", 0.0, [0.0, 1e30])?;
-        let focus = object.float_within("focus_distance", 1e4, [1e-30, 1e30])?;
+        let focus = object.positive("focus_distance", 1e4)?;
         if object.get("aperture_map").is_some() || object.has("aperture") {
             self.note("aperture", object.at, || "an aperture of its own shape; it became a disk".into());
         }
@@ -87,7 +87,8 @@ impl Builder<'_> {
     fn perspective(&mut self, object: &Object, size: [u32; 2]) -> Result<Projection, Fault> {
         let [w, h] = size.map(f64::from);
         let tan = self.tan_half_fov_x(object, w / h)?;
-        let offset = [object.float_or("principal_point_offset_x", 0.0)?, object.float_or("principal_point_offset_y", 0.0)?];
+        let offset =
+            [object.float_or("principal_point_offset_x", 0.0)?, object.float_or("principal_point_offset_y", 0.0)?];
         if offset == [0.0; 2] {
             let tan_half_fov = if w >= h { [Some(tan), None] } else { [Some(tan), Some(tan * h / w)] };
             return Ok(Projection::Perspective { tan_half_fov });
@@ -147,8 +148,21 @@ impl Builder<'_> {
         }
         // How the picture is stored is for the command line to say.
         for name in [
-            "filename", "file_format", "pixel_format", "component_format", "gamma", "banner", "attach_log", "sample_border",
-            "high_quality_edges", "tonemap_method", "exposure", "key", "burn", "fast_approx", "compensate",
+            "filename",
+            "file_format",
+            "pixel_format",
+            "component_format",
+            "gamma",
+            "banner",
+            "attach_log",
+            "sample_border",
+            "high_quality_edges",
+            "tonemap_method",
+            "exposure",
+            "key",
+            "burn",
+            "fast_approx",
+            "compensate",
         ] {
             film.get(name);
         }
@@ -172,7 +186,9 @@ impl Builder<'_> {
         self.scene.settings.filter = Some(ours.into());
         if filter.float_or("stddev", 0.5)? != 0.5 || filter.float_or("radius", 0.0)? != 0.0 {
             let owner = filter.owner();
-            self.note(format!("{owner} size"), filter.at, || format!("{owner} of a size of its own: the usual size was used"));
+            self.note(format!("{owner} size"), filter.at, || {
+                format!("{owner} of a size of its own: the usual size was used")
+            });
         }
         for name in ["lobes", "b", "c"] {
             filter.get(name);
@@ -199,7 +215,9 @@ impl Builder<'_> {
         let inner = self.inner(object, |o| o.class == "integrator")?;
         if let Some(inner) = inner {
             if object.get("aovs").is_some() {
-                self.note("aovs", object.at, || "the layers of an aov integrator were ignored: give --aov instead".into());
+                self.note("aovs", object.at, || {
+                    "the layers of an aov integrator were ignored: give --aov instead".into()
+                });
             }
             self.integrator(&inner)?;
             return Ok(());
@@ -217,7 +235,8 @@ impl Builder<'_> {
             _ => "path",
         };
         self.scene.settings.integrator = Some(ours.into());
-        let exact = ["path", "volpath", "volpathmis", "volpath_simple", "direct", "ao", "prb", "prb_basic", "prbvolpath"];
+        let exact =
+            ["path", "volpath", "volpathmis", "volpath_simple", "direct", "ao", "prb", "prb_basic", "prbvolpath"];
         if !exact.contains(&object.kind.as_str()) {
             let owner = object.owner();
             self.note(owner.clone(), object.at, || format!("{owner}: the integrator {ours} was used instead"));
@@ -226,9 +245,18 @@ impl Builder<'_> {
             self.note("hide_emitters", object.at, || "hide_emitters was ignored: emitters are seen".into());
         }
         // These change the noise only.
-        for name in ["rr_depth", "strict_normals", "samples_per_pass", "block_size", "emitter_samples", "bsdf_samples",
-            "shading_samples", "timeout", "sample_num", "delta"]
-        {
+        for name in [
+            "rr_depth",
+            "strict_normals",
+            "samples_per_pass",
+            "block_size",
+            "emitter_samples",
+            "bsdf_samples",
+            "shading_samples",
+            "timeout",
+            "sample_num",
+            "delta",
+        ] {
             object.get(name);
         }
         self.note_unused(object);

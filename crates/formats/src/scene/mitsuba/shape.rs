@@ -158,7 +158,8 @@ impl Builder<'_> {
             }
         }
         if !parts.has_bsdf && parts.interior.is_none() {
-            parts.look.layers = vec![Material::new("default", snell_scene::material::Diffuse::new(snell_math::Rgb::splat(0.5)))];
+            parts.look.layers =
+                vec![Material::new("default", snell_scene::material::Diffuse::new(snell_math::Rgb::splat(0.5)))];
         }
         Ok(parts)
     }
@@ -247,7 +248,7 @@ impl Builder<'_> {
     }
 
     fn sphere(&mut self, object: &Object, plain: bool) -> Result<Made, Fault> {
-        let radius = object.float_within("radius", 1.0, [1e-30, 1e30])?;
+        let radius = object.positive("radius", 1.0)?;
         let center = object.vector("center")?.unwrap_or(DVec3::ZERO);
         let flipped = object.bool_or("flip_normals", false)?;
         if plain || !flipped {
@@ -262,7 +263,7 @@ impl Builder<'_> {
     }
 
     fn cylinder(&mut self, object: &Object, plain: bool) -> Result<Made, Fault> {
-        let radius = object.float_within("radius", 1.0, [1e-30, 1e30])?;
+        let radius = object.positive("radius", 1.0)?;
         let (p0, p1) = (object.vector("p0")?.unwrap_or(DVec3::ZERO), object.vector("p1")?.unwrap_or(DVec3::Z));
         let height = (p1 - p0).length();
         let Some(axis) = (p1 - p0).try_normalize() else {

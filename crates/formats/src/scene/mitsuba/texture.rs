@@ -24,6 +24,8 @@ pub type Function = fn(f32) -> f32;
 pub struct Textures {
     /// By the address of their object, which lives as long as the scene is built.
     known: HashMap<*const Object, Pattern>,
+    /// Those in the scene.
+    ids: HashMap<String, TextureId>,
     /// Pictures of single numbers that were made of others, by picture, encoding and function.
     scalars: HashMap<(ImageId, bool, Option<usize>), ImageId>,
 }
@@ -124,10 +126,9 @@ impl Builder<'_> {
     }
 
     fn texture_id(&mut self, texture: Texture) -> TextureId {
-        match self.scene.textures.iter().position(|known| *known == texture) {
-            Some(position) => TextureId(position as u32),
-            None => self.scene.add_texture(texture),
-        }
+        // The debug form of a float is exact, so equal text is an equal texture.
+        let scene = &mut self.scene;
+        *self.textures.ids.entry(format!("{texture:?}")).or_insert_with(|| scene.add_texture(texture))
     }
 
     /// The texture of single numbers: grey, and with a function applied.
@@ -242,7 +243,9 @@ impl Builder<'_> {
             "repeat" => Some(Wrap::Repeat),
             _ => None,
         };
-        for (name, axes) in [("wrap_mode", [true, true]), ("wrap_mode_u", [true, false]), ("wrap_mode_v", [false, true])] {
+        for (name, axes) in
+            [("wrap_mode", [true, true]), ("wrap_mode_u", [true, false]), ("wrap_mode_v", [false, true])]
+        {
             let Some((text, at)) = object.string(name)? else { continue };
             let Some(mode) = wrap(text) else {
                 let problem = format!("\"{}\" is not a way to wrap", super::value::shortened(text));

@@ -1,7 +1,7 @@
 //! The values of properties as they are written: numbers, lists, colours, transforms.
 
-use snell_math::{DAffine3, DMat3, DMat4, DVec3, Rgb, Transform};
 use snell_math::spectrum::Spectrum;
+use snell_math::{DAffine3, DMat3, DMat4, DVec3, Rgb, Transform};
 
 /// The value of a property.
 #[derive(Clone, Debug)]
@@ -116,9 +116,7 @@ pub fn table(mut pairs: Vec<[f32; 2]>) -> Result<Hue, String> {
 pub fn matrix(text: &str) -> Result<DAffine3, String> {
     let found = numbers(text)?;
     let map = match *found {
-        [a, b, c, d, e, f, g, h, i] => {
-            DAffine3::from_mat3(DMat3::from_cols_array(&[a, d, g, b, e, h, c, f, i]))
-        }
+        [a, b, c, d, e, f, g, h, i] => DAffine3::from_mat3(DMat3::from_cols_array(&[a, d, g, b, e, h, c, f, i])),
         _ => {
             let rows: [f64; 16] =
                 found.as_slice().try_into().map_err(|_| format!("{} numbers where 16 were expected", found.len()))?;

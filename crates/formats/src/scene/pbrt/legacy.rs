@@ -1,12 +1,12 @@
 //! What pbrt-v3 wrote otherwise.
 
 use super::Builder;
-use crate::scene::fault::Fault;
 use super::material::Known;
 use super::options::is_kind;
 use super::params::Params;
 use super::spectrum::COPPER;
 use super::texture::Pattern;
+use crate::scene::fault::Fault;
 use snell_math::Rgb;
 use snell_scene::Material;
 use snell_scene::material::{

@@ -1,17 +1,17 @@
 //! Materials.
 
 use super::Builder;
-use crate::scene::fault::{Fault, Spot};
 use super::lexer::{Lexer, quoted};
 use super::params::{Params, Type};
 use super::spectrum::{COPPER, Role};
 use super::texture::Pattern;
 use super::{legacy, options::is_kind};
-use snell_math::Rgb;
+use crate::scene::fault::{Fault, Spot};
 use crate::scene::layers::{self, Layers};
 use crate::scene::metal::{Roughness, metal};
 use crate::scene::scattering::{self, Coefficients, color_of_albedo};
 use crate::scene::sheet::letting_through;
+use snell_math::Rgb;
 use snell_math::spectrum::Metal;
 use snell_scene::material::{
     CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Interface, Interior,
@@ -116,7 +116,7 @@ impl Builder<'_> {
     }
 
     /// The layers of the current material with what a shape adds to them; none if there is no surface.
-    pub(super) fn finished_material(&mut self, finish: &Finish) -> Vec<MaterialId> {
+    pub(super) fn finished_material(&mut self, finish: &Finish, at: Spot) -> Vec<MaterialId> {
         let position = self.current_material();
         let key = (position, format!("{finish:?}"));
         if let Some(ids) = self.materials.ids.get(&key) {
@@ -127,7 +127,7 @@ impl Builder<'_> {
             layers.push(Material::new("interface", Interface {}));
         }
         if finish.emission.is_some() && layers.len() > 1 {
-            self.note("emitting mix", Spot::default(), || {
+            self.note("emitting mix", at, || {
                 "an area light on a mix of materials: the last of them was used alone".into()
             });
             layers.drain(..layers.len() - 1);
@@ -136,7 +136,7 @@ impl Builder<'_> {
             let (masked, is_exact) = layers::mask(layers, alpha);
             layers = masked;
             if !is_exact {
-                self.note("alpha of mix", Spot::default(), || {
+                self.note("alpha of mix", at, || {
                     "a texture as alpha of a mix of materials: it was put on the last of them only".into()
                 });
             }
@@ -336,11 +336,8 @@ impl Builder<'_> {
             let Coefficients { sigma_a, sigma_s } = self.coefficients_below(params)?;
             let (sigma_a, sigma_s) = (sigma_a * scale, sigma_s * scale);
             let channel = |a: f32, s: f32| color_of_albedo(s / (a + s).max(1e-12), g);
-            let color = Rgb::new(
-                channel(sigma_a.r, sigma_s.r),
-                channel(sigma_a.g, sigma_s.g),
-                channel(sigma_a.b, sigma_s.b),
-            );
+            let color =
+                Rgb::new(channel(sigma_a.r, sigma_s.r), channel(sigma_a.g, sigma_s.g), channel(sigma_a.b, sigma_s.b));
             (color.into(), (sigma_a + sigma_s).map(|t| 1.0 / t.max(1e-6)))
         };
         let longest = radius.max_element().max(1e-9);

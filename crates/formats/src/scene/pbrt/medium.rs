@@ -1,10 +1,10 @@
 //! Participating media.
 
 use super::Builder;
-use crate::scene::fault::{Fault, Spot};
 use super::lexer::{Lexer, quoted};
 use super::params::{Params, Type};
 use super::spectrum::Role;
+use crate::scene::fault::{Fault, Spot};
 use crate::scene::scattering;
 use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::graph::MediumId;

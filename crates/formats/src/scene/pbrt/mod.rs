@@ -25,10 +25,10 @@ mod tests;
 mod texture;
 mod transform;
 
-use crate::textures::Textures;
-use crate::{Input, ReadError, SceneReader};
 use crate::scene::fault::{Fault, Spot};
 use crate::scene::notes::Notes;
+use crate::textures::Textures;
+use crate::{Input, ReadError, SceneReader};
 use material::Materials;
 use medium::Media;
 use options::RenderOptions;

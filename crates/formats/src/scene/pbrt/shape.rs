@@ -9,11 +9,11 @@ mod patch;
 mod quadric;
 
 use super::Builder;
-use crate::scene::fault::Fault;
 use super::light::AreaLight;
 use super::material::Finish;
 use super::options::is_kind;
 use super::params::{Params, Type};
+use crate::scene::fault::Fault;
 use crate::scene::shapes::ShapeTable;
 use snell_intersect::{AnyShape, Shape, TriangleMesh};
 use snell_math::{DAffine3, Transform, Vec3};
@@ -77,7 +77,7 @@ impl Builder<'_> {
             alpha: alpha.filter(|a| a.as_constant().is_none_or(|c| c.r < 1.0)).map(|a| self.scalar_param(&a)),
             interior: self.interior(),
         };
-        let materials = self.finished_material(&finish);
+        let materials = self.finished_material(&finish, params.at);
         if materials.is_empty() {
             self.note("interface", params.at, || {
                 "surfaces without a material that bound no medium are not seen, and were left out".into()

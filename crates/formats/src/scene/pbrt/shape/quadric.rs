@@ -1,10 +1,10 @@
 //! Spheres, cylinders and disks: whole ones as analytic shapes, parts of them as triangles.
 
 use super::super::Builder;
-use crate::scene::fault::Fault;
 use super::super::options::is_kind;
 use super::super::params::Params;
 use super::Made;
+use crate::scene::fault::Fault;
 use crate::scene::shapes::{ALONG, AROUND, around_z, swept};
 use snell_intersect::shape::{Cylinder, Disk, Sphere};
 use snell_math::{DAffine3, DVec3};
