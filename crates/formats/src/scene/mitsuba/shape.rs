@@ -1,15 +1,18 @@
 //! Shapes: what each kind is, and its place, materials and light.
 
+mod mesh;
+mod primitive;
+
 use super::Builder;
 use super::bsdf::Look;
 use super::object::Object;
-use super::serialized;
-use super::value::shortened;
 use crate::scene::fault::{Fault, Spot};
 use crate::scene::shapes::{ALONG, AROUND, ShapeTable, around_z, swept};
+use mesh::{flip_v, turn_over};
+use primitive::{cube, disk, rectangle};
 use snell_intersect::shape::{Cylinder, Disk, Rectangle, Sphere};
 use snell_intersect::{AnyShape, Shape, TriangleMesh};
-use snell_math::{DAffine3, DMat3, DVec2, DVec3, Transform, Vec2, Vec3};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Transform};
 use snell_scene::material::{AlphaMode, ColorParam, Interface, Interior};
 use snell_scene::{Geometry, Material, MaterialId, Node, NodeId, Surface};
 use std::collections::HashMap;
@@ -281,64 +284,6 @@ impl Builder<'_> {
         });
         self.made(object, mesh)
     }
-
-    fn mesh_file(&mut self, object: &Object, keeps_colors: bool) -> Result<Option<Arc<TriangleMesh>>, Fault> {
-        let (name, at) = object.file_name()?;
-        let flips_v = object.bool_or("flip_tex_coords", object.kind == "obj")?;
-        let is_flat = object.bool_or("face_normals", false)?;
-        let crease = object.float("max_smooth_angle")?;
-        let is_flipped = object.bool_or("flip_normals", false)?;
-        let index = match object.integer_within("shape_index", [0, i64::from(u32::MAX)])? {
-            Some(index) => index as usize,
-            None => 0,
-        };
-        for name in ["srgb", "collapse"] {
-            object.get(name);
-        }
-        let path = self.main.resolve(name).map_err(|e| Fault::new(at, e.problem, e.remedy))?;
-        let path = path.canonicalize().unwrap_or(path);
-        let how = format!("{flips_v} {is_flat} {crease:?} {is_flipped} {index} {keeps_colors}");
-        if let Some(known) = self.shapes.files.get(&(path.clone(), how.clone())) {
-            return Ok(Some(known.clone()));
-        }
-        let input = self.open(name, at)?;
-        let mut says_flat = false;
-        let mut mesh = if object.kind == "serialized" {
-            let read = serialized::read(&input, index)?;
-            says_flat = read.is_flat;
-            read.mesh
-        } else {
-            let mut mesh = crate::mesh::read_mesh(&input)?;
-            mesh.material_slots.clear();
-            mesh
-        };
-        if !keeps_colors {
-            mesh.colors.clear();
-        }
-        self.count_triangles(at, mesh.indices.len())?;
-        if is_flat || says_flat {
-            mesh.normals.clear();
-        } else if let Some(crease) = crease {
-            crate::mesh::smooth_normals(&mut mesh, crease as f32);
-        } else if mesh.normals.is_empty() {
-            mesh.normals = mesh.computed_normals();
-        }
-        repair_normals(&mut mesh);
-        if is_flipped {
-            turn_over(&mut mesh);
-        }
-        if flips_v {
-            mesh = flip_v(mesh);
-        }
-        if mesh.indices.is_empty() {
-            let name = shortened(name);
-            self.note("empty mesh", at, || format!("\"{name}\" has no triangles; it was left out"));
-            return Ok(None);
-        }
-        let mesh = Arc::new(mesh);
-        self.shapes.files.insert((path, how), mesh.clone());
-        Ok(Some(mesh))
-    }
 }
 
 /// What stands inside of a shape.
@@ -349,73 +294,6 @@ struct Parts {
     has_bsdf: bool,
     emission: Option<ColorParam>,
     interior: Option<Interior>,
-}
-
-fn turn_over(mesh: &mut TriangleMesh) {
-    mesh.indices.iter_mut().for_each(|t| t.swap(1, 2));
-    mesh.normals.iter_mut().for_each(|n| *n = -*n);
-}
-
-fn flip_v(mut mesh: TriangleMesh) -> TriangleMesh {
-    mesh.uvs[0].iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
-    mesh
-}
-
-/// Normals without a direction become those of the faces around.
-fn repair_normals(mesh: &mut TriangleMesh) {
-    let is_bad = |n: &Vec3| n.try_normalize().is_none();
-    if mesh.normals.iter().any(is_bad) {
-        let computed = mesh.computed_normals();
-        let bad = mesh.normals.iter_mut().zip(computed).filter(|(n, _)| is_bad(n));
-        bad.for_each(|(normal, computed)| *normal = computed);
-    }
-}
-
-/// The unit disk, with the distance from its middle as u and the longitude as v.
-fn disk() -> TriangleMesh {
-    let mut mesh = swept(360.0, [AROUND, 1], |phi, v| {
-        let r = 1.0 - v;
-        (DVec3::new(r * phi.cos(), r * phi.sin(), 0.0), DVec3::Z)
-    });
-    mesh.uvs[0].iter_mut().for_each(|uv| *uv = Vec2::new(1.0 - uv.y, uv.x));
-    mesh
-}
-
-/// The square from -1 to 1 in the plane of x and y.
-fn rectangle() -> TriangleMesh {
-    face(&mut TriangleMesh::default(), DVec3::ZERO, DVec3::X, DVec3::Y)
-}
-
-/// The cube from -1 to 1: the directions in which u and v grow on its faces are Mitsuba's.
-fn cube() -> TriangleMesh {
-    let faces = [
-        (DVec3::NEG_Y, DVec3::Z, DVec3::X),
-        (DVec3::Y, DVec3::NEG_X, DVec3::NEG_Z),
-        (DVec3::X, DVec3::Y, DVec3::NEG_Z),
-        (DVec3::Z, DVec3::Y, DVec3::X),
-        (DVec3::NEG_X, DVec3::Y, DVec3::Z),
-        (DVec3::NEG_Z, DVec3::NEG_Y, DVec3::X),
-    ];
-    let mut mesh = TriangleMesh::default();
-    for (middle, u, v) in faces {
-        mesh = face(&mut mesh, middle, u, v);
-    }
-    mesh
-}
-
-/// Adds a square whose coordinates grow along `u` and `v`, seen from outside of the middle, or from `u x v` if that is the origin.
-fn face(mesh: &mut TriangleMesh, middle: DVec3, u: DVec3, v: DVec3) -> TriangleMesh {
-    let first = mesh.positions.len() as u32;
-    for (x, y) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
-        mesh.positions.push((middle + u * (2.0 * x - 1.0) + v * (2.0 * y - 1.0)).as_vec3());
-        mesh.uvs[0].push(Vec2::new(x as f32, y as f32));
-    }
-    let faces_out = u.cross(v).dot(middle) >= 0.0;
-    for [a, b, c] in [[0, 1, 2], [0, 2, 3]] {
-        let [b, c] = if faces_out { [b, c] } else { [c, b] };
-        mesh.indices.push([a, b, c].map(|i| first + i));
-    }
-    std::mem::take(mesh)
 }
 
 /// How much of the scene one unit of the texture coordinates covers, by area.
@@ -437,21 +315,4 @@ fn width_of_coordinates(geometry: &Geometry, place: DAffine3) -> f32 {
     }
     let width = if uv > 0.0 { (world / uv).sqrt() } else { 0.0 };
     if width.is_finite() { width as f32 } else { 0.0 }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn faces_of_the_cube_look_outwards() {
-        let mesh = cube();
-        assert_eq!((mesh.positions.len(), mesh.indices.len()), (24, 12));
-        for t in 0..12 {
-            let [a, b, c] = mesh.corners(t);
-            assert!((b - a).cross(c - a).dot(a + b + c) > 0.0, "{t}");
-        }
-        let [a, b, c] = rectangle().corners(0);
-        assert!((b - a).cross(c - a).z > 0.0);
-    }
 }
