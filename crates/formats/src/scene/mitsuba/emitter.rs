@@ -103,7 +103,8 @@ impl Builder<'_> {
         let mut polar = vec![0.0, beam.to_radians(), cutoff.to_radians()];
         let mut values = vec![Rgb::WHITE, Rgb::WHITE, Rgb::BLACK];
         if beam <= 0.0 {
-            (polar.remove(1), values.remove(1));
+            polar.remove(1);
+            values.remove(1);
         } else if beam >= cutoff {
             polar[1] = polar[2] * (1.0 - 1e-6);
         }

@@ -216,7 +216,7 @@ impl Builder<'_> {
     }
 
     /// The affine map of texture coordinates: `to_uv`, or the factors and offsets of version 0.6.
-    fn to_uv(&mut self, object: &Object) -> Result<[[f32; 3]; 2], Fault> {
+    fn uv_transform(&mut self, object: &Object) -> Result<[[f32; 3]; 2], Fault> {
         let map: DAffine3 = object.transform("to_uv")?;
         let both = [object.float_or("uvscale", 1.0)?, object.float_or("uvoffset", 0.0)?];
         let scale = [object.float_or("uscale", both[0])?, object.float_or("vscale", both[0])?];
@@ -259,7 +259,7 @@ impl Builder<'_> {
         for name in ["channel", "max_anisotropy", "cache", "format", "accel"] {
             object.get(name);
         }
-        texture.uv_transform = self.to_uv(object)?;
+        texture.uv_transform = self.uv_transform(object)?;
         Ok(Pattern::Picture(Rgb::WHITE, texture))
     }
 
@@ -273,7 +273,7 @@ impl Builder<'_> {
         let image = self.scene.add_image(Arc::new(Image::from_f32(2, 2, 3, values)));
         let mut texture = Texture::new(image, Encoding::Linear);
         texture.filtering = Filtering::Nearest;
-        texture.uv_transform = self.to_uv(object)?;
+        texture.uv_transform = self.uv_transform(object)?;
         Ok(Pattern::Picture(Rgb::WHITE, texture))
     }
 }
