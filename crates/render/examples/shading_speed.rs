@@ -16,13 +16,25 @@ fn main() {
     } else {
         chosen
     };
-    println!("{:12} {:>10} {:>12} {:>12} {:>10}", "scene", "Msamples/s", "ns/sample", "ns tracing", "Mrays");
+    println!(
+        "{:12} {:>10} {:>12} {:>12} {:>10} {:>10} {:>10}",
+        "scene", "Msamples/s", "ns/sample", "ns tracing", "Mrays", "variance", "mean"
+    );
     for name in scenes {
         let scene = builtin(&name).expect("the name of a built-in scene");
         let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("built-in scenes are valid");
         let settings = Settings { size: [128, 128], spp: 16, max_depth: 8, ..Settings::default() };
         let job = Job::new(&compiled, &scene.cameras[0], &settings);
         let samples = f64::from(settings.size[0] * settings.size[1] * settings.spp);
+        let image = |seed| {
+            Job::new(&compiled, &scene.cameras[0], &Settings { seed, ..settings.clone() }).run(1, &|_| true).0.image()
+        };
+        let (a, b) = (image(1), image(2));
+        let pairs = || a.layers[0].values.iter().zip(&b.layers[0].values).map(|(&a, &b)| (f64::from(a), f64::from(b)));
+        let (count, sum) = (pairs().count() as f64, pairs().map(|(a, b)| a + b).sum::<f64>());
+        let mean = sum / (2.0 * count);
+        let variance =
+            0.5 * pairs().map(|(a, b)| (a - b).powi(2)).sum::<f64>() / count / (mean * mean) * f64::from(settings.spp);
         let mut best: Option<(f64, f64, f64)> = None;
         for _ in 0..REPEATS {
             let start = Instant::now();
@@ -36,7 +48,7 @@ fn main() {
         let (seconds, tracing, rays) = best.expect("at least one repeat");
         let each = 1e9 / samples;
         println!(
-            "{name:12} {:>10.3} {:>12.0} {:>12.0} {:>10.2}",
+            "{name:12} {:>10.3} {:>12.0} {:>12.0} {:>10.2} {variance:>10.4} {mean:>10.5}",
             samples / seconds * 1e-6,
             seconds * each,
             tracing * each,

@@ -41,7 +41,7 @@ const LEAST_OF_DISK: f64 = 0.5;
 
 /// What lies within this part of its distance is sampled by area: the density of solid angle is nearly the same all over it, and angles
 /// are dear.
-const FAR: f64 = 0.2;
+const FAR: f64 = 0.4;
 
 impl Outline {
     /// The outline of a shape.
