@@ -229,6 +229,7 @@ impl Node {
 
 /// See [`Node::importance`]. A loop without branches: a few instructions for all lanes.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "lanes of many arrays")]
 fn importance(node: &Node, receiver: &Receiver) -> [f32; WIDTH] {
     let Receiver { position: p, normal: n, transmits } = *receiver;
     let in_medium = n == Vec3::ZERO;

@@ -46,10 +46,8 @@ impl<const N: usize> ManyRandoms<N> {
                 )
             }
             _ => {
-                for i in 0..N {
-                    let u = self.sampler.point(self.keys[i], self.samples[i], dimension);
-                    (to[0][i], to[1][i]) = (u.x, u.y);
-                }
+                let point = |i| self.sampler.point(self.keys[i], self.samples[i], dimension);
+                (0..N).for_each(|i| [to[0][i], to[1][i]] = point(i).to_array());
             }
         }
         to
