@@ -1,7 +1,7 @@
 //! What happens to the samples of a part, written down in order: for [`crate::explain`]. Nobody else keeps one.
 
 use crate::integrator::light_part::LightSource;
-use crate::integrator::{MediumVertex, Outputs, PathState, Vertex, Weights};
+use crate::integrator::{MediumVertex, PathState, Weights};
 use snell_intersect::Hit;
 use snell_math::{Ray, SampledSpectrum};
 
@@ -60,24 +60,4 @@ pub struct Shaded {
     pub source: Option<LightSource>,
     /// Where the path goes on.
     pub next: Vec<(Ray, PathState)>,
-}
-
-impl Journal {
-    /// Notes a vertex.
-    pub fn note(&mut self, path: usize, sample: u32, hit: Hit, vertex: &Vertex, outputs: &Outputs) {
-        self.events.push(Event::Vertex(Box::new(Shaded {
-            path,
-            sample,
-            ray: *vertex.ray,
-            hit,
-            state: *vertex.state,
-            medium: vertex.medium,
-            outside_ior: vertex.surface.as_ref().map_or(1.0, |surface| surface.outside_ior),
-            radiance: outputs.radiance,
-            weights: outputs.weights,
-            light_rays: outputs.light_rays.clone(),
-            source: outputs.light_source,
-            next: outputs.next.clone(),
-        })));
-    }
 }

@@ -2,7 +2,7 @@
 //! left. Batches only; nothing here asks for a single ray.
 
 use super::Statistics;
-use super::journal::{Event, Journal};
+use super::journal::{Event, Journal, Shaded};
 use super::light_parts::LightParts;
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
@@ -14,6 +14,7 @@ use crate::guiding::{Record, Recorder};
 use crate::integrator::aov::{Aov, AovKind};
 use crate::integrator::camera_path::camera_path;
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
+use crate::integrator::matte::{self, LANES, MatteVertices};
 use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex, VertexFunction};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
@@ -55,6 +56,29 @@ pub struct PartRenderer<'a> {
     light_parts: &'a LightParts,
     /// What media need, where there are any and the integrator knows of them.
     volumes: Option<VolumeBatch<'a>>,
+    /// What is shaded many at once.
+    matte: Option<Box<Matte>>,
+}
+
+/// Vertices that are shaded many at once.
+struct Matte {
+    vertices: MatteVertices,
+    /// By material; `None` for those that are not matte.
+    reflectances: Vec<Option<SampledSpectrum>>,
+}
+
+impl Matte {
+    /// `None` if there are none.
+    fn new(context: &Context, sampler: &Sampler) -> Option<Box<Self>> {
+        let scene = context.scene;
+        let reflectances: Vec<_> =
+            scene.materials.iter().map(|m| matte::reflectance(context, m, context.settings.color)).collect();
+        let wide = scene.world.simd().wide();
+        reflectances
+            .iter()
+            .any(Option::is_some)
+            .then(|| Box::new(Self { vertices: MatteVertices::new(sampler, wide), reflectances }))
+    }
 }
 
 /// A sample being taken.
@@ -94,6 +118,7 @@ impl<'a> PartRenderer<'a> {
         let sees_media = context.settings.integrator.sees_media();
         let volumes = if sees_media { VolumeBatch::new(scene, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
+        let matte = if volumes.is_some() { None } else { Matte::new(&context, sampler) };
         Self {
             context,
             camera,
@@ -115,6 +140,7 @@ impl<'a> PartRenderer<'a> {
             covering: Vec::new(),
             light_parts,
             volumes,
+            matte,
         }
     }
 
@@ -298,14 +324,80 @@ impl<'a> PartRenderer<'a> {
         }
         self.group_by_material();
         let order = std::mem::take(&mut self.order);
-        for &path in &order {
-            self.shade_one(depth, path as usize);
+        let mut rest = order.as_slice();
+        while let Some(&first) = rest.first() {
+            let (now, reflectance) = self.alike(first, rest);
+            match reflectance {
+                Some(reflectance) => self.shade_matte(depth, now, reflectance),
+                None => now.iter().for_each(|&path| self.shade_one(depth, path as usize)),
+            }
+            rest = &rest[now.len()..];
             if self.light_rays.rays.len() >= MAX_BATCH {
                 self.trace_light_rays(statistics);
             }
         }
         self.trace_light_rays(statistics);
         self.order = order;
+    }
+
+    /// The paths at the beginning that can be worked on together with the first, and the reflectance of their surface; one path
+    /// and none if it is worked on alone.
+    fn alike<'b>(&self, first: u32, paths: &'b [u32]) -> (&'b [u32], Option<SampledSpectrum>) {
+        let alone = (&paths[..1], None);
+        let Some(matte) = &self.matte else { return alone };
+        let material = |path: u32| {
+            let hit = &self.paths.hits[path as usize];
+            hit.is_hit().then(|| self.context.scene.material_id(hit).index())
+        };
+        let Some(first) = material(first) else { return alone };
+        let Some(reflectance) = matte.reflectances[first] else { return alone };
+        let count = paths.iter().take(LANES).take_while(|&&path| material(path) == Some(first)).count();
+        (&paths[..count], Some(reflectance))
+    }
+
+    /// Shades at most [`LANES`] paths at matte surfaces of one reflectance.
+    fn shade_matte(&mut self, depth: u32, paths: &[u32], reflectance: SampledSpectrum) {
+        let max_depth = match self.context.settings.integrator {
+            IntegratorKind::Direct => 1,
+            _ => self.context.settings.max_depth,
+        };
+        if depth >= max_depth {
+            return;
+        }
+        let Some(mut matte) = self.matte.take() else { return };
+        let mut lanes = [0u32; LANES];
+        let mut count = 0;
+        matte.vertices.start(self.sampler, depth);
+        for &path in paths {
+            let i = path as usize;
+            let (state, random) = (&self.paths.states[i], &self.samples[self.paths.samples[i] as usize].random);
+            let (ray, hit) = (&self.paths.rays[i], &self.paths.hits[i]);
+            if state.throughput.is_black() {
+                continue;
+            }
+            if matte.vertices.gather(&self.context, count, ray, hit, random) {
+                lanes[count] = path;
+                count += 1;
+            } else {
+                self.shade_one(depth, i);
+            }
+        }
+        if count > 0 {
+            let numbers = matte.vertices.prepare(depth);
+            for (lane, &path) in lanes[..count].iter().enumerate() {
+                let path = path as usize;
+                if !matte.vertices.is_sound(lane) {
+                    self.shade_one(depth, path);
+                    continue;
+                }
+                self.outputs.clear();
+                let vertex = (&self.paths.hits[path], &self.paths.states[path]);
+                let out = &mut self.outputs;
+                matte.vertices.shade(&self.context, lane, &numbers, depth, vertex, reflectance, out);
+                self.collect(depth, path);
+            }
+        }
+        self.matte = Some(matte);
     }
 
     /// Paths of one material one after the other; those of one sample stay in order, so that sums have one order.
@@ -363,30 +455,55 @@ impl<'a> PartRenderer<'a> {
             let next = next.iter().map(|(ray, _)| ray.direction);
             volumes.note_outputs(path, ray.direction, vertex.surface.as_ref(), random, light_rays, next);
         }
+        self.collect(depth, path);
+    }
+
+    /// Takes what the vertex function gave.
+    fn collect(&mut self, depth: u32, path: usize) {
+        let (state, sample) = (&self.paths.states[path], self.paths.samples[path]);
+        let (is_branched, throughput) = (state.stream != 0, state.throughput);
         self.clamp(depth);
         self.samples[sample as usize].radiance += self.outputs.radiance;
         if !self.light_parts.is_empty() {
             self.note_light_parts(depth, path, sample);
         }
-        let is_branched = state.stream != 0;
         if is_branched && self.samples[sample as usize].rays > MAX_TREE {
             self.outputs.next.clear();
         }
-        if let Some(journal) = &mut self.journal {
-            journal.note(path, sample, hit, &vertex, &self.outputs);
-        }
+        self.note_in_journal(path);
         for (ray, value) in self.outputs.light_rays.drain(..) {
             self.light_rays.push(ray, value, sample);
         }
         if let (Some(recorder), Some(choice), Some((_, next))) =
             (&mut self.recorder, self.outputs.choice, self.outputs.next.first())
         {
-            recorder.leave(sample, depth, choice, state.throughput, next.throughput);
+            recorder.leave(sample, depth, choice, throughput, next.throughput);
         }
         self.samples[sample as usize].rays += self.outputs.next.len() as u32;
         for (ray, state) in self.outputs.next.drain(..) {
             self.next.push(ray, state, sample);
         }
+    }
+
+    /// Writes down what a vertex gave, if that is wanted.
+    fn note_in_journal(&mut self, path: usize) {
+        let Some(journal) = &mut self.journal else { return };
+        let (hit, volumes) = (self.paths.hits[path], self.volumes.as_ref());
+        let outside_ior = volumes.filter(|_| hit.is_hit()).map_or(1.0, |v| v.outside_ior(path, &hit));
+        journal.events.push(Event::Vertex(Box::new(Shaded {
+            path,
+            sample: self.paths.samples[path],
+            ray: self.paths.rays[path],
+            hit,
+            state: self.paths.states[path],
+            medium: volumes.and_then(|v| v.scattered[path]),
+            outside_ior,
+            radiance: self.outputs.radiance,
+            weights: self.outputs.weights,
+            light_rays: self.outputs.light_rays.clone(),
+            source: self.outputs.light_source,
+            next: self.outputs.next.clone(),
+        })));
     }
 
     /// Dims light that was scattered more than once, if that is asked for.
