@@ -37,7 +37,7 @@ impl Budget {
             None => (100_000.0 / pixels).sqrt().clamp(LEAST, 1.0),
         };
         let change = wanted / self.scale;
-        if change < 1.0 - TOLERANCE || change > 1.0 + TOLERANCE || self.cost.is_none() {
+        if !(1.0 - TOLERANCE..=1.0 + TOLERANCE).contains(&change) || self.cost.is_none() {
             self.scale = wanted;
         }
         full.map(|side| ((f64::from(side) * self.scale).round() as u32).clamp(1, side.max(1)))

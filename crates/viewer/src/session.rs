@@ -275,7 +275,7 @@ impl Session {
                 state.set_render(integrator, spp, max_depth, aov, accelerator)?;
             }
             ToServer::Display { exposure, tonemap } => {
-                if !(exposure.abs() <= 100.0) {
+                if exposure.is_nan() || exposure.abs() > 100.0 {
                     return Err("an exposure is a number of stops from -100 to 100".into());
                 }
                 state.display.exposure = exposure;
@@ -503,7 +503,7 @@ impl State {
         for edit in standing(&self.edits[..applied]) {
             overrides::apply(&mut scene, edit).map_err(|e| e.to_string())?;
         }
-        let hidden = standing(&self.edits[..applied]).filter_map(hidden_node).collect();
+        let hidden = standing(&self.edits[..applied]).filter_map(|edit| hidden_node(edit)).collect();
         self.geometry += u32::from(hidden != self.hidden);
         self.scene = Arc::new(scene);
         (self.hidden, self.applied) = (hidden, applied);
@@ -602,7 +602,7 @@ fn standing(edits: &[String]) -> impl Iterator<Item = &String> {
 }
 
 /// The node that an edit hides.
-fn hidden_node(edit: &String) -> Option<u32> {
+fn hidden_node(edit: &str) -> Option<u32> {
     edit.strip_prefix("node.")?.strip_suffix(".visible=false")?.parse().ok()
 }
 
@@ -659,6 +659,6 @@ mod tests {
         let edits = ["a=1", "node.3.visible=false", "b=2", "a=3", "node.3.visible=true", "node.4.visible=false"];
         let edits: Vec<String> = edits.map(String::from).to_vec();
         assert_eq!(standing(&edits).collect::<Vec<_>>(), ["b=2", "a=3", "node.4.visible=false"]);
-        assert_eq!(standing(&edits[..3]).filter_map(hidden_node).collect::<Vec<_>>(), [3]);
+        assert_eq!(standing(&edits[..3]).filter_map(|edit| hidden_node(edit)).collect::<Vec<_>>(), [3]);
     }
 }

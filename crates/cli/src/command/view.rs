@@ -99,11 +99,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     }
     let watched = options.scene.as_ref().filter(|_| options.watch).map(PathBuf::from).filter(|path| path.exists());
     let mut before = watched.as_deref().and_then(modified);
-    loop {
-        match ends.recv_timeout(WATCH_INTERVAL) {
-            Err(mpsc::RecvTimeoutError::Timeout) => {}
-            _ => break,
-        }
+    while let Err(mpsc::RecvTimeoutError::Timeout) = ends.recv_timeout(WATCH_INTERVAL) {
         let now = watched.as_deref().and_then(modified);
         if now.is_some() && now != before {
             before = now;
