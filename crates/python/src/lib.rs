@@ -11,6 +11,7 @@ mod arrays;
 mod assemble;
 mod camera;
 mod cameras;
+mod columns;
 mod contents;
 mod declare;
 mod graph;
