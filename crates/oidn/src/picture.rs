@@ -16,8 +16,7 @@ impl Denoiser {
         let (albedo, normal) = (guide("albedo"), guide("normal"));
         let albedo: Vec<f32> = albedo.into_iter().map(|v| v.clamp(0.0, 1.0)).collect();
         let (width, height) = (picture.width as usize, picture.height as usize);
-        let clean =
-            self.denoise(&Noisy { width, height, color: &color, albedo: &albedo, normal: &normal }, threads)?;
+        let clean = self.denoise(&Noisy { width, height, color: &color, albedo: &albedo, normal: &normal }, threads)?;
         for (pixel, clean) in picture.layers[0].values.chunks_mut(stride).zip(clean.chunks(3)) {
             pixel[..3].copy_from_slice(clean);
         }

@@ -3,11 +3,11 @@
 use crate::assemble::{Builder, Form, MeshForm};
 use crate::mesh::Mesh;
 use numpy::Element;
+use snell_intersect::world::BuildStats;
 use snell_intersect::{
     AcceptAll, AllHits, AnyShape, BuildOptions, DHit, DWorld, DWorldBuilder, Double, GeometryId, GroupId, Grouping,
     Hit, Instance, Rays, Single, Spheres, World, WorldBuilder, WorldError,
 };
-use snell_intersect::world::BuildStats;
 use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
 //! Queries over the rays of arrays: piece by piece, on all threads of a pool, until told to stop.
 
-use crate::columns::Columns;
+use crate::columns::Places;
 use crate::precision::Precision;
 use crate::rays::RayView;
 use crate::work::{Cancel, Stopped};
@@ -79,14 +79,14 @@ impl<P: Precision> Question<'_, P> {
         answers.par_chunks_mut(self.piece).enumerate().try_for_each_init(Scratch::new, piece)
     }
 
-    /// The hit of every ray.
+    /// The hit of every ray, in its place.
     pub fn hits(
         &self,
         cancel: &Cancel,
+        places: Places<'_, P>,
         query: impl Fn(Rays<P::Tag>, Grouping, &mut [P::Hit]) + Sync,
-    ) -> Result<Columns<P>, Stopped> {
-        let mut columns = Columns::zeroed(self.rays.len());
-        columns.fill(self.piece, Scratch::new, |scratch, first, mut places| {
+    ) -> Result<(), Stopped> {
+        places.fill(self.piece, Scratch::new, |scratch, first, mut places| {
             cancel.check()?;
             self.with_piece(first..first + places.len(), scratch, |rays, grouping, hits| {
                 if hits.len() < rays.len() {
@@ -97,8 +97,7 @@ impl<P: Precision> Question<'_, P> {
                 places.write(hits);
             });
             Ok(())
-        })?;
-        Ok(columns)
+        })
     }
 
     /// Every hit of every ray.
@@ -145,7 +144,8 @@ fn are_alike<P: Precision>(rays: &[P::Ray]) -> bool {
     pairs().for_each(|[ray, _]| (low, high) = (low.min(ray.origin), high.max(ray.origin)));
     let extent = (high - low).length_squared();
     let is_alike = |[a, b]: [DRay; 2]| {
-        let (dot, lengths) = (a.direction.dot(b.direction), a.direction.length_squared() * b.direction.length_squared());
+        let (dot, lengths) =
+            (a.direction.dot(b.direction), a.direction.length_squared() * b.direction.length_squared());
         // Within 3 degrees, and within a tenth of the extent.
         dot > 0.0 && dot * dot > 0.9973 * lengths && (a.origin - b.origin).length_squared() <= 0.01 * extent
     };

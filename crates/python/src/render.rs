@@ -167,10 +167,11 @@ impl Plan {
                 (film, statistics, 0.0)
             }
             (samples, before) => {
-                let (film, known, seconds) = before
-                    .map_or_else(|| (job.empty_film(), Statistics::default(), 0.0), |b| (b.film, b.statistics, b.seconds));
-                let (film, mut statistics) =
-                    job.extend(film, samples.unwrap_or(settings.spp), threads, &keep_going);
+                let (film, known, seconds) = before.map_or_else(
+                    || (job.empty_film(), Statistics::default(), 0.0),
+                    |b| (b.film, b.statistics, b.seconds),
+                );
+                let (film, mut statistics) = job.extend(film, samples.unwrap_or(settings.spp), threads, &keep_going);
                 statistics.rays += known.rays;
                 statistics.samples += known.samples;
                 statistics.invalid_samples += known.invalid_samples;

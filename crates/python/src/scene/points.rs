@@ -34,7 +34,7 @@ impl Scene {
         let limit = limit.values()?;
         let values = slice(&points.values)?.as_chunks::<3>().0;
         let (world, names) = (&*snapshot.world, &snapshot.names);
-        let (hits, positions) = run(py, threads, values.len() <= POINTS, |cancel| {
+        let (found, positions) = run(py, threads, values.len() <= POINTS, |cancel| {
             let each = |(i, (near, values)): (usize, (&mut [Nearest<P>], &[[P; 3]]))| {
                 cancel.check()?;
                 for (k, (near, value)) in near.iter_mut().zip(values).enumerate() {
@@ -48,12 +48,12 @@ impl Scene {
             } else {
                 near.par_chunks_mut(POINTS).zip(values.par_chunks(POINTS)).enumerate().try_for_each(each)?;
             }
-            let hits = near.iter().map(|near| near.found).collect::<Columns<P>>();
-            Ok((hits, near.iter().map(|near| near.position).collect()))
+            let found = near.iter().map(|near| near.found).collect::<Vec<_>>();
+            Ok((found, near.iter().map(|near| near.position).collect()))
         })?;
         Ok(ClosestPoints(Named::new(Live::<P, P::Form> {
             snapshot,
-            hits,
+            hits: Columns::of(py, &found)?,
             asked: Asked::Positions(positions),
             rays: 0,
             shape: points.shape,

@@ -2,14 +2,15 @@
 
 use super::Scene;
 use crate::answers::{Asked, Hits, Intersections, Live, Named};
-use crate::arrays::from_vec;
+use crate::arrays::{filled, from_vec};
 use crate::assemble::Snapshot;
-use crate::precision::Precision;
 use crate::columns::Columns;
+use crate::precision::Precision;
 use crate::query::{FEW, Question, piece_size};
 use crate::rays::{Limits, RayArgument, RayArrays};
 use crate::state::Kept;
 use crate::work::{Threads, run};
+use numpy::PyArrayMethods;
 use pyo3::exceptions::{PyRuntimeWarning, PyValueError};
 use pyo3::prelude::*;
 use std::sync::Arc;
@@ -62,12 +63,15 @@ impl Scene {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, arrays, question| {
             let world = &*snapshot.world;
-            let mut hits = run(py, options.threads, count <= FEW, |cancel| {
-                question.hits(cancel, |rays, grouping, hits| P::closest(world, rays, grouping, hits))
+            let (mut hits, mut writable) = Columns::new(py, count)?;
+            let places = writable.places()?;
+            run(py, options.threads, count <= FEW, |cancel| {
+                question.hits(cancel, places, |rays, grouping, hits| P::closest(world, rays, grouping, hits))
             })?;
+            drop(writable);
             // Where the ray met a shape decides its surface; for meshes the distances are given away as they are.
             let is_distance_needed = !snapshot.names.are_all_meshes();
-            let t = if is_distance_needed { None } else { Some(std::mem::take(&mut hits.t)) };
+            let t = if is_distance_needed { None } else { hits.take_t() };
             let named = Named::new(Live::<P, P> {
                 snapshot: snapshot.clone(),
                 hits,
@@ -77,7 +81,7 @@ impl Scene {
                 splits: None,
             });
             if let Some(t) = t {
-                named.set(py, "t_hit", from_vec(py, t, &rays.shape)?)?;
+                named.set(py, "t_hit", t.bind(py).reshape(&rays.shape[..])?.into_any())?;
             }
             Ok(Hits(named))
         })
@@ -112,12 +116,11 @@ impl Scene {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, _, question| {
             let world = &*snapshot.world;
-            let counts = run(py, options.threads, count <= FEW, |cancel| {
-                let mut counts = vec![0u32; count];
-                question.answer(cancel, &mut counts, |rays, _, counts| P::count(world, rays, counts))?;
-                Ok(counts)
-            })?;
-            from_vec(py, counts, &rays.shape)
+            filled(py, &rays.shape, |counts: &mut [u32]| {
+                run(py, options.threads, count <= FEW, |cancel| {
+                    question.answer(cancel, counts, |rays, _, counts| P::count(world, rays, counts))
+                })
+            })
         })
     }
 
@@ -140,14 +143,14 @@ impl Scene {
             let (hits, splits, ids) = run(py, options.threads, count <= FEW, |cancel| {
                 let pieces = question.all(cancel, |rays| P::all(world, rays))?;
                 let total = pieces.iter().map(|piece| piece.hits.len()).sum();
-                let (mut hits, mut ids) = (Columns::with_capacity(total), Vec::with_capacity(total));
+                let (mut hits, mut ids) = (Vec::with_capacity(total), Vec::with_capacity(total));
                 let mut splits = Vec::with_capacity(count + 1);
                 splits.push(0);
                 for piece in pieces {
                     cancel.check()?;
                     for ends in piece.ray_splits.windows(2) {
                         let ray = (splits.len() - 1) as u32;
-                        piece.hits[ends[0]..ends[1]].iter().for_each(|hit| hits.push(&P::found(hit)));
+                        hits.extend(piece.hits[ends[0]..ends[1]].iter().map(P::found));
                         ids.resize(hits.len(), ray);
                         splits.push(hits.len() as i64);
                     }
@@ -158,7 +161,7 @@ impl Scene {
             Ok(Intersections(Named::new(Live::<P, P> {
                 snapshot: snapshot.clone(),
                 shape: vec![hits.len()],
-                hits,
+                hits: Columns::of(py, &hits)?,
                 asked: Asked::Rays(kept, Some(ids)),
                 rays: count,
                 splits: Some(splits),
