@@ -166,7 +166,7 @@ macro_rules! declared_class {
                 $crate::said::Said::new(kind, parameters).map(Self)
             }
 
-            /// Which kind.
+            /// Which kind of its family it is, by name.
             #[getter]
             fn kind(&self) -> PyResult<String> {
                 self.0.kind()
