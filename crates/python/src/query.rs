@@ -35,6 +35,8 @@ pub struct Question<'a, P: Precision> {
     pub rays: RayView<'a, P>,
     /// Rays of a piece.
     pub piece: usize,
+    /// Square of the angle between neighbours up to which they are traced together.
+    pub alike: f64,
     /// Rays that can hit nothing are counted here, if that was asked for.
     pub invalid: Option<&'a AtomicUsize>,
 }
@@ -56,6 +58,12 @@ impl<P: Precision> Scratch<P> {
 pub fn piece_size(rays: usize, threads: usize, world: &BuildStats) -> usize {
     let most = if world.memory_bytes >= LARGE_WORLD { MAX_PIECE } else { MIN_PIECE };
     (rays / (threads * PIECES_PER_THREAD)).clamp(MIN_PIECE, most).next_multiple_of(64)
+}
+
+/// The square of the angle between rays that are worth tracing together: where a picture has about one pixel per triangle or more. (Measured: equal speed at
+/// 0.15 degrees for 70 thousand triangles, and at 0.04 for a million.)
+pub fn alike(world: &BuildStats) -> f64 {
+    (0.475 / world.instanced_triangles.max(1) as f64).min(0.0027)
 }
 
 impl<P: Precision> Question<'_, P> {
@@ -129,7 +137,7 @@ impl<P: Precision> Question<'_, P> {
         if let Some(invalid) = self.invalid {
             invalid.fetch_add(rays.iter().filter(|ray| !P::is_valid(ray)).count(), Ordering::Relaxed);
         }
-        let grouping = if are_alike::<P>(rays) { Grouping::Coherent } else { Grouping::None };
+        let grouping = if are_alike::<P>(rays, self.alike) { Grouping::Coherent } else { Grouping::None };
         let batch = Rays::new(rays);
         query(if masks.is_empty() { batch } else { batch.with_masks(masks) }, grouping, hits)
     }
@@ -137,7 +145,7 @@ impl<P: Precision> Question<'_, P> {
 
 /// Whether neighbours go the same way from nearly the same place, as the rays of pictures do. It decides how they are traced; what they hit does not
 /// depend on it.
-fn are_alike<P: Precision>(rays: &[P::Ray]) -> bool {
+fn are_alike<P: Precision>(rays: &[P::Ray], angle_squared: f64) -> bool {
     let step = (rays.len() / SAMPLES).max(1);
     let pairs = || rays.windows(2).step_by(step).map(|pair| [P::exact(&pair[0]), P::exact(&pair[1])]);
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -146,8 +154,9 @@ fn are_alike<P: Precision>(rays: &[P::Ray]) -> bool {
     let is_alike = |[a, b]: [DRay; 2]| {
         let (dot, lengths) =
             (a.direction.dot(b.direction), a.direction.length_squared() * b.direction.length_squared());
-        // Within 3 degrees, and within a tenth of the extent.
-        dot > 0.0 && dot * dot > 0.9973 * lengths && (a.origin - b.origin).length_squared() <= 0.01 * extent
+        let sine = a.direction.cross(b.direction).length_squared();
+        // Within the angle, and within a tenth of the extent.
+        dot > 0.0 && sine <= angle_squared * lengths && (a.origin - b.origin).length_squared() <= 0.01 * extent
     };
     let count = pairs().count();
     count >= 8 && 4 * pairs().filter(|pair| is_alike(*pair)).count() >= 3 * count

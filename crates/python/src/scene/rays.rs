@@ -6,7 +6,7 @@ use crate::arrays::{filled, from_vec};
 use crate::assemble::Snapshot;
 use crate::columns::Columns;
 use crate::precision::Precision;
-use crate::query::{FEW, Question, piece_size};
+use crate::query::{FEW, Question, alike, piece_size};
 use crate::rays::{Limits, RayArgument, RayArrays};
 use crate::state::Kept;
 use crate::work::{Threads, run};
@@ -37,8 +37,9 @@ impl Scene {
         let arrays = RayArrays::<P>::new(rays, limits)?;
         let invalid = AtomicUsize::new(0);
         let invalid_wanted = options.warn_invalid.then_some(&invalid);
-        let piece = piece_size(rays.len(), options.threads.count(), P::stats(&snapshot.world));
-        let question = Question { rays: arrays.view()?, piece, invalid: invalid_wanted };
+        let stats = P::stats(&snapshot.world);
+        let piece = piece_size(rays.len(), options.threads.count(), stats);
+        let question = Question { rays: arrays.view()?, piece, alike: alike(stats), invalid: invalid_wanted };
         let result = answer(&snapshot, &arrays, &question)?;
         match invalid.into_inner() {
             0 => {}
