@@ -20,12 +20,13 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 scene = snell.load("cornell-box")
 snell.render(scene, spp=1, size=(8, 8))
 rays = np.random.default_rng(0).normal(size=(20_000_000, 6)).astype(np.float32)
+points = np.ascontiguousarray(rays[:, :3])
 work = {
     "render": lambda: snell.render(scene, spp=100_000, size=(640, 480)),
     "cast_rays": lambda: scene.cast_rays(rays),
     "list_intersections": lambda: scene.list_intersections(rays),
-    "signed_distance": lambda: scene.signed_distance(rays[:, :3]),
-    "occupancy": lambda: scene.occupancy(rays[:, :3]),
+    "signed_distance": lambda: scene.signed_distance(points),
+    "occupancy": lambda: scene.occupancy(points),
 }
 for name, call in work.items():
     pressed = []
