@@ -116,6 +116,27 @@ impl From<f32> for ScalarParam {
     }
 }
 
+/// What parameters are where a declaration leaves them out.
+mod usual {
+    use super::{ColorParam, ScalarParam};
+    use snell_math::Rgb;
+
+    /// Roughness of what is polished.
+    pub fn smooth() -> ScalarParam {
+        0.0.into()
+    }
+
+    /// A factor that changes nothing.
+    pub fn white() -> ColorParam {
+        Rgb::WHITE.into()
+    }
+
+    /// Index of refraction of glass and varnish.
+    pub fn glass() -> f32 {
+        1.5
+    }
+}
+
 /// Everything a material may look at.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadingPoint<'a> {
