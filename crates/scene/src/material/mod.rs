@@ -374,8 +374,13 @@ impl Material {
     pub fn bsdf_towards(&self, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf {
         let bsdf = self.without_coat_normal(point);
         let z = normal::valid_towards(bsdf.frame.z, bsdf.geometric_normal, wo, normal::mirrors(&bsdf.bsdf));
-        let seen =
-            if z == bsdf.frame.z { bsdf } else { ShadingBsdf { frame: Frame::from_z_and_x(z, bsdf.frame.x), ..bsdf } };
+        let frame = match &bsdf.bsdf {
+            // Tangents mean nothing to it, and this one is the cheapest.
+            Bsdf::Diffuse(_) => Frame::from_z(z),
+            _ if z == bsdf.frame.z => bsdf.frame,
+            _ => Frame::from_z_and_x(z, bsdf.frame.x),
+        };
+        let seen = ShadingBsdf { frame, ..bsdf };
         self.with_coat(seen, point, Some(wo))
     }
 
