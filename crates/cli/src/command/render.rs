@@ -70,7 +70,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         threads,
         image_sha256: output::sha256(&picture),
     };
-    layers::name_groups(&mut picture, &film, &settings.light_groups);
+    snell_render::layers::name_groups(&mut picture, &film, &settings.light_groups);
     layers::add_cryptomatte(&mut picture, &film, &scene, &compiled);
     if let Some(denoiser) = &denoiser {
         denoise::apply(denoiser, &mut picture, threads)?;

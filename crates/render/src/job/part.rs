@@ -65,16 +65,14 @@ struct Matte {
 }
 
 impl Matte {
-    /// `None` if there are none.
+    /// `None` if there are none, or the level is that of portable code: the twin shades one vertex at a time.
     fn new(context: &Context, sampler: &Sampler) -> Option<Box<Self>> {
         let scene = context.scene;
-        let reflectances: Vec<_> =
-            scene.materials.iter().map(|m| matte::reflectance(context, m, context.settings.color)).collect();
-        let wide = scene.world.simd().wide();
-        reflectances
-            .iter()
-            .any(Option::is_some)
-            .then(|| Box::new(Self { vertices: MatteVertices::new(sampler, wide), reflectances }))
+        let wide = scene.world.simd().wide()?;
+        let reflectance = |material| matte::reflectance(context, material, context.settings.color);
+        let reflectances: Vec<_> = scene.materials.iter().map(reflectance).collect();
+        let vertices = MatteVertices::new(sampler, Some(wide));
+        reflectances.iter().any(Option::is_some).then(|| Box::new(Self { vertices, reflectances }))
     }
 }
 

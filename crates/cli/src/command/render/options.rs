@@ -9,6 +9,7 @@ use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::{BuildOptions, Quality};
 use snell_math::simd::Level;
 use snell_math::{ColorModel, Rgb};
+use snell_render::layers::needed_aovs;
 use snell_render::{
     Aov, Crop, Filter, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
 };
@@ -244,7 +245,7 @@ impl Options {
         let size = self.size.or(hints.size).or(camera.resolution).unwrap_or(DEFAULT_SIZE);
         let crop = self.checked_crop(size)?;
         let light_groups = layers::light_groups(&self.light_group, scene)?;
-        let aovs = layers::aovs(&self.aov, integrator, &light_groups, self.denoise.is_some())?;
+        let aovs = needed_aovs(&layers::aovs(&self.aov)?, integrator, &light_groups, self.denoise.is_some());
         check_memory(crop.unwrap_or(Crop::full(size)), &aovs)?;
         if self.guiding.is_some() && integrator != IntegratorKind::Path {
             let name = integrator.name();
