@@ -3,6 +3,7 @@
 mod bench;
 mod compare;
 mod completions;
+mod convert;
 mod formats;
 mod info;
 mod man;
@@ -24,6 +25,8 @@ pub enum Command {
     Info(info::Options),
     /// Compare two pictures.
     Compare(compare::Options),
+    /// Write a scene in another format.
+    Convert(convert::Options),
     /// Measure how fast rays are traced and structures built, beside others.
     #[command(subcommand)]
     Bench(bench::Command),
@@ -44,6 +47,7 @@ pub fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::View(options) => view::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options),
+        Command::Convert(options) => convert::run(&options),
         Command::Bench(command) => bench::run(&command),
         Command::Scenes => scenes::run(),
         Command::Formats => formats::run(),
