@@ -4,6 +4,7 @@ mod bench;
 mod compare;
 mod completions;
 mod convert;
+mod doctor;
 mod formats;
 mod info;
 mod man;
@@ -27,6 +28,8 @@ pub enum Command {
     Compare(compare::Options),
     /// Write a scene in another format.
     Convert(convert::Options),
+    /// Look for what is wrong with a scene.
+    Doctor(doctor::Options),
     /// Measure how fast rays are traced and structures built, beside others.
     #[command(subcommand)]
     Bench(bench::Command),
@@ -48,6 +51,7 @@ pub fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options),
         Command::Convert(options) => convert::run(&options),
+        Command::Doctor(options) => doctor::run(&options),
         Command::Bench(command) => bench::run(&command),
         Command::Scenes => scenes::run(),
         Command::Formats => formats::run(),

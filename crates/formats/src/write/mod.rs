@@ -3,13 +3,13 @@
 //! A writer makes bytes and touches no file. It fills an [`Output`]: the file itself, files beside it (meshes, pictures), and what the
 //! format could not hold. [`write_scene_as`] then puts all of it in place, or nothing.
 
+mod flat;
 mod gltf;
 mod material;
 mod obj;
 mod off;
 mod pbrt;
 mod picture;
-mod placed;
 mod ply;
 mod stl;
 mod tessellate;

@@ -1,8 +1,8 @@
 //! Writes OBJ, with MTL and pictures beside it.
 
+use super::flat::world_meshes;
 use super::material::{metal_color, shown_name, without_spectrum};
 use super::picture::Pictures;
-use super::placed::world_meshes;
 use super::{Output, SceneWriter, plain_name};
 use snell_intersect::TriangleMesh;
 use snell_math::Rgb;

@@ -1,6 +1,6 @@
 //! Writes OFF: text.
 
-use super::placed::world_meshes;
+use super::flat::world_meshes;
 use super::{Output, SceneWriter, ply};
 use snell_intersect::TriangleMesh;
 use snell_scene::Scene;

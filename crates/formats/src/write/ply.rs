@@ -1,6 +1,6 @@
 //! Writes PLY: one binary mesh of the whole scene.
 
-use super::placed::world_meshes;
+use super::flat::world_meshes;
 use super::{Output, SceneWriter};
 use snell_intersect::TriangleMesh;
 use snell_scene::Scene;

@@ -1,6 +1,6 @@
 //! Writes STL: the binary form.
 
-use super::placed::world_meshes;
+use super::flat::world_meshes;
 use super::{Output, SceneWriter};
 use snell_scene::Scene;
 

@@ -10,7 +10,7 @@ use snell_scene::{Geometry, Image, Light, Material, Node, Surface, Texture};
 use std::path::Path;
 use std::sync::Arc;
 
-fn bytes(scene: &Scene) -> Result<Vec<u8>, String> {
+fn written(scene: &Scene) -> Result<Vec<u8>, String> {
     text(scene).map(String::into_bytes)
 }
 
@@ -53,16 +53,16 @@ fn everything() -> Scene {
 fn what_is_written_is_read_and_written_alike() {
     let scenes = BUILTINS.iter().map(|b| (b.make)()).chain([everything()]);
     for scene in scenes {
-        let bytes = bytes(&scene).expect("every scene can be written");
+        let bytes = written(&scene).expect("every scene can be written");
         let again = reread(bytes.clone()).expect("what was written can be read");
         assert_eq!(shown(&again), shown(&scene), "{}", scene.name);
-        assert!(bytes(&again).expect("it was written before") == bytes, "{}", scene.name);
+        assert!(written(&again).expect("it was written before") == bytes, "{}", scene.name);
     }
 }
 
 #[test]
 fn a_shared_mesh_is_written_once() {
-    let bytes = bytes(&everything()).expect("it can be written");
+    let bytes = written(&everything()).expect("it can be written");
     let again = reread(bytes).expect("it can be read");
     let meshes: Vec<_> = again.nodes.iter().flat_map(|n| &n.surfaces).map(|s| &s.geometry).collect();
     let [Geometry::Mesh(a), Geometry::Mesh(b)] = meshes[..] else { panic!("two meshes") };
@@ -78,7 +78,7 @@ fn what_cannot_be_said_is_refused() {
         snell_math::Vec3::Y,
         1.0,
     ));
-    let error = bytes(&scene).expect_err("JSON has no word for infinity");
+    let error = written(&scene).expect_err("JSON has no word for infinity");
     assert!(error.contains("camera 0"), "{error}");
 }
 
@@ -129,7 +129,7 @@ fn errors_say_where_and_what() {
 
 #[test]
 fn damaged_files_never_panic() {
-    let bytes = bytes(&everything()).expect("it can be written");
+    let bytes = written(&everything()).expect("it can be written");
     for seed in 0..300u32 {
         let mut damaged = bytes.clone();
         for k in 0..3 {

@@ -7,22 +7,20 @@ mod material;
 mod stage;
 mod texture;
 
-use super::placed::note_shape;
+use super::flat::note_shape;
 use super::tessellate::tessellate;
 use super::{Output, SceneWriter};
 use buffer::Buffer;
 use serde_json::{Value, json};
 use snell_intersect::{AnyShape, TriangleMesh};
 use snell_math::DAffine3;
+use snell_scene::placed::{MAX_PLACED, placement_count};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
 /// The writer of glTF files.
 pub const WRITER: SceneWriter = SceneWriter { name: "gltf", extensions: &["glb", "gltf"], write };
-
-/// Most nodes that a tree is made of.
-const MAX_NODES: usize = 10_000_000;
 
 /// The parts of a document as they grow.
 struct Document<'a, 'o> {
@@ -46,7 +44,9 @@ struct Document<'a, 'o> {
 type SurfaceKey = (*const TriangleMesh, Vec<Option<MaterialId>>, Option<MaterialId>);
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
-    scene.topological_order().map_err(|error| error.to_string())?;
+    if placement_count(scene)? > MAX_PLACED {
+        return Err(format!("more than {MAX_PLACED} nodes and surfaces, instances counted each, which is the limit"));
+    }
     output.lose_settings(scene);
     let is_binary = output.extension == "glb";
     let mut document = Document {
@@ -67,7 +67,7 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
         let value = material::value(&mut document, i, material);
         document.materials.push(value);
     }
-    let root = document.tree()?;
+    let root = document.tree();
     let mut top = vec![root];
     let (cameras, lights) = (stage::cameras(&mut document, &mut top), stage::lights(&mut document, &mut top));
     let json = document.json(&top, cameras, lights, is_binary);
@@ -139,14 +139,11 @@ impl Document<'_, '_> {
     }
 
     /// Writes out the graph as a tree; gives the number of its root.
-    fn tree(&mut self) -> Result<usize, String> {
+    fn tree(&mut self) -> usize {
         let scene = self.scene;
         let mut stack = vec![(scene.root, None, None)];
         let mut root = 0;
         while let Some((id, material, parent)) = stack.pop() {
-            if self.nodes.len() >= MAX_NODES {
-                return Err(format!("more than {MAX_NODES} nodes, instances counted each, which is the limit"));
-            }
             let node: &Node = &scene.nodes[NodeId::index(id)];
             let material: Option<MaterialId> = node.material.or(material);
             let number = self.nodes.len();
@@ -170,7 +167,7 @@ impl Document<'_, '_> {
             }
             stack.extend(node.children.iter().rev().map(|&child| (child, material, Some(number))));
         }
-        Ok(root)
+        root
     }
 
     /// The number of the mesh of some surfaces, if there is anything to show.

@@ -10,10 +10,11 @@ mod shape;
 mod view;
 
 use super::picture::Pictures;
-use super::placed::{Placed, placed};
+
 use super::{Output, SceneWriter};
 use snell_intersect::{AnyShape, TriangleMesh};
 use snell_math::{DAffine3, DVec3, Rgb};
+use snell_scene::placed::{Placed, placed};
 use snell_scene::{Geometry, MaterialId, Scene};
 use std::collections::HashMap;
 use std::fmt::Write;

@@ -2,12 +2,13 @@
 
 use super::material::Made;
 use super::{File, transform};
-use crate::write::placed::{Placed, note_shape};
+use crate::write::flat::note_shape;
 use crate::write::ply;
 use crate::write::tessellate::tessellate;
 use snell_intersect::{AnyShape, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Vec2};
 use snell_scene::Geometry;
+use snell_scene::placed::Placed;
 use std::fmt::Write;
 use std::sync::Arc;
 
