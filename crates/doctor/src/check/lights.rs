@@ -168,10 +168,10 @@ fn looks_around(subject: &Subject, place: usize, slot: u16, material: &Material,
             let normal = normal * *side;
             let x = normal.any_orthonormal_vector();
             let y = normal.cross(x);
-            // Spread over the hemisphere by the golden angle.
-            let (height, turn) = (1.0 - (i as f64 + 0.5) / f64::from(PROBES), i as f64 * 2.399_963);
+            // Spread by the golden angle, not too near to the horizon: what is seen there is far away whatever covers the lamp.
+            let (height, turn) = (1.0 - 0.7 * (i as f64 + 0.5) / f64::from(PROBES), i as f64 * 2.399_963);
             let (sin, cos) = turn.sin_cos();
-            let d = normal * height.max(0.05) + (x * cos + y * sin) * (1.0 - height * height).max(0.0).sqrt();
+            let d = normal * height + (x * cos + y * sin) * (1.0 - height * height).max(0.0).sqrt();
             let start = p + normal * (size * 1e-6);
             let mut ray = Ray::new(start.as_vec3(), d.normalize().as_vec3());
             ray.t_max = near as f32;
