@@ -73,8 +73,9 @@ def convert(path: str, *, variants: dict[str, str] | None = None, time: float | 
     try:
         stage = Usd.Stage.Open(path)
     except Exception as error:
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        raise ValueError(f"{path}: not a USD stage that can be opened: {lines[-1] if lines else error}") from error
+        # The first of the errors is the cause; what stands before the colon is where in the library.
+        first = next((line.split(" : '", 1)[1] for line in str(error).splitlines() if " : '" in line), str(error))
+        raise ValueError(f"{path}: not a USD stage that can be opened: {first.strip().rstrip(chr(39))}") from error
     _choose_variants(stage, variants or {})
     return _Converter(stage, time).text(path)
 
@@ -666,8 +667,8 @@ class _Converter:
             return self.known[key]
         material = self.UsdShade.Material(prim)
         surface = None
-        for contexts in ([""], ["mtlx"]):
-            shader, _, _ = material.ComputeSurfaceSource(contexts)
+        for context in ("", "mtlx"):
+            shader, _, _ = material.ComputeSurfaceSource(context)
             if shader and _READERS.get(_shader_kind(shader)):
                 surface = shader
                 break
@@ -1125,6 +1126,7 @@ def _main(arguments: list[str]) -> int:
     folder = os.path.dirname(os.path.abspath(arguments[1]))
     with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=folder, suffix=".tmp", delete=False) as file:
         file.write(text)
+    os.chmod(file.name, 0o644)
     os.replace(file.name, arguments[1])
     return 0
 

@@ -115,17 +115,19 @@ impl<'a> Subject<'a> {
         self.material(self.placed[place].material(usize::from(slot)))
     }
 
-    /// How a placed surface is called.
+    /// How a placed surface is called: by its node, or by its material where no node has a name.
     pub fn name(&self, place: usize) -> String {
         let placed = &self.placed[place];
         let kind = match &placed.surface.geometry {
             Geometry::Mesh(_) => "mesh",
             Geometry::Shape(shape) => shape.name(),
         };
-        let id = placed.node.0;
-        match placed.name {
-            "" => format!("{kind} of node {id}"),
-            name => format!("{kind} \"{name}\" (node {id})"),
+        let (id, material) = (placed.node.0, &self.material(placed.material(0)).name);
+        let is_named = !placed.name.is_empty() && placed.name != self.scene.nodes[self.scene.root.index()].name;
+        match (is_named, material.as_str()) {
+            (true, _) => format!("{kind} \"{}\" (node {id})", placed.name),
+            (false, "") => format!("{kind} of node {id}"),
+            (false, material) => format!("{kind} of node {id}, of material \"{material}\""),
         }
     }
 

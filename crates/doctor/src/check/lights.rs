@@ -19,7 +19,9 @@ pub fn lights(subject: &Subject, report: &mut Report) {
     for (i, light) in subject.scene.lights.iter().enumerate() {
         let name = format!("light {i} ({})", light.name());
         if let Some((message, remedy)) = dark(light) {
-            report.add(Severity::Warning, name, message, remedy);
+            // Black lights are an old way to say that surfaces or the sky are to light the scene.
+            let severity = if is_lit_otherwise(subject) { Severity::Note } else { Severity::Warning };
+            report.add(severity, name, message, remedy);
             continue;
         }
         if is_bounded && !scene_bounds.is_empty() && misses(light, &scene_bounds) {
@@ -33,6 +35,12 @@ pub fn lights(subject: &Subject, report: &mut Report) {
         }
     }
     emitters(subject, report);
+}
+
+/// True if surfaces or the environment light the scene.
+fn is_lit_otherwise(subject: &Subject) -> bool {
+    let emits = |(_, id)| subject.material(id).is_emissive();
+    subject.scene.environment.is_some() || subject.placed.iter().any(|p| p.slots().into_iter().any(emits))
 }
 
 /// A light that has no light.

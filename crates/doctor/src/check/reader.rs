@@ -19,6 +19,9 @@ const CHOICES: &[&str] = &[
     "became an equirectangular one",
     "is known; it does not matter",
     "bound no medium are not seen",
+    "is not drawn",
+    "are not surfaces",
+    "the integrator path was used",
 ];
 
 /// Hands on the reader's warnings: missing files are errors.

@@ -1,7 +1,8 @@
 //! What a file holds, and the way from the scene graph and back.
 
 use super::numbers::Numbers;
-use crate::Limits;
+use crate::image::read_image;
+use crate::{Input, Limits, ReadOptions};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use snell_intersect::{AnyShape, Shape, TriangleMesh};
@@ -13,6 +14,7 @@ use snell_scene::{
     Scene, SceneSettings, Surface, Texture,
 };
 use std::collections::HashMap;
+use std::path::Path;
 use std::sync::Arc;
 
 /// A whole file.
@@ -85,10 +87,25 @@ pub enum EnvironmentForm {
     Image { image: ImageForm, scale: Rgb, world_from_environment: Rows },
 }
 
-/// A picture.
+/// A picture: its pixels, or a picture file.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(untagged, expecting = "a picture has width, height, channels, encoding and pixels, or encoded")]
+pub enum ImageForm {
+    Pixels(PixelsForm),
+    Encoded(EncodedForm),
+}
+
+/// The content of a picture file of any format that is read: what other programs can write without decoding it.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ImageForm {
+pub struct EncodedForm {
+    encoded: Numbers<u8>,
+}
+
+/// Pixels.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PixelsForm {
     width: u32,
     height: u32,
     channels: u32,
@@ -473,11 +490,18 @@ impl ImageForm {
             Pixels::U16(v) => PixelForm::U16(Numbers(v.clone())),
             Pixels::F32(v) => PixelForm::F32(Numbers(v.clone())),
         };
-        Self { width: *width, height: *height, channels: *channels, encoding: *encoding, pixels }
+        Self::Pixels(PixelsForm { width: *width, height: *height, channels: *channels, encoding: *encoding, pixels })
     }
 
     fn image(self, limits: &Limits) -> Result<Image, String> {
-        let Self { width, height, channels, encoding, pixels } = self;
+        let PixelsForm { width, height, channels, encoding, pixels } = match self {
+            Self::Pixels(form) => form,
+            Self::Encoded(form) => {
+                let options = ReadOptions { limits: limits.clone(), ..ReadOptions::default() };
+                let input = Input::from_bytes("the picture", form.encoded.0, Path::new("."), &options);
+                return read_image(&input).map_err(|error| error.problem);
+            }
+        };
         let (found, pixels) = match pixels {
             PixelForm::U8(Numbers(v)) => (v.len(), Pixels::U8(v)),
             PixelForm::U16(Numbers(v)) => (v.len(), Pixels::U16(v)),
