@@ -852,7 +852,7 @@ class _Network:
             if len(pictures) <= 1:
                 factor = values[0] if values else None
                 for value in values[1:]:
-                    factor = np.multiply(factor, value)
+                    factor = np.asarray(factor) * np.asarray(value)
                 return (factor, *(pictures[0][1:] if pictures else (None, 0)))
         if kind.startswith("ND_extract"):
             value, picture, _ = self.resolve(shader.GetInput("in"), depth)
