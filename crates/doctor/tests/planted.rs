@@ -40,14 +40,18 @@ fn folder() -> &'static Path {
 
 #[test]
 fn every_planted_flaw_is_found_and_nothing_else() {
+    let mut failures = Vec::new();
     for (file, check, severity) in PLANTED {
         let scene = read_scene(&folder().join(file), &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
         let findings = examine(&scene).unwrap_or_else(|e| panic!("{file}: {e}"));
         let found = findings.iter().find(|f| f.check == *check && f.severity == *severity);
-        assert!(found.is_some_and(|f| !f.message.is_empty() && !f.remedy.is_empty()), "{file}: {findings:#?}");
+        let is_found = found.is_some_and(|f| !f.message.is_empty() && !f.remedy.is_empty());
         let others = findings.iter().filter(|f| f.check != *check && f.severity != Severity::Note);
-        assert_eq!(others.count(), 0, "{file}: {findings:#?}");
+        if !is_found || others.count() > 0 {
+            failures.push(format!("{file}: {findings:#?}"));
+        }
     }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
 #[test]

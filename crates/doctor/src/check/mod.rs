@@ -33,9 +33,5 @@ fn material_name(index: usize, material: &Material) -> String {
 
 /// `1 face`, `2 faces`.
 fn counted(count: usize, what: &str) -> String {
-    match (count, what.strip_suffix('x')) {
-        (1, _) => format!("1 {what}"),
-        (_, Some(stem)) => format!("{count} {stem}ces"),
-        _ => format!("{count} {what}s"),
-    }
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }

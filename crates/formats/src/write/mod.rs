@@ -14,6 +14,8 @@ mod ply;
 mod stl;
 mod tessellate;
 #[cfg(test)]
+pub(crate) use picture::encoded as encoded_picture;
+#[cfg(test)]
 mod tests;
 
 use crate::error::WriteError;

@@ -140,3 +140,51 @@ fn damaged_files_never_panic() {
         let _ = reread(damaged);
     }
 }
+
+#[test]
+fn scenes_of_other_formats_are_kept_whole() {
+    let data = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data"));
+    let files = [
+        "nff/tetra.nff",
+        "minray/test1.json",
+        "scn/scenes/distributed.scn",
+        "bitterli/cornell-box/pbrt/scene-v4.pbrt",
+        "meshes/assimp-obj/spider.obj",
+    ];
+    for file in files {
+        let path = data.join(file);
+        if !path.exists() {
+            eprintln!("skipped: {file} is not there");
+            continue;
+        }
+        let scene = crate::read_scene(&path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let text = written(&scene).unwrap_or_else(|e| panic!("{file}: {e}"));
+        let again = reread(text.clone()).unwrap_or_else(|e| panic!("{file}: {e}"));
+        // Notes tell how another file was translated.
+        let without_notes = Scene { notes: Vec::new(), ..scene };
+        assert_eq!(shown(&again), shown(&without_notes), "{file}");
+        assert!(written(&again).expect("it was written before") == text, "{file}");
+    }
+}
+
+#[test]
+fn pictures_may_stand_there_as_files_have_them() {
+    let image = Image {
+        width: 2,
+        height: 1,
+        channels: 3,
+        pixels: snell_scene::Pixels::U8(vec![1, 2, 3, 4, 5, 6]),
+        encoding: Encoding::Srgb,
+    };
+    let (png, _) = crate::write::encoded_picture(&image);
+    let numbers: Vec<_> = png.iter().map(u8::to_string).collect();
+    let document = |encoded: &str| {
+        format!(
+            "{{\"format\": \"snell scene\", \"version\": 1, \"root\": 0, \"nodes\": [{{}}], \"images\": [{{\"encoded\": {encoded}}}]}}"
+        )
+    };
+    let scene = reread(document(&format!("[{}]", numbers.join(","))).into_bytes()).expect("a picture");
+    assert_eq!(*scene.images[0], image);
+    let error = reread(document("[1, 2, 3]").into_bytes()).expect_err("no picture");
+    assert!(error.contains("/images/0"), "{error}");
+}
