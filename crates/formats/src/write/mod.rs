@@ -190,7 +190,8 @@ pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Wri
         std::fs::create_dir_all(&folder).map_err(|source| WriteError::Io { path: folder.clone(), source })?;
     }
     atomic::write_all(&files)?;
-    let files = files.into_iter().rev().map(|(path, _)| path).collect();
+    let mut files: Vec<_> = files.into_iter().map(|(path, _)| path).collect();
+    files.rotate_right(1);
     Ok(Written { format: writer.name, files, losses: output.losses })
 }
 
