@@ -59,6 +59,8 @@ pub struct ReadOptions {
     pub allow_outside: bool,
     /// Caps on sizes and counts.
     pub limits: Limits,
+    /// Values of parameters that the file takes, by name: `$name` in Mitsuba's scenes. Other names are not looked at.
+    pub parameters: Vec<(String, String)>,
 }
 
 /// Reads a scene file.

@@ -11,6 +11,7 @@ mod arrays;
 mod assemble;
 mod camera;
 mod cameras;
+mod columns;
 mod contents;
 mod declare;
 mod graph;
@@ -65,8 +66,7 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(material::_restore_material, module)?)?;
     module.add_function(wrap_pyfunction!(texture::_restore_texture, module)?)?;
     module.add_function(wrap_pyfunction!(medium::_restore_medium, module)?)?;
-    module.add_function(wrap_pyfunction!(render::_render, module)?)?;
-    module.add_function(wrap_pyfunction!(render::_samples, module)?)?;
+    module.add_class::<render::_Render>()?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("INVALID_ID", snell_intersect::Hit::NONE)?;
     module.add("SHAPES", declare::catalogue(py, &objects::shapes())?)?;

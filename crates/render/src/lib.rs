@@ -23,6 +23,7 @@ pub mod film;
 pub mod guiding;
 pub mod integrator;
 pub mod job;
+pub mod layers;
 pub mod light_sampler;
 mod picture;
 pub mod reference;

@@ -70,7 +70,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         threads,
         image_sha256: output::sha256(&picture),
     };
-    layers::name_groups(&mut picture, &film, &settings.light_groups);
+    snell_render::layers::name_groups(&mut picture, &film, &settings.light_groups);
     layers::add_cryptomatte(&mut picture, &film, &scene, &compiled);
     if let Some(denoiser) = &denoiser {
         denoise::apply(denoiser, &mut picture, threads)?;
@@ -115,6 +115,9 @@ pub(super) fn prepare_scene(scene: &mut Scene, options: &Options) -> Result<(), 
         filled.map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
     }
     for definition in &options.define {
+        if scene.takes_parameter(definition.split('=').next().unwrap_or_default()) {
+            continue;
+        }
         snell_scene::overrides::apply(scene, &spectrum_file::resolve(definition)?)?;
     }
     Ok(())

@@ -28,6 +28,7 @@ pub use interface::Interface;
 pub use interior::Interior;
 pub use metallic_roughness::{MetallicRoughness, reflectance_at_most_white};
 pub use mirror::Mirror;
+pub use normal::visible_normal;
 pub use open_pbr::{OpenPbr, TangentMap};
 pub use phong::Phong;
 pub use plastic::Plastic;
@@ -112,6 +113,27 @@ impl ScalarParam {
 impl From<f32> for ScalarParam {
     fn from(factor: f32) -> Self {
         Self::constant(factor)
+    }
+}
+
+/// What parameters are where a declaration leaves them out.
+mod usual {
+    use super::{ColorParam, ScalarParam};
+    use snell_math::Rgb;
+
+    /// Roughness of what is polished.
+    pub fn smooth() -> ScalarParam {
+        0.0.into()
+    }
+
+    /// A factor that changes nothing.
+    pub fn white() -> ColorParam {
+        Rgb::WHITE.into()
+    }
+
+    /// Index of refraction of glass and varnish.
+    pub fn glass() -> f32 {
+        1.5
     }
 }
 
@@ -271,6 +293,18 @@ impl Material {
         !self.emission.factor.is_black()
     }
 
+    /// The reflectance, if the material is Lambertian with this reflectance everywhere, but for vertex colours, and does nothing else.
+    pub fn lambertian(&self) -> Option<Rgb> {
+        match &self.kind {
+            MaterialKind::Diffuse(Diffuse { reflectance: ColorParam { factor, texture: None, spectrum: None } })
+                if !self.is_emissive() && self.normal_map.is_none() =>
+            {
+                Some(factor.map(|x| bounded(x, 1.0)))
+            }
+            _ => None,
+        }
+    }
+
     /// True if hits must be asked about ([`Self::is_present`]).
     pub fn needs_filter(&self) -> bool {
         self.alpha_mode != AlphaMode::Opaque || !self.double_sided || self.is_interface()
@@ -340,8 +374,13 @@ impl Material {
     pub fn bsdf_towards(&self, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf {
         let bsdf = self.without_coat_normal(point);
         let z = normal::valid_towards(bsdf.frame.z, bsdf.geometric_normal, wo, normal::mirrors(&bsdf.bsdf));
-        let seen =
-            if z == bsdf.frame.z { bsdf } else { ShadingBsdf { frame: Frame::from_z_and_x(z, bsdf.frame.x), ..bsdf } };
+        let frame = match &bsdf.bsdf {
+            // Tangents mean nothing to it, and this one is the cheapest.
+            Bsdf::Diffuse(_) => Frame::from_z(z),
+            _ if z == bsdf.frame.z => bsdf.frame,
+            _ => Frame::from_z_and_x(z, bsdf.frame.x),
+        };
+        let seen = ShadingBsdf { frame, ..bsdf };
         self.with_coat(seen, point, Some(wo))
     }
 

@@ -9,6 +9,7 @@ use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::{BuildOptions, Quality};
 use snell_math::simd::Level;
 use snell_math::{ColorModel, Rgb};
+use snell_render::layers::needed_aovs;
 use snell_render::{
     Aov, Crop, Filter, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
 };
@@ -164,7 +165,8 @@ pub struct Options {
     /// Fill the scene with fog that takes this share of light per scene unit, such as 0.001
     #[arg(long, value_name = "DENSITY", value_parser = parse_density, help_heading = "What is rendered")]
     pub fog: Option<f32>,
-    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…, `ambient=[r,g,b]`
+    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…, `ambient=[r,g,b]`; or NAME=VALUE,
+    /// a parameter of a Mitsuba scene
     #[arg(short = 'D', long = "define", value_name = "key=value", help_heading = "What is rendered")]
     pub define: Vec<String>,
     /// Write statistics as JSON
@@ -205,7 +207,10 @@ fn parse_guiding(text: &str) -> Result<GuidingOption, String> {
 impl Options {
     /// How the scene file is read.
     pub fn read_options(&self) -> ReadOptions {
-        ReadOptions { allow_outside: self.allow_outside, limits: Limits::default() }
+        // Keys of the scene graph have dots; what has none may be a parameter of the file.
+        let plain = self.define.iter().filter_map(|d| d.split_once('=')).filter(|(key, _)| !key.contains('.'));
+        let parameters = plain.map(|(key, value)| (key.to_string(), value.to_string())).collect();
+        ReadOptions { allow_outside: self.allow_outside, limits: Limits::default(), parameters }
     }
 
     /// Number of threads.
@@ -240,7 +245,7 @@ impl Options {
         let size = self.size.or(hints.size).or(camera.resolution).unwrap_or(DEFAULT_SIZE);
         let crop = self.checked_crop(size)?;
         let light_groups = layers::light_groups(&self.light_group, scene)?;
-        let aovs = layers::aovs(&self.aov, integrator, &light_groups, self.denoise.is_some())?;
+        let aovs = needed_aovs(&layers::aovs(&self.aov)?, integrator, &light_groups, self.denoise.is_some());
         check_memory(crop.unwrap_or(Crop::full(size)), &aovs)?;
         if self.guiding.is_some() && integrator != IntegratorKind::Path {
             let name = integrator.name();

@@ -1,16 +1,16 @@
 //! What pbrt-v3 wrote otherwise.
 
 use super::Builder;
-use super::fault::Fault;
-use super::material::Known;
+use super::material::{Known, lit_below};
 use super::options::is_kind;
 use super::params::Params;
 use super::spectrum::COPPER;
 use super::texture::Pattern;
+use crate::scene::fault::Fault;
 use snell_math::Rgb;
 use snell_scene::Material;
 use snell_scene::material::{
-    ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, MetallicRoughness, Mirror, Plastic, ScalarParam,
+    Conductor, ConductorSpectrum, Dielectric, Diffuse, MetallicRoughness, Mirror, OpenPbr, Plastic, ScalarParam,
 };
 
 /// Width of the distribution of microfacets by the roughness that pbrt-v3 wrote.
@@ -25,8 +25,21 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
     let was_v3 = std::mem::replace(&mut builder.is_v3, true);
     let mut opacity = None;
     let built = if kind("matte") {
-        params.get("sigma");
-        Material::new("", Diffuse { reflectance: builder.material_color(params, "Kd", 0.5)? })
+        let reflectance = builder.material_color(params, "Kd", 0.5)?;
+        // Oren and Nayar's spread of the slopes, in degrees; 1 is as rough as OpenPBR's can be.
+        let sigma = builder.pattern_param(params, "sigma", false)?.and_then(|p| p.as_constant()).map_or(0.0, |c| c.r);
+        match sigma.to_radians().clamp(0.0, 1.0) {
+            0.0 => Material::new("", Diffuse { reflectance }),
+            roughness => Material::new(
+                "",
+                OpenPbr {
+                    base_color: reflectance,
+                    base_diffuse_roughness: roughness.into(),
+                    specular_weight: 0.0.into(),
+                    ..OpenPbr::default()
+                },
+            ),
+        }
     } else if kind("plastic") {
         plastic(builder, params, 0.25, 0.25, 0.1)?
     } else if kind("substrate") {
@@ -40,14 +53,21 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
         with_ior(base, ior)
     } else if kind("mirror") {
         let Some(reflectance) = builder.pattern_param(params, "Kr", true)? else {
-            return Ok(Some(plain(Material::new("", Mirror { reflectance: Rgb::splat(0.9).into() }))));
+            let mirror = Material::new("", Mirror { reflectance: Rgb::splat(0.9).into() });
+            return Ok(Some(Known { layers: vec![mirror], opacity: None }));
         };
         Material::new("", Mirror { reflectance: builder.color_param(&reflectance) })
     } else if kind("metal") {
         let roughness = builder.roughness(params, "", 0.01)?;
         let get = |builder: &mut Builder, name: &str, copper: Rgb| -> Result<Rgb, Fault> {
             let pattern = builder.pattern_param(params, name, true)?;
-            Ok(pattern.and_then(|p| p.as_constant()).unwrap_or(copper))
+            let constant = pattern.as_ref().and_then(|p| p.as_constant());
+            if pattern.is_some() && constant.is_none() {
+                builder.note("textured metal", params.at, || {
+                    "a texture as the index of a metal: copper was used instead".into()
+                });
+            }
+            Ok(constant.unwrap_or(copper))
         };
         let eta = get(builder, "eta", COPPER[0])?;
         let k = get(builder, "k", COPPER[1])?;
@@ -56,7 +76,13 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
         let named = if params.has("eta") { "eta" } else { "index" };
         let ior = builder.index(params, named)?;
         let tint = builder.material_color(params, "Kt", 1.0)?;
-        builder.material_color(params, "Kr", 1.0)?;
+        let reflected = builder.material_color(params, "Kr", 1.0)?;
+        if reflected.factor != Rgb::WHITE || reflected.texture.is_some() {
+            let owner = params.owner.clone();
+            builder.note(format!("{owner} Kr"), params.at, || {
+                format!("{owner}: \"Kr\" was ignored: it reflects by Fresnel's law alone")
+            });
+        }
         let roughness = builder.roughness(params, "", 0.0)?;
         Material::new("", Dielectric { roughness, tint, ..Dielectric::smooth(ior) })
     } else if kind("translucent") {
@@ -65,20 +91,20 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
     } else if kind("disney") {
         disney(builder, params)?
     } else if kind("kdsubsurface") {
-        params.get("mfp");
-        warn_of_parts(builder, params, &[]);
-        plastic(builder, params, 0.5, 1.0, 0.0)?
+        let color = builder.material_color(params, "Kd", 0.5)?;
+        let mfp = builder.pattern_param(params, "mfp", true)?.and_then(|p| p.as_constant()).unwrap_or(Rgb::WHITE);
+        let scale = params.float_or("scale", 1.0)? as f32;
+        let ior = if params.has("eta") { builder.index(params, "eta")? } else { 1.33 };
+        let roughness = builder.roughness(params, "", 0.0)?;
+        warn_of_parts(builder, params, &["Kr", "Kt"]);
+        lit_below(color, mfp * scale, params.float_or("g", 0.0)?.clamp(-0.99, 0.99) as f32, ior, roughness)
     } else if kind("mix") {
         return v3_mix(builder, params);
     } else {
         builder.is_v3 = was_v3;
         return Ok(None);
     };
-    Ok(Some(Known { material: Some(built), opacity }))
-}
-
-fn plain(material: Material) -> Known {
-    Known { material: Some(material), opacity: None }
+    Ok(Some(Known { layers: vec![built], opacity }))
 }
 
 /// `Kd` under a layer that reflects `Ks`.
@@ -101,10 +127,10 @@ fn with_ior(mut material: Material, ior: f32) -> Material {
 
 fn warn_of_parts(builder: &mut Builder, params: &Params, names: &[&str]) {
     let given = names.iter().any(|name| params.get(name).is_some());
-    if names.is_empty() || given {
+    if given {
         let owner = params.owner.clone();
         builder.note(owner.clone(), params.at, || {
-            format!("{owner} of pbrt-v3: only its diffuse and glossy reflection were kept")
+            format!("{owner} of pbrt-v3: mirror reflection and what it lets through were left out")
         });
     }
 }
@@ -144,11 +170,8 @@ fn v3_mix(builder: &mut Builder, params: &Params) -> Result<Option<Known>, Fault
     let (Some(first), Some(second)) = (first, second) else {
         return Err(params.fault("there are not two materials", "give namedmaterial1 and namedmaterial2"));
     };
-    let amount = builder.pattern_param(params, "amount", true)?.and_then(|p| p.as_constant());
-    let share: ColorParam = amount.unwrap_or(Rgb::splat(0.5)).into();
-    let chosen = if share.factor.luminance() >= 0.5 { first } else { second };
-    let known = builder.known_material(chosen, params.at)?;
-    let owner = params.owner.clone();
-    builder.note(owner.clone(), params.at, || format!("{owner}: the material with the larger share was used alone"));
-    Ok(Some(known))
+    let amount = builder.pattern_param(params, "amount", true)?.unwrap_or_else(|| Pattern::constant(0.5));
+    // Of two in the order of pbrt-v4, the amount is the share of the second.
+    let [first, second] = [builder.find_material(first, params.at)?, builder.find_material(second, params.at)?];
+    Ok(Some(builder.mixed([second, first], &amount, params, params.at)))
 }

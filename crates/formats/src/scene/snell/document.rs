@@ -221,6 +221,7 @@ impl Document {
             background,
             ambient,
             settings,
+            parameters: _,
             warnings: _,
             notes: _,
         } = scene;
@@ -296,6 +297,7 @@ impl Document {
             background: self.background,
             ambient: self.ambient,
             settings: self.settings,
+            parameters: Vec::new(),
             warnings: Vec::new(),
             notes: Vec::new(),
         };
