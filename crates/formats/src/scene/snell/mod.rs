@@ -60,8 +60,8 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         .map_err(|(place, problem)| input.error(Place::Json(place), problem, "write the scene again, or mend the file"))
 }
 
-/// The text of a scene; what no word says is an error.
-fn text(scene: &Scene) -> Result<String, String> {
+/// The text of a scene; an error for what the format has no words for.
+pub fn text(scene: &Scene) -> Result<String, String> {
     let document = Document::of(scene)?;
     let mut out = Out { text: String::from("{"), error: None };
     out.field("format", &document.format);
