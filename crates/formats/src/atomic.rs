@@ -2,7 +2,7 @@
 
 use crate::error::WriteError;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Finds out, before any work, whether [`write()`] could put a file at `path`.
 pub fn check(path: &Path) -> Result<(), WriteError> {
@@ -24,13 +24,30 @@ fn temporary_beside(path: &Path) -> std::io::Result<tempfile::NamedTempFile> {
 /// Writes `bytes` to a temporary file beside `path`, then renames it over `path`. What is no file, such as a pipe or a device, is
 /// written to and not replaced.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
-    let error = |source: std::io::Error| WriteError::Io { path: path.into(), source };
-    if is_special(path) {
-        return std::fs::write(path, bytes).map_err(error);
+    place(path, stage(path, bytes)?, bytes)
+}
+
+/// Writes several files as [`write()`] does: all of them under temporary names before the first is renamed. The last is renamed last.
+pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> Result<(), WriteError> {
+    let staged: Vec<_> = files.iter().map(|(path, bytes)| stage(path, bytes)).collect::<Result<_, _>>()?;
+    for ((path, bytes), staged) in files.iter().zip(staged) {
+        place(path, staged, bytes)?;
     }
-    let mut file = temporary_beside(path).map_err(error)?;
-    file.write_all(bytes).map_err(error)?;
-    file.as_file().sync_all().map_err(error)?;
+    Ok(())
+}
+
+fn io_error(path: &Path) -> impl Fn(std::io::Error) -> WriteError {
+    move |source| WriteError::Io { path: path.into(), source }
+}
+
+/// The content under a temporary name; `None` for what is no file and cannot be renamed.
+fn stage(path: &Path, bytes: &[u8]) -> Result<Option<tempfile::NamedTempFile>, WriteError> {
+    if is_special(path) {
+        return Ok(None);
+    }
+    let mut file = temporary_beside(path).map_err(io_error(path))?;
+    file.write_all(bytes).map_err(io_error(path))?;
+    file.as_file().sync_all().map_err(io_error(path))?;
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -38,8 +55,14 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
         let mode = std::fs::metadata(path).map_or(0o644, |m| m.permissions().mode());
         let _ = file.as_file().set_permissions(std::fs::Permissions::from_mode(mode));
     }
-    file.persist(path).map_err(|e| error(e.error))?;
-    Ok(())
+    Ok(Some(file))
+}
+
+fn place(path: &Path, staged: Option<tempfile::NamedTempFile>, bytes: &[u8]) -> Result<(), WriteError> {
+    match staged {
+        Some(file) => file.persist(path).map(drop).map_err(|e| io_error(path)(e.error)),
+        None => std::fs::write(path, bytes).map_err(io_error(path)),
+    }
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ pub mod light;
 pub mod material;
 pub mod medium;
 pub mod overrides;
+pub mod placed;
 pub mod settings;
 pub mod texture;
 
