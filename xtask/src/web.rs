@@ -33,8 +33,10 @@ fn packages() -> Option<bool> {
     if std::fs::read(&marker).is_ok_and(|installed| installed == wanted) {
         return Some(true);
     }
-    let installed =
-        run("installation of what the page is built with", npm(&["install", "--no-save", "--no-audit", "--no-fund", "--silent"]));
+    let installed = run(
+        "installation of what the page is built with",
+        npm(&["install", "--no-save", "--no-audit", "--no-fund", "--silent"]),
+    );
     Some(installed && std::fs::write(marker, wanted).is_ok())
 }
 

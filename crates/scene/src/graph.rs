@@ -7,6 +7,7 @@ use crate::image::Image;
 use crate::light::Light;
 use crate::material::Material;
 use crate::medium::Medium;
+use crate::motion::Motion;
 use crate::settings::SceneSettings;
 use crate::texture::Texture;
 use snell_intersect::{AnyShape, Shape, TriangleMesh};
@@ -224,6 +225,8 @@ pub struct Scene {
     pub warnings: Vec<Warning>,
     /// How the reader translated what the file says, where that is not obvious: for those who ask, not warnings.
     pub notes: Vec<Warning>,
+    /// What moves, if anything does: [`Scene::apply`]. All else is the scene as it stands while nothing is played.
+    pub motion: Option<Arc<Motion>>,
 }
 
 /// Why a scene graph is not usable.
@@ -289,6 +292,7 @@ impl Scene {
             settings: SceneSettings::default(),
             warnings: Vec::new(),
             notes: Vec::new(),
+            motion: None,
         }
     }
 
