@@ -225,6 +225,10 @@ pub struct Scene {
     pub warnings: Vec<Warning>,
     /// How the reader translated what the file says, where that is not obvious: for those who ask, not warnings.
     pub notes: Vec<Warning>,
+    /// Names of the file's sets of materials, of which one is shown; empty for files that have only one.
+    pub variants: Vec<String>,
+    /// Names of the file's scenes, of which this is one; empty for formats that have only one.
+    pub scenes: Vec<String>,
     /// What moves, if anything does: [`Scene::apply`]. All else is the scene as it stands while nothing is played.
     pub motion: Option<Arc<Motion>>,
 }
@@ -292,6 +296,8 @@ impl Scene {
             settings: SceneSettings::default(),
             warnings: Vec::new(),
             notes: Vec::new(),
+            variants: Vec::new(),
+            scenes: Vec::new(),
             motion: None,
         }
     }

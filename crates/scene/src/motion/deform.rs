@@ -63,17 +63,17 @@ pub struct InfluenceSet {
 }
 
 impl Deformed {
-    /// The mesh with these weights and, where there is a skin, `world_from_mesh` of each of its joints. `None` in case a vertex is
-    /// pulled by a joint that the skin does not have.
-    pub fn mesh(&self, weights: &[f64], matrices: &[DAffine3]) -> Option<TriangleMesh> {
+    /// The mesh with these weights and, where there is a skin, `world_from_mesh` of each of its joints. The error is the first
+    /// joint that pulls at a vertex, but that the skin does not have.
+    pub fn mesh(&self, weights: &[f64], matrices: &[DAffine3]) -> Result<TriangleMesh, usize> {
         let mut mesh = TriangleMesh::clone(&self.rest);
         if let Some(morph) = &self.morph {
             morph_mesh(&mut mesh, &morph.targets, weights);
         }
         if let Some((_, influences)) = &self.skin {
-            skin_mesh(&mut mesh, influences, matrices).ok()?;
+            skin_mesh(&mut mesh, influences, matrices)?;
         }
-        Some(mesh)
+        Ok(mesh)
     }
 }
 

@@ -11,7 +11,7 @@ mod player;
 mod transform;
 
 pub use curve::{Curve, CurveError, Interpolation};
-pub use deform::{Deformed, InfluenceSet, Morph, MorphTarget, Skin, make_usable};
+pub use deform::{Deformed, InfluenceSet, Morph, MorphTarget, Skin, make_usable, morph_mesh};
 pub use player::{Player, Pose};
 pub use transform::{AnimatedTransform, Placement};
 

@@ -97,7 +97,7 @@ impl Player {
             });
             let made = &mut self.made[number];
             if made.as_ref().is_none_or(|made| made.weights != weights || made.matrices != matrices) {
-                let mesh = deformed.mesh(weights, &matrices);
+                let mesh = deformed.mesh(weights, &matrices).ok();
                 *made = mesh.map(|mesh| Made { weights: weights.to_vec(), matrices, mesh: Arc::new(mesh) });
             }
             pose.meshes.extend(made.iter().map(|made| ((deformed.node, deformed.surface), made.mesh.clone())));

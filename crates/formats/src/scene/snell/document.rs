@@ -182,6 +182,9 @@ impl Document {
             settings,
             warnings: _,
             notes: _,
+            variants: _,
+            scenes: _,
+            motion: _,
         } = scene;
         check("camera", cameras)?;
         check("light", lights)?;
@@ -251,6 +254,9 @@ impl Document {
             settings: self.settings,
             warnings: Vec::new(),
             notes: Vec::new(),
+            variants: Vec::new(),
+            scenes: Vec::new(),
+            motion: None,
         };
         match scene.topological_order() {
             Ok(_) => Ok(scene),
