@@ -15,7 +15,7 @@ pub(crate) use volumes::{Boundary, VolumeTable};
 use crate::light_sampler::{LightSampler, LightSamplerKind};
 use crate::settings::LightStrategy;
 use lights::LightTable;
-use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, SurfaceInteraction, World, WorldError};
+use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, RayQuery, SurfaceInteraction, World, WorldError};
 use snell_math::{Bounds3d, ColorMode, Ray, Rgb, Vec3, rng};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::ShadingPoint;
@@ -152,6 +152,12 @@ impl CompiledScene {
         self.surfaces.node_path(&self.world, hit.instance, hit.geometry)
     }
 
+    /// The surface at a hit of a ray with a time from 0 to 1.
+    #[inline]
+    pub fn interaction(&self, ray: &Ray, time: f32, hit: &Hit) -> SurfaceInteraction {
+        self.world.interaction(RayQuery { time, ..RayQuery::from(ray) }, hit)
+    }
+
     /// The material with this id.
     pub fn material(&self, id: MaterialId) -> &Material {
         &self.materials[id.index()]
@@ -210,11 +216,15 @@ impl CompiledScene {
 /// Cut-out, blended and single-sided surfaces: a pure function of ray and hit, so shadows and any batching agree.
 impl HitFilter for CompiledScene {
     fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
+        self.accept_at(ray, 0.0, hit)
+    }
+
+    fn accept_at(&self, ray: &Ray, time: f32, hit: &Hit) -> bool {
         let material = self.material(self.material_id(hit));
         if material.is_interface() {
             return false;
         }
-        let surface = self.world.interaction(ray, hit);
+        let surface = self.interaction(ray, time, hit);
         let bits =
             |v: Vec3| rng::pcg4d([v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), hit.primitive ^ hit.geometry << 16]);
         let [a, b, ..] = bits(ray.direction);

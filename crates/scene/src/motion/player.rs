@@ -114,6 +114,50 @@ impl Player {
         pose
     }
 
+    /// The poses while a shutter is open, evenly spread in time from when it opens to when it closes: as many as it takes for things that go
+    /// on straight lines from pose to pose to be nearly where they should be. Only one if nothing moves, or the shutter closes at once.
+    pub fn poses_between(&mut self, open: f64, close: f64) -> Vec<Pose> {
+        const MOST: u32 = 32;
+        let mut intervals = 0;
+        if close > open && !self.clips.is_empty() {
+            intervals = 1;
+            while intervals < MOST && !self.is_straight(open, close, intervals) {
+                intervals *= 2;
+            }
+        }
+        let time = |i: u32| open + (close - open) * f64::from(i) / f64::from(intervals.max(1));
+        (0..=intervals).map(|i| self.pose(time(i))).collect()
+    }
+
+    /// True if joints and weights are in the middle of each interval nearly where straight lines lead.
+    fn is_straight(&self, open: f64, close: f64, intervals: u32) -> bool {
+        /// Of a way, a turn, or a weight.
+        const TOLERANCE: f64 = 0.01;
+        let at = |half: u32| {
+            let time = open + (close - open) * f64::from(half) / f64::from(2 * intervals);
+            let (local, weights) = self.placements(time);
+            (worlds(&self.motion, local.into_iter()), weights)
+        };
+        let is_near = |a: &DAffine3, middle: &DAffine3, b: &DAffine3| {
+            let way = (b.translation - a.translation).length();
+            let aside = (middle.translation - (a.translation + b.translation) * 0.5).length();
+            let turned = |m: &DAffine3| m.matrix3.to_cols_array();
+            let sides = turned(a).into_iter().zip(turned(middle)).zip(turned(b));
+            let bend = sides.fold(0.0f64, |most, ((a, m), b)| most.max((m - (a + b) * 0.5).abs()));
+            let size = turned(middle).into_iter().fold(0.0f64, |most, x| most.max(x.abs()));
+            aside <= way * TOLERANCE && bend <= size * TOLERANCE * 0.1
+        };
+        (0..intervals).all(|i| {
+            let ((a, wa), (middle, wm), (b, wb)) = (at(2 * i), at(2 * i + 1), at(2 * i + 2));
+            let joints = a.iter().zip(&middle).zip(&b).all(|((a, m), b)| is_near(a, m, b));
+            let weights = wm.iter().all(|(joint, m)| {
+                let ends = wa[joint].iter().zip(&wb[joint]);
+                m.iter().zip(ends).all(|(m, (a, b))| (m - (a + b) * 0.5).abs() <= TOLERANCE)
+            });
+            joints && weights
+        })
+    }
+
     /// The places of all joints relative to their parents, and the weights that clips set.
     fn placements(&self, time: f64) -> (Vec<DAffine3>, BTreeMap<u32, Vec<f64>>) {
         let mut placements: Vec<Placement> = self.motion.joints.iter().map(|j| j.rest).collect();
@@ -302,6 +346,16 @@ mod tests {
         assert!(
             matches!(posed.lights[0], Light::Directional { direction, .. } if (direction - DVec3::Y).length() < 1e-6)
         );
+    }
+
+    #[test]
+    fn a_shutter_has_as_many_poses_as_the_motion_is_bent() {
+        let mut player = Player::new(arm().motion.expect("it moves"), vec![0]);
+        let mut count = |open, close| player.poses_between(open, close).len();
+        assert_eq!((count(0.2, 0.2), count(0.5, 0.4)), (1, 1));
+        assert_eq!(count(3.0, 4.0), 2, "nothing moves there");
+        let (short, long) = (count(0.4, 0.41), count(0.0, 1.0));
+        assert!(short == 2 && long > 8 && long <= 33, "{short} {long}");
     }
 
     #[test]
