@@ -24,12 +24,20 @@ fn temporary_beside(path: &Path) -> std::io::Result<tempfile::NamedTempFile> {
 /// Writes `bytes` to a temporary file beside `path`, then renames it over `path`. What is no file, such as a pipe or a device, is
 /// written to and not replaced.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
+    write_with(path, |out| out.write_all(bytes))
+}
+
+/// Like [`write()`], for what need not be in memory as a whole: `fill` writes it.
+pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), WriteError> {
     let error = |source: std::io::Error| WriteError::Io { path: path.into(), source };
     if is_special(path) {
-        return std::fs::write(path, bytes).map_err(error);
+        let mut out = std::fs::OpenOptions::new().write(true).open(path).map_err(error)?;
+        return fill(&mut out).map_err(error);
     }
     let mut file = temporary_beside(path).map_err(error)?;
-    file.write_all(bytes).map_err(error)?;
+    let mut out = std::io::BufWriter::new(file.as_file_mut());
+    fill(&mut out).and_then(|()| out.flush()).map_err(error)?;
+    drop(out);
     file.as_file().sync_all().map_err(error)?;
     #[cfg(unix)]
     {
