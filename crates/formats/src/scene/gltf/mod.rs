@@ -25,6 +25,7 @@ mod json;
 mod light;
 mod material;
 mod mesh;
+mod meshopt;
 mod morph;
 mod node;
 mod reference;
