@@ -9,7 +9,7 @@ use snell_math::glam::DQuat;
 use snell_math::{DAffine3, DVec3};
 use snell_render::{CompiledScene, Moving};
 use snell_scene::light::environment::EnvironmentLight;
-use snell_scene::{Camera, Environment, Player, Pose, Scene};
+use snell_scene::{Camera, Environment, Light, Player, Pose, Scene};
 use std::time::Instant;
 
 /// Poses that a camera which is made for an animation must show.
@@ -17,10 +17,12 @@ const PROBES: u32 = 9;
 
 /// A scene ready to be shown at any time.
 pub struct Stage {
-    /// As it was read, with a camera and light.
-    base: Scene,
     /// In the last pose.
     pub scene: Scene,
+    /// Cameras, lights and environment before any pose.
+    cameras: Vec<Camera>,
+    lights: Vec<Light>,
+    environment: Option<Environment>,
     player: Option<Player>,
     moving: Moving,
     shutter: [f64; 2],
@@ -68,8 +70,10 @@ impl Stage {
         let light_follows = !had_light && scene.environment.is_some();
         let nodes = player.as_ref().map(Player::moving_nodes).unwrap_or_default();
         Ok(Self {
-            scene: scene.clone(),
-            base: scene,
+            cameras: scene.cameras.clone(),
+            lights: scene.lights.clone(),
+            environment: scene.environment.clone(),
+            scene,
             player,
             moving: Moving { nodes, later: Vec::new() },
             shutter: shutter.unwrap_or([0.0; 2]),
@@ -85,7 +89,7 @@ impl Stage {
 
     /// When it is shown if nobody says: when the animation begins, or, for a file with a shutter, at 0.
     pub fn usual_time(&self) -> f64 {
-        if self.base.settings.shutter.is_some() { 0.0 } else { self.span()[0] }
+        if self.scene.settings.shutter.is_some() { 0.0 } else { self.span()[0] }
     }
 
     /// The scene in the pose of a time; gives the poses after it, while the shutter is open.
@@ -94,8 +98,8 @@ impl Stage {
         let [open, close] = self.shutter.map(|offset| time + offset);
         let mut poses = player.poses_between(open, close);
         let later = poses.split_off(1);
-        self.scene.cameras.clone_from(&self.base.cameras);
-        self.scene.lights.clone_from(&self.base.lights);
+        self.scene.cameras.clone_from(&self.cameras);
+        self.scene.lights.clone_from(&self.lights);
         poses.iter().for_each(|pose| self.scene.apply(pose));
         later
     }
@@ -135,7 +139,7 @@ impl Stage {
         let Some(number) = self.scene.cameras.iter().position(|c| c == camera) else { return Vec::new() };
         let of_pose = |pose: &Pose| {
             let moved = pose.cameras.iter().find(|(i, _)| *i == number);
-            moved.map_or(self.base.cameras[number].clone(), |(_, by)| self.base.cameras[number].moved(by))
+            moved.map_or(self.cameras[number].clone(), |(_, by)| self.cameras[number].moved(by))
         };
         let cameras: Vec<Camera> = self.moving.later.iter().map(of_pose).collect();
         if cameras.iter().all(|later| later == camera) { Vec::new() } else { cameras }
@@ -153,7 +157,7 @@ impl Stage {
             return;
         }
         if let (Some(Environment::Image { world_from_environment: still, .. }), Some(environment)) =
-            (&self.base.environment, &mut self.scene.environment)
+            (&self.environment, &mut self.scene.environment)
         {
             let turned = turn * *still;
             if let Environment::Image { world_from_environment, .. } = environment {
