@@ -59,7 +59,7 @@ impl Builder<'_> {
         } else if self.in_world {
             self.set_size(SIZE);
         }
-        let Some((params, camera_from_file, at)) = self.options.camera.take() else {
+        let Some((params, camera_from_file, _)) = self.options.camera.take() else {
             if self.in_world && self.scene.cameras.is_empty() {
                 let params = Params::default().of("the default camera".into());
                 self.camera(&params, Motion::IDENTITY)?;
