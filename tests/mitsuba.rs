@@ -2,54 +2,56 @@
 
 use serde_json::Value;
 use snell_formats::image::read_image;
-use snell_formats::{Input, ReadOptions};
-use snell_intersect::AnyShape;
-use snell_intersect::shape::{BoxShape, Rectangle};
-use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb};
+use snell_formats::{Input, ReadOptions, read_scene_bytes};
 use snell_render::{Filter, IntegratorKind, Settings};
-use snell_scene::camera::{FovAxis, Projection};
-use snell_scene::material::Diffuse;
-use snell_scene::{Camera, Material, Node, Scene, Surface};
+use snell_scene::Scene;
 use snell_tests::statistics::image_mean;
 use snell_tests::{colors, render, shared_data};
+use std::path::Path;
 
-/// Row-major 4 x 4 matrix of a thing's `to_world`.
-fn matrix(thing: &Value) -> DAffine3 {
-    let entry =
-        |row: usize, column: usize| thing["to_world"]["matrix_row_major"][row][column].as_f64().expect("a number");
-    let column = |c: usize| DVec3::new(entry(0, c), entry(1, c), entry(2, c));
-    DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) }
-}
-
-fn rgb(value: &Value) -> Rgb {
-    let [r, g, b] = [0, 1, 2].map(|i| value["value"][i].as_f64().expect("a number") as f32);
-    Rgb::new(r, g, b)
-}
-
-/// The subset of Mitsuba's scene dictionary that the Cornell box needs.
-fn scene(description: &Value) -> Scene {
-    let mut scene = Scene::new("Mitsuba's Cornell box");
-    for (name, thing) in description.as_object().expect("a dictionary") {
-        let shape: AnyShape = match thing["type"].as_str() {
-            Some("rectangle") => Rectangle { half_size: DVec2::ONE }.into(),
-            Some("cube") => BoxShape { min: DVec3::NEG_ONE, max: DVec3::ONE }.into(),
-            _ => continue,
+/// The XML of an object of Mitsuba's scene dictionary.
+fn xml(name: &str, object: &Value) -> String {
+    let kind = object["type"].as_str().expect("a type");
+    let list =
+        |values: &Value| values.as_array().expect("a list").iter().map(Value::to_string).collect::<Vec<_>>().join(" ");
+    let tag = match kind {
+        "scene" => "scene",
+        "path" => "integrator",
+        "perspective" => "sensor",
+        "hdrfilm" => "film",
+        "box" => "rfilter",
+        "diffuse" => "bsdf",
+        "area" => "emitter",
+        "rgb" => return format!("<rgb name=\"{name}\" value=\"{}\"/>", list(&object["value"])),
+        "ref" => return format!("<ref id={}/>", object["id"]),
+        _ => "shape",
+    };
+    let mut members = String::new();
+    for (key, value) in object.as_object().expect("a dictionary").iter().filter(|(key, _)| *key != "type") {
+        members += &match value {
+            Value::Number(n) if n.is_f64() => format!("<float name=\"{key}\" value=\"{n}\"/>"),
+            Value::Number(n) => format!("<integer name=\"{key}\" value=\"{n}\"/>"),
+            Value::String(text) => format!("<string name=\"{key}\" value=\"{text}\"/>"),
+            Value::Object(map) if map.contains_key("matrix_row_major") => {
+                let rows: Vec<_> = map["matrix_row_major"].as_array().expect("rows").iter().map(list).collect();
+                format!("<transform name=\"{key}\"><matrix value=\"{}\"/></transform>", rows.join(" "))
+            }
+            Value::Object(_) => xml(key, value),
+            _ => panic!("{key} of {name}"),
         };
-        let reflectance = rgb(&description[thing["bsdf"]["id"].as_str().expect("a name")]["reflectance"]);
-        let mut material = Material::new(name, Diffuse::new(reflectance));
-        if let Some(emitter) = thing.get("emitter") {
-            material = material.emitting(rgb(&emitter["radiance"]));
-        }
-        let material = scene.add_material(material);
-        let surfaces = vec![Surface::shape(shape, material)];
-        scene.add_child(scene.root, Node { transform: matrix(thing), surfaces, ..Node::named(name) });
     }
-    let sensor = &description["sensor"];
-    let world_from_sensor = matrix(sensor);
-    let fov = sensor["fov"].as_f64().expect("an angle");
-    let projection = Projection::from_fov_degrees(fov, FovAxis::Smaller, [256, 256]);
-    let DMat3 { y_axis, z_axis, .. } = world_from_sensor.matrix3;
-    scene.cameras.push(Camera::from_direction(world_from_sensor.translation, z_axis, y_axis, projection));
+    match tag {
+        "scene" => format!("<scene version=\"3.9.1\">{members}</scene>"),
+        _ => format!("<{tag} type=\"{kind}\" id=\"{name}\">{members}</{tag}>"),
+    }
+}
+
+/// The scene of Mitsuba's dictionary, read as the file that it stands for.
+fn scene(description: &Value) -> Scene {
+    let text = xml("scene", description).into_bytes();
+    let scene =
+        read_scene_bytes("cbox.xml", text, Path::new("."), &ReadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     scene
 }
 

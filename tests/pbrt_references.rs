@@ -1,4 +1,4 @@
-//! pbrt scenes beside pictures of them that other renderers made: `cargo test --release -p snell-tests --test pbrt_references -- --ignored
+//! pbrt and Mitsuba scenes beside pictures of them that other renderers made: `cargo test --release -p snell-tests --test pbrt_references -- --ignored
 //! --nocapture` prints the table and leaves the pictures in `target/references`.
 //!
 //! Both pictures are compared at a quarter of the reference's size: its own noise and ours are averaged away, differences of light stay.
@@ -18,6 +18,7 @@ const REDUCTION: u32 = 4;
 /// A scene and what is known about its reference.
 struct Case {
     name: &'static str,
+    file: &'static str,
     /// Samples per (reduced) pixel.
     spp: u32,
     /// Depth of the reference where the file says another one.
@@ -28,23 +29,42 @@ struct Case {
     why: &'static str,
 }
 
-const CASES: [Case; 4] = [
+const CASES: [Case; 6] = [
     Case {
         name: "cornell-box",
+        file: "pbrt/scene-v4.pbrt",
         spp: 256,
         max_depth: Some(64),
         limits: [0.01, 0.03],
         why: "noise; edges by another filter",
     },
     Case {
+        name: "cornell-box",
+        file: "mitsuba/scene_v3.xml",
+        spp: 256,
+        max_depth: Some(64),
+        limits: [0.01, 0.03],
+        why: "as above",
+    },
+    Case {
         name: "veach-mis",
+        file: "pbrt/scene-v4.pbrt",
         spp: 64,
         max_depth: Some(1),
         limits: [3.0, 0.3],
         why: "the reference has Beckmann's distribution of facets, pbrt-v4 and Snell have GGX with its long tails",
     },
     Case {
+        name: "veach-mis",
+        file: "mitsuba/scene.xml",
+        spp: 64,
+        max_depth: Some(1),
+        limits: [3.0, 0.3],
+        why: "as above, and the plates of this file are thicker",
+    },
+    Case {
         name: "veach-bidir",
+        file: "pbrt/scene-v4.pbrt",
         spp: 256,
         max_depth: Some(64),
         limits: [3.0, 0.5],
@@ -52,12 +72,20 @@ const CASES: [Case; 4] = [
     },
     Case {
         name: "coffee",
+        file: "pbrt/scene-v4.pbrt",
         spp: 128,
         max_depth: Some(64),
         limits: [3.0, 0.5],
         why: "noise of caustics; a coat of another model",
     },
 ];
+
+impl Case {
+    /// Name and format.
+    fn label(&self) -> String {
+        format!("{} {}", self.name, self.file.split('/').next().unwrap_or_default())
+    }
+}
 
 /// The mean of each block of pixels.
 fn reduced(image: &LinearImage) -> LinearImage {
@@ -84,10 +112,10 @@ fn picture(image: &LinearImage) -> LayeredImage {
 
 /// Renders the scene, writes the pictures, and gives the line of the table and whether it is within the limits.
 fn check(case: &Case) -> Option<(String, bool)> {
-    let folder = shared_data(&format!("bitterli/{}/pbrt", case.name))?;
-    let reference = Input::open(&folder.join("TungstenRender.exr"), &ReadOptions::default()).expect("it is there");
+    let folder = shared_data(&format!("bitterli/{}", case.name))?;
+    let reference = Input::open(&folder.join("pbrt/TungstenRender.exr"), &ReadOptions::default()).expect("it is there");
     let reference = reduced(&LinearImage::from_image(&read_image(&reference).expect("the image is fine")));
-    let mut scene = read_scene(&folder.join("scene-v4.pbrt"), &ReadOptions::default()).expect("the scene is fine");
+    let mut scene = read_scene(&folder.join(case.file), &ReadOptions::default()).expect("the scene is fine");
     prepare(&mut scene, &FramingOptions::default()).expect("no cycles");
     let settings = Settings {
         size: [reference.width, reference.height],
@@ -104,14 +132,14 @@ fn check(case: &Case) -> Option<(String, bool)> {
     for (kind, picture) in
         [("ours", picture(&ours)), ("reference", picture(&reference)), ("difference", difference_picture(&compared))]
     {
-        let path = target.join(format!("{}-{kind}.png", case.name));
+        let path = target.join(format!("{}-{kind}.png", case.label().replace(' ', "-")));
         write_image(&path, &picture, &WriteOptions::default()).expect("the picture can be written");
     }
     let mean = |image: &LinearImage| image.pixels.iter().flatten().map(|v| f64::from(*v)).sum::<f64>();
     let numbers = &compared.comparison;
     let line = format!(
-        "{:12} {:10.5} {:8.4} {:10.4}   {}",
-        case.name,
+        "{:20} {:10.5} {:8.4} {:10.4}   {}",
+        case.label(),
         numbers.rel_mse,
         numbers.flip,
         mean(&ours) / mean(&reference),
@@ -123,15 +151,15 @@ fn check(case: &Case) -> Option<(String, bool)> {
 
 #[test]
 #[ignore = "takes minutes"]
-fn pbrt_scenes_look_like_their_references() {
-    println!("{:12} {:>10} {:>8} {:>10}", "scene", "rel. MSE", "FLIP", "brightness");
+fn scenes_look_like_their_references() {
+    println!("{:20} {:>10} {:>8} {:>10}", "scene", "rel. MSE", "FLIP", "brightness");
     let only = std::env::var("SNELL_SCENE").ok();
     let mut failed = Vec::new();
     for case in CASES.iter().filter(|c| only.as_ref().is_none_or(|only| only == c.name)) {
         let Some((line, within)) = check(case) else { continue };
         println!("{line}");
         if !within {
-            failed.push(case.name);
+            failed.push(case.label());
         }
     }
     assert!(failed.is_empty(), "too far from the references: {failed:?}");

@@ -22,7 +22,7 @@ pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
 }
 
 /// A well-mixed 32-bit hash of one integer (the `lowbias32` finaliser found by Wellons' hash prospector search).
-#[inline]
+#[inline(always)]
 pub fn hash32(mut x: u32) -> u32 {
     x ^= x >> 16;
     x = x.wrapping_mul(0x7feb_352d);
@@ -32,7 +32,7 @@ pub fn hash32(mut x: u32) -> u32 {
 }
 
 /// A hash that depends on both inputs and on their order.
-#[inline]
+#[inline(always)]
 pub fn hash_combine(a: u32, b: u32) -> u32 {
     hash32(a ^ hash32(b).wrapping_mul(0x9e37_79b9).rotate_left(7))
 }
@@ -41,7 +41,7 @@ pub fn hash_combine(a: u32, b: u32) -> u32 {
 pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON * 0.5;
 
 /// A number in `[0, 1)` from the upper 24 bits.
-#[inline]
+#[inline(always)]
 pub fn to_unit(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / (1 << 24) as f32)
 }

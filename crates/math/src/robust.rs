@@ -18,7 +18,7 @@ pub const fn gamma(n: u32) -> f32 {
 /// `error` bounds the absolute error of each coordinate of `position`; `normal` is the unit geometric normal (either side). The
 /// point moves along the normal until the box of possible positions is left, and each coordinate is rounded away from the
 /// surface (Pharr, Jakob and Humphreys, Physically Based Rendering, 4th edition, section 6.8.6).
-#[inline]
+#[inline(always)]
 pub fn offset_ray_origin(position: Vec3, error: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
     let distance = normal.abs().dot(error);
     let normal = if direction.dot(normal) < 0.0 { -normal } else { normal };

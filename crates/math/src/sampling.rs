@@ -1,7 +1,7 @@
 //! Warps of the unit square, with their densities (Pharr, Jakob and Humphreys, Physically Based Rendering, appendix A).
 
 use glam::{Vec2, Vec3};
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_4, PI};
 
 /// Uniform direction on the unit sphere; density [`UNIFORM_SPHERE_PDF`].
 #[inline]
@@ -15,24 +15,30 @@ pub fn uniform_sphere(u: Vec2) -> Vec3 {
 /// Density of [`uniform_sphere`] per steradian.
 pub const UNIFORM_SPHERE_PDF: f32 = FRAC_1_PI * 0.25;
 
+/// Sine and cosine of an angle of at most an eighth of a turn, to about a unit in the last place (the polynomials of Moshier's Cephes
+/// library, single precision). Without branches, so that loops over it become vector code.
+#[inline(always)]
+fn sin_cos_of_eighth(x: f32) -> (f32, f32) {
+    let z = x * x;
+    let sin = x + x * z * (-1.666_665_5e-1 + z * (8.332_161e-3 + z * -1.951_529_6e-4));
+    let cos = 1.0 - 0.5 * z + z * z * (4.166_664_6e-2 + z * (-1.388_731_6e-3 + z * 2.443_315_7e-5));
+    (sin, cos)
+}
+
 /// Uniform point in the unit disk by concentric squares (Shirley and Chiu, 1997).
-#[inline]
+#[inline(always)]
 pub fn concentric_disk(u: Vec2) -> Vec2 {
     let offset = u * 2.0 - 1.0;
-    if offset == Vec2::ZERO {
-        return Vec2::ZERO;
-    }
-    let (r, theta) = if offset.x.abs() > offset.y.abs() {
-        (offset.x, FRAC_PI_4 * (offset.y / offset.x))
-    } else {
-        (offset.y, FRAC_PI_2 - FRAC_PI_4 * (offset.x / offset.y))
-    };
-    let (sin, cos) = theta.sin_cos();
-    Vec2::new(r * cos, r * sin)
+    let is_wide = offset.x.abs() > offset.y.abs();
+    let (r, other) = if is_wide { (offset.x, offset.y) } else { (offset.y, offset.x) };
+    let ratio = if r == 0.0 { 0.0 } else { other / r };
+    // The angle from the nearer axis, which is x or y.
+    let (sin, cos) = sin_cos_of_eighth(FRAC_PI_4 * ratio);
+    if is_wide { Vec2::new(r * cos, r * sin) } else { Vec2::new(r * sin, r * cos) }
 }
 
 /// Direction on the upper hemisphere with density `cos(theta) / pi`; `z` is the normal.
-#[inline]
+#[inline(always)]
 pub fn cosine_hemisphere(u: Vec2) -> Vec3 {
     let d = concentric_disk(u);
     Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())

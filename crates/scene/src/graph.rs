@@ -221,6 +221,8 @@ pub struct Scene {
     pub ambient: Rgb,
     /// What the file asks of the renderer; options override it.
     pub settings: SceneSettings,
+    /// Parameters that the file takes, with the values they had: `$name` in Mitsuba's scenes.
+    pub parameters: Vec<(String, String)>,
     /// What the reader had to say.
     pub warnings: Vec<Warning>,
     /// How the reader translated what the file says, where that is not obvious: for those who ask, not warnings.
@@ -294,6 +296,7 @@ impl Scene {
             background: Background::default(),
             ambient: Rgb::BLACK,
             settings: SceneSettings::default(),
+            parameters: Vec::new(),
             warnings: Vec::new(),
             notes: Vec::new(),
             variants: Vec::new(),
@@ -337,6 +340,11 @@ impl Scene {
     pub fn add_medium(&mut self, medium: impl Into<Medium>) -> MediumId {
         self.media.push(medium.into());
         MediumId(self.media.len() as u32 - 1)
+    }
+
+    /// True if the file declares a parameter of this name.
+    pub fn takes_parameter(&self, name: &str) -> bool {
+        self.parameters.iter().any(|(known, _)| known == name)
     }
 
     /// Notes a warning; an equal one is counted instead of repeated.

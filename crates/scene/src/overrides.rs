@@ -61,7 +61,9 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
         }
         _ => {
             let known = "material.NAME, camera.NAME, light.NUMBER, medium.NUMBER";
-            Err(error(key, format!("unknown key; keys begin with {known}, or are ambient")))
+            let names: Vec<_> = scene.parameters.iter().map(|(name, _)| name.as_str()).collect();
+            let own = if names.is_empty() { String::new() } else { format!(", or {}", names.join(", ")) };
+            Err(error(key, format!("unknown key; keys begin with {known}, or are ambient{own}")))
         }
     }
 }

@@ -187,6 +187,9 @@ fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(
         filled.map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
     }
     for definition in &options.define {
+        if scene.takes_parameter(definition.split('=').next().unwrap_or_default()) {
+            continue;
+        }
         snell_scene::overrides::apply(scene, &spectrum_file::resolve(definition)?)?;
     }
     Ok(())

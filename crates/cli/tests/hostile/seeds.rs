@@ -118,6 +118,16 @@ const OWN: &[(&str, &str, &str)] = &[
          ObjectInstance \"o\" Translate 1 0 0 ObjectInstance \"o\"\nMaterial \"dielectric\" Shape \"loopsubdiv\" \"integer levels\" 1\n\
          \"point3 P\" [0 0 0 1 0 0 0 1 0 0 0 1] \"integer indices\" [0 1 2 0 3 1 1 3 2 2 3 0] \"float alpha\" 0.5\n",
     ),
+    (
+        "mitsuba",
+        "own.xml",
+        "<scene version=\"3.0.0\"><default name=\"spp\" value=\"4\"/><integrator type=\"path\"><integer name=\"max_depth\" value=\"8\"/></integrator>\n\
+         <sensor type=\"perspective\"><transform name=\"to_world\"><lookat origin=\"0,-6,2\" target=\"0,0,0\" up=\"0,0,1\"/></transform>\n\
+         <film type=\"hdrfilm\"><integer name=\"width\" value=\"16\"/><integer name=\"height\" value=\"16\"/></film></sensor>\n\
+         <bsdf type=\"blendbsdf\" id=\"b\"><float name=\"weight\" value=\"0.25\"/><bsdf type=\"dielectric\"/><bsdf type=\"roughconductor\"/></bsdf>\n\
+         <shape type=\"shapegroup\" id=\"g\"><shape type=\"cube\"><ref id=\"b\"/></shape></shape><shape type=\"instance\"><ref id=\"g\"/></shape>\n\
+         <shape type=\"sphere\"><float name=\"radius\" value=\"0.5\"/><emitter type=\"area\"><rgb name=\"radiance\" value=\"9 8 7\"/></emitter></shape></scene>\n",
+    ),
 ];
 
 /// A material file, tried behind a mesh that uses all of its materials.

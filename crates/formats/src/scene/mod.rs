@@ -1,11 +1,18 @@
 //! Scene files.
 
+mod fault;
 pub mod gltf;
+mod layers;
+mod metal;
 pub mod minray;
+pub mod mitsuba;
 pub mod nff;
+mod notes;
 pub mod pbrt;
+mod scattering;
 pub mod scn;
 mod shapes;
+mod sheet;
 pub mod snell;
 #[cfg(test)]
 mod testing;
@@ -13,7 +20,7 @@ mod tokens;
 
 /// The readers of scene files, in the order in which contents are tried.
 pub const READERS: &[crate::SceneReader] =
-    &[snell::READER, gltf::READER, minray::READER, nff::READER, pbrt::READER, scn::READER];
+    &[snell::READER, gltf::READER, minray::READER, nff::READER, pbrt::READER, mitsuba::READER, scn::READER];
 
 /// The writers of scene files.
 pub const WRITERS: &[crate::SceneWriter] = &[snell::WRITER];

@@ -1,9 +1,10 @@
 //! Shapes on their way into a scene: equal ones are stored once and placed by nodes.
 
-use snell_intersect::AnyShape;
-use snell_math::DAffine3;
+use snell_intersect::{AnyShape, TriangleMesh};
+use snell_math::{DAffine3, DMat3, DVec3, Vec2};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
 use std::collections::HashMap;
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// The shapes of a scene so far.
@@ -39,4 +40,36 @@ impl ShapeTable {
 /// A surface of a material, or of the node's if there is none.
 pub fn surface(geometry: Geometry, material: Option<MaterialId>) -> Surface {
     material.map_or_else(|| Surface::new(geometry.clone()), |m| Surface::with_material(geometry.clone(), m))
+}
+
+/// Pieces of a swept surface: around a full turn, and from one end to the other of a round one.
+pub const AROUND: u32 = 256;
+pub const ALONG: u32 = 128;
+
+/// From our round shapes, which stand around y and count longitude from z towards x, to those that stand around z and count it from x
+/// towards y, as pbrt and Mitsuba have them.
+pub fn around_z() -> DMat3 {
+    DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X)
+}
+
+/// The surface of points and normals by longitude (radians) and v from 0 to 1, over a turn in degrees, in pieces.
+pub fn swept(turn: f64, [around, along]: [u32; 2], surface: impl Fn(f64, f64) -> (DVec3, DVec3)) -> TriangleMesh {
+    let mut mesh = TriangleMesh::default();
+    for j in 0..=along {
+        for i in 0..=around {
+            let (u, v) = (f64::from(i) / f64::from(around), f64::from(j) / f64::from(along));
+            let (position, normal) = surface(u * turn / 360.0 * TAU, v);
+            mesh.positions.push(position.as_vec3());
+            mesh.normals.push(normal.as_vec3());
+            mesh.uvs[0].push(Vec2::new(u as f32, v as f32));
+        }
+    }
+    for j in 0..along {
+        for i in 0..around {
+            let a = j * (around + 1) + i;
+            let b = a + around + 1;
+            mesh.indices.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+        }
+    }
+    mesh
 }

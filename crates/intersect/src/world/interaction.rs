@@ -8,7 +8,7 @@ use crate::shape::ShapeSurface;
 use snell_math::{DMat3, DRay, DVec2, DVec3, Frame, Transform, Vec2, Vec3};
 
 /// Bound of the relative error of a mapped coordinate in `f64` (four products, three sums), with room to spare.
-const MAP_ERROR: f64 = 1.0 / (1u64 << 49) as f64;
+pub(super) const MAP_ERROR: f64 = 1.0 / (1u64 << 49) as f64;
 
 /// A surface in the coordinates of some group, on its way up to the world.
 struct LocalSurface {
@@ -57,38 +57,13 @@ impl World {
     /// If `hit` is a miss or does not belong to this world.
     pub fn interaction<'a>(&self, ray: impl Into<RayQuery<'a>>, hit: &Hit) -> SurfaceInteraction {
         let RayQuery { ray, time, .. } = ray.into();
-        let local = self.surface_in_group(GroupId(0), hit.instance, &DRay::from(ray), clamped_time(time), hit);
-        let (position, position_error) = rounded(local.position, local.error);
-        let geometric_normal = unit(local.normal).unwrap_or(Vec3::Z);
-        let shading_normal = match unit(local.shading_normal) {
-            Some(n) if n.dot(geometric_normal) < 0.0 => -n,
-            Some(n) => n,
-            None => geometric_normal,
-        };
-        let (dpdu, dpdv) = (local.dpdu.as_vec3(), local.dpdv.as_vec3());
-        let usable = |v: Vec3| v.is_finite() && v != Vec3::ZERO;
-        let (dpdu, dpdv) = if usable(dpdu) && usable(dpdv) {
-            (dpdu, dpdv)
-        } else {
-            let frame = Frame::from_z(shading_normal);
-            (frame.x, frame.y)
-        };
-        SurfaceInteraction {
-            position,
-            position_error,
-            geometric_normal,
-            shading_normal,
-            uv: local.uv,
-            dpdu,
-            dpdv,
-            tangent: local.tangent.and_then(|(t, sign)| Some((unit(t)?, sign))),
-            color: local.color,
-            t: hit.t,
-            primitive_uv: hit.uv,
-            instance: hit.instance,
-            geometry: hit.geometry,
-            primitive: hit.primitive,
+        // By far the most common case by itself: nothing of it goes through memory.
+        if let (None, Geometry::Mesh(mesh)) =
+            (self.step(GroupId(0), hit.instance), self.geometry(GeometryId(hit.geometry)))
+        {
+            return in_world(triangle_surface(mesh, &ray.direction.as_dvec3(), hit), hit);
         }
+        in_world(self.surface_in_group(GroupId(0), hit.instance, &DRay::from(ray), clamped_time(time), hit), hit)
     }
 
     /// The surface in the coordinates of `group`, for an occurrence `rest` below it. `ray` is in the same coordinates.
@@ -117,6 +92,42 @@ impl World {
                 }
             }
         }
+    }
+}
+
+/// The surface of the world, rounded once.
+#[inline(always)]
+fn in_world(local: LocalSurface, hit: &Hit) -> SurfaceInteraction {
+    let (position, position_error) = rounded(local.position, local.error);
+    let geometric_normal = unit(local.normal).unwrap_or(Vec3::Z);
+    let shading_normal = match unit(local.shading_normal) {
+        Some(n) if n.dot(geometric_normal) < 0.0 => -n,
+        Some(n) => n,
+        None => geometric_normal,
+    };
+    let (dpdu, dpdv) = (local.dpdu.as_vec3(), local.dpdv.as_vec3());
+    let usable = |v: Vec3| v.is_finite() && v != Vec3::ZERO;
+    let (dpdu, dpdv) = if usable(dpdu) && usable(dpdv) {
+        (dpdu, dpdv)
+    } else {
+        let frame = Frame::from_z(shading_normal);
+        (frame.x, frame.y)
+    };
+    SurfaceInteraction {
+        position,
+        position_error,
+        geometric_normal,
+        shading_normal,
+        uv: local.uv,
+        dpdu,
+        dpdv,
+        tangent: local.tangent.and_then(|(t, sign)| Some((unit(t)?, sign))),
+        color: local.color,
+        t: hit.t,
+        primitive_uv: hit.uv,
+        instance: hit.instance,
+        geometry: hit.geometry,
+        primitive: hit.primitive,
     }
 }
 
@@ -149,6 +160,7 @@ fn shape_surface(surface: ShapeSurface) -> LocalSurface {
     }
 }
 
+#[inline(always)]
 fn triangle_surface(mesh: &TriangleMesh, direction: &DVec3, hit: &Hit) -> LocalSurface {
     let triangle = hit.primitive as usize;
     let indices = mesh.indices[triangle].map(|i| i as usize);

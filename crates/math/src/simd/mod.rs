@@ -8,6 +8,7 @@ mod doubles;
 mod lanes;
 mod level;
 mod portable;
+mod wide;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx8;
@@ -17,3 +18,4 @@ pub use doubles::{Lanes4, Portable4, WideLanes};
 pub use lanes::Lanes8;
 pub use level::Level;
 pub use portable::Portable8;
+pub use wide::{Wide, least, most};

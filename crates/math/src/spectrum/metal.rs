@@ -139,6 +139,7 @@ const GOLD: &[[f32; 3]] = &[
 
 /// Johnson and Christy, Optical constants of transition metals, Phys. Rev. B 9 (1974).
 #[rustfmt::skip]
+#[expect(clippy::approx_constant, reason = "measured")]
 const CHROMIUM: &[[f32; 3]] = &[
     [354.0, 1.84, 2.64], [368.0, 1.87, 2.69], [381.0, 1.92, 2.74], [397.0, 2.0, 2.83], [413.0, 2.08, 2.93],
     [431.0, 2.19, 3.04], [451.0, 2.33, 3.14], [471.0, 2.51, 3.24], [496.0, 2.75, 3.3], [521.0, 2.94, 3.33],

@@ -185,7 +185,7 @@ impl CompiledScene {
         if let (Some(i), Some(sky), LightStrategy::Mis) = (self.environment_light(), &self.environment, strategy) {
             lights[i].power *= sky.excess();
         }
-        LightSampler::new(kind, &lights)
+        LightSampler::new(kind, &lights, self.world.simd().wide())
     }
 
     /// False if the environment is left to BSDF samples. For one that is constant that is half the work and less variance.

@@ -162,7 +162,7 @@ impl Field {
     fn unit(&self, position: Vec3) -> Vec3 {
         let p = (position - self.origin) * self.scale;
         // NaN becomes 0.
-        Vec3::from(p.to_array().map(|x| x.max(0.0).min(rng::ONE_MINUS_EPSILON)))
+        Vec3::from(p.to_array().map(|x| x.max(0.0).clamp(0.0, rng::ONE_MINUS_EPSILON)))
     }
 
     /// The region of a point of the unit cube, and how often the cube was halved for it.
@@ -191,7 +191,7 @@ impl Field {
         let [x, y, z, _] = rng::pcg4d([key, depth, 17, 4]);
         let u = Vec3::new(rng::to_unit(x), rng::to_unit(y), rng::to_unit(z)) - 0.5;
         // Axes take turns.
-        let size = Vec3::new(halved((depth + 2) / 3), halved((depth + 1) / 3), halved(depth / 3));
+        let size = Vec3::new(halved(depth.div_ceil(3)), halved((depth + 1) / 3), halved(depth / 3));
         let moved = (p + u * size).clamp(Vec3::ZERO, Vec3::splat(rng::ONE_MINUS_EPSILON));
         self.find(moved, face).0 as u32
     }
@@ -280,7 +280,7 @@ impl Field {
     }
 
     /// Regions of which something is known.
-    pub fn len(&self) -> usize {
+    pub fn known_regions(&self) -> usize {
         self.cells.iter().filter(|c| c.density.is_some()).count()
     }
 

@@ -6,7 +6,7 @@ use crate::compile::CompiledLight;
 use crate::light_sampler::ChosenLight;
 use crate::settings::LightStrategy;
 use snell_intersect::SurfaceInteraction;
-use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3};
+use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3, robust};
 use snell_scene::Background;
 use snell_scene::light::area::DirectedSample;
 
@@ -50,23 +50,35 @@ pub struct IncidentLight {
 
 /// Where light arrives and shadow rays begin.
 #[derive(Clone, Copy, Debug)]
-pub struct Arrival<'a> {
+pub struct Arrival {
     /// Where.
     pub position: Vec3,
     /// The surface there; none at a point of a medium.
-    pub surface: Option<&'a SurfaceInteraction>,
+    pub surface: Option<Skin>,
     /// What spectra mean to the path.
     pub mode: ColorMode,
 }
 
-impl<'a> Arrival<'a> {
+/// What rays must know of the surface that they leave.
+#[derive(Clone, Copy, Debug)]
+pub struct Skin {
+    /// Bound of the error of the position.
+    pub position_error: Vec3,
+    /// Unit normal of the surface itself.
+    pub geometric_normal: Vec3,
+}
+
+impl Arrival {
     /// At a surface.
-    pub fn at_surface(vertex: &SurfaceVertex<'a>) -> Self {
-        Self { position: vertex.interaction.position, surface: Some(vertex.interaction), mode: vertex.mode }
+    pub fn at_surface(vertex: &SurfaceVertex) -> Self {
+        let &SurfaceInteraction { position, position_error, geometric_normal, .. } = vertex.interaction;
+        Self { position, surface: Some(Skin { position_error, geometric_normal }), mode: vertex.mode }
     }
 
     fn ray_origin(&self, direction: Vec3) -> Vec3 {
-        self.surface.map_or(self.position, |surface| surface.ray_origin(direction))
+        self.surface.map_or(self.position, |skin| {
+            robust::offset_ray_origin(self.position, skin.position_error, skin.geometric_normal, direction)
+        })
     }
 }
 

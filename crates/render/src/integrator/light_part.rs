@@ -101,6 +101,11 @@ impl LobeShares {
         Self { diffuse, rest: Lobe::Specular }
     }
 
+    /// Reflection by diffuse lobes alone, where all of this is reflected.
+    pub fn of_matte(reflectance: SampledSpectrum) -> Self {
+        Self { diffuse: SampledSpectrum(reflectance.0.map(|r| f32::from(r > 0.0))), rest: Lobe::Specular }
+    }
+
     fn share(&self, lobe: Lobe) -> SampledSpectrum {
         match lobe {
             Lobe::Diffuse => self.diffuse,

@@ -6,11 +6,12 @@ mod ao;
 pub mod aov;
 pub(crate) mod camera_path;
 mod classic;
-mod estimators;
+pub(crate) mod estimators;
 mod flat;
 mod guided;
 pub mod light_part;
-mod path;
+pub(crate) mod matte;
+pub(crate) mod path;
 mod scattering;
 
 use crate::compile::CompiledScene;

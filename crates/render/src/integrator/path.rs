@@ -2,22 +2,23 @@
 //! `direct` is the same with one bounce.
 
 use super::estimators::{
-    Arrival, background, continued, environment, light_pdf_of_environment, light_pdf_of_hit, sample_light,
+    Arrival, IncidentLight, background, continued, environment, light_pdf_of_environment, light_pdf_of_hit,
+    sample_light,
 };
 use super::guided::GuidedBsdf;
-use super::light_part::LobeShares;
+use super::light_part::{LightSource, LobeShares};
 use super::scattering::scatter;
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::light_sampler::Receiver;
 use crate::settings::LightStrategy;
-use snell_math::{Ray, SampledSpectrum, Vec3, sampling};
+use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
 
 /// Roulette starts after this many bounces.
-const ROULETTE_DEPTH: u32 = 4;
+pub(crate) const ROULETTE_DEPTH: u32 = 4;
 /// Largest probability of going on, so that every path ends.
 const MAX_SURVIVAL: f32 = 0.98;
 /// Growth of the ray cone after a bounce that scatters.
-pub(super) const SCATTERED_SPREAD: f32 = 0.2;
+pub(crate) const SCATTERED_SPREAD: f32 = 0.2;
 
 /// Vertex function of `path` and `direct`.
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
@@ -102,11 +103,41 @@ pub(super) fn light_sample(
     scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
     out: &mut Outputs,
 ) -> Option<Vec3> {
-    let u = || vertex.random.number(dimension::LIGHT_CHOICE);
-    let chosen = context.lights.sample(receiver, u)?;
+    let u_choice = || vertex.random.number(dimension::LIGHT_CHOICE);
+    let u = || vertex.random.pair(dimension::LIGHT);
+    let found = weighted_light(context, vertex.state.throughput, &at, receiver, u_choice, u, scattering)?;
+    out.light_source = Some(found.source);
+    out.light_rays.push((found.shadow_ray, found.value));
+    Some(found.direction)
+}
+
+/// A light sample with its weight.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WeightedLight {
+    /// What the path gains if the shadow ray is free.
+    pub value: SampledSpectrum,
+    /// See [`Outputs::light_rays`].
+    pub shadow_ray: Ray,
+    /// Where the light comes from.
+    pub direction: Vec3,
+    /// What gives it.
+    pub source: LightSource,
+}
+
+/// A light sample for a path of this throughput; `scattering` as in [`light_sample`].
+#[inline]
+pub(crate) fn weighted_light(
+    context: &Context,
+    throughput: SampledSpectrum,
+    at: &Arrival,
+    receiver: &Receiver,
+    u_choice: impl FnOnce() -> f32,
+    u: impl FnOnce() -> Vec2,
+    scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
+) -> Option<WeightedLight> {
+    let chosen = context.lights.sample(receiver, u_choice)?;
     let probability = chosen.probability;
-    let u = vertex.random.pair(dimension::LIGHT);
-    let sample = sample_light(context, &at, &chosen, u)?;
+    let sample = sample_light(context, at, &chosen, u())?;
     if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
         return None;
     }
@@ -119,13 +150,12 @@ pub(super) fn light_sample(
     } else {
         sampling::power_heuristic(sample.pdf * probability, pdf)
     };
-    let value = vertex.state.throughput * value * sample.radiance * (weight / (sample.pdf * probability));
+    let value = throughput * value * sample.radiance * (weight / (sample.pdf * probability));
     if value.is_black() || !value.is_finite() {
         return None;
     }
-    out.light_source = Some(sample.source);
-    out.light_rays.push((sample.shadow_ray, value));
-    Some(sample.direction)
+    let IncidentLight { shadow_ray, direction, source, .. } = sample;
+    Some(WeightedLight { value, shadow_ray, direction, source })
 }
 
 /// The path's first scattering: this one, if it is the first and somebody wants to know.
@@ -135,11 +165,17 @@ pub(super) fn first_lobe(context: &Context, vertex: &Vertex, this: impl FnOnce()
 
 /// Russian roulette: the probability with which the path goes on, by the weight it would have; `None` if it ends.
 pub(super) fn survival(vertex: &Vertex, weight: f32) -> Option<f32> {
-    if vertex.depth < ROULETTE_DEPTH {
+    survival_at(vertex.depth, weight, || vertex.random.number(dimension::ROULETTE))
+}
+
+/// [`survival`] at a depth, by a uniform number.
+#[inline]
+pub(crate) fn survival_at(depth: u32, weight: f32, u: impl FnOnce() -> f32) -> Option<f32> {
+    if depth < ROULETTE_DEPTH {
         return Some(1.0);
     }
     let survival = weight.min(MAX_SURVIVAL);
-    (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)
+    (u() < survival).then_some(survival)
 }
 
 fn add_bounce(

@@ -13,6 +13,7 @@ use crate::guiding::{Record, Recorder};
 use crate::integrator::aov::{Aov, AovKind};
 use crate::integrator::camera_path::camera_path;
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
+use crate::integrator::matte::{self, LANES, MatteVertices};
 use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex, VertexFunction};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
@@ -52,6 +53,29 @@ pub struct PartRenderer<'a> {
     light_parts: &'a LightParts,
     /// What media need, where there are any and the integrator knows of them.
     volumes: Option<VolumeBatch<'a>>,
+    /// What is shaded many at once.
+    matte: Option<Box<Matte>>,
+}
+
+/// Vertices that are shaded many at once.
+struct Matte {
+    vertices: MatteVertices,
+    /// By material; `None` for those that are not matte.
+    reflectances: Vec<Option<SampledSpectrum>>,
+}
+
+impl Matte {
+    /// `None` if there are none.
+    fn new(context: &Context, sampler: &Sampler) -> Option<Box<Self>> {
+        let scene = context.scene;
+        let reflectances: Vec<_> =
+            scene.materials.iter().map(|m| matte::reflectance(context, m, context.settings.color)).collect();
+        let wide = scene.world.simd().wide();
+        reflectances
+            .iter()
+            .any(Option::is_some)
+            .then(|| Box::new(Self { vertices: MatteVertices::new(sampler, wide), reflectances }))
+    }
 }
 
 /// A sample being taken.
@@ -91,6 +115,7 @@ impl<'a> PartRenderer<'a> {
         let sees_media = context.settings.integrator.sees_media();
         let volumes = if sees_media { VolumeBatch::new(scene, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
+        let matte = if volumes.is_some() || scene.moves { None } else { Matte::new(&context, sampler) };
         Self {
             context,
             camera,
@@ -111,6 +136,7 @@ impl<'a> PartRenderer<'a> {
             covering: Vec::new(),
             light_parts,
             volumes,
+            matte,
         }
     }
 
@@ -295,14 +321,80 @@ impl<'a> PartRenderer<'a> {
         }
         self.group_by_material();
         let order = std::mem::take(&mut self.order);
-        for &path in &order {
-            self.shade_one(depth, path as usize);
+        let mut rest = order.as_slice();
+        while let Some(&first) = rest.first() {
+            let (now, reflectance) = self.alike(first, rest);
+            match reflectance {
+                Some(reflectance) => self.shade_matte(depth, now, reflectance),
+                None => now.iter().for_each(|&path| self.shade_one(depth, path as usize)),
+            }
+            rest = &rest[now.len()..];
             if self.light_rays.rays.len() >= MAX_BATCH {
                 self.trace_light_rays(statistics);
             }
         }
         self.trace_light_rays(statistics);
         self.order = order;
+    }
+
+    /// The paths at the beginning that can be worked on together with the first, and the reflectance of their surface; one path
+    /// and none if it is worked on alone.
+    fn alike<'b>(&self, first: u32, paths: &'b [u32]) -> (&'b [u32], Option<SampledSpectrum>) {
+        let alone = (&paths[..1], None);
+        let Some(matte) = &self.matte else { return alone };
+        let material = |path: u32| {
+            let hit = &self.paths.hits[path as usize];
+            hit.is_hit().then(|| self.context.scene.material_id(hit).index())
+        };
+        let Some(first) = material(first) else { return alone };
+        let Some(reflectance) = matte.reflectances[first] else { return alone };
+        let count = paths.iter().take(LANES).take_while(|&&path| material(path) == Some(first)).count();
+        (&paths[..count], Some(reflectance))
+    }
+
+    /// Shades at most [`LANES`] paths at matte surfaces of one reflectance.
+    fn shade_matte(&mut self, depth: u32, paths: &[u32], reflectance: SampledSpectrum) {
+        let max_depth = match self.context.settings.integrator {
+            IntegratorKind::Direct => 1,
+            _ => self.context.settings.max_depth,
+        };
+        if depth >= max_depth {
+            return;
+        }
+        let Some(mut matte) = self.matte.take() else { return };
+        let mut lanes = [0u32; LANES];
+        let mut count = 0;
+        matte.vertices.start(self.sampler, depth);
+        for &path in paths {
+            let i = path as usize;
+            let (state, random) = (&self.paths.states[i], &self.samples[self.paths.samples[i] as usize].random);
+            let (ray, hit) = (&self.paths.rays[i], &self.paths.hits[i]);
+            if state.throughput.is_black() {
+                continue;
+            }
+            if matte.vertices.gather(&self.context, count, ray, hit, random) {
+                lanes[count] = path;
+                count += 1;
+            } else {
+                self.shade_one(depth, i);
+            }
+        }
+        if count > 0 {
+            let numbers = matte.vertices.prepare(depth);
+            for (lane, &path) in lanes[..count].iter().enumerate() {
+                let path = path as usize;
+                if !matte.vertices.is_sound(lane) {
+                    self.shade_one(depth, path);
+                    continue;
+                }
+                self.outputs.clear();
+                let vertex = (&self.paths.hits[path], &self.paths.states[path]);
+                let out = &mut self.outputs;
+                matte.vertices.shade(&self.context, lane, &numbers, depth, vertex, reflectance, out);
+                self.collect(depth, path);
+            }
+        }
+        self.matte = Some(matte);
     }
 
     /// Paths of one material one after the other; those of one sample stay in order, so that sums have one order.
@@ -360,20 +452,26 @@ impl<'a> PartRenderer<'a> {
             let next = next.iter().map(|(ray, _)| ray.direction);
             volumes.note_outputs(path, ray.direction, vertex.surface.as_ref(), random, light_rays, next);
         }
+        self.collect(depth, path);
+    }
+
+    /// Takes what the vertex function gave.
+    fn collect(&mut self, depth: u32, path: usize) {
+        let (state, sample) = (&self.paths.states[path], self.paths.samples[path]);
+        let (is_branched, throughput, time) = (state.stream != 0, state.throughput, state.time);
         self.clamp(depth);
         self.samples[sample as usize].radiance += self.outputs.radiance;
         if !self.light_parts.is_empty() {
             self.note_light_parts(depth, path, sample);
         }
         for (ray, value) in self.outputs.light_rays.drain(..) {
-            self.light_rays.push(ray, state.time, value, sample);
+            self.light_rays.push(ray, time, value, sample);
         }
         if let (Some(recorder), Some(choice), Some((_, next))) =
             (&mut self.recorder, self.outputs.choice, self.outputs.next.first())
         {
-            recorder.leave(sample, depth, choice, state.throughput, next.throughput);
+            recorder.leave(sample, depth, choice, throughput, next.throughput);
         }
-        let is_branched = state.stream != 0;
         if is_branched && self.samples[sample as usize].rays > MAX_TREE {
             self.outputs.next.clear();
         }

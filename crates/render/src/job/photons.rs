@@ -185,7 +185,7 @@ fn bounced(scene: &CompiledScene, photon: &Photon, hit: &Hit, depth: u32, record
     let sample = shading.sample(from, vertex.number(dimension::LOBE), vertex.pair(dimension::BSDF))?;
     let flux = photon.flux * sample.weight;
     let survival = (flux.max_element() / photon.first_flux).min(MAX_SURVIVAL);
-    if !flux.is_finite() || !(vertex.number(dimension::ROULETTE) < survival) {
+    if !flux.is_finite() || vertex.number(dimension::ROULETTE) >= survival {
         return None;
     }
     let ray = Ray::new(surface.ray_origin(sample.wi), sample.wi);

@@ -84,7 +84,7 @@ impl Job<'_> {
             statistics.training_passes += 1;
         }
         field.finish();
-        statistics.guiding_regions = field.len() as u64;
+        statistics.guiding_regions = field.known_regions() as u64;
         statistics.guiding_bytes = field.memory_bytes() as u64;
         Some(field)
     }

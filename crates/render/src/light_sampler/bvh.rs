@@ -9,8 +9,9 @@ use super::build;
 use super::cone::{cos_of_difference, sin_from_cos, sin_of_difference};
 use super::table::LightTable;
 use super::{ChosenLight, LightSummary, Receiver};
-use snell_math::Vec3;
 use snell_math::rng::ONE_MINUS_EPSILON;
+use snell_math::simd::{Wide, least, most};
+use snell_math::{Vec3, at_level};
 
 /// Children of a node.
 pub const WIDTH: usize = 8;
@@ -65,6 +66,8 @@ pub struct LightBvh {
     entry: Vec<u32>,
     /// How often the tree is chosen where both can bring light.
     tree_share: f32,
+    /// For [`Node::importance`].
+    wide: Option<Wide>,
     /// Map of world positions into the units of the tree.
     origin: Vec3,
     scale: f32,
@@ -72,7 +75,7 @@ pub struct LightBvh {
 
 impl LightBvh {
     /// Builds the tree.
-    pub fn new(lights: &[LightSummary]) -> Self {
+    pub fn new(lights: &[LightSummary], wide: Option<Wide>) -> Self {
         let (mut emitters, mut first) = (Vec::new(), vec![NONE; lights.len()]);
         let (mut beside, mut entry) = (Vec::new(), vec![NONE; lights.len()]);
         for (number, light) in lights.iter().enumerate().filter(|(_, light)| light.is_sampled) {
@@ -94,7 +97,7 @@ impl LightBvh {
         let table = LightTable::new(&weights[1..]);
         let places = vec![NONE; emitters.len()];
         let tree_share = weights[0] as f32;
-        let mut tree = Self { nodes, emitters, places, first, beside, table, entry, tree_share, origin, scale };
+        let mut tree = Self { nodes, emitters, places, first, beside, table, entry, tree_share, wide, origin, scale };
         tree.note_places();
         tree
     }
@@ -125,7 +128,7 @@ impl LightBvh {
         u = (u / of_tree).min(ONE_MINUS_EPSILON);
         let mut node = self.nodes.first()?;
         loop {
-            let weights = node.importance(&local);
+            let weights = node.importance(&local, self.wide);
             let (slot, of_slot, rest) = choose(&weights, u)?;
             probability *= of_slot;
             u = rest;
@@ -156,7 +159,7 @@ impl LightBvh {
         let (mut node, mut slot) = (place as usize / WIDTH, place as usize % WIDTH);
         loop {
             let n = &self.nodes[node];
-            probability *= share(&n.importance(&local), slot);
+            probability *= share(&n.importance(&local, self.wide), slot);
             if n.parent == NONE || probability == 0.0 {
                 return probability;
             }
@@ -170,7 +173,7 @@ impl LightBvh {
             None => 0.0,
             Some(_) if self.beside.is_empty() => 1.0,
             Some(root) => {
-                let can_bring_light = root.importance(local).iter().any(|&w| w > 0.0);
+                let can_bring_light = root.importance(local, self.wide).iter().any(|&w| w > 0.0);
                 if can_bring_light { self.tree_share } else { 0.0 }
             }
         }
@@ -219,39 +222,48 @@ impl Node {
     ///
     /// The intensity, times the cosine of the least angle between a main direction and the way to the receiver, over the squared
     /// distance, times the cosine of the least angle of incidence.
-    #[inline]
-    fn importance(&self, receiver: &Receiver) -> [f32; WIDTH] {
-        let Receiver { position: p, normal: n, transmits } = *receiver;
-        let in_medium = n == Vec3::ZERO;
-        // |x| is max(x, -x), and x is max(x, x).
-        let incident_side = if transmits { -1.0 } else { 1.0 };
-        std::array::from_fn(|i| {
-            let d = [p.x - self.center[0][i], p.y - self.center[1][i], p.z - self.center[2][i]];
-            let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-            let inverse = 1.0 / squared.max(1e-30).sqrt();
-            // The sphere around the child, as seen from the receiver.
-            let r2 = self.radius[i] * self.radius[i];
-            let is_inside = squared <= r2 * 1.0001;
-            let sin2 = r2 / squared.max(1e-30);
-            let sin_b = if is_inside { 0.0 } else { sin2.sqrt() };
-            let cos_b = if is_inside { -1.0 } else { (1.0 - sin2).max(0.0).sqrt() };
-            // Angle between the cone of main directions and the way to the receiver.
-            let w = (self.axis[0][i] * d[0] + self.axis[1][i] * d[1] + self.axis[2][i] * d[2]) * inverse;
-            let cos_w = w.max(w * self.side[i]).min(1.0);
-            let sin_w = sin_from_cos(cos_w);
-            let cos_x = cos_of_difference(sin_w, cos_w, self.sin_spread[i], self.cos_spread[i]);
-            let sin_x = sin_of_difference(sin_w, cos_w, self.sin_spread[i], self.cos_spread[i]);
-            let cos_e = cos_of_difference(sin_x, cos_x, sin_b, cos_b);
-            let emits = if cos_e + SLACK >= self.cos_emission[i] { cos_e.max(SLACK) } else { 0.0 };
-            // Angle of incidence.
-            let c = -(n.x * d[0] + n.y * d[1] + n.z * d[2]) * inverse;
-            let cos_n = c.max(c * incident_side).clamp(-1.0, 1.0);
-            let cos_i = cos_of_difference(sin_from_cos(cos_n), cos_n, sin_b, cos_b) + SLACK;
-            let incident = if in_medium { 1.0 } else { cos_i };
-            let importance = self.intensity[i] * emits * incident / squared.max(r2).max(1e-30);
-            if importance > 0.0 { importance } else { 0.0 }
-        })
+    fn importance(&self, receiver: &Receiver, wide: Option<Wide>) -> [f32; WIDTH] {
+        at_level!(wide, importance, (node: &Node = self, receiver: &Receiver = receiver) -> [f32; WIDTH])
     }
+}
+
+/// See [`Node::importance`]. A loop without branches: a few instructions for all lanes.
+#[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "lanes of many arrays")]
+fn importance(node: &Node, receiver: &Receiver) -> [f32; WIDTH] {
+    let Receiver { position: p, normal: n, transmits } = *receiver;
+    let in_medium = n == Vec3::ZERO;
+    // |x| is most(x, -x), and x is most(x, x).
+    let incident_side = if transmits { -1.0 } else { 1.0 };
+    let mut importances = [0.0; WIDTH];
+    for i in 0..WIDTH {
+        let d = [p.x - node.center[0][i], p.y - node.center[1][i], p.z - node.center[2][i]];
+        let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        let inverse = 1.0 / most(squared, 1e-30).sqrt();
+        // The sphere around the child, as seen from the receiver.
+        let r2 = node.radius[i] * node.radius[i];
+        let is_inside = squared <= r2 * 1.0001;
+        let sin2 = r2 / most(squared, 1e-30);
+        let (sin, cos) = (sin2.sqrt(), most(1.0 - sin2, 0.0).sqrt());
+        let sin_b = if is_inside { 0.0 } else { sin };
+        let cos_b = if is_inside { -1.0 } else { cos };
+        // Angle between the cone of main directions and the way to the receiver.
+        let w = (node.axis[0][i] * d[0] + node.axis[1][i] * d[1] + node.axis[2][i] * d[2]) * inverse;
+        let cos_w = least(most(w, w * node.side[i]), 1.0);
+        let sin_w = sin_from_cos(cos_w);
+        let cos_x = cos_of_difference(sin_w, cos_w, node.sin_spread[i], node.cos_spread[i]);
+        let sin_x = sin_of_difference(sin_w, cos_w, node.sin_spread[i], node.cos_spread[i]);
+        let cos_e = cos_of_difference(sin_x, cos_x, sin_b, cos_b);
+        let emits = if cos_e + SLACK >= node.cos_emission[i] { most(cos_e, SLACK) } else { 0.0 };
+        // Angle of incidence.
+        let c = -(n.x * d[0] + n.y * d[1] + n.z * d[2]) * inverse;
+        let cos_n = least(most(most(c, c * incident_side), -1.0), 1.0);
+        let cos_i = cos_of_difference(sin_from_cos(cos_n), cos_n, sin_b, cos_b) + SLACK;
+        let incident = if in_medium { 1.0 } else { cos_i };
+        let importance = node.intensity[i] * emits * incident / most(most(squared, r2), 1e-30);
+        importances[i] = if importance > 0.0 { importance } else { 0.0 };
+    }
+    importances
 }
 
 /// A child by its weight, its probability, and the rest of the number; `None` if all weights are 0.

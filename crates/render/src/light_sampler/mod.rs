@@ -12,6 +12,7 @@ pub use bvh::LightBvh;
 pub use table::LightTable;
 
 use snell_math::Vec3;
+use snell_math::simd::Wide;
 use snell_scene::light::LightBounds;
 
 /// How a light is chosen among many.
@@ -84,8 +85,8 @@ pub enum LightSampler {
 }
 
 impl LightSampler {
-    /// A sampler over these lights.
-    pub fn new(kind: LightSamplerKind, lights: &[LightSummary]) -> Self {
+    /// A sampler over these lights. `wide` allows wide registers.
+    pub fn new(kind: LightSamplerKind, lights: &[LightSummary], wide: Option<Wide>) -> Self {
         let powers = |light: &LightSummary| if light.is_sampled { light.power } else { 0.0 };
         match kind {
             LightSamplerKind::Uniform => {
@@ -99,7 +100,7 @@ impl LightSampler {
                 }
                 Self::Table(LightTable::new(&weights))
             }
-            LightSamplerKind::Bvh => Self::Bvh(LightBvh::new(lights)),
+            LightSamplerKind::Bvh => Self::Bvh(LightBvh::new(lights, wide)),
         }
     }
 

@@ -1,5 +1,6 @@
 use super::*;
 use snell_math::rng::{self, uniform2};
+use snell_math::simd::Level;
 use snell_math::{Bounds3d, DVec3, sampling};
 
 fn unit(i: u32, k: u32) -> f32 {
@@ -43,7 +44,7 @@ fn receiver(key: u32, size: f32) -> Receiver {
 
 fn table(kind: LightSamplerKind, powers: &[f64], left_out: Option<usize>) -> LightSampler {
     let light = |(i, &power): (usize, &f64)| LightSummary { power, parts: vec![], is_sampled: left_out != Some(i) };
-    LightSampler::new(kind, &powers.iter().enumerate().map(light).collect::<Vec<_>>())
+    LightSampler::new(kind, &powers.iter().enumerate().map(light).collect::<Vec<_>>(), Level::best().wide())
 }
 
 fn probability(sampler: &LightSampler, light: usize) -> f32 {
@@ -81,7 +82,7 @@ fn a_light_that_is_left_out_takes_no_samples_from_the_others() {
 fn the_tree_gives_every_emitter_with_the_probability_it_says() {
     for (count, size) in [(1, 1.0), (2, 1.0), (3, 1e-4), (30, 1e5), (900, 1.0)] {
         let lights = lights(count, size);
-        let sampler = LightSampler::new(LightSamplerKind::Bvh, &lights);
+        let sampler = LightSampler::new(LightSamplerKind::Bvh, &lights, Level::best().wide());
         for key in 0..12 {
             let receiver = receiver(key, size);
             let parts = |l: &LightSummary| l.parts.len().max(1) as u32;
@@ -108,7 +109,7 @@ fn the_tree_does_not_depend_on_the_number_of_threads() {
     let lights = [LightSummary { power: 1.0, parts, is_sampled: true }];
     let choices = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        let sampler = pool.install(|| LightSampler::new(LightSamplerKind::Bvh, &lights));
+        let sampler = pool.install(|| LightSampler::new(LightSamplerKind::Bvh, &lights, Level::best().wide()));
         (0..3000).map(|i| sampler.sample(&receiver(i, 1.0), || unit(i, 9))).collect::<Vec<_>>()
     };
     assert_eq!(choices(1), choices(3));
@@ -118,7 +119,7 @@ fn the_tree_does_not_depend_on_the_number_of_threads() {
 #[test]
 fn stratified_numbers_stay_stratified_over_the_tree() {
     let lights = lights(60, 1.0);
-    let sampler = LightSampler::new(LightSamplerKind::Bvh, &lights);
+    let sampler = LightSampler::new(LightSamplerKind::Bvh, &lights, Level::best().wide());
     let receiver = receiver(5, 1.0);
     let n = 100_000;
     let mut counts = std::collections::BTreeMap::new();
@@ -137,7 +138,7 @@ fn stratified_numbers_stay_stratified_over_the_tree() {
 #[test]
 fn no_emitter_that_may_bring_light_is_left_out() {
     let lights = lights(200, 1.0);
-    let sampler = LightSampler::new(LightSamplerKind::Bvh, &lights);
+    let sampler = LightSampler::new(LightSamplerKind::Bvh, &lights, Level::best().wide());
     for key in 0..60 {
         let receiver = receiver(key, 1.5);
         for (number, light) in lights.iter().enumerate().filter(|(_, l)| l.is_sampled) {
@@ -172,7 +173,7 @@ fn near_and_facing_lights_are_preferred() {
         is_sampled: true,
     };
     let lights = [at(0.0, Vec3::NEG_Y), at(10.0, Vec3::NEG_Y), at(0.5, Vec3::Y)];
-    let sampler = LightSampler::new(LightSamplerKind::Bvh, &lights);
+    let sampler = LightSampler::new(LightSamplerKind::Bvh, &lights, Level::best().wide());
     let receiver = Receiver { position: Vec3::ZERO, normal: Vec3::Y, transmits: false };
     let p = [0, 1, 2].map(|light| sampler.probability(&receiver, light, (0, 1.0)));
     assert!(p[0] > 0.999 && p[1] > 0.0 && p[2] == 0.0, "{p:?}");
@@ -194,7 +195,7 @@ fn broken_emitters_and_receivers_give_no_nan() {
     }
     // A thousand in one place.
     broken.push(LightSummary { power: 1.0, parts: vec![part(9, 1.0); 1000], is_sampled: true });
-    let sampler = LightSampler::new(LightSamplerKind::Bvh, &broken);
+    let sampler = LightSampler::new(LightSamplerKind::Bvh, &broken, Level::best().wide());
     let positions = [Vec3::ZERO, Vec3::NAN, Vec3::splat(f32::INFINITY), Vec3::splat(f32::MAX), Vec3::splat(1e-40)];
     for position in positions {
         for normal in [Vec3::Z, Vec3::ZERO, Vec3::NAN] {
@@ -217,7 +218,9 @@ fn a_million_emitters() {
     let parts: Vec<LightBounds> = (0..1_000_000).map(|i| LightBounds { cos_spread: 1.0, ..part(i, 1.0) }).collect();
     let lights = [LightSummary { power: 1.0, parts, is_sampled: true }];
     let start = std::time::Instant::now();
-    let LightSampler::Bvh(tree) = LightSampler::new(LightSamplerKind::Bvh, &lights) else { return };
+    let LightSampler::Bvh(tree) = LightSampler::new(LightSamplerKind::Bvh, &lights, Level::best().wide()) else {
+        return;
+    };
     let built = start.elapsed();
     let start = std::time::Instant::now();
     let mut sum = 0.0;

@@ -3,9 +3,12 @@
 //! A *dimension* is what the number is for (lens, light, BSDF at the third bounce …); [`Random`] binds the rest. Nothing depends on
 //! the order of calls, so batching, threads and splitting cannot change a number.
 
+mod many;
 mod sobol;
 mod stratified;
 mod zsobol;
+
+pub use many::ManyRandoms;
 
 use crate::film::BLOCK;
 use crate::settings::Settings;

@@ -3,6 +3,7 @@
 use snell_math::{Vec2, rng};
 
 /// Sample `index` of the point set chosen by `key`, for sets of `2^set_log2` samples.
+#[inline(always)]
 pub fn point(key: u32, index: u32, set_log2: u32) -> Vec2 {
     let index = shuffle(index, key, set_log2);
     let x = owen_scramble(index.reverse_bits(), rng::hash_combine(key, 1));
@@ -11,6 +12,7 @@ pub fn point(key: u32, index: u32, set_log2: u32) -> Vec2 {
 }
 
 /// The first coordinate of [`point`].
+#[inline(always)]
 pub fn number(key: u32, index: u32, set_log2: u32) -> f32 {
     let index = shuffle(index, key, set_log2);
     rng::to_unit(owen_scramble(index.reverse_bits(), rng::hash_combine(key, 1)))
@@ -19,6 +21,7 @@ pub fn number(key: u32, index: u32, set_log2: u32) -> f32 {
 /// The order of the points, which decides what meets what in different dimensions. A nested scramble leaves aligned runs of a power of
 /// two together, and so all prefixes good; but two neighbours are then in opposite halves in *every* dimension, and their products
 /// are alike. So runs of up to 16 are permuted freely.
+#[inline(always)]
 fn shuffle(index: u32, key: u32, set_log2: u32) -> u32 {
     let bits = set_log2.min(4);
     let mask = (1 << bits) - 1;
@@ -28,6 +31,7 @@ fn shuffle(index: u32, key: u32, set_log2: u32) -> u32 {
 }
 
 /// Position of `i` in a permutation of `0..=mask` chosen by `key`; `mask` is a power of two less one, at most 15.
+#[inline(always)]
 fn permute(i: u32, mask: u32, key: u32) -> u32 {
     let i = (i ^ key) & mask;
     let i = i.wrapping_mul(key >> 4 | 1) & mask;
@@ -41,6 +45,7 @@ fn permute(i: u32, mask: u32, key: u32) -> u32 {
 
 /// The second Sobol dimension. Its direction numbers are those of Pascal's triangle modulo 2, so the matrix product is five steps of
 /// shift and exclusive or instead of a table.
+#[inline(always)]
 fn second_dimension(index: u32) -> u32 {
     let mut x = index;
     x ^= (x >> 16) & 0x0000_ffff;
@@ -53,6 +58,7 @@ fn second_dimension(index: u32) -> u32 {
 
 /// Nested uniform scramble of a number in `[0, 2^32)` whose highest bit is the first digit: each bit is flipped or not depending on
 /// the bits above it only (Laine and Karras, 2011; constants of Vegdahl's search).
+#[inline(always)]
 fn owen_scramble(x: u32, seed: u32) -> u32 {
     let mut x = x.reverse_bits();
     x ^= x.wrapping_mul(0x3d20_adea);

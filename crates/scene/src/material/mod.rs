@@ -28,6 +28,7 @@ pub use interface::Interface;
 pub use interior::Interior;
 pub use metallic_roughness::{MetallicRoughness, reflectance_at_most_white};
 pub use mirror::Mirror;
+pub use normal::visible_normal;
 pub use open_pbr::{OpenPbr, TangentMap};
 pub use phong::Phong;
 pub use plastic::Plastic;
@@ -269,6 +270,18 @@ impl Material {
     /// True if it can emit anywhere.
     pub fn is_emissive(&self) -> bool {
         !self.emission.factor.is_black()
+    }
+
+    /// The reflectance, if the material is Lambertian with this reflectance everywhere, but for vertex colours, and does nothing else.
+    pub fn lambertian(&self) -> Option<Rgb> {
+        match &self.kind {
+            MaterialKind::Diffuse(Diffuse { reflectance: ColorParam { factor, texture: None, spectrum: None } })
+                if !self.is_emissive() && self.normal_map.is_none() =>
+            {
+                Some(factor.map(|x| bounded(x, 1.0)))
+            }
+            _ => None,
+        }
     }
 
     /// True if hits must be asked about ([`Self::is_present`]).

@@ -2,6 +2,7 @@
 
 use super::{NormalMap, ShadingPoint};
 use crate::bsdf::{Bsdf, Lobes};
+use snell_math::simd::least;
 use snell_math::{Frame, Vec3};
 
 /// The frame of the shading normal, normal map applied, on the side of the geometric normal.
@@ -70,6 +71,9 @@ pub(super) fn mirrors(bsdf: &Bsdf) -> bool {
 /// `wo` to that side too (the idea of Keller et al., The Iray Light Transport Simulation and Rendering System, 2017: pull
 /// the reflected vector up to the surface, and take the half vector).
 pub(super) fn valid_towards(n: Vec3, geometric_normal: Vec3, wo: Vec3, mirrors: bool) -> Vec3 {
+    if !mirrors {
+        return visible_normal(n, geometric_normal, wo);
+    }
     let side = if wo.dot(geometric_normal) < 0.0 { -1.0 } else { 1.0 };
     let (n_up, ng) = (n * side, geometric_normal * side);
     let elevation = wo.dot(ng);
@@ -77,20 +81,31 @@ pub(super) fn valid_towards(n: Vec3, geometric_normal: Vec3, wo: Vec3, mirrors: 
         return n;
     }
     let least = (0.9 * elevation).min(0.01);
-    let valid = if mirrors {
-        let reflected = crate::bsdf::fresnel::reflect(wo, n_up);
-        let height = reflected.dot(ng);
-        if height >= least && wo.dot(n_up) > 0.0 {
-            return n;
-        }
-        let flat = (reflected - ng * height).normalize_or_zero() * (1.0 - least * least).sqrt();
-        wo + flat + ng * least
-    } else {
-        let seen = wo.dot(n_up);
-        if seen >= least {
-            return n;
-        }
-        n_up + wo * (least - seen)
+    let reflected = crate::bsdf::fresnel::reflect(wo, n_up);
+    let height = reflected.dot(ng);
+    if height >= least && wo.dot(n_up) > 0.0 {
+        return n;
+    }
+    let flat = (reflected - ng * height).normalize_or_zero() * (1.0 - least * least).sqrt();
+    (wo + flat + ng * least).normalize_or(ng) * side
+}
+
+/// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface. Without branches, so that loops
+/// over it become vector code.
+#[inline(always)]
+pub fn visible_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
+    let elevation = wo.dot(geometric_normal);
+    let side = if elevation < 0.0 { -1.0 } else { 1.0 };
+    let (n_up, ng, elevation) = (n * side, geometric_normal * side, elevation * side);
+    let lowest = least(0.9 * elevation, 0.01);
+    let seen = wo.dot(n_up);
+    let lifted = n_up + wo * (lowest - seen);
+    let scale = 1.0 / lifted.length();
+    let has_length = scale > 0.0 && scale < f32::INFINITY;
+    let keeps = elevation <= 0.0 || seen >= lowest;
+    let pick = |n: f32, lifted: f32, ng: f32| {
+        let bent = if has_length { lifted * scale } else { ng };
+        if keeps { n } else { bent * side }
     };
-    valid.normalize_or(ng) * side
+    Vec3::new(pick(n.x, lifted.x, ng.x), pick(n.y, lifted.y, ng.y), pick(n.z, lifted.z, ng.z))
 }

@@ -192,7 +192,8 @@ pub struct Options {
     /// Fill the scene with fog that takes this share of light per scene unit, such as 0.001
     #[arg(long, value_name = "DENSITY", value_parser = parse_density, help_heading = "What is rendered")]
     pub fog: Option<f32>,
-    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…, `ambient=[r,g,b]`
+    /// Change the scene: material.NAME.PARAMETER=VALUE, camera.…, light.NUMBER.…, medium.NUMBER.…, `ambient=[r,g,b]`; or NAME=VALUE,
+    /// a parameter of a Mitsuba scene
     #[arg(short = 'D', long = "define", value_name = "key=value", help_heading = "What is rendered")]
     pub define: Vec<String>,
     /// Write statistics as JSON
@@ -233,9 +234,13 @@ fn parse_guiding(text: &str) -> Result<GuidingOption, String> {
 impl Options {
     /// How the scene file is read.
     pub fn read_options(&self) -> ReadOptions {
+        // Keys of the scene graph have dots; what has none may be a parameter of the file.
+        let plain = self.define.iter().filter_map(|d| d.split_once('=')).filter(|(key, _)| !key.contains('.'));
+        let parameters = plain.map(|(key, value)| (key.to_string(), value.to_string())).collect();
         ReadOptions {
             allow_outside: self.allow_outside,
             limits: Limits::default(),
+            parameters,
             variant: self.variant.clone(),
             scene: self.scene_of_file.clone(),
         }

@@ -1,9 +1,9 @@
 //! Cameras.
 
 use super::Builder;
-use super::fault::Fault;
 use super::options::is_kind;
 use super::params::Params;
+use crate::scene::fault::Fault;
 use snell_math::{DAffine3, DVec3};
 use snell_scene::camera::Intrinsics;
 use snell_scene::{Camera, Projection};

@@ -1,12 +1,12 @@
 //! What each directive does.
 
-use super::fault::{Fault, Spot};
 use super::lexer::{Lexer, Token, quoted};
 use super::params::Params;
 use super::spectrum::ColorSpace;
 use super::state::{Block, Motion, Target};
 use super::{Builder, identity, transform};
 use crate::Input;
+use crate::scene::fault::{Fault, Spot};
 use snell_math::Transform;
 use snell_scene::Node;
 use std::path::Path;

@@ -4,9 +4,9 @@
 //! pictures. Those of pbrt-v3 have that form already.
 
 use super::Builder;
-use super::fault::Fault;
 use super::params::{Params, Type};
 use super::spectrum::Role;
+use crate::scene::fault::Fault;
 use snell_math::{DAffine3, DMat3, DVec3, Rgb};
 use snell_scene::{Environment, Image};
 use std::f64::consts::{PI, TAU};

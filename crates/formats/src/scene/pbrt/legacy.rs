@@ -1,16 +1,16 @@
 //! What pbrt-v3 wrote otherwise.
 
 use super::Builder;
-use super::fault::Fault;
 use super::material::Known;
 use super::options::is_kind;
 use super::params::Params;
 use super::spectrum::COPPER;
 use super::texture::Pattern;
+use crate::scene::fault::Fault;
 use snell_math::Rgb;
 use snell_scene::Material;
 use snell_scene::material::{
-    ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, MetallicRoughness, Mirror, Plastic, ScalarParam,
+    Conductor, ConductorSpectrum, Dielectric, Diffuse, MetallicRoughness, Mirror, OpenPbr, Plastic, ScalarParam,
 };
 
 /// Width of the distribution of microfacets by the roughness that pbrt-v3 wrote.
@@ -25,8 +25,21 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
     let was_v3 = std::mem::replace(&mut builder.is_v3, true);
     let mut opacity = None;
     let built = if kind("matte") {
-        params.get("sigma");
-        Material::new("", Diffuse { reflectance: builder.material_color(params, "Kd", 0.5)? })
+        let reflectance = builder.material_color(params, "Kd", 0.5)?;
+        // Oren and Nayar's spread of the slopes, in degrees; 1 is as rough as OpenPBR's can be.
+        let sigma = builder.pattern_param(params, "sigma", false)?.and_then(|p| p.as_constant()).map_or(0.0, |c| c.r);
+        match sigma.to_radians().clamp(0.0, 1.0) {
+            0.0 => Material::new("", Diffuse { reflectance }),
+            roughness => Material::new(
+                "",
+                OpenPbr {
+                    base_color: reflectance,
+                    base_diffuse_roughness: roughness.into(),
+                    specular_weight: 0.0.into(),
+                    ..OpenPbr::default()
+                },
+            ),
+        }
     } else if kind("plastic") {
         plastic(builder, params, 0.25, 0.25, 0.1)?
     } else if kind("substrate") {
@@ -40,7 +53,8 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
         with_ior(base, ior)
     } else if kind("mirror") {
         let Some(reflectance) = builder.pattern_param(params, "Kr", true)? else {
-            return Ok(Some(plain(Material::new("", Mirror { reflectance: Rgb::splat(0.9).into() }))));
+            let mirror = Material::new("", Mirror { reflectance: Rgb::splat(0.9).into() });
+            return Ok(Some(Known { layers: vec![mirror], opacity: None }));
         };
         Material::new("", Mirror { reflectance: builder.color_param(&reflectance) })
     } else if kind("metal") {
@@ -74,11 +88,7 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
         builder.is_v3 = was_v3;
         return Ok(None);
     };
-    Ok(Some(Known { material: Some(built), opacity }))
-}
-
-fn plain(material: Material) -> Known {
-    Known { material: Some(material), opacity: None }
+    Ok(Some(Known { layers: vec![built], opacity }))
 }
 
 /// `Kd` under a layer that reflects `Ks`.
@@ -144,11 +154,8 @@ fn v3_mix(builder: &mut Builder, params: &Params) -> Result<Option<Known>, Fault
     let (Some(first), Some(second)) = (first, second) else {
         return Err(params.fault("there are not two materials", "give namedmaterial1 and namedmaterial2"));
     };
-    let amount = builder.pattern_param(params, "amount", true)?.and_then(|p| p.as_constant());
-    let share: ColorParam = amount.unwrap_or(Rgb::splat(0.5)).into();
-    let chosen = if share.factor.luminance() >= 0.5 { first } else { second };
-    let known = builder.known_material(chosen, params.at)?;
-    let owner = params.owner.clone();
-    builder.note(owner.clone(), params.at, || format!("{owner}: the material with the larger share was used alone"));
-    Ok(Some(known))
+    let amount = builder.pattern_param(params, "amount", true)?.unwrap_or_else(|| Pattern::constant(0.5));
+    // Of two in the order of pbrt-v4, the amount is the share of the second.
+    let [first, second] = [builder.find_material(first, params.at)?, builder.find_material(second, params.at)?];
+    Ok(Some(builder.mixed([second, first], &amount, params, params.at)))
 }

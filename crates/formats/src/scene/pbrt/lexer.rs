@@ -1,7 +1,7 @@
 //! Bytes to tokens: words, strings, numbers and brackets, each with its place.
 
-use super::fault::{Fault, Spot};
 use crate::Input;
+use crate::scene::fault::{Fault, Spot};
 
 /// Numbers beyond this cannot be rendered in single precision.
 const LARGEST: f64 = f32::MAX as f64;

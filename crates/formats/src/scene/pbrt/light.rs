@@ -6,10 +6,10 @@
 
 use super::Builder;
 use super::environment::latlong;
-use super::fault::Fault;
 use super::options::is_kind;
 use super::params::{Params, Type};
 use super::spectrum::Role;
+use crate::scene::fault::Fault;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform};
 use snell_scene::light::{Attenuation, IntensityTable, Slide, SpotFalloff};
 use snell_scene::material::ColorParam;

@@ -1,27 +1,31 @@
 //! Materials.
 
 use super::Builder;
-use super::fault::{Fault, Spot};
 use super::lexer::{Lexer, quoted};
 use super::params::{Params, Type};
 use super::spectrum::{COPPER, Role};
 use super::texture::Pattern;
 use super::{legacy, options::is_kind};
+use crate::scene::fault::{Fault, Spot};
+use crate::scene::layers::{self, Layers};
+use crate::scene::metal::{Roughness, metal};
+use crate::scene::scattering::{self, Coefficients, color_of_albedo};
+use crate::scene::sheet::letting_through;
 use snell_math::Rgb;
-use snell_math::spectrum::{Metal, Spectrum};
+use snell_math::spectrum::Metal;
 use snell_scene::material::{
-    AlphaMode, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Interface, Interior, MetallicRoughness,
-    NormalMap, Plastic, ScalarParam,
+    CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Interface, Interior,
+    MetallicRoughness, NormalMap, OpenPbr, ScalarParam,
 };
 use snell_scene::{Encoding, Material, MaterialId, Texture};
 use std::collections::HashMap;
 use std::rc::Rc;
 
 /// A material, not yet in the scene.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Known {
-    /// What it is; its emission and opacity come from shapes. `None` is no surface at all.
-    pub material: Option<Material>,
+    /// What it is, from the layer that is met first; its emission and opacity come from shapes. None is no surface at all.
+    pub layers: Layers,
     /// What the surface absorbs or lets through as a whole, from the material itself (pbrt-v3).
     pub opacity: Option<Rc<Pattern>>,
 }
@@ -34,7 +38,7 @@ pub struct Materials {
     named: HashMap<String, usize>,
     default: Option<usize>,
     /// Ids in the scene by material and by what shapes add to it.
-    ids: HashMap<(usize, String), MaterialId>,
+    ids: HashMap<(usize, String), Vec<MaterialId>>,
 }
 
 /// What a shape adds to its material.
@@ -66,9 +70,7 @@ impl Builder<'_> {
         let owner = format!("Material {}", quoted(kind.as_bytes()));
         let params = params.of(owner);
         let mut known = self.build_material(&params)?;
-        if let Some(material) = &mut known.material {
-            material.name = name.clone();
-        }
+        known.layers.iter_mut().for_each(|material| material.name.clone_from(&name));
         let position = self.keep(known);
         if self.materials.named.insert(name.clone(), position).is_some() {
             let name = quoted(name.as_bytes());
@@ -86,16 +88,12 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn find_material(&self, name: &str, at: Spot) -> Result<usize, Fault> {
+    /// The position of the material of a name.
+    pub(super) fn find_material(&self, name: &str, at: Spot) -> Result<usize, Fault> {
         self.materials.named.get(name).copied().ok_or_else(|| {
             let problem = format!("there is no material {} so far", quoted(name.as_bytes()));
             Fault::new(at, problem, "define it above with MakeNamedMaterial")
         })
-    }
-
-    /// The material of a name.
-    pub(super) fn known_material(&self, name: &str, at: Spot) -> Result<Known, Fault> {
-        Ok(self.materials.known[self.find_material(name, at)?].clone())
     }
 
     fn keep(&mut self, known: Known) -> usize {
@@ -111,44 +109,55 @@ impl Builder<'_> {
         if let Some(position) = self.materials.default {
             return position;
         }
-        let material = Some(Material::new("default", Diffuse::new(Rgb::splat(0.5))));
-        let position = self.keep(Known { material, opacity: None });
+        let layers = vec![Material::new("default", Diffuse::new(Rgb::splat(0.5)))];
+        let position = self.keep(Known { layers, opacity: None });
         self.materials.default = Some(position);
         position
     }
 
-    /// The current material with what a shape adds to it; `None` if there is no surface.
-    pub(super) fn finished_material(&mut self, finish: &Finish) -> Option<MaterialId> {
+    /// The layers of the current material with what a shape adds to them; none if there is no surface.
+    pub(super) fn finished_material(&mut self, finish: &Finish, at: Spot) -> Vec<MaterialId> {
         let position = self.current_material();
         let key = (position, format!("{finish:?}"));
-        if let Some(id) = self.materials.ids.get(&key) {
-            return Some(*id);
+        if let Some(ids) = self.materials.ids.get(&key) {
+            return ids.clone();
         }
-        let Known { material, opacity } = self.materials.known[position].clone();
-        let mut material = match (material, finish.interior) {
-            (Some(material), _) => material,
-            (None, Some(_)) => Material::new("interface", Interface {}),
-            (None, None) => return None,
-        };
-        material.interior = finish.interior.or(material.interior);
-        if let Some((emission, both)) = finish.emission {
-            material.emission = emission;
-            material.emits_on_both_sides = both;
+        let Known { mut layers, opacity } = self.materials.known[position].clone();
+        if layers.is_empty() && finish.interior.is_some() {
+            layers.push(Material::new("interface", Interface {}));
         }
-        let alpha = finish.alpha.or_else(|| opacity.map(|o| self.scalar_param(&o)));
-        if let Some(alpha) = alpha {
-            material.alpha_mode = AlphaMode::Blend;
-            material.alpha = alpha;
+        if finish.emission.is_some() && layers.len() > 1 {
+            self.note("emitting mix", at, || {
+                "an area light on a mix of materials: the last of them was used alone".into()
+            });
+            layers.drain(..layers.len() - 1);
         }
-        let id = self.scene.add_material(material);
-        self.materials.ids.insert(key, id);
-        Some(id)
+        if let Some(alpha) = finish.alpha.or_else(|| opacity.map(|o| self.scalar_param(&o))) {
+            let (masked, is_exact) = layers::mask(layers, alpha);
+            layers = masked;
+            if !is_exact {
+                self.note("alpha of mix", at, || {
+                    "a texture as alpha of a mix of materials: it was put on the last of them only".into()
+                });
+            }
+        }
+        let mut ids = Vec::new();
+        for mut material in layers {
+            material.interior = finish.interior.or(material.interior);
+            if let Some((emission, both)) = finish.emission {
+                material.emission = emission;
+                material.emits_on_both_sides = both;
+            }
+            ids.push(self.scene.add_material(material));
+        }
+        self.materials.ids.insert(key, ids.clone());
+        ids
     }
 
     /// True if the current material is none: the boundary of a medium.
     pub(super) fn is_without_surface(&mut self) -> bool {
         let position = self.current_material();
-        self.materials.known[position].material.is_none()
+        self.materials.known[position].layers.is_empty()
     }
 
     /// True if the current material has textures, so that texture coordinates matter.
@@ -156,14 +165,14 @@ impl Builder<'_> {
         let position = self.current_material();
         // Ids of textures stand in the debug form only where there are some.
         let known = &self.materials.known[position];
-        known.opacity.is_some() || format!("{:?}", known.material).contains("TextureId")
+        known.opacity.is_some() || format!("{:?}", known.layers).contains("TextureId")
     }
 
     fn build_material(&mut self, params: &Params) -> Result<Known, Fault> {
         params.get("type");
         let mut known = self.material_of_kind(params)?;
-        if let Some(material) = &mut known.material {
-            material.normal_map = self.normal_map(params)?;
+        if let Some(map) = self.normal_map(params)? {
+            known.layers.iter_mut().for_each(|material| material.normal_map = Some(map));
         }
         for name in ["displacement", "bumpmap"] {
             if let Some(param) = params.get(name) {
@@ -200,7 +209,7 @@ impl Builder<'_> {
         } else if kind("mix") && params.has("materials") {
             return self.mix(params);
         } else if kind("interface") || kind("none") || kind("") {
-            return Ok(Known { material: None, opacity: None });
+            return Ok(Known::default());
         } else if let Some(known) = legacy::material(self, params)? {
             return Ok(known);
         } else {
@@ -211,7 +220,7 @@ impl Builder<'_> {
             });
             Material::new("", Diffuse::new(Rgb::splat(0.5)))
         };
-        Ok(Known { material: Some(material), opacity: None })
+        Ok(Known { layers: vec![material], opacity: None })
     }
 
     /// A colour parameter of a material or its default.
@@ -226,12 +235,11 @@ impl Builder<'_> {
     }
 
     fn coated_diffuse(&mut self, params: &Params) -> Result<Material, Fault> {
-        let base = self.pattern_param(params, "reflectance", true)?.unwrap_or_else(|| Pattern::constant(0.5));
+        let reflectance = self.material_color(params, "reflectance", 0.5)?;
         let roughness = self.roughness(params, "", 0.0)?;
         let ior = self.index(params, "eta")?;
         self.coating_details(params)?;
-        let diffuse = self.color_param(&base.mapped(seen_through_coat, ior));
-        Ok(Material::new("", Plastic { diffuse, specular: Rgb::WHITE.into(), ior, roughness }))
+        Ok(Material::new("", CoatedDiffuse { reflectance, ior, roughness }))
     }
 
     /// Parameters of the layer between coat and base.
@@ -240,6 +248,7 @@ impl Builder<'_> {
         for name in ["maxdepth", "nsamples", "g"] {
             params.get(name);
         }
+        // A clear layer looks the same whatever its thickness.
         params.get("thickness");
         if let Some(pattern) = self.pattern_param(params, "albedo", true)?
             && pattern.as_constant() != Some(Rgb::BLACK)
@@ -253,9 +262,9 @@ impl Builder<'_> {
     }
 
     fn conductor(&mut self, params: &Params, prefix: &str) -> Result<Material, Fault> {
-        let roughness = self.roughness(params, prefix, 0.0)?;
+        let roughness = self.widths(params, prefix, 0.0)?;
         let spectrum = self.metal(params, prefix)?;
-        Ok(Material::new("", Conductor { spectrum, roughness }))
+        Ok(metal(spectrum, Rgb::WHITE.into(), roughness))
     }
 
     fn metal(&mut self, params: &Params, prefix: &str) -> Result<ConductorSpectrum, Fault> {
@@ -287,26 +296,11 @@ impl Builder<'_> {
 
     fn coated_conductor(&mut self, params: &Params) -> Result<Material, Fault> {
         let spectrum = self.metal(params, "conductor.")?;
-        let roughness = self.roughness(params, "conductor.", 0.0)?;
-        let clearcoat_roughness = self.roughness(params, "interface.", 0.0)?;
-        self.index(params, "interface.eta")?;
+        let conductor = Conductor { spectrum, roughness: self.roughness(params, "conductor.", 0.0)? };
+        let roughness = self.roughness(params, "interface.", 0.0)?;
+        let ior = self.index(params, "interface.eta")?;
         self.coating_details(params)?;
-        let base_color = match spectrum {
-            ConductorSpectrum::Color(color) => color,
-            ConductorSpectrum::Metal(metal) => {
-                ColorParam { spectrum: Some(Spectrum::metal(metal)), ..Rgb::WHITE.into() }
-            }
-            ConductorSpectrum::Measured { eta, k } => ColorParam::constant(normal_reflectance(eta, k)),
-        };
-        let kind = MetallicRoughness {
-            base_color,
-            metallic: 1.0.into(),
-            roughness,
-            clearcoat: 1.0.into(),
-            clearcoat_roughness,
-            ..MetallicRoughness::default()
-        };
-        Ok(Material::new("", kind))
+        Ok(Material::new("", CoatedConductor { conductor, ior, roughness }))
     }
 
     pub(super) fn dielectric(&mut self, params: &Params) -> Result<Material, Fault> {
@@ -323,40 +317,63 @@ impl Builder<'_> {
 
     fn diffuse_transmission(&mut self, params: &Params) -> Result<Material, Fault> {
         let scale = params.float_or("scale", 1.0)? as f32;
-        let mut reflectance = self.material_color(params, "reflectance", 0.25)?;
-        self.material_color(params, "transmittance", 0.25)?;
-        reflectance.factor = reflectance.factor * scale;
-        let owner = params.owner.clone();
-        self.note(owner.clone(), params.at, || {
-            format!("{owner}: only what it reflects is shown, not what it lets through")
-        });
-        Ok(Material::new("", Diffuse { reflectance }))
+        let mut color = |name: &str| -> Result<ColorParam, Fault> {
+            let color = self.material_color(params, name, 0.25)?;
+            Ok(ColorParam { factor: color.factor * scale, ..color })
+        };
+        Ok(letting_through(color("reflectance")?, color("transmittance")?))
     }
 
+    /// Light that walks below the surface: by the colour that it shows and its mean free path, or by its coefficients per millimetre.
     fn subsurface(&mut self, params: &Params) -> Result<Material, Fault> {
-        let diffuse = if params.has("reflectance") {
-            self.material_color(params, "reflectance", 0.5)?
+        let scale = params.float_or("scale", 1.0)? as f32;
+        let g = params.float_or("g", 0.0)?.clamp(-0.99, 0.99) as f32;
+        let (color, radius) = if params.has("reflectance") {
+            let constant = |p: Rc<Pattern>| p.as_constant();
+            let mfp = self.pattern_param(params, "mfp", true)?.and_then(constant).unwrap_or(Rgb::WHITE);
+            (self.material_color(params, "reflectance", 0.5)?, mfp * scale)
         } else {
-            let (sigma_a, sigma_s) = (
-                self.pattern_param(params, "sigma_a", true)?.and_then(|p| p.as_constant()),
-                self.pattern_param(params, "sigma_s", true)?.and_then(|p| p.as_constant()),
-            );
-            // The coefficients of pbrt's default, in 1 / mm (Jensen et al., 2001).
-            let a = sigma_a.unwrap_or(Rgb::new(0.0011, 0.0024, 0.014));
-            let s = sigma_s.unwrap_or(Rgb::new(2.55, 3.21, 3.77));
-            let channel = |a: f32, s: f32| diffuse_reflectance(a, s);
-            ColorParam::constant(Rgb::new(channel(a.r, s.r), channel(a.g, s.g), channel(a.b, s.b)))
+            let Coefficients { sigma_a, sigma_s } = self.coefficients_below(params)?;
+            let (sigma_a, sigma_s) = (sigma_a * scale, sigma_s * scale);
+            let channel = |a: f32, s: f32| color_of_albedo(s / (a + s).max(1e-12), g);
+            let color =
+                Rgb::new(channel(sigma_a.r, sigma_s.r), channel(sigma_a.g, sigma_s.g), channel(sigma_a.b, sigma_s.b));
+            (color.into(), (sigma_a + sigma_s).map(|t| 1.0 / t.max(1e-6)))
         };
-        for name in ["mfp", "scale", "g", "name"] {
-            params.get(name);
-        }
-        let roughness = self.roughness(params, "", 0.0)?;
+        let longest = radius.max_element().max(1e-9);
         let ior = if params.has("eta") { self.index(params, "eta")? } else { 1.33 };
-        let owner = params.owner.clone();
-        self.note(owner.clone(), params.at, || {
-            format!("{owner}: light does not travel below the surface; a coated diffuse surface was used instead")
-        });
-        Ok(Material::new("", Plastic { diffuse, specular: Rgb::WHITE.into(), ior, roughness }))
+        let kind = OpenPbr {
+            subsurface_weight: 1.0.into(),
+            subsurface_color: color,
+            subsurface_radius: longest.into(),
+            subsurface_radius_scale: (radius * (1.0 / longest)).into(),
+            subsurface_scatter_anisotropy: g.into(),
+            specular_ior: ior.into(),
+            specular_roughness: self.roughness(params, "", 0.0)?,
+            ..OpenPbr::default()
+        };
+        Ok(Material::new("", kind))
+    }
+
+    fn coefficients_below(&mut self, params: &Params) -> Result<Coefficients, Fault> {
+        // pbrt's default is whole milk.
+        let milk = scattering::named("wholemilk").unwrap_or(Coefficients { sigma_a: Rgb::BLACK, sigma_s: Rgb::WHITE });
+        let mut preset = milk;
+        if let Some(name) = params.string("name")? {
+            match scattering::named(name) {
+                Some(known) => preset = known,
+                None => {
+                    let name = quoted(name.as_bytes());
+                    self.note(format!("subsurface {name}"), params.at, || {
+                        format!("the medium {name} has no table here; milk was used instead")
+                    });
+                }
+            }
+        }
+        let mut part = |name: &str, default: Rgb| -> Result<Rgb, Fault> {
+            Ok(self.pattern_param(params, name, true)?.and_then(|p| p.as_constant()).unwrap_or(default))
+        };
+        Ok(Coefficients { sigma_a: part("sigma_a", preset.sigma_a)?, sigma_s: part("sigma_s", preset.sigma_s)? })
     }
 
     fn hair(&mut self, params: &Params) -> Result<Material, Fault> {
@@ -384,17 +401,26 @@ impl Builder<'_> {
         };
         let (a, b, at) = (self.find_material(a, param.at)?, self.find_material(b, param.at)?, param.at);
         let amount = self.pattern_param(params, "amount", false)?.unwrap_or_else(|| Pattern::constant(0.5));
-        let share = amount.as_constant().map_or(0.5, |a| a.r);
+        Ok(self.mixed([a, b], &amount, params, at))
+    }
+
+    /// Two materials, the second on a share of the surface.
+    pub(super) fn mixed(&mut self, [a, b]: [usize; 2], amount: &Rc<Pattern>, params: &Params, at: Spot) -> Known {
         let (a, b) = (self.materials.known[a].clone(), self.materials.known[b].clone());
-        if let (Some(one), Some(other)) = (&a.material, &b.material)
-            && let Some(mixed) = mix_diffuse(one, other, share)
-            && amount.as_constant().is_some()
-        {
-            return Ok(Known { material: Some(mixed), opacity: None });
-        }
         let owner = params.owner.clone();
-        self.note(owner.clone(), at, || format!("{owner}: the material with the larger share was used alone"));
-        Ok(if share < 0.5 { a } else { b })
+        if a.layers.is_empty() || b.layers.is_empty() || a.opacity.is_some() || b.opacity.is_some() {
+            self.note(owner.clone(), at, || {
+                format!("{owner} of something transparent or of no surface: the first material was used alone")
+            });
+            return a;
+        }
+        let share = self.scalar_param(amount);
+        if share.texture.is_some() && b.layers.len() > 1 {
+            self.note(format!("{owner} of mixes"), at, || {
+                format!("{owner} of mixes with a texture as amount: the texture counts for their last materials only")
+            });
+        }
+        Known { layers: layers::blend(b.layers, a.layers, share), opacity: None }
     }
 
     /// The index of refraction of a dielectric.
@@ -410,8 +436,20 @@ impl Builder<'_> {
         Ok((color.r + color.g + color.b) / 3.0)
     }
 
-    /// Roughness as Snell has it, whose square is the width of the distribution.
+    /// Roughness as Snell has it, whose square is the width of the distribution; the same in all directions.
     pub(super) fn roughness(&mut self, params: &Params, prefix: &str, default: f32) -> Result<ScalarParam, Fault> {
+        let widths = self.widths(params, prefix, default)?;
+        if let Roughness::Stretched { .. } = widths {
+            let owner = params.owner.clone();
+            self.note("anisotropic", params.at, || {
+                format!("{owner}: roughness that differs by direction; the geometric mean was used")
+            });
+        }
+        Ok(widths.mean())
+    }
+
+    /// Roughness along the two directions of the surface.
+    pub(super) fn widths(&mut self, params: &Params, prefix: &str, default: f32) -> Result<Roughness, Fault> {
         let mut get = |name: &str| self.pattern_param(params, &format!("{prefix}{name}"), false);
         let (both, u, v) = (get("roughness")?, get("uroughness")?, get("vroughness")?);
         let u = u.or_else(|| both.clone());
@@ -427,18 +465,15 @@ impl Builder<'_> {
         let pattern = match (u, v) {
             (Some(u), Some(v)) => match (u.as_constant(), v.as_constant()) {
                 (Some(u), Some(v)) if u != v => {
-                    let owner = params.owner.clone();
-                    self.note("anisotropic", params.at, || {
-                        format!("{owner}: roughness that differs by direction; the geometric mean was used")
-                    });
-                    Rc::new(Pattern::Constant(Rgb::splat((u.r * v.r).max(0.0).sqrt())))
+                    let width = |roughness: Rgb| function(roughness.r, 0.0).powi(2);
+                    return Ok(Roughness::of_widths(width(u), width(v)));
                 }
                 _ => u,
             },
             _ => Pattern::constant(default),
         };
         let pattern = pattern.mapped(function, 0.0);
-        Ok(self.scalar_param(&pattern))
+        Ok(Roughness::Even(self.scalar_param(&pattern)))
     }
 
     fn normal_map(&mut self, params: &Params) -> Result<Option<NormalMap>, Fault> {
@@ -462,38 +497,4 @@ fn named_metal(params: &Params, prefix: &str) -> Option<Metal> {
         }
     });
     if eta == k { Metal::named(&eta?) } else { None }
-}
-
-/// Share of the diffuse light that enters a coat and leaves it again: the base reflects, and so does the coat's inner side, to and fro.
-/// The diffuse reflectance of the inner side is the fit of Egan and Hilgeman, Optical Properties of Inhomogeneous Materials, 1979.
-fn seen_through_coat(reflectance: f32, ior: f32) -> f32 {
-    let inner = (-1.440 / (ior * ior) + 0.710 / ior + 0.668 + 0.0636 * ior).clamp(0.0, 0.99);
-    let inner = if ior > 1.0 { inner } else { 0.0 };
-    let base = reflectance.clamp(0.0, 1.0);
-    base * (1.0 - inner) / (1.0 - base * inner)
-}
-
-/// What a metal reflects at normal incidence (Fresnel).
-pub fn normal_reflectance(eta: Rgb, k: Rgb) -> Rgb {
-    let channel = |n: f32, k: f32| ((n - 1.0) * (n - 1.0) + k * k) / ((n + 1.0) * (n + 1.0) + k * k);
-    Rgb::new(channel(eta.r, k.r), channel(eta.g, k.g), channel(eta.b, k.b))
-}
-
-/// Diffuse reflectance of a deep medium with an index of 1.33 (Jensen et al., A Practical Model for Subsurface Light Transport, 2001).
-fn diffuse_reflectance(sigma_a: f32, sigma_s: f32) -> f32 {
-    let albedo = sigma_s / (sigma_a + sigma_s).max(1e-12);
-    let root = (3.0 * (1.0 - albedo)).max(0.0).sqrt();
-    let a = 1.8;
-    (0.5 * albedo * (1.0 + (-4.0 / 3.0 * a * root).exp()) * (-root).exp()).clamp(0.0, 1.0)
-}
-
-/// A mix of diffuse surfaces is diffuse.
-fn mix_diffuse(a: &Material, b: &Material, share: f32) -> Option<Material> {
-    use snell_scene::material::MaterialKind::Diffuse as Kind;
-    let (Kind(one), Kind(other)) = (&a.kind, &b.kind) else { return None };
-    if one.reflectance.texture.is_some() || other.reflectance.texture.is_some() {
-        return None;
-    }
-    let mixed = one.reflectance.factor * (1.0 - share) + other.reflectance.factor * share;
-    Some(Material::new("", Diffuse::new(mixed)))
 }

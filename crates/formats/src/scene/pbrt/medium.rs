@@ -1,10 +1,11 @@
 //! Participating media.
 
 use super::Builder;
-use super::fault::{Fault, Spot};
 use super::lexer::{Lexer, quoted};
 use super::params::{Params, Type};
 use super::spectrum::Role;
+use crate::scene::fault::{Fault, Spot};
+use crate::scene::scattering;
 use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::graph::MediumId;
 use snell_scene::material::Interior;
@@ -41,14 +42,14 @@ impl Builder<'_> {
             return Err(params.fault("there is no type", "add \"string type\" [ \"homogeneous\" ] or the like"));
         };
         let params = params.of(format!("Medium {}", quoted(kind.as_bytes())));
-        params.get("preset");
         let medium: Option<Medium> = match kind.as_str() {
             "homogeneous" => {
-                let preset = (Rgb::new(0.0011, 0.0024, 0.014), Rgb::new(2.55, 3.21, 3.77));
+                let preset = self.preset(&params)?;
                 let Coefficients { sigma_a, sigma_s, emission, g } = self.coefficients(&params, preset)?;
                 Some(Homogeneous { sigma_a, sigma_s, emission, g }.into())
             }
             "uniformgrid" => Some(self.grid(&params)?.into()),
+            "rgbgrid" => Some(self.rgb_grid(&params)?.into()),
             "cloud" => Some(self.cloud(&params)?.into()),
             _ => None,
         };
@@ -89,12 +90,7 @@ impl Builder<'_> {
 
     fn grid(&mut self, params: &Params) -> Result<Grid, Fault> {
         let Coefficients { sigma_a, sigma_s, emission, g } = self.coefficients(params, (Rgb::WHITE, Rgb::WHITE))?;
-        let names = ["nx", "ny", "nz"];
-        let mut size = [1; 3];
-        for (cells, name) in size.iter_mut().zip(names) {
-            let count = params.integer(name)?.unwrap_or(1);
-            *cells = usize::try_from(count).unwrap_or(0);
-        }
+        let size = cells(params)?;
         let density: Vec<f32> = params.floats("density")?.iter().map(|d| *d as f32).collect();
         let found = density.len();
         // What glows is what absorbs, so the density counts too.
@@ -105,19 +101,89 @@ impl Builder<'_> {
             let problem = format!("{found} densities for a grid of {} x {} x {}", size[0], size[1], size[2]);
             return Err(params.fault(problem, "give one for each cell in \"float density\""));
         };
-        let names = ["temperature", "temperaturescale", "temperatureoffset", "temperaturecutoff"];
-        self.note_ignored(params, &names, "media do not glow by temperature");
+        let temperature = self.temperature(params, size)?;
         let world_from_grid = self.world_from_box(params)?;
         Ok(Grid {
             density: density.into(),
             emission_scale,
-            temperature: None,
+            // What is hot glows by its temperature, unless a colour is given.
+            emission: if temperature.is_some() && emission.is_black() { sigma_a } else { emission },
+            temperature,
             world_from_grid,
             sigma_a,
             sigma_s,
-            emission,
             g,
         })
+    }
+
+    /// Coefficients for each cell and colour: one density, and the mean colours.
+    fn rgb_grid(&mut self, params: &Params) -> Result<Grid, Fault> {
+        let size = cells(params)?;
+        let scale = params.float_or("scale", 1.0)? as f32;
+        let le_scale = params.float_or("Lescale", 1.0)? as f32;
+        let list = |name: &str| Ok::<_, Fault>(params.typed(name, &[Type::Rgb])?.map_or(&[][..], |p| p.numbers()));
+        let (absorbed, scattered, emitted) = (list("sigma_a")?, list("sigma_s")?, list("Le")?);
+        let count = absorbed.len().max(scattered.len()) / 3;
+        let at = |list: &[f64], cell: usize, default: f64| -> f64 {
+            list.get(3 * cell..3 * cell + 3).map_or(default, |c| c.iter().sum::<f64>() / 3.0)
+        };
+        // What is not given is 1 for all.
+        let both = |cell: usize| at(absorbed, cell, 1.0) + at(scattered, cell, 1.0);
+        let mean = (0..count).map(both).sum::<f64>() / count.max(1) as f64;
+        let relative = |cell: usize| if mean > 0.0 { (both(cell) / mean) as f32 } else { 0.0 };
+        let Some(density) = ScalarGrid::new(size, (0..count).map(relative).collect()) else {
+            let problem = format!("{count} colours for a grid of {} x {} x {}", size[0], size[1], size[2]);
+            return Err(params.fault(problem, "give one for each cell in \"rgb sigma_a\" or \"rgb sigma_s\""));
+        };
+        self.note("rgb grid", params.at, || {
+            "a medium whose colours differ by cell: its density was kept, and one colour used for all".into()
+        });
+        let color = |list: &[f64], default: Rgb| match list.len() / 3 {
+            0 => default,
+            n => Rgb::from([0, 1, 2].map(|c| (list.iter().skip(c).step_by(3).sum::<f64>() / n as f64) as f32)),
+        };
+        let sigma_a = color(absorbed, Rgb::WHITE) * scale;
+        Ok(Grid {
+            emission: sigma_a * color(emitted, Rgb::BLACK) * le_scale,
+            ..Grid::new(
+                sigma_a,
+                color(scattered, Rgb::WHITE) * scale,
+                params.float_or("g", 0.0)? as f32,
+                density,
+                self.world_from_box(params)?,
+            )
+        })
+    }
+
+    /// Temperatures in kelvin on the grid, if there are any.
+    fn temperature(&mut self, params: &Params, size: [usize; 3]) -> Result<Option<Arc<ScalarGrid>>, Fault> {
+        let (scale, offset) = (params.float_or("temperaturescale", 1.0)?, params.float_or("temperatureoffset", 0.0)?);
+        let cutoff = params.float_or("temperaturecutoff", 0.0)?;
+        let kelvin: Vec<f32> = params.floats("temperature")?.iter().map(|t| ((t - offset) * scale) as f32).collect();
+        if kelvin.is_empty() {
+            return Ok(None);
+        }
+        let found = kelvin.len();
+        let glowing = kelvin.into_iter().map(|t| if f64::from(t) > cutoff { t } else { 0.0 }).collect();
+        let Some(grid) = ScalarGrid::new(size, glowing) else {
+            let problem = format!("{found} temperatures for a grid of {} x {} x {}", size[0], size[1], size[2]);
+            return Err(params.fault(problem, "give one for each cell in \"float temperature\""));
+        };
+        Ok(Some(Arc::new(grid)))
+    }
+
+    /// Absorption and scattering by name; whole milk if there is none.
+    fn preset(&mut self, params: &Params) -> Result<(Rgb, Rgb), Fault> {
+        let name = params.string("preset")?.unwrap_or_default();
+        let known = scattering::named(if name.is_empty() { "wholemilk" } else { name });
+        if known.is_none() {
+            let name = quoted(name.as_bytes());
+            self.note(format!("medium preset {name}"), params.at, || {
+                format!("the medium {name} has no table here; milk was used instead")
+            });
+        }
+        let known = known.or_else(|| scattering::named("wholemilk"));
+        Ok(known.map_or((Rgb::BLACK, Rgb::WHITE), |k| (k.sigma_a, k.sigma_s)))
     }
 
     /// Map of the unit cube to the box between `p0` and `p1` in the world.
@@ -181,4 +247,14 @@ impl Builder<'_> {
             self.scene.medium = self.media.named.get(&**name).copied().flatten();
         }
     }
+}
+
+/// Cells along x, y and z.
+fn cells(params: &Params) -> Result<[usize; 3], Fault> {
+    let mut size = [1; 3];
+    for (cells, name) in size.iter_mut().zip(["nx", "ny", "nz"]) {
+        let count = params.integer(name)?.unwrap_or(1);
+        *cells = usize::try_from(count).unwrap_or(0);
+    }
+    Ok(size)
 }

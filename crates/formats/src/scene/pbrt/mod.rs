@@ -10,7 +10,6 @@
 mod camera;
 mod directive;
 mod environment;
-mod fault;
 mod legacy;
 mod lexer;
 mod light;
@@ -27,16 +26,17 @@ mod tests;
 mod texture;
 mod transform;
 
+use crate::scene::fault::{Fault, Spot};
+use crate::scene::notes::Notes;
 use crate::textures::Textures;
 use crate::{Input, ReadError, SceneReader};
-use fault::{Fault, Spot};
 use material::Materials;
 use medium::Media;
 use options::RenderOptions;
 use params::{Params, Type};
 use shape::Shapes;
 use snell_math::DAffine3;
-use snell_scene::{NodeId, Scene, Warning};
+use snell_scene::{NodeId, Scene};
 use state::{Stack, State};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -181,34 +181,6 @@ impl Builder<'_> {
 /// The same path for all names of one file.
 fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
-}
-
-/// Warnings, counted by kind.
-#[derive(Debug, Default)]
-struct Notes {
-    positions: HashMap<String, usize>,
-    notes: Vec<(Spot, String, u64)>,
-}
-
-impl Notes {
-    fn add(&mut self, kind: String, at: Spot, message: impl FnOnce() -> String) {
-        match self.positions.get(&kind) {
-            Some(&position) => self.notes[position].2 += 1,
-            None => {
-                self.positions.insert(kind, self.notes.len());
-                self.notes.push((at, message(), 1));
-            }
-        }
-    }
-
-    fn finish(&mut self, scene: &mut Scene, files: &[String]) {
-        self.notes.sort_by_key(|(at, ..)| (at.file, at.line, at.column));
-        for (at, message, count) in self.notes.drain(..) {
-            let file = files.get(at.file as usize).map_or("", String::as_str);
-            let message = format!("{file}:{}:{}: {message}", at.line, at.column);
-            Warning::note(&mut scene.warnings, message, count);
-        }
-    }
 }
 
 /// True if the text starts, after comments, with a directive that no other format has, and what may follow it.

@@ -2,7 +2,7 @@
 
 use super::Builder;
 use super::params::Params;
-use crate::scene::pbrt::fault::Fault;
+use crate::scene::fault::Fault;
 use snell_math::DAffine3;
 use snell_scene::NodeId;
 use snell_scene::motion::{AnimatedTransform, Channel, Clip, Joint, Motion, Placement, Track};

@@ -1,10 +1,10 @@
 //! What comes before `WorldBegin`: camera, film, sampler, filter and integrator.
 
-use super::fault::{Fault, Spot};
 use super::lexer::quoted;
 use super::params::Params;
 use super::state::Motion;
 use super::{Builder, camera};
+use crate::scene::fault::{Fault, Spot};
 
 /// The options of a scene as they were written.
 #[derive(Debug, Default)]

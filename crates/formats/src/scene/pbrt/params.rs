@@ -1,7 +1,7 @@
 //! Parameter lists: `"type name" [ values ]`, looked up by name and checked by type.
 
-use super::fault::{Fault, Spot};
 use super::lexer::{Lexer, Token, quoted, utf8};
+use crate::scene::fault::{Fault, Spot};
 use snell_math::{DVec3, Vec2, Vec3};
 use std::cell::Cell;
 use std::rc::Rc;

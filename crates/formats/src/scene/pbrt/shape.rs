@@ -9,11 +9,11 @@ mod patch;
 mod quadric;
 
 use super::Builder;
-use super::fault::Fault;
 use super::light::AreaLight;
 use super::material::Finish;
 use super::options::is_kind;
 use super::params::{Params, Type};
+use crate::scene::fault::Fault;
 use crate::scene::shapes::ShapeTable;
 use snell_intersect::{AnyShape, Shape, TriangleMesh};
 use snell_math::{DAffine3, Transform, Vec3};
@@ -78,12 +78,13 @@ impl Builder<'_> {
             alpha: alpha.filter(|a| a.as_constant().is_none_or(|c| c.r < 1.0)).map(|a| self.scalar_param(&a)),
             interior: self.interior(),
         };
-        let Some(material) = self.finished_material(&finish) else {
+        let materials = self.finished_material(&finish, params.at);
+        if materials.is_empty() {
             self.note("interface", params.at, || {
                 "surfaces without a material that bound no medium are not seen, and were left out".into()
             });
             return Ok(());
-        };
+        }
         let (geometry, object_from_geometry) = match made {
             Made::Nothing => return Ok(()),
             Made::Mesh(mesh) => {
@@ -95,7 +96,8 @@ impl Builder<'_> {
         let moves = self.moves();
         let node = self.node_at(place * object_from_geometry, moves);
         self.note_motion(node, object_from_geometry);
-        self.scene.nodes[node.index()].surfaces.push(Surface::with_material(geometry, material));
+        let surfaces = materials.into_iter().map(|m| Surface::with_material(geometry.clone(), m));
+        self.scene.nodes[node.index()].surfaces.extend(surfaces);
         Ok(())
     }
 

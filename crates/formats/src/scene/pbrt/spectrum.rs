@@ -1,9 +1,9 @@
 //! Colours: RGB in several spaces, black bodies, and spectra by value, file and name.
 
 use super::Builder;
-use super::fault::{Fault, Spot};
 use super::lexer::quoted;
 use super::params::{Param, Type, Values};
+use crate::scene::fault::{Fault, Spot};
 use snell_math::Rgb;
 use snell_math::spectrum::cie::{LAMBDA_MIN, OBSERVER_1931};
 

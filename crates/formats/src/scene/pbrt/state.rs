@@ -1,8 +1,8 @@
 //! The graphics state: what holds for the directives that follow, and the stack on which it is kept.
 
-use super::fault::{Fault, Spot};
 use super::params::Param;
 use super::spectrum::ColorSpace;
+use crate::scene::fault::{Fault, Spot};
 use snell_math::DAffine3;
 use std::rc::Rc;
 

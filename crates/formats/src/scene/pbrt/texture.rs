@@ -6,12 +6,12 @@
 mod bake;
 
 use super::Builder;
-use super::fault::{Fault, Spot};
 use super::lexer::{Lexer, quoted};
 use super::options::is_kind;
 use super::params::{Params, Type};
 use super::spectrum::Role;
 use super::state::Target;
+use crate::scene::fault::{Fault, Spot};
 use bake::bake;
 use snell_math::{Rgb, Vec2};
 use snell_scene::graph::ImageId;

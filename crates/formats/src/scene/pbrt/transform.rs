@@ -1,8 +1,8 @@
 //! The directives that change the current transform.
 
-use super::fault::{Fault, Spot};
 use super::lexer::Lexer;
 use super::state::State;
+use crate::scene::fault::{Fault, Spot};
 use snell_math::{DAffine3, DMat4, DVec3, Transform};
 
 /// Reads the arguments of a transform directive and applies it.

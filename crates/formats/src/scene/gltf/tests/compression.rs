@@ -6,7 +6,7 @@ use snell_math::Vec3;
 
 /// A mesh of 20 vertices and 30 triangles whose positions, normals and indices are compressed; `filter` is that of the normals.
 fn compressed(damage: impl Fn(&mut Vec<u8>)) -> String {
-    let positions: Vec<[f32; 3]> = (0..20u8).map(|i| [f32::from(i), f32::from(i * i), 1.0]).collect();
+    let positions: Vec<[f32; 3]> = (0..20u8).map(|i| [f32::from(i), f32::from(i) * f32::from(i), 1.0]).collect();
     let up: Vec<[f32; 4]> = vec![[0.6, 0.0, 0.8, 0.0]; 20];
     let normals = meshopt::encode_filter_oct::<i8>(&up, 8);
     let indices: Vec<u32> = (0..30).flat_map(|i| [i % 20, (i + 1) % 20, (i + 7) % 20]).collect();

@@ -1,10 +1,10 @@
 //! Curves as tubes and ribbons of triangles.
 
 use super::super::Builder;
-use super::super::fault::Fault;
 use super::super::lexer::quoted;
 use super::super::params::Params;
 use super::Made;
+use crate::scene::fault::Fault;
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
 

@@ -2,9 +2,9 @@
 //! the limit, with the normals there.
 
 use super::super::Builder;
-use super::super::fault::Fault;
 use super::super::params::Params;
 use super::Made;
+use crate::scene::fault::Fault;
 use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
 use std::collections::HashMap;

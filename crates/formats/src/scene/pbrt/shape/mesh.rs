@@ -1,9 +1,9 @@
 //! Triangle meshes, in the scene and in files.
 
-use super::super::fault::Fault;
 use super::super::params::Params;
 use super::super::{Builder, identity};
 use super::{Made, check_length, flip_v, orient};
+use crate::scene::fault::Fault;
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
 use std::sync::Arc;

@@ -1,9 +1,9 @@
 //! Bilinear patches as triangles.
 
 use super::super::Builder;
-use super::super::fault::Fault;
 use super::super::params::Params;
 use super::{Made, check_length};
+use crate::scene::fault::Fault;
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
 

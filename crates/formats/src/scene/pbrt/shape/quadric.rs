@@ -1,23 +1,14 @@
 //! Spheres, cylinders and disks: whole ones as analytic shapes, parts of them as triangles.
 
 use super::super::Builder;
-use super::super::fault::Fault;
 use super::super::options::is_kind;
 use super::super::params::Params;
 use super::Made;
-use snell_intersect::TriangleMesh;
+use crate::scene::fault::Fault;
+use crate::scene::shapes::{ALONG, AROUND, around_z, swept};
 use snell_intersect::shape::{Cylinder, Disk, Sphere};
-use snell_math::{DAffine3, DMat3, DVec3, Vec2};
-use std::f64::consts::{PI, TAU};
-
-/// Pieces around a full turn, and from pole to pole.
-const AROUND: u32 = 256;
-const ALONG: u32 = 128;
-
-/// Our shapes stand around y and count longitude from z towards x; those of pbrt around z, from x towards y.
-fn turned() -> DMat3 {
-    DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X)
-}
+use snell_math::{DAffine3, DVec3};
+use std::f64::consts::PI;
 
 impl Builder<'_> {
     pub(super) fn quadric(&mut self, params: &Params) -> Result<Made, Fault> {
@@ -31,7 +22,7 @@ impl Builder<'_> {
         if is_kind(params, "sphere") {
             let (low, high) = (params.float_or("zmin", -radius)?, params.float_or("zmax", radius)?);
             if is_whole && low <= -radius && high >= radius {
-                return Ok(Made::shape(Sphere { radius }, DAffine3::from_mat3(turned())));
+                return Ok(Made::shape(Sphere { radius }, DAffine3::from_mat3(around_z())));
             }
             let angle = |z: f64| (z / radius).clamp(-1.0, 1.0).acos();
             let (bottom, top) = (angle(low.min(high)), angle(high.max(low)));
@@ -54,7 +45,7 @@ impl Builder<'_> {
         if is_whole {
             let cylinder = Cylinder { radius, height: high - low, caps: false };
             let middle = DVec3::Z * ((low + high) * 0.5);
-            return Ok(Made::shape(cylinder, DAffine3::from_mat3_translation(turned(), middle)));
+            return Ok(Made::shape(cylinder, DAffine3::from_mat3_translation(around_z(), middle)));
         }
         Ok(self.swept(params, turn, 1, |phi, v| {
             let normal = DVec3::new(phi.cos(), phi.sin(), 0.0);
@@ -105,23 +96,7 @@ impl Builder<'_> {
         if !self.may_make(params, (2 * around * along) as usize) {
             return Made::Nothing;
         }
-        let mut mesh = TriangleMesh::default();
-        for j in 0..=along {
-            for i in 0..=around {
-                let (u, v) = (f64::from(i) / f64::from(around), f64::from(j) / f64::from(along));
-                let (position, normal) = surface(u * turn / 360.0 * TAU, v);
-                mesh.positions.push(position.as_vec3());
-                mesh.normals.push(normal.as_vec3());
-                mesh.uvs[0].push(Vec2::new(u as f32, v as f32));
-            }
-        }
-        for j in 0..along {
-            for i in 0..around {
-                let a = j * (around + 1) + i;
-                let b = a + around + 1;
-                mesh.indices.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
-            }
-        }
+        let mesh = swept(turn, [around, along], surface);
         debug_assert!(turn <= 2.0 * PI.to_degrees());
         self.finish_mesh(mesh)
     }

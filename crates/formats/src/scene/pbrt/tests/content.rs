@@ -303,15 +303,21 @@ fn materials_map_to_ours() {
     assert!(close(metal.roughness.factor, 0.2));
     let MaterialKind::Dielectric(glass) = of("Material \"dielectric\" \"float eta\" 1.33") else { panic!("no glass") };
     assert_eq!((glass.ior.at_line_d(), glass.roughness.factor), (1.33, 0.0));
-    let MaterialKind::Plastic(plastic) = of("Material \"coateddiffuse\" \"rgb reflectance\" [1 0 0]") else {
-        panic!("no plastic")
+    let MaterialKind::CoatedDiffuse(coated) = of("Material \"coateddiffuse\" \"rgb reflectance\" [1 0 0]") else {
+        panic!("no coat")
     };
-    assert_eq!((plastic.diffuse.factor, plastic.ior), (Rgb::new(1.0, 0.0, 0.0), 1.5));
-    // Grey light is reflected to and fro below the coat.
-    let MaterialKind::Plastic(plastic) = of("Material \"coateddiffuse\" \"rgb reflectance\" [.5 .5 .5]") else {
-        panic!("no plastic")
+    assert_eq!((coated.reflectance.factor, coated.ior), (Rgb::new(1.0, 0.0, 0.0), 1.5));
+    let MaterialKind::CoatedConductor(coated) = of("Material \"coatedconductor\" \"float interface.roughness\" 0.04")
+    else {
+        panic!("no coat")
     };
-    assert!((plastic.diffuse.factor.r - 0.287).abs() < 0.002, "{}", plastic.diffuse.factor.r);
+    assert!(close(coated.roughness.factor, 0.04f32.sqrt().sqrt()));
+    let MaterialKind::OpenPbr(stretched) =
+        of("Material \"conductor\" \"float uroughness\" 0.04 \"float vroughness\" 0.01 \"bool remaproughness\" false")
+    else {
+        panic!("no stretched metal")
+    };
+    assert!(close(stretched.specular_roughness_anisotropy.factor, 0.75));
     let MaterialKind::Diffuse(_) = of("MakeNamedMaterial \"a\" \"string type\" \"diffuse\" NamedMaterial \"a\"") else {
         panic!("not diffuse")
     };
@@ -333,6 +339,32 @@ fn materials_of_the_third_version_are_understood() {
         panic!("no glass")
     };
     assert_eq!((glass.ior.at_line_d(), glass.tint.factor), (1.2, Rgb::new(1.0, 0.0, 0.0)));
+}
+
+#[test]
+fn sheets_and_depths_have_their_colours() {
+    let of = |text: &str| match material(&world(&format!("{text} Shape \"sphere\""))).kind.clone() {
+        MaterialKind::OpenPbr(surface) => surface,
+        other => panic!("{other:?}"),
+    };
+    let sheet = of("Material \"diffusetransmission\" \"rgb reflectance\" [.2 .1 0] \"rgb transmittance\" [.6 .6 .6]");
+    let through = sheet.subsurface_color.factor * sheet.subsurface_weight.factor;
+    let back = sheet.base_color.factor * (1.0 - sheet.subsurface_weight.factor);
+    assert!(sheet.geometry_thin_walled && close(through.r, 0.6) && close(back.r, 0.2) && close(back.g, 0.1));
+    let skin = of("Material \"subsurface\" \"rgb reflectance\" [.8 .5 .3] \"rgb mfp\" [2 1 .5] \"float scale\" 3");
+    assert_eq!((skin.subsurface_radius.factor, skin.subsurface_radius_scale.factor), (6.0, Rgb::new(1.0, 0.5, 0.25)));
+    let ketchup = of("Material \"subsurface\" \"string name\" \"Ketchup\"").subsurface_color.factor;
+    assert!(ketchup.r > 4.0 * ketchup.g, "{ketchup:?}");
+}
+
+#[test]
+fn mixes_are_layers_with_their_shares() {
+    let scene = world(
+        "MakeNamedMaterial \"a\" \"string type\" \"diffuse\" MakeNamedMaterial \"b\" \"string type\" \"conductor\"\n\
+        Material \"mix\" \"string materials\" [ \"a\" \"b\" ] \"float amount\" 0.25 Shape \"sphere\"",
+    );
+    let layers: Vec<_> = scene.materials.iter().map(|m| (m.kind.name(), m.alpha.factor)).collect();
+    assert_eq!(layers, [("conductor", 0.25), ("diffuse", 1.0)]);
 }
 
 #[test]

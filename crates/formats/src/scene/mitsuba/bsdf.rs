@@ -1,0 +1,325 @@
+//! BSDFs: what they become, and how several of them share a surface.
+
+mod adapter;
+mod principled;
+
+use super::Builder;
+use super::color::{self, index_named};
+use super::object::Object;
+use super::texture::{Pattern, rgb_of};
+use super::value::Value;
+use crate::scene::fault::Fault;
+use crate::scene::metal::{Roughness, metal};
+use crate::scene::sheet::letting_through;
+use snell_math::Rgb;
+use snell_math::spectrum::Metal;
+use snell_scene::Material;
+use snell_scene::material::{
+    CoatedConductor, CoatedDiffuse, Conductor, ConductorSpectrum, Dielectric, Diffuse, MaterialKind, MetallicRoughness,
+    Mirror, OpenPbr, Phong, Plastic, ScalarParam,
+};
+use std::rc::Rc;
+
+/// The materials of one surface. Several lie on each other: where one is absent by its opacity, the next one is met.
+#[derive(Clone, Debug, Default)]
+pub struct Look {
+    /// Opaque but for the opacities of all but the last; none for no surface at all.
+    pub layers: Vec<Material>,
+    /// True if the colours of vertices are seen.
+    pub uses_vertex_colors: bool,
+}
+
+impl Look {
+    fn of(material: Material) -> Self {
+        Self { layers: vec![material], uses_vertex_colors: false }
+    }
+}
+
+/// Grey, as Mitsuba's diffuse surfaces are by default.
+pub const GRAY: f32 = 0.5;
+/// What Mitsuba's dielectrics are made of by default, and what is around them.
+const GLASS: f64 = 1.5046;
+const AIR: f64 = 1.000_277;
+const POLYPROPYLENE: f64 = 1.49;
+
+impl Builder<'_> {
+    /// What a BSDF looks like.
+    pub(super) fn bsdf(&mut self, object: &Rc<Object>) -> Result<Look, Fault> {
+        let key = Rc::as_ptr(object);
+        if let Some(known) = self.looks.get(&key) {
+            return Ok(known.clone());
+        }
+        if object.class != "bsdf" {
+            return Err(object.fault("this stands where a bsdf was expected", "refer to a bsdf"));
+        }
+        self.enter(object)?;
+        let outer = std::mem::take(&mut self.uses_vertex_colors);
+        let mut look = self.new_look(object)?;
+        look.uses_vertex_colors |= self.uses_vertex_colors;
+        self.uses_vertex_colors |= outer;
+        self.leave();
+        self.note_unused(object);
+        if let (Some(id), [only]) = (&object.id, &mut look.layers[..])
+            && only.name.is_empty()
+        {
+            only.name.clone_from(id);
+        }
+        self.looks.insert(key, look.clone());
+        Ok(look)
+    }
+
+    fn new_look(&mut self, object: &Rc<Object>) -> Result<Look, Fault> {
+        Ok(Look::of(match object.kind.as_str() {
+            "diffuse" | "roughdiffuse" => self.diffuse(object)?,
+            "dielectric" | "roughdielectric" => self.dielectric(object)?,
+            "thindielectric" => self.thin_dielectric(object)?,
+            "conductor" | "roughconductor" => self.conductor(object)?,
+            "plastic" | "roughplastic" => self.plastic(object)?,
+            "principled" | "principledthin" => self.principled(object)?,
+            "phong" => self.phong(object)?,
+            "difftrans" => self.difftrans(object)?,
+            "coating" | "roughcoating" => return self.coating(object),
+            "null" | "mask" | "twosided" | "blendbsdf" | "mixturebsdf" | "bumpmap" | "bump" | "normalmap" => {
+                return self.adapter(object);
+            }
+            _ => {
+                let owner = object.owner();
+                self.ignore_all(object);
+                self.note(owner.clone(), object.at, || {
+                    format!("{owner} is not supported; a grey diffuse surface was used instead")
+                });
+                Material::new("", Diffuse::new(Rgb::splat(GRAY)))
+            }
+        }))
+    }
+
+    fn diffuse(&mut self, object: &Object) -> Result<Material, Fault> {
+        let name = if object.has("diffuse_reflectance") { "diffuse_reflectance" } else { "reflectance" };
+        let reflectance = self.color(object, name, GRAY)?;
+        if object.kind != "roughdiffuse" {
+            return Ok(Material::new("", Diffuse { reflectance }));
+        }
+        object.get("use_fast_approx");
+        let kind = OpenPbr {
+            base_color: reflectance,
+            base_diffuse_roughness: self.scalar(object, "alpha", 0.2)?,
+            specular_weight: 0.0.into(),
+            ..OpenPbr::default()
+        };
+        Ok(Material::new("", kind))
+    }
+
+    /// The index of the inside over that of the outside.
+    fn relative_index(&mut self, object: &Object, default: f64) -> Result<f32, Fault> {
+        let index = |name: &str, default: f64| -> Result<f64, Fault> {
+            let Some(property) = object.get(name) else { return Ok(default) };
+            let found = match &property.value {
+                Value::String(material) => index_named(material).ok_or_else(|| {
+                    let material = super::value::shortened(material);
+                    property.fault(
+                        format!("\"{material}\" is not a material that Mitsuba knows"),
+                        "give a number or bk7, water, …",
+                    )
+                })?,
+                Value::Color(hue) => f64::from(color::factor(*hue).luminance()),
+                _ => object.float_or(name, default)?,
+            };
+            if (1e-3..1e3).contains(&found) {
+                return Ok(found);
+            }
+            Err(property.fault(format!("an index of refraction of {found}"), "give a positive number"))
+        };
+        Ok((index("int_ior", default)? / index("ext_ior", AIR)?) as f32)
+    }
+
+    /// Roughness by `alpha`, or by `alpha_u` and `alpha_v`.
+    fn roughness(&mut self, object: &Object) -> Result<Roughness, Fault> {
+        if !object.kind.starts_with("rough") {
+            return Ok(Roughness::Even(0.0.into()));
+        }
+        if let Some((distribution, at)) = object.string("distribution")? {
+            match distribution {
+                "ggx" => {}
+                "beckmann" | "phong" | "as" => self.note_distribution(object, at),
+                other => {
+                    let problem =
+                        format!("\"{}\" is not a distribution of microfacets", super::value::shortened(other));
+                    return Err(Fault::new(at, problem, "use ggx or beckmann"));
+                }
+            }
+        } else {
+            self.note_distribution(object, object.at);
+        }
+        for name in ["sample_visible", "nonlinear"] {
+            object.get(name);
+        }
+        if !object.has("alpha_u") && !object.has("alpha_v") {
+            return Ok(Roughness::Even(self.mapped(object, "alpha", 0.1, Some(root))?));
+        }
+        let mut width = |name: &str| -> Result<f32, Fault> {
+            Ok(self.constant(object, name)?.map_or(0.1, |c| c.luminance()).clamp(0.0, 1.0))
+        };
+        Ok(Roughness::of_widths(width("alpha_u")?, width("alpha_v")?))
+    }
+
+    fn note_distribution(&mut self, object: &Object, at: crate::scene::fault::Spot) {
+        let owner = object.owner();
+        self.note("distribution", at, || {
+            format!(
+                "{owner}: microfacets by Beckmann; GGX of the same width was used, whose highlights have wider tails"
+            )
+        });
+    }
+
+    /// One roughness for what cannot be stretched.
+    fn even_roughness(&mut self, object: &Object) -> Result<ScalarParam, Fault> {
+        let roughness = self.roughness(object)?;
+        if let Roughness::Stretched { .. } = roughness {
+            let owner = object.owner();
+            self.note(format!("{owner} stretched"), object.at, || {
+                format!("{owner}: roughness that differs by direction; the geometric mean was used")
+            });
+        }
+        Ok(roughness.mean())
+    }
+
+    fn dielectric(&mut self, object: &Object) -> Result<Material, Fault> {
+        let ior = self.relative_index(object, GLASS)?;
+        let roughness = self.even_roughness(object)?;
+        let tint = self.color(object, "specular_transmittance", 1.0)?;
+        self.expect_white(object, "specular_reflectance")?;
+        Ok(Material::new("", Dielectric { roughness, tint, ..Dielectric::smooth(ior) }))
+    }
+
+    fn thin_dielectric(&mut self, object: &Object) -> Result<Material, Fault> {
+        let ior = self.relative_index(object, GLASS)?;
+        let base_color = self.color(object, "specular_transmittance", 1.0)?;
+        self.expect_white(object, "specular_reflectance")?;
+        let kind = MetallicRoughness { ior, base_color, transmission: 1.0.into(), ..MetallicRoughness::default() };
+        Ok(Material::new("", kind))
+    }
+
+    /// A factor on reflections that are not tinted here.
+    fn expect_white(&mut self, object: &Object, name: &str) -> Result<(), Fault> {
+        let Some(pattern) = self.pattern(object, name)? else { return Ok(()) };
+        if !matches!(pattern, Pattern::Constant(color) if rgb_of(color) == Rgb::WHITE) {
+            let owner = object.owner();
+            let at = object.get(name).map_or(object.at, |p| p.at);
+            self.note(format!("{owner} {name}"), at, || {
+                format!("{owner}: \"{name}\" was ignored: it reflects by Fresnel's law alone")
+            });
+        }
+        Ok(())
+    }
+
+    fn conductor(&mut self, object: &Object) -> Result<Material, Fault> {
+        let roughness = self.roughness(object)?;
+        let tint = self.color(object, "specular_reflectance", 1.0)?;
+        let Some(spectrum) = self.metal(object)? else {
+            return Ok(match roughness {
+                Roughness::Even(r) if r == 0.0.into() => Material::new("", Mirror { reflectance: tint }),
+                _ => metal(ConductorSpectrum::Color(Rgb::WHITE.into()), tint, roughness),
+            });
+        };
+        Ok(metal(spectrum, tint, roughness))
+    }
+
+    /// The metal that an object says; `None` for one that reflects everything.
+    fn metal(&mut self, object: &Object) -> Result<Option<ConductorSpectrum>, Fault> {
+        let over = 1.0 / self.outside_index(object)?;
+        if object.has("eta") || object.has("k") {
+            object.get("material");
+            let mut part =
+                |name: &str| -> Result<Rgb, Fault> { Ok(self.constant(object, name)?.unwrap_or(Rgb::BLACK) * over) };
+            return Ok(Some(ConductorSpectrum::Measured { eta: part("eta")?, k: part("k")? }));
+        }
+        let default = if self.version.starts_with("0.") { "Cu" } else { "none" };
+        let (name, at) = object.string("material")?.unwrap_or((default, object.at));
+        if name.eq_ignore_ascii_case("none") {
+            return Ok(None);
+        }
+        let known = Metal::named(name);
+        if known.is_none() {
+            let name = super::value::shortened(name);
+            self.note(format!("metal {name}"), at, || {
+                format!("the metal \"{name}\" has no table here; aluminium was used instead")
+            });
+        }
+        Ok(known.or_else(|| Metal::named("Al")).map(ConductorSpectrum::Metal))
+    }
+
+    fn outside_index(&mut self, object: &Object) -> Result<f32, Fault> {
+        let Some(property) = object.get("ext_eta") else { return Ok(1.0) };
+        Ok(match &property.value {
+            Value::String(name) => index_named(name).unwrap_or(1.0) as f32,
+            _ => object.float_within("ext_eta", 1.0, [1e-3, 1e3])? as f32,
+        })
+    }
+
+    fn plastic(&mut self, object: &Object) -> Result<Material, Fault> {
+        let roughness = self.even_roughness(object)?;
+        let ior = self.relative_index(object, POLYPROPYLENE)?;
+        let diffuse = self.color(object, "diffuse_reflectance", GRAY)?;
+        if object.bool_or("nonlinear", false)? {
+            self.expect_white(object, "specular_reflectance")?;
+            return Ok(Material::new("", CoatedDiffuse { reflectance: diffuse, ior, roughness }));
+        }
+        let specular = self.color(object, "specular_reflectance", 1.0)?;
+        Ok(Material::new("", Plastic { diffuse, specular, ior, roughness }))
+    }
+
+    fn phong(&mut self, object: &Object) -> Result<Material, Fault> {
+        let exponent = self.constant(object, "exponent")?.map_or(30.0, |c| c.luminance());
+        let diffuse = self.color(object, "diffuse_reflectance", GRAY)?;
+        let specular = self.color(object, "specular_reflectance", 0.2)?;
+        // Mitsuba's lobe integrates to its reflectance only head-on, as ours does.
+        let kind = Phong { diffuse, specular, shininess: exponent, ..Phong::default() };
+        Ok(Material::new("", kind))
+    }
+
+    fn difftrans(&mut self, object: &Object) -> Result<Material, Fault> {
+        let color = self.color(object, "transmittance", GRAY)?;
+        Ok(letting_through(Rgb::BLACK.into(), color))
+    }
+
+    /// A clear layer over a metal or a diffuse surface.
+    fn coating(&mut self, object: &Object) -> Result<Look, Fault> {
+        let ior = self.relative_index(object, GLASS)?;
+        let roughness = self.even_roughness(object)?;
+        self.expect_white(object, "specular_reflectance")?;
+        for name in ["thickness", "sigma_a"] {
+            if object.get(name).is_some() {
+                let owner = object.owner();
+                self.note(format!("{owner} {name}"), object.at, || {
+                    format!("{owner}: \"{name}\" was ignored: the layer is clear")
+                });
+            }
+        }
+        let mut look = self.inner_bsdf(object)?;
+        for layer in &mut look.layers {
+            let kind: Option<MaterialKind> = match &layer.kind {
+                MaterialKind::Diffuse(body) => {
+                    Some(CoatedDiffuse { reflectance: body.reflectance, ior, roughness }.into())
+                }
+                MaterialKind::Conductor(conductor) => {
+                    Some(CoatedConductor { conductor: Conductor { ..conductor.clone() }, ior, roughness }.into())
+                }
+                _ => None,
+            };
+            match kind {
+                Some(kind) => layer.kind = kind,
+                None => {
+                    let owner = object.owner();
+                    self.note(owner.clone(), object.at, || {
+                        format!("{owner}: only diffuse surfaces and metals can be coated; the coat was left off")
+                    });
+                }
+            }
+        }
+        Ok(look)
+    }
+}
+
+fn root(alpha: f32) -> f32 {
+    alpha.max(0.0).sqrt()
+}

@@ -1,0 +1,157 @@
+//! BSDFs around others.
+
+use super::super::Builder;
+use super::super::object::Object;
+use super::super::texture::Pattern;
+use super::super::{bump, value};
+use super::Look;
+use crate::scene::fault::Fault;
+use crate::scene::layers;
+use snell_scene::material::{NormalMap, ScalarParam};
+use snell_scene::{Encoding, Texture};
+use std::rc::Rc;
+use std::sync::Arc;
+
+impl Builder<'_> {
+    /// BSDFs around others.
+    pub(super) fn adapter(&mut self, object: &Rc<Object>) -> Result<Look, Fault> {
+        match object.kind.as_str() {
+            "null" => Ok(Look::default()),
+            "mask" => self.mask(object),
+            "twosided" => self.twosided(object),
+            "blendbsdf" | "mixturebsdf" => self.blend(object),
+            "normalmap" => self.normal_map(object),
+            _ => self.bump_map(object),
+        }
+    }
+
+    pub(super) fn inner_bsdf(&mut self, object: &Object) -> Result<Look, Fault> {
+        match self.inner(object, |o| o.class == "bsdf")? {
+            Some(inner) => self.bsdf(&inner),
+            None => Err(object.fault("there is no bsdf in it", "put one in, or a reference to one")),
+        }
+    }
+
+    /// The texture of this name, or the only one.
+    fn inner_texture(&mut self, object: &Object, name: &str) -> Result<Rc<Object>, Fault> {
+        let texture = match self.child_named(object, name)? {
+            Some(texture) => Some(texture),
+            None => self.inner(object, |o| o.class == "texture")?,
+        };
+        texture.ok_or_else(|| object.fault("there is no texture in it", "put one in"))
+    }
+
+    fn mask(&mut self, object: &Object) -> Result<Look, Fault> {
+        let mut look = self.inner_bsdf(object)?;
+        let opacity = self.scalar(object, "opacity", 0.5)?;
+        let (layers, is_exact) = layers::mask(look.layers, opacity);
+        look.layers = layers;
+        if !is_exact {
+            self.note("mask of blend", object.at, || {
+                "a mask with a texture around a blend: the mask was put on the blend's last bsdf only".into()
+            });
+        }
+        Ok(look)
+    }
+
+    fn twosided(&mut self, object: &Object) -> Result<Look, Fault> {
+        let inner: Vec<_> = object.children_where(|_| true).collect();
+        let mut sides = Vec::new();
+        for child in inner {
+            let side = self.resolve(child)?;
+            if side.class == "bsdf" {
+                sides.push(side);
+            }
+        }
+        let [first, rest @ ..] = &sides[..] else {
+            return Err(object.fault("there is no bsdf in it", "put one in, or a reference to one"));
+        };
+        if !rest.is_empty() {
+            let owner = object.owner();
+            self.note("two sides", object.at, || {
+                format!("{owner} with another bsdf for its back; the first was used on both sides")
+            });
+            rest[0].properties.iter().for_each(|p| p.used.set(true));
+        }
+        self.bsdf(first)
+    }
+
+    /// The share `weight` is the second, the rest is the first; in version 0.6 also any number of them with `weights`.
+    fn blend(&mut self, object: &Object) -> Result<Look, Fault> {
+        let mut parts = Vec::new();
+        for child in object.children_where(|c| c.name != "weight") {
+            let part = self.resolve(child)?;
+            if part.class == "bsdf" {
+                parts.push(self.bsdf(&part)?);
+            } else {
+                child.used.set(false);
+            }
+        }
+        if object.kind == "mixturebsdf" {
+            return self.mixture(object, parts);
+        }
+        let [first, second] = &parts[..] else {
+            return Err(object.fault(format!("{} bsdfs, where two were expected", parts.len()), "give two"));
+        };
+        let weight = self.scalar(object, "weight", 0.5)?;
+        Ok(on_each_other(second.clone(), first.clone(), weight))
+    }
+
+    fn mixture(&mut self, object: &Object, parts: Vec<Look>) -> Result<Look, Fault> {
+        let weights = match object.string("weights")? {
+            Some((text, at)) => value::numbers(text).map_err(|p| Fault::new(at, p, "give a number for each bsdf"))?,
+            None => vec![1.0 / parts.len().max(1) as f64; parts.len()],
+        };
+        if weights.len() != parts.len() || parts.is_empty() || weights.iter().any(|w| *w < 0.0) {
+            let problem = format!("{} weights for {} bsdfs", weights.len(), parts.len());
+            return Err(object.fault(problem, "give one positive weight for each"));
+        }
+        let (mut look, mut sum) = (Look::default(), 0.0);
+        for (part, weight) in parts.into_iter().zip(weights) {
+            sum += weight;
+            let share = if sum > 0.0 { (weight / sum) as f32 } else { 0.0 };
+            look = if look.layers.is_empty() { part } else { on_each_other(part, look, share.into()) };
+        }
+        Ok(look)
+    }
+
+    fn normal_map(&mut self, object: &Object) -> Result<Look, Fault> {
+        let mut look = self.inner_bsdf(object)?;
+        let map = self.inner_texture(object, "normalmap")?;
+        object.get("flip_invalid_normals");
+        object.get("use_shadowing_function");
+        if let Pattern::Picture(_, mut texture) = self.texture(&map)? {
+            // Directions, whatever the picture says of colours.
+            texture.encoding = Encoding::Linear;
+            let texture = self.scene.add_texture(texture);
+            look.layers.iter_mut().for_each(|l| l.normal_map = Some(NormalMap { texture, scale: 1.0 }));
+        }
+        Ok(look)
+    }
+
+    fn bump_map(&mut self, object: &Object) -> Result<Look, Fault> {
+        let mut look = self.inner_bsdf(object)?;
+        let map = self.inner_texture(object, "arbitrary")?;
+        let scale = object.float_or("scale", 1.0)? as f32;
+        if let Pattern::Picture(factor, texture) = self.texture(&map)? {
+            let height = factor.luminance() * scale;
+            let heights = self.scene.images[texture.image.index()].clone();
+            if let Some((picture, slope)) = bump::normal_map_of(&heights, &texture, height) {
+                let image = self.scene.add_image(Arc::new(picture));
+                let encoding = Encoding::Linear;
+                let texture = self.scene.add_texture(Texture { image, encoding, ..texture });
+                // Finished for each shape, by the size of its texture coordinates.
+                look.layers.iter_mut().for_each(|l| l.normal_map = Some(NormalMap { texture, scale: slope }));
+                self.bumps.insert(texture);
+            }
+        }
+        Ok(look)
+    }
+}
+
+/// `top` by its share, `rest` elsewhere.
+fn on_each_other(top: Look, rest: Look, share: ScalarParam) -> Look {
+    let uses_vertex_colors = top.uses_vertex_colors || rest.uses_vertex_colors;
+    let layers = layers::blend(top.layers, rest.layers, share);
+    Look { layers, uses_vertex_colors }
+}

@@ -1,0 +1,244 @@
+//! Emitters.
+
+use super::Builder;
+use super::color;
+use super::object::Object;
+use super::texture::Pattern;
+use super::value::Value;
+use crate::scene::fault::Fault;
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb};
+use snell_scene::graph::Environment;
+use snell_scene::light::sky::Sky;
+use snell_scene::light::{Attenuation, IntensityTable, Slide};
+use snell_scene::material::ColorParam;
+use snell_scene::{Light, MediumId};
+
+impl Builder<'_> {
+    /// Light in linear Rec. 709 that must be the same everywhere.
+    fn light_color(&mut self, object: &Object, name: &str, default: f32) -> Result<Rgb, Fault> {
+        if let Some(property) = object.get(name)
+            && let Value::Color(hue) = property.value
+        {
+            return Ok(color::light(hue));
+        }
+        Ok(self.constant(object, name)?.unwrap_or(Rgb::splat(default)))
+    }
+
+    /// The radiance of a surface; `None` if it emits in no way that is known.
+    pub(super) fn area_emitter(&mut self, object: &Object) -> Result<Option<ColorParam>, Fault> {
+        if object.class != "emitter" {
+            return Err(object.fault("this stands where an emitter was expected", "use an area emitter"));
+        }
+        let owner = object.owner();
+        for name in ["sampling_weight", "samplingweight"] {
+            object.get(name);
+        }
+        if object.kind != "area" {
+            self.ignore_all(object);
+            let what = match object.kind.as_str() {
+                "directionalarea" => "light along the normal only is not supported; it became dark",
+                _ => "it belongs to no shape; it was ignored",
+            };
+            self.note(owner.clone(), object.at, || format!("{owner}: {what}"));
+            return Ok(None);
+        }
+        let radiance = match self.pattern(object, "radiance")? {
+            Some(Pattern::Vertices) | None => Rgb::WHITE.into(),
+            Some(pattern) => self.color_of(pattern),
+        };
+        self.note_unused(object);
+        Ok(Some(radiance))
+    }
+
+    pub(super) fn emitter(&mut self, object: &Object) -> Result<(), Fault> {
+        let place = self.world_from_file * object.transform("to_world")?;
+        for name in ["sampling_weight", "samplingweight"] {
+            object.get(name);
+        }
+        match object.kind.as_str() {
+            "point" => self.point(object, place)?,
+            "spot" => self.spot(object, place)?,
+            "directional" => self.directional(object, place)?,
+            "projector" => self.projector(object, place)?,
+            "constant" => {
+                let radiance = self.light_color(object, "radiance", 1.0)?;
+                self.surround(object, Environment::Constant(radiance));
+            }
+            "envmap" => self.envmap(object, place)?,
+            "sunsky" | "sky" | "sun" => self.sky(object, place)?,
+            _ => {
+                let owner = object.owner();
+                self.ignore_all(object);
+                self.note(owner.clone(), object.at, || format!("{owner} is not supported; it was left out"));
+                return Ok(());
+            }
+        }
+        if let Some(medium) = self.inner(object, |o| o.class == "medium")? {
+            let _: Option<MediumId> = self.medium(&medium)?;
+        }
+        self.note_unused(object);
+        Ok(())
+    }
+
+    fn point(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
+        let intensity = self.light_color(object, "intensity", 1.0)?;
+        let position = match object.vector("position")? {
+            Some(position) => self.world_from_file.transform_point3(position),
+            None => place.translation,
+        };
+        let attenuation = Attenuation::INVERSE_SQUARE;
+        self.scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
+        Ok(())
+    }
+
+    /// Falls linearly with the angle from the beam's edge to the cut-off.
+    fn spot(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
+        let scale = self.light_color(object, "intensity", 1.0)?;
+        let cutoff = object.float_within("cutoff_angle", 20.0, [0.0, 180.0])?.max(1e-3);
+        let beam = object.float_or("beam_width", cutoff * 0.75)?.clamp(0.0, cutoff);
+        if let Some(texture) = self.child_named(object, "texture")? {
+            self.ignore_all(&texture);
+            self.note("spot texture", object.at, || "a spot light with a texture: it shines evenly instead".into());
+        }
+        let mut polar = vec![0.0, beam.to_radians(), cutoff.to_radians()];
+        let mut values = vec![Rgb::WHITE, Rgb::WHITE, Rgb::BLACK];
+        if beam <= 0.0 {
+            polar.remove(1);
+            values.remove(1);
+        } else if beam >= cutoff {
+            polar[1] = polar[2] * (1.0 - 1e-6);
+        }
+        let Some(axes) = unit_axes(place) else { return Ok(()) };
+        if let Some(table) = IntensityTable::new(polar, vec![0.0], values) {
+            let light = Light::Profile { position: place.translation, world_from_light: axes, scale, table };
+            self.scene.lights.push(light);
+        }
+        Ok(())
+    }
+
+    fn directional(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
+        let irradiance = self.light_color(object, "irradiance", 1.0)?;
+        let direction = match object.vector("direction")? {
+            Some(direction) => self.world_from_file.transform_vector3(direction),
+            None => place.transform_vector3(DVec3::Z),
+        };
+        let Some(direction) = direction.try_normalize() else {
+            return Err(object.fault("its direction is the zero vector", "give one"));
+        };
+        self.scene.lights.push(Light::Directional { direction, irradiance });
+        Ok(())
+    }
+
+    fn projector(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
+        let scale = object.float_or("scale", 1.0)? as f32;
+        let fov = object.float_within("fov", 45.0, [1e-3, 179.9])?;
+        if object.string("fov_axis")?.is_some_and(|(axis, _)| axis != "x") {
+            self.note("projector axis", object.at, || {
+                "a projector whose fov is not that of x: it was taken for that".into()
+            });
+        }
+        object.get("size");
+        let Some(Pattern::Picture(factor, texture)) = self.pattern(object, "irradiance")? else {
+            self.note("projector", object.at, || "a projector without a picture; it was left out".into());
+            return Ok(());
+        };
+        let image = self.scene.images[texture.image.index()].clone();
+        let half = (fov * 0.5).to_radians().tan();
+        let half_size = DVec2::new(half, half * f64::from(image.height) / f64::from(image.width));
+        if let (Some(slide), Some(axes)) = (Slide::new(&image, half_size), unit_axes(place)) {
+            // Mitsuba's x is to the left of what is thrown, as in its cameras.
+            let world_from_light = axes * DMat3::from_cols(DVec3::NEG_X, DVec3::Y, DVec3::Z);
+            // Irradiance at distance 1 of the whole of a picture's plane, head-on.
+            let light =
+                Light::Projector { position: place.translation, world_from_light, scale: factor * scale, slide };
+            self.scene.lights.push(light);
+        }
+        Ok(())
+    }
+
+    fn envmap(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
+        let scale = Rgb::splat(object.float_or("scale", 1.0)? as f32);
+        for name in ["mis_compensation", "cache", "gamma"] {
+            object.get(name);
+        }
+        let image = if object.has("filename") {
+            let (name, at) = object.file_name()?;
+            self.image(name, at)?
+        } else {
+            match self.pattern_of_child(object)? {
+                Some(Pattern::Picture(_, texture)) => texture.image,
+                _ => return Err(object.fault("there is no file name", "add <string name=\"filename\" value=\"…\"/>")),
+            }
+        };
+        let image = self.scene.images[image.index()].clone();
+        // Its middle is +z and what is right of it -x; ours -z and +x.
+        let turned = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0));
+        let world_from_environment = DAffine3::from_mat3(place.matrix3 * turned);
+        self.surround(object, Environment::Image { image, scale, world_from_environment });
+        Ok(())
+    }
+
+    fn pattern_of_child(&mut self, object: &Object) -> Result<Option<Pattern>, Fault> {
+        let inner = self.inner(object, |o| o.class == "texture")?;
+        inner.map(|texture| self.texture(&texture)).transpose()
+    }
+
+    /// The sky by the model of Hosek and Wilkie, with its sun: up is `+z`, as in Mitsuba 3, or `+y` in version 0.6.
+    fn sky(&mut self, object: &Object, place: DAffine3) -> Result<(), Fault> {
+        let is_old = self.version.starts_with("0.");
+        let direction = object.vector("sun_direction")?;
+        if direction.is_none() {
+            self.note("time of day", object.at, || {
+                "a sky by place and time of day: the sun stands 45 degrees high instead; give sun_direction".into()
+            });
+            for name in ["year", "month", "day", "hour", "minute", "second", "latitude", "longitude", "timezone"] {
+                object.get(name);
+            }
+        }
+        let from_up = if is_old { DMat3::IDENTITY } else { DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y) };
+        let towards = direction.map_or(DVec3::new(0.5, 0.5f64.sqrt(), 0.5), |d| from_up.transpose() * d);
+        let towards = towards.try_normalize().unwrap_or(DVec3::Y);
+        let has_sun = object.kind != "sky" && object.float_or("sun_scale", 1.0)? > 0.0;
+        let albedo = self.constant(object, "albedo")?.map_or(0.3, |c| c.luminance());
+        let sky = Sky {
+            elevation: towards.y.clamp(0.0, 1.0).asin().to_degrees(),
+            azimuth: towards.x.atan2(-towards.z).to_degrees(),
+            turbidity: object.float_within("turbidity", 3.0, [1.0, 10.0])?,
+            ground: f64::from(albedo.clamp(0.0, 1.0)),
+            sun: if has_sun { 0.5358 } else { 0.0 },
+            scale: object.float_or("sky_scale", 1.0)?.clamp(0.0, 1e6),
+        };
+        for name in ["stretch", "resolution", "scale", "sun_radius_scale", "sun_aperture", "complex_sun"] {
+            object.get(name);
+        }
+        self.note("sky", object.at, || {
+            "the sky and its sun are those of Snell: full daylight on a white surface shows a radiance of 1".into()
+        });
+        let environment = sky.environment().map_err(|e| object.fault(e, "change it"))?;
+        if let Environment::Image { image, scale, .. } = environment {
+            let world_from_environment = DAffine3::from_mat3(place.matrix3 * from_up);
+            self.surround(object, Environment::Image { image, scale, world_from_environment });
+        }
+        Ok(())
+    }
+
+    fn surround(&mut self, object: &Object, environment: Environment) {
+        match (&self.scene.environment, &environment) {
+            (Some(Environment::Constant(a)), Environment::Constant(b)) => {
+                self.scene.environment = Some(Environment::Constant(*a + *b));
+                return;
+            }
+            (Some(_), _) => self.note("second environment", object.at, || {
+                "a second emitter around the scene; it replaces the first instead of adding to it".into()
+            }),
+            (None, _) => {}
+        }
+        self.scene.environment = Some(environment);
+    }
+}
+
+/// The axes of a map without their lengths.
+fn unit_axes(map: DAffine3) -> Option<DMat3> {
+    let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(DVec3::try_normalize);
+    Some(DMat3::from_cols(x?, y?, z?))
+}

@@ -1,0 +1,323 @@
+//! From XML to objects: parameters and included files are put in, properties are read.
+
+mod spectrum;
+mod transform;
+
+use super::object::{Child, Content, Object, Property};
+use super::value::{self, Hue, Value, shortened};
+use crate::Input;
+use crate::scene::fault::{Fault, Spot};
+use crate::scene::notes::Notes;
+use roxmltree::{Document, Node, ParsingOptions};
+use snell_math::{DVec3, Rgb};
+use std::cell::Cell;
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::rc::Rc;
+
+/// Elements that are objects.
+const CLASSES: [&str; 14] = [
+    "scene",
+    "integrator",
+    "sensor",
+    "sampler",
+    "film",
+    "rfilter",
+    "bsdf",
+    "shape",
+    "texture",
+    "emitter",
+    "medium",
+    "phase",
+    "volume",
+    "subsurface",
+];
+/// What older versions called them.
+const OLD_CLASSES: [(&str, &str); 2] = [("camera", "sensor"), ("luminaire", "emitter")];
+
+/// Files in files; each takes some of the thread's stack.
+const MAX_FILE_DEPTH: usize = 16;
+/// Objects in objects; each takes some of the thread's stack.
+const MAX_DEPTH: usize = 128;
+
+/// What is known while files are read.
+pub struct Loader<'a> {
+    main: &'a Input,
+    /// Names of all files so far.
+    pub files: Vec<String>,
+    open: Vec<PathBuf>,
+    /// Parameters by name, with their values: those of the command line, and the defaults of files.
+    pub parameters: HashMap<String, String>,
+    /// Names of the parameters that files declare, in their order.
+    pub declared: Vec<String>,
+    /// Second names of ids.
+    pub aliases: HashMap<String, String>,
+    /// `0.6` and the like, of the main file.
+    pub version: String,
+    pub notes: Notes,
+    /// How many objects are around the one being read.
+    depth: usize,
+}
+
+/// A file while it is read.
+struct File<'t> {
+    number: u32,
+    text: &'t str,
+    lines: Vec<usize>,
+    input: &'t Input,
+}
+
+impl File<'_> {
+    fn spot(&self, offset: usize) -> Spot {
+        let line = self.lines.partition_point(|start| *start <= offset);
+        let start = self.lines[line - 1];
+        let column = self.text.get(start..offset).map_or(0, |t| t.chars().count()) + 1;
+        Spot { file: self.number, line: line as u32, column: column as u32 }
+    }
+
+    fn at(&self, node: &Node) -> Spot {
+        self.spot(node.range().start)
+    }
+}
+
+impl<'a> Loader<'a> {
+    pub fn new(main: &'a Input) -> Self {
+        Self {
+            main,
+            files: Vec::new(),
+            open: Vec::new(),
+            parameters: main.options.parameters.iter().cloned().collect(),
+            declared: Vec::new(),
+            aliases: HashMap::new(),
+            version: String::new(),
+            notes: Notes::default(),
+            depth: 0,
+        }
+    }
+
+    /// The scene of a file.
+    pub fn scene(&mut self, input: &Input, named_at: Spot) -> Result<Object, Fault> {
+        let path = input.directory.join(std::path::Path::new(&input.name).file_name().unwrap_or_default());
+        let path = path.canonicalize().unwrap_or(path);
+        if self.open.contains(&path) {
+            return Err(Fault::new(named_at, format!("{} includes itself", input.name), "take the include out"));
+        }
+        if self.open.len() >= MAX_FILE_DEPTH || self.files.len() >= self.main.options.limits.files {
+            let problem = format!("files are included deeper than {MAX_FILE_DEPTH}, or too many of them");
+            return Err(Fault::new(named_at, problem, "put them together"));
+        }
+        let number = self.files.len() as u32;
+        self.files.push(input.name.clone());
+        let text = std::str::from_utf8(&input.bytes).map_err(|error| {
+            let before = &input.bytes[..error.valid_up_to()];
+            let line = before.iter().filter(|b| **b == b'\n').count() as u32 + 1;
+            let column = before.iter().rev().take_while(|b| **b != b'\n').count() as u32 + 1;
+            Fault::new(Spot { file: number, line, column }, "the text is not valid UTF-8", "save the file as UTF-8")
+        })?;
+        let text = text.trim_start_matches('\u{feff}');
+        let nodes_limit = u32::try_from(self.main.options.limits.elements).unwrap_or(u32::MAX);
+        let options = ParsingOptions { nodes_limit, ..ParsingOptions::default() };
+        let document = Document::parse_with_options(text, options).map_err(|error| {
+            let place = error.pos();
+            let message = error.to_string();
+            // The place is told as that of all messages.
+            let problem = message.replace(&format!(" at {place}"), "");
+            Fault::new(Spot { file: number, line: place.row, column: place.col }, problem, "correct the XML")
+        })?;
+        let lines = std::iter::once(0).chain(text.match_indices('\n').map(|(i, _)| i + 1)).collect();
+        let file = File { number, text, lines, input };
+        let root = document.root_element();
+        if root.tag_name().name() != "scene" {
+            let problem = format!("the element <{}>, where <scene> was expected", shortened(root.tag_name().name()));
+            return Err(Fault::new(file.at(&root), problem, "give a Mitsuba scene"));
+        }
+        if number == 0 {
+            let missing = || {
+                let problem = "<scene> has no version, as Mitsuba's scenes have";
+                Fault::new(
+                    file.at(&root),
+                    problem,
+                    "write <scene version=\"3.0.0\">, or convert it if it is another program's",
+                )
+            };
+            self.version = root.attribute("version").ok_or_else(missing)?.to_string();
+        }
+        self.open.push(path);
+        let scene = self.object(&file, &root, "scene")?;
+        self.open.pop();
+        Ok(scene)
+    }
+
+    fn note(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
+        self.notes.add(kind.into(), at, message);
+    }
+
+    /// An attribute with parameters put in.
+    fn attribute(&mut self, file: &File, node: &Node, name: &str) -> Result<Option<String>, Fault> {
+        let Some(attribute) = node.attribute_node(name) else { return Ok(None) };
+        let text = attribute.value();
+        if !text.contains('$') {
+            return Ok(Some(text.to_string()));
+        }
+        let mut filled = String::new();
+        let mut rest = text;
+        while let Some(start) = rest.find('$') {
+            filled.push_str(&rest[..start]);
+            rest = &rest[start + 1..];
+            // The longest name that fits: `$spp2` is not `$spp` followed by 2 if both are known.
+            let known = self.parameters.iter().filter(|(name, _)| !name.is_empty() && rest.starts_with(name.as_str()));
+            let Some((name, value)) = known.max_by_key(|(name, _)| name.len()) else {
+                let name: String = rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+                let at = file.spot(attribute.range().start);
+                let remedy = format!("give -D {name}=VALUE, or add <default name=\"{name}\" value=\"…\"/> above");
+                return Err(Fault::new(at, format!("the parameter \"${name}\" has no value"), remedy));
+            };
+            filled.push_str(value);
+            rest = &rest[name.len()..];
+            if filled.len() > 1 << 20 {
+                return Err(Fault::new(file.at(node), "parameters make a text of more than 1 MiB", "shorten them"));
+            }
+        }
+        filled.push_str(rest);
+        Ok(Some(filled))
+    }
+
+    fn required(&mut self, file: &File, node: &Node, name: &str) -> Result<String, Fault> {
+        let tag = node.tag_name().name();
+        self.attribute(file, node, name)?.ok_or_else(|| {
+            let problem = format!("<{tag}> has no attribute \"{name}\"");
+            Fault::new(file.at(node), problem, format!("write <{tag} {name}=\"…\"/>"))
+        })
+    }
+
+    fn object(&mut self, file: &File, node: &Node, class: &str) -> Result<Object, Fault> {
+        let kind = if class == "scene" { String::new() } else { self.required(file, node, "type")? };
+        let mut object = Object {
+            class: class.into(),
+            kind: kind.to_ascii_lowercase(),
+            name: value::snake_case(&self.attribute(file, node, "name")?.unwrap_or_default()),
+            id: self.attribute(file, node, "id")?,
+            at: file.at(node),
+            ..Object::default()
+        };
+        if self.depth >= MAX_DEPTH {
+            let problem = format!("objects are nested deeper than {MAX_DEPTH}, the limit");
+            return Err(Fault::new(object.at, problem, "flatten the scene"));
+        }
+        self.depth += 1;
+        for child in node.children().filter(Node::is_element) {
+            self.member(file, &child, &mut object)?;
+        }
+        self.depth -= 1;
+        Ok(object)
+    }
+
+    /// Reads what stands in an object.
+    fn member(&mut self, file: &File, node: &Node, object: &mut Object) -> Result<(), Fault> {
+        let (at, tag) = (file.at(node), node.tag_name().name());
+        let class = OLD_CLASSES.iter().find(|(old, _)| *old == tag).map_or(tag, |(_, new)| new);
+        match class {
+            "default" => {
+                let (name, value) = (self.required(file, node, "name")?, self.required(file, node, "value")?);
+                if !self.declared.contains(&name) {
+                    self.declared.push(name.clone());
+                }
+                self.parameters.entry(name).or_insert(value);
+            }
+            "include" => {
+                let name = self.required(file, node, "filename")?;
+                let input = self.open_file(file, &name, at)?;
+                let scene = self.scene(&input, at)?;
+                object.properties.extend(scene.properties);
+                object.children.extend(scene.children);
+            }
+            "alias" => {
+                let (id, alias) = (self.required(file, node, "id")?, self.required(file, node, "as")?);
+                self.aliases.insert(alias, id);
+            }
+            "path" => self.note("path", at, || {
+                "<path>: files are looked for beside the scene and beside the file that names them only".into()
+            }),
+            "ref" => {
+                let id = self.required(file, node, "id")?;
+                let name = value::snake_case(&self.attribute(file, node, "name")?.unwrap_or_default());
+                object.children.push(Child { name, at, content: Content::Reference(id), used: Cell::new(false) });
+            }
+            "spectrum" if node.has_attribute("type") => self.property(file, node, object)?,
+            class if CLASSES.contains(&class) && class != "scene" => {
+                let inner = self.object(file, node, class)?;
+                let name = inner.name.clone();
+                let content = Content::Object(Rc::new(inner));
+                object.children.push(Child { name, at, content, used: Cell::new(false) });
+            }
+            _ => self.property(file, node, object)?,
+        }
+        Ok(())
+    }
+
+    /// Opens a file that another names: beside the main file, or else beside the other.
+    fn open_file(&self, file: &File, name: &str, at: Spot) -> Result<Input, Fault> {
+        let beside = |input: &Input| {
+            input.open_relative(name).map_err(|error| {
+                let is_own = error.file == input.name;
+                let problem = if is_own { error.problem } else { format!("{}: {}", error.file, error.problem) };
+                Fault::new(at, problem, error.remedy)
+            })
+        };
+        beside(self.main).or_else(|fault| if file.number == 0 { Err(fault) } else { beside(file.input) })
+    }
+
+    fn property(&mut self, file: &File, node: &Node, object: &mut Object) -> Result<(), Fault> {
+        let (at, tag) = (file.at(node), node.tag_name().name());
+        let Some(value) = self.value(file, node, tag)? else {
+            let problem = format!("<{}>", shortened(tag));
+            self.note(format!("element {tag}"), at, || {
+                format!("{problem} is not an element of Mitsuba's scenes; it was ignored with all that is in it")
+            });
+            return Ok(());
+        };
+        let name = value::snake_case(&self.required(file, node, "name")?);
+        if object.properties.iter().any(|p| p.name == name) {
+            let problem = format!("{} has \"{name}\" twice", object.owner());
+            return Err(Fault::new(at, problem, "take one of them out"));
+        }
+        object.properties.push(Property { name, at, value, used: Cell::new(false) });
+        Ok(())
+    }
+
+    /// The value that an element says; `None` if there is no such element.
+    fn value(&mut self, file: &File, node: &Node, tag: &str) -> Result<Option<Value>, Fault> {
+        let at = file.at(node);
+        let fault = |problem: String| Fault::new(at, format!("<{tag}>: {problem}"), "correct the value");
+        Ok(Some(match tag {
+            "float" => Value::Float(value::number(&self.required(file, node, "value")?).map_err(fault)?),
+            "integer" | "int" => {
+                let text = self.required(file, node, "value")?;
+                let whole = text.trim().parse::<i64>();
+                Value::Integer(whole.map_err(|_| fault(format!("\"{}\" is not a whole number", shortened(&text))))?)
+            }
+            "boolean" | "bool" => match self.required(file, node, "value")?.trim().to_ascii_lowercase().as_str() {
+                "true" => Value::Bool(true),
+                "false" => Value::Bool(false),
+                other => return Err(fault(format!("\"{}\" is neither true nor false", shortened(other)))),
+            },
+            "string" => Value::String(self.required(file, node, "value")?),
+            "vector" | "point" => Value::Vector(self.vector(file, node, DVec3::ZERO)?),
+            "rgb" | "srgb" => {
+                let text = self.required(file, node, "value")?;
+                let color = match value::hex_color(&text) {
+                    Some(color) => color,
+                    None => {
+                        let v = value::triple(&text).map_err(fault)?.as_vec3();
+                        let color = Rgb::new(v.x, v.y, v.z);
+                        if tag == "srgb" { value::from_srgb(color) } else { color }
+                    }
+                };
+                Value::Color(Hue::Rgb(color))
+            }
+            "spectrum" | "blackbody" => Value::Color(self.spectrum(file, node)?),
+            "transform" | "animation" => Value::Transform(self.transform(file, node)?),
+            _ => return Ok(None),
+        }))
+    }
+}

@@ -1,0 +1,265 @@
+//! Sensors with their films and samplers, and the integrator.
+
+use super::Builder;
+use super::object::Object;
+use crate::scene::fault::Fault;
+use snell_math::{DAffine3, DVec3};
+use snell_scene::camera::Intrinsics;
+use snell_scene::{Camera, Projection};
+
+/// Size of the picture if the film does not say.
+const SIZE: [i64; 2] = [768, 576];
+/// Bounces that stand for no limit.
+const UNLIMITED: i64 = 1 << 20;
+
+impl Builder<'_> {
+    /// Adds a camera. The first one's film and sampler are those of the scene, and its handedness decides about mirroring.
+    pub(super) fn sensor(&mut self, object: &Object) -> Result<(), Fault> {
+        let is_first = self.scene.cameras.is_empty();
+        let film = self.inner(object, |o| o.class == "film")?;
+        let mut size = SIZE;
+        if let Some(film) = &film {
+            size = self.film(film, is_first)?;
+        }
+        if let Some(sampler) = self.inner(object, |o| o.class == "sampler")? {
+            self.sampler(&sampler, is_first)?;
+        }
+        if let Some(medium) = self.inner(object, |o| o.class == "medium")? {
+            let medium = self.medium(&medium)?;
+            if is_first {
+                self.around_camera = medium;
+            }
+        }
+        let place = object.transform("to_world")?;
+        if is_first && place.matrix3.determinant() < 0.0 {
+            self.world_from_file = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+        }
+        let size = size.map(|s| s as u32);
+        let mut camera = self.camera(object, self.world_from_file * place, size)?;
+        camera.name = object.id.clone().unwrap_or_default();
+        camera.resolution = Some(size);
+        for name in ["near_clip", "far_clip"] {
+            // Cameras see everything; files give planes that are far from what they show.
+            object.get(name);
+        }
+        for name in ["shutter_open", "shutter_close"] {
+            object.get(name);
+        }
+        self.scene.cameras.push(camera);
+        self.note_unused(object);
+        Ok(())
+    }
+
+    fn camera(&mut self, object: &Object, place: DAffine3, size: [u32; 2]) -> Result<Camera, Fault> {
+        // Seen from behind the camera, its x is to the left.
+        let [up, towards] = [DVec3::Y, DVec3::Z].map(|axis| place.transform_vector3(axis));
+        if !towards.is_finite() || towards.cross(up).length() == 0.0 {
+            return Err(object.fault("its transform is singular", "correct to_world"));
+        }
+        let scale = towards.length();
+        let ratio = f64::from(size[1]) / f64::from(size[0]);
+        let projection = match object.kind.as_str() {
+            "orthographic" => {
+                let half = place.transform_vector3(DVec3::X).length();
+                Projection::Orthographic { half_size: [Some(half), Some(up.length() * ratio)] }
+            }
+            "perspective" | "thinlens" => self.perspective(object, size)?,
+            _ => {
+                let owner = object.owner();
+                self.ignore_all(object);
+                self.note(owner.clone(), object.at, || format!("{owner}: a perspective camera was used instead"));
+                self.perspective(object, size)?
+            }
+        };
+        let camera = Camera::from_direction(place.translation, towards, up, projection);
+        if object.kind != "thinlens" {
+            object.get("focus_distance");
+            return Ok(camera);
+        }
+        let aperture = object.float_within("aperture_radius", 0.0, [0.0, 1e30])?;
+        let focus = object.positive("focus_distance", 1e4)?;
+        if object.get("aperture_map").is_some() || object.has("aperture") {
+            self.note("aperture", object.at, || "an aperture of its own shape; it became a disk".into());
+        }
+        Ok(camera.with_lens(aperture * scale, focus * scale))
+    }
+
+    fn perspective(&mut self, object: &Object, size: [u32; 2]) -> Result<Projection, Fault> {
+        let [w, h] = size.map(f64::from);
+        let tan = self.tan_half_fov_x(object, w / h)?;
+        let offset =
+            [object.float_or("principal_point_offset_x", 0.0)?, object.float_or("principal_point_offset_y", 0.0)?];
+        if offset == [0.0; 2] {
+            let tan_half_fov = if w >= h { [Some(tan), None] } else { [Some(tan), Some(tan * h / w)] };
+            return Ok(Projection::Perspective { tan_half_fov });
+        }
+        let focal = w / (2.0 * tan);
+        let principal_point = [w * (0.5 + offset[0]), h * (0.5 + offset[1])];
+        Ok(Projection::Intrinsics(Intrinsics { focal_length: [focal; 2], principal_point, skew: 0.0, size }))
+    }
+
+    /// Half of the width of what is seen at distance 1, of a picture of this shape.
+    fn tan_half_fov_x(&mut self, object: &Object, aspect: f64) -> Result<f64, Fault> {
+        if let Some((text, at)) = object.string("focal_length")? {
+            object.get("fov");
+            let length = super::value::number(text.trim().trim_end_matches("mm"));
+            let length = length.ok().filter(|l| *l > 0.0);
+            let Some(length) = length else {
+                return Err(Fault::new(at, "this is not a focal length", "write one like 50mm"));
+            };
+            // The diagonal of 35 mm film.
+            let diagonal = (36.0f64 * 36.0 + 24.0 * 24.0).sqrt() / (2.0 * length);
+            return Ok(diagonal * aspect / (1.0 + aspect * aspect).sqrt());
+        }
+        let fov = object.float_within("fov", 50.0, [1e-6, 179.999])?;
+        let tan = (fov * 0.5).to_radians().tan();
+        let (axis, at) = object.string("fov_axis")?.unwrap_or(("x", object.at));
+        Ok(match axis {
+            "x" => tan,
+            "y" => tan * aspect,
+            "smaller" => tan * aspect.max(1.0),
+            "larger" => tan * aspect.min(1.0),
+            "diagonal" => tan * aspect / (1.0 + aspect * aspect).sqrt(),
+            other => {
+                let problem = format!("\"{}\" is not an axis of the picture", super::value::shortened(other));
+                return Err(Fault::new(at, problem, "use x, y, diagonal, smaller or larger"));
+            }
+        })
+    }
+
+    fn film(&mut self, film: &Object, is_first: bool) -> Result<[i64; 2], Fault> {
+        let range = [1, 1 << 16];
+        let size = [
+            film.integer_within("width", range)?.unwrap_or(SIZE[0]),
+            film.integer_within("height", range)?.unwrap_or(SIZE[1]),
+        ];
+        let filter = self.inner(film, |o| o.class == "rfilter")?;
+        if is_first {
+            self.scene.settings.size = Some(size.map(|s| s as u32));
+            match &filter {
+                Some(filter) => self.filter(filter)?,
+                None => self.scene.settings.filter = Some("gaussian".into()),
+            }
+        }
+        for name in ["crop_width", "crop_height", "crop_offset_x", "crop_offset_y"] {
+            if film.get(name).is_some() {
+                self.note("crop", film.at, || "the crop of the film was ignored: give --crop instead".into());
+            }
+        }
+        // How the picture is stored is for the command line to say.
+        for name in [
+            "filename",
+            "file_format",
+            "pixel_format",
+            "component_format",
+            "gamma",
+            "banner",
+            "attach_log",
+            "sample_border",
+            "high_quality_edges",
+            "tonemap_method",
+            "exposure",
+            "key",
+            "burn",
+            "fast_approx",
+            "compensate",
+        ] {
+            film.get(name);
+        }
+        self.note_unused(film);
+        Ok(size)
+    }
+
+    fn filter(&mut self, filter: &Object) -> Result<(), Fault> {
+        let ours = match filter.kind.as_str() {
+            "box" => "box",
+            "tent" => "tent",
+            "gaussian" => "gaussian",
+            "mitchell" => "mitchell",
+            "lanczos" => "lanczos",
+            _ => {
+                let owner = filter.owner();
+                self.note(owner.clone(), filter.at, || format!("{owner}: the filter mitchell was used instead"));
+                "mitchell"
+            }
+        };
+        self.scene.settings.filter = Some(ours.into());
+        if filter.float_or("stddev", 0.5)? != 0.5 || filter.float_or("radius", 0.0)? != 0.0 {
+            let owner = filter.owner();
+            self.note(format!("{owner} size"), filter.at, || {
+                format!("{owner} of a size of its own: the usual size was used")
+            });
+        }
+        for name in ["lobes", "b", "c"] {
+            filter.get(name);
+        }
+        self.note_unused(filter);
+        Ok(())
+    }
+
+    fn sampler(&mut self, sampler: &Object, is_first: bool) -> Result<(), Fault> {
+        let spp = sampler.integer_within("sample_count", [1, 1 << 24])?.unwrap_or(4);
+        if is_first {
+            self.scene.settings.spp = Some(spp as u32);
+            let plain = ["independent", "stratified"].into_iter().find(|kind| *kind == sampler.kind);
+            self.scene.settings.sampler = plain.map(String::from);
+        }
+        for name in ["seed", "jitter", "dimension", "scramble"] {
+            sampler.get(name);
+        }
+        self.note_unused(sampler);
+        Ok(())
+    }
+
+    pub(super) fn integrator(&mut self, object: &Object) -> Result<(), Fault> {
+        let inner = self.inner(object, |o| o.class == "integrator")?;
+        if let Some(inner) = inner {
+            if object.get("aovs").is_some() {
+                self.note("aovs", object.at, || {
+                    "the layers of an aov integrator were ignored: give --aov instead".into()
+                });
+            }
+            self.integrator(&inner)?;
+            return Ok(());
+        }
+        // Mitsuba counts edges of the path: 1 shows emitters, 2 their light on surfaces.
+        let edges = object.integer_within("max_depth", [-1, UNLIMITED])?.unwrap_or(-1);
+        let bounces = if edges < 0 { UNLIMITED } else { (edges - 1).max(0) };
+        self.scene.settings.max_depth = Some(bounces as u32);
+        let ours = match object.kind.as_str() {
+            "direct" => {
+                self.scene.settings.max_depth = None;
+                "direct"
+            }
+            "ao" => "ao",
+            _ => "path",
+        };
+        self.scene.settings.integrator = Some(ours.into());
+        let exact =
+            ["path", "volpath", "volpathmis", "volpath_simple", "direct", "ao", "prb", "prb_basic", "prbvolpath"];
+        if !exact.contains(&object.kind.as_str()) {
+            let owner = object.owner();
+            self.note(owner.clone(), object.at, || format!("{owner}: the integrator {ours} was used instead"));
+        }
+        if object.bool_or("hide_emitters", false)? {
+            self.note("hide_emitters", object.at, || "hide_emitters was ignored: emitters are seen".into());
+        }
+        // These change the noise only.
+        for name in [
+            "rr_depth",
+            "strict_normals",
+            "samples_per_pass",
+            "block_size",
+            "emitter_samples",
+            "bsdf_samples",
+            "shading_samples",
+            "timeout",
+            "sample_num",
+            "delta",
+        ] {
+            object.get(name);
+        }
+        self.note_unused(object);
+        Ok(())
+    }
+}

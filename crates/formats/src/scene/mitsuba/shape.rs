@@ -1,0 +1,318 @@
+//! Shapes: what each kind is, and its place, materials and light.
+
+mod mesh;
+mod primitive;
+
+use super::Builder;
+use super::bsdf::Look;
+use super::object::Object;
+use crate::scene::fault::{Fault, Spot};
+use crate::scene::shapes::{ALONG, AROUND, ShapeTable, around_z, swept};
+use mesh::{flip_v, turn_over};
+use primitive::{cube, disk, rectangle};
+use snell_intersect::shape::{Cylinder, Disk, Rectangle, Sphere};
+use snell_intersect::{AnyShape, Shape, TriangleMesh};
+use snell_math::{DAffine3, DMat3, DVec2, DVec3, Transform};
+use snell_scene::material::{AlphaMode, ColorParam, Interface, Interior};
+use snell_scene::{Geometry, Material, MaterialId, Node, NodeId, Surface};
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// What the shapes of a scene share.
+#[derive(Debug, Default)]
+pub struct Shapes {
+    table: ShapeTable,
+    /// Meshes by path and by how they were read.
+    files: HashMap<(PathBuf, String), Arc<TriangleMesh>>,
+    groups: HashMap<*const Object, NodeId>,
+    triangles: usize,
+    /// Materials by look and by what shapes add to it.
+    materials: HashMap<(Option<*const Object>, String), Vec<MaterialId>>,
+}
+
+/// What a shape adds to its materials.
+#[derive(Clone, Debug, Default)]
+struct Finish {
+    emission: Option<ColorParam>,
+    interior: Option<Interior>,
+    /// Width of the whole picture of bumps on the surface, if there are any.
+    picture_width: Option<f32>,
+}
+
+/// A geometry and its place in the shape's own space.
+type Made = (Geometry, DAffine3);
+
+impl Builder<'_> {
+    /// Adds a shape below a node.
+    pub(super) fn shape(&mut self, object: &Rc<Object>, parent: NodeId) -> Result<(), Fault> {
+        self.enter(object)?;
+        match object.kind.as_str() {
+            "shapegroup" => {
+                self.group(object)?;
+            }
+            "instance" => self.instance(object, parent)?,
+            "merge" => self.shapes_in(object, parent)?,
+            _ => self.plain_shape(object, parent)?,
+        }
+        self.leave();
+        self.note_unused(object);
+        Ok(())
+    }
+
+    fn shapes_in(&mut self, object: &Object, parent: NodeId) -> Result<(), Fault> {
+        for child in object.children_where(|_| true).collect::<Vec<_>>() {
+            let inner = self.resolve(child)?;
+            if inner.class == "shape" {
+                self.shape(&inner, parent)?;
+            } else {
+                child.used.set(false);
+            }
+        }
+        Ok(())
+    }
+
+    /// The node of a group, which is seen only where instances place it.
+    fn group(&mut self, object: &Rc<Object>) -> Result<NodeId, Fault> {
+        if let Some(node) = self.shapes.groups.get(&Rc::as_ptr(object)) {
+            return Ok(*node);
+        }
+        let node = self.scene.add_node(Node::named(object.id.clone().unwrap_or_else(|| "group".into())));
+        self.shapes_in(object, node)?;
+        self.shapes.groups.insert(Rc::as_ptr(object), node);
+        Ok(node)
+    }
+
+    fn instance(&mut self, object: &Rc<Object>, parent: NodeId) -> Result<(), Fault> {
+        let Some(group) = self.inner(object, |o| o.class == "shape")? else {
+            return Err(object.fault("there is no shapegroup in it", "refer to one"));
+        };
+        if group.kind != "shapegroup" {
+            return Err(object.fault(format!("{} is not a shapegroup", group.owner()), "put it into one"));
+        }
+        let children = vec![self.group(&group)?];
+        let transform = object.transform("to_world")?;
+        if self.is_singular(transform, object) {
+            return Ok(());
+        }
+        self.scene.add_child(parent, Node { transform, children, ..Node::named("instance") });
+        Ok(())
+    }
+
+    fn is_singular(&mut self, transform: DAffine3, object: &Object) -> bool {
+        let is_singular = Transform::new(transform).is_none();
+        if is_singular {
+            self.note("singular", object.at, || "its transform is singular, so this is flat and was left out".into());
+        }
+        is_singular
+    }
+
+    fn plain_shape(&mut self, object: &Rc<Object>, parent: NodeId) -> Result<(), Fault> {
+        let place = object.transform("to_world")?;
+        let parts = self.parts(object)?;
+        let is_textured = parts.look.layers.iter().any(|l| format!("{l:?}").contains("TextureId"));
+        let plain = !is_textured && !object.bool_or("flip_normals", false)?;
+        let Some((geometry, own)) = self.geometry(object, plain, &parts.look)? else { return Ok(()) };
+        if self.is_singular(place * own, object) {
+            return Ok(());
+        }
+        let mut finish = Finish { emission: parts.emission, interior: parts.interior, picture_width: None };
+        if parts.look.layers.iter().any(|l| l.normal_map.is_some_and(|m| self.bumps.contains(&m.texture))) {
+            finish.picture_width = Some(width_of_coordinates(&geometry, place * own));
+        }
+        let materials = self.materials(object, parts, &finish);
+        if materials.is_empty() {
+            self.note("no surface", object.at, || {
+                "surfaces without a bsdf that bound no medium are not seen, and were left out".into()
+            });
+            return Ok(());
+        }
+        let surfaces = materials.iter().map(|m| Surface::with_material(geometry.clone(), *m)).collect();
+        let name = object.id.clone().unwrap_or_else(|| object.kind.clone());
+        self.scene.add_child(parent, Node { transform: place * own, surfaces, ..Node::named(name) });
+        Ok(())
+    }
+
+    /// What stands inside of a shape.
+    fn parts(&mut self, object: &Object) -> Result<Parts, Fault> {
+        let mut parts = Parts::default();
+        for child in &object.children {
+            let inner = self.resolve(child)?;
+            let known = matches!(inner.class.as_str(), "bsdf" | "emitter" | "medium");
+            child.used.set(known);
+            match inner.class.as_str() {
+                "bsdf" => {
+                    parts.look = self.bsdf(&inner)?;
+                    parts.key = Some(Rc::as_ptr(&inner));
+                    parts.has_bsdf = true;
+                }
+                "emitter" => parts.emission = self.area_emitter(&inner)?,
+                "medium" if child.name == "exterior" || inner.name == "exterior" => {
+                    // What is outside is what other shapes have inside, or what is around the camera.
+                    self.medium(&inner)?;
+                }
+                "medium" => {
+                    let medium = self.medium(&inner)?;
+                    self.media.inside.extend(medium);
+                    parts.interior = Some(Interior { medium, ..Interior::default() });
+                }
+                _ => {}
+            }
+        }
+        if !parts.has_bsdf && parts.interior.is_none() {
+            parts.look.layers =
+                vec![Material::new("default", snell_scene::material::Diffuse::new(snell_math::Rgb::splat(0.5)))];
+        }
+        Ok(parts)
+    }
+
+    fn materials(&mut self, object: &Object, parts: Parts, finish: &Finish) -> Vec<MaterialId> {
+        let key = (parts.key, format!("{finish:?}"));
+        if let Some(known) = self.shapes.materials.get(&key) {
+            return known.clone();
+        }
+        let mut layers = parts.look.layers;
+        if layers.is_empty() && (finish.interior.is_some() || finish.emission.is_some()) {
+            layers.push(Material::new("interface", Interface {}));
+        }
+        if finish.emission.is_some() && layers.len() > 1 {
+            self.note("emitting blend", object.at, || {
+                "an emitter with a blend of bsdfs: the last of them was used alone".into()
+            });
+            layers.drain(..layers.len() - 1);
+            layers.iter_mut().for_each(|l| l.alpha_mode = AlphaMode::Opaque);
+        }
+        let finished = layers.into_iter().map(|mut material| {
+            material.interior = finish.interior.or(material.interior);
+            if let Some(emission) = finish.emission {
+                material.emission = emission;
+            }
+            if let (Some(map), Some(width)) = (&mut material.normal_map, finish.picture_width)
+                && self.bumps.contains(&map.texture)
+            {
+                // The picture covers as much more of the surface as its coordinates are slower.
+                let [[a, b, _], [c, d, _]] = self.scene.textures[map.texture.index()].uv_transform;
+                let shrink = (a * d - b * c).abs().sqrt();
+                map.scale *= if width > 0.0 { shrink / width } else { 0.0 };
+            }
+            material
+        });
+        let finished: Vec<_> = finished.collect();
+        let ids: Vec<_> = finished.into_iter().map(|m| self.scene.add_material(m)).collect();
+        self.shapes.materials.insert(key, ids.clone());
+        ids
+    }
+
+    /// The geometry of a shape. `plain` if its texture coordinates do not matter and its outer side is the usual one.
+    fn geometry(&mut self, object: &Object, plain: bool, look: &Look) -> Result<Option<Made>, Fault> {
+        Ok(Some(match object.kind.as_str() {
+            "sphere" => self.sphere(object, plain)?,
+            "disk" if plain => self.analytic(Disk { radius: 1.0, inner_radius: 0.0 }, DAffine3::IDENTITY),
+            "disk" => self.made(object, disk())?,
+            "cylinder" => self.cylinder(object, plain)?,
+            "rectangle" if plain => self.analytic(Rectangle { half_size: DVec2::ONE }, DAffine3::IDENTITY),
+            "rectangle" => self.made(object, rectangle())?,
+            "cube" => self.made(object, cube())?,
+            "obj" | "ply" | "serialized" => {
+                let keeps_colors = look.uses_vertex_colors;
+                let Some(mesh) = self.mesh_file(object, keeps_colors)? else { return Ok(None) };
+                (Geometry::Mesh(mesh), DAffine3::IDENTITY)
+            }
+            _ => {
+                let owner = object.owner();
+                self.ignore_all(object);
+                self.note(owner.clone(), object.at, || format!("{owner} is not supported; it was left out"));
+                return Ok(None);
+            }
+        }))
+    }
+
+    fn analytic(&mut self, shape: impl Into<AnyShape>, own: DAffine3) -> Made {
+        (self.shapes.table.shared(shape.into()), own)
+    }
+
+    /// A mesh made here, turned inside out if the shape says so.
+    fn made(&mut self, object: &Object, mut mesh: TriangleMesh) -> Result<Made, Fault> {
+        if object.bool_or("flip_normals", false)? {
+            turn_over(&mut mesh);
+        }
+        self.count_triangles(object.at, mesh.indices.len())?;
+        Ok((Geometry::Mesh(Arc::new(mesh)), DAffine3::IDENTITY))
+    }
+
+    fn count_triangles(&mut self, at: Spot, count: usize) -> Result<(), Fault> {
+        self.shapes.triangles += count;
+        let limit = self.main.options.limits.elements;
+        if self.shapes.triangles <= limit {
+            return Ok(());
+        }
+        Err(Fault::new(at, format!("the scene has more than {limit} triangles, the limit"), "split it"))
+    }
+
+    fn sphere(&mut self, object: &Object, plain: bool) -> Result<Made, Fault> {
+        let radius = object.positive("radius", 1.0)?;
+        let center = object.vector("center")?.unwrap_or(DVec3::ZERO);
+        let flipped = object.bool_or("flip_normals", false)?;
+        if plain || !flipped {
+            return Ok(self.analytic(Sphere { radius }, DAffine3::from_mat3_translation(around_z(), center)));
+        }
+        let mesh = swept(360.0, [AROUND, ALONG], |phi, v| {
+            let (sin, cos) = ((1.0 - v) * std::f64::consts::PI).sin_cos();
+            let normal = DVec3::new(sin * phi.cos(), sin * phi.sin(), cos);
+            (normal * radius + center, normal)
+        });
+        self.made(object, flip_v(mesh))
+    }
+
+    fn cylinder(&mut self, object: &Object, plain: bool) -> Result<Made, Fault> {
+        let radius = object.positive("radius", 1.0)?;
+        let (p0, p1) = (object.vector("p0")?.unwrap_or(DVec3::ZERO), object.vector("p1")?.unwrap_or(DVec3::Z));
+        let height = (p1 - p0).length();
+        let Some(axis) = (p1 - p0).try_normalize() else {
+            return Err(object.fault("p0 and p1 coincide", "give its ends"));
+        };
+        let (x, y) = axis.any_orthonormal_pair();
+        let frame = DMat3::from_cols(x, y, axis);
+        if plain {
+            let place = DAffine3::from_mat3_translation(frame * around_z(), (p0 + p1) * 0.5);
+            return Ok(self.analytic(Cylinder { radius, height, caps: false }, place));
+        }
+        let mesh = swept(360.0, [AROUND, 1], |phi, v| {
+            let normal = DVec3::new(phi.cos(), phi.sin(), 0.0);
+            (p0 + frame * (normal * radius + DVec3::Z * (height * v)), frame * normal)
+        });
+        self.made(object, mesh)
+    }
+}
+
+/// What stands inside of a shape.
+#[derive(Debug, Default)]
+struct Parts {
+    look: Look,
+    key: Option<*const Object>,
+    has_bsdf: bool,
+    emission: Option<ColorParam>,
+    interior: Option<Interior>,
+}
+
+/// How much of the scene one unit of the texture coordinates covers, by area.
+fn width_of_coordinates(geometry: &Geometry, place: DAffine3) -> f32 {
+    let Geometry::Mesh(mesh) = geometry else {
+        let Geometry::Shape(shape) = geometry else { return 0.0 };
+        let scale = place.matrix3.determinant().abs().cbrt();
+        return (shape.area().sqrt() * scale) as f32;
+    };
+    if mesh.uvs[0].is_empty() {
+        return 0.0;
+    }
+    let (mut world, mut uv) = (0.0, 0.0);
+    for (t, corners) in mesh.indices.iter().enumerate() {
+        let [a, b, c] = mesh.corners(t).map(|p| place.transform_point3(p.as_dvec3()));
+        world += (b - a).cross(c - a).length();
+        let [a, b, c] = corners.map(|i| mesh.uvs[0][i as usize].as_dvec2());
+        uv += (b - a).perp_dot(c - a).abs();
+    }
+    let width = if uv > 0.0 { (world / uv).sqrt() } else { 0.0 };
+    if width.is_finite() { width as f32 } else { 0.0 }
+}

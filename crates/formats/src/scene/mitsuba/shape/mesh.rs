@@ -1,0 +1,118 @@
+//! Meshes in files.
+
+use super::super::Builder;
+use super::super::object::Object;
+use super::super::serialized;
+use super::super::value::shortened;
+use crate::Input;
+use crate::scene::fault::Fault;
+use snell_intersect::TriangleMesh;
+use snell_math::Vec3;
+use std::sync::Arc;
+
+/// How a mesh is read from its file.
+#[derive(Debug)]
+struct Reading {
+    is_serialized: bool,
+    /// Which of the meshes of a serialized file.
+    index: usize,
+    flips_v: bool,
+    is_flat: bool,
+    /// Edges sharper than this stay sharp, degrees.
+    crease: Option<f64>,
+    is_flipped: bool,
+    keeps_colors: bool,
+}
+
+impl Reading {
+    fn of(object: &Object, keeps_colors: bool) -> Result<Self, Fault> {
+        for name in ["srgb", "collapse"] {
+            object.get(name);
+        }
+        Ok(Self {
+            is_serialized: object.kind == "serialized",
+            index: object.integer_within("shape_index", [0, i64::from(u32::MAX)])?.map_or(0, |index| index as usize),
+            flips_v: object.bool_or("flip_tex_coords", object.kind == "obj")?,
+            is_flat: object.bool_or("face_normals", false)?,
+            crease: object.float("max_smooth_angle")?,
+            is_flipped: object.bool_or("flip_normals", false)?,
+            keeps_colors,
+        })
+    }
+
+    fn mesh(&self, input: &Input) -> Result<TriangleMesh, Fault> {
+        let mut is_flat = self.is_flat;
+        let mut mesh = if self.is_serialized {
+            let read = serialized::read(input, self.index)?;
+            is_flat |= read.is_flat;
+            read.mesh
+        } else {
+            crate::mesh::read_mesh(input)?
+        };
+        mesh.material_slots.clear();
+        if !self.keeps_colors {
+            mesh.colors.clear();
+        }
+        if is_flat {
+            mesh.normals.clear();
+        } else if let Some(crease) = self.crease {
+            crate::mesh::smooth_normals(&mut mesh, crease as f32);
+        } else if mesh.normals.is_empty() {
+            mesh.normals = mesh.computed_normals();
+        }
+        repair_normals(&mut mesh);
+        if self.is_flipped {
+            turn_over(&mut mesh);
+        }
+        Ok(if self.flips_v { flip_v(mesh) } else { mesh })
+    }
+}
+
+impl Builder<'_> {
+    /// The mesh of a file, read once; `None` if it has no triangles.
+    pub(super) fn mesh_file(
+        &mut self,
+        object: &Object,
+        keeps_colors: bool,
+    ) -> Result<Option<Arc<TriangleMesh>>, Fault> {
+        let (name, at) = object.file_name()?;
+        let reading = Reading::of(object, keeps_colors)?;
+        let path = self.main.resolve(name).map_err(|e| Fault::new(at, e.problem, e.remedy))?;
+        let key = (path.canonicalize().unwrap_or(path), format!("{reading:?}"));
+        if let Some(known) = self.shapes.files.get(&key) {
+            return Ok(Some(known.clone()));
+        }
+        let mesh = reading.mesh(&self.open(name, at)?)?;
+        self.count_triangles(at, mesh.indices.len())?;
+        if mesh.indices.is_empty() {
+            let name = shortened(name);
+            self.note("empty mesh", at, || format!("\"{name}\" has no triangles; it was left out"));
+            return Ok(None);
+        }
+        let mesh = Arc::new(mesh);
+        self.shapes.files.insert(key, mesh.clone());
+        Ok(Some(mesh))
+    }
+}
+
+/// Turns a mesh inside out.
+pub fn turn_over(mesh: &mut TriangleMesh) {
+    mesh.indices.iter_mut().for_each(|t| t.swap(1, 2));
+    mesh.normals.iter_mut().for_each(|n| *n = -*n);
+}
+
+/// Turns v the other way.
+pub fn flip_v(mut mesh: TriangleMesh) -> TriangleMesh {
+    mesh.uvs[0].iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
+    mesh
+}
+
+/// Normals without a direction become those of the faces around.
+fn repair_normals(mesh: &mut TriangleMesh) {
+    let is_bad = |n: &Vec3| n.try_normalize().is_none();
+    if mesh.normals.iter().any(is_bad) {
+        let computed = mesh.computed_normals();
+        let bad = mesh.normals.iter_mut().zip(computed).filter(|(n, _)| is_bad(n));
+        bad.for_each(|(normal, computed)| *normal = computed);
+    }
+}

@@ -1,0 +1,288 @@
+//! Textures: what materials see of them.
+//!
+//! Coordinates: Mitsuba's pictures have v downwards, as ours; its readers of meshes turn the coordinates of files instead.
+
+use super::Builder;
+use super::color;
+use super::object::Object;
+use super::value::Value;
+use crate::scene::fault::Fault;
+use snell_math::{DAffine3, Rgb};
+use snell_scene::graph::ImageId;
+use snell_scene::material::{ColorParam, ScalarParam};
+use snell_scene::texture::{Filtering, Wrap};
+use snell_scene::{Encoding, Image, Texture, TextureId};
+use std::collections::HashMap;
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// Function of a value of a texture.
+pub type Function = fn(f32) -> f32;
+
+/// The textures of a scene.
+#[derive(Debug, Default)]
+pub struct Textures {
+    /// By the address of their object, which lives as long as the scene is built.
+    known: HashMap<*const Object, Pattern>,
+    /// Those in the scene.
+    ids: HashMap<String, TextureId>,
+    /// Pictures of single numbers that were made of others, by picture, encoding and function.
+    scalars: HashMap<(ImageId, bool, Option<usize>), ImageId>,
+}
+
+/// What a texture shows.
+#[derive(Clone, Debug)]
+pub enum Pattern {
+    Constant(ColorParam),
+    /// A factor on a picture.
+    Picture(Rgb, Texture),
+    /// The colours of the vertices.
+    Vertices,
+}
+
+impl Builder<'_> {
+    /// The pattern of a property or inner texture of this name.
+    pub(super) fn pattern(&mut self, object: &Object, name: &str) -> Result<Option<Pattern>, Fault> {
+        if let Some(property) = object.get(name) {
+            return match property.value {
+                Value::Color(hue) => Ok(Some(Pattern::Constant(color::reflectance(hue)))),
+                Value::Float(x) => Ok(Some(Pattern::Constant(Rgb::splat(x as f32).into()))),
+                Value::Integer(x) => Ok(Some(Pattern::Constant(Rgb::splat(x as f32).into()))),
+                _ => Err(property.fault(
+                    format!("a {}, where a colour or texture was expected", property.value.kind()),
+                    "write an rgb, a spectrum, a float or a texture",
+                )),
+            };
+        }
+        match self.child_named(object, name)? {
+            Some(texture) => self.texture(&texture).map(Some),
+            None => Ok(None),
+        }
+    }
+
+    /// A colour or its default.
+    pub(super) fn color(&mut self, object: &Object, name: &str, default: f32) -> Result<ColorParam, Fault> {
+        Ok(match self.pattern(object, name)? {
+            Some(pattern) => self.color_of(pattern),
+            None => Rgb::splat(default).into(),
+        })
+    }
+
+    pub(super) fn color_of(&mut self, pattern: Pattern) -> ColorParam {
+        match pattern {
+            Pattern::Constant(color) => color,
+            Pattern::Picture(factor, texture) => ColorParam::textured(factor, Some(self.texture_id(texture))),
+            Pattern::Vertices => {
+                self.uses_vertex_colors = true;
+                Rgb::WHITE.into()
+            }
+        }
+    }
+
+    /// A number or its default.
+    pub(super) fn scalar(&mut self, object: &Object, name: &str, default: f32) -> Result<ScalarParam, Fault> {
+        self.mapped(object, name, default, None)
+    }
+
+    /// A function of a number or of its default.
+    pub(super) fn mapped(
+        &mut self,
+        object: &Object,
+        name: &str,
+        default: f32,
+        function: Option<Function>,
+    ) -> Result<ScalarParam, Fault> {
+        let apply = |x: f32| function.map_or(x, |f| f(x));
+        Ok(match self.pattern(object, name)? {
+            None => apply(default).into(),
+            Some(Pattern::Constant(color)) => apply(gray(color)).into(),
+            Some(Pattern::Picture(factor, texture)) => {
+                let texture = self.scalar_texture(&texture, function);
+                let id = self.texture_id(texture);
+                ScalarParam { factor: apply(factor.luminance()), texture: Some((id, 0)) }
+            }
+            Some(Pattern::Vertices) => {
+                self.note("vertex numbers", object.at, || {
+                    "an attribute of vertices as a number: 1 was used instead".into()
+                });
+                1.0.into()
+            }
+        })
+    }
+
+    /// The colour of a property that must be the same everywhere.
+    pub(super) fn constant(&mut self, object: &Object, name: &str) -> Result<Option<Rgb>, Fault> {
+        match self.pattern(object, name)? {
+            None => Ok(None),
+            Some(Pattern::Constant(color)) => Ok(Some(rgb_of(color))),
+            Some(Pattern::Picture(..) | Pattern::Vertices) => {
+                let owner = object.owner();
+                self.note(format!("{owner} textured {name}"), object.at, || {
+                    format!("{owner}: a texture as \"{name}\"; its default was used instead")
+                });
+                Ok(None)
+            }
+        }
+    }
+
+    fn texture_id(&mut self, texture: Texture) -> TextureId {
+        // The debug form of a float is exact, so equal text is an equal texture.
+        let scene = &mut self.scene;
+        *self.textures.ids.entry(format!("{texture:?}")).or_insert_with(|| scene.add_texture(texture))
+    }
+
+    /// The texture of single numbers: grey, and with a function applied.
+    fn scalar_texture(&mut self, texture: &Texture, function: Option<Function>) -> Texture {
+        let image = self.scene.images[texture.image.index()].clone();
+        if image.channels <= 2 && function.is_none() && texture.encoding == Encoding::Linear {
+            return texture.clone();
+        }
+        let is_srgb = texture.encoding == Encoding::Srgb;
+        let key = (texture.image, is_srgb, function.map(|f| f as usize));
+        let id = match self.textures.scalars.get(&key) {
+            Some(id) => *id,
+            None => {
+                let pixels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+                let value = |(x, y)| {
+                    let [r, g, b, _] = image.rgba_as(x, y, texture.encoding);
+                    let value = if image.channels <= 2 { r } else { Rgb::new(r, g, b).luminance() };
+                    function.map_or(value, |f| f(value))
+                };
+                let values = pixels.map(value).collect();
+                let id = self.scene.add_image(Arc::new(Image::from_f32(image.width, image.height, 1, values)));
+                self.textures.scalars.insert(key, id);
+                id
+            }
+        };
+        Texture { image: id, encoding: Encoding::Linear, ..texture.clone() }
+    }
+
+    pub(super) fn texture(&mut self, object: &Rc<Object>) -> Result<Pattern, Fault> {
+        let key = Rc::as_ptr(object);
+        if let Some(known) = self.textures.known.get(&key) {
+            return Ok(known.clone());
+        }
+        self.enter(object)?;
+        let pattern = self.new_texture(object)?;
+        self.leave();
+        self.note_unused(object);
+        self.textures.known.insert(key, pattern.clone());
+        Ok(pattern)
+    }
+
+    fn new_texture(&mut self, object: &Object) -> Result<Pattern, Fault> {
+        if !matches!(object.class.as_str(), "texture" | "spectrum") {
+            return Err(object.fault("this stands where a texture was expected", "use a texture or a colour"));
+        }
+        match object.kind.as_str() {
+            "bitmap" | "ldrtexture" => self.bitmap(object),
+            "checkerboard" => self.checkerboard(object),
+            "mesh_attribute" | "vertexcolors" => {
+                let name = object.string("name")?.map_or("vertex_color", |(name, _)| name);
+                object.get("scale");
+                if name == "vertex_color" || object.kind == "vertexcolors" {
+                    return Ok(Pattern::Vertices);
+                }
+                let name = name.to_string();
+                Ok(self.plain_texture(object, Rgb::splat(0.5), format!("attribute \"{name}\"")))
+            }
+            "scale" => {
+                let factor = self.constant(object, "scale")?.unwrap_or(Rgb::WHITE);
+                let inner = self.inner(object, |o| o.class == "texture")?;
+                Ok(match inner.map(|inner| self.texture(&inner)).transpose()? {
+                    Some(Pattern::Picture(own, texture)) => Pattern::Picture(own * factor, texture),
+                    Some(Pattern::Constant(color)) => {
+                        Pattern::Constant(ColorParam { factor: color.factor * factor, ..color })
+                    }
+                    Some(Pattern::Vertices) | None => Pattern::Constant(factor.into()),
+                })
+            }
+            "constant" | "uniform" | "srgb" => {
+                let name = if object.kind == "srgb" { "color" } else { "value" };
+                Ok(Pattern::Constant(self.color(object, name, 1.0)?))
+            }
+            _ => Ok(self.plain_texture(object, Rgb::splat(0.5), "it".into())),
+        }
+    }
+
+    fn plain_texture(&mut self, object: &Object, color: Rgb, what: String) -> Pattern {
+        object.properties.iter().for_each(|p| p.used.set(true));
+        object.children.iter().for_each(|c| c.used.set(true));
+        let owner = object.owner();
+        self.note(format!("{owner} {what}"), object.at, || {
+            format!("{owner}: {what} is not supported; grey was used instead")
+        });
+        Pattern::Constant(color.into())
+    }
+
+    /// The affine map of texture coordinates: `to_uv`, or the factors and offsets of version 0.6.
+    fn uv_transform(&mut self, object: &Object) -> Result<[[f32; 3]; 2], Fault> {
+        let map: DAffine3 = object.transform("to_uv")?;
+        let both = [object.float_or("uvscale", 1.0)?, object.float_or("uvoffset", 0.0)?];
+        let scale = [object.float_or("uscale", both[0])?, object.float_or("vscale", both[0])?];
+        let offset = [object.float_or("uoffset", both[1])?, object.float_or("voffset", both[1])?];
+        let (x, y, t) = (map.matrix3.x_axis, map.matrix3.y_axis, map.translation);
+        let row = |i: usize| [(x[i] * scale[i]) as f32, (y[i] * scale[i]) as f32, (t[i] * scale[i] + offset[i]) as f32];
+        Ok([row(0), row(1)])
+    }
+
+    fn bitmap(&mut self, object: &Object) -> Result<Pattern, Fault> {
+        let (name, at) = object.file_name()?;
+        let image = self.image(name, at)?;
+        let stored = self.scene.images[image.index()].encoding;
+        let gamma = object.float("gamma")?;
+        let is_raw = object.bool_or("raw", false)? || gamma == Some(1.0);
+        if let Some(gamma) = gamma.filter(|g| *g != 1.0 && *g > 0.0) {
+            self.note("gamma", object.at, || format!("a gamma of {gamma}: the picture was taken for an sRGB one"));
+        }
+        let mut texture = Texture::new(image, if is_raw { Encoding::Linear } else { stored });
+        let wrap = |text: &str| match text {
+            "clamp" => Some(Wrap::Clamp),
+            "mirror" => Some(Wrap::Mirror),
+            "zero" => Some(Wrap::Black),
+            "repeat" => Some(Wrap::Repeat),
+            _ => None,
+        };
+        for (name, axes) in
+            [("wrap_mode", [true, true]), ("wrap_mode_u", [true, false]), ("wrap_mode_v", [false, true])]
+        {
+            let Some((text, at)) = object.string(name)? else { continue };
+            let Some(mode) = wrap(text) else {
+                let problem = format!("\"{}\" is not a way to wrap", super::value::shortened(text));
+                return Err(Fault::new(at, problem, "use repeat, mirror, clamp or zero"));
+            };
+            (0..2).filter(|i| axes[*i]).for_each(|i| texture.wrap[i] = mode);
+        }
+        if object.string("filter_type")?.is_some_and(|(t, _)| t == "nearest") {
+            texture.filtering = Filtering::Nearest;
+        }
+        for name in ["channel", "max_anisotropy", "cache", "format", "accel"] {
+            object.get(name);
+        }
+        texture.uv_transform = self.uv_transform(object)?;
+        Ok(Pattern::Picture(Rgb::WHITE, texture))
+    }
+
+    fn checkerboard(&mut self, object: &Object) -> Result<Pattern, Fault> {
+        let mut color = |name: &str, default: f32| -> Result<Rgb, Fault> {
+            Ok(self.constant(object, name)?.unwrap_or(Rgb::splat(default)))
+        };
+        let (a, b) = (color("color0", 0.4)?, color("color1", 0.2)?);
+        // The first colour is where both coordinates are in the same half of a period.
+        let values = [a, b, b, a].iter().flat_map(|c| c.to_array()).collect();
+        let image = self.scene.add_image(Arc::new(Image::from_f32(2, 2, 3, values)));
+        let mut texture = Texture::new(image, Encoding::Linear);
+        texture.filtering = Filtering::Nearest;
+        texture.uv_transform = self.uv_transform(object)?;
+        Ok(Pattern::Picture(Rgb::WHITE, texture))
+    }
+}
+
+/// The colour of a constant in RGB.
+pub fn rgb_of(color: ColorParam) -> Rgb {
+    color.spectrum.map_or(color.factor, |s| color.factor * s.reflectance_rgb())
+}
+
+fn gray(color: ColorParam) -> f32 {
+    rgb_of(color).luminance()
+}

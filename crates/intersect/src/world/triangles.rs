@@ -1,0 +1,218 @@
+//! Many hits on triangles at once: what [`World::interaction`] says of each, bit for bit, without what only some materials ask for.
+
+use super::interaction::MAP_ERROR;
+use super::{Geometry, GeometryId, GroupId, World};
+use crate::hit::Hit;
+use snell_math::at_level;
+use snell_math::simd::Wide;
+
+/// How many hits a [`TriangleHits`] holds.
+pub const TRIANGLE_HITS: usize = 64;
+
+/// A number for each hit.
+pub type HitLanes = [f32; TRIANGLE_HITS];
+/// A vector for each hit, by axis.
+pub type HitVectors = [HitLanes; 3];
+
+/// Hits on triangles, gathered one by one with [`World::gather_triangle`] and worked on together by [`Self::points`].
+#[derive(Clone, Debug)]
+pub struct TriangleHits {
+    corners: [HitVectors; 3],
+    /// Vertex normals; zero where there are none.
+    normals: [HitVectors; 3],
+    /// Barycentric coordinates of the second and third corner.
+    weights: [HitLanes; 2],
+}
+
+/// Points of triangles. See [`crate::SurfaceInteraction`] for the meaning of each.
+#[derive(Clone, Debug)]
+pub struct TrianglePoints {
+    /// Points on the surfaces.
+    pub position: HitVectors,
+    /// Bounds of the errors of their coordinates.
+    pub position_error: HitVectors,
+    /// Unit normals of the triangles.
+    pub geometric_normal: HitVectors,
+    /// Unit shading normals.
+    pub shading_normal: HitVectors,
+    /// 1 where all of this is sound; 0 for degenerate triangles and overflow, which only [`World::interaction`] can tell about.
+    pub is_sound: [u32; TRIANGLE_HITS],
+}
+
+const ZERO: HitVectors = [[0.0; TRIANGLE_HITS]; 3];
+
+impl Default for TriangleHits {
+    fn default() -> Self {
+        Self { corners: [ZERO; 3], normals: [ZERO; 3], weights: [[0.0; TRIANGLE_HITS]; 2] }
+    }
+}
+
+impl Default for TrianglePoints {
+    fn default() -> Self {
+        let is_sound = [0; TRIANGLE_HITS];
+        Self { position: ZERO, position_error: ZERO, geometric_normal: ZERO, shading_normal: ZERO, is_sound }
+    }
+}
+
+impl World {
+    /// Puts a hit into a lane. False, and nothing is done, unless it is on a triangle of a mesh that is not instanced, does not move and
+    /// has no vertex colours.
+    pub fn gather_triangle(&self, hit: &Hit, lane: usize, hits: &mut TriangleHits) -> bool {
+        if self.step(GroupId(0), hit.instance).is_some() {
+            return false;
+        }
+        let Geometry::Mesh(mesh) = self.geometry(GeometryId(hit.geometry)) else { return false };
+        if !mesh.colors.is_empty() {
+            return false;
+        }
+        for (corner, index) in mesh.indices[hit.primitive as usize].into_iter().enumerate() {
+            let position = mesh.positions[index as usize];
+            let normal = mesh.normals.get(index as usize).copied().unwrap_or_default();
+            for axis in 0..3 {
+                hits.corners[corner][axis][lane] = position[axis];
+                hits.normals[corner][axis][lane] = normal[axis];
+            }
+        }
+        (hits.weights[0][lane], hits.weights[1][lane]) = (hit.uv.x, hit.uv.y);
+        true
+    }
+}
+
+impl TriangleHits {
+    /// The points of all lanes, also of those that nothing was put into.
+    pub fn points(&self, to: &mut TrianglePoints, wide: Option<Wide>) {
+        at_level!(wide, points, (hits: &TriangleHits = self, to: &mut TrianglePoints = to));
+    }
+}
+
+type Vector = [f64; 3];
+
+#[inline(always)]
+fn minus(a: Vector, b: Vector) -> Vector {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+fn cross(a: Vector, b: Vector) -> Vector {
+    [a[1] * b[2] - b[1] * a[2], a[2] * b[0] - b[2] * a[0], a[0] * b[1] - b[0] * a[1]]
+}
+
+#[inline(always)]
+fn inverse_length(v: Vector) -> f64 {
+    1.0 / (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
+}
+
+#[inline(always)]
+fn greater(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn points(hits: &TriangleHits, to: &mut TrianglePoints) {
+    for i in 0..TRIANGLE_HITS {
+        let wide = |v: &HitVectors| [f64::from(v[0][i]), f64::from(v[1][i]), f64::from(v[2][i])];
+        let [p0, p1, p2] = [wide(&hits.corners[0]), wide(&hits.corners[1]), wide(&hits.corners[2])];
+        let [n0, n1, n2] = [wide(&hits.normals[0]), wide(&hits.normals[1]), wide(&hits.normals[2])];
+        let (b1, b2) = (f64::from(hits.weights[0][i]), f64::from(hits.weights[1][i]));
+        let b0 = 1.0 - b1 - b2;
+        let largest = |p: Vector| greater(greater(p[0].abs(), p[1].abs()), p[2].abs());
+        let error = greater(greater(largest(p0), largest(p1)), largest(p2)) * 4.0 * MAP_ERROR;
+        let normal = cross(minus(p1, p0), minus(p2, p0));
+        let scale = inverse_length(normal);
+        let mut is_sound = scale > 0.0 && scale < f64::INFINITY && error < f64::from(f32::MAX) * 1e-10;
+        let blended = [0, 1, 2].map(|axis| n0[axis] * b0 + n1[axis] * b1 + n2[axis] * b2);
+        let own_scale = inverse_length(blended);
+        let has_own = own_scale > 0.0 && own_scale < f64::INFINITY;
+        let (mut flat, mut smooth) = ([0.0f32; 3], [0.0f32; 3]);
+        for axis in 0..3 {
+            let position = p0[axis] * b0 + p1[axis] * b1 + p2[axis] * b2;
+            let single = position as f32;
+            let off = ((position - f64::from(single)).abs() + error) as f32;
+            to.position[axis][i] = single;
+            // The next number up of a number that is not negative.
+            to.position_error[axis][i] = f32::from_bits(off.to_bits() + 1);
+            flat[axis] = (normal[axis] * scale) as f32;
+            smooth[axis] = (blended[axis] * own_scale) as f32;
+            is_sound &= off < f32::MAX;
+        }
+        let side = smooth[0] * flat[0] + smooth[1] * flat[1] + smooth[2] * flat[2];
+        for axis in 0..3 {
+            let turned = if side < 0.0 { -smooth[axis] } else { smooth[axis] };
+            to.geometric_normal[axis][i] = flat[axis];
+            to.shading_normal[axis][i] = if has_own { turned } else { flat[axis] };
+        }
+        to.is_sound[i] = u32::from(is_sound);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{BuildOptions, TriangleMesh, WorldBuilder};
+    use snell_math::simd::Level;
+    use snell_math::{Ray, Vec2, Vec3, rng};
+
+    fn number(i: u32, k: u32) -> f32 {
+        rng::uniform2([i, k, 3, 5]).x * 2.0 - 1.0
+    }
+
+    fn vector(i: u32, k: u32) -> Vec3 {
+        Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2))
+    }
+
+    #[test]
+    fn many_points_are_those_of_single_interactions_at_every_level() {
+        for (with_normals, far) in [(false, 0.0), (true, 0.0), (true, 1e5)] {
+            let positions = (0..3 * TRIANGLE_HITS as u32).map(|i| vector(i, 0) + Vec3::splat(far)).collect();
+            let normals = (0..3 * TRIANGLE_HITS as u32).map(|i| vector(i, 1)).filter(|_| with_normals).collect();
+            let indices = (0..TRIANGLE_HITS as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+            let mesh = TriangleMesh { positions, normals, indices, ..TriangleMesh::default() };
+            let mut builder = WorldBuilder::default();
+            builder.add_mesh(WorldBuilder::ROOT, mesh.into());
+            let world = builder.build(&BuildOptions::default()).expect("a world");
+            let hits: Vec<Hit> = (0..TRIANGLE_HITS as u32)
+                .map(|t| {
+                    let uv = rng::uniform2([t, 9, 9, 9]) * 0.5;
+                    Hit { t: 1.0, uv: Vec2::new(uv.x, uv.y), instance: 0, geometry: 0, primitive: t }
+                })
+                .collect();
+            let mut gathered = TriangleHits::default();
+            for (lane, hit) in hits.iter().enumerate() {
+                assert!(world.gather_triangle(hit, lane, &mut gathered));
+            }
+            for level in Level::ALL {
+                let mut points = TrianglePoints::default();
+                gathered.points(&mut points, level.wide());
+                for (i, hit) in hits.iter().enumerate() {
+                    let single = world.interaction(&Ray::new(Vec3::ZERO, Vec3::Z), hit);
+                    let at = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
+                    assert_eq!(points.is_sound[i], 1);
+                    assert_eq!(at(&points.position), single.position);
+                    assert_eq!(at(&points.position_error), single.position_error);
+                    assert_eq!(at(&points.geometric_normal), single.geometric_normal);
+                    assert_eq!(at(&points.shading_normal), single.shading_normal);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_has_no_plane_is_not_sound() {
+        let mesh = TriangleMesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::X * 2.0, Vec3::splat(f32::MAX)],
+            indices: vec![[0, 1, 2], [0, 1, 3]],
+            ..TriangleMesh::default()
+        };
+        let mut builder = WorldBuilder::default();
+        builder.add_mesh(WorldBuilder::ROOT, mesh.into());
+        let world = builder.build(&BuildOptions::default()).expect("a world");
+        let mut gathered = TriangleHits::default();
+        for primitive in 0..2 {
+            let hit = Hit { t: 1.0, uv: Vec2::splat(0.3), instance: 0, geometry: 0, primitive };
+            assert!(world.gather_triangle(&hit, primitive as usize, &mut gathered));
+        }
+        let mut points = TrianglePoints::default();
+        gathered.points(&mut points, None);
+        assert_eq!(points.is_sound[..2], [0, 0]);
+    }
+}

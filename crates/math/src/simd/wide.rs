@@ -1,0 +1,49 @@
+//! Plain loops for wide registers: the same source compiled with and without the instructions of a level.
+//!
+//! A loop over arrays without branches (choices written as `if a { x } else { y }` of numbers that are there already) becomes vector
+//! code by itself where the instructions are allowed. Nothing is fused or reordered, so every level gives the same bits.
+
+use super::Level;
+
+/// Proof that the machine has the instructions of [`Level::Avx2`].
+#[derive(Clone, Copy, Debug)]
+pub struct Wide(());
+
+impl Level {
+    /// The proof that [`crate::at_level`] asks for; `None` for portable code.
+    pub fn wide(self) -> Option<Wide> {
+        (self >= Self::Avx2 && Self::Avx2.is_supported()).then_some(Wide(()))
+    }
+}
+
+/// Calls `function`, which must be `#[inline(always)]`, compiled for wide registers if the first argument is `Some(Wide)`:
+/// `at_level!(wide, function, (a: A = value, b: B = value) -> C)`.
+#[macro_export]
+macro_rules! at_level {
+    ($wide:expr, $function:path, ($($argument:ident : $type:ty = $value:expr),* $(,)?) $(-> $result:ty)?) => {{
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+        fn in_wide_registers($($argument: $type),*) $(-> $result)? {
+            $function($($argument),*)
+        }
+        let wide: Option<$crate::simd::Wide> = $wide;
+        match wide {
+            // SAFETY: the value proves that the machine has these instructions.
+            #[cfg(target_arch = "x86_64")]
+            Some(_) => unsafe { in_wide_registers($($value),*) },
+            _ => $function($($value),*),
+        }
+    }};
+}
+
+/// The greater of two numbers; the second if one is NaN. One instruction, unlike `f32::max`.
+#[inline(always)]
+pub fn most(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The lesser of two numbers; the second if one is NaN. One instruction, unlike `f32::min`.
+#[inline(always)]
+pub fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}

@@ -1,0 +1,121 @@
+//! The numbers of many samples at once: those of [`Random`], bit for bit.
+
+use super::{Random, Sampler, SamplerKind, sobol};
+use snell_math::simd::Wide;
+use snell_math::{at_level, rng};
+
+/// The numbers of `N` vertices, all of one depth of unbranched paths.
+#[derive(Clone, Debug)]
+pub struct ManyRandoms<const N: usize> {
+    sampler: Sampler,
+    keys: [u32; N],
+    samples: [u32; N],
+    base: u32,
+}
+
+impl<const N: usize> ManyRandoms<N> {
+    /// For vertices of this depth.
+    pub fn new(sampler: &Sampler, depth: u32) -> Self {
+        let base = Random { sampler: *sampler, key: 0, sample: 0, base: 0 }.at_vertex(0, depth).base;
+        Self { sampler: *sampler, keys: [0; N], samples: [0; N], base }
+    }
+
+    /// Puts a sample into a lane; its own vertex does not matter.
+    pub fn set(&mut self, lane: usize, random: &Random) {
+        (self.keys[lane], self.samples[lane]) = (random.key, random.sample);
+    }
+
+    /// [`Random::pair`] of each.
+    pub fn pairs(&self, dimension: u32, wide: Option<Wide>) -> [[f32; N]; 2] {
+        let dimension = self.base + dimension;
+        let mut to = [[0.0; N]; 2];
+        match self.sampler.kind {
+            SamplerKind::Sobol | SamplerKind::ZSobol => {
+                let [x, y] = &mut to;
+                at_level!(
+                    wide,
+                    sobol_pairs,
+                    (
+                        keys: &[u32] = &self.keys,
+                        samples: &[u32] = &self.samples,
+                        dimension: u32 = dimension,
+                        set_log2: u32 = self.sampler.set_log2(),
+                        x: &mut [f32] = x,
+                        y: &mut [f32] = y,
+                    )
+                )
+            }
+            _ => {
+                let point = |i| self.sampler.point(self.keys[i], self.samples[i], dimension);
+                (0..N).for_each(|i| [to[0][i], to[1][i]] = point(i).to_array());
+            }
+        }
+        to
+    }
+
+    /// [`Random::number`] of each.
+    pub fn numbers(&self, dimension: u32, wide: Option<Wide>) -> [f32; N] {
+        let dimension = self.base + dimension;
+        let mut to = [0.0; N];
+        match self.sampler.kind {
+            SamplerKind::Sobol | SamplerKind::ZSobol => {
+                at_level!(
+                    wide,
+                    sobol_numbers,
+                    (
+                        keys: &[u32] = &self.keys,
+                        samples: &[u32] = &self.samples,
+                        dimension: u32 = dimension,
+                        set_log2: u32 = self.sampler.set_log2(),
+                        to: &mut [f32] = &mut to,
+                    )
+                )
+            }
+            _ => (0..N).for_each(|i| to[i] = self.sampler.number(self.keys[i], self.samples[i], dimension)),
+        }
+        to
+    }
+}
+
+#[inline(always)]
+fn sobol_pairs(keys: &[u32], samples: &[u32], dimension: u32, set_log2: u32, x: &mut [f32], y: &mut [f32]) {
+    let count = keys.len();
+    let (samples, x, y) = (&samples[..count], &mut x[..count], &mut y[..count]);
+    for i in 0..count {
+        let u = sobol::point(rng::hash_combine(keys[i], dimension), samples[i], set_log2);
+        (x[i], y[i]) = (u.x, u.y);
+    }
+}
+
+#[inline(always)]
+fn sobol_numbers(keys: &[u32], samples: &[u32], dimension: u32, set_log2: u32, to: &mut [f32]) {
+    let count = keys.len();
+    let (samples, to) = (&samples[..count], &mut to[..count]);
+    for i in 0..count {
+        to[i] = sobol::number(rng::hash_combine(keys[i], dimension), samples[i], set_log2);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_math::simd::Level;
+
+    #[test]
+    fn many_numbers_are_those_of_single_samples_at_every_level() {
+        for kind in SamplerKind::ALL {
+            let sampler = Sampler::new(kind, 7, 12);
+            let mut many = ManyRandoms::<20>::new(&sampler, 3);
+            let singles: Vec<Random> = (0..20).map(|i| sampler.random([i * 7, 40 - i], i % 12)).collect();
+            singles.iter().enumerate().for_each(|(lane, random)| many.set(lane, random));
+            for level in Level::ALL {
+                let (pairs, numbers) = (many.pairs(2, level.wide()), many.numbers(5, level.wide()));
+                for (lane, random) in singles.iter().enumerate() {
+                    let at_vertex = random.at_vertex(0, 3);
+                    assert_eq!([pairs[0][lane], pairs[1][lane]], at_vertex.pair(2).to_array(), "{kind:?}");
+                    assert_eq!(numbers[lane], at_vertex.number(5), "{kind:?}");
+                }
+            }
+        }
+    }
+}
