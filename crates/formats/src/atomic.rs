@@ -27,6 +27,15 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
     place(path, stage(path, bytes)?, bytes)
 }
 
+/// Like [`write()`], for what need not be in memory as a whole: `fill` writes it.
+pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), WriteError> {
+    if is_special(path) {
+        let mut out = std::fs::OpenOptions::new().write(true).open(path).map_err(io_error(path))?;
+        return fill(&mut out).map_err(io_error(path));
+    }
+    persist(path, filled(path, fill)?)
+}
+
 /// Writes several files as [`write()`] does: all of them under temporary names before the first is renamed. The last is renamed last.
 pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> Result<(), WriteError> {
     let staged: Vec<_> = files.iter().map(|(path, bytes)| stage(path, bytes)).collect::<Result<_, _>>()?;
@@ -45,8 +54,18 @@ fn stage(path: &Path, bytes: &[u8]) -> Result<Option<tempfile::NamedTempFile>, W
     if is_special(path) {
         return Ok(None);
     }
+    filled(path, |out| out.write_all(bytes)).map(Some)
+}
+
+/// A temporary file with what `fill` writes.
+fn filled(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+) -> Result<tempfile::NamedTempFile, WriteError> {
     let mut file = temporary_beside(path).map_err(io_error(path))?;
-    file.write_all(bytes).map_err(io_error(path))?;
+    let mut out = std::io::BufWriter::new(file.as_file_mut());
+    fill(&mut out).and_then(|()| out.flush()).map_err(io_error(path))?;
+    drop(out);
     file.as_file().sync_all().map_err(io_error(path))?;
     #[cfg(unix)]
     {
@@ -55,12 +74,16 @@ fn stage(path: &Path, bytes: &[u8]) -> Result<Option<tempfile::NamedTempFile>, W
         let mode = std::fs::metadata(path).map_or(0o644, |m| m.permissions().mode());
         let _ = file.as_file().set_permissions(std::fs::Permissions::from_mode(mode));
     }
-    Ok(Some(file))
+    Ok(file)
+}
+
+fn persist(path: &Path, file: tempfile::NamedTempFile) -> Result<(), WriteError> {
+    file.persist(path).map(drop).map_err(|e| io_error(path)(e.error))
 }
 
 fn place(path: &Path, staged: Option<tempfile::NamedTempFile>, bytes: &[u8]) -> Result<(), WriteError> {
     match staged {
-        Some(file) => file.persist(path).map(drop).map_err(|e| io_error(path)(e.error)),
+        Some(file) => persist(path, file),
         None => std::fs::write(path, bytes).map_err(io_error(path)),
     }
 }

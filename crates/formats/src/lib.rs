@@ -59,6 +59,10 @@ pub struct ReadOptions {
     pub allow_outside: bool,
     /// Caps on sizes and counts.
     pub limits: Limits,
+    /// Which set of materials is shown, by name or number (from 0), in files with several. Formats that have none do not look at it.
+    pub variant: Option<String>,
+    /// Which scene is shown, by name or number (from 0), in files with several. Formats that have one only do not look at it.
+    pub scene: Option<String>,
     /// Values of parameters that the file takes, by name: `$name` in Mitsuba's scenes. Other names are not looked at.
     pub parameters: Vec<(String, String)>,
 }

@@ -31,7 +31,7 @@ pub mod sampler;
 pub mod settings;
 mod volume;
 
-pub use compile::{CompileError, CompiledScene};
+pub use compile::{CompileError, CompiledScene, Moving};
 pub use film::{Film, filter::Filter};
 pub use guiding::Guiding;
 pub use integrator::{IntegratorKind, aov::Aov};

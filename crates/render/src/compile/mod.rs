@@ -3,7 +3,7 @@
 //!
 //! A node with one parent is folded into the group of its parent, its transforms composed in double precision and applied to the
 //! vertices. A node with several parents becomes a group of its own and is stored once, whatever its depth. So does a mesh that
-//! several surfaces share.
+//! several surfaces share, and a node that moves: so the frames of an animation have most of their structures in common.
 
 mod lights;
 mod surfaces;
@@ -15,11 +15,12 @@ pub(crate) use volumes::{Boundary, VolumeTable};
 use crate::light_sampler::{LightSampler, LightSamplerKind};
 use crate::settings::LightStrategy;
 use lights::LightTable;
-use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, SurfaceInteraction, World, WorldError};
+use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, RayQuery, SurfaceInteraction, World, WorldError};
 use snell_math::{Bounds3d, ColorMode, Ray, Rgb, Vec3, rng};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::ShadingPoint;
-use snell_scene::{Background, Material, MaterialId, NodeId, Scene, SceneError, TextureSet, Warning};
+use snell_scene::{Background, Material, MaterialId, NodeId, Pose, Scene, SceneError, TextureSet, Warning};
+use std::collections::BTreeSet;
 use surfaces::SurfaceTable;
 
 /// Why a scene could not be compiled.
@@ -39,6 +40,17 @@ pub enum CompileError {
         /// What is wrong.
         source: snell_intersect::mesh::MeshError,
     },
+}
+
+/// What of a scene moves.
+#[derive(Clone, Debug, Default)]
+pub struct Moving {
+    /// Nodes that move from one compilation to the next, or while the shutter is open ([`snell_scene::Player::moving_nodes`]). Each
+    /// becomes an instance of a group of its own, so that the rest stays as it is.
+    pub nodes: BTreeSet<NodeId>,
+    /// The poses while the shutter is open, after the one that the scene is in: evenly spread until it closes. Between poses everything
+    /// moves on straight lines.
+    pub later: Vec<Pose>,
 }
 
 /// A scene ready to be rendered. Immutable; shared by all threads.
@@ -64,6 +76,8 @@ pub struct CompiledScene {
     pub warnings: Vec<Warning>,
     /// Media, if there are any.
     pub(crate) volumes: Option<VolumeTable>,
+    /// True if rays must have times, because something moves while the shutter is open.
+    pub moves: bool,
     surfaces: SurfaceTable,
     lights: LightTable,
 }
@@ -71,15 +85,35 @@ pub struct CompiledScene {
 impl CompiledScene {
     /// Compiles a scene.
     pub fn new(scene: &Scene, options: &BuildOptions) -> Result<Self, CompileError> {
+        Self::moving(scene, &Moving::default(), options, None)
+    }
+
+    /// Compiles a scene in which some nodes move. What has not changed since `previous` is taken over: that must be the same scene, and
+    /// compiled with the same moving nodes, but in another pose. The result does not depend on whether there is a previous one.
+    pub fn moving(
+        scene: &Scene,
+        moving: &Moving,
+        options: &BuildOptions,
+        previous: Option<Self>,
+    ) -> Result<Self, CompileError> {
         let mut warnings = Vec::new();
         let mut materials = scene.materials.clone();
         let default_material = MaterialId(materials.len() as u32);
         materials.push(snell_scene::framing::default_material());
-        let (builder, surfaces) = surfaces::compile(scene, &materials, default_material, &mut warnings)?;
-        let world = builder.build(options)?;
+        let before = previous.as_ref().map(|p| &p.surfaces);
+        let (builder, surfaces) =
+            surfaces::compile(scene, moving, &materials, default_material, before, &mut warnings)?;
+        let world = match &previous {
+            Some(previous) => builder.rebuild(options, &previous.world)?,
+            None => builder.build(options)?,
+        };
         let bounds = finite_part(&scene_bounds(&world));
-        let environment = scene.environment.as_ref().map(EnvironmentLight::new);
-        let textures = TextureSet::new(&scene.textures, &scene.images);
+        let (textures, environment) = match previous {
+            Some(previous) => (previous.textures, previous.environment),
+            None => {
+                (TextureSet::new(&scene.textures, &scene.images), scene.environment.as_ref().map(EnvironmentLight::new))
+            }
+        };
         let (sky, radius) = (environment.as_ref(), bounds.radius());
         let lights = LightTable::new(scene, &world, &surfaces, &materials, &textures, sky, radius);
         if !lights.is_complete() {
@@ -100,6 +134,7 @@ impl CompiledScene {
             center: if bounds.is_empty() { Vec3::ZERO } else { bounds.center().as_vec3() },
             radius: if radius > 0.0 { radius } else { 1.0 },
             warnings,
+            moves: !moving.later.is_empty(),
             world,
             volumes,
             surfaces,
@@ -115,6 +150,12 @@ impl CompiledScene {
     /// The nodes from the root of the scene graph to the one that holds the surface of a hit.
     pub fn node_path(&self, hit: &Hit) -> Vec<NodeId> {
         self.surfaces.node_path(&self.world, hit.instance, hit.geometry)
+    }
+
+    /// The surface at a hit of a ray with a time from 0 to 1.
+    #[inline]
+    pub fn interaction(&self, ray: &Ray, time: f32, hit: &Hit) -> SurfaceInteraction {
+        self.world.interaction(RayQuery { time, ..RayQuery::from(ray) }, hit)
     }
 
     /// The material with this id.
@@ -175,11 +216,15 @@ impl CompiledScene {
 /// Cut-out, blended and single-sided surfaces: a pure function of ray and hit, so shadows and any batching agree.
 impl HitFilter for CompiledScene {
     fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
+        self.accept_at(ray, 0.0, hit)
+    }
+
+    fn accept_at(&self, ray: &Ray, time: f32, hit: &Hit) -> bool {
         let material = self.material(self.material_id(hit));
         if material.is_interface() {
             return false;
         }
-        let surface = self.world.interaction(ray, hit);
+        let surface = self.interaction(ray, time, hit);
         let bits =
             |v: Vec3| rng::pcg4d([v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), hit.primitive ^ hit.geometry << 16]);
         let [a, b, ..] = bits(ray.direction);

@@ -17,7 +17,7 @@ use crate::integrator::matte::{self, LANES, MatteVertices};
 use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex, VertexFunction};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
-use snell_intersect::{Grouping, Hit};
+use snell_intersect::{Grouping, Hit, RayQuery};
 use snell_math::{ColorMode, SampledSpectrum};
 use snell_scene::{Background, Camera};
 
@@ -113,7 +113,7 @@ impl<'a> PartRenderer<'a> {
         let sees_media = context.settings.integrator.sees_media();
         let volumes = if sees_media { VolumeBatch::new(scene, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
-        let matte = if volumes.is_some() { None } else { Matte::new(&context, sampler) };
+        let matte = if volumes.is_some() || scene.moves { None } else { Matte::new(&context, sampler) };
         Self {
             context,
             camera,
@@ -158,7 +158,10 @@ impl<'a> PartRenderer<'a> {
     ) -> FilmPart {
         self.start(area, pixels, range);
         statistics.rays.camera += self.paths.len() as u64;
-        let mut grouping = if self.camera.has_common_origin() && range[1] - range[0] == 16 {
+        let mut grouping = if self.camera.has_common_origin()
+            && self.context.settings.later_cameras.is_empty()
+            && range[1] - range[0] == 16
+        {
             Grouping::Coherent
         } else {
             Grouping::None
@@ -167,7 +170,7 @@ impl<'a> PartRenderer<'a> {
         while self.paths.len() > 0 {
             self.note_arrivals();
             if depth == 0 || !self.volumes.as_ref().is_some_and(VolumeBatch::sees_more) {
-                self.tracer.closest(&self.paths.rays, grouping, &mut self.paths.hits);
+                self.tracer.closest(&self.paths.rays, &self.paths.times, grouping, &mut self.paths.hits);
             }
             if depth == 0 {
                 self.drop_dead_paths();
@@ -219,7 +222,8 @@ impl<'a> PartRenderer<'a> {
         let settings = self.context.settings;
         for number in range[0]..range[1] {
             let random = self.sampler.random(pixel, number);
-            let (ray, state, weight) = camera_path(self.camera, settings, self.filter, pixel, &random);
+            let (ray, state, weight) =
+                camera_path(self.camera, settings, self.context.scene.moves, self.filter, pixel, &random);
             let (index, mode) = (self.samples.len() as u32, state.mode);
             let (radiance, brought) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
             self.samples.push(Sample { random, mode, radiance, brought, alpha: 1.0, weight, rays: 0 });
@@ -282,13 +286,14 @@ impl<'a> PartRenderer<'a> {
         for i in 0..self.paths.len() {
             let (ray, hit) = (self.paths.rays[i], self.paths.hits[i]);
             let counters = if counted {
-                let (_, counters) = scene.world.closest_counted(&ray, filter);
+                let (_, counters) =
+                    scene.world.closest_counted(RayQuery { time: self.paths.times[i], ..RayQuery::from(&ray) }, filter);
                 [counters.nodes_visited, counters.primitives_tested]
             } else {
                 [0; 2]
             };
-            let interaction = hit.is_hit().then(|| scene.world.interaction(&ray, &hit));
             let state = &self.paths.states[i];
+            let interaction = hit.is_hit().then(|| scene.interaction(&ray, state.time, &hit));
             let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
                 hit: &hit,
                 interaction,
@@ -426,7 +431,7 @@ impl<'a> PartRenderer<'a> {
             return;
         }
         let sample = self.paths.samples[path];
-        let interaction = hit.is_hit().then(|| scene.world.interaction(&ray, &hit));
+        let interaction = hit.is_hit().then(|| scene.interaction(&ray, state.time, &hit));
         let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
             hit: &hit,
             interaction,
@@ -451,14 +456,14 @@ impl<'a> PartRenderer<'a> {
     /// Takes what the vertex function gave.
     fn collect(&mut self, depth: u32, path: usize) {
         let (state, sample) = (&self.paths.states[path], self.paths.samples[path]);
-        let (is_branched, throughput) = (state.stream != 0, state.throughput);
+        let (is_branched, throughput, time) = (state.stream != 0, state.throughput, state.time);
         self.clamp(depth);
         self.samples[sample as usize].radiance += self.outputs.radiance;
         if !self.light_parts.is_empty() {
             self.note_light_parts(depth, path, sample);
         }
         for (ray, value) in self.outputs.light_rays.drain(..) {
-            self.light_rays.push(ray, value, sample);
+            self.light_rays.push(ray, time, value, sample);
         }
         if let (Some(recorder), Some(choice), Some((_, next))) =
             (&mut self.recorder, self.outputs.choice, self.outputs.next.first())
@@ -514,7 +519,7 @@ impl<'a> PartRenderer<'a> {
                 let samples = &self.samples;
                 volumes.trace_light_rays(&mut self.tracer, rays, |sample| samples[sample as usize].mode);
             }
-            None => self.tracer.occluded(&rays.rays, &mut rays.blocked),
+            None => self.tracer.occluded(&rays.rays, &rays.times, &mut rays.blocked),
         }
         for ((&sample, &value), &blocked) in rays.samples.iter().zip(&rays.values).zip(&rays.blocked) {
             if !blocked {

@@ -224,6 +224,9 @@ impl Document {
             parameters: _,
             warnings: _,
             notes: _,
+            variants: _,
+            scenes: _,
+            motion: _,
         } = scene;
         check("camera", cameras)?;
         check("light", lights)?;
@@ -300,6 +303,9 @@ impl Document {
             parameters: Vec::new(),
             warnings: Vec::new(),
             notes: Vec::new(),
+            variants: Vec::new(),
+            scenes: Vec::new(),
+            motion: None,
         };
         match scene.topological_order() {
             Ok(_) => Ok(scene),
