@@ -4,10 +4,11 @@
     python bench/python_agreement.py [MESH...] [--rays 500000] [--exact 2000] [--json]
 
 Without meshes: twenty made here, closed and open, smooth and sharp, tiny and at large coordinates. For each mesh, `--rays` random rays through its
-box go to Snell (float32) and Open3D (all three kinds of questions), and the first `--exact` of them, in float64, to Snell and trimesh's own exact
-path. Counts: rays that one side hits and the other does not, other numbers of crossings, and distances that differ by more than 1e-4 of the
-size of the mesh. A hundred of the rays that Snell and Open3D count differently are judged in float64 (`--no-truth` leaves that out): a side is wrong
-if its number is not one that rounding allows, or, for a closed mesh, is odd where it must be even.
+box go to Snell (float32) and Open3D: nearest hits, occlusions, counts and (of 100,000) lists of hits; and points to both, for distances, nearest points and, of
+closed meshes, insides and signed distances. `--exact` of the rays go, in float64, to Snell and trimesh's own exact path, with the same questions. Counts: rays that one
+side hits and the other does not, other numbers of crossings, and distances that differ by more than 1e-4 (trimesh: 1e-6) of the size of the mesh. A
+hundred of the rays that are counted differently are judged in float64 (`--no-truth` leaves that out): a side is wrong if its number is not one that
+rounding allows, or, for a closed mesh, is odd where it must be even.
 
 The aimed probe: a closed sphere of 100 by 200 squares, and rays from six inner points to all of its vertices and middles of edges. Every one must
 be hit, and cross exactly once.
@@ -119,15 +120,15 @@ def random_rays(vertices: np.ndarray, n: int, rng: np.random.Generator) -> np.nd
     return np.concatenate([origins, directions], axis=1)
 
 
-# A crossing nearer to an edge than this share of the triangle may fall to either side by rounding to float32.
-MARGIN = 2e-5
+# Coordinates relative to the origin of a ray are rounded: by this share of the largest.
+ROUNDING = {np.dtype(np.float32): 4e-7, np.dtype(np.float64): 1e-14}
 
 
-def crossings(ray: np.ndarray, triangles: np.ndarray) -> tuple[int, int]:
-    """How many triangles a ray crosses for certain, and how many more it may cross, because it passes that near to an edge."""
+def crossings(ray: np.ndarray, triangles: np.ndarray, rounding: float) -> tuple[int, int]:
+    """How many triangles a ray crosses for certain, and how many more it may cross, because it passes so near to an edge that rounding may decide."""
     low, high = triangles.min(axis=1), triangles.max(axis=1)
-    margin = MARGIN * np.abs(triangles).max()
     o, d = ray[:3], ray[3:]
+    margin = rounding * max(np.abs(triangles).max(), np.abs(o).max())
     with np.errstate(divide="ignore", invalid="ignore"):
         t0, t1 = (low - margin - o) / d, (high + margin - o) / d
     inside = (o >= low - margin) & (o <= high + margin)
@@ -137,26 +138,30 @@ def crossings(ray: np.ndarray, triangles: np.ndarray) -> tuple[int, int]:
     u, v, w = (np.cross(x, y) @ d for x, y in ((c, b), (a, c), (b, a)))
     total = u + v + w
     normal = np.cross(b - a, c - a)
+    longest = np.max([np.linalg.norm(x, axis=1) for x in (b - a, c - b, a - c)], axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         least = np.min([u / total, v / total, w / total], axis=0)
+        # How much a barycentric coordinate changes if a corner moves by the margin, seen along the ray.
+        doubt = 2 * margin * longest * np.linalg.norm(d) / np.abs(total)
         t = (normal * a).sum(axis=1) / (normal @ d)
-        near_plane = np.abs((normal * a).sum(axis=1)) < margin * np.linalg.norm(normal, axis=1)
-        grazing = np.abs(normal @ d) < 1e-4 * np.linalg.norm(normal, axis=1) * np.linalg.norm(d)
-    uncertain = (least > -MARGIN) & (t > 0) & (least < MARGIN) | near_plane & (least > -MARGIN) | grazing | ~np.isfinite(least)
-    return int(((least >= MARGIN) & (t > 0) & ~uncertain).sum()), int(uncertain.sum())
+        near_plane = np.abs((normal * a).sum(axis=1)) <= 2 * margin * np.linalg.norm(normal, axis=1)
+    is_out = (least < -doubt) | ((t < 0) & ~near_plane)
+    certain = (least > doubt) & (t > 0) & ~near_plane
+    return int(certain.sum()), int((~is_out & ~certain).sum())
 
 
-def truth(rays, triangles, ours, theirs, is_closed: bool, most: int = 100) -> dict[str, int]:
+def truth(rays, triangles, ours, theirs, is_closed: bool, dtype: type, most: int = 100) -> dict[str, int]:
     """Of rays with other numbers of crossings: who counts more or fewer than rounding explains, or through a closed mesh an odd number too many."""
     found = {"judged": 0, "near_edges": 0, "snell_wrong": 0, "other_wrong": 0}
     rng = np.random.default_rng(5)
+    rounding = ROUNDING[np.dtype(dtype)]
     for ray, mine, other in list(zip(rays, ours.astype(int), theirs.astype(int), strict=True))[:most]:
-        certain, more = crossings(ray, triangles)
+        certain, more = crossings(ray, triangles, rounding)
         allowed = range(certain, certain + more + 1)
         if is_closed:
             # Whether the ray begins inside, by another one from there that passes no edge.
             for _ in range(20):
-                count, doubt = crossings(np.concatenate([ray[:3], rng.normal(size=3)]), triangles)
+                count, doubt = crossings(np.concatenate([ray[:3], rng.normal(size=3)]), triangles, rounding)
                 if doubt == 0:
                     allowed = [n for n in allowed if n % 2 == count % 2]
                     break
@@ -193,14 +198,39 @@ def compare_with_open3d(vertices, faces, rays, judge: bool, is_closed: bool) -> 
     }
     if judge and other.any():
         triangles = vertices.astype(np.float64)[faces]
-        row |= truth(rays[other].astype(np.float64), triangles, counts[0][other], counts[1][other], is_closed)
-    points = rays[:2000, :3] * 0.5
-    near_us, near_them = ours.distance(points), theirs.compute_distance(o3d.core.Tensor(np.ascontiguousarray(points))).numpy()
+        row |= truth(rays[other].astype(np.float64), triangles, counts[0][other], counts[1][other], is_closed, np.float32)
+    row |= compare_lists(ours, theirs, rays[:100_000], size)
+    points = np.ascontiguousarray((rays[:2000, :3] + rays[:2000, :3].mean(axis=0)) * np.float32(0.5))
+    tensor = o3d.core.Tensor(points)
+    near_us, near_them = ours.distance(points), theirs.compute_distance(tensor).numpy()
     row["distances_of_points_apart"] = int((np.abs(near_us - near_them) > 1e-4 * size).sum())
+    closest = ours.closest_points(points).points, theirs.compute_closest_points(tensor)["points"].numpy()
+    # Two points may be equally near: each must be as near as the other.
+    far = [np.linalg.norm(points - c, axis=1) for c in closest]
+    row["closest_points_apart"] = int((np.abs(far[0] - far[1]) > 1e-4 * size).sum())
+    if is_closed:
+        inside = ours.occupancy(points), theirs.compute_occupancy(tensor).numpy() > 0
+        row["occupancies_differ"] = int((inside[0] != inside[1]).sum())
+        signed = ours.signed_distance(points), theirs.compute_signed_distance(tensor).numpy()
+        row["signed_distances_apart"] = int((np.abs(signed[0] - signed[1]) > 1e-4 * size).sum())
     return row
 
 
-def compare_with_trimesh(vertices, faces, rays) -> dict:
+def compare_lists(ours, theirs, rays, size) -> dict[str, int]:
+    """All hits of each ray, where both sides have as many."""
+    mine, other = ours.list_intersections(rays), theirs.list_intersections(o3d.core.Tensor(rays))
+    splits, t = other["ray_splits"].numpy(), other["t_hit"].numpy()
+    counts = np.diff(mine.ray_splits), np.diff(splits)
+    same = np.flatnonzero(counts[0] == counts[1])
+    lengths = np.linalg.norm(rays[:, 3:], axis=1)
+    apart = 0
+    for i in same[counts[0][same] > 0]:
+        a, b = mine.t_hit[mine.ray_splits[i] : mine.ray_splits[i + 1]], np.sort(t[splits[i] : splits[i + 1]])
+        apart += bool((np.abs(a - b) * lengths[i] > 1e-4 * size).any())
+    return {"lists_apart": apart}
+
+
+def compare_with_trimesh(vertices, faces, rays, judge: bool, is_closed: bool) -> dict:
     mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False)
     exact = trimesh.ray.ray_triangle.RayMeshIntersector(mesh)
     ours = snell.Scene()
@@ -218,12 +248,40 @@ def compare_with_trimesh(vertices, faces, rays) -> dict:
     mine = first.t_hit * np.linalg.norm(directions, axis=1)
     with np.errstate(invalid="ignore"):
         apart = hit[0] & hit[1] & ~(np.abs(mine - distance) <= 1e-6 * size)
-    return {
+    row = {
         "only_snell_hits": int((hit[0] & ~hit[1]).sum()),
         "only_trimesh_hits": int((hit[1] & ~hit[0]).sum()),
         "other_triangle": int(other.sum()),
         "distances_apart": int(apart.sum()),
     }
+    blocked = ours.test_occlusions((origins, directions)), exact.intersects_any(origins, directions)
+    row["occlusions_differ"] = int((blocked[0] != blocked[1]).sum())
+    places, index, _ = exact.intersects_location(origins, directions, multiple_hits=True)
+    index = np.asarray(index, dtype=np.int64)
+    along = (np.reshape(places, (-1, 3)) - origins[index]) * directions[index]
+    theirs_t = along.sum(axis=1) / (directions[index] ** 2).sum(axis=1)
+    counts = ours.count_intersections((origins, directions)), np.bincount(index, minlength=len(rays))
+    other = counts[0] != counts[1]
+    row["counts_differ"] = int(other.sum())
+    listed = ours.list_intersections((origins, directions))
+    order = np.lexsort((theirs_t, index))
+    same_mine, same_theirs = ~other[listed.ray_ids], ~other[index[order]]
+    lengths = np.linalg.norm(directions, axis=1)[listed.ray_ids[same_mine]]
+    row["lists_apart"] = int((np.abs(listed.t_hit[same_mine] - theirs_t[order][same_theirs]) * lengths > 1e-6 * size).sum())
+    if judge and other.any():
+        row |= truth(rays[other], vertices[faces], counts[0][other], counts[1][other], is_closed, np.float64)
+    points = (origins[:300] + origins[:300].mean(axis=0)) * 0.5
+    _, far, _ = trimesh.proximity.closest_point(mesh, points)
+    near = ours.distance(points)
+    apart = np.abs(near - far) > 1e-6 * size
+    row["distances_of_points_apart"] = int(apart.sum())
+    if apart.any():
+        # Nobody can be nearer than the nearest; who is farther is wrong.
+        row["of_these_trimesh_is_farther"] = int((far[apart] > near[apart]).sum())
+    if is_closed:
+        inside = exact.contains_points(points)
+        row["occupancies_differ"] = int((ours.occupancy(points) != inside).sum())
+    return row
 
 
 def probe() -> list[dict]:
@@ -233,7 +291,8 @@ def probe() -> list[dict]:
     for place in ([0, 0, 0], [148376, 1234, -223423]):
         vertices, faces = sphere(100, 200, 2.0)
         vertices = vertices + place
-        edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+        # Each edge from both of its faces.
+        edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
         for dtype in (np.float64, np.float32):
             used = vertices.astype(dtype)
             targets = np.concatenate([used, (used[edges[:, 0]] + used[edges[:, 1]]) / 2])
@@ -269,12 +328,13 @@ def main() -> None:
     for number, (name, (vertices, faces)) in enumerate(all_meshes.items()):
         rays = random_rays(vertices, options.rays, np.random.default_rng(number))
         about = {"mesh": name, "triangles": len(faces), "rays": len(rays)}
+        is_closed = name.startswith(("sphere", "torus", "cube"))
         if o3d is not None:
-            show(about | {"peer": "open3d"} | compare_with_open3d(vertices, faces, rays, not options.no_truth, name.startswith(("sphere", "torus", "cube"))))
+            show(about | {"peer": "open3d"} | compare_with_open3d(vertices, faces, rays, not options.no_truth, is_closed))
         # Its own exact path takes hours on large meshes.
         if trimesh is not None and len(faces) <= 50_000:
             few = rays[np.linspace(0, len(rays) - 1, options.exact).astype(int)]
-            show(about | {"peer": "trimesh", "rays": len(few)} | compare_with_trimesh(vertices, faces, few))
+            show(about | {"peer": "trimesh", "rays": len(few)} | compare_with_trimesh(vertices, faces, few, not options.no_truth, is_closed))
     for row in probe():
         show({"probe": "aimed rays"} | row)
 

@@ -1,13 +1,17 @@
 """Rays per second from Python: Snell beside Open3D, embreex, trimesh and Mitsuba, on the same meshes and rays in one run.
 
     pip install . open3d embreex trimesh rtree mitsuba
-    python bench/python_throughput.py bunny.obj [--triangles 1000000,10000000] [--rays 10000,1000000,10000000] [--threads 1,4] [--repeat 3] [--json]
+    python bench/python_throughput.py bunny.obj [--triangles 1000000,10000000] [--rays 10000,1000000,10000000] [--threads 1,4] [--repeat 5]
 
 For each mesh (the given one, and terrains of so many triangles), kind of rays and number of rays in a call: millions of rays a second of the call as a
-user makes it, arrays in and arrays out, the nearest hit with its distance and triangle. Sides alternate, and the best of the repeats counts. `primary`
-rays are those of a pinhole camera, row by row; `random` ones go from around the box to points in it; `diffuse` ones leave the hits of primary rays
-in random directions. trimesh is measured up to 100,000 rays. Memory is what the process grows by when the structure is built, by triangle.
-Mitsuba needs LLVM 19 or later. Sides that are not installed are left out.
+user makes it, arrays in and arrays out, the nearest hit with its distance and triangle. Sides alternate, and the median of the repeats counts; a
+batch of few rays is cast several times for one measurement. `ratio` is Snell (float32) over the best of the others, `float64` Snell's
+own double precision over its single, `over_trimesh` over trimesh with embreex. `primary` rays are those of a pinhole camera, row by row; `random` ones
+go from around the box to points in it; `diffuse` ones leave the hits of primary rays in random directions. trimesh is measured up to 100,000 rays, and
+its rate there compared further up. Sides that are not installed are left out; Mitsuba needs LLVM.
+
+Memory is what the process grows by when the structure is built, by triangle, with all that the side keeps. On a machine that does other work,
+`--clock processor` counts the processor time of all threads instead of the time that passes: then only rows with one thread mean something.
 """
 
 from __future__ import annotations
@@ -179,9 +183,11 @@ def main() -> None:
     parser.add_argument("--triangles", type=numbers, default=[1_000_000, 10_000_000])
     parser.add_argument("--rays", type=numbers, default=[10_000, 1_000_000, 10_000_000])
     parser.add_argument("--threads", type=numbers, default=[1, os.cpu_count() or 1])
-    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--clock", choices=["wall", "processor"], default="wall")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
+    clock = time.perf_counter if options.clock == "wall" else time.process_time
     meshes = {}
     if options.mesh is not None:
         loaded = snell.load(options.mesh)
@@ -209,18 +215,39 @@ def main() -> None:
             gc.collect()
             bytes_each = (resident() - before) / len(faces)
             show({"mesh": name, "triangles": len(faces), "side": key, "build_seconds": round(seconds, 3), "bytes_per_triangle": round(bytes_each, 1)})
+        rates_of_trimesh: dict[tuple[str, int], float] = {}
         for count in options.rays:
             for kind, rays in kinds(vertices, faces, count).items():
                 for threads in options.threads:
                     able = [s for s in sides if threads <= getattr(s, "most_threads", 10**6) and len(rays) <= getattr(s, "most_rays", 10**12)]
-                    prepared = {s.name: s.prepare(rays) for s in able}
-                    best = {s.name: 0.0 for s in able}
-                    for _ in range(options.repeat):
-                        for side in able:
-                            start = time.perf_counter()
-                            side.cast(prepared[side.name], threads)
-                            best[side.name] = max(best[side.name], len(rays) / (time.perf_counter() - start) / 1e6)
-                    show({"mesh": name, "kind": kind, "rays": len(rays), "threads": threads} | {k: round(v, 2) for k, v in best.items()})
+                    rates = measure(able, rays, threads, options.repeat, clock)
+                    # What has one thread is measured with one.
+                    key = (kind, threads)
+                    rates_of_trimesh[key] = rates.get("trimesh", rates_of_trimesh.get(key, rates_of_trimesh.get((kind, 1), 0.0)))
+                    others = [rate for name, rate in rates.items() if not name.startswith("snell")]
+                    row = {"mesh": name, "kind": kind, "rays": len(rays), "threads": threads} | {k: round(v, 2) for k, v in rates.items()}
+                    if others:
+                        row["ratio"] = round(rates["snell"] / max(others), 2)
+                    row["float64"] = round(rates["snell float64"] / rates["snell"], 2)
+                    if rates_of_trimesh[key]:
+                        row["over_trimesh"] = round(rates["snell"] / rates_of_trimesh[key], 1)
+                    show(row)
+
+
+def measure(sides, rays, threads: int, repeat: int, clock) -> dict[str, float]:
+    """Millions of rays a second of each side: the median of the repeats, which alternate."""
+    prepared = {s.name: s.prepare(rays) for s in sides}
+    calls = max(1, 200_000 // len(rays))
+    seconds: dict[str, list[float]] = {s.name: [] for s in sides}
+    for side in sides:
+        side.cast(prepared[side.name], threads)
+    for turn in range(repeat):
+        for side in sides if turn % 2 == 0 else sides[::-1]:
+            start = clock()
+            for _ in range(calls):
+                side.cast(prepared[side.name], threads)
+            seconds[side.name].append((clock() - start) / calls)
+    return {name: len(rays) / float(np.median(times)) / 1e6 for name, times in seconds.items()}
 
 
 if __name__ == "__main__":

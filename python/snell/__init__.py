@@ -13,6 +13,7 @@ array(4.)
 
 from snell._cameras import create_rays_pinhole
 from snell._images import Comparison, compare
+from snell._load import load
 from snell._render import SceneWarning, render, render_iter
 from snell._snell import (
     INVALID_ID,
@@ -34,7 +35,6 @@ from snell._snell import (
     Texture,
     View,
     __version__,
-    load,
 )
 from snell._view import explain, view
 

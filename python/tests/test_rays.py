@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from conftest import sphere_mesh
@@ -220,3 +222,50 @@ def test_pinhole_rays_meet_what_projects_to_their_pixels():
         width_px=64, height_px=48, dtype=np.float64,
     )
     np.testing.assert_allclose(looking, rays, atol=1e-12)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_contiguous_rays_are_not_copied(dtype):
+    scene = snell.Scene()
+    scene.add_mesh(*sphere_mesh(6, 8))
+    rays = np.random.default_rng(0).normal(size=(50_000, 6)).astype(dtype)
+    scene.cast_rays(rays)
+
+    def peak(rays) -> float:
+        tracemalloc.start()
+        hits = scene.cast_rays(rays)
+        peak = tracemalloc.get_traced_memory()[1] / len(hits.t_hit)
+        tracemalloc.stop()
+        return peak
+
+    # Distance, two coordinates and three ids are kept of each hit, and nothing else is made.
+    kept = 3 * np.dtype(dtype).itemsize + 3 * 4
+    assert peak(rays) < kept + 1
+    assert peak((np.ascontiguousarray(rays[:, :3]), np.ascontiguousarray(rays[:, 3:]))) < kept + 1
+    assert peak(np.asfortranarray(rays)) > kept + 6 * np.dtype(dtype).itemsize - 1
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_rays_in_any_order_and_shape_hit_the_same(dtype):
+    scene = snell.Scene()
+    scene.add_mesh(*sphere_mesh(20, 30))
+    rays = snell.create_rays_pinhole(fov_deg=40, center=[0, 0, 0], eye=[0.3, 1, 4], up=[0, 1, 0], width_px=80, height_px=60, dtype=dtype)
+    picture = scene.cast_rays(rays)
+    order = np.random.default_rng(1).permutation(80 * 60)
+    mixed = scene.cast_rays(rays.reshape(-1, 6)[order])
+    one_by_one = [float(scene.cast_rays(ray).t_hit) for ray in rays.reshape(-1, 6)[::97]]
+    for name in ("t_hit", "primitive_ids", "primitive_uvs", "normals"):
+        flat = picture[name].reshape(80 * 60, -1)
+        np.testing.assert_array_equal(flat[order], mixed[name].reshape(80 * 60, -1))
+    np.testing.assert_array_equal(picture.t_hit.ravel()[::97], one_by_one)
+
+
+def test_answers_belong_to_the_caller():
+    scene = snell.Scene()
+    scene.add_mesh(*sphere_mesh(6, 8))
+    rays = np.random.default_rng(0).normal(size=(100, 6))
+    expected, hits = scene.cast_rays(rays), scene.cast_rays(rays)
+    for name in ("t_hit", "primitive_ids", "primitive_uvs", "geometry_ids"):
+        hits[name][...] = 12345
+    for name in ("normals", "points", "primitive_normals"):
+        np.testing.assert_array_equal(hits[name], expected[name])

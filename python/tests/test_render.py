@@ -135,6 +135,45 @@ def test_refining_pictures_end_with_the_picture():
     assert time.perf_counter() - start < 5
 
 
+def test_pixels_stop_by_their_noise():
+    coarse, fine = (snell.render("cornell-box", size=(24, 24), noise=noise, aovs="samples") for noise in (0.5, 0.2))
+    for image in (coarse, fine):
+        assert image.metadata["converged"] == 1 and image.metadata["is_complete"]
+        assert image.metadata["samples"] <= image.metadata["mean_samples"] <= image.aovs["samples"].max()
+    assert fine.metadata["mean_samples"] > 1.2 * coarse.metadata["mean_samples"]
+    capped = snell.render("cornell-box", size=(24, 24), noise=0.001, spp=16)
+    assert capped.metadata["samples"] == 16 and capped.metadata["converged"] < 1
+    *first, last = snell.render_iter("cornell-box", size=(24, 24), noise=0.5, aovs="samples")
+    assert [image.metadata["samples"] for image in first] == [1, 4, 16]
+    np.testing.assert_array_equal(last, coarse)
+
+
+def test_what_the_command_offers_is_there():
+    plain = snell.render("cornell-box", **SMALL)
+    guided = snell.render("cornell-box", guiding=1, **SMALL)
+    assert guided.metadata["training_passes"] == 1 and (np.asarray(guided) != np.asarray(plain)).any()
+    clamped = snell.render("cornell-box", clamp=0.01, **SMALL)
+    assert np.asarray(clamped).mean() < np.asarray(plain).mean()
+    spectral = snell.render("cornell-box", color="spectral", **SMALL)
+    assert 0 < np.abs(np.asarray(spectral) - np.asarray(plain)).mean() < 0.3
+    brute = snell.render("cornell-box", accelerator="none", **SMALL)
+    np.testing.assert_array_equal(brute, plain)
+    bright = snell.render("cornell-box", exposure=3, **SMALL)
+    np.testing.assert_array_equal(bright, plain)
+    assert bright.to_uint8().mean() > plain.to_uint8().mean()
+    np.testing.assert_array_equal(bright.to_uint8(exposure=0), plain.to_uint8())
+
+
+def test_light_groups_and_mattes_are_layers(tmp_path):
+    groups = snell.render("cornell-box", light_groups={"ceiling": "lamp", "rest": ["environment"]}, aovs=["crypto-material"], **SMALL)
+    assert {"light_ceiling", "light_rest", "light_other"} <= set(groups.aovs), set(groups.aovs)
+    np.testing.assert_allclose(sum(groups.aovs[f"light_{name}"] for name in ("ceiling", "rest", "other")), groups, atol=1e-4)
+    assert "CryptoMaterial00" in groups.aovs
+    groups.save(tmp_path / "a.exr")
+    manifest = [value for key, value in snell.Image.open(tmp_path / "a.exr").metadata.items() if key.endswith("manifest")]
+    assert len(manifest) == 1 and '"lamp"' in manifest[0]
+
+
 def test_rendering_leaves_python_to_others():
     done = threading.Event()
     counted = 0
@@ -209,6 +248,13 @@ BAD = [
     ({"seed": -1}, ValueError, "seed is -1"),
     ({"threads": 0}, ValueError, "threads is 0"),
     ({"sampler": "halton"}, ValueError, 'sampler is "halton"'),
+    ({"noise": 0}, ValueError, "noise is 0, expected a number from 0.00001 to 10"),
+    ({"guiding": 99}, ValueError, "guiding is 99, expected a whole number from 1 to 20"),
+    ({"guiding": True, "integrator": "ao"}, ValueError, "guiding is for the integrator path, not for ao"),
+    ({"denoise": "nowhere"}, RuntimeError, "Open Image Denoise is not found in nowhere; .* denoise=PATH"),
+    ({"light_groups": {"a": ["lmp"]}}, ValueError, r'light_groups\["a"\]: there is no light "lmp"'),
+    ({"light_groups": 3}, TypeError, "light_groups is 3, expected a dictionary of lists of lights"),
+    ({"exposure": 1000}, ValueError, "exposure is 1000, expected a number from -100 to 100"),
 ]
 
 
@@ -216,6 +262,13 @@ BAD = [
 def test_bad_options_are_named(options, error, message):
     with pytest.raises(error, match=message):
         snell.render("cornell-box", **{**SMALL, **options})
+
+
+def test_unknown_options_are_pointed_out():
+    with pytest.raises(TypeError, match="unexpected keyword argument 'nois'"):
+        snell.render("cornell-box", nois=0.1)
+    with pytest.raises(TypeError, match="'nois'; did you mean 'noise'"):
+        snell.render_iter("cornell-box", nois=0.1)
 
 
 def test_a_file_that_is_not_there():

@@ -81,10 +81,7 @@ def test_a_loaded_scene_is_rendered_alike_before_and_after_an_edit(name):
 
 def test_every_example_of_a_material_can_be_made_and_replaced():
     for kind, names in snell.MATERIALS.items():
-        if kind == "coated-conductor":
-            # The conductor inside of it has no short forms of its parameters yet.
-            continue
-        required = {"spectrum": {"color": 0.5}}
+        required = {"conductor": {"spectrum": 0.5}}
         given = {}
         for _ in names:
             try:
@@ -99,6 +96,28 @@ def test_every_example_of_a_material_can_be_made_and_replaced():
         brighter = material.replace(emission=3, name="lamp")
         assert brighter.emission == (3, 3, 3) and brighter.name == "lamp" and material.emission == (0, 0, 0)
         assert repr(pickle.loads(pickle.dumps(brighter))) == repr(brighter)
+
+
+def test_a_metal_in_a_coat_is_said_shortly_and_replaced():
+    texture = snell.Texture(checks())
+    metals = ("copper", "metal:Cu", 0.5, (0.9, 0.6, 0.2), "#e0a040", texture, {"color": 0.5}, {"measured": {"eta": 0.2, "k": (3, 2, 1)}})
+    for spectrum in metals:
+        metal = snell.Material("conductor", spectrum=spectrum, roughness=0.3)
+        for inside in (metal, {"spectrum": spectrum, "roughness": 0.3}):
+            coated = snell.Material("coated-conductor", conductor=inside, roughness=texture.channel("g"))
+            assert coated.conductor["spectrum"] == metal.spectrum
+            assert coated.ior == 1.5 and coated.conductor["roughness"] == pytest.approx(0.3)
+            thick = coated.replace(ior=1.8)
+            assert thick.ior == pytest.approx(1.8) and thick.conductor == coated.conductor
+            assert repr(pickle.loads(pickle.dumps(thick)).conductor["roughness"]) == repr(thick.conductor["roughness"])
+    with pytest.raises(ValueError, match="conductor"):
+        snell.Material("coated-conductor", conductor={"spectrum": "unobtainium"})
+
+
+def test_what_a_declaration_leaves_out_is_usual():
+    assert repr(snell.Material("dielectric", ior=1.5)) == 'Material("dielectric", ior=1.5, roughness=0.0, tint=(1.0, 1.0, 1.0), absorption=(0.0, 0.0, 0.0))'
+    assert snell.Material("plastic", diffuse=0.5).ior == 1.5
+    assert snell.Medium("homogeneous", sigma_s=0.1).parameters == {"sigma_a": (0, 0, 0), "sigma_s": (0.1, 0.1, 0.1), "emission": (0, 0, 0), "g": 0}
 
 
 def test_parameters_take_what_means_the_same():

@@ -1,6 +1,7 @@
 //! Where a scene comes from: a file, standard input, or the built-in ones.
 
 use crate::failure::Failure;
+use crate::usd;
 use snell_formats::ReadOptions;
 use snell_scene::Scene;
 use snell_scene::builtin::{BUILTINS, builtin};
@@ -36,6 +37,9 @@ pub fn load(name: &str, options: &ReadOptions) -> Result<Scene, Failure> {
                 "{name}: neither a file nor a built-in scene; {hint}`snell scenes` lists the built-in ones"
             )));
         }
+    }
+    if path.exists() && usd::is_usd(path) {
+        return usd::load(path, options);
     }
     Ok(snell_formats::read_scene(path, options)?)
 }

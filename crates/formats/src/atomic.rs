@@ -2,7 +2,7 @@
 
 use crate::error::WriteError;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Finds out, before any work, whether [`write()`] could put a file at `path`.
 pub fn check(path: &Path) -> Result<(), WriteError> {
@@ -24,13 +24,49 @@ fn temporary_beside(path: &Path) -> std::io::Result<tempfile::NamedTempFile> {
 /// Writes `bytes` to a temporary file beside `path`, then renames it over `path`. What is no file, such as a pipe or a device, is
 /// written to and not replaced.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
-    let error = |source: std::io::Error| WriteError::Io { path: path.into(), source };
+    place(path, stage(path, bytes)?, bytes)
+}
+
+/// Like [`write()`], for what need not be in memory as a whole: `fill` writes it.
+pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), WriteError> {
     if is_special(path) {
-        return std::fs::write(path, bytes).map_err(error);
+        let mut out = std::fs::OpenOptions::new().write(true).open(path).map_err(io_error(path))?;
+        return fill(&mut out).map_err(io_error(path));
     }
-    let mut file = temporary_beside(path).map_err(error)?;
-    file.write_all(bytes).map_err(error)?;
-    file.as_file().sync_all().map_err(error)?;
+    persist(path, filled(path, fill)?)
+}
+
+/// Writes several files as [`write()`] does: all of them under temporary names before the first is renamed. The last is renamed last.
+pub fn write_all(files: &[(PathBuf, Vec<u8>)]) -> Result<(), WriteError> {
+    let staged: Vec<_> = files.iter().map(|(path, bytes)| stage(path, bytes)).collect::<Result<_, _>>()?;
+    for ((path, bytes), staged) in files.iter().zip(staged) {
+        place(path, staged, bytes)?;
+    }
+    Ok(())
+}
+
+fn io_error(path: &Path) -> impl Fn(std::io::Error) -> WriteError {
+    move |source| WriteError::Io { path: path.into(), source }
+}
+
+/// The content under a temporary name; `None` for what is no file and cannot be renamed.
+fn stage(path: &Path, bytes: &[u8]) -> Result<Option<tempfile::NamedTempFile>, WriteError> {
+    if is_special(path) {
+        return Ok(None);
+    }
+    filled(path, |out| out.write_all(bytes)).map(Some)
+}
+
+/// A temporary file with what `fill` writes.
+fn filled(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+) -> Result<tempfile::NamedTempFile, WriteError> {
+    let mut file = temporary_beside(path).map_err(io_error(path))?;
+    let mut out = std::io::BufWriter::new(file.as_file_mut());
+    fill(&mut out).and_then(|()| out.flush()).map_err(io_error(path))?;
+    drop(out);
+    file.as_file().sync_all().map_err(io_error(path))?;
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -38,8 +74,18 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
         let mode = std::fs::metadata(path).map_or(0o644, |m| m.permissions().mode());
         let _ = file.as_file().set_permissions(std::fs::Permissions::from_mode(mode));
     }
-    file.persist(path).map_err(|e| error(e.error))?;
-    Ok(())
+    Ok(file)
+}
+
+fn persist(path: &Path, file: tempfile::NamedTempFile) -> Result<(), WriteError> {
+    file.persist(path).map(drop).map_err(|e| io_error(path)(e.error))
+}
+
+fn place(path: &Path, staged: Option<tempfile::NamedTempFile>, bytes: &[u8]) -> Result<(), WriteError> {
+    match staged {
+        Some(file) => persist(path, file),
+        None => std::fs::write(path, bytes).map_err(io_error(path)),
+    }
 }
 
 #[cfg(test)]

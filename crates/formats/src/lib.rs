@@ -14,10 +14,12 @@ pub mod limits;
 pub mod mesh;
 pub mod scene;
 pub mod textures;
+pub mod write;
 
 pub use error::{Place, ReadError, WriteError};
 pub use input::Input;
 pub use limits::Limits;
+pub use write::{SceneWriter, Written, check_scene_path, write_scene, write_scene_as};
 
 use snell_scene::Scene;
 use std::path::Path;
@@ -35,34 +37,6 @@ pub struct SceneReader {
     pub recognises: fn(&[u8]) -> bool,
     /// Reads the scene.
     pub read: fn(&Input) -> Result<Scene, ReadError>,
-}
-
-/// A writer of scene files.
-#[derive(Clone, Copy)]
-pub struct SceneWriter {
-    /// Short name, that of the reader of the same format.
-    pub name: &'static str,
-    /// Extensions in lower case, without the dot; the usual one first.
-    pub extensions: &'static [&'static str],
-    /// The bytes of the file; an error says what the format cannot hold.
-    pub write: fn(&Scene) -> Result<Vec<u8>, String>,
-}
-
-/// Writes a scene in the format that the extension of `path` names; the file appears whole or not at all.
-pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let unfit = |problem: String, remedy: String| WriteError::Format { path: path.into(), problem, remedy };
-    let writer = scene::WRITERS.iter().find(|w| w.extensions.contains(&extension.as_str()));
-    let writer = writer.ok_or_else(|| {
-        let known: Vec<_> = scene::WRITERS.iter().map(|w| format!(".{}", w.extensions[0])).collect();
-        let problem = match extension.as_str() {
-            "" => "the name has no extension that says which scene format to write".to_string(),
-            _ => format!("\"{extension}\" is not a scene format that Snell writes"),
-        };
-        unfit(problem, format!("use {}", known.join(" ")))
-    })?;
-    let bytes = (writer.write)(scene).map_err(|problem| unfit(problem, "change the scene".into()))?;
-    atomic::write(path, &bytes)
 }
 
 const READER_COUNT: usize = scene::READERS.len() + mesh::FORMATS.len();
@@ -85,6 +59,10 @@ pub struct ReadOptions {
     pub allow_outside: bool,
     /// Caps on sizes and counts.
     pub limits: Limits,
+    /// Which set of materials is shown, by name or number (from 0), in files with several. Formats that have none do not look at it.
+    pub variant: Option<String>,
+    /// Which scene is shown, by name or number (from 0), in files with several. Formats that have one only do not look at it.
+    pub scene: Option<String>,
     /// Values of parameters that the file takes, by name: `$name` in Mitsuba's scenes. Other names are not looked at.
     pub parameters: Vec<(String, String)>,
 }

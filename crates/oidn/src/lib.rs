@@ -6,6 +6,7 @@
 
 mod find;
 mod library;
+mod picture;
 
 pub use library::Denoiser;
 

@@ -1,9 +1,9 @@
 //! Answers of queries as Python sees them: named arrays, each made when it is asked for.
 
-use crate::arrays::from_vec;
+use crate::arrays::{filled, from_vec};
 use crate::assemble::{Form, Snapshot};
-use crate::precision::{Found, Precision};
-use crate::query::Pieces;
+use crate::columns::{Columns, View};
+use crate::precision::Precision;
 use crate::rays::KeptRays;
 use crate::surface::{Local, Surfaces};
 use crate::work::{Threads, run};
@@ -18,7 +18,7 @@ use snell_math::{DRay, DVec3};
 use std::sync::Arc;
 
 /// Answers of a piece.
-const PIECE: usize = 4096;
+const PIECE: usize = 16384;
 
 /// Makes arrays from answers.
 pub trait Answers: Send + Sync {
@@ -44,7 +44,7 @@ pub struct Live<P: Precision, F: Form> {
     /// The world that was asked.
     pub snapshot: Arc<Snapshot<F>>,
     /// The answers.
-    pub hits: Pieces<P::Hit>,
+    pub hits: Columns<P>,
     /// The questions.
     pub asked: Asked<P>,
     /// How many rays were asked.
@@ -58,21 +58,22 @@ pub struct Live<P: Precision, F: Form> {
 impl<P: Precision, F: Form> Answers for Live<P, F> {
     fn array<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         let names = &self.snapshot.names;
-        let id = |wanted: fn(&Found<P>) -> u32| move |found: &Found<P>, place: &mut [u32]| place[0] = wanted(found);
+        let hits = self.hits.readable(py)?;
+        let hits = hits.view()?;
         let array = match name {
-            "t_hit" | "distances" => self.each(py, 1, |found, place| place[0] = found.t),
-            "primitive_ids" => self.each(py, 1, id(|found| found.primitive)),
-            "geometry_ids" => self.each(py, 1, |found, place| place[0] = names.object(found.geometry)),
-            "instance_ids" => self.each(py, 1, |found, place| place[0] = names.instance(found.occurrence)),
-            "primitive_uvs" => self.each(py, 2, |found, place| place.copy_from_slice(&found.uv)),
+            "t_hit" | "distances" => self.copied(py, 1, hits.t),
+            "primitive_ids" => self.copied(py, 1, hits.primitive),
+            "geometry_ids" => self.mapped(py, hits.geometry, |id| names.object(id)),
+            "instance_ids" => self.mapped(py, hits.occurrence, |id| names.instance(id)),
+            "primitive_uvs" => self.copied(py, 2, hits.uv),
             "points" if let Asked::Positions(positions) = &self.asked => {
                 let values = positions.as_flattened().to_vec();
                 from_vec(py, values, &[&self.shape[..], &[3]].concat())
             }
-            "points" => self.surfaces(py, 3, |local| local.position.to_array()),
-            "primitive_normals" => self.surfaces(py, 3, |local| local.geometric_normal.to_array()),
-            "normals" => self.surfaces(py, 3, |local| local.normal.to_array()),
-            "uvs" => self.surfaces(py, 2, |local| local.uv.to_array()),
+            "points" => self.surfaces(py, &hits, 3, |local| local.position.to_array()),
+            "primitive_normals" => self.surfaces(py, &hits, 3, |local| local.geometric_normal.to_array()),
+            "normals" => self.surfaces(py, &hits, 3, |local| local.normal.to_array()),
+            "uvs" => self.surfaces(py, &hits, 2, |local| local.uv.to_array()),
             "ray_ids" => match &self.asked {
                 Asked::Rays(_, Some(ids)) => from_vec(py, ids.iter().map(|&i| i64::from(i)).collect(), &self.shape),
                 _ => return Ok(None),
@@ -92,17 +93,27 @@ impl<P: Precision, F: Form> Answers for Live<P, F> {
 }
 
 impl<P: Precision, F: Form> Live<P, F> {
-    /// An array with `width` numbers per answer.
-    fn each<'py, T: Element + Default + Copy + Send>(
+    /// An array of these numbers, `width` per answer.
+    fn copied<'py, T: Element + Copy + Send + Sync>(
         &self,
         py: Python<'py>,
         width: usize,
-        write: impl Fn(&Found<P>, &mut [T]) + Sync,
+        values: &[T],
     ) -> PyResult<Bound<'py, PyAny>> {
-        self.pieces(py, width, |first, places| {
-            for (i, place) in places.chunks_exact_mut(width).enumerate() {
-                write(&P::found(self.hits.get(first + i)), place);
-            }
+        self.pieces(py, width, |first, places: &mut [T]| {
+            places.copy_from_slice(&values[first * width..][..places.len()]);
+        })
+    }
+
+    /// An array of what these ids stand for.
+    fn mapped<'py>(
+        &self,
+        py: Python<'py>,
+        ids: &[u32],
+        name: impl Fn(u32) -> u32 + Sync,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.pieces(py, 1, |first, places| {
+            places.iter_mut().zip(&ids[first..]).for_each(|(place, &id)| *place = name(id));
         })
     }
 
@@ -110,13 +121,14 @@ impl<P: Precision, F: Form> Live<P, F> {
     fn surfaces<'py, const N: usize>(
         &self,
         py: Python<'py>,
+        hits: &View<'_, P>,
         width: usize,
         wanted: impl Fn(&Local) -> [f64; N] + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
         let write = |first: usize, places: &mut [P], ray: &(dyn Fn(usize) -> DRay + Sync)| {
             let mut surfaces = Surfaces::new(&self.snapshot);
             for (i, place) in places.chunks_exact_mut(width).enumerate() {
-                let found = P::found(self.hits.get(first + i));
+                let found = hits.get(first + i);
                 let is_hit = found.geometry != Hit::NONE;
                 let local = if is_hit { surfaces.at(&ray(first + i), &found) } else { Local::NONE };
                 place.iter_mut().zip(wanted(&local)).for_each(|(place, x)| *place = P::round(x));
@@ -137,32 +149,31 @@ impl<P: Precision, F: Form> Live<P, F> {
         }
     }
 
-    fn pieces<'py, T: Element + Default + Copy + Send>(
+    fn pieces<'py, T: Element + Copy + Send>(
         &self,
         py: Python<'py>,
         width: usize,
         write: impl Fn(usize, &mut [T]) + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let count = self.hits.len();
-        let values = run(py, Threads::new(None)?, count <= PIECE, |cancel| {
-            let mut values = vec![T::default(); count * width];
-            let piece = |(i, places): (usize, &mut [T])| {
-                cancel.check()?;
-                write(i * PIECE, places);
-                Ok(())
-            };
-            if count <= PIECE {
-                values.chunks_mut(PIECE * width).enumerate().try_for_each(piece)?;
-            } else {
-                values.par_chunks_mut(PIECE * width).enumerate().try_for_each(piece)?;
-            }
-            Ok(values)
-        })?;
         let mut shape = self.shape.clone();
         if width > 1 {
             shape.push(width);
         }
-        from_vec(py, values, &shape)
+        let threads = Threads::new(None)?;
+        filled(py, &shape, |values| {
+            let is_small = values.len() <= PIECE * width;
+            run(py, threads, is_small, |cancel| {
+                let piece = |(i, places): (usize, &mut [T])| {
+                    cancel.check()?;
+                    write(i * PIECE, places);
+                    Ok(())
+                };
+                if is_small {
+                    return values.chunks_mut(PIECE * width).enumerate().try_for_each(piece);
+                }
+                values.par_chunks_mut(PIECE * width).enumerate().try_for_each(piece)
+            })
+        })
     }
 }
 
@@ -188,6 +199,11 @@ impl Named {
         let made = PyOnceLock::new();
         let _ = made.set(arrays.py(), arrays.copy()?.unbind());
         Ok(Self { live: None, made })
+    }
+
+    /// Sets an array that was made.
+    pub fn set(&self, py: Python<'_>, name: &str, array: Bound<'_, PyAny>) -> PyResult<()> {
+        self.made.get_or_init(py, || PyDict::new(py).unbind()).bind(py).set_item(name, array)
     }
 
     /// The array of this name.

@@ -4,7 +4,11 @@
 //! plain Python numbers in double. A contiguous array of the right dtype is read where it is.
 
 use crate::precision::Precision;
-use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::ndarray::Dimension;
+use numpy::{
+    Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray, PyReadonlyArrayDyn, PyReadwriteArray1,
+    PyUntypedArray, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -84,11 +88,32 @@ fn is_aligned<T: Element>(array: &Bound<'_, PyArrayDyn<T>>) -> bool {
 }
 
 /// The numbers of a contiguous array.
-pub fn slice<'a, T: Element>(array: &'a PyReadonlyArrayDyn<'_, T>) -> PyResult<&'a [T]> {
+pub fn slice<'a, T: Element, D: Dimension>(array: &'a PyReadonlyArray<'_, T, D>) -> PyResult<&'a [T]> {
     if array.len() == 0 {
         return Ok(&[]);
     }
     Ok(array.as_slice()?)
+}
+
+/// The numbers of a contiguous array, to be written.
+pub fn slice_mut<'a, T: Element>(array: &'a mut PyReadwriteArray1<'_, T>) -> PyResult<&'a mut [T]> {
+    if array.len() == 0 { Ok(&mut []) } else { Ok(array.as_slice_mut()?) }
+}
+
+/// A new array with anything in it: nobody clears what is written anyway.
+pub fn empty<'py, T: Element>(py: Python<'py>, len: usize) -> PyResult<Bound<'py, PyArray1<T>>> {
+    Ok(numpy(py, "empty")?.call1((len, T::get_dtype(py)))?.cast_into::<PyArray1<T>>()?)
+}
+
+/// A new array that `fill` writes.
+pub fn filled<'py, T: Element>(
+    py: Python<'py>,
+    shape: &[usize],
+    fill: impl FnOnce(&mut [T]) -> PyResult<()>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let array = empty::<T>(py, shape.iter().product())?;
+    fill(slice_mut(&mut array.try_readwrite()?)?)?;
+    Ok(array.reshape(shape)?.into_any())
 }
 
 /// An array repeated to a shape, as [`contiguous`].

@@ -5,6 +5,7 @@
 //! Python as soon as it is declared.
 
 use crate::arrays::numpy;
+use crate::material::Material;
 use crate::medium::Medium as PyMedium;
 use crate::names::suggestion;
 use crate::said::Said;
@@ -56,22 +57,7 @@ impl Family {
 
     /// What the parameters of a kind may look like: of those that are one of several things, the fields of all.
     pub fn forms(&self, kind: &str) -> PyResult<Vec<(String, Tree)>> {
-        self.gather(kind, |known, form| {
-            match (&mut *known, form) {
-                (Tree::Fields(known), Tree::Fields(form)) => {
-                    for (key, value) in form {
-                        if known.iter().all(|(name, _)| name != key) {
-                            known.push((key.clone(), value.clone()));
-                        }
-                    }
-                }
-                (Tree::Fields(_), _) | (_, Tree::Nothing) => {}
-                (_, Tree::Fields(_)) => *known = form.clone(),
-                // A number or a name: the declaration judges.
-                (Tree::Single(_) | Tree::Double(_) | Tree::Whole(_), Tree::Text(_)) => *known = form.clone(),
-                _ => {}
-            }
-        })
+        self.gather(kind, merge)
     }
 
     fn gather(&self, kind: &str, merge: impl Fn(&mut Tree, &Tree)) -> PyResult<Vec<(String, Tree)>> {
@@ -92,6 +78,26 @@ impl Family {
             return Ok(all);
         }
         Err(PyValueError::new_err(format!("there is no {} {kind:?}{}", self.name, suggestion(kind, &self.kinds()))))
+    }
+}
+
+/// Adds to what a parameter may look like what another example of it shows.
+fn merge(known: &mut Tree, form: &Tree) {
+    match (&mut *known, form) {
+        (Tree::Fields(known), Tree::Fields(form)) => {
+            for (key, value) in form {
+                match known.iter_mut().find(|(name, _)| name == key) {
+                    Some((_, known)) => merge(known, value),
+                    None => known.push((key.clone(), value.clone())),
+                }
+            }
+        }
+        (Tree::Nothing, _) => *known = form.clone(),
+        (Tree::Fields(_), _) | (_, Tree::Nothing) => {}
+        (_, Tree::Fields(_)) => *known = form.clone(),
+        // A number or a name: the declaration judges.
+        (Tree::Single(_) | Tree::Double(_) | Tree::Whole(_), Tree::Text(_)) => *known = form.clone(),
+        _ => {}
     }
 }
 
@@ -198,7 +204,7 @@ fn textured(form: &Tree) -> Option<&Tree> {
 
 /// The inside of a surface that is filled with a medium.
 fn interior(medium: Tree) -> Tree {
-    Tree::Fields(vec![("medium".into(), medium), ("priority".into(), Tree::Whole(0))])
+    fields_of([("medium", medium), ("priority", Tree::Whole(0))])
 }
 
 /// True for a factor that changes nothing.
@@ -209,22 +215,29 @@ fn is_neutral(factor: &Tree) -> bool {
     }
 }
 
+/// Values by name.
+fn fields_of<const N: usize>(fields: [(&str, Tree); N]) -> Tree {
+    Tree::Fields(fields.map(|(key, value)| (key.to_string(), value)).to_vec())
+}
+
 /// A texture in the form of a parameter.
 fn with_texture(form: &Tree, id: Tree, channel: Option<u8>, name: &str) -> PyResult<Tree> {
-    let fields = |fields: [(&str, Tree); 2]| Tree::Fields(fields.map(|(key, value)| (key.to_string(), value)).to_vec());
     let channel_of = |id| Tree::List(vec![id, Tree::Whole(channel.unwrap_or(0).into())]);
+    if let Some(color) = form.get("color") {
+        return Ok(fields_of([("color", with_texture(color, id, channel, name)?)]));
+    }
     match (form, textured(form)) {
         (_, Some(factor)) if is_color(factor) => {
             if channel.is_some() {
                 return Err(PyTypeError::new_err(format!("{name}: a colour takes a texture, not one of its channels")));
             }
-            Ok(fields([("factor", Tree::List(vec![Tree::Single(1.0); 3])), ("texture", id)]))
+            Ok(fields_of([("factor", Tree::List(vec![Tree::Single(1.0); 3])), ("texture", id)]))
         }
-        (_, Some(_)) => Ok(fields([("factor", Tree::Single(1.0)), ("texture", channel_of(id))])),
+        (_, Some(_)) => Ok(fields_of([("factor", Tree::Single(1.0)), ("texture", channel_of(id))])),
         (Tree::Id(..), _) => Ok(id),
         (Tree::List(items), _) if matches!(items[..], [Tree::Id(..), Tree::Whole(_)]) => Ok(channel_of(id)),
         // A normal map; most often there is none.
-        _ => Ok(fields([("texture", id), ("scale", Tree::Single(1.0))])),
+        _ => Ok(fields_of([("texture", id), ("scale", Tree::Single(1.0))])),
     }
 }
 
@@ -252,6 +265,16 @@ pub fn read(value: &Bound<'_, PyAny>, form: &Tree, name: &str, references: &mut 
     if let Ok(medium) = value.cast::<PyMedium>() {
         return Ok(interior(references.medium(&medium.get().0.value)));
     }
+    if let Ok(material) = value.cast::<Material>() {
+        let parameters = material.get().0.parameters(value.py())?;
+        let own = PyDict::new(value.py());
+        for (key, value) in parameters {
+            if form.get(&key.extract::<String>()?).is_some() {
+                own.set_item(key, value)?;
+            }
+        }
+        return read(own.as_any(), form, name, references);
+    }
     if let Ok(fields) = value.cast::<PyDict>() {
         let mut all = Vec::new();
         for (key, value) in fields {
@@ -273,9 +296,14 @@ pub fn read(value: &Bound<'_, PyAny>, form: &Tree, name: &str, references: &mut 
         }
         return Ok(Tree::Fields(all));
     }
+    if let Some(color) = form.get("color")
+        && value.extract::<String>().map_or(true, |text| text.starts_with('#'))
+    {
+        return Ok(fields_of([("color", read(value, color, name, references)?)]));
+    }
     if let Some(factor) = textured(form) {
         let factor = read(value, factor, name, references)?;
-        return Ok(Tree::Fields(vec![("factor".into(), factor), ("texture".into(), Tree::Nothing)]));
+        return Ok(fields_of([("factor", factor), ("texture", Tree::Nothing)]));
     }
     if let Ok(text) = value.cast::<PyString>() {
         let text: String = text.extract()?;

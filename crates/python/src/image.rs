@@ -32,7 +32,8 @@ impl Look {
         }))
     }
 
-    fn with(self, exposure: Option<f64>, tonemap: Option<&str>) -> PyResult<Display> {
+    /// The same but for what is given.
+    pub fn with(self, exposure: Option<f64>, tonemap: Option<&str>) -> PyResult<Self> {
         let mut display = self.0;
         if let Some(stops) = exposure {
             if stops.is_nan() || stops.abs() > 100.0 {
@@ -43,7 +44,7 @@ impl Look {
         if let Some(name) = tonemap {
             display.tonemap = choice("tonemap", name, &Tonemap::ALL, Tonemap::name)?;
         }
-        Ok(display)
+        Ok(Self(display))
     }
 }
 
@@ -286,7 +287,7 @@ impl Image {
         exposure: Option<f64>,
         tonemap: Option<&str>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let display = self.look.with(exposure, tonemap)?;
+        let display = self.look.with(exposure, tonemap)?.0;
         let count = self.main().channels.len();
         let level = |x: f32| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
         let bytes: Vec<u8> = py.detach(|| {
@@ -337,7 +338,7 @@ impl Image {
             8 | 16 => bits as u8,
             _ => return Err(PyValueError::new_err(format!("bits is {bits}, expected 8 or 16"))),
         };
-        let display = self.look.with(exposure, tonemap)?;
+        let display = self.look.with(exposure, tonemap)?.0;
         let options = WriteOptions { display, png_bits, exr_half: half, ..WriteOptions::default() };
         let mut picture = Arc::unwrap_or_clone(self.picture.clone());
         if let Some(of) = self.variance.as_ref().filter(|_| variance) {

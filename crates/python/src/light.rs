@@ -1,34 +1,43 @@
 //! The class `Light`.
 
 use crate::declare::Family;
-use crate::said::{Declared, Said};
-use crate::texture::Texture;
+use crate::said::{Declared, declared_class};
 use crate::tree::Tree;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
 use snell_scene::Light as Value;
 
-/// A light that is not a surface. (A surface is one if its material has an `emission`.)
-///
-/// Parameters
-/// ----------
-/// kind : str
-///     One of :data:`LIGHTS`, such as `"point"` or `"directional"`.
-/// **parameters
-///     Those of the kind, in coordinates of the scene. Directions have any length.
-///
-/// Examples
-/// --------
-/// >>> import snell
-/// >>> lamp = snell.Light("point", position=(0, 3, 0), intensity=40)
-/// >>> lamp.intensity
-/// (40.0, 40.0, 40.0)
-/// >>> snell.Light("point", positoin=(0, 3, 0))
-/// Traceback (most recent call last):
-/// TypeError: point has no parameter "positoin"; did you mean "position"?
-#[pyclass(frozen, module = "snell")]
-pub struct Light(pub Said<Value>);
+declared_class! {
+    /// A light that is not a surface. (A surface is one if its material has an `emission`.)
+    ///
+    /// Parameters
+    /// ----------
+    /// kind : str
+    ///     One of :data:`LIGHTS`, such as `"point"` or `"directional"`.
+    /// **parameters
+    ///     Those of the kind, in coordinates of the scene. Directions have any length.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> lamp = snell.Light("point", position=(0, 3, 0), intensity=40)
+    /// >>> lamp.intensity
+    /// (40.0, 40.0, 40.0)
+    /// >>> snell.Light("point", positoin=(0, 3, 0))
+    /// Traceback (most recent call last):
+    /// TypeError: point has no parameter "positoin"; did you mean "position"?
+    Light of Value, restored by _restore_light;
+
+    /// The same light but for some parameters.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> sun = snell.Light("directional", direction=(0, -2, 0), irradiance=3)
+    /// >>> sun.replace(irradiance="#ffffff").direction
+    /// (0.0, -1.0, 0.0)
+    replace
+}
 
 /// Parameters that are directions, or lists of them.
 const DIRECTIONS: [&str; 2] = ["direction", "axes"];
@@ -38,21 +47,6 @@ impl Declared for Value {
         let examples = Self::examples();
         let examples = examples.iter().filter_map(|example| Tree::of(example).ok()).collect();
         Family { name: "light", tag: "light", examples }
-    }
-
-    fn common() -> PyResult<Vec<(String, Tree)>> {
-        Ok(Vec::new())
-    }
-
-    fn assemble(kind: Vec<(String, Tree)>, _: Vec<(String, Tree)>) -> Vec<(String, Tree)> {
-        kind
-    }
-
-    fn apart(tree: Tree) -> (Vec<(String, Tree)>, Vec<(String, Tree)>) {
-        match tree {
-            Tree::Fields(kind) => (kind, Vec::new()),
-            _ => Default::default(),
-        }
     }
 
     fn settle(self) -> PyResult<Self> {
@@ -80,57 +74,4 @@ fn unit(value: &Tree, name: &str) -> PyResult<Tree> {
     // What is of unit length stays as it is.
     let scale = if (length - 1.0).abs() < 1e-12 { 1.0 } else { 1.0 / length };
     Ok(Tree::List(numbers.into_iter().map(|x| Tree::Double(x * scale)).collect()))
-}
-
-#[pymethods]
-impl Light {
-    #[new]
-    #[pyo3(signature = (kind, /, **parameters))]
-    fn new(kind: &str, parameters: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        Said::new(kind, parameters).map(Self)
-    }
-
-    /// Which kind, one of :data:`LIGHTS`.
-    #[getter]
-    fn kind(&self) -> PyResult<String> {
-        self.0.kind()
-    }
-
-    /// All parameters by name. Each is an attribute, too.
-    #[getter]
-    fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        self.0.parameters(py)
-    }
-
-    /// The same light but for some parameters.
-    ///
-    /// Examples
-    /// --------
-    /// >>> import snell
-    /// >>> sun = snell.Light("directional", direction=(0, -2, 0), irradiance=3)
-    /// >>> sun.replace(irradiance="#ffffff").direction
-    /// (0.0, -1.0, 0.0)
-    #[pyo3(signature = (**changes))]
-    fn replace(&self, py: Python<'_>, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        self.0.replace(py, changes).map(Self)
-    }
-
-    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        self.0.attribute(py, "Light", name)
-    }
-
-    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        self.0.shown(py, "Light")
-    }
-
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let restore = py.import("snell._snell")?.getattr("_restore_light")?;
-        Ok((restore, self.0.stored(py)?.into_pyobject(py)?))
-    }
-}
-
-/// Makes a light from what was stored.
-#[pyfunction]
-pub fn _restore_light(json: &str, textures: Vec<Py<Texture>>, media: &str) -> PyResult<Light> {
-    Said::restored(json, textures, media).map(Light)
 }

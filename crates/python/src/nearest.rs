@@ -35,7 +35,7 @@ impl Form for Local {
 }
 
 /// A nearest point.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Nearest<P> {
     /// Distance, parameters and numbers, as of a hit.
     pub found: Found<P>,

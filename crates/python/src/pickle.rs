@@ -7,7 +7,7 @@ use crate::scene::Scene;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
-use snell_formats::scene::snell::WRITER;
+use snell_formats::scene::snell::text;
 use snell_formats::{Limits, ReadOptions, read_scene_bytes};
 use snell_scene::{MaterialId, Node, NodeId, Scene as Graph, Warning};
 use std::collections::HashMap;
@@ -28,9 +28,9 @@ pub fn reduce<'py>(py: Python<'py>, contents: &Contents) -> PyResult<(Bound<'py,
     let mut stage = Graph::clone(&contents.stage);
     (stage.nodes, stage.root) = (vec![Node::default()], NodeId(0));
     let warnings: Vec<(String, u64)> = stage.warnings.iter().map(|w| (w.message.clone(), w.count)).collect();
-    let stage = (WRITER.write)(&stage).map_err(PyValueError::new_err)?;
+    let stage = text(&stage).map_err(PyValueError::new_err)?;
     let restore = py.import("snell._snell")?.getattr("_restore")?;
-    Ok((restore, (slots, PyBytes::new(py, &stage), warnings).into_pyobject(py)?))
+    Ok((restore, (slots, PyBytes::new(py, stage.as_bytes()), warnings).into_pyobject(py)?))
 }
 
 /// An object as a dictionary. A scene that is instanced several times is stored once.

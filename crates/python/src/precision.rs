@@ -3,6 +3,7 @@
 use crate::assemble::{Builder, Form, MeshForm};
 use crate::mesh::Mesh;
 use numpy::Element;
+use snell_intersect::world::BuildStats;
 use snell_intersect::{
     AcceptAll, AllHits, AnyShape, BuildOptions, DHit, DWorld, DWorldBuilder, Double, GeometryId, GroupId, Grouping,
     Hit, Instance, Rays, Single, Spheres, World, WorldBuilder, WorldError,
@@ -11,7 +12,7 @@ use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;
 
 /// What a hit says: distance, parameters, and the world's numbers of occurrence, geometry and primitive.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Found<P> {
     /// In units of the ray's direction; infinite for a miss.
     pub t: P,
@@ -49,8 +50,8 @@ pub trait Precision: Form + Element + Copy + Default + PartialEq + Into<f64> + S
     /// What a hit says.
     fn found(hit: &Self::Hit) -> Found<Self>;
 
-    /// The hit that says so.
-    fn hit(found: &Found<Self>) -> Self::Hit;
+    /// What was built.
+    fn stats(world: &Self::World) -> &BuildStats;
 
     /// The nearest hits.
     fn closest(world: &Self::World, rays: Rays<Self::Tag>, grouping: Grouping, hits: &mut [Self::Hit]);
@@ -122,9 +123,8 @@ impl Precision for f32 {
         Found { t, uv: uv.to_array(), occurrence: instance, geometry, primitive }
     }
 
-    fn hit(found: &Found<f32>) -> Hit {
-        let &Found { t, uv, occurrence, geometry, primitive } = found;
-        Hit { t, uv: uv.into(), instance: occurrence, geometry, primitive }
+    fn stats(world: &World) -> &BuildStats {
+        world.stats()
     }
 
     fn closest(world: &World, rays: Rays, grouping: Grouping, hits: &mut [Hit]) {
@@ -172,9 +172,8 @@ impl Precision for f64 {
         Found { t, uv: uv.to_array(), occurrence: instance, geometry, primitive }
     }
 
-    fn hit(found: &Found<f64>) -> DHit {
-        let &Found { t, uv, occurrence, geometry, primitive } = found;
-        DHit { t, uv: uv.into(), instance: occurrence, geometry, primitive }
+    fn stats(world: &DWorld) -> &BuildStats {
+        world.stats()
     }
 
     fn closest(world: &DWorld, rays: Rays<Double>, grouping: Grouping, hits: &mut [DHit]) {

@@ -8,7 +8,6 @@ use numpy::{Element, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntyp
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use snell_intersect::Grouping;
 
 /// The argument `rays`, before its numbers are looked at.
 #[derive(Debug)]
@@ -45,11 +44,6 @@ impl<'py> RayArgument<'py> {
         })?;
         let is_double = are_double(&[(&origins, &o, "rays[0] (origins)"), (&directions, &d, "rays[1] (directions)")])?;
         Ok(Self { arrays: Arrays::Pair([o, d]), shape, is_double })
-    }
-
-    /// Which rays are alike: those of a picture are, row by row. (Where it is not so, no time is lost.)
-    pub fn grouping(&self) -> Grouping {
-        if self.shape.len() >= 2 { Grouping::Coherent } else { Grouping::None }
     }
 
     /// How many rays there are.
@@ -209,10 +203,22 @@ impl<P: Precision> RayView<'_, P> {
         P::ray(self.origins.get(i), self.directions.get(i), [self.t_min.get(i), self.t_max.get(i)])
     }
 
+    /// Some of them as rows of six numbers, if they were given so.
+    fn rows(&self, range: std::ops::Range<usize>) -> Option<&[[P; 6]]> {
+        let is_rows = self.origins.stride == 6 && self.directions.stride == 6 && self.origins.offset == 0;
+        is_rows.then(|| &self.origins.values.as_chunks::<6>().0[range])
+    }
+
     /// Some of them, and their masks (none if all bits are set).
     pub fn read(&self, range: std::ops::Range<usize>, rays: &mut Vec<P::Ray>, masks: &mut Vec<u32>) {
         rays.clear();
-        rays.extend(range.clone().map(|i| self.get(i)));
+        match (self.rows(range.clone()), self.t_min, self.t_max) {
+            (Some(rows), Values::All(t_min), Values::All(t_max)) => {
+                let ray = |&[ox, oy, oz, dx, dy, dz]: &[P; 6]| P::ray([ox, oy, oz], [dx, dy, dz], [t_min, t_max]);
+                rays.extend(rows.iter().map(ray));
+            }
+            _ => rays.extend(range.clone().map(|i| self.get(i))),
+        }
         masks.clear();
         if !matches!(self.mask, Values::All(u32::MAX)) {
             masks.extend(range.map(|i| self.mask.get(i)));

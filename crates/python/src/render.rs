@@ -4,17 +4,45 @@ use crate::cameras;
 use crate::image::{Image, Look};
 use crate::prepare::{Prepared, Request as Preparation};
 use crate::scene::Scene;
-use crate::settings::{self, DEFAULT_SIZE, Keywords, Request};
+use crate::settings::{self, DEFAULT_SIZE, Keywords, Request, denoise_error};
 use crate::work::{Cancel, Threads, begin_alone};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
-use snell_render::{Film, Job, Progress, Settings, Statistics};
+use snell_formats::image::cryptomatte;
+use snell_oidn::DenoiseError;
+use snell_render::layers::{Coverage, name_groups};
+use snell_render::{Aov, Film, Guiding, Job, Progress, Settings, Statistics};
 use snell_scene::{Camera, LayeredImage};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How often progress is told.
 const REPORT: Duration = Duration::from_millis(100);
+
+/// A render that is planned: the scene is ready, the options are read.
+struct Plan {
+    prepared: Arc<Prepared>,
+    camera: Camera,
+    request: Request,
+    threads: Threads,
+    look: Look,
+}
+
+/// What a render has so far.
+struct Begun {
+    film: Film,
+    statistics: Statistics,
+    seconds: f64,
+}
+
+/// How far a render is to go now.
+#[derive(Clone, Copy)]
+struct Goal {
+    /// Samples per pixel; `None` is all, as the options say.
+    samples: Option<u32>,
+    /// Stop after this time.
+    time: Option<Duration>,
+}
 
 /// What the threads of a render and those who wait for it share.
 #[derive(Debug, Default)]
@@ -25,17 +53,16 @@ struct Watch {
 
 /// What a render gave.
 struct Rendered {
+    begun: Begun,
     picture: LayeredImage,
     variance: LayeredImage,
-    samples: u32,
-    statistics: Statistics,
-    seconds: f64,
 }
 
-/// What a render of these options reads of the scene: the samples per pixel.
-#[pyfunction]
-pub fn _samples<'py>(py: Python<'py>, scene: &Bound<'py, Scene>, options: &Bound<'py, PyDict>) -> PyResult<u32> {
-    Ok(plan(py, scene, &Keywords(options))?.2.settings.spp)
+/// A render that can go on where it stopped.
+#[pyclass(frozen, module = "snell._snell")]
+pub struct _Render {
+    plan: Arc<Plan>,
+    begun: Mutex<Option<Begun>>,
 }
 
 /// Makes the scene ready and reads the options.
@@ -44,105 +71,182 @@ pub fn plan<'py>(
     scene: &Bound<'py, Scene>,
     keywords: &Keywords<'_, 'py>,
 ) -> PyResult<(Arc<Prepared>, Camera, Request)> {
-    let quality = settings::build(keywords)?.quality;
+    let build = settings::build(keywords)?;
     let size = settings::size(keywords)?.unwrap_or(DEFAULT_SIZE);
-    let prepared = scene.get().0.prepared(py, &Preparation { quality, size })?;
-    let camera = cameras::choose(&prepared.cameras, keywords.any("camera")?.as_ref())?;
-    let request = settings::read(keywords, &prepared.hints, &camera)?;
+    let prepared = scene.get().0.prepared(py, &Preparation { build, size })?;
+    let camera = cameras::choose(&prepared.scene.cameras, keywords.any("camera")?.as_ref())?;
+    let request = settings::read(keywords, &prepared.scene, &camera)?;
     Ok((prepared, camera, request))
 }
 
-/// Renders what a scene holds. `report` is called with the share that is done and the rays so far; it stops the render by answering False.
-#[pyfunction]
-#[pyo3(signature = (scene, options, report=None))]
-pub fn _render<'py>(
-    py: Python<'py>,
-    scene: &Bound<'py, Scene>,
-    options: &Bound<'py, PyDict>,
-    report: Option<Py<PyAny>>,
-) -> PyResult<Image> {
-    let keywords = Keywords(options);
-    let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
-    let (prepared, camera, Request { settings, time }) = plan(py, scene, &keywords)?;
-
-    let watch = Arc::new(Watch::default());
-    let doing = (prepared.clone(), camera, settings.clone(), watch.clone());
-    let job = begin_alone(move || {
-        let (prepared, camera, settings, watch) = doing;
-        run(&prepared, &camera, &settings, threads, time, &watch)
-    })?;
-    let (start, mut told) = (Instant::now(), Instant::now());
-    let waited = py.detach(|| {
-        job.wait_with(|py| {
-            let Some(report) = report.as_ref().filter(|_| told.elapsed() >= REPORT) else { return Ok(()) };
-            told = Instant::now();
-            let progress = *watch.progress.lock().unwrap_or_else(PoisonError::into_inner);
-            let share = share(&progress, start.elapsed(), time);
-            if report.call1(py, (share, progress.rays))?.is(PyBool::new(py, false)) {
-                watch.cancel.stop();
-            }
-            Ok(())
-        })
-    });
-    if waited.is_err() {
-        watch.cancel.stop();
+#[pymethods]
+impl _Render {
+    /// Makes the scene ready and reads the options.
+    #[new]
+    fn new<'py>(py: Python<'py>, scene: &Bound<'py, Scene>, options: &Bound<'py, PyDict>) -> PyResult<Self> {
+        let keywords = Keywords(options);
+        let (prepared, camera, request) = plan(py, scene, &keywords)?;
+        let exposure = keywords.get("exposure", "a number")?;
+        let tonemap: Option<String> = keywords.get("tonemap", "a name")?;
+        let look = Look::of(&prepared.scene.settings, request.settings.integrator)?;
+        let look = look.with(exposure, tonemap.as_deref())?;
+        let threads = Threads::new(keywords.get("threads", "a whole number")?)?;
+        let plan = Plan { prepared, camera, request, threads, look };
+        Ok(Self { plan: Arc::new(plan), begun: Mutex::new(None) })
     }
-    waited?;
-    let Rendered { picture, variance, samples, statistics, seconds } = job.take()?;
-    let look = Look::of(&prepared.hints, settings.integrator)?;
-    let facts = facts(py, &prepared, &settings, samples, &statistics, seconds)?;
-    Ok(Image::new(picture, Some(variance), look, facts))
+
+    /// Samples per pixel that are asked for.
+    #[getter]
+    fn samples(&self) -> u32 {
+        self.plan.request.settings.spp
+    }
+
+    /// Whether pixels stop by their error.
+    #[getter]
+    fn is_adaptive(&self) -> bool {
+        self.plan.request.settings.noise.is_some()
+    }
+
+    /// Goes on until every pixel has so many samples (all if left out), or for so many seconds. `report` is called with the share that is done and the
+    /// rays so far; it stops the render by answering False.
+    #[pyo3(signature = (samples=None, time=None, report=None))]
+    fn render(
+        &self,
+        py: Python<'_>,
+        samples: Option<u32>,
+        time: Option<f64>,
+        report: Option<Py<PyAny>>,
+    ) -> PyResult<Image> {
+        let time = time.map(|s| Duration::try_from_secs_f64(s).unwrap_or_default()).or(self.plan.request.time);
+        let goal = Goal { samples, time };
+        let watch = Arc::new(Watch::default());
+        let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let doing = (self.plan.clone(), watch.clone());
+        let job = begin_alone(move || doing.0.run(begun, goal, &doing.1))?;
+        let (start, mut told) = (Instant::now(), Instant::now());
+        let waited = py.detach(|| {
+            job.wait_with(|py| {
+                let Some(report) = report.as_ref().filter(|_| told.elapsed() >= REPORT) else { return Ok(()) };
+                told = Instant::now();
+                let progress = *watch.progress.lock().unwrap_or_else(PoisonError::into_inner);
+                let share = share(&progress, start.elapsed(), time);
+                if report.call1(py, (share, progress.rays))?.is(PyBool::new(py, false)) {
+                    watch.cancel.stop();
+                }
+                Ok(())
+            })
+        });
+        if waited.is_err() {
+            watch.cancel.stop();
+        }
+        waited?;
+        let Rendered { begun, picture, variance } = job.take()?.map_err(denoise_error)?;
+        let facts = facts(py, &self.plan, &begun)?;
+        for (key, value) in &picture.metadata {
+            facts.bind(py).set_item(key, value)?;
+        }
+        *self.begun.lock().unwrap_or_else(PoisonError::into_inner) = Some(begun);
+        Ok(Image::new(picture, Some(variance), self.plan.look, facts))
+    }
 }
 
-fn run(
-    prepared: &Prepared,
-    camera: &Camera,
-    settings: &Settings,
-    threads: Threads,
-    time: Option<Duration>,
-    watch: &Watch,
-) -> Rendered {
-    let start = Instant::now();
-    let job = Job::new(&prepared.compiled, camera, settings);
-    let (film, statistics): (Film, Statistics) = job.run(threads.count(), &|progress| {
-        if let Ok(mut last) = watch.progress.try_lock() {
-            *last = *progress;
+impl Plan {
+    fn run(&self, begun: Option<Begun>, goal: Goal, watch: &Watch) -> Result<Rendered, DenoiseError> {
+        let Request { settings, is_training_timed, denoiser, .. } = &self.request;
+        let (start, compiled) = (Instant::now(), &self.prepared.compiled);
+        let job = Job::new(compiled, &self.camera, settings);
+        let keep_going = |progress: &Progress| {
+            if let Some((_, passes)) = progress.training {
+                // A pass takes as long as all before it. Where passes are counted, the clock has no say: bits must repeat.
+                let share = goal.time.filter(|_| *is_training_timed).map(|limit| limit.mul_f64(Guiding::SHARE));
+                let is_late = passes == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
+                return !is_late && watch.cancel.check().is_ok();
+            }
+            if let Ok(mut last) = watch.progress.try_lock() {
+                *last = *progress;
+            }
+            // A picture with holes is of no use: the time limit waits for the first pass.
+            let is_late = progress.passes > 0 && goal.time.is_some_and(|limit| start.elapsed() >= limit);
+            !is_late && watch.cancel.check().is_ok()
+        };
+        let threads = self.threads.count();
+        let before = begun.filter(|_| goal.samples.is_some() || settings.noise.is_none());
+        let (film, statistics, mut seconds) = match (goal.samples, before) {
+            (None, None) => {
+                let (film, statistics) = job.run(threads, &keep_going);
+                (film, statistics, 0.0)
+            }
+            (samples, before) => {
+                let (film, known, seconds) = before.map_or_else(
+                    || (job.empty_film(), Statistics::default(), 0.0),
+                    |b| (b.film, b.statistics, b.seconds),
+                );
+                let (film, mut statistics) = job.extend(film, samples.unwrap_or(settings.spp), threads, &keep_going);
+                statistics.rays += known.rays;
+                statistics.samples += known.samples;
+                statistics.invalid_samples += known.invalid_samples;
+                (film, statistics, seconds)
+            }
+        };
+        let mut picture = snell_render::picture(&film, settings, compiled);
+        name_groups(&mut picture, &film, &settings.light_groups);
+        self.add_cryptomatte(&mut picture, &film);
+        if let Some(denoiser) = denoiser {
+            denoiser.denoise_picture(&mut picture, threads)?;
         }
-        // A picture with holes is of no use: the time limit waits for the first pass.
-        let is_late = progress.passes > 0 && time.is_some_and(|limit| start.elapsed() >= limit);
-        !is_late && watch.cancel.check().is_ok()
-    });
-    let mut variance = film.variance();
-    let picture = snell_render::picture(&film, settings, &prepared.compiled);
-    variance.layers.truncate(1);
-    if picture.layers[0].channels.len() == 3 {
-        let main = &mut variance.layers[0];
-        main.channels.truncate(3);
-        main.values = main.values.chunks(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        let variance = variance(&film, picture.layers[0].channels.len());
+        seconds += start.elapsed().as_secs_f64();
+        Ok(Rendered { begun: Begun { film, statistics, seconds }, picture, variance })
     }
-    Rendered { picture, variance, samples: film.least_samples(), statistics, seconds: start.elapsed().as_secs_f64() }
+
+    /// Adds the layers and the metadata of Cryptomatte.
+    fn add_cryptomatte(&self, picture: &mut LayeredImage, film: &Film) {
+        let Prepared { scene, compiled, .. } = &*self.prepared;
+        for (aov, kind) in [(Aov::CryptoObject, "CryptoObject"), (Aov::CryptoMaterial, "CryptoMaterial")] {
+            if let Some(coverage) = Coverage::of(film, aov, scene, compiled) {
+                let matte = cryptomatte::encode(kind, &coverage.names, coverage.shares.iter().map(Vec::as_slice));
+                picture.layers.extend(matte.layers);
+                picture.metadata.extend(matte.metadata);
+            }
+        }
+    }
+}
+
+/// The variance of the first `channels` of a picture.
+fn variance(film: &Film, channels: usize) -> LayeredImage {
+    let mut variance = film.variance();
+    variance.layers.truncate(1);
+    let main = &mut variance.layers[0];
+    let all = main.channels.len();
+    if channels < all {
+        main.channels.truncate(channels);
+        main.values = main.values.chunks(all).flat_map(|p| &p[..channels]).copied().collect();
+    }
+    variance
 }
 
 /// How much is done, from 0 to 1.
 fn share(progress: &Progress, elapsed: Duration, limit: Option<Duration>) -> f64 {
     let by_samples = progress.done as f64 / progress.total.max(1) as f64;
-    let by_time = limit.map_or(0.0, |limit| elapsed.as_secs_f64() / limit.as_secs_f64());
+    let by_time = limit.map_or(0.0, |limit| elapsed.as_secs_f64() / limit.as_secs_f64().max(1e-9));
     by_samples.max(by_time).min(1.0)
 }
 
 /// What a picture knows of how it was made.
-fn facts(
-    py: Python<'_>,
-    prepared: &Prepared,
-    settings: &Settings,
-    samples: u32,
-    statistics: &Statistics,
-    seconds: f64,
-) -> PyResult<Py<PyDict>> {
+fn facts(py: Python<'_>, plan: &Plan, begun: &Begun) -> PyResult<Py<PyDict>> {
+    let (settings, Begun { film, statistics, seconds }): (&Settings, _) = (&plan.request.settings, begun);
     let facts = PyDict::new(py);
-    facts.set_item("scene", &prepared.name)?;
+    facts.set_item("scene", &plan.prepared.scene.name)?;
     facts.set_item("integrator", settings.integrator.name())?;
-    facts.set_item("samples", samples)?;
+    facts.set_item("samples", film.least_samples())?;
+    if settings.noise.is_some() {
+        let [width, height] = film.crop.size().map(f64::from);
+        facts.set_item("mean_samples", film.mean_samples())?;
+        facts.set_item("converged", statistics.converged_pixels as f64 / (width * height))?;
+    }
+    if settings.guiding.is_some() {
+        facts.set_item("training_passes", statistics.training_passes)?;
+    }
     facts.set_item("max_depth", settings.max_depth)?;
     facts.set_item("seed", settings.seed)?;
     facts.set_item("sampler", settings.sampler.name())?;
@@ -151,6 +255,6 @@ fn facts(
     facts.set_item("rays", statistics.rays.total())?;
     facts.set_item("invalid_samples", statistics.invalid_samples)?;
     facts.set_item("is_complete", statistics.is_complete)?;
-    facts.set_item("warnings", &prepared.warnings)?;
+    facts.set_item("warnings", &plan.prepared.warnings)?;
     Ok(facts.unbind())
 }

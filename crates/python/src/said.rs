@@ -24,13 +24,22 @@ pub trait Declared: Serialize + DeserializeOwned + Clone {
     fn family() -> Family;
 
     /// What it has whatever its kind; as an example.
-    fn common() -> PyResult<Vec<(String, Tree)>>;
+    fn common() -> PyResult<Vec<(String, Tree)>> {
+        Ok(Vec::new())
+    }
 
     /// From the fields of the kind, the tag among them, and the common ones.
-    fn assemble(kind: Vec<(String, Tree)>, common: Vec<(String, Tree)>) -> Vec<(String, Tree)>;
+    fn assemble(kind: Vec<(String, Tree)>, _common: Vec<(String, Tree)>) -> Vec<(String, Tree)> {
+        kind
+    }
 
     /// The same, the other way: the fields of the kind and the common ones.
-    fn apart(tree: Tree) -> (Vec<(String, Tree)>, Vec<(String, Tree)>);
+    fn apart(tree: Tree) -> (Vec<(String, Tree)>, Vec<(String, Tree)>) {
+        match tree {
+            Tree::Fields(kind) => (kind, Vec::new()),
+            _ => Default::default(),
+        }
+    }
 
     /// Puts in order what may be said in several ways, such as the length of a direction.
     fn settle(self) -> PyResult<Self> {
@@ -141,3 +150,63 @@ impl<T: Declared> Said<T> {
         Ok(Self { value, references: References { textures, media } })
     }
 }
+
+/// Declares the class of a family of declared things, and the function that makes one from what was stored.
+macro_rules! declared_class {
+    ($(#[doc = $doc:expr])* $class:ident of $value:ty, restored by $restore:ident; $(#[doc = $about:expr])* replace) => {
+        $(#[doc = $doc])*
+        #[pyclass(frozen, module = "snell")]
+        pub struct $class(pub $crate::said::Said<$value>);
+
+        #[pymethods]
+        impl $class {
+            #[new]
+            #[pyo3(signature = (kind, /, **parameters))]
+            fn new(kind: &str, parameters: Option<&Bound<'_, pyo3::types::PyDict>>) -> PyResult<Self> {
+                $crate::said::Said::new(kind, parameters).map(Self)
+            }
+
+            /// Which kind of its family it is, by name.
+            #[getter]
+            fn kind(&self) -> PyResult<String> {
+                self.0.kind()
+            }
+
+            /// All parameters by name. Each is an attribute, too.
+            #[getter]
+            fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyDict>> {
+                self.0.parameters(py)
+            }
+
+            $(#[doc = $about])*
+            #[pyo3(signature = (**changes))]
+            fn replace(&self, py: Python<'_>, changes: Option<&Bound<'_, pyo3::types::PyDict>>) -> PyResult<Self> {
+                self.0.replace(py, changes).map(Self)
+            }
+
+            fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+                self.0.attribute(py, stringify!($class), name)
+            }
+
+            fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+                self.0.shown(py, stringify!($class))
+            }
+
+            fn __reduce__<'py>(
+                &self,
+                py: Python<'py>,
+            ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, pyo3::types::PyTuple>)> {
+                let restore = py.import("snell._snell")?.getattr(stringify!($restore))?;
+                Ok((restore, self.0.stored(py)?.into_pyobject(py)?))
+            }
+        }
+
+        /// Makes one from what was stored.
+        #[pyfunction]
+        pub fn $restore(json: &str, textures: Vec<Py<$crate::texture::Texture>>, media: &str) -> PyResult<$class> {
+            $crate::said::Said::restored(json, textures, media).map($class)
+        }
+    };
+}
+
+pub(crate) use declared_class;

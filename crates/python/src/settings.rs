@@ -1,23 +1,28 @@
 //! The keyword arguments of a render as settings. What is left out is what the scene says, else the default.
 
 use crate::names::choice;
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBool, PyDict};
+use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::{BuildOptions, Quality};
 use snell_math::ColorModel;
+use snell_oidn::Denoiser;
+use snell_render::layers::{add_light_group, needed_aovs};
 use snell_render::{
-    Aov, Crop, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
+    Aov, Crop, Filter, Guiding, IntegratorKind, LightGroup, LightSamplerKind, LightStrategy, SamplerKind, Settings,
+    Shadows,
 };
-use snell_scene::{Camera, SceneSettings};
+use snell_scene::{Camera, Scene};
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Size of a picture if nobody says.
 pub const DEFAULT_SIZE: [u32; 2] = [1280, 720];
 /// Most samples per pixel.
 const MAX_SPP: u32 = 1 << 24;
-/// Most samples per pixel that a time limit alone allows.
-const SPP_OF_TIME_LIMIT: u32 = 1 << 16;
+/// Most samples per pixel that a limit of time or noise alone allows.
+const SPP_OF_LIMITS: u32 = 1 << 16;
 /// Longest side of a picture.
 const MAX_SIDE: u32 = 1 << 16;
 /// Most pixels of a picture.
@@ -59,6 +64,25 @@ impl<'py> Keywords<'_, 'py> {
         Err(PyValueError::new_err(format!("{name} is {number}, expected a positive number up to 1e9")))
     }
 
+    /// A number of a range.
+    pub fn within(&self, name: &str, range: std::ops::RangeInclusive<f64>) -> PyResult<Option<f64>> {
+        let Some(number) = self.get::<f64>(name, "a number")? else { return Ok(None) };
+        if range.contains(&number) {
+            return Ok(Some(number));
+        }
+        let (low, high) = (range.start(), range.end());
+        Err(PyValueError::new_err(format!("{name} is {number}, expected a number from {low} to {high}")))
+    }
+
+    /// What is switched on or off, or is a value: `Some(None)` if it is just on.
+    fn switch<T: for<'a> FromPyObject<'a, 'py>>(&self, name: &str, what: &str) -> PyResult<Option<Option<T>>> {
+        match self.any(name)? {
+            None => Ok(None),
+            Some(value) if value.is_instance_of::<PyBool>() => Ok(value.is_truthy()?.then_some(None)),
+            Some(_) => Ok(self.get(name, &format!("True, False or {what}"))?.map(Some)),
+        }
+    }
+
     /// One of some names; otherwise what the scene says, or nothing.
     fn one_of<T: Copy>(
         &self,
@@ -86,23 +110,33 @@ pub struct Request {
     pub settings: Settings,
     /// Stop after this time, once every pixel has a sample.
     pub time: Option<Duration>,
+    /// Whether training for guiding ends by the clock.
+    pub is_training_timed: bool,
+    /// Who removes the noise.
+    pub denoiser: Option<Denoiser>,
 }
 
 /// Reads the settings.
-pub fn read(keywords: &Keywords<'_, '_>, hints: &SceneSettings, camera: &Camera) -> PyResult<Request> {
+pub fn read(keywords: &Keywords<'_, '_>, scene: &Scene, camera: &Camera) -> PyResult<Request> {
+    let hints = &scene.settings;
     let integrator =
         keywords.one_of("integrator", hints.integrator.as_ref(), &IntegratorKind::ALL, IntegratorKind::name)?;
     let integrator = integrator.unwrap_or_default();
     let given_spp = keywords.whole("spp", 1..=i64::from(MAX_SPP))?;
     let time = keywords.positive("time")?.map(Duration::from_secs_f64);
-    let spp = match (given_spp, time) {
+    let noise = keywords.within("noise", 1e-5..=10.0)?;
+    let spp = match (given_spp, time.is_some() || noise.is_some()) {
         (Some(spp), _) => spp,
-        (None, Some(_)) => SPP_OF_TIME_LIMIT,
-        (None, None) => hints.spp.unwrap_or(default_spp(integrator)).clamp(1, MAX_SPP),
+        (None, true) => SPP_OF_LIMITS,
+        (None, false) => hints.spp.unwrap_or(default_spp(integrator)).clamp(1, MAX_SPP),
     };
     let size = size(keywords)?.or(hints.size).or(camera.resolution).unwrap_or(DEFAULT_SIZE);
     let crop = crop(keywords, size)?;
-    let aovs = aovs(keywords, integrator)?;
+    let denoiser = denoiser(keywords)?;
+    let light_groups = light_groups(keywords, scene)?;
+    let aovs = needed_aovs(&aovs(keywords)?, integrator, &light_groups, denoiser.is_some());
+    let (guiding, is_training_timed) = guiding(keywords, integrator, size, given_spp.ok_or(spp), time.is_some())?;
+    let exposure = keywords.within("exposure", -100.0..=100.0)?.or(hints.exposure).unwrap_or(0.0);
     check_memory(crop.unwrap_or(Crop::full(size)), &aovs)?;
     let has_filter = keywords.any("filter")?.is_some();
     let max_depth = keywords.whole("max_depth", 0..=i64::from(Settings::MAX_DEPTH))?.or(hints.max_depth);
@@ -110,6 +144,8 @@ pub fn read(keywords: &Keywords<'_, '_>, hints: &SceneSettings, camera: &Camera)
         size,
         crop,
         spp,
+        noise,
+        noise_floor: Settings::NOISE_FLOOR / exposure.exp2(),
         progressive: time.is_some() || spp > 16,
         seed: keywords.whole("seed", 0..=i64::from(u32::MAX))?.unwrap_or(0),
         sampler: keywords
@@ -126,19 +162,77 @@ pub fn read(keywords: &Keywords<'_, '_>, hints: &SceneSettings, camera: &Camera)
         light_sampler: keywords
             .one_of("light_sampler", None, &LightSamplerKind::ALL, LightSamplerKind::name)?
             .unwrap_or_default(),
+        guiding,
         ao_distance: keywords.positive("ao_distance")?.map(|x| x as f32),
+        clamp: keywords.positive("clamp")?.map(|x| x as f32),
+        light_groups,
         aovs,
         color: keywords.one_of("color", None, &ColorModel::ALL, ColorModel::name)?.unwrap_or_default(),
         build: build(keywords)?,
         ..Settings::default()
     };
-    Ok(Request { settings, time })
+    Ok(Request { settings, time, is_training_timed, denoiser })
 }
 
 /// How the structures are built.
 pub fn build(keywords: &Keywords<'_, '_>) -> PyResult<BuildOptions> {
     let quality = keywords.one_of("quality", None, &Quality::ALL, Quality::name)?;
-    Ok(BuildOptions { quality: quality.unwrap_or(Quality::Medium), ..BuildOptions::default() })
+    let accelerator = keywords.one_of("accelerator", None, &AcceleratorKind::ALL, AcceleratorKind::name)?;
+    Ok(BuildOptions {
+        quality: quality.unwrap_or(Quality::Medium),
+        accelerator: accelerator.unwrap_or_default(),
+        cache: keywords.get::<PathBuf>("bvh_cache", "a folder")?,
+        ..BuildOptions::default()
+    })
+}
+
+/// Guiding, and whether its training ends by the clock. `spp` is what was asked for, or else what is done.
+fn guiding(
+    keywords: &Keywords<'_, '_>,
+    integrator: IntegratorKind,
+    size: [u32; 2],
+    spp: Result<u32, u32>,
+    is_timed: bool,
+) -> PyResult<(Option<Guiding>, bool)> {
+    let Some(passes) = keywords.switch::<i64>("guiding", "a number of passes")? else { return Ok((None, false)) };
+    if integrator != IntegratorKind::Path {
+        let name = integrator.name();
+        return Err(PyValueError::new_err(format!("guiding is for the integrator path, not for {name}")));
+    }
+    let by_passes = keywords.whole("guiding", 1..=Guiding::MAX_PASSES.into());
+    Ok(match (passes, spp) {
+        (Some(_), _) => (by_passes?.map(Guiding::with_passes), false),
+        (None, Err(_)) if is_timed => (Some(Guiding::with_passes(Guiding::MAX_PASSES)), true),
+        (None, Ok(spp) | Err(spp)) => (Some(Guiding::for_picture(size, spp)), is_timed),
+    })
+}
+
+/// Open Image Denoise, if noise is to be removed.
+fn denoiser(keywords: &Keywords<'_, '_>) -> PyResult<Option<Denoiser>> {
+    let Some(path) = keywords.switch::<PathBuf>("denoise", "a path")? else { return Ok(None) };
+    Denoiser::load(path.as_deref()).map(Some).map_err(denoise_error)
+}
+
+/// An error of the denoiser, whose message speaks of the command's option.
+pub fn denoise_error(error: snell_oidn::DenoiseError) -> PyErr {
+    PyRuntimeError::new_err(error.to_string().replace("--denoise", "denoise"))
+}
+
+/// Lights that layers show apart.
+fn light_groups(keywords: &Keywords<'_, '_>, scene: &Scene) -> PyResult<Vec<LightGroup>> {
+    let mut groups = Vec::new();
+    let what = "a dictionary of lists of lights";
+    for (name, lights) in keywords.get::<Bound<'_, PyDict>>("light_groups", what)?.into_iter().flatten() {
+        let name: String = name.extract()?;
+        let error = |problem: String| PyValueError::new_err(format!("light_groups[{name:?}]: {problem}"));
+        let one = |light: &Bound<'_, PyAny>| Ok::<_, PyErr>(light.str()?.to_string_lossy().into_owned());
+        let lights = match lights.extract::<Vec<Bound<'_, PyAny>>>() {
+            Ok(lights) => lights.iter().map(one).collect::<PyResult<Vec<_>>>()?,
+            Err(_) => vec![one(&lights)?],
+        };
+        add_light_group(&mut groups, &name, &lights, scene).map_err(error)?;
+    }
+    Ok(groups)
 }
 
 /// The size that is asked for.
@@ -168,22 +262,18 @@ fn crop(keywords: &Keywords<'_, '_>, size: [u32; 2]) -> PyResult<Option<Crop>> {
     )))
 }
 
-fn aovs(keywords: &Keywords<'_, '_>, integrator: IntegratorKind) -> PyResult<Vec<Aov>> {
+fn aovs(keywords: &Keywords<'_, '_>) -> PyResult<Vec<Aov>> {
     let wanted = match keywords.get::<String>("aovs", "names") {
         Ok(Some(name)) => vec![name],
         _ => keywords.get::<Vec<String>>("aovs", "a list of names")?.unwrap_or_default(),
     };
     let mut aovs: Vec<Aov> = Vec::new();
     for name in wanted {
-        let found = if name == "all" { Aov::ALL.to_vec() } else { vec![choice("aovs", &name, &Aov::ALL, Aov::name)?] };
-        for aov in found {
-            if !aovs.contains(&aov) {
-                aovs.push(aov);
-            }
+        if name == "all" {
+            aovs.extend(Aov::ALL);
+        } else {
+            aovs.push(choice("aovs", &name, &Aov::ALL, Aov::name)?);
         }
-    }
-    if aovs.is_empty() && integrator == IntegratorKind::Aov {
-        aovs.push(Aov::Normal);
     }
     Ok(aovs)
 }

@@ -133,7 +133,7 @@ impl Source for Shown {
     fn open(&self, which: Which) -> Result<Opened, String> {
         let options = ReadOptions::default();
         let (name, mut scene) = match which {
-            Which::Given => (self.prepared.name.clone(), self.prepared.scene.clone()),
+            Which::Given => (self.prepared.scene.name.clone(), self.prepared.scene.clone()),
             Which::Builtin(name) => {
                 let scene = snell_scene::builtin::builtin(&name).ok_or("there is no such built-in scene")?;
                 (name, scene)

@@ -10,7 +10,7 @@ use std::any::Any;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 /// How often Python is asked whether Ctrl-C was pressed.
@@ -27,6 +27,13 @@ struct Pools {
 
 static POOLS: Mutex<Pools> = Mutex::new(Pools { pid: 0, by_threads: BTreeMap::new() });
 
+/// The number of cores: asking the system takes longer than many a call.
+static CORES: OnceLock<usize> = OnceLock::new();
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, |n| n.get()).min(MAX_THREADS)
+}
+
 /// How many threads work for one call: `None` means all cores.
 #[derive(Clone, Copy, Debug)]
 pub struct Threads(usize);
@@ -35,7 +42,7 @@ impl Threads {
     /// From the argument `threads`.
     pub fn new(threads: Option<usize>) -> PyResult<Self> {
         match threads {
-            None => Ok(Self(std::thread::available_parallelism().map_or(1, |n| n.get()).min(MAX_THREADS))),
+            None => Ok(Self(*CORES.get_or_init(cores))),
             Some(n) if (1..=MAX_THREADS).contains(&n) => Ok(Self(n)),
             Some(n) => Err(PyValueError::new_err(format!(
                 "threads is {n}, expected 1 to {MAX_THREADS}, or None for all cores"

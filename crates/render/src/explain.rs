@@ -297,7 +297,7 @@ fn add_vertex<'a>(
 ) {
     tree.mode = shaded.state.mode;
     let vertex = &mut tree.vertices[number];
-    let surface = shaded.hit.is_hit().then(|| scene.world.interaction(&shaded.ray, &shaded.hit));
+    let surface = shaded.hit.is_hit().then(|| scene.interaction(&shaded.ray, shaded.state.time, &shaded.hit));
     // Media move the origin of the ray on; what is shown is the whole way.
     vertex.ray = if vertex.parent.is_some() { vertex.ray } else { shaded.ray };
     vertex.kind = match (&surface, &shaded.medium) {
@@ -332,7 +332,7 @@ fn add_vertex<'a>(
 /// How a ray was chosen, from what is known of it.
 fn scattering(scene: &CompiledScene, shaded: &Shaded, ray: &Ray, state: &PathState) -> Scattering {
     let is_delta = state.bsdf_pdf == 0.0;
-    let surface = shaded.hit.is_hit().then(|| scene.world.interaction(&shaded.ray, &shaded.hit));
+    let surface = shaded.hit.is_hit().then(|| scene.interaction(&shaded.ray, shaded.state.time, &shaded.hit));
     let lobe = lobe(scene, shaded, surface.as_ref(), ray.direction, is_delta);
     Scattering { lobe, is_delta, pdf: state.bsdf_pdf }
 }

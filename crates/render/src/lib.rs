@@ -24,6 +24,7 @@ pub mod film;
 pub mod guiding;
 pub mod integrator;
 pub mod job;
+pub mod layers;
 pub mod light_sampler;
 mod picture;
 pub mod reference;
@@ -31,7 +32,7 @@ pub mod sampler;
 pub mod settings;
 mod volume;
 
-pub use compile::{CompileError, CompiledScene};
+pub use compile::{CompileError, CompiledScene, Moving};
 pub use film::{Film, FilmTile, filter::Filter};
 pub use guiding::Guiding;
 pub use integrator::{IntegratorKind, aov::Aov};

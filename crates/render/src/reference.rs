@@ -10,7 +10,7 @@ use crate::integrator::{Context, MediumVertex, Outputs, PathState, SurfaceVertex
 use crate::sampler::{Random, Sampler};
 use crate::settings::Settings;
 use crate::volume::{Insides, LightStep, Numbers, OwnMedia, PathStep, Walker};
-use snell_intersect::Hit;
+use snell_intersect::{Hit, RayQuery};
 use snell_math::{ColorMode, Ray, Rgb, SampledSpectrum};
 use snell_scene::Camera;
 
@@ -27,7 +27,7 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
             let (mut plain, mut sum, mut weights) = (Rgb::BLACK, Rgb::BLACK, 0.0);
             for number in 0..settings.spp {
                 let random = sampler.random([x, y], number);
-                let (ray, state, weight) = camera_path(camera, settings, &filter, [x, y], &random);
+                let (ray, state, weight) = camera_path(camera, settings, scene.moves, &filter, [x, y], &random);
                 let mut media = Media::new(scene, settings, camera, state.mode);
                 let color = state.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
                 plain = plain + color;
@@ -61,12 +61,12 @@ fn radiance(
     let (mut ray, mut state, mut sum) = (*ray, *state, SampledSpectrum::ZERO);
     let (hit, medium) = match media {
         Some(media) => media.travel(scene, &mut ray, &mut state, numbers, &mut sum),
-        None => (scene.world.closest_one(&ray, scene), None),
+        None => (scene.world.closest_one(timed(&ray, state.time), scene), None),
     };
     if state.throughput.is_black() {
         return sum;
     }
-    let interaction = hit.is_hit().then(|| scene.world.interaction(&ray, &hit));
+    let interaction = hit.is_hit().then(|| scene.interaction(&ray, state.time, &hit));
     let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
         hit: &hit,
         interaction,
@@ -84,9 +84,16 @@ fn radiance(
         sum += match media {
             Some(media) => {
                 media.go_on(here, &vertex, light_ray);
-                media.arriving(scene, *light_ray, *value, state.mode, Numbers::of_light_ray(numbers, number))
+                media.arriving(
+                    scene,
+                    *light_ray,
+                    state.time,
+                    *value,
+                    state.mode,
+                    Numbers::of_light_ray(numbers, number),
+                )
             }
-            None if scene.world.occluded_one(light_ray, scene) => SampledSpectrum::ZERO,
+            None if scene.world.occluded_one(timed(light_ray, state.time), scene) => SampledSpectrum::ZERO,
             None => *value,
         };
     }
@@ -97,6 +104,11 @@ fn radiance(
         sum += radiance(context, next_ray, next_state, random, depth + 1, media);
     }
     sum
+}
+
+/// A ray as the world is asked about it.
+fn timed(ray: &Ray, time: f32) -> RayQuery<'_> {
+    RayQuery { time, ..RayQuery::from(ray) }
 }
 
 /// What a ray must know where there are media.
@@ -126,7 +138,7 @@ impl<'a> Media<'a> {
     ) -> (Hit, Option<MediumVertex>) {
         let mut numbers = Numbers::of_path(random);
         loop {
-            let hit = scene.world.closest_one(&*ray, &self.walker);
+            let hit = scene.world.closest_one(timed(ray, state.time), &self.walker);
             match self.walker.step(&mut self.own, ray, state, &mut self.insides, &hit, &mut numbers, emitted) {
                 PathStep::Arrived => return (hit, None),
                 PathStep::Scattered(vertex) => return (Hit::MISS, Some(vertex)),
@@ -140,14 +152,15 @@ impl<'a> Media<'a> {
         &mut self,
         scene: &CompiledScene,
         mut ray: Ray,
+        time: f32,
         mut value: SampledSpectrum,
         mode: ColorMode,
         mut numbers: Numbers,
     ) -> SampledSpectrum {
         loop {
-            let hit = scene.world.closest_one(&ray, &self.walker);
+            let hit = scene.world.closest_one(timed(&ray, time), &self.walker);
             let insides = &mut self.insides;
-            match self.walker.light_step(&mut self.own, &mut ray, &mut value, mode, insides, &hit, &mut numbers) {
+            match self.walker.light_step(&mut self.own, &mut ray, time, &mut value, mode, insides, &hit, &mut numbers) {
                 LightStep::Arrived => return value,
                 LightStep::Blocked => return SampledSpectrum::ZERO,
                 LightStep::Passed => {}

@@ -10,6 +10,7 @@ use crate::sampler::SamplerKind;
 use snell_intersect::BuildOptions;
 use snell_math::ColorModel;
 use snell_math::Rgb;
+use snell_scene::Camera;
 
 /// How `raycast` and `whitted` treat occlusion of lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -124,6 +125,8 @@ pub struct Settings {
     pub seed: u32,
     /// Who gives random numbers.
     pub sampler: SamplerKind,
+    /// Where the camera is while the shutter is open, after where it is when that opens: evenly spread in time. Empty if it stays.
+    pub later_cameras: Vec<Camera>,
     /// Reconstruction filter.
     pub filter: Filter,
     /// If set, every sample of a pixel is taken at this position in it, and the filter is not used.
@@ -177,6 +180,7 @@ impl Default for Settings {
             progressive: false,
             seed: 0,
             sampler: SamplerKind::default(),
+            later_cameras: Vec::new(),
             filter: Filter::default(),
             pixel_position: None,
             integrator: IntegratorKind::default(),

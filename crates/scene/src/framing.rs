@@ -9,8 +9,10 @@ pub use air::fill_with_fog;
 pub use fit::frame;
 pub use sky::{default_sky, sky_seen_by};
 
+use crate::camera::Camera;
 use crate::graph::{Background, NodeId, Scene, SceneError};
 use crate::material::{Diffuse, Material};
+use crate::motion::Pose;
 use snell_math::{Bounds3d, DVec3, Rgb, Transform};
 use std::collections::BTreeMap;
 
@@ -41,15 +43,18 @@ impl Default for FramingOptions {
 /// gives light (no lights, no environment, no emissive material in use). With the sky comes [`DEFAULT_BACKGROUND`], unless the
 /// scene has a background. Does nothing to a scene that has all of it.
 pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneError> {
+    prepare_for(scene, &[], options)
+}
+
+/// Like [`prepare`], but a camera that is made shows what is seen in all of these poses, instead of the scene as it stands.
+pub fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &FramingOptions) -> Result<(), SceneError> {
     let order = scene.topological_order()?;
     let up = scene.settings.up.unwrap_or(options.up);
     if scene.cameras.is_empty() {
         let [w, h] = scene.settings.size.unwrap_or(options.size).map(|s| f64::from(s.max(1)));
-        let bounds = finite_bounds(scene, &order);
-        let world = placed(scene, scene.root, &bounds[&scene.root]);
-        let camera =
-            fit::frame_content(&world, up, w / h, |directions| extent::extent_of_scene(scene, &bounds, directions));
-        scene.cameras.push(camera);
+        let posed: Vec<Scene> = poses.iter().map(|pose| posed(scene, pose)).collect();
+        let shown: Vec<&Scene> = if posed.is_empty() { vec![&*scene] } else { posed.iter().collect() };
+        scene.cameras.push(camera_for(&shown, &order, up, w / h));
     }
     if scene.lights.is_empty() && scene.environment.is_none() && !uses_emission(scene, &order) {
         scene.environment = Some(sky_seen_by(&scene.cameras[0], up));
@@ -58,6 +63,25 @@ pub fn prepare(scene: &mut Scene, options: &FramingOptions) -> Result<(), SceneE
         }
     }
     Ok(())
+}
+
+/// The nodes of a scene in a pose, without all else.
+fn posed(scene: &Scene, pose: &Pose) -> Scene {
+    let mut posed = Scene { nodes: scene.nodes.clone(), root: scene.root, ..Scene::default() };
+    posed.apply(pose);
+    posed
+}
+
+/// A camera that frames all of these scenes, which have the same nodes.
+fn camera_for(scenes: &[&Scene], order: &[NodeId], up: DVec3, aspect: f64) -> Camera {
+    let bounds: Vec<_> = scenes.iter().map(|scene| finite_bounds(scene, order)).collect();
+    let all = || scenes.iter().zip(&bounds);
+    let boxes = all().map(|(scene, bounds)| placed(scene, scene.root, &bounds[&scene.root]));
+    let world = boxes.fold(Bounds3d::EMPTY, |a, b| a.union(&b));
+    fit::frame_content(&world, up, aspect, |directions| {
+        let extents = all().map(|(scene, bounds)| extent::extent_of_scene(scene, bounds, directions));
+        extents.fold(fit::Extent::EMPTY, fit::Extent::union)
+    })
 }
 
 /// The boxes around the bounded surfaces of each node, in the node's coordinates. `order` has children before parents.
@@ -91,7 +115,7 @@ fn uses_emission(scene: &Scene, order: &[NodeId]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{Camera, Projection};
+    use crate::camera::Projection;
     use crate::graph::{Environment, Geometry, Node, Surface};
     use crate::light::Light;
     use snell_intersect::TriangleMesh;

@@ -7,6 +7,7 @@ use crate::image::Image;
 use crate::light::Light;
 use crate::material::Material;
 use crate::medium::Medium;
+use crate::motion::Motion;
 use crate::settings::SceneSettings;
 use crate::texture::Texture;
 use snell_intersect::{AnyShape, Shape, TriangleMesh};
@@ -234,6 +235,12 @@ pub struct Scene {
     pub warnings: Vec<Warning>,
     /// How the reader translated what the file says, where that is not obvious: for those who ask, not warnings.
     pub notes: Vec<Warning>,
+    /// Names of the file's sets of materials, of which one is shown; empty for files that have only one.
+    pub variants: Vec<String>,
+    /// Names of the file's scenes, of which this is one; empty for formats that have only one.
+    pub scenes: Vec<String>,
+    /// What moves, if anything does: [`Scene::apply`]. All else is the scene as it stands while nothing is played.
+    pub motion: Option<Arc<Motion>>,
 }
 
 /// Why a scene graph is not usable.
@@ -300,6 +307,9 @@ impl Scene {
             parameters: Vec::new(),
             warnings: Vec::new(),
             notes: Vec::new(),
+            variants: Vec::new(),
+            scenes: Vec::new(),
+            motion: None,
         }
     }
 

@@ -15,7 +15,9 @@ pub mod image;
 pub mod light;
 pub mod material;
 pub mod medium;
+pub mod motion;
 pub mod overrides;
+pub mod placed;
 pub mod settings;
 pub mod texture;
 
@@ -28,5 +30,6 @@ pub use image::{Encoding, Image, Layer, LayeredImage, Pixels};
 pub use light::Light;
 pub use material::Material;
 pub use medium::Medium;
+pub use motion::{Motion, Player, Pose};
 pub use settings::SceneSettings;
 pub use texture::{Texture, TextureSet};

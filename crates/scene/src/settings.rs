@@ -28,6 +28,8 @@ pub struct SceneSettings {
     pub tonemap: Option<String>,
     /// Exposure in stops.
     pub exposure: Option<f64>,
+    /// When the shutter opens and closes, in seconds from the time of the picture. What moves in between is blurred.
+    pub shutter: Option<[f64; 2]>,
     /// Display values are the linear ones clamped to `[0, 1]`, without the sRGB curve, as old programs wrote them.
     pub raw_display: bool,
 }

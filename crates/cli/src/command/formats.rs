@@ -4,13 +4,21 @@ use crate::failure::Failure;
 use crate::standard_output;
 use snell_formats::SCENE_READERS;
 use snell_formats::image::IMAGE_FORMATS;
+use snell_formats::write::WRITERS;
 use std::process::ExitCode;
 
 /// Lists the file formats.
 pub fn run() -> Result<ExitCode, Failure> {
-    let mut text = String::from("Scenes and meshes (read)\n");
+    let mut text = String::from("Scenes and meshes\n");
     for reader in SCENE_READERS {
-        text += &format!("  {:8} {:20} {}\n", reader.name, extensions(reader.extensions), reader.description);
+        let is_written = WRITERS.iter().any(|w| w.name == reader.name);
+        text += &format!(
+            "  {:8} {:20} {:14} {}\n",
+            reader.name,
+            extensions(reader.extensions),
+            if is_written { "reads, writes" } else { "reads" },
+            reader.description
+        );
     }
     text += "\nPictures\n";
     for format in IMAGE_FORMATS {

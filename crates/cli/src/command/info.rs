@@ -93,6 +93,12 @@ impl Facts<'_> {
             "medium": scene.medium,
             "environment": self.environment(),
             "cameras": scene.cameras,
+            "animations": scene.motion.iter().flat_map(|m| &m.clips).map(|clip| {
+                let [start, end] = clip.span();
+                json!({ "name": clip.name, "start": start, "end": end, "channels": clip.channels.len() })
+            }).collect::<Vec<_>>(),
+            "variants": scene.variants,
+            "scenes": scene.scenes,
             "warnings": scene.warnings.iter().map(|w| json!({ "message": w.message, "count": w.count })).collect::<Vec<_>>(),
             "notes": scene.notes.iter().map(|n| json!({ "message": n.message, "count": n.count })).collect::<Vec<_>>(),
             "tree": self.tree_json(scene.root, 64, &mut HashSet::new()),

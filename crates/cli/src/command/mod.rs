@@ -3,6 +3,8 @@
 mod bench;
 mod compare;
 mod completions;
+mod convert;
+mod doctor;
 mod explain;
 mod formats;
 mod info;
@@ -27,6 +29,10 @@ pub enum Command {
     Info(info::Options),
     /// Compare two pictures.
     Compare(compare::Options),
+    /// Write a scene in another format.
+    Convert(convert::Options),
+    /// Look for what is wrong with a scene.
+    Doctor(doctor::Options),
     /// Measure how fast rays are traced and structures built, beside others.
     #[command(subcommand)]
     Bench(bench::Command),
@@ -48,6 +54,8 @@ pub fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Explain(options) => explain::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options),
+        Command::Convert(options) => convert::run(&options),
+        Command::Doctor(options) => doctor::run(&options),
         Command::Bench(command) => bench::run(&command),
         Command::Scenes => scenes::run(),
         Command::Formats => formats::run(),

@@ -1,9 +1,11 @@
 //! `snell render`: a scene file to a picture.
 
 mod denoise;
+mod frames;
 mod layers;
 mod options;
 mod output;
+mod stage;
 mod summary;
 mod tev;
 
@@ -14,9 +16,12 @@ use crate::progress::Reporter;
 use crate::{scene_source, spectrum_file};
 use options::GuidingOption;
 use snell_formats::error::one_line;
+use snell_formats::image::Tonemap;
 use snell_math::simd::Level;
 use snell_render::{CompiledScene, FilmTile, Guiding, IntegratorKind, Job, Settings, Statistics};
-use snell_scene::{Camera, Scene};
+use snell_scene::{Camera, Pose, Scene};
+use stage::{Shot, Stage};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,86 +29,145 @@ use std::time::{Duration, Instant};
 use summary::Summary;
 use tev::Tev;
 
-/// Renders a scene and writes the picture.
+/// Renders a scene and writes the picture, or the frames of an animation.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let simd = Level::from_env().map_err(Failure::Usage)?;
     // Fail before the work, not after it.
     let output = output::Output::plan(options)?;
     let denoiser = options.denoise.as_deref().map(denoise::load).transpose()?;
     let start = Instant::now();
-    let mut scene = scene_source::load(&options.scene, &options.read_options())?;
-    prepare_scene(&mut scene, options)?;
-    let camera = choose_camera(&scene, options)?;
-    let settings = options.settings(&scene, &camera, simd)?;
-    let tonemap = options.tonemap(&scene)?;
+    let scene = load(options)?;
+    let mut stage = Stage::new(scene, options)?;
+    let tonemap = options.tonemap(&stage.scene)?;
     let load_seconds = start.elapsed().as_secs_f64();
-
-    let start = Instant::now();
-    let compiled =
-        CompiledScene::new(&scene, &settings.build).map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
-    let build_seconds = start.elapsed().as_secs_f64();
-    if !options.quiet {
-        for warning in scene.warnings.iter().chain(&compiled.warnings) {
-            let times = if warning.count > 1 { format!(" ({} times)", warning.count) } else { String::new() };
-            eprintln!("warning: {}{times}", one_line(&warning.message));
-        }
-        warn_of_lost_layers(options, &settings);
-    }
-
     let interrupted = Arc::new(AtomicBool::new(false));
-    catch_interrupts(&interrupted)?;
-    let threads = options.threads();
-    let tev = options.tev().map(|url| Tev::open(url, &scene.name, &settings)).transpose()?;
-    let start = Instant::now();
-    let watcher = |tile: &FilmTile| tev.iter().for_each(|tev| tev.send(tile));
-    let mut job = Job::new(&compiled, &camera, &settings);
-    if tev.is_some() {
-        job = job.watched(&watcher);
+    let stem = scene_source::stem(&options.scene, &stage.scene);
+    let mut session =
+        Session { options, simd, output, denoiser, tonemap, load_seconds, interrupted, stem, has_begun: false };
+    if let Some(code) = frames::render(&mut session, &mut stage)? {
+        return Ok(code);
     }
-    let (film, statistics) = render(&job, options, threads, &interrupted, &scene.name);
-    let render_seconds = start.elapsed().as_secs_f64();
-    drop(job);
-    if let Some(tev) = tev {
-        tev.finish(&film.tiles);
-    }
-
-    let stem = scene_source::stem(&options.scene, &scene);
-    let mut picture = snell_render::picture(&film, &settings, &compiled);
-    let summary = Summary {
-        scene: &scene,
-        compiled: &compiled,
-        settings: &settings,
-        tonemap,
-        statistics,
-        film: &film,
-        load_seconds,
-        build_seconds,
-        render_seconds,
-        threads,
-        image_sha256: output::sha256(&picture),
-    };
-    layers::name_groups(&mut picture, &film, &settings.light_groups);
-    layers::add_cryptomatte(&mut picture, &film, &scene, &compiled);
-    if let Some(denoiser) = &denoiser {
-        denoise::apply(denoiser, &mut picture, threads)?;
-    }
-    let written = output.write(&stem, picture, &film, &summary, &scene)?;
+    let time = options.at.unwrap_or_else(|| stage.usual_time());
+    let settings = options.settings(&stage.scene, &stage.camera(options)?, simd)?;
+    let shot = stage.shot(time, options, &settings.build)?;
+    let target = session.output.target(&session.stem);
+    let outcome = session.take(&stage.scene, shot, target.as_deref())?;
     if let Some(path) = &options.stats {
-        let text = serde_json::to_string_pretty(&summary.json()).map_err(|e| Failure::Other(e.to_string()))?;
+        let text = serde_json::to_string_pretty(&outcome.statistics).map_err(|e| Failure::Other(e.to_string()))?;
         snell_formats::atomic::write(path, (text + "\n").as_bytes())?;
     }
-    if !options.quiet {
-        summary.print(options, &written);
-    }
-    if interrupted.load(Ordering::Relaxed) {
+    if session.interrupted.load(Ordering::Relaxed) {
         eprintln!(
             "interrupted: the picture holds what was rendered ({} of {} samples)",
-            film.least_samples(),
-            settings.spp
+            outcome.least_samples, settings.spp
         );
         return Ok(ExitCode::from(130));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Reads the scene, and the part of its file that the options choose.
+fn load(options: &Options) -> Result<Scene, Failure> {
+    let scene = scene_source::load(&options.scene, &options.read_options())?;
+    let lacks = |what: &str| Err(Failure::Usage(format!("{}: the file has no {what} to choose from", options.scene)));
+    if options.variant.is_some() && scene.variants.is_empty() {
+        return lacks("variants");
+    }
+    if options.scene_of_file.is_some() && scene.scenes.is_empty() {
+        return lacks("scenes");
+    }
+    Ok(scene)
+}
+
+/// What all pictures of one command have in common.
+struct Session<'a> {
+    options: &'a Options,
+    simd: Level,
+    output: output::Output<'a>,
+    denoiser: Option<snell_oidn::Denoiser>,
+    tonemap: Tonemap,
+    load_seconds: f64,
+    interrupted: Arc<AtomicBool>,
+    stem: String,
+    /// Some picture was begun: warnings are said, Ctrl-C is caught.
+    has_begun: bool,
+}
+
+/// What became of a picture.
+struct Outcome {
+    compiled: CompiledScene,
+    /// False if it was interrupted.
+    is_complete: bool,
+    least_samples: u32,
+    render_seconds: f64,
+    statistics: serde_json::Value,
+}
+
+impl Session<'_> {
+    /// Renders a picture and writes it to a file, or to standard output. A frame of many that is interrupted is not written.
+    fn take(&mut self, scene: &Scene, shot: Shot, target: Option<&Path>) -> Result<Outcome, Failure> {
+        let options = self.options;
+        let Shot { camera, later_cameras, compiled, build_seconds, .. } = shot;
+        let settings = Settings { later_cameras, ..options.settings(scene, &camera, self.simd)? };
+        let is_first = !std::mem::replace(&mut self.has_begun, true);
+        if is_first {
+            if !options.quiet {
+                warn(scene, &compiled);
+                warn_of_lost_layers(options, &settings);
+            }
+            catch_interrupts(&self.interrupted)?;
+        }
+        let threads = options.threads();
+        let tev = options.tev().map(|url| Tev::open(url, &scene.name, &settings)).transpose()?;
+        let start = Instant::now();
+        let watcher = |tile: &FilmTile| tev.iter().for_each(|tev| tev.send(tile));
+        let mut job = Job::new(&compiled, &camera, &settings);
+        if tev.is_some() {
+            job = job.watched(&watcher);
+        }
+        let (film, statistics) = render(&job, options, threads, &self.interrupted, &scene.name);
+        let render_seconds = start.elapsed().as_secs_f64();
+        drop(job);
+        if let Some(tev) = tev {
+            tev.finish(&film.tiles);
+        }
+        let is_complete = !self.interrupted.load(Ordering::Relaxed);
+
+        let mut picture = snell_render::picture(&film, &settings, &compiled);
+        let summary = Summary {
+            scene,
+            compiled: &compiled,
+            settings: &settings,
+            tonemap: self.tonemap,
+            statistics,
+            film: &film,
+            load_seconds: self.load_seconds,
+            build_seconds,
+            render_seconds,
+            threads,
+            image_sha256: output::sha256(&picture),
+        };
+        snell_render::layers::name_groups(&mut picture, &film, &settings.light_groups);
+        layers::add_cryptomatte(&mut picture, &film, scene, &compiled);
+        if let Some(denoiser) = &self.denoiser {
+            denoise::apply(denoiser, &mut picture, threads)?;
+        }
+        if is_complete || !options.has_frames() {
+            self.output.write(target, picture, &film, &summary, scene)?;
+            if !options.quiet && !options.has_frames() {
+                summary.print(options, target);
+            }
+        }
+        let (least_samples, statistics) = (film.least_samples(), summary.json());
+        Ok(Outcome { compiled, is_complete, least_samples, render_seconds, statistics })
+    }
+}
+
+fn warn(scene: &Scene, compiled: &CompiledScene) {
+    for warning in scene.warnings.iter().chain(&compiled.warnings) {
+        let times = if warning.count > 1 { format!(" ({} times)", warning.count) } else { String::new() };
+        eprintln!("warning: {}{times}", one_line(&warning.message));
+    }
 }
 
 /// Only OpenEXR holds layers. The integrator `aov` shows its first one in any format.
@@ -116,11 +180,18 @@ fn warn_of_lost_layers(options: &Options, settings: &Settings) {
     }
 }
 
-pub(super) fn prepare_scene(scene: &mut Scene, options: &Options) -> Result<(), Failure> {
+/// Makes a scene ready to be looked at, as the options say.
+pub(super) fn prepare_scene(scene: Scene, options: &Options) -> Result<Scene, Failure> {
+    Ok(Stage::new(scene, options)?.into_scene(options.at))
+}
+
+/// Adds what the scene lacks and changes what the options say. A camera that is made shows all of the poses.
+fn prepare_for(scene: &mut Scene, poses: &[Pose], options: &Options) -> Result<(), Failure> {
     options.apply_environment(scene)?;
     let size = options.size.unwrap_or(options::DEFAULT_SIZE);
     let framing = snell_scene::framing::FramingOptions { size, ..Default::default() };
-    snell_scene::framing::prepare(scene, &framing).map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
+    let prepared = snell_scene::framing::prepare_for(scene, poses, &framing);
+    prepared.map_err(|e| Failure::Scene(format!("{}: {e}", options.scene)))?;
     options.apply_background(scene)?;
     if let Some(density) = options.fog {
         let filled = snell_scene::framing::fill_with_fog(scene, density);

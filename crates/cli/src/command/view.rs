@@ -150,10 +150,14 @@ impl Files {
         Ok(line.options)
     }
 
-    fn opened(&self, name: &str, mut scene: Scene) -> Result<Opened, Failure> {
+    fn opened(&self, name: &str, scene: Scene) -> Result<Opened, Failure> {
         let options = self.line(name).map_err(Failure::Usage)?;
         let simd = Level::from_env().map_err(Failure::Usage)?;
-        render::prepare_scene(&mut scene, &options)?;
+        if options.has_frames() {
+            let problem = "the viewer shows one moment: leave out --frames and --turntable, and choose it with --at";
+            return Err(Failure::Usage(problem.into()));
+        }
+        let scene = render::prepare_scene(scene, &options)?;
         let camera = render::choose_camera(&scene, &options)?;
         let settings = options.settings(&scene, &camera, simd)?;
         let display = Display {

@@ -29,7 +29,7 @@ fn survive(folder: &Path, words: &str) -> Output {
     let messages = String::from_utf8_lossy(&output.stderr);
     let code = output.status.code();
     assert!(matches!(code, Some(0 | 1)), "{words}: {:?}: {messages}", output.status);
-    assert!(start.elapsed() < Duration::from_secs(10), "{words}: took {:?}", start.elapsed());
+    assert!(start.elapsed() < Duration::from_secs(60), "{words}: took {:?}", start.elapsed());
     assert!(!messages.contains("panicked") && !messages.contains("internal fault"), "{words}: {messages}");
     if code == Some(1) {
         assert_eq!(messages.lines().filter(|l| l.starts_with("error: ")).count(), 1, "{words}: {messages}");

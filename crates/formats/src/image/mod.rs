@@ -5,6 +5,7 @@
 //! small enough to be done here. Nothing here looks at light or materials: [`read_image`] gives stored values and says how they
 //! are encoded.
 
+mod animated;
 pub mod compare;
 pub mod cryptomatte;
 mod flip;
@@ -18,6 +19,7 @@ mod write;
 #[cfg(test)]
 mod tests;
 
+pub use animated::{AnimatedFormat, AnimatedWriter};
 pub(crate) use openexr::rec709_from;
 pub use tonemap::display_value;
 

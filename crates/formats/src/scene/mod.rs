@@ -21,6 +21,3 @@ mod tokens;
 /// The readers of scene files, in the order in which contents are tried.
 pub const READERS: &[crate::SceneReader] =
     &[snell::READER, gltf::READER, minray::READER, nff::READER, pbrt::READER, mitsuba::READER, scn::READER];
-
-/// The writers of scene files.
-pub const WRITERS: &[crate::SceneWriter] = &[snell::WRITER];

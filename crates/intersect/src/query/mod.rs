@@ -39,6 +39,12 @@ pub enum Grouping {
 pub trait HitFilter<P: Precision = Single>: Sync {
     /// False if the ray passes through at this hit. `ray` is in world space; its `t_max` is unspecified.
     fn accept(&self, ray: &P::Ray, hit: &P::Hit) -> bool;
+
+    /// The same for a ray with a time from 0 to 1. For those to whom the time means nothing, as [`Self::accept`].
+    fn accept_at(&self, ray: &P::Ray, time: f32, hit: &P::Hit) -> bool {
+        let _ = time;
+        self.accept(ray, hit)
+    }
 }
 
 /// The filter that keeps every hit.

@@ -138,7 +138,9 @@ impl<'a, G: Goal> Search<'a, G> {
         if !self.goal.wants(&hit) {
             return Verdict::Behind;
         }
-        if options.mask & self.mask == 0 || (options.filtered && !self.context.filter.accept(self.ray, &{ hit })) {
+        if options.mask & self.mask == 0
+            || (options.filtered && !self.context.filter.accept_at(self.ray, self.time, &{ hit }))
+        {
             return Verdict::Rejected;
         }
         if self.goal.take(hit) { Verdict::Finished } else { Verdict::Taken }

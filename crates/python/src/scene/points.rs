@@ -4,10 +4,10 @@ use super::Scene;
 use crate::answers::{Asked, ClosestPoints, Live, Named};
 use crate::arrays::{Column, PointArray, array, from_vec, is_double, leading, slice};
 use crate::assemble::Snapshot;
-use crate::nearest::PointPrecision;
+use crate::columns::Columns;
+use crate::nearest::{Nearest, PointPrecision};
 use crate::objects;
 use crate::precision::Precision;
-use crate::query::Pieces;
 use crate::state::Kept;
 use crate::work::{Stopped, Threads, run};
 use numpy::PyUntypedArray;
@@ -34,29 +34,26 @@ impl Scene {
         let limit = limit.values()?;
         let values = slice(&points.values)?.as_chunks::<3>().0;
         let (world, names) = (&*snapshot.world, &snapshot.names);
-        let (hits, positions) = run(py, threads, values.len() <= POINTS, |cancel| {
-            let mut hits = vec![P::Hit::default(); values.len()];
-            let mut positions = vec![[P::default(); 3]; values.len()];
-            let each = |(i, (hits, positions)): (usize, (&mut [P::Hit], &mut [[P; 3]]))| {
+        let (found, positions) = run(py, threads, values.len() <= POINTS, |cancel| {
+            let each = |(i, (near, values)): (usize, (&mut [Nearest<P>], &[[P; 3]]))| {
                 cancel.check()?;
-                for (k, (hit, position)) in hits.iter_mut().zip(positions).enumerate() {
-                    let number = i * POINTS + k;
-                    let near = P::nearest(world, names, values[number], limit.get(number), mask);
-                    (*hit, *position) = (P::hit(&near.found), near.position);
+                for (k, (near, value)) in near.iter_mut().zip(values).enumerate() {
+                    *near = P::nearest(world, names, *value, limit.get(i * POINTS + k), mask);
                 }
                 Ok(())
             };
+            let mut near = vec![Nearest::default(); values.len()];
             if values.len() <= POINTS {
-                hits.chunks_mut(POINTS).zip(positions.chunks_mut(POINTS)).enumerate().try_for_each(each)?;
+                near.chunks_mut(POINTS).zip(values.chunks(POINTS)).enumerate().try_for_each(each)?;
             } else {
-                let pieces = hits.par_chunks_mut(POINTS).zip(positions.par_chunks_mut(POINTS));
-                pieces.enumerate().try_for_each(each)?;
+                near.par_chunks_mut(POINTS).zip(values.par_chunks(POINTS)).enumerate().try_for_each(each)?;
             }
-            Ok((Pieces::from(hits), positions))
+            let found = near.iter().map(|near| near.found).collect::<Vec<_>>();
+            Ok((found, near.iter().map(|near| near.position).collect()))
         })?;
         Ok(ClosestPoints(Named::new(Live::<P, P::Form> {
             snapshot,
-            hits,
+            hits: Columns::of(py, &found)?,
             asked: Asked::Positions(positions),
             rays: 0,
             shape: points.shape,

@@ -2,13 +2,15 @@
 
 use super::Scene;
 use crate::answers::{Asked, Hits, Intersections, Live, Named};
-use crate::arrays::from_vec;
+use crate::arrays::{filled, from_vec};
 use crate::assemble::Snapshot;
+use crate::columns::Columns;
 use crate::precision::Precision;
-use crate::query::{FEW, Pieces, Question};
+use crate::query::{FEW, Question, alike, piece_size};
 use crate::rays::{Limits, RayArgument, RayArrays};
 use crate::state::Kept;
 use crate::work::{Threads, run};
+use numpy::PyArrayMethods;
 use pyo3::exceptions::{PyRuntimeWarning, PyValueError};
 use pyo3::prelude::*;
 use std::sync::Arc;
@@ -35,7 +37,9 @@ impl Scene {
         let arrays = RayArrays::<P>::new(rays, limits)?;
         let invalid = AtomicUsize::new(0);
         let invalid_wanted = options.warn_invalid.then_some(&invalid);
-        let question = Question { rays: arrays.view()?, grouping: rays.grouping(), invalid: invalid_wanted };
+        let stats = P::stats(&snapshot.world);
+        let piece = piece_size(rays.len(), options.threads.count(), stats);
+        let question = Question { rays: arrays.view()?, piece, alike: alike(stats), invalid: invalid_wanted };
         let result = answer(&snapshot, &arrays, &question)?;
         match invalid.into_inner() {
             0 => {}
@@ -60,19 +64,27 @@ impl Scene {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, arrays, question| {
             let world = &*snapshot.world;
-            let hits = run(py, options.threads, count <= FEW, |cancel| {
-                question.pieces(cancel, |rays, hits| P::closest(world, rays, question.grouping, hits))
+            let (mut hits, mut writable) = Columns::new(py, count)?;
+            let places = writable.places()?;
+            run(py, options.threads, count <= FEW, |cancel| {
+                question.hits(cancel, places, |rays, grouping, hits| P::closest(world, rays, grouping, hits))
             })?;
-            // Where the ray met a shape decides its surface.
-            let kept = arrays.keep(!snapshot.names.are_all_meshes())?;
-            Ok(Hits(Named::new(Live::<P, P> {
+            drop(writable);
+            // Where the ray met a shape decides its surface; for meshes the distances are given away as they are.
+            let is_distance_needed = !snapshot.names.are_all_meshes();
+            let t = if is_distance_needed { None } else { hits.take_t() };
+            let named = Named::new(Live::<P, P> {
                 snapshot: snapshot.clone(),
                 hits,
-                asked: Asked::Rays(kept, None),
+                asked: Asked::Rays(arrays.keep(is_distance_needed)?, None),
                 rays: count,
                 shape: rays.shape.clone(),
                 splits: None,
-            })))
+            });
+            if let Some(t) = t {
+                named.set(py, "t_hit", t.bind(py).reshape(&rays.shape[..])?.into_any())?;
+            }
+            Ok(Hits(named))
         })
     }
 
@@ -87,10 +99,9 @@ impl Scene {
             let world = &*snapshot.world;
             let blocked = run(py, options.threads, count <= FEW, |cancel| {
                 let mut blocked = vec![false; count];
-                let query = |rays: snell_intersect::Rays<'_, P::Tag>, blocked: &mut [bool]| {
-                    P::occluded(world, rays, question.grouping, blocked);
-                };
-                question.answer(cancel, &mut blocked, query)?;
+                question.answer(cancel, &mut blocked, |rays, grouping, blocked| {
+                    P::occluded(world, rays, grouping, blocked);
+                })?;
                 Ok(blocked)
             })?;
             from_vec(py, blocked, &rays.shape)
@@ -106,13 +117,11 @@ impl Scene {
         let (py, count) = (limits.t_min.py(), rays.len());
         self.ask::<P, _>(rays, limits, options, |snapshot, _, question| {
             let world = &*snapshot.world;
-            let counts = run(py, options.threads, count <= FEW, |cancel| {
-                let mut counts = vec![0u32; count];
-                let query = |rays: snell_intersect::Rays<'_, P::Tag>, counts: &mut [u32]| P::count(world, rays, counts);
-                question.answer(cancel, &mut counts, query)?;
-                Ok(counts)
-            })?;
-            from_vec(py, counts, &rays.shape)
+            filled(py, &rays.shape, |counts: &mut [u32]| {
+                run(py, options.threads, count <= FEW, |cancel| {
+                    question.answer(cancel, counts, |rays, _, counts| P::count(world, rays, counts))
+                })
+            })
         })
     }
 
@@ -142,18 +151,18 @@ impl Scene {
                     cancel.check()?;
                     for ends in piece.ray_splits.windows(2) {
                         let ray = (splits.len() - 1) as u32;
-                        hits.extend_from_slice(&piece.hits[ends[0]..ends[1]]);
+                        hits.extend(piece.hits[ends[0]..ends[1]].iter().map(P::found));
                         ids.resize(hits.len(), ray);
                         splits.push(hits.len() as i64);
                     }
                 }
-                Ok((Pieces::from(hits), splits, ids))
+                Ok((hits, splits, ids))
             })?;
             let kept = arrays.keep(!snapshot.names.are_all_meshes())?;
             Ok(Intersections(Named::new(Live::<P, P> {
                 snapshot: snapshot.clone(),
                 shape: vec![hits.len()],
-                hits,
+                hits: Columns::of(py, &hits)?,
                 asked: Asked::Rays(kept, Some(ids)),
                 rays: count,
                 splits: Some(splits),

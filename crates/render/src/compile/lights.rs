@@ -115,7 +115,8 @@ impl LightTable {
             if !self.is_complete() {
                 return;
             }
-            if parts.emissive.groups[child.child.0 as usize] {
+            // What moves while the shutter is open shines when it is hit, but is not sampled: its place depends on the time.
+            if parts.emissive.groups[child.child.0 as usize] && child.later.is_empty() {
                 let placed = world_from_group.compose(&child.group_from_child);
                 self.add_surfaces(parts, child.child, next, &placed);
             }

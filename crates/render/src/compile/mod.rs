@@ -3,7 +3,7 @@
 //!
 //! A node with one parent is folded into the group of its parent, its transforms composed in double precision and applied to the
 //! vertices. A node with several parents becomes a group of its own and is stored once, whatever its depth. So does a mesh that
-//! several surfaces share.
+//! several surfaces share, and a node that moves: so the frames of an animation have most of their structures in common.
 
 mod lights;
 mod surfaces;
@@ -15,11 +15,14 @@ pub(crate) use volumes::{Boundary, VolumeTable};
 use crate::light_sampler::{LightSampler, LightSamplerKind};
 use crate::settings::LightStrategy;
 use lights::LightTable;
-use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, SurfaceInteraction, World, WorldError};
+use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, RayQuery, SurfaceInteraction, World, WorldError};
 use snell_math::{Bounds3d, ColorMode, Ray, Rgb, Vec3, rng};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::ShadingPoint;
-use snell_scene::{Background, Environment, Material, MaterialId, NodeId, Scene, SceneError, TextureSet, Warning};
+use snell_scene::{
+    Background, Environment, Material, MaterialId, NodeId, Pose, Scene, SceneError, TextureSet, Warning,
+};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use surfaces::SurfaceTable;
 
@@ -40,6 +43,17 @@ pub enum CompileError {
         /// What is wrong.
         source: snell_intersect::mesh::MeshError,
     },
+}
+
+/// What of a scene moves.
+#[derive(Clone, Debug, Default)]
+pub struct Moving {
+    /// Nodes that move from one compilation to the next, or while the shutter is open ([`snell_scene::Player::moving_nodes`]). Each
+    /// becomes an instance of a group of its own, so that the rest stays as it is.
+    pub nodes: BTreeSet<NodeId>,
+    /// The poses while the shutter is open, after the one that the scene is in: evenly spread until it closes. Between poses everything
+    /// moves on straight lines.
+    pub later: Vec<Pose>,
 }
 
 /// A scene ready to be rendered. Immutable; shared by all threads.
@@ -65,21 +79,55 @@ pub struct CompiledScene {
     pub warnings: Vec<Warning>,
     /// Media, if there are any.
     pub(crate) volumes: Option<VolumeTable>,
+    /// True if rays must have times, because something moves while the shutter is open.
+    pub moves: bool,
     surfaces: Arc<SurfaceTable>,
     lights: LightTable,
+}
+
+/// What takes long to make.
+struct Built {
+    world: Arc<World>,
+    surfaces: Arc<SurfaceTable>,
+    textures: Arc<TextureSet>,
+    environment: Option<Arc<EnvironmentLight>>,
+    moves: bool,
 }
 
 impl CompiledScene {
     /// Compiles a scene.
     pub fn new(scene: &Scene, options: &BuildOptions) -> Result<Self, CompileError> {
+        Self::moving(scene, &Moving::default(), options, None)
+    }
+
+    /// Compiles a scene in which some nodes move. What has not changed since `previous` is taken over: that must be the same scene, and
+    /// compiled with the same moving nodes, but in another pose. The result does not depend on whether there is a previous one.
+    pub fn moving(
+        scene: &Scene,
+        moving: &Moving,
+        options: &BuildOptions,
+        previous: Option<Self>,
+    ) -> Result<Self, CompileError> {
         let mut warnings = Vec::new();
         let materials = materials(scene);
         let default_material = MaterialId(scene.materials.len() as u32);
-        let (builder, surfaces) = surfaces::compile(scene, &materials, default_material, &mut warnings)?;
-        let world = Arc::new(builder.build(options)?);
-        let environment = scene.environment.as_ref().map(|e| Arc::new(EnvironmentLight::new(e)));
-        let textures = Arc::new(TextureSet::new(&scene.textures, &scene.images));
-        Self::over(scene, materials, warnings, world, Arc::new(surfaces), textures, environment)
+        let before = previous.as_ref().map(|p| &*p.surfaces);
+        let (builder, surfaces) =
+            surfaces::compile(scene, moving, &materials, default_material, before, &mut warnings)?;
+        let world = Arc::new(match &previous {
+            Some(previous) => builder.rebuild(options, &previous.world)?,
+            None => builder.build(options)?,
+        });
+        let (textures, environment) = match previous {
+            Some(previous) => (previous.textures, previous.environment),
+            None => (
+                Arc::new(TextureSet::new(&scene.textures, &scene.images)),
+                scene.environment.as_ref().map(|e| Arc::new(EnvironmentLight::new(e))),
+            ),
+        };
+        let moves = !moving.later.is_empty();
+        let built = Built { world, surfaces: Arc::new(surfaces), textures, environment, moves };
+        Self::over(scene, materials, warnings, built)
     }
 
     /// The same scene after changes of materials, lights, media and surroundings. `before` is what this was compiled from; its nodes,
@@ -97,7 +145,8 @@ impl CompiledScene {
             (_, new) => new.as_ref().map(|e| Arc::new(EnvironmentLight::new(e))),
         };
         let (world, surfaces, textures) = (self.world.clone(), self.surfaces.clone(), self.textures.clone());
-        Self::over(scene, materials, self.warnings.clone(), world, surfaces, textures, environment).map(Some)
+        let built = Built { world, surfaces, textures, environment, moves: self.moves };
+        Self::over(scene, materials, self.warnings.clone(), built).map(Some)
     }
 
     /// What is made anew whenever anything changes.
@@ -105,11 +154,9 @@ impl CompiledScene {
         scene: &Scene,
         materials: Vec<Material>,
         mut warnings: Vec<Warning>,
-        world: Arc<World>,
-        surfaces: Arc<SurfaceTable>,
-        textures: Arc<TextureSet>,
-        environment: Option<Arc<EnvironmentLight>>,
+        built: Built,
     ) -> Result<Self, CompileError> {
+        let Built { world, surfaces, textures, environment, moves } = built;
         let bounds = finite_part(&scene_bounds(&world));
         let (sky, radius) = (environment.as_deref(), bounds.radius());
         let lights = LightTable::new(scene, &world, &surfaces, &materials, &textures, sky, radius);
@@ -131,6 +178,7 @@ impl CompiledScene {
             center: if bounds.is_empty() { Vec3::ZERO } else { bounds.center().as_vec3() },
             radius: if radius > 0.0 { radius } else { 1.0 },
             warnings,
+            moves,
             world,
             volumes,
             surfaces,
@@ -146,6 +194,12 @@ impl CompiledScene {
     /// The nodes from the root of the scene graph to the one that holds the surface of a hit.
     pub fn node_path(&self, hit: &Hit) -> Vec<NodeId> {
         self.surfaces.node_path(&self.world, hit.instance, hit.geometry)
+    }
+
+    /// The surface at a hit of a ray with a time from 0 to 1.
+    #[inline]
+    pub fn interaction(&self, ray: &Ray, time: f32, hit: &Hit) -> SurfaceInteraction {
+        self.world.interaction(RayQuery { time, ..RayQuery::from(ray) }, hit)
     }
 
     /// The material with this id.
@@ -206,11 +260,15 @@ impl CompiledScene {
 /// Cut-out, blended and single-sided surfaces: a pure function of ray and hit, so shadows and any batching agree.
 impl HitFilter for CompiledScene {
     fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
+        self.accept_at(ray, 0.0, hit)
+    }
+
+    fn accept_at(&self, ray: &Ray, time: f32, hit: &Hit) -> bool {
         let material = self.material(self.material_id(hit));
         if material.is_interface() {
             return false;
         }
-        let surface = self.world.interaction(ray, hit);
+        let surface = self.interaction(ray, time, hit);
         let bits =
             |v: Vec3| rng::pcg4d([v.x.to_bits(), v.y.to_bits(), v.z.to_bits(), hit.primitive ^ hit.geometry << 16]);
         let [a, b, ..] = bits(ray.direction);

@@ -1,8 +1,8 @@
 //! Nodes and surfaces to groups and geometries.
 
-use super::{CompileError, index};
-use snell_intersect::{GeometryId, GroupId, TriangleMesh, World, WorldBuilder};
-use snell_math::Transform;
+use super::{CompileError, Moving, index};
+use snell_intersect::{GeometryId, GroupId, Instance, MeshKey, MovingMesh, TriangleMesh, World, WorldBuilder};
+use snell_math::{DAffine3, Transform};
 use snell_scene::{Geometry, Material, MaterialId, NodeId, Scene, Surface, Warning};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -40,6 +40,8 @@ struct GeometryMaterials {
     mesh: Option<Arc<TriangleMesh>>,
     /// The node that holds the surface; none for a mesh in a group of its own.
     visit: Option<u32>,
+    /// For a mesh that was brought into the coordinates of its group: what it was before, its place there, and what became of it.
+    placed: Option<(Arc<TriangleMesh>, Transform, Arc<TriangleMesh>)>,
 }
 
 impl SurfaceTable {
@@ -105,6 +107,11 @@ type MeshUse = (*const TriangleMesh, Vec<Option<MaterialId>>);
 
 struct Compiler<'a> {
     scene: &'a Scene,
+    moving: &'a Moving,
+    /// The table of the same scene in another pose.
+    previous: Option<&'a SurfaceTable>,
+    /// Nodes with surfaces, or above nodes with surfaces.
+    has_surfaces: Vec<bool>,
     builder: WorldBuilder,
     table: SurfaceTable,
     parents: Vec<u32>,
@@ -114,20 +121,26 @@ struct Compiler<'a> {
     warnings: &'a mut Vec<Warning>,
 }
 
-/// Compiles all surfaces of a scene.
+/// Compiles all surfaces of a scene. `previous` is the table of the same scene in another pose, if there is one.
 pub fn compile(
     scene: &Scene,
+    moving: &Moving,
     materials: &[Material],
     default: MaterialId,
+    previous: Option<&SurfaceTable>,
     warnings: &mut Vec<Warning>,
 ) -> Result<(WorldBuilder, SurfaceTable), CompileError> {
     let order = scene.topological_order()?;
     let mut parents = vec![0; scene.nodes.len()];
     let mut mesh_uses = HashMap::new();
+    let mut has_surfaces = vec![false; scene.nodes.len()];
+    // Children come before their parents.
     for id in &order {
         let node = &scene.nodes[id.index()];
+        has_surfaces[id.index()] = !node.surfaces.is_empty();
         for child in &node.children {
             parents[child.index()] += 1;
+            has_surfaces[id.index()] |= has_surfaces[child.index()];
         }
         for surface in &node.surfaces {
             if let Geometry::Mesh(mesh) = &surface.geometry {
@@ -145,6 +158,9 @@ pub fn compile(
     };
     let mut compiler = Compiler {
         scene,
+        moving,
+        previous,
+        has_surfaces,
         builder: WorldBuilder::default(),
         table,
         parents,
@@ -153,9 +169,10 @@ pub fn compile(
         node_groups: HashMap::new(),
         warnings,
     };
-    // Shared nodes first (children before parents), then the root.
+    // Shared and moving nodes first (children before parents), then the root.
     for &id in order.iter().filter(|&&id| id != scene.root) {
-        if compiler.parents[id.index()] > 1 {
+        let moves = moving.nodes.contains(&id) && compiler.has_surfaces[id.index()];
+        if compiler.parents[id.index()] > 1 || moves {
             let group = compiler.add_group();
             compiler.fold_node(id, group, &Transform::IDENTITY, None)?;
             compiler.node_groups.insert(id, group);
@@ -184,8 +201,8 @@ impl Compiler<'_> {
         self.builder.add_group()
     }
 
-    fn add_instance(&mut self, group: GroupId, child: GroupId, placed: Transform, handed: Handed) {
-        self.builder.add_instance(group, child, placed);
+    fn add_instance(&mut self, group: GroupId, instance: Instance, handed: Handed) {
+        self.builder.add(group, instance);
         self.table.instances[group.0 as usize].push(handed);
     }
 
@@ -215,26 +232,69 @@ impl Compiler<'_> {
             let visit = self.table.visits.len() as u32;
             self.table.visits.push((id, above));
             let material = node.material.or(inherited);
-            for surface in &node.surfaces {
-                self.add_surface(surface, group, &group_from_node, Handed { material, visit });
+            for (number, surface) in node.surfaces.iter().enumerate() {
+                let later = self.later_meshes(id, number, surface);
+                self.add_surface(surface, &later, group, &group_from_node, Handed { material, visit });
             }
             // Reversed, so that the first child is folded first.
             for &child in node.children.iter().rev() {
+                let moves = self.moving.nodes.contains(&child);
+                if moves && !self.has_surfaces[child.index()] {
+                    continue;
+                }
                 let Some(node_from_child) = Transform::new(scene.nodes[child.index()].transform) else {
-                    self.warn_singular(&scene.nodes[child.index()].name);
+                    // Animations scale things to nothing to hide them.
+                    if !moves {
+                        self.warn_singular(&scene.nodes[child.index()].name);
+                    }
                     continue;
                 };
                 let group_from_child = group_from_node.compose(&node_from_child);
-                match self.node_groups.get(&child) {
-                    Some(&shared) => self.add_instance(group, shared, group_from_child, Handed { material, visit }),
-                    None => stack.push((child, group_from_child, material, Some(visit))),
-                }
+                let Some(&own) = self.node_groups.get(&child) else {
+                    stack.push((child, group_from_child, material, Some(visit)));
+                    continue;
+                };
+                let later = self.later_places(child, &group_from_node, &node_from_child);
+                let instance = Instance { later, ..Instance::new(own, group_from_child) };
+                self.add_instance(group, instance, Handed { material, visit });
             }
         }
         Ok(())
     }
 
-    fn add_surface(&mut self, surface: &Surface, group: GroupId, placed: &Transform, handed: Handed) {
+    /// Where a node is while the shutter is open, after its first place; none if it stays there.
+    fn later_places(&self, node: NodeId, group_from_parent: &Transform, first: &Transform) -> Vec<Transform> {
+        let still = self.scene.nodes[node.index()].transform;
+        let of_pose = |pose: &snell_scene::Pose| pose.transforms.get(&node).copied().unwrap_or(still);
+        let places: Vec<DAffine3> = self.moving.later.iter().map(of_pose).collect();
+        if places.iter().all(|place| *place == still) {
+            return Vec::new();
+        }
+        // Where it is flattened, it stays where it was before.
+        let mut last = *first;
+        let mut place = |map: &DAffine3| {
+            last = Transform::new(*map).unwrap_or(last);
+            group_from_parent.compose(&last)
+        };
+        places.iter().map(&mut place).collect()
+    }
+
+    /// The meshes of a surface while the shutter is open, after its first one; none if it stays as it is.
+    fn later_meshes(&self, node: NodeId, number: usize, surface: &Surface) -> Vec<Arc<TriangleMesh>> {
+        let Geometry::Mesh(first) = &surface.geometry else { return Vec::new() };
+        let of_pose = |pose: &snell_scene::Pose| pose.meshes.get(&(node, number)).unwrap_or(first).clone();
+        let meshes: Vec<_> = self.moving.later.iter().map(of_pose).collect();
+        if meshes.iter().all(|mesh| Arc::ptr_eq(mesh, first)) { Vec::new() } else { meshes }
+    }
+
+    fn add_surface(
+        &mut self,
+        surface: &Surface,
+        later: &[Arc<TriangleMesh>],
+        group: GroupId,
+        placed: &Transform,
+        handed: Handed,
+    ) {
         let inherited = handed.material;
         let visit = Some(handed.visit);
         let resolve = |m: &Option<MaterialId>| m.or(inherited);
@@ -242,12 +302,16 @@ impl Compiler<'_> {
             Geometry::Shape(shape) => {
                 self.builder.add_shape(group, shape.clone(), *placed);
                 let slots = surface.materials.first().map_or(vec![inherited], |m| vec![resolve(m)]);
-                self.table.geometries.push(GeometryMaterials { slots, mesh: None, visit });
+                self.table.geometries.push(GeometryMaterials { slots, mesh: None, visit, placed: None });
             }
             Geometry::Mesh(mesh) => {
                 let slot_count = mesh.material_slots.iter().max().map_or(1, |&m| usize::from(m) + 1);
                 let mut slots: Vec<_> = surface.materials.iter().map(resolve).collect();
                 slots.resize(slots.len().max(slot_count), inherited);
+                if !later.is_empty() {
+                    self.add_moving_mesh(mesh, later, placed, group, slots, visit);
+                    return;
+                }
                 let shared = self.mesh_uses[&Arc::as_ptr(mesh)] > 1 && mesh.indices.len() >= SMALL_MESH;
                 if shared {
                     let mesh_use = (Arc::as_ptr(mesh), slots.clone());
@@ -260,12 +324,51 @@ impl Compiler<'_> {
                             child
                         }
                     };
-                    self.add_instance(group, child, *placed, handed);
+                    self.add_instance(group, Instance::new(child, *placed), handed);
                 } else if placed.is_identity() {
                     self.add_mesh(mesh.clone(), group, slots, visit);
                 } else {
-                    self.add_mesh(Arc::new(mesh.transformed(placed)), group, slots, visit);
+                    let there = self.brought(mesh, placed);
+                    self.add_mesh(there.clone(), group, slots, visit);
+                    self.table.geometries.last_mut().expect("one was added").placed =
+                        Some((mesh.clone(), *placed, there));
                 }
+            }
+        }
+    }
+
+    /// The mesh in the coordinates of a group: that of the table before, if it was the same there.
+    fn brought(&self, mesh: &Arc<TriangleMesh>, placed: &Transform) -> Arc<TriangleMesh> {
+        let before = self.previous.and_then(|table| table.geometries.get(self.table.geometries.len())?.placed.as_ref());
+        match before {
+            Some((old, at, there)) if Arc::ptr_eq(old, mesh) && at == placed => there.clone(),
+            _ => Arc::new(mesh.transformed(placed)),
+        }
+    }
+
+    fn add_moving_mesh(
+        &mut self,
+        first: &TriangleMesh,
+        later: &[Arc<TriangleMesh>],
+        placed: &Transform,
+        group: GroupId,
+        slots: Vec<Option<MaterialId>>,
+        visit: Option<u32>,
+    ) {
+        let key = |mesh: &Arc<TriangleMesh>| {
+            let mesh = mesh.transformed(placed);
+            MeshKey { positions: mesh.positions, normals: mesh.normals }
+        };
+        let first = first.transformed(placed);
+        match MovingMesh::new(first.clone(), later.iter().map(key).collect()) {
+            Ok(moving) => {
+                let mesh = (!first.material_slots.is_empty()).then(|| moving.first().clone());
+                self.builder.add_moving_mesh(group, Arc::new(moving));
+                self.table.geometries.push(GeometryMaterials { slots, mesh, visit, placed: None });
+            }
+            Err(error) => {
+                self.warn(format!("a mesh is shown without its motion: {error}"));
+                self.add_mesh(Arc::new(first), group, slots, visit);
             }
         }
     }
@@ -285,6 +388,6 @@ impl Compiler<'_> {
         let id = self.builder.add_mesh(group, mesh.clone());
         debug_assert_eq!(index(id), self.table.geometries.len());
         let mesh = (!mesh.material_slots.is_empty()).then_some(mesh);
-        self.table.geometries.push(GeometryMaterials { slots, mesh, visit });
+        self.table.geometries.push(GeometryMaterials { slots, mesh, visit, placed: None });
     }
 }

@@ -1,5 +1,7 @@
 //! Sharing, inheritance and node paths survive compiling.
 
+mod motion;
+
 use super::*;
 use snell_intersect::{AcceptAll, TriangleMesh};
 use snell_math::{DAffine3, DVec3, Rgb, Vec2};

@@ -13,11 +13,13 @@ use snell_scene::{Camera, CameraSample};
 const FILM: u32 = 0;
 const LENS: u32 = 1;
 const WAVELENGTH: u32 = 2;
+const TIME: u32 = 3;
 
-/// A sample's first ray, what the path carries, and the filter's weight.
+/// A sample's first ray, what the path carries, and the filter's weight. Only where anything `moves` has the path a time.
 pub(crate) fn camera_path(
     camera: &Camera,
     settings: &Settings,
+    moves: bool,
     filter: &FilterSampler,
     pixel: [u32; 2],
     random: &Random,
@@ -30,7 +32,12 @@ pub(crate) fn camera_path(
         }
     };
     let film = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + position;
-    let camera_ray = camera.ray(&CameraSample { film, lens: random.pair(LENS) }, settings.size);
+    let time = if moves || !settings.later_cameras.is_empty() { random.number(TIME) } else { 0.0 };
+    let sample = CameraSample { film, lens: random.pair(LENS) };
+    let camera_ray = match &settings.later_cameras[..] {
+        [] => camera.ray(&sample, settings.size),
+        later => camera_at(camera, later, time).ray(&sample, settings.size),
+    };
     let mode = settings.color.mode(|| random.number(WAVELENGTH));
     let state = PathState {
         throughput: mode.unit() * camera_ray.weight,
@@ -43,6 +50,15 @@ pub(crate) fn camera_path(
         cone_spread: camera_ray.spread,
         stream: 0,
         lobe: LobeShares::UNKNOWN,
+        time,
     };
     (camera_ray.ray, state, weight)
+}
+
+/// The camera at a time from 0 to 1.
+fn camera_at(first: &Camera, later: &[Camera], time: f32) -> Camera {
+    let x = f64::from(time) * later.len() as f64;
+    let key = (x as usize).min(later.len() - 1);
+    let before = if key == 0 { first } else { &later[key - 1] };
+    before.on_its_way(&later[key], x - key as f64)
 }

@@ -1,5 +1,5 @@
-//! What `path` and `direct` do at Lambertian surfaces without textures, at many vertices at once: the same as [`super::path`], in loops
-//! that become vector code. Such surfaces are most of many scenes, and cost little else.
+//! What `path` and `direct` do at Lambertian surfaces without textures, at many vertices at once: the same as [`super::path`], bit for
+//! bit, in loops that become vector code. Such surfaces are most of many scenes, and cost little else.
 //!
 //! Which vertices come here depends on the scene and the settings alone, and no lane looks at another, so that a path does not depend
 //! on what shares its batch.
@@ -214,5 +214,39 @@ fn bounce(points: &TrianglePoints, wo: &HitVectors, u: &[HitLanes; 2], normal: &
         }
         to.pdf[i] = pdf;
         to.exists[i] = u32::from(exists);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::sampler::SamplerKind;
+    use crate::{CompiledScene, Job, Settings};
+    use snell_intersect::BuildOptions;
+    use snell_math::Rgb;
+    use snell_math::simd::Level;
+    use snell_scene::builtin::builtin;
+    use snell_scene::material::Diffuse;
+
+    #[test]
+    fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
+        for name in ["cornell-box", "teapot", "spheres", "night-town"] {
+            let mut scene = builtin(name).expect("the scene is built in");
+            for (i, material) in scene.materials.iter_mut().enumerate().filter(|(_, m)| !m.is_emissive()) {
+                material.kind = Diffuse::new(Rgb::new(0.9, 0.6, 0.1 * (i % 8) as f32)).into();
+            }
+            for sampler in [SamplerKind::ZSobol, SamplerKind::Independent] {
+                let picture = |simd: Level| {
+                    let options = BuildOptions { simd, ..BuildOptions::default() };
+                    let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
+                    let settings = Settings { size: [36, 24], spp: 4, max_depth: 9, sampler, ..Settings::default() };
+                    let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
+                    image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+                };
+                let one_by_one = picture(Level::Scalar);
+                for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+                    assert_eq!(picture(level), one_by_one, "{name} {sampler:?} {level}");
+                }
+            }
+        }
     }
 }

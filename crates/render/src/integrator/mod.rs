@@ -128,6 +128,8 @@ pub struct PathState {
     pub stream: u32,
     /// The first scattering, where [`Context::wants_lobes`].
     pub lobe: LobeShares,
+    /// When all rays of the path are traced: from 0 (the shutter opens) to 1 (it closes).
+    pub time: f32,
 }
 
 /// A vertex: where a path's ray ended.

@@ -18,7 +18,7 @@ use crate::integrator::matte::{self, LANES, MatteVertices};
 use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex, VertexFunction};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
-use snell_intersect::{Grouping, Hit};
+use snell_intersect::{Grouping, Hit, RayQuery};
 use snell_math::{ColorMode, SampledSpectrum};
 use snell_scene::{Background, Camera};
 
@@ -68,16 +68,14 @@ struct Matte {
 }
 
 impl Matte {
-    /// `None` if there are none.
+    /// `None` if there are none, or the level is that of portable code: the twin shades one vertex at a time.
     fn new(context: &Context, sampler: &Sampler) -> Option<Box<Self>> {
         let scene = context.scene;
-        let reflectances: Vec<_> =
-            scene.materials.iter().map(|m| matte::reflectance(context, m, context.settings.color)).collect();
-        let wide = scene.world.simd().wide();
-        reflectances
-            .iter()
-            .any(Option::is_some)
-            .then(|| Box::new(Self { vertices: MatteVertices::new(sampler, wide), reflectances }))
+        let wide = scene.world.simd().wide()?;
+        let reflectance = |material| matte::reflectance(context, material, context.settings.color);
+        let reflectances: Vec<_> = scene.materials.iter().map(reflectance).collect();
+        let vertices = MatteVertices::new(sampler, Some(wide));
+        reflectances.iter().any(Option::is_some).then(|| Box::new(Self { vertices, reflectances }))
     }
 }
 
@@ -118,7 +116,7 @@ impl<'a> PartRenderer<'a> {
         let sees_media = context.settings.integrator.sees_media();
         let volumes = if sees_media { VolumeBatch::new(scene, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
-        let matte = if volumes.is_some() { None } else { Matte::new(&context, sampler) };
+        let matte = if volumes.is_some() || scene.moves { None } else { Matte::new(&context, sampler) };
         Self {
             context,
             camera,
@@ -164,7 +162,10 @@ impl<'a> PartRenderer<'a> {
     ) -> FilmPart {
         self.start(area, pixels, range);
         statistics.rays.camera += self.paths.len() as u64;
-        let mut grouping = if self.camera.has_common_origin() && range[1] - range[0] == 16 {
+        let mut grouping = if self.camera.has_common_origin()
+            && self.context.settings.later_cameras.is_empty()
+            && range[1] - range[0] == 16
+        {
             Grouping::Coherent
         } else {
             Grouping::None
@@ -174,7 +175,7 @@ impl<'a> PartRenderer<'a> {
             self.note_arrivals();
             self.journal.iter_mut().for_each(|journal| journal.events.push(Event::Depth));
             if depth == 0 || !self.volumes.as_ref().is_some_and(VolumeBatch::sees_more) {
-                self.tracer.closest(&self.paths.rays, grouping, &mut self.paths.hits);
+                self.tracer.closest(&self.paths.rays, &self.paths.times, grouping, &mut self.paths.hits);
             }
             if depth == 0 {
                 self.drop_dead_paths();
@@ -226,7 +227,8 @@ impl<'a> PartRenderer<'a> {
         let settings = self.context.settings;
         for number in range[0]..range[1] {
             let random = self.sampler.random(pixel, number);
-            let (ray, state, weight) = camera_path(self.camera, settings, self.filter, pixel, &random);
+            let (ray, state, weight) =
+                camera_path(self.camera, settings, self.context.scene.moves, self.filter, pixel, &random);
             let (index, mode) = (self.samples.len() as u32, state.mode);
             let (radiance, brought) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
             self.samples.push(Sample { random, mode, radiance, brought, alpha: 1.0, weight, rays: 0 });
@@ -292,13 +294,14 @@ impl<'a> PartRenderer<'a> {
         for i in 0..self.paths.len() {
             let (ray, hit) = (self.paths.rays[i], self.paths.hits[i]);
             let counters = if counted {
-                let (_, counters) = scene.world.closest_counted(&ray, filter);
+                let (_, counters) =
+                    scene.world.closest_counted(RayQuery { time: self.paths.times[i], ..RayQuery::from(&ray) }, filter);
                 [counters.nodes_visited, counters.primitives_tested]
             } else {
                 [0; 2]
             };
-            let interaction = hit.is_hit().then(|| scene.world.interaction(&ray, &hit));
             let state = &self.paths.states[i];
+            let interaction = hit.is_hit().then(|| scene.interaction(&ray, state.time, &hit));
             let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
                 hit: &hit,
                 interaction,
@@ -436,7 +439,7 @@ impl<'a> PartRenderer<'a> {
             return;
         }
         let sample = self.paths.samples[path];
-        let interaction = hit.is_hit().then(|| scene.world.interaction(&ray, &hit));
+        let interaction = hit.is_hit().then(|| scene.interaction(&ray, state.time, &hit));
         let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
             hit: &hit,
             interaction,
@@ -461,7 +464,7 @@ impl<'a> PartRenderer<'a> {
     /// Takes what the vertex function gave.
     fn collect(&mut self, depth: u32, path: usize) {
         let (state, sample) = (&self.paths.states[path], self.paths.samples[path]);
-        let (is_branched, throughput) = (state.stream != 0, state.throughput);
+        let (is_branched, throughput, time) = (state.stream != 0, state.throughput, state.time);
         self.clamp(depth);
         self.samples[sample as usize].radiance += self.outputs.radiance;
         if !self.light_parts.is_empty() {
@@ -472,7 +475,7 @@ impl<'a> PartRenderer<'a> {
         }
         self.note_in_journal(path);
         for (ray, value) in self.outputs.light_rays.drain(..) {
-            self.light_rays.push(ray, value, sample);
+            self.light_rays.push(ray, time, value, sample);
         }
         if let (Some(recorder), Some(choice), Some((_, next))) =
             (&mut self.recorder, self.outputs.choice, self.outputs.next.first())
@@ -546,7 +549,7 @@ impl<'a> PartRenderer<'a> {
                 let samples = &self.samples;
                 volumes.trace_light_rays(&mut self.tracer, rays, |sample| samples[sample as usize].mode);
             }
-            None => self.tracer.occluded(&rays.rays, &mut rays.blocked),
+            None => self.tracer.occluded(&rays.rays, &rays.times, &mut rays.blocked),
         }
         if let Some(journal) = &mut self.journal {
             journal.fates.extend(rays.values.iter().copied().zip(rays.blocked.iter().copied()));

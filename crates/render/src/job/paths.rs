@@ -10,6 +10,8 @@ use snell_math::{Ray, SampledSpectrum};
 pub struct Paths {
     /// The ray to trace next.
     pub rays: Vec<Ray>,
+    /// When it is traced, from 0 to 1.
+    pub times: Vec<f32>,
     /// What the path carries.
     pub states: Vec<PathState>,
     /// Which sample of the part the path belongs to.
@@ -21,12 +23,14 @@ pub struct Paths {
 impl Paths {
     pub fn clear(&mut self) {
         self.rays.clear();
+        self.times.clear();
         self.states.clear();
         self.samples.clear();
     }
 
     pub fn push(&mut self, ray: Ray, state: PathState, sample: u32) {
         self.rays.push(ray);
+        self.times.push(state.time);
         self.states.push(state);
         self.samples.push(sample);
     }
@@ -40,6 +44,7 @@ impl Paths {
 #[derive(Debug, Default)]
 pub struct LightRays {
     pub rays: Vec<Ray>,
+    pub times: Vec<f32>,
     pub values: Vec<SampledSpectrum>,
     pub samples: Vec<u32>,
     /// What is known of the light, if anybody wants to know.
@@ -50,13 +55,15 @@ pub struct LightRays {
 impl LightRays {
     pub fn clear(&mut self) {
         self.rays.clear();
+        self.times.clear();
         self.values.clear();
         self.samples.clear();
         self.tags.clear();
     }
 
-    pub fn push(&mut self, ray: Ray, value: SampledSpectrum, sample: u32) {
+    pub fn push(&mut self, ray: Ray, time: f32, value: SampledSpectrum, sample: u32) {
         self.rays.push(ray);
+        self.times.push(time);
         self.values.push(value);
         self.samples.push(sample);
     }

@@ -93,7 +93,7 @@ fn shoot(
     let mut hits = Vec::new();
     for depth in 0..MAX_DEPTH {
         let rays: Vec<Ray> = photons.iter().map(|p| p.ray).collect();
-        tracer.closest(&rays, Grouping::None, &mut hits);
+        tracer.closest(&rays, &vec![0.0; rays.len()], Grouping::None, &mut hits);
         let bounce = |(photon, hit)| bounced(scene, photon, hit, depth, records);
         photons = photons.iter().zip(&hits).filter_map(bounce).collect();
     }

@@ -1,7 +1,7 @@
 //! What the renderer asks the world: every batch of rays passes here, is timed, and kept if somebody wants to look at it.
 
 use crate::compile::CompiledScene;
-use snell_intersect::{AcceptAll, Grouping, Hit, HitFilter};
+use snell_intersect::{AcceptAll, Grouping, Hit, HitFilter, Rays};
 use snell_math::Ray;
 use std::time::{Duration, Instant};
 
@@ -41,32 +41,43 @@ impl<'a> Tracer<'a> {
         hit_filter(self.scene)
     }
 
-    /// The nearest hit of each ray.
-    pub fn closest(&mut self, rays: &[Ray], grouping: Grouping, hits: &mut Vec<Hit>) {
-        self.closest_by(self.filter(), rays, grouping, hits);
+    /// The nearest hit of each ray. Each has a time, which counts if the scene moves.
+    pub fn closest(&mut self, rays: &[Ray], times: &[f32], grouping: Grouping, hits: &mut Vec<Hit>) {
+        self.closest_by(self.filter(), rays, times, grouping, hits);
     }
 
     /// The nearest hit of each ray that a filter accepts.
-    pub fn closest_by(&mut self, filter: &dyn HitFilter, rays: &[Ray], grouping: Grouping, hits: &mut Vec<Hit>) {
+    pub fn closest_by(
+        &mut self,
+        filter: &dyn HitFilter,
+        rays: &[Ray],
+        times: &[f32],
+        grouping: Grouping,
+        hits: &mut Vec<Hit>,
+    ) {
         if let Some(recording) = &mut self.recording {
             recording.closest.push((grouping, rays.to_vec()));
         }
         hits.clear();
         hits.resize(rays.len(), Hit::MISS);
         let start = Instant::now();
-        self.scene.world.closest(rays, grouping, filter, hits);
+        self.scene.world.closest(self.timed(rays, times), grouping, filter, hits);
         self.spent += start.elapsed();
     }
 
+    fn timed<'r>(&self, rays: &'r [Ray], times: &'r [f32]) -> Rays<'r> {
+        if self.scene.moves { Rays::new(rays).with_times(times) } else { Rays::new(rays) }
+    }
+
     /// For each ray, whether anything is in its way.
-    pub fn occluded(&mut self, rays: &[Ray], blocked: &mut Vec<bool>) {
+    pub fn occluded(&mut self, rays: &[Ray], times: &[f32], blocked: &mut Vec<bool>) {
         if let Some(recording) = &mut self.recording {
             recording.occluded.push(rays.to_vec());
         }
         blocked.clear();
         blocked.resize(rays.len(), false);
         let start = Instant::now();
-        self.scene.world.occluded(rays, Grouping::None, self.filter(), blocked);
+        self.scene.world.occluded(self.timed(rays, times), Grouping::None, self.filter(), blocked);
         self.spent += start.elapsed();
     }
 }

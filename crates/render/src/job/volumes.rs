@@ -30,6 +30,7 @@ pub struct VolumeBatch<'a> {
     numbers: Vec<Numbers>,
     pending: Vec<u32>,
     rays: Vec<Ray>,
+    times: Vec<f32>,
     hits: Vec<Hit>,
 }
 
@@ -49,6 +50,7 @@ impl<'a> VolumeBatch<'a> {
             numbers: Vec::new(),
             pending: Vec::new(),
             rays: Vec::new(),
+            times: Vec::new(),
             hits: Vec::new(),
         })
     }
@@ -85,7 +87,7 @@ impl<'a> VolumeBatch<'a> {
     ) {
         let count = paths.len();
         if self.sees_more() {
-            tracer.closest_by(&self.walker, &paths.rays, grouping, &mut paths.hits);
+            tracer.closest_by(&self.walker, &paths.rays, &paths.times, grouping, &mut paths.hits);
         }
         self.scattered.clear();
         self.scattered.resize(count, None);
@@ -131,7 +133,9 @@ impl<'a> VolumeBatch<'a> {
             }
             self.rays.clear();
             self.rays.extend(self.pending.iter().map(|&i| paths.rays[i as usize]));
-            tracer.closest_by(&self.walker, &self.rays, Grouping::None, &mut self.hits);
+            self.times.clear();
+            self.times.extend(self.pending.iter().map(|&i| paths.times[i as usize]));
+            tracer.closest_by(&self.walker, &self.rays, &self.times, Grouping::None, &mut self.hits);
             for (&i, hit) in self.pending.iter().zip(&self.hits) {
                 paths.hits[i as usize] = *hit;
             }
@@ -183,15 +187,17 @@ impl<'a> VolumeBatch<'a> {
             light.blocked.clear();
             light.blocked.resize(light.rays.len(), false);
         } else {
-            tracer.occluded(&light.rays, &mut light.blocked);
+            tracer.occluded(&light.rays, &light.times, &mut light.blocked);
         }
         self.pending.clear();
         self.pending.extend((0..light.rays.len() as u32).filter(|&i| !light.blocked[i as usize]));
         for _ in 0..MOST_PASSED {
             self.rays.clear();
             self.rays.extend(self.pending.iter().map(|&i| light.rays[i as usize]));
+            self.times.clear();
+            self.times.extend(self.pending.iter().map(|&i| light.times[i as usize]));
             if self.walker.has_passable() {
-                tracer.closest_by(&self.walker, &self.rays, Grouping::None, &mut self.hits);
+                tracer.closest_by(&self.walker, &self.rays, &self.times, Grouping::None, &mut self.hits);
             } else {
                 // Nothing is in the way, as is known already.
                 self.hits.clear();
@@ -203,6 +209,7 @@ impl<'a> VolumeBatch<'a> {
                 let step = self.walker.light_step(
                     &mut self.own,
                     &mut light.rays[i],
+                    light.times[i],
                     &mut light.values[i],
                     mode(light.samples[i]),
                     &mut self.light_insides[i],

@@ -41,7 +41,11 @@ pub enum LightStep {
 /// Rays meet interfaces too, which nobody sees but who walks through media.
 impl HitFilter for Walker<'_> {
     fn accept(&self, ray: &Ray, hit: &Hit) -> bool {
-        self.scene.material(self.scene.material_id(hit)).is_interface() || self.scene.accept(ray, hit)
+        self.accept_at(ray, 0.0, hit)
+    }
+
+    fn accept_at(&self, ray: &Ray, time: f32, hit: &Hit) -> bool {
+        self.scene.material(self.scene.material_id(hit)).is_interface() || self.scene.accept_at(ray, time, hit)
     }
 }
 
@@ -84,7 +88,7 @@ impl<'a> Walker<'a> {
         if !hit.is_hit() || travel.throughput.is_black() || !self.is_passed(insides, hit) {
             return PathStep::Arrived;
         }
-        let surface = self.scene.world.interaction(&*ray, hit);
+        let surface = self.scene.interaction(ray, state.time, hit);
         state.cone_width += state.cone_spread * segment.length;
         *insides = self.beyond(own, insides, &surface, hit, ray.direction, state.mode);
         *ray = Ray::new(surface.ray_origin(ray.direction), ray.direction);
@@ -96,6 +100,7 @@ impl<'a> Walker<'a> {
         &self,
         own: &mut OwnMedia,
         ray: &mut Ray,
+        time: f32,
         value: &mut SampledSpectrum,
         mode: ColorMode,
         insides: &mut Insides,
@@ -113,7 +118,7 @@ impl<'a> Walker<'a> {
         if !is_passed {
             return LightStep::Arrived;
         }
-        let surface = self.scene.world.interaction(&*ray, hit);
+        let surface = self.scene.interaction(ray, time, hit);
         *insides = self.beyond(own, insides, &surface, hit, ray.direction, mode);
         let left = ray.t_max - hit.t;
         *ray = Ray::new(surface.ray_origin(ray.direction), ray.direction).with_t_max(left);

@@ -101,6 +101,13 @@ impl Camera {
         Self::from_target(eye.as_dvec3(), target.as_dvec3(), up.as_dvec3(), projection)
     }
 
+    /// The camera on its way to another place: at `s` from 0 (here) to 1 (there), on a straight line. It keeps its own projection.
+    pub fn on_its_way(&self, other: &Self, s: f64) -> Self {
+        let (towards, up) = (self.towards.lerp(other.towards, s), self.up.lerp(other.up, s));
+        let placed = Self::from_direction(self.eye.lerp(other.eye, s), towards, up, self.projection.clone());
+        Self { eye: placed.eye, towards: placed.towards, up: placed.up, ..self.clone() }
+    }
+
     /// The same camera with a thin lens, sharp in the plane at this distance along `towards`.
     pub fn with_lens(self, aperture_radius: f64, focus_distance: f64) -> Self {
         Self { aperture_radius, focus_distance, ..self }

@@ -12,8 +12,10 @@ pub struct CoatedConductor {
     /// The metal, told by its index of refraction relative to air (or by its colour under the coat).
     pub conductor: Conductor,
     /// Index of refraction of the coat. Positive, otherwise 1.
+    #[serde(default = "super::usual::glass")]
     pub ior: f32,
     /// Roughness of the coat, `[0, 1]`; the distribution's `alpha` is its square.
+    #[serde(default = "super::usual::smooth")]
     pub roughness: ScalarParam,
 }
 

@@ -13,8 +13,10 @@ pub struct CoatedDiffuse {
     /// Reflectance of the body, `[0, 1]`; multiplied by the vertex colour.
     pub reflectance: ColorParam,
     /// Index of refraction of the layer. Positive, otherwise 1.
+    #[serde(default = "super::usual::glass")]
     pub ior: f32,
     /// Roughness of the layer, `[0, 1]`; the distribution's `alpha` is its square.
+    #[serde(default = "super::usual::smooth")]
     pub roughness: ScalarParam,
 }
 

@@ -62,6 +62,7 @@ pub struct Conductor {
     /// What it reflects.
     pub spectrum: ConductorSpectrum,
     /// Roughness, `[0, 1]`; the distribution's `alpha` is its square (as in glTF). Below 0.032 the metal is a mirror.
+    #[serde(default = "super::usual::smooth")]
     pub roughness: ScalarParam,
 }
 

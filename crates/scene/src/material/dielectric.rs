@@ -15,8 +15,10 @@ pub struct Dielectric {
     /// mode all colours have the index of the d-line.
     pub ior: RefractiveIndex,
     /// Roughness, `[0, 1]`; the distribution's `alpha` is its square. Below 0.032 the interface is perfectly smooth.
+    #[serde(default = "super::usual::smooth")]
     pub roughness: ScalarParam,
     /// Factor on light at each crossing, `[0, 1]`.
+    #[serde(default = "super::usual::white")]
     pub tint: ColorParam,
     /// What the medium absorbs per unit of length (Lambert and Beer): after a distance `d`, `exp(-absorption d)` is left. Counts for
     /// paths that meet the surface from within; light rays to things inside of the medium do not know of it.

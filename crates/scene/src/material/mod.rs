@@ -116,6 +116,27 @@ impl From<f32> for ScalarParam {
     }
 }
 
+/// What parameters are where a declaration leaves them out.
+mod usual {
+    use super::{ColorParam, ScalarParam};
+    use snell_math::Rgb;
+
+    /// Roughness of what is polished.
+    pub fn smooth() -> ScalarParam {
+        0.0.into()
+    }
+
+    /// A factor that changes nothing.
+    pub fn white() -> ColorParam {
+        Rgb::WHITE.into()
+    }
+
+    /// Index of refraction of glass and varnish.
+    pub fn glass() -> f32 {
+        1.5
+    }
+}
+
 /// Everything a material may look at.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadingPoint<'a> {
@@ -353,8 +374,13 @@ impl Material {
     pub fn bsdf_towards(&self, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf {
         let bsdf = self.without_coat_normal(point);
         let z = normal::valid_towards(bsdf.frame.z, bsdf.geometric_normal, wo, normal::mirrors(&bsdf.bsdf));
-        let seen =
-            if z == bsdf.frame.z { bsdf } else { ShadingBsdf { frame: Frame::from_z_and_x(z, bsdf.frame.x), ..bsdf } };
+        let frame = match &bsdf.bsdf {
+            // Tangents mean nothing to it, and this one is the cheapest.
+            Bsdf::Diffuse(_) => Frame::from_z(z),
+            _ if z == bsdf.frame.z => bsdf.frame,
+            _ => Frame::from_z_and_x(z, bsdf.frame.x),
+        };
+        let seen = ShadingBsdf { frame, ..bsdf };
         self.with_coat(seen, point, Some(wo))
     }
 

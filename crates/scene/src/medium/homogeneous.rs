@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use snell_math::{ColorMode, Rgb, Vec3};
 
 /// A medium that is the same everywhere.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Homogeneous {
     /// Absorption coefficient per scene unit of length, at least 0.
     pub sigma_a: Rgb,

@@ -120,5 +120,30 @@ impl Facts<'_> {
         for (i, camera) in scene.cameras.iter().enumerate() {
             line!(out, "  {i} \"{}\" at {:.3} towards {:.3}", camera.name, camera.eye, camera.towards);
         }
+        self.add_choices(out);
+    }
+
+    /// What one may choose from in the file.
+    fn add_choices(&self, out: &mut String) {
+        let scene = self.scene;
+        if let Some(motion) = &scene.motion {
+            line!(out, "\nAnimations ({} joints, {} bent meshes)", motion.joints.len(), motion.deformed.len());
+            for (i, clip) in motion.clips.iter().enumerate() {
+                let [start, end] = clip.span();
+                line!(out, "  {i} \"{}\" {start:.3} s to {end:.3} s, {} channels", clip.name, clip.channels.len());
+            }
+        }
+        let list = |out: &mut String, title: &str, names: &[String]| {
+            if !names.is_empty() {
+                line!(out, "\n{title}");
+                for (i, name) in names.iter().enumerate() {
+                    line!(out, "  {i} \"{name}\"");
+                }
+            }
+        };
+        list(out, "Variants of materials", &scene.variants);
+        if scene.scenes.len() > 1 {
+            list(out, "Scenes of the file", &scene.scenes);
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! Options of `snell render`, and the settings that follow from them, the scene and the defaults, in this order.
 
+use super::frames::{self, FrameRange, Turntable};
 use super::layers;
 use crate::failure::{Failure, choice};
 use crate::progress::ProgressStyleOption;
@@ -9,6 +10,7 @@ use snell_intersect::accel::AcceleratorKind;
 use snell_intersect::{BuildOptions, Quality};
 use snell_math::simd::Level;
 use snell_math::{ColorModel, Rgb};
+use snell_render::layers::needed_aovs;
 use snell_render::{
     Aov, Crop, Filter, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
 };
@@ -64,10 +66,12 @@ const EXAMPLES: &str = "Examples:
   snell render scene.gltf --time 1m -o a.exr      as good as it gets in a minute, in linear light
   snell render mesh.ply -i ao --size 800x600      ambient occlusion
   snell render a.obj --environment studio.hdr     light from all around
+  snell render walk.glb --frames 0..2s@24         an animation, as walk.0000.png and so on
+  snell render model.glb --turntable 48 -o a.gif  the model from all sides
 Ctrl-C ends a render early and saves what is there.";
 
 /// Options of `snell render`.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 #[command(after_help = EXAMPLES, args_override_self = true)]
 pub struct Options {
     /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
@@ -101,6 +105,31 @@ pub struct Options {
     /// Camera by name or number
     #[arg(long, value_name = "NAME|INDEX", help_heading = "What is rendered")]
     pub camera: Option<String>,
+    /// The moment that is shown, in seconds of the scene's animation
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds, help_heading = "Motion")]
+    pub at: Option<f64>,
+    /// Play this animation of the file (`all` for all together). Default: the first, with those that move other things
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "Motion")]
+    pub animation: Option<String>,
+    /// Render many pictures: from a time until just before another, so many a second, such as 0..2s@24 (@24 for all of the
+    /// animation). Numbered files; one animated picture if the output is .apng, .gif or .y4m; a video stream (Y4M) if it is `-`
+    #[arg(long, value_name = "START..END@RATE", allow_hyphen_values = true, value_parser = frames::parse_frames, conflicts_with_all = ["at", "turntable"], help_heading = "Motion")]
+    pub frames: Option<FrameRange>,
+    /// Turn the scene once about its middle in this many pictures (N@RATE for an animated picture of another rate than 24 a second)
+    #[arg(long, value_name = "N", value_parser = frames::parse_turntable, help_heading = "Motion")]
+    pub turntable: Option<Turntable>,
+    /// Blur what moves between these times, in seconds from the moment that is shown, such as 0..0.02. Default: what the file says
+    #[arg(long, value_name = "OPEN..CLOSE", allow_hyphen_values = true, value_parser = frames::parse_shutter, help_heading = "Motion")]
+    pub shutter: Option<[f64; 2]>,
+    /// Go on with frames that were interrupted: only those that are missing are rendered
+    #[arg(long, help_heading = "Motion")]
+    pub resume: bool,
+    /// Show this set of materials, in glTF files with several
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "What is rendered")]
+    pub variant: Option<String>,
+    /// Show this scene, in glTF files with several
+    #[arg(long = "scene", value_name = "NAME|INDEX", help_heading = "What is rendered")]
+    pub scene_of_file: Option<String>,
     /// Render only this rectangle of pixels (right and lower border exclusive)
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_crop, help_heading = "What is rendered")]
     pub crop: Option<Crop>,
@@ -228,7 +257,18 @@ impl Options {
         // Keys of the scene graph have dots; what has none may be a parameter of the file.
         let plain = self.define.iter().filter_map(|d| d.split_once('=')).filter(|(key, _)| !key.contains('.'));
         let parameters = plain.map(|(key, value)| (key.to_string(), value.to_string())).collect();
-        ReadOptions { allow_outside: self.allow_outside, limits: Limits::default(), parameters }
+        ReadOptions {
+            allow_outside: self.allow_outside,
+            limits: Limits::default(),
+            parameters,
+            variant: self.variant.clone(),
+            scene: self.scene_of_file.clone(),
+        }
+    }
+
+    /// True if many pictures are rendered.
+    pub fn has_frames(&self) -> bool {
+        self.frames.is_some() || self.turntable.is_some()
     }
 
     /// Number of threads.
@@ -280,7 +320,7 @@ impl Options {
         let size = self.size.or(hints.size).or(camera.resolution).unwrap_or(DEFAULT_SIZE);
         let crop = self.checked_crop(size)?;
         let light_groups = layers::light_groups(&self.light_group, scene)?;
-        let aovs = layers::aovs(&self.aov, integrator, &light_groups, self.denoise.is_some())?;
+        let aovs = needed_aovs(&layers::aovs(&self.aov)?, integrator, &light_groups, self.denoise.is_some());
         check_memory(crop.unwrap_or(Crop::full(size)), &aovs)?;
         if self.guiding.is_some() && integrator != IntegratorKind::Path {
             let name = integrator.name();
@@ -484,6 +524,11 @@ fn parse_density(text: &str) -> Result<f32, String> {
     density.ok_or_else(|| {
         format!("\"{text}\" is not a density; write a positive number: the share of light lost per scene unit")
     })
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.trim_end_matches('s').parse().ok().filter(|t: &f64| t.abs() <= 1e6);
+    seconds.ok_or_else(|| format!("\"{text}\" is not a moment; write seconds, such as 1.5"))
 }
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {

@@ -1,5 +1,6 @@
 //! From film to file.
 
+use super::frames;
 use super::options::{DisplayEncoding, Options};
 use super::summary::Summary;
 use crate::failure::Failure;
@@ -20,7 +21,9 @@ impl<'a> Output<'a> {
     /// be writable.
     pub fn plan(options: &'a Options) -> Result<Self, Failure> {
         if let Some(path) = options.output.as_deref().filter(|p| *p != Path::new("-")) {
-            image::check_writable(path)?;
+            if !options.has_frames() || frames::animated_format(path).is_none() {
+                image::check_writable(path)?;
+            }
             check_place(path)?;
         }
         if let Some(path) = &options.stats {
@@ -32,15 +35,24 @@ impl<'a> Output<'a> {
         Ok(Self { options })
     }
 
-    /// Writes the picture; gives its path, or `None` for standard output.
+    /// Where the picture goes: `None` is standard output.
+    pub fn target(&self, stem: &str) -> Option<PathBuf> {
+        match &self.options.output {
+            Some(path) if path == Path::new("-") => None,
+            Some(path) => Some(path.clone()),
+            None => Some(PathBuf::from(format!("{stem}.png"))),
+        }
+    }
+
+    /// Writes the picture to a file, or to standard output.
     pub fn write(
         &self,
-        stem: &str,
+        target: Option<&Path>,
         mut picture: LayeredImage,
         film: &Film,
         summary: &Summary,
         scene: &Scene,
-    ) -> Result<Option<PathBuf>, Failure> {
+    ) -> Result<(), Failure> {
         let options = self.options;
         if options.variance {
             // Light groups have been given names.
@@ -59,19 +71,15 @@ impl<'a> Output<'a> {
                 None => !scene.settings.raw_display && summary.settings.integrator != IntegratorKind::Aov,
             },
         };
-        let writing =
-            WriteOptions { display, png_bits: options.bits, exr_half: options.half, ..WriteOptions::default() };
-        match &options.output {
-            Some(path) if path == Path::new("-") => {
-                let bytes = image::encode_image_as("png", &picture, &writing)?;
-                standard_output::write(&bytes)?;
-                Ok(None)
-            }
-            path => {
-                let path = path.clone().unwrap_or_else(|| PathBuf::from(format!("{stem}.png")));
-                image::write_image(&path, &picture, &writing)?;
-                Ok(Some(path))
-            }
+        let writing = WriteOptions {
+            display,
+            png_bits: if options.has_frames() && frames::is_animated(options) { 8 } else { options.bits },
+            exr_half: options.half,
+            ..WriteOptions::default()
+        };
+        match target {
+            None => standard_output::write(&image::encode_image_as("png", &picture, &writing)?),
+            Some(path) => Ok(image::write_image(path, &picture, &writing)?),
         }
     }
 }

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use snell_formats::image::Tonemap;
 use snell_render::{CompiledScene, Film, Settings, Statistics};
 use snell_scene::Scene;
-use std::path::PathBuf;
+use std::path::Path;
 
 /// The facts.
 pub struct Summary<'a> {
@@ -109,9 +109,9 @@ impl Summary<'_> {
     }
 
     /// The closing lines on the terminal.
-    pub fn print(&self, options: &Options, written: &Option<PathBuf>) {
+    pub fn print(&self, options: &Options, written: Option<&Path>) {
         let [w, h] = self.film.crop.size();
-        let place = written.as_ref().map_or("standard output".into(), |p| p.display().to_string());
+        let place = written.map_or("standard output".into(), |p| p.display().to_string());
         eprintln!(
             "{place}: {w}x{h}, {}, {} in {} ({:.1} Mrays/s, {} threads)",
             self.samples(),

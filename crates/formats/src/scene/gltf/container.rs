@@ -1,6 +1,7 @@
 //! From bytes to the JSON document and its buffers: GLB chunks, data URIs, files next to the scene.
 
 use super::json::{Json, REPAIR};
+use super::meshopt::{self, Compression};
 use crate::{Input, Place, ReadError};
 use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -87,8 +88,12 @@ fn open_glb(input: &Input) -> Result<Container<'_>, ReadError> {
 /// A part of a buffer, known to lie within what the buffer declares.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
+    /// Number of the view.
+    number: usize,
     buffer: usize,
     offset: usize,
+    /// Bytes in the buffer, if they are compressed.
+    packed: Option<usize>,
     /// Length in bytes.
     pub length: usize,
     /// Bytes from one element to the next, if the file says so.
@@ -102,6 +107,8 @@ pub(super) struct Buffers<'a> {
     declared: Vec<Json<'a>>,
     views: Vec<Json<'a>>,
     loaded: Vec<OnceCell<Cow<'a, [u8]>>>,
+    /// Views that were compressed.
+    decoded: Vec<OnceCell<Vec<u8>>>,
 }
 
 impl<'a> Buffers<'a> {
@@ -110,37 +117,69 @@ impl<'a> Buffers<'a> {
         let declared = root.items_of("buffers")?;
         let views = root.items_of("bufferViews")?;
         let loaded = declared.iter().map(|_| OnceCell::new()).collect();
-        Ok(Self { input, binary, declared, views, loaded })
+        let decoded = views.iter().map(|_| OnceCell::new()).collect();
+        Ok(Self { input, binary, declared, views, loaded, decoded })
     }
 
     /// Where a buffer view lies, checked against what its buffer declares. Reads no buffer.
     pub fn view(&self, index: &Json) -> Result<View, ReadError> {
         let view = entry(&self.views, index, "buffer views")?;
-        let buffer_index = view.require("buffer")?;
-        let buffer = entry(&self.declared, &buffer_index, "buffers")?;
-        let offset = view.size_or("byteOffset", 0)?;
+        let number = index.size()?;
         let length = view.require("byteLength")?.size()?;
         let stride = view.get("byteStride")?.map(|s| s.size()).transpose()?;
+        // Where the bytes of a compressed view would be without compression does not matter.
+        let Some(extension) = meshopt::extension(view)? else {
+            let (buffer, offset) = self.place(view, length)?;
+            return Ok(View { number, buffer, offset, packed: None, length, stride });
+        };
+        let packed = extension.require("byteLength")?.size()?;
+        let (buffer, offset) = self.place(&extension, packed)?;
+        Compression::read(extension, packed, length)?;
+        Ok(View { number, buffer, offset, packed: Some(packed), length, stride })
+    }
+
+    /// The buffer of a view and where in it `length` bytes begin, checked.
+    fn place(&self, view: &Json, length: usize) -> Result<(usize, usize), ReadError> {
+        let index = view.require("buffer")?;
+        let buffer = entry(&self.declared, &index, "buffers")?;
+        let offset = view.size_or("byteOffset", 0)?;
         let total = buffer.require("byteLength")?.size()?;
         match offset.checked_add(length) {
-            Some(end) if end <= total => Ok(View { buffer: buffer_index.size()?, offset, length, stride }),
+            Some(end) if end <= total => Ok((index.size()?, offset)),
             _ => Err(view.error(format!(
                 "the buffer view takes {length} bytes from byte {offset}, but its buffer has {total} bytes"
             ))),
         }
     }
 
-    /// The bytes of a buffer view.
+    /// The bytes of a buffer view, decoded.
     pub fn bytes(&self, view: &View) -> Result<&[u8], ReadError> {
-        let (buffer, cell) = (&self.declared[view.buffer], &self.loaded[view.buffer]);
+        let Some(packed) = view.packed else { return self.stored(view.buffer, view.offset, view.length) };
+        let cell = &self.decoded[view.number];
+        let decoded = match cell.get() {
+            Some(decoded) => decoded,
+            None => {
+                let json = &self.views[view.number];
+                let bytes = self.stored(view.buffer, view.offset, packed)?;
+                let extension = meshopt::extension(json)?.ok_or_else(|| json.error("the view is not compressed"))?;
+                let decoded = Compression::read(extension, packed, view.length)?.decode(bytes)?;
+                cell.get_or_init(|| decoded)
+            }
+        };
+        Ok(&decoded[..view.length])
+    }
+
+    /// Bytes of a buffer, as the file has them.
+    fn stored(&self, buffer: usize, offset: usize, length: usize) -> Result<&[u8], ReadError> {
+        let (json, cell) = (&self.declared[buffer], &self.loaded[buffer]);
         let bytes = match cell.get() {
             Some(bytes) => bytes,
             None => {
-                let bytes = self.load(buffer, view.buffer == 0)?;
+                let bytes = self.load(json, buffer == 0)?;
                 cell.get_or_init(|| bytes)
             }
         };
-        Ok(&bytes[view.offset..view.offset + view.length])
+        Ok(&bytes[offset..offset + length])
     }
 
     /// The bytes of the buffer view that `index` refers to.

@@ -8,6 +8,7 @@ use snell_scene::Scene;
 const UNDERSTOOD: &[&str] = &[
     "EXT_lights_ies",
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
@@ -25,6 +26,7 @@ const UNDERSTOOD: &[&str] = &[
     "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
     "KHR_texture_transform",
 ];
 
@@ -54,10 +56,13 @@ pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
 
 fn remedy(name: &str) -> &'static str {
     match name {
-        "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
+        "KHR_draco_mesh_compression" => {
             "decompress the file first, for example with `gltf-transform copy in.glb out.glb`, or export it without compression"
         }
-        "KHR_texture_basisu" | "MSFT_texture_dds" | "EXT_texture_avif" => {
+        "KHR_texture_basisu" => {
+            "unpack its KTX2 textures to PNG, for example with `ktx extract`, or export it with PNG or JPEG textures"
+        }
+        "MSFT_texture_dds" | "EXT_texture_avif" => {
             "convert its textures to PNG or JPEG first, or export it with such textures"
         }
         "KHR_techniques_webgl" | "KHR_materials_common" => {

@@ -20,6 +20,7 @@ pub(super) fn transforms(reader: &Reader, node: &Json) -> Result<Option<Vec<DAff
             rotations.as_ref().map_or([0.0, 0.0, 0.0, 1.0], |r| r[i]),
             scales.as_ref().map_or([1.0; 3], |s| s[i]),
         )
+        .matrix()
     };
     Ok(Some((0..count).map(part).collect()))
 }

@@ -2,7 +2,7 @@
 
 mod layer;
 mod note;
-mod variant;
+pub(super) mod variant;
 mod volume;
 
 use super::Reader;
@@ -17,7 +17,7 @@ use snell_scene::{Material, MaterialId};
 
 /// Reads all materials, in the order of the file: number `i` there is material `i` of the scene.
 pub(super) fn read_all(reader: &mut Reader) -> Result<(), ReadError> {
-    variant::check(reader)?;
+    variant::choose(reader)?;
     for json in reader.root.items_of("materials")? {
         let material = read(reader, &json)?;
         reader.scene.add_material(material);

@@ -2,32 +2,40 @@
 
 use super::accessor::{Accessor, Component};
 use super::json::Json;
-use super::skin::Influences;
+use super::material::variant;
 use super::topology::Topology;
-use super::{Reader, morph};
+use super::{Reader, morph, skin};
 use crate::ReadError;
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3, Vec4};
+use snell_scene::motion::{InfluenceSet, MorphTarget, make_usable};
 
-/// A primitive with what else is needed to place it.
+/// A primitive with what else is needed to show it.
 pub(super) struct Primitive {
-    /// The triangles, morph targets applied, before any skin.
+    /// The triangles, before anything moves them; usable unless there are targets.
     pub mesh: TriangleMesh,
-    /// Which joints move its vertices, if it can be skinned.
-    pub influences: Option<Influences>,
+    /// Shapes to be added, in the order of the mesh's weights.
+    pub targets: Vec<MorphTarget>,
+    /// Which joints move its vertices; empty if it cannot be skinned.
+    pub influences: Vec<InfluenceSet>,
     /// Position in the table of materials.
     pub material: Option<usize>,
 }
 
-/// Reads the primitives of a mesh that can be shown. `weights` are those of the morph targets.
-pub(super) fn read_primitives(reader: &mut Reader, mesh: &Json, weights: &[f64]) -> Result<Vec<Primitive>, ReadError> {
+/// Reads the primitives of a mesh that can be shown. `weights` are those of the morph targets; if they change, `all_targets` are read.
+pub(super) fn read_primitives(
+    reader: &mut Reader,
+    mesh: &Json,
+    weights: &[f64],
+    all_targets: bool,
+) -> Result<Vec<Primitive>, ReadError> {
     let mut primitives = Vec::new();
     for json in mesh.require("primitives")?.items()? {
         let Some(topology) = Topology::of(&json)? else {
             reader.scene.warn("points and lines have no surface and are not shown");
             continue;
         };
-        primitives.extend(read_primitive(reader, &json, topology, weights)?);
+        primitives.extend(read_primitive(reader, &json, topology, weights, all_targets)?);
     }
     Ok(primitives)
 }
@@ -37,6 +45,7 @@ fn read_primitive(
     json: &Json,
     topology: Topology,
     weights: &[f64],
+    all_targets: bool,
 ) -> Result<Option<Primitive>, ReadError> {
     let attributes = json.get("attributes")?;
     let positions = attributes.as_ref().map_or(Ok(None), |a| a.get("POSITION"))?;
@@ -53,12 +62,14 @@ fn read_primitive(
     }
     let mut mesh = TriangleMesh { positions: vectors(&accessor, Vec3::from_array)?, ..TriangleMesh::default() };
     read_attributes(reader, &attributes, &mut mesh)?;
-    let influences = Influences::read(reader, &attributes, vertices)?;
-    morph::apply(reader, json, weights, &mut mesh)?;
+    let influences = skin::influences(reader, &attributes, vertices)?;
+    let targets = morph::targets(reader, json, weights, all_targets, &mesh)?;
     mesh.indices = topology.triangles(&read_indices(reader, json, vertices)?);
-    repair(&mut mesh);
-    let material = json.get("material")?.map(|m| m.size()).transpose()?;
-    Ok(Some(Primitive { mesh, influences, material }))
+    if targets.is_empty() {
+        make_usable(&mut mesh);
+    }
+    let material = variant::material(reader, json)?;
+    Ok(Some(Primitive { mesh, targets, influences, material }))
 }
 
 /// All attributes but positions.
@@ -130,8 +141,9 @@ fn read_indices(reader: &Reader, json: &Json, vertices: usize) -> Result<Vec<u32
 }
 
 /// Leaves out vertices that no triangle uses, if they are more than half: exporters let many primitives share one large array.
-pub(super) fn drop_unused(mesh: &mut TriangleMesh) {
+pub(super) fn drop_unused(primitive: &mut Primitive) {
     const UNUSED: u32 = u32::MAX;
+    let mesh = &mut primitive.mesh;
     let mut new_number = vec![UNUSED; mesh.positions.len()];
     for &i in mesh.indices.iter().flatten() {
         new_number[i as usize] = 0;
@@ -151,35 +163,20 @@ pub(super) fn drop_unused(mesh: &mut TriangleMesh) {
     for i in mesh.indices.iter_mut().flatten() {
         *i = new_number[*i as usize];
     }
+    for target in &mut primitive.targets {
+        keep(&mut target.positions, &used);
+        keep(&mut target.normals, &used);
+        keep(&mut target.tangents, &used);
+    }
+    for set in &mut primitive.influences {
+        keep(&mut set.joints, &used);
+        keep(&mut set.weights, &used);
+    }
 }
 
 /// The elements at these places, if there are any.
 fn keep<T: Copy>(values: &mut Vec<T>, places: &[usize]) {
     if !values.is_empty() {
         *values = places.iter().map(|&i| values[i]).collect();
-    }
-}
-
-/// Makes attributes usable that are not: NaNs, normals and tangents without length, colours out of range.
-fn repair(mesh: &mut TriangleMesh) {
-    let usable = |v: Vec3| v.is_finite() && v.length_squared() > 0.0;
-    if mesh.normals.iter().any(|&n| !usable(n)) {
-        let computed = mesh.computed_normals();
-        for (normal, computed) in mesh.normals.iter_mut().zip(computed) {
-            if !usable(*normal) {
-                *normal = computed;
-            }
-        }
-    }
-    for (tangent, normal) in mesh.tangents.iter_mut().zip(&mesh.normals) {
-        let direction = tangent.truncate();
-        let direction = if usable(direction) { direction } else { normal.normalize().any_orthonormal_vector() };
-        *tangent = direction.normalize().extend(if tangent.w < 0.0 { -1.0 } else { 1.0 });
-    }
-    for uv in mesh.uvs.iter_mut().flatten().filter(|uv| !uv.is_finite()) {
-        *uv = Vec2::ZERO;
-    }
-    for channel in mesh.colors.iter_mut().flatten() {
-        *channel = if channel.is_nan() { 1.0 } else { channel.clamp(0.0, 1.0) };
     }
 }

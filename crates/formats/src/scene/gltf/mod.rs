@@ -5,8 +5,8 @@
 //! with that place; a file that is merely odd loads, and what was changed or left out is a warning of the scene.
 //!
 //! How glTF maps to a scene: each node is a node; each mesh is a node with one surface per primitive, stored once and shared by all
-//! nodes that show it. Morph targets are applied with their default weights, skins at the pose that the nodes are in; animations do
-//! not move anything. `+y` is up, lengths are metres.
+//! nodes that show it. Morph targets are applied with their default weights, skins at the pose that the nodes are in; animations
+//! become the scene's motion, which moves nothing before somebody plays it. `+y` is up, lengths are metres.
 //!
 //! # Units of light
 //! glTF gives light in photometric units (cd, lx, cd/m²), without spectra. They are taken as they stand for the radiometric ones
@@ -16,6 +16,7 @@
 //! of at least 100 cd or 50 lx have their lights divided by 683 again, which is what Blender's own importer does.
 
 mod accessor;
+mod animation;
 mod camera;
 mod container;
 mod extension;
@@ -24,6 +25,7 @@ mod json;
 mod light;
 mod material;
 mod mesh;
+mod meshopt;
 mod morph;
 mod node;
 mod reference;
@@ -78,6 +80,8 @@ struct Reader<'a> {
     scene: Scene,
     /// Material of primitives without one, once there was one.
     default_material: Option<MaterialId>,
+    /// The variant of materials that was asked for.
+    variant: Option<usize>,
     /// Vertices read so far, for the limit.
     vertices: usize,
 }
@@ -88,15 +92,13 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     check_version(&root)?;
     let mut scene = Scene::new(input.stem());
     extension::check(&root, &mut scene)?;
-    if !root.items_of("animations")?.is_empty() {
-        scene.warn("animations are not played; the scene is shown as its nodes stand");
-    }
     reference::check(&root)?;
 
     let accessors = Accessors::new(&root, Buffers::new(input, &root, binary)?, input.options.limits.elements)?;
     accessors.check()?;
     let textures = Textures::default();
-    let mut reader = Reader { input, root, accessors, textures, scene, default_material: None, vertices: 0 };
+    let mut reader =
+        Reader { input, root, accessors, textures, scene, default_material: None, variant: None, vertices: 0 };
     reader.textures = texture::decode_images(&reader)?;
     material::read_all(&mut reader)?;
     node::read_scene(&mut reader)?;

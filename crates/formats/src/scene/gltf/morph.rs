@@ -1,10 +1,11 @@
-//! Morph targets, applied once with the weights that the file starts with.
+//! Morph targets and their weights.
 
 use super::json::Json;
 use super::{Reader, mesh};
 use crate::ReadError;
 use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
+use snell_scene::motion::MorphTarget;
 
 /// Weights of a mesh's morph targets where a node shows it: the node's, or the mesh's, or none.
 pub(super) fn weights(node: &Json, mesh: &Json) -> Result<Vec<f64>, ReadError> {
@@ -14,44 +15,45 @@ pub(super) fn weights(node: &Json, mesh: &Json) -> Result<Vec<f64>, ReadError> {
     }
 }
 
-/// Adds the targets of a primitive, each times its weight, to its attributes.
-pub(super) fn apply(
+/// How many morph targets the primitives of a mesh have at most.
+pub(super) fn count(mesh: &Json) -> Result<usize, ReadError> {
+    let mut most = 0;
+    for primitive in mesh.items_of("primitives")? {
+        most = most.max(primitive.items_of("targets")?.len());
+    }
+    Ok(most)
+}
+
+/// The targets of a primitive. Those of weight 0 stay empty, unless weights change (`all`).
+pub(super) fn targets(
     reader: &Reader,
     primitive: &Json,
     weights: &[f64],
-    mesh: &mut TriangleMesh,
-) -> Result<(), ReadError> {
-    for (target, &weight) in primitive.items_of("targets")?.iter().zip(weights) {
-        if weight == 0.0 {
+    all: bool,
+    mesh: &TriangleMesh,
+) -> Result<Vec<MorphTarget>, ReadError> {
+    let mut targets = Vec::new();
+    for (i, target) in primitive.items_of("targets")?.iter().enumerate() {
+        if !all && weights.get(i).is_none_or(|&weight| weight == 0.0) {
+            targets.push(MorphTarget::default());
             continue;
         }
-        let weight = weight as f32;
-        add(reader, target, "POSITION", weight, mesh.positions.iter_mut())?;
-        add(reader, target, "NORMAL", weight, mesh.normals.iter_mut())?;
-        let mut directions: Vec<Vec3> = mesh.tangents.iter().map(|t| t.truncate()).collect();
-        add(reader, target, "TANGENT", weight, directions.iter_mut())?;
-        for (tangent, direction) in mesh.tangents.iter_mut().zip(directions) {
-            *tangent = direction.extend(tangent.w);
-        }
+        targets.push(MorphTarget {
+            positions: differences(reader, target, "POSITION", mesh.positions.len())?,
+            normals: differences(reader, target, "NORMAL", mesh.normals.len())?,
+            tangents: differences(reader, target, "TANGENT", mesh.tangents.len())?,
+        });
     }
-    Ok(())
+    Ok(targets)
 }
 
-/// Adds one attribute of a target. An attribute that the primitive does not have (no `values`) is left out.
-fn add<'v>(
-    reader: &Reader,
-    target: &Json,
-    name: &str,
-    weight: f32,
-    values: impl ExactSizeIterator<Item = &'v mut Vec3>,
-) -> Result<(), ReadError> {
-    if values.len() == 0 {
-        return Ok(());
+/// One attribute of a target. One that the primitive does not have (`count` is 0) is left out.
+fn differences(reader: &Reader, target: &Json, name: &str, count: usize) -> Result<Vec<Vec3>, ReadError> {
+    if count == 0 {
+        return Ok(Vec::new());
     }
-    if let Some(accessor) = mesh::attribute(reader, target, name, values.len())? {
-        for (value, delta) in values.zip(accessor.vectors()?) {
-            *value += weight * Vec3::from_array(delta);
-        }
+    match mesh::attribute(reader, target, name, count)? {
+        Some(accessor) => Ok(accessor.vectors()?.into_iter().map(Vec3::from_array).collect()),
+        None => Ok(Vec::new()),
     }
-    Ok(())
 }

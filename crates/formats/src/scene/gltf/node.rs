@@ -1,11 +1,13 @@
 //! Nodes: the hierarchy of a glTF file as nodes of the scene graph.
 
 use super::json::Json;
-use super::{Reader, camera, instancing, light, mesh, morph, skin};
+use super::mesh::Primitive;
+use super::{Reader, animation, camera, instancing, light, mesh, morph, skin};
 use crate::ReadError;
 use snell_intersect::TriangleMesh;
 use snell_math::glam::DQuat;
 use snell_math::{DAffine3, DMat3, DVec3};
+use snell_scene::motion::{Deformed, Morph, Placement, Skin, morph_mesh};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Surface};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
@@ -15,7 +17,7 @@ pub(super) struct Hierarchy<'a> {
     nodes: Vec<Json<'a>>,
     children: Vec<Vec<usize>>,
     is_root: Vec<bool>,
-    local: Vec<DAffine3>,
+    local: Vec<Placement>,
     world: Vec<DAffine3>,
 }
 
@@ -36,8 +38,9 @@ impl<'a> Hierarchy<'a> {
             }
             children.push(below);
         }
-        let local = nodes.iter().map(local_transform).collect::<Result<Vec<_>, _>>()?;
-        let mut this = Self { world: local.clone(), nodes, children, is_root, local };
+        let local = nodes.iter().map(placement).collect::<Result<Vec<_>, _>>()?;
+        let world = local.iter().map(Placement::matrix).collect();
+        let mut this = Self { world, nodes, children, is_root, local };
         this.place(reader.input.options.limits.depth)?;
         Ok(this)
     }
@@ -60,7 +63,7 @@ impl<'a> Hierarchy<'a> {
                     return Err(self.nodes[i].error("its transform, with those above it, is too large to be computed"));
                 }
                 for &child in &self.children[i] {
-                    self.world[child] = self.world[i] * self.local[child];
+                    self.world[child] = self.world[i] * self.local[child].matrix();
                     below.push(child);
                 }
             }
@@ -72,16 +75,36 @@ impl<'a> Hierarchy<'a> {
         }
     }
 
-    /// `world_from_node` of the node that `index` refers to.
-    pub fn world(&self, index: &Json) -> Result<DAffine3, ReadError> {
-        let i = index.size()?;
-        self.world.get(i).copied().ok_or_else(|| index.error(format!("there is no node {i}")))
+    /// `world_from_node` of a node.
+    pub fn world(&self, node: usize) -> DAffine3 {
+        self.world[node]
     }
 
-    /// The nodes at the top of the scene to be shown: the default scene, else the first, else all nodes without a parent.
+    /// How many nodes there are.
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// All nodes, parents before children: number, number of the parent, where it is relative to that, and the node.
+    pub fn top_down(&self) -> Vec<(usize, Option<usize>, Placement, &Json<'a>)> {
+        let mut order: Vec<(usize, Option<usize>)> =
+            (0..self.nodes.len()).filter(|&i| self.is_root[i]).map(|i| (i, None)).collect();
+        let mut next = 0;
+        while let Some(&(i, _)) = order.get(next) {
+            order.extend(self.children[i].iter().map(|&child| (child, Some(i))));
+            next += 1;
+        }
+        order.into_iter().map(|(i, parent)| (i, parent, self.local[i], &self.nodes[i])).collect()
+    }
+
+    /// The nodes at the top of the scene to be shown: the one that was asked for, else the default scene, else the first, else all
+    /// nodes without a parent.
     fn shown_roots(&self, reader: &mut Reader<'a>) -> Result<Vec<usize>, ReadError> {
         let scenes = reader.root.items_of("scenes")?;
-        let chosen = reader.root.get("scene")?.map(|s| s.size()).transpose()?;
+        reader.scene.scenes = scenes.iter().map(Json::name).collect();
+        let usual = reader.root.get("scene")?.map(|s| s.size()).transpose()?;
+        let wanted = wanted_scene(reader)?;
+        let chosen = wanted.or(usual);
         if let Some(index) = chosen.filter(|&i| i >= scenes.len()) {
             let count = scenes.len();
             reader.scene.warn(format!(
@@ -92,7 +115,7 @@ impl<'a> Hierarchy<'a> {
         let Some(scene) = scenes.get(index) else {
             return Ok((0..self.nodes.len()).filter(|&i| self.is_root[i]).collect());
         };
-        if scenes.len() > 1 {
+        if scenes.len() > 1 && wanted.is_none() {
             reader.scene.warn(format!("the file has {} scenes; number {index} is shown", scenes.len()));
         }
         let mut roots: Vec<usize> = Vec::new();
@@ -111,8 +134,22 @@ impl<'a> Hierarchy<'a> {
     }
 }
 
+/// Number of the scene that was asked for by name or number.
+fn wanted_scene(reader: &Reader) -> Result<Option<usize>, ReadError> {
+    let Some(wanted) = &reader.input.options.scene else { return Ok(None) };
+    let names = &reader.scene.scenes;
+    let by_number = || wanted.parse().ok().filter(|&i| i < names.len());
+    if let Some(i) = names.iter().position(|name| name == wanted).or_else(by_number) {
+        return Ok(Some(i));
+    }
+    let known: Vec<String> = names.iter().enumerate().map(|(i, name)| format!("{i} \"{name}\"")).collect();
+    let remedy =
+        if known.is_empty() { "the file has none".into() } else { format!("choose one of {}", known.join(", ")) };
+    Err(reader.root.error_with(format!("there is no scene \"{wanted}\""), remedy))
+}
+
 /// `parent_from_node`: the matrix, or translation, rotation and scale.
-fn local_transform(node: &Json) -> Result<DAffine3, ReadError> {
+fn placement(node: &Json) -> Result<Placement, ReadError> {
     let Some(matrix) = node.get("matrix")? else {
         let translation = node.numbers_or("translation", [0.0; 3])?;
         let rotation = node.numbers_or("rotation", [0.0, 0.0, 0.0, 1.0])?;
@@ -124,14 +161,15 @@ fn local_transform(node: &Json) -> Result<DAffine3, ReadError> {
         return Err(matrix.error("the matrix is a projection; its last row must be 0 0 0 1"));
     }
     let column = |c: usize| DVec3::new(m[c], m[c + 1], m[c + 2]);
-    Ok(DAffine3 { matrix3: DMat3::from_cols(column(0), column(4), column(8)), translation: column(12) })
+    let linear = DMat3::from_cols(column(0), column(4), column(8));
+    Ok(Placement::Matrix(DAffine3 { matrix3: linear, translation: column(12) }))
 }
 
 /// Scale, then rotation (a quaternion x y z w of any length but 0, which counts as none), then translation.
-pub(super) fn from_parts(translation: [f64; 3], rotation: [f64; 4], scale: [f64; 3]) -> DAffine3 {
+pub(super) fn from_parts(translation: [f64; 3], rotation: [f64; 4], scale: [f64; 3]) -> Placement {
     let rotation = DQuat::from_array(rotation);
     let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
-    DAffine3::from_scale_rotation_translation(scale.into(), rotation, translation.into())
+    Placement::Parts { translation: translation.into(), rotation, scale: scale.into() }
 }
 
 /// What of the file's meshes is in the scene already.
@@ -147,23 +185,29 @@ struct MeshNodes {
 pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
     let hierarchy = Hierarchy::read(reader)?;
     let light_scale = light::scale(reader)?;
+    let mut rig = animation::Rig::read(reader, &hierarchy)?;
     let mut meshes = MeshNodes::default();
     let root = reader.scene.root;
     let mut queue: VecDeque<(usize, NodeId)> = hierarchy.shown_roots(reader)?.into_iter().map(|i| (i, root)).collect();
     while let Some((i, parent)) = queue.pop_front() {
         let node = &hierarchy.nodes[i];
-        let transform = hierarchy.local[i];
+        let transform = hierarchy.local[i].matrix();
         let id = reader.scene.add_child(parent, Node { transform, ..Node::named(node.name()) });
         queue.extend(hierarchy.children[i].iter().map(|&child| (child, id)));
+        rig.carries_node(i, id);
+        let (cameras, lights) = (reader.scene.cameras.len(), reader.scene.lights.len());
         camera::read(reader, node, &hierarchy.world[i])?;
         light::read(reader, node, &hierarchy.world[i], light_scale)?;
         light::read_ies(reader, node, &hierarchy.world[i], light_scale)?;
-        read_mesh(reader, &hierarchy, i, id, &mut meshes)?;
+        rig.carries_cameras(i, cameras..reader.scene.cameras.len());
+        rig.carries_lights(i, lights..reader.scene.lights.len());
+        read_mesh(reader, &hierarchy, i, id, &mut meshes, &mut rig)?;
     }
+    reader.scene.motion = rig.into_motion();
     if hierarchy.nodes.is_empty() {
         read_meshes_without_nodes(reader, &mut meshes)?;
     }
-    check_unseen(reader, &hierarchy, &meshes.shown)
+    check_unseen(reader, &meshes.shown)
 }
 
 /// Shows all meshes of a file that has no nodes at all, where their vertices say: a library of meshes rather than a scene.
@@ -174,8 +218,7 @@ fn read_meshes_without_nodes(reader: &mut Reader, shown: &mut MeshNodes) -> Resu
                 .scene
                 .warn("the file has meshes, but no nodes to place them; they are shown where their vertices are");
         }
-        let primitives = mesh::read_primitives(reader, mesh, &[])?;
-        let surfaces = primitives.into_iter().map(|p| surface(reader, p.mesh, p.material)).collect();
+        let surfaces = still_surfaces(reader, mesh, &[])?;
         let root = reader.scene.root;
         reader.scene.add_child(root, Node { surfaces, ..Node::named(mesh.name()) });
         shown.shown.insert(i);
@@ -184,14 +227,14 @@ fn read_meshes_without_nodes(reader: &mut Reader, shown: &mut MeshNodes) -> Resu
 }
 
 /// Checks what the shown scene does not use, too: a damaged file should be noticed whichever scene is shown.
-fn check_unseen(reader: &mut Reader, hierarchy: &Hierarchy, seen: &BTreeSet<usize>) -> Result<(), ReadError> {
+fn check_unseen(reader: &mut Reader, seen: &BTreeSet<usize>) -> Result<(), ReadError> {
     for skin in reader.root.items_of("skins")? {
-        skin::joint_matrices(reader, &skin, hierarchy)?;
+        skin::read(reader, &skin)?;
     }
     let warnings = reader.scene.warnings.clone();
     for (i, mesh) in reader.root.items_of("meshes")?.iter().enumerate() {
         if !seen.contains(&i) {
-            mesh::read_primitives(reader, mesh, &[])?;
+            mesh::read_primitives(reader, mesh, &[], false)?;
         }
     }
     // What is approximated in meshes that nobody sees is of no interest.
@@ -209,6 +252,7 @@ fn read_mesh(
     i: usize,
     id: NodeId,
     meshes: &mut MeshNodes,
+    rig: &mut animation::Rig,
 ) -> Result<(), ReadError> {
     let node = &hierarchy.nodes[i];
     let Some(index) = node.get("mesh")? else { return Ok(()) };
@@ -217,20 +261,25 @@ fn read_mesh(
     meshes.shown.insert(index.size()?);
     if let Some(skin) = node.get("skin")? {
         // The skin places the mesh in the world; where the node is does not count (glTF 2.0, section 3.7.3.3).
-        let skinned = skinned_mesh(reader, hierarchy, mesh, &weights, &skin)?;
-        let root = reader.scene.root;
-        reader.scene.add_child(root, skinned);
-        return Ok(());
+        let skin = skin::read(reader, &reader.root.entry("skins", &skin)?)?;
+        let matrices = skin::joint_matrices(&skin, hierarchy);
+        let shown = reader.scene.add_child(reader.scene.root, Node::named(mesh.name()));
+        return bent_mesh(reader, mesh, i, shown, &weights, Some((skin, matrices)), rig);
     }
-    let key = (index.size()?, weights.iter().map(|w| w.to_bits()).collect());
-    let shared = match meshes.shared.get(&key) {
-        Some(&shared) => shared,
-        None => {
-            let primitives = mesh::read_primitives(reader, mesh, &weights)?;
-            let surfaces = primitives.into_iter().map(|p| surface(reader, p.mesh, p.material)).collect();
-            let shared = reader.scene.add_node(Node { surfaces, ..Node::named(mesh.name()) });
-            meshes.shared.insert(key, shared);
-            shared
+    let shared = if rig.has_weights(i) {
+        let shown = reader.scene.add_node(Node::named(mesh.name()));
+        bent_mesh(reader, mesh, i, shown, &weights, None, rig)?;
+        shown
+    } else {
+        let key = (index.size()?, weights.iter().map(|w| w.to_bits()).collect());
+        match meshes.shared.get(&key) {
+            Some(&shared) => shared,
+            None => {
+                let surfaces = still_surfaces(reader, mesh, &weights)?;
+                let shared = reader.scene.add_node(Node { surfaces, ..Node::named(mesh.name()) });
+                meshes.shared.insert(key, shared);
+                shared
+            }
         }
     };
     match instancing::transforms(reader, node)? {
@@ -244,31 +293,56 @@ fn read_mesh(
     Ok(())
 }
 
-fn skinned_mesh(
-    reader: &mut Reader,
-    hierarchy: &Hierarchy,
-    mesh: &Json,
-    weights: &[f64],
-    skin: &Json,
-) -> Result<Node, ReadError> {
-    let matrices = skin::joint_matrices(reader, &reader.root.entry("skins", skin)?, hierarchy)?;
+/// The surfaces of a mesh that nothing bends after it is read.
+fn still_surfaces(reader: &mut Reader, mesh: &Json, weights: &[f64]) -> Result<Vec<Surface>, ReadError> {
     let mut surfaces = Vec::new();
-    for mut primitive in mesh::read_primitives(reader, mesh, weights)? {
-        if let Some(influences) = &primitive.influences {
-            skin::apply(&mut primitive.mesh, influences, &matrices).map_err(|joint| {
-                mesh.error(format!("a vertex is moved by joint {joint}, but its skin has {} joints", matrices.len()))
-            })?;
+    for mut primitive in mesh::read_primitives(reader, mesh, weights, false)? {
+        if !primitive.targets.is_empty() {
+            morph_mesh(&mut primitive.mesh, &primitive.targets, weights);
         }
+        mesh::drop_unused(&mut primitive);
         surfaces.push(surface(reader, primitive.mesh, primitive.material));
     }
-    Ok(Node { surfaces, ..Node::named(mesh.name()) })
+    Ok(surfaces)
 }
 
-fn surface(reader: &mut Reader, mut mesh: TriangleMesh, material: Option<usize>) -> Surface {
+/// Gives a node the surfaces of a mesh, as its weights and skin (with its matrices) bend it now, and notes them for later.
+fn bent_mesh(
+    reader: &mut Reader,
+    mesh: &Json,
+    bearer: usize,
+    shown: NodeId,
+    weights: &[f64],
+    skin: Option<(Skin, Vec<DAffine3>)>,
+    rig: &mut animation::Rig,
+) -> Result<(), ReadError> {
+    let (skin, matrices) = skin.unwrap_or_default();
+    let skin = Arc::new(rig.with_joints(skin));
+    for mut primitive in mesh::read_primitives(reader, mesh, weights, rig.has_weights(bearer))? {
+        mesh::drop_unused(&mut primitive);
+        let Primitive { mesh: rest, targets, influences, material } = primitive;
+        let (weights, joint) = (weights.to_vec(), rig.joint(bearer));
+        let deformed = Deformed {
+            node: shown,
+            surface: reader.scene.nodes[shown.index()].surfaces.len(),
+            rest: Arc::new(rest),
+            morph: (!targets.is_empty()).then_some(Morph { targets, weights: weights.clone(), joint }),
+            skin: (!influences.is_empty() && !matrices.is_empty()).then(|| (skin.clone(), influences)),
+        };
+        let now = deformed.mesh(&weights, &matrices).map_err(|joint| {
+            mesh.error(format!("a vertex is moved by joint {joint}, but its skin has {} joints", matrices.len()))
+        })?;
+        let surface = surface(reader, now, material);
+        reader.scene.nodes[shown.index()].surfaces.push(surface);
+        rig.bends(deformed);
+    }
+    Ok(())
+}
+
+fn surface(reader: &mut Reader, mesh: TriangleMesh, material: Option<usize>) -> Surface {
     let material = match material {
         Some(index) => MaterialId(index as u32),
         None => super::material::default_material(reader),
     };
-    mesh::drop_unused(&mut mesh);
     Surface::with_material(Geometry::Mesh(Arc::new(mesh)), material)
 }

@@ -24,6 +24,8 @@ const REFERENCES: &[(&str, &str)] = &[
     ("accessors/*/sparse/indices/bufferView", "bufferViews"),
     ("accessors/*/sparse/values/bufferView", "bufferViews"),
     ("bufferViews/*/buffer", "buffers"),
+    ("bufferViews/*/extensions/EXT_meshopt_compression/buffer", "buffers"),
+    ("bufferViews/*/extensions/KHR_meshopt_compression/buffer", "buffers"),
     ("images/*/bufferView", "bufferViews"),
     ("textures/*/sampler", "samplers"),
     ("textures/*/source", "images"),

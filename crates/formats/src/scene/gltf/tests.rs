@@ -1,7 +1,9 @@
 //! Whole files: the collection, numbers in known files, messages, damaged files.
 
+mod compression;
 mod damage;
 mod message;
+mod motion;
 mod numbers;
 
 use crate::{ReadError, ReadOptions, read_scene, read_scene_bytes};

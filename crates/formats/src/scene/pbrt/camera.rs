@@ -86,7 +86,6 @@ pub fn build(
     };
     let lens = params.float_or("lensradius", 0.0)?;
     let focus = params.float_or("focaldistance", 1e6)?;
-    builder.note_ignored(params, &["shutteropen", "shutterclose"], "nothing moves");
     let mut built = own.place(file_from_camera, projection);
     if lens > 0.0 && focus > 0.0 {
         built.camera = built.camera.with_lens(lens * scale, focus * scale);

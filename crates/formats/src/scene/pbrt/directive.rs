@@ -121,8 +121,8 @@ impl Builder<'_> {
             "CoordSysTransform" => self.use_coordinate_system(lexer),
             "ActiveTransform" => self.choose_transform(lexer),
             "TransformTimes" => {
-                lexer.expect_number("the time at the start")?;
-                lexer.expect_number("the time at the end")?;
+                let start = lexer.expect_number("the time at the start")?;
+                self.moving.times = [start, lexer.expect_number("the time at the end")?];
                 Ok(())
             }
             "ReverseOrientation" => {
@@ -308,13 +308,14 @@ impl Builder<'_> {
             let problem = format!("there is no object {} so far", quoted(name.as_bytes()));
             return Err(Fault::new(named_at, problem, "define it above with ObjectBegin and ObjectEnd"));
         };
-        let transform = self.placement(at);
+        let [transform, _] = self.state.transform.0;
         if Transform::new(transform).is_none() {
             self.note_singular(at);
             return Ok(());
         }
         let parent = self.parent();
-        self.scene.add_child(parent, Node { transform, children: vec![object], ..Node::named("instance") });
+        let node = self.scene.add_child(parent, Node { transform, children: vec![object], ..Node::named("instance") });
+        self.note_motion(node, snell_math::DAffine3::IDENTITY);
         Ok(())
     }
 

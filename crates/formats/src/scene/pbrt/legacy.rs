@@ -1,7 +1,7 @@
 //! What pbrt-v3 wrote otherwise.
 
 use super::Builder;
-use super::material::Known;
+use super::material::{Known, lit_below};
 use super::options::is_kind;
 use super::params::Params;
 use super::spectrum::COPPER;
@@ -61,7 +61,13 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
         let roughness = builder.roughness(params, "", 0.01)?;
         let get = |builder: &mut Builder, name: &str, copper: Rgb| -> Result<Rgb, Fault> {
             let pattern = builder.pattern_param(params, name, true)?;
-            Ok(pattern.and_then(|p| p.as_constant()).unwrap_or(copper))
+            let constant = pattern.as_ref().and_then(|p| p.as_constant());
+            if pattern.is_some() && constant.is_none() {
+                builder.note("textured metal", params.at, || {
+                    "a texture as the index of a metal: copper was used instead".into()
+                });
+            }
+            Ok(constant.unwrap_or(copper))
         };
         let eta = get(builder, "eta", COPPER[0])?;
         let k = get(builder, "k", COPPER[1])?;
@@ -70,7 +76,13 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
         let named = if params.has("eta") { "eta" } else { "index" };
         let ior = builder.index(params, named)?;
         let tint = builder.material_color(params, "Kt", 1.0)?;
-        builder.material_color(params, "Kr", 1.0)?;
+        let reflected = builder.material_color(params, "Kr", 1.0)?;
+        if reflected.factor != Rgb::WHITE || reflected.texture.is_some() {
+            let owner = params.owner.clone();
+            builder.note(format!("{owner} Kr"), params.at, || {
+                format!("{owner}: \"Kr\" was ignored: it reflects by Fresnel's law alone")
+            });
+        }
         let roughness = builder.roughness(params, "", 0.0)?;
         Material::new("", Dielectric { roughness, tint, ..Dielectric::smooth(ior) })
     } else if kind("translucent") {
@@ -79,9 +91,13 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
     } else if kind("disney") {
         disney(builder, params)?
     } else if kind("kdsubsurface") {
-        params.get("mfp");
-        warn_of_parts(builder, params, &[]);
-        plastic(builder, params, 0.5, 1.0, 0.0)?
+        let color = builder.material_color(params, "Kd", 0.5)?;
+        let mfp = builder.pattern_param(params, "mfp", true)?.and_then(|p| p.as_constant()).unwrap_or(Rgb::WHITE);
+        let scale = params.float_or("scale", 1.0)? as f32;
+        let ior = if params.has("eta") { builder.index(params, "eta")? } else { 1.33 };
+        let roughness = builder.roughness(params, "", 0.0)?;
+        warn_of_parts(builder, params, &["Kr", "Kt"]);
+        lit_below(color, mfp * scale, params.float_or("g", 0.0)?.clamp(-0.99, 0.99) as f32, ior, roughness)
     } else if kind("mix") {
         return v3_mix(builder, params);
     } else {
@@ -111,10 +127,10 @@ fn with_ior(mut material: Material, ior: f32) -> Material {
 
 fn warn_of_parts(builder: &mut Builder, params: &Params, names: &[&str]) {
     let given = names.iter().any(|name| params.get(name).is_some());
-    if names.is_empty() || given {
+    if given {
         let owner = params.owner.clone();
         builder.note(owner.clone(), params.at, || {
-            format!("{owner} of pbrt-v3: only its diffuse and glossy reflection were kept")
+            format!("{owner} of pbrt-v3: mirror reflection and what it lets through were left out")
         });
     }
 }

@@ -340,19 +340,9 @@ impl Builder<'_> {
                 Rgb::new(channel(sigma_a.r, sigma_s.r), channel(sigma_a.g, sigma_s.g), channel(sigma_a.b, sigma_s.b));
             (color.into(), (sigma_a + sigma_s).map(|t| 1.0 / t.max(1e-6)))
         };
-        let longest = radius.max_element().max(1e-9);
         let ior = if params.has("eta") { self.index(params, "eta")? } else { 1.33 };
-        let kind = OpenPbr {
-            subsurface_weight: 1.0.into(),
-            subsurface_color: color,
-            subsurface_radius: longest.into(),
-            subsurface_radius_scale: (radius * (1.0 / longest)).into(),
-            subsurface_scatter_anisotropy: g.into(),
-            specular_ior: ior.into(),
-            specular_roughness: self.roughness(params, "", 0.0)?,
-            ..OpenPbr::default()
-        };
-        Ok(Material::new("", kind))
+        let roughness = self.roughness(params, "", 0.0)?;
+        Ok(lit_below(color, radius, g, ior, roughness))
     }
 
     fn coefficients_below(&mut self, params: &Params) -> Result<Coefficients, Fault> {
@@ -497,4 +487,20 @@ fn named_metal(params: &Params, prefix: &str) -> Option<Metal> {
         }
     });
     if eta == k { Metal::named(&eta?) } else { None }
+}
+
+/// A surface that light walks below: the colour that it shows, its mean free paths by channel, and the mean cosine of scattering.
+pub(super) fn lit_below(color: ColorParam, radius: Rgb, g: f32, ior: f32, roughness: ScalarParam) -> Material {
+    let longest = radius.max_element().max(1e-9);
+    let kind = OpenPbr {
+        subsurface_weight: 1.0.into(),
+        subsurface_color: color,
+        subsurface_radius: longest.into(),
+        subsurface_radius_scale: (radius * (1.0 / longest)).into(),
+        subsurface_scatter_anisotropy: g.into(),
+        specular_ior: ior.into(),
+        specular_roughness: roughness,
+        ..OpenPbr::default()
+    };
+    Material::new("", kind)
 }

@@ -15,6 +15,7 @@ mod lexer;
 mod light;
 mod material;
 mod medium;
+mod motion;
 mod options;
 mod params;
 mod shape;
@@ -75,6 +76,8 @@ struct Builder<'a> {
     open_files: Vec<PathBuf>,
     directives: usize,
     notes: Notes,
+    /// What moves.
+    moving: motion::Moving,
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
@@ -99,6 +102,7 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         open_files: Vec::new(),
         directives: 0,
         notes: Notes::default(),
+        moving: motion::Moving::default(),
     };
     match builder.read_scene() {
         Ok(()) => Ok(builder.scene),
@@ -112,6 +116,7 @@ impl Builder<'_> {
         self.finish_options()?;
         self.finish_media();
         self.scene.nodes[self.scene.root.index()].transform = self.world_from_file;
+        self.finish_motion();
         self.notes.finish(&mut self.scene, &self.files);
         Ok(())
     }

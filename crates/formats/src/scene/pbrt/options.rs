@@ -59,14 +59,14 @@ impl Builder<'_> {
         } else if self.in_world {
             self.set_size(SIZE);
         }
-        let Some((params, camera_from_file, at)) = self.options.camera.take() else {
+        let Some((params, camera_from_file, _)) = self.options.camera.take() else {
             if self.in_world && self.scene.cameras.is_empty() {
                 let params = Params::default().of("the default camera".into());
-                self.camera(&params, Motion::IDENTITY, Spot::default())?;
+                self.camera(&params, Motion::IDENTITY)?;
             }
             return Ok(());
         };
-        self.camera(&params, camera_from_file, at)?;
+        self.camera(&params, camera_from_file)?;
         self.note_unused(&params);
         Ok(())
     }
@@ -92,11 +92,9 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn camera(&mut self, params: &Params, camera_from_file: Motion, at: Spot) -> Result<(), Fault> {
+    fn camera(&mut self, params: &Params, camera_from_file: Motion) -> Result<(), Fault> {
         let [start, end] = camera_from_file.0;
-        if start != end {
-            self.note("motion", at, || "the camera moves; its place at the start was used".into());
-        }
+        self.note_camera_motion(params, [start, end].map(|m| m.inverse()))?;
         let size = self.scene.settings.size.unwrap_or(SIZE.map(|s| s as u32));
         let built = camera::build(self, params, start.inverse(), size)?;
         self.world_from_file = built.world_from_file;

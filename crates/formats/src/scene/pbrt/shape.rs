@@ -60,7 +60,8 @@ impl Made {
 impl Builder<'_> {
     /// `Shape "sphere" ...`
     pub(super) fn shape(&mut self, params: Params) -> Result<(), Fault> {
-        let place = self.placement(params.at);
+        // Where it is at the start; it may move.
+        let [place, _] = self.state.transform.0;
         if Transform::new(place).is_none() {
             self.note_singular(params.at);
             return Ok(());
@@ -92,7 +93,9 @@ impl Builder<'_> {
             }
             Made::Shape(shape, object_from_shape) => (self.shapes.table.shared(*shape), object_from_shape),
         };
-        let node = self.node_at(place * object_from_geometry);
+        let moves = self.moves();
+        let node = self.node_at(place * object_from_geometry, moves);
+        self.note_motion(node, object_from_geometry);
         let surfaces = materials.into_iter().map(|m| Surface::with_material(geometry.clone(), m));
         self.scene.nodes[node.index()].surfaces.extend(surfaces);
         Ok(())
@@ -189,17 +192,18 @@ impl Builder<'_> {
         true
     }
 
-    /// The node for surfaces at a place of the current object.
-    fn node_at(&mut self, transform: DAffine3) -> NodeId {
+    /// The node for surfaces at a place of the current object; one of its own for what moves.
+    fn node_at(&mut self, transform: DAffine3, moves: bool) -> NodeId {
         let parent = self.parent();
         if let Some((last_parent, last_transform, node)) = self.shapes.last
             && last_parent == parent
             && last_transform == transform
+            && !moves
         {
             return node;
         }
         let node = self.scene.add_child(parent, Node { transform, ..Node::default() });
-        self.shapes.last = Some((parent, transform, node));
+        self.shapes.last = Some((parent, transform, node)).filter(|_| !moves);
         node
     }
 

@@ -3,6 +3,7 @@
 mod content;
 mod files;
 mod messages;
+mod motion;
 
 use super::*;
 use crate::scene::testing::{self, data, meshes, read_text, summary};

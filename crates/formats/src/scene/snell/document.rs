@@ -1,18 +1,20 @@
 //! What a file holds, and the way from the scene graph and back.
 
 use super::numbers::Numbers;
-use crate::Limits;
+use crate::image::read_image;
+use crate::{Input, Limits, ReadOptions};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use snell_intersect::{AnyShape, Shape, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::graph::{ImageId, MediumId};
-use snell_scene::medium::Medium;
+use snell_scene::medium::{Grid, Medium, ScalarGrid};
 use snell_scene::{
     Background, Camera, Encoding, Environment, Geometry, Image, Light, Material, MaterialId, Node, NodeId, Pixels,
     Scene, SceneSettings, Surface, Texture,
 };
 use std::collections::HashMap;
+use std::path::Path;
 use std::sync::Arc;
 
 /// A whole file.
@@ -46,11 +48,35 @@ pub struct Document {
     #[serde(default)]
     pub media: Vec<Medium>,
     #[serde(default)]
+    pub grids: Vec<GridForm>,
+    #[serde(default)]
+    pub media_grids: Vec<MediumGrids>,
+    #[serde(default)]
     pub medium: Option<MediumId>,
     pub root: NodeId,
     pub nodes: Vec<NodeForm>,
     #[serde(default)]
     pub meshes: Vec<MeshForm>,
+}
+
+/// Numbers on a regular grid.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GridForm {
+    size: [usize; 3],
+    values: Numbers<f32>,
+}
+
+/// Which grids a medium has.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MediumGrids {
+    medium: MediumId,
+    density: u32,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    emission_scale: Option<u32>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    temperature: Option<u32>,
 }
 
 /// Light from all directions.
@@ -61,10 +87,25 @@ pub enum EnvironmentForm {
     Image { image: ImageForm, scale: Rgb, world_from_environment: Rows },
 }
 
-/// A picture.
+/// A picture: its pixels, or a picture file.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(untagged, expecting = "a picture has width, height, channels, encoding and pixels, or encoded")]
+pub enum ImageForm {
+    Pixels(PixelsForm),
+    Encoded(EncodedForm),
+}
+
+/// The content of a picture file of any format that is read: what other programs can write without decoding it.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ImageForm {
+pub struct EncodedForm {
+    encoded: Numbers<u8>,
+}
+
+/// Pixels.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PixelsForm {
     width: u32,
     height: u32,
     channels: u32,
@@ -183,11 +224,16 @@ impl Document {
             parameters: _,
             warnings: _,
             notes: _,
+            variants: _,
+            scenes: _,
+            motion: _,
         } = scene;
         check("camera", cameras)?;
         check("light", lights)?;
         check("material", materials)?;
-        check("medium", media)?;
+        let (grids, media_grids) = grids(media);
+        let bare: Vec<Medium> = media.iter().map(without_grids).collect();
+        check("medium", &bare)?;
         check("texture", textures)?;
         check("settings", std::slice::from_ref(settings))?;
         let mut meshes = Meshes::default();
@@ -205,7 +251,9 @@ impl Document {
             materials: materials.clone(),
             textures: textures.clone(),
             images: images.iter().map(|image| ImageForm::of(image)).collect(),
-            media: media.clone(),
+            media: bare,
+            grids,
+            media_grids,
             medium: *medium,
             root: *root,
             nodes,
@@ -231,6 +279,8 @@ impl Document {
         for (i, node) in self.nodes.into_iter().enumerate() {
             nodes.push(node.node(&meshes).map_err(|(key, flaw)| (format!("/nodes/{i}{key}"), flaw))?);
         }
+        let mut media = self.media;
+        add_grids(&mut media, self.grids, self.media_grids, limits)?;
         let environment = match self.environment {
             Some(form) => Some(form.environment(limits).map_err(|flaw| ("/environment".to_string(), flaw))?),
             None => None,
@@ -242,7 +292,7 @@ impl Document {
             materials: self.materials,
             textures: self.textures,
             images,
-            media: self.media,
+            media,
             medium: self.medium,
             lights: self.lights,
             cameras: self.cameras,
@@ -253,12 +303,77 @@ impl Document {
             parameters: Vec::new(),
             warnings: Vec::new(),
             notes: Vec::new(),
+            variants: Vec::new(),
+            scenes: Vec::new(),
+            motion: None,
         };
         match scene.topological_order() {
             Ok(_) => Ok(scene),
             Err(error) => Err(("/nodes".into(), error.to_string())),
         }
     }
+}
+
+/// The medium without its grids, which are in a table of their own.
+fn without_grids(medium: &Medium) -> Medium {
+    match medium {
+        Medium::Grid(grid) => {
+            Medium::Grid(Grid { density: Arc::default(), emission_scale: None, temperature: None, ..grid.clone() })
+        }
+        other => other.clone(),
+    }
+}
+
+/// All grids of the media, those that several share once, and which medium has which.
+fn grids(media: &[Medium]) -> (Vec<GridForm>, Vec<MediumGrids>) {
+    let (mut forms, mut known, mut uses) = (Vec::new(), HashMap::new(), Vec::new());
+    for (i, medium) in media.iter().enumerate() {
+        let Medium::Grid(grid) = medium else { continue };
+        let mut number = |grid: &Arc<ScalarGrid>| {
+            *known.entry(Arc::as_ptr(grid)).or_insert_with(|| {
+                forms.push(GridForm { size: grid.size(), values: Numbers(grid.values().to_vec()) });
+                forms.len() as u32 - 1
+            })
+        };
+        uses.push(MediumGrids {
+            medium: MediumId(i as u32),
+            density: number(&grid.density),
+            emission_scale: grid.emission_scale.as_ref().map(&mut number),
+            temperature: grid.temperature.as_ref().map(&mut number),
+        });
+    }
+    (forms, uses)
+}
+
+/// Gives media their grids.
+fn add_grids(media: &mut [Medium], forms: Vec<GridForm>, uses: Vec<MediumGrids>, limits: &Limits) -> Result<(), Flaw> {
+    let mut grids = Vec::with_capacity(forms.len());
+    for (i, GridForm { size, values }) in forms.into_iter().enumerate() {
+        let found = values.0.len();
+        let flaw = |text: String| (format!("/grids/{i}"), text);
+        if found > limits.elements {
+            return Err(flaw(format!("more values than the limit of {}", limits.elements)));
+        }
+        let grid = ScalarGrid::new(size, values.0);
+        let grid =
+            grid.ok_or_else(|| flaw(format!("{found} values for {} x {} x {} cells", size[0], size[1], size[2])))?;
+        grids.push(Arc::new(grid));
+    }
+    for (i, MediumGrids { medium, density, emission_scale, temperature }) in uses.into_iter().enumerate() {
+        let flaw = |text: String| (format!("/media_grids/{i}"), text);
+        let count = grids.len();
+        let get = |number: u32| {
+            let grid = grids.get(number as usize).cloned();
+            grid.ok_or_else(|| flaw(format!("grid is {number}, but there are {count}")))
+        };
+        let Some(Medium::Grid(owner)) = media.get_mut(medium.index()) else {
+            return Err(flaw(format!("medium {} is none that is given on a grid", medium.0)));
+        };
+        owner.density = get(density)?;
+        owner.emission_scale = emission_scale.map(get).transpose()?;
+        owner.temperature = temperature.map(get).transpose()?;
+    }
+    Ok(())
 }
 
 /// The table of meshes as it grows.
@@ -383,11 +498,18 @@ impl ImageForm {
             Pixels::U16(v) => PixelForm::U16(Numbers(v.clone())),
             Pixels::F32(v) => PixelForm::F32(Numbers(v.clone())),
         };
-        Self { width: *width, height: *height, channels: *channels, encoding: *encoding, pixels }
+        Self::Pixels(PixelsForm { width: *width, height: *height, channels: *channels, encoding: *encoding, pixels })
     }
 
     fn image(self, limits: &Limits) -> Result<Image, String> {
-        let Self { width, height, channels, encoding, pixels } = self;
+        let PixelsForm { width, height, channels, encoding, pixels } = match self {
+            Self::Pixels(form) => form,
+            Self::Encoded(form) => {
+                let options = ReadOptions { limits: limits.clone(), ..ReadOptions::default() };
+                let input = Input::from_bytes("the picture", form.encoded.0, Path::new("."), &options);
+                return read_image(&input).map_err(|error| error.problem);
+            }
+        };
         let (found, pixels) = match pixels {
             PixelForm::U8(Numbers(v)) => (v.len(), Pixels::U8(v)),
             PixelForm::U16(Numbers(v)) => (v.len(), Pixels::U16(v)),

@@ -9,7 +9,8 @@ mod numbers;
 #[cfg(test)]
 mod tests;
 
-use crate::{Input, Place, ReadError, SceneReader, SceneWriter};
+use crate::write::{Output, SceneWriter};
+use crate::{Input, Place, ReadError, SceneReader};
 use document::Document;
 use serde::Serialize;
 use snell_scene::Scene;
@@ -59,7 +60,8 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
         .map_err(|(place, problem)| input.error(Place::Json(place), problem, "write the scene again, or mend the file"))
 }
 
-fn write(scene: &Scene) -> Result<Vec<u8>, String> {
+/// The text of a scene; an error for what the format has no words for.
+pub fn text(scene: &Scene) -> Result<String, String> {
     let document = Document::of(scene)?;
     let mut out = Out { text: String::from("{"), error: None };
     out.field("format", &document.format);
@@ -75,6 +77,8 @@ fn write(scene: &Scene) -> Result<Vec<u8>, String> {
     out.table("textures", &document.textures);
     out.table("images", &document.images);
     out.table("media", &document.media);
+    out.table("grids", &document.grids);
+    out.table("media_grids", &document.media_grids);
     out.field("medium", &document.medium);
     out.field("root", &document.root);
     out.table("nodes", &document.nodes);
@@ -82,8 +86,13 @@ fn write(scene: &Scene) -> Result<Vec<u8>, String> {
     out.text += "\n}\n";
     match out.error {
         Some(error) => Err(error),
-        None => Ok(out.text.into_bytes()),
+        None => Ok(out.text),
     }
+}
+
+fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
+    output.set(text(scene)?.into_bytes());
+    Ok(())
 }
 
 /// JSON with one thing a line.

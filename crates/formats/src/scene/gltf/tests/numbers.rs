@@ -269,14 +269,17 @@ fn quantised_positions_and_fractions_are_scaled_by_their_type() {
 #[test]
 fn vertices_that_no_triangle_uses_are_left_out_and_nothing_moves() {
     let corner = |i: u16| Vec3::new(f32::from(i), f32::from(i * i), 0.0);
-    let mut mesh = TriangleMesh {
+    let mesh = TriangleMesh {
         positions: (0..20).map(corner).collect(),
         colors: (0u8..20).map(|i| [f32::from(i); 4]).collect(),
         indices: vec![[19, 3, 7], [3, 7, 11]],
         ..TriangleMesh::default()
     };
     let before = triangles(&mesh);
-    super::super::mesh::drop_unused(&mut mesh);
+    let mut primitive =
+        super::super::mesh::Primitive { mesh, targets: Vec::new(), influences: Vec::new(), material: None };
+    super::super::mesh::drop_unused(&mut primitive);
+    let mesh = primitive.mesh;
     assert_eq!((mesh.positions.len(), mesh.colors.len(), mesh.validate()), (4, 4, Ok(())));
     assert_eq!(triangles(&mesh), before);
     assert!(mesh.positions.iter().zip(&mesh.colors).all(|(p, c)| p.x == c[0]));

@@ -1,0 +1,82 @@
+//! `snell convert`: a scene in another format.
+
+use crate::failure::Failure;
+use crate::{scene_source, standard_output};
+use serde_json::json;
+use snell_formats::error::one_line;
+use snell_formats::{ReadOptions, Written, check_scene_path, write_scene_as};
+use snell_scene::Warning;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Options of `snell convert`.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// Scene or mesh file, `-` for standard input, or the name of a built-in scene
+    input: String,
+    /// File to write; its extension says the format (`snell formats` lists those that are written)
+    output: PathBuf,
+    /// Replace files that exist
+    #[arg(long)]
+    force: bool,
+    /// Print what was written, and what the format could not hold, as JSON
+    #[arg(long)]
+    json: bool,
+    /// Let the scene name files outside of its folder
+    #[arg(long)]
+    allow_outside: bool,
+}
+
+/// Reads a scene, writes it, and says what was lost on the way.
+pub fn run(options: &Options) -> Result<ExitCode, Failure> {
+    check_scene_path(&options.output, options.force)?;
+    let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
+    let scene = scene_source::load(&options.input, &read)?;
+    let written = write_scene_as(&options.output, &scene, options.force)?;
+    if options.json {
+        let text = format!("{:#}\n", as_json(&scene.warnings, &written));
+        standard_output::write(text.as_bytes())?;
+    } else {
+        for warning in &scene.warnings {
+            eprintln!("warning: {}", one_line(&counted(warning)));
+        }
+        for loss in &written.losses {
+            eprintln!("lost: {}", one_line(&counted(loss)));
+        }
+        eprintln!("{}", summary(&options.output, &written));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn counted(warning: &Warning) -> String {
+    match warning.count {
+        1 => warning.message.clone(),
+        count => format!("{} ({count} times)", warning.message),
+    }
+}
+
+fn summary(path: &Path, written: &Written) -> String {
+    let beside = match written.files.len() - 1 {
+        0 => String::new(),
+        1 => " and 1 file beside it".into(),
+        count => format!(" and {count} files beside it"),
+    };
+    let losses = match written.losses.len() {
+        0 => "nothing was lost".into(),
+        1 => "1 loss, see above".into(),
+        count => format!("{count} losses, see above"),
+    };
+    format!("wrote {}{beside}; {losses}", path.display())
+}
+
+fn as_json(warnings: &[Warning], written: &Written) -> serde_json::Value {
+    let list = |list: &[Warning]| -> Vec<_> {
+        list.iter().map(|w| json!({ "message": w.message, "count": w.count })).collect()
+    };
+    json!({
+        "format": written.format,
+        "files": written.files.iter().map(|p| p.display().to_string()).collect::<Vec<_>>(),
+        "warnings": list(warnings),
+        "losses": list(&written.losses),
+    })
+}

@@ -1,0 +1,236 @@
+//! Lights that light nothing.
+
+use super::material_name;
+use crate::{Report, Severity, Subject};
+use snell_intersect::AcceptAll;
+use snell_math::{Bounds3d, DVec3, Ray};
+use snell_scene::{Geometry, Light, Material};
+use std::collections::BTreeMap;
+
+/// Rays by which an emitting surface looks around.
+const PROBES: u32 = 64;
+/// What lies nearer than this part of the scene's size covers a lamp.
+const NEAR: f64 = 1e-3;
+
+/// Looks at lights, and at surfaces that emit.
+pub fn lights(subject: &Subject, report: &mut Report) {
+    let scene_bounds = subject.finite_bounds();
+    let is_bounded = (0..subject.placed.len()).all(|i| subject.bounds(i).is_finite());
+    for (i, light) in subject.scene.lights.iter().enumerate() {
+        let name = format!("light {i} ({})", light.name());
+        if let Some((message, remedy)) = dark(light) {
+            // Black lights are an old way to say that surfaces or the sky are to light the scene.
+            let severity = if is_lit_otherwise(subject) { Severity::Note } else { Severity::Warning };
+            report.add(severity, name, message, remedy);
+            continue;
+        }
+        if is_bounded && !scene_bounds.is_empty() && misses(light, &scene_bounds) {
+            let message = "it shines past everything in the scene";
+            report.add(Severity::Warning, name, message, "turn it, widen its cone, or take it out").position =
+                position(light).map(|p| p.to_array());
+        } else if let Some(place) = position(light).and_then(|p| enclosed(subject, light, p)) {
+            let message = format!("it is inside of {}, which is opaque", subject.name(place));
+            report.add(Severity::Warning, name, message, "move it out, or make the body around it clear").position =
+                position(light).map(|p| p.to_array());
+        }
+    }
+    emitters(subject, report);
+}
+
+/// True if surfaces or the environment light the scene.
+fn is_lit_otherwise(subject: &Subject) -> bool {
+    let emits = |(_, id)| subject.material(id).is_emissive();
+    subject.scene.environment.is_some() || subject.placed.iter().any(|p| p.slots().into_iter().any(emits))
+}
+
+/// A light that has no light.
+fn dark(light: &Light) -> Option<(&'static str, &'static str)> {
+    let color = match light {
+        Light::Directional { irradiance, .. } => irradiance,
+        Light::Point { intensity, .. } | Light::Spot { intensity, .. } => intensity,
+        Light::Profile { scale, .. } | Light::Projector { scale, .. } => scale,
+        Light::Disk { emission, .. } | Light::Rectangle { emission, .. } => emission,
+    };
+    if color.r.min(color.g).min(color.b) < 0.0 {
+        return Some(("its colour is negative", "make it positive"));
+    }
+    if color.is_black() || light.power(1.0) == 0.0 {
+        return Some(("it has no light: its colour, its power or its cone is 0", "give it some, or take it out"));
+    }
+    None
+}
+
+fn position(light: &Light) -> Option<DVec3> {
+    match light {
+        Light::Directional { .. } => None,
+        Light::Point { position, .. }
+        | Light::Spot { position, .. }
+        | Light::Profile { position, .. }
+        | Light::Projector { position, .. }
+        | Light::Disk { position, .. } => Some(*position),
+        Light::Rectangle { center, .. } => Some(*center),
+    }
+}
+
+/// True if all of the box lies outside of what the light shines at.
+fn misses(light: &Light, bounds: &Bounds3d) -> bool {
+    let cone = match light {
+        Light::Spot { position, direction, falloff, .. } => (*position, *direction, falloff.widest()),
+        Light::Disk { position, direction, .. } => (*position, *direction, std::f64::consts::FRAC_PI_2),
+        Light::Rectangle { center, axes, .. } => (*center, axes[0].cross(axes[1]), std::f64::consts::FRAC_PI_2),
+        _ => return false,
+    };
+    let (apex, axis, angle) = cone;
+    let to_center = bounds.center() - apex;
+    let (distance, radius) = (to_center.length(), bounds.radius());
+    if distance <= radius {
+        return false;
+    }
+    let between = to_center.angle_between(axis);
+    between - (radius / distance).asin() > angle + 1e-6
+}
+
+/// The opaque closed thing around a light that holds nothing else.
+fn enclosed(subject: &Subject, light: &Light, at: DVec3) -> Option<usize> {
+    if let Light::Point { body_radius, .. } = light
+        && *body_radius > 0.0
+    {
+        return None;
+    }
+    let around = subject.around(at);
+    let (place, component) = around.into_iter().find(|&(place, component)| {
+        let placed = &subject.placed[place];
+        let material = match (component, subject.body_of[place]) {
+            (Some(component), Some(body)) => {
+                let body = &subject.bodies[body];
+                let face = body.topology.components[component].first_face;
+                subject.material_of_face(place, body.mesh, face)
+            }
+            _ => subject.material(placed.material(0)),
+        };
+        is_opaque(material)
+    })?;
+    // Rooms have lights.
+    (!super::cameras::holds_something(subject, place, component)).then_some(place)
+}
+
+/// True if no light goes through, from either side.
+pub fn is_opaque(material: &Material) -> bool {
+    use snell_scene::material::MaterialKind as Kind;
+    let is_whole = material.alpha_mode == snell_scene::material::AlphaMode::Opaque && material.double_sided;
+    let is_clear = match &material.kind {
+        Kind::Dielectric(_) | Kind::Interface(_) => true,
+        Kind::Phong(phong) => !phong.transmission.factor.is_black(),
+        Kind::MetallicRoughness(kind) => kind.transmission.factor > 0.0,
+        Kind::OpenPbr(surface) => surface.transmission_weight.factor > 0.0 || surface.subsurface_weight.factor > 0.0,
+        _ => false,
+    };
+    is_whole && !is_clear && !material.is_emissive()
+}
+
+/// Emitting materials: whether a surface has them, and whether their light gets anywhere.
+fn emitters(subject: &Subject, report: &mut Report) {
+    let mut lit: BTreeMap<usize, bool> = BTreeMap::new();
+    let mut covered: BTreeMap<usize, (usize, DVec3)> = BTreeMap::new();
+    let size = subject.finite_bounds().size().length();
+    for (place, placed) in subject.placed.iter().enumerate() {
+        for (slot, id) in placed.slots() {
+            let Some(id) = id.filter(|id| id.index() < subject.scene.materials.len()) else { continue };
+            let material = &subject.scene.materials[id.index()];
+            if !material.is_emissive() || !material.illuminates || lit.get(&id.index()) == Some(&true) {
+                continue;
+            }
+            match looks_around(subject, place, slot, material, size) {
+                None => _ = lit.insert(id.index(), true),
+                Some(at) => {
+                    lit.entry(id.index()).or_insert(false);
+                    covered.entry(id.index()).or_insert((place, at));
+                }
+            }
+        }
+    }
+    for (i, material) in subject.scene.materials.iter().enumerate() {
+        if material.is_emissive() && lit.get(&i) == Some(&false) {
+            let (place, at) = covered[&i];
+            let message =
+                format!("{} emits, but right before its outer side is another surface", material_name(i, material));
+            let finding = report.add(
+                Severity::Warning,
+                subject.name(place),
+                message,
+                "turn the lamp over, move it away from what covers it, or let both sides emit",
+            );
+            finding.position = Some(at.to_array());
+        }
+    }
+}
+
+/// Where an emitting surface was looked at if all it sees is close; `None` if some of its light gets away, or nobody can tell.
+fn looks_around(subject: &Subject, place: usize, slot: u16, material: &Material, size: f64) -> Option<DVec3> {
+    let points = sampled(subject, place, slot)?;
+    let world = subject.world()?;
+    let near = size * NEAR;
+    let mut last = None;
+    for (i, (p, normal)) in points.into_iter().enumerate() {
+        for side in if material.emits_on_both_sides { &[1.0, -1.0][..] } else { &[1.0] } {
+            let normal = normal * *side;
+            let x = normal.any_orthonormal_vector();
+            let y = normal.cross(x);
+            // Spread by the golden angle, not too near to the horizon: what is seen there is far away whatever covers the lamp.
+            let (height, turn) = (1.0 - 0.7 * (i as f64 + 0.5) / f64::from(PROBES), i as f64 * 2.399_963);
+            let (sin, cos) = turn.sin_cos();
+            let d = normal * height + (x * cos + y * sin) * (1.0 - height * height).max(0.0).sqrt();
+            let start = p + normal * (size * 1e-6);
+            let mut ray = Ray::new(start.as_vec3(), d.normalize().as_vec3());
+            ray.t_max = near as f32;
+            if !world.occluded_one(&ray, &AcceptAll) {
+                return None;
+            }
+            last = Some(p);
+        }
+    }
+    last
+}
+
+/// Points of a surface with their outer normals in the world, spread over its faces.
+fn sampled(subject: &Subject, place: usize, slot: u16) -> Option<Vec<(DVec3, DVec3)>> {
+    let placed = &subject.placed[place];
+    let map = &placed.world_from_surface;
+    let unit = |n: DVec3| map.normal(n).try_normalize();
+    match &placed.surface.geometry {
+        Geometry::Shape(shape) => {
+            use snell_intersect::Shape;
+            let points = (0..PROBES).filter_map(|i| {
+                let u = snell_math::DVec2::new(
+                    (f64::from(i) + 0.5) / f64::from(PROBES),
+                    (f64::from(i) * 0.618_034).fract(),
+                );
+                let sample = shape.sample(u)?;
+                Some((map.point(sample.position), unit(sample.normal)?))
+            });
+            Some(points.collect::<Vec<_>>()).filter(|p| !p.is_empty())
+        }
+        Geometry::Mesh(mesh) => {
+            let body = &subject.bodies[subject.body_of[place]?];
+            let has_slot = |f: &usize| mesh.material_slots.get(*f).copied().unwrap_or(0) == slot;
+            let faces: Vec<usize> = (0..mesh.indices.len())
+                .filter(|f| body.topology.component_of[*f] != u32::MAX)
+                .filter(has_slot)
+                .collect();
+            let step = (faces.len() / PROBES as usize).max(1);
+            let repeat = (PROBES as usize).div_ceil(faces.len().max(1)).max(1);
+            let mut points = Vec::new();
+            for face in faces.iter().step_by(step) {
+                let [a, b, c] = mesh.corners(*face).map(|p| p.as_dvec3());
+                for k in 0..repeat {
+                    let (s, t) =
+                        (0.1 + 0.8 * (k as f64 * 0.754_877).fract(), 0.1 + 0.8 * (k as f64 * 0.569_840).fract());
+                    let (s, t) = if s + t > 1.0 { (1.0 - s, 1.0 - t) } else { (s, t) };
+                    let normal = unit((b - a).cross(c - a));
+                    points.extend(normal.map(|n| (map.point(a + (b - a) * s + (c - a) * t), n)));
+                }
+            }
+            (!points.is_empty()).then_some(points)
+        }
+    }
+}

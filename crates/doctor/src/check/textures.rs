@@ -1,0 +1,47 @@
+//! Textures that cannot show.
+
+use super::material_name;
+use crate::{Report, Severity, Subject};
+use snell_scene::{Geometry, TextureId};
+use std::collections::BTreeSet;
+
+/// Finds meshes without the coordinates that their textures need, and textures of images that are not there.
+pub fn textures(subject: &Subject, report: &mut Report) {
+    let scene = subject.scene;
+    for (i, texture) in scene.textures.iter().enumerate() {
+        if texture.image.index() >= scene.images.len() {
+            report.add(Severity::Error, format!("texture {i}"), "its image is not there", "name another image");
+        }
+    }
+    let used: Vec<BTreeSet<u32>> = scene.materials.iter().map(|m| textures_of(&format!("{m:?}"))).collect();
+    for (i, material) in scene.materials.iter().enumerate() {
+        if let Some(id) = used[i].iter().find(|&&id| TextureId(id).index() >= scene.textures.len()) {
+            let message = format!("its texture {id} is not there");
+            report.add(Severity::Error, material_name(i, material), message, "name another texture");
+        }
+    }
+    let mut told = BTreeSet::new();
+    for (place, placed) in subject.placed.iter().enumerate() {
+        let Geometry::Mesh(mesh) = &placed.surface.geometry else { continue };
+        for id in placed.slots().into_iter().filter_map(|(_, id)| id) {
+            let Some(textures) = used.get(id.index()) else { continue };
+            let lacking = textures.iter().filter_map(|&t| scene.textures.get(t as usize)).find(|texture| {
+                // A picture of one pixel needs no coordinates.
+                let is_plain = scene.images.get(texture.image.index()).is_none_or(|i| (i.width, i.height) == (1, 1));
+                !is_plain && mesh.uvs[(texture.uv_set as usize).min(1)].is_empty()
+            });
+            if lacking.is_some() && told.insert((std::sync::Arc::as_ptr(mesh), id)) {
+                let name = material_name(id.index(), &scene.materials[id.index()]);
+                let message =
+                    format!("{name} has textures, but the mesh has no texture coordinates: one texel shows all over");
+                report.add(Severity::Warning, subject.name(place), message, "unwrap the mesh, or take the texture out");
+            }
+        }
+    }
+}
+
+/// The ids in the debug form of a material.
+fn textures_of(debug: &str) -> BTreeSet<u32> {
+    let ids = debug.split("TextureId(").skip(1);
+    ids.filter_map(|rest| rest.split(')').next()?.parse().ok()).collect()
+}

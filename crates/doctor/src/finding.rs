@@ -1,0 +1,95 @@
+//! What a check says.
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// The picture is wrong.
+    Error,
+    /// The picture probably is not what was meant.
+    Warning,
+    /// Good to know; nothing is wrong.
+    Note,
+}
+
+impl Severity {
+    /// The name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Error => "error",
+            Self::Warning => "warning",
+            Self::Note => "note",
+        }
+    }
+}
+
+/// A flaw.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// Name of the check.
+    pub check: &'static str,
+    /// How bad it is.
+    pub severity: Severity,
+    /// Which thing of the scene: a node, a material, a light; empty for the scene as a whole.
+    pub object: String,
+    /// The first face concerned, as the mesh in memory counts its triangles, from 0.
+    pub face: Option<u32>,
+    /// Where in the world, if that helps to find it.
+    pub position: Option<[f64; 3]>,
+    /// How many faces, edges or things it is about.
+    pub count: u64,
+    /// What was found.
+    pub message: String,
+    /// What to do.
+    pub remedy: &'static str,
+}
+
+/// The findings of a check as they come.
+#[derive(Debug)]
+pub struct Report {
+    check: &'static str,
+    findings: Vec<Finding>,
+}
+
+/// Most findings of one check; there is no use in reading more.
+const MAX_FINDINGS: usize = 200;
+
+impl Report {
+    /// Nothing found yet.
+    pub fn new(check: &'static str) -> Self {
+        Self { check, findings: Vec::new() }
+    }
+
+    /// Adds a finding and gives it, to say more of it.
+    pub fn add(
+        &mut self,
+        severity: Severity,
+        object: impl Into<String>,
+        message: impl Into<String>,
+        remedy: &'static str,
+    ) -> &mut Finding {
+        self.findings.push(Finding {
+            check: self.check,
+            severity,
+            object: object.into(),
+            face: None,
+            position: None,
+            count: 1,
+            message: message.into(),
+            remedy,
+        });
+        let last = self.findings.len() - 1;
+        &mut self.findings[last]
+    }
+
+    /// The severe ones first.
+    pub fn into_findings(mut self) -> Vec<Finding> {
+        self.findings.sort_by_key(|f| f.severity);
+        if self.findings.len() > MAX_FINDINGS {
+            let rest = self.findings.split_off(MAX_FINDINGS);
+            let message = format!("there are {} more findings of this kind", rest.len());
+            let worst = rest.iter().map(|f| f.severity).min().unwrap_or(Severity::Note);
+            self.add(worst, "", message, "mend these first, then look again").count = rest.len() as u64;
+        }
+        self.findings
+    }
+}

@@ -1,0 +1,346 @@
+//! How the triangles of a mesh hang together.
+//!
+//! Vertices in one place are one vertex, whatever their numbers: readers split them where normals or texture coordinates differ. Edges
+//! are found by sorting, which takes all cores and is quick for millions of triangles.
+
+use rayon::prelude::*;
+use snell_intersect::TriangleMesh;
+use snell_math::{Bounds3, DVec3, Vec3};
+
+/// A face that is the copy of another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Duplicate {
+    /// The copy.
+    pub face: u32,
+    /// Which face it copies.
+    pub of: u32,
+    /// True if both are wound alike; false if they are back to back.
+    pub is_wound_alike: bool,
+}
+
+/// Triangles that share edges, directly or by way of others.
+#[derive(Clone, Debug)]
+pub struct Component {
+    /// The first of its faces.
+    pub first_face: u32,
+    /// How many faces.
+    pub faces: u32,
+    /// Edges with one face only.
+    pub boundary_edges: u32,
+    /// Edges whose two faces go along them in the same direction.
+    pub inconsistent_edges: u32,
+    /// Faces whose vertex normals all look to the other side than their winding says.
+    pub faces_against_normals: u32,
+    /// Sum of the areas.
+    pub area: f64,
+    /// Sum of the areas as vectors: zero for what is closed.
+    pub vector_area: DVec3,
+    /// Signed volume; negative for a closed surface that is inside out.
+    pub volume: f64,
+    /// The box around it.
+    pub bounds: Bounds3,
+}
+
+impl Component {
+    /// True if every edge has a face on either side.
+    pub fn is_closed(&self) -> bool {
+        self.boundary_edges == 0
+    }
+
+    /// How open it is: 0 for closed surfaces, 1 for a flat sheet.
+    pub fn openness(&self) -> f64 {
+        if self.area > 0.0 { self.vector_area.length() / self.area } else { 0.0 }
+    }
+}
+
+/// An edge of one face only, in the direction of that face.
+#[derive(Clone, Copy, Debug)]
+pub struct BoundaryEdge {
+    /// The face.
+    pub face: u32,
+    /// Its ends.
+    pub ends: [Vec3; 2],
+}
+
+/// What there is to know of a mesh without its material.
+#[derive(Clone, Debug, Default)]
+pub struct Topology {
+    /// Faces without an area.
+    pub degenerate: Vec<u32>,
+    /// Faces with a vertex that is not finite.
+    pub non_finite: Vec<u32>,
+    /// Copies of other faces.
+    pub duplicates: Vec<Duplicate>,
+    /// Edges of one face only.
+    pub boundary: Vec<BoundaryEdge>,
+    /// First face of each edge with more than two faces that do not pair up.
+    pub non_manifold: Vec<u32>,
+    /// A face of each edge whose two faces are wound differently.
+    pub inconsistent: Vec<u32>,
+    /// Pieces that do not hang together.
+    pub components: Vec<Component>,
+    /// Which of them each face belongs to; `u32::MAX` for faces that count for nothing.
+    pub component_of: Vec<u32>,
+}
+
+/// Of faces that belong to no component.
+const NONE: u32 = u32::MAX;
+
+/// Numbers of vertices such that those in one place have the same.
+fn welded(mesh: &TriangleMesh) -> Vec<u32> {
+    // Zero of either sign is one place.
+    let bits = |x: f32| u128::from((x + 0.0).to_bits());
+    let key = |(i, p): (usize, &Vec3)| (bits(p.x) << 96) | (bits(p.y) << 64) | (bits(p.z) << 32) | i as u128;
+    let mut keys: Vec<u128> = mesh.positions.par_iter().enumerate().map(key).collect();
+    keys.par_sort_unstable();
+    let mut numbers = vec![0; keys.len()];
+    let mut first = 0;
+    for (i, key) in keys.iter().enumerate() {
+        if i == 0 || (keys[i - 1] >> 32) != (key >> 32) {
+            first = *key as u32;
+        }
+        numbers[*key as u32 as usize] = first;
+    }
+    numbers
+}
+
+/// The least of three first, order kept.
+fn rotated([a, b, c]: [u32; 3]) -> [u32; 3] {
+    if a < b && a < c {
+        [a, b, c]
+    } else if b < c {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    }
+}
+
+/// Sets that grow together.
+struct Sets(Vec<u32>);
+
+impl Sets {
+    fn root(&mut self, mut i: u32) -> u32 {
+        while self.0[i as usize] != i {
+            self.0[i as usize] = self.0[self.0[i as usize] as usize];
+            i = self.0[i as usize];
+        }
+        i
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        // The lower number wins, so that the result does not depend on the order.
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+impl Topology {
+    /// Of a valid mesh with fewer than 2³¹ triangles.
+    pub fn of(mesh: &TriangleMesh) -> Self {
+        let mut this = Self::default();
+        let numbers = welded(mesh);
+        let faces: Vec<[u32; 3]> = mesh.indices.par_iter().map(|t| t.map(|i| numbers[i as usize])).collect();
+        let mut counts = this.sort_out(mesh, &faces);
+        this.find_duplicates(&faces, &mut counts);
+        let mut sets = Sets((0..faces.len() as u32).collect());
+        let (boundary, inconsistent) = this.find_edges(mesh, &faces, &counts, &mut sets);
+        this.find_components(mesh, &counts, sets);
+        for face in boundary {
+            this.components[this.component_of[face as usize] as usize].boundary_edges += 1;
+        }
+        for face in inconsistent {
+            this.components[this.component_of[face as usize] as usize].inconsistent_edges += 1;
+            this.inconsistent.push(face);
+        }
+        this
+    }
+
+    /// Which faces count: those with an area.
+    fn sort_out(&mut self, mesh: &TriangleMesh, faces: &[[u32; 3]]) -> Vec<bool> {
+        #[derive(Clone, Copy, PartialEq)]
+        enum Kind {
+            Sound,
+            Flat,
+            NonFinite,
+        }
+        let kind = |(i, [a, b, c]): (usize, &[u32; 3])| {
+            let corners = mesh.corners(i).map(|p| p.as_dvec3());
+            if !corners.iter().all(|p| p.is_finite()) {
+                return Kind::NonFinite;
+            }
+            if a == b || b == c || c == a {
+                return Kind::Flat;
+            }
+            let [a, b, c] = corners;
+            let (u, v) = (b - a, c - a);
+            let longest = u.length_squared().max(v.length_squared()).max((c - b).length_squared());
+            // Thinner than the coordinates can say.
+            let is_flat = u.cross(v).length() <= 1e-7 * longest;
+            if is_flat { Kind::Flat } else { Kind::Sound }
+        };
+        let kinds: Vec<Kind> = faces.par_iter().enumerate().map(kind).collect();
+        let all_of =
+            |kind: Kind| (0..faces.len()).filter(|&i| kinds[i] == kind).map(|i| i as u32).collect::<Vec<u32>>();
+        (self.degenerate, self.non_finite) = (all_of(Kind::Flat), all_of(Kind::NonFinite));
+        // A sliver on a line still holds its neighbours together.
+        let holds = |(kind, [a, b, c]): (&Kind, &[u32; 3])| *kind != Kind::NonFinite && a != b && b != c && c != a;
+        kinds.iter().zip(faces).map(holds).collect()
+    }
+
+    fn find_duplicates(&mut self, faces: &[[u32; 3]], counts: &mut [bool]) {
+        let sorted = |mut t: [u32; 3]| {
+            t.sort_unstable();
+            t
+        };
+        let mut keys: Vec<([u32; 3], u32)> = (0..faces.len() as u32)
+            .into_par_iter()
+            .filter(|&i| counts[i as usize])
+            .map(|i| (sorted(faces[i as usize]), i))
+            .collect();
+        keys.par_sort_unstable();
+        for group in keys.chunk_by(|a, b| a.0 == b.0).filter(|g| g.len() > 1) {
+            let of = group[0].1;
+            for &(_, face) in &group[1..] {
+                let is_wound_alike = rotated(faces[face as usize]) == rotated(faces[of as usize]);
+                self.duplicates.push(Duplicate { face, of, is_wound_alike });
+                counts[face as usize] = false;
+            }
+        }
+        self.duplicates.sort_unstable_by_key(|d| d.face);
+    }
+
+    /// Joins faces over edges; gives a face for each edge of the boundary, and for each that is wound inconsistently.
+    fn find_edges(
+        &mut self,
+        mesh: &TriangleMesh,
+        faces: &[[u32; 3]],
+        counts: &[bool],
+        sets: &mut Sets,
+    ) -> (Vec<u32>, Vec<u32>) {
+        let edge = |i: u32, k: usize| {
+            let t = faces[i as usize];
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            let key = (u64::from(a.min(b)) << 32) | u64::from(a.max(b));
+            (key, (i << 1) | u32::from(a > b))
+        };
+        let mut edges: Vec<(u64, u32)> = (0..faces.len() as u32)
+            .into_par_iter()
+            .filter(|&i| counts[i as usize])
+            .flat_map_iter(|i| (0..3).map(move |k| edge(i, k)))
+            .collect();
+        edges.par_sort_unstable();
+        let (mut boundary, mut inconsistent) = (Vec::new(), Vec::new());
+        for group in edges.chunk_by(|a, b| a.0 == b.0) {
+            let face = group[0].1 >> 1;
+            group.iter().for_each(|e| sets.join(face, e.1 >> 1));
+            let backwards = group.iter().filter(|e| e.1 & 1 == 1).count();
+            match group.len() {
+                1 => {
+                    let ends = [(group[0].0 >> 32) as u32, group[0].0 as u32].map(|i| mesh.positions[i as usize]);
+                    let ends = if backwards == 1 { [ends[1], ends[0]] } else { ends };
+                    self.boundary.push(BoundaryEdge { face, ends });
+                    boundary.push(face);
+                }
+                2 if backwards != 1 => inconsistent.push(face),
+                2 => {}
+                // Bodies that touch along an edge pair up.
+                n if 2 * backwards == n => {}
+                _ => self.non_manifold.push(face),
+            }
+        }
+        (boundary, inconsistent)
+    }
+
+    fn find_components(&mut self, mesh: &TriangleMesh, counts: &[bool], mut sets: Sets) {
+        let mut number_of_root = vec![NONE; counts.len()];
+        self.component_of = vec![NONE; counts.len()];
+        let mut origins: Vec<DVec3> = Vec::new();
+        for face in (0..counts.len()).filter(|&i| counts[i]) {
+            let root = sets.root(face as u32) as usize;
+            let [a, b, c] = mesh.corners(face);
+            if number_of_root[root] == NONE {
+                number_of_root[root] = self.components.len() as u32;
+                origins.push(a.as_dvec3());
+                self.components.push(Component {
+                    first_face: face as u32,
+                    faces: 0,
+                    boundary_edges: 0,
+                    inconsistent_edges: 0,
+                    faces_against_normals: 0,
+                    area: 0.0,
+                    vector_area: DVec3::ZERO,
+                    volume: 0.0,
+                    bounds: Bounds3::EMPTY,
+                });
+            }
+            let number = number_of_root[root];
+            self.component_of[face] = number;
+            let (component, origin) = (&mut self.components[number as usize], origins[number as usize]);
+            component.bounds = component.bounds.union(&Bounds3::of([a, b, c].into_iter()));
+            let [a, b, c] = [a, b, c].map(|p| p.as_dvec3() - origin);
+            let area = (b - a).cross(c - a) * 0.5;
+            component.faces += 1;
+            component.area += area.length();
+            component.vector_area += area;
+            component.volume += a.dot(b.cross(c)) / 6.0;
+            if !mesh.normals.is_empty() {
+                let normals = mesh.indices[face].map(|i| mesh.normals[i as usize].as_dvec3());
+                let against = normals.iter().all(|n| n.dot(area) < -0.1 * n.length() * area.length());
+                component.faces_against_normals += u32::from(against);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The unit cube, every face with vertices of its own.
+    pub fn cube() -> TriangleMesh {
+        let mut mesh = TriangleMesh::default();
+        for axis in 0..3 {
+            for (side, corners) in [(0.0, [[0, 0], [0, 1], [1, 1], [1, 0]]), (1.0, [[0, 0], [1, 0], [1, 1], [0, 1]])] {
+                let base = mesh.positions.len() as u32;
+                for [s, t] in corners {
+                    let mut p = Vec3::ZERO;
+                    (p[axis], p[(axis + 1) % 3], p[(axis + 2) % 3]) = (side, s as f32, t as f32);
+                    mesh.positions.push(p);
+                }
+                mesh.indices.extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
+            }
+        }
+        mesh
+    }
+
+    #[test]
+    fn a_cube_of_separate_faces_is_one_closed_body() {
+        let topology = Topology::of(&cube());
+        assert_eq!((topology.components.len(), topology.boundary.len(), topology.inconsistent.len()), (1, 0, 0));
+        let body = &topology.components[0];
+        assert!((body.volume - 1.0).abs() < 1e-12 && (body.area - 6.0).abs() < 1e-12 && body.openness() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_missing_turned_or_doubled_is_found() {
+        let mut open = cube();
+        open.indices.pop();
+        assert_eq!(Topology::of(&open).boundary.len(), 3);
+        let mut turned = cube();
+        turned.indices[5].swap(0, 1);
+        assert_eq!(Topology::of(&turned).inconsistent.len(), 3);
+        let mut doubled = cube();
+        let [a, b, c] = doubled.indices[7];
+        doubled.indices.extend([[b, c, a], [a, c, b], [a, a, b]]);
+        let topology = Topology::of(&doubled);
+        let duplicate = |face, is_wound_alike| Duplicate { face, of: 7, is_wound_alike };
+        assert_eq!(topology.duplicates, [duplicate(12, true), duplicate(13, false)]);
+        assert_eq!((topology.degenerate, topology.boundary.len()), (vec![14], 0));
+        let mut fin = cube();
+        fin.positions.push(Vec3::splat(3.0));
+        let edge = fin.indices[0];
+        fin.indices.push([edge[0], edge[1], 24]);
+        let topology = Topology::of(&fin);
+        assert_eq!((topology.non_manifold.len(), topology.boundary.len(), topology.components.len()), (1, 2, 1));
+    }
+}

@@ -1,0 +1,281 @@
+//! Writes glTF 2.0: `.glb` in one file, `.gltf` with a buffer and pictures beside it.
+//!
+//! A node that several nodes share is written once for each of them, because glTF has trees; its meshes are shared.
+
+mod buffer;
+mod material;
+mod stage;
+mod texture;
+
+use super::flat::note_shape;
+use super::tessellate::tessellate;
+use super::{Output, SceneWriter};
+use buffer::Buffer;
+use serde_json::{Value, json};
+use snell_intersect::{AnyShape, TriangleMesh};
+use snell_math::DAffine3;
+use snell_scene::placed::{MAX_PLACED, placement_count};
+use snell_scene::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
+use std::collections::{BTreeSet, HashMap};
+use std::sync::Arc;
+
+/// The writer of glTF files.
+pub const WRITER: SceneWriter = SceneWriter { name: "gltf", extensions: &["glb", "gltf"], write };
+
+/// The parts of a document as they grow.
+struct Document<'a, 'o> {
+    scene: &'a Scene,
+    output: &'o mut Output,
+    buffer: Buffer,
+    nodes: Vec<Value>,
+    meshes: Vec<Value>,
+    materials: Vec<Value>,
+    extensions: BTreeSet<&'static str>,
+    textures: texture::Textures,
+    /// Attributes of meshes by address, and meshes by their surfaces.
+    attributes: HashMap<*const TriangleMesh, Value>,
+    known_meshes: HashMap<Vec<SurfaceKey>, usize>,
+    shapes: HashMap<*const AnyShape, Option<Arc<TriangleMesh>>>,
+    /// Number of the material for surfaces without one.
+    default_material: Option<usize>,
+}
+
+/// A mesh, and its materials by slot with what is inherited.
+type SurfaceKey = (*const TriangleMesh, Vec<Option<MaterialId>>, Option<MaterialId>);
+
+fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
+    if placement_count(scene)? > MAX_PLACED {
+        return Err(format!("more than {MAX_PLACED} nodes and surfaces, instances counted each, which is the limit"));
+    }
+    output.lose_settings(scene);
+    let is_binary = output.extension == "glb";
+    let mut document = Document {
+        scene,
+        output,
+        buffer: Buffer::default(),
+        nodes: Vec::new(),
+        meshes: Vec::new(),
+        materials: Vec::new(),
+        extensions: BTreeSet::new(),
+        textures: texture::Textures::default(),
+        attributes: HashMap::new(),
+        known_meshes: HashMap::new(),
+        shapes: HashMap::new(),
+        default_material: None,
+    };
+    for (i, material) in scene.materials.iter().enumerate() {
+        let value = material::value(&mut document, i, material);
+        document.materials.push(value);
+    }
+    let root = document.tree();
+    let mut top = vec![root];
+    let (cameras, lights) = (stage::cameras(&mut document, &mut top), stage::lights(&mut document, &mut top));
+    let json = document.json(&top, cameras, lights, is_binary);
+    let buffer = std::mem::take(&mut document.buffer.bytes);
+    let text = serde_json::to_vec(&json).map_err(|error| error.to_string())?;
+    if is_binary {
+        output.main = container(text, buffer)?;
+    } else {
+        output.file(BUFFER_NAME, buffer);
+        output.main = text;
+    }
+    Ok(())
+}
+
+const BUFFER_NAME: &str = "buffer.bin";
+
+/// The binary container: a header, JSON, and the buffer, each padded to four bytes.
+fn container(mut json: Vec<u8>, mut buffer: Vec<u8>) -> Result<Vec<u8>, String> {
+    json.resize(json.len().next_multiple_of(4), b' ');
+    buffer.resize(buffer.len().next_multiple_of(4), 0);
+    let length = 12 + 8 + json.len() + if buffer.is_empty() { 0 } else { 8 + buffer.len() };
+    let word =
+        |n: usize| u32::try_from(n).map(u32::to_le_bytes).map_err(|_| "more than 4 GiB, the limit of .glb files");
+    let mut bytes = b"glTF\x02\0\0\0".to_vec();
+    bytes.extend(word(length)?);
+    for (kind, chunk) in [(b"JSON", json), (b"BIN\0", buffer)] {
+        if !chunk.is_empty() {
+            bytes.extend(word(chunk.len())?);
+            bytes.extend(kind);
+            bytes.extend(chunk);
+        }
+    }
+    Ok(bytes)
+}
+
+impl Document<'_, '_> {
+    fn json(&self, top: &[usize], cameras: Vec<Value>, lights: Vec<Value>, is_binary: bool) -> Value {
+        let mut json = json!({
+            "asset": { "version": "2.0", "generator": concat!("Snell ", env!("CARGO_PKG_VERSION")) },
+            "scene": 0,
+            "scenes": [{ "name": self.scene.name, "nodes": top }],
+            "nodes": self.nodes,
+        });
+        let mut add = |key: &str, list: Vec<Value>| {
+            if !list.is_empty() {
+                json[key] = list.into();
+            }
+        };
+        add("meshes", self.meshes.clone());
+        add("materials", self.materials.clone());
+        add("accessors", self.buffer.accessors.clone());
+        add("bufferViews", self.buffer.views.clone());
+        add("textures", self.textures.textures.clone());
+        add("samplers", self.textures.samplers.clone());
+        add("images", self.textures.images.clone());
+        add("cameras", cameras);
+        add("extensionsUsed", self.extensions.iter().map(|&e| e.into()).collect());
+        if !self.buffer.bytes.is_empty() {
+            let mut buffer = json!({ "byteLength": self.buffer.bytes.len() });
+            if !is_binary {
+                buffer["uri"] = format!("{}/{BUFFER_NAME}", self.output.folder()).into();
+            }
+            json["buffers"] = json!([buffer]);
+        }
+        if !lights.is_empty() {
+            json["extensions"] = json!({ "KHR_lights_punctual": { "lights": lights } });
+        }
+        json
+    }
+
+    /// Writes out the graph as a tree; gives the number of its root.
+    fn tree(&mut self) -> usize {
+        let scene = self.scene;
+        let mut stack = vec![(scene.root, None, None)];
+        let mut root = 0;
+        while let Some((id, material, parent)) = stack.pop() {
+            let node: &Node = &scene.nodes[NodeId::index(id)];
+            let material: Option<MaterialId> = node.material.or(material);
+            let number = self.nodes.len();
+            let mut value = placed(&node.transform);
+            if !node.name.is_empty() {
+                value["name"] = node.name.clone().into();
+            }
+            if let Some(mesh) = self.mesh(&node.surfaces, material, &node.name) {
+                value["mesh"] = mesh.into();
+            }
+            self.nodes.push(value);
+            match parent {
+                None => root = number,
+                Some(parent) => {
+                    let parent: &mut Value = &mut self.nodes[parent];
+                    match parent.get_mut("children").and_then(Value::as_array_mut) {
+                        Some(list) => list.push(number.into()),
+                        None => parent["children"] = json!([number]),
+                    }
+                }
+            }
+            stack.extend(node.children.iter().rev().map(|&child| (child, material, Some(number))));
+        }
+        root
+    }
+
+    /// The number of the mesh of some surfaces, if there is anything to show.
+    fn mesh(&mut self, surfaces: &[Surface], inherited: Option<MaterialId>, name: &str) -> Option<usize> {
+        let mut key = Vec::new();
+        let mut shown = Vec::new();
+        for surface in surfaces {
+            let mesh = match &surface.geometry {
+                Geometry::Mesh(mesh) => mesh.clone(),
+                Geometry::Shape(shape) => match self.tessellated(shape) {
+                    Some(mesh) => mesh,
+                    None => continue,
+                },
+            };
+            if !mesh.indices.is_empty() {
+                key.push((Arc::as_ptr(&mesh), surface.materials.clone(), inherited));
+                shown.push((mesh, &surface.materials));
+            }
+        }
+        if key.is_empty() {
+            return None;
+        }
+        if let Some(&known) = self.known_meshes.get(&key) {
+            return Some(known);
+        }
+        let mut primitives = Vec::new();
+        for (mesh, materials) in shown {
+            let attributes = self.attributes(&mesh);
+            for (slot, triangles) in by_slot(&mesh) {
+                let material = materials.get(usize::from(slot)).copied().flatten().or(inherited);
+                let indices = self.buffer.indices(&triangles);
+                let material = self.material_number(material);
+                primitives.push(json!({ "attributes": attributes, "indices": indices, "material": material }));
+            }
+        }
+        let mut value = json!({ "primitives": primitives });
+        if !name.is_empty() {
+            value["name"] = name.into();
+        }
+        self.meshes.push(value);
+        self.known_meshes.insert(key, self.meshes.len() - 1);
+        Some(self.meshes.len() - 1)
+    }
+
+    fn tessellated(&mut self, shape: &Arc<AnyShape>) -> Option<Arc<TriangleMesh>> {
+        note_shape(shape.name(), self.output);
+        // The scene keeps the shapes, so addresses stay their own.
+        self.shapes.entry(Arc::as_ptr(shape)).or_insert_with(|| tessellate(shape).map(Arc::new)).clone()
+    }
+
+    /// The accessors of a mesh's attributes, written once.
+    fn attributes(&mut self, mesh: &Arc<TriangleMesh>) -> Value {
+        if let Some(known) = self.attributes.get(&Arc::as_ptr(mesh)) {
+            return known.clone();
+        }
+        let mut value = json!({ "POSITION": self.buffer.positions(&mesh.positions) });
+        let mut add = |name: &str, numbers: Vec<f32>, kind: &str, width: usize| {
+            if !numbers.is_empty() {
+                value[name] = self.buffer.vectors(&numbers, kind, width).into();
+            }
+        };
+        // The format wants unit vectors.
+        let unit = |n: &snell_math::Vec3| n.try_normalize().unwrap_or(snell_math::Vec3::Z).to_array();
+        add("NORMAL", mesh.normals.iter().flat_map(unit).collect(), "VEC3", 3);
+        add("TANGENT", mesh.tangents.iter().flat_map(|t| t.to_array()).collect(), "VEC4", 4);
+        for (set, uvs) in mesh.uvs.iter().enumerate() {
+            add(&format!("TEXCOORD_{set}"), uvs.iter().flat_map(|uv| uv.to_array()).collect(), "VEC2", 2);
+        }
+        add("COLOR_0", mesh.colors.as_flattened().to_vec(), "VEC4", 4);
+        self.attributes.insert(Arc::as_ptr(mesh), value.clone());
+        value
+    }
+
+    /// Surfaces without a material get the one they are rendered with: glTF's own default is another.
+    fn material_number(&mut self, material: Option<MaterialId>) -> usize {
+        if let Some(id) = material {
+            return id.index();
+        }
+        if let Some(number) = self.default_material {
+            return number;
+        }
+        let number = self.materials.len();
+        let value = material::value(self, number, &snell_scene::framing::default_material());
+        self.materials.push(value);
+        self.default_material = Some(number);
+        number
+    }
+}
+
+/// The triangles of each slot, slots ascending.
+fn by_slot(mesh: &TriangleMesh) -> Vec<(u16, Vec<u32>)> {
+    if mesh.material_slots.is_empty() {
+        return vec![(0, mesh.indices.as_flattened().to_vec())];
+    }
+    let mut slots: std::collections::BTreeMap<u16, Vec<u32>> = Default::default();
+    for (triangle, &slot) in mesh.indices.iter().zip(&mesh.material_slots) {
+        slots.entry(slot).or_default().extend(triangle);
+    }
+    slots.into_iter().collect()
+}
+
+/// A node with a transform.
+fn placed(map: &DAffine3) -> Value {
+    if *map == DAffine3::IDENTITY {
+        return json!({});
+    }
+    let column = |v: snell_math::DVec3, w: f64| [v.x, v.y, v.z, w];
+    let m = &map.matrix3;
+    let columns = [column(m.x_axis, 0.0), column(m.y_axis, 0.0), column(m.z_axis, 0.0), column(map.translation, 1.0)];
+    json!({ "matrix": columns.as_flattened() })
+}

@@ -1,0 +1,201 @@
+//! Writing scenes: one file per format, and its line in [`WRITERS`].
+//!
+//! A writer makes bytes and touches no file. It fills an [`Output`]: the file itself, files beside it (meshes, pictures), and what the
+//! format could not hold. [`write_scene_as`] then puts all of it in place, or nothing.
+
+mod flat;
+mod gltf;
+mod material;
+mod obj;
+mod off;
+mod pbrt;
+mod picture;
+mod ply;
+mod stl;
+mod tessellate;
+#[cfg(test)]
+pub(crate) use picture::encoded as encoded_picture;
+#[cfg(test)]
+mod tests;
+
+use crate::error::WriteError;
+use crate::{atomic, scene};
+use snell_scene::{Scene, Warning};
+use std::path::{Path, PathBuf};
+
+/// A writer of scene files.
+#[derive(Clone, Copy)]
+pub struct SceneWriter {
+    /// Short name, that of the reader of the same format.
+    pub name: &'static str,
+    /// Extensions in lower case, without the dot; the usual one first.
+    pub extensions: &'static [&'static str],
+    /// Fills the output; an error says why there is nothing that could be written.
+    pub write: fn(&Scene, &mut Output) -> Result<(), String>,
+}
+
+/// The writers of scene files.
+pub const WRITERS: &[SceneWriter] =
+    &[scene::snell::WRITER, gltf::WRITER, pbrt::WRITER, obj::WRITER, ply::WRITER, stl::WRITER, off::WRITER];
+
+/// What a writer makes.
+#[derive(Debug)]
+pub struct Output {
+    /// Name of the file without folder and extension.
+    stem: String,
+    /// Extension in lower case: a writer of several kinds of files looks which one is wanted.
+    extension: String,
+    /// The file itself.
+    main: Vec<u8>,
+    /// Files in the folder beside it: name and content.
+    files: Vec<(String, Vec<u8>)>,
+    losses: Vec<Warning>,
+}
+
+impl Output {
+    fn new(path: &Path) -> Self {
+        let part = |part: Option<&std::ffi::OsStr>| part.map(|p| p.to_string_lossy().into_owned()).unwrap_or_default();
+        Self {
+            stem: part(path.file_stem()),
+            extension: part(path.extension()).to_lowercase(),
+            main: Vec::new(),
+            files: Vec::new(),
+            losses: Vec::new(),
+        }
+    }
+
+    /// Sets the content of the file itself.
+    pub fn set(&mut self, bytes: Vec<u8>) {
+        self.main = bytes;
+    }
+
+    /// Notes what the file will not hold, or holds as something else; equal notes are counted.
+    pub fn lose(&mut self, what: impl Into<String>) {
+        Warning::note(&mut self.losses, what.into(), 1);
+    }
+
+    /// Adds a file beside the one that is written; gives its name as the main file has to say it, with slashes.
+    pub fn file(&mut self, name: &str, bytes: Vec<u8>) -> String {
+        self.files.push((name.to_string(), bytes));
+        format!("{}/{name}", self.folder())
+    }
+
+    /// The folder of the files beside: letters that every format can say without quoting.
+    fn folder(&self) -> String {
+        format!("{}-files", plain_name(&self.stem))
+    }
+
+    /// Writes what any format but Snell's own leaves out.
+    fn lose_settings(&mut self, scene: &Scene) {
+        if !scene.ambient.is_black() {
+            self.lose("the ambient light of local illumination is left out");
+        }
+        if matches!(scene.background, snell_scene::Background::Color(_) | snell_scene::Background::Transparent) {
+            self.lose("the background is left out");
+        }
+        if scene.settings != snell_scene::SceneSettings::default() {
+            self.lose("what the scene asks of the renderer (size, samples, integrator, …) is left out");
+        }
+    }
+
+    /// What formats of bare meshes leave out.
+    fn lose_all_but_surfaces(&mut self, scene: &Scene) {
+        let kinds = [
+            (scene.cameras.len(), "camera"),
+            (scene.lights.len(), "light"),
+            (usize::from(scene.environment.is_some()), "environment"),
+            (scene.media.len(), "medium"),
+        ];
+        for (count, what) in kinds.into_iter().filter(|(count, _)| *count > 0) {
+            let plural = if count == 1 { "is" } else { "are" };
+            self.lose(format!("{count} {what}{} {plural} left out", if count == 1 { "" } else { "s" }));
+        }
+        self.lose_settings(scene);
+    }
+}
+
+/// The name with every character that some format would have to quote replaced.
+fn plain_name(name: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    let name: String = name.chars().map(plain).collect();
+    if name.is_empty() { "scene".into() } else { name }
+}
+
+/// What was written.
+#[derive(Debug)]
+pub struct Written {
+    /// Name of the format.
+    pub format: &'static str,
+    /// All files, the main one first.
+    pub files: Vec<PathBuf>,
+    /// What the format could not hold, and what was done instead.
+    pub losses: Vec<Warning>,
+}
+
+/// The writer for the extension of `path`.
+fn writer_for(path: &Path) -> Result<SceneWriter, WriteError> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let writer = WRITERS.iter().find(|w| w.extensions.contains(&extension.as_str()));
+    writer.copied().ok_or_else(|| {
+        let known: Vec<_> = WRITERS.iter().flat_map(|w| w.extensions).map(|e| format!(".{e}")).collect();
+        let problem = match extension.as_str() {
+            "" => "the name has no extension that says which scene format to write".to_string(),
+            _ => format!("\"{extension}\" is not a scene format that Snell writes"),
+        };
+        WriteError::Format { path: path.into(), problem, remedy: format!("use {}", known.join(" ")) }
+    })
+}
+
+/// Finds out, before any work, whether a scene can be written to `path`: whether its extension is known and, unless `overwrite`, nothing
+/// stands there.
+pub fn check_scene_path(path: &Path, overwrite: bool) -> Result<(), WriteError> {
+    writer_for(path)?;
+    if !overwrite && path.exists() {
+        return Err(exists(path));
+    }
+    atomic::check(path)
+}
+
+fn exists(path: &Path) -> WriteError {
+    WriteError::Format {
+        path: path.into(),
+        problem: "the file exists".into(),
+        remedy: "give another name, or --force to replace it".into(),
+    }
+}
+
+/// Writes a scene in the format that the extension of `path` names; the file appears whole or not at all. Replaces files.
+pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
+    write_scene_as(path, scene, true).map(drop)
+}
+
+/// Writes a scene in the format that the extension of `path` names, with the files that belong to it in the folder `NAME-files`. Unless
+/// `overwrite`, files that exist and hold something else are an error, and nothing is written. All files are made under temporary names;
+/// only when all of them are there are they renamed, the one at `path` last.
+pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Written, WriteError> {
+    let writer = writer_for(path)?;
+    let mut output = Output::new(path);
+    (writer.write)(scene, &mut output).map_err(|problem| WriteError::Format {
+        path: path.into(),
+        problem,
+        remedy: "change the scene, or write another format".into(),
+    })?;
+    let folder = path.with_file_name(output.folder());
+    let beside = output.files.into_iter().map(|(name, bytes)| (folder.join(name), bytes));
+    let files: Vec<_> = beside.chain([(path.to_path_buf(), output.main)]).collect();
+    if !overwrite && let Some((path, _)) = files.iter().find(|(path, bytes)| holds_something_else(path, bytes)) {
+        return Err(exists(path));
+    }
+    if files.len() > 1 {
+        std::fs::create_dir_all(&folder).map_err(|source| WriteError::Io { path: folder.clone(), source })?;
+    }
+    atomic::write_all(&files)?;
+    let mut files: Vec<_> = files.into_iter().map(|(path, _)| path).collect();
+    files.rotate_right(1);
+    Ok(Written { format: writer.name, files, losses: output.losses })
+}
+
+fn holds_something_else(path: &Path, bytes: &[u8]) -> bool {
+    let Ok(known) = std::fs::metadata(path) else { return false };
+    known.is_file() && !(known.len() == bytes.len() as u64 && std::fs::read(path).is_ok_and(|found| found == bytes))
+}

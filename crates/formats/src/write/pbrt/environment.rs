@@ -1,0 +1,130 @@
+//! Light from all directions. pbrt-v4 has its pictures on an equal-area octahedral square: latitude-longitude pictures are drawn anew.
+
+use super::{File, rgb, transform};
+use crate::write::picture::encoded;
+use rayon::prelude::*;
+use snell_math::{DAffine3, DMat3, DVec3};
+use snell_scene::{Environment, Image};
+use std::f64::consts::{FRAC_PI_4, PI, TAU};
+
+/// Largest side of the square.
+const MAX_SIDE: u32 = 4096;
+
+impl File<'_, '_> {
+    pub fn environment(&mut self) {
+        match &self.scene.environment {
+            None => {}
+            Some(Environment::Constant(color)) => {
+                self.line(format!("LightSource \"infinite\" \"rgb L\" {}", rgb(*color)));
+            }
+            Some(Environment::Image { image, scale, world_from_environment }) => {
+                self.output.lose("the picture of the environment is drawn anew on a square, as pbrt has it");
+                let mut square = square_of(image);
+                if let snell_scene::Pixels::F32(values) = &mut square.pixels {
+                    for pixel in values.chunks_exact_mut(3) {
+                        pixel.iter_mut().zip([scale.r, scale.g, scale.b]).for_each(|(v, s)| *v *= s);
+                    }
+                }
+                let name = self.output.file("environment.exr", encoded(&square).0);
+                let axes = world_from_environment.matrix3 * LIGHT_FROM_ENVIRONMENT.inverse();
+                let place = transform(&DAffine3::from_mat3(axes));
+                self.line(format!(
+                    "AttributeBegin\n  {place}\n  LightSource \"infinite\" \"string filename\" [ \"{name}\" ]\nAttributeEnd"
+                ));
+            }
+        }
+    }
+}
+
+/// The zenith is pbrt's `z`, our `y`.
+const LIGHT_FROM_ENVIRONMENT: DMat3 = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y);
+
+/// The equal-area square of a latitude-longitude picture.
+fn square_of(image: &Image) -> Image {
+    let side = (image.height * 2).clamp(16, MAX_SIDE);
+    let row = |y: u32| {
+        (0..side).flat_map(move |x| {
+            // The mean of four points, so that small bright things keep about their power.
+            let mut sum = [0.0f32; 3];
+            for (dx, dy) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
+                let at = |i: u32, d: f64| (f64::from(i) + d) / f64::from(side);
+                let direction = LIGHT_FROM_ENVIRONMENT.inverse() * direction_of_square(at(x, dx), at(y, dy));
+                let color = lookup(image, direction);
+                (0..3).for_each(|c| sum[c] += 0.25 * color[c]);
+            }
+            sum
+        })
+    };
+    let values: Vec<f32> = (0..side).into_par_iter().flat_map_iter(row).collect();
+    Image::from_f32(side, side, 3, values)
+}
+
+/// The unit direction of a point of the unit square, `+z` in its middle (Clarberg, Fast Equal-Area Mapping of the (Hemi)Sphere using
+/// SIMD, 2008).
+fn direction_of_square(u: f64, v: f64) -> DVec3 {
+    let (u, v) = (2.0 * u - 1.0, 2.0 * v - 1.0);
+    let distance = 1.0 - (u.abs() + v.abs());
+    let radius = 1.0 - distance.abs();
+    let angle = if radius == 0.0 { FRAC_PI_4 } else { ((v.abs() - u.abs()) / radius + 1.0) * FRAC_PI_4 };
+    let z = (1.0 - radius * radius).copysign(distance);
+    let around = radius * (2.0 - radius * radius).max(0.0).sqrt();
+    let (sin, cos) = angle.sin_cos();
+    DVec3::new((cos * around).copysign(u), (sin * around).copysign(v), z)
+}
+
+/// Radiance of a latitude-longitude picture, bilinear: `+y` is the zenith, the middle `-z`, `+x` right of it.
+fn lookup(image: &Image, d: DVec3) -> [f32; 3] {
+    let (w, h) = (f64::from(image.width), f64::from(image.height));
+    let x = (d.x.atan2(-d.z) / TAU + 0.5) * w - 0.5;
+    let y = d.y.clamp(-1.0, 1.0).acos() / PI * h - 0.5;
+    let (fx, fy) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
+    let mut color = [0.0; 3];
+    for (dx, dy, weight) in [
+        (0.0, 0.0, (1.0 - fx) * (1.0 - fy)),
+        (1.0, 0.0, fx * (1.0 - fy)),
+        (0.0, 1.0, (1.0 - fx) * fy),
+        (1.0, 1.0, fx * fy),
+    ] {
+        let column = (x.floor() + dx).rem_euclid(w) as u32;
+        let row = (y.floor() + dy).clamp(0.0, h - 1.0) as u32;
+        let texel = image.rgba(column.min(image.width - 1), row);
+        (0..3).for_each(|c| color[c] += texel[c] * weight);
+    }
+    color
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_of_directions_shows_the_same_on_the_square() {
+        // Linear in the direction.
+        let (w, h) = (256, 128);
+        let of = |d: DVec3| [d.x, d.y, d.z].map(|c| c as f32 + 2.0);
+        let mut values = Vec::new();
+        for y in 0..h {
+            for x in 0..w {
+                let (theta, phi) =
+                    ((f64::from(y) + 0.5) / f64::from(h) * PI, ((f64::from(x) + 0.5) / f64::from(w) - 0.5) * TAU);
+                values.extend(of(DVec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos())));
+            }
+        }
+        let square = square_of(&Image::from_f32(w, h, 3, values));
+        let mut sum = DVec3::ZERO;
+        for y in 0..square.height {
+            for x in 0..square.width {
+                let at = |i: u32| (f64::from(i) + 0.5) / f64::from(square.width);
+                let d = direction_of_square(at(x), at(y));
+                sum += d;
+                let (found, expected) = (square.rgba(x, y), of(LIGHT_FROM_ENVIRONMENT.inverse() * d));
+                for c in 0..3 {
+                    assert!((found[c] - expected[c]).abs() < 0.03, "{d}: {found:?}, expected {expected:?}");
+                }
+                assert!((d.length() - 1.0).abs() < 1e-9);
+            }
+        }
+        // Equal areas: directions cancel out.
+        assert!(sum.length() < 1e-6 * f64::from(square.width * square.height), "{sum}");
+    }
+}

@@ -1,0 +1,456 @@
+//! Materials, with the emission, opacity and media that pbrt says of shapes instead, and media themselves.
+
+use super::{File, quoted, rgb, transform};
+use crate::write::Output;
+use crate::write::material::{open_pbr, shown_name, without_spectrum};
+use crate::write::picture::Baked;
+use snell_math::spectrum::Metal;
+use snell_math::{ColorMode, Rgb};
+use snell_scene::material::{
+    AlphaMode, ColorParam, ConductorSpectrum, MaterialKind, MetallicRoughness, OpenPbr, ScalarParam,
+};
+use snell_scene::medium::{Medium, ScalarGrid};
+use snell_scene::texture::{Filtering, Wrap};
+use snell_scene::{Encoding, Material, MaterialId, TextureId};
+
+/// What a shape of a material says.
+#[derive(Clone, Debug, Default)]
+pub struct Made {
+    /// Directives before the shape.
+    pub attributes: Vec<String>,
+    /// What follows the shape's own parameters.
+    pub shape_parameters: String,
+}
+
+/// Metals whose tables pbrt has.
+const METALS: [&str; 4] = ["Ag", "Al", "Au", "Cu"];
+
+/// A material's class and parameters.
+struct Body {
+    text: String,
+    /// What a clear inside absorbs per unit of length.
+    absorption: Rgb,
+}
+
+impl Body {
+    fn new(text: String) -> Self {
+        Self { text, absorption: Rgb::BLACK }
+    }
+}
+
+impl File<'_, '_> {
+    /// What shapes of a material say; the material is defined the first time.
+    pub fn material(&mut self, id: Option<MaterialId>) -> Made {
+        if let Some(made) = self.materials.get(&id) {
+            return made.clone();
+        }
+        let default = snell_scene::framing::default_material();
+        let scene = self.scene;
+        let material = id.and_then(|id| scene.materials.get(id.index())).unwrap_or(&default);
+        let number = id.map_or(scene.materials.len(), MaterialId::index);
+        let made = self.make_material(number, material);
+        self.materials.insert(id, made.clone());
+        made
+    }
+
+    fn make_material(&mut self, number: usize, material: &Material) -> Made {
+        let who = shown_name(number, material);
+        let name = quoted(&format!("{}{}{number}", material.name, if material.name.is_empty() { "" } else { " " }));
+        let mut made = Made::default();
+        let body = self.body(material, &who);
+        let normal_map = self.normal_map(material, &who);
+        self.line(format!("MakeNamedMaterial {name} {}{normal_map}", body.text));
+        made.attributes.push(format!("NamedMaterial {name}"));
+        self.add_media(&mut made, number, material, &body, &who);
+        self.add_emission(&mut made, material, &who);
+        self.add_alpha(&mut made, material, &who);
+        if !material.double_sided {
+            self.output.lose(format!("{who}: it is seen from both sides"));
+        }
+        made
+    }
+
+    fn normal_map(&mut self, material: &Material, who: &str) -> String {
+        let Some(map) = material.normal_map else { return String::new() };
+        let texture = self.pictures.texture(map.texture);
+        if map.scale != 1.0 || texture.uv_transform != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] || texture.uv_set != 0 {
+            self.output.lose(format!("{who}: the scale and the placement of the normal map are left out"));
+        }
+        let file = self.pictures.color(self.output, map.texture, Encoding::Linear);
+        format!(" \"string normalmap\" [ {} ]", quoted(&file))
+    }
+
+    fn add_media(&mut self, made: &mut Made, number: usize, material: &Material, body: &Body, who: &str) {
+        let outside = self.scene.medium.map_or(String::new(), |id| format!("medium-{}", id.0));
+        let inside = match material.interior {
+            Some(interior) => {
+                if interior.priority != 0 {
+                    self.output.lose(format!("{who}: the priority of its inside is left out"));
+                }
+                interior.medium.map(|id| format!("medium-{}", id.0))
+            }
+            None => None,
+        };
+        let inside = match inside {
+            None if !body.absorption.is_black() => {
+                let name = format!("inside-{number}");
+                self.line(format!(
+                    "MakeNamedMedium \"{name}\" \"string type\" [ \"homogeneous\" ] \"rgb sigma_a\" {} \"rgb sigma_s\" [ 0 0 0 ]",
+                    rgb(body.absorption)
+                ));
+                Some(name)
+            }
+            inside => inside,
+        };
+        if inside.is_some() || (!outside.is_empty() && material.bounded_interior().is_some()) {
+            let inside = inside.unwrap_or_default();
+            made.attributes.push(format!("MediumInterface \"{inside}\" \"{outside}\""));
+        }
+    }
+
+    fn add_emission(&mut self, made: &mut Made, material: &Material, who: &str) {
+        if !material.is_emissive() {
+            return;
+        }
+        let emission = without_spectrum(material.emission, true);
+        let light = match emission.texture {
+            None => format!("\"rgb L\" {}", rgb(emission.factor)),
+            Some(id) => {
+                let baked = Baked::Light(emission.factor);
+                let file = self.pictures.baked(self.output, id, baked);
+                format!("\"string filename\" [ {} ]", quoted(&file))
+            }
+        };
+        let both = if material.emits_on_both_sides { " \"bool twosided\" [ true ]" } else { "" };
+        made.attributes.push(format!("AreaLightSource \"diffuse\" {light}{both}"));
+        if !material.illuminates || material.emission_takes_vertex_color {
+            self.output.lose(format!("{who}: its emission lights other things, and has one colour"));
+        }
+    }
+
+    fn add_alpha(&mut self, made: &mut Made, material: &Material, who: &str) {
+        let cutoff = match material.alpha_mode {
+            AlphaMode::Opaque => return,
+            AlphaMode::Blend => None,
+            AlphaMode::Mask(cutoff) => Some(cutoff),
+        };
+        made.shape_parameters += &match material.alpha.texture {
+            None => {
+                let alpha = material.alpha.factor;
+                format!(" \"float alpha\" [ {} ]", cutoff.map_or(alpha, |c| f32::from(u8::from(alpha >= c))))
+            }
+            Some((id, channel)) => {
+                let baked = match cutoff {
+                    Some(cutoff) => Baked::Mask { channel, least: cutoff / material.alpha.factor },
+                    None => Baked::Scaled { channel, factor: material.alpha.factor },
+                };
+                let name = self.texture(id, "float", baked, who);
+                format!(" \"texture alpha\" [ \"{name}\" ]")
+            }
+        };
+    }
+
+    fn body(&mut self, material: &Material, who: &str) -> Body {
+        let kind = |name: &str| format!("\"string type\" [ \"{name}\" ]");
+        match &material.kind {
+            MaterialKind::Black(_) => Body::new(format!("{} \"rgb reflectance\" [ 0 0 0 ]", kind("diffuse"))),
+            MaterialKind::Diffuse(diffuse) => {
+                Body::new(kind("diffuse") + &self.color("reflectance", diffuse.reflectance, who))
+            }
+            MaterialKind::CoatedDiffuse(coated) => Body::new(
+                kind("coateddiffuse")
+                    + &self.color("reflectance", coated.reflectance, who)
+                    + &self.roughness("", coated.roughness, who)
+                    + &format!(" \"float eta\" [ {} ]", coated.ior),
+            ),
+            MaterialKind::Plastic(plastic) => {
+                if plastic.specular != Rgb::WHITE.into() {
+                    self.output.lose(format!("{who}: the tint of the reflection is left out"));
+                }
+                self.coated(plastic.diffuse, plastic.ior, plastic.roughness, who)
+            }
+            MaterialKind::Conductor(conductor) => Body::new(
+                kind("conductor")
+                    + &self.metal("", &conductor.spectrum, who)
+                    + &self.roughness("", conductor.roughness, who),
+            ),
+            MaterialKind::CoatedConductor(coated) => Body::new(
+                kind("coatedconductor")
+                    + &self.metal("conductor.", &coated.conductor.spectrum, who)
+                    + &self.roughness("conductor.", coated.conductor.roughness, who)
+                    + &self.roughness("interface.", coated.roughness, who)
+                    + &format!(" \"float interface.eta\" [ {} ]", coated.ior),
+            ),
+            MaterialKind::Mirror(mirror) => {
+                self.output.lose(format!("{who}: an ideal mirror became a smooth metal"));
+                Body::new(
+                    kind("conductor")
+                        + &self.color("reflectance", mirror.reflectance, who)
+                        + " \"float roughness\" [ 0 ]",
+                )
+            }
+            MaterialKind::Dielectric(glass) => {
+                if glass.tint != Rgb::WHITE.into() {
+                    self.output.lose(format!("{who}: the tint of the glass is left out"));
+                }
+                if glass.ior.is_dispersive() {
+                    self.output.lose(format!("{who}: dispersion is left out"));
+                }
+                let eta = format!(" \"float eta\" [ {} ]", glass.ior.at_line_d());
+                let text = kind("dielectric") + &self.roughness("", glass.roughness, who) + &eta;
+                Body { text, absorption: glass.absorption }
+            }
+            MaterialKind::Interface(_) => Body::new(kind("interface")),
+            MaterialKind::MetallicRoughness(kind_of) if is_thin_glass(kind_of) => {
+                Body::new(format!("{} \"float eta\" [ {} ]", kind("thindielectric"), kind_of.ior))
+            }
+            _ => {
+                let surface = open_pbr(material, who, self.output);
+                self.nearest(&surface, who)
+            }
+        }
+    }
+
+    /// The nearest of pbrt's materials to an OpenPBR surface.
+    fn nearest(&mut self, surface: &OpenPbr, who: &str) -> Body {
+        let kind = |name: &str| format!("\"string type\" [ \"{name}\" ]");
+        let mut base = without_spectrum(surface.base_color, false);
+        base.factor = base.factor * surface.base_weight.factor;
+        let has_maps = surface.base_metalness.texture.is_some() || surface.transmission_weight.texture.is_some();
+        let is_pure = |x: f32| x <= 0.0 || x >= 1.0;
+        if has_maps || !is_pure(surface.base_metalness.factor) || !is_pure(surface.transmission_weight.factor) {
+            self.output.lose(format!("{who}: a mixture became its largest part"));
+        }
+        if [&surface.fuzz_weight, &surface.thin_film_weight, &surface.specular_roughness_anisotropy]
+            .iter()
+            .any(|p| p.factor > 0.0)
+        {
+            self.output.lose(format!("{who}: fuzz, thin films and anisotropy are left out"));
+        }
+        let (metal, clear) = (surface.base_metalness.factor >= 0.5, surface.transmission_weight.factor >= 0.5);
+        let has_coat = surface.coat_weight.factor >= 0.5;
+        if has_coat && !metal {
+            self.output.lose(format!("{who}: the coat is left out"));
+        }
+        if metal && has_coat {
+            return Body::new(
+                kind("coatedconductor")
+                    + &self.color("reflectance", base, who)
+                    + &self.roughness("conductor.", surface.specular_roughness, who)
+                    + &self.roughness("interface.", surface.coat_roughness, who)
+                    + &format!(" \"float interface.eta\" [ {} ]", surface.coat_ior.factor),
+            );
+        }
+        if metal {
+            let roughness = self.roughness("", surface.specular_roughness, who);
+            return Body::new(kind("conductor") + &self.color("reflectance", base, who) + &roughness);
+        }
+        if clear {
+            return self.clear(surface, who);
+        }
+        if surface.specular_weight.factor <= 0.0 {
+            return Body::new(kind("diffuse") + &self.color("reflectance", base, who));
+        }
+        if surface.subsurface_weight.factor > 0.0 {
+            self.output.lose(format!("{who}: scattering under the surface is left out"));
+        }
+        self.coated(base, surface.specular_ior.factor, surface.specular_roughness, who)
+    }
+
+    fn clear(&mut self, surface: &OpenPbr, who: &str) -> Body {
+        let eta = format!(" \"float eta\" [ {} ]", surface.specular_ior.factor);
+        let depth = surface.transmission_depth.factor;
+        let (color, tint) = (surface.transmission_color.factor, surface.transmission_tint.factor);
+        if tint != Rgb::WHITE || (depth <= 0.0 && color != Rgb::WHITE) || surface.transmission_tint.texture.is_some() {
+            self.output.lose(format!("{who}: the tint of what goes through is left out"));
+        }
+        if surface.geometry_thin_walled {
+            return Body::new(format!("\"string type\" [ \"thindielectric\" ]{eta}"));
+        }
+        let absorption = match depth > 0.0 {
+            true => color.map(|c| -c.clamp(1e-6, 1.0).ln() / depth),
+            false => Rgb::BLACK,
+        };
+        if !surface.transmission_scatter.factor.is_black() {
+            self.output.lose(format!("{who}: scattering inside is left out"));
+        }
+        let roughness = self.roughness("", surface.specular_roughness, who);
+        Body { text: format!("\"string type\" [ \"dielectric\" ]{roughness}{eta}"), absorption }
+    }
+
+    /// A body under a clear layer, by the colour that is seen; pbrt wants that of the body.
+    fn coated(&mut self, seen: ColorParam, ior: f32, roughness: ScalarParam, who: &str) -> Body {
+        let body = Baked::UnderCoat { factor: without_spectrum(seen, false).factor, ior };
+        let color = match seen.texture {
+            None => {
+                let Rgb { r, g, b } = without_spectrum(seen, false).factor;
+                format!(" \"rgb reflectance\" {}", rgb(Rgb::new(r, g, b).map(|c| Baked::under_coat(c, ior))))
+            }
+            Some(id) => {
+                let name = self.texture(id, "spectrum", body, who);
+                format!(" \"texture reflectance\" [ \"{name}\" ]")
+            }
+        };
+        let roughness = self.roughness("", roughness, who);
+        Body::new(format!("\"string type\" [ \"coateddiffuse\" ]{color}{roughness} \"float eta\" [ {ior} ]"))
+    }
+
+    fn metal(&mut self, prefix: &str, spectrum: &ConductorSpectrum, who: &str) -> String {
+        match spectrum {
+            ConductorSpectrum::Color(color) => self.color("reflectance", *color, who),
+            ConductorSpectrum::Measured { eta, k } => {
+                format!(" \"rgb {prefix}eta\" {} \"rgb {prefix}k\" {}", rgb(*eta), rgb(*k))
+            }
+            ConductorSpectrum::Metal(metal) => self.named_metal(prefix, *metal, who),
+        }
+    }
+
+    fn named_metal(&mut self, prefix: &str, metal: Metal, who: &str) -> String {
+        let symbol = metal.symbol();
+        if METALS.contains(&symbol) {
+            let table = |part: &str| format!(" \"spectrum {prefix}{part}\" [ \"metal-{symbol}-{part}\" ]");
+            return table("eta") + &table("k");
+        }
+        self.output.lose(format!("{who}: the table of the metal became three numbers"));
+        let at = metal.indices(ColorMode::Rgb).map(|lanes| Rgb::new(lanes[0], lanes[1], lanes[2]));
+        format!(" \"rgb {prefix}eta\" {} \"rgb {prefix}k\" {}", rgb(at[0]), rgb(at[1]))
+    }
+
+    /// A colour parameter.
+    fn color(&mut self, name: &str, color: ColorParam, who: &str) -> String {
+        let color = without_spectrum(color, false);
+        match color.texture {
+            None => format!(" \"rgb {name}\" {}", rgb(color.factor)),
+            Some(id) => {
+                let texture = self.texture(id, "spectrum", Baked::Tinted(color.factor), who);
+                format!(" \"texture {name}\" [ \"{texture}\" ]")
+            }
+        }
+    }
+
+    /// Roughness as the width of the distribution.
+    fn roughness(&mut self, prefix: &str, roughness: ScalarParam, who: &str) -> String {
+        let width = match roughness.texture {
+            None => format!("\"float {prefix}roughness\" [ {} ]", roughness.factor * roughness.factor),
+            Some((id, channel)) => {
+                let name = self.texture(id, "float", Baked::Squared { channel, factor: roughness.factor }, who);
+                format!("\"texture {prefix}roughness\" [ \"{name}\" ]")
+            }
+        };
+        let flag = if prefix == "interface." { "" } else { " \"bool remaproughness\" [ false ]" };
+        format!(" {width}{flag}")
+    }
+
+    /// The name of a texture, defined the first time.
+    fn texture(&mut self, id: TextureId, kind: &str, baked: Baked, who: &str) -> String {
+        let texture = self.pictures.texture(id);
+        let file = self.pictures.baked(self.output, id, baked);
+        let encoding = self.pictures.encoding_of_baked(id, baked);
+        let [[a, b, c], [d, e, f]] = texture.uv_transform;
+        if b != 0.0 || d != 0.0 || texture.uv_set != 0 {
+            self.output.lose(format!("{who}: a turned texture, or one on the second coordinates, is placed otherwise"));
+        }
+        let wrap = match texture.wrap {
+            [Wrap::Repeat, Wrap::Repeat] => "",
+            [Wrap::Clamp, Wrap::Clamp] => " \"string wrap\" [ \"clamp\" ]",
+            [Wrap::Black, Wrap::Black] => " \"string wrap\" [ \"black\" ]",
+            _ => {
+                self.output.lose(format!("{who}: a texture that is mirrored, or differs by direction, repeats"));
+                ""
+            }
+        };
+        let encoding = match (file.ends_with(".exr"), encoding) {
+            (true, _) => "",
+            (false, Encoding::Srgb) => " \"string encoding\" [ \"sRGB\" ]",
+            (false, Encoding::Linear) => " \"string encoding\" [ \"linear\" ]",
+        };
+        let filter = if texture.filtering == Filtering::Nearest { " \"string filter\" [ \"point\" ]" } else { "" };
+        let mut placement = String::new();
+        for (name, value, default) in
+            [("uscale", a, 1.0), ("vscale", e, 1.0), ("udelta", c, 0.0), ("vdelta", 1.0 - e - f, 0.0)]
+        {
+            if value != default {
+                placement += &format!(" \"float {name}\" [ {value} ]");
+            }
+        }
+        let text = format!(
+            "\"{kind}\" \"imagemap\" \"string filename\" [ {} ]{encoding}{wrap}{filter}{placement}",
+            quoted(&file)
+        );
+        if let Some(name) = self.textures.get(&text) {
+            return name.clone();
+        }
+        let name = format!("texture-{}", self.texture_count);
+        self.texture_count += 1;
+        self.line(format!("Texture \"{name}\" {text}"));
+        self.textures.insert(text, name.clone());
+        name
+    }
+}
+
+/// True for a thin sheet of clear glass and nothing else.
+fn is_thin_glass(kind: &MetallicRoughness) -> bool {
+    let plain = MetallicRoughness { ior: kind.ior, transmission: 1.0.into(), ..MetallicRoughness::default() };
+    *kind == plain && kind.ior > 0.0
+}
+
+/// The directives that define a medium, if pbrt has it.
+pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<String> {
+    let coefficients = |sigma_a: Rgb, sigma_s: Rgb, g: f32| {
+        format!("\"rgb sigma_a\" {} \"rgb sigma_s\" {} \"float g\" [ {g} ]", rgb(sigma_a), rgb(sigma_s))
+    };
+    // pbrt emits where it absorbs.
+    let mut emission = |emission: Rgb, sigma_a: Rgb| {
+        let share = |e: f32, a: f32| if a > 0.0 { e / a } else { 0.0 };
+        if (emission.r > 0.0 && sigma_a.r <= 0.0)
+            || (emission.g > 0.0 && sigma_a.g <= 0.0)
+            || (emission.b > 0.0 && sigma_a.b <= 0.0)
+        {
+            output.lose(format!("medium {number}: emission where nothing is absorbed is left out"));
+        }
+        match emission.is_black() {
+            true => String::new(),
+            false => {
+                let le =
+                    Rgb::new(share(emission.r, sigma_a.r), share(emission.g, sigma_a.g), share(emission.b, sigma_a.b));
+                format!(" \"rgb Le\" {}", rgb(le))
+            }
+        }
+    };
+    match medium {
+        Medium::Homogeneous(m) => Some(format!(
+            "MakeNamedMedium \"medium-{number}\" \"string type\" [ \"homogeneous\" ] {}{}\n",
+            coefficients(m.sigma_a, m.sigma_s, m.g),
+            emission(m.emission, m.sigma_a)
+        )),
+        Medium::Grid(grid) => {
+            let light = emission(grid.emission, grid.sigma_a);
+            if grid.temperature.is_some() {
+                output.lose(format!("medium {number}: its temperature is left out"));
+            }
+            let [nx, ny, nz] = grid.density.size();
+            let glow = grid.emission_scale.as_deref().map(|scale| {
+                let share = |(d, s): (&f32, &f32)| if *d > 0.0 { (s / d).to_string() } else { "0".into() };
+                let values: Vec<_> = grid.density.values().iter().zip(scale.values()).map(share).collect();
+                format!(" \"float Lescale\" [ {} ]", values.join(" "))
+            });
+            Some(format!(
+                "AttributeBegin\n  {}\n  MakeNamedMedium \"medium-{number}\" \"string type\" [ \"uniformgrid\" ] {}{light} \
+                 \"integer nx\" [ {nx} ] \"integer ny\" [ {ny} ] \"integer nz\" [ {nz} ] \"float density\" [ {} ]{}\nAttributeEnd\n",
+                transform(&grid.world_from_grid),
+                coefficients(grid.sigma_a, grid.sigma_s, grid.g),
+                joined(&grid.density),
+                glow.unwrap_or_default()
+            ))
+        }
+        Medium::HeightFog(_) | Medium::Cloud(_) => {
+            output.lose(format!("medium {number}: {} became clear air", medium.name()));
+            let clear = coefficients(Rgb::BLACK, Rgb::BLACK, 0.0);
+            Some(format!("MakeNamedMedium \"medium-{number}\" \"string type\" [ \"homogeneous\" ] {clear}\n"))
+        }
+    }
+}
+
+fn joined(grid: &ScalarGrid) -> String {
+    grid.values().iter().map(f32::to_string).collect::<Vec<_>>().join(" ")
+}

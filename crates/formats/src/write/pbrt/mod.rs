@@ -1,0 +1,167 @@
+//! Writes pbrt-v4 scenes: text, with meshes as PLY and pictures beside it.
+//!
+//! pbrt's coordinates are left-handed. The camera's transform begins with a mirror, so that the numbers of the world are ours and the
+//! picture is not mirrored.
+
+mod environment;
+mod light;
+mod material;
+mod shape;
+mod view;
+
+use super::picture::Pictures;
+
+use super::{Output, SceneWriter};
+use snell_intersect::{AnyShape, TriangleMesh};
+use snell_math::{DAffine3, DVec3, Rgb};
+use snell_scene::placed::{Placed, placed};
+use snell_scene::{Geometry, MaterialId, Scene};
+use std::collections::HashMap;
+use std::fmt::Write;
+use std::sync::Arc;
+
+/// The writer of pbrt files.
+pub const WRITER: SceneWriter = SceneWriter { name: "pbrt", extensions: &["pbrt"], write };
+
+fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
+    let surfaces = placed(scene)?;
+    if !scene.ambient.is_black() {
+        output.lose("the ambient light of local illumination is left out");
+    }
+    if scene.background != snell_scene::Background::Environment {
+        output.lose("the background is left out: rays that leave the scene show its environment");
+    }
+    let mut file = File {
+        scene,
+        output,
+        text: String::new(),
+        pictures: Pictures::new(scene),
+        meshes: HashMap::new(),
+        shapes: HashMap::new(),
+        mesh_count: 0,
+        texture_count: 0,
+        textures: HashMap::new(),
+        materials: HashMap::new(),
+        objects: HashMap::new(),
+    };
+    file.view();
+    file.media();
+    file.line("WorldBegin");
+    file.environment();
+    file.lights();
+    let mut uses: HashMap<*const TriangleMesh, usize> = HashMap::new();
+    for surface in &surfaces {
+        if let Geometry::Mesh(mesh) = &surface.surface.geometry {
+            *uses.entry(Arc::as_ptr(mesh)).or_default() += 1;
+        }
+    }
+    for surface in &surfaces {
+        let is_shared = matches!(&surface.surface.geometry, Geometry::Mesh(mesh) if uses[&Arc::as_ptr(mesh)] > 1);
+        if is_shared && !file.emits(surface) { file.instance(surface) } else { file.place(surface) }
+    }
+    let text = std::mem::take(&mut file.text);
+    output.main = text.into_bytes();
+    Ok(())
+}
+
+/// A material of a mesh's slot, or the default one.
+type Slots = Vec<(u16, Option<MaterialId>)>;
+
+/// The file as it grows.
+struct File<'a, 'o> {
+    scene: &'a Scene,
+    output: &'o mut Output,
+    text: String,
+    pictures: Pictures<'a>,
+    /// Names of mesh files, by mesh and slot.
+    meshes: HashMap<(*const TriangleMesh, u16), String>,
+    /// Triangles of shapes that pbrt has not.
+    shapes: HashMap<*const AnyShape, Option<Arc<TriangleMesh>>>,
+    mesh_count: usize,
+    texture_count: usize,
+    /// Names of textures by what they are.
+    textures: HashMap<String, String>,
+    /// What each material needs; made when it is first used.
+    materials: HashMap<Option<MaterialId>, material::Made>,
+    /// Names of objects, by mesh and materials.
+    objects: HashMap<(*const TriangleMesh, Slots), String>,
+}
+
+/// A colour as three numbers.
+fn rgb(color: Rgb) -> String {
+    format!("[ {} {} {} ]", color.r, color.g, color.b)
+}
+
+fn point(p: DVec3) -> String {
+    format!("[ {} {} {} ]", p.x, p.y, p.z)
+}
+
+/// `Transform` with the columns of a map.
+fn transform(map: &DAffine3) -> String {
+    let m = &map.matrix3;
+    let columns = [(m.x_axis, 0), (m.y_axis, 0), (m.z_axis, 0), (map.translation, 1)];
+    let numbers: Vec<_> = columns.iter().map(|(v, w)| format!("{} {} {} {w}", v.x, v.y, v.z)).collect();
+    format!("Transform [ {} ]", numbers.join("  "))
+}
+
+/// A string in quotes; what would end it is left out.
+fn quoted(text: &str) -> String {
+    let text: String = text.chars().map(|c| if c == '"' || c == '\\' || c.is_control() { '_' } else { c }).collect();
+    format!("\"{text}\"")
+}
+
+impl File<'_, '_> {
+    fn line(&mut self, line: impl AsRef<str>) {
+        self.text += line.as_ref();
+        self.text.push('\n');
+    }
+
+    fn media(&mut self) {
+        for (i, medium) in self.scene.media.iter().enumerate() {
+            if let Some(text) = material::medium(self.output, i, medium) {
+                self.text += &text;
+            }
+        }
+    }
+
+    /// True if some part of a surface emits: pbrt has no light within objects.
+    fn emits(&self, surface: &Placed) -> bool {
+        let material = |(_, id): (u16, Option<MaterialId>)| self.scene.materials.get(id?.index());
+        surface.slots().into_iter().filter_map(material).any(|m| m.is_emissive())
+    }
+
+    /// One surface where it is.
+    fn place(&mut self, surface: &Placed) {
+        let slots = surface.slots();
+        let made: Vec<_> = slots.iter().map(|&(slot, id)| (slot, self.material(id))).collect();
+        if let Some(parts) = self.parts(surface, &made) {
+            self.line("AttributeBegin");
+            let map = surface.world_from_surface.matrix();
+            if *map != DAffine3::IDENTITY {
+                self.line(format!("  {}", transform(map)));
+            }
+            self.text += &parts;
+            self.line("AttributeEnd");
+        }
+    }
+
+    /// One surface by the name of an object, which is defined the first time.
+    fn instance(&mut self, surface: &Placed) {
+        let Geometry::Mesh(mesh) = &surface.surface.geometry else { return };
+        let slots = surface.slots();
+        let key = (Arc::as_ptr(mesh), slots.clone());
+        let name = match self.objects.get(&key) {
+            Some(name) => name.clone(),
+            None => {
+                let made: Vec<_> = slots.iter().map(|&(slot, id)| (slot, self.material(id))).collect();
+                let name = format!("object-{}", self.objects.len());
+                let parts = self.parts(surface, &made).unwrap_or_default();
+                _ = write!(self.text, "ObjectBegin \"{name}\"\n{parts}ObjectEnd\n");
+                self.objects.insert(key, name.clone());
+                name
+            }
+        };
+        let map = transform(surface.world_from_surface.matrix());
+        self.line(format!("AttributeBegin\n  {map}\n  ObjectInstance \"{name}\"\nAttributeEnd"));
+    }
+}

@@ -1,0 +1,129 @@
+//! Shapes: those that both know, and meshes for all others.
+
+use super::material::Made;
+use super::{File, transform};
+use crate::write::flat::note_shape;
+use crate::write::ply;
+use crate::write::tessellate::tessellate;
+use snell_intersect::{AnyShape, TriangleMesh};
+use snell_math::{DAffine3, DMat3, DVec3, Vec2};
+use snell_scene::Geometry;
+use snell_scene::placed::Placed;
+use std::fmt::Write;
+use std::sync::Arc;
+
+/// Our round shapes stand around y and count longitude from z towards x; those of pbrt around z, from x towards y. Map to ours.
+fn turned() -> DAffine3 {
+    DAffine3::from_mat3(DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X).transpose())
+}
+
+impl File<'_, '_> {
+    /// The directives of a surface in its own coordinates; `None` if there is nothing to show.
+    pub fn parts(&mut self, surface: &Placed, made: &[(u16, Made)]) -> Option<String> {
+        let mut text = String::new();
+        match &surface.surface.geometry {
+            Geometry::Mesh(mesh) => {
+                for (slot, material) in made {
+                    if let Some(name) = self.mesh_file(mesh, *slot, made.len() == 1) {
+                        self.part(&mut text, material, &format!("\"plymesh\" \"string filename\" [ \"{name}\" ]"));
+                    }
+                }
+            }
+            Geometry::Shape(shape) => {
+                let (_, material) = made.first()?;
+                self.analytic(&mut text, shape, material);
+            }
+        }
+        (!text.is_empty()).then_some(text)
+    }
+
+    /// One shape with all that pbrt says of it by its surroundings.
+    fn part(&mut self, text: &mut String, made: &Made, shape: &str) {
+        for line in &made.attributes {
+            _ = writeln!(text, "  {line}");
+        }
+        _ = writeln!(text, "  Shape {shape}{}", made.shape_parameters);
+    }
+
+    fn analytic(&mut self, text: &mut String, shape: &Arc<AnyShape>, made: &Made) {
+        match &**shape {
+            AnyShape::Sphere(sphere) => {
+                _ = writeln!(text, "  Concat{}", transform(&turned()));
+                self.part(text, made, &format!("\"sphere\" \"float radius\" [ {} ]", sphere.radius));
+            }
+            AnyShape::Disk(disk) => {
+                let inner = match disk.inner_radius {
+                    0.0 => String::new(),
+                    r => format!(" \"float innerradius\" [ {r} ]"),
+                };
+                self.part(text, made, &format!("\"disk\" \"float radius\" [ {} ]{inner}", disk.radius));
+            }
+            AnyShape::Cylinder(cylinder) => {
+                _ = writeln!(text, "  Concat{}", transform(&turned()));
+                let (radius, top) = (cylinder.radius, cylinder.height * 0.5);
+                let side = format!(
+                    "\"cylinder\" \"float radius\" [ {radius} ] \"float zmin\" [ {} ] \"float zmax\" [ {top} ]",
+                    -top
+                );
+                self.part(text, made, &side);
+                if cylinder.caps {
+                    let cap = format!("\"disk\" \"float radius\" [ {radius} ] \"float height\" [ {top} ]");
+                    self.part(text, made, &cap);
+                    // The other end faces the other way.
+                    _ = writeln!(text, "  Scale 1 -1 -1");
+                    self.part(text, made, &cap);
+                }
+            }
+            _ => {
+                note_shape(shape.name(), self.output);
+                let made_of = self.shapes.entry(Arc::as_ptr(shape));
+                let Some(mesh) = made_of.or_insert_with(|| tessellate(shape).map(Arc::new)).clone() else { return };
+                if let Some(name) = self.mesh_file(&mesh, 0, true) {
+                    self.part(text, made, &format!("\"plymesh\" \"string filename\" [ \"{name}\" ]"));
+                }
+            }
+        }
+    }
+
+    /// The file of the triangles of a slot, written once; `None` if there are none.
+    fn mesh_file(&mut self, mesh: &Arc<TriangleMesh>, slot: u16, is_whole: bool) -> Option<String> {
+        let key = (Arc::as_ptr(mesh), slot);
+        if let Some(name) = self.meshes.get(&key) {
+            return Some(name.clone());
+        }
+        if !mesh.colors.is_empty() {
+            self.output.lose("vertex colours are left out");
+        }
+        let part = if is_whole { (**mesh).clone() } else { part_of(mesh, slot) };
+        if part.indices.is_empty() {
+            return None;
+        }
+        // In pbrt v grows upwards.
+        let uvs = part.uvs[0].iter().map(|uv| Vec2::new(uv.x, 1.0 - uv.y)).collect();
+        let part = TriangleMesh { uvs: [uvs, Vec::new()], colors: Vec::new(), ..part };
+        let name = self.output.file(&format!("mesh-{}.ply", self.mesh_count), ply::encoded(&part));
+        self.mesh_count += 1;
+        self.meshes.insert(key, name.clone());
+        Some(name)
+    }
+}
+
+/// The triangles of a slot with the vertices they use.
+fn part_of(mesh: &TriangleMesh, slot: u16) -> TriangleMesh {
+    let mut number = vec![u32::MAX; mesh.positions.len()];
+    let mut part = TriangleMesh::default();
+    for (triangle, _) in mesh.indices.iter().zip(&mesh.material_slots).filter(|(_, s)| **s == slot) {
+        part.indices.push(triangle.map(|i| {
+            let i = i as usize;
+            if number[i] == u32::MAX {
+                number[i] = part.positions.len() as u32;
+                part.positions.push(mesh.positions[i]);
+                part.normals.extend(mesh.normals.get(i));
+                part.uvs[0].extend(mesh.uvs[0].get(i));
+                part.colors.extend(mesh.colors.get(i));
+            }
+            number[i]
+        }));
+    }
+    part
+}

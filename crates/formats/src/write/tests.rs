@@ -1,0 +1,206 @@
+use super::*;
+use crate::{ReadOptions, read_scene};
+use snell_intersect::TriangleMesh;
+use snell_math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
+use snell_scene::builtin::BUILTINS;
+use snell_scene::material::{ColorParam, Diffuse, MaterialKind, MetallicRoughness};
+use snell_scene::{Encoding, Geometry, Image, Light, Material, Node, Pixels, Surface, Texture};
+use std::sync::Arc;
+
+/// A textured quad of two materials, twice under a turned parent, with a camera and every light.
+fn scene() -> Scene {
+    let mut scene = Scene::new("two quads");
+    let pixels = Pixels::U8((0..4 * 4 * 3).map(|i| i * 5).collect());
+    let image = Image { width: 4, height: 4, channels: 3, pixels, encoding: Encoding::Srgb };
+    let image = scene.add_image(Arc::new(image));
+    let texture = scene.add_texture(Texture {
+        uv_transform: [[2.0, 0.0, 0.25], [0.0, -1.0, 1.0]],
+        ..Texture::new(image, Encoding::Srgb)
+    });
+    let color = ColorParam::textured(Rgb::WHITE, Some(texture));
+    let paper = scene.add_material(Material::new("paper", Diffuse { reflectance: color }));
+    let shiny = MetallicRoughness::new(Rgb::new(0.5, 0.25, 1.0), 1.0, 0.5);
+    let metal = scene.add_material(Material::new("metal", shiny));
+    let mesh = TriangleMesh {
+        positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.5), Vec3::Y],
+        indices: vec![[0, 1, 2], [0, 2, 3]],
+        normals: vec![Vec3::Z; 4],
+        uvs: [vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y], Vec::new()],
+        material_slots: vec![0, 1],
+        ..TriangleMesh::default()
+    };
+    let surface = Surface { geometry: Geometry::Mesh(Arc::new(mesh)), materials: vec![Some(paper), Some(metal)] };
+    let quad = scene.add_node(Node { surfaces: vec![surface], ..Node::named("quad") });
+    for x in [0.0, 3.0] {
+        let transform = DAffine3::from_rotation_z(0.5) * DAffine3::from_translation(DVec3::X * x);
+        let root = scene.root;
+        scene.add_child(root, Node { transform, children: vec![quad], ..Node::named("place") });
+    }
+    scene.cameras.push(snell_scene::Camera::look_at(Vec3::new(2.0, 1.0, 9.0), Vec3::ZERO, Vec3::Y, 0.4));
+    scene.lights = Light::examples();
+    scene
+}
+
+fn written(extension: &str, scene: &Scene) -> (tempfile::TempDir, Written, Scene) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join(format!("out.{extension}"));
+    let written = write_scene_as(&path, scene, false).expect("it can be written");
+    let read = read_scene(&path, &ReadOptions::default()).expect("it can be read");
+    (folder, written, read)
+}
+
+fn triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
+    let mut output = Output::new(Path::new("x.ply"));
+    let meshes = flat::world_meshes(scene, &mut output).expect("a small scene");
+    meshes.iter().flat_map(|(_, mesh)| (0..mesh.indices.len()).map(|i| mesh.corners(i)).collect::<Vec<_>>()).collect()
+}
+
+fn assert_same_triangles(extension: &str, a: &Scene, b: &Scene) {
+    let sorted = |scene: &Scene| {
+        let mut all = triangles(scene);
+        all.sort_by(|a, b| format!("{a:?}").cmp(&format!("{b:?}")));
+        all
+    };
+    let (a, b) = (triangles(a), sorted(b));
+    assert_eq!(a.len(), b.len(), "{extension}");
+    for triangle in a {
+        let near = |other: &[Vec3; 3]| (0..3).all(|k| (0..3).any(|j| (other[j] - triangle[k]).length() < 1e-5));
+        assert!(b.iter().any(near), "{extension}: {triangle:?} is not there");
+    }
+}
+
+#[test]
+fn every_format_keeps_the_triangles_where_they_are() {
+    let scene = scene();
+    for extension in ["snell", "glb", "gltf", "pbrt", "obj", "ply", "stl", "off"] {
+        let (_folder, written, read) = written(extension, &scene);
+        let lights = Scene { lights: Vec::new(), ..read.clone() };
+        let shown = if extension == "pbrt" { without_panels(&lights) } else { lights };
+        assert_same_triangles(extension, &scene, &shown);
+        assert_eq!(read.warnings, [], "{extension}");
+        assert_eq!(written.losses.is_empty(), extension == "snell", "{extension}: {:?}", written.losses);
+    }
+}
+
+/// Without what stands for invisible lights.
+fn without_panels(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    for node in &mut scene.nodes {
+        let materials = &scene.materials;
+        node.surfaces.retain(|s| !s.materials.iter().flatten().any(|m| materials[m.index()].is_emissive()));
+    }
+    scene
+}
+
+#[test]
+fn textures_and_materials_survive_where_the_format_has_them() {
+    let scene = scene();
+    for extension in ["glb", "gltf", "pbrt", "obj"] {
+        let (_folder, _, read) = written(extension, &scene);
+        let texel = |scene: &Scene, uv: Vec2| {
+            let textures = snell_scene::texture::TextureSet::new(&scene.textures, &scene.images);
+            textures.lookup_at(snell_scene::TextureId(0), uv, 0.0)
+        };
+        for (u, v) in [(0.1, 0.2), (0.6, 0.7), (0.3, 0.9)] {
+            // The readers of pbrt turn v.
+            let found = texel(&read, Vec2::new(u, v));
+            let expected = texel(&scene, Vec2::new(u, v));
+            for c in 0..3 {
+                assert!((found[c] - expected[c]).abs() < 2e-3, "{extension}: {found:?}, expected {expected:?}");
+            }
+        }
+        let metal = read.materials.iter().find(|m| m.name.starts_with("metal")).expect("the metal is there");
+        let color = match &metal.kind {
+            MaterialKind::OpenPbr(surface) => (surface.base_color.factor, surface.specular_roughness.factor),
+            MaterialKind::MetallicRoughness(kind) => (kind.base_color.factor, kind.roughness.factor),
+            MaterialKind::Conductor(conductor) => {
+                (material::metal_color(&conductor.spectrum).factor, conductor.roughness.factor)
+            }
+            other => panic!("{extension}: {other:?}"),
+        };
+        assert_eq!(color.0, Rgb::new(0.5, 0.25, 1.0), "{extension}");
+        assert!((color.1 - 0.5).abs() < 1e-6, "{extension}: {}", color.1);
+    }
+}
+
+#[test]
+fn cameras_and_lights_survive_in_gltf_and_pbrt() {
+    let scene = scene();
+    for extension in ["glb", "pbrt"] {
+        let (_folder, _, read) = written(extension, &scene);
+        let (found, expected) = (&read.cameras[0], &scene.cameras[0]);
+        for point in [DVec3::ZERO, DVec3::new(1.0, 0.5, 0.0)] {
+            let [a, b] = [found, expected].map(|c| c.project(point, [960, 720]).expect("it is seen"));
+            assert!((a - b).length() < 1e-3, "{extension}: {a}, expected {b}");
+        }
+        let at = |scene: &Scene, name: &str| scene.lights.iter().filter(|l| l.name() == name).count();
+        assert_eq!((at(&read, "point"), at(&read, "spot"), at(&read, "directional")), (2, 2, 1), "{extension}");
+        assert_eq!(read.lights[0], scene.lights[0], "{extension}");
+    }
+}
+
+#[test]
+fn every_built_in_scene_can_be_written_in_every_format_and_read_again() {
+    for builtin in BUILTINS {
+        let scene = (builtin.make)();
+        // A town is as good as a street.
+        if snell_scene::placed::placement_count(&scene).is_ok_and(|n| n > 100) {
+            continue;
+        }
+        for writer in WRITERS {
+            let mut output = Output::new(Path::new("out").with_extension(writer.extensions[0]).as_path());
+            (writer.write)(&scene, &mut output).unwrap_or_else(|e| panic!("{} as {}: {e}", builtin.name, writer.name));
+            if !output.files.is_empty() {
+                continue;
+            }
+            let read = crate::read_scene_bytes(writer.name, output.main, Path::new("."), &ReadOptions::default());
+            read.unwrap_or_else(|e| panic!("{} as {}: {e}", builtin.name, writer.name));
+        }
+    }
+}
+
+#[test]
+fn every_material_can_be_written_and_what_changes_is_said() {
+    for extension in ["glb", "pbrt", "obj"] {
+        let mut scene = scene();
+        for (i, kind) in MaterialKind::examples().into_iter().enumerate() {
+            let id = scene.add_material(Material::new(format!("number {i}"), kind));
+            scene.nodes[1].surfaces.push(Surface::shape(snell_intersect::shape::Sphere { radius: 0.1 }, id));
+        }
+        let (_folder, _, read) = written(extension, &scene);
+        // An interface without a medium is nothing in pbrt.
+        let warnings: Vec<_> = read.warnings.iter().filter(|w| !w.message.contains("bound no medium")).collect();
+        assert!(read.materials.len() + 2 >= scene.materials.len() && warnings.is_empty(), "{extension}: {warnings:?}");
+    }
+}
+
+#[test]
+fn nothing_foreign_is_replaced_unless_wished() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("a b.obj");
+    write_scene_as(&path, &scene(), false).expect("nothing is there");
+    write_scene_as(&path, &scene(), false).expect("the same is there");
+    let beside = folder.path().join("a_b-files/materials.mtl");
+    std::fs::write(&beside, "mine").expect("the folder is writable");
+    let error = write_scene_as(&path, &scene(), false).expect_err("another file is there").to_string();
+    assert!(error.contains("materials.mtl: the file exists") && error.contains("--force"), "{error}");
+    assert_eq!(std::fs::read(&beside).expect("it is there"), b"mine");
+    write_scene_as(&path, &scene(), true).expect("it may be replaced");
+    assert!(check_scene_path(&path, false).is_err() && check_scene_path(&path, true).is_ok());
+    assert!(check_scene_path(&folder.path().join("a.xyz"), true).is_err());
+}
+
+#[test]
+fn too_many_instances_are_an_error() {
+    let mut scene = scene();
+    let mut below = scene.root;
+    for _ in 0..40 {
+        below = scene.add_node(Node { children: vec![below, below], ..Node::default() });
+    }
+    scene.root = below;
+    for writer in WRITERS.iter().filter(|w| w.name != "snell") {
+        let mut output = Output::new(Path::new("out.x"));
+        let error = (writer.write)(&scene, &mut output).expect_err("a billion quads");
+        assert!(error.contains("limit"), "{error}");
+    }
+}

@@ -1,0 +1,207 @@
+//! Many hits, each of their numbers in a column of its own.
+//!
+//! Columns are arrays of NumPy from the beginning: their memory is not cleared before it is written (and comes in large pages if there is much of
+//! it), and the distances can be handed out as they are.
+
+use crate::arrays::{empty, slice, slice_mut};
+use crate::precision::{Found, Precision};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+type Column<T> = Py<PyArray1<T>>;
+
+/// Hits by column.
+#[derive(Debug)]
+pub struct Columns<P: Precision> {
+    /// Distances; nothing if they were given away.
+    t: Option<Column<P>>,
+    /// Barycentrics, two by two.
+    uv: Column<P>,
+    /// Occurrences.
+    occurrence: Column<u32>,
+    /// Geometries of the world.
+    geometry: Column<u32>,
+    /// Primitives.
+    primitive: Column<u32>,
+}
+
+impl<P: Precision> Columns<P> {
+    /// So many, with anything in them, and a guard to write them.
+    pub fn new(py: Python<'_>, len: usize) -> PyResult<(Self, Writable<'_, P>)> {
+        let (t, uv) = (empty(py, len)?, empty(py, 2 * len)?);
+        let (occurrence, geometry, primitive) = (empty(py, len)?, empty(py, len)?, empty(py, len)?);
+        let columns = Self {
+            t: Some(t.clone().unbind()),
+            uv: uv.clone().unbind(),
+            occurrence: occurrence.clone().unbind(),
+            geometry: geometry.clone().unbind(),
+            primitive: primitive.clone().unbind(),
+        };
+        let writable = Writable {
+            t: t.try_readwrite()?,
+            uv: uv.try_readwrite()?,
+            occurrence: occurrence.try_readwrite()?,
+            geometry: geometry.try_readwrite()?,
+            primitive: primitive.try_readwrite()?,
+        };
+        Ok((columns, writable))
+    }
+
+    /// Of what was found.
+    pub fn of(py: Python<'_>, found: &[Found<P>]) -> PyResult<Self> {
+        let (columns, mut writable) = Self::new(py, found.len())?;
+        let mut places = writable.places()?;
+        found.iter().enumerate().for_each(|(i, found)| places.set(i, found));
+        Ok(columns)
+    }
+
+    /// The distances, which from now on belong to the caller.
+    pub fn take_t(&mut self) -> Option<Column<P>> {
+        self.t.take()
+    }
+
+    /// A guard to read them.
+    pub fn readable<'py>(&self, py: Python<'py>) -> PyResult<Readable<'py, P>> {
+        Ok(Readable {
+            t: self.t.as_ref().map(|t| t.bind(py).try_readonly()).transpose()?,
+            uv: self.uv.bind(py).try_readonly()?,
+            occurrence: self.occurrence.bind(py).try_readonly()?,
+            geometry: self.geometry.bind(py).try_readonly()?,
+            primitive: self.primitive.bind(py).try_readonly()?,
+        })
+    }
+}
+
+/// [`Columns`] while they are written.
+#[derive(Debug)]
+pub struct Writable<'py, P: Precision> {
+    t: PyReadwriteArray1<'py, P>,
+    uv: PyReadwriteArray1<'py, P>,
+    occurrence: PyReadwriteArray1<'py, u32>,
+    geometry: PyReadwriteArray1<'py, u32>,
+    primitive: PyReadwriteArray1<'py, u32>,
+}
+
+impl<P: Precision> Writable<'_, P> {
+    /// For other threads.
+    pub fn places(&mut self) -> PyResult<Places<'_, P>> {
+        Ok(Places {
+            t: slice_mut(&mut self.t)?,
+            uv: slice_mut(&mut self.uv)?,
+            occurrence: slice_mut(&mut self.occurrence)?,
+            geometry: slice_mut(&mut self.geometry)?,
+            primitive: slice_mut(&mut self.primitive)?,
+        })
+    }
+}
+
+/// Places of hits, to be written.
+#[derive(Debug)]
+pub struct Places<'a, P> {
+    t: &'a mut [P],
+    uv: &'a mut [P],
+    occurrence: &'a mut [u32],
+    geometry: &'a mut [u32],
+    primitive: &'a mut [u32],
+}
+
+impl<P: Precision> Places<'_, P> {
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.geometry.len()
+    }
+
+    /// Fills them piece by piece: given something of the thread's own, the first of a piece, and its places.
+    pub fn fill<S, E: Send>(
+        self,
+        piece: usize,
+        start: impl Fn() -> S + Sync + Send,
+        write: impl Fn(&mut S, usize, Places<'_, P>) -> Result<(), E> + Sync + Send,
+    ) -> Result<(), E> {
+        if self.len() <= piece {
+            return write(&mut start(), 0, self);
+        }
+        let ids = self.occurrence.par_chunks_mut(piece).zip(self.geometry.par_chunks_mut(piece));
+        let ids = ids.zip(self.primitive.par_chunks_mut(piece));
+        let numbers = self.t.par_chunks_mut(piece).zip(self.uv.par_chunks_mut(2 * piece));
+        let all = numbers.zip(ids).enumerate();
+        all.try_for_each_init(start, |state, (i, ((t, uv), ((occurrence, geometry), primitive)))| {
+            write(state, i * piece, Places { t, uv, occurrence, geometry, primitive })
+        })
+    }
+
+    /// Writes one of them.
+    #[inline(always)]
+    fn set(&mut self, i: usize, found: &Found<P>) {
+        self.t[i] = found.t;
+        self.uv[2 * i..2 * i + 2].copy_from_slice(&found.uv);
+        self.occurrence[i] = found.occurrence;
+        self.geometry[i] = found.geometry;
+        self.primitive[i] = found.primitive;
+    }
+
+    /// Writes all of them.
+    pub fn write(&mut self, hits: &[P::Hit]) {
+        let Self { t, uv, occurrence, geometry, primitive } = self;
+        let numbers = t.iter_mut().zip(uv.as_chunks_mut::<2>().0);
+        let ids = occurrence.iter_mut().zip(geometry.iter_mut()).zip(primitive.iter_mut());
+        for ((hit, (t, uv)), ((occurrence, geometry), primitive)) in hits.iter().zip(numbers).zip(ids) {
+            let found = P::found(hit);
+            (*t, *uv, *occurrence, *geometry, *primitive) =
+                (found.t, found.uv, found.occurrence, found.geometry, found.primitive);
+        }
+    }
+}
+
+/// [`Columns`] while they are read.
+#[derive(Debug)]
+pub struct Readable<'py, P: Precision> {
+    t: Option<PyReadonlyArray1<'py, P>>,
+    uv: PyReadonlyArray1<'py, P>,
+    occurrence: PyReadonlyArray1<'py, u32>,
+    geometry: PyReadonlyArray1<'py, u32>,
+    primitive: PyReadonlyArray1<'py, u32>,
+}
+
+impl<P: Precision> Readable<'_, P> {
+    /// For other threads.
+    pub fn view(&self) -> PyResult<View<'_, P>> {
+        Ok(View {
+            t: self.t.as_ref().map_or(Ok::<&[P], PyErr>(&[]), slice)?,
+            uv: slice(&self.uv)?,
+            occurrence: slice(&self.occurrence)?,
+            geometry: slice(&self.geometry)?,
+            primitive: slice(&self.primitive)?,
+        })
+    }
+}
+
+/// Hits as slices.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a, P> {
+    /// Distances; empty if they were given away.
+    pub t: &'a [P],
+    /// Barycentrics, two by two.
+    pub uv: &'a [P],
+    /// Occurrences.
+    pub occurrence: &'a [u32],
+    /// Geometries of the world.
+    pub geometry: &'a [u32],
+    /// Primitives.
+    pub primitive: &'a [u32],
+}
+
+impl<P: Precision> View<'_, P> {
+    /// One of them; its distance is 0 if the distances were given away.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> Found<P> {
+        Found {
+            t: self.t.get(i).copied().unwrap_or_default(),
+            uv: [self.uv[2 * i], self.uv[2 * i + 1]],
+            occurrence: self.occurrence[i],
+            geometry: self.geometry[i],
+            primitive: self.primitive[i],
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! Meshes that are bent: morph targets, then skins (glTF 2.0, sections 3.7.2.2 and 3.7.3).
+
+pub use super::mesh::make_usable;
+
+use crate::graph::NodeId;
+use snell_intersect::TriangleMesh;
+use snell_math::{DAffine3, DMat3, Vec3};
+use std::sync::Arc;
+
+/// A surface whose vertices move.
+#[derive(Clone, Debug)]
+pub struct Deformed {
+    /// The node that has the surface.
+    pub node: NodeId,
+    /// Number of the surface in its node.
+    pub surface: usize,
+    /// The mesh before anything moves it.
+    pub rest: Arc<TriangleMesh>,
+    /// Shapes that are added.
+    pub morph: Option<Morph>,
+    /// Joints that pull.
+    pub skin: Option<(Arc<Skin>, Vec<InfluenceSet>)>,
+}
+
+/// Shapes that are added to a mesh.
+#[derive(Clone, Debug)]
+pub struct Morph {
+    /// The shapes.
+    pub targets: Vec<MorphTarget>,
+    /// How much of each while no clip says; missing ones are 0.
+    pub weights: Vec<f64>,
+    /// The joint whose tracks of weights count.
+    pub joint: u32,
+}
+
+/// Differences from the mesh, per vertex; empty where an attribute stays.
+#[derive(Clone, Debug, Default)]
+pub struct MorphTarget {
+    /// Of positions.
+    pub positions: Vec<Vec3>,
+    /// Of normals.
+    pub normals: Vec<Vec3>,
+    /// Of the directions of tangents.
+    pub tangents: Vec<Vec3>,
+}
+
+/// The joints of a skin.
+#[derive(Clone, Debug, Default)]
+pub struct Skin {
+    /// Numbers of joints.
+    pub joints: Vec<u32>,
+    /// The map from the mesh to each joint, where that was when the mesh was bound to it. As many as joints.
+    pub inverse_bind: Vec<DAffine3>,
+}
+
+/// Up to four joints that pull at each vertex; several sets for more.
+#[derive(Clone, Debug, Default)]
+pub struct InfluenceSet {
+    /// Positions in [`Skin::joints`], per vertex.
+    pub joints: Vec<[u16; 4]>,
+    /// How strongly, per vertex; what is not positive is left out.
+    pub weights: Vec<[f32; 4]>,
+}
+
+impl Deformed {
+    /// The mesh with these weights and, where there is a skin, `world_from_mesh` of each of its joints. The error is the first
+    /// joint that pulls at a vertex, but that the skin does not have.
+    pub fn mesh(&self, weights: &[f64], matrices: &[DAffine3]) -> Result<TriangleMesh, usize> {
+        let mut mesh = TriangleMesh::clone(&self.rest);
+        if let Some(morph) = &self.morph {
+            morph_mesh(&mut mesh, &morph.targets, weights);
+        }
+        if let Some((_, influences)) = &self.skin {
+            skin_mesh(&mut mesh, influences, matrices)?;
+        }
+        Ok(mesh)
+    }
+}
+
+/// Adds targets, each times its weight, and makes the mesh usable.
+pub fn morph_mesh(mesh: &mut TriangleMesh, targets: &[MorphTarget], weights: &[f64]) {
+    for (target, &weight) in targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
+        let weight = weight as f32;
+        mesh.positions.iter_mut().zip(&target.positions).for_each(|(p, d)| *p += weight * *d);
+        mesh.normals.iter_mut().zip(&target.normals).for_each(|(n, d)| *n += weight * *d);
+        for (tangent, difference) in mesh.tangents.iter_mut().zip(&target.tangents) {
+            *tangent = (tangent.truncate() + weight * *difference).extend(tangent.w);
+        }
+    }
+    make_usable(mesh);
+}
+
+/// Moves a mesh into the world. The error is the first joint that the skin does not have.
+pub fn skin_mesh(mesh: &mut TriangleMesh, influences: &[InfluenceSet], matrices: &[DAffine3]) -> Result<(), usize> {
+    let mut mirrored = 0usize;
+    for vertex in 0..mesh.positions.len() {
+        let matrix = blend(influences, vertex, matrices)?;
+        let linear = matrix.matrix3;
+        let turned_over = linear.determinant() < 0.0;
+        mirrored += usize::from(turned_over);
+        let position = &mut mesh.positions[vertex];
+        *position = matrix.transform_point3(position.as_dvec3()).as_vec3();
+        if let Some(normal) = mesh.normals.get_mut(vertex) {
+            let n = cofactors(linear) * normal.as_dvec3() * if turned_over { -1.0 } else { 1.0 };
+            *normal = n.try_normalize().map_or(*normal, |n| n.as_vec3());
+        }
+        if let Some(tangent) = mesh.tangents.get_mut(vertex) {
+            let t = (linear * tangent.truncate().as_dvec3()).try_normalize();
+            *tangent = t.map_or(*tangent, |t| t.as_vec3().extend(if turned_over { -tangent.w } else { tangent.w }));
+        }
+    }
+    if mirrored * 2 > mesh.positions.len() {
+        for [_, b, c] in &mut mesh.indices {
+            std::mem::swap(b, c);
+        }
+    }
+    Ok(())
+}
+
+/// Linear blend of a vertex's joints. Weights are scaled to a sum of 1; a vertex without any stays where it is.
+fn blend(influences: &[InfluenceSet], vertex: usize, matrices: &[DAffine3]) -> Result<DAffine3, usize> {
+    let mut sum = DAffine3::ZERO;
+    let mut total = 0.0;
+    for set in influences {
+        let pairs = set.joints[vertex].iter().zip(&set.weights[vertex]);
+        for (&joint, &weight) in pairs.filter(|(_, weight)| **weight > 0.0) {
+            let matrix = matrices.get(usize::from(joint)).ok_or(usize::from(joint))?;
+            let weight = f64::from(weight);
+            sum.matrix3 += matrix.matrix3 * weight;
+            sum.translation += matrix.translation * weight;
+            total += weight;
+        }
+    }
+    if total == 0.0 || !total.is_finite() {
+        return Ok(DAffine3::IDENTITY);
+    }
+    Ok(DAffine3 { matrix3: sum.matrix3 * (1.0 / total), translation: sum.translation / total })
+}
+
+/// The cofactor matrix: determinant times inverse transpose, which exists for singular matrices too.
+fn cofactors(m: DMat3) -> DMat3 {
+    DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
+}

@@ -1,0 +1,176 @@
+//! Scenes that move: what a file says about changes over time, and the scene at one time.
+//!
+//! A [`Motion`] is a skeleton of [`Joint`]s (a tree with a placement each), [`Clip`]s of keyed curves that move them, and what the joints
+//! carry: nodes of the scene graph, cameras, lights, and meshes that are bent ([`Deformed`]). A [`Player`] plays some of the clips and
+//! gives the [`Pose`] at a time; [`Scene::apply`] puts the scene into it. Formats translate their own words for motion into this.
+
+mod curve;
+mod deform;
+mod mesh;
+mod player;
+mod transform;
+
+pub use curve::{Curve, CurveError, Interpolation};
+pub use deform::{Deformed, InfluenceSet, Morph, MorphTarget, Skin, make_usable, morph_mesh};
+pub use player::{Player, Pose};
+pub use transform::{AnimatedTransform, Placement};
+
+use crate::graph::NodeId;
+use std::collections::BTreeSet;
+
+#[cfg(doc)]
+use crate::graph::Scene;
+
+/// All that moves in a scene, and how.
+#[derive(Clone, Debug, Default)]
+pub struct Motion {
+    /// The skeleton: parents before their children.
+    pub joints: Vec<Joint>,
+    /// Named animations.
+    pub clips: Vec<Clip>,
+    /// Meshes that are bent by joints or weights.
+    pub deformed: Vec<Deformed>,
+    /// Which joint carries a camera: position in the scene's table, joint.
+    pub cameras: Vec<(usize, u32)>,
+    /// Which joint carries a light: position in the scene's table, joint.
+    pub lights: Vec<(usize, u32)>,
+}
+
+/// A place that others are relative to.
+#[derive(Clone, Debug, Default)]
+pub struct Joint {
+    /// For people.
+    pub name: String,
+    /// Number of the joint that this one is relative to; smaller than its own. `None`: the world.
+    pub parent: Option<u32>,
+    /// Where it is while no clip moves it.
+    pub rest: Placement,
+    /// The node of the scene graph whose transform it is.
+    pub node: Option<NodeId>,
+}
+
+/// An animation.
+#[derive(Clone, Debug, Default)]
+pub struct Clip {
+    /// As the file calls it; may be empty.
+    pub name: String,
+    /// What it moves.
+    pub channels: Vec<Channel>,
+}
+
+/// One property of one joint over time.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// Number of the joint.
+    pub joint: u32,
+    /// The property and its values.
+    pub track: Track,
+}
+
+/// A property of a joint over time.
+#[derive(Clone, Debug)]
+pub enum Track {
+    /// Translation, 3 numbers.
+    Translation(Curve),
+    /// Rotation, a quaternion x y z w.
+    Rotation(Curve),
+    /// Scale, 3 numbers.
+    Scale(Curve),
+    /// Weights of the morph targets of what the joint shows, one number for each target.
+    Weights(Curve),
+    /// All of the placement.
+    Transform(AnimatedTransform),
+}
+
+impl Track {
+    /// First and last key, in seconds.
+    pub fn span(&self) -> [f64; 2] {
+        match self {
+            Self::Translation(c) | Self::Rotation(c) | Self::Scale(c) | Self::Weights(c) => c.span(),
+            Self::Transform(t) => t.span(),
+        }
+    }
+
+    /// Which properties it sets: one bit each.
+    fn properties(&self) -> u8 {
+        match self {
+            Self::Translation(_) => 1,
+            Self::Rotation(_) => 2,
+            Self::Scale(_) => 4,
+            Self::Weights(_) => 8,
+            Self::Transform(_) => 7,
+        }
+    }
+}
+
+impl Clip {
+    /// First and last key of all channels, in seconds; `[0, 0]` for a clip without any.
+    pub fn span(&self) -> [f64; 2] {
+        together(self.channels.iter().map(|c| c.track.span()))
+    }
+
+    /// The properties of joints that the clip sets.
+    fn targets(&self) -> BTreeSet<(u32, u8)> {
+        let bits = |c: &Channel| {
+            let (joint, properties) = (c.joint, c.track.properties());
+            (0..4).map(|i| 1 << i).filter(move |bit| properties & bit != 0).map(move |bit| (joint, bit))
+        };
+        self.channels.iter().flat_map(bits).collect()
+    }
+}
+
+/// From the first start to the last end; `[0, 0]` for none.
+fn together(spans: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
+    spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or([0.0; 2])
+}
+
+impl Motion {
+    /// The clips that are played if nobody chooses: the first that moves anything, and with it all others that move other things than
+    /// those before. (Some files have one clip for each object, others one for each way to walk.)
+    pub fn usual_clips(&self) -> Vec<usize> {
+        let mut taken = BTreeSet::new();
+        let mut clips = Vec::new();
+        for (i, clip) in self.clips.iter().enumerate() {
+            let targets = clip.targets();
+            if !targets.is_empty() && taken.is_disjoint(&targets) {
+                taken.extend(targets);
+                clips.push(i);
+            }
+        }
+        clips
+    }
+
+    /// The clips that a user names: `all`, or one by name or number (from 0). `None` if there is no such clip.
+    pub fn find_clips(&self, name: &str) -> Option<Vec<usize>> {
+        if let Some(i) = self.clips.iter().position(|c| c.name == name) {
+            return Some(vec![i]);
+        }
+        if name == "all" {
+            return Some((0..self.clips.len()).collect());
+        }
+        name.parse().ok().filter(|&i| i < self.clips.len()).map(|i| vec![i])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn clip(name: &str, joints: &[u32]) -> Clip {
+        let curve = || Curve::new(vec![0.0, 2.0], vec![0.0; 6], 3, Interpolation::Linear).expect("a valid curve");
+        let channels = joints.iter().map(|&joint| Channel { joint, track: Track::Translation(curve()) });
+        Clip { name: name.into(), channels: channels.collect() }
+    }
+
+    #[test]
+    fn clips_that_move_different_things_are_played_together() {
+        let clips = vec![clip("nothing", &[]), clip("walk", &[0, 1]), clip("run", &[1]), clip("lamp", &[2])];
+        let motion = Motion { clips, ..Motion::default() };
+        assert_eq!(motion.usual_clips(), [1, 3]);
+        assert_eq!(motion.find_clips("run"), Some(vec![2]));
+        assert_eq!(motion.find_clips("3"), Some(vec![3]));
+        assert_eq!(motion.find_clips("all"), Some(vec![0, 1, 2, 3]));
+        assert_eq!((motion.find_clips("4"), motion.find_clips("jump")), (None, None));
+        assert_eq!((motion.clips[1].span(), motion.clips[0].span()), ([0.0, 2.0], [0.0, 0.0]));
+    }
+}

@@ -1,0 +1,372 @@
+//! Clips being played: the scene at a time.
+
+use super::{Motion, Placement, Track, together};
+use crate::camera::Camera;
+use crate::graph::{Geometry, NodeId, Scene};
+use crate::light::Light;
+use snell_intersect::TriangleMesh;
+use snell_math::{DAffine3, DMat3};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// What is elsewhere at some time than in the scene as it was read.
+#[derive(Clone, Debug, Default)]
+pub struct Pose {
+    /// Transforms of nodes ([`crate::Node::transform`]).
+    pub transforms: BTreeMap<NodeId, DAffine3>,
+    /// Meshes of surfaces: node, number of the surface.
+    pub meshes: BTreeMap<(NodeId, usize), Arc<TriangleMesh>>,
+    /// How cameras are moved in the world, from where they were read.
+    pub cameras: Vec<(usize, DAffine3)>,
+    /// How lights are moved in the world, from where they were read.
+    pub lights: Vec<(usize, DAffine3)>,
+}
+
+/// Plays clips of a motion. Keeps the last pose, so that what does not change is not made again: its meshes are the same pointers.
+#[derive(Clone, Debug)]
+pub struct Player {
+    motion: Arc<Motion>,
+    clips: Vec<usize>,
+    /// Where joints are at rest, in the world.
+    rest: Vec<DAffine3>,
+    /// Of each bent surface, what the last mesh was made of, and the mesh.
+    made: Vec<Option<Made>>,
+}
+
+#[derive(Clone, Debug)]
+struct Made {
+    weights: Vec<f64>,
+    matrices: Vec<DAffine3>,
+    mesh: Arc<TriangleMesh>,
+}
+
+impl Player {
+    /// Plays these clips together; where two move the same thing, the later one counts. Numbers of clips that are not there are left out.
+    pub fn new(motion: Arc<Motion>, clips: Vec<usize>) -> Self {
+        let clips = clips.into_iter().filter(|&i| i < motion.clips.len()).collect();
+        let rest = worlds(&motion, motion.joints.iter().map(|j| j.rest.matrix()));
+        let made = vec![None; motion.deformed.len()];
+        Self { motion, clips, rest, made }
+    }
+
+    /// First and last key of all clips, in seconds.
+    pub fn span(&self) -> [f64; 2] {
+        together(self.clips().map(|clip| clip.span()).filter(|span| *span != [0.0; 2]))
+    }
+
+    fn clips(&self) -> impl Iterator<Item = &super::Clip> {
+        self.clips.iter().map(|&i| &self.motion.clips[i])
+    }
+
+    /// The nodes that move by themselves: their transforms change, or meshes of theirs. (What is below them moves with them.)
+    pub fn moving_nodes(&self) -> BTreeSet<NodeId> {
+        let (moved, weighted) = self.moving_joints();
+        let nodes = moved.iter().filter_map(|&j| self.motion.joints.get(j as usize)?.node);
+        let bent = self.motion.deformed.iter().filter(|d| {
+            let morphs = d.morph.as_ref().is_some_and(|m| weighted.contains(&m.joint));
+            morphs || (d.skin.is_some() && !moved.is_empty())
+        });
+        nodes.chain(bent.map(|d| d.node)).collect()
+    }
+
+    /// Joints whose placement a clip changes, and joints whose weights one changes.
+    fn moving_joints(&self) -> (BTreeSet<u32>, BTreeSet<u32>) {
+        let channels = self.clips().flat_map(|clip| &clip.channels);
+        let (weights, others): (Vec<_>, Vec<_>) = channels.partition(|c| matches!(c.track, Track::Weights(_)));
+        let joints = |channels: Vec<&super::Channel>| channels.iter().map(|c| c.joint).collect();
+        (joints(others), joints(weights))
+    }
+
+    /// The pose at a time, in seconds. Before the first key of a property and after its last it stays.
+    pub fn pose(&mut self, time: f64) -> Pose {
+        let motion = self.motion.clone();
+        let (local, weights) = self.placements(time);
+        let (moved, _) = self.moving_joints();
+        let mut pose = Pose::default();
+        for &joint in &moved {
+            let node = motion.joints.get(joint as usize).and_then(|j| j.node);
+            pose.transforms.extend(node.map(|node| (node, local[joint as usize])));
+        }
+        let world = worlds(&motion, local.into_iter());
+        for (number, deformed) in motion.deformed.iter().enumerate() {
+            let morph = deformed.morph.as_ref();
+            let weights = morph.map_or(&[][..], |m| weights.get(&m.joint).unwrap_or(&m.weights));
+            let matrices: Vec<DAffine3> = deformed.skin.as_ref().map_or(Vec::new(), |(skin, _)| {
+                let joints = skin.joints.iter().map(|&j| world[j as usize]);
+                joints.zip(&skin.inverse_bind).map(|(joint, bind)| joint * *bind).collect()
+            });
+            let made = &mut self.made[number];
+            if made.as_ref().is_none_or(|made| made.weights != weights || made.matrices != matrices) {
+                let mesh = deformed.mesh(weights, &matrices).ok();
+                *made = mesh.map(|mesh| Made { weights: weights.to_vec(), matrices, mesh: Arc::new(mesh) });
+            }
+            pose.meshes.extend(made.iter().map(|made| ((deformed.node, deformed.surface), made.mesh.clone())));
+        }
+        let moves = |carried: &[(usize, u32)]| {
+            let change = |&(i, joint): &(usize, u32)| {
+                let (rest, now) = (self.rest[joint as usize], world[joint as usize]);
+                let change = now * rest.inverse();
+                (rest != now && change.is_finite()).then_some((i, change))
+            };
+            carried.iter().filter_map(change).collect()
+        };
+        (pose.cameras, pose.lights) = (moves(&motion.cameras), moves(&motion.lights));
+        pose
+    }
+
+    /// The poses while a shutter is open, evenly spread in time from when it opens to when it closes: as many as it takes for things that go
+    /// on straight lines from pose to pose to be nearly where they should be. Only one if nothing moves, or the shutter closes at once.
+    pub fn poses_between(&mut self, open: f64, close: f64) -> Vec<Pose> {
+        const MOST: u32 = 32;
+        let mut intervals = 0;
+        if close > open && !self.clips.is_empty() {
+            intervals = 1;
+            while intervals < MOST && !self.is_straight(open, close, intervals) {
+                intervals *= 2;
+            }
+        }
+        let time = |i: u32| open + (close - open) * f64::from(i) / f64::from(intervals.max(1));
+        (0..=intervals).map(|i| self.pose(time(i))).collect()
+    }
+
+    /// True if joints and weights are in the middle of each interval nearly where straight lines lead.
+    fn is_straight(&self, open: f64, close: f64, intervals: u32) -> bool {
+        /// Of a way, a turn, or a weight.
+        const TOLERANCE: f64 = 0.01;
+        let at = |half: u32| {
+            let time = open + (close - open) * f64::from(half) / f64::from(2 * intervals);
+            let (local, weights) = self.placements(time);
+            (worlds(&self.motion, local.into_iter()), weights)
+        };
+        let is_near = |a: &DAffine3, middle: &DAffine3, b: &DAffine3| {
+            let way = (b.translation - a.translation).length();
+            let aside = (middle.translation - (a.translation + b.translation) * 0.5).length();
+            let turned = |m: &DAffine3| m.matrix3.to_cols_array();
+            let sides = turned(a).into_iter().zip(turned(middle)).zip(turned(b));
+            let bend = sides.fold(0.0f64, |most, ((a, m), b)| most.max((m - (a + b) * 0.5).abs()));
+            let size = turned(middle).into_iter().fold(0.0f64, |most, x| most.max(x.abs()));
+            aside <= way * TOLERANCE && bend <= size * TOLERANCE * 0.1
+        };
+        (0..intervals).all(|i| {
+            let ((a, wa), (middle, wm), (b, wb)) = (at(2 * i), at(2 * i + 1), at(2 * i + 2));
+            let joints = a.iter().zip(&middle).zip(&b).all(|((a, m), b)| is_near(a, m, b));
+            let weights = wm.iter().all(|(joint, m)| {
+                let ends = wa[joint].iter().zip(&wb[joint]);
+                m.iter().zip(ends).all(|(m, (a, b))| (m - (a + b) * 0.5).abs() <= TOLERANCE)
+            });
+            joints && weights
+        })
+    }
+
+    /// The places of all joints relative to their parents, and the weights that clips set.
+    fn placements(&self, time: f64) -> (Vec<DAffine3>, BTreeMap<u32, Vec<f64>>) {
+        let mut placements: Vec<Placement> = self.motion.joints.iter().map(|j| j.rest).collect();
+        let mut weights = BTreeMap::new();
+        for channel in self.clips().flat_map(|clip| &clip.channels) {
+            let Some(placement) = placements.get_mut(channel.joint as usize) else { continue };
+            let (mut translation, mut rotation, mut scale) = placement.parts();
+            match &channel.track {
+                Track::Translation(curve) => translation = curve.vector_at(time).into(),
+                Track::Rotation(curve) => rotation = curve.rotation_at(time),
+                Track::Scale(curve) => scale = curve.vector_at(time).into(),
+                Track::Weights(curve) => {
+                    weights.insert(channel.joint, curve.at(time));
+                    continue;
+                }
+                Track::Transform(transform) => {
+                    *placement = Placement::Matrix(transform.at(time));
+                    continue;
+                }
+            }
+            *placement = Placement::Parts { translation, rotation, scale };
+        }
+        (placements.iter().map(Placement::matrix).collect(), weights)
+    }
+}
+
+/// Joints in the world.
+fn worlds(motion: &Motion, local: impl Iterator<Item = DAffine3>) -> Vec<DAffine3> {
+    let mut world: Vec<DAffine3> = Vec::with_capacity(motion.joints.len());
+    for (joint, local) in motion.joints.iter().zip(local) {
+        let parent = joint.parent.and_then(|p| world.get(p as usize).copied());
+        world.push(parent.map_or(local, |parent| parent * local));
+    }
+    world
+}
+
+impl Scene {
+    /// Puts the scene, as it was read, into a pose.
+    pub fn apply(&mut self, pose: &Pose) {
+        for (id, transform) in &pose.transforms {
+            if let Some(node) = self.nodes.get_mut(id.index()) {
+                node.transform = *transform;
+            }
+        }
+        for ((id, surface), mesh) in &pose.meshes {
+            let surface = self.nodes.get_mut(id.index()).and_then(|node| node.surfaces.get_mut(*surface));
+            if let Some(surface) = surface {
+                surface.geometry = Geometry::Mesh(mesh.clone());
+            }
+        }
+        for &(i, by) in &pose.cameras {
+            if let Some(camera) = self.cameras.get_mut(i) {
+                *camera = camera.moved(&by);
+            }
+        }
+        for &(i, by) in &pose.lights {
+            if let Some(light) = self.lights.get_mut(i) {
+                *light = light.moved(&by);
+            }
+        }
+    }
+}
+
+impl Camera {
+    /// The camera, moved in the world. It keeps its shape: scale moves only its position.
+    pub fn moved(&self, by: &DAffine3) -> Self {
+        let eye = by.transform_point3(self.eye);
+        let (towards, up) = (by.transform_vector3(self.towards), by.transform_vector3(self.up));
+        let placed = Self::from_direction(eye, towards, up, self.projection.clone());
+        Self { eye: placed.eye, towards: placed.towards, up: placed.up, ..self.clone() }
+    }
+}
+
+impl Light {
+    /// The light, moved in the world. It keeps its size and its power.
+    pub fn moved(&self, by: &DAffine3) -> Self {
+        let mut light = self.clone();
+        let turn = |d: snell_math::DVec3| by.transform_vector3(d).try_normalize().unwrap_or(d);
+        match &mut light {
+            Self::Directional { direction, .. } => *direction = turn(*direction),
+            Self::Point { position, .. } => *position = by.transform_point3(*position),
+            Self::Spot { position, direction, .. } | Self::Disk { position, direction, .. } => {
+                *position = by.transform_point3(*position);
+                *direction = turn(*direction);
+            }
+            Self::Rectangle { center, axes, .. } => {
+                *center = by.transform_point3(*center);
+                // A shear would make a parallelogram of it: the second axis gives way.
+                let [x, y] = axes.map(turn);
+                let across = (y - x * x.dot(y)).try_normalize();
+                *axes = across.map_or(*axes, |y| [x, y]);
+            }
+            Self::Profile { position, world_from_light, .. } | Self::Projector { position, world_from_light, .. } => {
+                *position = by.transform_point3(*position);
+                let turned = DMat3::from_cols(
+                    turn(world_from_light.x_axis),
+                    turn(world_from_light.y_axis),
+                    turn(world_from_light.z_axis),
+                );
+                *world_from_light = turned;
+            }
+        }
+        light
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::graph::{Node, Surface};
+    use crate::motion::{Channel, Clip, Curve, Deformed, InfluenceSet, Interpolation, Joint, Morph, MorphTarget, Skin};
+    use snell_math::{DVec3, Rgb, Vec3};
+
+    /// An arm of two joints, 1 apart on x; the second is turned by a quarter about z from 0 s to 1 s. A triangle has a vertex at each
+    /// end of it and one that follows both joints alike; a camera and a light are at the second joint.
+    fn arm() -> Scene {
+        let mut scene = Scene::new("arm");
+        let mesh = Arc::new(TriangleMesh {
+            positions: vec![Vec3::ZERO, Vec3::new(2.0, 0.0, 0.0), Vec3::X],
+            indices: vec![[0, 1, 2]],
+            ..TriangleMesh::default()
+        });
+        let surfaces = vec![Surface::new(Geometry::Mesh(mesh.clone()))];
+        let skinned = scene.add_child(scene.root, Node { surfaces, ..Node::default() });
+        let node = scene.add_child(scene.root, Node::named("hand"));
+        let joint = |x: f64, parent, node| {
+            let rest = Placement::Matrix(DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)));
+            Joint { parent, node, rest, ..Joint::default() }
+        };
+        let half = std::f32::consts::FRAC_1_SQRT_2;
+        let turn = Curve::new(vec![0.0, 1.0], vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half], 4, Interpolation::Linear);
+        let weights = Curve::new(vec![0.0, 2.0], vec![0.0, 1.0], 1, Interpolation::Linear);
+        let skin = Skin {
+            joints: vec![0, 1],
+            inverse_bind: vec![DAffine3::IDENTITY, DAffine3::from_translation(DVec3::new(-1.0, 0.0, 0.0))],
+        };
+        let influences = InfluenceSet {
+            joints: vec![[0, 1, 0, 0]; 3],
+            weights: vec![[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0]],
+        };
+        let up = MorphTarget { positions: vec![Vec3::Z; 3], ..MorphTarget::default() };
+        scene.cameras.push(Camera::look_at(Vec3::X, Vec3::new(2.0, 0.0, 0.0), Vec3::Z, 0.5));
+        scene.lights.push(Light::Directional { direction: DVec3::X, irradiance: Rgb::WHITE });
+        scene.motion = Some(Arc::new(Motion {
+            joints: vec![joint(0.0, None, None), joint(1.0, Some(0), Some(node))],
+            clips: vec![Clip {
+                name: "wave".into(),
+                channels: vec![
+                    Channel { joint: 1, track: Track::Rotation(turn.expect("valid")) },
+                    Channel { joint: 0, track: Track::Weights(weights.expect("valid")) },
+                ],
+            }],
+            deformed: vec![Deformed {
+                node: skinned,
+                surface: 0,
+                rest: mesh,
+                morph: Some(Morph { targets: vec![up], weights: Vec::new(), joint: 0 }),
+                skin: Some((Arc::new(skin), vec![influences])),
+            }],
+            cameras: vec![(0, 1)],
+            lights: vec![(0, 1)],
+        }));
+        scene
+    }
+
+    #[test]
+    fn joints_bend_meshes_and_carry_nodes_cameras_and_lights() {
+        let scene = arm();
+        let motion = scene.motion.clone().expect("it moves");
+        let mut player = Player::new(motion.clone(), motion.usual_clips());
+        assert_eq!(player.span(), [0.0, 2.0]);
+        assert_eq!(player.moving_nodes().into_iter().map(|n| n.0).collect::<Vec<_>>(), [1, 2]);
+        let mut posed = scene.clone();
+        posed.apply(&player.pose(1.0));
+        let Geometry::Mesh(mesh) = &posed.nodes[1].surfaces[0].geometry else { panic!("a mesh") };
+        // Half of the target is added; the end of the arm points up, and what follows both stays in the joint.
+        let expected = [Vec3::new(0.0, 0.0, 0.5), Vec3::new(1.0, 1.0, 0.5), Vec3::new(1.0, 0.0, 0.5)];
+        for (found, expected) in mesh.positions.iter().zip(expected) {
+            assert!((*found - expected).length() < 1e-6, "{found} and not {expected}");
+        }
+        let hand = posed.nodes[2].transform;
+        assert!((hand.transform_point3(DVec3::X) - DVec3::new(1.0, 1.0, 0.0)).length() < 1e-6);
+        assert!(
+            (posed.cameras[0].towards - DVec3::Y).length() < 1e-6 && (posed.cameras[0].eye - DVec3::X).length() < 1e-6
+        );
+        assert!(
+            matches!(posed.lights[0], Light::Directional { direction, .. } if (direction - DVec3::Y).length() < 1e-6)
+        );
+    }
+
+    #[test]
+    fn a_shutter_has_as_many_poses_as_the_motion_is_bent() {
+        let mut player = Player::new(arm().motion.expect("it moves"), vec![0]);
+        let mut count = |open, close| player.poses_between(open, close).len();
+        assert_eq!((count(0.2, 0.2), count(0.5, 0.4)), (1, 1));
+        assert_eq!(count(3.0, 4.0), 2, "nothing moves there");
+        let (short, long) = (count(0.4, 0.41), count(0.0, 1.0));
+        assert!(short == 2 && long > 8 && long <= 33, "{short} {long}");
+    }
+
+    #[test]
+    fn what_does_not_change_is_not_made_again() {
+        let scene = arm();
+        let motion = scene.motion.clone().expect("it moves");
+        let mut player = Player::new(motion, vec![0, 7]);
+        let mesh = |pose: &Pose| pose.meshes.values().next().cloned().expect("a mesh");
+        let (a, b, c) = (player.pose(2.0), player.pose(3.0), player.pose(0.5));
+        assert!(Arc::ptr_eq(&mesh(&a), &mesh(&b)), "nothing moves after the end");
+        assert!(!Arc::ptr_eq(&mesh(&b), &mesh(&c)));
+        assert!(Player::new(Arc::default(), vec![0]).pose(1.0).meshes.is_empty());
+    }
+}

@@ -1,0 +1,119 @@
+//! The surfaces of a scene graph, one after the other, each where it is in the world.
+
+use crate::graph::{Geometry, MaterialId, NodeId, Scene, Surface};
+use snell_math::{DAffine3, Transform};
+
+/// Most placements in one list: a small file can place one surface any number of times.
+pub const MAX_PLACED: u64 = 10_000_000;
+
+/// A surface at one place.
+#[derive(Clone, Debug)]
+pub struct Placed<'a> {
+    /// The node that holds it.
+    pub node: NodeId,
+    /// Of the nearest node above that has a name; may be empty.
+    pub name: &'a str,
+    /// Where it is.
+    pub world_from_surface: Transform,
+    /// What it is.
+    pub surface: &'a Surface,
+    /// The material of slots that have none of their own.
+    inherited: Option<MaterialId>,
+}
+
+impl Placed<'_> {
+    /// The material of a slot.
+    pub fn material(&self, slot: usize) -> Option<MaterialId> {
+        self.surface.materials.get(slot).copied().flatten().or(self.inherited)
+    }
+
+    /// The slots that triangles have, ascending, and their materials.
+    pub fn slots(&self) -> Vec<(u16, Option<MaterialId>)> {
+        let slots = match &self.surface.geometry {
+            Geometry::Mesh(mesh) if !mesh.material_slots.is_empty() => {
+                let mut seen = vec![false; 1 << 16];
+                mesh.material_slots.iter().for_each(|&s| seen[usize::from(s)] = true);
+                (0..=u16::MAX).filter(|&s| seen[usize::from(s)]).collect()
+            }
+            _ => vec![0],
+        };
+        slots.into_iter().map(|slot| (slot, self.material(usize::from(slot)))).collect()
+    }
+}
+
+/// How many nodes and surfaces the graph has when instances are counted each; at most `u64::MAX`.
+pub fn placement_count(scene: &Scene) -> Result<u64, String> {
+    let mut counts = vec![0u64; scene.nodes.len()];
+    for id in scene.topological_order().map_err(|error| error.to_string())? {
+        let node = &scene.nodes[id.index()];
+        let below = node.children.iter().fold(0u64, |sum, child| sum.saturating_add(counts[child.index()]));
+        counts[id.index()] = below.saturating_add(1 + node.surfaces.len() as u64);
+    }
+    Ok(counts[scene.root.index()])
+}
+
+/// All surfaces, in the order of the graph. Those flattened by a singular transform are left out, as when the scene is rendered. An error
+/// for cycles, ids out of range, and more than [`MAX_PLACED`] nodes and surfaces.
+pub fn placed(scene: &Scene) -> Result<Vec<Placed<'_>>, String> {
+    if placement_count(scene)? > MAX_PLACED {
+        return Err(format!("more than {MAX_PLACED} nodes and surfaces, instances counted each, which is the limit"));
+    }
+    let mut all = Vec::new();
+    let mut stack: Vec<(NodeId, DAffine3, Option<MaterialId>, &str)> = vec![(scene.root, DAffine3::IDENTITY, None, "")];
+    while let Some((id, world_from_parent, material, name)) = stack.pop() {
+        let node = &scene.nodes[id.index()];
+        let world_from_node = world_from_parent * node.transform;
+        let material = node.material.or(material);
+        let name = if node.name.is_empty() { name } else { &node.name };
+        if let Some(world_from_surface) = Transform::new(world_from_node) {
+            all.extend(node.surfaces.iter().map(|surface| Placed {
+                node: id,
+                name,
+                world_from_surface: world_from_surface,
+                surface,
+                inherited: material,
+            }));
+        }
+        stack.extend(node.children.iter().rev().map(|&child| (child, world_from_node, material, name)));
+    }
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Node;
+    use snell_intersect::shape::Sphere;
+    use snell_math::DVec3;
+    use std::sync::Arc;
+
+    #[test]
+    fn a_shared_surface_is_listed_at_each_place_with_the_material_it_inherits() {
+        let mut scene = Scene::new("two balls");
+        let ball = Surface::new(Geometry::Shape(Arc::new(Sphere { radius: 1.0 }.into())));
+        let ball = scene.add_node(Node { surfaces: vec![ball], ..Node::default() });
+        for i in 0..2 {
+            let transform = DAffine3::from_translation(DVec3::X * f64::from(i));
+            let material = Some(MaterialId(i));
+            let root = scene.root;
+            scene.materials.push(crate::Material::new("", crate::material::Black {}));
+            scene.add_child(root, Node { transform, material, children: vec![ball], ..Node::named(format!("{i}")) });
+        }
+        let all = placed(&scene).expect("a small scene");
+        let shown: Vec<_> =
+            all.iter().map(|p| (p.name, p.slots(), p.world_from_surface.point(DVec3::ZERO).x)).collect();
+        assert_eq!(shown, [("0", vec![(0, Some(MaterialId(0)))], 0.0), ("1", vec![(0, Some(MaterialId(1)))], 1.0)]);
+    }
+
+    #[test]
+    fn a_graph_of_billions_of_instances_is_counted_and_refused_at_once() {
+        let mut scene = Scene::new("doubled");
+        let mut below = scene.root;
+        for _ in 0..100 {
+            below = scene.add_node(Node { children: vec![below, below], ..Node::default() });
+        }
+        scene.root = below;
+        assert_eq!(placement_count(&scene), Ok(u64::MAX));
+        assert!(placed(&scene).is_err());
+    }
+}

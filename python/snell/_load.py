@@ -1,0 +1,40 @@
+"""Reading scenes: what the compiled module reads by itself, and USD by way of `snell.usd`."""
+
+from __future__ import annotations
+
+import os
+
+from snell import _snell
+
+__all__ = ["load"]
+
+
+def load(path: str | os.PathLike[str]) -> _snell.Scene:
+    """Read a scene or mesh file, or make a built-in scene.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        A file of any format that Snell reads, or the name of a built-in scene. USD (``.usd``, ``.usda``, ``.usdc``, ``.usdz``) needs the
+        package ``usd-core``: ``pip install 'snell[usd]'``; `snell.usd.load` also chooses variants and a time.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    ValueError
+        If it is no scene; the message says where and why.
+    ImportError
+        If it is USD and ``usd-core`` is missing.
+    """
+    name = os.fspath(path)
+    if name.lower().endswith((".usd", ".usda", ".usdc", ".usdz")) and os.path.exists(name):
+        from snell import usd
+
+        scene: _snell.Scene = usd.load(name)
+        return scene
+    return _snell.load(path)

@@ -1,0 +1,215 @@
+"""USD stages as scenes: places, materials, lights, cameras; each stage is made here, as text."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import snell
+import snell.usd
+
+HEADER = """#usda 1.0
+(
+    defaultPrim = "World"
+    metersPerUnit = 1
+    upAxis = "Y"
+)
+"""
+
+MESH = """
+    def Mesh "sheet" (prepend apiSchemas = ["MaterialBindingAPI"])
+    {
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        point3f[] points = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)]
+        uniform token subdivisionScheme = "none"
+        texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "faceVarying")
+        rel material:binding = </World/paint>
+    }
+    def Material "paint"
+    {
+        token outputs:surface.connect = </World/paint/surface.outputs:surface>
+        def Shader "surface"
+        {
+            uniform token info:id = "UsdPreviewSurface"
+            color3f inputs:diffuseColor = (0.5, 0.25, 0.125)
+            float inputs:roughness = 0.75
+            token outputs:surface
+        }
+    }
+"""
+
+
+def stage(folder: Path, text: str, name: str = "stage.usda") -> str:
+    pytest.importorskip("pxr")
+    path = folder / name
+    # A statement ends with its line.
+    path.write_text(HEADER + text.replace(" }", "\n}"))
+    return str(path)
+
+
+def document(path: str, **options: Any) -> tuple[dict[str, Any], list[str]]:
+    text, remarks = snell.usd.convert(path, **options)
+    return json.loads(text), remarks
+
+
+def floats(numbers: str) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(numbers), dtype="<f4")
+
+
+def test_a_mesh_keeps_its_place_its_coordinates_and_its_material(tmp_path: Path) -> None:
+    path = stage(tmp_path, 'def Xform "World"\n{\n    double3 xformOp:translate = (0, 0, 3)\n    uniform token[] xformOpOrder = ["xformOp:translate"]\n' + MESH + "}\n")
+    scene = snell.load(path)
+    hits = scene.cast_rays(np.array([[1.5, 0.5, 0, 0, 0, 1]], dtype=np.float32))
+    assert hits.t_hit == pytest.approx(3)
+    form, remarks = document(path)
+    assert remarks == []
+    (material,) = form["materials"]
+    assert material["kind"]["base_color"]["factor"] == [0.5, 0.25, 0.125]
+    assert material["kind"]["specular_roughness"]["factor"] == 0.75
+    assert len(floats(form["meshes"][0]["uvs"])) == 8
+
+
+def test_instances_share_what_they_show_and_variants_can_be_chosen(tmp_path: Path) -> None:
+    text = """
+def Xform "World" (variants = { string size = "small" }; prepend variantSets = "size")
+{
+    def Xform "a" (instanceable = true; prepend references = </Ball>) {
+        double3 xformOp:translate = (2, 0, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def Xform "b" (instanceable = true; prepend references = </Ball>) {}
+    variantSet "size" = {
+        "small" { def Sphere "extra" { double radius = 0.25 } }
+        "large" { def Sphere "extra" { double radius = 4 } }
+    }
+}
+class Xform "Ball" { def Sphere "ball" { double radius = 0.5 } }
+"""
+    path = stage(tmp_path, text)
+    form, _ = document(path)
+    radii = sorted(s["shape"]["radius"] for n in form["nodes"] for s in n.get("surfaces", []))
+    assert radii == [0.25, 0.5], "the ball of both instances is there once"
+    form, _ = document(path, variants={"size": "large"})
+    assert 4 in [s["shape"]["radius"] for n in form["nodes"] for s in n.get("surfaces", [])]
+    with pytest.raises(ValueError, match="no variant set"):
+        document(path, variants={"colour": "red"})
+
+
+def test_units_become_metres_and_the_up_axis_is_told(tmp_path: Path) -> None:
+    text = 'def Xform "World" { def Cube "c" { double size = 200 } }'
+    pytest.importorskip("pxr")
+    path = tmp_path / "centimetres.usda"
+    path.write_text('#usda 1.0\n( metersPerUnit = 0.01; upAxis = "Z" )\n' + text.replace(" }", "\n}"))
+    form, _ = document(str(path))
+    assert form["settings"]["up"] == [0, 0, 1]
+    hits = snell.load(path).cast_rays(np.array([[0, 0, -5, 0, 0, 1]], dtype=np.float32))
+    assert hits.t_hit == pytest.approx(4)
+
+
+def test_lights_have_the_brightness_that_the_schema_says(tmp_path: Path) -> None:
+    text = """
+def Xform "World"
+{
+    def DistantLight "sun" { float inputs:intensity = 2; bool inputs:normalize = 1 }
+    def RectLight "panel" { float inputs:width = 2; float inputs:height = 3; float inputs:intensity = 12; bool inputs:normalize = 1 }
+    def SphereLight "bulb" { float inputs:radius = 0.5; float inputs:intensity = 3; float inputs:exposure = 1 }
+    def DomeLight "sky" { color3f inputs:color = (0.1, 0.2, 0.3); float inputs:intensity = 2 }
+}
+"""
+    form, _ = document(stage(tmp_path, text))
+    (sun,) = form["lights"]
+    assert sun["irradiance"] == [2, 2, 2] and sun["direction"] == [0, 0, -1]
+    radiance = {m["name"]: m["emission"]["factor"] for m in form["materials"]}
+    assert radiance == {"panel": [2, 2, 2], "bulb": [6, 6, 6]}
+    assert form["environment"]["constant"] == pytest.approx([0.2, 0.4, 0.6])
+
+
+def test_materialx_surfaces_are_read(tmp_path: Path) -> None:
+    text = """
+def Xform "World"
+{
+    def Sphere "s" (prepend apiSchemas = ["MaterialBindingAPI"]) { rel material:binding = </World/m> }
+    def Material "m"
+    {
+        token outputs:mtlx:surface.connect = </World/m/surface.outputs:out>
+        def Shader "surface"
+        {
+            uniform token info:id = "ND_open_pbr_surface_surfaceshader"
+            float inputs:base_metalness = 1
+            color3f inputs:base_color.connect = </World/m/half.outputs:out>
+            token outputs:out
+        }
+        def Shader "half"
+        {
+            uniform token info:id = "ND_multiply_color3"
+            color3f inputs:in1 = (0.5, 1, 0.25)
+            color3f inputs:in2 = (0.5, 0.5, 0.5)
+            color3f outputs:out
+        }
+    }
+}
+"""
+    form, remarks = document(stage(tmp_path, text))
+    kind = form["materials"][0]["kind"]
+    assert kind["base_metalness"]["factor"] == 1 and kind["base_color"]["factor"] == [0.25, 0.5, 0.125]
+    assert remarks == []
+
+
+def test_cameras_look_where_the_stage_says(tmp_path: Path) -> None:
+    text = """
+def Camera "World"
+{
+    float focalLength = 50
+    float verticalAperture = 20
+    double3 xformOp:translate = (1, 2, 3)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+    form, _ = document(stage(tmp_path, text))
+    (camera,) = form["cameras"]
+    assert camera["eye"] == [1, 2, 3] and camera["towards"] == [0, 0, -1] and camera["up"] == [0, 1, 0]
+    assert camera["projection"]["tan_half_fov"] == [None, 0.2]
+
+
+def test_concave_polygons_holes_and_left_handed_faces_become_the_right_triangles(tmp_path: Path) -> None:
+    text = """
+def Xform "World"
+{
+    def Mesh "arrow"
+    {
+        int[] faceVertexCounts = [5, 3]
+        int[] faceVertexIndices = [0, 1, 2, 3, 4, 0, 1, 2]
+        int[] holeIndices = [1]
+        uniform token orientation = "leftHanded"
+        point3f[] points = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (1, 0.5, 0), (0, 2, 0)]
+        uniform token subdivisionScheme = "none"
+    }
+}
+"""
+    path = stage(tmp_path, text)
+    scene = snell.load(path)
+    down = lambda x, y: [x, y, 5, 0, 0, -1]  # noqa: E731
+    hits = scene.cast_rays(np.array([down(0.2, 1.0), down(1.8, 1.0), down(1.0, 1.2), down(1.0, 0.2)], dtype=np.float32))
+    assert np.isfinite(hits.t_hit).tolist() == [True, True, False, True]
+    form, _ = document(path)
+    triangles = np.frombuffer(base64.b64decode(form["meshes"][0]["indices"]), dtype="<u4").reshape(-1, 3)
+    points = floats(form["meshes"][0]["positions"]).reshape(-1, 3)
+    areas = [np.cross(points[b] - points[a], points[c] - points[a])[2] / 2 for a, b, c in triangles]
+    assert max(areas) < 0 and sum(areas) == pytest.approx(-2.5)
+
+
+def test_what_is_no_stage_is_an_error_and_what_is_left_out_is_told(tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    broken = tmp_path / "broken.usda"
+    broken.write_text("this is no stage")
+    with pytest.raises(ValueError, match="broken.usda"):
+        snell.load(broken)
+    path = stage(tmp_path, 'def Xform "World" { def Mesh "m" { point3f[] points = [(0, 0, 0)] } }')
+    with pytest.warns(snell.SceneWarning, match="left out"):
+        snell.load(path)
