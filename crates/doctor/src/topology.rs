@@ -276,7 +276,7 @@ impl Topology {
             let number = number_of_root[root];
             self.component_of[face] = number;
             let (component, origin) = (&mut self.components[number as usize], origins[number as usize]);
-            component.bounds = component.bounds.union(&Bounds3::of([a, b, c].into_iter()));
+            component.bounds = component.bounds.union(&Bounds3::of([a, b, c]));
             let [a, b, c] = [a, b, c].map(|p| p.as_dvec3() - origin);
             let area = (b - a).cross(c - a) * 0.5;
             component.faces += 1;

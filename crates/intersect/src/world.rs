@@ -115,7 +115,7 @@ pub struct Instance {
     /// Only rays whose mask shares a bit with this enter it.
     pub mask: u32,
     /// For an instance that moves: the map at the further keys, which are evenly spread from time 0 (`group_from_child`) to 1. Between
-    /// keys the matrices are interpolated linearly ([`crate::geometry::motion::transform_at`]). Empty for one that stays.
+    /// keys the matrices are interpolated linearly. Empty for one that stays.
     pub later: Vec<Transform>,
 }
 

@@ -69,7 +69,7 @@ pub fn placed(scene: &Scene) -> Result<Vec<Placed<'_>>, String> {
             all.extend(node.surfaces.iter().map(|surface| Placed {
                 node: id,
                 name,
-                world_from_surface: world_from_surface,
+                world_from_surface,
                 surface,
                 inherited: material,
             }));

@@ -24,6 +24,9 @@ const CHOICES: &[&str] = &[
     "the integrator path was used",
 ];
 
+/// What a message of a file that is not there has.
+const MISSING: [&str; 4] = ["stands in for this texture", "checkerboard", "does not exist", "cannot open"];
+
 /// Hands on the reader's warnings: missing files are errors.
 pub fn reader(subject: &Subject, report: &mut Report) {
     for warning in &subject.scene.warnings {
@@ -32,9 +35,7 @@ pub fn reader(subject: &Subject, report: &mut Report) {
             continue;
         }
         let message = warning.message.clone();
-        let (severity, remedy) = if message.contains("stands in for this texture") || message.contains("checkerboard") {
-            (Severity::Error, "put the file where the scene names it, or correct the name")
-        } else if message.contains("does not exist") || message.contains("cannot open") {
+        let (severity, remedy) = if MISSING.iter().any(|words| message.contains(words)) {
             (Severity::Error, "put the file where the scene names it, or correct the name")
         } else if CHOICES.iter().any(|words| message.contains(words)) {
             (Severity::Note, "nothing, if that is what you want")

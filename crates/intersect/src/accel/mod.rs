@@ -1,8 +1,8 @@
 //! Acceleration structures, by name.
 //!
-//! All give the same hits, bit for bit: one exact test per ray and primitive decides ([`group`]), and a structure may skip only what
+//! All give the same hits, bit for bit: one exact test per ray and primitive decides (`group`), and a structure may skip only what
 //! the ray surely does not hit. Two live on their own: `none`, the oracle that skips nothing, and `bvh`, the fast one with kernels
-//! of its own. All others are [`Accelerator`]s over the numbered [`primitives`] of one group; [`walk`] joins them over instances
+//! of its own. All others are `Accelerator`s over the numbered `primitives` of one group; `walk` joins them over instances
 //! and serves every query. To add one: a file with a `build` function, and a line in the list below.
 
 pub(crate) mod box_ray;

@@ -104,7 +104,7 @@ impl Camera {
     /// The camera on its way to another place: at `s` from 0 (here) to 1 (there), on a straight line. It keeps its own projection.
     pub fn on_its_way(&self, other: &Self, s: f64) -> Self {
         let (towards, up) = (self.towards.lerp(other.towards, s), self.up.lerp(other.up, s));
-        let placed = Self::from_direction(self.eye.lerp(other.eye, s), towards, up, self.projection.clone());
+        let placed = Self::from_direction(self.eye.lerp(other.eye, s), towards, up, self.projection);
         Self { eye: placed.eye, towards: placed.towards, up: placed.up, ..self.clone() }
     }
 

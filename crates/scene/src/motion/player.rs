@@ -226,7 +226,7 @@ impl Camera {
     pub fn moved(&self, by: &DAffine3) -> Self {
         let eye = by.transform_point3(self.eye);
         let (towards, up) = (by.transform_vector3(self.towards), by.transform_vector3(self.up));
-        let placed = Self::from_direction(eye, towards, up, self.projection.clone());
+        let placed = Self::from_direction(eye, towards, up, self.projection);
         Self { eye: placed.eye, towards: placed.towards, up: placed.up, ..self.clone() }
     }
 }

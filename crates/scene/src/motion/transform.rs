@@ -129,7 +129,7 @@ fn polar(matrix: DMat3) -> (DQuat, DMat3) {
         }
     }
     if orthogonal.determinant() < 0.0 {
-        orthogonal = orthogonal * -1.0;
+        orthogonal *= -1.0;
     }
     (DQuat::from_mat3(&orthogonal).normalize(), orthogonal.transpose() * matrix)
 }

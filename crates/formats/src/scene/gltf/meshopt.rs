@@ -120,9 +120,9 @@ impl<'a> Compression<'a> {
         match (self.filter, self.stride) {
             (Filter::None, _) => {}
             (Filter::Octahedral, 4) => decode_filter_oct(bytes.as_chunks_mut::<4>().0),
-            (Filter::Octahedral, _) => bytes = with_halfwords(&bytes, |e| decode_filter_oct(e)),
+            (Filter::Octahedral, _) => bytes = with_halfwords(&bytes, decode_filter_oct),
             (Filter::Color, 4) => decode_filter_color(bytes.as_chunks_mut::<4>().0),
-            (Filter::Color, _) => bytes = with_halfwords(&bytes, |e| decode_filter_color(e)),
+            (Filter::Color, _) => bytes = with_halfwords(&bytes, decode_filter_color),
             (Filter::Quaternion, _) => {
                 bytes = with_halfwords(&bytes, |e| {
                     let mut signed: Vec<[i16; 4]> = e.iter().map(|e| e.map(|x| x as i16)).collect();

@@ -31,10 +31,8 @@ impl File<'_, '_> {
             size[1],
             iso.unwrap_or_default()
         ));
-        let sampler = match scene.settings.sampler.as_deref() {
-            Some(name @ ("independent" | "stratified")) => name,
-            _ => "zsobol",
-        };
+        let is_known = |name: &&str| ["independent", "stratified"].contains(name);
+        let sampler = scene.settings.sampler.as_deref().filter(is_known).unwrap_or("zsobol");
         if let Some(spp) = scene.settings.spp {
             if sampler == "stratified" {
                 self.line(format!("Sampler \"stratified\" \"integer xsamples\" [ {spp} ] \"integer ysamples\" [ 1 ]"));
