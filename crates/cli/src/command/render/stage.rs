@@ -163,7 +163,7 @@ impl Stage {
             if let Environment::Image { world_from_environment, .. } = environment {
                 *world_from_environment = turned;
             }
-            shot.compiled.environment = Some(EnvironmentLight::new(environment));
+            shot.compiled.environment = Some(std::sync::Arc::new(EnvironmentLight::new(environment)));
         }
     }
 }
