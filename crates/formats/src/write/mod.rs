@@ -175,6 +175,7 @@ pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
 pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Written, WriteError> {
     let writer = writer_for(path)?;
     let mut output = Output::new(path);
+    lose_choices(scene, &mut output);
     (writer.write)(scene, &mut output).map_err(|problem| WriteError::Format {
         path: path.into(),
         problem,
@@ -193,6 +194,19 @@ pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Wri
     let mut files: Vec<_> = files.into_iter().map(|(path, _)| path).collect();
     files.rotate_right(1);
     Ok(Written { format: writer.name, files, losses: output.losses })
+}
+
+/// What no format is written with: the scene is written as it stands.
+fn lose_choices(scene: &Scene, output: &mut Output) {
+    if scene.motion.is_some() {
+        output.lose("what moves is written as it stands; its motion is left out");
+    }
+    if scene.variants.len() > 1 {
+        output.lose(format!("of {} variants of materials only the one that is shown is written", scene.variants.len()));
+    }
+    if scene.scenes.len() > 1 {
+        output.lose(format!("of {} scenes of the file only this one is written", scene.scenes.len()));
+    }
 }
 
 fn holds_something_else(path: &Path, bytes: &[u8]) -> bool {
