@@ -168,6 +168,12 @@ fn view(folder: &Path, mut arguments: Vec<String>, place: &str) -> Vec<u8> {
     line.into_bytes()
 }
 
+/// What the first of numbered pictures of this name is called.
+fn first_frame(path: &Path) -> PathBuf {
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    path.with_extension(format!("0000.{extension}"))
+}
+
 /// Runs `snell` in a folder; gives standard output.
 fn snell(folder: &Path, mut arguments: Vec<String>, place: &str) -> Vec<u8> {
     if arguments.first().is_some_and(|w| w == "view") && !arguments.iter().any(|w| w == "--help") {
@@ -181,7 +187,9 @@ fn snell(folder: &Path, mut arguments: Vec<String>, place: &str) -> Vec<u8> {
     assert!(run.status.success(), "{place}: {arguments:?} ended with {}\n{complaint}", run.status);
     for (i, word) in arguments.iter().enumerate() {
         if ["-o", "--output", "--stats"].contains(&word.as_str()) && arguments[i + 1] != "-" {
-            assert!(folder.join(&arguments[i + 1]).is_file(), "{place}: {} was not written", arguments[i + 1]);
+            let path = folder.join(&arguments[i + 1]);
+            let is_written = path.is_file() || first_frame(&path).is_file();
+            assert!(is_written, "{place}: {} was not written", arguments[i + 1]);
         }
     }
     run.stdout

@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn what_has_no_plane_is_not_sound() {
         let mesh = TriangleMesh {
-            positions: vec![Vec3::ZERO, Vec3::X, Vec3::X * 2.0, Vec3::splat(f32::MAX)],
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::X * 2.0, Vec3::splat(f32::INFINITY)],
             indices: vec![[0, 1, 2], [0, 1, 3]],
             ..TriangleMesh::default()
         };
