@@ -15,12 +15,12 @@ fn check_sum(image: &LayeredImage, layers: std::ops::Range<usize>, name: &str) -
     let picture = &image.layers[0].values;
     let mut means = vec![0.0; layers.len()];
     for (pixel, color) in picture.chunks(4).enumerate() {
-        for channel in 0..3 {
+        for (channel, &expected) in color.iter().take(3).enumerate() {
             let values = layers.clone().map(|l| image.layers[l].values[pixel * 3 + channel]);
             values.clone().zip(&mut means).for_each(|(v, mean)| *mean += v);
             let sum: f32 = values.sum();
-            let allowed = 1e-4 * color[channel].abs() + 1e-6;
-            assert!((sum - color[channel]).abs() <= allowed, "{name}, pixel {pixel}: {sum} {}", color[channel]);
+            let allowed = 1e-4 * expected.abs() + 1e-6;
+            assert!((sum - expected).abs() <= allowed, "{name}, pixel {pixel}: {sum} {expected}");
         }
     }
     means
