@@ -103,6 +103,7 @@ def view(
 
 def _is_notebook() -> bool:
     try:
-        return get_ipython().__class__.__name__ == "ZMQInteractiveShell"  # type: ignore[name-defined]
+        shell: object = get_ipython()  # type: ignore[name-defined]
+        return type(shell).__name__ == "ZMQInteractiveShell"
     except NameError:
         return False

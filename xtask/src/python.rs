@@ -48,7 +48,18 @@ pub fn test() -> Option<bool> {
     let steps: [(&str, &[&str]); 4] = [
         ("build of the Python package", &["-m", "maturin", "develop", "--profile", "dev", "--quiet"]),
         ("Python tests", &["-m", "pytest", "--quiet"]),
-        ("Python stubs", &["-m", "mypy.stubtest", "snell", "--allowlist", "python/stubtest-allowlist.txt"]),
+        (
+            "Python stubs",
+            &[
+                "-m",
+                "mypy.stubtest",
+                "snell",
+                "--allowlist",
+                "python/stubtest-allowlist.txt",
+                "--mypy-config-file",
+                "pyproject.toml",
+            ],
+        ),
         ("Python types", &["-m", "mypy", "--strict", "python/snell"]),
     ];
     Some(steps.into_iter().all(|(what, arguments)| run(what, command(arguments))))
