@@ -18,6 +18,7 @@ pub mod protocol;
 mod security;
 mod server;
 mod session;
+mod temporal;
 mod thumbnail;
 mod worker;
 

@@ -5,6 +5,7 @@
 //! [`crate::denoise`]). In the place of indirect light is a constant that is measured when the view rests.
 
 use crate::denoise::{denoise, is_sharp};
+use crate::temporal::{self, Fresh, History};
 use snell_math::Rgb;
 use snell_render::{Aov, CompiledScene, Filter, IntegratorKind, Job, LightStrategy, Settings, picture};
 use snell_scene::{Camera, LayeredImage};
@@ -14,6 +15,9 @@ const FEW_LIGHTS: usize = 8;
 /// Bounces, where mirrors and glass show others.
 const MIRROR_DEPTH: u32 = 4;
 
+/// Bounces by chance where there is glass: into a bowl and its inside, out again, and what is there.
+const GLASS_DEPTH: u32 = 5;
+
 /// How a moving picture is made.
 pub struct Preview {
     settings: Settings,
@@ -21,6 +25,8 @@ pub struct Preview {
     is_noisy: bool,
     /// True if a constant is in the place of light that the picture at rest has.
     pub has_fill: bool,
+    /// Where in each pixel its sample is, if the picture is to have what [`History`] needs.
+    phase: Option<[usize; 2]>,
 }
 
 impl Preview {
@@ -39,6 +45,7 @@ impl Preview {
         let most = match (is_noisy, has_mirrors) {
             (false, _) => MIRROR_DEPTH,
             (true, false) => 1,
+            (true, true) if compiled.materials.iter().any(|m| m.kind.name() == "dielectric") => GLASS_DEPTH,
             (true, true) => 2,
         };
         let settings = Settings {
@@ -61,18 +68,48 @@ impl Preview {
             },
             ..settings.clone()
         };
-        Self { settings, is_noisy, has_fill: is_lit }
+        Self { settings, is_noisy, has_fill: is_lit, phase: None }
+    }
+
+    /// The same with samples at another place of each pixel, for pictures that are put together from several.
+    pub fn at_phase(mut self, phase: [usize; 2]) -> Self {
+        self.phase = Some(phase);
+        self.settings.pixel_position = Some(temporal::pixel_position(phase));
+        if !self.is_noisy {
+            self.settings.aovs = vec![Aov::MaterialId];
+        }
+        self.settings.aovs.push(Aov::Position);
+        self
     }
 
     /// Linear RGB values, three a pixel.
     pub fn render(&self, camera: &Camera, compiled: &CompiledScene, threads: usize) -> Vec<f32> {
+        self.image(camera, compiled, threads).1
+    }
+
+    /// The picture that follows another one.
+    pub fn follow(
+        &self,
+        before: Option<&History>,
+        camera: &Camera,
+        compiled: &CompiledScene,
+        threads: usize,
+    ) -> Option<History> {
+        let (image, rgb) = self.image(camera, compiled, threads);
+        let layer = |aov: Aov| image.layers.iter().find(|layer| layer.name == aov.name()).map(|l| &l.values[..]);
+        let (positions, ids) = (layer(Aov::Position)?, layer(Aov::MaterialId)?);
+        let (size, is_noisy) = (self.settings.size, self.is_noisy || camera.has_lens());
+        Some(History::next(before, &Fresh { camera, size, phase: self.phase?, rgb: &rgb, positions, ids, is_noisy }))
+    }
+
+    fn image(&self, camera: &Camera, compiled: &CompiledScene, threads: usize) -> (LayeredImage, Vec<f32>) {
         let (film, _) = Job::new(compiled, camera, &self.settings).run(threads, &|_| true);
         let image = picture(&film, &self.settings, compiled);
         let mut rgb = rgb_of(&image);
         if self.is_noisy {
             denoise(&image, &compiled.materials, self.settings.fill, &mut rgb);
         }
-        rgb
+        (image, rgb)
     }
 }
 

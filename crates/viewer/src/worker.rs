@@ -5,6 +5,7 @@ use crate::encode::{Encoder, Picture};
 use crate::preview::{self, Preview, rgb_of};
 use crate::protocol::{FrameHeader, ToPage};
 use crate::session::{Finished, REST, Session, Snapshot, lock};
+use crate::temporal::{self, History};
 use snell_math::Rgb;
 use snell_render::{CompiledScene, Film, IntegratorKind, Job, Settings, picture};
 use snell_scene::Scene;
@@ -30,6 +31,8 @@ pub struct Worker<'a> {
     fill: Option<Rgb>,
     /// The last moving picture, and the version of what it shows.
     last_preview: Option<(u64, Vec<f32>)>,
+    /// The last moving picture that the next one can go on from, and what else it depends on.
+    history: Option<((u32, IntegratorKind), History)>,
     /// The picture at rest being made.
     refinement: Option<Refinement>,
 }
@@ -68,6 +71,7 @@ impl<'a> Worker<'a> {
             frame: 0,
             fill: None,
             last_preview: None,
+            history: None,
             refinement: None,
         }
     }
@@ -139,11 +143,24 @@ impl<'a> Worker<'a> {
         let threads = self.threads;
         let guess = || preview::first_fill(&snapshot.settings, &snapshot.camera, compiled, threads);
         let fill = *self.fill.get_or_insert_with(guess);
-        let preview = Preview::new(&snapshot.settings, compiled, size, fill);
-        let rgb = preview.render(&snapshot.camera, compiled, self.threads);
+        let mut preview = Preview::new(&snapshot.settings, compiled, size, fill);
+        let history = self.history.take();
+        let (shown, rgb) = if preview.has_fill && size != snapshot.settings.size {
+            let what = (snapshot.generation, snapshot.settings.integrator);
+            let before = history.filter(|(of, _)| *of == what);
+            preview = preview.at_phase(temporal::phase(self.frame));
+            let before = before.as_ref().map(|(_, history)| history);
+            let next =
+                preview.follow(before, &snapshot.camera, compiled, self.threads).ok_or("a fault in the renderer")?;
+            let shown = (next.size(), next.rgb().to_vec());
+            self.history = Some((what, next));
+            shown
+        } else {
+            (size, preview.render(&snapshot.camera, compiled, self.threads))
+        };
         let has_fill = preview.has_fill && snapshot.settings.integrator == IntegratorKind::Path;
         self.last_preview = has_fill.then(|| (snapshot.version, rgb.clone()));
-        let header = self.header(snapshot, size, start.elapsed());
+        let header = self.header(snapshot, shown, start.elapsed());
         self.encoder.send(Picture { header, rgb, display: Some(snapshot.display) })?;
         // With the wait for the encoder, if it is what takes longest.
         self.budget.spent(size, start.elapsed().as_secs_f64());
