@@ -8,6 +8,7 @@ use crate::hit::Hit;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{TriangleBlock, exact_hit};
 use crate::mesh::TriangleMesh;
+use crate::precision::Single;
 use crate::query::rays::Rays;
 use crate::query::{AcceptAll, Grouping, HitFilter};
 use crate::world::tests::{bits, build, levels, nested_scene};
@@ -167,7 +168,7 @@ unsafe fn check_block_avx2(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray])
 #[inline(always)]
 unsafe fn check_block<L: WideLanes>(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray]) -> Result<(), TestCaseError> {
     // SAFETY: as promised by the caller.
-    let seen = unsafe { SeenBlock::<L>::new(block, bundle) };
+    let seen = unsafe { SeenBlock::<L>::new::<Single>(block, bundle) };
     for (lane, ray) in rays.iter().enumerate() {
         // SAFETY: as above.
         let (passed, sure) = unsafe { seen.candidates::<true>(bundle, lane) };
