@@ -13,6 +13,7 @@ use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{TriangleBlock, exact_hit, hit_in_plane, is_behind, plane_distance};
 use crate::kernel::{list, packet};
+use crate::query::nearest::{DNearestPoint, NearestPoint};
 use crate::query::search::{Goal, Search};
 use snell_math::simd::{Lanes8, Level, WideLanes};
 use snell_math::{DRay, DVec2, DVec3, Ray, Vec2, Vec3};
@@ -24,7 +25,13 @@ pub trait Precision: sealed::Sealed + Copy + Debug + Default + PartialEq + Send 
     /// Rays of the world.
     type Ray: Copy + Debug + Sync;
     /// What queries answer with.
-    type Hit: Copy + Debug + Default + PartialEq + Send;
+    type Hit: Copy + Debug + Default + PartialEq + Send + Sync;
+    /// Points, where queries are about those.
+    type Point: Copy + Debug + PartialEq + Into<DVec3> + Send + Sync;
+    /// Distances from them.
+    type Distance: Copy + Debug + PartialEq + Into<f64> + Send + Sync;
+    /// What queries for the nearest point answer with.
+    type Nearest: Copy + Debug + Default + PartialEq + Send + Sync;
 }
 
 /// `f32`: [`Ray`] and [`Hit`].
@@ -38,11 +45,17 @@ pub struct Double;
 impl Precision for Single {
     type Ray = Ray;
     type Hit = Hit;
+    type Point = Vec3;
+    type Distance = f32;
+    type Nearest = NearestPoint;
 }
 
 impl Precision for Double {
     type Ray = DRay;
     type Hit = DHit;
+    type Point = DVec3;
+    type Distance = f64;
+    type Nearest = DNearestPoint;
 }
 
 mod sealed {

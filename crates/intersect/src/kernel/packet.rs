@@ -190,22 +190,14 @@ struct Position {
 /// As [`Walker::walk`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn walk_bundle_avx2<G: Goal>(
-    walker: &mut Walker<'_, '_, G>,
-    position: Position,
-    bundle: &mut Bundle,
-) {
+unsafe fn walk_bundle_avx2<G: Goal>(walker: &mut Walker<'_, '_, G>, position: Position, bundle: &mut Bundle) {
     // SAFETY: as promised by the caller.
     unsafe { walker.walk::<snell_math::simd::Avx8>(position, bundle) }
 }
 
 /// # Safety
 /// As [`Walker::walk`].
-unsafe fn walk_bundle_portable<G: Goal>(
-    walker: &mut Walker<'_, '_, G>,
-    position: Position,
-    bundle: &mut Bundle,
-) {
+unsafe fn walk_bundle_portable<G: Goal>(walker: &mut Walker<'_, '_, G>, position: Position, bundle: &mut Bundle) {
     // SAFETY: as promised by the caller.
     unsafe { walker.walk::<Portable8>(position, bundle) }
 }

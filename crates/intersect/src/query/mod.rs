@@ -7,6 +7,7 @@ pub mod journey;
 pub mod nearest;
 mod order;
 pub mod parallel;
+pub mod queries;
 pub mod rays;
 pub(crate) mod search;
 pub mod winding;

@@ -2,8 +2,7 @@
 //!
 //! Everything is as in [`World`], with [`DTriangleMesh`]es, [`snell_math::DRay`]s and [`crate::DHit`]s. The trees are the same too:
 //! they hold the meshes near their own centre, scaled and rounded to `f32`, to find out which few triangles a ray may hit; those are
-//! decided in `f64`. ([`crate::Grouping::Coherent`] makes no difference to speed here, and surfaces, nearest points and winding numbers are
-//! those of [`World`] alone.)
+//! decided in `f64`. (Surfaces, [`World::interaction`], are those of [`World`] alone.)
 
 use super::occurrence::Occurrences;
 use super::reuse::Summary;

@@ -74,11 +74,7 @@ fn minor<T: Number>(p: &[DoubleDouble<T>; 3], q: &[DoubleDouble<T>; 3], i: usize
 
 #[inline(always)]
 fn differences<T: Number>(p: &[T; 3], q: &[T; 3]) -> [DoubleDouble<T>; 3] {
-    [
-        DoubleDouble::difference(p[0], q[0]),
-        DoubleDouble::difference(p[1], q[1]),
-        DoubleDouble::difference(p[2], q[2]),
-    ]
+    [DoubleDouble::difference(p[0], q[0]), DoubleDouble::difference(p[1], q[1]), DoubleDouble::difference(p[2], q[2])]
 }
 
 /// [`plane_distance`] without rounding before the quotient.

@@ -84,7 +84,8 @@ unsafe fn test<D: Lanes4>(
     // SAFETY: passed on to the caller; axes are below 3, and rows below 16.
     unsafe {
         let r = &pairs.rays;
-        let rows = [r[from] as usize & 15, r[from + 1] as usize & 15, r[from + 2] as usize & 15, r[from + 3] as usize & 15];
+        let rows =
+            [r[from] as usize & 15, r[from + 1] as usize & 15, r[from + 2] as usize & 15, r[from + 3] as usize & 15];
         let (o, d) = (&bundle.rays.origin, &bundle.rays.direction);
         let [ox, oy, oz, t_min] = D::load_columns([&o[rows[0]], &o[rows[1]], &o[rows[2]], &o[rows[3]]]);
         let [dx, dy, dz, _] = D::load_columns([&d[rows[0]], &d[rows[1]], &d[rows[2]], &d[rows[3]]]);
@@ -194,8 +195,7 @@ unsafe fn edge<D: Lanes4>(p: [D; 2], q: [D; 2]) -> (D, u32, u32) {
     let (a, b) = (p[0].mul(q[1]), p[1].mul(q[0]));
     let value = a.sub(b);
     // SAFETY: passed on to the caller.
-    let bound =
-        unsafe { a.abs().add(b.abs()).mul(D::splat(f64::EPSILON)).add(D::splat(f64::MIN_POSITIVE)) };
+    let bound = unsafe { a.abs().add(b.abs()).mul(D::splat(f64::EPSILON)).add(D::splat(f64::MIN_POSITIVE)) };
     (value, bound.lt(value), value.lt(bound.negated()))
 }
 

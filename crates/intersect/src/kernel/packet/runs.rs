@@ -5,8 +5,8 @@ use super::MIN_RAYS;
 use super::bundle::{Bundle, Columns, Kind, PerRay, RAYS, store};
 use crate::kernel::double::DoubleData;
 use crate::precision::{Double, Real, Single};
-use snell_math::{DRay, Ray};
 use snell_math::simd::WideLanes;
+use snell_math::{DRay, Ray};
 
 /// Makes a bundle of a run; false if it is none. Lanes without a ray repeat the first one and want nothing.
 ///

@@ -255,7 +255,7 @@ fn points_in_double_precision_find_what_rounded_ones_do_and_are_not_rounded() {
                 double.geometry,
                 double.primitive
             ),
-            (single.distance, single.position, single.uv, single.instance, single.geometry, single.primitive)
+            (single.distance, single.position, single.uv.as_dvec2(), single.instance, single.geometry, single.primitive)
         );
     }
     let ball = |b: &mut WorldBuilder| {
