@@ -388,3 +388,37 @@ fn bundles_of_rays_hold_a_closed_mesh_in_a_city() {
         }
     }
 }
+
+#[test]
+fn what_did_not_change_is_kept_what_moved_is_refitted_and_hits_are_those_of_a_new_world() {
+    let options = BuildOptions::default();
+    let mut builder = DWorldBuilder::default();
+    let house = builder.add_group();
+    let still = Arc::new(double_sphere(CITY, 1.0, 30, 60));
+    builder.add_mesh(house, still.clone());
+    let moving = builder.add_mesh(DWorldBuilder::ROOT, Arc::new(double_sphere(CITY, 0.5, 30, 60)));
+    let placed = builder.add_instance(DWorldBuilder::ROOT, house, Transform::translation(DVec3::X * 3.0));
+    let mut world = builder.clone().build(&options).expect("a world");
+    let mut random = Random(11);
+    let rays = rays_into(&mut random, CITY, 2.0, 400);
+    for step in 1..4 {
+        let mut mesh = double_sphere(CITY + DVec3::splat(0.01 * f64::from(step)), 0.5, 30, 60);
+        mesh.positions.iter_mut().for_each(|p| p.z += 0.1 * (p.x - CITY.x));
+        builder.set_mesh(moving, Arc::new(mesh)).expect("a mesh");
+        builder.move_instance(placed, Transform::translation(DVec3::X * (3.0 - 0.1 * f64::from(step))));
+        let next = builder.rebuild(&options, &world).expect("a world");
+        let reuse = next.stats().reuse;
+        assert_eq!((reuse.kept, reuse.refitted, reuse.built), (1, 1, 0), "{step}");
+        assert!(Arc::ptr_eq(&next.data.corners_of(0), &world.data.corners_of(0)), "corners are shared");
+        let new = builder.clone().build(&options).expect("a world");
+        let (mut hits, mut expected) = (vec![DHit::MISS; rays.len()], vec![DHit::MISS; rays.len()]);
+        next.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
+        new.closest(&rays, Grouping::None, &AcceptAll, &mut expected);
+        assert!(hits.iter().zip(&expected).all(|(a, b)| bits(a) == bits(b)), "{step}");
+        assert!(expected.iter().filter(|hit| hit.is_hit()).count() > 50);
+        world = next;
+    }
+    assert!(builder.remove(moving) && builder.remove_instance(placed));
+    let empty = builder.rebuild(&options, &world).expect("a world");
+    assert!(rays.iter().all(|ray| !empty.closest_one(ray, &AcceptAll).is_hit()));
+}
