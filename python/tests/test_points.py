@@ -115,7 +115,7 @@ def test_masks_choose_what_counts():
 
 
 def test_double_precision_tells_sides_of_a_millimetre_in_a_city(rng):
-    vertices, faces = sphere_mesh()
+    vertices, faces = sphere_mesh(20, 40)
     radius = 1e-3
     scene = snell.Scene()
     scene.add_mesh(vertices * radius + UTM, faces)
@@ -136,7 +136,7 @@ def test_double_precision_tells_sides_of_a_millimetre_in_a_city(rng):
 
 
 def test_edits_show_in_double_precision():
-    vertices, faces = sphere_mesh()
+    vertices, faces = sphere_mesh(20, 40)
     scene = snell.Scene()
     ball = scene.add_mesh(vertices + UTM, faces)
     other = scene.add_mesh(vertices, faces, transform=np.diag([1.0, 1.0, 1.0, 1.0]))

@@ -20,26 +20,42 @@ pub(crate) const LARGE: f64 = 1e60;
 /// Bound of the relative error of a determinant in plain `f64`: `8 u`, with room to spare.
 pub(crate) const ROUGH: f64 = 1.0 / (1u64 << 49) as f64;
 
-/// The ray parameter at which the line of the ray meets the plane of the corners; `None` if that is surely not after `t_min`.
-/// Infinite or NaN if they are parallel, or beyond what `f64` can hold.
-#[inline(always)]
-pub(crate) fn plane_distance(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<f64> {
-    let [a, b, c] = *corners;
-    let (e1, e2, r, d) = (b - a, c - a, a - ray.origin, ray.direction);
-    let normal = e1.cross(e2);
-    let (height, speed) = (normal.dot(r), normal.dot(d));
-    // The sizes of all products.
-    let (e1, e2, r, d) = (e1.abs(), e2.abs(), r.abs(), d.abs());
-    let sizes = DVec3::new(e1.y * e2.z + e1.z * e2.y, e1.z * e2.x + e1.x * e2.z, e1.x * e2.y + e1.y * e2.x);
-    let (heights, speeds) = (sizes.dot(r), sizes.dot(d));
-    let in_range = heights > TINY && speeds > TINY && (r + d + e1 + e2).element_sum() < LARGE;
-    // Most rays leave a surface, and find it behind their start.
-    let (after, pace) = (height * speed.signum(), speed.abs());
-    let error = (heights + t_min.abs() * speeds) * ROUGH;
-    if in_range && pace > speeds * ROUGH && after - t_min * pace < -error {
-        return None;
+/// What plain `f64` says of a ray and the plane of a triangle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Estimate {
+    /// Above these, determinants in numbers of two parts are good enough.
+    least_height: f64,
+    least_speed: f64,
+}
+
+impl Estimate {
+    /// `None` if the line of the ray surely does not meet the plane after `t_min`.
+    #[inline(always)]
+    pub fn of(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<Self> {
+        let [a, b, c] = *corners;
+        let (e1, e2, r, d) = (b - a, c - a, a - ray.origin, ray.direction);
+        let normal = e1.cross(e2);
+        let (height, speed) = (normal.dot(r), normal.dot(d));
+        // The sizes of all products.
+        let (e1, e2, r, d) = (e1.abs(), e2.abs(), r.abs(), d.abs());
+        let sizes = DVec3::new(e1.y * e2.z + e1.z * e2.y, e1.z * e2.x + e1.x * e2.z, e1.x * e2.y + e1.y * e2.x);
+        let (heights, speeds) = (sizes.dot(r), sizes.dot(d));
+        let in_range = heights > TINY && speeds > TINY && (r + d + e1 + e2).element_sum() < LARGE;
+        // Most rays leave a surface, and find it behind their start.
+        let (after, pace) = (height * speed.signum(), speed.abs());
+        let error = (heights + t_min.abs() * speeds) * ROUGH;
+        if in_range && pace > speeds * ROUGH && after - t_min * pace < -error {
+            return None;
+        }
+        let least_speed = if in_range { speeds * SURE } else { f64::INFINITY };
+        Some(Self { least_height: heights * SURE, least_speed })
     }
-    Some(precise_distance(ray, corners, heights * SURE, if in_range { speeds * SURE } else { f64::INFINITY }))
+
+    /// The ray parameter at which the line of the ray meets the plane. Infinite or NaN if they are parallel, or beyond what `f64` can hold.
+    #[inline(always)]
+    pub fn distance(self, ray: &DRay, corners: &[DVec3; 3]) -> f64 {
+        precise_distance(ray, corners, self.least_height, self.least_speed)
+    }
 }
 
 /// The distance, in numbers of two parts if that gives determinants above these bounds.
@@ -77,7 +93,7 @@ fn differences<T: Number>(p: &[T; 3], q: &[T; 3]) -> [DoubleDouble<T>; 3] {
     [DoubleDouble::difference(p[0], q[0]), DoubleDouble::difference(p[1], q[1]), DoubleDouble::difference(p[2], q[2])]
 }
 
-/// [`plane_distance`] without rounding before the quotient.
+/// [`Estimate::distance`] without rounding before the quotient.
 ///
 /// Positions and the direction are first brought near 1 by powers of two, so that nothing overflows, and what underflows is far
 /// below everything else.

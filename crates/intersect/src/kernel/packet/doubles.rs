@@ -94,7 +94,7 @@ unsafe fn test<D: Lanes4>(
         let corners = [[x0, y0, z0], [x1, y1, z1], [x2, y2, z2]];
         let (origin, direction) = ([ox, oy, oz], [dx, dy, dz]);
         let relative = [minus(corners[0], origin), minus(corners[1], origin), minus(corners[2], origin)];
-        // Most rays leave a surface, and find it behind their start: [`plane_distance`].
+        // Most rays leave a surface, and find it behind their start: as in [`crate::kernel::double::plane::Estimate`].
         let (e1, e2) = (minus(corners[1], corners[0]), minus(corners[2], corners[0]));
         let (normal, zero) = (cross(e1, e2), D::splat(0.0));
         let (height, speed) = (dot(normal, relative[0]), dot(normal, direction));
