@@ -112,3 +112,41 @@ def test_masks_choose_what_counts():
     scene.add_shape("sphere", mask=1, radius=1)
     scene.add_shape("sphere", mask=2, radius=2)
     assert [float(scene.distance([0, 0, 5], mask=m)) for m in (1, 2, 3, 4)] == [4, 3, 3, np.inf]
+
+
+def test_double_precision_tells_sides_of_a_millimetre_in_a_city(rng):
+    vertices, faces = sphere_mesh(20, 40)
+    radius = 1e-3
+    scene = snell.Scene()
+    scene.add_mesh(vertices * radius + UTM, faces)
+    d = rng.normal(size=(200, 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    size = np.linalg.norm(vertices, axis=1).max()
+    for share, inside in ((0.5, True), (1.1, False)):
+        points = d * (radius * size * share) + UTM
+        assert (scene.occupancy(points) == inside).all()
+        assert ((scene.signed_distance(points) < 0) == inside).all()
+        np.testing.assert_allclose(scene.winding_number(points), float(inside), atol=0.1)
+        near = scene.closest_points(points)
+        # Of all triangles, by their corners: none is nearer than what was found.
+        corners = (vertices * radius + UTM)[faces].reshape(-1, 3)
+        least = np.linalg.norm(corners[None] - points[:, None], axis=2).min(1)
+        assert (near.distances <= least + 1e-12).all()
+        np.testing.assert_allclose(np.linalg.norm(near.points - points, axis=1), near.distances, atol=4e-9)
+
+
+def test_edits_show_in_double_precision():
+    vertices, faces = sphere_mesh(20, 40)
+    scene = snell.Scene()
+    ball = scene.add_mesh(vertices + UTM, faces)
+    other = scene.add_mesh(vertices, faces, transform=np.diag([1.0, 1.0, 1.0, 1.0]))
+    origin = UTM - [0, 0, 5]
+    before = scene.cast_rays((origin, [0, 0.01, 1.0])).t_hit
+    scene.update_vertices(ball, vertices + UTM + [0, 0, 0.125])
+    np.testing.assert_allclose(scene.cast_rays((origin, [0, 0.01, 1.0])).t_hit, before + 0.125, atol=1e-2)
+    assert scene.distance(UTM + [0, 0, 0.125]) > 0.9
+    scene.remove(ball)
+    assert np.isinf(scene.cast_rays((origin, [0, 0.01, 1.0])).t_hit)
+    assert scene.distance(np.zeros(3)) > 0.9
+    scene.remove(other)
+    assert np.isinf(scene.distance(np.zeros(3)))

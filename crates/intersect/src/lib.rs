@@ -47,6 +47,7 @@ pub use query::crossings::AllHits;
 pub use query::journey::{Journey, Place, PlaceKind, Stop};
 pub use query::nearest::{DNearestPoint, NearestPoint, Points};
 pub use query::parallel::{Cancelled, Parallel};
+pub use query::queries::Queries;
 pub use query::rays::{InvalidRays, RayQuery, Rays};
 pub use query::{AcceptAll, Grouping, HitFilter};
 pub use shape::{AnyShape, Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, Sphere};

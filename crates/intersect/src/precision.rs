@@ -3,27 +3,35 @@
 //! Trees, boxes and kernels are the same for both, in `f32`: boxes and filters only skip. What decides is different: how a ray is
 //! brought into the coordinates of a tree, and the exact test of a triangle.
 
-use crate::accel::bvh::Forest;
+use crate::accel::bvh::{Forest, GroupTree};
 use crate::hit::{DHit, Hit};
 use crate::kernel::double::{self, DoubleData};
 use crate::kernel::interleave::Batch;
+use crate::kernel::packet::bundle::{Bundle, Columns};
+use crate::kernel::packet::exact::{Found, Pairs};
 use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{TriangleBlock, exact_hit, hit_in_plane, is_behind, plane_distance};
 use crate::kernel::{list, packet};
+use crate::query::nearest::{DNearestPoint, NearestPoint};
 use crate::query::search::{Goal, Search};
-use snell_math::simd::{Lanes8, Level};
+use snell_math::simd::{Lanes8, Level, WideLanes};
 use snell_math::{DRay, DVec2, DVec3, Ray, Vec2, Vec3};
 use std::cmp::Ordering;
 use std::fmt::Debug;
-use std::ops::Range;
 
 /// The precision of a world's coordinates and rays: [`Single`] or [`Double`].
 pub trait Precision: sealed::Sealed + Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Rays of the world.
     type Ray: Copy + Debug + Sync;
     /// What queries answer with.
-    type Hit: Copy + Debug + Default + PartialEq + Send;
+    type Hit: Copy + Debug + Default + PartialEq + Send + Sync;
+    /// Points, where queries are about those.
+    type Point: Copy + Debug + PartialEq + Into<DVec3> + Send + Sync;
+    /// Distances from them.
+    type Distance: Copy + Debug + PartialEq + Into<f64> + Send + Sync;
+    /// What queries for the nearest point answer with.
+    type Nearest: Copy + Debug + Default + PartialEq + Send + Sync;
 }
 
 /// `f32`: [`Ray`] and [`Hit`].
@@ -37,11 +45,17 @@ pub struct Double;
 impl Precision for Single {
     type Ray = Ray;
     type Hit = Hit;
+    type Point = Vec3;
+    type Distance = f32;
+    type Nearest = NearestPoint;
 }
 
 impl Precision for Double {
     type Ray = DRay;
     type Hit = DHit;
+    type Point = DVec3;
+    type Distance = f64;
+    type Nearest = DNearestPoint;
 }
 
 mod sealed {
@@ -52,6 +66,9 @@ mod sealed {
 
 /// A distance: `f32` or `f64`.
 pub(crate) trait Real: Copy + Debug + PartialOrd + Into<f64> {
+    /// Nothing.
+    const ZERO: Self;
+
     /// The next greater number.
     fn next_up(self) -> Self;
 
@@ -66,6 +83,8 @@ pub(crate) trait Real: Copy + Debug + PartialOrd + Into<f64> {
 }
 
 impl Real for f32 {
+    const ZERO: Self = 0.0;
+
     #[inline(always)]
     fn next_up(self) -> Self {
         self.next_up()
@@ -88,6 +107,8 @@ impl Real for f32 {
 }
 
 impl Real for f64 {
+    const ZERO: Self = 0.0;
+
     #[inline(always)]
     fn next_up(self) -> Self {
         self.next_up()
@@ -181,14 +202,42 @@ pub(crate) trait Rules: Precision {
         ids: impl FnOnce() -> [u32; 3],
     ) -> Option<Self::Hit>;
 
-    /// Searches for runs of coherent rays ([`packet::search_runs`]); returns the ranges of rays that were left out.
-    fn search_runs<G: Goal<Precision = Self>>(
-        forest: &Forest,
-        level: Level,
-        batch: &Batch<Self>,
-        start: impl Fn(&Self::Ray) -> G,
-        finish: impl FnMut(usize, G),
-    ) -> Vec<Range<usize>>;
+    /// As [`Self::hit`], of what [`Self::exact_hits`] has found.
+    fn found(t: Self::Real, uv: [Self::Real; 2], ids: [u32; 3]) -> Self::Hit;
+
+    /// A point of a group in the coordinates that the structures of the group are in.
+    fn point_in_structure(data: &Self::Data, group: usize, point: DVec3) -> DVec3;
+
+    /// About the way back.
+    fn point_in_group(data: &Self::Data, group: usize, point: DVec3) -> DVec3;
+
+    /// How far vertices in the structures of a group may be from where they should be.
+    fn slack(data: &Self::Data, group: usize) -> f32;
+
+    /// Makes a bundle of a run of rays in the root group; false if it is none. Lanes without a ray repeat the first one and want nothing.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    unsafe fn set_up_bundle<L: WideLanes>(
+        data: &Self::Data,
+        bundle: &mut Bundle,
+        columns: &mut Columns,
+        rays: &[Self::Ray],
+        backward: bool,
+    ) -> bool;
+
+    /// The exact test for up to eight pairs of a ray of the bundle and a triangle of the block ([`packet::exact::exact_hits`]).
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`. All rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
+    unsafe fn exact_hits<L: WideLanes>(
+        data: &Self::Data,
+        tree: &GroupTree,
+        block: &TriangleBlock,
+        bundle: &Bundle,
+        pairs: &Pairs,
+        found: &mut Found<Self::Real>,
+    );
 
     /// Searches for the first rays of a batch, or all, in the list of the forest ([`list::search_list`]); returns how many.
     fn search_list<G: Goal<Precision = Self>>(
@@ -343,14 +392,49 @@ impl Rules for Single {
         single_hit(search, hit_in_plane(&ray.exact(*origin, *direction), corners, plane, t_min), ids)
     }
 
-    fn search_runs<G: Goal<Precision = Self>>(
-        forest: &Forest,
-        level: Level,
-        batch: &Batch<Self>,
-        start: impl Fn(&Ray) -> G,
-        finish: impl FnMut(usize, G),
-    ) -> Vec<Range<usize>> {
-        packet::search_runs(forest, level, batch, start, finish)
+    #[inline(always)]
+    fn found(t: f32, [b1, b2]: [f32; 2], [instance, geometry, primitive]: [u32; 3]) -> Hit {
+        Hit { t, uv: Vec2::new(b1, b2), instance, geometry, primitive }
+    }
+
+    #[inline(always)]
+    fn point_in_structure(_: &(), _: usize, point: DVec3) -> DVec3 {
+        point
+    }
+
+    #[inline(always)]
+    fn point_in_group(_: &(), _: usize, point: DVec3) -> DVec3 {
+        point
+    }
+
+    #[inline(always)]
+    fn slack(_: &(), _: usize) -> f32 {
+        0.0
+    }
+
+    #[inline(always)]
+    unsafe fn set_up_bundle<L: WideLanes>(
+        _: &(),
+        bundle: &mut Bundle,
+        columns: &mut Columns,
+        rays: &[Ray],
+        backward: bool,
+    ) -> bool {
+        // SAFETY: passed on to the caller.
+        unsafe { packet::runs::set_up::<L>(bundle, columns, rays, backward) }
+    }
+
+    #[inline(always)]
+    unsafe fn exact_hits<L: WideLanes>(
+        _: &(),
+        _: &GroupTree,
+        block: &TriangleBlock,
+        bundle: &Bundle,
+        pairs: &Pairs,
+        found: &mut Found<f32>,
+    ) {
+        // SAFETY: passed on to the caller.
+        unsafe { packet::exact::exact_hits::<L>(block, bundle, pairs, found) }
     }
 
     #[inline(always)]
@@ -502,15 +586,49 @@ impl Rules for Double {
         double_hit(search, &DRay::new(*origin, *direction), ids())
     }
 
-    /// All of them: bundles are in single precision.
-    fn search_runs<G: Goal<Precision = Self>>(
-        _: &Forest,
-        _: Level,
-        batch: &Batch<Self>,
-        _: impl Fn(&DRay) -> G,
-        _: impl FnMut(usize, G),
-    ) -> Vec<Range<usize>> {
-        std::iter::once(0..batch.rays.len()).collect()
+    #[inline(always)]
+    fn found(t: f64, [b1, b2]: [f64; 2], [instance, geometry, primitive]: [u32; 3]) -> DHit {
+        DHit { t, uv: DVec2::new(b1, b2), instance, geometry, primitive }
+    }
+
+    #[inline(always)]
+    fn point_in_structure(data: &DoubleData, group: usize, point: DVec3) -> DVec3 {
+        data.frames[group].point(point)
+    }
+
+    #[inline(always)]
+    fn point_in_group(data: &DoubleData, group: usize, point: DVec3) -> DVec3 {
+        data.frames[group].point_in_group(point)
+    }
+
+    #[inline(always)]
+    fn slack(data: &DoubleData, group: usize) -> f32 {
+        data.frames[group].slack
+    }
+
+    #[inline(always)]
+    unsafe fn set_up_bundle<L: WideLanes>(
+        data: &DoubleData,
+        bundle: &mut Bundle,
+        columns: &mut Columns,
+        rays: &[DRay],
+        backward: bool,
+    ) -> bool {
+        // SAFETY: passed on to the caller.
+        unsafe { packet::runs::set_up_doubles::<L>(data, bundle, columns, rays, backward) }
+    }
+
+    #[inline(always)]
+    unsafe fn exact_hits<L: WideLanes>(
+        data: &DoubleData,
+        tree: &GroupTree,
+        block: &TriangleBlock,
+        bundle: &Bundle,
+        pairs: &Pairs,
+        found: &mut Found<f64>,
+    ) {
+        // SAFETY: passed on to the caller.
+        unsafe { packet::doubles::exact_hits::<L::Doubles>(data, tree, block, bundle, pairs, found) }
     }
 
     /// None: lists are in single precision.

@@ -4,30 +4,116 @@
 //! that does not decide are [`Expansion`]s needed (Shewchuk, Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric
 //! Predicates, 1997). Everything holds as long as nothing overflows and no product falls below some `1e-290`.
 
+use crate::simd::Lanes4;
 use std::cmp::Ordering;
+
+/// What sums and products with their errors are made of: an `f64`, or several side by side ([`Lanes4`]).
+pub trait Number: Copy {
+    /// `self + other`.
+    fn add(self, other: Self) -> Self;
+
+    /// `self - other`.
+    fn sub(self, other: Self) -> Self;
+
+    /// `self other`.
+    fn mul(self, other: Self) -> Self;
+
+    /// `self / other`.
+    fn div(self, other: Self) -> Self;
+
+    /// `-self`.
+    fn negated(self) -> Self;
+
+    /// `self factor + summand`, rounded once. One operation where the code around is compiled for it, and a call elsewhere; the bits
+    /// are the same.
+    fn fused(self, factor: Self, summand: Self) -> Self;
+}
+
+impl Number for f64 {
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self + other
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self - other
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self * other
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self / other
+    }
+
+    #[inline(always)]
+    fn negated(self) -> Self {
+        -self
+    }
+
+    #[inline(always)]
+    fn fused(self, factor: Self, summand: Self) -> Self {
+        self.mul_add(factor, summand)
+    }
+}
+
+impl<D: Lanes4> Number for D {
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Lanes4::add(self, other)
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Lanes4::sub(self, other)
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Lanes4::mul(self, other)
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        Lanes4::div(self, other)
+    }
+
+    #[inline(always)]
+    fn negated(self) -> Self {
+        Lanes4::negated(self)
+    }
+
+    #[inline(always)]
+    fn fused(self, factor: Self, summand: Self) -> Self {
+        Lanes4::fused(self, factor, summand)
+    }
+}
 
 /// `a + b` and its rounding error (Knuth).
 #[inline(always)]
-pub fn two_sum(a: f64, b: f64) -> (f64, f64) {
-    let sum = a + b;
-    let b_part = sum - a;
-    let a_part = sum - b_part;
-    (sum, (a - a_part) + (b - b_part))
+pub fn two_sum<T: Number>(a: T, b: T) -> (T, T) {
+    let sum = a.add(b);
+    let b_part = sum.sub(a);
+    let a_part = sum.sub(b_part);
+    (sum, a.sub(a_part).add(b.sub(b_part)))
 }
 
 /// `a + b` and its rounding error, for `|a| >= |b|` or `a == 0` (Dekker).
 #[inline(always)]
-fn fast_two_sum(a: f64, b: f64) -> (f64, f64) {
-    let sum = a + b;
-    (sum, b - (sum - a))
+fn fast_two_sum<T: Number>(a: T, b: T) -> (T, T) {
+    let sum = a.add(b);
+    (sum, b.sub(sum.sub(a)))
 }
 
-/// `a b` and its rounding error. One fused operation where the code around is compiled for it, and a call elsewhere; the bits are
-/// the same.
+/// `a b` and its rounding error.
 #[inline(always)]
-pub fn two_product(a: f64, b: f64) -> (f64, f64) {
-    let product = a * b;
-    (product, a.mul_add(b, -product))
+pub fn two_product<T: Number>(a: T, b: T) -> (T, T) {
+    let product = a.mul(b);
+    (product, a.fused(b, product.negated()))
 }
 
 /// Compares `a b` with `c d` exactly, whatever their size; `None` if one of the four is infinite or NaN.
@@ -84,18 +170,18 @@ fn integer_parts(x: f64) -> Option<(i32, u64, i32)> {
 /// Bounds of the errors: Joldes, Muller and Popescu, Tight and Rigorous Error Bounds for Basic Building Blocks of Double-Word
 /// Arithmetic (ACM TOMS, 2017). `u` is `2^-53`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct DoubleDouble {
+pub struct DoubleDouble<T = f64> {
     /// The sum, rounded.
-    pub high: f64,
+    pub high: T,
     /// What is missing.
-    pub low: f64,
+    pub low: T,
 }
 
-impl DoubleDouble {
+impl<T: Number> DoubleDouble<T> {
     /// `a - b`, exactly.
     #[inline(always)]
-    pub fn difference(a: f64, b: f64) -> Self {
-        let (high, low) = two_sum(a, -b);
+    pub fn difference(a: T, b: T) -> Self {
+        let (high, low) = two_sum(a, b.negated());
         Self { high, low }
     }
 
@@ -104,40 +190,40 @@ impl DoubleDouble {
     pub fn plus(self, other: Self) -> Self {
         let (sum, error) = two_sum(self.high, other.high);
         let (low, low_error) = two_sum(self.low, other.low);
-        let (sum, error) = fast_two_sum(sum, error + low);
-        let (high, low) = fast_two_sum(sum, low_error + error);
+        let (sum, error) = fast_two_sum(sum, error.add(low));
+        let (high, low) = fast_two_sum(sum, low_error.add(error));
         Self { high, low }
     }
 
     /// The difference, as [`Self::plus`].
     #[inline(always)]
     pub fn minus(self, other: Self) -> Self {
-        self.plus(Self { high: -other.high, low: -other.low })
+        self.plus(Self { high: other.high.negated(), low: other.low.negated() })
     }
 
     /// The product, with a relative error of at most `5 u^2` (their algorithm 11).
     #[inline(always)]
     pub fn times(self, other: Self) -> Self {
         let (product, error) = two_product(self.high, other.high);
-        let cross = self.high.mul_add(other.low, self.low * other.high);
-        let (high, low) = fast_two_sum(product, error + cross);
+        let cross = self.high.fused(other.low, self.low.mul(other.high));
+        let (high, low) = fast_two_sum(product, error.add(cross));
         Self { high, low }
     }
 
     /// The product with a plain number, with a relative error of at most `2 u^2` (their algorithm 9).
     #[inline(always)]
-    pub fn times_f64(self, other: f64) -> Self {
+    pub fn times_plain(self, other: T) -> Self {
         let (product, error) = two_product(self.high, other);
-        let (high, low) = fast_two_sum(product, self.low.mul_add(other, error));
+        let (high, low) = fast_two_sum(product, self.low.fused(other, error));
         Self { high, low }
     }
 
     /// The quotient as a plain number: off by hardly more than half a unit in the last place.
     #[inline(always)]
-    pub fn divided_by(self, other: Self) -> f64 {
-        let quotient = self.high / other.high;
-        let rest = self.minus(other.times_f64(quotient));
-        quotient + rest.high / other.high
+    pub fn divided_by(self, other: Self) -> T {
+        let quotient = self.high.div(other.high);
+        let rest = self.minus(other.times_plain(quotient));
+        quotient.add(rest.high.div(other.high))
     }
 }
 
@@ -261,7 +347,7 @@ mod tests {
             prop_assert!(near(x.plus(y), &ex.plus(&ey)));
             prop_assert!(near(x.minus(y), &ex.plus(&ey.negated())));
             prop_assert!(near(x.times(y), &ex.times(&ey)));
-            prop_assert!(near(x.times_f64(c), &ex.times(&Expansion::difference(c, 0.0))));
+            prop_assert!(near(x.times_plain(c), &ex.times(&Expansion::difference(c, 0.0))));
         }
 
         #[test]

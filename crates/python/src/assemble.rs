@@ -7,7 +7,7 @@
 use crate::contents::{Contents, Kind, Object, Slot};
 use crate::mesh::Mesh;
 use snell_intersect::{AnyShape, BuildOptions, GeometryId, GroupId, Hit, Instance, Spheres, WorldBuilder, WorldError};
-use snell_math::{DVec3, Transform};
+use snell_math::Transform;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -65,15 +65,6 @@ pub struct Snapshot<F: Form> {
     pub names: Arc<Names>,
 }
 
-/// Which vertices a mesh has in a world.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MeshForm {
-    /// The vertices of the scene, in the precision of the world.
-    AsGiven,
-    /// Those less the centre of the mesh.
-    Centered,
-}
-
 /// A way to make a world of a scene.
 pub trait Form: 'static {
     /// What is asked.
@@ -88,14 +79,6 @@ pub trait Form: 'static {
         previous: Option<&Self::World>,
     ) -> Result<Self::World, WorldError>;
 
-    /// Which vertices meshes have.
-    const MESHES: MeshForm = MeshForm::AsGiven;
-
-    /// The point of a mesh that becomes the origin of its group.
-    fn center(_mesh: &Mesh) -> DVec3 {
-        DVec3::ZERO
-    }
-
     /// Where an occurrence is.
     fn placed(world: &Self::World, occurrence: u32) -> Transform;
 }
@@ -105,7 +88,7 @@ pub trait Builder: Default {
     /// A new group.
     fn add_group(&mut self) -> GroupId;
     /// Triangles in a group.
-    fn add_mesh(&mut self, group: GroupId, mesh: &Mesh, form: MeshForm) -> GeometryId;
+    fn add_mesh(&mut self, group: GroupId, mesh: &Mesh) -> GeometryId;
     /// A shape in a group.
     fn add_shape(&mut self, group: GroupId, shape: &Arc<AnyShape>, placed: Transform) -> GeometryId;
     /// Spheres in a group.
@@ -152,16 +135,7 @@ impl<F: Form> Assembler<F> {
                 continue;
             };
             let number = number as u32;
-            let center = match &object.kind {
-                Kind::Mesh(mesh) => F::center(mesh),
-                _ => DVec3::ZERO,
-            };
-            let centered = (center != DVec3::ZERO).then(|| Transform::translation(center));
-            let placed = match (object.transform, centered) {
-                (Some(placed), Some(centered)) => Some(placed.compose(&centered)),
-                (placed, centered) => placed.or(centered),
-            };
-            let (child, below, instance) = match (&object.kind, placed) {
+            let (child, below, instance) = match (&object.kind, object.transform) {
                 (Kind::Instance(scene), _) => {
                     let (child, below) = self.scene(scene);
                     (child, below, number)
@@ -177,7 +151,7 @@ impl<F: Form> Assembler<F> {
                 }
             };
             let mask = if instance == Hit::NONE { u32::MAX } else { object.mask };
-            let placed = placed.unwrap_or(Transform::IDENTITY);
+            let placed = object.transform.unwrap_or(Transform::IDENTITY);
             self.builder.add(group, Instance { mask, ..Instance::new(child, placed) });
             if group == WorldBuilder::ROOT {
                 // Worlds with more occurrences than numbers are refused when they are built.
@@ -202,7 +176,7 @@ impl<F: Form> Assembler<F> {
     fn geometry(&mut self, group: GroupId, number: u32, object: &Object) {
         let placed = object.transform.unwrap_or(Transform::IDENTITY);
         let (id, surface) = match &object.kind {
-            Kind::Mesh(mesh) => (self.builder.add_mesh(group, mesh, F::MESHES), Surface::Mesh(mesh.clone())),
+            Kind::Mesh(mesh) => (self.builder.add_mesh(group, mesh), Surface::Mesh(mesh.clone())),
             Kind::Shape(shape) => (self.builder.add_shape(group, shape, placed), Surface::Shape(shape.clone(), placed)),
             Kind::Spheres(spheres) => (self.builder.add_spheres(group, spheres), Surface::Spheres(spheres.clone())),
             Kind::Instance(_) => return,

@@ -77,8 +77,6 @@ pub struct Contents {
     /// The nodes that the objects were read from, as long as no object was changed: they are named and nested as the file says.
     nodes: Option<Arc<Nodes>>,
     nesting: usize,
-    /// Some mesh has, or had, vertices in double precision.
-    has_double: bool,
 }
 
 impl Contents {
@@ -96,11 +94,6 @@ impl Contents {
             }
             self.nesting = self.nesting.max(child.nesting + 1);
         }
-        self.has_double |= match &object.kind {
-            Kind::Mesh(mesh) => mesh.is_double(),
-            Kind::Instance(child) => child.has_double,
-            Kind::Shape(_) | Kind::Spheres(_) => false,
-        };
         // The last number means "nothing".
         let number = u32::try_from(self.slots.len()).ok().filter(|&n| n != u32::MAX);
         let number = number.ok_or_else(|| PyValueError::new_err("a scene holds no more than 4294967295 objects"))?;
@@ -146,7 +139,6 @@ impl Contents {
     /// Puts another mesh in the place of one.
     pub fn set_mesh(&mut self, id: i64, mesh: Arc<Mesh>) -> PyResult<()> {
         self.mesh(id)?;
-        self.has_double |= mesh.is_double();
         self.get_mut(id)?.kind = Kind::Mesh(mesh);
         Ok(())
     }
@@ -202,11 +194,6 @@ impl Contents {
             all = all.union(&object.transform.map_or(own, |map| map.bounds(&own)));
         }
         all
-    }
-
-    /// True if some mesh, here or in an instance, has vertices in double precision.
-    pub fn has_double_meshes(&self) -> bool {
-        self.has_double
     }
 
     /// The objects that are there, with their numbers.

@@ -128,8 +128,8 @@ impl Mesh {
         })
     }
 
-    /// In single precision, with [`Self::center`] as the origin.
-    pub fn centered(&self) -> &Arc<TriangleMesh> {
+    /// In single precision, with `center` as the origin.
+    fn centered(&self) -> &Arc<TriangleMesh> {
         if !self.is_double {
             return self.single();
         }
@@ -137,11 +137,6 @@ impl Mesh {
             let positions = self.double().positions.iter().map(|p| (p - self.center).as_vec3()).collect();
             Arc::new(TriangleMesh { positions, indices: self.indices().to_vec(), ..TriangleMesh::default() })
         })
-    }
-
-    /// The origin of [`Self::centered`].
-    pub fn center(&self) -> DVec3 {
-        self.center
     }
 
     /// In double precision.

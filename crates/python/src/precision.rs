@@ -1,6 +1,6 @@
 //! What is done alike in `float32` and in `float64`: one trait, implemented by the two number types.
 
-use crate::assemble::{Builder, Form, MeshForm};
+use crate::assemble::{Builder, Form};
 use crate::mesh::Mesh;
 use numpy::Element;
 use snell_intersect::world::BuildStats;
@@ -86,8 +86,11 @@ impl Form for f64 {
     type World = DWorld;
     type Builder = DWorldBuilder;
 
-    fn build(builder: DWorldBuilder, options: &BuildOptions, _: Option<&DWorld>) -> Result<DWorld, WorldError> {
-        builder.build(options)
+    fn build(builder: DWorldBuilder, options: &BuildOptions, previous: Option<&DWorld>) -> Result<DWorld, WorldError> {
+        match previous {
+            Some(previous) => builder.rebuild(options, previous),
+            None => builder.build(options),
+        }
     }
 
     fn placed(world: &DWorld, occurrence: u32) -> Transform {
@@ -198,9 +201,8 @@ impl Builder for WorldBuilder {
         self.add_group()
     }
 
-    fn add_mesh(&mut self, group: GroupId, mesh: &Mesh, form: MeshForm) -> GeometryId {
-        let mesh = if form == MeshForm::Centered { mesh.centered() } else { mesh.single() };
-        self.add_mesh(group, mesh.clone())
+    fn add_mesh(&mut self, group: GroupId, mesh: &Mesh) -> GeometryId {
+        self.add_mesh(group, mesh.single().clone())
     }
 
     fn add_shape(&mut self, group: GroupId, shape: &Arc<AnyShape>, placed: Transform) -> GeometryId {
@@ -230,7 +232,7 @@ impl Builder for DWorldBuilder {
         self.add_group()
     }
 
-    fn add_mesh(&mut self, group: GroupId, mesh: &Mesh, _: MeshForm) -> GeometryId {
+    fn add_mesh(&mut self, group: GroupId, mesh: &Mesh) -> GeometryId {
         self.add_mesh(group, mesh.double().clone())
     }
 
@@ -243,7 +245,8 @@ impl Builder for DWorldBuilder {
     }
 
     fn add_gap(&mut self) {
-        self.add_mesh(Self::ROOT, Arc::default());
+        let gap = self.add_mesh(Self::ROOT, Arc::default());
+        self.remove(gap);
     }
 
     fn add(&mut self, group: GroupId, instance: Instance) {

@@ -5,7 +5,7 @@
 
 use crate::assemble::{Form, Snapshot, assemble};
 use crate::contents::Contents;
-use crate::nearest::Local;
+use crate::nearest::PointPrecision;
 use crate::prepare::{Prepared, Request};
 use crate::work::{Job, begin, run_to_end};
 use pyo3::exceptions::PyValueError;
@@ -47,7 +47,6 @@ pub struct State {
     version: u64,
     single: Worlds<f32>,
     double: Worlds<f64>,
-    local: Worlds<Local>,
     prepared: Option<(u64, Request, Arc<Prepared>)>,
 }
 
@@ -66,12 +65,6 @@ impl Kept for f32 {
 impl Kept for f64 {
     fn worlds(state: &mut State) -> &mut Worlds<Self> {
         &mut state.double
-    }
-}
-
-impl Kept for Local {
-    fn worlds(state: &mut State) -> &mut Worlds<Self> {
-        &mut state.local
     }
 }
 
@@ -147,18 +140,9 @@ impl Shared {
         }
     }
 
-    /// The world for points in double precision: that of single precision, if no vertices are lost by it.
-    pub fn local(&self, py: Python<'_>) -> PyResult<Arc<Snapshot<Local>>> {
-        if self.contents(py).has_double_meshes() {
-            return self.snapshot::<Local>(py);
-        }
-        let single = self.snapshot::<f32>(py)?;
-        Ok(Arc::new(Snapshot::<Local> { world: single.world.clone(), names: single.names.clone() }))
-    }
-
     /// Makes the world ready for winding numbers. (Not left to the queries: threads of a pool that wait for each other's work might wait
     /// for themselves.)
-    pub fn prepare_winding<F: Kept<World = snell_intersect::World>>(
+    pub fn prepare_winding<F: Kept + PointPrecision>(
         &self,
         py: Python<'_>,
         snapshot: &Arc<Snapshot<F>>,
@@ -171,7 +155,7 @@ impl Shared {
                 Some((of, by, job)) if of.as_ptr() == Arc::as_ptr(world) && *by == pid => job.clone(),
                 _ => {
                     let asked = world.clone();
-                    let job = begin(py, move || asked.winding_number(&[], &mut []))?;
+                    let job = begin(py, move || F::prepare(&asked))?;
                     // A weak one: it keeps the address from being used again.
                     worlds.winding = Some((Arc::downgrade(world), pid, job.clone()));
                     job

@@ -48,11 +48,7 @@ impl<'a, F: Form> Surfaces<'a, F> {
         let placed = &self.placed;
         let position = || placed.inverse().ray(ray).at(found.t.into());
         match surface {
-            Surface::Mesh(mesh) => {
-                let local = on_mesh(mesh, &placed.inverse().vector(ray.direction), found);
-                let center = F::center(mesh);
-                Local { position: local.position - center, ..local }.placed(placed)
-            }
+            Surface::Mesh(mesh) => on_mesh(mesh, &placed.inverse().vector(ray.direction), found).placed(placed),
             Surface::Shape(shape, group_from_shape) => {
                 let position = group_from_shape.inverse().point(position());
                 let surface = shape.surface(position, found.primitive);

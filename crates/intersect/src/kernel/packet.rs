@@ -5,10 +5,11 @@
 //! decision is made by the run alone, and every pair of ray and triangle that is not surely a miss goes to the same exact test
 //! as everywhere else, so that neighbours change neither results nor what is done for a ray.
 
-mod bundle;
-mod exact;
+pub(crate) mod bundle;
+pub(crate) mod doubles;
+pub(crate) mod exact;
 mod leaf;
-mod runs;
+pub(crate) mod runs;
 #[cfg(test)]
 mod tests;
 mod trial;
@@ -20,15 +21,13 @@ use super::traverse::{Entry, Stack, Walk, test_object, walk_portable};
 use super::triangle::TriangleBlock;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{Object, ObjectRef, Placement, mapped, test_triangle};
-use crate::hit::Hit;
-use crate::precision::Single;
-use crate::query::search::{Goal, Search, Verdict};
-use bundle::{Bundle, Columns, Kind, RAYS};
-use exact::{Found, PAIRS, Pairs, exact_hits};
+use crate::precision::Rules;
+use crate::query::search::{DataOf, Goal, RayOf, RealOf, Search, Verdict};
+use bundle::{Bundle, Columns, RAYS};
+use exact::{Found, PAIRS, Pairs};
 use leaf::SeenBlock;
-use runs::set_up;
 use snell_math::simd::{Level, Portable8, WideLanes};
-use snell_math::{DAffine3, DVec3, Ray, Vec2, Vec3};
+use snell_math::{DAffine3, DVec3, Vec2, Vec3};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 use trial::Trial;
@@ -55,11 +54,11 @@ fn fits(tree: &GroupTree) -> bool {
 
 /// Searches for the rays of the batch run by run; `finish` gets the number of a ray and what was found. Returns the ranges of
 /// rays that were left out.
-pub(crate) fn search_runs<G: Goal<Precision = Single>>(
+pub(crate) fn search_runs<G: Goal>(
     forest: &Forest,
     level: Level,
-    batch: &Batch<Single>,
-    start: impl Fn(&Ray) -> G,
+    batch: &Batch<G::Precision>,
+    start: impl Fn(&RayOf<G>) -> G,
     finish: impl FnMut(usize, G),
 ) -> Vec<Range<usize>> {
     debug_assert!(is_suitable(forest));
@@ -85,11 +84,11 @@ pub(crate) fn search_runs<G: Goal<Precision = Single>>(
 /// As [`run`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn run_avx2<G: Goal<Precision = Single>>(
+unsafe fn run_avx2<G: Goal>(
     forest: &Forest,
-    batch: &Batch<Single>,
+    batch: &Batch<G::Precision>,
     stacks: &mut Stacks,
-    start: impl Fn(&Ray) -> G,
+    start: impl Fn(&RayOf<G>) -> G,
     finish: impl FnMut(usize, G),
 ) -> Vec<Range<usize>> {
     use super::traverse::walk_avx2;
@@ -112,11 +111,11 @@ struct Stacks {
 /// The machine must have the instructions of `L`; the stacks must have room for all groups; `enter` and `enter_single` must be
 /// entries of the same level.
 #[inline(always)]
-unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
+unsafe fn run<L: WideLanes, G: Goal>(
     forest: &Forest,
-    batch: &Batch<Single>,
+    batch: &Batch<G::Precision>,
     stacks: &mut Stacks,
-    start: impl Fn(&Ray) -> G,
+    start: impl Fn(&RayOf<G>) -> G,
     mut finish: impl FnMut(usize, G),
     (enter, enter_single): (WalkBundle<G>, Walk<G>),
 ) -> Vec<Range<usize>> {
@@ -130,7 +129,9 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
         first = run.end;
         // SAFETY: as promised by the caller.
         if unsafe {
-            set_up::<L>(&mut bundle, &mut columns, &batch.rays.rays()[run.clone()], G::ANY && trial.is_backward())
+            let (data, rays) = (batch.context.data, &batch.rays.rays()[run.clone()]);
+            let backward = G::ANY && trial.is_backward();
+            G::Precision::set_up_bundle::<L>(data, &mut bundle, &mut columns, rays, backward)
         } {
             searches.clear();
             let search = |lane: usize| {
@@ -140,6 +141,7 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
             let alive = u32::MAX >> (32 - run.len());
             let mut walker = Walker {
                 forest,
+                data: batch.context.data,
                 searches: &mut searches,
                 search: &search,
                 stacks,
@@ -188,22 +190,14 @@ struct Position {
 /// As [`Walker::walk`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn walk_bundle_avx2<G: Goal<Precision = Single>>(
-    walker: &mut Walker<'_, '_, G>,
-    position: Position,
-    bundle: &mut Bundle,
-) {
+unsafe fn walk_bundle_avx2<G: Goal>(walker: &mut Walker<'_, '_, G>, position: Position, bundle: &mut Bundle) {
     // SAFETY: as promised by the caller.
     unsafe { walker.walk::<snell_math::simd::Avx8>(position, bundle) }
 }
 
 /// # Safety
 /// As [`Walker::walk`].
-unsafe fn walk_bundle_portable<G: Goal<Precision = Single>>(
-    walker: &mut Walker<'_, '_, G>,
-    position: Position,
-    bundle: &mut Bundle,
-) {
+unsafe fn walk_bundle_portable<G: Goal>(walker: &mut Walker<'_, '_, G>, position: Position, bundle: &mut Bundle) {
     // SAFETY: as promised by the caller.
     unsafe { walker.walk::<Portable8>(position, bundle) }
 }
@@ -211,6 +205,7 @@ unsafe fn walk_bundle_portable<G: Goal<Precision = Single>>(
 /// The searches of a run on their way through the forest.
 struct Walker<'w, 's, G: Goal> {
     forest: &'w Forest,
+    data: &'w DataOf<G>,
     /// None, or one per ray: most bundles that hit nothing need none.
     searches: &'w mut Vec<Search<'s, G>>,
     /// The search of a ray at its beginning.
@@ -227,7 +222,7 @@ struct Walker<'w, 's, G: Goal> {
     enter_single: Walk<G>,
 }
 
-impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
+impl<G: Goal> Walker<'_, '_, G> {
     /// Walks one group.
     ///
     /// # Safety
@@ -352,7 +347,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         // SAFETY: as promised by the caller.
         let (block, seen) = unsafe {
             let block = tree.blocks.get_unchecked(child.block());
-            (block, SeenBlock::<L>::new(block, bundle))
+            (block, SeenBlock::<L>::new::<G::Precision>(block, bundle))
         };
         let used = (2 << (child.count() - 1)) - 1;
         let mut pairs = Pairs::NONE;
@@ -404,7 +399,7 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             triangles &= triangles - 1;
             let options = &search.context.options[geometry as usize];
             if options.mask & search.mask != 0 && !options.filtered {
-                return search.goal.take(Hit { t: 0.0, uv: Vec2::ZERO, instance: 0, geometry, primitive });
+                return search.goal.take(G::Precision::hit(0.0, Vec2::ZERO, [0, geometry, primitive]));
             }
         }
         false
@@ -427,10 +422,10 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         self.begin();
         let all = u32::MAX >> (32 - pairs.count);
         let mut any = false;
-        let mut found = Found::NONE;
+        let mut found = Found::<RealOf<G>>::NONE;
         if bundle.is_aligned {
             // SAFETY: as promised by the caller.
-            unsafe { exact_hits::<L>(block, bundle, pairs, &mut found) };
+            unsafe { G::Precision::exact_hits::<L>(self.data, tree, block, bundle, pairs, &mut found) };
         } else {
             found.unsure = all;
         }
@@ -445,8 +440,8 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
                 continue;
             }
             let (geometry, primitive) = tree.triangle(block.ids[triangle]);
-            let uv = Vec2::new(found.b1[pair], found.b2[pair]);
-            let verdict = search.offer(Hit { t, uv, instance, geometry, primitive });
+            let hit = G::Precision::found(t, [found.b1[pair], found.b2[pair]], [instance, geometry, primitive]);
+            let verdict = search.offer(hit);
             any |= self.note(bundle, lane, verdict == Verdict::Finished);
         }
         let mut unsure = found.unsure & all;
@@ -541,8 +536,9 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
             if wanted.count_ones() as usize >= MIN_RAYS && fits(&self.forest.trees[*child]) {
                 let mut memory = self.spare.pop().unwrap_or_else(|| Box::new((Bundle::NONE, Columns::ZERO)));
                 let (below, columns) = &mut *memory;
+                let groups = (position.group, *child);
                 // SAFETY: as promised by the caller.
-                if unsafe { self.set_up_in_child::<L>(below, columns, bundle, wanted, child_from_group) } {
+                if unsafe { self.set_up_in_child::<L>(below, columns, bundle, wanted, groups, child_from_group) } {
                     let alive = std::mem::replace(&mut self.alive, wanted);
                     let inside = Position { group: *child, instance: position.instance + offset, ..*position };
                     // SAFETY: as promised by the caller.
@@ -579,42 +575,26 @@ impl<G: Goal<Precision = Single>> Walker<'_, '_, G> {
         columns: &mut Columns,
         bundle: &Bundle,
         mask: u32,
+        (group, child): (usize, usize),
         child_from_group: &DAffine3,
     ) -> bool {
-        // Zero if everything is finite.
-        let mut sum = 0.0;
         for lane in 0..RAYS {
             let ray = mapped(child_from_group, &bundle.rays.get(lane));
             let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
-            columns.t_min[lane] = self.searches[lane].ray.t_min;
+            columns.t_min[lane] = self.searches[lane].start;
             columns.cull[lane] = if mask >> lane & 1 == 1 { self.searches[lane].cull() } else { -1.0 };
             below.rays.origin[lane] = [o[0], o[1], o[2], bundle.rays.origin[lane][3]];
             below.rays.direction[lane] = [d[0], d[1], d[2], 0.0];
-            for axis in 0..3 {
-                sum += o[axis] * 0.0 + d[axis] * 0.0;
-                columns.direction[axis][lane] = d[axis] as f32;
-                below.drawn_origin[axis][lane] = o[axis] as f32;
-            }
         }
         let [x, y, z, _] = below.rays.origin[0];
         let apex = if bundle.kind.common {
             DVec3::new(x, y, z)
         } else {
-            child_from_group.transform_point3(Vec3::from_array(bundle.kind.apex).as_dvec3())
+            let apex = Vec3::from_array(bundle.kind.apex).as_dvec3();
+            child_from_group.transform_point3(G::Precision::point_in_group(self.data, group, apex))
         };
-        let apex = apex.as_vec3().to_array();
-        below.kind = Kind { apex, rounded: true, ..bundle.kind };
-        if !bundle.kind.common {
-            for axis in 0..3 {
-                let (apex, first) = (f64::from(apex[axis]), f64::from(below.drawn_origin[axis][0]));
-                for (lane, origin) in below.rays.origin.iter().enumerate() {
-                    columns.from_apex[axis][lane] = (origin[axis] - apex) as f32;
-                    columns.from_first[axis][lane] = (origin[axis] - first) as f32;
-                }
-            }
-        }
         // SAFETY: as promised by the caller.
-        sum == 0.0 && unsafe { below.set_up::<L>(columns) }
+        unsafe { below.set_up_exactly::<L, G::Precision>(columns, self.data, child, apex, &bundle.kind) }
     }
 }
 

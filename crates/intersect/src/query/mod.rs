@@ -7,6 +7,7 @@ pub mod journey;
 pub mod nearest;
 mod order;
 pub mod parallel;
+pub mod queries;
 pub mod rays;
 pub(crate) mod search;
 pub mod winding;
@@ -201,7 +202,8 @@ impl<P: Rules> Searcher<'_, P> {
         match &self.world.structure {
             Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
                 let batch = interleave::Batch { rays, context: &self.context, order: &[] };
-                for left in P::search_runs(forest, self.world.simd, &batch, &start, |i, goal| answers.put(i, goal)) {
+                let put = |i, goal| answers.put(i, goal);
+                for left in packet::search_runs(forest, self.world.simd, &batch, &start, put) {
                     let part = Part { first: left.start, answers: &mut answers };
                     self.search_unrelated(rays.slice(left), &start, part);
                 }

@@ -8,13 +8,14 @@
 mod tests;
 
 use super::crossings::AllHits;
-use super::nearest::{NearestPoint, Points};
+use super::nearest::Points;
+use super::queries::Queries;
 use super::rays::Rays;
 use super::{Grouping, HitFilter};
-use crate::hit::Hit;
+use crate::precision::Precision;
 use crate::world::World;
+use crate::world::double::DWorld;
 use rayon::prelude::*;
-use snell_math::Vec3;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -36,8 +37,8 @@ pub struct Cancelled;
 
 /// The queries of a world, by many threads. See [`World::parallel`].
 #[derive(Clone, Copy, Debug)]
-pub struct Parallel<'a> {
-    world: &'a World,
+pub struct Parallel<'a, W = World> {
+    world: &'a W,
     piece: Option<usize>,
     cancel: Option<&'a AtomicBool>,
 }
@@ -49,7 +50,21 @@ impl World {
     }
 }
 
-impl<'a> Parallel<'a> {
+impl DWorld {
+    /// As [`World::parallel`].
+    pub fn parallel(&self) -> Parallel<'_, Self> {
+        Parallel { world: self, piece: None, cancel: None }
+    }
+}
+
+/// The precision of a world, and what it answers with.
+type Of<W> = <W as Queries>::Precision;
+type HitOf<W> = <Of<W> as Precision>::Hit;
+type PointOf<W> = <Of<W> as Precision>::Point;
+type DistanceOf<W> = <Of<W> as Precision>::Distance;
+type NearestOf<W> = <Of<W> as Precision>::Nearest;
+
+impl<'a, W: Queries> Parallel<'a, W> {
     /// Stops soon after the flag is set, with [`Cancelled`]. It is looked at before each piece of at most 16,384 rays, or 64 points.
     pub fn with_cancel(self, cancel: &'a AtomicBool) -> Self {
         Self { cancel: Some(cancel), ..self }
@@ -69,10 +84,10 @@ impl<'a> Parallel<'a> {
     /// If the slices differ in length.
     pub fn closest<'r>(
         &self,
-        rays: impl Into<Rays<'r>>,
+        rays: impl Into<Rays<'r, Of<W>>>,
         grouping: Grouping,
-        filter: &dyn HitFilter,
-        hits: &mut [Hit],
+        filter: &dyn HitFilter<Of<W>>,
+        hits: &mut [HitOf<W>],
     ) -> Result<(), Cancelled> {
         let rays = rays.into();
         self.write(rays.len(), self.piece(rays.len()), hits, |range, hits| {
@@ -89,9 +104,9 @@ impl<'a> Parallel<'a> {
     /// If the slices differ in length.
     pub fn occluded<'r>(
         &self,
-        rays: impl Into<Rays<'r>>,
+        rays: impl Into<Rays<'r, Of<W>>>,
         grouping: Grouping,
-        filter: &dyn HitFilter,
+        filter: &dyn HitFilter<Of<W>>,
         blocked: &mut [bool],
     ) -> Result<(), Cancelled> {
         let rays = rays.into();
@@ -109,8 +124,8 @@ impl<'a> Parallel<'a> {
     /// If the slices differ in length.
     pub fn count<'r>(
         &self,
-        rays: impl Into<Rays<'r>>,
-        filter: &dyn HitFilter,
+        rays: impl Into<Rays<'r, Of<W>>>,
+        filter: &dyn HitFilter<Of<W>>,
         counts: &mut [u32],
     ) -> Result<(), Cancelled> {
         let rays = rays.into();
@@ -123,7 +138,11 @@ impl<'a> Parallel<'a> {
     ///
     /// # Errors
     /// If the flag was set.
-    pub fn all<'r>(&self, rays: impl Into<Rays<'r>>, filter: &dyn HitFilter) -> Result<AllHits, Cancelled> {
+    pub fn all<'r>(
+        &self,
+        rays: impl Into<Rays<'r, Of<W>>>,
+        filter: &dyn HitFilter<Of<W>>,
+    ) -> Result<AllHits<Of<W>>, Cancelled> {
         let rays = rays.into();
         let piece = self.piece(rays.len());
         let pieces = (0..rays.len().div_ceil(piece)).into_par_iter().map(|i| {
@@ -143,8 +162,8 @@ impl<'a> Parallel<'a> {
     /// If the slices differ in length.
     pub fn nearest_point<'p>(
         &self,
-        points: impl Into<Points<'p>>,
-        nearest: &mut [NearestPoint],
+        points: impl Into<Points<'p, Of<W>>>,
+        nearest: &mut [NearestOf<W>],
     ) -> Result<(), Cancelled> {
         let points = points.into();
         self.write(points.len(), RUN, nearest, |range, nearest| self.world.nearest_point(points.slice(range), nearest))
@@ -157,7 +176,11 @@ impl<'a> Parallel<'a> {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn signed_distance<'p>(&self, points: impl Into<Points<'p>>, distances: &mut [f32]) -> Result<(), Cancelled> {
+    pub fn signed_distance<'p>(
+        &self,
+        points: impl Into<Points<'p, Of<W>>>,
+        distances: &mut [DistanceOf<W>],
+    ) -> Result<(), Cancelled> {
         let points = points.into();
         self.write(points.len(), RUN, distances, |range, distances| {
             self.world.signed_distance(points.slice(range), distances);
@@ -171,7 +194,7 @@ impl<'a> Parallel<'a> {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn winding_number(&self, points: &[Vec3], numbers: &mut [f64]) -> Result<(), Cancelled> {
+    pub fn winding_number(&self, points: &[PointOf<W>], numbers: &mut [f64]) -> Result<(), Cancelled> {
         self.write(points.len(), RUN, numbers, |range, numbers| self.world.winding_number(&points[range], numbers))
     }
 
@@ -182,7 +205,7 @@ impl<'a> Parallel<'a> {
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn occupancy(&self, points: &[Vec3], inside: &mut [bool]) -> Result<(), Cancelled> {
+    pub fn occupancy(&self, points: &[PointOf<W>], inside: &mut [bool]) -> Result<(), Cancelled> {
         self.write(points.len(), RUN, inside, |range, inside| self.world.occupancy(&points[range], inside))
     }
 

@@ -2,14 +2,13 @@
 //!
 //! Everything is as in [`World`], with [`DTriangleMesh`]es, [`snell_math::DRay`]s and [`crate::DHit`]s. The trees are the same too:
 //! they hold the meshes near their own centre, scaled and rounded to `f32`, to find out which few triangles a ray may hit; those are
-//! decided in `f64`. ([`crate::Grouping::Coherent`] makes no difference to speed here, and surfaces, nearest points and winding numbers are
-//! those of [`World`] alone.)
+//! decided in `f64`. (Surfaces, [`World::interaction`], are those of [`World`] alone.)
 
 use super::occurrence::Occurrences;
 use super::reuse::Summary;
 use super::{
-    BuildOptions, BuildStats, Geometry, GeometryId, GroupBounds, GroupId, Instance, InstanceId, World, WorldBuilder,
-    WorldError,
+    BuildOptions, BuildStats, EditError, Geometry, GeometryId, GroupBounds, GroupId, Instance, InstanceId, World,
+    WorldBuilder, WorldError,
 };
 use crate::geometry::PrimitiveSet;
 use crate::kernel::double::DoubleData;
@@ -21,7 +20,7 @@ use snell_math::{Bounds3d, Transform};
 use std::sync::Arc;
 
 /// Collects groups, geometries and instances, then builds a [`DWorld`]. As [`WorldBuilder`], which see.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct DWorldBuilder {
     /// With an empty mesh in the place of each mesh.
     builder: WorldBuilder,
@@ -78,37 +77,90 @@ impl DWorldBuilder {
         self.builder.set_filtered(geometry);
     }
 
+    /// As [`WorldBuilder::remove`].
+    pub fn remove(&mut self, geometry: GeometryId) -> bool {
+        self.meshes[geometry.0 as usize] = Arc::default();
+        self.builder.remove(geometry)
+    }
+
+    /// Puts another mesh in the place of one: the same group and number, mask and filter as before. If the numbers of vertices and triangles
+    /// stay, [`Self::rebuild`] refits instead of building, if that is good enough.
+    ///
+    /// # Errors
+    /// If it was removed.
+    pub fn set_mesh(&mut self, geometry: GeometryId, mesh: Arc<DTriangleMesh>) -> Result<(), EditError> {
+        self.builder.replace(geometry, Geometry::Mesh(Arc::default()))?;
+        self.meshes[geometry.0 as usize] = mesh;
+        Ok(())
+    }
+
+    /// As [`WorldBuilder::move_instance`].
+    pub fn move_instance(&mut self, id: InstanceId, group_from_child: Transform) -> bool {
+        self.builder.move_instance(id, group_from_child)
+    }
+
+    /// As [`WorldBuilder::remove_instance`].
+    pub fn remove_instance(&mut self, id: InstanceId) -> bool {
+        self.builder.remove_instance(id)
+    }
+
     /// As [`WorldBuilder::build`].
-    pub fn build(mut self, options: &BuildOptions) -> Result<DWorld, WorldError> {
+    pub fn build(self, options: &BuildOptions) -> Result<DWorld, WorldError> {
+        self.assemble(options, None)
+    }
+
+    /// As [`WorldBuilder::rebuild`]: shares with `previous` what did not change, and refits what only moved.
+    pub fn rebuild(&self, options: &BuildOptions, previous: &DWorld) -> Result<DWorld, WorldError> {
+        self.clone().assemble(options, Some(previous))
+    }
+
+    fn assemble(mut self, options: &BuildOptions, previous: Option<&DWorld>) -> Result<DWorld, WorldError> {
         let occurrences = Occurrences::count(&self.builder.groups)?;
-        let summaries = self.summaries();
-        let (mut bounds, changed) = self.builder.measure(&occurrences, &summaries, None);
-        let frames =
-            (0..self.builder.groups.len()).map(|group| self.enter_frame(group, &summaries, &mut bounds)).collect();
-        let parts = self.builder.structures(options, &occurrences, summaries, (bounds, changed), None)?;
+        self.recognise(previous);
+        let summaries = self.summaries(previous);
+        let alike = WorldBuilder::alike(options, previous.map(|p| &p.world));
+        let (mut bounds, unchanged) = self.builder.measure(&occurrences, &summaries, alike);
+        // The empty meshes that stand for those in double precision, before shadows take their places.
+        let empty = self.builder.geometries.clone();
+        let frame = |group: usize| match previous.filter(|_| unchanged[group]) {
+            Some(previous) => previous.data.frames[group],
+            None => self.enter_frame(group, &summaries, &mut bounds),
+        };
+        let frames = (0..unchanged.len()).map(frame).collect();
+        let parts = self.builder.structures(options, &occurrences, summaries, (bounds, unchanged), alike)?;
         let mut world = self.builder.into_world(occurrences, parts);
         // The shadows have done their work.
-        for geometry in &mut world.geometries {
-            if let Geometry::Mesh(mesh) = geometry {
-                *mesh = Arc::default();
-            }
-        }
-        let data = DoubleData::new(frames, &self.meshes);
+        world.geometries = empty;
+        let known = |i: usize| previous.filter(|p| p.holds(i, &self.meshes[i])).map(|p| &p.data);
+        let data = DoubleData::new(frames, &self.meshes, known);
         world.stats.memory_bytes += data.memory_bytes() as u64;
         Ok(DWorld { world, meshes: self.meshes, data })
     }
 
-    fn summaries(&self) -> Vec<Summary> {
-        let summary = |(geometry, mesh): (&Geometry, &Arc<DTriangleMesh>)| match geometry {
-            Geometry::Mesh(_) => Summary {
-                bounds: mesh.bounds(),
-                count: mesh.indices.len() as u64,
-                skipped: (0..mesh.indices.len()).filter(|&i| mesh.is_degenerate(i)).count() as u64,
-                cover: None,
+    /// Gives meshes that the world before holds too what stands for them there, so that they are known to be the same.
+    fn recognise(&mut self, previous: Option<&DWorld>) {
+        let Some(previous) = previous else { return };
+        for (i, geometry) in self.builder.geometries.iter_mut().enumerate() {
+            if matches!(geometry, Geometry::Mesh(_)) && previous.holds(i, &self.meshes[i]) {
+                *geometry = previous.world.geometries[i].clone();
+            }
+        }
+    }
+
+    fn summaries(&self, previous: Option<&DWorld>) -> Vec<Summary> {
+        let summary = |(i, geometry): (usize, &Geometry)| match (geometry, &self.meshes[i]) {
+            (Geometry::Mesh(_), mesh) => match previous.filter(|p| p.holds(i, mesh)) {
+                Some(previous) => previous.world.inventory.summaries[i].clone(),
+                None => Summary {
+                    bounds: mesh.bounds(),
+                    count: mesh.indices.len() as u64,
+                    skipped: (0..mesh.indices.len()).filter(|&i| mesh.is_degenerate(i)).count() as u64,
+                    cover: None,
+                },
             },
-            other => Summary::of(other),
+            (other, _) => Summary::of(other),
         };
-        self.builder.geometries.par_iter().zip(&self.meshes).map(summary).collect()
+        self.builder.geometries.par_iter().enumerate().map(summary).collect()
     }
 
     /// Chooses the frame of a group, and brings its meshes and the boxes of its objects into it.
@@ -141,6 +193,12 @@ pub struct DWorld {
 }
 
 impl DWorld {
+    /// True if the geometry with this number is this very mesh.
+    fn holds(&self, geometry: usize, mesh: &Arc<DTriangleMesh>) -> bool {
+        let is_mesh = matches!(self.world.geometries.get(geometry), Some(Geometry::Mesh(_)));
+        is_mesh && Arc::ptr_eq(&self.meshes[geometry], mesh)
+    }
+
     /// The mesh with this number; `None` for a shape or a set.
     pub fn mesh(&self, id: GeometryId) -> Option<&Arc<DTriangleMesh>> {
         let is_mesh = matches!(self.world.geometry(id), Geometry::Mesh(_));

@@ -3,7 +3,7 @@
 use super::{Avx8, Lanes4, WideLanes};
 use std::arch::x86_64::*;
 
-/// Four lanes of AVX. As [`Avx8`]: a value exists only where it was allowed to make one.
+/// Four lanes of AVX with FMA. As [`Avx8`]: a value exists only where it was allowed to make one.
 #[derive(Clone, Copy, Debug)]
 pub struct Avx4(__m256d);
 
@@ -29,6 +29,12 @@ impl Lanes4 for Avx4 {
                 Self(_mm256_permute2f128_pd::<0x31>(odd_ab, odd_cd)),
             ]
         }
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f64; 4]) {
+        // SAFETY: a value of this type exists, so the machine has AVX; the reference covers 32 writable bytes.
+        unsafe { _mm256_storeu_pd(to.as_mut_ptr(), self.0) }
     }
 
     #[inline(always)]
@@ -65,6 +71,18 @@ impl Lanes4 for Avx4 {
     fn div(self, other: Self) -> Self {
         // SAFETY: a value of this type exists, so the machine has AVX.
         Self(unsafe { _mm256_div_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn fused(self, factor: Self, summand: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has FMA.
+        Self(unsafe { _mm256_fmadd_pd(self.0, factor.0, summand.0) })
+    }
+
+    #[inline(always)]
+    fn negated(self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_xor_pd(_mm256_set1_pd(-0.0), self.0) })
     }
 
     #[inline(always)]

@@ -2,8 +2,8 @@
 
 use super::{Lanes8, Portable8};
 
-/// Four numbers that are worked on together. Every implementation gives the same bits: nothing is fused, and `min` and `max`
-/// return the second operand if one is NaN.
+/// Four numbers that are worked on together. Every implementation gives the same bits: nothing is fused but [`Lanes4::fused`], and `min`
+/// and `max` return the second operand if one is NaN.
 pub trait Lanes4: Copy {
     /// The same number in all lanes.
     ///
@@ -16,6 +16,9 @@ pub trait Lanes4: Copy {
     /// # Safety
     /// The machine must have the instructions of the implementation.
     unsafe fn load_columns(rows: [&[f64; 4]; 4]) -> [Self; 4];
+
+    /// Writes the four numbers.
+    fn store(self, to: &mut [f64; 4]);
 
     /// Writes the four numbers, rounded to nearest.
     fn store_rounded(self, to: &mut [f32; 4]);
@@ -34,6 +37,12 @@ pub trait Lanes4: Copy {
 
     /// `self / other`.
     fn div(self, other: Self) -> Self;
+
+    /// `self * factor + summand`, rounded once.
+    fn fused(self, factor: Self, summand: Self) -> Self;
+
+    /// `-self`.
+    fn negated(self) -> Self;
 
     /// The lesser of both; `other` if either is NaN.
     fn min(self, other: Self) -> Self;
@@ -112,6 +121,11 @@ impl Lanes4 for Portable4 {
     }
 
     #[inline(always)]
+    fn store(self, to: &mut [f64; 4]) {
+        *to = self.0;
+    }
+
+    #[inline(always)]
     fn store_rounded(self, to: &mut [f32; 4]) {
         *to = self.0.map(|x| x as f32);
     }
@@ -139,6 +153,16 @@ impl Lanes4 for Portable4 {
     #[inline(always)]
     fn div(self, other: Self) -> Self {
         self.zip(other, |a, b| a / b)
+    }
+
+    #[inline(always)]
+    fn fused(self, factor: Self, summand: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i].mul_add(factor.0[i], summand.0[i])))
+    }
+
+    #[inline(always)]
+    fn negated(self) -> Self {
+        Self(self.0.map(|x| -x))
     }
 
     #[inline(always)]
@@ -272,7 +296,7 @@ mod tests {
         all
     }
 
-    fn run<L: WideLanes>(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> (Vec<[u32; 4]>, [u32; 2]) {
+    fn run<L: WideLanes>(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> (Vec<([u32; 4], [u64; 4])>, [u32; 2]) {
         // SAFETY: the test has checked the level.
         let (x, y, one, permuted) = unsafe {
             let [x, ..] = L::Doubles::load_columns(a.each_ref());
@@ -286,6 +310,8 @@ mod tests {
             x.sub(y),
             x.mul(y),
             x.div(y),
+            x.fused(y, one),
+            x.negated(),
             x.min(y),
             x.max(y),
             x.abs(),
@@ -295,9 +321,11 @@ mod tests {
             permuted.last_doubles(),
         ];
         let bits = values.map(|v| {
-            let mut out = [0.0; 4];
-            v.store_rounded(&mut out);
-            out.map(|f| if f.is_nan() { u32::MAX } else { f.to_bits() })
+            let (mut rounded, mut out) = ([0.0; 4], [0.0; 4]);
+            v.store_rounded(&mut rounded);
+            v.store(&mut out);
+            let rounded = rounded.map(|f| if f.is_nan() { u32::MAX } else { f.to_bits() });
+            (rounded, out.map(|f| if f.is_nan() { u64::MAX } else { f.to_bits() }))
         });
         (bits.to_vec(), [x.le(y), x.lt(y)])
     }

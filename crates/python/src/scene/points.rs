@@ -13,8 +13,7 @@ use crate::work::{Stopped, Threads, run};
 use numpy::PyUntypedArray;
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use snell_intersect::World;
-use snell_math::DVec3;
+use snell_intersect::{DWorld, World};
 use std::sync::Arc;
 
 /// Points of a piece.
@@ -27,18 +26,18 @@ impl Scene {
         max_distance: Option<&Bound<'py, PyAny>>,
         mask: u32,
         threads: Threads,
-        snapshot: Arc<Snapshot<P::Form>>,
+        snapshot: Arc<Snapshot<P>>,
     ) -> PyResult<ClosestPoints> {
         let (py, points) = (points.py(), PointArray::<P>::new(points, "points")?);
         let limit = limit(max_distance, &points.shape)?;
         let limit = limit.values()?;
         let values = slice(&points.values)?.as_chunks::<3>().0;
-        let (world, names) = (&*snapshot.world, &snapshot.names);
+        let world = &*snapshot.world;
         let (found, positions) = run(py, threads, values.len() <= POINTS, |cancel| {
             let each = |(i, (near, values)): (usize, (&mut [Nearest<P>], &[[P; 3]]))| {
                 cancel.check()?;
                 for (k, (near, value)) in near.iter_mut().zip(values).enumerate() {
-                    *near = P::nearest(world, names, *value, limit.get(i * POINTS + k), mask);
+                    *near = P::nearest(world, *value, limit.get(i * POINTS + k), mask);
                 }
                 Ok(())
             };
@@ -51,7 +50,7 @@ impl Scene {
             let found = near.iter().map(|near| near.found).collect::<Vec<_>>();
             Ok((found, near.iter().map(|near| near.position).collect()))
         })?;
-        Ok(ClosestPoints(Named::new(Live::<P, P::Form> {
+        Ok(ClosestPoints(Named::new(Live::<P, P> {
             snapshot,
             hits: Columns::of(py, &found)?,
             asked: Asked::Positions(positions),
@@ -95,15 +94,15 @@ impl Scene {
         max_distance: Option<&Bound<'py, PyAny>>,
         mask: u32,
         threads: Threads,
-        snapshot: &Snapshot<P::Form>,
+        snapshot: &Snapshot<P>,
         signed: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let limit = limit::<P>(max_distance, &leading(points, 3, "points")?)?;
         let limit = limit.values()?;
-        let (world, names) = (&*snapshot.world, &snapshot.names);
+        let world = &*snapshot.world;
         self.of_points::<P, P>(points, threads, |i, point| {
             let (limit, zero) = (limit.get(i), P::round(0.0));
-            let found = P::nearest(world, names, point, limit, mask).found;
+            let found = P::nearest(world, point, limit, mask).found;
             if !signed {
                 return found.t;
             }
@@ -113,7 +112,7 @@ impl Scene {
         })
     }
 
-    fn prepare<F: Kept<World = World>>(&self, py: Python<'_>, snapshot: &Arc<Snapshot<F>>) -> PyResult<()> {
+    fn prepare<P: Kept + PointPrecision>(&self, py: Python<'_>, snapshot: &Arc<Snapshot<P>>) -> PyResult<()> {
         self.0.prepare_winding(py, snapshot)
     }
 
@@ -122,21 +121,20 @@ impl Scene {
         &self,
         points: &Bound<'py, PyAny>,
         threads: Option<usize>,
-        answer: impl Fn(&World, DVec3) -> T + Sync,
+        single: impl Fn(&World, [f32; 3]) -> T + Sync,
+        double: impl Fn(&DWorld, [f64; 3]) -> T + Sync,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, array, threads) = (points.py(), array(points, "points")?, Threads::new(threads)?);
         let is_double = is_double(&array, "points")?;
         leading(&array, 3, "points")?;
         if is_double {
-            let snapshot = self.0.local(py)?;
+            let snapshot = self.0.snapshot::<f64>(py)?;
             self.prepare(py, &snapshot)?;
-            self.of_points::<f64, T>(&array, threads, |_, p| answer(&snapshot.world, DVec3::from_array(p)))
+            self.of_points::<f64, T>(&array, threads, |_, p| double(&snapshot.world, p))
         } else {
             let snapshot = self.0.snapshot::<f32>(py)?;
             self.prepare(py, &snapshot)?;
-            self.of_points::<f32, T>(&array, threads, |_, p| {
-                answer(&snapshot.world, DVec3::from_array(p.map(f64::from)))
-            })
+            self.of_points::<f32, T>(&array, threads, |_, p| single(&snapshot.world, p))
         }
     }
 }
@@ -156,8 +154,7 @@ impl Scene {
     /// Parameters
     /// ----------
     /// points : array (..., 3)
-    ///     `float32` is answered in single precision, all else in double: then the point lies on the surface to double precision, and is the
-    ///     nearest to within `2**-23` of the size of its mesh.
+    ///     `float32` is answered in single precision, all else in double: of the vertices as they are, not rounded.
     /// max_distance : float or array (...), optional
     ///     What is farther is not looked for.
     /// mask : int, optional
@@ -187,7 +184,7 @@ impl Scene {
         let (py, array) = (points.py(), array(points, "points")?);
         let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
         if is_double(&array, "points")? {
-            self.closest::<f64>(&array, max_distance, mask, threads, self.0.local(py)?)
+            self.closest::<f64>(&array, max_distance, mask, threads, self.0.snapshot::<f64>(py)?)
         } else {
             self.closest::<f32>(&array, max_distance, mask, threads, self.0.snapshot::<f32>(py)?)
         }
@@ -214,7 +211,7 @@ impl Scene {
         let (py, array) = (points.py(), array(points, "points")?);
         let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
         if is_double(&array, "points")? {
-            self.distances::<f64>(&array, max_distance, mask, threads, &*self.0.local(py)?, false)
+            self.distances::<f64>(&array, max_distance, mask, threads, &*self.0.snapshot::<f64>(py)?, false)
         } else {
             self.distances::<f32>(&array, max_distance, mask, threads, &*self.0.snapshot::<f32>(py)?, false)
         }
@@ -241,7 +238,7 @@ impl Scene {
         let (py, array) = (points.py(), array(points, "points")?);
         let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
         if is_double(&array, "points")? {
-            let snapshot = self.0.local(py)?;
+            let snapshot = self.0.snapshot::<f64>(py)?;
             self.prepare(py, &snapshot)?;
             self.distances::<f64>(&array, max_distance, mask, threads, &snapshot, true)
         } else {
@@ -265,7 +262,7 @@ impl Scene {
     /// [False, True]
     #[pyo3(signature = (points, *, threads=None))]
     fn occupancy<'py>(&self, points: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
-        self.around(points, threads, |world, point| world.is_inside(point))
+        self.around(points, threads, f32::is_inside, f64::is_inside)
     }
 
     /// The generalised winding number of all surfaces around each point: an array `(...)` of float64. 1 inside of a closed surface, 0 outside,
@@ -280,6 +277,6 @@ impl Scene {
     /// [0.0, 1.0]
     #[pyo3(signature = (points, *, threads=None))]
     fn winding_number<'py>(&self, points: &Bound<'py, PyAny>, threads: Option<usize>) -> PyResult<Bound<'py, PyAny>> {
-        self.around(points, threads, |world, point| world.winding_number_at(point))
+        self.around(points, threads, f32::winding_number, f64::winding_number)
     }
 }

@@ -47,6 +47,11 @@ impl Frame {
         (p - self.center) * self.scale
     }
 
+    /// About the point of the group at a place in the tree's coordinates.
+    pub fn point_in_group(&self, p: DVec3) -> DVec3 {
+        p / self.scale + self.center
+    }
+
     /// A ray in the tree's coordinates.
     #[inline(always)]
     pub fn ray(&self, ray: &DRay) -> DRay {

@@ -24,21 +24,33 @@ pub(crate) struct DoubleData {
     pub frames: Vec<Frame>,
     /// Per geometry the corners of its triangles, side by side: most rays want one triangle of each leaf they reach, and so wait for
     /// memory once. Empty for what is not a mesh.
-    corners: Vec<Vec<[DVec3; 3]>>,
+    corners: Vec<Arc<[[DVec3; 3]]>>,
 }
 
 impl DoubleData {
-    pub fn new(frames: Vec<Frame>, meshes: &[Arc<DTriangleMesh>]) -> Self {
-        let corners = |mesh: &Arc<DTriangleMesh>| {
-            (0..mesh.indices.len()).into_par_iter().with_min_len(1 << 14).map(|i| mesh.corners(i)).collect()
+    /// `known` says who has the corners of a mesh already.
+    pub fn new<'a>(
+        frames: Vec<Frame>,
+        meshes: &[Arc<DTriangleMesh>],
+        known: impl Fn(usize) -> Option<&'a Self>,
+    ) -> Self {
+        let corners = |(i, mesh): (usize, &Arc<DTriangleMesh>)| match known(i) {
+            Some(data) => data.corners[i].clone(),
+            None => (0..mesh.indices.len()).into_par_iter().with_min_len(1 << 14).map(|i| mesh.corners(i)).collect(),
         };
-        Self { frames, corners: meshes.iter().map(corners).collect() }
+        Self { frames, corners: meshes.iter().enumerate().map(corners).collect() }
     }
 
     /// The corners of a triangle in the coordinates of its group.
     #[inline(always)]
     pub fn corners(&self, geometry: u32, triangle: u32) -> &[DVec3; 3] {
         &self.corners[geometry as usize][triangle as usize]
+    }
+
+    /// All corners of a mesh.
+    #[cfg(test)]
+    pub fn corners_of(&self, geometry: usize) -> Arc<[[DVec3; 3]]> {
+        self.corners[geometry].clone()
     }
 
     /// Asks for the memory of a triangle.
@@ -60,6 +72,6 @@ impl DoubleData {
 
     /// Memory of the corners.
     pub fn memory_bytes(&self) -> usize {
-        self.corners.iter().map(|corners| size_of_val(corners.as_slice())).sum()
+        self.corners.iter().map(|corners| size_of_val(&**corners)).sum()
     }
 }

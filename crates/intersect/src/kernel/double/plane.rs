@@ -5,69 +5,95 @@
 //! good enough unless nearly 50 bits cancel, and a bound of their error says when they are; then the two determinants are worked
 //! out exactly.
 
-use snell_math::exact::{DoubleDouble, Expansion};
+use snell_math::exact::{DoubleDouble, Expansion, Number};
 use snell_math::{DRay, DVec3};
 
 /// Largest cancellation that numbers of two parts make up for. A determinant of theirs is off by at most `20 u^2 = 2^-101.6` of
 /// the sum of the sizes of its products (`u` is `2^-53`: products of exact differences `5 u^2`, their difference 3, the product
 /// with the third factor 5, two sums 6), so above this it is good to `2^-55`.
-const SURE: f64 = 1.0 / (1u64 << 46) as f64;
+pub(crate) const SURE: f64 = 1.0 / (1u64 << 46) as f64;
 
 /// Sums of products below this may have lost their last bits to underflow, if no factor is beyond [`LARGE`].
-const TINY: f64 = 1e-150;
-const LARGE: f64 = 1e60;
+pub(crate) const TINY: f64 = 1e-150;
+pub(crate) const LARGE: f64 = 1e60;
 
 /// Bound of the relative error of a determinant in plain `f64`: `8 u`, with room to spare.
-const ROUGH: f64 = 1.0 / (1u64 << 49) as f64;
+pub(crate) const ROUGH: f64 = 1.0 / (1u64 << 49) as f64;
 
-/// The ray parameter at which the line of the ray meets the plane of the corners; `None` if that is surely not after `t_min`.
-/// Infinite or NaN if they are parallel, or beyond what `f64` can hold.
-#[inline(always)]
-pub(crate) fn plane_distance(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<f64> {
-    let [a, b, c] = *corners;
-    let (e1, e2, r, d) = (b - a, c - a, a - ray.origin, ray.direction);
-    let normal = e1.cross(e2);
-    let (height, speed) = (normal.dot(r), normal.dot(d));
-    // The sizes of all products.
-    let (e1, e2, r, d) = (e1.abs(), e2.abs(), r.abs(), d.abs());
-    let sizes = DVec3::new(e1.y * e2.z + e1.z * e2.y, e1.z * e2.x + e1.x * e2.z, e1.x * e2.y + e1.y * e2.x);
-    let (heights, speeds) = (sizes.dot(r), sizes.dot(d));
-    let in_range = heights > TINY && speeds > TINY && (r + d + e1 + e2).element_sum() < LARGE;
-    // Most rays leave a surface, and find it behind their start.
-    let (after, pace) = (height * speed.signum(), speed.abs());
-    let error = (heights + t_min.abs() * speeds) * ROUGH;
-    if in_range && pace > speeds * ROUGH && after - t_min * pace < -error {
-        return None;
+/// What plain `f64` says of a ray and the plane of a triangle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Estimate {
+    /// Above these, determinants in numbers of two parts are good enough.
+    least_height: f64,
+    least_speed: f64,
+}
+
+impl Estimate {
+    /// `None` if the line of the ray surely does not meet the plane after `t_min`.
+    #[inline(always)]
+    pub fn of(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<Self> {
+        let [a, b, c] = *corners;
+        let (e1, e2, r, d) = (b - a, c - a, a - ray.origin, ray.direction);
+        let normal = e1.cross(e2);
+        let (height, speed) = (normal.dot(r), normal.dot(d));
+        // The sizes of all products.
+        let (e1, e2, r, d) = (e1.abs(), e2.abs(), r.abs(), d.abs());
+        let sizes = DVec3::new(e1.y * e2.z + e1.z * e2.y, e1.z * e2.x + e1.x * e2.z, e1.x * e2.y + e1.y * e2.x);
+        let (heights, speeds) = (sizes.dot(r), sizes.dot(d));
+        let in_range = heights > TINY && speeds > TINY && (r + d + e1 + e2).element_sum() < LARGE;
+        // Most rays leave a surface, and find it behind their start.
+        let (after, pace) = (height * speed.signum(), speed.abs());
+        let error = (heights + t_min.abs() * speeds) * ROUGH;
+        if in_range && pace > speeds * ROUGH && after - t_min * pace < -error {
+            return None;
+        }
+        let least_speed = if in_range { speeds * SURE } else { f64::INFINITY };
+        Some(Self { least_height: heights * SURE, least_speed })
     }
-    Some(precise_distance(ray, corners, heights * SURE, if in_range { speeds * SURE } else { f64::INFINITY }))
+
+    /// The ray parameter at which the line of the ray meets the plane. Infinite or NaN if they are parallel, or beyond what `f64` can hold.
+    #[inline(always)]
+    pub fn distance(self, ray: &DRay, corners: &[DVec3; 3]) -> f64 {
+        precise_distance(ray, corners, self.least_height, self.least_speed)
+    }
 }
 
 /// The distance, in numbers of two parts if that gives determinants above these bounds.
 #[inline(always)]
 fn precise_distance(ray: &DRay, corners: &[DVec3; 3], least_height: f64, least_speed: f64) -> f64 {
-    let [a, b, c] = corners;
-    let (e1, e2, r) = (differences(b, a), differences(c, a), differences(a, &ray.origin));
-    let normal = [minor(&e1, &e2, 1, 2), minor(&e1, &e2, 2, 0), minor(&e1, &e2, 0, 1)];
-    let along = |k: usize| normal[k].times(r[k]);
-    let height = along(0).plus(along(1)).plus(along(2));
-    let d = ray.direction;
-    let speed = normal[0].times_f64(d.x).plus(normal[1].times_f64(d.y)).plus(normal[2].times_f64(d.z));
+    let corners_by_axis = [corners[0].to_array(), corners[1].to_array(), corners[2].to_array()];
+    let (height, speed) = determinants(&corners_by_axis, &ray.origin.to_array(), &ray.direction.to_array());
     let sure = height.high.abs() > least_height && speed.high.abs() > least_speed;
     if sure { height.divided_by(speed) } else { exact_plane_distance(ray, corners) }
 }
 
+/// The two determinants in numbers of two parts: of one ray and triangle, or of several side by side.
+#[inline(always)]
+pub(crate) fn determinants<T: Number>(
+    [a, b, c]: &[[T; 3]; 3],
+    origin: &[T; 3],
+    direction: &[T; 3],
+) -> (DoubleDouble<T>, DoubleDouble<T>) {
+    let (e1, e2, r) = (differences(b, a), differences(c, a), differences(a, origin));
+    let normal = [minor(&e1, &e2, 1, 2), minor(&e1, &e2, 2, 0), minor(&e1, &e2, 0, 1)];
+    let height = normal[0].times(r[0]).plus(normal[1].times(r[1])).plus(normal[2].times(r[2]));
+    let [x, y, z] = *direction;
+    let speed = normal[0].times_plain(x).plus(normal[1].times_plain(y)).plus(normal[2].times_plain(z));
+    (height, speed)
+}
+
 /// A minor of the matrix of two edges.
 #[inline(always)]
-fn minor(p: &[DoubleDouble; 3], q: &[DoubleDouble; 3], i: usize, j: usize) -> DoubleDouble {
+fn minor<T: Number>(p: &[DoubleDouble<T>; 3], q: &[DoubleDouble<T>; 3], i: usize, j: usize) -> DoubleDouble<T> {
     p[i].times(q[j]).minus(p[j].times(q[i]))
 }
 
 #[inline(always)]
-fn differences(p: &DVec3, q: &DVec3) -> [DoubleDouble; 3] {
-    [DoubleDouble::difference(p.x, q.x), DoubleDouble::difference(p.y, q.y), DoubleDouble::difference(p.z, q.z)]
+fn differences<T: Number>(p: &[T; 3], q: &[T; 3]) -> [DoubleDouble<T>; 3] {
+    [DoubleDouble::difference(p[0], q[0]), DoubleDouble::difference(p[1], q[1]), DoubleDouble::difference(p[2], q[2])]
 }
 
-/// [`plane_distance`] without rounding before the quotient.
+/// [`Estimate::distance`] without rounding before the quotient.
 ///
 /// Positions and the direction are first brought near 1 by powers of two, so that nothing overflows, and what underflows is far
 /// below everything else.

@@ -1,7 +1,7 @@
 //! The exact test against arithmetic on big integers.
 
 use super::frame::Frame;
-use super::plane::{exact_plane_distance, plane_distance};
+use super::plane::{Estimate, exact_plane_distance};
 use super::triangle::{candidates, exact_hit, lines_through};
 use crate::kernel::node::{ChildRef, WideNode, box_distances, padded, quick_distances};
 use crate::kernel::quick::QuickRay;
@@ -130,7 +130,7 @@ fn distances_are_within_two_units_in_the_last_place_of_exact_arithmetic() {
             grazed += 1;
             continue;
         }
-        let plane = plane_distance(&ray, &corners, f64::NEG_INFINITY).expect("a distance");
+        let plane = Estimate::of(&ray, &corners, f64::NEG_INFINITY).expect("a distance").distance(&ray, &corners);
         let off = error(plane, &height, &speed);
         assert!(off <= 8, "{off} quarters of a unit: {ray:?} {corners:?}");
         if (hits + grazed) % 16 < 8 {

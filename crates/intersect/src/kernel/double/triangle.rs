@@ -4,7 +4,7 @@
 //! drawing every sign is exact (products are compared in integers where rounding could matter), and where the ray meets an edge
 //! or vertex of it, the same symbolic shift decides.
 
-use super::plane::plane_distance;
+use super::plane::Estimate;
 use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{DrawingFrame, TriangleBlock, clamp_to_box, place_margin};
@@ -138,11 +138,13 @@ fn exact_sign(p: [f64; 2], q: [f64; 2]) -> i32 {
 
 /// The exact test: distance and barycentrics `(b1, b2)` if the line of the ray passes through the drawn triangle at `t > t_min`.
 ///
-/// The distance is that of the triangle's plane ([`plane_distance`]). Rays that graze the triangle may meet the drawing without
+/// The distance is that of the triangle's plane ([`Estimate::distance`]). Rays that graze the triangle may meet the drawing without
 /// meeting the triangle; then the plane may be met anywhere, and the distance is moved into the interval in which the ray is
 /// inside the triangle's box, so that skipping boxes can never lose it.
 #[inline(always)]
 pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<(f64, DVec2)> {
+    // First what drops the triangle that the ray starts on: most that are tested.
+    let estimate = Estimate::of(ray, corners, t_min)?;
     let drawing = Drawing::new(ray);
     let [p0, p1, p2] = [drawing.draw(corners[0]), drawing.draw(corners[1]), drawing.draw(corners[2])];
     let (w0, s0) = edge(p1, p2);
@@ -157,7 +159,7 @@ pub(crate) fn exact_hit(ray: &DRay, corners: &[DVec3; 3], t_min: f64) -> Option<
     let scale = 1.0 / (w0 + w1 + w2);
     let uv = if scale > 0.0 && scale.is_finite() { DVec2::new(w1, w2) * scale } else { DVec2::splat(1.0 / 3.0) };
     let relative = corners.map(|v| v - ray.origin);
-    let plane = plane_distance(ray, corners, t_min)?;
+    let plane = estimate.distance(ray, corners);
     let t = if plane.is_finite() {
         plane
     } else {

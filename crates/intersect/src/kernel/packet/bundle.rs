@@ -9,6 +9,7 @@
 //! Tracing Algorithm, 2005, go down with the same kind of frustum). Everything here is conservative.
 
 use super::super::node::WideNode;
+use crate::precision::Rules;
 use snell_math::DRay;
 use snell_math::DVec3;
 use snell_math::simd::{Lanes8, WideLanes};
@@ -17,7 +18,7 @@ use snell_math::simd::{Lanes8, WideLanes};
 pub(super) const RAYS: usize = 16;
 
 /// One number per ray.
-pub(super) type PerRay<T> = [T; RAYS];
+pub(crate) type PerRay<T> = [T; RAYS];
 
 /// Relative padding of everything that follows from rounded coordinates, as [`super::super::node::BOX_PADDING`]: roundings
 /// of `f32` here, and of the drawing of triangles, come to less than half of it.
@@ -40,7 +41,7 @@ const MAX_SPREAD: f32 = 0.25;
 
 /// The rays of a bundle in the coordinates of a group, a row per ray.
 #[derive(Clone, Debug)]
-pub(super) struct ExactRays {
+pub(crate) struct ExactRays {
     /// With `t_min` as fourth.
     pub origin: PerRay<[f64; 4]>,
     pub direction: PerRay<[f64; 4]>,
@@ -57,7 +58,7 @@ impl ExactRays {
 
 /// What is known of a bundle besides its rays.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Kind {
+pub(crate) struct Kind {
     /// The point that the bundle is described from.
     pub apex: [f32; 3],
     /// The rays end near the apex instead of starting there.
@@ -68,11 +69,13 @@ pub(super) struct Kind {
     pub backward: bool,
     /// The apex, or the origins as triangles see them, are rounded.
     pub rounded: bool,
+    /// How far vertices may be from where they should be; 0 in single precision.
+    pub slack: f32,
 }
 
 /// A bundle in the coordinates of a group.
 #[derive(Clone, Debug)]
-pub(super) struct Bundle {
+pub(crate) struct Bundle {
     pub rays: ExactRays,
     pub kind: Kind,
     /// Axes x, y and z of the bundle: z is the one along which it goes.
@@ -129,7 +132,7 @@ fn axes(d: [f32; 3]) -> [usize; 3] {
 }
 
 /// What a bundle is made of, by axis of the group and ray, rounded to nearest.
-pub(super) struct Columns {
+pub(crate) struct Columns {
     /// Origins, seen from the apex and from [the first one, rounded](Bundle::drawn_origin); not used with a shared origin.
     pub from_apex: [PerRay<f32>; 3],
     pub from_first: [PerRay<f32>; 3],
@@ -171,6 +174,16 @@ unsafe fn least<L: WideLanes>(values: &PerRay<f32>) -> f32 {
     unsafe { lanes::<L>(values, 0).min(lanes(values, 1)).least() }
 }
 
+/// The greatest of both halves without their signs.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn size<L: WideLanes>(values: &PerRay<f32>) -> L {
+    // SAFETY: passed on to the caller.
+    unsafe { lanes::<L>(values, 0).abs().max(lanes::<L>(values, 1).abs()) }
+}
+
 /// # Safety
 /// The machine must have the instructions of `L`.
 #[inline(always)]
@@ -183,7 +196,7 @@ impl Bundle {
     /// No bundle yet.
     pub const NONE: Self = Self {
         rays: ExactRays { origin: [[0.0; 4]; RAYS], direction: [[0.0; 4]; RAYS] },
-        kind: Kind { apex: [0.0; 3], reversed: false, common: false, backward: false, rounded: false },
+        kind: Kind { apex: [0.0; 3], reversed: false, common: false, backward: false, rounded: false, slack: 0.0 },
         axes: [0; 3],
         sign: 1.0,
         octant: 0,
@@ -210,13 +223,55 @@ impl Bundle {
         high_offset: [0.0; 2],
     };
 
+    /// Works out the kind, the columns and everything else from `rays` in `f64`, the intervals in `columns`, and the apex, all in the
+    /// coordinates of a group. False if these rays do not make a bundle.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    pub unsafe fn set_up_exactly<L: WideLanes, P: Rules>(
+        &mut self,
+        columns: &mut Columns,
+        data: &P::Data,
+        group: usize,
+        apex: DVec3,
+        kind: &Kind,
+    ) -> bool {
+        // Zero if everything is finite.
+        let mut sum = 0.0;
+        for lane in 0..RAYS {
+            let ray = P::ray_in_structure(data, group, &self.rays.get(lane));
+            let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
+            for axis in 0..3 {
+                sum += o[axis] * 0.0 + d[axis] * 0.0;
+                columns.direction[axis][lane] = d[axis] as f32;
+                self.drawn_origin[axis][lane] = o[axis] as f32;
+            }
+        }
+        let apex = P::point_in_structure(data, group, apex).as_vec3().to_array();
+        self.kind = Kind { apex, rounded: true, slack: P::slack(data, group), ..*kind };
+        if !kind.common {
+            let apex = apex.map(f64::from);
+            let first = [0, 1, 2].map(|axis| f64::from(self.drawn_origin[axis][0]));
+            for lane in 0..RAYS {
+                let o = P::ray_in_structure(data, group, &self.rays.get(lane)).origin.to_array();
+                for axis in 0..3 {
+                    columns.from_apex[axis][lane] = (o[axis] - apex[axis]) as f32;
+                    columns.from_first[axis][lane] = (o[axis] - first[axis]) as f32;
+                }
+            }
+        }
+        // SAFETY: as promised by the caller.
+        sum == 0.0 && unsafe { self.set_up::<L, P>(columns) }
+    }
+
     /// Works out everything else from `kind`, `drawn_origin` by axis of the group, `rays` and `columns`. False if these rays do not make
     /// a bundle.
     ///
     /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn set_up<L: WideLanes>(&mut self, columns: &Columns) -> bool {
+    pub unsafe fn set_up<L: WideLanes, P: Rules>(&mut self, columns: &Columns) -> bool {
         let kind = self.kind;
         let directions = &columns.direction;
         self.axes = axes([0, 1, 2].map(|axis| directions[axis][0].abs()));
@@ -224,8 +279,9 @@ impl Bundle {
         let forward: f32 = if directions[z][0] < 0.0 { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
         self.sign = sign;
-        // Quotients as in [`super::super::ray::LocalRay`], whose shears these are.
-        if kind.rounded {
+        // Quotients as in [`super::super::ray::LocalRay`], whose shears these are if triangles are drawn in `f32`.
+        let is_drawn = kind.rounded && !P::TRIANGLES_ELSEWHERE;
+        if is_drawn {
             for (i, d) in self.rays.direction.iter().enumerate() {
                 self.slope[0][i] = (d[x] / d[z]) as f32 * sign;
                 self.slope[1][i] = (d[y] / d[z]) as f32 * sign;
@@ -235,7 +291,7 @@ impl Bundle {
         unsafe {
             for half in 0..2 {
                 let along: L = lanes(&directions[z], half);
-                if !kind.rounded {
+                if !is_drawn {
                     for (slope, axis) in self.slope.iter_mut().zip([x, y]) {
                         store(lanes::<L>(&directions[axis], half).div(along).mul(L::splat(sign)), slope, half);
                     }
@@ -266,8 +322,9 @@ impl Bundle {
                 self.place::<L>(columns);
             }
             if kind.rounded {
-                let size = self.rays.origin.map(|o| (o[0].abs() + o[1].abs() + o[2].abs()) as f32);
-                self.margin += greatest::<L>(&size) * (4.0 * f32::EPSILON) + f32::MIN_POSITIVE;
+                let [x, y, z] = &self.drawn_origin;
+                let size = size::<L>(x).max(size(y)).max(size(z)).greatest();
+                self.margin += size * (12.0 * f32::EPSILON) + f32::MIN_POSITIVE + kind.slack;
             }
         }
         if self.margin.is_nan() || self.margin >= LARGEST {

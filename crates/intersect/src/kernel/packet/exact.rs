@@ -5,6 +5,7 @@
 
 use super::super::triangle::{PLACE_TOLERANCE, TriangleBlock};
 use super::bundle::Bundle;
+use crate::precision::Real;
 use snell_math::simd::{Lanes4, WideLanes};
 
 /// Pairs that are tested together.
@@ -13,7 +14,7 @@ pub(super) const PAIRS: usize = 8;
 /// Rays of a bundle and triangles of a block, by their lanes.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
-pub(super) struct Pairs {
+pub(crate) struct Pairs {
     pub triangles: [u32; PAIRS],
     pub rays: [u32; PAIRS],
     pub count: usize,
@@ -38,18 +39,18 @@ impl Pairs {
 
 /// What became of the pairs.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
-    pub t: [f32; PAIRS],
-    pub b1: [f32; PAIRS],
-    pub b2: [f32; PAIRS],
+pub(crate) struct Found<R> {
+    pub t: [R; PAIRS],
+    pub b1: [R; PAIRS],
+    pub b2: [R; PAIRS],
     /// One bit per pair that is a hit.
     pub hits: u32,
     /// One bit per pair that is not decided.
     pub unsure: u32,
 }
 
-impl Found {
-    pub const NONE: Self = Self { t: [0.0; PAIRS], b1: [0.0; PAIRS], b2: [0.0; PAIRS], hits: 0, unsure: 0 };
+impl<R: Real> Found<R> {
+    pub const NONE: Self = Self { t: [R::ZERO; PAIRS], b1: [R::ZERO; PAIRS], b2: [R::ZERO; PAIRS], hits: 0, unsure: 0 };
 }
 
 /// Tests up to eight pairs. Unused ones must be copies of others or [`Pairs::NONE`]; their results mean nothing.
@@ -57,11 +58,11 @@ impl Found {
 /// # Safety
 /// The machine must have the instructions of `L`. All rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
 #[inline(always)]
-pub(super) unsafe fn exact_hits<L: WideLanes>(
+pub(crate) unsafe fn exact_hits<L: WideLanes>(
     block: &TriangleBlock,
     bundle: &Bundle,
     pairs: &Pairs,
-    found: &mut Found,
+    found: &mut Found<f32>,
 ) {
     // SAFETY: passed on to the caller; axes are below 3.
     unsafe {
@@ -184,7 +185,7 @@ impl<D: Lanes4> Four<D> {
     /// # Safety
     /// The machine must have the instructions of `D`; `from` must be 0 or 4.
     #[inline(always)]
-    unsafe fn test(&self, bundle: &Bundle, pairs: &Pairs, from: usize, found: &mut Found) {
+    unsafe fn test(&self, bundle: &Bundle, pairs: &Pairs, from: usize, found: &mut Found<f32>) {
         let [p0, p1, p2] = self.drawn;
         let (w0, s0) = edge(p1, p2);
         let (w1, s1) = edge(p2, p0);

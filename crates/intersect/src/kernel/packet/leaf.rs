@@ -7,6 +7,7 @@
 
 use super::super::triangle::TriangleBlock;
 use super::bundle::Bundle;
+use crate::precision::Rules;
 use snell_math::simd::Lanes8;
 
 /// Bound of the errors of a signed area, relative to the distance of the triangle and the length of its longest edge. The drawing of
@@ -16,6 +17,10 @@ const AREA_ERROR: f32 = 256.0 / 16_777_216.0;
 /// Bound of the errors of heights above planes, relative to the distance of the triangle and the square of the length of its longest edge.
 /// It is less than `200 * 2^-24`.
 const HEIGHT_ERROR: f32 = 1024.0 / 16_777_216.0;
+
+/// The same for what vertices may be off by, relative to the distance of the triangle together with the length of its longest edge.
+/// (Normals are off by `8 slack (edge + slack)` along each axis, and the slopes of rays are 2 at most.)
+const SLACK_ERROR: f32 = 40.0;
 
 /// A block of triangles seen from the apex of a bundle.
 pub(super) struct SeenBlock<L> {
@@ -38,7 +43,7 @@ impl<L: Lanes8> SeenBlock<L> {
     /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn new(block: &TriangleBlock, bundle: &Bundle) -> Self {
+    pub unsafe fn new<P: Rules>(block: &TriangleBlock, bundle: &Bundle) -> Self {
         // SAFETY: passed on to the caller; axes are below 3.
         unsafe {
             let [x, y, z] = bundle.axes;
@@ -61,19 +66,32 @@ impl<L: Lanes8> SeenBlock<L> {
             let length = size(edges[1]).max(size(edges[2]));
             // The first edge may be as long as both others.
             let (length, far) = (length.add(length), size(r0).add(length).add(L::splat(bundle.distance)));
-            let error = far.mul(L::splat(AREA_ERROR)).add(L::splat(8.0 * bundle.margin));
+            let mut error = far.mul(L::splat(AREA_ERROR)).add(L::splat(8.0 * bundle.margin));
+            let (mut long, slack) = (length, bundle.kind.slack);
+            if P::TRIANGLES_ELSEWHERE {
+                // Triangles that are met have their vertices no farther from the ray than this.
+                error = error.add(L::splat(8.0 * slack));
+                long = length.add(L::splat(8.0 * slack));
+            }
+            let mut relative = length.mul(L::splat(HEIGHT_ERROR));
+            if P::TRIANGLES_ELSEWHERE {
+                // Both edges of the normal are off by twice the slack.
+                relative = relative.add(L::splat(SLACK_ERROR * slack));
+            }
             let (mut normal, mut height, mut height_error, normal_error) =
-                (edges[0], length, length, length.mul(length));
+                (edges[0], length, length, long.mul(relative).add(L::splat(f32::MIN_POSITIVE)));
             if !bundle.kind.common {
                 let start = &bundle.start_point;
                 let start = [L::splat(start[0]), L::splat(start[1]), L::splat(start[2]).mul(sign)];
                 let from_start = minus(v0, start);
                 normal = cross(edges[2], minus(v2, v0));
                 height = dot(normal, from_start);
-                let reach = size(from_start).add(L::splat(bundle.start_spread));
-                height_error = reach.mul(normal_error).mul(L::splat(HEIGHT_ERROR)).add(L::splat(f32::MIN_POSITIVE));
+                let mut reach = size(from_start).add(L::splat(bundle.start_spread));
+                if P::TRIANGLES_ELSEWHERE {
+                    reach = reach.add(length);
+                }
+                height_error = reach.mul(normal_error).add(L::splat(f32::MIN_POSITIVE));
             }
-            let normal_error = normal_error.mul(L::splat(HEIGHT_ERROR)).add(L::splat(f32::MIN_POSITIVE));
             let low = r0[2].min(r1[2]).min(r2[2]);
             let high = r0[2].max(r1[2]).max(r2[2]);
             Self {
@@ -85,7 +103,7 @@ impl<L: Lanes8> SeenBlock<L> {
                 normal_error,
                 areas: [cross(r1, edges[0]), cross(r2, edges[1]), cross(r0, edges[2])],
                 edges,
-                bound: error.mul(length).add(L::splat(f32::MIN_POSITIVE)),
+                bound: error.mul(long).add(L::splat(f32::MIN_POSITIVE)),
             }
         }
     }

@@ -3,15 +3,17 @@
 use super::super::node::padded;
 use super::MIN_RAYS;
 use super::bundle::{Bundle, Columns, Kind, PerRay, RAYS, store};
-use snell_math::Ray;
+use crate::kernel::double::DoubleData;
+use crate::precision::{Double, Real, Single};
 use snell_math::simd::WideLanes;
+use snell_math::{DRay, Ray};
 
 /// Makes a bundle of a run; false if it is none. Lanes without a ray repeat the first one and want nothing.
 ///
 /// # Safety
 /// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(super) unsafe fn set_up<L: WideLanes>(
+pub(crate) unsafe fn set_up<L: WideLanes>(
     bundle: &mut Bundle,
     columns: &mut Columns,
     rays: &[Ray],
@@ -38,7 +40,7 @@ pub(super) unsafe fn set_up<L: WideLanes>(
     // A little beyond the ends, so that all rays end before it.
     let end = first.origin + first.direction * (first.t_max * (1.0 + 1.0 / 1024.0));
     let apex = if reversed { end } else { first.origin }.to_array();
-    bundle.kind = Kind { apex, reversed, common, backward: reversed && backward, rounded: false };
+    bundle.kind = Kind { apex, reversed, common, backward: reversed && backward, rounded: false, slack: 0.0 };
     for (i, ray) in all.iter().enumerate() {
         bundle.rays.origin[i] = [ray.origin.x, ray.origin.y, ray.origin.z, ray.t_min].map(f64::from);
         bundle.rays.direction[i] = [ray.direction.x, ray.direction.y, ray.direction.z, ray.t_max].map(f64::from);
@@ -54,7 +56,45 @@ pub(super) unsafe fn set_up<L: WideLanes>(
         }
     }
     // SAFETY: as promised by the caller.
-    unsafe { bundle.set_up::<L>(columns) }
+    unsafe { bundle.set_up::<L, Single>(columns) }
+}
+
+/// [`set_up`] in double precision.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+pub(crate) unsafe fn set_up_doubles<L: WideLanes>(
+    data: &DoubleData,
+    bundle: &mut Bundle,
+    columns: &mut Columns,
+    rays: &[DRay],
+    backward: bool,
+) -> bool {
+    if rays.len() < MIN_RAYS {
+        return false;
+    }
+    let first = &rays[0];
+    let (mut is_fine, mut ends, mut common) = (true, true, true);
+    for i in 0..RAYS {
+        let ray = rays.get(i).unwrap_or(first);
+        let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
+        is_fine &= (ray.t_min >= 0.0) & (ray.t_min < ray.t_max);
+        ends &= ray.t_max < f64::INFINITY;
+        common &= ray.origin == first.origin;
+        bundle.rays.origin[i] = [o[0], o[1], o[2], ray.t_min];
+        bundle.rays.direction[i] = [d[0], d[1], d[2], ray.t_max];
+        columns.t_min[i] = ray.t_min.below();
+        columns.cull[i] = padded(ray.t_max.above());
+    }
+    columns.cull[rays.len()..].fill(-1.0);
+    let reversed = !common && ends;
+    // A little beyond the ends, so that all rays end before it.
+    let end = first.origin + first.direction * (first.t_max * (1.0 + 1.0 / 1024.0));
+    let apex = if reversed { end } else { first.origin };
+    let kind = Kind { apex: [0.0; 3], reversed, common, backward: reversed && backward, rounded: true, slack: 0.0 };
+    // SAFETY: as promised by the caller.
+    is_fine && unsafe { bundle.set_up_exactly::<L, Double>(columns, data, 0, apex, &kind) }
 }
 
 /// Transposes rays. Whether all are finite, with intervals that begin at zero or later and are not empty; and whether all end.

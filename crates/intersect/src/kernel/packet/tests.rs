@@ -4,14 +4,16 @@ use super::exact::{Found, Pairs, exact_hits};
 use super::leaf::SeenBlock;
 use super::runs::set_up;
 use crate::accel::AcceleratorKind;
-use crate::hit::Hit;
+use crate::hit::{DHit, Hit};
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{TriangleBlock, exact_hit};
-use crate::mesh::TriangleMesh;
+use crate::mesh::{DTriangleMesh, TriangleMesh};
+use crate::precision::Single;
 use crate::query::rays::Rays;
 use crate::query::{AcceptAll, Grouping, HitFilter};
+use crate::world::double::DWorldBuilder;
 use crate::world::tests::{bits, build, levels, nested_scene};
-use crate::world::{GeometryId, World, WorldBuilder};
+use crate::world::{BuildOptions, GeometryId, World, WorldBuilder};
 use proptest::prelude::*;
 use snell_math::simd::{Level, Portable8, WideLanes};
 use snell_math::{DAffine3, DRay, DVec3, Ray, Transform, Vec3, rng};
@@ -122,6 +124,52 @@ proptest! {
     }
 
     #[test]
+    fn bundles_in_double_precision_hit_lattices_and_instances_as_the_oracle_does(
+        positions in proptest::collection::vec(lattice_point(), 3..20),
+        corners in proptest::collection::vec(proptest::array::uniform3(0u32..1000), 10..60),
+        (kind, seed, size) in (kinds(), 0u32..1_000_000, sizes()),
+        (from, to, width) in (lattice_point(), lattice_point(), widths()),
+        (scale, far) in (prop_oneof![Just(1.0), Just(1e-3), Just(0.1)], prop_oneof![Just(0.0), Just(1.0f64)]),
+    ) {
+        // A city in metres.
+        let place = DVec3::new(500_000.123, 4_649_776.22, 300.0) * far;
+        let n = positions.len() as u32;
+        let moved = |p: Vec3| place + p.as_dvec3() * scale;
+        let mesh = Arc::new(DTriangleMesh {
+            positions: positions.into_iter().map(moved).collect(),
+            indices: corners.iter().map(|t| t.map(|i| i % n)).collect(),
+        });
+        let make = |accelerator, simd| {
+            let mut builder = DWorldBuilder::default();
+            builder.add_mesh(DWorldBuilder::ROOT, mesh.clone());
+            let child = builder.add_group();
+            builder.add_mesh(child, mesh.clone());
+            let turned = DAffine3::from_rotation_y(0.3) * DAffine3::from_scale(DVec3::new(1.0, 0.7, 1.3));
+            for shift in [DVec3::X, DVec3::new(0.1, 2.0, 0.3)] {
+                let there = DAffine3::from_translation(place + shift * scale) * turned;
+                let placed = Transform::new(there * DAffine3::from_translation(-place)).expect("invertible");
+                builder.add_instance(DWorldBuilder::ROOT, child, placed);
+            }
+            builder.build(&BuildOptions { accelerator, simd, ..BuildOptions::default() }).expect("a world")
+        };
+        let exact = |ray: &Ray| DRay { origin: moved(ray.origin), direction: ray.direction.as_dvec3() * scale, ..DRay::from(ray) };
+        let rays: Vec<DRay> = rays(kind, seed, size, from, to, width).iter().map(exact).collect();
+        let oracle = make(AcceleratorKind::None, Level::Scalar);
+        for level in levels() {
+            let world = make(AcceleratorKind::Bvh, level);
+            let (mut hits, mut blocked) = (vec![DHit::MISS; rays.len()], vec![false; rays.len()]);
+            world.closest(&rays, Grouping::Coherent, &AcceptAll, &mut hits);
+            world.occluded(&rays, Grouping::Coherent, &AcceptAll, &mut blocked);
+            for (i, ray) in rays.iter().enumerate() {
+                let expected = oracle.closest_one(ray, &AcceptAll);
+                prop_assert_eq!(hits[i], expected, "{:?} {:?}", level, ray);
+                prop_assert_eq!(hits[i].t.to_bits(), expected.t.to_bits());
+                prop_assert_eq!(blocked[i], expected.is_hit(), "{:?} {:?}", level, ray);
+            }
+        }
+    }
+
+    #[test]
     fn what_the_exact_test_takes_passes_the_filter_and_gets_the_same_bits(
         (kind, seed) in (kinds(), 0u32..1_000_000),
         (from, to, width) in (lattice_point(), lattice_point(), widths()),
@@ -167,7 +215,7 @@ unsafe fn check_block_avx2(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray])
 #[inline(always)]
 unsafe fn check_block<L: WideLanes>(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray]) -> Result<(), TestCaseError> {
     // SAFETY: as promised by the caller.
-    let seen = unsafe { SeenBlock::<L>::new(block, bundle) };
+    let seen = unsafe { SeenBlock::<L>::new::<Single>(block, bundle) };
     for (lane, ray) in rays.iter().enumerate() {
         // SAFETY: as above.
         let (passed, sure) = unsafe { seen.candidates::<true>(bundle, lane) };

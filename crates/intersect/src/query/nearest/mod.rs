@@ -5,22 +5,27 @@
 //! primitive). So every structure gives the same bits. What moves counts as it is at time 0.
 
 mod place;
+mod points;
 #[cfg(test)]
 mod tests;
+
+pub use points::Points;
 
 use crate::accel::brute_force::GroupList;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{Bulk, BulkContents, Object, ObjectRef, Objects};
-use crate::geometry::quads::quad_hit;
-use crate::hit::Hit;
+use crate::hit::{DHit, Hit};
+use crate::kernel::double::DoubleData;
 use crate::kernel::node::ChildRef;
 use crate::kernel::triangle::TriangleBlock;
 use crate::mesh::are_degenerate;
+use crate::precision::{Double, Rules};
 use crate::shape::Shape;
 use crate::shape::nearest::on_triangle;
+use crate::world::double::DWorld;
 use crate::world::{GeometryOptions, Structure, World};
 use place::Place;
-use snell_math::{DAffine3, DVec3, Vec2, Vec3};
+use snell_math::{DAffine3, DVec2, DVec3, Vec2, Vec3};
 
 /// The answer for one point. 36 bytes, plain data.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,7 +69,7 @@ pub struct DNearestPoint {
     /// The point of the surface, in world space; zero if there is none.
     pub position: DVec3,
     /// As in [`NearestPoint`].
-    pub uv: Vec2,
+    pub uv: DVec2,
     /// As in [`Hit`].
     pub instance: u32,
     /// As in [`Hit`]; [`Hit::NONE`] if nothing is near enough.
@@ -78,7 +83,7 @@ impl DNearestPoint {
     pub const NONE: Self = Self {
         distance: f64::INFINITY,
         position: DVec3::ZERO,
-        uv: Vec2::ZERO,
+        uv: DVec2::ZERO,
         instance: Hit::NONE,
         geometry: Hit::NONE,
         primitive: Hit::NONE,
@@ -102,67 +107,6 @@ impl Default for NearestPoint {
     }
 }
 
-/// A batch of points. A slice of points converts into it: all geometries, any distance.
-#[derive(Clone, Copy, Debug)]
-pub struct Points<'a> {
-    /// The points, in world space.
-    pub points: &'a [Vec3],
-    /// What is farther from a point than this is not looked for; what is exactly as far is.
-    pub max_distance: f32,
-    /// The same for each point by itself, or empty. The lesser of the two counts.
-    pub max_distances: &'a [f32],
-    /// Only geometries and instances that share a bit with this count.
-    pub mask: u32,
-}
-
-impl<'a> Points<'a> {
-    /// Points without limits.
-    pub fn new(points: &'a [Vec3]) -> Self {
-        Self { points, max_distance: f32::INFINITY, max_distances: &[], mask: u32::MAX }
-    }
-
-    /// How many there are.
-    pub fn len(&self) -> usize {
-        self.points.len()
-    }
-
-    /// True if there are none.
-    pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
-    }
-
-    /// The points numbered `range`.
-    pub fn slice(&self, range: std::ops::Range<usize>) -> Self {
-        let max_distances =
-            if self.max_distances.is_empty() { self.max_distances } else { &self.max_distances[range.clone()] };
-        Self { points: &self.points[range], max_distances, ..*self }
-    }
-
-    /// How far to look from a point; NaN (which finds nothing) if either limit is.
-    pub(super) fn limit(&self, number: usize) -> f32 {
-        let own = if self.max_distances.is_empty() { f32::INFINITY } else { self.max_distances[number] };
-        if own < self.max_distance || own.is_nan() { own } else { self.max_distance }
-    }
-}
-
-impl<'a> From<&'a [Vec3]> for Points<'a> {
-    fn from(points: &'a [Vec3]) -> Self {
-        Self::new(points)
-    }
-}
-
-impl<'a> From<&'a Vec<Vec3>> for Points<'a> {
-    fn from(points: &'a Vec<Vec3>) -> Self {
-        Self::new(points)
-    }
-}
-
-impl<'a, const N: usize> From<&'a [Vec3; N]> for Points<'a> {
-    fn from(points: &'a [Vec3; N]) -> Self {
-        Self::new(points)
-    }
-}
-
 impl World {
     /// For each point the nearest point of any surface, from either side; [`NearestPoint::NONE`] where there is none within the
     /// limit, the point is not finite, or the limit is negative or NaN.
@@ -171,51 +115,78 @@ impl World {
     /// If the slices differ in length.
     pub fn nearest_point<'a>(&self, points: impl Into<Points<'a>>, nearest: &mut [NearestPoint]) {
         let points = points.into();
-        assert_eq!(points.len(), nearest.len(), "one answer per point");
-        assert!(points.max_distances.is_empty() || points.max_distances.len() == points.len(), "one limit per point");
+        points.check(nearest.len());
         let mut stack = Vec::new();
         for (i, answer) in nearest.iter_mut().enumerate() {
-            *answer = self.search_nearest(points.points[i], points.limit(i), points.mask, &mut stack);
+            let point = points.points[i].as_dvec3();
+            *answer = self.space().nearest(point, points.limit(i), points.mask, &mut stack).into();
         }
     }
 
     /// The nearest point of any surface to one point.
     pub fn nearest_point_one(&self, point: Vec3) -> NearestPoint {
-        self.search_nearest(point, f32::INFINITY, u32::MAX, &mut Vec::new())
+        self.space().nearest(point.as_dvec3(), f64::INFINITY, u32::MAX, &mut Vec::new()).into()
     }
 
     /// The nearest point of any surface, within `max_distance` and among what shares a bit with `mask`, to a point in double precision:
-    /// it is not rounded, and neither is the answer. (Meshes have the vertices they have, in single precision; far from the origin,
-    /// give them coordinates of their own and place them by instances.)
+    /// it is not rounded, and neither is the answer. (Meshes have the vertices they have, in single precision; [`crate::DWorld`] has
+    /// others.)
     pub fn nearest_point_at(&self, point: DVec3, max_distance: f64, mask: u32) -> DNearestPoint {
-        if !is_answered(point, max_distance) {
+        self.space().nearest(point, max_distance, mask, &mut Vec::new())
+    }
+
+    pub(super) fn space(&self) -> Space<'_> {
+        Space { world: self, double: None }
+    }
+}
+
+impl DWorld {
+    /// As [`World::nearest_point`]: of the meshes as they are, not rounded.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn nearest_point<'a>(&self, points: impl Into<Points<'a, Double>>, nearest: &mut [DNearestPoint]) {
+        let points = points.into();
+        points.check(nearest.len());
+        let mut stack = Vec::new();
+        for (i, answer) in nearest.iter_mut().enumerate() {
+            *answer = self.space().nearest(points.points[i], points.limit(i), points.mask, &mut stack);
+        }
+    }
+
+    /// As [`World::nearest_point_one`].
+    pub fn nearest_point_one(&self, point: DVec3) -> DNearestPoint {
+        self.space().nearest(point, f64::INFINITY, u32::MAX, &mut Vec::new())
+    }
+
+    pub(super) fn space(&self) -> Space<'_> {
+        Space { world: &self.world, double: Some(self) }
+    }
+}
+
+/// What points are asked of: a world of either precision.
+#[derive(Clone, Copy)]
+pub(super) struct Space<'a> {
+    pub world: &'a World,
+    /// If its meshes are in double precision.
+    pub double: Option<&'a DWorld>,
+}
+
+impl Space<'_> {
+    fn nearest(&self, point: DVec3, limit: f64, mask: u32, stack: &mut Vec<Entry>) -> DNearestPoint {
+        if !is_answered(point, limit) {
             return DNearestPoint::NONE;
         }
-        let best = self.search_best(point, max_distance, mask, &mut Vec::new());
-        let position = best.position;
-        let NearestPoint { uv, instance, geometry, primitive, .. } = best.result(&self.options);
-        let distance = if geometry == Hit::NONE { f64::INFINITY } else { best.squared.sqrt().min(f64::MAX) };
-        DNearestPoint { distance, position, uv, instance, geometry, primitive }
-    }
-
-    fn search_nearest(&self, point: Vec3, limit: f32, mask: u32, stack: &mut Vec<Entry>) -> NearestPoint {
-        let (point, limit) = (point.as_dvec3(), f64::from(limit));
-        if !is_answered(point, limit) {
-            return NearestPoint::NONE;
-        }
-        self.search_best(point, limit, mask, stack).result(&self.options)
-    }
-
-    fn search_best(&self, point: DVec3, limit: f64, mask: u32, stack: &mut Vec<Entry>) -> Best {
         stack.clear();
-        let mut search = Search { point, mask, options: &self.options, best: Best::within(limit), stack };
+        let (options, data) = (&*self.world.options, self.double.map(|world| &world.data));
+        let mut search = Search { point, mask, options, data, best: Best::within(limit), stack };
         let place = Place::world(point);
-        match &self.structure {
+        match &self.world.structure {
             Structure::None(lists) => search.list(&|group| &lists[group], 0, &place, 0),
             Structure::Walked(structures) => search.list(&|group| structures.list(group), 0, &place, 0),
             Structure::Bvh(forest) => search.tree(forest, 0, &place, 0),
         }
-        search.best
+        search.best.result(options)
     }
 }
 
@@ -232,7 +203,7 @@ struct Best {
     /// Instance, geometry, primitive (for a quad its triangle).
     ids: [u32; 3],
     position: DVec3,
-    uv: Vec2,
+    uv: DVec2,
 }
 
 impl Best {
@@ -240,25 +211,38 @@ impl Best {
     fn within(distance: f64) -> Self {
         let squared = distance * distance;
         // Any ids are lower, so what lies exactly at the limit is taken.
-        Self { squared, limit: above(squared), ids: [Hit::NONE; 3], position: DVec3::ZERO, uv: Vec2::ZERO }
+        Self { squared, limit: above(squared), ids: [Hit::NONE; 3], position: DVec3::ZERO, uv: DVec2::ZERO }
     }
 
     fn is_improved_by(&self, squared: f64, ids: [u32; 3]) -> bool {
         squared < self.squared || (squared == self.squared && ids < self.ids)
     }
 
-    fn result(&self, options: &[GeometryOptions]) -> NearestPoint {
+    fn result(&self, options: &[GeometryOptions]) -> DNearestPoint {
         let [instance, geometry, primitive] = self.ids;
         if geometry == Hit::NONE {
-            return NearestPoint::NONE;
+            return DNearestPoint::NONE;
         }
-        let found = Hit { t: 0.0, uv: self.uv, instance, geometry, primitive };
-        let Hit { uv, primitive, .. } = if options[geometry as usize].quads { quad_hit(&found) } else { found };
+        let found = DHit { t: 0.0, uv: self.uv, instance, geometry, primitive };
+        let DHit { uv, primitive, .. } =
+            if options[geometry as usize].quads { Double::quad_hit(&found) } else { found };
+        let distance = self.squared.sqrt().min(f64::MAX);
+        DNearestPoint { distance, position: self.position, uv, instance, geometry, primitive }
+    }
+}
+
+impl From<DNearestPoint> for NearestPoint {
+    /// Rounds to single precision.
+    fn from(near: DNearestPoint) -> Self {
+        if !near.is_found() {
+            return Self::NONE;
+        }
+        let DNearestPoint { distance, position, uv, instance, geometry, primitive } = near;
         let largest = DVec3::splat(f32::MAX.into());
-        NearestPoint {
-            distance: (self.squared.sqrt() as f32).min(f32::MAX),
-            position: self.position.clamp(-largest, largest).as_vec3(),
-            uv,
+        Self {
+            distance: (distance as f32).min(f32::MAX),
+            position: position.clamp(-largest, largest).as_vec3(),
+            uv: uv.as_vec2(),
             instance,
             geometry,
             primitive,
@@ -281,6 +265,8 @@ struct Search<'a> {
     point: DVec3,
     mask: u32,
     options: &'a [GeometryOptions],
+    /// Of a world in double precision.
+    data: Option<&'a DoubleData>,
     best: Best,
     stack: &'a mut Vec<Entry>,
 }
@@ -297,6 +283,8 @@ impl Search<'_> {
         if tree.root == ChildRef::NONE {
             return;
         }
+        let framed = self.data.map(|data| place.in_frame(&data.frames[group]));
+        let seen = framed.as_ref().unwrap_or(place);
         let base = self.stack.len();
         self.stack.push((0.0, tree.root));
         while self.stack.len() > base {
@@ -306,13 +294,14 @@ impl Search<'_> {
             }
             if child.is_node() {
                 let node = &tree.nodes[child.index()];
-                let bounds = place.node_bounds(node);
+                let bounds = seen.node_bounds(node);
                 let first = self.stack.len();
                 let children = bounds.into_iter().zip(node.children);
                 self.stack.extend(children.filter(|c| c.1 != ChildRef::NONE && c.0 <= self.best.limit));
                 self.stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
             } else if child.is_triangles() {
-                self.triangles(tree, &tree.blocks[child.block()], child.count() as usize, place, instance);
+                let block = &tree.blocks[child.block()];
+                self.triangles(tree, block, child.count() as usize, [place, seen], instance);
             } else {
                 self.object(&tree.objects, child.index(), place, instance, |search, child, place, instance| {
                     search.tree(forest, child, place, instance);
@@ -326,8 +315,8 @@ impl Search<'_> {
         let list = lists(group);
         for (geometry, mesh) in &list.meshes {
             for triangle in (0..mesh.indices.len()).filter(|&i| !mesh.is_degenerate(i)) {
-                let corners = mesh.corners(triangle).map(|p| p.as_dvec3());
-                self.triangle(&corners, place, [instance, *geometry, triangle as u32]);
+                let ids = [instance, *geometry, triangle as u32];
+                self.triangle(|| mesh.corners(triangle), place, ids);
             }
         }
         for object in 0..list.objects.len() {
@@ -337,21 +326,33 @@ impl Search<'_> {
         }
     }
 
-    fn triangles(&mut self, tree: &GroupTree, block: &TriangleBlock, count: usize, place: &Place, instance: u32) {
-        let bounds = place.triangle_bounds(block);
+    /// Looks at the triangles of a block; `seen` is the place as the block sees it.
+    fn triangles(
+        &mut self,
+        tree: &GroupTree,
+        block: &TriangleBlock,
+        count: usize,
+        [place, seen]: [&Place; 2],
+        instance: u32,
+    ) {
+        let bounds = seen.triangle_bounds(block);
         for (lane, bound) in bounds.into_iter().enumerate().take(count) {
             if bound <= self.best.limit {
                 let (geometry, primitive) = tree.triangle(block.ids[lane]);
-                let corners = block.corners(lane).map(|p| Vec3::from_array(p).as_dvec3());
-                self.triangle(&corners, place, [instance, geometry, primitive]);
+                self.triangle(|| block.corners(lane).map(Vec3::from_array), place, [instance, geometry, primitive]);
             }
         }
     }
 
-    fn triangle(&mut self, corners: &[DVec3; 3], place: &Place, ids: [u32; 3]) {
+    /// Looks at a triangle; `corners` are those in the structure.
+    fn triangle(&mut self, corners: impl FnOnce() -> [Vec3; 3], place: &Place, ids: [u32; 3]) {
         if self.admits(ids[1]) {
-            let (position, uv) = on_triangle(&place.metric, place.point, corners);
-            self.offer(position - place.point, uv.as_vec2(), &place.metric, ids);
+            let corners = match self.data {
+                Some(data) => *data.corners(ids[1], ids[2]),
+                None => corners().map(|p| p.as_dvec3()),
+            };
+            let (position, uv) = on_triangle(&place.metric, place.point, &corners);
+            self.offer(position - place.point, uv, &place.metric, ids);
         }
     }
 
@@ -388,7 +389,7 @@ impl Search<'_> {
             // Not outside of the box that is skipped when it is too far.
             let bounds = shape.bounds();
             let position = found.position.max(bounds.min).min(bounds.max);
-            self.offer(position - point, Vec2::ZERO, &metric, [instance, geometry, found.face]);
+            self.offer(position - point, DVec2::ZERO, &metric, [instance, geometry, found.face]);
         }
     }
 
@@ -409,7 +410,7 @@ impl Search<'_> {
         };
         if let Some((position, uv)) = found.filter(|found| !bounds.is_empty() && found.0.is_finite()) {
             let position = position.max(bounds.min).min(bounds.max);
-            self.offer(position - place.point, uv, &place.metric, [instance, bulk.geometry, primitive]);
+            self.offer(position - place.point, uv.as_dvec2(), &place.metric, [instance, bulk.geometry, primitive]);
         }
     }
 
@@ -418,7 +419,7 @@ impl Search<'_> {
     }
 
     /// Takes a point if it is nearer than the best. `offset` is from the searched point, in coordinates measured by `metric`.
-    fn offer(&mut self, offset: DVec3, uv: Vec2, metric: &crate::shape::Metric, ids: [u32; 3]) {
+    fn offer(&mut self, offset: DVec3, uv: DVec2, metric: &crate::shape::Metric, ids: [u32; 3]) {
         let in_world = *metric.linear() * offset;
         let squared = in_world.length_squared();
         if self.best.is_improved_by(squared, ids) {

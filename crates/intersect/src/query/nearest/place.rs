@@ -1,5 +1,6 @@
 //! A point as seen from a group, and how far boxes of the group are from it in the world.
 
+use crate::kernel::double::frame::Frame;
 use crate::kernel::node::WideNode;
 use crate::kernel::triangle::TriangleBlock;
 use crate::shape::Metric;
@@ -27,13 +28,28 @@ const SLACK: f32 = 1.0 - 2e-6;
 /// Beyond this, distances along an axis count as this: its square does not overflow.
 const FAR: f32 = 1e18;
 
+/// At least the sum of both, away from the first.
+fn farther(x: f32, by: f32) -> f32 {
+    match by {
+        0.0 => x,
+        by if by < 0.0 => (x + by).next_down(),
+        by => (x + by).next_up(),
+    }
+}
+
 impl Place {
     /// In the world.
     pub fn world(point: DVec3) -> Self {
-        Self::new(point, Metric::EUCLIDEAN)
+        Self::new(point, Metric::EUCLIDEAN, 0.0)
     }
 
-    fn new(point: DVec3, metric: Metric) -> Self {
+    /// As the boxes of the group see it, if they are in coordinates of their own.
+    pub fn in_frame(&self, frame: &Frame) -> Self {
+        Self::new(frame.point(self.point), Metric::new(*self.metric.linear() * (1.0 / frame.scale)), frame.slack)
+    }
+
+    /// Boxes may be off by `slack` along each axis.
+    fn new(point: DVec3, metric: Metric, slack: f32) -> Self {
         let nearest = point.to_array().map(|x| (x as f32).clamp(f32::MIN, f32::MAX));
         let rounded =
             |i: usize, to: fn(f32) -> f32| if f64::from(nearest[i]) == point[i] { nearest[i] } else { to(nearest[i]) };
@@ -41,8 +57,8 @@ impl Place {
         Self {
             point,
             metric,
-            low: std::array::from_fn(|i| rounded(i, f32::next_down).max(f32::MIN)),
-            high: std::array::from_fn(|i| rounded(i, f32::next_up).min(f32::MAX)),
+            low: std::array::from_fn(|i| farther(rounded(i, f32::next_down), -slack).max(f32::MIN)),
+            high: std::array::from_fn(|i| farther(rounded(i, f32::next_up), slack).min(f32::MAX)),
             weights: weights.map(|w| ((w * (1.0 - 1e-6)) as f32).min(f32::MAX)),
         }
     }
@@ -50,7 +66,7 @@ impl Place {
     /// The place in an instanced group; `None` if it overflows on the way, then nothing is found there.
     pub fn in_child(&self, child_from_group: &DAffine3) -> Option<Self> {
         let point = child_from_group.transform_point3(self.point);
-        point.is_finite().then(|| Self::new(point, self.metric_in_child(child_from_group)))
+        point.is_finite().then(|| Self::new(point, self.metric_in_child(child_from_group), 0.0))
     }
 
     /// The metric of what is placed in the group.

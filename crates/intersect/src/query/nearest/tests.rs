@@ -250,7 +250,7 @@ fn points_in_double_precision_find_what_rounded_ones_do_and_are_not_rounded() {
             (
                 double.distance as f32,
                 double.position.as_vec3(),
-                double.uv,
+                double.uv.as_vec2(),
                 double.instance,
                 double.geometry,
                 double.primitive

@@ -1,54 +1,78 @@
 use super::*;
+use crate::hit::Hit;
 use crate::query::AcceptAll;
-use crate::world::tests::{Random, default_world, nested_scene};
-use snell_math::Ray;
+use crate::world::BuildOptions;
+use crate::world::double::DWorldBuilder;
+use crate::world::tests::{Random, default_world, double_sphere, nested_scene};
+use snell_math::{DRay, DVec3, Ray, Vec3};
+use std::sync::Arc;
 
-#[test]
-fn answers_do_not_depend_on_threads_or_pieces() {
-    let world = default_world(nested_scene(2));
-    let mut random = Random(5);
-    let rays: Vec<Ray> = (0..1000).map(|_| Ray::new(random.point(3.0), random.direction())).collect();
-    let masks: Vec<u32> = (0..1000).map(|i| if i % 3 == 0 { 1 } else { u32::MAX }).collect();
-    let rays = Rays::new(&rays).with_masks(&masks);
-    let points: Vec<Vec3> = (0..60).map(|_| random.point(3.0)).collect();
-    let limits: Vec<f32> = (0..60).map(|i| 0.05 * i as f32).collect();
-    let limited = Points { max_distances: &limits, ..Points::new(&points) };
-
-    let (mut hits, mut blocked, mut counts) = (vec![Hit::MISS; 1000], vec![false; 1000], vec![0; 1000]);
+/// Compares pieces and threads with the world's own answers.
+fn check<W: Queries>(world: &W, rays: Rays<Of<W>>, limited: Points<Of<W>>, zero: DistanceOf<W>) {
+    let (n, m, points) = (rays.len(), limited.len(), limited.points);
+    let (mut hits, mut blocked, mut counts) = (vec![HitOf::<W>::default(); n], vec![false; n], vec![0; n]);
     world.closest(rays, Grouping::None, &AcceptAll, &mut hits);
     world.occluded(rays, Grouping::None, &AcceptAll, &mut blocked);
     world.count(rays, &AcceptAll, &mut counts);
     let all = world.all(rays, &AcceptAll);
-    let (mut nearest, mut distances) = (vec![NearestPoint::NONE; 60], vec![0.0; 60]);
+    let (mut nearest, mut distances) = (vec![NearestOf::<W>::default(); m], vec![zero; m]);
     world.nearest_point(limited, &mut nearest);
     world.signed_distance(limited, &mut distances);
-    let (mut numbers, mut inside) = (vec![0.0; 60], vec![false; 60]);
-    world.winding_number(&points, &mut numbers);
-    world.occupancy(&points, &mut inside);
+    let (mut numbers, mut inside) = (vec![0.0; m], vec![false; m]);
+    world.winding_number(points, &mut numbers);
+    world.occupancy(points, &mut inside);
+    let is_mixed = |answers: &[bool]| answers.iter().any(|&it| it) && answers.iter().any(|&it| !it);
+    assert!(is_mixed(&blocked) && is_mixed(&inside) && counts.iter().any(|&count| count > 1));
 
     for threads in [1, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         for piece in [1, 64, 500, usize::MAX] {
-            let parallel = world.parallel().with_piece(piece);
+            let parallel = Parallel { world, piece: None, cancel: None }.with_piece(piece);
             pool.install(|| {
-                let (mut h, mut b, mut c) = (vec![Hit::MISS; 1000], vec![false; 1000], vec![0; 1000]);
+                let (mut h, mut b, mut c) = (vec![HitOf::<W>::default(); n], vec![false; n], vec![0; n]);
                 parallel.closest(rays, Grouping::None, &AcceptAll, &mut h)?;
                 parallel.occluded(rays, Grouping::Coherent, &AcceptAll, &mut b)?;
                 parallel.count(rays, &AcceptAll, &mut c)?;
                 assert!(h == hits && b == blocked && c == counts, "{threads} {piece}");
-                assert_eq!(parallel.all(rays, &AcceptAll)?, all);
-                let (mut n, mut d) = (vec![NearestPoint::NONE; 60], vec![0.0; 60]);
-                parallel.nearest_point(limited, &mut n)?;
+                let again = parallel.all(rays, &AcceptAll)?;
+                assert!(again.hits == all.hits && again.ray_splits == all.ray_splits, "{threads} {piece}");
+                let (mut p, mut d) = (vec![NearestOf::<W>::default(); m], vec![zero; m]);
+                parallel.nearest_point(limited, &mut p)?;
                 parallel.signed_distance(limited, &mut d)?;
-                let (mut w, mut o) = (vec![0.0; 60], vec![false; 60]);
-                parallel.winding_number(&points, &mut w)?;
-                parallel.occupancy(&points, &mut o)?;
-                assert!(n == nearest && d == distances && w == numbers && o == inside, "{threads} {piece}");
+                let (mut w, mut o) = (vec![0.0; m], vec![false; m]);
+                parallel.winding_number(points, &mut w)?;
+                parallel.occupancy(points, &mut o)?;
+                assert!(p == nearest && d == distances && w == numbers && o == inside, "{threads} {piece}");
                 Ok::<(), Cancelled>(())
             })
             .expect("nobody cancels");
         }
     }
+}
+
+#[test]
+fn answers_do_not_depend_on_threads_or_pieces() {
+    let mut random = Random(5);
+    let rays: Vec<Ray> = (0..1000).map(|_| Ray::new(random.point(3.0), random.direction())).collect();
+    let masks: Vec<u32> = (0..1000).map(|i| if i % 3 == 0 { 1 } else { u32::MAX }).collect();
+    let points: Vec<Vec3> = (0..60).map(|_| random.point(3.0)).collect();
+    let limits: Vec<f32> = (0..60).map(|i| 0.05 * i as f32).collect();
+    let limited = Points { max_distances: &limits, ..Points::new(&points) };
+    check(&default_world(nested_scene(2)), Rays::new(&rays).with_masks(&masks), limited, 0.0);
+
+    // A ball of a millimetre in a city, and a larger one around.
+    let place = DVec3::new(500_000.123, 4_649_776.22, 300.0);
+    let mut builder = DWorldBuilder::default();
+    for radius in [1e-3, 2e-3] {
+        builder.add_mesh(DWorldBuilder::ROOT, Arc::new(double_sphere(place, radius, 20, 40)));
+    }
+    let world = builder.build(&BuildOptions::default()).expect("two meshes");
+    let moved = |p: Vec3| place + p.as_dvec3() * 1e-3;
+    let rays: Vec<DRay> = rays.iter().map(|ray| DRay::new(moved(ray.origin), ray.direction.as_dvec3())).collect();
+    let points: Vec<DVec3> = points.into_iter().map(moved).collect();
+    let limits: Vec<f64> = limits.iter().map(|&limit| f64::from(limit) * 1e-3).collect();
+    let limited = Points { max_distances: &limits, ..Points::of_doubles(&points) };
+    check(&world, Rays::new(&rays).with_masks(&masks), limited, 0.0);
 }
 
 #[test]

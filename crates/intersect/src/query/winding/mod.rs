@@ -9,11 +9,13 @@
 mod tests;
 mod tree;
 
-use super::nearest::{NearestPoint, Points};
+use super::nearest::{DNearestPoint, NearestPoint, Points, Space};
 use crate::geometry::PrimitiveSet;
-use crate::mesh::TriangleMesh;
+use crate::mesh::{DTriangleMesh, TriangleMesh};
+use crate::precision::{Double, Precision};
 use crate::shape::winding::of_triangle;
 use crate::shape::{Metric, Shape};
+use crate::world::double::DWorld;
 use crate::world::{Geometry, World};
 use rayon::prelude::*;
 use snell_math::{DAffine3, DMat3, DVec3, Transform, Vec3};
@@ -78,28 +80,84 @@ impl World {
     /// If the slices differ in length.
     pub fn signed_distance<'a>(&self, points: impl Into<Points<'a>>, distances: &mut [f32]) {
         let points = points.into();
-        assert_eq!(points.len(), distances.len(), "one answer per point");
         let mut nearest = vec![NearestPoint::NONE; points.len()];
         self.nearest_point(points, &mut nearest);
-        let winding = self.winding();
-        for (i, (distance, nearest)) in distances.iter_mut().zip(&nearest).enumerate() {
-            let limit = points.limit(i);
-            let far = if limit.is_nan() || limit < 0.0 { f32::INFINITY } else { limit };
-            *distance = if nearest.is_found() { nearest.distance } else { far };
-            if *distance > 0.0 && winding.is_inside(points.points[i].as_dvec3()) {
-                *distance = -*distance;
-            }
-        }
+        let found = nearest.iter().map(|near| near.is_found().then(|| near.distance.into()));
+        self.space().signed(points, found, distances, |x| x as f32);
     }
 
     fn winding(&self) -> &Winding {
+        self.space().winding()
+    }
+}
+
+impl DWorld {
+    /// As [`World::winding_number`]: of the meshes as they are, not rounded.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn winding_number(&self, points: &[DVec3], numbers: &mut [f64]) {
+        assert_eq!(points.len(), numbers.len(), "one answer per point");
+        let winding = self.space().winding();
+        points.iter().zip(numbers).for_each(|(&point, number)| *number = winding.around(point, ACCURACY));
+    }
+
+    /// As [`World::winding_number_exact`].
+    pub fn winding_number_exact(&self, point: DVec3) -> f64 {
+        self.space().winding().around(point, f64::INFINITY)
+    }
+
+    /// As [`World::occupancy`].
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn occupancy(&self, points: &[DVec3], inside: &mut [bool]) {
+        assert_eq!(points.len(), inside.len(), "one answer per point");
+        let winding = self.space().winding();
+        points.iter().zip(inside).for_each(|(&point, inside)| *inside = winding.is_inside(point));
+    }
+
+    /// As [`World::signed_distance`].
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn signed_distance<'a>(&self, points: impl Into<Points<'a, Double>>, distances: &mut [f64]) {
+        let points = points.into();
+        let mut nearest = vec![DNearestPoint::NONE; points.len()];
+        self.nearest_point(points, &mut nearest);
+        let found = nearest.iter().map(|near| near.is_found().then_some(near.distance));
+        self.space().signed(points, found, distances, |x| x);
+    }
+}
+
+impl<'a> Space<'a> {
+    fn winding(&self) -> &'a Winding {
         // Not prepared while the cell is locked: a thread that waits for its part of the work may take up another query meanwhile, and
         // would then wait for itself.
-        if self.winding.get().is_none() {
+        if self.world.winding.get().is_none() {
             // Another thread may have been quicker.
-            let _ = self.winding.set(Winding::of(self));
+            let _ = self.world.winding.set(Winding::of(self));
         }
-        self.winding.get_or_init(|| Winding::of(self))
+        self.world.winding.get_or_init(|| Winding::of(self))
+    }
+
+    /// Gives the distances that were found a sign; `round` gives them the precision of the answers.
+    fn signed<P: Precision>(
+        &self,
+        points: Points<P>,
+        found: impl Iterator<Item = Option<f64>>,
+        distances: &mut [P::Distance],
+        round: impl Fn(f64) -> P::Distance,
+    ) {
+        assert_eq!(points.len(), distances.len(), "one answer per point");
+        let winding = self.winding();
+        for (i, (distance, found)) in distances.iter_mut().zip(found).enumerate() {
+            let limit = points.limit(i);
+            let far = if limit.is_nan() || limit < 0.0 { f64::INFINITY } else { limit };
+            let size = found.unwrap_or(far);
+            let is_inside = size > 0.0 && winding.is_inside(points.points[i].into());
+            *distance = round(if is_inside { -size } else { size });
+        }
     }
 }
 
@@ -112,12 +170,35 @@ pub(crate) struct Winding {
 /// A group: its triangles, then its objects, under one numbering.
 #[derive(Debug, Default)]
 struct Group {
-    meshes: Vec<(u32, Arc<TriangleMesh>)>,
+    meshes: Vec<(u32, Triangles)>,
     triangles: u32,
     objects: Vec<Object>,
     /// Objects that are open or unbounded: never seen from afar.
     always: Vec<u32>,
     tree: Tree,
+}
+
+/// A mesh in either precision.
+#[derive(Debug)]
+enum Triangles {
+    Single(Arc<TriangleMesh>),
+    Double(Arc<DTriangleMesh>),
+}
+
+impl Triangles {
+    fn len(&self) -> usize {
+        match self {
+            Self::Single(mesh) => mesh.indices.len(),
+            Self::Double(mesh) => mesh.indices.len(),
+        }
+    }
+
+    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        match self {
+            Self::Single(mesh) => mesh.corners(triangle).map(|c| c.as_dvec3()),
+            Self::Double(mesh) => mesh.corners(triangle),
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -128,10 +209,10 @@ enum Object {
 }
 
 impl Winding {
-    fn of(world: &World) -> Self {
-        let mut groups: Vec<Group> = (0..world.group_count()).map(|_| Group::default()).collect();
-        for group in world.children_first() {
-            groups[group] = Group::of(world, group, &groups);
+    fn of(space: &Space) -> Self {
+        let mut groups: Vec<Group> = (0..space.world.group_count()).map(|_| Group::default()).collect();
+        for group in space.world.children_first() {
+            groups[group] = Group::of(space, group, &groups);
         }
         Self { groups }
     }
@@ -178,25 +259,25 @@ impl Winding {
 }
 
 impl Group {
-    fn of(world: &World, number: usize, groups: &[Self]) -> Self {
+    fn of(space: &Space, number: usize, groups: &[Self]) -> Self {
+        let world = space.world;
         let contents = world.group(crate::GroupId(number as u32));
         let mut group = Self::default();
+        let add = |group: &mut Self, mesh: Triangles| {
+            let first = group.triangles;
+            group.triangles += mesh.len() as u32;
+            group.meshes.push((first, mesh));
+        };
         let mut shapes: Vec<(Arc<dyn Shape>, Transform)> = Vec::new();
         let mut sets = Vec::new();
         for &id in &contents.geometries {
             match world.geometry(id) {
-                Geometry::Mesh(mesh) => {
-                    group.meshes.push((group.triangles, mesh.clone()));
-                    group.triangles += mesh.indices.len() as u32;
-                }
-                Geometry::Quads(quads) => {
-                    group.meshes.push((group.triangles, quads.triangles().clone()));
-                    group.triangles += quads.triangles().indices.len() as u32;
-                }
-                Geometry::MovingMesh(mesh) => {
-                    group.meshes.push((group.triangles, mesh.first().clone()));
-                    group.triangles += mesh.len() as u32;
-                }
+                Geometry::Mesh(mesh) => match space.double.and_then(|world| world.mesh(id)) {
+                    Some(mesh) => add(&mut group, Triangles::Double(mesh.clone())),
+                    None => add(&mut group, Triangles::Single(mesh.clone())),
+                },
+                Geometry::Quads(quads) => add(&mut group, Triangles::Single(quads.triangles().clone())),
+                Geometry::MovingMesh(mesh) => add(&mut group, Triangles::Single(mesh.first().clone())),
                 Geometry::Shape(shape, placed) => shapes.push((shape.clone(), *placed)),
                 Geometry::Set(set) => sets.push(set.clone()),
             }
@@ -245,6 +326,6 @@ impl Group {
     fn corners(&self, triangle: u32) -> [DVec3; 3] {
         let mesh = self.meshes.partition_point(|m| m.0 <= triangle).saturating_sub(1);
         let (first, mesh) = &self.meshes[mesh];
-        mesh.corners((triangle - first) as usize).map(|c| c.as_dvec3())
+        mesh.corners((triangle - first) as usize)
     }
 }

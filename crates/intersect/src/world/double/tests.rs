@@ -5,9 +5,12 @@ use super::*;
 use crate::accel::AcceleratorKind;
 use crate::hit::{DHit, Hit};
 use crate::precision::Double;
+use crate::query::nearest::{DNearestPoint, Points};
 use crate::query::rays::Rays;
 use crate::query::{AcceptAll, Grouping, HitFilter};
 use crate::shape::AnyShape;
+use crate::shape::Metric;
+use crate::shape::nearest::on_triangle;
 use crate::world::tests::{Random, double_sphere, levels, scaling, soup};
 use snell_math::simd::Level;
 use snell_math::{DRay, DVec3, Ray};
@@ -301,4 +304,121 @@ fn empty_worlds_are_missed() {
     let world = build(DWorldBuilder::default(), AcceleratorKind::Bvh, Level::best());
     assert!(!world.closest_one(&DRay::new(DVec3::ZERO, DVec3::X), &AcceptAll).is_hit());
     assert!(world.bounds().is_empty());
+}
+
+#[test]
+fn nearest_points_are_those_of_looking_at_everything_bit_for_bit() {
+    let mut found = std::collections::BTreeSet::new();
+    for (seed, center, size) in [(1, CITY, 1.0), (2, CITY, 1e-3), (3, DVec3::ZERO, 1.0), (4, CITY * 1e12, 1e14)] {
+        let mut random = Random(seed);
+        let oracle = build(nested_scene(seed, center, size), AcceleratorKind::None, Level::Scalar);
+        let world = build(nested_scene(seed, center, size), AcceleratorKind::Bvh, Level::best());
+        let points: Vec<DVec3> =
+            (0..100).map(|i| center + random.point([0.5, 3.0, 50.0][i % 3]).as_dvec3() * size).collect();
+        let limits: Vec<f64> = (0..100).map(|i| [f64::INFINITY, 0.3, 2.0][i % 3] * size).collect();
+        for mask in [u32::MAX, 2] {
+            let query = Points { max_distances: &limits, mask, ..Points::of_doubles(&points) };
+            let (mut near, mut expected) = (vec![DNearestPoint::NONE; 100], vec![DNearestPoint::NONE; 100]);
+            world.nearest_point(query, &mut near);
+            oracle.nearest_point(query, &mut expected);
+            assert_eq!(near, expected, "{seed} {mask}");
+            found.extend(near.iter().map(|near| near.instance));
+        }
+    }
+    assert!(found.len() > 6, "{found:?}");
+}
+
+#[test]
+fn points_around_a_ball_of_a_millimetre_in_a_city_know_how_far_it_is_and_which_side_they_are_on() {
+    let (radius, center) = (1e-3, CITY);
+    let mesh = Arc::new(double_sphere(center, radius, 40, 80));
+    let mut builder = DWorldBuilder::default();
+    builder.add_mesh(DWorldBuilder::ROOT, mesh.clone());
+    let world = build(builder, AcceleratorKind::Bvh, Level::best());
+    let mut random = Random(3);
+    let points: Vec<DVec3> =
+        (0..60).map(|i| center + random.direction().as_dvec3() * radius * [0.1, 0.98, 1.02, 40.0][i % 4]).collect();
+    let (mut distances, mut numbers) = (vec![0.0; 60], vec![0.0; 60]);
+    let (mut near, mut inside) = (vec![DNearestPoint::NONE; 60], vec![false; 60]);
+    world.signed_distance(&points, &mut distances);
+    world.winding_number(&points, &mut numbers);
+    world.occupancy(&points, &mut inside);
+    world.nearest_point(&points, &mut near);
+    for (i, &point) in points.iter().enumerate() {
+        let on = |t| on_triangle(&Metric::EUCLIDEAN, point, &mesh.corners(t)).0;
+        let triangles = (0..mesh.indices.len()).filter(|&t| !mesh.is_degenerate(t));
+        let least = triangles.map(|t| on(t).distance(point)).fold(f64::INFINITY, f64::min);
+        let is_inside = i % 4 < 2;
+        // A unit in the last place of the coordinates is a nanometre.
+        assert!((distances[i].abs() - least).abs() < 1e-12, "{point}: {} {least}", distances[i]);
+        assert!((near[i].position.distance(point) - near[i].distance).abs() < 3e-9);
+        assert_eq!((distances[i] < 0.0, inside[i]), (is_inside, is_inside), "{point}");
+        assert!((numbers[i] - f64::from(u8::from(is_inside))).abs() < 0.1, "{} at {point}", numbers[i]);
+        let exact = world.winding_number_exact(point);
+        assert!((exact - f64::from(u8::from(is_inside))).abs() < 1e-6, "{exact} at {point}");
+    }
+}
+
+#[test]
+fn bundles_of_rays_hold_a_closed_mesh_in_a_city() {
+    for (radius, rings, segments) in [(1.0, 100, 200), (0.05, 150, 300)] {
+        let mesh = Arc::new(double_sphere(CITY, radius, rings, segments));
+        let mut builder = DWorldBuilder::default();
+        builder.add_mesh(DWorldBuilder::ROOT, mesh.clone());
+        let world = build(builder, AcceleratorKind::Bvh, Level::best());
+        let origin = CITY + DVec3::new(0.1, 0.2, -0.1) * radius;
+        // Neighbours share vertices and edges, from one point; and back to it.
+        let targets = (0..mesh.indices.len()).flat_map(|t| {
+            let [a, b, c] = mesh.corners(t);
+            [a, (a + b) * 0.5, (b + c) * 0.5, a + (b - a) * 0.25]
+        });
+        let out: Vec<DRay> = targets.map(|target| DRay::new(origin, (target - origin) * 0.5).with_t_max(4.0)).collect();
+        let back: Vec<DRay> = out
+            .iter()
+            .map(|ray| DRay::new(origin + ray.direction * 3.0, ray.direction * -3.0).with_t_max(1.0))
+            .collect();
+        for rays in [&out, &back] {
+            let (mut together, mut alone) = (vec![DHit::MISS; rays.len()], vec![DHit::MISS; rays.len()]);
+            let mut blocked = vec![false; rays.len()];
+            world.closest(rays, Grouping::Coherent, &AcceptAll, &mut together);
+            world.closest(rays, Grouping::None, &AcceptAll, &mut alone);
+            world.occluded(rays, Grouping::Coherent, &AcceptAll, &mut blocked);
+            assert!(together.iter().all(DHit::is_hit) && blocked.iter().all(|&blocked| blocked));
+            assert!(together.iter().zip(&alone).all(|(a, b)| bits(a) == bits(b)));
+        }
+    }
+}
+
+#[test]
+fn what_did_not_change_is_kept_what_moved_is_refitted_and_hits_are_those_of_a_new_world() {
+    let options = BuildOptions::default();
+    let mut builder = DWorldBuilder::default();
+    let house = builder.add_group();
+    let still = Arc::new(double_sphere(CITY, 1.0, 30, 60));
+    builder.add_mesh(house, still.clone());
+    let moving = builder.add_mesh(DWorldBuilder::ROOT, Arc::new(double_sphere(CITY, 0.5, 30, 60)));
+    let placed = builder.add_instance(DWorldBuilder::ROOT, house, Transform::translation(DVec3::X * 3.0));
+    let mut world = builder.clone().build(&options).expect("a world");
+    let mut random = Random(11);
+    let rays = rays_into(&mut random, CITY, 0.5, 400);
+    for step in 1..4 {
+        let mut mesh = double_sphere(CITY + DVec3::splat(0.01 * f64::from(step)), 0.5, 30, 60);
+        mesh.positions.iter_mut().for_each(|p| p.z += 0.1 * (p.x - CITY.x));
+        builder.set_mesh(moving, Arc::new(mesh)).expect("a mesh");
+        builder.move_instance(placed, Transform::translation(DVec3::X * (3.0 - 0.1 * f64::from(step))));
+        let next = builder.rebuild(&options, &world).expect("a world");
+        let reuse = next.stats().reuse;
+        assert_eq!((reuse.kept, reuse.refitted, reuse.built), (1, 1, 0), "{step}");
+        assert!(Arc::ptr_eq(&next.data.corners_of(0), &world.data.corners_of(0)), "corners are shared");
+        let new = builder.clone().build(&options).expect("a world");
+        let (mut hits, mut expected) = (vec![DHit::MISS; rays.len()], vec![DHit::MISS; rays.len()]);
+        next.closest(&rays, Grouping::None, &AcceptAll, &mut hits);
+        new.closest(&rays, Grouping::None, &AcceptAll, &mut expected);
+        assert!(hits.iter().zip(&expected).all(|(a, b)| bits(a) == bits(b)), "{step}");
+        assert!(expected.iter().filter(|hit| hit.is_hit()).count() > 50);
+        world = next;
+    }
+    assert!(builder.remove(moving) && builder.remove_instance(placed));
+    let empty = builder.rebuild(&options, &world).expect("a world");
+    assert!(rays.iter().all(|ray| !empty.closest_one(ray, &AcceptAll).is_hit()));
 }
