@@ -150,6 +150,9 @@ fn scenes_of_other_formats_are_kept_whole() {
         "scn/scenes/distributed.scn",
         "bitterli/cornell-box/pbrt/scene-v4.pbrt",
         "meshes/assimp-obj/spider.obj",
+        "gltf/assimp/AnimatedMorphCube/glTF/AnimatedMorphCube.gltf",
+        "gltf/cesium/box-morph/box-morph.gltf",
+        "gltf/assimp/simple_skin/simple_skin.gltf",
     ];
     for file in files {
         let path = data.join(file);
