@@ -369,7 +369,7 @@ mod tests {
         for (word, value) in [("1.", 1.0), (".5", 0.5), ("+1e3", 1000.0), ("-2.e+1", -20.0), ("1E2", 100.0)] {
             assert_eq!(number(word.as_bytes()), Number::Exact(value), "{word}");
         }
-        for (value, digits) in (0..2000u32).map(|i| (i * i * 7919 % 33_554_432, i as usize % 9)) {
+        for (value, digits) in (0..2000u64).map(|i| (i * i * 7919 % 33_554_432, i as usize % 9)) {
             let text = format!("{}.{:0digits$}", value / 1000, value % 1000);
             assert_eq!(number(text.as_bytes()), Number::Exact(text.parse().expect("a number")), "{text}");
         }

@@ -18,7 +18,7 @@ use std::ops::Range;
 pub const NONE: u32 = u32::MAX;
 
 /// About how many bytes a piece has. Tests cut small files too.
-const PIECE: usize = if cfg!(test) { 16 } else { 1 << 20 };
+const PIECE: usize = if cfg!(test) { 48 } else { 1 << 20 };
 
 /// A corner of a face: numbers from 0, or [`NONE`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
