@@ -1,5 +1,8 @@
 //! What a check says.
 
+use crate::Subject;
+use crate::subject::Body;
+
 /// How bad it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
@@ -79,6 +82,21 @@ impl Report {
         });
         let last = self.findings.len() - 1;
         &mut self.findings[last]
+    }
+
+    /// Adds a finding about so many edges or faces of a body, of which the first is at a face.
+    pub fn add_at_face(
+        &mut self,
+        severity: Severity,
+        subject: &Subject,
+        body: &Body,
+        (face, count): (u32, usize),
+        message: impl Into<String>,
+        remedy: &'static str,
+    ) {
+        let finding = self.add(severity, subject.body_name(body), message, remedy);
+        (finding.face, finding.count) = (Some(face), count as u64);
+        finding.position = subject.face_position(body, face);
     }
 
     /// The severe ones first.

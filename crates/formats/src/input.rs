@@ -149,7 +149,8 @@ fn read_limited(path: &Path, name: &str, limits: &Limits) -> Result<Vec<u8>, Rea
     if file.metadata().is_ok_and(|m| m.is_dir()) {
         return Err(error("this is a folder, not a file".into(), "name the scene file inside it"));
     }
-    let mut bytes = Vec::new();
+    let expected = file.metadata().map_or(0, |m| m.len()).min(limits.file_bytes);
+    let mut bytes = Vec::with_capacity(expected as usize + 1);
     file.take(limits.file_bytes + 1)
         .read_to_end(&mut bytes)
         .map_err(|e| error(format!("cannot read: {e}"), "check the disk and your permissions"))?;

@@ -4,7 +4,7 @@ use crate::image::read_image;
 use crate::{Input, ReadError};
 use snell_scene::graph::ImageId;
 use snell_scene::texture::missing_texture_image;
-use snell_scene::{Encoding, Scene, Texture};
+use snell_scene::{Encoding, Scene, Texture, WarningKind};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -25,7 +25,7 @@ impl Textures {
         }
         let read = input.open_relative(name).and_then(|file| read_image(&file));
         let image = read.unwrap_or_else(|error| {
-            scene.warn(format!("{error}; a magenta checkerboard stands in for this texture"));
+            scene.warn_of(WarningKind::Missing, format!("{error}; a magenta checkerboard stands in for this texture"));
             missing_texture_image()
         });
         let id = scene.add_image(Arc::new(image));

@@ -100,7 +100,8 @@ pub fn _restore(slots: &Bound<'_, PyList>, stage: &[u8], warnings: Vec<(String, 
     let stage = read_scene_bytes("stage", stage.to_vec(), Path::new("."), &options);
     let mut stage = stage.map_err(|e| PyValueError::new_err(e.to_string()))?;
     stage.nodes.clear();
-    stage.warnings = warnings.into_iter().map(|(message, count)| Warning { message, count }).collect();
+    stage.warnings =
+        warnings.into_iter().map(|(message, count)| Warning { message, count, kind: Default::default() }).collect();
     let mut contents = Contents::on(Arc::new(stage));
     for slot in slots {
         if slot.is_none() {

@@ -169,6 +169,20 @@ pub enum Background {
     Transparent,
 }
 
+/// What a warning is about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum WarningKind {
+    /// Something is shown otherwise than the file says, or not at all.
+    #[default]
+    Changed,
+    /// A file that the scene names is not there, or cannot be read.
+    Missing,
+    /// Something that the file leaves open, or that belongs to another program, was decided; nothing is wrong.
+    Choice,
+    /// Numbers that are not finite are in the scene as they were in the file.
+    NotFinite,
+}
+
 /// Something a reader or check wants the user to know; equal messages are counted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
@@ -176,6 +190,8 @@ pub struct Warning {
     pub message: String,
     /// How often.
     pub count: u64,
+    /// What it is about.
+    pub kind: WarningKind,
 }
 
 impl Warning {
@@ -185,12 +201,17 @@ impl Warning {
     /// Adds a warning to a list; an equal one is counted instead of repeated, and so are all beyond a thousand different ones,
     /// which nobody would read.
     pub fn note(list: &mut Vec<Self>, message: String, count: u64) {
+        Self::note_of(WarningKind::Changed, list, message, count);
+    }
+
+    /// Adds a warning of a kind to a list, as [`Self::note`] does.
+    pub fn note_of(kind: WarningKind, list: &mut Vec<Self>, message: String, count: u64) {
         let known = list.iter().position(|w| w.message == message);
         match known {
             Some(i) => list[i].count += count,
-            None if list.len() < Self::MAX_DIFFERENT => list.push(Self { message, count }),
+            None if list.len() < Self::MAX_DIFFERENT => list.push(Self { message, count, kind }),
             None if list.len() == Self::MAX_DIFFERENT => {
-                list.push(Self { message: "there are more warnings than are shown".into(), count })
+                list.push(Self { message: "there are more warnings than are shown".into(), count, kind })
             }
             None => list[Self::MAX_DIFFERENT].count += count,
         }
@@ -357,7 +378,12 @@ impl Scene {
 
     /// Notes a warning; an equal one is counted instead of repeated.
     pub fn warn(&mut self, message: impl Into<String>) {
-        Warning::note(&mut self.warnings, message.into(), 1);
+        self.warn_of(WarningKind::Changed, message);
+    }
+
+    /// Notes a warning of a kind; an equal one is counted instead of repeated.
+    pub fn warn_of(&mut self, kind: WarningKind, message: impl Into<String>) {
+        Warning::note_of(kind, &mut self.warnings, message.into(), 1);
     }
 
     /// Notes how something was translated; an equal note is counted instead of repeated.

@@ -24,7 +24,7 @@ pub mod texture;
 pub use camera::{Camera, CameraSample, Projection};
 pub use graph::{
     Background, Environment, Geometry, MaterialId, MediumId, Node, NodeId, Scene, SceneError, Surface, TextureId,
-    Warning,
+    Warning, WarningKind,
 };
 pub use image::{Encoding, Image, Layer, LayeredImage, Pixels};
 pub use light::Light;

@@ -11,14 +11,8 @@ pub fn faces(subject: &Subject, report: &mut Report) {
         if let Some(&first) = topology.degenerate.first() {
             let count = topology.degenerate.len();
             let message = format!("{} without an area; rays miss them", counted(count, "face"));
-            let finding = report.add(
-                Severity::Note,
-                subject.body_name(body),
-                message,
-                "nothing; or remove them, which saves a little memory",
-            );
-            (finding.face, finding.count) = (Some(first), count as u64);
-            finding.position = subject.face_position(body, first);
+            let remedy = "nothing; or remove them, which saves a little memory";
+            report.add_at_face(Severity::Note, subject, body, (first, count), message, remedy);
         }
         let (alike, back_to_back): (Vec<&Duplicate>, Vec<&Duplicate>) =
             topology.duplicates.iter().partition(|d| d.is_wound_alike);
@@ -32,10 +26,8 @@ pub fn faces(subject: &Subject, report: &mut Report) {
                 first.face,
                 first.of
             );
-            let finding =
-                report.add(Severity::Warning, subject.body_name(body), message, "merge or remove the doubled faces");
-            (finding.face, finding.count) = (Some(first.face), alike.len() as u64);
-            finding.position = subject.face_position(body, first.face);
+            let remedy = "merge or remove the doubled faces";
+            report.add_at_face(Severity::Warning, subject, body, (first.face, alike.len()), message, remedy);
         }
         if let Some(first) = back_to_back.first() {
             let message = format!(
@@ -51,9 +43,7 @@ pub fn faces(subject: &Subject, report: &mut Report) {
                 true => (Severity::Warning, "remove one of each pair, or give the sheet a thickness"),
                 false => (Severity::Note, "nothing; one face and a two-sided material would do"),
             };
-            let finding = report.add(severity, subject.body_name(body), message, remedy);
-            (finding.face, finding.count) = (Some(first.face), back_to_back.len() as u64);
-            finding.position = subject.face_position(body, first.face);
+            report.add_at_face(severity, subject, body, (first.face, back_to_back.len()), message, remedy);
         }
     }
 }

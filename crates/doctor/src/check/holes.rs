@@ -34,14 +34,8 @@ pub fn holes(subject: &Subject, report: &mut Report) {
                 counted(loose.len(), "edge"),
                 if loose.len() == 1 { "is" } else { "are" }
             );
-            let finding = report.add(
-                Severity::Warning,
-                subject.body_name(body),
-                message,
-                "remove inner walls and fins, or make them bodies of their own",
-            );
-            (finding.face, finding.count) = (Some(first), loose.len() as u64);
-            finding.position = subject.face_position(body, first);
+            let remedy = "remove inner walls and fins, or make them bodies of their own";
+            report.add_at_face(Severity::Warning, subject, body, (first, loose.len()), message, remedy);
         }
     }
 }
@@ -57,24 +51,13 @@ fn tell_of_holes(subject: &Subject, body: &Body, open: &BTreeMap<u32, Vec<&Bound
             "holes with {} in a surface that bounds glass or a medium: light that enters there never leaves",
             counted(hole_edges.len(), "open edge")
         );
-        let finding = report.add(
-            Severity::Error,
-            subject.body_name(body),
-            message,
-            "close the holes, or make the material thin-walled",
-        );
-        (finding.face, finding.count) = (Some(first.face), hole_edges.len() as u64);
-        finding.position = subject.face_position(body, first.face);
+        let remedy = "close the holes, or make the material thin-walled";
+        report.add_at_face(Severity::Error, subject, body, (first.face, hole_edges.len()), message, remedy);
     }
     if let Some(first) = sheet_edges.first() {
         let message = "an open sheet of a material that has an inside: light bends once where it goes through, as in water over a bottom";
-        let finding = report.add(
-            Severity::Note,
-            subject.body_name(body),
-            message,
-            "nothing for water in a basin; a pane needs a thickness, or a thin-walled material",
-        );
-        (finding.face, finding.count) = (Some(first.face), sheet_edges.len() as u64);
+        let remedy = "nothing for water in a basin; a pane needs a thickness, or a thin-walled material";
+        report.add_at_face(Severity::Note, subject, body, (first.face, sheet_edges.len()), message, remedy);
     }
 }
 

@@ -24,14 +24,8 @@ fn inconsistent(subject: &Subject, body: &Body, report: &mut Report) {
         // Two-sided and opaque: nothing depends on it.
         _ => Severity::Note,
     };
-    let finding = report.add(
-        severity,
-        subject.body_name(body),
-        message,
-        "recalculate the outside of the mesh and export it again",
-    );
-    (finding.face, finding.count) = (Some(first), faces.len() as u64);
-    finding.position = subject.face_position(body, first);
+    let remedy = "recalculate the outside of the mesh and export it again";
+    report.add_at_face(severity, subject, body, (first, faces.len()), message, remedy);
 }
 
 /// Closed pieces with a negative volume, unless they are the inner wall of another piece.
@@ -70,9 +64,7 @@ fn inside_out(subject: &Subject, body: &Body, report: &mut Report) {
         // A room, a sky: or nobody minds.
         return;
     };
-    let finding = report.add(severity, subject.body_name(body), message, remedy);
-    (finding.face, finding.count) = (Some(first.first_face), turned.len() as u64);
-    finding.position = subject.face_position(body, first.first_face);
+    report.add_at_face(severity, subject, body, (first.first_face, turned.len()), message, remedy);
 }
 
 /// True if another mesh with an inside lies around: the two are the walls of a vessel.
@@ -106,8 +98,6 @@ fn against_normals(subject: &Subject, body: &Body, report: &mut Report) {
         "the vertex normals of {} look to the side that their winding says is the inner one",
         counted(faces as usize, "face")
     );
-    let finding =
-        report.add(severity, subject.body_name(body), message, "turn the faces over, or compute the normals anew");
-    (finding.face, finding.count) = (Some(first.first_face), faces);
-    finding.position = subject.face_position(body, first.first_face);
+    let remedy = "turn the faces over, or compute the normals anew";
+    report.add_at_face(severity, subject, body, (first.first_face, faces as usize), message, remedy);
 }

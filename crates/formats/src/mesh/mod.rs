@@ -27,7 +27,7 @@ use crate::{Input, ReadError, SceneReader};
 use notes::Notes;
 use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
-use snell_scene::{Geometry, Node, Scene, Surface};
+use snell_scene::{Geometry, Node, Scene, Surface, WarningKind};
 use std::sync::Arc;
 
 /// What a mesh format does with a file.
@@ -91,7 +91,7 @@ fn note_oddities(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
 fn note_non_finite(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
     for (i, _) in mesh.positions.iter().enumerate().filter(|(_, p)| !p.is_finite()) {
         let name = &input.name;
-        notes.add("not finite", || {
+        notes.add_of(WarningKind::NotFinite, "not finite", || {
             format!("{name}: vertex {i} (counted from 0) is not finite; triangles that use such vertices are never hit")
         });
     }

@@ -2,7 +2,7 @@
 //!
 //! A file may repeat one oddity millions of times: the message is made for the first one only.
 
-use snell_scene::{Scene, Warning};
+use snell_scene::{Scene, Warning, WarningKind};
 
 /// The warnings of one file.
 #[derive(Clone, Debug, Default)]
@@ -13,17 +13,32 @@ pub struct Notes {
 impl Notes {
     /// Counts one warning of a kind; `message` says what the first one was, where, and what was done instead.
     pub fn add(&mut self, kind: &'static str, message: impl FnOnce() -> String) {
+        self.add_of(WarningKind::Changed, kind, message);
+    }
+
+    /// Counts one warning of a kind that is about something else than a change.
+    pub fn add_of(&mut self, about: WarningKind, kind: &'static str, message: impl FnOnce() -> String) {
         match self.kinds.iter_mut().find(|(k, _)| *k == kind) {
             Some((_, warning)) => warning.count += 1,
-            None => self.kinds.push((kind, Warning { message: message(), count: 1 })),
+            None => self.kinds.push((kind, Warning { message: message(), count: 1, kind: about })),
         }
     }
 
     /// Notes a warning of which there are few; equal messages are counted.
-    pub fn say(&mut self, message: String) {
+    pub fn say(&mut self, about: WarningKind, message: String) {
         match self.kinds.iter_mut().find(|(_, w)| w.message == message) {
             Some((_, warning)) => warning.count += 1,
-            None => self.kinds.push(("", Warning { message, count: 1 })),
+            None => self.kinds.push(("", Warning { message, count: 1, kind: about })),
+        }
+    }
+
+    /// Adds the warnings of a later part of the file.
+    pub fn append(&mut self, later: Self) {
+        for (kind, warning) in later.kinds {
+            match self.kinds.iter_mut().find(|(k, w)| (*k == kind && !k.is_empty()) || w.message == warning.message) {
+                Some((_, known)) => known.count += warning.count,
+                None => self.kinds.push((kind, warning)),
+            }
         }
     }
 

@@ -187,6 +187,9 @@ pub enum Number {
 
 /// Reads a number: all that C's `strtod` and Rust's `parse` accept in decimals, and `1.#QNAN` and its kin.
 pub fn number(word: &[u8]) -> Number {
+    if let Some(value) = short_decimal(word) {
+        return Number::Exact(value);
+    }
     let parse = |bytes| std::str::from_utf8(bytes).ok().and_then(|s: &str| s.parse::<f32>().ok());
     if let Some(value) = parse(word) {
         return Number::Exact(value);
@@ -199,6 +202,35 @@ pub fn number(word: &[u8]) -> Number {
     }
     let numeric = word.iter().take(64).take_while(|b| b.is_ascii_digit() || b"+-.eE".contains(b)).count();
     (1..=numeric).rev().find_map(|n| parse(&word[..n])).map_or(Number::None, Number::Prefix)
+}
+
+/// The usual numbers quickly: up to seven digits or so without exponent are a quotient of two numbers that single precision holds exactly, rounded
+/// once (Clinger, How to read floating point numbers accurately, 1990).
+fn short_decimal(word: &[u8]) -> Option<f32> {
+    const POWERS: [f32; 11] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
+    const MOST: u32 = 1 << 24;
+    let (negative, digits) = match word {
+        [b'-', rest @ ..] => (true, rest),
+        _ => (false, word),
+    };
+    if digits.len() > POWERS.len() {
+        return None;
+    }
+    let (mut value, mut decimals, mut point) = (0u32, 0, false);
+    for &byte in digits {
+        match byte {
+            b'0'..=b'9' if value <= MOST => {
+                value = value * 10 + u32::from(byte - b'0');
+                decimals += usize::from(point);
+            }
+            b'.' if !point => point = true,
+            _ => return None,
+        }
+    }
+    // Without a digit before or after the point it is none.
+    let has_digits = digits.len() > usize::from(point);
+    let number = (has_digits && value <= MOST).then(|| value as f32 / POWERS[decimals])?;
+    Some(if negative { -number } else { number })
 }
 
 /// Bytes as UTF-8 or similar 8-bit text: without a byte order mark, and UTF-16 converted.
@@ -336,6 +368,13 @@ mod tests {
     fn numbers_come_in_many_spellings() {
         for (word, value) in [("1.", 1.0), (".5", 0.5), ("+1e3", 1000.0), ("-2.e+1", -20.0), ("1E2", 100.0)] {
             assert_eq!(number(word.as_bytes()), Number::Exact(value), "{word}");
+        }
+        for (value, digits) in (0..2000u64).map(|i| (i * i * 7919 % 33_554_432, i as usize % 9)) {
+            let text = format!("{}.{:0digits$}", value / 1000, value % 1000);
+            assert_eq!(number(text.as_bytes()), Number::Exact(text.parse().expect("a number")), "{text}");
+        }
+        for word in ["-", ".", "-.", "", "1.2.3"] {
+            assert!(!matches!(number(word.as_bytes()), Number::Exact(_)), "{word}");
         }
         assert_eq!(number(b"3.1+e2"), Number::Prefix(3.1));
         assert_eq!(number(b"-1.#INF"), Number::Exact(f32::NEG_INFINITY));

@@ -1,24 +1,24 @@
 //! What readers of scenes have to say about what they changed: each kind once, at its first place.
 
 use crate::scene::fault::Spot;
-use snell_scene::{Scene, Warning};
+use snell_scene::{Scene, Warning, WarningKind};
 use std::collections::HashMap;
 
 /// Warnings, counted by kind.
 #[derive(Debug, Default)]
 pub struct Notes {
     positions: HashMap<String, usize>,
-    notes: Vec<(Spot, String, u64)>,
+    notes: Vec<(Spot, Warning)>,
 }
 
 impl Notes {
     /// Notes what was found at a place and what was done instead, unless something of this kind was noted before.
-    pub fn add(&mut self, kind: String, at: Spot, message: impl FnOnce() -> String) {
+    pub fn add(&mut self, about: WarningKind, kind: String, at: Spot, message: impl FnOnce() -> String) {
         match self.positions.get(&kind) {
-            Some(&position) => self.notes[position].2 += 1,
+            Some(&position) => self.notes[position].1.count += 1,
             None => {
                 self.positions.insert(kind, self.notes.len());
-                self.notes.push((at, message(), 1));
+                self.notes.push((at, Warning { message: message(), count: 1, kind: about }));
             }
         }
     }
@@ -26,10 +26,10 @@ impl Notes {
     /// Hands the warnings to the scene, in the order of the text. `files` are the names of the files by number.
     pub fn finish(&mut self, scene: &mut Scene, files: &[String]) {
         self.notes.sort_by_key(|(at, ..)| (at.file, at.line, at.column));
-        for (at, message, count) in self.notes.drain(..) {
+        for (at, Warning { message, count, kind }) in self.notes.drain(..) {
             let file = files.get(at.file as usize).map_or("", String::as_str);
             let message = format!("{file}:{}:{}: {message}", at.line, at.column);
-            Warning::note(&mut scene.warnings, message, count);
+            Warning::note_of(kind, &mut scene.warnings, message, count);
         }
     }
 }

@@ -175,7 +175,7 @@ pub fn write_scene(path: &Path, scene: &Scene) -> Result<(), WriteError> {
 pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Written, WriteError> {
     let writer = writer_for(path)?;
     let mut output = Output::new(path);
-    lose_choices(scene, &mut output);
+    lose_choices(scene, writer.name, &mut output);
     (writer.write)(scene, &mut output).map_err(|problem| WriteError::Format {
         path: path.into(),
         problem,
@@ -196,9 +196,9 @@ pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Wri
     Ok(Written { format: writer.name, files, losses: output.losses })
 }
 
-/// What no format is written with: the scene is written as it stands.
-fn lose_choices(scene: &Scene, output: &mut Output) {
-    if scene.motion.is_some() {
+/// What files are not written with: the scene is written as it stands. Only Snell's own format has motion.
+fn lose_choices(scene: &Scene, format: &str, output: &mut Output) {
+    if scene.motion.is_some() && format != crate::scene::snell::READER.name {
         output.lose("what moves is written as it stands; its motion is left out");
     }
     if scene.variants.len() > 1 {

@@ -16,6 +16,8 @@ pub fn tessellate(shape: &AnyShape) -> Option<TriangleMesh> {
         AnyShape::Plane(_) => return None,
         AnyShape::Sphere(sphere) => mesh.grid(0, AROUND, ALONG, |u, v| {
             let ((sin, cos), (sin_phi, cos_phi)) = ((v * PI).sin_cos(), (u * TAU).sin_cos());
+            // A pole is one point, to the bit: what would be triangles without area are left out.
+            let sin = if v == 1.0 { 0.0 } else { sin };
             DVec3::new(sin * sin_phi, cos, sin * cos_phi) * sphere.radius
         }),
         AnyShape::Cylinder(c) => mesh.frustum([c.radius; 2], c.height, c.caps),
@@ -139,6 +141,9 @@ mod tests {
                 let [a, b, c] = mesh.corners(i).map(|p| p.as_dvec3());
                 let cross = (b - a).cross(c - a);
                 area += cross.length() * 0.5;
+                // Three corners of a polygon may lie on a line.
+                let may_be_flat = matches!(shape, AnyShape::Polygon(_));
+                assert!(may_be_flat || cross.length() > 1e-9 * shape.area(), "{shape:?}: triangle {i} has no area");
                 let normal: DVec3 = triangle.iter().map(|&i| mesh.normals[i as usize].as_dvec3()).sum();
                 assert!(cross.dot(normal) >= 0.0, "{shape:?}: triangle {i} looks inwards");
             }

@@ -74,6 +74,21 @@ impl Curve {
         self.width
     }
 
+    /// When the keys are, in seconds.
+    pub fn times(&self) -> &[f64] {
+        &self.times
+    }
+
+    /// The numbers, key by key, as [`Self::new`] takes them.
+    pub fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    /// How values go from key to key.
+    pub fn interpolation(&self) -> Interpolation {
+        self.interpolation
+    }
+
     /// First and last key, in seconds.
     pub fn span(&self) -> [f64; 2] {
         [self.times[0], self.times[self.times.len() - 1]]

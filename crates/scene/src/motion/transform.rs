@@ -74,6 +74,11 @@ impl AnimatedTransform {
         Self { keys }
     }
 
+    /// The times and the maps there, as [`Self::new`] takes them.
+    pub fn keys(&self) -> impl Iterator<Item = (f64, DAffine3)> + '_ {
+        self.keys.iter().map(|key| (key.time, key.map))
+    }
+
     /// First and last key, in seconds.
     pub fn span(&self) -> [f64; 2] {
         match (self.keys.first(), self.keys.last()) {

@@ -1,6 +1,6 @@
 //! From the lists of an OBJ file to indexed meshes.
 
-use super::parse::{Corner, Face, NONE, ObjFile};
+use super::file::{Corner, Faces, NONE, ObjFile, State};
 use crate::mesh::normals::{self, CREASE_ANGLE, Smoothing};
 use crate::mesh::notes::Notes;
 use crate::mesh::polygon::Triangulator;
@@ -9,6 +9,7 @@ use crate::{Input, ReadError};
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3};
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// An object of the file.
 pub struct Object {
@@ -18,27 +19,48 @@ pub struct Object {
     pub materials: Vec<u32>,
 }
 
-/// Makes a mesh of each object that has faces.
+/// Makes a mesh of each object that has faces. The faces of the file are used up.
 pub fn objects(input: &Input, file: &mut ObjFile, notes: &mut Notes) -> Result<Vec<Object>, ReadError> {
     let mut builder = Builder::new(file);
     let mut objects = Vec::new();
-    // Faces of one object stand together, unless a name comes back; then it is another object.
-    for faces in file.faces.chunk_by(|a, b| a.object == b.object) {
-        let mut object = builder.object(input, file, faces, notes)?;
+    let mut finish = |builder: &mut Builder, object: Option<Object>, file: &ObjFile, notes: &mut Notes| {
+        let Some(mut object) = object else { return };
+        builder.finish(file, &mut object);
         crate::mesh::note_non_finite(input, &object.mesh, notes);
-        let smoothing = std::mem::take(&mut builder.smoothing);
-        finish_normals(input, &mut object.mesh, &builder.missing_normals, &smoothing, notes);
-        builder.smoothing = smoothing;
+        finish_normals(input, &mut object.mesh, &builder.missing_normals, &builder.smoothing, notes);
         objects.push(object);
+    };
+    let (mut object, mut number) = (None, None);
+    for (faces, runs) in std::mem::take(&mut file.pieces) {
+        let mut ranges = faces.ranges();
+        for run in runs {
+            // Faces of one object stand together, unless a name comes back; then it is another object.
+            if run.state.object != number {
+                finish(&mut builder, object.take(), file, notes);
+                number = run.state.object;
+            }
+            let object = object.get_or_insert_with(|| builder.start(file, run.state));
+            let polygons = ranges.by_ref().take(run.faces);
+            builder.add(input, file, (&faces, polygons), run.state, object, notes)?;
+        }
     }
+    finish(&mut builder, object, file, notes);
     Ok(objects)
 }
 
-/// Makes one mesh of everything.
+/// Makes one mesh of everything. The faces of the file are used up.
 pub fn one_mesh(input: &Input, file: &mut ObjFile, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
-    file.faces.iter_mut().for_each(|f| f.object = 0);
     let mut builder = Builder::new(file);
-    let mut mesh = builder.object(input, file, &file.faces, notes)?.mesh;
+    let mut object = builder.start(file, State::default());
+    for (faces, runs) in std::mem::take(&mut file.pieces) {
+        let mut ranges = faces.ranges();
+        for run in runs {
+            let polygons = ranges.by_ref().take(run.faces);
+            builder.add(input, file, (&faces, polygons), run.state, &mut object, notes)?;
+        }
+    }
+    builder.finish(file, &mut object);
+    let mut mesh = object.mesh;
     if !mesh.normals.is_empty() {
         finish_normals(input, &mut mesh, &builder.missing_normals, &[], notes);
     }
@@ -77,8 +99,10 @@ struct Builder {
     overflow: HashMap<(u32, Corner), u32>,
     /// Vertices without a normal in an object that has normals.
     missing_normals: Vec<u32>,
-    /// Smoothing of each triangle of the object.
+    /// Smoothing of each triangle of the object, or nothing if the file says none.
     smoothing: Vec<Smoothing>,
+    /// Triangles of the object so far.
+    smoothed: usize,
     face: Vec<u32>,
     triangulator: Triangulator,
 }
@@ -93,46 +117,61 @@ impl Builder {
             overflow: HashMap::new(),
             missing_normals: Vec::new(),
             smoothing: Vec::new(),
+            smoothed: 0,
             face: Vec::new(),
             triangulator: Triangulator::default(),
         }
     }
 
-    fn object(
-        &mut self,
-        input: &Input,
-        file: &ObjFile,
-        faces: &[Face],
-        notes: &mut Notes,
-    ) -> Result<Object, ReadError> {
+    /// Begins an object.
+    fn start(&mut self, file: &ObjFile, state: State) -> Object {
         self.object += 1;
         self.vertices.clear();
         self.smoothing.clear();
-        let name = faces.first().map_or("", |f| &file.objects[f.object as usize]).to_owned();
-        let mut object = Object { name, mesh: TriangleMesh::default(), materials: Vec::new() };
+        self.smoothed = 0;
+        let name = state.object.map_or("", |object| &file.objects[object as usize]).to_owned();
+        Object { name, mesh: TriangleMesh::default(), materials: Vec::new() }
+    }
+
+    /// Adds faces of which the same was said.
+    fn add(
+        &mut self,
+        input: &Input,
+        file: &ObjFile,
+        (faces, polygons): (&Faces, impl Iterator<Item = Range<usize>>),
+        state: State,
+        object: &mut Object,
+        notes: &mut Notes,
+    ) -> Result<(), ReadError> {
         let mesh = &mut object.mesh;
-        mesh.indices.reserve(faces.len());
-        let mut start = faces.first().map_or(0, |f| first_corner(file, f));
-        for face in faces {
+        for polygon in polygons {
             self.face.clear();
-            for &corner in &file.corners[start..face.end] {
+            for corner in polygon.map(|at| faces.corner(at)) {
                 let vertex = self.vertex(corner);
                 if vertex as usize == mesh.positions.len() {
                     mesh.positions.push(file.positions[corner.position as usize]);
                 }
                 self.face.push(vertex);
             }
-            start = face.end;
             push_polygon(input, mesh, &self.face, &mut self.triangulator)?;
-            let slot = self.slot(input, face.material, &mut object.materials, notes);
-            mesh.material_slots.resize(mesh.indices.len(), slot);
-            self.smoothing.resize(mesh.indices.len(), smoothing(face.smoothing));
         }
+        let slot = self.slot(input, state.material.unwrap_or(NONE), &mut object.materials, notes);
+        mesh.material_slots.resize(mesh.indices.len(), slot);
+        // Without a word about it, angles decide: so nothing is kept until there is one.
+        if state.smoothing.is_some() || !self.smoothing.is_empty() {
+            self.smoothing.resize(self.smoothed, Smoothing::Angle);
+            self.smoothing.resize(mesh.indices.len(), smoothing(state.smoothing));
+        }
+        self.smoothed = mesh.indices.len();
+        Ok(())
+    }
+
+    /// Ends an object.
+    fn finish(&mut self, file: &ObjFile, object: &mut Object) {
         if object.materials.len() <= 1 {
-            mesh.material_slots = Vec::new();
+            object.mesh.material_slots = Vec::new();
         }
-        self.attributes(file, mesh);
-        Ok(object)
+        self.attributes(file, &mut object.mesh);
     }
 
     /// The vertex for a corner: one that exists, or the next new one.
@@ -200,17 +239,10 @@ impl Builder {
     }
 }
 
-fn first_corner(file: &ObjFile, face: &Face) -> usize {
-    match file.faces.partition_point(|f| f.end < face.end) {
-        0 => 0,
-        i => file.faces[i - 1].end,
-    }
-}
-
-fn smoothing(group: u32) -> Smoothing {
+fn smoothing(group: Option<u32>) -> Smoothing {
     match group {
-        NONE => Smoothing::Angle,
-        0 => Smoothing::Flat,
-        group => Smoothing::Group(group),
+        None => Smoothing::Angle,
+        Some(0) => Smoothing::Flat,
+        Some(group) => Smoothing::Group(group),
     }
 }

@@ -7,8 +7,8 @@
 //!
 //! Colours are linear, those of textures sRGB.
 
+use super::file::ObjFile;
 use super::mtl::{self, Library, Map, Mtl};
-use super::parse::ObjFile;
 use crate::mesh::notes::Notes;
 use crate::textures::Textures;
 use crate::{Input, ReadError};
@@ -17,7 +17,7 @@ use snell_scene::material::{
     AlphaMode, ColorParam, Dielectric, Diffuse, MaterialKind, MetallicRoughness, NormalMap, Phong, ScalarParam,
 };
 use snell_scene::texture::Wrap;
-use snell_scene::{Encoding, Material, MaterialId, Scene, TextureId};
+use snell_scene::{Encoding, Material, MaterialId, Scene, TextureId, WarningKind};
 
 /// Reflectance where a material says nothing about its colour.
 const DEFAULT_DIFFUSE: Rgb = Rgb::splat(0.8);
@@ -151,7 +151,7 @@ impl Maker<'_> {
         let mut alpha = mtl.dissolve.or(mtl.transparency.map(|t| 1.0 - t)).unwrap_or(1.0).clamp(0.0, 1.0);
         if alpha == 0.0 && mtl.dissolve.is_none() {
             // Some programs write Tr where they mean d.
-            self.notes.add("Tr 1", || {
+            self.notes.add_of(WarningKind::Choice, "Tr 1", || {
                 format!("material \"{name}\": Tr 1 without d would make it invisible; it was taken as opaque")
             });
             alpha = 1.0;

@@ -1,6 +1,7 @@
 //! Wavefront OBJ, with its materials in MTL files.
 //!
-//! `parse.rs` turns the text into lists of vertices and faces as they stand in the file; `build.rs` makes indexed meshes of them,
+//! `parse.rs` turns a piece of the text into lists of vertices and faces as they stand in the file, and `file.rs` puts the pieces together;
+//! `build.rs` makes indexed meshes of them,
 //! one per object (`o`); `mtl.rs` reads the materials, and `material.rs` makes ours of them. Polygons of any size are triangulated;
 //! lines, points and free-form surfaces are skipped with a warning.
 //!
@@ -8,6 +9,7 @@
 //! angle (40°) where the file never says `s`. Vertex colours (`v x y z r g b`) are sRGB.
 
 mod build;
+mod file;
 mod material;
 mod mtl;
 mod parse;
@@ -29,7 +31,7 @@ pub const READER: SceneReader = SceneReader {
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
     let mut notes = Notes::default();
-    let mut file = parse::parse(input, &mut notes)?;
+    let mut file = file::parse(input, &mut notes)?;
     let objects = build::objects(input, &mut file, &mut notes)?;
     let mut scene = Scene::new(input.stem());
     let materials = material::materials(input, &file, &mut scene, &mut notes)?;
@@ -54,6 +56,6 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
 
 /// Reads all objects as one mesh without materials and without computed normals.
 pub(super) fn parse_mesh(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadError> {
-    let mut file = parse::parse(input, notes)?;
+    let mut file = file::parse(input, notes)?;
     build::one_mesh(input, &mut file, notes)
 }

@@ -2,7 +2,7 @@
 //!
 //! A statement that cannot be used is a warning, never an error: a mesh with one odd material is better than none.
 
-use super::parse::ObjFile;
+use super::file::ObjFile;
 use crate::mesh::notes::Notes;
 use crate::mesh::text::{Number, Reader, Text, Word, decoded, number};
 use crate::{Input, ReadError};
@@ -85,10 +85,13 @@ pub fn read(input: &Input, file: &ObjFile, notes: &mut Notes) -> Result<Library,
         }
         let path = input.resolve(name)?;
         if name.is_empty() || !path.exists() {
-            notes.say(format!(
-                "{}: its material library \"{name}\" does not exist; the default material was used",
-                input.name
-            ));
+            notes.say(
+                snell_scene::WarningKind::Missing,
+                format!(
+                    "{}: its material library \"{name}\" does not exist; the default material was used",
+                    input.name
+                ),
+            );
             continue;
         }
         let opened = input.open_relative(name)?;

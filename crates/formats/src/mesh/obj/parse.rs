@@ -1,56 +1,14 @@
-//! The statements of an OBJ file.
+//! The statements of a piece of an OBJ file.
 
+use super::file::{Corner, Counts, Faces, NONE, Run, State};
+use crate::ReadError;
 use crate::mesh::notes::Notes;
 use crate::mesh::text::{Number, Reader, Text, Word, decoded, number};
 use crate::mesh::too_many;
-use crate::{Input, ReadError};
 use snell_math::spectrum::srgb_to_linear;
 use snell_math::{Vec2, Vec3};
+use snell_scene::WarningKind;
 use std::collections::HashMap;
-
-/// No such index.
-pub const NONE: u32 = u32::MAX;
-
-/// A corner of a face: numbers from 0, or [`NONE`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Corner {
-    pub position: u32,
-    pub uv: u32,
-    pub normal: u32,
-}
-
-/// A face.
-#[derive(Clone, Copy, Debug)]
-pub struct Face {
-    /// Where its corners end in [`ObjFile::corners`].
-    pub end: usize,
-    /// Offset of its line in the text.
-    pub offset: usize,
-    /// Number of its material name, or [`NONE`].
-    pub material: u32,
-    /// Smoothing group; 0 is off and [`NONE`] is not said.
-    pub smoothing: u32,
-    /// Number of its object.
-    pub object: u32,
-}
-
-/// What an OBJ file says.
-#[derive(Clone, Debug, Default)]
-pub struct ObjFile {
-    pub positions: Vec<Vec3>,
-    /// Linear vertex colours: empty, or as many as positions.
-    pub colors: Vec<[f32; 4]>,
-    pub uvs: Vec<Vec2>,
-    pub normals: Vec<Vec3>,
-    pub corners: Vec<Corner>,
-    pub faces: Vec<Face>,
-    /// Object names in order of appearance; the first is that of faces before any `o`.
-    pub objects: Vec<String>,
-    /// Material names in order of appearance, each with the offset of its first use.
-    pub materials: Vec<(String, usize)>,
-    /// What `mtllib` statements name, with their offsets.
-    pub libraries: Vec<(String, usize)>,
-}
 
 /// True if the first lines are OBJ statements and nothing else.
 pub fn recognises(bytes: &[u8]) -> bool {
@@ -77,88 +35,107 @@ pub fn recognises(bytes: &[u8]) -> bool {
     has_vertices
 }
 
-/// Reads the statements.
-pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
-    let bytes = decoded(&input.bytes);
-    let text = Text::new(&bytes, 0).with_continuations().with_comments(b'#');
-    let mut parser = Parser {
-        reader: Reader { input, bytes: &bytes, text },
-        notes,
-        file: ObjFile { objects: vec![String::new()], ..ObjFile::default() },
-        material: NONE,
-        smoothing: NONE,
-        object: 0,
-        material_numbers: HashMap::new(),
-        known: 0,
-        unknown: None,
-    };
+/// What a piece says.
+#[derive(Debug, Default)]
+pub struct Piece {
+    pub positions: Vec<Vec3>,
+    /// Linear vertex colours: empty, or as many as positions.
+    pub colors: Vec<[f32; 4]>,
+    pub uvs: Vec<Vec2>,
+    pub normals: Vec<Vec3>,
+    pub faces: Faces,
+    /// Runs of faces; materials and objects are those of the piece.
+    pub runs: Vec<Run>,
+    /// What holds after the last statement.
+    pub end: State,
+    /// Object names in order of appearance.
+    pub objects: Vec<String>,
+    /// Material names in order of appearance, each with the offset of its first use.
+    pub materials: Vec<(String, usize)>,
+    /// What `mtllib` statements name, with their offsets.
+    pub libraries: Vec<(String, usize)>,
+    /// Number of statements understood.
+    pub known: u64,
+    /// Offset of the first one not understood.
+    pub unknown: Option<usize>,
+    pub notes: Notes,
+}
+
+/// Reads the statements to the end of the reader's text. `before` is how many lines of each list came before.
+pub fn parse(reader: Reader, before: Counts) -> Result<Piece, ReadError> {
+    let piece = Piece { faces: Faces::starting_at(reader.text.position()), ..Piece::default() };
+    let mut parser = Parser { reader, before, piece, state: State::default(), material_numbers: HashMap::new() };
     while let Some(keyword) = parser.reader.text.word_on_any_line() {
         parser.statement(keyword)?;
         parser.reader.text.next_line();
     }
-    if let (0, Some(offset)) = (parser.known, parser.unknown) {
-        let problem = "found no statement of an OBJ file, expected v, f or the like";
-        return Err(parser.reader.error(offset, problem, "this is not an OBJ file"));
-    }
-    parser.check_corners()?;
-    Ok(parser.file)
+    Ok(Piece { end: parser.state, ..parser.piece })
 }
 
-struct Parser<'a, 'n> {
+struct Parser<'a> {
     reader: Reader<'a>,
-    notes: &'n mut Notes,
-    file: ObjFile,
-    material: u32,
-    smoothing: u32,
-    object: u32,
+    before: Counts,
+    piece: Piece,
+    state: State,
     /// Numbers of material names; looked up only.
     material_numbers: HashMap<String, u32>,
-    /// Number of statements understood.
-    known: u64,
-    /// Offset of the first one not understood.
-    unknown: Option<usize>,
 }
 
-impl Parser<'_, '_> {
+impl Parser<'_> {
+    /// How many lines of each list there are so far.
+    fn counts(&self) -> Counts {
+        Counts {
+            positions: self.before.positions + self.piece.positions.len(),
+            uvs: self.before.uvs + self.piece.uvs.len(),
+            normals: self.before.normals + self.piece.normals.len(),
+        }
+    }
+
     fn statement(&mut self, keyword: Word) -> Result<(), ReadError> {
-        self.known += 1;
+        self.piece.known += 1;
         match keyword.bytes {
             b"v" => self.position(),
             b"vt" => self.uv(),
             b"vn" => self.normal(),
             b"f" | b"fo" => self.face(keyword.start),
             b"usemtl" => {
-                self.material = self.material_number(keyword.start);
+                self.state.material = Some(self.material_number(keyword.start));
                 Ok(())
             }
             b"mtllib" => {
                 let name = self.name();
-                self.file.libraries.push((name, keyword.start));
+                self.piece.libraries.push((name, keyword.start));
                 Ok(())
             }
             b"o" => {
                 let name = self.name();
-                self.object = self.file.objects.len() as u32;
-                self.file.objects.push(name);
+                self.state.object = Some(self.piece.objects.len() as u32);
+                self.piece.objects.push(name);
                 Ok(())
             }
             b"s" => {
-                self.smoothing = match self.reader.text.word().map(|w| w.bytes) {
+                self.state.smoothing = Some(match self.reader.text.word().map(|w| w.bytes) {
                     Some(b"off") | None => 0,
                     Some(b"on") => 1,
                     // Groups are compared, not counted with; whatever is not a number is one of its own.
                     Some(word) => std::str::from_utf8(word).ok().and_then(|s| s.parse().ok()).unwrap_or(1),
-                };
+                });
                 Ok(())
             }
             b"g" => Ok(()),
             b"l" | b"p" => {
-                self.skipped("lines", keyword, "lines and points are not surfaces; they were skipped");
+                self.skipped(
+                    WarningKind::Choice,
+                    "lines",
+                    keyword,
+                    "lines and points are not surfaces; they were skipped",
+                );
                 Ok(())
             }
             b"vp" | b"deg" | b"cstype" | b"curv" | b"curv2" | b"surf" | b"parm" | b"trim" | b"hole" | b"scrv"
             | b"sp" | b"end" | b"con" | b"bmat" | b"step" | b"mg" | b"ctech" | b"stech" => {
                 self.skipped(
+                    WarningKind::Changed,
                     "free-form",
                     keyword,
                     "free-form curves and surfaces are not supported; they were skipped",
@@ -167,21 +144,28 @@ impl Parser<'_, '_> {
             }
             b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"shadow_obj" | b"trace_obj" | b"call" | b"csh"
             | b"maplib" | b"usemap" | b"vc" => {
-                self.skipped("display", keyword, "display attributes such as this were skipped");
+                self.skipped(WarningKind::Choice, "display", keyword, "display attributes such as this were skipped");
                 Ok(())
             }
             _ => {
-                self.known -= 1;
-                self.unknown.get_or_insert(keyword.start);
-                self.skipped("unknown", keyword, "not a statement of OBJ files; lines like this were skipped");
+                self.piece.known -= 1;
+                self.piece.unknown.get_or_insert(keyword.start);
+                self.skipped(
+                    WarningKind::Changed,
+                    "unknown",
+                    keyword,
+                    "not a statement of OBJ files; lines like this were skipped",
+                );
                 Ok(())
             }
         }
     }
 
-    fn skipped(&mut self, kind: &'static str, keyword: Word, what: &str) {
+    fn skipped(&mut self, about: WarningKind, kind: &'static str, keyword: Word, what: &str) {
         let reader = &self.reader;
-        self.notes.add(kind, || format!("{}: {}: {what}", reader.location(keyword.start), keyword.quoted()));
+        self.piece
+            .notes
+            .add_of(about, kind, || format!("{}: {}: {what}", reader.location(keyword.start), keyword.quoted()));
     }
 
     fn name(&mut self) -> String {
@@ -190,7 +174,7 @@ impl Parser<'_, '_> {
 
     fn material_number(&mut self, offset: usize) -> u32 {
         let name = self.name();
-        let materials = &mut self.file.materials;
+        let materials = &mut self.piece.materials;
         *self.material_numbers.entry(name).or_insert_with_key(|name| {
             materials.push((name.clone(), offset));
             materials.len() as u32 - 1
@@ -207,7 +191,7 @@ impl Parser<'_, '_> {
                 Number::Exact(value) => value,
                 Number::Prefix(value) if !word.bytes.contains(&b',') => {
                     let reader = &self.reader;
-                    self.notes.add("odd number", || {
+                    self.piece.notes.add("odd number", || {
                         let place = reader.location(word.start);
                         format!("{place}: {} is not a number; its first part, {value}, was used", word.quoted())
                     });
@@ -226,16 +210,16 @@ impl Parser<'_, '_> {
     }
 
     fn position(&mut self) -> Result<(), ReadError> {
-        self.check_room(self.file.positions.len(), "vertices")?;
+        self.check_room(self.counts().positions, "vertices")?;
         let ([x, y, z, a, b, c, d, _], count) = self.numbers(3, "a coordinate of a vertex")?;
         // Four numbers are a weight, which only free-form surfaces use; six are a colour, seven a colour with alpha.
         if count >= 6 {
             let alpha = if count >= 7 { d } else { 1.0 };
             self.color([a, b, c, alpha]);
-        } else if !self.file.colors.is_empty() {
-            self.file.colors.push([1.0; 4]);
+        } else if !self.piece.colors.is_empty() {
+            self.piece.colors.push([1.0; 4]);
         }
-        self.file.positions.push(Vec3::new(x, y, z));
+        self.piece.positions.push(Vec3::new(x, y, z));
         Ok(())
     }
 
@@ -247,62 +231,63 @@ impl Parser<'_, '_> {
             [r, g, b, a]
         } else {
             let reader = &self.reader;
-            self.notes.add("bad color", || {
+            self.piece.notes.add("bad color", || {
                 let place = reader.location(reader.text.position());
                 format!("{place}: a vertex colour is not finite; white was used")
             });
             [1.0; 4]
         };
-        self.file.colors.resize(self.file.positions.len(), [1.0; 4]);
-        self.file.colors.push(linear);
+        self.piece.colors.resize(self.piece.positions.len(), [1.0; 4]);
+        self.piece.colors.push(linear);
     }
 
     fn uv(&mut self) -> Result<(), ReadError> {
-        self.check_room(self.file.uvs.len(), "texture coordinates")?;
+        self.check_room(self.counts().uvs, "texture coordinates")?;
         let ([u, v, ..], _) = self.numbers(1, "a texture coordinate")?;
-        self.file.uvs.push(Vec2::new(u, v));
+        self.piece.uvs.push(Vec2::new(u, v));
         Ok(())
     }
 
     fn normal(&mut self) -> Result<(), ReadError> {
-        self.check_room(self.file.normals.len(), "normals")?;
+        self.check_room(self.counts().normals, "normals")?;
         let ([x, y, z, ..], _) = self.numbers(3, "a coordinate of a normal")?;
-        self.file.normals.push(Vec3::new(x, y, z));
+        self.piece.normals.push(Vec3::new(x, y, z));
         Ok(())
     }
 
     fn face(&mut self, offset: usize) -> Result<(), ReadError> {
-        self.check_room(self.file.corners.len(), "corners of faces")?;
-        let start = self.file.corners.len();
+        self.check_room(self.piece.faces.corner_count(), "corners of faces")?;
+        let counts = self.counts();
+        let start = self.piece.faces.corner_count();
         while let Some(word) = self.reader.text.word() {
-            let corner = self.corner(word)?;
-            self.file.corners.push(corner);
+            let corner = self.corner(word, counts)?;
+            self.piece.faces.push_corner(corner);
         }
-        let end = self.file.corners.len();
-        if end - start < 3 {
-            self.file.corners.truncate(start);
+        let corners = self.piece.faces.corner_count() - start;
+        if corners < 3 {
+            self.piece.faces.take_back(corners);
             let reader = &self.reader;
-            self.notes.add("few corners", || {
+            self.piece.notes.add("few corners", || {
                 let place = reader.location(offset);
-                format!("{place}: a face of {} corners, expected 3 or more; such faces were skipped", end - start)
+                format!("{place}: a face of {corners} corners, expected 3 or more; such faces were skipped")
             });
             return Ok(());
         }
-        let (material, smoothing, object) = (self.material, self.smoothing, self.object);
-        self.file.faces.push(Face { end, offset, material, smoothing, object });
+        self.piece.faces.end_face(corners);
+        Run::add_face(&mut self.piece.runs, self.state);
         Ok(())
     }
 
-    fn corner(&self, word: Word) -> Result<Corner, ReadError> {
+    fn corner(&self, word: Word, counts: Counts) -> Result<Corner, ReadError> {
         let bad = || {
             let problem = format!("found {}, expected vertex numbers such as 1, 1/2, 1//3 or 1/2/3", word.quoted());
             self.reader.error(word.start, problem, "correct the face, or export the file again")
         };
         let mut parts = word.bytes.split(|&b| b == b'/');
         let mut index = |list, count| self.index(parts.next().unwrap_or(b""), word, list, count);
-        let position = index("v", self.file.positions.len())?.ok_or_else(bad)?;
-        let uv = index("vt", self.file.uvs.len())?.unwrap_or(NONE);
-        let normal = index("vn", self.file.normals.len())?.unwrap_or(NONE);
+        let position = index("v", counts.positions)?.ok_or_else(bad)?;
+        let uv = index("vt", counts.uvs)?.unwrap_or(NONE);
+        let normal = index("vn", counts.normals)?.unwrap_or(NONE);
         if parts.next().is_some() { Err(bad()) } else { Ok(Corner { position, uv, normal }) }
     }
 
@@ -325,49 +310,6 @@ impl Parser<'_, '_> {
             return Err(self.reader.error(word.start, reason, "correct the face, or export the file again"));
         }
         Ok(Some(index.min(i64::from(NONE - 1)) as u32))
-    }
-
-    /// Checks that what the faces refer to exists. Indices of `vt` or `vn` in files without any such line are dropped.
-    fn check_corners(&mut self) -> Result<(), ReadError> {
-        let file = &mut self.file;
-        let (positions, uvs, normals) = (file.positions.len(), file.uvs.len(), file.normals.len());
-        let mut dangling = false;
-        if uvs == 0 || normals == 0 {
-            for corner in &mut file.corners {
-                if uvs == 0 && corner.uv != NONE {
-                    corner.uv = NONE;
-                    dangling = true;
-                }
-                if normals == 0 && corner.normal != NONE {
-                    corner.normal = NONE;
-                    dangling = true;
-                }
-            }
-        }
-        if dangling {
-            let name = &self.reader.input.name;
-            self.notes.add("no such attribute", || {
-                format!("{name}: faces refer to vt or vn lines, but the file has none; those indices were ignored")
-            });
-        }
-        let good = |index: u32, count: usize| index == NONE || (index as usize) < count;
-        let is_bad = |c: &Corner| c.position as usize >= positions || !good(c.uv, uvs) || !good(c.normal, normals);
-        let Some(at) = file.corners.iter().position(is_bad) else { return Ok(()) };
-        let corner = file.corners[at];
-        let (list, index, count) = if corner.position as usize >= positions {
-            ("v", corner.position, positions)
-        } else if !good(corner.uv, uvs) {
-            ("vt", corner.uv, uvs)
-        } else {
-            ("vn", corner.normal, normals)
-        };
-        let face = file.faces.partition_point(|f| f.end <= at);
-        let first = if face == 0 { 0 } else { file.faces[face - 1].end };
-        let mut text = Text::new(self.reader.bytes, file.faces[face].offset).with_continuations();
-        let word = (0..=at - first + 1).filter_map(|_| text.word()).last();
-        let offset = word.map_or(file.faces[face].offset, |w| w.start);
-        let problem = format!("index {} into the {list} lines, but the file has {count}", u64::from(index) + 1);
-        Err(self.reader.error(offset, problem, "correct the face, or export the file again"))
     }
 }
 

@@ -1,6 +1,7 @@
 //! The values.
 
 use super::header::{Element, Header, Property, Type, is_index_list};
+use super::uniform;
 use crate::mesh::notes::Notes;
 use crate::mesh::polygon::Triangulator;
 use crate::mesh::text::{Reader, Text};
@@ -24,6 +25,15 @@ pub trait Source {
     fn finish(&self, notes: &mut Notes);
     /// An error about the value read last.
     fn error(&self, problem: String, remedy: &str) -> ReadError;
+    /// Reads all vertices at once, if that is possible; else reads nothing.
+    fn all_vertices(&mut self, _: &Element, _: &[Role], _: &mut TriangleMesh) -> bool {
+        false
+    }
+    /// Reads all faces at once, if that is possible and all are triangles of existing vertices; else reads nothing. `list` is which property
+    /// has the corners.
+    fn all_triangles(&mut self, _element: &Element, _list: usize, _vertices: u64) -> Option<Vec<[u32; 3]>> {
+        None
+    }
 }
 
 /// Values as words. An element may span lines, but the next one begins on a new line.
@@ -160,6 +170,48 @@ impl<const BIG: bool> Source for BinarySource<'_, BIG> {
     fn error(&self, problem: String, remedy: &str) -> ReadError {
         self.input.error(Place::Byte(self.last as u64), problem, remedy)
     }
+
+    fn all_vertices(&mut self, element: &Element, roles: &[Role], mesh: &mut TriangleMesh) -> bool {
+        let Some((fields, size)) = uniform::fields(element) else { return false };
+        let total = usize::try_from(element.count).ok().and_then(|count| count.checked_mul(size));
+        let Some(bytes) = total.and_then(|total| self.input.bytes[self.position..].get(..total)) else { return false };
+        // Of properties that are there twice, the last one counts.
+        let field = |role| roles.iter().rposition(|r| *r == role).map(|i| (fields[i], element.properties[i].value));
+        let value = |field: Option<(uniform::Field, Type)>, vertex: &[u8]| {
+            field.map_or(0.0, |(field, _)| field.value::<BIG>(vertex) as f32)
+        };
+        let vector = |role: fn(usize) -> Role| {
+            let fields: [_; 3] = std::array::from_fn(|k| field(role(k)));
+            uniform::each(bytes, size, move |vertex| Vec3::from_array(fields.map(|f| value(f, vertex))))
+        };
+        mesh.positions = vector(Role::Position);
+        if has_all(roles, Role::Normal, 3) {
+            mesh.normals = vector(Role::Normal);
+        }
+        if has_all(roles, Role::Uv, 2) {
+            let fields: [_; 2] = std::array::from_fn(|k| field(Role::Uv(k)));
+            mesh.uvs[0] = uniform::each(bytes, size, |vertex| Vec2::from_array(fields.map(|f| value(f, vertex))));
+        }
+        if has_all(roles, Role::Color, 3) {
+            let fields: [_; 4] = std::array::from_fn(|k| field(Role::Color(k)));
+            let channel = |vertex: &[u8], k: usize| {
+                fields[k].map_or(1.0, |(f, kind)| linear_color(f.value::<BIG>(vertex) as f32, kind, k))
+            };
+            mesh.colors = uniform::each(bytes, size, |vertex| std::array::from_fn(|k| channel(vertex, k)));
+        }
+        self.position += bytes.len();
+        true
+    }
+
+    fn all_triangles(&mut self, element: &Element, list: usize, vertices: u64) -> Option<Vec<[u32; 3]>> {
+        if element.count > self.input.options.limits.elements as u64 {
+            return None;
+        }
+        let bytes = &self.input.bytes[self.position..];
+        let (triangles, size) = uniform::triangles::<BIG>(bytes, element, list, vertices)?;
+        self.position += size;
+        Some(triangles)
+    }
 }
 
 /// Reads all elements.
@@ -185,8 +237,8 @@ pub fn read(
 }
 
 /// What a property of a vertex is for.
-#[derive(Clone, Copy, PartialEq)]
-enum Role {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Role {
     Skip,
     Position(usize),
     Normal(usize),
@@ -217,6 +269,11 @@ impl Role {
     }
 }
 
+/// True if each of the parts of an attribute is there.
+fn has_all(roles: &[Role], role: fn(usize) -> Role, parts: usize) -> bool {
+    (0..parts).all(|k| roles.contains(&role(k)))
+}
+
 fn read_vertices(
     source: &mut impl Source,
     input: &Input,
@@ -225,18 +282,20 @@ fn read_vertices(
     mesh: &mut TriangleMesh,
 ) -> Result<(), ReadError> {
     let roles: Vec<Role> = element.properties.iter().map(Role::of).collect();
-    let has = |role| roles.contains(&role);
-    if !(0..3).all(|k| has(Role::Position(k))) {
+    if !has_all(&roles, Role::Position, 3) {
         let problem = "the element \"vertex\" lacks one of the properties x, y and z";
         return Err(input.error(Place::Whole, problem, "export the file again with positions"));
     }
     if element.count > input.options.limits.elements as u64 {
         return Err(too_many(input, "vertices"));
     }
+    if source.all_vertices(element, &roles, mesh) {
+        return Ok(());
+    }
     let count = element.count.min(source.bytes_left() / element.least_size(header.format) as u64 + 1) as usize;
-    let has_normals = (0..3).all(|k| has(Role::Normal(k)));
-    let has_uvs = (0..2).all(|k| has(Role::Uv(k)));
-    let has_colors = (0..3).all(|k| has(Role::Color(k)));
+    let has_normals = has_all(&roles, Role::Normal, 3);
+    let has_uvs = has_all(&roles, Role::Uv, 2);
+    let has_colors = has_all(&roles, Role::Color, 3);
     mesh.positions.reserve(count);
     mesh.normals.reserve(if has_normals { count } else { 0 });
     mesh.uvs[0].reserve(if has_uvs { count } else { 0 });
@@ -323,6 +382,8 @@ fn skip_element(source: &mut impl Source, element: &Element) -> Result<(), ReadE
 #[derive(Default)]
 struct Faces {
     vertices: u64,
+    /// Those that were read at once, before all others.
+    triangles: Vec<[u32; 3]>,
     corners: Vec<u32>,
     /// Where each polygon's corners end.
     ends: Vec<usize>,
@@ -339,6 +400,7 @@ impl Faces {
 
     fn triangulate(self, input: &Input, mesh: &mut TriangleMesh) -> Result<(), ReadError> {
         let mut triangulator = Triangulator::default();
+        mesh.indices = self.triangles;
         mesh.indices.reserve(self.ends.len());
         let mut start = 0;
         for end in self.ends {
@@ -368,6 +430,13 @@ fn read_faces(
         notes.add("texcoord", || {
             format!("{}: texture coordinates of faces (texcoord) are not supported and were skipped", input.name)
         });
+    }
+    if faces.triangles.is_empty()
+        && faces.ends.is_empty()
+        && let Some(triangles) = source.all_triangles(element, at, faces.vertices)
+    {
+        faces.triangles = triangles;
+        return Ok(());
     }
     for _ in 0..element.count {
         for (i, property) in element.properties.iter().enumerate() {

@@ -5,10 +5,11 @@
 //! `vertex_index`, and `tristrips` with the same. Colours of integer types are sRGB (as scanners and editors write them), those of
 //! floating-point types linear. Colours and normals of faces are ignored.
 //!
-//! `header.rs` reads what the file holds, `body.rs` the values.
+//! `header.rs` reads what the file holds, `body.rs` the values, and `uniform.rs` those of usual binary files on all cores.
 
 mod body;
 mod header;
+mod uniform;
 
 use super::normals;
 use super::notes::Notes;

@@ -8,7 +8,7 @@ use crate::{Input, ReadError};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb};
 use snell_scene::framing::{DEFAULT_BACKGROUND, default_sky, sky_seen_by};
 use snell_scene::light::{Attenuation, SpotFalloff};
-use snell_scene::{Background, Light, Material, Scene};
+use snell_scene::{Background, Light, Material, Scene, WarningKind};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 /// Lumens per watt by which Blender multiplies what it exports (its standard lighting mode).
@@ -33,7 +33,10 @@ pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
         is_photometric |= light.number_or("intensity", 1.0)? >= threshold;
     }
     if is_photometric {
-        reader.scene.warn("the lights were written by Blender in photometric units; they are divided by 683 lm/W");
+        reader.scene.warn_of(
+            WarningKind::Choice,
+            "the lights were written by Blender in photometric units; they are divided by 683 lm/W",
+        );
     }
     Ok(if is_photometric { 1.0 / BLENDER_LUMENS_PER_WATT } else { 1.0 })
 }

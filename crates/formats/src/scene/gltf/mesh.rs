@@ -8,6 +8,7 @@ use super::{Reader, morph, skin};
 use crate::ReadError;
 use snell_intersect::TriangleMesh;
 use snell_math::{Vec2, Vec3, Vec4};
+use snell_scene::WarningKind;
 use snell_scene::motion::{InfluenceSet, MorphTarget, make_usable};
 
 /// A primitive with what else is needed to show it.
@@ -32,7 +33,7 @@ pub(super) fn read_primitives(
     let mut primitives = Vec::new();
     for json in mesh.require("primitives")?.items()? {
         let Some(topology) = Topology::of(&json)? else {
-            reader.scene.warn("points and lines have no surface and are not shown");
+            reader.scene.warn_of(WarningKind::Choice, "points and lines have no surface and are not shown");
             continue;
         };
         primitives.extend(read_primitive(reader, &json, topology, weights, all_targets)?);

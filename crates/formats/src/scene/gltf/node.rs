@@ -8,7 +8,7 @@ use snell_intersect::TriangleMesh;
 use snell_math::glam::DQuat;
 use snell_math::{DAffine3, DMat3, DVec3};
 use snell_scene::motion::{Deformed, Morph, Placement, Skin, morph_mesh};
-use snell_scene::{Geometry, MaterialId, Node, NodeId, Surface};
+use snell_scene::{Geometry, MaterialId, Node, NodeId, Surface, WarningKind};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
@@ -116,7 +116,9 @@ impl<'a> Hierarchy<'a> {
             return Ok((0..self.nodes.len()).filter(|&i| self.is_root[i]).collect());
         };
         if scenes.len() > 1 && wanted.is_none() {
-            reader.scene.warn(format!("the file has {} scenes; number {index} is shown", scenes.len()));
+            reader
+                .scene
+                .warn_of(WarningKind::Choice, format!("the file has {} scenes; number {index} is shown", scenes.len()));
         }
         let mut roots: Vec<usize> = Vec::new();
         let mut listed = vec![false; self.nodes.len()];
@@ -214,9 +216,10 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
 fn read_meshes_without_nodes(reader: &mut Reader, shown: &mut MeshNodes) -> Result<(), ReadError> {
     for (i, mesh) in reader.root.items_of("meshes")?.iter().enumerate() {
         if i == 0 {
-            reader
-                .scene
-                .warn("the file has meshes, but no nodes to place them; they are shown where their vertices are");
+            reader.scene.warn_of(
+                WarningKind::Choice,
+                "the file has meshes, but no nodes to place them; they are shown where their vertices are",
+            );
         }
         let surfaces = still_surfaces(reader, mesh, &[])?;
         let root = reader.scene.root;

@@ -8,7 +8,7 @@ use crate::{Input, ReadError};
 use rayon::prelude::*;
 use snell_scene::graph::ImageId;
 use snell_scene::texture::{Filtering, Wrap, missing_texture_image};
-use snell_scene::{Encoding, Image, Texture, TextureId};
+use snell_scene::{Encoding, Image, Texture, TextureId, WarningKind};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
@@ -155,10 +155,10 @@ fn image(reader: &mut Reader, texture: &Json, used_for: Use) -> Result<Option<Im
         _ => format!("the texture at {} names no image", texture.path()),
     };
     if used_for == Use::Data {
-        reader.scene.warn(format!("{problem}; the surface is shown without this map"));
+        reader.scene.warn_of(WarningKind::Missing, format!("{problem}; the surface is shown without this map"));
         return Ok(None);
     }
-    reader.scene.warn(format!("{problem}; {REPLACED_BY_CHECKER}"));
+    reader.scene.warn_of(WarningKind::Missing, format!("{problem}; {REPLACED_BY_CHECKER}"));
     let id = match reader.textures.missing {
         Some(id) => id,
         None => reader.scene.add_image(Arc::new(missing_texture_image())),

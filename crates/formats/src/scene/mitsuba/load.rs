@@ -149,7 +149,7 @@ impl<'a> Loader<'a> {
     }
 
     fn note(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
-        self.notes.add(kind.into(), at, message);
+        self.notes.add(snell_scene::WarningKind::Changed, kind.into(), at, message);
     }
 
     /// An attribute with parameters put in.

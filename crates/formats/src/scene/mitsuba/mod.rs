@@ -32,7 +32,7 @@ use object::{Child, Content, Object};
 use shape::Shapes;
 use snell_math::DAffine3;
 use snell_scene::graph::ImageId;
-use snell_scene::{MediumId, Scene, TextureId};
+use snell_scene::{MediumId, Scene, TextureId, WarningKind};
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 use texture::Textures;
@@ -169,7 +169,12 @@ impl Builder<'_> {
 
     /// Notes something that the user should know: what was found, and what was done instead. Of each kind only the first is told.
     fn note(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
-        self.notes.add(kind.into(), at, message);
+        self.notes.add(WarningKind::Changed, kind.into(), at, message);
+    }
+
+    /// Notes what the file leaves open, or what belongs to other programs: nothing is wrong.
+    fn mention(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
+        self.notes.add(WarningKind::Choice, kind.into(), at, message);
     }
 
     /// Notes what nobody asked for.

@@ -143,7 +143,7 @@ impl Builder<'_> {
         }
         for name in ["crop_width", "crop_height", "crop_offset_x", "crop_offset_y"] {
             if film.get(name).is_some() {
-                self.note("crop", film.at, || "the crop of the film was ignored: give --crop instead".into());
+                self.mention("crop", film.at, || "the crop of the film was ignored: give --crop instead".into());
             }
         }
         // How the picture is stored is for the command line to say.
@@ -215,7 +215,7 @@ impl Builder<'_> {
         let inner = self.inner(object, |o| o.class == "integrator")?;
         if let Some(inner) = inner {
             if object.get("aovs").is_some() {
-                self.note("aovs", object.at, || {
+                self.mention("aovs", object.at, || {
                     "the layers of an aov integrator were ignored: give --aov instead".into()
                 });
             }
@@ -239,7 +239,7 @@ impl Builder<'_> {
             ["path", "volpath", "volpathmis", "volpath_simple", "direct", "ao", "prb", "prb_basic", "prbvolpath"];
         if !exact.contains(&object.kind.as_str()) {
             let owner = object.owner();
-            self.note(owner.clone(), object.at, || format!("{owner}: the integrator {ours} was used instead"));
+            self.mention(owner.clone(), object.at, || format!("{owner}: the integrator {ours} was used instead"));
         }
         if object.bool_or("hide_emitters", false)? {
             self.note("hide_emitters", object.at, || "hide_emitters was ignored: emitters are seen".into());

@@ -123,7 +123,7 @@ impl Builder<'_> {
         }
         let materials = self.materials(object, parts, &finish);
         if materials.is_empty() {
-            self.note("no surface", object.at, || {
+            self.mention("no surface", object.at, || {
                 "surfaces without a bsdf that bound no medium are not seen, and were left out".into()
             });
             return Ok(());

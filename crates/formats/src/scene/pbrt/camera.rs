@@ -76,7 +76,7 @@ pub fn build(
         // The middle of the picture is -x, and what is right of it -z.
         own = Axes { right: DVec3::NEG_Z, up: DVec3::Y, towards: DVec3::NEG_X, shift: DVec3::ZERO };
         if params.string("mapping")?.unwrap_or("equalarea") != "equirectangular" && !is_kind(params, "environment") {
-            builder.note("equal-area camera", params.at, || {
+            builder.mention("equal-area camera", params.at, || {
                 "a spherical camera with the equal-area mapping: it became an equirectangular one".into()
             });
         }

@@ -268,11 +268,11 @@ impl Builder<'_> {
         let params = Params::read(lexer, "Option".into(), at, self.main.options.limits.elements)?;
         let names =
             ["disablepixeljitter", "disabletexturefiltering", "disablewavelengthjitter", "displacementedgescale"];
-        self.note_ignored(&params, &names, "it is an aid for debugging pbrt");
-        self.note_ignored(&params, &["forcediffuse", "pixelstats", "wavefront"], "it is an aid for debugging pbrt");
-        self.note_ignored(&params, &["msereferenceimage", "msereferenceout"], "use snell compare instead");
-        self.note_ignored(&params, &["rendercoordsys"], "the picture does not depend on it");
-        self.note_ignored(&params, &["seed"], "use --seed instead");
+        self.mention_ignored(&params, &names, "it is an aid for debugging pbrt");
+        self.mention_ignored(&params, &["forcediffuse", "pixelstats", "wavefront"], "it is an aid for debugging pbrt");
+        self.mention_ignored(&params, &["msereferenceimage", "msereferenceout"], "use snell compare instead");
+        self.mention_ignored(&params, &["rendercoordsys"], "the picture does not depend on it");
+        self.mention_ignored(&params, &["seed"], "use --seed instead");
         self.note_unused(&params);
         Ok(())
     }

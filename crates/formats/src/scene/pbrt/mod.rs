@@ -36,7 +36,7 @@ use options::RenderOptions;
 use params::{Params, Type};
 use shape::Shapes;
 use snell_math::DAffine3;
-use snell_scene::{NodeId, Scene};
+use snell_scene::{NodeId, Scene, WarningKind};
 use state::{Stack, State};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -123,7 +123,12 @@ impl Builder<'_> {
 
     /// Notes something that the user should know: what was found, and what was done instead. Of each kind only the first is told.
     fn note(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
-        self.notes.add(kind.into(), at, message);
+        self.notes.add(WarningKind::Changed, kind.into(), at, message);
+    }
+
+    /// Notes what the file leaves open, or what belongs to other programs: nothing is wrong.
+    fn mention(&mut self, kind: impl Into<String>, at: Spot, message: impl FnOnce() -> String) {
+        self.notes.add(WarningKind::Choice, kind.into(), at, message);
     }
 
     /// Notes the parameters that nobody asked for.
@@ -131,6 +136,17 @@ impl Builder<'_> {
         for param in params.unused() {
             let what = format!("\"{} {}\" of {}", param.kind.name(), param.name, params.owner);
             self.note(format!("unused {what}"), param.at, || format!("{what} is not known; it was ignored"));
+        }
+    }
+
+    /// Looks at parameters that belong to other programs, with what is to be said of them.
+    fn mention_ignored(&mut self, params: &Params, names: &[&str], reason: &str) {
+        for name in names {
+            if let Some(param) = params.get(name) {
+                let what = format!("\"{} {}\" of {}", param.kind.name(), param.name, params.owner);
+                let at = param.at;
+                self.mention(format!("ignored {what}"), at, || format!("{what} was ignored: {reason}"));
+            }
         }
     }
 

@@ -125,7 +125,7 @@ impl Builder<'_> {
             let what = "a sensor of a real camera, or a white balance: colours are those of the CIE observer instead";
             self.note("sensor", params.at, || what.into());
         }
-        self.note_ignored(params, &["cropwindow", "pixelbounds"], "give --crop instead");
+        self.mention_ignored(params, &["cropwindow", "pixelbounds"], "give --crop instead");
         self.note_ignored(params, &["maxcomponentvalue"], "samples are not clamped");
         // Where and how the picture is stored is for the command line to say; the diagonal is for the realistic camera.
         for name in ["filename", "diagonal", "savefp16", "scale", "maxsampleluminance", "coordinatesystem"] {
@@ -207,7 +207,7 @@ impl Builder<'_> {
         let exact = ["path", "volpath", "simplepath", "simplevolpath", "directlighting", "ambientocclusion", "ao"];
         if !exact.iter().any(|kind| is_kind(params, kind)) {
             let owner = params.owner.clone();
-            self.note(owner.clone(), params.at, || format!("{owner}: the integrator {ours} was used instead"));
+            self.mention(owner.clone(), params.at, || format!("{owner}: the integrator {ours} was used instead"));
         }
         // How lights are chosen and paths are ended changes the noise only.
         for name in ["lightsampler", "lightsamplestrategy", "regularize", "rrthreshold", "samplelights", "samplebsdf"] {
@@ -215,7 +215,7 @@ impl Builder<'_> {
         }
         let names =
             ["photonsperiteration", "radius", "seed", "iterations", "numiterations", "mutationsperpixel", "cossample"];
-        self.note_ignored(params, &names, "it belongs to another integrator");
+        self.mention_ignored(params, &names, "it belongs to another integrator");
         Ok(())
     }
 }

@@ -80,7 +80,7 @@ impl Builder<'_> {
         };
         let materials = self.finished_material(&finish, params.at);
         if materials.is_empty() {
-            self.note("interface", params.at, || {
+            self.mention("interface", params.at, || {
                 "surfaces without a material that bound no medium are not seen, and were left out".into()
             });
             return Ok(());

@@ -8,7 +8,7 @@ use snell_intersect::AnyShape;
 use snell_intersect::shape::{BoxShape, Cone, Cylinder, Disk, Sphere};
 use snell_math::glam::DQuat;
 use snell_math::{DAffine3, DVec3};
-use snell_scene::Geometry;
+use snell_scene::{Geometry, WarningKind};
 
 /// Every command, as it is written.
 const USAGES: &[(&str, &str)] = &[
@@ -151,7 +151,7 @@ impl Builder {
             let point = file.world_from_group().transform_point3(point);
             self.line_bounds = self.line_bounds.with_point(point);
         }
-        self.scene.warn("`line` has no surface and is not drawn");
+        self.scene.warn_of(WarningKind::Choice, "`line` has no surface and is not drawn");
         Ok(())
     }
 

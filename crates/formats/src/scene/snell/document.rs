@@ -1,5 +1,6 @@
 //! What a file holds, and the way from the scene graph and back.
 
+use super::motion::MotionForm;
 use super::numbers::Numbers;
 use crate::image::read_image;
 use crate::{Input, Limits, ReadOptions};
@@ -57,6 +58,8 @@ pub struct Document {
     pub nodes: Vec<NodeForm>,
     #[serde(default)]
     pub meshes: Vec<MeshForm>,
+    #[serde(default)]
+    pub motion: Option<MotionForm>,
 }
 
 /// Numbers on a regular grid.
@@ -122,7 +125,7 @@ enum PixelForm {
 }
 
 /// An affine map: three rows of four numbers.
-type Rows = [[f64; 4]; 3];
+pub(super) type Rows = [[f64; 4]; 3];
 
 /// A node.
 #[derive(Debug, Serialize, Deserialize)]
@@ -182,12 +185,12 @@ fn is_identity(rows: &Rows) -> bool {
     *rows == identity()
 }
 
-fn rows(map: &DAffine3) -> Rows {
+pub(super) fn rows(map: &DAffine3) -> Rows {
     let (m, t) = (map.matrix3, map.translation);
     std::array::from_fn(|i| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]])
 }
 
-fn affine(rows: &Rows) -> DAffine3 {
+pub(super) fn affine(rows: &Rows) -> DAffine3 {
     let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
     DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) }
 }
@@ -226,7 +229,7 @@ impl Document {
             notes: _,
             variants: _,
             scenes: _,
-            motion: _,
+            motion,
         } = scene;
         check("camera", cameras)?;
         check("light", lights)?;
@@ -238,6 +241,10 @@ impl Document {
         check("settings", std::slice::from_ref(settings))?;
         let mut meshes = Meshes::default();
         let nodes = nodes.iter().map(|node| NodeForm::of(node, &mut meshes)).collect();
+        let motion = motion.as_ref().map(|motion| MotionForm::of(motion, &mut meshes));
+        if motion.as_ref().is_some_and(|motion| !motion.is_sayable()) {
+            return Err("the motion holds numbers that are not finite, for which this format has no words".into());
+        }
         Ok(Self {
             format: super::FORMAT.into(),
             version: super::VERSION,
@@ -258,6 +265,7 @@ impl Document {
             root: *root,
             nodes,
             meshes: meshes.forms,
+            motion,
         })
     }
 
@@ -279,6 +287,9 @@ impl Document {
         for (i, node) in self.nodes.into_iter().enumerate() {
             nodes.push(node.node(&meshes).map_err(|(key, flaw)| (format!("/nodes/{i}{key}"), flaw))?);
         }
+        let things = [self.cameras.len(), self.lights.len()];
+        let motion = self.motion.map(|form| form.motion(&nodes, &meshes, things)).transpose();
+        let motion = motion.map_err(|(place, flaw)| (format!("/motion{place}"), flaw))?.map(Arc::new);
         let mut media = self.media;
         add_grids(&mut media, self.grids, self.media_grids, limits)?;
         let environment = match self.environment {
@@ -305,7 +316,7 @@ impl Document {
             notes: Vec::new(),
             variants: Vec::new(),
             scenes: Vec::new(),
-            motion: None,
+            motion,
         };
         match scene.topological_order() {
             Ok(_) => Ok(scene),
@@ -378,13 +389,14 @@ fn add_grids(media: &mut [Medium], forms: Vec<GridForm>, uses: Vec<MediumGrids>,
 
 /// The table of meshes as it grows.
 #[derive(Default)]
-struct Meshes {
+pub(super) struct Meshes {
     forms: Vec<MeshForm>,
     known: HashMap<*const TriangleMesh, u32>,
 }
 
 impl Meshes {
-    fn number(&mut self, mesh: &Arc<TriangleMesh>) -> u32 {
+    /// The number of a mesh in the table.
+    pub(super) fn number(&mut self, mesh: &Arc<TriangleMesh>) -> u32 {
         *self.known.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
             self.forms.push(MeshForm::of(mesh));
             self.forms.len() as u32 - 1
@@ -433,7 +445,7 @@ impl NodeForm {
 }
 
 /// Vectors of `N` numbers each.
-fn vectors<const N: usize, T>(
+pub(super) fn vectors<const N: usize, T>(
     key: &'static str,
     numbers: Numbers<f32>,
     make: impl Fn([f32; N]) -> T,
@@ -445,7 +457,7 @@ fn vectors<const N: usize, T>(
     Err((key, format!("there are {} numbers, expected a multiple of {N}", numbers.0.len())))
 }
 
-fn flat<const N: usize, T: Copy>(items: &[T], parts: impl Fn(T) -> [f32; N]) -> Numbers<f32> {
+pub(super) fn flat<const N: usize, T: Copy>(items: &[T], parts: impl Fn(T) -> [f32; N]) -> Numbers<f32> {
     Numbers(items.iter().flat_map(|&item| parts(item)).collect())
 }
 

@@ -5,6 +5,7 @@
 //! lists or, if they are many, base64 ([`numbers`]).
 
 mod document;
+mod motion;
 mod numbers;
 #[cfg(test)]
 mod tests;
@@ -83,6 +84,9 @@ pub fn text(scene: &Scene) -> Result<String, String> {
     out.field("root", &document.root);
     out.table("nodes", &document.nodes);
     out.table("meshes", &document.meshes);
+    if let Some(motion) = &document.motion {
+        out.field("motion", motion);
+    }
     out.text += "\n}\n";
     match out.error {
         Some(error) => Err(error),

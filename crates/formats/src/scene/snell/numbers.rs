@@ -50,6 +50,7 @@ number! {
     u16: |_| true,
     u32: |_| true,
     f32: f32::is_finite,
+    f64: f64::is_finite,
 }
 
 /// Numbers, one after the other.

@@ -1,0 +1,373 @@
+//! What an OBJ file says, read in pieces on all cores.
+//!
+//! Lines do not depend on each other but for three things: numbers of faces may count back from the latest vertex, so the lines of each list
+//! are counted first; the material, smoothing group and object of a face are what was said last, so they stay open until the pieces are
+//! put together in order; and what a face refers to may come later, so that is checked in the end.
+
+use super::parse::{self, Piece};
+use crate::mesh::notes::Notes;
+use crate::mesh::text::{Reader, Text, decoded};
+use crate::mesh::too_many;
+use crate::{Input, ReadError};
+use rayon::prelude::*;
+use snell_math::{Vec2, Vec3};
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// No such index.
+pub const NONE: u32 = u32::MAX;
+
+/// About how many bytes a piece has. Tests cut small files too.
+const PIECE: usize = if cfg!(test) { 48 } else { 1 << 20 };
+
+/// A corner of a face: numbers from 0, or [`NONE`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Corner {
+    pub position: u32,
+    pub uv: u32,
+    pub normal: u32,
+}
+
+/// How many lines of each list there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Counts {
+    pub positions: usize,
+    pub uvs: usize,
+    pub normals: usize,
+}
+
+/// What was said last; `None` if nothing was.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct State {
+    /// Number of the material name.
+    pub material: Option<u32>,
+    /// Smoothing group; 0 is off.
+    pub smoothing: Option<u32>,
+    /// Number of the object.
+    pub object: Option<u32>,
+}
+
+/// Faces one after the other for which the same was said.
+#[derive(Clone, Copy, Debug)]
+pub struct Run {
+    pub faces: usize,
+    pub state: State,
+}
+
+impl Run {
+    /// Appends a face to the last run, or begins another.
+    pub fn add_face(runs: &mut Vec<Self>, state: State) {
+        match runs.last_mut() {
+            Some(last) if last.state == state => last.faces += 1,
+            _ => runs.push(Self { faces: 1, state }),
+        }
+    }
+}
+
+/// The faces of a piece. What most files do not have takes no memory.
+#[derive(Debug, Default)]
+pub struct Faces {
+    /// Where the piece starts in the text.
+    start: usize,
+    positions: Vec<u32>,
+    /// Empty, or one for each corner up to the last that has one.
+    uvs: Vec<u32>,
+    normals: Vec<u32>,
+    /// Corners of each face; empty if all have three.
+    sizes: Vec<u32>,
+}
+
+impl Faces {
+    /// No faces, of a piece that starts at an offset.
+    pub fn starting_at(start: usize) -> Self {
+        Self { start, ..Self::default() }
+    }
+
+    /// Corners of all faces.
+    pub fn corner_count(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Adds a corner to the face that has not ended.
+    pub fn push_corner(&mut self, corner: Corner) {
+        let put = |list: &mut Vec<u32>, index: u32, at: usize| {
+            if index != NONE || !list.is_empty() {
+                list.resize(at, NONE);
+                list.push(index);
+            }
+        };
+        put(&mut self.uvs, corner.uv, self.positions.len());
+        put(&mut self.normals, corner.normal, self.positions.len());
+        self.positions.push(corner.position);
+    }
+
+    /// Forgets the last corners.
+    pub fn take_back(&mut self, corners: usize) {
+        let left = self.positions.len() - corners;
+        for list in [&mut self.positions, &mut self.uvs, &mut self.normals] {
+            list.truncate(left);
+        }
+    }
+
+    /// Makes the last corners a face.
+    pub fn end_face(&mut self, corners: usize) {
+        if corners != 3 && self.sizes.is_empty() {
+            self.sizes.resize((self.positions.len() - corners) / 3, 3);
+            self.sizes.push(corners as u32);
+        } else if !self.sizes.is_empty() {
+            self.sizes.push(corners as u32);
+        }
+    }
+
+    /// A corner.
+    pub fn corner(&self, at: usize) -> Corner {
+        let index = |list: &[u32]| list.get(at).copied().unwrap_or(NONE);
+        Corner { position: self.positions[at], uv: index(&self.uvs), normal: index(&self.normals) }
+    }
+
+    /// The corners of each face.
+    pub fn ranges(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        let count = if self.sizes.is_empty() { self.positions.len() / 3 } else { self.sizes.len() };
+        let mut end = 0;
+        (0..count).map(move |face| {
+            let start = end;
+            end += self.sizes.get(face).map_or(3, |&size| size as usize);
+            start..end
+        })
+    }
+
+    /// The first corner that refers to what is not there.
+    fn first_dangling(&self, counts: Counts) -> Option<usize> {
+        let bad = |list: &[u32], count: usize| list.par_iter().position_first(|&i| i != NONE && i as usize >= count);
+        let lists = [
+            bad(&self.positions, counts.positions.min(NONE as usize)),
+            bad(&self.uvs, counts.uvs),
+            bad(&self.normals, counts.normals),
+        ];
+        lists.into_iter().flatten().min()
+    }
+}
+
+/// What an OBJ file says.
+#[derive(Debug, Default)]
+pub struct ObjFile {
+    pub positions: Vec<Vec3>,
+    /// Linear vertex colours: empty, or as many as positions.
+    pub colors: Vec<[f32; 4]>,
+    pub uvs: Vec<Vec2>,
+    pub normals: Vec<Vec3>,
+    /// The faces with what was said of them. Every face has a number of an object.
+    pub pieces: Vec<(Faces, Vec<Run>)>,
+    /// Object names in order of appearance; the first is that of faces before any `o`.
+    pub objects: Vec<String>,
+    /// Material names in order of appearance, each with the offset of its first use.
+    pub materials: Vec<(String, usize)>,
+    /// What `mtllib` statements name, with their offsets.
+    pub libraries: Vec<(String, usize)>,
+}
+
+/// Reads a file.
+pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
+    let bytes = decoded(&input.bytes);
+    let ranges = pieces(&bytes);
+    let text =
+        |range: &Range<usize>| Text::new(&bytes[..range.end], range.start).with_continuations().with_comments(b'#');
+    let reader = |range: &Range<usize>| Reader { input, bytes: &bytes, text: text(range) };
+    let counts: Vec<Counts> = if ranges.len() == 1 {
+        vec![Counts::default()]
+    } else {
+        ranges.par_iter().map(|range| count_lines(text(range))).collect()
+    };
+    let before: Vec<Counts> = counts.iter().scan(Counts::default(), |sum, &c| Some(sum.then(c))).collect();
+    let read: Vec<_> =
+        ranges.par_iter().zip(before).map(|(range, before)| parse::parse(reader(range), before)).collect();
+    let mut joiner = Joiner::default();
+    for piece in read {
+        joiner.join(piece?, notes);
+    }
+    if let (0, Some(offset)) = (joiner.known, joiner.unknown) {
+        let problem = "found no statement of an OBJ file, expected v, f or the like";
+        return Err(reader(&(0..bytes.len())).error(offset, problem, "this is not an OBJ file"));
+    }
+    let mut file = joiner.file;
+    let elements = input.options.limits.elements;
+    for (count, what) in [
+        (file.positions.len(), "vertices"),
+        (file.uvs.len(), "texture coordinates"),
+        (file.normals.len(), "normals"),
+        (file.pieces.iter().map(|(faces, _)| faces.corner_count()).sum(), "corners of faces"),
+    ] {
+        if count > elements {
+            return Err(too_many(input, what));
+        }
+    }
+    drop_indices_into_nothing(input, &mut file, notes);
+    check_corners(&file, &reader(&(0..bytes.len())))?;
+    Ok(file)
+}
+
+impl Counts {
+    /// Adds counts and gives those before.
+    fn then(&mut self, more: Self) -> Self {
+        let before = *self;
+        self.positions += more.positions;
+        self.uvs += more.uvs;
+        self.normals += more.normals;
+        before
+    }
+}
+
+/// Pieces of whole lines; lines that continue on the next stay together.
+fn pieces(bytes: &[u8]) -> Vec<Range<usize>> {
+    let mut pieces = Vec::with_capacity(bytes.len() / PIECE + 1);
+    let mut start = 0;
+    while bytes.len() - start > PIECE {
+        // Not between a backslash and the end of its line, or in the middle of a line end.
+        let cut =
+            bytes[start..start + PIECE].iter().rposition(|b| !b"\\\r".contains(b)).map_or(start, |at| start + at + 1);
+        let mut text = Text::new(bytes, cut).with_continuations();
+        text.next_line();
+        let end = text.position();
+        pieces.push(start..end);
+        start = end;
+    }
+    pieces.push(start..bytes.len());
+    pieces
+}
+
+/// Counts the lines of each list.
+fn count_lines(mut text: Text) -> Counts {
+    let mut counts = Counts::default();
+    while let Some(keyword) = text.word_on_any_line() {
+        match keyword.bytes {
+            b"v" => counts.positions += 1,
+            b"vt" => counts.uvs += 1,
+            b"vn" => counts.normals += 1,
+            _ => {}
+        }
+        text.next_line();
+    }
+    counts
+}
+
+/// Puts pieces together.
+struct Joiner {
+    file: ObjFile,
+    /// What holds at the end of the pieces so far.
+    state: State,
+    /// Numbers of material names; looked up only.
+    material_numbers: HashMap<String, u32>,
+    known: u64,
+    unknown: Option<usize>,
+}
+
+impl Default for Joiner {
+    fn default() -> Self {
+        Self {
+            file: ObjFile { objects: vec![String::new()], ..ObjFile::default() },
+            state: State { object: Some(0), ..State::default() },
+            material_numbers: HashMap::new(),
+            known: 0,
+            unknown: None,
+        }
+    }
+}
+
+impl Joiner {
+    fn join(&mut self, piece: Piece, notes: &mut Notes) {
+        let file = &mut self.file;
+        if !piece.colors.is_empty() || !file.colors.is_empty() {
+            file.colors.resize(file.positions.len(), [1.0; 4]);
+            file.colors.extend(&piece.colors);
+            file.colors.resize(file.positions.len() + piece.positions.len(), [1.0; 4]);
+        }
+        file.positions.extend(piece.positions);
+        file.uvs.extend(piece.uvs);
+        file.normals.extend(piece.normals);
+        file.libraries.extend(piece.libraries);
+        let first_object = file.objects.len() as u32;
+        file.objects.extend(piece.objects);
+        let materials: Vec<u32> = piece
+            .materials
+            .into_iter()
+            .map(|(name, offset)| {
+                *self.material_numbers.entry(name).or_insert_with_key(|name| {
+                    file.materials.push((name.clone(), offset));
+                    file.materials.len() as u32 - 1
+                })
+            })
+            .collect();
+        let before = self.state;
+        let said = |state: State| State {
+            material: state.material.map(|m| materials[m as usize]).or(before.material),
+            smoothing: state.smoothing.or(before.smoothing),
+            object: state.object.map(|o| first_object + o).or(before.object),
+        };
+        let runs = piece.runs.into_iter().map(|run| Run { faces: run.faces, state: said(run.state) }).collect();
+        file.pieces.push((piece.faces, runs));
+        self.state = said(piece.end);
+        self.known += piece.known;
+        self.unknown = self.unknown.or(piece.unknown);
+        notes.append(piece.notes);
+    }
+}
+
+/// Indices of `vt` or `vn` in files without any such line are dropped.
+fn drop_indices_into_nothing(input: &Input, file: &mut ObjFile, notes: &mut Notes) {
+    let (uvs, normals) = (file.uvs.is_empty(), file.normals.is_empty());
+    let mut dangling = false;
+    for (faces, _) in &mut file.pieces {
+        dangling |= (uvs && !faces.uvs.is_empty()) || (normals && !faces.normals.is_empty());
+        if uvs {
+            faces.uvs = Vec::new();
+        }
+        if normals {
+            faces.normals = Vec::new();
+        }
+    }
+    if dangling {
+        let name = &input.name;
+        notes.add("no such attribute", || {
+            format!("{name}: faces refer to vt or vn lines, but the file has none; those indices were ignored")
+        });
+    }
+}
+
+/// Checks that what the faces refer to exists.
+fn check_corners(file: &ObjFile, reader: &Reader) -> Result<(), ReadError> {
+    let counts = Counts { positions: file.positions.len(), uvs: file.uvs.len(), normals: file.normals.len() };
+    let found = file.pieces.iter().find_map(|(faces, _)| Some((faces, faces.first_dangling(counts)?)));
+    let Some((faces, at)) = found else { return Ok(()) };
+    let corner = faces.corner(at);
+    let good = |index: u32, count: usize| index == NONE || (index as usize) < count;
+    let (list, index, count) = if corner.position as usize >= counts.positions {
+        ("v", corner.position, counts.positions)
+    } else if !good(corner.uv, counts.uvs) {
+        ("vt", corner.uv, counts.uvs)
+    } else {
+        ("vn", corner.normal, counts.normals)
+    };
+    let problem = format!("index {} into the {list} lines, but the file has {count}", u64::from(index) + 1);
+    let offset = offset_of_corner(reader, faces.start, at);
+    Err(reader.error(offset, problem, "correct the face, or export the file again"))
+}
+
+/// Where a corner of a piece is in the text, found by reading the piece again.
+fn offset_of_corner(reader: &Reader, start: usize, at: usize) -> usize {
+    let mut text = Text::new(reader.bytes, start).with_continuations().with_comments(b'#');
+    let mut before = 0;
+    while let Some(keyword) = text.word_on_any_line() {
+        if matches!(keyword.bytes, b"f" | b"fo") {
+            let corners: Vec<usize> = std::iter::from_fn(|| text.word().map(|word| word.start)).collect();
+            // Faces of fewer corners were skipped.
+            if corners.len() >= 3 {
+                if let Some(&offset) = corners.get(at - before) {
+                    return offset;
+                }
+                before += corners.len();
+            }
+        }
+        text.next_line();
+    }
+    start
+}
