@@ -151,7 +151,7 @@ impl MatteVertices {
         let cos_o = normal.dot(wo);
         let receiver = Receiver { position, normal: if cos_o < 0.0 { -normal } else { normal }, transmits: false };
         let skin = Skin { position_error: at(&self.points.position_error, lane), geometric_normal };
-        let arrival = Arrival { position, surface: Some(skin), mode: state.mode };
+        let arrival = Arrival { position, surface: Some(skin), mode: state.mode, time: state.time };
         let side = geometric_normal.dot(wo);
         let reflected = |wi: Vec3| {
             let cos_i = normal.dot(wi);

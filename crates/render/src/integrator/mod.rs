@@ -22,7 +22,7 @@ use crate::settings::Settings;
 use light_part::{LightSource, LobeShares};
 use snell_intersect::{Hit, SurfaceInteraction};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
-use snell_scene::Material;
+use snell_scene::{Material, MediumId};
 use snell_scene::material::ShadingPoint;
 use snell_scene::medium::HenyeyGreenstein;
 
@@ -194,6 +194,8 @@ pub struct Outputs {
     pub light_rays: Vec<(Ray, SampledSpectrum)>,
     /// Where the light of the light rays comes from, if one source is meant.
     pub light_source: Option<LightSource>,
+    /// The medium that must glow at the end of the light rays for them to count; `None` for all other light.
+    pub glowing: Option<MediumId>,
     /// By multiple importance sampling.
     pub weights: Weights,
     /// What scatters the light of the light rays, at the first vertex and where [`Context::wants_lobes`].
@@ -226,6 +228,7 @@ impl Default for Outputs {
             radiance: SampledSpectrum::ZERO,
             light_rays: Vec::new(),
             light_source: None,
+            glowing: None,
             weights: Weights::default(),
             light_lobe: LobeShares::UNKNOWN,
             next: Vec::new(),
@@ -238,7 +241,7 @@ impl Outputs {
     /// Empties all lists.
     pub fn clear(&mut self) {
         self.radiance = SampledSpectrum::ZERO;
-        (self.light_source, self.light_lobe) = (None, LobeShares::UNKNOWN);
+        (self.light_source, self.light_lobe, self.glowing) = (None, LobeShares::UNKNOWN, None);
         self.weights = Weights::default();
         self.light_rays.clear();
         self.next.clear();

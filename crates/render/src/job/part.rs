@@ -114,7 +114,7 @@ impl<'a> PartRenderer<'a> {
     ) -> Self {
         let (scene, eye) = (context.scene, camera.eye.as_vec3());
         let sees_media = context.settings.integrator.sees_media();
-        let volumes = if sees_media { VolumeBatch::new(scene, eye) } else { None };
+        let volumes = if sees_media { VolumeBatch::new(&context, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
         let matte = if volumes.is_some() || scene.moves { None } else { Matte::new(&context, sampler) };
         Self {
@@ -454,9 +454,9 @@ impl<'a> PartRenderer<'a> {
         self.outputs.clear();
         (self.shade)(&self.context, &vertex, &mut self.outputs);
         if let Some(volumes) = &mut self.volumes {
-            let Outputs { light_rays, next, .. } = &self.outputs;
+            let Outputs { light_rays, glowing, next, .. } = &self.outputs;
             let next = next.iter().map(|(ray, _)| ray.direction);
-            volumes.note_outputs(path, ray.direction, vertex.surface.as_ref(), random, light_rays, next);
+            volumes.note_outputs(path, ray.direction, vertex.surface.as_ref(), random, light_rays, *glowing, next);
         }
         self.collect(depth, path);
     }

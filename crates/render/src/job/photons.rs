@@ -14,6 +14,7 @@ use crate::light_sampler::{LightSampler, LightSamplerKind, Receiver};
 use crate::sampler::{Random, Sampler, SamplerKind};
 use snell_intersect::{Grouping, Hit};
 use snell_math::{ColorMode, Frame, Ray, SampledSpectrum, Vec2, Vec3, rng, sampling};
+use snell_scene::light::area::MovingAreaLight;
 use std::f32::consts::PI;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -105,7 +106,8 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, random: Random) -> Opti
     let chosen = lights.sample(&Receiver::default(), || vertex.number(dimension::LIGHT))?;
     let (u, v) = (vertex.pair(dimension::POSITION), vertex.pair(dimension::DIRECTION));
     let (ray, flux) = match &scene.lights()[chosen.light] {
-        CompiledLight::Area(area) => {
+        // Photons see the scene when the shutter opens.
+        CompiledLight::Area(area) | CompiledLight::Moving(MovingAreaLight { first: area, .. }) => {
             let sample = area.sample(u)?;
             let point = scene.shading_point(&sample.surface, 0.0, COLOR);
             let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
@@ -133,6 +135,10 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, random: Random) -> Opti
                 let area = PI * scene.radius * scene.radius;
                 (from_afar(scene, seen.direction, v), seen.radiance * (area / seen.pdf))
             }
+        }
+        CompiledLight::Medium(_, glow) => {
+            let (position, pdf) = glow.sample(u);
+            (Ray::new(position, sampling::uniform_sphere(v)), glow.emission(position, COLOR) * (4.0 * PI / pdf))
         }
         CompiledLight::Environment => {
             let environment = scene.environment.as_ref()?;
