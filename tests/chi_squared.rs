@@ -133,10 +133,8 @@ fn check_bsdf(family: &mut Family, name: &str, kind: &MaterialKind, views_from: 
     for (number, wo) in views(views_from).enumerate() {
         let side = Vec3::new(0.0, 0.0, wo.z.signum());
         let relative = if wo.z > 0.0 { eta } else { 1.0 / eta };
-        let halves = [
-            Cells::new(fresnel::reflect(wo, side)),
-            Cells::new(fresnel::refract(wo, side, relative).unwrap_or(-wo)),
-        ];
+        let halves =
+            [Cells::new(fresnel::reflect(wo, side)), Cells::new(fresnel::refract(wo, side, relative).unwrap_or(-wo))];
         let mut expected: Vec<f64> = halves.iter().flat_map(|c| c.integrate(|w| bsdf.pdf(wo, w))).collect();
         let total: f64 = expected.iter().sum();
         assert!(total < 1.004, "{name} from {wo}: the density adds up to {total}");
@@ -195,28 +193,48 @@ const SWEEPS: [Sweep; 17] = [
     ("base_metalness", |p, x| p.base_metalness = scalar(x), |_| {}),
     ("specular_weight", |p, x| p.specular_weight = scalar(x), |_| {}),
     ("specular_roughness", |p, x| p.specular_roughness = scalar(0.2 + 0.8 * x), |_| {}),
-    ("specular_roughness of metal", |p, x| p.specular_roughness = scalar(0.2 + 0.8 * x), |p| p.base_metalness = scalar(1.0)),
-    ("specular_roughness_anisotropy", |p, x| p.specular_roughness_anisotropy = scalar(0.8 * x), |p| {
-        p.base_metalness = scalar(1.0);
-        p.specular_roughness = scalar(0.6);
-    }),
+    (
+        "specular_roughness of metal",
+        |p, x| p.specular_roughness = scalar(0.2 + 0.8 * x),
+        |p| p.base_metalness = scalar(1.0),
+    ),
+    (
+        "specular_roughness_anisotropy",
+        |p, x| p.specular_roughness_anisotropy = scalar(0.8 * x),
+        |p| {
+            p.base_metalness = scalar(1.0);
+            p.specular_roughness = scalar(0.6);
+        },
+    ),
     ("specular_ior", |p, x| p.specular_ior = scalar(1.1 + 1.4 * x), |_| {}),
     ("transmission_weight", |p, x| p.transmission_weight = scalar(x), |p| p.specular_roughness = scalar(0.5)),
-    ("transmission of a thin wall", |p, x| p.transmission_weight = scalar(x), |p| {
-        p.geometry_thin_walled = true;
-        p.specular_roughness = scalar(0.5);
-    }),
-    ("subsurface of a thin wall", |p, x| p.subsurface_scatter_anisotropy = scalar(2.0 * x - 1.0), |p| {
-        p.geometry_thin_walled = true;
-        p.subsurface_weight = scalar(1.0);
-    }),
+    (
+        "transmission of a thin wall",
+        |p, x| p.transmission_weight = scalar(x),
+        |p| {
+            p.geometry_thin_walled = true;
+            p.specular_roughness = scalar(0.5);
+        },
+    ),
+    (
+        "subsurface of a thin wall",
+        |p, x| p.subsurface_scatter_anisotropy = scalar(2.0 * x - 1.0),
+        |p| {
+            p.geometry_thin_walled = true;
+            p.subsurface_weight = scalar(1.0);
+        },
+    ),
     ("subsurface_weight", |p, x| p.subsurface_weight = scalar(x), |_| {}),
     ("coat_weight", |p, x| p.coat_weight = scalar(x), |p| p.coat_roughness = scalar(0.3)),
     ("coat_roughness", |p, x| p.coat_roughness = scalar(0.2 + 0.8 * x), |p| p.coat_weight = scalar(1.0)),
-    ("coat_roughness_anisotropy", |p, x| p.coat_roughness_anisotropy = scalar(0.8 * x), |p| {
-        p.coat_weight = scalar(1.0);
-        p.coat_roughness = scalar(0.6);
-    }),
+    (
+        "coat_roughness_anisotropy",
+        |p, x| p.coat_roughness_anisotropy = scalar(0.8 * x),
+        |p| {
+            p.coat_weight = scalar(1.0);
+            p.coat_roughness = scalar(0.6);
+        },
+    ),
     ("fuzz_weight", |p, x| p.fuzz_weight = scalar(x), |_| {}),
     ("fuzz_roughness", |p, x| p.fuzz_roughness = scalar(x), |p| p.fuzz_weight = scalar(1.0)),
     ("thin_film_thickness", |p, x| p.thin_film_thickness = scalar(x), |p| p.thin_film_weight = scalar(1.0)),

@@ -135,11 +135,8 @@ fn moving_lamps() -> (Scene, Camera, Moving) {
     let panel_at = |x: f64, angle: f64| at(x, 0.6, 0.4) * DAffine3::from_rotation_x(angle) * small;
     let ball = Surface::shape(Sphere { radius: 0.2 }, glow);
     let ball_at = |x: f64, y: f64| at(x, y, 0.0);
-    let turning = scene.add_node(Node {
-        surfaces: vec![panel],
-        transform: panel_at(-0.9, 1.2),
-        ..Node::named("turning")
-    });
+    let turning =
+        scene.add_node(Node { surfaces: vec![panel], transform: panel_at(-0.9, 1.2), ..Node::named("turning") });
     let flying = scene.add_node(Node { surfaces: vec![ball], transform: ball_at(-0.4, 1.2), ..Node::named("flying") });
     let group = Node { children: vec![turning, flying], ..Node::named("group") };
     let group = scene.add_child(scene.root, group);

@@ -69,7 +69,9 @@ mod tests {
     #[test]
     fn deviations_are_those_of_tables() {
         // One test: the quantiles of the normal distribution.
-        for (significance, z) in [(0.5, 0.0), (0.05, 1.644_854), (0.01, 2.326_348), (0.001, 3.090_232), (1e-6, 4.753_424)] {
+        for (significance, z) in
+            [(0.5, 0.0), (0.05, 1.644_854), (0.01, 2.326_348), (0.001, 3.090_232), (1e-6, 4.753_424)]
+        {
             assert!((sidak_deviation(significance, 1) - z).abs() < 1e-4, "{significance}");
         }
         assert!((sidak_deviation(0.01, 100) - 3.718).abs() < 2e-3);

@@ -51,7 +51,9 @@ fn add_light(
     let is_environment = context.scene.environment_light() == Some(light);
     // The middle of the sky is no better than any other place of it: always sample that one.
     let u = if is_environment { vertex.random.pair(dimension::LIGHT) } else { u };
-    let Some(sample) = sample_whole_light(context, &Arrival::at_surface(surface, vertex.state.time), light, u) else { return };
+    let Some(sample) = sample_whole_light(context, &Arrival::at_surface(surface, vertex.state.time), light, u) else {
+        return;
+    };
     let wo = outgoing(vertex.ray);
     let local = shading.eval_classic(wo, sample.direction) * FRAC_1_PI;
     let value = vertex.state.throughput * local * sample.radiance / sample.pdf;

@@ -7,9 +7,9 @@ use crate::light_sampler::{ChosenLight, LightSampler, Receiver};
 use crate::settings::LightStrategy;
 use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3, robust};
+use snell_scene::light::area::{AreaLight, AreaSample, DirectedSample};
 use snell_scene::medium::Glow;
 use snell_scene::{Background, MediumId};
-use snell_scene::light::area::{AreaLight, AreaSample, DirectedSample};
 
 /// How far along a shadow ray to a point occluders count: just short of the light itself.
 const SHADOW_END: f32 = 1.0 - 1e-4;

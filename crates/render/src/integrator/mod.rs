@@ -11,6 +11,7 @@ mod flat;
 mod guided;
 pub mod light_part;
 pub(crate) mod matte;
+mod motion;
 pub(crate) mod path;
 mod scattering;
 
@@ -22,9 +23,9 @@ use crate::settings::Settings;
 use light_part::{LightSource, LobeShares};
 use snell_intersect::{Hit, SurfaceInteraction};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
-use snell_scene::{Material, MediumId};
 use snell_scene::material::ShadingPoint;
 use snell_scene::medium::HenyeyGreenstein;
+use snell_scene::{Material, MediumId};
 
 /// Which integrator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -60,7 +60,8 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let guided = GuidedBsdf::new(context.field, &shading, &receiver);
     if !shading.is_delta() {
         let bsdf = |wi| (shading.eval(wo, wi), guided.pdf(wo, wi));
-        let direction = light_sample(context, vertex, Arrival::at_surface(surface, vertex.state.time), &receiver, bsdf, out);
+        let direction =
+            light_sample(context, vertex, Arrival::at_surface(surface, vertex.state.time), &receiver, bsdf, out);
         if let Some(wi) = direction {
             out.light_lobe = first_lobe(context, vertex, || LobeShares::of_surface(&shading, wo, wi, false));
         }

@@ -312,10 +312,9 @@ impl<'a> PartRenderer<'a> {
             });
             let random = self.samples[i].random.at_vertex(0, 0);
             let vertex = Vertex { depth: 0, ray: &ray, state, random, surface, medium: None };
-            let towards = self.camera.towards.as_vec3();
             self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, &hit)));
             for aov in aovs {
-                aov.extend(&self.context, &vertex, towards, counters, &mut self.aovs);
+                aov.extend(&self.context, &vertex, self.camera, counters, &mut self.aovs);
             }
         }
     }

@@ -221,7 +221,9 @@ impl<'a> VolumeBatch<'a> {
                     &mut self.light_numbers[i],
                 );
                 match step {
-                    LightStep::Arrived => light.blocked[i] = !self.walker.is_in(&self.light_insides[i], self.glowing[i]),
+                    LightStep::Arrived => {
+                        light.blocked[i] = !self.walker.is_in(&self.light_insides[i], self.glowing[i])
+                    }
                     LightStep::Blocked => light.blocked[i] = true,
                     LightStep::Passed => {
                         self.pending[kept] = i as u32;

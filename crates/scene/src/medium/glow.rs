@@ -96,8 +96,7 @@ impl Glow {
         // Two numbers chose the cell and two of three coordinates.
         let third = rng::uniform2([u.x.to_bits(), u.y.to_bits(), 71, 3]).x;
         let inside = (across - cell as f32).clamp(0.0, rng::ONE_MINUS_EPSILON);
-        let local =
-            Vec3::new((x as f32 + inside) / self.size[0] as f32, (y as f32 + third) / self.size[1] as f32, p.y);
+        let local = Vec3::new((x as f32 + inside) / self.size[0] as f32, (y as f32 + third) / self.size[1] as f32, p.y);
         let world = self.grid_from_world.inverse().transform_point3(local.as_dvec3()).as_vec3();
         (world, (f64::from(pdf) / self.volume) as f32)
     }
@@ -126,10 +125,9 @@ fn mean_in_cell(grid: &TrackedGrid, size: [usize; 3], cell: [usize; 3]) -> f32 {
     let mut sum = 0.0;
     for k in 0..POINTS * POINTS * POINTS {
         let offset = [k % POINTS, k / POINTS % POINTS, k / POINTS / POINTS];
-        let at = |axis: usize| {
-            (cell[axis] as f32 + (offset[axis] as f32 + 0.5) / POINTS as f32) / size[axis] as f32
-        };
-        let luminance = ColorMode::Rgb.to_rgb(grid.emission(Vec3::new(at(0), at(1), at(2)), ColorMode::Rgb)).luminance();
+        let at = |axis: usize| (cell[axis] as f32 + (offset[axis] as f32 + 0.5) / POINTS as f32) / size[axis] as f32;
+        let luminance =
+            ColorMode::Rgb.to_rgb(grid.emission(Vec3::new(at(0), at(1), at(2)), ColorMode::Rgb)).luminance();
         if luminance > 0.0 && luminance.is_finite() {
             sum += luminance;
         }
@@ -173,7 +171,13 @@ mod tests {
 
     #[test]
     fn what_does_not_glow_is_no_light() {
-        let dark = Grid::new(Rgb::WHITE, Rgb::WHITE, 0.0, ScalarGrid::new([1; 3], vec![1.0]).expect("one"), DAffine3::IDENTITY);
+        let dark = Grid::new(
+            Rgb::WHITE,
+            Rgb::WHITE,
+            0.0,
+            ScalarGrid::new([1; 3], vec![1.0]).expect("one"),
+            DAffine3::IDENTITY,
+        );
         assert!(Glow::new(&TrackedGrid::new(&dark)).is_none());
     }
 }

@@ -73,14 +73,7 @@ impl MovingAreaLight {
     }
 
     /// As [`AreaLight::pdf_from`], at a time.
-    pub fn pdf_from(
-        &self,
-        part: u32,
-        time: f32,
-        from: Vec3,
-        surface: &SurfaceInteraction,
-        direction: Vec3,
-    ) -> f32 {
+    pub fn pdf_from(&self, part: u32, time: f32, from: Vec3, surface: &SurfaceInteraction, direction: Vec3) -> f32 {
         self.part_at(part, time).map_or(0.0, |at| at.pdf_from(0, from, surface, direction))
     }
 
@@ -89,8 +82,7 @@ impl MovingAreaLight {
         let bounds_at = |time| Some(self.part_at(part, time)?.part_bounds(0, is_two_sided));
         let keys = self.carriers.iter().map(|c| c.later.len() as u32).max().unwrap_or(0);
         let moments = MOMENTS.max(keys * 2 + 1);
-        let all: Vec<LightBounds> =
-            (0..moments).filter_map(|k| bounds_at(k as f32 / (moments - 1) as f32)).collect();
+        let all: Vec<LightBounds> = (0..moments).filter_map(|k| bounds_at(k as f32 / (moments - 1) as f32)).collect();
         let Some(middle) = all.get(all.len() / 2) else { return self.first.part_bounds(part, is_two_sided) };
         let cos = all.iter().map(|b| b.axis.dot(middle.axis).min(b.cos_spread)).fold(1.0, f32::min);
         LightBounds {
