@@ -53,7 +53,7 @@ async function measure(browser, scene) {
     step(0);
   });
   const begin = performance.now();
-  const [latencies, scales] = [[], []];
+  const [latencies, scales, spent] = [[], [], []];
   await page.waitForTimeout(SECONDS * 1000);
   const frames = await page.evaluate(() => window.snellFrames);
   const elapsed = (performance.now() - begin) / 1000;
@@ -62,15 +62,18 @@ async function measure(browser, scene) {
   for (const frame of frames.slice(Math.ceil(frames.length / SECONDS))) {
     if (frame.latency >= 0) latencies.push(frame.latency);
     scales.push(frame.scale);
+    spent.push(frame.milliseconds);
   }
   latencies.sort((a, b) => a - b);
   scales.sort((a, b) => a - b);
+  spent.sort((a, b) => a - b);
   await page.close();
   await new Promise((resolve) => (child.on("exit", resolve), child.kill("SIGINT")));
   const fps = frames.length / elapsed;
   console.log(
     `${scene}: served ${served.toFixed(0)} ms, first picture ${first.toFixed(0)} ms; ${fps.toFixed(1)} frames/s, latency median ` +
-      `${quantile(latencies, 0.5)?.toFixed(0)} ms, 95 % ${quantile(latencies, 0.95)?.toFixed(0)} ms, scale ${quantile(scales, 0.5)?.toFixed(2)}, ` +
+      `${quantile(latencies, 0.5)?.toFixed(0)} ms, 95 % ${quantile(latencies, 0.95)?.toFixed(0)} ms, scale ${quantile(scales, 0.5)?.toFixed(2)}, rendering median ` +
+      `${quantile(spent, 0.5)?.toFixed(0)} ms, 95 % ${quantile(spent, 0.95)?.toFixed(0)} ms, ` +
       `load ${loadavg()[0].toFixed(1)}`,
   );
 }

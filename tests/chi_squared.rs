@@ -93,7 +93,7 @@ struct Cells {
 const THETAS: usize = 12;
 const PHIS: usize = 8;
 /// Points along each side of a cell at which densities are looked up.
-const STEPS: usize = 16;
+const STEPS: usize = 12;
 
 impl Cells {
     fn new(axis: Vec3) -> Self {
@@ -163,7 +163,7 @@ fn rough_glass_is_sampled_by_its_density() {
     for (i, ior) in (0..).zip([1.1, 1.33, 1.5, 2.4]) {
         for (k, roughness) in (0..).zip([0.2, 0.35, 0.5, 0.7, 1.0]) {
             let kind = Dielectric::rough(ior, roughness).into();
-            check_bsdf(&mut family, &format!("ior {ior}, roughness {roughness}"), &kind, 6, ior, 10 * i + k);
+            check_bsdf(&mut family, &format!("ior {ior}, roughness {roughness}"), &kind, 4, ior, 10 * i + k);
         }
     }
     family.judge();
@@ -260,7 +260,7 @@ fn sweep_open_pbr(steps: u32, views_from: usize) {
 
 #[test]
 fn every_parameter_of_open_pbr_keeps_sampling_and_density_together() {
-    sweep_open_pbr(3, 4);
+    sweep_open_pbr(3, 2);
 }
 
 #[test]

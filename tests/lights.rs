@@ -138,9 +138,9 @@ fn moving_lamps() -> (Scene, Camera, Moving) {
     let (paper, glow) = (matte(&mut scene, 0.7), lamp(&mut scene, 6.0));
     put(&mut scene, BoxShape { min: DVec3::ZERO, max: DVec3::new(0.5, 0.8, 0.5) }, at(0.3, 0.0, -0.6), paper);
     let panel = Surface::with_material(Geometry::Mesh(Arc::new(quad())), glow);
-    let small = DAffine3::from_scale(DVec3::splat(0.4));
+    let small = DAffine3::from_scale(DVec3::splat(0.7));
     let panel_at = |x: f64, angle: f64| at(x, 0.6, 0.4) * DAffine3::from_rotation_x(angle) * small;
-    let ball = Surface::shape(Sphere { radius: 0.2 }, glow);
+    let ball = Surface::shape(Sphere { radius: 0.3 }, glow);
     let ball_at = |x: f64, y: f64| at(x, y, 0.0);
     let turning =
         scene.add_node(Node { surfaces: vec![panel], transform: panel_at(-0.9, 1.2), ..Node::named("turning") });
@@ -157,7 +157,7 @@ fn moving_lamps() -> (Scene, Camera, Moving) {
         ..Pose::default()
     };
     let moving = Moving { nodes: [turning, flying, group].into(), later: vec![pose(0.5), pose(1.0)] };
-    (scene, Camera::look_at(Vec3::new(0.3, 1.4, 4.2), Vec3::new(0.0, 0.5, 0.0), Vec3::Y, 0.4), moving)
+    (scene, Camera::look_at(Vec3::new(0.2, 3.6, 2.0), Vec3::new(0.0, 0.2, 0.0), Vec3::Y, 0.3), moving)
 }
 
 #[test]
@@ -200,7 +200,7 @@ fn flame() -> (Scene, Camera) {
     let fire = scene.add_medium(Grid { emission: Rgb::new(9.0, 4.0, 1.0), ..grid });
     let air = scene.add_material(Material::interface("flame", fire));
     put(&mut scene, BoxShape { min: DVec3::ZERO, max: DVec3::new(0.8, 0.9, 0.6) }, at(-0.9, 0.05, -0.3), air);
-    (scene, Camera::look_at(Vec3::new(0.3, 1.4, 4.2), Vec3::new(0.0, 0.5, 0.0), Vec3::Y, 0.4))
+    (scene, Camera::look_at(Vec3::new(0.2, 3.6, 2.0), Vec3::new(0.0, 0.2, 0.0), Vec3::Y, 0.3))
 }
 
 #[test]

@@ -46,7 +46,7 @@ fn bumpy_ball(kind: MaterialKind, scale: f32) -> (Scene, Camera) {
 /// Mean brightness of the ball, and that of its ring at the rim.
 fn brightness(scene: &Scene, camera: &Camera) -> [f64; 2] {
     const SIZE: u32 = 40;
-    let picture = colors(&render(scene, camera, &Settings { max_depth: 64, ..settings(SIZE, 64) }).image());
+    let picture = colors(&render(scene, camera, &Settings { max_depth: 64, ..settings(SIZE, 32) }).image());
     let radius = |i: usize| {
         let at = |k: usize| (k as f64 + 0.5) / f64::from(SIZE) * 2.0 - 1.0;
         // The silhouette of the ball, in parts of the picture.

@@ -258,8 +258,11 @@ export class Store {
     for (const seq of this.sent.keys()) if (seq <= frame.seq) this.sent.delete(seq);
     this.generation = Math.max(this.generation, frame.generation);
     // For bench/viewer_speed.mjs, which makes the list.
-    const list = (window as unknown as { snellFrames?: { latency: number; scale: number }[] }).snellFrames;
-    if (frame.wanted === 0) list?.push({ latency: start === undefined ? -1 : now - start, scale: frame.size[0] / this.size[0] });
+    const list = (window as unknown as { snellFrames?: { latency: number; scale: number; milliseconds: number }[] }).snellFrames;
+    if (frame.wanted === 0) {
+      const latency = start === undefined ? -1 : now - start;
+      list?.push({ latency, scale: frame.size[0] / this.size[0], milliseconds: frame.milliseconds });
+    }
     numbers.value = {
       samples: frame.samples,
       wanted: frame.wanted,

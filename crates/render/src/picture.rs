@@ -24,7 +24,9 @@ pub fn picture(film: &Film, settings: &Settings, compiled: &CompiledScene) -> La
     if compiled.background != Background::Transparent {
         let main = &mut picture.layers[0];
         main.channels.truncate(3);
-        main.values = main.values.chunks(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        let mut values = Vec::with_capacity(main.values.len() / 4 * 3);
+        main.values.chunks_exact(4).for_each(|p| values.extend_from_slice(&p[..3]));
+        main.values = values;
     }
     picture
 }

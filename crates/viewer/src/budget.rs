@@ -12,10 +12,11 @@ pub struct Budget {
 
 /// The smallest share of width and height.
 const LEAST: f64 = 0.125;
-/// Share of a frame's time that rendering may take; the rest is for the encoder, the network and the browser.
-const SHARE: f64 = 0.75;
-/// Sizes change only by more than this, because each change of size is seen.
-const TOLERANCE: f64 = 0.15;
+/// Share of a frame's time that rendering may take: some frames take longer than those before.
+const SHARE: f64 = 0.85;
+/// Sizes change only by more than this, because each change of size is seen: a frame that is late is seen sooner than one that could
+/// be larger.
+const TOLERANCE: [f64; 2] = [0.95, 1.2];
 
 impl Budget {
     /// For this many frames a second.
@@ -37,7 +38,7 @@ impl Budget {
             None => (100_000.0 / pixels).sqrt().clamp(LEAST, 1.0),
         };
         let change = wanted / self.scale;
-        if !(1.0 - TOLERANCE..=1.0 + TOLERANCE).contains(&change) || self.cost.is_none() {
+        if !(TOLERANCE[0]..=TOLERANCE[1]).contains(&change) || self.cost.is_none() {
             self.scale = wanted;
         }
         full.map(|side| ((f64::from(side) * self.scale).round() as u32).clamp(1, side.max(1)))

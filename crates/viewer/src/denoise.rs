@@ -3,7 +3,9 @@
 //! as in Schied et al. 2017 ("Spatiotemporal Variance-Guided Filtering", section 4), with edges from normals, depth and material.
 
 use rayon::prelude::*;
+use snell_math::Rgb;
 use snell_scene::{LayeredImage, Material};
+use std::ops::Range;
 
 /// Distances between taps double with each pass: these reach 31 pixels to each side.
 const PASSES: u32 = 5;
@@ -13,112 +15,154 @@ const TAPS: [f32; 3] = [0.25, 0.5, 0.25];
 const LEAST_ALBEDO: f32 = 0.02;
 /// Light beyond this weighs less and less, so that bright dots do not spread: what is smoothed is `light / (1 + light / KNEE)`.
 const KNEE: f32 = 4.0;
-/// Power of the cosine between normals.
-const NORMAL_POWER: i32 = 32;
 /// Relative difference of depth between neighbours that still is one surface.
 const DEPTH_TOLERANCE: f32 = 0.02;
 
+/// Rows that are worked on at least by one thread: to wake others for less takes longer than the work.
+const ROWS: usize = 64;
+
+/// A value of every pixel, row by row.
+type Plane = Vec<f32>;
+
 /// What decides whether two pixels are of one surface.
-#[derive(Clone, Copy)]
-struct Feature {
-    normal: [f32; 3],
-    depth: f32,
-    material: f32,
-    /// What is seen in it is not its own: mirrors, glass, nothing at all.
-    is_sharp: bool,
+struct Surfaces {
+    normal: [Plane; 3],
+    depth: Plane,
+    material: Plane,
+    /// 1 where what is seen is not the surface's own: mirrors, glass, nothing at all.
+    sharp: Plane,
 }
 
-/// Smooths linear RGB values of a picture whose layers are its colours, albedo, normal, depth and material.
-pub fn denoise(image: &LayeredImage, materials: &[Material], rgb: &mut [f32]) {
+/// Smooths linear RGB values of a picture whose layers are its colours, albedo, normal, depth and material. `fill` is light that
+/// surfaces reflect besides.
+pub fn denoise(image: &LayeredImage, materials: &[Material], fill: Rgb, rgb: &mut [f32]) {
     let [_, albedo, normal, depth, material, ..] = &image.layers[..] else { return };
     let (width, pixels) = (image.width as usize, (image.width * image.height) as usize);
-    let feature = |i: usize| {
-        let id = material.values[i];
-        let is_sharp = id < 0.0 || materials.get(id as usize).is_some_and(is_sharp);
-        let normal = [normal.values[i * 3], normal.values[i * 3 + 1], normal.values[i * 3 + 2]];
-        Feature { normal, depth: depth.values[i], material: id, is_sharp }
+    let sharp = |id: &f32| *id < 0.0 || materials.get(*id as usize).is_some_and(is_sharp);
+    let surfaces = Surfaces {
+        normal: [0, 1, 2].map(|c| normal.values[c..].iter().step_by(3).copied().collect()),
+        depth: depth.values.clone(),
+        material: material.values.clone(),
+        sharp: material.values.iter().map(|id| f32::from(sharp(id))).collect(),
     };
-    let features: Vec<Feature> = (0..pixels).into_par_iter().map(feature).collect();
     let color = |i: usize, c: usize| albedo.values[i * 3 + c].max(LEAST_ALBEDO);
-    // Bright dots weigh less.
-    let mut light: Vec<[f32; 3]> = (0..pixels)
-        .into_par_iter()
-        .map(|i| {
-            let arriving = [0, 1, 2].map(|c| rgb[i * 3 + c] / color(i, c));
-            let scale = 1.0 / (1.0 + brightest(arriving) / KNEE);
-            arriving.map(|x| if x.is_finite() { x * scale } else { 0.0 })
-        })
-        .collect();
+    let mut light = [0, 1, 2].map(|_| vec![0.0; pixels]);
+    for i in 0..pixels {
+        let arriving = [0, 1, 2].map(|c| rgb[i * 3 + c] / color(i, c));
+        // Bright dots weigh less.
+        let scale = 1.0 / (1.0 + brightest(arriving) / KNEE);
+        for (plane, x) in light.iter_mut().zip(arriving) {
+            plane[i] = if x.is_finite() { x * scale } else { 0.0 };
+        }
+    }
     let mut next = light.clone();
     for pass in 0..PASSES {
+        let [r, g, b] = &mut next;
+        let rows = r.par_chunks_mut(width).zip(g.par_chunks_mut(width)).zip(b.par_chunks_mut(width));
         let step = 1 << pass;
-        next.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            for (x, out) in row.iter_mut().enumerate() {
-                *out = smoothed(&light, &features, [x, y], [width, pixels / width], step);
-            }
-        });
+        rows.enumerate()
+            .with_min_len(ROWS)
+            .for_each(|(y, ((r, g), b))| smooth_row([r, g, b], &light, &surfaces, y, step));
         std::mem::swap(&mut light, &mut next);
     }
-    rgb.par_chunks_exact_mut(3).enumerate().filter(|(i, _)| !features[*i].is_sharp).for_each(|(i, pixel)| {
-        let scale = 1.0 / (1.0 - brightest(light[i]) / KNEE).max(1e-3);
-        for (c, value) in pixel.iter_mut().enumerate() {
-            *value = light[i][c] * scale * color(i, c);
-        }
-    });
+    let fill = fill.to_array();
+    rgb.par_chunks_exact_mut(3).with_min_len(1 << 14).enumerate().filter(|(i, _)| surfaces.sharp[*i] == 0.0).for_each(
+        |(i, pixel)| {
+            let light = [0, 1, 2].map(|c| light[c][i]);
+            let scale = 1.0 / (1.0 - brightest(light) / KNEE).max(1e-3);
+            for (c, value) in pixel.iter_mut().enumerate() {
+                *value = (light[c] * scale + fill[c]) * color(i, c);
+            }
+        },
+    );
 }
 
 fn brightest(light: [f32; 3]) -> f32 {
     light.into_iter().fold(0.0, f32::max)
 }
 
-fn is_sharp(material: &Material) -> bool {
+/// True if what is seen on a surface is the light of others, or its own.
+pub fn is_sharp(material: &Material) -> bool {
     material.is_emissive() || matches!(material.kind.name(), "mirror" | "dielectric" | "conductor")
 }
 
-fn smoothed(
-    light: &[[f32; 3]],
-    features: &[Feature],
-    [x, y]: [usize; 2],
-    [width, height]: [usize; 2],
-    step: usize,
-) -> [f32; 3] {
-    let here = y * width + x;
-    let own = features[here];
-    if own.is_sharp {
-        return light[here];
-    }
-    let (mut sum, mut weights) = ([0.0; 3], 0.0);
+/// One pass over a row, tap by tap: plain loops that become vector code.
+fn smooth_row(to: [&mut [f32]; 3], light: &[Plane; 3], surfaces: &Surfaces, y: usize, step: usize) {
+    let (width, pixels) = (to[0].len(), light[0].len());
+    let mut sums = [0, 1, 2].map(|_| vec![0.0; width]);
+    let mut weights = vec![0.0; width];
     for (j, tap_y) in TAPS.iter().enumerate() {
-        let Some(row) = (y + j * step).checked_sub(step).filter(|row| *row < height) else { continue };
+        let Some(row) = (y + j * step).checked_sub(step).filter(|row| row * width < pixels) else { continue };
         for (i, tap_x) in TAPS.iter().enumerate() {
-            let Some(column) = (x + i * step).checked_sub(step).filter(|column| *column < width) else { continue };
-            let there = row * width + column;
-            let weight = tap_x * tap_y * alike(&own, &features[there], step);
-            for (sum, value) in sum.iter_mut().zip(light[there]) {
-                *sum += weight * value;
-            }
-            weights += weight;
+            // Columns whose neighbour is in the picture.
+            let first = step.saturating_sub(i * step).min(width);
+            let last = (width + step).saturating_sub(i * step).clamp(first, width);
+            let (here, there) = (y * width + first, (row * width + first + i * step).saturating_sub(step));
+            let count = last - first;
+            let taps = Taps { here: here..here + count, there: there..there + count, weight: tap_x * tap_y, step };
+            let [r, g, b] = &mut sums;
+            let sums = [&mut r[first..last], &mut g[first..last], &mut b[first..last]];
+            taps.add(light, surfaces, sums, &mut weights[first..last]);
         }
     }
-    // The pixel itself always has a weight.
-    sum.map(|s| s / weights)
+    for ((to, sums), light) in to.into_iter().zip(&sums).zip(light) {
+        let own = &light[y * width..][..width];
+        let sharp = &surfaces.sharp[y * width..][..width];
+        for i in 0..width {
+            // The pixel itself always has a weight.
+            to[i] = if sharp[i] == 0.0 { sums[i] / weights[i] } else { own[i] };
+        }
+    }
 }
 
-fn alike(a: &Feature, b: &Feature, step: usize) -> f32 {
-    if a.material != b.material {
-        return 0.0;
+/// The same neighbour of pixels in a row.
+struct Taps {
+    here: Range<usize>,
+    there: Range<usize>,
+    weight: f32,
+    step: usize,
+}
+
+impl Taps {
+    fn add(self, light: &[Plane; 3], surfaces: &Surfaces, sums: [&mut [f32]; 3], weights: &mut [f32]) {
+        let Self { here, there, weight, step } = self;
+        let count = here.len();
+        let [nx, ny, nz] = [0, 1, 2].map(|c| (&surfaces.normal[c][here.clone()], &surfaces.normal[c][there.clone()]));
+        let depth = (&surfaces.depth[here.clone()], &surfaces.depth[there.clone()]);
+        let material = (&surfaces.material[here], &surfaces.material[there.clone()]);
+        let [r, g, b] = [0, 1, 2].map(|c| &light[c][there.clone()]);
+        let [to_r, to_g, to_b] = sums;
+        let tolerance = DEPTH_TOLERANCE * step as f32;
+        for i in 0..count {
+            // The 32nd power of the cosine between normals.
+            let cos = nx.0[i] * nx.1[i] + ny.0[i] * ny.1[i] + nz.0[i] * nz.1[i];
+            let cos = if cos > 0.0 { cos } else { 0.0 };
+            let c4 = cos * cos * (cos * cos);
+            let c16 = c4 * c4 * (c4 * c4);
+            // Where there is no normal, all are alike.
+            let has_normal = nx.0[i] != 0.0 || ny.0[i] != 0.0 || nz.0[i] != 0.0;
+            let flat = if has_normal { c16 * c16 } else { 1.0 };
+            let difference = (depth.0[i] - depth.1[i]).abs() / (depth.0[i].abs() * tolerance + 1e-20);
+            // Close to exp(-difference), and 0 from 4 on.
+            let near = 1.0 - 0.25 * difference;
+            let near = if near > 0.0 { near } else { 0.0 };
+            let near = near * near * (near * near);
+            // At least a little, so that a pixel is never without weight.
+            let flat = if flat > 1e-6 { flat } else { 1e-6 };
+            let near = if near > 1e-6 { near } else { 1e-6 };
+            let alike = if material.0[i] == material.1[i] { weight * flat * near } else { 0.0 };
+            to_r[i] += alike * r[i];
+            to_g[i] += alike * g[i];
+            to_b[i] += alike * b[i];
+            weights[i] += alike;
+        }
     }
-    let cos: f32 = a.normal.iter().zip(b.normal).map(|(x, y)| x * y).sum();
-    let flat = if a.normal == [0.0; 3] { 1.0 } else { cos.clamp(0.0, 1.0).powi(NORMAL_POWER) };
-    let difference = (a.depth - b.depth).abs() / (a.depth.abs() * DEPTH_TOLERANCE * step as f32 + 1e-20);
-    // At least a little, so that a pixel is never without weight.
-    flat.max(1e-6) * (-difference).exp().max(1e-6)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use snell_math::{Rgb, rng};
+    use snell_math::rng;
     use snell_scene::Layer;
     use snell_scene::material::Diffuse;
 
@@ -150,7 +194,7 @@ mod tests {
         let (image, mut rgb) = walls();
         let materials =
             [Material::new("a", Diffuse::new(Rgb::splat(0.5))), Material::new("b", Diffuse::new(Rgb::splat(0.5)))];
-        denoise(&image, &materials, &mut rgb);
+        denoise(&image, &materials, Rgb::BLACK, &mut rgb);
         let column = |x: usize| (0..64).map(|y| rgb[(y * 64 + x) * 3]).sum::<f32>() / 64.0;
         let (left, right) = (column(31), column(32));
         // The compression of bright dots makes both a little darker.
@@ -164,7 +208,7 @@ mod tests {
         let (image, mut rgb) = walls();
         rgb[3000] = f32::NAN;
         rgb[6000] = f32::INFINITY;
-        denoise(&image, &[], &mut rgb);
+        denoise(&image, &[], Rgb::BLACK, &mut rgb);
         assert!(rgb.iter().all(|v| v.is_finite()));
     }
 }

@@ -1,13 +1,63 @@
-//! Pictures to bytes: JPEG while something moves, 16-bit floats at rest.
+//! Pictures to bytes: JPEG while something moves, 16-bit floats at rest. One thread does it while the next picture is rendered.
 
 use crate::protocol::FrameHeader;
+use crate::session::{Frame, Session};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use snell_formats::image::{Display, Tonemap, display_value};
+use std::sync::Arc;
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread::Scope;
 
 /// Quality of JPEG while something moves.
 const JPEG_QUALITY: u8 = 82;
+
+/// A picture that pages are to see.
+pub struct Picture {
+    /// What goes before its bytes.
+    pub header: FrameHeader,
+    /// Linear, three a pixel.
+    pub rgb: Vec<f32>,
+    /// How its values are shown, if it goes out as JPEG; without, it goes out as half floats, which pages turn into colours themselves.
+    pub display: Option<Display>,
+}
+
+/// Encodes pictures and publishes them, in the order in which they come. Its thread ends when it is dropped.
+pub struct Encoder {
+    pictures: SyncSender<Picture>,
+}
+
+impl Encoder {
+    /// For the pages of a session.
+    pub fn new<'scope, 'env>(scope: &'scope Scope<'scope, 'env>, session: &'env Session) -> Self {
+        // No queue: whoever renders faster than this encodes waits, so that what is shown is never old.
+        let (pictures, incoming) = sync_channel::<Picture>(0);
+        scope.spawn(move || {
+            let mut table = DisplayTable::new(Display::default());
+            for Picture { header, rgb, display } in incoming {
+                let bytes = match display {
+                    None => Some(half_floats(header, &rgb)),
+                    Some(display) => {
+                        if *table.display() != display {
+                            table = DisplayTable::new(display);
+                        }
+                        jpeg(header, &rgb, &table)
+                    }
+                };
+                if let Some(bytes) = bytes {
+                    session.frames.send_replace(Some(Arc::new(Frame { number: header.frame, bytes })));
+                }
+            }
+        });
+        Self { pictures }
+    }
+
+    /// Hands over a picture, as soon as the one before is encoded. An error if the thread is gone, by a fault.
+    pub fn send(&self, picture: Picture) -> Result<(), String> {
+        self.pictures.send(picture).map_err(|_| "a fault in the encoder; please start again".into())
+    }
+}
 
 /// Display values of half floats, for tone maps that treat channels alike. Made once per exposure.
 pub struct DisplayTable {
@@ -47,7 +97,7 @@ pub fn jpeg(header: FrameHeader, rgb: &[f32], table: &DisplayTable) -> Option<Ve
     let [width, height] = header.size;
     let row = width as usize * 3;
     let mut bytes = vec![0; rgb.len()];
-    bytes.par_chunks_mut(row.max(1)).zip(rgb.par_chunks(row.max(1))).for_each(|(to, from)| {
+    bytes.par_chunks_mut(row.max(1)).zip(rgb.par_chunks(row.max(1))).with_min_len(64).for_each(|(to, from)| {
         for (to, from) in to.chunks_exact_mut(3).zip(from.chunks_exact(3)) {
             to.copy_from_slice(&table.pixel([from[0], from[1], from[2]]));
         }

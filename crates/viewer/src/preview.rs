@@ -1,77 +1,112 @@
 //! What is shown while something moves: one sample in the middle of each pixel, and no light that needs many.
 //!
-//! Scenes with few lights are ray-cast, with a constant in the place of indirect light that is measured when the view rests: edges
-//! and shadows are sharp and nothing flickers. Many lights or an environment would cost too much or need chance; there, one light
-//! sample a pixel is smoothed (see [`crate::denoise`]).
+//! Scenes with few lights are ray-cast, or ray-traced where mirrors and glass show others; edges and shadows are sharp and nothing
+//! flickers. Many lights or an environment would cost too much or need chance; there, one light sample a pixel is smoothed (see
+//! [`crate::denoise`]). In the place of indirect light is a constant that is measured when the view rests.
 
+use crate::denoise::{denoise, is_sharp};
 use snell_math::Rgb;
-use snell_render::{Aov, CompiledScene, IntegratorKind, Job, LightStrategy, Settings};
+use snell_render::{Aov, CompiledScene, Filter, IntegratorKind, Job, LightStrategy, Settings, picture};
 use snell_scene::{Camera, LayeredImage};
 
 /// Most lights that are all asked at every pixel.
 const FEW_LIGHTS: usize = 8;
+/// Bounces, where mirrors and glass show others.
+const MIRROR_DEPTH: u32 = 4;
 
 /// How a moving picture is made.
 pub struct Preview {
-    /// For the render.
-    pub settings: Settings,
+    settings: Settings,
     /// True if the picture is to be smoothed; it has the layers that smoothing needs.
-    pub is_noisy: bool,
+    is_noisy: bool,
+    /// True if a constant is in the place of light that the picture at rest has.
+    pub has_fill: bool,
 }
 
-/// How pictures of this size are made while something moves.
-pub fn plan(settings: &Settings, compiled: &CompiledScene, size: [u32; 2], fill: Rgb) -> Preview {
-    let is_lit = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
-    let by_chance = compiled.lights().len() > FEW_LIGHTS || compiled.environment_light().is_some();
-    let is_noisy = is_lit && by_chance;
-    let integrator = match settings.integrator {
-        _ if is_noisy => IntegratorKind::Path,
-        IntegratorKind::Path | IntegratorKind::Direct => IntegratorKind::Raycast,
-        other => other,
-    };
-    let max_depth = if is_noisy { settings.max_depth.min(2) } else { settings.max_depth.min(4) };
-    let settings = Settings {
-        size,
-        crop: None,
-        spp: 1,
-        integrator,
-        max_depth,
-        fill,
-        light_strategy: LightStrategy::Mis,
-        noise: None,
-        guiding: None,
-        pixel_position: Some([0.5, 0.5]),
-        progressive: false,
-        aovs: if is_noisy {
-            vec![Aov::Albedo, Aov::Normal, Aov::Depth, Aov::MaterialId]
-        } else {
-            settings.aovs.clone()
-        },
-        ..settings.clone()
-    };
-    Preview { settings, is_noisy }
+impl Preview {
+    /// Pictures of this size of a scene that is rendered by `settings` at rest.
+    pub fn new(settings: &Settings, compiled: &CompiledScene, size: [u32; 2], fill: Rgb) -> Self {
+        let is_lit = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
+        let by_chance = compiled.lights().len() > FEW_LIGHTS || compiled.environment_light().is_some();
+        let has_mirrors = compiled.materials.iter().any(|m| is_sharp(m) && !m.is_emissive());
+        let is_noisy = is_lit && by_chance;
+        let integrator = match settings.integrator {
+            _ if is_noisy => IntegratorKind::Path,
+            IntegratorKind::Path if has_mirrors => IntegratorKind::Whitted,
+            IntegratorKind::Path | IntegratorKind::Direct => IntegratorKind::Raycast,
+            other => other,
+        };
+        let most = match (is_noisy, has_mirrors) {
+            (false, _) => MIRROR_DEPTH,
+            (true, false) => 1,
+            (true, true) => 2,
+        };
+        let settings = Settings {
+            size,
+            crop: None,
+            spp: 1,
+            integrator,
+            max_depth: settings.max_depth.min(most),
+            fill,
+            light_strategy: LightStrategy::Mis,
+            noise: None,
+            guiding: None,
+            pixel_position: Some([0.5, 0.5]),
+            filter: Filter::Box,
+            progressive: false,
+            aovs: if is_noisy {
+                vec![Aov::Albedo, Aov::Normal, Aov::Depth, Aov::MaterialId]
+            } else {
+                settings.aovs.clone()
+            },
+            ..settings.clone()
+        };
+        Self { settings, is_noisy, has_fill: is_lit }
+    }
+
+    /// Linear RGB values, three a pixel.
+    pub fn render(&self, camera: &Camera, compiled: &CompiledScene, threads: usize) -> Vec<f32> {
+        let (film, _) = Job::new(compiled, camera, &self.settings).run(threads, &|_| true);
+        let image = picture(&film, &self.settings, compiled);
+        let mut rgb = rgb_of(&image);
+        if self.is_noisy {
+            denoise(&image, &compiled.materials, self.settings.fill, &mut rgb);
+        }
+        rgb
+    }
+}
+
+/// Red, green, blue of the first layer.
+pub fn rgb_of(image: &LayeredImage) -> Vec<f32> {
+    let layer = &image.layers[0];
+    let mut rgb = Vec::with_capacity((image.width * image.height * 3) as usize);
+    layer.values.chunks_exact(layer.channels.len()).for_each(|p| rgb.extend_from_slice(&p[..3]));
+    rgb
 }
 
 /// Width of the pictures that a first guess is made from.
 const GUESS_WIDTH: u32 = 48;
-/// Samples of their pixels.
+/// Samples of their pixels, and bounces.
 const GUESS_SPP: u32 = 4;
+const GUESS_DEPTH: u32 = 5;
 
 /// A first [`fill`] of a scene that has not rested yet, from two tiny pictures. Black where none is needed.
 pub fn first_fill(settings: &Settings, camera: &Camera, compiled: &CompiledScene, threads: usize) -> Rgb {
     let [width, height] = settings.size;
     let small = [GUESS_WIDTH.min(width), (GUESS_WIDTH * height / width.max(1)).clamp(1, height.max(1))];
-    let Preview { settings: quick, is_noisy } = plan(settings, compiled, small, Rgb::BLACK);
-    if is_noisy || quick.integrator != IntegratorKind::Raycast || settings.integrator != IntegratorKind::Path {
+    let quick = Preview::new(settings, compiled, small, Rgb::BLACK);
+    if !quick.has_fill || settings.integrator != IntegratorKind::Path {
         return Rgb::BLACK;
     }
-    let whole = Settings { integrator: IntegratorKind::Path, spp: GUESS_SPP, max_depth: 5, ..quick.clone() };
-    let picture = |settings| Job::new(compiled, camera, settings).run(threads, &|_| true).0.image();
-    fill(&picture(&whole), &picture(&quick), Rgb::BLACK)
+    let (integrator, max_depth) = (IntegratorKind::Path, settings.max_depth.min(GUESS_DEPTH));
+    let whole = Settings { integrator, max_depth, spp: GUESS_SPP, aovs: Vec::new(), ..quick.settings.clone() };
+    let whole = rgb_of(&Job::new(compiled, camera, &whole).run(threads, &|_| true).0.image());
+    fill(&whole, &quick.render(camera, compiled, threads), Rgb::BLACK)
 }
 
-/// The constant that makes a ray-cast picture as bright as the one at rest: what it lacks, over the share that surfaces reflect.
-pub fn fill(rest: &LayeredImage, preview: &LayeredImage, before: Rgb) -> Rgb {
+/// The constant that makes a moving picture as bright as the one at rest: what it lacks, over the share that surfaces reflect. Pictures
+/// are linear RGB values.
+pub fn fill(rest: &[f32], preview: &[f32], before: Rgb) -> Rgb {
     let (rest, preview, before) = (mean(rest), mean(preview), before.to_array());
     // Most surfaces reflect about half; bright spots of the picture at rest must not flood everything.
     let [r, g, b] = [0, 1, 2].map(|c| {
@@ -82,28 +117,23 @@ pub fn fill(rest: &LayeredImage, preview: &LayeredImage, before: Rgb) -> Rgb {
 }
 
 /// The mean of a picture with each value cut at 1: what lamps and highlights add beyond is no measure of indirect light.
-fn mean(image: &LayeredImage) -> [f32; 3] {
-    let layer = &image.layers[0];
-    let stride = layer.channels.len();
+fn mean(rgb: &[f32]) -> [f32; 3] {
     let mut sums = [0.0_f64; 3];
-    for pixel in layer.values.chunks_exact(stride) {
+    for pixel in rgb.chunks_exact(3) {
         for (sum, value) in sums.iter_mut().zip(pixel) {
             *sum += f64::from(value.clamp(0.0, 1.0));
         }
     }
-    let count = (layer.values.len() / stride).max(1) as f64;
+    let count = (rgb.len() / 3).max(1) as f64;
     sums.map(|sum| (sum / count) as f32)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use snell_scene::Layer;
 
-    fn picture(value: f32) -> LayeredImage {
-        let channels = ["R", "G", "B"].map(String::from).to_vec();
-        let layers = vec![Layer { name: String::new(), channels, values: vec![value; 12] }];
-        LayeredImage { width: 2, height: 2, layers, metadata: Vec::new() }
+    fn picture(value: f32) -> Vec<f32> {
+        vec![value; 12]
     }
 
     #[test]

@@ -136,7 +136,7 @@ pub fn serve(source: Box<dyn Source>, options: &ServerOptions) -> Result<Server,
     let (for_worker, threads, rate) = (session.clone(), options.threads, options.frames_per_second);
     let worker = std::thread::Builder::new()
         .name("snell-view-render".into())
-        .spawn(move || Worker::new(&for_worker, threads, rate).run())
+        .spawn(move || Worker::run(&for_worker, threads, rate))
         .map_err(|e| format!("cannot start the renderer: {e}"))?;
     Ok(Server { address, url, session, stop: Some(stop), threads: vec![network, worker] })
 }

@@ -3,6 +3,7 @@
 use crate::Opened;
 use crate::denoise::denoise;
 use snell_formats::image::{Display, WriteOptions, encode_image_as};
+use snell_math::Rgb;
 use snell_render::{Aov, CompiledScene, Job, Settings, picture};
 
 /// Width and height in pixels.
@@ -27,7 +28,7 @@ pub fn png(opened: &Opened) -> Result<Vec<u8>, String> {
     let mut image = picture(&film, &settings, &compiled);
     let stride = image.layers[0].channels.len();
     let mut rgb: Vec<f32> = image.layers[0].values.chunks(stride).flat_map(|p| [p[0], p[1], p[2]]).collect();
-    denoise(&image, &compiled.materials, &mut rgb);
+    denoise(&image, &compiled.materials, Rgb::BLACK, &mut rgb);
     image.layers.truncate(1);
     for (pixel, smooth) in image.layers[0].values.chunks_mut(stride).zip(rgb.chunks(3)) {
         pixel[..3].copy_from_slice(smooth);

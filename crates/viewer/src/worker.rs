@@ -1,11 +1,10 @@
 //! The thread that renders: small pictures while something moves, the picture of `snell render` when it rests.
 
 use crate::budget::Budget;
-use crate::denoise::denoise;
-use crate::encode::{self, DisplayTable};
-use crate::preview;
+use crate::encode::{Encoder, Picture};
+use crate::preview::{self, Preview, rgb_of};
 use crate::protocol::{FrameHeader, ToPage};
-use crate::session::{Finished, Frame, REST, Session, Snapshot, lock};
+use crate::session::{Finished, REST, Session, Snapshot, lock};
 use snell_math::Rgb;
 use snell_render::{CompiledScene, Film, IntegratorKind, Job, Settings, picture};
 use snell_scene::{LayeredImage, Scene};
@@ -25,12 +24,12 @@ pub struct Worker<'a> {
     threads: usize,
     budget: Budget,
     compiled: Option<Compiled>,
-    table: DisplayTable,
+    encoder: Encoder,
     frame: u32,
     /// In the place of indirect light while something moves; none for a scene that is not known yet.
     fill: Option<Rgb>,
-    /// The last ray-cast picture, and the version of what it shows.
-    last_preview: Option<(u64, LayeredImage)>,
+    /// The last moving picture, and the version of what it shows.
+    last_preview: Option<(u64, Vec<f32>)>,
     /// The picture at rest being made.
     refinement: Option<Refinement>,
 }
@@ -52,14 +51,20 @@ struct Refinement {
 }
 
 impl<'a> Worker<'a> {
-    /// For a session, with this many threads and frames a second.
-    pub fn new(session: &'a Session, threads: usize, frames_per_second: f64) -> Self {
+    /// Renders for a session until it ends, with this many threads and frames a second.
+    pub fn run(session: &'a Session, threads: usize, frames_per_second: f64) {
+        std::thread::scope(|scope| {
+            Self::new(session, threads, frames_per_second, Encoder::new(scope, session)).work();
+        });
+    }
+
+    fn new(session: &'a Session, threads: usize, frames_per_second: f64, encoder: Encoder) -> Self {
         Self {
             session,
             threads,
             budget: Budget::new(frames_per_second),
             compiled: None,
-            table: DisplayTable::new(Default::default()),
+            encoder,
             frame: 0,
             fill: None,
             last_preview: None,
@@ -67,8 +72,10 @@ impl<'a> Worker<'a> {
         }
     }
 
-    /// Renders until the session ends. A fault in a picture is told to the pages, and the next change is rendered again.
-    pub fn run(mut self) {
+    /// A fault in a picture is told to the pages, and the next change is rendered again.
+    fn work(mut self) {
+        // Nobody looks yet; who comes shall not wait for this. What fails here fails again, and is told, when somebody looks.
+        let _ = catch_unwind(AssertUnwindSafe(|| self.compile(&self.session.now())));
         let mut seen = 0;
         let mut due = None;
         while let Some(snapshot) = self.session.wait(seen, due) {
@@ -96,10 +103,10 @@ impl<'a> Worker<'a> {
         let compiled = self.compile(snapshot)?;
         if is_new {
             self.refinement = None;
-            self.preview(snapshot, &compiled);
+            self.preview(snapshot, &compiled)?;
             return Ok(Some(snapshot.moved + REST));
         }
-        Ok(self.refine(snapshot, &compiled).then(Instant::now))
+        Ok(self.refine(snapshot, &compiled)?.then(Instant::now))
     }
 
     fn compile(&mut self, snapshot: &Snapshot) -> Result<Arc<CompiledScene>, String> {
@@ -126,35 +133,25 @@ impl<'a> Worker<'a> {
         Ok(compiled)
     }
 
-    fn preview(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) {
+    fn preview(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) -> Result<(), String> {
         let start = Instant::now();
         let size = self.budget.size(snapshot.settings.size);
         let threads = self.threads;
         let guess = || preview::first_fill(&snapshot.settings, &snapshot.camera, compiled, threads);
         let fill = *self.fill.get_or_insert_with(guess);
-        let plan = preview::plan(&snapshot.settings, compiled, size, fill);
-        let (film, _) = Job::new(compiled, &snapshot.camera, &plan.settings).run(self.threads, &|_| true);
-        let image = picture(&film, &plan.settings, compiled);
-        let mut rgb = rgb_of(&image);
-        if plan.is_noisy {
-            denoise(&image, &compiled.materials, &mut rgb);
-        }
-        let has_fill =
-            plan.settings.integrator == IntegratorKind::Raycast && snapshot.settings.integrator == IntegratorKind::Path;
-        self.last_preview = has_fill.then_some((snapshot.version, image));
-        let spent = start.elapsed();
-        self.budget.spent(size, spent.as_secs_f64());
-        if *self.table.display() != snapshot.display {
-            self.table = DisplayTable::new(snapshot.display);
-        }
-        let header = self.header(snapshot, size, spent);
-        if let Some(bytes) = encode::jpeg(header, &rgb, &self.table) {
-            self.send(bytes);
-        }
+        let preview = Preview::new(&snapshot.settings, compiled, size, fill);
+        let rgb = preview.render(&snapshot.camera, compiled, self.threads);
+        let has_fill = preview.has_fill && snapshot.settings.integrator == IntegratorKind::Path;
+        self.last_preview = has_fill.then(|| (snapshot.version, rgb.clone()));
+        let header = self.header(snapshot, size, start.elapsed());
+        self.encoder.send(Picture { header, rgb, display: Some(snapshot.display) })?;
+        // With the wait for the encoder, if it is what takes longest.
+        self.budget.spent(size, start.elapsed().as_secs_f64());
+        Ok(())
     }
 
     /// One step of the picture at rest; true if there is more to do.
-    fn refine(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) -> bool {
+    fn refine(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) -> Result<bool, String> {
         let (settings, version) = (&snapshot.settings, snapshot.version);
         // Where pixels stop by their error, or paths learn first, there are no steps: a quick picture first, then the whole.
         let in_steps = settings.noise.is_none() && settings.guiding.is_none();
@@ -169,7 +166,7 @@ impl<'a> Worker<'a> {
         }
         if refinement.is_complete {
             self.refinement = Some(refinement);
-            return false;
+            return Ok(false);
         }
         let start = Instant::now();
         let until = next_pass(samples);
@@ -186,16 +183,16 @@ impl<'a> Worker<'a> {
         };
         refinement.spent += start.elapsed();
         if self.session.version() != version {
-            return false;
+            return Ok(false);
         }
         refinement.is_complete = is_last;
         let samples = film.mean_samples() as u32;
         if is_last || refinement.sent.is_none_or(|sent| sent.elapsed() >= REST_INTERVAL) {
             let image = picture(&film, settings, compiled);
-            if let Some((_, preview)) = self.last_preview.take_if(|(of, _)| *of == version && samples >= 4) {
-                self.fill = Some(preview::fill(&image, &preview, self.fill.unwrap_or(Rgb::BLACK)));
-            }
             let rgb = rgb_of(&image);
+            if let Some((_, preview)) = self.last_preview.take_if(|(of, _)| *of == version && samples >= 4) {
+                self.fill = Some(preview::fill(&rgb, &preview, self.fill.unwrap_or(Rgb::BLACK)));
+            }
             let noise = if samples >= 4 { noise_of(&film) } else { f32::NAN };
             let header = FrameHeader {
                 kind: 1,
@@ -204,13 +201,13 @@ impl<'a> Worker<'a> {
                 noise,
                 ..self.header(snapshot, settings.size, refinement.spent)
             };
-            self.send(encode::half_floats(header, &rgb));
+            self.encoder.send(Picture { header, rgb, display: None })?;
             refinement.sent = Some(Instant::now());
             let (snapshot, compiled, film) = (snapshot.clone(), compiled.clone(), Arc::new(film.clone()));
             *lock(&self.session.finished) = Some(Finished { snapshot, compiled, film });
         }
         self.refinement = Some(Refinement { film, ..refinement });
-        !is_last
+        Ok(!is_last)
     }
 
     fn header(&mut self, snapshot: &Snapshot, size: [u32; 2], spent: Duration) -> FrameHeader {
@@ -227,10 +224,6 @@ impl<'a> Worker<'a> {
             noise: f32::NAN,
         }
     }
-
-    fn send(&self, bytes: Vec<u8>) {
-        self.session.frames.send_replace(Some(Arc::new(Frame { number: self.frame, bytes })));
-    }
 }
 
 /// Samples per pixel after the next step.
@@ -240,12 +233,6 @@ fn next_pass(samples: u32) -> u32 {
         1..4 => 4,
         _ => (samples / 16 + 1) * 16,
     }
-}
-
-/// Red, green, blue of the first layer.
-fn rgb_of(image: &LayeredImage) -> Vec<f32> {
-    let layer = &image.layers[0];
-    layer.values.chunks_exact(layer.channels.len()).flat_map(|p| [p[0], p[1], p[2]]).collect()
 }
 
 /// The root of the mean variance over the mean.

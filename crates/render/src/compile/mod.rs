@@ -23,7 +23,7 @@ use snell_scene::{
     Background, Environment, Material, MaterialId, MediumId, NodeId, Pose, Scene, SceneError, TextureSet, Warning,
 };
 use std::collections::BTreeSet;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use surfaces::SurfaceTable;
 
 /// Why a scene could not be compiled.
@@ -83,6 +83,8 @@ pub struct CompiledScene {
     pub moves: bool,
     surfaces: Arc<SurfaceTable>,
     lights: LightTable,
+    /// The choosers among the lights that were asked for.
+    light_samplers: Mutex<Vec<(LightSamplerKind, LightStrategy, Arc<LightSampler>)>>,
 }
 
 /// What takes long to make.
@@ -183,6 +185,7 @@ impl CompiledScene {
             volumes,
             surfaces,
             lights,
+            light_samplers: Mutex::default(),
         })
     }
 
@@ -227,8 +230,18 @@ impl CompiledScene {
         self.lights.environment
     }
 
-    /// A chooser among the lights.
-    pub fn light_sampler(&self, kind: LightSamplerKind, strategy: LightStrategy) -> LightSampler {
+    /// A chooser among the lights, made when it is first asked for.
+    pub fn light_sampler(&self, kind: LightSamplerKind, strategy: LightStrategy) -> Arc<LightSampler> {
+        let mut known = self.light_samplers.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((.., sampler)) = known.iter().find(|(k, s, _)| (*k, *s) == (kind, strategy)) {
+            return sampler.clone();
+        }
+        let sampler = Arc::new(self.new_light_sampler(kind, strategy));
+        known.push((kind, strategy, sampler.clone()));
+        sampler
+    }
+
+    fn new_light_sampler(&self, kind: LightSamplerKind, strategy: LightStrategy) -> LightSampler {
         let left_out = self.environment_light().filter(|_| !self.samples_environment(strategy));
         let mut lights = self.lights.summaries(kind == LightSamplerKind::Bvh, left_out);
         if let (Some(i), Some(sky), LightStrategy::Mis) = (self.environment_light(), &self.environment, strategy) {

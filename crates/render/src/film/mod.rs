@@ -7,6 +7,7 @@ pub mod noise;
 use crate::integrator::aov::{Aov, AovKind, NOTHING};
 use crate::settings::{Crop, Settings};
 use noise::NoiseMap;
+use rayon::prelude::*;
 use snell_math::Rgb;
 use snell_scene::{Layer, LayeredImage};
 
@@ -27,6 +28,9 @@ pub struct FilmSample {
     pub weight: f32,
 }
 
+/// Tiles whose values are worked out at least by one thread: to wake others for fewer takes longer than the work.
+const MANY_TILES: usize = 64;
+
 /// Pixels along the side of a tile. Tiles lie on a grid over the whole picture, so a crop has parts of the same tiles.
 pub const TILE: u32 = 16;
 
@@ -41,13 +45,14 @@ struct Sums {
     weight: Vec<f64>,
     /// Sums of the values without weights. Empty if all weights are 1.
     plain: Vec<f64>,
+    channels: usize,
 }
 
 impl Sums {
     fn new(pixels: usize, channels: usize, is_signed: bool) -> Self {
         let zeros = || vec![0.0; pixels * channels];
         let plain = if is_signed { zeros() } else { Vec::new() };
-        Self { sum: zeros(), square: zeros(), weight: vec![0.0; pixels], plain }
+        Self { sum: zeros(), square: zeros(), weight: vec![0.0; pixels], plain, channels }
     }
 
     fn add(&mut self, pixel: usize, values: &[f32], weight: f32) {
@@ -67,7 +72,7 @@ impl Sums {
 
     /// The sums of one channel of one pixel.
     fn channel(&self, pixel: usize, channel: usize) -> ChannelSums {
-        let i = pixel * (self.sum.len() / self.weight.len()) + channel;
+        let i = pixel * self.channels + channel;
         let [sum, square, weight] = [self.sum[i], self.square[i], self.weight[pixel]];
         ChannelSums { sum, square, weight, plain: self.plain.get(i).copied() }
     }
@@ -99,20 +104,30 @@ impl ChannelSums {
         }
     }
 
-    /// Mean over `n` samples, and its variance.
+    /// Mean over `n` samples without weights, and what the weighted sum differs from it.
     ///
     /// The sum of the weights of few samples may be 0 or of the wrong sign where the filter is partly negative, so it is no
     /// divisor. Only what differs from the plain mean is weighted, and divided by the weight that is expected.
-    fn estimate(&self, n: f64, mean_weight: f64) -> (f64, f64) {
-        let (mean, difference) = match self.plain {
+    fn plain_mean(&self, n: f64) -> (f64, f64) {
+        match self.plain {
             None => (self.sum / n, 0.0),
             Some(plain) => (plain / n, self.sum - plain / n * self.weight),
-        };
+        }
+    }
+
+    /// Mean over `n` samples.
+    fn mean(&self, n: f64, mean_weight: f64) -> f64 {
+        let (mean, difference) = self.plain_mean(n);
+        if difference == 0.0 { mean } else { mean + difference / (n * mean_weight) }
+    }
+
+    /// Variance of the mean over `n` samples.
+    fn variance(&self, n: f64, mean_weight: f64) -> f64 {
+        let (mean, difference) = self.plain_mean(n);
         // Of the weighted differences from the plain mean, whose weights are all of size 1.
         let spread = (self.square - mean * mean * n - difference * difference / n).max(0.0);
         let divisor = n * mean_weight;
-        let variance = if n > 1.0 { spread / (divisor * divisor) * (n / (n - 1.0)) } else { 0.0 };
-        (mean + difference / divisor, variance)
+        if n > 1.0 { spread / (divisor * divisor) * (n / (n - 1.0)) } else { 0.0 }
     }
 }
 
@@ -225,14 +240,14 @@ impl FilmTile {
 
     /// The picture of this tile so far, row by row: red, green, blue (linear Rec. 709), alpha (premultiplied).
     pub fn colors(&self) -> Vec<f32> {
-        let value = |i: usize| self.estimate(i / 4, i % 4).0 as f32;
+        let value = |i: usize| self.mean(i / 4, i % 4) as f32;
         (0..self.taken.len() * 4).map(value).collect()
     }
 
     fn end_block(&mut self, pixels: &[usize]) {
         let Some(partial) = self.partial.take() else { return };
         for &pixel in pixels {
-            let mean = |channel| partial.channel(pixel, channel).estimate(f64::from(BLOCK), self.mean_weight).0;
+            let mean = |channel| partial.channel(pixel, channel).mean(f64::from(BLOCK), self.mean_weight);
             let intensity = (mean(0) + mean(1) + mean(2)) / 3.0;
             self.blocks[pixel][0] += intensity;
             self.blocks[pixel][1] += intensity * intensity;
@@ -240,11 +255,19 @@ impl FilmTile {
         self.total.add_all(&partial);
     }
 
-    /// Mean and variance of the mean for one channel of a pixel.
-    fn estimate(&self, pixel: usize, channel: usize) -> (f64, f64) {
+    fn sums(&self, pixel: usize, channel: usize) -> ChannelSums {
         let total = self.total.channel(pixel, channel);
-        let sums = self.partial.as_ref().map_or(total, |partial| total.plus(partial.channel(pixel, channel)));
-        sums.estimate(f64::from(self.taken[pixel].max(1)), self.mean_weight)
+        self.partial.as_ref().map_or(total, |partial| total.plus(partial.channel(pixel, channel)))
+    }
+
+    /// The mean of one channel of a pixel.
+    fn mean(&self, pixel: usize, channel: usize) -> f64 {
+        self.sums(pixel, channel).mean(f64::from(self.taken[pixel].max(1)), self.mean_weight)
+    }
+
+    /// The variance of that mean.
+    fn variance(&self, pixel: usize, channel: usize) -> f64 {
+        self.sums(pixel, channel).variance(f64::from(self.taken[pixel].max(1)), self.mean_weight)
     }
 }
 
@@ -335,53 +358,60 @@ impl Film {
     }
 
     fn layers(&self, variance: bool) -> LayeredImage {
-        let map = NoiseMap::new(self);
+        let map = self.aovs.contains(&Aov::Noise).then(|| NoiseMap::new(self));
         let [width, height] = self.crop.size();
-        let pixels = width as usize * height as usize;
-        let layer = |name: &str, channels: &[&str]| Layer {
-            name: name.to_string(),
-            channels: channels.iter().map(|s| s.to_string()).collect(),
-            values: vec![0.0; channels.len() * pixels],
-        };
-        let mut layers = vec![layer("", &["R", "G", "B", "A"])];
-        let aovs: Vec<Aov> = self.aovs.iter().filter(|a| a.kind() != AovKind::Coverage).copied().collect();
-        layers.extend(aovs.iter().map(|a| layer(a.name(), a.channels())));
+        let aovs = self.aovs.iter().filter(|a| a.kind() != AovKind::Coverage);
+        let mut layers = Vec::new();
         let mut first_channel = 0;
-        for (number, layer) in layers.iter_mut().enumerate() {
-            let count = layer.channels.len();
-            let kind = number.checked_sub(1).map_or(AovKind::Averaged, |i| aovs[i].kind());
-            for tile in &self.tiles {
-                let [w, h] = tile.area.size();
-                for y in 0..h {
-                    for x in 0..w {
-                        let pixel = (y * w + x) as usize;
-                        let column = (tile.area.min[0] + x - self.crop.min[0]) as usize;
-                        let row = (tile.area.min[1] + y - self.crop.min[1]) as usize;
-                        for c in 0..count {
-                            let channel = first_channel + c;
-                            let value = match kind {
-                                AovKind::Averaged => {
-                                    let (mean, of_mean) = tile.estimate(pixel, channel);
-                                    // The square of a large number may not fit.
-                                    let value = if variance { of_mean } else { mean };
-                                    value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
-                                }
-                                AovKind::First | AovKind::OfFilm | AovKind::Coverage if variance => 0.0,
-                                AovKind::Coverage => 0.0,
-                                AovKind::OfFilm if aovs[number - 1] == Aov::Samples => tile.taken[pixel] as f32,
-                                AovKind::OfFilm => {
-                                    map.error(row * width as usize + column, self.noise_floor).min(UNKNOWN) as f32
-                                }
-                                AovKind::First => tile.first[pixel * (tile.channels - 4) + channel - 4],
-                            };
-                            layer.values[(row * width as usize + column) * count + c] = value;
-                        }
-                    }
+        for aov in std::iter::once(None).chain(aovs.map(Some)) {
+            let (name, channels) = aov.map_or(("", &["R", "G", "B", "A"][..]), |a| (a.name(), a.channels()));
+            let kind = aov.map_or(AovKind::Averaged, |a| a.kind());
+            let value = |tile: &FilmTile, pixel: usize, [column, row]: [usize; 2], channel: usize| match kind {
+                AovKind::Averaged => {
+                    let channel = first_channel + channel;
+                    // The square of a large number may not fit.
+                    let value = if variance { tile.variance(pixel, channel) } else { tile.mean(pixel, channel) };
+                    value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
                 }
-            }
+                _ if variance => 0.0,
+                AovKind::Coverage => 0.0,
+                AovKind::First => tile.first[pixel * (tile.channels - 4) + first_channel + channel - 4],
+                AovKind::OfFilm => match &map {
+                    Some(map) if aov == Some(&Aov::Noise) => {
+                        map.error(row * width as usize + column, self.noise_floor).min(UNKNOWN) as f32
+                    }
+                    _ => tile.taken[pixel] as f32,
+                },
+            };
+            let count = channels.len();
+            let channels = channels.iter().map(|s| s.to_string()).collect();
+            layers.push(Layer { name: name.to_string(), channels, values: self.gathered(count, value) });
             first_channel += if kind == AovKind::OfFilm { 0 } else { count };
         }
         LayeredImage { width, height, layers, metadata: Vec::new() }
+    }
+
+    /// So many values of each pixel, row by row: `value` has the tile, the pixel's number in it and its place in the picture, and the
+    /// number of the value.
+    fn gathered(&self, count: usize, value: impl Fn(&FilmTile, usize, [usize; 2], usize) -> f32 + Sync) -> Vec<f32> {
+        let place = |[x, y]: [u32; 2]| [(x - self.crop.min[0]) as usize, (y - self.crop.min[1]) as usize];
+        let of_tile = |tile: &FilmTile| -> Vec<f32> {
+            let mut values = Vec::with_capacity(tile.taken.len() * count);
+            for (pixel, at) in noise::positions(&tile.area).enumerate() {
+                values.extend((0..count).map(|number| value(tile, pixel, place(at), number)));
+            }
+            values
+        };
+        let tiles: Vec<Vec<f32>> = self.tiles.par_iter().with_min_len(MANY_TILES).map(of_tile).collect();
+        let [width, height] = self.crop.size().map(|side| side as usize);
+        let mut values = vec![0.0; width * height * count];
+        for (tile, of_tile) in self.tiles.iter().zip(&tiles) {
+            let ([column, row], length) = (place(tile.area.min), tile.area.size()[0] as usize * count);
+            for (y, line) in of_tile.chunks_exact(length.max(1)).enumerate() {
+                values[((row + y) * width + column) * count..][..length].copy_from_slice(line);
+            }
+        }
+        values
     }
 }
 

@@ -67,7 +67,7 @@ impl NoiseMap {
         for tile in &film.tiles {
             for (number, [x, y]) in positions(&tile.area).enumerate() {
                 let [column, row] = [x - film.crop.min[0], y - film.crop.min[1]].map(|p| p as usize);
-                let intensity = (0..3).map(|channel| tile.estimate(number, channel).0).sum::<f64>() / 3.0;
+                let intensity = (0..3).map(|channel| tile.mean(number, channel)).sum::<f64>() / 3.0;
                 let blocks = tile.taken[number] / BLOCK;
                 let (n, [sum, square]) = (f64::from(blocks.max(2)), tile.blocks[number]);
                 let deviation = ((square - sum * sum / n).max(0.0) / (n - 1.0)).sqrt();

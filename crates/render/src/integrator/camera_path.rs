@@ -6,7 +6,7 @@ use crate::film::filter::FilterSampler;
 use crate::light_sampler::Receiver;
 use crate::sampler::Random;
 use crate::settings::Settings;
-use snell_math::{DVec2, Ray};
+use snell_math::{DVec2, Ray, Vec2};
 use snell_scene::{Camera, CameraSample};
 
 /// Dimensions of the camera sample.
@@ -33,7 +33,9 @@ pub(crate) fn camera_path(
     };
     let film = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + position;
     let time = if moves || !settings.later_cameras.is_empty() { random.number(TIME) } else { 0.0 };
-    let sample = CameraSample { film, lens: random.pair(LENS) };
+    let has_lens = camera.has_lens() || settings.later_cameras.iter().any(Camera::has_lens);
+    let lens = if has_lens { random.pair(LENS) } else { Vec2::splat(0.5) };
+    let sample = CameraSample { film, lens };
     let camera_ray = match &settings.later_cameras[..] {
         [] => camera.ray(&sample, settings.size),
         later => camera_at(camera, later, time).ray(&sample, settings.size),

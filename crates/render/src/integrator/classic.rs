@@ -5,6 +5,7 @@
 
 use super::estimators::{Arrival, background, continued, environment, sample_whole_light};
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
+use crate::sampler::Random;
 use crate::settings::Shadows;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, rng};
 use snell_scene::material::ShadingBsdf;
@@ -26,44 +27,42 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let shading = surface.material.bsdf_towards(&point, wo);
     let ambient = shading.ambient(wo) * vertex.state.mode.illuminant(context.scene.ambient + context.settings.fill);
     out.radiance = throughput * (surface.material.emitted(&point, wo) + ambient);
-    for light in 0..context.scene.lights().len() {
-        add_light(context, vertex, surface, &shading, light, out);
-    }
+    let local = |wi| shading.eval_classic(wo, wi);
+    add_lights(context, throughput, &vertex.random, &Arrival::at_surface(surface, vertex.state.time), local, out);
     let follows = context.settings.integrator == IntegratorKind::Whitted && vertex.depth < context.settings.max_depth;
     if follows {
         add_branches(vertex, surface, &shading, wo, out);
     }
 }
 
-fn add_light(
+/// Adds what every light brings. `local` is `pi f |cos|` of a direction, or the classic formula in its place.
+pub(super) fn add_lights(
     context: &Context,
-    vertex: &Vertex,
-    surface: &SurfaceVertex,
-    shading: &ShadingBsdf,
-    light: usize,
+    throughput: SampledSpectrum,
+    random: &Random,
+    at: &Arrival,
+    local: impl Fn(Vec3) -> SampledSpectrum,
     out: &mut Outputs,
 ) {
-    let u = match context.settings.shadows {
-        Shadows::Soft => vertex.random.pair(dimension::LIGHTS + light as u32 % 200),
-        // The middle of the light.
-        Shadows::None | Shadows::Hard => Vec2::splat(0.5),
-    };
-    let is_environment = context.scene.environment_light() == Some(light);
-    // The middle of the sky is no better than any other place of it: always sample that one.
-    let u = if is_environment { vertex.random.pair(dimension::LIGHT) } else { u };
-    let Some(sample) = sample_whole_light(context, &Arrival::at_surface(surface, vertex.state.time), light, u) else {
-        return;
-    };
-    let wo = outgoing(vertex.ray);
-    let local = shading.eval_classic(wo, sample.direction) * FRAC_1_PI;
-    let value = vertex.state.throughput * local * sample.radiance / sample.pdf;
-    if value.is_black() || !value.is_finite() {
-        return;
-    }
-    if context.settings.shadows == Shadows::None {
-        out.radiance += value;
-    } else {
-        out.light_rays.push((sample.shadow_ray, value));
+    for light in 0..context.scene.lights().len() {
+        let u = match context.settings.shadows {
+            // The middle of the sky is no better than any other place of it: always sample that one.
+            _ if context.scene.environment_light() == Some(light) => random.pair(dimension::LIGHT),
+            Shadows::Soft => random.pair(dimension::LIGHTS + light as u32 % 200),
+            // The middle of the light.
+            Shadows::None | Shadows::Hard => Vec2::splat(0.5),
+        };
+        let Some(sample) = sample_whole_light(context, at, light, u) else { continue };
+        let local = local(sample.direction) * FRAC_1_PI;
+        let value = throughput * local * sample.radiance / sample.pdf;
+        if value.is_black() || !value.is_finite() {
+            continue;
+        }
+        if context.settings.shadows == Shadows::None {
+            out.radiance += value;
+        } else {
+            out.light_rays.push((sample.shadow_ray, value));
+        }
     }
 }
 

@@ -1,5 +1,5 @@
-//! What `path` and `direct` do at Lambertian surfaces without textures, at many vertices at once: the same as [`super::path`], bit for
-//! bit, in loops that become vector code. Such surfaces are most of many scenes, and cost little else.
+//! What most integrators do at Lambertian surfaces without textures, at many vertices at once: the same as [`super::path`] and
+//! [`super::classic`], bit for bit, in loops that become vector code. Such surfaces are most of many scenes, and cost little else.
 //!
 //! Which vertices come here depends on the scene and the settings alone, and no lane looks at another, so that a path does not depend
 //! on what shares its batch.
@@ -8,7 +8,7 @@ use super::Context;
 use super::estimators::{Arrival, Skin};
 use super::light_part::LobeShares;
 use super::path::{ROULETTE_DEPTH, SCATTERED_SPREAD, WeightedLight, survival_at, weighted_light};
-use super::{IntegratorKind, Outputs, PathState, dimension};
+use super::{IntegratorKind, Outputs, PathState, classic, dimension};
 use crate::light_sampler::Receiver;
 use crate::sampler::{ManyRandoms, Random, Sampler};
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS};
@@ -17,7 +17,7 @@ use snell_math::simd::Wide;
 use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, robust, sampling};
 use snell_scene::Material;
 use snell_scene::material::visible_normal;
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Most vertices at once.
 pub const LANES: usize = TRIANGLE_HITS;
@@ -48,6 +48,27 @@ struct Bounces {
     exists: [u32; LANES],
 }
 
+/// A surface as the light sees it.
+struct Seen {
+    arrival: Arrival,
+    normal: Vec3,
+    geometric_normal: Vec3,
+    /// Cosines of where the path comes from with the normals.
+    cos_o: f32,
+    side: f32,
+    reflectance: SampledSpectrum,
+}
+
+impl Seen {
+    /// The BSDF times the cosine, and the density of sampling, of a direction.
+    fn reflected(&self, wi: Vec3) -> (SampledSpectrum, f32) {
+        let cos_i = self.normal.dot(wi);
+        let is_seen = self.cos_o * cos_i > 0.0 && self.side * self.geometric_normal.dot(wi) > 0.0;
+        let pdf = if is_seen { cos_i.abs() * FRAC_1_PI } else { 0.0 };
+        (self.reflectance * pdf, pdf)
+    }
+}
+
 /// The numbers of all lanes.
 #[derive(Debug)]
 pub struct MatteNumbers {
@@ -57,11 +78,18 @@ pub struct MatteNumbers {
     roulette: HitLanes,
 }
 
+fn is_for(integrator: IntegratorKind) -> bool {
+    is_classic(integrator) || matches!(integrator, IntegratorKind::Path | IntegratorKind::Direct)
+}
+
+/// True for integrators of which vertices are shaded by [`MatteVertices::shade_classic`].
+pub fn is_classic(integrator: IntegratorKind) -> bool {
+    matches!(integrator, IntegratorKind::Raycast | IntegratorKind::Whitted)
+}
+
 /// The reflectance of a material whose vertices can be worked on here.
 pub fn reflectance(context: &Context, material: &Material, color: ColorModel) -> Option<SampledSpectrum> {
-    let is_for_all = matches!(context.settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
-        && context.field.is_none()
-        && color == ColorModel::Rgb;
+    let is_for_all = is_for(context.settings.integrator) && context.field.is_none() && color == ColorModel::Rgb;
     is_for_all.then(|| material.lambertian()).flatten().map(|rgb| ColorMode::Rgb.reflectance(rgb))
 }
 
@@ -129,6 +157,47 @@ impl MatteVertices {
         numbers
     }
 
+    /// Works out what [`Self::shade_classic`] needs.
+    pub fn prepare_classic(&mut self) {
+        self.hits.points(&mut self.points, self.wide);
+        at_level!(
+            self.wide,
+            normals,
+            (
+                points: &TrianglePoints = &self.points,
+                wo: &HitVectors = &self.wo,
+                normal: &mut HitVectors = &mut self.normal,
+            )
+        );
+    }
+
+    /// What a vertex of `raycast` or `whitted` gives: ambient light, and a light ray for each light.
+    pub fn shade_classic(
+        &self,
+        context: &Context,
+        lane: usize,
+        state: &PathState,
+        random: &Random,
+        reflectance: SampledSpectrum,
+        out: &mut Outputs,
+    ) {
+        let seen = self.seen(lane, state, reflectance);
+        let ambient = reflectance * state.mode.illuminant(context.scene.ambient + context.settings.fill);
+        out.radiance = state.throughput * ambient;
+        let local = |wi| seen.reflected(wi).0 * PI;
+        classic::add_lights(context, state.throughput, random, &seen.arrival, local, out);
+    }
+
+    /// What a lane knows of its surface.
+    fn seen(&self, lane: usize, state: &PathState, reflectance: SampledSpectrum) -> Seen {
+        let (wo, normal) = (at(&self.wo, lane), at(&self.normal, lane));
+        let geometric_normal = at(&self.points.geometric_normal, lane);
+        let position = at(&self.points.position, lane);
+        let skin = Skin { position_error: at(&self.points.position_error, lane), geometric_normal };
+        let arrival = Arrival { position, surface: Some(skin), mode: state.mode, time: state.time };
+        Seen { arrival, normal, geometric_normal, cos_o: normal.dot(wo), side: geometric_normal.dot(wo), reflectance }
+    }
+
     /// False for a vertex that must be worked on alone after all.
     pub fn is_sound(&self, lane: usize) -> bool {
         self.points.is_sound[lane] != 0
@@ -145,24 +214,15 @@ impl MatteVertices {
         reflectance: SampledSpectrum,
         out: &mut Outputs,
     ) {
-        let (wo, normal) = (at(&self.wo, lane), at(&self.normal, lane));
-        let geometric_normal = at(&self.points.geometric_normal, lane);
-        let position = at(&self.points.position, lane);
-        let cos_o = normal.dot(wo);
-        let receiver = Receiver { position, normal: if cos_o < 0.0 { -normal } else { normal }, transmits: false };
-        let skin = Skin { position_error: at(&self.points.position_error, lane), geometric_normal };
-        let arrival = Arrival { position, surface: Some(skin), mode: state.mode, time: state.time };
-        let side = geometric_normal.dot(wo);
-        let reflected = |wi: Vec3| {
-            let cos_i = normal.dot(wi);
-            let is_seen = cos_o * cos_i > 0.0 && side * geometric_normal.dot(wi) > 0.0;
-            let pdf = if is_seen { cos_i.abs() * FRAC_1_PI } else { 0.0 };
-            (reflectance * pdf, pdf)
-        };
+        let seen = self.seen(lane, state, reflectance);
+        let (position, normal) = (seen.arrival.position, seen.normal);
+        let normal = if seen.cos_o < 0.0 { -normal } else { normal };
+        let receiver = Receiver { position, normal, transmits: false };
+        let reflected = |wi| seen.reflected(wi);
         let u = || Vec2::new(numbers.light[0][lane], numbers.light[1][lane]);
         let choice = || numbers.light_choice[lane];
         let lobe = if context.wants_lobes && depth == 0 { LobeShares::of_matte(reflectance) } else { state.lobe };
-        let light = weighted_light(context, state.throughput, &arrival, &receiver, choice, u, reflected);
+        let light = weighted_light(context, state.throughput, &seen.arrival, &receiver, choice, u, reflected);
         if let Some(WeightedLight { value, shadow_ray, source, weight, .. }) = light {
             out.weights.light = weight;
             (out.light_source, out.light_lobe) = (Some(source), lobe);
@@ -186,6 +246,16 @@ impl MatteVertices {
             ..*state
         };
         out.next.push((Ray::new(at(&self.bounces.origin, lane), at(&self.bounces.wi, lane)), next));
+    }
+}
+
+/// Normals as they are seen.
+#[inline(always)]
+fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
+    for i in 0..LANES {
+        let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        let n = visible_normal(vector(&points.shading_normal), vector(&points.geometric_normal), vector(wo));
+        (0..3).for_each(|axis| normal[axis][i] = n[axis]);
     }
 }
 
@@ -220,7 +290,8 @@ fn bounce(points: &TrianglePoints, wo: &HitVectors, u: &[HitLanes; 2], normal: &
 #[cfg(test)]
 mod tests {
     use crate::sampler::SamplerKind;
-    use crate::{CompiledScene, Job, Settings};
+    use crate::settings::Shadows;
+    use crate::{CompiledScene, IntegratorKind, Job, Settings};
     use snell_intersect::BuildOptions;
     use snell_math::Rgb;
     use snell_math::simd::Level;
@@ -234,17 +305,25 @@ mod tests {
             for (i, material) in scene.materials.iter_mut().enumerate().filter(|(_, m)| !m.is_emissive()) {
                 material.kind = Diffuse::new(Rgb::new(0.9, 0.6, 0.1 * (i % 8) as f32)).into();
             }
-            for sampler in [SamplerKind::ZSobol, SamplerKind::Independent] {
+            let kinds = [
+                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard),
+                (IntegratorKind::Path, SamplerKind::Independent, Shadows::Hard),
+                (IntegratorKind::Raycast, SamplerKind::ZSobol, Shadows::Hard),
+                (IntegratorKind::Whitted, SamplerKind::ZSobol, Shadows::Soft),
+            ];
+            for (integrator, sampler, shadows) in kinds {
                 let picture = |simd: Level| {
                     let options = BuildOptions { simd, ..BuildOptions::default() };
                     let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
-                    let settings = Settings { size: [36, 24], spp: 4, max_depth: 9, sampler, ..Settings::default() };
+                    let (max_depth, fill) = (9, Rgb::new(0.1, 0.2, 0.3));
+                    let how = Settings { max_depth, sampler, integrator, shadows, fill, ..Settings::default() };
+                    let settings = Settings { size: [36, 24], spp: 4, ..how };
                     let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
                     image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
                 };
                 let one_by_one = picture(Level::Scalar);
                 for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    assert_eq!(picture(level), one_by_one, "{name} {sampler:?} {level}");
+                    assert_eq!(picture(level), one_by_one, "{name} {integrator:?} {sampler:?} {level}");
                 }
             }
         }

@@ -29,8 +29,8 @@ use snell_math::rng;
 use snell_scene::Camera;
 use std::collections::BTreeMap;
 use std::ops::AddAssign;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tracer::Tracer;
 
@@ -108,7 +108,7 @@ pub struct Job<'a> {
     settings: &'a Settings,
     sampler: Sampler,
     filter: FilterSampler,
-    lights: LightSampler,
+    lights: Arc<LightSampler>,
     light_parts: LightParts,
     crop: Crop,
     watcher: Option<TileWatcher<'a>>,

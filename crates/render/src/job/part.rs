@@ -162,9 +162,10 @@ impl<'a> PartRenderer<'a> {
     ) -> FilmPart {
         self.start(area, pixels, range);
         statistics.rays.camera += self.paths.len() as u64;
+        // Sixteen rays in a row are of one pixel, or of one row of a tile.
         let mut grouping = if self.camera.has_common_origin()
             && self.context.settings.later_cameras.is_empty()
-            && range[1] - range[0] == 16
+            && matches!(range[1] - range[0], 1 | 16)
         {
             Grouping::Coherent
         } else {
@@ -359,11 +360,12 @@ impl<'a> PartRenderer<'a> {
 
     /// Shades at most [`LANES`] paths at matte surfaces of one reflectance.
     fn shade_matte(&mut self, depth: u32, paths: &[u32], reflectance: SampledSpectrum) {
+        let is_classic = matte::is_classic(self.context.settings.integrator);
         let max_depth = match self.context.settings.integrator {
             IntegratorKind::Direct => 1,
             _ => self.context.settings.max_depth,
         };
-        if depth >= max_depth {
+        if depth >= max_depth && !is_classic {
             return;
         }
         let Some(mut matte) = self.matte.take() else { return };
@@ -385,7 +387,12 @@ impl<'a> PartRenderer<'a> {
             }
         }
         if count > 0 {
-            let numbers = matte.vertices.prepare(depth);
+            let numbers = if is_classic {
+                matte.vertices.prepare_classic();
+                None
+            } else {
+                Some(matte.vertices.prepare(depth))
+            };
             for (lane, &path) in lanes[..count].iter().enumerate() {
                 let path = path as usize;
                 if !matte.vertices.is_sound(lane) {
@@ -393,9 +400,17 @@ impl<'a> PartRenderer<'a> {
                     continue;
                 }
                 self.outputs.clear();
-                let vertex = (&self.paths.hits[path], &self.paths.states[path]);
-                let out = &mut self.outputs;
-                matte.vertices.shade(&self.context, lane, &numbers, depth, vertex, reflectance, out);
+                let (hit, state, out) = (&self.paths.hits[path], &self.paths.states[path], &mut self.outputs);
+                match &numbers {
+                    Some(numbers) => {
+                        matte.vertices.shade(&self.context, lane, numbers, depth, (hit, state), reflectance, out);
+                    }
+                    None => {
+                        let random = self.samples[self.paths.samples[path] as usize].random;
+                        let random = random.at_vertex(state.stream, depth);
+                        matte.vertices.shade_classic(&self.context, lane, state, &random, reflectance, out);
+                    }
+                }
                 self.collect(depth, path);
             }
         }

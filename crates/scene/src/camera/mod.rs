@@ -119,7 +119,7 @@ impl Camera {
     }
 
     /// True if the projection has a lens that can be out of focus.
-    fn has_lens(&self) -> bool {
+    pub fn has_lens(&self) -> bool {
         let flat = !matches!(self.projection, Projection::Panoramic | Projection::Fisheye { .. });
         flat && self.aperture_radius > 0.0 && self.focus_distance > 0.0
     }
