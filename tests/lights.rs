@@ -168,7 +168,7 @@ fn lamps_that_move_while_the_shutter_is_open_are_sampled_where_they_are() {
         let settings = Settings { light_sampler, light_strategy, seed, max_depth: 2, ..settings(24, spp) };
         render_compiled(&compiled, &camera, &settings, 2)
     };
-    let by_chance = picture(LightSamplerKind::Bvh, LightStrategy::Bsdf, 30, 2048);
+    let by_chance = picture(LightSamplerKind::Bvh, LightStrategy::Bsdf, 30, 1024);
     let cases = [
         (LightSamplerKind::Bvh, LightStrategy::Mis),
         (LightSamplerKind::Bvh, LightStrategy::Light),
@@ -177,7 +177,7 @@ fn lamps_that_move_while_the_shutter_is_open_are_sampled_where_they_are() {
     for (seed, (sampler, strategy)) in (31..).zip(cases) {
         let sampled = picture(sampler, strategy, seed, 256);
         compare(&by_chance, &sampled).check(&format!("moving lamps by {}, {strategy:?}", sampler.name()));
-        let (noise, noise_by_chance) = (typical_noise(&sampled, 256), typical_noise(&by_chance, 2048));
+        let (noise, noise_by_chance) = (typical_noise(&sampled, 256), typical_noise(&by_chance, 1024));
         eprintln!("variance of a sample {noise:.4}, by chance {noise_by_chance:.4}");
         assert!(noise < 0.6 * noise_by_chance, "lamps were not sampled");
     }
@@ -211,11 +211,11 @@ fn media_that_glow_are_sampled_as_lights() {
         let settings = Settings { light_sampler, light_strategy, seed, max_depth: 3, ..settings(24, spp) };
         render_compiled(&compiled, &camera, &settings, 2)
     };
-    let by_chance = picture(LightSamplerKind::Bvh, LightStrategy::Bsdf, 40, 1024);
+    let by_chance = picture(LightSamplerKind::Bvh, LightStrategy::Bsdf, 40, 512);
     for (seed, sampler) in (41..).zip([LightSamplerKind::Bvh, LightSamplerKind::Uniform]) {
         let both = picture(sampler, LightStrategy::Mis, seed, 256);
         compare(&by_chance, &both).check(&format!("flame by {}", sampler.name()));
-        let (noise, noise_by_chance) = (typical_noise(&both, 256), typical_noise(&by_chance, 1024));
+        let (noise, noise_by_chance) = (typical_noise(&both, 256), typical_noise(&by_chance, 512));
         eprintln!("variance of a sample {noise:.5}, by chance {noise_by_chance:.5}");
         assert!(noise < 0.6 * noise_by_chance, "the flame was not sampled");
     }
