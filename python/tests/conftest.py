@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+
 import numpy as np
 import pytest
 
@@ -28,6 +30,12 @@ def sphere_mesh(rows: int, columns: int, radius: float = 1.0) -> tuple[np.ndarra
             faces.append([at(i, j), at(i + 1, j + 1), at(i, j + 1)])
         faces.append([len(vertices) - 1, at(rows - 2, j + 1), at(rows - 2, j)])
     return vertices, np.array(faces, dtype=np.int32)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ctrl_c() -> None:
+    """Ctrl-C is an exception, also where the tests run in the background of a shell, which ignores it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

@@ -8,31 +8,42 @@ use snell_scene::CameraSample;
 /// Pixels of a map at most.
 const MAX_PIXELS: u32 = 512 * 512;
 
-/// Width and height of a map that is as wide as it is asked for, with the proportions of the picture.
-fn size_of(subject: &Subject, width: u32) -> [u32; 2] {
+/// Nodes, cells and primitives of all rays of a map, about: where each ray meets very many, pixels are larger.
+const MAX_WORK: f64 = 4e8;
+/// Rays along each side of the picture that tell how much work a ray is.
+const PROBES: u32 = 4;
+
+/// Width and height of a map of so many pixels at most, with the proportions of the picture.
+fn size_of(subject: &Subject, width: u32, most: f64) -> [u32; 2] {
     let [w, h] = subject.settings.size.map(f64::from);
     let width = f64::from(width.clamp(16, 2048));
-    let scale = (f64::from(MAX_PIXELS) / (width * width * h / w)).sqrt().min(1.0);
+    let scale = (most / (width * width * h / w)).sqrt().min(1.0);
     [width * scale, width * scale * h / w].map(|side| (side.round() as u32).max(1))
 }
 
-/// For the camera ray through the middle of each pixel, row by row, nodes and cells gone through, and primitives tested: little endian,
-/// after width and height, all 32 bits each.
-pub fn map(subject: Subject, width: u32) -> Vec<u8> {
+/// Nodes and cells gone through, and primitives tested, of the camera ray through the middle of each pixel of a picture of this size,
+/// row by row.
+fn costs(subject: &Subject, size: [u32; 2]) -> Vec<[u32; 2]> {
     let Subject { compiled, camera, settings, .. } = subject;
-    let size = size_of(&subject, width);
     let filter = snell_render::job::hit_filter(compiled);
     let share = [0, 1].map(|axis| f64::from(settings.size[axis]) / f64::from(size[axis]));
-    let costs: Vec<[u32; 2]> = (0..size[0] * size[1])
-        .into_par_iter()
-        .map(|i| {
-            let [x, y] = [i % size[0], i / size[0]].map(|p| f64::from(p) + 0.5);
-            let film = DVec2::new(x * share[0], y * share[1]);
-            let ray = camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, settings.size).ray;
-            let (_, counters) = compiled.world.closest_counted(&ray, filter);
-            [counters.nodes_visited.saturating_add(counters.cells_stepped), counters.primitives_tested]
-        })
-        .collect();
+    let cost = |i: u32| {
+        let [x, y] = [i % size[0], i / size[0]].map(|p| f64::from(p) + 0.5);
+        let film = DVec2::new(x * share[0], y * share[1]);
+        let ray = camera.ray(&CameraSample { film, lens: Vec2::splat(0.5) }, settings.size).ray;
+        let (_, counters) = compiled.world.closest_counted(&ray, filter);
+        [counters.nodes_visited.saturating_add(counters.cells_stepped), counters.primitives_tested]
+    };
+    (0..size[0] * size[1]).into_par_iter().map(cost).collect()
+}
+
+/// What [`costs`] says of a map of at most this width, little endian, after width and height, all 32 bits each.
+pub fn map(subject: Subject, width: u32) -> Vec<u8> {
+    let probes = costs(&subject, [PROBES; 2]);
+    let work: f64 = probes.iter().map(|&[nodes, tests]| f64::from(nodes) + f64::from(tests)).sum();
+    let most = MAX_WORK / (work / probes.len() as f64).max(1.0);
+    let size = size_of(&subject, width, most.min(f64::from(MAX_PIXELS)));
+    let costs = costs(&subject, size);
     size.into_iter().chain(costs.into_iter().flatten()).flat_map(u32::to_le_bytes).collect()
 }
 

@@ -3,7 +3,7 @@
 use crate::explain::Question;
 use crate::protocol::{ToPage, ToServer};
 use crate::security::Guard;
-use crate::session::{Finished, Frame, Session, lock};
+use crate::session::{Frame, Session, lock};
 use crate::worker::Worker;
 use crate::{Source, Which, page, pick};
 use axum::Router;
@@ -14,7 +14,8 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use snell_formats::image::{WriteOptions, encode_image_as};
+use snell_formats::image::{Display, WriteOptions, encode_image_as};
+use snell_scene::LayeredImage;
 use std::collections::HashMap;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -197,8 +198,8 @@ async fn save(State(shared): State<Shared>, Query(query): Query<HashMap<String, 
         return (StatusCode::CONFLICT, "there is no picture yet; wait until the view rests\n").into_response();
     };
     let display = shared.session.now().display;
-    let name = finished.snapshot.scene.name.replace(|c: char| !c.is_ascii_alphanumeric(), "-");
-    let encoded = tokio::task::spawn_blocking(move || encode(&finished, &format, display)).await;
+    let name = finished.name.replace(|c: char| !c.is_ascii_alphanumeric(), "-");
+    let encoded = tokio::task::spawn_blocking(move || encode(&finished.picture, &format, display)).await;
     match encoded {
         Ok(Ok((bytes, extension))) => {
             let place = format!("attachment; filename=\"{name}.{extension}\"");
@@ -213,14 +214,9 @@ async fn save(State(shared): State<Shared>, Query(query): Query<HashMap<String, 
     }
 }
 
-fn encode(
-    finished: &Finished,
-    format: &str,
-    display: snell_formats::image::Display,
-) -> Result<(Vec<u8>, String), String> {
-    let picture = snell_render::picture(&finished.film, &finished.snapshot.settings, &finished.compiled);
+fn encode(picture: &LayeredImage, format: &str, display: Display) -> Result<(Vec<u8>, String), String> {
     let options = WriteOptions { display, ..WriteOptions::default() };
-    let bytes = encode_image_as(format, &picture, &options).map_err(|e| e.to_string())?;
+    let bytes = encode_image_as(format, picture, &options).map_err(|e| e.to_string())?;
     Ok((bytes, format.to_string()))
 }
 

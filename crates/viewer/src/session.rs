@@ -11,9 +11,9 @@ use crate::{cost, thumbnail};
 use serde_json::Value;
 use snell_formats::image::{Display, Tonemap};
 use snell_intersect::accel::AcceleratorKind;
-use snell_render::{Aov, CompiledScene, Film, IntegratorKind, Settings};
+use snell_render::{Aov, CompiledScene, IntegratorKind, Settings};
 use snell_scene::builtin::BUILTINS;
-use snell_scene::{Camera, Scene, overrides};
+use snell_scene::{Camera, LayeredImage, Scene, overrides};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -93,15 +93,13 @@ pub struct Snapshot {
     pub moved: Instant,
 }
 
-/// What is at rest now, for pixels that are picked and pictures that are saved.
+/// The picture at rest so far, to be saved.
 #[derive(Clone)]
 pub struct Finished {
-    /// What it was made from.
-    pub snapshot: Snapshot,
-    /// The scene, compiled.
-    pub compiled: Arc<CompiledScene>,
-    /// The samples so far.
-    pub film: Arc<Film>,
+    /// The scene.
+    pub name: String,
+    /// Its layers.
+    pub picture: Arc<LayeredImage>,
 }
 
 /// A scene being looked at.

@@ -7,7 +7,7 @@ use crate::protocol::{FrameHeader, ToPage};
 use crate::session::{Finished, REST, Session, Snapshot, lock};
 use snell_math::Rgb;
 use snell_render::{CompiledScene, Film, IntegratorKind, Job, Settings, picture};
-use snell_scene::{LayeredImage, Scene};
+use snell_scene::Scene;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -193,7 +193,7 @@ impl<'a> Worker<'a> {
             if let Some((_, preview)) = self.last_preview.take_if(|(of, _)| *of == version && samples >= 4) {
                 self.fill = Some(preview::fill(&rgb, &preview, self.fill.unwrap_or(Rgb::BLACK)));
             }
-            let noise = if samples >= 4 { noise_of(&film) } else { f32::NAN };
+            let noise = if samples >= 4 { noise_of(&film, &rgb) } else { f32::NAN };
             let header = FrameHeader {
                 kind: 1,
                 samples,
@@ -203,8 +203,8 @@ impl<'a> Worker<'a> {
             };
             self.encoder.send(Picture { header, rgb, display: None })?;
             refinement.sent = Some(Instant::now());
-            let (snapshot, compiled, film) = (snapshot.clone(), compiled.clone(), Arc::new(film.clone()));
-            *lock(&self.session.finished) = Some(Finished { snapshot, compiled, film });
+            let (name, picture) = (snapshot.scene.name.clone(), Arc::new(image));
+            *lock(&self.session.finished) = Some(Finished { name, picture });
         }
         self.refinement = Some(Refinement { film, ..refinement });
         Ok(!is_last)
@@ -235,12 +235,11 @@ fn next_pass(samples: u32) -> u32 {
     }
 }
 
-/// The root of the mean variance over the mean.
-fn noise_of(film: &Film) -> f32 {
-    let mean = |image: &LayeredImage| {
-        let layer = &image.layers[0];
-        let sum: f64 = layer.values.chunks_exact(4).map(|p| f64::from(p[0] + p[1] + p[2])).sum();
-        sum / (layer.values.len() as f64 * 0.75).max(1.0)
-    };
-    (mean(&film.variance()).max(0.0).sqrt() / mean(&film.image()).max(1e-30)) as f32
+/// The root of the mean variance over the mean of the values, which are linear RGB.
+fn noise_of(film: &Film, rgb: &[f32]) -> f32 {
+    let variance = &film.variance().layers[0].values;
+    let sum: f64 = variance.chunks_exact(4).map(|p| f64::from(p[0] + p[1] + p[2])).sum();
+    let mean = |sum: f64| sum / rgb.len().max(1) as f64;
+    let light = mean(rgb.iter().map(|&x| f64::from(x)).sum());
+    (mean(sum).max(0.0).sqrt() / light.max(1e-30)) as f32
 }
