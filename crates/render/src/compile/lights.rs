@@ -27,7 +27,7 @@ pub enum CompiledLight {
     /// An emissive surface at one place.
     Area(AreaLight),
     /// An emissive surface that moves while the shutter is open.
-    Moving(MovingAreaLight),
+    Moving(Box<MovingAreaLight>),
     /// A medium that glows.
     Medium(MediumId, Box<Glow>),
     /// The environment.
@@ -197,7 +197,10 @@ impl LightTable {
         let power = light.area() * PI * sides * light.mean_radiance();
         self.by_surface.insert((instance, id.0), self.lights.len());
         let compiled = match place.is_moving() {
-            true => CompiledLight::Moving(MovingAreaLight::new(light, place.carriers.clone(), group_from_geometry)),
+            true => {
+                let carriers = place.carriers.clone();
+                CompiledLight::Moving(Box::new(MovingAreaLight::new(light, carriers, group_from_geometry)))
+            }
             false => CompiledLight::Area(light),
         };
         self.push(compiled, power);

@@ -14,7 +14,6 @@ use crate::light_sampler::{LightSampler, LightSamplerKind, Receiver};
 use crate::sampler::{Random, Sampler, SamplerKind};
 use snell_intersect::{Grouping, Hit};
 use snell_math::{ColorMode, Frame, Ray, SampledSpectrum, Vec2, Vec3, rng, sampling};
-use snell_scene::light::area::MovingAreaLight;
 use std::f32::consts::PI;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -105,10 +104,15 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, random: Random) -> Opti
     let vertex = random.at_vertex(0, 0);
     let chosen = lights.sample(&Receiver::default(), || vertex.number(dimension::LIGHT))?;
     let (u, v) = (vertex.pair(dimension::POSITION), vertex.pair(dimension::DIRECTION));
-    let (ray, flux) = match &scene.lights()[chosen.light] {
+    let light = &scene.lights()[chosen.light];
+    let (ray, flux) = match light {
         // Photons see the scene when the shutter opens.
-        CompiledLight::Area(area) | CompiledLight::Moving(MovingAreaLight { first: area, .. }) => {
-            let sample = area.sample(u)?;
+        CompiledLight::Area(_) | CompiledLight::Moving(_) => {
+            let sample = match light {
+                CompiledLight::Moving(moving) => moving.first.sample(u)?,
+                CompiledLight::Area(area) => area.sample(u)?,
+                _ => return None,
+            };
             let point = scene.shading_point(&sample.surface, 0.0, COLOR);
             let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
             let normal = sample.surface.geometric_normal;
