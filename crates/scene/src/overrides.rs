@@ -257,7 +257,7 @@ mod tests {
             assert_eq!(scene.materials[0].kind.name(), *name);
         }
         apply(&mut scene, "material.the.floor.kind=open-pbr").expect("a kind by name");
-        apply(&mut scene, "material.the.floor.base_color=[0.5,0.25,0]").expect("a plain colour");
+        apply(&mut scene, "material.the.floor.base_color.factor=[0.5,0.25,0]").expect("a colour");
         apply(&mut scene, "material.the.floor.coat_weight=0.75").expect("a plain number");
         let MaterialKind::OpenPbr(p) = &scene.materials[0].kind else { panic!("not open-pbr") };
         assert_eq!((p.base_color.factor, p.coat_weight.factor), (Rgb::new(0.5, 0.25, 0.0), 0.75));

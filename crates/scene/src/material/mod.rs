@@ -42,35 +42,16 @@ use snell_intersect::SurfaceInteraction;
 use snell_math::spectrum::{Color, Spectrum};
 use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec3};
 
-/// A colour parameter: a factor, times a texture and a spectrum if there are any. Also written as a colour alone: `[0.8, 0.1, 0.1]`.
+/// A colour parameter: a factor, times a texture and a spectrum if there are any.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(from = "WrittenColor")]
 pub struct ColorParam {
     /// Linear factor.
     pub factor: Rgb,
     /// Its RGB multiplies the factor.
     pub texture: Option<TextureId>,
     /// Multiplied by the factor: a black body, a measured spectrum. Exact in spectral mode, its colour in RGB mode.
+    #[serde(default)]
     pub spectrum: Option<Spectrum>,
-}
-
-#[derive(Deserialize)]
-#[serde(
-    untagged,
-    expecting = "expected a colour [r, g, b], or {\"factor\": [r, g, b], \"texture\": …, \"spectrum\": …}"
-)]
-enum WrittenColor {
-    Constant(Rgb),
-    Whole { factor: Rgb, texture: Option<TextureId>, spectrum: Option<Spectrum> },
-}
-
-impl From<WrittenColor> for ColorParam {
-    fn from(written: WrittenColor) -> Self {
-        match written {
-            WrittenColor::Constant(factor) => Self::constant(factor),
-            WrittenColor::Whole { factor, texture, spectrum } => Self { factor, texture, spectrum },
-        }
-    }
 }
 
 impl ColorParam {

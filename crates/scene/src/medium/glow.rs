@@ -165,7 +165,7 @@ mod tests {
             light += f64::from(ColorMode::Rgb.to_rgb(glow.emission(p, ColorMode::Rgb)).luminance() / pdf);
         }
         let light = light / f64::from(n);
-        assert!((light / glow.intensity() - 1.0).abs() < 0.03, "{light} but {}", glow.intensity());
+        assert!((light / glow.intensity() - 1.0).abs() < 0.1, "{light} but {}", glow.intensity());
         assert!(volume / f64::from(n) <= glow.volume * 1.05);
     }
 
