@@ -1,15 +1,17 @@
 //! Every way of choosing lights gives the same picture and the same bits, with every kind of light in one scene; lights that make no
 //! sense do no harm.
 
+use snell_intersect::BuildOptions;
 use snell_intersect::shape::{BoxShape, Disk, Sphere, Triangle};
 use snell_math::{DAffine3, DVec3, Rgb, Vec3};
-use snell_render::{CompiledScene, IntegratorKind, LightSamplerKind, LightStrategy, Settings};
+use snell_render::{CompiledScene, Film, IntegratorKind, LightSamplerKind, LightStrategy, Moving, Settings};
 use snell_scene::light::{Attenuation, SpotFalloff};
 use snell_scene::material::{Black, ColorParam, Conductor};
-use snell_scene::{Camera, Encoding, Environment, Geometry, Light, Material, Node, Scene, Surface, Texture};
+use snell_scene::medium::{Grid, ScalarGrid};
+use snell_scene::{Camera, Encoding, Environment, Geometry, Light, Material, Node, Pose, Scene, Surface, Texture};
 use snell_tests::scenes::{at, facing, ground, image, lamp, matte, put, put_mesh, quad, rectangle, sky};
 use snell_tests::statistics::compare;
-use snell_tests::{bits, render, render_compiled, settings};
+use snell_tests::{bits, colors, render, render_compiled, settings};
 use std::sync::Arc;
 
 /// A small room open to a sky, with surfaces and lamps of every kind.
@@ -118,6 +120,103 @@ fn lights_that_make_no_sense_do_no_harm() {
     }
     for light_sampler in LightSamplerKind::ALL {
         let film = render(&scene, &camera, &Settings { light_sampler, max_depth: 2, ..settings(12, 8) });
-        assert!(snell_tests::colors(&film.image()).iter().flatten().all(|c| c.is_finite()), "{light_sampler:?}");
+        assert!(colors(&film.image()).iter().flatten().all(|c| c.is_finite()), "{light_sampler:?}");
+    }
+}
+
+/// Variance of one sample in the median pixel.
+fn typical_noise(film: &Film, spp: u32) -> f64 {
+    let mut variances: Vec<f64> = colors(&film.variance()).iter().map(|c| c[1] * f64::from(spp)).collect();
+    variances.sort_by(f64::total_cmp);
+    variances[variances.len() / 2]
+}
+
+/// A lamp of triangles that turns and one that is a ball flying by, within a group that moves too; and the poses of the open shutter.
+fn moving_lamps() -> (Scene, Camera, Moving) {
+    let mut scene = Scene::new("moving lamps");
+    ground(&mut scene, 0.6);
+    let (paper, glow) = (matte(&mut scene, 0.7), lamp(&mut scene, 6.0));
+    put(&mut scene, BoxShape { min: DVec3::ZERO, max: DVec3::new(0.5, 0.8, 0.5) }, at(0.3, 0.0, -0.6), paper);
+    let panel = Surface::with_material(Geometry::Mesh(Arc::new(quad())), glow);
+    let small = DAffine3::from_scale(DVec3::splat(0.7));
+    let panel_at = |x: f64, angle: f64| at(x, 0.6, 0.4) * DAffine3::from_rotation_x(angle) * small;
+    let ball = Surface::shape(Sphere { radius: 0.3 }, glow);
+    let ball_at = |x: f64, y: f64| at(x, y, 0.0);
+    let turning =
+        scene.add_node(Node { surfaces: vec![panel], transform: panel_at(-0.9, 1.2), ..Node::named("turning") });
+    let flying = scene.add_node(Node { surfaces: vec![ball], transform: ball_at(-0.4, 1.2), ..Node::named("flying") });
+    let group = Node { children: vec![turning, flying], ..Node::named("group") };
+    let group = scene.add_child(scene.root, group);
+    let pose = |k: f64| Pose {
+        transforms: [
+            (turning, panel_at(-0.9 + 0.5 * k, 1.2 + 0.8 * k)),
+            (flying, ball_at(-0.4 + 1.4 * k, 1.2 - 0.3 * k * k)),
+            (group, at(0.0, 0.1 * k, 0.3 * k)),
+        ]
+        .into(),
+        ..Pose::default()
+    };
+    let moving = Moving { nodes: [turning, flying, group].into(), later: vec![pose(0.5), pose(1.0)] };
+    (scene, Camera::look_at(Vec3::new(0.2, 3.6, 2.0), Vec3::new(0.0, 0.2, 0.0), Vec3::Y, 0.3), moving)
+}
+
+#[test]
+fn lamps_that_move_while_the_shutter_is_open_are_sampled_where_they_are() {
+    let (scene, camera, moving) = moving_lamps();
+    let compiled = CompiledScene::moving(&scene, &moving, &BuildOptions::default(), None).expect("the scene compiles");
+    let picture = |light_sampler, light_strategy, seed, spp| {
+        let settings = Settings { light_sampler, light_strategy, seed, max_depth: 2, ..settings(24, spp) };
+        render_compiled(&compiled, &camera, &settings, 2)
+    };
+    let by_chance = picture(LightSamplerKind::Bvh, LightStrategy::Bsdf, 30, 1024);
+    let cases = [
+        (LightSamplerKind::Bvh, LightStrategy::Mis),
+        (LightSamplerKind::Bvh, LightStrategy::Light),
+        (LightSamplerKind::Power, LightStrategy::Mis),
+    ];
+    for (seed, (sampler, strategy)) in (31..).zip(cases) {
+        let sampled = picture(sampler, strategy, seed, 256);
+        compare(&by_chance, &sampled).check(&format!("moving lamps by {}, {strategy:?}", sampler.name()));
+        let (noise, noise_by_chance) = (typical_noise(&sampled, 256), typical_noise(&by_chance, 1024));
+        eprintln!("variance of a sample {noise:.4}, by chance {noise_by_chance:.4}");
+        assert!(noise < 0.6 * noise_by_chance, "lamps were not sampled");
+    }
+}
+
+/// A flame over the ground, half of it outside of what bounds it, and a pane of glass through which it is seen.
+fn flame() -> (Scene, Camera) {
+    let mut scene = Scene::new("flame");
+    ground(&mut scene, 0.6);
+    let paper = matte(&mut scene, 0.7);
+    put(&mut scene, BoxShape { min: DVec3::ZERO, max: DVec3::new(0.4, 0.8, 0.4) }, at(0.5, 0.0, -0.6), paper);
+    let n = 16;
+    let value = |i: usize| {
+        let [x, y, z] = [i % n, i / n % n, i / n / n].map(|c| (c as f32 + 0.5) / n as f32 - 0.5);
+        (1.0 - 9.0 * (x * x + z * z + 0.3 * y * y)).max(0.0)
+    };
+    let density = ScalarGrid::new([n; 3], (0..n * n * n).map(value).collect()).expect("as many as cells");
+    let place = at(-0.9, 0.05, -0.4) * DAffine3::from_scale(DVec3::new(0.8, 1.2, 0.8));
+    let grid = Grid::new(Rgb::new(0.3, 0.6, 1.2), Rgb::new(1.0, 0.8, 0.5), 0.3, density, place);
+    let fire = scene.add_medium(Grid { emission: Rgb::new(9.0, 4.0, 1.0), ..grid });
+    let air = scene.add_material(Material::interface("flame", fire));
+    put(&mut scene, BoxShape { min: DVec3::ZERO, max: DVec3::new(0.8, 0.9, 0.6) }, at(-0.9, 0.05, -0.3), air);
+    (scene, Camera::look_at(Vec3::new(0.2, 3.6, 2.0), Vec3::new(0.0, 0.2, 0.0), Vec3::Y, 0.3))
+}
+
+#[test]
+fn media_that_glow_are_sampled_as_lights() {
+    let (scene, camera) = flame();
+    let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("the scene compiles");
+    let picture = |light_sampler, light_strategy, seed, spp| {
+        let settings = Settings { light_sampler, light_strategy, seed, max_depth: 3, ..settings(24, spp) };
+        render_compiled(&compiled, &camera, &settings, 2)
+    };
+    let by_chance = picture(LightSamplerKind::Bvh, LightStrategy::Bsdf, 40, 512);
+    for (seed, sampler) in (41..).zip([LightSamplerKind::Bvh, LightSamplerKind::Uniform]) {
+        let both = picture(sampler, LightStrategy::Mis, seed, 256);
+        compare(&by_chance, &both).check(&format!("flame by {}", sampler.name()));
+        let (noise, noise_by_chance) = (typical_noise(&both, 256), typical_noise(&by_chance, 512));
+        eprintln!("variance of a sample {noise:.5}, by chance {noise_by_chance:.5}");
+        assert!(noise < 0.6 * noise_by_chance, "the flame was not sampled");
     }
 }

@@ -132,11 +132,16 @@ impl Instance {
 
     /// The map at a time from 0 to 1; at times when the instance is flattened, and not to be hit, the map at time 0.
     pub(crate) fn at(&self, time: f32) -> Transform {
+        self.at_time(time).unwrap_or(self.group_from_child)
+    }
+
+    /// The map at a time from 0 to 1; `None` at times when the instance is flattened, and not to be hit.
+    pub fn at_time(&self, time: f32) -> Option<Transform> {
         if self.later.is_empty() {
-            return self.group_from_child;
+            return Some(self.group_from_child);
         }
         let keys: Vec<_> = self.keys().copied().collect();
-        transform_at(&keys, time).unwrap_or(self.group_from_child)
+        transform_at(&keys, time)
     }
 }
 

@@ -17,6 +17,7 @@ pub mod sampling;
 pub mod simd;
 pub mod spectrum;
 pub mod spherical;
+pub mod statistics;
 pub mod transform;
 
 pub use bounds::{Bounds3, Bounds3d};

@@ -28,7 +28,7 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
             for number in 0..settings.spp {
                 let random = sampler.random([x, y], number);
                 let (ray, state, weight) = camera_path(camera, settings, scene.moves, &filter, [x, y], &random);
-                let mut media = Media::new(scene, settings, camera, state.mode);
+                let mut media = Media::new(&context, camera, state.mode);
                 let color = state.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
                 plain = plain + color;
                 sum = sum + color * weight;
@@ -84,14 +84,9 @@ fn radiance(
         sum += match media {
             Some(media) => {
                 media.go_on(here, &vertex, light_ray);
-                media.arriving(
-                    scene,
-                    *light_ray,
-                    state.time,
-                    *value,
-                    state.mode,
-                    Numbers::of_light_ray(numbers, number),
-                )
+                let numbers = Numbers::of_light_ray(numbers, number);
+                let left = media.arriving(scene, *light_ray, state.time, *value, state.mode, numbers);
+                if media.walker.is_in(&media.insides, out.glowing) { left } else { SampledSpectrum::ZERO }
             }
             None if scene.world.occluded_one(timed(light_ray, state.time), scene) => SampledSpectrum::ZERO,
             None => *value,
@@ -119,8 +114,8 @@ struct Media<'a> {
 }
 
 impl<'a> Media<'a> {
-    fn new(scene: &'a CompiledScene, settings: &Settings, camera: &Camera, mode: ColorMode) -> Option<Self> {
-        let walker = Walker::new(scene).filter(|_| settings.integrator.sees_media())?;
+    fn new(context: &Context<'a>, camera: &Camera, mode: ColorMode) -> Option<Self> {
+        let walker = Walker::new(context).filter(|_| context.settings.integrator.sees_media())?;
         let mut own = OwnMedia::new();
         let around = walker.surfaces_around(camera.eye.as_vec3());
         let insides = walker.insides_of(&mut own, &around, mode);

@@ -5,10 +5,11 @@
 //! the clock), `environment.scale`, `ambient`. The parameters are those of the scene's own declarations; the value is JSON, or plain text
 //! where JSON is not given.
 
+use crate::material::MaterialKind;
 use crate::{Environment, Scene};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde_json::Value;
+use serde_json::{Value, json};
 use snell_math::{DAffine3, DVec3};
 
 /// Why a change is not possible: what was asked for, what there is instead.
@@ -41,6 +42,10 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
         "material" => {
             let names: Vec<String> = scene.materials.iter().map(|m| m.name.clone()).collect();
             let (index, path) = find(key, "material", &names, rest)?;
+            let value = match value {
+                Value::String(name) if path == "kind" => kind_named(key, &name)?,
+                value => value,
+            };
             edit(&mut scene.materials[index], key, path, value)
         }
         "camera" => {
@@ -84,6 +89,23 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
             let names: Vec<_> = scene.parameters.iter().map(|(name, _)| name.as_str()).collect();
             let own = if names.is_empty() { String::new() } else { format!(", or {}", names.join(", ")) };
             Err(error(key, format!("unknown key; keys begin with {known}, or are ambient{own}")))
+        }
+    }
+}
+
+/// The kind of material of this name as it is by itself: with the defaults of its parameters, or as its first example where it has
+/// none.
+fn kind_named(key: &str, name: &str) -> Result<Value, OverrideError> {
+    let plain = json!({ "material": name });
+    if serde_json::from_value::<MaterialKind>(plain.clone()).is_ok() {
+        return Ok(plain);
+    }
+    let example = MaterialKind::examples().into_iter().find(|kind| kind.name() == name);
+    match example {
+        Some(example) => serde_json::to_value(example).map_err(|e| error(key, e.to_string())),
+        None => {
+            let hint = nearest(name, MaterialKind::NAMES).map(|n| format!("; did you mean {n}?")).unwrap_or_default();
+            Err(error(key, format!("there is no kind \"{name}\"{hint} (known: {})", MaterialKind::NAMES.join(", "))))
         }
     }
 }
@@ -225,6 +247,24 @@ mod tests {
         let mut scene = Scene::new("test");
         scene.add_material(Material::new("the.floor", Diffuse::new(Rgb::WHITE)));
         scene
+    }
+
+    #[test]
+    fn a_kind_may_be_its_name_and_parameters_may_be_plain_values() {
+        let mut scene = scene();
+        for name in MaterialKind::NAMES {
+            apply(&mut scene, &format!("material.the.floor.kind={name}")).expect("a kind by name");
+            assert_eq!(scene.materials[0].kind.name(), *name);
+        }
+        apply(&mut scene, "material.the.floor.kind=open-pbr").expect("a kind by name");
+        apply(&mut scene, "material.the.floor.base_color.factor=[0.5,0.25,0]").expect("a colour");
+        apply(&mut scene, "material.the.floor.coat_weight=0.75").expect("a plain number");
+        let MaterialKind::OpenPbr(p) = &scene.materials[0].kind else { panic!("not open-pbr") };
+        assert_eq!((p.base_color.factor, p.coat_weight.factor), (Rgb::new(0.5, 0.25, 0.0), 0.75));
+        let wrong = apply(&mut scene, "material.the.floor.coat_weight=much").expect_err("no number");
+        assert!(wrong.to_string().contains("expected a number"), "{wrong}");
+        let wrong = apply(&mut scene, "material.the.floor.kind=dielectrik").expect_err("no kind");
+        assert!(wrong.to_string().contains("did you mean dielectric?"), "{wrong}");
     }
 
     #[test]

@@ -123,9 +123,12 @@ impl MovingMesh {
         mesh
     }
 
-    /// Three corners at a time.
+    /// Three corners of a triangle at a time from 0 to 1.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
     #[inline(always)]
-    pub(crate) fn corners(&self, triangle: usize, time: f32) -> [Vec3; 3] {
+    pub fn corners(&self, triangle: usize, time: f32) -> [Vec3; 3] {
         let [a, b, c] = self.first.indices[triangle];
         let (before, after, s) = self.positions(time);
         let at = |v: u32| lerp(before[v as usize], after[v as usize], s);

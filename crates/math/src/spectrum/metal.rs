@@ -1,8 +1,8 @@
 //! Metals by name: complex indices of refraction, measured.
 //!
 //! The tables are those of refractiveindex.info (M. N. Polyanskiy, Sci. Data 11, 94, 2024; CC0), of the papers named with each, from
-//! the last entry below 360 nm to the first above 830 nm. For platinum and tungsten, whose table there comes from electrons and not
-//! from light, they are a published fit to optical measurements.
+//! the last entry below 360 nm to the first above 830 nm. For platinum and tungsten they are there as `Rakic-LD`, a fit to optical
+//! measurements (the tables of Werner et al. come from electrons and not from light), here at fewer wavelengths.
 
 use super::response::rgb_of_reflectance;
 use super::{ColorMode, Rgb, SampledSpectrum, table};
@@ -222,6 +222,35 @@ mod tests {
             assert!(metal.rows.windows(2).all(|w| w[0][0] < w[1][0]), "{}", metal.name);
             assert!(metal.rows[0][0] <= 360.0 && metal.rows[metal.rows.len() - 1][0] >= 830.0, "{}", metal.name);
         }
+    }
+
+    #[test]
+    fn tables_are_those_of_the_database() {
+        let place = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/spectra/refractiveindex.info/main");
+        let mut compared = 0;
+        for metal in METALS {
+            let paper = match metal.symbol {
+                "Al" => "Rakic",
+                "Pt" | "W" => continue,
+                _ => "Johnson",
+            };
+            let Ok(text) = std::fs::read_to_string(format!("{place}/{}/nk/{paper}.yml", metal.symbol)) else {
+                eprintln!("skipped: the table of {} is absent", metal.name);
+                continue;
+            };
+            let row = |line: &str| {
+                let numbers: Vec<f32> = line.split_whitespace().map_while(|n| n.parse().ok()).collect();
+                <[f32; 3]>::try_from(numbers).ok()
+            };
+            let rows: Vec<[f32; 3]> = text.lines().filter_map(row).collect();
+            for &[lambda, n, k] in metal.rows {
+                let close = |a: f32, b: f32| (a - b).abs() <= 1e-4 * b;
+                let is_it = |r: &&[f32; 3]| close(r[0] * 1000.0, lambda) && close(r[1], n) && close(r[2], k);
+                assert!(rows.iter().find(is_it).is_some(), "{} at {lambda} nm", metal.name);
+                compared += 1;
+            }
+        }
+        assert!(compared == 0 || compared > 100, "{compared}");
     }
 
     #[test]

@@ -1,13 +1,16 @@
 //! All lights in one table: lights without a surface, emissive surfaces, the environment.
 
 use super::surfaces::SurfaceTable;
+use super::volumes::VolumeTable;
 use crate::light_sampler::LightSummary;
-use snell_intersect::{Geometry, GeometryId, GroupId, World};
-use snell_math::{ColorMode, Transform};
-use snell_scene::light::area::{AreaLight, EmissiveGeometry};
+use snell_intersect::{Geometry, GeometryId, GroupId, Instance, World};
+use snell_math::{ColorMode, Transform, Vec3};
+use snell_scene::light::LightBounds;
+use snell_scene::light::area::{AreaLight, EmissiveGeometry, MovingAreaLight};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::ShadingPoint;
-use snell_scene::{Light, Material, MaterialId, Scene, TextureSet};
+use snell_scene::medium::Glow;
+use snell_scene::{Light, Material, MaterialId, MediumId, Scene, TextureSet};
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
@@ -23,6 +26,10 @@ pub enum CompiledLight {
     Light(Light),
     /// An emissive surface at one place.
     Area(AreaLight),
+    /// An emissive surface that moves while the shutter is open.
+    Moving(Box<MovingAreaLight>),
+    /// A medium that glows.
+    Medium(MediumId, Box<Glow>),
     /// The environment.
     Environment,
 }
@@ -36,6 +43,8 @@ pub struct LightTable {
     /// Position of the environment.
     pub environment: Option<usize>,
     by_surface: HashMap<(u32, u32), usize>,
+    /// Those that are media.
+    media: Vec<(MediumId, usize)>,
     /// Whether each shines on both sides.
     two_sided: Vec<bool>,
     spent: u64,
@@ -49,6 +58,7 @@ impl LightTable {
         materials: &[Material],
         textures: &TextureSet,
         environment: Option<&EnvironmentLight>,
+        volumes: Option<&VolumeTable>,
         scene_radius: f64,
     ) -> Self {
         let mut table = Self::default();
@@ -59,7 +69,12 @@ impl LightTable {
         let emissive = EmissiveGroups::new(world, surfaces, materials);
         if !emissive.is_empty() {
             let parts = Parts { world, surfaces, materials, textures, emissive: &emissive };
-            table.add_surfaces(&parts, GroupId(0), 0, &Transform::IDENTITY);
+            table.add_surfaces(&parts, GroupId(0), 0, &Place::default());
+        }
+        for (medium, glow) in volumes.iter().flat_map(|v| v.glows()) {
+            table.media.push((medium, table.lights.len()));
+            let power = 4.0 * PI * glow.intensity();
+            table.push(CompiledLight::Medium(medium, Box::new(glow)), power);
         }
         if let Some(environment) = environment {
             table.environment = Some(table.lights.len());
@@ -82,6 +97,17 @@ impl LightTable {
             CompiledLight::Area(area) => {
                 (0..area.part_count()).map(|part| area.part_bounds(part, self.two_sided[i])).collect()
             }
+            CompiledLight::Moving(light) => {
+                (0..light.first.part_count()).map(|part| light.part_bounds(part, self.two_sided[i])).collect()
+            }
+            CompiledLight::Medium(_, glow) => vec![LightBounds {
+                bounds: glow.bounds(),
+                axis: Vec3::Z,
+                cos_spread: -1.0,
+                cos_emission: 0.0,
+                is_two_sided: false,
+                intensity: glow.intensity(),
+            }],
             CompiledLight::Environment => Vec::new(),
         };
         let summary = |i: usize| LightSummary {
@@ -102,12 +128,16 @@ impl LightTable {
         self.by_surface.get(&(instance, geometry)).copied()
     }
 
-    fn add_surfaces(&mut self, parts: &Parts, group: GroupId, instance: u32, world_from_group: &Transform) {
+    pub fn of_medium(&self, medium: MediumId) -> Option<usize> {
+        self.media.iter().find(|(id, _)| *id == medium).map(|(_, light)| *light)
+    }
+
+    fn add_surfaces(&mut self, parts: &Parts, group: GroupId, instance: u32, place: &Place) {
         let contents = parts.world.group(group);
         self.spent += COST_OF_INSTANCE;
         for &id in &contents.geometries {
             if parts.emissive.geometries[id.0 as usize] && self.is_complete() {
-                self.add_surface(parts, id, instance, world_from_group);
+                self.add_surface(parts, id, instance, place);
             }
         }
         let mut next = instance + 1;
@@ -115,35 +145,37 @@ impl LightTable {
             if !self.is_complete() {
                 return;
             }
-            // What moves while the shutter is open shines when it is hit, but is not sampled: its place depends on the time.
-            if parts.emissive.groups[child.child.0 as usize] && child.later.is_empty() {
-                let placed = world_from_group.compose(&child.group_from_child);
-                self.add_surfaces(parts, child.child, next, &placed);
+            if parts.emissive.groups[child.child.0 as usize] {
+                self.add_surfaces(parts, child.child, next, &place.within(child));
             }
             next += parts.world.occurrences_below(child.child);
         }
     }
 
-    fn add_surface(&mut self, parts: &Parts, id: GeometryId, instance: u32, world_from_group: &Transform) {
+    fn add_surface(&mut self, parts: &Parts, id: GeometryId, instance: u32, place: &Place) {
+        let world_from_group = &place.world_from_group;
         let material = |primitive| parts.material(instance, id, primitive);
-        let (geometry, placed, emitting) = match parts.world.geometry(id) {
+        let mut group_from_geometry = Transform::IDENTITY;
+        let (geometry, emitting) = match parts.world.geometry(id) {
             Geometry::Mesh(mesh) => {
                 let emits = |t: &u32| is_light(material(*t));
                 let triangles: Vec<u32> = (0..mesh.indices.len() as u32).filter(emits).collect();
                 self.spent += mesh.indices.len() as u64 + COST_OF_TRIANGLE * triangles.len() as u64;
                 let emitting = Emitting::of(triangles.iter().map(|&t| material(t)));
-                (EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles }, *world_from_group, emitting)
+                (EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles }, emitting)
             }
             Geometry::Shape(shape, group_from_shape) => {
                 let emitting = Emitting::of(Some(material(0)).filter(|m| is_light(m)).into_iter());
-                (EmissiveGeometry::Shape(shape.clone()), world_from_group.compose(group_from_shape), emitting)
+                group_from_geometry = *group_from_shape;
+                (EmissiveGeometry::Shape(shape.clone()), emitting)
             }
-            // Shine when they are hit, but are not sampled.
+            // Shine when they are hit, but are not sampled; so do meshes that are bent while the shutter is open.
             Geometry::Quads(_) | Geometry::MovingMesh(_) | Geometry::Set(_) => return,
         };
         if !emitting.any {
             return;
         }
+        let placed = world_from_group.compose(&group_from_geometry);
         let Some(light) = AreaLight::new(geometry, placed, (instance, id.0)) else { return };
         let points = match (emitting.varies, light.part_count()) {
             (false, _) => 1,
@@ -164,9 +196,38 @@ impl LightTable {
         let sides = if emitting.both_sides { 2.0 } else { 1.0 };
         let power = light.area() * PI * sides * light.mean_radiance();
         self.by_surface.insert((instance, id.0), self.lights.len());
-        self.push(CompiledLight::Area(light), power);
+        let compiled = match place.is_moving() {
+            true => {
+                let carriers = place.carriers.clone();
+                CompiledLight::Moving(Box::new(MovingAreaLight::new(light, carriers, group_from_geometry)))
+            }
+            false => CompiledLight::Area(light),
+        };
+        self.push(compiled, power);
         self.two_sided.pop();
         self.two_sided.push(emitting.both_sides);
+    }
+}
+
+/// Where a group is.
+#[derive(Clone, Default)]
+struct Place {
+    /// When the shutter opens.
+    world_from_group: Transform,
+    /// The instances that hold it, outermost first.
+    carriers: Vec<Instance>,
+}
+
+impl Place {
+    /// The place of what an instance holds.
+    fn within(&self, instance: &Instance) -> Self {
+        let mut carriers = self.carriers.clone();
+        carriers.push(instance.clone());
+        Self { world_from_group: self.world_from_group.compose(&instance.group_from_child), carriers }
+    }
+
+    fn is_moving(&self) -> bool {
+        self.carriers.iter().any(|instance| !instance.later.is_empty())
     }
 }
 

@@ -20,7 +20,7 @@ use snell_math::{Bounds3d, ColorMode, Ray, Rgb, Vec3, rng};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::material::ShadingPoint;
 use snell_scene::{
-    Background, Environment, Material, MaterialId, NodeId, Pose, Scene, SceneError, TextureSet, Warning,
+    Background, Environment, Material, MaterialId, MediumId, NodeId, Pose, Scene, SceneError, TextureSet, Warning,
 };
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -161,12 +161,12 @@ impl CompiledScene {
         let Built { world, surfaces, textures, environment, moves } = built;
         let bounds = finite_part(&scene_bounds(&world));
         let (sky, radius) = (environment.as_deref(), bounds.radius());
-        let lights = LightTable::new(scene, &world, &surfaces, &materials, &textures, sky, radius);
+        let volumes = VolumeTable::new(scene, &materials)?;
+        let lights = LightTable::new(scene, &world, &surfaces, &materials, &textures, sky, volumes.as_ref(), radius);
         let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
         if !lights.is_complete() && !warnings.iter().any(|w| w.message == message) {
             Warning::note(&mut warnings, message.into(), 1);
         }
-        let volumes = VolumeTable::new(scene, &materials)?;
         let radius = bounds.radius() as f32;
         Ok(Self {
             materials,
@@ -218,6 +218,11 @@ impl CompiledScene {
     /// The light that an emissive surface is, if it can be sampled.
     pub fn light_of(&self, instance: u32, geometry: u32) -> Option<usize> {
         self.lights.of_surface(instance, geometry)
+    }
+
+    /// The light that a medium is, if it glows and can be sampled.
+    pub fn light_of_medium(&self, medium: MediumId) -> Option<usize> {
+        self.lights.of_medium(medium)
     }
 
     /// The environment's position among the lights.

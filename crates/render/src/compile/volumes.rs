@@ -2,7 +2,7 @@
 
 use super::CompileError;
 use snell_scene::material::Interior;
-use snell_scene::medium::PreparedMedium;
+use snell_scene::medium::{Glow, PreparedMedium};
 use snell_scene::{Material, MaterialId, MediumId, Scene, SceneError};
 
 /// The media of a scene and the surfaces that bound them. A scene without has none of this, and pays nothing for it.
@@ -67,6 +67,15 @@ impl VolumeTable {
     /// A medium of the scene.
     pub fn medium(&self, id: MediumId) -> &PreparedMedium {
         &self.media[id.index()]
+    }
+
+    /// The media that are anywhere and glow so that points of them can be sampled.
+    pub fn glows(&self) -> impl Iterator<Item = (MediumId, Glow)> {
+        let is_used = |id: MediumId| {
+            self.everywhere == Some(id) || self.boundaries.iter().flatten().any(|b| b.interior.medium == Some(id))
+        };
+        let ids = (0..self.media.len() as u32).map(MediumId).filter(move |&id| is_used(id));
+        ids.filter_map(|id| Some((id, self.medium(id).glow()?)))
     }
 
     /// What a material bounds.

@@ -236,6 +236,7 @@ fn take_roots(nodes: &mut [Node]) {
 mod tests {
     use super::*;
     use snell_math::rng::uniform2;
+    use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
 
     /// Light from one corner of the sky and a little from everywhere, gathered in rounds.
     fn learnt(rounds: u32) -> Density {
@@ -321,29 +322,16 @@ mod tests {
         let (rows, columns, n) = (16usize, 32usize, 400_000u32);
         for rounds in [1, 3, 6] {
             let density = learnt(rounds);
-            let mut counts = vec![0.0f64; rows * columns];
+            let mut counts = vec![0u32; rows * columns];
             for i in 0..n {
                 let (direction, _) = density.sample(uniform2([i, rounds, 5, 7]));
                 let p = square_from_direction(direction);
-                counts[(p.y * rows as f32) as usize * columns + (p.x * columns as f32) as usize] += 1.0;
+                counts[(p.y * rows as f32) as usize * columns + (p.x * columns as f32) as usize] += 1;
             }
-            let (mut chi2, mut cells, mut rest) = (0.0, 0.0, (0.0, 0.0));
-            for (share, &count) in shares(&density, rows, columns).into_iter().zip(&counts) {
-                let expected = share * f64::from(n);
-                if expected < 5.0 {
-                    rest = (rest.0 + expected, rest.1 + count);
-                } else {
-                    chi2 += (count - expected).powi(2) / expected;
-                    cells += 1.0;
-                }
-            }
-            if rest.0 > 5.0 {
-                chi2 += (rest.1 - rest.0).powi(2) / rest.0;
-                cells += 1.0;
-            }
-            // Chi-squared of many cells is nearly normal; three trees share a significance of 0.01.
-            let z = (chi2 - (cells - 1.0)) / (2.0f64 * (cells - 1.0)).sqrt();
-            assert!(z < 3.0, "{rounds} rounds: chi2 {chi2} of {cells} cells");
+            let expected: Vec<f64> =
+                shares(&density, rows, columns).into_iter().map(|share| share * f64::from(n)).collect();
+            let deviation = chi_squared_deviation(&counts, &expected);
+            assert!(deviation < sidak_deviation(0.01, 3), "{rounds} rounds: {deviation} standard deviations");
         }
     }
 

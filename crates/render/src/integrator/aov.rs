@@ -1,9 +1,10 @@
 //! Arbitrary output variables: what the first hit is, apart from its light.
 
 use super::light_part::{LightPart, Lobe, Scatterings};
-use super::{Context, SurfaceVertex, Vertex, outgoing};
+use super::{Context, SurfaceVertex, Vertex, motion, outgoing};
 use snell_intersect::Hit;
 use snell_math::{Rgb, Vec3};
+use snell_scene::Camera;
 use snell_scene::bsdf::Lobes;
 
 /// How the samples of a pixel make its value.
@@ -51,6 +52,8 @@ pub enum Aov {
     Facing,
     /// Barycentric coordinates of the hit triangle.
     Barycentrics,
+    /// Way over the picture of what is hit while the shutter is open, in pixels: to the right and down.
+    Motion,
     /// Nodes of acceleration structures that the camera ray visited.
     NodesVisited,
     /// Triangles and shapes that the camera ray was tested against.
@@ -69,7 +72,7 @@ pub enum Aov {
 
 impl Aov {
     /// All AOVs.
-    pub const ALL: [Self; 30] = [
+    pub const ALL: [Self; 31] = [
         Self::Depth,
         Self::Distance,
         Self::Position,
@@ -83,6 +86,7 @@ impl Aov {
         Self::MaterialId,
         Self::Facing,
         Self::Barycentrics,
+        Self::Motion,
         Self::NodesVisited,
         Self::PrimitivesTested,
         Self::Noise,
@@ -118,6 +122,7 @@ impl Aov {
             Self::MaterialId => "material-id",
             Self::Facing => "facing",
             Self::Barycentrics => "barycentrics",
+            Self::Motion => "motion",
             Self::NodesVisited => "nodes-visited",
             Self::PrimitivesTested => "primitives-tested",
             Self::Noise => "noise",
@@ -133,6 +138,7 @@ impl Aov {
         match self {
             Self::Position | Self::Normal | Self::GeometricNormal => &["X", "Y", "Z"],
             Self::Uv | Self::Barycentrics => &["U", "V"],
+            Self::Motion => &["X", "Y"],
             Self::Albedo | Self::Light(_) => &["R", "G", "B"],
             Self::Depth => &["Z"],
             Self::CryptoObject | Self::CryptoMaterial => &[],
@@ -171,14 +177,24 @@ impl Aov {
     }
 
     /// Appends the values at a camera ray's vertex.
-    pub fn extend(self, context: &Context, vertex: &Vertex, towards: Vec3, counters: [u32; 2], values: &mut Vec<f32>) {
+    pub fn extend(
+        self,
+        context: &Context,
+        vertex: &Vertex,
+        camera: &Camera,
+        counters: [u32; 2],
+        values: &mut Vec<f32>,
+    ) {
         match (self, &vertex.surface) {
             _ if matches!(self.kind(), AovKind::OfFilm | AovKind::Coverage) => {}
             // Found on the way.
             (Self::Light(_), _) => values.extend([0.0; 3]),
             (Self::NodesVisited, _) => values.push(counters[0] as f32),
             (Self::PrimitivesTested, _) => values.push(counters[1] as f32),
-            (_, Some(surface)) => self.extend_surface(context, vertex, surface, towards, values),
+            (Self::Motion, _) => values.extend(motion::on_the_picture(context, camera, vertex)),
+            (_, Some(surface)) => {
+                self.extend_surface(context, vertex, surface, camera.towards.as_vec3(), values);
+            }
             (_, None) => {
                 let miss = if self.kind() == AovKind::First { -1.0 } else { 0.0 };
                 values.extend(self.channels().iter().map(|_| miss));
@@ -215,7 +231,8 @@ impl Aov {
             Self::Facing => values.push(outgoing(vertex.ray).dot(s.geometric_normal)),
             Self::Barycentrics => values.extend(s.primitive_uv.to_array()),
             Self::NodesVisited | Self::PrimitivesTested => values.push(0.0),
-            Self::Noise | Self::Samples | Self::Light(_) | Self::CryptoObject | Self::CryptoMaterial => {}
+            Self::Motion | Self::Noise | Self::Samples | Self::Light(_) | Self::CryptoObject | Self::CryptoMaterial => {
+            }
         }
     }
 
@@ -249,6 +266,11 @@ impl Aov {
                 } else {
                     Rgb::new(-v(0), 0.0, 0.0)
                 }
+            }
+            // As normal maps are seen: grey where nothing moves; 64 pixels are as much as is shown.
+            Self::Motion => {
+                let f = |x: f32| (x / 128.0 + 0.5).clamp(0.0, 1.0);
+                Rgb::new(f(v(0)), f(v(1)), 0.5)
             }
             Self::Noise => heat((v(0) * 10.0).clamp(0.0, 1.0)),
             Self::Samples => heat(((1.0 + v(0).max(0.0)).log2() / 14.0).min(1.0)),

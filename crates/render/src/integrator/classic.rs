@@ -28,7 +28,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let ambient = shading.ambient(wo) * vertex.state.mode.illuminant(context.scene.ambient + context.settings.fill);
     out.radiance = throughput * (surface.material.emitted(&point, wo) + ambient);
     let local = |wi| shading.eval_classic(wo, wi);
-    add_lights(context, throughput, &vertex.random, &Arrival::at_surface(surface), local, out);
+    add_lights(context, throughput, &vertex.random, &Arrival::at_surface(surface, vertex.state.time), local, out);
     let follows = context.settings.integrator == IntegratorKind::Whitted && vertex.depth < context.settings.max_depth;
     if follows {
         add_branches(vertex, surface, &shading, wo, out);

@@ -3,12 +3,13 @@
 use super::light_part::LightSource;
 use super::{Context, PathState, SurfaceVertex, Vertex};
 use crate::compile::CompiledLight;
-use crate::light_sampler::ChosenLight;
+use crate::light_sampler::{ChosenLight, LightSampler, Receiver};
 use crate::settings::LightStrategy;
 use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3, robust};
-use snell_scene::Background;
-use snell_scene::light::area::DirectedSample;
+use snell_scene::light::area::{AreaLight, AreaSample, DirectedSample};
+use snell_scene::medium::Glow;
+use snell_scene::{Background, MediumId};
 
 /// How far along a shadow ray to a point occluders count: just short of the light itself.
 const SHADOW_END: f32 = 1.0 - 1e-4;
@@ -46,6 +47,8 @@ pub struct IncidentLight {
     pub source: LightSource,
     /// The ray whose interval must be free.
     pub shadow_ray: Ray,
+    /// The medium that glows at the end of the ray, which must be there; `None` for all other light.
+    pub glowing: Option<MediumId>,
 }
 
 /// Where light arrives and shadow rays begin.
@@ -57,6 +60,8 @@ pub struct Arrival {
     pub surface: Option<Skin>,
     /// What spectra mean to the path.
     pub mode: ColorMode,
+    /// When.
+    pub time: f32,
 }
 
 /// What rays must know of the surface that they leave.
@@ -70,9 +75,9 @@ pub struct Skin {
 
 impl Arrival {
     /// At a surface.
-    pub fn at_surface(vertex: &SurfaceVertex) -> Self {
+    pub fn at_surface(vertex: &SurfaceVertex, time: f32) -> Self {
         let &SurfaceInteraction { position, position_error, geometric_normal, .. } = vertex.interaction;
-        Self { position, surface: Some(Skin { position_error, geometric_normal }), mode: vertex.mode }
+        Self { position, surface: Some(Skin { position_error, geometric_normal }), mode: vertex.mode, time }
     }
 
     fn ray_origin(&self, direction: Vec3) -> Vec3 {
@@ -91,15 +96,19 @@ pub fn sample_whole_light(context: &Context, at: &Arrival, light: usize, u: Vec2
             let (direction, pdf) = context.scene.environment.as_ref()?.sample(u);
             from_environment(context, at, direction, pdf)
         }
-        CompiledLight::Area(area) => {
-            let sample = area.sample(u)?;
-            let to_light = sample.surface.position - at.position;
-            let direction = to_light.try_normalize()?;
-            let cos = direction.dot(sample.surface.geometric_normal).abs();
-            let pdf = sample.pdf_area * to_light.length_squared() / cos;
-            from_surface(context, at, DirectedSample { surface: sample.surface, direction, pdf })
-        }
+        CompiledLight::Medium(..) => None,
+        CompiledLight::Area(area) => from_area(context, at, area.sample(u)?),
+        CompiledLight::Moving(light) => from_area(context, at, light.sample(at.time, u)?),
     }
+}
+
+/// Light from a point of an emissive surface that was chosen by area.
+fn from_area(context: &Context, at: &Arrival, sample: AreaSample) -> Option<IncidentLight> {
+    let to_light = sample.surface.position - at.position;
+    let direction = to_light.try_normalize()?;
+    let cos = direction.dot(sample.surface.geometric_normal).abs();
+    let pdf = sample.pdf_area * to_light.length_squared() / cos;
+    from_surface(context, at, DirectedSample { surface: sample.surface, direction, pdf })
 }
 
 /// Light arriving from a point of the chosen light; its `pdf` is that of the point only, without the probability of the choice.
@@ -123,20 +132,22 @@ pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Ve
                 is_delta: sample.is_delta,
                 source: LightSource::Light(chosen.light as u32),
                 shadow_ray,
+                glowing: None,
             })
         }
         CompiledLight::Area(area) => {
-            let (part, probability, u) = match chosen.part {
-                Some(part) => (part, 1.0, u),
-                None => {
-                    let (part, probability, rest) = area.choose_part(u.x);
-                    (part, probability, Vec2::new(rest, u.y))
-                }
-            };
+            let (part, probability, u) = part_of_choice(area, chosen, u);
             let mut sample = area.sample_from(part, at.position, u)?;
             sample.pdf *= probability;
             from_surface(context, at, sample)
         }
+        CompiledLight::Moving(light) => {
+            let (part, probability, u) = part_of_choice(&light.first, chosen, u);
+            let mut sample = light.sample_from(part, at.time, at.position, u)?;
+            sample.pdf *= probability;
+            from_surface(context, at, sample)
+        }
+        CompiledLight::Medium(medium, glow) => from_glow(at, *medium, glow, u),
         CompiledLight::Environment => {
             let sky = scene.environment.as_ref()?;
             let (direction, pdf) = match context.settings.light_strategy {
@@ -148,6 +159,17 @@ pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Ve
     }
 }
 
+/// The part of a chosen light, its probability if it had to be chosen yet, and what is left of the numbers.
+fn part_of_choice(light: &AreaLight, chosen: &ChosenLight, u: Vec2) -> (u32, f32, Vec2) {
+    match chosen.part {
+        Some(part) => (part, 1.0, u),
+        None => {
+            let (part, probability, rest) = light.choose_part(u.x);
+            (part, probability, Vec2::new(rest, u.y))
+        }
+    }
+}
+
 /// Light from a direction of the environment.
 fn from_environment(context: &Context, at: &Arrival, direction: Vec3, pdf: f32) -> Option<IncidentLight> {
     let sky = context.scene.environment.as_ref()?;
@@ -155,7 +177,32 @@ fn from_environment(context: &Context, at: &Arrival, direction: Vec3, pdf: f32) 
     let shadow_ray = Ray::new(at.ray_origin(direction), direction);
     let arrives = !radiance.is_black() && pdf > 0.0;
     let source = LightSource::Environment;
-    arrives.then_some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray })
+    arrives.then_some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing: None })
+}
+
+/// Light from a point of a medium that glows.
+///
+/// Points are chosen by volume; paths that go through the medium find it all along their way. To compare the two, the density of a
+/// point is that of its direction times a typical length of ways through the medium.
+fn from_glow(at: &Arrival, medium: MediumId, glow: &Glow, u: Vec2) -> Option<IncidentLight> {
+    let (target, pdf) = glow.sample(u);
+    let to_light = target - at.position;
+    let direction = to_light.try_normalize()?;
+    let pdf = pdf * to_light.length_squared() * glow.chord();
+    let radiance = glow.emission(target, at.mode) * glow.chord();
+    if radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {
+        return None;
+    }
+    let origin = at.ray_origin(direction);
+    let shadow_ray = Ray::new(origin, target - origin).with_t_max(SHADOW_END);
+    let (source, glowing) = (LightSource::Medium, Some(medium));
+    Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing })
+}
+
+/// What [`from_glow`] says of the density of a point at which a path finds a glowing medium, choice of the light included.
+pub fn light_pdf_of_glow(lights: &LightSampler, receiver: &Receiver, light: usize, glow: &Glow, point: Vec3) -> f32 {
+    let pdf = glow.pdf(point) * (point - receiver.position).length_squared() * glow.chord();
+    if pdf > 0.0 && pdf.is_finite() { pdf * lights.probability(receiver, light, (0, 1.0)) } else { 0.0 }
 }
 
 /// Light from a point of an emissive surface.
@@ -174,7 +221,7 @@ fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Opti
     let target = sample.surface.ray_origin(-direction);
     let shadow_ray = Ray::new(origin, target - origin).with_t_max(SHADOW_END);
     let source = LightSource::Material(material_id);
-    Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray })
+    Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing: None })
 }
 
 /// The hit that an interaction describes.
@@ -193,10 +240,19 @@ fn hit_of(surface: &SurfaceInteraction) -> snell_intersect::Hit {
 pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVertex) -> f32 {
     let scene = context.scene;
     let Some(light) = scene.light_of(surface.hit.instance, surface.hit.geometry) else { return 0.0 };
-    let CompiledLight::Area(area) = &scene.lights()[light] else { return 0.0 };
+    let area = match &scene.lights()[light] {
+        CompiledLight::Area(area) => area,
+        CompiledLight::Moving(moving) => &moving.first,
+        CompiledLight::Light(_) | CompiledLight::Medium(..) | CompiledLight::Environment => return 0.0,
+    };
     let Some(part) = area.part_of(surface.hit.primitive) else { return 0.0 };
-    let receiver = &vertex.state.receiver;
-    let pdf = area.pdf_from(part, receiver.position, surface.interaction, vertex.ray.direction);
+    let (receiver, direction) = (&vertex.state.receiver, vertex.ray.direction);
+    let pdf = match &scene.lights()[light] {
+        CompiledLight::Moving(moving) => {
+            moving.pdf_from(part, vertex.state.time, receiver.position, surface.interaction, direction)
+        }
+        _ => area.pdf_from(part, receiver.position, surface.interaction, direction),
+    };
     pdf * context.lights.probability(receiver, light, (part, area.part_probability(part)))
 }
 

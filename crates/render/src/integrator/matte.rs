@@ -194,7 +194,7 @@ impl MatteVertices {
         let geometric_normal = at(&self.points.geometric_normal, lane);
         let position = at(&self.points.position, lane);
         let skin = Skin { position_error: at(&self.points.position_error, lane), geometric_normal };
-        let arrival = Arrival { position, surface: Some(skin), mode: state.mode };
+        let arrival = Arrival { position, surface: Some(skin), mode: state.mode, time: state.time };
         Seen { arrival, normal, geometric_normal, cos_o: normal.dot(wo), side: geometric_normal.dot(wo), reflectance }
     }
 

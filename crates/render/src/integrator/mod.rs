@@ -11,6 +11,7 @@ mod flat;
 mod guided;
 pub mod light_part;
 pub(crate) mod matte;
+mod motion;
 pub(crate) mod path;
 mod scattering;
 
@@ -22,9 +23,9 @@ use crate::settings::Settings;
 use light_part::{LightSource, LobeShares};
 use snell_intersect::{Hit, SurfaceInteraction};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
-use snell_scene::Material;
 use snell_scene::material::ShadingPoint;
 use snell_scene::medium::HenyeyGreenstein;
+use snell_scene::{Material, MediumId};
 
 /// Which integrator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -194,6 +195,8 @@ pub struct Outputs {
     pub light_rays: Vec<(Ray, SampledSpectrum)>,
     /// Where the light of the light rays comes from, if one source is meant.
     pub light_source: Option<LightSource>,
+    /// The medium that must glow at the end of the light rays for them to count; `None` for all other light.
+    pub glowing: Option<MediumId>,
     /// By multiple importance sampling.
     pub weights: Weights,
     /// What scatters the light of the light rays, at the first vertex and where [`Context::wants_lobes`].
@@ -226,6 +229,7 @@ impl Default for Outputs {
             radiance: SampledSpectrum::ZERO,
             light_rays: Vec::new(),
             light_source: None,
+            glowing: None,
             weights: Weights::default(),
             light_lobe: LobeShares::UNKNOWN,
             next: Vec::new(),
@@ -238,7 +242,7 @@ impl Outputs {
     /// Empties all lists.
     pub fn clear(&mut self) {
         self.radiance = SampledSpectrum::ZERO;
-        (self.light_source, self.light_lobe) = (None, LobeShares::UNKNOWN);
+        (self.light_source, self.light_lobe, self.glowing) = (None, LobeShares::UNKNOWN, None);
         self.weights = Weights::default();
         self.light_rays.clear();
         self.next.clear();

@@ -12,6 +12,7 @@ use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, 
 use crate::light_sampler::Receiver;
 use crate::settings::LightStrategy;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
+use snell_scene::MediumId;
 
 /// Roulette starts after this many bounces.
 pub(crate) const ROULETTE_DEPTH: u32 = 4;
@@ -59,7 +60,8 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let guided = GuidedBsdf::new(context.field, &shading, &receiver);
     if !shading.is_delta() {
         let bsdf = |wi| (shading.eval(wo, wi), guided.pdf(wo, wi));
-        let direction = light_sample(context, vertex, Arrival::at_surface(surface), &receiver, bsdf, out);
+        let direction =
+            light_sample(context, vertex, Arrival::at_surface(surface, vertex.state.time), &receiver, bsdf, out);
         if let Some(wi) = direction {
             out.light_lobe = first_lobe(context, vertex, || LobeShares::of_surface(&shading, wo, wi, false));
         }
@@ -85,11 +87,17 @@ fn escaped(context: &Context, vertex: &Vertex) -> (SampledSpectrum, f32) {
 }
 
 fn weight_of_bsdf_sample(context: &Context, vertex: &Vertex, light_pdf: impl Fn() -> f32) -> f32 {
-    if vertex.state.bsdf_pdf == 0.0 {
+    weight_of_found_light(context.settings.light_strategy, vertex.state.bsdf_pdf, light_pdf)
+}
+
+/// Weight of light that a path found by itself, in a direction of this density (0: nothing else could have).
+#[inline]
+pub(crate) fn weight_of_found_light(strategy: LightStrategy, bsdf_pdf: f32, light_pdf: impl Fn() -> f32) -> f32 {
+    if bsdf_pdf == 0.0 {
         return 1.0;
     }
-    match context.settings.light_strategy {
-        LightStrategy::Mis => sampling::power_heuristic(vertex.state.bsdf_pdf, light_pdf()),
+    match strategy {
+        LightStrategy::Mis => sampling::power_heuristic(bsdf_pdf, light_pdf()),
         LightStrategy::Light => f32::from(light_pdf() == 0.0),
         LightStrategy::Bsdf => 1.0,
     }
@@ -110,6 +118,7 @@ pub(super) fn light_sample(
     let found = weighted_light(context, vertex.state.throughput, &at, receiver, u_choice, u, scattering)?;
     out.light_source = Some(found.source);
     out.weights.light = found.weight;
+    out.glowing = found.glowing;
     out.light_rays.push((found.shadow_ray, found.value));
     Some(found.direction)
 }
@@ -127,6 +136,8 @@ pub(crate) struct WeightedLight {
     pub source: LightSource,
     /// Its weight by multiple importance sampling; it is in the value.
     pub weight: f32,
+    /// See [`Outputs::glowing`].
+    pub glowing: Option<MediumId>,
 }
 
 /// A light sample for a path of this throughput; `scattering` as in [`light_sample`].
@@ -159,8 +170,8 @@ pub(crate) fn weighted_light(
     if value.is_black() || !value.is_finite() {
         return None;
     }
-    let IncidentLight { shadow_ray, direction, source, .. } = sample;
-    Some(WeightedLight { value, shadow_ray, direction, source, weight })
+    let IncidentLight { shadow_ray, direction, source, glowing, .. } = sample;
+    Some(WeightedLight { value, shadow_ray, direction, source, weight, glowing })
 }
 
 /// The path's first scattering: this one, if it is the first and somebody wants to know.

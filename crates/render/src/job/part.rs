@@ -114,7 +114,7 @@ impl<'a> PartRenderer<'a> {
     ) -> Self {
         let (scene, eye) = (context.scene, camera.eye.as_vec3());
         let sees_media = context.settings.integrator.sees_media();
-        let volumes = if sees_media { VolumeBatch::new(scene, eye) } else { None };
+        let volumes = if sees_media { VolumeBatch::new(&context, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
         let matte = if volumes.is_some() || scene.moves { None } else { Matte::new(&context, sampler) };
         Self {
@@ -313,10 +313,9 @@ impl<'a> PartRenderer<'a> {
             });
             let random = self.samples[i].random.at_vertex(0, 0);
             let vertex = Vertex { depth: 0, ray: &ray, state, random, surface, medium: None };
-            let towards = self.camera.towards.as_vec3();
             self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, &hit)));
             for aov in aovs {
-                aov.extend(&self.context, &vertex, towards, counters, &mut self.aovs);
+                aov.extend(&self.context, &vertex, self.camera, counters, &mut self.aovs);
             }
         }
     }
@@ -469,9 +468,9 @@ impl<'a> PartRenderer<'a> {
         self.outputs.clear();
         (self.shade)(&self.context, &vertex, &mut self.outputs);
         if let Some(volumes) = &mut self.volumes {
-            let Outputs { light_rays, next, .. } = &self.outputs;
+            let Outputs { light_rays, glowing, next, .. } = &self.outputs;
             let next = next.iter().map(|(ray, _)| ray.direction);
-            volumes.note_outputs(path, ray.direction, vertex.surface.as_ref(), random, light_rays, next);
+            volumes.note_outputs(path, ray.direction, vertex.surface.as_ref(), random, light_rays, *glowing, next);
         }
         self.collect(depth, path);
     }

@@ -104,9 +104,15 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, random: Random) -> Opti
     let vertex = random.at_vertex(0, 0);
     let chosen = lights.sample(&Receiver::default(), || vertex.number(dimension::LIGHT))?;
     let (u, v) = (vertex.pair(dimension::POSITION), vertex.pair(dimension::DIRECTION));
-    let (ray, flux) = match &scene.lights()[chosen.light] {
-        CompiledLight::Area(area) => {
-            let sample = area.sample(u)?;
+    let light = &scene.lights()[chosen.light];
+    let (ray, flux) = match light {
+        // Photons see the scene when the shutter opens.
+        CompiledLight::Area(_) | CompiledLight::Moving(_) => {
+            let sample = match light {
+                CompiledLight::Moving(moving) => moving.first.sample(u)?,
+                CompiledLight::Area(area) => area.sample(u)?,
+                _ => return None,
+            };
             let point = scene.shading_point(&sample.surface, 0.0, COLOR);
             let material = scene.material(scene.material_id(&hit_of(&sample.surface)));
             let normal = sample.surface.geometric_normal;
@@ -133,6 +139,10 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, random: Random) -> Opti
                 let area = PI * scene.radius * scene.radius;
                 (from_afar(scene, seen.direction, v), seen.radiance * (area / seen.pdf))
             }
+        }
+        CompiledLight::Medium(_, glow) => {
+            let (position, pdf) = glow.sample(u);
+            (Ray::new(position, sampling::uniform_sphere(v)), glow.emission(position, COLOR) * (4.0 * PI / pdf))
         }
         CompiledLight::Environment => {
             let environment = scene.environment.as_ref()?;

@@ -3,13 +3,12 @@
 
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
-use crate::compile::CompiledScene;
-use crate::integrator::{MediumVertex, SurfaceVertex};
+use crate::integrator::{Context, MediumVertex, SurfaceVertex};
 use crate::sampler::Random;
 use crate::volume::{Insides, LightStep, Numbers, OwnMedia, PathStep, Walker};
 use snell_intersect::{Grouping, Hit, SurfaceInteraction};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
-use snell_scene::MaterialId;
+use snell_scene::{MaterialId, MediumId};
 
 /// Most surfaces that a ray passes between two vertices. No scene that makes sense has as many.
 const MOST_PASSED: usize = 1 << 14;
@@ -27,6 +26,8 @@ pub struct VolumeBatch<'a> {
     pub scattered: Vec<Option<MediumVertex>>,
     light_insides: Vec<Insides>,
     light_numbers: Vec<Numbers>,
+    /// Media that light rays must end in.
+    glowing: Vec<Option<MediumId>>,
     numbers: Vec<Numbers>,
     pending: Vec<u32>,
     rays: Vec<Ray>,
@@ -36,8 +37,8 @@ pub struct VolumeBatch<'a> {
 
 impl<'a> VolumeBatch<'a> {
     /// `None` if the scene has no media.
-    pub fn new(scene: &'a CompiledScene, eye: Vec3) -> Option<Self> {
-        let walker = Walker::new(scene)?;
+    pub fn new(context: &Context<'a>, eye: Vec3) -> Option<Self> {
+        let walker = Walker::new(context)?;
         Some(Self {
             walker,
             own: OwnMedia::new(),
@@ -47,6 +48,7 @@ impl<'a> VolumeBatch<'a> {
             scattered: Vec::new(),
             light_insides: Vec::new(),
             light_numbers: Vec::new(),
+            glowing: Vec::new(),
             numbers: Vec::new(),
             pending: Vec::new(),
             rays: Vec::new(),
@@ -158,6 +160,7 @@ impl<'a> VolumeBatch<'a> {
         surface: Option<&SurfaceVertex>,
         random: Random,
         light_rays: &[(Ray, SampledSpectrum)],
+        glowing: Option<MediumId>,
         next: impl Iterator<Item = Vec3>,
     ) {
         let here = self.insides[path];
@@ -174,6 +177,7 @@ impl<'a> VolumeBatch<'a> {
         for (number, (ray, _)) in light_rays.iter().enumerate() {
             self.light_insides.push(of(&mut self.own, ray.direction));
             self.light_numbers.push(Numbers::of_light_ray(random, number as u32));
+            self.glowing.push(glowing);
         }
         for direction in next {
             self.next.push(of(&mut self.own, direction));
@@ -217,7 +221,9 @@ impl<'a> VolumeBatch<'a> {
                     &mut self.light_numbers[i],
                 );
                 match step {
-                    LightStep::Arrived => {}
+                    LightStep::Arrived => {
+                        light.blocked[i] = !self.walker.is_in(&self.light_insides[i], self.glowing[i])
+                    }
                     LightStep::Blocked => light.blocked[i] = true,
                     LightStep::Passed => {
                         self.pending[kept] = i as u32;
@@ -235,5 +241,6 @@ impl<'a> VolumeBatch<'a> {
         }
         self.light_insides.clear();
         self.light_numbers.clear();
+        self.glowing.clear();
     }
 }

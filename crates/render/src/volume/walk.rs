@@ -2,18 +2,24 @@
 
 use super::insides::{Filling, Inside};
 use super::{Insides, Numbers, OwnMedia};
-use crate::compile::{Boundary, CompiledScene, VolumeTable};
-use crate::integrator::{MediumVertex, PathState};
+use crate::compile::{Boundary, CompiledLight, CompiledScene, VolumeTable};
+use crate::integrator::estimators::light_pdf_of_glow;
+use crate::integrator::path::weight_of_found_light;
+use crate::integrator::{Context, MediumVertex, PathState};
+use crate::light_sampler::LightSampler;
+use crate::settings::LightStrategy;
 use snell_intersect::{Hit, HitFilter, SurfaceInteraction};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
-use snell_scene::MaterialId;
-use snell_scene::medium::{Segment, Travel};
+use snell_scene::medium::{Glow, Segment, Travel};
+use snell_scene::{MaterialId, MediumId};
 
 /// Walks through the media of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Walker<'a> {
     scene: &'a CompiledScene,
     table: &'a VolumeTable,
+    lights: &'a LightSampler,
+    strategy: LightStrategy,
 }
 
 /// What became of a path that was sent along a ray.
@@ -51,8 +57,9 @@ impl HitFilter for Walker<'_> {
 
 impl<'a> Walker<'a> {
     /// `None` if the scene has no media.
-    pub fn new(scene: &'a CompiledScene) -> Option<Self> {
-        scene.volumes.as_ref().map(|table| Self { scene, table })
+    pub fn new(context: &Context<'a>) -> Option<Self> {
+        let &Context { scene, lights, settings, .. } = context;
+        scene.volumes.as_ref().map(|table| Self { scene, table, lights, strategy: settings.light_strategy })
     }
 
     /// True if rays may have to be traced on from surfaces that they pass.
@@ -77,7 +84,7 @@ impl<'a> Walker<'a> {
         radiance: &mut SampledSpectrum,
     ) -> PathStep {
         let segment = segment_to(ray, hit);
-        let travel = self.travel(own, insides, &segment, state.throughput, state.mode, numbers);
+        let travel = self.travel(own, insides, &segment, state, numbers);
         state.throughput = travel.throughput;
         *radiance += travel.emitted;
         if let Some(scattered) = travel.scattered {
@@ -130,15 +137,40 @@ impl<'a> Walker<'a> {
         own: &OwnMedia,
         insides: &Insides,
         segment: &Segment,
-        throughput: SampledSpectrum,
-        mode: ColorMode,
+        state: &PathState,
         numbers: &mut Numbers,
     ) -> Travel {
+        let (throughput, mode) = (state.throughput, state.mode);
         match self.filling(insides) {
             Filling::Empty => Travel::unchanged(throughput),
             Filling::Own(i) => own[i as usize].travel(segment, throughput, numbers.next()),
-            Filling::Medium(id) => self.table.medium(id).travel(segment, throughput, mode, &mut || numbers.next()),
+            Filling::Medium(id) => {
+                let medium = self.table.medium(id);
+                let Some((light, glow)) = self.glow(id).filter(|_| state.bsdf_pdf > 0.0) else {
+                    return medium.travel(segment, throughput, mode, &mut || numbers.next());
+                };
+                let weight = |distance| {
+                    let light_pdf =
+                        || light_pdf_of_glow(self.lights, &state.receiver, light, glow, segment.at(distance));
+                    weight_of_found_light(self.strategy, state.bsdf_pdf, light_pdf)
+                };
+                medium.travel_weighted(segment, throughput, mode, weight, &mut || numbers.next())
+            }
         }
+    }
+
+    /// The light that a medium is.
+    fn glow(&self, medium: MediumId) -> Option<(usize, &'a Glow)> {
+        let light = self.scene.light_of_medium(medium)?;
+        match &self.scene.lights()[light] {
+            CompiledLight::Medium(_, glow) => Some((light, glow)),
+            _ => None,
+        }
+    }
+
+    /// True if a light ray that ends in these insides has come to the medium that it is meant to come from.
+    pub fn is_in(&self, insides: &Insides, glowing: Option<MediumId>) -> bool {
+        glowing.is_none_or(|medium| self.filling(insides) == Filling::Medium(medium))
     }
 
     fn attenuate(

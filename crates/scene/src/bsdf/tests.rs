@@ -4,6 +4,7 @@ use super::{Bsdf, Lobes, fresnel};
 use crate::material::{MaterialKind, ShadingPoint};
 use crate::texture::TextureSet;
 use snell_intersect::SurfaceInteraction;
+use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
 use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec2, Vec3, rng};
 use std::f32::consts::PI;
 
@@ -422,47 +423,15 @@ fn samples_are_distributed_by_their_density() {
         }
         found.push(elsewhere);
         expected.push((1.0 - total).max(0.0));
-        let z = chi2_deviation(&found, &expected, f64::from(n));
+        expected.iter_mut().for_each(|e| *e *= f64::from(n));
+        let z = chi_squared_deviation(&found, &expected);
         tests += 1;
         if z > worst.0 {
             worst = (z, format!("{name}: total {total}"));
         }
     });
-    // One test in a hundred thousand exceeds 4.3 standard deviations; with some 150 tests (Sidak) that is once in 700 seeds.
-    assert!(tests > 100 && worst.0 < 4.3, "{tests} tests, the worst {worst:?}");
-}
-
-/// How many standard deviations the chi-squared statistic is too large (Wilson and Hilferty's approximation). Cells of few expected
-/// samples are pooled.
-fn chi2_deviation(found: &[u32], expected: &[f64], n: f64) -> f64 {
-    let (mut chi2, mut cells) = (0.0, 0.0);
-    let mut pool = (0.0, 0.0);
-    let term = |f: f64, e: f64| (f - e).powi(2) / e;
-    for (&f, &e) in found.iter().zip(expected) {
-        if e * n >= 10.0 {
-            chi2 += term(f64::from(f), e * n);
-            cells += 1.0;
-        } else {
-            pool = (pool.0 + f64::from(f), pool.1 + e * n);
-        }
-    }
-    if pool.1 >= 10.0 {
-        chi2 += term(pool.0, pool.1);
-        cells += 1.0;
-    } else {
-        // Too few to be judged by the statistic: only many more than expected count.
-        chi2 += (pool.0 - pool.1 - 10.0).max(0.0).powi(2) / 10.0;
-    }
-    let k: f64 = (cells - 1.0f64).max(1.0);
-    ((chi2 / k).cbrt() - (1.0 - 2.0 / (9.0 * k))) / (2.0 / (9.0 * k)).sqrt()
-}
-
-#[test]
-fn a_wrong_density_is_found_out() {
-    let n = 40_000u32;
-    let expected = [0.26, 0.24, 0.25, 0.25];
-    assert!(chi2_deviation(&[10_000; 4], &expected, f64::from(n)) > 4.3);
-    assert!(chi2_deviation(&[10_050, 9_950, 9_980, 10_020], &[0.25; 4], f64::from(n)) < 2.0);
+    let limit = sidak_deviation(0.01, tests);
+    assert!(tests > 100 && worst.0 < limit, "{tests} tests, the worst {worst:?}, but at most {limit}");
 }
 
 #[test]

@@ -84,13 +84,30 @@ impl From<Rgb> for ColorParam {
     }
 }
 
-/// A scalar parameter: a factor, times one channel of a texture if there is one.
+/// A scalar parameter: a factor, times one channel of a texture if there is one. Also written as a number alone.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "WrittenScalar")]
 pub struct ScalarParam {
     /// Factor.
     pub factor: f32,
     /// Texture and channel (0 red to 3 alpha) that multiplies the factor.
     pub texture: Option<(TextureId, u8)>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected a number, or {\"factor\": number, \"texture\": …}")]
+enum WrittenScalar {
+    Constant(f32),
+    Whole { factor: f32, texture: Option<(TextureId, u8)> },
+}
+
+impl From<WrittenScalar> for ScalarParam {
+    fn from(written: WrittenScalar) -> Self {
+        match written {
+            WrittenScalar::Constant(factor) => Self::constant(factor),
+            WrittenScalar::Whole { factor, texture } => Self { factor, texture },
+        }
+    }
 }
 
 impl ScalarParam {

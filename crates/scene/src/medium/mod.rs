@@ -6,6 +6,7 @@
 mod analytic;
 mod blackbody;
 mod cloud;
+mod glow;
 mod grid;
 mod height_fog;
 mod homogeneous;
@@ -18,6 +19,7 @@ mod tracking;
 
 pub use blackbody::blackbody;
 pub use cloud::Cloud;
+pub use glow::Glow;
 pub use grid::{Grid, ScalarGrid};
 pub use height_fog::HeightFog;
 pub use homogeneous::Homogeneous;

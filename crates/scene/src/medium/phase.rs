@@ -57,6 +57,7 @@ impl HenyeyGreenstein {
 mod tests {
     use super::*;
     use snell_math::rng;
+    use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
 
     const ASYMMETRIES: [f32; 9] = [-0.99, -0.7, -0.3, -1e-5, 0.0, 1e-3, 0.5, 0.9, 0.99];
 
@@ -66,13 +67,6 @@ mod tests {
             return 0.5 * (1.0 + cos);
         }
         (1.0 - g * g) / (2.0 * g) * (1.0 / (1.0 + g * g - 2.0 * g * cos).sqrt() - 1.0 / (1.0 + g))
-    }
-
-    /// Wilson and Hilferty's approximation of the upper tail: chi squared of `dof` degrees is beyond `x` with the probability that a
-    /// normal variable is beyond the result.
-    fn normal_of_chi_squared(x: f64, dof: f64) -> f64 {
-        let v = 2.0 / (9.0 * dof);
-        ((x / dof).cbrt() - (1.0 - v)) / v.sqrt()
     }
 
     #[test]
@@ -92,11 +86,9 @@ mod tests {
                 let phi = f64::from(local.y).atan2(f64::from(local.x)) / (2.0 * PI) + 0.5;
                 counts[row.min(rows - 1) * columns + ((phi * columns as f64) as usize).min(columns - 1)] += 1;
             }
-            let expected = f64::from(n) / counts.len() as f64;
-            let chi_squared: f64 = counts.iter().map(|&c| (f64::from(c) - expected).powi(2) / expected).sum();
-            // Significance 0.01, corrected for nine tests (Sidak): 3.06 standard deviations.
-            let z = normal_of_chi_squared(chi_squared, counts.len() as f64 - 1.0);
-            assert!(z < 3.06, "g {g}: chi squared {chi_squared} of {} cells, z {z}", counts.len());
+            let expected = vec![f64::from(n) / counts.len() as f64; counts.len()];
+            let z = chi_squared_deviation(&counts, &expected);
+            assert!(z < sidak_deviation(0.01, ASYMMETRIES.len() as u32), "g {g}: {z} standard deviations");
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::analytic::{self, Profile};
 use super::tracking::TrackedGrid;
-use super::{HeightFog, Homogeneous, Medium, MediumProperties, Segment, Travel};
+use super::{Glow, HeightFog, Homogeneous, Medium, MediumProperties, Segment, Travel};
 use snell_math::{ColorMode, SampledSpectrum, Vec2};
 
 /// A medium with what travel through it needs to know.
@@ -36,12 +36,33 @@ impl PreparedMedium {
         mode: ColorMode,
         numbers: &mut dyn FnMut() -> Vec2,
     ) -> Travel {
+        self.travel_weighted(segment, throughput, mode, |_| 1.0, numbers)
+    }
+
+    /// What glows of it, if that can be sampled as a light.
+    pub fn glow(&self) -> Option<Glow> {
+        match self {
+            Self::Homogeneous(_) | Self::HeightFog(_) => None,
+            Self::Tracked(grid) => Glow::new(grid),
+        }
+    }
+
+    /// As [`Self::travel`], with a factor on the light that is emitted at a distance from the segment's origin, where there is
+    /// [`Self::glow`].
+    pub fn travel_weighted(
+        &self,
+        segment: &Segment,
+        throughput: SampledSpectrum,
+        mode: ColorMode,
+        weight: impl Fn(f32) -> f32,
+        numbers: &mut dyn FnMut() -> Vec2,
+    ) -> Travel {
         match self {
             Self::Homogeneous(m) => m.at_all(mode).travel(segment, throughput, numbers()),
             Self::HeightFog(fog) => {
                 analytic::travel(&fog.at_base(mode), fog.profile(segment), segment, throughput, numbers())
             }
-            Self::Tracked(grid) => grid.travel(segment, throughput, mode, numbers),
+            Self::Tracked(grid) => grid.travel(segment, throughput, mode, weight, numbers),
         }
     }
 

@@ -67,16 +67,38 @@ impl TrackedGrid {
         self.densities.walk(origin, direction, segment.length, |part| visit(part, origin, direction));
     }
 
+    /// From the world to the unit cube of the grid.
+    pub(super) fn grid_from_world(&self) -> Option<&DAffine3> {
+        self.grid_from_world.as_ref()
+    }
+
+    /// Cells of the bounds along each axis.
+    pub(super) fn cells(&self) -> [usize; 3] {
+        MajorantGrid::size_for(self.grid.emission_scale.as_ref().unwrap_or(&self.grid.density))
+    }
+
+    /// False if nothing is emitted anywhere.
+    pub(super) fn emits(&self) -> bool {
+        !self.grid.emission.is_black()
+    }
+
+    /// Radiance emitted per unit of length at a point of the unit cube.
+    pub(super) fn emission(&self, p: Vec3, mode: ColorMode) -> SampledSpectrum {
+        self.grid.emitted(p, self.density(p), mode)
+    }
+
     fn density(&self, p: Vec3) -> f32 {
         self.grid.density.lookup(p).min(self.most)
     }
 
-    /// Sends a path along a segment. `numbers` gives pairs of independent uniform numbers.
+    /// Sends a path along a segment. `numbers` gives pairs of independent uniform numbers, `weight` a factor on the light that is
+    /// emitted at a distance from the segment's origin.
     pub fn travel(
         &self,
         segment: &Segment,
         throughput: SampledSpectrum,
         mode: ColorMode,
+        weight: impl Fn(f32) -> f32,
         numbers: &mut dyn FnMut() -> Vec2,
     ) -> Travel {
         let medium = self.base(mode);
@@ -105,7 +127,10 @@ impl TrackedGrid {
                 let p = origin + direction * t;
                 let density = self.density(p);
                 if glows {
-                    travel.emitted += travel.throughput * self.grid.emitted(p, density, mode) * (1.0 / rate);
+                    let emitted = self.grid.emitted(p, density, mode);
+                    if !emitted.is_black() {
+                        travel.emitted += travel.throughput * emitted * (weight(t) / rate);
+                    }
                 }
                 let scattered = medium.sigma_s * density;
                 let null = (sigma_t * density).map(|sigma| (rate - sigma).max(0.0));

@@ -1,8 +1,11 @@
 //! Emissive surfaces as lights: a part (a triangle, or a whole shape) is chosen by its power, then a point of it.
 
+mod moving;
 mod outline;
 #[cfg(test)]
 mod tests;
+
+pub use moving::MovingAreaLight;
 
 use super::LightBounds;
 use outline::{Outline, barycentrics};

@@ -66,7 +66,7 @@ fn light_rays_through_a_ramp_lose_what_the_integral_says() {
     let expected = [3.0, 1.2, 5.0].map(|sigma: f64| (-sigma * columns).exp());
     assert_agree(mean(60_000, |i| tracked.attenuate(&segment, UNIT, ColorMode::Rgb, &mut numbers(i))), expected);
     let passed = |i| {
-        let travel = tracked.travel(&segment, UNIT, ColorMode::Rgb, &mut numbers(i));
+        let travel = tracked.travel(&segment, UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(i));
         assert!(travel.throughput.0.iter().sum::<f32>() <= 3.0 * 1.001 * 4.0, "{:?}", travel.throughput);
         if travel.scattered.is_some() { SampledSpectrum::ZERO } else { travel.throughput }
     };
@@ -117,7 +117,7 @@ fn fire_without_smoke_glows() {
     };
     let tracked = TrackedGrid::new(&grid);
     let columns = (integral(0.05 + 0.6 * 1.2) - integral(0.05)) / 0.6;
-    let glow = mean(20_000, |i| tracked.travel(&through(1.2), UNIT, ColorMode::Rgb, &mut numbers(i)).emitted);
+    let glow = mean(20_000, |i| tracked.travel(&through(1.2), UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(i)).emitted);
     assert_agree(glow, [3.0 * columns, columns, 0.0]);
 }
 
@@ -130,7 +130,7 @@ fn gas_of_one_temperature_glows_as_a_black_body() {
         ..Grid::new(Rgb::BLACK, Rgb::BLACK, 0.0, full(0.5), DAffine3::IDENTITY)
     };
     let tracked = TrackedGrid::new(&grid);
-    let glow = mean(20_000, |i| tracked.travel(&through(1.0), UNIT, ColorMode::Rgb, &mut numbers(i)).emitted);
+    let glow = mean(20_000, |i| tracked.travel(&through(1.0), UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(i)).emitted);
     let color = crate::medium::blackbody(1800.0, ColorMode::Rgb);
     // Twice the density of a half along a way of one.
     assert_agree(glow, [0, 1, 2].map(|c| f64::from(color[c])));
@@ -148,7 +148,7 @@ fn hostile_grids_end_soon_and_stay_finite() {
             let grid = Grid { emission: huge, ..Grid::new(sigma, sigma, f32::NAN, density(), map) };
             let tracked = TrackedGrid::new(&grid);
             for length in [0.0, 1.0, f32::INFINITY, f32::NAN] {
-                let travel = tracked.travel(&through(length), UNIT, ColorMode::Rgb, &mut numbers(1));
+                let travel = tracked.travel(&through(length), UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(1));
                 assert!(travel.throughput.is_finite(), "{map:?} {sigma:?} {length}");
                 let left = tracked.attenuate(&through(length), UNIT, ColorMode::Rgb, &mut numbers(2));
                 assert!(left.is_finite(), "{map:?} {sigma:?} {length}");

@@ -1,0 +1,95 @@
+//! An emissive surface that is carried along while the shutter is open: at each moment it is the surface at the place it has then.
+
+use super::{AreaLight, AreaSample, DirectedSample, EmissiveGeometry, Outline, PlacedTriangle, Table};
+use crate::light::LightBounds;
+use snell_intersect::{Instance, SurfaceInteraction};
+use snell_math::distribution::Distribution1D;
+use snell_math::{Bounds3d, Transform, Vec2, Vec3};
+
+/// Moments at which bounds are taken beside those of the keys, for what turns between them.
+const MOMENTS: u32 = 9;
+/// How much wider than found the cone of normals is made.
+const WIDENING: f32 = 0.02;
+
+/// An emissive surface that moves as a whole.
+#[derive(Debug)]
+pub struct MovingAreaLight {
+    /// The surface where it is when the shutter opens.
+    pub first: AreaLight,
+    /// The instances that hold it, outermost first.
+    carriers: Vec<Instance>,
+    /// From the surface's own coordinates to those of the innermost instance.
+    carrier_from_geometry: Transform,
+}
+
+impl MovingAreaLight {
+    /// The surface `first`, which has place `carrier_from_geometry` in the innermost of these instances (outermost first), and is where
+    /// they have it when the shutter opens.
+    pub fn new(first: AreaLight, carriers: Vec<Instance>, carrier_from_geometry: Transform) -> Self {
+        Self { first, carriers, carrier_from_geometry }
+    }
+
+    /// The map to the world at a time from 0 (the shutter opens) to 1; `None` when it is flattened and not to be hit.
+    fn place(&self, time: f32) -> Option<Transform> {
+        let mut place = Transform::IDENTITY;
+        for carrier in &self.carriers {
+            place = place.compose(&carrier.at_time(time)?);
+        }
+        Some(place.compose(&self.carrier_from_geometry))
+    }
+
+    /// One part alone, where it is at a time.
+    fn part_at(&self, part: u32, time: f32) -> Option<AreaLight> {
+        let (place, first) = (self.place(time)?, &self.first);
+        let (geometry, table, area) = match (&first.geometry, &first.table) {
+            (EmissiveGeometry::Mesh { mesh, triangles }, _) => {
+                let triangle = *triangles.get(part as usize)?;
+                let mut placed = PlacedTriangle::new(mesh, triangle, &place, 0.0);
+                let area = placed.area();
+                placed.pdf = super::density(1.0, area);
+                let table = Table::Mesh { choice: Distribution1D::new(&[1.0]), placed: vec![placed] };
+                (EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles: vec![triangle] }, table, area)
+            }
+            (EmissiveGeometry::Shape(shape), Table::Shape { pdf, .. }) => {
+                let table = Table::Shape { pdf: *pdf, outline: Outline::of(&**shape, &place) };
+                (EmissiveGeometry::Shape(shape.clone()), table, first.area)
+            }
+            _ => return None,
+        };
+        let radiance = first.radiance.get(part as usize).map(|&l| vec![l]).unwrap_or_default();
+        Some(AreaLight { geometry, world_from_geometry: place, ids: first.ids, table, area, radiance })
+    }
+
+    /// As [`AreaLight::sample`], at a time.
+    pub fn sample(&self, time: f32, u: Vec2) -> Option<AreaSample> {
+        let (part, probability, rest) = self.first.choose_part(u.x);
+        let sample = self.part_at(part, time)?.sample(Vec2::new(rest, u.y))?;
+        Some(AreaSample { pdf_area: sample.pdf_area * probability, ..sample })
+    }
+
+    /// As [`AreaLight::sample_from`], at a time.
+    pub fn sample_from(&self, part: u32, time: f32, from: Vec3, u: Vec2) -> Option<DirectedSample> {
+        self.part_at(part, time)?.sample_from(0, from, u)
+    }
+
+    /// As [`AreaLight::pdf_from`], at a time.
+    pub fn pdf_from(&self, part: u32, time: f32, from: Vec3, surface: &SurfaceInteraction, direction: Vec3) -> f32 {
+        self.part_at(part, time).map_or(0.0, |at| at.pdf_from(0, from, surface, direction))
+    }
+
+    /// Where a part is while the shutter is open, and how strongly it shines which way.
+    pub fn part_bounds(&self, part: u32, is_two_sided: bool) -> LightBounds {
+        let bounds_at = |time| Some(self.part_at(part, time)?.part_bounds(0, is_two_sided));
+        let keys = self.carriers.iter().map(|c| c.later.len() as u32).max().unwrap_or(0);
+        let moments = MOMENTS.max(keys * 2 + 1);
+        let all: Vec<LightBounds> = (0..moments).filter_map(|k| bounds_at(k as f32 / (moments - 1) as f32)).collect();
+        let Some(middle) = all.get(all.len() / 2) else { return self.first.part_bounds(part, is_two_sided) };
+        let cos = all.iter().map(|b| b.axis.dot(middle.axis).min(b.cos_spread)).fold(1.0, f32::min);
+        LightBounds {
+            bounds: all.iter().fold(Bounds3d::EMPTY, |all, b| all.union(&b.bounds)),
+            cos_spread: if cos < 1.0 - 1e-6 { (cos - WIDENING).max(-1.0) } else { cos },
+            intensity: all.iter().map(|b| b.intensity).fold(0.0, f64::max),
+            ..*middle
+        }
+    }
+}

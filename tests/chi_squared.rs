@@ -1,0 +1,284 @@
+//! What is sampled has the density that is claimed, and the density adds up to the share that is sampled: every lobe over sweeps of its
+//! parameters, phase functions, lamps, environments, glowing media and the choice among many lights. Each family is judged together
+//! at a significance of 0.01 (Sidak).
+
+use snell_intersect::SurfaceInteraction;
+use snell_math::rng::uniform2;
+use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
+use snell_math::{ColorMode, Frame, Rgb, Vec2, Vec3};
+use snell_scene::TextureSet;
+use snell_scene::bsdf::{Bsdf, Lobes, fresnel};
+use snell_scene::material::{Conductor, Dielectric, MaterialKind, OpenPbr, ScalarParam, ShadingPoint};
+use std::f32::consts::PI;
+
+const SIGNIFICANCE: f64 = 0.01;
+
+/// The tests of one family: their deviations, judged together.
+struct Family {
+    name: &'static str,
+    worst: (f64, String),
+    tests: u32,
+    start: std::time::Instant,
+}
+
+impl Family {
+    fn new(name: &'static str) -> Self {
+        Self { name, worst: (f64::NEG_INFINITY, String::new()), tests: 0, start: std::time::Instant::now() }
+    }
+
+    fn add(&mut self, what: impl FnOnce() -> String, found: &[u32], expected: &[f64]) {
+        let deviation = chi_squared_deviation(found, expected);
+        self.tests += 1;
+        if deviation > self.worst.0 {
+            self.worst = (deviation, what());
+        }
+    }
+
+    fn judge(self) {
+        let limit = sidak_deviation(SIGNIFICANCE, self.tests);
+        let (deviation, what) = &self.worst;
+        let seconds = self.start.elapsed().as_secs_f64();
+        eprintln!(
+            "{}: {} tests in {seconds:.1} s, the worst {deviation:.2} of at most {limit:.2} standard deviations ({what})",
+            self.name, self.tests
+        );
+        assert!(*deviation < limit, "{}: {what}: {deviation} exceeds {limit}", self.name);
+    }
+}
+
+fn surface() -> SurfaceInteraction {
+    SurfaceInteraction {
+        position: Vec3::ZERO,
+        position_error: Vec3::ZERO,
+        geometric_normal: Vec3::Z,
+        shading_normal: Vec3::Z,
+        uv: [Vec2::splat(0.3); 2],
+        dpdu: Vec3::X,
+        dpdv: Vec3::Y,
+        tangent: None,
+        color: [1.0; 4],
+        t: 1.0,
+        primitive_uv: Vec2::ZERO,
+        instance: 0,
+        geometry: 0,
+        primitive: 0,
+    }
+}
+
+fn bsdf(kind: &MaterialKind) -> Bsdf {
+    let textures = TextureSet::default();
+    kind.bsdf(&ShadingPoint {
+        surface: &surface(),
+        footprint: 0.0,
+        textures: &textures,
+        mode: ColorMode::Rgb,
+        outside_ior: 1.0,
+    })
+}
+
+/// Where lobes are looked at from: straight, slanted, grazing, and from below.
+fn views(count: usize) -> impl Iterator<Item = Vec3> {
+    [(0.05f32, 0.3f32), (0.8, 0.0), (1.35, 2.0), (2.4, 1.0), (1.75, 5.0), (3.05, 0.5)]
+        .into_iter()
+        .take(count)
+        .map(|(theta, phi)| Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()))
+}
+
+/// Cells of half of the sphere in polar coordinates about an axis, finer towards it by the cube, so that sharp lobes are resolved.
+struct Cells {
+    frame: Frame,
+    sign: f32,
+}
+
+const THETAS: usize = 12;
+const PHIS: usize = 8;
+/// Points along each side of a cell at which densities are looked up.
+const STEPS: usize = 16;
+
+impl Cells {
+    fn new(axis: Vec3) -> Self {
+        Self { frame: Frame::from_z(axis), sign: 1f32.copysign(axis.z) }
+    }
+
+    fn index(&self, w: Vec3) -> usize {
+        let l = self.frame.to_local(w);
+        let theta = l.truncate().length().atan2(l.z);
+        let t = (theta / PI).cbrt() * THETAS as f32;
+        let p = (l.y.atan2(l.x) / (2.0 * PI) + 0.5) * PHIS as f32;
+        (t as usize).min(THETAS - 1) * PHIS + (p as usize).min(PHIS - 1)
+    }
+
+    fn integrate(&self, density: impl Fn(Vec3) -> f32) -> Vec<f64> {
+        let mut cells = vec![0.0; THETAS * PHIS];
+        for (cell, sum) in cells.iter_mut().enumerate() {
+            for step in 0..STEPS * STEPS {
+                let t = ((cell / PHIS) as f32 + ((step / STEPS) as f32 + 0.5) / STEPS as f32) / THETAS as f32;
+                let p = ((cell % PHIS) as f32 + ((step % STEPS) as f32 + 0.5) / STEPS as f32) / PHIS as f32;
+                let (theta, phi) = (PI * t * t * t, 2.0 * PI * (p - 0.5));
+                let w = self.frame.from_local(Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()));
+                if w.z * self.sign > 0.0 {
+                    let measure = theta.sin() * (3.0 * PI * t * t / THETAS as f32) * (2.0 * PI / PHIS as f32);
+                    *sum += f64::from(density(w)) * f64::from(measure) / (STEPS * STEPS) as f64;
+                }
+            }
+        }
+        cells
+    }
+}
+
+/// Draws directions from a BSDF and compares them with its density, cell by cell.
+fn check_bsdf(family: &mut Family, name: &str, kind: &MaterialKind, views_from: usize, eta: f32, key: u32) {
+    const N: u32 = 12_000;
+    let bsdf = bsdf(kind);
+    for (number, wo) in views(views_from).enumerate() {
+        let side = Vec3::new(0.0, 0.0, wo.z.signum());
+        let relative = if wo.z > 0.0 { eta } else { 1.0 / eta };
+        let halves =
+            [Cells::new(fresnel::reflect(wo, side)), Cells::new(fresnel::refract(wo, side, relative).unwrap_or(-wo))];
+        let mut expected: Vec<f64> = halves.iter().flat_map(|c| c.integrate(|w| bsdf.pdf(wo, w))).collect();
+        let total: f64 = expected.iter().sum();
+        assert!(total < 1.004, "{name} from {wo}: the density adds up to {total}");
+        let mut found = vec![0u32; expected.len()];
+        let mut elsewhere = 0;
+        for i in 0..N {
+            let (u, lobe) = (uniform2([i, 61, key, number as u32]), uniform2([i, 62, key, number as u32]).x);
+            match bsdf.sample(wo, lobe, u) {
+                Some(s) if !s.is_delta => {
+                    let half = usize::from(s.wi.z * wo.z < 0.0);
+                    found[half * THETAS * PHIS + halves[half].index(s.wi)] += 1;
+                }
+                _ => elsewhere += 1,
+            }
+        }
+        // Midpoints miss a little of the sharpest lobes: the whole is judged with room for that, its parts relative to the whole.
+        let sampled = f64::from(N - elsewhere) / f64::from(N);
+        assert!(
+            (sampled - total).abs() < 0.015,
+            "{name} from {wo}: {sampled} are sampled, the density adds up to {total}"
+        );
+        expected.iter_mut().for_each(|e| *e *= f64::from(N) * sampled / total);
+        family.add(|| format!("{name} from {wo}"), &found, &expected);
+    }
+}
+
+fn sweep_glass(iors: &[f32], roughnesses: &[f32]) {
+    let mut family = Family::new("rough glass");
+    for (i, &ior) in (0..).zip(iors) {
+        for (k, &roughness) in (0..).zip(roughnesses) {
+            let kind = Dielectric::rough(ior, roughness).into();
+            check_bsdf(&mut family, &format!("ior {ior}, roughness {roughness}"), &kind, 4, ior, 10 * i + k);
+        }
+    }
+    family.judge();
+}
+
+#[test]
+fn rough_glass_is_sampled_by_its_density() {
+    sweep_glass(&[1.1, 1.5, 2.4], &[0.2, 0.5, 1.0]);
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn rough_glass_is_sampled_by_its_density_in_fine_steps() {
+    sweep_glass(&[1.05, 1.1, 1.33, 1.5, 1.8, 2.4], &[0.15, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0]);
+}
+
+#[test]
+fn metals_are_sampled_by_their_density() {
+    let mut family = Family::new("metals");
+    for k in 0..5 {
+        let roughness = 0.15 + 0.2 * k as f32;
+        let kind = Conductor::color(Rgb::new(0.9, 0.6, 0.3), roughness).into();
+        check_bsdf(&mut family, &format!("roughness {roughness}"), &kind, 3, 1.0, 100 + k);
+    }
+    family.judge();
+}
+
+/// A parameter of `open-pbr` and how to set it.
+type Sweep = (&'static str, fn(&mut OpenPbr, f32), fn(&mut OpenPbr));
+
+fn scalar(x: f32) -> ScalarParam {
+    x.into()
+}
+
+/// What is swept, from 0 to 1, and on what kind of surface.
+const SWEEPS: [Sweep; 17] = [
+    ("base_diffuse_roughness", |p, x| p.base_diffuse_roughness = scalar(x), |_| {}),
+    ("base_metalness", |p, x| p.base_metalness = scalar(x), |_| {}),
+    ("specular_weight", |p, x| p.specular_weight = scalar(x), |_| {}),
+    ("specular_roughness", |p, x| p.specular_roughness = scalar(0.2 + 0.8 * x), |_| {}),
+    (
+        "specular_roughness of metal",
+        |p, x| p.specular_roughness = scalar(0.2 + 0.8 * x),
+        |p| p.base_metalness = scalar(1.0),
+    ),
+    (
+        "specular_roughness_anisotropy",
+        |p, x| p.specular_roughness_anisotropy = scalar(0.8 * x),
+        |p| {
+            p.base_metalness = scalar(1.0);
+            p.specular_roughness = scalar(0.6);
+        },
+    ),
+    ("specular_ior", |p, x| p.specular_ior = scalar(1.1 + 1.4 * x), |_| {}),
+    ("transmission_weight", |p, x| p.transmission_weight = scalar(x), |p| p.specular_roughness = scalar(0.5)),
+    (
+        "transmission of a thin wall",
+        |p, x| p.transmission_weight = scalar(x),
+        |p| {
+            p.geometry_thin_walled = true;
+            p.specular_roughness = scalar(0.5);
+        },
+    ),
+    (
+        "subsurface of a thin wall",
+        |p, x| p.subsurface_scatter_anisotropy = scalar(2.0 * x - 1.0),
+        |p| {
+            p.geometry_thin_walled = true;
+            p.subsurface_weight = scalar(1.0);
+        },
+    ),
+    ("subsurface_weight", |p, x| p.subsurface_weight = scalar(x), |_| {}),
+    ("coat_weight", |p, x| p.coat_weight = scalar(x), |p| p.coat_roughness = scalar(0.3)),
+    ("coat_roughness", |p, x| p.coat_roughness = scalar(0.2 + 0.8 * x), |p| p.coat_weight = scalar(1.0)),
+    (
+        "coat_roughness_anisotropy",
+        |p, x| p.coat_roughness_anisotropy = scalar(0.8 * x),
+        |p| {
+            p.coat_weight = scalar(1.0);
+            p.coat_roughness = scalar(0.6);
+        },
+    ),
+    ("fuzz_weight", |p, x| p.fuzz_weight = scalar(x), |_| {}),
+    ("fuzz_roughness", |p, x| p.fuzz_roughness = scalar(x), |p| p.fuzz_weight = scalar(1.0)),
+    ("thin_film_thickness", |p, x| p.thin_film_thickness = scalar(x), |p| p.thin_film_weight = scalar(1.0)),
+];
+
+/// All sweeps with this many steps each, from this many sides.
+fn sweep_open_pbr(steps: u32, views_from: usize) {
+    let mut family = Family::new("open-pbr");
+    for (number, (name, set, prepare)) in (0..).zip(SWEEPS) {
+        for step in 0..steps {
+            let x = step as f32 / (steps - 1) as f32;
+            let mut surface = OpenPbr { base_color: Rgb::new(0.8, 0.5, 0.2).into(), ..OpenPbr::default() };
+            prepare(&mut surface);
+            set(&mut surface, x);
+            let passes = surface.transmission_weight.factor > 0.0 && !surface.geometry_thin_walled;
+            let eta = if passes { surface.specular_ior.factor } else { 1.0 };
+            let kind = MaterialKind::from(surface);
+            check_bsdf(&mut family, &format!("{name} at {x}"), &kind, views_from, eta, 1000 + 64 * number + step);
+        }
+    }
+    family.judge();
+}
+
+#[test]
+fn every_parameter_of_open_pbr_keeps_sampling_and_density_together() {
+    sweep_open_pbr(3, 2);
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn every_parameter_of_open_pbr_keeps_sampling_and_density_together_in_fine_steps() {
+    sweep_open_pbr(11, 6);
+}
