@@ -11,6 +11,7 @@ mod kinds;
 mod peer;
 mod plot;
 mod rays;
+mod read;
 mod render;
 mod samplers;
 mod scenes;
@@ -30,6 +31,8 @@ pub enum Command {
     Accelerators(accelerators::Options),
     /// Rays one by one, in batches and in bundles, beams, pencils and cones beside each other
     Coherence(coherence::Options),
+    /// How fast files are read, and the memory that takes
+    Read(read::Options),
     /// Rays per second inside of a render, beside those of the same rays alone.
     Render(render::Options),
     /// What path guiding gains at equal time: errors with and without it.
@@ -45,6 +48,7 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
         Command::Build(options) => build::run(options),
         Command::Accelerators(options) => accelerators::run(options),
         Command::Coherence(options) => coherence::run(options),
+        Command::Read(options) => read::run(options),
         Command::Render(options) => render::run(options),
         Command::Guiding(options) => guiding::run(options),
         Command::Samplers(options) => samplers::run(options),
