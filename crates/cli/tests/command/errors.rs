@@ -26,7 +26,7 @@ fn a_wrong_name_suggests_the_nearest() {
     "#);
     insta::assert_snapshot!(failure(&place, "render --aov norml"), @r#"
     2
-    error: there is no layer "norml"; did you mean normal? (known: depth, distance, position, normal, geometric-normal, uv, albedo, instance-id, geometry-id, primitive-id, material-id, facing, barycentrics, nodes-visited, primitives-tested, noise, samples, crypto-object, crypto-material, emission, direct, indirect, diffuse-direct, diffuse-indirect, specular-direct, specular-indirect, transmission-direct, transmission-indirect, volume-direct, volume-indirect)
+    error: there is no layer "norml"; did you mean normal? (known: depth, distance, position, normal, geometric-normal, uv, albedo, instance-id, geometry-id, primitive-id, material-id, facing, barycentrics, motion, nodes-visited, primitives-tested, noise, samples, crypto-object, crypto-material, emission, direct, indirect, diffuse-direct, diffuse-indirect, specular-direct, specular-indirect, transmission-direct, transmission-indirect, volume-direct, volume-indirect)
     "#);
     insta::assert_snapshot!(failure(&place, "render --tonemap acs"), @r#"
     2
