@@ -4,7 +4,7 @@ use super::header::{Element, Header, Property, Type, is_index_list};
 use super::uniform;
 use crate::mesh::notes::Notes;
 use crate::mesh::polygon::Triangulator;
-use crate::mesh::text::{Reader, Text};
+use crate::mesh::text::{Reader, Text, place_of};
 use crate::mesh::too_many;
 use crate::{Input, Place, ReadError};
 use snell_intersect::TriangleMesh;
@@ -284,7 +284,8 @@ fn read_vertices(
     let roles: Vec<Role> = element.properties.iter().map(Role::of).collect();
     if !has_all(&roles, Role::Position, 3) {
         let problem = "the element \"vertex\" lacks one of the properties x, y and z";
-        return Err(input.error(Place::Whole, problem, "export the file again with positions"));
+        let place = place_of(&input.bytes, element.start);
+        return Err(input.error(place, problem, "export the file again with positions"));
     }
     if element.count > input.options.limits.elements as u64 {
         return Err(too_many(input, "vertices"));

@@ -77,6 +77,8 @@ pub struct Property {
 /// A kind of element.
 #[derive(Clone, Debug)]
 pub struct Element {
+    /// Where its line is in the file.
+    pub start: usize,
     pub name: String,
     pub count: u64,
     pub properties: Vec<Property>,
@@ -205,9 +207,10 @@ fn read_format(reader: &mut Reader) -> Result<Format, ReadError> {
 }
 
 fn read_element(reader: &mut Reader) -> Result<Element, ReadError> {
-    let name = String::from_utf8_lossy(next(reader, "the name of an element")?.bytes).into_owned();
+    let name = next(reader, "the name of an element")?;
+    let (start, name) = (name.start, String::from_utf8_lossy(name.bytes).into_owned());
     let count = reader.count("the number of elements", false)?;
-    Ok(Element { name, count, properties: Vec::new() })
+    Ok(Element { start, name, count, properties: Vec::new() })
 }
 
 fn read_property(reader: &mut Reader) -> Result<Property, ReadError> {
