@@ -11,7 +11,7 @@ pub struct Budget {
 }
 
 /// The smallest share of width and height.
-const LEAST: f64 = 0.125;
+const LEAST: f64 = 0.0875;
 /// Share of a frame's time that rendering may take: some frames take longer than those before.
 const SHARE: f64 = 0.85;
 /// Sizes change only by more than this, because each change of size is seen: a frame that is late is seen sooner than one that could
@@ -79,8 +79,8 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_smaller_than_an_eighth_or_larger_than_the_picture() {
-        assert_eq!(settle(1.0), [160, 90]);
+    fn nothing_is_smaller_than_the_least_or_larger_than_the_picture() {
+        assert_eq!(settle(1.0), [112, 63]);
         assert_eq!(settle(0.0), [1280, 720]);
         assert_eq!(Budget::new(f64::NAN.max(30.0)).size([1, 1]), [1, 1]);
     }
