@@ -35,7 +35,7 @@ impl Budget {
         let wanted = match self.cost {
             Some(cost) => (self.target / (cost * pixels)).sqrt().clamp(LEAST, 1.0),
             // Small at first: a first frame that is late is worse than a coarse one.
-            None => (100_000.0 / pixels).sqrt().clamp(LEAST, 1.0),
+            None => (25_000.0 / pixels).sqrt().clamp(LEAST, 1.0),
         };
         let change = wanted / self.scale;
         if !(TOLERANCE[0]..=TOLERANCE[1]).contains(&change) || self.cost.is_none() {
