@@ -6,6 +6,7 @@ import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { request } from "node:http";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
+import { fileURLToPath } from "node:url";
 import { after, before, test } from "node:test";
 import { chromium } from "playwright-core";
 
@@ -96,6 +97,25 @@ const status = (url, headers) =>
     asked.end();
   });
 
+/** The command that the page copies. */
+async function copiedCommand(page) {
+  await page.evaluate(() => Object.defineProperty(navigator, "clipboard", { value: { writeText: async () => { throw 0; } } }));
+  await page.getByText("Save", { exact: true }).click();
+  await page.getByText("Copy the command").click();
+  const command = words((await page.locator(".notices p").first().innerText()).replace(/\n?×$/, "").trim());
+  assert.deepEqual(command.slice(0, 2), ["snell", "render"]);
+  return command;
+}
+
+/** The command makes the picture that the page shows, to the bit. */
+async function isRenderedBy(command, page) {
+  const [shown, rendered] = [join(folder, "shown.pfm"), join(folder, "rendered.pfm")];
+  const bytes = await page.evaluate(async () => [...new Uint8Array(await (await fetch("save?format=pfm")).arrayBuffer())]);
+  writeFileSync(shown, Buffer.from(bytes));
+  execFileSync(SNELL, [...command.slice(1), "-o", rendered, "-q"]);
+  assert.ok(readFileSync(shown).equals(readFileSync(rendered)), "the picture at rest is the one of snell render");
+}
+
 test("the page shows the scene, turns it, and at rest has the bits of snell render", { timeout: PATIENCE * 2 }, async () => {
   const server = await serve("cornell-box", "--", "--spp", "4");
   try {
@@ -107,18 +127,9 @@ test("the page shows the scene, turns it, and at rest has the bits of snell rend
     await isDone(page);
     assert.notEqual(await fingerprint(page), first, "the picture has turned");
 
-    // The command that the page copies makes the same picture.
-    await page.evaluate(() => Object.defineProperty(navigator, "clipboard", { value: { writeText: async () => { throw 0; } } }));
-    await page.getByText("Save", { exact: true }).click();
-    await page.getByText("Copy the command").click();
-    const command = words((await page.locator(".notices p").first().innerText()).replace(/\n?×$/, "").trim());
-    assert.deepEqual(command.slice(0, 2), ["snell", "render"]);
+    const command = await copiedCommand(page);
     assert.ok(command.some((w) => w.startsWith("camera.0.eye=")), command.join(" "));
-    const [shown, rendered] = [join(folder, "shown.pfm"), join(folder, "rendered.pfm")];
-    const bytes = await page.evaluate(async () => [...new Uint8Array(await (await fetch("save?format=pfm")).arrayBuffer())]);
-    writeFileSync(shown, Buffer.from(bytes));
-    execFileSync(SNELL, [...command.slice(1), "-o", rendered, "-q"]);
-    assert.ok(readFileSync(shown).equals(readFileSync(rendered)), "the picture at rest is the one of snell render");
+    await isRenderedBy(command, page);
 
     // Exposure is a matter of the page: the same samples, another picture.
     const before = await fingerprint(page);
@@ -127,6 +138,20 @@ test("the page shows the scene, turns it, and at rest has the bits of snell rend
     await page.waitForTimeout(200);
     assert.notEqual(await fingerprint(page), before);
     assert.deepEqual(faults, []);
+    await page.close();
+  } finally {
+    await server.stop();
+  }
+});
+
+test("a camera that was made for the scene is that of the command, whatever the shape of the page", { timeout: PATIENCE * 2 }, async () => {
+  const server = await serve(fileURLToPath(new URL("../../scenes/house.obj", import.meta.url)), "--", "--spp", "1");
+  try {
+    const { page } = await open(server.url);
+    await page.setViewportSize({ width: 700, height: 900 });
+    await page.waitForTimeout(500);
+    await isDone(page);
+    await isRenderedBy(await copiedCommand(page), page);
     await page.close();
   } finally {
     await server.stop();

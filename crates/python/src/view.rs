@@ -146,6 +146,7 @@ impl Source for Shown {
                 (name, scene)
             }
         };
+        let is_camera_made = scene.cameras.is_empty();
         prepare(&mut scene, &FramingOptions { size: self.settings.size, ..FramingOptions::default() })
             .map_err(|e| e.to_string())?;
         let camera = if scene.cameras.contains(&self.camera) { Some(&self.camera) } else { scene.cameras.first() };
@@ -159,6 +160,6 @@ impl Source for Shown {
         let camera_number = scene.cameras.iter().position(|c| *c == camera).unwrap_or(0);
         let command = ["snell", "render", &name].map(String::from).to_vec();
         let settings = Settings { crop: None, ..self.settings.clone() };
-        Ok(Opened { scene, camera, camera_number, settings, display, command })
+        Ok(Opened { scene, camera, camera_number, is_camera_made, settings, display, command })
     }
 }

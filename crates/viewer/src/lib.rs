@@ -36,6 +36,8 @@ pub struct Opened {
     pub camera: Camera,
     /// Its position among the scene's.
     pub camera_number: usize,
+    /// True if it was made to show the whole scene in a picture of this shape: in another shape, the command makes another one.
+    pub is_camera_made: bool,
     /// How it is rendered at rest.
     pub settings: Settings,
     /// How values are shown.

@@ -573,12 +573,14 @@ impl State {
         for edit in standing(&self.edits[..self.applied]) {
             option("-D", edit.clone());
         }
-        if *camera != self.opened.camera {
+        let is_other = self.opened.is_camera_made && settings.size != self.opened.settings.size;
+        if is_other || *camera != self.opened.camera {
             let number = self.opened.camera_number;
             let before = serde_json::to_value(&self.opened.camera).unwrap_or_default();
             let now = serde_json::to_value(camera).unwrap_or_default();
             for (key, value) in now.as_object().into_iter().flatten() {
-                if before.get(key) != Some(value) && key != "name" {
+                let is_said = before.get(key) != Some(value) || (is_other && !value.is_null());
+                if is_said && key != "name" {
                     option("-D", format!("camera.{number}.{key}={value}"));
                 }
             }

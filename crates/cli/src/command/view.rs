@@ -157,6 +157,7 @@ impl Files {
             let problem = "the viewer shows one moment: leave out --frames and --turntable, and choose it with --at";
             return Err(Failure::Usage(problem.into()));
         }
+        let is_camera_made = scene.cameras.is_empty();
         let scene = render::prepare_scene(scene, &options)?;
         let camera = render::choose_camera(&scene, &options)?;
         let settings = options.settings(&scene, &camera, simd)?;
@@ -167,7 +168,7 @@ impl Files {
         };
         let camera_number = scene.cameras.iter().position(|c| *c == camera).unwrap_or(0);
         let command = [["snell".to_string(), "render".to_string(), name.to_string()].to_vec(), self.render.clone()];
-        Ok(Opened { scene, camera, camera_number, settings, display, command: command.concat() })
+        Ok(Opened { scene, camera, camera_number, is_camera_made, settings, display, command: command.concat() })
     }
 }
 
