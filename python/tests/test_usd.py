@@ -318,3 +318,42 @@ def SphereLight "dot" { bool treatAsPoint = 1; float inputs:radius = 5; float in
     # The radiance of the ball, times the disk that is seen of it, in square metres.
     seen = 4 / (4 * np.pi * 5**2) * np.pi * 0.05**2
     assert form["lights"][0]["intensity"] == pytest.approx([seen] * 3)
+
+
+def test_skins_are_posed_at_the_time_asked_for(tmp_path: Path) -> None:
+    text = """
+def SkelRoot "World"
+{
+    def Skeleton "bones" (prepend apiSchemas = ["SkelBindingAPI"])
+    {
+        uniform token[] joints = ["root"]
+        uniform matrix4d[] bindTransforms = [((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))]
+        uniform matrix4d[] restTransforms = [((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))]
+        rel skel:animationSource = </World/motion>
+    }
+    def SkelAnimation "motion"
+    {
+        uniform token[] joints = ["root"]
+        float3[] translations.timeSamples = { 0: [(0, 0, 0)], 10: [(0, 0, 5)] }
+        quatf[] rotations = [(1, 0, 0, 0)]
+        half3[] scales = [(1, 1, 1)]
+    }
+    def Mesh "skin" (prepend apiSchemas = ["SkelBindingAPI"])
+    {
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+        point3f[] points = [(0, 0, 0), (2, 0, 0), (2, 1, 0)]
+        uniform token subdivisionScheme = "none"
+        int[] primvars:skel:jointIndices = [0, 0, 0] (elementSize = 1; interpolation = "vertex")
+        float[] primvars:skel:jointWeights = [1, 1, 1] (elementSize = 1; interpolation = "vertex")
+        rel skel:skeleton = </World/bones>
+    }
+}
+"""
+    path = stage(tmp_path, text)
+    before = Path(path).read_bytes()
+    for time, depth in ((0, 0), (4, 2), (10, 5)):
+        form, remarks = document(path, time=time)
+        assert remarks == []
+        assert floats(form["meshes"][0]["positions"]).reshape(-1, 3)[:, 2].tolist() == pytest.approx([depth] * 3)
+    assert Path(path).read_bytes() == before

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdLux
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdSkel
 
 from ._cameras import camera
 from ._context import Context, rows
@@ -20,6 +20,7 @@ __all__ = ["document"]
 
 def document(context: Context, name: str) -> tuple[str, list[str]]:
     """The text of a stage, and remarks on what was left out."""
+    _pose(context)
     context.nodes[0]["transform"] = rows(context.world)
     context.nodes[0]["children"] = _children(context, context.stage.GetPseudoRoot(), context.world)
     up = [0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(context.stage) == "Z" else [0.0, 1.0, 0.0]
@@ -40,6 +41,32 @@ def document(context: Context, name: str) -> tuple[str, list[str]]:
     }
     remarks = [text if count == 1 else f"{text} ({count} times)" for text, count in context.remarks.items()]
     return json.dumps(form), remarks
+
+
+def _pose(context: Context) -> None:
+    """Skins and blend shapes as points of meshes, in a layer that is not part of the file."""
+    stage = context.stage
+    roots = [prim for prim in stage.Traverse(Usd.TraverseInstanceProxies()) if prim.IsA(UsdSkel.Root)]
+    if not roots:
+        return
+    stage.SetEditTarget(stage.GetSessionLayer())
+    interval = _samples_around(context)
+    for root in roots:
+        if root.IsInstanceProxy():
+            context.remark(f"{root.GetPath()}: skins of instances are shown in their rest pose")
+        else:
+            UsdSkel.BakeSkinning(Usd.PrimRange(root), interval)
+
+
+def _samples_around(context: Context) -> Any:
+    """The samples of poses that are needed at the time of this reading."""
+    time = context.time.GetValue() if context.time.IsNumeric() else 0.0
+    found = [time]
+    for prim in context.stage.Traverse(Usd.TraverseInstanceProxies()):
+        if prim.IsA(UsdSkel.Animation):
+            for attribute in prim.GetAttributes():
+                found += attribute.GetBracketingTimeSamples(time)
+    return Gf.Interval(min(found), max(found))
 
 
 def _children(context: Context, prim: Any, world: np.ndarray) -> list[int]:
