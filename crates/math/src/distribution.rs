@@ -7,7 +7,9 @@ use glam::Vec2;
 pub struct Distribution1D {
     /// Cumulative weights divided by their sum; one more entry than there are pieces, from 0 to 1.
     cdf: Vec<f32>,
-    weights: Vec<f32>,
+    /// For each of as many equal parts of `[0, 1)` as there are pieces, the first entry of `cdf` above its beginning, and one more:
+    /// where to search (the cutpoint method of Chen and Asau, 1974).
+    guide: Vec<u32>,
     sum: f64,
 }
 
@@ -32,19 +34,28 @@ impl Distribution1D {
             running as f32
         }));
         *cdf.last_mut().expect("the table has an entry") = 1.0;
-        Self { cdf, weights, sum }
+        let count = weights.len();
+        let mut first = 0;
+        let guide = (0..=count)
+            .map(|k| {
+                let begin = k as f32 / count as f32;
+                first += cdf[first..].iter().take_while(|&&c| c <= begin).count();
+                first as u32
+            })
+            .collect();
+        Self { cdf, guide, sum }
     }
 
     /// Number of pieces.
     #[inline]
     pub fn len(&self) -> usize {
-        self.weights.len()
+        self.cdf.len() - 1
     }
 
     /// Never true: a distribution has at least one piece.
     #[inline]
     pub fn is_empty(&self) -> bool {
-        self.weights.is_empty()
+        self.len() == 0
     }
 
     /// Sum of the (finite, positive) weights given.
@@ -56,7 +67,7 @@ impl Distribution1D {
     /// Picks piece `i` with its probability: returns `i` and the remaining uniform number in `[0, 1)`.
     #[inline]
     pub fn sample(&self, u: f32) -> (usize, f32) {
-        let i = self.cdf.partition_point(|&c| c <= u).clamp(1, self.weights.len()) - 1;
+        let i = self.first_above(u).clamp(1, self.len()) - 1;
         // Skip pieces of no width, into which rounding could have led.
         let i = if self.cdf[i + 1] > self.cdf[i] { i } else { self.nearest_nonempty(i) };
         let width = self.cdf[i + 1] - self.cdf[i];
@@ -64,10 +75,22 @@ impl Distribution1D {
         (i, rest)
     }
 
+    /// The first entry of `cdf` above `u`.
+    #[inline]
+    fn first_above(&self, u: f32) -> usize {
+        let part = ((u * self.len() as f32) as usize).min(self.len() - 1);
+        let [from, to] = [self.guide[part] as usize, self.guide[part + 1] as usize];
+        let found = from + self.cdf[from..to].partition_point(|&c| c <= u);
+        // Rounding may have led into a neighbouring part.
+        let is_first = found == 0 || self.cdf[found - 1] <= u;
+        let is_above = self.cdf.get(found).is_none_or(|&c| c > u);
+        if is_first && is_above { found } else { self.cdf.partition_point(|&c| c <= u) }
+    }
+
     #[inline]
     fn nearest_nonempty(&self, i: usize) -> usize {
         let wide = |&k: &usize| self.cdf[k + 1] > self.cdf[k];
-        (0..i).rev().find(wide).or_else(|| (i..self.weights.len()).find(wide)).unwrap_or(i)
+        (0..i).rev().find(wide).or_else(|| (i..self.len()).find(wide)).unwrap_or(i)
     }
 
     /// Probability of piece `i`, exactly that with which [`Self::sample`] picks it.
@@ -126,6 +149,17 @@ impl Distribution2D {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_guide_leads_to_where_a_search_of_all_leads() {
+        for weights in [vec![1.0], vec![0.0, 1.0, 0.0], vec![1e-9, 5.0, 0.0, 0.0, 1e-3, 1e6, 2.0], vec![0.7; 1000]] {
+            let table = Distribution1D::new(&weights);
+            let edges = table.cdf.iter().flat_map(|&c| [c, c.next_down(), c.next_up()]);
+            for u in edges.chain((0..1000).map(|i| i as f32 / 1000.0)).filter(|u| (0.0..1.0).contains(u)) {
+                assert_eq!(table.first_above(u), table.cdf.partition_point(|&c| c <= u), "{weights:?} {u}");
+            }
+        }
+    }
 
     #[test]
     fn pieces_are_picked_with_their_probability() {

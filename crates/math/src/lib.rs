@@ -6,6 +6,7 @@
 //!
 //! Maps between spaces are named `to_from`: `world_from_object.point(p_in_object)` is a point in the world.
 
+pub mod angles;
 pub mod bounds;
 pub mod distribution;
 pub mod exact;

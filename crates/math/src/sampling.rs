@@ -60,27 +60,21 @@ pub fn uniform_cone(u: Vec2, cos_theta_max: f32) -> Vec3 {
 }
 
 /// Uniform barycentric coordinates `(b1, b2)` of a triangle (Heitz, A low-distortion map between triangle and square, 2019).
-#[inline]
+#[inline(always)]
 pub fn uniform_triangle(u: Vec2) -> Vec2 {
-    if u.x < u.y {
-        let b0 = u.x / 2.0;
-        let b1 = u.y - b0;
-        Vec2::new(b1, 1.0 - b0 - b1)
-    } else {
-        let b1 = u.y / 2.0;
-        let b0 = u.x - b1;
-        Vec2::new(b1, 1.0 - b0 - b1)
-    }
+    let is_less = u.x < u.y;
+    let half = if is_less { u.x } else { u.y } / 2.0;
+    let rest = if is_less { u.y } else { u.x } - half;
+    let (b0, b1) = if is_less { (half, rest) } else { (rest, half) };
+    Vec2::new(b1, 1.0 - b0 - b1)
 }
 
 /// Weight of a sample of density `a` against one of density `b` (power heuristic with exponent 2; Veach, 1997).
-#[inline]
+#[inline(always)]
 pub fn power_heuristic(a: f32, b: f32) -> f32 {
-    if a.is_infinite() {
-        return 1.0;
-    }
     let (a2, b2) = (a * a, b * b);
-    if a2 + b2 > 0.0 { a2 / (a2 + b2) } else { 0.0 }
+    let weight = if a2 + b2 > 0.0 { a2 / (a2 + b2) } else { 0.0 };
+    if a == f32::INFINITY { 1.0 } else { weight }
 }
 
 #[cfg(test)]

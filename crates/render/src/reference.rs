@@ -5,7 +5,7 @@
 
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
-use crate::integrator::camera_path::camera_path;
+use crate::integrator::camera_path::{FILM, camera_path};
 use crate::integrator::{Context, MediumVertex, Outputs, PathState, SurfaceVertex, Vertex};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Settings;
@@ -16,6 +16,7 @@ use snell_scene::Camera;
 
 /// Renders a picture: for each pixel, the filtered mean of its samples. Row by row from the top.
 pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> Vec<Rgb> {
+    let view = camera.view(settings.size);
     let [width, height] = settings.size;
     let sampler = Sampler::of(settings);
     let filter = FilterSampler::new(settings.filter);
@@ -27,7 +28,8 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
             let (mut plain, mut sum, mut weights) = (Rgb::BLACK, Rgb::BLACK, 0.0);
             for number in 0..settings.spp {
                 let random = sampler.random([x, y], number);
-                let (ray, state, weight) = camera_path(camera, settings, scene.moves, &filter, [x, y], &random);
+                let (ray, state, weight) =
+                    camera_path(&view, settings, scene.moves, &filter, [x, y], &random, random.pair(FILM));
                 let mut media = Media::new(&context, camera, state.mode);
                 let color = state.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
                 plain = plain + color;

@@ -21,7 +21,7 @@ pub mod placed;
 pub mod settings;
 pub mod texture;
 
-pub use camera::{Camera, CameraSample, Projection};
+pub use camera::{Camera, CameraSample, CameraView, Projection};
 pub use graph::{
     Background, Environment, Geometry, MaterialId, MediumId, Node, NodeId, Scene, SceneError, Surface, TextureId,
     Warning, WarningKind,

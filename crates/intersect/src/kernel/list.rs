@@ -37,9 +37,12 @@ const TRIAL: usize = 128;
 /// Planes that a ray meets at less than this, relative to the size of both, are not compared by distance.
 const MIN_SLOPE: f64 = 1.0 / 256.0;
 
-/// Bound of what a hit may be off from where the ray meets the plane of the triangle at [`MIN_SLOPE`] or more, relative to the distance
-/// of the farthest vertex. The drawing is off by `6 * 2^-24` of it, twice of that counts, divided by the slope; and `f32` rounds.
-const PLACE_ERROR: f64 = 1.0 / 4096.0;
+/// What a hit may be off from where the ray meets the plane of the triangle, relative to the distance of the farthest vertex: this over
+/// the slope in units of [`MIN_SLOPE`]. The drawing is off by `6 * 2^-24` of the distance, and twice of that counts.
+const PLACE_ERROR: f64 = 12.5 / 16_777_216.0 / MIN_SLOPE;
+
+/// And this, because `f32` rounds.
+const ROUNDING: f64 = 1.0 / 4_194_304.0;
 
 /// True if a list answers the queries of this goal.
 pub(crate) fn is_suitable<G: Goal>(forest: &Forest, rays: usize) -> bool {
@@ -47,7 +50,7 @@ pub(crate) fn is_suitable<G: Goal>(forest: &Forest, rays: usize) -> bool {
 }
 
 /// Searches for the rays of a batch; `finish` gets the number of a ray and what was found. [`is_suitable`] must hold. Returns how many
-/// rays were searched for: less than all if most of them hit nothing, for in a tree that costs next to nothing.
+/// rays were searched for: less than all if most of them point past everything, for in a tree that costs next to nothing.
 pub(crate) fn search_list<G: Goal<Precision = Single>>(
     forest: &Forest,
     level: Level,
@@ -129,7 +132,7 @@ unsafe fn run<L: WideLanes, G: Goal<Precision = Single>>(
         }
         // SAFETY: as promised by the caller.
         unsafe { nearest.test::<L, G>(list, &lines, &mut found) };
-        met += (found.hits | found.unsure).count_ones() as usize;
+        met += nearest.first.iter().filter(|&&t| t < f64::INFINITY).count() + nearest.doubtful.count_ones() as usize;
         for (lane, ray) in rays.iter().enumerate() {
             let query = batch.rays.get(first + lane);
             let mut search = Search::new(query, batch.context, start(ray));
@@ -182,9 +185,11 @@ unsafe fn test_objects<G: Goal<Precision = Single>>(
 
 /// For each ray the nearest planes of triangles that its line passes through.
 struct Nearest {
-    /// Distances of the nearest and the second.
+    /// Distance of the nearest.
     first: [f64; RAYS],
-    second: [f64; RAYS],
+    /// Hits on its triangle are no nearer than this, those on any other no nearer than that.
+    first_low: [f64; RAYS],
+    second_low: [f64; RAYS],
     /// The triangle of the nearest.
     triangle: [u32; RAYS],
     /// The rays for which that may not be the order of the hits.
@@ -192,8 +197,13 @@ struct Nearest {
 }
 
 impl Nearest {
-    const NONE: Self =
-        Self { first: [f64::INFINITY; RAYS], second: [f64::INFINITY; RAYS], triangle: [0; RAYS], doubtful: 0 };
+    const NONE: Self = Self {
+        first: [f64::INFINITY; RAYS],
+        first_low: [f64::INFINITY; RAYS],
+        second_low: [f64::INFINITY; RAYS],
+        triangle: [0; RAYS],
+        doubtful: 0,
+    };
 
     /// Notes that the line of a ray may pass through a triangle. (Without branches: whether that is ahead, and nearer than what is known,
     /// is as good as random.)
@@ -205,17 +215,22 @@ impl Nearest {
         let slope = plane.normal.dot(lines.direction(lane));
         let t = plane.normal.dot(plane.corner - lines.origin(lane)) / slope;
         let is_ahead = !is_behind(t, lines.t_min[lane].into());
-        let is_steep = (slope.abs() >= plane.steep * f64::from(lines.size[lane])) & (t.abs() < f64::INFINITY);
+        let least = plane.steep * f64::from(lines.size[lane]);
+        let is_steep = (slope.abs() >= least) & (t.abs() < f64::INFINITY);
         self.doubtful |= u32::from(is_ahead & !is_steep) << lane;
-        let t = if is_ahead & is_steep { t } else { f64::INFINITY };
-        let (first, second) = (self.first[lane], self.second[lane]);
-        let (is_first, is_second) = (t < first, t < second);
+        let is_used = is_ahead & is_steep;
+        let error = f64::from(lines.reach[lane]) * (PLACE_ERROR * (least / slope.abs()) + ROUNDING);
+        let (t, low) = if is_used { (t, t - error) } else { (f64::INFINITY, f64::INFINITY) };
+        let (first, first_low) = (self.first[lane], self.first_low[lane]);
+        let is_first = t < first;
         // As integers, which can be chosen without a branch.
         let choose = |is_one: bool, one: f64, other: f64| {
             f64::from_bits(select_unpredictable(is_one, one.to_bits(), other.to_bits()))
         };
-        self.second[lane] = choose(is_first, first, choose(is_second, t, second));
+        let other_low = choose(is_first, first_low, low);
+        self.second_low[lane] = if other_low < self.second_low[lane] { other_low } else { self.second_low[lane] };
         self.first[lane] = choose(is_first, t, first);
+        self.first_low[lane] = choose(is_first, low, first_low);
         self.triangle[lane] = select_unpredictable(is_first, triangle as u32, self.triangle[lane]);
     }
 
@@ -227,10 +242,10 @@ impl Nearest {
     unsafe fn test<L: WideLanes, G: Goal>(&self, list: &List, lines: &Lines, found: &mut Found) {
         let (mut ahead, mut alone) = (0, 0);
         for lane in 0..RAYS {
-            let (t, error) = (self.first[lane], f64::from(lines.reach[lane]) * PLACE_ERROR);
-            let is_ahead = (t < f64::INFINITY) & (t <= f64::from(lines.t_max[lane]) + error);
+            let t = self.first[lane];
+            let is_ahead = (t < f64::INFINITY) & (self.first_low[lane] <= f64::from(lines.t_max[lane]));
             // The hit is where the plane is met, and the second may be off. If any hit will do, there is no second.
-            let is_alone = (t + error < self.second[lane]) | (!G::NARROWS & ((t as f32) < lines.t_max[lane]));
+            let is_alone = (t < self.second_low[lane]) | (!G::NARROWS & ((t as f32) < lines.t_max[lane]));
             ahead |= u32::from(is_ahead) << lane;
             alone |= u32::from(is_alone) << lane;
             found.t[lane] = t as f32;

@@ -4,7 +4,8 @@ use super::surfaces::SurfaceTable;
 use super::volumes::VolumeTable;
 use crate::light_sampler::LightSummary;
 use snell_intersect::{Geometry, GeometryId, GroupId, Instance, World};
-use snell_math::{ColorMode, Transform, Vec3};
+use snell_math::spectrum::Color;
+use snell_math::{ColorMode, SampledSpectrum, Transform, Vec3};
 use snell_scene::light::LightBounds;
 use snell_scene::light::area::{AreaLight, EmissiveGeometry, MovingAreaLight};
 use snell_scene::light::environment::EnvironmentLight;
@@ -34,6 +35,30 @@ pub enum CompiledLight {
     Environment,
 }
 
+/// What a surface gives that shines alike everywhere, and that nothing can be seen through.
+#[derive(Clone, Copy, Debug)]
+pub struct PlainEmission {
+    /// Its material.
+    pub material: MaterialId,
+    /// Emitted radiance.
+    pub radiance: Color,
+    /// The same in RGB.
+    pub rgb: SampledSpectrum,
+    /// It shines on both sides.
+    pub on_both_sides: bool,
+}
+
+impl PlainEmission {
+    fn of(materials: &[Material], ids: impl Iterator<Item = MaterialId>) -> Option<Self> {
+        let mut ids = ids;
+        let id = ids.next()?;
+        let material = &materials[id.index()];
+        let radiance = material.uniform_emission().filter(|_| ids.all(|other| other == id))?;
+        let rgb = ColorMode::Rgb.illuminant(radiance);
+        Some(Self { material: id, radiance, rgb, on_both_sides: material.emits_on_both_sides })
+    }
+}
+
 /// The lights of a scene.
 #[derive(Debug, Default)]
 pub struct LightTable {
@@ -47,6 +72,8 @@ pub struct LightTable {
     media: Vec<(MediumId, usize)>,
     /// Whether each shines on both sides.
     two_sided: Vec<bool>,
+    /// What each gives, if it is a surface that shines alike everywhere.
+    plain: Vec<Option<PlainEmission>>,
     spent: u64,
 }
 
@@ -121,11 +148,16 @@ impl LightTable {
     fn push(&mut self, light: CompiledLight, power: f64) {
         self.lights.push(light);
         self.two_sided.push(false);
+        self.plain.push(None);
         self.powers.push(if power.is_finite() && power > 0.0 { power } else { 0.0 });
     }
 
     pub fn of_surface(&self, instance: u32, geometry: u32) -> Option<usize> {
         self.by_surface.get(&(instance, geometry)).copied()
+    }
+
+    pub fn plain(&self, light: usize) -> Option<&PlainEmission> {
+        self.plain[light].as_ref()
     }
 
     pub fn of_medium(&self, medium: MediumId) -> Option<usize> {
@@ -154,20 +186,23 @@ impl LightTable {
 
     fn add_surface(&mut self, parts: &Parts, id: GeometryId, instance: u32, place: &Place) {
         let world_from_group = &place.world_from_group;
-        let material = |primitive| parts.material(instance, id, primitive);
+        let material_id = |primitive| parts.material_id(instance, id, primitive);
+        let material = |primitive| &parts.materials[material_id(primitive).index()];
         let mut group_from_geometry = Transform::IDENTITY;
-        let (geometry, emitting) = match parts.world.geometry(id) {
+        let (geometry, emitting, plain) = match parts.world.geometry(id) {
             Geometry::Mesh(mesh) => {
                 let emits = |t: &u32| is_light(material(*t));
                 let triangles: Vec<u32> = (0..mesh.indices.len() as u32).filter(emits).collect();
                 self.spent += mesh.indices.len() as u64 + COST_OF_TRIANGLE * triangles.len() as u64;
                 let emitting = Emitting::of(triangles.iter().map(|&t| material(t)));
-                (EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles }, emitting)
+                let plain = PlainEmission::of(parts.materials, triangles.iter().map(|&t| material_id(t)));
+                (EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles }, emitting, plain)
             }
             Geometry::Shape(shape, group_from_shape) => {
                 let emitting = Emitting::of(Some(material(0)).filter(|m| is_light(m)).into_iter());
                 group_from_geometry = *group_from_shape;
-                (EmissiveGeometry::Shape(shape.clone()), emitting)
+                let plain = PlainEmission::of(parts.materials, std::iter::once(material_id(0)));
+                (EmissiveGeometry::Shape(shape.clone()), emitting, plain)
             }
             // Shine when they are hit, but are not sampled; so do meshes that are bent while the shutter is open.
             Geometry::Quads(_) | Geometry::MovingMesh(_) | Geometry::Set(_) => return,
@@ -195,7 +230,8 @@ impl LightTable {
         });
         let sides = if emitting.both_sides { 2.0 } else { 1.0 };
         let power = light.area() * PI * sides * light.mean_radiance();
-        self.by_surface.insert((instance, id.0), self.lights.len());
+        let number = self.lights.len();
+        self.by_surface.insert((instance, id.0), number);
         let compiled = match place.is_moving() {
             true => {
                 let carriers = place.carriers.clone();
@@ -204,8 +240,7 @@ impl LightTable {
             false => CompiledLight::Area(light),
         };
         self.push(compiled, power);
-        self.two_sided.pop();
-        self.two_sided.push(emitting.both_sides);
+        (self.two_sided[number], self.plain[number]) = (emitting.both_sides, plain);
     }
 }
 
@@ -241,8 +276,8 @@ struct Parts<'a> {
 }
 
 impl Parts<'_> {
-    fn material(&self, instance: u32, geometry: GeometryId, primitive: u32) -> &Material {
-        &self.materials[self.surfaces.material(self.world, instance, geometry.0, primitive).index()]
+    fn material_id(&self, instance: u32, geometry: GeometryId, primitive: u32) -> MaterialId {
+        self.surfaces.material(self.world, instance, geometry.0, primitive)
     }
 }
 

@@ -9,7 +9,7 @@ mod lights;
 mod surfaces;
 mod volumes;
 
-pub use lights::CompiledLight;
+pub use lights::{CompiledLight, PlainEmission};
 pub(crate) use volumes::{Boundary, VolumeTable};
 
 use crate::light_sampler::{LightSampler, LightSamplerKind};
@@ -213,6 +213,12 @@ impl CompiledScene {
     /// All lights, the environment last.
     pub fn lights(&self) -> &[CompiledLight] {
         &self.lights.lights
+    }
+
+    /// What a light gives, if it is a surface that shines alike everywhere.
+    #[inline]
+    pub(crate) fn plain_emission(&self, light: usize) -> Option<&PlainEmission> {
+        self.lights.plain(light)
     }
 
     /// The light that an emissive surface is, if it can be sampled.

@@ -7,37 +7,40 @@ use crate::light_sampler::Receiver;
 use crate::sampler::Random;
 use crate::settings::Settings;
 use snell_math::{DVec2, Ray, Vec2};
-use snell_scene::{Camera, CameraSample};
+use snell_scene::{Camera, CameraSample, CameraView};
 
 /// Dimensions of the camera sample.
-const FILM: u32 = 0;
+pub(crate) const FILM: u32 = 0;
 const LENS: u32 = 1;
 const WAVELENGTH: u32 = 2;
 const TIME: u32 = 3;
 
-/// A sample's first ray, what the path carries, and the filter's weight. Only where anything `moves` has the path a time.
+/// A sample's first ray, what the path carries, and the filter's weight, by the numbers of the sample and those of dimension [`FILM`].
+/// Only where anything `moves` has the path a time.
 pub(crate) fn camera_path(
-    camera: &Camera,
+    view: &CameraView,
     settings: &Settings,
     moves: bool,
     filter: &FilterSampler,
     pixel: [u32; 2],
     random: &Random,
+    on_film: Vec2,
 ) -> (Ray, PathState, f32) {
     let (position, weight) = match settings.pixel_position {
         Some([u, v]) => (DVec2::new(u, v), 1.0),
         None => {
-            let (offset, weight) = filter.sample(random.pair(FILM));
+            let (offset, weight) = filter.sample(on_film);
             (offset + 0.5, weight)
         }
     };
     let film = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + position;
     let time = if moves || !settings.later_cameras.is_empty() { random.number(TIME) } else { 0.0 };
+    let camera = view.camera();
     let has_lens = camera.has_lens() || settings.later_cameras.iter().any(Camera::has_lens);
     let lens = if has_lens { random.pair(LENS) } else { Vec2::splat(0.5) };
     let sample = CameraSample { film, lens };
     let camera_ray = match &settings.later_cameras[..] {
-        [] => camera.ray(&sample, settings.size),
+        [] => view.ray(&sample),
         later => camera_at(camera, later, time).ray(&sample, settings.size),
     };
     let mode = settings.color.mode(|| random.number(WAVELENGTH));

@@ -2,17 +2,17 @@
 
 use super::light_part::LightSource;
 use super::{Context, PathState, SurfaceVertex, Vertex};
-use crate::compile::CompiledLight;
+use crate::compile::{CompiledLight, PlainEmission};
 use crate::light_sampler::{ChosenLight, LightSampler, Receiver};
 use crate::settings::LightStrategy;
 use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3, robust};
-use snell_scene::light::area::{AreaLight, AreaSample, DirectedSample};
+use snell_scene::light::area::{AreaLight, AreaSample, DirectedSample, FlatPart, FlatSample};
 use snell_scene::medium::Glow;
 use snell_scene::{Background, MediumId};
 
 /// How far along a shadow ray to a point occluders count: just short of the light itself.
-const SHADOW_END: f32 = 1.0 - 1e-4;
+pub(super) const SHADOW_END: f32 = 1.0 - 1e-4;
 
 /// The environment's radiance along the ray that came to a vertex; black without one.
 pub fn environment(context: &Context, vertex: &Vertex) -> SampledSpectrum {
@@ -137,9 +137,18 @@ pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Ve
         }
         CompiledLight::Area(area) => {
             let (part, probability, u) = part_of_choice(area, chosen, u);
+            let plain = scene.plain_emission(chosen.light);
+            if let Some((plain, flat)) = plain.zip(area.flat(part))
+                && flat.is_far(at.position)
+            {
+                return from_flat(at, plain, flat, probability, u);
+            }
             let mut sample = area.sample_from(part, at.position, u)?;
             sample.pdf *= probability;
-            from_surface(context, at, sample)
+            match plain {
+                Some(plain) => from_plain(at, plain, sample),
+                None => from_surface(context, at, sample),
+            }
         }
         CompiledLight::Moving(light) => {
             let (part, probability, u) = part_of_choice(&light.first, chosen, u);
@@ -205,6 +214,33 @@ pub fn light_pdf_of_glow(lights: &LightSampler, receiver: &Receiver, light: usiz
     if pdf > 0.0 && pdf.is_finite() { pdf * lights.probability(receiver, light, (0, 1.0)) } else { 0.0 }
 }
 
+/// Light from a flat surface far away that shines alike everywhere. [`super::lights`] does the same for many.
+fn from_flat(at: &Arrival, plain: &PlainEmission, flat: &FlatPart, probability: f32, u: Vec2) -> Option<IncidentLight> {
+    let FlatSample { direction, pdf, end, is_front, exists } = flat.sample(at.position, u);
+    let radiance = at.mode.illuminant(plain.radiance);
+    if !exists || !(is_front || plain.on_both_sides) || radiance.is_black() {
+        return None;
+    }
+    let origin = at.ray_origin(direction);
+    let shadow_ray = Ray::new(origin, end - origin).with_t_max(SHADOW_END);
+    let (source, pdf) = (LightSource::Material(plain.material), pdf * probability);
+    Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing: None })
+}
+
+/// Light from a point of a surface that shines alike everywhere.
+fn from_plain(at: &Arrival, plain: &PlainEmission, sample: DirectedSample) -> Option<IncidentLight> {
+    let DirectedSample { surface, direction, pdf } = sample;
+    let radiance = at.mode.illuminant(plain.radiance);
+    let is_lit = plain.on_both_sides || direction.dot(surface.geometric_normal) < 0.0;
+    if !is_lit || radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {
+        return None;
+    }
+    let origin = at.ray_origin(direction);
+    let shadow_ray = Ray::new(origin, surface.ray_origin(-direction) - origin).with_t_max(SHADOW_END);
+    let source = LightSource::Material(plain.material);
+    Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing: None })
+}
+
 /// Light from a point of an emissive surface.
 fn from_surface(context: &Context, at: &Arrival, sample: DirectedSample) -> Option<IncidentLight> {
     let (scene, direction, pdf) = (context.scene, sample.direction, sample.pdf);
@@ -259,12 +295,20 @@ pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVer
 /// Density per steradian with which light samples give a direction to the environment.
 pub fn light_pdf_of_environment(context: &Context, vertex: &Vertex) -> f32 {
     let scene = context.scene;
-    let (Some(sky), Some(light)) = (&scene.environment, scene.environment_light()) else { return 0.0 };
+    let Some(sky) = &scene.environment else { return 0.0 };
     let pdf = match context.settings.light_strategy {
         LightStrategy::Mis => sky.pdf_compensated(vertex.ray.direction),
         LightStrategy::Light | LightStrategy::Bsdf => sky.pdf(vertex.ray.direction),
     };
-    if pdf > 0.0 { pdf * context.lights.probability(&vertex.state.receiver, light, (0, 1.0)) } else { 0.0 }
+    environment_choice(context, vertex, pdf)
+}
+
+/// Density of a direction to the environment, times the probability with which that was chosen.
+pub fn environment_choice(context: &Context, vertex: &Vertex, pdf: f32) -> f32 {
+    match context.scene.environment_light() {
+        Some(light) if pdf > 0.0 => pdf * context.lights.probability(&vertex.state.receiver, light, (0, 1.0)),
+        _ => 0.0,
+    }
 }
 
 /// The state after a bounce.

@@ -1,20 +1,21 @@
-//! What most integrators do at Lambertian surfaces without textures, at many vertices at once: the same as [`super::path`] and
-//! [`super::classic`], bit for bit, in loops that become vector code. Such surfaces are most of many scenes, and cost little else.
+//! What most integrators do at Lambertian surfaces, at many vertices at once: the same as [`super::path`] and [`super::classic`], bit
+//! for bit, in loops that become vector code. Such surfaces are most of many scenes, and cost little else.
 //!
 //! Which vertices come here depends on the scene and the settings alone, and no lane looks at another, so that a path does not depend
 //! on what shares its batch.
 
-use super::Context;
 use super::estimators::{Arrival, Skin};
-use super::light_part::LobeShares;
-use super::path::{ROULETTE_DEPTH, SCATTERED_SPREAD, WeightedLight, survival_at, weighted_light};
-use super::{IntegratorKind, Outputs, PathState, classic, dimension};
-use crate::light_sampler::Receiver;
+use super::light_part::{LightSource, LobeShares};
+use super::lights::{FlatArrivals, FlatLights, Surfaces, flat_part};
+use super::path::{ROULETTE_DEPTH, SCATTERED_SPREAD, WeightedLight, survival_at, weighted_sample};
+use super::{Context, IntegratorKind, Outputs, PathState, classic, dimension};
+use crate::light_sampler::{ChosenLight, Receiver, Receivers};
 use crate::sampler::{ManyRandoms, Random, Sampler};
+use crate::settings::LightStrategy;
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS};
 use snell_intersect::{Hit, TriangleHits, TrianglePoints};
 use snell_math::simd::Wide;
-use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, robust, sampling};
+use snell_math::{ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, robust, sampling};
 use snell_scene::Material;
 use snell_scene::material::visible_normal;
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -24,18 +25,56 @@ pub const LANES: usize = TRIANGLE_HITS;
 
 const ZERO: HitVectors = [[0.0; LANES]; 3];
 
+/// A path that has come to a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Arriving<'a> {
+    /// Its last ray.
+    pub ray: &'a Ray,
+    /// What that has hit.
+    pub hit: &'a Hit,
+    /// The path so far.
+    pub state: &'a PathState,
+    /// Its numbers.
+    pub random: &'a Random,
+}
+
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
 pub struct MatteVertices {
     hits: TriangleHits,
     points: TrianglePoints,
+    /// What is known already of lanes that are not on plain triangles.
+    others: Vec<(usize, OtherPoint)>,
     /// Direction to where the path comes from.
     wo: HitVectors,
+    reflectance: [SampledSpectrum; LANES],
     randoms: ManyRandoms<LANES>,
-    /// Shading normal.
+    /// Shading normal, and the same on the side where the path comes from.
     normal: HitVectors,
+    facing: HitVectors,
     bounces: Bounces,
+    chosen: [Chosen; LANES],
+    lights: FlatLights,
+    arrivals: FlatArrivals,
     wide: Option<Wide>,
+}
+
+/// What [`snell_intersect::SurfaceInteraction`] says of a point, as far as it matters here.
+#[derive(Clone, Copy, Debug)]
+struct OtherPoint {
+    position: Vec3,
+    position_error: Vec3,
+    geometric_normal: Vec3,
+    shading_normal: Vec3,
+}
+
+/// The light that is sampled at a vertex.
+#[derive(Clone, Copy, Debug)]
+enum Chosen {
+    None,
+    /// One of [`FlatLights`]: its source and what it emits.
+    Flat(LightSource, SampledSpectrum),
+    Other(ChosenLight),
 }
 
 /// Where paths go on.
@@ -46,6 +85,17 @@ struct Bounces {
     pdf: HitLanes,
     /// 0 where the path ends.
     exists: [u32; LANES],
+}
+
+/// What a vertex of `path` or `direct` gives.
+#[derive(Debug)]
+pub struct MatteOutputs {
+    /// A light ray, with the light that it brings if it is free, its source and its weight.
+    pub light: Option<(Ray, SampledSpectrum, LightSource, f32)>,
+    /// The next ray.
+    pub next: Option<(Ray, PathState)>,
+    /// As [`Outputs::light_lobe`].
+    pub lobe: LobeShares,
 }
 
 /// A surface as the light sees it.
@@ -72,9 +122,7 @@ impl Seen {
 /// The numbers of all lanes.
 #[derive(Debug)]
 pub struct MatteNumbers {
-    bsdf: [HitLanes; 2],
     light: [HitLanes; 2],
-    light_choice: HitLanes,
     roulette: HitLanes,
 }
 
@@ -87,10 +135,13 @@ pub fn is_classic(integrator: IntegratorKind) -> bool {
     matches!(integrator, IntegratorKind::Raycast | IntegratorKind::Whitted)
 }
 
-/// The reflectance of a material whose vertices can be worked on here.
-pub fn reflectance(context: &Context, material: &Material, color: ColorModel) -> Option<SampledSpectrum> {
-    let is_for_all = is_for(context.settings.integrator) && context.field.is_none() && color == ColorModel::Rgb;
-    is_for_all.then(|| material.lambertian()).flatten().map(|rgb| ColorMode::Rgb.reflectance(rgb))
+/// True if vertices on this material can be worked on here.
+pub fn is_matte(context: &Context, material: &Material) -> bool {
+    let settings = context.settings;
+    is_for(settings.integrator)
+        && context.field.is_none()
+        && settings.color == ColorModel::Rgb
+        && material.as_matte().is_some()
 }
 
 fn at(v: &HitVectors, lane: usize) -> Vec3 {
@@ -107,10 +158,16 @@ impl MatteVertices {
         Self {
             hits: TriangleHits::default(),
             points: TrianglePoints::default(),
+            others: Vec::new(),
             wo: ZERO,
+            reflectance: [SampledSpectrum::ZERO; LANES],
             randoms: ManyRandoms::new(sampler, 0),
             normal: ZERO,
+            facing: ZERO,
             bounces: Bounces { wi: ZERO, origin: ZERO, pdf: [0.0; LANES], exists: [0; LANES] },
+            chosen: [Chosen::None; LANES],
+            lights: FlatLights::default(),
+            arrivals: FlatArrivals::default(),
             wide,
         }
     }
@@ -118,26 +175,57 @@ impl MatteVertices {
     /// The following vertices are of this depth.
     pub fn start(&mut self, sampler: &Sampler, depth: u32) {
         self.randoms = ManyRandoms::new(sampler, depth);
+        self.others.clear();
     }
 
-    /// Puts a vertex into a lane. False if it must be worked on alone.
-    pub fn gather(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit, random: &Random) -> bool {
-        if !context.scene.world.gather_triangle(hit, lane, &mut self.hits) {
-            return false;
-        }
+    /// Puts a vertex on a matte material into a lane.
+    pub fn gather(&mut self, context: &Context, lane: usize, path: Arriving, material: &Material) {
+        let Arriving { ray, hit, state, random } = path;
         put(&mut self.wo, lane, -ray.direction);
         self.randoms.set(lane, random);
-        true
+        let Some(matte) = material.as_matte() else { return };
+        if let Some(rgb) = matte.uniform()
+            && material.normal_map.is_none()
+            && context.scene.world.gather_triangle(hit, lane, &mut self.hits)
+        {
+            self.reflectance[lane] = state.mode.reflectance(rgb);
+            return;
+        }
+        self.gather_other(context, lane, path, material);
     }
 
-    /// Works out all that does not need the lights.
-    pub fn prepare(&mut self, depth: u32) -> MatteNumbers {
+    /// As [`Self::gather`], for what is on no plain triangle.
+    #[inline(never)]
+    fn gather_other(&mut self, context: &Context, lane: usize, path: Arriving, material: &Material) {
+        let Arriving { ray, hit, state, .. } = path;
+        let surface = context.scene.interaction(ray, state.time, hit);
+        let footprint = state.cone_width + state.cone_spread * hit.t;
+        let point = context.scene.shading_point(&surface, footprint, state.mode);
+        let Some((reflectance, shading_normal)) = material.matte_at(&point) else { return };
+        self.reflectance[lane] = reflectance;
+        let (position, position_error) = (surface.position, surface.position_error);
+        let geometric_normal = surface.geometric_normal;
+        self.others.push((lane, OtherPoint { position, position_error, geometric_normal, shading_normal }));
+    }
+
+    /// The points of all lanes.
+    fn place(&mut self) {
         self.hits.points(&mut self.points, self.wide);
-        let pairs = |dimension| self.randoms.pairs(dimension, self.wide);
+        for &(lane, ref other) in &self.others {
+            put(&mut self.points.position, lane, other.position);
+            put(&mut self.points.position_error, lane, other.position_error);
+            put(&mut self.points.geometric_normal, lane, other.geometric_normal);
+            put(&mut self.points.shading_normal, lane, other.shading_normal);
+            self.points.is_sound[lane] = 1;
+        }
+    }
+
+    /// Works out what the first lanes, so many, give.
+    pub fn prepare(&mut self, context: &Context, count: usize, depth: u32) -> MatteNumbers {
+        self.place();
+        let bsdf = self.randoms.pairs(dimension::BSDF, self.wide);
         let numbers = MatteNumbers {
-            bsdf: pairs(dimension::BSDF),
-            light: pairs(dimension::LIGHT),
-            light_choice: self.randoms.numbers(dimension::LIGHT_CHOICE, self.wide),
+            light: self.randoms.pairs(dimension::LIGHT, self.wide),
             roulette: match depth < ROULETTE_DEPTH {
                 true => [0.0; LANES],
                 false => self.randoms.numbers(dimension::ROULETTE, self.wide),
@@ -149,17 +237,51 @@ impl MatteVertices {
             (
                 points: &TrianglePoints = &self.points,
                 wo: &HitVectors = &self.wo,
-                u: &[HitLanes; 2] = &numbers.bsdf,
-                normal: &mut HitVectors = &mut self.normal,
+                u: &[HitLanes; 2] = &bsdf,
+                normals: [&mut HitVectors; 2] = [&mut self.normal, &mut self.facing],
                 to: &mut Bounces = &mut self.bounces,
             )
         );
+        self.choose_lights(context, count);
+        if self.chosen[..count].iter().any(|chosen| matches!(chosen, Chosen::Flat(..))) {
+            let surfaces = Surfaces { points: &self.points, normal: &self.normal, wo: &self.wo };
+            self.lights.arrivals(&surfaces, &numbers.light, self.wide, &mut self.arrivals);
+        }
         numbers
+    }
+
+    fn choose_lights(&mut self, context: &Context, count: usize) {
+        let choices = match context.lights.has_choice() {
+            true => self.randoms.numbers(dimension::LIGHT_CHOICE, self.wide),
+            false => [0.0; LANES],
+        };
+        let receivers = Receivers { position: &self.points.position, normal: &self.facing };
+        let mut chosen = [None; LANES];
+        context.lights.sample_many(&receivers, &choices, count, &mut chosen);
+        let is_weighted = context.settings.light_strategy == LightStrategy::Mis;
+        for (lane, chosen) in chosen.into_iter().enumerate().take(count) {
+            let Some(chosen) = chosen else {
+                self.chosen[lane] = Chosen::None;
+                continue;
+            };
+            self.chosen[lane] = match flat_part(context.scene, &chosen, at(&self.points.position, lane)) {
+                Some((flat, plain)) if is_weighted => {
+                    self.lights.put(lane, flat, plain.on_both_sides, chosen.probability);
+                    Chosen::Flat(LightSource::Material(plain.material), plain.rgb)
+                }
+                _ => Chosen::Other(chosen),
+            };
+        }
+    }
+
+    /// What light samplers know of a lane.
+    fn receiver(&self, lane: usize) -> Receiver {
+        Receivers { position: &self.points.position, normal: &self.facing }.get(lane)
     }
 
     /// Works out what [`Self::shade_classic`] needs.
     pub fn prepare_classic(&mut self) {
-        self.hits.points(&mut self.points, self.wide);
+        self.place();
         at_level!(
             self.wide,
             normals,
@@ -172,25 +294,17 @@ impl MatteVertices {
     }
 
     /// What a vertex of `raycast` or `whitted` gives: ambient light, and a light ray for each light.
-    pub fn shade_classic(
-        &self,
-        context: &Context,
-        lane: usize,
-        state: &PathState,
-        random: &Random,
-        reflectance: SampledSpectrum,
-        out: &mut Outputs,
-    ) {
-        let seen = self.seen(lane, state, reflectance);
-        let ambient = reflectance * state.mode.illuminant(context.scene.ambient + context.settings.fill);
+    pub fn shade_classic(&self, context: &Context, lane: usize, state: &PathState, random: &Random, out: &mut Outputs) {
+        let seen = self.seen(lane, state);
+        let ambient = seen.reflectance * state.mode.illuminant(context.scene.ambient + context.settings.fill);
         out.radiance = state.throughput * ambient;
         let local = |wi| seen.reflected(wi).0 * PI;
         classic::add_lights(context, state.throughput, random, &seen.arrival, local, out);
     }
 
     /// What a lane knows of its surface.
-    fn seen(&self, lane: usize, state: &PathState, reflectance: SampledSpectrum) -> Seen {
-        let (wo, normal) = (at(&self.wo, lane), at(&self.normal, lane));
+    fn seen(&self, lane: usize, state: &PathState) -> Seen {
+        let (wo, normal, reflectance) = (at(&self.wo, lane), at(&self.normal, lane), self.reflectance[lane]);
         let geometric_normal = at(&self.points.geometric_normal, lane);
         let position = at(&self.points.position, lane);
         let skin = Skin { position_error: at(&self.points.position_error, lane), geometric_normal };
@@ -204,6 +318,7 @@ impl MatteVertices {
     }
 
     /// What the vertex gives: a light ray, and the next ray.
+    #[inline(always)]
     pub fn shade(
         &self,
         context: &Context,
@@ -211,41 +326,58 @@ impl MatteVertices {
         numbers: &MatteNumbers,
         depth: u32,
         (hit, state): (&Hit, &PathState),
-        reflectance: SampledSpectrum,
-        out: &mut Outputs,
-    ) {
-        let seen = self.seen(lane, state, reflectance);
-        let (position, normal) = (seen.arrival.position, seen.normal);
-        let normal = if seen.cos_o < 0.0 { -normal } else { normal };
-        let receiver = Receiver { position, normal, transmits: false };
-        let reflected = |wi| seen.reflected(wi);
-        let u = || Vec2::new(numbers.light[0][lane], numbers.light[1][lane]);
-        let choice = || numbers.light_choice[lane];
+    ) -> MatteOutputs {
+        let reflectance = self.reflectance[lane];
         let lobe = if context.wants_lobes && depth == 0 { LobeShares::of_matte(reflectance) } else { state.lobe };
-        let light = weighted_light(context, state.throughput, &seen.arrival, &receiver, choice, u, reflected);
-        if let Some(WeightedLight { value, shadow_ray, source, weight, .. }) = light {
-            out.weights.light = weight;
-            (out.light_source, out.light_lobe) = (Some(source), lobe);
-            out.light_rays.push((shadow_ray, value));
-        }
+        let light = match self.chosen[lane] {
+            Chosen::None => None,
+            Chosen::Flat(source, radiance) => self.arrivals.get(lane).and_then(|arrival| {
+                let value = state.throughput * (reflectance * arrival.cosine) * radiance * arrival.scale;
+                let is_light = !value.is_black() && value.is_finite();
+                is_light.then_some((arrival.shadow_ray, value, source, arrival.weight))
+            }),
+            Chosen::Other(chosen) => {
+                let u = Vec2::new(numbers.light[0][lane], numbers.light[1][lane]);
+                self.light_alone(context, lane, state, &chosen, u)
+            }
+        };
+        let mut outputs = MatteOutputs { light, next: None, lobe };
         let mut throughput = state.throughput * reflectance;
         if self.bounces.exists[lane] == 0 || throughput.is_black() || !throughput.is_finite() {
-            return;
+            return outputs;
         }
         let weight = throughput.max_element() * state.eta_scale;
-        let Some(survival) = survival_at(depth, weight, || numbers.roulette[lane]) else { return };
+        let Some(survival) = survival_at(depth, weight, || numbers.roulette[lane]) else { return outputs };
         throughput *= 1.0 / survival;
         let next = PathState {
             throughput,
             bsdf_pdf: self.bounces.pdf[lane],
-            receiver,
+            receiver: self.receiver(lane),
             is_specular: false,
             lobe,
             cone_width: state.cone_width + state.cone_spread * hit.t,
             cone_spread: state.cone_spread.max(SCATTERED_SPREAD),
             ..*state
         };
-        out.next.push((Ray::new(at(&self.bounces.origin, lane), at(&self.bounces.wi, lane)), next));
+        outputs.next = Some((Ray::new(at(&self.bounces.origin, lane), at(&self.bounces.wi, lane)), next));
+        outputs
+    }
+
+    /// A light sample that is not one of [`FlatLights`].
+    #[inline(never)]
+    fn light_alone(
+        &self,
+        context: &Context,
+        lane: usize,
+        state: &PathState,
+        chosen: &ChosenLight,
+        u: Vec2,
+    ) -> Option<(Ray, SampledSpectrum, LightSource, f32)> {
+        let seen = self.seen(lane, state);
+        let reflected = |wi| seen.reflected(wi);
+        let light = weighted_sample(context, state.throughput, &seen.arrival, chosen, u, reflected)?;
+        let WeightedLight { value, shadow_ray, source, weight, .. } = light;
+        Some((shadow_ray, value, source, weight))
     }
 }
 
@@ -261,7 +393,14 @@ fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
 
 /// Normals as they are seen, and cosine-distributed directions.
 #[inline(always)]
-fn bounce(points: &TrianglePoints, wo: &HitVectors, u: &[HitLanes; 2], normal: &mut HitVectors, to: &mut Bounces) {
+fn bounce(
+    points: &TrianglePoints,
+    wo: &HitVectors,
+    u: &[HitLanes; 2],
+    normals: [&mut HitVectors; 2],
+    to: &mut Bounces,
+) {
+    let [normal, facing] = normals;
     for i in 0..LANES {
         let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
         let (wo, flat) = (vector(wo), vector(&points.geometric_normal));
@@ -279,6 +418,7 @@ fn bounce(points: &TrianglePoints, wo: &HitVectors, u: &[HitLanes; 2], normal: &
         let origin = robust::offset_ray_origin(vector(&points.position), vector(&points.position_error), flat, wi);
         for axis in 0..3 {
             normal[axis][i] = n[axis];
+            facing[axis][i] = if cos_o < 0.0 { -n[axis] } else { n[axis] };
             to.wi[axis][i] = wi[axis];
             to.origin[axis][i] = origin[axis];
         }

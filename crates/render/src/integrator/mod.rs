@@ -10,6 +10,7 @@ pub(crate) mod estimators;
 mod flat;
 mod guided;
 pub mod light_part;
+mod lights;
 pub(crate) mod matte;
 mod motion;
 pub(crate) mod path;

@@ -2,14 +2,14 @@
 //! `direct` is the same with one bounce.
 
 use super::estimators::{
-    Arrival, IncidentLight, background, continued, environment, light_pdf_of_environment, light_pdf_of_hit,
+    Arrival, IncidentLight, background, continued, environment_choice, light_pdf_of_environment, light_pdf_of_hit,
     sample_light,
 };
 use super::guided::GuidedBsdf;
 use super::light_part::{LightSource, LobeShares};
 use super::scattering::scatter;
 use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
-use crate::light_sampler::Receiver;
+use crate::light_sampler::{ChosenLight, Receiver};
 use crate::settings::LightStrategy;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
 use snell_scene::MediumId;
@@ -70,18 +70,25 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
 }
 
 /// What a path that leaves the scene brings, and its weight.
-fn escaped(context: &Context, vertex: &Vertex) -> (SampledSpectrum, f32) {
+pub(crate) fn escaped(context: &Context, vertex: &Vertex) -> (SampledSpectrum, f32) {
     if let Some(background) = background(context, vertex) {
         return (vertex.state.throughput * background, 1.0);
     }
-    let radiance = environment(context, vertex);
+    let Some(sky) = &context.scene.environment else { return (SampledSpectrum::ZERO, 1.0) };
+    let (direction, strategy) = (vertex.ray.direction, context.settings.light_strategy);
+    let is_sampled = strategy == LightStrategy::Mis && context.scene.samples_environment(strategy);
+    let (radiance, pdf) = match is_sampled && vertex.state.bsdf_pdf != 0.0 {
+        true => sky.radiance_and_pdf(direction, vertex.state.mode),
+        false => (sky.radiance(direction, vertex.state.mode), 0.0),
+    };
     if radiance.is_black() {
         return (SampledSpectrum::ZERO, 1.0);
     }
-    let weight = if context.scene.samples_environment(context.settings.light_strategy) {
-        weight_of_bsdf_sample(context, vertex, || light_pdf_of_environment(context, vertex))
-    } else {
-        1.0
+    let weight = match strategy {
+        LightStrategy::Mis if !is_sampled => 1.0,
+        LightStrategy::Mis => weight_of_bsdf_sample(context, vertex, || environment_choice(context, vertex, pdf)),
+        LightStrategy::Bsdf => 1.0,
+        LightStrategy::Light => weight_of_bsdf_sample(context, vertex, || light_pdf_of_environment(context, vertex)),
     };
     (vertex.state.throughput * radiance * weight, weight)
 }
@@ -152,8 +159,21 @@ pub(crate) fn weighted_light(
     scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
 ) -> Option<WeightedLight> {
     let chosen = context.lights.sample(receiver, u_choice)?;
+    weighted_sample(context, throughput, at, &chosen, u(), scattering)
+}
+
+/// [`weighted_light`] of a light that is chosen already.
+#[inline]
+pub(crate) fn weighted_sample(
+    context: &Context,
+    throughput: SampledSpectrum,
+    at: &Arrival,
+    chosen: &ChosenLight,
+    u: Vec2,
+    scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
+) -> Option<WeightedLight> {
     let probability = chosen.probability;
-    let sample = sample_light(context, at, &chosen, u())?;
+    let sample = sample_light(context, at, chosen, u)?;
     if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
         return None;
     }

@@ -12,15 +12,19 @@ use crate::film::noise::positions;
 use crate::film::{FilmPart, FilmSample};
 use crate::guiding::{Record, Recorder};
 use crate::integrator::aov::{Aov, AovKind};
-use crate::integrator::camera_path::camera_path;
+use crate::integrator::camera_path::{FILM, camera_path};
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
-use crate::integrator::matte::{self, LANES, MatteVertices};
+use crate::integrator::matte::{self, Arriving, LANES, MatteOutputs, MatteVertices};
+use crate::integrator::path::escaped;
 use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex, VertexFunction};
-use crate::sampler::{Random, Sampler};
+use crate::sampler::{ManyRandoms, Random, Sampler};
 use crate::settings::Crop;
 use snell_intersect::{Grouping, Hit, RayQuery};
-use snell_math::{ColorMode, SampledSpectrum};
-use snell_scene::{Background, Camera};
+use snell_math::{ColorMode, SampledSpectrum, Vec2};
+use snell_scene::{Background, Camera, CameraView};
+
+/// Samples that are taken at once: as many as fit into the second level of the cache with all that belongs to them.
+const MAX_SAMPLES: usize = 1 << 10;
 
 /// Light rays that are traced at once, up to those of one vertex more: ray trees and scenes of many lights have too many to keep.
 const MAX_BATCH: usize = 1 << 16;
@@ -32,6 +36,7 @@ const MAX_TREE: u32 = 1024;
 pub struct PartRenderer<'a> {
     context: Context<'a>,
     camera: &'a Camera,
+    view: CameraView<'a>,
     sampler: &'a Sampler,
     filter: &'a FilterSampler,
     shade: VertexFunction,
@@ -41,7 +46,7 @@ pub struct PartRenderer<'a> {
     next: Paths,
     light_rays: LightRays,
     order: Vec<u32>,
-    /// The material of each path, and where the paths of each begin in `order`.
+    /// The material of what each path has hit, one past the last for nothing, and where the paths of each begin in `order`.
     keys: Vec<u32>,
     starts: Vec<u32>,
     outputs: Outputs,
@@ -63,8 +68,8 @@ pub struct PartRenderer<'a> {
 /// Vertices that are shaded many at once.
 struct Matte {
     vertices: MatteVertices,
-    /// By material; `None` for those that are not matte.
-    reflectances: Vec<Option<SampledSpectrum>>,
+    /// By material: whether it is matte.
+    materials: Vec<bool>,
 }
 
 impl Matte {
@@ -72,10 +77,9 @@ impl Matte {
     fn new(context: &Context, sampler: &Sampler) -> Option<Box<Self>> {
         let scene = context.scene;
         let wide = scene.world.simd().wide()?;
-        let reflectance = |material| matte::reflectance(context, material, context.settings.color);
-        let reflectances: Vec<_> = scene.materials.iter().map(reflectance).collect();
+        let materials: Vec<_> = scene.materials.iter().map(|material| matte::is_matte(context, material)).collect();
         let vertices = MatteVertices::new(sampler, Some(wide));
-        reflectances.iter().any(Option::is_some).then(|| Box::new(Self { vertices, reflectances }))
+        materials.contains(&true).then(|| Box::new(Self { vertices, materials }))
     }
 }
 
@@ -117,9 +121,11 @@ impl<'a> PartRenderer<'a> {
         let volumes = if sees_media { VolumeBatch::new(&context, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
         let matte = if volumes.is_some() || scene.moves { None } else { Matte::new(&context, sampler) };
+        let view = camera.view(context.settings.size);
         Self {
             context,
             camera,
+            view,
             sampler,
             filter,
             shade,
@@ -160,7 +166,36 @@ impl<'a> PartRenderer<'a> {
         range: [u32; 2],
         statistics: &mut Statistics,
     ) -> FilmPart {
-        self.start(area, pixels, range);
+        let positions: Vec<[u32; 2]> = match pixels {
+            None => positions(&area).collect(),
+            Some(pixels) => {
+                let width = area.size()[0];
+                pixels.iter().map(|i| [area.min[0] + i % width, area.min[1] + i / width]).collect()
+            }
+        };
+        let mut part = FilmPart {
+            area,
+            samples: range,
+            pixels: pixels.map(<[u32]>::to_vec),
+            values: vec![],
+            aovs: vec![],
+            keys: vec![],
+        };
+        // What is written down is of the whole part.
+        let at_once = match self.recorder.is_some() || self.journal.is_some() {
+            true => positions.len(),
+            false => MAX_SAMPLES / (range[1] - range[0]).max(1) as usize,
+        };
+        for positions in positions.chunks(at_once.max(1)) {
+            self.take_samples(positions, range, statistics);
+            self.finish(&mut part, statistics);
+        }
+        part
+    }
+
+    /// Takes samples of some pixels.
+    fn take_samples(&mut self, positions: &[[u32; 2]], range: [u32; 2], statistics: &mut Statistics) {
+        self.start(positions, range);
         statistics.rays.camera += self.paths.len() as u64;
         // Sixteen rays in a row are of one pixel, or of one row of a tile.
         let mut grouping = if self.camera.has_common_origin()
@@ -191,29 +226,6 @@ impl<'a> PartRenderer<'a> {
             depth += 1;
             grouping = Grouping::None;
         }
-        let values = self.finish(statistics);
-        let mut aovs = std::mem::take(&mut self.aovs);
-        aovs.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = 0.0);
-        let keys = std::mem::take(&mut self.covering);
-        FilmPart { area, samples: range, pixels: pixels.map(<[u32]>::to_vec), values, aovs, keys }
-    }
-
-    fn start(&mut self, area: Crop, pixels: Option<&[u32]>, range: [u32; 2]) {
-        self.paths.clear();
-        self.samples.clear();
-        self.aovs.clear();
-        if let Some(recorder) = &mut self.recorder {
-            let count = pixels.map_or(super::pixels(&area) as usize, <[u32]>::len);
-            recorder.start(count * (range[1] - range[0]) as usize);
-        }
-        match pixels {
-            None => positions(&area).for_each(|pixel| self.start_pixel(pixel, range)),
-            Some(pixels) => {
-                let width = area.size()[0];
-                let position = |i: &u32| [area.min[0] + i % width, area.min[1] + i / width];
-                pixels.iter().map(position).for_each(|pixel| self.start_pixel(pixel, range));
-            }
-        }
     }
 
     /// Tells the recorder, if there is one, what paths have brought before what they find next.
@@ -224,17 +236,44 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    fn start_pixel(&mut self, pixel: [u32; 2], range: [u32; 2]) {
-        let settings = self.context.settings;
-        for number in range[0]..range[1] {
-            let random = self.sampler.random(pixel, number);
-            let (ray, state, weight) =
-                camera_path(self.camera, settings, self.context.scene.moves, self.filter, pixel, &random);
-            let (index, mode) = (self.samples.len() as u32, state.mode);
-            let (radiance, brought) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
-            self.samples.push(Sample { random, mode, radiance, brought, alpha: 1.0, weight, rays: 0 });
-            self.paths.push(ray, state, index);
+    fn start(&mut self, positions: &[[u32; 2]], range: [u32; 2]) {
+        self.paths.clear();
+        self.samples.clear();
+        self.aovs.clear();
+        self.covering.clear();
+        if let Some(recorder) = &mut self.recorder {
+            recorder.start(positions.len() * (range[1] - range[0]) as usize);
         }
+        let sampler = self.sampler;
+        let randoms = |&pixel: &[u32; 2]| sampler.randoms(pixel, range[0]..range[1]).map(move |random| (pixel, random));
+        let mut starting = positions.iter().flat_map(randoms);
+        let wide = self.context.scene.world.simd().wide();
+        let mut together: [([u32; 2], Random); LANES] = [([0; 2], sampler.random([0; 2], 0)); LANES];
+        let mut many = ManyRandoms::<LANES>::of_camera(sampler);
+        loop {
+            let mut count = 0;
+            for (to, from) in together.iter_mut().zip(&mut starting) {
+                many.set(count, &from.1);
+                *to = from;
+                count += 1;
+            }
+            if count == 0 {
+                return;
+            }
+            let [x, y] = many.pairs(FILM, wide);
+            for (i, (pixel, random)) in together[..count].iter().enumerate() {
+                self.start_sample(*pixel, *random, Vec2::new(x[i], y[i]));
+            }
+        }
+    }
+
+    fn start_sample(&mut self, pixel: [u32; 2], random: Random, on_film: Vec2) {
+        let (settings, moves) = (self.context.settings, self.context.scene.moves);
+        let (ray, state, weight) = camera_path(&self.view, settings, moves, self.filter, pixel, &random, on_film);
+        let (index, mode) = (self.samples.len() as u32, state.mode);
+        let (radiance, brought) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
+        self.samples.push(Sample { random, mode, radiance, brought, alpha: 1.0, weight, rays: 0 });
+        self.paths.push(ray, state, index);
     }
 
     /// Through media, if there are any, to the next vertices.
@@ -329,12 +368,18 @@ impl<'a> PartRenderer<'a> {
         let order = std::mem::take(&mut self.order);
         let mut rest = order.as_slice();
         while let Some(&first) = rest.first() {
-            let (now, reflectance) = self.alike(first, rest);
-            match reflectance {
-                Some(reflectance) => self.shade_matte(depth, now, reflectance),
-                None => now.iter().for_each(|&path| self.shade_one(depth, path as usize)),
+            let is_miss = self.keys[first as usize] as usize == self.context.scene.materials.len();
+            if is_miss && self.is_simple() {
+                // They are last.
+                rest.iter().for_each(|&path| self.shade_miss(depth, path as usize));
+                break;
             }
-            rest = &rest[now.len()..];
+            let matte = self.matte_beginning(rest);
+            match matte {
+                0 => self.shade_one(depth, first as usize),
+                count => self.shade_matte(depth, &rest[..count]),
+            }
+            rest = &rest[matte.max(1)..];
             if self.light_rays.rays.len() >= MAX_BATCH {
                 self.trace_light_rays(statistics);
             }
@@ -343,23 +388,15 @@ impl<'a> PartRenderer<'a> {
         self.order = order;
     }
 
-    /// The paths at the beginning that can be worked on together with the first, and the reflectance of their surface; one path
-    /// and none if it is worked on alone.
-    fn alike<'b>(&self, first: u32, paths: &'b [u32]) -> (&'b [u32], Option<SampledSpectrum>) {
-        let alone = (&paths[..1], None);
-        let Some(matte) = &self.matte else { return alone };
-        let material = |path: u32| {
-            let hit = &self.paths.hits[path as usize];
-            hit.is_hit().then(|| self.context.scene.material_id(hit).index())
-        };
-        let Some(first) = material(first) else { return alone };
-        let Some(reflectance) = matte.reflectances[first] else { return alone };
-        let count = paths.iter().take(LANES).take_while(|&&path| material(path) == Some(first)).count();
-        (&paths[..count], Some(reflectance))
+    /// How many of the paths at the beginning can be worked on together, at most [`LANES`].
+    fn matte_beginning(&self, paths: &[u32]) -> usize {
+        let Some(matte) = &self.matte else { return 0 };
+        let is_matte = |path: &&u32| matte.materials.get(self.keys[**path as usize] as usize) == Some(&true);
+        paths.iter().take(LANES).take_while(is_matte).count()
     }
 
-    /// Shades at most [`LANES`] paths at matte surfaces of one reflectance.
-    fn shade_matte(&mut self, depth: u32, paths: &[u32], reflectance: SampledSpectrum) {
+    /// Shades at most [`LANES`] paths at matte surfaces.
+    fn shade_matte(&mut self, depth: u32, paths: &[u32]) {
         let is_classic = matte::is_classic(self.context.settings.integrator);
         let max_depth = match self.context.settings.integrator {
             IntegratorKind::Direct => 1,
@@ -371,65 +408,93 @@ impl<'a> PartRenderer<'a> {
         let Some(mut matte) = self.matte.take() else { return };
         let mut lanes = [0u32; LANES];
         let mut count = 0;
-        matte.vertices.start(self.sampler, depth);
+        let vertices = &mut matte.vertices;
+        vertices.start(self.sampler, depth);
         for &path in paths {
             let i = path as usize;
-            let (state, random) = (&self.paths.states[i], &self.samples[self.paths.samples[i] as usize].random);
-            let (ray, hit) = (&self.paths.rays[i], &self.paths.hits[i]);
+            let (ray, hit, state) = (&self.paths.rays[i], &self.paths.hits[i], &self.paths.states[i]);
             if state.throughput.is_black() {
                 continue;
             }
-            if matte.vertices.gather(&self.context, count, ray, hit, random) {
-                lanes[count] = path;
-                count += 1;
-            } else {
-                self.shade_one(depth, i);
-            }
+            let random = &self.samples[self.paths.samples[i] as usize].random;
+            let material = &self.context.scene.materials[self.keys[i] as usize];
+            vertices.gather(&self.context, count, Arriving { ray, hit, state, random }, material);
+            lanes[count] = path;
+            count += 1;
         }
-        if count > 0 {
-            let numbers = if is_classic {
-                matte.vertices.prepare_classic();
-                None
-            } else {
-                Some(matte.vertices.prepare(depth))
-            };
-            for (lane, &path) in lanes[..count].iter().enumerate() {
-                let path = path as usize;
-                if !matte.vertices.is_sound(lane) {
-                    self.shade_one(depth, path);
-                    continue;
-                }
-                self.outputs.clear();
-                let (hit, state, out) = (&self.paths.hits[path], &self.paths.states[path], &mut self.outputs);
-                match &numbers {
-                    Some(numbers) => {
-                        matte.vertices.shade(&self.context, lane, numbers, depth, (hit, state), reflectance, out);
-                    }
-                    None => {
-                        let random = self.samples[self.paths.samples[path] as usize].random;
-                        let random = random.at_vertex(state.stream, depth);
-                        matte.vertices.shade_classic(&self.context, lane, state, &random, reflectance, out);
-                    }
-                }
-                self.collect(depth, path);
-            }
+        match is_classic {
+            true => self.finish_classic(depth, vertices, &lanes[..count]),
+            false => self.finish_matte(depth, vertices, &lanes[..count]),
         }
         self.matte = Some(matte);
+    }
+
+    fn finish_matte(&mut self, depth: u32, vertices: &mut MatteVertices, lanes: &[u32]) {
+        let numbers = vertices.prepare(&self.context, lanes.len(), depth);
+        let is_watched = self.is_watched();
+        for (lane, &path) in lanes.iter().enumerate() {
+            let path = path as usize;
+            if !vertices.is_sound(lane) {
+                self.shade_one(depth, path);
+                continue;
+            }
+            let (hit, state) = (&self.paths.hits[path], &self.paths.states[path]);
+            let MatteOutputs { light, next, lobe } = vertices.shade(&self.context, lane, &numbers, depth, (hit, state));
+            if !is_watched {
+                let (sample, time) = (self.paths.samples[path], state.time);
+                if let Some((ray, value, ..)) = light {
+                    self.light_rays.push(ray, time, value, sample);
+                }
+                if let Some((ray, state)) = next {
+                    self.next.push(ray, state, sample);
+                }
+                continue;
+            }
+            self.outputs.clear();
+            if let Some((ray, value, source, weight)) = light {
+                self.outputs.weights.light = weight;
+                (self.outputs.light_source, self.outputs.light_lobe) = (Some(source), lobe);
+                self.outputs.light_rays.push((ray, value));
+            }
+            self.outputs.next.extend(next);
+            self.collect(depth, path);
+        }
+    }
+
+    fn finish_classic(&mut self, depth: u32, vertices: &mut MatteVertices, lanes: &[u32]) {
+        vertices.prepare_classic();
+        for (lane, &path) in lanes.iter().enumerate() {
+            let path = path as usize;
+            if !vertices.is_sound(lane) {
+                self.shade_one(depth, path);
+                continue;
+            }
+            let state = &self.paths.states[path];
+            let random = self.samples[self.paths.samples[path] as usize].random.at_vertex(state.stream, depth);
+            self.outputs.clear();
+            vertices.shade_classic(&self.context, lane, state, &random, &mut self.outputs);
+            self.collect(depth, path);
+        }
+    }
+
+    /// True if somebody wants to know more of vertices than the light they bring.
+    fn is_watched(&self) -> bool {
+        self.context.settings.clamp.is_some()
+            || !self.light_parts.is_empty()
+            || self.journal.is_some()
+            || self.recorder.is_some()
     }
 
     /// Paths of one material one after the other; those of one sample stay in order, so that sums have one order.
     fn group_by_material(&mut self) {
         let (scene, count) = (self.context.scene, self.paths.len());
-        self.order.clear();
-        self.order.extend(0..count as u32);
-        if scene.materials.len() <= 2 {
-            return;
-        }
         // What hits nothing comes last.
         let last = scene.materials.len();
         let key = |hit: &Hit| if hit.is_hit() { scene.material_id(hit).index() } else { last };
         self.keys.clear();
         self.keys.extend(self.paths.hits[..count].iter().map(|hit| key(hit) as u32));
+        self.order.clear();
+        self.order.extend(0..count as u32);
         if last > count {
             self.order.sort_by_key(|&path| self.keys[path as usize]);
             return;
@@ -444,6 +509,25 @@ impl<'a> PartRenderer<'a> {
             self.order[*at as usize] = path;
             *at += 1;
         }
+    }
+
+    /// True if what `path` and `direct` find outside of the scene is all that matters of it.
+    fn is_simple(&self) -> bool {
+        let integrator = self.context.settings.integrator;
+        matches!(integrator, IntegratorKind::Path | IntegratorKind::Direct)
+            && self.volumes.is_none()
+            && !self.is_watched()
+    }
+
+    /// The same as [`Self::shade_one`] for a path that leaves the scene.
+    fn shade_miss(&mut self, depth: u32, path: usize) {
+        let (ray, state) = (&self.paths.rays[path], &self.paths.states[path]);
+        if state.throughput.is_black() {
+            return;
+        }
+        let sample = &mut self.samples[self.paths.samples[path] as usize];
+        let vertex = Vertex { depth, ray, state, random: sample.random, surface: None, medium: None };
+        sample.radiance += escaped(&self.context, &vertex).0;
     }
 
     fn shade_one(&mut self, depth: u32, path: usize) {
@@ -583,15 +667,17 @@ impl<'a> PartRenderer<'a> {
         rays.clear();
     }
 
-    fn finish(&self, statistics: &mut Statistics) -> Vec<FilmSample> {
-        let values = self.samples.iter().map(|sample| {
+    /// Adds what was found to a part.
+    fn finish(&mut self, part: &mut FilmPart, statistics: &mut Statistics) {
+        part.values.extend(self.samples.iter().map(|sample| {
             let radiance = sample.collected();
             let finite = radiance.is_finite();
             statistics.invalid_samples += u64::from(!finite);
             let radiance = if finite { radiance } else { SampledSpectrum::ZERO };
             FilmSample { color: sample.mode.to_rgb(radiance), alpha: sample.alpha, weight: sample.weight }
-        });
-        values.collect()
+        }));
+        part.aovs.extend(self.aovs.iter().map(|value| if value.is_finite() { *value } else { 0.0 }));
+        part.keys.append(&mut self.covering);
     }
 }
 

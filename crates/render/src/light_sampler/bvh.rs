@@ -24,6 +24,27 @@ const FAR: f32 = 1e12;
 /// Allowance for rounding before a branch counts as dark.
 const SLACK: f32 = 1e-4;
 
+/// How many receivers are looked at together.
+pub const MANY: usize = 64;
+
+/// Many receivers that do not transmit, by axis.
+#[derive(Clone, Copy, Debug)]
+pub struct Receivers<'a> {
+    /// See [`Receiver::position`].
+    pub position: &'a [[f32; MANY]; 3],
+    /// See [`Receiver::normal`].
+    pub normal: &'a [[f32; MANY]; 3],
+}
+
+impl Receivers<'_> {
+    /// One of them.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> Receiver {
+        let at = |v: &[[f32; MANY]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        Receiver { position: at(self.position), normal: at(self.normal), transmits: false }
+    }
+}
+
 /// A node: its children in lanes. Lengths are in units of the tree.
 #[derive(Clone, Debug)]
 pub struct Node {
@@ -112,34 +133,40 @@ impl LightBvh {
         }
     }
 
+    /// False if no number is needed for choosing.
+    pub fn has_choice(&self) -> bool {
+        self.emitters.len() + self.beside.len() > 1
+    }
+
     /// A light. `u` is asked for a uniform number if there is a choice.
     pub fn sample(&self, receiver: &Receiver, u: impl FnOnce() -> f32) -> Option<ChosenLight> {
-        let has_choice = self.emitters.len() + self.beside.len() > 1;
-        let mut u = if has_choice { u() } else { 0.0 };
-        let local = self.local(receiver);
-        let of_tree = self.probability_of_tree(&local);
-        let mut probability = of_tree;
-        if u >= of_tree {
-            let rest = ((u - of_tree) / (1.0 - of_tree)).clamp(0.0, ONE_MINUS_EPSILON);
-            let chosen = self.table.sample(|| rest)?;
-            let light = self.beside[chosen.light] as usize;
-            return Some(ChosenLight { light, part: None, probability: chosen.probability * (1.0 - of_tree) });
-        }
-        u = (u / of_tree).min(ONE_MINUS_EPSILON);
-        let mut node = self.nodes.first()?;
-        loop {
-            let weights = node.importance(&local, self.wide);
-            let (slot, of_slot, rest) = choose(&weights, u)?;
-            probability *= of_slot;
-            u = rest;
-            let child = node.child[slot];
-            if child & EMITTER == 0 {
-                node = &self.nodes[child as usize];
-                continue;
-            }
-            let (light, part) = self.emitters[(child & !EMITTER) as usize];
-            return Some(ChosenLight { light: light as usize, part: Some(part), probability });
-        }
+        let u = if self.has_choice() { u() } else { 0.0 };
+        at_level!(
+            self.wide,
+            sample,
+            (tree: &LightBvh = self, receiver: &Receiver = receiver, u: f32 = u) -> Option<ChosenLight>
+        )
+    }
+
+    /// A light for each of many receivers that do not transmit.
+    pub fn sample_many(
+        &self,
+        receivers: &Receivers,
+        u: &[f32; MANY],
+        count: usize,
+        chosen: &mut [Option<ChosenLight>],
+    ) {
+        at_level!(
+            self.wide,
+            sample_many,
+            (
+                tree: &LightBvh = self,
+                receivers: &Receivers = receivers,
+                u: &[f32; MANY] = u,
+                count: usize = count,
+                chosen: &mut [Option<ChosenLight>] = chosen,
+            )
+        );
     }
 
     /// The probability with which [`Self::sample`] gives a part of a light.
@@ -185,6 +212,7 @@ impl LightBvh {
     }
 
     /// The receiver in the units of the tree.
+    #[inline(always)]
     fn local(&self, receiver: &Receiver) -> Receiver {
         let position = (receiver.position - self.origin) * self.scale;
         Receiver { position: position.clamp(Vec3::splat(-FAR), Vec3::splat(FAR)), ..*receiver }
@@ -218,6 +246,20 @@ impl Node {
         }
     }
 
+    #[inline(always)]
+    fn lane(&self, i: usize) -> Lane {
+        Lane {
+            center: [self.center[0][i], self.center[1][i], self.center[2][i]],
+            radius: self.radius[i],
+            axis: [self.axis[0][i], self.axis[1][i], self.axis[2][i]],
+            cos_spread: self.cos_spread[i],
+            sin_spread: self.sin_spread[i],
+            cos_emission: self.cos_emission[i],
+            side: self.side[i],
+            intensity: self.intensity[i],
+        }
+    }
+
     /// What each child may bring to the receiver, in units that only compare: 0 if surely nothing.
     ///
     /// The intensity, times the cosine of the least angle between a main direction and the way to the receiver, over the squared
@@ -227,46 +269,147 @@ impl Node {
     }
 }
 
+/// See [`LightBvh::sample`].
+#[inline(always)]
+fn sample(tree: &LightBvh, receiver: &Receiver, u: f32) -> Option<ChosenLight> {
+    let local = tree.local(receiver);
+    let of_tree = tree.probability_of_tree(&local);
+    let mut probability = of_tree;
+    if u >= of_tree {
+        let rest = ((u - of_tree) / (1.0 - of_tree)).clamp(0.0, ONE_MINUS_EPSILON);
+        let chosen = tree.table.sample(|| rest)?;
+        let light = tree.beside[chosen.light] as usize;
+        return Some(ChosenLight { light, part: None, probability: chosen.probability * (1.0 - of_tree) });
+    }
+    let mut u = (u / of_tree).min(ONE_MINUS_EPSILON);
+    let mut node = tree.nodes.first()?;
+    loop {
+        let weights = importance(node, &local);
+        let (slot, of_slot, rest) = choose(&weights, u)?;
+        probability *= of_slot;
+        u = rest;
+        let child = node.child[slot];
+        if child & EMITTER == 0 {
+            node = &tree.nodes[child as usize];
+            continue;
+        }
+        let (light, part) = tree.emitters[(child & !EMITTER) as usize];
+        return Some(ChosenLight { light: light as usize, part: Some(part), probability });
+    }
+}
+
+/// See [`LightBvh::sample_many`].
+#[inline(always)]
+fn sample_many(
+    tree: &LightBvh,
+    receivers: &Receivers,
+    u: &[f32; MANY],
+    count: usize,
+    chosen: &mut [Option<ChosenLight>],
+) {
+    match tree.nodes.as_slice() {
+        [root] if tree.beside.is_empty() => sample_few(tree, root, receivers, u, chosen),
+        _ => (0..count).for_each(|i| chosen[i] = sample(tree, &receivers.get(i), u[i])),
+    }
+}
+
+/// [`sample_many`] where all lights are children of one node: the receivers in lanes instead of the children.
+#[inline(always)]
+fn sample_few(
+    tree: &LightBvh,
+    root: &Node,
+    receivers: &Receivers,
+    u: &[f32; MANY],
+    chosen: &mut [Option<ChosenLight>],
+) {
+    let mut weights = [[0.0; MANY]; WIDTH];
+    let mut total = [0.0; MANY];
+    for (child, weights) in weights.iter_mut().enumerate().filter(|(child, _)| root.child[*child] != NONE) {
+        let lane = root.lane(child);
+        for i in 0..MANY {
+            weights[i] = lane.importance(&tree.local(&receivers.get(i)));
+            total[i] += weights[i];
+        }
+    }
+    let (mut slots, mut found, mut before, mut over) = ([NONE; MANY], [0.0; MANY], [0.0; MANY], [false; MANY]);
+    for (child, weights) in (0..).zip(&weights).filter(|(child, _)| root.child[*child as usize] != NONE) {
+        for i in 0..MANY {
+            let weight = weights[i];
+            let is_next = (weight > 0.0) & !over[i];
+            slots[i] = if is_next { child } else { slots[i] };
+            found[i] = if is_next { weight } else { found[i] };
+            over[i] |= is_next & (u[i].min(ONE_MINUS_EPSILON) * total[i] < before[i] + weight);
+            before[i] += if is_next { weight } else { 0.0 };
+        }
+    }
+    for (i, chosen) in chosen.iter_mut().enumerate() {
+        *chosen = root.child.get(slots[i] as usize).map(|child| {
+            let (light, part) = tree.emitters[(child & !EMITTER) as usize];
+            ChosenLight { light: light as usize, part: Some(part), probability: found[i] / total[i] }
+        });
+    }
+}
+
+/// A child of a node: the fields of [`Node`].
+struct Lane {
+    center: [f32; 3],
+    radius: f32,
+    axis: [f32; 3],
+    cos_spread: f32,
+    sin_spread: f32,
+    cos_emission: f32,
+    side: f32,
+    intensity: f32,
+}
+
 /// See [`Node::importance`]. A loop without branches: a few instructions for all lanes.
 #[inline(always)]
-#[expect(clippy::needless_range_loop, reason = "lanes of many arrays")]
 fn importance(node: &Node, receiver: &Receiver) -> [f32; WIDTH] {
-    let Receiver { position: p, normal: n, transmits } = *receiver;
-    let in_medium = n == Vec3::ZERO;
-    // |x| is most(x, -x), and x is most(x, x).
-    let incident_side = if transmits { -1.0 } else { 1.0 };
     let mut importances = [0.0; WIDTH];
-    for i in 0..WIDTH {
-        let d = [p.x - node.center[0][i], p.y - node.center[1][i], p.z - node.center[2][i]];
+    for (i, to) in importances.iter_mut().enumerate() {
+        *to = node.lane(i).importance(receiver);
+    }
+    importances
+}
+
+impl Lane {
+    /// See [`Node::importance`].
+    #[inline(always)]
+    fn importance(&self, receiver: &Receiver) -> f32 {
+        let Receiver { position: p, normal: n, transmits } = *receiver;
+        let in_medium = n == Vec3::ZERO;
+        // |x| is most(x, -x), and x is most(x, x).
+        let incident_side = if transmits { -1.0 } else { 1.0 };
+        let d = [p.x - self.center[0], p.y - self.center[1], p.z - self.center[2]];
         let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
         let inverse = 1.0 / most(squared, 1e-30).sqrt();
         // The sphere around the child, as seen from the receiver.
-        let r2 = node.radius[i] * node.radius[i];
+        let r2 = self.radius * self.radius;
         let is_inside = squared <= r2 * 1.0001;
         let sin2 = r2 / most(squared, 1e-30);
         let (sin, cos) = (sin2.sqrt(), most(1.0 - sin2, 0.0).sqrt());
         let sin_b = if is_inside { 0.0 } else { sin };
         let cos_b = if is_inside { -1.0 } else { cos };
         // Angle between the cone of main directions and the way to the receiver.
-        let w = (node.axis[0][i] * d[0] + node.axis[1][i] * d[1] + node.axis[2][i] * d[2]) * inverse;
-        let cos_w = least(most(w, w * node.side[i]), 1.0);
+        let w = (self.axis[0] * d[0] + self.axis[1] * d[1] + self.axis[2] * d[2]) * inverse;
+        let cos_w = least(most(w, w * self.side), 1.0);
         let sin_w = sin_from_cos(cos_w);
-        let cos_x = cos_of_difference(sin_w, cos_w, node.sin_spread[i], node.cos_spread[i]);
-        let sin_x = sin_of_difference(sin_w, cos_w, node.sin_spread[i], node.cos_spread[i]);
+        let cos_x = cos_of_difference(sin_w, cos_w, self.sin_spread, self.cos_spread);
+        let sin_x = sin_of_difference(sin_w, cos_w, self.sin_spread, self.cos_spread);
         let cos_e = cos_of_difference(sin_x, cos_x, sin_b, cos_b);
-        let emits = if cos_e + SLACK >= node.cos_emission[i] { most(cos_e, SLACK) } else { 0.0 };
+        let emits = if cos_e + SLACK >= self.cos_emission { most(cos_e, SLACK) } else { 0.0 };
         // Angle of incidence.
         let c = -(n.x * d[0] + n.y * d[1] + n.z * d[2]) * inverse;
         let cos_n = least(most(most(c, c * incident_side), -1.0), 1.0);
         let cos_i = cos_of_difference(sin_from_cos(cos_n), cos_n, sin_b, cos_b) + SLACK;
         let incident = if in_medium { 1.0 } else { cos_i };
-        let importance = node.intensity[i] * emits * incident / most(most(squared, r2), 1e-30);
-        importances[i] = if importance > 0.0 { importance } else { 0.0 };
+        let importance = self.intensity * emits * incident / most(most(squared, r2), 1e-30);
+        if importance > 0.0 { importance } else { 0.0 }
     }
-    importances
 }
 
 /// A child by its weight, its probability, and the rest of the number; `None` if all weights are 0.
+#[inline(always)]
 fn choose(weights: &[f32; WIDTH], u: f32) -> Option<(usize, f32, f32)> {
     let total: f32 = weights.iter().sum();
     let target = u * total;

@@ -8,7 +8,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-pub use bvh::LightBvh;
+pub use bvh::{LightBvh, MANY, Receivers};
 pub use table::LightTable;
 
 use snell_math::Vec3;
@@ -104,11 +104,33 @@ impl LightSampler {
         }
     }
 
+    /// False if no number is needed for choosing.
+    pub fn has_choice(&self) -> bool {
+        match self {
+            Self::Table(_) => true,
+            Self::Bvh(bvh) => bvh.has_choice(),
+        }
+    }
+
     /// A light; `None` if none can bring light to the receiver. `u` is asked for a uniform number if there is a choice.
     pub fn sample(&self, receiver: &Receiver, u: impl FnOnce() -> f32) -> Option<ChosenLight> {
         match self {
             Self::Table(table) => table.sample(u),
             Self::Bvh(bvh) => bvh.sample(receiver, u),
+        }
+    }
+
+    /// What [`Self::sample`] gives for each of the first receivers, so many, that do not transmit. For further ones anything.
+    pub fn sample_many(
+        &self,
+        receivers: &Receivers,
+        u: &[f32; MANY],
+        count: usize,
+        chosen: &mut [Option<ChosenLight>; MANY],
+    ) {
+        match self {
+            Self::Table(table) => (0..count).for_each(|i| chosen[i] = table.sample(|| u[i])),
+            Self::Bvh(bvh) => bvh.sample_many(receivers, u, count, chosen),
         }
     }
 

@@ -20,6 +20,11 @@ impl<const N: usize> ManyRandoms<N> {
         Self { sampler: *sampler, keys: [0; N], samples: [0; N], base }
     }
 
+    /// For what is drawn before there is a vertex: where the camera's ray starts.
+    pub fn of_camera(sampler: &Sampler) -> Self {
+        Self { sampler: *sampler, keys: [0; N], samples: [0; N], base: 0 }
+    }
+
     /// Puts a sample into a lane; its own vertex does not matter.
     pub fn set(&mut self, lane: usize, random: &Random) {
         (self.keys[lane], self.samples[lane]) = (random.key, random.sample);
@@ -45,7 +50,21 @@ impl<const N: usize> ManyRandoms<N> {
                     )
                 )
             }
-            _ => {
+            SamplerKind::Independent => {
+                let [x, y] = &mut to;
+                at_level!(
+                    wide,
+                    independent_pairs,
+                    (
+                        keys: &[u32] = &self.keys,
+                        samples: &[u32] = &self.samples,
+                        dimension: u32 = dimension,
+                        x: &mut [f32] = x,
+                        y: &mut [f32] = y,
+                    )
+                )
+            }
+            SamplerKind::Stratified => {
                 let point = |i| self.sampler.point(self.keys[i], self.samples[i], dimension);
                 (0..N).for_each(|i| [to[0][i], to[1][i]] = point(i).to_array());
             }
@@ -71,7 +90,10 @@ impl<const N: usize> ManyRandoms<N> {
                     )
                 )
             }
-            _ => (0..N).for_each(|i| to[i] = self.sampler.number(self.keys[i], self.samples[i], dimension)),
+            SamplerKind::Independent => to = self.pairs(dimension - self.base, wide)[0],
+            SamplerKind::Stratified => {
+                (0..N).for_each(|i| to[i] = self.sampler.number(self.keys[i], self.samples[i], dimension))
+            }
         }
         to
     }
@@ -83,6 +105,16 @@ fn sobol_pairs(keys: &[u32], samples: &[u32], dimension: u32, set_log2: u32, x: 
     let (samples, x, y) = (&samples[..count], &mut x[..count], &mut y[..count]);
     for i in 0..count {
         let u = sobol::point(rng::hash_combine(keys[i], dimension), samples[i], set_log2);
+        (x[i], y[i]) = (u.x, u.y);
+    }
+}
+
+#[inline(always)]
+fn independent_pairs(keys: &[u32], samples: &[u32], dimension: u32, x: &mut [f32], y: &mut [f32]) {
+    let count = keys.len();
+    let (samples, x, y) = (&samples[..count], &mut x[..count], &mut y[..count]);
+    for i in 0..count {
+        let u = rng::uniform2([rng::hash_combine(keys[i], dimension), samples[i], keys[i], dimension]);
         (x[i], y[i]) = (u.x, u.y);
     }
 }

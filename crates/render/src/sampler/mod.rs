@@ -13,6 +13,7 @@ pub use many::ManyRandoms;
 use crate::film::BLOCK;
 use crate::settings::Settings;
 use snell_math::{Vec2, rng};
+use std::ops::Range;
 
 /// Which sampler.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -75,19 +76,38 @@ impl Sampler {
 
     /// Numbers for a sample of a pixel (coordinates in the whole picture).
     pub fn random(&self, pixel: [u32; 2], sample: u32) -> Random {
-        let (seed, sample) = match self.in_blocks {
-            true => (rng::hash_combine(self.seed, !(sample / self.spp)), sample % self.spp),
-            false => (self.seed, sample),
-        };
+        let (block, sample) = self.block_of(sample);
+        self.of_pixel(pixel, block).sample(sample)
+    }
+
+    /// [`Self::random`] for a range of samples.
+    pub fn randoms(&self, pixel: [u32; 2], samples: Range<u32>) -> impl Iterator<Item = Random> {
+        let mut known: Option<(u32, OfPixel)> = None;
+        samples.map(move |sample| {
+            let (block, sample) = self.block_of(sample);
+            match known {
+                Some((of, pixel)) if of == block => pixel.sample(sample),
+                _ => known.insert((block, self.of_pixel(pixel, block))).1.sample(sample),
+            }
+        })
+    }
+
+    /// The block of a sample, and its number there.
+    fn block_of(&self, sample: u32) -> (u32, u32) {
+        if self.in_blocks { (sample / self.spp, sample % self.spp) } else { (0, sample) }
+    }
+
+    fn of_pixel(&self, pixel: [u32; 2], block: u32) -> OfPixel {
+        let seed = if self.in_blocks { rng::hash_combine(self.seed, !block) } else { self.seed };
         let key = |[x, y]: [u32; 2]| rng::hash_combine(rng::hash_combine(seed, x), y);
-        let (key, sample) = match self.kind {
+        let (key, start) = match self.kind {
             SamplerKind::ZSobol => {
                 let stretch = zsobol::stretch(pixel, self.spp);
-                (key(stretch.square), stretch.start + sample)
+                (key(stretch.square), stretch.start)
             }
-            _ => (key(pixel), sample),
+            _ => (key(pixel), 0),
         };
-        Random { sampler: *self, key, sample, base: 0 }
+        OfPixel { sampler: *self, key, start }
     }
 
     /// Logarithm of the number of samples of a pixel or block, rounded up.
@@ -111,6 +131,20 @@ impl Sampler {
             SamplerKind::Stratified => stratified::point(of_dimension, sample, self.spp),
             SamplerKind::Sobol | SamplerKind::ZSobol => sobol::point(of_dimension, sample, self.set_log2()),
         }
+    }
+}
+
+/// The samples of a pixel, or of a block of them.
+#[derive(Clone, Copy, Debug)]
+struct OfPixel {
+    sampler: Sampler,
+    key: u32,
+    start: u32,
+}
+
+impl OfPixel {
+    fn sample(&self, sample: u32) -> Random {
+        Random { sampler: self.sampler, key: self.key, sample: self.start + sample, base: 0 }
     }
 }
 

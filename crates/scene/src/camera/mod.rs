@@ -129,26 +129,15 @@ impl Camera {
         !matches!(self.projection, Projection::Orthographic { .. }) && !self.has_lens()
     }
 
+    /// The camera for a picture of `size` pixels.
+    pub fn view(&self, size: [u32; 2]) -> CameraView<'_> {
+        let pinhole = if self.has_lens() { None } else { Pinhole::of(&self.projection, size) };
+        CameraView { camera: self, size, right: self.right(), pinhole }
+    }
+
     /// The ray through a point of a picture of `size` pixels.
     pub fn ray(&self, sample: &CameraSample, size: [u32; 2]) -> CameraRay {
-        let LocalRay { origin, direction, width, spread, weight } = self.local_ray(sample.film, size);
-        let (origin, direction) = if self.has_lens() {
-            // All rays through the lens meet where the ray through its centre crosses the plane of focus.
-            let lens = sampling::concentric_disk(sample.lens).as_dvec2() * self.aperture_radius;
-            (origin + lens, direction * self.focus_distance - lens.extend(0.0))
-        } else {
-            (origin, direction)
-        };
-        let right = self.right();
-        let direction = right * direction.x + self.up * direction.y + self.towards * direction.z;
-        let eye = self.eye + right * origin.x + self.up * origin.y;
-        let direction = unit(direction).unwrap_or(self.towards);
-        CameraRay {
-            ray: Ray::new(eye.as_vec3(), direction.as_vec3()),
-            width: width as f32,
-            spread: spread as f32,
-            weight,
-        }
+        self.view(size).ray(sample)
     }
 
     fn local_ray(&self, film: DVec2, size: [u32; 2]) -> LocalRay {
@@ -156,16 +145,8 @@ impl Camera {
         // From -1 to 1, y upwards.
         let p = DVec2::new(film.x / w * 2.0 - 1.0, 1.0 - film.y / h * 2.0);
         match &self.projection {
-            Projection::Perspective { tan_half_fov } => {
-                let [x, y] = resolve(*tan_half_fov, [w, h]);
-                pinhole(DVec2::new(p.x * x, p.y * y), 4.0 * x * y / (w * h))
-            }
-            Projection::Intrinsics(k) => {
-                let [fx, fy] = k.focal_length;
-                let scale = DVec2::new(f64::from(k.size[0].max(1)) / w, f64::from(k.size[1].max(1)) / h);
-                let p = film * scale - DVec2::from(k.principal_point);
-                let y = p.y / fy;
-                pinhole(DVec2::new((p.x - k.skew * y) / fx, -y), scale.x * scale.y / (fx * fy))
+            Projection::Perspective { .. } | Projection::Intrinsics(_) => {
+                Pinhole::of(&self.projection, size).map_or(directed(DVec3::Z, 0.0), |pinhole| pinhole.local_ray(film))
             }
             Projection::Orthographic { half_size } => {
                 let [x, y] = resolve(*half_size, [w, h]);
@@ -234,12 +215,112 @@ impl Camera {
     }
 }
 
-/// A ray through `p` on the plane at distance 1, where a pixel has the area `pixel`.
-fn pinhole(p: DVec2, pixel: f64) -> LocalRay {
-    let direction = p.extend(1.0);
-    // The solid angle of a small patch of the plane falls with the cube of the cosine.
-    let spread = (pixel.abs() * direction.length().powi(-3)).sqrt();
-    directed(direction, spread)
+/// A camera for pictures of one size, with what all of its rays have in common.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraView<'a> {
+    camera: &'a Camera,
+    size: [u32; 2],
+    right: DVec3,
+    /// If there is no lens, and all rays come through one plane.
+    pinhole: Option<Pinhole>,
+}
+
+impl<'a> CameraView<'a> {
+    /// The camera.
+    pub fn camera(&self) -> &'a Camera {
+        self.camera
+    }
+
+    /// The ray through a point of the picture.
+    #[inline]
+    pub fn ray(&self, sample: &CameraSample) -> CameraRay {
+        let camera = self.camera;
+        if let Some(pinhole) = &self.pinhole {
+            let p = pinhole.point(sample.film);
+            let direction = self.right * p.x + camera.up * p.y + camera.towards;
+            let squared = direction.length_squared();
+            if USUAL.contains(&squared) {
+                let inverse = 1.0 / squared.sqrt();
+                return CameraRay {
+                    ray: Ray::new(camera.eye.as_vec3(), (direction * inverse).as_vec3()),
+                    width: 0.0,
+                    spread: pinhole.spread(inverse) as f32,
+                    weight: 1.0,
+                };
+            }
+        }
+        self.any_ray(sample)
+    }
+
+    #[inline(never)]
+    fn any_ray(&self, sample: &CameraSample) -> CameraRay {
+        let camera = self.camera;
+        let LocalRay { origin, direction, width, spread, weight } = camera.local_ray(sample.film, self.size);
+        let (origin, direction) = if camera.has_lens() {
+            // All rays through the lens meet where the ray through its centre crosses the plane of focus.
+            let lens = sampling::concentric_disk(sample.lens).as_dvec2() * camera.aperture_radius;
+            (origin + lens, direction * camera.focus_distance - lens.extend(0.0))
+        } else {
+            (origin, direction)
+        };
+        let direction = self.right * direction.x + camera.up * direction.y + camera.towards * direction.z;
+        let eye = camera.eye + self.right * origin.x + camera.up * origin.y;
+        let direction = unit(direction).unwrap_or(camera.towards);
+        CameraRay {
+            ray: Ray::new(eye.as_vec3(), direction.as_vec3()),
+            width: width as f32,
+            spread: spread as f32,
+            weight,
+        }
+    }
+}
+
+/// Squared lengths that lose nothing.
+const USUAL: std::ops::Range<f64> = 1e-200..1e200;
+
+/// From the film to the plane at distance 1.
+#[derive(Clone, Copy, Debug)]
+struct Pinhole {
+    /// Factors of the coordinates of the film, and what is added.
+    x: DVec3,
+    y: DVec3,
+    /// Square root of the area of a pixel on the plane.
+    pixel: f64,
+}
+
+impl Pinhole {
+    fn of(projection: &Projection, size: [u32; 2]) -> Option<Self> {
+        let [w, h] = size.map(|s| f64::from(s.max(1)));
+        let (x, y) = match projection {
+            Projection::Perspective { tan_half_fov } => {
+                let [x, y] = resolve(*tan_half_fov, [w, h]);
+                (DVec3::new(2.0 * x / w, 0.0, -x), DVec3::new(0.0, -2.0 * y / h, y))
+            }
+            Projection::Intrinsics(k) => {
+                let ([fx, fy], [cx, cy]) = (k.focal_length, k.principal_point);
+                let scale = DVec2::new(f64::from(k.size[0].max(1)) / w, f64::from(k.size[1].max(1)) / h);
+                let down = DVec3::new(0.0, scale.y / fy, -cy / fy);
+                (DVec3::new(scale.x / fx, 0.0, -cx / fx) - down * (k.skew / fx), -down)
+            }
+            _ => return None,
+        };
+        Some(Self { x, y, pixel: (x.x * y.y).abs().sqrt() })
+    }
+
+    fn point(&self, film: DVec2) -> DVec2 {
+        let along = |axis: DVec3| axis.x * film.x + axis.y * film.y + axis.z;
+        DVec2::new(along(self.x), along(self.y))
+    }
+
+    /// The solid angle of a small patch of the plane falls with the cube of the cosine, which is this.
+    fn spread(&self, cosine: f64) -> f64 {
+        self.pixel * cosine * cosine.sqrt()
+    }
+
+    fn local_ray(&self, film: DVec2) -> LocalRay {
+        let direction = self.point(film).extend(1.0);
+        directed(direction, self.spread(1.0 / direction.length()))
+    }
 }
 
 fn directed(direction: DVec3, spread: f64) -> LocalRay {

@@ -1,9 +1,9 @@
 //! A matte surface.
 
 use super::{ColorParam, ShadingPoint};
-use crate::bsdf::{Bsdf, DiffuseBsdf};
+use crate::bsdf::{Bsdf, DiffuseBsdf, bounded};
 use serde::{Deserialize, Serialize};
-use snell_math::Rgb;
+use snell_math::{Rgb, SampledSpectrum};
 
 /// Lambertian reflection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,9 +24,20 @@ impl Diffuse {
         vec![Self::new(Rgb::splat(0.5)), Self::new(Rgb::new(0.8, 0.1, 0.0)), Self::new(Rgb::WHITE)]
     }
 
+    /// The reflectance, if it is the same everywhere but for the vertex colour.
+    #[inline]
+    pub fn uniform(&self) -> Option<Rgb> {
+        let ColorParam { factor, texture, spectrum } = self.reflectance;
+        (texture.is_none() && spectrum.is_none()).then(|| factor.map(|x| bounded(x, 1.0)))
+    }
+
+    /// The reflectance at a point.
+    pub fn reflectance_at(&self, point: &ShadingPoint) -> SampledSpectrum {
+        point.reflectance(self.reflectance.at(point) * point.vertex_color())
+    }
+
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
-        let reflectance = self.reflectance.at(point) * point.vertex_color();
-        Bsdf::Diffuse(DiffuseBsdf::lambertian(point.reflectance(reflectance)))
+        Bsdf::Diffuse(DiffuseBsdf::lambertian(self.reflectance_at(point)))
     }
 }

@@ -321,16 +321,22 @@ impl Material {
         !self.emission.factor.is_black()
     }
 
-    /// The reflectance, if the material is Lambertian with this reflectance everywhere, but for vertex colours, and does nothing else.
-    pub fn lambertian(&self) -> Option<Rgb> {
+    /// The kind of a surface that is [`Diffuse`] and does not shine.
+    #[inline]
+    pub fn as_matte(&self) -> Option<&Diffuse> {
         match &self.kind {
-            MaterialKind::Diffuse(Diffuse { reflectance: ColorParam { factor, texture: None, spectrum: None } })
-                if !self.is_emissive() && self.normal_map.is_none() =>
-            {
-                Some(factor.map(|x| bounded(x, 1.0)))
-            }
+            MaterialKind::Diffuse(diffuse) if !self.is_emissive() => Some(diffuse),
             _ => None,
         }
+    }
+
+    /// The reflectance of a matte surface at a point, and its shading normal before it is bent towards a viewer.
+    pub fn matte_at(&self, point: &ShadingPoint) -> Option<(SampledSpectrum, Vec3)> {
+        let normal = match &self.normal_map {
+            None => point.surface.shading_normal,
+            Some(map) => normal::shading_frame(Some(map), point).z,
+        };
+        Some((self.as_matte()?.reflectance_at(point), normal))
     }
 
     /// True if hits must be asked about ([`Self::is_present`]).
@@ -412,15 +418,29 @@ impl Material {
         self.with_coat(seen, point, Some(wo))
     }
 
+    /// The radiance that the surface emits everywhere and in all directions of its shining sides; `None` if that depends on the point,
+    /// or if the surface can be seen through.
+    pub fn uniform_emission(&self) -> Option<Color> {
+        let is_uniform = self.is_emissive() && self.emission.texture.is_none() && !self.emission_takes_vertex_color;
+        let is_solid = self.alpha_mode == AlphaMode::Opaque && !self.is_interface();
+        let is_there = is_solid && (self.double_sided || !self.emits_on_both_sides);
+        let ColorParam { factor: rgb, spectrum, .. } = self.emission;
+        (is_uniform && is_there).then(|| Color { rgb, spectrum }.map(emitted_part))
+    }
+
     /// Radiance emitted at a point towards `wo` (unit, world space).
     pub fn emitted(&self, point: &ShadingPoint, wo: Vec3) -> SampledSpectrum {
         if !self.is_emissive() || (!self.emits_on_both_sides && wo.dot(point.surface.geometric_normal) <= 0.0) {
             return SampledSpectrum::ZERO;
         }
         let tint = if self.emission_takes_vertex_color { point.vertex_color() } else { Rgb::WHITE };
-        // Negative or undefined light would spoil every pixel it reaches.
-        point.mode.illuminant((self.emission.at(point) * tint).map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 }))
+        point.mode.illuminant((self.emission.at(point) * tint).map(emitted_part))
     }
+}
+
+/// Negative or undefined light would spoil every pixel it reaches.
+fn emitted_part(x: f32) -> f32 {
+    if x.is_finite() { x.max(0.0) } else { 0.0 }
 }
 
 /// Makes [`MaterialKind`] from the list of materials: the enum, its names, its dispatch.

@@ -113,7 +113,9 @@ impl Builder<'_> {
         let parts = self.parts(object)?;
         let is_textured = parts.look.layers.iter().any(|l| format!("{l:?}").contains("TextureId"));
         let plain = !is_textured && !object.bool_or("flip_normals", false)?;
-        let Some((geometry, own)) = self.geometry(object, plain, &parts.look)? else { return Ok(()) };
+        let Some((geometry, own)) = self.geometry(object, (plain, parts.emission.is_some()), &parts.look)? else {
+            return Ok(());
+        };
         if self.is_singular(place * own, object) {
             return Ok(());
         }
@@ -205,13 +207,14 @@ impl Builder<'_> {
     }
 
     /// The geometry of a shape. `plain` if its texture coordinates do not matter and its outer side is the usual one.
-    fn geometry(&mut self, object: &Object, plain: bool, look: &Look) -> Result<Option<Made>, Fault> {
+    fn geometry(&mut self, object: &Object, (plain, shines): (bool, bool), look: &Look) -> Result<Option<Made>, Fault> {
         Ok(Some(match object.kind.as_str() {
             "sphere" => self.sphere(object, plain)?,
             "disk" if plain => self.analytic(Disk { radius: 1.0, inner_radius: 0.0 }, DAffine3::IDENTITY),
             "disk" => self.made(object, disk())?,
             "cylinder" => self.cylinder(object, plain)?,
-            "rectangle" if plain => self.analytic(Rectangle { half_size: DVec2::ONE }, DAffine3::IDENTITY),
+            // A lamp is better sampled as a whole; all else is better traced as triangles.
+            "rectangle" if plain && shines => self.analytic(Rectangle { half_size: DVec2::ONE }, DAffine3::IDENTITY),
             "rectangle" => self.made(object, rectangle())?,
             "cube" => self.made(object, cube())?,
             "obj" | "ply" | "serialized" => {

@@ -1,14 +1,16 @@
 //! Emissive surfaces as lights: a part (a triangle, or a whole shape) is chosen by its power, then a point of it.
 
+mod flat;
 mod moving;
 mod outline;
 #[cfg(test)]
 mod tests;
 
+pub use flat::{FlatPart, FlatSample};
 pub use moving::MovingAreaLight;
 
 use super::LightBounds;
-use outline::{Outline, barycentrics};
+use outline::{Outline, Seen, barycentrics};
 use snell_intersect::{Shape, SurfaceInteraction, TriangleMesh};
 use snell_math::distribution::Distribution1D;
 use snell_math::robust::gamma;
@@ -70,17 +72,13 @@ enum Table {
     /// Choice among the triangles by area in the world, and each of them as it lies there.
     Mesh { choice: Distribution1D, placed: Vec<PlacedTriangle> },
     /// Density in the shape's own coordinates.
-    Shape { pdf: f64, outline: Outline },
+    Shape { pdf: f64, outline: Outline, flat: Option<FlatPart> },
 }
 
 /// An emissive triangle in the world, ready to be sampled.
 #[derive(Clone, Copy, Debug)]
 struct PlacedTriangle {
-    corner: Vec3,
-    edges: [Vec3; 2],
-    normal: Vec3,
-    /// Bound of the error of each coordinate of a point.
-    error: Vec3,
+    flat: FlatPart,
     /// Tangents by the first texture coordinates, or any.
     tangents: [Vec3; 2],
     /// Density per unit of area, choice included.
@@ -92,33 +90,21 @@ impl PlacedTriangle {
         let own = mesh.corners(triangle as usize).map(|p| p.as_dvec3());
         let corners = own.map(|p| place.point(p));
         let normal = place.normal((own[1] - own[0]).cross(own[2] - own[0])).normalize_or(DVec3::Z).as_vec3();
-        // Corners and edges are rounded once and blended, a hit is found with a few roundings more.
-        let reach = corners.into_iter().fold(DVec3::ZERO, |m, p| m.max(p.abs()));
         let indices = mesh.indices[triangle as usize].map(|i| i as usize);
         let tangents = uv_derivatives(mesh, indices, corners).unwrap_or_else(|| {
             let frame = Frame::from_z(normal);
             [frame.x, frame.y]
         });
-        Self {
-            corner: corners[0].as_vec3(),
-            edges: [(corners[1] - corners[0]).as_vec3(), (corners[2] - corners[0]).as_vec3()],
-            normal,
-            error: (reach * f64::from(gamma(8))).as_vec3(),
-            tangents,
-            pdf,
-        }
+        Self { flat: FlatPart::triangle(corners, normal), tangents, pdf }
     }
-}
 
-impl PlacedTriangle {
     fn area(&self) -> f64 {
-        let area = self.edges[0].as_dvec3().cross(self.edges[1].as_dvec3()).length() * 0.5;
-        if area.is_finite() { area } else { 0.0 }
+        self.flat.area()
     }
 
     fn bounds(&self) -> Bounds3d {
-        let corner = self.corner.as_dvec3();
-        Bounds3d::of([corner, corner + self.edges[0].as_dvec3(), corner + self.edges[1].as_dvec3()])
+        let corner = self.flat.corner.as_dvec3();
+        Bounds3d::of([corner, corner + self.flat.edges[0].as_dvec3(), corner + self.flat.edges[1].as_dvec3()])
     }
 }
 
@@ -159,7 +145,8 @@ impl AreaLight {
             return None;
         }
         let area = own_area * mean_area_scale(&*shape, &placed)?;
-        let table = Table::Shape { pdf: 1.0 / own_area, outline: Outline::of(&*shape, &placed) };
+        let (outline, flat) = (Outline::of(&*shape, &placed), FlatPart::of(&*shape, &placed));
+        let table = Table::Shape { pdf: 1.0 / own_area, outline, flat };
         let geometry = EmissiveGeometry::Shape(shape);
         let usable = area > 0.0 && area.is_finite();
         usable.then_some(Self { geometry, world_from_geometry: placed, ids, table, area, radiance: Vec::new() })
@@ -236,7 +223,7 @@ impl AreaLight {
             }
             (_, Table::Mesh { placed, .. }) => {
                 let triangle = &placed[part as usize];
-                (triangle.bounds(), triangle.normal, 1.0, triangle.area())
+                (triangle.bounds(), triangle.flat.normal, 1.0, triangle.area())
             }
             _ => (Bounds3d::EMPTY, Vec3::Z, -1.0, 0.0),
         };
@@ -305,8 +292,7 @@ impl AreaLight {
     /// A point of a part as seen from `from`, uniform by solid angle where that can be sampled and by area elsewhere. `None` where
     /// the part cannot be seen or sampled, or the sample misses it.
     pub fn sample_from(&self, part: u32, from: Vec3, u: Vec2) -> Option<DirectedSample> {
-        let outline = self.outline(part);
-        if let Some(seen) = outline.seen_from(from.as_dvec3()) {
+        if let Some(seen) = self.seen_from(part, from) {
             let offset = seen.sample(u.as_dvec2())?;
             let surface = self.surface_at(part, from.as_dvec3() + offset)?;
             let direction = offset.normalize().as_vec3();
@@ -322,10 +308,9 @@ impl AreaLight {
     /// Density per steradian with which [`Self::sample_from`] gives the way from `from` to `surface`, a point of this part that can be
     /// seen from there in `direction` (unit).
     pub fn pdf_from(&self, part: u32, from: Vec3, surface: &SurfaceInteraction, direction: Vec3) -> f32 {
-        let outline = self.outline(part);
-        if let Some(seen) = outline.seen_from(from.as_dvec3()) {
+        if let Some(seen) = self.seen_from(part, from) {
             // Of a sphere only the near side is sampled.
-            let is_far_side = outline.is_sphere() && direction.dot(surface.geometric_normal) >= 0.0;
+            let is_far_side = seen.is_sphere() && direction.dot(surface.geometric_normal) >= 0.0;
             return if is_far_side { 0.0 } else { seen.pdf() };
         }
         self.pdf_by_area(part, surface, direction, (surface.position - from).length_squared())
@@ -333,22 +318,36 @@ impl AreaLight {
 
     fn pdf_by_area(&self, part: u32, surface: &SurfaceInteraction, direction: Vec3, distance_squared: f32) -> f32 {
         let pdf_area = match &self.table {
-            Table::Mesh { placed, .. } => density(1.0, placed[part as usize].area()),
+            Table::Mesh { placed, .. } => placed[part as usize].flat.pdf,
+            Table::Shape { flat: Some(flat), .. } => flat.pdf,
             Table::Shape { pdf, .. } => self.shape_pdf(*pdf, surface.geometric_normal),
         };
         let pdf = pdf_area * distance_squared / direction.dot(surface.geometric_normal).abs();
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
-    fn outline(&self, part: u32) -> Outline {
+    /// The part, if it is flat and has straight sides.
+    #[inline]
+    pub fn flat(&self, part: u32) -> Option<&FlatPart> {
         match &self.table {
+            Table::Mesh { placed, .. } => placed.get(part as usize).map(|placed| &placed.flat),
+            Table::Shape { flat, .. } => flat.as_ref(),
+        }
+    }
+
+    /// A part whose solid angle is sampled, as seen from a point; `None` if it is sampled by area.
+    fn seen_from(&self, part: u32, from: Vec3) -> Option<Seen> {
+        if self.flat(part).is_some_and(|flat| flat.is_far(from)) {
+            return None;
+        }
+        let outline = match &self.table {
             Table::Mesh { placed, .. } => {
-                let PlacedTriangle { corner, edges, .. } = placed[part as usize];
-                let (corner, edges) = (corner.as_dvec3(), edges.map(|e| e.as_dvec3()));
-                Outline::Triangle { corner, edges }
+                let FlatPart { corner, edges, .. } = placed[part as usize].flat;
+                Outline::Triangle { corner: corner.as_dvec3(), edges: edges.map(|e| e.as_dvec3()) }
             }
             Table::Shape { outline, .. } => *outline,
-        }
+        };
+        outline.seen_from(from.as_dvec3())
     }
 
     /// The surface of a part at (or within rounding of) a point of the world. `None` beside the part.
@@ -356,7 +355,7 @@ impl AreaLight {
         match (&self.geometry, &self.table) {
             (EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { placed, .. }) => {
                 let placed = &placed[part as usize];
-                let b = barycentrics(p - placed.corner.as_dvec3(), placed.edges.map(|e| e.as_dvec3()));
+                let b = barycentrics(p - placed.flat.corner.as_dvec3(), placed.flat.edges.map(|e| e.as_dvec3()));
                 Some(self.mesh_surface(mesh, triangles[part as usize], placed, b))
             }
             (EmissiveGeometry::Shape(shape), Table::Shape { outline, .. }) => {
@@ -423,10 +422,10 @@ impl AreaLight {
         let weights = [1.0 - b.x - b.y, b.x, b.y];
         let uv_of = |set: usize| interpolate(&mesh.uvs[set], indices, weights, |uv| *uv).unwrap_or(Vec2::ZERO);
         SurfaceInteraction {
-            position: placed.corner + placed.edges[0] * b.x + placed.edges[1] * b.y,
-            position_error: placed.error,
-            geometric_normal: placed.normal,
-            shading_normal: self.shading_normal(mesh, indices, weights, placed.normal),
+            position: placed.flat.corner + placed.flat.edges[0] * b.x + placed.flat.edges[1] * b.y,
+            position_error: placed.flat.error,
+            geometric_normal: placed.flat.normal,
+            shading_normal: self.shading_normal(mesh, indices, weights, placed.flat.normal),
             uv: [uv_of(0), uv_of(1)],
             dpdu: placed.tangents[0],
             dpdv: placed.tangents[1],

@@ -1,6 +1,6 @@
 //! An emissive surface that is carried along while the shutter is open: at each moment it is the surface at the place it has then.
 
-use super::{AreaLight, AreaSample, DirectedSample, EmissiveGeometry, Outline, PlacedTriangle, Table};
+use super::{AreaLight, AreaSample, DirectedSample, EmissiveGeometry, FlatPart, Outline, PlacedTriangle, Table};
 use crate::light::LightBounds;
 use snell_intersect::{Instance, SurfaceInteraction};
 use snell_math::distribution::Distribution1D;
@@ -51,7 +51,8 @@ impl MovingAreaLight {
                 (EmissiveGeometry::Mesh { mesh: mesh.clone(), triangles: vec![triangle] }, table, area)
             }
             (EmissiveGeometry::Shape(shape), Table::Shape { pdf, .. }) => {
-                let table = Table::Shape { pdf: *pdf, outline: Outline::of(&**shape, &place) };
+                let (outline, flat) = (Outline::of(&**shape, &place), FlatPart::of(&**shape, &place));
+                let table = Table::Shape { pdf: *pdf, outline, flat };
                 (EmissiveGeometry::Shape(shape.clone()), table, first.area)
             }
             _ => return None,

@@ -39,10 +39,6 @@ const MOST: f64 = 6.22;
 /// A square is worth its wasted corners only if the distances to points of the disk are very different.
 const LEAST_OF_DISK: f64 = 0.5;
 
-/// What lies within this part of its distance is sampled by area: the density of solid angle is nearly the same all over it, and angles
-/// are dear.
-const FAR: f64 = 0.4;
-
 impl Outline {
     /// The outline of a shape.
     pub(super) fn of(shape: &dyn Shape, place: &Transform) -> Self {
@@ -76,10 +72,6 @@ impl Outline {
         }
     }
 
-    pub(super) fn is_sphere(&self) -> bool {
-        matches!(self, Self::Sphere { .. })
-    }
-
     /// False for points of a disk's square that the disk does not hold.
     pub(super) fn holds(&self, p: DVec3) -> bool {
         match self {
@@ -91,24 +83,8 @@ impl Outline {
         }
     }
 
-    fn is_far(&self, from: DVec3) -> bool {
-        let (center, radius_squared) = match *self {
-            Self::Triangle { corner, edges: [a, b] } => {
-                let to_center = (a + b) / 3.0;
-                let radius = |p: DVec3| (p - to_center).length_squared();
-                (corner + to_center, radius(DVec3::ZERO).max(radius(a)).max(radius(b)))
-            }
-            Self::Rectangle { center, half, .. } => (center, half.length_squared()),
-            _ => return false,
-        };
-        radius_squared < (center - from).length_squared() * (FAR * FAR)
-    }
-
     /// The view from a point; `None` if the part should be sampled by area.
     pub(super) fn seen_from(&self, from: DVec3) -> Option<Seen> {
-        if self.is_far(from) {
-            return None;
-        }
         let (seen, least) = match *self {
             Self::Triangle { corner, edges } => (Seen::triangle(corner - from, edges)?, LEAST),
             Self::Rectangle { center, axes, half } => (Seen::rectangle(center - from, axes, half), LEAST),
@@ -159,6 +135,10 @@ impl Seen {
         let usable = r2 < d2 * (1.0 - 1e-7) && r2 > d2 * 1e-30;
         let solid_angle = spherical::sphere_solid_angle(r2, d2);
         usable.then_some(Self { solid_angle, kind: SeenKind::Sphere { center, radius } })
+    }
+
+    pub(super) fn is_sphere(&self) -> bool {
+        matches!(self.kind, SeenKind::Sphere { .. })
     }
 
     /// Density per steradian.

@@ -14,7 +14,7 @@ mod tests;
 
 use crate::graph::Environment;
 use crate::image::Image;
-use snell_math::{ColorMode, DMat3, DVec3, Mat3, Rgb, SampledSpectrum, Vec2, Vec3, sampling};
+use snell_math::{ColorMode, DMat3, DVec3, Mat3, Rgb, SampledSpectrum, Vec2, Vec3, angles, sampling};
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 use table::DirectionTable;
@@ -107,6 +107,17 @@ impl EnvironmentLight {
         }
     }
 
+    /// [`Self::radiance`] and [`Self::pdf_compensated`] together.
+    pub fn radiance_and_pdf(&self, direction: Vec3, mode: ColorMode) -> (SampledSpectrum, f32) {
+        match &self.kind {
+            Kind::Constant(color) => (mode.illuminant(*color), 0.0),
+            Kind::Image(light) => {
+                let p = light.to_square(direction);
+                (mode.illuminant(light.texel(p)), light.compensated.as_ref().map_or(0.0, |table| table.pdf(p)))
+            }
+        }
+    }
+
     /// The share of the light that exceeds the mean, `[0, 1]`: what [`Self::sample_compensated`] is for. 0 if it gives nothing.
     pub fn excess(&self) -> f64 {
         match &self.kind {
@@ -146,23 +157,38 @@ impl ImageLight {
     /// Longitude and latitude of a direction as a point of the unit square.
     fn to_square(&self, direction: Vec3) -> Vec2 {
         let d = self.world_from_environment.transpose() * direction;
-        let phi = d.x.atan2(-d.z);
-        let theta = d.x.hypot(d.z).atan2(d.y);
+        let phi = angles::atan2(d.x, -d.z);
+        let theta = angles::atan2((d.x * d.x + d.z * d.z).sqrt(), d.y);
         let p = Vec2::new(0.5 + phi * (0.5 * FRAC_1_PI), theta * FRAC_1_PI);
         if p.is_nan() { Vec2::splat(0.5) } else { p }
     }
 
     fn radiance(&self, direction: Vec3) -> Rgb {
-        let p = self.to_square(direction);
-        let x = p.x * self.width as f32 - 0.5;
-        let y = p.y * self.height as f32 - 0.5;
-        let (fx, fy) = (x - x.floor(), y - y.floor());
+        self.texel(self.to_square(direction))
+    }
+
+    /// The bilinear interpolation at a point of the unit square.
+    fn texel(&self, p: Vec2) -> Rgb {
+        let (w, h) = (self.width as i32, self.height as i32);
+        // One texel more than the place, which is not negative then.
+        let x = p.x * self.width as f32 + 0.5;
+        let y = p.y * self.height as f32 + 0.5;
+        let (left, top) = (x as i32, y as i32);
+        let (fx, fy) = (x - left as f32, y - top as f32);
         // Around the sides, and clamped at the poles.
-        let around = |x: f32| if x < 0.0 { self.width - 1 } else { x as usize % self.width };
-        let columns = [around(x.floor()), around(x.floor() + 1.0)];
-        let row = |y: f32| (y.max(0.0) as usize).min(self.height - 1) * self.width;
+        let around = |x: i32| {
+            (if x < 0 {
+                x + w
+            } else if x >= w {
+                x - w
+            } else {
+                x
+            }) as usize
+        };
+        let columns = [around(left - 1), around(left)];
+        let row = |y: i32| y.clamp(0, h - 1) as usize * self.width;
         let blend = |row: usize| self.texels[row + columns[0]] * (1.0 - fx) + self.texels[row + columns[1]] * fx;
-        blend(row(y.floor())) * (1.0 - fy) + blend(row(y.floor() + 1.0)) * fy
+        blend(row(top - 1)) * (1.0 - fy) + blend(row(top)) * fy
     }
 
     fn sample(&self, table: &DirectionTable, u: Vec2) -> Option<(Vec3, f32)> {

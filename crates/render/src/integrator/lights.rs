@@ -1,0 +1,178 @@
+//! Light samples of many vertices at once, where the chosen lights are flat, far and shine alike everywhere: what
+//! [`super::estimators::sample_light`] gives one at a time, bit for bit.
+
+use super::estimators::SHADOW_END;
+use crate::compile::{CompiledLight, CompiledScene, PlainEmission};
+use crate::light_sampler::ChosenLight;
+use snell_intersect::TrianglePoints;
+use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES};
+use snell_math::simd::Wide;
+use snell_math::{Ray, Vec2, Vec3, at_level, robust, sampling};
+use snell_scene::light::area::{FlatPart, FlatSample};
+use std::f32::consts::FRAC_1_PI;
+
+const ZERO: HitVectors = [[0.0; LANES]; 3];
+
+/// The lights of the lanes. Lanes without a light hold anything.
+#[derive(Debug)]
+pub struct FlatLights {
+    corner: HitVectors,
+    edges: [HitVectors; 2],
+    normal: HitVectors,
+    error: HitVectors,
+    /// Density per unit of area.
+    pdf: HitLanes,
+    /// 1 for a triangle, 0 for a rectangle.
+    is_triangle: [u32; LANES],
+    /// 1 if both sides shine.
+    on_both_sides: [u32; LANES],
+    /// Probability of the choice of the light and its part.
+    probability: HitLanes,
+}
+
+/// What light samples bring to Lambertian surfaces.
+#[derive(Debug)]
+pub struct FlatArrivals {
+    origin: HitVectors,
+    /// From the origin to the end of the light ray.
+    way: HitVectors,
+    /// Density with which the path itself would go there: the cosine of incidence over pi.
+    cosine: HitLanes,
+    /// Weight by multiple importance sampling.
+    weight: HitLanes,
+    /// The weight over the density of the sample.
+    scale: HitLanes,
+    /// 0 where there is no light.
+    exists: [u32; LANES],
+}
+
+/// What a light sample brings to a Lambertian surface.
+#[derive(Clone, Copy, Debug)]
+pub struct FlatArrival {
+    /// The interval that must be free.
+    pub shadow_ray: Ray,
+    /// Cosine of incidence over pi.
+    pub cosine: f32,
+    /// Weight by multiple importance sampling, and the same over the density of the sample.
+    pub weight: f32,
+    pub scale: f32,
+}
+
+/// The surface seen from where paths come.
+#[derive(Clone, Copy, Debug)]
+pub struct Surfaces<'a> {
+    pub points: &'a TrianglePoints,
+    /// Shading normals.
+    pub normal: &'a HitVectors,
+    /// Directions to where the paths come from.
+    pub wo: &'a HitVectors,
+}
+
+impl Default for FlatLights {
+    fn default() -> Self {
+        Self {
+            corner: ZERO,
+            edges: [ZERO; 2],
+            normal: ZERO,
+            error: ZERO,
+            pdf: [0.0; LANES],
+            is_triangle: [0; LANES],
+            on_both_sides: [0; LANES],
+            probability: [0.0; LANES],
+        }
+    }
+}
+
+impl Default for FlatArrivals {
+    fn default() -> Self {
+        let (zero, exists) = ([0.0; LANES], [0; LANES]);
+        Self { origin: ZERO, way: ZERO, cosine: zero, weight: zero, scale: zero, exists }
+    }
+}
+
+/// The part of a chosen light, if it is one of those that [`FlatLights`] holds.
+#[inline]
+pub fn flat_part<'a>(
+    scene: &'a CompiledScene,
+    chosen: &ChosenLight,
+    from: Vec3,
+) -> Option<(&'a FlatPart, &'a PlainEmission)> {
+    let plain = scene.plain_emission(chosen.light)?;
+    let CompiledLight::Area(area) = &scene.lights()[chosen.light] else { return None };
+    let flat = area.flat(chosen.part?)?;
+    (flat.is_far(from) && !plain.rgb.is_black()).then_some((flat, plain))
+}
+
+impl FlatLights {
+    /// Puts a light into a lane.
+    pub fn put(&mut self, lane: usize, flat: &FlatPart, on_both_sides: bool, probability: f32) {
+        for axis in 0..3 {
+            self.corner[axis][lane] = flat.corner[axis];
+            self.edges[0][axis][lane] = flat.edges[0][axis];
+            self.edges[1][axis][lane] = flat.edges[1][axis];
+            self.normal[axis][lane] = flat.normal[axis];
+            self.error[axis][lane] = flat.error[axis];
+        }
+        self.pdf[lane] = flat.pdf;
+        self.is_triangle[lane] = u32::from(flat.is_triangle);
+        self.on_both_sides[lane] = u32::from(on_both_sides);
+        self.probability[lane] = probability;
+    }
+
+    /// Samples the lights of all lanes, weighted against the directions that a path would take by itself.
+    pub fn arrivals(&self, to: &Surfaces, u: &[HitLanes; 2], wide: Option<Wide>, arrivals: &mut FlatArrivals) {
+        at_level!(
+            wide,
+            arrive,
+            (lights: &FlatLights = self, to: &Surfaces = to, u: &[HitLanes; 2] = u, arrivals: &mut FlatArrivals = arrivals)
+        );
+    }
+}
+
+impl FlatArrivals {
+    /// That of a lane.
+    #[inline]
+    pub fn get(&self, lane: usize) -> Option<FlatArrival> {
+        let at = |v: &HitVectors| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
+        (self.exists[lane] != 0).then(|| FlatArrival {
+            shadow_ray: Ray::new(at(&self.origin), at(&self.way)).with_t_max(SHADOW_END),
+            cosine: self.cosine[lane],
+            weight: self.weight[lane],
+            scale: self.scale[lane],
+        })
+    }
+}
+
+#[inline(always)]
+fn arrive(lights: &FlatLights, to: &Surfaces, u: &[HitLanes; 2], arrivals: &mut FlatArrivals) {
+    let Surfaces { points, normal, wo } = *to;
+    for i in 0..LANES {
+        let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        let (position, flat_normal, n) = (vector(&points.position), vector(&points.geometric_normal), vector(normal));
+        let part = FlatPart::lane(
+            vector(&lights.corner),
+            [vector(&lights.edges[0]), vector(&lights.edges[1])],
+            vector(&lights.normal),
+            vector(&lights.error),
+            lights.pdf[i],
+            lights.is_triangle[i] != 0,
+        );
+        let FlatSample { direction, pdf, end, is_front, exists } = part.sample(position, Vec2::new(u[0][i], u[1][i]));
+        let wo = vector(wo);
+        let cos_i = n.dot(direction);
+        let is_seen = (n.dot(wo) * cos_i > 0.0) & (flat_normal.dot(wo) * flat_normal.dot(direction) > 0.0);
+        let cosine = if is_seen { cos_i.abs() * FRAC_1_PI } else { 0.0 };
+        let density = pdf * lights.probability[i];
+        let weight = sampling::power_heuristic(density, cosine);
+        let origin = robust::offset_ray_origin(position, vector(&points.position_error), flat_normal, direction);
+        let is_lit = is_front | (lights.on_both_sides[i] != 0);
+        for axis in 0..3 {
+            arrivals.origin[axis][i] = origin[axis];
+            arrivals.way[axis][i] = end[axis] - origin[axis];
+        }
+        arrivals.cosine[i] = cosine;
+        arrivals.weight[i] = weight;
+        arrivals.scale[i] = weight / density;
+        arrivals.exists[i] = u32::from(exists & is_lit & is_seen);
+    }
+}

@@ -1,0 +1,132 @@
+//! Flat parts of emissive surfaces as most points see them: from far enough away that points are chosen by area, in single precision
+//! and without branches, so that many can be sampled at once.
+
+use snell_intersect::{AnyShape, Shape};
+use snell_math::robust::{gamma, offset_ray_origin};
+use snell_math::simd::most;
+use snell_math::{DVec2, DVec3, Transform, Vec2, Vec3, sampling};
+
+/// What lies within this part of its distance is sampled by area: the density of solid angle is nearly the same all over it, and angles
+/// are dear.
+const FAR: f64 = 0.4;
+
+/// A triangle or rectangle in the world.
+#[derive(Clone, Copy, Debug)]
+pub struct FlatPart {
+    /// A corner.
+    pub corner: Vec3,
+    /// From there along the sides to two others.
+    pub edges: [Vec3; 2],
+    /// Unit normal of the front.
+    pub normal: Vec3,
+    /// Bound of the error of each coordinate of a point.
+    pub error: Vec3,
+    /// Density of its points per unit of area; 0 without area.
+    pub pdf: f32,
+    /// Points are corners plus these of the edges: of a triangle those with a sum of at most 1.
+    pub is_triangle: bool,
+    middle: Vec3,
+    /// Squared distance from the middle beyond which it is far.
+    far: f32,
+}
+
+/// A point of a [`FlatPart`] as a far point sees it. Only what [`Self::exists`] has a meaning.
+#[derive(Clone, Copy, Debug)]
+pub struct FlatSample {
+    /// Unit direction towards it.
+    pub direction: Vec3,
+    /// Density per steradian of the direction.
+    pub pdf: f32,
+    /// Where a shadow ray towards it ends, on the side that it comes from.
+    pub end: Vec3,
+    /// It is seen on the front.
+    pub is_front: bool,
+    /// There is a direction, and a density.
+    pub exists: bool,
+}
+
+impl FlatPart {
+    fn new(corners: [DVec3; 3], normal: Vec3, is_triangle: bool) -> Self {
+        let [corner, a, b] = corners;
+        let (a, b) = (a - corner, b - corner);
+        let whole = a.cross(b).length() * if is_triangle { 0.5 } else { 1.0 };
+        let (to_middle, last) = if is_triangle { ((a + b) / 3.0, b) } else { ((a + b) / 2.0, a + b) };
+        let radius =
+            [DVec3::ZERO, a, b, last].map(|p| (p - to_middle).length_squared()).into_iter().fold(0.0, f64::max);
+        // Corners and edges are rounded once and blended, a hit is found with a few roundings more.
+        let reach =
+            [corner, corner + a, corner + b, corner + last].into_iter().fold(DVec3::ZERO, |m, p| m.max(p.abs()));
+        let pdf = if whole > 0.0 && whole.is_finite() { (1.0 / whole).min(f64::from(f32::MAX)) as f32 } else { 0.0 };
+        Self {
+            corner: corner.as_vec3(),
+            edges: [a.as_vec3(), b.as_vec3()],
+            normal,
+            error: (reach * f64::from(gamma(8))).as_vec3(),
+            pdf,
+            is_triangle,
+            middle: (corner + to_middle).as_vec3(),
+            far: (radius / (FAR * FAR)) as f32,
+        }
+    }
+
+    /// A triangle with this unit normal.
+    pub(super) fn triangle(corners: [DVec3; 3], normal: Vec3) -> Self {
+        Self::new(corners, normal, true)
+    }
+
+    /// A triangle or rectangle that is placed so; `None` for all else.
+    pub(super) fn of(shape: &dyn Shape, place: &Transform) -> Option<Self> {
+        let (corners, is_triangle) = match shape.to_any()? {
+            AnyShape::Triangle(triangle) => (triangle.vertices, true),
+            AnyShape::Rectangle(rectangle) => {
+                let DVec2 { x, y } = rectangle.half_size;
+                let corner = |x, y| DVec3::new(x, y, 0.0);
+                ([corner(-x, -y), corner(x, -y), corner(-x, y)], false)
+            }
+            _ => return None,
+        };
+        let [a, b, c] = corners;
+        let normal = place.normal((b - a).cross(c - a)).try_normalize()?.as_vec3();
+        Some(Self::new(corners.map(|p| place.point(p)), normal, is_triangle))
+    }
+
+    /// What [`Self::sample`] looks at, and nothing else: for lanes.
+    #[inline(always)]
+    pub fn lane(corner: Vec3, edges: [Vec3; 2], normal: Vec3, error: Vec3, pdf: f32, is_triangle: bool) -> Self {
+        Self { corner, edges, normal, error, pdf, is_triangle, middle: Vec3::ZERO, far: 0.0 }
+    }
+
+    /// Area.
+    pub fn area(&self) -> f64 {
+        let area = self.edges[0].as_dvec3().cross(self.edges[1].as_dvec3()).length();
+        let area = if self.is_triangle { area * 0.5 } else { area };
+        if area.is_finite() { area } else { 0.0 }
+    }
+
+    /// True if points are chosen by area as seen from here.
+    #[inline(always)]
+    pub fn is_far(&self, from: Vec3) -> bool {
+        (self.middle - from).length_squared() > self.far
+    }
+
+    /// A point by area, as a far point sees it.
+    #[inline(always)]
+    pub fn sample(&self, from: Vec3, u: Vec2) -> FlatSample {
+        let folded = sampling::uniform_triangle(u);
+        let (x, y) = if self.is_triangle { (folded.x, folded.y) } else { (u.x, u.y) };
+        let position = self.corner + self.edges[0] * x + self.edges[1] * y;
+        let to_light = position - from;
+        let squared = to_light.length_squared();
+        let scale = 1.0 / squared.sqrt();
+        let direction = to_light * scale;
+        let cos = direction.dot(self.normal);
+        let pdf = self.pdf * squared / most(cos, -cos);
+        FlatSample {
+            direction,
+            pdf,
+            end: offset_ray_origin(position, self.error, self.normal, -direction),
+            is_front: cos < 0.0,
+            exists: (scale > 0.0) & (scale < f32::INFINITY) & (pdf > 0.0) & (pdf < f32::INFINITY),
+        }
+    }
+}
