@@ -83,7 +83,8 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
         }
         return Ok(scene);
     }
-    let problem = if lacking { "reading USD needs the Python packages usd-core and numpy" } else { "reading USD needs Python" };
+    let problem =
+        if lacking { "reading USD needs the Python packages usd-core and numpy" } else { "reading USD needs Python" };
     Err(Failure::Scene(format!("{shown}: {problem}; {REMEDY}")))
 }
 

@@ -290,7 +290,10 @@ mod tests {
         apply(&mut scene, "material.0.emission_color.factor=[0.5,1,0]").expect("the path exists");
         assert_eq!(scene.materials[0].emission.factor, Rgb::new(1.0, 2.0, 0.0));
         apply(&mut scene, "material.0.geometry_opacity=0.25").expect("the path exists");
-        assert_eq!((scene.materials[0].alpha.factor, scene.materials[0].alpha_mode), (0.25, crate::material::AlphaMode::Blend));
+        assert_eq!(
+            (scene.materials[0].alpha.factor, scene.materials[0].alpha_mode),
+            (0.25, crate::material::AlphaMode::Blend)
+        );
         let wrong = apply(&mut scene, r#"material.0.kind={"material":"open-pbr","emision":2}"#).expect_err("misspelt");
         assert!(wrong.to_string().contains("emision"), "{wrong}");
     }
