@@ -120,7 +120,9 @@ fn points(hits: &TriangleHits, to: &mut TrianglePoints) {
         let normal = cross(minus(p1, p0), minus(p2, p0));
         let scale = inverse_length(normal);
         let mut is_sound = scale > 0.0 && scale < f64::INFINITY && error < f64::from(f32::MAX) * 1e-10;
-        let blended = [0, 1, 2].map(|axis| n0[axis] * b0 + n1[axis] * b1 + n2[axis] * b2);
+        // (Not by `map`, which is a call that would keep the loop from becoming vector code.)
+        let blend = |axis: usize| n0[axis] * b0 + n1[axis] * b1 + n2[axis] * b2;
+        let blended = [blend(0), blend(1), blend(2)];
         let own_scale = inverse_length(blended);
         let has_own = own_scale > 0.0 && own_scale < f64::INFINITY;
         let (mut flat, mut smooth) = ([0.0f32; 3], [0.0f32; 3]);

@@ -309,7 +309,12 @@ fn sample_many(
 ) {
     match tree.nodes.as_slice() {
         [root] if tree.beside.is_empty() => sample_few(tree, root, receivers, u, chosen),
-        _ => (0..count).for_each(|i| chosen[i] = sample(tree, &receivers.get(i), u[i])),
+        // (A plain loop, so that all of it is compiled for wide registers.)
+        _ => {
+            for i in 0..count {
+                chosen[i] = sample(tree, &receivers.get(i), u[i]);
+            }
+        }
     }
 }
 
@@ -366,8 +371,8 @@ struct Lane {
 #[inline(always)]
 fn importance(node: &Node, receiver: &Receiver) -> [f32; WIDTH] {
     let mut importances = [0.0; WIDTH];
-    for (i, to) in importances.iter_mut().enumerate() {
-        *to = node.lane(i).importance(receiver);
+    for i in 0..WIDTH {
+        importances[i] = node.lane(i).importance(receiver);
     }
     importances
 }

@@ -42,17 +42,19 @@ pub(crate) unsafe fn set_up<L: WideLanes>(
     let apex = if reversed { end } else { first.origin }.to_array();
     bundle.kind = Kind { apex, reversed, common, backward: reversed && backward, rounded: false, slack: 0.0 };
     for (i, ray) in all.iter().enumerate() {
-        bundle.rays.origin[i] = [ray.origin.x, ray.origin.y, ray.origin.z, ray.t_min].map(f64::from);
-        bundle.rays.direction[i] = [ray.direction.x, ray.direction.y, ray.direction.z, ray.t_max].map(f64::from);
+        let (o, d) = (ray.origin, ray.direction);
+        bundle.rays.origin[i] = [o.x.into(), o.y.into(), o.z.into(), ray.t_min.into()];
+        bundle.rays.direction[i] = [d.x.into(), d.y.into(), d.z.into(), ray.t_max.into()];
         columns.cull[i] = padded(t_max[i]);
     }
     columns.cull[rays.len()..].fill(-1.0);
     if !common {
         let first = first.origin.to_array();
         for axis in 0..3 {
-            let origin = &bundle.drawn_origin[axis];
-            columns.from_apex[axis] = origin.map(|o| o - apex[axis]);
-            columns.from_first[axis] = origin.map(|o| o - first[axis]);
+            for (i, &origin) in bundle.drawn_origin[axis].iter().enumerate() {
+                columns.from_apex[axis][i] = origin - apex[axis];
+                columns.from_first[axis][i] = origin - first[axis];
+            }
         }
     }
     // SAFETY: as promised by the caller.
@@ -112,12 +114,16 @@ unsafe fn load_columns<L: WideLanes>(
     for half in 0..2 {
         // SAFETY: as promised by the caller; a ray is eight numbers in this order: origin, t_min, direction, t_max.
         unsafe {
-            let rows = std::array::from_fn(|i| &*(&raw const *rays[8 * half + i]).cast::<[f32; 8]>());
+            // (Nothing here by `map` or `from_fn`: what is not compiled into this function has not its instructions.)
+            let row = |i: usize| &*(&raw const *rays[8 * half + i]).cast::<[f32; 8]>();
+            let rows = [row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)];
             let [ox, oy, oz, from, dx, dy, dz, to] = L::load_columns(rows);
             let zero = L::splat(0.0);
             // Zero if everything is finite.
-            let zeros = [ox, oy, oz, from, dx, dy, dz].map(|column| column.mul(zero));
-            let sum = zeros.into_iter().fold(zero, L::add);
+            let mut sum = from.mul(zero);
+            for column in [ox, oy, oz, dx, dy, dz] {
+                sum = sum.add(column.mul(zero));
+            }
             fine &= sum.le(zero) & zero.le(from) & from.lt(to);
             ends &= to.lt(L::splat(f32::INFINITY));
             for (column, to) in [ox, oy, oz].into_iter().zip(origin.iter_mut()) {
