@@ -357,3 +357,19 @@ def SkelRoot "World"
         assert remarks == []
         assert floats(form["meshes"][0]["positions"]).reshape(-1, 3)[:, 2].tolist() == pytest.approx([depth] * 3)
     assert Path(path).read_bytes() == before
+
+
+def test_render_settings_choose_the_size_and_the_camera(tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    path = tmp_path / "settings.usda"
+    text = """#usda 1.0
+( metersPerUnit = 1; renderSettingsPrimPath = "/Render/settings" )
+def Camera "first" {}
+def Camera "second" {}
+def Scope "Render" { def RenderSettings "settings" { uniform int2 resolution = (320, 180); rel camera = </second> } }
+"""
+    path.write_text(text.replace(" }", "\n}"))
+    form, remarks = document(str(path))
+    assert remarks == [] and form["settings"]["size"] == [320, 180]
+    assert [camera["name"] for camera in form["cameras"]] == ["second", "first"]
+    snell.load(path)

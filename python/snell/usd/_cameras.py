@@ -33,6 +33,7 @@ def camera(context: Context, prim: Any, world: np.ndarray) -> None:
         context.remark(f"{prim.GetPath()}: a camera without an aperture or a focal length is left out")
         return
     stop, focus = get(given.GetFStopAttr(), 0), get(given.GetFocusDistanceAttr(), 0)
+    context.known["camera", str(prim.GetPath())] = len(context.cameras)
     context.cameras.append(
         {
             "name": prim.GetName(),

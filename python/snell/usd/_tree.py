@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom, UsdLux, UsdSkel
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdSkel
 
 from ._cameras import camera
 from ._context import Context, rows
@@ -23,12 +23,11 @@ def document(context: Context, name: str) -> tuple[str, list[str]]:
     _pose(context)
     context.nodes[0]["transform"] = rows(context.world)
     context.nodes[0]["children"] = _children(context, context.stage.GetPseudoRoot(), context.world)
-    up = [0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(context.stage) == "Z" else [0.0, 1.0, 0.0]
     form = {
         "format": "snell scene",
         "version": 1,
         "name": context.stage.GetRootLayer().GetDisplayName() or name,
-        "settings": {"up": up},
+        "settings": _settings(context),
         "environment": context.environment,
         "cameras": context.cameras,
         "lights": context.lights,
@@ -41,6 +40,21 @@ def document(context: Context, name: str) -> tuple[str, list[str]]:
     }
     remarks = [text if count == 1 else f"{text} ({count} times)" for text, count in context.remarks.items()]
     return json.dumps(form), remarks
+
+
+def _settings(context: Context) -> dict[str, Any]:
+    """The up axis, and what the stage's render settings ask for: a size, and the camera that comes first."""
+    settings: dict[str, Any] = {"up": [0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(context.stage) == "Z" else [0.0, 1.0, 0.0]}
+    asked = UsdRender.Settings.GetStageRenderSettings(context.stage)
+    if not asked:
+        return settings
+    size = context.value(asked.GetResolutionAttr()) if asked.GetResolutionAttr().HasAuthoredValue() else None
+    if size is not None and min(size) > 0:
+        settings["size"] = [int(x) for x in size]
+    for path in asked.GetCameraRel().GetForwardedTargets()[:1]:
+        if (number := context.known.get(("camera", str(path)))) is not None:
+            context.cameras.insert(0, context.cameras.pop(number))
+    return settings
 
 
 def _pose(context: Context) -> None:

@@ -239,7 +239,7 @@ fn points_seen_from_somewhere_are_distributed_by_their_density() {
                     expected[cell(&s)] += f64::from(per_area) * area / f64::from(n * n) * f64::from(N);
                 }
                 let total: f64 = expected.iter().sum::<f64>() / f64::from(N);
-                let is_disk = matches!(light.outline(part), Outline::Disk { .. });
+                let is_disk = matches!(&light.table, Table::Shape { outline: Outline::Disk { .. }, .. });
                 assert!(total < 1.01 && (is_disk || total > 0.99), "{number} {k} {part}: {total}");
                 *expected.last_mut().expect("there are cells") = (1.0 - total).max(0.0) * f64::from(N);
                 let mut found = vec![0; expected.len()];
