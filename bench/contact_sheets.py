@@ -142,8 +142,16 @@ def open_pbr(render: Renderer, only: str) -> Sheet:
             continue
         options: list[str] = []
         for ball, value in zip(BALLS, values):
-            kind = {"material": "open-pbr", **{k: authored(v) for k, v in {**others, name: value}.items()}}
+            parameters = {**others, name: value}
+            # Emission and opacity belong to the material.
+            luminance, tint = parameters.pop("emission_luminance", 0), parameters.pop("emission_color", WHITE)
+            opacity = parameters.pop("geometry_opacity", 1)
+            kind = {"material": "open-pbr", **{k: authored(v) for k, v in parameters.items()}}
             options += ["-D", f"material.{ball}.kind={json.dumps(kind)}"]
+            if luminance:
+                options += ["-D", f"material.{ball}.emission={json.dumps(authored([luminance * x for x in tint]))}"]
+            if opacity < 1:
+                options += ["-D", f"material.{ball}.alpha={json.dumps(authored(opacity))}", "-D", f"material.{ball}.alpha_mode=blend"]
         if "dispersion" in name:
             options += ["--color", "spectral"]
         if picture := render("spheres", *options):
@@ -199,9 +207,10 @@ def gltf(render: Renderer, folder: Path, only: str) -> Sheet:
     sheet = Sheet()
     for file in sorted([*folder.rglob("*.gltf"), *folder.rglob("*.glb")]):
         used = extensions(file)
-        if not used or only not in f"gltf {file.stem}":
+        # Some files have materials and nothing that they are on.
+        if not used or b'"primitives"' not in file.read_bytes() or only not in f"gltf {file.stem}":
             continue
-        if picture := render(file, "--environment", "studio"):
+        if picture := render(file, "--environment", "sky"):
             sheet.add(f"{file.stem}: {used}", picture)
             if reference := screenshot_of(file):
                 sheet.add(f"{file.stem}: its screenshot", reference)

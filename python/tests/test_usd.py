@@ -213,3 +213,163 @@ def test_what_is_no_stage_is_an_error_and_what_is_left_out_is_told(tmp_path: Pat
     path = stage(tmp_path, 'def Xform "World" { def Mesh "m" { point3f[] points = [(0, 0, 0)] } }')
     with pytest.warns(snell.SceneWarning, match="left out"):
         snell.load(path)
+
+
+def test_colours_of_points_of_vertices_and_of_curves_are_kept(tmp_path: Path) -> None:
+    text = """
+def Xform "World"
+{
+    def Points "dust"
+    {
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0)]
+        float[] widths = [0.5, 0.5, 1]
+        color3f[] primvars:displayColor = [(1, 0, 0), (0, 0, 1), (1, 0, 0)] (interpolation = "vertex")
+    }
+    def BasisCurves "hair"
+    {
+        uniform token type = "linear"
+        int[] curveVertexCounts = [2, 3]
+        point3f[] points = [(0, 0, 0), (0, 1, 0), (3, 0, 0), (3, 1, 0), (3, 2, 0)]
+        float[] widths = [0.2, 0.4] (interpolation = "uniform")
+        color3f[] primvars:displayColor = [(0, 1, 0), (0.5, 0.5, 0.5)] (interpolation = "uniform")
+    }
+    def Mesh "sheet" (prepend apiSchemas = ["MaterialBindingAPI"])
+    {
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+        point3f[] points = [(0, 0, 0), (2, 0, 0), (2, 1, 0)]
+        uniform token subdivisionScheme = "none"
+        color3f[] primvars:tint = [(1, 0, 0), (0, 1, 0), (0, 0, 1)] (interpolation = "vertex")
+        rel material:binding = </World/paint>
+    }
+    def Material "paint"
+    {
+        token outputs:surface.connect = </World/paint/surface.outputs:surface>
+        def Shader "surface"
+        {
+            uniform token info:id = "UsdPreviewSurface"
+            color3f inputs:diffuseColor.connect = </World/paint/read.outputs:result>
+            token outputs:surface
+        }
+        def Shader "read"
+        {
+            uniform token info:id = "UsdPrimvarReader_float3"
+            string inputs:varname = "tint"
+            float3 outputs:result
+        }
+    }
+}
+"""
+    form, remarks = document(stage(tmp_path, text))
+    assert remarks == []
+    hair, sheet = form["meshes"]
+    tube = floats(hair["positions"]).reshape(-1, 3)
+    assert np.ptp(tube[tube[:, 0] < 1, 0]) == pytest.approx(0.2, rel=0.15) and np.ptp(tube[tube[:, 0] > 1, 0]) == pytest.approx(0.4, rel=0.15)
+    colors = floats(hair["colors"]).reshape(-1, 4)
+    assert np.unique(colors[tube[:, 0] < 1], axis=0).tolist() == [[0, 1, 0, 1]]
+    assert floats(sheet["colors"]).tolist() == [1, 0, 0, 1, 0, 1, 0, 1, 0, 0, 1, 1]
+    nodes = form["nodes"]
+    places = [node for node in nodes if "transform" in node and node.get("children")][1:]
+    shown = [nodes[node["children"][0]]["surfaces"][0]["materials"][0] for node in places]
+    assert [form["materials"][number]["kind"]["base_color"]["factor"] for number in shown] == [[1, 0, 0], [0, 0, 1], [1, 0, 0]]
+
+
+def test_meshes_shine_and_a_panel_shows_its_picture_upright(tmp_path: Path) -> None:
+    Image = pytest.importorskip("PIL.Image")
+    picture = np.zeros((2, 2, 3), dtype=np.uint8)
+    picture[0, 0], picture[0, 1], picture[1, 0] = (255, 0, 0), (0, 255, 0), (0, 0, 255)
+    Image.fromarray(picture).save(tmp_path / "picture.png")
+    text = """
+def Xform "World"
+{
+    def RectLight "panel" { float inputs:width = 2; float inputs:height = 2; float inputs:intensity = 3; asset inputs:texture:file = @picture.png@ }
+    def Mesh "lamp" (prepend apiSchemas = ["MeshLightAPI"])
+    {
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+        point3f[] points = [(9, 0, 0), (11, 0, 0), (9, 2, 0)]
+        uniform token subdivisionScheme = "none"
+        float inputs:intensity = 8
+        bool inputs:normalize = 1
+    }
+}
+"""
+    path = stage(tmp_path, text)
+    form, _ = document(path)
+    assert form["materials"][-1]["emission"]["factor"] == [4, 4, 4]
+    scene = snell.load(path)
+    # Seen from where it shines, +x is to the left.
+    camera = snell.Camera(eye=(0, 0, -4), target=(0, 0, 0), up=(0, 1, 0), fov=40)
+    pixels = np.asarray(snell.render(scene, camera=camera, size=(9, 9), spp=4))
+    assert pixels[2, 2].argmax() == 0 and pixels[2, 6].argmax() == 1 and pixels[6, 2].argmax() == 2
+    assert pixels[6, 6].max() < 0.2 < 1 < pixels[2, 2].max()
+
+
+def test_power_is_divided_by_areas_in_units_of_the_stage(tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    path = tmp_path / "centimetres.usda"
+    lights = """
+def RectLight "panel" { float inputs:width = 10; float inputs:height = 20; float inputs:intensity = 400; bool inputs:normalize = 1 }
+def SphereLight "dot" { bool treatAsPoint = 1; float inputs:radius = 5; float inputs:intensity = 4; bool inputs:normalize = 1 }
+"""
+    path.write_text("#usda 1.0\n( metersPerUnit = 0.01 )\n" + lights.replace(" }", "\n}"))
+    form, _ = document(str(path))
+    assert form["materials"][0]["emission"]["factor"] == [2, 2, 2]
+    # The radiance of the ball, times the disk that is seen of it, in square metres.
+    seen = 4 / (4 * np.pi * 5**2) * np.pi * 0.05**2
+    assert form["lights"][0]["intensity"] == pytest.approx([seen] * 3)
+
+
+def test_skins_are_posed_at_the_time_asked_for(tmp_path: Path) -> None:
+    text = """
+def SkelRoot "World"
+{
+    def Skeleton "bones" (prepend apiSchemas = ["SkelBindingAPI"])
+    {
+        uniform token[] joints = ["root"]
+        uniform matrix4d[] bindTransforms = [((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))]
+        uniform matrix4d[] restTransforms = [((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))]
+        rel skel:animationSource = </World/motion>
+    }
+    def SkelAnimation "motion"
+    {
+        uniform token[] joints = ["root"]
+        float3[] translations.timeSamples = { 0: [(0, 0, 0)], 10: [(0, 0, 5)] }
+        quatf[] rotations = [(1, 0, 0, 0)]
+        half3[] scales = [(1, 1, 1)]
+    }
+    def Mesh "skin" (prepend apiSchemas = ["SkelBindingAPI"])
+    {
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+        point3f[] points = [(0, 0, 0), (2, 0, 0), (2, 1, 0)]
+        uniform token subdivisionScheme = "none"
+        int[] primvars:skel:jointIndices = [0, 0, 0] (elementSize = 1; interpolation = "vertex")
+        float[] primvars:skel:jointWeights = [1, 1, 1] (elementSize = 1; interpolation = "vertex")
+        rel skel:skeleton = </World/bones>
+    }
+}
+"""
+    path = stage(tmp_path, text)
+    before = Path(path).read_bytes()
+    for time, depth in ((0, 0), (4, 2), (10, 5)):
+        form, remarks = document(path, time=time)
+        assert remarks == []
+        assert floats(form["meshes"][0]["positions"]).reshape(-1, 3)[:, 2].tolist() == pytest.approx([depth] * 3)
+    assert Path(path).read_bytes() == before
+
+
+def test_render_settings_choose_the_size_and_the_camera(tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    path = tmp_path / "settings.usda"
+    text = """#usda 1.0
+( metersPerUnit = 1; renderSettingsPrimPath = "/Render/settings" )
+def Camera "first" {}
+def Camera "second" {}
+def Scope "Render" { def RenderSettings "settings" { uniform int2 resolution = (320, 180); rel camera = </second> } }
+"""
+    path.write_text(text.replace(" }", "\n}"))
+    form, remarks = document(str(path))
+    assert remarks == [] and form["settings"]["size"] == [320, 180]
+    assert [camera["name"] for camera in form["cameras"]] == ["second", "first"]
+    snell.load(path)

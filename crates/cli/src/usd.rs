@@ -1,6 +1,6 @@
-//! USD stages, which a Python with the package `usd-core` reads: `python/snell/usd.py` turns them into Snell's own format.
+//! USD stages, which a Python with the package `usd-core` reads: the modules of `python/snell/usd` turn them into Snell's own format.
 //!
-//! The module is part of this program and is handed to Python as its input, so that `snell` works whether or not the Python package of Snell
+//! They are part of this program and are handed to Python as its input, so that `snell` works whether or not the Python package of Snell
 //! is installed.
 
 use crate::failure::Failure;
@@ -10,12 +10,47 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// The converter.
-const MODULE: &str = include_str!("../../../python/snell/usd.py");
-/// Exit code of the module where `usd-core` is missing.
+/// A module of the converter: its name, and its text.
+macro_rules! modules {
+    ($($name:literal),* $(,)?) => {
+        [$(($name, include_str!(concat!("../../../python/snell/usd/", $name, ".py")))),*]
+    };
+}
+/// The modules of the converter; the first is the package itself.
+const MODULES: [(&str, &str); 13] = modules![
+    "__init__",
+    "_context",
+    "_polygons",
+    "_networks",
+    "_materials",
+    "_bindings",
+    "_meshes",
+    "_shapes",
+    "_curves",
+    "_cameras",
+    "_lights",
+    "_tree",
+    "__main__",
+];
+/// What makes modules of their texts, and runs the last: a finder, so that a module is run when it is imported.
+const START: &str = r#"
+import importlib.abc, importlib.machinery, sys
+class Carried(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
+    def find_spec(self, name, path=None, target=None):
+        if name in TEXTS:
+            return importlib.machinery.ModuleSpec(name, self, origin=name, is_package=self.is_package(name))
+    def is_package(self, name):
+        return name == "snell_usd"
+    def get_source(self, name):
+        return TEXTS[name]
+sys.meta_path.insert(0, Carried())
+from snell_usd.__main__ import main
+sys.exit(main(sys.argv[1:]))
+"#;
+/// Exit code of the converter where `usd-core` or NumPy is missing.
 const NO_PACKAGE: i32 = 3;
 /// What to do about it.
-const REMEDY: &str = "install it with: pip install usd-core (or pip install 'snell[usd]'), in a Python that is found as python3 or python";
+const REMEDY: &str = "install what reads it with: pip install usd-core numpy (or pip install 'snell[usd]'), in a Python that is found as python3 or python";
 
 /// True for the names of USD files.
 pub fn is_usd(path: &Path) -> bool {
@@ -48,11 +83,12 @@ pub fn load(path: &Path, options: &ReadOptions) -> Result<Scene, Failure> {
         }
         return Ok(scene);
     }
-    let problem = if lacking { "reading USD needs the Python package usd-core" } else { "reading USD needs Python" };
+    let problem =
+        if lacking { "reading USD needs the Python packages usd-core and numpy" } else { "reading USD needs Python" };
     Err(Failure::Scene(format!("{shown}: {problem}; {REMEDY}")))
 }
 
-/// Runs the module; `None` if there is no such Python.
+/// Runs the converter; `None` if there is no such Python.
 fn run(python: &str, path: &Path) -> std::io::Result<Option<std::process::Output>> {
     let mut command = Command::new(python);
     command.arg("-").arg(path).arg("-").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -63,9 +99,20 @@ fn run(python: &str, path: &Path) -> std::io::Result<Option<std::process::Output
     };
     if let Some(mut input) = child.stdin.take() {
         // A Python that ends early says why by itself.
-        _ = input.write_all(MODULE.as_bytes());
+        _ = input.write_all(program().as_bytes());
     }
     child.wait_with_output().map(Some)
+}
+
+/// The converter as one program, which Python can read from its input.
+fn program() -> String {
+    let mut text = String::from("TEXTS = {\n");
+    for (name, source) in MODULES {
+        let module = if name == "__init__" { "snell_usd".into() } else { format!("snell_usd.{name}") };
+        // What JSON writes of a text is a literal of Python.
+        text += &format!("{module:?}: {},\n", serde_json::Value::from(source));
+    }
+    text + "}\n" + START
 }
 
 #[cfg(test)]
@@ -78,5 +125,20 @@ mod tests {
             assert!(is_usd(Path::new(name)), "{name}");
         }
         assert!(!is_usd(Path::new("a.usd.gz")) && !is_usd(Path::new("usdz")));
+    }
+
+    #[test]
+    fn every_module_of_the_converter_is_carried() {
+        let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../python/snell/usd"));
+        let mut found: Vec<String> = std::fs::read_dir(folder)
+            .expect("the folder is there")
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .filter(|path| path.extension().is_some_and(|e| e == "py"))
+            .map(|path| path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default())
+            .collect();
+        found.sort();
+        let mut carried: Vec<String> = MODULES.iter().map(|(name, _)| (*name).to_owned()).collect();
+        carried.sort();
+        assert_eq!(carried, found);
     }
 }

@@ -46,7 +46,10 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
                 Value::String(name) if path == "kind" => kind_named(key, &name)?,
                 value => value,
             };
-            edit(&mut scene.materials[index], key, path, value)
+            let before = scene.materials[index].kind.clone();
+            edit(&mut scene.materials[index], key, path, value)?;
+            scene.materials[index].follow_kind(&before);
+            Ok(())
         }
         "camera" => {
             let names: Vec<String> = scene.cameras.iter().map(|c| c.name.clone()).collect();
@@ -275,6 +278,24 @@ mod tests {
         let MaterialKind::Diffuse(diffuse) = &scene.materials[0].kind else { panic!("still diffuse") };
         assert_eq!(diffuse.reflectance.factor, Rgb::new(0.5, 0.0, 0.0));
         assert!(!scene.materials[0].double_sided);
+    }
+
+    #[test]
+    fn what_an_open_pbr_says_of_emission_and_opacity_counts_and_what_is_unknown_is_an_error() {
+        let mut scene = scene();
+        apply(&mut scene, "material.0.alpha=0.5").expect("the path exists");
+        apply(&mut scene, r#"material.0.kind={"material":"open-pbr","emission_luminance":2}"#).expect("a kind");
+        assert_eq!(scene.materials[0].emission.factor, Rgb::splat(2.0));
+        assert_eq!(scene.materials[0].alpha.factor, 0.5, "of opacity nothing was said");
+        apply(&mut scene, "material.0.emission_color.factor=[0.5,1,0]").expect("the path exists");
+        assert_eq!(scene.materials[0].emission.factor, Rgb::new(1.0, 2.0, 0.0));
+        apply(&mut scene, "material.0.geometry_opacity=0.25").expect("the path exists");
+        assert_eq!(
+            (scene.materials[0].alpha.factor, scene.materials[0].alpha_mode),
+            (0.25, crate::material::AlphaMode::Blend)
+        );
+        let wrong = apply(&mut scene, r#"material.0.kind={"material":"open-pbr","emision":2}"#).expect_err("misspelt");
+        assert!(wrong.to_string().contains("emision"), "{wrong}");
     }
 
     #[test]

@@ -4,6 +4,7 @@ use snell_intersect::TriangleMesh;
 use snell_math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
 use snell_scene::builtin::BUILTINS;
 use snell_scene::material::{ColorParam, Diffuse, MaterialKind, MetallicRoughness};
+use snell_scene::medium::{Grid, Medium};
 use snell_scene::{Encoding, Geometry, Image, Light, Material, Node, Pixels, Surface, Texture};
 use std::sync::Arc;
 
@@ -172,6 +173,22 @@ fn every_material_can_be_written_and_what_changes_is_said() {
         let warnings: Vec<_> = read.warnings.iter().filter(|w| !w.message.contains("bound no medium")).collect();
         assert!(read.materials.len() + 2 >= scene.materials.len() && warnings.is_empty(), "{extension}: {warnings:?}");
     }
+}
+
+#[test]
+fn fire_shines_as_pbrt_too_where_nothing_is_burnt() {
+    let scene = snell_scene::builtin::builtin("smoke").expect("the scene is built in");
+    let (_folder, Written { losses, .. }, read) = written("pbrt", &scene);
+    assert!(losses.iter().any(|l| l.message.contains("where it emits")), "{losses:?}");
+    let [Medium::Grid(before), Medium::Grid(after)] = [&scene.media[0], &read.media[0]] else { panic!("grids") };
+    let shine = |grid: &Grid| {
+        let scale = grid.emission_scale.as_ref().expect("it shines in places");
+        scale.values().iter().map(|s| s * grid.emission.r).collect::<Vec<_>>()
+    };
+    let (a, b) = (shine(before), shine(after));
+    assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= 1e-4 * a.abs()), "it shines as before");
+    let denser = before.density.values().iter().zip(after.density.values()).map(|(a, b)| b - a).fold(0.0, f32::max);
+    assert!((0.0..2e-3).contains(&denser), "{denser}");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Absorbs all light: for surfaces that are only seen by what they emit (light sources, unlit materials).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Black {}
 
 impl Black {

@@ -9,6 +9,7 @@ use snell_math::Rgb;
 /// of the layer meets it again, so the surface looks darker and more saturated than the body ([`super::Plastic`] is told by the colour
 /// that is seen). What pbrt-v4 calls `coateddiffuse`, without a medium in the layer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct CoatedDiffuse {
     /// Reflectance of the body, `[0, 1]`; multiplied by the vertex colour.
     pub reflectance: ColorParam,

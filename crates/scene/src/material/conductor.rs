@@ -58,6 +58,7 @@ impl<'de> Visitor<'de> for SpectrumVisitor {
 
 /// A metal with GGX microfacets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Conductor {
     /// What it reflects.
     pub spectrum: ConductorSpectrum,

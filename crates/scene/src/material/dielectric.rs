@@ -9,6 +9,7 @@ use snell_math::{Rgb, SampledSpectrum};
 /// The interface between air (outer side) and a clear medium: reflects and refracts by Fresnel's and Snell's laws. For closed
 /// surfaces; a single sheet bends light once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Dielectric {
     /// Index of refraction of the inside over the outside: 1.33 for water, 1.5 for glass, or a glass by name. Positive, otherwise 1.
     /// If it depends on the wavelength, light of one wavelength goes on behind the interface (and in the mirror direction); in RGB

@@ -7,6 +7,7 @@ use snell_math::{Rgb, SampledSpectrum};
 
 /// Lambertian reflection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Diffuse {
     /// Share of light reflected, `[0, 1]`; multiplied by the vertex colour.
     pub reflectance: ColorParam,

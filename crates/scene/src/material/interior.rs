@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 /// glass of priority 1 and a drink of priority 0 that reaches a little into the glass (Schmidt and Budge, Simple Nested Dielectrics
 /// in Ray Traced Images, JGT 2002). Among equal priorities, the last one that a path entered is there: things in things need none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Interior {
     /// The medium inside; `None` if it is empty, or filled by what the material itself brings ([`Material::own_medium`]).
     pub medium: Option<MediumId>,

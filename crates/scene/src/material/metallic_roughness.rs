@@ -9,7 +9,7 @@ use snell_math::Rgb;
 /// `KHR_materials_ior`, `KHR_materials_specular`, `KHR_materials_transmission` (thin walls) and `KHR_materials_clearcoat`: some of the
 /// parameters of [`OpenPbr`] under the names of glTF.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct MetallicRoughness {
     /// Diffuse colour of the dielectric and reflectance of the metal at normal incidence, `[0, 1]`; multiplied by the vertex colour.
     pub base_color: ColorParam,

@@ -7,6 +7,7 @@ use snell_math::Rgb;
 
 /// Reflects in the mirror direction only, equally at all angles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Mirror {
     /// Share of light reflected, `[0, 1]`.
     pub reflectance: ColorParam,

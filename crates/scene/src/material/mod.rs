@@ -254,18 +254,29 @@ impl Material {
     /// material.
     pub fn new(name: impl Into<String>, kind: impl Into<MaterialKind>) -> Self {
         let kind = kind.into();
-        let material = Self::plain(name.into(), kind);
-        let MaterialKind::OpenPbr(surface) = &material.kind else { return material };
-        let luminance = surface.emission_luminance;
-        let emission =
-            ColorParam { factor: surface.emission_color.factor * luminance.factor, ..surface.emission_color };
-        let is_whole = surface.geometry_opacity == ScalarParam::constant(1.0);
-        Self {
-            emission: ColorParam { texture: emission.texture.or(luminance.texture.map(|t| t.0)), ..emission },
-            alpha: surface.geometry_opacity,
-            alpha_mode: if is_whole { AlphaMode::Opaque } else { AlphaMode::Blend },
-            normal_map: surface.geometry_normal,
-            ..material
+        let mut material = Self::plain(name.into(), kind);
+        material.follow_kind(&MaterialKind::OpenPbr(OpenPbr::default()));
+        material
+    }
+
+    /// Moves what an [`OpenPbr`] says of emission, opacity and normals to the material, where it is other than what the kind said
+    /// before.
+    pub fn follow_kind(&mut self, before: &MaterialKind) {
+        let MaterialKind::OpenPbr(surface) = &self.kind else { return };
+        let plain = OpenPbr::default();
+        let before = if let MaterialKind::OpenPbr(before) = before { before } else { &plain };
+        if (surface.emission_luminance, surface.emission_color) != (before.emission_luminance, before.emission_color) {
+            let (luminance, color) = (surface.emission_luminance, surface.emission_color);
+            let texture = color.texture.or(luminance.texture.map(|t| t.0));
+            self.emission = ColorParam { factor: color.factor * luminance.factor, texture, ..color };
+        }
+        if surface.geometry_opacity != before.geometry_opacity {
+            let is_whole = surface.geometry_opacity == ScalarParam::constant(1.0);
+            self.alpha = surface.geometry_opacity;
+            self.alpha_mode = if is_whole { AlphaMode::Opaque } else { AlphaMode::Blend };
+        }
+        if surface.geometry_normal != before.geometry_normal {
+            self.normal_map = surface.geometry_normal;
         }
     }
 

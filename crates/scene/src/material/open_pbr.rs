@@ -19,7 +19,7 @@ use snell_math::{Rgb, SampledSpectrum};
 /// `emission_luminance` times `emission_color` to `emission` (one nit as one W/(m² sr), as for glTF), `geometry_opacity` to `alpha`,
 /// `geometry_normal` to `normal_map`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct OpenPbr {
     /// Factor on `base_color`, `[0, 1]`.
     pub base_weight: ScalarParam,
@@ -109,7 +109,7 @@ pub struct OpenPbr {
 
 /// The direction in which highlights are stretched.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct TangentMap {
     /// Radians, counter-clockwise from the tangent of the surface.
     pub rotation: f32,

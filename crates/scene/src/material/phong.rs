@@ -9,7 +9,7 @@ use snell_math::Rgb;
 /// follow the classic formula to the letter; the path tracer uses an energy-conserving BSDF of the same coefficients
 /// ([`PhongBsdf`]), scaled down where they add up to more than 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct Phong {
     /// Reflectance for the scene's ambient light, `ka`.
     pub ambient: ColorParam,

@@ -36,12 +36,10 @@ pub struct Options {
 /// Measures and prints.
 pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
-    if !options.json {
-        standard_output::write(heading().as_bytes())?;
-    }
-    for path in &options.files {
+    for (number, path) in options.files.iter().enumerate() {
         let value = measure(path, &read, options)?;
-        let text = if options.json { format!("{value}\n") } else { table_row(&value) };
+        let heading = if number == 0 { heading() } else { String::new() };
+        let text = if options.json { format!("{value}\n") } else { heading + &table_row(&value) };
         standard_output::write(text.as_bytes())?;
     }
     Ok(ExitCode::SUCCESS)

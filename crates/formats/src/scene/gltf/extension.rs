@@ -57,10 +57,10 @@ pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {
 fn remedy(name: &str) -> &'static str {
     match name {
         "KHR_draco_mesh_compression" => {
-            "decompress the file first, for example with `gltf-transform copy in.glb out.glb`, or export it without compression"
+            "unpack it first with `gltf-transform copy in.glb out.glb` (npm install --global @gltf-transform/cli), or export it without compression"
         }
         "KHR_texture_basisu" => {
-            "unpack its KTX2 textures to PNG, for example with `ktx extract`, or export it with PNG or JPEG textures"
+            "unpack its KTX2 textures first with `gltf-transform ktxdecompress in.glb out.glb` (npm install --global @gltf-transform/cli), or export it with PNG or JPEG textures"
         }
         "MSFT_texture_dds" | "EXT_texture_avif" => {
             "convert its textures to PNG or JPEG first, or export it with such textures"

@@ -1,7 +1,6 @@
 //! Materials, with the emission, opacity and media that pbrt says of shapes instead, and media themselves.
 
-use super::{File, quoted, rgb, transform};
-use crate::write::Output;
+use super::{File, quoted, rgb};
 use crate::write::material::{open_pbr, shown_name, without_spectrum};
 use crate::write::picture::Baked;
 use snell_math::spectrum::Metal;
@@ -9,7 +8,6 @@ use snell_math::{ColorMode, Rgb};
 use snell_scene::material::{
     AlphaMode, ColorParam, ConductorSpectrum, MaterialKind, MetallicRoughness, OpenPbr, ScalarParam,
 };
-use snell_scene::medium::{Medium, ScalarGrid};
 use snell_scene::texture::{Filtering, Wrap};
 use snell_scene::{Encoding, Material, MaterialId, TextureId};
 
@@ -392,65 +390,4 @@ impl File<'_, '_> {
 fn is_thin_glass(kind: &MetallicRoughness) -> bool {
     let plain = MetallicRoughness { ior: kind.ior, transmission: 1.0.into(), ..MetallicRoughness::default() };
     *kind == plain && kind.ior > 0.0
-}
-
-/// The directives that define a medium, if pbrt has it.
-pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<String> {
-    let coefficients = |sigma_a: Rgb, sigma_s: Rgb, g: f32| {
-        format!("\"rgb sigma_a\" {} \"rgb sigma_s\" {} \"float g\" [ {g} ]", rgb(sigma_a), rgb(sigma_s))
-    };
-    // pbrt emits where it absorbs.
-    let mut emission = |emission: Rgb, sigma_a: Rgb| {
-        let share = |e: f32, a: f32| if a > 0.0 { e / a } else { 0.0 };
-        if (emission.r > 0.0 && sigma_a.r <= 0.0)
-            || (emission.g > 0.0 && sigma_a.g <= 0.0)
-            || (emission.b > 0.0 && sigma_a.b <= 0.0)
-        {
-            output.lose(format!("medium {number}: emission where nothing is absorbed is left out"));
-        }
-        match emission.is_black() {
-            true => String::new(),
-            false => {
-                let le =
-                    Rgb::new(share(emission.r, sigma_a.r), share(emission.g, sigma_a.g), share(emission.b, sigma_a.b));
-                format!(" \"rgb Le\" {}", rgb(le))
-            }
-        }
-    };
-    match medium {
-        Medium::Homogeneous(m) => Some(format!(
-            "MakeNamedMedium \"medium-{number}\" \"string type\" [ \"homogeneous\" ] {}{}\n",
-            coefficients(m.sigma_a, m.sigma_s, m.g),
-            emission(m.emission, m.sigma_a)
-        )),
-        Medium::Grid(grid) => {
-            let light = emission(grid.emission, grid.sigma_a);
-            if grid.temperature.is_some() {
-                output.lose(format!("medium {number}: its temperature is left out"));
-            }
-            let [nx, ny, nz] = grid.density.size();
-            let glow = grid.emission_scale.as_deref().map(|scale| {
-                let share = |(d, s): (&f32, &f32)| if *d > 0.0 { (s / d).to_string() } else { "0".into() };
-                let values: Vec<_> = grid.density.values().iter().zip(scale.values()).map(share).collect();
-                format!(" \"float Lescale\" [ {} ]", values.join(" "))
-            });
-            Some(format!(
-                "AttributeBegin\n  {}\n  MakeNamedMedium \"medium-{number}\" \"string type\" [ \"uniformgrid\" ] {}{light} \
-                 \"integer nx\" [ {nx} ] \"integer ny\" [ {ny} ] \"integer nz\" [ {nz} ] \"float density\" [ {} ]{}\nAttributeEnd\n",
-                transform(&grid.world_from_grid),
-                coefficients(grid.sigma_a, grid.sigma_s, grid.g),
-                joined(&grid.density),
-                glow.unwrap_or_default()
-            ))
-        }
-        Medium::HeightFog(_) | Medium::Cloud(_) => {
-            output.lose(format!("medium {number}: {} became clear air", medium.name()));
-            let clear = coefficients(Rgb::BLACK, Rgb::BLACK, 0.0);
-            Some(format!("MakeNamedMedium \"medium-{number}\" \"string type\" [ \"homogeneous\" ] {clear}\n"))
-        }
-    }
-}
-
-fn joined(grid: &ScalarGrid) -> String {
-    grid.values().iter().map(f32::to_string).collect::<Vec<_>>().join(" ")
 }

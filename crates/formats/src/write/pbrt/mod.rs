@@ -6,6 +6,7 @@
 mod environment;
 mod light;
 mod material;
+mod medium;
 mod shape;
 mod view;
 
@@ -118,7 +119,7 @@ impl File<'_, '_> {
 
     fn media(&mut self) {
         for (i, medium) in self.scene.media.iter().enumerate() {
-            if let Some(text) = material::medium(self.output, i, medium) {
+            if let Some(text) = medium::medium(self.output, i, medium) {
                 self.text += &text;
             }
         }

@@ -35,7 +35,8 @@ fn versions() {
 
 #[test]
 fn required_extensions() {
-    assert_snapshot!(message(r#""extensionsRequired": ["KHR_draco_mesh_compression"]"#), @"test.gltf: at /extensionsRequired/0: the file requires the extension KHR_draco_mesh_compression, which Snell does not support; decompress the file first, for example with `gltf-transform copy in.glb out.glb`, or export it without compression");
+    assert_snapshot!(message(r#""extensionsRequired": ["KHR_draco_mesh_compression"]"#), @"test.gltf: at /extensionsRequired/0: the file requires the extension KHR_draco_mesh_compression, which Snell does not support; unpack it first with `gltf-transform copy in.glb out.glb` (npm install --global @gltf-transform/cli), or export it without compression");
+    assert_snapshot!(message(r#""extensionsRequired": ["KHR_texture_basisu"]"#), @"test.gltf: at /extensionsRequired/0: the file requires the extension KHR_texture_basisu, which Snell does not support; unpack its KTX2 textures first with `gltf-transform ktxdecompress in.glb out.glb` (npm install --global @gltf-transform/cli), or export it with PNG or JPEG textures");
     assert_snapshot!(message(r#""extensionsRequired": ["ACME_wonder"]"#), @"test.gltf: at /extensionsRequired/0: the file requires the extension ACME_wonder, which Snell does not support; export the file again without this extension, or as optional");
 }
 

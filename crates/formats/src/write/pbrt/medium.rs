@@ -1,0 +1,92 @@
+//! Media as pbrt has them.
+
+use super::{rgb, transform};
+use crate::write::Output;
+use snell_math::Rgb;
+use snell_scene::medium::{Grid, Medium};
+
+/// What is there of a medium that emits and does nothing else, as part of its highest density.
+const THIN: f32 = 1e-3;
+
+/// The directives that define a medium, if pbrt has it.
+pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<String> {
+    let coefficients = |sigma_a: Rgb, sigma_s: Rgb, g: f32| {
+        format!("\"rgb sigma_a\" {} \"rgb sigma_s\" {} \"float g\" [ {g} ]", rgb(sigma_a), rgb(sigma_s))
+    };
+    // pbrt emits where it absorbs.
+    let mut emission = |emission: Rgb, sigma_a: Rgb| {
+        let share = |e: f32, a: f32| if a > 0.0 { e / a } else { 0.0 };
+        if (emission.r > 0.0 && sigma_a.r <= 0.0)
+            || (emission.g > 0.0 && sigma_a.g <= 0.0)
+            || (emission.b > 0.0 && sigma_a.b <= 0.0)
+        {
+            output.lose(format!("medium {number}: emission where nothing is absorbed is left out"));
+        }
+        match emission.is_black() {
+            true => String::new(),
+            false => {
+                let le =
+                    Rgb::new(share(emission.r, sigma_a.r), share(emission.g, sigma_a.g), share(emission.b, sigma_a.b));
+                format!(" \"rgb Le\" {}", rgb(le))
+            }
+        }
+    };
+    match medium {
+        Medium::Homogeneous(m) => Some(format!(
+            "MakeNamedMedium \"medium-{number}\" \"string type\" [ \"homogeneous\" ] {}{}\n",
+            coefficients(m.sigma_a, m.sigma_s, m.g),
+            emission(m.emission, m.sigma_a)
+        )),
+        Medium::Grid(grid) => {
+            let light = emission(grid.emission, grid.sigma_a);
+            if grid.temperature.is_some() {
+                output.lose(format!("medium {number}: its temperature is left out"));
+            }
+            let [nx, ny, nz] = grid.density.size();
+            let (densities, is_changed) = densities(grid);
+            if is_changed {
+                output.lose(format!(
+                    "medium {number}: where it emits without being there, it absorbs a thousandth of its densest place, as pbrt \
+                     emits where it absorbs"
+                ));
+            }
+            let glow = grid.emission_scale.as_deref().map(|scale| {
+                let share = |(d, s): (&f32, &f32)| if *s > 0.0 { s / d } else { 0.0 };
+                let values: Vec<f32> = densities.iter().zip(scale.values()).map(share).collect();
+                format!(" \"float Lescale\" [ {} ]", joined(&values))
+            });
+            Some(format!(
+                "AttributeBegin\n  {}\n  MakeNamedMedium \"medium-{number}\" \"string type\" [ \"uniformgrid\" ] {}{light} \
+                 \"integer nx\" [ {nx} ] \"integer ny\" [ {ny} ] \"integer nz\" [ {nz} ] \"float density\" [ {} ]{}\nAttributeEnd\n",
+                transform(&grid.world_from_grid),
+                coefficients(grid.sigma_a, grid.sigma_s, grid.g),
+                joined(&densities),
+                glow.unwrap_or_default()
+            ))
+        }
+        Medium::HeightFog(_) | Medium::Cloud(_) => {
+            output.lose(format!("medium {number}: {} became clear air", medium.name()));
+            let clear = coefficients(Rgb::BLACK, Rgb::BLACK, 0.0);
+            Some(format!("MakeNamedMedium \"medium-{number}\" \"string type\" [ \"homogeneous\" ] {clear}\n"))
+        }
+    }
+}
+
+/// The densities of a grid, so that there is something wherever it emits; true if that changed any.
+fn densities(grid: &Grid) -> (Vec<f32>, bool) {
+    let mut densities = grid.density.values().to_vec();
+    let Some(scale) = grid.emission_scale.as_deref().filter(|_| !grid.emission.is_black()) else {
+        return (densities, false);
+    };
+    let highest = densities.iter().copied().fold(0.0, f32::max);
+    let least = if highest > 0.0 { highest * THIN } else { THIN };
+    let mut is_changed = false;
+    for (density, _) in densities.iter_mut().zip(scale.values()).filter(|(d, s)| **d < least && **s > 0.0) {
+        (*density, is_changed) = (least, true);
+    }
+    (densities, is_changed)
+}
+
+fn joined(values: &[f32]) -> String {
+    values.iter().map(f32::to_string).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,178 @@
+"""What is collected while a stage is read: the parts of a document of Snell's text format, and what could not be read."""
+
+from __future__ import annotations
+
+import base64
+import math
+from typing import Any
+
+import numpy as np
+from pxr import Ar, Usd, UsdGeom
+
+__all__ = ["Context", "color_form", "direction", "numbers", "rows", "scalar_form"]
+
+
+def numbers(array: Any, kind: Any) -> str:
+    """Many numbers as the format has them: base64 of their little-endian bytes."""
+    flat = np.ascontiguousarray(array, dtype=np.dtype(kind).newbyteorder("<")).reshape(-1)
+    return base64.b64encode(flat.tobytes()).decode("ascii")
+
+
+def rows(matrix: Any) -> list[list[float]]:
+    """A map of columns as three rows of four numbers."""
+    return [[float(x) for x in row] for row in np.asarray(matrix)[:3]]
+
+
+def direction(vector: np.ndarray) -> list[float]:
+    """A vector of length 1; 0 stays 0."""
+    return [float(x) for x in vector / max(float(np.linalg.norm(vector)), 1e-300)]
+
+
+def color_form(factor: Any, texture: int | None = None) -> dict[str, Any]:
+    """A colour of a material: a factor, and the texture it multiplies."""
+    r, g, b = (float(x) for x in factor)
+    return {"factor": [r, g, b], "texture": texture, "spectrum": None}
+
+
+def scalar_form(factor: float, texture: tuple[int, int] | None = None) -> dict[str, Any]:
+    """A number of a material: a factor, and the texture and channel it multiplies."""
+    return {"factor": float(factor), "texture": list(texture) if texture else None}
+
+
+class Context:
+    """A stage at a time, and the document that is made from it."""
+
+    def __init__(self, stage: Any, time: float | None) -> None:
+        self.stage = stage
+        self.time = Usd.TimeCode.Default() if time is None else Usd.TimeCode(time)
+        if time is None and stage.HasAuthoredTimeCodeRange():
+            # What has samples only has no default value.
+            self.time = Usd.TimeCode(stage.GetStartTimeCode())
+        self.xforms = UsdGeom.XformCache(self.time)
+        self.remarks: dict[str, int] = {}
+        self.nodes: list[dict[str, Any]] = [{"name": "stage"}]
+        self.meshes: list[dict[str, Any]] = []
+        self.materials: list[dict[str, Any]] = []
+        self.textures: list[dict[str, Any]] = []
+        self.images: list[dict[str, Any]] = []
+        self.lights: list[dict[str, Any]] = []
+        self.cameras: list[dict[str, Any]] = []
+        self.environment: Any = None
+        #: What was made already, by a key that says what it is.
+        self.known: dict[Any, Any] = {}
+        #: Primvars that are colours of meshes, by the materials that want them.
+        self.vertex_colors: dict[int, str] = {}
+        scale = UsdGeom.GetStageMetersPerUnit(stage)
+        #: Metres of a unit of the stage.
+        self.scale = float(scale) if scale > 0 and math.isfinite(scale) else 1.0
+        self.world = np.diag([self.scale, self.scale, self.scale, 1.0])
+
+    def remark(self, text: str) -> None:
+        """Tells what is left out; the same once."""
+        self.remarks[text] = self.remarks.get(text, 0) + 1
+
+    def value(self, attribute: Any, default: Any = None) -> Any:
+        """The value of an attribute at the time of this reading."""
+        if not attribute:
+            return default
+        value = attribute.Get(self.time)
+        if value is None:
+            value = attribute.Get()
+        return default if value is None else value
+
+    def array(self, attribute: Any, width: int, default: Any = ()) -> np.ndarray:
+        """The value of an attribute as rows of numbers."""
+        return np.array(self.value(attribute, default), dtype=np.float64).reshape(-1, width)
+
+    def source(self, prim: Any) -> str:
+        """The path of the prim that stands for all instances of one."""
+        return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
+
+    def add_node(self, node: dict[str, Any]) -> int:
+        """Stores a node, and gives its number."""
+        self.nodes.append(node)
+        return len(self.nodes) - 1
+
+    def add_shape(self, shape: dict[str, Any], material: int | None, transform: Any = None) -> int:
+        """A node with one shape."""
+        node: dict[str, Any] = {"name": shape["shape"], "surfaces": [{"shape": shape, "materials": [material]}]}
+        if transform is not None:
+            node["transform"] = rows(transform)
+        return self.add_node(node)
+
+    def add_mesh(self, points: np.ndarray, triangles: np.ndarray, attributes: dict[str, Any], slots: Any = None) -> int:
+        """Stores a mesh. Attributes are ("vertex", one for each point) or ("corner", one for each corner of each triangle)."""
+        attributes = {name: value for name, value in attributes.items() if value is not None}
+        if any(where == "corner" for where, _ in attributes.values()):
+            flat = triangles.reshape(-1)
+            parts = [flat.astype(np.float64)[:, None]]
+            for name, (where, values) in attributes.items():
+                values = values[flat] if where == "vertex" else values.reshape(len(flat), -1)
+                attributes[name] = ("vertex", values)
+                parts.append(values.astype(np.float64))
+            # Corners that are alike in everything are one vertex.
+            _, first, inverse = np.unique(np.concatenate(parts, axis=1), axis=0, return_index=True, return_inverse=True)
+            points, triangles = points[flat[first]], inverse.reshape(-1, 3)
+            attributes = {name: ("vertex", values[first]) for name, (_, values) in attributes.items()}
+        form = {"positions": numbers(points, np.float32), "indices": numbers(triangles, np.uint32)}
+        form.update({name: numbers(values, np.float32) for name, (_, values) in attributes.items()})
+        if slots is not None:
+            form["material_slots"] = numbers(slots, np.uint16)
+        self.meshes.append(form)
+        return len(self.meshes) - 1
+
+    def add_material(self, surface: dict[str, Any], name: str, key: Any = None, **more: Any) -> int:
+        """Stores a material, which is OpenPBR unless `more` says otherwise; the same `key` is the same material."""
+        if key is not None and key in self.known:
+            return int(self.known[key])
+        material = {
+            "name": name,
+            "kind": {"material": "open-pbr", **surface},
+            "emission": color_form((0, 0, 0)),
+            "emits_on_both_sides": True,
+            "illuminates": True,
+            "alpha_mode": "opaque",
+            "alpha": scalar_form(1),
+            "double_sided": True,
+            "normal_map": None,
+            **more,
+        }
+        self.materials.append(material)
+        if key is not None:
+            self.known[key] = len(self.materials) - 1
+        return len(self.materials) - 1
+
+    def picture(self, asset: Any) -> dict[str, Any] | None:
+        """A picture as the file has it."""
+        path = asset.resolvedPath or asset.path
+        found = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)) if path else None
+        if not found:
+            self.remark(f"the picture {asset.path!r} cannot be opened; a magenta checkerboard stands in for this texture")
+            return None
+        return {"encoded": base64.b64encode(bytes(found.GetBuffer())).decode("ascii")}
+
+    def image(self, asset: Any) -> int:
+        """The number of a picture for textures."""
+        key = ("image", asset.resolvedPath or asset.path)
+        if key not in self.known:
+            picture = self.picture(asset)
+            if picture is None:
+                checker = [255, 0, 255, 0, 0, 0, 0, 0, 0, 255, 0, 255]
+                picture = {"width": 2, "height": 2, "channels": 3, "encoding": "srgb", "pixels": {"u8": checker}}
+            self.images.append(picture)
+            self.known[key] = len(self.images) - 1
+        return int(self.known[key])
+
+    def texture(self, image: int, *, is_srgb: bool, wrap: list[str], uv_transform: np.ndarray) -> int:
+        """The number of a texture; equal ones are one."""
+        texture = {
+            "image": image,
+            "encoding": "srgb" if is_srgb else "linear",
+            "wrap": wrap,
+            "filtering": "trilinear",
+            "uv_set": 0,
+            "uv_transform": [[float(x) for x in row] for row in uv_transform[:2]],
+        }
+        if texture not in self.textures:
+            self.textures.append(texture)
+        return self.textures.index(texture)

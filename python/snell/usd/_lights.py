@@ -1,0 +1,174 @@
+"""Lights of UsdLux."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from pxr import UsdGeom, UsdLux
+
+from ._context import Context, color_form, direction, rows
+from ._meshes import mesh, triangles_of
+from ._shapes import from_y
+
+__all__ = ["light", "mesh_light"]
+
+#: Rectangles and disks shine along -z, and ours along z.
+_TURNED = np.diag([-1.0, 1.0, -1.0, 1.0])
+
+
+def light(context: Context, prim: Any, world: np.ndarray) -> list[int]:
+    """Adds a light; those with an area are nodes."""
+    kind = str(prim.GetTypeName())
+    color = _color(context, prim)
+    _tell_what_is_left_out(context, prim)
+    if kind.startswith("DomeLight"):
+        _dome(context, prim, world, color)
+        return []
+    if kind == "DistantLight":
+        _distant(context, prim, world, color)
+        return []
+    cone = context.value(prim.GetAttribute("inputs:shaping:cone:angle"), None)
+    if kind == "SphereLight" and (_radius(context, prim) <= 0 or context.value(prim.GetAttribute("treatAsPoint"), False) or cone is not None):
+        _point(context, prim, world, color, cone)
+        return []
+    found = _area_light(context, prim, kind, [float(np.linalg.norm(world[:3, i])) / context.scale for i in range(3)])
+    if found is None:
+        context.remark(f"{prim.GetPath()}: {kind} is not supported and was left out")
+        return []
+    shape, transform, area = found
+    if cone is not None and cone < 90:
+        context.remark(f"{prim.GetPath()}: the cone of a light with an area is left out")
+    radiance = color / area if _is_normalized(context, prim) and area > 0 else color
+    emission = color_form(radiance, _picture(context, prim))
+    material = context.add_material({}, prim.GetName(), kind={"material": "black"}, emission=emission, emits_on_both_sides=False)
+    return [context.add_shape(shape, material, transform)]
+
+
+def mesh_light(context: Context, prim: Any, world: np.ndarray) -> list[Any]:
+    """The surfaces of a mesh that is a light: its material, which shines, tinted by what it shone before."""
+    radiance = _color(context, prim)
+    if _is_normalized(context, prim):
+        corners = triangles_of(context, prim) @ world[:3, :3].T / context.scale
+        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+        radiance = radiance / area if area > 0 else radiance
+    surfaces = mesh(context, prim)
+    for surface in surfaces:
+        lit = []
+        for number in surface["materials"]:
+            before = context.materials[number]
+            glow = before["emission"]
+            emission = {**glow, "factor": [float(x) for x in radiance * glow["factor"]]} if any(glow["factor"]) else color_form(radiance)
+            context.materials.append({**before, "emission": emission, "emits_on_both_sides": False})
+            lit.append(len(context.materials) - 1)
+        surface["materials"] = lit
+    return surfaces
+
+
+def _color(context: Context, prim: Any) -> np.ndarray:
+    """Colour by intensity, exposure and temperature."""
+    given = UsdLux.LightAPI(prim)
+    strength = float(context.value(given.GetIntensityAttr(), 1.0)) * 2.0 ** float(context.value(given.GetExposureAttr(), 0.0))
+    color = np.array(context.value(given.GetColorAttr(), (1, 1, 1)), dtype=np.float64) * strength
+    if context.value(given.GetEnableColorTemperatureAttr(), False):
+        kelvin = float(context.value(given.GetColorTemperatureAttr(), 6500.0))
+        # A black body of luminance 1.
+        color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
+    return color
+
+
+def _is_normalized(context: Context, prim: Any) -> bool:
+    return bool(context.value(UsdLux.LightAPI(prim).GetNormalizeAttr(), False))
+
+
+def _radius(context: Context, prim: Any) -> float:
+    return float(context.value(prim.GetAttribute("inputs:radius"), 0.5))
+
+
+def _tell_what_is_left_out(context: Context, prim: Any) -> None:
+    for name in ("diffuse", "specular"):
+        if float(context.value(prim.GetAttribute(f"inputs:{name}"), 1.0)) != 1.0:
+            context.remark(f"{prim.GetPath()}: the factor of a light for {name} surfaces is left out")
+    if context.value(prim.GetAttribute("inputs:shaping:ies:file")):
+        context.remark(f"{prim.GetPath()}: the IES profile of the light is left out")
+    if float(context.value(prim.GetAttribute("inputs:shaping:focus"), 0.0)) != 0.0:
+        context.remark(f"{prim.GetPath()}: the focus of the light is left out")
+
+
+def _distant(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> None:
+    angle = math.radians(float(context.value(prim.GetAttribute("inputs:angle"), 0.53)))
+    solid = math.pi * math.sin(min(angle, math.pi) / 2) ** 2
+    irradiance = color if _is_normalized(context, prim) or solid <= 0 else color * solid
+    form = {"light": "directional", "direction": direction(-world[:3, 2]), "irradiance": [float(x) for x in irradiance]}
+    context.lights.append(form)
+
+
+def _area_light(context: Context, prim: Any, kind: str, scale: list[float]) -> tuple[dict[str, Any], Any, float] | None:
+    """The shape of a light, how it is turned, and its area in the world, in units of the stage."""
+    get = lambda name: float(context.value(prim.GetAttribute(f"inputs:{name}"), 1.0))  # noqa: E731
+    radius = _radius(context, prim)
+    if kind == "SphereLight":
+        return {"shape": "sphere", "radius": radius}, None, 4 * math.pi * (radius * scale[0]) ** 2
+    if kind == "RectLight":
+        width, height = get("width"), get("height")
+        return {"shape": "rectangle", "half_size": [width / 2, height / 2]}, _TURNED, width * scale[0] * height * scale[1]
+    if kind == "DiskLight":
+        return {"shape": "disk", "radius": radius}, _TURNED, math.pi * radius**2 * scale[0] * scale[1]
+    if kind == "CylinderLight":
+        length = get("length")
+        shape = {"shape": "cylinder", "radius": radius, "height": length, "caps": False}
+        return shape, from_y("X"), 2 * math.pi * radius * length * scale[0] * scale[1]
+    return None
+
+
+def _picture(context: Context, prim: Any) -> int | None:
+    """The texture of a rectangle: its first row is at +y, and it is upright where it shines."""
+    asset = context.value(prim.GetAttribute("inputs:texture:file"))
+    if prim.GetTypeName() != "RectLight" or not asset or not asset.path:
+        return None
+    return context.texture(context.image(asset), is_srgb=True, wrap=["clamp", "clamp"], uv_transform=np.eye(3))
+
+
+def _point(context: Context, prim: Any, world: np.ndarray, color: np.ndarray, cone: float | None) -> None:
+    """A sphere from afar: its radiance by the disk that is seen of it."""
+    radius = _radius(context, prim) * float(np.linalg.norm(world[:3, 0]))
+    if _is_normalized(context, prim):
+        # By the area in units of the stage, which leaves a quarter.
+        intensity = color * context.scale**2 / 4
+    else:
+        intensity = color * math.pi * radius**2
+        if radius <= 0:
+            context.remark(f"{prim.GetPath()}: a light without a radius that is not normalized is dark")
+    form: dict[str, Any] = {"light": "point", "position": [float(x) for x in world[:3, 3]], "intensity": [float(x) for x in intensity]}
+    if cone is not None and cone < 180:
+        soft = float(context.value(prim.GetAttribute("inputs:shaping:cone:softness"), 0.0))
+        outer = math.radians(float(cone))
+        form["light"] = "spot"
+        form["direction"] = direction(-world[:3, 2])
+        form["falloff"] = {"falloff": "smooth", "inner": outer * min(max(0.0, 1.0 - soft), 1.0), "outer": outer}
+    context.lights.append(form)
+
+
+def _dome(context: Context, prim: Any, world: np.ndarray, color: np.ndarray) -> None:
+    if context.environment is not None:
+        context.remark(f"{prim.GetPath()}: a second dome light is left out")
+        return
+    asset = context.value(prim.GetAttribute("inputs:texture:file"))
+    layout = str(context.value(prim.GetAttribute("inputs:texture:format"), "automatic"))
+    if layout not in ("automatic", "latlong"):
+        context.remark(f"{prim.GetPath()}: the layout {layout} of the picture of a dome is not supported; it is taken for latlong")
+    picture = context.picture(asset) if asset and asset.path else None
+    if picture is None:
+        context.environment = {"constant": [float(x) for x in color]}
+        return
+    # The middle of the picture is +z, and what is right of it -x (OpenEXR); ours are -z and +x.
+    turn = np.diag([-1.0, 1.0, -1.0])
+    pole = str(context.value(prim.GetAttribute("poleAxis"), "Y"))
+    if pole == "Z" or (pole == "scene" and UsdGeom.GetStageUpAxis(context.stage) == "Z"):
+        # The same, stood up: y becomes z.
+        turn = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]) @ turn
+    axes = world[:3, :3] / np.maximum(np.linalg.norm(world[:3, :3], axis=0), 1e-300)
+    place = np.eye(4)
+    place[:3, :3] = axes @ turn
+    context.environment = {"image": {"image": picture, "scale": [float(x) for x in color], "world_from_environment": rows(place)}}

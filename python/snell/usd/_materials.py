@@ -1,0 +1,182 @@
+"""Materials: UsdPreviewSurface, and standard surface and OpenPBR as MaterialX networks; all become OpenPBR surfaces."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pxr import UsdShade
+
+from ._context import Context, color_form, scalar_form
+from ._networks import Network, kind_of
+
+__all__ = ["material"]
+
+
+def material(context: Context, prim: Any) -> int:
+    """The number of a material."""
+    key = ("material", context.source(prim))
+    if key in context.known:
+        return int(context.known[key])
+    given = UsdShade.Material(prim)
+    found = None
+    for render_context in ("", "mtlx"):
+        shader, _, _ = given.ComputeSurfaceSource(render_context)
+        if shader and kind_of(shader) in _READERS:
+            found = shader
+            break
+    if found is None:
+        context.remark(f"{prim.GetPath()}: no surface of a kind that is known; a grey one was used instead")
+        number = context.add_material({"base_color": color_form((0.18, 0.18, 0.18))}, prim.GetName())
+    else:
+        net = Network(context, found)
+        number = _READERS[kind_of(found)](context, net, prim.GetName())
+        if net.primvar:
+            context.vertex_colors[number] = net.primvar
+    context.known[key] = number
+    return number
+
+
+def _preview_surface(context: Context, net: Network, name: str) -> int:
+    surface: dict[str, Any] = {
+        "base_color": net.color("diffuseColor", (0.18, 0.18, 0.18), may_be_primvar=True),
+        "base_metalness": net.scalar("metallic", 0.0),
+        "specular_roughness": net.scalar("roughness", 0.5),
+        "specular_ior": net.scalar("ior", 1.5),
+        "coat_weight": net.scalar("clearcoat", 0.0),
+        "coat_roughness": net.scalar("clearcoatRoughness", 0.01),
+        "coat_ior": scalar_form(1.5),
+        "coat_darkening": scalar_form(0.0),
+    }
+    if int(net.constant("useSpecularWorkflow", 0)) == 1:
+        specular = net.color("specularColor", (0, 0, 0))
+        strength = max(specular["factor"])
+        # Reflectances that only metals have make a metal.
+        if strength > 0.25 and specular["texture"] is None and strength > max(surface["base_color"]["factor"]):
+            surface["base_color"], surface["base_metalness"] = specular, scalar_form(1.0)
+        else:
+            root = math.sqrt(min(max(strength, 0.0), 0.9))
+            surface["specular_ior"] = scalar_form((1 + root) / (1 - root)) if strength > 0 else scalar_form(1.5)
+            surface["specular_weight"] = scalar_form(1.0 if strength > 0 else 0.0)
+            surface["base_metalness"] = scalar_form(0.0)
+    alpha, threshold = net.scalar("opacity", 1.0), float(net.constant("opacityThreshold", 0.0))
+    more: dict[str, Any] = {"alpha": alpha, "normal_map": net.normal_map("normal")}
+    if threshold > 0:
+        more["alpha_mode"] = {"mask": threshold}
+    elif alpha["texture"] is not None or alpha["factor"] < 1:
+        more["alpha_mode"] = "blend"
+    if net.shader.GetInput("displacement") and net.shader.GetInput("displacement").HasConnectedSource():
+        context.remark(f"{net.shader.GetPath()}: displacement is left out")
+    return context.add_material(surface, name, emission=net.color("emissiveColor", (0, 0, 0)), **more)
+
+
+def _finish(context: Context, net: Network, name: str, surface: dict[str, Any], opacity: dict[str, Any], emission: dict[str, Any], normal: str) -> int:
+    more: dict[str, Any] = {"emission": emission, "alpha": opacity, "normal_map": net.normal_map(normal)}
+    if opacity["texture"] is not None or opacity["factor"] < 1:
+        more["alpha_mode"] = "blend"
+    return context.add_material(surface, name, **more)
+
+
+def _scaled(color: dict[str, Any], factor: float) -> dict[str, Any]:
+    return {**color, "factor": [x * factor for x in color["factor"]]}
+
+
+def _standard_surface(context: Context, net: Network, name: str) -> int:
+    surface = {
+        "base_weight": net.scalar("base", 1.0),
+        "base_color": net.color("base_color", (0.8, 0.8, 0.8), may_be_primvar=True),
+        "base_diffuse_roughness": net.scalar("diffuse_roughness", 0.0),
+        "base_metalness": net.scalar("metalness", 0.0),
+        "specular_weight": net.scalar("specular", 1.0),
+        "specular_color": net.color("specular_color", (1, 1, 1)),
+        "specular_roughness": net.scalar("specular_roughness", 0.2),
+        "specular_ior": net.scalar("specular_IOR", 1.5),
+        "specular_roughness_anisotropy": net.scalar("specular_anisotropy", 0.0),
+        "transmission_weight": net.scalar("transmission", 0.0),
+        "transmission_color": net.color("transmission_color", (1, 1, 1)),
+        "transmission_depth": net.scalar("transmission_depth", 0.0),
+        "transmission_scatter": net.color("transmission_scatter", (0, 0, 0)),
+        "transmission_scatter_anisotropy": net.scalar("transmission_scatter_anisotropy", 0.0),
+        "subsurface_weight": net.scalar("subsurface", 0.0),
+        "subsurface_color": net.color("subsurface_color", (1, 1, 1)),
+        "subsurface_radius": net.scalar("subsurface_scale", 1.0),
+        "subsurface_radius_scale": net.color("subsurface_radius", (1, 1, 1)),
+        "fuzz_weight": net.scalar("sheen", 0.0),
+        "fuzz_color": net.color("sheen_color", (1, 1, 1)),
+        "fuzz_roughness": net.scalar("sheen_roughness", 0.3),
+        "coat_weight": net.scalar("coat", 0.0),
+        "coat_color": net.color("coat_color", (1, 1, 1)),
+        "coat_roughness": net.scalar("coat_roughness", 0.1),
+        "coat_ior": net.scalar("coat_IOR", 1.5),
+        "coat_darkening": scalar_form(0.0),
+        "geometry_thin_walled": bool(net.constant("thin_walled", False)),
+    }
+    thickness = net.scalar("thin_film_thickness", 0.0)
+    if thickness["factor"] > 0:
+        surface["thin_film_weight"] = scalar_form(1.0)
+        # Nanometres to micrometres.
+        surface["thin_film_thickness"] = {**thickness, "factor": thickness["factor"] * 1e-3}
+        surface["thin_film_ior"] = net.scalar("thin_film_IOR", 1.5)
+    emission = _scaled(net.color("emission_color", (1, 1, 1)), net.scalar("emission", 0.0)["factor"])
+    opacity = net.color("opacity", (1, 1, 1))
+    channel = (opacity["texture"], 0) if opacity["texture"] is not None else None
+    alpha = scalar_form(sum(opacity["factor"]) / 3, channel)
+    return _finish(context, net, name, surface, alpha, emission, "normal")
+
+
+_OPEN_PBR_COLORS = {
+    "base_color": (0.8, 0.8, 0.8),
+    "specular_color": (1, 1, 1),
+    "transmission_color": (1, 1, 1),
+    "transmission_scatter": (0, 0, 0),
+    "subsurface_color": (0.8, 0.8, 0.8),
+    "subsurface_radius_scale": (1, 0.5, 0.25),
+    "coat_color": (1, 1, 1),
+    "fuzz_color": (1, 1, 1),
+}
+_OPEN_PBR_SCALARS = {
+    "base_weight": 1.0,
+    "base_diffuse_roughness": 0.0,
+    "base_metalness": 0.0,
+    "specular_weight": 1.0,
+    "specular_roughness": 0.3,
+    "specular_roughness_anisotropy": 0.0,
+    "specular_ior": 1.5,
+    "transmission_weight": 0.0,
+    "transmission_depth": 0.0,
+    "transmission_scatter_anisotropy": 0.0,
+    "transmission_dispersion_scale": 0.0,
+    "transmission_dispersion_abbe_number": 20.0,
+    "subsurface_weight": 0.0,
+    "subsurface_radius": 1.0,
+    "subsurface_scatter_anisotropy": 0.0,
+    "coat_weight": 0.0,
+    "coat_roughness": 0.0,
+    "coat_roughness_anisotropy": 0.0,
+    "coat_ior": 1.6,
+    "coat_darkening": 1.0,
+    "fuzz_weight": 0.0,
+    "fuzz_roughness": 0.5,
+    "thin_film_weight": 0.0,
+    "thin_film_thickness": 0.5,
+    "thin_film_ior": 1.4,
+}
+
+
+def _open_pbr(context: Context, net: Network, name: str) -> int:
+    surface: dict[str, Any] = {key: net.color(key, default, may_be_primvar=key == "base_color") for key, default in _OPEN_PBR_COLORS.items()}
+    surface.update({key: net.scalar(key, default) for key, default in _OPEN_PBR_SCALARS.items()})
+    surface["geometry_thin_walled"] = bool(net.constant("geometry_thin_walled", False))
+    emission = _scaled(net.color("emission_color", (1, 1, 1)), net.scalar("emission_luminance", 0.0)["factor"])
+    return _finish(context, net, name, surface, net.scalar("geometry_opacity", 1.0), emission, "geometry_normal")
+
+
+
+_READERS = {
+    "UsdPreviewSurface": _preview_surface,
+    "ND_UsdPreviewSurface_surfaceshader": _preview_surface,
+    "ND_standard_surface_surfaceshader": _standard_surface,
+    "ND_open_pbr_surface_surfaceshader": _open_pbr,
+}
+
+

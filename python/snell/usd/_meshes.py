@@ -1,0 +1,158 @@
+"""Meshes: triangles of their polygons, what belongs to their points and corners, and the materials of their parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pxr import UsdGeom, UsdShade
+
+from ._bindings import material_of
+from ._context import Context
+from ._polygons import triangulated
+
+__all__ = ["mesh", "triangles_of"]
+
+#: Names of texture coordinates, the usual first.
+_COORDINATES = ("st", "UVMap", "st0", "map1", "uv")
+
+
+@dataclass
+class _Polygons:
+    """The polygons of a mesh and their triangles."""
+
+    points: np.ndarray
+    #: Points of the corners of faces, one face after the other.
+    indices: np.ndarray
+    #: Where the corners of each triangle are in `indices`.
+    corners: np.ndarray
+    #: The face of each triangle.
+    faces: np.ndarray
+
+    @property
+    def triangles(self) -> np.ndarray:
+        return self.indices[self.corners]
+
+    def interpolated(self, values: np.ndarray, interpolation: str) -> Any:
+        """Values as `Context.add_mesh` takes them; `None` if they do not fit."""
+        if interpolation in ("vertex", "varying") and len(values) == len(self.points):
+            return ("vertex", values)
+        if interpolation == "faceVarying" and len(values) == len(self.indices):
+            return ("corner", values[self.corners.reshape(-1)])
+        if interpolation == "uniform" and len(values) > self.faces.max(initial=-1):
+            return ("corner", np.repeat(values[self.faces], 3, axis=0))
+        if interpolation == "constant" and len(values) == 1:
+            return ("vertex", np.repeat(values, len(self.points), axis=0))
+        return None
+
+
+def mesh(context: Context, prim: Any) -> list[Any]:
+    """The surface of a mesh; instances share what they show."""
+    subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
+    materials = [material_of(context, prim), *(material_of(context, subset.GetPrim()) for subset in subsets)]
+    colors = _color_primvar(context, prim, materials)
+    key = ("mesh", context.source(prim), colors)
+    if key not in context.known:
+        context.known[key] = _made(context, prim, subsets, colors)
+    number = context.known[key]
+    return [] if number is None else [{"mesh": number, "materials": materials}]
+
+
+def triangles_of(context: Context, prim: Any) -> np.ndarray:
+    """Corners of the triangles of a mesh, in its own space."""
+    polygons = _polygons(context, prim)
+    return polygons.points[polygons.triangles].astype(np.float64) if polygons else np.zeros((0, 3, 3))
+
+
+def _color_primvar(context: Context, prim: Any, materials: list[int]) -> str | None:
+    """The primvar that is the colour of the vertices."""
+    names = [context.vertex_colors.get(number) for number in materials]
+    wanted = {name for name in names if name is not None}
+    if not wanted:
+        return None
+    if len(wanted) > 1 or None in names[1:]:
+        context.remark(f"{prim.GetPath()}: colours of vertices count for the whole mesh, and not for some of its materials only")
+    return next(name for name in names if name is not None)
+
+
+def _polygons(context: Context, prim: Any) -> _Polygons | None:
+    given = UsdGeom.Mesh(prim)
+    points = context.array(given.GetPointsAttr(), 3).astype(np.float32)
+    counts = np.array(context.value(given.GetFaceVertexCountsAttr(), []), dtype=np.int64)
+    indices = np.array(context.value(given.GetFaceVertexIndicesAttr(), []), dtype=np.int64)
+    if len(points) == 0 or len(counts) == 0:
+        context.remark(f"{prim.GetPath()}: a mesh without points or faces is left out")
+        return None
+    if counts.min() < 0 or counts.sum() != len(indices) or indices.min(initial=0) < 0 or indices.max(initial=0) >= len(points):
+        context.remark(f"{prim.GetPath()}: a mesh whose faces and points do not fit together is left out")
+        return None
+    holes = np.array(context.value(given.GetHoleIndicesAttr(), []), dtype=np.int64)
+    corners, faces = triangulated(points, counts, indices, holes)
+    if context.value(given.GetOrientationAttr()) == "leftHanded":
+        corners = corners[:, ::-1]
+    return _Polygons(points, indices, corners, faces)
+
+
+def _made(context: Context, prim: Any, subsets: list[Any], colors: str | None) -> int | None:
+    polygons = _polygons(context, prim)
+    if polygons is None:
+        return None
+    attributes = {
+        "normals": _normals(context, prim, polygons),
+        "uvs": _primvar(context, prim, _COORDINATES, 2, polygons),
+        "colors": _colors(context, prim, colors, polygons) if colors else None,
+    }
+    slots = np.zeros(len(polygons.faces), dtype=np.uint16)
+    for slot, subset in enumerate(subsets, start=1):
+        members = np.array(context.value(subset.GetIndicesAttr(), []), dtype=np.int64)
+        slots[np.isin(polygons.faces, members)] = slot
+    return context.add_mesh(polygons.points, polygons.triangles, attributes, slots if subsets else None)
+
+
+def _primvar(context: Context, prim: Any, names: tuple[str, ...], width: int, polygons: _Polygons) -> Any:
+    """The first primvar of these names."""
+    primvars = UsdGeom.PrimvarsAPI(prim)
+    for name in names:
+        primvar = primvars.FindPrimvarWithInheritance(name)
+        if primvar and primvar.HasValue():
+            flat = primvar.ComputeFlattened(context.time)
+            flat = primvar.ComputeFlattened() if flat is None else flat
+            values = np.array(flat, dtype=np.float32)
+            values = values.reshape(len(values), -1)[:, :width]
+            found = polygons.interpolated(values, primvar.GetInterpolation()) if values.shape[1] == width else None
+            if found is None:
+                context.remark(f"{prim.GetPath()}: the primvar {name} does not fit the mesh and is left out")
+            return found
+    return None
+
+
+def _colors(context: Context, prim: Any, name: str, polygons: _Polygons) -> Any:
+    found = _primvar(context, prim, (name,), 3, polygons)
+    if found is None:
+        return None
+    where, values = found
+    return (where, np.concatenate([values, np.ones((len(values), 1), dtype=np.float32)], axis=1))
+
+
+def _normals(context: Context, prim: Any, polygons: _Polygons) -> Any:
+    given = UsdGeom.Mesh(prim)
+    if context.value(given.GetSubdivisionSchemeAttr()) in (None, "none"):
+        found = _primvar(context, prim, ("normals",), 3, polygons)
+        values = context.value(given.GetNormalsAttr())
+        if found is None and values is not None and len(values) > 0:
+            found = polygons.interpolated(np.array(values, dtype=np.float32).reshape(-1, 3), given.GetNormalsInterpolation())
+        return found
+    context.remark(f"{prim.GetPath()}: the mesh is not subdivided; its polygons are shown with smooth normals")
+    return ("vertex", _smooth(polygons))
+
+
+def _smooth(polygons: _Polygons) -> np.ndarray:
+    """Normals of points: those of the triangles around, by their areas."""
+    corners = polygons.points[polygons.triangles].astype(np.float64)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros((len(polygons.points), 3))
+    for k in range(3):
+        np.add.at(normals, polygons.triangles[:, k], cross)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(length > 0, normals / np.maximum(length, 1e-300), [0.0, 0.0, 1.0])

@@ -1,0 +1,178 @@
+"""The tree of a stage as nodes; instances are made once."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdSkel
+
+from ._cameras import camera
+from ._context import Context, rows
+from ._curves import curves
+from ._lights import light, mesh_light
+from ._meshes import mesh
+from ._shapes import points, shape
+
+__all__ = ["document"]
+
+
+def document(context: Context, name: str) -> tuple[str, list[str]]:
+    """The text of a stage, and remarks on what was left out."""
+    _pose(context)
+    context.nodes[0]["transform"] = rows(context.world)
+    context.nodes[0]["children"] = _children(context, context.stage.GetPseudoRoot(), context.world)
+    form = {
+        "format": "snell scene",
+        "version": 1,
+        "name": context.stage.GetRootLayer().GetDisplayName() or name,
+        "settings": _settings(context),
+        "environment": context.environment,
+        "cameras": context.cameras,
+        "lights": context.lights,
+        "materials": context.materials,
+        "textures": context.textures,
+        "images": context.images,
+        "root": 0,
+        "nodes": context.nodes,
+        "meshes": context.meshes,
+    }
+    remarks = [text if count == 1 else f"{text} ({count} times)" for text, count in context.remarks.items()]
+    return json.dumps(form), remarks
+
+
+def _settings(context: Context) -> dict[str, Any]:
+    """The up axis, and what the stage's render settings ask for: a size, and the camera that comes first."""
+    settings: dict[str, Any] = {"up": [0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(context.stage) == "Z" else [0.0, 1.0, 0.0]}
+    asked = UsdRender.Settings.GetStageRenderSettings(context.stage)
+    if not asked:
+        return settings
+    size = context.value(asked.GetResolutionAttr()) if asked.GetResolutionAttr().HasAuthoredValue() else None
+    if size is not None and min(size) > 0:
+        settings["size"] = [int(x) for x in size]
+    for path in asked.GetCameraRel().GetForwardedTargets()[:1]:
+        if (number := context.known.get(("camera", str(path)))) is not None:
+            context.cameras.insert(0, context.cameras.pop(number))
+    return settings
+
+
+def _pose(context: Context) -> None:
+    """Skins and blend shapes as points of meshes, in a layer that is not part of the file."""
+    stage = context.stage
+    roots = [prim for prim in stage.Traverse(Usd.TraverseInstanceProxies()) if prim.IsA(UsdSkel.Root)]
+    if not roots:
+        return
+    stage.SetEditTarget(stage.GetSessionLayer())
+    interval = _samples_around(context)
+    for root in roots:
+        if root.IsInstanceProxy():
+            context.remark(f"{root.GetPath()}: skins of instances are shown in their rest pose")
+        else:
+            UsdSkel.BakeSkinning(Usd.PrimRange(root), interval)
+
+
+def _samples_around(context: Context) -> Any:
+    """The samples of poses that are needed at the time of this reading."""
+    time = context.time.GetValue() if context.time.IsNumeric() else 0.0
+    found = [time]
+    for prim in context.stage.Traverse(Usd.TraverseInstanceProxies()):
+        if prim.IsA(UsdSkel.Animation):
+            for attribute in prim.GetAttributes():
+                found += attribute.GetBracketingTimeSamples(time)
+    return Gf.Interval(min(found), max(found))
+
+
+def _children(context: Context, prim: Any, world: np.ndarray) -> list[int]:
+    below = prim.GetFilteredChildren(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+    found = [_node(context, child, world) for child in below]
+    return [number for number in found if number is not None]
+
+
+def _node(context: Context, prim: Any, parent: np.ndarray) -> int | None:
+    imageable = UsdGeom.Imageable(prim)
+    if imageable:
+        if context.value(imageable.GetVisibilityAttr()) == "invisible":
+            return None
+        if imageable.ComputePurpose() in (UsdGeom.Tokens.proxy, UsdGeom.Tokens.guide):
+            return None
+    local = np.eye(4)
+    if UsdGeom.Xformable(prim):
+        matrix, resets = context.xforms.GetLocalTransformation(prim)
+        # USD has vectors as rows.
+        local = np.array(matrix, dtype=np.float64).reshape(4, 4).T
+        if resets:
+            local = np.linalg.pinv(parent) @ context.world @ local
+    world = parent @ local
+    node: dict[str, Any] = {"name": prim.GetName()}
+    if not np.array_equal(local, np.eye(4)):
+        node["transform"] = rows(local)
+    number = context.add_node(node)
+    surfaces, below = _content(context, prim, world)
+    if surfaces:
+        node["surfaces"] = surfaces
+    if not prim.IsA(UsdGeom.PointInstancer):
+        below += _shared_children(context, prim, world)
+    if below:
+        node["children"] = below
+    return number
+
+
+def _shared_children(context: Context, prim: Any, world: np.ndarray) -> list[int]:
+    """What is below; that of an instance is made once for all of its kind."""
+    if not prim.IsInstance():
+        return _children(context, prim, world)
+    key = ("prototype", str(prim.GetPrototype().GetPath()))
+    if key not in context.known:
+        before = _placed_in_the_world(context)
+        below = _children(context, prim, world)
+        if before != _placed_in_the_world(context):
+            return below
+        context.known[key] = below
+    return list(context.known[key])
+
+
+def _placed_in_the_world(context: Context) -> tuple[int, int, bool]:
+    """Lights and cameras stand in the world, so they are made for every instance."""
+    return len(context.lights), len(context.cameras), context.environment is None
+
+
+def _content(context: Context, prim: Any, world: np.ndarray) -> tuple[list[Any], list[int]]:
+    """Surfaces of a prim itself, and further nodes."""
+    is_light = prim.HasAPI(UsdLux.LightAPI)
+    if prim.IsA(UsdGeom.Mesh):
+        return mesh_light(context, prim, world) if is_light else mesh(context, prim), []
+    if prim.IsA(UsdGeom.PointInstancer):
+        return [], _point_instancer(context, prim, world)
+    if prim.IsA(UsdGeom.BasisCurves):
+        return curves(context, prim), []
+    if prim.IsA(UsdGeom.Points):
+        return [], points(context, prim)
+    if prim.IsA(UsdGeom.Camera):
+        camera(context, prim, world)
+        return [], []
+    if prim.IsA(UsdGeom.Gprim):
+        return [], shape(context, prim)
+    return [], light(context, prim, world) if is_light else []
+
+
+def _point_instancer(context: Context, prim: Any, world: np.ndarray) -> list[int]:
+    instancer = UsdGeom.PointInstancer(prim)
+    prototypes = []
+    for path in instancer.GetPrototypesRel().GetForwardedTargets():
+        target = context.stage.GetPrimAtPath(path)
+        prototypes.append(_node(context, target, world) if target else None)
+    indices = context.value(instancer.GetProtoIndicesAttr(), [])
+    transforms = instancer.ComputeInstanceTransformsAtTime(context.time, context.time, instancer.ExcludeProtoXform)
+    if len(transforms) == 0 and len(indices) > 0:
+        context.remark(f"{prim.GetPath()}: the instances could not be placed and are left out")
+    # Masked instances are left out of the transforms, but not of the indices.
+    mask = instancer.ComputeMaskAtTime(context.time)
+    if len(mask) == len(indices):
+        indices = [index for index, keep in zip(indices, mask) if keep]
+    found = []
+    for index, matrix in zip(indices, transforms):
+        if 0 <= index < len(prototypes) and prototypes[index] is not None:
+            place = np.array(matrix, dtype=np.float64).reshape(4, 4).T
+            found.append(context.add_node({"transform": rows(place), "children": [prototypes[index]]}))
+    return found
