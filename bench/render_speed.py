@@ -1,9 +1,8 @@
-"""Samples per second and time to equal error of `snell render` beside Mitsuba 3 and Cycles, of the same scenes in the same run.
+"""Samples per second and time to equal error of `snell render` beside Mitsuba 3, of the same scenes in the same run.
 
-    python bench/render_speed.py BUNNY.obj [--snell target/release/snell] [--peers llvm_ad_rgb scalar_rgb cycles] [--threads 4]
+    python bench/render_speed.py BUNNY.obj [--snell target/release/snell] [--peers llvm_ad_rgb scalar_rgb] [--threads 4]
 
-Needs NumPy and the peers that are asked for: `pip install mitsuba` (its `llvm_ad_rgb` needs a libLLVM of a recent version, see
-DRJIT_LIBLLVM_PATH), `pip install bpy` for Cycles. Five scenes, which the script writes as Mitsuba files that Snell reads too: the Cornell
+Needs NumPy and Mitsuba (`pip install mitsuba`; its `llvm_ad_rgb` needs a libLLVM of a recent version, see DRJIT_LIBLLVM_PATH). Five scenes, which the script writes as Mitsuba files that Snell reads too: the Cornell
 box, a mesh under a constant environment, 1,000 lamps, glass, fog; box filter, the same depth everywhere. The renderers take turns
 --repeat times; medians count. Reading and building are not in the times, compiling of kernels is not either.
 
