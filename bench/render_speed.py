@@ -1,8 +1,9 @@
-"""Samples per second and time to equal error of `snell render` beside Mitsuba 3, of the same scenes in the same run.
+"""Samples per second and time to equal error of `snell render` beside Mitsuba 3 and Cycles, of the same scenes in the same run.
 
-    python bench/render_speed.py BUNNY.obj [--snell target/release/snell] [--peers llvm_ad_rgb scalar_rgb] [--threads 4]
+    python bench/render_speed.py BUNNY.obj [--snell target/release/snell] [--peers llvm_ad_rgb scalar_rgb cycles] [--threads 4]
 
-Needs NumPy and Mitsuba (`pip install mitsuba`; its `llvm_ad_rgb` needs a libLLVM of a recent version, see DRJIT_LIBLLVM_PATH). Five scenes, which the script writes as Mitsuba files that Snell reads too: the Cornell
+Needs NumPy and the peers: `pip install mitsuba` (its `llvm_ad_rgb` needs a libLLVM of a recent version, see DRJIT_LIBLLVM_PATH), and
+`pip install bpy` for Cycles. Five scenes, which the script writes as Mitsuba files that Snell reads too: the Cornell
 box, a mesh under a constant environment, 1,000 lamps, glass, fog; box filter, the same depth everywhere. The renderers take turns
 --repeat times; medians count. Reading and building are not in the times, compiling of kernels is not either.
 
@@ -25,6 +26,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -125,6 +127,13 @@ def scenes(bunny: Path) -> dict[str, dict[str, object]]:
     }
 
 
+class Renderer(Protocol):
+    name: str
+
+    def render(self, file: Path, spp: int, seed: int) -> tuple[np.ndarray, float]:
+        """The picture, and the seconds that it took."""
+
+
 class Snell:
     def __init__(self, command: str, threads: int, options: list[str]) -> None:
         self.command, self.threads, self.options, self.name = command, threads, options, "snell"
@@ -168,7 +177,15 @@ def read_pfm(file: Path) -> np.ndarray:
     return pixels[::-1].astype(np.float64)
 
 
-def measure(renderers: list[Snell | Mitsuba], file: Path, side: int, spp: int, repeat: int) -> dict[str, dict[str, float]]:
+def opponent(name: str, threads: int) -> Renderer:
+    if name != "cycles":
+        return Mitsuba(name, threads)
+    from cycles_scene import Cycles
+
+    return Cycles(threads)
+
+
+def measure(renderers: list[Renderer], file: Path, side: int, spp: int, repeat: int) -> dict[str, dict[str, float]]:
     seconds: dict[str, list[float]] = {r.name: [] for r in renderers}
     pictures: dict[str, list[np.ndarray]] = {r.name: [] for r in renderers}
     for turn in range(max(2, repeat)):
@@ -189,7 +206,7 @@ def main() -> None:
     parser.add_argument("bunny", type=Path, help="a mesh, as OBJ")
     parser.add_argument("--snell", default="snell", help="the command")
     parser.add_argument("--options", default="", help="further options of `snell render`")
-    parser.add_argument("--peers", nargs="*", default=["llvm_ad_rgb", "scalar_rgb"], help="variants of Mitsuba")
+    parser.add_argument("--peers", nargs="*", default=["llvm_ad_rgb", "scalar_rgb"], help="variants of Mitsuba, and cycles")
     parser.add_argument("--sampler", default="independent", help="of Mitsuba: independent, multijitter, stratified ...")
     parser.add_argument("--scenes", nargs="*", help="only these")
     parser.add_argument("--threads", type=int, default=4)
@@ -200,8 +217,8 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="write the scenes to this folder and keep them")
     parser.add_argument("--json", action="store_true", help="a line of JSON for each scene")
     options = parser.parse_args()
-    renderers: list[Snell | Mitsuba] = [Snell(options.snell, options.threads, options.options.split())]
-    renderers += [Mitsuba(variant, options.threads) for variant in options.peers]
+    renderers: list[Renderer] = [Snell(options.snell, options.threads, options.options.split())]
+    renderers += [opponent(name, options.threads) for name in options.peers]
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.keep or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
