@@ -305,3 +305,32 @@ fn parts_are_chosen_by_how_strongly_they_shine() {
         assert_eq!(s.pdf_area, light.pdf_area(&s.surface));
     }
 }
+
+#[test]
+fn flat_parts_sampled_from_afar_cover_their_solid_angle() {
+    let place = Transform::new(DAffine3::from_translation(DVec3::new(1.0, 2.0, -3.0)) * DAffine3::from_rotation_x(0.7))
+        .expect("not singular");
+    let shapes: [AnyShape; 2] = [
+        Rectangle { half_size: DVec2::new(0.3, 0.8) }.into(),
+        Triangle { vertices: [DVec3::ZERO, DVec3::X, DVec3::new(0.2, 0.9, 0.0)] }.into(),
+    ];
+    for (number, shape) in shapes.into_iter().enumerate() {
+        let outline = Outline::of(&shape, &place);
+        let light = AreaLight::new(EmissiveGeometry::Shape(Arc::new(shape)), place, (0, 0)).expect("it has an area");
+        let flat = light.flat(0).expect("it is flat");
+        for from in [Vec3::new(4.0, 2.0, 1.0), Vec3::new(-3.0, 6.0, -9.0)] {
+            assert!(flat.is_far(from) && light.seen_from(0, from).is_none());
+            let solid_angle = 1.0 / outline.seen_from(from.as_dvec3()).expect("it can be seen").pdf();
+            let samples: Vec<_> = (0..20_000).map(|i| flat.sample(from, uniform2([i, 3, 1, 9]))).collect();
+            assert!(samples.iter().all(|s| s.exists && s.direction.is_normalized() && s.pdf > 0.0));
+            let mean = samples.iter().map(|s| 1.0 / s.pdf).sum::<f32>() / samples.len() as f32;
+            assert!((mean / solid_angle - 1.0).abs() < 0.01, "{number}: {mean} {solid_angle}");
+            let is_front = (from.as_dvec3() - place.point(DVec3::ZERO)).dot(flat.normal.as_dvec3()) > 0.0;
+            assert!(samples.iter().all(|s| s.is_front == is_front), "{number}");
+            // The end of a light ray lies before the surface.
+            let before = |p: Vec3| (p - flat.corner).dot(flat.normal) * if is_front { 1.0 } else { -1.0 };
+            assert!(samples.iter().all(|s| before(s.end) >= 0.0 && before(s.end) < 1e-4), "{number}");
+        }
+        assert!(!flat.is_far(place.point(DVec3::new(0.1, 0.1, 0.5)).as_vec3()));
+    }
+}
