@@ -268,3 +268,11 @@ def test_cameras_of_a_file_give_rays(tmp_path):
         scene.create_rays_camera("ear", 8, 4)
     with pytest.raises(IndexError, match="camera is 1, but the scene has 1"):
         scene.create_rays_camera(1, 8, 4)
+
+
+def test_what_an_open_pbr_says_of_emission_and_opacity_counts() -> None:
+    lamp = snell.Material("open-pbr", emission_luminance=4, geometry_opacity=0.5)
+    assert lamp.emission == (4.0, 4.0, 4.0) and lamp.alpha == 0.5 and lamp.alpha_mode == "blend"
+    brighter = lamp.replace(emission_luminance=8)
+    assert brighter.emission == (8.0, 8.0, 8.0) and brighter.alpha == 0.5
+    assert snell.Material("open-pbr", emission=2).emission == (2.0, 2.0, 2.0)

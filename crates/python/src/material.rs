@@ -6,7 +6,7 @@ use crate::tree::Tree;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use snell_scene::Material as Value;
-use snell_scene::material::MaterialKind;
+use snell_scene::material::{MaterialKind, OpenPbr};
 
 declared_class! {
     /// What light does at a surface.
@@ -20,7 +20,8 @@ declared_class! {
     ///     Such as `"diffuse"` or `"metallic-roughness"`.
     /// **parameters
     ///     Those of the kind, and of all kinds: `name`, `emission` (radiance, W / (m^2 sr)), `alpha`, `alpha_mode` (`"opaque"`, `"blend"` or
-    ///     `{"mask": cutoff}`), `double_sided`, `normal_map` (a texture) and others.
+    ///     `{"mask": cutoff}`), `double_sided`, `normal_map` (a texture) and others. What an `"open-pbr"` says of emission, opacity and normals
+    ///     goes before these.
     ///
     /// Examples
     /// --------
@@ -71,5 +72,11 @@ impl Declared for Value {
             Some((_, Tree::Fields(kind))) => (kind, common),
             _ => (Vec::new(), common),
         }
+    }
+
+    /// What an OpenPBR surface says of emission, opacity and normals counts.
+    fn settle(mut self) -> PyResult<Self> {
+        self.follow_kind(&OpenPbr::default().into());
+        Ok(self)
     }
 }

@@ -26,7 +26,7 @@ pub enum CompiledLight {
     /// A light without a surface.
     Light(Light),
     /// An emissive surface at one place.
-    Area(AreaLight),
+    Area(Box<AreaLight>),
     /// An emissive surface that moves while the shutter is open.
     Moving(Box<MovingAreaLight>),
     /// A medium that glows.
@@ -237,7 +237,7 @@ impl LightTable {
                 let carriers = place.carriers.clone();
                 CompiledLight::Moving(Box::new(MovingAreaLight::new(light, carriers, group_from_geometry)))
             }
-            false => CompiledLight::Area(light),
+            false => CompiledLight::Area(Box::new(light)),
         };
         self.push(compiled, power);
         (self.two_sided[number], self.plain[number]) = (emitting.both_sides, plain);

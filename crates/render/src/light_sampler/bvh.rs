@@ -369,6 +369,7 @@ struct Lane {
 
 /// See [`Node::importance`]. A loop without branches: a few instructions for all lanes.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn importance(node: &Node, receiver: &Receiver) -> [f32; WIDTH] {
     let mut importances = [0.0; WIDTH];
     for i in 0..WIDTH {
