@@ -56,6 +56,7 @@ pub fn test() -> Option<bool> {
                 "snell",
                 "--allowlist",
                 "python/stubtest-allowlist.txt",
+                "--ignore-unused-allowlist",
                 "--mypy-config-file",
                 "pyproject.toml",
             ],
