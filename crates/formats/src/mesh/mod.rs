@@ -100,11 +100,7 @@ fn note_non_finite(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
 
 /// The error for too many elements, at the place of the first that is too many, or of their number.
 fn too_many(input: &Input, place: crate::Place, what: &str) -> ReadError {
-    input.error(
-        place,
-        format!("more than {} {what}, the limit", input.options.limits.elements),
-        "split the file",
-    )
+    input.error(place, format!("more than {} {what}, the limit", input.options.limits.elements), "split the file")
 }
 
 /// Appends the triangles of a polygon with the given vertices. `place` tells where it is.

@@ -131,7 +131,11 @@ impl Player {
         for channel in self.clips().flat_map(|clip| &clip.channels) {
             if let Track::Visible(curve) = &channel.track {
                 let is_visible = curve.at(time).first().is_none_or(|v| *v >= 0.5);
-                if is_visible { hidden.remove(&channel.joint) } else { hidden.insert(channel.joint) };
+                if is_visible {
+                    hidden.remove(&channel.joint)
+                } else {
+                    hidden.insert(channel.joint)
+                };
             }
         }
         hidden
@@ -322,7 +326,9 @@ mod tests {
     use crate::Material;
     use crate::graph::{Node, Surface};
     use crate::material::{Diffuse, MaterialKind};
-    use crate::motion::{Channel, Clip, Curve, Deformed, InfluenceSet, Interpolation, Joint, Morph, MorphTarget, Owner, Skin};
+    use crate::motion::{
+        Channel, Clip, Curve, Deformed, InfluenceSet, Interpolation, Joint, Morph, MorphTarget, Owner, Skin,
+    };
     use snell_math::Vec3;
 
     /// An arm of two joints, 1 apart on x; the second is turned by a quarter about z from 0 s to 1 s. A triangle has a vertex at each
@@ -427,9 +433,11 @@ mod tests {
             [hand, Switched::Light(0)].map(|what| super::super::Switch { joints: vec![0, 1], what }).to_vec();
         let lights = scene.lights.clone();
         let mut player = Player::new(Arc::new(motion), vec![0]);
-        for (time, reflectance, width, is_there) in
-            [(0.5, Rgb::new(1.0, 0.5, 0.5), 1.0, true), (1.0, Rgb::new(1.0, 0.0, 0.0), 1.5, false), (0.0, Rgb::WHITE, 0.5, true)]
-        {
+        for (time, reflectance, width, is_there) in [
+            (0.5, Rgb::new(1.0, 0.5, 0.5), 1.0, true),
+            (1.0, Rgb::new(1.0, 0.0, 0.0), 1.5, false),
+            (0.0, Rgb::WHITE, 0.5, true),
+        ] {
             scene.lights.clone_from(&lights);
             scene.apply(&player.pose(time));
             let MaterialKind::Diffuse(diffuse) = &scene.materials[0].kind else { panic!("still diffuse") };

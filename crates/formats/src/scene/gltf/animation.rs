@@ -108,15 +108,13 @@ impl Rig {
     }
 
     /// The channels of a pointer to a node, or to the weights of a mesh; `None` for others.
-    fn channels_of(
-        &mut self,
-        reader: &Reader,
-        pointer: &pointer::Pointer,
-    ) -> Result<Option<Vec<Channel>>, ReadError> {
+    fn channels_of(&mut self, reader: &Reader, pointer: &pointer::Pointer) -> Result<Option<Vec<Channel>>, ReadError> {
         let steps: Vec<&str> = pointer.path.split('/').skip(1).collect();
-        let (family, Some(number), property) =
-            (steps[0], steps.get(1).and_then(|n| n.parse().ok()), steps.get(2..).unwrap_or_default())
-        else {
+        let (family, Some(number), property) = (
+            steps.first().copied().unwrap_or_default(),
+            steps.get(1).and_then(|n| n.parse().ok()),
+            steps.get(2..).unwrap_or_default(),
+        ) else {
             return Ok(None);
         };
         let curve = pointer.curve.clone();

@@ -1,8 +1,8 @@
 //! Nodes: the hierarchy of a glTF file as nodes of the scene graph.
 
+use super::animation::Placed;
 use super::json::Json;
 use super::mesh::Primitive;
-use super::animation::Placed;
 use super::{Reader, animation, camera, instancing, light, mesh, morph, skin};
 use crate::ReadError;
 use snell_intersect::TriangleMesh;

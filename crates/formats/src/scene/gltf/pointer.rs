@@ -213,9 +213,11 @@ fn times(pointers: &[Pointer], interpolation: Interpolation) -> Vec<f64> {
         match (curve.interpolation(), interpolation) {
             (Interpolation::Step, Interpolation::Step) => {}
             (Interpolation::Step, _) => times.extend(curve.times().iter().skip(1).map(|time| time - STEP)),
-            _ => times.extend(curve.times().windows(2).flat_map(|pair| {
-                (1..parts).map(|i| pair[0] + (pair[1] - pair[0]) * f64::from(i) / f64::from(parts))
-            })),
+            _ => {
+                times.extend(curve.times().windows(2).flat_map(|pair| {
+                    (1..parts).map(|i| pair[0] + (pair[1] - pair[0]) * f64::from(i) / f64::from(parts))
+                }))
+            }
         }
     }
     times.sort_unstable_by(f64::total_cmp);
