@@ -19,6 +19,11 @@ const QUICK: u32 = 16;
 /// Pictures at rest are sent at most this often.
 const REST_INTERVAL: Duration = Duration::from_millis(100);
 
+/// Moving pictures that nobody sees yet when the next one is begun: one on its way and one that is encoded.
+const UNSEEN: u32 = 2;
+/// How long the next one waits for a page that is slower.
+const PATIENCE: Duration = Duration::from_millis(100);
+
 /// Renders for a session until it ends.
 pub struct Worker<'a> {
     session: &'a Session,
@@ -27,6 +32,8 @@ pub struct Worker<'a> {
     compiled: Option<Compiled>,
     encoder: Encoder,
     frame: u32,
+    /// The last picture, if it was of something that moves.
+    moving: Option<u32>,
     /// In the place of indirect light while something moves; none for a scene that is not known yet.
     fill: Option<Rgb>,
     /// The last moving picture, and the version of what it shows.
@@ -69,6 +76,7 @@ impl<'a> Worker<'a> {
             compiled: None,
             encoder,
             frame: 0,
+            moving: None,
             fill: None,
             last_preview: None,
             history: None,
@@ -82,7 +90,7 @@ impl<'a> Worker<'a> {
         let _ = catch_unwind(AssertUnwindSafe(|| self.compile(&self.session.now())));
         let mut seen = 0;
         let mut due = None;
-        while let Some(snapshot) = self.session.wait(seen, due) {
+        while let Some(snapshot) = self.next(seen, due) {
             let is_new = snapshot.version != seen;
             seen = snapshot.version;
             let outcome = catch_unwind(AssertUnwindSafe(|| self.step(&snapshot, is_new)));
@@ -102,14 +110,24 @@ impl<'a> Worker<'a> {
         }
     }
 
+    /// What is to be rendered next, when it is time.
+    fn next(&self, seen: u64, due: Option<Instant>) -> Option<Snapshot> {
+        if let Some(last) = self.moving {
+            self.session.pace.wait_for(last.wrapping_sub(UNSEEN), PATIENCE);
+        }
+        self.session.wait(seen, due)
+    }
+
     /// One frame while moving, or one step of refinement. Gives when to go on if nothing changes.
     fn step(&mut self, snapshot: &Snapshot, is_new: bool) -> Result<Option<Instant>, String> {
         let compiled = self.compile(snapshot)?;
         if is_new {
             self.refinement = None;
             self.preview(snapshot, &compiled)?;
+            self.moving = Some(self.frame);
             return Ok(Some(snapshot.moved + REST));
         }
+        self.moving = None;
         Ok(self.refine(snapshot, &compiled)?.then(Instant::now))
     }
 
@@ -140,7 +158,8 @@ impl<'a> Worker<'a> {
     fn preview(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) -> Result<(), String> {
         let start = Instant::now();
         let size = self.budget.size(snapshot.settings.size);
-        let threads = self.threads;
+        // One is left to what encodes and shows the picture before; it makes the next one late otherwise.
+        let threads = (self.threads - 1).max(1);
         let guess = || preview::first_fill(&snapshot.settings, &snapshot.camera, compiled, threads);
         let fill = *self.fill.get_or_insert_with(guess);
         let mut preview = Preview::new(&snapshot.settings, compiled, size, fill);
@@ -150,13 +169,12 @@ impl<'a> Worker<'a> {
             let before = history.filter(|(of, _)| *of == what);
             preview = preview.at_phase(temporal::phase(self.frame));
             let before = before.as_ref().map(|(_, history)| history);
-            let next =
-                preview.follow(before, &snapshot.camera, compiled, self.threads).ok_or("a fault in the renderer")?;
+            let next = preview.follow(before, &snapshot.camera, compiled, threads).ok_or("a fault in the renderer")?;
             let shown = (next.size(), next.rgb().to_vec());
             self.history = Some((what, next));
             shown
         } else {
-            (size, preview.render(&snapshot.camera, compiled, self.threads))
+            (size, preview.render(&snapshot.camera, compiled, threads))
         };
         let has_fill = preview.has_fill && snapshot.settings.integrator == IntegratorKind::Path;
         self.last_preview = has_fill.then(|| (snapshot.version, rgb.clone()));
