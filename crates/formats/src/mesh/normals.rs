@@ -52,7 +52,7 @@ pub fn smooth(mesh: &mut TriangleMesh, crease_degrees: f32, smoothing: &[Smoothi
     }
     // Vertices that no proper triangle uses keep `+z`.
     let mut normals = vec![Vec3::Z; mesh.positions.len()];
-    let points = weld::points(&mesh.positions);
+    let points = weld::points(&mesh.positions, &mesh.indices);
     let facets = Facets::new(mesh, &points, crease_degrees, smoothing);
     let mut corners = Corners::count(&mesh.indices, &points);
     let mut splits = Vec::new();

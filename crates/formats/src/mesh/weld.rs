@@ -14,30 +14,62 @@ fn key(position: Vec3) -> [u32; 3] {
 /// No vertex.
 const NONE: u32 = u32::MAX;
 
-/// For each position, the number of the first that equals it, in the sense of [`Welder`]. On all cores, with a table of the numbers
-/// alone.
-pub fn points(positions: &[Vec3]) -> Vec<u32> {
-    let size = (positions.len() + positions.len() / 3 + 1).next_power_of_two();
+/// For each vertex, the number of the first at an equal position (in the sense of [`Welder`]), but for those that need no other: around
+/// whom the triangles close. On all cores, with a table of numbers alone.
+pub fn points(positions: &[Vec3], indices: &[[u32; 3]]) -> Vec<u32> {
+    let open = open_vertices(positions.len(), indices);
+    let number = open.par_iter().with_min_len(1 << 12).filter(|open| is_open(open)).count();
+    let size = (number + number / 3 + 1).next_power_of_two();
     let mut table = Vec::new();
     table.resize_with(size, || AtomicU32::new(NONE));
     // Keyed by chance, so that a file cannot make it slow; the numbers do not depend on the key.
     let state = RandomState::new();
-    let place = |(number, &position): (usize, &Vec3)| {
-        let (key_here, number) = (key(position), number as u32);
-        let mut place = state.hash_one(key_here) as usize & (size - 1);
+    let place = |number: usize| {
+        if !is_open(&open[number]) {
+            return NONE;
+        }
+        let here = key(positions[number]);
+        let mut place = state.hash_one(here) as usize & (size - 1);
         loop {
             // Whoever comes first takes the place for all equal positions, and the lowest number stays.
-            let known = table[place].compare_exchange(NONE, number, Relaxed, Relaxed).err();
-            if known.is_none_or(|known| key(positions[known as usize]) == key_here) {
-                table[place].fetch_min(number, Relaxed);
+            let known = table[place].compare_exchange(NONE, number as u32, Relaxed, Relaxed).err();
+            if known.is_none_or(|known| key(positions[known as usize]) == here) {
+                table[place].fetch_min(number as u32, Relaxed);
                 return place as u32;
             }
             place = (place + 1) & (size - 1);
         }
     };
-    let mut points: Vec<u32> = positions.par_iter().enumerate().with_min_len(1 << 12).map(place).collect();
-    points.par_iter_mut().for_each(|place| *place = table[*place as usize].load(Relaxed));
+    let mut points: Vec<u32> = (0..positions.len()).into_par_iter().with_min_len(1 << 12).map(place).collect();
+    points.par_iter_mut().enumerate().with_min_len(1 << 12).for_each(|(number, place)| {
+        *place = if *place == NONE { number as u32 } else { table[*place as usize].load(Relaxed) };
+    });
     points
+}
+
+fn is_open(balance: &AtomicU32) -> bool {
+    balance.load(Relaxed) != 0
+}
+
+/// A number that is not 0 for each vertex around which the triangles do not close. Where they do, and are wound alike, each neighbour comes
+/// once after and once before it: what is added for the one is subtracted for the other. (Chance makes one vertex in 2³² look closed.)
+fn open_vertices(count: usize, indices: &[[u32; 3]]) -> Vec<AtomicU32> {
+    let mut balance = Vec::new();
+    balance.resize_with(count, AtomicU32::default);
+    indices.par_iter().with_min_len(1 << 12).for_each(|triangle| {
+        let [a, b, c] = triangle.map(mixed);
+        for (vertex, change) in triangle.iter().zip([b.wrapping_sub(c), c.wrapping_sub(a), a.wrapping_sub(b)]) {
+            balance[*vertex as usize].fetch_add(change, Relaxed);
+        }
+    });
+    balance
+}
+
+/// A hash of 32 bits (`lowbias32`, Wellons, "Prospecting for Hash Functions", 2018).
+fn mixed(mut x: u32) -> u32 {
+    x = (x ^ (x >> 16)).wrapping_mul(0x7feb_352d);
+    x = (x ^ (x >> 15)).wrapping_mul(0x846c_a68b);
+    x ^ (x >> 16)
 }
 
 /// Numbers positions; equal ones get the same number. Both zeros are equal, and so are equal bit patterns of NaN.
@@ -74,7 +106,18 @@ mod tests {
                 first[point]
             })
             .collect();
-        assert_eq!(points(&positions), expected);
+        let loose: Vec<[u32; 3]> = (0..20_000 - 2).map(|i| [i, i + 1, i + 2]).collect();
+        assert_eq!(points(&positions, &loose), expected);
         assert_eq!(first.len(), 1009);
+        let alone: Vec<u32> = (0..20_000).collect();
+        assert_eq!(points(&positions, &[]), alone, "what no triangle has");
+    }
+
+    #[test]
+    fn around_the_vertices_of_a_closed_body_the_triangles_close() {
+        let tetrahedron = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]];
+        let open = |indices: &[[u32; 3]]| -> Vec<bool> { open_vertices(4, indices).iter().map(is_open).collect() };
+        assert_eq!(open(&tetrahedron), [false; 4]);
+        assert_eq!(open(&tetrahedron[1..]), [true, true, true, false]);
     }
 }

@@ -72,10 +72,10 @@ fn buffers() {
     assert_snapshot!(with(r#"{"byteLength": 35}"#), @"test.gltf:2:114: at /bufferViews/0: the buffer view takes 36 bytes from byte 0, but its buffer has 35 bytes; export the file again, or see what the glTF validator says about it");
     let missing = with(r#"{"byteLength": 36, "uri": "no%20such.bin"}"#);
     // The rest of the message is the system's.
-    let expected = "test.gltf: at /buffers/0/uri: the file \"no such.bin\" cannot be used: cannot open: ";
+    let expected = "test.gltf:2:186: at /buffers/0/uri: the file \"no such.bin\" cannot be used: cannot open: ";
     assert!(missing.starts_with(expected), "{missing}");
-    assert_snapshot!(with(r#"{"byteLength": 36, "uri": "../../../../etc/passwd"}"#), @r#"test.gltf: at /buffers/0/uri: the file "../../../../etc/passwd" cannot be used: it names the file "../../../../etc/passwd", which lies outside of the scene's folder; move the file into the folder, or give --allow-outside if you trust the scene"#);
-    assert_snapshot!(with(r#"{"byteLength": 36, "uri": "https://example.org/a.bin"}"#), @r#"test.gltf: at /buffers/0/uri: "https://example.org/a.bin" is not a file next to the scene; download it, and name the local file instead"#);
+    assert_snapshot!(with(r#"{"byteLength": 36, "uri": "../../../../etc/passwd"}"#), @r#"test.gltf:2:186: at /buffers/0/uri: the file "../../../../etc/passwd" cannot be used: it names the file "../../../../etc/passwd", which lies outside of the scene's folder; move the file into the folder, or give --allow-outside if you trust the scene"#);
+    assert_snapshot!(with(r#"{"byteLength": 36, "uri": "https://example.org/a.bin"}"#), @r#"test.gltf:2:186: at /buffers/0/uri: "https://example.org/a.bin" is not a file next to the scene; download it, and name the local file instead"#);
 }
 
 #[test]
