@@ -222,7 +222,10 @@ impl<'a> Worker<'a> {
             return Ok(false);
         }
         refinement.is_complete = !has_more;
-        if !has_more || refinement.sent.is_none_or(|sent| sent.elapsed() >= REST_INTERVAL) {
+        // Until then the quick one is better.
+        let is_worse = settings.guiding.is_some() && !refinement.is_quick && refinement.underway.samples() < QUICK;
+        let is_due = !is_worse && refinement.sent.is_none_or(|sent| sent.elapsed() >= REST_INTERVAL);
+        if !has_more || is_due {
             self.publish(snapshot, compiled, &refinement)?;
             refinement.sent = Some(Instant::now());
         }
