@@ -93,8 +93,9 @@ mod tests {
 
     #[test]
     fn points_are_the_first_of_equal_positions() {
-        let position =
-            |i: u32| Vec3::new((i * 7919 % 1009) as f32 - 500.0, if i % 2 == 0 { 0.0 } else { -0.0 }, f32::NAN);
+        let position = |i: u32| {
+            Vec3::new((i * 7919 % 1009) as f32 - 500.0, if i.is_multiple_of(2) { 0.0 } else { -0.0 }, f32::NAN)
+        };
         let positions: Vec<Vec3> = (0..20_000).map(position).collect();
         let mut welder = Welder::default();
         let mut first = Vec::new();
