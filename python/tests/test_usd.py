@@ -373,3 +373,41 @@ def Scope "Render" { def RenderSettings "settings" { uniform int2 resolution = (
     assert remarks == [] and form["settings"]["size"] == [320, 180]
     assert [camera["name"] for camera in form["cameras"]] == ["second", "first"]
     snell.load(path)
+
+
+def test_transforms_that_change_are_a_motion(tmp_path: Path) -> None:
+    text = """
+    def Xform "World"
+    {
+        def Xform "cart"
+        {
+            double3 xformOp:translate.timeSamples = {0: (0, 0, 0), 48: (4, 0, 0)}
+            float xformOp:rotateY.timeSamples = {0: 0, 48: 360}
+            uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY"]
+            def Camera "eye"
+            {
+            }
+            def SphereLight "lamp"
+            {
+            }
+        }
+        def Cube "still"
+        {
+        }
+    }
+"""
+    form, _ = document(stage(tmp_path, text))
+    motion = form["motion"]
+    (channel,) = motion["clips"][0]["channels"]
+    assert motion["joints"][channel["joint"]]["name"] == "cart"
+    keys = channel["track"]["transform"]
+    assert len(keys) == 49 and keys[0][0] == 0 and keys[-1][0] == pytest.approx(2)
+    # A quarter of the way is a quarter of the turn, which the two samples alone would not show.
+    assert keys[12][0] == pytest.approx(0.5)
+    np.testing.assert_allclose(keys[12][1], [[0, 0, 1, 1], [0, 1, 0, 0], [-1, 0, 0, 0]], atol=1e-12)
+    names = [motion["joints"][joint]["name"] for _, joint in motion["cameras"]]
+    assert names == ["eye"] and all(0 <= joint < len(motion["joints"]) for _, joint in motion["lights"])
+    joint = motion["joints"][motion["cameras"][0][1]]
+    assert motion["joints"][joint["parent"]]["name"] == "cart"
+    still, _ = document(stage(tmp_path, text.replace(".timeSamples = {0: (0, 0, 0), 48: (4, 0, 0)}", " = (1, 0, 0)").replace(".timeSamples = {0: 0, 48: 360}", " = 5")))
+    assert "motion" not in still

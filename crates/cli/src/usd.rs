@@ -17,8 +17,9 @@ macro_rules! modules {
     };
 }
 /// The modules of the converter; the first is the package itself.
-const MODULES: [(&str, &str); 13] = modules![
+const MODULES: [(&str, &str); 14] = modules![
     "__init__",
+    "_motion",
     "_context",
     "_polygons",
     "_networks",

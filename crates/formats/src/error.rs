@@ -17,6 +17,8 @@ pub enum Place {
     Byte(u64),
     /// A path into JSON, such as `/meshes/0/primitives/1`.
     Json(String),
+    /// A path into JSON, with line and column, both from 1.
+    JsonAt(String, usize, usize),
 }
 
 /// A file could not be read. Displays as one message: `file:place: problem; remedy`.
@@ -41,6 +43,7 @@ impl fmt::Display for ReadError {
             Place::Column(line, column) => write!(f, ":{line}:{column}")?,
             Place::Byte(offset) => write!(f, ": at byte {offset}")?,
             Place::Json(path) => write!(f, ": at {path}")?,
+            Place::JsonAt(path, line, column) => write!(f, ":{line}:{column}: at {path}")?,
         }
         write!(f, ": {}", one_line(&self.problem))?;
         if !self.remedy.is_empty() {

@@ -2,6 +2,7 @@
 
 use crate::ReadOptions;
 use crate::error::{Place, ReadError};
+use crate::json_place::line_and_column;
 use crate::limits::Limits;
 use std::path::{Component, Path, PathBuf};
 
@@ -61,6 +62,18 @@ impl Input {
             ));
         }
         Ok(path)
+    }
+
+    /// The error with line and column beside a path into JSON, if it is about this file and this file is that JSON. (Searching the text
+    /// takes a while, so it is done for errors that a user sees, and not for those that become warnings.)
+    pub fn located(&self, mut error: ReadError) -> ReadError {
+        if let Place::Json(path) = &error.place
+            && error.file == self.name
+            && let Some((line, column)) = line_and_column(&self.bytes, path)
+        {
+            error.place = Place::JsonAt(path.clone(), line, column);
+        }
+        error
     }
 
     /// An error about this file.

@@ -10,6 +10,7 @@ pub mod error;
 pub mod ies;
 pub mod image;
 pub mod input;
+mod json_place;
 pub mod limits;
 pub mod mesh;
 pub mod scene;
@@ -98,7 +99,7 @@ fn read_input(input: &Input) -> Result<Scene, ReadError> {
             format!("use one of: {} (`snell formats` tells more)", known.join(", ")),
         ));
     };
-    let mut scene = (reader.read)(input)?;
+    let mut scene = (reader.read)(input).map_err(|error| input.located(error))?;
     if scene.name.is_empty() {
         scene.name = input.stem();
     }

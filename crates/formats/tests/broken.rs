@@ -54,7 +54,7 @@ fn message(name: &str, bytes: Vec<u8>) -> Option<String> {
     let error = read_scene_bytes(name, bytes, Path::new("/nonexistent"), &options).err()?;
     assert!(!error.problem.is_empty() && !error.remedy.is_empty(), "{error}");
     // Only of compression is it the file as a whole that is broken; else there is a line and a column, a byte or a path into JSON.
-    let is_whole = error.problem.contains("gzip") || error.problem.contains("limit");
+    let is_whole = error.problem.contains("gzip");
     assert!(is_whole || error.place != Place::Whole, "{error}");
     Some(error.to_string())
 }

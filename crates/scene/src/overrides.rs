@@ -6,7 +6,7 @@
 //! where JSON is not given.
 
 use crate::material::MaterialKind;
-use crate::{Environment, Scene};
+use crate::{Environment, Material, Scene};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
@@ -46,10 +46,7 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
                 Value::String(name) if path == "kind" => kind_named(key, &name)?,
                 value => value,
             };
-            let before = scene.materials[index].kind.clone();
-            edit(&mut scene.materials[index], key, path, value)?;
-            scene.materials[index].follow_kind(&before);
-            Ok(())
+            edit_material(&mut scene.materials[index], key, path, value)
         }
         "camera" => {
             let names: Vec<String> = scene.cameras.iter().map(|c| c.name.clone()).collect();
@@ -94,6 +91,33 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
             Err(error(key, format!("unknown key; keys begin with {known}, or are ambient{own}")))
         }
     }
+}
+
+fn edit_material(material: &mut Material, key: &str, path: &str, value: Value) -> Result<(), OverrideError> {
+    let before = material.kind.clone();
+    edit(material, key, path, value)?;
+    material.follow_kind(&before);
+    Ok(())
+}
+
+/// The entry of a table, for those who know numbers and not names.
+fn entry<'a, T>(table: &'a mut [T], number: usize, path: &str) -> Result<&'a mut T, OverrideError> {
+    table.get_mut(number).ok_or_else(|| error(path, format!("there is no number {number}")))
+}
+
+/// Changes a parameter of a material by its position in the scene's table.
+pub fn set_material(scene: &mut Scene, number: usize, path: &str, value: Value) -> Result<(), OverrideError> {
+    edit_material(entry(&mut scene.materials, number, path)?, path, path, value)
+}
+
+/// Changes a parameter of a light by its position in the scene's table.
+pub fn set_light(scene: &mut Scene, number: usize, path: &str, value: Value) -> Result<(), OverrideError> {
+    edit(entry(&mut scene.lights, number, path)?, path, path, value)
+}
+
+/// Changes a parameter of a camera by its position in the scene's table.
+pub fn set_camera(scene: &mut Scene, number: usize, path: &str, value: Value) -> Result<(), OverrideError> {
+    edit(entry(&mut scene.cameras, number, path)?, path, path, value)
 }
 
 /// The kind of material of this name as it is by itself: with the defaults of its parameters, or as its first example where it has
@@ -241,7 +265,6 @@ fn edit_distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Material;
     use crate::Medium;
     use crate::material::{Diffuse, MaterialKind};
     use snell_math::Rgb;

@@ -7,7 +7,7 @@ they use nothing else of Snell.
 What is read: the composed stage (references, payloads, variants as they are chosen), instances and point instancers, meshes (polygons; those of
 subdivision schemes with smooth normals), spheres, cubes, cylinders, cones, capsules and planes, curves as tubes, points as balls, cameras, the
 lights of UsdLux, and materials: UsdPreviewSurface, and OpenPBR and standard surface as MaterialX networks. Units become metres, and the up axis
-is that of the stage. What is left out is told.
+is that of the stage. Transforms that change over time are the scene's motion. What is left out is told.
 """
 
 from __future__ import annotations

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from pxr import Ar, Usd, UsdGeom
 
+from ._motion import Motion
+
 __all__ = ["Context", "color_form", "direction", "numbers", "rows", "scalar_form"]
 
 
@@ -58,6 +60,7 @@ class Context:
         self.lights: list[dict[str, Any]] = []
         self.cameras: list[dict[str, Any]] = []
         self.environment: Any = None
+        self.motion = Motion(stage)
         #: What was made already, by a key that says what it is.
         self.known: dict[Any, Any] = {}
         #: Primvars that are colours of meshes, by the materials that want them.

@@ -22,12 +22,14 @@ def document(context: Context, name: str) -> tuple[str, list[str]]:
     """The text of a stage, and remarks on what was left out."""
     _pose(context)
     context.nodes[0]["transform"] = rows(context.world)
-    context.nodes[0]["children"] = _children(context, context.stage.GetPseudoRoot(), context.world)
+    root = context.motion.add_joint("stage", None, 0, rows(context.world))
+    context.nodes[0]["children"] = _children(context, context.stage.GetPseudoRoot(), context.world, root)
+    settings = _settings(context)
     form = {
         "format": "snell scene",
         "version": 1,
         "name": context.stage.GetRootLayer().GetDisplayName() or name,
-        "settings": _settings(context),
+        "settings": settings,
         "environment": context.environment,
         "cameras": context.cameras,
         "lights": context.lights,
@@ -37,6 +39,7 @@ def document(context: Context, name: str) -> tuple[str, list[str]]:
         "root": 0,
         "nodes": context.nodes,
         "meshes": context.meshes,
+        **context.motion.form(),
     }
     remarks = [text if count == 1 else f"{text} ({count} times)" for text, count in context.remarks.items()]
     return json.dumps(form), remarks
@@ -54,6 +57,8 @@ def _settings(context: Context) -> dict[str, Any]:
     for path in asked.GetCameraRel().GetForwardedTargets()[:1]:
         if (number := context.known.get(("camera", str(path)))) is not None:
             context.cameras.insert(0, context.cameras.pop(number))
+            place = lambda i: 0 if i == number else i + (i < number)  # noqa: E731
+            context.motion.cameras = [(place(camera), joint) for camera, joint in context.motion.cameras]
     return settings
 
 
@@ -83,20 +88,20 @@ def _samples_around(context: Context) -> Any:
     return Gf.Interval(min(found), max(found))
 
 
-def _children(context: Context, prim: Any, world: np.ndarray) -> list[int]:
+def _children(context: Context, prim: Any, world: np.ndarray, joint: int) -> list[int]:
     below = prim.GetFilteredChildren(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
-    found = [_node(context, child, world) for child in below]
+    found = [_node(context, child, world, joint) for child in below]
     return [number for number in found if number is not None]
 
 
-def _node(context: Context, prim: Any, parent: np.ndarray) -> int | None:
+def _node(context: Context, prim: Any, parent: np.ndarray, joint: int) -> int | None:
     imageable = UsdGeom.Imageable(prim)
     if imageable:
         if context.value(imageable.GetVisibilityAttr()) == "invisible":
             return None
         if imageable.ComputePurpose() in (UsdGeom.Tokens.proxy, UsdGeom.Tokens.guide):
             return None
-    local = np.eye(4)
+    local, resets = np.eye(4), False
     if UsdGeom.Xformable(prim):
         matrix, resets = context.xforms.GetLocalTransformation(prim)
         # USD has vectors as rows.
@@ -108,24 +113,30 @@ def _node(context: Context, prim: Any, parent: np.ndarray) -> int | None:
     if not np.array_equal(local, np.eye(4)):
         node["transform"] = rows(local)
     number = context.add_node(node)
-    surfaces, below = _content(context, prim, world)
+    joint = context.motion.add_joint(prim.GetName(), joint, number, rows(local))
+    if not resets:
+        context.motion.follow(prim, joint, lambda matrix: rows(np.array(matrix, dtype=np.float64).reshape(4, 4).T))
+    cameras, lights = len(context.cameras), len(context.lights)
+    surfaces, below = _content(context, prim, world, joint)
+    context.motion.cameras += [(i, joint) for i in range(cameras, len(context.cameras))]
+    context.motion.lights += [(i, joint) for i in range(lights, len(context.lights))]
     if surfaces:
         node["surfaces"] = surfaces
     if not prim.IsA(UsdGeom.PointInstancer):
-        below += _shared_children(context, prim, world)
+        below += _shared_children(context, prim, world, joint)
     if below:
         node["children"] = below
     return number
 
 
-def _shared_children(context: Context, prim: Any, world: np.ndarray) -> list[int]:
+def _shared_children(context: Context, prim: Any, world: np.ndarray, joint: int) -> list[int]:
     """What is below; that of an instance is made once for all of its kind."""
     if not prim.IsInstance():
-        return _children(context, prim, world)
+        return _children(context, prim, world, joint)
     key = ("prototype", str(prim.GetPrototype().GetPath()))
     if key not in context.known:
         before = _placed_in_the_world(context)
-        below = _children(context, prim, world)
+        below = _children(context, prim, world, joint)
         if before != _placed_in_the_world(context):
             return below
         context.known[key] = below
@@ -137,13 +148,13 @@ def _placed_in_the_world(context: Context) -> tuple[int, int, bool]:
     return len(context.lights), len(context.cameras), context.environment is None
 
 
-def _content(context: Context, prim: Any, world: np.ndarray) -> tuple[list[Any], list[int]]:
+def _content(context: Context, prim: Any, world: np.ndarray, joint: int) -> tuple[list[Any], list[int]]:
     """Surfaces of a prim itself, and further nodes."""
     is_light = prim.HasAPI(UsdLux.LightAPI)
     if prim.IsA(UsdGeom.Mesh):
         return mesh_light(context, prim, world) if is_light else mesh(context, prim), []
     if prim.IsA(UsdGeom.PointInstancer):
-        return [], _point_instancer(context, prim, world)
+        return [], _point_instancer(context, prim, world, joint)
     if prim.IsA(UsdGeom.BasisCurves):
         return curves(context, prim), []
     if prim.IsA(UsdGeom.Points):
@@ -156,12 +167,12 @@ def _content(context: Context, prim: Any, world: np.ndarray) -> tuple[list[Any],
     return [], light(context, prim, world) if is_light else []
 
 
-def _point_instancer(context: Context, prim: Any, world: np.ndarray) -> list[int]:
+def _point_instancer(context: Context, prim: Any, world: np.ndarray, joint: int) -> list[int]:
     instancer = UsdGeom.PointInstancer(prim)
     prototypes = []
     for path in instancer.GetPrototypesRel().GetForwardedTargets():
         target = context.stage.GetPrimAtPath(path)
-        prototypes.append(_node(context, target, world) if target else None)
+        prototypes.append(_node(context, target, world, joint) if target else None)
     indices = context.value(instancer.GetProtoIndicesAttr(), [])
     transforms = instancer.ComputeInstanceTransformsAtTime(context.time, context.time, instancer.ExcludeProtoXform)
     if len(transforms) == 0 and len(indices) > 0:

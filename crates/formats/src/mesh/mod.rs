@@ -11,6 +11,7 @@
 //! Units are taken as they are, and so is the up axis. Vertices that are not finite stay, with a warning: their triangles are
 //! never hit.
 
+mod corners;
 mod normals;
 mod notes;
 pub(crate) mod polygon;
@@ -97,24 +98,21 @@ fn note_non_finite(input: &Input, mesh: &TriangleMesh, notes: &mut Notes) {
     }
 }
 
-/// The error for too many elements.
-fn too_many(input: &Input, what: &str) -> ReadError {
-    input.error(
-        crate::Place::Whole,
-        format!("more than {} {what}, the limit", input.options.limits.elements),
-        "split the file",
-    )
+/// The error for too many elements, at the place of the first that is too many, or of their number.
+fn too_many(input: &Input, place: crate::Place, what: &str) -> ReadError {
+    input.error(place, format!("more than {} {what}, the limit", input.options.limits.elements), "split the file")
 }
 
-/// Appends the triangles of a polygon with the given vertices.
+/// Appends the triangles of a polygon with the given vertices. `place` tells where it is.
 fn push_polygon(
     input: &Input,
+    place: impl FnOnce() -> crate::Place,
     mesh: &mut TriangleMesh,
     face: &[u32],
     triangulator: &mut polygon::Triangulator,
 ) -> Result<(), ReadError> {
     if mesh.indices.len() + face.len() > input.options.limits.elements {
-        return Err(too_many(input, "triangles"));
+        return Err(too_many(input, place(), "triangles"));
     }
     if let &[a, b, c] = face {
         mesh.indices.push([a, b, c]);

@@ -3,18 +3,25 @@
 //! Around a vertex, two triangles that share an edge belong together if the edge is not sharp. Each such group of triangles gets
 //! the angle-weighted mean of their normals (Thürmer and Wüthrich, "Computing Vertex Normals from Polygonal Facets", 1998), and a
 //! vertex with several groups is split. So balls look round and boxes keep their edges.
+//!
+//! All cores work on it, and little is kept in memory: which corners meet in a point is written down for a part of the points at a
+//! time ([`corners`](super::corners)), and what a triangle has to say is computed anew at each of its corners. The result does not
+//! depend on the number of threads.
 
-use super::weld::Welder;
+use super::corners::Corners;
+use super::weld;
 use rayon::prelude::*;
 use snell_intersect::TriangleMesh;
 use snell_math::Vec3;
-use std::collections::HashMap;
 
 /// Edges at which faces meet at more than this are sharp, in degrees.
 pub const CREASE_ANGLE: f32 = 40.0;
 
 /// No group.
 const NONE: u32 = u32::MAX;
+
+/// Points that one thread works on at a time.
+const BLOCK: usize = 1 << 12;
 
 /// What decides whether an edge is sharp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,171 +50,216 @@ pub fn smooth(mesh: &mut TriangleMesh, crease_degrees: f32, smoothing: &[Smoothi
     if mesh.indices.is_empty() {
         return;
     }
-    let facets = Facets::of(mesh, crease_degrees, smoothing);
-    let mut group_of_corner = vec![NONE; mesh.indices.len() * 3];
-    let mut normals = Vec::new();
-    let mut around = Around::default();
-    for corners in facets.corners_by_point() {
-        around.group(&facets, corners, &mut group_of_corner, &mut normals);
+    // Vertices that no proper triangle uses keep `+z`.
+    let mut normals = vec![Vec3::Z; mesh.positions.len()];
+    let points = weld::points(&mesh.positions, &mesh.indices);
+    let facets = Facets::new(mesh, &points, crease_degrees, smoothing);
+    let mut corners = Corners::count(&mesh.indices, &points);
+    let mut splits = Vec::new();
+    for range in corners.parts() {
+        let part = corners.of_points(&mesh.indices, &points, range.clone());
+        let blocks = normals[range.clone()].par_chunks_mut(BLOCK).enumerate().map(|(block, normals)| {
+            let first = range.start + block * BLOCK;
+            let mut around = Around::default();
+            for (i, normal) in normals.iter_mut().enumerate() {
+                if let Some(mean) = around.group(&facets, part.around(first + i)) {
+                    *normal = mean;
+                }
+            }
+            around.split
+        });
+        splits.extend(blocks.collect::<Vec<_>>());
     }
-    split(mesh, &group_of_corner, &normals);
+    for (vertex, &point) in points.iter().enumerate().filter(|(vertex, point)| *vertex != **point as usize) {
+        normals[vertex] = normals[point as usize];
+    }
+    drop((points, corners));
+    mesh.normals = normals;
+    splits.into_iter().for_each(|split| split.apply(mesh));
 }
 
-/// The triangles with what grouping needs to know.
+/// The triangles and what decides which of them belong together.
 struct Facets<'a> {
-    /// Welded vertices of each triangle.
-    points: Vec<[u32; 3]>,
-    /// Unit normals; zero where there is none.
-    normals: Vec<Vec3>,
+    positions: &'a [Vec3],
+    indices: &'a [[u32; 3]],
+    points: &'a [u32],
     smoothing: &'a [Smoothing],
     crease_cosine: f32,
     /// Cosine of half the crease angle: normals this close to one of them are within the crease angle of each other.
     half_cosine: f32,
-    /// Angles at the corners.
-    angles: Vec<[f32; 3]>,
-    /// Corner numbers (3 times triangle plus corner) sorted by welded vertex.
-    corners: Vec<u32>,
-    /// Where each welded vertex's corners end.
-    ends: Vec<u32>,
 }
 
 impl<'a> Facets<'a> {
-    fn of(mesh: &TriangleMesh, crease_degrees: f32, smoothing: &'a [Smoothing]) -> Self {
-        let mut welder = Welder::with_capacity(mesh.positions.len());
-        let welded: Vec<u32> = mesh.positions.iter().map(|&p| welder.weld(p)).collect();
-        let points: Vec<[u32; 3]> = mesh.indices.iter().map(|t| t.map(|i| welded[i as usize])).collect();
+    fn new(mesh: &'a TriangleMesh, points: &'a [u32], crease_degrees: f32, smoothing: &'a [Smoothing]) -> Self {
         let crease = crease_degrees.to_radians();
-        let (normals, angles): (Vec<_>, _) =
-            (0..mesh.indices.len()).into_par_iter().map(|t| facet(mesh.corners(t))).unzip();
-        let (corners, ends) = sorted_corners(&points, &normals, welder.len());
         let (crease_cosine, half_cosine) = (crease.cos(), (crease / 2.0).cos());
-        Self { points, normals, smoothing, crease_cosine, half_cosine, angles, corners, ends }
+        let (positions, indices) = (&mesh.positions[..], &mesh.indices[..]);
+        Self { positions, indices, points, smoothing, crease_cosine, half_cosine }
     }
 
-    fn corners_by_point(&self) -> impl Iterator<Item = &[u32]> {
-        let starts = std::iter::once(0).chain(self.ends.iter().copied());
-        starts.zip(&self.ends).map(|(start, &end)| &self.corners[start as usize..end as usize])
+    /// A corner as seen from its point; `None` in triangles without a normal, which have no say.
+    fn corner(&self, number: u32) -> Option<Corner> {
+        let (triangle, k) = (number as usize / 3, number as usize % 3);
+        let vertices = [0, 1, 2].map(|i| self.indices[triangle][(k + i) % 3]);
+        let (normal, angle) = facet(vertices.map(|v| self.positions[v as usize]))?;
+        let smoothing = self.smoothing.get(triangle).copied().unwrap_or(Smoothing::Angle);
+        Some(Corner { number, vertex: vertices[0], normal, weighted: normal * angle, smoothing })
     }
 
-    fn smoothing(&self, triangle: usize) -> Smoothing {
-        self.smoothing.get(triangle).copied().unwrap_or(Smoothing::Angle)
+    /// The points that a corner's edges lead to.
+    fn neighbours(&self, corner: &Corner) -> [u32; 2] {
+        let (triangle, k) = (corner.number as usize / 3, corner.number as usize % 3);
+        [1, 2].map(|i| self.points[self.indices[triangle][(k + i) % 3] as usize])
     }
 
-    fn joins(&self, a: u32, b: u32) -> bool {
-        let (a, b) = (a as usize / 3, b as usize / 3);
-        let cosine = self.normals[a].dot(self.normals[b]);
-        self.smoothing(a).joins(self.smoothing(b), cosine, self.crease_cosine)
+    fn joins(&self, a: &Corner, b: &Corner) -> bool {
+        a.smoothing.joins(b.smoothing, a.normal.dot(b.normal), self.crease_cosine)
+    }
+
+    /// The common case, decided quickly: all normals close to the first, or all in its smoothing group.
+    fn all_join(&self, first: &Corner, corners: &[Corner]) -> bool {
+        if first.smoothing == Smoothing::Flat {
+            return corners.len() == 1;
+        }
+        corners.iter().all(|corner| {
+            let close = corner.normal.dot(first.normal) >= self.half_cosine;
+            corner.smoothing == first.smoothing && (first.smoothing != Smoothing::Angle || close)
+        })
     }
 }
 
 /// Height of a triangle, as a share of its largest coordinate, below which its normal is but rounding of its corners.
 const LEAST_HEIGHT: f64 = 1e-6;
 
-/// Unit normal and corner angles of a triangle, in double precision inside: tiny triangles have normals too. Zero for slivers.
-fn facet(corners: [Vec3; 3]) -> (Vec3, [f32; 3]) {
+/// Unit normal of a triangle and the angle at its first corner, in double precision inside: tiny triangles have normals too. `None`
+/// for slivers.
+fn facet(corners: [Vec3; 3]) -> Option<(Vec3, f32)> {
     let [a, b, c] = corners.map(|p| p.as_dvec3());
-    let cross = (b - a).cross(c - a);
-    let longest = (b - a).length().max((c - b).length()).max((a - c).length());
+    let (ab, ac) = (b - a, c - a);
+    let cross = ab.cross(ac);
+    let longest_squared = ab.length_squared().max(ac.length_squared()).max((c - b).length_squared());
     let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
-    let is_proper = cross.length() > LEAST_HEIGHT * largest * longest;
-    let Some(normal) = cross.try_normalize().filter(|_| is_proper) else { return (Vec3::ZERO, [0.0; 3]) };
-    let edges = [(b - a), (c - b), (a - c)].map(|e| e.normalize_or_zero());
-    let angle = |before: usize, after: usize| (-edges[before]).dot(edges[after]).clamp(-1.0, 1.0).acos() as f32;
-    (normal.as_vec3(), [angle(2, 0), angle(0, 1), angle(1, 2)])
+    let (squared, least) = (cross.length_squared(), LEAST_HEIGHT * largest);
+    if !(squared > least * least * longest_squared && squared.is_normal()) {
+        return None;
+    }
+    let length = squared.sqrt();
+    Some(((cross * length.recip()).as_vec3(), angle(length, ab.dot(ac)) as f32))
 }
 
-/// Counting sort of the corners by point. Triangles without a normal have no say: their corners are left out.
-fn sorted_corners(points: &[[u32; 3]], normals: &[Vec3], count: usize) -> (Vec<u32>, Vec<u32>) {
-    let corners_with_points = || {
-        let proper = points.iter().zip(normals).enumerate().filter(|(_, (_, n))| **n != Vec3::ZERO);
-        proper.flat_map(|(t, (points, _))| (0..3).map(move |k| (3 * t as u32 + k as u32, points[k])))
-    };
-    let mut ends = vec![0u32; count];
-    for (_, point) in corners_with_points() {
-        ends[point as usize] += 1;
-    }
-    let mut start = 0;
-    for end in &mut ends {
-        let number = *end;
-        *end = start;
-        start += number;
-    }
-    let mut corners = vec![0u32; start as usize];
-    for (corner, point) in corners_with_points() {
-        let at = &mut ends[point as usize];
-        corners[*at as usize] = corner;
-        *at += 1;
-    }
-    (corners, ends)
+/// The angle between two vectors, 0 to pi, by the length of their cross product and their dot product. Its error is below 3e-8: the
+/// polynomial is number 4.4.49 of Abramowitz and Stegun, "Handbook of Mathematical Functions", 1964.
+fn angle(cross: f64, dot: f64) -> f64 {
+    use std::f64::consts::{FRAC_PI_2, PI};
+    const SERIES: [f64; 9] = [
+        0.002_866_225_7,
+        -0.016_165_736_7,
+        0.042_909_613_8,
+        -0.075_289_64,
+        0.106_562_639_3,
+        -0.142_088_994_4,
+        0.199_935_508_5,
+        -0.333_331_452_8,
+        1.0,
+    ];
+    let (less, more) = (cross.min(dot.abs()), cross.max(dot.abs()));
+    let tangent = less / more;
+    let square = tangent * tangent;
+    let arc = tangent * SERIES.iter().fold(0.0, |sum, c| sum * square + c);
+    let acute = if cross > dot.abs() { FRAC_PI_2 - arc } else { arc };
+    if dot < 0.0 { PI - acute } else { acute }
 }
 
-/// Scratch memory for grouping the corners around a point.
+/// A corner of a triangle that has a normal.
+struct Corner {
+    /// 3 times triangle plus corner.
+    number: u32,
+    vertex: u32,
+    normal: Vec3,
+    /// The normal times the angle.
+    weighted: Vec3,
+    smoothing: Smoothing,
+}
+
+/// What the corners around points need beyond one normal for each point. New vertices are numbered from 0.
+#[derive(Default)]
+struct Split {
+    /// Normals of vertices whose point has several.
+    kept: Vec<(u32, Vec3)>,
+    /// New vertices: copies of others, with normals of their own.
+    added: Vec<(u32, Vec3)>,
+    /// Corners that get a new vertex, and which.
+    moved: Vec<(u32, u32)>,
+}
+
+impl Split {
+    fn apply(self, mesh: &mut TriangleMesh) {
+        let first = mesh.positions.len() as u32;
+        let sources = || self.added.iter().map(|(source, _)| *source);
+        extend(&mut mesh.positions, sources());
+        extend(&mut mesh.colors, sources());
+        extend(&mut mesh.tangents, sources());
+        mesh.uvs.iter_mut().for_each(|uvs| extend(uvs, sources()));
+        self.kept.iter().for_each(|(vertex, normal)| mesh.normals[*vertex as usize] = *normal);
+        mesh.normals.extend(self.added.iter().map(|(_, normal)| *normal));
+        for (corner, vertex) in self.moved {
+            mesh.indices[corner as usize / 3][corner as usize % 3] = first + vertex;
+        }
+    }
+}
+
+/// Appends copies of the values at `sources`, unless the attribute is absent.
+fn extend<T: Copy>(values: &mut Vec<T>, sources: impl ExactSizeIterator<Item = u32>) {
+    if !values.is_empty() {
+        values.reserve(sources.len());
+        sources.for_each(|i| values.push(values[i as usize]));
+    }
+}
+
+/// Groups the corners around one point after the other. All but `split` is scratch memory.
 #[derive(Default)]
 struct Around {
+    split: Split,
+    corners: Vec<Corner>,
     /// Other end of an edge, and the corner (by place around the point) that has it.
     edges: Vec<(u32, u32)>,
     parents: Vec<u32>,
+    /// The group of each corner, once known.
     group: Vec<u32>,
+    /// Normals of the groups.
+    means: Vec<Vec3>,
+    /// Vertex, group and number of each corner.
+    users: Vec<(u32, u32, u32)>,
 }
 
 impl Around {
-    /// Numbers the groups of a point's corners and appends their normals.
-    fn group(&mut self, facets: &Facets, corners: &[u32], group_of_corner: &mut [u32], normals: &mut Vec<Vec3>) {
-        let weighted = |corner: u32| {
-            let (triangle, k) = (corner as usize / 3, corner as usize % 3);
-            facets.normals[triangle] * facets.angles[triangle][k]
-        };
-        let Some(&first) = corners.first() else { return };
-        if Self::all_join(facets, first, corners) {
-            let sum: Vec3 = corners.iter().map(|&c| weighted(c)).sum();
-            corners.iter().for_each(|&c| group_of_corner[c as usize] = normals.len() as u32);
-            normals.push(sum.normalize_or_zero());
-            return;
+    /// The normal of a point's first group, which is that of all of its vertices but for those that `split` tells otherwise. `None`
+    /// if no triangle has a say.
+    fn group(&mut self, facets: &Facets, corners: impl Iterator<Item = u32>) -> Option<Vec3> {
+        self.corners.clear();
+        self.corners.extend(corners.filter_map(|corner| facets.corner(corner)));
+        // Sums must not depend on which thread came first.
+        self.corners.sort_unstable_by_key(|corner| corner.number);
+        if facets.all_join(self.corners.first()?, &self.corners) {
+            return Some(upright(self.corners.iter().map(|corner| corner.weighted).sum()));
         }
-        self.join_across_edges(facets, corners);
-        self.group.clear();
-        self.group.resize(corners.len(), NONE);
-        let base = normals.len();
-        for (i, &corner) in corners.iter().enumerate() {
-            let root = self.root(i as u32) as usize;
-            if self.group[root] == NONE {
-                self.group[root] = normals.len() as u32;
-                normals.push(Vec3::ZERO);
-            }
-            group_of_corner[corner as usize] = self.group[root];
-            normals[self.group[root] as usize] += weighted(corner);
-        }
-        normals[base..].iter_mut().for_each(|n| *n = n.normalize_or_zero());
+        self.join_across_edges(facets);
+        self.number_groups();
+        self.split_vertices();
+        Some(self.means[0])
     }
 
-    /// The common case, decided quickly: all normals close to the first, or all in its smoothing group.
-    fn all_join(facets: &Facets, first: u32, corners: &[u32]) -> bool {
-        let first = first as usize / 3;
-        let smoothing = facets.smoothing(first);
-        if smoothing == Smoothing::Flat {
-            return corners.len() == 1;
-        }
-        corners.iter().all(|&c| {
-            let triangle = c as usize / 3;
-            let close = facets.normals[triangle].dot(facets.normals[first]) >= facets.half_cosine;
-            facets.smoothing(triangle) == smoothing && (smoothing != Smoothing::Angle || close)
-        })
-    }
-
-    fn join_across_edges(&mut self, facets: &Facets, corners: &[u32]) {
+    fn join_across_edges(&mut self, facets: &Facets) {
         self.edges.clear();
         self.parents.clear();
-        self.parents.extend(0..corners.len() as u32);
-        for (i, &corner) in corners.iter().enumerate() {
-            let (triangle, k) = (corner as usize / 3, corner as usize % 3);
-            let points = facets.points[triangle];
-            self.edges.push((points[(k + 1) % 3], i as u32));
-            self.edges.push((points[(k + 2) % 3], i as u32));
+        self.parents.extend(0..self.corners.len() as u32);
+        for (i, corner) in self.corners.iter().enumerate() {
+            self.edges.extend(facets.neighbours(corner).map(|point| (point, i as u32)));
         }
         self.edges.sort_unstable();
         for e in 1..self.edges.len() {
             let ((point, a), (other, b)) = (self.edges[e - 1], self.edges[e]);
-            if point == other && facets.joins(corners[a as usize], corners[b as usize]) {
+            if point == other && facets.joins(&self.corners[a as usize], &self.corners[b as usize]) {
                 let (a, b) = (self.root(a), self.root(b));
                 self.parents[a.max(b) as usize] = a.min(b);
             }
@@ -222,40 +274,118 @@ impl Around {
         }
         i
     }
-}
 
-/// Makes one vertex of each pair of vertex and group. Vertices that no proper triangle uses get `+z`.
-fn split(mesh: &mut TriangleMesh, group_of_corner: &[u32], normals: &[Vec3]) {
-    let mut group_of = vec![NONE; mesh.positions.len()];
-    // Vertices of further groups by old vertex and group. Looked up only.
-    let mut further: HashMap<(u32, u32), u32> = HashMap::new();
-    let mut sources: Vec<u32> = Vec::new();
-    for (index, &group) in mesh.indices.iter_mut().flatten().zip(group_of_corner) {
-        let own = &mut group_of[*index as usize];
-        if *own == NONE {
-            *own = group;
+    /// Groups are numbered in the order of their first corners, which are their roots.
+    fn number_groups(&mut self) {
+        self.group.clear();
+        self.means.clear();
+        for i in 0..self.corners.len() {
+            let root = self.root(i as u32) as usize;
+            if root == i {
+                self.group.push(self.means.len() as u32);
+                self.means.push(Vec3::ZERO);
+            } else {
+                self.group.push(self.group[root]);
+            }
+            self.means[self.group[i] as usize] += self.corners[i].weighted;
         }
-        if *own != group && group != NONE {
-            let old = *index;
-            *index = *further.entry((old, group)).or_insert_with(|| {
-                group_of.push(group);
-                sources.push(old);
-                group_of.len() as u32 - 1
-            });
+        self.means.iter_mut().for_each(|mean| *mean = upright(*mean));
+    }
+
+    /// Each vertex keeps the first of its groups; for the others there are new ones.
+    fn split_vertices(&mut self) {
+        self.users.clear();
+        self.users.extend(self.corners.iter().zip(&self.group).map(|(c, group)| (c.vertex, *group, c.number)));
+        self.users.sort_unstable();
+        let Split { kept, added, moved } = &mut self.split;
+        let (mut before, mut keeps) = ((NONE, NONE), true);
+        for &(vertex, group, corner) in &self.users {
+            if before != (vertex, group) {
+                keeps = before.0 != vertex;
+                let list = if keeps { &mut *kept } else { &mut *added };
+                list.push((vertex, self.means[group as usize]));
+                before = (vertex, group);
+            }
+            if !keeps {
+                moved.push((corner, added.len() as u32 - 1));
+            }
         }
     }
-    extend(&mut mesh.positions, &sources);
-    extend(&mut mesh.colors, &sources);
-    extend(&mut mesh.tangents, &sources);
-    mesh.uvs.iter_mut().for_each(|uvs| extend(uvs, &sources));
-    let normal = |group: u32| normals.get(group as usize).copied().filter(|&n| n != Vec3::ZERO).unwrap_or(Vec3::Z);
-    mesh.normals = group_of.into_iter().map(normal).collect();
 }
 
-/// Appends copies of the values at `sources`, unless the attribute is absent.
-fn extend<T: Copy>(values: &mut Vec<T>, sources: &[u32]) {
-    if !values.is_empty() {
-        values.reserve(sources.len());
-        sources.iter().for_each(|&i| values.push(values[i as usize]));
+/// The direction of a sum of normals; `+z` where they cancel.
+fn upright(sum: Vec3) -> Vec3 {
+    sum.try_normalize().unwrap_or(Vec3::Z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_are_those_of_the_library() {
+        for i in 1..1000 {
+            let expected = f64::from(i) * std::f64::consts::PI / 1000.0;
+            assert!((angle(3.0 * expected.sin(), 3.0 * expected.cos()) - expected).abs() < 3e-8, "{expected}");
+        }
+    }
+
+    /// A sheet in folds, partly as loose triangles: smooth and sharp vertices, vertices that share a position, and a sliver.
+    fn sheet(side: u32) -> TriangleMesh {
+        let mut mesh = TriangleMesh::default();
+        for i in 0..side * side {
+            let (x, y) = ((i % side) as f32, (i / side) as f32);
+            mesh.positions.push(Vec3::new(x, y, if i % 7 == 0 { 1.5 } else { 0.1 * (x * 0.3).sin() }));
+        }
+        for i in (0..side * (side - 1)).filter(|i| i % side < side - 1) {
+            mesh.indices.extend([[i, i + 1, i + side], [i + 1, i + side + 1, i + side], [i, i, i + 1]]);
+        }
+        for triangle in mesh.indices.iter_mut().skip(300) {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(triangle.map(|i| mesh.positions[i as usize]));
+            *triangle = [first, first + 1, first + 2];
+        }
+        mesh
+    }
+
+    fn smoothed(mut mesh: TriangleMesh, threads: usize) -> TriangleMesh {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| smooth(&mut mesh, CREASE_ANGLE, &[]));
+        mesh
+    }
+
+    #[test]
+    fn threads_do_not_change_a_bit() {
+        let mesh = sheet(90);
+        let alone = smoothed(mesh.clone(), 1);
+        for threads in [2, 5] {
+            let together = smoothed(mesh.clone(), threads);
+            assert_eq!(together.indices, alone.indices);
+            let bits = |mesh: &TriangleMesh| mesh.normals.iter().flat_map(|n| n.to_array().map(f32::to_bits)).collect();
+            let (a, b): (Vec<u32>, Vec<u32>) = (bits(&together), bits(&alone));
+            assert!(a == b && together.positions == alone.positions);
+        }
+    }
+
+    #[test]
+    fn normals_are_the_means_by_angle_of_the_faces_that_are_near() {
+        let mesh = smoothed(sheet(20), 3);
+        let face = |t: usize, k: usize| {
+            let corners = mesh.indices[t].map(|i| mesh.positions[i as usize]);
+            let [a, b, c] = [0, 1, 2].map(|i| corners[(k + i) % 3]);
+            let (u, v) = ((b - a).normalize_or_zero(), (c - a).normalize_or_zero());
+            (u.cross(v).normalize_or_zero(), u.dot(v).clamp(-1.0, 1.0).acos())
+        };
+        let corners: Vec<_> = (0..mesh.indices.len()).flat_map(|t| (0..3).map(move |k| (t, k))).collect();
+        for &(t, k) in corners.iter().filter(|(t, k)| face(*t, *k).0 != Vec3::ZERO) {
+            let vertex = mesh.indices[t][k] as usize;
+            // All faces at this place whose corners got the same normal: they, and they alone, are its group.
+            let here = corners.iter().filter(|(t, k)| {
+                let other = mesh.indices[*t][*k] as usize;
+                mesh.positions[other] == mesh.positions[vertex] && mesh.normals[other] == mesh.normals[vertex]
+            });
+            let sum: Vec3 = here.map(|&(t, k)| face(t, k).0 * face(t, k).1).sum();
+            assert!(sum.normalize().dot(mesh.normals[vertex]) > 0.9999, "{t} {k}");
+        }
     }
 }

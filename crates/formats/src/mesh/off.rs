@@ -92,7 +92,7 @@ fn read_vertices(reader: &mut Reader, count: u64, has_normals: bool, mesh: &mut 
     mesh.positions.reserve(count.min(reader.text.remaining() as u64 / 6 + 1) as usize);
     for i in 0..count {
         if mesh.positions.len() >= reader.input.options.limits.elements {
-            return Err(too_many(reader.input, "vertices"));
+            return Err(too_many(reader.input, reader.here(), "vertices"));
         }
         let what = || format!("a coordinate of vertex {i} of {count}");
         let mut p = [0.0; 3];
@@ -145,7 +145,7 @@ fn read_faces(reader: &mut Reader, count: u64, mesh: &mut TriangleMesh, notes: &
                 format!("{}: a face has fewer than 3 corners and was skipped", reader.location(first.start))
             });
         }
-        super::push_polygon(reader.input, mesh, &face, &mut triangulator)?;
+        super::push_polygon(reader.input, || reader.here(), mesh, &face, &mut triangulator)?;
         reader.text.next_line();
     }
     Ok(())

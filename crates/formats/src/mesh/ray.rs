@@ -45,7 +45,7 @@ pub(super) fn parse(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, Re
 
 fn read_vertex(reader: &mut Reader, mesh: &mut TriangleMesh) -> Result<(), ReadError> {
     if mesh.positions.len() >= reader.input.options.limits.elements {
-        return Err(too_many(reader.input, "vertices"));
+        return Err(too_many(reader.input, reader.here(), "vertices"));
     }
     let mut v = [0.0; 8];
     for x in &mut v {
@@ -78,5 +78,5 @@ fn read_face(
         }
         face.push(index as u32);
     }
-    super::push_polygon(reader.input, mesh, &face, triangulator)
+    super::push_polygon(reader.input, || reader.here(), mesh, &face, triangulator)
 }

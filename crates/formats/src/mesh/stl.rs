@@ -105,7 +105,7 @@ fn parse_binary(input: &Input, notes: &mut Notes) -> Result<TriangleMesh, ReadEr
         notes.add("extra", || format!("{}: {extra} bytes after the last facet were ignored", input.name));
     }
     if declared > input.options.limits.elements as u64 {
-        return Err(too_many(input, "triangles"));
+        return Err(too_many(input, Place::Byte(HEADER as u64 - 4), "triangles"));
     }
     let declared = declared as usize;
     let mut builder = Builder::default();
@@ -143,7 +143,7 @@ fn parse_text(input: &Input) -> Result<TriangleMesh, ReadError> {
                     let problem = format!("a facet of {} vertices, expected 3", loop_vertices.len());
                     return Err(reader.error(word.start, problem, "export the file again"));
                 }
-                super::push_polygon(input, &mut builder.mesh, &loop_vertices, &mut triangulator)?;
+                super::push_polygon(input, || reader.here(), &mut builder.mesh, &loop_vertices, &mut triangulator)?;
                 loop_vertices.clear();
             }
             b"endfacet" => {}

@@ -265,6 +265,11 @@ impl<'a> Reader<'a> {
         self.input.error(place_of(self.bytes, offset), problem, remedy)
     }
 
+    /// Where the next word is searched for.
+    pub fn here(&self) -> Place {
+        place_of(self.bytes, self.bytes.len() - self.text.remaining())
+    }
+
     /// `file:line:column`, for warnings.
     pub fn location(&self, offset: usize) -> String {
         match place_of(self.bytes, offset) {

@@ -1,7 +1,76 @@
 //! One vertex for each position.
 
+use rayon::prelude::*;
 use snell_math::Vec3;
 use std::collections::HashMap;
+use std::hash::{BuildHasher, RandomState};
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+/// What is compared: adding zero turns -0 into +0.
+fn key(position: Vec3) -> [u32; 3] {
+    (position + Vec3::ZERO).to_array().map(f32::to_bits)
+}
+
+/// No vertex.
+const NONE: u32 = u32::MAX;
+
+/// For each vertex, the number of the first at an equal position (in the sense of [`Welder`]), but for those that need no other: around
+/// whom the triangles close. On all cores, with a table of numbers alone.
+pub fn points(positions: &[Vec3], indices: &[[u32; 3]]) -> Vec<u32> {
+    let open = open_vertices(positions.len(), indices);
+    let number = open.par_iter().with_min_len(1 << 12).filter(|open| is_open(open)).count();
+    let size = (number + number / 3 + 1).next_power_of_two();
+    let mut table = Vec::new();
+    table.resize_with(size, || AtomicU32::new(NONE));
+    // Keyed by chance, so that a file cannot make it slow; the numbers do not depend on the key.
+    let state = RandomState::new();
+    let place = |number: usize| {
+        if !is_open(&open[number]) {
+            return NONE;
+        }
+        let here = key(positions[number]);
+        let mut place = state.hash_one(here) as usize & (size - 1);
+        loop {
+            // Whoever comes first takes the place for all equal positions, and the lowest number stays.
+            let known = table[place].compare_exchange(NONE, number as u32, Relaxed, Relaxed).err();
+            if known.is_none_or(|known| key(positions[known as usize]) == here) {
+                table[place].fetch_min(number as u32, Relaxed);
+                return place as u32;
+            }
+            place = (place + 1) & (size - 1);
+        }
+    };
+    let mut points: Vec<u32> = (0..positions.len()).into_par_iter().with_min_len(1 << 12).map(place).collect();
+    points.par_iter_mut().enumerate().with_min_len(1 << 12).for_each(|(number, place)| {
+        *place = if *place == NONE { number as u32 } else { table[*place as usize].load(Relaxed) };
+    });
+    points
+}
+
+fn is_open(balance: &AtomicU32) -> bool {
+    balance.load(Relaxed) != 0
+}
+
+/// A number that is not 0 for each vertex around which the triangles do not close. Where they do, and are wound alike, each neighbour comes
+/// once after and once before it: what is added for the one is subtracted for the other. (Chance makes one vertex in 2³² look closed.)
+fn open_vertices(count: usize, indices: &[[u32; 3]]) -> Vec<AtomicU32> {
+    let mut balance = Vec::new();
+    balance.resize_with(count, AtomicU32::default);
+    indices.par_iter().with_min_len(1 << 12).for_each(|triangle| {
+        let [a, b, c] = triangle.map(mixed);
+        for (vertex, change) in triangle.iter().zip([b.wrapping_sub(c), c.wrapping_sub(a), a.wrapping_sub(b)]) {
+            balance[*vertex as usize].fetch_add(change, Relaxed);
+        }
+    });
+    balance
+}
+
+/// A hash of 32 bits (`lowbias32`, Wellons, "Prospecting for Hash Functions", 2018).
+fn mixed(mut x: u32) -> u32 {
+    x = (x ^ (x >> 16)).wrapping_mul(0x7feb_352d);
+    x = (x ^ (x >> 15)).wrapping_mul(0x846c_a68b);
+    x ^ (x >> 16)
+}
 
 /// Numbers positions; equal ones get the same number. Both zeros are equal, and so are equal bit patterns of NaN.
 #[derive(Clone, Debug, Default)]
@@ -11,21 +80,45 @@ pub struct Welder {
 }
 
 impl Welder {
-    /// Room for this many positions.
-    pub fn with_capacity(capacity: usize) -> Self {
-        Self { numbers: HashMap::with_capacity(capacity) }
-    }
-
     /// The number of a position: the next free one if it is new.
     pub fn weld(&mut self, position: Vec3) -> u32 {
-        // Adding zero turns -0 into +0.
-        let key = (position + Vec3::ZERO).to_array().map(f32::to_bits);
         let next = self.numbers.len() as u32;
-        *self.numbers.entry(key).or_insert(next)
+        *self.numbers.entry(key(position)).or_insert(next)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_the_first_of_equal_positions() {
+        let position = |i: u32| {
+            Vec3::new((i * 7919 % 1009) as f32 - 500.0, if i.is_multiple_of(2) { 0.0 } else { -0.0 }, f32::NAN)
+        };
+        let positions: Vec<Vec3> = (0..20_000).map(position).collect();
+        let mut welder = Welder::default();
+        let mut first = Vec::new();
+        let expected: Vec<u32> = (0..)
+            .zip(&positions)
+            .map(|(i, &p)| {
+                let point = welder.weld(p) as usize;
+                first.resize(first.len().max(point + 1), i);
+                first[point]
+            })
+            .collect();
+        let loose: Vec<[u32; 3]> = (0..20_000 - 2).map(|i| [i, i + 1, i + 2]).collect();
+        assert_eq!(points(&positions, &loose), expected);
+        assert_eq!(first.len(), 1009);
+        let alone: Vec<u32> = (0..20_000).collect();
+        assert_eq!(points(&positions, &[]), alone, "what no triangle has");
     }
 
-    /// How many different positions there were.
-    pub fn len(&self) -> usize {
-        self.numbers.len()
+    #[test]
+    fn around_the_vertices_of_a_closed_body_the_triangles_close() {
+        let tetrahedron = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]];
+        let open = |indices: &[[u32; 3]]| -> Vec<bool> { open_vertices(4, indices).iter().map(is_open).collect() };
+        assert_eq!(open(&tetrahedron), [false; 4]);
+        assert_eq!(open(&tetrahedron[1..]), [true, true, true, false]);
     }
 }

@@ -121,7 +121,7 @@ impl CompiledScene {
             None => builder.build(options)?,
         });
         let (textures, environment) = match previous {
-            Some(previous) => (previous.textures, previous.environment),
+            Some(previous) => (TextureSet::placed(previous.textures, &scene.textures), previous.environment),
             None => (
                 Arc::new(TextureSet::new(&scene.textures, &scene.images)),
                 scene.environment.as_ref().map(|e| Arc::new(EnvironmentLight::new(e))),

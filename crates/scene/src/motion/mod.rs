@@ -7,11 +7,13 @@
 mod curve;
 mod deform;
 mod mesh;
+mod parameter;
 mod player;
 mod transform;
 
 pub use curve::{Curve, CurveError, Interpolation};
 pub use deform::{Deformed, InfluenceSet, Morph, MorphTarget, Skin, make_usable, morph_mesh};
+pub use parameter::{Owner, ParameterTrack};
 pub use player::{Player, Pose};
 pub use transform::{AnimatedTransform, Placement};
 
@@ -34,6 +36,27 @@ pub struct Motion {
     pub cameras: Vec<(usize, u32)>,
     /// Which joint carries a light: position in the scene's table, joint.
     pub lights: Vec<(usize, u32)>,
+    /// What is there only while joints are visible.
+    pub switches: Vec<Switch>,
+}
+
+/// Something that is there only while all of some joints are visible ([`Joint::hidden`], [`Track::Visible`]).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Switch {
+    /// Numbers of the joints.
+    pub joints: Vec<u32>,
+    /// What it is.
+    pub what: Switched,
+}
+
+/// What a [`Switch`] turns on and off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Switched {
+    /// A node, the last child of its parent: parent, node. It is no other node's child, and the parent has no other such child.
+    Node(NodeId, NodeId),
+    /// A light, by its position in the scene's table.
+    Light(usize),
 }
 
 /// A place that others are relative to.
@@ -47,6 +70,8 @@ pub struct Joint {
     pub rest: Placement,
     /// The node of the scene graph whose transform it is.
     pub node: Option<NodeId>,
+    /// True if it is not visible while no clip says otherwise.
+    pub hidden: bool,
 }
 
 /// An animation.
@@ -56,6 +81,8 @@ pub struct Clip {
     pub name: String,
     /// What it moves.
     pub channels: Vec<Channel>,
+    /// What else it changes.
+    pub parameters: Vec<ParameterTrack>,
 }
 
 /// One property of one joint over time.
@@ -80,13 +107,15 @@ pub enum Track {
     Weights(Curve),
     /// All of the placement.
     Transform(AnimatedTransform),
+    /// Whether the joint is visible, 1 number: from 0.5 it is.
+    Visible(Curve),
 }
 
 impl Track {
     /// First and last key, in seconds.
     pub fn span(&self) -> [f64; 2] {
         match self {
-            Self::Translation(c) | Self::Rotation(c) | Self::Scale(c) | Self::Weights(c) => c.span(),
+            Self::Translation(c) | Self::Rotation(c) | Self::Scale(c) | Self::Weights(c) | Self::Visible(c) => c.span(),
             Self::Transform(t) => t.span(),
         }
     }
@@ -99,24 +128,34 @@ impl Track {
             Self::Scale(_) => 4,
             Self::Weights(_) => 8,
             Self::Transform(_) => 7,
+            Self::Visible(_) => 16,
         }
     }
 }
 
 impl Clip {
-    /// First and last key of all channels, in seconds; `[0, 0]` for a clip without any.
+    /// First and last key of all channels and parameters, in seconds; `[0, 0]` for a clip without any.
     pub fn span(&self) -> [f64; 2] {
-        together(self.channels.iter().map(|c| c.track.span()))
+        let parameters = self.parameters.iter().map(|p| p.curve.span());
+        together(self.channels.iter().map(|c| c.track.span()).chain(parameters))
     }
 
-    /// The properties of joints that the clip sets.
-    fn targets(&self) -> BTreeSet<(u32, u8)> {
+    /// What the clip sets.
+    fn targets(&self) -> BTreeSet<Aim<'_>> {
         let bits = |c: &Channel| {
             let (joint, properties) = (c.joint, c.track.properties());
-            (0..4).map(|i| 1 << i).filter(move |bit| properties & bit != 0).map(move |bit| (joint, bit))
+            (0..5).map(|i| 1 << i).filter(move |bit| properties & bit != 0).map(move |bit| Aim::Joint(joint, bit))
         };
-        self.channels.iter().flat_map(bits).collect()
+        let parameters = self.parameters.iter().map(|p| Aim::Parameter(p.owner, &p.path));
+        self.channels.iter().flat_map(bits).chain(parameters).collect()
     }
+}
+
+/// What a clip may set: a property of a joint, or a parameter.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum Aim<'a> {
+    Joint(u32, u8),
+    Parameter(Owner, &'a str),
 }
 
 /// From the first start to the last end; `[0, 0]` for none.
@@ -159,7 +198,7 @@ mod tests {
     fn clip(name: &str, joints: &[u32]) -> Clip {
         let curve = || Curve::new(vec![0.0, 2.0], vec![0.0; 6], 3, Interpolation::Linear).expect("a valid curve");
         let channels = joints.iter().map(|&joint| Channel { joint, track: Track::Translation(curve()) });
-        Clip { name: name.into(), channels: channels.collect() }
+        Clip { name: name.into(), channels: channels.collect(), ..Clip::default() }
     }
 
     #[test]

@@ -1,11 +1,11 @@
 //! Clips being played: the scene at a time.
 
-use super::{Motion, Placement, Track, together};
+use super::{Motion, ParameterTrack, Placement, Switched, Track, together};
 use crate::camera::Camera;
 use crate::graph::{Geometry, NodeId, Scene};
 use crate::light::Light;
 use snell_intersect::TriangleMesh;
-use snell_math::{DAffine3, DMat3};
+use snell_math::{DAffine3, DMat3, DVec3, Rgb};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -20,6 +20,10 @@ pub struct Pose {
     pub cameras: Vec<(usize, DAffine3)>,
     /// How lights are moved in the world, from where they were read.
     pub lights: Vec<(usize, DAffine3)>,
+    /// Parameters and their numbers.
+    pub parameters: Vec<(ParameterTrack, Vec<f64>)>,
+    /// What is turned on or off, and whether it is there.
+    pub switched: Vec<(Switched, bool)>,
 }
 
 /// Plays clips of a motion. Keeps the last pose, so that what does not change is not made again: its meshes are the same pointers.
@@ -72,6 +76,7 @@ impl Player {
     /// Joints whose placement a clip changes, and joints whose weights one changes.
     fn moving_joints(&self) -> (BTreeSet<u32>, BTreeSet<u32>) {
         let channels = self.clips().flat_map(|clip| &clip.channels);
+        let channels = channels.filter(|c| !matches!(c.track, Track::Visible(_)));
         let (weights, others): (Vec<_>, Vec<_>) = channels.partition(|c| matches!(c.track, Track::Weights(_)));
         let joints = |channels: Vec<&super::Channel>| channels.iter().map(|c| c.joint).collect();
         (joints(others), joints(weights))
@@ -111,7 +116,29 @@ impl Player {
             carried.iter().filter_map(change).collect()
         };
         (pose.cameras, pose.lights) = (moves(&motion.cameras), moves(&motion.lights));
+        let parameters = self.clips().flat_map(|clip| &clip.parameters);
+        pose.parameters = parameters.map(|track| (track.clone(), track.curve.at(time))).collect();
+        let hidden = self.hidden_joints(time);
+        let switches = motion.switches.iter();
+        pose.switched = switches.map(|s| (s.what, !s.joints.iter().any(|joint| hidden.contains(joint)))).collect();
         pose
+    }
+
+    /// Joints that clips hide at a time.
+    fn hidden_joints(&self, time: f64) -> BTreeSet<u32> {
+        let joints = (0..).zip(&self.motion.joints);
+        let mut hidden: BTreeSet<u32> = joints.filter(|(_, joint)| joint.hidden).map(|(i, _)| i).collect();
+        for channel in self.clips().flat_map(|clip| &clip.channels) {
+            if let Track::Visible(curve) = &channel.track {
+                let is_visible = curve.at(time).first().is_none_or(|v| *v >= 0.5);
+                if is_visible {
+                    hidden.remove(&channel.joint)
+                } else {
+                    hidden.insert(channel.joint)
+                };
+            }
+        }
+        hidden
     }
 
     /// The poses while a shutter is open, evenly spread in time from when it opens to when it closes: as many as it takes for things that go
@@ -177,6 +204,7 @@ impl Player {
                     *placement = Placement::Matrix(transform.at(time));
                     continue;
                 }
+                Track::Visible(_) => continue,
             }
             *placement = Placement::Parts { translation, rotation, scale };
         }
@@ -218,6 +246,34 @@ impl Scene {
                 *light = light.moved(&by);
             }
         }
+        // Of placements and parameters, so that what is moved has its numbers too.
+        for (track, numbers) in &pose.parameters {
+            track.set(self, numbers);
+        }
+        for &(what, is_there) in &pose.switched {
+            self.switch(what, is_there);
+        }
+    }
+
+    fn switch(&mut self, what: Switched, is_there: bool) {
+        match what {
+            Switched::Node(parent, node) => {
+                if let Some(parent) = self.nodes.get_mut(parent.index()) {
+                    parent.children.retain(|child| *child != node);
+                    parent.children.extend(is_there.then_some(node));
+                }
+            }
+            Switched::Light(i) => {
+                if let Some(light) = self.lights.get_mut(i).filter(|_| !is_there) {
+                    *light = Self::dark();
+                }
+            }
+        }
+    }
+
+    /// A light that is off.
+    fn dark() -> Light {
+        Light::Directional { direction: DVec3::NEG_Y, irradiance: Rgb::BLACK }
     }
 }
 
@@ -267,9 +323,13 @@ impl Light {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Material;
     use crate::graph::{Node, Surface};
-    use crate::motion::{Channel, Clip, Curve, Deformed, InfluenceSet, Interpolation, Joint, Morph, MorphTarget, Skin};
-    use snell_math::{DVec3, Rgb, Vec3};
+    use crate::material::{Diffuse, MaterialKind};
+    use crate::motion::{
+        Channel, Clip, Curve, Deformed, InfluenceSet, Interpolation, Joint, Morph, MorphTarget, Owner, Skin,
+    };
+    use snell_math::Vec3;
 
     /// An arm of two joints, 1 apart on x; the second is turned by a quarter about z from 0 s to 1 s. A triangle has a vertex at each
     /// end of it and one that follows both joints alike; a camera and a light are at the second joint.
@@ -309,6 +369,7 @@ mod tests {
                     Channel { joint: 1, track: Track::Rotation(turn.expect("valid")) },
                     Channel { joint: 0, track: Track::Weights(weights.expect("valid")) },
                 ],
+                parameters: Vec::new(),
             }],
             deformed: vec![Deformed {
                 node: skinned,
@@ -319,6 +380,7 @@ mod tests {
             }],
             cameras: vec![(0, 1)],
             lights: vec![(0, 1)],
+            switches: Vec::new(),
         }));
         scene
     }
@@ -346,6 +408,45 @@ mod tests {
         assert!(
             matches!(posed.lights[0], Light::Directional { direction, .. } if (direction - DVec3::Y).length() < 1e-6)
         );
+    }
+
+    #[test]
+    fn parameters_have_their_numbers_and_what_is_hidden_comes_back() {
+        let mut scene = arm();
+        scene.add_material(Material::new("paint", Diffuse::new(Rgb::WHITE)));
+        let curve = |values: &[f32], width, interpolation| {
+            Curve::new(vec![0.0, 1.0], values.to_vec(), width, interpolation).expect("valid")
+        };
+        let track = |owner, path: &str, curve| ParameterTrack { owner, path: path.into(), curve };
+        let red = curve(&[1.0, 1.0, 1.0, 1.0, 0.0, 0.0], 3, Interpolation::Linear);
+        let wide = curve(&[0.5, 1.5], 1, Interpolation::Linear);
+        let mut motion = Motion::clone(scene.motion.as_ref().expect("it moves"));
+        motion.clips[0].parameters = vec![
+            track(Owner::Material(0), "reflectance.factor", red),
+            track(Owner::Camera(0), "projection.tan_half_fov.1", wide.clone()),
+            track(Owner::Material(0), "no_such_thing", wide),
+        ];
+        let visible = Track::Visible(curve(&[1.0, 0.0], 1, Interpolation::Step));
+        motion.clips[0].channels.push(Channel { joint: 1, track: visible });
+        let hand = Switched::Node(scene.root, NodeId(2));
+        motion.switches =
+            [hand, Switched::Light(0)].map(|what| super::super::Switch { joints: vec![0, 1], what }).to_vec();
+        let lights = scene.lights.clone();
+        let mut player = Player::new(Arc::new(motion), vec![0]);
+        for (time, reflectance, width, is_there) in [
+            (0.5, Rgb::new(1.0, 0.5, 0.5), 1.0, true),
+            (1.0, Rgb::new(1.0, 0.0, 0.0), 1.5, false),
+            (0.0, Rgb::WHITE, 0.5, true),
+        ] {
+            scene.lights.clone_from(&lights);
+            scene.apply(&player.pose(time));
+            let MaterialKind::Diffuse(diffuse) = &scene.materials[0].kind else { panic!("still diffuse") };
+            assert_eq!(diffuse.reflectance.factor, reflectance);
+            let crate::Projection::Perspective { tan_half_fov } = scene.cameras[0].projection else { panic!() };
+            assert_eq!(tan_half_fov[1], Some(width));
+            assert_eq!(scene.nodes[0].children.contains(&NodeId(2)), is_there);
+            assert_eq!(scene.lights[0].power(1.0) > 0.0, is_there);
+        }
     }
 
     #[test]

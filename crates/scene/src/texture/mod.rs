@@ -78,14 +78,14 @@ impl Texture {
 }
 
 /// All textures of a scene, ready for lookups. Images used in one encoding share their mip maps.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct TextureSet {
     textures: Vec<Prepared>,
-    pyramids: Vec<Pyramid>,
+    pyramids: Vec<Arc<Pyramid>>,
 }
 
 /// A texture and its mip maps.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Prepared {
     texture: Texture,
     pyramid: usize,
@@ -97,6 +97,18 @@ struct Prepared {
 const MISSING: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
 
 impl TextureSet {
+    /// The same textures where they lie now: `textures` differ from those that the set was made of by their maps of coordinates alone.
+    pub fn placed(mut set: Arc<Self>, textures: &[Texture]) -> Arc<Self> {
+        let is_there = |(prepared, now): (&Prepared, &Texture)| prepared.texture.uv_transform == now.uv_transform;
+        if set.textures.iter().zip(textures).all(is_there) {
+            return set;
+        }
+        for (prepared, now) in Arc::make_mut(&mut set).textures.iter_mut().zip(textures) {
+            prepared.texture.uv_transform = now.uv_transform;
+        }
+        set
+    }
+
     /// Prepares textures (builds mip maps). A texture of an image that is not there, or holds fewer values than it says, shows
     /// [`missing_texture_image`].
     pub fn new(textures: &[Texture], images: &[Arc<Image>]) -> Self {
@@ -115,7 +127,7 @@ impl TextureSet {
                 .and_then(|image| Pyramid::new(image, encoding, with_levels))
                 .or_else(|| Pyramid::new(&Arc::new(missing_texture_image()), Encoding::Srgb, with_levels));
             places.insert((image, is_srgb), set.pyramids.len());
-            set.pyramids.push(pyramid.expect("the missing-texture image is well formed"));
+            set.pyramids.push(Arc::new(pyramid.expect("the missing-texture image is well formed")));
         }
         for texture in textures {
             let pyramid = places[&key(texture)];
@@ -134,7 +146,7 @@ impl TextureSet {
     /// Memory of the mip maps in bytes, without the images themselves: 2 bytes per value for 8-bit and 16-bit images and 4 for
     /// floating-point ones, on a third of the image's values.
     pub fn bytes(&self) -> usize {
-        self.pyramids.iter().map(Pyramid::bytes).sum()
+        self.pyramids.iter().map(|pyramid| pyramid.bytes()).sum()
     }
 
     /// Linear RGB and alpha at a surface point. `footprint` is the width of the ray's cone there, in world units.

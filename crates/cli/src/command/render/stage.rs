@@ -139,7 +139,9 @@ impl Stage {
         let Some(number) = self.scene.cameras.iter().position(|c| c == camera) else { return Vec::new() };
         let of_pose = |pose: &Pose| {
             let moved = pose.cameras.iter().find(|(i, _)| *i == number);
-            moved.map_or(self.cameras[number].clone(), |(_, by)| self.cameras[number].moved(by))
+            let placed = moved.map_or(self.cameras[number].clone(), |(_, by)| self.cameras[number].moved(by));
+            // What an animation changes but where it is, it keeps from when the shutter opens.
+            Camera { eye: placed.eye, towards: placed.towards, up: placed.up, ..camera.clone() }
         };
         let cameras: Vec<Camera> = self.moving.later.iter().map(of_pose).collect();
         if cameras.iter().all(|later| later == camera) { Vec::new() } else { cameras }

@@ -153,7 +153,8 @@ impl Builder {
                 }
                 self.face.push(vertex);
             }
-            push_polygon(input, mesh, &self.face, &mut self.triangulator)?;
+            let end = || crate::mesh::text::place_of(&input.bytes, input.bytes.len());
+            push_polygon(input, end, mesh, &self.face, &mut self.triangulator)?;
         }
         let slot = self.slot(input, state.material.unwrap_or(NONE), &mut object.materials, notes);
         mesh.material_slots.resize(mesh.indices.len(), slot);

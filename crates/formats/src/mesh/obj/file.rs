@@ -198,7 +198,8 @@ pub fn parse(input: &Input, notes: &mut Notes) -> Result<ObjFile, ReadError> {
         (file.pieces.iter().map(|(faces, _)| faces.corner_count()).sum(), "corners of faces"),
     ] {
         if count > elements {
-            return Err(too_many(input, what));
+            // Which of them is the first too many is not known here: the file has been read in pieces.
+            return Err(too_many(input, crate::mesh::text::place_of(&bytes, bytes.len()), what));
         }
     }
     drop_indices_into_nothing(input, &mut file, notes);

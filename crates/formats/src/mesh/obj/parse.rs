@@ -206,7 +206,10 @@ impl Parser<'_> {
     }
 
     fn check_room(&self, count: usize, what: &str) -> Result<(), ReadError> {
-        if count < self.reader.input.options.limits.elements { Ok(()) } else { Err(too_many(self.reader.input, what)) }
+        if count < self.reader.input.options.limits.elements {
+            return Ok(());
+        }
+        Err(too_many(self.reader.input, self.reader.here(), what))
     }
 
     fn position(&mut self) -> Result<(), ReadError> {

@@ -227,8 +227,14 @@ pub fn read(
     for element in &header.elements {
         match element.name.as_str() {
             "vertex" if mesh.positions.is_empty() => read_vertices(source, input, header, element, mesh)?,
-            "face" => read_faces(source, input, element, &mut faces, notes)?,
-            "tristrips" => read_strips(source, element, &mut faces)?,
+            "face" => {
+                faces.declared = element.start;
+                read_faces(source, input, element, &mut faces, notes)?;
+            }
+            "tristrips" => {
+                faces.declared = element.start;
+                read_strips(source, element, &mut faces)?;
+            }
             _ => skip_element(source, element)?,
         }
     }
@@ -288,7 +294,7 @@ fn read_vertices(
         return Err(input.error(place, problem, "export the file again with positions"));
     }
     if element.count > input.options.limits.elements as u64 {
-        return Err(too_many(input, "vertices"));
+        return Err(too_many(input, place_of(&input.bytes, element.start), "vertices"));
     }
     if source.all_vertices(element, &roles, mesh) {
         return Ok(());
@@ -383,6 +389,8 @@ fn skip_element(source: &mut impl Source, element: &Element) -> Result<(), ReadE
 #[derive(Default)]
 struct Faces {
     vertices: u64,
+    /// Where the header declares them.
+    declared: usize,
     /// Those that were read at once, before all others.
     triangles: Vec<[u32; 3]>,
     corners: Vec<u32>,
@@ -405,7 +413,8 @@ impl Faces {
         mesh.indices.reserve(self.ends.len());
         let mut start = 0;
         for end in self.ends {
-            crate::mesh::push_polygon(input, mesh, &self.corners[start..end], &mut triangulator)?;
+            let place = || place_of(&input.bytes, self.declared);
+            crate::mesh::push_polygon(input, place, mesh, &self.corners[start..end], &mut triangulator)?;
             start = end;
         }
         Ok(())

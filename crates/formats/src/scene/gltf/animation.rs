@@ -5,10 +5,13 @@
 
 use super::json::Json;
 use super::node::Hierarchy;
-use super::{Reader, morph};
+use super::{Reader, morph, pointer};
 use crate::ReadError;
-use snell_scene::NodeId;
-use snell_scene::motion::{Channel, Clip, Curve, Deformed, Interpolation, Joint, Motion, Skin, Track};
+use snell_math::DAffine3;
+use snell_scene::motion::{
+    Channel, Clip, Curve, Deformed, Interpolation, Joint, Motion, Player, Pose, Skin, Switch, Switched, Track,
+};
+use snell_scene::{NodeId, Scene};
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
@@ -20,13 +23,27 @@ pub(super) struct Rig {
     joint_of: Vec<u32>,
     /// Nodes whose morph weights change.
     weighted: BTreeSet<usize>,
+    /// Nodes that are shown or hidden.
+    switched: BTreeSet<usize>,
+}
+
+/// Which cameras and lights of the scene are which of the file.
+#[derive(Default)]
+pub(super) struct Placed {
+    /// Number in the scene, number in the file.
+    pub cameras: Vec<(usize, usize)>,
+    /// Number in the scene, number in the file, `world_from_node`.
+    pub lights: Vec<(usize, usize, DAffine3)>,
+    /// Factor on the intensities of the file.
+    pub light_scale: f64,
 }
 
 impl Rig {
     /// Reads all animations.
     pub fn read(reader: &mut Reader, hierarchy: &Hierarchy) -> Result<Self, ReadError> {
         let animations = reader.root.items_of("animations")?;
-        let mut rig = Self { motion: None, joint_of: vec![0; hierarchy.len()], weighted: BTreeSet::new() };
+        let joint_of = vec![0; hierarchy.len()];
+        let mut rig = Self { motion: None, joint_of, weighted: BTreeSet::new(), switched: BTreeSet::new() };
         if animations.is_empty() {
             return Ok(rig);
         }
@@ -34,10 +51,10 @@ impl Rig {
         for (i, parent, rest, node) in hierarchy.top_down() {
             rig.joint_of[i] = motion.joints.len() as u32;
             let parent = parent.map(|parent| rig.joint_of[parent]);
-            motion.joints.push(Joint { name: node.name(), parent, rest, node: None });
+            motion.joints.push(Joint { name: node.name(), parent, rest, node: None, hidden: !is_visible(node)? });
         }
         for animation in &animations {
-            let mut clip = Clip { name: animation.name(), channels: Vec::new() };
+            let mut clip = Clip { name: animation.name(), ..Clip::default() };
             // Anything may be wrong here; what is not understood is not played.
             let channels = animation.items_of("channels").unwrap_or_default();
             for channel in &channels {
@@ -50,6 +67,13 @@ impl Rig {
             }
             motion.clips.push(clip);
         }
+        // Of what pointers name, nodes are ours; the rest is for when the scene is there.
+        for pointer in std::mem::take(&mut reader.pointers) {
+            match rig.channels_of(reader, &pointer)? {
+                Some(channels) => motion.clips[pointer.clip].channels.extend(channels),
+                None => reader.pointers.push(pointer),
+            }
+        }
         rig.motion = Some(motion);
         Ok(rig)
     }
@@ -58,10 +82,7 @@ impl Rig {
     fn channel(&mut self, reader: &Reader, animation: &Json, channel: &Json) -> Result<Option<Channel>, ReadError> {
         let target = channel.require("target")?;
         let path = target.require("path")?;
-        let Some(node) = target.get("node")? else {
-            let is_pointer = path.string()? == "pointer";
-            return if is_pointer { Err(path.error("KHR_animation_pointer is not supported")) } else { Ok(None) };
-        };
+        let Some(node) = target.get("node")?.filter(|_| path.string() != Ok("pointer")) else { return Ok(None) };
         let number = node.size()?;
         let json = reader.root.entry("nodes", &node)?;
         let width = match path.string()? {
@@ -73,7 +94,7 @@ impl Rig {
             },
             other => return Err(path.error(format!("\"{other}\" is not a property that can be animated"))),
         };
-        let curve = curve(reader, &animation.entry("samplers", &channel.require("sampler")?)?, width)?;
+        let curve = curve(reader, &animation.entry("samplers", &channel.require("sampler")?)?, Some(width))?;
         let track = match path.string()? {
             "translation" => Track::Translation(curve),
             "rotation" => Track::Rotation(curve),
@@ -84,6 +105,63 @@ impl Rig {
             }
         };
         Ok(Some(Channel { joint: self.joint_of[number], track }))
+    }
+
+    /// The channels of a pointer to a node, or to the weights of a mesh; `None` for others.
+    fn channels_of(&mut self, reader: &Reader, pointer: &pointer::Pointer) -> Result<Option<Vec<Channel>>, ReadError> {
+        let steps: Vec<&str> = pointer.path.split('/').skip(1).collect();
+        let (family, Some(number), property) = (
+            steps.first().copied().unwrap_or_default(),
+            steps.get(1).and_then(|n| n.parse().ok()),
+            steps.get(2..).unwrap_or_default(),
+        ) else {
+            return Ok(None);
+        };
+        let curve = pointer.curve.clone();
+        let width = curve.width();
+        let nodes = reader.root.items_of("nodes")?;
+        if (family, property) == ("meshes", &["weights"][..]) {
+            let mut channels = Vec::new();
+            for (i, node) in nodes.iter().enumerate() {
+                let shows = node.get("mesh")?.is_some_and(|mesh| mesh.size() == Ok(number));
+                if shows && node.get("weights")?.is_none() {
+                    self.weighted.insert(i);
+                    channels.push(Channel { joint: self.joint_of[i], track: Track::Weights(curve.clone()) });
+                }
+            }
+            return Ok(Some(channels));
+        }
+        if family != "nodes" || number >= nodes.len() {
+            return Ok(None);
+        }
+        let track = match (property, width) {
+            (["translation"], 3) => Track::Translation(curve),
+            (["rotation"], 4) => Track::Rotation(curve),
+            (["scale"], 3) => Track::Scale(curve),
+            (["weights"], _) => {
+                self.weighted.insert(number);
+                Track::Weights(curve)
+            }
+            (["extensions", "KHR_node_visibility", "visible"], 1) => {
+                self.switched.insert(number);
+                Track::Visible(curve)
+            }
+            _ => return Ok(None),
+        };
+        Ok(Some(vec![Channel { joint: self.joint_of[number], track }]))
+    }
+
+    /// True if animations show and hide the node.
+    pub fn is_switched(&self, node: usize) -> bool {
+        self.switched.contains(&node)
+    }
+
+    /// Notes what is there only while all of some nodes are visible.
+    pub fn switches(&mut self, nodes: &[usize], what: Switched) {
+        let joints: Vec<u32> = nodes.iter().map(|node| self.joint_of[*node]).collect();
+        if !joints.is_empty() {
+            self.motion.iter_mut().for_each(|m| m.switches.push(Switch { joints: joints.clone(), what }));
+        }
     }
 
     /// The number of a node's joint.
@@ -126,14 +204,33 @@ impl Rig {
         self.motion.iter_mut().for_each(|m| m.deformed.push(deformed.clone()));
     }
 
-    /// What was collected.
-    pub fn into_motion(self) -> Option<Arc<Motion>> {
-        self.motion.map(Arc::new)
+    /// Gives the scene its motion, once all else is there.
+    pub fn finish(self, reader: &mut Reader, placed: &Placed) -> Result<(), ReadError> {
+        let Some(mut motion) = self.motion else { return Ok(()) };
+        for (clip, track) in pointer::tracks(reader, placed)? {
+            motion.clips[clip].parameters.push(track);
+        }
+        let motion = Arc::new(motion);
+        hide(&mut reader.scene, &motion);
+        reader.scene.motion = Some(motion);
+        Ok(())
     }
 }
 
-/// A sampler, for values of `width` numbers.
-fn curve(reader: &Reader, sampler: &Json, width: usize) -> Result<Curve, ReadError> {
+/// Takes out of the scene what is hidden while nothing is played. (Lights stay.)
+fn hide(scene: &mut Scene, motion: &Arc<Motion>) {
+    let mut switched = Player::new(motion.clone(), Vec::new()).pose(0.0).switched;
+    switched.retain(|(what, _)| matches!(what, Switched::Node(..)));
+    scene.apply(&Pose { switched, ..Pose::default() });
+}
+
+/// `KHR_node_visibility` of a node.
+pub(super) fn is_visible(node: &Json) -> Result<bool, ReadError> {
+    node.extension("KHR_node_visibility")?.map_or(Ok(true), |extension| extension.boolean_or("visible", true))
+}
+
+/// A sampler, for values of `width` numbers, or of as many as there are.
+pub(super) fn curve(reader: &Reader, sampler: &Json, width: Option<usize>) -> Result<Curve, ReadError> {
     let interpolation = match sampler.get("interpolation")? {
         None => Interpolation::Linear,
         Some(name) => match name.string()? {
@@ -148,10 +245,13 @@ fn curve(reader: &Reader, sampler: &Json, width: usize) -> Result<Curve, ReadErr
     let values = reader.accessors.get(&output)?;
     let values: Vec<f32> = match values.width {
         1 => values.vectors::<1>()?.into_iter().flatten().collect(),
+        2 => values.vectors::<2>()?.into_iter().flatten().collect(),
         3 => values.vectors::<3>()?.into_iter().flatten().collect(),
         4 => values.vectors::<4>()?.into_iter().flatten().collect(),
         other => return Err(output.error(format!("its values have {other} components"))),
     };
-    let times = times.into_iter().map(|[t]| f64::from(t)).collect();
+    let times: Vec<f64> = times.into_iter().map(|[t]| f64::from(t)).collect();
+    let parts = if interpolation == Interpolation::Cubic { 3 } else { 1 };
+    let width = width.unwrap_or(values.len() / (times.len() * parts).max(1));
     Curve::new(times, values, width, interpolation).map_err(|e| sampler.error(e.to_string()))
 }

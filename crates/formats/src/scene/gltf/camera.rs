@@ -7,9 +7,9 @@ use snell_math::DAffine3;
 use snell_scene::{Camera, Projection};
 use std::f64::consts::PI;
 
-/// Adds the camera of a node, if it has one. It looks along the node's `-z`, with `+y` up.
-pub(super) fn read(reader: &mut Reader, node: &Json, world_from_node: &DAffine3) -> Result<(), ReadError> {
-    let Some(index) = node.get("camera")? else { return Ok(()) };
+/// Adds the camera of a node, if it has one, and gives its number in the file. It looks along the node's `-z`, with `+y` up.
+pub(super) fn read(reader: &mut Reader, node: &Json, world_from_node: &DAffine3) -> Result<Option<usize>, ReadError> {
+    let Some(index) = node.get("camera")? else { return Ok(None) };
     let camera = reader.root.entry("cameras", &index)?;
     let projection = projection(&camera)?;
     // Scale does not count for cameras (section 3.10.2): `from_direction` keeps the directions only.
@@ -17,12 +17,12 @@ pub(super) fn read(reader: &mut Reader, node: &Json, world_from_node: &DAffine3)
     let name = [node.name(), camera.name()].into_iter().find(|n| !n.is_empty()).unwrap_or_default();
     let camera = Camera::from_direction(world_from_node.translation, -axes.z_axis, axes.y_axis, projection);
     reader.scene.cameras.push(Camera { name, ..camera });
-    Ok(())
+    index.size().map(Some)
 }
 
 /// The projection of a camera. The vertical extent counts; the horizontal one follows from the picture, because nothing may be
 /// stretched when the picture has another shape than the camera's aspect ratio.
-fn projection(camera: &Json) -> Result<Projection, ReadError> {
+pub(super) fn projection(camera: &Json) -> Result<Projection, ReadError> {
     let kind = camera.require("type")?;
     match kind.string()? {
         "perspective" => {

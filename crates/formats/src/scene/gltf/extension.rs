@@ -10,6 +10,7 @@ const UNDERSTOOD: &[&str] = &[
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
+    "KHR_animation_pointer",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
@@ -27,11 +28,12 @@ const UNDERSTOOD: &[&str] = &[
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
+    "KHR_node_visibility",
     "KHR_texture_transform",
 ];
 
 /// Extensions that cannot change a still picture.
-const WITHOUT_EFFECT: &[&str] = &["FB_ngon_encoding", "KHR_animation_pointer", "KHR_xmp", "KHR_xmp_json_ld"];
+const WITHOUT_EFFECT: &[&str] = &["FB_ngon_encoding", "KHR_xmp", "KHR_xmp_json_ld"];
 
 /// Refuses required extensions that are not understood, and warns of optional ones.
 pub(super) fn check(root: &Json, scene: &mut Scene) -> Result<(), ReadError> {

@@ -21,6 +21,26 @@ impl<'a> Json<'a> {
         Self { input, value, path: String::new() }
     }
 
+    /// The value itself.
+    pub fn value(&self) -> &'a Value {
+        self.value
+    }
+
+    /// Another value that stands for this one.
+    pub fn with_value<'b>(&self, value: &'b Value) -> Json<'b>
+    where
+        'a: 'b,
+    {
+        Json { input: self.input, value, path: self.path.clone() }
+    }
+
+    /// The value that a JSON pointer names, from here.
+    pub fn at(&self, pointer: &str) -> Result<Self, ReadError> {
+        let found = self.value.pointer(pointer);
+        let value = found.ok_or_else(|| self.error(format!("there is nothing at \"{pointer}\"")))?;
+        Ok(Self { input: self.input, value, path: format!("{}{pointer}", self.path) })
+    }
+
     /// JSON pointer of this value, such as `/meshes/0`.
     pub fn path(&self) -> &str {
         &self.path

@@ -41,29 +41,44 @@ pub(super) fn scale(reader: &mut Reader) -> Result<f64, ReadError> {
     Ok(if is_photometric { 1.0 / BLENDER_LUMENS_PER_WATT } else { 1.0 })
 }
 
-/// Adds the light of a node, if it has one. It shines along the node's `-z`.
-pub(super) fn read(reader: &mut Reader, node: &Json, world_from_node: &DAffine3, scale: f64) -> Result<(), ReadError> {
-    let Some(extension) = node.extension("KHR_lights_punctual")? else { return Ok(()) };
+/// Adds the light of a node, if it has one, and gives its number in the file. It shines along the node's `-z`.
+pub(super) fn read(
+    reader: &mut Reader,
+    node: &Json,
+    world_from_node: &DAffine3,
+    scale: f64,
+) -> Result<Option<usize>, ReadError> {
+    let Some(extension) = node.extension("KHR_lights_punctual")? else { return Ok(None) };
     let index = extension.require("light")?;
     let Some(lights) = reader.root.extension("KHR_lights_punctual")? else {
         return Err(extension.error("the node has a light, but the file has no table of lights"));
     };
-    let light = &lights.entry("lights", &index)?;
+    let Some(light) = light(reader, &lights.entry("lights", &index)?, world_from_node, scale)? else { return Ok(None) };
+    reader.scene.lights.push(light);
+    index.size().map(Some)
+}
+
+/// A light of the table, placed. `None` for a type that is not known.
+pub(super) fn light(
+    reader: &mut Reader,
+    light: &Json,
+    world_from_node: &DAffine3,
+    scale: f64,
+) -> Result<Option<Light>, ReadError> {
     let kind = light.require("type")?;
     let position = world_from_node.translation;
     let direction = (-world_from_node.matrix3.z_axis).try_normalize().unwrap_or(DVec3::NEG_Z);
     let attenuation = Attenuation::INVERSE_SQUARE;
     let intensity = intensity(light, scale)?;
-    match kind.string()? {
-        "directional" => reader.scene.lights.push(Light::Directional { direction, irradiance: intensity }),
-        "point" => reader.scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 }),
-        "spot" => {
-            let falloff = falloff(light)?;
-            reader.scene.lights.push(Light::Spot { position, direction, intensity, attenuation, falloff });
+    Ok(Some(match kind.string()? {
+        "directional" => Light::Directional { direction, irradiance: intensity },
+        "point" => Light::Point { position, intensity, attenuation, body_radius: 0.0 },
+        "spot" => Light::Spot { position, direction, intensity, attenuation, falloff: falloff(light)? },
+        other => {
+            reader.scene.warn(format!("\"{other}\" is not a type of light; it is left out"));
+            return Ok(None);
         }
-        other => reader.scene.warn(format!("\"{other}\" is not a type of light; it is left out")),
-    }
-    Ok(())
+    }))
 }
 
 /// Adds the luminaire of a node, if it has one: its axis is the node's `-z`, its horizontal angles go from `x` towards `y`. A profile that

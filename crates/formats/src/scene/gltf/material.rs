@@ -63,7 +63,8 @@ impl Default for Pbr {
     }
 }
 
-fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
+/// One material.
+pub(super) fn read(reader: &mut Reader, json: &Json) -> Result<Material, ReadError> {
     note::add(reader, json)?;
     let pbr = match json.extension("KHR_materials_pbrSpecularGlossiness")? {
         Some(extension) => specular_glossiness(reader, &extension)?,

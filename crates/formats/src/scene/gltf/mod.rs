@@ -28,6 +28,7 @@ mod mesh;
 mod meshopt;
 mod morph;
 mod node;
+mod pointer;
 mod reference;
 mod skin;
 mod texture;
@@ -40,7 +41,8 @@ use crate::{Input, ReadError, SceneReader};
 use accessor::Accessors;
 use container::{Buffers, Container, GLB_MAGIC};
 use json::Json;
-use snell_scene::{MaterialId, Scene};
+use snell_scene::{MaterialId, Scene, TextureId};
+use std::collections::BTreeMap;
 use texture::Textures;
 
 /// Reader of glTF 2.0.
@@ -84,6 +86,10 @@ struct Reader<'a> {
     variant: Option<usize>,
     /// Vertices read so far, for the limit.
     vertices: usize,
+    /// What animations name by JSON pointer.
+    pointers: Vec<pointer::Pointer>,
+    /// Textures whose placement changes, by the path of the `textureInfo` that has it. They are no one else's.
+    moving_textures: BTreeMap<String, TextureId>,
 }
 
 fn read(input: &Input) -> Result<Scene, ReadError> {
@@ -97,9 +103,20 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
     let accessors = Accessors::new(&root, Buffers::new(input, &root, binary)?, input.options.limits.elements)?;
     accessors.check()?;
     let textures = Textures::default();
-    let mut reader =
-        Reader { input, root, accessors, textures, scene, default_material: None, variant: None, vertices: 0 };
+    let mut reader = Reader {
+        input,
+        root,
+        accessors,
+        textures,
+        scene,
+        default_material: None,
+        variant: None,
+        vertices: 0,
+        pointers: Vec::new(),
+        moving_textures: BTreeMap::new(),
+    };
     reader.textures = texture::decode_images(&reader)?;
+    reader.pointers = pointer::read_all(&mut reader)?;
     material::read_all(&mut reader)?;
     node::read_scene(&mut reader)?;
     light::add_sky(&mut reader.scene);

@@ -1,5 +1,6 @@
 //! Nodes: the hierarchy of a glTF file as nodes of the scene graph.
 
+use super::animation::Placed;
 use super::json::Json;
 use super::mesh::Primitive;
 use super::{Reader, animation, camera, instancing, light, mesh, morph, skin};
@@ -7,7 +8,7 @@ use crate::ReadError;
 use snell_intersect::TriangleMesh;
 use snell_math::glam::DQuat;
 use snell_math::{DAffine3, DMat3, DVec3};
-use snell_scene::motion::{Deformed, Morph, Placement, Skin, morph_mesh};
+use snell_scene::motion::{Deformed, Morph, Placement, Skin, Switched, morph_mesh};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Surface, WarningKind};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
@@ -183,6 +184,17 @@ struct MeshNodes {
     shown: BTreeSet<usize>,
 }
 
+/// A node of the file that is to be read.
+struct Waiting {
+    node: usize,
+    /// Below which node of the scene.
+    parent: NodeId,
+    /// False if it, or one above it, is never shown.
+    is_visible: bool,
+    /// Those of it and the nodes above it that come and go.
+    switches: Vec<usize>,
+}
+
 /// Reads the scene to be shown into the scene graph.
 pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
     let hierarchy = Hierarchy::read(reader)?;
@@ -190,22 +202,43 @@ pub(super) fn read_scene(reader: &mut Reader) -> Result<(), ReadError> {
     let mut rig = animation::Rig::read(reader, &hierarchy)?;
     let mut meshes = MeshNodes::default();
     let root = reader.scene.root;
-    let mut queue: VecDeque<(usize, NodeId)> = hierarchy.shown_roots(reader)?.into_iter().map(|i| (i, root)).collect();
-    while let Some((i, parent)) = queue.pop_front() {
+    let mut placed = Placed { light_scale, ..Placed::default() };
+    let roots = hierarchy.shown_roots(reader)?.into_iter();
+    let mut queue: VecDeque<Waiting> =
+        roots.map(|node| Waiting { node, parent: root, is_visible: true, switches: Vec::new() }).collect();
+    while let Some(Waiting { node: i, parent, mut is_visible, mut switches }) = queue.pop_front() {
         let node = &hierarchy.nodes[i];
         let transform = hierarchy.local[i].matrix();
         let id = reader.scene.add_child(parent, Node { transform, ..Node::named(node.name()) });
-        queue.extend(hierarchy.children[i].iter().map(|&child| (child, id)));
         rig.carries_node(i, id);
         let (cameras, lights) = (reader.scene.cameras.len(), reader.scene.lights.len());
-        camera::read(reader, node, &hierarchy.world[i])?;
-        light::read(reader, node, &hierarchy.world[i], light_scale)?;
+        if let Some(camera) = camera::read(reader, node, &hierarchy.world[i])? {
+            placed.cameras.push((cameras, camera));
+            rig.carries_cameras(i, cameras..cameras + 1);
+        }
+        // What a node shows is in a node of its own if it comes and goes.
+        let mut content = id;
+        if rig.is_switched(i) {
+            content = reader.scene.add_child(id, Node::default());
+            rig.switches(&[i], Switched::Node(id, content));
+            switches.push(i);
+        } else {
+            is_visible &= animation::is_visible(node)?;
+        }
+        let below = |&child: &usize| Waiting { node: child, parent: content, is_visible, switches: switches.clone() };
+        queue.extend(hierarchy.children[i].iter().map(below));
+        if !is_visible {
+            continue;
+        }
+        if let Some(light) = light::read(reader, node, &hierarchy.world[i], light_scale)? {
+            placed.lights.push((lights, light, hierarchy.world[i]));
+        }
         light::read_ies(reader, node, &hierarchy.world[i], light_scale)?;
-        rig.carries_cameras(i, cameras..reader.scene.cameras.len());
         rig.carries_lights(i, lights..reader.scene.lights.len());
-        read_mesh(reader, &hierarchy, i, id, &mut meshes, &mut rig)?;
+        (lights..reader.scene.lights.len()).for_each(|light| rig.switches(&switches, Switched::Light(light)));
+        read_mesh(reader, &hierarchy, (i, &switches), content, &mut meshes, &mut rig)?;
     }
-    reader.scene.motion = rig.into_motion();
+    rig.finish(reader, &placed)?;
     if hierarchy.nodes.is_empty() {
         read_meshes_without_nodes(reader, &mut meshes)?;
     }
@@ -252,7 +285,7 @@ fn check_unseen(reader: &mut Reader, seen: &BTreeSet<usize>) -> Result<(), ReadE
 fn read_mesh(
     reader: &mut Reader,
     hierarchy: &Hierarchy,
-    i: usize,
+    (i, switches): (usize, &[usize]),
     id: NodeId,
     meshes: &mut MeshNodes,
     rig: &mut animation::Rig,
@@ -266,7 +299,12 @@ fn read_mesh(
         // The skin places the mesh in the world; where the node is does not count (glTF 2.0, section 3.7.3.3).
         let skin = skin::read(reader, &reader.root.entry("skins", &skin)?)?;
         let matrices = skin::joint_matrices(&skin, hierarchy);
-        let shown = reader.scene.add_child(reader.scene.root, Node::named(mesh.name()));
+        let mut parent = reader.scene.root;
+        if !switches.is_empty() {
+            parent = reader.scene.add_child(parent, Node::default());
+        }
+        let shown = reader.scene.add_child(parent, Node::named(mesh.name()));
+        rig.switches(switches, Switched::Node(parent, shown));
         return bent_mesh(reader, mesh, i, shown, &weights, Some((skin, matrices)), rig);
     }
     let shared = if rig.has_weights(i) {

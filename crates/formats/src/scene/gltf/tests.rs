@@ -5,6 +5,7 @@ mod damage;
 mod message;
 mod motion;
 mod numbers;
+mod pointer;
 
 use crate::{ReadError, ReadOptions, read_scene, read_scene_bytes};
 use serde_json::Value;

@@ -123,14 +123,21 @@ pub(super) fn read(reader: &mut Reader, info: &Json, used_for: Use) -> Result<Op
     let texture = &reader.root.entry("textures", &index)?;
     let (uv_set, uv_transform) = placement(reader, info)?;
     let key = (index.size()?, used_for, uv_set, uv_transform.as_flattened().try_into().map_or([0; 6], bits));
-    if let Some(&id) = reader.textures.known.get(&key) {
+    let transform = format!("{}/extensions/KHR_texture_transform", info.path());
+    let is_moving = reader.pointers.iter().any(|pointer| pointer.below(&transform).is_some());
+    let known = if is_moving { reader.moving_textures.get(info.path()) } else { reader.textures.known.get(&key) };
+    if let Some(&id) = known {
         return Ok(Some(id));
     }
     let Some(image) = image(reader, texture, used_for)? else { return Ok(None) };
     let (wrap, filtering) = sampler(reader, texture)?;
     let encoding = if used_for == Use::Color { Encoding::Srgb } else { Encoding::Linear };
     let id = reader.scene.add_texture(Texture { image, encoding, wrap, filtering, uv_set, uv_transform });
-    reader.textures.known.insert(key, id);
+    if is_moving {
+        reader.moving_textures.insert(info.path().to_owned(), id);
+    } else {
+        reader.textures.known.insert(key, id);
+    }
     Ok(Some(id))
 }
 
@@ -189,7 +196,7 @@ fn sampler(reader: &mut Reader, texture: &Json) -> Result<([Wrap; 2], Filtering)
 }
 
 /// Coordinate set and map of the coordinates (`KHR_texture_transform`).
-fn placement(reader: &mut Reader, info: &Json) -> Result<(u32, [[f32; 3]; 2]), ReadError> {
+pub(super) fn placement(reader: &mut Reader, info: &Json) -> Result<(u32, [[f32; 3]; 2]), ReadError> {
     let mut set = info.size_or("texCoord", 0)?;
     let mut map = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     if let Some(transform) = info.extension("KHR_texture_transform")? {

@@ -274,18 +274,15 @@ impl Params {
         Ok(param.numbers().chunks_exact(2).map(|p| Vec2::new(p[0] as f32, p[1] as f32)).collect())
     }
 
-    /// Numbers of vertices.
-    pub fn indices(&self, name: &str, count: usize) -> Result<Vec<u32>, Fault> {
-        let Some(param) = self.typed(name, &[Type::Integer])? else { return Ok(Vec::new()) };
-        let mut indices = Vec::with_capacity(param.numbers().len());
-        for &number in param.numbers() {
-            if number < 0.0 || number >= count as f64 {
-                let problem = format!("vertex {number}, but there are {count} vertices (counted from 0)");
-                return Err(param.fault(problem, "correct the list, or export the file again"));
-            }
-            indices.push(number as u32);
+    /// Numbers of vertices, so many at a time; and how many there are in all, which may not be a multiple of that.
+    pub fn indices<const N: usize>(&self, name: &str, count: usize) -> Result<(Vec<[u32; N]>, usize), Fault> {
+        let Some(param) = self.typed(name, &[Type::Integer])? else { return Ok((Vec::new(), 0)) };
+        let numbers = param.numbers();
+        if let Some(number) = numbers.iter().find(|number| !(**number >= 0.0 && **number < count as f64)) {
+            let problem = format!("vertex {number}, but there are {count} vertices (counted from 0)");
+            return Err(param.fault(problem, "correct the list, or export the file again"));
         }
-        Ok(indices)
+        Ok((numbers.as_chunks::<N>().0.iter().map(|face| face.map(|number| number as u32)).collect(), numbers.len()))
     }
 }
 

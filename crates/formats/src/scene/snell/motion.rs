@@ -9,7 +9,7 @@ use snell_math::{DVec3, Vec3};
 use snell_scene::graph::NodeId;
 use snell_scene::motion::{
     AnimatedTransform, Channel, Clip, Curve, Deformed, InfluenceSet, Interpolation, Joint, Morph, MorphTarget, Motion,
-    Placement, Skin, Track,
+    Owner, ParameterTrack, Placement, Skin, Switch, Switched, Track,
 };
 use snell_scene::{Geometry, Node};
 use std::collections::HashMap;
@@ -33,6 +33,15 @@ pub struct MotionForm {
     /// Light, joint.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     lights: Vec<(usize, u32)>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    switches: Vec<SwitchForm>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SwitchForm {
+    joints: Vec<u32>,
+    what: Switched,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -45,6 +54,8 @@ struct JointForm {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     node: Option<NodeId>,
     rest: PlacementForm,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    hidden: bool,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -60,6 +71,16 @@ struct ClipForm {
     #[serde(default, skip_serializing_if = "String::is_empty")]
     name: String,
     channels: Vec<ChannelForm>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    parameters: Vec<ParameterForm>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ParameterForm {
+    owner: Owner,
+    path: String,
+    curve: CurveForm,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -77,6 +98,7 @@ enum TrackForm {
     Scale(CurveForm),
     Weights(CurveForm),
     Transform(Vec<(f64, Rows)>),
+    Visible(CurveForm),
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -173,6 +195,7 @@ impl MotionForm {
             deformed,
             cameras: motion.cameras.clone(),
             lights: motion.lights.clone(),
+            switches: motion.switches.iter().map(|s| SwitchForm { joints: s.joints.clone(), what: s.what }).collect(),
         }
     }
 
@@ -209,7 +232,7 @@ impl MotionForm {
         }
         let mut clips = Vec::with_capacity(self.clips.len());
         for (i, clip) in self.clips.into_iter().enumerate() {
-            let clip = clip.clip(count).map_err(|(k, flaw)| (format!("/clips/{i}/channels/{k}"), flaw))?;
+            let clip = clip.clip(count).map_err(|(place, flaw)| (format!("/clips/{i}{place}"), flaw))?;
             clips.push(clip);
         }
         let mut skins = Vec::with_capacity(self.skins.len());
@@ -228,7 +251,12 @@ impl MotionForm {
                 is_there("joint", joint as usize, count).map_err(|flaw| (place(), flaw))?;
             }
         }
-        Ok(Motion { joints, clips, deformed, cameras: self.cameras, lights: self.lights })
+        let mut switches = Vec::with_capacity(self.switches.len());
+        for (i, form) in self.switches.into_iter().enumerate() {
+            let made = form.switch(nodes.len(), lights, count);
+            switches.push(made.map_err(|flaw| (format!("/switches/{i}"), flaw))?);
+        }
+        Ok(Motion { joints, clips, deformed, cameras: self.cameras, lights: self.lights, switches })
     }
 }
 
@@ -247,7 +275,7 @@ impl JointForm {
             },
             Placement::Matrix(map) => PlacementForm::Matrix(rows(map)),
         };
-        Self { name: joint.name.clone(), parent: joint.parent, node: joint.node, rest }
+        Self { name: joint.name.clone(), parent: joint.parent, node: joint.node, rest, hidden: joint.hidden }
     }
 
     fn joint(self, number: usize, nodes: usize) -> Result<Joint, String> {
@@ -263,25 +291,48 @@ impl JointForm {
             },
             PlacementForm::Matrix(map) => Placement::Matrix(affine(&map)),
         };
-        Ok(Joint { name: self.name, parent: self.parent, rest, node: self.node })
+        Ok(Joint { name: self.name, parent: self.parent, rest, node: self.node, hidden: self.hidden })
+    }
+}
+
+impl SwitchForm {
+    fn switch(self, nodes: usize, lights: usize, joints: usize) -> Result<Switch, String> {
+        self.joints.iter().try_for_each(|&joint| is_there("joint", joint as usize, joints))?;
+        match self.what {
+            Switched::Light(light) => is_there("light", light, lights)?,
+            Switched::Node(parent, node) => {
+                is_there("node", parent.index(), nodes)?;
+                is_there("node", node.index(), nodes)?;
+            }
+        }
+        Ok(Switch { joints: self.joints, what: self.what })
     }
 }
 
 impl ClipForm {
     fn of(clip: &Clip) -> Self {
         let channels = clip.channels.iter().map(|c| ChannelForm { joint: c.joint, track: TrackForm::of(&c.track) });
-        Self { name: clip.name.clone(), channels: channels.collect() }
+        let parameters = clip.parameters.iter().map(|p| ParameterForm {
+            owner: p.owner,
+            path: p.path.clone(),
+            curve: CurveForm::of(&p.curve),
+        });
+        Self { name: clip.name.clone(), channels: channels.collect(), parameters: parameters.collect() }
     }
 
-    /// The error has the number of the channel.
-    fn clip(self, joints: usize) -> Result<Clip, (usize, String)> {
+    fn clip(self, joints: usize) -> Result<Clip, Flaw> {
         let mut channels = Vec::with_capacity(self.channels.len());
         for (i, channel) in self.channels.into_iter().enumerate() {
-            is_there("joint", channel.joint as usize, joints).map_err(|flaw| (i, flaw))?;
-            let track = channel.track.track().map_err(|flaw| (i, flaw))?;
-            channels.push(Channel { joint: channel.joint, track });
+            let place = |flaw| (format!("/channels/{i}"), flaw);
+            is_there("joint", channel.joint as usize, joints).map_err(place)?;
+            channels.push(Channel { joint: channel.joint, track: channel.track.track().map_err(place)? });
         }
-        Ok(Clip { name: self.name, channels })
+        let mut parameters = Vec::with_capacity(self.parameters.len());
+        for (i, form) in self.parameters.into_iter().enumerate() {
+            let curve = form.curve.curve(None).map_err(|flaw| (format!("/parameters/{i}"), flaw))?;
+            parameters.push(ParameterTrack { owner: form.owner, path: form.path, curve });
+        }
+        Ok(Clip { name: self.name, channels, parameters })
     }
 }
 
@@ -293,6 +344,7 @@ impl TrackForm {
             Track::Scale(curve) => Self::Scale(CurveForm::of(curve)),
             Track::Weights(curve) => Self::Weights(CurveForm::of(curve)),
             Track::Transform(map) => Self::Transform(map.keys().map(|(time, map)| (time, rows(&map))).collect()),
+            Track::Visible(curve) => Self::Visible(CurveForm::of(curve)),
         }
     }
 
@@ -306,6 +358,7 @@ impl TrackForm {
                 let keys = keys.iter().map(|(time, map)| (*time, affine(map)));
                 Track::Transform(AnimatedTransform::new(keys))
             }
+            Self::Visible(form) => Track::Visible(form.curve(Some(1))?),
         })
     }
 }

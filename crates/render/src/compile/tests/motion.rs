@@ -31,6 +31,7 @@ fn three() -> Scene {
         clips: vec![Clip {
             name: "all".into(),
             channels: (0..).zip(tracks).map(|(joint, track)| Channel { joint, track }).collect(),
+            parameters: Vec::new(),
         }],
         deformed: vec![Deformed {
             node: bent,
@@ -45,6 +46,7 @@ fn three() -> Scene {
         }],
         cameras: vec![(0, 2)],
         lights: Vec::new(),
+        switches: Vec::new(),
     }));
     scene.environment = Some(Environment::Constant(Rgb::new(0.4, 0.5, 0.6)));
     scene.cameras.push(Camera::look_at(Vec3::new(0.0, -1.0, 9.0), Vec3::ZERO, Vec3::Y, 0.5));

@@ -13,19 +13,18 @@ use std::f32::consts::TAU;
 impl Builder<'_> {
     pub(super) fn loop_subdivision(&mut self, params: &Params) -> Result<Made, Fault> {
         let positions = self.points(params)?;
-        let indices = params.indices("indices", positions.len())?;
-        if indices.is_empty() || indices.len() % 3 != 0 {
-            let problem = format!("{} indices, which is not a positive multiple of three", indices.len());
+        let (triangles, number) = params.indices::<3>("indices", positions.len())?;
+        if number == 0 || number % 3 != 0 {
+            let problem = format!("{number} indices, which is not a positive multiple of three");
             return Err(params.fault(problem, "give three for each triangle"));
         }
         let name = if params.has("nlevels") { "nlevels" } else { "levels" };
         let levels = self.count_param(params, name, 3, [0, 12])?;
         params.get("scheme");
         self.note_common(params);
-        if !self.may_make(params, (indices.len() / 3).saturating_mul(1 << (2 * levels))) {
+        if !self.may_make(params, triangles.len().saturating_mul(1 << (2 * levels))) {
             return Ok(Made::Nothing);
         }
-        let triangles = indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
         let mut control = Control { positions, triangles };
         // A triangle with a repeated vertex has no neighbours that make sense.
         control.triangles.retain(|[a, b, c]| a != b && b != c && c != a);

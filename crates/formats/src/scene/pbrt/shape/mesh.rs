@@ -12,15 +12,15 @@ impl Builder<'_> {
     pub(super) fn triangle_mesh(&mut self, params: &Params) -> Result<Made, Fault> {
         let positions = self.points(params)?;
         let count = positions.len();
-        let mut indices = params.indices("indices", count)?;
-        if indices.is_empty() {
+        let (mut indices, number) = params.indices::<3>("indices", count)?;
+        if number == 0 {
             if count != 3 {
                 return Err(params.fault("there are no indices", "give three for each triangle in \"integer indices\""));
             }
-            indices = vec![0, 1, 2];
+            indices = vec![[0, 1, 2]];
         }
-        if indices.len() % 3 != 0 {
-            let problem = format!("{} indices, which is not a multiple of three", indices.len());
+        if number % 3 != 0 {
+            let problem = format!("{number} indices, which is not a multiple of three");
             return Err(params.fault(problem, "give three for each triangle"));
         }
         let normals = params.directions("N")?;
@@ -30,7 +30,6 @@ impl Builder<'_> {
         check_length(params, "N", normals.len(), count)?;
         check_length(params, "uv", uvs.len(), count)?;
         self.note_common(params);
-        let indices = indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
         let mesh = TriangleMesh { positions, indices, normals, uvs: [uvs, Vec::new()], ..TriangleMesh::default() };
         Ok(self.finish_mesh(mesh))
     }

@@ -16,15 +16,15 @@ impl Builder<'_> {
     pub(super) fn bilinear_mesh(&mut self, params: &Params) -> Result<Made, Fault> {
         let points = self.points(params)?;
         let count = points.len();
-        let mut indices = params.indices("indices", count)?;
-        if indices.is_empty() {
+        let (mut indices, number) = params.indices::<4>("indices", count)?;
+        if number == 0 {
             if count != 4 {
                 return Err(params.fault("there are no indices", "give four for each patch in \"integer indices\""));
             }
-            indices = vec![0, 1, 2, 3];
+            indices = vec![[0, 1, 2, 3]];
         }
-        if indices.len() % 4 != 0 {
-            let problem = format!("{} indices, which is not a multiple of four", indices.len());
+        if number % 4 != 0 {
+            let problem = format!("{number} indices, which is not a multiple of four");
             return Err(params.fault(problem, "give four for each patch"));
         }
         let (normals, uvs) = (params.directions("N")?, self.uv_param(params)?);
@@ -36,8 +36,8 @@ impl Builder<'_> {
         }
         self.note_common(params);
         let mut mesh = TriangleMesh::default();
-        for patch in indices.chunks_exact(4) {
-            let corners = [patch[0], patch[1], patch[2], patch[3]].map(|i| i as usize);
+        for patch in &indices {
+            let corners = patch.map(|i| i as usize);
             let p = corners.map(|i| points[i]);
             let n = (!normals.is_empty()).then(|| corners.map(|i| normals[i]));
             let uv = if uvs.is_empty() { [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE] } else { corners.map(|i| uvs[i]) };
@@ -46,7 +46,7 @@ impl Builder<'_> {
         }
         if normals.is_empty() {
             // Those of flat patches are what they are; where some are bent, all bent ones get smooth normals of their own.
-            let bent = mesh.indices.len() > indices.len() / 2;
+            let bent = mesh.indices.len() > indices.len() * 2;
             if bent {
                 mesh.normals = mesh.computed_normals();
             }

@@ -1,0 +1,55 @@
+//! Parameters that change over time: colours, strengths, angles of view.
+
+use super::Curve;
+use crate::{Scene, overrides};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// What has parameters, by its position in the scene's table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Owner {
+    /// A material.
+    Material(usize),
+    /// A texture.
+    Texture(usize),
+    /// A light.
+    Light(usize),
+    /// A camera.
+    Camera(usize),
+}
+
+/// A parameter over time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterTrack {
+    /// Whose it is.
+    pub owner: Owner,
+    /// Its path, as in [`overrides`]: `base_color.factor`, `projection.tan_half_fov.1`.
+    pub path: String,
+    /// Its numbers: one, three of a colour, six of the map of a texture's coordinates.
+    pub curve: Curve,
+}
+
+impl ParameterTrack {
+    /// Puts a parameter of the scene to these numbers. What does not fit the parameter stays as it is: a file may say anything.
+    pub(super) fn set(&self, scene: &mut Scene, numbers: &[f64]) {
+        let number = |x: f64| serde_json::Number::from_f64(x).map_or(Value::Null, Value::Number);
+        let value = match numbers {
+            [one] => number(*one),
+            many => Value::Array(many.iter().map(|x| number(*x)).collect()),
+        };
+        let _ = match self.owner {
+            Owner::Texture(i) => {
+                if let (Some(texture), "uv_transform", &[a, b, c, d, e, f]) =
+                    (scene.textures.get_mut(i), self.path.as_str(), numbers)
+                {
+                    texture.uv_transform = [[a, b, c], [d, e, f]].map(|row| row.map(|x| x as f32));
+                }
+                Ok(())
+            }
+            Owner::Material(i) => overrides::set_material(scene, i, &self.path, value),
+            Owner::Light(i) => overrides::set_light(scene, i, &self.path, value),
+            Owner::Camera(i) => overrides::set_camera(scene, i, &self.path, value),
+        };
+    }
+}
