@@ -162,8 +162,7 @@ def render_iter(
     """Renders a scene and yields the picture whenever it has four times the samples: 1, 4, 16 and so on per pixel. The last picture is that of
     :func:`render`.
 
-    Each picture is whole, and nothing is rendered twice. (But with `noise`, where pixels stop one by one: three pictures of 1, 4 and 16 samples come first,
-    and then the one that was asked for.)
+    Each picture is whole, and nothing is rendered twice. With `noise`, pixels that have stopped stay as they are.
 
     Parameters
     ----------
@@ -203,10 +202,9 @@ def _refine(
     is_last, samples = False, 1
     while not is_last:
         left = None if time is None else max(time - (clock.perf_counter() - start), 1e-3)
-        is_last = samples >= work.samples or (work.is_adaptive and samples > 16)
         with reporter(progress) as report:
-            image = work.render(None if is_last else samples, left, report)
-        is_last |= not image.metadata["is_complete"]
+            image = work.render(samples, left, report)
+        is_last = work.is_done or not image.metadata["is_complete"]
         if samples == 1:
             _warn(image)
         if show is not None:

@@ -10,11 +10,14 @@ use snell_math::{DRay, DVec3};
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Rays of a piece at least: they and their hits stay in the caches of a core.
-const MIN_PIECE: usize = 2048;
+/// Rays of a piece at least: fewer are not worth handing to another thread.
+const MIN_PIECE: usize = 512;
 
-/// Rays of a piece at most: the world sorts them where that pays, and they take some 50 milliseconds in the largest worlds.
-const MAX_PIECE: usize = 32768;
+/// Rays of a piece at most: they and their hits stay in the caches of a core.
+const MAX_PIECE: usize = 2048;
+
+/// The same in large worlds: there the world sorts them, which pays, and they take some 50 milliseconds in the largest.
+const MAX_PIECE_OF_LARGE_WORLD: usize = 32768;
 
 /// Pieces per thread of a long list, so that all threads end at about the same time.
 const PIECES_PER_THREAD: usize = 8;
@@ -56,7 +59,7 @@ impl<P: Precision> Scratch<P> {
 
 /// Rays of a piece, of so many that so many threads share.
 pub fn piece_size(rays: usize, threads: usize, world: &BuildStats) -> usize {
-    let most = if world.memory_bytes >= LARGE_WORLD { MAX_PIECE } else { MIN_PIECE };
+    let most = if world.memory_bytes >= LARGE_WORLD { MAX_PIECE_OF_LARGE_WORLD } else { MAX_PIECE };
     (rays / (threads * PIECES_PER_THREAD)).clamp(MIN_PIECE, most).next_multiple_of(64)
 }
 

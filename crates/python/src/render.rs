@@ -11,7 +11,7 @@ use pyo3::types::{PyBool, PyDict};
 use snell_formats::image::cryptomatte;
 use snell_oidn::DenoiseError;
 use snell_render::layers::{Coverage, name_groups};
-use snell_render::{Aov, Film, Guiding, Job, Progress, Settings, Statistics};
+use snell_render::{Aov, Film, Guiding, Job, Progress, Settings, Underway};
 use snell_scene::{Camera, LayeredImage};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -30,8 +30,9 @@ struct Plan {
 
 /// What a render has so far.
 struct Begun {
-    film: Film,
-    statistics: Statistics,
+    underway: Underway,
+    /// True if no pixel goes on.
+    is_done: bool,
     seconds: f64,
 }
 
@@ -101,10 +102,11 @@ impl _Render {
         self.plan.request.settings.spp
     }
 
-    /// Whether pixels stop by their error.
+    /// Whether all of it is rendered.
     #[getter]
-    fn is_adaptive(&self) -> bool {
-        self.plan.request.settings.noise.is_some()
+    fn is_done(&self) -> bool {
+        let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner);
+        begun.as_ref().is_some_and(|begun| begun.is_done)
     }
 
     /// Goes on until every pixel has so many samples (all if left out), or for so many seconds. `report` is called with the share that is done and the
@@ -170,33 +172,22 @@ impl Plan {
             !is_late && watch.cancel.check().is_ok()
         };
         let threads = self.threads.count();
-        let before = begun.filter(|_| goal.samples.is_some() || settings.noise.is_none());
-        let (film, statistics, mut seconds) = match (goal.samples, before) {
-            (None, None) => {
-                let (film, statistics) = job.run(threads, &keep_going);
-                (film, statistics, 0.0)
-            }
-            (samples, before) => {
-                let (film, known, seconds) = before.map_or_else(
-                    || (job.empty_film(), Statistics::default(), 0.0),
-                    |b| (b.film, b.statistics, b.seconds),
-                );
-                let (film, mut statistics) = job.extend(film, samples.unwrap_or(settings.spp), threads, &keep_going);
-                statistics.rays += known.rays;
-                statistics.samples += known.samples;
-                statistics.invalid_samples += known.invalid_samples;
-                (film, statistics, seconds)
-            }
+        let (mut underway, mut seconds) = match begun {
+            Some(begun) => (begun.underway, begun.seconds),
+            None => (job.begin(threads, &keep_going), 0.0),
         };
-        let mut picture = snell_render::picture(&film, settings, compiled);
-        name_groups(&mut picture, &film, &settings.light_groups);
-        self.add_cryptomatte(&mut picture, &film);
+        let until = goal.samples.unwrap_or(settings.spp);
+        let is_done = !job.go_on(&mut underway, until, threads, &keep_going);
+        let film = &underway.film;
+        let mut picture = snell_render::picture(film, settings, compiled);
+        name_groups(&mut picture, film, &settings.light_groups);
+        self.add_cryptomatte(&mut picture, film);
         if let Some(denoiser) = denoiser {
             denoiser.denoise_picture(&mut picture, threads)?;
         }
-        let variance = variance(&film, picture.layers[0].channels.len());
+        let variance = variance(film, picture.layers[0].channels.len());
         seconds += start.elapsed().as_secs_f64();
-        Ok(Rendered { begun: Begun { film, statistics, seconds }, picture, variance })
+        Ok(Rendered { begun: Begun { underway, is_done, seconds }, picture, variance })
     }
 
     /// Adds the layers and the metadata of Cryptomatte.
@@ -234,7 +225,8 @@ fn share(progress: &Progress, elapsed: Duration, limit: Option<Duration>) -> f64
 
 /// What a picture knows of how it was made.
 fn facts(py: Python<'_>, plan: &Plan, begun: &Begun) -> PyResult<Py<PyDict>> {
-    let (settings, Begun { film, statistics, seconds }): (&Settings, _) = (&plan.request.settings, begun);
+    let (settings, Begun { underway: Underway { film, statistics, .. }, seconds, .. }): (&Settings, _) =
+        (&plan.request.settings, begun);
     let facts = PyDict::new(py);
     facts.set_item("scene", &plan.prepared.scene.name)?;
     facts.set_item("integrator", settings.integrator.name())?;

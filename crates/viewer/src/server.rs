@@ -5,7 +5,7 @@ use crate::protocol::{ToPage, ToServer};
 use crate::security::Guard;
 use crate::session::{Frame, Session, lock};
 use crate::worker::Worker;
-use crate::{Source, Which, page, pick};
+use crate::{Source, Which, pace, page, pick};
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
@@ -339,8 +339,12 @@ impl Connection {
             Err(error) => return send(socket, &ToPage::Error { message: format!("not understood: {error}") }).await,
         };
         match message {
-            ToServer::Ack { .. } => {
+            ToServer::Ack { frame } => {
                 self.underway = self.underway.saturating_sub(1);
+                // Nobody has seen what was never sent.
+                if self.newest.is_some_and(|newest| !pace::is_before(newest, frame)) {
+                    session.pace.show(frame);
+                }
                 true
             }
             ToServer::Pick { id, pixel } => {

@@ -5,6 +5,7 @@
 
 use crate::describe::scene_info;
 use crate::explain::{self, Question, Report, Structure, Subject};
+use crate::pace::Pace;
 use crate::protocol::{Choices, SceneChoice, SceneInfo, ToPage, ToServer, ViewInfo};
 use crate::{Opened, Source, Which};
 use crate::{cost, thumbnail};
@@ -111,6 +112,8 @@ pub struct Session {
     clients: AtomicU32,
     /// The newest picture.
     pub frames: watch::Sender<Option<Arc<Frame>>>,
+    /// Which of them pages have shown.
+    pub pace: Pace,
     /// Everything else that all pages are told.
     pub events: broadcast::Sender<ToPage>,
     /// The newest compiled scene.
@@ -139,6 +142,7 @@ impl Session {
             version: AtomicU64::new(1),
             clients: AtomicU32::new(0),
             frames: watch::Sender::new(None),
+            pace: Pace::default(),
             events: broadcast::Sender::new(256),
             compiled: Mutex::new(None),
             finished: Mutex::new(None),

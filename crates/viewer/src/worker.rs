@@ -7,17 +7,22 @@ use crate::protocol::{FrameHeader, ToPage};
 use crate::session::{Finished, REST, Session, Snapshot, lock};
 use crate::temporal::{self, History};
 use snell_math::Rgb;
-use snell_render::{CompiledScene, Film, IntegratorKind, Job, Settings, picture};
+use snell_render::{CompiledScene, Film, IntegratorKind, Job, Settings, Underway, picture};
 use snell_scene::Scene;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Samples of the quick picture where the whole has no steps.
+/// Samples of the quick picture that is shown while paths learn.
 const QUICK: u32 = 16;
 
 /// Pictures at rest are sent at most this often.
 const REST_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Moving pictures that nobody sees yet when the next one is begun: one on its way and one that is encoded.
+const UNSEEN: u32 = 2;
+/// How long the next one waits for a page that is slower.
+const PATIENCE: Duration = Duration::from_millis(100);
 
 /// Renders for a session until it ends.
 pub struct Worker<'a> {
@@ -27,6 +32,8 @@ pub struct Worker<'a> {
     compiled: Option<Compiled>,
     encoder: Encoder,
     frame: u32,
+    /// The last picture, if it was of something that moves.
+    moving: Option<u32>,
     /// In the place of indirect light while something moves; none for a scene that is not known yet.
     fill: Option<Rgb>,
     /// The last moving picture, and the version of what it shows.
@@ -47,7 +54,9 @@ struct Compiled {
 
 struct Refinement {
     version: u64,
-    film: Film,
+    underway: Underway,
+    /// True for the picture that is shown while paths learn.
+    is_quick: bool,
     spent: Duration,
     sent: Option<Instant>,
     is_complete: bool,
@@ -69,6 +78,7 @@ impl<'a> Worker<'a> {
             compiled: None,
             encoder,
             frame: 0,
+            moving: None,
             fill: None,
             last_preview: None,
             history: None,
@@ -82,7 +92,7 @@ impl<'a> Worker<'a> {
         let _ = catch_unwind(AssertUnwindSafe(|| self.compile(&self.session.now())));
         let mut seen = 0;
         let mut due = None;
-        while let Some(snapshot) = self.session.wait(seen, due) {
+        while let Some(snapshot) = self.next(seen, due) {
             let is_new = snapshot.version != seen;
             seen = snapshot.version;
             let outcome = catch_unwind(AssertUnwindSafe(|| self.step(&snapshot, is_new)));
@@ -102,14 +112,24 @@ impl<'a> Worker<'a> {
         }
     }
 
+    /// What is to be rendered next, when it is time.
+    fn next(&self, seen: u64, due: Option<Instant>) -> Option<Snapshot> {
+        if let Some(last) = self.moving {
+            self.session.pace.wait_for(last.wrapping_sub(UNSEEN), PATIENCE);
+        }
+        self.session.wait(seen, due)
+    }
+
     /// One frame while moving, or one step of refinement. Gives when to go on if nothing changes.
     fn step(&mut self, snapshot: &Snapshot, is_new: bool) -> Result<Option<Instant>, String> {
         let compiled = self.compile(snapshot)?;
         if is_new {
             self.refinement = None;
             self.preview(snapshot, &compiled)?;
+            self.moving = Some(self.frame);
             return Ok(Some(snapshot.moved + REST));
         }
+        self.moving = None;
         Ok(self.refine(snapshot, &compiled)?.then(Instant::now))
     }
 
@@ -140,7 +160,8 @@ impl<'a> Worker<'a> {
     fn preview(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) -> Result<(), String> {
         let start = Instant::now();
         let size = self.budget.size(snapshot.settings.size);
-        let threads = self.threads;
+        // One is left to what encodes and shows the picture before; it makes the next one late otherwise.
+        let threads = (self.threads - 1).max(1);
         let guess = || preview::first_fill(&snapshot.settings, &snapshot.camera, compiled, threads);
         let fill = *self.fill.get_or_insert_with(guess);
         let mut preview = Preview::new(&snapshot.settings, compiled, size, fill);
@@ -150,13 +171,12 @@ impl<'a> Worker<'a> {
             let before = history.filter(|(of, _)| *of == what);
             preview = preview.at_phase(temporal::phase(self.frame));
             let before = before.as_ref().map(|(_, history)| history);
-            let next =
-                preview.follow(before, &snapshot.camera, compiled, self.threads).ok_or("a fault in the renderer")?;
+            let next = preview.follow(before, &snapshot.camera, compiled, threads).ok_or("a fault in the renderer")?;
             let shown = (next.size(), next.rgb().to_vec());
             self.history = Some((what, next));
             shown
         } else {
-            (size, preview.render(&snapshot.camera, compiled, self.threads))
+            (size, preview.render(&snapshot.camera, compiled, threads))
         };
         let has_fill = preview.has_fill && snapshot.settings.integrator == IntegratorKind::Path;
         self.last_preview = has_fill.then(|| (snapshot.version, rgb.clone()));
@@ -170,61 +190,75 @@ impl<'a> Worker<'a> {
     /// One step of the picture at rest; true if there is more to do.
     fn refine(&mut self, snapshot: &Snapshot, compiled: &Arc<CompiledScene>) -> Result<bool, String> {
         let (settings, version) = (&snapshot.settings, snapshot.version);
-        // Where pixels stop by their error, or paths learn first, there are no steps: a quick picture first, then the whole.
-        let in_steps = settings.noise.is_none() && settings.guiding.is_none();
-        let plain = Settings { noise: None, guiding: None, ..settings.clone() };
-        let job = Job::new(compiled, &snapshot.camera, &plain);
-        let fresh =
-            || Refinement { version, film: job.empty_film(), spent: Duration::ZERO, sent: None, is_complete: false };
-        let mut refinement = self.refinement.take().filter(|r| r.version == version).unwrap_or_else(fresh);
-        let samples = refinement.film.least_samples();
-        if samples == 0 {
-            self.session.tell_view();
-        }
+        let (threads, keep_going) = (self.threads, |_: &_| self.session.version() == version);
+        let unguided = Settings { guiding: None, noise: None, ..settings.clone() };
+        let quick = Job::new(compiled, &snapshot.camera, &unguided);
+        let whole = Job::new(compiled, &snapshot.camera, settings);
+        let start = Instant::now();
+        let mut refinement = match self.refinement.take().filter(|r| r.version == version) {
+            Some(known) if known.is_quick && known.underway.samples() >= QUICK.min(settings.spp) => {
+                self.session.tell(ToPage::Busy { message: "learning where light comes from".into() });
+                let underway = whole.begin(threads, &keep_going);
+                self.session.tell(ToPage::Busy { message: String::new() });
+                Refinement { underway, is_quick: false, ..known }
+            }
+            Some(known) => known,
+            None => {
+                self.session.tell_view();
+                let is_quick = settings.guiding.is_some();
+                let underway = if is_quick { &quick } else { &whole }.begin(threads, &keep_going);
+                Refinement { version, underway, is_quick, spent: Duration::ZERO, sent: None, is_complete: false }
+            }
+        };
         if refinement.is_complete {
             self.refinement = Some(refinement);
             return Ok(false);
         }
-        let start = Instant::now();
-        let until = next_pass(samples);
-        let keep_going = |_: &_| self.session.version() == version;
-        let (film, is_last) = if in_steps || samples < QUICK {
-            let film = job.extend(refinement.film, until, self.threads, &keep_going).0;
-            let is_last = in_steps && film.least_samples() >= settings.spp;
-            (film, is_last)
-        } else {
-            self.session.tell(ToPage::Busy { message: "rendering to the error that was asked for".into() });
-            let film = Job::new(compiled, &snapshot.camera, settings).run(self.threads, &keep_going).0;
-            self.session.tell(ToPage::Busy { message: String::new() });
-            (film, true)
-        };
+        let job = if refinement.is_quick { &quick } else { &whole };
+        let until = next_pass(refinement.underway.samples());
+        let has_more = job.go_on(&mut refinement.underway, until, threads, &keep_going) || refinement.is_quick;
         refinement.spent += start.elapsed();
         if self.session.version() != version {
             return Ok(false);
         }
-        refinement.is_complete = is_last;
-        let samples = film.mean_samples() as u32;
-        if is_last || refinement.sent.is_none_or(|sent| sent.elapsed() >= REST_INTERVAL) {
-            let image = picture(&film, settings, compiled);
-            let rgb = rgb_of(&image);
-            if let Some((_, preview)) = self.last_preview.take_if(|(of, _)| *of == version && samples >= 4) {
-                self.fill = Some(preview::fill(&rgb, &preview, self.fill.unwrap_or(Rgb::BLACK)));
-            }
-            let noise = if samples >= 4 { noise_of(&film, &rgb) } else { f32::NAN };
-            let header = FrameHeader {
-                kind: 1,
-                samples,
-                wanted: if is_last { samples } else { settings.spp.max(samples + 1) },
-                noise,
-                ..self.header(snapshot, settings.size, refinement.spent)
-            };
-            self.encoder.send(Picture { header, rgb, display: None })?;
+        refinement.is_complete = !has_more;
+        // Until then the quick one is better.
+        let is_worse = settings.guiding.is_some() && !refinement.is_quick && refinement.underway.samples() < QUICK;
+        let is_due = !is_worse && refinement.sent.is_none_or(|sent| sent.elapsed() >= REST_INTERVAL);
+        if !has_more || is_due {
+            self.publish(snapshot, compiled, &refinement)?;
             refinement.sent = Some(Instant::now());
-            let (name, picture) = (snapshot.scene.name.clone(), Arc::new(image));
-            *lock(&self.session.finished) = Some(Finished { name, picture });
         }
-        self.refinement = Some(Refinement { film, ..refinement });
-        Ok(!is_last)
+        self.refinement = Some(refinement);
+        Ok(has_more)
+    }
+
+    /// Shows the picture at rest as it is now.
+    fn publish(
+        &mut self,
+        snapshot: &Snapshot,
+        compiled: &CompiledScene,
+        refinement: &Refinement,
+    ) -> Result<(), String> {
+        let Refinement { version, underway: Underway { film, .. }, is_complete, spent, .. } = refinement;
+        let settings = &snapshot.settings;
+        let samples = film.mean_samples() as u32;
+        let image = picture(film, settings, compiled);
+        let rgb = rgb_of(&image);
+        if let Some((_, preview)) = self.last_preview.take_if(|(of, _)| of == version && samples >= 4) {
+            self.fill = Some(preview::fill(&rgb, &preview, self.fill.unwrap_or(Rgb::BLACK)));
+        }
+        let header = FrameHeader {
+            kind: 1,
+            samples,
+            wanted: if *is_complete { samples } else { settings.spp.max(samples + 1) },
+            noise: if samples >= 4 { noise_of(film, &rgb) } else { f32::NAN },
+            ..self.header(snapshot, settings.size, *spent)
+        };
+        self.encoder.send(Picture { header, rgb, display: None })?;
+        let (name, picture) = (snapshot.scene.name.clone(), Arc::new(image));
+        *lock(&self.session.finished) = Some(Finished { name, picture });
+        Ok(())
     }
 
     fn header(&mut self, snapshot: &Snapshot, size: [u32; 2], spent: Duration) -> FrameHeader {

@@ -182,6 +182,10 @@ impl Source for Files {
                 let missing = || Failure::Scene(format!("{name}: there is no such built-in scene"));
                 (name.clone(), scene.ok_or_else(missing))
             }
+            Which::Dropped { name, .. } if crate::usd::is_usd(Path::new(&name)) => {
+                let problem = "USD stages are read where they are, with the files they name";
+                return Err(format!("{name}: {problem}; open it with `snell view {name}`"));
+            }
             Which::Dropped { name, bytes } => {
                 // In a folder that does not exist, so that a dropped file can name no file of this machine.
                 let nowhere = Path::new("/nonexistent/dropped");

@@ -292,17 +292,6 @@ pub fn light_pdf_of_hit(context: &Context, vertex: &Vertex, surface: &SurfaceVer
     pdf * context.lights.probability(receiver, light, (part, area.part_probability(part)))
 }
 
-/// Density per steradian with which light samples give a direction to the environment.
-pub fn light_pdf_of_environment(context: &Context, vertex: &Vertex) -> f32 {
-    let scene = context.scene;
-    let Some(sky) = &scene.environment else { return 0.0 };
-    let pdf = match context.settings.light_strategy {
-        LightStrategy::Mis => sky.pdf_compensated(vertex.ray.direction),
-        LightStrategy::Light | LightStrategy::Bsdf => sky.pdf(vertex.ray.direction),
-    };
-    environment_choice(context, vertex, pdf)
-}
-
 /// Density of a direction to the environment, times the probability with which that was chosen.
 pub fn environment_choice(context: &Context, vertex: &Vertex, pdf: f32) -> f32 {
     match context.scene.environment_light() {

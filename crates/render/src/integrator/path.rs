@@ -2,8 +2,7 @@
 //! `direct` is the same with one bounce.
 
 use super::estimators::{
-    Arrival, IncidentLight, background, continued, environment_choice, light_pdf_of_environment, light_pdf_of_hit,
-    sample_light,
+    Arrival, IncidentLight, background, continued, environment_choice, light_pdf_of_hit, sample_light,
 };
 use super::guided::GuidedBsdf;
 use super::light_part::{LightSource, LobeShares};
@@ -88,7 +87,9 @@ pub(crate) fn escaped(context: &Context, vertex: &Vertex) -> (SampledSpectrum, f
         LightStrategy::Mis if !is_sampled => 1.0,
         LightStrategy::Mis => weight_of_bsdf_sample(context, vertex, || environment_choice(context, vertex, pdf)),
         LightStrategy::Bsdf => 1.0,
-        LightStrategy::Light => weight_of_bsdf_sample(context, vertex, || light_pdf_of_environment(context, vertex)),
+        LightStrategy::Light => {
+            weight_of_bsdf_sample(context, vertex, || environment_choice(context, vertex, sky.pdf(direction)))
+        }
     };
     (vertex.state.throughput * radiance * weight, weight)
 }

@@ -10,14 +10,16 @@ mod paths;
 mod photons;
 mod tracer;
 mod training;
+mod underway;
 mod volumes;
 
 pub(crate) use journal::{Event, Journal, Shaded};
 pub use tracer::{Recording, hit_filter};
+pub use underway::Underway;
 
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
-use crate::film::{BLOCK, Film, FilmPart, FilmTile, TILE, noise};
+use crate::film::{BLOCK, Film, FilmPart, FilmTile, TILE};
 use crate::guiding::Field;
 use crate::integrator::Context;
 use crate::light_sampler::LightSampler;
@@ -182,14 +184,9 @@ impl<'a> Job<'a> {
     /// Renders with `threads` threads (at least one) until all samples are taken or `keep_going` says no. `keep_going` is called
     /// often, from any thread, with the progress so far.
     pub fn run(&self, threads: usize, keep_going: &(dyn Fn(&Progress) -> bool + Sync)) -> (Film, Statistics) {
-        let Some(noise) = self.settings.noise else {
-            return self.extend(self.empty_film(), self.settings.spp, threads, keep_going);
-        };
-        let (mut film, tally) = (self.empty_film(), self.trained(threads, keep_going));
-        self.run_until_converged(&mut film, noise, threads, &tally, keep_going);
-        let mut statistics = into_inner(tally.statistics);
-        statistics.is_complete = !tally.stopped.into_inner();
-        (film, statistics)
+        let mut underway = self.begin(threads, keep_going);
+        self.go_on(&mut underway, self.settings.spp, threads, keep_going);
+        (underway.film, underway.statistics)
     }
 
     /// What is rendered.
@@ -218,20 +215,21 @@ impl<'a> Job<'a> {
         threads: usize,
         keep_going: &(dyn Fn(&Progress) -> bool + Sync),
     ) -> (Film, Statistics) {
-        let (film, statistics, _) = self.extend_and_record(film, until, threads, keep_going, false);
-        (film, statistics)
+        let mut underway = self.begin_from(film, threads, keep_going);
+        self.fill(&mut underway, until, threads, keep_going, false);
+        (underway.film, underway.statistics)
     }
 
     /// The rays that [`Self::extend`] traces, batch by batch: 32 bytes a ray. Which batch comes first is not the same each time.
     pub fn record(&self, threads: usize) -> Recording {
-        self.extend_and_record(self.empty_film(), self.settings.spp, threads, &|_| true, true).2
+        self.fill(&mut self.begin(threads, &|_| true), self.settings.spp, threads, &|_| true, true)
     }
 
     /// All samples of one pixel of the whole picture, with what happened to them: block by block, with the bits of [`Self::run`] if no
     /// pixel stops by its error. The film is that of the pixel alone, and empty.
     pub(crate) fn observe(&self, pixel: [u32; 2], threads: usize) -> (Film, Vec<(FilmPart, Journal)>) {
-        let tally = self.trained(threads, &|_| true);
-        let (wants_lobes, field) = (!self.light_parts.is_empty(), tally.field.as_ref());
+        let (trained, _) = self.trained(threads, &|_| true);
+        let (wants_lobes, field) = (!self.light_parts.is_empty(), trained.as_ref());
         let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights, field, wants_lobes };
         let tracer = Tracer::new(self.scene, None);
         let mut renderer =
@@ -246,71 +244,13 @@ impl<'a> Job<'a> {
         (Film::with_mean_weight(area, &self.settings.aovs, self.filter.mean_weight()), parts)
     }
 
-    fn extend_and_record(
-        &self,
-        mut film: Film,
-        until: u32,
-        threads: usize,
-        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
-        record: bool,
-    ) -> (Film, Statistics, Recording) {
-        let until = until.min(self.settings.spp);
-        let ranges = sample_ranges(self.settings.spp, self.settings.progressive);
-        let missing = |tile: &FilmTile| pixels(&tile.area) * u64::from(until.saturating_sub(tile.samples));
-        let tally = Tally { record, ..self.trained(threads, keep_going) };
-        tally.total.store(film.tiles.iter().map(missing).sum(), Ordering::Relaxed);
-        // What the film brings along is not rendered again.
-        let parts = self.parts(&film, |tile| {
-            let cut = |r: &[u32; 2]| [r[0].max(film.tiles[tile].samples), r[1].min(until)];
-            ranges.iter().map(cut).filter(|r| r[0] < r[1]).collect()
-        });
-        let all = vec![None; film.tiles.len()];
-        self.render_parts(&mut film, &all, &parts, 0, threads, &tally, keep_going);
-        let mut statistics = into_inner(tally.statistics);
-        statistics.is_complete = film.tiles.iter().all(|t| t.samples >= until);
-        (film, statistics, into_inner(tally.recording))
-    }
-
     /// Learns where light comes from, if the settings ask for it.
-    fn trained(&self, threads: usize, keep_going: &(dyn Fn(&Progress) -> bool + Sync)) -> Tally {
+    fn trained(&self, threads: usize, keep_going: &(dyn Fn(&Progress) -> bool + Sync)) -> (Option<Field>, Statistics) {
         let mut statistics = Statistics::default();
         let begin = Instant::now();
         let field = self.train(threads, keep_going, &mut statistics);
         statistics.training = if field.is_some() { begin.elapsed() } else { Duration::ZERO };
-        Tally { field, statistics: Mutex::new(statistics), ..Tally::default() }
-    }
-
-    /// Rounds of samples for the pixels whose error is still too large, see [`crate::film::noise`].
-    fn run_until_converged(
-        &self,
-        film: &mut Film,
-        noise: f64,
-        threads: usize,
-        tally: &Tally,
-        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
-    ) {
-        let (spp, floor) = (self.settings.spp, self.settings.noise_floor);
-        let mut samples = 0;
-        let mut active: Vec<Option<Vec<u32>>> = vec![None; film.tiles.len()];
-        while samples < spp && active.iter().any(|pixels| pixels.as_ref().is_none_or(|p| !p.is_empty())) {
-            let end = noise::next_look(samples).min(spp);
-            let count = |film: &Film, tile: usize| {
-                active[tile].as_ref().map_or(pixels(&film.tiles[tile].area), |p| p.len() as u64)
-            };
-            let still: u64 = (0..film.tiles.len()).map(|tile| count(film, tile)).sum();
-            let done = tally.done.load(Ordering::Relaxed);
-            tally.total.store(done + still * u64::from(end - samples), Ordering::Relaxed);
-            let parts = self.parts(film, |tile| round_ranges([samples, end], count(film, tile)));
-            self.render_parts(film, &active, &parts, usize::from(samples > 0), threads, tally, keep_going);
-            if tally.stopped.load(Ordering::Relaxed) {
-                break;
-            }
-            samples = end;
-            active = noise::unconverged(film, &active, noise, floor);
-        }
-        let left: usize = noise::unconverged(film, &active, noise, floor).iter().flatten().map(Vec::len).sum();
-        let all: u64 = film.tiles.iter().map(|t| pixels(&t.area)).sum();
-        lock(&tally.statistics).converged_pixels = all - left as u64;
+        (field, statistics)
     }
 
     /// Parts in the order in which they are rendered: the first range of all tiles, then the second …

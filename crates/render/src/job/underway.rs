@@ -1,0 +1,199 @@
+//! Renders that are made in steps, and whose pixels may stop by their error.
+
+use super::{Job, Progress, Recording, Statistics, Tally, into_inner, pixels, round_ranges, sample_ranges};
+use crate::film::{Film, FilmTile, noise};
+use crate::guiding::Field;
+use std::sync::Mutex;
+use std::sync::atomic::Ordering;
+
+/// A render between two steps: its film, and what it has learnt.
+pub struct Underway {
+    /// All samples so far.
+    pub film: Film,
+    /// What was done for them. It is complete if the last step was not interrupted.
+    pub statistics: Statistics,
+    /// Where light comes from, if paths are guided.
+    field: Option<Field>,
+    /// For each tile the pixels that go on; `None` for all.
+    active: Vec<Option<Vec<u32>>>,
+    /// Samples of the pixels that go on.
+    samples: u32,
+    /// With how many samples they are looked at.
+    look: u32,
+}
+
+impl Underway {
+    pub(super) fn new(film: Film, field: Option<Field>, statistics: Statistics) -> Self {
+        let (active, samples) = (vec![None; film.tiles.len()], film.least_samples());
+        Self { film, statistics, field, active, samples, look: noise::next_look(0) }
+    }
+
+    /// Samples of the pixels that go on.
+    pub fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    /// Whether there are pixels that go on.
+    fn is_active(&self) -> bool {
+        self.active.iter().any(|pixels| pixels.as_ref().is_none_or(|p| !p.is_empty()))
+    }
+
+    /// How many pixels of a tile go on.
+    fn count(&self, tile: usize) -> u64 {
+        self.active[tile].as_ref().map_or_else(|| pixels(&self.film.tiles[tile].area), |p| p.len() as u64)
+    }
+
+    /// Gives what it has to the threads of a step.
+    fn tally(&mut self, record: bool) -> Tally {
+        let statistics = Mutex::new(self.statistics);
+        Tally { field: self.field.take(), statistics, record, ..Tally::default() }
+    }
+
+    fn take_back(&mut self, tally: Tally) -> Recording {
+        (self.field, self.statistics) = (tally.field, into_inner(tally.statistics));
+        into_inner(tally.recording)
+    }
+}
+
+impl Job<'_> {
+    /// Begins a render that is made in steps: learns where light comes from, if the settings ask for it.
+    pub fn begin(&self, threads: usize, keep_going: &(dyn Fn(&Progress) -> bool + Sync)) -> Underway {
+        self.begin_from(self.empty_film(), threads, keep_going)
+    }
+
+    pub(super) fn begin_from(
+        &self,
+        film: Film,
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+    ) -> Underway {
+        let (field, statistics) = self.trained(threads, keep_going);
+        Underway::new(film, field, statistics)
+    }
+
+    /// Goes on until every pixel has `until` samples or stops by its error, or `keep_going` says no. True if there is more to do then.
+    /// In how many steps a picture is made never shows in it.
+    pub fn go_on(
+        &self,
+        underway: &mut Underway,
+        until: u32,
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+    ) -> bool {
+        match self.settings.noise {
+            Some(noise) => self.go_on_by_error(underway, noise, until, threads, keep_going),
+            None => _ = self.fill(underway, until, threads, keep_going, false),
+        }
+        underway.samples < self.settings.spp && underway.is_active()
+    }
+
+    /// Gives every pixel `until` samples, whatever its error.
+    pub(super) fn fill(
+        &self,
+        underway: &mut Underway,
+        until: u32,
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+        record: bool,
+    ) -> Recording {
+        let until = until.min(self.settings.spp);
+        let ranges = sample_ranges(self.settings.spp, self.settings.progressive);
+        let tally = underway.tally(record);
+        let film = &mut underway.film;
+        let missing = |tile: &FilmTile| pixels(&tile.area) * u64::from(until.saturating_sub(tile.samples));
+        tally.total.store(film.tiles.iter().map(missing).sum(), Ordering::Relaxed);
+        // What the film brings along is not rendered again.
+        let parts = self.parts(film, |tile| {
+            let cut = |r: &[u32; 2]| [r[0].max(film.tiles[tile].samples), r[1].min(until)];
+            ranges.iter().map(cut).filter(|r| r[0] < r[1]).collect()
+        });
+        let passes = usize::from(underway.samples > 0);
+        self.render_parts(film, &underway.active, &parts, passes, threads, &tally, keep_going);
+        let recording = underway.take_back(tally);
+        underway.samples = underway.film.least_samples();
+        underway.statistics.is_complete = underway.samples >= until;
+        recording
+    }
+
+    /// Rounds of samples for the pixels whose error is still too large, see [`crate::film::noise`].
+    fn go_on_by_error(
+        &self,
+        underway: &mut Underway,
+        noise: f64,
+        until: u32,
+        threads: usize,
+        keep_going: &(dyn Fn(&Progress) -> bool + Sync),
+    ) {
+        let (until, floor) = (until.min(self.settings.spp), self.settings.noise_floor);
+        let tally = underway.tally(false);
+        while underway.samples < until && underway.is_active() {
+            let [start, end] = [underway.samples, underway.look.min(until)];
+            let still: u64 = (0..underway.film.tiles.len()).map(|tile| underway.count(tile)).sum();
+            let done = tally.done.load(Ordering::Relaxed);
+            tally.total.store(done + still * u64::from(end - start), Ordering::Relaxed);
+            let parts = self.parts(&underway.film, |tile| {
+                // A round that was interrupted has come further in some tiles.
+                round_ranges([underway.film.tiles[tile].samples.max(start), end], underway.count(tile))
+            });
+            let (film, active) = (&mut underway.film, &underway.active);
+            self.render_parts(film, active, &parts, usize::from(start > 0), threads, &tally, keep_going);
+            let is_stopped = tally.stopped.load(Ordering::Relaxed);
+            if !is_stopped {
+                underway.samples = end;
+            }
+            if is_stopped || end == underway.look.min(self.settings.spp) {
+                underway.active = noise::unconverged(film, active, noise, floor);
+            }
+            if is_stopped {
+                break;
+            }
+            if end == underway.look {
+                underway.look = noise::next_look(end);
+            }
+        }
+        let is_complete = !tally.stopped.load(Ordering::Relaxed);
+        underway.take_back(tally);
+        let all: u64 = underway.film.tiles.iter().map(|t| pixels(&t.area)).sum();
+        let left: usize = underway.active.iter().flatten().map(Vec::len).sum();
+        let is_known = underway.active.iter().all(Option::is_some);
+        underway.statistics.converged_pixels = if is_known { all - left as u64 } else { 0 };
+        underway.statistics.is_complete = is_complete;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compile::CompiledScene;
+    use crate::guiding::Guiding;
+    use crate::settings::Settings;
+    use std::sync::atomic::AtomicUsize;
+
+    #[test]
+    fn steps_and_interruptions_do_not_show_in_a_picture_whose_pixels_stop_or_learn() {
+        let scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
+        let compiled = CompiledScene::new(&scene, &snell_intersect::BuildOptions::default()).expect("a valid scene");
+        let guiding = Some(Guiding::with_passes(2));
+        let plain = Settings { size: [20, 20], spp: 300, max_depth: 3, ..Settings::default() };
+        let by_error = Settings { noise: Some(0.1), ..plain.clone() };
+        let guided = Settings { spp: 40, guiding, ..plain };
+        for settings in [&by_error, &guided, &Settings { guiding, ..by_error.clone() }] {
+            let job = Job::new(&compiled, &scene.cameras[0], settings);
+            let (whole, statistics) = job.run(2, &|_| true);
+            let mut underway = job.begin(2, &|_| true);
+            let steps = (0..).take_while(|step| job.go_on(&mut underway, 1 << step, 2, &|_| true)).count();
+            assert!(steps > 3 && underway.statistics.is_complete);
+            assert_eq!(underway.film.image(), whole.image());
+            assert_eq!(underway.statistics.samples, statistics.samples);
+            assert_eq!(underway.statistics.converged_pixels, statistics.converged_pixels);
+        }
+        let job = Job::new(&compiled, &scene.cameras[0], &by_error);
+        let mut underway = job.begin(2, &|_| true);
+        let asked = AtomicUsize::new(0);
+        assert!(job.go_on(&mut underway, 64, 2, &|_| asked.fetch_add(1, Ordering::Relaxed) < 3));
+        assert!(!underway.statistics.is_complete);
+        job.go_on(&mut underway, 300, 2, &|_| true);
+        let [stopped, whole] = [underway.film, job.run(2, &|_| true).0].map(|film| film.mean_samples());
+        assert!((stopped / whole - 1.0).abs() < 0.2, "{stopped} {whole}");
+    }
+}
