@@ -195,8 +195,10 @@ mod tests {
         let (n, tables) = (30_000u32, 8);
         for table in 0..tables {
             let [width, height] = [1 + 3 * table as usize, 9];
-            let weight =
-                |i: u32| (|r: Vec2| if r.x < 0.3 { 0.0 } else { (8.0 * r.y).exp() })(uniform2([i, table, 1, 5]));
+            let weight = |i: u32| {
+                let r = uniform2([i, table, 1, 5]);
+                if r.x < 0.3 { 0.0 } else { (8.0 * r.y).exp() }
+            };
             let weights: Vec<f32> = (0..(width * height) as u32).map(weight).collect();
             let d = Distribution2D::new(&weights, width);
             let total: f64 = weights.iter().map(|&w| f64::from(w)).sum();

@@ -108,10 +108,23 @@ mod tests {
         let azimuth = |x: f32, y: f32| f64::from(y).atan2(x.into()) / std::f64::consts::TAU + 0.5;
         let height = |low: f64, z: f32| (f64::from(z) - low) / (1.0 - low);
         let r2 = |x: f32, y: f32| f64::from(x * x + y * y);
+        let flat = move |x: f32, y: f32| [r2(x, y), azimuth(x, y)];
+        let sphere = move |u| {
+            let d = uniform_sphere(u);
+            [height(-1.0, d.z), azimuth(d.x, d.y)]
+        };
+        let disk = move |u| {
+            let p = concentric_disk(u);
+            flat(p.x, p.y)
+        };
+        let cosine = move |u| {
+            let d = cosine_hemisphere(u);
+            flat(d.x, d.y)
+        };
         let mut warps: Vec<(String, Box<dyn Fn(Vec2) -> [f64; 2]>)> = vec![
-            ("sphere".into(), Box::new(|u| (|d: Vec3| [height(-1.0, d.z), azimuth(d.x, d.y)])(uniform_sphere(u)))),
-            ("disk".into(), Box::new(|u| (|d: Vec2| [r2(d.x, d.y), azimuth(d.x, d.y)])(concentric_disk(u)))),
-            ("cosine".into(), Box::new(|u| (|d: Vec3| [r2(d.x, d.y), azimuth(d.x, d.y)])(cosine_hemisphere(u)))),
+            ("sphere".into(), Box::new(sphere)),
+            ("disk".into(), Box::new(disk)),
+            ("cosine".into(), Box::new(cosine)),
             (
                 "triangle".into(),
                 Box::new(|u| {
