@@ -85,6 +85,17 @@ fn block_means(film: &Film) -> Vec<[Estimate; 3]> {
     block_pixels(film.crop.size()).into_iter().map(mean).collect()
 }
 
+/// By how many standard errors each pixel and channel of two independent renders differs.
+pub fn pixel_z(a: &Film, b: &Film) -> Vec<f64> {
+    let estimates = |film: &Film| -> Vec<Estimate> {
+        let pixels = colors(&film.image()).into_iter().zip(colors(&film.variance()));
+        pixels
+            .flat_map(|(mean, variance)| [0, 1, 2].map(|c| Estimate { mean: mean[c], error: variance[c].sqrt() }))
+            .collect()
+    };
+    estimates(a).iter().zip(estimates(b)).map(|(a, b)| a.z_against(&b)).collect()
+}
+
 fn agreement(mean_z: [f64; 3], block_z: &[[f64; 3]]) -> Agreement {
     let mean_z = mean_z.into_iter().fold(0.0, |a: f64, z| if z.abs() > a.abs() { z } else { a });
     let sum: f64 = block_z.iter().flatten().map(|z| z * z).sum();

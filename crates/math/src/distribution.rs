@@ -187,4 +187,33 @@ mod tests {
         let (p, pdf) = d.sample(Vec2::new(0.4, 0.8));
         assert_eq!(pdf, d.pdf(p));
     }
+    /// Tables of random weights, some of them 0, over orders of magnitude: chi squared of their pieces.
+    #[test]
+    fn pieces_of_the_square_are_distributed_as_stated() {
+        use crate::rng::uniform2;
+        use crate::statistics::{chi_squared_deviation, sidak_deviation};
+        let (n, tables) = (30_000u32, 8);
+        for table in 0..tables {
+            let [width, height] = [1 + 3 * table as usize, 9];
+            let weight = |i: u32| {
+                let r = uniform2([i, table, 1, 5]);
+                if r.x < 0.3 { 0.0 } else { (8.0 * r.y).exp() }
+            };
+            let weights: Vec<f32> = (0..(width * height) as u32).map(weight).collect();
+            let d = Distribution2D::new(&weights, width);
+            let total: f64 = weights.iter().map(|&w| f64::from(w)).sum();
+            let mut found = vec![0; weights.len()];
+            for i in 0..n {
+                let (p, pdf) = d.sample(uniform2([i, table, 2, 5]));
+                let at = |x: f32, n: usize| ((x * n as f32) as usize).min(n - 1);
+                let cell = at(p.y, height) * width + at(p.x, width);
+                let expected = f64::from(weights[cell]) / total * weights.len() as f64;
+                assert!((f64::from(pdf) / expected - 1.0).abs() < 1e-3, "table {table}: {pdf} {expected}");
+                found[cell] += 1;
+            }
+            let expected: Vec<f64> = weights.iter().map(|&w| f64::from(w) / total * f64::from(n)).collect();
+            let z = chi_squared_deviation(&found, &expected);
+            assert!(z < sidak_deviation(0.01, tables), "table {table}: {z} standard deviations");
+        }
+    }
 }

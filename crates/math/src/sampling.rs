@@ -100,6 +100,62 @@ mod tests {
         assert!((bary - 1.0 / 3.0).abs().max_element() < 0.005);
     }
 
+    /// Chi squared of points of the unit square that should be uniform: each warp undone by its distribution function.
+    #[test]
+    fn warped_points_are_distributed_as_stated() {
+        use crate::statistics::{chi_squared_deviation, sidak_deviation};
+        const CELLS: usize = 12;
+        let azimuth = |x: f32, y: f32| f64::from(y).atan2(x.into()) / std::f64::consts::TAU + 0.5;
+        let height = |low: f64, z: f32| (f64::from(z) - low) / (1.0 - low);
+        let r2 = |x: f32, y: f32| f64::from(x * x + y * y);
+        let flat = move |x: f32, y: f32| [r2(x, y), azimuth(x, y)];
+        let sphere = move |u| {
+            let d = uniform_sphere(u);
+            [height(-1.0, d.z), azimuth(d.x, d.y)]
+        };
+        let disk = move |u| {
+            let p = concentric_disk(u);
+            flat(p.x, p.y)
+        };
+        let cosine = move |u| {
+            let d = cosine_hemisphere(u);
+            flat(d.x, d.y)
+        };
+        let mut warps: Vec<(String, Box<dyn Fn(Vec2) -> [f64; 2]>)> = vec![
+            ("sphere".into(), Box::new(sphere)),
+            ("disk".into(), Box::new(disk)),
+            ("cosine".into(), Box::new(cosine)),
+            (
+                "triangle".into(),
+                Box::new(|u| {
+                    let b = uniform_triangle(u).as_dvec2();
+                    let sum = b.x + b.y;
+                    [sum * sum, b.x / sum]
+                }),
+            ),
+        ];
+        for cos in [0.999_99f32, 0.99, 0.7, 0.0, -0.8] {
+            // From below, as narrow cones are near the rounding of the height.
+            let undo = move |d: Vec3| {
+                let sin2 = r2(d.x, d.y);
+                let drop = if d.z > 0.0 { sin2 / (1.0 + (1.0 - sin2).max(0.0).sqrt()) } else { 1.0 - f64::from(d.z) };
+                [drop / (1.0 - f64::from(cos)), azimuth(d.x, d.y)]
+            };
+            warps.push((format!("cone {cos}"), Box::new(move |u| undo(uniform_cone(u, cos)))));
+        }
+        let (n, tests) = (40_000u32, warps.len() as u32);
+        for (key, (name, square)) in (0..).zip(warps) {
+            let mut found = vec![0; CELLS * CELLS];
+            for i in 0..n {
+                let [x, y] = square(uniform2([i, key, 6, 2])).map(|x| ((x * CELLS as f64) as usize).min(CELLS - 1));
+                found[x * CELLS + y] += 1;
+            }
+            let expected = vec![f64::from(n) / found.len() as f64; found.len()];
+            let z = chi_squared_deviation(&found, &expected);
+            assert!(z < sidak_deviation(0.01, tests), "{name}: {z} standard deviations");
+        }
+    }
+
     #[test]
     fn cone_samples_stay_in_the_cone() {
         for i in 0..1000 {

@@ -1,5 +1,8 @@
 //! Chi-squared tests: do samples have the density that is claimed? For the tests of everything that is sampled.
 
+use crate::{Frame, Vec3};
+use std::f64::consts::TAU;
+
 /// Fewest expected samples of a cell that is judged by itself; those of fewer are pooled.
 const FEWEST: f64 = 8.0;
 
@@ -62,9 +65,128 @@ fn normal_tail(z: f64) -> f64 {
     density / fraction
 }
 
+/// Cells of one half of all directions, those with `z > 0` or with `z < 0`, in polar coordinates about an axis in it. They are finer towards the
+/// axis by the cube, so that sharp lobes there are resolved, and end exactly where the half does.
+#[derive(Clone, Copy, Debug)]
+pub struct HemisphereCells {
+    frame: Frame,
+    /// Turned so that the half is above.
+    sign: f64,
+    rings: usize,
+    sectors: usize,
+}
+
+/// Gauss's points and weights for four values on `[0, 1]`.
+const GAUSS: [(f64, f64); 4] = [
+    (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
+    (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
+    (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
+    (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
+];
+
+/// How much a piece of a cell may change when it is halved both ways, and how often it is halved at most, and at least: narrow ridges
+/// are overlooked otherwise.
+const TOLERANCE: f64 = 1e-5;
+const MOST_HALVINGS: u32 = 8;
+const LEAST_HALVINGS: u32 = 1;
+
+impl HemisphereCells {
+    /// So many rings times sectors about a unit vector, which is in the half and not in its border.
+    pub fn new(axis: Vec3, rings: usize, sectors: usize) -> Self {
+        Self { frame: Frame::from_z(axis), sign: f64::from(axis.z).signum(), rings, sectors }
+    }
+
+    /// The angle from the axis to the border of the half in this azimuth.
+    fn border(&self, phi: f64) -> f64 {
+        let slope = f64::from(self.frame.x.z) * phi.cos() + f64::from(self.frame.y.z) * phi.sin();
+        (self.sign * f64::from(self.frame.z.z)).atan2(-self.sign * slope)
+    }
+
+    /// The number of the cell of a unit vector in this half, below rings times sectors.
+    pub fn index(&self, w: Vec3) -> usize {
+        let l = self.frame.to_local(w).as_dvec3();
+        let (theta, phi) = (l.truncate().length().atan2(l.z), l.y.atan2(l.x));
+        let t = (theta / self.border(phi)).cbrt() * self.rings as f64;
+        let p = (phi / TAU + 0.5) * self.sectors as f64;
+        (t as usize).min(self.rings - 1) * self.sectors + (p as usize).min(self.sectors - 1)
+    }
+
+    /// Integral of a density per steradian over each cell, to about 1e-4 of the whole: pieces are halved until that changes nothing any more.
+    pub fn integrate(&self, density: impl Fn(Vec3) -> f32) -> Vec<f64> {
+        let at = |t: f64, p: f64| {
+            let phi = TAU * (p - 0.5);
+            let border = self.border(phi);
+            let theta = border * t * t * t;
+            let (sin, cos) = theta.sin_cos();
+            let w = self.frame.from_local(Vec3::new((sin * phi.cos()) as f32, (sin * phi.sin()) as f32, cos as f32));
+            // What rounding brings across the border is on it.
+            if f64::from(w.z) * self.sign > 0.0 {
+                f64::from(density(w)) * sin * border * 3.0 * t * t * TAU
+            } else {
+                0.0
+            }
+        };
+        let size = [1.0 / self.rings as f64, 1.0 / self.sectors as f64];
+        let corner = |cell: usize| [(cell / self.sectors) as f64 * size[0], (cell % self.sectors) as f64 * size[1]];
+        let cells = 0..self.rings * self.sectors;
+        cells.map(|cell| refined(&at, corner(cell), size, rule(&at, corner(cell), size), 0)).collect()
+    }
+}
+
+/// Gauss's rule on a rectangle.
+fn rule(f: &impl Fn(f64, f64) -> f64, corner: [f64; 2], size: [f64; 2]) -> f64 {
+    let row = |(x, u): (f64, f64)| -> f64 {
+        GAUSS.iter().map(|&(y, v)| u * v * f(corner[0] + size[0] * x, corner[1] + size[1] * y)).sum()
+    };
+    GAUSS.into_iter().map(row).sum::<f64>() * size[0] * size[1]
+}
+
+/// The integral over a rectangle, of which a rule says `first`, and which comes from so many halvings.
+fn refined(f: &impl Fn(f64, f64) -> f64, corner: [f64; 2], size: [f64; 2], first: f64, halvings: u32) -> f64 {
+    let half = size.map(|s| 0.5 * s);
+    let corners = [[0.0, 0.0], [0.0, half[1]], [half[0], 0.0], half].map(|[x, y]| [corner[0] + x, corner[1] + y]);
+    let quarters = corners.map(|corner| rule(f, corner, half));
+    let sum: f64 = quarters.iter().sum();
+    let settled = (sum - first).abs() <= TOLERANCE && halvings >= LEAST_HALVINGS;
+    if settled || halvings == MOST_HALVINGS {
+        return sum;
+    }
+    corners.into_iter().zip(quarters).map(|(corner, first)| refined(f, corner, half, first, halvings + 1)).sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn cells_cover_their_half_once() {
+        let axes = [(0.0f32, 0.0f32), (0.7, 2.0), (1.5, -1.0), (1.65, 0.3), (2.5, 3.0)];
+        for (theta, phi) in axes {
+            let axis = Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+            let cells = HemisphereCells::new(axis, 6, 4);
+            let total = |f: &dyn Fn(Vec3) -> f32| cells.integrate(f).iter().sum::<f64>();
+            assert!((total(&|_| 1.0) / TAU - 1.0).abs() < 1e-4, "{axis}");
+            assert!((total(&|w| w.z.abs()) / PI - 1.0).abs() < 1e-4, "{axis}");
+            // A lobe of a thousandth of a radian.
+            let lobe = |w: Vec3| 1e6 / PI as f32 * (-(w - axis).length_squared() * 1e6).exp();
+            assert!((total(&lobe) - 1.0).abs() < 2e-4, "{axis}: {}", total(&lobe));
+        }
+    }
+
+    #[test]
+    fn directions_are_counted_in_the_cell_over_which_is_integrated() {
+        let cells = HemisphereCells::new(Vec3::new(0.6, 0.0, -0.8), 5, 6);
+        let shares = cells.integrate(|_| 1.0 / TAU as f32);
+        let n = 20_000;
+        let mut found = vec![0; shares.len()];
+        for i in 0..n {
+            let w = crate::sampling::uniform_sphere(crate::rng::uniform2([i, 2, 1, 4]));
+            found[cells.index(Vec3::new(w.x, w.y, -w.z.abs()))] += 1;
+        }
+        let expected: Vec<_> = shares.iter().map(|s| s * f64::from(n)).collect();
+        assert!(chi_squared_deviation(&found, &expected) < 3.0, "{found:?} {expected:?}");
+    }
 
     #[test]
     fn deviations_are_those_of_tables() {

@@ -1,6 +1,7 @@
 use super::*;
 use snell_math::rng::{self, uniform2};
 use snell_math::simd::Level;
+use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
 use snell_math::{Bounds3d, DVec3, sampling};
 
 fn unit(i: u32, k: u32) -> f32 {
@@ -101,6 +102,47 @@ fn the_tree_gives_every_emitter_with_the_probability_it_says() {
             assert!((all - chosen_at_all).abs() < 0.01 && all < 1.0001, "{count} {key}: {all} {chosen_at_all}");
         }
     }
+}
+
+/// Chi squared of the emitters that are chosen with random numbers, for every way of choosing.
+#[test]
+fn emitters_are_chosen_as_often_as_stated() {
+    let n = 20_000u32;
+    let cases: Vec<(LightSamplerKind, u32, f32)> = LightSamplerKind::ALL
+        .into_iter()
+        .flat_map(|kind| [(2, 1.0), (30, 1e3), (300, 1.0)].map(|(count, size)| (kind, count, size)))
+        .collect();
+    let (receivers, mut worst) = (4, (f64::NEG_INFINITY, String::new()));
+    for &(kind, count, size) in &cases {
+        let lights = lights(count, size);
+        let sampler = LightSampler::new(kind, &lights, Level::best().wide());
+        for key in 0..receivers {
+            let receiver = receiver(key, size);
+            // The tree chooses parts; tables choose lights, and the rest is the light's.
+            let parts = |l: &LightSummary| if kind == LightSamplerKind::Bvh { l.parts.len().max(1) } else { 1 };
+            let firsts: Vec<usize> =
+                lights.iter().scan(0, |sum, l| Some(std::mem::replace(sum, *sum + parts(l)))).collect();
+            let mut expected: Vec<f64> = (0..lights.len())
+                .flat_map(|l| (0..parts(&lights[l]) as u32).map(move |part| (l, part)))
+                .map(|(l, part)| f64::from(sampler.probability(&receiver, l, (part, 1.0))) * f64::from(n))
+                .collect();
+            expected.push((f64::from(n) - expected.iter().sum::<f64>()).max(0.0));
+            let mut found = vec![0; expected.len()];
+            for i in 0..n {
+                let place = match sampler.sample(&receiver, || unit(i, 40 + key)) {
+                    Some(chosen) => firsts[chosen.light] + chosen.part.unwrap_or(0) as usize,
+                    None => found.len() - 1,
+                };
+                found[place] += 1;
+            }
+            let z = chi_squared_deviation(&found, &expected);
+            if z > worst.0 {
+                worst = (z, format!("{kind:?}, {count} lights, receiver {key}"));
+            }
+        }
+    }
+    let limit = sidak_deviation(0.01, receivers * cases.len() as u32);
+    assert!(worst.0 < limit, "{worst:?} exceeds {limit}");
 }
 
 #[test]

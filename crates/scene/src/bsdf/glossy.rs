@@ -176,13 +176,17 @@ impl GlossyBsdf {
     }
 }
 
-/// Gauss's points for the weight `2 mu` on [0, 1].
-const NODES: [(f32, f32); 5] = [
-    (0.098_535_09, 0.031_495_83),
-    (0.304_535_73, 0.147_817_74),
-    (0.562_025_19, 0.292_773_97),
-    (0.801_986_58, 0.334_349_28),
-    (0.960_190_14, 0.193_563_18),
+/// Cosines and weights for means with the weight `2 mu` on [0, 1]: Gauss's points in the root of the cosine, as rough matte bodies and Fresnel's
+/// law change most at grazing angles.
+const NODES: [(f32, f32); 8] = [
+    (0.000_394_22, 0.000_001_58),
+    (0.010_336_13, 0.000_467_37),
+    (0.056_279_87, 0.008_376_90),
+    (0.166_694_75, 0.049_367_48),
+    (0.350_129_39, 0.150_279_93),
+    (0.581_812_28, 0.278_437_70),
+    (0.807_002_61, 0.322_433_49),
+    (0.960_684_08, 0.190_635_53),
 ];
 
 /// A direction of this cosine.

@@ -4,9 +4,8 @@ use super::{Bsdf, Lobes, fresnel};
 use crate::material::{MaterialKind, ShadingPoint};
 use crate::texture::TextureSet;
 use snell_intersect::SurfaceInteraction;
-use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
-use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec2, Vec3, rng};
-use std::f32::consts::PI;
+use snell_math::statistics::{HemisphereCells, chi_squared_deviation, sidak_deviation};
+use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec2, Vec3, rng};
 
 fn surface() -> SurfaceInteraction {
     SurfaceInteraction {
@@ -176,40 +175,67 @@ fn lossless_settings_lose_nothing() {
     }
 }
 
-/// Twenty roughnesses and ten angles, from either side where `sides` is 2, of lossless settings.
-fn lossless_at_every_roughness_and_angle(sides: usize, n: u32, most: f64, kind: impl Fn(f32) -> MaterialKind) {
+/// Share of a uniform surrounding that is seen, integrated without random numbers.
+fn integrated_furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3) -> f64 {
+    let scale = |is_transmission| f64::from(energy_scale(kind, wo, is_transmission));
+    let [above, below] = halves(wo, relative_ior(kind, wo), 6, 4);
+    let spread = |cells: HemisphereCells| cells.integrate(|wi| bsdf.eval(wo, wi)[0]).iter().sum::<f64>();
+    let sharp = bsdf.specular_branches(wo).into_iter().flatten();
+    let sharp: f64 = sharp.map(|b| f64::from(b.weight[0]) * scale(b.is_transmission)).sum();
+    sharp + spread(above) + if bsdf.is_opaque() { 0.0 } else { spread(below) * scale(true) }
+}
+
+/// Twenty roughnesses and ten angles, from either side where `sides` is 2, of lossless settings: they keep all light but a thousandth.
+fn lossless_at_every_roughness_and_angle(
+    name: &str,
+    sides: usize,
+    kind: impl Fn(f32) -> MaterialKind,
+    seen: impl Fn(&MaterialKind, &Bsdf, Vec3) -> f64,
+) {
+    let mut worst = (0.0, String::new());
     for r in 1..=20 {
-        let kind = kind(r as f32 * 0.05);
+        let roughness = r as f32 * 0.05;
+        let kind = kind(roughness);
         let bsdf = bsdf(&kind);
         for angle in 0..10 {
             for side in 0..sides {
                 let theta = (angle as f32 * 9.5 + 2.0).to_radians();
                 let wo = Vec3::new(theta.sin(), 0.0, if side == 0 { theta.cos() } else { -theta.cos() });
-                let share = furnace(&kind, &bsdf, wo, n)[0];
-                assert!((share - 1.0).abs() < most, "{share} at {} degrees: {kind:?}", theta.to_degrees());
+                let off = seen(&kind, &bsdf, wo) - 1.0;
+                if off.abs() > worst.0 {
+                    worst = (off.abs(), format!("{off:+.5} at roughness {roughness} from {wo}"));
+                }
             }
         }
     }
+    eprintln!("{name}: at most {}", worst.1);
+    assert!(worst.0 < 1e-3, "{name}: {}", worst.1);
 }
 
 #[test]
 fn white_metals_lose_nothing_at_any_roughness() {
-    lossless_at_every_roughness_and_angle(1, 1 << 13, 1e-3, |r| {
-        crate::material::Conductor::color(Rgb::WHITE, r).into()
-    });
+    let kind = |r| crate::material::Conductor::color(Rgb::WHITE, r).into();
+    lossless_at_every_roughness_and_angle("metal", 1, kind, integrated_furnace);
+}
+
+/// By random numbers: at grazing angles the refraction of rough glass has ridges that are too sharp to be integrated.
+fn clear_dielectrics_lose_less_than_a_thousandth(iors: &[f32], n: u32) {
+    for &ior in iors {
+        let seen = |kind: &MaterialKind, bsdf: &Bsdf, wo| furnace(kind, bsdf, wo, n)[0];
+        let kind = |r| crate::material::Dielectric::rough(ior, r).into();
+        lossless_at_every_roughness_and_angle(&format!("glass of {ior}"), 2, kind, seen);
+    }
 }
 
 #[test]
 fn clear_dielectrics_lose_nothing_at_any_roughness() {
-    lossless_at_every_roughness_and_angle(2, 1 << 12, 5e-3, |r| crate::material::Dielectric::rough(1.5, r).into());
+    clear_dielectrics_lose_less_than_a_thousandth(&[1.5], 1 << 15);
 }
 
 #[test]
 #[ignore = "takes a minute"]
-fn clear_dielectrics_lose_less_than_a_thousandth_at_any_roughness() {
-    for ior in [1.33, 1.5, 2.4] {
-        lossless_at_every_roughness_and_angle(2, 1 << 16, 1e-3, |r| crate::material::Dielectric::rough(ior, r).into());
-    }
+fn clear_dielectrics_of_several_indices_lose_nothing_at_any_roughness() {
+    clear_dielectrics_lose_less_than_a_thousandth(&[1.33, 1.5, 2.4], 1 << 17);
 }
 
 #[test]
@@ -232,9 +258,9 @@ fn white_layers_lose_nothing_at_any_roughness() {
         },
         &|r| OpenPbr { subsurface_weight: 0.6.into(), subsurface_color: white(), coat_weight: 1.0.into(), ..plain(r) },
     ];
-    for surface in all {
-        // What so few directions leave as noise is most of what is allowed here.
-        lossless_at_every_roughness_and_angle(1, 1 << 12, 1e-2, |r| surface(r).into());
+    let names = ["plain", "rough matte", "coat", "mixture", "fuzz", "pane", "leaf", "wax under a coat"];
+    for (name, surface) in names.into_iter().zip(all) {
+        lossless_at_every_roughness_and_angle(name, 1, |r| surface(r).into(), integrated_furnace);
     }
 }
 
@@ -348,48 +374,11 @@ fn directions_in_the_surface_are_harmless() {
     }
 }
 
-/// Cells of the sphere in polar coordinates about an axis, finer towards it by the cube, so that sharp lobes are resolved.
-struct Cells {
-    frame: Frame,
-    sign: f32,
-}
-
-const THETAS: usize = 20;
-const PHIS: usize = 8;
-
-impl Cells {
-    /// Cells of the half of the sphere on the side of `axis`.
-    fn new(axis: Vec3) -> Self {
-        Self { frame: Frame::from_z(axis), sign: 1f32.copysign(axis.z) }
-    }
-
-    /// The cell of a direction on this half.
-    fn index(&self, w: Vec3) -> usize {
-        let l = self.frame.to_local(w);
-        let theta = l.truncate().length().atan2(l.z);
-        let phi = l.y.atan2(l.x) / (2.0 * PI) + 0.5;
-        let t = (theta / PI).cbrt() * THETAS as f32;
-        (t as usize).min(THETAS - 1) * PHIS + ((phi * PHIS as f32) as usize).min(PHIS - 1)
-    }
-
-    /// Integral of a density over each cell, by midpoints.
-    fn integrate(&self, density: impl Fn(Vec3) -> f32) -> Vec<f64> {
-        const STEPS: usize = 24;
-        let mut cells = vec![0.0; THETAS * PHIS];
-        for (cell, sum) in cells.iter_mut().enumerate() {
-            for step in 0..STEPS * STEPS {
-                let t = ((cell / PHIS) as f32 + ((step / STEPS) as f32 + 0.5) / STEPS as f32) / THETAS as f32;
-                let p = ((cell % PHIS) as f32 + ((step % STEPS) as f32 + 0.5) / STEPS as f32) / PHIS as f32;
-                let (theta, phi) = (PI * t * t * t, 2.0 * PI * (p - 0.5));
-                let w = self.frame.from_local(Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()));
-                if w.z * self.sign > 0.0 {
-                    let measure = theta.sin() * (3.0 * PI * t * t / THETAS as f32) * (2.0 * PI / PHIS as f32);
-                    *sum += f64::from(density(w)) * f64::from(measure) / (STEPS * STEPS) as f64;
-                }
-            }
-        }
-        cells
-    }
+/// Cells about the mirror image and about where a smooth surface of this relative index would send light, where lobes are sharp.
+fn halves(wo: Vec3, eta: f32, rings: usize, sectors: usize) -> [HemisphereCells; 2] {
+    let side = Vec3::new(0.0, 0.0, wo.z.signum());
+    [fresnel::reflect(wo, side), fresnel::refract(wo, side, eta).unwrap_or(-wo)]
+        .map(|axis| HemisphereCells::new(axis, rings, sectors))
 }
 
 #[test]
@@ -400,14 +389,11 @@ fn samples_are_distributed_by_their_density() {
         if bsdf.is_delta() {
             return;
         }
-        let eta = relative_ior(kind, wo);
-        let side = Vec3::new(0.0, 0.0, wo.z.signum());
-        let mirror = fresnel::reflect(wo, side);
-        let through = fresnel::refract(wo, side, eta).unwrap_or(-wo);
-        let halves = [Cells::new(mirror), Cells::new(through)];
+        const CELLS: usize = 20 * 8;
+        let halves = halves(wo, relative_ior(kind, wo), 20, 8);
         let mut expected: Vec<f64> = halves.iter().flat_map(|c| c.integrate(|w| bsdf.pdf(wo, w))).collect();
         let total: f64 = expected.iter().sum();
-        assert!(total <= 1.003, "{name}: density adds up to {total}");
+        assert!(total <= 1.0 + 5e-4, "{name}: density adds up to {total}");
         let n = 40_000u32;
         let mut found = vec![0u32; expected.len()];
         let mut elsewhere = 0;
@@ -416,7 +402,7 @@ fn samples_are_distributed_by_their_density() {
             match bsdf.sample(wo, lobe, u) {
                 Some(s) if !s.is_delta => {
                     let half = usize::from(s.wi.z * wo.z < 0.0);
-                    found[half * THETAS * PHIS + halves[half].index(s.wi)] += 1;
+                    found[half * CELLS + halves[half].index(s.wi)] += 1;
                 }
                 _ => elsewhere += 1,
             }

@@ -169,6 +169,38 @@ mod tests {
         assert!(volume / f64::from(n) <= glow.volume * 1.05);
     }
 
+    /// Chi squared over blocks of the grid against the density integrated over each.
+    #[test]
+    fn points_are_distributed_by_their_density() {
+        use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
+        let glow = flame();
+        let [columns, rows, layers] = [4usize, 7, 6];
+        let cell = |p: Vec3| {
+            let local = glow.grid_from_world.transform_point3(p.as_dvec3());
+            let at = |x: f64, n: usize| ((x.max(0.0) * n as f64) as usize).min(n - 1);
+            (at(local.z, layers) * rows + at(local.y, rows)) * columns + at(local.x, columns)
+        };
+        let (mut expected, mut found) = (vec![0.0; columns * rows * layers], vec![0u32; columns * rows * layers]);
+        // As many points as make each block, and each cell of the table, whole.
+        let side = 84;
+        let world_from_grid = glow.grid_from_world.inverse();
+        let at = |i: usize| (i as f64 + 0.5) / side as f64;
+        for i in 0..side * side * side {
+            let local = snell_math::DVec3::new(at(i % side), at(i / side % side), at(i / side / side));
+            let p = world_from_grid.transform_point3(local).as_vec3();
+            expected[cell(p)] += f64::from(glow.pdf(p)) * glow.volume / (side * side * side) as f64;
+        }
+        let total: f64 = expected.iter().sum();
+        assert!((total - 1.0).abs() < 2e-3, "{total}");
+        let n = 40_000;
+        for i in 0..n {
+            found[cell(glow.sample(rng::uniform2([i, 5, 6, 5])).0)] += 1;
+        }
+        expected.iter_mut().for_each(|e| *e *= f64::from(n) / total);
+        let z = chi_squared_deviation(&found, &expected);
+        assert!(z < sidak_deviation(0.01, 1), "{z} standard deviations");
+    }
+
     #[test]
     fn what_does_not_glow_is_no_light() {
         let dark = Grid::new(
