@@ -143,14 +143,14 @@ fn a_broken_file_names_place_problem_and_remedy() {
     }
     insta::assert_snapshot!(found, @r#"
     1 error: syntax.gltf:1:30: not valid JSON: EOF while parsing a value; export the file again, or see what the glTF validator says about it
-    1 error: range.gltf: at /scenes/0/nodes/0: it refers to number 7 of "nodes", but there are 0; export the file again, or see what the glTF validator says about it
-    1 error: version.gltf: at /asset/version: this is glTF "1.0", expected 2.0; convert it to glTF 2.0, for example with gltf-pipeline or Blender
-    1 error: required.gltf: at /extensionsRequired/0: the file requires the extension EXT_unheard_of, which Snell does not support; export the file again without this extension, or as optional
-    1 error: buffer.gltf: at /accessors/0: 1 elements of 12 bytes, 12 bytes apart, from byte 0 do not fit into the 4 bytes of the buffer view; export the file again, or see what the glTF validator says about it
+    1 error: range.gltf:1:65: at /scenes/0/nodes/0: it refers to number 7 of "nodes", but there are 0; export the file again, or see what the glTF validator says about it
+    1 error: version.gltf:1:23: at /asset/version: this is glTF "1.0", expected 2.0; convert it to glTF 2.0, for example with gltf-pipeline or Blender
+    1 error: required.gltf:1:54: at /extensionsRequired/0: the file requires the extension EXT_unheard_of, which Snell does not support; export the file again without this extension, or as optional
+    1 error: buffer.gltf:1:148: at /accessors/0: 1 elements of 12 bytes, 12 bytes apart, from byte 0 do not fit into the 4 bytes of the buffer view; export the file again, or see what the glTF validator says about it
     1 error: cut.glb: at byte 8: the header promises 255 bytes, but the file has 12; the file is cut off: copy or export it again
     1 error: index.obj:4:7: index 9 into the v lines, but the file has 3; correct the face, or export the file again
     1 error: number.obj:1:7: found "zero", expected a coordinate of a vertex; write a decimal number
-    1 error: count.ply: more than 500000000 vertices, the limit; split the file
+    1 error: count.ply:3:9: more than 500000000 vertices, the limit; split the file
     1 error: short.ply:9:1: the file ends where another value is expected; the file seems cut off; export or copy it again
     1 error: short.stl:4:11: the file ends where a coordinate of a vertex is expected; the file seems cut off; export or copy it again
     1 error: short.off:4:1: the file ends where a coordinate of vertex 1 of 3 is expected; the file seems cut off; export or copy it again
