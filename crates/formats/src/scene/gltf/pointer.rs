@@ -32,6 +32,9 @@ impl Pointer {
     }
 }
 
+/// Steps of a pointer at most: what is missing on its way is made, one object in the other.
+const MOST_STEPS: usize = 32;
+
 /// All properties that animations name by pointer. What cannot be read leaves a warning.
 pub(super) fn read_all(reader: &mut Reader) -> Result<Vec<Pointer>, ReadError> {
     let mut pointers = Vec::new();
@@ -60,6 +63,9 @@ fn read(reader: &Reader, clip: usize, animation: &Json, channel: &Json) -> Resul
         return Err(target.error("the path is \"pointer\", but there is no extension KHR_animation_pointer"));
     };
     let path = extension.require("pointer")?.string()?.to_owned();
+    if path.split('/').count() > MOST_STEPS {
+        return Err(extension.error("the pointer has too many steps"));
+    }
     let curve = curve(reader, &animation.entry("samplers", &channel.require("sampler")?)?, None)?;
     Ok(Some(Pointer { clip, path, channel: channel.path().to_owned(), curve }))
 }

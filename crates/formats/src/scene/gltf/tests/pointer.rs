@@ -155,3 +155,13 @@ fn pointers_into_nothing_are_warnings() {
         at(&scene, 1.0);
     }
 }
+
+#[test]
+fn a_pointer_of_any_length_is_refused_with_a_warning() {
+    let mut file = file();
+    let pointer = format!("/materials/0{}", "/a".repeat(200_000));
+    file["animations"][0]["channels"][0]["target"] =
+        json!({"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": pointer}}});
+    let scene = read_text(&file.to_string()).expect("the file is sound");
+    assert!(scene.warnings.iter().any(|w| w.message.contains("too many steps")), "{:?}", scene.warnings);
+}
