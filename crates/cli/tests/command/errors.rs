@@ -157,7 +157,7 @@ fn a_broken_file_names_place_problem_and_remedy() {
     1 error: word.scn:2:16: "big" stands where the radius of the sphere, a number, was expected; write it as: sphere material center(3) radius
     1 error: short.nff:3: the file ends where `at` was expected; write it as: v from x y z at x y z up x y z angle degrees hither distance resolution width height
     1 error: word.pbrt:2:35: "big" stands where a number of radius was expected; write a number
-    1 error: what.xyz: this is not a scene or mesh format that Snell knows, neither by its content nor by its extension; use one of: snell, gltf, minray, nff, pbrt, mitsuba, scn, ply, off, stl, ray, obj (`snell formats` tells more)
+    1 error: what.xyz: this is not a scene or mesh format that Snell knows, neither by its content nor by its extension; use one of: snell, gltf, minray, nff, nanovdb, pbrt, mitsuba, scn, ply, off, stl, ray, obj (`snell formats` tells more)
     0 rendered
     "#);
 }

@@ -6,6 +6,7 @@ mod layers;
 mod metal;
 pub mod minray;
 pub mod mitsuba;
+pub mod nanovdb;
 pub mod nff;
 mod notes;
 pub mod pbrt;
@@ -19,5 +20,13 @@ mod testing;
 mod tokens;
 
 /// The readers of scene files, in the order in which contents are tried.
-pub const READERS: &[crate::SceneReader] =
-    &[snell::READER, gltf::READER, minray::READER, nff::READER, pbrt::READER, mitsuba::READER, scn::READER];
+pub const READERS: &[crate::SceneReader] = &[
+    snell::READER,
+    gltf::READER,
+    minray::READER,
+    nff::READER,
+    nanovdb::READER,
+    pbrt::READER,
+    mitsuba::READER,
+    scn::READER,
+];

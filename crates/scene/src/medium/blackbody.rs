@@ -1,6 +1,6 @@
 //! The light of hot gas.
 
-use snell_math::spectrum::response::rgb_of_light;
+use snell_math::spectrum::response::{luminance_of_light, rgb_of_light};
 use snell_math::{ColorMode, Rgb, SampledSpectrum};
 use std::sync::LazyLock;
 
@@ -50,6 +50,18 @@ pub fn blackbody(kelvin: f32, mode: ColorMode) -> SampledSpectrum {
     mode.lanes(color, |lambda| (planck(lambda, kelvin) / luminance()) as f32)
 }
 
+/// The luminance of a black body in units of the light that has its largest spectral radiance at all wavelengths; 0 below 500 K. (Some
+/// renderers scale black bodies to a largest value of 1.)
+pub fn blackbody_luminance(kelvin: f32) -> f32 {
+    if kelvin.is_nan() || kelvin < COLDEST {
+        return 0.0;
+    }
+    let kelvin = kelvin.min(HOTTEST);
+    // Wien's displacement, in nm K.
+    let largest = planck(2_897_772.0 / kelvin, kelvin);
+    luminance_of_light(|lambda| planck(lambda, kelvin) / largest) as f32
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -64,6 +76,13 @@ mod tests {
         // The white of Rec. 709 is near 6500 K.
         let white = at(6500.0);
         assert!((white[0] / white[2] - 1.0).abs() < 0.1 && (white[1] / white[2] - 1.0).abs() < 0.1, "{white:?}");
+    }
+
+    #[test]
+    fn cool_gas_shines_mostly_beyond_the_visible() {
+        let [ember, flame, sun] = [1000.0, 2000.0, 5800.0].map(blackbody_luminance);
+        assert!(ember < 1e-3 && (0.01..0.1).contains(&flame) && (0.9..1.0).contains(&sun), "{ember} {flame} {sun}");
+        assert_eq!([f32::NAN, 0.0, -5.0, 499.0].map(blackbody_luminance), [0.0; 4]);
     }
 
     #[test]

@@ -17,7 +17,7 @@ mod prepared;
 mod segment;
 mod tracking;
 
-pub use blackbody::blackbody;
+pub use blackbody::{blackbody, blackbody_luminance};
 pub use cloud::Cloud;
 pub use glow::Glow;
 pub use grid::{Grid, ScalarGrid};

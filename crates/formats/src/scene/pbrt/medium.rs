@@ -5,11 +5,12 @@ use super::lexer::{Lexer, quoted};
 use super::params::{Params, Type};
 use super::spectrum::Role;
 use crate::scene::fault::{Fault, Spot};
+use crate::scene::nanovdb::Volumes;
 use crate::scene::scattering;
 use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::graph::MediumId;
 use snell_scene::material::Interior;
-use snell_scene::medium::{Cloud, Grid, Homogeneous, Medium, ScalarGrid};
+use snell_scene::medium::{Cloud, Grid, Homogeneous, Medium, ScalarGrid, blackbody_luminance};
 use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -50,6 +51,7 @@ impl Builder<'_> {
             }
             "uniformgrid" => Some(self.grid(&params)?.into()),
             "rgbgrid" => Some(self.rgb_grid(&params)?.into()),
+            "nanovdb" => Some(self.nanovdb(&params)?.into()),
             "cloud" => Some(self.cloud(&params)?.into()),
             _ => None,
         };
@@ -93,27 +95,53 @@ impl Builder<'_> {
         let size = cells(params)?;
         let density: Vec<f32> = params.floats("density")?.iter().map(|d| *d as f32).collect();
         let found = density.len();
-        // What glows is what absorbs, so the density counts too.
-        let glow = params.floats("Lescale")?;
-        let glow = (glow.len() > 1).then(|| density.iter().zip(glow).map(|(d, l)| d * *l as f32).collect());
-        let emission_scale = glow.and_then(|glow: Vec<f32>| ScalarGrid::new(size, glow)).map(Arc::new);
         let Some(density) = ScalarGrid::new(size, density) else {
             let problem = format!("{found} densities for a grid of {} x {} x {}", size[0], size[1], size[2]);
             return Err(params.fault(problem, "give one for each cell in \"float density\""));
         };
-        let temperature = self.temperature(params, size)?;
+        let scales: Vec<f32> = params.floats("Lescale")?.iter().map(|l| *l as f32).collect();
         let world_from_grid = self.world_from_box(params)?;
-        Ok(Grid {
-            density: density.into(),
-            emission_scale,
-            // What is hot glows by its temperature, unless a colour is given.
-            emission: if temperature.is_some() && emission.is_black() { sigma_a } else { emission },
-            temperature,
-            world_from_grid,
-            sigma_a,
-            sigma_s,
-            g,
-        })
+        let grid = Grid { emission, ..Grid::new(sigma_a, sigma_s, g, density, world_from_grid) };
+        let kelvin: Vec<f32> = params.floats("temperature")?.iter().map(|t| *t as f32).collect();
+        if kelvin.is_empty() {
+            // What glows is what absorbs, so the density counts too.
+            let glow =
+                (scales.len() > 1).then(|| grid.density.values().iter().zip(&scales).map(|(d, l)| d * l).collect());
+            let emission_scale = glow.and_then(|glow: Vec<f32>| ScalarGrid::new(size, glow)).map(Arc::new);
+            return Ok(Grid { emission_scale, ..grid });
+        }
+        let found = kelvin.len();
+        let Some(kelvin) = ScalarGrid::new(size, kelvin) else {
+            let problem = format!("{found} temperatures for a grid of {} x {} x {}", size[0], size[1], size[2]);
+            return Err(params.fault(problem, "give one for each cell in \"float temperature\""));
+        };
+        let one = scales.first().copied().unwrap_or(1.0);
+        hot(params, grid, &kelvin, |cell| scales.get(cell).copied().unwrap_or(one))
+    }
+
+    /// A grid in a file of its own.
+    fn nanovdb(&mut self, params: &Params) -> Result<Grid, Fault> {
+        let Some((name, at)) = self.file_name(params, "filename")? else {
+            return Err(params.fault("there is no file name", "add \"string filename\""));
+        };
+        let input = self.open(name, at)?;
+        let volumes = Volumes::of(&input)?;
+        let density = params.string("gridname")?.unwrap_or("density");
+        let Some(volume) = volumes.volume(density)? else {
+            let names = volumes.names().map(|name| quoted(name.as_bytes())).collect::<Vec<_>>().join(", ");
+            let problem = format!("the file has no grid {}; it has {names}", quoted(density.as_bytes()));
+            return Err(Fault::new(at, problem, "give one of them as \"string gridname\""));
+        };
+        let Coefficients { sigma_a, sigma_s, g, .. } = self.coefficients(params, (Rgb::WHITE, Rgb::WHITE))?;
+        let kelvin = volumes.volume(params.string("temperaturename")?.unwrap_or("temperature"))?;
+        let kelvin = kelvin.map(|kelvin| kelvin.over(&volume));
+        let world_from_grid = self.world_from_file * self.placement(params.at) * volume.world_from_grid;
+        let grid = Grid::new(sigma_a, sigma_s, g, volume.grid, world_from_grid);
+        let scale = params.float_or("Lescale", params.float_or("LeScale", 1.0)?)? as f32;
+        match kelvin {
+            Some(kelvin) => hot(params, grid, &kelvin, |_| scale),
+            None => Ok(grid),
+        }
     }
 
     /// Coefficients for each cell and colour: one density, and the mean colours.
@@ -153,23 +181,6 @@ impl Builder<'_> {
                 self.world_from_box(params)?,
             )
         })
-    }
-
-    /// Temperatures in kelvin on the grid, if there are any.
-    fn temperature(&mut self, params: &Params, size: [usize; 3]) -> Result<Option<Arc<ScalarGrid>>, Fault> {
-        let (scale, offset) = (params.float_or("temperaturescale", 1.0)?, params.float_or("temperatureoffset", 0.0)?);
-        let cutoff = params.float_or("temperaturecutoff", 0.0)?;
-        let kelvin: Vec<f32> = params.floats("temperature")?.iter().map(|t| ((t - offset) * scale) as f32).collect();
-        if kelvin.is_empty() {
-            return Ok(None);
-        }
-        let found = kelvin.len();
-        let glowing = kelvin.into_iter().map(|t| if f64::from(t) > cutoff { t } else { 0.0 }).collect();
-        let Some(grid) = ScalarGrid::new(size, glowing) else {
-            let problem = format!("{found} temperatures for a grid of {} x {} x {}", size[0], size[1], size[2]);
-            return Err(params.fault(problem, "give one for each cell in \"float temperature\""));
-        };
-        Ok(Some(Arc::new(grid)))
     }
 
     /// Absorption and scattering by name; whole milk if there is none.
@@ -247,6 +258,20 @@ impl Builder<'_> {
             self.scene.medium = self.media.named.get(&**name).copied().flatten();
         }
     }
+}
+
+/// A grid that glows by its temperatures. What is hot glows where it absorbs, as a black body whose largest radiance is 1, times a scale.
+fn hot(params: &Params, grid: Grid, kelvin: &ScalarGrid, scale: impl Fn(usize) -> f32) -> Result<Grid, Fault> {
+    // Nothing colder glows.
+    const COLDEST: f64 = 100.0;
+    let offset = params.float_or("temperatureoffset", params.float_or("temperaturecutoff", 0.0)?)?;
+    let factor = params.float_or("temperaturescale", 1.0)?;
+    let glowing = |t: &f32| Some((f64::from(*t) - offset) * factor).filter(|t| *t > COLDEST).unwrap_or(0.0) as f32;
+    let kelvin: Vec<f32> = kelvin.values().iter().map(glowing).collect();
+    let glow = |(cell, (density, kelvin)): (usize, (&f32, &f32))| density * scale(cell) * blackbody_luminance(*kelvin);
+    let glow: Vec<f32> = grid.density.values().iter().zip(&kelvin).enumerate().map(glow).collect();
+    let of = |values| ScalarGrid::new(grid.density.size(), values).map(Arc::new);
+    Ok(Grid { emission: grid.sigma_a, emission_scale: of(glow), temperature: of(kelvin), ..grid })
 }
 
 /// Cells along x, y and z.
