@@ -78,7 +78,8 @@ FOG = """  <shape type="cube">
     <transform name="to_world"><scale x="1.6" y="1" z="1.2"/><translate y="1.05"/></transform>
     <bsdf type="null"/>
     <medium name="interior" type="homogeneous">
-      <rgb name="sigma_t" value="1, 1.2, 1.5"/><rgb name="albedo" value="0.9, 0.85, 0.8"/>
+      <rgb name="sigma_t" value="0.5, 0.6, 0.75"/><float name="scale" value="2"/>
+      <rgb name="albedo" value="0.9, 0.85, 0.8"/>
       <phase type="hg"><float name="g" value="0.4"/></phase>
     </medium>
   </shape>

@@ -4,7 +4,7 @@ mod mesh;
 mod primitive;
 
 use super::Builder;
-use super::bsdf::Look;
+use super::bsdf::{GRAY, Look};
 use super::object::Object;
 use crate::scene::fault::{Fault, Spot};
 use crate::scene::shapes::{ALONG, AROUND, ShapeTable, around_z, swept};
@@ -163,8 +163,10 @@ impl Builder<'_> {
             }
         }
         if !parts.has_bsdf && parts.interior.is_none() {
-            parts.look.layers =
-                vec![Material::new("default", snell_scene::material::Diffuse::new(snell_math::Rgb::splat(0.5)))];
+            // Lamps without a bsdf reflect nothing.
+            let reflectance = if parts.emission.is_some() { 0.0 } else { GRAY };
+            let diffuse = snell_scene::material::Diffuse::new(snell_math::Rgb::splat(reflectance));
+            parts.look.layers = vec![Material::new("default", diffuse)];
         }
         Ok(parts)
     }

@@ -3,7 +3,7 @@
 use super::*;
 use crate::{ReadOptions, read_scene};
 use snell_math::{DVec3, Rgb};
-use snell_scene::material::{MaterialKind, ScalarParam};
+use snell_scene::material::{Diffuse, MaterialKind, ScalarParam};
 use snell_scene::{Environment, Light, Medium, Projection};
 use std::io::Write;
 
@@ -198,6 +198,8 @@ fn emitters_have_their_radiometry() {
     assert_eq!((*direction, *irradiance), (DVec3::NEG_Y, Rgb::splat(5.0)));
     assert!(matches!(scene.environment, Some(Environment::Constant(c)) if c == Rgb::splat(0.5)));
     assert_eq!(scene.materials[0].emission.factor, Rgb::new(17.0, 12.0, 4.0));
+    assert_eq!(scene.materials[0].kind, Diffuse::new(Rgb::BLACK).into(), "it reflects nothing");
+    assert_eq!(material(""), Diffuse::new(Rgb::splat(0.5)).into());
     assert!(!scene.materials[0].emits_on_both_sides);
 }
 
