@@ -86,6 +86,19 @@ impl CubicCurves {
     }
 }
 
+impl CubicCurves {
+    /// Where the line of a ray goes in and out of a segment, ascending.
+    fn crossings(&self, segment: usize, ray: &DRay) -> Option<impl Iterator<Item = PrimitiveHit> + use<>> {
+        let sweep = Sweep::new(&self.bezier(segment)?, ray)?;
+        Some(sweep.crossings().map(|(t, u)| PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) }))
+    }
+
+    /// Where the line of a ray goes in.
+    pub(super) fn entries(&self, segment: usize, ray: &DRay) -> Option<impl Iterator<Item = PrimitiveHit> + use<>> {
+        Some(self.crossings(segment, ray)?.step_by(2))
+    }
+}
+
 /// Balls of a segment that are compared first when looking for its nearest point.
 const SAMPLES: usize = 48;
 
@@ -108,9 +121,7 @@ impl PrimitiveSet for CubicCurves {
     }
 
     fn closest(&self, segment: usize, ray: &DRay, _time: f32) -> Option<PrimitiveHit> {
-        let sweep = Sweep::new(&self.bezier(segment)?, ray)?;
-        let (t, u) = sweep.crossings().find(|crossing| ray.contains(crossing.0))?;
-        Some(PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) })
+        self.crossings(segment, ray)?.find(|hit| ray.contains(hit.t))
     }
 
     fn surface(&self, segment: usize, position: DVec3, uv: Vec2, _time: f32) -> ShapeSurface {
