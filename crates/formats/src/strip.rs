@@ -1,6 +1,6 @@
 //! Curves as triangles: ribbons, and tubes where a format has no curves.
 
-use snell_intersect::{Curves, PrimitiveSet, TriangleMesh};
+use snell_intersect::{Curves, TriangleMesh};
 use snell_math::{DVec4, Vec2, Vec3};
 
 /// Most pieces of a segment along a curve.
@@ -101,7 +101,7 @@ impl<'a> Strip<'a> {
 
 /// How many triangles [`tubes`] makes at most.
 pub fn most_triangles(curves: &Curves) -> usize {
-    curves.len().saturating_mul(ALONG * SIDES * 2)
+    curves.segment_count().saturating_mul(ALONG * SIDES * 2)
 }
 
 #[cfg(test)]

@@ -6,7 +6,6 @@ use crate::failure::Failure;
 use crate::{scene_source, standard_output};
 use serde_json::{Value, json};
 use snell_formats::ReadOptions;
-use snell_intersect::PrimitiveSet;
 use snell_math::Bounds3d;
 use snell_scene::{Geometry, NodeId, Scene};
 use std::collections::{BTreeMap, HashSet};
@@ -67,7 +66,7 @@ impl Counts {
                     }
                     Geometry::Curves(curves) if seen_curves.insert(std::sync::Arc::as_ptr(curves)) => {
                         counts.strands += curves.strands().len();
-                        counts.curve_segments += curves.len();
+                        counts.curve_segments += curves.segment_count();
                     }
                     Geometry::Mesh(_) | Geometry::Curves(_) => {}
                 }

@@ -125,10 +125,9 @@ fn fractions(kind: &MaterialKind) -> Vec<(&'static str, ScalarParam)> {
         MaterialKind::Dielectric(m) => vec![("roughness", m.roughness)],
         MaterialKind::Plastic(m) => vec![("roughness", m.roughness)],
         MaterialKind::CoatedDiffuse(m) => vec![("roughness", m.roughness)],
-        MaterialKind::Hair(m) => vec![
-            ("longitudinal_roughness", m.longitudinal_roughness),
-            ("azimuthal_roughness", m.azimuthal_roughness),
-        ],
+        MaterialKind::Hair(m) => {
+            vec![("longitudinal_roughness", m.longitudinal_roughness), ("azimuthal_roughness", m.azimuthal_roughness)]
+        }
         MaterialKind::MetallicRoughness(m) => {
             vec![("roughness", m.roughness), ("metallic", m.metallic), ("transmission", m.transmission)]
         }

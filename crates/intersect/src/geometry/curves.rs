@@ -1,6 +1,7 @@
 //! Strands: round curves of one or more segments each, hit from outside only. What hair and fur are made of.
 
-use super::sweep::derivatives;
+use super::cubic::Tube;
+use super::sweep::{derivatives, halves};
 use super::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet};
 use crate::shape::{Metric, ShapeSurface};
 use serde::{Deserialize, Serialize};
@@ -75,7 +76,8 @@ fn expected(basis: StrandBasis) -> &'static str {
 }
 
 /// Curves of round cross-section in strands: the space that a ball sweeps along each. [`LinearCurves`] and [`CubicCurves`] say what a
-/// segment is; [`crate::Hit::primitive`] counts segments over all strands, and [`crate::Hit::uv`] is theirs.
+/// segment is. Long and thin segments are divided in halves, quarters or eighths, because the boxes around those are so much smaller;
+/// [`crate::Hit::primitive`] counts these pieces over all strands, and [`crate::Hit::uv`] is along a piece.
 ///
 /// Unlike their segments, strands have an outside only: a ray meets a strand where it goes in, never where it comes out, and nothing
 /// within it where segments meet. So a ray that starts on a strand passes through it unhindered, which is what scattering by fibres asks
@@ -90,6 +92,8 @@ pub struct Curves {
     strands: Vec<u32>,
     /// The first segment of each strand, and the number of all segments.
     first_segments: Vec<u32>,
+    /// How often segments are halved.
+    halvings: u32,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -97,6 +101,12 @@ enum Segments {
     Linear(LinearCurves),
     Cubic(CubicCurves),
 }
+
+/// Segments are halved at most so often.
+const MOST_HALVINGS: u32 = 3;
+
+/// Pieces are about so much longer than they are wide, if segments need not be halved more often for that.
+const SLENDER: f64 = 8.0;
 
 /// How far outside of the next segment, as the sine of an angle at the joint, the end of a segment is still left to be hit: rays that
 /// meet both must not slip through between them.
@@ -124,16 +134,47 @@ impl Curves {
             first += points;
         }
         first_segments.push(starts.len() as u32);
-        let cubic = |basis, points, segments| {
-            Segments::Cubic(CubicCurves { basis, points, tangents: Vec::new(), segments })
-        };
+        let cubic =
+            |basis, points, segments| Segments::Cubic(CubicCurves { basis, points, tangents: Vec::new(), segments });
         let segments = match basis {
             StrandBasis::Linear => Segments::Linear(LinearCurves { points, segments: starts }),
             StrandBasis::Bezier => cubic(CurveBasis::Bezier, points, starts),
             StrandBasis::BSpline => cubic(CurveBasis::BSpline, points, starts),
             StrandBasis::CatmullRom => cubic(CurveBasis::CatmullRom, points, starts),
         };
-        Ok(Self { basis, segments, strands, first_segments })
+        let mut curves = Self { basis, segments, strands, first_segments, halvings: 0 };
+        curves.halvings = curves.best_halvings();
+        if curves.segment_count() << curves.halvings > u32::MAX as usize {
+            curves.halvings = 0;
+        }
+        Ok(curves)
+    }
+
+    /// How often to halve cubic segments so that pieces are not much longer than wide, by the mean of all.
+    fn best_halvings(&self) -> u32 {
+        let Segments::Cubic(curves) = &self.segments else { return 0 };
+        let (mut length, mut width) = (0.0, 0.0);
+        for c in (0..curves.segments.len()).filter_map(|i| curves.bezier(i)) {
+            length += c.windows(2).map(|p| p[0].truncate().distance(p[1].truncate())).sum::<f64>();
+            width += c[0].w + c[3].w;
+        }
+        (0..MOST_HALVINGS).find(|&n| length <= SLENDER * width * f64::from(1 << n)).unwrap_or(MOST_HALVINGS)
+    }
+
+    /// How many segments all strands have.
+    pub fn segment_count(&self) -> usize {
+        self.first_segments.last().map_or(0, |&count| count as usize)
+    }
+
+    /// The solid of a piece and the direction of its segment; `None` if it is never hit, or linear.
+    fn tube(&self, piece: usize) -> Option<(Tube, DVec3)> {
+        let Segments::Cubic(curves) = &self.segments else { return None };
+        let mut controls = curves.bezier(piece >> self.halvings)?;
+        let chord = (controls[3] - controls[0]).truncate();
+        for level in (0..self.halvings).rev() {
+            controls = halves(&controls)[piece >> level & 1];
+        }
+        Some((Tube(controls), chord))
     }
 
     /// How the points define the strands.
@@ -164,10 +205,11 @@ impl Curves {
         })
     }
 
-    /// The strand of a segment, its first segment, and the one after its last.
-    fn strand_of(&self, segment: usize) -> (usize, [usize; 2]) {
+    /// The first piece of the strand of a piece, and the one after its last.
+    fn strand_of(&self, piece: usize) -> [usize; 2] {
+        let segment = piece >> self.halvings;
         let strand = self.first_segments.partition_point(|&first| first as usize <= segment) - 1;
-        (strand, [strand, strand + 1].map(|i| self.first_segments[i] as usize))
+        [strand, strand + 1].map(|i| (self.first_segments[i] as usize) << self.halvings)
     }
 
     /// The segments of a strand.
@@ -191,24 +233,18 @@ impl Curves {
         (0..self.len()).map(|i| self.bounds(i)).filter(|b| !b.is_empty()).fold(Bounds3d::EMPTY, |all, b| all.union(&b))
     }
 
-    fn set(&self) -> &dyn PrimitiveSet {
-        match &self.segments {
-            Segments::Linear(curves) => curves,
-            Segments::Cubic(curves) => curves,
-        }
-    }
-
-    /// True if a point on the round end of a segment, at `u` 0 or 1, lies within the segment that goes on from there.
-    fn is_within_next(&self, segment: usize, u: f32, position: DVec3) -> bool {
-        let (_, [first, after]) = self.strand_of(segment);
+    /// True if a point on the round end of a piece, at `u` 0 or 1, lies within the piece that goes on from there.
+    fn is_within_next(&self, piece: usize, u: f32, position: DVec3) -> bool {
+        let [first, after] = self.strand_of(piece);
         let (next, start, sign) = match u {
-            0.0 if segment > first => (segment - 1, 1.0, -1.0),
-            1.0 if segment + 1 < after => (segment + 1, 0.0, 1.0),
+            0.0 if piece > first => (piece - 1, 1.0, -1.0),
+            1.0 if piece + 1 < after => (piece + 1, 0.0, 1.0),
             _ => return false,
         };
-        let Some(controls) = self.bezier(next) else { return false };
+        let controls = self.tube(next).map(|(tube, _)| tube.0).or_else(|| self.bezier(next >> self.halvings));
+        let Some(controls) = controls else { return false };
         let [c, d, _] = derivatives(&controls, start);
-        // By how much the distance to the ball shrinks on the way into that segment.
+        // By how much the distance to the ball shrinks on the way into that piece.
         let nearer = (position - c.truncate()).dot(d.truncate()) + c.w * d.w;
         nearer * sign > JOINT * c.w * d.truncate().length()
     }
@@ -216,30 +252,38 @@ impl Curves {
 
 impl PrimitiveSet for Curves {
     fn len(&self) -> usize {
-        self.first_segments.last().map_or(0, |&count| count as usize)
+        self.segment_count() << self.halvings
     }
 
-    fn bounds(&self, segment: usize) -> Bounds3d {
-        self.set().bounds(segment)
-    }
-
-    fn closest(&self, segment: usize, ray: &DRay, _time: f32) -> Option<PrimitiveHit> {
-        let is_seen = |hit: &PrimitiveHit| {
-            let at_end = hit.uv.x == 0.0 || hit.uv.x == 1.0;
-            ray.contains(hit.t) && !(at_end && self.is_within_next(segment, hit.uv.x, ray.at(hit.t)))
-        };
+    fn bounds(&self, piece: usize) -> Bounds3d {
         match &self.segments {
-            Segments::Linear(curves) => curves.entry(segment, ray).filter(is_seen),
-            Segments::Cubic(curves) => curves.entries(segment, ray)?.find(is_seen),
+            Segments::Linear(curves) => curves.bounds(piece),
+            Segments::Cubic(_) => self.tube(piece).map_or(Bounds3d::EMPTY, |(tube, _)| tube.bounds()),
         }
     }
 
-    fn surface(&self, segment: usize, position: DVec3, uv: Vec2, time: f32) -> ShapeSurface {
-        let surface = self.set().surface(segment, position, uv, time);
-        let (_, [first, after]) = self.strand_of(segment);
+    fn closest(&self, piece: usize, ray: &DRay, _time: f32) -> Option<PrimitiveHit> {
+        let is_seen = |hit: &PrimitiveHit| {
+            let at_end = hit.uv.x == 0.0 || hit.uv.x == 1.0;
+            ray.contains(hit.t) && !(at_end && self.is_within_next(piece, hit.uv.x, ray.at(hit.t)))
+        };
+        match &self.segments {
+            Segments::Linear(curves) => curves.entry(piece, ray).filter(is_seen),
+            // Where the ray goes in: every other crossing.
+            Segments::Cubic(_) => self.tube(piece)?.0.crossings(ray)?.step_by(2).find(is_seen),
+        }
+    }
+
+    fn surface(&self, piece: usize, position: DVec3, uv: Vec2, time: f32) -> ShapeSurface {
+        let surface = match (&self.segments, self.tube(piece)) {
+            (Segments::Linear(curves), _) => curves.surface(piece, position, uv, time),
+            (Segments::Cubic(_), Some((tube, chord))) => tube.surface(position, uv.x, chord),
+            (Segments::Cubic(curves), None) => curves.surface(piece >> self.halvings, position, uv, time),
+        };
+        let [first, after] = self.strand_of(piece);
         let count = (after - first) as f64;
         let mut along = surface.uv;
-        along.x = ((segment - first) as f64 + along.x) / count;
+        along.x = ((piece - first) as f64 + along.x) / count;
         ShapeSurface { uv: along, dpdu: surface.dpdu * count, ..surface }
     }
 
@@ -247,12 +291,18 @@ impl PrimitiveSet for Curves {
         true
     }
 
-    fn nearest_point(&self, segment: usize, point: DVec3, metric: &Metric) -> Option<(DVec3, Vec2)> {
-        self.set().nearest_point(segment, point, metric)
+    fn nearest_point(&self, piece: usize, point: DVec3, metric: &Metric) -> Option<(DVec3, Vec2)> {
+        match &self.segments {
+            Segments::Linear(curves) => curves.nearest_point(piece, point, metric),
+            Segments::Cubic(_) => Some(self.tube(piece)?.0.nearest_point(point, metric)),
+        }
     }
 
-    fn contains(&self, segment: usize, point: DVec3) -> bool {
-        self.set().contains(segment, point)
+    fn contains(&self, piece: usize, point: DVec3) -> bool {
+        match &self.segments {
+            Segments::Linear(curves) => curves.contains(piece, point),
+            Segments::Cubic(_) => self.tube(piece).is_some_and(|(tube, _)| tube.contains(point)),
+        }
     }
 }
 
@@ -282,7 +332,10 @@ mod tests {
         assert_eq!(StrandBasis::Bezier.segments(7), Some(2));
         assert_eq!([0, 1, 2, 3].map(|n| StrandBasis::Linear.segments(n)), [None, None, Some(1), Some(2)]);
         let error = Curves::new(StrandBasis::Bezier, points(9), vec![4, 5]).expect_err("five make no segments");
-        assert_eq!(error.to_string(), "strand 1 has 5 points, expected 4, 7, 10 or the like: 3 for each segment and 1 more");
+        assert_eq!(
+            error.to_string(),
+            "strand 1 has 5 points, expected 4, 7, 10 or the like: 3 for each segment and 1 more"
+        );
         assert!(matches!(Curves::new(StrandBasis::Linear, points(5), vec![2, 2]), Err(StrandError::Total { .. })));
         let none = Curves::new(StrandBasis::BSpline, Vec::new(), Vec::new()).expect("nothing is fine");
         assert!(none.is_empty() && none.bounds_of_all().is_empty());
@@ -295,18 +348,23 @@ mod tests {
             let mut random = Random(7);
             let (mut hits, mut inside) = (0, 0);
             for _ in 0..20_000 {
-                let target = curves.bezier((random.unit() * curves.len() as f32) as usize).expect("a segment")[0];
+                let target =
+                    curves.bezier((random.unit() * curves.segment_count() as f32) as usize).expect("a segment")[0];
                 let from = random.direction().as_dvec3() * 9.0;
                 let way = target.truncate() + random.point(0.05).as_dvec3() - from;
                 let ray = DRay::new(from, way);
                 let closest = |set: &dyn PrimitiveSet, ray: &DRay| {
-                    let all = (0..curves.len()).filter_map(|i| Some((set.closest(i, ray, 0.0)?.t, i)));
+                    let all = (0..set.len()).filter_map(|i| Some((set.closest(i, ray, 0.0)?.t, i)));
                     all.min_by(|a, b| a.0.total_cmp(&b.0))
                 };
-                let (mine, solids) = (closest(&curves, &ray), closest(curves.set(), &ray));
+                let segments: &dyn PrimitiveSet = match &curves.segments {
+                    Segments::Linear(curves) => curves,
+                    Segments::Cubic(curves) => curves,
+                };
+                let (mine, solids) = (closest(&curves, &ray), closest(segments, &ray));
                 assert_eq!(mine.is_some(), solids.is_some(), "{basis:?}: {ray:?}");
                 let (Some(mine), Some(solids)) = (mine, solids) else { continue };
-                assert!((mine.0 - solids.0).abs() < 1e-9, "{basis:?}: {ray:?}");
+                assert!((mine.0 - solids.0).abs() < 1e-6, "{basis:?}: {ray:?}");
                 hits += 1;
                 // On from there, into the strand: whatever it meets is entered from outside.
                 let point = ray.at(mine.0);
@@ -328,7 +386,7 @@ mod tests {
         for basis in BASES {
             let curves = winding(basis);
             let mut random = Random(9);
-            for segment in 1..curves.len() {
+            for segment in 1..curves.segment_count() {
                 let joint = curves.bezier(segment).expect("a segment")[0];
                 for _ in 0..3_000 {
                     let from = joint.truncate() + random.direction().as_dvec3() * 5.0;
@@ -345,12 +403,13 @@ mod tests {
         for basis in BASES {
             let curves = winding(basis);
             let mut last = 0.0;
-            for segment in 0..curves.len() {
-                let controls = curves.bezier(segment).expect("a segment");
+            for piece in 0..curves.len() {
+                let linear = || curves.bezier(piece).expect("a segment");
+                let controls = curves.tube(piece).map_or_else(linear, |(tube, _)| tube.0);
                 for u in [0.1, 0.5, 0.9] {
                     let [c, d, _] = derivatives(&controls, u);
                     let across = d.truncate().any_orthogonal_vector().normalize();
-                    let surface = curves.surface(segment, c.truncate() + across * c.w, Vec2::new(u as f32, 0.0), 0.0);
+                    let surface = curves.surface(piece, c.truncate() + across * c.w, Vec2::new(u as f32, 0.0), 0.0);
                     assert!(surface.uv.x > last && surface.uv.x < 1.0 && (0.0..1.0).contains(&surface.uv.y));
                     last = surface.uv.x;
                     let along = d.truncate() * curves.len() as f64;

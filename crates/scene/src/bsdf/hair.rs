@@ -65,7 +65,8 @@ struct Seen {
 impl HairBsdf {
     /// A fibre at a point.
     pub fn new(fiber: &HairFiber) -> Self {
-        let [m, n] = [fiber.longitudinal_roughness, fiber.azimuthal_roughness].map(|r| super::bounded(r, 1.0).max(0.01));
+        let [m, n] =
+            [fiber.longitudinal_roughness, fiber.azimuthal_roughness].map(|r| super::bounded(r, 1.0).max(0.01));
         let variance = (0.726 * m + 0.812 * m * m + 3.7 * m.powi(20)).powi(2);
         let tilt = |angle: f32| angle.sin_cos().into();
         let alpha = fiber.scale_tilt;
@@ -322,7 +323,10 @@ mod tests {
                     let offset = [None, Some(-0.95), Some(0.3)][i % 3];
                     let hair = HairBsdf::new(&fiber(offset, m, n));
                     let [value, pdf] = [integral(|wi| hair.eval(wo, wi)[0]), integral(|wi| hair.pdf(wo, wi))];
-                    assert!((value - 1.0).abs() < 1e-3 && (pdf - 1.0).abs() < 1e-3, "{m} {n} {wo} {offset:?}: {value} {pdf}");
+                    assert!(
+                        (value - 1.0).abs() < 1e-3 && (pdf - 1.0).abs() < 1e-3,
+                        "{m} {n} {wo} {offset:?}: {value} {pdf}"
+                    );
                     assert!((hair.albedo(wo)[0] - 1.0).abs() < 1e-5);
                     worst = worst.max((value - 1.0).abs());
                 }
@@ -393,7 +397,9 @@ mod tests {
     #[test]
     fn over_the_width_of_a_fibre_without_scales_directions_of_equal_inclination_are_exchangeable() {
         let hairs: Vec<_> = (0..400)
-            .map(|i| HairBsdf::new(&HairFiber { scale_tilt: 0.0, ..fiber(Some((i as f32 + 0.5) / 200.0 - 1.0), 0.3, 0.3) }))
+            .map(|i| {
+                HairBsdf::new(&HairFiber { scale_tilt: 0.0, ..fiber(Some((i as f32 + 0.5) / 200.0 - 1.0), 0.3, 0.3) })
+            })
             .collect();
         let direction = |azimuth: f32, x: f32| Vec3::new(x, azimuth.cos() * 0.8, azimuth.sin() * 0.8);
         for i in 0..20 {
@@ -417,7 +423,9 @@ mod tests {
 
     #[test]
     fn the_bessel_function_has_its_tabled_values() {
-        for (x, value) in [(0.0, 1.0), (1.0, 0.465_759_6), (3.0, 0.243_000_35), (5.0, 0.183_540_8), (20.0, 0.089_780_31)] {
+        for (x, value) in
+            [(0.0, 1.0), (1.0, 0.465_759_6), (3.0, 0.243_000_35), (5.0, 0.183_540_8), (20.0, 0.089_780_31)]
+        {
             assert!((scaled_bessel(x) - value).abs() < 1e-6, "{x}: {}", scaled_bessel(x));
         }
     }
@@ -437,7 +445,10 @@ mod tests {
                             _ => sampling::uniform_sphere(u(0)),
                         };
                         let value = hair.eval(wo, sampling::uniform_sphere(u(1)));
-                        assert!(value.is_finite() && value.0.iter().all(|&v| v >= 0.0), "{m} {n} {ior} {wo}: {value:?}");
+                        assert!(
+                            value.is_finite() && value.0.iter().all(|&v| v >= 0.0),
+                            "{m} {n} {ior} {wo}: {value:?}"
+                        );
                         let ends = [Vec2::ZERO, Vec2::splat(1.0 - f32::EPSILON)];
                         let u2 = if i < 20 { ends[i as usize % 2] } else { u(2) };
                         if let Some(s) = hair.sample(wo, u(3).x, u2) {

@@ -117,5 +117,11 @@ fn offset(point: &ShadingPoint) -> Option<f32> {
     // The local y axis may be against v.
     let is_along = surface.shading_normal.cross(surface.dpdu).dot(surface.dpdv) >= 0.0;
     let h = 2.0 * surface.uv[0].y.rem_euclid(1.0) - 1.0;
-    Some(if h.is_nan() { 0.0 } else if is_along { h } else { -h })
+    Some(if h.is_nan() {
+        0.0
+    } else if is_along {
+        h
+    } else {
+        -h
+    })
 }

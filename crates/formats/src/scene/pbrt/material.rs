@@ -14,8 +14,8 @@ use crate::scene::sheet::letting_through;
 use snell_math::Rgb;
 use snell_math::spectrum::Metal;
 use snell_scene::material::{
-    CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Hair, Interface, Interior,
-    MetallicRoughness, NormalMap, OpenPbr, ScalarParam,
+    CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Hair, Interface,
+    Interior, MetallicRoughness, NormalMap, OpenPbr, ScalarParam,
 };
 use snell_scene::{Encoding, Material, MaterialId, Texture};
 use std::collections::HashMap;

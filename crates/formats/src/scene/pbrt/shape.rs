@@ -129,7 +129,9 @@ impl Builder<'_> {
         self.shapes.strand_points += points.len();
         let limit = self.main.options.limits.elements;
         if self.shapes.strand_points > limit {
-            return Err(params.fault(format!("the scene has more than {limit} points of curves, the limit"), "split it"));
+            return Err(
+                params.fault(format!("the scene has more than {limit} points of curves, the limit"), "split it")
+            );
         }
         let moves = self.moves();
         let node = self.node_at(place, moves);
@@ -148,7 +150,8 @@ impl Builder<'_> {
     /// Puts the curves where they belong.
     pub(super) fn finish_curves(&mut self) {
         for Strands { node, materials, points, counts } in std::mem::take(&mut self.shapes.strands) {
-            let curves = Curves::new(StrandBasis::Bezier, points, counts).expect("whole segments, fewer than the limit");
+            let curves =
+                Curves::new(StrandBasis::Bezier, points, counts).expect("whole segments, fewer than the limit");
             let geometry = Geometry::Curves(Arc::new(curves));
             let surfaces = materials.into_iter().map(|m| Surface::with_material(geometry.clone(), m));
             self.scene.nodes[node.index()].surfaces.extend(surfaces);

@@ -222,7 +222,8 @@ impl File<'_, '_> {
             }
             (false, false, _) => self.color("sigma_a", hair.sigma_a, who),
             _ => {
-                self.output.lose(format!("{who}: pigments, dye and absorption became one absorption, without textures"));
+                self.output
+                    .lose(format!("{who}: pigments, dye and absorption became one absorption, without textures"));
                 format!(" \"rgb sigma_a\" {}", rgb(hair.plain_absorption()))
             }
         };

@@ -5,7 +5,7 @@ use super::{File, transform};
 use crate::write::flat::note_shape;
 use crate::write::ply;
 use crate::write::tessellate::tessellate;
-use snell_intersect::{AnyShape, Curves, PrimitiveSet, TriangleMesh};
+use snell_intersect::{AnyShape, Curves, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Vec2};
 use snell_scene::Geometry;
 use snell_scene::placed::Placed;
@@ -95,7 +95,7 @@ impl File<'_, '_> {
             _ = writeln!(text, "  {line}");
         }
         let mut uneven = 0;
-        for controls in (0..curves.len()).filter_map(|segment| curves.bezier(segment)) {
+        for controls in (0..curves.segment_count()).filter_map(|segment| curves.bezier(segment)) {
             let [a, b, c, d] = controls.map(|p| p.w);
             let off = (b - (a + (d - a) / 3.0)).abs().max((c - (d + (a - d) / 3.0)).abs());
             uneven += u64::from(off > 1e-3 * a.max(d));
@@ -110,7 +110,7 @@ impl File<'_, '_> {
                 made.shape_parameters
             );
         }
-        let is_long = curves.strands().len() < curves.len();
+        let is_long = curves.strands().len() < curves.segment_count();
         if is_long {
             self.output.lose("strands are written segment by segment: texture coordinates run along each");
         }

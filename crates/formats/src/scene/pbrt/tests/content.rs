@@ -225,13 +225,18 @@ fn curves_go_through_their_ends() {
 
 #[test]
 fn cubic_b_splines_become_the_bezier_curves_they_are() {
-    let scene = scene(
-        "WorldBegin Shape \"curve\" \"string basis\" \"bspline\" \"point3 P\" [0 0 0 6 0 0 6 6 0 0 6 6 0 0 6]",
-    );
+    let scene =
+        scene("WorldBegin Shape \"curve\" \"string basis\" \"bspline\" \"point3 P\" [0 0 0 6 0 0 6 6 0 0 6 6 0 0 6]");
     let curves = &curves(&scene)[0];
     // The weights of the ends are 1, 4, 1, the inner points divide the inner sides in thirds.
     let expected: [[f32; 3]; 7] = [
-        [5.0, 1.0, 0.0], [6.0, 2.0, 0.0], [6.0, 4.0, 0.0], [5.0, 5.0, 1.0], [4.0, 6.0, 2.0], [2.0, 6.0, 4.0], [1.0, 5.0, 5.0],
+        [5.0, 1.0, 0.0],
+        [6.0, 2.0, 0.0],
+        [6.0, 4.0, 0.0],
+        [5.0, 5.0, 1.0],
+        [4.0, 6.0, 2.0],
+        [2.0, 6.0, 4.0],
+        [1.0, 5.0, 5.0],
     ];
     for (point, expected) in curves.points().iter().zip(expected) {
         assert!((point.truncate() - Vec3::from(expected)).length() < 1e-5, "{point}, not {expected:?}");
