@@ -59,8 +59,8 @@ impl<'a, F: Form> Surfaces<'a, F> {
                 Local::of(surface.position, surface.normal, surface.uv).placed(placed)
             }
             Surface::Curves(curves) => {
-                let uv = Vec2::new(found.uv[0] as f32, found.uv[1] as f32);
-                let surface = curves.surface(found.primitive as usize, position(), uv, 0.0);
+                let [u, v] = found.uv.map(|x| Into::<f64>::into(x) as f32);
+                let surface = curves.surface(found.primitive as usize, position(), Vec2::new(u, v), 0.0);
                 Local::of(surface.position, surface.normal, surface.uv).placed(placed)
             }
             Surface::Gone => Local::NONE,
