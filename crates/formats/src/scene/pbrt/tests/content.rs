@@ -501,3 +501,21 @@ fn media_fill_what_their_interface_says() {
     );
     assert_eq!(around.medium.map(|m| m.0), Some(0));
 }
+
+#[test]
+fn hair_has_its_absorption_its_colour_or_its_pigments() {
+    let hair = |text: &str| {
+        let scene = scene(&format!("WorldBegin Material \"hair\" {text} Shape \"sphere\""));
+        let MaterialKind::Hair(hair) = scene.materials[0].kind.clone() else { panic!("hair") };
+        (hair, scene.warnings.len())
+    };
+    let (brown, _) = hair("\"float beta_m\" 0.2 \"float beta_n\" 0.4 \"float alpha\" 3 \"float eta\" 1.6");
+    assert_eq!((brown.eumelanin, brown.scale_tilt, brown.ior), (1.3.into(), 3.0, 1.6));
+    assert_eq!((brown.longitudinal_roughness, brown.azimuthal_roughness), (0.2.into(), 0.4.into()));
+    let (red, _) = hair("\"float pheomelanin\" 2");
+    assert_eq!((red.eumelanin, red.pheomelanin), (0.0.into(), 2.0.into()));
+    let (dyed, warnings) = hair("\"rgb reflectance\" [0.5 0.25 0.125]");
+    assert_eq!((dyed.color.factor, dyed.eumelanin, warnings), (Rgb::new(0.5, 0.25, 0.125), 0.0.into(), 0));
+    let (absorbing, warnings) = hair("\"rgb sigma_a\" [0.5 1 4] \"float eumelanin\" 1");
+    assert_eq!((absorbing.sigma_a.factor, absorbing.eumelanin, warnings), (Rgb::new(0.5, 1.0, 4.0), 0.0.into(), 1));
+}
