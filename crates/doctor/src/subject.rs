@@ -121,6 +121,7 @@ impl<'a> Subject<'a> {
         let kind = match &placed.surface.geometry {
             Geometry::Mesh(_) => "mesh",
             Geometry::Shape(shape) => shape.name(),
+            Geometry::Curves(_) => "curves",
         };
         let (id, material) = (placed.node.0, &self.material(placed.material(0)).name);
         let is_named = !placed.name.is_empty() && placed.name != self.scene.nodes[self.scene.root.index()].name;
@@ -166,7 +167,7 @@ impl<'a> Subject<'a> {
     pub fn world(&self) -> Option<&World> {
         let build = || {
             let mut builder = WorldBuilder::default();
-            let mut groups = HashMap::new();
+            let (mut groups, mut strands) = (HashMap::new(), HashMap::new());
             for (i, place) in self.placed.iter().enumerate() {
                 match &place.surface.geometry {
                     Geometry::Shape(shape) => {
@@ -177,6 +178,14 @@ impl<'a> Subject<'a> {
                         let group = *groups.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
                             let group = builder.add_group();
                             builder.add_mesh(group, mesh.clone());
+                            group
+                        });
+                        builder.add_instance(WorldBuilder::ROOT, group, place.world_from_surface);
+                    }
+                    Geometry::Curves(curves) => {
+                        let group = *strands.entry(Arc::as_ptr(curves)).or_insert_with(|| {
+                            let group = builder.add_group();
+                            builder.add_set(group, curves.clone());
                             group
                         });
                         builder.add_instance(WorldBuilder::ROOT, group, place.world_from_surface);

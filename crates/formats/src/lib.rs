@@ -14,6 +14,7 @@ mod json_place;
 pub mod limits;
 pub mod mesh;
 pub mod scene;
+mod strip;
 pub mod textures;
 pub mod write;
 

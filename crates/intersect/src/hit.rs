@@ -106,6 +106,8 @@ pub struct SurfaceInteraction {
     pub tangent: Option<(Vec3, f32)>,
     /// Interpolated vertex colour (linear RGB and alpha); white where there is none.
     pub color: [f32; 4],
+    /// True on a curve ([`crate::Curves`]): the point is on the outside of a fibre, along which `dpdu` is.
+    pub on_curve: bool,
     /// As in [`Hit`].
     pub t: f32,
     /// As in [`Hit`]: barycentrics for triangles.

@@ -38,7 +38,8 @@ pub mod world;
 
 pub use accel::Quality;
 pub use geometry::{
-    CubicCurves, CurveBasis, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet, QuadMesh, Spheres,
+    CubicCurves, CurveBasis, Curves, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet, QuadMesh, Spheres,
+    StrandBasis, StrandError,
 };
 pub use hit::{DHit, Hit, SurfaceInteraction};
 pub use mesh::{DTriangleMesh, TriangleMesh};

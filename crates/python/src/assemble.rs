@@ -6,7 +6,9 @@
 
 use crate::contents::{Contents, Kind, Object, Slot};
 use crate::mesh::Mesh;
-use snell_intersect::{AnyShape, BuildOptions, GeometryId, GroupId, Hit, Instance, Spheres, WorldBuilder, WorldError};
+use snell_intersect::{
+    AnyShape, BuildOptions, Curves, GeometryId, GroupId, Hit, Instance, Spheres, WorldBuilder, WorldError,
+};
 use snell_math::Transform;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -20,6 +22,8 @@ pub enum Surface {
     Shape(Arc<AnyShape>, Transform),
     /// Spheres, in the coordinates of their group.
     Spheres(Arc<Spheres>),
+    /// Strands, in the coordinates of their group.
+    Curves(Arc<Curves>),
     /// Nothing any more.
     Gone,
 }
@@ -93,6 +97,8 @@ pub trait Builder: Default {
     fn add_shape(&mut self, group: GroupId, shape: &Arc<AnyShape>, placed: Transform) -> GeometryId;
     /// Spheres in a group.
     fn add_spheres(&mut self, group: GroupId, spheres: &Arc<Spheres>) -> GeometryId;
+    /// Strands in a group.
+    fn add_curves(&mut self, group: GroupId, curves: &Arc<Curves>) -> GeometryId;
     /// A number that nothing has.
     fn add_gap(&mut self);
     /// A group in a group.
@@ -140,7 +146,7 @@ impl<F: Form> Assembler<F> {
                     let (child, below) = self.scene(scene);
                     (child, below, number)
                 }
-                (Kind::Mesh(_) | Kind::Spheres(_), Some(_)) => {
+                (Kind::Mesh(_) | Kind::Spheres(_) | Kind::Curves(_), Some(_)) => {
                     let own = self.builder.add_group();
                     self.geometry(own, number, object);
                     (own, 1, Hit::NONE)
@@ -179,6 +185,7 @@ impl<F: Form> Assembler<F> {
             Kind::Mesh(mesh) => (self.builder.add_mesh(group, mesh), Surface::Mesh(mesh.clone())),
             Kind::Shape(shape) => (self.builder.add_shape(group, shape, placed), Surface::Shape(shape.clone(), placed)),
             Kind::Spheres(spheres) => (self.builder.add_spheres(group, spheres), Surface::Spheres(spheres.clone())),
+            Kind::Curves(curves) => (self.builder.add_curves(group, curves), Surface::Curves(curves.clone())),
             Kind::Instance(_) => return,
         };
         self.builder.set_mask(id, object.mask);

@@ -4,7 +4,7 @@
 use crate::mesh::Mesh;
 use pyo3::PyResult;
 use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
-use snell_intersect::{AnyShape, PrimitiveSet, Shape, Spheres};
+use snell_intersect::{AnyShape, Curves, PrimitiveSet, Shape, Spheres};
 use snell_math::{Bounds3d, Transform};
 use snell_scene::{MaterialId, Node, NodeId, Scene};
 use std::collections::HashMap;
@@ -22,6 +22,8 @@ pub enum Kind {
     Shape(Arc<AnyShape>),
     /// Spheres in bulk.
     Spheres(Arc<Spheres>),
+    /// Strands.
+    Curves(Arc<Curves>),
     /// All that another scene held when it was added.
     Instance(Arc<Contents>),
 }
@@ -182,6 +184,7 @@ impl Contents {
                 Kind::Spheres(spheres) => {
                     (0..spheres.len()).fold(Bounds3d::EMPTY, |all, i| all.union(&spheres.bounds(i)))
                 }
+                Kind::Curves(curves) => curves.bounds_of_all(),
                 Kind::Instance(child) => match known.get(&Arc::as_ptr(child)) {
                     Some(bounds) => *bounds,
                     None => {

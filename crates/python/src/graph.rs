@@ -58,6 +58,10 @@ impl Writer {
                     let geometry = Geometry::Shape(shape.clone());
                     node.surfaces.push(Surface { geometry, materials: materials(object) });
                 }
+                Kind::Curves(curves) => {
+                    let geometry = Geometry::Curves(curves.clone());
+                    node.surfaces.push(Surface { geometry, materials: materials(object) });
+                }
                 Kind::Spheres(spheres) => {
                     node.material = materials(object).first().copied().flatten();
                     node.children = self.spheres(spheres);

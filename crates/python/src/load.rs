@@ -92,7 +92,7 @@ type MeshUse = (*const TriangleMesh, Vec<Option<MaterialId>>);
 fn slots(surface: &Surface, inherited: Option<MaterialId>) -> Vec<Option<MaterialId>> {
     let count = match &surface.geometry {
         Geometry::Mesh(mesh) => mesh.material_slots.iter().max().map_or(1, |&slot| usize::from(slot) + 1),
-        Geometry::Shape(_) => 1,
+        Geometry::Shape(_) | Geometry::Curves(_) => 1,
     };
     let own = |slot: usize| surface.materials.get(slot).copied().flatten();
     (0..count.max(surface.materials.len())).map(|slot| own(slot).or(inherited)).collect()
@@ -148,6 +148,7 @@ impl<'a> Folder<'a> {
                 let materials = slots(surface, material);
                 match &surface.geometry {
                     Geometry::Shape(shape) => add(named(Kind::Shape(shape.clone()), transform, materials))?,
+                    Geometry::Curves(curves) => add(named(Kind::Curves(curves.clone()), transform, materials))?,
                     Geometry::Mesh(mesh) if self.uses[&Arc::as_ptr(mesh)] > 1 => {
                         let key = (Arc::as_ptr(mesh), materials.clone());
                         let shared = self.meshes.entry(key).or_insert_with(|| {

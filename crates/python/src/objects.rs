@@ -8,7 +8,7 @@ use numpy::{Element, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use snell_intersect::{AnyShape, Shape, Spheres};
+use snell_intersect::{AnyShape, Curves, Shape, Spheres, StrandBasis};
 use snell_math::{DMat4, DVec3, Transform, Vec2, Vec3, Vec4};
 
 /// The shape of an array `(n, width)`, or an error that says what was found.
@@ -216,25 +216,61 @@ pub fn mask(value: Option<i64>) -> PyResult<u32> {
     u32::try_from(value).map_err(|_| PyValueError::new_err(format!("mask is {value}, expected 0 to {}", u32::MAX)))
 }
 
+/// One number for each of some points, or one for all.
+fn of_each(values: &Bound<'_, PyAny>, what: &str, count: usize) -> PyResult<Vec<f32>> {
+    let py = values.py();
+    let values = array(values, what)?;
+    is_double(&values, what)?;
+    if !matches!(values.shape(), [] | [1]) && values.shape() != [count] {
+        let found = shown(values.shape());
+        return Err(PyValueError::new_err(format!("{what}: shape is {found}, expected ({count},) or one number")));
+    }
+    let values = contiguous::<f32>(&numpy(py, "atleast_1d")?.call1((values,))?.cast_into::<PyUntypedArray>()?)?;
+    let values = slice(&values)?;
+    check_finite(values, 1, what)?;
+    Ok(if values.len() == 1 { vec![values[0]; count] } else { values.to_vec() })
+}
+
+/// Positions with the radii that belong to them.
+fn balls(positions: &[[f32; 3]], radii: &[f32]) -> Vec<Vec4> {
+    positions.iter().zip(radii).map(|(&[x, y, z], &r)| Vec4::new(x, y, z, r)).collect()
+}
+
 /// Spheres in bulk.
 pub fn spheres(centers: &Bound<'_, PyAny>, radii: &Bound<'_, PyAny>) -> PyResult<Spheres> {
-    let py = centers.py();
     let centers = attribute::<3>(centers, None, "centers")?;
-    let radii_array = array(radii, "radii")?;
-    is_double(&radii_array, "radii")?;
-    if !matches!(radii_array.shape(), [] | [1]) && radii_array.shape() != [centers.len()] {
-        let (found, n) = (shown(radii_array.shape()), centers.len());
-        return Err(PyValueError::new_err(format!("radii: shape is {found}, expected ({n},) or one number")));
+    let radii = of_each(radii, "radii", centers.len())?;
+    if let Some(at) = radii.iter().position(|&r| r <= 0.0) {
+        return Err(PyValueError::new_err(format!("radii[{at}] is {}, expected a positive number", radii[at])));
     }
-    let values = contiguous::<f32>(&numpy(py, "atleast_1d")?.call1((radii_array,))?.cast_into::<PyUntypedArray>()?)?;
-    let values = slice(&values)?;
-    check_finite(values, 1, "radii")?;
-    if let Some(at) = values.iter().position(|&r| r <= 0.0) {
-        return Err(PyValueError::new_err(format!("radii[{at}] is {}, expected a positive number", values[at])));
+    Ok(Spheres { spheres: balls(&centers, &radii), colors: Vec::new() })
+}
+
+/// Strands of round curves. `strands` has the number of points of each; all points are one strand without.
+pub fn curves(
+    points: &Bound<'_, PyAny>,
+    radii: &Bound<'_, PyAny>,
+    strands: Option<&Bound<'_, PyAny>>,
+    basis: &str,
+) -> PyResult<Curves> {
+    let points = attribute::<3>(points, None, "points")?;
+    let radii = of_each(radii, "radii", points.len())?;
+    if let Some(at) = radii.iter().position(|&r| r < 0.0) {
+        return Err(PyValueError::new_err(format!("radii[{at}] is {}, expected 0 or more", radii[at])));
     }
-    let radius = |i: usize| if values.len() == 1 { values[0] } else { values[i] };
-    let spheres = centers.iter().enumerate().map(|(i, &[x, y, z])| Vec4::new(x, y, z, radius(i))).collect();
-    Ok(Spheres { spheres, colors: Vec::new() })
+    let strands: Vec<u32> = match strands {
+        Some(counts) => counts.extract().map_err(|_| {
+            PyValueError::new_err("strands: expected a sequence of whole numbers, of points of each strand")
+        })?,
+        None => vec![points.len() as u32],
+    };
+    let named = serde_json::from_value::<StrandBasis>(basis.into());
+    let basis = named.map_err(|_| {
+        PyValueError::new_err(format!(
+            "basis is {basis:?}, expected \"bezier\", \"b-spline\", \"catmull-rom\" or \"linear\""
+        ))
+    })?;
+    Curves::new(basis, balls(&points, &radii), strands).map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
 /// The analytic shapes.

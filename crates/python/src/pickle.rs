@@ -71,6 +71,16 @@ fn stored<'py>(
             let radii: Vec<_> = spheres.spheres.iter().map(|s| s.w).collect();
             all.set_item("radii", from_vec(py, radii, &[spheres.spheres.len()])?)?;
         }
+        Kind::Curves(curves) => {
+            let numbers: Vec<_> = curves.points().iter().flat_map(|p| p.truncate().to_array()).collect();
+            all.set_item("points", from_vec(py, numbers, &[curves.points().len(), 3])?)?;
+            let radii: Vec<_> = curves.points().iter().map(|p| p.w).collect();
+            all.set_item("radii", from_vec(py, radii, &[curves.points().len()])?)?;
+            let strands = curves.strands();
+            all.set_item("strands", from_vec(py, strands.to_vec(), &[strands.len()])?)?;
+            let basis = serde_json::to_string(&curves.basis()).map_err(|e| PyValueError::new_err(e.to_string()))?;
+            all.set_item("basis", basis.trim_matches('"'))?;
+        }
         Kind::Instance(child) => {
             let scene = match children.get(&Arc::as_ptr(child)) {
                 Some(scene) => scene.clone_ref(py),
@@ -121,6 +131,9 @@ pub fn _restore(slots: &Bound<'_, PyList>, stage: &[u8], warnings: Vec<(String, 
         } else if let Some(shape) = get("shape")? {
             let shape = serde_json::from_str(&shape.extract::<String>()?);
             Kind::Shape(Arc::new(shape.map_err(|e| PyValueError::new_err(format!("shape: {e}")))?))
+        } else if let Some(points) = get("points")? {
+            let basis: String = need("basis")?.extract()?;
+            Kind::Curves(Arc::new(objects::curves(&points, &need("radii")?, Some(&need("strands")?), &basis)?))
         } else if let Some(centers) = get("centers")? {
             Kind::Spheres(Arc::new(objects::spheres(&centers, &need("radii")?)?))
         } else {

@@ -5,8 +5,8 @@ use crate::mesh::Mesh;
 use numpy::Element;
 use snell_intersect::world::BuildStats;
 use snell_intersect::{
-    AcceptAll, AllHits, AnyShape, BuildOptions, DHit, DWorld, DWorldBuilder, Double, GeometryId, GroupId, Grouping,
-    Hit, Instance, Rays, Single, Spheres, World, WorldBuilder, WorldError,
+    AcceptAll, AllHits, AnyShape, BuildOptions, Curves, DHit, DWorld, DWorldBuilder, Double, GeometryId, GroupId,
+    Grouping, Hit, Instance, Rays, Single, Spheres, World, WorldBuilder, WorldError,
 };
 use snell_math::{DRay, DVec3, Ray, Transform, Vec3};
 use std::sync::Arc;
@@ -213,6 +213,10 @@ impl Builder for WorldBuilder {
         self.add_set(group, spheres.clone())
     }
 
+    fn add_curves(&mut self, group: GroupId, curves: &Arc<Curves>) -> GeometryId {
+        self.add_set(group, curves.clone())
+    }
+
     fn add_gap(&mut self) {
         let gap = self.add_mesh(Self::ROOT, Arc::default());
         self.remove(gap);
@@ -242,6 +246,10 @@ impl Builder for DWorldBuilder {
 
     fn add_spheres(&mut self, group: GroupId, spheres: &Arc<Spheres>) -> GeometryId {
         self.add_set(group, spheres.clone())
+    }
+
+    fn add_curves(&mut self, group: GroupId, curves: &Arc<Curves>) -> GeometryId {
+        self.add_set(group, curves.clone())
     }
 
     fn add_gap(&mut self) {

@@ -58,6 +58,11 @@ impl<'a, F: Form> Surfaces<'a, F> {
                 let surface = spheres.surface(found.primitive as usize, position(), Vec2::ZERO, 0.0);
                 Local::of(surface.position, surface.normal, surface.uv).placed(placed)
             }
+            Surface::Curves(curves) => {
+                let [u, v] = found.uv.map(|x| Into::<f64>::into(x) as f32);
+                let surface = curves.surface(found.primitive as usize, position(), Vec2::new(u, v), 0.0);
+                Local::of(surface.position, surface.normal, surface.uv).placed(placed)
+            }
             Surface::Gone => Local::NONE,
         }
     }

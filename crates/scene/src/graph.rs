@@ -10,7 +10,7 @@ use crate::medium::Medium;
 use crate::motion::Motion;
 use crate::settings::SceneSettings;
 use crate::texture::Texture;
-use snell_intersect::{AnyShape, Shape, TriangleMesh};
+use snell_intersect::{AnyShape, Curves, Shape, TriangleMesh};
 use snell_math::{Bounds3d, DAffine3, Rgb, Transform};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -58,6 +58,8 @@ pub enum Geometry {
     Mesh(Arc<TriangleMesh>),
     /// An analytic shape.
     Shape(Arc<AnyShape>),
+    /// Strands of round cross-section, in bulk: hair, fur, grass. Texture coordinates run from root (`u` 0) to tip (1), and around (`v`).
+    Curves(Arc<Curves>),
 }
 
 impl Geometry {
@@ -66,6 +68,7 @@ impl Geometry {
         match self {
             Self::Mesh(mesh) => mesh.bounds().into(),
             Self::Shape(shape) => shape.bounds(),
+            Self::Curves(curves) => curves.bounds_of_all(),
         }
     }
 
@@ -74,6 +77,7 @@ impl Geometry {
         match self {
             Self::Shape(shape) => shape.name().to_string(),
             Self::Mesh(mesh) => format!("mesh of {} triangles", mesh.indices.len()),
+            Self::Curves(curves) => format!("curves of {} strands", curves.strands().len()),
         }
     }
 }
@@ -81,9 +85,9 @@ impl Geometry {
 /// A geometry with its materials.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// Mesh or shape, in the coordinates of the node.
+    /// Mesh, shape or curves, in the coordinates of the node.
     pub geometry: Geometry,
-    /// Material by slot ([`TriangleMesh::material_slots`]; shapes have slot 0 only). A slot that is `None` or missing takes the
+    /// Material by slot ([`TriangleMesh::material_slots`]; all else has slot 0 only). A slot that is `None` or missing takes the
     /// material of the node, or of the nearest ancestor that has one.
     pub materials: Vec<Option<MaterialId>>,
 }

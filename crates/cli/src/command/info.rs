@@ -38,10 +38,13 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
+#[derive(Default)]
 struct Counts {
     nodes: usize,
     meshes: usize,
     shapes: usize,
+    strands: usize,
+    curve_segments: usize,
     triangles: usize,
     vertices: usize,
     degenerate: usize,
@@ -49,9 +52,8 @@ struct Counts {
 
 impl Counts {
     fn of(scene: &Scene, reachable: &BTreeMap<NodeId, Bounds3d>) -> Self {
-        let mut counts =
-            Self { nodes: reachable.len(), meshes: 0, shapes: 0, triangles: 0, vertices: 0, degenerate: 0 };
-        let mut seen = HashSet::new();
+        let mut counts = Self { nodes: reachable.len(), ..Self::default() };
+        let (mut seen, mut seen_curves) = (HashSet::new(), HashSet::new());
         for node in reachable.keys() {
             for surface in &scene.nodes[node.index()].surfaces {
                 match &surface.geometry {
@@ -62,7 +64,11 @@ impl Counts {
                         counts.vertices += mesh.positions.len();
                         counts.degenerate += if mesh.validate().is_ok() { mesh.degenerate_triangles() } else { 0 };
                     }
-                    Geometry::Mesh(_) => {}
+                    Geometry::Curves(curves) if seen_curves.insert(std::sync::Arc::as_ptr(curves)) => {
+                        counts.strands += curves.strands().len();
+                        counts.curve_segments += curves.segment_count();
+                    }
+                    Geometry::Mesh(_) | Geometry::Curves(_) => {}
                 }
             }
         }
@@ -82,6 +88,7 @@ impl Facts<'_> {
         json!({
             "name": scene.name,
             "nodes": counts.nodes, "meshes": counts.meshes, "shapes": counts.shapes,
+            "strands": counts.strands, "curve_segments": counts.curve_segments,
             "triangles": counts.triangles, "vertices": counts.vertices, "degenerate_triangles": counts.degenerate,
             "bounds": bounds_json(&self.scene_bounds()),
             "materials": scene.materials,

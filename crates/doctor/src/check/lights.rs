@@ -210,6 +210,8 @@ fn sampled(subject: &Subject, place: usize, slot: u16) -> Option<Vec<(DVec3, DVe
             });
             Some(points.collect::<Vec<_>>()).filter(|p| !p.is_empty())
         }
+        // Strands see each other and the sky: nothing covers all of them.
+        Geometry::Curves(_) => None,
         Geometry::Mesh(mesh) => {
             let body = &subject.bodies[subject.body_of[place]?];
             let has_slot = |f: &usize| mesh.material_slots.get(*f).copied().unwrap_or(0) == slot;

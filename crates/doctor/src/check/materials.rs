@@ -96,6 +96,7 @@ fn reflectances(kind: &MaterialKind) -> Vec<(&'static str, ColorParam)> {
         MaterialKind::CoatedConductor(m) => metal(&m.conductor.spectrum),
         MaterialKind::Dielectric(m) => vec![("tint", m.tint)],
         MaterialKind::Plastic(m) => vec![("diffuse", m.diffuse), ("specular", m.specular)],
+        MaterialKind::Hair(m) => vec![("color", m.color)],
         // The tint of its reflection may exceed 1.
         MaterialKind::MetallicRoughness(m) => vec![("base_color", m.base_color)],
         MaterialKind::OpenPbr(m) => vec![
@@ -124,6 +125,9 @@ fn fractions(kind: &MaterialKind) -> Vec<(&'static str, ScalarParam)> {
         MaterialKind::Dielectric(m) => vec![("roughness", m.roughness)],
         MaterialKind::Plastic(m) => vec![("roughness", m.roughness)],
         MaterialKind::CoatedDiffuse(m) => vec![("roughness", m.roughness)],
+        MaterialKind::Hair(m) => {
+            vec![("longitudinal_roughness", m.longitudinal_roughness), ("azimuthal_roughness", m.azimuthal_roughness)]
+        }
         MaterialKind::MetallicRoughness(m) => {
             vec![("roughness", m.roughness), ("metallic", m.metallic), ("transmission", m.transmission)]
         }
@@ -144,6 +148,7 @@ fn index(kind: &MaterialKind) -> Option<f32> {
         MaterialKind::Plastic(m) => Some(m.ior),
         MaterialKind::CoatedDiffuse(m) => Some(m.ior),
         MaterialKind::CoatedConductor(m) => Some(m.ior),
+        MaterialKind::Hair(m) => Some(m.ior),
         // glTF's 0 has a meaning, and large ones stand for coloured highlights.
         MaterialKind::OpenPbr(m) if m.transmission_weight.factor > 0.0 && m.specular_ior.factor > 0.0 => {
             Some(m.specular_ior.factor)

@@ -15,7 +15,7 @@ mod corners;
 mod normals;
 mod notes;
 pub(crate) mod polygon;
-mod text;
+pub(crate) mod text;
 mod weld;
 
 pub mod obj;

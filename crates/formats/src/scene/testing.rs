@@ -61,6 +61,7 @@ pub fn summary(scene: &Scene) -> String {
     for geometry in geometries(scene) {
         match geometry {
             Geometry::Shape(shape) => *counts.entry(shape.name().to_string()).or_default() += 1,
+            Geometry::Curves(curves) => *counts.entry("strand".into()).or_default() += curves.strands().len(),
             Geometry::Mesh(mesh) => {
                 *counts.entry("mesh".into()).or_default() += 1;
                 *counts.entry("triangle".into()).or_default() += mesh.indices.len();

@@ -2,7 +2,8 @@
 
 use super::Output;
 use super::tessellate::tessellate;
-use snell_intersect::TriangleMesh;
+use crate::strip;
+use snell_intersect::{Curves, TriangleMesh};
 use snell_scene::placed::{Placed, placed};
 use snell_scene::{Geometry, Scene};
 use std::borrow::Cow;
@@ -18,6 +19,7 @@ pub fn world_meshes<'a>(scene: &'a Scene, output: &mut Output) -> Result<Vec<(Pl
                 note_shape(shape.name(), output);
                 tessellate(shape).map(Cow::Owned)
             }
+            Geometry::Curves(curves) => tubes_of(curves, output).map(Cow::Owned),
         };
         let Some(mesh) = mesh else { continue };
         triangles += mesh.indices.len();
@@ -31,6 +33,16 @@ pub fn world_meshes<'a>(scene: &'a Scene, output: &mut Output) -> Result<Vec<(Pl
         meshes.push((placed, mesh));
     }
     Ok(meshes)
+}
+
+/// The triangles of strands, for formats that have none; says so.
+pub fn tubes_of(curves: &Curves, output: &mut Output) -> Option<TriangleMesh> {
+    if strip::most_triangles(curves) > u32::MAX as usize / 3 {
+        output.lose("strands of more segments than can become triangles are left out");
+        return None;
+    }
+    output.lose("strands became tubes of triangles with five sides");
+    Some(strip::tubes(curves))
 }
 
 /// Says what became of an analytic shape.

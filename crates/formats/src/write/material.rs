@@ -138,6 +138,10 @@ pub fn open_pbr(material: &Material, who: &str, output: &mut Output) -> OpenPbr 
                 ..OpenPbr::default()
             }
         }
+        MaterialKind::Hair(hair) => {
+            lose("hair became a matte surface of about its colour");
+            matte(hair.seen_color())
+        }
         MaterialKind::MetallicRoughness(kind) => kind.open_pbr(),
         MaterialKind::OpenPbr(surface) => surface.clone(),
     }

@@ -1,7 +1,7 @@
 use super::*;
 use crate::{ReadOptions, read_scene};
-use snell_intersect::TriangleMesh;
-use snell_math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
+use snell_intersect::{Curves, StrandBasis, TriangleMesh};
+use snell_math::{DAffine3, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::builtin::BUILTINS;
 use snell_scene::material::{ColorParam, Diffuse, MaterialKind, MetallicRoughness};
 use snell_scene::medium::{Grid, Medium};
@@ -80,6 +80,41 @@ fn every_format_keeps_the_triangles_where_they_are() {
         assert_same_triangles(extension, &scene, &shown);
         assert_eq!(read.warnings, [], "{extension}");
         assert_eq!(written.losses.is_empty(), extension == "snell", "{extension}: {:?}", written.losses);
+    }
+}
+
+#[test]
+fn strands_stay_strands_where_a_format_has_them_and_are_tubes_elsewhere() {
+    let point = |i: u8| Vec4::new(f32::from(i), f32::from(i % 3), 0.5, 0.1 + 0.05 * f32::from(i));
+    let curves = Curves::new(StrandBasis::Bezier, (0..11).map(point).collect(), vec![4, 7]).expect("three segments");
+    let curves = Arc::new(curves);
+    let mut scene = Scene::new("fur");
+    let paper = scene.add_material(Material::new("paper", Diffuse::new(Rgb::splat(0.25))));
+    let surface = Surface::with_material(Geometry::Curves(curves.clone()), paper);
+    let fur = scene.add_node(Node { surfaces: vec![surface], ..Node::named("fur") });
+    for x in [0.0, 30.0] {
+        let root = scene.root;
+        let transform = DAffine3::from_translation(DVec3::X * x);
+        scene.add_child(root, Node { transform, children: vec![fur], ..Node::named("place") });
+    }
+    let strands = |scene: &Scene| -> Vec<Arc<Curves>> {
+        let surfaces = scene.nodes.iter().flat_map(|n| &n.surfaces);
+        surfaces.filter_map(|s| if let Geometry::Curves(c) = &s.geometry { Some(c.clone()) } else { None }).collect()
+    };
+    let (_folder, own, read) = written("snell", &scene);
+    assert_eq!(own.losses, []);
+    assert_eq!(strands(&read), [curves.clone()]);
+    let (_folder, _, read) = written("pbrt", &scene);
+    let [found] = &strands(&read)[..] else { panic!("one object, used twice") };
+    assert_eq!(found.strands(), [4; 3]);
+    for segment in 0..3 {
+        let (a, b) = (found.bezier(segment).expect("a curve"), curves.bezier(segment).expect("a curve"));
+        assert!(a.iter().zip(b).all(|(a, b)| (*a - b).abs().max_element() < 1e-5), "{a:?}, not {b:?}");
+    }
+    for extension in ["glb", "obj", "ply", "stl"] {
+        let (_folder, written, read) = written(extension, &scene);
+        assert_same_triangles(extension, &scene, &read);
+        assert!(written.losses.iter().any(|l| l.message.contains("strands became tubes")), "{:?}", written.losses);
     }
 }
 

@@ -89,10 +89,44 @@ impl CubicCurves {
 /// Balls of a segment that are compared first when looking for its nearest point.
 const SAMPLES: usize = 48;
 
-/// The ball that sweeps a curve, at `u`.
-fn ball(controls: &[DVec4; 4], u: f64) -> Ball {
-    let c = super::sweep::derivatives(controls, u)[0];
-    Ball { center: c.truncate(), radius: c.w }
+/// A cubic Bézier curve, radius last, as the solid that a ball sweeps along it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tube(pub [DVec4; 4]);
+
+impl Tube {
+    /// The ball that sweeps the curve, at `u`.
+    fn ball(&self, u: f64) -> Ball {
+        let c = super::sweep::derivatives(&self.0, u)[0];
+        Ball { center: c.truncate(), radius: c.w }
+    }
+
+    pub fn bounds(&self) -> Bounds3d {
+        // The curve is a mean of its control points, and so are the balls around it.
+        let balls = self.0.map(|c| Ball { center: c.truncate(), radius: c.w }.bounds());
+        balls.into_iter().fold(Bounds3d::EMPTY, |all, b| all.union(&b))
+    }
+
+    /// Where the line of a ray goes in and out, ascending.
+    pub fn crossings(&self, ray: &DRay) -> Option<impl Iterator<Item = PrimitiveHit> + use<>> {
+        let sweep = Sweep::new(&self.0, ray)?;
+        Some(sweep.crossings().map(|(t, u)| PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) }))
+    }
+
+    /// The surface at a point that was hit with this `u`. `chord` is any direction common to a whole curve; angles count from it.
+    pub fn surface(&self, position: DVec3, u: f32, chord: DVec3) -> ShapeSurface {
+        let u = super::sweep::foot(&self.0, position, u.into());
+        let [c, d, _] = super::sweep::derivatives(&self.0, u);
+        tube_surface(&Ball { center: c.truncate(), radius: c.w }, u, (d.truncate(), d.w), chord, position)
+    }
+
+    pub fn nearest_point(&self, point: DVec3, metric: &Metric) -> (DVec3, Vec2) {
+        let (position, _, u) = on_sweep(metric, point, SAMPLES, |u| self.ball(u));
+        (position, Vec2::new(u as f32, 0.0))
+    }
+
+    pub fn contains(&self, point: DVec3) -> bool {
+        on_sweep(&Metric::EUCLIDEAN, point, SAMPLES, |u| self.ball(u)).1 < 0.0
+    }
 }
 
 impl PrimitiveSet for CubicCurves {
@@ -101,35 +135,24 @@ impl PrimitiveSet for CubicCurves {
     }
 
     fn bounds(&self, segment: usize) -> Bounds3d {
-        // The curve is a mean of its control points, and so are the balls around it.
-        let ball = |c: DVec4| Ball { center: c.truncate(), radius: c.w }.bounds();
-        let balls = self.bezier(segment).into_iter().flatten().map(ball);
-        balls.fold(Bounds3d::EMPTY, |all, b| all.union(&b))
+        self.bezier(segment).map_or(Bounds3d::EMPTY, |controls| Tube(controls).bounds())
     }
 
     fn closest(&self, segment: usize, ray: &DRay, _time: f32) -> Option<PrimitiveHit> {
-        let sweep = Sweep::new(&self.bezier(segment)?, ray)?;
-        let (t, u) = sweep.crossings().find(|crossing| ray.contains(crossing.0))?;
-        Some(PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) })
+        Tube(self.bezier(segment)?).crossings(ray)?.find(|hit| ray.contains(hit.t))
     }
 
     fn surface(&self, segment: usize, position: DVec3, uv: Vec2, _time: f32) -> ShapeSurface {
         let controls = self.bezier(segment).unwrap_or([position.extend(0.0); 4]);
-        let u = super::sweep::foot(&controls, position, uv.x.into());
-        let [c, d, _] = super::sweep::derivatives(&controls, u);
-        let chord = (controls[3] - controls[0]).truncate();
-        tube_surface(&Ball { center: c.truncate(), radius: c.w }, u, (d.truncate(), d.w), chord, position)
+        Tube(controls).surface(position, uv.x, (controls[3] - controls[0]).truncate())
     }
 
     fn nearest_point(&self, segment: usize, point: DVec3, metric: &Metric) -> Option<(DVec3, Vec2)> {
-        let controls = self.bezier(segment)?;
-        let (position, _, u) = on_sweep(metric, point, SAMPLES, |u| ball(&controls, u));
-        Some((position, Vec2::new(u as f32, 0.0)))
+        Some(Tube(self.bezier(segment)?).nearest_point(point, metric))
     }
 
     fn contains(&self, segment: usize, point: DVec3) -> bool {
-        let inside = |controls| on_sweep(&Metric::EUCLIDEAN, point, SAMPLES, |u| ball(&controls, u)).1 < 0.0;
-        self.bezier(segment).is_some_and(inside)
+        self.bezier(segment).is_some_and(|controls| Tube(controls).contains(point))
     }
 }
 

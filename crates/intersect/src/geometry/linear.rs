@@ -5,7 +5,7 @@ use super::rounded_cone::{Ball, UnitRay};
 use super::sweep::tube_surface;
 use super::{PrimitiveHit, PrimitiveSet};
 use crate::shape::{Metric, ShapeSurface};
-use snell_math::{Bounds3d, DRay, DVec3, Vec2, Vec4};
+use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
 
 /// Line segments with a radius at each end. Each is the hull of two balls: a cone with round ends, which touches it. Segments that
 /// share a point share the whole ball there, so chains have no cracks. Each segment is a solid of its own: a ray that passes along
@@ -31,6 +31,22 @@ impl LinearCurves {
         Self { points, segments }
     }
 
+    /// Both points of a segment, radius last; `None` if it is never hit.
+    pub(super) fn ends(&self, segment: usize) -> Option<[DVec4; 2]> {
+        Some(self.balls(segment)?.map(|ball| ball.center.extend(ball.radius)))
+    }
+
+    /// Where the line of a ray goes in and out of a segment.
+    fn crossings(&self, segment: usize, ray: &DRay) -> Option<[PrimitiveHit; 2]> {
+        let ends = UnitRay::new(ray)?.hull_span(&self.balls(segment)?)?;
+        Some(ends.map(|(t, u)| PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) }))
+    }
+
+    /// Where the line of a ray goes in.
+    pub(super) fn entry(&self, segment: usize, ray: &DRay) -> Option<PrimitiveHit> {
+        self.crossings(segment, ray).map(|[entry, _]| entry)
+    }
+
     fn balls(&self, segment: usize) -> Option<[Ball; 2]> {
         let first = self.segments[segment] as usize;
         let &[a, b] = self.points.get(first..first.checked_add(2)?)? else { return None };
@@ -52,9 +68,7 @@ impl PrimitiveSet for LinearCurves {
     }
 
     fn closest(&self, segment: usize, ray: &DRay, _time: f32) -> Option<PrimitiveHit> {
-        let ends = UnitRay::new(ray)?.hull_span(&self.balls(segment)?)?;
-        let (t, u) = ends.into_iter().find(|end| ray.contains(end.0))?;
-        Some(PrimitiveHit { t, uv: Vec2::new(u as f32, 0.0) })
+        self.crossings(segment, ray)?.into_iter().find(|hit| ray.contains(hit.t))
     }
 
     fn surface(&self, segment: usize, position: DVec3, _uv: Vec2, _time: f32) -> ShapeSurface {

@@ -5,6 +5,7 @@
 //! the primitives are sorted into the tree of their group, one by one, at a few bytes each.
 
 pub mod cubic;
+pub mod curves;
 pub mod linear;
 pub mod motion;
 mod nearest;
@@ -16,6 +17,7 @@ mod sweep;
 mod tests;
 
 pub use cubic::{CubicCurves, CurveBasis};
+pub use curves::{Curves, StrandBasis, StrandError};
 pub use linear::LinearCurves;
 pub use motion::{MeshKey, MovingMesh};
 pub use quads::QuadMesh;
@@ -67,6 +69,11 @@ pub trait PrimitiveSet: Send + Sync + std::fmt::Debug {
 
     /// True if `point` is inside of a primitive that is solid, at time 0. Never, unless a set says otherwise.
     fn contains(&self, _primitive: usize, _point: DVec3) -> bool {
+        false
+    }
+
+    /// True for curves, whose surfaces have the derivative by `uv.x` along the fibre: [`crate::SurfaceInteraction::on_curve`].
+    fn is_curve(&self) -> bool {
         false
     }
 

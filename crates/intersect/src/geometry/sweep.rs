@@ -28,6 +28,16 @@ pub(super) fn derivatives(c: &[DVec4; 4], u: f64) -> [DVec4; 3] {
     [l2[0].lerp(l2[1], u), (l2[1] - l2[0]) * 3.0, second]
 }
 
+/// Both halves of a Bézier curve. The point where they meet has the same bits in both.
+#[inline]
+pub(super) fn halves(&[a, b, c, d]: &[DVec4; 4]) -> [[DVec4; 4]; 2] {
+    let middle = |p: DVec4, q: DVec4| (p + q) * 0.5;
+    let (ab, bc, cd) = (middle(a, b), middle(b, c), middle(c, d));
+    let (abc, bcd) = (middle(ab, bc), middle(bc, cd));
+    let abcd = middle(abc, bcd);
+    [[a, ab, abc, abcd], [abcd, bcd, cd, d]]
+}
+
 /// The curve parameter near `u` of the ball whose surface is at `position`.
 pub(super) fn foot(controls: &[DVec4; 4], position: DVec3, mut u: f64) -> f64 {
     for _ in 0..6 {
@@ -103,14 +113,10 @@ impl Part {
     }
 
     fn halves(&self) -> [Self; 2] {
-        let [a, b, c, d] = self.controls;
-        let middle = |p: DVec4, q: DVec4| (p + q) * 0.5;
-        let (ab, bc, cd) = (middle(a, b), middle(b, c), middle(c, d));
-        let (abc, bcd) = (middle(ab, bc), middle(bc, cd));
-        let abcd = middle(abc, bcd);
         let (width, depth) = (self.width * 0.5, self.depth - 1);
+        let [first, second] = halves(&self.controls);
         let half = |controls, u| Self { controls, u, width, depth };
-        [half([a, ab, abc, abcd], self.u), half([abcd, bcd, cd, d], self.u + width)]
+        [half(first, self.u), half(second, self.u + width)]
     }
 }
 

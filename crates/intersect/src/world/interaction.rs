@@ -22,6 +22,7 @@ struct LocalSurface {
     tangent: Option<(DVec3, f32)>,
     uv: [Vec2; 2],
     color: [f32; 4],
+    on_curve: bool,
 }
 
 impl LocalSurface {
@@ -88,6 +89,7 @@ impl World {
                 let (primitive, position) = (hit.primitive as usize, ray.at(hit.t.into()));
                 LocalSurface {
                     color: set.color(primitive, hit.uv),
+                    on_curve: set.is_curve(),
                     ..shape_surface(set.surface(primitive, position, hit.uv, time))
                 }
             }
@@ -123,6 +125,7 @@ fn in_world(local: LocalSurface, hit: &Hit) -> SurfaceInteraction {
         dpdv,
         tangent: local.tangent.and_then(|(t, sign)| Some((unit(t)?, sign))),
         color: local.color,
+        on_curve: local.on_curve,
         t: hit.t,
         primitive_uv: hit.uv,
         instance: hit.instance,
@@ -157,6 +160,7 @@ fn shape_surface(surface: ShapeSurface) -> LocalSurface {
         tangent: None,
         uv: [uv; 2],
         color: [1.0; 4],
+        on_curve: false,
     }
 }
 
@@ -193,6 +197,7 @@ fn triangle_surface(mesh: &TriangleMesh, direction: &DVec3, hit: &Hit) -> LocalS
         tangent: (!mesh.tangents.is_empty()).then(tangent),
         uv: [present(&mesh.uvs[0]), present(&mesh.uvs[1])],
         color: if mesh.colors.is_empty() { [1.0; 4] } else { color() },
+        on_curve: false,
     }
 }
 

@@ -180,6 +180,48 @@ impl Scene {
         self.add(centers.py(), Kind::Spheres(Arc::new(spheres)), transform, name, mask, material)
     }
 
+    /// Adds strands of round curves as one object and gives its id: hair, fur, grass, wires.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : array (n, 3)
+    ///     Finite positions of the points of all strands, one strand after the other; kept in single precision.
+    /// radii : array (n,) or float
+    ///     At each point, 0 or more.
+    /// strands : sequence of int, optional
+    ///     How many points each strand has. One strand if left out.
+    /// basis : str
+    ///     ``"linear"`` (2 points or more for each strand), ``"bezier"`` (3 for each segment and 1 more), ``"b-spline"`` or
+    ///     ``"catmull-rom"`` (4 or more).
+    /// transform, name, mask, material
+    ///     As for :meth:`add_mesh`.
+    ///
+    /// Rays meet strands from outside only: where they go in, not where they come out.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> scene = snell.Scene()
+    /// >>> wire = scene.add_curves([[0, 0, 0], [0, 1, 0], [1, 1, 0]], 0.25, basis="linear")
+    /// >>> float(scene.cast_rays([0, 0.5, 2, 0, 0, -1]).t_hit)
+    /// 1.75
+    #[pyo3(signature = (points, radii, strands=None, basis="bezier", transform=None, name=None, *, mask=None, material=None))]
+    #[expect(clippy::too_many_arguments, reason = "these are the arguments of Python")]
+    fn add_curves(
+        &self,
+        points: &Bound<'_, PyAny>,
+        radii: &Bound<'_, PyAny>,
+        strands: Option<&Bound<'_, PyAny>>,
+        basis: &str,
+        transform: Option<&Bound<'_, PyAny>>,
+        name: Option<String>,
+        mask: Option<i64>,
+        material: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<u32> {
+        let curves = objects::curves(points, radii, strands, basis)?;
+        self.add(points.py(), Kind::Curves(Arc::new(curves)), transform, name, mask, material)
+    }
+
     /// Adds all that another scene holds now, as one object, and gives its id.
     ///
     /// Its geometry is stored and accelerated once, however often it is instanced. Later changes of the other scene do not show here.
@@ -375,7 +417,7 @@ impl Scene {
         let count = |wanted: fn(&Kind) -> bool| contents.objects().filter(|(_, object)| wanted(&object.kind)).count();
         let meshes = count(|kind| matches!(kind, Kind::Mesh(_)));
         let instances = count(|kind| matches!(kind, Kind::Instance(_)));
-        let others = count(|kind| matches!(kind, Kind::Shape(_) | Kind::Spheres(_)));
+        let others = count(|kind| matches!(kind, Kind::Shape(_) | Kind::Spheres(_) | Kind::Curves(_)));
         format!("<snell.Scene: {meshes} meshes, {others} shapes and sets of spheres, {instances} instances>")
     }
 

@@ -75,6 +75,8 @@ pub struct LightTable {
     /// What each gives, if it is a surface that shines alike everywhere.
     plain: Vec<Option<PlainEmission>>,
     spent: u64,
+    /// True if curves shine, which are not sampled.
+    has_glowing_curves: bool,
 }
 
 impl LightTable {
@@ -115,6 +117,11 @@ impl LightTable {
     /// them by chance.
     pub fn is_complete(&self) -> bool {
         self.spent <= BUDGET
+    }
+
+    /// True if there are curves that give light, which only rays that find them by chance receive.
+    pub fn has_glowing_curves(&self) -> bool {
+        self.has_glowing_curves
     }
 
     /// What light samplers look at; the bounds of all parts only if asked for. The light `left_out` is not sampled.
@@ -204,8 +211,12 @@ impl LightTable {
                 let plain = PlainEmission::of(parts.materials, std::iter::once(material_id(0)));
                 (EmissiveGeometry::Shape(shape.clone()), emitting, plain)
             }
+            Geometry::Set(_) => {
+                self.has_glowing_curves |= is_light(material(0));
+                return;
+            }
             // Shine when they are hit, but are not sampled; so do meshes that are bent while the shutter is open.
-            Geometry::Quads(_) | Geometry::MovingMesh(_) | Geometry::Set(_) => return,
+            Geometry::Quads(_) | Geometry::MovingMesh(_) => return,
         };
         if !emitting.any {
             return;

@@ -163,6 +163,10 @@ impl CompiledScene {
         let (sky, radius) = (environment.as_deref(), bounds.radius());
         let volumes = VolumeTable::new(scene, &materials)?;
         let lights = LightTable::new(scene, &world, &surfaces, &materials, &textures, sky, volumes.as_ref(), radius);
+        let found = "curves that shine are not sampled; their light is found by chance only, with more noise";
+        if lights.has_glowing_curves() && !warnings.iter().any(|w| w.message == found) {
+            Warning::note(&mut warnings, found.into(), 1);
+        }
         let message = "there are too many emissive surfaces to list; light from the rest is found by chance only, with more noise";
         if !lights.is_complete() && !warnings.iter().any(|w| w.message == message) {
             Warning::note(&mut warnings, message.into(), 1);

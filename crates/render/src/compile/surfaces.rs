@@ -1,7 +1,7 @@
 //! Nodes and surfaces to groups and geometries.
 
 use super::{CompileError, Moving, index};
-use snell_intersect::{GeometryId, GroupId, Instance, MeshKey, MovingMesh, TriangleMesh, World, WorldBuilder};
+use snell_intersect::{Curves, GeometryId, GroupId, Instance, MeshKey, MovingMesh, TriangleMesh, World, WorldBuilder};
 use snell_math::{DAffine3, Transform};
 use snell_scene::{Geometry, Material, MaterialId, NodeId, Scene, Surface, Warning};
 use std::collections::HashMap;
@@ -105,6 +105,9 @@ impl SurfaceTable {
 /// What is shared: a mesh in a group of its own, with the materials it is used with.
 type MeshUse = (*const TriangleMesh, Vec<Option<MaterialId>>);
 
+/// The same of curves.
+type CurvesUse = (*const Curves, Option<MaterialId>);
+
 struct Compiler<'a> {
     scene: &'a Scene,
     moving: &'a Moving,
@@ -117,6 +120,7 @@ struct Compiler<'a> {
     parents: Vec<u32>,
     mesh_uses: HashMap<*const TriangleMesh, u32>,
     mesh_groups: HashMap<MeshUse, GroupId>,
+    curve_groups: HashMap<CurvesUse, GroupId>,
     node_groups: HashMap<NodeId, GroupId>,
     warnings: &'a mut Vec<Warning>,
 }
@@ -166,6 +170,7 @@ pub fn compile(
         parents,
         mesh_uses,
         mesh_groups: HashMap::new(),
+        curve_groups: HashMap::new(),
         node_groups: HashMap::new(),
         warnings,
     };
@@ -304,6 +309,10 @@ impl Compiler<'_> {
                 let slots = surface.materials.first().map_or(vec![inherited], |m| vec![resolve(m)]);
                 self.table.geometries.push(GeometryMaterials { slots, mesh: None, visit, placed: None });
             }
+            Geometry::Curves(curves) => {
+                let slot = surface.materials.first().map_or(inherited, resolve);
+                self.add_curves(curves, slot, group, placed, handed);
+            }
             Geometry::Mesh(mesh) => {
                 let slot_count = mesh.material_slots.iter().max().map_or(1, |&m| usize::from(m) + 1);
                 let mut slots: Vec<_> = surface.materials.iter().map(resolve).collect();
@@ -335,6 +344,35 @@ impl Compiler<'_> {
                 }
             }
         }
+    }
+
+    /// Strands stay in their own coordinates, where they are round: elsewhere they are instances.
+    fn add_curves(
+        &mut self,
+        curves: &Arc<Curves>,
+        material: Option<MaterialId>,
+        group: GroupId,
+        placed: &Transform,
+        handed: Handed,
+    ) {
+        let alone = |visit| GeometryMaterials { slots: vec![material], mesh: None, visit, placed: None };
+        if placed.is_identity() {
+            self.builder.add_set(group, curves.clone());
+            self.table.geometries.push(alone(Some(handed.visit)));
+            return;
+        }
+        let curves_use = (Arc::as_ptr(curves), material);
+        let child = match self.curve_groups.get(&curves_use) {
+            Some(&child) => child,
+            None => {
+                let child = self.add_group();
+                self.builder.add_set(child, curves.clone());
+                self.table.geometries.push(alone(None));
+                self.curve_groups.insert(curves_use, child);
+                child
+            }
+        };
+        self.add_instance(group, Instance::new(child, *placed), handed);
     }
 
     /// The mesh in the coordinates of a group: that of the table before, if it was the same there.

@@ -3,7 +3,7 @@
 mod motion;
 
 use super::*;
-use snell_intersect::{AcceptAll, TriangleMesh};
+use snell_intersect::{AcceptAll, Curves, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DVec3, Rgb, Vec2};
 use snell_scene::material::Diffuse;
 use snell_scene::{Geometry, Node, Surface};
@@ -108,4 +108,31 @@ fn a_changed_scene_is_the_scene_compiled_anew() {
 
     scene.materials[0].double_sided = false;
     assert!(compiled.changed(&before, &scene).expect("a valid scene").is_none());
+}
+
+#[test]
+fn strands_are_stored_once_keep_their_materials_and_are_passed_from_within() {
+    let points = [-1.0, -0.3, 0.3, 1.0].map(|y| Vec3::new(0.0, y, 0.0).extend(0.5)).to_vec();
+    let strand = Arc::new(Curves::new(StrandBasis::Bezier, points, vec![4]).expect("a segment"));
+    let mut scene = Scene::new("strands");
+    let root = scene.root;
+    for (x, name) in [(0.0, "here"), (3.0, "there"), (6.0, "shining")] {
+        let material = Material::new(name, Diffuse::new(Rgb::WHITE));
+        let shines = if name == "shining" { Rgb::WHITE } else { Rgb::BLACK };
+        let material = scene.add_material(material.emitting(shines));
+        let surfaces = vec![Surface::with_material(Geometry::Curves(strand.clone()), material)];
+        scene.add_child(root, Node { surfaces, ..moved(x, name) });
+    }
+    let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+    for (x, material) in [(0.0, 0), (3.0, 1), (6.0, 2)] {
+        let ray = look_down(x);
+        let hit = compiled.world.closest_one(&ray, &AcceptAll);
+        assert_eq!((hit.t, compiled.material_id(&hit)), (4.5, MaterialId(material)));
+        let surface = compiled.interaction(&ray, 0.0, &hit);
+        assert!(surface.on_curve && surface.geometric_normal.z > 0.99 && surface.dpdu.normalize().y > 0.99);
+        assert!((surface.uv[0].x - 0.55).abs() < 0.01);
+        let within = Ray::new(surface.ray_origin(Vec3::NEG_Z), Vec3::NEG_Z);
+        assert!(!compiled.world.closest_one(&within, &AcceptAll).is_hit(), "the way out is free");
+    }
+    assert!(compiled.warnings.iter().any(|w| w.message.contains("curves that shine")), "{:?}", compiled.warnings);
 }

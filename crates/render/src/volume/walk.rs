@@ -223,6 +223,10 @@ impl<'a> Walker<'a> {
         mode: ColorMode,
     ) -> Insides {
         let mut insides = *insides;
+        // Curves are met from outside only: what goes in would never come out.
+        if surface.on_curve {
+            return insides;
+        }
         let material = self.scene.material_id(hit);
         let Some(boundary) = self.table.boundary(material) else { return insides };
         if surface.is_front_facing(direction) {

@@ -13,6 +13,7 @@ pub mod fresnel;
 mod fuzz;
 mod ggx;
 mod glossy;
+mod hair;
 mod mirror;
 mod open_pbr;
 mod phong;
@@ -27,6 +28,7 @@ pub use diffuse::DiffuseBsdf;
 pub use film::ThinFilm;
 pub use ggx::Ggx;
 pub use glossy::{Body, Gloss, GlossyBsdf};
+pub use hair::{HairBsdf, HairFiber};
 pub use mirror::MirrorBsdf;
 pub use open_pbr::{Coat, Fuzz, OpenPbrBsdf, Slabs, Translucent};
 pub use phong::{PhongBsdf, PhongCoefficients};
@@ -182,6 +184,7 @@ bsdfs! {
     Dielectric => DielectricBsdf,
     Glossy => GlossyBsdf,
     OpenPbr => Box<OpenPbrBsdf>,
+    Hair => HairBsdf,
 }
 
 /// `x` in `[0, most]`; NaN counts as 0.

@@ -18,6 +18,7 @@ fn surface() -> SurfaceInteraction {
         dpdv: Vec3::Y,
         tangent: None,
         color: [1.0; 4],
+        on_curve: false,
         t: 1.0,
         primitive_uv: Vec2::ZERO,
         instance: 0,
@@ -76,7 +77,7 @@ fn has_walk(kind: &MaterialKind) -> bool {
     matches!(kind, MaterialKind::OpenPbr(p) if p.subsurface_weight.factor > 0.0 && !p.geometry_thin_walled)
 }
 
-/// True for materials whose layers are weighted by the viewer's direction alone (and fuzz, which is a fit of that form).
+/// True for materials whose layers or lobes are weighted by the viewer's direction alone (and fuzz, which is a fit of that form).
 fn is_layered(kind: &MaterialKind) -> bool {
     match kind {
         MaterialKind::OpenPbr(p) => {
@@ -87,7 +88,7 @@ fn is_layered(kind: &MaterialKind) -> bool {
                 || p.specular_color.factor != Rgb::WHITE
         }
         MaterialKind::MetallicRoughness(m) => m.clearcoat.factor > 0.0,
-        MaterialKind::CoatedConductor(_) => true,
+        MaterialKind::CoatedConductor(_) | MaterialKind::Hair(_) => true,
         _ => false,
     }
 }

@@ -5,6 +5,7 @@ mod caustic;
 mod cornell_box;
 mod drink;
 mod fog;
+mod hair;
 mod minray;
 mod night_town;
 mod palette;
@@ -55,6 +56,11 @@ pub const BUILTINS: &[Builtin] = &[
         name: "fog",
         description: "A dusty room into which the sun shines through a barred window",
         make: fog::scene,
+    },
+    Builtin {
+        name: "hair",
+        description: "Three balls of fur, of 9000 strands each: brown, blonde and dyed hair",
+        make: hair::scene,
     },
     Builtin {
         name: "minray",

@@ -3,7 +3,7 @@
 use super::fit::Extent;
 use crate::graph::{Geometry, NodeId, Scene, Surface};
 use snell_intersect::{AnyShape, Shape, TriangleMesh};
-use snell_math::{Bounds3d, DAffine3, DVec3, Transform, Vec3};
+use snell_math::{Bounds3d, DAffine3, DVec3, Transform};
 use std::collections::BTreeMap;
 
 /// After this many vertices, triangles and nodes the boxes of nodes have to do: instances of instances may stand for any number.
@@ -45,6 +45,7 @@ fn work(geometry: &Geometry) -> usize {
     match geometry {
         Geometry::Mesh(mesh) => mesh.positions.len() + mesh.indices.len(),
         Geometry::Shape(_) => 1,
+        Geometry::Curves(curves) => curves.points().len(),
     }
 }
 
@@ -55,18 +56,26 @@ fn extent_of_geometry(geometry: &Geometry, directions: &[DVec3; 4]) -> Extent {
             AnyShape::Sphere(sphere) => Extent { reach: directions.map(|d| d.length() * sphere.radius) },
             shape => Extent::of_box(&shape.bounds(), directions),
         },
+        Geometry::Curves(curves) => {
+            let points = curves.points().iter().filter(|p| p.is_finite());
+            extent_of_balls(points.map(|p| (p.truncate().as_dvec3(), f64::from(p.w.max(0.0)))), directions)
+        }
     }
 }
 
 fn extent_of_mesh(mesh: &TriangleMesh, directions: &[DVec3; 4]) -> Extent {
+    extent_of_balls(mesh.positions.iter().filter(|p| p.is_finite()).map(|p| (p.as_dvec3(), 0.0)), directions)
+}
+
+/// How far balls (centre and radius) reach.
+fn extent_of_balls(balls: impl Iterator<Item = (DVec3, f64)>, directions: &[DVec3; 4]) -> Extent {
     let mut reach = [f64::NEG_INFINITY; 4];
-    let include = |p: &Vec3| {
-        let p = p.as_dvec3();
-        for (reach, d) in reach.iter_mut().zip(directions) {
-            *reach = reach.max(d.dot(p));
+    let lengths = directions.map(|d| d.length());
+    for (center, radius) in balls {
+        for ((reach, d), length) in reach.iter_mut().zip(directions).zip(lengths) {
+            *reach = reach.max(d.dot(center) + length * radius);
         }
-    };
-    mesh.positions.iter().filter(|p| p.is_finite()).for_each(include);
+    }
     Extent { reach }
 }
 
@@ -77,7 +86,7 @@ mod tests {
     use crate::graph::Node;
     use proptest::prelude::*;
     use snell_intersect::shape::Sphere;
-    use snell_math::DVec2;
+    use snell_math::{DVec2, Vec3};
     use std::sync::Arc;
 
     const SIZE: [u32; 2] = [640, 480];

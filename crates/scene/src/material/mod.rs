@@ -6,6 +6,7 @@ mod coated_diffuse;
 mod conductor;
 mod dielectric;
 mod diffuse;
+mod hair;
 mod interface;
 mod interior;
 mod metallic_roughness;
@@ -24,6 +25,7 @@ pub use coated_diffuse::CoatedDiffuse;
 pub use conductor::{Conductor, ConductorSpectrum};
 pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
+pub use hair::Hair;
 pub use interface::Interface;
 pub use interior::Interior;
 pub use metallic_roughness::{MetallicRoughness, reflectance_at_most_white};
@@ -495,4 +497,5 @@ materials! {
     "open-pbr" => OpenPbr,
     "coated-diffuse" => CoatedDiffuse,
     "coated-conductor" => CoatedConductor,
+    "hair" => Hair,
 }

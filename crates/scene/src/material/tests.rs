@@ -16,6 +16,7 @@ pub(super) fn surface() -> SurfaceInteraction {
         dpdv: Vec3::Y * 2.0,
         tangent: None,
         color: [1.0; 4],
+        on_curve: false,
         t: 1.0,
         primitive_uv: Vec2::ZERO,
         instance: 0,

@@ -13,6 +13,7 @@ fn at(uv: Vec2, world_per_uv: f32) -> SurfaceInteraction {
         dpdv: Vec3::Y * world_per_uv,
         tangent: None,
         color: [1.0; 4],
+        on_curve: false,
         t: 1.0,
         primitive_uv: Vec2::ZERO,
         instance: 0,

@@ -33,6 +33,9 @@ impl Facts<'_> {
             counts.vertices,
             counts.shapes
         );
+        if counts.strands > 0 {
+            line!(out, "{} strands ({} segments of curves)", counts.strands, counts.curve_segments);
+        }
         let b = self.scene_bounds();
         if b.is_empty() {
             line!(out, "bounds: nothing to see");

@@ -43,7 +43,7 @@ fn meshes(scene: &Scene) -> Vec<&TriangleMesh> {
     surfaces
         .map(|s| match &s.geometry {
             Geometry::Mesh(mesh) => &**mesh,
-            Geometry::Shape(_) => panic!("mesh files have no shapes"),
+            Geometry::Shape(_) | Geometry::Curves(_) => panic!("mesh files have triangles only"),
         })
         .collect()
 }

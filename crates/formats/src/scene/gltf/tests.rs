@@ -56,7 +56,7 @@ fn meshes(scene: &Scene) -> Vec<&TriangleMesh> {
     surfaces
         .filter_map(|surface| match &surface.geometry {
             Geometry::Mesh(mesh) => Some(mesh.as_ref()),
-            Geometry::Shape(_) => None,
+            Geometry::Shape(_) | Geometry::Curves(_) => None,
         })
         .collect()
 }

@@ -15,8 +15,8 @@ use snell_math::Rgb;
 use snell_math::spectrum::Metal;
 use snell_scene::Material;
 use snell_scene::material::{
-    CoatedConductor, CoatedDiffuse, Conductor, ConductorSpectrum, Dielectric, Diffuse, MaterialKind, MetallicRoughness,
-    Mirror, OpenPbr, Phong, Plastic, ScalarParam,
+    CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Hair, MaterialKind,
+    MetallicRoughness, Mirror, OpenPbr, Phong, Plastic, ScalarParam,
 };
 use std::rc::Rc;
 
@@ -41,6 +41,7 @@ pub const GRAY: f32 = 0.5;
 const GLASS: f64 = 1.5046;
 const AIR: f64 = 1.000_277;
 const POLYPROPYLENE: f64 = 1.49;
+const AMBER: f64 = 1.55;
 
 impl Builder<'_> {
     /// What a BSDF looks like.
@@ -78,6 +79,7 @@ impl Builder<'_> {
             "principled" | "principledthin" => self.principled(object)?,
             "phong" => self.phong(object)?,
             "difftrans" => self.difftrans(object)?,
+            "hair" => self.hair(object)?,
             "coating" | "roughcoating" => return self.coating(object),
             "null" | "mask" | "twosided" | "blendbsdf" | "mixturebsdf" | "bumpmap" | "bump" | "normalmap" => {
                 return self.adapter(object);
@@ -280,6 +282,27 @@ impl Builder<'_> {
     fn difftrans(&mut self, object: &Object) -> Result<Material, Fault> {
         let color = self.color(object, "transmittance", GRAY)?;
         Ok(letting_through(Rgb::BLACK.into(), color))
+    }
+
+    /// Hair by its pigments, or by its absorption.
+    fn hair(&mut self, object: &Object) -> Result<Material, Fault> {
+        let mut kind = Hair { ior: self.relative_index(object, AMBER)?, ..Hair::default() };
+        if object.has("sigma_a") {
+            let scale = self.constant(object, "scale")?.map_or(1.0, |c| c.luminance());
+            let sigma_a = self.color(object, "sigma_a", 0.0)?;
+            kind.sigma_a = ColorParam { factor: sigma_a.factor * scale, ..sigma_a };
+            if object.has("eumelanin") || object.has("pheomelanin") {
+                return Err(object.fault("both sigma_a and pigments are given", "take one of them out"));
+            }
+        } else {
+            object.get("scale");
+            kind.eumelanin = self.scalar(object, "eumelanin", 1.3)?;
+            kind.pheomelanin = self.scalar(object, "pheomelanin", 0.2)?;
+        }
+        kind.longitudinal_roughness = self.scalar(object, "longitudinal_roughness", 0.3)?;
+        kind.azimuthal_roughness = self.scalar(object, "azimuthal_roughness", 0.3)?;
+        kind.scale_tilt = object.float_or("scale_tilt", 2.0)? as f32;
+        Ok(Material::new("", kind))
     }
 
     /// A clear layer over a metal or a diffuse surface.

@@ -1,5 +1,6 @@
 //! Shapes: what each kind is, and its place, materials and light.
 
+mod curve;
 mod mesh;
 mod primitive;
 
@@ -11,7 +12,7 @@ use crate::scene::shapes::{ALONG, AROUND, ShapeTable, around_z, swept};
 use mesh::{flip_v, turn_over};
 use primitive::{cube, disk, rectangle};
 use snell_intersect::shape::{Cylinder, Disk, Rectangle, Sphere};
-use snell_intersect::{AnyShape, Shape, TriangleMesh};
+use snell_intersect::{AnyShape, Shape, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Transform};
 use snell_scene::material::{AlphaMode, ColorParam, Interface, Interior};
 use snell_scene::{Geometry, Material, MaterialId, Node, NodeId, Surface};
@@ -113,7 +114,20 @@ impl Builder<'_> {
         let parts = self.parts(object)?;
         let is_textured = parts.look.layers.iter().any(|l| format!("{l:?}").contains("TextureId"));
         let plain = !is_textured && !object.bool_or("flip_normals", false)?;
-        let Some((geometry, own)) = self.geometry(object, (plain, parts.emission.is_some()), &parts.look)? else {
+        let basis = match object.kind.as_str() {
+            "bsplinecurve" => Some(StrandBasis::BSpline),
+            "linearcurve" => Some(StrandBasis::Linear),
+            _ => None,
+        };
+        let (made, place) = match basis {
+            // Its points are put where they belong, because its radii are not scaled.
+            Some(basis) => {
+                let curves = self.curves(object, basis, place)?;
+                (curves.map(|curves| (Geometry::Curves(curves), DAffine3::IDENTITY)), DAffine3::IDENTITY)
+            }
+            None => (self.geometry(object, (plain, parts.emission.is_some()), &parts.look)?, place),
+        };
+        let Some((geometry, own)) = made else {
             return Ok(());
         };
         if self.is_singular(place * own, object) {

@@ -14,8 +14,8 @@ use crate::scene::sheet::letting_through;
 use snell_math::Rgb;
 use snell_math::spectrum::Metal;
 use snell_scene::material::{
-    CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Interface, Interior,
-    MetallicRoughness, NormalMap, OpenPbr, ScalarParam,
+    CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Hair, Interface,
+    Interior, MetallicRoughness, NormalMap, OpenPbr, ScalarParam,
 };
 use snell_scene::{Encoding, Material, MaterialId, Texture};
 use std::collections::HashMap;
@@ -366,20 +366,49 @@ impl Builder<'_> {
         Ok(Coefficients { sigma_a: part("sigma_a", preset.sigma_a)?, sigma_s: part("sigma_s", preset.sigma_s)? })
     }
 
+    /// Hair by its absorption, its colour, or its pigments, the first of these that is there.
     fn hair(&mut self, params: &Params) -> Result<Material, Fault> {
-        for name in ["sigma_a", "eumelanin", "pheomelanin", "eta", "beta_m", "beta_n", "alpha"] {
+        let mut kind = Hair::default();
+        let color = if params.has("reflectance") { "reflectance" } else { "color" };
+        let has_pigments = params.has("eumelanin") || params.has("pheomelanin");
+        if params.has("sigma_a") {
+            kind.sigma_a = self.material_color(params, "sigma_a", 0.0)?;
+        } else if params.has(color) {
+            kind.color = self.material_color(params, color, 1.0)?;
+        } else {
+            let brown = if has_pigments { 0.0 } else { 1.3 };
+            kind.eumelanin = self.material_scalar(params, "eumelanin", brown)?;
+            kind.pheomelanin = self.material_scalar(params, "pheomelanin", 0.0)?;
+        }
+        let given = [params.has("sigma_a"), params.has(color), has_pigments];
+        for name in ["reflectance", "color", "eumelanin", "pheomelanin"] {
             params.get(name);
         }
-        let name = if params.has("color") { "color" } else { "reflectance" };
-        let reflectance = if params.has(name) {
-            self.material_color(params, name, 0.3)?
-        } else {
-            // The colour of brown hair.
-            ColorParam::constant(Rgb::new(0.26, 0.15, 0.08))
-        };
-        let owner = params.owner.clone();
-        self.note(owner.clone(), params.at, || format!("{owner}: a diffuse surface of its colour was used instead"));
-        Ok(Material::new("", Diffuse { reflectance }))
+        if given.iter().filter(|&&is| is).count() > 1 {
+            let owner = params.owner.clone();
+            self.note(format!("{owner} twice"), params.at, || {
+                format!("{owner}: of sigma_a, reflectance and pigments the first was used alone")
+            });
+        }
+        kind.longitudinal_roughness = self.material_scalar(params, "beta_m", 0.3)?;
+        kind.azimuthal_roughness = self.material_scalar(params, "beta_n", 0.3)?;
+        kind.ior = if params.has("eta") { self.index(params, "eta")? } else { kind.ior };
+        let tilt = self.pattern_param(params, "alpha", false)?;
+        if let Some(tilt) = tilt {
+            match tilt.as_constant() {
+                Some(degrees) => kind.scale_tilt = degrees.r,
+                None => self.note("textured scales", params.at, || {
+                    "a texture as \"alpha\" of hair: scales of 2 degrees were used instead".into()
+                }),
+            }
+        }
+        Ok(Material::new("", kind))
+    }
+
+    /// A scalar parameter of a material or its default.
+    fn material_scalar(&mut self, params: &Params, name: &str, default: f32) -> Result<ScalarParam, Fault> {
+        let pattern = self.pattern_param(params, name, false)?.unwrap_or_else(|| Pattern::constant(default));
+        Ok(self.scalar_param(&pattern))
     }
 
     fn mix(&mut self, params: &Params) -> Result<Known, Fault> {

@@ -115,6 +115,7 @@ impl Builder<'_> {
         self.read_file(self.main, Spot::default())?;
         self.finish_options()?;
         self.finish_media();
+        self.finish_curves();
         self.scene.nodes[self.scene.root.index()].transform = self.world_from_file;
         self.finish_motion();
         self.notes.finish(&mut self.scene, &self.files);

@@ -15,9 +15,9 @@ use super::options::is_kind;
 use super::params::{Params, Type};
 use crate::scene::fault::Fault;
 use crate::scene::shapes::ShapeTable;
-use snell_intersect::{AnyShape, Shape, TriangleMesh};
-use snell_math::{DAffine3, Transform, Vec3};
-use snell_scene::{Geometry, Node, NodeId, Surface};
+use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
+use snell_math::{DAffine3, Transform, Vec3, Vec4};
+use snell_scene::{Geometry, MaterialId, Node, NodeId, Surface};
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -35,6 +35,20 @@ pub struct Shapes {
     triangles: usize,
     /// Triangles that stand for something else.
     made: usize,
+    /// Curves so far, by the node that holds them and their materials.
+    strands: Vec<Strands>,
+    /// Points of all of them.
+    strand_points: usize,
+}
+
+/// Curves of one place and of the same materials.
+#[derive(Debug)]
+struct Strands {
+    node: NodeId,
+    materials: Vec<MaterialId>,
+    points: Vec<Vec4>,
+    /// Points of each.
+    counts: Vec<u32>,
 }
 
 /// Most triangles that stand for curves, subdivided surfaces and parts of shapes in one scene: a short file can ask for any number.
@@ -46,6 +60,8 @@ pub enum Made {
     Mesh(Arc<TriangleMesh>),
     /// An analytic shape and its place in object space.
     Shape(Box<AnyShape>, DAffine3),
+    /// A strand of cubic Bézier segments, with radii.
+    Strand(Vec<Vec4>),
     /// Nothing to see.
     Nothing,
 }
@@ -92,6 +108,7 @@ impl Builder<'_> {
                 (Geometry::Mesh(mesh), DAffine3::IDENTITY)
             }
             Made::Shape(shape, object_from_shape) => (self.shapes.table.shared(*shape), object_from_shape),
+            Made::Strand(points) => return self.add_strand(&params, place, points, materials),
         };
         let moves = self.moves();
         let node = self.node_at(place * object_from_geometry, moves);
@@ -99,6 +116,46 @@ impl Builder<'_> {
         let surfaces = materials.into_iter().map(|m| Surface::with_material(geometry.clone(), m));
         self.scene.nodes[node.index()].surfaces.extend(surfaces);
         Ok(())
+    }
+
+    /// Adds a curve to those of the same place and materials.
+    fn add_strand(
+        &mut self,
+        params: &Params,
+        place: DAffine3,
+        points: Vec<Vec4>,
+        materials: Vec<MaterialId>,
+    ) -> Result<(), Fault> {
+        self.shapes.strand_points += points.len();
+        let limit = self.main.options.limits.elements;
+        if self.shapes.strand_points > limit {
+            return Err(
+                params.fault(format!("the scene has more than {limit} points of curves, the limit"), "split it")
+            );
+        }
+        let moves = self.moves();
+        let node = self.node_at(place, moves);
+        self.note_motion(node, DAffine3::IDENTITY);
+        let count = points.len() as u32;
+        match self.shapes.strands.last_mut() {
+            Some(last) if last.node == node && last.materials == materials => {
+                last.points.extend(points);
+                last.counts.push(count);
+            }
+            _ => self.shapes.strands.push(Strands { node, materials, points, counts: vec![count] }),
+        }
+        Ok(())
+    }
+
+    /// Puts the curves where they belong.
+    pub(super) fn finish_curves(&mut self) {
+        for Strands { node, materials, points, counts } in std::mem::take(&mut self.shapes.strands) {
+            let curves =
+                Curves::new(StrandBasis::Bezier, points, counts).expect("whole segments, fewer than the limit");
+            let geometry = Geometry::Curves(Arc::new(curves));
+            let surfaces = materials.into_iter().map(|m| Surface::with_material(geometry.clone(), m));
+            self.scene.nodes[node.index()].surfaces.extend(surfaces);
+        }
     }
 
     fn make_shape(&mut self, params: &Params) -> Result<Made, Fault> {
@@ -151,6 +208,7 @@ impl Builder<'_> {
         let mesh = match made {
             Made::Shape(shape, _) => return shape.area(),
             Made::Nothing => return 0.0,
+            Made::Strand(points) => return side_area(points, place),
             Made::Mesh(mesh) => mesh,
         };
         let area = |triangle: usize| {
@@ -241,6 +299,16 @@ impl Builder<'_> {
         }
         Ok(points)
     }
+}
+
+/// About the area of the side of a strand, by its control polygon.
+fn side_area(points: &[Vec4], place: DAffine3) -> f64 {
+    let scale = place.matrix3.determinant().abs().cbrt();
+    let side = |ends: &[Vec4]| {
+        let [a, b] = [ends[0], ends[1]].map(|p| place.transform_point3(p.truncate().as_dvec3()));
+        (b - a).length() * f64::from(ends[0].w + ends[1].w) * std::f64::consts::PI * scale
+    };
+    points.windows(2).map(side).sum()
 }
 
 /// An attribute of a mesh must be there for each vertex.

@@ -6,7 +6,7 @@ use crate::image::read_image;
 use crate::{Input, Limits, ReadOptions};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use snell_intersect::{AnyShape, Shape, TriangleMesh};
+use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::graph::{ImageId, MediumId};
 use snell_scene::medium::{Grid, Medium, ScalarGrid};
@@ -58,6 +58,8 @@ pub struct Document {
     pub nodes: Vec<NodeForm>,
     #[serde(default)]
     pub meshes: Vec<MeshForm>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub curves: Vec<CurvesForm>,
     #[serde(default)]
     pub motion: Option<MotionForm>,
 }
@@ -150,6 +152,8 @@ struct SurfaceForm {
     mesh: Option<u32>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     shape: Option<AnyShape>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    curves: Option<u32>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     materials: Vec<Option<MaterialId>>,
 }
@@ -172,6 +176,17 @@ pub struct MeshForm {
     colors: Numbers<f32>,
     #[serde(default, skip_serializing_if = "Numbers::is_empty")]
     material_slots: Numbers<u16>,
+}
+
+/// Strands; numbers one after the other, four for each point: position and radius.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CurvesForm {
+    #[serde(default)]
+    basis: StrandBasis,
+    points: Numbers<f32>,
+    /// Points of each strand.
+    strands: Numbers<u32>,
 }
 
 /// A place in the file (a JSON pointer), and what is wrong there.
@@ -240,7 +255,8 @@ impl Document {
         check("texture", textures)?;
         check("settings", std::slice::from_ref(settings))?;
         let mut meshes = Meshes::default();
-        let nodes = nodes.iter().map(|node| NodeForm::of(node, &mut meshes)).collect();
+        let mut curves = CurvesTable::default();
+        let nodes = nodes.iter().map(|node| NodeForm::of(node, &mut meshes, &mut curves)).collect();
         let motion = motion.as_ref().map(|motion| MotionForm::of(motion, &mut meshes));
         if motion.as_ref().is_some_and(|motion| !motion.is_sayable()) {
             return Err("the motion holds numbers that are not finite, for which this format has no words".into());
@@ -265,6 +281,7 @@ impl Document {
             root: *root,
             nodes,
             meshes: meshes.forms,
+            curves: curves.forms,
             motion,
         })
     }
@@ -274,6 +291,10 @@ impl Document {
         let mut meshes = Vec::with_capacity(self.meshes.len());
         for (i, mesh) in self.meshes.into_iter().enumerate() {
             meshes.push(Arc::new(mesh.mesh(limits).map_err(|(key, flaw)| (format!("/meshes/{i}/{key}"), flaw))?));
+        }
+        let mut curves = Vec::with_capacity(self.curves.len());
+        for (i, form) in self.curves.into_iter().enumerate() {
+            curves.push(Arc::new(form.curves(limits).map_err(|(key, flaw)| (format!("/curves/{i}/{key}"), flaw))?));
         }
         let mut images = Vec::with_capacity(self.images.len());
         for (i, image) in self.images.into_iter().enumerate() {
@@ -285,7 +306,7 @@ impl Document {
         }
         let mut nodes = Vec::with_capacity(self.nodes.len());
         for (i, node) in self.nodes.into_iter().enumerate() {
-            nodes.push(node.node(&meshes).map_err(|(key, flaw)| (format!("/nodes/{i}{key}"), flaw))?);
+            nodes.push(node.node(&meshes, &curves).map_err(|(key, flaw)| (format!("/nodes/{i}{key}"), flaw))?);
         }
         let things = [self.cameras.len(), self.lights.len()];
         let motion = self.motion.map(|form| form.motion(&nodes, &meshes, things)).transpose();
@@ -404,14 +425,47 @@ impl Meshes {
     }
 }
 
+/// The table of curves as it grows.
+#[derive(Default)]
+struct CurvesTable {
+    forms: Vec<CurvesForm>,
+    known: HashMap<*const Curves, u32>,
+}
+
+impl CurvesTable {
+    /// The number of curves in the table.
+    fn number(&mut self, curves: &Arc<Curves>) -> u32 {
+        *self.known.entry(Arc::as_ptr(curves)).or_insert_with(|| {
+            self.forms.push(CurvesForm {
+                basis: curves.basis(),
+                points: flat(curves.points(), |p: Vec4| p.to_array()),
+                strands: Numbers(curves.strands().to_vec()),
+            });
+            self.forms.len() as u32 - 1
+        })
+    }
+}
+
+impl CurvesForm {
+    fn curves(self, limits: &Limits) -> Result<Curves, (&'static str, String)> {
+        if self.points.0.len() / 4 > limits.elements {
+            return Err(("points", format!("more elements than the limit of {}", limits.elements)));
+        }
+        let points = vectors("points", self.points, Vec4::from_array)?;
+        Curves::new(self.basis, points, self.strands.0).map_err(|error| ("strands", error.to_string()))
+    }
+}
+
 impl NodeForm {
-    fn of(node: &Node, meshes: &mut Meshes) -> Self {
+    fn of(node: &Node, meshes: &mut Meshes, curves: &mut CurvesTable) -> Self {
         let surface = |surface: &Surface| {
-            let (mesh, shape) = match &surface.geometry {
-                Geometry::Mesh(mesh) => (Some(meshes.number(mesh)), None),
-                Geometry::Shape(shape) => (None, Some(AnyShape::clone(shape))),
-            };
-            SurfaceForm { mesh, shape, materials: surface.materials.clone() }
+            let materials = surface.materials.clone();
+            let form = SurfaceForm { mesh: None, shape: None, curves: None, materials };
+            match &surface.geometry {
+                Geometry::Mesh(mesh) => SurfaceForm { mesh: Some(meshes.number(mesh)), ..form },
+                Geometry::Shape(shape) => SurfaceForm { shape: Some(AnyShape::clone(shape)), ..form },
+                Geometry::Curves(strands) => SurfaceForm { curves: Some(curves.number(strands)), ..form },
+            }
         };
         Self {
             name: node.name.clone(),
@@ -422,20 +476,24 @@ impl NodeForm {
         }
     }
 
-    fn node(self, meshes: &[Arc<TriangleMesh>]) -> Result<Node, Flaw> {
+    fn node(self, meshes: &[Arc<TriangleMesh>], curves: &[Arc<Curves>]) -> Result<Node, Flaw> {
         let mut surfaces = Vec::with_capacity(self.surfaces.len());
         for (i, surface) in self.surfaces.into_iter().enumerate() {
             let flaw = |text: String| (format!("/surfaces/{i}"), text);
-            let geometry = match (surface.mesh, surface.shape) {
-                (Some(number), None) => match meshes.get(number as usize) {
+            let geometry = match (surface.mesh, surface.shape, surface.curves) {
+                (Some(number), None, None) => match meshes.get(number as usize) {
                     Some(mesh) => Geometry::Mesh(mesh.clone()),
                     None => return Err(flaw(format!("mesh is {number}, but there are {}", meshes.len()))),
                 },
-                (None, Some(shape)) => {
+                (None, None, Some(number)) => match curves.get(number as usize) {
+                    Some(curves) => Geometry::Curves(curves.clone()),
+                    None => return Err(flaw(format!("curves is {number}, but there are {}", curves.len()))),
+                },
+                (None, Some(shape), None) => {
                     shape.validate().map_err(|error| flaw(error.to_string()))?;
                     Geometry::Shape(Arc::new(shape))
                 }
-                _ => return Err(flaw("a surface is a mesh or a shape".into())),
+                _ => return Err(flaw("a surface is a mesh, a shape or curves".into())),
             };
             surfaces.push(Surface { geometry, materials: surface.materials });
         }

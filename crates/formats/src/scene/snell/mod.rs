@@ -84,6 +84,9 @@ pub fn text(scene: &Scene) -> Result<String, String> {
     out.field("root", &document.root);
     out.table("nodes", &document.nodes);
     out.table("meshes", &document.meshes);
+    if !document.curves.is_empty() {
+        out.table("curves", &document.curves);
+    }
     if let Some(motion) = &document.motion {
         out.field("motion", motion);
     }

@@ -107,7 +107,12 @@ fn errors_say_where_and_what() {
         (file("\"nodes\": [{\"child\": []}]"), "unknown field `child`"),
         (file("\"nodes\": [{\"children\": [7]}]"), "/nodes: node 0 (\"\") refers to child node 7"),
         (file("\"nodes\": [{\"surfaces\": [{\"mesh\": 1}]}]"), "/nodes/0/surfaces/0: mesh is 1, but there are 0"),
-        (file("\"nodes\": [{\"surfaces\": [{}]}]"), "a surface is a mesh or a shape"),
+        (file("\"nodes\": [{\"surfaces\": [{}]}]"), "a surface is a mesh, a shape or curves"),
+        (file("\"nodes\": [{\"surfaces\": [{\"curves\": 2}]}]"), "/nodes/0/surfaces/0: curves is 2, but there are 0"),
+        (
+            file("\"nodes\": [{}], \"curves\": [{\"points\": [0, 0, 0, 1], \"strands\": [1]}]"),
+            "/curves/0/strands: strand 0 has 1 points, expected 4, 7, 10",
+        ),
         (
             file("\"nodes\": [{}], \"meshes\": [{\"positions\": [1, 2], \"indices\": []}]"),
             "/meshes/0/positions: there are 2 numbers, expected a multiple of 3",

@@ -7,12 +7,12 @@ mod material;
 mod stage;
 mod texture;
 
-use super::flat::note_shape;
+use super::flat::{note_shape, tubes_of};
 use super::tessellate::tessellate;
 use super::{Output, SceneWriter};
 use buffer::Buffer;
 use serde_json::{Value, json};
-use snell_intersect::{AnyShape, TriangleMesh};
+use snell_intersect::{AnyShape, Curves, TriangleMesh};
 use snell_math::DAffine3;
 use snell_scene::placed::{MAX_PLACED, placement_count};
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
@@ -36,6 +36,7 @@ struct Document<'a, 'o> {
     attributes: HashMap<*const TriangleMesh, Value>,
     known_meshes: HashMap<Vec<SurfaceKey>, usize>,
     shapes: HashMap<*const AnyShape, Option<Arc<TriangleMesh>>>,
+    tubes: HashMap<*const Curves, Option<Arc<TriangleMesh>>>,
     /// Number of the material for surfaces without one.
     default_material: Option<usize>,
 }
@@ -61,6 +62,7 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
         attributes: HashMap::new(),
         known_meshes: HashMap::new(),
         shapes: HashMap::new(),
+        tubes: HashMap::new(),
         default_material: None,
     };
     for (i, material) in scene.materials.iter().enumerate() {
@@ -181,6 +183,10 @@ impl Document<'_, '_> {
                     Some(mesh) => mesh,
                     None => continue,
                 },
+                Geometry::Curves(curves) => match self.tubes(curves) {
+                    Some(mesh) => mesh,
+                    None => continue,
+                },
             };
             if !mesh.indices.is_empty() {
                 key.push((Arc::as_ptr(&mesh), surface.materials.clone(), inherited));
@@ -216,6 +222,12 @@ impl Document<'_, '_> {
         note_shape(shape.name(), self.output);
         // The scene keeps the shapes, so addresses stay their own.
         self.shapes.entry(Arc::as_ptr(shape)).or_insert_with(|| tessellate(shape).map(Arc::new)).clone()
+    }
+
+    /// The triangles of strands, made once.
+    fn tubes(&mut self, curves: &Arc<Curves>) -> Option<Arc<TriangleMesh>> {
+        let output = &mut *self.output;
+        self.tubes.entry(Arc::as_ptr(curves)).or_insert_with(|| tubes_of(curves, output).map(Arc::new)).clone()
     }
 
     /// The accessors of a mesh's attributes, written once.

@@ -6,7 +6,7 @@ use crate::write::picture::Baked;
 use snell_math::spectrum::Metal;
 use snell_math::{ColorMode, Rgb};
 use snell_scene::material::{
-    AlphaMode, ColorParam, ConductorSpectrum, MaterialKind, MetallicRoughness, OpenPbr, ScalarParam,
+    AlphaMode, ColorParam, ConductorSpectrum, Hair, MaterialKind, MetallicRoughness, OpenPbr, ScalarParam,
 };
 use snell_scene::texture::{Filtering, Wrap};
 use snell_scene::{Encoding, Material, MaterialId, TextureId};
@@ -199,12 +199,47 @@ impl File<'_, '_> {
                 Body { text, absorption: glass.absorption }
             }
             MaterialKind::Interface(_) => Body::new(kind("interface")),
+            MaterialKind::Hair(hair) => Body::new(kind("hair") + &self.hair(hair, who)),
             MaterialKind::MetallicRoughness(kind_of) if is_thin_glass(kind_of) => {
                 Body::new(format!("{} \"float eta\" [ {} ]", kind("thindielectric"), kind_of.ior))
             }
             _ => {
                 let surface = open_pbr(material, who, self.output);
                 self.nearest(&surface, who)
+            }
+        }
+    }
+
+    /// The parameters of hair. In pbrt it has pigments, a colour or an absorption, but not two of them.
+    fn hair(&mut self, hair: &Hair, who: &str) -> String {
+        let plain = Hair::default();
+        let is_dyed = hair.color != plain.color;
+        let is_pigmented = hair.eumelanin != plain.eumelanin || hair.pheomelanin != plain.pheomelanin;
+        let mut text = match (is_dyed, is_pigmented, hair.sigma_a != plain.sigma_a) {
+            (true, false, false) => self.color("reflectance", hair.color, who),
+            (false, true, false) => {
+                self.scalar("eumelanin", hair.eumelanin, who) + &self.scalar("pheomelanin", hair.pheomelanin, who)
+            }
+            (false, false, _) => self.color("sigma_a", hair.sigma_a, who),
+            _ => {
+                self.output
+                    .lose(format!("{who}: pigments, dye and absorption became one absorption, without textures"));
+                format!(" \"rgb sigma_a\" {}", rgb(hair.plain_absorption()))
+            }
+        };
+        text += &self.scalar("beta_m", hair.longitudinal_roughness, who);
+        text += &self.scalar("beta_n", hair.azimuthal_roughness, who);
+        text += &format!(" \"float eta\" [ {} ] \"float alpha\" [ {} ]", hair.ior, hair.scale_tilt);
+        text
+    }
+
+    /// A scalar parameter.
+    fn scalar(&mut self, name: &str, scalar: ScalarParam, who: &str) -> String {
+        match scalar.texture {
+            None => format!(" \"float {name}\" [ {} ]", scalar.factor),
+            Some((id, channel)) => {
+                let texture = self.texture(id, "float", Baked::Scaled { channel, factor: scalar.factor }, who);
+                format!(" \"texture {name}\" [ \"{texture}\" ]")
             }
         }
     }

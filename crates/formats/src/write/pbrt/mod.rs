@@ -50,19 +50,28 @@ fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     file.line("WorldBegin");
     file.environment();
     file.lights();
-    let mut uses: HashMap<*const TriangleMesh, usize> = HashMap::new();
+    let mut uses: HashMap<*const (), usize> = HashMap::new();
     for surface in &surfaces {
-        if let Geometry::Mesh(mesh) = &surface.surface.geometry {
-            *uses.entry(Arc::as_ptr(mesh)).or_default() += 1;
+        if let Some(shared) = shared(surface) {
+            *uses.entry(shared).or_default() += 1;
         }
     }
     for surface in &surfaces {
-        let is_shared = matches!(&surface.surface.geometry, Geometry::Mesh(mesh) if uses[&Arc::as_ptr(mesh)] > 1);
+        let is_shared = shared(surface).is_some_and(|shared| uses[&shared] > 1);
         if is_shared && !file.emits(surface) { file.instance(surface) } else { file.place(surface) }
     }
     let text = std::mem::take(&mut file.text);
     output.main = text.into_bytes();
     Ok(())
+}
+
+/// The address of what a surface is made of, if that is much: what several surfaces have is written once.
+fn shared(surface: &Placed) -> Option<*const ()> {
+    match &surface.surface.geometry {
+        Geometry::Mesh(mesh) => Some(Arc::as_ptr(mesh).cast()),
+        Geometry::Curves(curves) => Some(Arc::as_ptr(curves).cast()),
+        Geometry::Shape(_) => None,
+    }
 }
 
 /// A material of a mesh's slot, or the default one.
@@ -84,8 +93,8 @@ struct File<'a, 'o> {
     textures: HashMap<String, String>,
     /// What each material needs; made when it is first used.
     materials: HashMap<Option<MaterialId>, material::Made>,
-    /// Names of objects, by mesh and materials.
-    objects: HashMap<(*const TriangleMesh, Slots), String>,
+    /// Names of objects, by mesh or curves and materials.
+    objects: HashMap<(*const (), Slots), String>,
 }
 
 /// A colour as three numbers.
@@ -148,9 +157,9 @@ impl File<'_, '_> {
 
     /// One surface by the name of an object, which is defined the first time.
     fn instance(&mut self, surface: &Placed) {
-        let Geometry::Mesh(mesh) = &surface.surface.geometry else { return };
+        let Some(shared) = shared(surface) else { return };
         let slots = surface.slots();
-        let key = (Arc::as_ptr(mesh), slots.clone());
+        let key = (shared, slots.clone());
         let name = match self.objects.get(&key) {
             Some(name) => name.clone(),
             None => {

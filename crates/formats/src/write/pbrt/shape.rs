@@ -5,7 +5,7 @@ use super::{File, transform};
 use crate::write::flat::note_shape;
 use crate::write::ply;
 use crate::write::tessellate::tessellate;
-use snell_intersect::{AnyShape, TriangleMesh};
+use snell_intersect::{AnyShape, Curves, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Vec2};
 use snell_scene::Geometry;
 use snell_scene::placed::Placed;
@@ -28,6 +28,10 @@ impl File<'_, '_> {
                         self.part(&mut text, material, &format!("\"plymesh\" \"string filename\" [ \"{name}\" ]"));
                     }
                 }
+            }
+            Geometry::Curves(curves) => {
+                let (_, material) = made.first()?;
+                self.curves(&mut text, curves, material);
             }
             Geometry::Shape(shape) => {
                 let (_, material) = made.first()?;
@@ -82,6 +86,36 @@ impl File<'_, '_> {
                     self.part(text, made, &format!("\"plymesh\" \"string filename\" [ \"{name}\" ]"));
                 }
             }
+        }
+    }
+
+    /// Strands, a curve for each segment: in pbrt the width of a curve grows evenly from one end to the other.
+    fn curves(&mut self, text: &mut String, curves: &Curves, made: &Made) {
+        for line in &made.attributes {
+            _ = writeln!(text, "  {line}");
+        }
+        let mut uneven = 0;
+        for controls in (0..curves.segment_count()).filter_map(|segment| curves.bezier(segment)) {
+            let [a, b, c, d] = controls.map(|p| p.w);
+            let off = (b - (a + (d - a) / 3.0)).abs().max((c - (d + (a - d) / 3.0)).abs());
+            uneven += u64::from(off > 1e-3 * a.max(d));
+            let numbers: Vec<_> = controls.iter().map(|p| p.truncate().as_vec3()).collect();
+            let numbers: Vec<_> = numbers.iter().map(|p| format!("{} {} {}", p.x, p.y, p.z)).collect();
+            let [width0, width1] = [a, d].map(|r| (2.0 * r) as f32);
+            _ = writeln!(
+                text,
+                "  Shape \"curve\" \"string type\" \"cylinder\" \"point3 P\" [ {} ] \"float width0\" [ {width0} ] \
+                 \"float width1\" [ {width1} ]{}",
+                numbers.join("  "),
+                made.shape_parameters
+            );
+        }
+        let is_long = curves.strands().len() < curves.segment_count();
+        if is_long {
+            self.output.lose("strands are written segment by segment: texture coordinates run along each");
+        }
+        if uneven > 0 {
+            self.output.lose("radii of curves that do not change evenly along a segment became ones that do");
         }
     }
 

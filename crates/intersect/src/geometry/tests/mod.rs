@@ -15,23 +15,23 @@ use snell_math::simd::Level;
 use snell_math::{Ray, Vec2, Vec3};
 
 /// Random numbers in order.
-struct Random(u32);
+pub(super) struct Random(pub(super) u32);
 
 impl Random {
-    fn unit(&mut self) -> f32 {
+    pub(super) fn unit(&mut self) -> f32 {
         self.0 += 1;
         to_unit(pcg4d([self.0, 11, 7, 2])[0])
     }
 
-    fn range(&mut self, low: f32, high: f32) -> f32 {
+    pub(super) fn range(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.unit()
     }
 
-    fn point(&mut self, extent: f32) -> Vec3 {
+    pub(super) fn point(&mut self, extent: f32) -> Vec3 {
         Vec3::new(self.range(-extent, extent), self.range(-extent, extent), self.range(-extent, extent))
     }
 
-    fn direction(&mut self) -> Vec3 {
+    pub(super) fn direction(&mut self) -> Vec3 {
         uniform_sphere(Vec2::new(self.unit(), self.unit()))
     }
 }

@@ -409,6 +409,7 @@ impl AreaLight {
             dpdv: place.vector(surface.dpdv).as_vec3(),
             tangent: None,
             color: [1.0; 4],
+            on_curve: false,
             t: 0.0,
             primitive_uv: Vec2::ZERO,
             instance: self.ids.0,
@@ -432,6 +433,7 @@ impl AreaLight {
             tangent: self.tangent(mesh, indices, weights),
             color: interpolate(&mesh.colors, indices, weights, |&c| snell_math::Vec4::from(c))
                 .map_or([1.0; 4], |c| c.to_array()),
+            on_curve: false,
             t: 0.0,
             primitive_uv: b,
             instance: self.ids.0,

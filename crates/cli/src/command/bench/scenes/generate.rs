@@ -174,7 +174,7 @@ mod tests {
         }
         let triangles = |scene: Scene| match &scene.nodes[0].surfaces[0].geometry {
             snell_scene::Geometry::Mesh(mesh) => mesh.indices.len(),
-            snell_scene::Geometry::Shape(_) => 0,
+            snell_scene::Geometry::Shape(_) | snell_scene::Geometry::Curves(_) => 0,
         };
         assert_eq!(triangles(room().0) / 10_000, 176);
         assert_eq!(height_field(5).indices.len(), 32);

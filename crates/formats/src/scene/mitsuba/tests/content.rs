@@ -250,3 +250,47 @@ fn bumps_become_slopes_by_the_size_of_the_surface() {
     // The same heights on a surface of twice the size are half as steep.
     assert!((scale(1.0) / scale(2.0) - 2.0).abs() < 1e-4);
 }
+
+#[test]
+fn hair_has_its_pigments_or_its_absorption() {
+    let MaterialKind::Hair(brown) = material("<bsdf type=\"hair\"/>") else { panic!("hair") };
+    assert_eq!((brown.eumelanin, brown.pheomelanin), (1.3.into(), 0.2.into()));
+    assert!((brown.ior - 1.55 / 1.000_277).abs() < 1e-6);
+    let text = "<bsdf type=\"hair\"><rgb name=\"sigma_a\" value=\"0.2, 0.25, 0.7\"/><float name=\"scale\" value=\"2\"/>\
+        <float name=\"longitudinal_roughness\" value=\"0.5\"/><float name=\"scale_tilt\" value=\"3\"/></bsdf>";
+    let MaterialKind::Hair(hair) = material(text) else { panic!("hair") };
+    assert_eq!(hair.eumelanin, 0.0.into());
+    assert!((hair.sigma_a.factor.b - 1.4).abs() < 1e-5, "{hair:?}");
+    assert_eq!((hair.longitudinal_roughness, hair.scale_tilt), (0.5.into(), 3.0));
+}
+
+#[test]
+fn curves_are_strands_of_the_radii_in_the_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let read = |kind: &str, text: &str| {
+        std::fs::write(folder.path().join("c.txt"), text).expect("written");
+        let scene = format!(
+            "<scene version=\"3.0.0\"><shape type=\"{kind}\"><string name=\"filename\" value=\"c.txt\"/>\
+             <transform name=\"to_world\"><scale value=\"2\"/></transform></shape></scene>"
+        );
+        std::fs::write(folder.path().join("a.xml"), scene).expect("written");
+        read_scene(&folder.path().join("a.xml"), &ReadOptions::default()).map_err(|e| e.to_string())
+    };
+    let scene =
+        read("linearcurve", "0 0 0 0.1\n1 0 0 0.2\n\n \n0 1 0 0.1\r\n0 2 0 0.1\n0 3 0 0.1").expect("two strands");
+    let curves = |s: &snell_scene::Surface| {
+        if let snell_scene::Geometry::Curves(curves) = &s.geometry { Some(curves.clone()) } else { None }
+    };
+    let found: Vec<_> = scene.nodes.iter().flat_map(|n| &n.surfaces).filter_map(curves).collect();
+    assert_eq!(found[0].strands(), [2, 3]);
+    assert_eq!(found[0].points()[1].to_array(), [2.0, 0.0, 0.0, 0.2]);
+    for (text, expected) in [
+        ("0 0 0 1\n1 0 0 1\n2 0 0 1\n\n", "c.txt:4"),
+        ("0 0 0 1\n1 0 x 1\n", "c.txt:2"),
+        ("0 0 0\n", "the radius of a point of a curve"),
+    ] {
+        let error = read("bsplinecurve", text).expect_err(expected);
+        assert!(error.contains(expected), "{error}");
+    }
+    assert!(read("bsplinecurve", "").expect("nothing").warnings[0].message.contains("no curves"));
+}

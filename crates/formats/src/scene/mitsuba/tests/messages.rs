@@ -145,7 +145,7 @@ fn what_is_changed_is_told_once_of_each_kind() {
     let text = "<mode type=\"final\"/>\n<path value=\"a\"/>\n<integrator type=\"ptracer\"/>\n\
         <sensor type=\"fluencemeter\"><film type=\"hdrfilm\"><integer name=\"crop_width\" value=\"3\"/><rfilter type=\"catmullrom\"/></film></sensor>\n\
         <shape type=\"sdfgrid\"/><shape type=\"sdfgrid\"/>\n\
-        <shape type=\"sphere\"><float name=\"raduis\" value=\"3\"/><bsdf type=\"hair\"/></shape>\n\
+        <shape type=\"sphere\"><float name=\"raduis\" value=\"3\"/><bsdf type=\"measured\"/></shape>\n\
         <shape type=\"sphere\"><bsdf type=\"roughdielectric\"><float name=\"alpha_u\" value=\"0.1\"/><float name=\"alpha_v\" value=\"0.3\"/><rgb name=\"specular_reflectance\" value=\"1 0 0\"/></bsdf></shape>\n\
         <shape type=\"sphere\"><bsdf type=\"twosided\"><bsdf type=\"diffuse\"/><bsdf type=\"conductor\"/></bsdf></shape>\n\
         <shape type=\"sphere\"><bsdf type=\"conductor\"><string name=\"material\" value=\"CsI\"/></bsdf></shape>\n\

@@ -1,19 +1,13 @@
-//! Curves as tubes and ribbons of triangles.
+//! Curves: round ones as strands, ribbons as triangles.
 
 use super::super::Builder;
 use super::super::lexer::quoted;
 use super::super::params::Params;
 use super::Made;
 use crate::scene::fault::Fault;
+use crate::strip::{Strip, pieces};
 use snell_intersect::TriangleMesh;
-use snell_math::{Vec2, Vec3};
-
-/// Most pieces of a segment along the curve.
-const ALONG: usize = 8;
-/// A piece of a segment turns by no more than this, radians.
-const TURN: f32 = 0.25;
-/// Sides of a tube.
-const SIDES: usize = 5;
+use snell_math::{Vec3, Vec4};
 
 /// How control points make a curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,7 +41,8 @@ impl Builder<'_> {
             }
         };
         let normals = params.directions("N")?;
-        let is_ribbon = match params.string("type")?.unwrap_or("flat") {
+        let kind = params.string("type")?.unwrap_or("flat");
+        let is_ribbon = match kind {
             "ribbon" => true,
             "flat" | "cylinder" => false,
             other => {
@@ -60,47 +55,72 @@ impl Builder<'_> {
             return Err(params.fault(problem, format!("give {} in \"normal N\"", segments + 1)));
         }
         self.note_common(params);
-        self.note("curves", params.at, || {
-            "curves are made of triangles: ribbons where they have normals, tubes of five sides elsewhere".into()
-        });
-        let at = |position: f32| {
-            let segment = (position as usize).min(segments - 1);
-            let stride = if basis == Basis::Bezier { degree } else { 1 };
-            let p = &points[segment * stride..=segment * stride + degree];
-            evaluate(basis, p, position - segment as f32)
-        };
-        let pieces = pieces(segments, at);
+        if let (false, Some(param)) = (is_ribbon, params.get("N")) {
+            let at = param.at;
+            self.note("normals of curves", at, || "\"N\": only ribbons have normals; the curve is round".into());
+        }
+        let stride = if basis == Basis::Bezier { degree } else { 1 };
+        let controls = |segment: usize| &points[segment * stride..=segment * stride + degree];
+        let radius = |position: f32| 0.5 * (widths[0] + (widths[1] - widths[0]) * position / segments as f32);
+        if !is_ribbon {
+            if kind == "flat" {
+                self.mention("flat curves", params.at, || {
+                    "flat curves, which face each ray in pbrt, are round here: their outline is the same".into()
+                });
+            }
+            return Ok(Made::Strand(strand(basis, segments, controls, radius)));
+        }
+        self.note("ribbons", params.at, || "ribbons are made of triangles".into());
+        let at = |segment: usize, t: f32| evaluate(basis, controls(segment), t);
+        let pieces = pieces(segments, |segment, t| at(segment, t).1);
         let rings = segments * pieces;
-        let sides = if is_ribbon { 1 } else { SIDES };
-        if !self.may_make(params, 2 * rings * sides) {
+        if !self.may_make(params, 2 * rings) {
             return Ok(Made::Nothing);
         }
-        let mut strip = Strip { mesh: TriangleMesh::default(), sides, side: Vec3::ZERO };
+        let mut mesh = TriangleMesh::default();
+        let mut strip = Strip::new(&mut mesh, 1);
         for ring in 0..=rings {
             let position = ring as f32 / pieces as f32;
-            let (center, tangent) = at(position);
-            let v = position / segments as f32;
-            let radius = 0.5 * (widths[0] + (widths[1] - widths[0]) * v);
-            let normal = is_ribbon.then(|| {
-                let segment = (position as usize).min(segments - 1);
-                let t = position - segment as f32;
-                normals[segment] * (1.0 - t) + normals[segment + 1] * t
-            });
-            strip.add_ring(center, tangent, radius, v, normal);
+            let segment = (position as usize).min(segments - 1);
+            let t = position - segment as f32;
+            let (center, tangent) = at(segment, t);
+            let normal = normals[segment] * (1.0 - t) + normals[segment + 1] * t;
+            strip.add_ring(center, tangent, radius(position), position / segments as f32, Some(normal));
         }
-        Ok(self.finish_mesh(strip.mesh))
+        Ok(self.finish_mesh(mesh))
     }
 }
 
-/// Into how many pieces each segment is cut, by how much the most bent one turns.
-fn pieces(segments: usize, at: impl Fn(f32) -> (Vec3, Vec3)) -> usize {
-    let tangent = |segment: usize, t: f32| at(segment as f32 + t).1.normalize_or_zero();
-    let turn = |segment: usize| {
-        let [a, b, c] = [1e-3, 0.5, 0.999].map(|t| tangent(segment, t));
-        a.angle_between(b) + b.angle_between(c)
-    };
-    let most = (0..segments).map(turn).fold(0.0, f32::max);
-    (most / TURN).ceil().clamp(1.0, ALONG as f32) as usize
+/// The strand of cubic Bézier segments that is a curve, with its radius at a position from 0 to the number of segments.
+fn strand<'p>(
+    basis: Basis,
+    segments: usize,
+    controls: impl Fn(usize) -> &'p [Vec3],
+    radius: impl Fn(f32) -> f32,
+) -> Vec<Vec4> {
+    let mut strand = Vec::with_capacity(3 * segments + 1);
+    for segment in 0..segments {
+        let bezier = bezier(basis, controls(segment));
+        let knots = bezier.into_iter().zip(0u8..);
+        let points = knots.map(|(p, i)| p.extend(radius(segment as f32 + f32::from(i) / 3.0)));
+        strand.extend(points.skip(usize::from(segment > 0)));
+    }
+    strand
+}
+
+/// A segment of degree 2 or 3 as a cubic Bézier curve: the values of its blossom at the ends of the segment.
+fn bezier(basis: Basis, p: &[Vec3]) -> [Vec3; 4] {
+    let third = 1.0 / 3.0;
+    match (basis, p) {
+        (Basis::Bezier, &[a, b, c, d]) => [a, b, c, d],
+        (Basis::Bezier, &[a, b, c]) => [a, a.lerp(b, 2.0 * third), c.lerp(b, 2.0 * third), c],
+        (Basis::BSpline, &[a, b, c, d]) => {
+            let [b1, b2] = [b.lerp(c, third), b.lerp(c, 2.0 * third)];
+            [a.lerp(b, 2.0 * third).midpoint(b1), b1, b2, b2.midpoint(c.lerp(d, third))]
+        }
+        (Basis::BSpline, &[a, b, c]) => bezier(Basis::Bezier, &[a.midpoint(b), b, b.midpoint(c)]),
+        _ => unreachable!("degrees are 2 and 3"),
+    }
 }
 
 /// Point and derivative (any length) of a curve of degree 2 or 3 at `t` from 0 to 1, by de Casteljau's and de Boor's schemes.
@@ -124,44 +144,4 @@ fn evaluate(basis: Basis, p: &[Vec3], t: f32) -> (Vec3, Vec3) {
         }
     }
     (q[0], tangent)
-}
-
-/// Rings of vertices along a curve, joined by triangles.
-struct Strip {
-    mesh: TriangleMesh,
-    sides: usize,
-    /// A direction across the curve, carried along it.
-    side: Vec3,
-}
-
-impl Strip {
-    fn add_ring(&mut self, center: Vec3, tangent: Vec3, radius: f32, v: f32, normal: Option<Vec3>) {
-        let along = tangent.normalize_or(Vec3::Z);
-        let carried = self.side - along * self.side.dot(along);
-        self.side = carried.try_normalize().unwrap_or_else(|| along.any_orthonormal_vector());
-        let first = self.mesh.positions.len() as u32;
-        let points = self.sides + 1;
-        for i in 0..points {
-            let u = i as f32 / self.sides as f32;
-            let (position, outward) = match normal {
-                Some(normal) => {
-                    let across = normal.cross(along).normalize_or(self.side);
-                    (center + across * (radius * (2.0 * u - 1.0)), normal)
-                }
-                None => {
-                    let (sin, cos) = (u * std::f32::consts::TAU).sin_cos();
-                    let outward = self.side * cos + along.cross(self.side) * sin;
-                    (center + outward * radius, outward)
-                }
-            };
-            self.mesh.positions.push(position);
-            self.mesh.normals.push(outward);
-            self.mesh.uvs[0].push(Vec2::new(v, u));
-        }
-        let Some(before) = first.checked_sub(points as u32) else { return };
-        for i in 0..self.sides as u32 {
-            let [a, b] = [before + i, first + i];
-            self.mesh.indices.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
-        }
-    }
 }

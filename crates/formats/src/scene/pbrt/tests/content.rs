@@ -1,7 +1,8 @@
 //! Directives and what they mean.
 
 use super::*;
-use snell_intersect::Shape;
+use crate::scene::testing::geometries;
+use snell_intersect::{Curves, Shape};
 use snell_math::{DVec2, DVec3, Rgb, Vec2, Vec3};
 use snell_scene::light::SpotFalloff;
 use snell_scene::material::{ConductorSpectrum, MaterialKind};
@@ -16,6 +17,8 @@ fn colors_are(color: Rgb, expected: [f32; 3]) {
     let found = color.to_array();
     assert!(found.iter().zip(expected).all(|(a, b)| close(*a, b)), "{found:?} instead of {expected:?}");
 }
+
+use std::sync::Arc;
 
 /// The only material in use.
 fn material(scene: &Scene) -> &Material {
@@ -189,6 +192,12 @@ fn a_bilinear_patch_is_two_triangles_if_flat_and_more_if_not() {
     assert_eq!(mesh.positions[40], Vec3::new(0.5, 0.5, 0.25));
 }
 
+/// The curves of a scene.
+fn curves(scene: &Scene) -> Vec<Arc<Curves>> {
+    let curves = |g| if let Geometry::Curves(curves) = g { Some(curves) } else { None };
+    geometries(scene).into_iter().filter_map(curves).collect()
+}
+
 #[test]
 fn curves_go_through_their_ends() {
     for (text, ends) in [
@@ -198,13 +207,55 @@ fn curves_go_through_their_ends() {
             "\"string basis\" \"bspline\" \"point3 P\" [0 0 0 3 0 0 6 0 0 9 0 0]",
             [Vec3::new(3.0, 0.0, 0.0), Vec3::new(6.0, 0.0, 0.0)],
         ),
+        (
+            "\"string basis\" \"bspline\" \"integer degree\" 2 \"point3 P\" [0 0 0 2 0 0 2 4 0 0 4 0]",
+            [Vec3::new(1.0, 0.0, 0.0), Vec3::new(1.0, 4.0, 0.0)],
+        ),
     ] {
-        let scene = scene(&format!("WorldBegin Shape \"curve\" \"float width\" 0.2 {text}"));
-        let mesh = &meshes(&scene)[0];
-        for (ring, end) in [(&mesh.positions[..6], ends[0]), (&mesh.positions[mesh.positions.len() - 6..], ends[1])] {
-            assert!(ring.iter().all(|p| ((*p - end).length() - 0.1).abs() < 1e-5), "{text}: {ring:?} around {end}");
+        for kind in ["flat", "cylinder"] {
+            let kind = format!("\"string type\" \"{kind}\" \"float width0\" 0.2 \"float width1\" 0.1");
+            let scene = scene(&format!("WorldBegin Shape \"curve\" {kind} {text}"));
+            let points = curves(&scene)[0].points().to_vec();
+            let [first, last] = [points[0], points[points.len() - 1]];
+            assert_eq!([first, last].map(|p| p.truncate()), ends, "{text}");
+            assert_eq!([first.w, last.w], [0.1, 0.05]);
         }
     }
+}
+
+#[test]
+fn cubic_b_splines_become_the_bezier_curves_they_are() {
+    let scene =
+        scene("WorldBegin Shape \"curve\" \"string basis\" \"bspline\" \"point3 P\" [0 0 0 6 0 0 6 6 0 0 6 6 0 0 6]");
+    let curves = &curves(&scene)[0];
+    // The weights of the ends are 1, 4, 1, the inner points divide the inner sides in thirds.
+    let expected: [[f32; 3]; 7] = [
+        [5.0, 1.0, 0.0],
+        [6.0, 2.0, 0.0],
+        [6.0, 4.0, 0.0],
+        [5.0, 5.0, 1.0],
+        [4.0, 6.0, 2.0],
+        [2.0, 6.0, 4.0],
+        [1.0, 5.0, 5.0],
+    ];
+    for (point, expected) in curves.points().iter().zip(expected) {
+        assert!((point.truncate() - Vec3::from(expected)).length() < 1e-5, "{point}, not {expected:?}");
+    }
+    assert_eq!((curves.strands(), curves.points().len()), (&[7][..], 7));
+}
+
+#[test]
+fn curves_of_one_place_and_material_are_one_object_and_ribbons_are_triangles() {
+    let curve = "Shape \"curve\" \"point3 P\" [0 0 0 1 0 0 1 1 0 2 2 2]";
+    let ribbon = format!("{curve} \"string type\" \"ribbon\" \"normal N\" [0 0 1 0 0 1]");
+    let scene = scene(&format!(
+        "WorldBegin Material \"diffuse\" {curve} {curve} {ribbon} {curve} Material \"dielectric\" {curve} Translate 1 0 0 {curve}"
+    ));
+    let strands: Vec<_> = curves(&scene).iter().map(|c| c.strands().len()).collect();
+    assert_eq!(strands, [3, 1, 1]);
+    assert_eq!(meshes(&scene).len(), 1);
+    let moved = scene.nodes.iter().filter(|n| n.surfaces.iter().any(|s| matches!(s.geometry, Geometry::Curves(_))));
+    assert_eq!(moved.map(|n| n.transform.translation.x).collect::<Vec<_>>(), [0.0, 1.0]);
 }
 
 #[test]
@@ -449,4 +500,22 @@ fn media_fill_what_their_interface_says() {
         "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"\" \"fog\"\nCamera \"perspective\"\nWorldBegin",
     );
     assert_eq!(around.medium.map(|m| m.0), Some(0));
+}
+
+#[test]
+fn hair_has_its_absorption_its_colour_or_its_pigments() {
+    let hair = |text: &str| {
+        let scene = scene(&format!("WorldBegin Material \"hair\" {text} Shape \"sphere\""));
+        let MaterialKind::Hair(hair) = scene.materials[0].kind.clone() else { panic!("hair") };
+        (hair, scene.warnings.len())
+    };
+    let (brown, _) = hair("\"float beta_m\" 0.2 \"float beta_n\" 0.4 \"float alpha\" 3 \"float eta\" 1.6");
+    assert_eq!((brown.eumelanin, brown.scale_tilt, brown.ior), (1.3.into(), 3.0, 1.6));
+    assert_eq!((brown.longitudinal_roughness, brown.azimuthal_roughness), (0.2.into(), 0.4.into()));
+    let (red, _) = hair("\"float pheomelanin\" 2");
+    assert_eq!((red.eumelanin, red.pheomelanin), (0.0.into(), 2.0.into()));
+    let (dyed, warnings) = hair("\"rgb reflectance\" [0.5 0.25 0.125]");
+    assert_eq!((dyed.color.factor, dyed.eumelanin, warnings), (Rgb::new(0.5, 0.25, 0.125), 0.0.into(), 0));
+    let (absorbing, warnings) = hair("\"rgb sigma_a\" [0.5 1 4] \"float eumelanin\" 1");
+    assert_eq!((absorbing.sigma_a.factor, absorbing.eumelanin, warnings), (Rgb::new(0.5, 1.0, 4.0), 0.0.into(), 1));
 }

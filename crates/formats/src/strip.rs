@@ -1,0 +1,134 @@
+//! Curves as triangles: ribbons, and tubes where a format has no curves.
+
+use snell_intersect::{Curves, TriangleMesh};
+use snell_math::{DVec4, Vec2, Vec3};
+
+/// Most pieces of a segment along a curve.
+const ALONG: usize = 8;
+/// A piece of a segment turns by no more than this, radians.
+const TURN: f32 = 0.25;
+/// Sides of a tube.
+const SIDES: usize = 5;
+
+/// Into how many pieces each segment is cut, by how much the most bent one turns. `tangent` has any length, at a segment and a parameter from
+/// 0 to 1.
+pub fn pieces(segments: usize, tangent: impl Fn(usize, f32) -> Vec3) -> usize {
+    let turn = |segment: usize| {
+        let [a, b, c] = [1e-3, 0.5, 0.999].map(|t| tangent(segment, t).normalize_or_zero());
+        a.angle_between(b) + b.angle_between(c)
+    };
+    let most = (0..segments).map(turn).fold(0.0, f32::max);
+    (most / TURN).ceil().clamp(1.0, ALONG as f32) as usize
+}
+
+/// Tubes of five sides around strands, with the normals and texture coordinates of the strands, open at their ends.
+pub fn tubes(curves: &Curves) -> TriangleMesh {
+    let mut mesh = TriangleMesh::default();
+    for strand in 0..curves.strands().len() {
+        // What is never hit is left out, and begins a new tube.
+        let segments: Vec<Option<[DVec4; 4]>> = curves.segments_of(strand).map(|i| curves.bezier(i)).collect();
+        let at = |segment: usize, t: f32| {
+            let c = segments[segment].unwrap_or_default();
+            let [ab, bc, cd] = [0, 1, 2].map(|i| c[i].lerp(c[i + 1], t.into()));
+            let [abc, bcd] = [ab.lerp(bc, t.into()), bc.lerp(cd, t.into())];
+            let ends = if abc.truncate() == bcd.truncate() { c[3] - c[0] } else { bcd - abc };
+            (abc.lerp(bcd, t.into()).as_vec4(), ends.truncate().as_vec3())
+        };
+        let pieces = pieces(segments.len(), |segment, t| at(segment, t).1);
+        let mut strip = Strip::new(&mut mesh, SIDES);
+        for (number, _) in segments.iter().enumerate().filter(|(_, segment)| segment.is_some()) {
+            let goes_on = number > 0 && segments[number - 1].is_some();
+            if !goes_on {
+                strip = Strip::new(strip.mesh, SIDES);
+            }
+            for piece in usize::from(goes_on)..=pieces {
+                let t = piece as f32 / pieces as f32;
+                let (center, tangent) = at(number, t);
+                strip.add_ring(center.truncate(), tangent, center.w, (number as f32 + t) / segments.len() as f32, None);
+            }
+        }
+    }
+    mesh
+}
+
+/// Rings of vertices along a curve, joined by triangles.
+pub struct Strip<'a> {
+    mesh: &'a mut TriangleMesh,
+    sides: usize,
+    /// A direction across the curve, carried along it.
+    side: Vec3,
+    /// The first vertex of the ring before.
+    before: Option<u32>,
+}
+
+impl<'a> Strip<'a> {
+    /// A strip that grows in a mesh: a tube of so many sides, or a ribbon of one.
+    pub fn new(mesh: &'a mut TriangleMesh, sides: usize) -> Self {
+        Self { mesh, sides, side: Vec3::ZERO, before: None }
+    }
+
+    /// Adds vertices around a point of the curve, or across it at right angles to a normal, and triangles from those before. `along` is their
+    /// first texture coordinate.
+    pub fn add_ring(&mut self, center: Vec3, tangent: Vec3, radius: f32, along: f32, normal: Option<Vec3>) {
+        let axis = tangent.normalize_or(Vec3::Z);
+        let carried = self.side - axis * self.side.dot(axis);
+        self.side = carried.try_normalize().unwrap_or_else(|| axis.any_orthonormal_vector());
+        let first = self.mesh.positions.len() as u32;
+        for i in 0..=self.sides {
+            let u = i as f32 / self.sides as f32;
+            let (position, outward) = match normal {
+                Some(normal) => {
+                    let across = normal.cross(axis).normalize_or(self.side);
+                    (center + across * (radius * (2.0 * u - 1.0)), normal)
+                }
+                None => {
+                    let (sin, cos) = (u * std::f32::consts::TAU).sin_cos();
+                    let outward = self.side * cos + axis.cross(self.side) * sin;
+                    (center + outward * radius, outward)
+                }
+            };
+            self.mesh.positions.push(position);
+            self.mesh.normals.push(outward);
+            self.mesh.uvs[0].push(Vec2::new(along, u));
+        }
+        let Some(before) = self.before.replace(first) else { return };
+        for i in 0..self.sides as u32 {
+            let [a, b] = [before + i, first + i];
+            self.mesh.indices.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+        }
+    }
+}
+
+/// How many triangles [`tubes`] makes at most.
+pub fn most_triangles(curves: &Curves) -> usize {
+    curves.segment_count().saturating_mul(ALONG * SIDES * 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_intersect::StrandBasis;
+    use snell_math::Vec4;
+
+    #[test]
+    fn tubes_have_about_the_area_of_their_strands_and_skip_what_is_never_hit() {
+        let mut points: Vec<Vec4> = (0..7).map(|i| Vec4::new(i as f32, 0.0, 0.0, 0.1)).collect();
+        let straight = Curves::new(StrandBasis::Linear, points.clone(), vec![3, 4]).expect("two strands");
+        let mesh = tubes(&straight);
+        mesh.validate().expect("a sound mesh");
+        let area: f32 = (0..mesh.indices.len())
+            .map(|t| {
+                let [a, b, c] = mesh.corners(t);
+                assert!((b - a).cross(c - a).dot(mesh.normals[mesh.indices[t][0] as usize]) > 0.0, "looks outwards");
+                (b - a).cross(c - a).length() * 0.5
+            })
+            .sum();
+        // Five sides have 0.935 of the circumference; 2 + 3 units of length.
+        assert!((area - 5.0 * 0.2 * std::f32::consts::PI * 0.9355).abs() < 1e-3, "{area}");
+        assert!(mesh.uvs[0].iter().all(|uv| (0.0..=1.0).contains(&uv.x)));
+        points[4].w = -1.0;
+        let broken = Curves::new(StrandBasis::Linear, points, vec![3, 4]).expect("two strands");
+        assert_eq!(tubes(&broken).indices.len(), 3 * 10);
+        assert!(most_triangles(&straight) >= 50);
+    }
+}

@@ -1,0 +1,442 @@
+//! Strands: round curves of one or more segments each, hit from outside only. What hair and fur are made of.
+
+use super::cubic::Tube;
+use super::sweep::{derivatives, halves};
+use super::{CubicCurves, CurveBasis, LinearCurves, PrimitiveHit, PrimitiveSet};
+use crate::shape::{Metric, ShapeSurface};
+use serde::{Deserialize, Serialize};
+use snell_math::{Bounds3d, DRay, DVec3, DVec4, Vec2, Vec4};
+
+/// How the points of a strand define it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StrandBasis {
+    /// Straight from point to point.
+    Linear,
+    /// Segments of four points, the last of which is the first of the next: `3 n + 1` points.
+    #[default]
+    Bezier,
+    /// Uniform B-spline: `n + 3` points, which the strand is near.
+    BSpline,
+    /// Through all of `n + 3` points but the first and the last.
+    CatmullRom,
+}
+
+impl StrandBasis {
+    /// Points of a segment, and how many of them the next segment does not share.
+    fn points_and_step(self) -> (usize, usize) {
+        match self {
+            Self::Linear => (2, 1),
+            Self::Bezier => (4, 3),
+            Self::BSpline | Self::CatmullRom => (4, 1),
+        }
+    }
+
+    /// Segments of a strand of so many points; `None` if they make none.
+    pub fn segments(self, points: usize) -> Option<usize> {
+        let (whole, step) = self.points_and_step();
+        let rest = points.checked_sub(whole)?;
+        (rest % step == 0).then_some(rest / step + 1)
+    }
+}
+
+/// Points that do not make strands.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StrandError {
+    /// A strand with too few points, or too many for whole segments.
+    #[error("strand {strand} has {points} points, expected {}", expected(*basis))]
+    Points {
+        /// Its number.
+        strand: usize,
+        /// How many points it has.
+        points: u32,
+        /// What they were to define.
+        basis: StrandBasis,
+    },
+    /// The strands do not use up the points.
+    #[error("the strands have {strands} points together, but there are {points}")]
+    Total {
+        /// Points of all strands.
+        strands: u64,
+        /// Points that there are.
+        points: usize,
+    },
+    /// More than can be counted.
+    #[error("more points than 32-bit numbers can count: spread them over several sets")]
+    TooMany,
+}
+
+/// What a strand of this basis needs.
+fn expected(basis: StrandBasis) -> &'static str {
+    match basis {
+        StrandBasis::Linear => "2 or more",
+        StrandBasis::Bezier => "4, 7, 10 or the like: 3 for each segment and 1 more",
+        StrandBasis::BSpline | StrandBasis::CatmullRom => "4 or more",
+    }
+}
+
+/// Curves of round cross-section in strands: the space that a ball sweeps along each. [`LinearCurves`] and [`CubicCurves`] say what a
+/// segment is. Long and thin segments are divided in halves, quarters or eighths, because the boxes around those are so much smaller;
+/// [`crate::Hit::primitive`] counts these pieces over all strands, and [`crate::Hit::uv`] is along a piece.
+///
+/// Unlike their segments, strands have an outside only: a ray meets a strand where it goes in, never where it comes out, and nothing
+/// within it where segments meet. So a ray that starts on a strand passes through it unhindered, which is what scattering by fibres asks
+/// for (the light's way within the fibre is the material's affair), and Embree's culling of the inner sides of curves does the same.
+///
+/// Texture coordinates: `u` from 0 at the root of a strand to 1 at its tip, evenly over its segments; `v` from 0 to 1 around it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curves {
+    basis: StrandBasis,
+    segments: Segments,
+    /// Points of each strand.
+    strands: Vec<u32>,
+    /// The first segment of each strand, and the number of all segments.
+    first_segments: Vec<u32>,
+    /// How often segments are halved.
+    halvings: u32,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Segments {
+    Linear(LinearCurves),
+    Cubic(CubicCurves),
+}
+
+/// Segments are halved at most so often.
+const MOST_HALVINGS: u32 = 3;
+
+/// Pieces are about so much longer than they are wide, if segments need not be halved more often for that.
+const SLENDER: f64 = 8.0;
+
+/// How far outside of the next segment, as the sine of an angle at the joint, the end of a segment is still left to be hit: rays that
+/// meet both must not slip through between them.
+const JOINT: f64 = 0.01;
+
+impl Curves {
+    /// Strands of these points, position (x, y, z) and radius (w), one strand after the other; `strands` has the number of points of each.
+    /// A segment with a point that is not finite, with a negative radius, or with all radii 0, is never hit.
+    pub fn new(basis: StrandBasis, points: Vec<Vec4>, strands: Vec<u32>) -> Result<Self, StrandError> {
+        let total = strands.iter().map(|&n| u64::from(n)).sum();
+        if total != points.len() as u64 {
+            return Err(StrandError::Total { strands: total, points: points.len() });
+        }
+        if u32::try_from(points.len()).is_err() {
+            return Err(StrandError::TooMany);
+        }
+        let (_, step) = basis.points_and_step();
+        let (mut first, mut starts, mut first_segments) = (0, Vec::new(), Vec::with_capacity(strands.len() + 1));
+        for (strand, &points) in strands.iter().enumerate() {
+            first_segments.push(starts.len() as u32);
+            let Some(segments) = basis.segments(points as usize) else {
+                return Err(StrandError::Points { strand, points, basis });
+            };
+            starts.extend((0..segments).map(|i| first + (i * step) as u32));
+            first += points;
+        }
+        first_segments.push(starts.len() as u32);
+        let cubic =
+            |basis, points, segments| Segments::Cubic(CubicCurves { basis, points, tangents: Vec::new(), segments });
+        let segments = match basis {
+            StrandBasis::Linear => Segments::Linear(LinearCurves { points, segments: starts }),
+            StrandBasis::Bezier => cubic(CurveBasis::Bezier, points, starts),
+            StrandBasis::BSpline => cubic(CurveBasis::BSpline, points, starts),
+            StrandBasis::CatmullRom => cubic(CurveBasis::CatmullRom, points, starts),
+        };
+        let mut curves = Self { basis, segments, strands, first_segments, halvings: 0 };
+        curves.halvings = curves.best_halvings();
+        if curves.segment_count() << curves.halvings > u32::MAX as usize {
+            curves.halvings = 0;
+        }
+        Ok(curves)
+    }
+
+    /// How often to halve cubic segments so that pieces are not much longer than wide, by the mean of all.
+    fn best_halvings(&self) -> u32 {
+        let Segments::Cubic(curves) = &self.segments else { return 0 };
+        let (mut length, mut width) = (0.0, 0.0);
+        for c in (0..curves.segments.len()).filter_map(|i| curves.bezier(i)) {
+            length += c.windows(2).map(|p| p[0].truncate().distance(p[1].truncate())).sum::<f64>();
+            width += c[0].w + c[3].w;
+        }
+        (0..MOST_HALVINGS).find(|&n| length <= SLENDER * width * f64::from(1 << n)).unwrap_or(MOST_HALVINGS)
+    }
+
+    /// How many segments all strands have.
+    pub fn segment_count(&self) -> usize {
+        self.first_segments.last().map_or(0, |&count| count as usize)
+    }
+
+    /// The solid of a piece and the direction of its segment; `None` if it is never hit, or linear.
+    fn tube(&self, piece: usize) -> Option<(Tube, DVec3)> {
+        let Segments::Cubic(curves) = &self.segments else { return None };
+        let mut controls = curves.bezier(piece >> self.halvings)?;
+        let chord = (controls[3] - controls[0]).truncate();
+        for level in (0..self.halvings).rev() {
+            controls = halves(&controls)[piece >> level & 1];
+        }
+        Some((Tube(controls), chord))
+    }
+
+    /// How the points define the strands.
+    pub fn basis(&self) -> StrandBasis {
+        self.basis
+    }
+
+    /// All points: position (x, y, z) and radius (w).
+    pub fn points(&self) -> &[Vec4] {
+        match &self.segments {
+            Segments::Linear(curves) => &curves.points,
+            Segments::Cubic(curves) => &curves.points,
+        }
+    }
+
+    /// How many points each strand has.
+    pub fn strands(&self) -> &[u32] {
+        &self.strands
+    }
+
+    /// The points of each strand.
+    pub fn strand_points(&self) -> impl Iterator<Item = &[Vec4]> {
+        let mut rest = self.points();
+        self.strands.iter().map(move |&count| {
+            let (points, after) = rest.split_at(count as usize);
+            rest = after;
+            points
+        })
+    }
+
+    /// The first piece of the strand of a piece, and the one after its last.
+    fn strand_of(&self, piece: usize) -> [usize; 2] {
+        let segment = piece >> self.halvings;
+        let strand = self.first_segments.partition_point(|&first| first as usize <= segment) - 1;
+        [strand, strand + 1].map(|i| (self.first_segments[i] as usize) << self.halvings)
+    }
+
+    /// The segments of a strand.
+    pub fn segments_of(&self, strand: usize) -> std::ops::Range<usize> {
+        self.first_segments[strand] as usize..self.first_segments[strand + 1] as usize
+    }
+
+    /// The Bézier points of a segment, radius last; `None` if it is never hit.
+    pub fn bezier(&self, segment: usize) -> Option<[DVec4; 4]> {
+        match &self.segments {
+            Segments::Cubic(curves) => curves.bezier(segment),
+            Segments::Linear(curves) => {
+                let [a, b] = curves.ends(segment)?;
+                Some([a, a.lerp(b, 1.0 / 3.0), a.lerp(b, 2.0 / 3.0), b])
+            }
+        }
+    }
+
+    /// Bounds of all strands.
+    pub fn bounds_of_all(&self) -> Bounds3d {
+        (0..self.len()).map(|i| self.bounds(i)).filter(|b| !b.is_empty()).fold(Bounds3d::EMPTY, |all, b| all.union(&b))
+    }
+
+    /// True if a point on the round end of a piece, at `u` 0 or 1, lies within the piece that goes on from there.
+    fn is_within_next(&self, piece: usize, u: f32, position: DVec3) -> bool {
+        let [first, after] = self.strand_of(piece);
+        let (next, start, sign) = match u {
+            0.0 if piece > first => (piece - 1, 1.0, -1.0),
+            1.0 if piece + 1 < after => (piece + 1, 0.0, 1.0),
+            _ => return false,
+        };
+        let controls = self.tube(next).map(|(tube, _)| tube.0).or_else(|| self.bezier(next >> self.halvings));
+        let Some(controls) = controls else { return false };
+        let [c, d, _] = derivatives(&controls, start);
+        // By how much the distance to the ball shrinks on the way into that piece.
+        let nearer = (position - c.truncate()).dot(d.truncate()) + c.w * d.w;
+        nearer * sign > JOINT * c.w * d.truncate().length()
+    }
+}
+
+impl PrimitiveSet for Curves {
+    fn len(&self) -> usize {
+        self.segment_count() << self.halvings
+    }
+
+    fn bounds(&self, piece: usize) -> Bounds3d {
+        match &self.segments {
+            Segments::Linear(curves) => curves.bounds(piece),
+            Segments::Cubic(_) => self.tube(piece).map_or(Bounds3d::EMPTY, |(tube, _)| tube.bounds()),
+        }
+    }
+
+    fn closest(&self, piece: usize, ray: &DRay, _time: f32) -> Option<PrimitiveHit> {
+        let is_seen = |hit: &PrimitiveHit| {
+            let at_end = hit.uv.x == 0.0 || hit.uv.x == 1.0;
+            ray.contains(hit.t) && !(at_end && self.is_within_next(piece, hit.uv.x, ray.at(hit.t)))
+        };
+        match &self.segments {
+            Segments::Linear(curves) => curves.entry(piece, ray).filter(is_seen),
+            // Where the ray goes in: every other crossing.
+            Segments::Cubic(_) => self.tube(piece)?.0.crossings(ray)?.step_by(2).find(is_seen),
+        }
+    }
+
+    fn surface(&self, piece: usize, position: DVec3, uv: Vec2, time: f32) -> ShapeSurface {
+        let surface = match (&self.segments, self.tube(piece)) {
+            (Segments::Linear(curves), _) => curves.surface(piece, position, uv, time),
+            (Segments::Cubic(_), Some((tube, chord))) => tube.surface(position, uv.x, chord),
+            (Segments::Cubic(curves), None) => curves.surface(piece >> self.halvings, position, uv, time),
+        };
+        let [first, after] = self.strand_of(piece);
+        let count = (after - first) as f64;
+        let mut along = surface.uv;
+        along.x = ((piece - first) as f64 + along.x) / count;
+        ShapeSurface { uv: along, dpdu: surface.dpdu * count, ..surface }
+    }
+
+    fn is_curve(&self) -> bool {
+        true
+    }
+
+    fn nearest_point(&self, piece: usize, point: DVec3, metric: &Metric) -> Option<(DVec3, Vec2)> {
+        match &self.segments {
+            Segments::Linear(curves) => curves.nearest_point(piece, point, metric),
+            Segments::Cubic(_) => Some(self.tube(piece)?.0.nearest_point(point, metric)),
+        }
+    }
+
+    fn contains(&self, piece: usize, point: DVec3) -> bool {
+        match &self.segments {
+            Segments::Linear(curves) => curves.contains(piece, point),
+            Segments::Cubic(_) => self.tube(piece).is_some_and(|(tube, _)| tube.contains(point)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::tests::Random;
+    use crate::{AcceptAll, BuildOptions, WorldBuilder};
+    use snell_math::{Ray, Vec3};
+    use std::sync::Arc;
+
+    const BASES: [StrandBasis; 4] =
+        [StrandBasis::Linear, StrandBasis::Bezier, StrandBasis::BSpline, StrandBasis::CatmullRom];
+
+    /// A strand that winds gently along x, of three segments or more.
+    fn winding(basis: StrandBasis) -> Curves {
+        let point = |i: u32| {
+            let x = i as f32 * 0.5;
+            Vec4::new(x, (x * 0.9).sin() * 0.6, (x * 0.7).cos() * 0.5, 0.05 + 0.02 * (x * 1.3).cos())
+        };
+        Curves::new(basis, (0..10).map(point).collect(), vec![10]).expect("whole segments")
+    }
+
+    #[test]
+    fn points_must_make_whole_segments_and_be_used_up() {
+        let points = |n| vec![Vec4::ONE; n];
+        assert_eq!(StrandBasis::Bezier.segments(7), Some(2));
+        assert_eq!([0, 1, 2, 3].map(|n| StrandBasis::Linear.segments(n)), [None, None, Some(1), Some(2)]);
+        let error = Curves::new(StrandBasis::Bezier, points(9), vec![4, 5]).expect_err("five make no segments");
+        assert_eq!(
+            error.to_string(),
+            "strand 1 has 5 points, expected 4, 7, 10 or the like: 3 for each segment and 1 more"
+        );
+        assert!(matches!(Curves::new(StrandBasis::Linear, points(5), vec![2, 2]), Err(StrandError::Total { .. })));
+        let none = Curves::new(StrandBasis::BSpline, Vec::new(), Vec::new()).expect("nothing is fine");
+        assert!(none.is_empty() && none.bounds_of_all().is_empty());
+    }
+
+    #[test]
+    fn a_ray_meets_a_strand_where_its_segments_together_begin_and_never_from_within() {
+        for basis in BASES {
+            let curves = winding(basis);
+            let mut random = Random(7);
+            let (mut hits, mut inside) = (0, 0);
+            for _ in 0..20_000 {
+                let target =
+                    curves.bezier((random.unit() * curves.segment_count() as f32) as usize).expect("a segment")[0];
+                let from = random.direction().as_dvec3() * 9.0;
+                let way = target.truncate() + random.point(0.05).as_dvec3() - from;
+                let ray = DRay::new(from, way);
+                let closest = |set: &dyn PrimitiveSet, ray: &DRay| {
+                    let all = (0..set.len()).filter_map(|i| Some((set.closest(i, ray, 0.0)?.t, i)));
+                    all.min_by(|a, b| a.0.total_cmp(&b.0))
+                };
+                let segments: &dyn PrimitiveSet = match &curves.segments {
+                    Segments::Linear(curves) => curves,
+                    Segments::Cubic(curves) => curves,
+                };
+                let (mine, solids) = (closest(&curves, &ray), closest(segments, &ray));
+                assert_eq!(mine.is_some(), solids.is_some(), "{basis:?}: {ray:?}");
+                let (Some(mine), Some(solids)) = (mine, solids) else { continue };
+                assert!((mine.0 - solids.0).abs() < 1e-6, "{basis:?}: {ray:?}");
+                hits += 1;
+                // On from there, into the strand: whatever it meets is entered from outside.
+                let point = ray.at(mine.0);
+                let on = DRay { t_min: 1e-9, ..DRay::new(point, way) };
+                let Some((t, again)) = closest(&curves, &on) else { continue };
+                let surface = curves.surface(again, on.at(t), Vec2::splat(0.5), 0.0);
+                assert!(surface.normal.dot(way) < 0.0, "{basis:?}: {ray:?}");
+                let before = on.at(t - 1e-6);
+                inside += usize::from((0..curves.len()).any(|i| curves.contains(i, before)));
+            }
+            assert!(hits > 5_000, "{basis:?}: {hits}");
+            // Rays are aimed at joints. Where straight segments meet at an angle, a little of one's side is within the other.
+            assert!(inside * 50 < hits, "{basis:?}: {inside} hits within the strand, of {hits}");
+        }
+    }
+
+    #[test]
+    fn strands_have_no_cracks_where_segments_meet() {
+        for basis in BASES {
+            let curves = winding(basis);
+            let mut random = Random(9);
+            for segment in 1..curves.segment_count() {
+                let joint = curves.bezier(segment).expect("a segment")[0];
+                for _ in 0..3_000 {
+                    let from = joint.truncate() + random.direction().as_dvec3() * 5.0;
+                    let target = joint.truncate() + random.point(0.3).as_dvec3() * joint.w;
+                    let ray = DRay::new(from, target - from);
+                    assert!((0..curves.len()).any(|i| curves.closest(i, &ray, 0.0).is_some()), "{basis:?}: {ray:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn coordinates_run_from_root_to_tip_and_derivatives_follow_them() {
+        for basis in BASES {
+            let curves = winding(basis);
+            let mut last = 0.0;
+            for piece in 0..curves.len() {
+                let linear = || curves.bezier(piece).expect("a segment");
+                let controls = curves.tube(piece).map_or_else(linear, |(tube, _)| tube.0);
+                for u in [0.1, 0.5, 0.9] {
+                    let [c, d, _] = derivatives(&controls, u);
+                    let across = d.truncate().any_orthogonal_vector().normalize();
+                    let surface = curves.surface(piece, c.truncate() + across * c.w, Vec2::new(u as f32, 0.0), 0.0);
+                    assert!(surface.uv.x > last && surface.uv.x < 1.0 && (0.0..1.0).contains(&surface.uv.y));
+                    last = surface.uv.x;
+                    let along = d.truncate() * curves.len() as f64;
+                    assert!((surface.dpdu - along).length() < 0.05 * along.length(), "{basis:?}: {surface:?}");
+                }
+            }
+            assert!(last > 0.9);
+        }
+    }
+
+    #[test]
+    fn broken_points_are_never_hit_and_do_no_harm() {
+        let mut points: Vec<Vec4> = (0..12).map(|i| Vec4::new(i as f32, 0.0, 0.0, 0.1)).collect();
+        (points[1].x, points[4].w, points[7].y) = (f32::NAN, -1.0, f32::INFINITY);
+        for basis in [StrandBasis::Linear, StrandBasis::BSpline, StrandBasis::CatmullRom] {
+            let curves = Curves::new(basis, points.clone(), vec![12]).expect("points as many as needed");
+            let mut builder = WorldBuilder::default();
+            builder.add_set(WorldBuilder::ROOT, Arc::new(curves));
+            let world = builder.build(&BuildOptions::default()).expect("builds");
+            for i in 0..110 {
+                let ray = Ray::new(Vec3::new(i as f32 * 0.1, 3.0, 0.02), Vec3::NEG_Y);
+                let hit = world.closest_one(&ray, &AcceptAll);
+                if hit.is_hit() {
+                    let surface = world.interaction(&ray, &hit);
+                    assert!(surface.on_curve && surface.position.is_finite() && surface.dpdu.is_finite());
+                }
+            }
+        }
+    }
+}
