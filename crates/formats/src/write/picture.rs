@@ -6,7 +6,7 @@ use snell_math::Rgb;
 use snell_math::spectrum::{linear_to_srgb, srgb_to_linear};
 use snell_scene::bsdf::fresnel;
 use snell_scene::texture::missing_texture_image;
-use snell_scene::{Encoding, Image, Layer, LayeredImage, Pixels, Scene, Texture, TextureId};
+use snell_scene::{Encoding, Image, Layer, LayeredImage, Pixels, Scene, ImageTexture, TextureId};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -94,8 +94,8 @@ pub struct Pictures<'a> {
 }
 
 /// What textures show that refer to no image.
-fn missing() -> Texture {
-    Texture::new(snell_scene::graph::ImageId(u32::MAX), Encoding::Srgb)
+fn missing() -> ImageTexture {
+    ImageTexture::new(snell_scene::graph::ImageId(u32::MAX), Encoding::Srgb)
 }
 
 impl<'a> Pictures<'a> {
@@ -105,12 +105,12 @@ impl<'a> Pictures<'a> {
     }
 
     /// The texture of an id.
-    pub fn texture(&self, id: TextureId) -> Texture {
+    pub fn texture(&self, id: TextureId) -> ImageTexture {
         self.scene.textures.get(id.index()).cloned().unwrap_or_else(missing)
     }
 
     /// The image of a texture.
-    pub fn image(&self, texture: &Texture) -> Arc<Image> {
+    pub fn image(&self, texture: &ImageTexture) -> Arc<Image> {
         let image = self.scene.images.get(texture.image.index()).filter(|image| is_sound(image));
         image.cloned().unwrap_or_else(|| Arc::new(missing_texture_image()))
     }
@@ -147,7 +147,7 @@ impl<'a> Pictures<'a> {
         self.file(output, &texture, if is_grey { Part::Whole } else { Part::Channel(channel & 3) })
     }
 
-    fn file(&mut self, output: &mut Output, texture: &Texture, part: Part) -> String {
+    fn file(&mut self, output: &mut Output, texture: &ImageTexture, part: Part) -> String {
         let key = format!("{} {:?} {part:?}", texture.image.0, texture.encoding);
         if let Some(name) = self.known.get(&key) {
             return name.clone();

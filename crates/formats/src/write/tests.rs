@@ -14,9 +14,9 @@ fn scene() -> Scene {
     let pixels = Pixels::U8((0..4 * 4 * 3).map(|i| i * 5).collect());
     let image = Image { width: 4, height: 4, channels: 3, pixels, encoding: Encoding::Srgb };
     let image = scene.add_image(Arc::new(image));
-    let texture = scene.add_texture(Texture {
+    let texture = scene.add_texture(ImageTexture {
         uv_transform: [[2.0, 0.0, 0.25], [0.0, -1.0, 1.0]],
-        ..Texture::new(image, Encoding::Srgb)
+        ..ImageTexture::new(image, Encoding::Srgb)
     });
     let color = ColorParam::textured(Rgb::WHITE, Some(texture));
     let paper = scene.add_material(Material::new("paper", Diffuse { reflectance: color }));

@@ -229,7 +229,7 @@ impl Builder<'_> {
                 f64::from(Rgb::new(r, g, b).luminance())
             };
             mean = all.map(luminance).sum::<f64>() / count;
-            let mut texture = Texture::new(image, Encoding::Linear);
+            let mut texture = ImageTexture::new(image, Encoding::Linear);
             texture.encoding = pixels.encoding;
             radiance.texture = Some(self.scene.add_texture(texture));
         }

@@ -469,7 +469,7 @@ impl Builder<'_> {
     fn normal_map(&mut self, params: &Params) -> Result<Option<NormalMap>, Fault> {
         let Some((name, at)) = self.file_name(params, "normalmap")? else { return Ok(None) };
         let image = self.image(name, at)?;
-        let texture = self.scene.add_texture(Texture::new(image, Encoding::Linear));
+        let texture = self.scene.add_texture(ImageTexture::new(image, Encoding::Linear));
         Ok(Some(NormalMap { texture, scale: 1.0 }))
     }
 }

@@ -112,7 +112,7 @@ fn thickness_texture(reader: &mut Reader, texture: TextureId, least: f32, most: 
     }
     let image = snell_scene::Image::from_f32(image.width, image.height, 3, values);
     let image = reader.scene.add_image(std::sync::Arc::new(image));
-    reader.scene.add_texture(snell_scene::texture::Texture { image, ..texture })
+    reader.scene.add_texture(snell_scene::texture::ImageTexture { image, ..texture })
 }
 
 /// glTF stretches `alpha` along the tangent only: from `alpha` towards 1 by the square of the strength. OpenPBR keeps the mean
