@@ -4,7 +4,7 @@ use crate::image::read_image;
 use crate::{Input, ReadError};
 use snell_scene::graph::ImageId;
 use snell_scene::texture::missing_texture_image;
-use snell_scene::{Encoding, Scene, ImageTexture, WarningKind};
+use snell_scene::{Encoding, ImageTexture, Scene, WarningKind};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;

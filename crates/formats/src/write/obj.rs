@@ -8,12 +8,12 @@ use snell_intersect::TriangleMesh;
 use snell_math::Rgb;
 use snell_scene::material::{AlphaMode, ColorParam, ConductorSpectrum, MaterialKind, ScalarParam};
 use snell_scene::texture::Wrap;
-use snell_scene::{Encoding, Material, MaterialId, Scene, ImageTexture, TextureId};
+use snell_scene::{Encoding, ImageTexture, Material, MaterialId, Scene, TextureId};
 use std::collections::HashSet;
 use std::fmt::Write;
 
 /// The writer of OBJ files.
-pub const WRITER: SceneWriter = SceneWriter { name: "obj", extensions: &["obj"], write };
+pub const WRITER: SceneWriter = SceneWriter { name: "obj", extensions: &["obj"], knows: |_| false, write };
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let meshes = world_meshes(scene, output)?;

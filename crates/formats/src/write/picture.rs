@@ -6,7 +6,7 @@ use snell_math::Rgb;
 use snell_math::spectrum::{linear_to_srgb, srgb_to_linear};
 use snell_scene::bsdf::fresnel;
 use snell_scene::texture::missing_texture_image;
-use snell_scene::{Encoding, Image, Layer, LayeredImage, Pixels, Scene, ImageTexture, TextureId};
+use snell_scene::{Encoding, Image, ImageTexture, Layer, LayeredImage, Pixels, Scene, TextureId};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -106,7 +106,7 @@ impl<'a> Pictures<'a> {
 
     /// The texture of an id.
     pub fn texture(&self, id: TextureId) -> ImageTexture {
-        self.scene.textures.get(id.index()).cloned().unwrap_or_else(missing)
+        self.scene.textures.get(id.index()).and_then(|t| t.as_image()).cloned().unwrap_or_else(missing)
     }
 
     /// The image of a texture.

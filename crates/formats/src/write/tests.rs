@@ -5,7 +5,7 @@ use snell_math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
 use snell_scene::builtin::BUILTINS;
 use snell_scene::material::{ColorParam, Diffuse, MaterialKind, MetallicRoughness};
 use snell_scene::medium::{Grid, Medium};
-use snell_scene::{Encoding, Geometry, Image, Light, Material, Node, Pixels, Surface, Texture};
+use snell_scene::{Encoding, Geometry, Image, ImageTexture, Light, Material, Node, Pixels, Surface};
 use std::sync::Arc;
 
 /// A textured quad of two materials, twice under a turned parent, with a camera and every light.

@@ -17,7 +17,6 @@ pub use pattern::Pattern;
 pub use wrap::Wrap;
 
 use crate::TextureId;
-use crate::graph::ImageId;
 use crate::image::{Encoding, Image};
 use crate::material::ShadingPoint;
 use pyramid::Pyramid;

@@ -1,4 +1,5 @@
 use super::*;
+use crate::graph::ImageId;
 use crate::image::Pixels;
 use snell_math::Vec3;
 

@@ -1,7 +1,7 @@
 //! Bump maps as normal maps.
 
 use snell_math::{Rgb, Vec3};
-use snell_scene::{Image, Texture};
+use snell_scene::{Image, ImageTexture};
 
 /// The normal map of a picture of heights, `height` for white, and its steepest slope: height over the width of the whole picture. The
 /// map shows slopes relative to the steepest, so its scale is that slope over the width of the picture in the scene. `None` for a flat

@@ -13,7 +13,7 @@ use crate::scene::fault::Fault;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform};
 use snell_scene::light::{Attenuation, IntensityTable, Slide, SpotFalloff};
 use snell_scene::material::ColorParam;
-use snell_scene::{Encoding, Image, Light, Texture};
+use snell_scene::{Encoding, Image, ImageTexture, Light};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 

@@ -6,7 +6,7 @@ use crate::ReadError;
 use crate::scene::tokens::Token;
 use snell_math::Rgb;
 use snell_scene::material::{ColorParam, Phong};
-use snell_scene::{Encoding, Material, ImageTexture, TextureId};
+use snell_scene::{Encoding, ImageTexture, Material, TextureId};
 use std::sync::Arc;
 
 /// The grey of COS 426.

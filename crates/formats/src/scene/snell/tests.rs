@@ -6,7 +6,7 @@ use snell_scene::material::Interior;
 use snell_scene::material::MaterialKind;
 use snell_scene::medium::Medium;
 use snell_scene::{Encoding, TextureId, material::ColorParam};
-use snell_scene::{Geometry, Image, Light, Material, Node, Surface, Texture};
+use snell_scene::{Geometry, Image, ImageTexture, Light, Material, Node, Surface};
 use std::path::Path;
 use std::sync::Arc;
 

@@ -5,7 +5,7 @@ use crate::write::picture::{Pictures, encoded};
 use serde_json::{Value, json};
 use snell_math::spectrum::linear_to_srgb;
 use snell_scene::texture::{Filtering, Wrap};
-use snell_scene::{Encoding, Image, Pixels, ImageTexture, TextureId};
+use snell_scene::{Encoding, Image, ImageTexture, Pixels, TextureId};
 use std::collections::HashMap;
 
 /// Where the four channels of a picture come from: a texture and its channel.
@@ -38,7 +38,7 @@ impl Document<'_, '_> {
         let pictures = Pictures::new(self.scene);
         let mut sources = channels.iter().flatten().map(|(id, _)| pictures.texture(*id));
         let Some(texture) = sources.next() else { return Value::Null };
-        let is_placed_alike = |t: &Texture| {
+        let is_placed_alike = |t: &ImageTexture| {
             (t.uv_set, t.uv_transform, t.wrap, t.filtering)
                 == (texture.uv_set, texture.uv_transform, texture.wrap, texture.filtering)
         };

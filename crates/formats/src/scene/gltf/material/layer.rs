@@ -100,7 +100,7 @@ fn iridescence(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Resul
 
 /// The texture of a film that is `least` thick where the texture is 0: in units of the larger of the two.
 fn thickness_texture(reader: &mut Reader, texture: TextureId, least: f32, most: f32) -> TextureId {
-    let texture = reader.scene.textures[texture.index()].clone();
+    let Some(texture) = reader.scene.textures[texture.index()].as_image().cloned() else { return texture };
     let image = &reader.scene.images[texture.image.index()];
     let unit = least.max(most).max(1e-6);
     let mut values = Vec::with_capacity(image.width as usize * image.height as usize * 3);

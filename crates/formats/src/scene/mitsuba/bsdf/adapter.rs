@@ -8,7 +8,7 @@ use super::Look;
 use crate::scene::fault::Fault;
 use crate::scene::layers;
 use snell_scene::material::{NormalMap, ScalarParam};
-use snell_scene::{Encoding, Texture};
+use snell_scene::{Encoding, ImageTexture};
 use std::rc::Rc;
 use std::sync::Arc;
 
