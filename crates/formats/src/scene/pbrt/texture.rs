@@ -231,7 +231,7 @@ impl Builder<'_> {
                 [axis] => axis,
                 _ => return Err(params.fault("dir is more than one vector", "give three numbers")),
             };
-            let axis = self.state.transform.0[0].transform_vector3(axis.as_dvec3()).normalize_or_zero().as_vec3();
+            let axis = self.world_from_texture().transform_vector3(axis.as_dvec3()).normalize_or_zero().as_vec3();
             if axis == Vec3::ZERO || !axis.is_finite() {
                 return Err(params.fault("dir has no direction", "give a vector that is not 0"));
             }
@@ -270,9 +270,14 @@ impl Builder<'_> {
         Ok(Pattern::constant(0.5 * params.float_or("scale", 1.0)? as f32))
     }
 
-    /// The space of a texture is that of the current transform, when the shutter opens.
+    /// Textures are in the space of the current transform, as it is when the shutter opens.
+    fn world_from_texture(&self) -> DAffine3 {
+        self.world_from_file * self.state.transform.0[0]
+    }
+
+    /// The map into the space of a texture.
     fn texture_from_world(&mut self, params: &Params) -> Rows {
-        let inverse = snell_math::Transform::new(self.state.transform.0[0]).map(|map| *map.inverse_matrix());
+        let inverse = snell_math::Transform::new(self.world_from_texture()).map(|map| *map.inverse_matrix());
         if inverse.is_none() {
             let owner = params.owner.clone();
             self.note(format!("{owner} in a flat space"), params.at, || {
