@@ -221,3 +221,99 @@ fn too_many_instances_are_an_error() {
         assert!(error.contains("limit"), "{error}");
     }
 }
+
+/// A scene with a sphere of each pattern: as reflectance, and one of them as roughness.
+fn patterns() -> Scene {
+    use snell_scene::texture::Pattern;
+    let mut scene = Scene::new("patterns");
+    let examples = Pattern::examples();
+    for (i, pattern) in examples.into_iter().enumerate() {
+        let id = scene.add_texture(pattern);
+        let reflectance = snell_scene::material::ColorParam::textured(Rgb::new(0.5, 0.75, 0.5), Some(id));
+        let kind = snell_scene::material::Diffuse { reflectance, ..snell_scene::material::Diffuse::new(Rgb::WHITE) };
+        let id = scene.add_material(Material::new(format!("number {i}"), kind));
+        let surface = Surface::shape(snell_intersect::shape::Sphere { radius: 0.1 }, id);
+        scene.nodes[0].surfaces.push(surface);
+    }
+    scene
+}
+
+/// What the reflectance of a material is at a few points of space.
+fn reflectances(scene: &Scene, material: &Material) -> Vec<Rgb> {
+    let textures = snell_scene::TextureSet::new(&scene.textures, &scene.images);
+    let MaterialKind::Diffuse(kind) = &material.kind else { panic!("{material:?}") };
+    let colors = (0..50u32).map(|i| {
+        let (a, b) = (snell_math::rng::uniform2([i, 1, 0, 0]), snell_math::rng::uniform2([i, 2, 0, 0]));
+        let normal = snell_math::sampling::uniform_sphere(a);
+        let surface = snell_intersect::SurfaceInteraction {
+            position: Vec3::new(a.x, a.y, b.x) * 4.0 - 2.0,
+            position_error: Vec3::ZERO,
+            geometric_normal: normal,
+            shading_normal: normal,
+            uv: [b; 2],
+            dpdu: Vec3::X,
+            dpdv: Vec3::Y,
+            tangent: None,
+            color: [1.0; 4],
+            t: 0.0,
+            primitive_uv: Vec2::ZERO,
+            instance: 0,
+            geometry: 0,
+            primitive: 0,
+        };
+        let (mode, footprint) = (snell_math::ColorMode::Rgb, 0.0);
+        let point = snell_scene::material::ShadingPoint {
+            surface: &surface,
+            footprint,
+            textures: &textures,
+            mode,
+            outside_ior: 1.0,
+        };
+        kind.reflectance.at(&point).rgb
+    });
+    colors.collect()
+}
+
+#[test]
+fn patterns_are_the_same_in_pbrt_and_in_snells_own_format() {
+    let scene = patterns();
+    for extension in ["snell", "pbrt"] {
+        let (_folder, Written { losses, .. }, read) = written(extension, &scene);
+        if extension == "snell" {
+            assert!(losses.is_empty() && read.textures == scene.textures, "{losses:?}");
+        }
+        assert!(read.warnings.is_empty(), "{:?}", read.warnings);
+        for material in &scene.materials {
+            // Named after their number, in the order of the spheres.
+            let found = read.materials.iter().find(|m| {
+                m.name.starts_with(&material.name) && {
+                    let rest = &m.name[material.name.len()..];
+                    rest.is_empty() || rest.starts_with(' ')
+                }
+            });
+            let found = found.unwrap_or_else(|| panic!("{extension}: {}", material.name));
+            let texture = match &material.kind {
+                MaterialKind::Diffuse(kind) => kind.reflectance.texture.expect("it has one"),
+                _ => unreachable!("all are diffuse"),
+            };
+            let pattern = &scene.textures[texture.index()];
+            for (a, b) in reflectances(&scene, material).into_iter().zip(reflectances(&read, found)) {
+                let close = a.to_array().iter().zip(b.to_array()).all(|(a, b)| (a - b).abs() < 2e-3 * (1.0 + a.abs()));
+                // The amount of a mix is a number in pbrt, and so is the tint of marble; losses say so.
+                let is_lost = losses.iter().any(|l| l.message.contains(&format!("\"{}\"", material.name)));
+                assert!(close || is_lost, "{extension}: {pattern:?}: {a:?} {b:?}; {losses:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn other_formats_say_which_patterns_they_lack() {
+    let scene = patterns();
+    for extension in ["gltf", "obj"] {
+        let (_folder, Written { losses, .. }, read) = written(extension, &scene);
+        let said = |what: &str| losses.iter().any(|loss| loss.message.contains(what));
+        assert!(said("(marble) is a pattern in space") && said("(checkerboard) is drawn into a picture"), "{losses:?}");
+        assert!(read.textures.iter().all(|texture| texture.as_image().is_some()));
+    }
+}

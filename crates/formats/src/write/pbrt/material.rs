@@ -329,6 +329,11 @@ impl File<'_, '_> {
     fn roughness(&mut self, prefix: &str, roughness: ScalarParam, who: &str) -> String {
         let width = match roughness.texture {
             None => format!("\"float {prefix}roughness\" [ {} ]", roughness.factor * roughness.factor),
+            Some((id, _)) if let Some((name, is_remapped)) = self.width(id, roughness.factor, prefix, who) => {
+                return format!(
+                    " \"texture {prefix}roughness\" [ \"{name}\" ] \"bool remaproughness\" [ {is_remapped} ]"
+                );
+            }
             Some((id, channel)) => {
                 let name = self.texture(id, "float", Baked::Squared { channel, factor: roughness.factor }, who);
                 format!("\"texture {prefix}roughness\" [ \"{name}\" ]")

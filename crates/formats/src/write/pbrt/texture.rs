@@ -8,10 +8,14 @@ use snell_scene::texture::mapping::{IDENTITY, Rows};
 use snell_scene::texture::{Filtering, Mapping, Pattern, Wrap, errors, pattern};
 use snell_scene::{Encoding, Texture, TextureId};
 
-/// True for patterns that pbrt has too.
+/// The roots that pbrt takes of a roughness: of a width, and of what becomes one by its own remapping.
+const ROOTS: [f32; 2] = [0.5, 0.25];
+
+/// True for patterns that pbrt has too. It takes roots of a roughness only.
 pub fn is_known(pattern: &Pattern) -> bool {
     match pattern {
-        Pattern::Power(_) | Pattern::Ramp(_) => false,
+        Pattern::Power(power) => ROOTS.contains(&power.exponent),
+        Pattern::Ramp(_) => false,
         Pattern::Projected(projected) => projected.texture.texture.is_some(),
         _ => true,
     }
@@ -57,6 +61,19 @@ impl File<'_, '_> {
             }
         };
         self.pattern(id, kind, factor, who)
+    }
+
+    /// The texture of a width whose root, times a factor, is a pattern of roughness, and whether pbrt is to remap it.
+    pub fn width(&mut self, id: TextureId, factor: f32, prefix: &str, who: &str) -> Option<(String, bool)> {
+        let scene = self.scene;
+        let Some(Texture::Pattern(Pattern::Power(power))) = scene.textures.get(id.index()) else { return None };
+        let (base, is_remapped) = (power.base.texture?, power.exponent == ROOTS[1]);
+        // Materials with several layers have one remapping for all.
+        if !ROOTS.contains(&power.exponent) || !prefix.is_empty() {
+            return None;
+        }
+        let factor = power.base.factor * if is_remapped { factor.powi(4) } else { factor.powi(2) };
+        Some((self.pattern(base, Kind::Number, factor, who), is_remapped))
     }
 
     /// The name of a pattern or picture times a factor.
@@ -140,7 +157,12 @@ impl File<'_, '_> {
                     factor.luminance()
                 )
             }
-            Pattern::Power(_) | Pattern::Ramp(_) => return String::new(),
+            Pattern::Power(p) => {
+                self.output.lose(format!("{who}: a root of a pattern is left out where it is no roughness"));
+                let part = self.input("tex", kind, factor, &p.base, who);
+                self.class(kind, "scale", &part, None, who)
+            }
+            Pattern::Ramp(_) => return String::new(),
         };
         let space = match pattern {
             Pattern::SolidCheckerboard(p) => Some(&p.texture_from_world),
