@@ -8,7 +8,6 @@ use crate::tree;
 use snell_intersect::shape::Sphere;
 use snell_intersect::{AnyShape, Spheres};
 use snell_math::{DAffine3, DVec3, Transform};
-use snell_scene::graph::ImageId;
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;

@@ -74,7 +74,9 @@ impl Baked {
             }
         }
         let is_light = matches!(self, Self::Light(_));
-        if !self.is_color() || is_light || !values.iter().all(|x| (0.0..=1.0).contains(x)) {
+        // Floating-point pictures are linear in files.
+        let is_float = matches!(image.pixels, Pixels::F32(_));
+        if !self.is_color() || is_light || is_float || !values.iter().all(|x| (0.0..=1.0).contains(x)) {
             let channels = if self.is_color() { 3 } else { 1 };
             return match is_light {
                 true => Image::from_f32(image.width, image.height, channels, values),

@@ -242,11 +242,14 @@ fn patterns() -> Scene {
 fn reflectances(scene: &Scene, material: &Material) -> Vec<Rgb> {
     let textures = snell_scene::TextureSet::new(&scene.textures, &scene.images);
     let MaterialKind::Diffuse(kind) = &material.kind else { panic!("{material:?}") };
+    // The reader of pbrt mirrors a scene whose camera would.
+    let root = scene.nodes[scene.root.index()].transform;
     let colors = (0..50u32).map(|i| {
         let (a, b) = (snell_math::rng::uniform2([i, 1, 0, 0]), snell_math::rng::uniform2([i, 2, 0, 0]));
-        let normal = snell_math::sampling::uniform_sphere(a);
+        let normal = root.transform_vector3(snell_math::sampling::uniform_sphere(a).as_dvec3()).as_vec3();
+        let position = Vec3::new(a.x, a.y, b.x) * 4.0 - 2.0;
         let surface = snell_intersect::SurfaceInteraction {
-            position: Vec3::new(a.x, a.y, b.x) * 4.0 - 2.0,
+            position: root.transform_point3(position.as_dvec3()).as_vec3(),
             position_error: Vec3::ZERO,
             geometric_normal: normal,
             shading_normal: normal,

@@ -548,7 +548,7 @@ fn fault(text: &str) -> String {
 fn what_is_wrong_with_a_pattern_is_an_error_with_its_place() {
     for (text, said) in [
         ("\"fbm\" \"integer octaves\" -1", "octaves is -1"),
-        ("\"fbm\" \"float roughness\" 1e99", "roughness is inf"),
+        ("\"fbm\" \"float roughness\" 1e99", "\"1e99\" in roughness is not a number"),
         ("\"checkerboard\" \"integer dimension\" 4", "dimension is 4"),
         ("\"dots\" \"string mapping\" \"cubic\"", "\"cubic\" is not a mapping"),
         ("\"dots\" \"string mapping\" \"planar\" \"vector v1\" [1 0 0 0 1 0]", "v1 is not one vector"),
