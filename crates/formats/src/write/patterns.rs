@@ -1,9 +1,8 @@
 //! Patterns for formats that have no words for them: drawn into pictures where the coordinates of the surface say all, else their mean.
 
 use super::Output;
-use snell_intersect::SurfaceInteraction;
-use snell_math::{Bounds3d, DVec3, Rgb, Vec2, Vec3, rng};
-use snell_scene::texture::{Mapping, Pattern, TextureSet, Wrap, errors};
+use snell_math::{Bounds3d, DVec3, Rgb, Vec2, rng};
+use snell_scene::texture::{Mapping, Pattern, TextureSet, Wrap, errors, surface_at};
 use snell_scene::{Encoding, Image, ImageTexture, Material, Scene, Texture, TextureId};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -165,22 +164,8 @@ impl Drawing<'_> {
             let (a, b) = (rng::uniform2([i, 21, 0, 0]), rng::uniform2([i, 22, 0, 0]));
             let share = DVec3::new(a.x.into(), a.y.into(), b.x.into());
             let normal = snell_math::sampling::uniform_sphere(rng::uniform2([i, 23, 0, 0]));
-            let surface = SurfaceInteraction {
-                position: (bounds.min + (bounds.max - bounds.min) * share).as_vec3(),
-                position_error: Vec3::ZERO,
-                geometric_normal: normal,
-                shading_normal: normal,
-                uv: [rng::uniform2([i, 24, 0, 0]); 2],
-                dpdu: Vec3::X,
-                dpdv: Vec3::Y,
-                tangent: None,
-                color: [1.0; 4],
-                t: 0.0,
-                primitive_uv: Vec2::ZERO,
-                instance: 0,
-                geometry: 0,
-                primitive: 0,
-            };
+            let position = (bounds.min + (bounds.max - bounds.min) * share).as_vec3();
+            let surface = surface_at(position, normal, rng::uniform2([i, 24, 0, 0]));
             let [r, g, b, _] = self.set.lookup(id, &surface, 0.0);
             sum.iter_mut().zip([r, g, b]).for_each(|(sum, x)| *sum += f64::from(x) / f64::from(COUNT));
         }
@@ -199,7 +184,7 @@ mod tests {
         let last = TextureId(textures.len() as u32 - 1);
         let reflectance = ColorParam::textured(Rgb::WHITE, Some(last));
         let mut scene = Scene { textures, ..Scene::new("patterns") };
-        scene.add_material(Material::new("m", Diffuse { reflectance, ..Diffuse::new(Rgb::WHITE) }));
+        scene.add_material(Material::new("m", Diffuse { reflectance }));
         scene
     }
 

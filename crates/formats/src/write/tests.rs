@@ -230,7 +230,7 @@ fn patterns() -> Scene {
     for (i, pattern) in examples.into_iter().enumerate() {
         let id = scene.add_texture(pattern);
         let reflectance = snell_scene::material::ColorParam::textured(Rgb::new(0.5, 0.75, 0.5), Some(id));
-        let kind = snell_scene::material::Diffuse { reflectance, ..snell_scene::material::Diffuse::new(Rgb::WHITE) };
+        let kind = snell_scene::material::Diffuse { reflectance };
         let id = scene.add_material(Material::new(format!("number {i}"), kind));
         let surface = Surface::shape(snell_intersect::shape::Sphere { radius: 0.1 }, id);
         scene.nodes[0].surfaces.push(surface);
@@ -248,22 +248,8 @@ fn reflectances(scene: &Scene, material: &Material) -> Vec<Rgb> {
         let (a, b) = (snell_math::rng::uniform2([i, 1, 0, 0]), snell_math::rng::uniform2([i, 2, 0, 0]));
         let normal = root.transform_vector3(snell_math::sampling::uniform_sphere(a).as_dvec3()).as_vec3();
         let position = Vec3::new(a.x, a.y, b.x) * 4.0 - 2.0;
-        let surface = snell_intersect::SurfaceInteraction {
-            position: root.transform_point3(position.as_dvec3()).as_vec3(),
-            position_error: Vec3::ZERO,
-            geometric_normal: normal,
-            shading_normal: normal,
-            uv: [b; 2],
-            dpdu: Vec3::X,
-            dpdv: Vec3::Y,
-            tangent: None,
-            color: [1.0; 4],
-            t: 0.0,
-            primitive_uv: Vec2::ZERO,
-            instance: 0,
-            geometry: 0,
-            primitive: 0,
-        };
+        let position = root.transform_point3(position.as_dvec3()).as_vec3();
+        let surface = snell_scene::texture::surface_at(position, normal, b);
         let (mode, footprint) = (snell_math::ColorMode::Rgb, 0.0);
         let point = snell_scene::material::ShadingPoint {
             surface: &surface,

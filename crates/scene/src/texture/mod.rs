@@ -167,13 +167,14 @@ struct PreparedImage {
 /// Shown for ids that mean nothing.
 const MISSING: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
 
-/// Where a texture is asked by coordinates alone: at the origin of the world, on a plane that faces upwards.
-fn surface_of(uv: Vec2) -> SurfaceInteraction {
+/// A point of a surface as far as textures look at it: its place in the world, its unit normal and both its coordinates, which grow by
+/// 1 per unit of the world.
+pub fn surface_at(position: Vec3, normal: Vec3, uv: Vec2) -> SurfaceInteraction {
     SurfaceInteraction {
-        position: Vec3::ZERO,
+        position,
         position_error: Vec3::ZERO,
-        geometric_normal: Vec3::Y,
-        shading_normal: Vec3::Y,
+        geometric_normal: normal,
+        shading_normal: normal,
         uv: [uv; 2],
         dpdu: Vec3::X,
         dpdv: Vec3::Z,
@@ -281,7 +282,7 @@ impl TextureSet {
     pub fn lookup_at(&self, texture: TextureId, uv: Vec2, level: f32) -> [f32; 4] {
         match self.textures.get(texture.index()) {
             Some(Prepared::Image(prepared)) => self.filtered(prepared, uv, level),
-            Some(Prepared::Pattern(pattern)) => self.computed(pattern, &surface_of(uv), 0.0),
+            Some(Prepared::Pattern(pattern)) => self.computed(pattern, &surface_at(Vec3::ZERO, Vec3::Y, uv), 0.0),
             Some(Prepared::Broken) | None => MISSING,
         }
     }

@@ -13,13 +13,10 @@ fn on_sphere(p: Vec3) -> SurfaceInteraction {
     let across = n.truncate().length();
     let around = Vec3::new(-n.y, n.x, 0.0).normalize_or(Vec3::X);
     SurfaceInteraction {
-        position: p,
-        geometric_normal: n,
-        shading_normal: n,
         uv: [Vec2::new(n.y.atan2(n.x) / TAU, n.z.clamp(-1.0, 1.0).acos() / PI); 2],
         dpdu: around * (TAU * across).max(1e-3),
         dpdv: n.cross(around) * PI,
-        ..crate::texture::surface_of(Vec2::ZERO)
+        ..crate::texture::surface_at(p, n, Vec2::ZERO)
     }
 }
 

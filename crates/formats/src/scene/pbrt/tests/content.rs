@@ -453,22 +453,7 @@ fn media_fill_what_their_interface_says() {
 fn shown(scene: &Scene, place: [f64; 3], footprint: f32) -> [f32; 3] {
     let position = scene.nodes[scene.root.index()].transform.transform_point3(DVec3::from(place)).as_vec3();
     let set = snell_scene::TextureSet::new(&scene.textures, &scene.images);
-    let surface = snell_intersect::SurfaceInteraction {
-        position,
-        position_error: Vec3::ZERO,
-        geometric_normal: Vec3::Y,
-        shading_normal: Vec3::Y,
-        uv: [Vec2::ZERO; 2],
-        dpdu: Vec3::X,
-        dpdv: Vec3::Z,
-        tangent: None,
-        color: [1.0; 4],
-        t: 0.0,
-        primitive_uv: Vec2::ZERO,
-        instance: 0,
-        geometry: 0,
-        primitive: 0,
-    };
+    let surface = snell_scene::texture::surface_at(position, Vec3::Y, Vec2::ZERO);
     let [r, g, b, _] = set.lookup(snell_scene::TextureId(scene.textures.len() as u32 - 1), &surface, footprint);
     [r, g, b]
 }
