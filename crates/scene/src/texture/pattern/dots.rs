@@ -67,7 +67,8 @@ fn share_in_dots(PlanePoint { st, width }: PlanePoint) -> f32 {
         let gain = 1.0 + (width / RADIUS).powi(2) / 12.0;
         if width > 0.0 { (depth / width + 0.5).clamp(0.0, 1.0) / gain } else { f32::from(u8::from(depth > 0.0)) }
     });
-    near + (COVERED - near) * (width - 0.5).clamp(0.0, 1.0)
+    // Wider rims would not fit into the square.
+    near + (COVERED - near) * ((width - 0.3) / 0.4).clamp(0.0, 1.0)
 }
 
 /// The centre of the dot of the square that a point is in, if it has one.
