@@ -21,6 +21,7 @@ __all__ = [
     "Medium",
     "Texture",
     "Channel",
+    "Pattern",
     "View",
     "load",
     "_explain",
@@ -33,11 +34,13 @@ __all__ = [
     "_restore_material",
     "_restore_medium",
     "_restore_texture",
+    "_restore_pattern",
     "_Render",
     "__version__",
     "INVALID_ID",
     "SHAPES",
     "MATERIALS",
+    "PATTERNS",
     "MEDIA",
     "LIGHTS",
     "PROJECTIONS",
@@ -46,6 +49,7 @@ __all__ = [
 INVALID_ID: int
 SHAPES: dict[str, tuple[str, ...]]
 MATERIALS: dict[str, tuple[str, ...]]
+PATTERNS: dict[str, tuple[str, ...]]
 MEDIA: dict[str, tuple[str, ...]]
 LIGHTS: dict[str, tuple[str, ...]]
 PROJECTIONS: dict[str, tuple[str, ...]]
@@ -63,10 +67,11 @@ def _restore_image(picture: tuple[Any, ...], variance: tuple[Any, ...] | None, l
 def _explain(scene: Scene, options: dict[str, Any], pixel: tuple[int, int], sample: int | None, followed: list[str]) -> str: ...
 def _view(scene: Scene, options: dict[str, Any], port: int, frames_per_second: float) -> View: ...
 def _restore_camera(json: str) -> Camera: ...
-def _restore_light(json: str, textures: list[Texture], media: str) -> Light: ...
-def _restore_material(json: str, textures: list[Texture], media: str) -> Material: ...
-def _restore_medium(json: str, textures: list[Texture], media: str) -> Medium: ...
+def _restore_light(json: str, textures: list[Texture | Pattern], media: str) -> Light: ...
+def _restore_material(json: str, textures: list[Texture | Pattern], media: str) -> Material: ...
+def _restore_medium(json: str, textures: list[Texture | Pattern], media: str) -> Medium: ...
 def _restore_texture(pixels: NDArray[Any], srgb: bool, declared: str) -> Texture: ...
+def _restore_pattern(json: str, textures: list[Texture | Pattern], media: str) -> Pattern: ...
 def _restore(slots: list[dict[str, Any] | None], stage: bytes, warnings: list[tuple[str, int]]) -> Scene: ...
 
 @final
@@ -271,6 +276,9 @@ class Material(_Declared): ...
 
 @final
 class Medium(_Declared): ...
+
+@final
+class Pattern(_Declared): ...
 
 @final
 class Texture:

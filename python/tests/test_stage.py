@@ -135,6 +135,32 @@ def test_parameters_take_what_means_the_same():
     assert texture.size == [16, 16]
 
 
+def test_patterns_take_the_place_of_colours_numbers_and_parts_of_patterns(tmp_path):
+    for kind, names in snell.PATTERNS.items():
+        pattern = snell.Pattern(kind)
+        assert pattern.kind == kind and tuple(pattern.parameters) == names
+        assert repr(pickle.loads(pickle.dumps(pattern))) == repr(pattern)
+    noise = snell.Pattern("wrinkled", octaves=3)
+    texture = snell.Texture(checks())
+    veins = snell.Pattern("mix", first="#400000", second=texture, amount=noise)
+    assert veins.amount is noise and veins.second is texture
+    stone = snell.Material("metallic-roughness", base_color=veins, roughness=noise)
+    assert stone.base_color is veins and stone.roughness is noise
+    copy = pickle.loads(pickle.dumps(stone))
+    assert repr(copy.base_color) == repr(veins)
+    scene = snell.Scene()
+    scene.add_shape("sphere", radius=1, material=stone)
+    assert repr(scene.materials[0].base_color) == repr(veins)
+    plain = snell.Scene()
+    plain.add_shape("sphere", radius=1, material=stone.replace(base_color=0.2, roughness=0.5))
+    pictures = [np.asarray(snell.render(s, spp=4, size=(32, 32))) for s in (scene, plain)]
+    assert np.isfinite(pictures[0]).all() and abs(pictures[0] - pictures[1]).max() > 0.01
+    scene.save(tmp_path / "a.snell")
+    np.testing.assert_array_equal(np.asarray(snell.render(snell.load(tmp_path / "a.snell"), spp=4, size=(32, 32))), pictures[0])
+    with pytest.raises(TypeError, match="octave"):
+        snell.Pattern("fbm", octave=3)
+
+
 def test_cameras():
     camera = snell.Camera(eye=(0, 0, 5), target=(0, 0, 0), fov=90)
     np.testing.assert_allclose(camera.tan_half_fov[1], 1)

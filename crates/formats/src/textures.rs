@@ -4,7 +4,7 @@ use crate::image::read_image;
 use crate::{Input, ReadError};
 use snell_scene::graph::ImageId;
 use snell_scene::texture::missing_texture_image;
-use snell_scene::{Encoding, Scene, Texture, WarningKind};
+use snell_scene::{Encoding, ImageTexture, Scene, WarningKind};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -41,8 +41,8 @@ impl Textures {
         input: &Input,
         name: &str,
         encoding: Encoding,
-    ) -> Result<Texture, ReadError> {
-        let mut texture = Texture::new(self.image(scene, input, name)?, encoding);
+    ) -> Result<ImageTexture, ReadError> {
+        let mut texture = ImageTexture::new(self.image(scene, input, name)?, encoding);
         texture.uv_transform = [[1.0, 0.0, 0.0], [0.0, -1.0, 1.0]];
         Ok(texture)
     }

@@ -10,7 +10,7 @@ use crate::medium::Medium as PyMedium;
 use crate::names::suggestion;
 use crate::said::Said;
 use crate::settings::shown;
-use crate::texture::{Channel, Texture};
+use crate::texture::{AnyTexture, Channel};
 use crate::tree::Tree;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -115,7 +115,7 @@ pub fn catalogue<'py>(py: Python<'py>, family: &Family) -> PyResult<Bound<'py, P
 #[derive(Debug, Default)]
 pub struct References {
     /// By number.
-    pub textures: Vec<Py<Texture>>,
+    pub textures: Vec<AnyTexture>,
     /// By number.
     pub media: Vec<Medium>,
 }
@@ -132,10 +132,10 @@ impl References {
     }
 
     /// The number of a texture.
-    fn texture(&mut self, texture: &Bound<'_, Texture>) -> Tree {
-        let known = self.textures.iter().position(|known| known.is(texture));
+    fn texture(&mut self, texture: AnyTexture) -> Tree {
+        let known = self.textures.iter().position(|known| known.is(&texture));
         let number = known.unwrap_or_else(|| {
-            self.textures.push(texture.clone().unbind());
+            self.textures.push(texture);
             self.textures.len() - 1
         });
         Tree::Id("TextureId", number as u32)
@@ -255,12 +255,16 @@ pub fn read(value: &Bound<'_, PyAny>, form: &Tree, name: &str, references: &mut 
     if value.is_none() {
         return Ok(Tree::Nothing);
     }
-    if let Ok(texture) = value.cast::<Texture>() {
-        return with_texture(form, references.texture(texture), None, name);
+    if let Ok(texture) = value.extract::<AnyTexture>() {
+        // A pattern is as good a number as a colour: grey ones have one value.
+        let is_number = textured(form).is_some_and(|factor| !is_color(factor));
+        let channel = (is_number && matches!(texture, AnyTexture::Pattern(_))).then_some(0);
+        return with_texture(form, references.texture(texture), channel, name);
     }
     if let Ok(channel) = value.cast::<Channel>() {
         let channel = channel.get();
-        return with_texture(form, references.texture(channel.texture.bind(value.py())), Some(channel.number), name);
+        let texture = AnyTexture::Image(channel.texture.clone_ref(value.py()));
+        return with_texture(form, references.texture(texture), Some(channel.number), name);
     }
     if let Ok(medium) = value.cast::<PyMedium>() {
         return Ok(interior(references.medium(&medium.get().0.value)));
@@ -370,15 +374,15 @@ fn expected(form: &Tree) -> String {
         Tree::Whole(_) => "a whole number".into(),
         Tree::Single(_) | Tree::Double(_) => "a number".into(),
         Tree::Text(text) => format!("a name such as {text:?}"),
-        Tree::Id(..) => "a Texture".into(),
+        Tree::Id(..) => "a Texture or a Pattern".into(),
         form if is_color(form) => "a colour: a number, three numbers (linear), or \"#rrggbb\"".into(),
         Tree::List(items) => match items.first() {
             Some(Tree::Single(_) | Tree::Double(_) | Tree::Whole(_)) => format!("{} numbers", items.len()),
             _ => "a list".into(),
         },
         Tree::Fields(_) => match textured(form) {
-            Some(factor) if is_color(factor) => format!("{}, or a Texture", expected(factor)),
-            Some(_) => "a number, or a channel of a Texture".into(),
+            Some(factor) if is_color(factor) => format!("{}, or a Texture or Pattern", expected(factor)),
+            Some(_) => "a number, a channel of a Texture, or a Pattern".into(),
             None => match form {
                 Tree::Fields(fields) => {
                     let names: Vec<_> = fields.iter().map(|(name, _)| format!("{name:?}")).collect();
@@ -394,7 +398,7 @@ fn expected(form: &Tree) -> String {
 pub fn show<'py>(py: Python<'py>, tree: &Tree, references: &References) -> PyResult<Bound<'py, PyAny>> {
     match tree {
         Tree::Id("TextureId", number) => match references.textures.get(*number as usize) {
-            Some(texture) => Ok(texture.bind(py).clone().into_any()),
+            Some(texture) => Ok(texture.clone_ref(py).into_pyobject(py)?.into_any()),
             None => tree.plain(py),
         },
         Tree::Id("MediumId", number) => match references.media.get(*number as usize) {
@@ -416,9 +420,15 @@ pub fn show<'py>(py: Python<'py>, tree: &Tree, references: &References) -> PyRes
                 (Some(factor), Some(Tree::Nothing)) => return show(py, factor, references),
                 (Some(factor), Some(texture)) if is_neutral(factor) => match texture {
                     Tree::List(items) if let [id, Tree::Whole(number)] = &items[..] => {
-                        if let Ok(texture) = show(py, id, references)?.cast_into::<Texture>() {
-                            let channel = Channel { texture: texture.unbind(), number: *number as u8 };
-                            return Ok(Bound::new(py, channel)?.into_any());
+                        match show(py, id, references)?.extract::<AnyTexture>() {
+                            Ok(AnyTexture::Image(texture)) => {
+                                let channel = Channel { texture, number: *number as u8 };
+                                return Ok(Bound::new(py, channel)?.into_any());
+                            }
+                            Ok(AnyTexture::Pattern(pattern)) if *number == 0 => {
+                                return Ok(pattern.into_bound(py).into_any());
+                            }
+                            _ => {}
                         }
                     }
                     _ => return show(py, texture, references),

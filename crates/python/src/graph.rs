@@ -8,7 +8,6 @@ use crate::tree;
 use snell_intersect::shape::Sphere;
 use snell_intersect::{AnyShape, Spheres};
 use snell_math::{DAffine3, DVec3, Transform};
-use snell_scene::graph::ImageId;
 use snell_scene::{Geometry, MaterialId, Node, NodeId, Scene, Surface};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -124,10 +123,13 @@ impl Writer {
         let (images, textures) = (scene.images.len() as u32, scene.textures.len() as u32);
         let first = scene.materials.len() as u32;
         scene.images.extend(stage.images.iter().cloned());
-        scene.textures.extend(stage.textures.iter().cloned().map(|mut texture| {
-            texture.image = ImageId(texture.image.0 + images);
-            texture
-        }));
+        for texture in &stage.textures {
+            scene.textures.push(tree::with_ids(texture, |kind, id| match kind {
+                "ImageId" => id + images,
+                "TextureId" => id + textures,
+                _ => id,
+            })?);
+        }
         let media = scene.media.len() as u32;
         scene.media.extend(stage.media.iter().cloned());
         for material in &stage.materials {

@@ -58,6 +58,7 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<medium::Medium>()?;
     module.add_class::<texture::Texture>()?;
     module.add_class::<texture::Channel>()?;
+    module.add_class::<texture::Pattern>()?;
     module.add_function(wrap_pyfunction!(load::load, module)?)?;
     module.add_function(wrap_pyfunction!(pickle::_restore, module)?)?;
     module.add_function(wrap_pyfunction!(image::_restore_image, module)?)?;
@@ -66,6 +67,7 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(light::_restore_light, module)?)?;
     module.add_function(wrap_pyfunction!(material::_restore_material, module)?)?;
     module.add_function(wrap_pyfunction!(texture::_restore_texture, module)?)?;
+    module.add_function(wrap_pyfunction!(texture::_restore_pattern, module)?)?;
     module.add_function(wrap_pyfunction!(medium::_restore_medium, module)?)?;
     module.add_class::<view::View>()?;
     module.add_function(wrap_pyfunction!(view::_explain, module)?)?;
@@ -75,6 +77,7 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("INVALID_ID", snell_intersect::Hit::NONE)?;
     module.add("SHAPES", declare::catalogue(py, &objects::shapes())?)?;
     module.add("MATERIALS", declare::catalogue(py, &snell_scene::Material::family())?)?;
+    module.add("PATTERNS", declare::catalogue(py, &snell_scene::texture::Pattern::family())?)?;
     module.add("MEDIA", declare::catalogue(py, &snell_scene::medium::Medium::family())?)?;
     module.add("LIGHTS", declare::catalogue(py, &snell_scene::Light::family())?)?;
     module.add("PROJECTIONS", declare::catalogue(py, &camera::projections())?)

@@ -1,7 +1,7 @@
 //! What the classes of declared things have in common: a kind, its parameters, and the textures they refer to.
 
 use crate::declare::{Family, References, make, read_all, show};
-use crate::texture::Texture;
+use crate::texture::AnyTexture;
 use crate::tree::Tree;
 use pyo3::exceptions::{PyAttributeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -135,7 +135,7 @@ impl<T: Declared> Said<T> {
     }
 
     /// What pickles: JSON, of media too, and textures.
-    pub fn stored(&self, py: Python<'_>) -> PyResult<(String, Vec<Py<Texture>>, String)> {
+    pub fn stored(&self, py: Python<'_>) -> PyResult<(String, Vec<AnyTexture>, String)> {
         let error = |e: serde_json::Error| PyValueError::new_err(e.to_string());
         let json = serde_json::to_string(&self.value).map_err(error)?;
         let media = serde_json::to_string(&self.references.media).map_err(error)?;
@@ -143,7 +143,7 @@ impl<T: Declared> Said<T> {
     }
 
     /// From what was stored.
-    pub fn restored(json: &str, textures: Vec<Py<Texture>>, media: &str) -> PyResult<Self> {
+    pub fn restored(json: &str, textures: Vec<AnyTexture>, media: &str) -> PyResult<Self> {
         let error = |e: serde_json::Error| PyValueError::new_err(e.to_string());
         let value = serde_json::from_str(json).map_err(error)?;
         let media = serde_json::from_str(media).map_err(error)?;
@@ -203,7 +203,7 @@ macro_rules! declared_class {
 
         /// Makes one from what was stored.
         #[pyfunction]
-        pub fn $restore(json: &str, textures: Vec<Py<$crate::texture::Texture>>, media: &str) -> PyResult<$class> {
+        pub fn $restore(json: &str, textures: Vec<$crate::texture::AnyTexture>, media: &str) -> PyResult<$class> {
             $crate::said::Said::restored(json, textures, media).map($class)
         }
     };

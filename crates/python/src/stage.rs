@@ -12,7 +12,7 @@ use crate::medium::Medium as PyMedium;
 use crate::names::suggestion;
 use crate::said::Said;
 use crate::scene::Scene;
-use crate::texture::{Texture, image};
+use crate::texture::{AnyTexture, Pattern, Texture, image};
 use crate::tree::{Tree, with_ids};
 use crate::work::run_to_end;
 use pyo3::exceptions::{PyIndexError, PyOSError, PyTypeError, PyValueError};
@@ -26,13 +26,19 @@ use snell_scene::{Background, Environment, MaterialId, Scene as Graph, TextureId
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// The number of a texture on a stage; added if it is not there.
-fn add_texture(stage: &mut Graph, texture: &Texture) -> TextureId {
-    let known = stage.images.iter().position(|known| Arc::ptr_eq(known, &texture.image));
-    let image = known.map_or_else(|| stage.add_image(texture.image.clone()), |at| ImageId(at as u32));
-    let wanted = snell_scene::Texture { image, ..texture.declared.clone() };
+/// The number of a texture on a stage; added if it is not there, after what it is made of.
+fn add_texture(stage: &mut Graph, texture: &AnyTexture) -> PyResult<TextureId> {
+    let wanted: snell_scene::Texture = match texture {
+        AnyTexture::Image(texture) => {
+            let texture = texture.get();
+            let known = stage.images.iter().position(|known| Arc::ptr_eq(known, &texture.image));
+            let image = known.map_or_else(|| stage.add_image(texture.image.clone()), |at| ImageId(at as u32));
+            snell_scene::ImageTexture { image, ..texture.declared.clone() }.into()
+        }
+        AnyTexture::Pattern(pattern) => on_stage(stage, &pattern.get().0)?.into(),
+    };
     let known = stage.textures.iter().position(|known| *known == wanted);
-    known.map_or_else(|| stage.add_texture(wanted), |at| TextureId(at as u32))
+    Ok(known.map_or_else(|| stage.add_texture(wanted), |at| TextureId(at as u32)))
 }
 
 /// The number of a medium on a stage; added if it is not there.
@@ -43,7 +49,8 @@ fn add_medium(stage: &mut Graph, medium: &Medium) -> MediumId {
 
 /// A material or light with the textures of a stage in the place of its own.
 fn on_stage<T: serde::Serialize + serde::de::DeserializeOwned>(stage: &mut Graph, said: &Said<T>) -> PyResult<T> {
-    let textures: Vec<_> = said.references.textures.iter().map(|t| add_texture(stage, t.get())).collect();
+    let textures = said.references.textures.iter().map(|texture| add_texture(stage, texture));
+    let textures = textures.collect::<PyResult<Vec<_>>>()?;
     let media: Vec<_> = said.references.media.iter().map(|medium| add_medium(stage, medium)).collect();
     let id = |kind: &str, id: u32| match kind {
         "TextureId" => textures.get(id as usize).map_or(id, |texture| texture.0),
@@ -97,10 +104,21 @@ fn taken<T: serde::Serialize + serde::de::DeserializeOwned>(
         let Some(declared) = stage.textures.get(id as usize) else {
             return Err(PyIndexError::new_err(format!("texture {id} is not in the scene")));
         };
-        let missing = || Arc::new(snell_scene::texture::missing_texture_image());
-        let image = stage.images.get(declared.image.index()).cloned().unwrap_or_else(missing);
-        let declared = snell_scene::Texture { image: ImageId(0), ..declared.clone() };
-        textures.push(Py::new(py, Texture { image, declared })?);
+        textures.push(match declared {
+            snell_scene::Texture::Image(declared) => {
+                let missing = || Arc::new(snell_scene::texture::missing_texture_image());
+                let image = stage.images.get(declared.image.index()).cloned().unwrap_or_else(missing);
+                let declared = snell_scene::ImageTexture { image: ImageId(0), ..declared.clone() };
+                AnyTexture::Image(Py::new(py, Texture { image, declared })?)
+            }
+            // What it is made of stands above it, so this ends.
+            snell_scene::Texture::Pattern(pattern) if pattern.textures().iter().all(|part| part.0 < id) => {
+                AnyTexture::Pattern(Py::new(py, Pattern(taken(py, stage, pattern)?))?)
+            }
+            snell_scene::Texture::Pattern(_) => {
+                return Err(PyIndexError::new_err(format!("texture {id} is made of one that does not stand above it")));
+            }
+        });
     }
     Ok(Said { value: value.map_err(PyValueError::new_err)?, references: References { textures, media } })
 }

@@ -1,9 +1,10 @@
-//! The classes `Texture` and `Channel`: images on surfaces.
+//! The classes `Texture`, `Channel` and `Pattern`: what varies over surfaces.
 
 use crate::arrays::{array, contiguous, shown, slice};
-use crate::declare::{References, make, read_all, show};
+use crate::declare::{Family, References, make, read_all, show};
 use crate::image::Image as Picture;
 use crate::load::check_there;
+use crate::said::declared_class;
 use crate::tree::Tree;
 use crate::work::run_to_end;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
@@ -12,7 +13,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use snell_formats::{Input, ReadOptions, image::read_image};
 use snell_scene::graph::ImageId;
-use snell_scene::{Encoding, Image, LayeredImage, Pixels, Texture as Declared};
+use snell_scene::texture::Pattern as Computed;
+use snell_scene::{Encoding, Image, ImageTexture as Declared, LayeredImage, Pixels};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -59,6 +61,78 @@ pub struct Channel {
     /// Which channel: 0 red, 1 green, 2 blue, 3 alpha.
     #[pyo3(get)]
     pub number: u8,
+}
+
+declared_class! {
+    /// What is computed over a surface or in space, in the place of a colour or number of a material, or of another pattern: checks, dots, noise,
+    /// marble. :data:`PATTERNS` lists the kinds and their parameters.
+    ///
+    /// Parameters
+    /// ----------
+    /// kind : str
+    ///     Such as `"marble"` or `"checkerboard"`.
+    /// **parameters
+    ///     Those of the kind. Colours take textures and patterns too. Patterns in space have `texture_from_world`: three rows of four numbers, the map
+    ///     from the world to the space of the pattern. The others have `mapping`: `{"uv": {"uv_set": 0, "uv_transform": rows}}` (two rows of three
+    ///     numbers, to `s` and `t` from `u`, `v` and 1), `{"spherical": {"texture_from_world": rows}}`, `"cylindrical"` likewise, or
+    ///     `{"planar": {"st_from_world": rows}}` (two rows of four numbers).
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> veins = snell.Pattern("marble", scale=4, variation=2)
+    /// >>> veins.scale
+    /// 4.0
+    /// >>> stone = snell.Material("diffuse", reflectance=veins)
+    /// >>> snell.Pattern("marbel")
+    /// Traceback (most recent call last):
+    /// ValueError: there is no pattern "marbel"; did you mean "marble"?
+    Pattern of Computed, restored by _restore_pattern;
+
+    /// The same pattern but for some parameters.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import snell
+    /// >>> snell.Pattern("fbm").replace(octaves=3).octaves
+    /// 3
+    replace
+}
+
+impl crate::said::Declared for Computed {
+    fn family() -> Family {
+        let examples = Self::examples();
+        let examples = examples.iter().filter_map(|example| Tree::of(example).ok()).collect();
+        Family { name: "pattern", tag: "pattern", examples }
+    }
+}
+
+/// What a declared thing takes as a texture.
+#[derive(Debug, FromPyObject, IntoPyObject)]
+pub enum AnyTexture {
+    /// An image.
+    Image(Py<Texture>),
+    /// What is computed.
+    Pattern(Py<Pattern>),
+}
+
+impl AnyTexture {
+    /// The same object.
+    pub fn clone_ref(&self, py: Python<'_>) -> Self {
+        match self {
+            Self::Image(texture) => Self::Image(texture.clone_ref(py)),
+            Self::Pattern(pattern) => Self::Pattern(pattern.clone_ref(py)),
+        }
+    }
+
+    /// True if the other is the same object.
+    pub fn is(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Image(a), Self::Image(b)) => a.is(b),
+            (Self::Pattern(a), Self::Pattern(b)) => a.is(b),
+            _ => false,
+        }
+    }
 }
 
 /// What a texture is if nobody says.

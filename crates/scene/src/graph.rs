@@ -364,8 +364,8 @@ impl Scene {
     }
 
     /// Stores a texture.
-    pub fn add_texture(&mut self, texture: Texture) -> TextureId {
-        self.textures.push(texture);
+    pub fn add_texture(&mut self, texture: impl Into<Texture>) -> TextureId {
+        self.textures.push(texture.into());
         TextureId(self.textures.len() as u32 - 1)
     }
 

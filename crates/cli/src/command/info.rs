@@ -93,6 +93,7 @@ impl Facts<'_> {
             "bounds": bounds_json(&self.scene_bounds()),
             "materials": scene.materials,
             "textures": scene.textures.len(),
+            "patterns": scene.textures.iter().filter_map(|texture| texture.as_pattern()).collect::<Vec<_>>(),
             "images": scene.images.iter().map(|i| json!({ "width": i.width, "height": i.height, "channels": i.channels }))
                 .collect::<Vec<_>>(),
             "lights": scene.lights,

@@ -64,15 +64,14 @@ fn reflectance(scene: &Scene, name: &str, what: &str, color: ColorParam, report:
         }
         return;
     };
-    let most =
-        scene.textures.get(id.index()).and_then(|t| scene.images.get(t.image.index())).map_or(
-            1.0,
-            |image| match &image.pixels {
-                Pixels::F32(values) => values.iter().copied().filter(|x| x.is_finite()).fold(0.0, f32::max),
-                Pixels::U8(values) => f32::from(values.iter().copied().max().unwrap_or(0)) / 255.0,
-                Pixels::U16(values) => f32::from(values.iter().copied().max().unwrap_or(0)) / 65535.0,
-            },
-        );
+    let most = scene.textures.get(id.index()).and_then(|t| scene.images.get(t.as_image()?.image.index())).map_or(
+        1.0,
+        |image| match &image.pixels {
+            Pixels::F32(values) => values.iter().copied().filter(|x| x.is_finite()).fold(0.0, f32::max),
+            Pixels::U8(values) => f32::from(values.iter().copied().max().unwrap_or(0)) / 255.0,
+            Pixels::U16(values) => f32::from(values.iter().copied().max().unwrap_or(0)) / 65535.0,
+        },
+    );
     if factor.max_element() * most > 1.01 {
         let message = format!("{what} is up to {} with its texture, which is above 1", factor.max_element() * most);
         report.add(Severity::Warning, name, message, remedy);

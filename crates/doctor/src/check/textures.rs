@@ -2,21 +2,25 @@
 
 use super::material_name;
 use crate::{Report, Severity, Subject};
-use snell_scene::{Geometry, TextureId};
+use snell_scene::texture::TextureError;
+use snell_scene::{Geometry, Material, TextureId};
 use std::collections::BTreeSet;
 
 /// Finds meshes without the coordinates that their textures need, and textures of images that are not there.
 pub fn textures(subject: &Subject, report: &mut Report) {
     let scene = subject.scene;
-    for (i, texture) in scene.textures.iter().enumerate() {
-        if texture.image.index() >= scene.images.len() {
-            report.add(Severity::Error, format!("texture {i}"), "its image is not there", "name another image");
-        }
+    for (i, error) in snell_scene::texture::errors(&scene.textures, scene.images.len()).into_iter().enumerate() {
+        let (message, remedy) = match error {
+            None => continue,
+            Some(TextureError::NoImage { .. }) => ("its image is not there".to_string(), "name another image"),
+            Some(error) => (error.to_string(), "make it of others, which stand above it"),
+        };
+        report.add(Severity::Error, format!("texture {i}"), message, remedy);
     }
-    let used: Vec<BTreeSet<u32>> = scene.materials.iter().map(|m| textures_of(&format!("{m:?}"))).collect();
+    let used: Vec<BTreeSet<TextureId>> = scene.materials.iter().map(Material::textures).collect();
     for (i, material) in scene.materials.iter().enumerate() {
-        if let Some(id) = used[i].iter().find(|&&id| TextureId(id).index() >= scene.textures.len()) {
-            let message = format!("its texture {id} is not there");
+        if let Some(id) = used[i].iter().find(|id| id.index() >= scene.textures.len()) {
+            let message = format!("its texture {} is not there", id.0);
             report.add(Severity::Error, material_name(i, material), message, "name another texture");
         }
     }
@@ -25,7 +29,7 @@ pub fn textures(subject: &Subject, report: &mut Report) {
         let Geometry::Mesh(mesh) = &placed.surface.geometry else { continue };
         for id in placed.slots().into_iter().filter_map(|(_, id)| id) {
             let Some(textures) = used.get(id.index()) else { continue };
-            let lacking = textures.iter().filter_map(|&t| scene.textures.get(t as usize)).find(|texture| {
+            let lacking = textures.iter().filter_map(|&t| scene.textures.get(t.index())?.as_image()).find(|texture| {
                 // A picture of one pixel needs no coordinates.
                 let is_plain = scene.images.get(texture.image.index()).is_none_or(|i| (i.width, i.height) == (1, 1));
                 !is_plain && mesh.uvs[(texture.uv_set as usize).min(1)].is_empty()
@@ -38,10 +42,4 @@ pub fn textures(subject: &Subject, report: &mut Report) {
             }
         }
     }
-}
-
-/// The ids in the debug form of a material.
-fn textures_of(debug: &str) -> BTreeSet<u32> {
-    let ids = debug.split("TextureId(").skip(1);
-    ids.filter_map(|rest| rest.split(')').next()?.parse().ok()).collect()
 }

@@ -8,6 +8,7 @@ mod gltf;
 mod material;
 mod obj;
 mod off;
+mod patterns;
 mod pbrt;
 mod picture;
 mod ply;
@@ -20,6 +21,7 @@ mod tests;
 
 use crate::error::WriteError;
 use crate::{atomic, scene};
+use snell_scene::texture::Pattern;
 use snell_scene::{Scene, Warning};
 use std::path::{Path, PathBuf};
 
@@ -30,6 +32,8 @@ pub struct SceneWriter {
     pub name: &'static str,
     /// Extensions in lower case, without the dot; the usual one first.
     pub extensions: &'static [&'static str],
+    /// True for patterns that it has words for; the others come to it as pictures.
+    pub knows: fn(&Pattern) -> bool,
     /// Fills the output; an error says why there is nothing that could be written.
     pub write: fn(&Scene, &mut Output) -> Result<(), String>,
 }
@@ -176,7 +180,8 @@ pub fn write_scene_as(path: &Path, scene: &Scene, overwrite: bool) -> Result<Wri
     let writer = writer_for(path)?;
     let mut output = Output::new(path);
     lose_choices(scene, writer.name, &mut output);
-    (writer.write)(scene, &mut output).map_err(|problem| WriteError::Format {
+    let drawn = patterns::drawn(scene, writer.knows, &mut output);
+    (writer.write)(&drawn, &mut output).map_err(|problem| WriteError::Format {
         path: path.into(),
         problem,
         remedy: "change the scene, or write another format".into(),

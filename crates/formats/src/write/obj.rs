@@ -8,12 +8,12 @@ use snell_intersect::TriangleMesh;
 use snell_math::Rgb;
 use snell_scene::material::{AlphaMode, ColorParam, ConductorSpectrum, MaterialKind, ScalarParam};
 use snell_scene::texture::Wrap;
-use snell_scene::{Encoding, Material, MaterialId, Scene, Texture, TextureId};
+use snell_scene::{Encoding, ImageTexture, Material, MaterialId, Scene, TextureId};
 use std::collections::HashSet;
 use std::fmt::Write;
 
 /// The writer of OBJ files.
-pub const WRITER: SceneWriter = SceneWriter { name: "obj", extensions: &["obj"], write };
+pub const WRITER: SceneWriter = SceneWriter { name: "obj", extensions: &["obj"], knows: |_| false, write };
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let meshes = world_meshes(scene, output)?;
@@ -242,7 +242,7 @@ impl Library<'_, '_> {
     }
 
     /// `-s` and `-o`: `v' = 1 - (scale v + offset)`.
-    fn placement(&mut self, texture: &Texture) -> String {
+    fn placement(&mut self, texture: &ImageTexture) -> String {
         let [[a, b, c], [d, e, f]] = texture.uv_transform;
         if b != 0.0 || d != 0.0 {
             self.output.lose("a turned texture is not turned");

@@ -7,7 +7,7 @@ use snell_scene::Scene;
 use std::fmt::Write;
 
 /// The writer of OFF files.
-pub const WRITER: SceneWriter = SceneWriter { name: "off", extensions: &["off"], write };
+pub const WRITER: SceneWriter = SceneWriter { name: "off", extensions: &["off"], knows: |_| true, write };
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let meshes: Vec<TriangleMesh> = world_meshes(scene, output)?.into_iter().map(|(_, mesh)| mesh).collect();

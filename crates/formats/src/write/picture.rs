@@ -6,7 +6,7 @@ use snell_math::Rgb;
 use snell_math::spectrum::{linear_to_srgb, srgb_to_linear};
 use snell_scene::bsdf::fresnel;
 use snell_scene::texture::missing_texture_image;
-use snell_scene::{Encoding, Image, Layer, LayeredImage, Pixels, Scene, Texture, TextureId};
+use snell_scene::{Encoding, Image, ImageTexture, Layer, LayeredImage, Pixels, Scene, TextureId};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -74,7 +74,9 @@ impl Baked {
             }
         }
         let is_light = matches!(self, Self::Light(_));
-        if !self.is_color() || is_light || !values.iter().all(|x| (0.0..=1.0).contains(x)) {
+        // Floating-point pictures are linear in files.
+        let is_float = matches!(image.pixels, Pixels::F32(_));
+        if !self.is_color() || is_light || is_float || !values.iter().all(|x| (0.0..=1.0).contains(x)) {
             let channels = if self.is_color() { 3 } else { 1 };
             return match is_light {
                 true => Image::from_f32(image.width, image.height, channels, values),
@@ -94,8 +96,8 @@ pub struct Pictures<'a> {
 }
 
 /// What textures show that refer to no image.
-fn missing() -> Texture {
-    Texture::new(snell_scene::graph::ImageId(u32::MAX), Encoding::Srgb)
+fn missing() -> ImageTexture {
+    ImageTexture::new(snell_scene::graph::ImageId(u32::MAX), Encoding::Srgb)
 }
 
 impl<'a> Pictures<'a> {
@@ -105,12 +107,12 @@ impl<'a> Pictures<'a> {
     }
 
     /// The texture of an id.
-    pub fn texture(&self, id: TextureId) -> Texture {
-        self.scene.textures.get(id.index()).cloned().unwrap_or_else(missing)
+    pub fn texture(&self, id: TextureId) -> ImageTexture {
+        self.scene.textures.get(id.index()).and_then(|t| t.as_image()).cloned().unwrap_or_else(missing)
     }
 
     /// The image of a texture.
-    pub fn image(&self, texture: &Texture) -> Arc<Image> {
+    pub fn image(&self, texture: &ImageTexture) -> Arc<Image> {
         let image = self.scene.images.get(texture.image.index()).filter(|image| is_sound(image));
         image.cloned().unwrap_or_else(|| Arc::new(missing_texture_image()))
     }
@@ -147,7 +149,7 @@ impl<'a> Pictures<'a> {
         self.file(output, &texture, if is_grey { Part::Whole } else { Part::Channel(channel & 3) })
     }
 
-    fn file(&mut self, output: &mut Output, texture: &Texture, part: Part) -> String {
+    fn file(&mut self, output: &mut Output, texture: &ImageTexture, part: Part) -> String {
         let key = format!("{} {:?} {part:?}", texture.image.0, texture.encoding);
         if let Some(name) = self.known.get(&key) {
             return name.clone();

@@ -6,7 +6,7 @@ use snell_intersect::TriangleMesh;
 use snell_scene::Scene;
 
 /// The writer of PLY files.
-pub const WRITER: SceneWriter = SceneWriter { name: "ply", extensions: &["ply"], write };
+pub const WRITER: SceneWriter = SceneWriter { name: "ply", extensions: &["ply"], knows: |_| true, write };
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let mut meshes: Vec<TriangleMesh> = world_meshes(scene, output)?.into_iter().map(|(_, mesh)| mesh).collect();

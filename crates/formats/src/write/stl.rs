@@ -5,7 +5,7 @@ use super::{Output, SceneWriter};
 use snell_scene::Scene;
 
 /// The writer of STL files.
-pub const WRITER: SceneWriter = SceneWriter { name: "stl", extensions: &["stl"], write };
+pub const WRITER: SceneWriter = SceneWriter { name: "stl", extensions: &["stl"], knows: |_| true, write };
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let meshes = world_meshes(scene, output)?;

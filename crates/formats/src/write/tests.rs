@@ -5,7 +5,7 @@ use snell_math::{DAffine3, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::builtin::BUILTINS;
 use snell_scene::material::{ColorParam, Diffuse, MaterialKind, MetallicRoughness};
 use snell_scene::medium::{Grid, Medium};
-use snell_scene::{Encoding, Geometry, Image, Light, Material, Node, Pixels, Surface, Texture};
+use snell_scene::{Encoding, Geometry, Image, ImageTexture, Light, Material, Node, Pixels, Surface};
 use std::sync::Arc;
 
 /// A textured quad of two materials, twice under a turned parent, with a camera and every light.
@@ -14,9 +14,9 @@ fn scene() -> Scene {
     let pixels = Pixels::U8((0..4 * 4 * 3).map(|i| i * 5).collect());
     let image = Image { width: 4, height: 4, channels: 3, pixels, encoding: Encoding::Srgb };
     let image = scene.add_image(Arc::new(image));
-    let texture = scene.add_texture(Texture {
+    let texture = scene.add_texture(ImageTexture {
         uv_transform: [[2.0, 0.0, 0.25], [0.0, -1.0, 1.0]],
-        ..Texture::new(image, Encoding::Srgb)
+        ..ImageTexture::new(image, Encoding::Srgb)
     });
     let color = ColorParam::textured(Rgb::WHITE, Some(texture));
     let paper = scene.add_material(Material::new("paper", Diffuse { reflectance: color }));
@@ -254,5 +254,90 @@ fn too_many_instances_are_an_error() {
         let mut output = Output::new(Path::new("out.x"));
         let error = (writer.write)(&scene, &mut output).expect_err("a billion quads");
         assert!(error.contains("limit"), "{error}");
+    }
+}
+
+/// A scene with a sphere of each pattern: as reflectance, and one of them as roughness.
+fn patterns() -> Scene {
+    use snell_scene::texture::Pattern;
+    let mut scene = Scene::new("patterns");
+    let examples = Pattern::examples();
+    for (i, pattern) in examples.into_iter().enumerate() {
+        let id = scene.add_texture(pattern);
+        let reflectance = snell_scene::material::ColorParam::textured(Rgb::new(0.5, 0.75, 0.5), Some(id));
+        let kind = snell_scene::material::Diffuse { reflectance };
+        let id = scene.add_material(Material::new(format!("number {i}"), kind));
+        let surface = Surface::shape(snell_intersect::shape::Sphere { radius: 0.1 }, id);
+        scene.nodes[0].surfaces.push(surface);
+    }
+    scene
+}
+
+/// What the reflectance of a material is at a few points of space.
+fn reflectances(scene: &Scene, material: &Material) -> Vec<Rgb> {
+    let textures = snell_scene::TextureSet::new(&scene.textures, &scene.images);
+    let MaterialKind::Diffuse(kind) = &material.kind else { panic!("{material:?}") };
+    // The reader of pbrt mirrors a scene whose camera would.
+    let root = scene.nodes[scene.root.index()].transform;
+    let colors = (0..50u32).map(|i| {
+        let (a, b) = (snell_math::rng::uniform2([i, 1, 0, 0]), snell_math::rng::uniform2([i, 2, 0, 0]));
+        let normal = root.transform_vector3(snell_math::sampling::uniform_sphere(a).as_dvec3()).as_vec3();
+        let position = Vec3::new(a.x, a.y, b.x) * 4.0 - 2.0;
+        let position = root.transform_point3(position.as_dvec3()).as_vec3();
+        let surface = snell_scene::texture::surface_at(position, normal, b);
+        let (mode, footprint) = (snell_math::ColorMode::Rgb, 0.0);
+        let point = snell_scene::material::ShadingPoint {
+            surface: &surface,
+            footprint,
+            textures: &textures,
+            mode,
+            outside_ior: 1.0,
+        };
+        kind.reflectance.at(&point).rgb
+    });
+    colors.collect()
+}
+
+#[test]
+fn patterns_are_the_same_in_pbrt_and_in_snells_own_format() {
+    let scene = patterns();
+    for extension in ["snell", "pbrt"] {
+        let (_folder, Written { losses, .. }, read) = written(extension, &scene);
+        if extension == "snell" {
+            assert!(losses.is_empty() && read.textures == scene.textures, "{losses:?}");
+        }
+        assert!(read.warnings.is_empty(), "{:?}", read.warnings);
+        for material in &scene.materials {
+            // Named after their number, in the order of the spheres.
+            let found = read.materials.iter().find(|m| {
+                m.name.starts_with(&material.name) && {
+                    let rest = &m.name[material.name.len()..];
+                    rest.is_empty() || rest.starts_with(' ')
+                }
+            });
+            let found = found.unwrap_or_else(|| panic!("{extension}: {}", material.name));
+            let texture = match &material.kind {
+                MaterialKind::Diffuse(kind) => kind.reflectance.texture.expect("it has one"),
+                _ => unreachable!("all are diffuse"),
+            };
+            let pattern = &scene.textures[texture.index()];
+            for (a, b) in reflectances(&scene, material).into_iter().zip(reflectances(&read, found)) {
+                let close = a.to_array().iter().zip(b.to_array()).all(|(a, b)| (a - b).abs() < 2e-3 * (1.0 + a.abs()));
+                // The amount of a mix is a number in pbrt, and so is the tint of marble; losses say so.
+                let is_lost = losses.iter().any(|l| l.message.contains(&format!("\"{}\"", material.name)));
+                assert!(close || is_lost, "{extension}: {pattern:?}: {a:?} {b:?}; {losses:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn other_formats_say_which_patterns_they_lack() {
+    let scene = patterns();
+    for extension in ["gltf", "obj"] {
+        let (_folder, Written { losses, .. }, read) = written(extension, &scene);
+        let said = |what: &str| losses.iter().any(|loss| loss.message.contains(what));
+        assert!(said("(marble) is a pattern in space") && said("(checkerboard) is drawn into a picture"), "{losses:?}");
+        assert!(read.textures.iter().all(|texture| texture.as_image().is_some()));
     }
 }

@@ -43,6 +43,7 @@ use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
 use snell_math::spectrum::{Color, Spectrum};
 use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec3};
+use std::collections::BTreeSet;
 
 /// A colour parameter: a factor, times a texture and a spectrum if there are any.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -316,6 +317,14 @@ impl Material {
             MaterialKind::OpenPbr(surface) => surface.is_dispersive(),
             _ => false,
         }
+    }
+
+    /// The textures that it looks up itself.
+    pub fn textures(&self) -> BTreeSet<TextureId> {
+        // The declarations say which parameters have one, and so does what they print.
+        let text = format!("{self:?}");
+        let ids = text.split("TextureId(").skip(1);
+        ids.filter_map(|rest| rest.split(')').next()?.parse().ok().map(TextureId)).collect()
     }
 
     /// True if it can emit anywhere.

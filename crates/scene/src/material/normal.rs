@@ -37,7 +37,7 @@ fn tangents(map: &NormalMap, point: &ShadingPoint) -> (Vec3, Vec3) {
     }
     // Derivatives by the texture's own coordinates, its transform undone; a singular one leaves the surface's.
     let [[a, b, _], [c, d, _]] =
-        point.textures.get(map.texture).map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], |t| t.uv_transform);
+        point.textures.image(map.texture).map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], |t| t.uv_transform);
     let determinant = a * d - b * c;
     let (dpdu, dpdv) = if determinant.is_normal() {
         ((surface.dpdu * d - surface.dpdv * c) / determinant, (surface.dpdv * a - surface.dpdu * b) / determinant)

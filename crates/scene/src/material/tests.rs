@@ -1,7 +1,7 @@
 use super::*;
 use crate::bsdf::Lobes;
 use crate::image::{Encoding, Image};
-use crate::texture::Texture;
+use crate::texture::ImageTexture;
 use snell_math::{Vec2, rng, sampling};
 use std::sync::Arc;
 
@@ -32,8 +32,8 @@ fn at<'a>(surface: &'a SurfaceInteraction, textures: &'a TextureSet) -> ShadingP
 /// One texel that holds this normal.
 fn normal_texture(n: Vec3, uv_transform: [[f32; 3]; 2]) -> TextureSet {
     let image = Image::from_f32(1, 1, 3, (n * 0.5 + 0.5).to_array().to_vec());
-    let texture = Texture { uv_transform, ..Texture::new(crate::graph::ImageId(0), Encoding::Linear) };
-    TextureSet::new(&[texture], &[Arc::new(image)])
+    let texture = ImageTexture { uv_transform, ..ImageTexture::new(crate::graph::ImageId(0), Encoding::Linear) };
+    TextureSet::new(&[texture.into()], &[Arc::new(image)])
 }
 
 const IDENTITY: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];

@@ -1,7 +1,7 @@
 //! Clouds made of noise.
 
-use super::noise::fractal_noise;
 use super::{Grid, MediumProperties, ScalarGrid};
+use crate::noise::fractal_noise;
 use serde::{Deserialize, Serialize};
 use snell_math::{ColorMode, DAffine3, DVec3, Rgb, Vec3};
 

@@ -11,7 +11,6 @@ mod grid;
 mod height_fog;
 mod homogeneous;
 mod majorant;
-pub mod noise;
 mod phase;
 mod prepared;
 mod segment;

@@ -1,6 +1,7 @@
 //! Parameters that change over time: colours, strengths, angles of view.
 
 use super::Curve;
+use crate::texture::Texture;
 use crate::{Scene, overrides};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -41,7 +42,7 @@ impl ParameterTrack {
         let _ = match self.owner {
             Owner::Texture(i) => {
                 if let (Some(texture), "uv_transform", &[a, b, c, d, e, f]) =
-                    (scene.textures.get_mut(i), self.path.as_str(), numbers)
+                    (scene.textures.get_mut(i).and_then(Texture::as_image_mut), self.path.as_str(), numbers)
                 {
                     texture.uv_transform = [[a, b, c], [d, e, f]].map(|row| row.map(|x| x as f32));
                 }

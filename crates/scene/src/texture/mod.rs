@@ -1,80 +1,142 @@
-//! Textures: images sampled by coordinates, bilinear with mip maps, all wrap modes.
+//! Textures: what varies over a surface. An image looked up by coordinates, bilinear with mip maps, all wrap modes; or a pattern that is
+//! computed where it is asked for.
 
+mod image;
+pub mod mapping;
 mod missing;
+pub mod pattern;
 mod pyramid;
 #[cfg(test)]
 mod tests;
 mod wrap;
 
+pub use image::{Filtering, ImageTexture};
+pub use mapping::Mapping;
 pub use missing::missing_texture_image;
+pub use pattern::Pattern;
 pub use wrap::Wrap;
 
 use crate::TextureId;
-use crate::graph::ImageId;
 use crate::image::{Encoding, Image};
+use crate::material::ShadingPoint;
 use pyramid::Pyramid;
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 use snell_intersect::SurfaceInteraction;
-use snell_math::Vec2;
+use snell_math::{ColorMode, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// How texels are combined.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Filtering {
-    /// The nearest texel of the full image.
-    Nearest,
-    /// Bilinear in the two nearest mip levels.
-    #[default]
-    Trilinear,
+/// What varies over a surface. A pattern is written with its name as `pattern`; what has none is an image.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Texture {
+    /// An image.
+    Image(ImageTexture),
+    /// What is computed.
+    Pattern(Pattern),
 }
 
-/// An image on a surface.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Texture {
-    /// Which image.
-    pub image: ImageId,
-    /// How its colour values are meant here: sRGB for base colours and emission, linear for normals, roughness and other data.
-    pub encoding: Encoding,
-    /// Wrap modes in u and v.
-    pub wrap: [Wrap; 2],
-    /// Filtering.
-    pub filtering: Filtering,
-    /// Which set of coordinates: 0 or 1.
-    pub uv_set: u32,
-    /// Rows of the affine map of the coordinates: `u' = m[0] . (u, v, 1)`, likewise `v'`. Texel `(0, 0)` is the upper left one and
-    /// `v'` grows downwards (as in glTF); readers of formats with `v` upwards flip here.
-    pub uv_transform: [[f32; 3]; 2],
+impl<'de> Deserialize<'de> for Texture {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = Value::deserialize(deserializer)?;
+        let read = match value.get("pattern") {
+            Some(_) => serde_json::from_value(value).map(Self::Pattern),
+            None => serde_json::from_value(value).map(Self::Image),
+        };
+        read.map_err(D::Error::custom)
+    }
+}
+
+impl From<ImageTexture> for Texture {
+    fn from(image: ImageTexture) -> Self {
+        Self::Image(image)
+    }
+}
+
+impl<P: Into<Pattern>> From<P> for Texture {
+    fn from(pattern: P) -> Self {
+        Self::Pattern(pattern.into())
+    }
 }
 
 impl Texture {
-    /// A repeating, trilinear texture on coordinate set 0.
-    pub fn new(image: ImageId, encoding: Encoding) -> Self {
-        Self {
-            image,
-            encoding,
-            wrap: [Wrap::Repeat; 2],
-            filtering: Filtering::Trilinear,
-            uv_set: 0,
-            uv_transform: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+    /// The image, if it is one.
+    pub fn as_image(&self) -> Option<&ImageTexture> {
+        match self {
+            Self::Image(image) => Some(image),
+            Self::Pattern(_) => None,
+        }
+    }
+
+    /// As [`Self::as_image`], to change it.
+    pub fn as_image_mut(&mut self) -> Option<&mut ImageTexture> {
+        match self {
+            Self::Image(image) => Some(image),
+            Self::Pattern(_) => None,
+        }
+    }
+
+    /// The pattern, if it is one.
+    pub fn as_pattern(&self) -> Option<&Pattern> {
+        match self {
+            Self::Image(_) => None,
+            Self::Pattern(pattern) => Some(pattern),
         }
     }
 }
 
-impl Texture {
-    /// The texture's own coordinates; `(0, 0)` for coordinates that are not finite.
-    fn coordinates(&self, uv: Vec2) -> Vec2 {
-        let [[a, b, c], [d, e, f]] = self.uv_transform;
-        let uv = Vec2::new(a * uv.x + b * uv.y + c, d * uv.x + e * uv.y + f);
-        if uv.is_finite() { uv } else { Vec2::ZERO }
-    }
+/// Of how many textures one is made at most, itself included, each counted as often as it is used.
+pub const MAX_PARTS: usize = 256;
 
-    /// Area that a unit of area in coordinates covers after the transform.
-    fn area_scale(&self) -> f32 {
-        let [[a, b, _], [c, d, _]] = self.uv_transform;
-        (a * d - b * c).abs()
-    }
+/// Why a texture of a table cannot show.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TextureError {
+    /// Its image is not there.
+    #[error("image is {id}, but there are {count}")]
+    NoImage {
+        /// The id found.
+        id: u32,
+        /// Length of the table of images.
+        count: usize,
+    },
+    /// It is made of one that does not stand above it: so none is made of itself.
+    #[error("it is made of texture {id}, which does not stand above it")]
+    NotAbove {
+        /// The id found.
+        id: u32,
+    },
+    /// It is made of too many.
+    #[error("it is made of more than {MAX_PARTS} textures, the limit")]
+    TooManyParts,
+}
+
+/// What is wrong with each texture of a table, `None` for those that can show.
+pub fn errors(textures: &[Texture], image_count: usize) -> Vec<Option<TextureError>> {
+    let mut parts: Vec<usize> = Vec::with_capacity(textures.len());
+    let errors = textures.iter().enumerate().map(|(i, texture)| {
+        let (mut count, mut error) = (1usize, None);
+        match texture {
+            Texture::Image(image) if image.image.index() < image_count => {}
+            Texture::Image(image) => error = Some(TextureError::NoImage { id: image.image.0, count: image_count }),
+            Texture::Pattern(pattern) => {
+                for id in pattern.textures() {
+                    match parts[..i].get(id.index()) {
+                        Some(part) => count = count.saturating_add(*part),
+                        None => error = Some(TextureError::NotAbove { id: id.0 }),
+                    }
+                }
+                if count > MAX_PARTS {
+                    error = error.or(Some(TextureError::TooManyParts));
+                }
+            }
+        }
+        // A part that cannot show is asked for one colour only.
+        parts.push(if error.is_some() { 1 } else { count });
+        error
+    });
+    errors.collect()
 }
 
 /// All textures of a scene, ready for lookups. Images used in one encoding share their mip maps.
@@ -84,10 +146,19 @@ pub struct TextureSet {
     pyramids: Vec<Arc<Pyramid>>,
 }
 
-/// A texture and its mip maps.
+/// A texture, ready for lookups.
 #[derive(Clone, Debug)]
-struct Prepared {
-    texture: Texture,
+enum Prepared {
+    Image(PreparedImage),
+    Pattern(Box<Pattern>),
+    /// A pattern that cannot show.
+    Broken,
+}
+
+/// An image and its mip maps.
+#[derive(Clone, Debug)]
+struct PreparedImage {
+    texture: ImageTexture,
     pyramid: usize,
     /// The value of a texture that is the same everywhere.
     constant: Option<[f32; 4]>,
@@ -96,27 +167,54 @@ struct Prepared {
 /// Shown for ids that mean nothing.
 const MISSING: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
 
+/// A point of a surface as far as textures look at it: its place in the world, its unit normal and both its coordinates, which grow by
+/// 1 per unit of the world.
+pub fn surface_at(position: Vec3, normal: Vec3, uv: Vec2) -> SurfaceInteraction {
+    SurfaceInteraction {
+        position,
+        position_error: Vec3::ZERO,
+        geometric_normal: normal,
+        shading_normal: normal,
+        uv: [uv; 2],
+        dpdu: Vec3::X,
+        dpdv: Vec3::Z,
+        tangent: None,
+        color: [1.0; 4],
+        t: 0.0,
+        primitive_uv: Vec2::ZERO,
+        instance: 0,
+        geometry: 0,
+        primitive: 0,
+        on_curve: false,
+    }
+}
+
 impl TextureSet {
     /// The same textures where they lie now: `textures` differ from those that the set was made of by their maps of coordinates alone.
     pub fn placed(mut set: Arc<Self>, textures: &[Texture]) -> Arc<Self> {
-        let is_there = |(prepared, now): (&Prepared, &Texture)| prepared.texture.uv_transform == now.uv_transform;
+        let is_there = |(prepared, now): (&Prepared, &Texture)| match (prepared, now) {
+            (Prepared::Image(prepared), Texture::Image(now)) => prepared.texture.uv_transform == now.uv_transform,
+            _ => true,
+        };
         if set.textures.iter().zip(textures).all(is_there) {
             return set;
         }
         for (prepared, now) in Arc::make_mut(&mut set).textures.iter_mut().zip(textures) {
-            prepared.texture.uv_transform = now.uv_transform;
+            if let (Prepared::Image(prepared), Texture::Image(now)) = (prepared, now) {
+                prepared.texture.uv_transform = now.uv_transform;
+            }
         }
         set
     }
 
     /// Prepares textures (builds mip maps). A texture of an image that is not there, or holds fewer values than it says, shows
-    /// [`missing_texture_image`].
+    /// [`missing_texture_image`]; a pattern for which [`errors`] has an error is magenta.
     pub fn new(textures: &[Texture], images: &[Arc<Image>]) -> Self {
         let mut set = Self::default();
         // By image and encoding; false for those only ever looked up by nearest texel, which need no levels.
         let mut wanted: BTreeMap<(usize, bool), bool> = BTreeMap::new();
-        let key = |t: &Texture| (t.image.index().min(images.len()), t.encoding == Encoding::Srgb);
-        for texture in textures {
+        let key = |t: &ImageTexture| (t.image.index().min(images.len()), t.encoding == Encoding::Srgb);
+        for texture in textures.iter().filter_map(Texture::as_image) {
             *wanted.entry(key(texture)).or_default() |= texture.filtering == Filtering::Trilinear;
         }
         let mut places = BTreeMap::new();
@@ -129,18 +227,27 @@ impl TextureSet {
             places.insert((image, is_srgb), set.pyramids.len());
             set.pyramids.push(Arc::new(pyramid.expect("the missing-texture image is well formed")));
         }
-        for texture in textures {
-            let pyramid = places[&key(texture)];
-            let is_constant = set.pyramids[pyramid].size() == (1, 1) && !texture.wrap.contains(&Wrap::Black);
-            let constant = is_constant.then(|| set.pyramids[pyramid].texel(0, 0, 0));
-            set.textures.push(Prepared { texture: texture.clone(), pyramid, constant });
+        for (texture, error) in textures.iter().zip(errors(textures, images.len())) {
+            set.textures.push(match texture {
+                Texture::Image(texture) => {
+                    let pyramid = places[&key(texture)];
+                    let is_constant = set.pyramids[pyramid].size() == (1, 1) && !texture.wrap.contains(&Wrap::Black);
+                    let constant = is_constant.then(|| set.pyramids[pyramid].texel(0, 0, 0));
+                    Prepared::Image(PreparedImage { texture: texture.clone(), pyramid, constant })
+                }
+                Texture::Pattern(_) if error.is_some() => Prepared::Broken,
+                Texture::Pattern(pattern) => Prepared::Pattern(Box::new(pattern.clone())),
+            });
         }
         set
     }
 
-    /// The texture of this id.
-    pub fn get(&self, texture: TextureId) -> Option<&Texture> {
-        self.textures.get(texture.index()).map(|p| &p.texture)
+    /// The image texture of this id, if it is one.
+    pub fn image(&self, texture: TextureId) -> Option<&ImageTexture> {
+        match self.textures.get(texture.index()) {
+            Some(Prepared::Image(prepared)) => Some(&prepared.texture),
+            _ => None,
+        }
     }
 
     /// Memory of the mip maps in bytes, without the images themselves: 2 bytes per value for 8-bit and 16-bit images and 4 for
@@ -151,25 +258,46 @@ impl TextureSet {
 
     /// Linear RGB and alpha at a surface point. `footprint` is the width of the ray's cone there, in world units.
     ///
-    /// The mip level is that at which the footprint covers one texel by area (Akenine-Moeller et al., Improved Shader and Texture
-    /// Level of Detail Using Ray Cones, JCGT 2021); the second coordinate set is filtered as the first. Always finite.
+    /// The mip level of an image is that at which the footprint covers one texel by area (Akenine-Moeller et al., Improved Shader and
+    /// Texture Level of Detail Using Ray Cones, JCGT 2021); the second coordinate set is filtered as the first. Patterns leave out what is
+    /// finer. Always finite.
+    #[inline]
     pub fn lookup(&self, texture: TextureId, at: &SurfaceInteraction, footprint: f32) -> [f32; 4] {
-        let Some(prepared) = self.textures.get(texture.index()) else { return MISSING };
-        if let Some(value) = prepared.constant {
-            return value;
+        match self.textures.get(texture.index()) {
+            Some(Prepared::Image(prepared)) => {
+                if let Some(value) = prepared.constant {
+                    return value;
+                }
+                let uv = at.uv[(prepared.texture.uv_set as usize).min(1)];
+                let level = if footprint > 0.0 { self.level(prepared, at, footprint) } else { 0.0 };
+                self.filtered(prepared, uv, level)
+            }
+            Some(Prepared::Pattern(pattern)) => self.computed(pattern, at, footprint),
+            Some(Prepared::Broken) | None => MISSING,
         }
-        let uv = at.uv[(prepared.texture.uv_set as usize).min(1)];
-        let level = if footprint > 0.0 { self.level(prepared, at, footprint) } else { 0.0 };
-        self.filtered(prepared, uv, level)
     }
 
     /// Linear RGB and alpha at coordinates (before the texture's transform), at a mip level: 0 is the full image, each further level
-    /// has half the resolution. Levels between two are mixed; those outside the range, and NaN, mean the nearest there is.
+    /// has half the resolution. Levels between two are mixed; those outside the range, and NaN, mean the nearest there is. Patterns are
+    /// asked at the origin of the world, unfiltered.
     pub fn lookup_at(&self, texture: TextureId, uv: Vec2, level: f32) -> [f32; 4] {
-        self.textures.get(texture.index()).map_or(MISSING, |prepared| self.filtered(prepared, uv, level))
+        match self.textures.get(texture.index()) {
+            Some(Prepared::Image(prepared)) => self.filtered(prepared, uv, level),
+            Some(Prepared::Pattern(pattern)) => self.computed(pattern, &surface_at(Vec3::ZERO, Vec3::Y, uv), 0.0),
+            Some(Prepared::Broken) | None => MISSING,
+        }
     }
 
-    fn filtered(&self, Prepared { texture, pyramid, .. }: &Prepared, uv: Vec2, level: f32) -> [f32; 4] {
+    /// What a pattern shows; opaque. Apart from images, which are looked up far more often.
+    #[inline(never)]
+    fn computed(&self, pattern: &Pattern, surface: &SurfaceInteraction, footprint: f32) -> [f32; 4] {
+        let footprint = if footprint > 0.0 { footprint } else { 0.0 };
+        let point = ShadingPoint { surface, footprint, textures: self, mode: ColorMode::Rgb, outside_ior: 1.0 };
+        let [r, g, b] = pattern.rgb(&point).to_array().map(|x| if x.is_finite() { x } else { 0.0 });
+        [r, g, b, 1.0]
+    }
+
+    fn filtered(&self, PreparedImage { texture, pyramid, .. }: &PreparedImage, uv: Vec2, level: f32) -> [f32; 4] {
         let pyramid = &self.pyramids[*pyramid];
         let uv = texture.coordinates(uv);
         if texture.filtering == Filtering::Nearest {
@@ -181,7 +309,12 @@ impl TextureSet {
         if t == 0.0 { value } else { pyramid::lerp(value, pyramid.bilinear(fine + 1, uv, texture.wrap), t) }
     }
 
-    fn level(&self, Prepared { texture, pyramid, .. }: &Prepared, at: &SurfaceInteraction, footprint: f32) -> f32 {
+    fn level(
+        &self,
+        PreparedImage { texture, pyramid, .. }: &PreparedImage,
+        at: &SurfaceInteraction,
+        footprint: f32,
+    ) -> f32 {
         let (width, height) = self.pyramids[*pyramid].size();
         let world_per_uv = at.dpdu.cross(at.dpdv).length();
         let texels_per_world = texture.area_scale() * width as f32 * height as f32 / world_per_uv;

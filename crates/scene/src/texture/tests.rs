@@ -1,4 +1,5 @@
 use super::*;
+use crate::graph::ImageId;
 use crate::image::Pixels;
 use snell_math::Vec3;
 
@@ -22,12 +23,12 @@ fn at(uv: Vec2, world_per_uv: f32) -> SurfaceInteraction {
     }
 }
 
-fn set(texture: Texture, image: Image) -> TextureSet {
-    TextureSet::new(&[texture], &[Arc::new(image)])
+fn set(texture: ImageTexture, image: Image) -> TextureSet {
+    TextureSet::new(&[texture.into()], &[Arc::new(image)])
 }
 
-fn linear() -> Texture {
-    Texture::new(ImageId(0), Encoding::Linear)
+fn linear() -> ImageTexture {
+    ImageTexture::new(ImageId(0), Encoding::Linear)
 }
 
 /// 2 x 2: 0, 1 above 2, 3.
@@ -43,7 +44,7 @@ fn grey(set: &TextureSet, u: f32, v: f32) -> f32 {
 
 #[test]
 fn texel_centres_show_texels_and_halfway_shows_the_mean() {
-    let clamp = set(Texture { wrap: [Wrap::Clamp; 2], ..linear() }, four());
+    let clamp = set(ImageTexture { wrap: [Wrap::Clamp; 2], ..linear() }, four());
     assert_eq!(
         [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)].map(|(u, v)| grey(&clamp, u, v)),
         [0.0, 1.0, 2.0, 3.0]
@@ -56,7 +57,7 @@ fn texel_centres_show_texels_and_halfway_shows_the_mean() {
 
 #[test]
 fn each_wrap_mode_continues_the_picture_in_its_way() {
-    let with = |wrap| set(Texture { wrap: [wrap, Wrap::Clamp], ..linear() }, four());
+    let with = |wrap| set(ImageTexture { wrap: [wrap, Wrap::Clamp], ..linear() }, four());
     // At the left border, between the first texel and what comes before it.
     assert_eq!(grey(&with(Wrap::Repeat), 0.0, 0.25), 0.5);
     assert_eq!(grey(&with(Wrap::Mirror), 0.0, 0.25), 0.0);
@@ -69,7 +70,7 @@ fn each_wrap_mode_continues_the_picture_in_its_way() {
 
 #[test]
 fn nearest_filtering_does_not_mix() {
-    let nearest = set(Texture { filtering: Filtering::Nearest, ..linear() }, four());
+    let nearest = set(ImageTexture { filtering: Filtering::Nearest, ..linear() }, four());
     assert_eq!([0.0, 0.49, 0.51, 0.99, 1.01].map(|u| grey(&nearest, u, 0.1)), [0.0, 0.0, 1.0, 1.0, 0.0]);
     assert_eq!(nearest.bytes(), 0, "no mip maps are needed");
 }
@@ -83,7 +84,7 @@ fn srgb_is_decoded_before_anything_is_mixed() {
         pixels: Pixels::U8(vec![0, 0, 0, 0, 255, 188, 55, 128]),
         encoding: Encoding::Linear,
     };
-    let srgb = set(Texture::new(ImageId(0), Encoding::Srgb), codes);
+    let srgb = set(ImageTexture::new(ImageId(0), Encoding::Srgb), codes);
     let [r, g, b, a] = srgb.lookup_at(TextureId(0), Vec2::new(0.75, 0.5), 0.0);
     let decode = |code: f32| snell_math::spectrum::srgb_to_linear(code / 255.0);
     assert_eq!([r, g, b, a], [1.0, decode(188.0), decode(55.0), 128.0 / 255.0]);
@@ -123,11 +124,11 @@ fn the_footprint_chooses_the_level() {
 #[test]
 fn the_transform_counts_in_place_and_level() {
     let twice =
-        Texture { uv_transform: [[2.0, 0.0, 0.25], [0.0, 2.0, 0.0]], filtering: Filtering::Nearest, ..linear() };
+        ImageTexture { uv_transform: [[2.0, 0.0, 0.25], [0.0, 2.0, 0.0]], filtering: Filtering::Nearest, ..linear() };
     assert_eq!(grey(&set(twice.clone(), four()), 0.0, 0.0), 0.0);
     assert_eq!(grey(&set(twice.clone(), four()), 0.13, 0.3), 3.0);
     let checker = Image::from_f32(2, 2, 1, vec![0.0, 1.0, 1.0, 0.0]);
-    let trilinear = set(Texture { filtering: Filtering::Trilinear, ..twice }, checker);
+    let trilinear = set(ImageTexture { filtering: Filtering::Trilinear, ..twice }, checker);
     assert_eq!(trilinear.lookup(TextureId(0), &at(Vec2::ZERO, 1.0), 0.25)[0], 0.5 * 0.5 + 0.5 * 0.5);
     assert_eq!(
         trilinear.lookup(TextureId(0), &at(Vec2::new(0.0, 0.125), 1.0), 0.25)[0],
@@ -141,7 +142,7 @@ fn the_transform_counts_in_place_and_level() {
 fn the_second_set_of_coordinates_is_used_when_asked_for() {
     let point = at(Vec2::new(0.25, 0.75), 1.0);
     let first = set(linear(), four()).lookup(TextureId(0), &point, 0.0)[0];
-    let second = set(Texture { uv_set: 1, ..linear() }, four()).lookup(TextureId(0), &point, 0.0)[0];
+    let second = set(ImageTexture { uv_set: 1, ..linear() }, four()).lookup(TextureId(0), &point, 0.0)[0];
     assert_eq!((first, second), (2.0, 1.0));
 }
 
@@ -154,7 +155,7 @@ fn broken_pixels_coordinates_ids_and_images_have_defined_results() {
     for uv in [Vec2::NAN, Vec2::INFINITY, Vec2::new(1e38, -1e38), Vec2::new(-1e-20, 0.5)] {
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp, Wrap::Black] {
             for filtering in [Filtering::Nearest, Filtering::Trilinear] {
-                let set = set(Texture { wrap: [wrap; 2], filtering, ..linear() }, four());
+                let set = set(ImageTexture { wrap: [wrap; 2], filtering, ..linear() }, four());
                 assert!(set.lookup_at(TextureId(0), uv, 0.5).iter().all(|x| x.is_finite()));
             }
         }
@@ -162,7 +163,7 @@ fn broken_pixels_coordinates_ids_and_images_have_defined_results() {
     assert_eq!(broken.lookup_at(TextureId(7), Vec2::ZERO, 0.0), MISSING);
     let short = Image { width: 1 << 20, height: 1 << 20, ..four() };
     for (id, image) in [(0, short), (5, four())] {
-        let set = set(Texture::new(ImageId(id), Encoding::Srgb), image);
+        let set = set(ImageTexture::new(ImageId(id), Encoding::Srgb), image);
         assert_eq!(
             set.lookup_at(TextureId(0), Vec2::splat(0.5 / 8.0), 0.0),
             [1.0, 0.0, 1.0, 1.0],
@@ -182,10 +183,13 @@ fn images_of_one_encoding_share_their_mip_maps() {
             encoding: Encoding::Srgb,
         })
     };
-    let srgb = Texture::new(ImageId(0), Encoding::Srgb);
-    let one = TextureSet::new(std::slice::from_ref(&srgb), &[image()]);
-    let two = TextureSet::new(&[srgb.clone(), Texture { wrap: [Wrap::Clamp; 2], ..srgb.clone() }], &[image()]);
-    let both = TextureSet::new(&[srgb, linear()], &[image()]);
+    let srgb = ImageTexture::new(ImageId(0), Encoding::Srgb);
+    let one = TextureSet::new(&[srgb.clone().into()], &[image()]);
+    let two = TextureSet::new(
+        &[srgb.clone().into(), ImageTexture { wrap: [Wrap::Clamp; 2], ..srgb.clone() }.into()],
+        &[image()],
+    );
+    let both = TextureSet::new(&[srgb.into(), linear().into()], &[image()]);
     assert_eq!(one.bytes(), (64 + 16 + 4 + 1) * 3 * 2);
     assert_eq!(two.bytes(), one.bytes());
     assert_eq!(both.bytes(), 2 * one.bytes());

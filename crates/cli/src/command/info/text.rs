@@ -2,7 +2,7 @@
 
 use super::Facts;
 use snell_scene::NodeId;
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
 /// Adds a line to a text.
 macro_rules! line {
@@ -97,6 +97,13 @@ impl Facts<'_> {
                 let disperses = if material.is_dispersive() { ", disperses with --color spectral" } else { "" };
                 line!(out, "  {i} \"{}\" {}{emits}{disperses}", material.name, material.kind.name());
             }
+        }
+        let patterns: Vec<_> = scene.textures.iter().filter_map(|texture| texture.as_pattern()).collect();
+        if !patterns.is_empty() {
+            let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+            patterns.iter().for_each(|pattern| *counts.entry(pattern.name()).or_default() += 1);
+            let kinds: Vec<_> = counts.iter().map(|(name, count)| format!("{count} {name}")).collect();
+            line!(out, "\nPatterns: {}", kinds.join(", "));
         }
         if !scene.images.is_empty() {
             line!(out, "\nImages");

@@ -159,9 +159,10 @@ impl Maker<'_> {
         material.alpha = ScalarParam::constant(alpha);
         if let Some(map) = &mtl.alpha_map {
             let texture = self.texture(map, Encoding::Linear, mtl)?;
-            let image = &self.scene.images[self.scene.textures[texture.index()].image.index()];
+            let picture = self.scene.textures[texture.index()].as_image();
+            let image = picture.and_then(|picture| self.scene.images.get(picture.image.index()));
             // An image with an alpha channel means that; others mean their brightness.
-            let channel = if image.channels == 2 || image.channels == 4 { 3 } else { 0 };
+            let channel = if image.is_some_and(|image| matches!(image.channels, 2 | 4)) { 3 } else { 0 };
             material.alpha.texture = Some((texture, channel));
         }
         if alpha < 1.0 || material.alpha.texture.is_some() {
@@ -190,7 +191,7 @@ impl Maker<'_> {
         if map.clamp {
             texture.wrap = [Wrap::Clamp; 2];
         }
-        if let Some(known) = self.scene.textures.iter().position(|t| *t == texture) {
+        if let Some(known) = self.scene.textures.iter().position(|t| t.as_image() == Some(&texture)) {
             return Ok(TextureId(known as u32));
         }
         Ok(self.scene.add_texture(texture))

@@ -71,7 +71,8 @@ fn texture_options_move_the_image_and_v_points_up() {
     let scene = scene_with("newmtl m\nKd 0 0 0\nmap_Kd -clamp on -s 2 3 -o 0.5 0.25 0 -mm 0 1 no such picture.png\n");
     let MaterialKind::Diffuse(diffuse) = &scene.materials[0].kind else { panic!("not diffuse") };
     assert_eq!(diffuse.reflectance.factor, Rgb::WHITE);
-    let texture = &scene.textures[diffuse.reflectance.texture.expect("a texture").index()];
+    let texture =
+        &scene.textures[diffuse.reflectance.texture.expect("a texture").index()].as_image().expect("an image");
     assert_eq!(texture.uv_transform, [[2.0, 0.0, 0.5], [0.0, -3.0, 0.75]]);
     assert_eq!(scene.warnings.len(), 1);
     assert!(scene.warnings[0].message.contains("no such picture.png"), "{}", scene.warnings[0].message);

@@ -69,7 +69,7 @@ fn assert_sound(scene: &Scene, file: &Path) {
         assert!(mesh.normals.iter().all(|n| n.is_finite() && n.length() > 0.0), "{}", file.display());
     }
     for texture in &scene.textures {
-        assert!(texture.image.index() < scene.images.len(), "{}", file.display());
+        assert!(texture.as_image().expect("an image").image.index() < scene.images.len(), "{}", file.display());
     }
 }
 

@@ -8,7 +8,7 @@ use crate::{Input, ReadError};
 use rayon::prelude::*;
 use snell_scene::graph::ImageId;
 use snell_scene::texture::{Filtering, Wrap, missing_texture_image};
-use snell_scene::{Encoding, Image, Texture, TextureId, WarningKind};
+use snell_scene::{Encoding, Image, ImageTexture, TextureId, WarningKind};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
@@ -132,7 +132,7 @@ pub(super) fn read(reader: &mut Reader, info: &Json, used_for: Use) -> Result<Op
     let Some(image) = image(reader, texture, used_for)? else { return Ok(None) };
     let (wrap, filtering) = sampler(reader, texture)?;
     let encoding = if used_for == Use::Color { Encoding::Srgb } else { Encoding::Linear };
-    let id = reader.scene.add_texture(Texture { image, encoding, wrap, filtering, uv_set, uv_transform });
+    let id = reader.scene.add_texture(ImageTexture { image, encoding, wrap, filtering, uv_set, uv_transform });
     if is_moving {
         reader.moving_textures.insert(info.path().to_owned(), id);
     } else {

@@ -1,12 +1,12 @@
 //! Bump maps as normal maps.
 
 use snell_math::{Rgb, Vec3};
-use snell_scene::{Image, Texture};
+use snell_scene::{Image, ImageTexture};
 
 /// The normal map of a picture of heights, `height` for white, and its steepest slope: height over the width of the whole picture. The
 /// map shows slopes relative to the steepest, so its scale is that slope over the width of the picture in the scene. `None` for a flat
 /// one.
-pub fn normal_map_of(heights: &Image, texture: &Texture, height: f32) -> Option<(Image, f32)> {
+pub fn normal_map_of(heights: &Image, texture: &ImageTexture, height: f32) -> Option<(Image, f32)> {
     let (w, h) = (heights.width, heights.height);
     let at = |x: u32, y: u32| {
         let [r, g, b, _] = heights.rgba_as(x % w, y % h, texture.encoding);
@@ -39,7 +39,7 @@ mod tests {
     #[test]
     fn a_ramp_leans_against_its_rise() {
         let ramp = Image::from_f32(4, 2, 1, [0.0, 0.25, 0.5, 0.75].repeat(2));
-        let texture = Texture::new(ImageId(0), Encoding::Linear);
+        let texture = ImageTexture::new(ImageId(0), Encoding::Linear);
         let (map, slope) = normal_map_of(&ramp, &texture, 2.0).expect("a slope");
         let [r, g, b, _] = map.rgba(1, 0);
         let normal = Vec3::new(r, g, b) * 2.0 - 1.0;

@@ -210,8 +210,11 @@ impl Builder<'_> {
                 && self.bumps.contains(&map.texture)
             {
                 // The picture covers as much more of the surface as its coordinates are slower.
-                let [[a, b, _], [c, d, _]] = self.scene.textures[map.texture.index()].uv_transform;
-                let shrink = (a * d - b * c).abs().sqrt();
+                let picture = self.scene.textures[map.texture.index()].as_image();
+                let shrink = picture.map_or(1.0, |picture| {
+                    let [[a, b, _], [c, d, _]] = picture.uv_transform;
+                    (a * d - b * c).abs().sqrt()
+                });
                 map.scale *= if width > 0.0 { shrink / width } else { 0.0 };
             }
             material

@@ -11,7 +11,7 @@ use snell_math::{DAffine3, Rgb};
 use snell_scene::graph::ImageId;
 use snell_scene::material::{ColorParam, ScalarParam};
 use snell_scene::texture::{Filtering, Wrap};
-use snell_scene::{Encoding, Image, Texture, TextureId};
+use snell_scene::{Encoding, Image, ImageTexture, TextureId};
 use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ pub struct Textures {
 pub enum Pattern {
     Constant(ColorParam),
     /// A factor on a picture.
-    Picture(Rgb, Texture),
+    Picture(Rgb, ImageTexture),
     /// The colours of the vertices.
     Vertices,
 }
@@ -125,14 +125,14 @@ impl Builder<'_> {
         }
     }
 
-    fn texture_id(&mut self, texture: Texture) -> TextureId {
+    fn texture_id(&mut self, texture: ImageTexture) -> TextureId {
         // The debug form of a float is exact, so equal text is an equal texture.
         let scene = &mut self.scene;
         *self.textures.ids.entry(format!("{texture:?}")).or_insert_with(|| scene.add_texture(texture))
     }
 
     /// The texture of single numbers: grey, and with a function applied.
-    fn scalar_texture(&mut self, texture: &Texture, function: Option<Function>) -> Texture {
+    fn scalar_texture(&mut self, texture: &ImageTexture, function: Option<Function>) -> ImageTexture {
         let image = self.scene.images[texture.image.index()].clone();
         if image.channels <= 2 && function.is_none() && texture.encoding == Encoding::Linear {
             return texture.clone();
@@ -154,7 +154,7 @@ impl Builder<'_> {
                 id
             }
         };
-        Texture { image: id, encoding: Encoding::Linear, ..texture.clone() }
+        ImageTexture { image: id, encoding: Encoding::Linear, ..texture.clone() }
     }
 
     pub(super) fn texture(&mut self, object: &Rc<Object>) -> Result<Pattern, Fault> {
@@ -235,7 +235,7 @@ impl Builder<'_> {
         if let Some(gamma) = gamma.filter(|g| *g != 1.0 && *g > 0.0) {
             self.note("gamma", object.at, || format!("a gamma of {gamma}: the picture was taken for an sRGB one"));
         }
-        let mut texture = Texture::new(image, if is_raw { Encoding::Linear } else { stored });
+        let mut texture = ImageTexture::new(image, if is_raw { Encoding::Linear } else { stored });
         let wrap = |text: &str| match text {
             "clamp" => Some(Wrap::Clamp),
             "mirror" => Some(Wrap::Mirror),
@@ -271,7 +271,7 @@ impl Builder<'_> {
         // The first colour is where both coordinates are in the same half of a period.
         let values = [a, b, b, a].iter().flat_map(|c| c.to_array()).collect();
         let image = self.scene.add_image(Arc::new(Image::from_f32(2, 2, 3, values)));
-        let mut texture = Texture::new(image, Encoding::Linear);
+        let mut texture = ImageTexture::new(image, Encoding::Linear);
         texture.filtering = Filtering::Nearest;
         texture.uv_transform = self.uv_transform(object)?;
         Ok(Pattern::Picture(Rgb::WHITE, texture))

@@ -13,7 +13,7 @@ use crate::scene::fault::Fault;
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Rgb, Transform};
 use snell_scene::light::{Attenuation, IntensityTable, Slide, SpotFalloff};
 use snell_scene::material::ColorParam;
-use snell_scene::{Encoding, Image, Light, Texture};
+use snell_scene::{Encoding, Image, ImageTexture, Light};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -229,7 +229,7 @@ impl Builder<'_> {
                 f64::from(Rgb::new(r, g, b).luminance())
             };
             mean = all.map(luminance).sum::<f64>() / count;
-            let mut texture = Texture::new(image, Encoding::Linear);
+            let mut texture = ImageTexture::new(image, Encoding::Linear);
             texture.encoding = pixels.encoding;
             radiance.texture = Some(self.scene.add_texture(texture));
         }

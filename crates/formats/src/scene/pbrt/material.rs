@@ -4,7 +4,7 @@ use super::Builder;
 use super::lexer::{Lexer, quoted};
 use super::params::{Params, Type};
 use super::spectrum::{COPPER, Role};
-use super::texture::Pattern;
+use super::texture::{Function, Pattern};
 use super::{legacy, options::is_kind};
 use crate::scene::fault::{Fault, Spot};
 use crate::scene::layers::{self, Layers};
@@ -17,7 +17,7 @@ use snell_scene::material::{
     CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Hair, Interface,
     Interior, MetallicRoughness, NormalMap, OpenPbr, ScalarParam,
 };
-use snell_scene::{Encoding, Material, MaterialId, Texture};
+use snell_scene::{Encoding, ImageTexture, Material, MaterialId};
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -475,30 +475,31 @@ impl Builder<'_> {
         let v = v.or(both).or_else(|| u.clone());
         let u = u.or_else(|| v.clone());
         let remap = params.bool_or("remaproughness", true)?;
-        let from_alpha: fn(f32, f32) -> f32 = |alpha, _| alpha.max(0.0).sqrt();
         let function = match (remap, self.is_v3) {
-            (false, _) => from_alpha,
-            (true, false) => |roughness: f32, _| roughness.max(0.0).sqrt().sqrt(),
-            (true, true) => |roughness: f32, _| legacy::alpha_of_roughness(roughness).sqrt(),
+            (false, _) => Function { apply: |alpha| alpha.max(0.0).sqrt(), exponent: Some(0.5) },
+            (true, false) => Function { apply: |roughness| roughness.max(0.0).sqrt().sqrt(), exponent: Some(0.25) },
+            (true, true) => {
+                Function { apply: |roughness| legacy::alpha_of_roughness(roughness).sqrt(), exponent: None }
+            }
         };
         let pattern = match (u, v) {
             (Some(u), Some(v)) => match (u.as_constant(), v.as_constant()) {
                 (Some(u), Some(v)) if u != v => {
-                    let width = |roughness: Rgb| function(roughness.r, 0.0).powi(2);
+                    let width = |roughness: Rgb| (function.apply)(roughness.r).powi(2);
                     return Ok(Roughness::of_widths(width(u), width(v)));
                 }
                 _ => u,
             },
             _ => Pattern::constant(default),
         };
-        let pattern = pattern.mapped(function, 0.0);
+        let pattern = pattern.mapped(function);
         Ok(Roughness::Even(self.scalar_param(&pattern)))
     }
 
     fn normal_map(&mut self, params: &Params) -> Result<Option<NormalMap>, Fault> {
         let Some((name, at)) = self.file_name(params, "normalmap")? else { return Ok(None) };
         let image = self.image(name, at)?;
-        let texture = self.scene.add_texture(Texture::new(image, Encoding::Linear));
+        let texture = self.scene.add_texture(ImageTexture::new(image, Encoding::Linear));
         Ok(Some(NormalMap { texture, scale: 1.0 }))
     }
 }

@@ -1,9 +1,7 @@
 //! Textures: a tree of patterns, and what materials see of it.
 //!
-//! A picture with factors is used as it is. Patterns that combine others are *baked*: drawn once into a picture over the part of the
-//! texture coordinates in which they repeat. Patterns in space, which texture coordinates cannot say, become their mean.
-
-mod bake;
+//! Pictures and patterns become textures of the scene when a material uses them. A picture whose values mean something else than its
+//! texels say (a power, a function of them, grey instead of colours) is copied with those values.
 
 use super::Builder;
 use super::lexer::{Lexer, quoted};
@@ -12,21 +10,15 @@ use super::params::{Params, Type};
 use super::spectrum::Role;
 use super::state::Target;
 use crate::scene::fault::{Fault, Spot};
-use bake::bake;
-use snell_math::{Rgb, Vec2};
+use snell_math::{DAffine3, Rgb, Vec3};
 use snell_scene::graph::ImageId;
 use snell_scene::material::{ColorParam, ScalarParam};
-use snell_scene::texture::{Filtering, Wrap};
-use snell_scene::{Encoding, Texture, TextureId};
+use snell_scene::texture::mapping::{IDENTITY, Rows};
+use snell_scene::texture::{self, Filtering, MAX_PARTS, Mapping, Wrap, pattern};
+use snell_scene::{Encoding, Image, ImageTexture, Texture, TextureId};
 use std::collections::HashMap;
 use std::rc::Rc;
-
-/// Affine map of the texture coordinates: `(su u + du, sv v + dv)`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mapping {
-    scale: Vec2,
-    offset: Vec2,
-}
+use std::sync::Arc;
 
 /// A picture.
 #[derive(Clone, Debug)]
@@ -44,6 +36,15 @@ pub struct Picture {
     mapping: Mapping,
 }
 
+/// A function of each value of a texture.
+#[derive(Clone, Copy, Debug)]
+pub struct Function {
+    /// The function, of values from 0.
+    pub apply: fn(f32) -> f32,
+    /// The exponent, if it is a power.
+    pub exponent: Option<f32>,
+}
+
 /// What a texture shows.
 #[derive(Clone, Debug)]
 pub enum Pattern {
@@ -53,12 +54,14 @@ pub enum Pattern {
     /// The first where the third is 0, the second where it is 1.
     Mix([Rc<Pattern>; 3]),
     Checkerboard([Rc<Pattern>; 2], Mapping),
-    /// Values at (0, 0), (0, 1), (1, 0) and (1, 1).
-    Bilinear([Rgb; 4], Mapping),
+    SolidCheckerboard([Rc<Pattern>; 2], Rows),
+    /// The first where the surface faces along the axis.
+    DirectionMix([Rc<Pattern>; 2], Vec3),
     /// Inside and outside of dots.
     Dots([Rc<Pattern>; 2], Mapping),
-    /// A function of each value of another, and of a constant.
-    Map(Rc<Pattern>, fn(f32, f32) -> f32, f32),
+    /// One that is made of no others.
+    Whole(texture::Pattern),
+    Map(Rc<Pattern>, Function),
 }
 
 /// The textures of a scene.
@@ -66,16 +69,16 @@ pub enum Pattern {
 pub struct Patterns {
     colors: HashMap<String, Rc<Pattern>>,
     scalars: HashMap<String, Rc<Pattern>>,
-    /// What was baked or placed already, by address; the pattern is kept so that its address stays its own.
+    /// What was placed already, by address; the pattern is kept so that its address stays its own.
     placed: HashMap<(*const Pattern, bool), (Rc<Pattern>, Rgb, Option<TextureId>)>,
-    /// Pixels baked so far.
-    baked: usize,
+    /// Copies of pictures with other values, by picture, encoding, power, whether they are colours, and function.
+    copies: HashMap<(ImageId, bool, Option<u32>, bool, Option<(usize, [u32; 3])>), ImageId>,
+    /// Pixels of all copies.
+    copied: usize,
 }
 
-/// Most patterns that a texture is made of.
-const MAX_PARTS: usize = 256;
-/// Most pixels of all baked pictures.
-const MAX_BAKED: usize = 1 << 28;
+/// Most pixels of all copies of pictures.
+const MAX_COPIED: usize = 1 << 28;
 
 impl Pattern {
     /// The same everywhere.
@@ -92,17 +95,23 @@ impl Pattern {
                 let (a, b, t) = (a.as_constant()?, b.as_constant()?, t.as_constant()?);
                 Some(a * t.map(|t| 1.0 - t) + b * t)
             }
-            Self::Map(of, function, constant) => Some(of.as_constant()?.map(|x| function(x, *constant))),
+            Self::Map(of, function) => Some(of.as_constant()?.map(function.apply)),
             _ => None,
         }
     }
 
-    /// Of how many patterns it is made; `None` if more than this.
+    /// Of how many textures of the scene it is made at most; `None` if more than this.
     fn size_within(&self, limit: usize) -> Option<usize> {
         let left = limit.checked_sub(1)?;
         let parts: &[&Rc<Self>] = match self {
-            Self::Constant(_) | Self::Picture(_) | Self::Bilinear(..) => &[],
-            Self::Product(a, b) | Self::Checkerboard([a, b], _) | Self::Dots([a, b], _) => &[a, b],
+            Self::Constant(_) | Self::Whole(_) => &[],
+            // It may be laid out anew, and inverted.
+            Self::Picture(_) => return (left >= 2).then_some(3),
+            Self::Product(a, b)
+            | Self::Checkerboard([a, b], _)
+            | Self::SolidCheckerboard([a, b], _)
+            | Self::DirectionMix([a, b], _)
+            | Self::Dots([a, b], _) => &[a, b],
             Self::Mix([a, b, t]) => &[a, b, t],
             Self::Map(of, ..) => &[of],
         };
@@ -116,7 +125,7 @@ impl Pattern {
     /// A factor and a picture, if that is all there is.
     fn as_picture(&self) -> Option<(Rgb, &Picture)> {
         match self {
-            Self::Picture(p) if !p.invert && p.gamma.is_none() => Some((Rgb::splat(p.scale), p)),
+            Self::Picture(p) if !p.invert => Some((Rgb::splat(p.scale), p)),
             Self::Product(a, b) => {
                 let (constant, other) = match (a.as_constant(), b.as_constant()) {
                     (Some(constant), _) => (constant, b),
@@ -130,9 +139,9 @@ impl Pattern {
         }
     }
 
-    /// The same with a function of each value and of a constant.
-    pub fn mapped(self: &Rc<Self>, function: fn(f32, f32) -> f32, constant: f32) -> Rc<Self> {
-        let mapped = Self::Map(self.clone(), function, constant);
+    /// The same with a function of each value.
+    pub fn mapped(self: &Rc<Self>, function: Function) -> Rc<Self> {
+        let mapped = Self::Map(self.clone(), function);
         Rc::new(mapped.as_constant().map_or(mapped, Self::Constant))
     }
 }
@@ -195,75 +204,113 @@ impl Builder<'_> {
             Rc::new(Pattern::Mix([child(self, "tex1", 0.0)?, child(self, "tex2", 1.0)?, amount]))
         } else if kind("imagemap") {
             self.picture(params, is_color)?
-        } else if kind("checkerboard") && params.integer("dimension")?.unwrap_or(2) == 2 {
+        } else if kind("checkerboard") {
             params.get("aamode");
-            let mapping = self.mapping(params)?;
-            Rc::new(Pattern::Checkerboard([child(self, "tex1", 1.0)?, child(self, "tex2", 0.0)?], mapping))
+            let checks = [child(self, "tex1", 1.0)?, child(self, "tex2", 0.0)?];
+            match params.integer("dimension")?.unwrap_or(2) {
+                2 => Rc::new(Pattern::Checkerboard(checks, self.mapping(params)?)),
+                3 => Rc::new(Pattern::SolidCheckerboard(checks, self.texture_from_world(params))),
+                n => return Err(params.fault(format!("dimension is {n}"), "use 2 or 3")),
+            }
         } else if kind("bilerp") {
             let mapping = self.mapping(params)?;
-            let mut corners = [Rgb::BLACK; 4];
-            for (corner, (name, default)) in
-                corners.iter_mut().zip([("v00", 0.0), ("v01", 1.0), ("v10", 0.0), ("v11", 1.0)])
-            {
-                *corner = match params.get(name) {
-                    Some(param) => self.color(param, Role::Factor)?,
-                    None => Rgb::splat(default),
-                };
-            }
-            Rc::new(Pattern::Bilinear(corners, mapping))
+            let mut corner = |name: &str, default: f32| {
+                let param = params.get(name);
+                let color = param.map_or(Ok(Rgb::splat(default)), |param| self.color(param, Role::Factor));
+                color.map(ColorParam::from)
+            };
+            let (v00, v01) = (corner("v00", 0.0)?, corner("v01", 1.0)?);
+            let (v10, v11) = (corner("v10", 0.0)?, corner("v11", 1.0)?);
+            whole(pattern::Bilerp { v00, v01, v10, v11, mapping })
         } else if kind("dots") {
             let mapping = self.mapping(params)?;
             Rc::new(Pattern::Dots([child(self, "inside", 1.0)?, child(self, "outside", 0.0)?], mapping))
+        } else if kind("directionmix") {
+            let axis = match params.directions("dir")?[..] {
+                [] => Vec3::Y,
+                [axis] => axis,
+                _ => return Err(params.fault("dir is more than one vector", "give three numbers")),
+            };
+            let axis = self.world_from_texture().transform_vector3(axis.as_dvec3()).normalize_or_zero().as_vec3();
+            if axis == Vec3::ZERO || !axis.is_finite() {
+                return Err(params.fault("dir has no direction", "give a vector that is not 0"));
+            }
+            Rc::new(Pattern::DirectionMix([child(self, "tex1", 0.0)?, child(self, "tex2", 1.0)?], axis))
+        } else if kind("ptex") {
+            self.ptex(params)?
         } else {
-            self.mean_pattern(params, is_color)?
+            let texture_from_world = self.texture_from_world(params);
+            if kind("windy") {
+                whole(pattern::Windy { texture_from_world })
+            } else if kind("fbm") {
+                let (octaves, roughness) = octaves(params)?;
+                whole(pattern::Fbm { octaves, roughness, texture_from_world })
+            } else if kind("wrinkled") {
+                let (octaves, roughness) = octaves(params)?;
+                whole(pattern::Wrinkled { octaves, roughness, texture_from_world })
+            } else if kind("marble") {
+                let (octaves, roughness) = octaves(params)?;
+                let [scale, variation] = [finite(params, "scale", 1.0)?, finite(params, "variation", 0.2)?];
+                whole(pattern::Marble { octaves, roughness, scale, variation, texture_from_world })
+            } else {
+                let owner = params.owner.clone();
+                self.note(owner.clone(), params.at, || format!("{owner} is not known; grey was used instead"));
+                Pattern::constant(0.5)
+            }
         })
     }
 
-    /// What stands in for a pattern that texture coordinates cannot say.
-    fn mean_pattern(&mut self, params: &Params, is_color: bool) -> Result<Rc<Pattern>, Fault> {
-        let pair = |builder: &mut Self| -> Result<Rc<Pattern>, Fault> {
-            let get = |builder: &mut Self, name: &str, default| {
-                Ok::<_, Fault>(
-                    builder.pattern_param(params, name, is_color)?.unwrap_or_else(|| Pattern::constant(default)),
-                )
-            };
-            let (a, b) = (get(builder, "tex1", 0.0)?, get(builder, "tex2", 1.0)?);
-            Ok(Rc::new(Pattern::Mix([a, b, Pattern::constant(0.5)])))
-        };
-        let (pattern, what) = if is_kind(params, "checkerboard") || is_kind(params, "directionmix") {
-            params.get("dir");
-            (pair(self)?, "the mean of its two textures")
-        } else if is_kind(params, "marble") {
-            (Rc::new(Pattern::Constant(Rgb::new(0.45, 0.43, 0.45))), "its mean colour")
-        } else if is_kind(params, "ptex") {
-            params.get("filename");
-            (Pattern::constant(0.5 * params.float_or("scale", 1.0)? as f32), "grey")
-        } else {
-            (Pattern::constant(if is_kind(params, "fbm") { 0.0 } else { 0.5 }), "its mean")
-        };
-        for name in ["octaves", "roughness", "scale", "variation", "dimension", "encoding", "aamode"] {
+    /// A picture by faces, which is not read.
+    fn ptex(&mut self, params: &Params) -> Result<Rc<Pattern>, Fault> {
+        for name in ["filename", "encoding"] {
             params.get(name);
         }
         let owner = params.owner.clone();
-        self.note(owner.clone(), params.at, || format!("{owner} is a pattern in space; {what} was used instead"));
-        Ok(pattern)
+        self.note(owner.clone(), params.at, || format!("{owner} is not read; grey was used instead"));
+        Ok(Pattern::constant(0.5 * params.float_or("scale", 1.0)? as f32))
+    }
+
+    /// Textures are in the space of the current transform, as it is when the shutter opens.
+    fn world_from_texture(&self) -> DAffine3 {
+        self.world_from_file * self.state.transform.0[0]
+    }
+
+    /// The map into the space of a texture.
+    fn texture_from_world(&mut self, params: &Params) -> Rows {
+        let inverse = snell_math::Transform::new(self.world_from_texture()).map(|map| *map.inverse_matrix());
+        if inverse.is_none() {
+            let owner = params.owner.clone();
+            self.note(format!("{owner} in a flat space"), params.at, || {
+                format!("{owner}: the current transform is flat; the world was used as the texture's space")
+            });
+        }
+        inverse.map_or(IDENTITY, rows)
     }
 
     fn mapping(&mut self, params: &Params) -> Result<Mapping, Fault> {
-        let get = |name: &str, default| Ok::<_, Fault>(params.float_or(name, default)? as f32);
-        let kind = params.string("mapping")?.unwrap_or("uv").to_string();
-        if kind != "uv" {
-            let what = quoted(kind.as_bytes());
-            self.note(format!("mapping {what}"), params.at, || {
-                format!("{} with the mapping {what}: the texture coordinates were used instead", params.owner)
-            });
-            for name in ["v1", "v2"] {
-                params.get(name);
+        let get = |name: &str, default| finite(params, name, default);
+        Ok(match params.string("mapping")?.unwrap_or("uv") {
+            "uv" => {
+                Mapping::upright([get("uscale", 1.0)?, get("vscale", 1.0)?], [get("udelta", 0.0)?, get("vdelta", 0.0)?])
             }
-        }
-        Ok(Mapping {
-            scale: Vec2::new(get("uscale", 1.0)?, get("vscale", 1.0)?),
-            offset: Vec2::new(get("udelta", 0.0)?, get("vdelta", 0.0)?),
+            "spherical" => Mapping::Spherical { texture_from_world: self.texture_from_world(params) },
+            "cylindrical" => Mapping::Cylindrical { texture_from_world: self.texture_from_world(params) },
+            "planar" => {
+                let world = self.texture_from_world(params);
+                let axis = |name: &str, default: Vec3, shift: f32| match params.directions(name)?[..] {
+                    [] => Ok(planar(&world, default, shift)),
+                    [axis] if axis.is_finite() => Ok(planar(&world, axis, shift)),
+                    _ => Err(params.fault(format!("{name} is not one vector"), "give three numbers")),
+                };
+                let (du, dv) = (get("udelta", 0.0)?, get("vdelta", 0.0)?);
+                Mapping::Planar { st_from_world: [axis("v1", Vec3::X, du)?, axis("v2", Vec3::Y, dv)?] }
+            }
+            other => {
+                let what = quoted(other.as_bytes());
+                return Err(
+                    params.fault(format!("{what} is not a mapping"), "use uv, spherical, cylindrical or planar")
+                );
+            }
         })
     }
 
@@ -296,7 +343,7 @@ impl Builder<'_> {
             image,
             encoding,
             gamma,
-            scale: params.float_or("scale", 1.0)? as f32,
+            scale: finite(params, "scale", 1.0)?,
             invert: params.bool_or("invert", false)?,
             wrap,
             filtering,
@@ -358,50 +405,160 @@ impl Builder<'_> {
         if let Some((_, factor, texture)) = self.patterns.placed.get(&key) {
             return (*factor, *texture);
         }
-        let plain = pattern.as_picture().filter(|(_, p)| {
-            // A scalar is the mean of the channels, so colours must be drawn as grey.
-            is_color || self.scene.images[p.image.index()].channels <= 2
-        });
-        let (factor, texture) = match plain {
-            Some((factor, picture)) => (factor, picture.texture()),
-            None => (Rgb::WHITE, self.baked(pattern, is_color)),
-        };
-        let id = self.scene.add_texture(texture);
-        self.patterns.placed.insert(key, (pattern.clone(), factor, Some(id)));
-        (factor, Some(id))
+        let (factor, texture) = self.new_texture(pattern, is_color);
+        self.patterns.placed.insert(key, (pattern.clone(), factor, texture));
+        (factor, texture)
     }
 
-    fn baked(&mut self, pattern: &Pattern, is_color: bool) -> Texture {
-        let pixels = (MAX_BAKED - self.patterns.baked) / pattern.size_within(MAX_PARTS).unwrap_or(MAX_PARTS);
-        let baked = bake(pattern, &self.scene.images, is_color, pixels.max(1));
-        let drawn = baked.image.width as usize * baked.image.height as usize;
-        self.patterns.baked = (self.patterns.baked + drawn).min(MAX_BAKED);
-        if !baked.repeats {
-            self.note("baked", Spot::default(), || {
-                "textures of different scales do not repeat together; they were drawn together for coordinates from 0 to 8".into()
-            });
+    fn new_texture(&mut self, pattern: &Rc<Pattern>, is_color: bool) -> (Rgb, Option<TextureId>) {
+        let part = |builder: &mut Self, part: &Rc<Pattern>, is_color: bool| -> ColorParam {
+            let (factor, texture) = builder.place_pattern(part, is_color);
+            ColorParam::textured(factor, texture)
+        };
+        let texture: Texture = match &**pattern {
+            Pattern::Constant(color) => return (*color, None),
+            Pattern::Picture(picture) => {
+                let shown = self.place_picture(picture, is_color, None);
+                let factor = Rgb::splat(picture.scale);
+                if !picture.invert {
+                    return (factor, Some(shown));
+                }
+                let amount = ColorParam::textured(factor, Some(shown));
+                pattern::Mix { first: Rgb::WHITE.into(), second: Rgb::BLACK.into(), amount }.into()
+            }
+            Pattern::Product(a, b) => {
+                let (texture, scale) = (part(self, a, is_color), part(self, b, is_color));
+                // A factor needs no texture of its own.
+                match (texture.texture, scale.texture) {
+                    (id, None) | (None, id) => return (texture.factor * scale.factor, id),
+                    _ => pattern::Scale { texture, scale }.into(),
+                }
+            }
+            Pattern::Mix([a, b, t]) => {
+                let (first, second) = (part(self, a, is_color), part(self, b, is_color));
+                pattern::Mix { first, second, amount: part(self, t, false) }.into()
+            }
+            Pattern::Checkerboard([a, b], mapping) => {
+                let (even, odd) = (part(self, a, is_color), part(self, b, is_color));
+                pattern::Checkerboard { even, odd, mapping: mapping.clone() }.into()
+            }
+            Pattern::SolidCheckerboard([a, b], texture_from_world) => {
+                let (even, odd) = (part(self, a, is_color), part(self, b, is_color));
+                pattern::SolidCheckerboard { even, odd, texture_from_world: *texture_from_world }.into()
+            }
+            Pattern::DirectionMix([a, b], axis) => {
+                let (first, second) = (part(self, a, is_color), part(self, b, is_color));
+                pattern::DirectionMix { first, second, axis: *axis }.into()
+            }
+            Pattern::Dots([a, b], mapping) => {
+                let (inside, outside) = (part(self, a, is_color), part(self, b, is_color));
+                pattern::Dots { inside, outside, mapping: mapping.clone() }.into()
+            }
+            Pattern::Whole(pattern) => pattern.clone().into(),
+            Pattern::Map(of, function) => {
+                if let Some((factor, picture)) = of.as_picture() {
+                    return (Rgb::WHITE, Some(self.place_picture(picture, is_color, Some((factor, *function)))));
+                }
+                let base = part(self, of, is_color);
+                match function.exponent {
+                    Some(exponent) => pattern::Power { base, exponent }.into(),
+                    None => pattern::Ramp { amount: base, colors: table(*function) }.into(),
+                }
+            }
+        };
+        (Rgb::WHITE, Some(self.scene.add_texture(texture)))
+    }
+
+    /// The texture of a picture, but for its factor and inversion; with a function of its values times a factor, if there is one.
+    fn place_picture(&mut self, picture: &Picture, is_color: bool, function: Option<(Rgb, Function)>) -> TextureId {
+        let (image, encoding) = self.copied(picture, is_color, function);
+        let plain = ImageTexture {
+            wrap: [picture.wrap; 2],
+            filtering: picture.filtering,
+            ..ImageTexture::new(image, encoding)
+        };
+        if let Mapping::Uv { uv_transform: [s, [a, b, c]], .. } = picture.mapping {
+            // The rows of a picture are counted downwards.
+            return self.scene.add_texture(ImageTexture { uv_transform: [s, [-a, -b, 1.0 - c]], ..plain });
         }
-        let image = self.scene.add_image(std::sync::Arc::new(baked.image));
-        let mut texture = Texture::new(image, Encoding::Linear);
-        let scale = 1.0 / baked.period;
-        texture.uv_transform = [[scale, 0.0, 0.0], [0.0, scale, 1.0 - scale]];
-        texture.filtering = baked.filtering;
-        texture.wrap = [baked.wrap; 2];
-        texture
+        let texture = ColorParam::textured(Rgb::WHITE, Some(self.scene.add_texture(plain)));
+        self.scene.add_texture(pattern::Projected { texture, mapping: picture.mapping.clone() })
+    }
+
+    /// The picture as it is, or a copy with the values that are meant.
+    fn copied(&mut self, picture: &Picture, is_color: bool, function: Option<(Rgb, Function)>) -> (ImageId, Encoding) {
+        let image = self.scene.images[picture.image.index()].clone();
+        // A scalar is the mean of the channels, so colours become grey.
+        let stays_color = is_color || image.channels <= 2;
+        if picture.gamma.is_none() && stays_color && function.is_none() {
+            return (picture.image, picture.encoding);
+        }
+        let is_srgb = picture.encoding == Encoding::Srgb;
+        let of = function.map(|(factor, f)| (f.apply as usize, factor.to_array().map(f32::to_bits)));
+        let key = (picture.image, is_srgb, picture.gamma.map(f32::to_bits), is_color, of);
+        if let Some(&known) = self.patterns.copies.get(&key) {
+            return (known, Encoding::Linear);
+        }
+        self.patterns.copied += image.width as usize * image.height as usize;
+        if self.patterns.copied > MAX_COPIED {
+            self.note("copies", Spot::default(), || {
+                "too many pictures with powers or of grey: further ones were taken as they are".into()
+            });
+            return (picture.image, picture.encoding);
+        }
+        let channels = if is_color { 3 } else { 1 };
+        let mut values = Vec::with_capacity(image.width as usize * image.height as usize * channels as usize);
+        for (y, x) in (0..image.height).flat_map(|y| (0..image.width).map(move |x| (y, x))) {
+            let [r, g, b, _] = image.rgba_as(x, y, picture.encoding);
+            let decoded = Rgb::new(r, g, b).map(|v| picture.gamma.map_or(v, |gamma| v.max(0.0).powf(gamma)));
+            let shown = |color: Rgb| function.map_or(color, |(factor, f)| (color * factor).map(f.apply));
+            match is_color {
+                true => values.extend(shown(decoded).to_array()),
+                false => values.push(shown(Rgb::splat((decoded.r + decoded.g + decoded.b) / 3.0)).r),
+            }
+        }
+        let copy = self.scene.add_image(Arc::new(Image::from_f32(image.width, image.height, channels, values)));
+        self.patterns.copies.insert(key, copy);
+        (copy, Encoding::Linear)
     }
 }
 
-impl Picture {
-    fn texture(&self) -> Texture {
-        let Mapping { scale, offset } = self.mapping;
-        Texture {
-            wrap: [self.wrap; 2],
-            filtering: self.filtering,
-            // Meshes and shapes have v downwards (see `shape`), pbrt upwards.
-            uv_transform: [[scale.x, 0.0, offset.x], [0.0, scale.y, 1.0 - scale.y - offset.y]],
-            ..Texture::new(self.image, self.encoding)
-        }
-    }
+fn whole(pattern: impl Into<texture::Pattern>) -> Rc<Pattern> {
+    Rc::new(Pattern::Whole(pattern.into()))
+}
+
+/// A number that is finite.
+fn finite(params: &Params, name: &str, default: f64) -> Result<f32, Fault> {
+    let value = params.float_or(name, default)? as f32;
+    if value.is_finite() { Ok(value) } else { Err(params.fault(format!("{name} is {value}"), "give a finite number")) }
+}
+
+/// How many octaves noise has, and how rough it is.
+fn octaves(params: &Params) -> Result<(u32, f32), Fault> {
+    let octaves = params.integer("octaves")?.unwrap_or(8);
+    let Ok(octaves) = u32::try_from(octaves) else {
+        return Err(params.fault(format!("octaves is {octaves}"), "give a number from 0 to 32"));
+    };
+    Ok((octaves, finite(params, "roughness", 0.5)?))
+}
+
+fn rows(map: DAffine3) -> Rows {
+    let [x, y, z, w] = map.to_cols_array_2d();
+    std::array::from_fn(|i| [x[i], y[i], z[i], w[i]])
+}
+
+/// The component of a point of a space along an axis, as a function of the point in the world.
+fn planar(texture_from_world: &Rows, axis: Vec3, shift: f32) -> [f64; 4] {
+    let axis = axis.to_array().map(f64::from);
+    let mut row: [f64; 4] = std::array::from_fn(|i| (0..3).map(|k| axis[k] * texture_from_world[k][i]).sum());
+    row[3] += f64::from(shift);
+    row
+}
+
+/// A function over `[0, 1]` as a table.
+fn table(function: Function) -> Vec<Rgb> {
+    const STEPS: u16 = 256;
+    (0..=STEPS).map(|i| Rgb::splat((function.apply)(f32::from(i) / f32::from(STEPS)))).collect()
 }
 
 /// The encoding of a picture, and the exponent if it is a power.

@@ -6,7 +6,7 @@ use crate::ReadError;
 use crate::scene::tokens::Token;
 use snell_math::Rgb;
 use snell_scene::material::{ColorParam, Phong};
-use snell_scene::{Encoding, Material, Texture, TextureId};
+use snell_scene::{Encoding, ImageTexture, Material, TextureId};
 use std::sync::Arc;
 
 /// The grey of COS 426.
@@ -73,6 +73,6 @@ impl Builder {
         let (input, _) = self.open(file, name)?;
         let image = crate::image::read_image(&input)?;
         let image = self.scene.add_image(Arc::new(image));
-        Ok(self.scene.add_texture(Texture::new(image, Encoding::Srgb)))
+        Ok(self.scene.add_texture(ImageTexture::new(image, Encoding::Srgb)))
     }
 }

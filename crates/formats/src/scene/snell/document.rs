@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3, Vec4};
-use snell_scene::graph::{ImageId, MediumId};
+use snell_scene::graph::MediumId;
 use snell_scene::medium::{Grid, Medium, ScalarGrid};
 use snell_scene::{
     Background, Camera, Encoding, Environment, Geometry, Image, Light, Material, MaterialId, Node, NodeId, Pixels,
@@ -300,9 +300,9 @@ impl Document {
         for (i, image) in self.images.into_iter().enumerate() {
             images.push(Arc::new(image.image(limits).map_err(|flaw| (format!("/images/{i}"), flaw))?));
         }
-        if let Some(i) = self.textures.iter().position(|texture| texture.image.index() >= images.len()) {
-            let ImageId(id) = self.textures[i].image;
-            return Err((format!("/textures/{i}"), format!("image is {id}, but there are {}", images.len())));
+        let errors = snell_scene::texture::errors(&self.textures, images.len()).into_iter().enumerate();
+        if let Some((i, error)) = errors.into_iter().find_map(|(i, error)| Some((i, error?))) {
+            return Err((format!("/textures/{i}"), error.to_string()));
         }
         let mut nodes = Vec::with_capacity(self.nodes.len());
         for (i, node) in self.nodes.into_iter().enumerate() {

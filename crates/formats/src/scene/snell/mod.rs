@@ -26,7 +26,8 @@ pub const READER: SceneReader = SceneReader {
 };
 
 /// The writer of Snell's scene files.
-pub const WRITER: SceneWriter = SceneWriter { name: READER.name, extensions: READER.extensions, write };
+pub const WRITER: SceneWriter =
+    SceneWriter { name: READER.name, extensions: READER.extensions, knows: |_| true, write };
 
 /// What `format` says in every file.
 const FORMAT: &str = "snell scene";

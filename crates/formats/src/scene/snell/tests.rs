@@ -6,7 +6,7 @@ use snell_scene::material::Interior;
 use snell_scene::material::MaterialKind;
 use snell_scene::medium::Medium;
 use snell_scene::{Encoding, TextureId, material::ColorParam};
-use snell_scene::{Geometry, Image, Light, Material, Node, Surface, Texture};
+use snell_scene::{Geometry, Image, ImageTexture, Light, Material, Node, Surface};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ fn shown(scene: &Scene) -> String {
 fn everything() -> Scene {
     let mut scene = Scene::new("everything");
     let image = scene.add_image(Arc::new(Image::from_f32(9, 3, 3, (0..81).map(|i| i as f32 / 7.0).collect())));
-    scene.add_texture(Texture::new(image, Encoding::Linear));
+    scene.add_texture(ImageTexture::new(image, Encoding::Linear));
     for (i, kind) in MaterialKind::examples().into_iter().enumerate() {
         let emission = ColorParam { texture: Some(TextureId(0)), ..ColorParam::constant(snell_math::Rgb::WHITE) };
         scene.add_material(Material { emission, ..Material::new(format!("number {i}"), kind) });

@@ -20,7 +20,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
 /// The writer of glTF files.
-pub const WRITER: SceneWriter = SceneWriter { name: "gltf", extensions: &["glb", "gltf"], write };
+pub const WRITER: SceneWriter = SceneWriter { name: "gltf", extensions: &["glb", "gltf"], knows: |_| false, write };
 
 /// The parts of a document as they grow.
 struct Document<'a, 'o> {

@@ -5,7 +5,7 @@ use crate::write::picture::{Pictures, encoded};
 use serde_json::{Value, json};
 use snell_math::spectrum::linear_to_srgb;
 use snell_scene::texture::{Filtering, Wrap};
-use snell_scene::{Encoding, Image, Pixels, Texture, TextureId};
+use snell_scene::{Encoding, Image, ImageTexture, Pixels, TextureId};
 use std::collections::HashMap;
 
 /// Where the four channels of a picture come from: a texture and its channel.
@@ -38,7 +38,7 @@ impl Document<'_, '_> {
         let pictures = Pictures::new(self.scene);
         let mut sources = channels.iter().flatten().map(|(id, _)| pictures.texture(*id));
         let Some(texture) = sources.next() else { return Value::Null };
-        let is_placed_alike = |t: &Texture| {
+        let is_placed_alike = |t: &ImageTexture| {
             (t.uv_set, t.uv_transform, t.wrap, t.filtering)
                 == (texture.uv_set, texture.uv_transform, texture.wrap, texture.filtering)
         };
@@ -61,7 +61,7 @@ impl Document<'_, '_> {
     }
 
     /// Offset, rotation and scale: the reader's formula backwards.
-    fn transform(&mut self, texture: &Texture, who: &str) -> Option<Value> {
+    fn transform(&mut self, texture: &ImageTexture, who: &str) -> Option<Value> {
         let [[a, b, c], [d, e, f]] = texture.uv_transform.map(|row| row.map(f64::from));
         if texture.uv_transform == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
             return None;
@@ -79,7 +79,7 @@ impl Document<'_, '_> {
         Some(value)
     }
 
-    fn sampler(&mut self, texture: &Texture) -> usize {
+    fn sampler(&mut self, texture: &ImageTexture) -> usize {
         let wrap = texture.wrap.map(|wrap| match wrap {
             Wrap::Repeat => 10497,
             Wrap::Mirror => 33648,

@@ -8,8 +8,7 @@ use snell_math::{ColorMode, Rgb};
 use snell_scene::material::{
     AlphaMode, ColorParam, ConductorSpectrum, Hair, MaterialKind, MetallicRoughness, OpenPbr, ScalarParam,
 };
-use snell_scene::texture::{Filtering, Wrap};
-use snell_scene::{Encoding, Material, MaterialId, TextureId};
+use snell_scene::{Encoding, Material, MaterialId};
 
 /// What a shape of a material says.
 #[derive(Clone, Debug, Default)]
@@ -365,6 +364,11 @@ impl File<'_, '_> {
     fn roughness(&mut self, prefix: &str, roughness: ScalarParam, who: &str) -> String {
         let width = match roughness.texture {
             None => format!("\"float {prefix}roughness\" [ {} ]", roughness.factor * roughness.factor),
+            Some((id, _)) if let Some((name, is_remapped)) = self.width(id, roughness.factor, prefix, who) => {
+                return format!(
+                    " \"texture {prefix}roughness\" [ \"{name}\" ] \"bool remaproughness\" [ {is_remapped} ]"
+                );
+            }
             Some((id, channel)) => {
                 let name = self.texture(id, "float", Baked::Squared { channel, factor: roughness.factor }, who);
                 format!("\"texture {prefix}roughness\" [ \"{name}\" ]")
@@ -372,52 +376,6 @@ impl File<'_, '_> {
         };
         let flag = if prefix == "interface." { "" } else { " \"bool remaproughness\" [ false ]" };
         format!(" {width}{flag}")
-    }
-
-    /// The name of a texture, defined the first time.
-    fn texture(&mut self, id: TextureId, kind: &str, baked: Baked, who: &str) -> String {
-        let texture = self.pictures.texture(id);
-        let file = self.pictures.baked(self.output, id, baked);
-        let encoding = self.pictures.encoding_of_baked(id, baked);
-        let [[a, b, c], [d, e, f]] = texture.uv_transform;
-        if b != 0.0 || d != 0.0 || texture.uv_set != 0 {
-            self.output.lose(format!("{who}: a turned texture, or one on the second coordinates, is placed otherwise"));
-        }
-        let wrap = match texture.wrap {
-            [Wrap::Repeat, Wrap::Repeat] => "",
-            [Wrap::Clamp, Wrap::Clamp] => " \"string wrap\" [ \"clamp\" ]",
-            [Wrap::Black, Wrap::Black] => " \"string wrap\" [ \"black\" ]",
-            _ => {
-                self.output.lose(format!("{who}: a texture that is mirrored, or differs by direction, repeats"));
-                ""
-            }
-        };
-        let encoding = match (file.ends_with(".exr"), encoding) {
-            (true, _) => "",
-            (false, Encoding::Srgb) => " \"string encoding\" [ \"sRGB\" ]",
-            (false, Encoding::Linear) => " \"string encoding\" [ \"linear\" ]",
-        };
-        let filter = if texture.filtering == Filtering::Nearest { " \"string filter\" [ \"point\" ]" } else { "" };
-        let mut placement = String::new();
-        for (name, value, default) in
-            [("uscale", a, 1.0), ("vscale", e, 1.0), ("udelta", c, 0.0), ("vdelta", 1.0 - e - f, 0.0)]
-        {
-            if value != default {
-                placement += &format!(" \"float {name}\" [ {value} ]");
-            }
-        }
-        let text = format!(
-            "\"{kind}\" \"imagemap\" \"string filename\" [ {} ]{encoding}{wrap}{filter}{placement}",
-            quoted(&file)
-        );
-        if let Some(name) = self.textures.get(&text) {
-            return name.clone();
-        }
-        let name = format!("texture-{}", self.texture_count);
-        self.texture_count += 1;
-        self.line(format!("Texture \"{name}\" {text}"));
-        self.textures.insert(text, name.clone());
-        name
     }
 }
 

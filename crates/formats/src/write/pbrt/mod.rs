@@ -8,6 +8,7 @@ mod light;
 mod material;
 mod medium;
 mod shape;
+mod texture;
 mod view;
 
 use super::picture::Pictures;
@@ -22,7 +23,7 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 /// The writer of pbrt files.
-pub const WRITER: SceneWriter = SceneWriter { name: "pbrt", extensions: &["pbrt"], write };
+pub const WRITER: SceneWriter = SceneWriter { name: "pbrt", extensions: &["pbrt"], knows: texture::is_known, write };
 
 fn write(scene: &Scene, output: &mut Output) -> Result<(), String> {
     let surfaces = placed(scene)?;

@@ -100,7 +100,7 @@ fn iridescence(reader: &mut Reader, json: &Json, surface: &mut OpenPbr) -> Resul
 
 /// The texture of a film that is `least` thick where the texture is 0: in units of the larger of the two.
 fn thickness_texture(reader: &mut Reader, texture: TextureId, least: f32, most: f32) -> TextureId {
-    let texture = reader.scene.textures[texture.index()].clone();
+    let Some(texture) = reader.scene.textures[texture.index()].as_image().cloned() else { return texture };
     let image = &reader.scene.images[texture.image.index()];
     let unit = least.max(most).max(1e-6);
     let mut values = Vec::with_capacity(image.width as usize * image.height as usize * 3);
@@ -112,7 +112,7 @@ fn thickness_texture(reader: &mut Reader, texture: TextureId, least: f32, most: 
     }
     let image = snell_scene::Image::from_f32(image.width, image.height, 3, values);
     let image = reader.scene.add_image(std::sync::Arc::new(image));
-    reader.scene.add_texture(snell_scene::texture::Texture { image, ..texture })
+    reader.scene.add_texture(snell_scene::texture::ImageTexture { image, ..texture })
 }
 
 /// glTF stretches `alpha` along the tangent only: from `alpha` towards 1 by the square of the strength. OpenPBR keeps the mean

@@ -177,7 +177,7 @@ fn texture_coordinates_are_turned_as_the_test_model_of_the_extension_wants() {
     let map = |name: &str, uv: [f32; 2]| {
         let material = scene.materials.iter().find(|m| m.name == name).expect("the material is there");
         let (texture, _) = material.alpha.texture.expect("it has a texture");
-        let texture = &scene.textures[texture.index()];
+        let texture = scene.textures[texture.index()].as_image().expect("an image");
         assert_eq!(texture.wrap, [Wrap::Clamp; 2]);
         texture.uv_transform.map(|row| row[0] * uv[0] + row[1] * uv[1] + row[2])
     };
@@ -207,6 +207,7 @@ fn materials_carry_their_textures_and_modes() {
     assert_eq!(unlit.emission.factor, Rgb::new(0.5, 1.0, 0.0));
     assert!(unlit.double_sided && unlit.emits_on_both_sides);
     let [texture] = &scene.textures[..] else { panic!("one texture") };
+    let texture = texture.as_image().expect("an image");
     assert_eq!(texture.wrap, [Wrap::Mirror, Wrap::Repeat]);
     assert_eq!((texture.filtering, texture.encoding), (Filtering::Nearest, Encoding::Srgb));
     // The image is broken: a checker, and a warning that says so.

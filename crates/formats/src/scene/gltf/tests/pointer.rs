@@ -109,7 +109,7 @@ fn whatever_a_pointer_names_follows_its_keys() {
         assert!((material.alpha.factor - (1.0 - 0.5 * share)).abs() < 1e-6);
         assert_eq!(surface.specular_roughness.factor, if is_there { 0.0 } else { 1.0 });
         assert!((material.emission.factor.r - share * (2.0 + 2.0 * share)).abs() < 0.01, "{time}");
-        let [row, other] = posed.textures[0].uv_transform;
+        let [row, other] = posed.textures[0].as_image().expect("an image").uv_transform;
         assert!((row[2] - share).abs() < 1e-6 && (other[2] - 0.5 * share).abs() < 1e-6);
         assert_eq!(posed.textures[1], scene.textures[1], "the other material's texture stays");
         let Projection::Perspective { tan_half_fov: [None, Some(tangent)] } = posed.cameras[0].projection else {

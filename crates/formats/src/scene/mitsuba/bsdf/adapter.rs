@@ -8,7 +8,7 @@ use super::Look;
 use crate::scene::fault::Fault;
 use crate::scene::layers;
 use snell_scene::material::{NormalMap, ScalarParam};
-use snell_scene::{Encoding, Texture};
+use snell_scene::{Encoding, ImageTexture};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -139,7 +139,7 @@ impl Builder<'_> {
             if let Some((picture, slope)) = bump::normal_map_of(&heights, &texture, height) {
                 let image = self.scene.add_image(Arc::new(picture));
                 let encoding = Encoding::Linear;
-                let texture = self.scene.add_texture(Texture { image, encoding, ..texture });
+                let texture = self.scene.add_texture(ImageTexture { image, encoding, ..texture });
                 // Finished for each shape, by the size of its texture coordinates.
                 look.layers.iter_mut().for_each(|l| l.normal_map = Some(NormalMap { texture, scale: slope }));
                 self.bumps.insert(texture);

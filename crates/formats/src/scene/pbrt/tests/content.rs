@@ -6,7 +6,6 @@ use snell_intersect::{Curves, Shape};
 use snell_math::{DVec2, DVec3, Rgb, Vec2, Vec3};
 use snell_scene::light::SpotFalloff;
 use snell_scene::material::{ConductorSpectrum, MaterialKind};
-use snell_scene::texture::{Filtering, Wrap};
 use snell_scene::{Environment, Geometry, Light, Material, Projection};
 
 fn close(a: f32, b: f32) -> bool {
@@ -457,13 +456,12 @@ fn spectra_become_colours() {
 }
 
 #[test]
-fn a_checkerboard_is_drawn_into_four_pixels() {
+fn a_checkerboard_has_its_checks_upright() {
     let scene = world(
         "Texture \"checks\" \"spectrum\" \"checkerboard\" \"float uscale\" 4 \"float vscale\" 4 \"rgb tex1\" [1 0 0] \"rgb tex2\" [0 0 1]\n\
          Material \"diffuse\" \"texture reflectance\" \"checks\" Shape \"sphere\"",
     );
-    let texture = &scene.textures[0];
-    assert_eq!((texture.filtering, texture.wrap), (Filtering::Nearest, [Wrap::Repeat; 2]));
+    assert!(scene.images.is_empty() && scene.textures.len() == 1, "it is computed");
     let set = snell_scene::TextureSet::new(&scene.textures, &scene.images);
     for (u, v, first) in [(0.1, 0.1, true), (0.3, 0.1, false), (0.3, 0.3, true), (0.6, 0.9, false)] {
         // Coordinates of the scene have v downwards.
@@ -518,4 +516,113 @@ fn hair_has_its_absorption_its_colour_or_its_pigments() {
     assert_eq!((dyed.color.factor, dyed.eumelanin, warnings), (Rgb::new(0.5, 0.25, 0.125), 0.0.into(), 0));
     let (absorbing, warnings) = hair("\"rgb sigma_a\" [0.5 1 4] \"float eumelanin\" 1");
     assert_eq!((absorbing.sigma_a.factor, absorbing.eumelanin, warnings), (Rgb::new(0.5, 1.0, 4.0), 0.0.into(), 1));
+}
+
+/// What texture 0 of a scene shows at a point of the file's world, on a surface that faces upwards.
+fn shown(scene: &Scene, place: [f64; 3], footprint: f32) -> [f32; 3] {
+    let position = scene.nodes[scene.root.index()].transform.transform_point3(DVec3::from(place)).as_vec3();
+    let set = snell_scene::TextureSet::new(&scene.textures, &scene.images);
+    let surface = snell_scene::texture::surface_at(position, Vec3::Y, Vec2::ZERO);
+    let [r, g, b, _] = set.lookup(snell_scene::TextureId(scene.textures.len() as u32 - 1), &surface, footprint);
+    [r, g, b]
+}
+
+#[test]
+fn patterns_in_space_lie_where_their_transform_puts_them() {
+    let block = "Texture \"t\" \"spectrum\" \"checkerboard\" \"integer dimension\" 3 \"rgb tex1\" [1 0 0] \"rgb tex2\" [0 0 1]\n";
+    let user = "Material \"diffuse\" \"texture reflectance\" \"t\" Shape \"sphere\"";
+    let here = world(&format!("{block}{user}"));
+    assert!(
+        shown(&here, [0.5, 0.5, 0.5], 0.0) == [1.0, 0.0, 0.0] && shown(&here, [1.5, 0.5, 0.5], 0.0) == [0.0, 0.0, 1.0]
+    );
+    let there = world(&format!("AttributeBegin Translate 1 0 0 Scale 2 2 2 {block} AttributeEnd {user}"));
+    for (x, is_first) in [(1.1, true), (2.9, true), (3.1, false), (0.9, false)] {
+        assert_eq!(shown(&there, [x, 0.5, 0.5], 0.0)[0] == 1.0, is_first, "{x}");
+    }
+    // A picture that would be mirrored is turned over, and its patterns with it.
+    let text = format!("LookAt 0 0 5  0 0 0  0 1 0\nCamera \"perspective\"\nWorldBegin\n{block}{user}");
+    let mirrored = super::scene(&text);
+    assert_eq!(shown(&mirrored, [1.5, 0.5, 0.5], 0.0), [0.0, 0.0, 1.0]);
+}
+
+#[test]
+fn every_pattern_and_mapping_of_pbrt_is_read() {
+    use snell_scene::texture::{Mapping, Pattern};
+    let one = |kind: &str, text: &str| {
+        let user = if kind == "float" {
+            "Material \"diffuse\" Shape \"sphere\" \"texture alpha\" \"t\""
+        } else {
+            "Material \"diffuse\" \"texture reflectance\" \"t\" Shape \"sphere\""
+        };
+        let scene = world(&format!("Texture \"t\" \"{kind}\" {text}\n{user}"));
+        assert!(scene.warnings.is_empty(), "{text}: {:?}", scene.warnings);
+        scene.textures.last().and_then(|t| t.as_pattern()).cloned().unwrap_or_else(|| panic!("{text}"))
+    };
+    for (kind, text, name) in [
+        ("float", "\"fbm\" \"integer octaves\" 3 \"float roughness\" 0.4", "fbm"),
+        ("float", "\"wrinkled\"", "wrinkled"),
+        ("float", "\"windy\"", "windy"),
+        ("spectrum", "\"marble\" \"float scale\" 4 \"float variation\" 1", "marble"),
+        ("spectrum", "\"dots\" \"rgb inside\" [1 0 0]", "dots"),
+        ("spectrum", "\"bilerp\" \"rgb v00\" [1 0 0]", "bilerp"),
+        ("spectrum", "\"directionmix\" \"vector dir\" [1 0 0]", "direction-mix"),
+        ("spectrum", "\"checkerboard\"", "checkerboard"),
+        ("float", "\"checkerboard\" \"integer dimension\" 3", "solid-checkerboard"),
+    ] {
+        assert_eq!(one(kind, text).name(), name);
+    }
+    assert!(
+        matches!(one("float", "\"fbm\" \"integer octaves\" 1000000000"), Pattern::Fbm(p) if p.octaves == 1_000_000_000)
+    );
+    for (name, is) in [("spherical", 0), ("cylindrical", 1), ("planar", 2)] {
+        let Pattern::Dots(dots) = one("spectrum", &format!("\"dots\" \"string mapping\" \"{name}\"")) else {
+            panic!("dots")
+        };
+        let found = match dots.mapping {
+            Mapping::Spherical { .. } => 0,
+            Mapping::Cylindrical { .. } => 1,
+            Mapping::Planar { .. } => 2,
+            Mapping::Uv { .. } => 3,
+        };
+        assert_eq!(found, is);
+    }
+    // Octaves beyond number end, too.
+    let scene = world(
+        "Texture \"t\" \"float\" \"wrinkled\" \"integer octaves\" 1000000000 Material \"diffuse\" Shape \"sphere\" \"texture alpha\" \"t\"",
+    );
+    assert!(shown(&scene, [0.3, 0.7, 0.1], 0.0)[0].is_finite());
+}
+
+/// The error of a text.
+fn fault(text: &str) -> String {
+    read_text(&READER, text).expect_err(text).to_string()
+}
+
+#[test]
+fn what_is_wrong_with_a_pattern_is_an_error_with_its_place() {
+    for (text, said) in [
+        ("\"fbm\" \"integer octaves\" -1", "octaves is -1"),
+        ("\"fbm\" \"float roughness\" 1e99", "\"1e99\" in roughness is not a number"),
+        ("\"checkerboard\" \"integer dimension\" 4", "dimension is 4"),
+        ("\"dots\" \"string mapping\" \"cubic\"", "\"cubic\" is not a mapping"),
+        ("\"dots\" \"string mapping\" \"planar\" \"vector v1\" [1 0 0 0 1 0]", "v1 is not one vector"),
+        ("\"directionmix\" \"vector dir\" [0 0 0]", "dir has no direction"),
+        ("\"mix\" \"texture amount\" \"t\"", "there is no float texture \"t\" so far"),
+        ("\"scale\" \"texture tex\" \"none\"", "there is no spectrum texture \"none\" so far"),
+    ] {
+        let error = fault(&format!("WorldBegin\nTexture \"t\" \"spectrum\" {text}\n"));
+        assert!(error.contains(":2:") && error.contains(said), "{text}: {error}");
+    }
+}
+
+#[test]
+fn textures_doubled_again_and_again_are_an_error() {
+    let mut text = "WorldBegin\nTexture \"t0\" \"spectrum\" \"marble\"\n".to_string();
+    for i in 1..40 {
+        let before = i - 1;
+        text += &format!(
+            "Texture \"t{i}\" \"spectrum\" \"mix\" \"texture tex1\" \"t{before}\" \"texture tex2\" \"t{before}\"\n"
+        );
+    }
+    assert!(fault(&text).contains("made of more than 256 textures"));
 }

@@ -168,7 +168,6 @@ fn what_is_changed_is_told_once_of_each_kind() {
     test:8:1: Material "measured" is not supported; a grey diffuse surface was used instead (1x)
     test:9:20: "float rougness" of Material "diffuse" is not known; it was ignored (2x)
     test:11:1: Shape "hyperboloid" is not a shape that is known; it was left out (2x)
-    test:13:1: Texture "fbm" is a pattern in space; its mean was used instead (1x)
     test:14:1: LightSource "laser" is not known; it was left out (1x)
     test:15:8: "bool disablepixeljitter" of Option was ignored: it is an aid for debugging pbrt (1x)
     test:17:22: surfaces without a material that bound no medium are not seen, and were left out (1x)

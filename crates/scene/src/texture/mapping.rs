@@ -1,0 +1,144 @@
+//! Mappings: from a point on a surface to the coordinates in which a pattern is laid out.
+
+use crate::material::ShadingPoint;
+use serde::{Deserialize, Serialize};
+use snell_math::{Vec2, Vec3};
+use std::f32::consts::PI;
+
+/// Rows of an affine map of points in space: `x' = m[0] . (x, y, z, 1)`, and so on.
+pub type Rows = [[f64; 4]; 3];
+
+/// The map that leaves points where they are.
+pub const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+
+/// A point of a pattern in space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpacePoint {
+    /// Coordinates in the pattern's space. Always finite.
+    pub p: Vec3,
+    /// How far along each axis what is seen at once reaches. Not negative; 0 for no filtering.
+    pub width: Vec3,
+}
+
+impl SpacePoint {
+    /// The point of a pattern's space where a point of the world is.
+    ///
+    /// Patterns are fixed in the world: a thing that moves passes through them as through a solid block. (So it is in pbrt.)
+    pub fn new(point: &ShadingPoint, texture_from_world: &Rows) -> Self {
+        let [x, y, z] = point.surface.position.to_array().map(f64::from);
+        let p = texture_from_world.map(|[a, b, c, d]| a * x + b * y + c * z + d);
+        let width = texture_from_world.map(|[a, b, c, _]| (a * a + b * b + c * c).sqrt());
+        let finite = |x: f64| if (x as f32).is_finite() { x as f32 } else { 0.0 };
+        let reach = |x: f64| finite(x * f64::from(point.footprint)).max(0.0);
+        Self { p: Vec3::from_array(p.map(finite)), width: Vec3::from_array(width.map(reach)) }
+    }
+}
+
+/// A point of a pattern on a plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlanePoint {
+    /// Coordinates `(s, t)`; `t` grows upwards. Always finite.
+    pub st: Vec2,
+    /// How far along each axis what is seen at once reaches. Not negative; 0 for no filtering.
+    pub width: Vec2,
+}
+
+/// How the two coordinates `(s, t)` of a pattern follow from the point: the mappings of pbrt (Pharr, Jakob, Humphreys, Physically
+/// Based Rendering, 4th edition, section 10.2).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Mapping {
+    /// By the coordinates of the surface.
+    Uv {
+        /// Which set of coordinates: 0 or 1.
+        #[serde(default)]
+        uv_set: u32,
+        /// Rows of the affine map: `s = m[0] . (u, v, 1)`, likewise `t`. `v` grows downwards, as in images.
+        uv_transform: [[f32; 3]; 2],
+    },
+    /// By the direction from the origin of a space: `s` is the angle from its z axis over pi, `t` that about it over 2 pi, from 0 to 1.
+    Spherical {
+        /// The space.
+        texture_from_world: Rows,
+    },
+    /// By the angle about the z axis of a space, `s` from 0 to 1, and the height along it, `t`.
+    Cylindrical {
+        /// The space.
+        texture_from_world: Rows,
+    },
+    /// By two affine functions of the position in the world.
+    Planar {
+        /// `s = m[0] . (x, y, z, 1)`, likewise `t`.
+        st_from_world: [[f64; 4]; 2],
+    },
+}
+
+impl Default for Mapping {
+    /// `(u, 1 - v)`: once over the surface, upright.
+    fn default() -> Self {
+        Self::upright([1.0, 1.0], [0.0, 0.0])
+    }
+}
+
+impl Mapping {
+    /// Scaled and shifted coordinates of the surface, upright: `(scale u + offset, scale (1 - v) + offset)`.
+    pub fn upright([su, sv]: [f32; 2], [du, dv]: [f32; 2]) -> Self {
+        Self::Uv { uv_set: 0, uv_transform: [[su, 0.0, du], [0.0, -sv, sv + dv]] }
+    }
+
+    /// True if the coordinates of the surface are all that counts.
+    pub fn is_on_surface(&self) -> bool {
+        matches!(self, Self::Uv { .. })
+    }
+
+    /// Mappings for tests.
+    pub fn examples() -> Vec<Self> {
+        let planar = Self::Planar { st_from_world: [[0.5, 0.0, 0.0, 0.25], [0.0, 0.5, 1.0, 0.0]] };
+        let [spherical, cylindrical] =
+            [Self::Spherical { texture_from_world: IDENTITY }, Self::Cylindrical { texture_from_world: IDENTITY }];
+        vec![Self::default(), Self::upright([4.0, -2.0], [0.5, 0.25]), spherical, cylindrical, planar]
+    }
+
+    /// The coordinates at a point.
+    pub fn at(&self, point: &ShadingPoint) -> PlanePoint {
+        let (st, width) = match self {
+            Self::Uv { uv_set, uv_transform } => on_surface(point, *uv_set, uv_transform),
+            Self::Spherical { texture_from_world } => {
+                let SpacePoint { p, width } = SpacePoint::new(point, texture_from_world);
+                let (across, reach, distance) = (p.truncate().length(), width.max_element(), p.length());
+                let st = Vec2::new(across.atan2(p.z) / PI, turn(p));
+                (st, Vec2::new(reach / (PI * distance), reach / (2.0 * PI * across)))
+            }
+            Self::Cylindrical { texture_from_world } => {
+                let SpacePoint { p, width } = SpacePoint::new(point, texture_from_world);
+                let around = width.max_element() / (2.0 * PI * p.truncate().length());
+                (Vec2::new((turn(p) + 0.5).fract(), p.z), Vec2::new(around, width.z))
+            }
+            Self::Planar { st_from_world: [s, t] } => {
+                let SpacePoint { p, width } = SpacePoint::new(point, &[*s, *t, [0.0; 4]]);
+                (p.truncate(), width.truncate())
+            }
+        };
+        let st = if st.is_finite() { st } else { Vec2::ZERO };
+        // Infinite widths are those of poles, where all is seen at once.
+        let bounded = |w: f32| crate::bsdf::bounded(w, 1e9);
+        PlanePoint { st, width: Vec2::new(bounded(width.x), bounded(width.y)) }
+    }
+}
+
+/// The angle about the z axis, from 0 to 1 counter-clockwise from the x axis.
+fn turn(p: Vec3) -> f32 {
+    let turn = p.y.atan2(p.x) / (2.0 * PI);
+    if turn < 0.0 { turn + 1.0 } else { turn }
+}
+
+fn on_surface(point: &ShadingPoint, uv_set: u32, [[a, b, c], [d, e, f]]: &[[f32; 3]; 2]) -> (Vec2, Vec2) {
+    let surface = point.surface;
+    let uv = surface.uv[(uv_set as usize).min(1)];
+    let st = Vec2::new(a * uv.x + b * uv.y + c, d * uv.x + e * uv.y + f);
+    if point.footprint == 0.0 {
+        return (st, Vec2::ZERO);
+    }
+    let reach = Vec2::new(surface.dpdu.length(), surface.dpdv.length()).map(|length| point.footprint / length);
+    (st, Vec2::new(a.abs() * reach.x + b.abs() * reach.y, d.abs() * reach.x + e.abs() * reach.y))
+}

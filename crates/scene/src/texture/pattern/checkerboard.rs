@@ -1,0 +1,129 @@
+//! Checks, in the plane and in space.
+
+use super::{rgb_at, uses_of};
+use crate::TextureId;
+use crate::material::{ColorParam, ShadingPoint};
+use crate::texture::mapping::{IDENTITY, Mapping, Rows, SpacePoint};
+use serde::{Deserialize, Serialize};
+use snell_math::Rgb;
+
+/// Squares with sides of 1 in `(s, t)`, in turn of two colours; averaged over what is seen at once.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Checkerboard {
+    /// The square from (0, 0) to (1, 1), and all whose coordinates have an even sum.
+    pub even: ColorParam,
+    /// The others.
+    pub odd: ColorParam,
+    /// Where the squares are.
+    pub mapping: Mapping,
+}
+
+impl Default for Checkerboard {
+    fn default() -> Self {
+        Self { even: Rgb::WHITE.into(), odd: Rgb::BLACK.into(), mapping: Mapping::default() }
+    }
+}
+
+impl Checkerboard {
+    /// One for each mapping.
+    pub fn examples() -> Vec<Self> {
+        Mapping::examples().into_iter().map(|mapping| Self { mapping, ..Self::default() }).collect()
+    }
+
+    pub(super) fn textures(&self) -> Vec<TextureId> {
+        uses_of(&[self.even, self.odd])
+    }
+
+    pub(super) fn is_on_surface(&self) -> bool {
+        self.mapping.is_on_surface()
+    }
+
+    pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
+        let at = self.mapping.at(point);
+        let contrast = square_wave(at.st.x, at.width.x) * square_wave(at.st.y, at.width.y);
+        shades(&self.even, &self.odd, contrast, point)
+    }
+}
+
+/// Cubes with sides of 1 in space, in turn of two colours: a body cut from such a block. Averaged over what is seen at once.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SolidCheckerboard {
+    /// The cube from (0, 0, 0) to (1, 1, 1), and all whose coordinates have an even sum.
+    pub even: ColorParam,
+    /// The others.
+    pub odd: ColorParam,
+    /// The space of the cubes.
+    pub texture_from_world: Rows,
+}
+
+impl Default for SolidCheckerboard {
+    fn default() -> Self {
+        Self { even: Rgb::WHITE.into(), odd: Rgb::BLACK.into(), texture_from_world: IDENTITY }
+    }
+}
+
+impl SolidCheckerboard {
+    /// Black and white.
+    pub fn examples() -> Vec<Self> {
+        vec![Self::default()]
+    }
+
+    pub(super) fn textures(&self) -> Vec<TextureId> {
+        uses_of(&[self.even, self.odd])
+    }
+
+    pub(super) fn is_on_surface(&self) -> bool {
+        false
+    }
+
+    pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
+        let SpacePoint { p, width } = SpacePoint::new(point, &self.texture_from_world);
+        let contrast = square_wave(p.x, width.x) * square_wave(p.y, width.y) * square_wave(p.z, width.z);
+        shades(&self.even, &self.odd, contrast, point)
+    }
+}
+
+/// The first colour for a contrast of 1, the second for -1.
+fn shades(even: &ColorParam, odd: &ColorParam, contrast: f32, point: &ShadingPoint) -> Rgb {
+    if contrast == 1.0 {
+        rgb_at(even, point)
+    } else if contrast == -1.0 {
+        rgb_at(odd, point)
+    } else {
+        rgb_at(even, point) * (0.5 + 0.5 * contrast) + rgb_at(odd, point) * (0.5 - 0.5 * contrast)
+    }
+}
+
+/// 1 from an even number to the next odd one, -1 from there to the next even one; the mean over an interval of this width around `x`.
+fn square_wave(x: f32, width: f32) -> f32 {
+    let (low, high) = (x - 0.5 * width, x + 0.5 * width);
+    if low.floor() == high.floor() {
+        return if x.floor().rem_euclid(2.0) == 0.0 { 1.0 } else { -1.0 };
+    }
+    // The integral rises from 0 at even numbers to 1 at odd ones.
+    let integral = |x: f32| 1.0 - (x.rem_euclid(2.0) - 1.0).abs();
+    let mean = (integral(high) - integral(low)) / (high - low);
+    if mean.is_finite() { mean.clamp(-1.0, 1.0) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_of_a_square_wave_is_that_of_its_points() {
+        for i in 0..200 {
+            let (x, width) = (i as f32 * 0.137 - 9.0, 0.01 + i as f32 * 0.031);
+            let n = 20_000;
+            let points = (0..n).map(|k| square_wave(x + width * ((k as f32 + 0.5) / n as f32 - 0.5), 0.0));
+            let mean = points.sum::<f32>() / n as f32;
+            assert!((square_wave(x, width) - mean).abs() < 3e-3, "{x} {width}: {} {mean}", square_wave(x, width));
+        }
+        for width in [1e6, 1e30, f32::INFINITY, f32::NAN] {
+            assert!(square_wave(0.3, width).abs() <= 1.0, "{width}");
+        }
+        assert!(square_wave(0.3, 1e6).abs() < 1e-5);
+    }
+}

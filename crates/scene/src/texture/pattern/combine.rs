@@ -1,0 +1,245 @@
+//! Patterns made of others.
+
+use super::{rgb_at, uses_of};
+use crate::TextureId;
+use crate::material::{ColorParam, ShadingPoint};
+use crate::texture::mapping::Mapping;
+use serde::{Deserialize, Serialize};
+use snell_intersect::SurfaceInteraction;
+use snell_math::{Rgb, Vec3};
+
+/// One pattern times another.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Scale {
+    /// What is scaled.
+    pub texture: ColorParam,
+    /// By what.
+    pub scale: ColorParam,
+}
+
+impl Default for Scale {
+    fn default() -> Self {
+        Self { texture: Rgb::WHITE.into(), scale: Rgb::WHITE.into() }
+    }
+}
+
+impl Scale {
+    /// Twice a grey.
+    pub fn examples() -> Vec<Self> {
+        vec![Self { texture: Rgb::splat(0.25).into(), scale: Rgb::splat(2.0).into() }]
+    }
+
+    pub(super) fn textures(&self) -> Vec<TextureId> {
+        uses_of(&[self.texture, self.scale])
+    }
+
+    pub(super) fn is_on_surface(&self) -> bool {
+        true
+    }
+
+    pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
+        rgb_at(&self.texture, point) * rgb_at(&self.scale, point)
+    }
+}
+
+/// From one pattern to another, each of red, green and blue for itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Mix {
+    /// Where the amount is 0.
+    pub first: ColorParam,
+    /// Where the amount is 1.
+    pub second: ColorParam,
+    /// Share of the second; values outside of `[0, 1]` go on beyond the two.
+    pub amount: ColorParam,
+}
+
+impl Default for Mix {
+    fn default() -> Self {
+        Self { first: Rgb::BLACK.into(), second: Rgb::WHITE.into(), amount: Rgb::splat(0.5).into() }
+    }
+}
+
+impl Mix {
+    /// Half and half, and by channels.
+    pub fn examples() -> Vec<Self> {
+        vec![Self::default(), Self { amount: Rgb::new(0.1, 0.5, 1.0).into(), ..Self::default() }]
+    }
+
+    pub(super) fn textures(&self) -> Vec<TextureId> {
+        uses_of(&[self.first, self.second, self.amount])
+    }
+
+    pub(super) fn is_on_surface(&self) -> bool {
+        true
+    }
+
+    pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
+        let amount = rgb_at(&self.amount, point);
+        rgb_at(&self.first, point) * amount.map(|t| 1.0 - t) + rgb_at(&self.second, point) * amount
+    }
+}
+
+/// By the direction of the surface: the first where it faces along an axis or against it, the second where it is at right angles.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DirectionMix {
+    /// Where the shading normal is along the axis.
+    pub first: ColorParam,
+    /// Where it is at right angles to it.
+    pub second: ColorParam,
+    /// The axis, in the world; of any length but 0, which counts as the y axis.
+    pub axis: Vec3,
+}
+
+impl Default for DirectionMix {
+    fn default() -> Self {
+        Self { first: Rgb::BLACK.into(), second: Rgb::WHITE.into(), axis: Vec3::Y }
+    }
+}
+
+impl DirectionMix {
+    /// Along two axes.
+    pub fn examples() -> Vec<Self> {
+        vec![Self::default(), Self { axis: Vec3::new(2.0, 0.0, 1.0), ..Self::default() }]
+    }
+
+    pub(super) fn textures(&self) -> Vec<TextureId> {
+        uses_of(&[self.first, self.second])
+    }
+
+    pub(super) fn is_on_surface(&self) -> bool {
+        false
+    }
+
+    pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
+        let axis = self.axis.normalize_or(Vec3::Y);
+        let amount = point.surface.shading_normal.dot(axis).abs().min(1.0);
+        rgb_at(&self.first, point) * amount + rgb_at(&self.second, point) * (1.0 - amount)
+    }
+}
+
+/// A power of each of red, green and blue of another pattern; negative values count as 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Power {
+    /// The base.
+    pub base: ColorParam,
+    /// The exponent, above 0; others leave the base as it is.
+    pub exponent: f32,
+}
+
+impl Default for Power {
+    fn default() -> Self {
+        Self { base: Rgb::WHITE.into(), exponent: 1.0 }
+    }
+}
+
+impl Power {
+    /// A square root.
+    pub fn examples() -> Vec<Self> {
+        vec![Self { base: Rgb::splat(0.25).into(), exponent: 0.5 }]
+    }
+
+    pub(super) fn textures(&self) -> Vec<TextureId> {
+        uses_of(&[self.base])
+    }
+
+    pub(super) fn is_on_surface(&self) -> bool {
+        true
+    }
+
+    pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
+        let exponent = if self.exponent > 0.0 && self.exponent.is_finite() { self.exponent } else { 1.0 };
+        rgb_at(&self.base, point).map(|x| x.max(0.0).powf(exponent))
+    }
+}
+
+/// Colours by a number: a table whose first entry stands for 0 and whose last for 1, straight lines between.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Ramp {
+    /// Looked up, each of red, green and blue for itself; what is outside of `[0, 1]` is brought in.
+    pub amount: ColorParam,
+    /// The table; empty for one that says black.
+    pub colors: Vec<Rgb>,
+}
+
+impl Default for Ramp {
+    fn default() -> Self {
+        Self { amount: Rgb::BLACK.into(), colors: vec![Rgb::BLACK, Rgb::WHITE] }
+    }
+}
+
+impl Ramp {
+    /// A ramp of three colours.
+    pub fn examples() -> Vec<Self> {
+        let colors = vec![Rgb::BLACK, Rgb::new(1.0, 0.0, 0.0), Rgb::WHITE];
+        vec![Self { amount: Rgb::splat(0.75).into(), colors }]
+    }
+
+    pub(super) fn textures(&self) -> Vec<TextureId> {
+        uses_of(&[self.amount])
+    }
+
+    pub(super) fn is_on_surface(&self) -> bool {
+        true
+    }
+
+    pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
+        let Some(last) = self.colors.len().checked_sub(1) else { return Rgb::BLACK };
+        let Rgb { r, g, b } = rgb_at(&self.amount, point);
+        let at = |x: f32, channel: fn(Rgb) -> f32| {
+            let place = crate::bsdf::bounded(x, 1.0) * last as f32;
+            let first = (place as usize).min(last);
+            let [a, b] = [first, (first + 1).min(last)].map(|i| channel(self.colors[i]));
+            a + (b - a) * (place - first as f32)
+        };
+        Rgb::new(at(r, |c| c.r), at(g, |c| c.g), at(b, |c| c.b))
+    }
+}
+
+/// Another texture, laid out by a mapping in the place of the coordinates of the surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Projected {
+    /// What is laid out: its coordinates are `(s, 1 - t)`.
+    pub texture: ColorParam,
+    /// Where.
+    pub mapping: Mapping,
+}
+
+impl Default for Projected {
+    fn default() -> Self {
+        Self { texture: Rgb::WHITE.into(), mapping: Mapping::default() }
+    }
+}
+
+impl Projected {
+    /// One for each mapping.
+    pub fn examples() -> Vec<Self> {
+        Mapping::examples().into_iter().map(|mapping| Self { mapping, ..Self::default() }).collect()
+    }
+
+    pub(super) fn textures(&self) -> Vec<TextureId> {
+        uses_of(&[self.texture])
+    }
+
+    pub(super) fn is_on_surface(&self) -> bool {
+        self.mapping.is_on_surface()
+    }
+
+    pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
+        let at = self.mapping.at(point);
+        // A surface on which a unit of the coordinates is as long as what is seen says.
+        let long = |axis: Vec3, width: f32| axis * if width > 0.0 { point.footprint / width } else { 1.0 };
+        let surface = SurfaceInteraction {
+            uv: [at.st.with_y(1.0 - at.st.y); 2],
+            dpdu: long(Vec3::X, at.width.x),
+            dpdv: long(Vec3::Y, at.width.y),
+            ..*point.surface
+        };
+        rgb_at(&self.texture, &ShadingPoint { surface: &surface, ..*point })
+    }
+}

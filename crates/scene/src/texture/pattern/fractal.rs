@@ -1,0 +1,180 @@
+//! Sums of octaves of noise.
+
+use crate::TextureId;
+use crate::material::ShadingPoint;
+use crate::noise::Octaves;
+use crate::texture::mapping::{IDENTITY, Rows, SpacePoint};
+use serde::{Deserialize, Serialize};
+use snell_math::{Rgb, Vec3};
+
+/// Declares patterns that are a sum of octaves, by the name of the sum.
+macro_rules! sums {
+    ($($(#[$meaning:meta])* $kind:ident => $sum:ident,)*) => {$(
+        $(#[$meaning])*
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(default, deny_unknown_fields)]
+        pub struct $kind {
+            /// How many octaves at most, each about twice as fine as the one before; more than 32 are 32.
+            pub octaves: u32,
+            /// Height of an octave over that of the one before, `[0, 4]`: the larger, the rougher.
+            pub roughness: f32,
+            /// The space of the noise, whose coarsest waves are about 1 long.
+            pub texture_from_world: Rows,
+        }
+
+        impl Default for $kind {
+            fn default() -> Self {
+                Self { octaves: 8, roughness: 0.5, texture_from_world: IDENTITY }
+            }
+        }
+
+        impl $kind {
+            /// A smooth one and a rough one.
+            pub fn examples() -> Vec<Self> {
+                vec![Self::default(), Self { octaves: 3, roughness: 0.8, ..Self::default() }]
+            }
+
+            pub(super) fn textures(&self) -> Vec<TextureId> {
+                Vec::new()
+            }
+
+            pub(super) fn is_on_surface(&self) -> bool {
+                false
+            }
+
+            pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
+                let SpacePoint { p, width } = SpacePoint::new(point, &self.texture_from_world);
+                let octaves = Octaves { count: self.octaves, omega: self.roughness };
+                Rgb::splat(octaves.$sum(p, width.max_element()))
+            }
+        }
+    )*};
+}
+
+sums! {
+    /// Fractional Brownian motion: bumps of all sizes around 0. Octaves too fine for what is seen at once fade out.
+    Fbm => fbm,
+    /// Turbulence: creases as of crumpled paper, from 0 upwards. Octaves too fine for what is seen at once are replaced by their mean.
+    Wrinkled => turbulence,
+}
+
+/// Waves on water under gusts of wind, around 0 (Pharr, Jakob, Humphreys, Physically Based Rendering, 3rd edition, section 10.6.5).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Windy {
+    /// The space of the waves, of which the coarsest are about 1 long; gusts are ten times as large.
+    pub texture_from_world: Rows,
+}
+
+impl Default for Windy {
+    fn default() -> Self {
+        Self { texture_from_world: IDENTITY }
+    }
+}
+
+impl Windy {
+    /// The only one.
+    pub fn examples() -> Vec<Self> {
+        vec![Self::default()]
+    }
+
+    pub(super) fn textures(&self) -> Vec<TextureId> {
+        Vec::new()
+    }
+
+    pub(super) fn is_on_surface(&self) -> bool {
+        false
+    }
+
+    pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
+        let SpacePoint { p, width } = SpacePoint::new(point, &self.texture_from_world);
+        let width = width.max_element();
+        let wind = Octaves { count: 3, omega: 0.5 }.fbm(p * 0.1, width * 0.1);
+        Rgb::splat(wind.abs() * Octaves { count: 6, omega: 0.5 }.fbm(p, width))
+    }
+}
+
+/// Marble: veins across the y axis, disturbed by noise (Pharr, Jakob, Humphreys, Physically Based Rendering, 3rd edition, section
+/// 10.6.6).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Marble {
+    /// How many octaves disturb the veins at most; more than 32 are 32.
+    pub octaves: u32,
+    /// Height of an octave over that of the one before, `[0, 4]`.
+    pub roughness: f32,
+    /// Factor on the coordinates, before all else: veins come every 2 pi over it.
+    pub scale: f32,
+    /// How far the noise shifts the veins.
+    pub variation: f32,
+    /// The space of the block.
+    pub texture_from_world: Rows,
+}
+
+/// The colours from one vein to the middle between two: control points of the spline.
+const STONE: [Rgb; 9] = {
+    let (grey, light, warm) = (Rgb::new(0.5, 0.5, 0.5), Rgb::new(0.58, 0.58, 0.6), Rgb::new(0.6, 0.59, 0.58));
+    [light, light, light, grey, warm, light, light, Rgb::new(0.2, 0.2, 0.33), light]
+};
+
+/// The mean over all phases.
+const MEAN_STONE: Rgb = Rgb::new(0.8046, 0.8030, 0.8398);
+
+impl Default for Marble {
+    fn default() -> Self {
+        Self { octaves: 8, roughness: 0.5, scale: 1.0, variation: 0.2, texture_from_world: IDENTITY }
+    }
+}
+
+impl Marble {
+    /// Quiet and lively stone.
+    pub fn examples() -> Vec<Self> {
+        vec![Self::default(), Self { scale: 4.0, variation: 2.0, ..Self::default() }]
+    }
+
+    pub(super) fn textures(&self) -> Vec<TextureId> {
+        Vec::new()
+    }
+
+    pub(super) fn is_on_surface(&self) -> bool {
+        false
+    }
+
+    pub(super) fn rgb(&self, point: &ShadingPoint) -> Rgb {
+        let SpacePoint { p, width } = SpacePoint::new(point, &self.texture_from_world);
+        let p: Vec3 = p * self.scale;
+        let octaves = Octaves { count: self.octaves, omega: self.roughness };
+        let width = width.max_element() * self.scale.abs();
+        let phase = p.y + self.variation * octaves.fbm(p, width);
+        let phase = if phase.is_finite() { phase } else { 0.0 };
+        // Veins closer than what is seen at once blur to their mean, as a sine does to second order.
+        let share = (-width * width / 24.0).exp();
+        spline(0.5 + 0.5 * phase.sin()) * 1.5 * share + MEAN_STONE * (1.0 - share)
+    }
+}
+
+/// The Bezier segment between four of the colours that `t` in `[0, 1]` falls on; each begins one colour after the one before.
+fn spline(t: f32) -> Rgb {
+    let segments = STONE.len() - 3;
+    let place = t.clamp(0.0, 1.0) * segments as f32;
+    let first = (place as usize).min(segments - 1);
+    let t = place - first as f32;
+    let [a, b, c, d] = [0, 1, 2, 3].map(|i| STONE[first + i]);
+    let lerp = |a: Rgb, b: Rgb| a * (1.0 - t) + b * t;
+    let (ab, bc, cd) = (lerp(a, b), lerp(b, c), lerp(c, d));
+    lerp(lerp(ab, bc), lerp(bc, cd))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_of_stone_is_stated() {
+        let n = 10_000;
+        let phases = (0..n).map(|i| i as f32 * std::f32::consts::TAU / n as f32);
+        let mean = phases.fold(Rgb::BLACK, |sum, phase| sum + spline(0.5 + 0.5 * phase.sin()) * (1.5 / n as f32));
+        let difference = mean + MEAN_STONE * -1.0;
+        assert!(difference.to_array().iter().all(|x| x.abs() < 1e-3), "{mean:?}");
+    }
+}
