@@ -10,7 +10,9 @@ use snell_render::{
 use snell_scene::builtin::builtin;
 use snell_scene::material::{Black, ColorParam, Conductor, Dielectric, Mirror, Plastic};
 use snell_scene::texture::Wrap;
-use snell_scene::{Camera, CameraSample, Encoding, Environment, Geometry, Material, Node, Scene, Surface, Texture};
+use snell_scene::{
+    Camera, CameraSample, Encoding, Environment, Geometry, ImageTexture, Material, Node, Scene, Surface,
+};
 use snell_tests::scenes::{at, everything, facing, ground, image, lamp, matte, put, put_mesh, quad, rectangle, sky};
 use snell_tests::statistics::{compare, compare_exact};
 use snell_tests::{colors, render, render_compiled, settings};
@@ -108,7 +110,8 @@ fn filters_agree_on_a_ramp() {
     // Any symmetric filter leaves a linear picture as it is.
     let mut scene = Scene::new("ramp");
     let ramp = scene.add_image(image(2, 1, 3, |x, _| vec![x as f32, 2.0 * x as f32, 1.0 - x as f32]));
-    let texture = scene.add_texture(Texture { wrap: [Wrap::Clamp; 2], ..Texture::new(ramp, Encoding::Linear) });
+    let texture =
+        scene.add_texture(ImageTexture { wrap: [Wrap::Clamp; 2], ..ImageTexture::new(ramp, Encoding::Linear) });
     let emission = ColorParam::textured(Rgb::WHITE, Some(texture));
     let material = scene.add_material(Material { emission, ..Material::new("ramp", Black {}) });
     put_mesh(&mut scene, quad(), DAffine3::from_scale(DVec3::splat(4.0)), material);

@@ -8,7 +8,7 @@ use snell_render::{CompiledScene, Film, IntegratorKind, LightSamplerKind, LightS
 use snell_scene::light::{Attenuation, SpotFalloff};
 use snell_scene::material::{Black, ColorParam, Conductor};
 use snell_scene::medium::{Grid, ScalarGrid};
-use snell_scene::{Camera, Encoding, Environment, Geometry, Light, Material, Node, Pose, Scene, Surface, Texture};
+use snell_scene::{Camera, Encoding, Environment, Geometry, ImageTexture, Light, Material, Node, Pose, Scene, Surface};
 use snell_tests::scenes::{at, facing, ground, image, lamp, matte, put, put_mesh, quad, rectangle, sky};
 use snell_tests::statistics::compare;
 use snell_tests::{bits, colors, render, render_compiled, settings};
@@ -34,7 +34,7 @@ fn every_light(with_points: bool) -> (Scene, Camera) {
     // A textured mesh that shines on both sides, instanced.
     let picture = image(4, 4, 3, |x, y| vec![x as f32 * 2.0, f32::from(y == 1) * 9.0, 0.5]);
     let picture = scene.add_image(picture);
-    let texture = Some(scene.add_texture(Texture::new(picture, Encoding::Linear)));
+    let texture = Some(scene.add_texture(ImageTexture::new(picture, Encoding::Linear)));
     let emission = ColorParam::textured(Rgb::splat(1.0), texture);
     let screen = Material { emission, emits_on_both_sides: true, ..Material::new("screen", Black {}) };
     let screen = scene.add_material(screen);

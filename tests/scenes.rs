@@ -98,8 +98,8 @@ pub fn everything() -> (Scene, Camera) {
     });
     let bumps = image(4, 4, 3, |x, y| vec![0.4 + 0.06 * x as f32, 0.4 + 0.06 * y as f32, 1.0]);
     let (checks, bumps) = (scene.add_image(checks), scene.add_image(bumps));
-    let checks = scene.add_texture(Texture::new(checks, Encoding::Linear));
-    let bumps = scene.add_texture(Texture::new(bumps, Encoding::Linear));
+    let checks = scene.add_texture(ImageTexture::new(checks, Encoding::Linear));
+    let bumps = scene.add_texture(ImageTexture::new(bumps, Encoding::Linear));
     let textured = ColorParam::textured(Rgb::WHITE, Some(checks));
     let alpha = ScalarParam { factor: 1.0, texture: Some((checks, 3)) };
 

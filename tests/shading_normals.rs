@@ -6,7 +6,7 @@ use snell_math::{DAffine3, DVec3, Rgb, Vec3};
 use snell_render::{IntegratorKind, Settings};
 use snell_scene::light::Attenuation;
 use snell_scene::material::{Conductor, Dielectric, Diffuse, MaterialKind, Mirror, NormalMap, OpenPbr, Plastic};
-use snell_scene::{Camera, Encoding, Environment, Light, Material, Scene, Texture};
+use snell_scene::{Camera, Encoding, Environment, ImageTexture, Light, Material, Scene};
 use snell_tests::scenes::{image, put, put_mesh, quad};
 use snell_tests::{colors, render, settings};
 
@@ -36,7 +36,7 @@ fn bumpy_ball(kind: MaterialKind, scale: f32) -> (Scene, Camera) {
         (n * 0.5 + 0.5).to_array().to_vec()
     });
     let waves = scene.add_image(waves);
-    let texture = scene.add_texture(Texture::new(waves, Encoding::Linear));
+    let texture = scene.add_texture(ImageTexture::new(waves, Encoding::Linear));
     let normal_map = Some(NormalMap { texture, scale });
     let material = scene.add_material(Material { normal_map, ..Material::new("bumpy", kind) });
     put(&mut scene, Sphere { radius: 1.0 }, DAffine3::from_rotation_x(0.5), material);
