@@ -10,7 +10,7 @@ use snell_scene::material::{
     ScalarParam,
 };
 use snell_scene::{
-    Camera, Encoding, Environment, Geometry, Image, Light, Material, MaterialId, Node, Scene, Surface, Texture,
+    Camera, Encoding, Environment, Geometry, Image, ImageTexture, Light, Material, MaterialId, Node, Scene, Surface,
 };
 use std::sync::Arc;
 
