@@ -9,6 +9,7 @@ use snell_math::{ColorMode, Rgb, Vec2, Vec3};
 use snell_scene::TextureSet;
 use snell_scene::bsdf::{Bsdf, Lobes, fresnel};
 use snell_scene::material::{Conductor, Dielectric, MaterialKind, OpenPbr, ScalarParam, ShadingPoint};
+use snell_scene::texture::surface_at;
 
 const SIGNIFICANCE: f64 = 0.01;
 
@@ -50,22 +51,7 @@ impl Family {
 }
 
 fn surface() -> SurfaceInteraction {
-    SurfaceInteraction {
-        position: Vec3::ZERO,
-        position_error: Vec3::ZERO,
-        geometric_normal: Vec3::Z,
-        shading_normal: Vec3::Z,
-        uv: [Vec2::splat(0.3); 2],
-        dpdu: Vec3::X,
-        dpdv: Vec3::Y,
-        tangent: None,
-        color: [1.0; 4],
-        t: 1.0,
-        primitive_uv: Vec2::ZERO,
-        instance: 0,
-        geometry: 0,
-        primitive: 0,
-    }
+    SurfaceInteraction { dpdv: Vec3::Y, ..surface_at(Vec3::ZERO, Vec3::Z, Vec2::splat(0.3)) }
 }
 
 fn bsdf(kind: &MaterialKind) -> Bsdf {
