@@ -3,8 +3,8 @@
 //! Only those whose name contains NAME, if given. One thread, in processor time where Linux tells it. Rays start around the cloud and aim into it; best of five batches.
 
 use snell_intersect::{
-    AcceptAll, BuildOptions, CubicCurves, CurveBasis, Grouping, Hit, LinearCurves, MeshKey, MovingMesh, PrimitiveSet,
-    Rays, Spheres, TriangleMesh, World, WorldBuilder,
+    AcceptAll, BuildOptions, CubicCurves, CurveBasis, Curves, Grouping, Hit, LinearCurves, MeshKey, MovingMesh,
+    PrimitiveSet, Rays, Spheres, StrandBasis, TriangleMesh, World, WorldBuilder,
 };
 use snell_math::{Ray, Vec3, Vec4, rng};
 use std::sync::Arc;
@@ -94,8 +94,12 @@ fn main() {
     let bytes = size_of_val(points.as_slice()) + size_of_val(segments.as_slice());
     report_set("linear curves", LinearCurves { points: points.clone(), segments }, bytes);
     let segments: Vec<u32> = (0..strands).flat_map(|i| (0..13).map(move |k| 16 * i + k)).collect();
-    let curves = CubicCurves { basis: CurveBasis::BSpline, points, tangents: Vec::new(), segments };
+    let curves = CubicCurves { basis: CurveBasis::BSpline, points: points.clone(), tangents: Vec::new(), segments };
     report_set("b-splines", curves, bytes);
+    for (name, basis) in [("strands, linear", StrandBasis::Linear), ("strands, b-spline", StrandBasis::BSpline)] {
+        let curves = Curves::new(basis, points.clone(), vec![16; strands as usize]);
+        report_set(name, curves.expect("whole segments"), bytes);
+    }
 
     let n = 300;
     let mut mesh = TriangleMesh::default();

@@ -121,14 +121,27 @@ impl Part {
 }
 
 impl Sweep {
-    /// The curve with these control points as the ray sees it.
+    /// The curve with these control points as the ray sees it; `None` if it passes by, perhaps.
     pub fn new(controls: &[DVec4; 4], ray: &DRay) -> Option<Self> {
         let ray = UnitRay::new(ray)?;
         let middle = (controls[0] + controls[3]).truncate() * 0.5;
         let start = (middle - ray.origin).dot(ray.direction);
         let origin = ray.origin + ray.direction * start;
+        // Most rays that come near pass by across the chord: that is seen before anything is turned.
+        let whole_chord = (controls[3] - controls[0]).truncate();
+        let across = ray.direction.cross(whole_chord);
+        let unit = across.length();
+        let (mut is_below, mut is_above) = (true, true);
+        for c in controls {
+            let (y, radius) = ((c.truncate() - origin).dot(across), c.w * unit);
+            is_below &= y + radius < 0.0;
+            is_above &= y - radius > 0.0;
+        }
+        if is_below | is_above {
+            return None;
+        }
         // x along the projected chord, so that y bounds the curve tightly.
-        let chord = (controls[3] - controls[0]).truncate().reject_from_normalized(ray.direction);
+        let chord = whole_chord.reject_from_normalized(ray.direction);
         let x = chord.try_normalize().unwrap_or(ray.direction.any_orthonormal_vector());
         let frame = DMat3::from_cols(x, ray.direction.cross(x), ray.direction).transpose();
         let controls = controls.map(|c| (frame * (c.truncate() - origin)).extend(c.w));
@@ -163,29 +176,26 @@ impl Sweep {
     }
 
     fn stretches(whole: Part) -> Stretches {
-        let axis = UnitRay { origin: DVec3::ZERO, direction: DVec3::Z, scale: 1.0 };
         let mut found = Stretches::default();
-        let mut stack = [whole; MAX_DEPTH as usize + 1];
-        let mut top = 1;
-        while top > 0 {
-            top -= 1;
-            let part = stack[top];
-            if part.is_missed() {
-                continue;
-            }
-            if part.depth > 0 {
-                let [first, second] = part.halves();
-                (stack[top], stack[top + 1]) = (second, first);
-                top += 2;
-                continue;
-            }
-            let ball = |c: DVec4| Ball { center: c.truncate(), radius: c.w };
-            if let Some(ends) = axis.hull_span(&[ball(part.controls[0]), ball(part.controls[3])]) {
-                let [enter, exit] = ends.map(|(z, v)| (z, part.u + v * part.width));
-                found.add(Stretch { enter, exit });
-            }
-        }
+        Self::add_stretches(&whole, &mut found);
         found
+    }
+
+    /// Adds those of a part, its first half first.
+    fn add_stretches(part: &Part, found: &mut Stretches) {
+        if part.is_missed() {
+            return;
+        }
+        if part.depth > 0 {
+            part.halves().iter().for_each(|half| Self::add_stretches(half, found));
+            return;
+        }
+        let axis = UnitRay { origin: DVec3::ZERO, direction: DVec3::Z, scale: 1.0 };
+        let ball = |c: DVec4| Ball { center: c.truncate(), radius: c.w };
+        if let Some(ends) = axis.hull_span(&[ball(part.controls[0]), ball(part.controls[3])]) {
+            let [enter, exit] = ends.map(|(z, v)| (z, part.u + v * part.width));
+            found.add(Stretch { enter, exit });
+        }
     }
 
     /// The crossing of the ball at an end (`u` is 0 or 1) nearest to `z`, if no ball next to it is farther out.
@@ -248,6 +258,10 @@ impl Default for Stretches {
 impl Stretches {
     /// Adds a stretch, joined with those it overlaps.
     fn add(&mut self, mut new: Stretch) {
+        if self.count == 0 {
+            (self.list[0], self.count) = (new, 1);
+            return;
+        }
         let mut kept = Self::default();
         let mut place = 0;
         for old in &self.list[..self.count] {
