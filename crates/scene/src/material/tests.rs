@@ -248,3 +248,8 @@ fn emission_is_one_sided_unless_asked_and_never_nonsense() {
     assert_eq!(lamp.emitted(&point, -Vec3::Z), SampledSpectrum::ZERO);
     assert_eq!(Material { emits_on_both_sides: true, ..lamp }.emitted(&point, -Vec3::Z)[0], 2.0);
 }
+
+#[test]
+fn names_are_no_textures() {
+    assert!(Material::new("TextureId(77)", Diffuse::new(snell_math::Rgb::WHITE)).textures().is_empty());
+}
