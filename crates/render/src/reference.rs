@@ -5,7 +5,7 @@
 
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
-use crate::integrator::camera_path::{FILM, camera_path};
+use crate::integrator::camera_path::{FILM, camera_path, film_point};
 use crate::integrator::{Context, MediumVertex, Outputs, PathState, SurfaceVertex, Vertex};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Settings;
@@ -28,8 +28,8 @@ pub fn ray_cast(scene: &CompiledScene, camera: &Camera, settings: &Settings) -> 
             let (mut plain, mut sum, mut weights) = (Rgb::BLACK, Rgb::BLACK, 0.0);
             for number in 0..settings.spp {
                 let random = sampler.random([x, y], number);
-                let (ray, state, weight) =
-                    camera_path(&view, settings, scene.moves, &filter, [x, y], &random, random.pair(FILM));
+                let (film, weight) = film_point(settings, &filter, [x, y], random.pair(FILM));
+                let (ray, state) = camera_path(&view, settings, scene.moves, &random, film);
                 let mut media = Media::new(&context, camera, state.mode);
                 let color = state.mode.to_rgb(radiance(&context, &ray, &state, random, 0, &mut media));
                 plain = plain + color;

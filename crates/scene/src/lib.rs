@@ -22,7 +22,7 @@ pub mod placed;
 pub mod settings;
 pub mod texture;
 
-pub use camera::{Camera, CameraSample, CameraView, Projection};
+pub use camera::{Camera, CameraRay, CameraSample, CameraView, PinholeRays, Projection};
 pub use graph::{
     Background, Environment, Geometry, MaterialId, MediumId, Node, NodeId, Scene, SceneError, Surface, TextureId,
     Warning, WarningKind,

@@ -71,13 +71,16 @@ impl SampledSpectrum {
     /// True if every lane is 0 (or negative zero).
     #[inline]
     pub fn is_black(self) -> bool {
-        self.0.iter().all(|&x| x == 0.0)
+        // (Without branches.)
+        let [a, b, c, d] = self.0;
+        (a == 0.0) & (b == 0.0) & (c == 0.0) & (d == 0.0)
     }
 
     /// True if no lane is NaN or infinite.
     #[inline]
     pub fn is_finite(self) -> bool {
-        self.0.iter().all(|x| x.is_finite())
+        let [a, b, c, d] = self.0;
+        a.is_finite() & b.is_finite() & c.is_finite() & d.is_finite()
     }
 
     /// Square roots, of 0 for negative lanes.

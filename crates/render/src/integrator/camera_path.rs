@@ -6,8 +6,8 @@ use crate::film::filter::FilterSampler;
 use crate::light_sampler::Receiver;
 use crate::sampler::Random;
 use crate::settings::Settings;
-use snell_math::{DVec2, Ray, Vec2};
-use snell_scene::{Camera, CameraSample, CameraView};
+use snell_math::{ColorMode, DVec2, Ray, Vec2};
+use snell_scene::{Camera, CameraRay, CameraSample, CameraView};
 
 /// Dimensions of the camera sample.
 pub(crate) const FILM: u32 = 0;
@@ -15,17 +15,10 @@ const LENS: u32 = 1;
 const WAVELENGTH: u32 = 2;
 const TIME: u32 = 3;
 
-/// A sample's first ray, what the path carries, and the filter's weight, by the numbers of the sample and those of dimension [`FILM`].
-/// Only where anything `moves` has the path a time.
-pub(crate) fn camera_path(
-    view: &CameraView,
-    settings: &Settings,
-    moves: bool,
-    filter: &FilterSampler,
-    pixel: [u32; 2],
-    random: &Random,
-    on_film: Vec2,
-) -> (Ray, PathState, f32) {
+/// Where a sample of a pixel is on the film, in the coordinates of [`CameraSample::film`], and the filter's weight, by the sample's
+/// numbers of dimension [`FILM`].
+#[inline]
+pub(crate) fn film_point(settings: &Settings, filter: &FilterSampler, pixel: [u32; 2], on_film: Vec2) -> (DVec2, f32) {
     let (position, weight) = match settings.pixel_position {
         Some([u, v]) => (DVec2::new(u, v), 1.0),
         None => {
@@ -33,7 +26,17 @@ pub(crate) fn camera_path(
             (offset + 0.5, weight)
         }
     };
-    let film = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + position;
+    (DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + position, weight)
+}
+
+/// A sample's first ray, and what the path carries. Only where anything `moves` has the path a time.
+pub(crate) fn camera_path(
+    view: &CameraView,
+    settings: &Settings,
+    moves: bool,
+    random: &Random,
+    film: DVec2,
+) -> (Ray, PathState) {
     let time = if moves || !settings.later_cameras.is_empty() { random.number(TIME) } else { 0.0 };
     let camera = view.camera();
     let has_lens = camera.has_lens() || settings.later_cameras.iter().any(Camera::has_lens);
@@ -44,7 +47,13 @@ pub(crate) fn camera_path(
         later => camera_at(camera, later, time).ray(&sample, settings.size),
     };
     let mode = settings.color.mode(|| random.number(WAVELENGTH));
-    let state = PathState {
+    (camera_ray.ray, path_of(&camera_ray, mode, time))
+}
+
+/// What a path carries along a ray of the camera.
+#[inline]
+pub(crate) fn path_of(camera_ray: &CameraRay, mode: ColorMode, time: f32) -> PathState {
+    PathState {
         throughput: mode.unit() * camera_ray.weight,
         mode,
         bsdf_pdf: 0.0,
@@ -56,8 +65,7 @@ pub(crate) fn camera_path(
         stream: 0,
         lobe: LobeShares::UNKNOWN,
         time,
-    };
-    (camera_ray.ray, state, weight)
+    }
 }
 
 /// The camera at a time from 0 to 1.

@@ -16,6 +16,10 @@ const ZERO: HitVectors = [[0.0; LANES]; 3];
 /// The lights of the lanes. Lanes without a light hold anything.
 #[derive(Debug)]
 pub struct FlatLights {
+    /// Which part of which light is there already: mostly the one that comes next.
+    which: [Option<(usize, u32)>; LANES],
+    /// Emitted radiance, by channel.
+    pub radiance: HitVectors,
     corner: HitVectors,
     edges: [HitVectors; 2],
     normal: HitVectors,
@@ -34,28 +38,17 @@ pub struct FlatLights {
 #[derive(Debug)]
 pub struct FlatArrivals {
     origin: HitVectors,
-    /// From the origin to the end of the light ray.
+    /// Direction of the light ray, and where it ends.
     way: HitVectors,
+    end: HitLanes,
     /// Density with which the path itself would go there: the cosine of incidence over pi.
-    cosine: HitLanes,
+    pub cosine: HitLanes,
     /// Weight by multiple importance sampling.
     weight: HitLanes,
     /// The weight over the density of the sample.
-    scale: HitLanes,
+    pub scale: HitLanes,
     /// 0 where there is no light.
-    exists: [u32; LANES],
-}
-
-/// What a light sample brings to a Lambertian surface.
-#[derive(Clone, Copy, Debug)]
-pub struct FlatArrival {
-    /// The interval that must be free.
-    pub shadow_ray: Ray,
-    /// Cosine of incidence over pi.
-    pub cosine: f32,
-    /// Weight by multiple importance sampling, and the same over the density of the sample.
-    pub weight: f32,
-    pub scale: f32,
+    pub exists: [u32; LANES],
 }
 
 /// The surface seen from where paths come.
@@ -71,6 +64,8 @@ pub struct Surfaces<'a> {
 impl Default for FlatLights {
     fn default() -> Self {
         Self {
+            which: [None; LANES],
+            radiance: ZERO,
             corner: ZERO,
             edges: [ZERO; 2],
             normal: ZERO,
@@ -86,7 +81,7 @@ impl Default for FlatLights {
 impl Default for FlatArrivals {
     fn default() -> Self {
         let (zero, exists) = ([0.0; LANES], [0; LANES]);
-        Self { origin: ZERO, way: ZERO, cosine: zero, weight: zero, scale: zero, exists }
+        Self { origin: ZERO, way: ZERO, end: zero, cosine: zero, weight: zero, scale: zero, exists }
     }
 }
 
@@ -104,9 +99,16 @@ pub fn flat_part<'a>(
 }
 
 impl FlatLights {
-    /// Puts a light into a lane.
-    pub fn put(&mut self, lane: usize, flat: &FlatPart, on_both_sides: bool, probability: f32) {
+    /// Puts a light of [`flat_part`] into a lane.
+    pub fn put(&mut self, lane: usize, chosen: &ChosenLight, flat: &FlatPart, plain: &PlainEmission) {
+        self.probability[lane] = chosen.probability;
+        let which = chosen.part.map(|part| (chosen.light, part));
+        if self.which[lane] == which {
+            return;
+        }
+        self.which[lane] = which;
         for axis in 0..3 {
+            self.radiance[axis][lane] = plain.rgb.0[axis];
             self.corner[axis][lane] = flat.corner[axis];
             self.edges[0][axis][lane] = flat.edges[0][axis];
             self.edges[1][axis][lane] = flat.edges[1][axis];
@@ -115,8 +117,7 @@ impl FlatLights {
         }
         self.pdf[lane] = flat.pdf;
         self.is_triangle[lane] = u32::from(flat.is_triangle);
-        self.on_both_sides[lane] = u32::from(on_both_sides);
-        self.probability[lane] = probability;
+        self.on_both_sides[lane] = u32::from(plain.on_both_sides);
     }
 
     /// Samples the lights of all lanes, weighted against the directions that a path would take by itself.
@@ -130,16 +131,25 @@ impl FlatLights {
 }
 
 impl FlatArrivals {
-    /// That of a lane.
-    #[inline]
-    pub fn get(&self, lane: usize) -> Option<FlatArrival> {
+    /// The interval that must be free.
+    #[inline(always)]
+    pub fn shadow_ray(&self, lane: usize) -> Ray {
         let at = |v: &HitVectors| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
-        (self.exists[lane] != 0).then(|| FlatArrival {
-            shadow_ray: Ray::new(at(&self.origin), at(&self.way)).with_t_max(SHADOW_END),
-            cosine: self.cosine[lane],
-            weight: self.weight[lane],
-            scale: self.scale[lane],
-        })
+        Ray::new(at(&self.origin), at(&self.way)).with_t_max(self.end[lane])
+    }
+
+    /// Weight by multiple importance sampling.
+    pub fn weight(&self, lane: usize) -> f32 {
+        self.weight[lane]
+    }
+
+    /// Puts a sample of another light into a lane.
+    pub fn put(&mut self, lane: usize, shadow_ray: &Ray, weight: f32) {
+        for axis in 0..3 {
+            self.origin[axis][lane] = shadow_ray.origin[axis];
+            self.way[axis][lane] = shadow_ray.direction[axis];
+        }
+        (self.end[lane], self.weight[lane]) = (shadow_ray.t_max, weight);
     }
 }
 
@@ -170,6 +180,7 @@ fn arrive(lights: &FlatLights, to: &Surfaces, u: &[HitLanes; 2], arrivals: &mut 
             arrivals.origin[axis][i] = origin[axis];
             arrivals.way[axis][i] = end[axis] - origin[axis];
         }
+        arrivals.end[i] = SHADOW_END;
         arrivals.cosine[i] = cosine;
         arrivals.weight[i] = weight;
         arrivals.scale[i] = weight / density;

@@ -4,18 +4,19 @@
 //! Which vertices come here depends on the scene and the settings alone, and no lane looks at another, so that a path does not depend
 //! on what shares its batch.
 
+use super::carried::{Carried, Rest};
 use super::estimators::{Arrival, Skin};
 use super::light_part::{LightSource, LobeShares};
 use super::lights::{FlatArrivals, FlatLights, Surfaces, flat_part};
-use super::path::{ROULETTE_DEPTH, SCATTERED_SPREAD, WeightedLight, survival_at, weighted_sample};
+use super::path::{MAX_SURVIVAL, ROULETTE_DEPTH, SCATTERED_SPREAD, WeightedLight, weighted_sample};
 use super::{Context, IntegratorKind, Outputs, PathState, classic, dimension};
-use crate::light_sampler::{ChosenLight, Receiver, Receivers};
+use crate::light_sampler::{ChosenLight, Receivers};
 use crate::sampler::{ManyRandoms, Random, Sampler};
 use crate::settings::LightStrategy;
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS};
 use snell_intersect::{Hit, TriangleHits, TrianglePoints};
-use snell_math::simd::Wide;
-use snell_math::{ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, robust, sampling};
+use snell_math::simd::{Wide, least, most};
+use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, robust, sampling};
 use snell_scene::Material;
 use snell_scene::material::visible_normal;
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -33,7 +34,8 @@ pub struct Arriving<'a> {
     /// What that has hit.
     pub hit: &'a Hit,
     /// The path so far.
-    pub state: &'a PathState,
+    pub carried: &'a Carried,
+    pub rest: &'a Rest,
     /// Its numbers.
     pub random: &'a Random,
 }
@@ -47,7 +49,9 @@ pub struct MatteVertices {
     others: Vec<(usize, OtherPoint)>,
     /// Direction to where the path comes from.
     wo: HitVectors,
-    reflectance: [SampledSpectrum; LANES],
+    /// By channel.
+    reflectance: HitVectors,
+    carried: CarriedLanes,
     randoms: ManyRandoms<LANES>,
     /// Shading normal, and the same on the side where the path comes from.
     normal: HitVectors,
@@ -56,7 +60,19 @@ pub struct MatteVertices {
     chosen: [Chosen; LANES],
     lights: FlatLights,
     arrivals: FlatArrivals,
+    outputs: MatteOutputs,
     wide: Option<Wide>,
+}
+
+/// Of [`Carried`], what is needed.
+#[derive(Debug)]
+struct CarriedLanes {
+    /// By channel.
+    throughput: HitVectors,
+    eta_scale: HitLanes,
+    /// At the vertex.
+    cone_width: HitLanes,
+    cone_spread: HitLanes,
 }
 
 /// What [`snell_intersect::SurfaceInteraction`] says of a point, as far as it matters here.
@@ -72,8 +88,8 @@ struct OtherPoint {
 #[derive(Clone, Copy, Debug)]
 enum Chosen {
     None,
-    /// One of [`FlatLights`]: its source and what it emits.
-    Flat(LightSource, SampledSpectrum),
+    /// One of [`FlatLights`], or one that was sampled alone, of this source.
+    Sampled(LightSource),
     Other(ChosenLight),
 }
 
@@ -87,15 +103,17 @@ struct Bounces {
     exists: [u32; LANES],
 }
 
-/// What a vertex of `path` or `direct` gives.
+/// What the vertices of `path` or `direct` give.
 #[derive(Debug)]
-pub struct MatteOutputs {
-    /// A light ray, with the light that it brings if it is free, its source and its weight.
-    pub light: Option<(Ray, SampledSpectrum, LightSource, f32)>,
-    /// The next ray.
-    pub next: Option<(Ray, PathState)>,
-    /// As [`Outputs::light_lobe`].
-    pub lobe: LobeShares,
+struct MatteOutputs {
+    /// By channel, what the light brings if its ray is free.
+    brought: HitVectors,
+    /// 0 where no light ray is sent.
+    is_lit: [u32; LANES],
+    /// By channel, the throughput of the next ray.
+    throughput: HitVectors,
+    /// 0 where the path ends.
+    goes_on: [u32; LANES],
 }
 
 /// A surface as the light sees it.
@@ -117,13 +135,6 @@ impl Seen {
         let pdf = if is_seen { cos_i.abs() * FRAC_1_PI } else { 0.0 };
         (self.reflectance * pdf, pdf)
     }
-}
-
-/// The numbers of all lanes.
-#[derive(Debug)]
-pub struct MatteNumbers {
-    light: [HitLanes; 2],
-    roulette: HitLanes,
 }
 
 fn is_for(integrator: IntegratorKind) -> bool {
@@ -152,6 +163,15 @@ fn put(v: &mut HitVectors, lane: usize, to: Vec3) {
     (v[0][lane], v[1][lane], v[2][lane]) = (to.x, to.y, to.z);
 }
 
+/// A spectrum of [`ColorMode::Rgb`].
+fn color_at(v: &HitVectors, lane: usize) -> SampledSpectrum {
+    SampledSpectrum([v[0][lane], v[1][lane], v[2][lane], 0.0])
+}
+
+fn put_color(v: &mut HitVectors, lane: usize, to: SampledSpectrum) {
+    (v[0][lane], v[1][lane], v[2][lane]) = (to.0[0], to.0[1], to.0[2]);
+}
+
 impl MatteVertices {
     /// For vertices of one depth.
     pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
@@ -160,7 +180,13 @@ impl MatteVertices {
             points: TrianglePoints::default(),
             others: Vec::new(),
             wo: ZERO,
-            reflectance: [SampledSpectrum::ZERO; LANES],
+            reflectance: ZERO,
+            carried: CarriedLanes {
+                throughput: ZERO,
+                eta_scale: [0.0; LANES],
+                cone_width: [0.0; LANES],
+                cone_spread: [0.0; LANES],
+            },
             randoms: ManyRandoms::new(sampler, 0),
             normal: ZERO,
             facing: ZERO,
@@ -168,6 +194,7 @@ impl MatteVertices {
             chosen: [Chosen::None; LANES],
             lights: FlatLights::default(),
             arrivals: FlatArrivals::default(),
+            outputs: MatteOutputs { brought: ZERO, is_lit: [0; LANES], throughput: ZERO, goes_on: [0; LANES] },
             wide,
         }
     }
@@ -180,15 +207,19 @@ impl MatteVertices {
 
     /// Puts a vertex on a matte material into a lane.
     pub fn gather(&mut self, context: &Context, lane: usize, path: Arriving, material: &Material) {
-        let Arriving { ray, hit, state, random } = path;
+        let Arriving { ray, hit, carried, rest, random } = path;
         put(&mut self.wo, lane, -ray.direction);
         self.randoms.set(lane, random);
+        put_color(&mut self.carried.throughput, lane, carried.throughput);
+        self.carried.eta_scale[lane] = carried.eta_scale;
+        self.carried.cone_width[lane] = carried.cone_width + carried.cone_spread * hit.t;
+        self.carried.cone_spread[lane] = carried.cone_spread;
         let Some(matte) = material.as_matte() else { return };
         if let Some(rgb) = matte.uniform()
             && material.normal_map.is_none()
             && context.scene.world.gather_triangle(hit, lane, &mut self.hits)
         {
-            self.reflectance[lane] = state.mode.reflectance(rgb);
+            put_color(&mut self.reflectance, lane, rest.mode.reflectance(rgb));
             return;
         }
         self.gather_other(context, lane, path, material);
@@ -197,12 +228,12 @@ impl MatteVertices {
     /// As [`Self::gather`], for what is on no plain triangle.
     #[inline(never)]
     fn gather_other(&mut self, context: &Context, lane: usize, path: Arriving, material: &Material) {
-        let Arriving { ray, hit, state, .. } = path;
-        let surface = context.scene.interaction(ray, state.time, hit);
-        let footprint = state.cone_width + state.cone_spread * hit.t;
-        let point = context.scene.shading_point(&surface, footprint, state.mode);
+        let Arriving { ray, hit, carried, rest, .. } = path;
+        let surface = context.scene.interaction(ray, rest.time, hit);
+        let footprint = carried.cone_width + carried.cone_spread * hit.t;
+        let point = context.scene.shading_point(&surface, footprint, rest.mode);
         let Some((reflectance, shading_normal)) = material.matte_at(&point) else { return };
-        self.reflectance[lane] = reflectance;
+        put_color(&mut self.reflectance, lane, reflectance);
         let (position, position_error) = (surface.position, surface.position_error);
         let geometric_normal = surface.geometric_normal;
         self.others.push((lane, OtherPoint { position, position_error, geometric_normal, shading_normal }));
@@ -221,15 +252,14 @@ impl MatteVertices {
     }
 
     /// Works out what the first lanes, so many, give.
-    pub fn prepare(&mut self, context: &Context, count: usize, depth: u32) -> MatteNumbers {
+    pub fn shade(&mut self, context: &Context, count: usize, depth: u32) {
         self.place();
         let bsdf = self.randoms.pairs(dimension::BSDF, self.wide);
-        let numbers = MatteNumbers {
-            light: self.randoms.pairs(dimension::LIGHT, self.wide),
-            roulette: match depth < ROULETTE_DEPTH {
-                true => [0.0; LANES],
-                false => self.randoms.numbers(dimension::ROULETTE, self.wide),
-            },
+        let light = self.randoms.pairs(dimension::LIGHT, self.wide);
+        let plays = depth >= ROULETTE_DEPTH;
+        let roulette = match plays {
+            true => self.randoms.numbers(dimension::ROULETTE, self.wide),
+            false => [0.0; LANES],
         };
         at_level!(
             self.wide,
@@ -243,11 +273,32 @@ impl MatteVertices {
             )
         );
         self.choose_lights(context, count);
-        if self.chosen[..count].iter().any(|chosen| matches!(chosen, Chosen::Flat(..))) {
+        if self.chosen[..count].iter().any(|chosen| matches!(chosen, Chosen::Sampled(_))) {
             let surfaces = Surfaces { points: &self.points, normal: &self.normal, wo: &self.wo };
-            self.lights.arrivals(&surfaces, &numbers.light, self.wide, &mut self.arrivals);
+            self.lights.arrivals(&surfaces, &light, self.wide, &mut self.arrivals);
         }
-        numbers
+        at_level!(
+            self.wide,
+            outputs,
+            (
+                carried: &CarriedLanes = &self.carried,
+                reflectance: &HitVectors = &self.reflectance,
+                radiance: &HitVectors = &self.lights.radiance,
+                arrivals: &FlatArrivals = &self.arrivals,
+                bounces: &Bounces = &self.bounces,
+                roulette: (bool, &HitLanes) = (plays, &roulette),
+                to: &mut MatteOutputs = &mut self.outputs,
+            )
+        );
+        for lane in 0..count {
+            match self.chosen[lane] {
+                Chosen::Sampled(_) => {}
+                Chosen::None => self.outputs.is_lit[lane] = 0,
+                Chosen::Other(chosen) => {
+                    self.light_alone(context, lane, &chosen, Vec2::new(light[0][lane], light[1][lane]));
+                }
+            }
+        }
     }
 
     fn choose_lights(&mut self, context: &Context, count: usize) {
@@ -266,17 +317,12 @@ impl MatteVertices {
             };
             self.chosen[lane] = match flat_part(context.scene, &chosen, at(&self.points.position, lane)) {
                 Some((flat, plain)) if is_weighted => {
-                    self.lights.put(lane, flat, plain.on_both_sides, chosen.probability);
-                    Chosen::Flat(LightSource::Material(plain.material), plain.rgb)
+                    self.lights.put(lane, &chosen, flat, plain);
+                    Chosen::Sampled(LightSource::Material(plain.material))
                 }
                 _ => Chosen::Other(chosen),
             };
         }
-    }
-
-    /// What light samplers know of a lane.
-    fn receiver(&self, lane: usize) -> Receiver {
-        Receivers { position: &self.points.position, normal: &self.facing }.get(lane)
     }
 
     /// Works out what [`Self::shade_classic`] needs.
@@ -295,7 +341,7 @@ impl MatteVertices {
 
     /// What a vertex of `raycast` or `whitted` gives: ambient light, and a light ray for each light.
     pub fn shade_classic(&self, context: &Context, lane: usize, state: &PathState, random: &Random, out: &mut Outputs) {
-        let seen = self.seen(lane, state);
+        let seen = self.seen(lane, state.mode, state.time);
         let ambient = seen.reflectance * state.mode.illuminant(context.scene.ambient + context.settings.fill);
         out.radiance = state.throughput * ambient;
         let local = |wi| seen.reflected(wi).0 * PI;
@@ -303,12 +349,12 @@ impl MatteVertices {
     }
 
     /// What a lane knows of its surface.
-    fn seen(&self, lane: usize, state: &PathState) -> Seen {
-        let (wo, normal, reflectance) = (at(&self.wo, lane), at(&self.normal, lane), self.reflectance[lane]);
+    fn seen(&self, lane: usize, mode: ColorMode, time: f32) -> Seen {
+        let (wo, normal, reflectance) = (at(&self.wo, lane), at(&self.normal, lane), color_at(&self.reflectance, lane));
         let geometric_normal = at(&self.points.geometric_normal, lane);
         let position = at(&self.points.position, lane);
         let skin = Skin { position_error: at(&self.points.position_error, lane), geometric_normal };
-        let arrival = Arrival { position, surface: Some(skin), mode: state.mode, time: state.time };
+        let arrival = Arrival { position, surface: Some(skin), mode, time };
         Seen { arrival, normal, geometric_normal, cos_o: normal.dot(wo), side: geometric_normal.dot(wo), reflectance }
     }
 
@@ -317,67 +363,135 @@ impl MatteVertices {
         self.points.is_sound[lane] != 0
     }
 
-    /// What the vertex gives: a light ray, and the next ray.
+    /// The lanes of those given that send a light ray.
+    pub fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
+        keep(lanes, &self.outputs.is_lit, to);
+    }
+
+    /// The lanes of those given whose paths go on.
+    pub fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
+        keep(lanes, &self.outputs.goes_on, to);
+    }
+
+    /// True if the path of a lane goes on.
+    pub fn goes_on(&self, lane: usize) -> bool {
+        self.outputs.goes_on[lane] != 0
+    }
+
+    /// The light ray of a lane.
     #[inline(always)]
-    pub fn shade(
-        &self,
-        context: &Context,
-        lane: usize,
-        numbers: &MatteNumbers,
-        depth: u32,
-        (hit, state): (&Hit, &PathState),
-    ) -> MatteOutputs {
-        let reflectance = self.reflectance[lane];
-        let lobe = if context.wants_lobes && depth == 0 { LobeShares::of_matte(reflectance) } else { state.lobe };
-        let light = match self.chosen[lane] {
-            Chosen::None => None,
-            Chosen::Flat(source, radiance) => self.arrivals.get(lane).and_then(|arrival| {
-                let value = state.throughput * (reflectance * arrival.cosine) * radiance * arrival.scale;
-                let is_light = !value.is_black() && value.is_finite();
-                is_light.then_some((arrival.shadow_ray, value, source, arrival.weight))
-            }),
-            Chosen::Other(chosen) => {
-                let u = Vec2::new(numbers.light[0][lane], numbers.light[1][lane]);
-                self.light_alone(context, lane, state, &chosen, u)
-            }
-        };
-        let mut outputs = MatteOutputs { light, next: None, lobe };
-        let mut throughput = state.throughput * reflectance;
-        if self.bounces.exists[lane] == 0 || throughput.is_black() || !throughput.is_finite() {
-            return outputs;
+    pub fn light_ray(&self, lane: usize) -> Ray {
+        self.arrivals.shadow_ray(lane % LANES)
+    }
+
+    /// What that brings if it is free.
+    #[inline(always)]
+    pub fn brought(&self, lane: usize) -> SampledSpectrum {
+        color_at(&self.outputs.brought, lane % LANES)
+    }
+
+    /// The source of the light ray of a lane, if it sends one, and its weight by multiple importance sampling.
+    pub fn light_source(&self, lane: usize) -> Option<(LightSource, f32)> {
+        match self.chosen[lane] {
+            Chosen::Sampled(source) if self.outputs.is_lit[lane] != 0 => Some((source, self.arrivals.weight(lane))),
+            _ => None,
         }
-        let weight = throughput.max_element() * state.eta_scale;
-        let Some(survival) = survival_at(depth, weight, || numbers.roulette[lane]) else { return outputs };
-        throughput *= 1.0 / survival;
-        let next = PathState {
-            throughput,
+    }
+
+    /// As [`super::Outputs::light_lobe`].
+    pub fn lobe(&self, lane: usize) -> LobeShares {
+        LobeShares::of_matte(color_at(&self.reflectance, lane))
+    }
+
+    /// The next ray of a lane.
+    #[inline(always)]
+    pub fn next_ray(&self, lane: usize) -> Ray {
+        let lane = lane % LANES;
+        Ray::new(at(&self.bounces.origin, lane), at(&self.bounces.wi, lane))
+    }
+
+    /// What the path of the next ray carries.
+    #[inline(always)]
+    pub fn carried(&self, lane: usize) -> Carried {
+        let lane = lane % LANES;
+        Carried {
+            throughput: color_at(&self.outputs.throughput, lane),
+            position: at(&self.points.position, lane),
+            normal: at(&self.facing, lane),
             bsdf_pdf: self.bounces.pdf[lane],
-            receiver: self.receiver(lane),
+            eta_scale: self.carried.eta_scale[lane],
+            cone_width: self.carried.cone_width[lane],
+            cone_spread: most(self.carried.cone_spread[lane], SCATTERED_SPREAD),
+            stream: 0,
+            transmits: false,
             is_specular: false,
-            lobe,
-            cone_width: state.cone_width + state.cone_spread * hit.t,
-            cone_spread: state.cone_spread.max(SCATTERED_SPREAD),
-            ..*state
-        };
-        outputs.next = Some((Ray::new(at(&self.bounces.origin, lane), at(&self.bounces.wi, lane)), next));
-        outputs
+        }
     }
 
     /// A light sample that is not one of [`FlatLights`].
     #[inline(never)]
-    fn light_alone(
-        &self,
-        context: &Context,
-        lane: usize,
-        state: &PathState,
-        chosen: &ChosenLight,
-        u: Vec2,
-    ) -> Option<(Ray, SampledSpectrum, LightSource, f32)> {
-        let seen = self.seen(lane, state);
-        let reflected = |wi| seen.reflected(wi);
-        let light = weighted_sample(context, state.throughput, &seen.arrival, chosen, u, reflected)?;
-        let WeightedLight { value, shadow_ray, source, weight, .. } = light;
-        Some((shadow_ray, value, source, weight))
+    fn light_alone(&mut self, context: &Context, lane: usize, chosen: &ChosenLight, u: Vec2) {
+        let seen = self.seen(lane, ColorMode::Rgb, 0.0);
+        let throughput = color_at(&self.carried.throughput, lane);
+        let light = weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| seen.reflected(wi));
+        self.outputs.is_lit[lane] = u32::from(light.is_some());
+        if let Some(WeightedLight { value, shadow_ray, source, weight, .. }) = light {
+            put_color(&mut self.outputs.brought, lane, value);
+            self.arrivals.put(lane, &shadow_ray, weight);
+            self.chosen[lane] = Chosen::Sampled(source);
+        }
+    }
+}
+
+/// The lanes that are marked, of those given.
+fn keep(lanes: &[u32], marks: &[u32; LANES], to: &mut Vec<u32>) {
+    to.clear();
+    to.resize(lanes.len(), 0);
+    let mut count = 0;
+    for &lane in lanes {
+        to[count] = lane;
+        count += usize::from(marks[lane as usize % LANES] != 0);
+    }
+    to.truncate(count);
+}
+
+/// What vertices give, where their lights are flat.
+#[inline(always)]
+fn outputs(
+    carried: &CarriedLanes,
+    reflectance: &HitVectors,
+    radiance: &HitVectors,
+    arrivals: &FlatArrivals,
+    bounces: &Bounces,
+    (plays, roulette): (bool, &HitLanes),
+    to: &mut MatteOutputs,
+) {
+    for i in 0..LANES {
+        let (cosine, scale) = (arrivals.cosine[i], arrivals.scale[i]);
+        let (mut is_lit, mut is_bright, mut is_finite) = (arrivals.exists[i] != 0, false, true);
+        for channel in 0..3 {
+            let reflected = carried.throughput[channel][i] * (reflectance[channel][i] * cosine);
+            let value = reflected * radiance[channel][i] * scale;
+            to.brought[channel][i] = value;
+            is_bright |= value != 0.0;
+            is_finite &= value.abs() < f32::INFINITY;
+        }
+        is_lit &= is_bright & is_finite;
+        to.is_lit[i] = u32::from(is_lit);
+        let (mut throughput, mut largest) = ([0.0; 3], 0.0);
+        let mut is_finite = true;
+        for channel in 0..3 {
+            throughput[channel] = carried.throughput[channel][i] * reflectance[channel][i];
+            largest = most(largest, throughput[channel]);
+            is_finite &= throughput[channel].abs() < f32::INFINITY;
+        }
+        // As `survival_at`.
+        let survival = if plays { least(largest * carried.eta_scale[i], MAX_SURVIVAL) } else { 1.0 };
+        let goes_on = (bounces.exists[i] != 0) & (largest > 0.0) & is_finite & (roulette[i] < survival);
+        for channel in 0..3 {
+            to.throughput[channel][i] = throughput[channel] * (1.0 / survival);
+        }
+        to.goes_on[i] = u32::from(goes_on);
     }
 }
 

@@ -5,6 +5,7 @@
 mod ao;
 pub mod aov;
 pub(crate) mod camera_path;
+pub(crate) mod carried;
 mod classic;
 pub(crate) mod estimators;
 mod flat;

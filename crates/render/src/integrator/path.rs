@@ -16,7 +16,7 @@ use snell_scene::MediumId;
 /// Roulette starts after this many bounces.
 pub(crate) const ROULETTE_DEPTH: u32 = 4;
 /// Largest probability of going on, so that every path ends.
-const MAX_SURVIVAL: f32 = 0.98;
+pub(crate) const MAX_SURVIVAL: f32 = 0.98;
 /// Growth of the ray cone after a bounce that scatters.
 pub(crate) const SCATTERED_SPREAD: f32 = 0.2;
 
@@ -202,17 +202,11 @@ pub(super) fn first_lobe(context: &Context, vertex: &Vertex, this: impl FnOnce()
 
 /// Russian roulette: the probability with which the path goes on, by the weight it would have; `None` if it ends.
 pub(super) fn survival(vertex: &Vertex, weight: f32) -> Option<f32> {
-    survival_at(vertex.depth, weight, || vertex.random.number(dimension::ROULETTE))
-}
-
-/// [`survival`] at a depth, by a uniform number.
-#[inline]
-pub(crate) fn survival_at(depth: u32, weight: f32, u: impl FnOnce() -> f32) -> Option<f32> {
-    if depth < ROULETTE_DEPTH {
+    if vertex.depth < ROULETTE_DEPTH {
         return Some(1.0);
     }
     let survival = weight.min(MAX_SURVIVAL);
-    (u() < survival).then_some(survival)
+    (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)
 }
 
 fn add_bounce(

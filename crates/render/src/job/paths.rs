@@ -1,19 +1,23 @@
 //! The paths of a part, as a structure of arrays.
 
 use crate::integrator::PathState;
+use crate::integrator::carried::{Carried, Rest};
 use crate::integrator::light_part::LightTag;
 use snell_intersect::Hit;
 use snell_math::{Ray, SampledSpectrum};
 
 /// Live paths: one entry per ray in flight.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Paths {
     /// The ray to trace next.
     pub rays: Vec<Ray>,
-    /// When it is traced, from 0 to 1.
-    pub times: Vec<f32>,
     /// What the path carries.
-    pub states: Vec<PathState>,
+    pub carried: Vec<Carried>,
+    /// The rest of that; empty if it is [`Rest::PLAIN`] for all.
+    rest: Vec<Rest>,
+    /// When the rays are traced, from 0 to 1; empty as `rest`.
+    pub times: Vec<f32>,
+    is_plain: bool,
     /// Which sample of the part the path belongs to.
     pub samples: Vec<u32>,
     /// What the rays hit.
@@ -21,18 +25,62 @@ pub struct Paths {
 }
 
 impl Paths {
+    /// No paths. `is_plain` if all that will come are [`Rest::PLAIN`].
+    pub fn new(is_plain: bool) -> Self {
+        let (rays, carried, rest, times) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { rays, carried, rest, times, is_plain, samples: Vec::new(), hits: Vec::new() }
+    }
+
     pub fn clear(&mut self) {
         self.rays.clear();
+        self.carried.clear();
+        self.rest.clear();
         self.times.clear();
-        self.states.clear();
         self.samples.clear();
     }
 
-    pub fn push(&mut self, ray: Ray, state: PathState, sample: u32) {
+    pub fn push(&mut self, ray: Ray, state: &PathState, sample: u32) {
+        let (carried, rest) = Carried::of(state);
         self.rays.push(ray);
-        self.times.push(state.time);
-        self.states.push(state);
+        self.carried.push(carried);
         self.samples.push(sample);
+        self.extend_rest(std::iter::once(&rest));
+    }
+
+    /// Adds the rest of states of which all else was added.
+    pub fn extend_rest<'r>(&mut self, rest: impl Iterator<Item = &'r Rest> + Clone) {
+        if !self.is_plain {
+            self.rest.extend(rest.clone());
+            self.times.extend(rest.map(|rest| rest.time));
+        }
+    }
+
+    /// What a path carries.
+    pub fn state(&self, path: usize) -> PathState {
+        self.carried[path].with(self.rest(path))
+    }
+
+    /// Replaces what a path carries.
+    pub fn set_state(&mut self, path: usize, state: &PathState) {
+        let (carried, rest) = Carried::of(state);
+        self.carried[path] = carried;
+        if !self.is_plain {
+            self.rest[path] = rest;
+        }
+    }
+
+    pub fn rest(&self, path: usize) -> &Rest {
+        if self.is_plain { &Rest::PLAIN } else { &self.rest[path] }
+    }
+
+    /// True for a path that is over.
+    pub fn is_dead(&self, path: usize) -> bool {
+        self.carried[path].throughput.is_black()
+    }
+
+    /// True if the rest of all states is [`Rest::PLAIN`].
+    pub fn is_plain(&self) -> bool {
+        self.is_plain
     }
 
     pub fn len(&self) -> usize {

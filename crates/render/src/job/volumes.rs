@@ -62,7 +62,7 @@ impl<'a> VolumeBatch<'a> {
         self.own.clear();
         self.insides.clear();
         let (walker, own, around) = (self.walker, &mut self.own, &self.around_camera);
-        self.insides.extend(paths.states.iter().map(|state| walker.insides_of(own, around, state.mode)));
+        self.insides.extend((0..paths.len()).map(|i| walker.insides_of(own, around, paths.rest(i).mode)));
         self.next.clear();
     }
 
@@ -101,19 +101,20 @@ impl<'a> VolumeBatch<'a> {
             let mut kept = 0;
             for at in 0..self.pending.len() {
                 let i = self.pending[at] as usize;
-                if paths.states[i].throughput.is_black() {
+                if paths.is_dead(i) {
                     continue;
                 }
-                let mut radiance = SampledSpectrum::ZERO;
+                let (mut radiance, mut state) = (SampledSpectrum::ZERO, paths.state(i));
                 let step = self.walker.step(
                     &mut self.own,
                     &mut paths.rays[i],
-                    &mut paths.states[i],
+                    &mut state,
                     &mut self.insides[i],
                     &paths.hits[i],
                     &mut self.numbers[i],
                     &mut radiance,
                 );
+                paths.set_state(i, &state);
                 if !radiance.is_black() {
                     emitted(paths, i, radiance);
                 }
@@ -136,14 +137,14 @@ impl<'a> VolumeBatch<'a> {
             self.rays.clear();
             self.rays.extend(self.pending.iter().map(|&i| paths.rays[i as usize]));
             self.times.clear();
-            self.times.extend(self.pending.iter().map(|&i| paths.times[i as usize]));
+            self.times.extend(self.pending.iter().map(|&i| paths.rest(i as usize).time));
             tracer.closest_by(&self.walker, &self.rays, &self.times, Grouping::None, &mut self.hits);
             for (&i, hit) in self.pending.iter().zip(&self.hits) {
                 paths.hits[i as usize] = *hit;
             }
         }
         for &i in &self.pending {
-            paths.states[i as usize].throughput = SampledSpectrum::ZERO;
+            paths.carried[i as usize].throughput = SampledSpectrum::ZERO;
         }
     }
 

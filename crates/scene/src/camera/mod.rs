@@ -1,16 +1,20 @@
 //! Cameras: from a point on the film to a ray in the world, and back.
 
 mod matrix;
+mod pinhole;
 mod projection;
 #[cfg(test)]
 mod tests;
 
 pub use matrix::{CameraAxes, CameraError};
+pub use pinhole::PinholeRays;
 pub use projection::{FovAxis, Intrinsics, Projection};
 
+use pinhole::{Pinhole, USUAL};
 use projection::resolve;
 use serde::{Deserialize, Serialize};
-use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, sampling};
+use snell_math::simd::Wide;
+use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, at_level, sampling};
 use std::f64::consts::{PI, TAU};
 
 /// Where on the film and on the lens a ray passes.
@@ -252,6 +256,30 @@ impl<'a> CameraView<'a> {
         self.any_ray(sample)
     }
 
+    /// [`Self::ray`] of many points of the picture (x and y of each), bit for bit. False, and nothing of use, if these are not all plain
+    /// rays of a pinhole.
+    pub fn pinhole_rays<const N: usize>(
+        &self,
+        film: &[[f64; N]; 2],
+        wide: Option<Wide>,
+        rays: &mut PinholeRays<N>,
+    ) -> bool {
+        let Some(pinhole) = &self.pinhole else { return false };
+        let axes = [self.right, self.camera.up, self.camera.towards];
+        rays.origin = self.camera.eye.as_vec3();
+        at_level!(
+            wide,
+            pinhole::lanes,
+            (
+                pinhole: &Pinhole = pinhole,
+                axes: &[DVec3; 3] = &axes,
+                film: [&[f64]; 2] = [&film[0], &film[1]],
+                direction: [&mut [f32]; 3] = rays.direction.each_mut().map(|axis| axis.as_mut_slice()),
+                spread: &mut [f32] = &mut rays.spread,
+            ) -> bool
+        )
+    }
+
     #[inline(never)]
     fn any_ray(&self, sample: &CameraSample) -> CameraRay {
         let camera = self.camera;
@@ -272,54 +300,6 @@ impl<'a> CameraView<'a> {
             spread: spread as f32,
             weight,
         }
-    }
-}
-
-/// Squared lengths that lose nothing.
-const USUAL: std::ops::Range<f64> = 1e-200..1e200;
-
-/// From the film to the plane at distance 1.
-#[derive(Clone, Copy, Debug)]
-struct Pinhole {
-    /// Factors of the coordinates of the film, and what is added.
-    x: DVec3,
-    y: DVec3,
-    /// Square root of the area of a pixel on the plane.
-    pixel: f64,
-}
-
-impl Pinhole {
-    fn of(projection: &Projection, size: [u32; 2]) -> Option<Self> {
-        let [w, h] = size.map(|s| f64::from(s.max(1)));
-        let (x, y) = match projection {
-            Projection::Perspective { tan_half_fov } => {
-                let [x, y] = resolve(*tan_half_fov, [w, h]);
-                (DVec3::new(2.0 * x / w, 0.0, -x), DVec3::new(0.0, -2.0 * y / h, y))
-            }
-            Projection::Intrinsics(k) => {
-                let ([fx, fy], [cx, cy]) = (k.focal_length, k.principal_point);
-                let scale = DVec2::new(f64::from(k.size[0].max(1)) / w, f64::from(k.size[1].max(1)) / h);
-                let down = DVec3::new(0.0, scale.y / fy, -cy / fy);
-                (DVec3::new(scale.x / fx, 0.0, -cx / fx) - down * (k.skew / fx), -down)
-            }
-            _ => return None,
-        };
-        Some(Self { x, y, pixel: (x.x * y.y).abs().sqrt() })
-    }
-
-    fn point(&self, film: DVec2) -> DVec2 {
-        let along = |axis: DVec3| axis.x * film.x + axis.y * film.y + axis.z;
-        DVec2::new(along(self.x), along(self.y))
-    }
-
-    /// The solid angle of a small patch of the plane falls with the cube of the cosine, which is this.
-    fn spread(&self, cosine: f64) -> f64 {
-        self.pixel * cosine * cosine.sqrt()
-    }
-
-    fn local_ray(&self, film: DVec2) -> LocalRay {
-        let direction = self.point(film).extend(1.0);
-        directed(direction, self.spread(1.0 / direction.length()))
     }
 }
 

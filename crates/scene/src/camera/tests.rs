@@ -267,3 +267,22 @@ proptest! {
         prop_assert!((camera.focus_distance - eye.distance(target)).abs() < 1e-9);
     }
 }
+
+#[test]
+fn many_pinhole_rays_are_those_of_single_points_at_every_level() {
+    for camera in examples() {
+        let view = camera.view(SIZE);
+        let film: [[f64; 40]; 2] = [[0.37, 640.0], [0.81, 360.0]]
+            .map(|[step, side]: [f64; 2]| std::array::from_fn(|i| (i as f64 * step).fract() * side));
+        for level in snell_math::simd::Level::ALL {
+            let mut rays = PinholeRays::default();
+            let is_pinhole = view.pinhole_rays(&film, level.wide(), &mut rays);
+            let is_flat = matches!(camera.projection, Projection::Perspective { .. } | Projection::Intrinsics(_));
+            assert_eq!(is_pinhole, is_flat && !camera.has_lens());
+            for i in 0..if is_pinhole { 40 } else { 0 } {
+                let single = ray(&camera, DVec2::new(film[0][i], film[1][i]), SIZE);
+                assert_eq!(rays.get(i), single, "{:?} {level}", camera.projection);
+            }
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! The state of a path as it is stored between vertices.
+
+use super::PathState;
+use super::light_part::LobeShares;
+use crate::light_sampler::Receiver;
+use snell_math::{ColorMode, SampledSpectrum, Vec3};
+
+/// What a path carries, in one line of the cache: [`PathState`] without what is [the same for all](Rest) in most renders.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub struct Carried {
+    pub throughput: SampledSpectrum,
+    /// Position and normal of [`PathState::receiver`].
+    pub position: Vec3,
+    pub normal: Vec3,
+    pub bsdf_pdf: f32,
+    pub eta_scale: f32,
+    pub cone_width: f32,
+    pub cone_spread: f32,
+    pub stream: u32,
+    /// See [`Receiver::transmits`].
+    pub transmits: bool,
+    pub is_specular: bool,
+}
+
+const _: () = assert!(size_of::<Carried>() == 64);
+
+/// The rest of [`PathState`].
+#[derive(Clone, Copy, Debug)]
+pub struct Rest {
+    pub mode: ColorMode,
+    pub lobe: LobeShares,
+    pub time: f32,
+}
+
+impl Rest {
+    /// That of all paths in [`ColorMode::Rgb`] if nobody asks for lobes and nothing moves.
+    pub const PLAIN: Self = Self { mode: ColorMode::Rgb, lobe: LobeShares::UNKNOWN, time: 0.0 };
+}
+
+impl Carried {
+    /// A state in two.
+    pub fn of(state: &PathState) -> (Self, Rest) {
+        let PathState { throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, is_specular, .. } = *state;
+        let Receiver { position, normal, transmits } = state.receiver;
+        let carried = Self {
+            throughput,
+            position,
+            normal,
+            bsdf_pdf,
+            eta_scale,
+            cone_width,
+            cone_spread,
+            stream,
+            transmits,
+            is_specular,
+        };
+        (carried, Rest { mode: state.mode, lobe: state.lobe, time: state.time })
+    }
+
+    /// The whole state.
+    pub fn with(&self, rest: &Rest) -> PathState {
+        let Self { throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, is_specular, .. } = *self;
+        let receiver = Receiver { position: self.position, normal: self.normal, transmits: self.transmits };
+        let Rest { mode, lobe, time } = *rest;
+        PathState {
+            throughput,
+            mode,
+            bsdf_pdf,
+            receiver,
+            eta_scale,
+            is_specular,
+            cone_width,
+            cone_spread,
+            stream,
+            lobe,
+            time,
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! Flat views without a lens: all rays come through one plane.
+
+use super::projection::resolve;
+use super::{CameraRay, LocalRay, Projection, directed};
+use snell_math::{DVec2, DVec3, Ray, Vec3};
+
+/// Squared lengths that lose nothing.
+pub(super) const USUAL: std::ops::Range<f64> = 1e-200..1e200;
+
+/// From the film to the plane at distance 1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pinhole {
+    /// Factors of the coordinates of the film, and what is added.
+    x: DVec3,
+    y: DVec3,
+    /// Square root of the area of a pixel on the plane.
+    pixel: f64,
+}
+
+impl Pinhole {
+    pub fn of(projection: &Projection, size: [u32; 2]) -> Option<Self> {
+        let [w, h] = size.map(|s| f64::from(s.max(1)));
+        let (x, y) = match projection {
+            Projection::Perspective { tan_half_fov } => {
+                let [x, y] = resolve(*tan_half_fov, [w, h]);
+                (DVec3::new(2.0 * x / w, 0.0, -x), DVec3::new(0.0, -2.0 * y / h, y))
+            }
+            Projection::Intrinsics(k) => {
+                let ([fx, fy], [cx, cy]) = (k.focal_length, k.principal_point);
+                let scale = DVec2::new(f64::from(k.size[0].max(1)) / w, f64::from(k.size[1].max(1)) / h);
+                let down = DVec3::new(0.0, scale.y / fy, -cy / fy);
+                (DVec3::new(scale.x / fx, 0.0, -cx / fx) - down * (k.skew / fx), -down)
+            }
+            _ => return None,
+        };
+        Some(Self { x, y, pixel: (x.x * y.y).abs().sqrt() })
+    }
+
+    #[inline(always)]
+    pub fn point(&self, film: DVec2) -> DVec2 {
+        let along = |axis: DVec3| axis.x * film.x + axis.y * film.y + axis.z;
+        DVec2::new(along(self.x), along(self.y))
+    }
+
+    /// The solid angle of a small patch of the plane falls with the cube of the cosine, which is this.
+    #[inline(always)]
+    pub fn spread(&self, cosine: f64) -> f64 {
+        self.pixel * cosine * cosine.sqrt()
+    }
+
+    pub fn local_ray(&self, film: DVec2) -> LocalRay {
+        let direction = self.point(film).extend(1.0);
+        directed(direction, self.spread(1.0 / direction.length()))
+    }
+}
+
+/// Rays of a pinhole camera, by axis and ray.
+#[derive(Clone, Debug)]
+pub struct PinholeRays<const N: usize> {
+    pub(super) origin: Vec3,
+    pub(super) direction: [[f32; N]; 3],
+    pub(super) spread: [f32; N],
+}
+
+impl<const N: usize> Default for PinholeRays<N> {
+    fn default() -> Self {
+        Self { origin: Vec3::ZERO, direction: [[0.0; N]; 3], spread: [0.0; N] }
+    }
+}
+
+impl<const N: usize> PinholeRays<N> {
+    /// One of them.
+    #[inline]
+    pub fn get(&self, i: usize) -> CameraRay {
+        let direction = Vec3::new(self.direction[0][i], self.direction[1][i], self.direction[2][i]);
+        CameraRay { ray: Ray::new(self.origin, direction), width: 0.0, spread: self.spread[i], weight: 1.0 }
+    }
+}
+
+/// See [`CameraView::pinhole_rays`]: the steps of [`CameraView::ray`] in the same order.
+#[inline(always)]
+pub(super) fn lanes(
+    pinhole: &Pinhole,
+    axes: &[DVec3; 3],
+    film: [&[f64]; 2],
+    direction: [&mut [f32]; 3],
+    spread: &mut [f32],
+) -> bool {
+    let [right, up, towards] = *axes;
+    let [to_x, to_y, to_z] = direction;
+    let count = spread.len();
+    let (film_x, film_y) = (&film[0][..count], &film[1][..count]);
+    let (to_x, to_y, to_z) = (&mut to_x[..count], &mut to_y[..count], &mut to_z[..count]);
+    let mut is_usual = true;
+    for i in 0..count {
+        let p = pinhole.point(DVec2::new(film_x[i], film_y[i]));
+        let x = right.x * p.x + up.x * p.y + towards.x;
+        let y = right.y * p.x + up.y * p.y + towards.y;
+        let z = right.z * p.x + up.z * p.y + towards.z;
+        let squared = x * x + y * y + z * z;
+        is_usual &= (squared >= USUAL.start) & (squared < USUAL.end);
+        let inverse = 1.0 / squared.sqrt();
+        to_x[i] = (x * inverse) as f32;
+        to_y[i] = (y * inverse) as f32;
+        to_z[i] = (z * inverse) as f32;
+        spread[i] = pinhole.spread(inverse) as f32;
+    }
+    is_usual
+}
