@@ -17,8 +17,8 @@ use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS};
 use snell_intersect::{Hit, TriangleHits, TrianglePoints};
 use snell_math::simd::{Wide, least, most};
 use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, robust, sampling};
-use snell_scene::Material;
 use snell_scene::material::visible_normal;
+use snell_scene::{Material, MediumId};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Most vertices at once.
@@ -60,6 +60,8 @@ pub struct MatteVertices {
     chosen: [Chosen; LANES],
     lights: FlatLights,
     arrivals: FlatArrivals,
+    /// As [`super::Outputs::glowing`].
+    glowing: [Option<MediumId>; LANES],
     outputs: MatteOutputs,
     wide: Option<Wide>,
 }
@@ -194,6 +196,7 @@ impl MatteVertices {
             chosen: [Chosen::None; LANES],
             lights: FlatLights::default(),
             arrivals: FlatArrivals::default(),
+            glowing: [None; LANES],
             outputs: MatteOutputs { brought: ZERO, is_lit: [0; LANES], throughput: ZERO, goes_on: [0; LANES] },
             wide,
         }
@@ -290,13 +293,11 @@ impl MatteVertices {
                 to: &mut MatteOutputs = &mut self.outputs,
             )
         );
-        for lane in 0..count {
+        for (lane, (&x, &y)) in light[0].iter().zip(&light[1]).enumerate().take(count) {
             match self.chosen[lane] {
                 Chosen::Sampled(_) => {}
                 Chosen::None => self.outputs.is_lit[lane] = 0,
-                Chosen::Other(chosen) => {
-                    self.light_alone(context, lane, &chosen, Vec2::new(light[0][lane], light[1][lane]));
-                }
+                Chosen::Other(chosen) => self.light_alone(context, lane, &chosen, Vec2::new(x, y)),
             }
         }
     }
@@ -318,6 +319,7 @@ impl MatteVertices {
             self.chosen[lane] = match flat_part(context.scene, &chosen, at(&self.points.position, lane)) {
                 Some((flat, plain)) if is_weighted => {
                     self.lights.put(lane, &chosen, flat, plain);
+                    self.glowing[lane] = None;
                     Chosen::Sampled(LightSource::Material(plain.material))
                 }
                 _ => Chosen::Other(chosen),
@@ -390,6 +392,17 @@ impl MatteVertices {
         color_at(&self.outputs.brought, lane % LANES)
     }
 
+    /// The medium that must glow at its end for it to count; `None` for all other light.
+    pub fn glowing(&self, lane: usize) -> Option<MediumId> {
+        self.glowing[lane % LANES]
+    }
+
+    /// True if the light ray of a lane starts through the surface, by rounding.
+    pub fn passes(&self, lane: usize) -> bool {
+        let normal = at(&self.points.geometric_normal, lane);
+        self.arrivals.shadow_ray(lane).direction.dot(normal) * -at(&self.wo, lane).dot(normal) > 0.0
+    }
+
     /// The source of the light ray of a lane, if it sends one, and its weight by multiple importance sampling.
     pub fn light_source(&self, lane: usize) -> Option<(LightSource, f32)> {
         match self.chosen[lane] {
@@ -435,7 +448,8 @@ impl MatteVertices {
         let throughput = color_at(&self.carried.throughput, lane);
         let light = weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| seen.reflected(wi));
         self.outputs.is_lit[lane] = u32::from(light.is_some());
-        if let Some(WeightedLight { value, shadow_ray, source, weight, .. }) = light {
+        if let Some(WeightedLight { value, shadow_ray, source, weight, glowing, .. }) = light {
+            self.glowing[lane] = glowing;
             put_color(&mut self.outputs.brought, lane, value);
             self.arrivals.put(lane, &shadow_ray, weight);
             self.chosen[lane] = Chosen::Sampled(source);
@@ -480,10 +494,10 @@ fn outputs(
         to.is_lit[i] = u32::from(is_lit);
         let (mut throughput, mut largest) = ([0.0; 3], 0.0);
         let mut is_finite = true;
-        for channel in 0..3 {
-            throughput[channel] = carried.throughput[channel][i] * reflectance[channel][i];
-            largest = most(largest, throughput[channel]);
-            is_finite &= throughput[channel].abs() < f32::INFINITY;
+        for (channel, throughput) in throughput.iter_mut().enumerate() {
+            *throughput = carried.throughput[channel][i] * reflectance[channel][i];
+            largest = most(largest, *throughput);
+            is_finite &= throughput.abs() < f32::INFINITY;
         }
         // As `survival_at`.
         let survival = if plays { least(largest * carried.eta_scale[i], MAX_SURVIVAL) } else { 1.0 };
@@ -554,7 +568,7 @@ mod tests {
 
     #[test]
     fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
-        for name in ["cornell-box", "teapot", "spheres", "night-town"] {
+        for name in ["cornell-box", "teapot", "spheres", "night-town", "fog", "smoke"] {
             let mut scene = builtin(name).expect("the scene is built in");
             for (i, material) in scene.materials.iter_mut().enumerate().filter(|(_, m)| !m.is_emissive()) {
                 material.kind = Diffuse::new(Rgb::new(0.9, 0.6, 0.1 * (i % 8) as f32)).into();

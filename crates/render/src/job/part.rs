@@ -17,7 +17,7 @@ use crate::integrator::carried::{Carried, Rest};
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
 use crate::integrator::matte::{self, Arriving, LANES, MatteVertices};
 use crate::integrator::path::escaped;
-use crate::integrator::{Context, IntegratorKind, Outputs, SurfaceVertex, Vertex, VertexFunction};
+use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
 use crate::sampler::{ManyRandoms, Random, Sampler};
 use crate::settings::Crop;
 use snell_intersect::{Grouping, Hit, RayQuery};
@@ -125,7 +125,7 @@ impl<'a> PartRenderer<'a> {
         let sees_media = context.settings.integrator.sees_media();
         let volumes = if sees_media { VolumeBatch::new(&context, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
-        let matte = if volumes.is_some() || scene.moves { None } else { Matte::new(&context, sampler) };
+        let matte = if scene.moves { None } else { Matte::new(&context, sampler) };
         let view = camera.view(context.settings.size);
         let settings = context.settings;
         let stands_still = !scene.moves && settings.later_cameras.is_empty();
@@ -378,15 +378,8 @@ impl<'a> PartRenderer<'a> {
             } else {
                 [0; 2]
             };
-            let interaction = hit.is_hit().then(|| scene.interaction(&ray, state.time, &hit));
-            let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
-                hit: &hit,
-                interaction,
-                material: scene.material(scene.material_id(&hit)),
-                footprint: state.cone_width + state.cone_spread * hit.t,
-                mode: state.mode,
-                outside_ior: 1.0,
-            });
+            let interaction = hit.is_hit().then(|| self.paths.interaction(scene, i));
+            let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, i, interaction, 1.0));
             let random = self.samples[i].random.at_vertex(0, 0);
             let vertex = Vertex { depth: 0, ray: &ray, state: &state, random, surface, medium: None };
             self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, &hit)));
@@ -408,7 +401,16 @@ impl<'a> PartRenderer<'a> {
             let is_miss = self.keys[first as usize] as usize == self.context.scene.materials.len();
             if is_miss && self.is_simple() {
                 // They are last.
-                rest.iter().for_each(|&path| self.shade_miss(depth, path as usize));
+                for &path in rest {
+                    let is_scattered = self.volumes.as_ref().is_some_and(|v| v.scattered[path as usize].is_some());
+                    match is_scattered {
+                        true => self.shade_one(depth, path as usize),
+                        false => self.shade_miss(depth, path as usize),
+                    }
+                    if self.light_rays.rays.len() >= MAX_BATCH {
+                        self.trace_light_rays(statistics);
+                    }
+                }
                 break;
             }
             let matte = self.matte_beginning(rest);
@@ -493,10 +495,37 @@ impl<'a> PartRenderer<'a> {
         next.carried.extend(kept.iter().map(|&lane| vertices.carried(lane as usize)));
         next.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
         next.extend_rest(kept.iter().map(|&lane| from.rest(path(lane))));
+        self.note_insides(depth, vertices, paths);
+    }
+
+    /// Tells media of the rays that the vertices of [`Self::finish_matte`] send out.
+    fn note_insides(&mut self, depth: u32, vertices: &MatteVertices, paths: &[u32]) {
+        let scene = self.context.scene;
+        for &lane in &self.lanes {
+            let (lane, path) = (lane as usize, paths[lane as usize] as usize);
+            let random = self.random_at(depth, path);
+            let Some(volumes) = &mut self.volumes else { return };
+            if vertices.light_source(lane).is_some() {
+                let interaction = vertices.passes(lane).then(|| self.paths.interaction(scene, path));
+                let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, path, interaction, 1.0));
+                let light = [(vertices.light_ray(lane), vertices.brought(lane))];
+                let (arriving, glowing) = (self.paths.rays[path].direction, vertices.glowing(lane));
+                volumes.note_outputs(path, arriving, surface.as_ref(), random, &light, glowing, std::iter::empty());
+            }
+            if vertices.goes_on(lane) {
+                volumes.note_next(path);
+            }
+        }
+    }
+
+    /// The numbers of the vertex that a path has come to.
+    fn random_at(&self, depth: u32, path: usize) -> Random {
+        self.samples[self.paths.samples[path] as usize].random.at_vertex(self.paths.carried[path].stream, depth)
     }
 
     /// Takes what the vertices of [`Self::finish_matte`] gave one by one, because somebody wants to know more of them.
     fn collect_matte(&mut self, depth: u32, vertices: &MatteVertices, paths: &[u32]) {
+        self.note_insides(depth, vertices, paths);
         let lanes = std::mem::take(&mut self.lanes);
         for &lane in &lanes {
             let (lane, path) = (lane as usize, paths[lane as usize] as usize);
@@ -570,9 +599,7 @@ impl<'a> PartRenderer<'a> {
     /// True if what `path` and `direct` find outside of the scene is all that matters of it.
     fn is_simple(&self) -> bool {
         let integrator = self.context.settings.integrator;
-        matches!(integrator, IntegratorKind::Path | IntegratorKind::Direct)
-            && self.volumes.is_none()
-            && !self.is_watched()
+        matches!(integrator, IntegratorKind::Path | IntegratorKind::Direct) && !self.is_watched()
     }
 
     /// The same as [`Self::shade_one`] for a path that leaves the scene.
@@ -591,20 +618,13 @@ impl<'a> PartRenderer<'a> {
         if self.paths.is_dead(path) {
             return;
         }
-        let (ray, hit, state) = (self.paths.rays[path], self.paths.hits[path], self.paths.state(path));
-        let sample = self.paths.samples[path];
-        let interaction = hit.is_hit().then(|| scene.interaction(&ray, state.time, &hit));
-        let surface = interaction.as_ref().map(|interaction| SurfaceVertex {
-            hit: &hit,
-            interaction,
-            material: scene.material(scene.material_id(&hit)),
-            footprint: state.cone_width + state.cone_spread * hit.t,
-            mode: state.mode,
-            outside_ior: self.volumes.as_ref().map_or(1.0, |v| v.outside_ior(path, &hit)),
-        });
-        let random = self.samples[sample as usize].random.at_vertex(state.stream, depth);
+        let (ray, hit, state) = (&self.paths.rays[path], &self.paths.hits[path], self.paths.state(path));
+        let interaction = hit.is_hit().then(|| self.paths.interaction(scene, path));
+        let outside_ior = self.volumes.as_ref().filter(|_| hit.is_hit()).map_or(1.0, |v| v.outside_ior(path, hit));
+        let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, path, interaction, outside_ior));
+        let random = self.random_at(depth, path);
         let medium = self.volumes.as_ref().and_then(|v| v.scattered[path]);
-        let vertex = Vertex { depth, ray: &ray, state: &state, random, surface, medium };
+        let vertex = Vertex { depth, ray, state: &state, random, surface, medium };
         self.outputs.clear();
         (self.shade)(&self.context, &vertex, &mut self.outputs);
         if let Some(volumes) = &mut self.volumes {

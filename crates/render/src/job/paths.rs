@@ -1,9 +1,10 @@
 //! The paths of a part, as a structure of arrays.
 
-use crate::integrator::PathState;
+use crate::compile::CompiledScene;
 use crate::integrator::carried::{Carried, Rest};
 use crate::integrator::light_part::LightTag;
-use snell_intersect::Hit;
+use crate::integrator::{PathState, SurfaceVertex};
+use snell_intersect::{Hit, SurfaceInteraction};
 use snell_math::{Ray, SampledSpectrum};
 
 /// Live paths: one entry per ray in flight.
@@ -76,6 +77,30 @@ impl Paths {
     /// True for a path that is over.
     pub fn is_dead(&self, path: usize) -> bool {
         self.carried[path].throughput.is_black()
+    }
+
+    /// The surface that a path has hit.
+    pub fn interaction(&self, scene: &CompiledScene, path: usize) -> SurfaceInteraction {
+        scene.interaction(&self.rays[path], self.rest(path).time, &self.hits[path])
+    }
+
+    /// The same as vertex functions see it.
+    pub fn surface<'s>(
+        &'s self,
+        scene: &'s CompiledScene,
+        path: usize,
+        interaction: &'s SurfaceInteraction,
+        outside_ior: f32,
+    ) -> SurfaceVertex<'s> {
+        let (hit, Carried { cone_width, cone_spread, .. }) = (&self.hits[path], &self.carried[path]);
+        SurfaceVertex {
+            hit,
+            interaction,
+            material: scene.material(scene.material_id(hit)),
+            footprint: cone_width + cone_spread * hit.t,
+            mode: self.rest(path).mode,
+            outside_ior,
+        }
     }
 
     /// True if the rest of all states is [`Rest::PLAIN`].

@@ -185,6 +185,11 @@ impl<'a> VolumeBatch<'a> {
         }
     }
 
+    /// Notes that a path goes on on the side that it has come from.
+    pub fn note_next(&mut self, path: usize) {
+        self.next.push(self.insides[path]);
+    }
+
     /// Sends light rays to their lights: values lose what media take, and what arrives is not `blocked`. `mode` is that of a sample.
     pub fn trace_light_rays(&mut self, tracer: &mut Tracer, light: &mut LightRays, mode: impl Fn(u32) -> ColorMode) {
         let may_see_past = self.walker.has_priorities();

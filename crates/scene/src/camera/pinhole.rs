@@ -98,7 +98,7 @@ pub(super) fn lanes(
         let y = right.y * p.x + up.y * p.y + towards.y;
         let z = right.z * p.x + up.z * p.y + towards.z;
         let squared = x * x + y * y + z * z;
-        is_usual &= (squared >= USUAL.start) & (squared < USUAL.end);
+        is_usual &= USUAL.contains(&squared);
         let inverse = 1.0 / squared.sqrt();
         to_x[i] = (x * inverse) as f32;
         to_y[i] = (y * inverse) as f32;
