@@ -269,12 +269,17 @@ pub(crate) fn test_shape<G: Goal>(
     for _ in 0..MAX_CROSSINGS {
         // One step more, for hits that are equally far once they are rounded.
         ray.t_max = search.goal.limit().next_up().into();
-        let Some(found) = shape.closest(&ray) else { return false };
-        let hit = G::Precision::hit(found.t, Vec2::ZERO, [instance, geometry, found.face]);
-        match search.offer(hit) {
-            Verdict::Finished => return true,
-            Verdict::Behind => return false,
-            Verdict::Taken | Verdict::Rejected => ray.t_min = found.t,
+        let found = shape.nearest_two(&ray);
+        for (number, found) in found.into_iter().enumerate() {
+            let Some(found) = found else { return false };
+            if number > 0 && !(found.t > ray.t_min && found.t < search.goal.limit().next_up().into()) {
+                return false;
+            }
+            match search.offer(G::Precision::hit(found.t, Vec2::ZERO, [instance, geometry, found.face])) {
+                Verdict::Finished => return true,
+                Verdict::Behind => return false,
+                Verdict::Taken | Verdict::Rejected => ray.t_min = found.t,
+            }
         }
     }
     false

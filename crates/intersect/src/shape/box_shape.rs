@@ -3,7 +3,7 @@
 use super::frustum::choose;
 use super::nearest::on_triangle;
 use super::plane::intersect_plane;
-use super::span::{Span, crossings, slab};
+use super::span::{Span, crossings, slab, two};
 use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
@@ -105,6 +105,10 @@ impl Shape for BoxShape {
 
     fn closest(&self, ray: &DRay) -> Option<ShapeHit> {
         intersect_slabs(self, ray)
+    }
+
+    fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
+        two(crossings(ray, |o, d| self.span(o, d)))
     }
 
     fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {

@@ -63,6 +63,10 @@ impl Shape for Disk {
         closest_in_z0(ray, |p| (inner2..=r2).contains(&p.length_squared()))
     }
 
+    fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
+        [self.closest(ray), None]
+    }
+
     fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
         hits.extend(self.closest(ray));
     }

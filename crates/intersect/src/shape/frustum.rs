@@ -2,7 +2,7 @@
 
 use super::disk::{polar, sample_ring};
 use super::nearest::{around, on_ring, on_segment};
-use super::span::{Span, crossings, roots, slab};
+use super::span::{Span, crossings, roots, slab, two};
 use super::winding;
 use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
@@ -200,6 +200,10 @@ impl Shape for Frustum {
         self.hits(ray).next()
     }
 
+    fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
+        two(self.hits(ray))
+    }
+
     fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
         hits.extend(self.hits(ray));
     }
@@ -296,6 +300,9 @@ macro_rules! shape_as_frustum {
             }
             fn closest(&self, ray: &DRay) -> Option<ShapeHit> {
                 self.as_frustum().closest(ray)
+            }
+            fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
+                self.as_frustum().nearest_two(ray)
             }
             fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
                 self.as_frustum().all(ray, hits);

@@ -132,6 +132,12 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// The nearest point in the open interval of the ray, from either side. Directions have any length. Rays with NaN miss.
     fn closest(&self, ray: &DRay) -> Option<ShapeHit>;
 
+    /// The nearest point and the one after it, as [`Self::closest`] gives them one by one. Most shapes know both at once.
+    fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
+        let first = self.closest(ray);
+        [first, first.and_then(|hit| self.closest(&DRay { t_min: hit.t, ..*ray }))]
+    }
+
     /// True if any point of the shape lies in the open interval of the ray.
     fn any(&self, ray: &DRay) -> bool {
         self.closest(ray).is_some()
@@ -201,6 +207,7 @@ macro_rules! shapes {
             fn validate(&self) -> Result<(), ShapeError> { match self { $(Self::$kind(s) => s.validate(),)* } }
             fn bounds(&self) -> Bounds3d { match self { $(Self::$kind(s) => s.bounds(),)* } }
             fn closest(&self, ray: &DRay) -> Option<ShapeHit> { match self { $(Self::$kind(s) => s.closest(ray),)* } }
+            fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] { match self { $(Self::$kind(s) => s.nearest_two(ray),)* } }
             fn any(&self, ray: &DRay) -> bool { match self { $(Self::$kind(s) => s.any(ray),)* } }
             fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) { match self { $(Self::$kind(s) => s.all(ray, hits),)* } }
             fn surface(&self, position: DVec3, face: u32) -> ShapeSurface { match self { $(Self::$kind(s) => s.surface(position, face),)* } }

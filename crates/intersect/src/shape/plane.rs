@@ -46,6 +46,10 @@ impl Shape for Plane {
         closest_in_z0(ray, |_| true)
     }
 
+    fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
+        [self.closest(ray), None]
+    }
+
     fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
         hits.extend(self.closest(ray));
     }

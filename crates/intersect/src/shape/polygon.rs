@@ -212,6 +212,10 @@ impl Shape for Polygon {
         intersect_fan(self, ray).map(|t| ShapeHit { t, face: 0 })
     }
 
+    fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
+        [self.closest(ray), None]
+    }
+
     fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
         hits.extend(self.closest(ray));
     }

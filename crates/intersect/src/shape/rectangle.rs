@@ -45,6 +45,10 @@ impl Shape for Rectangle {
         closest_in_z0(ray, |p| p.abs().cmple(self.half_size).all())
     }
 
+    fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
+        [self.closest(ray), None]
+    }
+
     fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
         hits.extend(self.closest(ray));
     }

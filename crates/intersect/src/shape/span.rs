@@ -68,6 +68,11 @@ pub(super) fn scaled_direction(ray: &DRay) -> Option<(DVec3, f64)> {
     Some((ray.direction * scale, scale))
 }
 
+/// The first two of some hits.
+pub(super) fn two(mut hits: impl Iterator<Item = ShapeHit>) -> [Option<ShapeHit>; 2] {
+    [hits.next(), hits.next()]
+}
+
 /// The ends of the span of a ray that lie in its open interval, nearest first. `span` is asked with the origin and the scaled
 /// direction.
 pub(super) fn crossings(ray: &DRay, span: impl FnOnce(DVec3, DVec3) -> Option<Span>) -> impl Iterator<Item = ShapeHit> {

@@ -1,7 +1,7 @@
 //! A sphere around the origin, and the lecture's two ways to hit it.
 
 use super::nearest::on_sphere;
-use super::span::{Span, accurate_cross, crossings, roots};
+use super::span::{Span, accurate_cross, crossings, roots, two};
 use super::{AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
@@ -77,6 +77,10 @@ impl Shape for Sphere {
 
     fn closest(&self, ray: &DRay) -> Option<ShapeHit> {
         crossings(ray, |o, d| self.span(o, d)).next()
+    }
+
+    fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
+        two(crossings(ray, |o, d| self.span(o, d)))
     }
 
     fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {

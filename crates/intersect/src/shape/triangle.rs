@@ -168,6 +168,10 @@ impl Shape for Triangle {
         intersect_watertight(&self.vertices, ray).map(|hit| ShapeHit { t: hit.t, face: 0 })
     }
 
+    fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
+        [self.closest(ray), None]
+    }
+
     fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
         hits.extend(self.closest(ray));
     }
