@@ -120,6 +120,39 @@ pub struct SurfaceInteraction {
     pub primitive: u32,
 }
 
+/// A point on a surface, as far as rays that pass it need to know.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// As in [`SurfaceInteraction`].
+    pub position: Vec3,
+    /// As in [`SurfaceInteraction`].
+    pub position_error: Vec3,
+    /// As in [`SurfaceInteraction`].
+    pub geometric_normal: Vec3,
+    /// As in [`SurfaceInteraction`].
+    pub on_curve: bool,
+}
+
+impl From<&SurfaceInteraction> for SurfacePoint {
+    #[inline(always)]
+    fn from(surface: &SurfaceInteraction) -> Self {
+        let SurfaceInteraction { position, position_error, geometric_normal, on_curve, .. } = *surface;
+        Self { position, position_error, geometric_normal, on_curve }
+    }
+}
+
+impl SurfacePoint {
+    /// As [`SurfaceInteraction::ray_origin`].
+    pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
+        robust::offset_ray_origin(self.position, self.position_error, self.geometric_normal, direction)
+    }
+
+    /// As [`SurfaceInteraction::is_front_facing`].
+    pub fn is_front_facing(&self, ray_direction: Vec3) -> bool {
+        ray_direction.dot(self.geometric_normal) < 0.0
+    }
+}
+
 impl SurfaceInteraction {
     /// The start of a ray that leaves the surface along `direction`: surely off the surface, on the right side.
     pub fn ray_origin(&self, direction: Vec3) -> Vec3 {

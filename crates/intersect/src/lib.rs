@@ -41,7 +41,7 @@ pub use geometry::{
     CubicCurves, CurveBasis, Curves, LinearCurves, MeshKey, MovingMesh, PrimitiveHit, PrimitiveSet, QuadMesh, Spheres,
     StrandBasis, StrandError,
 };
-pub use hit::{DHit, Hit, SurfaceInteraction};
+pub use hit::{DHit, Hit, SurfaceInteraction, SurfacePoint};
 pub use mesh::{DTriangleMesh, TriangleMesh};
 pub use precision::{Double, Precision, Single};
 pub use query::crossings::AllHits;

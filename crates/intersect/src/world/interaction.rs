@@ -1,7 +1,7 @@
 //! From a hit to everything local about the surface.
 
 use super::{Geometry, GeometryId, GroupId, World, abs_matrix};
-use crate::hit::{Hit, SurfaceInteraction};
+use crate::hit::{Hit, SurfaceInteraction, SurfacePoint};
 use crate::mesh::TriangleMesh;
 use crate::query::rays::{RayQuery, clamped_time};
 use crate::shape::ShapeSurface;
@@ -57,7 +57,20 @@ impl World {
     /// # Panics
     /// If `hit` is a miss or does not belong to this world.
     pub fn interaction<'a>(&self, ray: impl Into<RayQuery<'a>>, hit: &Hit) -> SurfaceInteraction {
-        let RayQuery { ray, time, .. } = ray.into();
+        self.surface(ray.into(), hit)
+    }
+
+    /// The same without what only materials ask for: twice as fast on triangles.
+    ///
+    /// # Panics
+    /// As [`Self::interaction`].
+    pub fn point<'a>(&self, ray: impl Into<RayQuery<'a>>, hit: &Hit) -> SurfacePoint {
+        // All else is not even computed once this is inlined.
+        SurfacePoint::from(&self.surface(ray.into(), hit))
+    }
+
+    #[inline(always)]
+    fn surface(&self, RayQuery { ray, time, .. }: RayQuery, hit: &Hit) -> SurfaceInteraction {
         // By far the most common case by itself: nothing of it goes through memory.
         if let (None, Geometry::Mesh(mesh)) =
             (self.step(GroupId(0), hit.instance), self.geometry(GeometryId(hit.geometry)))
@@ -212,6 +225,7 @@ fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
 
 /// Derivatives of the position by the texture coordinates (Pharr, Jakob and Humphreys, 4th edition, section 6.5.2); zero where the
 /// coordinates do not span a plane.
+#[inline(always)]
 fn derivatives(p: &[DVec3; 3], uv: [DVec2; 3], normal: DVec3) -> (DVec3, DVec3) {
     let (e1, e2) = (p[1] - p[0], p[2] - p[0]);
     let (t1, t2) = (uv[1] - uv[0], uv[2] - uv[0]);

@@ -78,6 +78,11 @@ impl VolumeTable {
         ids.filter_map(|id| Some((id, self.medium(id).glow()?)))
     }
 
+    /// True if no medium is dear to pass.
+    pub fn is_in_closed_form(&self) -> bool {
+        self.media.iter().all(PreparedMedium::is_in_closed_form)
+    }
+
     /// What a material bounds.
     pub fn boundary(&self, material: MaterialId) -> Option<&Boundary> {
         self.boundaries[material.index()].as_ref()

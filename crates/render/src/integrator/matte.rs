@@ -502,8 +502,8 @@ fn outputs(
         // As `survival_at`.
         let survival = if plays { least(largest * carried.eta_scale[i], MAX_SURVIVAL) } else { 1.0 };
         let goes_on = (bounces.exists[i] != 0) & (largest > 0.0) & is_finite & (roulette[i] < survival);
-        for channel in 0..3 {
-            to.throughput[channel][i] = throughput[channel] * (1.0 / survival);
+        for (channel, throughput) in throughput.into_iter().enumerate() {
+            to.throughput[channel][i] = throughput * (1.0 / survival);
         }
         to.goes_on[i] = u32::from(goes_on);
     }

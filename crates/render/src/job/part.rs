@@ -221,11 +221,14 @@ impl<'a> PartRenderer<'a> {
         while self.paths.len() > 0 {
             self.note_arrivals();
             self.journal.iter_mut().for_each(|journal| journal.events.push(Event::Depth));
-            if depth == 0 || !self.volumes.as_ref().is_some_and(VolumeBatch::sees_more) {
+            let is_shown = depth == 0 && self.shows_first_hits();
+            if is_shown || !self.volumes.as_ref().is_some_and(VolumeBatch::sees_more) {
                 self.tracer.closest(&self.paths.rays, &self.paths.times, grouping, &mut self.paths.hits);
             }
             if depth == 0 {
                 self.drop_dead_paths();
+            }
+            if is_shown {
                 self.note_first_hits();
             }
             self.travel(depth, grouping);
@@ -352,6 +355,11 @@ impl<'a> PartRenderer<'a> {
                 self.paths.hits[path] = Hit::MISS;
             }
         }
+    }
+
+    /// True if something depends on what the rays of the camera hit first.
+    fn shows_first_hits(&self) -> bool {
+        self.context.scene.background == Background::Transparent || !self.context.settings.aovs.is_empty()
     }
 
     /// Alpha and AOVs of the camera rays.

@@ -192,7 +192,7 @@ impl<'a> VolumeBatch<'a> {
 
     /// Sends light rays to their lights: values lose what media take, and what arrives is not `blocked`. `mode` is that of a sample.
     pub fn trace_light_rays(&mut self, tracer: &mut Tracer, light: &mut LightRays, mode: impl Fn(u32) -> ColorMode) {
-        let may_see_past = self.walker.has_priorities();
+        let may_see_past = self.walker.has_priorities() || self.walker.follows_light_rays();
         if may_see_past {
             light.blocked.clear();
             light.blocked.resize(light.rays.len(), false);

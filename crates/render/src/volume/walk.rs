@@ -8,7 +8,7 @@ use crate::integrator::path::weight_of_found_light;
 use crate::integrator::{Context, MediumVertex, PathState};
 use crate::light_sampler::LightSampler;
 use crate::settings::LightStrategy;
-use snell_intersect::{Hit, HitFilter, SurfaceInteraction};
+use snell_intersect::{Hit, HitFilter, RayQuery, SurfaceInteraction, SurfacePoint};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
 use snell_scene::medium::{Glow, Segment, Travel};
 use snell_scene::{MaterialId, MediumId};
@@ -72,6 +72,11 @@ impl<'a> Walker<'a> {
         self.table.has_priorities
     }
 
+    /// True if it costs more to ask first whether anything blocks a light ray than to follow it to where it ends.
+    pub fn follows_light_rays(&self) -> bool {
+        self.has_passable() && self.table.is_in_closed_form()
+    }
+
     /// Sends a path along its ray up to a hit. Emission on the way is added to `radiance`.
     pub fn step(
         &self,
@@ -95,10 +100,9 @@ impl<'a> Walker<'a> {
         if !hit.is_hit() || travel.throughput.is_black() || !self.is_passed(insides, hit) {
             return PathStep::Arrived;
         }
-        let surface = self.scene.interaction(ray, state.time, hit);
         state.cone_width += state.cone_spread * segment.length;
-        *insides = self.beyond(own, insides, &surface, hit, ray.direction, state.mode);
-        *ray = Ray::new(surface.ray_origin(ray.direction), ray.direction);
+        let origin = self.pass(own, insides, ray, state.time, hit, state.mode);
+        *ray = Ray::new(origin, ray.direction);
         PathStep::Passed
     }
 
@@ -125,11 +129,27 @@ impl<'a> Walker<'a> {
         if !is_passed {
             return LightStep::Arrived;
         }
-        let surface = self.scene.interaction(ray, time, hit);
-        *insides = self.beyond(own, insides, &surface, hit, ray.direction, mode);
+        let origin = self.pass(own, insides, ray, time, hit, mode);
         let left = ray.t_max - hit.t;
-        *ray = Ray::new(surface.ray_origin(ray.direction), ray.direction).with_t_max(left);
+        *ray = Ray::new(origin, ray.direction).with_t_max(left);
         if left > 0.0 { LightStep::Passed } else { LightStep::Arrived }
+    }
+
+    /// Takes a ray through the surface that it has hit, and tells where it goes on.
+    fn pass(
+        &self,
+        own: &mut OwnMedia,
+        insides: &mut Insides,
+        ray: &Ray,
+        time: f32,
+        hit: &Hit,
+        mode: ColorMode,
+    ) -> Vec3 {
+        let query = RayQuery { time, ..RayQuery::from(ray) };
+        let point = self.scene.world.point(query, hit);
+        let surface = || self.scene.interaction(ray, time, hit);
+        *insides = self.through(own, insides, &point, hit, ray.direction, mode, surface);
+        point.ray_origin(ray.direction)
     }
 
     fn travel(
@@ -222,14 +242,28 @@ impl<'a> Walker<'a> {
         direction: Vec3,
         mode: ColorMode,
     ) -> Insides {
+        self.through(own, insides, &SurfacePoint::from(surface), hit, direction, mode, || *surface)
+    }
+
+    /// [`Self::beyond`], which asks for the whole surface only where the medium inside depends on it.
+    fn through(
+        &self,
+        own: &mut OwnMedia,
+        insides: &Insides,
+        point: &SurfacePoint,
+        hit: &Hit,
+        direction: Vec3,
+        mode: ColorMode,
+        surface: impl FnOnce() -> SurfaceInteraction,
+    ) -> Insides {
         let mut insides = *insides;
         // Curves are met from outside only: what goes in would never come out.
-        if surface.on_curve {
+        if point.on_curve {
             return insides;
         }
         let material = self.scene.material_id(hit);
         let Some(boundary) = self.table.boundary(material) else { return insides };
-        if surface.is_front_facing(direction) {
+        if point.is_front_facing(direction) {
             insides.enter(self.inside(own, material, boundary, surface, mode));
         } else {
             insides.leave(material);
@@ -242,12 +276,12 @@ impl<'a> Walker<'a> {
         own: &mut OwnMedia,
         id: MaterialId,
         boundary: &Boundary,
-        surface: &SurfaceInteraction,
+        surface: impl FnOnce() -> SurfaceInteraction,
         mode: ColorMode,
     ) -> Inside {
         let material = self.scene.material(id);
-        let mut brought = || {
-            material.own_medium(&self.scene.shading_point(surface, 0.0, mode)).map(|medium| {
+        let brought = || {
+            material.own_medium(&self.scene.shading_point(&surface(), 0.0, mode)).map(|medium| {
                 own.push(medium);
                 Filling::Own(own.len() as u32 - 1)
             })
@@ -308,7 +342,7 @@ impl<'a> Walker<'a> {
         let mut insides = Insides::default();
         for (id, surface) in surfaces {
             if let Some(boundary) = self.table.boundary(*id) {
-                insides.enter(self.inside(own, *id, boundary, surface, mode));
+                insides.enter(self.inside(own, *id, boundary, || *surface, mode));
             }
         }
         insides

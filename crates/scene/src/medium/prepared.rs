@@ -27,6 +27,11 @@ impl PreparedMedium {
         }
     }
 
+    /// True if what light rays lose is known without tracking.
+    pub fn is_in_closed_form(&self) -> bool {
+        !matches!(self, Self::Tracked(_))
+    }
+
     /// Sends a path along a segment: it is scattered on the way, or comes to the end. `numbers` gives pairs of uniform numbers in
     /// `[0, 1)`, independent of each other.
     pub fn travel(
