@@ -4,18 +4,24 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx2_doubles;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 mod doubles;
 mod lanes;
 mod level;
 mod portable;
+mod sixteen;
 mod wide;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx8;
 #[cfg(target_arch = "x86_64")]
 pub use avx2_doubles::Avx4;
+#[cfg(target_arch = "x86_64")]
+pub use avx512::Avx16;
 pub use doubles::{Lanes4, Portable4, WideLanes};
 pub use lanes::Lanes8;
 pub use level::Level;
 pub use portable::Portable8;
+pub use sixteen::{Lanes16, Pair};
 pub use wide::{Wide, least, most};
