@@ -6,7 +6,7 @@ use std::arch::x86_64::*;
 /// Sixteen lanes of AVX-512. As [`Avx8`]: a value exists only where it was allowed to make one.
 /// Callers carry `#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]` and what [`Avx8`] asks for.
 #[derive(Clone, Copy, Debug)]
-pub struct Avx16(__m512);
+pub struct Avx16(pub(super) __m512);
 
 impl Lanes16 for Avx16 {
     type Half = Avx8;
