@@ -25,7 +25,7 @@ use crate::query::search::{Goal, Search, Verdict};
 use bundle::{Bundle, Nearest, PerRay, RAYS};
 use exact::Found;
 use snell_math::simd::{Doubles16, Lanes16, Level, PairDoubles, Portable8};
-use snell_math::{Ray, Vec2};
+use snell_math::{Ray, Vec2, Vec3};
 use std::mem::MaybeUninit;
 
 /// Batches of fewer rays are not worth it.
@@ -135,24 +135,32 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
 ) -> usize {
     let (list, all) = (scene.list, scene.batch.rays.rays());
     let more_faces = list.len().saturating_sub(FACES_PER_RAY);
+    let mut last = [Ray::new(Vec3::ZERO, Vec3::Z); RAYS];
     let (mut first, mut met) = (0, 0);
     while first < all.len() {
         if first >= TRIAL && met * FACES_PER_HIT < first * more_faces {
             break;
         }
         let rays = &all[first..(first + RAYS).min(all.len())];
+        let sixteen = match rays.first_chunk() {
+            Some(sixteen) => sixteen,
+            None => {
+                last[..rays.len()].copy_from_slice(rays);
+                &last
+            }
+        };
         // SAFETY: as promised by the caller.
-        let bundle = unsafe { Bundle::<D>::new(list, rays) };
+        let bundle = unsafe { Bundle::<D>::new(list, sixteen, rays.len()) };
         let mut unsure = !bundle.ordinary & ((2 << (rays.len() - 1)) - 1);
         if G::ANY && scene.is_plain {
             // SAFETY: as promised by the caller.
-            let all = unsafe { bundle.blocked(list) };
-            unsure |= all.doubtful & !all.blocked & bundle.ordinary;
-            met += (all.met | unsure).count_ones() as usize;
+            let found = unsafe { bundle.blocked(list) };
+            unsure |= found.doubtful & !found.blocked & bundle.ordinary;
+            met += (found.met | unsure).count_ones() as usize;
             for (lane, ray) in rays.iter().enumerate() {
                 if unsure >> lane & 1 == 0 {
                     let mut goal = start(ray);
-                    if all.blocked >> lane & 1 == 1 {
+                    if found.blocked >> lane & 1 == 1 {
                         goal.take(Hit::MISS);
                     }
                     finish(first + lane, goal);
@@ -182,19 +190,31 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 }
             }
         }
-        while unsure != 0 {
-            let lane = unsure.trailing_zeros() as usize;
-            unsure &= unsure - 1;
-            let query = scene.batch.rays.get(first + lane);
-            let mut search = Search::new(query, scene.batch.context, start(query.ray));
-            if Single::is_valid(query.ray) {
-                search_forest(scene.forest, scene.level, &mut search);
-            }
-            finish(first + lane, search.goal);
-        }
+        search_tree(scene, first, unsure, &start, &mut finish);
         first += rays.len();
     }
     first
+}
+
+/// Searches through the tree for those of sixteen rays that have a bit.
+#[inline(always)]
+fn search_tree<G: Goal<Precision = Single>>(
+    scene: &Scene,
+    first: usize,
+    mut lanes: u32,
+    start: &impl Fn(&Ray) -> G,
+    finish: &mut impl FnMut(usize, G),
+) {
+    while lanes != 0 {
+        let number = first + lanes.trailing_zeros() as usize;
+        lanes &= lanes - 1;
+        let query = scene.batch.rays.get(number);
+        let mut search = Search::new(query, scene.batch.context, start(query.ray));
+        if Single::is_valid(query.ray) {
+            search_forest(scene.forest, scene.level, &mut search);
+        }
+        finish(number, search.goal);
+    }
 }
 
 /// Offers the nearest hit on a triangle, if there is one, and tests the shapes.

@@ -75,24 +75,23 @@ pub(super) struct Bundle<D: Doubles16> {
 
 /// A ray as it is in memory: origin, start, direction, end.
 #[inline(always)]
-fn row(rays: &[Ray], lane: usize) -> &[f32; 8] {
-    let ray: *const Ray = &rays[lane.min(rays.len() - 1)];
+fn row(ray: &Ray) -> &[f32; 8] {
     // SAFETY: a ray is eight numbers (`repr(C)`).
-    unsafe { &*ray.cast::<[f32; 8]>() }
+    unsafe { &*(&raw const *ray).cast::<[f32; 8]>() }
 }
 
 /// Eight rays.
 #[inline(always)]
-fn rows(rays: &[Ray], from: usize) -> [&[f32; 8]; 8] {
+fn rows(rays: &[Ray; RAYS], from: usize) -> [&[f32; 8]; 8] {
     [
-        row(rays, from),
-        row(rays, from + 1),
-        row(rays, from + 2),
-        row(rays, from + 3),
-        row(rays, from + 4),
-        row(rays, from + 5),
-        row(rays, from + 6),
-        row(rays, from + 7),
+        row(&rays[from]),
+        row(&rays[from + 1]),
+        row(&rays[from + 2]),
+        row(&rays[from + 3]),
+        row(&rays[from + 4]),
+        row(&rays[from + 5]),
+        row(&rays[from + 6]),
+        row(&rays[from + 7]),
     ]
 }
 
@@ -156,12 +155,12 @@ struct Meeting<W> {
 }
 
 impl<D: Doubles16> Bundle<D> {
-    /// Takes in up to sixteen rays, but at least one.
+    /// Takes in sixteen rays, of which the first so many count: at least one.
     ///
     /// # Safety
     /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub unsafe fn new(list: &List, rays: &[Ray]) -> Self {
+    pub unsafe fn new(list: &List, rays: &[Ray; RAYS], count: usize) -> Self {
         // SAFETY: passed on to the caller.
         unsafe {
             let [x, y, z, t_min, dx, dy, dz, t_max] = columns::<D::Singles>(rows(rays, 0), rows(rays, 8));
@@ -178,7 +177,7 @@ impl<D: Doubles16> Bundle<D> {
                 & distance.le(splat(list.reach * FARTHEST))
                 & splat(SMALLEST).le(size)
                 & size.le(splat(LARGEST))
-                & ((2 << (rays.len() - 1).min(RAYS - 1)) - 1);
+                & ((2 << (count - 1)) - 1);
             let far = distance.add(splat(list.reach));
             let magnitude = far.add(splat(list.center.abs().max_element()));
             Self {

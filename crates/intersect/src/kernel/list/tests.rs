@@ -188,9 +188,9 @@ fn nearly_all_rays_in_a_room_are_certain() {
     let list = list_of(&world).expect("a list");
     let rays = rays_in_room(&world, 5000);
     let mut unsure = 0;
-    for rays in rays.chunks_exact(RAYS) {
+    for rays in rays.as_chunks::<RAYS>().0 {
         // SAFETY: portable code.
-        let hits = unsafe { Hits::of(list, &Bundle::<PairDoubles<Portable8>>::new(list, rays)) };
+        let hits = unsafe { Hits::of(list, &Bundle::<PairDoubles<Portable8>>::new(list, rays, RAYS)) };
         unsure += hits.unsure.count_ones() as usize;
     }
     assert!(unsure * 100 < rays.len(), "{unsure} of {}", rays.len());
