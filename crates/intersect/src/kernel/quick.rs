@@ -238,13 +238,6 @@ fn axes_and_shear(direction: &Vec3, sizes: Vec4) -> ([u32; 4], [f32; 2]) {
     (*axes, [slope(0) / slope(2), slope(1) / slope(2)])
 }
 
-/// The plane that a ray draws on: that of the [`QuickRay`].
-#[inline(always)]
-pub(crate) fn drawing(ray: &Ray) -> Drawing {
-    let ([x, y, z, _], shear) = axes_and_shear(&ray.direction, ray.direction.extend(1.0).abs());
-    Drawing { origin: ray.origin.to_array(), axes: [x as usize, y as usize, z as usize], shear }
-}
-
 /// True if no size is too large. (The fourth number is not looked at.)
 #[inline(always)]
 fn is_ordinary_line(o: Vec4, d: Vec4) -> bool {

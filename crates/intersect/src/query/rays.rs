@@ -84,6 +84,11 @@ impl<'a, P: Precision> Rays<'a, P> {
         self.rays
     }
 
+    /// True if rays have masks of their own.
+    pub(crate) fn has_masks(&self) -> bool {
+        !self.masks.is_empty()
+    }
+
     /// One of the rays.
     ///
     /// # Panics

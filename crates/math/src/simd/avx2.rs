@@ -96,6 +96,16 @@ impl Lanes8 for Avx8 {
     }
 
     #[inline(always)]
+    fn replace(self, mask: u32, other: Self) -> Self {
+        // SAFETY: a value of this type exists, and whoever made it promised AVX2.
+        unsafe {
+            let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let chosen = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bits), bits);
+            Self(_mm256_blendv_ps(self.0, other.0, _mm256_castsi256_ps(chosen)))
+        }
+    }
+
+    #[inline(always)]
     fn le_in_order(self, limit: Self, order: u32) -> u32 {
         // SAFETY: a value of this type exists, and whoever made it promised AVX2.
         unsafe {

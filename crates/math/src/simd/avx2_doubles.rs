@@ -114,6 +114,16 @@ impl Lanes4 for Avx4 {
         // SAFETY: a value of this type exists, so the machine has AVX.
         unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
     }
+
+    #[inline(always)]
+    fn replace(self, mask: u32, other: Self) -> Self {
+        // SAFETY: a value of this type exists, and whoever made it promised AVX2.
+        unsafe {
+            let bits = _mm256_setr_epi64x(1, 2, 4, 8);
+            let chosen = _mm256_cmpeq_epi64(_mm256_and_si256(_mm256_set1_epi64x(mask.into()), bits), bits);
+            Self(_mm256_blendv_pd(self.0, other.0, _mm256_castsi256_pd(chosen)))
+        }
+    }
 }
 
 impl WideLanes for Avx8 {
@@ -197,5 +207,11 @@ impl WideLanes for Avx8 {
     fn last_doubles(self) -> Avx4 {
         // SAFETY: a value of this type exists, so the machine has AVX.
         Avx4(unsafe { _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(self.0)) })
+    }
+
+    #[inline(always)]
+    fn from_doubles(first: Avx4, last: Avx4) -> Self {
+        // SAFETY: values of this type exist, so the machine has AVX.
+        Self(unsafe { _mm256_set_m128(_mm256_cvtpd_ps(last.0), _mm256_cvtpd_ps(first.0)) })
     }
 }

@@ -58,6 +58,9 @@ pub trait Lanes4: Copy {
 
     /// Bit `i` is set if `self < other` in lane `i` (not for NaN).
     fn lt(self, other: Self) -> u32;
+
+    /// `other` in the lanes whose bit is set in `mask`, `self` in the others.
+    fn replace(self, mask: u32, other: Self) -> Self;
 }
 
 /// Eight lanes that can be rearranged and continued in double precision.
@@ -91,6 +94,9 @@ pub trait WideLanes: Lanes8 {
 
     /// The last four lanes, exactly.
     fn last_doubles(self) -> Self::Doubles;
+
+    /// The four lanes of each, rounded to nearest.
+    fn from_doubles(first: Self::Doubles, last: Self::Doubles) -> Self;
 }
 
 /// Four lanes as an array: the readable twin.
@@ -189,6 +195,11 @@ impl Lanes4 for Portable4 {
     fn lt(self, other: Self) -> u32 {
         self.compare(other, |a, b| a < b)
     }
+
+    #[inline(always)]
+    fn replace(self, mask: u32, other: Self) -> Self {
+        Self(std::array::from_fn(|i| if mask >> i & 1 == 1 { other.0[i] } else { self.0[i] }))
+    }
 }
 
 impl WideLanes for Portable8 {
@@ -241,6 +252,12 @@ impl WideLanes for Portable8 {
         let mut values = [0.0; 8];
         self.store(&mut values);
         Portable4(std::array::from_fn(|i| values[i + 4].into()))
+    }
+
+    #[inline(always)]
+    fn from_doubles(first: Portable4, last: Portable4) -> Self {
+        // SAFETY: portable code.
+        unsafe { Self::load(&std::array::from_fn(|i| if i < 4 { first.0[i] } else { last.0[i - 4] } as f32)) }
     }
 }
 
@@ -319,6 +336,8 @@ mod tests {
             one,
             permuted.first_doubles(),
             permuted.last_doubles(),
+            x.replace(5, y),
+            L::from_doubles(x, y).last_doubles(),
         ];
         let bits = values.map(|v| {
             let (mut rounded, mut out) = ([0.0; 4], [0.0; 4]);

@@ -54,6 +54,9 @@ pub trait Lanes8: Copy {
     /// Bit `i` is set if lane `i` has its sign bit set.
     fn signs(self) -> u32;
 
+    /// `other` where the mask has a bit, `self` elsewhere.
+    fn replace(self, mask: u32, other: Self) -> Self;
+
     /// Bit `i` is set if `self <= limit` in the lane that comes `i`-th in `order` (eight numbers of 3 bits, the first lowest).
     fn le_in_order(self, limit: Self, order: u32) -> u32;
 

@@ -4,18 +4,30 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx2_doubles;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+#[cfg(target_arch = "x86_64")]
+mod avx512_doubles;
 mod doubles;
 mod lanes;
 mod level;
 mod portable;
+mod sixteen;
+mod sixteen_doubles;
 mod wide;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx8;
 #[cfg(target_arch = "x86_64")]
 pub use avx2_doubles::Avx4;
+#[cfg(target_arch = "x86_64")]
+pub use avx512::Avx16;
+#[cfg(target_arch = "x86_64")]
+pub use avx512_doubles::Avx16Doubles;
 pub use doubles::{Lanes4, Portable4, WideLanes};
 pub use lanes::Lanes8;
 pub use level::Level;
 pub use portable::Portable8;
+pub use sixteen::{Lanes16, Pair};
+pub use sixteen_doubles::{Doubles16, PairDoubles};
 pub use wide::{Wide, least, most};

@@ -92,6 +92,11 @@ impl Lanes8 for Portable8 {
     }
 
     #[inline(always)]
+    fn replace(self, mask: u32, other: Self) -> Self {
+        Self(std::array::from_fn(|i| if mask >> i & 1 == 1 { other.0[i] } else { self.0[i] }))
+    }
+
+    #[inline(always)]
     fn le_in_order(self, limit: Self, order: u32) -> u32 {
         (0..8).fold(0, |mask, i| {
             let lane = ((order >> (3 * i)) & 7) as usize;

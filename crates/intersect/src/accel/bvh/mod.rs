@@ -155,7 +155,7 @@ pub(crate) struct Forest {
     /// True if besides nothing in the root is unbounded, and walks need no more than [`SMALL_STACK`].
     pub simple: bool,
     /// The root's contents without a tree, if they are few.
-    pub list: Option<List>,
+    pub list: Option<Box<List>>,
 }
 
 impl Forest {

@@ -1,5 +1,6 @@
 //! What a list holds, ready to be tested.
 
+use super::faces::{Faces, shapes};
 use crate::accel::bvh::GroupTree;
 use crate::accel::group::Object;
 use crate::kernel::node::ChildRef;
@@ -13,57 +14,36 @@ pub(super) const MAX_TRIANGLES: usize = 64;
 const MAX_OBJECTS: usize = 2;
 const TRIANGLES_PER_OBJECT: usize = 8;
 
-/// Triangles smaller than this, relative to the whole list, count as this large where errors are bounded.
-const LEAST_SIZE: f64 = 1.0 / 16384.0;
-
 /// Lists of extraordinary size are left to the tree: nothing may overflow or vanish.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
+
+/// And so are those that are farther from the origin, relative to their size: there `f64` is not much better than `f32`.
+const FARTHEST: f64 = 65536.0;
 
 /// The contents of a small root group.
 #[derive(Clone, Debug)]
 pub(crate) struct List {
-    /// The middle: edges are lines seen from here.
+    /// The middle: places are seen from here.
     pub(super) center: Vec3,
     /// Around all but what is unbounded.
     pub(super) bounds: Bounds3,
     /// No vertex is farther from the centre along any axis.
     pub(super) reach: f32,
-    /// What each triangle needs at first, in three arrays by how often they are used.
-    pub(super) edges: Vec<EdgeLines>,
-    pub(super) planes: Vec<Plane>,
-    pub(super) triangles: Vec<Triangle>,
+    /// By the axis along which they are seen.
+    pub(super) faces: [Faces; 3],
+    /// Of each face, as they are numbered, the triangle on the positive side of its diagonal and the one on the other side. (So many that numbers
+    /// below that need no check.)
+    pub(super) triangles: [Triangle; 2 * MAX_TRIANGLES],
     pub(super) objects: Vec<ListObject>,
 }
 
-/// The lines of the edges of a triangle: the moments, then the directions (Plücker coordinates), by axis and edge, divided by the size of the
-/// triangle.
-pub(super) type EdgeLines = [[f32; 3]; 6];
-
-/// The plane of a triangle.
+/// What is wanted of the triangle that is hit.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Plane {
-    /// As the exact test has it.
-    pub normal: DVec3,
-    /// The first vertex.
-    pub corner: DVec3,
-    /// Times the size of a direction: the least product with the normal for the distance to be of use.
-    pub steep: f64,
-}
-
-/// A vector as `x y z x y`, so that it can be read from any axis on, and one number more.
-pub(super) type Row = [f64; 6];
-
-pub(super) fn row(v: DVec3) -> Row {
-    [v.x, v.y, v.z, v.x, v.y, 0.0]
-}
-
-/// What the exact test wants to know.
-#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
 pub(super) struct Triangle {
-    pub rows: [Row; 3],
-    pub corners: [[f32; 3]; 3],
-    /// Geometry and primitive.
-    pub ids: (u32, u32),
+    /// Its corners, then the least product of its normal with a direction whose largest component is 1, so that hits are where the plane is, then
+    /// geometry and primitive as bits.
+    pub numbers: [[f32; 8]; 2],
 }
 
 /// A shape or a primitive of a set.
@@ -75,9 +55,38 @@ pub(super) struct ListObject {
     pub bounds: Option<Bounds3>,
 }
 
+/// Inverse of the least slope at which [`Triangle`] promises that. The drawing is off by 8.5 units of `2^-24`, relative to the farthest vertex; so hits
+/// are within [`crate::kernel::triangle::PLACE_TOLERANCE`] at up to 98.
+const STEEPEST: f64 = 64.0;
+
+impl Triangle {
+    const NONE: Self = Self { numbers: [[0.0; 8]; 2] };
+
+    fn new(corners: &Corners, (geometry, primitive): (u32, u32)) -> Self {
+        let [[a, b, c], [d, e, f], [g, h, i]] = *corners;
+        let steep = ((normal(corners).length() / STEEPEST) as f32).max(f32::MIN_POSITIVE);
+        let ids = [f32::from_bits(geometry), f32::from_bits(primitive)];
+        Self { numbers: [[a, b, c, d, e, f, g, h], [i, steep, ids[0], ids[1], 0.0, 0.0, 0.0, 0.0]] }
+    }
+
+    /// Geometry and primitive.
+    #[inline(always)]
+    pub fn ids(&self) -> (u32, u32) {
+        (self.numbers[1][2].to_bits(), self.numbers[1][3].to_bits())
+    }
+}
+
+pub(super) type Corners = [[f32; 3]; 3];
+
+/// The normal of a triangle as the exact test has it.
+pub(super) fn normal(corners: &Corners) -> DVec3 {
+    let [a, b, c] = corners.map(wide);
+    (b - a).cross(c - a)
+}
+
 impl List {
     /// The list of a group; `None` if it is not for lists.
-    pub fn of(tree: &GroupTree) -> Option<Self> {
+    pub fn of(tree: &GroupTree) -> Option<Box<Self>> {
         let is_instance = |object: &Object| matches!(object, Object::Instance { .. });
         if tree.objects.len() > MAX_OBJECTS
             || tree.blocks.len() > MAX_TRIANGLES
@@ -87,16 +96,16 @@ impl List {
         }
         let mut objects: Vec<ListObject> =
             tree.unbounded.iter().map(|&number| ListObject { number: number as usize, bounds: None }).collect();
-        let mut triangles: Vec<(u32, [[f32; 3]; 3])> = Vec::new();
+        let mut triangles: Vec<(u32, Corners)> = Vec::new();
         let mut add = |child: ChildRef, bounds: Option<Bounds3>| {
             if child == ChildRef::NONE || child.is_node() {
             } else if child.is_triangles() {
                 let block = &tree.blocks[child.block()];
                 for lane in 0..child.count() as usize {
-                    let corners = block.corners(lane);
-                    // Pieces of a triangle are in several blocks; those in one point can not be hit.
+                    let corners @ [a, b, c] = block.corners(lane);
+                    // Pieces of a triangle are in several blocks; those in a point or on a side between two can not be hit.
                     let is_known = triangles.iter().any(|(id, _)| *id == block.ids[lane]);
-                    if !is_known && (corners[0] != corners[1] || corners[0] != corners[2]) {
+                    if !is_known && a != b && b != c && c != a {
                         triangles.push((block.ids[lane], corners));
                     }
                 }
@@ -108,58 +117,56 @@ impl List {
         for node in tree.nodes.iter() {
             (0..8).for_each(|slot| add(node.children[slot], Some(node.slot_bounds(slot))));
         }
-        if triangles.len() > MAX_TRIANGLES || triangles.len() < objects.len() * TRIANGLES_PER_OBJECT {
+        let count = triangles.len();
+        if count == 0 || count > MAX_TRIANGLES || count < objects.len() * TRIANGLES_PER_OBJECT {
             return None;
         }
-        let mut all = Bounds3::EMPTY;
-        for (_, corners) in &triangles {
-            corners.iter().for_each(|&corner| all = all.union(&Bounds3 { min: corner.into(), max: corner.into() }));
-        }
+        let mut all = Bounds3::of(triangles.iter().flat_map(|(_, corners)| corners.map(Vec3::from_array)));
         objects.iter().filter_map(|object| object.bounds).for_each(|bounds| all = all.union(&bounds));
         let center = all.min * 0.5 + all.max * 0.5;
         let middle = center.as_dvec3();
         let reach = (all.max.as_dvec3() - middle).max(middle - all.min.as_dvec3()).max_element();
-        if !SIZES.contains(&reach) || !SIZES.contains(&center.abs().max_element().max(1.0).into()) {
+        let far = f64::from(center.abs().max_element());
+        if !SIZES.contains(&reach) || !SIZES.contains(&far.max(1.0)) || far > reach * FARTHEST {
             return None;
         }
-        let mut list = Self {
+        let mut list = Box::new(Self {
             center,
             bounds: all,
             reach: (reach as f32).next_up(),
-            edges: Vec::new(),
-            planes: Vec::new(),
-            triangles: Vec::new(),
+            faces: Default::default(),
+            triangles: [Triangle::NONE; 2 * MAX_TRIANGLES],
             objects,
-        };
-        for (id, corners) in triangles {
-            list.push(&corners, middle, reach * LEAST_SIZE);
-            let rows = corners.map(|corner| row(wide(corner)));
-            list.triangles.push(Triangle { rows, corners, ids: tree.triangle(id) });
+        });
+        let corners: Vec<Corners> = triangles.iter().map(|(_, corners)| *corners).collect();
+        let mut shapes = shapes(&corners)?;
+        shapes.sort_by_key(|shape| (shape.axis, shape.is_tilted));
+        for (number, shape) in shapes.iter().enumerate() {
+            let faces = &mut list.faces[shape.axis];
+            let faces = if shape.is_tilted { &mut faces.tilted } else { &mut faces.across };
+            faces.push(shape.face(middle));
+            for (side, &of_side) in shape.triangles.iter().enumerate() {
+                let (id, corners) = &triangles[of_side];
+                list.triangles[2 * number + side] = Triangle::new(corners, tree.triangle(*id));
+            }
         }
         Some(list)
     }
 
-    /// Works out edges and plane of a triangle.
-    fn push(&mut self, corners: &[[f32; 3]; 3], center: DVec3, least: f64) {
-        let [a, b, c] = corners.map(wide);
-        let sides = [c - b, a - c, b - a];
-        let size = sides.map(|side| side.abs().max_element()).into_iter().fold(least, f64::max);
-        let mut lines = [[0.0; 3]; 6];
-        for (i, (start, side)) in [b, c, a].into_iter().zip(sides).enumerate() {
-            let moment = (start - center).cross(side) / size;
-            let direction = side / size;
-            for axis in 0..3 {
-                (lines[axis][i], lines[axis + 3][i]) = (moment[axis] as f32, direction[axis] as f32);
-            }
-        }
-        self.edges.push(lines);
-        // In the order of `plane_distance`.
-        let normal = (b - a).cross(c - a);
-        let largest = normal.abs().max_element();
-        // The normal of a sliver is not well known: it is never steep.
-        let is_known = largest > size * size / f64::from(1 << 20);
-        let steep = if is_known { largest * super::MIN_SLOPE } else { f64::INFINITY };
-        self.planes.push(Plane { normal, corner: a, steep });
+    /// The triangle with this number, given as bits.
+    #[inline(always)]
+    pub(super) fn triangle(&self, bits: f32) -> &Triangle {
+        &self.triangles[bits.to_bits() as usize % (2 * MAX_TRIANGLES)]
+    }
+
+    /// How many faces there are.
+    pub(super) fn len(&self) -> usize {
+        self.faces.iter().map(|faces| faces.across.len() + faces.tilted.len()).sum()
+    }
+
+    /// The triangles that there are, some of them twice.
+    pub(super) fn used(&self) -> &[Triangle] {
+        &self.triangles[..2 * self.len()]
     }
 
     pub(super) fn has_objects(&self) -> bool {

@@ -1,9 +1,8 @@
-use super::List;
-use super::lines::{Lines, RAYS};
+use super::bundle::{Bundle, RAYS};
+use super::faces::Faces;
+use super::{Hits, List};
 use crate::accel::AcceleratorKind;
 use crate::hit::Hit;
-use crate::kernel::ray::LocalRay;
-use crate::kernel::triangle::exact_hit;
 use crate::mesh::TriangleMesh;
 use crate::query::rays::Rays;
 use crate::query::{AcceptAll, Grouping, HitFilter};
@@ -11,13 +10,13 @@ use crate::shape::{Plane, Sphere};
 use crate::world::tests::{bits, build, levels};
 use crate::world::{GeometryId, Structure, World, WorldBuilder};
 use proptest::prelude::*;
-use snell_math::simd::{Level, Portable8};
-use snell_math::{DRay, Ray, Transform, Vec3, rng};
+use snell_math::simd::{Level, PairDoubles, Portable8};
+use snell_math::{Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 
 fn list_of(world: &World) -> Option<&List> {
     match &world.structure {
-        Structure::Bvh(forest) => forest.list.as_ref(),
+        Structure::Bvh(forest) => forest.list.as_deref(),
         _ => None,
     }
 }
@@ -49,12 +48,29 @@ fn point() -> impl Strategy<Value = Vec3> {
 
 fn meshes() -> impl Strategy<Value = TriangleMesh> {
     let positions = proptest::collection::vec(lattice_point(), 3..30);
-    let corners = proptest::collection::vec(proptest::array::uniform3(0u32..1000), 1..70);
-    (positions, corners).prop_map(|(positions, corners)| {
+    let corners = proptest::collection::vec(proptest::array::uniform3(0u32..1000), 1..35);
+    // Lists have no slivers.
+    (positions, corners, proptest::bool::weighted(0.1)).prop_map(|(positions, corners, with_slivers)| {
         let n = positions.len() as u32;
-        let indices = corners.iter().map(|t| t.map(|i| i % n)).collect();
+        let mut indices: Vec<[u32; 3]> = corners.iter().map(|t| t.map(|i| i % n)).collect();
+        let area = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a);
+        indices.retain(|t| with_slivers || area(t.map(|i| positions[i as usize])) != Vec3::ZERO);
+        indices.push([0, 1, 1]);
         TriangleMesh { positions, indices, ..TriangleMesh::default() }
     })
+}
+
+/// A mesh of quads, each of two triangles.
+fn quads(corners: &[[[f32; 3]; 4]]) -> Arc<TriangleMesh> {
+    let positions = corners.iter().flatten().map(|&v| Vec3::from_array(v)).collect();
+    let indices = (0..corners.len() as u32).flat_map(|i| [[0, 1, 2], [2, 3, 0]].map(|t| t.map(|v| v + 4 * i)));
+    Arc::new(TriangleMesh { positions, indices: indices.collect(), ..TriangleMesh::default() })
+}
+
+fn world_of(mesh: Arc<TriangleMesh>, accelerator: AcceleratorKind, level: Level) -> World {
+    let mut builder = WorldBuilder::default();
+    builder.add_mesh(WorldBuilder::ROOT, mesh);
+    build(builder, accelerator, level)
 }
 
 struct Sieve;
@@ -71,7 +87,7 @@ proptest! {
     #[test]
     fn lists_hit_lattices_and_shapes_as_the_oracle_does(
         (first, second) in (meshes(), meshes()),
-        lines in proptest::collection::vec((point(), point(), 0u32..4), 1..50),
+        lines in proptest::collection::vec((point(), point(), 0u32..5), 1..50),
         (spheres, plane) in (0usize..3, any::<bool>()),
         (scale, far) in (prop_oneof![Just(0), -18i32..18], prop_oneof![Just(0.0f32), Just(0.0f32), Just(1000.0)]),
     ) {
@@ -104,6 +120,7 @@ proptest! {
                 0 => Ray::new(from, to - from).with_t_max(1.0),
                 1 => Ray { t_min: -1.0, ..Ray::new(from, to - from) },
                 2 => Ray::new(from, (to - from).normalize_or_zero()),
+                3 => Ray::new(from + (from - to) * 7.0, to - from),
                 _ => Ray { t_min: 0.25, ..Ray::new(from, to - from) },
             }
         }).collect();
@@ -115,52 +132,83 @@ proptest! {
             check(&world, &oracle, Rays::from(&rays).with_masks(&masks), &Sieve)?;
         }
     }
-
-    #[test]
-    fn what_the_exact_test_takes_passes_the_filter(
-        mesh in meshes(),
-        lines in proptest::collection::vec((point(), point()), RAYS),
-        (scale, distance) in (-25i32..25, prop_oneof![Just(1.0f32), Just(20.0)]),
-    ) {
-        let scale = 2.0f32.powi(scale);
-        let positions = mesh.positions.iter().map(|&p| p * scale).collect();
-        let mesh = TriangleMesh { positions, ..mesh };
-        let mut builder = WorldBuilder::default();
-        builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
-        let world = build(builder, AcceleratorKind::Bvh, Level::Scalar);
-        let Some(list) = list_of(&world) else { return Ok(()) };
-        let aimed = |&(from, to): &(Vec3, Vec3)| {
-            let from = from * distance * scale;
-            Ray::new(from, to * scale - from)
-        };
-        let rays: Vec<Ray> = lines.iter().map(aimed).collect();
-        let mut lines = Lines::NONE;
-        let ordinary = lines.set_up(list, &rays);
-        let mut passing = vec![vec![0; list.edges.len()]];
-        // SAFETY: portable code.
-        unsafe { lines.passing::<Portable8>(&list.edges, &mut passing[0]) };
-        #[cfg(target_arch = "x86_64")]
-        if Level::Avx2.is_supported() {
-            passing.push(vec![0; list.edges.len()]);
-            // SAFETY: just checked.
-            unsafe { passing_avx2(&lines, list, &mut passing[1]) };
-        }
-        for (i, ray) in rays.iter().enumerate().filter(|(i, _)| ordinary >> i & 1 == 1) {
-            let local = LocalRay::new(&DRay::from(ray));
-            for (triangle, contents) in list.triangles.iter().enumerate() {
-                let is_hit = exact_hit(&local, &contents.corners, f64::NEG_INFINITY).is_some();
-                let passes = passing.iter().all(|passing| passing[triangle] >> i & 1 == 1);
-                prop_assert!(!is_hit || passes, "{ray:?} {:?}", contents.corners);
-            }
-        }
-    }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-unsafe fn passing_avx2(lines: &Lines, list: &List, passing: &mut [u16]) {
-    // SAFETY: as promised by the caller.
-    unsafe { lines.passing::<snell_math::simd::Avx8>(&list.edges, passing) }
+#[test]
+fn halves_of_flat_convex_quads_are_one_face() {
+    let faces = |corners: &[[f32; 3]; 4]| {
+        let world = world_of(quads(&[*corners]), AcceleratorKind::Bvh, Level::Scalar);
+        let list = list_of(&world).expect("a list");
+        let sum = |count: fn(&Faces) -> usize| list.faces.iter().map(count).sum::<usize>();
+        [sum(|faces| faces.across.len()), sum(|faces| faces.tilted.len())]
+    };
+    let square = [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [1.0, 1.0, 2.0], [0.0, 1.0, 2.0]];
+    assert_eq!(faces(&square), [1, 0]);
+    assert_eq!(faces(&square.map(|[x, y, z]| [x, y, z + x * 0.5 - y])), [0, 1]);
+    // Not flat; not convex; folded over.
+    assert_eq!(faces(&[square[0], square[1], square[2], [0.0, 1.0, 2.0 + 1e-6]]), [1, 1]);
+    assert_eq!(faces(&[square[0], square[1], square[2], [0.75, 0.25, 2.0]]), [2, 0]);
+    assert_eq!(faces(&[square[0], square[1], square[2], [1.0, -1.0, 2.0]]), [2, 0]);
+}
+
+/// A room with a slanted roof, and a turned block in it.
+fn room() -> Arc<TriangleMesh> {
+    let wall = |x: f32| [[x, 0.0, 0.0], [x, 0.0, 5.0], [x, 3.0, 5.0], [x, 4.0, 0.0]];
+    quads(&[
+        [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 0.0, 5.0], [0.0, 0.0, 5.0]],
+        [[0.0, 4.0, 0.0], [4.0, 4.0, 0.0], [4.0, 3.0, 5.0], [0.0, 3.0, 5.0]],
+        wall(0.0),
+        wall(4.0),
+        [[0.0, 0.0, 5.0], [4.0, 0.0, 5.0], [4.0, 3.0, 5.0], [0.0, 3.0, 5.0]],
+        [[1.3, 0.0, 2.1], [2.2, 0.0, 3.3], [2.2, 1.4, 3.3], [1.3, 1.4, 2.1]],
+        [[1.3, 1.4, 2.1], [2.2, 1.4, 3.3], [3.4, 1.4, 2.4], [2.5, 1.4, 1.2]],
+    ])
+}
+
+/// Rays from everywhere in the room, and from what they hit.
+fn rays_in_room(oracle: &World, count: u32) -> Vec<Ray> {
+    let unit = |i: u32, k: u32| Vec3::from_slice(&rng::pcg4d([i, k, 0, 0]).map(rng::to_unit)[..3]);
+    let mut rays: Vec<Ray> =
+        (0..count).map(|i| Ray::new(Vec3::new(4.0, 3.0, 5.0) * unit(i, 0), (unit(i, 1) - 0.5).normalize())).collect();
+    for i in 0..count {
+        let ray = rays[i as usize];
+        let hit = oracle.closest_one(&ray, &AcceptAll);
+        if hit.is_hit() {
+            let surface = oracle.interaction(&ray, &hit);
+            let d = (unit(i, 2) - 0.5).normalize();
+            rays.push(Ray::new(surface.ray_origin(d), d));
+        }
+    }
+    rays
+}
+
+#[test]
+fn nearly_all_rays_in_a_room_are_certain() {
+    let world = world_of(room(), AcceleratorKind::Bvh, Level::Scalar);
+    let list = list_of(&world).expect("a list");
+    let rays = rays_in_room(&world, 5000);
+    let mut unsure = 0;
+    for rays in rays.as_chunks::<RAYS>().0 {
+        // SAFETY: portable code.
+        let hits = unsafe { Hits::of(list, &Bundle::<PairDoubles<Portable8>>::new(list, rays, RAYS)) };
+        unsure += hits.unsure.count_ones() as usize;
+    }
+    assert!(unsure * 100 < rays.len(), "{unsure} of {}", rays.len());
+}
+
+#[test]
+fn rays_in_a_room_hit_what_the_oracle_hits() {
+    let oracle = world_of(room(), AcceleratorKind::None, Level::Scalar);
+    let mut rays = rays_in_room(&oracle, 2000);
+    // Where any hit will do, some end before, at and behind the next wall.
+    for (i, ray) in rays.iter_mut().enumerate().step_by(2) {
+        let t = oracle.closest_one(&*ray, &AcceptAll).t;
+        ray.t_max = t * [0.5, 1.0, 1.0 + 1e-6, 2.0][i / 2 % 4];
+    }
+    for level in levels() {
+        let world = world_of(room(), AcceleratorKind::Bvh, level);
+        check(&world, &oracle, Rays::from(&rays), &AcceptAll).expect("the same hits");
+    }
 }
 
 fn strip(triangles: u32) -> WorldBuilder {

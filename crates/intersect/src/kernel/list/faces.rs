@@ -1,0 +1,146 @@
+//! Faces: flat convex outlines of one triangle, or of two that together are a quadrilateral.
+
+use super::contents::{Corners, normal};
+use crate::kernel::ray::wide;
+use snell_math::DVec3;
+
+/// A face, ready to be tested against many rays. It is seen along one of the axes, in units of distance from its edges there.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(super) struct Face {
+    /// How far the plane is above a point: this plus the product of the point with `down`, the unit normal turned around.
+    pub offset: f64,
+    pub down: [f64; 3],
+    /// The unit normal.
+    pub normal: [f32; 3],
+    /// Where the plane is on the axis, if it is across it.
+    pub level: f32,
+    /// Coefficients of the two coordinates seen from the centre of the list, and a constant: the distance from the edge, positive inside.
+    pub edges: [[f32; 3]; 4],
+    /// The same for the diagonal: positive on the side of the first triangle.
+    pub diagonal: [f32; 3],
+}
+
+/// The faces that are seen along one axis: those in planes across it, and the others.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Faces {
+    pub across: Vec<Face>,
+    pub tilted: Vec<Face>,
+}
+
+/// A face as it is found.
+pub(super) struct Shape {
+    /// The largest component of the normal: it is seen along that.
+    pub axis: usize,
+    /// The unit normal.
+    normal: DVec3,
+    /// The plane is not across the axis.
+    pub is_tilted: bool,
+    /// Three or four, around the face.
+    outline: Vec<DVec3>,
+    /// On both sides of the line between the first and the third corner of the outline, if it has four.
+    pub triangles: [usize; 2],
+}
+
+/// The normals of slivers, of less than this area relative to the square of the longest side, are not well known.
+const LEAST_AREA: f64 = 1.0 / (1 << 20) as f64;
+
+/// Planes may be as far apart, relative to the size of numbers, and count as one. (As the error of `f64` where planes are computed.)
+const SAME_PLANE: f64 = 1.0 / (1u64 << 44) as f64;
+
+/// The faces of some triangles; `None` if there are slivers.
+pub(super) fn shapes(triangles: &[Corners]) -> Option<Vec<Shape>> {
+    let mut shapes: Vec<Shape> = Vec::new();
+    for (number, corners) in triangles.iter().enumerate() {
+        let shape = Shape::of_triangle(corners, number)?;
+        let other = shapes.iter_mut().find_map(|other| other.with(&shape).map(|joined| (other, joined)));
+        match other {
+            Some((other, joined)) => *other = joined,
+            None => shapes.push(shape),
+        }
+    }
+    Some(shapes)
+}
+
+impl Shape {
+    fn of_triangle(corners: &Corners, number: usize) -> Option<Self> {
+        let outline = corners.map(wide);
+        let [a, b, c] = outline;
+        let longest = (b - a).abs().max((c - b).abs()).max((a - c).abs()).max_element();
+        let area = normal(corners);
+        let axis = (0..3).fold(0, |best, i| if area[i].abs() > area[best].abs() { i } else { best });
+        if area[axis].abs() <= longest * longest * LEAST_AREA {
+            return None;
+        }
+        let is_tilted = (0..3).any(|i| i != axis && area[i] != 0.0);
+        let mut normal = area.normalize();
+        if !is_tilted {
+            normal[axis] = area[axis].signum();
+        }
+        Some(Self { axis, normal, is_tilted, outline: outline.to_vec(), triangles: [number; 2] })
+    }
+
+    /// Both as one, if they are triangles in one plane, and form a convex quadrilateral.
+    fn with(&self, other: &Self) -> Option<Self> {
+        if self.outline.len() != 3 || other.outline.len() != 3 || self.axis != other.axis {
+            return None;
+        }
+        let size = self.outline.iter().fold(0.0, |size: f64, v| size.max(v.abs().max_element()));
+        let allowed = if self.is_tilted && other.is_tilted { SAME_PLANE } else { 0.0 };
+        let is_same = |v: &DVec3| (*v - self.outline[0]).dot(self.normal).abs() <= allowed * size;
+        if (self.normal - other.normal).abs().max_element() > allowed || !other.outline.iter().all(is_same) {
+            return None;
+        }
+        let side = |of: &[DVec3], i: usize| [of[i], of[(i + 1) % 3], of[(i + 2) % 3]];
+        for i in 0..9 {
+            let ([a, b, c], [d, e, f]) = (side(&self.outline, i % 3), side(&other.outline, i / 3));
+            if a == e && b == d {
+                // The first triangle is a, b and c.
+                let joined =
+                    Self { outline: vec![b, c, a, f], triangles: [self.triangles[0], other.triangles[0]], ..*self };
+                return joined.is_convex().then_some(joined);
+            }
+        }
+        None
+    }
+
+    fn is_convex(&self) -> bool {
+        let corners = self.outline.iter();
+        (0..4).all(|i| {
+            let edge = self.line(self.outline[i], self.outline[(i + 1) % 4], DVec3::ZERO);
+            let others = corners.clone().enumerate().filter(|(j, _)| *j != i && *j != (i + 1) % 4);
+            others.into_iter().all(|(_, v)| {
+                let [x, y] = self.seen(*v);
+                edge[0] * x + edge[1] * y + edge[2] > 0.0
+            })
+        })
+    }
+
+    /// The coordinates of a point when looked at along the axis.
+    fn seen(&self, v: DVec3) -> [f64; 2] {
+        [v[(self.axis + 1) % 3], v[(self.axis + 2) % 3]]
+    }
+
+    /// The line through two corners as coefficients of a distance from it; the origin is at `center`.
+    fn line(&self, from: DVec3, to: DVec3, center: DVec3) -> [f64; 3] {
+        let ([x, y], [dx, dy]) = (self.seen(from - center), self.seen(to - from));
+        let scale = self.normal[self.axis].signum() / dx.hypot(dy);
+        let (a, b) = (-dy * scale, dx * scale);
+        [a, b, -(a * x + b * y)]
+    }
+
+    /// Ready to be tested, in a list with this centre.
+    pub fn face(&self, center: DVec3) -> Face {
+        let n = self.outline.len();
+        let line =
+            |from: usize, to: usize| self.line(self.outline[from % n], self.outline[to % n], center).map(|x| x as f32);
+        Face {
+            offset: self.normal.dot(self.outline[0]),
+            down: (-self.normal).to_array(),
+            normal: self.normal.as_vec3().to_array(),
+            level: self.outline[0][self.axis] as f32,
+            edges: std::array::from_fn(|i| line(i, i + 1)),
+            diagonal: if n == 4 { line(2, 0) } else { [0.0, 0.0, 1.0] },
+        }
+    }
+}

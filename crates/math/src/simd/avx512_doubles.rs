@@ -1,0 +1,82 @@
+//! Sixteen `f64` lanes in two AVX-512 registers.
+
+use super::{Avx8, Avx16, Doubles16, Lanes16};
+use std::arch::x86_64::*;
+
+/// Sixteen lanes in two registers. As [`Avx16`]: a value exists only where it was allowed to make one.
+#[derive(Clone, Copy, Debug)]
+pub struct Avx16Doubles([__m512d; 2]);
+
+impl Doubles16 for Avx16Doubles {
+    type Singles = Avx16;
+
+    #[inline(always)]
+    unsafe fn splat(value: f64) -> Self {
+        // SAFETY: the caller guarantees AVX-512.
+        Self([unsafe { _mm512_set1_pd(value) }; 2])
+    }
+
+    #[inline(always)]
+    fn of(singles: Avx16) -> Self {
+        let [low, high] = singles.halves();
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { [_mm512_cvtps_pd(low.0), _mm512_cvtps_pd(high.0)] })
+    }
+
+    #[inline(always)]
+    fn rounded(self) -> Avx16 {
+        let [low, high] = self.0;
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        unsafe { Avx16::from_halves(Avx8(_mm512_cvtpd_ps(low)), Avx8(_mm512_cvtpd_ps(high))) }
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        let ([a, b], [c, d]) = (self.0, other.0);
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { [_mm512_add_pd(a, c), _mm512_add_pd(b, d)] })
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        let ([a, b], [c, d]) = (self.0, other.0);
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { [_mm512_sub_pd(a, c), _mm512_sub_pd(b, d)] })
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        let ([a, b], [c, d]) = (self.0, other.0);
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { [_mm512_mul_pd(a, c), _mm512_mul_pd(b, d)] })
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        let ([a, b], [c, d]) = (self.0, other.0);
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { [_mm512_div_pd(a, c), _mm512_div_pd(b, d)] })
+    }
+
+    #[inline(always)]
+    fn mul_add(self, factor: Self, summand: Self) -> Self {
+        let ([a, b], [c, d], [e, f]) = (self.0, factor.0, summand.0);
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { [_mm512_fmadd_pd(a, c, e), _mm512_fmadd_pd(b, d, f)] })
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        let ([a, b], [c, d]) = (self.0, other.0);
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        let (low, high) = unsafe { (_mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, c), _mm512_cmp_pd_mask::<_CMP_LT_OQ>(b, d)) };
+        u32::from(low) | u32::from(high) << 8
+    }
+
+    #[inline(always)]
+    fn replace(self, mask: u32, other: Self) -> Self {
+        let ([a, b], [c, d]) = (self.0, other.0);
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { [_mm512_mask_blend_pd(mask as u8, a, c), _mm512_mask_blend_pd((mask >> 8) as u8, b, d)] })
+    }
+}

@@ -1,0 +1,262 @@
+//! Sixteen `f32` at a time: in one register where there are such, in two of eight lanes else.
+
+use super::WideLanes;
+
+/// Sixteen numbers that are worked on together; masks have a bit for each, the first lowest. Every implementation gives the same bits, with
+/// the exception that [`super::Lanes8`] has.
+pub trait Lanes16: Copy {
+    /// Eight of them.
+    type Half: WideLanes;
+
+    /// The same number in all lanes.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn splat(value: f32) -> Self;
+
+    /// Sixteen numbers from memory.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn load(values: &[f32; 16]) -> Self;
+
+    /// Two times eight numbers from memory.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn load_halves(low: &[f32; 8], high: &[f32; 8]) -> Self;
+
+    /// Of two halves.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn from_halves(low: Self::Half, high: Self::Half) -> Self;
+
+    /// Both halves, the first lanes first.
+    fn halves(self) -> [Self::Half; 2];
+
+    /// Writes the sixteen numbers.
+    fn store(self, to: &mut [f32; 16]);
+
+    /// `self + other`.
+    fn add(self, other: Self) -> Self;
+
+    /// `self - other`.
+    fn sub(self, other: Self) -> Self;
+
+    /// `self * other`.
+    fn mul(self, other: Self) -> Self;
+
+    /// `self / other`.
+    fn div(self, other: Self) -> Self;
+
+    /// `self * factor + summand`, fused or not: see [`FUSED`](super::Lanes8::FUSED) of [`Self::Half`].
+    fn mul_add(self, factor: Self, summand: Self) -> Self;
+
+    /// `self * factor - subtrahend`, fused or not: see [`FUSED`](super::Lanes8::FUSED) of [`Self::Half`].
+    fn mul_sub(self, factor: Self, subtrahend: Self) -> Self;
+
+    /// The lesser of both; `other` if either is NaN.
+    fn min(self, other: Self) -> Self;
+
+    /// The greater of both; `other` if either is NaN.
+    fn max(self, other: Self) -> Self;
+
+    /// Absolute value.
+    fn abs(self) -> Self;
+
+    /// Where `self <= other` (not for NaN).
+    fn le(self, other: Self) -> u32;
+
+    /// Where `self < other` (not for NaN).
+    fn lt(self, other: Self) -> u32;
+
+    /// Where the sign bit is set.
+    fn signs(self) -> u32;
+
+    /// `other` where the mask has a bit, `self` elsewhere.
+    fn replace(self, mask: u32, other: Self) -> Self;
+
+    /// The least of the sixteen numbers; if any is NaN, any.
+    fn least(self) -> f32;
+
+    /// The greatest of the sixteen numbers; if any is NaN, any.
+    fn greatest(self) -> f32;
+}
+
+/// Sixteen lanes in two registers of eight.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair<L>([L; 2]);
+
+impl<L: WideLanes> Lanes16 for Pair<L> {
+    type Half = L;
+
+    #[inline(always)]
+    unsafe fn splat(value: f32) -> Self {
+        // SAFETY: passed on to the caller.
+        unsafe { Self([L::splat(value); 2]) }
+    }
+
+    #[inline(always)]
+    unsafe fn load(values: &[f32; 16]) -> Self {
+        let (halves, _) = values.as_chunks::<8>();
+        // SAFETY: passed on to the caller.
+        unsafe { Self::load_halves(&halves[0], &halves[1]) }
+    }
+
+    #[inline(always)]
+    unsafe fn load_halves(low: &[f32; 8], high: &[f32; 8]) -> Self {
+        // SAFETY: passed on to the caller.
+        unsafe { Self([L::load(low), L::load(high)]) }
+    }
+
+    #[inline(always)]
+    unsafe fn from_halves(low: L, high: L) -> Self {
+        Self([low, high])
+    }
+
+    #[inline(always)]
+    fn halves(self) -> [L; 2] {
+        self.0
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f32; 16]) {
+        let (halves, _) = to.as_chunks_mut::<8>();
+        self.0[0].store(&mut halves[0]);
+        self.0[1].store(&mut halves[1]);
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self([self.0[0].add(other.0[0]), self.0[1].add(other.0[1])])
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self([self.0[0].sub(other.0[0]), self.0[1].sub(other.0[1])])
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Self([self.0[0].mul(other.0[0]), self.0[1].mul(other.0[1])])
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        Self([self.0[0].div(other.0[0]), self.0[1].div(other.0[1])])
+    }
+
+    #[inline(always)]
+    fn mul_add(self, factor: Self, summand: Self) -> Self {
+        let [low, high] = self.0;
+        Self([low.mul_add(factor.0[0], summand.0[0]), high.mul_add(factor.0[1], summand.0[1])])
+    }
+
+    #[inline(always)]
+    fn mul_sub(self, factor: Self, subtrahend: Self) -> Self {
+        let [low, high] = self.0;
+        Self([low.mul_sub(factor.0[0], subtrahend.0[0]), high.mul_sub(factor.0[1], subtrahend.0[1])])
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self([self.0[0].min(other.0[0]), self.0[1].min(other.0[1])])
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self([self.0[0].max(other.0[0]), self.0[1].max(other.0[1])])
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self([self.0[0].abs(), self.0[1].abs()])
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        self.0[0].le(other.0[0]) | self.0[1].le(other.0[1]) << 8
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        self.0[0].lt(other.0[0]) | self.0[1].lt(other.0[1]) << 8
+    }
+
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        self.0[0].signs() | self.0[1].signs() << 8
+    }
+
+    #[inline(always)]
+    fn replace(self, mask: u32, other: Self) -> Self {
+        Self([self.0[0].replace(mask & 0xff, other.0[0]), self.0[1].replace(mask >> 8 & 0xff, other.0[1])])
+    }
+
+    #[inline(always)]
+    fn least(self) -> f32 {
+        self.0[0].min(self.0[1]).least()
+    }
+
+    #[inline(always)]
+    fn greatest(self) -> f32 {
+        self.0[0].max(self.0[1]).greatest()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Portable8;
+    use super::*;
+
+    /// Everything that [`Lanes16`] does with two vectors.
+    fn run<W: Lanes16>(a: &[f32; 16], b: &[f32; 16], mask: u32) -> (Vec<[u32; 16]>, [u32; 3], [u32; 2]) {
+        let stored = |lanes: W| {
+            let mut out = [0.0; 16];
+            lanes.store(&mut out);
+            out.map(bits)
+        };
+        let (halves, _) = a.as_chunks::<8>();
+        // SAFETY: the test has checked the level.
+        let (x, y, swapped, five) =
+            unsafe { (W::load(a), W::load(b), W::load_halves(&halves[1], &halves[0]), W::splat(5.0)) };
+        let [low, high] = x.halves();
+        // SAFETY: as above.
+        let mut values = vec![x, y, swapped, five, unsafe { W::from_halves(high, low) }];
+        values.extend([x.add(y), x.sub(y), x.mul(y), x.div(y), x.min(y), x.max(y), x.abs(), x.replace(mask, y)]);
+        // Exact, so that it does not matter whether they are fused.
+        values.extend([five.mul_add(five, x), five.mul_sub(five, x)]);
+        let extremes =
+            if a.iter().any(|x| x.is_nan()) { [0; 2] } else { [bits(x.least() + 0.0), bits(x.greatest() + 0.0)] };
+        (values.into_iter().map(stored).collect(), [x.le(y), x.lt(y), x.signs()], extremes)
+    }
+
+    #[test]
+    fn sixteen_lanes_of_every_level_give_the_bits_of_the_portable_ones() {
+        let special = [0.0, -0.0, 1.0, -1.5, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 1e-45, 3e38, 7.0, -2e9];
+        let n = special.len();
+        for i in 0..n * n {
+            let a: [f32; 16] = std::array::from_fn(|k| special[(i + k) % (n - i % 3 * 4)]);
+            let b: [f32; 16] = std::array::from_fn(|k| special[(i / n + 3 * k) % n]);
+            let mask = (i * 1237) as u32 & 0xffff;
+            let expected = run::<Pair<Portable8>>(&a, &b, mask);
+            #[cfg(target_arch = "x86_64")]
+            {
+                use super::super::{Avx8, Avx16, Level};
+                if Level::Avx2.is_supported() {
+                    assert_eq!(run::<Pair<Avx8>>(&a, &b, mask), expected, "{a:?} {b:?}");
+                }
+                if Level::Avx512.is_supported() {
+                    assert_eq!(run::<Avx16>(&a, &b, mask), expected, "{a:?} {b:?}");
+                }
+            }
+            assert_eq!(expected.0[5], std::array::from_fn(|k| bits(a[k] + b[k])));
+        }
+    }
+
+    /// All that are not numbers are alike.
+    fn bits(x: f32) -> u32 {
+        if x.is_nan() { u32::MAX } else { x.to_bits() }
+    }
+}

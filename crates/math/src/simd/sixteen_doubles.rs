@@ -1,0 +1,160 @@
+//! Sixteen `f64` at a time, beside [`Lanes16`].
+
+use super::{Lanes4, Lanes8, Lanes16, Pair, WideLanes};
+
+/// Sixteen numbers of double precision; masks as in [`Lanes16`]. Every implementation gives the same bits, except for [`Self::mul_add`].
+pub trait Doubles16: Copy {
+    /// Sixteen of single precision.
+    type Singles: Lanes16;
+
+    /// The same number in all lanes.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn splat(value: f64) -> Self;
+
+    /// The same numbers, exactly.
+    fn of(singles: Self::Singles) -> Self;
+
+    /// Rounded to nearest.
+    fn rounded(self) -> Self::Singles;
+
+    /// `self + other`.
+    fn add(self, other: Self) -> Self;
+
+    /// `self - other`.
+    fn sub(self, other: Self) -> Self;
+
+    /// `self * other`.
+    fn mul(self, other: Self) -> Self;
+
+    /// `self / other`.
+    fn div(self, other: Self) -> Self;
+
+    /// `self * factor + summand`, fused or not, as that of [`Self::Singles`].
+    fn mul_add(self, factor: Self, summand: Self) -> Self;
+
+    /// Where `self < other` (not for NaN).
+    fn lt(self, other: Self) -> u32;
+
+    /// `other` where the mask has a bit, `self` elsewhere.
+    fn replace(self, mask: u32, other: Self) -> Self;
+}
+
+/// Sixteen lanes in four registers of four.
+#[derive(Clone, Copy, Debug)]
+pub struct PairDoubles<L: WideLanes>([L::Doubles; 4]);
+
+impl<L: WideLanes> Doubles16 for PairDoubles<L> {
+    type Singles = Pair<L>;
+
+    #[inline(always)]
+    unsafe fn splat(value: f64) -> Self {
+        // SAFETY: passed on to the caller.
+        unsafe { Self([L::Doubles::splat(value); 4]) }
+    }
+
+    #[inline(always)]
+    fn of(singles: Pair<L>) -> Self {
+        let [low, high] = singles.halves();
+        Self([low.first_doubles(), low.last_doubles(), high.first_doubles(), high.last_doubles()])
+    }
+
+    #[inline(always)]
+    fn rounded(self) -> Pair<L> {
+        let [a, b, c, d] = self.0;
+        // SAFETY: a value of this type exists, so the machine has the instructions.
+        unsafe { Pair::from_halves(L::from_doubles(a, b), L::from_doubles(c, d)) }
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        Self([a.add(e), b.add(f), c.add(g), d.add(h)])
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        Self([a.sub(e), b.sub(f), c.sub(g), d.sub(h)])
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        Self([a.mul(e), b.mul(f), c.mul(g), d.mul(h)])
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        Self([a.div(e), b.div(f), c.div(g), d.div(h)])
+    }
+
+    #[inline(always)]
+    fn mul_add(self, factor: Self, summand: Self) -> Self {
+        if !<L as Lanes8>::FUSED {
+            return self.mul(factor).add(summand);
+        }
+        let ([a, b, c, d], [e, f, g, h], [i, j, k, l]) = (self.0, factor.0, summand.0);
+        Self([a.fused(e, i), b.fused(f, j), c.fused(g, k), d.fused(h, l)])
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        a.lt(e) | b.lt(f) << 4 | c.lt(g) << 8 | d.lt(h) << 12
+    }
+
+    #[inline(always)]
+    fn replace(self, mask: u32, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        Self([a.replace(mask, e), b.replace(mask >> 4, f), c.replace(mask >> 8, g), d.replace(mask >> 12, h)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Portable8;
+    use super::*;
+
+    /// Everything that [`Doubles16`] does with two vectors.
+    fn run<D: Doubles16>(a: &[f32; 16], b: &[f32; 16], mask: u32) -> (Vec<[u32; 16]>, u32) {
+        // SAFETY: the test has checked the level.
+        let (x, y, three) = unsafe { (D::of(D::Singles::load(a)), D::of(D::Singles::load(b)), D::splat(3.0)) };
+        let third = x.div(three);
+        // What is lost by rounding, too.
+        let rest = third.sub(D::of(third.rounded()));
+        // Exact, so that it does not matter whether it is fused.
+        let values = [x.add(y), x.sub(y), x.mul(y), x.div(y), third, rest, x.mul_add(three, three), x.replace(mask, y)];
+        let stored = values.map(|value| {
+            let mut out = [0.0; 16];
+            value.rounded().store(&mut out);
+            out.map(|x: f32| if x.is_nan() { u32::MAX } else { x.to_bits() })
+        });
+        (stored.to_vec(), x.lt(y))
+    }
+
+    #[test]
+    fn sixteen_doubles_of_every_level_give_the_bits_of_the_portable_ones() {
+        let special = [0.0, -0.0, 1.0, -1.5, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 1e-45, 3e38, 7.0, -2e9];
+        let n = special.len();
+        for i in 0..n * n {
+            let a: [f32; 16] = std::array::from_fn(|k| special[(i + k) % n]);
+            let b: [f32; 16] = std::array::from_fn(|k| special[(i / n + 3 * k) % n]);
+            let mask = (i * 1237) as u32 & 0xffff;
+            let expected = run::<PairDoubles<Portable8>>(&a, &b, mask);
+            assert_eq!(expected.1, (0..16).fold(0, |m, k| m | u32::from(a[k] < b[k]) << k));
+            #[cfg(target_arch = "x86_64")]
+            {
+                use super::super::{Avx8, Avx16Doubles, Level};
+                if Level::Avx2.is_supported() {
+                    assert_eq!(run::<PairDoubles<Avx8>>(&a, &b, mask), expected, "{a:?} {b:?}");
+                }
+                if Level::Avx512.is_supported() {
+                    assert_eq!(run::<Avx16Doubles>(&a, &b, mask), expected, "{a:?} {b:?}");
+                }
+            }
+        }
+    }
+}
