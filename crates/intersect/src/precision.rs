@@ -15,7 +15,7 @@ use crate::kernel::triangle::{TriangleBlock, exact_hit, hit_in_plane, is_behind,
 use crate::kernel::{list, packet};
 use crate::query::nearest::{DNearestPoint, NearestPoint};
 use crate::query::search::{Goal, Search};
-use snell_math::simd::{Lanes8, Level, WideLanes};
+use snell_math::simd::{Lanes8, Lanes16, Level, WideLanes};
 use snell_math::{DRay, DVec2, DVec3, Ray, Vec2, Vec3};
 use std::cmp::Ordering;
 use std::fmt::Debug;
@@ -217,8 +217,8 @@ pub(crate) trait Rules: Precision {
     /// Makes a bundle of a run of rays in the root group; false if it is none. Lanes without a ray repeat the first one and want nothing.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`.
-    unsafe fn set_up_bundle<L: WideLanes>(
+    /// The machine must have the instructions of `W`.
+    unsafe fn set_up_bundle<W: Lanes16>(
         data: &Self::Data,
         bundle: &mut Bundle,
         columns: &mut Columns,
@@ -226,14 +226,13 @@ pub(crate) trait Rules: Precision {
         backward: bool,
     ) -> bool;
 
-    /// The exact test for up to eight pairs of a ray of the bundle and a triangle of the block ([`packet::exact::exact_hits`]).
+    /// The exact test for up to eight pairs of a ray of the bundle and a triangle of the tree ([`packet::exact::exact_hits`]).
     ///
     /// # Safety
     /// The machine must have the instructions of `L`. All rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
     unsafe fn exact_hits<L: WideLanes>(
         data: &Self::Data,
         tree: &GroupTree,
-        block: &TriangleBlock,
         bundle: &Bundle,
         pairs: &Pairs,
         found: &mut Found<Self::Real>,
@@ -413,7 +412,7 @@ impl Rules for Single {
     }
 
     #[inline(always)]
-    unsafe fn set_up_bundle<L: WideLanes>(
+    unsafe fn set_up_bundle<W: Lanes16>(
         _: &(),
         bundle: &mut Bundle,
         columns: &mut Columns,
@@ -421,20 +420,19 @@ impl Rules for Single {
         backward: bool,
     ) -> bool {
         // SAFETY: passed on to the caller.
-        unsafe { packet::runs::set_up::<L>(bundle, columns, rays, backward) }
+        unsafe { packet::runs::set_up::<W>(bundle, columns, rays, backward) }
     }
 
     #[inline(always)]
     unsafe fn exact_hits<L: WideLanes>(
         _: &(),
-        _: &GroupTree,
-        block: &TriangleBlock,
+        tree: &GroupTree,
         bundle: &Bundle,
         pairs: &Pairs,
         found: &mut Found<f32>,
     ) {
         // SAFETY: passed on to the caller.
-        unsafe { packet::exact::exact_hits::<L>(block, bundle, pairs, found) }
+        unsafe { packet::exact::exact_hits::<L>(&tree.blocks, bundle, pairs, found) }
     }
 
     #[inline(always)]
@@ -607,7 +605,7 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    unsafe fn set_up_bundle<L: WideLanes>(
+    unsafe fn set_up_bundle<W: Lanes16>(
         data: &DoubleData,
         bundle: &mut Bundle,
         columns: &mut Columns,
@@ -615,20 +613,19 @@ impl Rules for Double {
         backward: bool,
     ) -> bool {
         // SAFETY: passed on to the caller.
-        unsafe { packet::runs::set_up_doubles::<L>(data, bundle, columns, rays, backward) }
+        unsafe { packet::runs::set_up_doubles::<W>(data, bundle, columns, rays, backward) }
     }
 
     #[inline(always)]
     unsafe fn exact_hits<L: WideLanes>(
         data: &DoubleData,
         tree: &GroupTree,
-        block: &TriangleBlock,
         bundle: &Bundle,
         pairs: &Pairs,
         found: &mut Found<f64>,
     ) {
         // SAFETY: passed on to the caller.
-        unsafe { packet::doubles::exact_hits::<L::Doubles>(data, tree, block, bundle, pairs, found) }
+        unsafe { packet::doubles::exact_hits::<L::Doubles>(data, tree, bundle, pairs, found) }
     }
 
     /// None: lists are in single precision.

@@ -180,7 +180,7 @@ pub(crate) const BOX_PADDING: f32 = 1.0e-6;
 
 /// Relative padding of the distance beyond which nothing is of interest: more than a hit may be off along the ray from the box of the piece
 /// of its triangle that the ray meets ([`super::triangle::PLACE_TOLERANCE`]).
-const CULL_PADDING: f32 = 1.0e-4;
+pub(crate) const CULL_PADDING: f32 = 1.0e-4;
 
 /// A bound on distances, moved out by [`CULL_PADDING`].
 #[inline(always)]

@@ -9,6 +9,7 @@ pub(crate) mod bundle;
 pub(crate) mod doubles;
 pub(crate) mod exact;
 mod leaf;
+mod lines;
 pub(crate) mod runs;
 #[cfg(test)]
 mod tests;
@@ -18,22 +19,30 @@ use super::interleave::Batch;
 use super::node::ChildRef;
 use super::ray::LocalRay;
 use super::traverse::{Entry, Stack, Walk, test_object, walk_portable};
-use super::triangle::TriangleBlock;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::accel::group::{Object, ObjectRef, Placement, mapped, test_triangle};
 use crate::precision::Rules;
 use crate::query::search::{DataOf, Goal, RayOf, RealOf, Search, Verdict};
-use bundle::{Bundle, Columns, RAYS};
+use crate::world::GeometryOptions;
+use bundle::{Bundle, Columns, PerRay, RAYS};
 use exact::{Found, PAIRS, Pairs};
-use leaf::SeenBlock;
-use snell_math::simd::{Level, Portable8, WideLanes};
+use leaf::{SeenBlock, SharedOrigin};
+use snell_math::simd::{Lanes8, Lanes16, Level, Pair, Portable8};
 use snell_math::{DAffine3, DVec3, Vec2, Vec3};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 use trial::Trial;
+#[cfg(target_arch = "x86_64")]
+use {
+    super::traverse::walk_avx2,
+    snell_math::simd::{Avx8, Avx16},
+};
 
 /// Fewer rays are not worth a bundle.
 const MIN_RAYS: usize = 6;
+
+/// So few rays are worth a look at which triangles they are near, two at a time.
+const FEW_RAYS: u32 = 6;
 
 /// Trees larger than this are fetched ahead.
 const PREFETCH_BYTES: usize = 8 << 20;
@@ -71,11 +80,14 @@ pub(crate) fn search_runs<G: Goal>(
     match level {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `World` holds only levels that the machine supports, and the stacks have `stack_size` entries.
-        Level::Avx2 | Level::Avx512 => unsafe { run_avx2(forest, batch, &mut stacks, start, finish) },
+        Level::Avx512 => unsafe { run_avx512(forest, batch, &mut stacks, start, finish) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: as above.
+        Level::Avx2 => unsafe { run_avx2(forest, batch, &mut stacks, start, finish) },
         // SAFETY: portable code, and the stacks have `stack_size` entries.
         _ => unsafe {
             let entries = (walk_bundle_portable::<G> as WalkBundle<G>, walk_portable::<G> as Walk<G>);
-            run::<Portable8, G>(forest, batch, &mut stacks, start, finish, entries)
+            run::<Pair<Portable8>, G>(forest, batch, &mut stacks, start, finish, entries)
         },
     }
 }
@@ -91,11 +103,25 @@ unsafe fn run_avx2<G: Goal>(
     start: impl Fn(&RayOf<G>) -> G,
     finish: impl FnMut(usize, G),
 ) -> Vec<Range<usize>> {
-    use super::traverse::walk_avx2;
-    use snell_math::simd::Avx8;
     let entries = (walk_bundle_avx2::<G> as WalkBundle<G>, walk_avx2::<G> as Walk<G>);
     // SAFETY: as promised by the caller.
-    unsafe { run::<Avx8, G>(forest, batch, stacks, start, finish, entries) }
+    unsafe { run::<Pair<Avx8>, G>(forest, batch, stacks, start, finish, entries) }
+}
+
+/// # Safety
+/// As [`run`].
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn run_avx512<G: Goal>(
+    forest: &Forest,
+    batch: &Batch<G::Precision>,
+    stacks: &mut Stacks,
+    start: impl Fn(&RayOf<G>) -> G,
+    finish: impl FnMut(usize, G),
+) -> Vec<Range<usize>> {
+    let entries = (walk_bundle_avx512::<G> as WalkBundle<G>, walk_avx2::<G> as Walk<G>);
+    // SAFETY: as promised by the caller.
+    unsafe { run::<Avx16, G>(forest, batch, stacks, start, finish, entries) }
 }
 
 /// Memory of the walks: what bundles put off, by distance, place (node times eight plus slot) and the rays that meet the node, and the
@@ -108,10 +134,10 @@ struct Stacks {
 }
 
 /// # Safety
-/// The machine must have the instructions of `L`; the stacks must have room for all groups; `enter` and `enter_single` must be
+/// The machine must have the instructions of `W`; the stacks must have room for all groups; `enter` and `enter_single` must be
 /// entries of the same level.
 #[inline(always)]
-unsafe fn run<L: WideLanes, G: Goal>(
+unsafe fn run<W: Lanes16, G: Goal>(
     forest: &Forest,
     batch: &Batch<G::Precision>,
     stacks: &mut Stacks,
@@ -131,7 +157,7 @@ unsafe fn run<L: WideLanes, G: Goal>(
         if unsafe {
             let (data, rays) = (batch.context.data, &batch.rays.rays()[run.clone()]);
             let backward = G::ANY && trial.is_backward();
-            G::Precision::set_up_bundle::<L>(data, &mut bundle, &mut columns, rays, backward)
+            G::Precision::set_up_bundle::<W>(data, &mut bundle, &mut columns, rays, backward)
         } {
             searches.clear();
             let search = |lane: usize| {
@@ -142,17 +168,21 @@ unsafe fn run<L: WideLanes, G: Goal>(
             let mut walker = Walker {
                 forest,
                 data: batch.context.data,
+                options: batch.context.options,
+                masks: batch.rays.common_mask(run.clone()),
                 searches: &mut searches,
                 search: &search,
                 stacks,
                 alive,
+                waiting: 0,
+                put_off: [0; RAYS],
                 spare: &mut spare,
                 work: 0,
                 enter,
                 enter_single,
             };
             // SAFETY: as promised by the caller.
-            unsafe { walker.walk::<L>(Position { group: 0, instance: 0, top: 0 }, &mut bundle) };
+            unsafe { enter(&mut walker, Position { group: 0, instance: 0, top: 0 }, &mut bundle) };
             if bundle.kind.reversed {
                 trial.count(walker.work);
             }
@@ -173,7 +203,7 @@ unsafe fn run<L: WideLanes, G: Goal>(
     left
 }
 
-/// The entry of a level, for the step into an instance.
+/// The walk of a level.
 type WalkBundle<G> = unsafe fn(&mut Walker<'_, '_, G>, Position, &mut Bundle);
 
 /// Where a bundle is.
@@ -192,20 +222,32 @@ struct Position {
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 unsafe fn walk_bundle_avx2<G: Goal>(walker: &mut Walker<'_, '_, G>, position: Position, bundle: &mut Bundle) {
     // SAFETY: as promised by the caller.
-    unsafe { walker.walk::<snell_math::simd::Avx8>(position, bundle) }
+    unsafe { walker.walk::<Pair<Avx8>>(position, bundle) }
+}
+
+/// # Safety
+/// As [`Walker::walk`].
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn walk_bundle_avx512<G: Goal>(walker: &mut Walker<'_, '_, G>, position: Position, bundle: &mut Bundle) {
+    // SAFETY: as promised by the caller.
+    unsafe { walker.walk::<Avx16>(position, bundle) }
 }
 
 /// # Safety
 /// As [`Walker::walk`].
 unsafe fn walk_bundle_portable<G: Goal>(walker: &mut Walker<'_, '_, G>, position: Position, bundle: &mut Bundle) {
     // SAFETY: as promised by the caller.
-    unsafe { walker.walk::<Portable8>(position, bundle) }
+    unsafe { walker.walk::<Pair<Portable8>>(position, bundle) }
 }
 
 /// The searches of a run on their way through the forest.
 struct Walker<'w, 's, G: Goal> {
     forest: &'w Forest,
     data: &'w DataOf<G>,
+    options: &'w [GeometryOptions],
+    /// What all rays have in their masks.
+    masks: u32,
     /// None, or one per ray: most bundles that hit nothing need none.
     searches: &'w mut Vec<Search<'s, G>>,
     /// The search of a ray at its beginning.
@@ -213,6 +255,9 @@ struct Walker<'w, 's, G: Goal> {
     stacks: &'w mut Stacks,
     /// The rays whose search is not over.
     alive: u32,
+    /// The rays of the group that surely hit something, and the place of the nearest of that ([`Pairs`]): tested exactly in the end.
+    waiting: u32,
+    put_off: PerRay<u32>,
     /// Memory for bundles in instances.
     #[allow(clippy::vec_box, reason = "they are large, and come and go")]
     spare: &'w mut Vec<Box<(Bundle, Columns)>>,
@@ -223,29 +268,49 @@ struct Walker<'w, 's, G: Goal> {
 }
 
 impl<G: Goal> Walker<'_, '_, G> {
+    /// Only the nearest hit counts: if it is certain which that is, the exact test of others is saved.
+    const PUTS_OFF: bool = G::NARROWS && G::WANTS_ONE;
+
     /// Walks one group.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`; the stacks must have room for the group and all below it.
+    /// The machine must have the instructions of `W`; the stacks must have room for the group and all below it.
     #[inline(always)]
-    unsafe fn walk<L: WideLanes>(&mut self, position: Position, bundle: &mut Bundle) {
+    unsafe fn walk<W: Lanes16>(&mut self, position: Position, bundle: &mut Bundle) {
         let tree = &self.forest.trees[position.group];
-        let (base, instance) = (position.top, position.instance);
+        let instance = position.instance;
         let mut locals = Locals::NONE;
-        for &object in &tree.unbounded {
-            // SAFETY: as promised by the caller.
-            unsafe {
+        // SAFETY: as promised by the caller.
+        unsafe {
+            for &object in &tree.unbounded {
                 self.test_objects(tree, object as usize, bundle, self.alive, instance);
-                bundle.update_limits::<L>();
+                bundle.update_limits::<W>();
             }
+            self.descend::<W>(tree, position, bundle, &mut locals);
+            self.test_put_off::<W>(tree, bundle, &mut locals, instance, true);
         }
+    }
+
+    /// Walks the tree of a group.
+    ///
+    /// # Safety
+    /// As [`Self::walk`].
+    #[inline(always)]
+    unsafe fn descend<W: Lanes16>(
+        &mut self,
+        tree: &GroupTree,
+        position: Position,
+        bundle: &mut Bundle,
+        locals: &mut Locals,
+    ) {
+        let (base, instance) = (position.top, position.instance);
         let prefetch = tree.memory_bytes() > PREFETCH_BYTES;
         let mut top = base;
         let (mut node, mut mask) = (tree.root.index(), self.alive);
         while self.alive != 0 {
             // SAFETY: the builder makes only references to nodes that exist; a walk holds at most 7 entries per level.
             unsafe {
-                let pushed = self.push_children::<L>(tree, node, mask, bundle, top);
+                let pushed = self.push_children::<W>(tree, node, mask, bundle, top);
                 if prefetch {
                     for i in top..top + pushed {
                         fetch_ahead(tree, child_at(tree, *self.stacks.places.get_unchecked(i)));
@@ -270,10 +335,10 @@ impl<G: Goal> Walker<'_, '_, G> {
                     continue;
                 }
                 self.work += 1;
-                // SAFETY: places come from nodes that exist; `L` as promised by the caller.
+                // SAFETY: places come from nodes that exist; `W` as promised by the caller.
                 let (child, meeting) = unsafe {
                     let node = tree.nodes.get_unchecked(place as usize >> 3);
-                    (child_at(tree, place), bundle.rays_meeting::<L>(node, place as usize & 7) & meeting)
+                    (child_at(tree, place), bundle.rays_meeting::<W>(node, place as usize & 7) & meeting)
                 };
                 if meeting == 0 {
                     continue;
@@ -286,9 +351,10 @@ impl<G: Goal> Walker<'_, '_, G> {
                 // SAFETY: as promised by the caller.
                 unsafe {
                     if child.is_triangles() {
-                        self.test_triangles::<L>(tree, child, bundle, meeting, &mut locals, instance);
+                        self.test_triangles::<W>(tree, child, bundle, meeting, locals, instance);
                     } else {
-                        self.enter_object::<L>(tree, child, bundle, meeting, &Position { top, ..position });
+                        self.test_put_off::<W>(tree, bundle, locals, instance, false);
+                        self.enter_object::<W>(tree, child, bundle, meeting, &Position { top, ..position });
                     }
                 }
             }
@@ -307,9 +373,9 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// Puts the children of a node that the bundle meets on the stack, the nearest on top, and returns how many they are.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`; the node must exist, and the stack must have room for eight entries from `top`.
+    /// The machine must have the instructions of `W`; the node must exist, and the stack must have room for eight entries from `top`.
     #[inline(always)]
-    unsafe fn push_children<L: WideLanes>(
+    unsafe fn push_children<W: Lanes16>(
         &mut self,
         tree: &GroupTree,
         node: usize,
@@ -322,102 +388,206 @@ impl<G: Goal> Walker<'_, '_, G> {
             *self.stacks.masks.as_mut_ptr().add(top).cast::<[u32; 8]>() = [mask; 8];
             let places: [u32; 8] = std::array::from_fn(|slot| (node * 8 + slot) as u32);
             let node = tree.nodes.get_unchecked(node);
-            let enter = bundle.box_distances::<L>(node);
+            let enter = bundle.box_distances::<W::Half>(node);
             let distances = &mut *self.stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>();
             let payload = &mut *self.stacks.places.as_mut_ptr().add(top).cast::<[u32; 8]>();
             let order = *node.order.get_unchecked(bundle.octant);
-            enter.compress_le(L::splat(bundle.bundle_far), order, &places, distances, payload)
+            enter.compress_le(W::Half::splat(bundle.bundle_far), order, &places, distances, payload)
         }
     }
 
     /// Tests the triangles of a block for some of the rays.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`; `child` must be a block of the tree.
+    /// The machine must have the instructions of `W`; `child` must be a block of the tree.
     #[inline(always)]
-    unsafe fn test_triangles<L: WideLanes>(
+    unsafe fn test_triangles<W: Lanes16>(
         &mut self,
         tree: &GroupTree,
         child: ChildRef,
         bundle: &mut Bundle,
-        mut mask: u32,
+        rays: u32,
         locals: &mut Locals,
         instance: u32,
     ) {
-        // SAFETY: as promised by the caller.
-        let (block, seen) = unsafe {
-            let block = tree.blocks.get_unchecked(child.block());
-            (block, SeenBlock::<L>::new::<G::Precision>(block, bundle))
-        };
-        let used = (2 << (child.count() - 1)) - 1;
         let mut pairs = Pairs::NONE;
-        let mut found = false;
-        while mask != 0 {
-            let lane = mask.trailing_zeros();
-            mask &= mask - 1;
-            // SAFETY: as promised by the caller.
-            let (candidates, sure) = unsafe {
-                let lane = lane as usize & (RAYS - 1);
-                if G::ANY { seen.candidates::<true>(bundle, lane) } else { seen.candidates::<false>(bundle, lane) }
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let found = if !G::ANY && !bundle.lines.apart {
+                self.find_pairs_of_origin::<W>(tree, child, bundle, rays, &mut pairs, locals, instance)
+            } else {
+                self.find_pairs::<W>(tree, child, bundle, rays, &mut pairs, locals, instance)
             };
-            if sure & used != 0 && self.take_any(tree, block, sure & used, lane as usize & (RAYS - 1)) {
-                self.note(bundle, lane as usize & (RAYS - 1), true);
-                found = true;
-                continue;
+            let last = pairs.count != 0 && self.test_pairs::<W>(tree, bundle, &mut pairs, locals, instance, false);
+            if found || last {
+                bundle.update_limits::<W>();
             }
-            let mut triangles = candidates & used;
-            // Mostly there is one: written in any case, counted if it is one, so nothing branches on it.
-            loop {
-                pairs.push(lane, triangles.trailing_zeros() & 7, triangles != 0);
-                if pairs.is_full() {
-                    // SAFETY: as promised by the caller.
-                    found |= unsafe { self.test_pairs::<L>(tree, block, bundle, &mut pairs, locals, instance) };
-                }
-                triangles &= triangles.wrapping_sub(1);
-                if triangles == 0 {
-                    break;
-                }
-            }
-        }
-        if pairs.count != 0 {
-            // SAFETY: as promised by the caller.
-            found |= unsafe { self.test_pairs::<L>(tree, block, bundle, &mut pairs, locals, instance) };
-        }
-        if found {
-            // SAFETY: as promised by the caller.
-            unsafe { bundle.update_limits::<L>() };
         }
     }
 
-    /// Ends the search of a ray that surely hits some triangles of a block within its interval, if one of them counts without a doubt.
-    #[inline(always)]
-    fn take_any(&mut self, tree: &GroupTree, block: &TriangleBlock, mut triangles: u32, lane: usize) -> bool {
-        self.begin();
-        let search = &mut self.searches[lane];
-        while triangles != 0 {
-            let (geometry, primitive) = tree.triangle(block.ids[triangles.trailing_zeros() as usize & 7]);
-            triangles &= triangles - 1;
-            let options = &search.context.options[geometry as usize];
-            if options.mask & search.mask != 0 && !options.filtered {
-                return search.goal.take(G::Precision::hit(0.0, Vec2::ZERO, [0, geometry, primitive]));
-            }
-        }
-        false
-    }
-
-    /// Offers the hits of pairs of rays and triangles of a block, and forgets the pairs. True if there are any that count.
+    /// Finds what rays that share their origin may hit of a block. True if anything was tested, because there were many, and counted.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`.
+    /// As [`Self::test_triangles`].
     #[inline(always)]
-    unsafe fn test_pairs<L: WideLanes>(
+    unsafe fn find_pairs_of_origin<W: Lanes16>(
         &mut self,
         tree: &GroupTree,
-        block: &TriangleBlock,
+        child: ChildRef,
+        bundle: &mut Bundle,
+        mut rays: u32,
+        pairs: &mut Pairs,
+        locals: &mut Locals,
+        instance: u32,
+    ) -> bool {
+        let (place, used, mut found) = (child.block() as u32 * 8, (2 << (child.count() - 1)) - 1, false);
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let block = tree.blocks.get_unchecked(child.block());
+            let seen = SharedOrigin::<W::Half>::new::<G::Precision>(block, &bundle.lines, bundle.axes);
+            while rays != 0 {
+                let ray = rays.trailing_zeros();
+                rays &= rays - 1;
+                let mut triangles = seen.candidates(&bundle.lines, ray as usize & (RAYS - 1)) & used;
+                // Mostly there is one.
+                loop {
+                    pairs.push_if(ray, place + (triangles.trailing_zeros() & 7), triangles != 0);
+                    if pairs.is_full() {
+                        found |= self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false);
+                    }
+                    triangles &= triangles.wrapping_sub(1);
+                    if triangles == 0 {
+                        break;
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Finds what rays may hit of a block, and what they surely hit. True if anything counted already.
+    ///
+    /// # Safety
+    /// As [`Self::test_triangles`].
+    #[inline(always)]
+    unsafe fn find_pairs<W: Lanes16>(
+        &mut self,
+        tree: &GroupTree,
+        child: ChildRef,
+        bundle: &mut Bundle,
+        mut rays: u32,
+        pairs: &mut Pairs,
+        locals: &mut Locals,
+        instance: u32,
+    ) -> bool {
+        let (place, mut triangles, mut found) = (child.block() as u32 * 8, (2 << (child.count() - 1)) - 1, false);
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let block = tree.blocks.get_unchecked(child.block());
+            let seen = SeenBlock::new::<W::Half, G::Precision>(block, &bundle.lines, bundle.axes);
+            if rays.count_ones() <= FEW_RAYS {
+                let (mut all, mut rest) = (0, rays);
+                while rest != 0 {
+                    all |= seen.near_two::<W>(&bundle.lines, &mut rest);
+                }
+                triangles &= all | all >> 8;
+            }
+            while triangles != 0 {
+                let triangle = triangles.trailing_zeros();
+                triangles &= triangles - 1;
+                let meeting = seen.meeting::<W>(&bundle.lines, triangle as usize, rays);
+                let mut possible = meeting.possible;
+                if meeting.sure != 0
+                    && (G::ANY || (Self::PUTS_OFF && !bundle.kind.reversed))
+                    && self.is_plain(tree, block.ids[triangle as usize & 7])
+                {
+                    if G::ANY {
+                        self.take_any(meeting.sure, bundle);
+                        rays &= !meeting.sure;
+                    } else {
+                        W::write_where(meeting.sure, place + triangle, &mut self.put_off);
+                        self.waiting |= meeting.sure;
+                        bundle.tighten_to(meeting.sure, meeting.low, meeting.high);
+                    }
+                    possible &= !meeting.sure;
+                    found = true;
+                }
+                while possible != 0 {
+                    pairs.push(possible.trailing_zeros(), place + triangle);
+                    possible &= possible - 1;
+                    if pairs.is_full() {
+                        found |= self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false);
+                        rays &= self.alive;
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// True if hits of a triangle count for all rays, whatever they are.
+    #[inline(always)]
+    fn is_plain(&self, tree: &GroupTree, triangle: u32) -> bool {
+        let options = &self.options[tree.triangle(triangle).0 as usize];
+        options.mask & self.masks != 0 && !options.filtered
+    }
+
+    /// Ends the searches of rays that surely hit something that counts.
+    #[inline(always)]
+    fn take_any(&mut self, mut rays: u32, bundle: &mut Bundle) {
+        self.begin();
+        self.alive &= !rays;
+        while rays != 0 {
+            let ray = rays.trailing_zeros() as usize & (RAYS - 1);
+            rays &= rays - 1;
+            self.searches[ray].goal.take(G::Precision::hit(0.0, Vec2::ZERO, [0; 3]));
+            bundle.finish(ray);
+        }
+    }
+
+    /// Tests what was put off. [`Bundle::update_limits`] must follow if this is not the `last` that the bundle is used for.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`; what was put off must be in this tree.
+    #[inline(always)]
+    unsafe fn test_put_off<W: Lanes16>(
+        &mut self,
+        tree: &GroupTree,
+        bundle: &mut Bundle,
+        locals: &mut Locals,
+        instance: u32,
+        last: bool,
+    ) {
+        if !Self::PUTS_OFF {
+            return;
+        }
+        let mut rays = std::mem::take(&mut self.waiting);
+        while rays != 0 {
+            let mut pairs = Pairs::NONE;
+            while rays != 0 && !pairs.is_full() {
+                let ray = rays.trailing_zeros();
+                rays &= rays - 1;
+                pairs.push(ray, self.put_off[ray as usize & (RAYS - 1)]);
+            }
+            // SAFETY: as promised by the caller.
+            unsafe { self.test_pairs::<W>(tree, bundle, &mut pairs, locals, instance, last) };
+        }
+    }
+
+    /// Offers the hits of pairs of rays and triangles, and forgets the pairs. True if there are any that count. If nothing comes after the
+    /// `last` ones, the bundle is left as it is.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`; the triangles must be of the tree.
+    #[inline(always)]
+    unsafe fn test_pairs<W: Lanes16>(
+        &mut self,
+        tree: &GroupTree,
         bundle: &mut Bundle,
         pairs: &mut Pairs,
         locals: &mut Locals,
         instance: u32,
+        last: bool,
     ) -> bool {
         self.begin();
         let all = u32::MAX >> (32 - pairs.count);
@@ -425,7 +595,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         let mut found = Found::<RealOf<G>>::NONE;
         if bundle.is_aligned {
             // SAFETY: as promised by the caller.
-            unsafe { G::Precision::exact_hits::<L>(self.data, tree, block, bundle, pairs, &mut found) };
+            unsafe { G::Precision::exact_hits::<W::Half>(self.data, tree, bundle, pairs, &mut found) };
         } else {
             found.unsure = all;
         }
@@ -433,32 +603,37 @@ impl<G: Goal> Walker<'_, '_, G> {
         while hits != 0 {
             let pair = hits.trailing_zeros() as usize & (PAIRS - 1);
             hits &= hits - 1;
-            let (lane, triangle) = (pairs.rays[pair] as usize & (RAYS - 1), pairs.triangles[pair] as usize & 7);
-            let search = &mut self.searches[lane];
+            let ray = pairs.rays[pair] as usize & (RAYS - 1);
+            let search = &mut self.searches[ray];
             let t = found.t[pair];
-            if t > search.goal.limit() || self.alive >> lane & 1 == 0 {
+            if t > search.goal.limit() || self.alive >> ray & 1 == 0 {
                 continue;
             }
-            let (geometry, primitive) = tree.triangle(block.ids[triangle]);
+            let (block, triangle) = pairs.place(pair);
+            let (geometry, primitive) = tree.triangle(tree.blocks[block].ids[triangle]);
             let hit = G::Precision::found(t, [found.b1[pair], found.b2[pair]], [instance, geometry, primitive]);
             let verdict = search.offer(hit);
-            any |= self.note(bundle, lane, verdict == Verdict::Finished);
+            if !last {
+                any |= self.note(bundle, ray, verdict == Verdict::Finished);
+            }
         }
         let mut unsure = found.unsure & all;
         while unsure != 0 {
             let pair = unsure.trailing_zeros() as usize & (PAIRS - 1);
             unsure &= unsure - 1;
-            let (lane, triangle) = (pairs.rays[pair] as usize & (RAYS - 1), pairs.triangles[pair] as usize & 7);
-            if self.alive >> lane & 1 == 0 {
+            let ray = pairs.rays[pair] as usize & (RAYS - 1);
+            if self.alive >> ray & 1 == 0 {
                 continue;
             }
+            let (block, triangle) = pairs.place(pair);
+            let block = &tree.blocks[block];
             let ids = || {
                 let (geometry, primitive) = tree.triangle(block.ids[triangle]);
                 [instance, geometry, primitive]
             };
-            let local = locals.get(bundle, lane);
-            let over = test_triangle(&mut self.searches[lane], local, &block.corners(triangle), ids);
-            any |= self.note(bundle, lane, over);
+            let local = locals.get(bundle, ray);
+            let over = test_triangle(&mut self.searches[ray], local, &block.corners(triangle), ids);
+            any |= self.note(bundle, ray, over);
         }
         pairs.count = 0;
         any
@@ -466,12 +641,12 @@ impl<G: Goal> Walker<'_, '_, G> {
 
     /// After a hit was offered to a ray. True if that can matter to the bundle.
     #[inline(always)]
-    fn note(&mut self, bundle: &mut Bundle, lane: usize, over: bool) -> bool {
+    fn note(&mut self, bundle: &mut Bundle, ray: usize, over: bool) -> bool {
         if over {
-            self.alive &= !(1 << lane);
-            bundle.tighten(lane, -1.0);
+            self.alive &= !(1 << ray);
+            bundle.finish(ray);
         } else if G::NARROWS {
-            bundle.tighten(lane, self.searches[lane].cull());
+            bundle.tighten(ray, self.searches[ray].cull());
         }
         over || G::NARROWS
     }
@@ -499,7 +674,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             // SAFETY: as promised by the caller.
             if unsafe { test_object(self.forest, tree, object, &ray, instance, search, stack, self.enter_single) } {
                 self.alive &= !(1 << lane);
-                bundle.tighten(lane, -1.0);
+                bundle.finish(lane);
             } else {
                 bundle.tighten(lane, search.cull());
             }
@@ -511,7 +686,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// # Safety
     /// As [`Self::walk`].
     #[inline(always)]
-    unsafe fn enter_object<L: WideLanes>(
+    unsafe fn enter_object<W: Lanes16>(
         &mut self,
         tree: &GroupTree,
         object: ChildRef,
@@ -538,7 +713,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                 let (below, columns) = &mut *memory;
                 let groups = (position.group, *child);
                 // SAFETY: as promised by the caller.
-                if unsafe { self.set_up_in_child::<L>(below, columns, bundle, wanted, groups, child_from_group) } {
+                if unsafe { self.set_up_in_child::<W>(below, columns, bundle, wanted, groups, child_from_group) } {
                     let alive = std::mem::replace(&mut self.alive, wanted);
                     let inside = Position { group: *child, instance: position.instance + offset, ..*position };
                     // SAFETY: as promised by the caller.
@@ -546,11 +721,14 @@ impl<G: Goal> Walker<'_, '_, G> {
                     let over = wanted & !self.alive;
                     self.alive = alive & !over;
                     for lane in (0..RAYS).filter(|lane| wanted >> lane & 1 == 1) {
-                        let is_over = over >> lane & 1 == 1;
-                        bundle.tighten(lane, if is_over { -1.0 } else { self.searches[lane].cull() });
+                        if over >> lane & 1 == 1 {
+                            bundle.finish(lane);
+                        } else {
+                            bundle.tighten(lane, self.searches[lane].cull());
+                        }
                     }
                     // SAFETY: as promised by the caller.
-                    unsafe { bundle.update_limits::<L>() };
+                    unsafe { bundle.update_limits::<W>() };
                     self.spare.push(memory);
                     return;
                 }
@@ -560,16 +738,16 @@ impl<G: Goal> Walker<'_, '_, G> {
         // SAFETY: as promised by the caller.
         unsafe {
             self.test_objects(tree, object.index(), bundle, mask, position.instance);
-            bundle.update_limits::<L>();
+            bundle.update_limits::<W>();
         }
     }
 
     /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is none.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`.
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn set_up_in_child<L: WideLanes>(
+    unsafe fn set_up_in_child<W: Lanes16>(
         &self,
         below: &mut Bundle,
         columns: &mut Columns,
@@ -594,7 +772,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             child_from_group.transform_point3(G::Precision::point_in_group(self.data, group, apex))
         };
         // SAFETY: as promised by the caller.
-        unsafe { below.set_up_exactly::<L, G::Precision>(columns, self.data, child, apex, &bundle.kind) }
+        unsafe { below.set_up_exactly::<W, G::Precision>(columns, self.data, child, apex, &bundle.kind) }
     }
 }
 

@@ -100,6 +100,15 @@ impl<'a, P: Precision> Rays<'a, P> {
         RayQuery { ray: &self.rays[index], mask, time }
     }
 
+    /// What all rays of a part have in their masks.
+    ///
+    /// # Panics
+    /// If the range reaches beyond the batch.
+    #[inline(always)]
+    pub(crate) fn common_mask(&self, range: std::ops::Range<usize>) -> u32 {
+        if self.masks.is_empty() { u32::MAX } else { self.masks[range].iter().fold(u32::MAX, |all, mask| all & mask) }
+    }
+
     /// A part of the batch.
     ///
     /// # Panics

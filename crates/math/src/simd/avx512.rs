@@ -126,6 +126,12 @@ impl Lanes16 for Avx16 {
     }
 
     #[inline(always)]
+    unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]) {
+        // SAFETY: the caller guarantees AVX-512; the reference covers 64 writable bytes.
+        unsafe { _mm512_mask_storeu_epi32(to.as_mut_ptr().cast(), mask as u16, _mm512_set1_epi32(value as i32)) }
+    }
+
+    #[inline(always)]
     fn least(self) -> f32 {
         let [low, high] = self.halves();
         Lanes8::min(low, high).least()

@@ -77,6 +77,12 @@ pub trait Lanes16: Copy {
     /// `other` where the mask has a bit, `self` elsewhere.
     fn replace(self, mask: u32, other: Self) -> Self;
 
+    /// Writes `value` where the mask has a bit.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]);
+
     /// The least of the sixteen numbers; if any is NaN, any.
     fn least(self) -> f32;
 
@@ -195,6 +201,13 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     }
 
     #[inline(always)]
+    unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]) {
+        for (lane, to) in to.iter_mut().enumerate() {
+            *to = if mask >> lane & 1 == 1 { value } else { *to };
+        }
+    }
+
+    #[inline(always)]
     fn least(self) -> f32 {
         self.0[0].min(self.0[1]).least()
     }
@@ -227,6 +240,10 @@ mod tests {
         values.extend([x.add(y), x.sub(y), x.mul(y), x.div(y), x.min(y), x.max(y), x.abs(), x.replace(mask, y)]);
         // Exact, so that it does not matter whether they are fused.
         values.extend([five.mul_add(five, x), five.mul_sub(five, x)]);
+        let mut written = [7; 16];
+        // SAFETY: as above.
+        unsafe { W::write_where(mask, 9, &mut written) };
+        assert_eq!(written, std::array::from_fn(|lane| if mask >> lane & 1 == 1 { 9 } else { 7 }));
         let extremes =
             if a.iter().any(|x| x.is_nan()) { [0; 2] } else { [bits(x.least() + 0.0), bits(x.greatest() + 0.0)] };
         (values.into_iter().map(stored).collect(), [x.le(y), x.lt(y), x.signs()], extremes)

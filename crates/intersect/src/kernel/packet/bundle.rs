@@ -8,11 +8,12 @@
 //! A box is missed by all if it lies outside of the four planes around the bundle (Reshetov, Soupikov and Hurley, Multi-Level Ray
 //! Tracing Algorithm, 2005, go down with the same kind of frustum). Everything here is conservative.
 
-use super::super::node::WideNode;
+use super::super::node::{CULL_PADDING, WideNode};
+use super::lines::Lines;
 use crate::precision::Rules;
 use snell_math::DRay;
 use snell_math::DVec3;
-use snell_math::simd::{Lanes8, WideLanes};
+use snell_math::simd::{Lanes8, Lanes16};
 
 /// Rays in a bundle.
 pub(super) const RAYS: usize = 16;
@@ -23,12 +24,6 @@ pub(crate) type PerRay<T> = [T; RAYS];
 /// Relative padding of everything that follows from rounded coordinates, as [`super::super::node::BOX_PADDING`]: roundings
 /// of `f32` here, and of the drawing of triangles, come to less than half of it.
 const PADDING: f32 = 1.0e-6;
-
-/// Relative to their distance, how far from the start of an interval triangles are surely within: many times the roundings.
-const SURE_PADDING: f32 = 16.0 * PADDING;
-
-/// The same at the end, relative to the length: twice what limits are padded by ([`super::super::node::padded`]).
-const END_PADDING: f32 = 2.0e-4;
 
 /// Coordinates and directions beyond this are left to the other kernels: here nothing may overflow.
 const LARGEST: f32 = 1.0e15;
@@ -41,6 +36,7 @@ const MAX_SPREAD: f32 = 0.25;
 
 /// The rays of a bundle in the coordinates of a group, a row per ray.
 #[derive(Clone, Debug)]
+#[repr(C, align(64))]
 pub(crate) struct ExactRays {
     /// With `t_min` as fourth.
     pub origin: PerRay<[f64; 4]>,
@@ -75,8 +71,22 @@ pub(crate) struct Kind {
 
 /// A bundle in the coordinates of a group.
 #[derive(Clone, Debug)]
+#[repr(C, align(64))]
 pub(crate) struct Bundle {
     pub rays: ExactRays,
+    /// Per axis and ray.
+    pub slope: [PerRay<f32>; 2],
+    offset: [PerRay<f32>; 2],
+    /// Where each ray starts and ends on the z axis; it ends before it starts when nothing is wanted of it any more.
+    near: PerRay<f32>,
+    far: PerRay<f32>,
+    /// `z` at `t = 0`, and how fast it changes with `t`, without sign.
+    start: PerRay<f32>,
+    along: PerRay<f32>,
+    /// The origins as triangles see them, by axis of the bundle; not used with a shared origin.
+    pub drawn_origin: [PerRay<f32>; 3],
+    /// The rays as triangles see them.
+    pub lines: Lines,
     pub kind: Kind,
     /// Axes x, y and z of the bundle: z is the one along which it goes.
     pub axes: [usize; 3],
@@ -84,32 +94,10 @@ pub(crate) struct Bundle {
     pub sign: f32,
     /// For the order in which children are visited: as [`super::super::node::WideNode::order`] counts them.
     pub octant: usize,
-    /// Bound of all absolute errors of positions; 0 for a shared origin at which nothing was rounded.
-    pub margin: f32,
-    /// The farthest that a ray starts from the apex.
-    pub distance: f32,
-    /// Per axis and ray.
-    pub slope: [PerRay<f32>; 2],
-    pub offset: [PerRay<f32>; 2],
-    /// About where rays start, by axis of the bundle (z along the axis, not away from the apex), and how far the others do from there; not
-    /// used with a shared origin.
-    pub start_point: [f32; 3],
-    pub start_spread: f32,
-    /// Where the intervals of the rays begin, seen from there with the opposite sign (z away from the apex).
-    pub begin: [PerRay<f32>; 3],
-    /// The origins as triangles see them, by axis of the bundle; not used with a shared origin.
-    pub drawn_origin: [PerRay<f32>; 3],
     /// All rays are drawn along the z axis of the bundle.
     pub is_aligned: bool,
-    /// Where each ray starts and ends on the z axis; it ends before it starts when nothing is wanted of it any more.
-    near: PerRay<f32>,
-    far: PerRay<f32>,
-    /// `z` at `t = 0`, and how fast it changes with `t`, without sign.
-    start: PerRay<f32>,
-    along: PerRay<f32>,
-    /// What lies between is surely within the interval that the ray had at first.
-    pub sure_near: PerRay<f32>,
-    pub sure_far: PerRay<f32>,
+    /// Bound of all absolute errors of positions; 0 for a shared origin at which nothing was rounded.
+    margin: f32,
     /// Least and greatest of all rays.
     bundle_near: f32,
     pub bundle_far: f32,
@@ -132,6 +120,7 @@ fn axes(d: [f32; 3]) -> [usize; 3] {
 }
 
 /// What a bundle is made of, by axis of the group and ray, rounded to nearest.
+#[repr(C, align(64))]
 pub(crate) struct Columns {
     /// Origins, seen from the apex and from [the first one, rounded](Bundle::drawn_origin); not used with a shared origin.
     pub from_apex: [PerRay<f32>; 3],
@@ -151,70 +140,26 @@ impl Columns {
         t_min: [0.0; RAYS],
         cull: [0.0; RAYS],
     };
-
-    /// Where half of the rays are at `t`, with the opposite sign, seen from the first one.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `L`; `half` must be 0 or 1.
-    #[inline(always)]
-    unsafe fn begin<L: Lanes8>(&self, axis: usize, half: usize, t: L) -> L {
-        // SAFETY: passed on to the caller.
-        unsafe {
-            let (from, direction): (L, L) = (lanes(&self.from_first[axis], half), lanes(&self.direction[axis], half));
-            L::splat(0.0).sub(from).sub(t.mul(direction))
-        }
-    }
-}
-
-/// # Safety
-/// The machine must have the instructions of `L`.
-#[inline(always)]
-unsafe fn least<L: WideLanes>(values: &PerRay<f32>) -> f32 {
-    // SAFETY: passed on to the caller.
-    unsafe { lanes::<L>(values, 0).min(lanes(values, 1)).least() }
-}
-
-/// The greatest of both halves without their signs.
-///
-/// # Safety
-/// The machine must have the instructions of `L`.
-#[inline(always)]
-unsafe fn size<L: WideLanes>(values: &PerRay<f32>) -> L {
-    // SAFETY: passed on to the caller.
-    unsafe { lanes::<L>(values, 0).abs().max(lanes::<L>(values, 1).abs()) }
-}
-
-/// # Safety
-/// The machine must have the instructions of `L`.
-#[inline(always)]
-unsafe fn greatest<L: WideLanes>(values: &PerRay<f32>) -> f32 {
-    // SAFETY: passed on to the caller.
-    unsafe { lanes::<L>(values, 0).max(lanes(values, 1)).greatest() }
 }
 
 impl Bundle {
     /// No bundle yet.
     pub const NONE: Self = Self {
         rays: ExactRays { origin: [[0.0; 4]; RAYS], direction: [[0.0; 4]; RAYS] },
-        kind: Kind { apex: [0.0; 3], reversed: false, common: false, backward: false, rounded: false, slack: 0.0 },
-        axes: [0; 3],
-        sign: 1.0,
-        octant: 0,
-        margin: 0.0,
-        distance: 0.0,
         slope: [[0.0; RAYS]; 2],
         offset: [[0.0; RAYS]; 2],
-        start_point: [0.0; 3],
-        start_spread: 0.0,
-        begin: [[0.0; RAYS]; 3],
-        drawn_origin: [[0.0; RAYS]; 3],
-        is_aligned: false,
         near: [0.0; RAYS],
         far: [0.0; RAYS],
         start: [0.0; RAYS],
         along: [0.0; RAYS],
-        sure_near: [0.0; RAYS],
-        sure_far: [0.0; RAYS],
+        drawn_origin: [[0.0; RAYS]; 3],
+        lines: Lines::NONE,
+        kind: Kind { apex: [0.0; 3], reversed: false, common: false, backward: false, rounded: false, slack: 0.0 },
+        axes: [0; 3],
+        sign: 1.0,
+        octant: 0,
+        is_aligned: false,
+        margin: 0.0,
         bundle_near: 0.0,
         bundle_far: 0.0,
         low_slope: [0.0; 2],
@@ -229,7 +174,7 @@ impl Bundle {
     /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn set_up_exactly<L: WideLanes, P: Rules>(
+    pub unsafe fn set_up_exactly<W: Lanes16, P: Rules>(
         &mut self,
         columns: &mut Columns,
         data: &P::Data,
@@ -262,16 +207,16 @@ impl Bundle {
             }
         }
         // SAFETY: as promised by the caller.
-        sum == 0.0 && unsafe { self.set_up::<L, P>(columns) }
+        sum == 0.0 && unsafe { self.set_up::<W, P>(columns) }
     }
 
     /// Works out everything else from `kind`, `drawn_origin` by axis of the group, `rays` and `columns`. False if these rays do not make
     /// a bundle.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`.
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn set_up<L: WideLanes, P: Rules>(&mut self, columns: &Columns) -> bool {
+    pub unsafe fn set_up<W: Lanes16, P: Rules>(&mut self, columns: &Columns) -> bool {
         let kind = self.kind;
         let directions = &columns.direction;
         self.axes = axes([0, 1, 2].map(|axis| directions[axis][0].abs()));
@@ -283,162 +228,168 @@ impl Bundle {
         let is_drawn = kind.rounded && !P::TRIANGLES_ELSEWHERE;
         if is_drawn {
             for (i, d) in self.rays.direction.iter().enumerate() {
-                self.slope[0][i] = (d[x] / d[z]) as f32 * sign;
-                self.slope[1][i] = (d[y] / d[z]) as f32 * sign;
-            }
-        }
-        // SAFETY: passed on to the caller; halves are 0 and 1.
-        unsafe {
-            for half in 0..2 {
-                let along: L = lanes(&directions[z], half);
-                if !is_drawn {
-                    for (slope, axis) in self.slope.iter_mut().zip([x, y]) {
-                        store(lanes::<L>(&directions[axis], half).div(along).mul(L::splat(sign)), slope, half);
-                    }
-                }
-                store(along.mul(L::splat(forward)), &mut self.along, half);
+                self.slope[0][i] = (d[x] / d[z]) as f32;
+                self.slope[1][i] = (d[y] / d[z]) as f32;
             }
         }
         // SAFETY: passed on to the caller.
-        let (low, high) = unsafe {
-            let [a, b] = &self.slope;
-            ([least::<L>(a), least::<L>(b)], [greatest::<L>(a), greatest::<L>(b)])
-        };
-        // SAFETY: passed on to the caller.
-        let fine = unsafe { least::<L>(&self.along) > 1.0 / LARGEST && greatest::<L>(&self.along) < LARGEST }
-            && (0..2).all(|i| low[i] >= -2.0 && high[i] <= 2.0 && high[i] - low[i] <= MAX_SPREAD)
-            && kind.apex.iter().all(|a| a.abs() < LARGEST);
-        if !fine {
-            return false;
-        }
-        // At slope 1 the choice of the axis is a tie, or decided by less than the rounding of the slope.
-        self.is_aligned = (0..2).all(|i| low[i] > -1.0 && high[i] < 1.0);
-        (self.margin, self.distance) = (0.0, 0.0);
-        // SAFETY: passed on to the caller.
         unsafe {
+            let speed = W::load(&directions[z]);
+            let along = speed.mul(W::splat(forward));
+            let (mut shear_x, mut shear_y) = (W::load(&self.slope[0]), W::load(&self.slope[1]));
+            if !is_drawn {
+                (shear_x, shear_y) = (W::load(&directions[x]).div(speed), W::load(&directions[y]).div(speed));
+            }
+            let slopes = [shear_x.mul(W::splat(sign)), shear_y.mul(W::splat(sign))];
+            let (low, high) = ([slopes[0].least(), slopes[1].least()], [slopes[0].greatest(), slopes[1].greatest()]);
+            let fine = along.least() > 1.0 / LARGEST
+                && along.greatest() < LARGEST
+                && (0..2).all(|i| low[i] >= -2.0 && high[i] <= 2.0 && high[i] - low[i] <= MAX_SPREAD)
+                && kind.apex.iter().all(|a| a.abs() < LARGEST);
+            if !fine {
+                return false;
+            }
+            slopes[0].store(&mut self.slope[0]);
+            slopes[1].store(&mut self.slope[1]);
+            along.store(&mut self.along);
+            // At slope 1 the choice of the axis is a tie, or decided by less than the rounding of the slope.
+            self.is_aligned = (0..2).all(|i| low[i] > -1.0 && high[i] < 1.0);
+            self.margin = 0.0;
+            self.lines.margin = 0.0;
             if kind.common {
                 (self.start, self.offset) = ([0.0; RAYS], [[0.0; RAYS]; 2]);
+                self.lines.point = [kind.apex[x], kind.apex[y], kind.apex[z]];
             } else {
-                self.place::<L>(columns);
+                self.place::<W>(columns);
             }
             if kind.rounded {
                 let [x, y, z] = &self.drawn_origin;
-                let size = size::<L>(x).max(size(y)).max(size(z)).greatest();
-                self.margin += size * (12.0 * f32::EPSILON) + f32::MIN_POSITIVE + kind.slack;
+                let size = W::load(x).abs().max(W::load(y).abs()).max(W::load(z).abs()).greatest();
+                self.lines.margin = size * (12.0 * f32::EPSILON) + f32::MIN_POSITIVE + kind.slack;
+                self.margin += self.lines.margin;
             }
-        }
-        if self.margin.is_nan() || self.margin >= LARGEST {
-            return false;
-        }
-        self.octant = (0..3).fold(0, |octant, axis| {
-            let down = (directions[axis][0] < 0.0) != kind.backward;
-            octant | usize::from(down) << axis
-        });
-        for i in 0..RAYS {
-            let early = columns.t_min[i] * self.along[i];
-            let end = self.end(i, columns.cull[i]);
+            if self.margin.is_nan() || self.margin >= LARGEST {
+                return false;
+            }
+            self.lines.forward = forward;
+            let slopes = [shear_x.mul(W::splat(forward)), shear_y.mul(W::splat(forward))];
+            self.lines.set_up(columns, &kind, self.axes, slopes, along);
+            self.octant = (0..3).fold(0, |octant, axis| {
+                let down = (directions[axis][0] < 0.0) != kind.backward;
+                octant | usize::from(down) << axis
+            });
+            let cull = W::load(&columns.cull);
+            let start = W::load(&self.start);
+            let (early, end) = (W::load(&columns.t_min).mul(along), self.ends(start, cull, along));
+            let (wide, narrow, margin) = (W::splat(1.0 + PADDING), W::splat(1.0 - PADDING), W::splat(self.margin));
             let (near, far) = if kind.reversed {
-                (end, (self.start[i] - early) * (1.0 + PADDING) + self.margin)
+                (end, start.sub(early).mul(wide).add(margin))
             } else {
-                ((self.start[i] + early) * (1.0 - PADDING) - self.margin, end)
+                (start.add(early).mul(narrow).sub(margin), end)
             };
-            let over = columns.cull[i] < 0.0;
-            self.near[i] = if over { f32::INFINITY } else { near };
-            self.far[i] = if over { f32::NEG_INFINITY } else { far };
-            // Limits are padded, starts are not.
-            let length = columns.cull[i] * self.along[i];
-            let at_end = if length < FARTHEST { length.abs() * END_PADDING } else { 0.0 };
-            let (at_near, at_far) = if kind.reversed { (at_end, 0.0) } else { (0.0, at_end) };
-            self.sure_near[i] = near + near.abs() * SURE_PADDING + 8.0 * self.margin + at_near;
-            self.sure_far[i] = far - far.abs() * SURE_PADDING - 8.0 * self.margin - at_far;
-        }
-        // SAFETY: passed on to the caller.
-        unsafe { self.update_limits::<L>() };
-        // Before the apex the slopes change places; the bundle is hardly wider there.
-        let before = (-self.bundle_near).max(0.0);
-        for i in 0..2 {
-            self.low_slope[i] = low[i] - 2.0 * PADDING;
-            self.high_slope[i] = high[i] + 2.0 * PADDING;
-            let extra = self.margin + (self.high_slope[i] - self.low_slope[i]) * before;
-            // SAFETY: passed on to the caller.
-            unsafe {
-                self.low_offset[i] = least::<L>(&self.offset[i]) - extra;
-                self.high_offset[i] = greatest::<L>(&self.offset[i]) + extra;
+            let over = cull.lt(W::splat(0.0));
+            near.replace(over, W::splat(f32::INFINITY)).store(&mut self.near);
+            far.replace(over, W::splat(f32::NEG_INFINITY)).store(&mut self.far);
+            self.update_limits::<W>();
+            // Before the apex the slopes change places; the bundle is hardly wider there.
+            let before = (-self.bundle_near).max(0.0);
+            for i in 0..2 {
+                self.low_slope[i] = low[i] - 2.0 * PADDING;
+                self.high_slope[i] = high[i] + 2.0 * PADDING;
+                let extra = self.margin + (self.high_slope[i] - self.low_slope[i]) * before;
+                let offset = W::load(&self.offset[i]);
+                self.low_offset[i] = offset.least() - extra;
+                self.high_offset[i] = offset.greatest() + extra;
             }
+            true
         }
-        true
     }
 
     /// Works out where rays that do not share their origin begin.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`.
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn place<L: WideLanes>(&mut self, columns: &Columns) {
+    unsafe fn place<W: Lanes16>(&mut self, columns: &Columns) {
         let [x, y, z] = self.axes;
-        self.start_point = [self.drawn_origin[x][0], self.drawn_origin[y][0], self.drawn_origin[z][0]];
+        self.lines.point = [self.drawn_origin[x][0], self.drawn_origin[y][0], self.drawn_origin[z][0]];
         self.drawn_origin = [self.drawn_origin[x], self.drawn_origin[y], self.drawn_origin[z]];
-        // SAFETY: passed on to the caller; halves are 0 and 1.
+        // SAFETY: passed on to the caller.
+        let distance = unsafe {
+            let from = &columns.from_apex;
+            let (from_x, from_y, from_z) = (W::load(&from[x]), W::load(&from[y]), W::load(&from[z]));
+            let start = from_z.mul(W::splat(self.sign));
+            start.store(&mut self.start);
+            from_x.sub(W::load(&self.slope[0]).mul(start)).store(&mut self.offset[0]);
+            from_y.sub(W::load(&self.slope[1]).mul(start)).store(&mut self.offset[1]);
+            from_x.abs().add(from_y.abs()).add(from_z.abs()).greatest()
+        };
+        self.margin = distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
+    }
+
+    /// Where searches with these limits end.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    unsafe fn ends<W: Lanes16>(&self, start: W, cull: W, along: W) -> W {
+        let length = cull.mul(along);
+        // SAFETY: passed on to the caller.
         unsafe {
-            let (mut far, mut spread) = (L::splat(0.0), L::splat(0.0));
-            let sign = L::splat(self.sign);
-            for half in 0..2 {
-                let from = &columns.from_apex;
-                let from: [L; 3] = [lanes(&from[x], half), lanes(&from[y], half), lanes(&from[z], half)];
-                let from_z = from[2].mul(sign);
-                store(from_z, &mut self.start, half);
-                for (i, from) in from.iter().enumerate().take(2) {
-                    let slope: L = lanes(&self.slope[i], half);
-                    store(from.sub(slope.mul(from_z)), &mut self.offset[i], half);
-                }
-                far = far.max(from[0].abs().add(from[1].abs()).add(from[2].abs()));
-                let t: L = lanes(&columns.t_min, half);
-                let begin =
-                    [columns.begin::<L>(x, half, t), columns.begin::<L>(y, half, t), columns.begin::<L>(z, half, t)];
-                spread = spread.max(begin[0].abs().add(begin[1].abs()).add(begin[2].abs()));
-                store(begin[0], &mut self.begin[0], half);
-                store(begin[1], &mut self.begin[1], half);
-                store(begin[2].mul(sign), &mut self.begin[2], half);
+            let margin = W::splat(self.margin);
+            if self.kind.reversed {
+                start.mul(W::splat(1.0 - PADDING)).sub(length).sub(margin)
+            } else {
+                start.add(length).mul(W::splat(1.0 + PADDING)).add(margin).min(W::splat(FARTHEST))
             }
-            self.start_spread = spread.greatest();
-            self.distance = far.greatest();
         }
-        self.margin = self.distance * (2.0 * PADDING) + f32::MIN_POSITIVE;
     }
 
-    /// Where a search with this limit ends.
+    /// After a hit of one ray: its new padded limit. [`Self::update_limits`] must follow.
     #[inline(always)]
-    fn end(&self, lane: usize, cull: f32) -> f32 {
+    pub fn tighten(&mut self, ray: usize, cull: f32) {
+        let (start, length) = (self.start[ray], cull * self.along[ray]);
         if self.kind.reversed {
-            self.start[lane] * (1.0 - PADDING) - cull * self.along[lane] - self.margin
+            self.near[ray] = self.near[ray].max(start * (1.0 - PADDING) - length - self.margin);
         } else {
-            let end = (self.start[lane] + cull * self.along[lane]) * (1.0 + PADDING) + self.margin;
-            if end < FARTHEST { end } else { FARTHEST }
+            self.far[ray] = self.far[ray].min((start + length) * (1.0 + PADDING) + self.margin);
         }
+        self.lines.tighten(ray, cull);
     }
 
-    /// After a hit of one ray: its new padded limit, negative if its search is over. [`Self::update_limits`] must follow.
+    /// Nothing more is wanted of a ray. [`Self::update_limits`] must follow.
     #[inline(always)]
-    pub fn tighten(&mut self, lane: usize, cull: f32) {
-        if cull < 0.0 {
-            (self.near[lane], self.far[lane]) = (f32::INFINITY, f32::NEG_INFINITY);
-        } else if self.kind.reversed {
-            self.near[lane] = self.end(lane, cull);
-        } else {
-            self.far[lane] = self.end(lane, cull);
+    pub fn finish(&mut self, ray: usize) {
+        (self.near[ray], self.far[ray]) = (f32::INFINITY, f32::NEG_INFINITY);
+    }
+
+    /// After sure hits of some rays that are not reversed, between two places of their [`Lines`] each. [`Self::update_limits`] must follow.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub unsafe fn tighten_to<W: Lanes16>(&mut self, rays: u32, low: W, high: W) {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            replace(&mut self.lines.sure_end, rays, low);
+            replace(&mut self.lines.end, rays, high);
+            let length = high.sub(W::load(&self.lines.start)).mul(W::splat(1.0 + CULL_PADDING));
+            let far = W::load(&self.start).add(length).mul(W::splat(1.0 + PADDING)).add(W::splat(self.margin));
+            let far = far.min(W::load(&self.far));
+            replace(&mut self.far, rays, far);
         }
     }
 
     /// After hits: what is of interest to any of the rays.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`.
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn update_limits<L: WideLanes>(&mut self) {
+    pub unsafe fn update_limits<W: Lanes16>(&mut self) {
         // SAFETY: passed on to the caller.
         unsafe {
-            self.bundle_near = least::<L>(&self.near);
-            self.bundle_far = greatest::<L>(&self.far);
+            self.bundle_near = W::load(&self.near).least();
+            self.bundle_far = W::load(&self.far).greatest();
         }
     }
 
@@ -496,51 +447,69 @@ impl Bundle {
     /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn rays_meeting<L: Lanes8>(&self, node: &WideNode, slot: usize) -> u32 {
+    pub unsafe fn rays_meeting<W: Lanes16>(&self, node: &WideNode, slot: usize) -> u32 {
         let [x, y, z] = self.axes;
         let up = usize::from(self.sign < 0.0);
-        // SAFETY: sides are 0 or 1, axes below 3.
-        let plane = |side: usize, axis: usize| unsafe {
-            node.bounds.get_unchecked(side).get_unchecked(axis)[slot & 7] - self.kind.apex.get_unchecked(axis)
-        };
-        let near = plane(up, z) * self.sign - self.margin;
-        let far = plane(up ^ 1, z) * self.sign * (1.0 + PADDING) + self.margin;
-        let mut sides = [[0.0; 2]; 2];
-        for (side, axis) in sides.iter_mut().zip([x, y]) {
-            let (low, high) = (plane(0, axis), plane(1, axis));
-            *side = [low - low.abs() * PADDING - self.margin, high + high.abs() * PADDING + self.margin];
+        // SAFETY: passed on to the caller; sides are 0 or 1.
+        unsafe {
+            let near = self.plane(node, up, z, slot) * self.sign - self.margin;
+            let far = self.plane(node, up ^ 1, z, slot) * self.sign * (1.0 + PADDING) + self.margin;
+            let near = W::splat(near).max(W::load(&self.near));
+            let far = W::splat(far).min(W::load(&self.far));
+            // The last one is always a number.
+            let gap = self.gap_of_rays(node, 1, y, slot, near, far).max(near.sub(far));
+            self.gap_of_rays(node, 0, x, slot, near, far).max(gap).le(W::splat(0.0))
         }
-        let mut mask = 0;
-        for half in 0..2 {
-            // SAFETY: passed on to the caller.
-            unsafe {
-                let near = L::splat(near).max(lanes(&self.near, half));
-                let far = L::splat(far).min(lanes(&self.far, half));
-                let mut gap = near.sub(far);
-                for (i, side) in sides.iter().enumerate() {
-                    let (slope, offset): (L, L) = (lanes(&self.slope[i], half), lanes(&self.offset[i], half));
-                    let (a, b) = (near.mul_add(slope, offset), far.mul_add(slope, offset));
-                    let [low, high] = [L::splat(side[0]), L::splat(side[1])];
-                    // The last one is always a number.
-                    gap = a.min(b).sub(high).max(low.sub(a.max(b))).max(gap);
-                }
-                mask |= gap.le(L::splat(0.0)) << (8 * half);
-            }
+    }
+
+    /// One of the planes of a box as seen from the apex.
+    ///
+    /// # Safety
+    /// `side` must be 0 or 1, `axis` below 3.
+    #[inline(always)]
+    unsafe fn plane(&self, node: &WideNode, side: usize, axis: usize, slot: usize) -> f32 {
+        // SAFETY: passed on to the caller.
+        unsafe { node.bounds.get_unchecked(side).get_unchecked(axis)[slot & 7] - self.kind.apex.get_unchecked(axis) }
+    }
+
+    /// Positive where a box lies beside the rays on an axis.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`; `axis` must be below 3.
+    #[inline(always)]
+    unsafe fn gap_of_rays<W: Lanes16>(
+        &self,
+        node: &WideNode,
+        i: usize,
+        axis: usize,
+        slot: usize,
+        near: W,
+        far: W,
+    ) -> W {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let (low, high) = (self.plane(node, 0, axis, slot), self.plane(node, 1, axis, slot));
+            let low = W::splat(low - low.abs() * PADDING - self.margin);
+            let high = W::splat(high + high.abs() * PADDING + self.margin);
+            let (slope, offset) = (W::load(&self.slope[i]), W::load(&self.offset[i]));
+            let (a, b) = (near.mul_add(slope, offset), far.mul_add(slope, offset));
+            a.min(b).sub(high).max(low.sub(a.max(b)))
         }
-        mask
     }
 }
 
-/// One half of the rays.
+/// Replaces the numbers of some of the rays.
 ///
 /// # Safety
-/// The machine must have the instructions of `L`; `half` must be 0 or 1.
+/// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn lanes<L: Lanes8>(values: &PerRay<f32>, half: usize) -> L {
+unsafe fn replace<W: Lanes16>(values: &mut PerRay<f32>, rays: u32, by: W) {
     // SAFETY: passed on to the caller.
-    unsafe { L::load(&*values.as_ptr().add(8 * half).cast::<[f32; 8]>()) }
+    unsafe { W::load(values) }.replace(rays, by).store(values);
 }
 
+/// Puts one half of the rays where they belong.
+///
 /// # Safety
 /// `half` must be 0 or 1.
 #[inline(always)]

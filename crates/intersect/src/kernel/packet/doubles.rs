@@ -8,7 +8,6 @@ use super::exact::{Found, Pairs};
 use crate::accel::bvh::GroupTree;
 use crate::kernel::double::DoubleData;
 use crate::kernel::double::plane::{LARGE, ROUGH, SURE, TINY, determinants};
-use crate::kernel::triangle::TriangleBlock;
 use snell_math::DVec3;
 use snell_math::simd::Lanes4;
 
@@ -20,7 +19,6 @@ use snell_math::simd::Lanes4;
 pub(crate) unsafe fn exact_hits<D: Lanes4>(
     data: &DoubleData,
     tree: &GroupTree,
-    block: &TriangleBlock,
     bundle: &Bundle,
     pairs: &Pairs,
     found: &mut Found<f64>,
@@ -28,10 +26,10 @@ pub(crate) unsafe fn exact_hits<D: Lanes4>(
     let mut from = 0;
     while from < pairs.count {
         let corners = [
-            corners(data, tree, block, pairs, from),
-            corners(data, tree, block, pairs, from + 1),
-            corners(data, tree, block, pairs, from + 2),
-            corners(data, tree, block, pairs, from + 3),
+            corners(data, tree, pairs, from),
+            corners(data, tree, pairs, from + 1),
+            corners(data, tree, pairs, from + 2),
+            corners(data, tree, pairs, from + 3),
         ];
         // SAFETY: passed on to the caller.
         unsafe { test::<D>(corners, bundle, pairs, from, found) };
@@ -41,14 +39,9 @@ pub(crate) unsafe fn exact_hits<D: Lanes4>(
 
 /// The corners of the triangle of a pair, as nine numbers.
 #[inline(always)]
-fn corners<'a>(
-    data: &'a DoubleData,
-    tree: &GroupTree,
-    block: &TriangleBlock,
-    pairs: &Pairs,
-    pair: usize,
-) -> &'a [DVec3; 3] {
-    let (geometry, triangle) = tree.triangle(block.ids[pairs.triangles[pair & 7] as usize & 7]);
+fn corners<'a>(data: &'a DoubleData, tree: &GroupTree, pairs: &Pairs, pair: usize) -> &'a [DVec3; 3] {
+    let (block, lane) = pairs.place(pair);
+    let (geometry, triangle) = tree.triangle(tree.blocks[block].ids[lane]);
     data.corners(geometry, triangle)
 }
 

@@ -11,7 +11,7 @@ use snell_math::simd::{Lanes4, WideLanes};
 /// Pairs that are tested together.
 pub(super) const PAIRS: usize = 8;
 
-/// Rays of a bundle and triangles of a block, by their lanes.
+/// Rays of a bundle, by their lanes, and triangles, by their places: eight times the number of the block and the lane there.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(crate) struct Pairs {
@@ -23,9 +23,15 @@ pub(crate) struct Pairs {
 impl Pairs {
     pub const NONE: Self = Self { triangles: [0; PAIRS], rays: [0; PAIRS], count: 0 };
 
-    /// Adds a pair if it `is_one`. There must be room.
+    /// Adds a pair. There must be room.
     #[inline(always)]
-    pub fn push(&mut self, ray: u32, triangle: u32, is_one: bool) {
+    pub fn push(&mut self, ray: u32, triangle: u32) {
+        self.push_if(ray, triangle, true);
+    }
+
+    /// The same if it `is_one`: written in any case, so that nothing branches on it.
+    #[inline(always)]
+    pub fn push_if(&mut self, ray: u32, triangle: u32, is_one: bool) {
         self.rays[self.count & (PAIRS - 1)] = ray;
         self.triangles[self.count & (PAIRS - 1)] = triangle;
         self.count += usize::from(is_one);
@@ -34,6 +40,13 @@ impl Pairs {
     #[inline(always)]
     pub fn is_full(&self) -> bool {
         self.count == PAIRS
+    }
+
+    /// The block of the triangle of a pair, and its lane there.
+    #[inline(always)]
+    pub fn place(&self, pair: usize) -> (usize, usize) {
+        let triangle = self.triangles[pair & (PAIRS - 1)] as usize;
+        (triangle >> 3, triangle & 7)
     }
 }
 
@@ -53,23 +66,35 @@ impl<R: Real> Found<R> {
     pub const NONE: Self = Self { t: [R::ZERO; PAIRS], b1: [R::ZERO; PAIRS], b2: [R::ZERO; PAIRS], hits: 0, unsure: 0 };
 }
 
-/// Tests up to eight pairs. Unused ones must be copies of others or [`Pairs::NONE`]; their results mean nothing.
+/// Tests up to eight pairs. Unused ones must be copies of others or those of [`Pairs::NONE`]; their results mean nothing.
 ///
 /// # Safety
-/// The machine must have the instructions of `L`. All rays of the bundle must be drawn along its z axis ([`Bundle::is_aligned`]).
+/// The machine must have the instructions of `L`; the triangles must be of these blocks. All rays of the bundle must be drawn along its z
+/// axis ([`Bundle::is_aligned`]).
 #[inline(always)]
 pub(crate) unsafe fn exact_hits<L: WideLanes>(
-    block: &TriangleBlock,
+    blocks: &[TriangleBlock],
     bundle: &Bundle,
     pairs: &Pairs,
     found: &mut Found<f32>,
 ) {
-    // SAFETY: passed on to the caller; axes are below 3.
+    // SAFETY: passed on to the caller.
     unsafe {
-        let v = &block.vertices;
-        let corners = [permuted::<L>(&v[0], pairs), permuted::<L>(&v[1], pairs), permuted::<L>(&v[2], pairs)];
+        let start = blocks.as_ptr();
+        let t = &pairs.triangles;
+        let triangles = [
+            triangle(start, t[0]),
+            triangle(start, t[1]),
+            triangle(start, t[2]),
+            triangle(start, t[3]),
+            triangle(start, t[4]),
+            triangle(start, t[5]),
+            triangle(start, t[6]),
+            triangle(start, t[7]),
+        ];
+        let corners = [corner::<L>(&triangles, 0), corner::<L>(&triangles, 1), corner::<L>(&triangles, 2)];
         let frame = Frame::<L>::new(bundle, pairs);
-        let drawn = [frame.draw(&v[0], pairs), frame.draw(&v[1], pairs), frame.draw(&v[2], pairs)];
+        let drawn = [frame.draw(&corners[0]), frame.draw(&corners[1]), frame.draw(&corners[2])];
         let four = Four::<L::Doubles> {
             drawn: [first(drawn[0]), first(drawn[1]), first(drawn[2])],
             corners: [first3(corners[0]), first3(corners[1]), first3(corners[2])],
@@ -85,17 +110,37 @@ pub(crate) unsafe fn exact_hits<L: WideLanes>(
     }
 }
 
+/// Where the numbers of a triangle are: one in each row of eight.
+///
 /// # Safety
-/// The machine must have the instructions of `L`.
+/// The triangle must be one of the blocks.
 #[inline(always)]
-unsafe fn permuted<L: WideLanes>(v: &[[f32; 8]; 3], pairs: &Pairs) -> [L; 3] {
+unsafe fn triangle(blocks: *const TriangleBlock, place: u32) -> *const f32 {
+    // SAFETY: as promised by the caller.
+    unsafe { (&raw const (*blocks.add(place as usize >> 3)).vertices).cast::<f32>().add(place as usize & 7) }
+}
+
+/// A corner of each of the triangles.
+///
+/// # Safety
+/// The machine must have the instructions of `L`; the corner must be below 3.
+#[inline(always)]
+unsafe fn corner<L: WideLanes>(triangles: &[*const f32; PAIRS], corner: usize) -> [L; 3] {
+    // SAFETY: passed on to the caller.
+    unsafe { [row(triangles, 3 * corner), row(triangles, 3 * corner + 1), row(triangles, 3 * corner + 2)] }
+}
+
+/// The number in a row of each of the triangles.
+///
+/// # Safety
+/// The machine must have the instructions of `L`; the row must be below 9.
+#[inline(always)]
+unsafe fn row<L: WideLanes>(triangles: &[*const f32; PAIRS], row: usize) -> L {
+    let [a, b, c, d, e, f, g, h] = triangles;
+    let at = 8 * row;
     // SAFETY: passed on to the caller.
     unsafe {
-        [
-            L::load_permuted(&v[0], &pairs.triangles),
-            L::load_permuted(&v[1], &pairs.triangles),
-            L::load_permuted(&v[2], &pairs.triangles),
-        ]
+        L::load(&[*a.add(at), *b.add(at), *c.add(at), *d.add(at), *e.add(at), *f.add(at), *g.add(at), *h.add(at)])
     }
 }
 
@@ -151,13 +196,13 @@ impl<L: WideLanes> Frame<L> {
     /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
-    unsafe fn draw(&self, v: &[[f32; 8]; 3], pairs: &Pairs) -> [L; 2] {
+    unsafe fn draw(&self, v: &[L; 3]) -> [L; 2] {
         let [kx, ky, kz] = self.axes;
-        // SAFETY: passed on to the caller; axes are below 3.
+        // SAFETY: axes are below 3.
         unsafe {
-            let x = L::load_permuted(v.get_unchecked(kx), &pairs.triangles).sub(self.origin[0]);
-            let y = L::load_permuted(v.get_unchecked(ky), &pairs.triangles).sub(self.origin[1]);
-            let z = L::load_permuted(v.get_unchecked(kz), &pairs.triangles).sub(self.origin[2]);
+            let x = v.get_unchecked(kx).sub(self.origin[0]);
+            let y = v.get_unchecked(ky).sub(self.origin[1]);
+            let z = v.get_unchecked(kz).sub(self.origin[2]);
             [x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z))]
         }
     }

@@ -1,180 +1,356 @@
-//! Which triangles of a block each ray of a bundle may hit.
+//! Which triangles of a block the rays of a bundle may hit, and which they surely hit, and where.
 //!
-//! Seen from the apex, the signed area of a ray and an edge is the product of the ray's direction with a vector that belongs to
-//! the edge alone (Plücker coordinates; for a shared origin as in Benthin, Realtime Ray Tracing on Current CPU Architectures, 2006).
-//! So the vectors of all edges are worked out once, and each ray costs two products an edge. The filter of single rays
-//! costs three times as much. As there, nothing that the exact test takes is dropped.
+//! Seen from about where the rays start, the signed area of a ray and an edge is the product of the ray's direction with a vector that belongs
+//! to the edge alone (Plücker coordinates; for a shared origin as in Benthin, Realtime Ray Tracing on Current CPU Architectures, 2006).
+//! So the vectors of the edges of eight triangles are worked out at once, and then each triangle meets all rays at once. Nothing that the exact
+//! test takes is dropped, and nothing is sure that it does not take.
 
 use super::super::triangle::TriangleBlock;
-use super::bundle::Bundle;
+use super::bundle::PerRay;
+use super::lines::Lines;
 use crate::precision::Rules;
-use snell_math::simd::Lanes8;
+use snell_math::simd::{Lanes8, Lanes16};
 
-/// Bound of the errors of a signed area, relative to the distance of the triangle and the length of its longest edge. The drawing of
-/// the exact test and the products here come to less than `100 * 2^-24`.
-const AREA_ERROR: f32 = 256.0 / 16_777_216.0;
+/// Half a unit in the last place of 1.
+const ROUNDING: f32 = f32::EPSILON / 2.0;
 
-/// Bound of the errors of heights above planes, relative to the distance of the triangle and the square of the length of its longest edge.
-/// It is less than `200 * 2^-24`.
-const HEIGHT_ERROR: f32 = 1024.0 / 16_777_216.0;
+/// Bound of the errors of signed areas, relative to the distance of the triangle (from where it is seen and from where rays start) and the
+/// length of the longer of two of its edges, against the true ones and against those that the exact test draws.
+///
+/// With unit `2^-24`, distances up to `R` and edges up to `L`: coordinates of `r` and `e` are off by 1 of `R` and `L`, so those of a product of
+/// both by 8 `RL`; slopes are 1.25 at most and off by 1, so the area is off by 50 `RL`, and by 60 for what the place of the ray adds; the third
+/// area, from the sum of all (off by 50 `LL`), by 160. The exact test draws vertices to 4.75 `R`. A drawn triangle around the ray has its
+/// corners, and edges, within 4.5 `L`, in both coordinates: its areas are off by 4.75 times 4 times 4.5, some 86 `RL`.
+const AREA_ERROR: f32 = 320.0 * ROUNDING;
 
-/// The same for what vertices may be off by, relative to the distance of the triangle together with the length of its longest edge.
-/// (Normals are off by `8 slack (edge + slack)` along each axis, and the slopes of rays are 2 at most.)
-const SLACK_ERROR: f32 = 40.0;
+/// The same for what vertices and rays may be off by ([`Lines::margin`]), by way of drawing and seeing.
+const MARGIN_ERROR: f32 = 16.0;
 
-/// A block of triangles seen from the apex of a bundle.
-pub(super) struct SeenBlock<L> {
-    /// Per edge and axis of the bundle.
-    areas: [[L; 3]; 3],
-    edges: [[L; 3]; 3],
-    bound: L,
-    /// Unless the rays share their origin: across the triangles, and how far they are from where the rays start in units of that.
-    normal: [L; 3],
-    height: L,
-    /// Bounds of the errors of heights, and of products of the normal and directions.
-    height_error: L,
-    normal_error: L,
-    /// How far from the apex the triangles begin and end.
-    low: L,
-    high: L,
+/// Areas of all edges are off by a bound each. Where their sum is ten times that, `z`, the mean of those of the corners weighted by areas, is
+/// off by less than ten times the bound, relative to that sum, of the depth of the triangle: three errors, each for a corner at most 1.3
+/// times the depth away, over a sum that is 0.7 of what it seems. (Inside, from a sum of six on: over half, for corners within the depth.)
+const CLEAR: f32 = 10.0;
+
+/// A block of triangles seen from where the rays of a bundle start: numbers by triangle.
+#[repr(C, align(64))]
+pub(super) struct SeenBlock {
+    /// Of two edges, by axis of the bundle.
+    areas: [[[f32; 8]; 3]; 2],
+    edges: [[[f32; 8]; 3]; 2],
+    /// Its product with a direction is the sum of all three areas.
+    normal: [[f32; 8]; 3],
+    /// The first corner, and how much farther the other two are.
+    depth: [[f32; 8]; 3],
+    /// Of the errors of areas; where the sum of areas is clear; errors of `z` by the inverse of that sum, and others.
+    bound: [f32; 8],
+    clear: [f32; 8],
+    depth_error: [f32; 8],
+    other_error: [f32; 8],
+    /// The nearest place where a hit may be put.
+    nearest: [f32; 8],
 }
 
-impl<L: Lanes8> SeenBlock<L> {
+/// A block of triangles seen from where all rays of a bundle start. Each ray costs two products an edge, so nothing is worth being shared by
+/// rays; and with nothing else to know, all of it stays in registers.
+pub(super) struct SharedOrigin<L> {
+    /// Of all edges, by axis of the bundle.
+    areas: [[L; 3]; 3],
+    /// Of the errors of areas.
+    bound: L,
+}
+
+impl<L: Lanes8> SharedOrigin<L> {
     /// # Safety
-    /// The machine must have the instructions of `L`.
+    /// The machine must have the instructions of `L`; the axes must be below 3.
     #[inline(always)]
-    pub unsafe fn new<P: Rules>(block: &TriangleBlock, bundle: &Bundle) -> Self {
-        // SAFETY: passed on to the caller; axes are below 3.
+    pub unsafe fn new<P: Rules>(block: &TriangleBlock, lines: &Lines, axes: [usize; 3]) -> Self {
+        // SAFETY: passed on to the caller.
         unsafe {
-            let [x, y, z] = bundle.axes;
-            let sign = L::splat(bundle.sign);
-            let [v0, v1, v2] = &block.vertices;
-            let v0 =
-                [L::load(v0.get_unchecked(x)), L::load(v0.get_unchecked(y)), L::load(v0.get_unchecked(z)).mul(sign)];
-            let v1 =
-                [L::load(v1.get_unchecked(x)), L::load(v1.get_unchecked(y)), L::load(v1.get_unchecked(z)).mul(sign)];
-            let v2 =
-                [L::load(v2.get_unchecked(x)), L::load(v2.get_unchecked(y)), L::load(v2.get_unchecked(z)).mul(sign)];
-            let apex = &bundle.kind.apex;
-            let apex = [
-                L::splat(*apex.get_unchecked(x)),
-                L::splat(*apex.get_unchecked(y)),
-                L::splat(*apex.get_unchecked(z)).mul(sign),
-            ];
-            let edges = [minus(v2, v1), minus(v0, v2), minus(v1, v0)];
-            let (r0, r1, r2) = (minus(v0, apex), minus(v1, apex), minus(v2, apex));
-            let length = size(edges[1]).max(size(edges[2]));
+            let (forward, corners) = (L::splat(lines.forward), corners(block, axes));
+            let point = [L::splat(lines.point[0]), L::splat(lines.point[1]), L::splat(lines.point[2])];
+            let [v0, v1, v2] = corners;
+            let (r0, r1, r2) = (minus(v0, point, forward), minus(v1, point, forward), minus(v2, point, forward));
+            let (e0, e1, e2) = (minus(v2, v1, forward), minus(v0, v2, forward), minus(v1, v0, forward));
+            let length = size(e1).max(size(e2));
             // The first edge may be as long as both others.
-            let (length, far) = (length.add(length), size(r0).add(length).add(L::splat(bundle.distance)));
-            let mut error = far.mul(L::splat(AREA_ERROR)).add(L::splat(8.0 * bundle.margin));
-            let (mut long, slack) = (length, bundle.kind.slack);
-            if P::TRIANGLES_ELSEWHERE {
-                // Triangles that are met have their vertices no farther from the ray than this.
-                error = error.add(L::splat(8.0 * slack));
-                long = length.add(L::splat(8.0 * slack));
-            }
-            let mut relative = length.mul(L::splat(HEIGHT_ERROR));
-            if P::TRIANGLES_ELSEWHERE {
-                // Both edges of the normal are off by twice the slack.
-                relative = relative.add(L::splat(SLACK_ERROR * slack));
-            }
-            let (mut normal, mut height, mut height_error, normal_error) =
-                (edges[0], length, length, long.mul(relative).add(L::splat(f32::MIN_POSITIVE)));
-            if !bundle.kind.common {
-                let start = &bundle.start_point;
-                let start = [L::splat(start[0]), L::splat(start[1]), L::splat(start[2]).mul(sign)];
-                let from_start = minus(v0, start);
-                normal = cross(edges[2], minus(v2, v0));
-                height = dot(normal, from_start);
-                let mut reach = size(from_start).add(L::splat(bundle.start_spread));
-                if P::TRIANGLES_ELSEWHERE {
-                    reach = reach.add(length);
-                }
-                height_error = reach.mul(normal_error).add(L::splat(f32::MIN_POSITIVE));
-            }
-            let low = r0[2].min(r1[2]).min(r2[2]);
-            let high = r0[2].max(r1[2]).max(r2[2]);
-            Self {
-                low,
-                high,
-                normal,
-                height,
-                height_error,
-                normal_error,
-                areas: [cross(r1, edges[0]), cross(r2, edges[1]), cross(r0, edges[2])],
-                edges,
-                bound: error.mul(long).add(L::splat(f32::MIN_POSITIVE)),
-            }
+            let length = length.add(length);
+            let far = size(r0).add(length).add(L::splat(lines.spread));
+            let bound = bound::<L, P>(far, length, lines.margin);
+            Self { areas: [cross(r1, e0), cross(r2, e1), cross(r0, e2)], bound }
         }
     }
 
-    /// The triangles that a ray may hit, somewhere on its line after its start; and those that it surely hits within its interval, if
-    /// `ANY` of these is asked for.
+    /// The triangles that the line of a ray may meet.
     ///
     /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn candidates<const ANY: bool>(&self, bundle: &Bundle, ray: usize) -> (u32, u32) {
-        let slope = [bundle.slope[0][ray], bundle.slope[1][ray]];
+    pub unsafe fn candidates(&self, lines: &Lines, ray: usize) -> u32 {
         // SAFETY: passed on to the caller.
-        let (sx, sy, zero) = unsafe { (L::splat(slope[0]), L::splat(slope[1]), L::splat(0.0)) };
-        let mut areas = [self.area(0, sx, sy), self.area(1, sx, sy), self.area(2, sx, sy)];
-        let mut behind = 0;
-        if !bundle.kind.common {
-            // What the ray's place beside the apex adds.
-            let offset = [bundle.offset[0][ray], bundle.offset[1][ray]];
-            // SAFETY: as above.
-            let (ox, oy, oz) = unsafe {
-                (L::splat(-offset[0]), L::splat(offset[1]), L::splat(slope[1] * offset[0] - slope[0] * offset[1]))
-            };
-            for (area, [x, y, z]) in areas.iter_mut().zip(&self.edges) {
-                *area = oy.mul_add(*x, ox.mul_add(*y, oz.mul_add(*z, *area)));
-            }
-            let begin = &bundle.begin;
-            // SAFETY: as above.
-            let (bx, by, bz) = unsafe { (L::splat(begin[0][ray]), L::splat(begin[1][ray]), L::splat(begin[2][ray])) };
-            let [nx, ny, nz] = self.normal;
-            let height = bx.mul_add(nx, by.mul_add(ny, bz.mul_add(nz, self.height)));
-            let speed = sx.mul_add(nx, sy.mul_add(ny, nz));
-            // Surely behind: both signs are certain, and say that the ray goes away from the plane.
-            let error = self.height_error.mul_add(speed.abs(), self.normal_error.mul(height.abs()));
-            let product = height.mul(speed);
-            behind = if bundle.kind.reversed { error.lt(product) } else { product.add(error).lt(zero) };
-        }
-        let [u, v, w] = areas;
+        let (sx, sy, zero) = unsafe { (L::splat(lines.slope[0][ray]), L::splat(lines.slope[1][ray]), L::splat(0.0)) };
+        let [[ux, uy, uz], [vx, vy, vz], [wx, wy, wz]] = self.areas;
+        let u = ux.mul_add(sx, uy.mul_add(sy, uz));
+        let v = vx.mul_add(sx, vy.mul_add(sy, vz));
+        let w = wx.mul_add(sx, wy.mul_add(sy, wz));
         // Surely outside: two edges whose signs are certain and differ. NaN is never sure.
         let inside = u.min(v).min(w).max(zero.sub(u.max(v).max(w)));
-        let outside = inside.add(self.bound).lt(zero);
-        let mut sure = 0;
-        if ANY {
-            // SAFETY: as above.
-            let (near, far) = unsafe { (L::splat(bundle.sure_near[ray]), L::splat(bundle.sure_far[ray])) };
-            sure = self.bound.lt(inside) & near.lt(self.low) & self.high.lt(far);
-        }
-        (!(outside | behind) & 0xff, sure)
-    }
-
-    /// The signed area of an edge and a ray through the apex.
-    #[inline(always)]
-    fn area(&self, edge: usize, sx: L, sy: L) -> L {
-        let [x, y, z] = self.areas[edge];
-        x.mul_add(sx, y.mul_add(sy, z))
+        !inside.add(self.bound).lt(zero) & 0xff
     }
 }
 
+/// The corners of a block, by axis of a bundle.
+///
+/// # Safety
+/// The machine must have the instructions of `L`; the axes must be below 3.
 #[inline(always)]
-fn minus<L: Lanes8>(a: [L; 3], b: [L; 3]) -> [L; 3] {
-    [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2])]
+unsafe fn corners<L: Lanes8>(block: &TriangleBlock, [x, y, z]: [usize; 3]) -> [[L; 3]; 3] {
+    let [v0, v1, v2] = &block.vertices;
+    // SAFETY: passed on to the caller.
+    unsafe {
+        [
+            [L::load(v0.get_unchecked(x)), L::load(v0.get_unchecked(y)), L::load(v0.get_unchecked(z))],
+            [L::load(v1.get_unchecked(x)), L::load(v1.get_unchecked(y)), L::load(v1.get_unchecked(z))],
+            [L::load(v2.get_unchecked(x)), L::load(v2.get_unchecked(y)), L::load(v2.get_unchecked(z))],
+        ]
+    }
+}
+
+/// Bound of the errors of areas, by distance and length of edges; see [`AREA_ERROR`].
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn bound<L: Lanes8, P: Rules>(far: L, mut length: L, margin: f32) -> L {
+    // SAFETY: passed on to the caller.
+    unsafe {
+        let margin = L::splat(margin);
+        let error = far.mul(L::splat(AREA_ERROR)).add(margin.mul(L::splat(MARGIN_ERROR)));
+        if P::TRIANGLES_ELSEWHERE {
+            // Triangles that are met have their vertices no farther from the ray than this.
+            length = length.add(margin.mul(L::splat(8.0)));
+        }
+        error.mul(length).add(L::splat(f32::MIN_POSITIVE))
+    }
+}
+
+/// What is known of the rays that may meet a triangle: a bit for each.
+pub(super) struct Meeting<W> {
+    /// They may hit it, and that may matter.
+    pub possible: u32,
+    /// They surely hit it within their intervals, nearer than anything before.
+    pub sure: u32,
+    /// Where those do, at least and at most.
+    pub low: W,
+    pub high: W,
+}
+
+impl SeenBlock {
+    /// # Safety
+    /// The machine must have the instructions of `L`; the axes must be below 3.
+    #[inline(always)]
+    pub unsafe fn new<L: Lanes8, P: Rules>(block: &TriangleBlock, lines: &Lines, axes: [usize; 3]) -> Self {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let [px, py, pz] = lines.point;
+            let (point, forward) = ([L::splat(px), L::splat(py), L::splat(pz)], L::splat(lines.forward));
+            let [v0, v1, v2] = corners(block, axes);
+            let (r0, r1, r2) = (minus(v0, point, forward), minus(v1, point, forward), minus(v2, point, forward));
+            let (e1, e2) = (minus(v0, v2, forward), minus(v1, v0, forward));
+            let (low, high) = (r0[2].min(r1[2]).min(r2[2]), r0[2].max(r1[2]).max(r2[2]));
+            let length = size(e1).max(size(e2));
+            let far = size(r0).add(length).add(L::splat(lines.spread));
+            let margin = L::splat(lines.margin);
+            let bound = bound::<L, P>(far, length, lines.margin);
+            let clear = bound.mul(L::splat(CLEAR));
+            let other = far.mul(L::splat(32.0 * ROUNDING)).add(margin.mul(L::splat(8.0)));
+            // The box that hits are kept in is padded by less than this.
+            let nearest = low.sub(far.mul(L::splat(4e-6))).sub(other);
+            let mut seen = std::mem::MaybeUninit::<Self>::uninit();
+            let to = &mut *seen.as_mut_ptr();
+            store3(cross(r2, e1), &mut to.areas[0]);
+            store3(cross(r0, e2), &mut to.areas[1]);
+            store3(e1, &mut to.edges[0]);
+            store3(e2, &mut to.edges[1]);
+            // (The product of the edges with the opposite sign, so that all turn the same way.)
+            store3(cross(e1, e2), &mut to.normal);
+            store3([r0[2], r1[2].sub(r0[2]), r2[2].sub(r0[2])], &mut to.depth);
+            bound.store(&mut to.bound);
+            clear.store(&mut to.clear);
+            clear.mul(high.sub(low)).store(&mut to.depth_error);
+            other.store(&mut to.other_error);
+            nearest.store(&mut to.nearest);
+            seen.assume_init()
+        }
+    }
+
+    /// Takes two of the rays, or the last one, and tells which triangles their lines may meet, a bit for each, eight for the first ray, then eight
+    /// for the last: a quick look, worth it for few rays.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`; there must be rays, all below 16.
+    #[inline(always)]
+    pub unsafe fn near_two<W: Lanes16>(&self, lines: &Lines, rays: &mut u32) -> u32 {
+        let (a, b) = (rays.trailing_zeros(), 31 - rays.leading_zeros());
+        *rays &= !(1 << a | 1 << b);
+        let mask = if a == b { 0xff } else { 0xffff };
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let (a, b) = (a as usize, b as usize);
+            let mut vectors = Vectors::<W> {
+                normal: twice3(&self.normal),
+                areas: [twice3(&self.areas[0]), twice3(&self.areas[1])],
+                moments: [W::splat(0.0); 2],
+            };
+            let slope = [both(&lines.slope[0], a, b), both(&lines.slope[1], a, b)];
+            if lines.apart {
+                let moment = [both(&lines.moment[0], a, b), both(&lines.moment[1], a, b), both(&lines.moment[2], a, b)];
+                vectors.moments = [dot(twice3(&self.edges[0]), moment), dot(twice3(&self.edges[1]), moment)];
+            }
+            let (zero, bound) = (W::splat(0.0), W::load_halves(&self.bound, &self.bound));
+            let outside = vectors.areas(slope, zero).inside.add(bound).lt(zero);
+            !outside & mask
+        }
+    }
+
+    /// How some of the rays meet a triangle.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`; the triangle must be below 8.
+    #[inline(always)]
+    pub unsafe fn meeting<W: Lanes16>(&self, lines: &Lines, triangle: usize, rays: u32) -> Meeting<W> {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let i = triangle;
+            let slope = [W::load(&lines.slope[0]), W::load(&lines.slope[1])];
+            let mut vectors = Vectors::<W> {
+                normal: of3(&self.normal, i),
+                areas: [of3(&self.areas[0], i), of3(&self.areas[1], i)],
+                moments: [W::splat(0.0); 2],
+            };
+            if lines.apart {
+                let moment = [W::load(&lines.moment[0]), W::load(&lines.moment[1]), W::load(&lines.moment[2])];
+                vectors.moments = [dot(of3(&self.edges[0], i), moment), dot(of3(&self.edges[1], i), moment)];
+            }
+            let (zero, bound) = (W::splat(0.0), of::<W>(&self.bound, i));
+            let Areas { sum, a1, a2, inside } = vectors.areas(slope, zero);
+            // NaN is never sure.
+            let outside = inside.add(bound).lt(zero);
+            let too_far = W::load(&lines.end).lt(of(&self.nearest, i));
+            let possible = rays & !outside & !too_far;
+            if possible == 0 {
+                return Meeting { possible, sure: 0, low: zero, high: zero };
+            }
+            let size = sum.abs();
+            let inverse = W::splat(1.0).div(sum);
+            let [z0, z1, z2] = &self.depth;
+            let z = a1.mul_add(of(z1, i), a2.mul(of(z2, i))).mul_add(inverse, of(z0, i));
+            let error = of::<W>(&self.depth_error, i).mul_add(inverse.abs(), of(&self.other_error, i));
+            let (low, high) = (z.sub(error), z.add(error));
+            let clear = of::<W>(&self.clear, i).lt(size);
+            let behind = high.lt(W::load(&lines.begin)) & clear;
+            let surely_inside = bound.add(bound).lt(inside);
+            let beyond = W::load(&lines.end).lt(low) & surely_inside;
+            let sure = surely_inside & W::load(&lines.sure_begin).lt(low) & high.lt(W::load(&lines.sure_end));
+            let possible = possible & !behind & !beyond;
+            Meeting { possible, sure: sure & possible, low, high }
+        }
+    }
+}
+
+/// A number of a triangle, for all rays.
+///
+/// # Safety
+/// The machine must have the instructions of `W`; the triangle must be below 8.
+#[inline(always)]
+unsafe fn of<W: Lanes16>(row: &[f32; 8], triangle: usize) -> W {
+    // SAFETY: passed on to the caller.
+    unsafe { W::splat(*row.get_unchecked(triangle)) }
+}
+
+/// A vector of a triangle, for all rays.
+///
+/// # Safety
+/// As [`of`].
+#[inline(always)]
+unsafe fn of3<W: Lanes16>([x, y, z]: &[[f32; 8]; 3], triangle: usize) -> [W; 3] {
+    // SAFETY: passed on to the caller.
+    unsafe { [of(x, triangle), of(y, triangle), of(z, triangle)] }
+}
+
+/// The vectors of all triangles, for two rays.
+///
+/// # Safety
+/// The machine must have the instructions of `W`.
+#[inline(always)]
+unsafe fn twice3<W: Lanes16>([x, y, z]: &[[f32; 8]; 3]) -> [W; 3] {
+    // SAFETY: passed on to the caller.
+    unsafe { [W::load_halves(x, x), W::load_halves(y, y), W::load_halves(z, z)] }
+}
+
+/// The numbers of two rays, for all triangles.
+///
+/// # Safety
+/// The machine must have the instructions of `W`; the rays must be below 16.
+#[inline(always)]
+unsafe fn both<W: Lanes16>(values: &PerRay<f32>, a: usize, b: usize) -> W {
+    // SAFETY: passed on to the caller.
+    unsafe { W::from_halves(Lanes8::splat(*values.get_unchecked(a)), Lanes8::splat(*values.get_unchecked(b))) }
+}
+
+/// What areas are worked out from.
+struct Vectors<W> {
+    normal: [W; 3],
+    areas: [[W; 3]; 2],
+    /// What the places of rays add to areas.
+    moments: [W; 2],
+}
+
+/// The sum of three signed areas, two of them, and how far all are on one side, on the better side.
+struct Areas<W> {
+    sum: W,
+    a1: W,
+    a2: W,
+    inside: W,
+}
+
+impl<W: Lanes16> Vectors<W> {
+    #[inline(always)]
+    fn areas(&self, slope: [W; 2], zero: W) -> Areas<W> {
+        let sum = along(self.normal, slope);
+        let a1 = along(self.areas[0], slope).add(self.moments[0]);
+        let a2 = along(self.areas[1], slope).add(self.moments[1]);
+        let a0 = sum.sub(a1).sub(a2);
+        let inside = a0.min(a1).min(a2).max(zero.sub(a0.max(a1).max(a2)));
+        Areas { sum, a1, a2, inside }
+    }
+}
+
+/// The product of a vector and directions.
+#[inline(always)]
+fn along<W: Lanes16>([x, y, z]: [W; 3], slope: [W; 2]) -> W {
+    slope[0].mul_add(x, slope[1].mul_add(y, z))
+}
+
+#[inline(always)]
+fn dot<W: Lanes16>(a: [W; 3], b: [W; 3]) -> W {
+    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2].mul(b[2])))
+}
+
+#[inline(always)]
+fn minus<L: Lanes8>(a: [L; 3], b: [L; 3], forward: L) -> [L; 3] {
+    [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2]).mul(forward)]
+}
+
+#[inline(always)]
+fn store3<L: Lanes8>(v: [L; 3], to: &mut [[f32; 8]; 3]) {
+    v[0].store(&mut to[0]);
+    v[1].store(&mut to[1]);
+    v[2].store(&mut to[2]);
 }
 
 #[inline(always)]
 fn cross<L: Lanes8>(a: [L; 3], b: [L; 3]) -> [L; 3] {
     [a[1].mul(b[2]).sub(a[2].mul(b[1])), a[2].mul(b[0]).sub(a[0].mul(b[2])), a[0].mul(b[1]).sub(a[1].mul(b[0]))]
-}
-
-#[inline(always)]
-fn dot<L: Lanes8>(a: [L; 3], b: [L; 3]) -> L {
-    a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }
 
 /// The largest coordinate.

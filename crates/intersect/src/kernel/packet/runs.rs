@@ -5,15 +5,15 @@ use super::MIN_RAYS;
 use super::bundle::{Bundle, Columns, Kind, PerRay, RAYS, store};
 use crate::kernel::double::DoubleData;
 use crate::precision::{Double, Real, Single};
-use snell_math::simd::WideLanes;
+use snell_math::simd::{Lanes16, WideLanes};
 use snell_math::{DRay, Ray};
 
 /// Makes a bundle of a run; false if it is none. Lanes without a ray repeat the first one and want nothing.
 ///
 /// # Safety
-/// The machine must have the instructions of `L`.
+/// The machine must have the instructions of `W`.
 #[inline(always)]
-pub(crate) unsafe fn set_up<L: WideLanes>(
+pub(crate) unsafe fn set_up<W: Lanes16>(
     bundle: &mut Bundle,
     columns: &mut Columns,
     rays: &[Ray],
@@ -30,7 +30,7 @@ pub(crate) unsafe fn set_up<L: WideLanes>(
     };
     let mut t_max = [0.0; RAYS];
     // SAFETY: as promised by the caller; halves are 0 and 1.
-    let (is_fine, ends) = unsafe { load_columns::<L>(&all, columns, &mut bundle.drawn_origin, &mut t_max) };
+    let (is_fine, ends) = unsafe { load_columns::<W::Half>(&all, columns, &mut bundle.drawn_origin, &mut t_max) };
     if !is_fine {
         return false;
     }
@@ -58,15 +58,15 @@ pub(crate) unsafe fn set_up<L: WideLanes>(
         }
     }
     // SAFETY: as promised by the caller.
-    unsafe { bundle.set_up::<L, Single>(columns) }
+    unsafe { bundle.set_up::<W, Single>(columns) }
 }
 
 /// [`set_up`] in double precision.
 ///
 /// # Safety
-/// The machine must have the instructions of `L`.
+/// The machine must have the instructions of `W`.
 #[inline(always)]
-pub(crate) unsafe fn set_up_doubles<L: WideLanes>(
+pub(crate) unsafe fn set_up_doubles<W: Lanes16>(
     data: &DoubleData,
     bundle: &mut Bundle,
     columns: &mut Columns,
@@ -96,7 +96,7 @@ pub(crate) unsafe fn set_up_doubles<L: WideLanes>(
     let apex = if reversed { end } else { first.origin };
     let kind = Kind { apex: [0.0; 3], reversed, common, backward: reversed && backward, rounded: true, slack: 0.0 };
     // SAFETY: as promised by the caller.
-    is_fine && unsafe { bundle.set_up_exactly::<L, Double>(columns, data, 0, apex, &kind) }
+    is_fine && unsafe { bundle.set_up_exactly::<W, Double>(columns, data, 0, apex, &kind) }
 }
 
 /// Transposes rays. Whether all are finite, with intervals that begin at zero or later and are not empty; and whether all end.

@@ -1,7 +1,7 @@
 use super::Locals;
 use super::bundle::{Bundle, Columns, RAYS};
 use super::exact::{Found, Pairs, exact_hits};
-use super::leaf::SeenBlock;
+use super::leaf::{SeenBlock, SharedOrigin};
 use super::runs::set_up;
 use crate::accel::AcceleratorKind;
 use crate::hit::{DHit, Hit};
@@ -15,7 +15,7 @@ use crate::world::double::DWorldBuilder;
 use crate::world::tests::{bits, build, levels, nested_scene};
 use crate::world::{BuildOptions, GeometryId, World, WorldBuilder};
 use proptest::prelude::*;
-use snell_math::simd::{Level, Portable8, WideLanes};
+use snell_math::simd::{Lanes16, Level, Pair, Portable8};
 use snell_math::{DAffine3, DRay, DVec3, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ fn vector(seed: u32, i: u32) -> Vec3 {
 fn is_bundle(bundle: &mut Bundle, rays: &[Ray]) -> bool {
     let mut columns = Columns::ZERO;
     // SAFETY: portable code.
-    unsafe { set_up::<Portable8>(bundle, &mut columns, rays, false) }
+    unsafe { set_up::<Pair<Portable8>>(bundle, &mut columns, rays, false) }
 }
 
 /// How the rays of a run belong together.
@@ -195,11 +195,16 @@ proptest! {
         let mut bundle = Bundle::NONE;
         if is_bundle(&mut bundle, &rays) {
             // SAFETY: portable code.
-            unsafe { check_block::<Portable8>(&bundle, &block, &rays)? };
+            unsafe { check_block::<Pair<Portable8>>(&bundle, &block, &rays)? };
             #[cfg(target_arch = "x86_64")]
             if Level::Avx2.is_supported() {
                 // SAFETY: just checked.
                 unsafe { check_block_avx2(&bundle, &block, &rays)? };
+            }
+            #[cfg(target_arch = "x86_64")]
+            if Level::Avx512.is_supported() {
+                // SAFETY: just checked.
+                unsafe { check_block_avx512(&bundle, &block, &rays)? };
             }
         }
     }
@@ -209,34 +214,64 @@ proptest! {
 #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
 unsafe fn check_block_avx2(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray]) -> Result<(), TestCaseError> {
     // SAFETY: as promised by the caller.
-    unsafe { check_block::<snell_math::simd::Avx8>(bundle, block, rays) }
+    unsafe { check_block::<Pair<snell_math::simd::Avx8>>(bundle, block, rays) }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,popcnt")]
+unsafe fn check_block_avx512(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray]) -> Result<(), TestCaseError> {
+    // SAFETY: as promised by the caller.
+    unsafe { check_block::<snell_math::simd::Avx16>(bundle, block, rays) }
 }
 
 #[inline(always)]
-unsafe fn check_block<L: WideLanes>(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray]) -> Result<(), TestCaseError> {
+unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: &[Ray]) -> Result<(), TestCaseError> {
     // SAFETY: as promised by the caller.
-    let seen = unsafe { SeenBlock::<L>::new::<Single>(block, bundle) };
-    for (lane, ray) in rays.iter().enumerate() {
+    let seen = unsafe { SeenBlock::new::<W::Half, Single>(block, &bundle.lines, bundle.axes) };
+    let [_, _, axis] = bundle.axes;
+    for triangle in 0..8 {
         // SAFETY: as above.
-        let (passed, sure) = unsafe { seen.candidates::<true>(bundle, lane) };
-        let local = LocalRay::new(&DRay::from(ray));
-        let pairs = Pairs { triangles: std::array::from_fn(|i| i as u32), rays: [lane as u32; 8], count: 8 };
-        let mut found = Found::NONE;
-        if bundle.is_aligned {
+        let meeting = unsafe { seen.meeting::<W>(&bundle.lines, triangle, 0xffff) };
+        let (mut low, mut high) = ([0.0; RAYS], [0.0; RAYS]);
+        meeting.low.store(&mut low);
+        meeting.high.store(&mut high);
+        for (lane, ray) in rays.iter().enumerate() {
+            let corners = block.corners(triangle);
+            let expected = exact_hit(&LocalRay::new(&DRay::from(ray)), &corners, ray.t_min.into());
+            let wanted = expected.filter(|(t, _)| *t as f32 > ray.t_min && (*t as f32) < ray.t_max);
+            let (possible, sure) = (meeting.possible >> lane & 1 == 1, meeting.sure >> lane & 1 == 1);
+            prop_assert!(possible || wanted.is_none(), "{ray:?} {corners:?}");
+            prop_assert!(wanted.is_some() || !sure, "{ray:?} {corners:?}");
             // SAFETY: as above.
-            unsafe { exact_hits::<L>(block, bundle, &pairs, &mut found) };
-        }
-        for triangle in 0..8 {
-            let expected = exact_hit(&local, &block.corners(triangle), ray.t_min.into());
-            prop_assert!(expected.is_none() || passed >> triangle & 1 == 1, "{ray:?} {:?}", block.corners(triangle));
-            let is_within = expected.is_some_and(|(t, _)| (t as f32) < ray.t_max);
-            prop_assert!(is_within || sure >> triangle & 1 == 0, "{ray:?} {:?}", block.corners(triangle));
-            if bundle.is_aligned && found.unsure >> triangle & 1 == 0 {
-                let hit = found.hits >> triangle & 1 == 1;
-                prop_assert_eq!(hit, expected.is_some(), "{:?} {:?}", ray, block.corners(triangle));
-                if let Some((t, uv)) = expected {
-                    let bits = [found.t[triangle], found.b1[triangle], found.b2[triangle]].map(f32::to_bits);
-                    prop_assert_eq!(bits, [t as f32, uv.x, uv.y].map(f32::to_bits));
+            let near = unsafe { seen.near_two::<W>(&bundle.lines, &mut (1 << lane | 1 << (lane / 2))) };
+            // It is the last of the two, or both.
+            let half = u32::from(lane > 0);
+            prop_assert!(near >> (8 * half) >> triangle & 1 == 1 || wanted.is_none(), "{ray:?} {corners:?}");
+            if !bundle.lines.apart {
+                // SAFETY: as above.
+                let near = unsafe {
+                    SharedOrigin::<W::Half>::new::<Single>(block, &bundle.lines, bundle.axes)
+                        .candidates(&bundle.lines, lane)
+                };
+                prop_assert!(near >> triangle & 1 == 1 || wanted.is_none(), "{ray:?} {corners:?}");
+            }
+            if let (Some((t, _)), true) = (expected, sure) {
+                let along = f64::from(ray.origin[axis]) + t * f64::from(ray.direction[axis]);
+                let z = (along - f64::from(bundle.lines.point[2])) * f64::from(bundle.lines.forward);
+                prop_assert!(f64::from(low[lane]) <= z && z <= f64::from(high[lane]), "{z} {low:?} {high:?} {ray:?}");
+            }
+            if bundle.is_aligned {
+                let pairs = Pairs { triangles: [triangle as u32; 8], rays: [lane as u32; 8], count: 8 };
+                let mut found = Found::NONE;
+                // SAFETY: as above.
+                unsafe { exact_hits::<W::Half>(std::slice::from_ref(block), bundle, &pairs, &mut found) };
+                prop_assert!([0, 0xff].contains(&found.unsure) && [0, 0xff].contains(&found.hits));
+                if found.unsure == 0 {
+                    prop_assert_eq!(found.hits != 0, expected.is_some(), "{:?} {:?}", ray, corners);
+                    if let Some((t, uv)) = expected {
+                        let bits = [found.t[7], found.b1[7], found.b2[7]].map(f32::to_bits);
+                        prop_assert_eq!(bits, [t as f32, uv.x, uv.y].map(f32::to_bits));
+                    }
                 }
             }
         }

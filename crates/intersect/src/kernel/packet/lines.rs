@@ -1,0 +1,122 @@
+//! The rays of a bundle as triangles see them: lines by the point where the first ray starts.
+//!
+//! Triangles are seen from there, not from the apex of the bundle, because every hit is decided by the distance from the start of its ray: a
+//! light far away, as the apex is, would make all errors as large as its distance. `z` grows along the rays.
+
+use super::bundle::{Columns, Kind, PerRay, RAYS};
+use snell_math::simd::Lanes16;
+
+/// Roundings of a distance along the axis: a few.
+const ROUNDINGS: f32 = 8.0 * (f32::EPSILON / 2.0);
+
+/// How much nearer than its padded limit ([`super::super::node::padded`]) a ray surely ends, relative to its length: twice the padding.
+const END_PADDING: f32 = 2.0e-4;
+
+/// No length needs to be larger, and coordinates are not ([`super::bundle`]).
+const LONGEST: f32 = 1.0e16;
+
+/// The lines, per ray, by axis of the bundle.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Lines {
+    /// How `x` and `y` change with `z`.
+    pub slope: [PerRay<f32>; 2],
+    /// The vector product of the point at `z = 0` and the direction; not used with a shared origin.
+    pub moment: [PerRay<f32>; 3],
+    /// The interval begins between these.
+    pub begin: PerRay<f32>,
+    pub sure_begin: PerRay<f32>,
+    /// What is nearer than `sure_end` is surely wanted, what is beyond `end` surely not: at first about the end of the interval, then about the
+    /// nearest hit.
+    pub sure_end: PerRay<f32>,
+    pub end: PerRay<f32>,
+    /// Where rays start.
+    pub start: PerRay<f32>,
+    /// How fast they are.
+    along: PerRay<f32>,
+    /// Where everything is seen from.
+    pub point: [f32; 3],
+    /// 1 if `z` grows along its axis, -1 if it falls.
+    pub forward: f32,
+    /// How far the rays start from there at most.
+    pub spread: f32,
+    /// How far vertices may be from where they should be, seen from there, besides roundings that are relative to the distance.
+    pub margin: f32,
+    /// The rays do not share their origin.
+    pub apart: bool,
+}
+
+impl Lines {
+    /// None yet.
+    pub const NONE: Self = Self {
+        slope: [[0.0; RAYS]; 2],
+        moment: [[0.0; RAYS]; 3],
+        begin: [0.0; RAYS],
+        sure_begin: [0.0; RAYS],
+        sure_end: [0.0; RAYS],
+        end: [0.0; RAYS],
+        start: [0.0; RAYS],
+        along: [0.0; RAYS],
+        point: [0.0; 3],
+        forward: 1.0,
+        spread: 0.0,
+        margin: 0.0,
+        apart: false,
+    };
+
+    /// Works out everything from what bundles are made of, and the slopes and speeds of the bundle.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub unsafe fn set_up<W: Lanes16>(
+        &mut self,
+        columns: &Columns,
+        kind: &Kind,
+        [x, y, z]: [usize; 3],
+        slopes: [W; 2],
+        along: W,
+    ) {
+        self.apart = !kind.common;
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let [slope_x, slope_y] = slopes;
+            slope_x.store(&mut self.slope[0]);
+            slope_y.store(&mut self.slope[1]);
+            along.store(&mut self.along);
+            let mut start = W::splat(0.0);
+            self.spread = 0.0;
+            if self.apart {
+                let from = &columns.from_first;
+                let (from_x, from_y, from_z) = (W::load(&from[x]), W::load(&from[y]), W::load(&from[z]));
+                self.spread = from_x.abs().add(from_y.abs()).add(from_z.abs()).greatest();
+                start = from_z.mul(W::splat(self.forward));
+                let (at_x, at_y) = (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
+                at_y.store(&mut self.moment[0]);
+                W::splat(0.0).sub(at_x).store(&mut self.moment[1]);
+                at_x.mul(slope_y).sub(at_y.mul(slope_x)).store(&mut self.moment[2]);
+            }
+            start.store(&mut self.start);
+            let (margin, roundings) = (W::splat(self.margin + f32::MIN_POSITIVE), W::splat(ROUNDINGS));
+            let early = W::load(&columns.t_min).mul(along);
+            let begin = start.add(early);
+            let error = start.abs().add(early).mul(roundings).add(margin);
+            begin.sub(error).store(&mut self.begin);
+            begin.add(error).store(&mut self.sure_begin);
+            // (Of rays that want nothing this is unspecified.)
+            let length = W::load(&columns.cull).mul(along).min(W::splat(LONGEST));
+            let error = start.abs().add(length).mul(roundings).add(margin);
+            start.add(length).add(error).store(&mut self.end);
+            start.add(length.mul(W::splat(1.0 - END_PADDING))).sub(error).store(&mut self.sure_end);
+        }
+    }
+
+    /// After a hit of one ray: its new padded limit.
+    #[inline(always)]
+    pub fn tighten(&mut self, ray: usize, cull: f32) {
+        let (start, length) = (self.start[ray], cull * self.along[ray]);
+        let error = (start.abs() + length) * ROUNDINGS + self.margin;
+        self.end[ray] = self.end[ray].min(start + length + error);
+        self.sure_end[ray] = self.sure_end[ray].min(start + length * (1.0 - END_PADDING) - error);
+    }
+}
