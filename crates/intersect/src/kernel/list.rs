@@ -168,7 +168,7 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
             }
         } else {
             // SAFETY: as promised by the caller.
-            let found = unsafe { Hits::of(list, &bundle) };
+            let (found, near) = unsafe { (Hits::of(list, &bundle), near_objects(list, &bundle)) };
             unsure |= found.unsure;
             met += found.met.count_ones() as usize;
             for (lane, ray) in rays.iter().enumerate() {
@@ -185,7 +185,7 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                     let query = scene.batch.rays.get(first + lane);
                     let mut search = Search::new(query, scene.batch.context, start(ray));
                     // SAFETY: as promised by the caller.
-                    unsafe { offer(scene, found.get(list, lane), &mut search, stack, enter) };
+                    unsafe { offer(scene, found.get(list, lane), near >> lane & 1 == 1, &mut search, stack, enter) };
                     finish(first + lane, search.goal);
                 }
             }
@@ -217,7 +217,24 @@ fn search_tree<G: Goal<Precision = Single>>(
     }
 }
 
-/// Offers the nearest hit on a triangle, if there is one, and tests the shapes.
+/// The rays that may meet a shape.
+///
+/// # Safety
+/// The machine must have the instructions of `D`.
+#[inline(always)]
+unsafe fn near_objects<D: Doubles16>(list: &List, bundle: &Bundle<D>) -> u32 {
+    let mut near = 0;
+    for object in &list.objects {
+        near |= match &object.bounds {
+            // SAFETY: passed on to the caller.
+            Some(bounds) => unsafe { bundle.may_meet(list, bounds) },
+            None => u32::MAX,
+        };
+    }
+    near
+}
+
+/// Offers the nearest hit on a triangle, if there is one, and tests the shapes if the ray is near any.
 ///
 /// # Safety
 /// As [`run`].
@@ -225,6 +242,7 @@ fn search_tree<G: Goal<Precision = Single>>(
 unsafe fn offer<G: Goal<Precision = Single>>(
     scene: &Scene,
     hit: Option<Hit>,
+    is_near: bool,
     search: &mut Search<'_, G>,
     stack: &mut Stack,
     enter: Walk<G>,
@@ -233,8 +251,11 @@ unsafe fn offer<G: Goal<Precision = Single>>(
         Some(Verdict::Finished) => {}
         // What is behind it has not been looked for.
         Some(Verdict::Rejected) => search_forest(scene.forest, scene.level, search),
-        // SAFETY: as promised by the caller.
-        Some(Verdict::Taken | Verdict::Behind) | None => unsafe { test_objects(scene, search, stack, enter) },
+        Some(Verdict::Taken | Verdict::Behind) | None if is_near => {
+            // SAFETY: as promised by the caller.
+            unsafe { test_objects(scene, search, stack, enter) }
+        }
+        Some(Verdict::Taken | Verdict::Behind) | None => {}
     }
 }
 
@@ -249,9 +270,6 @@ unsafe fn test_objects<G: Goal<Precision = Single>>(
     enter: Walk<G>,
 ) {
     let (forest, list) = (scene.forest, scene.list);
-    if !list.has_objects() {
-        return;
-    }
     let ray = Single::exact(search.ray);
     let thick = BoxRay::new(&ray, &list.bounds, search.start);
     for object in &list.objects {

@@ -2,6 +2,7 @@ use super::bundle::{Bundle, RAYS};
 use super::faces::Faces;
 use super::{Hits, List};
 use crate::accel::AcceleratorKind;
+use crate::accel::box_ray::BoxRay;
 use crate::hit::Hit;
 use crate::mesh::TriangleMesh;
 use crate::query::rays::Rays;
@@ -11,7 +12,7 @@ use crate::world::tests::{bits, build, levels};
 use crate::world::{GeometryId, Structure, World, WorldBuilder};
 use proptest::prelude::*;
 use snell_math::simd::{Level, PairDoubles, Portable8};
-use snell_math::{Ray, Transform, Vec3, rng};
+use snell_math::{Bounds3, DRay, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 
 fn list_of(world: &World) -> Option<&List> {
@@ -292,4 +293,58 @@ fn batches_that_hit_little_are_answered_too() {
     check(&world, &oracle, Rays::from(&rays), &AcceptAll).expect("the same hits");
     let hits = rays.iter().filter(|ray| oracle.closest_one(*ray, &AcceptAll).is_hit()).count();
     assert!(hits > 50 && hits < 400, "{hits}");
+}
+
+/// The rays that may meet a box, one by one.
+fn near(list: &List, rays: &[Ray], bounds: &Bounds3) -> Vec<bool> {
+    let of_sixteen = |rays: &[Ray; RAYS]| {
+        // SAFETY: portable code.
+        unsafe { Bundle::<PairDoubles<Portable8>>::new(list, rays, RAYS).may_meet(list, bounds) }
+    };
+    let (sixteens, rest) = rays.as_chunks();
+    assert!(rest.is_empty());
+    sixteens.iter().flat_map(|rays| (0..RAYS).map(move |lane| of_sixteen(rays) >> lane & 1 == 1)).collect()
+}
+
+#[test]
+fn rays_that_meet_a_box_are_near_it_and_most_others_are_not() {
+    let world = world_of(room(), AcceleratorKind::Bvh, Level::Scalar);
+    let list = list_of(&world).expect("a list");
+    let number = |i: u32, k: u32| rng::to_unit(rng::pcg4d([i, k, 7, 7])[0]) * 2.0 - 1.0;
+    let vector = |i: u32, k: u32| Vec3::new(number(i, k), number(i, k + 1), number(i, k + 2));
+    let (mut met, mut told_apart, mut count) = (0, 0, 0);
+    for (box_number, flat) in
+        [(0, Vec3::ONE), (1, Vec3::new(1.0, 0.0, 1.0)), (2, Vec3::ZERO), (3, Vec3::new(1.0, 1.0, 1e-7))]
+    {
+        let corner = vector(box_number, 90) * 0.5;
+        let bounds = Bounds3 { min: corner, max: corner + Vec3::new(0.3, 0.2, 0.4) * flat };
+        let rays: Vec<Ray> = (0..16_000)
+            .map(|i| {
+                // Towards the box or one of its corners, along an axis, or anywhere.
+                let origin = vector(i, 0) * 0.9;
+                let at = bounds.min
+                    + (bounds.max - bounds.min)
+                        * (vector(i, 3) * 0.5 + 0.5).map(|x| if i % 3 == 0 { x.round() } else { x });
+                let direction = match i % 4 {
+                    0 => at - origin,
+                    1 => [Vec3::X, Vec3::NEG_Y, Vec3::Z][i as usize % 3] * Vec3::new(1.0, 1.0, -1.0),
+                    2 => (at - origin) * Vec3::new(1.0, 1.0, 1e-20),
+                    _ => vector(i, 6),
+                };
+                Ray::new(if i % 8 == 1 { at - direction * 0.25 } else { origin }, direction)
+            })
+            .collect();
+        for (ray, is_near) in rays.iter().zip(near(list, &rays, &bounds)) {
+            let (begins, ends) = BoxRay::new(&DRay::from(ray), &list.bounds, ray.t_min).span_of(&bounds);
+            let meets = begins <= ends;
+            assert!(is_near || !meets, "{ray:?} {bounds:?}");
+            met += u32::from(meets);
+            told_apart += u32::from(!is_near);
+            count += 1;
+        }
+    }
+    assert!(
+        met > count / 4 && told_apart > count / 4 && met + told_apart > count * 99 / 100,
+        "{met} {told_apart} {count}"
+    );
 }
