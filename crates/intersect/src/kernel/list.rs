@@ -80,17 +80,17 @@ struct Scene<'a> {
     list: &'a List,
     level: Level,
     batch: &'a Batch<'a, Single>,
-    /// The nearest triangle within the interval of a ray is always what it hits.
+    /// The nearest triangle within the interval of a ray is always what it hits, unless a shape is.
     is_plain: bool,
 }
 
-/// True if there are only triangles, and nothing may reject a hit on one of them, or change it.
+/// True if nothing may reject a hit on a triangle, or change it.
 fn is_plain(list: &List, batch: &Batch<Single>) -> bool {
     let accepts = |geometry: u32| {
         let options = batch.context.options[geometry as usize];
         options.mask == u32::MAX && !options.filtered && !options.quads
     };
-    !list.has_objects() && !batch.rays.has_masks() && list.used().iter().all(|triangle| accepts(triangle.ids().0))
+    !batch.rays.has_masks() && list.used().iter().all(|triangle| accepts(triangle.ids().0))
 }
 
 /// # Safety
@@ -151,6 +151,8 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
         };
         // SAFETY: as promised by the caller.
         let bundle = unsafe { Bundle::<D>::new(list, sixteen, rays.len()) };
+        // SAFETY: as promised by the caller.
+        let near = unsafe { near_objects(list, &bundle) };
         let mut unsure = !bundle.ordinary & ((2 << (rays.len() - 1)) - 1);
         if G::ANY && scene.is_plain {
             // SAFETY: as promised by the caller.
@@ -158,24 +160,34 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
             unsure |= found.doubtful & !found.blocked & bundle.ordinary;
             met += (found.met | unsure).count_ones() as usize;
             for (lane, ray) in rays.iter().enumerate() {
-                if unsure >> lane & 1 == 0 {
+                if unsure >> lane & 1 == 1 {
+                    continue;
+                }
+                let is_blocked = found.blocked >> lane & 1 == 1;
+                if is_blocked || near >> lane & 1 == 0 {
                     let mut goal = start(ray);
-                    if found.blocked >> lane & 1 == 1 {
+                    if is_blocked {
                         goal.take(Hit::MISS);
                     }
                     finish(first + lane, goal);
+                } else {
+                    let query = scene.batch.rays.get(first + lane);
+                    let mut search = Search::new(query, scene.batch.context, start(ray));
+                    // SAFETY: as promised by the caller.
+                    unsafe { test_objects(scene, &mut search, stack, enter) };
+                    finish(first + lane, search.goal);
                 }
             }
         } else {
             // SAFETY: as promised by the caller.
-            let (found, near) = unsafe { (Hits::of(list, &bundle), near_objects(list, &bundle)) };
+            let found = unsafe { Hits::of(list, &bundle) };
             unsure |= found.unsure;
             met += found.met.count_ones() as usize;
             for (lane, ray) in rays.iter().enumerate() {
                 if unsure >> lane & 1 == 1 {
                     continue;
                 }
-                if scene.is_plain {
+                if scene.is_plain && near >> lane & 1 == 0 {
                     let mut goal = start(ray);
                     if let Some(hit) = found.get(list, lane) {
                         goal.take(hit);

@@ -168,8 +168,4 @@ impl List {
     pub(super) fn used(&self) -> &[Triangle] {
         &self.triangles[..2 * self.len()]
     }
-
-    pub(super) fn has_objects(&self) -> bool {
-        !self.objects.is_empty()
-    }
 }
