@@ -7,7 +7,7 @@ use crate::accel::bvh::{Forest, GroupTree};
 use crate::hit::{DHit, Hit};
 use crate::kernel::double::{self, DoubleData};
 use crate::kernel::interleave::Batch;
-use crate::kernel::packet::bundle::{Bundle, Columns};
+use crate::kernel::packet::bundle::Bundle;
 use crate::kernel::packet::exact::{Found, Pairs};
 use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
@@ -221,7 +221,6 @@ pub(crate) trait Rules: Precision {
     unsafe fn set_up_bundle<W: Lanes16>(
         data: &Self::Data,
         bundle: &mut Bundle,
-        columns: &mut Columns,
         rays: &[Self::Ray],
         backward: bool,
     ) -> bool;
@@ -412,15 +411,9 @@ impl Rules for Single {
     }
 
     #[inline(always)]
-    unsafe fn set_up_bundle<W: Lanes16>(
-        _: &(),
-        bundle: &mut Bundle,
-        columns: &mut Columns,
-        rays: &[Ray],
-        backward: bool,
-    ) -> bool {
+    unsafe fn set_up_bundle<W: Lanes16>(_: &(), bundle: &mut Bundle, rays: &[Ray], backward: bool) -> bool {
         // SAFETY: passed on to the caller.
-        unsafe { packet::runs::set_up::<W>(bundle, columns, rays, backward) }
+        unsafe { packet::runs::set_up::<W>(bundle, rays, backward) }
     }
 
     #[inline(always)]
@@ -605,15 +598,9 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    unsafe fn set_up_bundle<W: Lanes16>(
-        data: &DoubleData,
-        bundle: &mut Bundle,
-        columns: &mut Columns,
-        rays: &[DRay],
-        backward: bool,
-    ) -> bool {
+    unsafe fn set_up_bundle<W: Lanes16>(data: &DoubleData, bundle: &mut Bundle, rays: &[DRay], backward: bool) -> bool {
         // SAFETY: passed on to the caller.
-        unsafe { packet::runs::set_up_doubles::<W>(data, bundle, columns, rays, backward) }
+        unsafe { packet::runs::set_up_doubles::<W>(data, bundle, rays, backward) }
     }
 
     #[inline(always)]

@@ -24,7 +24,7 @@ use crate::accel::group::{Object, ObjectRef, Placement, mapped, test_triangle};
 use crate::precision::Rules;
 use crate::query::search::{DataOf, Goal, RayOf, RealOf, Search, Verdict};
 use crate::world::GeometryOptions;
-use bundle::{Bundle, Columns, PerRay, RAYS};
+use bundle::{Bundle, PerRay, RAYS};
 use exact::{Found, PAIRS, Pairs};
 use leaf::{SeenBlock, SharedOrigin};
 use snell_math::simd::{Lanes8, Lanes16, Level, Pair, Portable8};
@@ -137,18 +137,18 @@ struct Stacks {
 /// The machine must have the instructions of `W`; the stacks must have room for all groups; `enter` and `enter_single` must be
 /// entries of the same level.
 #[inline(always)]
-unsafe fn run<W: Lanes16, G: Goal>(
+unsafe fn run<'s, W: Lanes16, G: Goal>(
     forest: &Forest,
-    batch: &Batch<G::Precision>,
+    batch: &Batch<'s, G::Precision>,
     stacks: &mut Stacks,
     start: impl Fn(&RayOf<G>) -> G,
     mut finish: impl FnMut(usize, G),
     (enter, enter_single): (WalkBundle<G>, Walk<G>),
 ) -> Vec<Range<usize>> {
     let mut left: Vec<Range<usize>> = Vec::new();
-    let (mut bundle, mut columns) = (Bundle::NONE, Columns::ZERO);
+    let (mut bundle, mut found) = (Bundle::NONE, Found::NONE);
     let (mut trial, mut spare) = (Trial::default(), Vec::new());
-    let mut searches: Vec<Search<G>> = Vec::with_capacity(RAYS);
+    let mut searches = [const { None }; RAYS];
     let mut first = 0;
     while first < batch.rays.len() {
         let run = first..(first + RAYS).min(batch.rays.len());
@@ -157,12 +157,12 @@ unsafe fn run<W: Lanes16, G: Goal>(
         if unsafe {
             let (data, rays) = (batch.context.data, &batch.rays.rays()[run.clone()]);
             let backward = G::ANY && trial.is_backward();
-            G::Precision::set_up_bundle::<W>(data, &mut bundle, &mut columns, rays, backward)
+            G::Precision::set_up_bundle::<W>(data, &mut bundle, rays, backward)
         } {
-            searches.clear();
-            let search = |lane: usize| {
+            // (In place: what is returned would be copied as a whole after it was written in pieces.)
+            let begin = |lane: usize, search: &mut Option<Search<'s, G>>| {
                 let query = batch.rays.get((run.start + lane).min(run.end - 1));
-                Search::new(query, batch.context, start(query.ray))
+                *search = Some(Search::new(query, batch.context, start(query.ray)));
             };
             let alive = u32::MAX >> (32 - run.len());
             let mut walker = Walker {
@@ -170,8 +170,10 @@ unsafe fn run<W: Lanes16, G: Goal>(
                 data: batch.context.data,
                 options: batch.context.options,
                 masks: batch.rays.common_mask(run.clone()),
+                rays: &batch.rays.rays()[run.clone()],
                 searches: &mut searches,
-                search: &search,
+                begin: &begin,
+                found: &mut found,
                 stacks,
                 alive,
                 waiting: 0,
@@ -186,11 +188,10 @@ unsafe fn run<W: Lanes16, G: Goal>(
             if bundle.kind.reversed {
                 trial.count(walker.work);
             }
-            if searches.is_empty() {
-                run.for_each(|number| finish(number, start(&batch.rays.rays()[number])));
-            } else {
-                for (number, search) in run.zip(searches.drain(..)) {
-                    finish(number, search.goal);
+            for (number, search) in run.zip(&mut searches) {
+                match search.take() {
+                    Some(search) => finish(number, search.goal),
+                    None => finish(number, start(&batch.rays.rays()[number])),
                 }
             }
             continue;
@@ -248,10 +249,14 @@ struct Walker<'w, 's, G: Goal> {
     options: &'w [GeometryOptions],
     /// What all rays have in their masks.
     masks: u32,
-    /// None, or one per ray: most bundles that hit nothing need none.
-    searches: &'w mut Vec<Search<'s, G>>,
-    /// The search of a ray at its beginning.
-    search: &'w dyn Fn(usize) -> Search<'s, G>,
+    /// The rays of the run.
+    rays: &'w [RayOf<G>],
+    /// Begun when something was found that may count: rays that surely meet nothing need none.
+    searches: &'w mut PerRay<Option<Search<'s, G>>>,
+    /// Begins the search of a ray.
+    begin: &'w dyn Fn(usize, &mut Option<Search<'s, G>>),
+    /// Memory for what becomes of pairs.
+    found: &'w mut Found<RealOf<G>>,
     stacks: &'w mut Stacks,
     /// The rays whose search is not over.
     alive: u32,
@@ -260,14 +265,14 @@ struct Walker<'w, 's, G: Goal> {
     put_off: PerRay<u32>,
     /// Memory for bundles in instances.
     #[allow(clippy::vec_box, reason = "they are large, and come and go")]
-    spare: &'w mut Vec<Box<(Bundle, Columns)>>,
+    spare: &'w mut Vec<Box<Bundle>>,
     /// About what it took: a box tested is one.
     work: u32,
     enter: WalkBundle<G>,
     enter_single: Walk<G>,
 }
 
-impl<G: Goal> Walker<'_, '_, G> {
+impl<'s, G: Goal> Walker<'_, 's, G> {
     /// Only the nearest hit counts: if it is certain which that is, the exact test of others is saved.
     const PUTS_OFF: bool = G::NARROWS && G::WANTS_ONE;
 
@@ -279,12 +284,11 @@ impl<G: Goal> Walker<'_, '_, G> {
     unsafe fn walk<W: Lanes16>(&mut self, position: Position, bundle: &mut Bundle) {
         let tree = &self.forest.trees[position.group];
         let instance = position.instance;
-        let mut locals = Locals::NONE;
+        let mut locals = Locals::new();
         // SAFETY: as promised by the caller.
         unsafe {
             for &object in &tree.unbounded {
-                self.test_objects(tree, object as usize, bundle, self.alive, instance);
-                bundle.update_limits::<W>();
+                self.test_objects::<W>(tree, object as usize, bundle, self.alive, instance);
             }
             self.descend::<W>(tree, position, bundle, &mut locals);
             self.test_put_off::<W>(tree, bundle, &mut locals, instance, true);
@@ -361,12 +365,22 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// Begins the searches, if that has not been done.
+    /// The search of a ray; it begins if it has not.
     #[inline(always)]
-    fn begin(&mut self) {
-        if self.searches.is_empty() {
-            let search = self.search;
-            self.searches.extend((0..RAYS).map(search));
+    fn search(&mut self, ray: usize) -> &mut Search<'s, G> {
+        let search = &mut self.searches[ray];
+        if search.is_none() {
+            (self.begin)(ray, search);
+        }
+        search.as_mut().expect("it has begun")
+    }
+
+    /// Writes the rays of the bundle exactly, if that has not been done.
+    #[inline(always)]
+    fn want_rays(&self, bundle: &mut Bundle) {
+        if !bundle.has_rays {
+            bundle.rays.write::<G::Precision>(self.rays);
+            bundle.has_rays = true;
         }
     }
 
@@ -502,7 +516,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                     && self.is_plain(tree, block.ids[triangle as usize & 7])
                 {
                     if G::ANY {
-                        self.take_any(meeting.sure, bundle);
+                        self.take_any::<W>(meeting.sure, bundle);
                         rays &= !meeting.sure;
                     } else {
                         W::write_where(meeting.sure, place + triangle, &mut self.put_off);
@@ -533,15 +547,18 @@ impl<G: Goal> Walker<'_, '_, G> {
     }
 
     /// Ends the searches of rays that surely hit something that counts.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    fn take_any(&mut self, mut rays: u32, bundle: &mut Bundle) {
-        self.begin();
+    unsafe fn take_any<W: Lanes16>(&mut self, mut rays: u32, bundle: &mut Bundle) {
         self.alive &= !rays;
+        // SAFETY: passed on to the caller.
+        unsafe { bundle.finish::<W>(rays) };
         while rays != 0 {
             let ray = rays.trailing_zeros() as usize & (RAYS - 1);
             rays &= rays - 1;
-            self.searches[ray].goal.take(G::Precision::hit(0.0, Vec2::ZERO, [0; 3]));
-            bundle.finish(ray);
+            self.search(ray).goal.take(G::Precision::hit(0.0, Vec2::ZERO, [0; 3]));
         }
     }
 
@@ -589,40 +606,39 @@ impl<G: Goal> Walker<'_, '_, G> {
         instance: u32,
         last: bool,
     ) -> bool {
-        self.begin();
+        self.want_rays(bundle);
         let all = u32::MAX >> (32 - pairs.count);
-        let mut any = false;
-        let mut found = Found::<RealOf<G>>::NONE;
+        // Rays whose searches go on or are over, and where they end now.
+        let (mut nearer, mut over, mut culls) = (0, 0, [0.0; RAYS]);
+        (self.found.hits, self.found.unsure) = (0, all);
         if bundle.is_aligned {
+            self.found.unsure = 0;
             // SAFETY: as promised by the caller.
-            unsafe { G::Precision::exact_hits::<W::Half>(self.data, tree, bundle, pairs, &mut found) };
-        } else {
-            found.unsure = all;
+            unsafe { G::Precision::exact_hits::<W::Half>(self.data, tree, bundle, pairs, self.found) };
         }
-        let mut hits = found.hits & all;
+        let (mut hits, mut unsure) = (self.found.hits & all, self.found.unsure & all);
         while hits != 0 {
             let pair = hits.trailing_zeros() as usize & (PAIRS - 1);
             hits &= hits - 1;
             let ray = pairs.rays[pair] as usize & (RAYS - 1);
-            let search = &mut self.searches[ray];
-            let t = found.t[pair];
-            if t > search.goal.limit() || self.alive >> ray & 1 == 0 {
+            let (t, b) = (self.found.t[pair], [self.found.b1[pair], self.found.b2[pair]]);
+            let is_over = (self.alive & !over) >> ray & 1 == 0;
+            let search = self.search(ray);
+            if is_over || t > search.goal.limit() {
                 continue;
             }
             let (block, triangle) = pairs.place(pair);
             let (geometry, primitive) = tree.triangle(tree.blocks[block].ids[triangle]);
-            let hit = G::Precision::found(t, [found.b1[pair], found.b2[pair]], [instance, geometry, primitive]);
-            let verdict = search.offer(hit);
-            if !last {
-                any |= self.note(bundle, ray, verdict == Verdict::Finished);
-            }
+            let verdict = search.offer(G::Precision::found(t, b, [instance, geometry, primitive]));
+            culls[ray] = search.cull();
+            nearer |= 1 << ray;
+            over |= u32::from(verdict == Verdict::Finished) << ray;
         }
-        let mut unsure = found.unsure & all;
         while unsure != 0 {
             let pair = unsure.trailing_zeros() as usize & (PAIRS - 1);
             unsure &= unsure - 1;
             let ray = pairs.rays[pair] as usize & (RAYS - 1);
-            if self.alive >> ray & 1 == 0 {
+            if (self.alive & !over) >> ray & 1 == 0 {
                 continue;
             }
             let (block, triangle) = pairs.place(pair);
@@ -631,54 +647,74 @@ impl<G: Goal> Walker<'_, '_, G> {
                 let (geometry, primitive) = tree.triangle(block.ids[triangle]);
                 [instance, geometry, primitive]
             };
-            let local = locals.get(bundle, ray);
-            let over = test_triangle(&mut self.searches[ray], local, &block.corners(triangle), ids);
-            any |= self.note(bundle, ray, over);
+            let (local, search) = (locals.get(bundle, ray), self.search(ray));
+            let is_over = test_triangle(search, local, &block.corners(triangle), ids);
+            culls[ray] = search.cull();
+            nearer |= 1 << ray;
+            over |= u32::from(is_over) << ray;
         }
         pairs.count = 0;
-        any
-    }
-
-    /// After a hit was offered to a ray. True if that can matter to the bundle.
-    #[inline(always)]
-    fn note(&mut self, bundle: &mut Bundle, ray: usize, over: bool) -> bool {
-        if over {
-            self.alive &= !(1 << ray);
-            bundle.finish(ray);
-        } else if G::NARROWS {
-            bundle.tighten(ray, self.searches[ray].cull());
+        self.alive &= !over;
+        let is_narrowed = !last && (over != 0 || (G::NARROWS && nearer != 0));
+        if is_narrowed {
+            // SAFETY: as promised by the caller.
+            unsafe { bundle.narrow::<W>(nearer, over, &culls) };
         }
-        over || G::NARROWS
+        is_narrowed
     }
 
-    /// Tests a shape or instance for some of the rays, one by one. [`Bundle::update_limits`] must follow.
+    /// Tests a shape or instance for some of the rays.
     ///
     /// # Safety
-    /// The machine must have the instructions of the entries; the stacks must have room for all below the group.
-    #[inline(never)]
-    unsafe fn test_objects(
+    /// As [`Self::walk`].
+    #[inline(always)]
+    unsafe fn test_objects<W: Lanes16>(
         &mut self,
         tree: &GroupTree,
         object: usize,
         bundle: &mut Bundle,
-        mut mask: u32,
+        rays: u32,
         instance: u32,
     ) {
-        self.begin();
-        while mask != 0 {
-            let lane = mask.trailing_zeros() as usize & (RAYS - 1);
-            mask &= mask - 1;
-            let search = &mut self.searches[lane];
-            let ray = bundle.rays.get(lane);
+        let mut culls = [0.0; RAYS];
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let over = self.test_one_by_one(tree, object, bundle, rays, instance, &mut culls);
+            self.alive &= !over;
+            bundle.narrow::<W>(rays, over, &culls);
+            bundle.update_limits::<W>();
+        }
+    }
+
+    /// Tests a shape or instance for some of the rays, one by one; notes their new padded limits, and returns whose searches are over.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the entries; the stacks must have room for all below the group.
+    #[inline(never)]
+    unsafe fn test_one_by_one(
+        &mut self,
+        tree: &GroupTree,
+        object: usize,
+        bundle: &mut Bundle,
+        mut rays: u32,
+        instance: u32,
+        culls: &mut PerRay<f32>,
+    ) -> u32 {
+        self.want_rays(bundle);
+        let mut over = 0;
+        while rays != 0 {
+            let lane = rays.trailing_zeros() as usize & (RAYS - 1);
+            rays &= rays - 1;
+            self.search(lane);
+            let (Some(search), ray) = (&mut self.searches[lane], bundle.rays.get(lane)) else { continue };
             let stack: &mut Stack = &mut self.stacks.single;
             // SAFETY: as promised by the caller.
-            if unsafe { test_object(self.forest, tree, object, &ray, instance, search, stack, self.enter_single) } {
-                self.alive &= !(1 << lane);
-                bundle.finish(lane);
-            } else {
-                bundle.tighten(lane, search.cull());
-            }
+            let is_over =
+                unsafe { test_object(self.forest, tree, object, &ray, instance, search, stack, self.enter_single) };
+            culls[lane] = search.cull();
+            over |= u32::from(is_over) << lane;
         }
+        over
     }
 
     /// Tests a shape or instance for some of the rays: in an instance they go on as a bundle if they can.
@@ -701,45 +737,38 @@ impl<G: Goal> Walker<'_, '_, G> {
             mask: visible,
         }) = tree.objects.get(object.index())
         {
-            self.begin();
-            let mut wanted = mask;
-            for lane in 0..RAYS {
-                if self.searches[lane].mask & visible == 0 {
-                    wanted &= !(1 << lane);
-                }
+            let mut wanted = 0;
+            for lane in (0..RAYS).filter(|lane| mask >> lane & 1 == 1) {
+                wanted |= u32::from(self.search(lane).mask & visible != 0) << lane;
             }
             if wanted.count_ones() as usize >= MIN_RAYS && fits(&self.forest.trees[*child]) {
-                let mut memory = self.spare.pop().unwrap_or_else(|| Box::new((Bundle::NONE, Columns::ZERO)));
-                let (below, columns) = &mut *memory;
+                let mut below = self.spare.pop().unwrap_or_else(|| Box::new(Bundle::NONE));
                 let groups = (position.group, *child);
                 // SAFETY: as promised by the caller.
-                if unsafe { self.set_up_in_child::<W>(below, columns, bundle, wanted, groups, child_from_group) } {
+                if unsafe { self.set_up_in_child::<W>(&mut below, bundle, wanted, groups, child_from_group) } {
                     let alive = std::mem::replace(&mut self.alive, wanted);
                     let inside = Position { group: *child, instance: position.instance + offset, ..*position };
                     // SAFETY: as promised by the caller.
-                    unsafe { (self.enter)(self, inside, below) };
+                    unsafe { (self.enter)(self, inside, &mut below) };
+                    self.spare.push(below);
                     let over = wanted & !self.alive;
                     self.alive = alive & !over;
+                    let mut culls = [0.0; RAYS];
                     for lane in (0..RAYS).filter(|lane| wanted >> lane & 1 == 1) {
-                        if over >> lane & 1 == 1 {
-                            bundle.finish(lane);
-                        } else {
-                            bundle.tighten(lane, self.searches[lane].cull());
-                        }
+                        culls[lane] = self.search(lane).cull();
                     }
                     // SAFETY: as promised by the caller.
-                    unsafe { bundle.update_limits::<W>() };
-                    self.spare.push(memory);
+                    unsafe {
+                        bundle.narrow::<W>(wanted, over, &culls);
+                        bundle.update_limits::<W>();
+                    }
                     return;
                 }
-                self.spare.push(memory);
+                self.spare.push(below);
             }
         }
         // SAFETY: as promised by the caller.
-        unsafe {
-            self.test_objects(tree, object.index(), bundle, mask, position.instance);
-            bundle.update_limits::<W>();
-        }
+        unsafe { self.test_objects::<W>(tree, object.index(), bundle, mask, position.instance) };
     }
 
     /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is none.
@@ -748,19 +777,21 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// The machine must have the instructions of `W`.
     #[inline(always)]
     unsafe fn set_up_in_child<W: Lanes16>(
-        &self,
+        &mut self,
         below: &mut Bundle,
-        columns: &mut Columns,
-        bundle: &Bundle,
+        bundle: &mut Bundle,
         mask: u32,
         (group, child): (usize, usize),
         child_from_group: &DAffine3,
     ) -> bool {
+        self.want_rays(bundle);
+        let [mut t_min, mut cull] = [[0.0; RAYS]; 2];
         for lane in 0..RAYS {
             let ray = mapped(child_from_group, &bundle.rays.get(lane));
             let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
-            columns.t_min[lane] = self.searches[lane].start;
-            columns.cull[lane] = if mask >> lane & 1 == 1 { self.searches[lane].cull() } else { -1.0 };
+            let search = self.search(lane);
+            t_min[lane] = search.start;
+            cull[lane] = if mask >> lane & 1 == 1 { search.cull() } else { -1.0 };
             below.rays.origin[lane] = [o[0], o[1], o[2], bundle.rays.origin[lane][3]];
             below.rays.direction[lane] = [d[0], d[1], d[2], 0.0];
         }
@@ -772,7 +803,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             child_from_group.transform_point3(G::Precision::point_in_group(self.data, group, apex))
         };
         // SAFETY: as promised by the caller.
-        unsafe { below.set_up_exactly::<W, G::Precision>(columns, self.data, child, apex, &bundle.kind) }
+        unsafe { below.set_up_exactly::<W, G::Precision>(&[t_min, cull], self.data, child, apex, &bundle.kind) }
     }
 }
 
@@ -783,7 +814,11 @@ struct Locals {
 }
 
 impl Locals {
-    const NONE: Self = Self { built: 0, rays: [const { MaybeUninit::uninit() }; RAYS] };
+    /// None yet. (As a constant, all of it would be cleared for each bundle.)
+    #[inline(always)]
+    fn new() -> Self {
+        Self { built: 0, rays: [const { MaybeUninit::uninit() }; RAYS] }
+    }
 
     #[inline(always)]
     fn get(&mut self, bundle: &Bundle, lane: usize) -> &LocalRay {

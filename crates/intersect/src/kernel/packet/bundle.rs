@@ -44,6 +44,17 @@ pub(crate) struct ExactRays {
 }
 
 impl ExactRays {
+    /// Takes the rays of a run; lanes without a ray repeat the first one.
+    #[inline(always)]
+    pub fn write<P: Rules>(&mut self, rays: &[P::Ray]) {
+        for lane in 0..RAYS {
+            let ray = P::exact(rays.get(lane).unwrap_or(&rays[0]));
+            let (o, d) = (ray.origin, ray.direction);
+            self.origin[lane] = [o.x, o.y, o.z, ray.t_min];
+            self.direction[lane] = [d.x, d.y, d.z, ray.t_max];
+        }
+    }
+
     /// One of the rays; its interval is not used.
     #[inline(always)]
     pub fn get(&self, lane: usize) -> DRay {
@@ -73,7 +84,9 @@ pub(crate) struct Kind {
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Bundle {
+    /// Not written before they [are wanted](Self::has_rays).
     pub rays: ExactRays,
+    pub has_rays: bool,
     /// Per axis and ray.
     pub slope: [PerRay<f32>; 2],
     offset: [PerRay<f32>; 2],
@@ -120,32 +133,24 @@ fn axes(d: [f32; 3]) -> [usize; 3] {
 }
 
 /// What a bundle is made of, by axis of the group and ray, rounded to nearest.
-#[repr(C, align(64))]
-pub(crate) struct Columns {
+pub(crate) struct Columns<W> {
     /// Origins, seen from the apex and from [the first one, rounded](Bundle::drawn_origin); not used with a shared origin.
-    pub from_apex: [PerRay<f32>; 3],
-    pub from_first: [PerRay<f32>; 3],
-    pub direction: [PerRay<f32>; 3],
+    pub from_apex: [W; 3],
+    pub from_first: [W; 3],
+    pub direction: [W; 3],
+    /// The direction of the first ray.
+    pub first_direction: [f32; 3],
     /// Not negative.
-    pub t_min: PerRay<f32>,
+    pub t_min: W,
     /// The padded limits of the searches; negative for rays whose search is over, and lanes without a ray.
-    pub cull: PerRay<f32>,
-}
-
-impl Columns {
-    pub const ZERO: Self = Self {
-        from_apex: [[0.0; RAYS]; 3],
-        from_first: [[0.0; RAYS]; 3],
-        direction: [[0.0; RAYS]; 3],
-        t_min: [0.0; RAYS],
-        cull: [0.0; RAYS],
-    };
+    pub cull: W,
 }
 
 impl Bundle {
     /// No bundle yet.
     pub const NONE: Self = Self {
         rays: ExactRays { origin: [[0.0; 4]; RAYS], direction: [[0.0; 4]; RAYS] },
+        has_rays: false,
         slope: [[0.0; RAYS]; 2],
         offset: [[0.0; RAYS]; 2],
         near: [0.0; RAYS],
@@ -168,29 +173,32 @@ impl Bundle {
         high_offset: [0.0; 2],
     };
 
-    /// Works out the kind, the columns and everything else from `rays` in `f64`, the intervals in `columns`, and the apex, all in the
-    /// coordinates of a group. False if these rays do not make a bundle.
+    /// Works out the kind, the columns and everything else from `rays` in `f64`, the least `t_min` and the padded limits of the searches, and the
+    /// apex, all in the coordinates of a group. False if these rays do not make a bundle.
     ///
     /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
     pub unsafe fn set_up_exactly<W: Lanes16, P: Rules>(
         &mut self,
-        columns: &mut Columns,
+        [t_min, cull]: &[PerRay<f32>; 2],
         data: &P::Data,
         group: usize,
         apex: DVec3,
         kind: &Kind,
     ) -> bool {
+        self.has_rays = true;
+        let mut direction = [[0.0; RAYS]; 3];
+        let (mut from_apex, mut from_first) = ([[0.0; RAYS]; 3], [[0.0; RAYS]; 3]);
         // Zero if everything is finite.
         let mut sum = 0.0;
         for lane in 0..RAYS {
             let ray = P::ray_in_structure(data, group, &self.rays.get(lane));
             let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
-            for axis in 0..3 {
+            for (axis, (direction, origin)) in direction.iter_mut().zip(&mut self.drawn_origin).enumerate() {
                 sum += o[axis] * 0.0 + d[axis] * 0.0;
-                columns.direction[axis][lane] = d[axis] as f32;
-                self.drawn_origin[axis][lane] = o[axis] as f32;
+                direction[lane] = d[axis] as f32;
+                origin[lane] = o[axis] as f32;
             }
         }
         let apex = P::point_in_structure(data, group, apex).as_vec3().to_array();
@@ -201,27 +209,37 @@ impl Bundle {
             for lane in 0..RAYS {
                 let o = P::ray_in_structure(data, group, &self.rays.get(lane)).origin.to_array();
                 for axis in 0..3 {
-                    columns.from_apex[axis][lane] = (o[axis] - apex[axis]) as f32;
-                    columns.from_first[axis][lane] = (o[axis] - first[axis]) as f32;
+                    from_apex[axis][lane] = (o[axis] - apex[axis]) as f32;
+                    from_first[axis][lane] = (o[axis] - first[axis]) as f32;
                 }
             }
         }
         // SAFETY: as promised by the caller.
-        sum == 0.0 && unsafe { self.set_up::<W, P>(columns) }
+        unsafe {
+            let columns = Columns::<W> {
+                from_apex: load3(&from_apex),
+                from_first: load3(&from_first),
+                direction: load3(&direction),
+                first_direction: [direction[0][0], direction[1][0], direction[2][0]],
+                t_min: W::load(t_min),
+                cull: W::load(cull),
+            };
+            sum == 0.0 && self.set_up::<W, P>(&columns)
+        }
     }
 
-    /// Works out everything else from `kind`, `drawn_origin` by axis of the group, `rays` and `columns`. False if these rays do not make
-    /// a bundle.
+    /// Works out everything else from `kind`, `drawn_origin` by axis of the group, `columns`, and `rays` if anything was rounded. False if these
+    /// rays do not make a bundle.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn set_up<W: Lanes16, P: Rules>(&mut self, columns: &Columns) -> bool {
+    pub unsafe fn set_up<W: Lanes16, P: Rules>(&mut self, columns: &Columns<W>) -> bool {
         let kind = self.kind;
-        let directions = &columns.direction;
-        self.axes = axes([0, 1, 2].map(|axis| directions[axis][0].abs()));
+        let (directions, first) = (&columns.direction, columns.first_direction);
+        self.axes = axes([first[0].abs(), first[1].abs(), first[2].abs()]);
         let [x, y, z] = self.axes;
-        let forward: f32 = if directions[z][0] < 0.0 { -1.0 } else { 1.0 };
+        let forward: f32 = if first[z] < 0.0 { -1.0 } else { 1.0 };
         let sign = if kind.reversed { -forward } else { forward };
         self.sign = sign;
         // Quotients as in [`super::super::ray::LocalRay`], whose shears these are if triangles are drawn in `f32`.
@@ -234,12 +252,13 @@ impl Bundle {
         }
         // SAFETY: passed on to the caller.
         unsafe {
-            let speed = W::load(&directions[z]);
+            let speed = directions[z];
             let along = speed.mul(W::splat(forward));
-            let (mut shear_x, mut shear_y) = (W::load(&self.slope[0]), W::load(&self.slope[1]));
-            if !is_drawn {
-                (shear_x, shear_y) = (W::load(&directions[x]).div(speed), W::load(&directions[y]).div(speed));
-            }
+            let [shear_x, shear_y] = if is_drawn {
+                [W::load(&self.slope[0]), W::load(&self.slope[1])]
+            } else {
+                [directions[x].div(speed), directions[y].div(speed)]
+            };
             let slopes = [shear_x.mul(W::splat(sign)), shear_y.mul(W::splat(sign))];
             let (low, high) = ([slopes[0].least(), slopes[1].least()], [slopes[0].greatest(), slopes[1].greatest()]);
             let fine = along.least() > 1.0 / LARGEST
@@ -275,12 +294,12 @@ impl Bundle {
             let slopes = [shear_x.mul(W::splat(forward)), shear_y.mul(W::splat(forward))];
             self.lines.set_up(columns, &kind, self.axes, slopes, along);
             self.octant = (0..3).fold(0, |octant, axis| {
-                let down = (directions[axis][0] < 0.0) != kind.backward;
+                let down = (first[axis] < 0.0) != kind.backward;
                 octant | usize::from(down) << axis
             });
-            let cull = W::load(&columns.cull);
+            let cull = columns.cull;
             let start = W::load(&self.start);
-            let (early, end) = (W::load(&columns.t_min).mul(along), self.ends(start, cull, along));
+            let (early, end) = (columns.t_min.mul(along), self.ends(start, cull, along));
             let (wide, narrow, margin) = (W::splat(1.0 + PADDING), W::splat(1.0 - PADDING), W::splat(self.margin));
             let (near, far) = if kind.reversed {
                 (end, start.sub(early).mul(wide).add(margin))
@@ -310,14 +329,14 @@ impl Bundle {
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn place<W: Lanes16>(&mut self, columns: &Columns) {
+    unsafe fn place<W: Lanes16>(&mut self, columns: &Columns<W>) {
         let [x, y, z] = self.axes;
         self.lines.point = [self.drawn_origin[x][0], self.drawn_origin[y][0], self.drawn_origin[z][0]];
         self.drawn_origin = [self.drawn_origin[x], self.drawn_origin[y], self.drawn_origin[z]];
         // SAFETY: passed on to the caller.
         let distance = unsafe {
             let from = &columns.from_apex;
-            let (from_x, from_y, from_z) = (W::load(&from[x]), W::load(&from[y]), W::load(&from[z]));
+            let (from_x, from_y, from_z) = (from[x], from[y], from[z]);
             let start = from_z.mul(W::splat(self.sign));
             start.store(&mut self.start);
             from_x.sub(W::load(&self.slope[0]).mul(start)).store(&mut self.offset[0]);
@@ -345,22 +364,51 @@ impl Bundle {
         }
     }
 
-    /// After a hit of one ray: its new padded limit. [`Self::update_limits`] must follow.
+    /// After some rays were tested: their new padded limits, and of which nothing more is wanted. [`Self::update_limits`] must follow.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub fn tighten(&mut self, ray: usize, cull: f32) {
-        let (start, length) = (self.start[ray], cull * self.along[ray]);
-        if self.kind.reversed {
-            self.near[ray] = self.near[ray].max(start * (1.0 - PADDING) - length - self.margin);
-        } else {
-            self.far[ray] = self.far[ray].min((start + length) * (1.0 + PADDING) + self.margin);
+    pub unsafe fn narrow<W: Lanes16>(&mut self, rays: u32, over: u32, culls: &PerRay<f32>) {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            self.tighten::<W>(rays & !over, culls);
+            self.finish::<W>(over);
         }
-        self.lines.tighten(ray, cull);
     }
 
-    /// Nothing more is wanted of a ray. [`Self::update_limits`] must follow.
+    /// After hits of some rays: their new padded limits. [`Self::update_limits`] must follow.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub fn finish(&mut self, ray: usize) {
-        (self.near[ray], self.far[ray]) = (f32::INFINITY, f32::NEG_INFINITY);
+    unsafe fn tighten<W: Lanes16>(&mut self, rays: u32, culls: &PerRay<f32>) {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let (cull, along) = (W::load(culls), W::load(&self.along));
+            let end = self.ends(W::load(&self.start), cull, along);
+            if self.kind.reversed {
+                let near = end.max(W::load(&self.near));
+                replace(&mut self.near, rays, near);
+            } else {
+                let far = end.min(W::load(&self.far));
+                replace(&mut self.far, rays, far);
+            }
+            self.lines.tighten(rays, cull.mul(along));
+        }
+    }
+
+    /// Nothing more is wanted of some rays. [`Self::update_limits`] must follow.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub unsafe fn finish<W: Lanes16>(&mut self, rays: u32) {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            replace(&mut self.near, rays, W::splat(f32::INFINITY));
+            replace(&mut self.far, rays, W::splat(f32::NEG_INFINITY));
+        }
     }
 
     /// After sure hits of some rays that are not reversed, between two places of their [`Lines`] each. [`Self::update_limits`] must follow.
@@ -498,24 +546,24 @@ impl Bundle {
     }
 }
 
+/// Numbers by axis and ray.
+///
+/// # Safety
+/// The machine must have the instructions of `W`.
+#[inline(always)]
+unsafe fn load3<W: Lanes16>([x, y, z]: &[PerRay<f32>; 3]) -> [W; 3] {
+    // SAFETY: passed on to the caller.
+    unsafe { [W::load(x), W::load(y), W::load(z)] }
+}
+
 /// Replaces the numbers of some of the rays.
 ///
 /// # Safety
 /// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn replace<W: Lanes16>(values: &mut PerRay<f32>, rays: u32, by: W) {
+pub(super) unsafe fn replace<W: Lanes16>(values: &mut PerRay<f32>, rays: u32, by: W) {
     // SAFETY: passed on to the caller.
     unsafe { W::load(values) }.replace(rays, by).store(values);
-}
-
-/// Puts one half of the rays where they belong.
-///
-/// # Safety
-/// `half` must be 0 or 1.
-#[inline(always)]
-pub(super) unsafe fn store<L: Lanes8>(from: L, values: &mut PerRay<f32>, half: usize) {
-    // SAFETY: passed on to the caller.
-    from.store(unsafe { &mut *values.as_mut_ptr().add(8 * half).cast::<[f32; 8]>() });
 }
 
 /// True if the boxes of a node are where the tests of bundles cannot overflow.

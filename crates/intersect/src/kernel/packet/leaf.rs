@@ -57,6 +57,8 @@ pub(super) struct SharedOrigin<L> {
     areas: [[L; 3]; 3],
     /// Of the errors of areas.
     bound: L,
+    /// The nearest place where a hit may be put.
+    nearest: L,
 }
 
 impl<L: Lanes8> SharedOrigin<L> {
@@ -76,11 +78,12 @@ impl<L: Lanes8> SharedOrigin<L> {
             let length = length.add(length);
             let far = size(r0).add(length).add(L::splat(lines.spread));
             let bound = bound::<L, P>(far, length, lines.margin);
-            Self { areas: [cross(r1, e0), cross(r2, e1), cross(r0, e2)], bound }
+            let nearest = nearest(r0[2].min(r1[2]).min(r2[2]), far, other_error(far, lines.margin));
+            Self { areas: [cross(r1, e0), cross(r2, e1), cross(r0, e2)], bound, nearest }
         }
     }
 
-    /// The triangles that the line of a ray may meet.
+    /// The triangles that a ray may meet, and that are not surely beyond where it ends.
     ///
     /// # Safety
     /// The machine must have the instructions of `L`.
@@ -88,13 +91,15 @@ impl<L: Lanes8> SharedOrigin<L> {
     pub unsafe fn candidates(&self, lines: &Lines, ray: usize) -> u32 {
         // SAFETY: passed on to the caller.
         let (sx, sy, zero) = unsafe { (L::splat(lines.slope[0][ray]), L::splat(lines.slope[1][ray]), L::splat(0.0)) };
+        // SAFETY: as above.
+        let end = unsafe { L::splat(lines.end[ray]) };
         let [[ux, uy, uz], [vx, vy, vz], [wx, wy, wz]] = self.areas;
         let u = ux.mul_add(sx, uy.mul_add(sy, uz));
         let v = vx.mul_add(sx, vy.mul_add(sy, vz));
         let w = wx.mul_add(sx, wy.mul_add(sy, wz));
         // Surely outside: two edges whose signs are certain and differ. NaN is never sure.
         let inside = u.min(v).min(w).max(zero.sub(u.max(v).max(w)));
-        !inside.add(self.bound).lt(zero) & 0xff
+        !(inside.add(self.bound).lt(zero) | end.lt(self.nearest)) & 0xff
     }
 }
 
@@ -133,6 +138,26 @@ unsafe fn bound<L: Lanes8, P: Rules>(far: L, mut length: L, margin: f32) -> L {
     }
 }
 
+/// Bound of the errors of depths, besides those that follow from areas.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn other_error<L: Lanes8>(far: L, margin: f32) -> L {
+    // SAFETY: passed on to the caller.
+    unsafe { far.mul(L::splat(32.0 * ROUNDING)).add(L::splat(margin * 8.0)) }
+}
+
+/// The nearest place where a hit of a triangle may be put whose nearest corner is at `low`: the box that hits are kept in is padded by less.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn nearest<L: Lanes8>(low: L, far: L, other_error: L) -> L {
+    // SAFETY: passed on to the caller.
+    low.sub(far.mul(unsafe { L::splat(4e-6) })).sub(other_error)
+}
+
 /// What is known of the rays that may meet a triangle: a bit for each.
 pub(super) struct Meeting<W> {
     /// They may hit it, and that may matter.
@@ -159,12 +184,10 @@ impl SeenBlock {
             let (low, high) = (r0[2].min(r1[2]).min(r2[2]), r0[2].max(r1[2]).max(r2[2]));
             let length = size(e1).max(size(e2));
             let far = size(r0).add(length).add(L::splat(lines.spread));
-            let margin = L::splat(lines.margin);
             let bound = bound::<L, P>(far, length, lines.margin);
             let clear = bound.mul(L::splat(CLEAR));
-            let other = far.mul(L::splat(32.0 * ROUNDING)).add(margin.mul(L::splat(8.0)));
-            // The box that hits are kept in is padded by less than this.
-            let nearest = low.sub(far.mul(L::splat(4e-6))).sub(other);
+            let other = other_error(far, lines.margin);
+            let nearest = nearest(low, far, other);
             let mut seen = std::mem::MaybeUninit::<Self>::uninit();
             let to = &mut *seen.as_mut_ptr();
             store3(cross(r2, e1), &mut to.areas[0]);

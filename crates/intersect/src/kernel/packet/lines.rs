@@ -3,7 +3,7 @@
 //! Triangles are seen from there, not from the apex of the bundle, because every hit is decided by the distance from the start of its ray: a
 //! light far away, as the apex is, would make all errors as large as its distance. `z` grows along the rays.
 
-use super::bundle::{Columns, Kind, PerRay, RAYS};
+use super::bundle::{Columns, Kind, PerRay, RAYS, replace};
 use snell_math::simd::Lanes16;
 
 /// Roundings of a distance along the axis: a few.
@@ -71,7 +71,7 @@ impl Lines {
     #[inline(always)]
     pub unsafe fn set_up<W: Lanes16>(
         &mut self,
-        columns: &Columns,
+        columns: &Columns<W>,
         kind: &Kind,
         [x, y, z]: [usize; 3],
         slopes: [W; 2],
@@ -88,7 +88,7 @@ impl Lines {
             self.spread = 0.0;
             if self.apart {
                 let from = &columns.from_first;
-                let (from_x, from_y, from_z) = (W::load(&from[x]), W::load(&from[y]), W::load(&from[z]));
+                let (from_x, from_y, from_z) = (from[x], from[y], from[z]);
                 self.spread = from_x.abs().add(from_y.abs()).add(from_z.abs()).greatest();
                 start = from_z.mul(W::splat(self.forward));
                 let (at_x, at_y) = (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
@@ -97,26 +97,55 @@ impl Lines {
                 at_x.mul(slope_y).sub(at_y.mul(slope_x)).store(&mut self.moment[2]);
             }
             start.store(&mut self.start);
-            let (margin, roundings) = (W::splat(self.margin + f32::MIN_POSITIVE), W::splat(ROUNDINGS));
-            let early = W::load(&columns.t_min).mul(along);
+            let early = columns.t_min.mul(along);
             let begin = start.add(early);
-            let error = start.abs().add(early).mul(roundings).add(margin);
+            let error = self.error(start, early);
             begin.sub(error).store(&mut self.begin);
             begin.add(error).store(&mut self.sure_begin);
             // (Of rays that want nothing this is unspecified.)
-            let length = W::load(&columns.cull).mul(along).min(W::splat(LONGEST));
-            let error = start.abs().add(length).mul(roundings).add(margin);
-            start.add(length).add(error).store(&mut self.end);
-            start.add(length.mul(W::splat(1.0 - END_PADDING))).sub(error).store(&mut self.sure_end);
+            let [sure_end, end] = self.ends(columns.cull.mul(along));
+            sure_end.store(&mut self.sure_end);
+            end.store(&mut self.end);
         }
     }
 
-    /// After a hit of one ray: its new padded limit.
+    /// Bound of the errors of a place at this distance from the start.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub fn tighten(&mut self, ray: usize, cull: f32) {
-        let (start, length) = (self.start[ray], cull * self.along[ray]);
-        let error = (start.abs() + length) * ROUNDINGS + self.margin;
-        self.end[ray] = self.end[ray].min(start + length + error);
-        self.sure_end[ray] = self.sure_end[ray].min(start + length * (1.0 - END_PADDING) - error);
+    unsafe fn error<W: Lanes16>(&self, start: W, length: W) -> W {
+        // SAFETY: passed on to the caller.
+        let (margin, roundings) = unsafe { (W::splat(self.margin + f32::MIN_POSITIVE), W::splat(ROUNDINGS)) };
+        start.abs().add(length).mul(roundings).add(margin)
+    }
+
+    /// Between where rays end that have these padded lengths.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    unsafe fn ends<W: Lanes16>(&self, length: W) -> [W; 2] {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let (start, length) = (W::load(&self.start), length.min(W::splat(LONGEST)));
+            let error = self.error(start, length);
+            [start.add(length.mul(W::splat(1.0 - END_PADDING))).sub(error), start.add(length).add(error)]
+        }
+    }
+
+    /// After hits of some rays: their new padded lengths.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub unsafe fn tighten<W: Lanes16>(&mut self, rays: u32, length: W) {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let [sure_end, end] = self.ends(length);
+            let (sure_end, end) = (sure_end.min(W::load(&self.sure_end)), end.min(W::load(&self.end)));
+            replace(&mut self.sure_end, rays, sure_end);
+            replace(&mut self.end, rays, end);
+        }
     }
 }

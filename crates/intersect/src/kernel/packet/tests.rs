@@ -1,5 +1,5 @@
 use super::Locals;
-use super::bundle::{Bundle, Columns, RAYS};
+use super::bundle::{Bundle, RAYS};
 use super::exact::{Found, Pairs, exact_hits};
 use super::leaf::{SeenBlock, SharedOrigin};
 use super::runs::set_up;
@@ -29,9 +29,10 @@ fn vector(seed: u32, i: u32) -> Vec3 {
 }
 
 fn is_bundle(bundle: &mut Bundle, rays: &[Ray]) -> bool {
-    let mut columns = Columns::ZERO;
     // SAFETY: portable code.
-    unsafe { set_up::<Pair<Portable8>>(bundle, &mut columns, rays, false) }
+    let is_one = unsafe { set_up::<Pair<Portable8>>(bundle, rays, false) };
+    bundle.rays.write::<Single>(rays);
+    is_one
 }
 
 /// How the rays of a run belong together.
@@ -331,7 +332,7 @@ fn locals_are_built_once_and_are_those_of_the_rays() {
     let rays = rays(Kind::FromPoint, 3, 16, Vec3::ZERO, Vec3::Z, 0.1);
     let mut bundle = Bundle::NONE;
     assert!(is_bundle(&mut bundle, &rays));
-    let mut locals = Locals::NONE;
+    let mut locals = Locals::new();
     for lane in [3, 3, 0] {
         assert_eq!(locals.get(&bundle, lane).exact.direction, rays[lane].direction.as_dvec3());
     }
