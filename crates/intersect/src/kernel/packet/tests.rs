@@ -1,8 +1,8 @@
-use super::Locals;
 use super::bundle::{Bundle, RAYS};
 use super::exact::{Found, Pairs, exact_hits};
 use super::leaf::{SeenBlock, SharedOrigin};
 use super::runs::set_up;
+use super::triangles::Locals;
 use crate::accel::AcceleratorKind;
 use crate::hit::{DHit, Hit};
 use crate::kernel::ray::LocalRay;

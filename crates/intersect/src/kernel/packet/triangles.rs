@@ -1,0 +1,300 @@
+//! What bundles do with the triangles of leaves: some are surely missed, some surely hit, and the rest is tested exactly.
+
+use super::super::node::ChildRef;
+use super::super::ray::LocalRay;
+use super::bundle::{Bundle, RAYS};
+use super::exact::{PAIRS, Pairs};
+use super::leaf::{SeenBlock, SharedOrigin};
+use super::walk::Walker;
+use crate::accel::bvh::GroupTree;
+use crate::accel::group::test_triangle;
+use crate::precision::Rules;
+use crate::query::search::{Goal, Verdict};
+use snell_math::Vec2;
+use snell_math::simd::Lanes16;
+use std::mem::MaybeUninit;
+
+/// So few rays are worth a look at which triangles they are near, two at a time.
+const FEW_RAYS: u32 = 6;
+
+impl<G: Goal> Walker<'_, '_, G> {
+    /// Only the nearest hit counts: if it is certain which that is, the exact test of others is saved.
+    const PUTS_OFF: bool = G::NARROWS && G::WANTS_ONE;
+
+    /// Tests the triangles of a block for some of the rays.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`; `child` must be a block of the tree.
+    #[inline(always)]
+    pub(super) unsafe fn test_triangles<W: Lanes16>(
+        &mut self,
+        tree: &GroupTree,
+        child: ChildRef,
+        bundle: &mut Bundle,
+        rays: u32,
+        locals: &mut Locals,
+        instance: u32,
+    ) {
+        let mut pairs = Pairs::NONE;
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let found = if !G::ANY && !bundle.lines.apart {
+                self.find_pairs_of_origin::<W>(tree, child, bundle, rays, &mut pairs, locals, instance)
+            } else {
+                self.find_pairs::<W>(tree, child, bundle, rays, &mut pairs, locals, instance)
+            };
+            let last = pairs.count != 0 && self.test_pairs::<W>(tree, bundle, &mut pairs, locals, instance, false);
+            if found || last {
+                bundle.update_limits::<W>();
+            }
+        }
+    }
+
+    /// Finds what rays that share their origin may hit of a block. True if anything was tested, because there were many, and counted.
+    ///
+    /// # Safety
+    /// As [`Self::test_triangles`].
+    #[inline(always)]
+    unsafe fn find_pairs_of_origin<W: Lanes16>(
+        &mut self,
+        tree: &GroupTree,
+        child: ChildRef,
+        bundle: &mut Bundle,
+        mut rays: u32,
+        pairs: &mut Pairs,
+        locals: &mut Locals,
+        instance: u32,
+    ) -> bool {
+        let (place, used, mut found) = (child.block() as u32 * 8, (2 << (child.count() - 1)) - 1, false);
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let block = tree.blocks.get_unchecked(child.block());
+            let seen = SharedOrigin::<W::Half>::new::<G::Precision>(block, &bundle.lines, bundle.axes);
+            while rays != 0 {
+                let ray = rays.trailing_zeros();
+                rays &= rays - 1;
+                let mut triangles = seen.candidates(&bundle.lines, ray as usize & (RAYS - 1)) & used;
+                // Mostly there is one.
+                loop {
+                    pairs.push_if(ray, place + (triangles.trailing_zeros() & 7), triangles != 0);
+                    if pairs.is_full() {
+                        found |= self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false);
+                    }
+                    triangles &= triangles.wrapping_sub(1);
+                    if triangles == 0 {
+                        break;
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Finds what rays may hit of a block, and what they surely hit. True if anything counted already.
+    ///
+    /// # Safety
+    /// As [`Self::test_triangles`].
+    #[inline(always)]
+    unsafe fn find_pairs<W: Lanes16>(
+        &mut self,
+        tree: &GroupTree,
+        child: ChildRef,
+        bundle: &mut Bundle,
+        mut rays: u32,
+        pairs: &mut Pairs,
+        locals: &mut Locals,
+        instance: u32,
+    ) -> bool {
+        let (place, mut triangles, mut found) = (child.block() as u32 * 8, (2 << (child.count() - 1)) - 1, false);
+        // SAFETY: as promised by the caller.
+        unsafe {
+            let block = tree.blocks.get_unchecked(child.block());
+            let seen = SeenBlock::new::<W::Half, G::Precision>(block, &bundle.lines, bundle.axes);
+            if rays.count_ones() <= FEW_RAYS {
+                let (mut all, mut rest) = (0, rays);
+                while rest != 0 {
+                    all |= seen.near_two::<W>(&bundle.lines, &mut rest);
+                }
+                triangles &= all | all >> 8;
+            }
+            while triangles != 0 {
+                let triangle = triangles.trailing_zeros();
+                triangles &= triangles - 1;
+                let meeting = seen.meeting::<W>(&bundle.lines, triangle as usize, rays);
+                let mut possible = meeting.possible;
+                if meeting.sure != 0
+                    && (G::ANY || (Self::PUTS_OFF && !bundle.kind.reversed))
+                    && self.is_plain(tree, block.ids[triangle as usize & 7])
+                {
+                    if G::ANY {
+                        self.take_any::<W>(meeting.sure, bundle);
+                        rays &= !meeting.sure;
+                    } else {
+                        W::write_where(meeting.sure, place + triangle, &mut self.put_off);
+                        self.waiting |= meeting.sure;
+                        bundle.tighten_to(meeting.sure, meeting.low, meeting.high);
+                    }
+                    possible &= !meeting.sure;
+                    found = true;
+                }
+                while possible != 0 {
+                    pairs.push(possible.trailing_zeros(), place + triangle);
+                    possible &= possible - 1;
+                    if pairs.is_full() {
+                        found |= self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false);
+                        rays &= self.alive;
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// True if hits of a triangle count for all rays, whatever they are.
+    #[inline(always)]
+    fn is_plain(&self, tree: &GroupTree, triangle: u32) -> bool {
+        let options = &self.options[tree.triangle(triangle).0 as usize];
+        options.mask & self.masks != 0 && !options.filtered
+    }
+
+    /// Ends the searches of rays that surely hit something that counts.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    unsafe fn take_any<W: Lanes16>(&mut self, mut rays: u32, bundle: &mut Bundle) {
+        self.alive &= !rays;
+        // SAFETY: passed on to the caller.
+        unsafe { bundle.finish::<W>(rays) };
+        while rays != 0 {
+            let ray = rays.trailing_zeros() as usize & (RAYS - 1);
+            rays &= rays - 1;
+            self.search(ray).goal.take(G::Precision::hit(0.0, Vec2::ZERO, [0; 3]));
+        }
+    }
+
+    /// Tests what was put off. [`Bundle::update_limits`] must follow if this is not the `last` that the bundle is used for.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`; what was put off must be in this tree.
+    #[inline(always)]
+    pub(super) unsafe fn test_put_off<W: Lanes16>(
+        &mut self,
+        tree: &GroupTree,
+        bundle: &mut Bundle,
+        locals: &mut Locals,
+        instance: u32,
+        last: bool,
+    ) {
+        if !Self::PUTS_OFF {
+            return;
+        }
+        let mut rays = std::mem::take(&mut self.waiting);
+        while rays != 0 {
+            let mut pairs = Pairs::NONE;
+            while rays != 0 && !pairs.is_full() {
+                let ray = rays.trailing_zeros();
+                rays &= rays - 1;
+                pairs.push(ray, self.put_off[ray as usize & (RAYS - 1)]);
+            }
+            // SAFETY: as promised by the caller.
+            unsafe { self.test_pairs::<W>(tree, bundle, &mut pairs, locals, instance, last) };
+        }
+    }
+
+    /// Offers the hits of pairs of rays and triangles, and forgets the pairs. True if there are any that count. If nothing comes after the
+    /// `last` ones, the bundle is left as it is.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`; the triangles must be of the tree.
+    #[inline(always)]
+    unsafe fn test_pairs<W: Lanes16>(
+        &mut self,
+        tree: &GroupTree,
+        bundle: &mut Bundle,
+        pairs: &mut Pairs,
+        locals: &mut Locals,
+        instance: u32,
+        last: bool,
+    ) -> bool {
+        self.want_rays(bundle);
+        let all = u32::MAX >> (32 - pairs.count);
+        // Rays whose searches go on or are over, and where they end now.
+        let (mut nearer, mut over, mut culls) = (0, 0, [0.0; RAYS]);
+        (self.found.hits, self.found.unsure) = (0, all);
+        if bundle.is_aligned {
+            self.found.unsure = 0;
+            // SAFETY: as promised by the caller.
+            unsafe { G::Precision::exact_hits::<W::Half>(self.data, tree, bundle, pairs, self.found) };
+        }
+        let (mut hits, mut unsure) = (self.found.hits & all, self.found.unsure & all);
+        while hits != 0 {
+            let pair = hits.trailing_zeros() as usize & (PAIRS - 1);
+            hits &= hits - 1;
+            let ray = pairs.rays[pair] as usize & (RAYS - 1);
+            let (t, b) = (self.found.t[pair], [self.found.b1[pair], self.found.b2[pair]]);
+            let is_over = (self.alive & !over) >> ray & 1 == 0;
+            let search = self.search(ray);
+            if is_over || t > search.goal.limit() {
+                continue;
+            }
+            let (block, triangle) = pairs.place(pair);
+            let (geometry, primitive) = tree.triangle(tree.blocks[block].ids[triangle]);
+            let verdict = search.offer(G::Precision::found(t, b, [instance, geometry, primitive]));
+            culls[ray] = search.cull();
+            nearer |= 1 << ray;
+            over |= u32::from(verdict == Verdict::Finished) << ray;
+        }
+        while unsure != 0 {
+            let pair = unsure.trailing_zeros() as usize & (PAIRS - 1);
+            unsure &= unsure - 1;
+            let ray = pairs.rays[pair] as usize & (RAYS - 1);
+            if (self.alive & !over) >> ray & 1 == 0 {
+                continue;
+            }
+            let (block, triangle) = pairs.place(pair);
+            let block = &tree.blocks[block];
+            let ids = || {
+                let (geometry, primitive) = tree.triangle(block.ids[triangle]);
+                [instance, geometry, primitive]
+            };
+            let (local, search) = (locals.get(bundle, ray), self.search(ray));
+            let is_over = test_triangle(search, local, &block.corners(triangle), ids);
+            culls[ray] = search.cull();
+            nearer |= 1 << ray;
+            over |= u32::from(is_over) << ray;
+        }
+        pairs.count = 0;
+        self.alive &= !over;
+        let is_narrowed = !last && (over != 0 || (G::NARROWS && nearer != 0));
+        if is_narrowed {
+            // SAFETY: as promised by the caller.
+            unsafe { bundle.narrow::<W>(nearer, over, &culls) };
+        }
+        is_narrowed
+    }
+}
+
+/// What the exact test wants to know of the rays, worked out when it is needed.
+pub(super) struct Locals {
+    pub(super) built: u32,
+    rays: [MaybeUninit<LocalRay>; RAYS],
+}
+
+impl Locals {
+    /// None yet. (As a constant, all of it would be cleared for each bundle.)
+    #[inline(always)]
+    pub(super) fn new() -> Self {
+        Self { built: 0, rays: [const { MaybeUninit::uninit() }; RAYS] }
+    }
+
+    #[inline(always)]
+    pub(super) fn get(&mut self, bundle: &Bundle, lane: usize) -> &LocalRay {
+        if self.built >> lane & 1 == 0 {
+            self.built |= 1 << lane;
+            self.rays[lane].write(LocalRay::new(&bundle.rays.get(lane)));
+        }
+        // SAFETY: written now or before.
+        unsafe { self.rays[lane].assume_init_ref() }
+    }
+}
