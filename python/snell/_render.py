@@ -59,6 +59,7 @@ def render(
     sampler: str | None = None,
     filter: str | None = None,
     shadows: str | None = None,
+    terminator: str | None = None,
     light_samples: str | None = None,
     light_sampler: str | None = None,
     light_groups: Mapping[str, Any] | None = None,
@@ -116,7 +117,7 @@ def render(
         How far ``"ao"`` looks, in units of the scene: half of the scene's radius.
     exposure, tonemap
         How the picture is shown: stops; ``"none"``, ``"aces"`` or ``"agx"``. `noise` looks at it with this exposure.
-    sampler, filter, shadows, light_samples, light_sampler, accelerator, quality, bvh_cache
+    sampler, filter, shadows, terminator, light_samples, light_sampler, accelerator, quality, bvh_cache
         As the options of the command ``snell render``.
     progress : bool or callable
         True shows how far it is, after a second, by tqdm or rich if the program has imported one of them, else as a line of text on a terminal. A

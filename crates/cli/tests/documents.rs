@@ -341,7 +341,9 @@ fn commands_in_running_text_exist() {
 #[test]
 fn the_command_line_page_has_every_name() {
     use snell_intersect::accel::AcceleratorKind;
-    use snell_render::{Aov, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Shadows};
+    use snell_render::{
+        Aov, Filter, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Shadows, Terminator,
+    };
     let page = read(&repository().join("docs/user/command-line.md"));
     let mut names: Vec<&str> = Vec::new();
     names.extend(IntegratorKind::ALL.map(IntegratorKind::name));
@@ -351,6 +353,7 @@ fn the_command_line_page_has_every_name() {
     names.extend(LightSamplerKind::ALL.map(LightSamplerKind::name));
     names.extend(LightStrategy::ALL.map(LightStrategy::name));
     names.extend(Shadows::ALL.map(Shadows::name));
+    names.extend(Terminator::ALL.map(Terminator::name));
     names.extend(AcceleratorKind::ALL.iter().map(|a| a.name()));
     names.extend(snell_formats::image::Tonemap::ALL.map(|t| t.name()));
     names.extend(snell_scene::material::MaterialKind::NAMES);

@@ -15,6 +15,7 @@ mod edit;
 mod interaction;
 mod occurrence;
 mod reuse;
+pub mod smooth;
 pub mod triangles;
 
 pub use dynamic::{DynamicWorld, Snapshots};

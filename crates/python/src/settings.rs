@@ -11,7 +11,7 @@ use snell_oidn::Denoiser;
 use snell_render::layers::{add_light_group, needed_aovs};
 use snell_render::{
     Aov, Crop, Filter, Guiding, IntegratorKind, LightGroup, LightSamplerKind, LightStrategy, SamplerKind, Settings,
-    Shadows,
+    Shadows, Terminator,
 };
 use snell_scene::{Camera, Scene};
 use std::path::PathBuf;
@@ -156,6 +156,7 @@ pub fn read(keywords: &Keywords<'_, '_>, scene: &Scene, camera: &Camera) -> PyRe
         integrator,
         max_depth: max_depth.unwrap_or(integrator.default_max_depth()).min(Settings::MAX_DEPTH),
         shadows: keywords.one_of("shadows", None, &Shadows::ALL, Shadows::name)?.unwrap_or_default(),
+        terminator: keywords.one_of("terminator", None, &Terminator::ALL, Terminator::name)?.unwrap_or_default(),
         light_strategy: keywords
             .one_of("light_samples", None, &LightStrategy::ALL, LightStrategy::name)?
             .unwrap_or_default(),

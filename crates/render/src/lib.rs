@@ -40,4 +40,4 @@ pub use job::{Job, Progress, Recording, Statistics, Underway};
 pub use light_sampler::LightSamplerKind;
 pub use picture::picture;
 pub use sampler::SamplerKind;
-pub use settings::{Crop, LightGroup, LightStrategy, Settings, Shadows, TileOrder};
+pub use settings::{Crop, LightGroup, LightStrategy, Settings, Shadows, Terminator, TileOrder};

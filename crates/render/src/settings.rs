@@ -64,6 +64,29 @@ impl LightStrategy {
     }
 }
 
+/// Where light and shadow meet on meshes whose vertex normals round off coarse triangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Terminator {
+    /// Where the round surface has its terminator, see [`snell_intersect::smooth`].
+    #[default]
+    Smooth,
+    /// At the edges of the triangles, as in renderers that do nothing about it.
+    Faceted,
+}
+
+impl Terminator {
+    /// All choices.
+    pub const ALL: [Self; 2] = [Self::Smooth, Self::Faceted];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Smooth => "smooth",
+            Self::Faceted => "faceted",
+        }
+    }
+}
+
 /// A rectangle of pixels, right and lower border exclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crop {
@@ -140,6 +163,8 @@ pub struct Settings {
     pub max_depth: u32,
     /// How occlusion of lights is treated by the classic integrators.
     pub shadows: Shadows,
+    /// Where meshes with vertex normals have their shadow terminator.
+    pub terminator: Terminator,
     /// Which samples find lights.
     pub light_strategy: LightStrategy,
     /// How a light is chosen among many.
@@ -187,6 +212,7 @@ impl Default for Settings {
             color: ColorModel::default(),
             max_depth: Self::MAX_DEPTH,
             shadows: Shadows::default(),
+            terminator: Terminator::default(),
             light_strategy: LightStrategy::default(),
             light_sampler: LightSamplerKind::default(),
             guiding: None,

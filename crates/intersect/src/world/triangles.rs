@@ -17,11 +17,13 @@ pub type HitVectors = [HitLanes; 3];
 /// Hits on triangles, gathered one by one with [`World::gather_triangle`] and worked on together by [`Self::points`].
 #[derive(Clone, Debug)]
 pub struct TriangleHits {
-    corners: [HitVectors; 3],
+    pub(super) corners: [HitVectors; 3],
     /// Vertex normals; zero where there are none.
-    normals: [HitVectors; 3],
+    pub(super) normals: [HitVectors; 3],
     /// Barycentric coordinates of the second and third corner.
-    weights: [HitLanes; 2],
+    pub(super) weights: [HitLanes; 2],
+    /// True once a hit was put in whose mesh has vertex normals.
+    pub has_normals: bool,
 }
 
 /// Points of triangles. See [`crate::SurfaceInteraction`] for the meaning of each.
@@ -43,7 +45,7 @@ const ZERO: HitVectors = [[0.0; TRIANGLE_HITS]; 3];
 
 impl Default for TriangleHits {
     fn default() -> Self {
-        Self { corners: [ZERO; 3], normals: [ZERO; 3], weights: [[0.0; TRIANGLE_HITS]; 2] }
+        Self { corners: [ZERO; 3], normals: [ZERO; 3], weights: [[0.0; TRIANGLE_HITS]; 2], has_normals: false }
     }
 }
 
@@ -74,6 +76,7 @@ impl World {
             }
         }
         (hits.weights[0][lane], hits.weights[1][lane]) = (hit.uv.x, hit.uv.y);
+        hits.has_normals |= !mesh.normals.is_empty();
         true
     }
 }

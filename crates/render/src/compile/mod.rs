@@ -209,6 +209,11 @@ impl CompiledScene {
         self.world.interaction(RayQuery { time, ..RayQuery::from(ray) }, hit)
     }
 
+    /// The way from that surface to the smooth one that its vertex normals stand for ([`snell_intersect::World::lift`]).
+    pub fn lift(&self, ray: &Ray, time: f32, surface: &SurfaceInteraction) -> Vec3 {
+        self.world.lift(RayQuery { time, ..RayQuery::from(ray) }, surface)
+    }
+
     /// The material with this id.
     pub fn material(&self, id: MaterialId) -> &Material {
         &self.materials[id.index()]

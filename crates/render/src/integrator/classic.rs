@@ -24,11 +24,12 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     };
     let wo = outgoing(vertex.ray);
     let point = surface.point(context.scene);
-    let shading = surface.material.bsdf_towards(&point, wo);
+    let mut shading = surface.material.bsdf_towards(&point, wo);
+    let at = Arrival::at_surface(context, vertex, surface, &mut shading);
     let ambient = shading.ambient(wo) * vertex.state.mode.illuminant(context.scene.ambient + context.settings.fill);
     out.radiance = throughput * (surface.material.emitted(&point, wo) + ambient);
     let local = |wi| shading.eval_classic(wo, wi);
-    add_lights(context, throughput, &vertex.random, &Arrival::at_surface(surface, vertex.state.time), local, out);
+    add_lights(context, throughput, &vertex.random, &at, local, out);
     let follows = context.settings.integrator == IntegratorKind::Whitted && vertex.depth < context.settings.max_depth;
     if follows {
         add_branches(vertex, surface, &shading, wo, out);

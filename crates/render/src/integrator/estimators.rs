@@ -4,12 +4,14 @@ use super::light_part::LightSource;
 use super::{Context, PathState, SurfaceVertex, Vertex};
 use crate::compile::{CompiledLight, PlainEmission};
 use crate::light_sampler::{ChosenLight, LightSampler, Receiver};
-use crate::settings::LightStrategy;
+use crate::settings::{LightStrategy, Terminator};
 use snell_intersect::SurfaceInteraction;
-use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3, robust};
+use snell_intersect::smooth::lifted_ray_origin;
+use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3};
 use snell_scene::light::area::{AreaLight, AreaSample, DirectedSample, FlatPart, FlatSample};
+use snell_scene::material::ShadingBsdf;
 use snell_scene::medium::Glow;
-use snell_scene::{Background, MediumId};
+use snell_scene::{Background, Material, MediumId};
 
 /// How far along a shadow ray to a point occluders count: just short of the light itself.
 pub(super) const SHADOW_END: f32 = 1.0 - 1e-4;
@@ -71,18 +73,37 @@ pub struct Skin {
     pub position_error: Vec3,
     /// Unit normal of the surface itself.
     pub geometric_normal: Vec3,
+    /// The way to the smooth surface that the vertex normals stand for; zero where there is none, or where it does not matter.
+    pub lift: Vec3,
+}
+
+/// True if the surface of a material may stand for a smooth one ([`snell_intersect::smooth`]). What bounds an inside stays where it is,
+/// so that it is clear what is inside.
+pub fn may_be_lifted(context: &Context, material: &Material) -> bool {
+    context.settings.terminator == Terminator::Smooth && material.bounded_interior().is_none()
 }
 
 impl Arrival {
-    /// At a surface.
-    pub fn at_surface(vertex: &SurfaceVertex, time: f32) -> Self {
-        let &SurfaceInteraction { position, position_error, geometric_normal, .. } = vertex.interaction;
-        Self { position, surface: Some(Skin { position_error, geometric_normal }), mode: vertex.mode, time }
+    /// At a surface with this BSDF. Where that is lifted, light arrives from all directions above the shading normal's horizon, and
+    /// light rays find out what is in its way.
+    pub fn at_surface(context: &Context, vertex: &Vertex, surface: &SurfaceVertex, shading: &mut ShadingBsdf) -> Self {
+        let &SurfaceInteraction { position, position_error, geometric_normal, .. } = surface.interaction;
+        let is_lifted = shading.is_opaque() && !shading.is_delta() && may_be_lifted(context, surface.material);
+        let time = vertex.state.time;
+        let lift = match is_lifted {
+            true => context.scene.lift(vertex.ray, time, surface.interaction),
+            false => Vec3::ZERO,
+        };
+        if lift != Vec3::ZERO {
+            shading.geometric_normal = shading.frame.z;
+        }
+        Self { position, surface: Some(Skin { position_error, geometric_normal, lift }), mode: surface.mode, time }
     }
 
-    fn ray_origin(&self, direction: Vec3) -> Vec3 {
-        self.surface.map_or(self.position, |skin| {
-            robust::offset_ray_origin(self.position, skin.position_error, skin.geometric_normal, direction)
+    /// Where a ray of this direction starts that leaves the point.
+    pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
+        self.surface.map_or(self.position, |Skin { position_error, geometric_normal, lift }| {
+            lifted_ray_origin(self.position, position_error, geometric_normal, lift, direction)
         })
     }
 }

@@ -5,9 +5,10 @@ use super::estimators::SHADOW_END;
 use crate::compile::{CompiledLight, CompiledScene, PlainEmission};
 use crate::light_sampler::ChosenLight;
 use snell_intersect::TrianglePoints;
+use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES};
 use snell_math::simd::Wide;
-use snell_math::{Ray, Vec2, Vec3, at_level, robust, sampling};
+use snell_math::{Ray, Vec2, Vec3, at_level, sampling};
 use snell_scene::light::area::{FlatPart, FlatSample};
 use std::f32::consts::FRAC_1_PI;
 
@@ -59,6 +60,8 @@ pub struct Surfaces<'a> {
     pub normal: &'a HitVectors,
     /// Directions to where the paths come from.
     pub wo: &'a HitVectors,
+    /// See [`super::estimators::Skin::lift`].
+    pub lift: &'a HitVectors,
 }
 
 impl Default for FlatLights {
@@ -153,9 +156,17 @@ impl FlatArrivals {
     }
 }
 
+/// The normal of the plane below which nothing is reflected: that of the surface itself, or where it is lifted the shading normal.
+#[inline(always)]
+pub fn horizon(flat: Vec3, normal: Vec3, lift: Vec3) -> Vec3 {
+    let is_lifted = lift != Vec3::ZERO;
+    let pick = |flat: f32, normal: f32| if is_lifted { normal } else { flat };
+    Vec3::new(pick(flat.x, normal.x), pick(flat.y, normal.y), pick(flat.z, normal.z))
+}
+
 #[inline(always)]
 fn arrive(lights: &FlatLights, to: &Surfaces, u: &[HitLanes; 2], arrivals: &mut FlatArrivals) {
-    let Surfaces { points, normal, wo } = *to;
+    let Surfaces { points, normal, wo, lift } = *to;
     for i in 0..LANES {
         let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
         let (position, flat_normal, n) = (vector(&points.position), vector(&points.geometric_normal), vector(normal));
@@ -168,13 +179,13 @@ fn arrive(lights: &FlatLights, to: &Surfaces, u: &[HitLanes; 2], arrivals: &mut 
             lights.is_triangle[i] != 0,
         );
         let FlatSample { direction, pdf, end, is_front, exists } = part.sample(position, Vec2::new(u[0][i], u[1][i]));
-        let wo = vector(wo);
-        let cos_i = n.dot(direction);
-        let is_seen = (n.dot(wo) * cos_i > 0.0) & (flat_normal.dot(wo) * flat_normal.dot(direction) > 0.0);
+        let (wo, lift) = (vector(wo), vector(lift));
+        let (cos_i, horizon) = (n.dot(direction), horizon(flat_normal, n, lift));
+        let is_seen = (n.dot(wo) * cos_i > 0.0) & (horizon.dot(wo) * horizon.dot(direction) > 0.0);
         let cosine = if is_seen { cos_i.abs() * FRAC_1_PI } else { 0.0 };
         let density = pdf * lights.probability[i];
         let weight = sampling::power_heuristic(density, cosine);
-        let origin = robust::offset_ray_origin(position, vector(&points.position_error), flat_normal, direction);
+        let origin = lifted_ray_origin(position, vector(&points.position_error), flat_normal, lift, direction);
         let is_lit = is_front | (lights.on_both_sides[i] != 0);
         for axis in 0..3 {
             arrivals.origin[axis][i] = origin[axis];

@@ -5,18 +5,19 @@
 //! on what shares its batch.
 
 use super::carried::{Carried, Rest};
-use super::estimators::{Arrival, Skin};
+use super::estimators::{Arrival, Skin, may_be_lifted};
 use super::light_part::{LightSource, LobeShares};
-use super::lights::{FlatArrivals, FlatLights, Surfaces, flat_part};
+use super::lights::{FlatArrivals, FlatLights, Surfaces, flat_part, horizon};
 use super::path::{MAX_SURVIVAL, ROULETTE_DEPTH, SCATTERED_SPREAD, WeightedLight, weighted_sample};
 use super::{Context, IntegratorKind, Outputs, PathState, classic, dimension};
 use crate::light_sampler::{ChosenLight, Receivers};
 use crate::sampler::{ManyRandoms, Random, Sampler};
-use crate::settings::LightStrategy;
+use crate::settings::{LightStrategy, Terminator};
+use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS};
 use snell_intersect::{Hit, TriangleHits, TrianglePoints};
 use snell_math::simd::{Wide, least, most};
-use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, robust, sampling};
+use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, sampling};
 use snell_scene::material::visible_normal;
 use snell_scene::{Material, MediumId};
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -49,6 +50,9 @@ pub struct MatteVertices {
     others: Vec<(usize, OtherPoint)>,
     /// Direction to where the path comes from.
     wo: HitVectors,
+    /// As [`Skin::lift`]; all zero while `has_lifts` is false.
+    lift: HitVectors,
+    has_lifts: bool,
     /// By channel.
     reflectance: HitVectors,
     carried: CarriedLanes,
@@ -84,6 +88,7 @@ struct OtherPoint {
     position_error: Vec3,
     geometric_normal: Vec3,
     shading_normal: Vec3,
+    lift: Vec3,
 }
 
 /// The light that is sampled at a vertex.
@@ -122,7 +127,7 @@ struct MatteOutputs {
 struct Seen {
     arrival: Arrival,
     normal: Vec3,
-    geometric_normal: Vec3,
+    horizon: Vec3,
     /// Cosines of where the path comes from with the normals.
     cos_o: f32,
     side: f32,
@@ -133,7 +138,7 @@ impl Seen {
     /// The BSDF times the cosine, and the density of sampling, of a direction.
     fn reflected(&self, wi: Vec3) -> (SampledSpectrum, f32) {
         let cos_i = self.normal.dot(wi);
-        let is_seen = self.cos_o * cos_i > 0.0 && self.side * self.geometric_normal.dot(wi) > 0.0;
+        let is_seen = self.cos_o * cos_i > 0.0 && self.side * self.horizon.dot(wi) > 0.0;
         let pdf = if is_seen { cos_i.abs() * FRAC_1_PI } else { 0.0 };
         (self.reflectance * pdf, pdf)
     }
@@ -182,6 +187,8 @@ impl MatteVertices {
             points: TrianglePoints::default(),
             others: Vec::new(),
             wo: ZERO,
+            lift: ZERO,
+            has_lifts: false,
             reflectance: ZERO,
             carried: CarriedLanes {
                 throughput: ZERO,
@@ -220,6 +227,7 @@ impl MatteVertices {
         let Some(matte) = material.as_matte() else { return };
         if let Some(rgb) = matte.uniform()
             && material.normal_map.is_none()
+            && material.interior.is_none()
             && context.scene.world.gather_triangle(hit, lane, &mut self.hits)
         {
             put_color(&mut self.reflectance, lane, rest.mode.reflectance(rgb));
@@ -239,24 +247,42 @@ impl MatteVertices {
         put_color(&mut self.reflectance, lane, reflectance);
         let (position, position_error) = (surface.position, surface.position_error);
         let geometric_normal = surface.geometric_normal;
-        self.others.push((lane, OtherPoint { position, position_error, geometric_normal, shading_normal }));
+        let lift = match may_be_lifted(context, material) {
+            true => context.scene.lift(ray, rest.time, &surface),
+            false => Vec3::ZERO,
+        };
+        self.others.push((lane, OtherPoint { position, position_error, geometric_normal, shading_normal, lift }));
     }
 
     /// The points of all lanes.
-    fn place(&mut self) {
+    fn place(&mut self, context: &Context) {
         self.hits.points(&mut self.points, self.wide);
+        self.place_lifts(context);
         for &(lane, ref other) in &self.others {
             put(&mut self.points.position, lane, other.position);
             put(&mut self.points.position_error, lane, other.position_error);
             put(&mut self.points.geometric_normal, lane, other.geometric_normal);
             put(&mut self.points.shading_normal, lane, other.shading_normal);
+            put(&mut self.lift, lane, other.lift);
             self.points.is_sound[lane] = 1;
+        }
+    }
+
+    /// The lifts of all lanes: nothing to be done where no mesh has vertex normals.
+    fn place_lifts(&mut self, context: &Context) {
+        let had_lifts = self.has_lifts;
+        let is_smooth = std::mem::take(&mut self.hits.has_normals) && context.settings.terminator == Terminator::Smooth;
+        self.has_lifts = is_smooth || self.others.iter().any(|(_, other)| other.lift != Vec3::ZERO);
+        if is_smooth {
+            self.hits.lifts(&self.points, &self.wo, &mut self.lift, self.wide);
+        } else if had_lifts {
+            self.lift = ZERO;
         }
     }
 
     /// Works out what the first lanes, so many, give.
     pub fn shade(&mut self, context: &Context, count: usize, depth: u32) {
-        self.place();
+        self.place(context);
         let bsdf = self.randoms.pairs(dimension::BSDF, self.wide);
         let light = self.randoms.pairs(dimension::LIGHT, self.wide);
         let plays = depth >= ROULETTE_DEPTH;
@@ -269,7 +295,7 @@ impl MatteVertices {
             bounce,
             (
                 points: &TrianglePoints = &self.points,
-                wo: &HitVectors = &self.wo,
+                sides: (&HitVectors, &HitVectors) = (&self.wo, &self.lift),
                 u: &[HitLanes; 2] = &bsdf,
                 normals: [&mut HitVectors; 2] = [&mut self.normal, &mut self.facing],
                 to: &mut Bounces = &mut self.bounces,
@@ -277,7 +303,7 @@ impl MatteVertices {
         );
         self.choose_lights(context, count);
         if self.chosen[..count].iter().any(|chosen| matches!(chosen, Chosen::Sampled(_))) {
-            let surfaces = Surfaces { points: &self.points, normal: &self.normal, wo: &self.wo };
+            let surfaces = Surfaces { points: &self.points, normal: &self.normal, wo: &self.wo, lift: &self.lift };
             self.lights.arrivals(&surfaces, &light, self.wide, &mut self.arrivals);
         }
         at_level!(
@@ -328,8 +354,8 @@ impl MatteVertices {
     }
 
     /// Works out what [`Self::shade_classic`] needs.
-    pub fn prepare_classic(&mut self) {
-        self.place();
+    pub fn prepare_classic(&mut self, context: &Context) {
+        self.place(context);
         at_level!(
             self.wide,
             normals,
@@ -353,11 +379,12 @@ impl MatteVertices {
     /// What a lane knows of its surface.
     fn seen(&self, lane: usize, mode: ColorMode, time: f32) -> Seen {
         let (wo, normal, reflectance) = (at(&self.wo, lane), at(&self.normal, lane), color_at(&self.reflectance, lane));
-        let geometric_normal = at(&self.points.geometric_normal, lane);
+        let (geometric_normal, lift) = (at(&self.points.geometric_normal, lane), at(&self.lift, lane));
+        let horizon = horizon(geometric_normal, normal, lift);
         let position = at(&self.points.position, lane);
-        let skin = Skin { position_error: at(&self.points.position_error, lane), geometric_normal };
+        let skin = Skin { position_error: at(&self.points.position_error, lane), geometric_normal, lift };
         let arrival = Arrival { position, surface: Some(skin), mode, time };
-        Seen { arrival, normal, geometric_normal, cos_o: normal.dot(wo), side: geometric_normal.dot(wo), reflectance }
+        Seen { arrival, normal, horizon, cos_o: normal.dot(wo), side: horizon.dot(wo), reflectance }
     }
 
     /// False for a vertex that must be worked on alone after all.
@@ -523,7 +550,7 @@ fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
 #[inline(always)]
 fn bounce(
     points: &TrianglePoints,
-    wo: &HitVectors,
+    (wo, lift): (&HitVectors, &HitVectors),
     u: &[HitLanes; 2],
     normals: [&mut HitVectors; 2],
     to: &mut Bounces,
@@ -531,8 +558,9 @@ fn bounce(
     let [normal, facing] = normals;
     for i in 0..LANES {
         let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
-        let (wo, flat) = (vector(wo), vector(&points.geometric_normal));
+        let (wo, lift, flat) = (vector(wo), vector(lift), vector(&points.geometric_normal));
         let n = visible_normal(vector(&points.shading_normal), flat, wo);
+        let horizon = horizon(flat, n, lift);
         let frame = Frame::from_z(n);
         let up = sampling::cosine_hemisphere(Vec2::new(u[0][i], u[1][i]));
         let pdf = up.z * FRAC_1_PI;
@@ -541,9 +569,9 @@ fn bounce(
         let direction = frame.from_local(local);
         let scale = 1.0 / direction.length();
         let wi = direction * scale;
-        let is_seen = flat.dot(wo) * flat.dot(wi) > 0.0;
+        let is_seen = horizon.dot(wo) * horizon.dot(wi) > 0.0;
         let exists = is_seen & (pdf > 0.0) & (cos_o != 0.0) & (scale > 0.0) & (scale < f32::INFINITY);
-        let origin = robust::offset_ray_origin(vector(&points.position), vector(&points.position_error), flat, wi);
+        let origin = lifted_ray_origin(vector(&points.position), vector(&points.position_error), flat, lift, wi);
         for axis in 0..3 {
             normal[axis][i] = n[axis];
             facing[axis][i] = if cos_o < 0.0 { -n[axis] } else { n[axis] };

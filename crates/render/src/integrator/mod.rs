@@ -16,6 +16,8 @@ pub(crate) mod matte;
 mod motion;
 pub(crate) mod path;
 mod scattering;
+#[cfg(test)]
+mod tests;
 
 use crate::compile::CompiledScene;
 use crate::guiding::{Choice, Field};

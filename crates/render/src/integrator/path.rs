@@ -49,7 +49,8 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     if vertex.depth >= max_depth {
         return;
     }
-    let shading = surface.material.bsdf_towards(&point, wo);
+    let mut shading = surface.material.bsdf_towards(&point, wo);
+    let at = Arrival::at_surface(context, vertex, surface, &mut shading);
     let normal = shading.frame.z;
     let receiver = Receiver {
         position: surface.interaction.position,
@@ -59,13 +60,11 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     let guided = GuidedBsdf::new(context.field, &shading, &receiver);
     if !shading.is_delta() {
         let bsdf = |wi| (shading.eval(wo, wi), guided.pdf(wo, wi));
-        let direction =
-            light_sample(context, vertex, Arrival::at_surface(surface, vertex.state.time), &receiver, bsdf, out);
-        if let Some(wi) = direction {
+        if let Some(wi) = light_sample(context, vertex, &at, &receiver, bsdf, out) {
             out.light_lobe = first_lobe(context, vertex, || LobeShares::of_surface(&shading, wo, wi, false));
         }
     }
-    add_bounce(context, vertex, surface, &receiver, &guided, out);
+    add_bounce(context, vertex, surface, &at, &receiver, &guided, out);
 }
 
 /// What a path that leaves the scene brings, and its weight.
@@ -116,14 +115,14 @@ pub(crate) fn weight_of_found_light(strategy: LightStrategy, bsdf_pdf: f32, ligh
 pub(super) fn light_sample(
     context: &Context,
     vertex: &Vertex,
-    at: Arrival,
+    at: &Arrival,
     receiver: &Receiver,
     scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
     out: &mut Outputs,
 ) -> Option<Vec3> {
     let u_choice = || vertex.random.number(dimension::LIGHT_CHOICE);
     let u = || vertex.random.pair(dimension::LIGHT);
-    let found = weighted_light(context, vertex.state.throughput, &at, receiver, u_choice, u, scattering)?;
+    let found = weighted_light(context, vertex.state.throughput, at, receiver, u_choice, u, scattering)?;
     out.light_source = Some(found.source);
     out.weights.light = found.weight;
     out.glowing = found.glowing;
@@ -213,6 +212,7 @@ fn add_bounce(
     context: &Context,
     vertex: &Vertex,
     surface: &SurfaceVertex,
+    at: &Arrival,
     receiver: &Receiver,
     guided: &GuidedBsdf,
     out: &mut Outputs,
@@ -243,5 +243,5 @@ fn add_bounce(
         ..continued(vertex, surface, throughput)
     };
     out.choice = guided.choice(receiver, wo, &sample, survival);
-    out.next.push((Ray::new(surface.interaction.ray_origin(sample.wi), sample.wi), state));
+    out.next.push((Ray::new(at.ray_origin(sample.wi), sample.wi), state));
 }

@@ -17,7 +17,7 @@ pub fn scatter(context: &Context, vertex: &Vertex, medium: &MediumVertex, out: &
         (SampledSpectrum::splat(pdf), pdf)
     };
     let at = Arrival { position: medium.position, surface: None, mode: vertex.state.mode, time: vertex.state.time };
-    light_sample(context, vertex, at, &receiver, phase, out);
+    light_sample(context, vertex, &at, &receiver, phase, out);
     let lobe = first_lobe(context, vertex, || LobeShares::VOLUME);
     out.light_lobe = lobe;
     let (wi, pdf) = medium.phase.sample(forward, vertex.random.pair(dimension::BSDF));

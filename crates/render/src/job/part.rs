@@ -555,7 +555,7 @@ impl<'a> PartRenderer<'a> {
     }
 
     fn finish_classic(&mut self, depth: u32, vertices: &mut MatteVertices, lanes: &[u32]) {
-        vertices.prepare_classic();
+        vertices.prepare_classic(&self.context);
         for (lane, &path) in lanes.iter().enumerate() {
             let path = path as usize;
             if !vertices.is_sound(lane) {

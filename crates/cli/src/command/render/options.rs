@@ -13,6 +13,7 @@ use snell_math::{ColorModel, Rgb};
 use snell_render::layers::needed_aovs;
 use snell_render::{
     Aov, Crop, Filter, Guiding, IntegratorKind, LightSamplerKind, LightStrategy, SamplerKind, Settings, Shadows,
+    Terminator,
 };
 use snell_scene::light::sky::Sky;
 use snell_scene::{Background, Camera, Environment, Scene};
@@ -148,6 +149,9 @@ pub struct Options {
     /// Shadows of raycast and whitted: none, hard or soft
     #[arg(long, value_name = "NAME", default_value = "hard", help_heading = "How light is computed")]
     pub shadows: String,
+    /// Where light and shadow meet on coarse meshes with smooth normals: smooth or faceted
+    #[arg(long, value_name = "NAME", default_value = "smooth", help_heading = "How light is computed")]
+    pub terminator: String,
     /// Acceleration structure: bvh or none
     #[arg(long, value_name = "NAME", default_value = "bvh", help_heading = "How light is computed")]
     pub accelerator: String,
@@ -354,6 +358,7 @@ impl Options {
                 .unwrap_or(integrator.default_max_depth())
                 .min(Settings::MAX_DEPTH),
             shadows: choice("kind of shadows", &self.shadows, &Shadows::ALL, Shadows::name)?,
+            terminator: choice("shadow terminator", &self.terminator, &Terminator::ALL, Terminator::name)?,
             light_strategy: choice(
                 "choice of light samples",
                 &self.light_samples,

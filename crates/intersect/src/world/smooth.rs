@@ -1,0 +1,297 @@
+//! The smooth surfaces that vertex normals stand for, and where rays leave them: so that coarse triangles that are meant to be round
+//! have no jagged edge between light and shadow (the *shadow terminator problem*).
+//!
+//! A point of a triangle is lifted onto the mean of the planes that the vertex normals span at its corners, weighted by its barycentric
+//! coordinates (Hanika, Hacking the Shadow Terminator, Ray Tracing Gems II, 2021, chapter 4). Where the surface is hollow, seen from
+//! where the path comes, nothing is lifted: there no triangle is in the way.
+//!
+//! Only rays that leave nearly along the triangle, or through its plane, start from there: all others are as right from where they are,
+//! and shadows of what touches the surface stay where they are (as in Blender's Cycles, where this is the *geometry offset*). The
+//! other remedy darkens what the normals would light, by a factor of the cosines alone (Chiang, Li and Burley, Taming the Shadow
+//! Terminator, 2019; Conty Estevez, Lecocq and Stein, A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem,
+//! 2019). It is made for normals that are bent by maps, which know of no surface: on coarse triangles it keeps the border where the
+//! triangles have it and blurs it, while it is meant to be where the round surface has it.
+
+use super::triangles::{HitVectors, TRIANGLE_HITS, TriangleHits, TrianglePoints};
+use super::{Geometry, GeometryId, GroupId, World};
+use crate::hit::{Hit, SurfaceInteraction};
+use crate::mesh::TriangleMesh;
+use crate::query::rays::{RayQuery, clamped_time};
+use snell_math::simd::{Wide, least, most};
+use snell_math::{DVec3, Vec3, at_level, robust};
+
+/// Rays that rise higher above a triangle than this sine are not lifted at all.
+const STEEP: f32 = 0.1;
+
+/// Cosines of the largest angle between the normal of a triangle and those of its corners: from the first on nothing is lifted, up to
+/// the second everything is. Normals that are bent further round off the edges of boxes and do not stand for a surface.
+const BENT: [f32; 2] = [0.6, 0.8];
+
+/// From a point of a triangle to the smooth surface, on the side of `wo`.
+#[inline(always)]
+fn lift(corners: [Vec3; 3], normals: [Vec3; 3], [b1, b2]: [f32; 2], flat: Vec3, wo: Vec3) -> Vec3 {
+    let b = [1.0 - b1 - b2, b1, b2];
+    let edges = [corners[1] - corners[0], corners[2] - corners[0]];
+    let first = edges[0] * b1 + edges[1] * b2;
+    let from_corners = [first, first - edges[0], first - edges[1]];
+    let blended = normals[0] * b[0] + normals[1] * b[1] + normals[2] * b[2];
+    let turn = if blended.dot(flat) < 0.0 { -1.0 } else { 1.0 };
+    let side = if flat.dot(wo) < 0.0 { -turn } else { turn };
+    let (mut lift, mut least_cosine) = (Vec3::ZERO, 1.0);
+    for i in 0..3 {
+        let normal = normals[i] * (1.0 / normals[i].length());
+        let height = least(from_corners[i].dot(normal) * side, 0.0) * side;
+        lift -= normal * (height * b[i]);
+        least_cosine = least(normal.dot(flat) * turn, least_cosine);
+    }
+    let share = least((least_cosine - BENT[0]) * (1.0 / (BENT[1] - BENT[0])), 1.0);
+    let lift = lift * most(share, 0.0);
+    let is_bent = normals[0] != normals[1] || normals[0] != normals[2];
+    if is_bent & (lift.length_squared() < f32::INFINITY) { lift } else { Vec3::ZERO }
+}
+
+/// The start of a ray that leaves a surface of this [`World::lift`]: as [`robust::offset_ray_origin`] where that is zero.
+#[inline(always)]
+pub fn lifted_ray_origin(position: Vec3, error: Vec3, normal: Vec3, lift: Vec3, direction: Vec3) -> Vec3 {
+    let is_lifted = lift != Vec3::ZERO;
+    let rise = if lift.dot(normal) < 0.0 { -direction.dot(normal) } else { direction.dot(normal) };
+    let share = most(least(1.0 - rise * (1.0 / STEEP), 1.0), 0.0);
+    let lifted = position + lift * share;
+    let pick = |lifted: f32, plain: f32| if is_lifted { lifted } else { plain };
+    let from = Vec3::new(pick(lifted.x, position.x), pick(lifted.y, position.y), pick(lifted.z, position.z));
+    let towards = Vec3::new(pick(lift.x, direction.x), pick(lift.y, direction.y), pick(lift.z, direction.z));
+    robust::offset_ray_origin(from, error, normal, towards)
+}
+
+impl World {
+    /// The way from a point of a mesh with vertex normals to the smooth surface that these stand for, on the side from which `ray`
+    /// arrives; zero for everything else, and where the smooth surface is behind the mesh. What rays that are reflected there do with
+    /// it is [`lifted_ray_origin`].
+    pub fn lift<'a>(&self, ray: impl Into<RayQuery<'a>>, surface: &SurfaceInteraction) -> Vec3 {
+        let RayQuery { ray, time, .. } = ray.into();
+        let &SurfaceInteraction { t, primitive_uv: uv, instance, geometry, primitive, .. } = surface;
+        let hit = Hit { t, uv, instance, geometry, primitive };
+        let is_smooth = match self.geometry(GeometryId(geometry)) {
+            Geometry::Mesh(mesh) => !mesh.normals.is_empty(),
+            Geometry::Quads(quads) => !quads.triangles().normals.is_empty(),
+            Geometry::MovingMesh(mesh) => !mesh.first().normals.is_empty(),
+            Geometry::Shape(..) | Geometry::Set(_) => false,
+        };
+        if !is_smooth {
+            return Vec3::ZERO;
+        }
+        let lift =
+            self.lift_in_group(GroupId(0), instance, -ray.direction.as_dvec3(), clamped_time(time), &hit).as_vec3();
+        if lift.is_finite() { lift } else { Vec3::ZERO }
+    }
+
+    /// The same in the coordinates of `group`, for an occurrence `rest` below it.
+    fn lift_in_group(&self, group: GroupId, rest: u32, wo: DVec3, time: f32, hit: &Hit) -> DVec3 {
+        if let Some((step, left)) = self.step(group, rest) {
+            let instance = &self.group(group).instances[step];
+            let map = instance.at(time);
+            return map.vector(self.lift_in_group(instance.child, left, map.inverse().vector(wo), time, hit));
+        }
+        match self.geometry(GeometryId(hit.geometry)) {
+            Geometry::Mesh(mesh) => lift_in_mesh(mesh, wo, hit),
+            Geometry::Quads(quads) => lift_in_mesh(quads.triangles(), wo, &quads.triangle_hit(hit)),
+            Geometry::MovingMesh(mesh) => {
+                let alone = mesh.triangle_at(hit.primitive as usize, time);
+                lift_in_mesh(&alone, wo, &Hit { primitive: 0, ..*hit })
+            }
+            Geometry::Shape(..) | Geometry::Set(_) => DVec3::ZERO,
+        }
+    }
+}
+
+fn lift_in_mesh(mesh: &TriangleMesh, wo: DVec3, hit: &Hit) -> DVec3 {
+    let indices = mesh.indices[hit.primitive as usize].map(|i| i as usize);
+    let corners = indices.map(|i| mesh.positions[i]);
+    let p = corners.map(|p| p.as_dvec3());
+    let Some(flat) = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize() else { return DVec3::ZERO };
+    let normals = indices.map(|i| mesh.normals[i]);
+    lift(corners, normals, [hit.uv.x, hit.uv.y], flat.as_vec3(), wo.as_vec3()).as_dvec3()
+}
+
+impl TriangleHits {
+    /// What [`World::lift`] says of all lanes, bit for bit, for paths that come from the directions `wo`.
+    pub fn lifts(&self, points: &TrianglePoints, wo: &HitVectors, to: &mut HitVectors, wide: Option<Wide>) {
+        at_level!(
+            wide,
+            lifts,
+            (
+                hits: &TriangleHits = self,
+                points: &TrianglePoints = points,
+                wo: &HitVectors = wo,
+                to: &mut HitVectors = to,
+            )
+        );
+    }
+}
+
+#[inline(always)]
+fn lifts(hits: &TriangleHits, points: &TrianglePoints, wo: &HitVectors, to: &mut HitVectors) {
+    for i in 0..TRIANGLE_HITS {
+        let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        let corners = [vector(&hits.corners[0]), vector(&hits.corners[1]), vector(&hits.corners[2])];
+        let normals = [vector(&hits.normals[0]), vector(&hits.normals[1]), vector(&hits.normals[2])];
+        let weights = [hits.weights[0][i], hits.weights[1][i]];
+        let lift = lift(corners, normals, weights, vector(&points.geometric_normal), vector(wo));
+        (to[0][i], to[1][i], to[2][i]) = (lift.x, lift.y, lift.z);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{BuildOptions, WorldBuilder};
+    use snell_math::simd::Level;
+    use snell_math::{DMat4, Ray, Transform, Vec2, rng};
+
+    /// Triangles with their corners on the unit sphere, none of which spans more than so much of it.
+    fn pieces_of_a_sphere(size: f32) -> TriangleMesh {
+        let number = |i: u32, k: u32| rng::uniform2([i, k, 7, 7]).x * 2.0 - 1.0;
+        let positions: Vec<Vec3> = (0..TRIANGLE_HITS as u32)
+            .flat_map(|t| {
+                let vector = |k: u32| Vec3::new(number(t, 3 * k), number(t, 3 * k + 1), number(t, 3 * k + 2));
+                [1, 2, 3].map(|k| (vector(0).normalize() + vector(k) * size).normalize())
+            })
+            .collect();
+        let turned = |t: u32| {
+            (positions[3 * t as usize + 1] - positions[3 * t as usize])
+                .cross(positions[3 * t as usize + 2] - positions[3 * t as usize])
+                .dot(positions[3 * t as usize])
+                < 0.0
+        };
+        let indices = (0..TRIANGLE_HITS as u32)
+            .map(|t| if turned(t) { [3 * t, 3 * t + 2, 3 * t + 1] } else { [3 * t, 3 * t + 1, 3 * t + 2] })
+            .collect();
+        TriangleMesh { normals: positions.clone(), positions, indices, ..TriangleMesh::default() }
+    }
+
+    fn world_of(mesh: TriangleMesh) -> World {
+        let mut builder = WorldBuilder::default();
+        builder.add_mesh(WorldBuilder::ROOT, mesh.into());
+        builder.build(&BuildOptions::default()).expect("a world")
+    }
+
+    fn hits() -> Vec<Hit> {
+        let uv = |t: u32| rng::uniform2([t, 1, 2, 3]) * 0.5;
+        let hit = |t: u32| Hit { t: 1.0, uv: Vec2::new(uv(t).x, uv(t).y), instance: 0, geometry: 0, primitive: t };
+        (0..TRIANGLE_HITS as u32).map(hit).collect()
+    }
+
+    #[test]
+    fn points_are_lifted_to_the_sphere_from_outside_and_not_at_all_from_inside() {
+        let mesh = pieces_of_a_sphere(0.2);
+        let world = world_of(mesh.clone());
+        let mut deepest = 0.0f32;
+        for hit in hits() {
+            let outward = world.interaction(&Ray::new(Vec3::ZERO, Vec3::Z), &hit).position.normalize();
+            let from_outside = Ray::new(outward * 2.0, -outward);
+            let surface = world.interaction(&from_outside, &hit);
+            let lift = world.lift(&from_outside, &surface);
+            let depth = 1.0 - surface.position.length();
+            let left = (surface.position + lift).length() - 1.0;
+            // Slivers do not lie along the sphere.
+            let corners = mesh.indices[hit.primitive as usize].map(|i| mesh.normals[i as usize]);
+            if corners.iter().all(|n| n.dot(surface.geometric_normal) > BENT[1]) {
+                // The planes touch the sphere at the corners and are above it elsewhere: by what the triangle is below.
+                assert!((0.8 * depth..1.2 * depth + 1e-6).contains(&left), "{left} of {depth}");
+                deepest = deepest.max(depth);
+            }
+            assert_eq!(world.lift(&Ray::new(Vec3::ZERO, outward), &surface), Vec3::ZERO);
+        }
+        assert!(deepest > 0.01);
+    }
+
+    #[test]
+    fn flat_triangles_shapes_and_normals_bent_too_far_are_not_lifted() {
+        let mesh = pieces_of_a_sphere(0.2);
+        let flat = |t: usize| {
+            let [a, b, c] = mesh.indices[t].map(|i| mesh.positions[i as usize]);
+            (b - a).cross(c - a).normalize()
+        };
+        let with = |normals: Vec<Vec3>| TriangleMesh { normals, ..mesh.clone() };
+        let flat_normals = (0..mesh.positions.len()).map(|v| flat(v / 3)).collect();
+        let bent = (0..mesh.positions.len())
+            .map(|v| {
+                let n = flat(v / 3);
+                n + (mesh.normals[v] - n * n.dot(mesh.normals[v])).normalize() * 1.5
+            })
+            .collect();
+        for mesh in [with(vec![]), with(flat_normals), with(bent)] {
+            let world = world_of(mesh);
+            for hit in hits() {
+                let ray = Ray::new(Vec3::splat(5.0), Vec3::splat(-0.5));
+                assert_eq!(world.lift(&ray, &world.interaction(&ray, &hit)), Vec3::ZERO);
+            }
+        }
+    }
+
+    #[test]
+    fn many_lifts_are_those_of_single_points_at_every_level() {
+        let world = world_of(pieces_of_a_sphere(0.3));
+        let (mut gathered, mut wo) = (TriangleHits::default(), [[0.0; TRIANGLE_HITS]; 3]);
+        let rays: Vec<Ray> = hits()
+            .iter()
+            .enumerate()
+            .map(|(lane, hit)| {
+                assert!(world.gather_triangle(hit, lane, &mut gathered));
+                let u = rng::uniform2([lane as u32, 8, 8, 8]) * 2.0 - 1.0;
+                let direction = Vec3::new(u.x, u.y, 0.4).normalize();
+                (0..3).for_each(|axis| wo[axis][lane] = -direction[axis]);
+                Ray::new(Vec3::ZERO, direction)
+            })
+            .collect();
+        for level in Level::ALL {
+            let (mut points, mut lifts) = (TrianglePoints::default(), [[0.0; TRIANGLE_HITS]; 3]);
+            gathered.points(&mut points, level.wide());
+            gathered.lifts(&points, &wo, &mut lifts, level.wide());
+            let mut lifted = 0;
+            for (i, (hit, ray)) in hits().iter().zip(&rays).enumerate() {
+                let single = world.lift(ray, &world.interaction(ray, hit));
+                assert_eq!(Vec3::new(lifts[0][i], lifts[1][i], lifts[2][i]), single);
+                lifted += usize::from(single != Vec3::ZERO);
+            }
+            assert!((20..TRIANGLE_HITS).contains(&lifted), "{lifted}");
+        }
+    }
+
+    #[test]
+    fn instances_lift_as_the_mesh_would_where_it_is_put() {
+        let (scale, by) = (DVec3::new(-2.0, 2.0, 2.0), DVec3::new(1.0, 2.0, 3.0));
+        let matrix = DMat4::from_translation(by) * DMat4::from_scale(scale);
+        let map = Transform::from_matrix(matrix).expect("it can be undone");
+        let mut builder = WorldBuilder::default();
+        let group = builder.add_group();
+        builder.add_mesh(group, pieces_of_a_sphere(0.2).into());
+        builder.add_instance(WorldBuilder::ROOT, group, map);
+        let (world, alone) =
+            (builder.build(&BuildOptions::default()).expect("a world"), world_of(pieces_of_a_sphere(0.2)));
+        for hit in hits() {
+            let ray = Ray::new(Vec3::splat(9.0), Vec3::splat(-0.5));
+            let local = Ray::new(Vec3::splat(9.0), map.inverse().vector(ray.direction.as_dvec3()).as_vec3());
+            let here = Hit { instance: 1, ..hit };
+            let lift = world.lift(&ray, &world.interaction(&ray, &here));
+            let expected = alone.lift(&local, &alone.interaction(&local, &hit));
+            assert!((lift - map.vector(expected.as_dvec3()).as_vec3()).length() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn only_rays_along_the_surface_start_from_the_lifted_point() {
+        let origin = |lift, direction| lifted_ray_origin(Vec3::X, Vec3::splat(1e-7), Vec3::Z, lift, direction);
+        let lift = Vec3::new(0.0, 0.0, 0.25);
+        let near = |a: Vec3, b: Vec3| (a - b).length() < 1e-6;
+        assert!(near(origin(lift, Vec3::new(0.6, 0.0, 0.8)), Vec3::X));
+        assert!(near(origin(lift, Vec3::X), Vec3::X + lift));
+        assert!(near(origin(lift, Vec3::new(0.8, 0.0, -0.6)), Vec3::X + lift));
+        assert!(near(origin(-lift, Vec3::new(0.8, 0.0, 0.6)), Vec3::X - lift));
+        for direction in [Vec3::Z, -Vec3::Z] {
+            let plain = robust::offset_ray_origin(Vec3::X, Vec3::splat(1e-7), Vec3::Z, direction);
+            assert_eq!(origin(Vec3::ZERO, direction), plain);
+        }
+        assert!(origin(lift * 1e-12, Vec3::new(0.8, 0.0, -0.6)).z > 0.0);
+    }
+}

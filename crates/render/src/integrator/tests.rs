@@ -1,0 +1,139 @@
+//! Where light and shadow meet on coarse meshes.
+
+use crate::{CompiledScene, Filter, IntegratorKind, Job, Settings, Terminator};
+use snell_intersect::{BuildOptions, Sphere, TriangleMesh};
+use snell_math::{DVec3, Rgb, Vec3};
+use snell_scene::builtin::builtin;
+use snell_scene::light::Attenuation;
+use snell_scene::material::{Diffuse, Plastic};
+use snell_scene::{Camera, Environment, Geometry, Light, Material, Node, Scene, Surface};
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+/// The unit sphere of so many triangles around and from pole to pole, with its own normals at the vertices.
+fn sphere(around: u32, down: u32) -> TriangleMesh {
+    let point = |i: u32, j: u32| {
+        let (phi, theta) = (2.0 * PI * (i % around) as f32 / around as f32, PI * j as f32 / down as f32);
+        Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+    };
+    let positions: Vec<Vec3> = (0..=down).flat_map(|j| (0..around).map(move |i| point(i, j))).collect();
+    let at = |i: u32, j: u32| j * around + i % around;
+    let quads = (0..down).flat_map(|j| (0..around).map(move |i| (i, j)));
+    let indices = quads
+        .flat_map(|(i, j)| {
+            let [a, b, c, d] = [at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)];
+            [(j + 1 < down).then_some([a, b, c]), (j > 0).then_some([a, c, d])]
+        })
+        .flatten()
+        .collect();
+    TriangleMesh { normals: positions.clone(), positions, indices, ..TriangleMesh::default() }
+}
+
+fn scene_of(mesh: TriangleMesh, material: Material, light: Light) -> Scene {
+    let mut scene = Scene::new("sphere");
+    let material = scene.add_material(material);
+    let surfaces = vec![Surface::with_material(Geometry::Mesh(Arc::new(mesh)), material)];
+    scene.add_child(scene.root, Node { surfaces, ..Node::default() });
+    scene.lights.push(light);
+    scene
+}
+
+fn matte() -> Material {
+    Material::new("matte", Diffuse::new(Rgb::splat(0.8)))
+}
+
+fn sun(direction: DVec3) -> Light {
+    Light::Directional { direction: direction.normalize(), irradiance: Rgb::splat(PI) }
+}
+
+fn lamp(position: DVec3) -> Light {
+    Light::Point { position, intensity: Rgb::splat(30.0), attenuation: Attenuation::default(), body_radius: 0.0 }
+}
+
+fn pixels(scene: &Scene, eye: Vec3, settings: &Settings) -> Vec<f32> {
+    let compiled = CompiledScene::new(scene, &BuildOptions::default()).expect("a valid scene");
+    let camera = Camera::look_at(eye, Vec3::ZERO, Vec3::Z, 0.25);
+    let image = Job::new(&compiled, &camera, settings).run(2, &|_| true).0.image();
+    image.layers[0].values.chunks(4).map(|pixel| pixel[0]).collect()
+}
+
+/// One sample in the middle of each pixel, so that only the surface makes a difference.
+fn settings(integrator: IntegratorKind, terminator: Terminator) -> Settings {
+    let how = Settings { integrator, terminator, filter: Filter::Box, ..Settings::default() };
+    Settings { size: [64, 64], spp: 1, pixel_position: Some([0.5, 0.5]), max_depth: 1, ..how }
+}
+
+#[test]
+fn the_terminator_of_a_coarse_sphere_is_that_of_a_fine_one() {
+    let eye = Vec3::new(0.0, -5.0, 0.0);
+    // Away from the outline, which coarse triangles cannot make round.
+    let is_inside = |i: &usize| {
+        let [x, y] = [i % 64, i / 64].map(|c| (c as f32 + 0.5) / 32.0 - 1.0);
+        x.hypot(y) < 0.7
+    };
+    let plastic = Material::new("plastic", Plastic::new(Rgb::splat(0.5), 0.6));
+    for material in [matte(), plastic] {
+        for integrator in [IntegratorKind::Path, IntegratorKind::Direct, IntegratorKind::Raycast] {
+            for light in
+                [sun(DVec3::new(1.0, 0.3, -0.2)), sun(DVec3::new(0.9, -0.4, 0.3)), lamp(DVec3::new(-4.0, 0.5, 1.0))]
+            {
+                let scene = |around, down| scene_of(sphere(around, down), material.clone(), light.clone());
+                let fine = pixels(&scene(192, 96), eye, &settings(integrator, Terminator::Faceted));
+                let worst = |terminator| {
+                    let coarse = pixels(&scene(12, 6), eye, &settings(integrator, terminator));
+                    let off = (0..coarse.len()).filter(is_inside).map(|i| (coarse[i] - fine[i]).abs());
+                    off.fold(0.0, f32::max)
+                };
+                let (smooth, faceted) = (worst(Terminator::Smooth), worst(Terminator::Faceted));
+                let largest = fine.iter().copied().fold(0.0, f32::max);
+                assert!(smooth < 0.06 * largest, "{integrator:?} {light:?}: {smooth} of {largest}, {faceted} without");
+                assert!(faceted > 0.15 * largest, "{integrator:?} {light:?}: {faceted} of {largest} shows nothing");
+            }
+        }
+    }
+}
+
+#[test]
+fn no_light_comes_through_a_closed_coarse_mesh() {
+    for integrator in [IntegratorKind::Path, IntegratorKind::Direct, IntegratorKind::Raycast] {
+        let how = Settings { max_depth: 6, spp: 16, pixel_position: None, ..settings(integrator, Terminator::Smooth) };
+        for (around, down) in [(3, 2), (5, 3), (12, 6)] {
+            // Lamps inside are not seen outside, also near the skin.
+            for inside in [DVec3::ZERO, DVec3::new(0.1, -0.2, 0.3), DVec3::new(0.0, 0.0, 0.9)] {
+                let mut scene = scene_of(sphere(around, down), matte(), lamp(inside));
+                let outside = pixels(&scene, Vec3::new(1.0, -5.0, 2.0), &how);
+                assert!(outside.iter().all(|&x| x == 0.0), "{integrator:?} {around} {inside}");
+                // And all light outside is not seen inside.
+                scene.lights = vec![sun(DVec3::new(1.0, 0.3, -0.2)), lamp(DVec3::new(0.0, 1.3, 0.0))];
+                if integrator == IntegratorKind::Path {
+                    scene.environment = Some(Environment::Constant(Rgb::WHITE));
+                }
+                let inside = pixels(&scene, Vec3::new(0.02, -0.1, 0.03), &how);
+                assert!(inside.iter().all(|&x| x == 0.0), "{integrator:?} {around}");
+            }
+        }
+    }
+}
+
+#[test]
+fn flat_triangles_and_shapes_are_as_they_were() {
+    let pictures = |scene: &Scene| {
+        let picture = |terminator| {
+            let how = Settings { max_depth: 5, spp: 4, ..settings(IntegratorKind::Path, terminator) };
+            pixels(scene, Vec3::new(1.0, -5.0, 2.0), &how)
+        };
+        [picture(Terminator::Smooth), picture(Terminator::Faceted)]
+    };
+    let light = || lamp(DVec3::new(-4.0, 0.5, 1.0));
+    let round = scene_of(sphere(12, 6), matte(), light());
+    let [smooth, faceted] = pictures(&round);
+    assert_ne!(smooth, faceted);
+    let flat = TriangleMesh { normals: Vec::new(), ..sphere(12, 6) };
+    let mut shape = round.clone();
+    shape.nodes[1].surfaces =
+        vec![Surface::shape(Sphere { radius: 1.0 }, shape.nodes[1].surfaces[0].materials[0].expect("it has one"))];
+    for scene in [scene_of(flat, matte(), light()), shape, builtin("cornell-box").expect("the scene is built in")] {
+        let [smooth, faceted] = pictures(&scene);
+        assert_eq!(smooth, faceted);
+    }
+}
