@@ -1,6 +1,8 @@
 //! Uniform directions in the solid angle of triangles, rectangles and spheres, with their densities. In double precision: the solid
 //! angle of something small is a difference of angles.
 
+use crate::angles;
+use crate::simd::{least, most};
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
@@ -42,50 +44,61 @@ pub fn sample_triangle([a, b, c]: [DVec3; 3], u: DVec2) -> Option<DVec3> {
 }
 
 /// A rectangle as seen from the origin, prepared to be sampled uniformly by solid angle (Ureña, Fajardo and King, An
-/// Area-Preserving Parametrization for Spherical Rectangles, 2013).
+/// Area-Preserving Parametrization for Spherical Rectangles, 2013). Without branches, so that loops over it become vector code.
 #[derive(Clone, Copy, Debug)]
 pub struct SphericalRectangle {
     min: DVec2,
     max: DVec2,
     z: f64,
     b: [f64; 2],
-    k: f64,
-    /// The solid angle, `[0, 2 pi]`.
+    /// Sine and cosine of the angle `k` of the paper.
+    k: [f64; 2],
+    /// The solid angle, `[0, 2 pi]`; of what is seen exactly from the side, either.
     pub solid_angle: f64,
 }
 
 impl SphericalRectangle {
     /// The rectangle from `min` to `max` in the plane at this `z`, in coordinates around the viewpoint.
-    #[inline]
+    #[inline(always)]
     pub fn new(min: DVec2, max: DVec2, z: f64) -> Self {
-        let z = -z.abs();
-        // Component along z of the normals of the planes through the origin and each side.
-        let along_z = |side: f64| side / side.hypot(z);
+        let z = z.abs();
+        let z2 = z * z;
+        // Components along z of the normals of the planes through the origin and each side.
+        let along_z = |side: f64| side / (side * side + z2).sqrt();
         let (b0, b1, n3) = (-along_z(min.y), along_z(max.y), -along_z(min.x));
-        // Two of the interior angles.
-        let g2 = (-b1 * n3).clamp(-1.0, 1.0).acos();
-        let g3 = (-n3 * b0).clamp(-1.0, 1.0).acos();
-        let k = TAU - g2 - g3;
-        let corners =
-            [min, DVec2::new(max.x, min.y), max, DVec2::new(min.x, max.y)].map(|p| p.extend(z).normalize_or_zero());
-        let [a, b, c, d] = corners;
-        let solid_angle = triangle_solid_angle(a, b, c) + triangle_solid_angle(a, c, d);
-        Self { min, max, z, b: [b0, b1], k, solid_angle }
+        // Two of the interior angles, by their cosines.
+        let (cos_g2, cos_g3) = (-b1 * n3, -n3 * b0);
+        let sin = |cos: f64| most(1.0 - cos * cos, 0.0).sqrt();
+        let (sin_g2, sin_g3) = (sin(cos_g2), sin(cos_g3));
+        let k = [-(sin_g2 * cos_g3 + cos_g2 * sin_g3), cos_g2 * cos_g3 - sin_g2 * sin_g3];
+        // The solid angle is a sum of the angles of these complex numbers, one for each corner, so it is the angle of their product.
+        let corner = |x: f64, y: f64| (z * (x * x + y * y + z2).sqrt(), x * y);
+        let times = |a: (f64, f64), b: (f64, f64)| (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0);
+        let conjugate = |a: (f64, f64)| (a.0, -a.1);
+        let straight = times(corner(min.x, min.y), corner(max.x, max.y));
+        let crossed = times(corner(min.x, max.y), corner(max.x, min.y));
+        let (re, im) = times(straight, conjugate(crossed));
+        Self { min, max, z, b: [b0, b1], k, solid_angle: angles::turn_to(im, re) }
     }
 
     /// The point `(x, y)` of the rectangle in a direction uniform by solid angle.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, u: DVec2) -> DVec2 {
-        let (sin, cos) = (u.x * self.solid_angle + self.k).sin_cos();
-        let f = (cos * self.b[0] - self.b[1]) / sin;
-        let c = (f.signum() / (f * f + self.b[0] * self.b[0]).sqrt()).clamp(-1.0, 1.0);
-        let x = (-(c * self.z) / ((1.0 - c) * (1.0 + c)).sqrt()).clamp(self.min.x, self.max.x);
+        let (sin_u, cos_u) = angles::sin_cos(u.x * self.solid_angle);
+        let [sin_k, cos_k] = self.k;
+        let (sin, cos) = (sin_u * cos_k + cos_u * sin_k, cos_u * cos_k - sin_u * sin_k);
+        let over = cos * self.b[0] - self.b[1];
+        let part = sin * self.b[0];
+        let c = (if over < 0.0 { -sin } else { sin }) / (over * over + part * part).sqrt();
+        let c = most(least(c, 1.0), -1.0);
+        let within = |x: f64, from: f64, to: f64| most(least(x, to), from);
+        let x = within(c * self.z / ((1.0 - c) * (1.0 + c)).sqrt(), self.min.x, self.max.x);
         let d2 = x * x + self.z * self.z;
         let height = |y: f64| y / (d2 + y * y).sqrt();
         let (h0, h1) = (height(self.min.y), height(self.max.y));
         let h = h0 + u.y * (h1 - h0);
-        let y = h * (d2 / ((1.0 - h) * (1.0 + h)).max(1e-300)).sqrt();
-        DVec2::new(x, y.clamp(self.min.y, self.max.y))
+        let y = h * (d2 / most((1.0 - h) * (1.0 + h), 1e-300)).sqrt();
+        DVec2::new(x, within(y, self.min.y, self.max.y))
     }
 }
 

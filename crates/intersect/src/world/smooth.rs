@@ -233,11 +233,10 @@ mod tests {
     fn many_lifts_are_those_of_single_points_at_every_level() {
         let world = world_of(pieces_of_a_sphere(0.3));
         let (mut gathered, mut wo) = (TriangleHits::default(), [[0.0; TRIANGLE_HITS]; 3]);
-        let rays: Vec<Ray> = hits()
-            .iter()
-            .enumerate()
-            .map(|(lane, hit)| {
-                assert!(world.gather_triangle(hit, lane, &mut gathered));
+        let (mesh, hits) = (world.plain_mesh(GeometryId(0)).expect("a mesh"), hits());
+        gathered.gather(hits.iter().enumerate().map(|(lane, hit)| (lane, &mesh, hit)));
+        let rays: Vec<Ray> = (0..hits.len())
+            .map(|lane| {
                 let u = rng::uniform2([lane as u32, 8, 8, 8]) * 2.0 - 1.0;
                 let direction = Vec3::new(u.x, u.y, 0.4).normalize();
                 (0..3).for_each(|axis| wo[axis][lane] = -direction[axis]);
@@ -249,7 +248,7 @@ mod tests {
             gathered.points(&mut points, level.wide());
             gathered.lifts(&points, &wo, &mut lifts, level.wide());
             let mut lifted = 0;
-            for (i, (hit, ray)) in hits().iter().zip(&rays).enumerate() {
+            for (i, (hit, ray)) in hits.iter().zip(&rays).enumerate() {
                 let single = world.lift(ray, &world.interaction(ray, hit));
                 assert_eq!(Vec3::new(lifts[0][i], lifts[1][i], lifts[2][i]), single);
                 lifted += usize::from(single != Vec3::ZERO);

@@ -1,10 +1,10 @@
 //! Many hits on triangles at once: what [`World::interaction`] says of each, bit for bit, without what only some materials ask for.
 
 use super::interaction::MAP_ERROR;
-use super::{Geometry, GeometryId, GroupId, World};
+use super::{Geometry, GeometryId, World};
 use crate::hit::Hit;
-use snell_math::at_level;
-use snell_math::simd::Wide;
+use snell_math::simd::{Wide, most as greater};
+use snell_math::{Vec3, at_level};
 
 /// How many hits a [`TriangleHits`] holds.
 pub const TRIANGLE_HITS: usize = 64;
@@ -14,16 +14,26 @@ pub type HitLanes = [f32; TRIANGLE_HITS];
 /// A vector for each hit, by axis.
 pub type HitVectors = [HitLanes; 3];
 
-/// Hits on triangles, gathered one by one with [`World::gather_triangle`] and worked on together by [`Self::points`].
+/// The triangles of a mesh without vertex colours that does not move, in the coordinates of its group.
+#[derive(Clone, Copy, Debug)]
+pub struct PlainMesh<'w> {
+    positions: &'w [Vec3],
+    /// Of each vertex, or empty.
+    normals: &'w [Vec3],
+    indices: &'w [[u32; 3]],
+}
+
+/// Hits on triangles, put together with [`Self::gather`] and worked on together by [`Self::points`].
 #[derive(Clone, Debug)]
 pub struct TriangleHits {
+    /// Numbers of the corners.
+    indices: [[u32; 3]; TRIANGLE_HITS],
     pub(super) corners: [HitVectors; 3],
     /// Vertex normals; zero where there are none.
     pub(super) normals: [HitVectors; 3],
+    has_normals: [bool; TRIANGLE_HITS],
     /// Barycentric coordinates of the second and third corner.
     pub(super) weights: [HitLanes; 2],
-    /// True once a hit was put in whose mesh has vertex normals.
-    pub has_normals: bool,
 }
 
 /// Points of triangles. See [`crate::SurfaceInteraction`] for the meaning of each.
@@ -45,7 +55,13 @@ const ZERO: HitVectors = [[0.0; TRIANGLE_HITS]; 3];
 
 impl Default for TriangleHits {
     fn default() -> Self {
-        Self { corners: [ZERO; 3], normals: [ZERO; 3], weights: [[0.0; TRIANGLE_HITS]; 2], has_normals: false }
+        Self {
+            indices: [[0; 3]; TRIANGLE_HITS],
+            corners: [ZERO; 3],
+            normals: [ZERO; 3],
+            has_normals: [false; TRIANGLE_HITS],
+            weights: [[0.0; TRIANGLE_HITS]; 2],
+        }
     }
 }
 
@@ -57,34 +73,62 @@ impl Default for TrianglePoints {
 }
 
 impl World {
-    /// Puts a hit into a lane. False, and nothing is done, unless it is on a triangle of a mesh that is not instanced, does not move and
-    /// has no vertex colours.
-    pub fn gather_triangle(&self, hit: &Hit, lane: usize, hits: &mut TriangleHits) -> bool {
-        if self.step(GroupId(0), hit.instance).is_some() {
-            return false;
-        }
-        let Geometry::Mesh(mesh) = self.geometry(GeometryId(hit.geometry)) else { return false };
-        if !mesh.colors.is_empty() {
-            return false;
-        }
-        for (corner, index) in mesh.indices[hit.primitive as usize].into_iter().enumerate() {
-            let position = mesh.positions[index as usize];
-            let normal = mesh.normals.get(index as usize).copied().unwrap_or_default();
-            for axis in 0..3 {
-                hits.corners[corner][axis][lane] = position[axis];
-                hits.normals[corner][axis][lane] = normal[axis];
+    /// The triangles of a geometry, if [`TriangleHits`] can hold them: a mesh that does not move and has no vertex colours. Hits on it
+    /// must be in the root group (`instance` 0).
+    pub fn plain_mesh(&self, geometry: GeometryId) -> Option<PlainMesh<'_>> {
+        match self.geometry(geometry) {
+            Geometry::Mesh(mesh) if mesh.colors.is_empty() => {
+                Some(PlainMesh { positions: &mesh.positions, normals: &mesh.normals, indices: &mesh.indices })
             }
+            _ => None,
         }
-        (hits.weights[0][lane], hits.weights[1][lane]) = (hit.uv.x, hit.uv.y);
-        hits.has_normals |= !mesh.normals.is_empty();
-        true
     }
 }
 
 impl TriangleHits {
+    /// Puts hits into lanes: lane, mesh and hit of each.
+    #[inline]
+    pub fn gather<'w>(&mut self, hits: impl Iterator<Item = (usize, &'w PlainMesh<'w>, &'w Hit)> + Clone) {
+        // In two steps, so that what is far away in memory is on its way for many hits at once.
+        for (lane, mesh, hit) in hits.clone() {
+            self.indices[lane] = mesh.indices[hit.primitive as usize];
+            (self.weights[0][lane], self.weights[1][lane]) = (hit.uv.x, hit.uv.y);
+        }
+        for (lane, mesh, _) in hits {
+            let indices = self.indices[lane];
+            put(&mut self.corners, lane, mesh.positions, indices);
+            let has_normals = !mesh.normals.is_empty();
+            if has_normals {
+                put(&mut self.normals, lane, mesh.normals, indices);
+            } else if self.has_normals[lane] {
+                put(&mut self.normals, lane, &[Vec3::ZERO], [0; 3]);
+            }
+            self.has_normals[lane] = has_normals;
+        }
+    }
+
+    /// True if a hit is or was in a lane whose mesh has vertex normals.
+    pub fn has_normals(&self) -> bool {
+        self.has_normals.contains(&true)
+    }
+
     /// The points of all lanes, also of those that nothing was put into.
     pub fn points(&self, to: &mut TrianglePoints, wide: Option<Wide>) {
-        at_level!(wide, points, (hits: &TriangleHits = self, to: &mut TrianglePoints = to));
+        match self.has_normals() {
+            true => at_level!(wide, points::<true>, (hits: &TriangleHits = self, to: &mut TrianglePoints = to)),
+            false => at_level!(wide, points::<false>, (hits: &TriangleHits = self, to: &mut TrianglePoints = to)),
+        }
+    }
+}
+
+/// Puts three vectors into a lane.
+#[inline(always)]
+fn put(to: &mut [HitVectors; 3], lane: usize, from: &[Vec3], indices: [u32; 3]) {
+    for (to, index) in to.iter_mut().zip(indices) {
+        let vector = from[index as usize];
+        for (axis, to) in to.iter_mut().enumerate() {
+            to[lane] = vector[axis];
+        }
     }
 }
 
@@ -105,17 +149,12 @@ fn inverse_length(v: Vector) -> f64 {
     1.0 / (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 
+/// `SMOOTH` if any has vertex normals.
 #[inline(always)]
-fn greater(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
-#[inline(always)]
-fn points(hits: &TriangleHits, to: &mut TrianglePoints) {
+fn points<const SMOOTH: bool>(hits: &TriangleHits, to: &mut TrianglePoints) {
     for i in 0..TRIANGLE_HITS {
         let wide = |v: &HitVectors| [f64::from(v[0][i]), f64::from(v[1][i]), f64::from(v[2][i])];
         let [p0, p1, p2] = [wide(&hits.corners[0]), wide(&hits.corners[1]), wide(&hits.corners[2])];
-        let [n0, n1, n2] = [wide(&hits.normals[0]), wide(&hits.normals[1]), wide(&hits.normals[2])];
         let (b1, b2) = (f64::from(hits.weights[0][i]), f64::from(hits.weights[1][i]));
         let b0 = 1.0 - b1 - b2;
         let largest = |p: Vector| greater(greater(p[0].abs(), p[1].abs()), p[2].abs());
@@ -123,12 +162,7 @@ fn points(hits: &TriangleHits, to: &mut TrianglePoints) {
         let normal = cross(minus(p1, p0), minus(p2, p0));
         let scale = inverse_length(normal);
         let mut is_sound = scale > 0.0 && scale < f64::INFINITY && error < f64::from(f32::MAX) * 1e-10;
-        // (Not by `map`, which is a call that would keep the loop from becoming vector code.)
-        let blend = |axis: usize| n0[axis] * b0 + n1[axis] * b1 + n2[axis] * b2;
-        let blended = [blend(0), blend(1), blend(2)];
-        let own_scale = inverse_length(blended);
-        let has_own = own_scale > 0.0 && own_scale < f64::INFINITY;
-        let (mut flat, mut smooth) = ([0.0f32; 3], [0.0f32; 3]);
+        let mut flat = [0.0f32; 3];
         for axis in 0..3 {
             let position = p0[axis] * b0 + p1[axis] * b1 + p2[axis] * b2;
             let single = position as f32;
@@ -137,16 +171,25 @@ fn points(hits: &TriangleHits, to: &mut TrianglePoints) {
             // The next number up of a number that is not negative.
             to.position_error[axis][i] = f32::from_bits(off.to_bits() + 1);
             flat[axis] = (normal[axis] * scale) as f32;
-            smooth[axis] = (blended[axis] * own_scale) as f32;
+            to.geometric_normal[axis][i] = flat[axis];
+            to.shading_normal[axis][i] = flat[axis];
             is_sound &= off < f32::MAX;
         }
-        let side = smooth[0] * flat[0] + smooth[1] * flat[1] + smooth[2] * flat[2];
-        for axis in 0..3 {
-            let turned = if side < 0.0 { -smooth[axis] } else { smooth[axis] };
-            to.geometric_normal[axis][i] = flat[axis];
-            to.shading_normal[axis][i] = if has_own { turned } else { flat[axis] };
-        }
         to.is_sound[i] = u32::from(is_sound);
+        if SMOOTH {
+            let [n0, n1, n2] = [wide(&hits.normals[0]), wide(&hits.normals[1]), wide(&hits.normals[2])];
+            // (Not by `map`, which is a call that would keep the loop from becoming vector code.)
+            let blend = |axis: usize| n0[axis] * b0 + n1[axis] * b1 + n2[axis] * b2;
+            let blended = [blend(0), blend(1), blend(2)];
+            let scale = inverse_length(blended);
+            let has_own = scale > 0.0 && scale < f64::INFINITY;
+            let smooth = [(blended[0] * scale) as f32, (blended[1] * scale) as f32, (blended[2] * scale) as f32];
+            let is_behind = smooth[0] * flat[0] + smooth[1] * flat[1] + smooth[2] * flat[2] < 0.0;
+            for axis in 0..3 {
+                let turned = if is_behind { -smooth[axis] } else { smooth[axis] };
+                to.shading_normal[axis][i] = if has_own { turned } else { flat[axis] };
+            }
+        }
     }
 }
 
@@ -155,7 +198,7 @@ mod tests {
     use super::*;
     use crate::{BuildOptions, TriangleMesh, WorldBuilder};
     use snell_math::simd::Level;
-    use snell_math::{Ray, Vec2, Vec3, rng};
+    use snell_math::{Ray, Vec2, rng};
 
     fn number(i: u32, k: u32) -> f32 {
         rng::uniform2([i, k, 3, 5]).x * 2.0 - 1.0
@@ -182,9 +225,8 @@ mod tests {
                 })
                 .collect();
             let mut gathered = TriangleHits::default();
-            for (lane, hit) in hits.iter().enumerate() {
-                assert!(world.gather_triangle(hit, lane, &mut gathered));
-            }
+            let mesh = world.plain_mesh(GeometryId(0)).expect("a mesh");
+            gathered.gather(hits.iter().enumerate().map(|(lane, hit)| (lane, &mesh, hit)));
             for level in Level::ALL {
                 let mut points = TrianglePoints::default();
                 gathered.points(&mut points, level.wide());
@@ -212,10 +254,9 @@ mod tests {
         builder.add_mesh(WorldBuilder::ROOT, mesh.into());
         let world = builder.build(&BuildOptions::default()).expect("a world");
         let mut gathered = TriangleHits::default();
-        for primitive in 0..2 {
-            let hit = Hit { t: 1.0, uv: Vec2::splat(0.3), instance: 0, geometry: 0, primitive };
-            assert!(world.gather_triangle(&hit, primitive as usize, &mut gathered));
-        }
+        let mesh = world.plain_mesh(GeometryId(0)).expect("a mesh");
+        let hits = [0, 1].map(|primitive| Hit { t: 1.0, uv: Vec2::splat(0.3), instance: 0, geometry: 0, primitive });
+        gathered.gather(hits.iter().enumerate().map(|(lane, hit)| (lane, &mesh, hit)));
         let mut points = TrianglePoints::default();
         gathered.points(&mut points, None);
         assert_eq!(points.is_sound[..2], [0, 0]);

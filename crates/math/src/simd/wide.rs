@@ -5,14 +5,25 @@
 
 use super::Level;
 
-/// Proof that the machine has the instructions of [`Level::Avx2`].
+/// Proof that the machine has the instructions of [`Level::Avx2`], and perhaps those of [`Level::Avx512`].
 #[derive(Clone, Copy, Debug)]
-pub struct Wide(());
+pub struct Wide {
+    is_widest: bool,
+}
+
+impl Wide {
+    /// True if it is the proof of [`Level::Avx512`].
+    #[inline(always)]
+    pub fn is_widest(self) -> bool {
+        self.is_widest
+    }
+}
 
 impl Level {
     /// The proof that [`crate::at_level`] asks for; `None` for portable code.
     pub fn wide(self) -> Option<Wide> {
-        (self >= Self::Avx2 && Self::Avx2.is_supported()).then_some(Wide(()))
+        let has = |level: Self| self >= level && level.is_supported();
+        has(Self::Avx2).then(|| Wide { is_widest: has(Self::Avx512) })
     }
 }
 
@@ -26,8 +37,16 @@ macro_rules! at_level {
         fn in_wide_registers($($argument: $type),*) $(-> $result)? {
             $function($($argument),*)
         }
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+        fn in_widest_registers($($argument: $type),*) $(-> $result)? {
+            $function($($argument),*)
+        }
         let wide: Option<$crate::simd::Wide> = $wide;
         match wide {
+            // SAFETY: the value proves that the machine has these instructions.
+            #[cfg(target_arch = "x86_64")]
+            Some(wide) if wide.is_widest() => unsafe { in_widest_registers($($value),*) },
             // SAFETY: the value proves that the machine has these instructions.
             #[cfg(target_arch = "x86_64")]
             Some(_) => unsafe { in_wide_registers($($value),*) },
@@ -38,12 +57,12 @@ macro_rules! at_level {
 
 /// The greater of two numbers; the second if one is NaN. One instruction, unlike `f32::max`.
 #[inline(always)]
-pub fn most(a: f32, b: f32) -> f32 {
+pub fn most<T: PartialOrd>(a: T, b: T) -> T {
     if a > b { a } else { b }
 }
 
 /// The lesser of two numbers; the second if one is NaN. One instruction, unlike `f32::min`.
 #[inline(always)]
-pub fn least(a: f32, b: f32) -> f32 {
+pub fn least<T: PartialOrd>(a: T, b: T) -> T {
     if a < b { a } else { b }
 }

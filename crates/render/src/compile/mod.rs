@@ -198,6 +198,11 @@ impl CompiledScene {
         self.surfaces.material(&self.world, hit.instance, hit.geometry, hit.primitive)
     }
 
+    /// The material of all primitives of a geometry in the root group; `None` if there may be several.
+    pub fn only_material(&self, geometry: u32) -> Option<MaterialId> {
+        self.surfaces.only_material(geometry)
+    }
+
     /// The nodes from the root of the scene graph to the one that holds the surface of a hit.
     pub fn node_path(&self, hit: &Hit) -> Vec<NodeId> {
         self.surfaces.node_path(&self.world, hit.instance, hit.geometry)

@@ -62,6 +62,13 @@ impl SurfaceTable {
         handed.unwrap_or(self.default)
     }
 
+    /// The material of all primitives of a geometry in the root group; `None` if there may be several.
+    pub fn only_material(&self, geometry: u32) -> Option<MaterialId> {
+        let materials = &self.geometries[geometry as usize];
+        let is_only = materials.mesh.as_ref().is_none_or(|mesh| mesh.material_slots.is_empty());
+        is_only.then(|| materials.slots.first().copied().flatten().unwrap_or(self.default))
+    }
+
     /// The materials a geometry may have, without those it inherits.
     pub fn own_materials(&self, geometry: u32) -> impl Iterator<Item = MaterialId> {
         self.geometries[geometry as usize].slots.iter().filter_map(|&m| m)

@@ -8,7 +8,7 @@ use crate::settings::{LightStrategy, Terminator};
 use snell_intersect::SurfaceInteraction;
 use snell_intersect::smooth::lifted_ray_origin;
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3};
-use snell_scene::light::area::{AreaLight, AreaSample, DirectedSample, FlatPart, FlatSample};
+use snell_scene::light::area::{AreaLight, AreaSample, DirectedSample, FlatSample};
 use snell_scene::material::ShadingBsdf;
 use snell_scene::medium::Glow;
 use snell_scene::{Background, Material, MediumId};
@@ -159,10 +159,8 @@ pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Ve
         CompiledLight::Area(area) => {
             let (part, probability, u) = part_of_choice(area, chosen, u);
             let plain = scene.plain_emission(chosen.light);
-            if let Some((plain, flat)) = plain.zip(area.flat(part))
-                && flat.is_far(at.position)
-            {
-                return from_flat(at, plain, flat, probability, u);
+            if let Some((plain, sample)) = plain.zip(area.sample_flat(part, at.position, u)) {
+                return from_flat(at, plain, sample, probability);
             }
             let mut sample = area.sample_from(part, at.position, u)?;
             sample.pdf *= probability;
@@ -235,9 +233,9 @@ pub fn light_pdf_of_glow(lights: &LightSampler, receiver: &Receiver, light: usiz
     if pdf > 0.0 && pdf.is_finite() { pdf * lights.probability(receiver, light, (0, 1.0)) } else { 0.0 }
 }
 
-/// Light from a flat surface far away that shines alike everywhere. [`super::lights`] does the same for many.
-fn from_flat(at: &Arrival, plain: &PlainEmission, flat: &FlatPart, probability: f32, u: Vec2) -> Option<IncidentLight> {
-    let FlatSample { direction, pdf, end, is_front, exists } = flat.sample(at.position, u);
+/// Light from a point of a flat surface that shines alike everywhere. [`super::lights`] does the same for many.
+fn from_flat(at: &Arrival, plain: &PlainEmission, sample: FlatSample, probability: f32) -> Option<IncidentLight> {
+    let FlatSample { direction, pdf, end, is_front, exists } = sample;
     let radiance = at.mode.illuminant(plain.radiance);
     if !exists || !(is_front || plain.on_both_sides) || radiance.is_black() {
         return None;

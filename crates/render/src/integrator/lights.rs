@@ -1,15 +1,16 @@
-//! Light samples of many vertices at once, where the chosen lights are flat, far and shine alike everywhere: what
+//! Light samples of many vertices at once, where the chosen lights are flat and shine alike everywhere, and are far or rectangles: what
 //! [`super::estimators::sample_light`] gives one at a time, bit for bit.
 
 use super::estimators::SHADOW_END;
+use super::light_part::LightSource;
 use crate::compile::{CompiledLight, CompiledScene, PlainEmission};
-use crate::light_sampler::ChosenLight;
+use crate::light_sampler::{ChosenLights, NONE};
 use snell_intersect::TrianglePoints;
 use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES};
 use snell_math::simd::Wide;
-use snell_math::{Ray, Vec2, Vec3, at_level, sampling};
-use snell_scene::light::area::{FlatPart, FlatSample};
+use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, at_level, sampling};
+use snell_scene::light::area::{AreaLight, FlatPart, FlatSample, NearRectangle, NearSample};
 use std::f32::consts::FRAC_1_PI;
 
 const ZERO: HitVectors = [[0.0; LANES]; 3];
@@ -17,22 +18,66 @@ const ZERO: HitVectors = [[0.0; LANES]; 3];
 /// The lights of the lanes. Lanes without a light hold anything.
 #[derive(Debug)]
 pub struct FlatLights {
+    /// What was chosen.
+    pub chosen: ChosenLights,
     /// Which part of which light is there already: mostly the one that comes next.
-    which: [Option<(usize, u32)>; LANES],
+    light: [u32; LANES],
+    part: [u32; LANES],
+    /// How each is sampled.
+    pub how: [u32; LANES],
+    /// How each is sampled from near points; [`ALONE`] for what is not flat too.
+    how_near: [u32; LANES],
+    /// What gives the light of each.
+    pub source: [LightSource; LANES],
     /// Emitted radiance, by channel.
     pub radiance: HitVectors,
     corner: HitVectors,
     edges: [HitVectors; 2],
     normal: HitVectors,
     error: HitVectors,
+    middle: HitVectors,
+    /// Infinite for what is not flat.
+    far: HitLanes,
     /// Density per unit of area.
     pdf: HitLanes,
     /// 1 for a triangle, 0 for a rectangle.
     is_triangle: [u32; LANES],
     /// 1 if both sides shine.
     on_both_sides: [u32; LANES],
-    /// Probability of the choice of the light and its part.
-    probability: HitLanes,
+    near: NearLanes,
+}
+
+/// There is no light.
+pub const DARK: u32 = 0;
+/// By area.
+const FAR: u32 = 1;
+/// By solid angle.
+const NEAR: u32 = 2;
+/// The light is not one of these.
+pub const ALONE: u32 = 3;
+
+/// Samples of near rectangles.
+#[derive(Debug)]
+struct NearLanes {
+    /// The lanes that have one; of the following arrays the first so many.
+    lanes: Vec<u32>,
+    from: HitVectors,
+    u: [HitLanes; 2],
+    center: [[f64; LANES]; 3],
+    axes: [[[f64; LANES]; 3]; 2],
+    half: [[f64; LANES]; 2],
+    found: NearSamples,
+    /// The same by lane.
+    samples: NearSamples,
+}
+
+/// See [`NearSample`].
+#[derive(Debug)]
+struct NearSamples {
+    position: HitVectors,
+    direction: HitVectors,
+    pdf: HitLanes,
+    exists: [u32; LANES],
 }
 
 /// What light samples bring to Lambertian surfaces.
@@ -67,16 +112,45 @@ pub struct Surfaces<'a> {
 impl Default for FlatLights {
     fn default() -> Self {
         Self {
-            which: [None; LANES],
+            chosen: ChosenLights::default(),
+            light: [NONE; LANES],
+            part: [NONE; LANES],
+            how: [DARK; LANES],
+            how_near: [ALONE; LANES],
+            source: [LightSource::Medium; LANES],
             radiance: ZERO,
             corner: ZERO,
             edges: [ZERO; 2],
             normal: ZERO,
             error: ZERO,
+            middle: ZERO,
+            far: [0.0; LANES],
             pdf: [0.0; LANES],
             is_triangle: [0; LANES],
             on_both_sides: [0; LANES],
-            probability: [0.0; LANES],
+            near: NearLanes::default(),
+        }
+    }
+}
+
+impl Default for NearSamples {
+    fn default() -> Self {
+        Self { position: ZERO, direction: ZERO, pdf: [0.0; LANES], exists: [0; LANES] }
+    }
+}
+
+impl Default for NearLanes {
+    fn default() -> Self {
+        let zero = [[0.0; LANES]; 3];
+        Self {
+            lanes: Vec::new(),
+            from: ZERO,
+            u: [[0.0; LANES]; 2],
+            center: zero,
+            axes: [zero; 2],
+            half: [[0.0; LANES]; 2],
+            found: NearSamples::default(),
+            samples: NearSamples::default(),
         }
     }
 }
@@ -88,28 +162,45 @@ impl Default for FlatArrivals {
     }
 }
 
-/// The part of a chosen light, if it is one of those that [`FlatLights`] holds.
-#[inline]
-pub fn flat_part<'a>(
-    scene: &'a CompiledScene,
-    chosen: &ChosenLight,
-    from: Vec3,
-) -> Option<(&'a FlatPart, &'a PlainEmission)> {
-    let plain = scene.plain_emission(chosen.light)?;
-    let CompiledLight::Area(area) = &scene.lights()[chosen.light] else { return None };
-    let flat = area.flat(chosen.part?)?;
-    (flat.is_far(from) && !plain.rgb.is_black()).then_some((flat, plain))
+/// The part of a chosen light, if it is one of those that [`FlatLights`] holds: at least for far points.
+fn flat_part<'a>(scene: &'a CompiledScene, light: u32, part: u32) -> Option<(&'a FlatPart, &'a PlainEmission)> {
+    let plain = scene.plain_emission(light as usize)?;
+    let flat = area_light(scene, light)?.flat(part)?;
+    (!plain.rgb.is_black()).then_some((flat, plain))
+}
+
+fn area_light(scene: &CompiledScene, light: u32) -> Option<&AreaLight> {
+    match &scene.lights()[light as usize] {
+        CompiledLight::Area(area) => Some(area),
+        _ => None,
+    }
 }
 
 impl FlatLights {
-    /// Puts a light of [`flat_part`] into a lane.
-    pub fn put(&mut self, lane: usize, chosen: &ChosenLight, flat: &FlatPart, plain: &PlainEmission) {
-        self.probability[lane] = chosen.probability;
-        let which = chosen.part.map(|part| (chosen.light, part));
-        if self.which[lane] == which {
+    /// Looks up the lights that were chosen for these points, the first so many, and decides how each is sampled.
+    pub fn look_up(&mut self, scene: &CompiledScene, positions: &HitVectors, count: usize, wide: Option<Wide>) {
+        for lane in 0..count {
+            let (light, part) = (self.chosen.light[lane], self.chosen.part[lane]);
+            if (self.light[lane] != light) | (self.part[lane] != part) {
+                self.put(scene, lane, light, part);
+            }
+        }
+        at_level!(wide, tell_far, (lights: &mut FlatLights = self, positions: &HitVectors = positions));
+    }
+
+    /// Puts a light into a lane.
+    fn put(&mut self, scene: &CompiledScene, lane: usize, light: u32, part: u32) {
+        (self.light[lane], self.part[lane]) = (light, part);
+        // (Nothing is as far as that.)
+        self.far[lane] = f32::INFINITY;
+        self.how_near[lane] = if light == NONE { DARK } else { ALONE };
+        if light == NONE || part == NONE {
             return;
         }
-        self.which[lane] = which;
+        let Some((flat, plain)) = flat_part(scene, light, part) else { return };
+        if area_light(scene, light).is_some_and(|area| area.near(part).is_some()) {
+            self.how_near[lane] = NEAR;
+        }
         for axis in 0..3 {
             self.radiance[axis][lane] = plain.rgb.0[axis];
             self.corner[axis][lane] = flat.corner[axis];
@@ -117,19 +208,86 @@ impl FlatLights {
             self.edges[1][axis][lane] = flat.edges[1][axis];
             self.normal[axis][lane] = flat.normal[axis];
             self.error[axis][lane] = flat.error[axis];
+            self.middle[axis][lane] = flat.middle[axis];
         }
+        self.far[lane] = flat.far;
         self.pdf[lane] = flat.pdf;
         self.is_triangle[lane] = u32::from(flat.is_triangle);
         self.on_both_sides[lane] = u32::from(plain.on_both_sides);
+        self.source[lane] = LightSource::Material(plain.material);
     }
 
-    /// Samples the lights of all lanes, weighted against the directions that a path would take by itself.
-    pub fn arrivals(&self, to: &Surfaces, u: &[HitLanes; 2], wide: Option<Wide>, arrivals: &mut FlatArrivals) {
+    /// Notes what gave the light of a lane that was sampled alone.
+    pub fn note_alone(&mut self, lane: usize, source: LightSource) {
+        (self.light[lane], self.source[lane]) = (NONE - 1, source);
+    }
+
+    /// Samples the lights of the first lanes, so many, weighted against the directions that a path would take by itself.
+    pub fn arrivals(
+        &mut self,
+        scene: &CompiledScene,
+        to: &Surfaces,
+        u: &[HitLanes; 2],
+        count: usize,
+        wide: Option<Wide>,
+        arrivals: &mut FlatArrivals,
+    ) {
+        self.near.lanes.clear();
+        self.near.lanes.extend((0..count as u32).filter(|&lane| self.how[lane as usize] == NEAR));
+        if self.near.lanes.is_empty() {
+            at_level!(
+                wide,
+                arrive::<false>,
+                (
+                    lights: &FlatLights = self,
+                    to: &Surfaces = to,
+                    u: &[HitLanes; 2] = u,
+                    arrivals: &mut FlatArrivals = arrivals,
+                )
+            );
+            return;
+        }
+        self.sample_near(scene, &to.points.position, u, wide);
         at_level!(
             wide,
-            arrive,
-            (lights: &FlatLights = self, to: &Surfaces = to, u: &[HitLanes; 2] = u, arrivals: &mut FlatArrivals = arrivals)
+            arrive::<true>,
+            (
+                lights: &FlatLights = self,
+                to: &Surfaces = to,
+                u: &[HitLanes; 2] = u,
+                arrivals: &mut FlatArrivals = arrivals,
+            )
         );
+    }
+
+    /// Samples the rectangles that are near.
+    #[inline(never)]
+    fn sample_near(&mut self, scene: &CompiledScene, positions: &HitVectors, u: &[HitLanes; 2], wide: Option<Wide>) {
+        let near = &mut self.near;
+        for (i, &lane) in near.lanes.iter().enumerate() {
+            let lane = lane as usize;
+            let area = area_light(scene, self.light[lane]);
+            let Some(rectangle) = area.and_then(|area| area.near(self.part[lane])) else { continue };
+            for axis in 0..3 {
+                near.from[axis][i] = positions[axis][lane];
+                near.center[axis][i] = rectangle.center[axis];
+                near.axes[0][axis][i] = rectangle.axes[0][axis];
+                near.axes[1][axis][i] = rectangle.axes[1][axis];
+            }
+            (near.half[0][i], near.half[1][i]) = (rectangle.half.x, rectangle.half.y);
+            (near.u[0][i], near.u[1][i]) = (u[0][lane], u[1][lane]);
+        }
+        at_level!(wide, near_samples, (near: &mut NearLanes = near));
+        near.samples.exists = [0; LANES];
+        for (i, &lane) in near.lanes.iter().enumerate() {
+            let lane = lane as usize;
+            for axis in 0..3 {
+                near.samples.position[axis][lane] = near.found.position[axis][i];
+                near.samples.direction[axis][lane] = near.found.direction[axis][i];
+            }
+            near.samples.pdf[lane] = near.found.pdf[i];
+            near.samples.exists[lane] = near.found.exists[i];
+        }
     }
 }
 
@@ -165,28 +323,71 @@ pub fn horizon(flat: Vec3, normal: Vec3, lift: Vec3) -> Vec3 {
 }
 
 #[inline(always)]
-fn arrive(lights: &FlatLights, to: &Surfaces, u: &[HitLanes; 2], arrivals: &mut FlatArrivals) {
+fn tell_far(lights: &mut FlatLights, positions: &HitVectors) {
+    for i in 0..LANES {
+        let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        // As `FlatPart::is_far`.
+        let is_far = (vector(&lights.middle) - vector(positions)).length_squared() > lights.far[i];
+        lights.how[i] = if is_far { FAR } else { lights.how_near[i] };
+    }
+}
+
+/// Samples of the first lanes, in steps of whole registers.
+#[inline(always)]
+fn near_samples(near: &mut NearLanes) {
+    for i in 0..near.lanes.len().next_multiple_of(8).min(LANES) {
+        let wide = |v: &[[f64; LANES]; 3]| DVec3::new(v[0][i], v[1][i], v[2][i]);
+        let rectangle = NearRectangle {
+            center: wide(&near.center),
+            axes: [wide(&near.axes[0]), wide(&near.axes[1])],
+            half: DVec2::new(near.half[0][i], near.half[1][i]),
+        };
+        let from = Vec3::new(near.from[0][i], near.from[1][i], near.from[2][i]);
+        let sample = rectangle.sample(from, Vec2::new(near.u[0][i], near.u[1][i]));
+        for axis in 0..3 {
+            near.found.position[axis][i] = sample.position[axis];
+            near.found.direction[axis][i] = sample.direction[axis];
+        }
+        near.found.pdf[i] = sample.pdf;
+        near.found.exists[i] = u32::from(sample.exists);
+    }
+}
+
+/// `WITH_NEAR` if there are samples of near lights.
+#[inline(always)]
+fn arrive<const WITH_NEAR: bool>(lights: &FlatLights, to: &Surfaces, u: &[HitLanes; 2], arrivals: &mut FlatArrivals) {
     let Surfaces { points, normal, wo, lift } = *to;
     for i in 0..LANES {
         let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
         let (position, flat_normal, n) = (vector(&points.position), vector(&points.geometric_normal), vector(normal));
-        let part = FlatPart::lane(
-            vector(&lights.corner),
-            [vector(&lights.edges[0]), vector(&lights.edges[1])],
-            vector(&lights.normal),
-            vector(&lights.error),
-            lights.pdf[i],
-            lights.is_triangle[i] != 0,
-        );
-        let FlatSample { direction, pdf, end, is_front, exists } = part.sample(position, Vec2::new(u[0][i], u[1][i]));
+        let part = FlatPart {
+            corner: vector(&lights.corner),
+            edges: [vector(&lights.edges[0]), vector(&lights.edges[1])],
+            normal: vector(&lights.normal),
+            error: vector(&lights.error),
+            pdf: lights.pdf[i],
+            is_triangle: lights.is_triangle[i] != 0,
+            middle: Vec3::ZERO,
+            far: 0.0,
+        };
+        let by_area = part.sample(position, Vec2::new(u[0][i], u[1][i]));
+        let sample = if WITH_NEAR {
+            let near = &lights.near.samples;
+            let (position, direction) = (vector(&near.position), vector(&near.direction));
+            part.or_near(by_area, NearSample { position, direction, pdf: near.pdf[i], exists: near.exists[i] != 0 })
+        } else {
+            by_area
+        };
+        let FlatSample { direction, pdf, end, is_front, exists } = sample;
         let (wo, lift) = (vector(wo), vector(lift));
         let (cos_i, horizon) = (n.dot(direction), horizon(flat_normal, n, lift));
         let is_seen = (n.dot(wo) * cos_i > 0.0) & (horizon.dot(wo) * horizon.dot(direction) > 0.0);
         let cosine = if is_seen { cos_i.abs() * FRAC_1_PI } else { 0.0 };
-        let density = pdf * lights.probability[i];
+        let density = pdf * lights.chosen.probability[i];
         let weight = sampling::power_heuristic(density, cosine);
         let origin = lifted_ray_origin(position, vector(&points.position_error), flat_normal, lift, direction);
         let is_lit = is_front | (lights.on_both_sides[i] != 0);
+        let is_here = (lights.how[i] == FAR) | (lights.how[i] == NEAR);
         for axis in 0..3 {
             arrivals.origin[axis][i] = origin[axis];
             arrivals.way[axis][i] = end[axis] - origin[axis];
@@ -195,6 +396,6 @@ fn arrive(lights: &FlatLights, to: &Surfaces, u: &[HitLanes; 2], arrivals: &mut 
         arrivals.cosine[i] = cosine;
         arrivals.weight[i] = weight;
         arrivals.scale[i] = weight / density;
-        arrivals.exists[i] = u32::from(exists & is_lit & is_seen);
+        arrivals.exists[i] = u32::from(exists & is_lit & is_seen & is_here);
     }
 }

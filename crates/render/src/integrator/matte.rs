@@ -4,20 +4,21 @@
 //! Which vertices come here depends on the scene and the settings alone, and no lane looks at another, so that a path does not depend
 //! on what shares its batch.
 
-use super::carried::{Carried, Rest};
+use super::carried::Carried;
 use super::estimators::{Arrival, Skin, may_be_lifted};
 use super::light_part::{LightSource, LobeShares};
-use super::lights::{FlatArrivals, FlatLights, Surfaces, flat_part, horizon};
+use super::lights::{ALONE, DARK, FlatArrivals, FlatLights, Surfaces, horizon};
 use super::path::{MAX_SURVIVAL, ROULETTE_DEPTH, SCATTERED_SPREAD, WeightedLight, weighted_sample};
 use super::{Context, IntegratorKind, Outputs, PathState, classic, dimension};
-use crate::light_sampler::{ChosenLight, Receivers};
+use crate::compile::CompiledScene;
+use crate::light_sampler::Receivers;
 use crate::sampler::{ManyRandoms, Random, Sampler};
 use crate::settings::{LightStrategy, Terminator};
 use snell_intersect::smooth::lifted_ray_origin;
-use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS};
-use snell_intersect::{Hit, TriangleHits, TrianglePoints};
+use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh, TRIANGLE_HITS};
+use snell_intersect::{GeometryId, Hit, TriangleHits, TrianglePoints};
 use snell_math::simd::{Wide, least, most};
-use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, sampling};
+use snell_math::{ColorMode, ColorModel, Frame, Ray, Rgb, SampledSpectrum, Vec2, Vec3, at_level, sampling};
 use snell_scene::material::visible_normal;
 use snell_scene::{Material, MediumId};
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -27,26 +28,75 @@ pub const LANES: usize = TRIANGLE_HITS;
 
 const ZERO: HitVectors = [[0.0; LANES]; 3];
 
-/// A path that has come to a surface.
+/// Paths that have come to surfaces.
 #[derive(Clone, Copy, Debug)]
 pub struct Arriving<'a> {
-    /// Its last ray.
-    pub ray: &'a Ray,
-    /// What that has hit.
-    pub hit: &'a Hit,
-    /// The path so far.
-    pub carried: &'a Carried,
-    pub rest: &'a Rest,
-    /// Its numbers.
-    pub random: &'a Random,
+    /// Their last rays.
+    pub rays: &'a [Ray],
+    /// What these have hit.
+    pub hits: &'a [Hit],
+    /// The paths so far.
+    pub carried: &'a [Carried],
+    /// Which of the numbers are those of each.
+    pub samples: &'a [u32],
+    pub randoms: &'a [Random],
+}
+
+/// Which surfaces can be worked on here.
+#[derive(Debug)]
+pub struct MatteSurfaces<'a> {
+    /// By geometry: the mesh and its reflectance, if that is the same everywhere.
+    plain: Vec<Option<PlainSurface<'a>>>,
+    /// By material.
+    materials: Vec<bool>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct PlainSurface<'a> {
+    mesh: PlainMesh<'a>,
+    reflectance: Rgb,
+}
+
+impl<'a> MatteSurfaces<'a> {
+    /// `None` if there are none.
+    pub fn new(context: &Context<'a>) -> Option<Self> {
+        let scene = context.scene;
+        let materials: Vec<_> = scene.materials.iter().map(|material| is_matte(context, material)).collect();
+        let plain = |geometry: u32| {
+            let mesh = scene.world.plain_mesh(GeometryId(geometry))?;
+            let id = scene.only_material(geometry).filter(|id| materials[id.index()])?;
+            let material = scene.material(id);
+            let is_plain = material.normal_map.is_none() && material.interior.is_none();
+            let reflectance = material.as_matte()?.uniform().filter(|_| is_plain)?;
+            Some(PlainSurface { mesh, reflectance })
+        };
+        let plain = (0..scene.world.geometry_count() as u32).map(plain).collect();
+        materials.contains(&true).then_some(Self { plain, materials })
+    }
+
+    /// True if a path that has hit this can be worked on here.
+    #[inline(always)]
+    pub fn has(&self, scene: &CompiledScene, hit: &Hit) -> bool {
+        self.plain(hit).is_some() || (hit.is_hit() && self.materials[scene.material_id(hit).index()])
+    }
+
+    #[inline(always)]
+    fn plain(&self, hit: &Hit) -> Option<&PlainSurface<'a>> {
+        self.plain.get(hit.geometry as usize).and_then(Option::as_ref).filter(|_| hit.instance == 0)
+    }
 }
 
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
 pub struct MatteVertices {
+    /// Numbers of the paths of the lanes, and how many lanes are in use.
+    paths: [u32; LANES],
+    count: usize,
     hits: TriangleHits,
     points: TrianglePoints,
-    /// What is known already of lanes that are not on plain triangles.
+    /// Lanes on plain triangles.
+    plain: Vec<usize>,
+    /// What is known already of the others.
     others: Vec<(usize, OtherPoint)>,
     /// Direction to where the path comes from.
     wo: HitVectors,
@@ -61,7 +111,6 @@ pub struct MatteVertices {
     normal: HitVectors,
     facing: HitVectors,
     bounces: Bounces,
-    chosen: [Chosen; LANES],
     lights: FlatLights,
     arrivals: FlatArrivals,
     /// As [`super::Outputs::glowing`].
@@ -89,15 +138,6 @@ struct OtherPoint {
     geometric_normal: Vec3,
     shading_normal: Vec3,
     lift: Vec3,
-}
-
-/// The light that is sampled at a vertex.
-#[derive(Clone, Copy, Debug)]
-enum Chosen {
-    None,
-    /// One of [`FlatLights`], or one that was sampled alone, of this source.
-    Sampled(LightSource),
-    Other(ChosenLight),
 }
 
 /// Where paths go on.
@@ -154,7 +194,7 @@ pub fn is_classic(integrator: IntegratorKind) -> bool {
 }
 
 /// True if vertices on this material can be worked on here.
-pub fn is_matte(context: &Context, material: &Material) -> bool {
+fn is_matte(context: &Context, material: &Material) -> bool {
     let settings = context.settings;
     is_for(settings.integrator)
         && context.field.is_none()
@@ -183,8 +223,11 @@ impl MatteVertices {
     /// For vertices of one depth.
     pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
         Self {
+            paths: [0; LANES],
+            count: 0,
             hits: TriangleHits::default(),
             points: TrianglePoints::default(),
+            plain: Vec::new(),
             others: Vec::new(),
             wo: ZERO,
             lift: ZERO,
@@ -200,7 +243,6 @@ impl MatteVertices {
             normal: ZERO,
             facing: ZERO,
             bounces: Bounces { wi: ZERO, origin: ZERO, pdf: [0.0; LANES], exists: [0; LANES] },
-            chosen: [Chosen::None; LANES],
             lights: FlatLights::default(),
             arrivals: FlatArrivals::default(),
             glowing: [None; LANES],
@@ -209,46 +251,69 @@ impl MatteVertices {
         }
     }
 
-    /// The following vertices are of this depth.
-    pub fn start(&mut self, sampler: &Sampler, depth: u32) {
-        self.randoms = ManyRandoms::new(sampler, depth);
-        self.others.clear();
-    }
-
-    /// Puts a vertex on a matte material into a lane.
-    pub fn gather(&mut self, context: &Context, lane: usize, path: Arriving, material: &Material) {
-        let Arriving { ray, hit, carried, rest, random } = path;
-        put(&mut self.wo, lane, -ray.direction);
-        self.randoms.set(lane, random);
-        put_color(&mut self.carried.throughput, lane, carried.throughput);
-        self.carried.eta_scale[lane] = carried.eta_scale;
-        self.carried.cone_width[lane] = carried.cone_width + carried.cone_spread * hit.t;
-        self.carried.cone_spread[lane] = carried.cone_spread;
-        let Some(matte) = material.as_matte() else { return };
-        if let Some(rgb) = matte.uniform()
-            && material.normal_map.is_none()
-            && material.interior.is_none()
-            && context.scene.world.gather_triangle(hit, lane, &mut self.hits)
-        {
-            put_color(&mut self.reflectance, lane, rest.mode.reflectance(rgb));
-            return;
+    /// Puts vertices of this depth on [`MatteSurfaces`] into the lanes: those of the paths with these numbers, at most [`LANES`], of
+    /// which the dead are left out.
+    pub fn gather(
+        &mut self,
+        context: &Context,
+        sampler: &Sampler,
+        surfaces: &MatteSurfaces,
+        from: &Arriving,
+        paths: &[u32],
+        depth: u32,
+    ) {
+        self.randoms.start(sampler, depth);
+        self.count = 0;
+        for &path in &paths[..paths.len().min(LANES)] {
+            self.paths[self.count % LANES] = path;
+            self.count += usize::from(!from.carried[path as usize].throughput.is_black());
         }
-        self.gather_other(context, lane, path, material);
+        self.plain.clear();
+        self.others.clear();
+        for lane in 0..self.count.min(LANES) {
+            let path = self.paths[lane] as usize;
+            let (ray, hit, carried) = (&from.rays[path], &from.hits[path], &from.carried[path]);
+            put(&mut self.wo, lane, -ray.direction);
+            self.randoms.set(lane, &from.randoms[from.samples[path] as usize]);
+            put_color(&mut self.carried.throughput, lane, carried.throughput);
+            self.carried.eta_scale[lane] = carried.eta_scale;
+            self.carried.cone_width[lane] = carried.cone_width + carried.cone_spread * hit.t;
+            self.carried.cone_spread[lane] = carried.cone_spread;
+            match surfaces.plain(hit) {
+                Some(PlainSurface { reflectance, .. }) => {
+                    put(&mut self.reflectance, lane, Vec3::from(reflectance.to_array()));
+                    self.plain.push(lane);
+                }
+                None => self.gather_other(context, lane, ray, hit),
+            }
+        }
+        let paths = &self.paths;
+        let plain = self.plain.iter().filter_map(|&lane| {
+            let hit = &from.hits[paths[lane] as usize];
+            surfaces.plain(hit).map(|surface| (lane, &surface.mesh, hit))
+        });
+        self.hits.gather(plain);
     }
 
-    /// As [`Self::gather`], for what is on no plain triangle.
+    /// Numbers of the paths of the lanes in use.
+    pub fn paths(&self) -> &[u32] {
+        &self.paths[..self.count]
+    }
+
+    /// What is on no plain triangle.
     #[inline(never)]
-    fn gather_other(&mut self, context: &Context, lane: usize, path: Arriving, material: &Material) {
-        let Arriving { ray, hit, carried, rest, .. } = path;
-        let surface = context.scene.interaction(ray, rest.time, hit);
-        let footprint = carried.cone_width + carried.cone_spread * hit.t;
-        let point = context.scene.shading_point(&surface, footprint, rest.mode);
+    fn gather_other(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit) {
+        let scene = context.scene;
+        // (Where anything moves, nothing comes here.)
+        let surface = scene.interaction(ray, 0.0, hit);
+        let point = scene.shading_point(&surface, self.carried.cone_width[lane], ColorMode::Rgb);
+        let material = scene.material(scene.material_id(hit));
         let Some((reflectance, shading_normal)) = material.matte_at(&point) else { return };
         put_color(&mut self.reflectance, lane, reflectance);
         let (position, position_error) = (surface.position, surface.position_error);
         let geometric_normal = surface.geometric_normal;
         let lift = match may_be_lifted(context, material) {
-            true => context.scene.lift(ray, rest.time, &surface),
+            true => scene.lift(ray, 0.0, &surface),
             false => Vec3::ZERO,
         };
         self.others.push((lane, OtherPoint { position, position_error, geometric_normal, shading_normal, lift }));
@@ -271,7 +336,7 @@ impl MatteVertices {
     /// The lifts of all lanes: nothing to be done where no mesh has vertex normals.
     fn place_lifts(&mut self, context: &Context) {
         let had_lifts = self.has_lifts;
-        let is_smooth = std::mem::take(&mut self.hits.has_normals) && context.settings.terminator == Terminator::Smooth;
+        let is_smooth = self.hits.has_normals() && context.settings.terminator == Terminator::Smooth;
         self.has_lifts = is_smooth || self.others.iter().any(|(_, other)| other.lift != Vec3::ZERO);
         if is_smooth {
             self.hits.lifts(&self.points, &self.wo, &mut self.lift, self.wide);
@@ -280,8 +345,9 @@ impl MatteVertices {
         }
     }
 
-    /// Works out what the first lanes, so many, give.
-    pub fn shade(&mut self, context: &Context, count: usize, depth: u32) {
+    /// Works out what the lanes give.
+    pub fn shade(&mut self, context: &Context, depth: u32) {
+        let count = self.count;
         self.place(context);
         let bsdf = self.randoms.pairs(dimension::BSDF, self.wide);
         let light = self.randoms.pairs(dimension::LIGHT, self.wide);
@@ -301,11 +367,9 @@ impl MatteVertices {
                 to: &mut Bounces = &mut self.bounces,
             )
         );
-        self.choose_lights(context, count);
-        if self.chosen[..count].iter().any(|chosen| matches!(chosen, Chosen::Sampled(_))) {
-            let surfaces = Surfaces { points: &self.points, normal: &self.normal, wo: &self.wo, lift: &self.lift };
-            self.lights.arrivals(&surfaces, &light, self.wide, &mut self.arrivals);
-        }
+        self.choose_lights(context);
+        let surfaces = Surfaces { points: &self.points, normal: &self.normal, wo: &self.wo, lift: &self.lift };
+        self.lights.arrivals(context.scene, &surfaces, &light, count, self.wide, &mut self.arrivals);
         at_level!(
             self.wide,
             outputs,
@@ -319,38 +383,25 @@ impl MatteVertices {
                 to: &mut MatteOutputs = &mut self.outputs,
             )
         );
-        for (lane, (&x, &y)) in light[0].iter().zip(&light[1]).enumerate().take(count) {
-            match self.chosen[lane] {
-                Chosen::Sampled(_) => {}
-                Chosen::None => self.outputs.is_lit[lane] = 0,
-                Chosen::Other(chosen) => self.light_alone(context, lane, &chosen, Vec2::new(x, y)),
+        for lane in 0..count {
+            if self.lights.how[lane] == ALONE {
+                self.light_alone(context, lane, Vec2::new(light[0][lane], light[1][lane]));
             }
         }
     }
 
-    fn choose_lights(&mut self, context: &Context, count: usize) {
+    fn choose_lights(&mut self, context: &Context) {
         let choices = match context.lights.has_choice() {
             true => self.randoms.numbers(dimension::LIGHT_CHOICE, self.wide),
             false => [0.0; LANES],
         };
         let receivers = Receivers { position: &self.points.position, normal: &self.facing };
-        let mut chosen = [None; LANES];
-        context.lights.sample_many(&receivers, &choices, count, &mut chosen);
-        let is_weighted = context.settings.light_strategy == LightStrategy::Mis;
-        for (lane, chosen) in chosen.into_iter().enumerate().take(count) {
-            let Some(chosen) = chosen else {
-                self.chosen[lane] = Chosen::None;
-                continue;
-            };
-            self.chosen[lane] = match flat_part(context.scene, &chosen, at(&self.points.position, lane)) {
-                Some((flat, plain)) if is_weighted => {
-                    self.lights.put(lane, &chosen, flat, plain);
-                    self.glowing[lane] = None;
-                    Chosen::Sampled(LightSource::Material(plain.material))
-                }
-                _ => Chosen::Other(chosen),
-            };
+        context.lights.sample_many(&receivers, &choices, self.count, &mut self.lights.chosen);
+        self.lights.look_up(context.scene, receivers.position, self.count, self.wide);
+        if context.settings.light_strategy != LightStrategy::Mis {
+            self.lights.how.iter_mut().filter(|how| **how != DARK).for_each(|how| *how = ALONE);
         }
+        self.glowing = [None; LANES];
     }
 
     /// Works out what [`Self::shade_classic`] needs.
@@ -432,10 +483,7 @@ impl MatteVertices {
 
     /// The source of the light ray of a lane, if it sends one, and its weight by multiple importance sampling.
     pub fn light_source(&self, lane: usize) -> Option<(LightSource, f32)> {
-        match self.chosen[lane] {
-            Chosen::Sampled(source) if self.outputs.is_lit[lane] != 0 => Some((source, self.arrivals.weight(lane))),
-            _ => None,
-        }
+        (self.outputs.is_lit[lane] != 0).then(|| (self.lights.source[lane], self.arrivals.weight(lane)))
     }
 
     /// As [`super::Outputs::light_lobe`].
@@ -470,7 +518,8 @@ impl MatteVertices {
 
     /// A light sample that is not one of [`FlatLights`].
     #[inline(never)]
-    fn light_alone(&mut self, context: &Context, lane: usize, chosen: &ChosenLight, u: Vec2) {
+    fn light_alone(&mut self, context: &Context, lane: usize, u: Vec2) {
+        let Some(chosen) = &self.lights.chosen.get(lane) else { return };
         let seen = self.seen(lane, ColorMode::Rgb, 0.0);
         let throughput = color_at(&self.carried.throughput, lane);
         let light = weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| seen.reflected(wi));
@@ -479,7 +528,7 @@ impl MatteVertices {
             self.glowing[lane] = glowing;
             put_color(&mut self.outputs.brought, lane, value);
             self.arrivals.put(lane, &shadow_ray, weight);
-            self.chosen[lane] = Chosen::Sampled(source);
+            self.lights.note_alone(lane, source);
         }
     }
 }

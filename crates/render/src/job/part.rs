@@ -15,7 +15,7 @@ use crate::integrator::aov::{Aov, AovKind};
 use crate::integrator::camera_path::{FILM, camera_path, film_point, path_of};
 use crate::integrator::carried::{Carried, Rest};
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
-use crate::integrator::matte::{self, Arriving, LANES, MatteVertices};
+use crate::integrator::matte::{self, Arriving, LANES, MatteSurfaces, MatteVertices};
 use crate::integrator::path::escaped;
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
 use crate::sampler::{ManyRandoms, Random, Sampler};
@@ -47,6 +47,10 @@ pub struct PartRenderer<'a> {
     paths: Paths,
     next: Paths,
     light_rays: LightRays,
+    /// Paths that are shaded many at once, in order.
+    together: Vec<u32>,
+    /// All others, in order, and one material after the other.
+    others: Vec<u32>,
     order: Vec<u32>,
     /// The material of what each path has hit, one past the last for nothing, and where the paths of each begin in `order`.
     keys: Vec<u32>,
@@ -56,6 +60,8 @@ pub struct PartRenderer<'a> {
     lanes: Vec<u32>,
     kept: Vec<u32>,
     samples: Vec<Sample>,
+    /// Their numbers.
+    randoms: Vec<Random>,
     aovs: Vec<f32>,
     /// Writes down what paths find, while a field learns.
     recorder: Option<Recorder>,
@@ -67,31 +73,27 @@ pub struct PartRenderer<'a> {
     /// What media need, where there are any and the integrator knows of them.
     volumes: Option<VolumeBatch<'a>>,
     /// What is shaded many at once.
-    matte: Option<Box<Matte>>,
+    matte: Option<Box<Matte<'a>>>,
 }
 
 /// Vertices that are shaded many at once.
-struct Matte {
+struct Matte<'a> {
     vertices: MatteVertices,
-    /// By material: whether it is matte.
-    materials: Vec<bool>,
+    surfaces: MatteSurfaces<'a>,
 }
 
-impl Matte {
+impl<'a> Matte<'a> {
     /// `None` if there are none, or the level is that of portable code: the twin shades one vertex at a time.
-    fn new(context: &Context, sampler: &Sampler) -> Option<Box<Self>> {
-        let scene = context.scene;
-        let wide = scene.world.simd().wide()?;
-        let materials: Vec<_> = scene.materials.iter().map(|material| matte::is_matte(context, material)).collect();
-        let vertices = MatteVertices::new(sampler, Some(wide));
-        materials.contains(&true).then(|| Box::new(Self { vertices, materials }))
+    fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Box<Self>> {
+        let wide = context.scene.world.simd().wide()?;
+        let surfaces = MatteSurfaces::new(context)?;
+        Some(Box::new(Self { vertices: MatteVertices::new(sampler, Some(wide)), surfaces }))
     }
 }
 
 /// A sample being taken.
 #[derive(Clone, Copy)]
 struct Sample {
-    random: Random,
     /// What the lanes of its spectra stand for.
     mode: ColorMode,
     /// Found at vertices.
@@ -142,6 +144,8 @@ impl<'a> PartRenderer<'a> {
             paths: Paths::new(is_plain),
             next: Paths::new(is_plain),
             light_rays: LightRays::default(),
+            together: Vec::new(),
+            others: Vec::new(),
             order: Vec::new(),
             keys: Vec::new(),
             starts: Vec::new(),
@@ -149,6 +153,7 @@ impl<'a> PartRenderer<'a> {
             lanes: Vec::new(),
             kept: Vec::new(),
             samples: Vec::new(),
+            randoms: Vec::new(),
             aovs: Vec::new(),
             recorder: None,
             journal: None,
@@ -253,6 +258,7 @@ impl<'a> PartRenderer<'a> {
     fn start(&mut self, positions: &[[u32; 2]], range: [u32; 2]) {
         self.paths.clear();
         self.samples.clear();
+        self.randoms.clear();
         self.aovs.clear();
         self.covering.clear();
         if let Some(recorder) = &mut self.recorder {
@@ -288,8 +294,8 @@ impl<'a> PartRenderer<'a> {
         }
         let begun = self.samples.len() as u32;
         let Self { paths, samples, view, .. } = self;
-        let sample = |mode, weight, random| Sample {
-            random,
+        self.randoms.extend(starting.iter().map(|(_, random)| *random));
+        let sample = |mode, weight| Sample {
             mode,
             radiance: SampledSpectrum::ZERO,
             brought: SampledSpectrum::ZERO,
@@ -304,15 +310,13 @@ impl<'a> PartRenderer<'a> {
                 .carried
                 .extend((0..starting.len()).map(|i| Carried::of(&path_of(&rays.get(i), ColorMode::Rgb, 0.0)).0));
             paths.samples.extend(begun..begun + starting.len() as u32);
-            samples.extend(
-                starting.iter().zip(&weights).map(|((_, random), &weight)| sample(ColorMode::Rgb, weight, *random)),
-            );
+            samples.extend(weights[..starting.len()].iter().map(|&weight| sample(ColorMode::Rgb, weight)));
             return;
         }
         for (i, (_, random)) in starting.iter().enumerate() {
             let point = DVec2::new(film[0][i], film[1][i]);
             let (ray, state) = camera_path(view, settings, self.context.scene.moves, random, point);
-            samples.push(sample(state.mode, weights[i], *random));
+            samples.push(sample(state.mode, weights[i]));
             paths.push(ray, &state, begun + i as u32);
         }
     }
@@ -323,8 +327,7 @@ impl<'a> PartRenderer<'a> {
         if depth == 0 {
             volumes.start(&self.paths);
         }
-        let samples = &mut self.samples;
-        let randoms: Vec<Random> = samples.iter().map(|s| s.random).collect();
+        let (samples, randoms) = (&mut self.samples, &self.randoms);
         let random = |paths: &Paths, path: usize| {
             randoms[paths.samples[path] as usize].at_vertex(paths.carried[path].stream, depth)
         };
@@ -388,7 +391,7 @@ impl<'a> PartRenderer<'a> {
             };
             let interaction = hit.is_hit().then(|| self.paths.interaction(scene, i));
             let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, i, interaction, 1.0));
-            let random = self.samples[i].random.at_vertex(0, 0);
+            let random = self.randoms[i].at_vertex(0, 0);
             let vertex = Vertex { depth: 0, ray: &ray, state: &state, random, surface, medium: None };
             self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, &hit)));
             for aov in aovs {
@@ -402,7 +405,15 @@ impl<'a> PartRenderer<'a> {
         if self.context.settings.integrator == IntegratorKind::Aov {
             return;
         }
-        self.group_by_material();
+        self.group();
+        let together = std::mem::take(&mut self.together);
+        for paths in together.chunks(LANES) {
+            self.shade_matte(depth, paths);
+            if self.light_rays.rays.len() >= MAX_BATCH {
+                self.trace_light_rays(statistics);
+            }
+        }
+        self.together = together;
         let order = std::mem::take(&mut self.order);
         let mut rest = order.as_slice();
         while let Some(&first) = rest.first() {
@@ -438,7 +449,7 @@ impl<'a> PartRenderer<'a> {
     /// How many of the paths at the beginning can be worked on together, at most [`LANES`].
     fn matte_beginning(&self, paths: &[u32]) -> usize {
         let Some(matte) = &self.matte else { return 0 };
-        let is_matte = |path: &&u32| matte.materials.get(self.keys[**path as usize] as usize) == Some(&true);
+        let is_matte = |path: &&u32| matte.surfaces.has(self.context.scene, &self.paths.hits[**path as usize]);
         paths.iter().take(LANES).take_while(is_matte).count()
     }
 
@@ -453,32 +464,20 @@ impl<'a> PartRenderer<'a> {
             return;
         }
         let Some(mut matte) = self.matte.take() else { return };
-        let mut lanes = [0u32; LANES];
-        let mut count = 0;
-        let vertices = &mut matte.vertices;
-        vertices.start(self.sampler, depth);
-        for &path in paths {
-            let i = path as usize;
-            if self.paths.is_dead(i) {
-                continue;
-            }
-            let (ray, hit, carried) = (&self.paths.rays[i], &self.paths.hits[i], &self.paths.carried[i]);
-            let random = &self.samples[self.paths.samples[i] as usize].random;
-            let material = &self.context.scene.materials[self.keys[i] as usize];
-            let (carried, rest) = (carried, self.paths.rest(i));
-            vertices.gather(&self.context, count, Arriving { ray, hit, carried, rest, random }, material);
-            lanes[count] = path;
-            count += 1;
-        }
+        let Matte { vertices, surfaces } = &mut *matte;
+        let Paths { rays, hits, carried, samples, .. } = &self.paths;
+        let arriving = Arriving { rays, hits, carried, samples, randoms: &self.randoms };
+        vertices.gather(&self.context, self.sampler, surfaces, &arriving, paths, depth);
         match is_classic {
-            true => self.finish_classic(depth, vertices, &lanes[..count]),
-            false => self.finish_matte(depth, vertices, &lanes[..count]),
+            true => self.finish_classic(depth, vertices),
+            false => self.finish_matte(depth, vertices),
         }
         self.matte = Some(matte);
     }
 
-    fn finish_matte(&mut self, depth: u32, vertices: &mut MatteVertices, paths: &[u32]) {
-        vertices.shade(&self.context, paths.len(), depth);
+    fn finish_matte(&mut self, depth: u32, vertices: &mut MatteVertices) {
+        vertices.shade(&self.context, depth);
+        let paths = vertices.paths();
         self.lanes.clear();
         self.lanes.extend(0..paths.len() as u32);
         self.lanes.retain(|&lane| vertices.is_sound(lane as usize));
@@ -528,7 +527,7 @@ impl<'a> PartRenderer<'a> {
 
     /// The numbers of the vertex that a path has come to.
     fn random_at(&self, depth: u32, path: usize) -> Random {
-        self.samples[self.paths.samples[path] as usize].random.at_vertex(self.paths.carried[path].stream, depth)
+        self.randoms[self.paths.samples[path] as usize].at_vertex(self.paths.carried[path].stream, depth)
     }
 
     /// Takes what the vertices of [`Self::finish_matte`] gave one by one, because somebody wants to know more of them.
@@ -554,16 +553,16 @@ impl<'a> PartRenderer<'a> {
         self.lanes = lanes;
     }
 
-    fn finish_classic(&mut self, depth: u32, vertices: &mut MatteVertices, lanes: &[u32]) {
+    fn finish_classic(&mut self, depth: u32, vertices: &mut MatteVertices) {
         vertices.prepare_classic(&self.context);
-        for (lane, &path) in lanes.iter().enumerate() {
+        for (lane, &path) in vertices.paths().iter().enumerate() {
             let path = path as usize;
             if !vertices.is_sound(lane) {
                 self.shade_one(depth, path);
                 continue;
             }
             let state = self.paths.state(path);
-            let random = self.samples[self.paths.samples[path] as usize].random.at_vertex(state.stream, depth);
+            let random = self.randoms[self.paths.samples[path] as usize].at_vertex(state.stream, depth);
             self.outputs.clear();
             vertices.shade_classic(&self.context, lane, &state, &random, &mut self.outputs);
             self.collect(depth, path);
@@ -578,27 +577,55 @@ impl<'a> PartRenderer<'a> {
             || self.recorder.is_some()
     }
 
-    /// Paths of one material one after the other; those of one sample stay in order, so that sums have one order.
+    /// Which paths are shaded together, and in which order the others.
+    fn group(&mut self) {
+        let count = self.paths.len();
+        self.together.clear();
+        self.others.clear();
+        match &self.matte {
+            // Nobody sees in which order they come: each sample has one path.
+            Some(matte) if self.is_simple() => {
+                self.together.resize(count, 0);
+                self.others.resize(count, 0);
+                let [mut together, mut others] = [0; 2];
+                for (path, hit) in self.paths.hits[..count].iter().enumerate() {
+                    let is_matte = matte.surfaces.has(self.context.scene, hit);
+                    (self.together[together], self.others[others]) = (path as u32, path as u32);
+                    together += usize::from(is_matte);
+                    others += usize::from(!is_matte);
+                }
+                self.together.truncate(together);
+                self.others.truncate(others);
+            }
+            _ => self.others.extend(0..count as u32),
+        }
+        self.group_by_material();
+    }
+
+    /// Others of one material one after the other; those of one sample stay in order, so that sums have one order.
     fn group_by_material(&mut self) {
-        let (scene, count) = (self.context.scene, self.paths.len());
+        let (scene, others) = (self.context.scene, &self.others);
         // What hits nothing comes last.
         let last = scene.materials.len();
         let key = |hit: &Hit| if hit.is_hit() { scene.material_id(hit).index() } else { last };
-        self.keys.clear();
-        self.keys.extend(self.paths.hits[..count].iter().map(|hit| key(hit) as u32));
+        self.keys.resize(self.paths.len(), 0);
+        for &path in others {
+            self.keys[path as usize] = key(&self.paths.hits[path as usize]) as u32;
+        }
+        let keys = &self.keys;
         self.order.clear();
-        self.order.extend(0..count as u32);
-        if last > count {
-            self.order.sort_by_key(|&path| self.keys[path as usize]);
+        self.order.extend(others);
+        if last > others.len() {
+            self.order.sort_by_key(|&path| keys[path as usize]);
             return;
         }
         // By counting: first how many there are of each, then where those of each begin.
         self.starts.clear();
         self.starts.resize(last + 2, 0);
-        self.keys.iter().for_each(|&key| self.starts[key as usize + 1] += 1);
+        others.iter().for_each(|&path| self.starts[keys[path as usize] as usize + 1] += 1);
         (0..=last).for_each(|key| self.starts[key + 1] += self.starts[key]);
-        for (path, &key) in (0..).zip(&self.keys) {
-            let at = &mut self.starts[key as usize];
+        for &path in others {
+            let at = &mut self.starts[keys[path as usize] as usize];
             self.order[*at as usize] = path;
             *at += 1;
         }
@@ -616,9 +643,9 @@ impl<'a> PartRenderer<'a> {
             return;
         }
         let (ray, state) = (&self.paths.rays[path], &self.paths.state(path));
-        let sample = &mut self.samples[self.paths.samples[path] as usize];
-        let vertex = Vertex { depth, ray, state, random: sample.random, surface: None, medium: None };
-        sample.radiance += escaped(&self.context, &vertex).0;
+        let sample = self.paths.samples[path] as usize;
+        let vertex = Vertex { depth, ray, state, random: self.randoms[sample], surface: None, medium: None };
+        self.samples[sample].radiance += escaped(&self.context, &vertex).0;
     }
 
     fn shade_one(&mut self, depth: u32, path: usize) {

@@ -15,7 +15,7 @@ use snell_math::{Vec3, at_level};
 
 /// Children of a node.
 pub const WIDTH: usize = 8;
-/// No child.
+/// No child, light or part.
 pub const NONE: u32 = u32::MAX;
 /// Set in a child that is an emitter and not a node.
 pub const EMITTER: u32 = 1 << 31;
@@ -26,6 +26,41 @@ const SLACK: f32 = 1e-4;
 
 /// How many receivers are looked at together.
 pub const MANY: usize = 64;
+
+/// Lights chosen for many receivers.
+#[derive(Clone, Debug)]
+pub struct ChosenLights {
+    /// As [`ChosenLight::light`]; [`NONE`] if there is none, and then the rest means nothing.
+    pub light: [u32; MANY],
+    /// As [`ChosenLight::part`]; [`NONE`] if that was not chosen.
+    pub part: [u32; MANY],
+    /// As [`ChosenLight::probability`].
+    pub probability: [f32; MANY],
+}
+
+impl Default for ChosenLights {
+    fn default() -> Self {
+        Self { light: [NONE; MANY], part: [NONE; MANY], probability: [0.0; MANY] }
+    }
+}
+
+impl ChosenLights {
+    /// One of them.
+    pub fn get(&self, i: usize) -> Option<ChosenLight> {
+        let (light, part, probability) = (self.light[i], self.part[i], self.probability[i]);
+        let part = (part != NONE).then_some(part);
+        (light != NONE).then_some(ChosenLight { light: light as usize, part, probability })
+    }
+
+    #[inline(always)]
+    pub(super) fn put(&mut self, i: usize, chosen: Option<ChosenLight>) {
+        let Some(ChosenLight { light, part, probability }) = chosen else {
+            self.light[i] = NONE;
+            return;
+        };
+        (self.light[i], self.part[i], self.probability[i]) = (light as u32, part.unwrap_or(NONE), probability);
+    }
+}
 
 /// Many receivers that do not transmit, by axis.
 #[derive(Clone, Copy, Debug)]
@@ -149,13 +184,7 @@ impl LightBvh {
     }
 
     /// A light for each of many receivers that do not transmit.
-    pub fn sample_many(
-        &self,
-        receivers: &Receivers,
-        u: &[f32; MANY],
-        count: usize,
-        chosen: &mut [Option<ChosenLight>],
-    ) {
+    pub fn sample_many(&self, receivers: &Receivers, u: &[f32; MANY], count: usize, chosen: &mut ChosenLights) {
         at_level!(
             self.wide,
             sample_many,
@@ -164,7 +193,7 @@ impl LightBvh {
                 receivers: &Receivers = receivers,
                 u: &[f32; MANY] = u,
                 count: usize = count,
-                chosen: &mut [Option<ChosenLight>] = chosen,
+                chosen: &mut ChosenLights = chosen,
             )
         );
     }
@@ -300,19 +329,13 @@ fn sample(tree: &LightBvh, receiver: &Receiver, u: f32) -> Option<ChosenLight> {
 
 /// See [`LightBvh::sample_many`].
 #[inline(always)]
-fn sample_many(
-    tree: &LightBvh,
-    receivers: &Receivers,
-    u: &[f32; MANY],
-    count: usize,
-    chosen: &mut [Option<ChosenLight>],
-) {
+fn sample_many(tree: &LightBvh, receivers: &Receivers, u: &[f32; MANY], count: usize, chosen: &mut ChosenLights) {
     match tree.nodes.as_slice() {
         [root] if tree.beside.is_empty() => sample_few(tree, root, receivers, u, chosen),
         // (A plain loop, so that all of it is compiled for wide registers.)
         _ => {
             for i in 0..count {
-                chosen[i] = sample(tree, &receivers.get(i), u[i]);
+                chosen.put(i, sample(tree, &receivers.get(i), u[i]));
             }
         }
     }
@@ -320,13 +343,7 @@ fn sample_many(
 
 /// [`sample_many`] where all lights are children of one node: the receivers in lanes instead of the children.
 #[inline(always)]
-fn sample_few(
-    tree: &LightBvh,
-    root: &Node,
-    receivers: &Receivers,
-    u: &[f32; MANY],
-    chosen: &mut [Option<ChosenLight>],
-) {
+fn sample_few(tree: &LightBvh, root: &Node, receivers: &Receivers, u: &[f32; MANY], chosen: &mut ChosenLights) {
     let mut weights = [[0.0; MANY]; WIDTH];
     let mut total = [0.0; MANY];
     for (child, weights) in weights.iter_mut().enumerate().filter(|(child, _)| root.child[*child] != NONE) {
@@ -336,22 +353,22 @@ fn sample_few(
             total[i] += weights[i];
         }
     }
-    let (mut slots, mut found, mut before, mut over) = ([NONE; MANY], [0.0; MANY], [0.0; MANY], [false; MANY]);
-    for (child, weights) in (0..).zip(&weights).filter(|(child, _)| root.child[*child as usize] != NONE) {
+    let (mut found, mut before, mut over) = ([0.0; MANY], [0.0; MANY], [false; MANY]);
+    chosen.light = [NONE; MANY];
+    for (child, weights) in root.child.iter().zip(&weights).filter(|(child, _)| **child != NONE) {
+        let (light, part) = tree.emitters[(child & !EMITTER) as usize];
         for i in 0..MANY {
             let weight = weights[i];
             let is_next = (weight > 0.0) & !over[i];
-            slots[i] = if is_next { child } else { slots[i] };
+            chosen.light[i] = if is_next { light } else { chosen.light[i] };
+            chosen.part[i] = if is_next { part } else { chosen.part[i] };
             found[i] = if is_next { weight } else { found[i] };
             over[i] |= is_next & (u[i].min(ONE_MINUS_EPSILON) * total[i] < before[i] + weight);
             before[i] += if is_next { weight } else { 0.0 };
         }
     }
-    for (i, chosen) in chosen.iter_mut().enumerate() {
-        *chosen = root.child.get(slots[i] as usize).map(|child| {
-            let (light, part) = tree.emitters[(child & !EMITTER) as usize];
-            ChosenLight { light: light as usize, part: Some(part), probability: found[i] / total[i] }
-        });
+    for i in 0..MANY {
+        chosen.probability[i] = found[i] / total[i];
     }
 }
 

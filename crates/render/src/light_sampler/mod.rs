@@ -8,7 +8,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-pub use bvh::{LightBvh, MANY, Receivers};
+pub use bvh::{ChosenLights, LightBvh, MANY, NONE, Receivers};
 pub use table::LightTable;
 
 use snell_math::Vec3;
@@ -121,15 +121,9 @@ impl LightSampler {
     }
 
     /// What [`Self::sample`] gives for each of the first receivers, so many, that do not transmit. For further ones anything.
-    pub fn sample_many(
-        &self,
-        receivers: &Receivers,
-        u: &[f32; MANY],
-        count: usize,
-        chosen: &mut [Option<ChosenLight>; MANY],
-    ) {
+    pub fn sample_many(&self, receivers: &Receivers, u: &[f32; MANY], count: usize, chosen: &mut ChosenLights) {
         match self {
-            Self::Table(table) => (0..count).for_each(|i| chosen[i] = table.sample(|| u[i])),
+            Self::Table(table) => (0..count).for_each(|i| chosen.put(i, table.sample(|| u[i]))),
             Self::Bvh(bvh) => bvh.sample_many(receivers, u, count, chosen),
         }
     }

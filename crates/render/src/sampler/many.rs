@@ -16,8 +16,15 @@ pub struct ManyRandoms<const N: usize> {
 impl<const N: usize> ManyRandoms<N> {
     /// For vertices of this depth.
     pub fn new(sampler: &Sampler, depth: u32) -> Self {
-        let base = Random { sampler: *sampler, key: 0, sample: 0, base: 0 }.at_vertex(0, depth).base;
-        Self { sampler: *sampler, keys: [0; N], samples: [0; N], base }
+        let mut randoms = Self::of_camera(sampler);
+        randoms.start(sampler, depth);
+        randoms
+    }
+
+    /// The lanes are for vertices of this depth from now on.
+    pub fn start(&mut self, sampler: &Sampler, depth: u32) {
+        self.sampler = *sampler;
+        self.base = Random { sampler: *sampler, key: 0, sample: 0, base: 0 }.at_vertex(0, depth).base;
     }
 
     /// For what is drawn before there is a vertex: where the camera's ray starts.

@@ -1,6 +1,7 @@
 //! Flat parts of emissive surfaces as most points see them: from far enough away that points are chosen by area, in single precision
 //! and without branches, so that many can be sampled at once.
 
+use super::NearSample;
 use snell_intersect::{AnyShape, Shape};
 use snell_math::robust::{gamma, offset_ray_origin};
 use snell_math::simd::most;
@@ -25,9 +26,10 @@ pub struct FlatPart {
     pub pdf: f32,
     /// Points are corners plus these of the edges: of a triangle those with a sum of at most 1.
     pub is_triangle: bool,
-    middle: Vec3,
-    /// Squared distance from the middle beyond which it is far.
-    far: f32,
+    /// Centroid.
+    pub middle: Vec3,
+    /// Squared distance from there beyond which it is [far](Self::is_far).
+    pub far: f32,
 }
 
 /// A point of a [`FlatPart`] as a far point sees it. Only what [`Self::exists`] has a meaning.
@@ -90,12 +92,6 @@ impl FlatPart {
         Some(Self::new(corners.map(|p| place.point(p)), normal, is_triangle))
     }
 
-    /// What [`Self::sample`] looks at, and nothing else: for lanes.
-    #[inline(always)]
-    pub fn lane(corner: Vec3, edges: [Vec3; 2], normal: Vec3, error: Vec3, pdf: f32, is_triangle: bool) -> Self {
-        Self { corner, edges, normal, error, pdf, is_triangle, middle: Vec3::ZERO, far: 0.0 }
-    }
-
     /// Area.
     pub fn area(&self) -> f64 {
         let area = self.edges[0].as_dvec3().cross(self.edges[1].as_dvec3()).length();
@@ -121,12 +117,31 @@ impl FlatPart {
         let direction = to_light * scale;
         let cos = direction.dot(self.normal);
         let pdf = self.pdf * squared / most(cos, -cos);
+        let exists = (scale > 0.0) & (scale < f32::INFINITY) & (pdf > 0.0) & (pdf < f32::INFINITY);
+        FlatSample { end: self.end(position, direction), direction, pdf, is_front: cos < 0.0, exists }
+    }
+
+    /// What is known of a point that was chosen by solid angle; by area if that was not possible.
+    #[inline(always)]
+    pub fn or_near(&self, by_area: FlatSample, near: NearSample) -> FlatSample {
+        let NearSample { position, direction, pdf, exists } = near;
+        let (is_front, end) = (direction.dot(self.normal) < 0.0, self.end(position, direction));
+        let either = |a: Vec3, b: Vec3| {
+            let one = |a: f32, b: f32| if exists { a } else { b };
+            Vec3::new(one(a.x, b.x), one(a.y, b.y), one(a.z, b.z))
+        };
         FlatSample {
-            direction,
-            pdf,
-            end: offset_ray_origin(position, self.error, self.normal, -direction),
-            is_front: cos < 0.0,
-            exists: (scale > 0.0) & (scale < f32::INFINITY) & (pdf > 0.0) & (pdf < f32::INFINITY),
+            direction: either(direction, by_area.direction),
+            pdf: if exists { pdf } else { by_area.pdf },
+            end: either(end, by_area.end),
+            is_front: if exists { is_front } else { by_area.is_front },
+            exists: exists | by_area.exists,
         }
+    }
+
+    /// Where a shadow ray in this direction towards a point ends.
+    #[inline(always)]
+    fn end(&self, position: Vec3, direction: Vec3) -> Vec3 {
+        offset_ray_origin(position, self.error, self.normal, -direction)
     }
 }

@@ -2,12 +2,14 @@
 
 mod flat;
 mod moving;
+mod near;
 mod outline;
 #[cfg(test)]
 mod tests;
 
 pub use flat::{FlatPart, FlatSample};
 pub use moving::MovingAreaLight;
+pub use near::{NearRectangle, NearSample};
 
 use super::LightBounds;
 use outline::{Outline, Seen, barycentrics};
@@ -333,6 +335,26 @@ impl AreaLight {
             Table::Mesh { placed, .. } => placed.get(part as usize).map(|placed| &placed.flat),
             Table::Shape { flat, .. } => flat.as_ref(),
         }
+    }
+
+    /// The part, if it is a rectangle of which the solid angle is sampled from where [`FlatPart::is_far`] is false.
+    #[inline]
+    pub fn near(&self, _part: u32) -> Option<&NearRectangle> {
+        match &self.table {
+            Table::Shape { outline: Outline::Rectangle(rectangle), flat: Some(_), .. } => Some(rectangle),
+            _ => None,
+        }
+    }
+
+    /// [`Self::sample_from`] for flat parts that are far, and for rectangles, without what only some materials ask for; `None` for others.
+    #[inline]
+    pub fn sample_flat(&self, part: u32, from: Vec3, u: Vec2) -> Option<FlatSample> {
+        let flat = self.flat(part)?;
+        if flat.is_far(from) {
+            return Some(flat.sample(from, u));
+        }
+        let near = self.near(part)?.sample(from, u);
+        Some(flat.or_near(flat.sample(from, u), near))
     }
 
     /// A part whose solid angle is sampled, as seen from a point; `None` if it is sampled by area.

@@ -1,5 +1,6 @@
 //! How a part of an emissive surface looks from a point: its solid angle, and points uniform in it.
 
+use super::near::NearRectangle;
 use snell_intersect::{AnyShape, Shape};
 use snell_math::spherical::{self, SphericalRectangle};
 use snell_math::{DVec2, DVec3, Transform, Vec2};
@@ -11,12 +12,7 @@ pub(super) enum Outline {
         corner: DVec3,
         edges: [DVec3; 2],
     },
-    /// Unit vectors along the sides, half of their lengths.
-    Rectangle {
-        center: DVec3,
-        axes: [DVec3; 2],
-        half: DVec2,
-    },
+    Rectangle(NearRectangle),
     /// A disk or ring: sampled as the square around it, if it is near.
     Disk {
         center: DVec3,
@@ -33,9 +29,9 @@ pub(super) enum Outline {
 }
 
 /// Solid angles below this are sampled by area: what is small is seen alike from everywhere, and differences of angles lose digits.
-const LEAST: f64 = 1e-4;
+pub(super) const LEAST: f64 = 1e-4;
 /// Those above too: the point lies on the surface, to rounding, and angles of nearly half a turn lose digits.
-const MOST: f64 = 6.22;
+pub(super) const MOST: f64 = 6.22;
 /// A square is worth its wasted corners only if the distances to points of the disk are very different.
 const LEAST_OF_DISK: f64 = 0.5;
 
@@ -54,7 +50,8 @@ impl Outline {
                 Self::Triangle { corner: a, edges: [b - a, c - a] }
             }
             Some(AnyShape::Rectangle(r)) if square(x, y) => {
-                Self::Rectangle { center, axes, half: r.half_size * DVec2::new(x.length(), y.length()) }
+                let half = r.half_size * DVec2::new(x.length(), y.length());
+                Self::Rectangle(NearRectangle { center, axes, half })
             }
             Some(AnyShape::Disk(d)) if square(x, y) && alike(x.length(), y.length()) => {
                 Self::Disk { center, axes, radius: d.radius * x.length(), inner: d.inner_radius * x.length() }
@@ -87,9 +84,10 @@ impl Outline {
     pub(super) fn seen_from(&self, from: DVec3) -> Option<Seen> {
         let (seen, least) = match *self {
             Self::Triangle { corner, edges } => (Seen::triangle(corner - from, edges)?, LEAST),
-            Self::Rectangle { center, axes, half } => (Seen::rectangle(center - from, axes, half), LEAST),
+            Self::Rectangle(rectangle) => (Seen::rectangle(&rectangle, from), LEAST),
             Self::Disk { center, axes, radius, .. } => {
-                (Seen::rectangle(center - from, axes, DVec2::splat(radius)), LEAST_OF_DISK)
+                let square = NearRectangle { center, axes, half: DVec2::splat(radius) };
+                (Seen::rectangle(&square, from), LEAST_OF_DISK)
             }
             Self::Sphere { center, radius } => return Seen::sphere(center - from, radius),
             Self::Other => return None,
@@ -121,12 +119,10 @@ impl Seen {
         solid_angle.is_finite().then_some(Self { solid_angle, kind: SeenKind::Triangle { corner, edges, directions } })
     }
 
-    fn rectangle(center: DVec3, [x, y]: [DVec3; 2], half: DVec2) -> Self {
-        let normal = x.cross(y);
-        let z = center.dot(normal);
-        let middle = DVec2::new(center.dot(x), center.dot(y));
-        let rectangle = SphericalRectangle::new(middle - half, middle + half, z);
-        Self { solid_angle: rectangle.solid_angle, kind: SeenKind::Rectangle { axes: [x, y, normal], z, rectangle } }
+    fn rectangle(rectangle: &NearRectangle, from: DVec3) -> Self {
+        let ([x, y], (seen, z)) = (rectangle.axes, rectangle.seen_from(from));
+        let kind = SeenKind::Rectangle { axes: [x, y, rectangle.normal()], z, rectangle: seen };
+        Self { solid_angle: seen.solid_angle, kind }
     }
 
     /// `None` from inside, and from so near that the cone is nearly half of all directions.
