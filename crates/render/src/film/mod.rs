@@ -198,21 +198,27 @@ impl FilmTile {
             None => (0..count).collect(),
         };
         let mut values = vec![0.0; self.channels];
-        for s in 0..samples {
+        let mut done = 0;
+        while done < samples {
+            // Those that are left of the block.
+            let run = ((BLOCK - self.samples % BLOCK) as usize).min(samples - done);
             let partial = self.partial.get_or_insert_with(|| Sums::new(count, self.channels, self.mean_weight < 1.0));
             for (number, &pixel) in pixels.iter().enumerate() {
-                let i = number * samples + s;
-                let sample = &part.values[i];
-                let aovs = &part.aovs[i * aov_channels..][..aov_channels];
-                values[..3].copy_from_slice(&sample.color.to_array());
-                values[3] = sample.alpha;
-                values[4..].copy_from_slice(aovs);
-                partial.add(pixel, &values, sample.weight);
+                let begin = number * samples + done;
                 if self.samples == 0 {
+                    let aovs = &part.aovs[begin * aov_channels..][..aov_channels];
                     self.first[pixel * aov_channels..][..aov_channels].copy_from_slice(aovs);
                 }
+                for i in begin..begin + run {
+                    let sample = &part.values[i];
+                    values[..3].copy_from_slice(&sample.color.to_array());
+                    values[3] = sample.alpha;
+                    values[4..].copy_from_slice(&part.aovs[i * aov_channels..][..aov_channels]);
+                    partial.add(pixel, &values, sample.weight);
+                }
             }
-            self.samples += 1;
+            done += run;
+            self.samples += run as u32;
             if self.samples.is_multiple_of(BLOCK) {
                 self.end_block(&pixels);
             }

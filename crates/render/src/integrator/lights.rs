@@ -56,28 +56,37 @@ const NEAR: u32 = 2;
 /// The light is not one of these.
 pub const ALONE: u32 = 3;
 
+/// Near rectangles that are sampled together.
+const NEAR_LANES: usize = 16;
+
 /// Samples of near rectangles.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct NearLanes {
-    /// The lanes that have one; of the following arrays the first so many.
+    /// The lanes that have one.
     lanes: Vec<u32>,
-    from: HitVectors,
-    u: [HitLanes; 2],
-    center: [[f64; LANES]; 3],
-    axes: [[[f64; LANES]; 3]; 2],
-    half: [[f64; LANES]; 2],
-    found: NearSamples,
-    /// The same by lane.
-    samples: NearSamples,
+    rectangles: NearRectangles,
+    found: NearSamples<NEAR_LANES>,
+    /// By lane.
+    samples: NearSamples<LANES>,
+}
+
+/// Rectangles, and who sees them.
+#[derive(Debug, Default)]
+struct NearRectangles {
+    from: [[f32; NEAR_LANES]; 3],
+    u: [[f32; NEAR_LANES]; 2],
+    center: [[f64; NEAR_LANES]; 3],
+    axes: [[[f64; NEAR_LANES]; 3]; 2],
+    half: [[f64; NEAR_LANES]; 2],
 }
 
 /// See [`NearSample`].
 #[derive(Debug)]
-struct NearSamples {
-    position: HitVectors,
-    direction: HitVectors,
-    pdf: HitLanes,
-    exists: [u32; LANES],
+struct NearSamples<const N: usize> {
+    position: [[f32; N]; 3],
+    direction: [[f32; N]; 3],
+    pdf: [f32; N],
+    exists: [u32; N],
 }
 
 /// What light samples bring to Lambertian surfaces.
@@ -133,25 +142,10 @@ impl Default for FlatLights {
     }
 }
 
-impl Default for NearSamples {
+impl<const N: usize> Default for NearSamples<N> {
     fn default() -> Self {
-        Self { position: ZERO, direction: ZERO, pdf: [0.0; LANES], exists: [0; LANES] }
-    }
-}
-
-impl Default for NearLanes {
-    fn default() -> Self {
-        let zero = [[0.0; LANES]; 3];
-        Self {
-            lanes: Vec::new(),
-            from: ZERO,
-            u: [[0.0; LANES]; 2],
-            center: zero,
-            axes: [zero; 2],
-            half: [[0.0; LANES]; 2],
-            found: NearSamples::default(),
-            samples: NearSamples::default(),
-        }
+        let zero = [[0.0; N]; 3];
+        Self { position: zero, direction: zero, pdf: [0.0; N], exists: [0; N] }
     }
 }
 
@@ -263,30 +257,37 @@ impl FlatLights {
     /// Samples the rectangles that are near.
     #[inline(never)]
     fn sample_near(&mut self, scene: &CompiledScene, positions: &HitVectors, u: &[HitLanes; 2], wide: Option<Wide>) {
-        let near = &mut self.near;
-        for (i, &lane) in near.lanes.iter().enumerate() {
-            let lane = lane as usize;
-            let area = area_light(scene, self.light[lane]);
-            let Some(rectangle) = area.and_then(|area| area.near(self.part[lane])) else { continue };
-            for axis in 0..3 {
-                near.from[axis][i] = positions[axis][lane];
-                near.center[axis][i] = rectangle.center[axis];
-                near.axes[0][axis][i] = rectangle.axes[0][axis];
-                near.axes[1][axis][i] = rectangle.axes[1][axis];
+        let NearLanes { lanes, rectangles, found, samples } = &mut self.near;
+        samples.exists = [0; LANES];
+        for lanes in lanes.chunks(NEAR_LANES) {
+            for (i, &lane) in lanes.iter().enumerate() {
+                let lane = lane as usize;
+                let area = area_light(scene, self.light[lane]);
+                let Some(rectangle) = area.and_then(|area| area.near(self.part[lane])) else { continue };
+                for axis in 0..3 {
+                    rectangles.from[axis][i] = positions[axis][lane];
+                    rectangles.center[axis][i] = rectangle.center[axis];
+                    rectangles.axes[0][axis][i] = rectangle.axes[0][axis];
+                    rectangles.axes[1][axis][i] = rectangle.axes[1][axis];
+                }
+                (rectangles.half[0][i], rectangles.half[1][i]) = (rectangle.half.x, rectangle.half.y);
+                (rectangles.u[0][i], rectangles.u[1][i]) = (u[0][lane], u[1][lane]);
             }
-            (near.half[0][i], near.half[1][i]) = (rectangle.half.x, rectangle.half.y);
-            (near.u[0][i], near.u[1][i]) = (u[0][lane], u[1][lane]);
-        }
-        at_level!(wide, near_samples, (near: &mut NearLanes = near));
-        near.samples.exists = [0; LANES];
-        for (i, &lane) in near.lanes.iter().enumerate() {
-            let lane = lane as usize;
-            for axis in 0..3 {
-                near.samples.position[axis][lane] = near.found.position[axis][i];
-                near.samples.direction[axis][lane] = near.found.direction[axis][i];
+            let of: &NearRectangles = rectangles;
+            at_level!(
+                wide,
+                near_samples,
+                (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = found)
+            );
+            for (i, &lane) in lanes.iter().enumerate() {
+                let lane = lane as usize;
+                for axis in 0..3 {
+                    samples.position[axis][lane] = found.position[axis][i];
+                    samples.direction[axis][lane] = found.direction[axis][i];
+                }
+                samples.pdf[lane] = found.pdf[i];
+                samples.exists[lane] = found.exists[i];
             }
-            near.samples.pdf[lane] = near.found.pdf[i];
-            near.samples.exists[lane] = near.found.exists[i];
         }
     }
 }
@@ -332,24 +333,24 @@ fn tell_far(lights: &mut FlatLights, positions: &HitVectors) {
     }
 }
 
-/// Samples of the first lanes, in steps of whole registers.
+/// See [`NearRectangle::sample`].
 #[inline(always)]
-fn near_samples(near: &mut NearLanes) {
-    for i in 0..near.lanes.len().next_multiple_of(8).min(LANES) {
-        let wide = |v: &[[f64; LANES]; 3]| DVec3::new(v[0][i], v[1][i], v[2][i]);
+fn near_samples(of: &NearRectangles, to: &mut NearSamples<NEAR_LANES>) {
+    for i in 0..NEAR_LANES {
+        let vector = |v: &[[f64; NEAR_LANES]; 3]| DVec3::new(v[0][i], v[1][i], v[2][i]);
         let rectangle = NearRectangle {
-            center: wide(&near.center),
-            axes: [wide(&near.axes[0]), wide(&near.axes[1])],
-            half: DVec2::new(near.half[0][i], near.half[1][i]),
+            center: vector(&of.center),
+            axes: [vector(&of.axes[0]), vector(&of.axes[1])],
+            half: DVec2::new(of.half[0][i], of.half[1][i]),
         };
-        let from = Vec3::new(near.from[0][i], near.from[1][i], near.from[2][i]);
-        let sample = rectangle.sample(from, Vec2::new(near.u[0][i], near.u[1][i]));
+        let from = Vec3::new(of.from[0][i], of.from[1][i], of.from[2][i]);
+        let sample = rectangle.sample(from, Vec2::new(of.u[0][i], of.u[1][i]));
         for axis in 0..3 {
-            near.found.position[axis][i] = sample.position[axis];
-            near.found.direction[axis][i] = sample.direction[axis];
+            to.position[axis][i] = sample.position[axis];
+            to.direction[axis][i] = sample.direction[axis];
         }
-        near.found.pdf[i] = sample.pdf;
-        near.found.exists[i] = u32::from(sample.exists);
+        to.pdf[i] = sample.pdf;
+        to.exists[i] = u32::from(sample.exists);
     }
 }
 

@@ -8,19 +8,19 @@ use super::carried::Carried;
 use super::estimators::{Arrival, Skin, may_be_lifted};
 use super::light_part::{LightSource, LobeShares};
 use super::lights::{ALONE, DARK, FlatArrivals, FlatLights, Surfaces, horizon};
+use super::matte_surfaces::{MatteSurfaces, PlainSurface};
 use super::path::{MAX_SURVIVAL, ROULETTE_DEPTH, SCATTERED_SPREAD, WeightedLight, weighted_sample};
 use super::{Context, IntegratorKind, Outputs, PathState, classic, dimension};
-use crate::compile::CompiledScene;
 use crate::light_sampler::Receivers;
 use crate::sampler::{ManyRandoms, Random, Sampler};
 use crate::settings::{LightStrategy, Terminator};
 use snell_intersect::smooth::lifted_ray_origin;
-use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh, TRIANGLE_HITS};
-use snell_intersect::{GeometryId, Hit, TriangleHits, TrianglePoints};
+use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS};
+use snell_intersect::{Hit, TriangleHits, TrianglePoints};
 use snell_math::simd::{Wide, least, most};
-use snell_math::{ColorMode, ColorModel, Frame, Ray, Rgb, SampledSpectrum, Vec2, Vec3, at_level, sampling};
+use snell_math::{ColorMode, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, sampling};
+use snell_scene::MediumId;
 use snell_scene::material::visible_normal;
-use snell_scene::{Material, MediumId};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Most vertices at once.
@@ -40,50 +40,6 @@ pub struct Arriving<'a> {
     /// Which of the numbers are those of each.
     pub samples: &'a [u32],
     pub randoms: &'a [Random],
-}
-
-/// Which surfaces can be worked on here.
-#[derive(Debug)]
-pub struct MatteSurfaces<'a> {
-    /// By geometry: the mesh and its reflectance, if that is the same everywhere.
-    plain: Vec<Option<PlainSurface<'a>>>,
-    /// By material.
-    materials: Vec<bool>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct PlainSurface<'a> {
-    mesh: PlainMesh<'a>,
-    reflectance: Rgb,
-}
-
-impl<'a> MatteSurfaces<'a> {
-    /// `None` if there are none.
-    pub fn new(context: &Context<'a>) -> Option<Self> {
-        let scene = context.scene;
-        let materials: Vec<_> = scene.materials.iter().map(|material| is_matte(context, material)).collect();
-        let plain = |geometry: u32| {
-            let mesh = scene.world.plain_mesh(GeometryId(geometry))?;
-            let id = scene.only_material(geometry).filter(|id| materials[id.index()])?;
-            let material = scene.material(id);
-            let is_plain = material.normal_map.is_none() && material.interior.is_none();
-            let reflectance = material.as_matte()?.uniform().filter(|_| is_plain)?;
-            Some(PlainSurface { mesh, reflectance })
-        };
-        let plain = (0..scene.world.geometry_count() as u32).map(plain).collect();
-        materials.contains(&true).then_some(Self { plain, materials })
-    }
-
-    /// True if a path that has hit this can be worked on here.
-    #[inline(always)]
-    pub fn has(&self, scene: &CompiledScene, hit: &Hit) -> bool {
-        self.plain(hit).is_some() || (hit.is_hit() && self.materials[scene.material_id(hit).index()])
-    }
-
-    #[inline(always)]
-    fn plain(&self, hit: &Hit) -> Option<&PlainSurface<'a>> {
-        self.plain.get(hit.geometry as usize).and_then(Option::as_ref).filter(|_| hit.instance == 0)
-    }
 }
 
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
@@ -184,22 +140,9 @@ impl Seen {
     }
 }
 
-fn is_for(integrator: IntegratorKind) -> bool {
-    is_classic(integrator) || matches!(integrator, IntegratorKind::Path | IntegratorKind::Direct)
-}
-
 /// True for integrators of which vertices are shaded by [`MatteVertices::shade_classic`].
 pub fn is_classic(integrator: IntegratorKind) -> bool {
     matches!(integrator, IntegratorKind::Raycast | IntegratorKind::Whitted)
-}
-
-/// True if vertices on this material can be worked on here.
-fn is_matte(context: &Context, material: &Material) -> bool {
-    let settings = context.settings;
-    is_for(settings.integrator)
-        && context.field.is_none()
-        && settings.color == ColorModel::Rgb
-        && material.as_matte().is_some()
 }
 
 fn at(v: &HitVectors, lane: usize) -> Vec3 {

@@ -13,6 +13,7 @@ mod guided;
 pub mod light_part;
 mod lights;
 pub(crate) mod matte;
+pub(crate) mod matte_surfaces;
 mod motion;
 pub(crate) mod path;
 mod scattering;

@@ -11,7 +11,8 @@ use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, 
 use crate::light_sampler::{ChosenLight, Receiver};
 use crate::settings::LightStrategy;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
-use snell_scene::MediumId;
+use snell_scene::light::environment::EnvironmentLight;
+use snell_scene::{Background, MediumId};
 
 /// Roulette starts after this many bounces.
 pub(crate) const ROULETTE_DEPTH: u32 = 4;
@@ -65,6 +66,14 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
         }
     }
     add_bounce(context, vertex, surface, &at, &receiver, &guided, out);
+}
+
+/// The environment, if its radiance is all that paths bring that leave the scene at this depth: [`escaped`] gives that with a weight of 1.
+pub(crate) fn plain_sky<'a>(context: &Context<'a>, depth: u32) -> Option<&'a EnvironmentLight> {
+    let (scene, strategy) = (context.scene, context.settings.light_strategy);
+    let shows_background = depth == 0 && !matches!(scene.background, Background::Environment);
+    let is_sampled = strategy == LightStrategy::Light || scene.samples_environment(strategy);
+    scene.environment.as_deref().filter(|_| !shows_background && !is_sampled)
 }
 
 /// What a path that leaves the scene brings, and its weight.

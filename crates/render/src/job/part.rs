@@ -15,8 +15,9 @@ use crate::integrator::aov::{Aov, AovKind};
 use crate::integrator::camera_path::{FILM, camera_path, film_point, path_of};
 use crate::integrator::carried::{Carried, Rest};
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
-use crate::integrator::matte::{self, Arriving, LANES, MatteSurfaces, MatteVertices};
-use crate::integrator::path::escaped;
+use crate::integrator::matte::{self, Arriving, LANES, MatteVertices};
+use crate::integrator::matte_surfaces::MatteSurfaces;
+use crate::integrator::path::{escaped, plain_sky};
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
 use crate::sampler::{ManyRandoms, Random, Sampler};
 use crate::settings::Crop;
@@ -306,9 +307,9 @@ impl<'a> PartRenderer<'a> {
         if paths.is_plain() && view.pinhole_rays(&film, wide, &mut self.camera_rays) {
             let rays = &self.camera_rays;
             paths.rays.extend((0..starting.len()).map(|i| rays.get(i).ray));
-            paths
-                .carried
-                .extend((0..starting.len()).map(|i| Carried::of(&path_of(&rays.get(i), ColorMode::Rgb, 0.0)).0));
+            let (first, _) = Carried::of(&path_of(&rays.get(0), ColorMode::Rgb, 0.0));
+            let carried = |i| Carried { cone_spread: rays.get(i).spread, ..first };
+            paths.carried.extend((0..starting.len()).map(carried));
             paths.samples.extend(begun..begun + starting.len() as u32);
             samples.extend(weights[..starting.len()].iter().map(|&weight| sample(ColorMode::Rgb, weight)));
             return;
@@ -495,7 +496,10 @@ impl<'a> PartRenderer<'a> {
         vertices.lit(lanes, kept);
         light_rays.rays.extend(kept.iter().map(|&lane| vertices.light_ray(lane as usize)));
         light_rays.values.extend(kept.iter().map(|&lane| vertices.brought(lane as usize)));
-        light_rays.times.extend(kept.iter().map(|&lane| from.rest(path(lane)).time));
+        match from.is_plain() {
+            true => light_rays.times.resize(light_rays.rays.len(), Rest::PLAIN.time),
+            false => light_rays.times.extend(kept.iter().map(|&lane| from.rest(path(lane)).time)),
+        }
         light_rays.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
         vertices.going_on(lanes, kept);
         next.rays.extend(kept.iter().map(|&lane| vertices.next_ray(lane as usize)));
@@ -588,9 +592,9 @@ impl<'a> PartRenderer<'a> {
                 self.together.resize(count, 0);
                 self.others.resize(count, 0);
                 let [mut together, mut others] = [0; 2];
-                for (path, hit) in self.paths.hits[..count].iter().enumerate() {
+                for (path, hit) in (0..).zip(&self.paths.hits[..count]) {
                     let is_matte = matte.surfaces.has(self.context.scene, hit);
-                    (self.together[together], self.others[others]) = (path as u32, path as u32);
+                    (self.together[together], self.others[others]) = (path, path);
                     together += usize::from(is_matte);
                     others += usize::from(!is_matte);
                 }
@@ -642,8 +646,14 @@ impl<'a> PartRenderer<'a> {
         if self.paths.is_dead(path) {
             return;
         }
-        let (ray, state) = (&self.paths.rays[path], &self.paths.state(path));
         let sample = self.paths.samples[path] as usize;
+        let ray = &self.paths.rays[path];
+        if let Some(sky) = plain_sky(&self.context, depth) {
+            let radiance = sky.radiance(ray.direction, self.paths.rest(path).mode);
+            self.samples[sample].radiance += self.paths.carried[path].throughput * radiance;
+            return;
+        }
+        let state = &self.paths.state(path);
         let vertex = Vertex { depth, ray, state, random: self.randoms[sample], surface: None, medium: None };
         self.samples[sample].radiance += escaped(&self.context, &vertex).0;
     }

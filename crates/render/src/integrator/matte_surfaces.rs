@@ -1,0 +1,69 @@
+//! Which surfaces [`super::matte`] works on, and what can be known of them before they are hit.
+
+use super::matte::is_classic;
+use super::{Context, IntegratorKind};
+use crate::compile::CompiledScene;
+use snell_intersect::triangles::PlainMesh;
+use snell_intersect::{GeometryId, Hit};
+use snell_math::{ColorModel, Rgb};
+use snell_scene::Material;
+
+/// Which surfaces [`super::matte`] works on.
+#[derive(Debug)]
+pub struct MatteSurfaces<'a> {
+    /// By geometry: the mesh and its reflectance, if that is the same everywhere and nothing moves it.
+    plain: Vec<Option<PlainSurface<'a>>>,
+    /// By material.
+    materials: Vec<bool>,
+}
+
+/// A mesh of one matte material.
+#[derive(Clone, Copy, Debug)]
+pub struct PlainSurface<'a> {
+    pub mesh: PlainMesh<'a>,
+    /// The same everywhere.
+    pub reflectance: Rgb,
+}
+
+impl<'a> MatteSurfaces<'a> {
+    /// `None` if there are none.
+    pub fn new(context: &Context<'a>) -> Option<Self> {
+        let scene = context.scene;
+        let materials: Vec<_> = scene.materials.iter().map(|material| is_matte(context, material)).collect();
+        let plain = |geometry: u32| {
+            let mesh = scene.world.plain_mesh(GeometryId(geometry))?;
+            let id = scene.only_material(geometry).filter(|id| materials[id.index()])?;
+            let material = scene.material(id);
+            let is_plain = material.normal_map.is_none() && material.interior.is_none();
+            let reflectance = material.as_matte()?.uniform().filter(|_| is_plain)?;
+            Some(PlainSurface { mesh, reflectance })
+        };
+        let plain = (0..scene.world.geometry_count() as u32).map(plain).collect();
+        materials.contains(&true).then_some(Self { plain, materials })
+    }
+
+    /// True if a path that has hit this can be worked on here.
+    #[inline(always)]
+    pub fn has(&self, scene: &CompiledScene, hit: &Hit) -> bool {
+        self.plain(hit).is_some() || (hit.is_hit() && self.materials[scene.material_id(hit).index()])
+    }
+
+    /// What a path has hit, if it is one of the plain surfaces.
+    #[inline(always)]
+    pub fn plain(&self, hit: &Hit) -> Option<&PlainSurface<'a>> {
+        self.plain.get(hit.geometry as usize).and_then(Option::as_ref).filter(|_| hit.instance == 0)
+    }
+}
+
+fn is_for(integrator: IntegratorKind) -> bool {
+    is_classic(integrator) || matches!(integrator, IntegratorKind::Path | IntegratorKind::Direct)
+}
+
+/// True if vertices on this material can be worked on here.
+fn is_matte(context: &Context, material: &Material) -> bool {
+    let settings = context.settings;
+    is_for(settings.integrator)
+        && context.field.is_none()
+        && settings.color == ColorModel::Rgb
+        && material.as_matte().is_some()
+}
