@@ -150,6 +150,12 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// The surface at `position`, a point on (or within rounding of) `face`.
     fn surface(&self, position: DVec3, face: u32) -> ShapeSurface;
 
+    /// Position and normal of [`Self::surface`], which may be much less work.
+    fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) {
+        let ShapeSurface { position, normal, .. } = self.surface(position, face);
+        (position, normal)
+    }
+
     /// The point of the surface nearest to `point`, where lengths are measured by `metric`; the lowest face among equally near ones.
     /// `None` if that cannot be said, as for points that are not finite.
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint>;
@@ -211,6 +217,7 @@ macro_rules! shapes {
             fn any(&self, ray: &DRay) -> bool { match self { $(Self::$kind(s) => s.any(ray),)* } }
             fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) { match self { $(Self::$kind(s) => s.all(ray, hits),)* } }
             fn surface(&self, position: DVec3, face: u32) -> ShapeSurface { match self { $(Self::$kind(s) => s.surface(position, face),)* } }
+            fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) { match self { $(Self::$kind(s) => s.normal(position, face),)* } }
             fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> { match self { $(Self::$kind(s) => s.nearest_point(point, metric),)* } }
             fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 { match self { $(Self::$kind(s) => s.winding_number(point, metric),)* } }
             fn area(&self) -> f64 { match self { $(Self::$kind(s) => s.area(),)* } }

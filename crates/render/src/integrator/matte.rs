@@ -4,55 +4,32 @@
 //! Which vertices come here depends on the scene and the settings alone, and no lane looks at another, so that a path does not depend
 //! on what shares its batch.
 
-use super::carried::{Carried, Rest};
+use super::carried::Carried;
 use super::estimators::{Arrival, Skin};
+use super::lanes::{
+    Arriving, CarriedLanes, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, keep, put_color,
+};
 use super::light_part::{LightSource, LobeShares};
 use super::lights::{FlatArrivals, FlatLights, Surfaces, flat_part};
-use super::path::{MAX_SURVIVAL, ROULETTE_DEPTH, SCATTERED_SPREAD, WeightedLight, weighted_sample};
+use super::path::{SCATTERED_SPREAD, WeightedLight, weighted_sample};
 use super::{Context, IntegratorKind, Outputs, PathState, classic, dimension};
 use crate::light_sampler::{ChosenLight, Receivers};
-use crate::sampler::{ManyRandoms, Random, Sampler};
+use crate::sampler::{Random, Sampler};
 use crate::settings::LightStrategy;
-use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS};
-use snell_intersect::{Hit, TriangleHits, TrianglePoints};
-use snell_math::simd::{Wide, least, most};
+use snell_intersect::TrianglePoints;
+use snell_intersect::triangles::{HitLanes, HitVectors};
+use snell_math::simd::{Wide, most};
 use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, robust, sampling};
 use snell_scene::material::visible_normal;
 use snell_scene::{Material, MediumId};
 use std::f32::consts::{FRAC_1_PI, PI};
 
-/// Most vertices at once.
-pub const LANES: usize = TRIANGLE_HITS;
-
-const ZERO: HitVectors = [[0.0; LANES]; 3];
-
-/// A path that has come to a surface.
-#[derive(Clone, Copy, Debug)]
-pub struct Arriving<'a> {
-    /// Its last ray.
-    pub ray: &'a Ray,
-    /// What that has hit.
-    pub hit: &'a Hit,
-    /// The path so far.
-    pub carried: &'a Carried,
-    pub rest: &'a Rest,
-    /// Its numbers.
-    pub random: &'a Random,
-}
-
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
 pub struct MatteVertices {
-    hits: TriangleHits,
-    points: TrianglePoints,
-    /// What is known already of lanes that are not on plain triangles.
-    others: Vec<(usize, OtherPoint)>,
-    /// Direction to where the path comes from.
-    wo: HitVectors,
+    lanes: VertexLanes,
     /// By channel.
     reflectance: HitVectors,
-    carried: CarriedLanes,
-    randoms: ManyRandoms<LANES>,
     /// Shading normal, and the same on the side where the path comes from.
     normal: HitVectors,
     facing: HitVectors,
@@ -63,27 +40,6 @@ pub struct MatteVertices {
     /// As [`super::Outputs::glowing`].
     glowing: [Option<MediumId>; LANES],
     outputs: MatteOutputs,
-    wide: Option<Wide>,
-}
-
-/// Of [`Carried`], what is needed.
-#[derive(Debug)]
-struct CarriedLanes {
-    /// By channel.
-    throughput: HitVectors,
-    eta_scale: HitLanes,
-    /// At the vertex.
-    cone_width: HitLanes,
-    cone_spread: HitLanes,
-}
-
-/// What [`snell_intersect::SurfaceInteraction`] says of a point, as far as it matters here.
-#[derive(Clone, Copy, Debug)]
-struct OtherPoint {
-    position: Vec3,
-    position_error: Vec3,
-    geometric_normal: Vec3,
-    shading_normal: Vec3,
 }
 
 /// The light that is sampled at a vertex.
@@ -157,39 +113,12 @@ pub fn is_matte(context: &Context, material: &Material) -> bool {
         && material.as_matte().is_some()
 }
 
-fn at(v: &HitVectors, lane: usize) -> Vec3 {
-    Vec3::new(v[0][lane], v[1][lane], v[2][lane])
-}
-
-fn put(v: &mut HitVectors, lane: usize, to: Vec3) {
-    (v[0][lane], v[1][lane], v[2][lane]) = (to.x, to.y, to.z);
-}
-
-/// A spectrum of [`ColorMode::Rgb`].
-fn color_at(v: &HitVectors, lane: usize) -> SampledSpectrum {
-    SampledSpectrum([v[0][lane], v[1][lane], v[2][lane], 0.0])
-}
-
-fn put_color(v: &mut HitVectors, lane: usize, to: SampledSpectrum) {
-    (v[0][lane], v[1][lane], v[2][lane]) = (to.0[0], to.0[1], to.0[2]);
-}
-
 impl MatteVertices {
     /// For vertices of one depth.
     pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
         Self {
-            hits: TriangleHits::default(),
-            points: TrianglePoints::default(),
-            others: Vec::new(),
-            wo: ZERO,
+            lanes: VertexLanes::new(sampler, wide),
             reflectance: ZERO,
-            carried: CarriedLanes {
-                throughput: ZERO,
-                eta_scale: [0.0; LANES],
-                cone_width: [0.0; LANES],
-                cone_spread: [0.0; LANES],
-            },
-            randoms: ManyRandoms::new(sampler, 0),
             normal: ZERO,
             facing: ZERO,
             bounces: Bounces { wi: ZERO, origin: ZERO, pdf: [0.0; LANES], exists: [0; LANES] },
@@ -198,37 +127,29 @@ impl MatteVertices {
             arrivals: FlatArrivals::default(),
             glowing: [None; LANES],
             outputs: MatteOutputs { brought: ZERO, is_lit: [0; LANES], throughput: ZERO, goes_on: [0; LANES] },
-            wide,
         }
     }
 
     /// The following vertices are of this depth.
     pub fn start(&mut self, sampler: &Sampler, depth: u32) {
-        self.randoms = ManyRandoms::new(sampler, depth);
-        self.others.clear();
+        self.lanes.start(sampler, depth);
     }
 
     /// Puts a vertex on a matte material into a lane.
     pub fn gather(&mut self, context: &Context, lane: usize, path: Arriving, material: &Material) {
-        let Arriving { ray, hit, carried, rest, random } = path;
-        put(&mut self.wo, lane, -ray.direction);
-        self.randoms.set(lane, random);
-        put_color(&mut self.carried.throughput, lane, carried.throughput);
-        self.carried.eta_scale[lane] = carried.eta_scale;
-        self.carried.cone_width[lane] = carried.cone_width + carried.cone_spread * hit.t;
-        self.carried.cone_spread[lane] = carried.cone_spread;
+        self.lanes.gather(lane, &path);
         let Some(matte) = material.as_matte() else { return };
         if let Some(rgb) = matte.uniform()
             && material.normal_map.is_none()
-            && context.scene.world.gather_triangle(hit, lane, &mut self.hits)
+            && self.lanes.gather_point(context, lane, &path)
         {
-            put_color(&mut self.reflectance, lane, rest.mode.reflectance(rgb));
+            put_color(&mut self.reflectance, lane, path.rest.mode.reflectance(rgb));
             return;
         }
         self.gather_other(context, lane, path, material);
     }
 
-    /// As [`Self::gather`], for what is on no plain triangle.
+    /// As [`Self::gather`], for what is on no plain surface.
     #[inline(never)]
     fn gather_other(&mut self, context: &Context, lane: usize, path: Arriving, material: &Material) {
         let Arriving { ray, hit, carried, rest, .. } = path;
@@ -237,39 +158,21 @@ impl MatteVertices {
         let point = context.scene.shading_point(&surface, footprint, rest.mode);
         let Some((reflectance, shading_normal)) = material.matte_at(&point) else { return };
         put_color(&mut self.reflectance, lane, reflectance);
-        let (position, position_error) = (surface.position, surface.position_error);
-        let geometric_normal = surface.geometric_normal;
-        self.others.push((lane, OtherPoint { position, position_error, geometric_normal, shading_normal }));
-    }
-
-    /// The points of all lanes.
-    fn place(&mut self) {
-        self.hits.points(&mut self.points, self.wide);
-        for &(lane, ref other) in &self.others {
-            put(&mut self.points.position, lane, other.position);
-            put(&mut self.points.position_error, lane, other.position_error);
-            put(&mut self.points.geometric_normal, lane, other.geometric_normal);
-            put(&mut self.points.shading_normal, lane, other.shading_normal);
-            self.points.is_sound[lane] = 1;
-        }
+        self.lanes.put_point(lane, OtherPoint::of(&surface, shading_normal));
     }
 
     /// Works out what the first lanes, so many, give.
     pub fn shade(&mut self, context: &Context, count: usize, depth: u32) {
-        self.place();
-        let bsdf = self.randoms.pairs(dimension::BSDF, self.wide);
-        let light = self.randoms.pairs(dimension::LIGHT, self.wide);
-        let plays = depth >= ROULETTE_DEPTH;
-        let roulette = match plays {
-            true => self.randoms.numbers(dimension::ROULETTE, self.wide),
-            false => [0.0; LANES],
-        };
+        self.lanes.place();
+        let bsdf = self.lanes.randoms.pairs(dimension::BSDF, self.lanes.wide);
+        let light = self.lanes.randoms.pairs(dimension::LIGHT, self.lanes.wide);
+        let roulette = self.lanes.roulette(depth);
         at_level!(
-            self.wide,
+            self.lanes.wide,
             bounce,
             (
-                points: &TrianglePoints = &self.points,
-                wo: &HitVectors = &self.wo,
+                points: &TrianglePoints = &self.lanes.points,
+                wo: &HitVectors = &self.lanes.wo,
                 u: &[HitLanes; 2] = &bsdf,
                 normals: [&mut HitVectors; 2] = [&mut self.normal, &mut self.facing],
                 to: &mut Bounces = &mut self.bounces,
@@ -277,19 +180,19 @@ impl MatteVertices {
         );
         self.choose_lights(context, count);
         if self.chosen[..count].iter().any(|chosen| matches!(chosen, Chosen::Sampled(_))) {
-            let surfaces = Surfaces { points: &self.points, normal: &self.normal, wo: &self.wo };
-            self.lights.arrivals(&surfaces, &light, self.wide, &mut self.arrivals);
+            let surfaces = Surfaces { points: &self.lanes.points, normal: &self.normal, wo: &self.lanes.wo };
+            self.lights.arrivals(&surfaces, &light, self.lanes.wide, &mut self.arrivals);
         }
         at_level!(
-            self.wide,
+            self.lanes.wide,
             outputs,
             (
-                carried: &CarriedLanes = &self.carried,
+                carried: &CarriedLanes = &self.lanes.carried,
                 reflectance: &HitVectors = &self.reflectance,
                 radiance: &HitVectors = &self.lights.radiance,
                 arrivals: &FlatArrivals = &self.arrivals,
                 bounces: &Bounces = &self.bounces,
-                roulette: (bool, &HitLanes) = (plays, &roulette),
+                roulette: &Roulette = &roulette,
                 to: &mut MatteOutputs = &mut self.outputs,
             )
         );
@@ -304,10 +207,10 @@ impl MatteVertices {
 
     fn choose_lights(&mut self, context: &Context, count: usize) {
         let choices = match context.lights.has_choice() {
-            true => self.randoms.numbers(dimension::LIGHT_CHOICE, self.wide),
+            true => self.lanes.randoms.numbers(dimension::LIGHT_CHOICE, self.lanes.wide),
             false => [0.0; LANES],
         };
-        let receivers = Receivers { position: &self.points.position, normal: &self.facing };
+        let receivers = Receivers { position: &self.lanes.points.position, normal: &self.facing };
         let mut chosen = [None; LANES];
         context.lights.sample_many(&receivers, &choices, count, &mut chosen);
         let is_weighted = context.settings.light_strategy == LightStrategy::Mis;
@@ -316,7 +219,7 @@ impl MatteVertices {
                 self.chosen[lane] = Chosen::None;
                 continue;
             };
-            self.chosen[lane] = match flat_part(context.scene, &chosen, at(&self.points.position, lane)) {
+            self.chosen[lane] = match flat_part(context.scene, &chosen, at(&self.lanes.points.position, lane)) {
                 Some((flat, plain)) if is_weighted => {
                     self.lights.put(lane, &chosen, flat, plain);
                     self.glowing[lane] = None;
@@ -329,13 +232,13 @@ impl MatteVertices {
 
     /// Works out what [`Self::shade_classic`] needs.
     pub fn prepare_classic(&mut self) {
-        self.place();
+        self.lanes.place();
         at_level!(
-            self.wide,
+            self.lanes.wide,
             normals,
             (
-                points: &TrianglePoints = &self.points,
-                wo: &HitVectors = &self.wo,
+                points: &TrianglePoints = &self.lanes.points,
+                wo: &HitVectors = &self.lanes.wo,
                 normal: &mut HitVectors = &mut self.normal,
             )
         );
@@ -352,17 +255,18 @@ impl MatteVertices {
 
     /// What a lane knows of its surface.
     fn seen(&self, lane: usize, mode: ColorMode, time: f32) -> Seen {
-        let (wo, normal, reflectance) = (at(&self.wo, lane), at(&self.normal, lane), color_at(&self.reflectance, lane));
-        let geometric_normal = at(&self.points.geometric_normal, lane);
-        let position = at(&self.points.position, lane);
-        let skin = Skin { position_error: at(&self.points.position_error, lane), geometric_normal };
+        let (wo, normal, reflectance) =
+            (at(&self.lanes.wo, lane), at(&self.normal, lane), color_at(&self.reflectance, lane));
+        let geometric_normal = at(&self.lanes.points.geometric_normal, lane);
+        let position = at(&self.lanes.points.position, lane);
+        let skin = Skin { position_error: at(&self.lanes.points.position_error, lane), geometric_normal };
         let arrival = Arrival { position, surface: Some(skin), mode, time };
         Seen { arrival, normal, geometric_normal, cos_o: normal.dot(wo), side: geometric_normal.dot(wo), reflectance }
     }
 
     /// False for a vertex that must be worked on alone after all.
     pub fn is_sound(&self, lane: usize) -> bool {
-        self.points.is_sound[lane] != 0
+        self.lanes.points.is_sound[lane] != 0
     }
 
     /// The lanes of those given that send a light ray.
@@ -399,8 +303,8 @@ impl MatteVertices {
 
     /// True if the light ray of a lane starts through the surface, by rounding.
     pub fn passes(&self, lane: usize) -> bool {
-        let normal = at(&self.points.geometric_normal, lane);
-        self.arrivals.shadow_ray(lane).direction.dot(normal) * -at(&self.wo, lane).dot(normal) > 0.0
+        let normal = at(&self.lanes.points.geometric_normal, lane);
+        self.arrivals.shadow_ray(lane).direction.dot(normal) * -at(&self.lanes.wo, lane).dot(normal) > 0.0
     }
 
     /// The source of the light ray of a lane, if it sends one, and its weight by multiple importance sampling.
@@ -429,12 +333,12 @@ impl MatteVertices {
         let lane = lane % LANES;
         Carried {
             throughput: color_at(&self.outputs.throughput, lane),
-            position: at(&self.points.position, lane),
+            position: at(&self.lanes.points.position, lane),
             normal: at(&self.facing, lane),
             bsdf_pdf: self.bounces.pdf[lane],
-            eta_scale: self.carried.eta_scale[lane],
-            cone_width: self.carried.cone_width[lane],
-            cone_spread: most(self.carried.cone_spread[lane], SCATTERED_SPREAD),
+            eta_scale: self.lanes.carried.eta_scale[lane],
+            cone_width: self.lanes.carried.cone_width[lane],
+            cone_spread: most(self.lanes.carried.cone_spread[lane], SCATTERED_SPREAD),
             stream: 0,
             transmits: false,
             is_specular: false,
@@ -445,7 +349,7 @@ impl MatteVertices {
     #[inline(never)]
     fn light_alone(&mut self, context: &Context, lane: usize, chosen: &ChosenLight, u: Vec2) {
         let seen = self.seen(lane, ColorMode::Rgb, 0.0);
-        let throughput = color_at(&self.carried.throughput, lane);
+        let throughput = color_at(&self.lanes.carried.throughput, lane);
         let light = weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| seen.reflected(wi));
         self.outputs.is_lit[lane] = u32::from(light.is_some());
         if let Some(WeightedLight { value, shadow_ray, source, weight, glowing, .. }) = light {
@@ -457,18 +361,6 @@ impl MatteVertices {
     }
 }
 
-/// The lanes that are marked, of those given.
-fn keep(lanes: &[u32], marks: &[u32; LANES], to: &mut Vec<u32>) {
-    to.clear();
-    to.resize(lanes.len(), 0);
-    let mut count = 0;
-    for &lane in lanes {
-        to[count] = lane;
-        count += usize::from(marks[lane as usize % LANES] != 0);
-    }
-    to.truncate(count);
-}
-
 /// What vertices give, where their lights are flat.
 #[inline(always)]
 fn outputs(
@@ -477,7 +369,7 @@ fn outputs(
     radiance: &HitVectors,
     arrivals: &FlatArrivals,
     bounces: &Bounces,
-    (plays, roulette): (bool, &HitLanes),
+    roulette: &Roulette,
     to: &mut MatteOutputs,
 ) {
     for i in 0..LANES {
@@ -499,11 +391,10 @@ fn outputs(
             largest = most(largest, *throughput);
             is_finite &= throughput.abs() < f32::INFINITY;
         }
-        // As `survival_at`.
-        let survival = if plays { least(largest * carried.eta_scale[i], MAX_SURVIVAL) } else { 1.0 };
-        let goes_on = (bounces.exists[i] != 0) & (largest > 0.0) & is_finite & (roulette[i] < survival);
+        let (scale, survives) = roulette.survival(i, largest * carried.eta_scale[i]);
+        let goes_on = (bounces.exists[i] != 0) & (largest > 0.0) & is_finite & survives;
         for (channel, throughput) in throughput.into_iter().enumerate() {
-            to.throughput[channel][i] = throughput * (1.0 / survival);
+            to.throughput[channel][i] = throughput * scale;
         }
         to.goes_on[i] = u32::from(goes_on);
     }

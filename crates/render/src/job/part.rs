@@ -1,8 +1,13 @@
 //! The loop that makes a picture: camera rays, hits, shading by material, light rays, next rays, depth by depth until no path is
 //! left. Batches only; nothing here asks for a single ray.
 
+mod collect;
+mod first_hits;
+mod specular;
+mod start;
+
 use super::Statistics;
-use super::journal::{Event, Journal, Shaded};
+use super::journal::{Event, Journal};
 use super::light_parts::LightParts;
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
@@ -11,18 +16,18 @@ use crate::film::filter::FilterSampler;
 use crate::film::noise::positions;
 use crate::film::{FilmPart, FilmSample};
 use crate::guiding::{Record, Recorder};
-use crate::integrator::aov::{Aov, AovKind};
-use crate::integrator::camera_path::{FILM, camera_path, film_point, path_of};
-use crate::integrator::carried::{Carried, Rest};
+use crate::integrator::carried::Rest;
+use crate::integrator::lanes::{Arriving, LANES};
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
-use crate::integrator::matte::{self, Arriving, LANES, MatteVertices};
+use crate::integrator::matte::{self, MatteVertices};
 use crate::integrator::path::escaped;
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
-use crate::sampler::{ManyRandoms, Random, Sampler};
+use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
-use snell_intersect::{Grouping, Hit, RayQuery};
-use snell_math::{ColorMode, ColorModel, DVec2, SampledSpectrum, Vec2};
-use snell_scene::{Background, Camera, CameraView, PinholeRays};
+use snell_intersect::{Grouping, Hit};
+use snell_math::{ColorMode, ColorModel, SampledSpectrum};
+use snell_scene::{Camera, CameraView, PinholeRays};
+use specular::SpecularBatch;
 
 /// Samples that are taken at once. (Measured from 256 to 4,096: few leave the kernels idle, many leave the caches.)
 const MAX_SAMPLES: usize = 1 << 11;
@@ -68,6 +73,7 @@ pub struct PartRenderer<'a> {
     volumes: Option<VolumeBatch<'a>>,
     /// What is shaded many at once.
     matte: Option<Box<Matte>>,
+    specular: Option<Box<SpecularBatch>>,
 }
 
 /// Vertices that are shaded many at once.
@@ -126,6 +132,7 @@ impl<'a> PartRenderer<'a> {
         let volumes = if sees_media { VolumeBatch::new(&context, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
         let matte = if scene.moves { None } else { Matte::new(&context, sampler) };
+        let specular = if scene.moves { None } else { SpecularBatch::new(&context, sampler) };
         let view = camera.view(context.settings.size);
         let settings = context.settings;
         let stands_still = !scene.moves && settings.later_cameras.is_empty();
@@ -156,6 +163,7 @@ impl<'a> PartRenderer<'a> {
             light_parts,
             volumes,
             matte,
+            specular,
         }
     }
 
@@ -250,73 +258,6 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    fn start(&mut self, positions: &[[u32; 2]], range: [u32; 2]) {
-        self.paths.clear();
-        self.samples.clear();
-        self.aovs.clear();
-        self.covering.clear();
-        if let Some(recorder) = &mut self.recorder {
-            recorder.start(positions.len() * (range[1] - range[0]) as usize);
-        }
-        let sampler = self.sampler;
-        let randoms = |&pixel: &[u32; 2]| sampler.randoms(pixel, range[0]..range[1]).map(move |random| (pixel, random));
-        let mut starting = positions.iter().flat_map(randoms);
-        let mut together: [([u32; 2], Random); LANES] = [([0; 2], sampler.random([0; 2], 0)); LANES];
-        let mut many = ManyRandoms::<LANES>::of_camera(sampler);
-        loop {
-            let mut count = 0;
-            for (to, from) in together.iter_mut().zip(&mut starting) {
-                many.set(count, &from.1);
-                *to = from;
-                count += 1;
-            }
-            if count == 0 {
-                return;
-            }
-            self.start_samples(&together[..count], &many);
-        }
-    }
-
-    /// Starts at most [`LANES`] samples of these pixels.
-    fn start_samples(&mut self, starting: &[([u32; 2], Random)], randoms: &ManyRandoms<LANES>) {
-        let (settings, wide) = (self.context.settings, self.context.scene.world.simd().wide());
-        let (mut film, mut weights) = ([[0.0; LANES]; 2], [1.0; LANES]);
-        let [x, y] = randoms.pairs(FILM, wide);
-        for (i, (pixel, _)) in starting.iter().enumerate() {
-            let (point, weight) = film_point(settings, self.filter, *pixel, Vec2::new(x[i], y[i]));
-            (film[0][i], film[1][i], weights[i]) = (point.x, point.y, weight);
-        }
-        let begun = self.samples.len() as u32;
-        let Self { paths, samples, view, .. } = self;
-        let sample = |mode, weight, random| Sample {
-            random,
-            mode,
-            radiance: SampledSpectrum::ZERO,
-            brought: SampledSpectrum::ZERO,
-            alpha: 1.0,
-            weight,
-            rays: 0,
-        };
-        if paths.is_plain() && view.pinhole_rays(&film, wide, &mut self.camera_rays) {
-            let rays = &self.camera_rays;
-            paths.rays.extend((0..starting.len()).map(|i| rays.get(i).ray));
-            paths
-                .carried
-                .extend((0..starting.len()).map(|i| Carried::of(&path_of(&rays.get(i), ColorMode::Rgb, 0.0)).0));
-            paths.samples.extend(begun..begun + starting.len() as u32);
-            samples.extend(
-                starting.iter().zip(&weights).map(|((_, random), &weight)| sample(ColorMode::Rgb, weight, *random)),
-            );
-            return;
-        }
-        for (i, (_, random)) in starting.iter().enumerate() {
-            let point = DVec2::new(film[0][i], film[1][i]);
-            let (ray, state) = camera_path(view, settings, self.context.scene.moves, random, point);
-            samples.push(sample(state.mode, weights[i], *random));
-            paths.push(ray, &state, begun + i as u32);
-        }
-    }
-
     /// Through media, if there are any, to the next vertices.
     fn travel(&mut self, depth: u32, grouping: Grouping) {
         let Some(volumes) = &mut self.volumes else { return };
@@ -348,55 +289,6 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    /// Where the camera has no ray, such as outside of a fisheye's circle, nothing is hit.
-    fn drop_dead_paths(&mut self) {
-        for path in 0..self.paths.len() {
-            if self.paths.is_dead(path) {
-                self.paths.hits[path] = Hit::MISS;
-            }
-        }
-    }
-
-    /// True if something depends on what the rays of the camera hit first.
-    fn shows_first_hits(&self) -> bool {
-        self.context.scene.background == Background::Transparent || !self.context.settings.aovs.is_empty()
-    }
-
-    /// Alpha and AOVs of the camera rays.
-    fn note_first_hits(&mut self) {
-        let scene = self.context.scene;
-        if scene.background == Background::Transparent {
-            for (i, hit) in self.paths.hits.iter().enumerate() {
-                self.samples[i].alpha = f32::from(hit.is_hit());
-            }
-        }
-        let aovs: &[Aov] = &self.context.settings.aovs;
-        if aovs.is_empty() {
-            return;
-        }
-        let coverages: Vec<Aov> = aovs.iter().filter(|a| a.kind() == AovKind::Coverage).copied().collect();
-        let counted = aovs.iter().any(|a| a.needs_counters());
-        let filter = self.tracer.filter();
-        for i in 0..self.paths.len() {
-            let (ray, hit, state) = (self.paths.rays[i], self.paths.hits[i], self.paths.state(i));
-            let counters = if counted {
-                let (_, counters) =
-                    scene.world.closest_counted(RayQuery { time: state.time, ..RayQuery::from(&ray) }, filter);
-                [counters.nodes_visited, counters.primitives_tested]
-            } else {
-                [0; 2]
-            };
-            let interaction = hit.is_hit().then(|| self.paths.interaction(scene, i));
-            let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, i, interaction, 1.0));
-            let random = self.samples[i].random.at_vertex(0, 0);
-            let vertex = Vertex { depth: 0, ray: &ray, state: &state, random, surface, medium: None };
-            self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, &hit)));
-            for aov in aovs {
-                aov.extend(&self.context, &vertex, self.camera, counters, &mut self.aovs);
-            }
-        }
-    }
-
     /// Calls the vertex function on every path, grouped by material, and adds what the light rays bring.
     fn shade_batch(&mut self, depth: u32, statistics: &mut Statistics) {
         if self.context.settings.integrator == IntegratorKind::Aov {
@@ -421,12 +313,13 @@ impl<'a> PartRenderer<'a> {
                 }
                 break;
             }
-            let matte = self.matte_beginning(rest);
-            match matte {
-                0 => self.shade_one(depth, first as usize),
-                count => self.shade_matte(depth, &rest[..count]),
+            let (matte, specular) = (self.matte_beginning(rest), self.specular_beginning(rest));
+            match (matte, specular) {
+                (0, 0) => self.shade_one(depth, first as usize),
+                (0, count) => self.shade_specular(depth, &rest[..count]),
+                (count, _) => self.shade_matte(depth, &rest[..count]),
             }
-            rest = &rest[matte.max(1)..];
+            rest = &rest[matte.max(specular).max(1)..];
             if self.light_rays.rays.len() >= MAX_BATCH {
                 self.trace_light_rays(statistics);
             }
@@ -445,11 +338,7 @@ impl<'a> PartRenderer<'a> {
     /// Shades at most [`LANES`] paths at matte surfaces.
     fn shade_matte(&mut self, depth: u32, paths: &[u32]) {
         let is_classic = matte::is_classic(self.context.settings.integrator);
-        let max_depth = match self.context.settings.integrator {
-            IntegratorKind::Direct => 1,
-            _ => self.context.settings.max_depth,
-        };
-        if depth >= max_depth && !is_classic {
+        if depth >= self.context.max_depth() && !is_classic {
             return;
         }
         let Some(mut matte) = self.matte.take() else { return };
@@ -641,86 +530,6 @@ impl<'a> PartRenderer<'a> {
             volumes.note_outputs(path, ray.direction, vertex.surface.as_ref(), random, light_rays, *glowing, next);
         }
         self.collect(depth, path);
-    }
-
-    /// Takes what the vertex function gave.
-    fn collect(&mut self, depth: u32, path: usize) {
-        let (carried, sample) = (&self.paths.carried[path], self.paths.samples[path]);
-        let (is_branched, throughput, time) = (carried.stream != 0, carried.throughput, self.paths.rest(path).time);
-        self.clamp(depth);
-        self.samples[sample as usize].radiance += self.outputs.radiance;
-        if !self.light_parts.is_empty() {
-            self.note_light_parts(depth, path, sample);
-        }
-        if is_branched && self.samples[sample as usize].rays > MAX_TREE {
-            self.outputs.next.clear();
-        }
-        self.note_in_journal(path);
-        for (ray, value) in self.outputs.light_rays.drain(..) {
-            self.light_rays.push(ray, time, value, sample);
-        }
-        if let (Some(recorder), Some(choice), Some((_, next))) =
-            (&mut self.recorder, self.outputs.choice, self.outputs.next.first())
-        {
-            recorder.leave(sample, depth, choice, throughput, next.throughput);
-        }
-        self.samples[sample as usize].rays += self.outputs.next.len() as u32;
-        for (ray, state) in self.outputs.next.drain(..) {
-            self.next.push(ray, &state, sample);
-        }
-    }
-
-    /// Writes down what a vertex gave, if that is wanted.
-    fn note_in_journal(&mut self, path: usize) {
-        let Some(journal) = &mut self.journal else { return };
-        let (hit, volumes) = (self.paths.hits[path], self.volumes.as_ref());
-        let outside_ior = volumes.filter(|_| hit.is_hit()).map_or(1.0, |v| v.outside_ior(path, &hit));
-        journal.events.push(Event::Vertex(Box::new(Shaded {
-            path,
-            sample: self.paths.samples[path],
-            ray: self.paths.rays[path],
-            hit,
-            state: self.paths.state(path),
-            medium: volumes.and_then(|v| v.scattered[path]),
-            outside_ior,
-            radiance: self.outputs.radiance,
-            weights: self.outputs.weights,
-            light_rays: self.outputs.light_rays.clone(),
-            source: self.outputs.light_source,
-            next: self.outputs.next.clone(),
-        })));
-    }
-
-    /// Dims light that was scattered more than once, if that is asked for.
-    fn clamp(&mut self, depth: u32) {
-        let Some(most) = self.context.settings.clamp else { return };
-        let dimmed = |light: SampledSpectrum| {
-            let brightest = light.max_element();
-            if brightest > most { light * (most / brightest) } else { light }
-        };
-        if depth > 1 {
-            self.outputs.radiance = dimmed(self.outputs.radiance);
-        }
-        if depth > 0 {
-            self.outputs.light_rays.iter_mut().for_each(|(_, value)| *value = dimmed(*value));
-        }
-    }
-
-    /// Adds what was found to its layers, and keeps what must be known of the light rays.
-    fn note_light_parts(&mut self, depth: u32, path: usize, sample: u32) {
-        let (scene, hit) = (self.context.scene, &self.paths.hits[path]);
-        let source =
-            if hit.is_hit() { LightSource::Material(scene.material_id(hit)) } else { LightSource::Environment };
-        let tag = |lobe, count, source| LightTag {
-            lobe,
-            scatterings: Scatterings::of(count),
-            group: self.light_parts.group(source),
-        };
-        let found = tag(self.paths.rest(path).lobe, depth, source);
-        let brought = tag(self.outputs.light_lobe, depth + 1, self.outputs.light_source.unwrap_or(source));
-        let mode = self.samples[sample as usize].mode;
-        self.light_parts.add(&mut self.aovs, sample, self.outputs.radiance, &found, mode);
-        self.light_rays.tags.extend(self.outputs.light_rays.iter().map(|_| brought));
     }
 
     fn trace_light_rays(&mut self, statistics: &mut Statistics) {
