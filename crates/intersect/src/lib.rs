@@ -53,6 +53,7 @@ pub use query::rays::{InvalidRays, RayQuery, Rays};
 pub use query::{AcceptAll, Grouping, HitFilter};
 pub use shape::{AnyShape, Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, Sphere};
 pub use world::double::{DWorld, DWorldBuilder};
+pub use world::spheres::SphereHits;
 pub use world::triangles::{self, TriangleHits, TrianglePoints};
 pub use world::{
     BuildOptions, DynamicWorld, EditError, Geometry, GeometryId, GeometryOptions, GroupId, Instance, InstanceId, Reuse,

@@ -15,6 +15,7 @@ mod edit;
 mod interaction;
 mod occurrence;
 mod reuse;
+pub mod spheres;
 pub mod triangles;
 
 pub use dynamic::{DynamicWorld, Snapshots};

@@ -180,6 +180,11 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     fn to_any(&self) -> Option<AnyShape> {
         None
     }
+
+    /// The shape, if it is a sphere, of which many are worked on at once.
+    fn as_sphere(&self) -> Option<&Sphere> {
+        None
+    }
 }
 
 /// Makes [`AnyShape`] from the list of shapes: the enum, its names, its dispatch.
@@ -224,6 +229,7 @@ macro_rules! shapes {
             fn sample(&self, u: DVec2) -> Option<ShapeSample> { match self { $(Self::$kind(s) => s.sample(u),)* } }
             fn is_closed(&self) -> bool { match self { $(Self::$kind(s) => s.is_closed(),)* } }
             fn to_any(&self) -> Option<AnyShape> { Some(self.clone()) }
+            fn as_sphere(&self) -> Option<&Sphere> { match self { $(Self::$kind(s) => s.as_sphere(),)* } }
         }
 
         $(impl From<$kind> for AnyShape {

@@ -133,6 +133,10 @@ impl Shape for Sphere {
     fn to_any(&self) -> Option<AnyShape> {
         Some((*self).into())
     }
+
+    fn as_sphere(&self) -> Option<&Sphere> {
+        Some(self)
+    }
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use super::path::{MAX_SURVIVAL, ROULETTE_DEPTH};
 use super::{Context, dimension};
 use crate::sampler::{ManyRandoms, Random, Sampler};
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS};
-use snell_intersect::{Hit, SurfaceInteraction, TriangleHits, TrianglePoints};
+use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, TrianglePoints};
 use snell_math::simd::{Wide, least};
 use snell_math::{Ray, SampledSpectrum, Vec3};
 
@@ -32,10 +32,11 @@ pub struct Arriving<'a> {
 /// Vertices on surfaces. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
 pub struct VertexLanes {
-    hits: TriangleHits,
+    triangles: TriangleHits,
+    spheres: SphereHits,
     /// Of all vertices, once they are [placed](Self::place).
     pub points: TrianglePoints,
-    /// What is known already of lanes that are not on plain triangles.
+    /// What is known already of lanes that are not on plain triangles or spheres.
     others: Vec<(usize, OtherPoint)>,
     /// Direction to where the path comes from.
     pub wo: HitVectors,
@@ -94,7 +95,8 @@ impl VertexLanes {
         let zero = [0.0; LANES];
         let carried = CarriedLanes { throughput: ZERO, eta_scale: zero, cone_width: zero, cone_spread: zero };
         Self {
-            hits: TriangleHits::default(),
+            triangles: TriangleHits::default(),
+            spheres: SphereHits::default(),
             points: TrianglePoints::default(),
             others: Vec::new(),
             wo: ZERO,
@@ -107,6 +109,7 @@ impl VertexLanes {
     /// The following vertices are of this depth.
     pub fn start(&mut self, sampler: &Sampler, depth: u32) {
         self.randoms = ManyRandoms::new(sampler, depth);
+        self.spheres.clear();
         self.others.clear();
     }
 
@@ -126,7 +129,10 @@ impl VertexLanes {
     /// instanced. False, and nothing is done, elsewhere.
     #[inline(always)]
     pub fn gather_point(&mut self, context: &Context, lane: usize, path: &Arriving) -> bool {
-        context.scene.world.gather_triangle(path.hit, lane, &mut self.hits) || self.gather_shape(context, lane, path)
+        let world = &context.scene.world;
+        world.gather_triangle(path.hit, lane, &mut self.triangles)
+            || world.gather_sphere(path.ray, path.hit, lane, &mut self.spheres)
+            || self.gather_shape(context, lane, path)
     }
 
     #[inline(never)]
@@ -151,7 +157,8 @@ impl VertexLanes {
 
     /// Works out the points of all lanes.
     pub fn place(&mut self) {
-        self.hits.points(&mut self.points, self.wide);
+        self.triangles.points(&mut self.points, self.wide);
+        self.spheres.points(&mut self.points, self.wide);
         for &(lane, ref other) in &self.others {
             put(&mut self.points.position, lane, other.position);
             put(&mut self.points.position_error, lane, other.position_error);

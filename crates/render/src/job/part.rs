@@ -2,9 +2,7 @@
 //! left. Batches only; nothing here asks for a single ray.
 
 mod collect;
-mod first_hits;
 mod specular;
-mod start;
 
 use super::Statistics;
 use super::journal::{Event, Journal};
@@ -16,17 +14,19 @@ use crate::film::filter::FilterSampler;
 use crate::film::noise::positions;
 use crate::film::{FilmPart, FilmSample};
 use crate::guiding::{Record, Recorder};
-use crate::integrator::carried::Rest;
+use crate::integrator::aov::{Aov, AovKind};
+use crate::integrator::camera_path::{FILM, camera_path, film_point, path_of};
+use crate::integrator::carried::{Carried, Rest};
 use crate::integrator::lanes::{Arriving, LANES};
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
 use crate::integrator::matte::{self, MatteVertices};
 use crate::integrator::path::escaped;
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
-use crate::sampler::{Random, Sampler};
+use crate::sampler::{ManyRandoms, Random, Sampler};
 use crate::settings::Crop;
-use snell_intersect::{Grouping, Hit};
-use snell_math::{ColorMode, ColorModel, SampledSpectrum};
-use snell_scene::{Camera, CameraView, PinholeRays};
+use snell_intersect::{Grouping, Hit, RayQuery};
+use snell_math::{ColorMode, ColorModel, DVec2, SampledSpectrum, Vec2};
+use snell_scene::{Background, Camera, CameraView, PinholeRays};
 use specular::SpecularBatch;
 
 /// Samples that are taken at once. (Measured from 256 to 4,096: few leave the kernels idle, many leave the caches.)
@@ -258,6 +258,73 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
+    fn start(&mut self, positions: &[[u32; 2]], range: [u32; 2]) {
+        self.paths.clear();
+        self.samples.clear();
+        self.aovs.clear();
+        self.covering.clear();
+        if let Some(recorder) = &mut self.recorder {
+            recorder.start(positions.len() * (range[1] - range[0]) as usize);
+        }
+        let sampler = self.sampler;
+        let randoms = |&pixel: &[u32; 2]| sampler.randoms(pixel, range[0]..range[1]).map(move |random| (pixel, random));
+        let mut starting = positions.iter().flat_map(randoms);
+        let mut together: [([u32; 2], Random); LANES] = [([0; 2], sampler.random([0; 2], 0)); LANES];
+        let mut many = ManyRandoms::<LANES>::of_camera(sampler);
+        loop {
+            let mut count = 0;
+            for (to, from) in together.iter_mut().zip(&mut starting) {
+                many.set(count, &from.1);
+                *to = from;
+                count += 1;
+            }
+            if count == 0 {
+                return;
+            }
+            self.start_samples(&together[..count], &many);
+        }
+    }
+
+    /// Starts at most [`LANES`] samples of these pixels.
+    fn start_samples(&mut self, starting: &[([u32; 2], Random)], randoms: &ManyRandoms<LANES>) {
+        let (settings, wide) = (self.context.settings, self.context.scene.world.simd().wide());
+        let (mut film, mut weights) = ([[0.0; LANES]; 2], [1.0; LANES]);
+        let [x, y] = randoms.pairs(FILM, wide);
+        for (i, (pixel, _)) in starting.iter().enumerate() {
+            let (point, weight) = film_point(settings, self.filter, *pixel, Vec2::new(x[i], y[i]));
+            (film[0][i], film[1][i], weights[i]) = (point.x, point.y, weight);
+        }
+        let begun = self.samples.len() as u32;
+        let Self { paths, samples, view, .. } = self;
+        let sample = |mode, weight, random| Sample {
+            random,
+            mode,
+            radiance: SampledSpectrum::ZERO,
+            brought: SampledSpectrum::ZERO,
+            alpha: 1.0,
+            weight,
+            rays: 0,
+        };
+        if paths.is_plain() && view.pinhole_rays(&film, wide, &mut self.camera_rays) {
+            let rays = &self.camera_rays;
+            paths.rays.extend((0..starting.len()).map(|i| rays.get(i).ray));
+            paths
+                .carried
+                .extend((0..starting.len()).map(|i| Carried::of(&path_of(&rays.get(i), ColorMode::Rgb, 0.0)).0));
+            paths.samples.extend(begun..begun + starting.len() as u32);
+            samples.extend(
+                starting.iter().zip(&weights).map(|((_, random), &weight)| sample(ColorMode::Rgb, weight, *random)),
+            );
+            return;
+        }
+        for (i, (_, random)) in starting.iter().enumerate() {
+            let point = DVec2::new(film[0][i], film[1][i]);
+            let (ray, state) = camera_path(view, settings, self.context.scene.moves, random, point);
+            samples.push(sample(state.mode, weights[i], *random));
+            paths.push(ray, &state, begun + i as u32);
+        }
+    }
+
     /// Through media, if there are any, to the next vertices.
     fn travel(&mut self, depth: u32, grouping: Grouping) {
         let Some(volumes) = &mut self.volumes else { return };
@@ -285,6 +352,55 @@ impl<'a> PartRenderer<'a> {
         if depth == 0 {
             for (path, _) in volumes.scattered.iter().enumerate().filter(|(_, s)| s.is_some()) {
                 samples[self.paths.samples[path] as usize].alpha = 1.0;
+            }
+        }
+    }
+
+    /// Where the camera has no ray, such as outside of a fisheye's circle, nothing is hit.
+    fn drop_dead_paths(&mut self) {
+        for path in 0..self.paths.len() {
+            if self.paths.is_dead(path) {
+                self.paths.hits[path] = Hit::MISS;
+            }
+        }
+    }
+
+    /// True if something depends on what the rays of the camera hit first.
+    fn shows_first_hits(&self) -> bool {
+        self.context.scene.background == Background::Transparent || !self.context.settings.aovs.is_empty()
+    }
+
+    /// Alpha and AOVs of the camera rays.
+    fn note_first_hits(&mut self) {
+        let scene = self.context.scene;
+        if scene.background == Background::Transparent {
+            for (i, hit) in self.paths.hits.iter().enumerate() {
+                self.samples[i].alpha = f32::from(hit.is_hit());
+            }
+        }
+        let aovs: &[Aov] = &self.context.settings.aovs;
+        if aovs.is_empty() {
+            return;
+        }
+        let coverages: Vec<Aov> = aovs.iter().filter(|a| a.kind() == AovKind::Coverage).copied().collect();
+        let counted = aovs.iter().any(|a| a.needs_counters());
+        let filter = self.tracer.filter();
+        for i in 0..self.paths.len() {
+            let (ray, hit, state) = (self.paths.rays[i], self.paths.hits[i], self.paths.state(i));
+            let counters = if counted {
+                let (_, counters) =
+                    scene.world.closest_counted(RayQuery { time: state.time, ..RayQuery::from(&ray) }, filter);
+                [counters.nodes_visited, counters.primitives_tested]
+            } else {
+                [0; 2]
+            };
+            let interaction = hit.is_hit().then(|| self.paths.interaction(scene, i));
+            let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, i, interaction, 1.0));
+            let random = self.samples[i].random.at_vertex(0, 0);
+            let vertex = Vertex { depth: 0, ray: &ray, state: &state, random, surface, medium: None };
+            self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, &hit)));
+            for aov in aovs {
+                aov.extend(&self.context, &vertex, self.camera, counters, &mut self.aovs);
             }
         }
     }
