@@ -280,8 +280,10 @@ mod tests {
     use snell_intersect::BuildOptions;
     use snell_math::Rgb;
     use snell_math::simd::Level;
+    use snell_scene::Texture;
     use snell_scene::builtin::builtin;
-    use snell_scene::material::{Conductor, Dielectric, MaterialKind, Mirror};
+    use snell_scene::material::{Conductor, Dielectric, MaterialKind, Mirror, NormalMap};
+    use snell_scene::texture::Pattern;
 
     /// Every kind of specular material, what changes from point to point left out.
     fn kinds() -> [MaterialKind; 6] {
@@ -300,9 +302,13 @@ mod tests {
     fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
         for name in ["cornell-box", "teapot", "spheres", "night-town", "fog", "drink"] {
             let mut scene = builtin(name).expect("the scene is built in");
+            let bumps = Pattern::examples().into_iter().find(|p| p.textures().is_empty()).expect("there is one");
+            let texture = scene.add_texture(Texture::Pattern(bumps));
             // Some of the materials stay what they are.
             let materials = scene.materials.iter_mut().filter(|m| !m.is_emissive() && m.interior.is_none()).skip(1);
             for (material, kind) in materials.step_by(2).zip(kinds().into_iter().cycle()) {
+                material.normal_map =
+                    matches!(kind, MaterialKind::Conductor(_)).then_some(NormalMap { texture, scale: 0.3 });
                 material.kind = kind;
             }
             let ways = [

@@ -42,20 +42,18 @@ const ANYWHERE: SurfaceInteraction = SurfaceInteraction {
 };
 
 impl Specular {
-    /// `None` for materials that do anything else, that shine, or that depend on the point.
+    /// `None` for materials that do anything else, that shine, or that depend on more of the point than its normal.
     pub fn of(material: &Material) -> Option<Self> {
-        if material.is_emissive() || !material.textures().is_empty() {
+        let may_be =
+            matches!(material.kind, MaterialKind::Dielectric(_) | MaterialKind::Conductor(_) | MaterialKind::Mirror(_));
+        let looks_up = || !Material::new("", material.kind.clone()).textures().is_empty();
+        if !may_be || material.is_emissive() || looks_up() {
             return None;
         }
         let textures = TextureSet::default();
         let (surface, mode) = (&ANYWHERE, ColorMode::Rgb);
         let point = ShadingPoint { surface, footprint: 0.0, textures: &textures, mode, outside_ior: 1.0 };
-        let bsdf = match &material.kind {
-            MaterialKind::Dielectric(_) | MaterialKind::Conductor(_) | MaterialKind::Mirror(_) => {
-                material.kind.bsdf(&point)
-            }
-            _ => return None,
-        };
+        let bsdf = material.kind.bsdf(&point);
         match (&bsdf, &material.kind) {
             (Bsdf::Dielectric(lobe), MaterialKind::Dielectric(glass)) if lobe.ggx.is_smooth() => {
                 Some(Self::Interface { ior: lobe.ior, tint: lobe.tint, glass: glass.clone() })
@@ -92,7 +90,7 @@ impl Specular {
         }
     }
 
-    /// True if light passes the surface.
+    /// What the BSDF says of itself ([`Lobes::is_opaque`]).
     pub fn is_opaque(&self) -> bool {
         match self {
             Self::Interface { .. } => false,
