@@ -54,6 +54,7 @@ pub use query::{AcceptAll, Grouping, HitFilter};
 pub use shape::{AnyShape, Metric, Shape, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, Sphere};
 pub use world::double::{DWorld, DWorldBuilder};
 pub use world::smooth;
+pub use world::spheres::SphereHits;
 pub use world::triangles::{self, TriangleHits, TrianglePoints};
 pub use world::{
     BuildOptions, DynamicWorld, EditError, Geometry, GeometryId, GeometryOptions, GroupId, Instance, InstanceId, Reuse,

@@ -16,6 +16,7 @@ mod interaction;
 mod occurrence;
 mod reuse;
 pub mod smooth;
+pub mod spheres;
 pub mod triangles;
 
 pub use dynamic::{DynamicWorld, Snapshots};

@@ -150,6 +150,12 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// The surface at `position`, a point on (or within rounding of) `face`.
     fn surface(&self, position: DVec3, face: u32) -> ShapeSurface;
 
+    /// Position and normal of [`Self::surface`], which may be much less work.
+    fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) {
+        let ShapeSurface { position, normal, .. } = self.surface(position, face);
+        (position, normal)
+    }
+
     /// The point of the surface nearest to `point`, where lengths are measured by `metric`; the lowest face among equally near ones.
     /// `None` if that cannot be said, as for points that are not finite.
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint>;
@@ -172,6 +178,11 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     /// The shape as one that is known by name, for those who can do more with some than with others: light sampling knows how a
     /// sphere looks from a point. `None` for shapes of users.
     fn to_any(&self) -> Option<AnyShape> {
+        None
+    }
+
+    /// The shape, if it is a sphere, of which many are worked on at once.
+    fn as_sphere(&self) -> Option<&Sphere> {
         None
     }
 }
@@ -211,12 +222,14 @@ macro_rules! shapes {
             fn any(&self, ray: &DRay) -> bool { match self { $(Self::$kind(s) => s.any(ray),)* } }
             fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) { match self { $(Self::$kind(s) => s.all(ray, hits),)* } }
             fn surface(&self, position: DVec3, face: u32) -> ShapeSurface { match self { $(Self::$kind(s) => s.surface(position, face),)* } }
+            fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) { match self { $(Self::$kind(s) => s.normal(position, face),)* } }
             fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> { match self { $(Self::$kind(s) => s.nearest_point(point, metric),)* } }
             fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 { match self { $(Self::$kind(s) => s.winding_number(point, metric),)* } }
             fn area(&self) -> f64 { match self { $(Self::$kind(s) => s.area(),)* } }
             fn sample(&self, u: DVec2) -> Option<ShapeSample> { match self { $(Self::$kind(s) => s.sample(u),)* } }
             fn is_closed(&self) -> bool { match self { $(Self::$kind(s) => s.is_closed(),)* } }
             fn to_any(&self) -> Option<AnyShape> { Some(self.clone()) }
+            fn as_sphere(&self) -> Option<&Sphere> { match self { $(Self::$kind(s) => s.as_sphere(),)* } }
         }
 
         $(impl From<$kind> for AnyShape {

@@ -87,9 +87,13 @@ impl Shape for Sphere {
         hits.extend(crossings(ray, |o, d| self.span(o, d)));
     }
 
-    fn surface(&self, position: DVec3, _face: u32) -> ShapeSurface {
+    fn normal(&self, position: DVec3, _face: u32) -> (DVec3, DVec3) {
         let normal = position.try_normalize().unwrap_or(DVec3::Y);
-        let position = normal * self.radius;
+        (normal * self.radius, normal)
+    }
+
+    fn surface(&self, position: DVec3, face: u32) -> ShapeSurface {
+        let (position, normal) = self.normal(position, face);
         let around = DVec2::new(normal.z, normal.x);
         let sin_theta = around.length();
         // At the poles the meridian of longitude 0 stands for all.
@@ -128,6 +132,10 @@ impl Shape for Sphere {
 
     fn to_any(&self) -> Option<AnyShape> {
         Some((*self).into())
+    }
+
+    fn as_sphere(&self) -> Option<&Sphere> {
+        Some(self)
     }
 }
 

@@ -5,7 +5,7 @@ use crate::hit::{Hit, SurfaceInteraction, SurfacePoint};
 use crate::mesh::TriangleMesh;
 use crate::query::rays::{RayQuery, clamped_time};
 use crate::shape::ShapeSurface;
-use snell_math::{DMat3, DRay, DVec2, DVec3, Frame, Transform, Vec2, Vec3};
+use snell_math::{DMat3, DRay, DVec2, DVec3, Frame, Ray, Transform, Vec2, Vec3};
 
 /// Bound of the relative error of a mapped coordinate in `f64` (four products, three sums), with room to spare.
 pub(super) const MAP_ERROR: f64 = 1.0 / (1u64 << 49) as f64;
@@ -27,6 +27,7 @@ struct LocalSurface {
 
 impl LocalSurface {
     /// The surface one level up.
+    #[inline(always)]
     fn mapped(self, map: &Transform) -> Self {
         let (m, inverse) = (map.matrix(), map.inverse_matrix());
         let grow = abs_matrix(&m.matrix3);
@@ -65,8 +66,23 @@ impl World {
     /// # Panics
     /// As [`Self::interaction`].
     pub fn point<'a>(&self, ray: impl Into<RayQuery<'a>>, hit: &Hit) -> SurfacePoint {
+        let query = ray.into();
         // All else is not even computed once this is inlined.
-        SurfacePoint::from(&self.surface(ray.into(), hit))
+        self.shape_point(query.ray, hit).unwrap_or_else(|| SurfacePoint::from(&self.surface(query, hit)))
+    }
+
+    /// [`Self::point`] of a hit on an analytic shape that is not instanced; `None` for all other hits. Its shading normal is the
+    /// geometric normal.
+    pub fn shape_point(&self, ray: &Ray, hit: &Hit) -> Option<SurfacePoint> {
+        if self.step(GroupId(0), hit.instance).is_some() {
+            return None;
+        }
+        let Geometry::Shape(shape, placed) = self.geometry(GeometryId(hit.geometry)) else { return None };
+        let position = placed.inverse().ray(&DRay::from(ray)).at(hit.t.into());
+        let (position, normal) = shape.normal(position, hit.primitive);
+        let nothing = DVec3::ZERO;
+        let local = ShapeSurface { position, normal, uv: DVec2::ZERO, dpdu: nothing, dpdv: nothing };
+        Some(SurfacePoint::from(&in_world(shape_surface(local).mapped(placed), hit)))
     }
 
     #[inline(always)]
@@ -159,6 +175,7 @@ fn unit(v: DVec3) -> Option<Vec3> {
     v.try_normalize().map(|n| n.as_vec3())
 }
 
+#[inline(always)]
 fn shape_surface(surface: ShapeSurface) -> LocalSurface {
     let size = surface.position.abs().max_element();
     let uv = surface.uv.as_vec2();

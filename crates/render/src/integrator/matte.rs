@@ -6,63 +6,32 @@
 
 use super::carried::Carried;
 use super::estimators::{Arrival, Skin, may_be_lifted};
+use super::lanes::{
+    Arriving, CarriedLanes, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, keep, put, put_color,
+};
 use super::light_part::{LightSource, LobeShares};
 use super::lights::{ALONE, DARK, FlatArrivals, FlatLights, Surfaces, horizon};
 use super::matte_surfaces::{MatteSurfaces, PlainSurface};
-use super::path::{MAX_SURVIVAL, ROULETTE_DEPTH, SCATTERED_SPREAD, WeightedLight, weighted_sample};
+use super::path::{SCATTERED_SPREAD, WeightedLight, weighted_sample};
 use super::{Context, IntegratorKind, Outputs, PathState, classic, dimension};
 use crate::light_sampler::Receivers;
-use crate::sampler::{ManyRandoms, Random, Sampler};
-use crate::settings::{LightStrategy, Terminator};
+use crate::sampler::{Random, Sampler};
+use crate::settings::LightStrategy;
 use snell_intersect::smooth::lifted_ray_origin;
-use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS};
-use snell_intersect::{Hit, TriangleHits, TrianglePoints};
-use snell_math::simd::{Wide, least, most};
+use snell_intersect::triangles::{HitLanes, HitVectors};
+use snell_intersect::{Hit, TrianglePoints};
+use snell_math::simd::{Wide, most};
 use snell_math::{ColorMode, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, sampling};
 use snell_scene::MediumId;
 use snell_scene::material::visible_normal;
 use std::f32::consts::{FRAC_1_PI, PI};
 
-/// Most vertices at once.
-pub const LANES: usize = TRIANGLE_HITS;
-
-const ZERO: HitVectors = [[0.0; LANES]; 3];
-
-/// Paths that have come to surfaces.
-#[derive(Clone, Copy, Debug)]
-pub struct Arriving<'a> {
-    /// Their last rays.
-    pub rays: &'a [Ray],
-    /// What these have hit.
-    pub hits: &'a [Hit],
-    /// The paths so far.
-    pub carried: &'a [Carried],
-    /// Which of the numbers are those of each.
-    pub samples: &'a [u32],
-    pub randoms: &'a [Random],
-}
-
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
 pub struct MatteVertices {
-    /// Numbers of the paths of the lanes, and how many lanes are in use.
-    paths: [u32; LANES],
-    count: usize,
-    hits: TriangleHits,
-    points: TrianglePoints,
-    /// Lanes on plain triangles.
-    plain: Vec<usize>,
-    /// What is known already of the others.
-    others: Vec<(usize, OtherPoint)>,
-    /// Direction to where the path comes from.
-    wo: HitVectors,
-    /// As [`Skin::lift`]; all zero while `has_lifts` is false.
-    lift: HitVectors,
-    has_lifts: bool,
+    lanes: VertexLanes,
     /// By channel.
     reflectance: HitVectors,
-    carried: CarriedLanes,
-    randoms: ManyRandoms<LANES>,
     /// Shading normal, and the same on the side where the path comes from.
     normal: HitVectors,
     facing: HitVectors,
@@ -72,28 +41,6 @@ pub struct MatteVertices {
     /// As [`super::Outputs::glowing`].
     glowing: [Option<MediumId>; LANES],
     outputs: MatteOutputs,
-    wide: Option<Wide>,
-}
-
-/// Of [`Carried`], what is needed.
-#[derive(Debug)]
-struct CarriedLanes {
-    /// By channel.
-    throughput: HitVectors,
-    eta_scale: HitLanes,
-    /// At the vertex.
-    cone_width: HitLanes,
-    cone_spread: HitLanes,
-}
-
-/// What [`snell_intersect::SurfaceInteraction`] says of a point, as far as it matters here.
-#[derive(Clone, Copy, Debug)]
-struct OtherPoint {
-    position: Vec3,
-    position_error: Vec3,
-    geometric_normal: Vec3,
-    shading_normal: Vec3,
-    lift: Vec3,
 }
 
 /// Where paths go on.
@@ -145,44 +92,12 @@ pub fn is_classic(integrator: IntegratorKind) -> bool {
     matches!(integrator, IntegratorKind::Raycast | IntegratorKind::Whitted)
 }
 
-fn at(v: &HitVectors, lane: usize) -> Vec3 {
-    Vec3::new(v[0][lane], v[1][lane], v[2][lane])
-}
-
-fn put(v: &mut HitVectors, lane: usize, to: Vec3) {
-    (v[0][lane], v[1][lane], v[2][lane]) = (to.x, to.y, to.z);
-}
-
-/// A spectrum of [`ColorMode::Rgb`].
-fn color_at(v: &HitVectors, lane: usize) -> SampledSpectrum {
-    SampledSpectrum([v[0][lane], v[1][lane], v[2][lane], 0.0])
-}
-
-fn put_color(v: &mut HitVectors, lane: usize, to: SampledSpectrum) {
-    (v[0][lane], v[1][lane], v[2][lane]) = (to.0[0], to.0[1], to.0[2]);
-}
-
 impl MatteVertices {
     /// For vertices of one depth.
     pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
         Self {
-            paths: [0; LANES],
-            count: 0,
-            hits: TriangleHits::default(),
-            points: TrianglePoints::default(),
-            plain: Vec::new(),
-            others: Vec::new(),
-            wo: ZERO,
-            lift: ZERO,
-            has_lifts: false,
+            lanes: VertexLanes::new(sampler, wide),
             reflectance: ZERO,
-            carried: CarriedLanes {
-                throughput: ZERO,
-                eta_scale: [0.0; LANES],
-                cone_width: [0.0; LANES],
-                cone_spread: [0.0; LANES],
-            },
-            randoms: ManyRandoms::new(sampler, 0),
             normal: ZERO,
             facing: ZERO,
             bounces: Bounces { wi: ZERO, origin: ZERO, pdf: [0.0; LANES], exists: [0; LANES] },
@@ -190,7 +105,6 @@ impl MatteVertices {
             arrivals: FlatArrivals::default(),
             glowing: [None; LANES],
             outputs: MatteOutputs { brought: ZERO, is_lit: [0; LANES], throughput: ZERO, goes_on: [0; LANES] },
-            wide,
         }
     }
 
@@ -205,128 +119,91 @@ impl MatteVertices {
         paths: &[u32],
         depth: u32,
     ) {
-        self.randoms.start(sampler, depth);
-        self.count = 0;
-        for &path in &paths[..paths.len().min(LANES)] {
-            self.paths[self.count % LANES] = path;
-            self.count += usize::from(!from.carried[path as usize].throughput.is_black());
-        }
-        self.plain.clear();
-        self.others.clear();
-        for lane in 0..self.count.min(LANES) {
-            let path = self.paths[lane] as usize;
-            let (ray, hit, carried) = (&from.rays[path], &from.hits[path], &from.carried[path]);
-            put(&mut self.wo, lane, -ray.direction);
-            self.randoms.set(lane, &from.randoms[from.samples[path] as usize]);
-            put_color(&mut self.carried.throughput, lane, carried.throughput);
-            self.carried.eta_scale[lane] = carried.eta_scale;
-            self.carried.cone_width[lane] = carried.cone_width + carried.cone_spread * hit.t;
-            self.carried.cone_spread[lane] = carried.cone_spread;
+        self.lanes.start(sampler, from, paths, depth);
+        for lane in 0..self.lanes.paths().len() {
+            let path = self.lanes.paths()[lane] as usize;
+            let (ray, hit) = (&from.rays[path], &from.hits[path]);
             match surfaces.plain(hit) {
                 Some(PlainSurface { reflectance, .. }) => {
                     put(&mut self.reflectance, lane, Vec3::from(reflectance.to_array()));
-                    self.plain.push(lane);
+                    self.lanes.put_triangle(lane);
                 }
                 None => self.gather_other(context, lane, ray, hit),
             }
         }
-        let paths = &self.paths;
-        let plain = self.plain.iter().filter_map(|&lane| {
-            let hit = &from.hits[paths[lane] as usize];
-            surfaces.plain(hit).map(|surface| (lane, &surface.mesh, hit))
-        });
-        self.hits.gather(plain);
+        self.lanes.gather_triangles(from, |hit| surfaces.plain(hit).map(|surface| &surface.mesh));
     }
 
     /// Numbers of the paths of the lanes in use.
     pub fn paths(&self) -> &[u32] {
-        &self.paths[..self.count]
+        self.lanes.paths()
     }
 
     /// What is on no plain triangle.
     #[inline(never)]
     fn gather_other(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit) {
         let scene = context.scene;
-        // (Where anything moves, nothing comes here.)
-        let surface = scene.interaction(ray, 0.0, hit);
-        let point = scene.shading_point(&surface, self.carried.cone_width[lane], ColorMode::Rgb);
         let material = scene.material(scene.material_id(hit));
+        if let Some(rgb) = material.as_matte().and_then(|matte| matte.uniform())
+            && material.normal_map.is_none()
+            && self.lanes.gather_shape(context, lane, ray, hit)
+        {
+            put(&mut self.reflectance, lane, Vec3::from(rgb.to_array()));
+            return;
+        }
+        let surface = scene.interaction(ray, 0.0, hit);
+        let point = scene.shading_point(&surface, self.lanes.carried.cone_width[lane], ColorMode::Rgb);
         let Some((reflectance, shading_normal)) = material.matte_at(&point) else { return };
         put_color(&mut self.reflectance, lane, reflectance);
-        let (position, position_error) = (surface.position, surface.position_error);
-        let geometric_normal = surface.geometric_normal;
         let lift = match may_be_lifted(context, material) {
             true => scene.lift(ray, 0.0, &surface),
             false => Vec3::ZERO,
         };
-        self.others.push((lane, OtherPoint { position, position_error, geometric_normal, shading_normal, lift }));
+        self.lanes.put_point(lane, OtherPoint::of(&surface, shading_normal, lift));
     }
 
     /// The points of all lanes.
     fn place(&mut self, context: &Context) {
-        self.hits.points(&mut self.points, self.wide);
-        self.place_lifts(context);
-        for &(lane, ref other) in &self.others {
-            put(&mut self.points.position, lane, other.position);
-            put(&mut self.points.position_error, lane, other.position_error);
-            put(&mut self.points.geometric_normal, lane, other.geometric_normal);
-            put(&mut self.points.shading_normal, lane, other.shading_normal);
-            put(&mut self.lift, lane, other.lift);
-            self.points.is_sound[lane] = 1;
-        }
-    }
-
-    /// The lifts of all lanes: nothing to be done where no mesh has vertex normals.
-    fn place_lifts(&mut self, context: &Context) {
-        let had_lifts = self.has_lifts;
-        let is_smooth = self.hits.has_normals() && context.settings.terminator == Terminator::Smooth;
-        self.has_lifts = is_smooth || self.others.iter().any(|(_, other)| other.lift != Vec3::ZERO);
-        if is_smooth {
-            self.hits.lifts(&self.points, &self.wo, &mut self.lift, self.wide);
-        } else if had_lifts {
-            self.lift = ZERO;
-        }
+        self.lanes.place();
+        self.lanes.place_lifts(context);
     }
 
     /// Works out what the lanes give.
     pub fn shade(&mut self, context: &Context, depth: u32) {
-        let count = self.count;
         self.place(context);
-        let bsdf = self.randoms.pairs(dimension::BSDF, self.wide);
-        let light = self.randoms.pairs(dimension::LIGHT, self.wide);
-        let plays = depth >= ROULETTE_DEPTH;
-        let roulette = match plays {
-            true => self.randoms.numbers(dimension::ROULETTE, self.wide),
-            false => [0.0; LANES],
-        };
+        let wide = self.lanes.wide;
+        let bsdf = self.lanes.randoms.pairs(dimension::BSDF, wide);
+        let light = self.lanes.randoms.pairs(dimension::LIGHT, wide);
+        let roulette = self.lanes.roulette(depth);
         at_level!(
-            self.wide,
+            self.lanes.wide,
             bounce,
             (
-                points: &TrianglePoints = &self.points,
-                sides: (&HitVectors, &HitVectors) = (&self.wo, &self.lift),
+                points: &TrianglePoints = &self.lanes.points,
+                sides: (&HitVectors, &HitVectors) = (&self.lanes.wo, &self.lanes.lift),
                 u: &[HitLanes; 2] = &bsdf,
                 normals: [&mut HitVectors; 2] = [&mut self.normal, &mut self.facing],
                 to: &mut Bounces = &mut self.bounces,
             )
         );
         self.choose_lights(context);
-        let surfaces = Surfaces { points: &self.points, normal: &self.normal, wo: &self.wo, lift: &self.lift };
-        self.lights.arrivals(context.scene, &surfaces, &light, count, self.wide, &mut self.arrivals);
+        let surfaces =
+            Surfaces { points: &self.lanes.points, normal: &self.normal, wo: &self.lanes.wo, lift: &self.lanes.lift };
+        self.lights.arrivals(context.scene, &surfaces, &light, self.paths().len(), self.lanes.wide, &mut self.arrivals);
         at_level!(
-            self.wide,
+            self.lanes.wide,
             outputs,
             (
-                carried: &CarriedLanes = &self.carried,
+                carried: &CarriedLanes = &self.lanes.carried,
                 reflectance: &HitVectors = &self.reflectance,
                 radiance: &HitVectors = &self.lights.radiance,
                 arrivals: &FlatArrivals = &self.arrivals,
                 bounces: &Bounces = &self.bounces,
-                roulette: (bool, &HitLanes) = (plays, &roulette),
+                roulette: &Roulette = &roulette,
                 to: &mut MatteOutputs = &mut self.outputs,
             )
         );
-        for lane in 0..count {
+        for lane in 0..self.paths().len() {
             if self.lights.how[lane] == ALONE {
                 self.light_alone(context, lane, Vec2::new(light[0][lane], light[1][lane]));
             }
@@ -335,12 +212,12 @@ impl MatteVertices {
 
     fn choose_lights(&mut self, context: &Context) {
         let choices = match context.lights.has_choice() {
-            true => self.randoms.numbers(dimension::LIGHT_CHOICE, self.wide),
+            true => self.lanes.randoms.numbers(dimension::LIGHT_CHOICE, self.lanes.wide),
             false => [0.0; LANES],
         };
-        let receivers = Receivers { position: &self.points.position, normal: &self.facing };
-        context.lights.sample_many(&receivers, &choices, self.count, &mut self.lights.chosen);
-        self.lights.look_up(context.scene, receivers.position, self.count, self.wide);
+        let receivers = Receivers { position: &self.lanes.points.position, normal: &self.facing };
+        context.lights.sample_many(&receivers, &choices, self.lanes.paths().len(), &mut self.lights.chosen);
+        self.lights.look_up(context.scene, receivers.position, self.lanes.paths().len(), self.lanes.wide);
         if context.settings.light_strategy != LightStrategy::Mis {
             self.lights.how.iter_mut().filter(|how| **how != DARK).for_each(|how| *how = ALONE);
         }
@@ -351,11 +228,11 @@ impl MatteVertices {
     pub fn prepare_classic(&mut self, context: &Context) {
         self.place(context);
         at_level!(
-            self.wide,
+            self.lanes.wide,
             normals,
             (
-                points: &TrianglePoints = &self.points,
-                wo: &HitVectors = &self.wo,
+                points: &TrianglePoints = &self.lanes.points,
+                wo: &HitVectors = &self.lanes.wo,
                 normal: &mut HitVectors = &mut self.normal,
             )
         );
@@ -372,18 +249,19 @@ impl MatteVertices {
 
     /// What a lane knows of its surface.
     fn seen(&self, lane: usize, mode: ColorMode, time: f32) -> Seen {
-        let (wo, normal, reflectance) = (at(&self.wo, lane), at(&self.normal, lane), color_at(&self.reflectance, lane));
-        let (geometric_normal, lift) = (at(&self.points.geometric_normal, lane), at(&self.lift, lane));
+        let (wo, normal, reflectance) =
+            (at(&self.lanes.wo, lane), at(&self.normal, lane), color_at(&self.reflectance, lane));
+        let (geometric_normal, lift) = (at(&self.lanes.points.geometric_normal, lane), at(&self.lanes.lift, lane));
         let horizon = horizon(geometric_normal, normal, lift);
-        let position = at(&self.points.position, lane);
-        let skin = Skin { position_error: at(&self.points.position_error, lane), geometric_normal, lift };
+        let position = at(&self.lanes.points.position, lane);
+        let skin = Skin { position_error: at(&self.lanes.points.position_error, lane), geometric_normal, lift };
         let arrival = Arrival { position, surface: Some(skin), mode, time };
         Seen { arrival, normal, horizon, cos_o: normal.dot(wo), side: horizon.dot(wo), reflectance }
     }
 
     /// False for a vertex that must be worked on alone after all.
     pub fn is_sound(&self, lane: usize) -> bool {
-        self.points.is_sound[lane] != 0
+        self.lanes.points.is_sound[lane] != 0
     }
 
     /// The lanes of those given that send a light ray.
@@ -420,8 +298,8 @@ impl MatteVertices {
 
     /// True if the light ray of a lane starts through the surface, by rounding.
     pub fn passes(&self, lane: usize) -> bool {
-        let normal = at(&self.points.geometric_normal, lane);
-        self.arrivals.shadow_ray(lane).direction.dot(normal) * -at(&self.wo, lane).dot(normal) > 0.0
+        let normal = at(&self.lanes.points.geometric_normal, lane);
+        self.arrivals.shadow_ray(lane).direction.dot(normal) * -at(&self.lanes.wo, lane).dot(normal) > 0.0
     }
 
     /// The source of the light ray of a lane, if it sends one, and its weight by multiple importance sampling.
@@ -447,12 +325,12 @@ impl MatteVertices {
         let lane = lane % LANES;
         Carried {
             throughput: color_at(&self.outputs.throughput, lane),
-            position: at(&self.points.position, lane),
+            position: at(&self.lanes.points.position, lane),
             normal: at(&self.facing, lane),
             bsdf_pdf: self.bounces.pdf[lane],
-            eta_scale: self.carried.eta_scale[lane],
-            cone_width: self.carried.cone_width[lane],
-            cone_spread: most(self.carried.cone_spread[lane], SCATTERED_SPREAD),
+            eta_scale: self.lanes.carried.eta_scale[lane],
+            cone_width: self.lanes.carried.cone_width[lane],
+            cone_spread: most(self.lanes.carried.cone_spread[lane], SCATTERED_SPREAD),
             stream: 0,
             transmits: false,
             is_specular: false,
@@ -464,7 +342,7 @@ impl MatteVertices {
     fn light_alone(&mut self, context: &Context, lane: usize, u: Vec2) {
         let Some(chosen) = &self.lights.chosen.get(lane) else { return };
         let seen = self.seen(lane, ColorMode::Rgb, 0.0);
-        let throughput = color_at(&self.carried.throughput, lane);
+        let throughput = color_at(&self.lanes.carried.throughput, lane);
         let light = weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| seen.reflected(wi));
         self.outputs.is_lit[lane] = u32::from(light.is_some());
         if let Some(WeightedLight { value, shadow_ray, source, weight, glowing, .. }) = light {
@@ -476,18 +354,6 @@ impl MatteVertices {
     }
 }
 
-/// The lanes that are marked, of those given.
-fn keep(lanes: &[u32], marks: &[u32; LANES], to: &mut Vec<u32>) {
-    to.clear();
-    to.resize(lanes.len(), 0);
-    let mut count = 0;
-    for &lane in lanes {
-        to[count] = lane;
-        count += usize::from(marks[lane as usize % LANES] != 0);
-    }
-    to.truncate(count);
-}
-
 /// What vertices give, where their lights are flat.
 #[inline(always)]
 fn outputs(
@@ -496,7 +362,7 @@ fn outputs(
     radiance: &HitVectors,
     arrivals: &FlatArrivals,
     bounces: &Bounces,
-    (plays, roulette): (bool, &HitLanes),
+    roulette: &Roulette,
     to: &mut MatteOutputs,
 ) {
     for i in 0..LANES {
@@ -518,11 +384,10 @@ fn outputs(
             largest = most(largest, *throughput);
             is_finite &= throughput.abs() < f32::INFINITY;
         }
-        // As `survival_at`.
-        let survival = if plays { least(largest * carried.eta_scale[i], MAX_SURVIVAL) } else { 1.0 };
-        let goes_on = (bounces.exists[i] != 0) & (largest > 0.0) & is_finite & (roulette[i] < survival);
+        let (scale, survives) = roulette.survival(i, largest * carried.eta_scale[i]);
+        let goes_on = (bounces.exists[i] != 0) & (largest > 0.0) & is_finite & survives;
         for (channel, throughput) in throughput.into_iter().enumerate() {
-            to.throughput[channel][i] = throughput * (1.0 / survival);
+            to.throughput[channel][i] = throughput * scale;
         }
         to.goes_on[i] = u32::from(goes_on);
     }

@@ -10,6 +10,7 @@ mod classic;
 pub(crate) mod estimators;
 mod flat;
 mod guided;
+pub(crate) mod lanes;
 pub mod light_part;
 mod lights;
 pub(crate) mod matte;
@@ -17,6 +18,7 @@ pub(crate) mod matte_surfaces;
 mod motion;
 pub(crate) mod path;
 mod scattering;
+pub(crate) mod specular;
 #[cfg(test)]
 mod tests;
 
@@ -109,6 +111,16 @@ pub struct Context<'a> {
     pub field: Option<&'a Field>,
     /// True if somebody wants to know which lobes scatter: [`PathState::lobe`] and [`Outputs::light_lobe`].
     pub wants_lobes: bool,
+}
+
+impl Context<'_> {
+    /// Bounces that `path` and `direct` follow.
+    pub(crate) fn max_depth(&self) -> u32 {
+        match self.settings.integrator {
+            IntegratorKind::Direct => 1,
+            _ => self.settings.max_depth,
+        }
+    }
 }
 
 /// What a path carries from vertex to vertex. All of it is a function of (pixel, sample, seed) alone.

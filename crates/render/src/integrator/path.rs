@@ -7,7 +7,7 @@ use super::estimators::{
 use super::guided::GuidedBsdf;
 use super::light_part::{LightSource, LobeShares};
 use super::scattering::scatter;
-use super::{Context, IntegratorKind, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
+use super::{Context, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::light_sampler::{ChosenLight, Receiver};
 use crate::settings::LightStrategy;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
@@ -23,10 +23,7 @@ pub(crate) const SCATTERED_SPREAD: f32 = 0.2;
 
 /// Vertex function of `path` and `direct`.
 pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
-    let max_depth = match context.settings.integrator {
-        IntegratorKind::Direct => 1,
-        _ => context.settings.max_depth,
-    };
+    let max_depth = context.max_depth();
     if let Some(medium) = &vertex.medium {
         if vertex.depth < max_depth {
             scatter(context, vertex, medium, out);

@@ -1,8 +1,11 @@
 //! The loop that makes a picture: camera rays, hits, shading by material, light rays, next rays, depth by depth until no path is
 //! left. Batches only; nothing here asks for a single ray.
 
+mod collect;
+mod specular;
+
 use super::Statistics;
-use super::journal::{Event, Journal, Shaded};
+use super::journal::{Event, Journal};
 use super::light_parts::LightParts;
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
@@ -14,8 +17,9 @@ use crate::guiding::{Record, Recorder};
 use crate::integrator::aov::{Aov, AovKind};
 use crate::integrator::camera_path::{FILM, camera_path, film_point, path_of};
 use crate::integrator::carried::{Carried, Rest};
+use crate::integrator::lanes::{Arriving, LANES};
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
-use crate::integrator::matte::{self, Arriving, LANES, MatteVertices};
+use crate::integrator::matte::{self, MatteVertices};
 use crate::integrator::matte_surfaces::MatteSurfaces;
 use crate::integrator::path::{escaped, plain_sky};
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
@@ -24,6 +28,7 @@ use crate::settings::Crop;
 use snell_intersect::{Grouping, Hit, RayQuery};
 use snell_math::{ColorMode, ColorModel, DVec2, SampledSpectrum, Vec2};
 use snell_scene::{Background, Camera, CameraView, PinholeRays};
+use specular::SpecularBatch;
 
 /// Samples that are taken at once. (Measured from 256 to 4,096: few leave the kernels idle, many leave the caches.)
 const MAX_SAMPLES: usize = 1 << 11;
@@ -75,6 +80,7 @@ pub struct PartRenderer<'a> {
     volumes: Option<VolumeBatch<'a>>,
     /// What is shaded many at once.
     matte: Option<Box<Matte<'a>>>,
+    specular: Option<Box<SpecularBatch<'a>>>,
 }
 
 /// Vertices that are shaded many at once.
@@ -129,6 +135,7 @@ impl<'a> PartRenderer<'a> {
         let volumes = if sees_media { VolumeBatch::new(&context, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
         let matte = if scene.moves { None } else { Matte::new(&context, sampler) };
+        let specular = if scene.moves { None } else { SpecularBatch::new(&context, sampler) };
         let view = camera.view(context.settings.size);
         let settings = context.settings;
         let stands_still = !scene.moves && settings.later_cameras.is_empty();
@@ -162,6 +169,7 @@ impl<'a> PartRenderer<'a> {
             light_parts,
             volumes,
             matte,
+            specular,
         }
     }
 
@@ -433,12 +441,13 @@ impl<'a> PartRenderer<'a> {
                 }
                 break;
             }
-            let matte = self.matte_beginning(rest);
-            match matte {
-                0 => self.shade_one(depth, first as usize),
-                count => self.shade_matte(depth, &rest[..count]),
+            let (matte, specular) = (self.matte_beginning(rest), self.specular_beginning(rest));
+            match (matte, specular) {
+                (0, 0) => self.shade_one(depth, first as usize),
+                (0, count) => self.shade_specular(depth, &rest[..count]),
+                (count, _) => self.shade_matte(depth, &rest[..count]),
             }
-            rest = &rest[matte.max(1)..];
+            rest = &rest[matte.max(specular).max(1)..];
             if self.light_rays.rays.len() >= MAX_BATCH {
                 self.trace_light_rays(statistics);
             }
@@ -457,11 +466,7 @@ impl<'a> PartRenderer<'a> {
     /// Shades at most [`LANES`] paths at matte surfaces.
     fn shade_matte(&mut self, depth: u32, paths: &[u32]) {
         let is_classic = matte::is_classic(self.context.settings.integrator);
-        let max_depth = match self.context.settings.integrator {
-            IntegratorKind::Direct => 1,
-            _ => self.context.settings.max_depth,
-        };
-        if depth >= max_depth && !is_classic {
+        if depth >= self.context.max_depth() && !is_classic {
             return;
         }
         let Some(mut matte) = self.matte.take() else { return };
@@ -678,86 +683,6 @@ impl<'a> PartRenderer<'a> {
             volumes.note_outputs(path, ray.direction, vertex.surface.as_ref(), random, light_rays, *glowing, next);
         }
         self.collect(depth, path);
-    }
-
-    /// Takes what the vertex function gave.
-    fn collect(&mut self, depth: u32, path: usize) {
-        let (carried, sample) = (&self.paths.carried[path], self.paths.samples[path]);
-        let (is_branched, throughput, time) = (carried.stream != 0, carried.throughput, self.paths.rest(path).time);
-        self.clamp(depth);
-        self.samples[sample as usize].radiance += self.outputs.radiance;
-        if !self.light_parts.is_empty() {
-            self.note_light_parts(depth, path, sample);
-        }
-        if is_branched && self.samples[sample as usize].rays > MAX_TREE {
-            self.outputs.next.clear();
-        }
-        self.note_in_journal(path);
-        for (ray, value) in self.outputs.light_rays.drain(..) {
-            self.light_rays.push(ray, time, value, sample);
-        }
-        if let (Some(recorder), Some(choice), Some((_, next))) =
-            (&mut self.recorder, self.outputs.choice, self.outputs.next.first())
-        {
-            recorder.leave(sample, depth, choice, throughput, next.throughput);
-        }
-        self.samples[sample as usize].rays += self.outputs.next.len() as u32;
-        for (ray, state) in self.outputs.next.drain(..) {
-            self.next.push(ray, &state, sample);
-        }
-    }
-
-    /// Writes down what a vertex gave, if that is wanted.
-    fn note_in_journal(&mut self, path: usize) {
-        let Some(journal) = &mut self.journal else { return };
-        let (hit, volumes) = (self.paths.hits[path], self.volumes.as_ref());
-        let outside_ior = volumes.filter(|_| hit.is_hit()).map_or(1.0, |v| v.outside_ior(path, &hit));
-        journal.events.push(Event::Vertex(Box::new(Shaded {
-            path,
-            sample: self.paths.samples[path],
-            ray: self.paths.rays[path],
-            hit,
-            state: self.paths.state(path),
-            medium: volumes.and_then(|v| v.scattered[path]),
-            outside_ior,
-            radiance: self.outputs.radiance,
-            weights: self.outputs.weights,
-            light_rays: self.outputs.light_rays.clone(),
-            source: self.outputs.light_source,
-            next: self.outputs.next.clone(),
-        })));
-    }
-
-    /// Dims light that was scattered more than once, if that is asked for.
-    fn clamp(&mut self, depth: u32) {
-        let Some(most) = self.context.settings.clamp else { return };
-        let dimmed = |light: SampledSpectrum| {
-            let brightest = light.max_element();
-            if brightest > most { light * (most / brightest) } else { light }
-        };
-        if depth > 1 {
-            self.outputs.radiance = dimmed(self.outputs.radiance);
-        }
-        if depth > 0 {
-            self.outputs.light_rays.iter_mut().for_each(|(_, value)| *value = dimmed(*value));
-        }
-    }
-
-    /// Adds what was found to its layers, and keeps what must be known of the light rays.
-    fn note_light_parts(&mut self, depth: u32, path: usize, sample: u32) {
-        let (scene, hit) = (self.context.scene, &self.paths.hits[path]);
-        let source =
-            if hit.is_hit() { LightSource::Material(scene.material_id(hit)) } else { LightSource::Environment };
-        let tag = |lobe, count, source| LightTag {
-            lobe,
-            scatterings: Scatterings::of(count),
-            group: self.light_parts.group(source),
-        };
-        let found = tag(self.paths.rest(path).lobe, depth, source);
-        let brought = tag(self.outputs.light_lobe, depth + 1, self.outputs.light_source.unwrap_or(source));
-        let mode = self.samples[sample as usize].mode;
-        self.light_parts.add(&mut self.aovs, sample, self.outputs.radiance, &found, mode);
-        self.light_rays.tags.extend(self.outputs.light_rays.iter().map(|_| brought));
     }
 
     fn trace_light_rays(&mut self, statistics: &mut Statistics) {

@@ -35,6 +35,42 @@ pub struct DielectricBsdf {
     pub arriving: SampledSpectrum,
 }
 
+/// What a smooth interface without a film does to light from one direction.
+#[derive(Clone, Copy, Debug)]
+pub struct Split {
+    /// Index of refraction behind the surface over the index on the side of the direction.
+    pub eta: f32,
+    /// Share that is reflected.
+    pub reflectance: f32,
+    /// Where the rest goes, if [`Self::is_partial`].
+    pub refracted: Vec3,
+    /// False if all is reflected.
+    pub is_partial: bool,
+}
+
+impl Split {
+    /// Of light seen from `wo`, at an interface with this index of refraction inside over outside. Without branches, so that loops
+    /// over it become vector code.
+    #[inline(always)]
+    pub fn at(wo: Vec3, ior: f32) -> Self {
+        let (up, eta) = (lift(wo), relative_ior(wo, ior));
+        let (wi, is_partial) = fresnel::refracted(up, Vec3::Z, eta);
+        Self { eta, reflectance: fresnel::dielectric(up.z, eta), refracted: lower_like(wi, wo), is_partial }
+    }
+
+    /// Factor on radiance that crosses, by the change of solid angle.
+    #[inline(always)]
+    pub fn compression(eta: f32) -> f32 {
+        1.0 / (eta * eta)
+    }
+}
+
+/// Index behind the surface over the index on the side of `wo`.
+#[inline(always)]
+fn relative_ior(wo: Vec3, ior: f32) -> f32 {
+    if wo.z > 0.0 { ior } else { 1.0 / ior }
+}
+
 /// Diffuse lobes in place of light that bounces between facets, seen from one side.
 struct Bounced {
     /// Losses on this side and on the other.
@@ -55,9 +91,8 @@ struct Facet {
 }
 
 impl DielectricBsdf {
-    /// Index behind the surface over the index on the side of `wo`.
     fn relative_ior(&self, wo: Vec3) -> f32 {
-        if wo.z > 0.0 { self.ior } else { 1.0 / self.ior }
+        relative_ior(wo, self.ior)
     }
 
     fn is_smooth(&self) -> bool {
@@ -83,7 +118,7 @@ impl DielectricBsdf {
 
     /// Factor on radiance that crosses: tint and change of solid angle.
     fn crossing(&self, eta: f32) -> SampledSpectrum {
-        self.tint * (1.0 / (eta * eta))
+        self.tint * Split::compression(eta)
     }
 
     /// Factor for what the medium absorbed before a ray from `wo` arrived.
@@ -92,13 +127,13 @@ impl DielectricBsdf {
     }
 
     fn branches(&self, wo: Vec3) -> (f32, [Option<SpecularBranch>; 2]) {
-        let (up, eta) = (lift(wo), self.relative_ior(wo));
-        let (plain, reflectance) = self.fresnel(up.z, eta);
+        let Split { eta, refracted, is_partial, .. } = Split::at(wo, self.ior);
+        let (plain, reflectance) = self.fresnel(wo.z.abs(), eta);
         let absorbed = self.absorbed(wo);
         let mirrored = self.mirror_tint(eta) * absorbed * reflectance;
         let reflection = (plain > 0.0 || self.film.is_some()).then(|| mirror_branch(wo, mirrored));
-        let transmission = fresnel::refract(up, Vec3::Z, eta).map(|wi| SpecularBranch {
-            wi: lower_like(wi, wo),
+        let transmission = is_partial.then(|| SpecularBranch {
+            wi: refracted,
             weight: self.crossing(eta) * absorbed * (SampledSpectrum::ONE - reflectance),
             is_transmission: true,
         });

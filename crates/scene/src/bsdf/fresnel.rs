@@ -1,8 +1,10 @@
 //! How much light a smooth interface reflects, and where the rest goes.
 
+use snell_math::simd::most;
 use snell_math::{SampledSpectrum, Vec3};
 
 /// The mirror direction of `w` about the unit vector `n`.
+#[inline(always)]
 pub fn reflect(w: Vec3, n: Vec3) -> Vec3 {
     n * (2.0 * w.dot(n)) - w
 }
@@ -10,30 +12,33 @@ pub fn reflect(w: Vec3, n: Vec3) -> Vec3 {
 /// The direction in which light from `w` goes on behind the interface with unit normal `n`, on whose side `w` lies. `eta` is the
 /// index of refraction behind over the one on the side of `w`. `None` if all is reflected. Snell's law.
 pub fn refract(w: Vec3, n: Vec3, eta: f32) -> Option<Vec3> {
+    let (wi, exists) = refracted(w, n, eta);
+    exists.then_some(wi)
+}
+
+/// [`refract`] without branches, so that loops over it become vector code; false where all is reflected.
+#[inline(always)]
+pub fn refracted(w: Vec3, n: Vec3, eta: f32) -> (Vec3, bool) {
     let cos_i = w.dot(n);
-    let sin2_t = (1.0 - cos_i * cos_i).max(0.0) / (eta * eta);
-    if sin2_t >= 1.0 {
-        return None;
-    }
+    let sin2_t = most(1.0 - cos_i * cos_i, 0.0) / (eta * eta);
     let cos_t = (1.0 - sin2_t).sqrt();
-    (n * (cos_i / eta - cos_t) - w / eta).try_normalize()
+    let wi = n * (cos_i / eta - cos_t) - w / eta;
+    let scale = 1.0 / wi.length();
+    (wi * scale, (sin2_t < 1.0) & (scale > 0.0) & (scale < f32::INFINITY))
 }
 
 /// Reflectance of an interface between dielectrics for unpolarised light. `cos_i >= 0` on the side light comes from, `eta` as in
-/// [`refract`]. Exactly 0 for `eta = 1`.
+/// [`refract`]. Exactly 0 for `eta = 1`. Without branches, so that loops over it become vector code.
+#[inline(always)]
 pub fn dielectric(cos_i: f32, eta: f32) -> f32 {
     let cos_i = cos_i.clamp(0.0, 1.0);
-    if eta == 1.0 {
-        return 0.0;
-    }
     let sin2_t = (1.0 - cos_i * cos_i) / (eta * eta);
-    if sin2_t >= 1.0 {
-        return 1.0;
-    }
     let cos_t = (1.0 - sin2_t).sqrt();
     let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
     let perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
-    (parallel * parallel + perpendicular * perpendicular) * 0.5
+    let partial = (parallel * parallel + perpendicular * perpendicular) * 0.5;
+    let reflectance = if sin2_t >= 1.0 { 1.0 } else { partial };
+    if eta == 1.0 { 0.0 } else { reflectance }
 }
 
 /// Reflectance of an interface between dielectrics for diffuse light from the side of lower index; `eta >= 1` as in [`refract`].

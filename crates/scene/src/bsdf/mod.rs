@@ -23,7 +23,7 @@ mod tests;
 
 pub use black::BlackBsdf;
 pub use conductor::{ConductorBsdf, FacetReflectance};
-pub use dielectric::DielectricBsdf;
+pub use dielectric::{DielectricBsdf, Split};
 pub use diffuse::DiffuseBsdf;
 pub use film::ThinFilm;
 pub use ggx::Ggx;
@@ -193,11 +193,13 @@ pub(crate) fn bounded(x: f32, most: f32) -> f32 {
 }
 
 /// The direction, mirrored to the upper side if it lies below.
+#[inline(always)]
 fn lift(w: Vec3) -> Vec3 {
     Vec3::new(w.x, w.y, w.z.abs())
 }
 
 /// Undoes [`lift`] for a direction found with `wo` lifted: mirrored if `wo` lies below.
+#[inline(always)]
 fn lower_like(w: Vec3, wo: Vec3) -> Vec3 {
     if wo.z < 0.0 { Vec3::new(w.x, w.y, -w.z) } else { w }
 }

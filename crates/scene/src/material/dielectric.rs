@@ -1,10 +1,10 @@
 //! Glass, water, and other clear things.
 
-use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior};
+use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior, relative_ior};
 use crate::bsdf::{Bsdf, DielectricBsdf, Ggx, bounded};
 use serde::{Deserialize, Serialize};
 use snell_math::spectrum::{Glass, LINE_D, RefractiveIndex};
-use snell_math::{Rgb, SampledSpectrum};
+use snell_math::{ColorMode, Rgb, SampledSpectrum};
 
 /// The interface between air (outer side) and a clear medium: reflects and refracts by Fresnel's and Snell's laws. For closed
 /// surfaces; a single sheet bends light once.
@@ -53,13 +53,12 @@ impl Dielectric {
         ]
     }
 
-    /// What the medium lets through on the way of the ray that met the point.
-    fn transmittance(&self, point: &ShadingPoint) -> SampledSpectrum {
+    /// What the medium lets through over a distance.
+    pub(super) fn transmittance(&self, distance: f32, mode: ColorMode) -> SampledSpectrum {
         if self.absorption.is_black() {
             return SampledSpectrum::ONE;
         }
-        let distance = point.surface.t;
-        point.reflectance(self.absorption.map(|sigma| (-bounded(sigma, 1e6) * distance).exp()))
+        mode.reflectance(self.absorption.map(|sigma| bounded((-bounded(sigma, 1e6) * distance).exp(), 1.0)))
     }
 
     /// The BSDF at a point.
@@ -68,13 +67,13 @@ impl Dielectric {
         // Where wavelengths part, the hero stands for all of them.
         let unit = if self.ior.is_dispersive() { mode.hero_factor() } else { mode.unit() };
         Bsdf::Dielectric(DielectricBsdf {
-            ior: positive_ior(positive_ior(self.ior.at(mode.hero(LINE_D))) / point.outside_ior),
+            ior: relative_ior(positive_ior(self.ior.at(mode.hero(LINE_D))), point.outside_ior),
             tint: point.reflectance(self.tint.at(point)) * unit,
             reflection_tint: SampledSpectrum::ONE,
             unit,
             film: None,
             ggx: Ggx::from_roughness(self.roughness.at(point)),
-            arriving: self.transmittance(point),
+            arriving: self.transmittance(point.surface.t, mode),
         })
     }
 }
@@ -86,7 +85,7 @@ mod tests {
     use crate::material::MaterialKind;
     use crate::texture::TextureSet;
     use snell_intersect::SurfaceInteraction;
-    use snell_math::{ColorMode, Vec2, Vec3};
+    use snell_math::{Vec2, Vec3};
 
     #[test]
     fn only_rays_from_within_are_absorbed_by_their_length() {

@@ -16,6 +16,7 @@ mod open_pbr;
 mod phong;
 mod plastic;
 mod shading;
+mod specular;
 #[cfg(test)]
 mod tests;
 
@@ -30,13 +31,14 @@ pub use interface::Interface;
 pub use interior::Interior;
 pub use metallic_roughness::{MetallicRoughness, reflectance_at_most_white};
 pub use mirror::Mirror;
-pub use normal::visible_normal;
+pub use normal::{reflecting_normal, visible_normal};
 pub use open_pbr::{OpenPbr, TangentMap};
 pub use phong::Phong;
 pub use plastic::Plastic;
 pub use shading::ShadingBsdf;
+pub use specular::Specular;
 
-use crate::bsdf::{Bsdf, bounded};
+use crate::bsdf::{Bsdf, Lobes, bounded};
 use crate::graph::{MediumId, TextureId};
 use crate::texture::TextureSet;
 use serde::{Deserialize, Serialize};
@@ -200,6 +202,11 @@ fn positive_ior(ior: f32) -> f32 {
     if ior > 1e-3 && ior < 1e3 { ior } else { 1.0 }
 }
 
+/// An index of refraction over that of the outside.
+fn relative_ior(ior: f32, outside_ior: f32) -> f32 {
+    positive_ior(ior / outside_ior)
+}
+
 /// How opacity works.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -343,11 +350,15 @@ impl Material {
 
     /// The reflectance of a matte surface at a point, and its shading normal before it is bent towards a viewer.
     pub fn matte_at(&self, point: &ShadingPoint) -> Option<(SampledSpectrum, Vec3)> {
-        let normal = match &self.normal_map {
+        Some((self.as_matte()?.reflectance_at(point), self.shading_normal(point)))
+    }
+
+    /// The shading normal at a point, normal map applied, before it is bent towards a viewer.
+    pub fn shading_normal(&self, point: &ShadingPoint) -> Vec3 {
+        match &self.normal_map {
             None => point.surface.shading_normal,
             Some(map) => normal::shading_frame(Some(map), point).z,
-        };
-        Some((self.as_matte()?.reflectance_at(point), normal))
+        }
     }
 
     /// True if hits must be asked about ([`Self::is_present`]).
@@ -420,8 +431,9 @@ impl Material {
         let bsdf = self.without_coat_normal(point);
         let z = normal::valid_towards(bsdf.frame.z, bsdf.geometric_normal, wo, normal::mirrors(&bsdf.bsdf));
         let frame = match &bsdf.bsdf {
-            // Tangents mean nothing to it, and this one is the cheapest.
-            Bsdf::Diffuse(_) => Frame::from_z(z),
+            // Tangents mean nothing to them, and this one is the cheapest.
+            Bsdf::Diffuse(_) | Bsdf::Mirror(_) => Frame::from_z(z),
+            Bsdf::Dielectric(_) | Bsdf::Conductor(_) if bsdf.bsdf.is_delta() => Frame::from_z(z),
             _ if z == bsdf.frame.z => bsdf.frame,
             _ => Frame::from_z_and_x(z, bsdf.frame.x),
         };

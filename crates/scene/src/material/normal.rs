@@ -1,7 +1,7 @@
 //! Shading normals: normal maps, and keeping normals where the viewer can use them.
 
 use super::{NormalMap, ShadingPoint};
-use crate::bsdf::{Bsdf, Lobes};
+use crate::bsdf::{Bsdf, Lobes, fresnel};
 use snell_math::simd::least;
 use snell_math::{Frame, Vec3};
 
@@ -67,27 +67,26 @@ pub(super) fn mirrors(bsdf: &Bsdf) -> bool {
     by_kind || bsdf.is_delta()
 }
 
-/// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface, and for mirrors one that reflects
-/// `wo` to that side too (the idea of Keller et al., The Iray Light Transport Simulation and Rendering System, 2017: pull
-/// the reflected vector up to the surface, and take the half vector).
+/// The normal nearest in spirit to `n` that `wo` can use: [`reflecting_normal`] for mirrors, [`visible_normal`] for others.
 pub(super) fn valid_towards(n: Vec3, geometric_normal: Vec3, wo: Vec3, mirrors: bool) -> Vec3 {
-    if !mirrors {
-        return visible_normal(n, geometric_normal, wo);
-    }
+    if mirrors { reflecting_normal(n, geometric_normal, wo) } else { visible_normal(n, geometric_normal, wo) }
+}
+
+/// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface, and that reflects `wo` to that
+/// side too (the idea of Keller et al., The Iray Light Transport Simulation and Rendering System, 2017: pull the reflected vector up
+/// to the surface, and take the half vector). Without branches, so that loops over it become vector code.
+#[inline(always)]
+pub fn reflecting_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     let side = if wo.dot(geometric_normal) < 0.0 { -1.0 } else { 1.0 };
     let (n_up, ng) = (n * side, geometric_normal * side);
     let elevation = wo.dot(ng);
-    if elevation <= 0.0 {
-        return n;
-    }
-    let least = (0.9 * elevation).min(0.01);
-    let reflected = crate::bsdf::fresnel::reflect(wo, n_up);
+    let lowest = least(0.9 * elevation, 0.01);
+    let reflected = fresnel::reflect(wo, n_up);
     let height = reflected.dot(ng);
-    if height >= least && wo.dot(n_up) > 0.0 {
-        return n;
-    }
-    let flat = (reflected - ng * height).normalize_or_zero() * (1.0 - least * least).sqrt();
-    (wo + flat + ng * least).normalize_or(ng) * side
+    let flat = unit_or(reflected - ng * height, Vec3::ZERO) * (1.0 - lowest * lowest).sqrt();
+    let bent = unit_or(wo + flat + ng * lowest, ng) * side;
+    let keeps = (elevation <= 0.0) | ((height >= lowest) & (wo.dot(n_up) > 0.0));
+    choose(keeps, n, bent)
 }
 
 /// The normal nearest in spirit to `n` that `wo` sees from the side from which it sees the surface. Without branches, so that loops
@@ -100,12 +99,19 @@ pub fn visible_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     let lowest = least(0.9 * elevation, 0.01);
     let seen = wo.dot(n_up);
     let lifted = n_up + wo * (lowest - seen);
-    let scale = 1.0 / lifted.length();
-    let has_length = scale > 0.0 && scale < f32::INFINITY;
-    let keeps = elevation <= 0.0 || seen >= lowest;
-    let pick = |n: f32, lifted: f32, ng: f32| {
-        let bent = if has_length { lifted * scale } else { ng };
-        if keeps { n } else { bent * side }
-    };
-    Vec3::new(pick(n.x, lifted.x, ng.x), pick(n.y, lifted.y, ng.y), pick(n.z, lifted.z, ng.z))
+    let keeps = (elevation <= 0.0) | (seen >= lowest);
+    choose(keeps, n, unit_or(lifted, ng) * side)
+}
+
+/// The vector at unit length, or `other` if it has no direction.
+#[inline(always)]
+fn unit_or(v: Vec3, other: Vec3) -> Vec3 {
+    let scale = 1.0 / v.length();
+    choose((scale > 0.0) & (scale < f32::INFINITY), v * scale, other)
+}
+
+#[inline(always)]
+fn choose(first: bool, a: Vec3, b: Vec3) -> Vec3 {
+    let pick = |a: f32, b: f32| if first { a } else { b };
+    Vec3::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z))
 }

@@ -1,0 +1,275 @@
+//! Vertices side by side, for what works on many at once: where paths have come to surfaces, and what they carry.
+
+use super::carried::Carried;
+use super::path::{MAX_SURVIVAL, ROULETTE_DEPTH};
+use super::{Context, dimension};
+use crate::sampler::{ManyRandoms, Random, Sampler};
+use crate::settings::Terminator;
+use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh, TRIANGLE_HITS};
+use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, TrianglePoints};
+use snell_math::simd::{Wide, least};
+use snell_math::{Ray, SampledSpectrum, Vec3};
+
+/// Most vertices at once.
+pub const LANES: usize = TRIANGLE_HITS;
+
+/// A vector of zero in every lane.
+pub const ZERO: HitVectors = [[0.0; LANES]; 3];
+
+/// Paths that have come to surfaces, of a scene where nothing moves, in [`snell_math::ColorMode::Rgb`].
+#[derive(Clone, Copy, Debug)]
+pub struct Arriving<'a> {
+    /// Their last rays.
+    pub rays: &'a [Ray],
+    /// What these have hit.
+    pub hits: &'a [Hit],
+    /// The paths so far.
+    pub carried: &'a [Carried],
+    /// Which of the numbers are those of each.
+    pub samples: &'a [u32],
+    pub randoms: &'a [Random],
+}
+
+/// Vertices on surfaces. Arrays are by lane; those of lanes that are not in use hold anything.
+#[derive(Debug)]
+pub struct VertexLanes {
+    /// Numbers of the paths of the lanes, and how many lanes are in use.
+    paths: [u32; LANES],
+    count: usize,
+    triangles: TriangleHits,
+    spheres: SphereHits,
+    /// Of all vertices, once they are [placed](Self::place).
+    pub points: TrianglePoints,
+    /// Lanes on plain triangles.
+    plain: Vec<usize>,
+    /// What is known already of lanes that are not on plain triangles or spheres.
+    others: Vec<(usize, OtherPoint)>,
+    /// Direction to where the path comes from.
+    pub wo: HitVectors,
+    /// As [`super::estimators::Skin::lift`], once they are placed; all zero while `has_lifts` is false.
+    pub lift: HitVectors,
+    has_lifts: bool,
+    pub carried: CarriedLanes,
+    pub randoms: ManyRandoms<LANES>,
+    pub wide: Option<Wide>,
+}
+
+/// Of [`Carried`], what is needed.
+#[derive(Debug)]
+pub struct CarriedLanes {
+    /// By channel.
+    pub throughput: HitVectors,
+    pub eta_scale: HitLanes,
+    /// At the vertex.
+    pub cone_width: HitLanes,
+    pub cone_spread: HitLanes,
+}
+
+/// What [`SurfaceInteraction`] says of a point, as far as it matters here.
+#[derive(Clone, Copy, Debug)]
+pub struct OtherPoint {
+    position: Vec3,
+    position_error: Vec3,
+    geometric_normal: Vec3,
+    shading_normal: Vec3,
+    lift: Vec3,
+}
+
+impl OtherPoint {
+    /// Of a surface with this shading normal and [lift](super::estimators::Skin::lift).
+    pub fn of(surface: &SurfaceInteraction, shading_normal: Vec3, lift: Vec3) -> Self {
+        let SurfaceInteraction { position, position_error, geometric_normal, .. } = *surface;
+        Self { position, position_error, geometric_normal, shading_normal, lift }
+    }
+}
+
+/// Russian roulette of many vertices: their numbers, if it plays at their depth.
+#[derive(Debug)]
+pub struct Roulette {
+    plays: bool,
+    numbers: HitLanes,
+}
+
+impl Roulette {
+    /// What a lane's throughput is multiplied with, and whether its path goes on; `weight` is what [`super::path::survival`] asks for.
+    #[inline(always)]
+    pub fn survival(&self, lane: usize, weight: f32) -> (f32, bool) {
+        let survival = if self.plays { least(weight, MAX_SURVIVAL) } else { 1.0 };
+        (1.0 / survival, self.numbers[lane] < survival)
+    }
+}
+
+impl VertexLanes {
+    /// For vertices of one depth.
+    pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
+        let zero = [0.0; LANES];
+        let carried = CarriedLanes { throughput: ZERO, eta_scale: zero, cone_width: zero, cone_spread: zero };
+        Self {
+            paths: [0; LANES],
+            count: 0,
+            triangles: TriangleHits::default(),
+            spheres: SphereHits::default(),
+            points: TrianglePoints::default(),
+            plain: Vec::new(),
+            others: Vec::new(),
+            wo: ZERO,
+            lift: ZERO,
+            has_lifts: false,
+            carried,
+            randoms: ManyRandoms::new(sampler, 0),
+            wide,
+        }
+    }
+
+    /// Takes the paths with these numbers, at most [`LANES`], of which the dead are left out; their vertices are of this depth. What the
+    /// lanes need to know of surfaces must follow.
+    pub fn start(&mut self, sampler: &Sampler, from: &Arriving, paths: &[u32], depth: u32) {
+        self.randoms.start(sampler, depth);
+        self.spheres.clear();
+        self.plain.clear();
+        self.others.clear();
+        self.count = 0;
+        for &path in &paths[..paths.len().min(LANES)] {
+            self.paths[self.count % LANES] = path;
+            self.count += usize::from(!from.carried[path as usize].throughput.is_black());
+        }
+        for lane in 0..self.count.min(LANES) {
+            let path = self.paths[lane] as usize;
+            let (ray, hit, carried) = (&from.rays[path], &from.hits[path], &from.carried[path]);
+            put(&mut self.wo, lane, -ray.direction);
+            self.randoms.set(lane, &from.randoms[from.samples[path] as usize]);
+            put_color(&mut self.carried.throughput, lane, carried.throughput);
+            self.carried.eta_scale[lane] = carried.eta_scale;
+            self.carried.cone_width[lane] = carried.cone_width + carried.cone_spread * hit.t;
+            self.carried.cone_spread[lane] = carried.cone_spread;
+        }
+    }
+
+    /// Numbers of the paths of the lanes in use.
+    pub fn paths(&self) -> &[u32] {
+        &self.paths[..self.count]
+    }
+
+    /// Says that a lane is on a triangle of a plain mesh: [`Self::gather_triangles`] must follow.
+    #[inline(always)]
+    pub fn put_triangle(&mut self, lane: usize) {
+        self.plain.push(lane);
+    }
+
+    /// Looks up the triangles of all lanes that are on some, in the meshes that were hit.
+    #[inline(always)]
+    pub fn gather_triangles<'w>(&mut self, from: &Arriving, mesh: impl Fn(&Hit) -> Option<&'w PlainMesh<'w>>) {
+        let paths = &self.paths;
+        let hits = self.plain.iter().filter_map(|&lane| {
+            let hit = &from.hits[paths[lane] as usize];
+            mesh(hit).map(|mesh| (lane, mesh, hit))
+        });
+        self.triangles.gather(hits);
+    }
+
+    /// Puts a point into a lane that is on a shape which is not instanced. False, and nothing is done, elsewhere.
+    pub fn gather_shape(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit) -> bool {
+        let world = &context.scene.world;
+        if world.gather_sphere(ray, hit, lane, &mut self.spheres) {
+            return true;
+        }
+        let Some(point) = world.shape_point(ray, hit) else { return false };
+        self.put_point(
+            lane,
+            OtherPoint {
+                position: point.position,
+                position_error: point.position_error,
+                geometric_normal: point.geometric_normal,
+                shading_normal: point.geometric_normal,
+                lift: Vec3::ZERO,
+            },
+        );
+        true
+    }
+
+    /// Puts a point that is known already into a lane.
+    pub fn put_point(&mut self, lane: usize, point: OtherPoint) {
+        self.others.push((lane, point));
+    }
+
+    /// Works out the points of all lanes.
+    pub fn place(&mut self) {
+        self.triangles.points(&mut self.points, self.wide);
+        self.spheres.points(&mut self.points, self.wide);
+        for &(lane, ref other) in &self.others {
+            put(&mut self.points.position, lane, other.position);
+            put(&mut self.points.position_error, lane, other.position_error);
+            put(&mut self.points.geometric_normal, lane, other.geometric_normal);
+            put(&mut self.points.shading_normal, lane, other.shading_normal);
+            self.points.is_sound[lane] = 1;
+        }
+    }
+
+    /// Works out the lifts of all lanes, once they are placed: nothing to be done where no mesh has vertex normals.
+    pub fn place_lifts(&mut self, context: &Context) {
+        let had_lifts = self.has_lifts;
+        let is_smooth = self.triangles.has_normals() && context.settings.terminator == Terminator::Smooth;
+        self.has_lifts = is_smooth || self.others.iter().any(|(_, other)| other.lift != Vec3::ZERO);
+        if !self.has_lifts && !had_lifts {
+            return;
+        }
+        let mut found = ZERO;
+        if is_smooth {
+            self.triangles.lifts(&self.points, &self.wo, &mut found, self.wide);
+        }
+        // (Lanes that are not on triangles have none.)
+        self.lift = ZERO;
+        for &lane in &self.plain {
+            put(&mut self.lift, lane, at(&found, lane));
+        }
+        for &(lane, ref other) in &self.others {
+            put(&mut self.lift, lane, other.lift);
+        }
+    }
+
+    /// Russian roulette at this depth.
+    pub fn roulette(&self, depth: u32) -> Roulette {
+        let plays = depth >= ROULETTE_DEPTH;
+        let numbers = match plays {
+            true => self.randoms.numbers(dimension::ROULETTE, self.wide),
+            false => [0.0; LANES],
+        };
+        Roulette { plays, numbers }
+    }
+}
+
+/// The vector of a lane.
+#[inline(always)]
+pub fn at(v: &HitVectors, lane: usize) -> Vec3 {
+    Vec3::new(v[0][lane], v[1][lane], v[2][lane])
+}
+
+/// Puts a vector into a lane.
+#[inline(always)]
+pub fn put(v: &mut HitVectors, lane: usize, to: Vec3) {
+    (v[0][lane], v[1][lane], v[2][lane]) = (to.x, to.y, to.z);
+}
+
+/// The spectrum of a lane, of [`snell_math::ColorMode::Rgb`].
+#[inline(always)]
+pub fn color_at(v: &HitVectors, lane: usize) -> SampledSpectrum {
+    SampledSpectrum([v[0][lane], v[1][lane], v[2][lane], 0.0])
+}
+
+/// Puts a spectrum of [`snell_math::ColorMode::Rgb`] into a lane.
+#[inline(always)]
+pub fn put_color(v: &mut HitVectors, lane: usize, to: SampledSpectrum) {
+    (v[0][lane], v[1][lane], v[2][lane]) = (to.0[0], to.0[1], to.0[2]);
+}
+
+/// The lanes that are marked, of those given.
+pub fn keep(lanes: &[u32], marks: &[u32; LANES], to: &mut Vec<u32>) {
+    to.clear();
+    to.resize(lanes.len(), 0);
+    let mut count = 0;
+    for &lane in lanes {
+        to[count] = lane;
+        count += usize::from(marks[lane as usize % LANES] != 0);
+    }
+    to.truncate(count);
+}

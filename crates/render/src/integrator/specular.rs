@@ -1,0 +1,349 @@
+//! What `path` and `direct` do at smooth glass and mirrors, at many vertices at once: the same as [`super::path`], bit for bit, in
+//! loops that become vector code. Delta lobes need no light samples, so there is little else to do but to go on.
+//!
+//! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
+
+use super::carried::Carried;
+use super::lanes::{
+    Arriving, CarriedLanes, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, keep, put_color,
+};
+use super::{Context, IntegratorKind, dimension};
+use crate::sampler::Sampler;
+use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
+use snell_intersect::{Hit, TrianglePoints};
+use snell_math::simd::{Wide, most};
+use snell_math::{ColorMode, ColorModel, Frame, Ray, Vec3, at_level, robust};
+use snell_scene::Material;
+use snell_scene::bsdf::Split;
+use snell_scene::material::{Specular, reflecting_normal};
+
+/// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
+#[derive(Debug)]
+pub struct SpecularVertices {
+    lanes: VertexLanes,
+    lobes: Lobes,
+    /// Shading normal.
+    normal: HitVectors,
+    bounces: Bounces,
+    /// As [`Carried::transmits`] and [`Carried::is_specular`].
+    transmits: [bool; LANES],
+    is_specular: [bool; LANES],
+}
+
+/// What the surfaces do.
+#[derive(Debug)]
+struct Lobes {
+    /// Index of refraction inside over outside.
+    ior: HitLanes,
+    /// By channel, factors on light that crosses, and on light that comes from the inside.
+    tint: HitVectors,
+    arriving: HitVectors,
+    /// By channel, the factor on what is reflected where that is all.
+    reflectance: HitVectors,
+    /// 1 where nothing is refracted.
+    is_mirror: [u32; LANES],
+}
+
+/// Where paths go on.
+#[derive(Debug)]
+struct Bounces {
+    wi: HitVectors,
+    origin: HitVectors,
+    /// The normal on the side where the path comes from.
+    facing: HitVectors,
+    /// By channel.
+    throughput: HitVectors,
+    eta_scale: HitLanes,
+    /// 0 where the path ends.
+    exists: [u32; LANES],
+}
+
+/// What a material does, if vertices on it can be worked on here.
+pub fn specular_part(context: &Context, material: &Material) -> Option<Specular> {
+    let settings = context.settings;
+    let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
+        && context.field.is_none()
+        && !context.wants_lobes
+        && settings.color == ColorModel::Rgb;
+    Specular::of(material).filter(|_| is_for)
+}
+
+impl SpecularVertices {
+    /// For vertices of one depth.
+    pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
+        let (number, mark) = ([0.0; LANES], [0; LANES]);
+        Self {
+            lanes: VertexLanes::new(sampler, wide),
+            lobes: Lobes { ior: number, tint: ZERO, arriving: ZERO, reflectance: ZERO, is_mirror: mark },
+            normal: ZERO,
+            bounces: Bounces {
+                wi: ZERO,
+                origin: ZERO,
+                facing: ZERO,
+                throughput: ZERO,
+                eta_scale: number,
+                exists: mark,
+            },
+            transmits: [false; LANES],
+            is_specular: [false; LANES],
+        }
+    }
+
+    /// Takes the paths with these numbers ([`VertexLanes::start`]). What they have hit must follow for each lane.
+    pub fn start(&mut self, sampler: &Sampler, from: &Arriving, paths: &[u32], depth: u32) {
+        self.lanes.start(sampler, from, paths, depth);
+    }
+
+    /// Numbers of the paths of the lanes in use.
+    pub fn paths(&self) -> &[u32] {
+        self.lanes.paths()
+    }
+
+    /// Says what the path of a lane has hit: on a plain mesh, of which [`Self::gather_triangles`] tells more, or not. `outside_ior` is the index of
+    /// refraction on the outer side of the surface.
+    pub fn gather(
+        &mut self,
+        context: &Context,
+        lane: usize,
+        from: &Arriving,
+        (material, lobe): (&Material, &Specular),
+        outside_ior: f32,
+        is_plain: bool,
+    ) {
+        let path = self.lanes.paths()[lane] as usize;
+        let (ray, hit) = (&from.rays[path], &from.hits[path]);
+        self.lobes.ior[lane] = lobe.ior(outside_ior);
+        match lobe {
+            Specular::Interface { tint, .. } => {
+                put_color(&mut self.lobes.tint, lane, *tint);
+                put_color(&mut self.lobes.arriving, lane, lobe.transmittance(hit.t));
+                self.lobes.is_mirror[lane] = 0;
+            }
+            Specular::Reflector(_) => self.lobes.is_mirror[lane] = 1,
+        }
+        self.transmits[lane] = !lobe.is_opaque();
+        self.is_specular[lane] = from.carried[path].is_specular;
+        if material.normal_map.is_some() {
+            self.gather_other(context, lane, ray, hit, material);
+        } else if is_plain {
+            self.lanes.put_triangle(lane);
+        } else if !self.lanes.gather_shape(context, lane, ray, hit) {
+            self.gather_other(context, lane, ray, hit, material);
+        }
+    }
+
+    #[inline(never)]
+    fn gather_other(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit, material: &Material) {
+        let surface = context.scene.interaction(ray, 0.0, hit);
+        let footprint = self.lanes.carried.cone_width[lane];
+        let normal = material.shading_normal(&context.scene.shading_point(&surface, footprint, ColorMode::Rgb));
+        self.lanes.put_point(lane, OtherPoint::of(&surface, normal, Vec3::ZERO));
+    }
+
+    /// As [`VertexLanes::gather_triangles`], once all lanes are told.
+    pub fn gather_triangles<'w>(&mut self, from: &Arriving, mesh: impl Fn(&Hit) -> Option<&'w PlainMesh<'w>>) {
+        self.lanes.gather_triangles(from, mesh);
+    }
+
+    /// Works out what the lanes give. `lobe` tells that of a path.
+    pub fn shade<'l>(&mut self, depth: u32, lobe: impl Fn(u32) -> Option<&'l Specular>) {
+        self.lanes.place();
+        let wide = self.lanes.wide;
+        let choice = self.lanes.randoms.numbers(dimension::LOBE, wide);
+        let roulette = self.lanes.roulette(depth);
+        at_level!(
+            wide,
+            normals,
+            (
+                points: &TrianglePoints = &self.lanes.points,
+                wo: &HitVectors = &self.lanes.wo,
+                normal: &mut HitVectors = &mut self.normal,
+            )
+        );
+        for (lane, &path) in self.lanes.paths().iter().enumerate() {
+            let cos = at(&self.normal, lane).dot(at(&self.lanes.wo, lane));
+            if let Some(reflectance) = lobe(path).and_then(|lobe| lobe.reflectance(cos.abs())) {
+                put_color(&mut self.lobes.reflectance, lane, reflectance);
+            }
+        }
+        at_level!(
+            wide,
+            bounce,
+            (
+                points: &TrianglePoints = &self.lanes.points,
+                wo: &HitVectors = &self.lanes.wo,
+                carried: &CarriedLanes = &self.lanes.carried,
+                normal: &HitVectors = &self.normal,
+                lobes: &Lobes = &self.lobes,
+                choice: &HitLanes = &choice,
+                roulette: &Roulette = &roulette,
+                to: &mut Bounces = &mut self.bounces,
+            )
+        );
+    }
+
+    /// False for a vertex that must be worked on alone after all.
+    pub fn is_sound(&self, lane: usize) -> bool {
+        self.lanes.points.is_sound[lane] != 0
+    }
+
+    /// The lanes of those given whose paths go on.
+    pub fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
+        keep(lanes, &self.bounces.exists, to);
+    }
+
+    /// The next ray of a lane.
+    #[inline(always)]
+    pub fn next_ray(&self, lane: usize) -> Ray {
+        let lane = lane % LANES;
+        Ray::new(at(&self.bounces.origin, lane), at(&self.bounces.wi, lane))
+    }
+
+    /// What the path of the next ray carries.
+    #[inline(always)]
+    pub fn carried(&self, lane: usize) -> Carried {
+        let lane = lane % LANES;
+        Carried {
+            throughput: color_at(&self.bounces.throughput, lane),
+            position: at(&self.lanes.points.position, lane),
+            normal: at(&self.bounces.facing, lane),
+            bsdf_pdf: 0.0,
+            eta_scale: self.bounces.eta_scale[lane],
+            cone_width: self.lanes.carried.cone_width[lane],
+            cone_spread: self.lanes.carried.cone_spread[lane],
+            stream: 0,
+            transmits: self.transmits[lane],
+            is_specular: self.is_specular[lane],
+        }
+    }
+}
+
+/// Normals as mirrors need them.
+#[inline(always)]
+fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
+    for i in 0..LANES {
+        let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        let n = reflecting_normal(vector(&points.shading_normal), vector(&points.geometric_normal), vector(wo));
+        (0..3).for_each(|axis| normal[axis][i] = n[axis]);
+    }
+}
+
+/// Next directions and throughputs.
+#[inline(always)]
+fn bounce(
+    points: &TrianglePoints,
+    wo: &HitVectors,
+    carried: &CarriedLanes,
+    normal: &HitVectors,
+    lobes: &Lobes,
+    choice: &HitLanes,
+    roulette: &Roulette,
+    to: &mut Bounces,
+) {
+    for i in 0..LANES {
+        let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        let (wo, n, flat) = (vector(wo), vector(normal), vector(&points.geometric_normal));
+        let frame = Frame::from_z(n);
+        let local = frame.to_local(wo);
+        let split = Split::at(local, lobes.ior[i]);
+        let is_mirror = lobes.is_mirror[i] != 0;
+        let reflects = is_mirror | (choice[i] < split.reflectance);
+        let pick = |mirrored: f32, refracted: f32| if reflects { mirrored } else { refracted };
+        let next = Vec3::new(
+            pick(-local.x, split.refracted.x),
+            pick(-local.y, split.refracted.y),
+            pick(local.z, split.refracted.z),
+        );
+        let direction = frame.from_local(next);
+        let scale = 1.0 / direction.length();
+        let wi = direction * scale;
+        let sides = flat.dot(wo) * flat.dot(wi);
+        let agrees = if reflects { sides > 0.0 } else { (sides < 0.0) & split.is_partial };
+        let mut exists = (local.z != 0.0) & agrees & (scale > 0.0) & (scale < f32::INFINITY);
+        let (mut throughput, mut largest) = ([0.0; 3], 0.0);
+        for (channel, throughput) in throughput.iter_mut().enumerate() {
+            let absorbed = if local.z < 0.0 { lobes.arriving[channel][i] } else { 1.0 };
+            let (share, rest) = (split.reflectance, 1.0 - split.reflectance);
+            let mirrored = absorbed * share / share;
+            let refracted = lobes.tint[channel][i] * Split::compression(split.eta) * absorbed * rest / rest;
+            let weight = if is_mirror { lobes.reflectance[channel][i] } else { pick(mirrored, refracted) };
+            *throughput = carried.throughput[channel][i] * weight;
+            largest = most(largest, *throughput);
+            exists &= throughput.abs() < f32::INFINITY;
+        }
+        let crossing = pick(1.0, split.eta * split.eta);
+        let eta_scale = carried.eta_scale[i] * crossing;
+        let (scale, survives) = roulette.survival(i, largest * eta_scale);
+        exists &= (largest > 0.0) & survives;
+        let origin = robust::offset_ray_origin(vector(&points.position), vector(&points.position_error), flat, wi);
+        for axis in 0..3 {
+            to.wi[axis][i] = wi[axis];
+            to.origin[axis][i] = origin[axis];
+            to.facing[axis][i] = if n.dot(wo) < 0.0 { -n[axis] } else { n[axis] };
+            to.throughput[axis][i] = throughput[axis] * scale;
+        }
+        to.eta_scale[i] = eta_scale;
+        to.exists[i] = u32::from(exists);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::sampler::SamplerKind;
+    use crate::{CompiledScene, IntegratorKind, Job, Settings};
+    use snell_intersect::BuildOptions;
+    use snell_math::Rgb;
+    use snell_math::simd::Level;
+    use snell_scene::Texture;
+    use snell_scene::builtin::builtin;
+    use snell_scene::material::{Conductor, Dielectric, MaterialKind, Mirror, NormalMap};
+    use snell_scene::texture::Pattern;
+
+    /// Every kind of specular material, what changes from point to point left out.
+    fn kinds() -> [MaterialKind; 6] {
+        let tint = Rgb::new(0.9, 0.7, 1.0).into();
+        [
+            Dielectric::smooth(1.5).into(),
+            Dielectric { tint, absorption: Rgb::new(0.1, 0.0, 0.02), ..Dielectric::smooth(1.33) }.into(),
+            Conductor::gold(0.0).into(),
+            Mirror::new(Rgb::new(0.8, 0.9, 0.7)).into(),
+            Dielectric::smooth(1.0).into(),
+            Conductor::color(Rgb::new(0.9, 0.5, 0.4), 0.0).into(),
+        ]
+    }
+
+    #[test]
+    fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
+        for name in ["cornell-box", "teapot", "spheres", "night-town", "fog", "drink"] {
+            let mut scene = builtin(name).expect("the scene is built in");
+            let bumps = Pattern::examples().into_iter().find(|p| p.textures().is_empty()).expect("there is one");
+            let texture = scene.add_texture(Texture::Pattern(bumps));
+            // Some of the materials stay what they are.
+            let materials = scene.materials.iter_mut().filter(|m| !m.is_emissive() && m.interior.is_none()).skip(1);
+            for (material, kind) in materials.step_by(2).zip(kinds().into_iter().cycle()) {
+                material.normal_map =
+                    matches!(kind, MaterialKind::Conductor(_)).then_some(NormalMap { texture, scale: 0.3 });
+                material.kind = kind;
+            }
+            let ways = [
+                (IntegratorKind::Path, SamplerKind::ZSobol, None),
+                (IntegratorKind::Path, SamplerKind::Independent, Some(2.0)),
+                (IntegratorKind::Direct, SamplerKind::Stratified, None),
+            ];
+            for (integrator, sampler, clamp) in ways {
+                let picture = |simd: Level| {
+                    let options = BuildOptions { simd, ..BuildOptions::default() };
+                    let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
+                    let how = Settings { max_depth: 9, sampler, integrator, clamp, ..Settings::default() };
+                    let settings = Settings { size: [36, 24], spp: 4, ..how };
+                    let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
+                    image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+                };
+                let one_by_one = picture(Level::Scalar);
+                for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+                    assert_eq!(picture(level), one_by_one, "{name} {integrator:?} {sampler:?} {level}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Vertices on smooth glass and mirrors, many at once.
+
+use super::{PartRenderer, Paths};
+use crate::integrator::Context;
+use crate::integrator::lanes::{Arriving, LANES};
+use crate::integrator::specular::{SpecularVertices, specular_part};
+use crate::sampler::Sampler;
+use snell_intersect::triangles::PlainMesh;
+use snell_intersect::{GeometryId, Hit};
+use snell_scene::material::Specular;
+
+/// Vertices that are shaded together.
+pub(super) struct SpecularBatch<'a> {
+    vertices: SpecularVertices,
+    /// By geometry, where they are plain.
+    meshes: Vec<Option<PlainMesh<'a>>>,
+    /// By material: what it does, if it is specular.
+    materials: Vec<Option<Specular>>,
+}
+
+impl<'a> SpecularBatch<'a> {
+    /// `None` if there are none, or the level is that of portable code: the twin shades one vertex at a time.
+    pub(super) fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Box<Self>> {
+        let scene = context.scene;
+        let wide = scene.world.simd().wide()?;
+        let materials: Vec<_> = scene.materials.iter().map(|material| specular_part(context, material)).collect();
+        let plain = |geometry: usize| scene.world.plain_mesh(GeometryId(geometry as u32));
+        let meshes = (0..scene.world.geometry_count()).map(plain).collect();
+        let vertices = SpecularVertices::new(sampler, Some(wide));
+        materials.iter().any(Option::is_some).then(|| Box::new(Self { vertices, meshes, materials }))
+    }
+}
+
+impl PartRenderer<'_> {
+    /// How many of the paths at the beginning can be worked on together, at most [`LANES`].
+    pub(super) fn specular_beginning(&self, paths: &[u32]) -> usize {
+        let Some(specular) = self.specular.as_ref().filter(|_| self.journal.is_none()) else { return 0 };
+        let is_specular =
+            |path: &&u32| matches!(specular.materials.get(self.keys[**path as usize] as usize), Some(Some(_)));
+        paths.iter().take(LANES).take_while(is_specular).count()
+    }
+
+    /// Shades at most [`LANES`] paths at specular surfaces.
+    pub(super) fn shade_specular(&mut self, depth: u32, paths: &[u32]) {
+        if depth >= self.context.max_depth() {
+            return;
+        }
+        let Some(mut specular) = self.specular.take() else { return };
+        let SpecularBatch { vertices, meshes, materials } = &mut *specular;
+        let lobe = |material: u32| materials[material as usize].as_ref();
+        let mesh = |hit: &Hit| meshes[hit.geometry as usize].as_ref().filter(|_| hit.instance == 0);
+        let Paths { rays, hits, carried, samples, .. } = &self.paths;
+        let arriving = Arriving { rays, hits, carried, samples, randoms: &self.randoms };
+        vertices.start(self.sampler, &arriving, paths, depth);
+        for lane in 0..vertices.paths().len() {
+            let path = vertices.paths()[lane] as usize;
+            let (hit, key) = (&hits[path], self.keys[path]);
+            let Some(lobe) = lobe(key) else { continue };
+            let outside_ior = self.volumes.as_ref().map_or(1.0, |volumes| volumes.outside_ior(path, hit));
+            let surface = (&self.context.scene.materials[key as usize], lobe);
+            vertices.gather(&self.context, lane, &arriving, surface, outside_ior, mesh(hit).is_some());
+        }
+        vertices.gather_triangles(&arriving, mesh);
+        let keys = &self.keys;
+        vertices.shade(depth, |path| lobe(keys[path as usize]));
+        self.finish_specular(depth, vertices);
+        self.specular = Some(specular);
+    }
+
+    fn finish_specular(&mut self, depth: u32, vertices: &SpecularVertices) {
+        let paths = vertices.paths();
+        self.lanes.clear();
+        for (lane, &path) in (0..).zip(paths) {
+            match vertices.is_sound(lane as usize) {
+                true => self.lanes.push(lane),
+                false => self.shade_one(depth, path as usize),
+            }
+        }
+        let Self { paths: from, next, lanes, kept, .. } = self;
+        let path = |lane: u32| paths[lane as usize] as usize;
+        vertices.going_on(lanes, kept);
+        next.rays.extend(kept.iter().map(|&lane| vertices.next_ray(lane as usize)));
+        next.carried.extend(kept.iter().map(|&lane| vertices.carried(lane as usize)));
+        next.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
+        next.extend_rest(kept.iter().map(|&lane| from.rest(path(lane))));
+        self.note_insides_beyond(depth, vertices);
+    }
+
+    /// Tells media of the rays that the vertices of [`Self::finish_specular`] send out.
+    fn note_insides_beyond(&mut self, depth: u32, vertices: &SpecularVertices) {
+        let (scene, paths) = (self.context.scene, vertices.paths());
+        for &lane in &self.kept {
+            let (lane, path) = (lane as usize, paths[lane as usize] as usize);
+            let random = self.random_at(depth, path);
+            let Some(volumes) = &mut self.volumes else { return };
+            let interaction = self.paths.interaction(scene, path);
+            let surface = self.paths.surface(scene, path, &interaction, 1.0);
+            let (arriving, next) = (self.paths.rays[path].direction, vertices.next_ray(lane).direction);
+            volumes.note_outputs(path, arriving, Some(&surface), random, &[], None, std::iter::once(next));
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Surfaces of delta lobes alone, as far as they are the same everywhere: what many vertices at once need of them.
+
+use super::{Dielectric, Material, MaterialKind, ShadingPoint, relative_ior};
+use crate::bsdf::{Bsdf, Lobes};
+use crate::texture::TextureSet;
+use snell_intersect::{Hit, SurfaceInteraction};
+use snell_math::{ColorMode, SampledSpectrum, Vec2, Vec3};
+
+/// What a smooth surface does to light, in [`ColorMode::Rgb`].
+#[derive(Clone, Debug)]
+pub enum Specular {
+    /// Reflects or refracts.
+    Interface {
+        /// Index of refraction of the inside over that of air.
+        ior: f32,
+        /// Factor on light that crosses.
+        tint: SampledSpectrum,
+        /// What it is made of.
+        glass: Dielectric,
+    },
+    /// Only reflects. The BSDF has one lobe, which is a mirror's.
+    Reflector(Bsdf),
+}
+
+/// A point like any other.
+const ANYWHERE: SurfaceInteraction = SurfaceInteraction {
+    position: Vec3::ZERO,
+    position_error: Vec3::ZERO,
+    geometric_normal: Vec3::Z,
+    shading_normal: Vec3::Z,
+    uv: [Vec2::ZERO; 2],
+    dpdu: Vec3::X,
+    dpdv: Vec3::Y,
+    tangent: None,
+    color: [1.0; 4],
+    on_curve: false,
+    t: 0.0,
+    primitive_uv: Vec2::ZERO,
+    instance: Hit::NONE,
+    geometry: Hit::NONE,
+    primitive: Hit::NONE,
+};
+
+impl Specular {
+    /// `None` for materials that do anything else, that shine, or that depend on more of the point than its normal.
+    pub fn of(material: &Material) -> Option<Self> {
+        let may_be =
+            matches!(material.kind, MaterialKind::Dielectric(_) | MaterialKind::Conductor(_) | MaterialKind::Mirror(_));
+        let looks_up = || !Material::new("", material.kind.clone()).textures().is_empty();
+        if !may_be || material.is_emissive() || looks_up() {
+            return None;
+        }
+        let textures = TextureSet::default();
+        let (surface, mode) = (&ANYWHERE, ColorMode::Rgb);
+        let point = ShadingPoint { surface, footprint: 0.0, textures: &textures, mode, outside_ior: 1.0 };
+        let bsdf = material.kind.bsdf(&point);
+        match (&bsdf, &material.kind) {
+            (Bsdf::Dielectric(lobe), MaterialKind::Dielectric(glass)) if lobe.ggx.is_smooth() => {
+                Some(Self::Interface { ior: lobe.ior, tint: lobe.tint, glass: glass.clone() })
+            }
+            (Bsdf::Conductor(_) | Bsdf::Mirror(_), _) if bsdf.is_delta() => Some(Self::Reflector(bsdf)),
+            _ => None,
+        }
+    }
+
+    /// Index of refraction of the inside over this one of the outside; 1 for what only reflects.
+    #[inline]
+    pub fn ior(&self, outside_ior: f32) -> f32 {
+        match self {
+            Self::Interface { ior, .. } => relative_ior(*ior, outside_ior),
+            Self::Reflector(_) => 1.0,
+        }
+    }
+
+    /// What the inside lets through over a distance.
+    #[inline]
+    pub fn transmittance(&self, distance: f32) -> SampledSpectrum {
+        match self {
+            Self::Interface { glass, .. } => glass.transmittance(distance, ColorMode::Rgb),
+            Self::Reflector(_) => SampledSpectrum::ONE,
+        }
+    }
+
+    /// Factor on light that is reflected, seen at this cosine; `None` for what also refracts.
+    #[inline]
+    pub fn reflectance(&self, cos: f32) -> Option<SampledSpectrum> {
+        match self {
+            Self::Interface { .. } => None,
+            Self::Reflector(bsdf) => Some(bsdf.specular_branches(Vec3::Z * cos)[0]?.weight),
+        }
+    }
+
+    /// What the BSDF says of itself ([`Lobes::is_opaque`]).
+    pub fn is_opaque(&self) -> bool {
+        match self {
+            Self::Interface { .. } => false,
+            Self::Reflector(bsdf) => bsdf.is_opaque(),
+        }
+    }
+}
