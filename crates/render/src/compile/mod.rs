@@ -10,6 +10,7 @@ mod surfaces;
 mod volumes;
 
 pub use lights::{CompiledLight, PlainEmission};
+use volumes::Beacons;
 pub(crate) use volumes::{Boundary, VolumeTable};
 
 use crate::light_sampler::{LightSampler, LightSamplerKind};
@@ -161,8 +162,11 @@ impl CompiledScene {
         let Built { world, surfaces, textures, environment, moves } = built;
         let bounds = finite_part(&scene_bounds(&world));
         let (sky, radius) = (environment.as_deref(), bounds.radius());
-        let volumes = VolumeTable::new(scene, &materials)?;
+        let mut volumes = VolumeTable::new(scene, &materials)?;
         let lights = LightTable::new(scene, &world, &surfaces, &materials, &textures, sky, volumes.as_ref(), radius);
+        if let Some(volumes) = &mut volumes {
+            volumes.beacons = Beacons::new(&lights.summaries(true, None));
+        }
         let found = "curves that shine are not sampled; their light is found by chance only, with more noise";
         if lights.has_glowing_curves() && !warnings.iter().any(|w| w.message == found) {
             Warning::note(&mut warnings, found.into(), 1);

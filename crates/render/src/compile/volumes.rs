@@ -1,8 +1,9 @@
 //! Which media there are, and which materials bound them.
 
 use super::CompileError;
+use crate::light_sampler::{LightSummary, LightTable};
 use snell_scene::material::Interior;
-use snell_scene::medium::{Glow, PreparedMedium};
+use snell_scene::medium::{Beacon, Glow, PreparedMedium};
 use snell_scene::{Material, MaterialId, MediumId, Scene, SceneError};
 
 /// The media of a scene and the surfaces that bound them. A scene without has none of this, and pays nothing for it.
@@ -16,6 +17,38 @@ pub struct VolumeTable {
     pub has_passable: bool,
     /// True if insides may hide surfaces of others.
     pub has_priorities: bool,
+    /// Where light comes from, if it comes from anywhere near.
+    pub beacons: Option<Beacons>,
+}
+
+/// The lights of a scene as media see them from far: one is chosen in proportion to power.
+#[derive(Debug)]
+pub struct Beacons {
+    table: LightTable,
+    /// `None` for light that comes from nowhere near.
+    beacons: Vec<Option<Beacon>>,
+}
+
+impl Beacons {
+    /// `None` if no light has a place.
+    pub fn new(lights: &[LightSummary]) -> Option<Self> {
+        let beacon = |light: &LightSummary| {
+            let bounds = light.parts.iter().map(|part| part.bounds).reduce(|a, b| a.union(&b))?;
+            let beacon = Beacon {
+                center: bounds.center().as_vec3(),
+                radius: (0.5 * (bounds.max - bounds.min).max_element()) as f32,
+            };
+            (beacon.center.is_finite() && beacon.radius.is_finite()).then_some(beacon)
+        };
+        let beacons: Vec<_> = lights.iter().map(beacon).collect();
+        let powers: Vec<f64> = lights.iter().map(|light| light.power).collect();
+        beacons.iter().any(Option::is_some).then(|| Self { table: LightTable::new(&powers), beacons })
+    }
+
+    /// A beacon, or none if light from far was chosen. `u` is asked for a uniform number if there is a choice.
+    pub fn sample(&self, u: impl FnOnce() -> f32) -> Option<Beacon> {
+        self.beacons[self.table.sample(u)?.light]
+    }
 }
 
 /// A surface that bounds an inside.
@@ -61,6 +94,7 @@ impl VolumeTable {
             has_passable: has_priorities || boundaries.iter().flatten().any(|b| b.is_interface),
             has_priorities,
             boundaries,
+            beacons: None,
         }))
     }
 

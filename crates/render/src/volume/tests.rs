@@ -285,6 +285,44 @@ fn a_point_light_in_fog_has_the_closed_form_of_its_halo_in_the_limit_of_thin_fog
     }
 }
 
+#[test]
+fn a_lamp_in_fog_looks_the_same_with_less_noise_where_distances_are_drawn_near_it() {
+    // Fog that thins out with no height is the same everywhere, but distances are drawn without regard to lamps.
+    let (sigma_a, sigma_s, g) = (Rgb::splat(0.01), Rgb::new(0.05, 0.06, 0.1), 0.3);
+    let plain = HeightFog { sigma_a, sigma_s, g, base: DVec3::ZERO, up: DVec3::Y, scale_height: 0.0 };
+    let media = [Medium::from(Homogeneous { sigma_a, sigma_s, emission: Rgb::BLACK, g }), plain.into()];
+    let lamp = |scene: &mut Scene, is_ball: bool| {
+        let position = DVec3::new(0.1, 0.0, -1.0);
+        if is_ball {
+            let mut glowing = Material::new("lamp", snell_scene::material::Black {});
+            glowing.emission = Rgb::splat(800.0).into();
+            let glowing = scene.add_material(glowing);
+            add_ball(scene, position, 0.04, glowing);
+        } else {
+            let (intensity, attenuation) = (Rgb::splat(4.0), Attenuation::INVERSE_SQUARE);
+            scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
+        }
+    };
+    for (is_ball, max_depth) in [(false, 1), (true, 1), (false, 4), (true, 4)] {
+        let [near, plain] = media.clone().map(|medium| {
+            let mut scene = Scene::new("lamp in fog");
+            scene.medium = Some(scene.add_medium(medium));
+            lamp(&mut scene, is_ball);
+            let wall = scene.add_material(Material::new("wall", Diffuse::new(Rgb::splat(0.05))));
+            add_box(&mut scene, DVec3::new(-9.0, -9.0, -4.0), DVec3::new(9.0, 9.0, -3.0), wall);
+            let camera = Camera::look_at(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, Vec3::Y, 1e-4);
+            mean(&render(&scene, &camera, &Settings { max_depth, size: [64, 64], ..settings(256) }))
+        });
+        for c in 0..3 {
+            let ((a, error_a), (b, error_b)) = (near[c], plain[c]);
+            assert!((a - b).abs() < 4.5 * error_a.hypot(error_b), "channel {c}: {near:?} {plain:?}");
+            // Where light is scattered again, some noise is that of where.
+            let gain = if max_depth == 1 { 3.0 } else { 2.0 };
+            assert!(error_a * gain < error_b, "channel {c}: {near:?} {plain:?}");
+        }
+    }
+}
+
 /// Two balls of radius 1 around `x = -0.5` and `x = 0.5`, seen along x.
 fn overlapping(priorities: [i32; 2], eye: f32) -> (Scene, Camera) {
     let mut scene = Scene::new("overlap");

@@ -10,7 +10,7 @@ use crate::light_sampler::LightSampler;
 use crate::settings::LightStrategy;
 use snell_intersect::{Hit, HitFilter, RayQuery, SurfaceInteraction, SurfacePoint};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
-use snell_scene::medium::{Glow, Segment, Travel};
+use snell_scene::medium::{Beacon, Glow, MediumProperties, Segment, Travel};
 use snell_scene::{MaterialId, MediumId};
 
 /// Walks through the media of a scene.
@@ -161,22 +161,45 @@ impl<'a> Walker<'a> {
         numbers: &mut Numbers,
     ) -> Travel {
         let (throughput, mode) = (state.throughput, state.mode);
-        match self.filling(insides) {
-            Filling::Empty => Travel::unchanged(throughput),
-            Filling::Own(i) => own[i as usize].travel(segment, throughput, numbers.next()),
-            Filling::Medium(id) => {
-                let medium = self.table.medium(id);
-                let Some((light, glow)) = self.glow(id).filter(|_| state.bsdf_pdf > 0.0) else {
-                    return medium.travel(segment, throughput, mode, &mut || numbers.next());
-                };
-                let weight = |distance| {
-                    let light_pdf =
-                        || light_pdf_of_glow(self.lights, &state.receiver, light, glow, segment.at(distance));
-                    weight_of_found_light(self.strategy, state.bsdf_pdf, light_pdf)
-                };
-                medium.travel_weighted(segment, throughput, mode, weight, &mut || numbers.next())
-            }
+        let id = match self.filling(insides) {
+            Filling::Empty => return Travel::unchanged(throughput),
+            Filling::Own(i) => return self.travel_alike(&own[i as usize], segment, state, numbers),
+            Filling::Medium(id) => id,
+        };
+        let medium = self.table.medium(id);
+        if let Some(everywhere) = medium.everywhere(mode) {
+            return self.travel_alike(&everywhere, segment, state, numbers);
         }
+        let Some((light, glow)) = self.glow(id).filter(|_| state.bsdf_pdf > 0.0) else {
+            return medium.travel(segment, throughput, mode, &mut || numbers.next());
+        };
+        let weight = |distance| {
+            let light_pdf = || light_pdf_of_glow(self.lights, &state.receiver, light, glow, segment.at(distance));
+            weight_of_found_light(self.strategy, state.bsdf_pdf, light_pdf)
+        };
+        medium.travel_weighted(segment, throughput, mode, weight, &mut || numbers.next())
+    }
+
+    /// Travel through a medium that is the same everywhere.
+    fn travel_alike(
+        &self,
+        medium: &MediumProperties,
+        segment: &Segment,
+        state: &PathState,
+        numbers: &mut Numbers,
+    ) -> Travel {
+        let u = numbers.next();
+        match self.beacon(state, numbers) {
+            Some(beacon) => medium.travel_near(&beacon, segment, state.throughput, u),
+            None => medium.travel(segment, state.throughput, u),
+        }
+    }
+
+    /// Where media are to scatter a path more. Only one that was not scattered before: after that, most light comes from all around.
+    fn beacon(&self, state: &PathState, numbers: &mut Numbers) -> Option<Beacon> {
+        let beacons = self.table.beacons.as_ref()?;
+        let is_wanted = state.is_specular && self.strategy != LightStrategy::Bsdf;
+        if is_wanted { beacons.sample(|| numbers.next().x) } else { None }
     }
 
     /// The light that a medium is.

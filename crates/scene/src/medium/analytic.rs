@@ -5,6 +5,7 @@
 //! Transport, SIGGRAPH 2019, section 5.2), with the history of the path in the choice (Wilkie et al., Hero Wavelength Spectral
 //! Sampling, EGSR 2014). The sum of the lanes of the throughput then never grows.
 
+use super::equiangular::{Beacon, Equiangular};
 use super::{MediumProperties, Scattering, Segment, Travel};
 use snell_math::{SampledSpectrum, Vec2};
 
@@ -103,6 +104,40 @@ pub fn travel(
     Travel { throughput: throughput * weight, emitted, scattered }
 }
 
+/// As [`travel`] through a medium that is the same everywhere, with as many paths scattered, but half of those at distances that are
+/// near a light. The density is that of both ways together, the balance heuristic, so no weight is more than doubled.
+pub fn travel_near(
+    medium: &MediumProperties,
+    beacon: &Beacon,
+    segment: &Segment,
+    throughput: SampledSpectrum,
+    u: Vec2,
+) -> Travel {
+    let alone = travel(medium, Profile::CONSTANT, segment, throughput, u);
+    if alone.scattered.is_none() {
+        return alone;
+    }
+    let sigma_t = medium.sigma_t();
+    let (length, sum) = (f64::from(segment.length), throughput.0.iter().sum::<f32>());
+    let thinnest = sigma_t.0.into_iter().filter(|&sigma| sigma > 0.0).fold(f32::INFINITY, f32::min);
+    let Some(near) = Equiangular::new(segment, beacon, thinnest.into()) else { return alone };
+    let scattered_share = |sigma: f32| if sigma == 0.0 { 0.0 } else { -(-f64::from(sigma) * length).exp_m1() };
+    let sigma = sigma_t[chosen_lane(throughput, sum, u.y)];
+    // What is left of the number that has decided that there is scattering.
+    let left = (2.0 * f64::from(u.x) / scattered_share(sigma)).min(2.0);
+    let distance = match left < 1.0 {
+        true => near.sample(left),
+        false => -(-(left - 1.0) * scattered_share(sigma)).ln_1p() / f64::from(sigma),
+    };
+    let distance = distance.min(length);
+    let through = transmittance(sigma_t, distance);
+    let mean = |by_lane: SampledSpectrum| (throughput * by_lane).0.iter().sum::<f32>() / sum;
+    let near_pdf = near.pdf(distance) as f32 * mean(sigma_t.map(|sigma| scattered_share(sigma) as f32));
+    let weight = medium.sigma_s * through * (2.0 / (mean(sigma_t * through) + near_pdf));
+    let scattered = Some(Scattering { distance: distance as f32, phase: medium.phase });
+    Travel { throughput: throughput * weight, scattered, ..alone }
+}
+
 /// A lane in proportion to the throughput; never one that has none.
 fn chosen_lane(throughput: SampledSpectrum, sum: f32, u: f32) -> usize {
     let mut rest = u * sum;
@@ -179,6 +214,62 @@ mod tests {
                 assert!((passed[c] - b * left).abs() < 0.015, "lane {c}: {} {}", passed[c], b * left);
                 let expected = b * albedo * (1.0 - left);
                 assert!((scattered[c] - expected).abs() < 0.015, "lane {c}: {} {expected}", scattered[c]);
+            }
+        }
+    }
+
+    #[test]
+    fn distances_near_a_light_have_the_same_mean_and_less_noise() {
+        let medium = medium([0.1, 0.0, 0.6], [0.3, 0.2, 0.1]);
+        let beta = SampledSpectrum([1.0, 0.2, 0.6, 0.0]);
+        for (key, (along, across)) in [(2.0, 0.05), (0.5, 0.3), (-0.5, 0.2), (6.0, 0.5)].into_iter().enumerate() {
+            let beacon = Beacon { center: Vec3::new(across, 0.0, along), radius: 0.0 };
+            for length in [4.0, f32::INFINITY] {
+                // What a light there brings, and what passes.
+                let brought = |travel: Travel| {
+                    let light = travel
+                        .scattered
+                        .map(|s| 1.0 / (segment(length).at(s.distance) - beacon.center).length_squared());
+                    travel.throughput.0.map(|beta| f64::from(beta * light.unwrap_or(1e-3)))
+                };
+                let n = 100_000;
+                let statistics = |travel: &dyn Fn(Vec2) -> Travel| {
+                    let mut sums = [[0.0; 2]; 3];
+                    for i in 0..n {
+                        let brought = brought(travel(rng::uniform2([i, key as u32, 0, 5])));
+                        (0..3).for_each(|c| (0..2).for_each(|k| sums[c][k] += brought[c].powi(k as i32 + 1)));
+                    }
+                    sums.map(|[sum, squares]| {
+                        let mean = sum / f64::from(n);
+                        (mean, squares / f64::from(n) - mean * mean)
+                    })
+                };
+                let alone = statistics(&|u| travel(&medium, Profile::CONSTANT, &segment(length), beta, u));
+                let near = statistics(&|u| travel_near(&medium, &beacon, &segment(length), beta, u));
+                for c in 0..3 {
+                    let ((a, noise_a), (b, noise_b)) = (alone[c], near[c]);
+                    let error = ((noise_a + noise_b) / f64::from(n)).sqrt();
+                    assert!((a - b).abs() < 4.0 * error + 1e-6, "{along} {length}, lane {c}: {a} {b} +- {error}");
+                    let gain = if key == 0 { 5.0 } else { 0.45 };
+                    assert!(noise_b * gain < noise_a, "{along} {length}, lane {c}: {noise_a} {noise_b}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn weights_near_a_light_are_at_most_doubled_and_what_passes_is_the_same() {
+        let medium = medium([0.1, 0.0, 0.6], [0.3, 2.0, 0.2]);
+        let beacon = Beacon { center: Vec3::new(0.1, 0.2, 0.7), radius: 0.05 };
+        let beta = SampledSpectrum([1.0, 0.2, 0.6, 0.0]);
+        for i in 0..5000 {
+            let u = rng::uniform2([i, 3, 0, 5]);
+            let near = travel_near(&medium, &beacon, &segment(1.5), beta, u);
+            assert!(near.throughput.0.iter().sum::<f32>() <= 2.0 * 1.8 * 1.0001, "{:?}", near.throughput);
+            let alone = travel(&medium, Profile::CONSTANT, &segment(1.5), beta, u);
+            assert_eq!((near.emitted, near.scattered.is_some()), (alone.emitted, alone.scattered.is_some()));
+            if near.scattered.is_none() {
+                assert_eq!(near.throughput, alone.throughput);
             }
         }
     }

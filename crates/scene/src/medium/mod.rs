@@ -6,6 +6,7 @@
 mod analytic;
 mod blackbody;
 mod cloud;
+mod equiangular;
 mod glow;
 mod grid;
 mod height_fog;
@@ -18,6 +19,7 @@ mod tracking;
 
 pub use blackbody::{blackbody, blackbody_luminance};
 pub use cloud::Cloud;
+pub use equiangular::Beacon;
 pub use glow::Glow;
 pub use grid::{Grid, ScalarGrid};
 pub use height_fog::HeightFog;

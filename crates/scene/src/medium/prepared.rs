@@ -2,7 +2,7 @@
 
 use super::analytic::{self, Profile};
 use super::tracking::TrackedGrid;
-use super::{Glow, HeightFog, Homogeneous, Medium, MediumProperties, Segment, Travel};
+use super::{Beacon, Glow, HeightFog, Homogeneous, Medium, MediumProperties, Segment, Travel};
 use snell_math::{ColorMode, SampledSpectrum, Vec2};
 
 /// A medium with what travel through it needs to know.
@@ -30,6 +30,14 @@ impl PreparedMedium {
     /// True if what light rays lose is known without tracking.
     pub fn is_in_closed_form(&self) -> bool {
         !matches!(self, Self::Tracked(_))
+    }
+
+    /// What it does everywhere alike; `None` if that depends on where.
+    pub fn everywhere(&self, mode: ColorMode) -> Option<MediumProperties> {
+        match self {
+            Self::Homogeneous(medium) => Some(medium.at_all(mode)),
+            Self::HeightFog(_) | Self::Tracked(_) => None,
+        }
     }
 
     /// Sends a path along a segment: it is scattered on the way, or comes to the end. `numbers` gives pairs of uniform numbers in
@@ -92,6 +100,11 @@ impl MediumProperties {
     /// As [`PreparedMedium::travel`], for `u` in `[0, 1)^2`.
     pub fn travel(&self, segment: &Segment, throughput: SampledSpectrum, u: Vec2) -> Travel {
         analytic::travel(self, Profile::CONSTANT, segment, throughput, u)
+    }
+
+    /// The same with more scattering near a light: for light that comes from there and is scattered once.
+    pub fn travel_near(&self, beacon: &Beacon, segment: &Segment, throughput: SampledSpectrum, u: Vec2) -> Travel {
+        analytic::travel_near(self, beacon, segment, throughput, u)
     }
 
     /// As [`PreparedMedium::attenuate`].

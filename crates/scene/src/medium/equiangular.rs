@@ -1,0 +1,113 @@
+//! Distances along a segment that are near a light: equal angles, seen from there, are equally likely (Kulla and Fajardo, Importance
+//! Sampling Techniques for Path Tracing in Participating Media, EGSR 2012, section 4). That undoes the inverse square of the distance
+//! of what a medium scatters.
+
+use super::Segment;
+use snell_math::Vec3;
+
+/// Optical depth behind which nothing is looked for.
+const DEEP: f64 = 30.0;
+/// Optical depth between a segment and beacons that matter. Of those further away, the medium hides more than distance does.
+const NEAR: f64 = 2.0;
+
+/// Where light comes from that a medium may scatter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beacon {
+    /// The middle of the light.
+    pub center: Vec3,
+    /// About how far it reaches around that: nearer by, light does not grow with the inverse square any more. At least 0.
+    pub radius: f32,
+}
+
+/// Distances whose density is in proportion to the inverse square of that to a beacon.
+#[derive(Clone, Copy, Debug)]
+pub struct Equiangular {
+    /// Of the foot of the perpendicular from the beacon.
+    foot: f64,
+    /// Length of the perpendicular.
+    height: f64,
+    /// The angle that is shared out.
+    angle: f64,
+    /// Largest distance.
+    end: f64,
+}
+
+impl Equiangular {
+    /// For a segment through a medium of this least extinction; `None` if there is nothing to be shared out, or if the beacon is far.
+    pub fn new(segment: &Segment, beacon: &Beacon, sigma: f64) -> Option<Self> {
+        let (direction, to_beacon) = (segment.direction.as_dvec3(), (beacon.center - segment.origin).as_dvec3());
+        let foot = to_beacon.dot(direction);
+        let height = (to_beacon - direction * foot).length().hypot(beacon.radius.into());
+        let end = f64::from(segment.length).min(DEEP / sigma);
+        // The difference of two arcus tangents, also where they are nearly the same.
+        let angle = (height * end).atan2(height * height - foot * (end - foot));
+        let nearest = height.hypot(foot - foot.clamp(0.0, end));
+        let is_sound = height > 1e-6 * to_beacon.length() && angle > 1e-9 && end < f64::from(f32::MAX);
+        (is_sound && nearest * sigma < NEAR && height.is_finite() && angle.is_finite()).then_some(Self {
+            foot,
+            height,
+            angle,
+            end,
+        })
+    }
+
+    /// The distance for a uniform number in `[0, 1)`.
+    pub fn sample(&self, u: f64) -> f64 {
+        let Self { foot, height, angle, end } = *self;
+        let (sin, cos) = (u * angle).sin_cos();
+        // The difference of the tangents of the two angles, times the height.
+        let distance = (height * height + foot * foot) * sin / (height * cos + foot * sin);
+        if distance >= 0.0 { distance.min(end) } else { end }
+    }
+
+    /// Density of a distance per unit of length.
+    pub fn pdf(&self, distance: f64) -> f64 {
+        let along = distance - self.foot;
+        let pdf = self.height / (self.angle * (self.height * self.height + along * along));
+        if (0.0..=self.end).contains(&distance) { pdf } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_spread_by_their_density() {
+        let segments = [0.5, 3.0, 1e3, f32::INFINITY];
+        let beacons = [(0.0, 1.0), (1.5, 0.01), (-2.0, 0.3), (5.0, 2.0)];
+        for length in segments {
+            for (along, across) in beacons {
+                let segment = Segment { origin: Vec3::ZERO, direction: Vec3::Z, length };
+                let beacon = Beacon { center: Vec3::new(across, 0.0, along), radius: 0.0 };
+                let spread = Equiangular::new(&segment, &beacon, 0.3).expect("there is an angle");
+                // The integral of the density up to the distance of a number is that number.
+                let mut sum = 0.0;
+                let mut before = 0.0;
+                for i in 1..=2000 {
+                    let u = f64::from(i) / 2000.0;
+                    let distance = spread.sample(u);
+                    assert!(distance >= before && distance <= f64::from(length), "{length} {along}: {distance}");
+                    let middle = spread.sample(u - 0.5 / 2000.0);
+                    let densities = spread.pdf(before) + 4.0 * spread.pdf(middle) + spread.pdf(distance);
+                    sum += densities / 6.0 * (distance - before);
+                    assert!((sum - u).abs() < 0.02, "{length} {along} {across}: {sum} of {u}");
+                    before = distance;
+                }
+                assert_eq!((spread.pdf(-0.1), spread.pdf(101.0)), (0.0, 0.0));
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_shared_out_where_there_is_no_angle() {
+        let segment = |length| Segment { origin: Vec3::ZERO, direction: Vec3::Z, length };
+        let beacon = |center, radius| Beacon { center, radius };
+        assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::Z * 0.5, 0.0), 1.0).is_none());
+        assert!(Equiangular::new(&segment(0.0), &beacon(Vec3::X, 0.0), 1.0).is_none());
+        assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::splat(f32::INFINITY), 0.0), 1.0).is_none());
+        assert!(Equiangular::new(&segment(f32::INFINITY), &beacon(Vec3::X, 0.0), 0.0).is_none());
+        assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::Z * 0.5, 0.1), 1.0).is_some());
+        assert!(Equiangular::new(&segment(1.0), &beacon(Vec3::X * 3.0, 0.1), 1.0).is_none());
+    }
+}
