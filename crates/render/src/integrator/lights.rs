@@ -157,7 +157,7 @@ impl Default for FlatArrivals {
 }
 
 /// The part of a chosen light, if it is one of those that [`FlatLights`] holds: at least for far points.
-fn flat_part<'a>(scene: &'a CompiledScene, light: u32, part: u32) -> Option<(&'a FlatPart, &'a PlainEmission)> {
+fn flat_part(scene: &CompiledScene, light: u32, part: u32) -> Option<(&FlatPart, &PlainEmission)> {
     let plain = scene.plain_emission(light as usize)?;
     let flat = area_light(scene, light)?.flat(part)?;
     (!plain.rgb.is_black()).then_some((flat, plain))
@@ -264,8 +264,8 @@ impl FlatLights {
                 let lane = lane as usize;
                 let area = area_light(scene, self.light[lane]);
                 let Some(rectangle) = area.and_then(|area| area.near(self.part[lane])) else { continue };
-                for axis in 0..3 {
-                    rectangles.from[axis][i] = positions[axis][lane];
+                for (axis, positions) in positions.iter().enumerate() {
+                    rectangles.from[axis][i] = positions[lane];
                     rectangles.center[axis][i] = rectangle.center[axis];
                     rectangles.axes[0][axis][i] = rectangle.axes[0][axis];
                     rectangles.axes[1][axis][i] = rectangle.axes[1][axis];
@@ -398,5 +398,52 @@ fn arrive<const WITH_NEAR: bool>(lights: &FlatLights, to: &Surfaces, u: &[HitLan
         arrivals.weight[i] = weight;
         arrivals.scale[i] = weight / density;
         arrivals.exists[i] = u32::from(exists & is_lit & is_seen & is_here);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_math::rng::uniform2;
+    use snell_math::simd::Level;
+
+    #[test]
+    fn near_rectangles_are_sampled_alike_at_every_level() {
+        let number = |i: u32, k: u32| uniform2([i, k, 5, 5]).x * 2.0 - 1.0;
+        let vector = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
+        let mut of = NearRectangles::default();
+        let cases: [_; NEAR_LANES] = std::array::from_fn(|i| {
+            let (x, y) = vector(i as u32, 0).as_dvec3().normalize().any_orthonormal_pair();
+            let rectangle = NearRectangle {
+                center: vector(i as u32, 1).as_dvec3(),
+                axes: [x, y],
+                half: vector(i as u32, 2).as_dvec3().abs().truncate(),
+            };
+            let (from, u) = (vector(i as u32, 3) * 0.5, uniform2([i as u32, 9, 5, 5]));
+            for axis in 0..3 {
+                of.from[axis][i] = from[axis];
+                of.center[axis][i] = rectangle.center[axis];
+                of.axes[0][axis][i] = x[axis];
+                of.axes[1][axis][i] = y[axis];
+            }
+            ([of.half[0][i], of.half[1][i]], [of.u[0][i], of.u[1][i]]) = (rectangle.half.to_array(), u.to_array());
+            (rectangle, from, u)
+        });
+        for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+            let mut found = NearSamples::default();
+            let of = &of;
+            at_level!(
+                level.wide(),
+                near_samples,
+                (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = &mut found)
+            );
+            for (i, (rectangle, from, u)) in cases.iter().enumerate() {
+                let single = rectangle.sample(*from, *u);
+                let at = |v: &[[f32; NEAR_LANES]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
+                assert!(single.exists);
+                assert_eq!((at(&found.position), at(&found.direction)), (single.position, single.direction), "{level}");
+                assert_eq!((found.pdf[i], found.exists[i]), (single.pdf, 1), "{level}");
+            }
+        }
     }
 }

@@ -203,9 +203,9 @@ impl MatteVertices {
                 to: &mut MatteOutputs = &mut self.outputs,
             )
         );
-        for lane in 0..self.paths().len() {
+        for (lane, (&x, &y)) in light[0].iter().zip(&light[1]).enumerate().take(self.lanes.paths().len()) {
             if self.lights.how[lane] == ALONE {
-                self.light_alone(context, lane, Vec2::new(light[0][lane], light[1][lane]));
+                self.light_alone(context, lane, Vec2::new(x, y));
             }
         }
     }

@@ -334,8 +334,8 @@ fn sample_many(tree: &LightBvh, receivers: &Receivers, u: &[f32; MANY], count: u
         [root] if tree.beside.is_empty() => sample_few(tree, root, receivers, u, chosen),
         // (A plain loop, so that all of it is compiled for wide registers.)
         _ => {
-            for i in 0..count {
-                chosen.put(i, sample(tree, &receivers.get(i), u[i]));
+            for (i, &u) in u.iter().enumerate().take(count) {
+                chosen.put(i, sample(tree, &receivers.get(i), u));
             }
         }
     }
