@@ -17,12 +17,12 @@ pub(crate) use contents::List;
 
 use super::interleave::Batch;
 use super::traverse::{Entry, Stack, Walk, search_forest, test_object, walk_portable};
-use crate::accel::box_ray::BoxRay;
 use crate::accel::bvh::Forest;
 use crate::hit::Hit;
 use crate::precision::{Rules, Single};
 use crate::query::search::{Goal, Search, Verdict};
 use bundle::{Bundle, Nearest, PerRay, RAYS};
+use contents::MAX_OBJECTS;
 use exact::Found;
 use snell_math::simd::{Doubles16, Lanes16, Level, PairDoubles, Portable8};
 use snell_math::{Ray, Vec2, Vec3};
@@ -152,7 +152,7 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
         // SAFETY: as promised by the caller.
         let bundle = unsafe { Bundle::<D>::new(list, sixteen, rays.len()) };
         // SAFETY: as promised by the caller.
-        let near = unsafe { near_objects(list, &bundle) };
+        let near = unsafe { Near::new(list, &bundle) };
         let mut unsure = !bundle.ordinary & ((2 << (rays.len() - 1)) - 1);
         if G::ANY && scene.is_plain {
             // SAFETY: as promised by the caller.
@@ -164,7 +164,7 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                     continue;
                 }
                 let is_blocked = found.blocked >> lane & 1 == 1;
-                if is_blocked || near >> lane & 1 == 0 {
+                if is_blocked || !near.any(lane) {
                     let mut goal = start(ray);
                     if is_blocked {
                         goal.take(Hit::MISS);
@@ -174,7 +174,7 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                     let query = scene.batch.rays.get(first + lane);
                     let mut search = Search::new(query, scene.batch.context, start(ray));
                     // SAFETY: as promised by the caller.
-                    unsafe { test_objects(scene, &mut search, stack, enter) };
+                    unsafe { test_objects(scene, near.of(lane), &mut search, stack, enter) };
                     finish(first + lane, search.goal);
                 }
             }
@@ -187,7 +187,7 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 if unsure >> lane & 1 == 1 {
                     continue;
                 }
-                if scene.is_plain && near >> lane & 1 == 0 {
+                if scene.is_plain && !near.any(lane) {
                     let mut goal = start(ray);
                     if let Some(hit) = found.get(list, lane) {
                         goal.take(hit);
@@ -197,7 +197,7 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                     let query = scene.batch.rays.get(first + lane);
                     let mut search = Search::new(query, scene.batch.context, start(ray));
                     // SAFETY: as promised by the caller.
-                    unsafe { offer(scene, found.get(list, lane), near >> lane & 1 == 1, &mut search, stack, enter) };
+                    unsafe { offer(scene, found.get(list, lane), near.of(lane), &mut search, stack, enter) };
                     finish(first + lane, search.goal);
                 }
             }
@@ -229,24 +229,47 @@ fn search_tree<G: Goal<Precision = Single>>(
     }
 }
 
-/// The rays that may meet a shape.
-///
-/// # Safety
-/// The machine must have the instructions of `D`.
-#[inline(always)]
-unsafe fn near_objects<D: Doubles16>(list: &List, bundle: &Bundle<D>) -> u32 {
-    let mut near = 0;
-    for object in &list.objects {
-        near |= match &object.bounds {
-            // SAFETY: passed on to the caller.
-            Some(bounds) => unsafe { bundle.may_meet(list, bounds) },
-            None => u32::MAX,
-        };
-    }
-    near
+/// The rays that may meet shapes: a bit for each ray, by shape.
+struct Near {
+    shapes: [u32; MAX_OBJECTS],
+    any: u32,
 }
 
-/// Offers the nearest hit on a triangle, if there is one, and tests the shapes if the ray is near any.
+impl Near {
+    /// # Safety
+    /// The machine must have the instructions of `D`.
+    #[inline(always)]
+    unsafe fn new<D: Doubles16>(list: &List, bundle: &Bundle<D>) -> Self {
+        let mut near = Self { shapes: [0; MAX_OBJECTS], any: 0 };
+        for (object, shape) in list.objects.iter().zip(&mut near.shapes) {
+            *shape = match &object.bounds {
+                // SAFETY: passed on to the caller.
+                Some(bounds) => unsafe { bundle.may_meet(list, bounds) },
+                None => u32::MAX,
+            };
+            near.any |= *shape;
+        }
+        near
+    }
+
+    /// True if a ray may meet any.
+    #[inline(always)]
+    fn any(&self, lane: usize) -> bool {
+        self.any >> lane & 1 == 1
+    }
+
+    /// The shapes that a ray may meet, a bit for each.
+    #[inline(always)]
+    fn of(&self, lane: usize) -> u32 {
+        let mut shapes = 0;
+        for (number, shape) in self.shapes.iter().enumerate() {
+            shapes |= (shape >> lane & 1) << number;
+        }
+        shapes
+    }
+}
+
+/// Offers the nearest hit on a triangle, if there is one, and tests some of the shapes.
 ///
 /// # Safety
 /// As [`run`].
@@ -254,7 +277,7 @@ unsafe fn near_objects<D: Doubles16>(list: &List, bundle: &Bundle<D>) -> u32 {
 unsafe fn offer<G: Goal<Precision = Single>>(
     scene: &Scene,
     hit: Option<Hit>,
-    is_near: bool,
+    shapes: u32,
     search: &mut Search<'_, G>,
     stack: &mut Stack,
     enter: Walk<G>,
@@ -263,35 +286,31 @@ unsafe fn offer<G: Goal<Precision = Single>>(
         Some(Verdict::Finished) => {}
         // What is behind it has not been looked for.
         Some(Verdict::Rejected) => search_forest(scene.forest, scene.level, search),
-        Some(Verdict::Taken | Verdict::Behind) | None if is_near => {
+        Some(Verdict::Taken | Verdict::Behind) | None => {
             // SAFETY: as promised by the caller.
-            unsafe { test_objects(scene, search, stack, enter) }
+            unsafe { test_objects(scene, shapes, search, stack, enter) }
         }
-        Some(Verdict::Taken | Verdict::Behind) | None => {}
     }
 }
 
-/// Tests the shapes of a list.
+/// Tests some of the shapes of a list, a bit for each.
 ///
 /// # Safety
 /// As [`run`].
 unsafe fn test_objects<G: Goal<Precision = Single>>(
     scene: &Scene,
+    mut shapes: u32,
     search: &mut Search<'_, G>,
     stack: &mut Stack,
     enter: Walk<G>,
 ) {
-    let (forest, list) = (scene.forest, scene.list);
-    let ray = Single::exact(search.ray);
-    let thick = BoxRay::new(&ray, &list.bounds, search.start);
-    for object in &list.objects {
-        let (begins, ends) = object.bounds.map_or((f64::NEG_INFINITY, f64::INFINITY), |bounds| thick.span_of(&bounds));
-        if begins <= ends && begins <= search.cull().into() {
-            // SAFETY: as promised by the caller.
-            let over = unsafe { test_object(forest, &forest.trees[0], object.number, &ray, 0, search, stack, enter) };
-            if over {
-                return;
-            }
+    let (forest, list, ray) = (scene.forest, scene.list, Single::exact(search.ray));
+    while shapes != 0 {
+        let object = list.objects[shapes.trailing_zeros() as usize].number;
+        shapes &= shapes - 1;
+        // SAFETY: as promised by the caller.
+        if unsafe { test_object(forest, &forest.trees[0], object, &ray, 0, search, stack, enter) } {
+            return;
         }
     }
 }

@@ -10,9 +10,9 @@ use snell_math::{Bounds3, DVec3, Vec3};
 /// Most triangles of a list.
 pub(super) const MAX_TRIANGLES: usize = 64;
 
-/// Most shapes of a list, and least triangles for each of them: shapes gain nothing here.
-const MAX_OBJECTS: usize = 2;
-const TRIANGLES_PER_OBJECT: usize = 8;
+/// Most shapes of a list, and least triangles for each of them.
+pub(super) const MAX_OBJECTS: usize = 8;
+const TRIANGLES_PER_OBJECT: usize = 2;
 
 /// Lists of extraordinary size are left to the tree: nothing may overflow or vanish.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
@@ -25,8 +25,6 @@ const FARTHEST: f64 = 65536.0;
 pub(crate) struct List {
     /// The middle: places are seen from here.
     pub(super) center: Vec3,
-    /// Around all but what is unbounded.
-    pub(super) bounds: Bounds3,
     /// No vertex is farther from the centre along any axis.
     pub(super) reach: f32,
     /// By the axis along which they are seen.
@@ -118,7 +116,11 @@ impl List {
             (0..8).for_each(|slot| add(node.children[slot], Some(node.slot_bounds(slot))));
         }
         let count = triangles.len();
-        if count == 0 || count > MAX_TRIANGLES || count < objects.len() * TRIANGLES_PER_OBJECT {
+        if count == 0
+            || count > MAX_TRIANGLES
+            || count < objects.len() * TRIANGLES_PER_OBJECT
+            || objects.len() > MAX_OBJECTS
+        {
             return None;
         }
         let mut all = Bounds3::of(triangles.iter().flat_map(|(_, corners)| corners.map(Vec3::from_array)));
@@ -132,7 +134,6 @@ impl List {
         }
         let mut list = Box::new(Self {
             center,
-            bounds: all,
             reach: (reach as f32).next_up(),
             faces: Default::default(),
             triangles: [Triangle::NONE; 2 * MAX_TRIANGLES],
