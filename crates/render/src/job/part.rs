@@ -2,7 +2,10 @@
 //! left. Batches only; nothing here asks for a single ray.
 
 mod collect;
+mod first_hits;
+mod matte;
 mod specular;
+mod start;
 
 use super::Statistics;
 use super::journal::{Event, Journal};
@@ -14,20 +17,16 @@ use crate::film::filter::FilterSampler;
 use crate::film::noise::positions;
 use crate::film::{FilmPart, FilmSample};
 use crate::guiding::{Record, Recorder};
-use crate::integrator::aov::{Aov, AovKind};
-use crate::integrator::camera_path::{FILM, camera_path, film_point, path_of};
-use crate::integrator::carried::{Carried, Rest};
-use crate::integrator::lanes::{Arriving, LANES};
+use crate::integrator::lanes::LANES;
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
-use crate::integrator::matte::{self, MatteVertices};
-use crate::integrator::matte_surfaces::MatteSurfaces;
 use crate::integrator::path::{escaped, plain_sky};
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
-use crate::sampler::{ManyRandoms, Random, Sampler};
+use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
-use snell_intersect::{Grouping, Hit, RayQuery};
-use snell_math::{ColorMode, ColorModel, DVec2, SampledSpectrum, Vec2};
-use snell_scene::{Background, Camera, CameraView, PinholeRays};
+use matte::Matte;
+use snell_intersect::{Grouping, Hit};
+use snell_math::{ColorMode, ColorModel, SampledSpectrum};
+use snell_scene::{Camera, CameraView, PinholeRays};
 use specular::SpecularBatch;
 
 /// Samples that are taken at once. (Measured from 256 to 4,096: few leave the kernels idle, many leave the caches.)
@@ -81,21 +80,6 @@ pub struct PartRenderer<'a> {
     /// What is shaded many at once.
     matte: Option<Box<Matte<'a>>>,
     specular: Option<Box<SpecularBatch<'a>>>,
-}
-
-/// Vertices that are shaded many at once.
-struct Matte<'a> {
-    vertices: MatteVertices,
-    surfaces: MatteSurfaces<'a>,
-}
-
-impl<'a> Matte<'a> {
-    /// `None` if there are none, or the level is that of portable code: the twin shades one vertex at a time.
-    fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Box<Self>> {
-        let wide = context.scene.world.simd().wide()?;
-        let surfaces = MatteSurfaces::new(context)?;
-        Some(Box::new(Self { vertices: MatteVertices::new(sampler, Some(wide)), surfaces }))
-    }
 }
 
 /// A sample being taken.
@@ -264,72 +248,6 @@ impl<'a> PartRenderer<'a> {
         }
     }
 
-    fn start(&mut self, positions: &[[u32; 2]], range: [u32; 2]) {
-        self.paths.clear();
-        self.samples.clear();
-        self.randoms.clear();
-        self.aovs.clear();
-        self.covering.clear();
-        if let Some(recorder) = &mut self.recorder {
-            recorder.start(positions.len() * (range[1] - range[0]) as usize);
-        }
-        let sampler = self.sampler;
-        let randoms = |&pixel: &[u32; 2]| sampler.randoms(pixel, range[0]..range[1]).map(move |random| (pixel, random));
-        let mut starting = positions.iter().flat_map(randoms);
-        let mut together: [([u32; 2], Random); LANES] = [([0; 2], sampler.random([0; 2], 0)); LANES];
-        let mut many = ManyRandoms::<LANES>::of_camera(sampler);
-        loop {
-            let mut count = 0;
-            for (to, from) in together.iter_mut().zip(&mut starting) {
-                many.set(count, &from.1);
-                *to = from;
-                count += 1;
-            }
-            if count == 0 {
-                return;
-            }
-            self.start_samples(&together[..count], &many);
-        }
-    }
-
-    /// Starts at most [`LANES`] samples of these pixels.
-    fn start_samples(&mut self, starting: &[([u32; 2], Random)], randoms: &ManyRandoms<LANES>) {
-        let (settings, wide) = (self.context.settings, self.context.scene.world.simd().wide());
-        let (mut film, mut weights) = ([[0.0; LANES]; 2], [1.0; LANES]);
-        let [x, y] = randoms.pairs(FILM, wide);
-        for (i, (pixel, _)) in starting.iter().enumerate() {
-            let (point, weight) = film_point(settings, self.filter, *pixel, Vec2::new(x[i], y[i]));
-            (film[0][i], film[1][i], weights[i]) = (point.x, point.y, weight);
-        }
-        let begun = self.samples.len() as u32;
-        let Self { paths, samples, view, .. } = self;
-        self.randoms.extend(starting.iter().map(|(_, random)| *random));
-        let sample = |mode, weight| Sample {
-            mode,
-            radiance: SampledSpectrum::ZERO,
-            brought: SampledSpectrum::ZERO,
-            alpha: 1.0,
-            weight,
-            rays: 0,
-        };
-        if paths.is_plain() && view.pinhole_rays(&film, wide, &mut self.camera_rays) {
-            let rays = &self.camera_rays;
-            paths.rays.extend((0..starting.len()).map(|i| rays.get(i).ray));
-            let (first, _) = Carried::of(&path_of(&rays.get(0), ColorMode::Rgb, 0.0));
-            let carried = |i| Carried { cone_spread: rays.get(i).spread, ..first };
-            paths.carried.extend((0..starting.len()).map(carried));
-            paths.samples.extend(begun..begun + starting.len() as u32);
-            samples.extend(weights[..starting.len()].iter().map(|&weight| sample(ColorMode::Rgb, weight)));
-            return;
-        }
-        for (i, (_, random)) in starting.iter().enumerate() {
-            let point = DVec2::new(film[0][i], film[1][i]);
-            let (ray, state) = camera_path(view, settings, self.context.scene.moves, random, point);
-            samples.push(sample(state.mode, weights[i]));
-            paths.push(ray, &state, begun + i as u32);
-        }
-    }
-
     /// Through media, if there are any, to the next vertices.
     fn travel(&mut self, depth: u32, grouping: Grouping) {
         let Some(volumes) = &mut self.volumes else { return };
@@ -356,55 +274,6 @@ impl<'a> PartRenderer<'a> {
         if depth == 0 {
             for (path, _) in volumes.scattered.iter().enumerate().filter(|(_, s)| s.is_some()) {
                 samples[self.paths.samples[path] as usize].alpha = 1.0;
-            }
-        }
-    }
-
-    /// Where the camera has no ray, such as outside of a fisheye's circle, nothing is hit.
-    fn drop_dead_paths(&mut self) {
-        for path in 0..self.paths.len() {
-            if self.paths.is_dead(path) {
-                self.paths.hits[path] = Hit::MISS;
-            }
-        }
-    }
-
-    /// True if something depends on what the rays of the camera hit first.
-    fn shows_first_hits(&self) -> bool {
-        self.context.scene.background == Background::Transparent || !self.context.settings.aovs.is_empty()
-    }
-
-    /// Alpha and AOVs of the camera rays.
-    fn note_first_hits(&mut self) {
-        let scene = self.context.scene;
-        if scene.background == Background::Transparent {
-            for (i, hit) in self.paths.hits.iter().enumerate() {
-                self.samples[i].alpha = f32::from(hit.is_hit());
-            }
-        }
-        let aovs: &[Aov] = &self.context.settings.aovs;
-        if aovs.is_empty() {
-            return;
-        }
-        let coverages: Vec<Aov> = aovs.iter().filter(|a| a.kind() == AovKind::Coverage).copied().collect();
-        let counted = aovs.iter().any(|a| a.needs_counters());
-        let filter = self.tracer.filter();
-        for i in 0..self.paths.len() {
-            let (ray, hit, state) = (self.paths.rays[i], self.paths.hits[i], self.paths.state(i));
-            let counters = if counted {
-                let (_, counters) =
-                    scene.world.closest_counted(RayQuery { time: state.time, ..RayQuery::from(&ray) }, filter);
-                [counters.nodes_visited, counters.primitives_tested]
-            } else {
-                [0; 2]
-            };
-            let interaction = hit.is_hit().then(|| self.paths.interaction(scene, i));
-            let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, i, interaction, 1.0));
-            let random = self.randoms[i].at_vertex(0, 0);
-            let vertex = Vertex { depth: 0, ray: &ray, state: &state, random, surface, medium: None };
-            self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, &hit)));
-            for aov in aovs {
-                aov.extend(&self.context, &vertex, self.camera, counters, &mut self.aovs);
             }
         }
     }
@@ -456,126 +325,9 @@ impl<'a> PartRenderer<'a> {
         self.order = order;
     }
 
-    /// How many of the paths at the beginning can be worked on together, at most [`LANES`].
-    fn matte_beginning(&self, paths: &[u32]) -> usize {
-        let Some(matte) = &self.matte else { return 0 };
-        let is_matte = |path: &&u32| matte.surfaces.has(self.context.scene, &self.paths.hits[**path as usize]);
-        paths.iter().take(LANES).take_while(is_matte).count()
-    }
-
-    /// Shades at most [`LANES`] paths at matte surfaces.
-    fn shade_matte(&mut self, depth: u32, paths: &[u32]) {
-        let is_classic = matte::is_classic(self.context.settings.integrator);
-        if depth >= self.context.max_depth() && !is_classic {
-            return;
-        }
-        let Some(mut matte) = self.matte.take() else { return };
-        let Matte { vertices, surfaces } = &mut *matte;
-        let Paths { rays, hits, carried, samples, .. } = &self.paths;
-        let arriving = Arriving { rays, hits, carried, samples, randoms: &self.randoms };
-        vertices.gather(&self.context, self.sampler, surfaces, &arriving, paths, depth);
-        match is_classic {
-            true => self.finish_classic(depth, vertices),
-            false => self.finish_matte(depth, vertices),
-        }
-        self.matte = Some(matte);
-    }
-
-    fn finish_matte(&mut self, depth: u32, vertices: &mut MatteVertices) {
-        vertices.shade(&self.context, depth);
-        let paths = vertices.paths();
-        self.lanes.clear();
-        self.lanes.extend(0..paths.len() as u32);
-        self.lanes.retain(|&lane| vertices.is_sound(lane as usize));
-        if self.lanes.len() < paths.len() {
-            for (_, &path) in paths.iter().enumerate().filter(|(lane, _)| !vertices.is_sound(*lane)) {
-                self.shade_one(depth, path as usize);
-            }
-        }
-        if self.is_watched() {
-            return self.collect_matte(depth, vertices, paths);
-        }
-        // Column by column, which is twice as fast as path by path.
-        let Self { paths: from, light_rays, next, lanes, kept, .. } = self;
-        let path = |lane: u32| paths[lane as usize] as usize;
-        vertices.lit(lanes, kept);
-        light_rays.rays.extend(kept.iter().map(|&lane| vertices.light_ray(lane as usize)));
-        light_rays.values.extend(kept.iter().map(|&lane| vertices.brought(lane as usize)));
-        match from.is_plain() {
-            true => light_rays.times.resize(light_rays.rays.len(), Rest::PLAIN.time),
-            false => light_rays.times.extend(kept.iter().map(|&lane| from.rest(path(lane)).time)),
-        }
-        light_rays.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
-        vertices.going_on(lanes, kept);
-        next.rays.extend(kept.iter().map(|&lane| vertices.next_ray(lane as usize)));
-        next.carried.extend(kept.iter().map(|&lane| vertices.carried(lane as usize)));
-        next.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
-        next.extend_rest(kept.iter().map(|&lane| from.rest(path(lane))));
-        self.note_insides(depth, vertices, paths);
-    }
-
-    /// Tells media of the rays that the vertices of [`Self::finish_matte`] send out.
-    fn note_insides(&mut self, depth: u32, vertices: &MatteVertices, paths: &[u32]) {
-        let scene = self.context.scene;
-        for &lane in &self.lanes {
-            let (lane, path) = (lane as usize, paths[lane as usize] as usize);
-            let random = self.random_at(depth, path);
-            let Some(volumes) = &mut self.volumes else { return };
-            if vertices.light_source(lane).is_some() {
-                let interaction = vertices.passes(lane).then(|| self.paths.interaction(scene, path));
-                let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, path, interaction, 1.0));
-                let light = [(vertices.light_ray(lane), vertices.brought(lane))];
-                let (arriving, glowing) = (self.paths.rays[path].direction, vertices.glowing(lane));
-                volumes.note_outputs(path, arriving, surface.as_ref(), random, &light, glowing, std::iter::empty());
-            }
-            if vertices.goes_on(lane) {
-                volumes.note_next(path);
-            }
-        }
-    }
-
     /// The numbers of the vertex that a path has come to.
     fn random_at(&self, depth: u32, path: usize) -> Random {
         self.randoms[self.paths.samples[path] as usize].at_vertex(self.paths.carried[path].stream, depth)
-    }
-
-    /// Takes what the vertices of [`Self::finish_matte`] gave one by one, because somebody wants to know more of them.
-    fn collect_matte(&mut self, depth: u32, vertices: &MatteVertices, paths: &[u32]) {
-        self.note_insides(depth, vertices, paths);
-        let lanes = std::mem::take(&mut self.lanes);
-        for &lane in &lanes {
-            let (lane, path) = (lane as usize, paths[lane as usize] as usize);
-            let rest = self.paths.rest(path);
-            let lobe = if self.context.wants_lobes && depth == 0 { vertices.lobe(lane) } else { rest.lobe };
-            let rest = Rest { lobe, ..*rest };
-            self.outputs.clear();
-            if let Some((source, weight)) = vertices.light_source(lane) {
-                self.outputs.weights.light = weight;
-                (self.outputs.light_source, self.outputs.light_lobe) = (Some(source), lobe);
-                self.outputs.light_rays.push((vertices.light_ray(lane), vertices.brought(lane)));
-            }
-            if vertices.goes_on(lane) {
-                self.outputs.next.push((vertices.next_ray(lane), vertices.carried(lane).with(&rest)));
-            }
-            self.collect(depth, path);
-        }
-        self.lanes = lanes;
-    }
-
-    fn finish_classic(&mut self, depth: u32, vertices: &mut MatteVertices) {
-        vertices.prepare_classic(&self.context);
-        for (lane, &path) in vertices.paths().iter().enumerate() {
-            let path = path as usize;
-            if !vertices.is_sound(lane) {
-                self.shade_one(depth, path);
-                continue;
-            }
-            let state = self.paths.state(path);
-            let random = self.randoms[self.paths.samples[path] as usize].at_vertex(state.stream, depth);
-            self.outputs.clear();
-            vertices.shade_classic(&self.context, lane, &state, &random, &mut self.outputs);
-            self.collect(depth, path);
-        }
     }
 
     /// True if somebody wants to know more of vertices than the light they bring.

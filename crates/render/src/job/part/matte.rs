@@ -1,0 +1,143 @@
+//! Vertices on matte surfaces, many at once.
+
+use super::{PartRenderer, Paths};
+use crate::integrator::Context;
+use crate::integrator::carried::Rest;
+use crate::integrator::lanes::{Arriving, LANES};
+use crate::integrator::matte::{MatteVertices, is_classic};
+use crate::integrator::matte_surfaces::MatteSurfaces;
+use crate::sampler::Sampler;
+
+/// Vertices that are shaded many at once.
+pub(super) struct Matte<'a> {
+    vertices: MatteVertices,
+    pub(super) surfaces: MatteSurfaces<'a>,
+}
+
+impl<'a> Matte<'a> {
+    /// `None` if there are none, or the level is that of portable code: the twin shades one vertex at a time.
+    pub(super) fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Box<Self>> {
+        let wide = context.scene.world.simd().wide()?;
+        let surfaces = MatteSurfaces::new(context)?;
+        Some(Box::new(Self { vertices: MatteVertices::new(sampler, Some(wide)), surfaces }))
+    }
+}
+
+impl PartRenderer<'_> {
+    /// How many of the paths at the beginning can be worked on together, at most [`LANES`].
+    pub(super) fn matte_beginning(&self, paths: &[u32]) -> usize {
+        let Some(matte) = &self.matte else { return 0 };
+        let is_matte = |path: &&u32| matte.surfaces.has(self.context.scene, &self.paths.hits[**path as usize]);
+        paths.iter().take(LANES).take_while(is_matte).count()
+    }
+
+    /// Shades at most [`LANES`] paths at matte surfaces.
+    pub(super) fn shade_matte(&mut self, depth: u32, paths: &[u32]) {
+        let is_classic = is_classic(self.context.settings.integrator);
+        if depth >= self.context.max_depth() && !is_classic {
+            return;
+        }
+        let Some(mut matte) = self.matte.take() else { return };
+        let Matte { vertices, surfaces } = &mut *matte;
+        let Paths { rays, hits, carried, samples, .. } = &self.paths;
+        let arriving = Arriving { rays, hits, carried, samples, randoms: &self.randoms };
+        vertices.gather(&self.context, self.sampler, surfaces, &arriving, paths, depth);
+        match is_classic {
+            true => self.finish_classic(depth, vertices),
+            false => self.finish_matte(depth, vertices),
+        }
+        self.matte = Some(matte);
+    }
+
+    fn finish_matte(&mut self, depth: u32, vertices: &mut MatteVertices) {
+        vertices.shade(&self.context, depth);
+        let paths = vertices.paths();
+        self.lanes.clear();
+        self.lanes.extend(0..paths.len() as u32);
+        self.lanes.retain(|&lane| vertices.is_sound(lane as usize));
+        if self.lanes.len() < paths.len() {
+            for (_, &path) in paths.iter().enumerate().filter(|(lane, _)| !vertices.is_sound(*lane)) {
+                self.shade_one(depth, path as usize);
+            }
+        }
+        if self.is_watched() {
+            return self.collect_matte(depth, vertices, paths);
+        }
+        // Column by column, which is twice as fast as path by path.
+        let Self { paths: from, light_rays, next, lanes, kept, .. } = self;
+        let path = |lane: u32| paths[lane as usize] as usize;
+        vertices.lit(lanes, kept);
+        light_rays.rays.extend(kept.iter().map(|&lane| vertices.light_ray(lane as usize)));
+        light_rays.values.extend(kept.iter().map(|&lane| vertices.brought(lane as usize)));
+        match from.is_plain() {
+            true => light_rays.times.resize(light_rays.rays.len(), Rest::PLAIN.time),
+            false => light_rays.times.extend(kept.iter().map(|&lane| from.rest(path(lane)).time)),
+        }
+        light_rays.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
+        vertices.going_on(lanes, kept);
+        next.rays.extend(kept.iter().map(|&lane| vertices.next_ray(lane as usize)));
+        next.carried.extend(kept.iter().map(|&lane| vertices.carried(lane as usize)));
+        next.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
+        next.extend_rest(kept.iter().map(|&lane| from.rest(path(lane))));
+        self.note_insides(depth, vertices, paths);
+    }
+
+    /// Tells media of the rays that the vertices of [`Self::finish_matte`] send out.
+    fn note_insides(&mut self, depth: u32, vertices: &MatteVertices, paths: &[u32]) {
+        let scene = self.context.scene;
+        for &lane in &self.lanes {
+            let (lane, path) = (lane as usize, paths[lane as usize] as usize);
+            let random = self.random_at(depth, path);
+            let Some(volumes) = &mut self.volumes else { return };
+            if vertices.light_source(lane).is_some() {
+                let interaction = vertices.passes(lane).then(|| self.paths.interaction(scene, path));
+                let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, path, interaction, 1.0));
+                let light = [(vertices.light_ray(lane), vertices.brought(lane))];
+                let (arriving, glowing) = (self.paths.rays[path].direction, vertices.glowing(lane));
+                volumes.note_outputs(path, arriving, surface.as_ref(), random, &light, glowing, std::iter::empty());
+            }
+            if vertices.goes_on(lane) {
+                volumes.note_next(path);
+            }
+        }
+    }
+
+    /// Takes what the vertices of [`Self::finish_matte`] gave one by one, because somebody wants to know more of them.
+    fn collect_matte(&mut self, depth: u32, vertices: &MatteVertices, paths: &[u32]) {
+        self.note_insides(depth, vertices, paths);
+        let lanes = std::mem::take(&mut self.lanes);
+        for &lane in &lanes {
+            let (lane, path) = (lane as usize, paths[lane as usize] as usize);
+            let rest = self.paths.rest(path);
+            let lobe = if self.context.wants_lobes && depth == 0 { vertices.lobe(lane) } else { rest.lobe };
+            let rest = Rest { lobe, ..*rest };
+            self.outputs.clear();
+            if let Some((source, weight)) = vertices.light_source(lane) {
+                self.outputs.weights.light = weight;
+                (self.outputs.light_source, self.outputs.light_lobe) = (Some(source), lobe);
+                self.outputs.light_rays.push((vertices.light_ray(lane), vertices.brought(lane)));
+            }
+            if vertices.goes_on(lane) {
+                self.outputs.next.push((vertices.next_ray(lane), vertices.carried(lane).with(&rest)));
+            }
+            self.collect(depth, path);
+        }
+        self.lanes = lanes;
+    }
+
+    fn finish_classic(&mut self, depth: u32, vertices: &mut MatteVertices) {
+        vertices.prepare_classic(&self.context);
+        for (lane, &path) in vertices.paths().iter().enumerate() {
+            let path = path as usize;
+            if !vertices.is_sound(lane) {
+                self.shade_one(depth, path);
+                continue;
+            }
+            let state = self.paths.state(path);
+            let random = self.randoms[self.paths.samples[path] as usize].at_vertex(state.stream, depth);
+            self.outputs.clear();
+            vertices.shade_classic(&self.context, lane, &state, &random, &mut self.outputs);
+            self.collect(depth, path);
+        }
+    }
+}
