@@ -12,7 +12,7 @@ use crate::world::tests::{bits, build, levels};
 use crate::world::{GeometryId, Structure, World, WorldBuilder};
 use proptest::prelude::*;
 use snell_math::simd::{Level, PairDoubles, Portable8};
-use snell_math::{Bounds3, DRay, Ray, Transform, Vec3, rng};
+use snell_math::{Bounds3, DRay, DVec3, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 
 fn list_of(world: &World) -> Option<&List> {
@@ -212,6 +212,32 @@ fn rays_in_a_room_hit_what_the_oracle_hits() {
     }
 }
 
+#[test]
+fn rays_among_shapes_in_a_room_hit_what_the_oracle_hits() {
+    for count in [1, 3, 7] {
+        let furnished = |accelerator, level| {
+            let mut builder = WorldBuilder::default();
+            builder.add_mesh(WorldBuilder::ROOT, room());
+            for i in 0..count {
+                let place = Transform::translation(DVec3::new(0.8 + 0.4 * f64::from(i), 0.6, 1.0 + f64::from(i % 3)));
+                builder.add_shape(WorldBuilder::ROOT, Arc::new(Sphere { radius: 0.5 }), place);
+            }
+            build(builder, accelerator, level)
+        };
+        let oracle = furnished(AcceleratorKind::None, Level::Scalar);
+        let mut rays = rays_in_room(&oracle, 1000);
+        for (i, ray) in rays.iter_mut().enumerate().step_by(2) {
+            let t = oracle.closest_one(&*ray, &AcceptAll).t;
+            ray.t_max = t * [0.5, 1.0, 1.0 + 1e-6, 2.0][i / 2 % 4];
+        }
+        for level in levels() {
+            let world = furnished(AcceleratorKind::Bvh, level);
+            assert!(list_of(&world).is_some());
+            check(&world, &oracle, Rays::from(&rays), &AcceptAll).expect("the same hits");
+        }
+    }
+}
+
 fn strip(triangles: u32) -> WorldBuilder {
     let positions = (0..triangles + 2).map(|i| Vec3::new(i as f32, (i & 1) as f32, (i % 7) as f32)).collect();
     let indices = (0..triangles).map(|i| [i, i + 1, i + 2]).collect();
@@ -223,11 +249,16 @@ fn strip(triangles: u32) -> WorldBuilder {
 #[test]
 fn only_small_worlds_of_ordinary_size_have_lists() {
     let has_list = |builder| list_of(&build(builder, AcceleratorKind::Bvh, Level::Scalar)).is_some();
-    let with_sphere = |mut builder: WorldBuilder| {
-        builder.add_shape(WorldBuilder::ROOT, Arc::new(Sphere { radius: 1.0 }), Transform::IDENTITY);
+    let with_spheres = |mut builder: WorldBuilder, count: usize| {
+        for i in 0..count {
+            let place = Transform::translation(DVec3::new(i as f64, 0.0, 0.0));
+            builder.add_shape(WorldBuilder::ROOT, Arc::new(Sphere { radius: 1.0 }), place);
+        }
         builder
     };
-    assert!(has_list(with_sphere(strip(20))) && !has_list(with_sphere(strip(5))));
+    assert!(has_list(with_spheres(strip(5), 2)) && !has_list(with_spheres(strip(5), 3)));
+    let most = super::contents::MAX_OBJECTS;
+    assert!(has_list(with_spheres(strip(40), most)) && !has_list(with_spheres(strip(40), most + 1)));
     assert!(has_list(strip(1)));
     assert!(has_list(strip(super::contents::MAX_TRIANGLES as u32)));
     assert!(!has_list(strip(super::contents::MAX_TRIANGLES as u32 + 1)));
