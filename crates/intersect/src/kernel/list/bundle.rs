@@ -13,9 +13,10 @@
 //! - Hits are where the ray meets the plane, or nearer to the place that was drawn: within `8.5 u D / s`, and so within [`DISTANCE_ERROR`] of `t`, unless the
 //!   ray is as near to an edge as that.
 
+use super::super::columns::ray_columns;
 use super::List;
 use super::faces::Face;
-use snell_math::simd::{Doubles16, Lanes16, WideLanes};
+use snell_math::simd::{Doubles16, Lanes16};
 use snell_math::{Bounds3, Ray};
 
 /// Rays that are tested together.
@@ -75,51 +76,6 @@ pub(super) struct Bundle<D: Doubles16> {
 
 /// See [`Bundle::may_meet`].
 const BOX_PADDING: f32 = 33.0 / 16_777_216.0;
-
-/// A ray as it is in memory: origin, start, direction, end.
-#[inline(always)]
-fn row(ray: &Ray) -> &[f32; 8] {
-    // SAFETY: a ray is eight numbers (`repr(C)`).
-    unsafe { &*(&raw const *ray).cast::<[f32; 8]>() }
-}
-
-/// Eight rays.
-#[inline(always)]
-fn rows(rays: &[Ray; RAYS], from: usize) -> [&[f32; 8]; 8] {
-    [
-        row(&rays[from]),
-        row(&rays[from + 1]),
-        row(&rays[from + 2]),
-        row(&rays[from + 3]),
-        row(&rays[from + 4]),
-        row(&rays[from + 5]),
-        row(&rays[from + 6]),
-        row(&rays[from + 7]),
-    ]
-}
-
-/// The columns of sixteen rows of eight.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
-#[inline(always)]
-pub(super) unsafe fn columns<W: Lanes16>(low: [&[f32; 8]; 8], high: [&[f32; 8]; 8]) -> [W; 8] {
-    // SAFETY: passed on to the caller.
-    unsafe {
-        let [a, b, c, d, e, f, g, h] = W::Half::load_columns(low);
-        let [i, j, k, l, m, n, o, p] = W::Half::load_columns(high);
-        [
-            W::from_halves(a, i),
-            W::from_halves(b, j),
-            W::from_halves(c, k),
-            W::from_halves(d, l),
-            W::from_halves(e, m),
-            W::from_halves(f, n),
-            W::from_halves(g, o),
-            W::from_halves(h, p),
-        ]
-    }
-}
 
 /// What is certain about the nearest faces that sixteen rays meet.
 pub(super) struct Nearest<W> {
@@ -199,7 +155,7 @@ impl<D: Doubles16> Bundle<D> {
     pub unsafe fn new(list: &List, rays: &[Ray; RAYS], count: usize) -> Self {
         // SAFETY: passed on to the caller.
         unsafe {
-            let [x, y, z, t_min, dx, dy, dz, t_max] = columns::<D::Singles>(rows(rays, 0), rows(rays, 8));
+            let [x, y, z, t_min, dx, dy, dz, t_max] = ray_columns::<D::Singles>(rays);
             let splat = |value: f32| D::Singles::splat(value);
             let (px, py, pz) = (x.sub(splat(list.center.x)), y.sub(splat(list.center.y)), z.sub(splat(list.center.z)));
             let size = dx.abs().max(dy.abs()).max(dz.abs());

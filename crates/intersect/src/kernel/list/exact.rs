@@ -2,7 +2,8 @@
 //!
 //! The same operations in the same order as in [`super::super::triangle::exact_hit_on`], so the same bits.
 
-use super::bundle::{Bundle, PerRay, RAYS, columns};
+use super::super::columns::columns;
+use super::bundle::{Bundle, PerRay, RAYS};
 use super::contents::Triangle;
 use snell_math::simd::{Doubles16, Lanes16};
 

@@ -1,11 +1,12 @@
 //! Bundles from runs of rays as they come.
 
+use super::super::columns::ray_columns;
 use super::super::node::{CULL_PADDING, padded};
 use super::MIN_RAYS;
 use super::bundle::{Bundle, Columns, Kind, RAYS};
 use crate::kernel::double::DoubleData;
 use crate::precision::{Double, Real, Single};
-use snell_math::simd::{Lanes16, WideLanes};
+use snell_math::simd::Lanes16;
 use snell_math::{DRay, Ray};
 
 /// Makes a bundle of a run; false if it is none. Lanes without a ray repeat the first one and want nothing.
@@ -29,7 +30,7 @@ pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], backw
     bundle.has_rays = false;
     // SAFETY: as promised by the caller. (In registers of one size: what was written in halves cannot be read as a whole for long.)
     unsafe {
-        let [ox, oy, oz, t_min, dx, dy, dz, t_max] = load_columns::<W>(all);
+        let [ox, oy, oz, t_min, dx, dy, dz, t_max] = ray_columns::<W>(all);
         let zero = W::splat(0.0);
         // Zero if everything is finite.
         let mut sum = t_min.mul(zero);
@@ -97,36 +98,3 @@ pub(crate) unsafe fn set_up_doubles<W: Lanes16>(
     // SAFETY: as promised by the caller.
     is_fine && unsafe { bundle.set_up_exactly::<W, Double>(&[t_min, cull], data, 0, apex, &kind) }
 }
-
-/// Rays by column: origin, `t_min`, direction, `t_max`.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
-#[inline(always)]
-unsafe fn load_columns<W: Lanes16>(rays: &[Ray; RAYS]) -> [W; 8] {
-    // SAFETY: as promised by the caller; a ray is eight numbers in this order.
-    unsafe {
-        // (Nothing here by `map` or `from_fn`: what is not compiled into this function has not its instructions.)
-        let row = |i: usize| &*(&raw const rays[i]).cast::<[f32; 8]>();
-        let [a, b, c, d, e, f, g, h] =
-            W::Half::load_columns([row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)]);
-        let [i, j, k, l, m, n, o, p] =
-            W::Half::load_columns([row(8), row(9), row(10), row(11), row(12), row(13), row(14), row(15)]);
-        [
-            W::from_halves(a, i),
-            W::from_halves(b, j),
-            W::from_halves(c, k),
-            W::from_halves(d, l),
-            W::from_halves(e, m),
-            W::from_halves(f, n),
-            W::from_halves(g, o),
-            W::from_halves(h, p),
-        ]
-    }
-}
-
-const _: () = assert!(
-    std::mem::offset_of!(Ray, t_min) == 12
-        && std::mem::offset_of!(Ray, direction) == 16
-        && std::mem::offset_of!(Ray, t_max) == 28
-);

@@ -1,0 +1,66 @@
+//! Sixteen records of eight numbers as eight columns.
+//!
+//! Nothing here by `map` or `from_fn`: what is not compiled into the function that calls it has not its instructions.
+
+use snell_math::Ray;
+use snell_math::simd::{Lanes16, WideLanes};
+
+const _: () = assert!(
+    std::mem::offset_of!(Ray, t_min) == 12
+        && std::mem::offset_of!(Ray, direction) == 16
+        && std::mem::offset_of!(Ray, t_max) == 28
+);
+
+/// The columns of sixteen rows of eight.
+///
+/// # Safety
+/// The machine must have the instructions of `W`.
+#[inline(always)]
+pub(super) unsafe fn columns<W: Lanes16>(low: [&[f32; 8]; 8], high: [&[f32; 8]; 8]) -> [W; 8] {
+    // SAFETY: passed on to the caller.
+    unsafe {
+        let [a, b, c, d, e, f, g, h] = W::Half::load_columns(low);
+        let [i, j, k, l, m, n, o, p] = W::Half::load_columns(high);
+        [
+            W::from_halves(a, i),
+            W::from_halves(b, j),
+            W::from_halves(c, k),
+            W::from_halves(d, l),
+            W::from_halves(e, m),
+            W::from_halves(f, n),
+            W::from_halves(g, o),
+            W::from_halves(h, p),
+        ]
+    }
+}
+
+/// Rays by column: origin, `t_min`, direction, `t_max`.
+///
+/// # Safety
+/// The machine must have the instructions of `W`.
+#[inline(always)]
+pub(super) unsafe fn ray_columns<W: Lanes16>(rays: &[Ray; 16]) -> [W; 8] {
+    // SAFETY: passed on to the caller.
+    unsafe { columns(rows(rays, 0), rows(rays, 8)) }
+}
+
+/// Eight of the rays.
+#[inline(always)]
+fn rows(rays: &[Ray; 16], from: usize) -> [&[f32; 8]; 8] {
+    [
+        row(&rays[from]),
+        row(&rays[from + 1]),
+        row(&rays[from + 2]),
+        row(&rays[from + 3]),
+        row(&rays[from + 4]),
+        row(&rays[from + 5]),
+        row(&rays[from + 6]),
+        row(&rays[from + 7]),
+    ]
+}
+
+#[inline(always)]
+fn row(ray: &Ray) -> &[f32; 8] {
+    // SAFETY: a ray is eight numbers in this order (`repr(C)`).
+    unsafe { &*(&raw const *ray).cast::<[f32; 8]>() }
+}
