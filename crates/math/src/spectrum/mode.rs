@@ -67,6 +67,12 @@ impl ColorMode {
         if let Some(spectrum) = &spectrum {
             return self.spectral_illuminant(color, spectrum);
         }
+        self.rgb_illuminant(color)
+    }
+
+    /// [`Self::illuminant`] of a radiance that has no spectrum of its own.
+    #[inline(always)]
+    pub fn rgb_illuminant(self, color: Rgb) -> SampledSpectrum {
         match self {
             Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
             Self::Spectral(wavelengths) => {

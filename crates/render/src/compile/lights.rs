@@ -74,6 +74,8 @@ pub struct LightTable {
     two_sided: Vec<bool>,
     /// What each gives, if it is a surface that shines alike everywhere.
     plain: Vec<Option<PlainEmission>>,
+    /// The share of the environment's even part in the power of all lights.
+    even_share: f64,
     spent: u64,
     /// True if curves shine, which are not sampled.
     has_glowing_curves: bool,
@@ -109,8 +111,16 @@ impl LightTable {
             table.environment = Some(table.lights.len());
             // Power through a disk of the scene's size from every direction (pbrt, section 12.5).
             table.push(CompiledLight::Environment, 4.0 * PI * PI * radius * radius * environment.mean_luminance());
+            let total: f64 = table.powers.iter().sum();
+            let even = table.powers[table.powers.len() - 1] * (1.0 - environment.excess());
+            table.even_share = if total > 0.0 { even / total } else { 0.0 };
         }
         table
+    }
+
+    /// True if most light comes from all around alike.
+    pub fn is_even(&self) -> bool {
+        self.even_share > 0.5
     }
 
     /// False if the scene has more emissive surfaces than the table lists. The others give light too, but only to rays that find

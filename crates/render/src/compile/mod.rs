@@ -254,6 +254,17 @@ impl CompiledScene {
         self.lights.environment
     }
 
+    /// True if nothing is seen in any direction in which a ray leaves the scene.
+    pub fn is_dark_outside(&self) -> bool {
+        let shows_color = matches!(self.background, Background::Color(color) if !color.is_black());
+        self.environment.is_none() && !shows_color
+    }
+
+    /// True if most light comes from all around alike: paths that leave the scene bring much the same then.
+    pub fn is_evenly_lit(&self) -> bool {
+        self.lights.is_even()
+    }
+
     /// A chooser among the lights, made when it is first asked for.
     pub fn light_sampler(&self, kind: LightSamplerKind, strategy: LightStrategy) -> Arc<LightSampler> {
         let mut known = self.light_samplers.lock().unwrap_or_else(PoisonError::into_inner);

@@ -55,6 +55,29 @@ impl Sums {
         Self { sum: zeros(), square: zeros(), weight: vec![0.0; pixels], plain, channels }
     }
 
+    /// Adds samples of a pixel that have no other channels than these, all of weight 1 if there is no plain sum.
+    fn add_plain(&mut self, pixel: usize, samples: &[FilmSample]) {
+        let range = 4 * pixel..4 * pixel + 4;
+        let (Some(sum), Some(square)) =
+            (self.sum[range.clone()].first_chunk_mut(), self.square[range].first_chunk_mut())
+        else {
+            return;
+        };
+        // In registers: the same sums in the same order as those of `add`.
+        let (mut sums, mut squares): ([f64; 4], [f64; 4]) = (*sum, *square);
+        for sample in samples {
+            let Rgb { r, g, b } = sample.color;
+            let values = [r, g, b, sample.alpha];
+            for channel in 0..4 {
+                let value = f64::from(values[channel]);
+                sums[channel] += value;
+                squares[channel] += value * value;
+            }
+        }
+        (*sum, *square) = (sums, squares);
+        self.weight[pixel] += samples.len() as f64;
+    }
+
     fn add(&mut self, pixel: usize, values: &[f32], weight: f32) {
         let range = pixel * values.len()..(pixel + 1) * values.len();
         if !self.plain.is_empty() {
@@ -208,6 +231,10 @@ impl FilmTile {
                 if self.samples == 0 {
                     let aovs = &part.aovs[begin * aov_channels..][..aov_channels];
                     self.first[pixel * aov_channels..][..aov_channels].copy_from_slice(aovs);
+                }
+                if aov_channels == 0 && partial.plain.is_empty() {
+                    partial.add_plain(pixel, &part.values[begin..begin + run]);
+                    continue;
                 }
                 for i in begin..begin + run {
                     let sample = &part.values[i];

@@ -1,7 +1,6 @@
 //! Vertices side by side, for what works on many at once: where paths have come to surfaces, and what they carry.
 
 use super::carried::Carried;
-use super::path::{MAX_SURVIVAL, ROULETTE_DEPTH};
 use super::{Context, dimension};
 use crate::sampler::{ManyRandoms, Random, Sampler};
 use crate::settings::Terminator;
@@ -86,7 +85,8 @@ impl OtherPoint {
 /// Russian roulette of many vertices: their numbers, if it plays at their depth.
 #[derive(Debug)]
 pub struct Roulette {
-    plays: bool,
+    /// The largest probability of going on.
+    most: Option<f32>,
     numbers: HitLanes,
 }
 
@@ -94,7 +94,10 @@ impl Roulette {
     /// What a lane's throughput is multiplied with, and whether its path goes on; `weight` is what [`super::path::survival`] asks for.
     #[inline(always)]
     pub fn survival(&self, lane: usize, weight: f32) -> (f32, bool) {
-        let survival = if self.plays { least(weight, MAX_SURVIVAL) } else { 1.0 };
+        let survival = match self.most {
+            Some(most) => least(weight, most),
+            None => 1.0,
+        };
         (1.0 / survival, self.numbers[lane] < survival)
     }
 }
@@ -228,13 +231,13 @@ impl VertexLanes {
     }
 
     /// Russian roulette at this depth.
-    pub fn roulette(&self, depth: u32) -> Roulette {
-        let plays = depth >= ROULETTE_DEPTH;
-        let numbers = match plays {
-            true => self.randoms.numbers(dimension::ROULETTE, self.wide),
-            false => [0.0; LANES],
+    pub fn roulette(&self, context: &Context, depth: u32) -> Roulette {
+        let most = context.roulette(depth);
+        let numbers = match most {
+            Some(_) => self.randoms.numbers(dimension::ROULETTE, self.wide),
+            None => [0.0; LANES],
         };
-        Roulette { plays, numbers }
+        Roulette { most, numbers }
     }
 }
 

@@ -226,6 +226,10 @@ impl FlatLights {
         wide: Option<Wide>,
         arrivals: &mut FlatArrivals,
     ) {
+        if self.how[..count].iter().all(|&how| how == DARK) {
+            arrivals.exists = [0; LANES];
+            return;
+        }
         self.near.lanes.clear();
         self.near.lanes.extend((0..count as u32).filter(|&lane| self.how[lane as usize] == NEAR));
         if self.near.lanes.is_empty() {

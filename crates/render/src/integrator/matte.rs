@@ -174,7 +174,7 @@ impl MatteVertices {
         let wide = self.lanes.wide;
         let bsdf = self.lanes.randoms.pairs(dimension::BSDF, wide);
         let light = self.lanes.randoms.pairs(dimension::LIGHT, wide);
-        let roulette = self.lanes.roulette(depth);
+        let roulette = self.lanes.roulette(context, depth);
         at_level!(
             self.lanes.wide,
             bounce,

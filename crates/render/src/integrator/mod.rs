@@ -121,7 +121,23 @@ impl Context<'_> {
             _ => self.settings.max_depth,
         }
     }
+
+    /// The largest probability of going on, if Russian roulette plays at this depth. (Measured by variance times time: early roulette is
+    /// 1.2 to 1.3 times better where lights must be found; under an even sky, where nearly all noise is then its own, it is twice as bad.)
+    pub(crate) fn roulette(&self, depth: u32) -> Option<f32> {
+        // A guided path is worth more than its throughput tells.
+        let begins_late = self.field.is_some() || self.scene.is_evenly_lit();
+        match depth {
+            0 => None,
+            1..LATE_ROULETTE => (!begins_late).then_some(1.0),
+            _ => Some(MAX_SURVIVAL),
+        }
+    }
 }
+
+/// From here on Russian roulette plays with every path, so that it ends.
+const LATE_ROULETTE: u32 = 4;
+const MAX_SURVIVAL: f32 = 0.98;
 
 /// What a path carries from vertex to vertex. All of it is a function of (pixel, sample, seed) alone.
 #[derive(Clone, Copy, Debug)]

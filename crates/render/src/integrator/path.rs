@@ -14,10 +14,6 @@ use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::{Background, MediumId};
 
-/// Roulette starts after this many bounces.
-pub(crate) const ROULETTE_DEPTH: u32 = 4;
-/// Largest probability of going on, so that every path ends.
-pub(crate) const MAX_SURVIVAL: f32 = 0.98;
 /// Growth of the ray cone after a bounce that scatters.
 pub(crate) const SCATTERED_SPREAD: f32 = 0.2;
 
@@ -206,11 +202,9 @@ pub(super) fn first_lobe(context: &Context, vertex: &Vertex, this: impl FnOnce()
 }
 
 /// Russian roulette: the probability with which the path goes on, by the weight it would have; `None` if it ends.
-pub(super) fn survival(vertex: &Vertex, weight: f32) -> Option<f32> {
-    if vertex.depth < ROULETTE_DEPTH {
-        return Some(1.0);
-    }
-    let survival = weight.min(MAX_SURVIVAL);
+pub(super) fn survival(context: &Context, vertex: &Vertex, weight: f32) -> Option<f32> {
+    let Some(most) = context.roulette(vertex.depth) else { return Some(1.0) };
+    let survival = weight.min(most);
     (vertex.random.number(dimension::ROULETTE) < survival).then_some(survival)
 }
 
@@ -233,7 +227,7 @@ fn add_bounce(
     let crossing = if sample.is_transmission { guided.shading.crossing_scale(wo) } else { 1.0 };
     let eta_scale = vertex.state.eta_scale * crossing;
     let weight = guided.survival(wo, &sample, crossing, throughput.max_element() * eta_scale);
-    let Some(survival) = survival(vertex, weight) else { return };
+    let Some(survival) = survival(context, vertex, weight) else { return };
     throughput *= 1.0 / survival;
     let state = PathState {
         eta_scale,

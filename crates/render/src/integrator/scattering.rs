@@ -22,7 +22,7 @@ pub fn scatter(context: &Context, vertex: &Vertex, medium: &MediumVertex, out: &
     out.light_lobe = lobe;
     let (wi, pdf) = medium.phase.sample(forward, vertex.random.pair(dimension::BSDF));
     let mut throughput = vertex.state.throughput;
-    let Some(survival) = survival(vertex, throughput.max_element() * vertex.state.eta_scale) else { return };
+    let Some(survival) = survival(context, vertex, throughput.max_element() * vertex.state.eta_scale) else { return };
     throughput *= 1.0 / survival;
     let state = PathState {
         throughput,

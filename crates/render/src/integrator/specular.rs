@@ -146,11 +146,11 @@ impl SpecularVertices {
     }
 
     /// Works out what the lanes give. `lobe` tells that of a path.
-    pub fn shade<'l>(&mut self, depth: u32, lobe: impl Fn(u32) -> Option<&'l Specular>) {
+    pub fn shade<'l>(&mut self, context: &Context, depth: u32, lobe: impl Fn(u32) -> Option<&'l Specular>) {
         self.lanes.place();
         let wide = self.lanes.wide;
         let choice = self.lanes.randoms.numbers(dimension::LOBE, wide);
-        let roulette = self.lanes.roulette(depth);
+        let roulette = self.lanes.roulette(context, depth);
         at_level!(
             wide,
             normals,

@@ -298,16 +298,7 @@ impl<'a> PartRenderer<'a> {
             let is_miss = self.keys[first as usize] as usize == self.context.scene.materials.len();
             if is_miss && self.is_simple() {
                 // They are last.
-                for &path in rest {
-                    let is_scattered = self.volumes.as_ref().is_some_and(|v| v.scattered[path as usize].is_some());
-                    match is_scattered {
-                        true => self.shade_one(depth, path as usize),
-                        false => self.shade_miss(depth, path as usize),
-                    }
-                    if self.light_rays.rays.len() >= MAX_BATCH {
-                        self.trace_light_rays(statistics);
-                    }
-                }
+                self.shade_misses(depth, rest, statistics);
                 break;
             }
             let (matte, specular) = (self.matte_beginning(rest), self.specular_beginning(rest));
@@ -398,21 +389,34 @@ impl<'a> PartRenderer<'a> {
         matches!(integrator, IntegratorKind::Path | IntegratorKind::Direct) && !self.is_watched()
     }
 
-    /// The same as [`Self::shade_one`] for a path that leaves the scene.
-    fn shade_miss(&mut self, depth: u32, path: usize) {
-        if self.paths.is_dead(path) {
+    /// The same as [`Self::shade_one`] for paths that leave the scene or are scattered by media.
+    fn shade_misses(&mut self, depth: u32, paths: &[u32], statistics: &mut Statistics) {
+        if self.volumes.is_none() && self.context.scene.is_dark_outside() {
             return;
         }
-        let sample = self.paths.samples[path] as usize;
-        let ray = &self.paths.rays[path];
-        if let Some(sky) = plain_sky(&self.context, depth) {
-            let radiance = sky.radiance(ray.direction, self.paths.rest(path).mode);
-            self.samples[sample].radiance += self.paths.carried[path].throughput * radiance;
-            return;
+        let sky = plain_sky(&self.context, depth);
+        for &path in paths {
+            let path = path as usize;
+            if self.volumes.as_ref().is_some_and(|v| v.scattered[path].is_some()) {
+                self.shade_one(depth, path);
+                if self.light_rays.rays.len() >= MAX_BATCH {
+                    self.trace_light_rays(statistics);
+                }
+                continue;
+            }
+            let (ray, carried, sample) =
+                (&self.paths.rays[path], &self.paths.carried[path], self.paths.samples[path] as usize);
+            let radiance = if carried.throughput.is_black() {
+                continue;
+            } else if let Some(sky) = sky {
+                carried.throughput * sky.radiance(ray.direction, self.paths.rest(path).mode)
+            } else {
+                let state = &self.paths.state(path);
+                let vertex = Vertex { depth, ray, state, random: self.randoms[sample], surface: None, medium: None };
+                escaped(&self.context, &vertex).0
+            };
+            self.samples[sample].radiance += radiance;
         }
-        let state = &self.paths.state(path);
-        let vertex = Vertex { depth, ray, state, random: self.randoms[sample], surface: None, medium: None };
-        self.samples[sample].radiance += escaped(&self.context, &vertex).0;
     }
 
     fn shade_one(&mut self, depth: u32, path: usize) {

@@ -62,7 +62,7 @@ impl PartRenderer<'_> {
         }
         vertices.gather_triangles(&arriving, mesh);
         let keys = &self.keys;
-        vertices.shade(depth, |path| lobe(keys[path as usize]));
+        vertices.shade(&self.context, depth, |path| lobe(keys[path as usize]));
         self.finish_specular(depth, vertices);
         self.specular = Some(specular);
     }

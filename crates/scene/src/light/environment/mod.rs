@@ -65,7 +65,7 @@ impl EnvironmentLight {
 
     /// Radiance arriving along a ray that leaves the scene in this unit direction.
     pub fn radiance(&self, direction: Vec3, mode: ColorMode) -> SampledSpectrum {
-        mode.illuminant(match &self.kind {
+        mode.rgb_illuminant(match &self.kind {
             Kind::Constant(color) => *color,
             Kind::Image(light) => light.radiance(direction),
         })
@@ -110,10 +110,10 @@ impl EnvironmentLight {
     /// [`Self::radiance`] and [`Self::pdf_compensated`] together.
     pub fn radiance_and_pdf(&self, direction: Vec3, mode: ColorMode) -> (SampledSpectrum, f32) {
         match &self.kind {
-            Kind::Constant(color) => (mode.illuminant(*color), 0.0),
+            Kind::Constant(color) => (mode.rgb_illuminant(*color), 0.0),
             Kind::Image(light) => {
                 let p = light.to_square(direction);
-                (mode.illuminant(light.texel(p)), light.compensated.as_ref().map_or(0.0, |table| table.pdf(p)))
+                (mode.rgb_illuminant(light.texel(p)), light.compensated.as_ref().map_or(0.0, |table| table.pdf(p)))
             }
         }
     }
