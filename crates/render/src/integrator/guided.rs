@@ -3,7 +3,7 @@
 use crate::guiding::{Cell, Choice, Field};
 use crate::light_sampler::Receiver;
 use snell_math::rng::ONE_MINUS_EPSILON;
-use snell_math::{Vec2, Vec3};
+use snell_math::{SampledSpectrum, Vec2, Vec3};
 use snell_scene::bsdf::BsdfSample;
 use snell_scene::material::ShadingBsdf;
 
@@ -24,9 +24,10 @@ impl<'a> GuidedBsdf<'a> {
         Self { shading, cell, is_guided: field.is_some(), is_learning: field.is_some_and(Field::is_learning) }
     }
 
-    /// Density per steradian with which [`Self::sample`] draws `wi`, without delta lobes.
-    pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        self.mixed_pdf(wi, self.shading.pdf(wo, wi))
+    /// `f(wo, wi) |cos(wi)|` and the density per steradian with which [`Self::sample`] draws `wi`, both without delta lobes.
+    pub fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
+        let (value, pdf) = self.shading.eval_and_pdf(wo, wi);
+        (value, self.mixed_pdf(wi, pdf))
     }
 
     fn mixed_pdf(&self, wi: Vec3, bsdf_pdf: f32) -> f32 {
@@ -51,11 +52,10 @@ impl<'a> GuidedBsdf<'a> {
             return Some(BsdfSample { weight, pdf, ..sample });
         }
         let (wi, _) = density.sample(u);
-        let value = self.shading.eval(wo, wi);
+        let (value, pdf) = self.eval_and_pdf(wo, wi);
         if value.is_black() {
             return None;
         }
-        let pdf = self.pdf(wo, wi);
         let is_transmission = self.shading.geometric_normal.dot(wo) * self.shading.geometric_normal.dot(wi) < 0.0;
         let weight = value * (1.0 / pdf);
         (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, is_delta: false, is_transmission })

@@ -53,7 +53,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     };
     let guided = GuidedBsdf::new(context.field, &shading, &receiver);
     if !shading.is_delta() {
-        let bsdf = |wi| (shading.eval(wo, wi), guided.pdf(wo, wi));
+        let bsdf = |wi| guided.eval_and_pdf(wo, wi);
         if let Some(wi) = light_sample(context, vertex, &at, &receiver, bsdf, out) {
             out.light_lobe = first_lobe(context, vertex, || LobeShares::of_surface(&shading, wo, wi, false));
         }

@@ -75,6 +75,8 @@ pub struct ConductorBsdf {
     unit: SampledSpectrum,
     ggx: Ggx,
     loss: FacetLoss,
+    /// Of diffuse light.
+    mean_loss: f32,
     film: Option<ThinFilm>,
     /// Reflectance at normal incidence, for the film.
     f0: SampledSpectrum,
@@ -94,7 +96,7 @@ impl ConductorBsdf {
         } else {
             SampledSpectrum::ZERO
         };
-        Self { facets, unit, ggx, loss, film: None, f0: facets.at(1.0), bounced }
+        Self { facets, unit, ggx, loss, mean_loss: lost, film: None, f0: facets.at(1.0), bounced }
     }
 
     /// The same metal under a film.
@@ -107,38 +109,39 @@ impl ConductorBsdf {
         self.unit * self.film.map_or(plain, |film| film.reflectance(cos, self.f0, plain))
     }
 
-    /// Probabilities of facets and of many bounces.
-    fn choice(&self, wo: Vec3) -> Choice<2> {
-        let (lost, f) = (self.loss.towards(wo), self.reflectance(wo.z));
-        Choice::new([f * (1.0 - lost), self.bounced * self.loss.average() * lost])
+    /// Probabilities of facets and of many bounces for a direction above, of whose light so much is lost.
+    fn choice(&self, wo: Vec3, lost: f32) -> Choice<2> {
+        Choice::new([self.reflectance(wo.z) * (1.0 - lost), self.bounced * self.mean_loss * lost])
     }
 
-    /// Density for directions above.
-    fn mixture_pdf(&self, choice: &Choice<2>, wo: Vec3, wi: Vec3) -> f32 {
+    /// Value and density for directions above.
+    fn value_and_pdf(&self, choice: &Choice<2>, lost: f32, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         let [facets, diffuse] = choice.probabilities;
-        facets * self.ggx.reflection_pdf(wo, wi) + diffuse * bounced_pdf(self.ggx, wi.z)
-    }
-
-    /// Value for directions above.
-    fn value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        let once = match self.ggx.reflection(wo, wi) {
-            Some((m, value)) => self.reflectance(wo.dot(m)) * value,
-            None => SampledSpectrum::ZERO,
+        let (once, pdf) = match self.ggx.reflection_and_pdf(wo, wi) {
+            Some((m, value, pdf)) => (self.reflectance(wo.dot(m)) * value, pdf),
+            None => (SampledSpectrum::ZERO, 0.0),
         };
-        once + self.bounced * (self.loss.towards(wo) * self.loss.towards(wi) * wi.z * FRAC_1_PI)
+        let value = once + self.bounced * (lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
+        (value, facets * pdf + diffuse * bounced_pdf(self.ggx, wi.z))
     }
 }
 
 impl Lobes for ConductorBsdf {
     fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        if wo.z * wi.z <= 0.0 || self.ggx.is_smooth() { SampledSpectrum::ZERO } else { self.value(lift(wo), lift(wi)) }
+        self.eval_and_pdf(wo, wi).0
     }
 
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        self.eval_and_pdf(wo, wi).1
+    }
+
+    fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         if wo.z * wi.z <= 0.0 || self.ggx.is_smooth() {
-            return 0.0;
+            return (SampledSpectrum::ZERO, 0.0);
         }
-        self.mixture_pdf(&self.choice(lift(wo)), lift(wo), lift(wi))
+        let up = lift(wo);
+        let lost = self.loss.towards(up);
+        self.value_and_pdf(&self.choice(up, lost), lost, up, lift(wi))
     }
 
     fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
@@ -149,12 +152,14 @@ impl Lobes for ConductorBsdf {
             return Some(mirror_branch(wo, self.reflectance(wo.z.abs())).sample(1.0));
         }
         let up = lift(wo);
-        let choice = self.choice(up);
+        let lost = self.loss.towards(up);
+        let choice = self.choice(up, lost);
         let wi = match choice.pick(u_lobe)? {
             (0, _) => self.ggx.sample_reflection(up, u)?,
             _ => sample_bounced(self.ggx, u),
         };
-        BsdfSample::of(lower_like(wi, wo), self.value(up, wi), self.mixture_pdf(&choice, up, wi), false)
+        let (value, pdf) = self.value_and_pdf(&choice, lost, up, wi);
+        BsdfSample::of(lower_like(wi, wo), value, pdf, false)
     }
 
     fn is_delta(&self) -> bool {
@@ -167,7 +172,7 @@ impl Lobes for ConductorBsdf {
 
     fn albedo(&self, wo: Vec3) -> SampledSpectrum {
         let lost = self.loss.towards(lift(wo));
-        self.reflectance(wo.z.abs()) * (1.0 - lost) + self.bounced * self.loss.average() * lost
+        self.reflectance(wo.z.abs()) * (1.0 - lost) + self.bounced * self.mean_loss * lost
     }
 
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {

@@ -126,8 +126,16 @@ impl Ggx {
 
     /// Facet normal that reflects `wi` to `wo`, and `f |cos(wi)|` of that reflection by facets of reflectance 1.
     pub fn reflection(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32)> {
+        self.reflection_and_pdf(wo, wi).map(|(m, value, _)| (m, value))
+    }
+
+    /// [`Self::reflection`] and [`Self::reflection_pdf`].
+    #[inline]
+    pub fn reflection_and_pdf(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32, f32)> {
         let m = (wo + wi).try_normalize().filter(|m| m.z > 0.0)?;
-        Some((m, self.density(m) * self.visibility(wo, wi) * wi.z))
+        let density = self.density(m);
+        let pdf = if wi.z > 0.0 { density * 0.5 / (self.cap(wo) * wo.z + self.root(wo)) } else { 0.0 };
+        Some((m, density * self.visibility(wo, wi) * wi.z, pdf))
     }
 
     /// Share of the lower bound of the spherical cap that reflections above the surface can come from (Eto and Tokuyoshi, Bounded
@@ -151,10 +159,7 @@ impl Ggx {
 
     /// Density of [`Self::sample_reflection`] per steradian of `wi`.
     pub fn reflection_pdf(self, wo: Vec3, wi: Vec3) -> f32 {
-        match (wo + wi).try_normalize() {
-            Some(m) if m.z > 0.0 && wi.z > 0.0 => self.density(m) * 0.5 / (self.cap(wo) * wo.z + self.root(wo)),
-            _ => 0.0,
-        }
+        self.reflection_and_pdf(wo, wi).map_or(0.0, |(.., pdf)| pdf)
     }
 
     /// Density per steradian of `wi` when `wo` is reflected at a normal drawn by [`Self::sample_visible_normal`].

@@ -57,6 +57,14 @@ pub struct GlossyBsdf {
     passed_average: SampledSpectrum,
 }
 
+/// A direction above, with the share of its light that the gloss reflects, and the share that it lets through.
+#[derive(Clone, Copy)]
+struct Seen {
+    from: Vec3,
+    albedo: SampledSpectrum,
+    passed: SampledSpectrum,
+}
+
 impl GlossyBsdf {
     /// A gloss over a body.
     pub fn new(gloss: Gloss, body: Body) -> Self {
@@ -116,36 +124,48 @@ impl GlossyBsdf {
     }
 
     /// `(1 - E(wo)) (1 - E(wi)) / mean` for directions above.
-    fn coupling(&self, wo: Vec3, wi: Vec3, mean: SampledSpectrum) -> SampledSpectrum {
-        (self.passed(wo) * self.passed(wi)).zip(mean, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 })
+    fn coupling(&self, wo: Seen, wi: Vec3, mean: SampledSpectrum) -> SampledSpectrum {
+        (wo.passed * self.passed(wi)).zip(mean, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 })
     }
 
-    /// `f |cos(wi)|` of the gloss for directions above.
-    fn gloss_value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+    /// `f |cos(wi)|` of the gloss for directions above, and its density.
+    fn gloss_value_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         if self.gloss.ggx.is_smooth() {
-            return SampledSpectrum::ZERO;
+            return (SampledSpectrum::ZERO, 0.0);
         }
-        let reflection = self.gloss.ggx.reflection(wo, wi);
-        reflection.map_or(SampledSpectrum::ZERO, |(m, value)| self.fresnel(wo.dot(m)) * value)
+        let reflection = self.gloss.ggx.reflection_and_pdf(wo, wi);
+        reflection.map_or((SampledSpectrum::ZERO, 0.0), |(m, value, pdf)| (self.fresnel(wo.dot(m)) * value, pdf))
     }
 
     /// `f |cos(wi)|` of the body for directions lifted above.
-    fn body_value(&self, wo: Vec3, wi: Vec3, is_transmission: bool) -> SampledSpectrum {
+    fn body_value(&self, wo: Seen, wi: Vec3, is_transmission: bool) -> SampledSpectrum {
         let cos = wi.z * FRAC_1_PI;
         if !is_transmission {
             if self.body.diffuse.is_black() {
                 return SampledSpectrum::ZERO;
             }
-            return self.body.diffuse.value(wo, wi) * self.coupling(wo, wi, self.passed_by_body(wo)) * cos;
+            let mean = self.passed_by_body(wo.from);
+            return self.body.diffuse.value(wo.from, wi) * self.coupling(wo, wi, mean) * cos;
         }
         let mut value = SampledSpectrum::ZERO;
         if !self.body.through.is_black() {
             value += self.body.through * self.coupling(wo, wi, self.passed_average) * cos;
         }
         if !self.body.walk.is_black() {
-            value += self.body.walk * self.passed(wo) * cos;
+            value += self.body.walk * wo.passed * cos;
         }
         value
+    }
+
+    /// `f |cos(wi)|` and the density for directions lifted above.
+    fn value_and_pdf(&self, choice: &Choice<3>, wo: Seen, wi: Vec3, is_transmission: bool) -> (SampledSpectrum, f32) {
+        let [gloss, diffuse, through] = choice.probabilities;
+        let (body, cosine) = (self.body_value(wo, wi, is_transmission), sampling::cosine_hemisphere_pdf(wi.z));
+        if is_transmission {
+            return (body, through * cosine);
+        }
+        let (value, facets) = self.gloss_value_and_pdf(wo.from, wi);
+        (value + body, gloss * facets + diffuse * cosine)
     }
 
     /// `f |cos(wi)|` where light of the medium inside, gathered along `wo`, comes out: `wi` is outside and above, for a share of 1.
@@ -154,21 +174,16 @@ impl GlossyBsdf {
             * (wi.z * FRAC_1_PI)
     }
 
-    /// Probabilities of gloss, reflection and transmission by the body.
-    fn choice(&self, wo: Vec3) -> Choice<3> {
-        let e = self.gloss_albedo(wo);
-        let rest = SampledSpectrum::ONE - e;
-        Choice::new([e, self.body.diffuse.directional_albedo(wo.z) * rest, (self.body.through + self.body.walk) * rest])
+    /// What is known of a direction above.
+    fn seen(&self, from: Vec3) -> Seen {
+        let albedo = self.gloss_albedo(from);
+        Seen { from, albedo, passed: SampledSpectrum::ONE - albedo }
     }
 
-    fn mixture_pdf(&self, choice: &Choice<3>, wo: Vec3, wi: Vec3, is_transmission: bool) -> f32 {
-        let [gloss, diffuse, through] = choice.probabilities;
-        let cosine = sampling::cosine_hemisphere_pdf(wi.z);
-        if is_transmission {
-            return through * cosine;
-        }
-        let facets = if self.gloss.ggx.is_smooth() { 0.0 } else { self.gloss.ggx.reflection_pdf(wo, wi) };
-        gloss * facets + diffuse * cosine
+    /// Probabilities of gloss, reflection and transmission by the body.
+    fn choice(&self, wo: Seen) -> Choice<3> {
+        let Body { diffuse, through, walk } = &self.body;
+        Choice::new([wo.albedo, diffuse.directional_albedo(wo.from.z) * wo.passed, (*through + *walk) * wo.passed])
     }
 
     fn mirror(&self, wo: Vec3) -> SpecularBranch {
@@ -196,39 +211,49 @@ fn along(cos: f32) -> Vec3 {
 
 impl Lobes for GlossyBsdf {
     fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        let (up, wi_up) = (lift(wo), lift(wi));
+        let (up, wi_up) = (self.seen(lift(wo)), lift(wi));
         match wo.z * wi.z {
-            side if side > 0.0 => self.gloss_value(up, wi_up) + self.body_value(up, wi_up, false),
+            side if side > 0.0 => self.gloss_value_and_pdf(up.from, wi_up).0 + self.body_value(up, wi_up, false),
             side if side < 0.0 => self.body_value(up, wi_up, true),
             _ => SampledSpectrum::ZERO,
         }
     }
 
     fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        if wo.z * wi.z > 0.0 { self.body_value(lift(wo), lift(wi), false) } else { SampledSpectrum::ZERO }
+        match wo.z * wi.z > 0.0 {
+            true => self.body_value(self.seen(lift(wo)), lift(wi), false),
+            false => SampledSpectrum::ZERO,
+        }
     }
 
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        self.eval_and_pdf(wo, wi).1
+    }
+
+    fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         if wo.z * wi.z == 0.0 {
-            return 0.0;
+            return (SampledSpectrum::ZERO, 0.0);
         }
-        self.mixture_pdf(&self.choice(lift(wo)), lift(wo), lift(wi), wo.z * wi.z < 0.0)
+        let up = self.seen(lift(wo));
+        self.value_and_pdf(&self.choice(up), up, lift(wi), wo.z * wi.z < 0.0)
     }
 
     fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         if wo.z == 0.0 {
             return None;
         }
-        let up = lift(wo);
+        let up = self.seen(lift(wo));
         let choice = self.choice(up);
         let lobe = choice.pick(u_lobe)?.0;
         if lobe == 0 && self.gloss.ggx.is_smooth() {
             return Some(self.mirror(wo).sample(choice.probabilities[0]));
         }
-        let wi_up = if lobe == 0 { self.gloss.ggx.sample_reflection(up, u)? } else { sampling::cosine_hemisphere(u) };
+        let wi_up =
+            if lobe == 0 { self.gloss.ggx.sample_reflection(up.from, u)? } else { sampling::cosine_hemisphere(u) };
         let is_transmission = lobe == 2;
         let wi = lower_like(if is_transmission { Vec3::new(wi_up.x, wi_up.y, -wi_up.z) } else { wi_up }, wo);
-        BsdfSample::of(wi, self.eval(wo, wi), self.mixture_pdf(&choice, up, wi_up, is_transmission), is_transmission)
+        let (value, pdf) = self.value_and_pdf(&choice, up, wi_up, is_transmission);
+        BsdfSample::of(wi, value, pdf, is_transmission)
     }
 
     fn is_delta(&self) -> bool {

@@ -105,6 +105,11 @@ pub trait Lobes {
     /// Density per steradian with which [`Self::sample`] draws `wi`, without delta lobes.
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32;
 
+    /// [`Self::eval`] and [`Self::pdf`]: much of the work is the same.
+    fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
+        (self.eval(wo, wi), self.pdf(wo, wi))
+    }
+
     /// Draws a direction. `u_lobe` chooses the lobe, `u` the direction, all in `[0, 1)`. `None` if the path ends.
     fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample>;
 
@@ -163,6 +168,7 @@ macro_rules! bsdfs {
             fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.eval(wo, wi),)* } }
             fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.diffuse(wo, wi),)* } }
             fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 { match self { $(Self::$kind(b) => b.pdf(wo, wi),)* } }
+            fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) { match self { $(Self::$kind(b) => b.eval_and_pdf(wo, wi),)* } }
             fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> { match self { $(Self::$kind(b) => b.sample(wo, u_lobe, u),)* } }
             fn is_delta(&self) -> bool { match self { $(Self::$kind(b) => b.is_delta(),)* } }
             fn is_opaque(&self) -> bool { match self { $(Self::$kind(b) => b.is_opaque(),)* } }

@@ -181,14 +181,6 @@ impl OpenPbrBsdf {
         self.coat.as_ref().map_or(SampledSpectrum::ONE, |coat| coat.passed(wo, wi))
     }
 
-    fn base_value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        let mut sum = SampledSpectrum::ZERO;
-        for (weight, lobe) in self.slabs().into_iter().flatten() {
-            sum += lobe.eval(wo, wi) * weight;
-        }
-        sum * self.unit
-    }
-
     /// Probabilities of the lobes seen from outside.
     fn choice(&self, wo: Vec3, fuzz: &Option<(Fuzz, FuzzLobe)>) -> Choice<5> {
         let under = Self::under_fuzz(fuzz);
@@ -203,37 +195,37 @@ impl OpenPbrBsdf {
         Choice::new([metal, opaque, translucent, coat, fuzz])
     }
 
-    fn value(&self, wo: Vec3, wi: Vec3, fuzz: &Option<(Fuzz, FuzzLobe)>) -> SampledSpectrum {
-        let mut value = self.base_value(wo, wi) * self.under_coat(wo, wi);
+    /// Value and density for a pair seen from outside.
+    fn value_and_pdf(
+        &self,
+        choice: &Choice<5>,
+        wo: Vec3,
+        wi: Vec3,
+        fuzz: &Option<(Fuzz, FuzzLobe)>,
+    ) -> (SampledSpectrum, f32) {
+        let p = choice.probabilities;
+        let (mut base, mut pdf) = (SampledSpectrum::ZERO, 0.0);
+        for (slab, p) in self.slabs().into_iter().zip(p) {
+            let Some((weight, lobe)) = slab else { continue };
+            let (value, density) = lobe.eval_and_pdf(wo, wi);
+            base += value * weight;
+            pdf += if p > 0.0 { p * density } else { 0.0 };
+        }
+        let mut value = base * self.unit * self.under_coat(wo, wi);
         if let Some(coat) = &self.coat {
-            value += self.unit * (coat.value(wo, wi) * coat.coat.weight);
+            let (reflected, density) = coat.value_and_pdf(wo, wi);
+            value += self.unit * (reflected * coat.coat.weight);
+            pdf += p[COAT] * density;
         }
         value *= Self::under_fuzz(fuzz);
         if let Some((fuzz, lobe)) = fuzz
             && wo.z * wi.z > 0.0
         {
-            value += fuzz.color * self.unit * (fuzz.weight * lobe.reflectance * lobe.pdf(lift(wi)));
+            let density = lobe.pdf(lift(wi));
+            value += fuzz.color * self.unit * (fuzz.weight * lobe.reflectance * density);
+            pdf += p[FUZZ] * density;
         }
-        value
-    }
-
-    fn mixture_pdf(&self, choice: &Choice<5>, wo: Vec3, wi: Vec3, fuzz: &Option<(Fuzz, FuzzLobe)>) -> f32 {
-        let p = choice.probabilities;
-        let mut pdf = 0.0;
-        for (lobe, p) in self.slabs().into_iter().zip(p) {
-            if let Some((_, lobe)) = lobe.filter(|_| p > 0.0) {
-                pdf += p * lobe.pdf(wo, wi);
-            }
-        }
-        if let Some(coat) = &self.coat {
-            pdf += p[COAT] * coat.pdf(wo, wi);
-        }
-        if let Some((_, lobe)) = fuzz
-            && wo.z * wi.z > 0.0
-        {
-            pdf += p[FUZZ] * lobe.pdf(lift(wi));
-        }
-        pdf
+        (value, pdf)
     }
 
     fn sample_inside(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
@@ -248,30 +240,26 @@ impl OpenPbrBsdf {
             }
             sample.wi
         };
-        BsdfSample::of(wi, self.eval(wo, wi), self.pdf(wo, wi), wi.z > 0.0)
+        let (value, pdf) = self.inside(wo, wi);
+        BsdfSample::of(wi, value, pdf, wi.z > 0.0)
     }
 
-    fn eval_inside(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+    /// Value and density for a direction inside.
+    fn inside(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         let (clear, scattering) = self.inside_shares();
-        let mut value = SampledSpectrum::ZERO;
+        let (mut value, mut pdf) = (SampledSpectrum::ZERO, 0.0);
         if let Some((_, Translucent::Solid(b))) = &self.slabs.translucent {
-            value += b.eval(wo, wi) * clear;
+            let (through, density) = b.eval_and_pdf(wo, wi);
+            value += through * clear;
+            pdf += density * clear;
         }
-        if let Some((_, b)) = &self.slabs.opaque
-            && wi.z > 0.0
-        {
-            value += b.exit_value(wi) * scattering;
+        if wi.z > 0.0 {
+            if let Some((_, b)) = &self.slabs.opaque {
+                value += b.exit_value(wi) * scattering;
+            }
+            pdf += scattering * sampling::cosine_hemisphere_pdf(wi.z);
         }
-        value * self.unit
-    }
-
-    fn pdf_inside(&self, wo: Vec3, wi: Vec3) -> f32 {
-        let (clear, scattering) = self.inside_shares();
-        let mut pdf = 0.0;
-        if let Some((_, Translucent::Solid(b))) = &self.slabs.translucent {
-            pdf += b.pdf(wo, wi) * clear;
-        }
-        if wi.z > 0.0 { pdf + scattering * sampling::cosine_hemisphere_pdf(wi.z) } else { pdf }
+        (value * self.unit, pdf)
     }
 }
 
@@ -314,19 +302,11 @@ impl CoatLobe {
         (o.z * i.z > 0.0 && wo.z * wi.z > 0.0).then(|| (lift(o), lift(i)))
     }
 
-    fn value(&self, wo: Vec3, wi: Vec3) -> f32 {
-        if self.coat.ggx.is_smooth() {
-            return 0.0;
-        }
-        let reflection = self.pair(wo, wi).and_then(|(o, i)| Some((o, self.coat.ggx.reflection(o, i)?)));
-        reflection.map_or(0.0, |(o, (m, value))| fresnel::dielectric(o.dot(m), self.coat.ior) * value)
-    }
-
-    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        if self.coat.ggx.is_smooth() {
-            return 0.0;
-        }
-        self.pair(wo, wi).map_or(0.0, |(o, i)| self.coat.ggx.reflection_pdf(o, i))
+    /// Value for a coat of weight 1, and density.
+    fn value_and_pdf(&self, wo: Vec3, wi: Vec3) -> (f32, f32) {
+        let Some((o, i)) = self.pair(wo, wi).filter(|_| !self.coat.ggx.is_smooth()) else { return (0.0, 0.0) };
+        let reflection = self.coat.ggx.reflection_and_pdf(o, i);
+        reflection.map_or((0.0, 0.0), |(m, value, pdf)| (fresnel::dielectric(o.dot(m), self.coat.ior) * value, pdf))
     }
 
     fn sample(&self, wo: Vec3, u: Vec2) -> Option<Vec3> {
@@ -351,21 +331,22 @@ impl CoatLobe {
 
 impl Lobes for OpenPbrBsdf {
     fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        if wo.z * wi.z == 0.0 {
-            return SampledSpectrum::ZERO;
-        }
-        if self.is_inside(wo) { self.eval_inside(wo, wi) } else { self.value(wo, wi, &self.fuzz_lobe(wo)) }
+        self.eval_and_pdf(wo, wi).0
     }
 
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        self.eval_and_pdf(wo, wi).1
+    }
+
+    fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         if wo.z * wi.z == 0.0 {
-            return 0.0;
+            return (SampledSpectrum::ZERO, 0.0);
         }
         if self.is_inside(wo) {
-            return self.pdf_inside(wo, wi);
+            return self.inside(wo, wi);
         }
         let fuzz = self.fuzz_lobe(wo);
-        self.mixture_pdf(&self.choice(wo, &fuzz), wo, wi, &fuzz)
+        self.value_and_pdf(&self.choice(wo, &fuzz), wo, wi, &fuzz)
     }
 
     fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
@@ -399,7 +380,8 @@ impl Lobes for OpenPbrBsdf {
             }
             _ => return None,
         };
-        BsdfSample::of(wi, self.value(wo, wi, &fuzz), self.mixture_pdf(&choice, wo, wi, &fuzz), wo.z * wi.z < 0.0)
+        let (value, pdf) = self.value_and_pdf(&choice, wo, wi, &fuzz);
+        BsdfSample::of(wi, value, pdf, wo.z * wi.z < 0.0)
     }
 
     fn is_delta(&self) -> bool {

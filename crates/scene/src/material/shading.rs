@@ -46,6 +46,11 @@ impl ShadingBsdf {
         self.local(wo, wi).map_or(0.0, |(o, i)| self.bsdf.pdf(o, i))
     }
 
+    /// [`Self::eval`] and [`Self::pdf`].
+    pub fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
+        self.local(wo, wi).map_or((SampledSpectrum::ZERO, 0.0), |(o, i)| self.bsdf.eval_and_pdf(o, i))
+    }
+
     /// See [`Lobes::crossing_scale`].
     pub fn crossing_scale(&self, wo: Vec3) -> f32 {
         self.bsdf.crossing_scale(self.frame.to_local(wo))
