@@ -111,6 +111,21 @@ fn a_changed_scene_is_the_scene_compiled_anew() {
 }
 
 #[test]
+fn it_is_known_whether_light_comes_from_all_around() {
+    let mut scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
+    let is_even = |scene: &Scene| {
+        CompiledScene::new(scene, &BuildOptions::default()).expect("a valid scene").is_evenly_lit()
+    };
+    assert!(!is_even(&scene), "the lamp is all the light");
+    scene.environment = Some(snell_scene::Environment::Constant(Rgb::splat(1e-4)));
+    assert!(!is_even(&scene), "the lamp is most of the light");
+    scene.environment = Some(snell_scene::Environment::Constant(Rgb::splat(1e4)));
+    assert!(is_even(&scene), "the sky is most of the light");
+    scene.lights.push(snell_scene::Light::Directional { direction: -DVec3::Y, irradiance: Rgb::splat(1e6) });
+    assert!(!is_even(&scene), "the sun is most of the light");
+}
+
+#[test]
 fn strands_are_stored_once_keep_their_materials_and_are_passed_from_within() {
     let points = [-1.0, -0.3, 0.3, 1.0].map(|y| Vec3::new(0.0, y, 0.0).extend(0.5)).to_vec();
     let strand = Arc::new(Curves::new(StrandBasis::Bezier, points, vec![4]).expect("a segment"));
