@@ -113,9 +113,8 @@ fn a_changed_scene_is_the_scene_compiled_anew() {
 #[test]
 fn it_is_known_whether_light_comes_from_all_around() {
     let mut scene = snell_scene::builtin::builtin("cornell-box").expect("the scene is built in");
-    let is_even = |scene: &Scene| {
-        CompiledScene::new(scene, &BuildOptions::default()).expect("a valid scene").is_evenly_lit()
-    };
+    let is_even =
+        |scene: &Scene| CompiledScene::new(scene, &BuildOptions::default()).expect("a valid scene").is_evenly_lit();
     assert!(!is_even(&scene), "the lamp is all the light");
     scene.environment = Some(snell_scene::Environment::Constant(Rgb::splat(1e-4)));
     assert!(!is_even(&scene), "the lamp is most of the light");

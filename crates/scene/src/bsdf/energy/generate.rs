@@ -93,12 +93,15 @@ fn average(alpha: f64, row: &[f64], reference: impl Fn(f64) -> f64) -> f64 {
     sum
 }
 
-fn encode(rows: &[Vec<f64>], bytes: &mut Vec<u8>) {
-    for row in rows {
-        let (mean, albedos) = row.split_last().expect("rows end in their mean");
-        let logarithm = mean.ln() / f64::from(DEEPEST);
-        for x in albedos.iter().chain([&logarithm]) {
-            bytes.extend(((x.clamp(0.0, 1.0) * 65535.0).round() as u16).to_le_bytes());
+/// One of the [tables](Table), of rows of albedos with their means for each index of refraction.
+fn encode(planes: &[&Vec<Vec<f64>>], bytes: &mut Vec<u8>) {
+    for row in 0..ROUGHNESSES {
+        for number in 0..ROW {
+            for plane in planes {
+                let x = plane[row][number];
+                let x = if number == STEEPNESSES { x.ln() / f64::from(DEEPEST) } else { x };
+                bytes.extend(((x.clamp(0.0, 1.0) * 65535.0).round() as u16).to_le_bytes());
+            }
         }
     }
 }
@@ -151,9 +154,9 @@ fn write_tables() {
     });
     let mut bytes = Vec::new();
     let planes: Vec<_> = planes.into_iter().flatten().collect();
-    encode(&planes[0][0], &mut bytes);
-    for plane in &planes {
-        plane[1..].iter().for_each(|rows| encode(rows, &mut bytes));
+    encode(&[&planes[0][0]; FACETS.indices], &mut bytes);
+    for quantity in 1..4 {
+        encode(&planes.iter().map(|quantities| &quantities[quantity]).collect::<Vec<_>>(), &mut bytes);
     }
     std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/energy/tables.bin"), bytes)
         .expect("writes the tables");

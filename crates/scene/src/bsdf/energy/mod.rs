@@ -21,20 +21,40 @@ const STEEPNESSES: usize = 48;
 const ROUGHNESSES: usize = 28;
 /// Nodes in the index of refraction.
 const INDICES: usize = 32;
-/// Numbers per index of refraction: a row of albedos and their mean for each roughness.
-const PLANE: usize = ROUGHNESSES * (STEEPNESSES + 1);
+/// Numbers in a row: albedos and their mean.
+const ROW: usize = STEEPNESSES + 1;
 
-/// Numbers of 16 bits, little-endian: albedos in units of 1/65535, means by their logarithms. First [`PLANE`] of facets that reflect everything; then for each index of
-/// refraction three of them: reflected from outside over what a smooth
-/// surface reflects at the angle of a typical facet (in units of [`MOST`]), lost from outside, lost from inside.
-static TABLES: &[u8] = include_bytes!("tables.bin");
+/// Numbers of 16 bits, little-endian: albedos in units of 1/65535, means by their logarithms.
+static NUMBERS: &[u8] = include_bytes!("tables.bin");
+
+/// A table: a row for each roughness, each number in it for all indices of refraction, one after the other.
+#[derive(Clone, Copy, Debug)]
+struct Table {
+    start: usize,
+    indices: usize,
+}
+
+/// Lost by facets that reflect everything: the same for four indices of refraction.
+const FACETS: Table = Table { start: 0, indices: 4 };
+/// Reflected by a dielectric from outside over what a smooth surface reflects at the angle of a typical facet (in units of [`MOST`]).
+const REFLECTED: Table = Table::of_dielectrics(0);
+/// Lost by a dielectric from outside and from inside.
+const LOST: [Table; 2] = [Table::of_dielectrics(1), Table::of_dielectrics(2)];
+
+impl Table {
+    const fn of_dielectrics(number: usize) -> Self {
+        Self { start: ROUGHNESSES * ROW * (FACETS.indices + number * INDICES), indices: INDICES }
+    }
+}
 
 /// Root of the reflectance at normal incidence at the last index of refraction; the nodes before follow the power 2.5.
 const MOST_ROOT_F0: f64 = 0.98;
 
-fn number(plane: usize, index: usize) -> f32 {
-    let at = 2 * (plane * PLANE + index);
-    f32::from(u16::from_le_bytes([TABLES[at], TABLES[at + 1]])) * (1.0 / 65535.0)
+/// A number for four indices of refraction.
+#[inline(always)]
+fn four(at: usize) -> [f32; 4] {
+    let bytes = &NUMBERS[2 * at..2 * at + 8];
+    std::array::from_fn(|k| f32::from(u16::from_le_bytes([bytes[2 * k], bytes[2 * k + 1]])) * (1.0 / 65535.0))
 }
 
 /// Range of the logarithms of means: at low roughness nothing is lost on average, but much at grazing angles, and the ratio counts.
@@ -62,12 +82,13 @@ fn lerp(a: f32, b: f32, t: f32) -> f32 {
 /// One quantity for one surface: a function of direction.
 #[derive(Clone, Copy, Debug)]
 struct Albedo {
-    /// Planes around the index of refraction: the first, and the weights of it and of every third after it.
-    plane: usize,
+    /// Where the first of four rows around the roughness begins in the table, for the first of four indices of refraction around that of the surface.
+    start: usize,
+    /// As in [`Table`].
+    indices: usize,
+    /// Weights of the rows and of the indices, in a cubic.
+    rows: [f32; 4],
     planes: [f32; 4],
-    /// The first of four rows around the roughness, and their weights in a cubic.
-    first: usize,
-    weights: [f32; 4],
     /// What the means are stored over.
     reference: f32,
 }
@@ -85,46 +106,61 @@ fn cubic(x: f32) -> [f32; 4] {
 }
 
 impl Albedo {
-    fn new(ggx: Ggx, plane: usize, planes: [f32; 4]) -> Self {
+    fn new(ggx: Ggx, table: Table, (index, planes): (usize, [f32; 4])) -> Self {
         let (row, weight) = nodes(ggx.alpha().sqrt(), ROUGHNESSES);
         let first = row.saturating_sub(1).min(ROUGHNESSES - 4);
-        Self { plane, planes, first, weights: cubic((row - first) as f32 + weight), reference: 1.0 }
+        let start = table.start + first * ROW * table.indices + index;
+        Self { start, indices: table.indices, rows: cubic((row - first) as f32 + weight), planes, reference: 1.0 }
     }
 
     /// A loss: its mean is stored over [`mean_reference`].
-    fn loss(ggx: Ggx, plane: usize, planes: [f32; 4]) -> Self {
-        Self { reference: mean_reference(ggx.alpha().clamp(1e-4, 1.0)), ..Self::new(ggx, plane, planes) }
+    fn loss(ggx: Ggx, table: Table, indices: (usize, [f32; 4])) -> Self {
+        Self { reference: mean_reference(ggx.alpha().clamp(1e-4, 1.0)), ..Self::new(ggx, table, indices) }
     }
 
-    /// The cubic through what the planes say.
-    fn over_planes(&self, f: impl Fn(usize) -> f32) -> f32 {
-        let term = |(k, &w): (usize, &f32)| if w == 0.0 { 0.0 } else { w * f(self.plane + 3 * k) };
-        self.planes.iter().enumerate().map(term).sum::<f32>().max(0.0)
+    /// The cubic through the rows, of a number in them, for four indices of refraction.
+    #[inline(always)]
+    fn over_rows(&self, number: impl Fn(usize) -> [f32; 4]) -> [f32; 4] {
+        let mut sums = [0.0; 4];
+        for (row, weight) in self.rows.iter().enumerate() {
+            let numbers = number(self.start + row * ROW * self.indices);
+            for (sum, number) in sums.iter_mut().zip(numbers) {
+                *sum += weight * number;
+            }
+        }
+        sums
     }
 
-    fn at(&self, plane: usize, i: usize, t: f32) -> f32 {
-        let start = self.first * (STEEPNESSES + 1) + i;
-        let at = |row| lerp(number(plane, row), number(plane, row + 1), t);
-        self.weights.iter().enumerate().map(|(k, w)| w * at(start + k * (STEEPNESSES + 1))).sum()
-    }
-
-    fn plane_average(&self, plane: usize) -> f32 {
-        let start = self.first * (STEEPNESSES + 1) + STEEPNESSES;
-        let rows = self.weights.iter().enumerate().map(|(k, w)| w * number(plane, start + k * (STEEPNESSES + 1)));
-        self.reference * (rows.sum::<f32>() * DEEPEST).exp()
+    /// The cubic through four indices of refraction.
+    #[inline(always)]
+    fn over_planes(&self, numbers: [f32; 4]) -> f32 {
+        self.planes.iter().zip(numbers).map(|(weight, number)| weight * number).sum::<f32>().max(0.0)
     }
 
     /// Towards a direction at this place of the table.
     fn directional(&self, position: f32) -> f32 {
         let (i, t) = nodes(position, STEEPNESSES);
-        self.over_planes(|plane| self.at(plane, i, t))
+        let numbers = self.over_rows(|row| {
+            let (a, b) = (four(row + i * self.indices), four(row + (i + 1) * self.indices));
+            std::array::from_fn(|k| lerp(a[k], b[k], t))
+        });
+        self.over_planes(numbers)
     }
 
     /// The mean over directions weighted by the cosine.
     fn average(&self) -> f32 {
-        self.over_planes(|plane| self.plane_average(plane))
+        let logarithms = self.over_rows(|row| four(row + STEEPNESSES * self.indices));
+        // (Most that are not wanted are not worked out.)
+        let mean = |plane: usize| match self.planes[plane] {
+            0.0 => 0.0,
+            _ => self.reference * (logarithms[plane] * DEEPEST).exp(),
+        };
+        self.over_planes(std::array::from_fn(mean))
     }
 }
+
+/// For what does not depend on the index of refraction.
+const NO_INDEX: (usize, [f32; 4]) = (0, [1.0, 0.0, 0.0, 0.0]);
 
 /// Squared widths this small end the logarithm in [`sample_bounced`].
 fn squared_width(ggx: Ggx) -> f32 {
@@ -156,7 +192,7 @@ pub(super) struct FacetLoss {
 
 impl FacetLoss {
     pub(super) fn new(ggx: Ggx) -> Self {
-        Self { ggx, loss: Albedo::loss(ggx, 0, [1.0, 0.0, 0.0, 0.0]) }
+        Self { ggx, loss: Albedo::loss(ggx, FACETS, NO_INDEX) }
     }
 
     /// Share of light lost towards (equally: from) a direction above.
@@ -189,8 +225,7 @@ pub(super) struct DielectricReflection {
 impl DielectricReflection {
     /// Seen from the side of lower index; `ior` is that of the other side over this one, at least 1.
     pub(super) fn new(ggx: Ggx, ior: f32) -> Self {
-        let (first, weights) = indices(ior);
-        Self { ggx, ior, reflected: Albedo::new(ggx, 1 + 3 * first, weights) }
+        Self { ggx, ior, reflected: Albedo::new(ggx, REFLECTED, indices(ior)) }
     }
 
     /// Share of light reflected once towards a direction above.
@@ -219,9 +254,8 @@ pub(super) struct DielectricLoss {
 impl DielectricLoss {
     /// Seen from one side; `eta` is the index of the other side over that of this one.
     pub(super) fn new(ggx: Ggx, eta: f32) -> Self {
-        let (first, weights) = indices(if eta >= 1.0 { eta } else { 1.0 / eta });
-        let which = if eta >= 1.0 { 2 } else { 3 };
-        Self { ggx, loss: Albedo::loss(ggx, which + 3 * first, weights) }
+        let (table, ior) = if eta >= 1.0 { (LOST[0], eta) } else { (LOST[1], 1.0 / eta) };
+        Self { ggx, loss: Albedo::loss(ggx, table, indices(ior)) }
     }
 
     /// Share of light lost towards (equally: from) a direction above.
