@@ -3,13 +3,14 @@
 //! A face is a triangle, or two that make a flat quadrilateral ([`faces`]). Where a ray meets its plane, and on which side of its edges that is, is
 //! worked out in `f32` with a bound of the error ([`bundle`]). For nearly all rays it is then certain which face is the nearest; the distance on it and the
 //! coordinates follow from the numbers that the exact test would find ([`exact`]), sixteen rays at a time too. The others, which come near an
-//! edge, start in a plane or run along one, and rays of extraordinary size, go through the tree, which finds the same. Shapes are tested ray by
-//! ray, with a look at their boxes before.
+//! edge, start in a plane or run along one, and rays of extraordinary size, go through the tree, which finds the same. Spheres and flat shapes are tested
+//! sixteen rays at a time ([`shapes`]), others ray by ray, both with a look at their boxes before.
 
 mod bundle;
 mod contents;
 mod exact;
 mod faces;
+mod shapes;
 #[cfg(test)]
 mod tests;
 
@@ -21,8 +22,8 @@ use crate::accel::bvh::Forest;
 use crate::hit::Hit;
 use crate::precision::{Rules, Single};
 use crate::query::search::{Goal, Search, Verdict};
-use bundle::{Bundle, Nearest, PerRay, RAYS};
-use contents::MAX_OBJECTS;
+use bundle::{Blocked, Bundle, Nearest, PerRay, RAYS};
+use contents::{FIRST_OBJECT, MAX_OBJECTS};
 use exact::Found;
 use snell_math::simd::{Doubles16, Lanes16, Level, PairDoubles, Portable8};
 use snell_math::{Ray, Vec2, Vec3};
@@ -80,17 +81,17 @@ struct Scene<'a> {
     list: &'a List,
     level: Level,
     batch: &'a Batch<'a, Single>,
-    /// The nearest triangle within the interval of a ray is always what it hits, unless a shape is.
+    /// The nearest hit within the interval of a ray is always what it hits, as far as things are tested in lanes.
     is_plain: bool,
 }
 
-/// True if nothing may reject a hit on a triangle, or change it.
+/// True if nothing may reject a hit on what is tested in lanes, or change it.
 fn is_plain(list: &List, batch: &Batch<Single>) -> bool {
     let accepts = |geometry: u32| {
         let options = batch.context.options[geometry as usize];
         options.mask == u32::MAX && !options.filtered && !options.quads
     };
-    !batch.rays.has_masks() && list.used().iter().all(|triangle| accepts(triangle.ids().0))
+    !batch.rays.has_masks() && list.geometries().all(accepts)
 }
 
 /// # Safety
@@ -152,11 +153,14 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
         // SAFETY: as promised by the caller.
         let bundle = unsafe { Bundle::<D>::new(list, sixteen, rays.len()) };
         // SAFETY: as promised by the caller.
-        let near = unsafe { Near::new(list, &bundle) };
+        let mut near = unsafe { Near::new(list, &bundle) };
         let mut unsure = !bundle.ordinary & ((2 << (rays.len() - 1)) - 1);
         if G::ANY && scene.is_plain {
             // SAFETY: as promised by the caller.
-            let found = unsafe { bundle.blocked(list) };
+            let mut found = unsafe { bundle.blocked(list) };
+            // SAFETY: as promised by the caller.
+            unsafe { near.block(list, &bundle, &mut found) };
+            let others = near.any();
             unsure |= found.doubtful & !found.blocked & bundle.ordinary;
             met += (found.met | unsure).count_ones() as usize;
             for (lane, ray) in rays.iter().enumerate() {
@@ -164,7 +168,7 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                     continue;
                 }
                 let is_blocked = found.blocked >> lane & 1 == 1;
-                if is_blocked || !near.any(lane) {
+                if is_blocked || others >> lane & 1 == 0 {
                     let mut goal = start(ray);
                     if is_blocked {
                         goal.take(Hit::MISS);
@@ -180,14 +184,19 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
             }
         } else {
             // SAFETY: as promised by the caller.
-            let found = unsafe { Hits::of(list, &bundle) };
+            let mut found = unsafe { Hits::of(list, &bundle) };
+            if scene.is_plain {
+                // SAFETY: as promised by the caller.
+                unsafe { found.take_shapes(list, &bundle, &mut near) };
+            }
+            let others = near.any();
             unsure |= found.unsure;
             met += found.met.count_ones() as usize;
             for (lane, ray) in rays.iter().enumerate() {
                 if unsure >> lane & 1 == 1 {
                     continue;
                 }
-                if scene.is_plain && !near.any(lane) {
+                if scene.is_plain && others >> lane & 1 == 0 {
                     let mut goal = start(ray);
                     if let Some(hit) = found.get(list, lane) {
                         goal.take(hit);
@@ -229,10 +238,9 @@ fn search_tree<G: Goal<Precision = Single>>(
     }
 }
 
-/// The rays that may meet shapes: a bit for each ray, by shape.
+/// The rays that may meet shapes that have yet to be tested: a bit for each ray, by shape.
 struct Near {
     shapes: [u32; MAX_OBJECTS],
-    any: u32,
 }
 
 impl Near {
@@ -240,22 +248,43 @@ impl Near {
     /// The machine must have the instructions of `D`.
     #[inline(always)]
     unsafe fn new<D: Doubles16>(list: &List, bundle: &Bundle<D>) -> Self {
-        let mut near = Self { shapes: [0; MAX_OBJECTS], any: 0 };
+        let mut near = Self { shapes: [0; MAX_OBJECTS] };
         for (object, shape) in list.objects.iter().zip(&mut near.shapes) {
             *shape = match &object.bounds {
                 // SAFETY: passed on to the caller.
                 Some(bounds) => unsafe { bundle.may_meet(list, bounds) },
                 None => u32::MAX,
             };
-            near.any |= *shape;
         }
         near
     }
 
-    /// True if a ray may meet any.
+    /// The rays that may meet any.
     #[inline(always)]
-    fn any(&self, lane: usize) -> bool {
-        self.any >> lane & 1 == 1
+    fn any(&self) -> u32 {
+        let mut any = 0;
+        for shape in &self.shapes {
+            any |= shape;
+        }
+        any
+    }
+
+    /// Tests the shapes that are tested in lanes, where any will do.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `D`.
+    #[inline(always)]
+    unsafe fn block<D: Doubles16>(&mut self, list: &List, bundle: &Bundle<D>, found: &mut Blocked) {
+        for (object, near) in list.objects.iter().zip(&mut self.shapes) {
+            let Some(shape) = &object.shape else { continue };
+            let lanes = std::mem::take(near) & bundle.ordinary & !found.blocked;
+            if lanes != 0 {
+                // SAFETY: passed on to the caller.
+                let blocked = unsafe { shape.meet(bundle, lanes).lt(D::Singles::splat(f32::INFINITY)) };
+                found.blocked |= blocked;
+                found.met |= blocked;
+            }
+        }
     }
 
     /// The shapes that a ray may meet, a bit for each.
@@ -318,8 +347,8 @@ unsafe fn test_objects<G: Goal<Precision = Single>>(
 /// What sixteen rays hit.
 struct Hits {
     found: Found,
-    /// The numbers of the triangles that they hit, as bits.
-    triangles: PerRay<f32>,
+    /// The numbers of what they hit, as bits.
+    numbers: PerRay<f32>,
     /// The rays for which that is not certain, and those that meet anything ahead, or may.
     unsure: u32,
     met: u32,
@@ -333,24 +362,73 @@ impl Hits {
         // SAFETY: passed on to the caller.
         unsafe {
             let Nearest { first, second, triangle, doubtful } = bundle.nearest(list);
-            let mut triangles = [0.0; RAYS];
-            triangle.store(&mut triangles);
+            let mut numbers = [0.0; RAYS];
+            triangle.store(&mut numbers);
             let mut chosen = [list.triangle(0.0); RAYS];
-            for (to, &number) in chosen.iter_mut().zip(&triangles) {
+            for (to, &number) in chosen.iter_mut().zip(&numbers) {
                 *to = list.triangle(number);
             }
             let ahead = first.lt(D::Singles::splat(f32::INFINITY)) & bundle.ordinary;
             let mut found = exact::test(bundle, &chosen, second);
             let unsure = (doubtful & bundle.ordinary) | (ahead & !found.hits & !found.beyond);
             found.hits &= ahead & !unsure;
-            Self { found, triangles, unsure, met: ahead | unsure }
+            Self { found, numbers, unsure, met: ahead | unsure }
+        }
+    }
+
+    /// Tests the shapes that are tested in lanes, and takes what is nearer, or as near with a lower number.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `D`.
+    #[inline(always)]
+    unsafe fn take_shapes<D: Doubles16>(&mut self, list: &List, bundle: &Bundle<D>, near: &mut Near) {
+        for (number, (object, near)) in list.objects.iter().zip(&mut near.shapes).enumerate() {
+            let Some(shape) = &object.shape else { continue };
+            let lanes = std::mem::take(near) & bundle.ordinary;
+            if lanes == 0 {
+                continue;
+            }
+            // SAFETY: passed on to the caller.
+            unsafe {
+                let (zero, infinity) = (D::Singles::splat(0.0), D::Singles::splat(f32::INFINITY));
+                let t = shape.meet(bundle, lanes);
+                let best = infinity.replace(self.found.hits, D::Singles::load(&self.found.t));
+                let hits = t.lt(infinity);
+                let mut taken = t.lt(best);
+                let mut ties = hits & t.le(best) & !taken;
+                while ties != 0 {
+                    let lane = ties.trailing_zeros();
+                    ties &= ties - 1;
+                    let (geometry, _) = list.triangle(self.numbers[lane as usize]).ids();
+                    taken |= u32::from(shape.geometry < geometry) << lane;
+                }
+                if taken != 0 {
+                    let this = D::Singles::splat(f32::from_bits((FIRST_OBJECT + number) as u32));
+                    replace(&mut self.numbers, taken, this);
+                    replace(&mut self.found.t, taken, t);
+                    replace(&mut self.found.b1, taken, zero);
+                    replace(&mut self.found.b2, taken, zero);
+                }
+                self.found.hits |= hits;
+                self.met |= hits;
+            }
         }
     }
 
     #[inline(always)]
     fn get(&self, list: &List, lane: usize) -> Option<Hit> {
-        let (geometry, primitive) = list.triangle(self.triangles[lane]).ids();
+        let (geometry, primitive) = list.triangle(self.numbers[lane]).ids();
         let (t, uv) = (self.found.t[lane], Vec2::new(self.found.b1[lane], self.found.b2[lane]));
         (self.found.hits >> lane & 1 == 1).then_some(Hit { t, uv, instance: 0, geometry, primitive })
     }
+}
+
+/// Replaces the numbers of some rays.
+///
+/// # Safety
+/// The machine must have the instructions of `W`.
+#[inline(always)]
+unsafe fn replace<W: Lanes16>(numbers: &mut PerRay<f32>, mask: u32, other: W) {
+    // SAFETY: passed on to the caller.
+    unsafe { W::load(numbers).replace(mask, other).store(numbers) }
 }

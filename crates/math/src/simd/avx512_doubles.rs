@@ -66,6 +66,25 @@ impl Doubles16 for Avx16Doubles {
     }
 
     #[inline(always)]
+    fn fused(self, factor: Self, summand: Self) -> Self {
+        self.mul_add(factor, summand)
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        let [a, b] = self.0;
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { [_mm512_abs_pd(a), _mm512_abs_pd(b)] })
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        let [a, b] = self.0;
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { [_mm512_sqrt_pd(a), _mm512_sqrt_pd(b)] })
+    }
+
+    #[inline(always)]
     fn lt(self, other: Self) -> u32 {
         let ([a, b], [c, d]) = (self.0, other.0);
         // SAFETY: a value of this type exists, so the machine has AVX-512.

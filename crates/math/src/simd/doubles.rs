@@ -53,6 +53,9 @@ pub trait Lanes4: Copy {
     /// Absolute value.
     fn abs(self) -> Self;
 
+    /// Square root.
+    fn sqrt(self) -> Self;
+
     /// Bit `i` is set if `self <= other` in lane `i` (not for NaN).
     fn le(self, other: Self) -> u32;
 
@@ -184,6 +187,11 @@ impl Lanes4 for Portable4 {
     #[inline(always)]
     fn abs(self) -> Self {
         Self(self.0.map(f64::abs))
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(f64::sqrt))
     }
 
     #[inline(always)]
@@ -332,6 +340,7 @@ mod tests {
             x.min(y),
             x.max(y),
             x.abs(),
+            x.sqrt(),
             x.rounded(),
             one,
             permuted.first_doubles(),

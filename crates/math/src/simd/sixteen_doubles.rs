@@ -34,6 +34,15 @@ pub trait Doubles16: Copy {
     /// `self * factor + summand`, fused or not, as that of [`Self::Singles`].
     fn mul_add(self, factor: Self, summand: Self) -> Self;
 
+    /// `self * factor + summand`, rounded once.
+    fn fused(self, factor: Self, summand: Self) -> Self;
+
+    /// Absolute value.
+    fn abs(self) -> Self;
+
+    /// Square root.
+    fn sqrt(self) -> Self;
+
     /// Where `self < other` (not for NaN).
     fn lt(self, other: Self) -> u32;
 
@@ -96,8 +105,25 @@ impl<L: WideLanes> Doubles16 for PairDoubles<L> {
         if !<L as Lanes8>::FUSED {
             return self.mul(factor).add(summand);
         }
+        self.fused(factor, summand)
+    }
+
+    #[inline(always)]
+    fn fused(self, factor: Self, summand: Self) -> Self {
         let ([a, b, c, d], [e, f, g, h], [i, j, k, l]) = (self.0, factor.0, summand.0);
         Self([a.fused(e, i), b.fused(f, j), c.fused(g, k), d.fused(h, l)])
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        let [a, b, c, d] = self.0;
+        Self([a.abs(), b.abs(), c.abs(), d.abs()])
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        let [a, b, c, d] = self.0;
+        Self([a.sqrt(), b.sqrt(), c.sqrt(), d.sqrt()])
     }
 
     #[inline(always)]
@@ -126,7 +152,19 @@ mod tests {
         // What is lost by rounding, too.
         let rest = third.sub(D::of(third.rounded()));
         // Exact, so that it does not matter whether it is fused.
-        let values = [x.add(y), x.sub(y), x.mul(y), x.div(y), third, rest, x.mul_add(three, three), x.replace(mask, y)];
+        let values = [
+            x.add(y),
+            x.sub(y),
+            x.mul(y),
+            x.div(y),
+            third,
+            rest,
+            x.mul_add(three, three),
+            third.fused(y, x),
+            third.abs(),
+            x.sqrt(),
+            x.replace(mask, y),
+        ];
         let stored = values.map(|value| {
             let mut out = [0.0; 16];
             value.rounded().store(&mut out);

@@ -60,7 +60,7 @@ pub(super) struct Bundle<D: Doubles16> {
     pub size: D::Singles,
     /// The lanes with rays that are ordinary.
     pub ordinary: u32,
-    exact_origin: [D; 3],
+    pub exact_origin: [D; 3],
     /// Seen from the centre of the list.
     from_center: [D::Singles; 3],
     /// `D` above.

@@ -1,6 +1,7 @@
 //! What a list holds, ready to be tested.
 
 use super::faces::{Faces, shapes};
+use super::shapes::ListShape;
 use crate::accel::bvh::GroupTree;
 use crate::accel::group::Object;
 use crate::kernel::node::ChildRef;
@@ -13,6 +14,12 @@ pub(super) const MAX_TRIANGLES: usize = 64;
 /// Most shapes of a list, and least triangles for each of them.
 pub(super) const MAX_OBJECTS: usize = 8;
 const TRIANGLES_PER_OBJECT: usize = 2;
+
+/// Numbers from here on are those of objects.
+pub(super) const FIRST_OBJECT: usize = 2 * MAX_TRIANGLES;
+
+/// More than there are of triangles and objects: with a power of two, numbers below that need no check.
+const NUMBERS: usize = 2 * FIRST_OBJECT;
 
 /// Lists of extraordinary size are left to the tree: nothing may overflow or vanish.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
@@ -29,9 +36,9 @@ pub(crate) struct List {
     pub(super) reach: f32,
     /// By the axis along which they are seen.
     pub(super) faces: [Faces; 3],
-    /// Of each face, as they are numbered, the triangle on the positive side of its diagonal and the one on the other side. (So many that numbers
-    /// below that need no check.)
-    pub(super) triangles: [Triangle; 2 * MAX_TRIANGLES],
+    /// Of each face, as they are numbered, the triangle on the positive side of its diagonal and the one on the other side. Then, from
+    /// [`FIRST_OBJECT`] on, those of objects that are hit in lanes, for their identity.
+    pub(super) triangles: [Triangle; NUMBERS],
     pub(super) objects: Vec<ListObject>,
 }
 
@@ -51,6 +58,8 @@ pub(super) struct ListObject {
     pub number: usize,
     /// In the coordinates of the group, if it is known.
     pub bounds: Option<Bounds3>,
+    /// If it is tested in lanes.
+    pub shape: Option<ListShape>,
 }
 
 /// Inverse of the least slope at which [`Triangle`] promises that. The drawing is off by 8.5 units of `2^-24`, relative to the farthest vertex; so hits
@@ -59,6 +68,13 @@ const STEEPEST: f64 = 64.0;
 
 impl Triangle {
     const NONE: Self = Self { numbers: [[0.0; 8]; 2] };
+
+    /// What tells only which shape is hit.
+    fn of_shape(geometry: u32) -> Self {
+        let mut numbers = Self::NONE.numbers;
+        numbers[1][2] = f32::from_bits(geometry);
+        Self { numbers }
+    }
 
     fn new(corners: &Corners, (geometry, primitive): (u32, u32)) -> Self {
         let [[a, b, c], [d, e, f], [g, h, i]] = *corners;
@@ -92,8 +108,11 @@ impl List {
         {
             return None;
         }
-        let mut objects: Vec<ListObject> =
-            tree.unbounded.iter().map(|&number| ListObject { number: number as usize, bounds: None }).collect();
+        let object = |number: usize, bounds: Option<Bounds3>| {
+            let shape = tree.objects.placed().get(number).and_then(ListShape::of);
+            ListObject { number, bounds, shape }
+        };
+        let mut objects: Vec<ListObject> = tree.unbounded.iter().map(|&number| object(number as usize, None)).collect();
         let mut triangles: Vec<(u32, Corners)> = Vec::new();
         let mut add = |child: ChildRef, bounds: Option<Bounds3>| {
             if child == ChildRef::NONE || child.is_node() {
@@ -108,7 +127,7 @@ impl List {
                     }
                 }
             } else {
-                objects.push(ListObject { number: child.index(), bounds });
+                objects.push(object(child.index(), bounds));
             }
         };
         add(tree.root, None);
@@ -136,7 +155,7 @@ impl List {
             center,
             reach: (reach as f32).next_up(),
             faces: Default::default(),
-            triangles: [Triangle::NONE; 2 * MAX_TRIANGLES],
+            triangles: [Triangle::NONE; NUMBERS],
             objects,
         });
         let corners: Vec<Corners> = triangles.iter().map(|(_, corners)| *corners).collect();
@@ -151,13 +170,18 @@ impl List {
                 list.triangles[2 * number + side] = Triangle::new(corners, tree.triangle(*id));
             }
         }
+        for (shape, of_shape) in list.objects.iter().zip(&mut list.triangles[FIRST_OBJECT..]) {
+            if let Some(shape) = &shape.shape {
+                *of_shape = Triangle::of_shape(shape.geometry);
+            }
+        }
         Some(list)
     }
 
-    /// The triangle with this number, given as bits.
+    /// The triangle (or object) with this number, given as bits.
     #[inline(always)]
     pub(super) fn triangle(&self, bits: f32) -> &Triangle {
-        &self.triangles[bits.to_bits() as usize % (2 * MAX_TRIANGLES)]
+        &self.triangles[bits.to_bits() as usize % NUMBERS]
     }
 
     /// How many faces there are.
@@ -165,8 +189,9 @@ impl List {
         self.faces.iter().map(|faces| faces.across.len() + faces.tilted.len()).sum()
     }
 
-    /// The triangles that there are, some of them twice.
-    pub(super) fn used(&self) -> &[Triangle] {
-        &self.triangles[..2 * self.len()]
+    /// The geometries of what is tested in lanes, many of them more than once.
+    pub(super) fn geometries(&self) -> impl Iterator<Item = u32> {
+        let shapes = self.objects.iter().filter_map(|object| Some(object.shape.as_ref()?.geometry));
+        self.triangles[..2 * self.len()].iter().map(|triangle| triangle.ids().0).chain(shapes)
     }
 }

@@ -5,6 +5,7 @@
 use super::super::columns::columns;
 use super::bundle::{Bundle, PerRay, RAYS};
 use super::contents::Triangle;
+use super::shapes::dot;
 use snell_math::simd::{Doubles16, Lanes16};
 
 /// What became of sixteen rays.
@@ -91,11 +92,6 @@ fn doubles<D: Doubles16>(v: [D::Singles; 3]) -> [D; 3] {
 #[inline(always)]
 fn minus<D: Doubles16>(a: [D; 3], b: [D; 3]) -> [D; 3] {
     [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2])]
-}
-
-#[inline(always)]
-fn dot<D: Doubles16>(a: [D; 3], b: [D; 3]) -> D {
-    a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }
 
 /// The coordinates in the order of the axes that a ray draws on, by its largest component.

@@ -1,0 +1,332 @@
+//! Spheres and flat shapes of a list: sixteen rays at a time against each.
+//!
+//! The same operations in `f64` in the same order as those of the shapes, so the same bits. Two things are left out, and change none: directions are not
+//! scaled by a power of two, for [`is_moderate`] sees to it that nothing overflows or vanishes; and the parameters in `f64` are not compared with the
+//! interval, for those in `f32` have to lie in it too.
+
+use super::bundle::Bundle;
+use crate::accel::group::Object;
+use crate::shape::{AnyShape, Rectangle};
+use snell_math::simd::{Doubles16, Lanes16};
+use snell_math::{DAffine3, DVec2};
+
+/// A shape that is tested with sixteen rays at a time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ListShape {
+    pub geometry: u32,
+    kind: Kind,
+    shape_from_group: DAffine3,
+}
+
+/// What it is in its own coordinates.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Sphere {
+        radius: f64,
+    },
+    /// In the plane `z = 0`.
+    Flat(Outline),
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Outline {
+    /// The whole plane if the size is infinite.
+    Rectangle { half_size: DVec2 },
+    /// Between two circles, by the squares of their radii.
+    Ring { inner: f64, outer: f64 },
+}
+
+/// True for zero and for sizes with which nothing overflows or vanishes here, ordinary rays given: what is not zero is more than
+/// `1e-91` and less than `1e44` in the coordinates of the shape.
+fn is_moderate(x: f64) -> bool {
+    x == 0.0 || (1e-30..1e30).contains(&x.abs())
+}
+
+impl ListShape {
+    /// The shape, if it is such.
+    pub fn of(object: &Object) -> Option<Self> {
+        let Object::Shape { shape, geometry, shape_from_group } = object else { return None };
+        let (kind, sizes) = match shape.to_any()? {
+            AnyShape::Sphere(sphere) => (Kind::Sphere { radius: sphere.radius }, [sphere.radius, 0.0]),
+            AnyShape::Rectangle(Rectangle { half_size }) => {
+                (Kind::Flat(Outline::Rectangle { half_size }), half_size.to_array())
+            }
+            AnyShape::Disk(disk) => {
+                let (inner, outer) = (disk.inner_radius * disk.inner_radius, disk.radius * disk.radius);
+                (Kind::Flat(Outline::Ring { inner, outer }), [inner, outer])
+            }
+            AnyShape::Plane(_) => (Kind::Flat(Outline::Rectangle { half_size: DVec2::INFINITY }), [0.0; 2]),
+            _ => return None,
+        };
+        let is_moderate = shape_from_group.to_cols_array().iter().chain(&sizes).all(|&x| is_moderate(x));
+        is_moderate.then_some(Self { geometry: *geometry, kind, shape_from_group: *shape_from_group })
+    }
+
+    /// Where rays meet the shape first in their intervals; infinite where they do not. Only those of some lanes are asked for, and only ordinary
+    /// rays are answered.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `D`.
+    #[inline(always)]
+    pub unsafe fn meet<D: Doubles16>(&self, bundle: &Bundle<D>, lanes: u32) -> D::Singles {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            match self.kind {
+                Kind::Sphere { radius } => self.meet_sphere(bundle, lanes, radius),
+                Kind::Flat(outline) => self.meet_flat(bundle, lanes, outline),
+            }
+        }
+    }
+
+    /// As `closest_in_z0` of flat shapes.
+    ///
+    /// # Safety
+    /// As [`Self::meet`].
+    #[inline(always)]
+    unsafe fn meet_flat<D: Doubles16>(&self, bundle: &Bundle<D>, lanes: u32, outline: Outline) -> D::Singles {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let exact = D::splat(0.0).sub(self.origin(bundle, 2)).div(self.direction(bundle, 2));
+            let t = exact.rounded();
+            let mut hits = lanes & bundle.t_min.lt(t) & t.lt(bundle.t_max);
+            if hits != 0 {
+                let x = self.origin(bundle, 0).add(self.direction(bundle, 0).mul(exact));
+                let y = self.origin(bundle, 1).add(self.direction(bundle, 1).mul(exact));
+                hits &= !match outline {
+                    Outline::Rectangle { half_size } => {
+                        D::splat(half_size.x).lt(x.abs()) | D::splat(half_size.y).lt(y.abs())
+                    }
+                    Outline::Ring { inner, outer } => {
+                        let square = x.mul(x).add(y.mul(y));
+                        square.lt(D::splat(inner)) | D::splat(outer).lt(square)
+                    }
+                };
+            }
+            D::Singles::splat(f32::INFINITY).replace(hits, t)
+        }
+    }
+
+    /// As the span of a sphere.
+    ///
+    /// # Safety
+    /// As [`Self::meet`].
+    #[inline(always)]
+    unsafe fn meet_sphere<D: Doubles16>(&self, bundle: &Bundle<D>, lanes: u32, radius: f64) -> D::Singles {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let (zero, radius, infinity) = (D::splat(0.0), D::splat(radius), D::Singles::splat(f32::INFINITY));
+            let o = [self.origin(bundle, 0), self.origin(bundle, 1), self.origin(bundle, 2)];
+            let d = [self.direction(bundle, 0), self.direction(bundle, 1), self.direction(bundle, 2)];
+            let a = dot(d, d);
+            let moment = cross(o, d, zero);
+            let (reach, distance) = (radius.mul(a.sqrt()), dot(moment, moment).sqrt());
+            let meets = lanes & !reach.lt(distance);
+            if meets == 0 {
+                return infinity;
+            }
+            let (b, from_center) = (dot(o, d), dot(o, o).sqrt());
+            let c = from_center.sub(radius).mul(from_center.add(radius));
+            let root = reach.sub(distance).mul(reach.add(distance)).sqrt();
+            // The sign of zero counts, and outlives rounding.
+            let q = zero.sub(b.add(root)).replace(b.rounded().signs(), root.sub(b));
+            // If that is zero they are zero or not numbers, and lie in no interval.
+            let (t0, t1) = (q.div(a).rounded(), c.div(q).rounded());
+            let first = meets & bundle.t_min.lt(t0) & t0.lt(bundle.t_max);
+            let second = meets & bundle.t_min.lt(t1) & t1.lt(bundle.t_max);
+            infinity.replace(first, t0).min(infinity.replace(second, t1))
+        }
+    }
+
+    /// A coordinate of where the rays start, as the shape sees it.
+    ///
+    /// # Safety
+    /// As [`Self::meet`].
+    #[inline(always)]
+    unsafe fn origin<D: Doubles16>(&self, bundle: &Bundle<D>, axis: usize) -> D {
+        // SAFETY: passed on to the caller.
+        unsafe { self.product(bundle.exact_origin, axis).add(D::splat(self.shape_from_group.translation[axis])) }
+    }
+
+    /// A coordinate of their directions.
+    ///
+    /// # Safety
+    /// As [`Self::meet`].
+    #[inline(always)]
+    unsafe fn direction<D: Doubles16>(&self, bundle: &Bundle<D>, axis: usize) -> D {
+        let [x, y, z] = bundle.direction;
+        // SAFETY: passed on to the caller.
+        unsafe { self.product([D::of(x), D::of(y), D::of(z)], axis) }
+    }
+
+    /// # Safety
+    /// As [`Self::meet`].
+    #[inline(always)]
+    unsafe fn product<D: Doubles16>(&self, v: [D; 3], axis: usize) -> D {
+        let map = &self.shape_from_group.matrix3;
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let row = [D::splat(map.x_axis[axis]), D::splat(map.y_axis[axis]), D::splat(map.z_axis[axis])];
+            dot(row, v)
+        }
+    }
+}
+
+/// The scalar product.
+#[inline(always)]
+pub(super) fn dot<D: Doubles16>(a: [D; 3], b: [D; 3]) -> D {
+    a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
+}
+
+/// As `accurate_cross` of shapes, but for the sign of zero.
+#[inline(always)]
+fn cross<D: Doubles16>(a: [D; 3], b: [D; 3], zero: D) -> [D; 3] {
+    [minor(a[1], b[2], a[2], b[1], zero), minor(a[2], b[0], a[0], b[2], zero), minor(a[0], b[1], a[1], b[0], zero)]
+}
+
+/// As [`snell_math::robust::difference_of_products`], but for the sign of zero.
+#[inline(always)]
+fn minor<D: Doubles16>(a: D, b: D, c: D, d: D, zero: D) -> D {
+    let minus_cd = zero.sub(c.mul(d));
+    a.fused(b, minus_cd).sub(c.fused(d, minus_cd))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bundle::{PerRay, RAYS};
+    use super::super::tests::{list_of, quads};
+    use super::*;
+    use crate::accel::AcceleratorKind;
+    use crate::hit::Hit;
+    use crate::kernel::list::List;
+    use crate::query::AcceptAll;
+    use crate::shape::Shape;
+    use crate::world::WorldBuilder;
+    use crate::world::tests::{build, levels};
+    use snell_math::simd::{Level, PairDoubles, Portable8};
+    use snell_math::{DMat3, DVec3, Ray, Transform, rng};
+    use std::sync::Arc;
+
+    fn number(i: u32, k: u32) -> f64 {
+        f64::from(rng::to_unit(rng::pcg4d([i, k, 5, 11])[0])) * 2.0 - 1.0
+    }
+
+    fn vector(i: u32, k: u32) -> DVec3 {
+        DVec3::new(number(i, k), number(i, k + 1), number(i, k + 2))
+    }
+
+    /// Where one after the other of many rays meets a shape.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `D`.
+    unsafe fn meet<D: Doubles16>(list: &List, shape: &ListShape, rays: &[Ray]) -> (Vec<f32>, Vec<bool>) {
+        let (mut all, mut ordinary) = (Vec::new(), Vec::new());
+        for sixteen in rays.as_chunks::<RAYS>().0 {
+            // SAFETY: passed on to the caller.
+            let (t, lanes) = unsafe {
+                let bundle = Bundle::<D>::new(list, sixteen, RAYS);
+                (shape.meet(&bundle, 0xffff), bundle.ordinary)
+            };
+            let mut stored: PerRay<f32> = [0.0; RAYS];
+            t.store(&mut stored);
+            all.extend(stored);
+            ordinary.extend((0..RAYS).map(|lane| lanes >> lane & 1 == 1));
+        }
+        (all, ordinary)
+    }
+
+    fn meet_at(level: Level, list: &List, shape: &ListShape, rays: &[Ray]) -> (Vec<f32>, Vec<bool>) {
+        match level {
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: the caller has checked the level.
+            Level::Avx512 => unsafe { meet::<snell_math::simd::Avx16Doubles>(list, shape, rays) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: the caller has checked the level.
+            Level::Avx2 => unsafe { meet::<PairDoubles<snell_math::simd::Avx8>>(list, shape, rays) },
+            // SAFETY: portable code.
+            _ => unsafe { meet::<PairDoubles<Portable8>>(list, shape, rays) },
+        }
+    }
+
+    /// Rays at a shape, past it, along it, and from places on and in it: sizes are relative to that of the shape.
+    fn rays_about(shape: &AnyShape, placed: &Transform, size: f64, count: u32) -> Vec<Ray> {
+        let ray = |i: u32| {
+            let on = |k: u32| {
+                let u = DVec2::new(number(i, k), number(i, k + 1)) * 0.5 + 0.5;
+                let sample = shape.sample(u).map(|sample| (sample.position, sample.normal));
+                sample.unwrap_or((vector(i, k).with_z(0.0) * size, DVec3::Z))
+            };
+            let ((target, normal), outside) = (on(0), vector(i, 2) * size * 3.0);
+            let (origin, target) = match i % 8 {
+                0 => (outside, vector(i, 5) * size * 1.5),
+                1 => (outside, target),
+                2 => (on(8).0, target),
+                3 => (on(8).0, vector(i, 5) * size),
+                4 => (vector(i, 5) * 0.5 * size, target),
+                // Along the surface, and the edges of a flat one.
+                5 => (target - normal.any_orthonormal_vector() * size, target * (1.0 + 1e-7 * number(i, 6))),
+                6 => (target.with_z(0.0) - DVec3::X * size, target.with_z(0.0)),
+                _ => (outside, target.signum() * shape.bounds().max.min(DVec3::splat(size))),
+            };
+            let (origin, target) = (placed.point(origin).as_vec3(), placed.point(target).as_vec3());
+            let length = [1.0, 1e-9, 1e9, 0.25][i as usize / 8 % 4];
+            Ray::new(origin, (target - origin) * length)
+        };
+        (0..count).map(ray).collect()
+    }
+
+    #[test]
+    fn lanes_meet_shapes_where_the_shapes_say() {
+        let (mut hits, mut compared) = (0, 0);
+        for shape in AnyShape::examples() {
+            let bounds = shape.bounds();
+            let size = if bounds.max.is_finite() { bounds.max.max_element() } else { 1.0 };
+            for (turn, stretch, offset) in [
+                (0.0, DVec3::ONE, DVec3::ZERO),
+                (0.0, DVec3::splat(1e-3), DVec3::ONE),
+                (1.0, DVec3::new(1.0, 3.0, -0.2), DVec3::new(0.5, -20.0, 3.0)),
+                (2.5, DVec3::new(40.0, 700.0, 900.0), DVec3::ZERO),
+            ] {
+                let map = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), turn) * DMat3::from_diagonal(stretch);
+                let placed = Transform::new(DAffine3::from_mat3_translation(map, offset * size)).expect("invertible");
+                let wide = (stretch.abs().max_element() * size * 2.0) as f32;
+                let at = (offset * size).as_vec3();
+                let corners = [[-wide, -wide], [wide, -wide], [wide, wide], [-wide, wide]];
+                let mesh = quads(&[corners.map(|[x, y]| [x + at.x, y + at.y, at.z])]);
+                let mut builder = WorldBuilder::default();
+                builder.add_shape(WorldBuilder::ROOT, Arc::new(shape.clone()), placed);
+                let oracle = build(builder.clone(), AcceleratorKind::None, Level::Scalar);
+                builder.add_mesh(WorldBuilder::ROOT, mesh);
+                let world = build(builder, AcceleratorKind::Bvh, Level::Scalar);
+                let list = list_of(&world).expect("a list");
+                let is_for_lanes = ["sphere", "rectangle", "disk", "plane"].contains(&shape.name());
+                let lane_shape = list.objects[0].shape.as_ref();
+                assert_eq!(lane_shape.is_some(), is_for_lanes, "{shape:?}");
+                let Some(lane_shape) = lane_shape else { continue };
+                let mut rays = rays_about(&shape, &placed, size, 2000);
+                // Ends before, at and behind what is met, and starts there.
+                for i in 0..rays.len() {
+                    let t = oracle.closest_one(&rays[i], &AcceptAll).t;
+                    let at_end = [t * 0.9999, t.next_down(), t, t.next_up(), t * 1.0001][i % 5];
+                    let ray = rays[i];
+                    rays.push(if i % 2 == 0 { ray.with_t_max(at_end) } else { Ray { t_min: at_end, ..ray } });
+                }
+                let expected: Vec<Hit> = rays.iter().map(|ray| oracle.closest_one(ray, &AcceptAll)).collect();
+                for level in levels() {
+                    let (found, ordinary) = meet_at(level, list, lane_shape, &rays);
+                    for ((ray, hit), (t, is_ordinary)) in rays.iter().zip(&expected).zip(found.iter().zip(&ordinary)) {
+                        if *is_ordinary {
+                            assert_eq!(
+                                t.to_bits(),
+                                hit.t.to_bits(),
+                                "{level} {shape:?} {placed:?} {ray:?} {hit:?} {t}"
+                            );
+                            hits += u32::from(hit.is_hit());
+                            compared += 1;
+                        }
+                    }
+                }
+            }
+        }
+        assert!(hits > compared / 3 && compared > 100_000, "{hits} of {compared}");
+    }
+}
