@@ -125,7 +125,7 @@ impl Default for FlatLights {
             light: [NONE; LANES],
             part: [NONE; LANES],
             how: [DARK; LANES],
-            how_near: [ALONE; LANES],
+            how_near: [DARK; LANES],
             source: [LightSource::Medium; LANES],
             radiance: ZERO,
             corner: ZERO,

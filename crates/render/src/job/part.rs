@@ -26,6 +26,7 @@ use crate::settings::Crop;
 use matte::Matte;
 use snell_intersect::{Grouping, Hit};
 use snell_math::{ColorMode, ColorModel, SampledSpectrum};
+use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::{Camera, CameraView, PinholeRays};
 use specular::SpecularBatch;
 
@@ -395,6 +396,8 @@ impl<'a> PartRenderer<'a> {
             return;
         }
         let sky = plain_sky(&self.context, depth);
+        let constant = sky.filter(|_| self.paths.is_plain()).and_then(EnvironmentLight::constant);
+        let constant = constant.map(|color| ColorMode::Rgb.rgb_illuminant(color));
         for &path in paths {
             let path = path as usize;
             if self.volumes.as_ref().is_some_and(|v| v.scattered[path].is_some()) {
@@ -408,6 +411,8 @@ impl<'a> PartRenderer<'a> {
                 (&self.paths.rays[path], &self.paths.carried[path], self.paths.samples[path] as usize);
             let radiance = if carried.throughput.is_black() {
                 continue;
+            } else if let Some(radiance) = constant {
+                carried.throughput * radiance
             } else if let Some(sky) = sky {
                 carried.throughput * sky.radiance(ray.direction, self.paths.rest(path).mode)
             } else {

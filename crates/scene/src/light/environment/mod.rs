@@ -71,6 +71,14 @@ impl EnvironmentLight {
         })
     }
 
+    /// The radiance, if it is the same from all directions.
+    pub fn constant(&self) -> Option<Rgb> {
+        match &self.kind {
+            Kind::Constant(color) => Some(*color),
+            Kind::Image(_) => None,
+        }
+    }
+
     /// A unit direction from which light comes, and its density per steradian. The density is positive, and 0 nowhere where there
     /// is light.
     pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
