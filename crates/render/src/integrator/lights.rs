@@ -375,13 +375,14 @@ fn arrive<const WITH_NEAR: bool>(lights: &FlatLights, to: &Surfaces, u: &[HitLan
             middle: Vec3::ZERO,
             far: 0.0,
         };
-        let by_area = part.sample(position, Vec2::new(u[0][i], u[1][i]));
+        let u = Vec2::new(u[0][i], u[1][i]);
         let sample = if WITH_NEAR {
             let near = &lights.near.samples;
-            let (position, direction) = (vector(&near.position), vector(&near.direction));
-            part.or_near(by_area, NearSample { position, direction, pdf: near.pdf[i], exists: near.exists[i] != 0 })
+            let (pdf, exists) = (near.pdf[i], near.exists[i] != 0);
+            let near = NearSample { position: vector(&near.position), direction: vector(&near.direction), pdf, exists };
+            part.near_or_by_area(near, position, u)
         } else {
-            by_area
+            part.sample(position, u)
         };
         let FlatSample { direction, pdf, end, is_front, exists } = sample;
         let (wo, lift) = (vector(wo), vector(lift));

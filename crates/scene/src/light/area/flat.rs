@@ -108,6 +108,12 @@ impl FlatPart {
     /// A point by area, as a far point sees it.
     #[inline(always)]
     pub fn sample(&self, from: Vec3, u: Vec2) -> FlatSample {
+        self.seen(self.by_area(from, u))
+    }
+
+    /// A point by area.
+    #[inline(always)]
+    fn by_area(&self, from: Vec3, u: Vec2) -> NearSample {
         let folded = sampling::uniform_triangle(u);
         let (x, y) = if self.is_triangle { (folded.x, folded.y) } else { (u.x, u.y) };
         let position = self.corner + self.edges[0] * x + self.edges[1] * y;
@@ -118,24 +124,35 @@ impl FlatPart {
         let cos = direction.dot(self.normal);
         let pdf = self.pdf * squared / most(cos, -cos);
         let exists = (scale > 0.0) & (scale < f32::INFINITY) & (pdf > 0.0) & (pdf < f32::INFINITY);
-        FlatSample { end: self.end(position, direction), direction, pdf, is_front: cos < 0.0, exists }
+        NearSample { position, direction, pdf, exists }
     }
 
-    /// What is known of a point that was chosen by solid angle; by area if that was not possible.
+    /// What is known of a point that was chosen by solid angle; a point by area if that was not possible.
     #[inline(always)]
-    pub fn or_near(&self, by_area: FlatSample, near: NearSample) -> FlatSample {
-        let NearSample { position, direction, pdf, exists } = near;
-        let (is_front, end) = (direction.dot(self.normal) < 0.0, self.end(position, direction));
+    pub fn near_or_by_area(&self, near: NearSample, from: Vec3, u: Vec2) -> FlatSample {
+        let by_area = self.by_area(from, u);
+        let exists = near.exists;
         let either = |a: Vec3, b: Vec3| {
             let one = |a: f32, b: f32| if exists { a } else { b };
             Vec3::new(one(a.x, b.x), one(a.y, b.y), one(a.z, b.z))
         };
-        FlatSample {
-            direction: either(direction, by_area.direction),
-            pdf: if exists { pdf } else { by_area.pdf },
-            end: either(end, by_area.end),
-            is_front: if exists { is_front } else { by_area.is_front },
+        self.seen(NearSample {
+            position: either(near.position, by_area.position),
+            direction: either(near.direction, by_area.direction),
+            pdf: if exists { near.pdf } else { by_area.pdf },
             exists: exists | by_area.exists,
+        })
+    }
+
+    #[inline(always)]
+    fn seen(&self, point: NearSample) -> FlatSample {
+        let NearSample { position, direction, pdf, exists } = point;
+        FlatSample {
+            end: self.end(position, direction),
+            direction,
+            pdf,
+            is_front: direction.dot(self.normal) < 0.0,
+            exists,
         }
     }
 

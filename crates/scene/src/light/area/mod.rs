@@ -354,7 +354,7 @@ impl AreaLight {
             return Some(flat.sample(from, u));
         }
         let near = self.near(part)?.sample(from, u);
-        Some(flat.or_near(flat.sample(from, u), near))
+        Some(flat.near_or_by_area(near, from, u))
     }
 
     /// A part whose solid angle is sampled, as seen from a point; `None` if it is sampled by area.
