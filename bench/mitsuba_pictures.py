@@ -3,7 +3,7 @@
     python bench/mitsuba_pictures.py OUTPUT-FOLDER [SCENE.xml ...] [--snell target/release/snell] [--variant scalar_rgb]
 
 Needs NumPy and Mitsuba (`pip install mitsuba`; its `llvm_ad_rgb` needs a libLLVM of a recent version, see DRJIT_LIBLLVM_PATH). Without
-scenes: a ball of each lobe, and a fog. Errors are relative mean squared errors as in `snell compare`, without the worst thousandth of the
+scenes: a ball of each lobe, hair, and a fog. Errors are relative mean squared errors as in `snell compare`, without the worst thousandth of the
 pixels. The columns:
 
     agree       error of a Snell picture of many samples against Mitsuba's
@@ -85,6 +85,25 @@ FOG = """  <shape type="cube">
   </shape>
 """
 
+HAIR = """  <shape type="bsplinecurve"><string name="filename" value="{strands}"/>
+    <bsdf type="hair"><float name="eumelanin" value="1.3"/><float name="pheomelanin" value="0.2"/></bsdf>
+  </shape>"""
+
+
+def strands(count: int = 2000, points: int = 10, radius: float = 0.012) -> str:
+    """Strands of a ball of hair, of a point in each line. Both ends are pointed: blunt ones are round in Snell and open in Mitsuba."""
+    random = np.random.default_rng(1)
+    lines = []
+    for _ in range(count):
+        outward, bend = random.normal(size=3), random.normal(size=3) * 0.2
+        outward /= np.linalg.norm(outward)
+        for i in range(points):
+            along = i / (points - 1)
+            x, y, z = outward * (0.25 + 0.75 * along) + bend * along**2
+            lines.append(f"{x:.6f} {y + 1:.6f} {z:.6f} {radius if 3 <= i < points - 3 else 1e-7:.7f}")
+        lines.append("")
+    return "\n".join(lines)
+
 
 def standard_scenes(folder: Path, side: int, sampler: str) -> list[Path]:
     """Writes the scenes that come with this script."""
@@ -94,6 +113,10 @@ def standard_scenes(folder: Path, side: int, sampler: str) -> list[Path]:
         file = folder / f"{name.replace(' ', '-')}.xml"
         file.write_text(BALL.format(integrator="path", depth=9, content=SPHERE.format(bsdf=bsdf), **shared))
         files.append(file)
+    (folder / "strands.txt").write_text(strands())
+    file = folder / "hair.xml"
+    file.write_text(BALL.format(integrator="path", depth=17, content=HAIR.format(strands="strands.txt"), **shared))
+    files.append(file)
     file = folder / "fog.xml"
     file.write_text(BALL.format(integrator="volpath", depth=17, content=FOG, **shared))
     return [*files, file]
