@@ -76,7 +76,7 @@ const CASES: [Case; 6] = [
         spp: 96,
         max_depth: Some(64),
         limits: [0.09, 0.07],
-        why: "light within thin glass, which the reference steps over: see the document",
+        why: "light within thin glass, of which the reference has less: see the document",
     },
 ];
 
