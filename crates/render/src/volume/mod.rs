@@ -4,12 +4,16 @@
 //! its way to the next vertex may consist of several segments. All here is a function of the ray, what the path carries, and
 //! numbers that are bound to (pixel, sample, vertex, step): batches are the driver's business.
 
+mod crossings;
 mod insides;
+mod known;
 mod numbers;
 #[cfg(test)]
 mod tests;
 mod walk;
 
+pub use crossings::Crossings;
 pub use insides::{Insides, OwnMedia};
+pub use known::KnownInsides;
 pub use numbers::Numbers;
 pub use walk::{LightStep, PathStep, Walker};

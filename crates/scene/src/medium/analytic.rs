@@ -58,14 +58,9 @@ fn integrated_transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpe
     })
 }
 
-/// What is left of a light ray's value at the end of a segment.
-pub fn attenuate(
-    medium: &MediumProperties,
-    profile: Profile,
-    segment: &Segment,
-    value: SampledSpectrum,
-) -> SampledSpectrum {
-    value * transmittance(medium.sigma_t(), profile.column(f64::from(segment.length)))
+/// What is left of a light ray's value at the end of a segment of this length.
+pub fn attenuate(medium: &MediumProperties, profile: Profile, length: f32, value: SampledSpectrum) -> SampledSpectrum {
+    value * transmittance(medium.sigma_t(), profile.column(f64::from(length)))
 }
 
 /// Sends a path along a segment. `u` in `[0, 1)^2`: its `x` chooses the distance, its `y` the lane.
