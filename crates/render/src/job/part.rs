@@ -4,6 +4,7 @@
 mod collect;
 mod first_hits;
 mod matte;
+mod scattered;
 mod specular;
 mod start;
 
@@ -20,6 +21,7 @@ use crate::guiding::{Record, Recorder};
 use crate::integrator::lanes::LANES;
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
 use crate::integrator::path::{escaped, plain_sky};
+use crate::integrator::scattered::ScatteredVertices;
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
@@ -64,6 +66,8 @@ pub struct PartRenderer<'a> {
     /// Lanes of [`Matte`], and some of them.
     lanes: Vec<u32>,
     kept: Vec<u32>,
+    /// Paths that media have scattered.
+    in_media: Vec<u32>,
     samples: Vec<Sample>,
     /// Their numbers.
     randoms: Vec<Random>,
@@ -80,6 +84,7 @@ pub struct PartRenderer<'a> {
     /// What is shaded many at once.
     matte: Option<Box<Matte<'a>>>,
     specular: Option<Box<SpecularBatch<'a>>>,
+    scattered: Option<Box<ScatteredVertices>>,
 }
 
 /// A sample being taken.
@@ -120,6 +125,7 @@ impl<'a> PartRenderer<'a> {
         let shade = context.settings.integrator.vertex_function();
         let matte = if scene.moves { None } else { Matte::new(&context, sampler) };
         let specular = if scene.moves { None } else { SpecularBatch::new(&context, sampler) };
+        let scattered = ScatteredVertices::new(&context, sampler).map(Box::new);
         let view = camera.view(context.settings.size);
         let settings = context.settings;
         let stands_still = !scene.moves && settings.later_cameras.is_empty();
@@ -144,6 +150,7 @@ impl<'a> PartRenderer<'a> {
             outputs: Outputs::default(),
             lanes: Vec::new(),
             kept: Vec::new(),
+            in_media: Vec::new(),
             samples: Vec::new(),
             randoms: Vec::new(),
             aovs: Vec::new(),
@@ -154,6 +161,7 @@ impl<'a> PartRenderer<'a> {
             volumes,
             matte,
             specular,
+            scattered,
         }
     }
 
@@ -298,16 +306,7 @@ impl<'a> PartRenderer<'a> {
             let is_miss = self.keys[first as usize] as usize == self.context.scene.materials.len();
             if is_miss && self.is_simple() {
                 // They are last.
-                for &path in rest {
-                    let is_scattered = self.volumes.as_ref().is_some_and(|v| v.scattered[path as usize].is_some());
-                    match is_scattered {
-                        true => self.shade_one(depth, path as usize),
-                        false => self.shade_miss(depth, path as usize),
-                    }
-                    if self.light_rays.rays.len() >= MAX_BATCH {
-                        self.trace_light_rays(statistics);
-                    }
-                }
+                self.shade_nothing_hit(depth, rest, statistics);
                 break;
             }
             let (matte, specular) = (self.matte_beginning(rest), self.specular_beginning(rest));
@@ -396,6 +395,25 @@ impl<'a> PartRenderer<'a> {
     fn is_simple(&self) -> bool {
         let integrator = self.context.settings.integrator;
         matches!(integrator, IntegratorKind::Path | IntegratorKind::Direct) && !self.is_watched()
+    }
+
+    /// The same as [`Self::shade_one`] for paths that hit nothing: that leave the scene, or that media have scattered.
+    fn shade_nothing_hit(&mut self, depth: u32, paths: &[u32], statistics: &mut Statistics) {
+        let mut scattered = std::mem::take(&mut self.in_media);
+        scattered.clear();
+        for &path in paths {
+            match self.volumes.as_ref().is_some_and(|v| v.scattered[path as usize].is_some()) {
+                true => scattered.push(path),
+                false => self.shade_miss(depth, path as usize),
+            }
+        }
+        for paths in scattered.chunks(LANES) {
+            self.shade_scattered(depth, paths);
+            if self.light_rays.rays.len() >= MAX_BATCH {
+                self.trace_light_rays(statistics);
+            }
+        }
+        self.in_media = scattered;
     }
 
     /// The same as [`Self::shade_one`] for a path that leaves the scene.

@@ -44,7 +44,10 @@ impl Profile {
 
 /// `exp(-sigma * column)`, also for no extinction over an infinite way.
 fn transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpectrum {
-    sigma_t.map(|sigma| if sigma == 0.0 { 1.0 } else { (-f64::from(sigma) * column).exp() as f32 })
+    let of = |sigma: f32| if sigma == 0.0 { 1.0 } else { (-f64::from(sigma) * column).exp() as f32 };
+    // Most media are grey.
+    let (first, of_first) = (sigma_t[0], of(sigma_t[0]));
+    sigma_t.map(|sigma| if sigma == first { of_first } else { of(sigma) })
 }
 
 /// The integral of the transmittance over the column: what an emission of 1 per unit adds up to. 0 for an infinite way without

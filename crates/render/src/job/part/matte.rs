@@ -3,7 +3,7 @@
 use super::{PartRenderer, Paths};
 use crate::integrator::Context;
 use crate::integrator::carried::Rest;
-use crate::integrator::lanes::{Arriving, LANES};
+use crate::integrator::lanes::{Arriving, Columns, LANES};
 use crate::integrator::matte::{MatteVertices, is_classic};
 use crate::integrator::matte_surfaces::MatteSurfaces;
 use crate::sampler::Sampler;
@@ -63,6 +63,13 @@ impl PartRenderer<'_> {
         if self.is_watched() {
             return self.collect_matte(depth, vertices, paths);
         }
+        self.collect_columns(vertices);
+        self.note_insides(depth, vertices, paths);
+    }
+
+    /// Takes what the lanes that are in use gave.
+    pub(super) fn collect_columns(&mut self, vertices: &impl Columns) {
+        let paths = vertices.paths();
         // Column by column, which is twice as fast as path by path.
         let Self { paths: from, light_rays, next, lanes, kept, .. } = self;
         let path = |lane: u32| paths[lane as usize] as usize;
@@ -79,7 +86,6 @@ impl PartRenderer<'_> {
         next.carried.extend(kept.iter().map(|&lane| vertices.carried(lane as usize)));
         next.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
         next.extend_rest(kept.iter().map(|&lane| from.rest(path(lane))));
-        self.note_insides(depth, vertices, paths);
     }
 
     /// Tells media of the rays that the vertices of [`Self::finish_matte`] send out.
