@@ -121,7 +121,7 @@ impl<'a> PartRenderer<'a> {
     ) -> Self {
         let (scene, eye) = (context.scene, camera.eye.as_vec3());
         let sees_media = context.settings.integrator.sees_media();
-        let volumes = if sees_media { VolumeBatch::new(&context, eye) } else { None };
+        let volumes = if sees_media { VolumeBatch::new(&context, sampler, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
         let matte = if scene.moves { None } else { Matte::new(&context, sampler) };
         let specular = if scene.moves { None } else { SpecularBatch::new(&context, sampler) };
@@ -267,7 +267,7 @@ impl<'a> PartRenderer<'a> {
             randoms[paths.samples[path] as usize].at_vertex(paths.carried[path].stream, depth)
         };
         let (light_parts, aovs, journal) = (self.light_parts, &mut self.aovs, &mut self.journal);
-        volumes.advance(&mut self.tracer, &mut self.paths, grouping, random, |paths, path, radiance| {
+        volumes.advance(&mut self.tracer, &mut self.paths, grouping, depth, random, |paths, path, radiance| {
             let sample = paths.samples[path];
             samples[sample as usize].radiance += radiance;
             if let Some(journal) = journal {

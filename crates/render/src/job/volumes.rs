@@ -4,14 +4,17 @@
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
 use crate::integrator::{Context, MediumVertex, SurfaceVertex};
-use crate::sampler::Random;
-use crate::volume::{Crossings, KnownInsides, Numbers, Walker};
+use crate::sampler::{Random, Sampler};
+use crate::volume::{AlikeWays, Crossings, KnownInsides, Numbers, Walker, end_of, length_to};
 use snell_intersect::{Grouping, Hit, SurfaceInteraction};
-use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec3};
 use snell_scene::{MaterialId, MediumId};
 
 /// Most surfaces that a ray passes between two vertices. No scene that makes sense has as many.
 const MOST_PASSED: usize = 1 << 14;
+
+/// No material.
+const NONE: MaterialId = MaterialId(u32::MAX);
 
 /// What media need beside [`Paths`] and [`LightRays`]: entries for the same paths and rays.
 pub struct VolumeBatch<'a> {
@@ -32,6 +35,9 @@ pub struct VolumeBatch<'a> {
     /// Steps of the [`Numbers`] of each path.
     steps: Vec<u32>,
     on_the_way: OnTheWay<'a>,
+    sampler: Sampler,
+    /// What is worked on many at once; none at the level of portable code, or in spectral colours.
+    alike: Option<Box<AlikeWays>>,
 }
 
 /// Rays that are not there yet.
@@ -101,8 +107,9 @@ impl OnTheWay<'_> {
 
 impl<'a> VolumeBatch<'a> {
     /// `None` if the scene has no media.
-    pub fn new(context: &Context<'a>, eye: Vec3) -> Option<Self> {
+    pub fn new(context: &Context<'a>, sampler: &Sampler, eye: Vec3) -> Option<Self> {
         let walker = Walker::new(context)?;
+        let wide = context.scene.world.simd().wide().filter(|_| context.settings.color == ColorModel::Rgb);
         Some(Self {
             walker,
             known: KnownInsides::default(),
@@ -122,6 +129,8 @@ impl<'a> VolumeBatch<'a> {
                 materials: Vec::new(),
                 crossings: Crossings::new(context.scene),
             },
+            sampler: *sampler,
+            alike: wide.map(|wide| Box::new(AlikeWays::new(sampler, wide))),
         })
     }
 
@@ -152,71 +161,102 @@ impl<'a> VolumeBatch<'a> {
         self.walker.has_passable()
     }
 
-    /// Brings every path to its next vertex. The hits are those of the rays as the renderer sees them, and are found again if
-    /// [`Self::sees_more`]. `random` gives the numbers of a path's next vertex, `radiance` where the emission on its way goes.
+    /// Brings every path to its next vertex, of this depth. The hits are those of the rays as the renderer sees them, and are found again
+    /// if [`Self::sees_more`]. `random` gives the numbers of a path's next vertex, `emitted` takes the emission on its way.
     pub fn advance(
         &mut self,
         tracer: &mut Tracer,
         paths: &mut Paths,
         grouping: Grouping,
+        depth: u32,
         random: impl Fn(&Paths, usize) -> Random,
         mut emitted: impl FnMut(&Paths, usize, SampledSpectrum),
     ) {
-        let Self { walker, known, insides, scattered, steps, on_the_way: way, .. } = self;
-        let count = paths.len();
+        let (walker, count) = (self.walker, paths.len());
         if walker.has_passable() {
             tracer.closest_by(walker.filter(), &paths.rays, &paths.times, grouping, &mut paths.hits);
         }
-        scattered.clear();
-        scattered.resize(count, None);
-        steps.clear();
-        steps.resize(count, 0);
-        way.clear();
-        let mut travel = |paths: &mut Paths, known: &KnownInsides, path: usize, insides: u32| {
-            let insides = known.get(insides);
-            if !walker.is_empty(insides) {
-                let mut numbers = Numbers::of_path(random(paths, path), steps[path]);
-                let (mut carried, rest, mut radiance) = (paths.carried[path], *paths.rest(path), SampledSpectrum::ZERO);
-                let (ray, hit) = (&paths.rays[path], &paths.hits[path]);
-                let state = (&mut carried, &rest);
-                let vertex = walker.travel(&known.own, insides, ray, hit, state, &mut numbers, &mut radiance);
-                steps[path] = numbers.step();
-                paths.carried[path].throughput = carried.throughput;
-                if !radiance.is_black() {
-                    emitted(paths, path, radiance);
-                }
-                if vertex.is_some() {
-                    scattered[path] = vertex;
-                    paths.hits[path] = Hit::MISS;
-                    return None;
-                }
-            }
-            walker.path_passes(insides, &mut paths.carried[path], &paths.hits[path])
-        };
-        for path in (0..count).filter(|&path| !paths.is_dead(path)).collect::<Vec<_>>() {
-            if let Some(material) = travel(paths, known, path, insides[path]) {
-                way.push(path as u32, paths.rays[path], paths.rest(path).time, paths.hits[path], material);
-            }
+        self.scattered.clear();
+        self.scattered.resize(count, None);
+        self.steps.clear();
+        self.steps.resize(count, 0);
+        if let Some(alike) = &mut self.alike {
+            alike.start(&self.sampler, depth);
         }
+        self.on_the_way.pending.clear();
+        self.on_the_way.pending.extend((0..count as u32).filter(|&path| !paths.is_dead(path as usize)));
         for _ in 0..MOST_PASSED {
+            self.travel(paths, &random, &mut emitted);
+            let Self { known, insides, scattered, on_the_way: way, .. } = self;
+            let mut pending = std::mem::take(&mut way.pending);
+            way.clear();
+            for &whose in &pending {
+                let path = whose as usize;
+                let hit = paths.hits[path];
+                if scattered[path].is_none()
+                    && let Some(material) = walker.path_passes(known.get(insides[path]), &mut paths.carried[path], &hit)
+                {
+                    way.push(whose, paths.rays[path], paths.rest(path).time, hit, material);
+                }
+            }
+            pending.clear();
             if way.pending.is_empty() {
                 return;
             }
-            way.cross(walker, known, insides, |path| paths.rest(path).mode);
+            way.cross(&walker, known, insides, |path| paths.rest(path).mode);
             tracer.closest_by(walker.filter(), &way.rays, &way.times, Grouping::None, &mut way.hits);
-            let mut kept = 0;
-            for at in 0..way.pending.len() {
-                let path = way.pending[at] as usize;
-                (paths.rays[path], paths.hits[path]) = (way.rays[at], way.hits[at]);
-                if let Some(material) = travel(paths, known, path, insides[path]) {
-                    way.keep(at, kept, material);
-                    kept += 1;
-                }
+            for ((&path, ray), hit) in way.pending.iter().zip(&way.rays).zip(&way.hits) {
+                (paths.rays[path as usize], paths.hits[path as usize]) = (*ray, *hit);
             }
-            way.truncate(kept);
         }
-        for &path in &way.pending {
+        for &path in &self.on_the_way.pending {
             paths.carried[path as usize].throughput = SampledSpectrum::ZERO;
+        }
+    }
+
+    /// Takes the paths that are on their way through the media that they are in.
+    fn travel(
+        &mut self,
+        paths: &mut Paths,
+        random: &impl Fn(&Paths, usize) -> Random,
+        emitted: &mut impl FnMut(&Paths, usize, SampledSpectrum),
+    ) {
+        let Self { walker, known, insides, scattered, steps, on_the_way: way, alike, .. } = self;
+        for &whose in &way.pending {
+            let path = whose as usize;
+            let insides = known.get(insides[path]);
+            if walker.is_empty(insides) {
+                continue;
+            }
+            let random = random(paths, path);
+            let (ray, hit, carried) = (&paths.rays[path], &paths.hits[path], &paths.carried[path]);
+            if let Some(alike) = alike
+                && let Some(medium) = walker.alike_in_rgb(&known.own, insides)
+                && !walker.seeks_beacons(carried)
+            {
+                alike.push_path(whose, medium, end_of(ray, hit), carried.throughput, &random, steps[path]);
+                steps[path] += 1;
+                if alike.is_full() {
+                    arrive(alike, paths, scattered);
+                }
+                continue;
+            }
+            let mut numbers = Numbers::of_path(random, steps[path]);
+            let (mut carried, rest, mut radiance) = (*carried, *paths.rest(path), SampledSpectrum::ZERO);
+            let state = (&mut carried, &rest);
+            let vertex = walker.travel(&known.own, insides, ray, hit, state, &mut numbers, &mut radiance);
+            steps[path] = numbers.step();
+            paths.carried[path].throughput = carried.throughput;
+            if !radiance.is_black() {
+                emitted(paths, path, radiance);
+            }
+            if vertex.is_some() {
+                scattered[path] = vertex;
+                paths.hits[path] = Hit::MISS;
+            }
+        }
+        if let Some(alike) = alike {
+            arrive(alike, paths, scattered);
         }
     }
 
@@ -280,7 +320,7 @@ impl<'a> VolumeBatch<'a> {
 
     /// Sends light rays to their lights: values lose what media take, and what arrives is not `blocked`. `mode` is that of a sample.
     pub fn trace_light_rays(&mut self, tracer: &mut Tracer, light: &mut LightRays, mode: impl Fn(u32) -> ColorMode) {
-        let Self { walker, known, light_insides: insides, light_numbers, glowing, on_the_way: way, .. } = self;
+        let Self { walker, known, light_insides: insides, light_numbers, glowing, on_the_way: way, alike, .. } = self;
         let may_see_past = walker.has_priorities() || walker.follows_light_rays();
         if may_see_past {
             light.blocked.clear();
@@ -294,7 +334,7 @@ impl<'a> VolumeBatch<'a> {
             way.pending.push(i as u32);
             way.rays.push(light.rays[i]);
             way.times.push(light.times[i]);
-            way.materials.push(MaterialId(0));
+            way.materials.push(NONE);
         }
         for _ in 0..MOST_PASSED {
             if way.pending.is_empty() {
@@ -307,20 +347,35 @@ impl<'a> VolumeBatch<'a> {
                 way.hits.clear();
                 way.hits.resize(way.rays.len(), Hit::MISS);
             }
-            let mut kept = 0;
             for at in 0..way.pending.len() {
                 let (i, ray, hit) = (way.pending[at] as usize, &way.rays[at], &way.hits[at]);
                 let here = known.get(insides[i]);
-                let Some(passed) = walker.light_passes(here, hit) else {
+                let passed = walker.light_passes(here, hit);
+                way.materials[at] = passed.flatten().unwrap_or(NONE);
+                if passed.is_none() {
                     light.blocked[i] = true;
-                    continue;
-                };
-                let (value, mode) = (light.values[i], mode(light.samples[i]));
-                let numbers = || light_numbers[i].next();
-                light.values[i] = walker.attenuate(&known.own, here, ray, hit, value, mode, numbers);
-                if light.values[i].is_black() {
+                } else if let Some(alike) = alike
+                    && let Some(medium) = walker.alike_in_rgb(&known.own, here)
+                {
+                    alike.push(i as u32, medium, length_to(ray, hit), light.values[i]);
+                    if alike.is_full() {
+                        lose(alike, light);
+                    }
+                } else {
+                    let (value, mode) = (light.values[i], mode(light.samples[i]));
+                    let numbers = || light_numbers[i].next();
+                    light.values[i] = walker.attenuate(&known.own, here, ray, hit, value, mode, numbers);
+                }
+            }
+            if let Some(alike) = alike {
+                lose(alike, light);
+            }
+            let mut kept = 0;
+            for at in 0..way.pending.len() {
+                let (i, material) = (way.pending[at] as usize, way.materials[at]);
+                if light.blocked[i] | light.values[i].is_black() {
                     light.blocked[i] = true;
-                } else if let Some(material) = passed {
+                } else if material != NONE {
                     way.keep(at, kept, material);
                     kept += 1;
                 } else {
@@ -349,4 +404,34 @@ impl<'a> VolumeBatch<'a> {
         self.light_numbers.clear();
         self.glowing.clear();
     }
+}
+
+/// Takes the paths of all lanes to where they have come to, and empties the lanes.
+fn arrive(alike: &mut AlikeWays, paths: &mut Paths, scattered: &mut [Option<MediumVertex>]) {
+    if alike.whose().is_empty() {
+        return;
+    }
+    alike.travel();
+    for (lane, &path) in alike.whose().iter().enumerate() {
+        let path = path as usize;
+        let carried = &mut paths.carried[path];
+        carried.throughput = alike.color(lane);
+        if let Some(scattering) = alike.scattered(lane) {
+            scattered[path] = Some(Walker::vertex(&paths.rays[path], carried, &scattering));
+            paths.hits[path] = Hit::MISS;
+        }
+    }
+    alike.clear();
+}
+
+/// Takes from the light rays of all lanes what they lose, and empties the lanes.
+fn lose(alike: &mut AlikeWays, light: &mut LightRays) {
+    if alike.whose().is_empty() {
+        return;
+    }
+    alike.attenuate();
+    for (lane, &ray) in alike.whose().iter().enumerate() {
+        light.values[ray as usize] = alike.color(lane);
+    }
+    alike.clear();
 }

@@ -4,6 +4,7 @@
 //! its way to the next vertex may consist of several segments. All here is a function of the ray, what the path carries, and
 //! numbers that are bound to (pixel, sample, vertex, step): batches are the driver's business.
 
+mod alike;
 mod crossings;
 mod insides;
 mod known;
@@ -12,8 +13,9 @@ mod numbers;
 mod tests;
 mod walk;
 
+pub use alike::AlikeWays;
 pub use crossings::Crossings;
 pub use insides::{Insides, OwnMedia};
 pub use known::KnownInsides;
 pub use numbers::Numbers;
-pub use walk::{LightStep, PathStep, Walker};
+pub use walk::{LightStep, PathStep, Walker, end_of, length_to};

@@ -13,7 +13,7 @@ use crate::light_sampler::LightSampler;
 use crate::settings::LightStrategy;
 use snell_intersect::{AcceptAll, Hit, HitFilter, RayQuery, SurfaceInteraction, SurfacePoint};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3};
-use snell_scene::medium::{Beacon, Glow, MediumProperties, Segment, Travel};
+use snell_scene::medium::{Beacon, Glow, MediumProperties, Scattering, Segment, Travel};
 use snell_scene::{MaterialId, MediumId};
 
 /// Walks through the media of a scene.
@@ -132,11 +132,13 @@ impl<'a> Walker<'a> {
         let travel = self.travel_along(own, insides, &segment, (carried, rest), numbers);
         carried.throughput = travel.throughput;
         *radiance += travel.emitted;
-        travel.scattered.map(|scattered| MediumVertex {
-            position: segment.at(scattered.distance),
-            phase: scattered.phase,
-            footprint: carried.cone_width + carried.cone_spread * scattered.distance,
-        })
+        travel.scattered.map(|scattered| Self::vertex(ray, carried, &scattered))
+    }
+
+    /// Where a medium has scattered the path of a ray.
+    pub fn vertex(ray: &Ray, carried: &Carried, &Scattering { distance, phase }: &Scattering) -> MediumVertex {
+        let footprint = carried.cone_width + carried.cone_spread * distance;
+        MediumVertex { position: ray.at(distance), phase, footprint }
     }
 
     /// Takes a path to a surface that it passes, and tells which that is; `None` if the path is over, or does not pass what it has hit.
@@ -245,9 +247,8 @@ impl<'a> Walker<'a> {
 
     /// Where media are to scatter a path more. Only one that was not scattered before: after that, most light comes from all around.
     fn beacon(&self, carried: &Carried, numbers: &mut Numbers) -> Option<Beacon> {
-        let beacons = self.table.beacons.as_ref()?;
-        let is_wanted = carried.is_specular && self.strategy != LightStrategy::Bsdf;
-        if is_wanted { beacons.sample(|| numbers.next().x) } else { None }
+        let beacons = self.table.beacons.as_ref().filter(|_| self.seeks_beacons(carried))?;
+        beacons.sample(|| numbers.next().x)
     }
 
     /// The light that a medium is.
@@ -285,6 +286,21 @@ impl<'a> Walker<'a> {
             Some(everywhere) => everywhere.attenuate(length_to(ray, hit), value),
             None => medium.attenuate(&segment_to(ray, hit), value, mode, &mut numbers),
         }
+    }
+
+    /// What fills these, if it is the same everywhere and does not shine: as it is in [`ColorMode::Rgb`].
+    pub fn alike_in_rgb<'m>(&'m self, own: &'m OwnMedia, insides: &Insides) -> Option<&'m MediumProperties> {
+        let medium = match self.filling(insides) {
+            Filling::Empty => None,
+            Filling::Own(i) => Some(&own[i as usize]),
+            Filling::Medium(id) => self.table.medium(id).everywhere_in_rgb(),
+        };
+        medium.filter(|medium| medium.emission.is_black())
+    }
+
+    /// True if media are to scatter a path [more](Self::beacon) near lights.
+    pub fn seeks_beacons(&self, carried: &Carried) -> bool {
+        self.table.beacons.is_some() && carried.is_specular && self.strategy != LightStrategy::Bsdf
     }
 
     /// True if there is nothing on the way of a ray in these.
@@ -462,12 +478,12 @@ impl<'a> Walker<'a> {
 }
 
 /// Where the way to a hit ends, or the ray: in units of its direction.
-fn end_of(ray: &Ray, hit: &Hit) -> f32 {
+pub fn end_of(ray: &Ray, hit: &Hit) -> f32 {
     if hit.is_hit() { hit.t } else { ray.t_max }
 }
 
 /// The length of the way to a hit, or to the end of the ray.
-fn length_to(ray: &Ray, hit: &Hit) -> f32 {
+pub fn length_to(ray: &Ray, hit: &Hit) -> f32 {
     end_of(ray, hit) * ray.direction.length()
 }
 

@@ -41,6 +41,14 @@ impl PreparedMedium {
         }
     }
 
+    /// The same in [`ColorMode::Rgb`].
+    pub fn everywhere_in_rgb(&self) -> Option<&MediumProperties> {
+        match self {
+            Self::Homogeneous(_, rgb) => Some(rgb),
+            Self::HeightFog(_) | Self::Tracked(_) => None,
+        }
+    }
+
     /// Sends a path along a segment: it is scattered on the way, or comes to the end. `numbers` gives pairs of uniform numbers in
     /// `[0, 1)`, independent of each other.
     pub fn travel(
