@@ -120,9 +120,9 @@ impl ScatteredVertices {
                 to: &mut ScatteredOutputs = &mut self.outputs,
             )
         );
-        for lane in 0..count {
+        for (lane, (&x, &y)) in light[0].iter().zip(&light[1]).enumerate().take(count) {
             if self.lights.how[lane] == ALONE {
-                self.light_alone(context, lane, Vec2::new(light[0][lane], light[1][lane]));
+                self.light_alone(context, lane, Vec2::new(x, y));
             }
         }
     }
@@ -203,6 +203,7 @@ impl Columns for ScatteredVertices {
 
 /// What vertices give, where their lights are flat.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn outputs(
     carried: &CarriedLanes,
     wo: &HitVectors,

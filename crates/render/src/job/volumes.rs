@@ -5,7 +5,7 @@ use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
 use crate::integrator::{Context, MediumVertex, SurfaceVertex};
 use crate::sampler::{Random, Sampler};
-use crate::volume::{AlikeWays, Crossings, KnownInsides, Numbers, Walker, end_of, length_to};
+use crate::volume::{AlikeWays, Crossings, Filling, KnownInsides, Numbers, Walker, end_of, length_to};
 use snell_intersect::{Grouping, Hit, SurfaceInteraction};
 use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec3};
 use snell_scene::{MaterialId, MediumId};
@@ -112,7 +112,7 @@ impl<'a> VolumeBatch<'a> {
         let wide = context.scene.world.simd().wide().filter(|_| context.settings.color == ColorModel::Rgb);
         Some(Self {
             walker,
-            known: KnownInsides::default(),
+            known: KnownInsides::new(walker.everywhere()),
             around_camera: walker.surfaces_around(eye),
             insides: Vec::new(),
             next: Vec::new(),
@@ -224,14 +224,14 @@ impl<'a> VolumeBatch<'a> {
         let Self { walker, known, insides, scattered, steps, on_the_way: way, alike, .. } = self;
         for &whose in &way.pending {
             let path = whose as usize;
-            let insides = known.get(insides[path]);
-            if walker.is_empty(insides) {
+            let filling = known.filling(insides[path]);
+            if filling == Filling::Empty {
                 continue;
             }
             let random = random(paths, path);
             let (ray, hit, carried) = (&paths.rays[path], &paths.hits[path], &paths.carried[path]);
             if let Some(alike) = alike
-                && let Some(medium) = walker.alike_in_rgb(&known.own, insides)
+                && let Some(medium) = walker.alike_in_rgb(&known.own, filling)
                 && !walker.seeks_beacons(carried)
             {
                 alike.push_path(whose, medium, end_of(ray, hit), carried.throughput, &random, steps[path]);
@@ -244,7 +244,8 @@ impl<'a> VolumeBatch<'a> {
             let mut numbers = Numbers::of_path(random, steps[path]);
             let (mut carried, rest, mut radiance) = (*carried, *paths.rest(path), SampledSpectrum::ZERO);
             let state = (&mut carried, &rest);
-            let vertex = walker.travel(&known.own, insides, ray, hit, state, &mut numbers, &mut radiance);
+            let here = known.get(insides[path]);
+            let vertex = walker.travel(&known.own, here, ray, hit, state, &mut numbers, &mut radiance);
             steps[path] = numbers.step();
             paths.carried[path].throughput = carried.throughput;
             if !radiance.is_black() {
@@ -349,13 +350,15 @@ impl<'a> VolumeBatch<'a> {
             }
             for at in 0..way.pending.len() {
                 let (i, ray, hit) = (way.pending[at] as usize, &way.rays[at], &way.hits[at]);
-                let here = known.get(insides[i]);
+                let (here, filling) = (known.get(insides[i]), known.filling(insides[i]));
                 let passed = walker.light_passes(here, hit);
                 way.materials[at] = passed.flatten().unwrap_or(NONE);
                 if passed.is_none() {
                     light.blocked[i] = true;
+                } else if filling == Filling::Empty {
+                    // It loses nothing.
                 } else if let Some(alike) = alike
-                    && let Some(medium) = walker.alike_in_rgb(&known.own, here)
+                    && let Some(medium) = walker.alike_in_rgb(&known.own, filling)
                 {
                     alike.push(i as u32, medium, length_to(ray, hit), light.values[i]);
                     if alike.is_full() {

@@ -146,6 +146,7 @@ fn travel(u: &[HitLanes; 2], ways: &mut Ways) {
 }
 
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn attenuate(ways: &mut Ways) {
     for i in 0..LANES {
         let color = |v: &HitVectors| [v[0][i], v[1][i], v[2][i]];

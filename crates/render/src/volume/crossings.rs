@@ -82,7 +82,7 @@ impl<'a> Crossings<'a> {
             self.find_plain(&rays[some.clone()], &hits[some.clone()]);
             for i in some {
                 let lane = i - first;
-                let is_found = self.plain(&hits[i]).is_some() && self.points.is_sound[lane] != 0;
+                let is_found = plain(&self.meshes, &hits[i]).is_some() && self.points.is_sound[lane] != 0;
                 self.found[i] = match is_found {
                     true => Crossing {
                         origin: at(&self.ways.origin, lane),
@@ -95,10 +95,6 @@ impl<'a> Crossings<'a> {
         }
     }
 
-    fn plain(&self, hit: &Hit) -> Option<&PlainMesh<'a>> {
-        self.meshes[hit.geometry as usize].as_ref().filter(|_| hit.instance == 0)
-    }
-
     fn find_one(&self, ray: &Ray, time: f32, hit: &Hit) -> Crossing {
         let query = RayQuery { time, ..RayQuery::from(ray) };
         Crossing::of(&self.scene.world.point(query, hit), ray.direction)
@@ -107,12 +103,18 @@ impl<'a> Crossings<'a> {
     /// Those of at most [`LANES`] hits that are on plain triangles.
     fn find_plain(&mut self, rays: &[Ray], hits: &[Hit]) {
         let Self { meshes, triangles, points, ways, wide, .. } = self;
-        let plain = |hit: &Hit| meshes[hit.geometry as usize].as_ref().filter(|_| hit.instance == 0);
-        triangles.gather(hits.iter().enumerate().filter_map(|(lane, hit)| plain(hit).map(|mesh| (lane, mesh, hit))));
+        let on_mesh = |(lane, hit)| plain(meshes, hit).map(|mesh| (lane, mesh, hit));
+        triangles.gather(hits.iter().enumerate().filter_map(on_mesh));
         triangles.points(points, *wide);
         rays.iter().enumerate().for_each(|(lane, ray)| put(&mut ways.direction, lane, ray.direction));
         at_level!(*wide, leave, (points: &TrianglePoints = points, ways: &mut Ways = ways));
     }
+}
+
+/// The mesh of a hit, if that is plain.
+#[inline(always)]
+fn plain<'m, 'a>(meshes: &'m [Option<PlainMesh<'a>>], hit: &Hit) -> Option<&'m PlainMesh<'a>> {
+    meshes[hit.geometry as usize].as_ref().filter(|_| hit.instance == 0)
 }
 
 /// As [`SurfacePoint::ray_origin`] and [`SurfacePoint::is_front_facing`].

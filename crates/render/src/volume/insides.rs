@@ -65,6 +65,11 @@ impl Insides {
         self.entered().iter().filter(|inside| inside.material != material).max_by_key(|inside| inside.priority)
     }
 
+    /// What is there, where `everywhere` is what is outside of all.
+    pub fn filling(&self, everywhere: Filling) -> Filling {
+        self.innermost().map_or(everywhere, |inside| inside.filling)
+    }
+
     /// Enters one more.
     pub fn enter(&mut self, inside: Inside) {
         if self.count < MOST {

@@ -1,6 +1,6 @@
 //! Insides by number, so that paths and light rays need not carry them.
 
-use super::insides::Inside;
+use super::insides::{Filling, Inside};
 use super::{Insides, OwnMedia};
 use snell_scene::MaterialId;
 use std::collections::HashMap;
@@ -8,10 +8,12 @@ use std::collections::HashMap;
 /// Crossings that are remembered; a power of two.
 const REMEMBERED: usize = 64;
 
-/// All insides that rays of a batch are in. Number 0 is outside of all.
+/// All insides that rays of a batch are in, and what fills each. Number 0 is outside of all.
 #[derive(Debug)]
 pub struct KnownInsides {
-    all: Vec<Insides>,
+    all: Vec<(Insides, Filling)>,
+    /// What is outside of all.
+    everywhere: Filling,
     numbers: HashMap<Vec<Inside>, u32>,
     /// What the last crossings led to.
     recent: [Option<(Crossed, u32)>; REMEMBERED],
@@ -30,16 +32,15 @@ pub struct Crossed {
     pub enters: bool,
 }
 
-impl Default for KnownInsides {
-    fn default() -> Self {
-        let mut known =
-            Self { all: Vec::new(), numbers: HashMap::new(), recent: [None; REMEMBERED], own: OwnMedia::new() };
+impl KnownInsides {
+    /// None but number 0, where this is outside of all.
+    pub fn new(everywhere: Filling) -> Self {
+        let (all, numbers, own) = (Vec::new(), HashMap::new(), OwnMedia::new());
+        let mut known = Self { all, everywhere, numbers, recent: [None; REMEMBERED], own };
         known.clear();
         known
     }
-}
 
-impl KnownInsides {
     /// Forgets all but number 0.
     pub fn clear(&mut self) {
         self.all.clear();
@@ -56,14 +57,20 @@ impl KnownInsides {
         }
         let number = self.all.len() as u32;
         self.numbers.insert(insides.entered().to_vec(), number);
-        self.all.push(insides);
+        self.all.push((insides, insides.filling(self.everywhere)));
         number
     }
 
     /// Those with this number.
     #[inline]
     pub fn get(&self, number: u32) -> &Insides {
-        &self.all[number as usize]
+        &self.all[number as usize].0
+    }
+
+    /// What fills them.
+    #[inline]
+    pub fn filling(&self, number: u32) -> Filling {
+        self.all[number as usize].1
     }
 
     /// The number of those that a crossing leads to. `find` finds them, and tells whether all crossings of the same kind lead there.
@@ -76,7 +83,7 @@ impl KnownInsides {
         {
             return to;
         }
-        let (insides, is_certain) = find(&self.all[crossed.from as usize], &mut self.own);
+        let (insides, is_certain) = find(&self.all[crossed.from as usize].0, &mut self.own);
         let to = self.number(insides);
         if is_certain {
             self.recent[slot] = Some((crossed, to));
@@ -87,12 +94,11 @@ impl KnownInsides {
 
 #[cfg(test)]
 mod tests {
-    use super::super::insides::Filling;
     use super::*;
 
     #[test]
     fn equal_insides_have_one_number_and_crossings_are_asked_about_once() {
-        let mut known = KnownInsides::default();
+        let mut known = KnownInsides::new(Filling::Empty);
         let inside = |material: u32| Inside { material: MaterialId(material), priority: 0, filling: Filling::Empty };
         let mut asked = 0;
         let mut cross = |known: &mut KnownInsides, from: u32, material: u32, enters: bool| {

@@ -288,9 +288,14 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// What fills these, if it is the same everywhere and does not shine: as it is in [`ColorMode::Rgb`].
-    pub fn alike_in_rgb<'m>(&'m self, own: &'m OwnMedia, insides: &Insides) -> Option<&'m MediumProperties> {
-        let medium = match self.filling(insides) {
+    /// What is outside of all insides.
+    pub fn everywhere(&self) -> Filling {
+        self.table.everywhere.map_or(Filling::Empty, Filling::Medium)
+    }
+
+    /// What fills an inside, if it is the same everywhere and does not shine: as it is in [`ColorMode::Rgb`].
+    pub fn alike_in_rgb<'m>(&'m self, own: &'m OwnMedia, filling: Filling) -> Option<&'m MediumProperties> {
+        let medium = match filling {
             Filling::Empty => None,
             Filling::Own(i) => Some(&own[i as usize]),
             Filling::Medium(id) => self.table.medium(id).everywhere_in_rgb(),
@@ -303,16 +308,8 @@ impl<'a> Walker<'a> {
         self.table.beacons.is_some() && carried.is_specular && self.strategy != LightStrategy::Bsdf
     }
 
-    /// True if there is nothing on the way of a ray in these.
-    pub fn is_empty(&self, insides: &Insides) -> bool {
-        self.filling(insides) == Filling::Empty
-    }
-
     fn filling(&self, insides: &Insides) -> Filling {
-        match insides.innermost() {
-            Some(inside) => inside.filling,
-            None => self.table.everywhere.map_or(Filling::Empty, Filling::Medium),
-        }
+        insides.filling(self.everywhere())
     }
 
     /// The material of the surface, if a ray goes on through it: an interface, or one that an inside of higher priority hides.
