@@ -10,6 +10,7 @@ pub mod angles;
 pub mod bounds;
 pub mod distribution;
 pub mod exact;
+pub mod exponentials;
 pub mod frame;
 pub mod ray;
 pub mod rng;

@@ -6,6 +6,7 @@
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
 use crate::integrator::camera_path::{FILM, camera_path, film_point};
+use crate::integrator::carried::Carried;
 use crate::integrator::{Context, MediumVertex, Outputs, PathState, SurfaceVertex, Vertex};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Settings;
@@ -133,10 +134,15 @@ impl<'a> Media<'a> {
         random: Random,
         emitted: &mut SampledSpectrum,
     ) -> (Hit, Option<MediumVertex>) {
-        let mut numbers = Numbers::of_path(random);
+        let (mut carried, rest) = Carried::of(state);
+        let mut numbers = Numbers::of_path(random, 0);
         loop {
             let hit = scene.world.closest_one(timed(ray, state.time), &self.walker);
-            match self.walker.step(&mut self.own, ray, state, &mut self.insides, &hit, &mut numbers, emitted) {
+            let insides = &mut self.insides;
+            let path = (&mut carried, &rest);
+            let step = self.walker.step(&mut self.own, ray, path, insides, &hit, &mut numbers, emitted);
+            *state = carried.with(&rest);
+            match step {
                 PathStep::Arrived => return (hit, None),
                 PathStep::Scattered(vertex) => return (Hit::MISS, Some(vertex)),
                 PathStep::Passed => {}

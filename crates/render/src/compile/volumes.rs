@@ -15,6 +15,8 @@ pub struct VolumeTable {
     boundaries: Vec<Option<Boundary>>,
     /// True if rays may pass some surfaces as if they were not there.
     pub has_passable: bool,
+    /// True if rays through media meet every surface: none is cut out, blended or single-sided.
+    pub sees_all: bool,
     /// True if insides may hide surfaces of others.
     pub has_priorities: bool,
     /// Where light comes from, if it comes from anywhere near.
@@ -92,6 +94,7 @@ impl VolumeTable {
             media: scene.media.iter().map(PreparedMedium::new).collect(),
             everywhere: scene.medium,
             has_passable: has_priorities || boundaries.iter().flatten().any(|b| b.is_interface),
+            sees_all: materials.iter().all(|m| m.is_interface() || !m.needs_filter()),
             has_priorities,
             boundaries,
             beacons: None,

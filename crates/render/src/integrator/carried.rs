@@ -58,10 +58,15 @@ impl Carried {
         (carried, Rest { mode: state.mode, lobe: state.lobe, time: state.time })
     }
 
+    /// See [`PathState::receiver`].
+    pub fn receiver(&self) -> Receiver {
+        Receiver { position: self.position, normal: self.normal, transmits: self.transmits }
+    }
+
     /// The whole state.
     pub fn with(&self, rest: &Rest) -> PathState {
         let Self { throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, is_specular, .. } = *self;
-        let receiver = Receiver { position: self.position, normal: self.normal, transmits: self.transmits };
+        let receiver = self.receiver();
         let Rest { mode, lobe, time } = *rest;
         PathState {
             throughput,

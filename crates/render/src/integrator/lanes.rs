@@ -8,6 +8,7 @@ use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh, TRIANGLE_HITS}
 use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, TrianglePoints};
 use snell_math::simd::{Wide, least};
 use snell_math::{Ray, SampledSpectrum, Vec3};
+use snell_scene::MediumId;
 
 /// Most vertices at once.
 pub const LANES: usize = TRIANGLE_HITS;
@@ -239,6 +240,33 @@ impl VertexLanes {
         };
         Roulette { most, numbers }
     }
+}
+
+/// What vertices give that were worked on together, lane by lane.
+pub trait Columns {
+    /// Numbers of the paths of the lanes in use.
+    fn paths(&self) -> &[u32];
+
+    /// The lanes of those given that send a light ray.
+    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>);
+
+    /// The lanes of those given whose paths go on.
+    fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>);
+
+    /// The light ray of a lane.
+    fn light_ray(&self, lane: usize) -> Ray;
+
+    /// What that brings if it is free.
+    fn brought(&self, lane: usize) -> SampledSpectrum;
+
+    /// The medium that must glow at its end for it to count; `None` for all other light.
+    fn glowing(&self, lane: usize) -> Option<MediumId>;
+
+    /// The next ray of a lane.
+    fn next_ray(&self, lane: usize) -> Ray;
+
+    /// What the path of the next ray carries.
+    fn carried(&self, lane: usize) -> Carried;
 }
 
 /// The vector of a lane.

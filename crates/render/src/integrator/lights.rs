@@ -2,18 +2,21 @@
 //! [`super::estimators::sample_light`] gives one at a time, bit for bit.
 
 use super::estimators::SHADOW_END;
+use super::lanes::{ZERO, at};
 use super::light_part::LightSource;
+use super::{Context, dimension};
 use crate::compile::{CompiledLight, CompiledScene, PlainEmission};
-use crate::light_sampler::{ChosenLights, NONE};
+use crate::light_sampler::{ChosenLights, NONE, Receivers};
+use crate::sampler::ManyRandoms;
+use crate::settings::LightStrategy;
 use snell_intersect::TrianglePoints;
 use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES};
 use snell_math::simd::Wide;
 use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, at_level, sampling};
 use snell_scene::light::area::{AreaLight, FlatPart, FlatSample, NearRectangle, NearSample};
+use snell_scene::medium::HenyeyGreenstein;
 use std::f32::consts::FRAC_1_PI;
-
-const ZERO: HitVectors = [[0.0; LANES]; 3];
 
 /// The lights of the lanes. Lanes without a light hold anything.
 #[derive(Debug)]
@@ -89,15 +92,15 @@ struct NearSamples<const N: usize> {
     exists: [u32; N],
 }
 
-/// What light samples bring to Lambertian surfaces.
+/// What light samples bring to vertices.
 #[derive(Debug)]
 pub struct FlatArrivals {
     origin: HitVectors,
     /// Direction of the light ray, and where it ends.
     way: HitVectors,
     end: HitLanes,
-    /// Density with which the path itself would go there: the cosine of incidence over pi.
-    pub cosine: HitLanes,
+    /// Density with which the path itself would go there: at Lambertian surfaces the cosine of incidence over pi.
+    pub share: HitLanes,
     /// Weight by multiple importance sampling.
     weight: HitLanes,
     /// The weight over the density of the sample.
@@ -116,6 +119,107 @@ pub struct Surfaces<'a> {
     pub wo: &'a HitVectors,
     /// See [`super::estimators::Skin::lift`].
     pub lift: &'a HitVectors,
+}
+
+/// What light samples come to: surfaces, or points of media.
+pub trait Scatterers {
+    fn position(&self) -> &HitVectors;
+
+    /// The density with which the path of a lane itself would go in a direction, and whether any light from there counts.
+    fn share(&self, lane: usize, direction: Vec3) -> (f32, bool);
+
+    /// Where a ray of this direction starts that leaves the vertex of a lane.
+    fn ray_origin(&self, lane: usize, direction: Vec3) -> Vec3;
+
+    /// See [`FlatLights::arrivals`]. `with_near` if there are samples of near lights.
+    fn arrive(
+        &self,
+        with_near: bool,
+        lights: &FlatLights,
+        u: &[HitLanes; 2],
+        wide: Option<Wide>,
+        arrivals: &mut FlatArrivals,
+    );
+}
+
+/// [`Scatterers::arrive`] compiled for wide registers.
+macro_rules! arrive_at_level {
+    ($scatterers:ty) => {
+        fn arrive(
+            &self,
+            with_near: bool,
+            lights: &FlatLights,
+            u: &[HitLanes; 2],
+            wide: Option<Wide>,
+            arrivals: &mut FlatArrivals,
+        ) {
+            arrive_at_level!(with_near, wide, $scatterers, self, lights, u, arrivals, [true, false])
+        }
+    };
+    ($with_near:ident, $wide:ident, $scatterers:ty, $to:ident, $lights:ident, $u:ident, $arrivals:ident, [$($with:literal),*]) => {
+        match $with_near {
+            $($with => at_level!(
+                $wide,
+                arrive::<$with, $scatterers>,
+                (
+                    lights: &FlatLights = $lights,
+                    to: &$scatterers = $to,
+                    u: &[HitLanes; 2] = $u,
+                    arrivals: &mut FlatArrivals = $arrivals,
+                )
+            ),)*
+        }
+    };
+}
+
+impl Scatterers for Surfaces<'_> {
+    fn position(&self) -> &HitVectors {
+        &self.points.position
+    }
+
+    #[inline(always)]
+    fn share(&self, lane: usize, direction: Vec3) -> (f32, bool) {
+        let (n, flat, wo) = (at(self.normal, lane), at(&self.points.geometric_normal, lane), at(self.wo, lane));
+        let (cos_i, horizon) = (n.dot(direction), horizon(flat, n, at(self.lift, lane)));
+        let is_seen = (n.dot(wo) * cos_i > 0.0) & (horizon.dot(wo) * horizon.dot(direction) > 0.0);
+        (if is_seen { cos_i.abs() * FRAC_1_PI } else { 0.0 }, is_seen)
+    }
+
+    #[inline(always)]
+    fn ray_origin(&self, lane: usize, direction: Vec3) -> Vec3 {
+        let (position, error) = (at(&self.points.position, lane), at(&self.points.position_error, lane));
+        lifted_ray_origin(position, error, at(&self.points.geometric_normal, lane), at(self.lift, lane), direction)
+    }
+
+    arrive_at_level!(Surfaces);
+}
+
+/// Points of media.
+#[derive(Clone, Copy, Debug)]
+pub struct MediumPoints<'a> {
+    pub position: &'a HitVectors,
+    /// Directions to where the paths come from.
+    pub wo: &'a HitVectors,
+    /// Of the phase functions.
+    pub phase: &'a [HenyeyGreenstein; LANES],
+}
+
+impl Scatterers for MediumPoints<'_> {
+    fn position(&self) -> &HitVectors {
+        self.position
+    }
+
+    #[inline(always)]
+    fn share(&self, lane: usize, direction: Vec3) -> (f32, bool) {
+        (self.phase[lane].pdf(-at(self.wo, lane), direction), true)
+    }
+
+    #[inline(always)]
+    fn ray_origin(&self, lane: usize, _: Vec3) -> Vec3 {
+        at(self.position, lane)
+    }
+
+    arrive_at_level!(MediumPoints);
 }
 
 impl Default for FlatLights {
@@ -152,7 +256,7 @@ impl<const N: usize> Default for NearSamples<N> {
 impl Default for FlatArrivals {
     fn default() -> Self {
         let (zero, exists) = ([0.0; LANES], [0; LANES]);
-        Self { origin: ZERO, way: ZERO, end: zero, cosine: zero, weight: zero, scale: zero, exists }
+        Self { origin: ZERO, way: ZERO, end: zero, share: zero, weight: zero, scale: zero, exists }
     }
 }
 
@@ -171,8 +275,28 @@ fn area_light(scene: &CompiledScene, light: u32) -> Option<&AreaLight> {
 }
 
 impl FlatLights {
+    /// Chooses lights for these receivers, the first so many, and decides how each is sampled.
+    pub fn choose(
+        &mut self,
+        context: &Context,
+        receivers: &Receivers,
+        randoms: &ManyRandoms<LANES>,
+        count: usize,
+        wide: Option<Wide>,
+    ) {
+        let choices = match context.lights.has_choice() {
+            true => randoms.numbers(dimension::LIGHT_CHOICE, wide),
+            false => [0.0; LANES],
+        };
+        context.lights.sample_many(receivers, &choices, count, &mut self.chosen);
+        self.look_up(context.scene, receivers.position, count, wide);
+        if context.settings.light_strategy != LightStrategy::Mis {
+            self.how.iter_mut().filter(|how| **how != DARK).for_each(|how| *how = ALONE);
+        }
+    }
+
     /// Looks up the lights that were chosen for these points, the first so many, and decides how each is sampled.
-    pub fn look_up(&mut self, scene: &CompiledScene, positions: &HitVectors, count: usize, wide: Option<Wide>) {
+    fn look_up(&mut self, scene: &CompiledScene, positions: &HitVectors, count: usize, wide: Option<Wide>) {
         for lane in 0..count {
             let (light, part) = (self.chosen.light[lane], self.chosen.part[lane]);
             if (self.light[lane] != light) | (self.part[lane] != part) {
@@ -220,7 +344,7 @@ impl FlatLights {
     pub fn arrivals(
         &mut self,
         scene: &CompiledScene,
-        to: &Surfaces,
+        to: &impl Scatterers,
         u: &[HitLanes; 2],
         count: usize,
         wide: Option<Wide>,
@@ -232,30 +356,11 @@ impl FlatLights {
         }
         self.near.lanes.clear();
         self.near.lanes.extend((0..count as u32).filter(|&lane| self.how[lane as usize] == NEAR));
-        if self.near.lanes.is_empty() {
-            at_level!(
-                wide,
-                arrive::<false>,
-                (
-                    lights: &FlatLights = self,
-                    to: &Surfaces = to,
-                    u: &[HitLanes; 2] = u,
-                    arrivals: &mut FlatArrivals = arrivals,
-                )
-            );
-            return;
+        let with_near = !self.near.lanes.is_empty();
+        if with_near {
+            self.sample_near(scene, to.position(), u, wide);
         }
-        self.sample_near(scene, &to.points.position, u, wide);
-        at_level!(
-            wide,
-            arrive::<true>,
-            (
-                lights: &FlatLights = self,
-                to: &Surfaces = to,
-                u: &[HitLanes; 2] = u,
-                arrivals: &mut FlatArrivals = arrivals,
-            )
-        );
+        to.arrive(with_near, self, u, wide, arrivals);
     }
 
     /// Samples the rectangles that are near.
@@ -300,8 +405,7 @@ impl FlatArrivals {
     /// The interval that must be free.
     #[inline(always)]
     pub fn shadow_ray(&self, lane: usize) -> Ray {
-        let at = |v: &HitVectors| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
-        Ray::new(at(&self.origin), at(&self.way)).with_t_max(self.end[lane])
+        Ray::new(at(&self.origin, lane), at(&self.way, lane)).with_t_max(self.end[lane])
     }
 
     /// Weight by multiple importance sampling.
@@ -360,11 +464,15 @@ fn near_samples(of: &NearRectangles, to: &mut NearSamples<NEAR_LANES>) {
 
 /// `WITH_NEAR` if there are samples of near lights.
 #[inline(always)]
-fn arrive<const WITH_NEAR: bool>(lights: &FlatLights, to: &Surfaces, u: &[HitLanes; 2], arrivals: &mut FlatArrivals) {
-    let Surfaces { points, normal, wo, lift } = *to;
+fn arrive<const WITH_NEAR: bool, S: Scatterers>(
+    lights: &FlatLights,
+    to: &S,
+    u: &[HitLanes; 2],
+    arrivals: &mut FlatArrivals,
+) {
     for i in 0..LANES {
         let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
-        let (position, flat_normal, n) = (vector(&points.position), vector(&points.geometric_normal), vector(normal));
+        let position = vector(to.position());
         let part = FlatPart {
             corner: vector(&lights.corner),
             edges: [vector(&lights.edges[0]), vector(&lights.edges[1])],
@@ -385,13 +493,10 @@ fn arrive<const WITH_NEAR: bool>(lights: &FlatLights, to: &Surfaces, u: &[HitLan
             part.sample(position, u)
         };
         let FlatSample { direction, pdf, end, is_front, exists } = sample;
-        let (wo, lift) = (vector(wo), vector(lift));
-        let (cos_i, horizon) = (n.dot(direction), horizon(flat_normal, n, lift));
-        let is_seen = (n.dot(wo) * cos_i > 0.0) & (horizon.dot(wo) * horizon.dot(direction) > 0.0);
-        let cosine = if is_seen { cos_i.abs() * FRAC_1_PI } else { 0.0 };
+        let (share, is_seen) = to.share(i, direction);
         let density = pdf * lights.chosen.probability[i];
-        let weight = sampling::power_heuristic(density, cosine);
-        let origin = lifted_ray_origin(position, vector(&points.position_error), flat_normal, lift, direction);
+        let weight = sampling::power_heuristic(density, share);
+        let origin = to.ray_origin(i, direction);
         let is_lit = is_front | (lights.on_both_sides[i] != 0);
         let is_here = (lights.how[i] == FAR) | (lights.how[i] == NEAR);
         for axis in 0..3 {
@@ -399,7 +504,7 @@ fn arrive<const WITH_NEAR: bool>(lights: &FlatLights, to: &Surfaces, u: &[HitLan
             arrivals.way[axis][i] = end[axis] - origin[axis];
         }
         arrivals.end[i] = SHADOW_END;
-        arrivals.cosine[i] = cosine;
+        arrivals.share[i] = share;
         arrivals.weight[i] = weight;
         arrivals.scale[i] = weight / density;
         arrivals.exists[i] = u32::from(exists & is_lit & is_seen & is_here);

@@ -7,16 +7,15 @@
 use super::carried::Carried;
 use super::estimators::{Arrival, Skin, may_be_lifted};
 use super::lanes::{
-    Arriving, CarriedLanes, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, keep, put, put_color,
+    Arriving, CarriedLanes, Columns, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, keep, put, put_color,
 };
 use super::light_part::{LightSource, LobeShares};
-use super::lights::{ALONE, DARK, FlatArrivals, FlatLights, Surfaces, horizon};
+use super::lights::{ALONE, FlatArrivals, FlatLights, Surfaces, horizon};
 use super::matte_surfaces::{MatteSurfaces, PlainSurface};
 use super::path::{SCATTERED_SPREAD, WeightedLight, weighted_sample};
 use super::{Context, IntegratorKind, Outputs, PathState, classic, dimension};
 use crate::light_sampler::Receivers;
 use crate::sampler::{Random, Sampler};
-use crate::settings::LightStrategy;
 use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_intersect::{Hit, TrianglePoints};
@@ -134,11 +133,6 @@ impl MatteVertices {
         self.lanes.gather_triangles(from, |hit| surfaces.plain(hit).map(|surface| &surface.mesh));
     }
 
-    /// Numbers of the paths of the lanes in use.
-    pub fn paths(&self) -> &[u32] {
-        self.lanes.paths()
-    }
-
     /// What is on no plain triangle.
     #[inline(never)]
     fn gather_other(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit) {
@@ -186,7 +180,9 @@ impl MatteVertices {
                 to: &mut Bounces = &mut self.bounces,
             )
         );
-        self.choose_lights(context);
+        let receivers = Receivers { position: &self.lanes.points.position, normal: &self.facing };
+        self.lights.choose(context, &receivers, &self.lanes.randoms, self.lanes.paths().len(), wide);
+        self.glowing = [None; LANES];
         let surfaces =
             Surfaces { points: &self.lanes.points, normal: &self.normal, wo: &self.lanes.wo, lift: &self.lanes.lift };
         self.lights.arrivals(context.scene, &surfaces, &light, self.paths().len(), self.lanes.wide, &mut self.arrivals);
@@ -208,20 +204,6 @@ impl MatteVertices {
                 self.light_alone(context, lane, Vec2::new(x, y));
             }
         }
-    }
-
-    fn choose_lights(&mut self, context: &Context) {
-        let choices = match context.lights.has_choice() {
-            true => self.lanes.randoms.numbers(dimension::LIGHT_CHOICE, self.lanes.wide),
-            false => [0.0; LANES],
-        };
-        let receivers = Receivers { position: &self.lanes.points.position, normal: &self.facing };
-        context.lights.sample_many(&receivers, &choices, self.lanes.paths().len(), &mut self.lights.chosen);
-        self.lights.look_up(context.scene, receivers.position, self.lanes.paths().len(), self.lanes.wide);
-        if context.settings.light_strategy != LightStrategy::Mis {
-            self.lights.how.iter_mut().filter(|how| **how != DARK).for_each(|how| *how = ALONE);
-        }
-        self.glowing = [None; LANES];
     }
 
     /// Works out what [`Self::shade_classic`] needs.
@@ -264,36 +246,9 @@ impl MatteVertices {
         self.lanes.points.is_sound[lane] != 0
     }
 
-    /// The lanes of those given that send a light ray.
-    pub fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
-        keep(lanes, &self.outputs.is_lit, to);
-    }
-
-    /// The lanes of those given whose paths go on.
-    pub fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
-        keep(lanes, &self.outputs.goes_on, to);
-    }
-
     /// True if the path of a lane goes on.
     pub fn goes_on(&self, lane: usize) -> bool {
         self.outputs.goes_on[lane] != 0
-    }
-
-    /// The light ray of a lane.
-    #[inline(always)]
-    pub fn light_ray(&self, lane: usize) -> Ray {
-        self.arrivals.shadow_ray(lane % LANES)
-    }
-
-    /// What that brings if it is free.
-    #[inline(always)]
-    pub fn brought(&self, lane: usize) -> SampledSpectrum {
-        color_at(&self.outputs.brought, lane % LANES)
-    }
-
-    /// The medium that must glow at its end for it to count; `None` for all other light.
-    pub fn glowing(&self, lane: usize) -> Option<MediumId> {
-        self.glowing[lane % LANES]
     }
 
     /// True if the light ray of a lane starts through the surface, by rounding.
@@ -310,31 +265,6 @@ impl MatteVertices {
     /// As [`super::Outputs::light_lobe`].
     pub fn lobe(&self, lane: usize) -> LobeShares {
         LobeShares::of_matte(color_at(&self.reflectance, lane))
-    }
-
-    /// The next ray of a lane.
-    #[inline(always)]
-    pub fn next_ray(&self, lane: usize) -> Ray {
-        let lane = lane % LANES;
-        Ray::new(at(&self.bounces.origin, lane), at(&self.bounces.wi, lane))
-    }
-
-    /// What the path of the next ray carries.
-    #[inline(always)]
-    pub fn carried(&self, lane: usize) -> Carried {
-        let lane = lane % LANES;
-        Carried {
-            throughput: color_at(&self.outputs.throughput, lane),
-            position: at(&self.lanes.points.position, lane),
-            normal: at(&self.facing, lane),
-            bsdf_pdf: self.bounces.pdf[lane],
-            eta_scale: self.lanes.carried.eta_scale[lane],
-            cone_width: self.lanes.carried.cone_width[lane],
-            cone_spread: most(self.lanes.carried.cone_spread[lane], SCATTERED_SPREAD),
-            stream: 0,
-            transmits: false,
-            is_specular: false,
-        }
     }
 
     /// A light sample that is not one of [`FlatLights`].
@@ -354,6 +284,57 @@ impl MatteVertices {
     }
 }
 
+impl Columns for MatteVertices {
+    fn paths(&self) -> &[u32] {
+        self.lanes.paths()
+    }
+
+    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
+        keep(lanes, &self.outputs.is_lit, to);
+    }
+
+    fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
+        keep(lanes, &self.outputs.goes_on, to);
+    }
+
+    #[inline(always)]
+    fn light_ray(&self, lane: usize) -> Ray {
+        self.arrivals.shadow_ray(lane % LANES)
+    }
+
+    #[inline(always)]
+    fn brought(&self, lane: usize) -> SampledSpectrum {
+        color_at(&self.outputs.brought, lane % LANES)
+    }
+
+    fn glowing(&self, lane: usize) -> Option<MediumId> {
+        self.glowing[lane % LANES]
+    }
+
+    #[inline(always)]
+    fn next_ray(&self, lane: usize) -> Ray {
+        let lane = lane % LANES;
+        Ray::new(at(&self.bounces.origin, lane), at(&self.bounces.wi, lane))
+    }
+
+    #[inline(always)]
+    fn carried(&self, lane: usize) -> Carried {
+        let lane = lane % LANES;
+        Carried {
+            throughput: color_at(&self.outputs.throughput, lane),
+            position: at(&self.lanes.points.position, lane),
+            normal: at(&self.facing, lane),
+            bsdf_pdf: self.bounces.pdf[lane],
+            eta_scale: self.lanes.carried.eta_scale[lane],
+            cone_width: self.lanes.carried.cone_width[lane],
+            cone_spread: most(self.lanes.carried.cone_spread[lane], SCATTERED_SPREAD),
+            stream: 0,
+            transmits: false,
+            is_specular: false,
+        }
+    }
+}
+
 /// What vertices give, where their lights are flat.
 #[inline(always)]
 fn outputs(
@@ -366,7 +347,7 @@ fn outputs(
     to: &mut MatteOutputs,
 ) {
     for i in 0..LANES {
-        let (cosine, scale) = (arrivals.cosine[i], arrivals.scale[i]);
+        let (cosine, scale) = (arrivals.share[i], arrivals.scale[i]);
         let (mut is_lit, mut is_bright, mut is_finite) = (arrivals.exists[i] != 0, false, true);
         for channel in 0..3 {
             let reflected = carried.throughput[channel][i] * (reflectance[channel][i] * cosine);

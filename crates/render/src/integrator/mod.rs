@@ -17,6 +17,7 @@ pub(crate) mod matte;
 pub(crate) mod matte_surfaces;
 mod motion;
 pub(crate) mod path;
+pub(crate) mod scattered;
 mod scattering;
 pub(crate) mod specular;
 #[cfg(test)]

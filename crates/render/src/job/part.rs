@@ -4,6 +4,7 @@
 mod collect;
 mod first_hits;
 mod matte;
+mod scattered;
 mod specular;
 mod start;
 
@@ -20,6 +21,7 @@ use crate::guiding::{Record, Recorder};
 use crate::integrator::lanes::LANES;
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
 use crate::integrator::path::{escaped, plain_sky};
+use crate::integrator::scattered::ScatteredVertices;
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
@@ -81,6 +83,7 @@ pub struct PartRenderer<'a> {
     /// What is shaded many at once.
     matte: Option<Box<Matte<'a>>>,
     specular: Option<Box<SpecularBatch<'a>>>,
+    scattered: Option<Box<ScatteredVertices>>,
 }
 
 /// A sample being taken.
@@ -117,10 +120,11 @@ impl<'a> PartRenderer<'a> {
     ) -> Self {
         let (scene, eye) = (context.scene, camera.eye.as_vec3());
         let sees_media = context.settings.integrator.sees_media();
-        let volumes = if sees_media { VolumeBatch::new(&context, eye) } else { None };
+        let volumes = if sees_media { VolumeBatch::new(&context, sampler, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
         let matte = if scene.moves { None } else { Matte::new(&context, sampler) };
         let specular = if scene.moves { None } else { SpecularBatch::new(&context, sampler) };
+        let scattered = ScatteredVertices::new(&context, sampler).map(Box::new);
         let view = camera.view(context.settings.size);
         let settings = context.settings;
         let stands_still = !scene.moves && settings.later_cameras.is_empty();
@@ -155,6 +159,7 @@ impl<'a> PartRenderer<'a> {
             volumes,
             matte,
             specular,
+            scattered,
         }
     }
 
@@ -260,7 +265,7 @@ impl<'a> PartRenderer<'a> {
             randoms[paths.samples[path] as usize].at_vertex(paths.carried[path].stream, depth)
         };
         let (light_parts, aovs, journal) = (self.light_parts, &mut self.aovs, &mut self.journal);
-        volumes.advance(&mut self.tracer, &mut self.paths, grouping, random, |paths, path, radiance| {
+        volumes.advance(&mut self.tracer, &mut self.paths, grouping, depth, random, |paths, path, radiance| {
             let sample = paths.samples[path];
             samples[sample as usize].radiance += radiance;
             if let Some(journal) = journal {
@@ -299,7 +304,7 @@ impl<'a> PartRenderer<'a> {
             let is_miss = self.keys[first as usize] as usize == self.context.scene.materials.len();
             if is_miss && self.is_simple() {
                 // They are last.
-                self.shade_misses(depth, rest, statistics);
+                self.shade_nothing_hit(depth, rest, statistics);
                 break;
             }
             let (matte, specular) = (self.matte_beginning(rest), self.specular_beginning(rest));
@@ -390,9 +395,23 @@ impl<'a> PartRenderer<'a> {
         matches!(integrator, IntegratorKind::Path | IntegratorKind::Direct) && !self.is_watched()
     }
 
-    /// The same as [`Self::shade_one`] for paths that leave the scene or are scattered by media.
-    fn shade_misses(&mut self, depth: u32, paths: &[u32], statistics: &mut Statistics) {
-        if self.volumes.is_none() && self.context.scene.is_dark_outside() {
+    /// The same as [`Self::shade_one`] for paths that hit nothing: that leave the scene, or that media have scattered.
+    fn shade_nothing_hit(&mut self, depth: u32, paths: &[u32], statistics: &mut Statistics) {
+        let Some(volumes) = &self.volumes else { return self.shade_misses(depth, paths) };
+        let is_scattered = |path: &&u32| volumes.scattered[**path as usize].is_some();
+        let (scattered, leaving): (Vec<u32>, Vec<u32>) = paths.iter().partition(is_scattered);
+        self.shade_misses(depth, &leaving);
+        for paths in scattered.chunks(LANES) {
+            self.shade_scattered(depth, paths);
+            if self.light_rays.rays.len() >= MAX_BATCH {
+                self.trace_light_rays(statistics);
+            }
+        }
+    }
+
+    /// The same as [`Self::shade_one`] for paths that leave the scene.
+    fn shade_misses(&mut self, depth: u32, paths: &[u32]) {
+        if self.context.scene.is_dark_outside() {
             return;
         }
         let sky = plain_sky(&self.context, depth);
@@ -400,13 +419,6 @@ impl<'a> PartRenderer<'a> {
         let constant = constant.map(|color| ColorMode::Rgb.rgb_illuminant(color));
         for &path in paths {
             let path = path as usize;
-            if self.volumes.as_ref().is_some_and(|v| v.scattered[path].is_some()) {
-                self.shade_one(depth, path);
-                if self.light_rays.rays.len() >= MAX_BATCH {
-                    self.trace_light_rays(statistics);
-                }
-                continue;
-            }
             let (ray, carried, sample) =
                 (&self.paths.rays[path], &self.paths.carried[path], self.paths.samples[path] as usize);
             let radiance = if carried.throughput.is_black() {

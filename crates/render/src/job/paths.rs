@@ -61,15 +61,6 @@ impl Paths {
         self.carried[path].with(self.rest(path))
     }
 
-    /// Replaces what a path carries.
-    pub fn set_state(&mut self, path: usize, state: &PathState) {
-        let (carried, rest) = Carried::of(state);
-        self.carried[path] = carried;
-        if !self.is_plain {
-            self.rest[path] = rest;
-        }
-    }
-
     pub fn rest(&self, path: usize) -> &Rest {
         if self.is_plain { &Rest::PLAIN } else { &self.rest[path] }
     }

@@ -4,44 +4,115 @@
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
 use crate::integrator::{Context, MediumVertex, SurfaceVertex};
-use crate::sampler::Random;
-use crate::volume::{Insides, LightStep, Numbers, OwnMedia, PathStep, Walker};
+use crate::sampler::{Random, Sampler};
+use crate::volume::{AlikeWays, Crossings, Filling, KnownInsides, Numbers, Walker, end_of, length_to};
 use snell_intersect::{Grouping, Hit, SurfaceInteraction};
-use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec3};
 use snell_scene::{MaterialId, MediumId};
 
 /// Most surfaces that a ray passes between two vertices. No scene that makes sense has as many.
 const MOST_PASSED: usize = 1 << 14;
 
+/// No material.
+const NONE: MaterialId = MaterialId(u32::MAX);
+
 /// What media need beside [`Paths`] and [`LightRays`]: entries for the same paths and rays.
 pub struct VolumeBatch<'a> {
     walker: Walker<'a>,
-    own: OwnMedia,
+    known: KnownInsides,
     /// Surfaces whose insides the camera is in.
     around_camera: Vec<(MaterialId, SurfaceInteraction)>,
     /// The insides that each path is in.
-    insides: Vec<Insides>,
-    next: Vec<Insides>,
+    insides: Vec<u32>,
+    next: Vec<u32>,
     /// Where media scattered paths.
     pub scattered: Vec<Option<MediumVertex>>,
-    light_insides: Vec<Insides>,
+    light_insides: Vec<u32>,
+    /// Where passing a medium takes any.
     light_numbers: Vec<Numbers>,
     /// Media that light rays must end in.
     glowing: Vec<Option<MediumId>>,
-    numbers: Vec<Numbers>,
+    /// Steps of the [`Numbers`] of each path.
+    steps: Vec<u32>,
+    on_the_way: OnTheWay<'a>,
+    sampler: Sampler,
+    /// What is worked on many at once; none at the level of portable code, or in spectral colours.
+    alike: Option<Box<AlikeWays>>,
+}
+
+/// Rays that are not there yet.
+struct OnTheWay<'a> {
+    /// Whose rays they are.
     pending: Vec<u32>,
     rays: Vec<Ray>,
     times: Vec<f32>,
     hits: Vec<Hit>,
+    /// What they pass.
+    materials: Vec<MaterialId>,
+    crossings: Crossings<'a>,
+}
+
+impl OnTheWay<'_> {
+    fn clear(&mut self) {
+        self.pending.clear();
+        self.rays.clear();
+        self.times.clear();
+        self.hits.clear();
+        self.materials.clear();
+    }
+
+    /// One more, which passes a surface of this material.
+    fn push(&mut self, whose: u32, ray: Ray, time: f32, hit: Hit, material: MaterialId) {
+        self.pending.push(whose);
+        self.rays.push(ray);
+        self.times.push(time);
+        self.hits.push(hit);
+        self.materials.push(material);
+    }
+
+    /// Keeps the first of them, so many.
+    fn truncate(&mut self, count: usize) {
+        self.pending.truncate(count);
+        self.rays.truncate(count);
+        self.times.truncate(count);
+        self.hits.truncate(count);
+        self.materials.truncate(count);
+    }
+
+    /// Says that a ray is to be kept at a place before its own, and what it passes.
+    fn keep(&mut self, from: usize, to: usize, material: MaterialId) {
+        (self.pending[to], self.rays[to], self.times[to]) = (self.pending[from], self.rays[from], self.times[from]);
+        (self.hits[to], self.materials[to]) = (self.hits[from], material);
+    }
+
+    /// Takes every ray through its surface: `go_on` is told whose it is, its number here, and the insides it comes to.
+    fn cross(
+        &mut self,
+        walker: &Walker,
+        known: &mut KnownInsides,
+        insides: &mut [u32],
+        mode: impl Fn(usize) -> ColorMode,
+    ) {
+        self.crossings.find(&self.rays, &self.times, &self.hits);
+        for (at, crossing) in self.crossings.found().iter().enumerate() {
+            let (ray, hit, whose) = (&mut self.rays[at], &self.hits[at], self.pending[at] as usize);
+            let mode = mode(whose);
+            let surface = || walker.interaction(ray, self.times[at], hit);
+            let to = walker.crossed(known, insides[whose], crossing, self.materials[at], mode, surface);
+            insides[whose] = to;
+            *ray = Ray::new(crossing.origin, ray.direction).with_t_max(ray.t_max - hit.t);
+        }
+    }
 }
 
 impl<'a> VolumeBatch<'a> {
     /// `None` if the scene has no media.
-    pub fn new(context: &Context<'a>, eye: Vec3) -> Option<Self> {
+    pub fn new(context: &Context<'a>, sampler: &Sampler, eye: Vec3) -> Option<Self> {
         let walker = Walker::new(context)?;
+        let wide = context.scene.world.simd().wide().filter(|_| context.settings.color == ColorModel::Rgb);
         Some(Self {
             walker,
-            own: OwnMedia::new(),
+            known: KnownInsides::new(walker.everywhere()),
             around_camera: walker.surfaces_around(eye),
             insides: Vec::new(),
             next: Vec::new(),
@@ -49,21 +120,34 @@ impl<'a> VolumeBatch<'a> {
             light_insides: Vec::new(),
             light_numbers: Vec::new(),
             glowing: Vec::new(),
-            numbers: Vec::new(),
-            pending: Vec::new(),
-            rays: Vec::new(),
-            times: Vec::new(),
-            hits: Vec::new(),
+            steps: Vec::new(),
+            on_the_way: OnTheWay {
+                pending: Vec::new(),
+                rays: Vec::new(),
+                times: Vec::new(),
+                hits: Vec::new(),
+                materials: Vec::new(),
+                crossings: Crossings::new(context.scene),
+            },
+            sampler: *sampler,
+            alike: wide.map(|wide| Box::new(AlikeWays::new(sampler, wide))),
         })
     }
 
     /// Begins a part with these camera paths.
     pub fn start(&mut self, paths: &Paths) {
-        self.own.clear();
+        self.known.clear();
         self.insides.clear();
-        let (walker, own, around) = (self.walker, &mut self.own, &self.around_camera);
-        self.insides.extend((0..paths.len()).map(|i| walker.insides_of(own, around, paths.rest(i).mode)));
         self.next.clear();
+        if self.around_camera.is_empty() {
+            self.insides.resize(paths.len(), 0);
+            return;
+        }
+        for path in 0..paths.len() {
+            let own = &mut self.known.own;
+            let insides = self.walker.insides_of(own, &self.around_camera, paths.rest(path).mode);
+            self.insides.push(self.known.number(insides));
+        }
     }
 
     /// The paths that were collected become those that are traced.
@@ -77,80 +161,109 @@ impl<'a> VolumeBatch<'a> {
         self.walker.has_passable()
     }
 
-    /// Brings every path to its next vertex. The hits are those of the rays as the renderer sees them, and are found again if
-    /// [`Self::sees_more`]. `random` gives the numbers of a path's next vertex, `radiance` where the emission on its way goes.
+    /// Brings every path to its next vertex, of this depth. The hits are those of the rays as the renderer sees them, and are found again
+    /// if [`Self::sees_more`]. `random` gives the numbers of a path's next vertex, `emitted` takes the emission on its way.
     pub fn advance(
         &mut self,
         tracer: &mut Tracer,
         paths: &mut Paths,
         grouping: Grouping,
+        depth: u32,
         random: impl Fn(&Paths, usize) -> Random,
         mut emitted: impl FnMut(&Paths, usize, SampledSpectrum),
     ) {
-        let count = paths.len();
-        if self.sees_more() {
-            tracer.closest_by(&self.walker, &paths.rays, &paths.times, grouping, &mut paths.hits);
+        let (walker, count) = (self.walker, paths.len());
+        if walker.has_passable() {
+            tracer.closest_by(walker.filter(), &paths.rays, &paths.times, grouping, &mut paths.hits);
         }
         self.scattered.clear();
         self.scattered.resize(count, None);
-        self.numbers.clear();
-        self.numbers.extend((0..count).map(|i| Numbers::of_path(random(paths, i))));
-        self.pending.clear();
-        self.pending.extend(0..count as u32);
+        self.steps.clear();
+        self.steps.resize(count, 0);
+        if let Some(alike) = &mut self.alike {
+            alike.start(&self.sampler, depth);
+        }
+        self.on_the_way.pending.clear();
+        self.on_the_way.pending.extend((0..count as u32).filter(|&path| !paths.is_dead(path as usize)));
         for _ in 0..MOST_PASSED {
-            let mut kept = 0;
-            for at in 0..self.pending.len() {
-                let i = self.pending[at] as usize;
-                if paths.is_dead(i) {
-                    continue;
-                }
-                let (mut radiance, mut state) = (SampledSpectrum::ZERO, paths.state(i));
-                let step = self.walker.step(
-                    &mut self.own,
-                    &mut paths.rays[i],
-                    &mut state,
-                    &mut self.insides[i],
-                    &paths.hits[i],
-                    &mut self.numbers[i],
-                    &mut radiance,
-                );
-                paths.set_state(i, &state);
-                if !radiance.is_black() {
-                    emitted(paths, i, radiance);
-                }
-                match step {
-                    PathStep::Arrived => {}
-                    PathStep::Scattered(vertex) => {
-                        self.scattered[i] = Some(vertex);
-                        paths.hits[i] = Hit::MISS;
-                    }
-                    PathStep::Passed => {
-                        self.pending[kept] = i as u32;
-                        kept += 1;
-                    }
+            self.travel(paths, &random, &mut emitted);
+            let Self { known, insides, scattered, on_the_way: way, .. } = self;
+            let mut pending = std::mem::take(&mut way.pending);
+            way.clear();
+            for &whose in &pending {
+                let path = whose as usize;
+                let hit = paths.hits[path];
+                if scattered[path].is_none()
+                    && let Some(material) = walker.path_passes(known.get(insides[path]), &mut paths.carried[path], &hit)
+                {
+                    way.push(whose, paths.rays[path], paths.rest(path).time, hit, material);
                 }
             }
-            self.pending.truncate(kept);
-            if self.pending.is_empty() {
+            pending.clear();
+            if way.pending.is_empty() {
                 return;
             }
-            self.rays.clear();
-            self.rays.extend(self.pending.iter().map(|&i| paths.rays[i as usize]));
-            self.times.clear();
-            self.times.extend(self.pending.iter().map(|&i| paths.rest(i as usize).time));
-            tracer.closest_by(&self.walker, &self.rays, &self.times, Grouping::None, &mut self.hits);
-            for (&i, hit) in self.pending.iter().zip(&self.hits) {
-                paths.hits[i as usize] = *hit;
+            way.cross(&walker, known, insides, |path| paths.rest(path).mode);
+            tracer.closest_by(walker.filter(), &way.rays, &way.times, Grouping::None, &mut way.hits);
+            for ((&path, ray), hit) in way.pending.iter().zip(&way.rays).zip(&way.hits) {
+                (paths.rays[path as usize], paths.hits[path as usize]) = (*ray, *hit);
             }
         }
-        for &i in &self.pending {
-            paths.carried[i as usize].throughput = SampledSpectrum::ZERO;
+        for &path in &self.on_the_way.pending {
+            paths.carried[path as usize].throughput = SampledSpectrum::ZERO;
+        }
+    }
+
+    /// Takes the paths that are on their way through the media that they are in.
+    fn travel(
+        &mut self,
+        paths: &mut Paths,
+        random: &impl Fn(&Paths, usize) -> Random,
+        emitted: &mut impl FnMut(&Paths, usize, SampledSpectrum),
+    ) {
+        let Self { walker, known, insides, scattered, steps, on_the_way: way, alike, .. } = self;
+        for &whose in &way.pending {
+            let path = whose as usize;
+            let filling = known.filling(insides[path]);
+            if filling == Filling::Empty {
+                continue;
+            }
+            let random = random(paths, path);
+            let (ray, hit, carried) = (&paths.rays[path], &paths.hits[path], &paths.carried[path]);
+            if let Some(alike) = alike
+                && let Some(medium) = walker.alike_in_rgb(&known.own, filling)
+                && !walker.seeks_beacons(carried)
+            {
+                alike.push_path(whose, medium, end_of(ray, hit), carried.throughput, &random, steps[path]);
+                steps[path] += 1;
+                if alike.is_full() {
+                    arrive(alike, paths, scattered);
+                }
+                continue;
+            }
+            let mut numbers = Numbers::of_path(random, steps[path]);
+            let (mut carried, rest, mut radiance) = (*carried, *paths.rest(path), SampledSpectrum::ZERO);
+            let state = (&mut carried, &rest);
+            let here = known.get(insides[path]);
+            let vertex = walker.travel(&known.own, here, ray, hit, state, &mut numbers, &mut radiance);
+            steps[path] = numbers.step();
+            paths.carried[path].throughput = carried.throughput;
+            if !radiance.is_black() {
+                emitted(paths, path, radiance);
+            }
+            if vertex.is_some() {
+                scattered[path] = vertex;
+                paths.hits[path] = Hit::MISS;
+            }
+        }
+        if let Some(alike) = alike {
+            arrive(alike, paths, scattered);
         }
     }
 
     /// Index of refraction on the outer side of the surface that a path is at.
     pub fn outside_ior(&self, path: usize, hit: &Hit) -> f32 {
-        self.walker.outside_ior(&self.insides[path], hit)
+        self.walker.outside_ior(self.known.get(self.insides[path]), hit)
     }
 
     /// Notes the insides of the rays that a vertex sends out.
@@ -166,23 +279,39 @@ impl<'a> VolumeBatch<'a> {
     ) {
         let here = self.insides[path];
         let mut beyond = None;
-        let mut of = |own: &mut OwnMedia, direction: Vec3| match surface {
+        let (walker, known) = (self.walker, &mut self.known);
+        let mut of = |direction: Vec3| match surface {
             Some(s)
                 if direction.dot(s.interaction.geometric_normal) * arriving.dot(s.interaction.geometric_normal)
                     > 0.0 =>
             {
-                *beyond.get_or_insert_with(|| self.walker.beyond(own, &here, s.interaction, s.hit, direction, s.mode))
+                *beyond.get_or_insert_with(|| {
+                    let insides = *known.get(here);
+                    let own = &mut known.own;
+                    let beyond = walker.beyond(own, &insides, s.interaction, s.hit, direction, s.mode);
+                    known.number(beyond)
+                })
             }
             _ => here,
         };
+        let needs_numbers = !walker.is_in_closed_form();
         for (number, (ray, _)) in light_rays.iter().enumerate() {
-            self.light_insides.push(of(&mut self.own, ray.direction));
-            self.light_numbers.push(Numbers::of_light_ray(random, number as u32));
+            self.light_insides.push(of(ray.direction));
+            if needs_numbers {
+                self.light_numbers.push(Numbers::of_light_ray(random, number as u32));
+            }
             self.glowing.push(glowing);
         }
-        for direction in next {
-            self.next.push(of(&mut self.own, direction));
+        self.next.extend(next.map(of));
+    }
+
+    /// Notes that the only light ray of a vertex starts on the side that the path has come from.
+    pub fn note_light_ray(&mut self, path: usize, random: impl FnOnce() -> Random, glowing: Option<MediumId>) {
+        self.light_insides.push(self.insides[path]);
+        if !self.walker.is_in_closed_form() {
+            self.light_numbers.push(Numbers::of_light_ray(random(), 0));
         }
+        self.glowing.push(glowing);
     }
 
     /// Notes that a path goes on on the side that it has come from.
@@ -192,61 +321,120 @@ impl<'a> VolumeBatch<'a> {
 
     /// Sends light rays to their lights: values lose what media take, and what arrives is not `blocked`. `mode` is that of a sample.
     pub fn trace_light_rays(&mut self, tracer: &mut Tracer, light: &mut LightRays, mode: impl Fn(u32) -> ColorMode) {
-        let may_see_past = self.walker.has_priorities() || self.walker.follows_light_rays();
+        let Self { walker, known, light_insides: insides, light_numbers, glowing, on_the_way: way, alike, .. } = self;
+        let may_see_past = walker.has_priorities() || walker.follows_light_rays();
         if may_see_past {
             light.blocked.clear();
             light.blocked.resize(light.rays.len(), false);
         } else {
             tracer.occluded(&light.rays, &light.times, &mut light.blocked);
         }
-        self.pending.clear();
-        self.pending.extend((0..light.rays.len() as u32).filter(|&i| !light.blocked[i as usize]));
+        let is_in = |known: &KnownInsides, insides: u32, glowing| walker.is_in(known.get(insides), glowing);
+        way.clear();
+        for i in (0..light.rays.len()).filter(|&i| !light.blocked[i]) {
+            way.pending.push(i as u32);
+            way.rays.push(light.rays[i]);
+            way.times.push(light.times[i]);
+            way.materials.push(NONE);
+        }
         for _ in 0..MOST_PASSED {
-            self.rays.clear();
-            self.rays.extend(self.pending.iter().map(|&i| light.rays[i as usize]));
-            self.times.clear();
-            self.times.extend(self.pending.iter().map(|&i| light.times[i as usize]));
-            if self.walker.has_passable() {
-                tracer.closest_by(&self.walker, &self.rays, &self.times, Grouping::None, &mut self.hits);
-            } else {
-                // Nothing is in the way, as is known already.
-                self.hits.clear();
-                self.hits.resize(self.rays.len(), Hit::MISS);
-            }
-            let mut kept = 0;
-            for at in 0..self.pending.len() {
-                let i = self.pending[at] as usize;
-                let step = self.walker.light_step(
-                    &mut self.own,
-                    &mut light.rays[i],
-                    light.times[i],
-                    &mut light.values[i],
-                    mode(light.samples[i]),
-                    &mut self.light_insides[i],
-                    &self.hits[at],
-                    &mut self.light_numbers[i],
-                );
-                match step {
-                    LightStep::Arrived => {
-                        light.blocked[i] = !self.walker.is_in(&self.light_insides[i], self.glowing[i])
-                    }
-                    LightStep::Blocked => light.blocked[i] = true,
-                    LightStep::Passed => {
-                        self.pending[kept] = i as u32;
-                        kept += 1;
-                    }
-                }
-            }
-            self.pending.truncate(kept);
-            if self.pending.is_empty() {
+            if way.pending.is_empty() {
                 break;
             }
+            if walker.has_passable() {
+                tracer.closest_by(walker.filter(), &way.rays, &way.times, Grouping::None, &mut way.hits);
+            } else {
+                // Nothing is in the way, as is known already.
+                way.hits.clear();
+                way.hits.resize(way.rays.len(), Hit::MISS);
+            }
+            for at in 0..way.pending.len() {
+                let (i, ray, hit) = (way.pending[at] as usize, &way.rays[at], &way.hits[at]);
+                let (here, filling) = (known.get(insides[i]), known.filling(insides[i]));
+                let passed = walker.light_passes(here, hit);
+                way.materials[at] = passed.flatten().unwrap_or(NONE);
+                if passed.is_none() {
+                    light.blocked[i] = true;
+                } else if filling == Filling::Empty {
+                    // It loses nothing.
+                } else if let Some(alike) = alike
+                    && let Some(medium) = walker.alike_in_rgb(&known.own, filling)
+                {
+                    alike.push(i as u32, medium, length_to(ray, hit), light.values[i]);
+                    if alike.is_full() {
+                        lose(alike, light);
+                    }
+                } else {
+                    let (value, mode) = (light.values[i], mode(light.samples[i]));
+                    let numbers = || light_numbers[i].next();
+                    light.values[i] = walker.attenuate(&known.own, here, ray, hit, value, mode, numbers);
+                }
+            }
+            if let Some(alike) = alike {
+                lose(alike, light);
+            }
+            let mut kept = 0;
+            for at in 0..way.pending.len() {
+                let (i, material) = (way.pending[at] as usize, way.materials[at]);
+                if light.blocked[i] | light.values[i].is_black() {
+                    light.blocked[i] = true;
+                } else if material != NONE {
+                    way.keep(at, kept, material);
+                    kept += 1;
+                } else {
+                    light.blocked[i] = !is_in(known, insides[i], glowing[i]);
+                }
+            }
+            way.truncate(kept);
+            way.cross(walker, known, insides, |i| mode(light.samples[i]));
+            // Some end at the surface that they pass.
+            let mut kept = 0;
+            for at in 0..way.pending.len() {
+                let i = way.pending[at] as usize;
+                if way.rays[at].t_max > 0.0 {
+                    way.keep(at, kept, way.materials[at]);
+                    kept += 1;
+                } else {
+                    light.blocked[i] = !is_in(known, insides[i], glowing[i]);
+                }
+            }
+            way.truncate(kept);
         }
-        for &i in &self.pending {
+        for &i in &way.pending {
             light.blocked[i as usize] = true;
         }
         self.light_insides.clear();
         self.light_numbers.clear();
         self.glowing.clear();
     }
+}
+
+/// Takes the paths of all lanes to where they have come to, and empties the lanes.
+fn arrive(alike: &mut AlikeWays, paths: &mut Paths, scattered: &mut [Option<MediumVertex>]) {
+    if alike.whose().is_empty() {
+        return;
+    }
+    alike.travel();
+    for (lane, &path) in alike.whose().iter().enumerate() {
+        let path = path as usize;
+        let carried = &mut paths.carried[path];
+        carried.throughput = alike.color(lane);
+        if let Some(scattering) = alike.scattered(lane) {
+            scattered[path] = Some(Walker::vertex(&paths.rays[path], carried, &scattering));
+            paths.hits[path] = Hit::MISS;
+        }
+    }
+    alike.clear();
+}
+
+/// Takes from the light rays of all lanes what they lose, and empties the lanes.
+fn lose(alike: &mut AlikeWays, light: &mut LightRays) {
+    if alike.whose().is_empty() {
+        return;
+    }
+    alike.attenuate();
+    for (lane, &ray) in alike.whose().iter().enumerate() {
+        light.values[ray as usize] = alike.color(lane);
+    }
+    alike.clear();
 }

@@ -7,7 +7,7 @@ use snell_scene::{MaterialId, MediumId};
 const MOST: usize = 6;
 
 /// What fills an inside.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Filling {
     /// Nothing.
     #[default]
@@ -22,7 +22,7 @@ pub enum Filling {
 pub type OwnMedia = Vec<MediumProperties>;
 
 /// One inside.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Inside {
     /// The material of the surface that bounds it.
     pub material: MaterialId,
@@ -50,7 +50,8 @@ impl Default for Insides {
 }
 
 impl Insides {
-    fn entered(&self) -> &[Inside] {
+    /// All of them.
+    pub fn entered(&self) -> &[Inside] {
         &self.entries[..self.count]
     }
 
@@ -62,6 +63,11 @@ impl Insides {
     /// The inside that is there if those of a material are not.
     pub fn innermost_but(&self, material: MaterialId) -> Option<&Inside> {
         self.entered().iter().filter(|inside| inside.material != material).max_by_key(|inside| inside.priority)
+    }
+
+    /// What is there, where `everywhere` is what is outside of all.
+    pub fn filling(&self, everywhere: Filling) -> Filling {
+        self.innermost().map_or(everywhere, |inside| inside.filling)
     }
 
     /// Enters one more.

@@ -16,14 +16,19 @@ pub struct Numbers {
 const LIGHT_RAY: u32 = 1 << 24;
 
 impl Numbers {
-    /// For the way of a path to the vertex that `random` belongs to.
-    pub fn of_path(random: Random) -> Self {
-        Self { random, step: 0 }
+    /// For the way of a path to the vertex that `random` belongs to, of which so many steps are done.
+    pub fn of_path(random: Random, step: u32) -> Self {
+        Self { random, step }
     }
 
     /// For the way of the light ray of this number from the vertex that `random` belongs to.
     pub fn of_light_ray(random: Random, number: u32) -> Self {
         Self { random, step: LIGHT_RAY.wrapping_mul(number.wrapping_add(1)) }
+    }
+
+    /// How many steps are done.
+    pub fn step(&self) -> u32 {
+        self.step
     }
 
     /// The next pair.

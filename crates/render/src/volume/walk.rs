@@ -1,16 +1,19 @@
 //! Steps of paths and light rays from surface to surface.
 
+use super::crossings::Crossing;
 use super::insides::{Filling, Inside};
+use super::known::{Crossed, KnownInsides};
 use super::{Insides, Numbers, OwnMedia};
 use crate::compile::{Boundary, CompiledLight, CompiledScene, VolumeTable};
+use crate::integrator::carried::{Carried, Rest};
 use crate::integrator::estimators::light_pdf_of_glow;
 use crate::integrator::path::weight_of_found_light;
-use crate::integrator::{Context, MediumVertex, PathState};
+use crate::integrator::{Context, MediumVertex};
 use crate::light_sampler::LightSampler;
 use crate::settings::LightStrategy;
-use snell_intersect::{Hit, HitFilter, RayQuery, SurfaceInteraction, SurfacePoint};
-use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
-use snell_scene::medium::{Beacon, Glow, MediumProperties, Segment, Travel};
+use snell_intersect::{AcceptAll, Hit, HitFilter, RayQuery, SurfaceInteraction, SurfacePoint};
+use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3};
+use snell_scene::medium::{Beacon, Glow, MediumProperties, Scattering, Segment, Travel};
 use snell_scene::{MaterialId, MediumId};
 
 /// Walks through the media of a scene.
@@ -62,6 +65,11 @@ impl<'a> Walker<'a> {
         scene.volumes.as_ref().map(|table| Self { scene, table, lights, strategy: settings.light_strategy })
     }
 
+    /// The surface at a hit.
+    pub fn interaction(&self, ray: &Ray, time: f32, hit: &Hit) -> SurfaceInteraction {
+        self.scene.interaction(ray, time, hit)
+    }
+
     /// True if rays may have to be traced on from surfaces that they pass.
     pub fn has_passable(&self) -> bool {
         self.table.has_passable
@@ -77,33 +85,70 @@ impl<'a> Walker<'a> {
         self.has_passable() && self.table.is_in_closed_form()
     }
 
+    /// Who decides about hits: nobody, where all are seen.
+    pub fn filter(&self) -> &dyn HitFilter {
+        if self.table.sees_all { &AcceptAll } else { self }
+    }
+
+    /// True if what light rays lose needs no random numbers.
+    pub fn is_in_closed_form(&self) -> bool {
+        self.table.is_in_closed_form()
+    }
+
     /// Sends a path along its ray up to a hit. Emission on the way is added to `radiance`.
     pub fn step(
         &self,
         own: &mut OwnMedia,
         ray: &mut Ray,
-        state: &mut PathState,
+        (carried, rest): (&mut Carried, &Rest),
         insides: &mut Insides,
         hit: &Hit,
         numbers: &mut Numbers,
         radiance: &mut SampledSpectrum,
     ) -> PathStep {
-        let segment = segment_to(ray, hit);
-        let travel = self.travel(own, insides, &segment, state, numbers);
-        state.throughput = travel.throughput;
-        *radiance += travel.emitted;
-        if let Some(scattered) = travel.scattered {
-            let footprint = state.cone_width + state.cone_spread * scattered.distance;
-            let position = segment.at(scattered.distance);
-            return PathStep::Scattered(MediumVertex { position, phase: scattered.phase, footprint });
+        if let Some(vertex) = self.travel(own, insides, ray, hit, (carried, rest), numbers, radiance) {
+            return PathStep::Scattered(vertex);
         }
-        if !hit.is_hit() || travel.throughput.is_black() || !self.is_passed(insides, hit) {
+        if self.path_passes(insides, carried, hit).is_none() {
             return PathStep::Arrived;
         }
-        state.cone_width += state.cone_spread * segment.length;
-        let origin = self.pass(own, insides, ray, state.time, hit, state.mode);
+        let origin = self.pass(own, insides, ray, rest.time, hit, rest.mode);
         *ray = Ray::new(origin, ray.direction);
         PathStep::Passed
+    }
+
+    /// Takes a path through the medium that it is in up to a hit, or to where it is scattered.
+    pub fn travel(
+        &self,
+        own: &OwnMedia,
+        insides: &Insides,
+        ray: &Ray,
+        hit: &Hit,
+        (carried, rest): (&mut Carried, &Rest),
+        numbers: &mut Numbers,
+        radiance: &mut SampledSpectrum,
+    ) -> Option<MediumVertex> {
+        let segment = Segment { origin: ray.origin, direction: ray.direction, length: end_of(ray, hit) };
+        let travel = self.travel_along(own, insides, &segment, (carried, rest), numbers);
+        carried.throughput = travel.throughput;
+        *radiance += travel.emitted;
+        travel.scattered.map(|scattered| Self::vertex(ray, carried, &scattered))
+    }
+
+    /// Where a medium has scattered the path of a ray.
+    pub fn vertex(ray: &Ray, carried: &Carried, &Scattering { distance, phase }: &Scattering) -> MediumVertex {
+        let footprint = carried.cone_width + carried.cone_spread * distance;
+        MediumVertex { position: ray.at(distance), phase, footprint }
+    }
+
+    /// Takes a path to a surface that it passes, and tells which that is; `None` if the path is over, or does not pass what it has hit.
+    pub fn path_passes(&self, insides: &Insides, carried: &mut Carried, hit: &Hit) -> Option<MaterialId> {
+        if !hit.is_hit() || carried.throughput.is_black() {
+            return None;
+        }
+        let material = self.passed(insides, hit)?;
+        carried.cone_width += carried.cone_spread * hit.t;
+        Some(material)
     }
 
     /// Sends a light ray up to a hit; its value loses what media take.
@@ -118,21 +163,26 @@ impl<'a> Walker<'a> {
         hit: &Hit,
         numbers: &mut Numbers,
     ) -> LightStep {
-        let is_passed = hit.is_hit() && self.is_passed(insides, hit);
-        if hit.is_hit() && !is_passed {
-            return LightStep::Blocked;
-        }
-        *value = self.attenuate(own, insides, &segment_to(ray, hit), *value, mode, numbers);
+        let passed = match self.light_passes(insides, hit) {
+            Some(passed) => passed,
+            None => return LightStep::Blocked,
+        };
+        *value = self.attenuate(own, insides, ray, hit, *value, mode, || numbers.next());
         if value.is_black() {
             return LightStep::Blocked;
         }
-        if !is_passed {
+        if passed.is_none() {
             return LightStep::Arrived;
         }
         let origin = self.pass(own, insides, ray, time, hit, mode);
         let left = ray.t_max - hit.t;
         *ray = Ray::new(origin, ray.direction).with_t_max(left);
         if left > 0.0 { LightStep::Passed } else { LightStep::Arrived }
+    }
+
+    /// What a light ray passes at its hit, if it has one; `None` if that blocks it.
+    pub fn light_passes(&self, insides: &Insides, hit: &Hit) -> Option<Option<MaterialId>> {
+        if hit.is_hit() { self.passed(insides, hit).map(Some) } else { Some(None) }
     }
 
     /// Takes a ray through the surface that it has hit, and tells where it goes on.
@@ -152,30 +202,30 @@ impl<'a> Walker<'a> {
         point.ray_origin(ray.direction)
     }
 
-    fn travel(
+    fn travel_along(
         &self,
         own: &OwnMedia,
         insides: &Insides,
         segment: &Segment,
-        state: &PathState,
+        (carried, rest): (&Carried, &Rest),
         numbers: &mut Numbers,
     ) -> Travel {
-        let (throughput, mode) = (state.throughput, state.mode);
+        let (throughput, mode) = (carried.throughput, rest.mode);
         let id = match self.filling(insides) {
             Filling::Empty => return Travel::unchanged(throughput),
-            Filling::Own(i) => return self.travel_alike(&own[i as usize], segment, state, numbers),
+            Filling::Own(i) => return self.travel_alike(&own[i as usize], segment, carried, numbers),
             Filling::Medium(id) => id,
         };
         let medium = self.table.medium(id);
         if let Some(everywhere) = medium.everywhere(mode) {
-            return self.travel_alike(&everywhere, segment, state, numbers);
+            return self.travel_alike(&everywhere, segment, carried, numbers);
         }
-        let Some((light, glow)) = self.glow(id).filter(|_| state.bsdf_pdf > 0.0) else {
+        let Some((light, glow)) = self.glow(id).filter(|_| carried.bsdf_pdf > 0.0) else {
             return medium.travel(segment, throughput, mode, &mut || numbers.next());
         };
         let weight = |distance| {
-            let light_pdf = || light_pdf_of_glow(self.lights, &state.receiver, light, glow, segment.at(distance));
-            weight_of_found_light(self.strategy, state.bsdf_pdf, light_pdf)
+            let light_pdf = || light_pdf_of_glow(self.lights, &carried.receiver(), light, glow, segment.at(distance));
+            weight_of_found_light(self.strategy, carried.bsdf_pdf, light_pdf)
         };
         medium.travel_weighted(segment, throughput, mode, weight, &mut || numbers.next())
     }
@@ -185,21 +235,20 @@ impl<'a> Walker<'a> {
         &self,
         medium: &MediumProperties,
         segment: &Segment,
-        state: &PathState,
+        carried: &Carried,
         numbers: &mut Numbers,
     ) -> Travel {
         let u = numbers.next();
-        match self.beacon(state, numbers) {
-            Some(beacon) => medium.travel_near(&beacon, segment, state.throughput, u),
-            None => medium.travel(segment, state.throughput, u),
+        match self.beacon(carried, numbers) {
+            Some(beacon) => medium.travel_near(&beacon, segment, carried.throughput, u),
+            None => medium.travel(segment, carried.throughput, u),
         }
     }
 
     /// Where media are to scatter a path more. Only one that was not scattered before: after that, most light comes from all around.
-    fn beacon(&self, state: &PathState, numbers: &mut Numbers) -> Option<Beacon> {
-        let beacons = self.table.beacons.as_ref()?;
-        let is_wanted = state.is_specular && self.strategy != LightStrategy::Bsdf;
-        if is_wanted { beacons.sample(|| numbers.next().x) } else { None }
+    fn beacon(&self, carried: &Carried, numbers: &mut Numbers) -> Option<Beacon> {
+        let beacons = self.table.beacons.as_ref().filter(|_| self.seeks_beacons(carried))?;
+        beacons.sample(|| numbers.next().x)
     }
 
     /// The light that a medium is.
@@ -216,37 +265,61 @@ impl<'a> Walker<'a> {
         glowing.is_none_or(|medium| self.filling(insides) == Filling::Medium(medium))
     }
 
-    fn attenuate(
+    /// What is left of a light ray's value at a hit, or at its end.
+    pub fn attenuate(
         &self,
         own: &OwnMedia,
         insides: &Insides,
-        segment: &Segment,
+        ray: &Ray,
+        hit: &Hit,
         value: SampledSpectrum,
         mode: ColorMode,
-        numbers: &mut Numbers,
+        mut numbers: impl FnMut() -> Vec2,
     ) -> SampledSpectrum {
-        match self.filling(insides) {
-            Filling::Empty => value,
-            Filling::Own(i) => own[i as usize].attenuate(segment, value),
-            Filling::Medium(id) => self.table.medium(id).attenuate(segment, value, mode, &mut || numbers.next()),
+        let id = match self.filling(insides) {
+            Filling::Empty => return value,
+            Filling::Own(i) => return own[i as usize].attenuate(length_to(ray, hit), value),
+            Filling::Medium(id) => id,
+        };
+        let medium = self.table.medium(id);
+        match medium.everywhere(mode) {
+            Some(everywhere) => everywhere.attenuate(length_to(ray, hit), value),
+            None => medium.attenuate(&segment_to(ray, hit), value, mode, &mut numbers),
         }
+    }
+
+    /// What is outside of all insides.
+    pub fn everywhere(&self) -> Filling {
+        self.table.everywhere.map_or(Filling::Empty, Filling::Medium)
+    }
+
+    /// What fills an inside, if it is the same everywhere and does not shine: as it is in [`ColorMode::Rgb`].
+    pub fn alike_in_rgb<'m>(&'m self, own: &'m OwnMedia, filling: Filling) -> Option<&'m MediumProperties> {
+        let medium = match filling {
+            Filling::Empty => None,
+            Filling::Own(i) => Some(&own[i as usize]),
+            Filling::Medium(id) => self.table.medium(id).everywhere_in_rgb(),
+        };
+        medium.filter(|medium| medium.emission.is_black())
+    }
+
+    /// True if media are to scatter a path [more](Self::beacon) near lights.
+    pub fn seeks_beacons(&self, carried: &Carried) -> bool {
+        self.table.beacons.is_some() && carried.is_specular && self.strategy != LightStrategy::Bsdf
     }
 
     fn filling(&self, insides: &Insides) -> Filling {
-        match insides.innermost() {
-            Some(inside) => inside.filling,
-            None => self.table.everywhere.map_or(Filling::Empty, Filling::Medium),
-        }
+        insides.filling(self.everywhere())
     }
 
-    /// True if a ray goes on through the surface: an interface, or one that an inside of higher priority hides.
-    fn is_passed(&self, insides: &Insides, hit: &Hit) -> bool {
+    /// The material of the surface, if a ray goes on through it: an interface, or one that an inside of higher priority hides.
+    fn passed(&self, insides: &Insides, hit: &Hit) -> Option<MaterialId> {
         let material = self.scene.material_id(hit);
         let is_hidden = |boundary: &Boundary| {
             let other = insides.innermost_but(material);
             other.is_some_and(|other| other.priority > boundary.interior.priority)
         };
-        self.table.boundary(material).is_some_and(|b| b.is_interface || is_hidden(b))
+        self.table.boundary(material).filter(|b| b.is_interface || is_hidden(b)).map(|_| material)
     }
 
     /// Index of refraction on the outer side of a surface.
@@ -279,19 +352,48 @@ impl<'a> Walker<'a> {
         mode: ColorMode,
         surface: impl FnOnce() -> SurfaceInteraction,
     ) -> Insides {
-        let mut insides = *insides;
-        // Curves are met from outside only: what goes in would never come out.
-        if point.on_curve {
-            return insides;
-        }
         let material = self.scene.material_id(hit);
-        let Some(boundary) = self.table.boundary(material) else { return insides };
-        if point.is_front_facing(direction) {
-            insides.enter(self.inside(own, material, boundary, surface, mode));
-        } else {
-            insides.leave(material);
+        // Curves are met from outside only: what goes in would never come out.
+        let Some(boundary) = self.table.boundary(material).filter(|_| !point.on_curve) else { return *insides };
+        let enters = point.is_front_facing(direction);
+        self.changed(own, insides, material, boundary, enters, mode, surface)
+    }
+
+    fn changed(
+        &self,
+        own: &mut OwnMedia,
+        insides: &Insides,
+        material: MaterialId,
+        boundary: &Boundary,
+        enters: bool,
+        mode: ColorMode,
+        surface: impl FnOnce() -> SurfaceInteraction,
+    ) -> Insides {
+        let mut insides = *insides;
+        match enters {
+            true => insides.enter(self.inside(own, material, boundary, surface, mode)),
+            false => insides.leave(material),
         }
         insides
+    }
+
+    /// The same by number, where a ray passes a surface of this material.
+    pub fn crossed(
+        &self,
+        known: &mut KnownInsides,
+        from: u32,
+        crossing: &Crossing,
+        material: MaterialId,
+        mode: ColorMode,
+        surface: impl FnOnce() -> SurfaceInteraction,
+    ) -> u32 {
+        let Some(boundary) = self.table.boundary(material).filter(|_| !crossing.on_curve) else { return from };
+        let enters = crossing.enters;
+        known.crossed(Crossed { from, material, enters }, |insides, own| {
+            let is_certain =
+                !enters || boundary.interior.medium.is_some() || !self.scene.material(material).has_own_medium();
+            (self.changed(own, insides, material, boundary, enters, mode, surface), is_certain)
+        })
     }
 
     fn inside(
@@ -372,9 +474,18 @@ impl<'a> Walker<'a> {
     }
 }
 
-/// The way to a hit, or to the end of the ray.
+/// Where the way to a hit ends, or the ray: in units of its direction.
+pub fn end_of(ray: &Ray, hit: &Hit) -> f32 {
+    if hit.is_hit() { hit.t } else { ray.t_max }
+}
+
+/// The length of the way to a hit, or to the end of the ray.
+pub fn length_to(ray: &Ray, hit: &Hit) -> f32 {
+    end_of(ray, hit) * ray.direction.length()
+}
+
+/// That way.
 fn segment_to(ray: &Ray, hit: &Hit) -> Segment {
-    let scale = ray.direction.length();
-    let end = if hit.is_hit() { hit.t } else { ray.t_max };
-    Segment { origin: ray.origin, direction: ray.direction / scale, length: end * scale }
+    let direction = ray.direction / ray.direction.length();
+    Segment { origin: ray.origin, direction, length: length_to(ray, hit) }
 }

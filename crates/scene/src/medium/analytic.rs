@@ -7,6 +7,7 @@
 
 use super::equiangular::{Beacon, Equiangular};
 use super::{MediumProperties, Scattering, Segment, Travel};
+use snell_math::exponentials::{exp, ln};
 use snell_math::{SampledSpectrum, Vec2};
 
 /// Density along a segment: `density * exp(-slope * distance)`, a factor on the medium's coefficients.
@@ -43,8 +44,17 @@ impl Profile {
 }
 
 /// `exp(-sigma * column)`, also for no extinction over an infinite way.
+#[inline(always)]
+pub fn transmittance_of(sigma: f32, column: f64) -> f32 {
+    let through = exp(-f64::from(sigma) * column) as f32;
+    if sigma == 0.0 { 1.0 } else { through }
+}
+
+/// The same of all lanes.
 fn transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpectrum {
-    sigma_t.map(|sigma| if sigma == 0.0 { 1.0 } else { (-f64::from(sigma) * column).exp() as f32 })
+    // Most media are grey.
+    let (first, of_first) = (sigma_t[0], transmittance_of(sigma_t[0], column));
+    sigma_t.map(|sigma| if sigma == first { of_first } else { transmittance_of(sigma, column) })
 }
 
 /// The integral of the transmittance over the column: what an emission of 1 per unit adds up to. 0 for an infinite way without
@@ -58,14 +68,9 @@ fn integrated_transmittance(sigma_t: SampledSpectrum, column: f64) -> SampledSpe
     })
 }
 
-/// What is left of a light ray's value at the end of a segment.
-pub fn attenuate(
-    medium: &MediumProperties,
-    profile: Profile,
-    segment: &Segment,
-    value: SampledSpectrum,
-) -> SampledSpectrum {
-    value * transmittance(medium.sigma_t(), profile.column(f64::from(segment.length)))
+/// What is left of a light ray's value at the end of a segment of this length.
+pub fn attenuate(medium: &MediumProperties, profile: Profile, length: f32, value: SampledSpectrum) -> SampledSpectrum {
+    value * transmittance(medium.sigma_t(), profile.column(f64::from(length)))
 }
 
 /// Sends a path along a segment. `u` in `[0, 1)^2`: its `x` chooses the distance, its `y` the lane.
@@ -89,7 +94,7 @@ pub fn travel(
         return passed(transmittance(sigma_t, whole));
     }
     let sigma = f64::from(sigma_t[chosen_lane(throughput, sum, u.y)]);
-    let column = -f64::from(-u.x).ln_1p() / sigma;
+    let column = -ln(1.0 - f64::from(u.x)) / sigma;
     // Mean over the lanes, each as probable as its share of the throughput.
     let mean = |by_lane: SampledSpectrum| (throughput * by_lane).0.iter().sum::<f32>() / sum;
     // The first also if the lane is clear, where 0 / 0 may be undefined.

@@ -3,6 +3,7 @@
 //! A medium absorbs, scatters and emits, each with a coefficient per scene unit of length. It has no shape of its own: it fills the
 //! inside of closed surfaces ([`crate::material::Interior`]) or the whole scene ([`crate::Scene::medium`]).
 
+mod alike;
 mod analytic;
 mod blackbody;
 mod cloud;
@@ -17,6 +18,7 @@ mod prepared;
 mod segment;
 mod tracking;
 
+pub use alike::{AlikeTravel, attenuate_alike, travel_alike};
 pub use blackbody::{blackbody, blackbody_luminance};
 pub use cloud::Cloud;
 pub use equiangular::Beacon;

@@ -1,7 +1,8 @@
 //! Phase functions: how scattered light is spread over directions.
 
 use serde::{Deserialize, Serialize};
-use snell_math::{Frame, Vec2, Vec3};
+use snell_math::simd::{least, most};
+use snell_math::{Frame, Vec2, Vec3, angles};
 use std::f64::consts::PI;
 
 /// Largest size of the asymmetry that is computed with: beyond, light is hardly deflected at all.
@@ -27,28 +28,31 @@ impl HenyeyGreenstein {
 
     /// Share of light per steradian that goes from `forward` (the direction it travelled in) to `wi`, both unit vectors. Over all
     /// `wi` the integral is 1. It is symmetric, so it does not matter which of the two is the light's direction.
+    #[inline(always)]
     pub fn pdf(&self, forward: Vec3, wi: Vec3) -> f32 {
         let g = f64::from(self.g);
-        let cos = f64::from(forward.dot(wi)).clamp(-1.0, 1.0);
+        let cos = least(most(f64::from(forward.dot(wi)), -1.0), 1.0);
         let denominator = 1.0 + g * g - 2.0 * g * cos;
         ((1.0 - g * g) / (4.0 * PI * denominator * denominator.sqrt())) as f32
     }
 
-    /// A direction and its density per steradian, for `u` in `[0, 1)^2`.
+    /// A direction and its density per steradian, for `u` in `[0, 1)^2`. Without branches, so that loops over it become vector code.
+    #[inline(always)]
     pub fn sample(&self, forward: Vec3, u: Vec2) -> (Vec3, f32) {
         let g = f64::from(self.g);
         let x = f64::from(u.x);
         // In double precision: the inversion cancels where `g` is small.
-        let cos = if g.abs() < 1e-4 {
-            1.0 - 2.0 * x
-        } else {
-            let root = (1.0 - g * g) / (1.0 + g - 2.0 * g * x);
-            ((1.0 + g * g - root * root) / (2.0 * g)).clamp(-1.0, 1.0)
-        };
-        let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        let (sin_phi, cos_phi) = (2.0 * PI * f64::from(u.y)).sin_cos();
+        let root = (1.0 - g * g) / (1.0 + g - 2.0 * g * x);
+        let deflected = least(most((1.0 + g * g - root * root) / (2.0 * g), -1.0), 1.0);
+        let cos = if g.abs() < 1e-4 { 1.0 - 2.0 * x } else { deflected };
+        let sin = most(1.0 - cos * cos, 0.0).sqrt();
+        let (sin_phi, cos_phi) = angles::sin_cos(2.0 * PI * f64::from(u.y));
         let local = Vec3::new((sin * cos_phi) as f32, (sin * sin_phi) as f32, cos as f32);
-        let wi = Frame::from_z(forward).from_local(local).normalize_or(forward);
+        let direction = Frame::from_z(forward).from_local(local);
+        let scale = 1.0 / direction.length();
+        let is_sound = (scale > 0.0) & (scale < f32::INFINITY);
+        let pick = |of_sound: f32, otherwise: f32| if is_sound { of_sound * scale } else { otherwise };
+        let wi = Vec3::new(pick(direction.x, forward.x), pick(direction.y, forward.y), pick(direction.z, forward.z));
         (wi, self.pdf(forward, wi))
     }
 }

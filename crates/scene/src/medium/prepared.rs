@@ -8,8 +8,8 @@ use snell_math::{ColorMode, SampledSpectrum, Vec2};
 /// A medium with what travel through it needs to know.
 #[derive(Clone, Debug)]
 pub enum PreparedMedium {
-    /// In closed form.
-    Homogeneous(Homogeneous),
+    /// In closed form, and as it is in [`ColorMode::Rgb`].
+    Homogeneous(Homogeneous, MediumProperties),
     /// In closed form.
     HeightFog(HeightFog),
     /// By collisions with a grid.
@@ -20,7 +20,7 @@ impl PreparedMedium {
     /// Makes the tables.
     pub fn new(medium: &Medium) -> Self {
         match medium {
-            Medium::Homogeneous(medium) => Self::Homogeneous(medium.clone()),
+            Medium::Homogeneous(medium) => Self::Homogeneous(medium.clone(), medium.at_all(ColorMode::Rgb)),
             Medium::HeightFog(fog) => Self::HeightFog(fog.clone()),
             Medium::Cloud(cloud) => Self::Tracked(Box::new(TrackedGrid::new(&cloud.grid()))),
             Medium::Grid(grid) => Self::Tracked(Box::new(TrackedGrid::new(grid))),
@@ -35,7 +35,16 @@ impl PreparedMedium {
     /// What it does everywhere alike; `None` if that depends on where.
     pub fn everywhere(&self, mode: ColorMode) -> Option<MediumProperties> {
         match self {
-            Self::Homogeneous(medium) => Some(medium.at_all(mode)),
+            Self::Homogeneous(_, rgb) if mode == ColorMode::Rgb => Some(*rgb),
+            Self::Homogeneous(medium, _) => Some(medium.at_all(mode)),
+            Self::HeightFog(_) | Self::Tracked(_) => None,
+        }
+    }
+
+    /// The same in [`ColorMode::Rgb`].
+    pub fn everywhere_in_rgb(&self) -> Option<&MediumProperties> {
+        match self {
+            Self::Homogeneous(_, rgb) => Some(rgb),
             Self::HeightFog(_) | Self::Tracked(_) => None,
         }
     }
@@ -55,7 +64,7 @@ impl PreparedMedium {
     /// What glows of it, if that can be sampled as a light.
     pub fn glow(&self) -> Option<Glow> {
         match self {
-            Self::Homogeneous(_) | Self::HeightFog(_) => None,
+            Self::Homogeneous(..) | Self::HeightFog(_) => None,
             Self::Tracked(grid) => Glow::new(grid),
         }
     }
@@ -71,7 +80,7 @@ impl PreparedMedium {
         numbers: &mut dyn FnMut() -> Vec2,
     ) -> Travel {
         match self {
-            Self::Homogeneous(m) => m.at_all(mode).travel(segment, throughput, numbers()),
+            Self::Homogeneous(m, _) => m.at_all(mode).travel(segment, throughput, numbers()),
             Self::HeightFog(fog) => {
                 analytic::travel(&fog.at_base(mode), fog.profile(segment), segment, throughput, numbers())
             }
@@ -88,8 +97,10 @@ impl PreparedMedium {
         numbers: &mut dyn FnMut() -> Vec2,
     ) -> SampledSpectrum {
         match self {
-            Self::Homogeneous(m) => m.at_all(mode).attenuate(segment, value),
-            Self::HeightFog(fog) => analytic::attenuate(&fog.at_base(mode), fog.profile(segment), segment, value),
+            Self::Homogeneous(m, _) => m.at_all(mode).attenuate(segment.length, value),
+            Self::HeightFog(fog) => {
+                analytic::attenuate(&fog.at_base(mode), fog.profile(segment), segment.length, value)
+            }
             Self::Tracked(grid) => grid.attenuate(segment, value, mode, numbers),
         }
     }
@@ -107,8 +118,8 @@ impl MediumProperties {
         analytic::travel_near(self, beacon, segment, throughput, u)
     }
 
-    /// As [`PreparedMedium::attenuate`].
-    pub fn attenuate(&self, segment: &Segment, value: SampledSpectrum) -> SampledSpectrum {
-        analytic::attenuate(self, Profile::CONSTANT, segment, value)
+    /// As [`PreparedMedium::attenuate`], for a segment of this length.
+    pub fn attenuate(&self, length: f32, value: SampledSpectrum) -> SampledSpectrum {
+        analytic::attenuate(self, Profile::CONSTANT, length, value)
     }
 }

@@ -3,7 +3,7 @@
 use super::{PartRenderer, Paths};
 use crate::integrator::Context;
 use crate::integrator::carried::Rest;
-use crate::integrator::lanes::{Arriving, LANES};
+use crate::integrator::lanes::{Arriving, Columns, LANES};
 use crate::integrator::matte::{MatteVertices, is_classic};
 use crate::integrator::matte_surfaces::MatteSurfaces;
 use crate::sampler::Sampler;
@@ -63,6 +63,13 @@ impl PartRenderer<'_> {
         if self.is_watched() {
             return self.collect_matte(depth, vertices, paths);
         }
+        self.collect_columns(vertices);
+        self.note_insides(depth, vertices, paths);
+    }
+
+    /// Takes what the lanes that are in use gave.
+    pub(super) fn collect_columns(&mut self, vertices: &impl Columns) {
+        let paths = vertices.paths();
         // Column by column, which is twice as fast as path by path.
         let Self { paths: from, light_rays, next, lanes, kept, .. } = self;
         let path = |lane: u32| paths[lane as usize] as usize;
@@ -79,23 +86,31 @@ impl PartRenderer<'_> {
         next.carried.extend(kept.iter().map(|&lane| vertices.carried(lane as usize)));
         next.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
         next.extend_rest(kept.iter().map(|&lane| from.rest(path(lane))));
-        self.note_insides(depth, vertices, paths);
     }
 
     /// Tells media of the rays that the vertices of [`Self::finish_matte`] send out.
     fn note_insides(&mut self, depth: u32, vertices: &MatteVertices, paths: &[u32]) {
+        if self.volumes.is_none() {
+            return;
+        }
         let scene = self.context.scene;
         for &lane in &self.lanes {
             let (lane, path) = (lane as usize, paths[lane as usize] as usize);
-            let random = self.random_at(depth, path);
-            let Some(volumes) = &mut self.volumes else { return };
-            if vertices.light_source(lane).is_some() {
-                let interaction = vertices.passes(lane).then(|| self.paths.interaction(scene, path));
-                let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, path, interaction, 1.0));
+            let random = || self.random_at(depth, path);
+            let (is_lit, glowing) = (vertices.light_source(lane).is_some(), vertices.glowing(lane));
+            if is_lit && vertices.passes(lane) {
+                let (random, arriving) = (random(), self.paths.rays[path].direction);
+                let interaction = self.paths.interaction(scene, path);
+                let surface = self.paths.surface(scene, path, &interaction, 1.0);
                 let light = [(vertices.light_ray(lane), vertices.brought(lane))];
-                let (arriving, glowing) = (self.paths.rays[path].direction, vertices.glowing(lane));
-                volumes.note_outputs(path, arriving, surface.as_ref(), random, &light, glowing, std::iter::empty());
+                let Some(volumes) = &mut self.volumes else { return };
+                volumes.note_outputs(path, arriving, Some(&surface), random, &light, glowing, std::iter::empty());
+            } else if is_lit {
+                let random = random();
+                let Some(volumes) = &mut self.volumes else { return };
+                volumes.note_light_ray(path, || random, glowing);
             }
+            let Some(volumes) = &mut self.volumes else { return };
             if vertices.goes_on(lane) {
                 volumes.note_next(path);
             }

@@ -1,0 +1,293 @@
+//! What `path` and `direct` do where media scatter, at many vertices at once: the same as [`super::scattering`], bit for bit, in loops
+//! that become vector code.
+//!
+//! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
+
+use super::carried::Carried;
+use super::estimators::Arrival;
+use super::lanes::{
+    Arriving, CarriedLanes, Columns, LANES, Roulette, VertexLanes, ZERO, at, color_at, keep, put, put_color,
+};
+use super::lights::{ALONE, FlatArrivals, FlatLights, MediumPoints};
+use super::path::{SCATTERED_SPREAD, WeightedLight, weighted_sample};
+use super::{Context, IntegratorKind, MediumVertex, dimension};
+use crate::light_sampler::Receivers;
+use crate::sampler::Sampler;
+use snell_intersect::triangles::{HitLanes, HitVectors};
+use snell_math::simd::most;
+use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec2, Vec3, at_level};
+use snell_scene::MediumId;
+use snell_scene::medium::HenyeyGreenstein;
+
+/// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
+#[derive(Debug)]
+pub struct ScatteredVertices {
+    lanes: VertexLanes,
+    phase: [HenyeyGreenstein; LANES],
+    lights: FlatLights,
+    arrivals: FlatArrivals,
+    /// As [`super::Outputs::glowing`].
+    glowing: [Option<MediumId>; LANES],
+    outputs: ScatteredOutputs,
+}
+
+/// What the vertices give.
+#[derive(Debug)]
+struct ScatteredOutputs {
+    /// Next directions, and their densities.
+    wi: HitVectors,
+    pdf: HitLanes,
+    /// By channel, what the light brings if its ray is free.
+    brought: HitVectors,
+    /// 0 where no light ray is sent.
+    is_lit: [u32; LANES],
+    /// By channel, the throughput of the next ray.
+    throughput: HitVectors,
+    /// 0 where the path ends.
+    goes_on: [u32; LANES],
+}
+
+impl ScatteredVertices {
+    /// `None` if vertices in media are to be worked on one by one.
+    pub fn new(context: &Context, sampler: &Sampler) -> Option<Self> {
+        let (scene, settings) = (context.scene, context.settings);
+        let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
+            && settings.color == ColorModel::Rgb
+            && scene.volumes.is_some()
+            && !scene.moves;
+        let wide = scene.world.simd().wide().filter(|_| is_for)?;
+        let (number, mark) = ([0.0; LANES], [0; LANES]);
+        Some(Self {
+            lanes: VertexLanes::new(sampler, Some(wide)),
+            phase: [HenyeyGreenstein::new(0.0); LANES],
+            lights: FlatLights::default(),
+            arrivals: FlatArrivals::default(),
+            glowing: [None; LANES],
+            outputs: ScatteredOutputs {
+                wi: ZERO,
+                pdf: number,
+                brought: ZERO,
+                is_lit: mark,
+                throughput: ZERO,
+                goes_on: mark,
+            },
+        })
+    }
+
+    /// Puts vertices of this depth into the lanes: those of the paths with these numbers, at most [`LANES`], of which the dead are left
+    /// out. `scattered` says of a path where that was.
+    pub fn gather(
+        &mut self,
+        sampler: &Sampler,
+        from: &Arriving,
+        scattered: &[Option<MediumVertex>],
+        paths: &[u32],
+        depth: u32,
+    ) {
+        self.lanes.start(sampler, from, paths, depth);
+        for lane in 0..self.lanes.paths().len() {
+            let path = self.lanes.paths()[lane] as usize;
+            let Some(MediumVertex { position, phase, footprint }) = scattered[path] else { continue };
+            put(&mut self.lanes.points.position, lane, position);
+            self.phase[lane] = phase;
+            self.lanes.carried.cone_width[lane] = footprint;
+        }
+    }
+
+    /// Works out what the lanes give.
+    pub fn shade(&mut self, context: &Context, depth: u32) {
+        let (wide, count) = (self.lanes.wide, self.lanes.paths().len());
+        let bounce = self.lanes.randoms.pairs(dimension::BSDF, wide);
+        let light = self.lanes.randoms.pairs(dimension::LIGHT, wide);
+        let roulette = self.lanes.roulette(context, depth);
+        // Media receive light from everywhere.
+        let receivers = Receivers { position: &self.lanes.points.position, normal: &ZERO };
+        self.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
+        self.glowing = [None; LANES];
+        let points = MediumPoints { position: &self.lanes.points.position, wo: &self.lanes.wo, phase: &self.phase };
+        self.lights.arrivals(context.scene, &points, &light, count, wide, &mut self.arrivals);
+        at_level!(
+            wide,
+            outputs,
+            (
+                carried: &CarriedLanes = &self.lanes.carried,
+                wo: &HitVectors = &self.lanes.wo,
+                phase: &[HenyeyGreenstein; LANES] = &self.phase,
+                u: &[HitLanes; 2] = &bounce,
+                radiance: &HitVectors = &self.lights.radiance,
+                arrivals: &FlatArrivals = &self.arrivals,
+                roulette: &Roulette = &roulette,
+                to: &mut ScatteredOutputs = &mut self.outputs,
+            )
+        );
+        for (lane, (&x, &y)) in light[0].iter().zip(&light[1]).enumerate().take(count) {
+            if self.lights.how[lane] == ALONE {
+                self.light_alone(context, lane, Vec2::new(x, y));
+            }
+        }
+    }
+
+    /// A light sample that is not one of [`FlatLights`].
+    #[inline(never)]
+    fn light_alone(&mut self, context: &Context, lane: usize, u: Vec2) {
+        let Some(chosen) = &self.lights.chosen.get(lane) else { return };
+        let position = at(&self.lanes.points.position, lane);
+        let arrival = Arrival { position, surface: None, mode: ColorMode::Rgb, time: 0.0 };
+        let throughput = color_at(&self.lanes.carried.throughput, lane);
+        let (phase, forward) = (self.phase[lane], -at(&self.lanes.wo, lane));
+        let scattered = |wi| {
+            let pdf = phase.pdf(forward, wi);
+            (SampledSpectrum::splat(pdf), pdf)
+        };
+        let light = weighted_sample(context, throughput, &arrival, chosen, u, scattered);
+        self.outputs.is_lit[lane] = u32::from(light.is_some());
+        if let Some(WeightedLight { value, shadow_ray, source, weight, glowing, .. }) = light {
+            self.glowing[lane] = glowing;
+            put_color(&mut self.outputs.brought, lane, value);
+            self.arrivals.put(lane, &shadow_ray, weight);
+            self.lights.note_alone(lane, source);
+        }
+    }
+}
+
+impl Columns for ScatteredVertices {
+    fn paths(&self) -> &[u32] {
+        self.lanes.paths()
+    }
+
+    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
+        keep(lanes, &self.outputs.is_lit, to);
+    }
+
+    fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
+        keep(lanes, &self.outputs.goes_on, to);
+    }
+
+    #[inline(always)]
+    fn light_ray(&self, lane: usize) -> Ray {
+        self.arrivals.shadow_ray(lane % LANES)
+    }
+
+    #[inline(always)]
+    fn brought(&self, lane: usize) -> SampledSpectrum {
+        color_at(&self.outputs.brought, lane % LANES)
+    }
+
+    fn glowing(&self, lane: usize) -> Option<MediumId> {
+        self.glowing[lane % LANES]
+    }
+
+    #[inline(always)]
+    fn next_ray(&self, lane: usize) -> Ray {
+        let lane = lane % LANES;
+        Ray::new(at(&self.lanes.points.position, lane), at(&self.outputs.wi, lane))
+    }
+
+    #[inline(always)]
+    fn carried(&self, lane: usize) -> Carried {
+        let lane = lane % LANES;
+        Carried {
+            throughput: color_at(&self.outputs.throughput, lane),
+            position: at(&self.lanes.points.position, lane),
+            normal: Vec3::ZERO,
+            bsdf_pdf: self.outputs.pdf[lane],
+            eta_scale: self.lanes.carried.eta_scale[lane],
+            cone_width: self.lanes.carried.cone_width[lane],
+            cone_spread: most(self.lanes.carried.cone_spread[lane], SCATTERED_SPREAD),
+            stream: 0,
+            transmits: true,
+            is_specular: false,
+        }
+    }
+}
+
+/// What vertices give, where their lights are flat.
+#[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
+fn outputs(
+    carried: &CarriedLanes,
+    wo: &HitVectors,
+    phase: &[HenyeyGreenstein; LANES],
+    u: &[HitLanes; 2],
+    radiance: &HitVectors,
+    arrivals: &FlatArrivals,
+    roulette: &Roulette,
+    to: &mut ScatteredOutputs,
+) {
+    for i in 0..LANES {
+        let (share, scale) = (arrivals.share[i], arrivals.scale[i]);
+        let (mut is_bright, mut is_finite, mut largest) = (false, true, 0.0);
+        for channel in 0..3 {
+            let throughput = carried.throughput[channel][i];
+            let value = throughput * share * radiance[channel][i] * scale;
+            to.brought[channel][i] = value;
+            is_bright |= value != 0.0;
+            is_finite &= value.abs() < f32::INFINITY;
+            largest = most(largest, throughput);
+        }
+        to.is_lit[i] = u32::from((arrivals.exists[i] != 0) & is_bright & is_finite);
+        let (scale, survives) = roulette.survival(i, largest * carried.eta_scale[i]);
+        for channel in 0..3 {
+            to.throughput[channel][i] = carried.throughput[channel][i] * scale;
+        }
+        to.goes_on[i] = u32::from(survives);
+    }
+    for i in 0..LANES {
+        let forward = Vec3::new(-wo[0][i], -wo[1][i], -wo[2][i]);
+        let (wi, pdf) = phase[i].sample(forward, Vec2::new(u[0][i], u[1][i]));
+        for axis in 0..3 {
+            to.wi[axis][i] = wi[axis];
+        }
+        to.pdf[i] = pdf;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::sampler::SamplerKind;
+    use crate::{CompiledScene, IntegratorKind, Job, LightStrategy, Settings};
+    use snell_intersect::BuildOptions;
+    use snell_math::simd::Level;
+    use snell_math::{DVec3, Rgb};
+    use snell_scene::Light;
+    use snell_scene::builtin::builtin;
+    use snell_scene::light::Attenuation;
+    use snell_scene::medium::Homogeneous;
+
+    #[test]
+    fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
+        for (name, lamps) in [("cornell-box", 0), ("cornell-box", 3), ("night-town", 0), ("fog", 0), ("smoke", 0)] {
+            let mut scene = builtin(name).expect("the scene is built in");
+            if name != "fog" {
+                let size = if name == "cornell-box" { 500.0 } else { 20.0 };
+                let colors = (Rgb::new(0.5, 0.7, 1.0) * (1.0 / size), Rgb::new(0.9, 0.8, 1.0));
+                scene.medium = Some(scene.add_medium(Homogeneous::scattering(colors.0, colors.1, 0.4)));
+            }
+            for i in 0..lamps {
+                let position = DVec3::new(100.0 * f64::from(i), 200.0, 100.0);
+                let (intensity, attenuation) = (Rgb::splat(1e4), Attenuation::NONE);
+                scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
+            }
+            let ways = [
+                (IntegratorKind::Path, SamplerKind::ZSobol, LightStrategy::Mis),
+                (IntegratorKind::Path, SamplerKind::Independent, LightStrategy::Mis),
+                (IntegratorKind::Path, SamplerKind::Independent, LightStrategy::Bsdf),
+                (IntegratorKind::Direct, SamplerKind::Stratified, LightStrategy::Mis),
+            ];
+            for (integrator, sampler, light_strategy) in ways {
+                let picture = |simd: Level| {
+                    let options = BuildOptions { simd, ..BuildOptions::default() };
+                    let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
+                    let how = Settings { max_depth: 9, sampler, integrator, light_strategy, ..Settings::default() };
+                    let settings = Settings { size: [36, 24], spp: 4, ..how };
+                    let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
+                    image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+                };
+                let one_by_one = picture(Level::Scalar);
+                for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+                    assert_eq!(picture(level), one_by_one, "{name} {integrator:?} {sampler:?} {level}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Vertices in media, many at once.
+
+use super::{PartRenderer, Paths};
+use crate::integrator::lanes::{Arriving, Columns};
+
+impl PartRenderer<'_> {
+    /// Shades at most [`LANES`](crate::integrator::lanes::LANES) paths that media have scattered.
+    pub(super) fn shade_scattered(&mut self, depth: u32, paths: &[u32]) {
+        let (Some(mut vertices), Some(volumes)) = (self.scattered.take(), &self.volumes) else {
+            paths.iter().for_each(|&path| self.shade_one(depth, path as usize));
+            return;
+        };
+        if depth < self.context.max_depth() {
+            let Paths { rays, hits, carried, samples, .. } = &self.paths;
+            let arriving = Arriving { rays, hits, carried, samples, randoms: &self.randoms };
+            vertices.gather(self.sampler, &arriving, &volumes.scattered, paths, depth);
+            vertices.shade(&self.context, depth);
+            self.lanes.clear();
+            self.lanes.extend(0..vertices.paths().len() as u32);
+            self.collect_columns(&*vertices);
+            self.note_insides_here(depth, &*vertices);
+        }
+        self.scattered = Some(vertices);
+    }
+
+    /// Tells media of the rays of the lanes that are in use, all of which start where their paths are.
+    fn note_insides_here(&mut self, depth: u32, vertices: &impl Columns) {
+        let Self { volumes, lanes, kept, paths, randoms, .. } = self;
+        let Some(volumes) = volumes else { return };
+        let path = |lane: u32| vertices.paths()[lane as usize] as usize;
+        vertices.lit(lanes, kept);
+        for &lane in &*kept {
+            let path = path(lane);
+            let random = || randoms[paths.samples[path] as usize].at_vertex(paths.carried[path].stream, depth);
+            volumes.note_light_ray(path, random, vertices.glowing(lane as usize));
+        }
+        vertices.going_on(lanes, kept);
+        kept.iter().for_each(|&lane| volumes.note_next(path(lane)));
+    }
+}

@@ -1,0 +1,133 @@
+//! Where rays go on that pass surfaces, for many at once: the same as [`snell_intersect::SurfacePoint`] says of each, bit for bit.
+
+use crate::compile::CompiledScene;
+use crate::integrator::lanes::{LANES, ZERO, at, put};
+use snell_intersect::triangles::{HitVectors, PlainMesh};
+use snell_intersect::{GeometryId, Hit, RayQuery, SurfacePoint, TriangleHits, TrianglePoints};
+use snell_math::simd::Wide;
+use snell_math::{Ray, Vec3, at_level, robust};
+
+/// So few are worked on one by one.
+const FEW: usize = 6;
+
+/// Where a ray goes on.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Crossing {
+    /// The start of the ray from there.
+    pub origin: Vec3,
+    /// It comes from the outer side.
+    pub enters: bool,
+    /// It is on the outside of a curve.
+    pub on_curve: bool,
+}
+
+/// Finds [`Crossing`]s.
+#[derive(Debug)]
+pub struct Crossings<'a> {
+    scene: &'a CompiledScene,
+    /// By geometry, where they are plain.
+    meshes: Vec<Option<PlainMesh<'a>>>,
+    wide: Option<Wide>,
+    triangles: TriangleHits,
+    points: TrianglePoints,
+    ways: Ways,
+    /// Of the rays that were given last.
+    found: Vec<Crossing>,
+}
+
+/// Directions and new origins, by lane.
+#[derive(Debug)]
+struct Ways {
+    direction: HitVectors,
+    origin: HitVectors,
+    enters: [u32; LANES],
+}
+
+impl Crossing {
+    fn of(point: &SurfacePoint, direction: Vec3) -> Self {
+        Self { origin: point.ray_origin(direction), enters: point.is_front_facing(direction), on_curve: point.on_curve }
+    }
+}
+
+impl<'a> Crossings<'a> {
+    /// For hits on a scene.
+    pub fn new(scene: &'a CompiledScene) -> Self {
+        let plain = |geometry: usize| scene.world.plain_mesh(GeometryId(geometry as u32));
+        Self {
+            scene,
+            meshes: (0..scene.world.geometry_count()).map(plain).collect(),
+            wide: scene.world.simd().wide(),
+            triangles: TriangleHits::default(),
+            points: TrianglePoints::default(),
+            ways: Ways { direction: ZERO, origin: ZERO, enters: [0; LANES] },
+            found: Vec::new(),
+        }
+    }
+
+    /// Where rays go on, once they have been found; in order.
+    pub fn found(&self) -> &[Crossing] {
+        &self.found
+    }
+
+    /// Finds where rays go on from what they have hit, each at its time.
+    pub fn find(&mut self, rays: &[Ray], times: &[f32], hits: &[Hit]) {
+        self.found.clear();
+        self.found.resize(rays.len(), Crossing::default());
+        for first in (0..rays.len()).step_by(LANES) {
+            let some = first..rays.len().min(first + LANES);
+            if some.len() <= FEW {
+                some.for_each(|i| self.found[i] = self.find_one(&rays[i], times[i], &hits[i]));
+                continue;
+            }
+            self.find_plain(&rays[some.clone()], &hits[some.clone()]);
+            for i in some {
+                let lane = i - first;
+                let is_found = plain(&self.meshes, &hits[i]).is_some() && self.points.is_sound[lane] != 0;
+                self.found[i] = match is_found {
+                    true => Crossing {
+                        origin: at(&self.ways.origin, lane),
+                        enters: self.ways.enters[lane] != 0,
+                        on_curve: false,
+                    },
+                    false => self.find_one(&rays[i], times[i], &hits[i]),
+                };
+            }
+        }
+    }
+
+    fn find_one(&self, ray: &Ray, time: f32, hit: &Hit) -> Crossing {
+        let query = RayQuery { time, ..RayQuery::from(ray) };
+        Crossing::of(&self.scene.world.point(query, hit), ray.direction)
+    }
+
+    /// Those of at most [`LANES`] hits that are on plain triangles.
+    fn find_plain(&mut self, rays: &[Ray], hits: &[Hit]) {
+        let Self { meshes, triangles, points, ways, wide, .. } = self;
+        let on_mesh = |(lane, hit)| plain(meshes, hit).map(|mesh| (lane, mesh, hit));
+        triangles.gather(hits.iter().enumerate().filter_map(on_mesh));
+        triangles.points(points, *wide);
+        rays.iter().enumerate().for_each(|(lane, ray)| put(&mut ways.direction, lane, ray.direction));
+        at_level!(*wide, leave, (points: &TrianglePoints = points, ways: &mut Ways = ways));
+    }
+}
+
+/// The mesh of a hit, if that is plain.
+#[inline(always)]
+fn plain<'m, 'a>(meshes: &'m [Option<PlainMesh<'a>>], hit: &Hit) -> Option<&'m PlainMesh<'a>> {
+    meshes[hit.geometry as usize].as_ref().filter(|_| hit.instance == 0)
+}
+
+/// As [`SurfacePoint::ray_origin`] and [`SurfacePoint::is_front_facing`].
+#[inline(always)]
+fn leave(points: &TrianglePoints, ways: &mut Ways) {
+    for i in 0..LANES {
+        let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        let (direction, normal) = (vector(&ways.direction), vector(&points.geometric_normal));
+        let (position, error) = (vector(&points.position), vector(&points.position_error));
+        let origin = robust::offset_ray_origin(position, error, normal, direction);
+        for axis in 0..3 {
+            ways.origin[axis][i] = origin[axis];
+        }
+        ways.enters[i] = u32::from(direction.dot(normal) < 0.0);
+    }
+}
