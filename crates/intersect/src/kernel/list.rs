@@ -4,7 +4,7 @@
 //! worked out in `f32` with a bound of the error ([`bundle`]). For nearly all rays it is then certain which face is the nearest; the distance on it and the
 //! coordinates follow from the numbers that the exact test would find ([`exact`]), sixteen rays at a time too. The others, which come near an
 //! edge, start in a plane or run along one, and rays of extraordinary size, go through the tree, which finds the same. Spheres and flat shapes are tested
-//! sixteen rays at a time ([`shapes`]), others ray by ray, both with a look at their boxes before.
+//! sixteen rays at a time ([`shapes`]), others ray by ray; all but flat ones with a look at their boxes before.
 
 mod bundle;
 mod contents;
@@ -25,6 +25,7 @@ use crate::query::search::{Goal, Search, Verdict};
 use bundle::{Blocked, Bundle, Nearest, PerRay, RAYS};
 use contents::{FIRST_OBJECT, MAX_OBJECTS};
 use exact::Found;
+use shapes::ListShape;
 use snell_math::simd::{Doubles16, Lanes16, Level, PairDoubles, Portable8};
 use snell_math::{Ray, Vec2, Vec3};
 use std::mem::MaybeUninit;
@@ -153,7 +154,7 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
         // SAFETY: as promised by the caller.
         let bundle = unsafe { Bundle::<D>::new(list, sixteen, rays.len()) };
         // SAFETY: as promised by the caller.
-        let mut near = unsafe { Near::new(list, &bundle) };
+        let mut near = unsafe { Near::new(scene, &bundle) };
         let mut unsure = !bundle.ordinary & ((2 << (rays.len() - 1)) - 1);
         if G::ANY && scene.is_plain {
             // SAFETY: as promised by the caller.
@@ -247,13 +248,15 @@ impl Near {
     /// # Safety
     /// The machine must have the instructions of `D`.
     #[inline(always)]
-    unsafe fn new<D: Doubles16>(list: &List, bundle: &Bundle<D>) -> Self {
+    unsafe fn new<D: Doubles16>(scene: &Scene, bundle: &Bundle<D>) -> Self {
         let mut near = Self { shapes: [0; MAX_OBJECTS] };
-        for (object, shape) in list.objects.iter().zip(&mut near.shapes) {
+        for (object, shape) in scene.list.objects.iter().zip(&mut near.shapes) {
+            // Those that are flat are tested as quickly as their boxes.
+            let is_quick = scene.is_plain && object.shape.as_ref().is_some_and(ListShape::is_flat);
             *shape = match &object.bounds {
                 // SAFETY: passed on to the caller.
-                Some(bounds) => unsafe { bundle.may_meet(list, bounds) },
-                None => u32::MAX,
+                Some(bounds) if !is_quick => unsafe { bundle.may_meet(scene.list, bounds) },
+                _ => u32::MAX,
             };
         }
         near

@@ -242,16 +242,25 @@ impl VertexLanes {
     }
 }
 
-/// What vertices give that were worked on together, lane by lane.
+/// Where the paths of vertices go on that were worked on together, lane by lane.
 pub trait Columns {
     /// Numbers of the paths of the lanes in use.
     fn paths(&self) -> &[u32];
 
-    /// The lanes of those given that send a light ray.
-    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>);
-
     /// The lanes of those given whose paths go on.
     fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>);
+
+    /// The next ray of a lane.
+    fn next_ray(&self, lane: usize) -> Ray;
+
+    /// What the path of the next ray carries.
+    fn carried(&self, lane: usize) -> Carried;
+}
+
+/// What lights bring to such vertices.
+pub trait LitColumns: Columns {
+    /// The lanes of those given that send a light ray.
+    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>);
 
     /// The light ray of a lane.
     fn light_ray(&self, lane: usize) -> Ray;
@@ -261,12 +270,6 @@ pub trait Columns {
 
     /// The medium that must glow at its end for it to count; `None` for all other light.
     fn glowing(&self, lane: usize) -> Option<MediumId>;
-
-    /// The next ray of a lane.
-    fn next_ray(&self, lane: usize) -> Ray;
-
-    /// What the path of the next ray carries.
-    fn carried(&self, lane: usize) -> Carried;
 }
 
 /// The vector of a lane.

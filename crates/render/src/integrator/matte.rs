@@ -7,7 +7,8 @@
 use super::carried::Carried;
 use super::estimators::{Arrival, Skin, may_be_lifted};
 use super::lanes::{
-    Arriving, CarriedLanes, Columns, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, keep, put, put_color,
+    Arriving, CarriedLanes, Columns, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, keep,
+    put, put_color,
 };
 use super::light_part::{LightSource, LobeShares};
 use super::lights::{ALONE, FlatArrivals, FlatLights, Surfaces, horizon};
@@ -289,26 +290,8 @@ impl Columns for MatteVertices {
         self.lanes.paths()
     }
 
-    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
-        keep(lanes, &self.outputs.is_lit, to);
-    }
-
     fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
         keep(lanes, &self.outputs.goes_on, to);
-    }
-
-    #[inline(always)]
-    fn light_ray(&self, lane: usize) -> Ray {
-        self.arrivals.shadow_ray(lane % LANES)
-    }
-
-    #[inline(always)]
-    fn brought(&self, lane: usize) -> SampledSpectrum {
-        color_at(&self.outputs.brought, lane % LANES)
-    }
-
-    fn glowing(&self, lane: usize) -> Option<MediumId> {
-        self.glowing[lane % LANES]
     }
 
     #[inline(always)]
@@ -332,6 +315,26 @@ impl Columns for MatteVertices {
             transmits: false,
             is_specular: false,
         }
+    }
+}
+
+impl LitColumns for MatteVertices {
+    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
+        keep(lanes, &self.outputs.is_lit, to);
+    }
+
+    #[inline(always)]
+    fn light_ray(&self, lane: usize) -> Ray {
+        self.arrivals.shadow_ray(lane % LANES)
+    }
+
+    #[inline(always)]
+    fn brought(&self, lane: usize) -> SampledSpectrum {
+        color_at(&self.outputs.brought, lane % LANES)
+    }
+
+    fn glowing(&self, lane: usize) -> Option<MediumId> {
+        self.glowing[lane % LANES]
     }
 }
 

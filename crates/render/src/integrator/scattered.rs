@@ -6,7 +6,7 @@
 use super::carried::Carried;
 use super::estimators::Arrival;
 use super::lanes::{
-    Arriving, CarriedLanes, Columns, LANES, Roulette, VertexLanes, ZERO, at, color_at, keep, put, put_color,
+    Arriving, CarriedLanes, Columns, LANES, LitColumns, Roulette, VertexLanes, ZERO, at, color_at, keep, put, put_color,
 };
 use super::lights::{ALONE, FlatArrivals, FlatLights, MediumPoints};
 use super::path::{SCATTERED_SPREAD, WeightedLight, weighted_sample};
@@ -155,26 +155,8 @@ impl Columns for ScatteredVertices {
         self.lanes.paths()
     }
 
-    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
-        keep(lanes, &self.outputs.is_lit, to);
-    }
-
     fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
         keep(lanes, &self.outputs.goes_on, to);
-    }
-
-    #[inline(always)]
-    fn light_ray(&self, lane: usize) -> Ray {
-        self.arrivals.shadow_ray(lane % LANES)
-    }
-
-    #[inline(always)]
-    fn brought(&self, lane: usize) -> SampledSpectrum {
-        color_at(&self.outputs.brought, lane % LANES)
-    }
-
-    fn glowing(&self, lane: usize) -> Option<MediumId> {
-        self.glowing[lane % LANES]
     }
 
     #[inline(always)]
@@ -198,6 +180,26 @@ impl Columns for ScatteredVertices {
             transmits: true,
             is_specular: false,
         }
+    }
+}
+
+impl LitColumns for ScatteredVertices {
+    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
+        keep(lanes, &self.outputs.is_lit, to);
+    }
+
+    #[inline(always)]
+    fn light_ray(&self, lane: usize) -> Ray {
+        self.arrivals.shadow_ray(lane % LANES)
+    }
+
+    #[inline(always)]
+    fn brought(&self, lane: usize) -> SampledSpectrum {
+        color_at(&self.outputs.brought, lane % LANES)
+    }
+
+    fn glowing(&self, lane: usize) -> Option<MediumId> {
+        self.glowing[lane % LANES]
     }
 }
 

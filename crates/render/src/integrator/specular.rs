@@ -5,7 +5,7 @@
 
 use super::carried::Carried;
 use super::lanes::{
-    Arriving, CarriedLanes, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, keep, put_color,
+    Arriving, CarriedLanes, Columns, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, keep, put_color,
 };
 use super::{Context, IntegratorKind, dimension};
 use crate::sampler::Sampler;
@@ -92,11 +92,6 @@ impl SpecularVertices {
     /// Takes the paths with these numbers ([`VertexLanes::start`]). What they have hit must follow for each lane.
     pub fn start(&mut self, sampler: &Sampler, from: &Arriving, paths: &[u32], depth: u32) {
         self.lanes.start(sampler, from, paths, depth);
-    }
-
-    /// Numbers of the paths of the lanes in use.
-    pub fn paths(&self) -> &[u32] {
-        self.lanes.paths()
     }
 
     /// Says what the path of a lane has hit: on a plain mesh, of which [`Self::gather_triangles`] tells more, or not. `outside_ior` is the index of
@@ -186,22 +181,25 @@ impl SpecularVertices {
     pub fn is_sound(&self, lane: usize) -> bool {
         self.lanes.points.is_sound[lane] != 0
     }
+}
 
-    /// The lanes of those given whose paths go on.
-    pub fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
+impl Columns for SpecularVertices {
+    fn paths(&self) -> &[u32] {
+        self.lanes.paths()
+    }
+
+    fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
         keep(lanes, &self.bounces.exists, to);
     }
 
-    /// The next ray of a lane.
     #[inline(always)]
-    pub fn next_ray(&self, lane: usize) -> Ray {
+    fn next_ray(&self, lane: usize) -> Ray {
         let lane = lane % LANES;
         Ray::new(at(&self.bounces.origin, lane), at(&self.bounces.wi, lane))
     }
 
-    /// What the path of the next ray carries.
     #[inline(always)]
-    pub fn carried(&self, lane: usize) -> Carried {
+    fn carried(&self, lane: usize) -> Carried {
         let lane = lane % LANES;
         Carried {
             throughput: color_at(&self.bounces.throughput, lane),

@@ -62,6 +62,12 @@ impl ListShape {
         is_moderate.then_some(Self { geometry: *geometry, kind, shape_from_group: *shape_from_group })
     }
 
+    /// True if it lies in a plane.
+    #[inline(always)]
+    pub fn is_flat(&self) -> bool {
+        matches!(self.kind, Kind::Flat(_))
+    }
+
     /// Where rays meet the shape first in their intervals; infinite where they do not. Only those of some lanes are asked for, and only ordinary
     /// rays are answered.
     ///

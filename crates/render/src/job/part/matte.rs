@@ -3,7 +3,7 @@
 use super::{PartRenderer, Paths};
 use crate::integrator::Context;
 use crate::integrator::carried::Rest;
-use crate::integrator::lanes::{Arriving, Columns, LANES};
+use crate::integrator::lanes::{Arriving, Columns, LANES, LitColumns};
 use crate::integrator::matte::{MatteVertices, is_classic};
 use crate::integrator::matte_surfaces::MatteSurfaces;
 use crate::sampler::Sampler;
@@ -67,11 +67,11 @@ impl PartRenderer<'_> {
         self.note_insides(depth, vertices, paths);
     }
 
-    /// Takes what the lanes that are in use gave.
-    pub(super) fn collect_columns(&mut self, vertices: &impl Columns) {
+    /// Takes the light rays of the lanes that are in use, and where their paths go on.
+    pub(super) fn collect_columns(&mut self, vertices: &impl LitColumns) {
         let paths = vertices.paths();
         // Column by column, which is twice as fast as path by path.
-        let Self { paths: from, light_rays, next, lanes, kept, .. } = self;
+        let Self { paths: from, light_rays, lanes, kept, .. } = self;
         let path = |lane: u32| paths[lane as usize] as usize;
         vertices.lit(lanes, kept);
         light_rays.rays.extend(kept.iter().map(|&lane| vertices.light_ray(lane as usize)));
@@ -81,6 +81,14 @@ impl PartRenderer<'_> {
             false => light_rays.times.extend(kept.iter().map(|&lane| from.rest(path(lane)).time)),
         }
         light_rays.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
+        self.collect_next(vertices);
+    }
+
+    /// Takes where the paths of the lanes that are in use go on: these are `kept`.
+    pub(super) fn collect_next(&mut self, vertices: &impl Columns) {
+        let paths = vertices.paths();
+        let Self { paths: from, next, lanes, kept, .. } = self;
+        let path = |lane: u32| paths[lane as usize] as usize;
         vertices.going_on(lanes, kept);
         next.rays.extend(kept.iter().map(|&lane| vertices.next_ray(lane as usize)));
         next.carried.extend(kept.iter().map(|&lane| vertices.carried(lane as usize)));

@@ -1,7 +1,7 @@
 //! Vertices in media, many at once.
 
 use super::{PartRenderer, Paths};
-use crate::integrator::lanes::{Arriving, Columns};
+use crate::integrator::lanes::{Arriving, Columns, LitColumns};
 
 impl PartRenderer<'_> {
     /// Shades at most [`LANES`](crate::integrator::lanes::LANES) paths that media have scattered.
@@ -24,7 +24,7 @@ impl PartRenderer<'_> {
     }
 
     /// Tells media of the rays of the lanes that are in use, all of which start where their paths are.
-    fn note_insides_here(&mut self, depth: u32, vertices: &impl Columns) {
+    fn note_insides_here(&mut self, depth: u32, vertices: &impl LitColumns) {
         let Self { volumes, lanes, kept, paths, randoms, .. } = self;
         let Some(volumes) = volumes else { return };
         let path = |lane: u32| vertices.paths()[lane as usize] as usize;

@@ -2,7 +2,7 @@
 
 use super::{PartRenderer, Paths};
 use crate::integrator::Context;
-use crate::integrator::lanes::{Arriving, LANES};
+use crate::integrator::lanes::{Arriving, Columns, LANES};
 use crate::integrator::specular::{SpecularVertices, specular_part};
 use crate::sampler::Sampler;
 use snell_intersect::triangles::PlainMesh;
@@ -76,13 +76,7 @@ impl PartRenderer<'_> {
                 false => self.shade_one(depth, path as usize),
             }
         }
-        let Self { paths: from, next, lanes, kept, .. } = self;
-        let path = |lane: u32| paths[lane as usize] as usize;
-        vertices.going_on(lanes, kept);
-        next.rays.extend(kept.iter().map(|&lane| vertices.next_ray(lane as usize)));
-        next.carried.extend(kept.iter().map(|&lane| vertices.carried(lane as usize)));
-        next.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
-        next.extend_rest(kept.iter().map(|&lane| from.rest(path(lane))));
+        self.collect_next(vertices);
         self.note_insides_beyond(depth, vertices);
     }
 
