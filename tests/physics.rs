@@ -127,7 +127,7 @@ fn a_glowing_cavity_has_the_radiance_of_the_geometric_series() {
             let name = format!("cavity, {what}, {}", light_strategy.name());
             let found = mean(&name, &scene, &all_around(eye), &settings);
             assert!(found.z(2.5).abs() < 3.0, "{name}: {found:?}");
-            assert!(found.error < 0.02, "{name}: {found:?}");
+            assert!(found.error < 0.04, "{name}: {found:?}");
         }
     }
 }
@@ -155,8 +155,10 @@ fn the_depth_counts_bounces() {
         for light_strategy in LightStrategy::ALL {
             let settings = Settings { max_depth, light_strategy, ..settings(16, 64) };
             let found = mean(&format!("depth {max_depth}"), &scene, &all_around(DVec3::ZERO), &settings);
-            // Without roulette, every sample is the series itself.
-            let tolerance = if light_strategy == LightStrategy::Mis { 4.0 * found.error + 1e-4 } else { 1e-4 };
+            // Without weights and roulette, every sample is the series itself.
+            let is_exact = light_strategy != LightStrategy::Mis && max_depth < 2;
+            let tolerance = if is_exact { 1e-4 } else { 4.0 * found.error + 1e-4 };
+            assert!(found.error < 0.01, "{max_depth} {light_strategy:?}: {found:?}");
             assert!((found.mean - expected).abs() < tolerance, "{max_depth} {light_strategy:?}: {found:?}");
         }
     }
