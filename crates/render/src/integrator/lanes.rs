@@ -1,6 +1,7 @@
 //! Vertices side by side, for what works on many at once: where paths have come to surfaces, and what they carry.
 
 use super::carried::Carried;
+use super::lit::LitLanes;
 use super::{Context, dimension};
 use crate::sampler::{ManyRandoms, Random, Sampler};
 use crate::settings::Terminator;
@@ -244,32 +245,55 @@ impl VertexLanes {
 
 /// Where the paths of vertices go on that were worked on together, lane by lane.
 pub trait Columns {
-    /// Numbers of the paths of the lanes in use.
-    fn paths(&self) -> &[u32];
+    /// The vertices.
+    fn vertices(&self) -> &VertexLanes;
 
-    /// The lanes of those given whose paths go on.
-    fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>);
+    /// 0 where the path ends.
+    fn goes_on(&self) -> &[u32; LANES];
 
     /// The next ray of a lane.
     fn next_ray(&self, lane: usize) -> Ray;
 
     /// What the path of the next ray carries.
     fn carried(&self, lane: usize) -> Carried;
+
+    /// Numbers of the paths of the lanes in use.
+    fn paths(&self) -> &[u32] {
+        self.vertices().paths()
+    }
+
+    /// The lanes of those given whose paths go on.
+    fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
+        keep(lanes, self.goes_on(), to);
+    }
 }
 
 /// What lights bring to such vertices.
 pub trait LitColumns: Columns {
+    /// All of it.
+    fn light(&self) -> &LitLanes;
+
     /// The lanes of those given that send a light ray.
-    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>);
+    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
+        keep(lanes, &self.light().outputs.is_lit, to);
+    }
 
     /// The light ray of a lane.
-    fn light_ray(&self, lane: usize) -> Ray;
+    #[inline(always)]
+    fn light_ray(&self, lane: usize) -> Ray {
+        self.light().arrivals.shadow_ray(lane % LANES)
+    }
 
     /// What that brings if it is free.
-    fn brought(&self, lane: usize) -> SampledSpectrum;
+    #[inline(always)]
+    fn brought(&self, lane: usize) -> SampledSpectrum {
+        color_at(&self.light().outputs.brought, lane % LANES)
+    }
 
     /// The medium that must glow at its end for it to count; `None` for all other light.
-    fn glowing(&self, lane: usize) -> Option<MediumId>;
+    fn glowing(&self, lane: usize) -> Option<MediumId> {
+        self.light().glowing[lane % LANES]
+    }
 }
 
 /// The vector of a lane.

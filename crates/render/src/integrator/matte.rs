@@ -7,13 +7,14 @@
 use super::carried::Carried;
 use super::estimators::{Arrival, Skin, may_be_lifted};
 use super::lanes::{
-    Arriving, CarriedLanes, Columns, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, keep,
-    put, put_color,
+    Arriving, CarriedLanes, Columns, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put,
+    put_color,
 };
 use super::light_part::{LightSource, LobeShares};
-use super::lights::{ALONE, FlatArrivals, FlatLights, Surfaces, horizon};
+use super::lights::{ALONE, FlatArrivals, Surfaces, horizon};
+use super::lit::{LitLanes, LitOutputs};
 use super::matte_surfaces::{MatteSurfaces, PlainSurface};
-use super::path::{SCATTERED_SPREAD, WeightedLight, weighted_sample};
+use super::path::{SCATTERED_SPREAD, weighted_sample};
 use super::{Context, IntegratorKind, Outputs, PathState, classic, dimension};
 use crate::light_sampler::Receivers;
 use crate::sampler::{Random, Sampler};
@@ -22,7 +23,6 @@ use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_intersect::{Hit, TrianglePoints};
 use snell_math::simd::{Wide, most};
 use snell_math::{ColorMode, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, sampling};
-use snell_scene::MediumId;
 use snell_scene::material::visible_normal;
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -36,11 +36,7 @@ pub struct MatteVertices {
     normal: HitVectors,
     facing: HitVectors,
     bounces: Bounces,
-    lights: FlatLights,
-    arrivals: FlatArrivals,
-    /// As [`super::Outputs::glowing`].
-    glowing: [Option<MediumId>; LANES],
-    outputs: MatteOutputs,
+    lit: LitLanes,
 }
 
 /// Where paths go on.
@@ -51,19 +47,6 @@ struct Bounces {
     pdf: HitLanes,
     /// 0 where the path ends.
     exists: [u32; LANES],
-}
-
-/// What the vertices of `path` or `direct` give.
-#[derive(Debug)]
-struct MatteOutputs {
-    /// By channel, what the light brings if its ray is free.
-    brought: HitVectors,
-    /// 0 where no light ray is sent.
-    is_lit: [u32; LANES],
-    /// By channel, the throughput of the next ray.
-    throughput: HitVectors,
-    /// 0 where the path ends.
-    goes_on: [u32; LANES],
 }
 
 /// A surface as the light sees it.
@@ -101,10 +84,7 @@ impl MatteVertices {
             normal: ZERO,
             facing: ZERO,
             bounces: Bounces { wi: ZERO, origin: ZERO, pdf: [0.0; LANES], exists: [0; LANES] },
-            lights: FlatLights::default(),
-            arrivals: FlatArrivals::default(),
-            glowing: [None; LANES],
-            outputs: MatteOutputs { brought: ZERO, is_lit: [0; LANES], throughput: ZERO, goes_on: [0; LANES] },
+            lit: LitLanes::default(),
         }
     }
 
@@ -182,26 +162,33 @@ impl MatteVertices {
             )
         );
         let receivers = Receivers { position: &self.lanes.points.position, normal: &self.facing };
-        self.lights.choose(context, &receivers, &self.lanes.randoms, self.lanes.paths().len(), wide);
-        self.glowing = [None; LANES];
+        self.lit.lights.choose(context, &receivers, &self.lanes.randoms, self.lanes.paths().len(), wide);
+        self.lit.glowing = [None; LANES];
         let surfaces =
             Surfaces { points: &self.lanes.points, normal: &self.normal, wo: &self.lanes.wo, lift: &self.lanes.lift };
-        self.lights.arrivals(context.scene, &surfaces, &light, self.paths().len(), self.lanes.wide, &mut self.arrivals);
+        self.lit.lights.arrivals(
+            context.scene,
+            &surfaces,
+            &light,
+            self.paths().len(),
+            self.lanes.wide,
+            &mut self.lit.arrivals,
+        );
         at_level!(
             self.lanes.wide,
             outputs,
             (
                 carried: &CarriedLanes = &self.lanes.carried,
                 reflectance: &HitVectors = &self.reflectance,
-                radiance: &HitVectors = &self.lights.radiance,
-                arrivals: &FlatArrivals = &self.arrivals,
+                radiance: &HitVectors = &self.lit.lights.radiance,
+                arrivals: &FlatArrivals = &self.lit.arrivals,
                 bounces: &Bounces = &self.bounces,
                 roulette: &Roulette = &roulette,
-                to: &mut MatteOutputs = &mut self.outputs,
+                to: &mut LitOutputs = &mut self.lit.outputs,
             )
         );
         for (lane, (&x, &y)) in light[0].iter().zip(&light[1]).enumerate().take(self.lanes.paths().len()) {
-            if self.lights.how[lane] == ALONE {
+            if self.lit.lights.how[lane] == ALONE {
                 self.light_alone(context, lane, Vec2::new(x, y));
             }
         }
@@ -249,18 +236,18 @@ impl MatteVertices {
 
     /// True if the path of a lane goes on.
     pub fn goes_on(&self, lane: usize) -> bool {
-        self.outputs.goes_on[lane] != 0
+        self.lit.outputs.goes_on[lane] != 0
     }
 
     /// True if the light ray of a lane starts through the surface, by rounding.
     pub fn passes(&self, lane: usize) -> bool {
         let normal = at(&self.lanes.points.geometric_normal, lane);
-        self.arrivals.shadow_ray(lane).direction.dot(normal) * -at(&self.lanes.wo, lane).dot(normal) > 0.0
+        self.lit.arrivals.shadow_ray(lane).direction.dot(normal) * -at(&self.lanes.wo, lane).dot(normal) > 0.0
     }
 
     /// The source of the light ray of a lane, if it sends one, and its weight by multiple importance sampling.
     pub fn light_source(&self, lane: usize) -> Option<(LightSource, f32)> {
-        (self.outputs.is_lit[lane] != 0).then(|| (self.lights.source[lane], self.arrivals.weight(lane)))
+        (self.lit.outputs.is_lit[lane] != 0).then(|| (self.lit.lights.source[lane], self.lit.arrivals.weight(lane)))
     }
 
     /// As [`super::Outputs::light_lobe`].
@@ -268,30 +255,24 @@ impl MatteVertices {
         LobeShares::of_matte(color_at(&self.reflectance, lane))
     }
 
-    /// A light sample that is not one of [`FlatLights`].
+    /// A light sample that is not one of [`FlatLights`](super::lights::FlatLights).
     #[inline(never)]
     fn light_alone(&mut self, context: &Context, lane: usize, u: Vec2) {
-        let Some(chosen) = &self.lights.chosen.get(lane) else { return };
+        let Some(chosen) = &self.lit.lights.chosen.get(lane) else { return };
         let seen = self.seen(lane, ColorMode::Rgb, 0.0);
         let throughput = color_at(&self.lanes.carried.throughput, lane);
         let light = weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| seen.reflected(wi));
-        self.outputs.is_lit[lane] = u32::from(light.is_some());
-        if let Some(WeightedLight { value, shadow_ray, source, weight, glowing, .. }) = light {
-            self.glowing[lane] = glowing;
-            put_color(&mut self.outputs.brought, lane, value);
-            self.arrivals.put(lane, &shadow_ray, weight);
-            self.lights.note_alone(lane, source);
-        }
+        self.lit.put_alone(lane, light);
     }
 }
 
 impl Columns for MatteVertices {
-    fn paths(&self) -> &[u32] {
-        self.lanes.paths()
+    fn vertices(&self) -> &VertexLanes {
+        &self.lanes
     }
 
-    fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
-        keep(lanes, &self.outputs.goes_on, to);
+    fn goes_on(&self) -> &[u32; LANES] {
+        &self.lit.outputs.goes_on
     }
 
     #[inline(always)]
@@ -304,7 +285,7 @@ impl Columns for MatteVertices {
     fn carried(&self, lane: usize) -> Carried {
         let lane = lane % LANES;
         Carried {
-            throughput: color_at(&self.outputs.throughput, lane),
+            throughput: color_at(&self.lit.outputs.throughput, lane),
             position: at(&self.lanes.points.position, lane),
             normal: at(&self.facing, lane),
             bsdf_pdf: self.bounces.pdf[lane],
@@ -319,22 +300,8 @@ impl Columns for MatteVertices {
 }
 
 impl LitColumns for MatteVertices {
-    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
-        keep(lanes, &self.outputs.is_lit, to);
-    }
-
-    #[inline(always)]
-    fn light_ray(&self, lane: usize) -> Ray {
-        self.arrivals.shadow_ray(lane % LANES)
-    }
-
-    #[inline(always)]
-    fn brought(&self, lane: usize) -> SampledSpectrum {
-        color_at(&self.outputs.brought, lane % LANES)
-    }
-
-    fn glowing(&self, lane: usize) -> Option<MediumId> {
-        self.glowing[lane % LANES]
+    fn light(&self) -> &LitLanes {
+        &self.lit
     }
 }
 
@@ -347,7 +314,7 @@ fn outputs(
     arrivals: &FlatArrivals,
     bounces: &Bounces,
     roulette: &Roulette,
-    to: &mut MatteOutputs,
+    to: &mut LitOutputs,
 ) {
     for i in 0..LANES {
         let (cosine, scale) = (arrivals.share[i], arrivals.scale[i]);

@@ -13,6 +13,7 @@ mod guided;
 pub(crate) mod lanes;
 pub mod light_part;
 mod lights;
+mod lit;
 pub(crate) mod matte;
 pub(crate) mod matte_surfaces;
 mod motion;

@@ -6,17 +6,17 @@
 use super::carried::Carried;
 use super::estimators::Arrival;
 use super::lanes::{
-    Arriving, CarriedLanes, Columns, LANES, LitColumns, Roulette, VertexLanes, ZERO, at, color_at, keep, put, put_color,
+    Arriving, CarriedLanes, Columns, LANES, LitColumns, Roulette, VertexLanes, ZERO, at, color_at, put,
 };
-use super::lights::{ALONE, FlatArrivals, FlatLights, MediumPoints};
-use super::path::{SCATTERED_SPREAD, WeightedLight, weighted_sample};
+use super::lights::{ALONE, FlatArrivals, MediumPoints};
+use super::lit::{LitLanes, LitOutputs};
+use super::path::{SCATTERED_SPREAD, weighted_sample};
 use super::{Context, IntegratorKind, MediumVertex, dimension};
 use crate::light_sampler::Receivers;
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::most;
 use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec2, Vec3, at_level};
-use snell_scene::MediumId;
 use snell_scene::medium::HenyeyGreenstein;
 
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
@@ -24,27 +24,15 @@ use snell_scene::medium::HenyeyGreenstein;
 pub struct ScatteredVertices {
     lanes: VertexLanes,
     phase: [HenyeyGreenstein; LANES],
-    lights: FlatLights,
-    arrivals: FlatArrivals,
-    /// As [`super::Outputs::glowing`].
-    glowing: [Option<MediumId>; LANES],
-    outputs: ScatteredOutputs,
+    lit: LitLanes,
+    bounces: Bounces,
 }
 
-/// What the vertices give.
+/// Next directions, and their densities.
 #[derive(Debug)]
-struct ScatteredOutputs {
-    /// Next directions, and their densities.
+struct Bounces {
     wi: HitVectors,
     pdf: HitLanes,
-    /// By channel, what the light brings if its ray is free.
-    brought: HitVectors,
-    /// 0 where no light ray is sent.
-    is_lit: [u32; LANES],
-    /// By channel, the throughput of the next ray.
-    throughput: HitVectors,
-    /// 0 where the path ends.
-    goes_on: [u32; LANES],
 }
 
 impl ScatteredVertices {
@@ -56,21 +44,11 @@ impl ScatteredVertices {
             && scene.volumes.is_some()
             && !scene.moves;
         let wide = scene.world.simd().wide().filter(|_| is_for)?;
-        let (number, mark) = ([0.0; LANES], [0; LANES]);
         Some(Self {
             lanes: VertexLanes::new(sampler, Some(wide)),
             phase: [HenyeyGreenstein::new(0.0); LANES],
-            lights: FlatLights::default(),
-            arrivals: FlatArrivals::default(),
-            glowing: [None; LANES],
-            outputs: ScatteredOutputs {
-                wi: ZERO,
-                pdf: number,
-                brought: ZERO,
-                is_lit: mark,
-                throughput: ZERO,
-                goes_on: mark,
-            },
+            lit: LitLanes::default(),
+            bounces: Bounces { wi: ZERO, pdf: [0.0; LANES] },
         })
     }
 
@@ -102,10 +80,10 @@ impl ScatteredVertices {
         let roulette = self.lanes.roulette(context, depth);
         // Media receive light from everywhere.
         let receivers = Receivers { position: &self.lanes.points.position, normal: &ZERO };
-        self.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
-        self.glowing = [None; LANES];
+        self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
+        self.lit.glowing = [None; LANES];
         let points = MediumPoints { position: &self.lanes.points.position, wo: &self.lanes.wo, phase: &self.phase };
-        self.lights.arrivals(context.scene, &points, &light, count, wide, &mut self.arrivals);
+        self.lit.lights.arrivals(context.scene, &points, &light, count, wide, &mut self.lit.arrivals);
         at_level!(
             wide,
             outputs,
@@ -114,23 +92,24 @@ impl ScatteredVertices {
                 wo: &HitVectors = &self.lanes.wo,
                 phase: &[HenyeyGreenstein; LANES] = &self.phase,
                 u: &[HitLanes; 2] = &bounce,
-                radiance: &HitVectors = &self.lights.radiance,
-                arrivals: &FlatArrivals = &self.arrivals,
+                radiance: &HitVectors = &self.lit.lights.radiance,
+                arrivals: &FlatArrivals = &self.lit.arrivals,
                 roulette: &Roulette = &roulette,
-                to: &mut ScatteredOutputs = &mut self.outputs,
+                to: &mut LitOutputs = &mut self.lit.outputs,
+                bounces: &mut Bounces = &mut self.bounces,
             )
         );
         for (lane, (&x, &y)) in light[0].iter().zip(&light[1]).enumerate().take(count) {
-            if self.lights.how[lane] == ALONE {
+            if self.lit.lights.how[lane] == ALONE {
                 self.light_alone(context, lane, Vec2::new(x, y));
             }
         }
     }
 
-    /// A light sample that is not one of [`FlatLights`].
+    /// A light sample that is not one of [`FlatLights`](super::lights::FlatLights).
     #[inline(never)]
     fn light_alone(&mut self, context: &Context, lane: usize, u: Vec2) {
-        let Some(chosen) = &self.lights.chosen.get(lane) else { return };
+        let Some(chosen) = &self.lit.lights.chosen.get(lane) else { return };
         let position = at(&self.lanes.points.position, lane);
         let arrival = Arrival { position, surface: None, mode: ColorMode::Rgb, time: 0.0 };
         let throughput = color_at(&self.lanes.carried.throughput, lane);
@@ -140,39 +119,33 @@ impl ScatteredVertices {
             (SampledSpectrum::splat(pdf), pdf)
         };
         let light = weighted_sample(context, throughput, &arrival, chosen, u, scattered);
-        self.outputs.is_lit[lane] = u32::from(light.is_some());
-        if let Some(WeightedLight { value, shadow_ray, source, weight, glowing, .. }) = light {
-            self.glowing[lane] = glowing;
-            put_color(&mut self.outputs.brought, lane, value);
-            self.arrivals.put(lane, &shadow_ray, weight);
-            self.lights.note_alone(lane, source);
-        }
+        self.lit.put_alone(lane, light);
     }
 }
 
 impl Columns for ScatteredVertices {
-    fn paths(&self) -> &[u32] {
-        self.lanes.paths()
+    fn vertices(&self) -> &VertexLanes {
+        &self.lanes
     }
 
-    fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
-        keep(lanes, &self.outputs.goes_on, to);
+    fn goes_on(&self) -> &[u32; LANES] {
+        &self.lit.outputs.goes_on
     }
 
     #[inline(always)]
     fn next_ray(&self, lane: usize) -> Ray {
         let lane = lane % LANES;
-        Ray::new(at(&self.lanes.points.position, lane), at(&self.outputs.wi, lane))
+        Ray::new(at(&self.lanes.points.position, lane), at(&self.bounces.wi, lane))
     }
 
     #[inline(always)]
     fn carried(&self, lane: usize) -> Carried {
         let lane = lane % LANES;
         Carried {
-            throughput: color_at(&self.outputs.throughput, lane),
+            throughput: color_at(&self.lit.outputs.throughput, lane),
             position: at(&self.lanes.points.position, lane),
             normal: Vec3::ZERO,
-            bsdf_pdf: self.outputs.pdf[lane],
+            bsdf_pdf: self.bounces.pdf[lane],
             eta_scale: self.lanes.carried.eta_scale[lane],
             cone_width: self.lanes.carried.cone_width[lane],
             cone_spread: most(self.lanes.carried.cone_spread[lane], SCATTERED_SPREAD),
@@ -184,22 +157,8 @@ impl Columns for ScatteredVertices {
 }
 
 impl LitColumns for ScatteredVertices {
-    fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
-        keep(lanes, &self.outputs.is_lit, to);
-    }
-
-    #[inline(always)]
-    fn light_ray(&self, lane: usize) -> Ray {
-        self.arrivals.shadow_ray(lane % LANES)
-    }
-
-    #[inline(always)]
-    fn brought(&self, lane: usize) -> SampledSpectrum {
-        color_at(&self.outputs.brought, lane % LANES)
-    }
-
-    fn glowing(&self, lane: usize) -> Option<MediumId> {
-        self.glowing[lane % LANES]
+    fn light(&self) -> &LitLanes {
+        &self.lit
     }
 }
 
@@ -214,7 +173,8 @@ fn outputs(
     radiance: &HitVectors,
     arrivals: &FlatArrivals,
     roulette: &Roulette,
-    to: &mut ScatteredOutputs,
+    to: &mut LitOutputs,
+    bounces: &mut Bounces,
 ) {
     for i in 0..LANES {
         let (share, scale) = (arrivals.share[i], arrivals.scale[i]);
@@ -238,9 +198,9 @@ fn outputs(
         let forward = Vec3::new(-wo[0][i], -wo[1][i], -wo[2][i]);
         let (wi, pdf) = phase[i].sample(forward, Vec2::new(u[0][i], u[1][i]));
         for axis in 0..3 {
-            to.wi[axis][i] = wi[axis];
+            bounces.wi[axis][i] = wi[axis];
         }
-        to.pdf[i] = pdf;
+        bounces.pdf[i] = pdf;
     }
 }
 

@@ -5,7 +5,7 @@
 
 use super::carried::Carried;
 use super::lanes::{
-    Arriving, CarriedLanes, Columns, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, keep, put_color,
+    Arriving, CarriedLanes, Columns, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put_color,
 };
 use super::{Context, IntegratorKind, dimension};
 use crate::sampler::Sampler;
@@ -184,12 +184,12 @@ impl SpecularVertices {
 }
 
 impl Columns for SpecularVertices {
-    fn paths(&self) -> &[u32] {
-        self.lanes.paths()
+    fn vertices(&self) -> &VertexLanes {
+        &self.lanes
     }
 
-    fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
-        keep(lanes, &self.bounces.exists, to);
+    fn goes_on(&self) -> &[u32; LANES] {
+        &self.bounces.exists
     }
 
     #[inline(always)]
