@@ -3,8 +3,11 @@
 //! Regions are the leaves of binary trees, one for each of the six ways that a surface may face (by the largest component of its
 //! normal), so that what shines on one side of a wall is not looked for on the other. A region that sees many records is halved.
 
-use super::directional::{Density, Gatherer, Moment};
+use super::density::Density;
+use super::directional::{Gatherer, Moment};
 use super::record::Record;
+use super::regions::{Halves, Place, Regions, place};
+use snell_math::simd::{least, most};
 use snell_math::{Vec3, rng};
 
 /// Most regions.
@@ -91,10 +94,10 @@ impl Cell {
             self.bsdf_share = share.clamp(BSDF_SHARE[0], BSDF_SHARE[1]);
         }
         if (self.density.is_some() || self.gathered.count() >= MIN_RECORDS)
-            && let Some(density) = self.gatherer.density(moment, self.gathered.trust() as f32)
+            && let Some(shares) = self.gatherer.shares(moment, self.gathered.trust() as f32)
         {
-            self.gatherer = Gatherer::suited_to(&density);
-            self.density = Some(density);
+            self.gatherer = Gatherer::suited_to(&shares);
+            self.density = Some(shares.density());
         }
         self.forget();
     }
@@ -105,6 +108,10 @@ impl Cell {
     }
 }
 
+/// A region of which something is known.
+#[derive(Clone, Copy, Debug)]
+pub struct Known(u32);
+
 /// A node of the trees over space: two halves, or a region.
 #[derive(Clone, Copy, Debug)]
 enum Node {
@@ -112,10 +119,29 @@ enum Node {
     Region(u32),
 }
 
+/// A node of some.
+#[derive(Clone, Copy)]
+struct NodeOf<'a> {
+    nodes: &'a [Node],
+    node: Node,
+}
+
+impl Halves for NodeOf<'_> {
+    fn halves(self) -> Result<[Self; 2], u32> {
+        match self.node {
+            Node::Region(region) => Err(region),
+            Node::Halves { first, .. } => {
+                Ok([0, 1].map(|half| NodeOf { node: self.nodes[first as usize + half], ..self }))
+            }
+        }
+    }
+}
+
 /// Ways that a surface may face.
 const FACES: usize = 6;
 
 /// By the largest component of a normal: 0 to 2 for positive x, y, z; 3 to 5 for negative.
+#[inline(always)]
 fn face(normal: Vec3) -> usize {
     let size = normal.abs();
     let axis = if size.x >= size.y && size.x >= size.z {
@@ -135,6 +161,8 @@ pub struct Field {
     scale: f32,
     /// The first nodes are the roots.
     nodes: Vec<Node>,
+    /// The same, to look up.
+    regions: Regions,
     cells: Vec<Cell>,
     is_learning: bool,
 }
@@ -143,26 +171,67 @@ impl Field {
     /// A field that knows nothing, over a ball.
     pub fn new(center: Vec3, radius: f32) -> Self {
         let scale = 0.5 / radius;
-        Self {
+        let mut field = Self {
             origin: center - radius,
             scale: if scale.is_finite() { scale } else { 0.0 },
             nodes: (0..FACES as u32).map(Node::Region).collect(),
+            regions: Regions::default(),
             cells: vec![Cell::new(); FACES],
             is_learning: true,
-        }
+        };
+        field.find_regions();
+        field
+    }
+
+    /// Makes [`Self::regions`] what the nodes say.
+    fn find_regions(&mut self) {
+        let nodes = &self.nodes;
+        self.regions = Regions::new(nodes[..FACES].iter().map(|&node| NodeOf { nodes, node }));
     }
 
     /// What is known at a point of a surface that faces along `normal`. Points outside of the ball count as on its border.
     pub fn cell(&self, position: Vec3, normal: Vec3) -> &Cell {
-        let (cell, _) = self.find(self.unit(position), face(normal));
-        &self.cells[cell]
+        let (place, face) = self.place(position, normal);
+        self.cell_at(place, face)
+    }
+
+    /// Where [`Self::known_at`] finds what is known.
+    #[inline(always)]
+    pub fn place(&self, position: Vec3, normal: Vec3) -> (Place, usize) {
+        let Vec3 { x, y, z } = self.unit(position);
+        ([place(x), place(y), place(z)], face(normal))
+    }
+
+    fn cell_at(&self, place: Place, face: usize) -> &Cell {
+        &self.cells[self.regions.find(face, place) as usize]
+    }
+
+    /// The same as [`Self::cell`] by number, if something is known there: for [`Self::density`] and [`Self::bsdf_share`].
+    #[inline]
+    pub fn known_at(&self, place: Place, face: usize) -> Option<Known> {
+        let region = self.regions.find(face, place);
+        self.cells[region as usize].density.is_some().then_some(Known(region))
+    }
+
+    /// See [`Cell::density`].
+    #[inline]
+    pub fn density(&self, Known(region): Known) -> &Density {
+        self.cells[region as usize].density.as_ref().unwrap_or_else(|| unreachable!("regions that are known have one"))
+    }
+
+    /// See [`Cell::bsdf_share`].
+    #[inline]
+    pub fn bsdf_share(&self, Known(region): Known) -> f32 {
+        self.cells[region as usize].bsdf_share
     }
 
     /// Coordinates in the unit cube.
+    #[inline(always)]
     fn unit(&self, position: Vec3) -> Vec3 {
         let p = (position - self.origin) * self.scale;
         // NaN becomes 0.
-        Vec3::from(p.to_array().map(|x| x.max(0.0).clamp(0.0, rng::ONE_MINUS_EPSILON)))
+        let inside = |x: f32| least(most(x, 0.0), rng::ONE_MINUS_EPSILON);
+        Vec3::new(inside(p.x), inside(p.y), inside(p.z))
     }
 
     /// The region of a point of the unit cube, and how often the cube was halved for it.
@@ -254,6 +323,7 @@ impl Field {
         for cell in &mut self.cells {
             cell.records = 0;
         }
+        self.find_regions();
     }
 
     fn halve(&mut self, node: usize, depth: u32, most: u32) {
@@ -287,7 +357,7 @@ impl Field {
     /// Bytes of what samples are drawn from.
     pub fn memory_bytes(&self) -> usize {
         let densities: usize = self.cells.iter().filter_map(|c| c.density.as_ref()).map(Density::memory_bytes).sum();
-        densities + self.cells.len() * size_of::<Cell>() + self.nodes.len() * size_of::<Node>()
+        densities + self.cells.len() * size_of::<Cell>() + self.regions.memory_bytes()
     }
 
     /// Drops the records since the last call of [`Self::learn`].

@@ -9,11 +9,13 @@
 //! Nothing here is added up in an order that depends on threads: records are kept until a batch of parts is done, and each region
 //! reads its own in the order of the parts. So what is learnt is a function of scene, camera, size, seed and settings.
 
-pub mod directional;
+pub(crate) mod density;
+pub(crate) mod directional;
 mod field;
 mod record;
+mod regions;
 
-pub use field::{Cell, Field};
+pub use field::{Cell, Field, Known};
 pub use record::{Choice, Record, Recorder};
 
 /// Path guiding of a render.

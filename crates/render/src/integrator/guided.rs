@@ -7,6 +7,12 @@ use snell_math::{SampledSpectrum, Vec2, Vec3};
 use snell_scene::bsdf::BsdfSample;
 use snell_scene::material::ShadingBsdf;
 
+/// Density of a direction in a mixture, of which this share is drawn from the BSDF.
+#[inline(always)]
+pub fn mixed_pdf(bsdf_share: f32, bsdf_pdf: f32, density: f32) -> f32 {
+    bsdf_share * bsdf_pdf + (1.0 - bsdf_share) * density
+}
+
 /// A BSDF and the field's cell that helps it to find light.
 pub struct GuidedBsdf<'a> {
     /// The BSDF alone.
@@ -32,13 +38,13 @@ impl<'a> GuidedBsdf<'a> {
 
     fn mixed_pdf(&self, wi: Vec3, bsdf_pdf: f32) -> f32 {
         match self.cell.and_then(|cell| Some((cell.bsdf_share, cell.density.as_ref()?))) {
-            Some((share, density)) => share * bsdf_pdf + (1.0 - share) * density.pdf(wi),
+            Some((share, density)) => mixed_pdf(share, bsdf_pdf, density.pdf(wi)),
             None => bsdf_pdf,
         }
     }
 
-    /// Draws a direction, as [`ShadingBsdf::sample`] does. Delta lobes are the BSDF's alone.
-    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+    /// Draws a direction, as [`ShadingBsdf::sample`] does; `u_quad` gives one more number. Delta lobes are the BSDF's alone.
+    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, u_quad: impl FnOnce() -> f32) -> Option<BsdfSample> {
         let Some((share, density)) = self.cell.and_then(|cell| Some((cell.bsdf_share, cell.density.as_ref()?))) else {
             return self.shading.sample(wo, u_lobe, u);
         };
@@ -51,7 +57,7 @@ impl<'a> GuidedBsdf<'a> {
             let weight = sample.weight * (sample.pdf / pdf);
             return Some(BsdfSample { weight, pdf, ..sample });
         }
-        let (wi, _) = density.sample(u);
+        let wi = density.sample(u_quad(), u);
         let (value, pdf) = self.eval_and_pdf(wo, wi);
         if value.is_black() {
             return None;

@@ -99,10 +99,13 @@ pub struct FlatArrivals {
     /// Direction of the light ray, and where it ends.
     way: HitVectors,
     end: HitLanes,
-    /// Density with which the path itself would go there: at Lambertian surfaces the cosine of incidence over pi.
+    /// Direction from the vertex, and the density with which it was chosen.
+    direction: HitVectors,
+    pub density: HitLanes,
+    /// Density with which the path itself would go there, unguided: at Lambertian surfaces the cosine of incidence over pi.
     pub share: HitLanes,
     /// Weight by multiple importance sampling.
-    weight: HitLanes,
+    pub weight: HitLanes,
     /// The weight over the density of the sample.
     pub scale: HitLanes,
     /// 0 where there is no light.
@@ -256,7 +259,8 @@ impl<const N: usize> Default for NearSamples<N> {
 impl Default for FlatArrivals {
     fn default() -> Self {
         let (zero, exists) = ([0.0; LANES], [0; LANES]);
-        Self { origin: ZERO, way: ZERO, end: zero, share: zero, weight: zero, scale: zero, exists }
+        let (origin, way, direction) = (ZERO, ZERO, ZERO);
+        Self { origin, way, end: zero, direction, density: zero, share: zero, weight: zero, scale: zero, exists }
     }
 }
 
@@ -408,9 +412,9 @@ impl FlatArrivals {
         Ray::new(at(&self.origin, lane), at(&self.way, lane)).with_t_max(self.end[lane])
     }
 
-    /// Weight by multiple importance sampling.
-    pub fn weight(&self, lane: usize) -> f32 {
-        self.weight[lane]
+    /// Directions from vertices to where the light comes from.
+    pub fn directions(&self) -> &HitVectors {
+        &self.direction
     }
 
     /// Puts a sample of another light into a lane.
@@ -502,7 +506,9 @@ fn arrive<const WITH_NEAR: bool, S: Scatterers>(
         for axis in 0..3 {
             arrivals.origin[axis][i] = origin[axis];
             arrivals.way[axis][i] = end[axis] - origin[axis];
+            arrivals.direction[axis][i] = direction[axis];
         }
+        arrivals.density[i] = density;
         arrivals.end[i] = SHADOW_END;
         arrivals.share[i] = share;
         arrivals.weight[i] = weight;

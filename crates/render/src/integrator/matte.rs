@@ -6,6 +6,7 @@
 
 use super::carried::Carried;
 use super::estimators::{Arrival, Skin, may_be_lifted};
+use super::guided_lanes::{Directions, GuidedLanes};
 use super::lanes::{
     Arriving, CarriedLanes, Columns, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put,
     put_color,
@@ -16,6 +17,7 @@ use super::lit::{LitLanes, LitOutputs};
 use super::matte_surfaces::{MatteSurfaces, PlainSurface};
 use super::path::{SCATTERED_SPREAD, weighted_sample};
 use super::{Context, IntegratorKind, Outputs, PathState, classic, dimension};
+use crate::guiding::Choice;
 use crate::light_sampler::Receivers;
 use crate::sampler::{Random, Sampler};
 use snell_intersect::smooth::lifted_ray_origin;
@@ -36,6 +38,8 @@ pub struct MatteVertices {
     normal: HitVectors,
     facing: HitVectors,
     bounces: Bounces,
+    /// What a field knows, if there is one.
+    guided: Box<GuidedLanes>,
     lit: LitLanes,
 }
 
@@ -45,6 +49,8 @@ struct Bounces {
     wi: HitVectors,
     origin: HitVectors,
     pdf: HitLanes,
+    /// By channel, what the throughput is multiplied with.
+    weight: HitVectors,
     /// 0 where the path ends.
     exists: [u32; LANES],
 }
@@ -83,7 +89,8 @@ impl MatteVertices {
             reflectance: ZERO,
             normal: ZERO,
             facing: ZERO,
-            bounces: Bounces { wi: ZERO, origin: ZERO, pdf: [0.0; LANES], exists: [0; LANES] },
+            bounces: Bounces { wi: ZERO, origin: ZERO, pdf: [0.0; LANES], weight: ZERO, exists: [0; LANES] },
+            guided: Box::default(),
             lit: LitLanes::default(),
         }
     }
@@ -156,24 +163,28 @@ impl MatteVertices {
             (
                 points: &TrianglePoints = &self.lanes.points,
                 sides: (&HitVectors, &HitVectors) = (&self.lanes.wo, &self.lanes.lift),
+                reflectance: &HitVectors = &self.reflectance,
                 u: &[HitLanes; 2] = &bsdf,
                 normals: [&mut HitVectors; 2] = [&mut self.normal, &mut self.facing],
                 to: &mut Bounces = &mut self.bounces,
             )
         );
         let receivers = Receivers { position: &self.lanes.points.position, normal: &self.facing };
-        self.lit.lights.choose(context, &receivers, &self.lanes.randoms, self.lanes.paths().len(), wide);
+        let count = self.lanes.paths().len();
+        self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
         self.lit.glowing = [None; LANES];
         let surfaces =
             Surfaces { points: &self.lanes.points, normal: &self.normal, wo: &self.lanes.wo, lift: &self.lanes.lift };
-        self.lit.lights.arrivals(
-            context.scene,
-            &surfaces,
-            &light,
-            self.paths().len(),
-            self.lanes.wide,
-            &mut self.lit.arrivals,
-        );
+        self.lit.lights.arrivals(context.scene, &surfaces, &light, count, wide, &mut self.lit.arrivals);
+        if let Some(field) = context.field {
+            self.guided.find(field, &receivers, count, wide);
+            let numbers = |dimension| self.lanes.randoms.numbers(dimension, wide);
+            let (choice, quad) = (numbers(dimension::LOBE), numbers(dimension::GUIDE));
+            let Bounces { wi, origin, pdf, weight, exists } = &mut self.bounces;
+            let mut directions = Directions { wi, origin, pdf, exists, weight };
+            self.guided.mix(field, &surfaces, (&choice, &quad, &bsdf), &mut directions, wide);
+            self.guided.weigh_lights(field, &mut self.lit.arrivals, wide);
+        }
         at_level!(
             self.lanes.wide,
             outputs,
@@ -183,11 +194,12 @@ impl MatteVertices {
                 radiance: &HitVectors = &self.lit.lights.radiance,
                 arrivals: &FlatArrivals = &self.lit.arrivals,
                 bounces: &Bounces = &self.bounces,
+                is_guided: bool = context.field.is_some(),
                 roulette: &Roulette = &roulette,
                 to: &mut LitOutputs = &mut self.lit.outputs,
             )
         );
-        for (lane, (&x, &y)) in light[0].iter().zip(&light[1]).enumerate().take(self.lanes.paths().len()) {
+        for (lane, (&x, &y)) in light[0].iter().zip(&light[1]).enumerate().take(count) {
             if self.lit.lights.how[lane] == ALONE {
                 self.light_alone(context, lane, Vec2::new(x, y));
             }
@@ -247,7 +259,21 @@ impl MatteVertices {
 
     /// The source of the light ray of a lane, if it sends one, and its weight by multiple importance sampling.
     pub fn light_source(&self, lane: usize) -> Option<(LightSource, f32)> {
-        (self.lit.outputs.is_lit[lane] != 0).then(|| (self.lit.lights.source[lane], self.lit.arrivals.weight(lane)))
+        (self.lit.outputs.is_lit[lane] != 0).then(|| (self.lit.lights.source[lane], self.lit.arrivals.weight[lane]))
+    }
+
+    /// As [`super::Outputs::choice`], in a lane of which the path goes on.
+    pub fn choice(&self, context: &Context, depth: u32, lane: usize) -> Option<Choice> {
+        let field = context.field.filter(|field| field.is_learning())?;
+        let (direction, pdf) = (at(&self.bounces.wi, lane), self.bounces.pdf[lane]);
+        let bsdf_share = match self.guided.known(lane) {
+            Some(known) => field.bsdf_share(known) * self.seen(lane, ColorMode::Rgb, 0.0).reflected(direction).1 / pdf,
+            None => 1.0,
+        };
+        let albedo = color_at(&self.reflectance, lane).max_element();
+        let survival = context.roulette(depth).map_or(1.0, |most| albedo.min(most));
+        let (position, normal) = (at(&self.lanes.points.position, lane), at(&self.facing, lane));
+        Some(Choice { position, normal, direction, pdf: pdf * survival, bsdf_share })
     }
 
     /// As [`super::Outputs::light_lobe`].
@@ -261,7 +287,10 @@ impl MatteVertices {
         let Some(chosen) = &self.lit.lights.chosen.get(lane) else { return };
         let seen = self.seen(lane, ColorMode::Rgb, 0.0);
         let throughput = color_at(&self.lanes.carried.throughput, lane);
-        let light = weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| seen.reflected(wi));
+        let light = weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| {
+            let (value, pdf) = seen.reflected(wi);
+            (value, self.guided.mixed_pdf(context.field, lane, wi, pdf))
+        });
         self.lit.put_alone(lane, light);
     }
 }
@@ -313,6 +342,7 @@ fn outputs(
     radiance: &HitVectors,
     arrivals: &FlatArrivals,
     bounces: &Bounces,
+    is_guided: bool,
     roulette: &Roulette,
     to: &mut LitOutputs,
 ) {
@@ -328,14 +358,17 @@ fn outputs(
         }
         is_lit &= is_bright & is_finite;
         to.is_lit[i] = u32::from(is_lit);
-        let (mut throughput, mut largest) = ([0.0; 3], 0.0);
+        let (mut throughput, mut largest, mut albedo) = ([0.0; 3], 0.0, 0.0);
         let mut is_finite = true;
         for (channel, throughput) in throughput.iter_mut().enumerate() {
-            *throughput = carried.throughput[channel][i] * reflectance[channel][i];
+            *throughput = carried.throughput[channel][i] * bounces.weight[channel][i];
             largest = most(largest, *throughput);
+            albedo = most(albedo, reflectance[channel][i]);
             is_finite &= throughput.abs() < f32::INFINITY;
         }
-        let (scale, survives) = roulette.survival(i, largest * carried.eta_scale[i]);
+        // As `GuidedBsdf::survival`.
+        let weight = if is_guided { albedo } else { largest * carried.eta_scale[i] };
+        let (scale, survives) = roulette.survival(i, weight);
         let goes_on = (bounces.exists[i] != 0) & (largest > 0.0) & is_finite & survives;
         for (channel, throughput) in throughput.into_iter().enumerate() {
             to.throughput[channel][i] = throughput * scale;
@@ -359,6 +392,7 @@ fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
 fn bounce(
     points: &TrianglePoints,
     (wo, lift): (&HitVectors, &HitVectors),
+    reflectance: &HitVectors,
     u: &[HitLanes; 2],
     normals: [&mut HitVectors; 2],
     to: &mut Bounces,
@@ -385,6 +419,7 @@ fn bounce(
             facing[axis][i] = if cos_o < 0.0 { -n[axis] } else { n[axis] };
             to.wi[axis][i] = wi[axis];
             to.origin[axis][i] = origin[axis];
+            to.weight[axis][i] = reflectance[axis][i];
         }
         to.pdf[i] = pdf;
         to.exists[i] = u32::from(exists);
@@ -395,7 +430,7 @@ fn bounce(
 mod tests {
     use crate::sampler::SamplerKind;
     use crate::settings::Shadows;
-    use crate::{CompiledScene, IntegratorKind, Job, Settings};
+    use crate::{CompiledScene, Guiding, IntegratorKind, Job, Settings};
     use snell_intersect::BuildOptions;
     use snell_math::Rgb;
     use snell_math::simd::Level;
@@ -404,30 +439,32 @@ mod tests {
 
     #[test]
     fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
+        let guiding = Guiding { passes: 2, photons: 1 << 13 };
         for name in ["cornell-box", "teapot", "spheres", "night-town", "fog", "smoke"] {
             let mut scene = builtin(name).expect("the scene is built in");
             for (i, material) in scene.materials.iter_mut().enumerate().filter(|(_, m)| !m.is_emissive()) {
                 material.kind = Diffuse::new(Rgb::new(0.9, 0.6, 0.1 * (i % 8) as f32)).into();
             }
             let kinds = [
-                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard),
-                (IntegratorKind::Path, SamplerKind::Independent, Shadows::Hard),
-                (IntegratorKind::Raycast, SamplerKind::ZSobol, Shadows::Hard),
-                (IntegratorKind::Whitted, SamplerKind::ZSobol, Shadows::Soft),
+                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard, None),
+                (IntegratorKind::Path, SamplerKind::Independent, Shadows::Hard, None),
+                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard, Some(guiding)),
+                (IntegratorKind::Raycast, SamplerKind::ZSobol, Shadows::Hard, None),
+                (IntegratorKind::Whitted, SamplerKind::ZSobol, Shadows::Soft, None),
             ];
-            for (integrator, sampler, shadows) in kinds {
+            for (integrator, sampler, shadows, guiding) in kinds {
                 let picture = |simd: Level| {
                     let options = BuildOptions { simd, ..BuildOptions::default() };
                     let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
                     let (max_depth, fill) = (9, Rgb::new(0.1, 0.2, 0.3));
                     let how = Settings { max_depth, sampler, integrator, shadows, fill, ..Settings::default() };
-                    let settings = Settings { size: [36, 24], spp: 4, ..how };
+                    let settings = Settings { size: [36, 24], spp: 4, guiding, ..how };
                     let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
                     image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
                 };
                 let one_by_one = picture(Level::Scalar);
                 for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    assert_eq!(picture(level), one_by_one, "{name} {integrator:?} {sampler:?} {level}");
+                    assert_eq!(picture(level), one_by_one, "{name} {integrator:?} {sampler:?} {guiding:?} {level}");
                 }
             }
         }

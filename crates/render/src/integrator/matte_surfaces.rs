@@ -62,8 +62,5 @@ fn is_for(integrator: IntegratorKind) -> bool {
 /// True if vertices on this material can be worked on here.
 fn is_matte(context: &Context, material: &Material) -> bool {
     let settings = context.settings;
-    is_for(settings.integrator)
-        && context.field.is_none()
-        && settings.color == ColorModel::Rgb
-        && material.as_matte().is_some()
+    is_for(settings.integrator) && settings.color == ColorModel::Rgb && material.as_matte().is_some()
 }

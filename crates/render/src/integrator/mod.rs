@@ -10,6 +10,7 @@ mod classic;
 pub(crate) mod estimators;
 mod flat;
 mod guided;
+mod guided_lanes;
 pub(crate) mod lanes;
 pub mod light_part;
 mod lights;
@@ -296,6 +297,7 @@ pub(crate) mod dimension {
     pub const LIGHT: u32 = 3;
     pub const ROULETTE: u32 = 4;
     pub const MEDIUM: u32 = 5;
+    pub const GUIDE: u32 = 6;
     /// For integrators that sample every light: this and the following.
     pub const LIGHTS: u32 = 8;
 }

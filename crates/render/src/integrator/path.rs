@@ -219,7 +219,8 @@ fn add_bounce(
 ) {
     let wo = outgoing(vertex.ray);
     let (u_lobe, u) = (vertex.random.number(dimension::LOBE), vertex.random.pair(dimension::BSDF));
-    let Some(sample) = guided.sample(wo, u_lobe, u) else { return };
+    let u_quad = || vertex.random.number(dimension::GUIDE);
+    let Some(sample) = guided.sample(wo, u_lobe, u, u_quad) else { return };
     let mut throughput = vertex.state.throughput * sample.weight;
     if throughput.is_black() || !throughput.is_finite() {
         return;

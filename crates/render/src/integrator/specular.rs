@@ -62,7 +62,6 @@ struct Bounces {
 pub fn specular_part(context: &Context, material: &Material) -> Option<Specular> {
     let settings = context.settings;
     let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
-        && context.field.is_none()
         && !context.wants_lobes
         && settings.color == ColorModel::Rgb;
     Specular::of(material).filter(|_| is_for)
@@ -171,6 +170,7 @@ impl SpecularVertices {
                 normal: &HitVectors = &self.normal,
                 lobes: &Lobes = &self.lobes,
                 choice: &HitLanes = &choice,
+                is_guided: bool = context.field.is_some(),
                 roulette: &Roulette = &roulette,
                 to: &mut Bounces = &mut self.bounces,
             )
@@ -235,6 +235,7 @@ fn bounce(
     normal: &HitVectors,
     lobes: &Lobes,
     choice: &HitLanes,
+    is_guided: bool,
     roulette: &Roulette,
     to: &mut Bounces,
 ) {
@@ -258,7 +259,7 @@ fn bounce(
         let sides = flat.dot(wo) * flat.dot(wi);
         let agrees = if reflects { sides > 0.0 } else { (sides < 0.0) & split.is_partial };
         let mut exists = (local.z != 0.0) & agrees & (scale > 0.0) & (scale < f32::INFINITY);
-        let (mut throughput, mut largest) = ([0.0; 3], 0.0);
+        let (mut throughput, mut largest, mut largest_weight) = ([0.0; 3], 0.0, 0.0);
         for (channel, throughput) in throughput.iter_mut().enumerate() {
             let absorbed = if local.z < 0.0 { lobes.arriving[channel][i] } else { 1.0 };
             let (share, rest) = (split.reflectance, 1.0 - split.reflectance);
@@ -267,11 +268,14 @@ fn bounce(
             let weight = if is_mirror { lobes.reflectance[channel][i] } else { pick(mirrored, refracted) };
             *throughput = carried.throughput[channel][i] * weight;
             largest = most(largest, *throughput);
+            largest_weight = most(largest_weight, weight);
             exists &= throughput.abs() < f32::INFINITY;
         }
         let crossing = pick(1.0, split.eta * split.eta);
         let eta_scale = carried.eta_scale[i] * crossing;
-        let (scale, survives) = roulette.survival(i, largest * eta_scale);
+        // As `GuidedBsdf::survival`.
+        let weight = if is_guided { largest_weight * crossing } else { largest * eta_scale };
+        let (scale, survives) = roulette.survival(i, weight);
         exists &= (largest > 0.0) & survives;
         let origin = robust::offset_ray_origin(vector(&points.position), vector(&points.position_error), flat, wi);
         for axis in 0..3 {
@@ -288,7 +292,7 @@ fn bounce(
 #[cfg(test)]
 mod tests {
     use crate::sampler::SamplerKind;
-    use crate::{CompiledScene, IntegratorKind, Job, Settings};
+    use crate::{CompiledScene, Guiding, IntegratorKind, Job, Settings};
     use snell_intersect::BuildOptions;
     use snell_math::Rgb;
     use snell_math::simd::Level;
@@ -312,6 +316,7 @@ mod tests {
 
     #[test]
     fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
+        let guiding = Guiding { passes: 2, photons: 1 << 13 };
         for name in ["cornell-box", "teapot", "spheres", "night-town", "fog", "drink"] {
             let mut scene = builtin(name).expect("the scene is built in");
             let bumps = Pattern::examples().into_iter().find(|p| p.textures().is_empty()).expect("there is one");
@@ -324,22 +329,23 @@ mod tests {
                 material.kind = kind;
             }
             let ways = [
-                (IntegratorKind::Path, SamplerKind::ZSobol, None),
-                (IntegratorKind::Path, SamplerKind::Independent, Some(2.0)),
-                (IntegratorKind::Direct, SamplerKind::Stratified, None),
+                (IntegratorKind::Path, SamplerKind::ZSobol, None, None),
+                (IntegratorKind::Path, SamplerKind::Independent, Some(2.0), None),
+                (IntegratorKind::Path, SamplerKind::Independent, None, Some(guiding)),
+                (IntegratorKind::Direct, SamplerKind::Stratified, None, None),
             ];
-            for (integrator, sampler, clamp) in ways {
+            for (integrator, sampler, clamp, guiding) in ways {
                 let picture = |simd: Level| {
                     let options = BuildOptions { simd, ..BuildOptions::default() };
                     let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
                     let how = Settings { max_depth: 9, sampler, integrator, clamp, ..Settings::default() };
-                    let settings = Settings { size: [36, 24], spp: 4, ..how };
+                    let settings = Settings { size: [36, 24], spp: 4, guiding, ..how };
                     let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
                     image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
                 };
                 let one_by_one = picture(Level::Scalar);
                 for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    assert_eq!(picture(level), one_by_one, "{name} {integrator:?} {sampler:?} {level}");
+                    assert_eq!(picture(level), one_by_one, "{name} {integrator:?} {sampler:?} {guiding:?} {level}");
                 }
             }
         }

@@ -55,13 +55,13 @@ impl PartRenderer<'_> {
         self.lanes.clear();
         self.lanes.extend(0..paths.len() as u32);
         self.lanes.retain(|&lane| vertices.is_sound(lane as usize));
+        if self.is_watched() {
+            return self.collect_matte(depth, vertices, paths);
+        }
         if self.lanes.len() < paths.len() {
             for (_, &path) in paths.iter().enumerate().filter(|(lane, _)| !vertices.is_sound(*lane)) {
                 self.shade_one(depth, path as usize);
             }
-        }
-        if self.is_watched() {
-            return self.collect_matte(depth, vertices, paths);
         }
         self.collect_columns(vertices);
         self.note_insides(depth, vertices, paths);
@@ -101,36 +101,45 @@ impl PartRenderer<'_> {
         if self.volumes.is_none() {
             return;
         }
-        let scene = self.context.scene;
-        for &lane in &self.lanes {
-            let (lane, path) = (lane as usize, paths[lane as usize] as usize);
-            let random = || self.random_at(depth, path);
-            let (is_lit, glowing) = (vertices.light_source(lane).is_some(), vertices.glowing(lane));
-            if is_lit && vertices.passes(lane) {
-                let (random, arriving) = (random(), self.paths.rays[path].direction);
-                let interaction = self.paths.interaction(scene, path);
-                let surface = self.paths.surface(scene, path, &interaction, 1.0);
-                let light = [(vertices.light_ray(lane), vertices.brought(lane))];
-                let Some(volumes) = &mut self.volumes else { return };
-                volumes.note_outputs(path, arriving, Some(&surface), random, &light, glowing, std::iter::empty());
-            } else if is_lit {
-                let random = random();
-                let Some(volumes) = &mut self.volumes else { return };
-                volumes.note_light_ray(path, || random, glowing);
-            }
-            let Some(volumes) = &mut self.volumes else { return };
-            if vertices.goes_on(lane) {
-                volumes.note_next(path);
-            }
+        for i in 0..self.lanes.len() {
+            let lane = self.lanes[i] as usize;
+            self.note_insides_of(depth, vertices, lane, paths[lane] as usize);
         }
     }
 
-    /// Takes what the vertices of [`Self::finish_matte`] gave one by one, because somebody wants to know more of them.
+    fn note_insides_of(&mut self, depth: u32, vertices: &MatteVertices, lane: usize, path: usize) {
+        let random = || self.random_at(depth, path);
+        let (is_lit, glowing) = (vertices.light_source(lane).is_some(), vertices.glowing(lane));
+        if is_lit && vertices.passes(lane) {
+            let (random, arriving) = (random(), self.paths.rays[path].direction);
+            let scene = self.context.scene;
+            let interaction = self.paths.interaction(scene, path);
+            let surface = self.paths.surface(scene, path, &interaction, 1.0);
+            let light = [(vertices.light_ray(lane), vertices.brought(lane))];
+            let Some(volumes) = &mut self.volumes else { return };
+            volumes.note_outputs(path, arriving, Some(&surface), random, &light, glowing, std::iter::empty());
+        } else if is_lit {
+            let random = random();
+            let Some(volumes) = &mut self.volumes else { return };
+            volumes.note_light_ray(path, || random, glowing);
+        }
+        let Some(volumes) = &mut self.volumes else { return };
+        if vertices.goes_on(lane) {
+            volumes.note_next(path);
+        }
+    }
+
+    /// Takes what the vertices of [`Self::finish_matte`] gave one by one and in order, because somebody wants to know more of them.
     fn collect_matte(&mut self, depth: u32, vertices: &MatteVertices, paths: &[u32]) {
-        self.note_insides(depth, vertices, paths);
-        let lanes = std::mem::take(&mut self.lanes);
-        for &lane in &lanes {
-            let (lane, path) = (lane as usize, paths[lane as usize] as usize);
+        for (lane, &path) in paths.iter().enumerate() {
+            let path = path as usize;
+            if !vertices.is_sound(lane) {
+                self.shade_one(depth, path);
+                continue;
+            }
+            if self.volumes.is_some() {
+                self.note_insides_of(depth, vertices, lane, path);
+            }
             let rest = self.paths.rest(path);
             let lobe = if self.context.wants_lobes && depth == 0 { vertices.lobe(lane) } else { rest.lobe };
             let rest = Rest { lobe, ..*rest };
@@ -142,10 +151,10 @@ impl PartRenderer<'_> {
             }
             if vertices.goes_on(lane) {
                 self.outputs.next.push((vertices.next_ray(lane), vertices.carried(lane).with(&rest)));
+                self.outputs.choice = vertices.choice(&self.context, depth, lane);
             }
             self.collect(depth, path);
         }
-        self.lanes = lanes;
     }
 
     fn finish_classic(&mut self, depth: u32, vertices: &mut MatteVertices) {

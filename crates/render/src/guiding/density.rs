@@ -1,0 +1,294 @@
+//! Densities of directions to sample from: quadtrees as tables, so that neither drawing a direction nor looking up its density walks a tree
+//! step by step.
+
+use super::directional::{Node, direction_from_square, square_from_direction};
+use snell_math::{Vec2, Vec3};
+use std::f32::consts::PI;
+
+/// Numbers between 0 and 1 that are drawn have this many digits. Probabilities are multiples of the least of them, so that what is
+/// drawn is exactly as likely as is stated.
+const DIGITS: u32 = 24;
+/// What [`DIGITS`] make.
+const ONE: f32 = (1 << DIGITS) as f32;
+
+/// Digits of coordinates on the square, by which quads are found: two for each table on the way.
+const COORDINATE_DIGITS: u32 = 16;
+
+/// Marks what is the number of a quad, not of a table.
+const QUAD: u16 = 1 << 15;
+
+/// An undivided square of the map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Quad {
+    corner: [f32; 2],
+    /// Of its sides.
+    size: f32,
+    /// Density per steradian.
+    pdf: f32,
+}
+
+/// A piecewise constant density on the sphere, to sample from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Density {
+    quads: Vec<Quad>,
+    /// Probability of all quads up to and with each, in units of the least number.
+    ends: Vec<u32>,
+    /// The quad where each of equally many parts of the numbers between 0 and 1 begins; there are a power of two.
+    starts: Vec<u16>,
+    /// What lies in each of 4 times 4 squares, row by row: a quad (see [`QUAD`]), or a table of its own.
+    tables: Vec<[u16; 16]>,
+}
+
+impl Density {
+    /// Of a tree of which the nodes hold shares of their parents' light, times 4.
+    pub(super) fn new(nodes: &[Node]) -> Self {
+        let mut density = Self { quads: Vec::new(), ends: Vec::new(), starts: Vec::new(), tables: Vec::new() };
+        let mut shares = Vec::new();
+        density.add_table(nodes, 0, [0.0; 2], 1.0, 1.0, &mut shares);
+        density.set_probabilities(&shares);
+        density
+    }
+
+    /// Adds the table of a node, and all below; gives its number.
+    fn add_table(
+        &mut self,
+        nodes: &[Node],
+        node: usize,
+        corner: [f32; 2],
+        size: f32,
+        share: f64,
+        shares: &mut Vec<f64>,
+    ) -> u16 {
+        let number = self.tables.len();
+        self.tables.push([0; 16]);
+        for (outer, corner, child, share) in quadrants(&nodes[node], corner, size * 0.5, share) {
+            let (x, y) = (outer % 2 * 2, outer / 2 * 2);
+            if child == 0 {
+                let quad = self.add_quad(corner, size * 0.5, share, shares);
+                for cell in [0, 1, 4, 5] {
+                    self.tables[number][y * 4 + x + cell] = quad;
+                }
+                continue;
+            }
+            for (inner, corner, child, share) in quadrants(&nodes[child], corner, size * 0.25, share) {
+                let cell = (y + inner / 2) * 4 + x + inner % 2;
+                self.tables[number][cell] = match child {
+                    0 => self.add_quad(corner, size * 0.25, share, shares),
+                    child => self.add_table(nodes, child, corner, size * 0.25, share, shares),
+                };
+            }
+        }
+        number as u16
+    }
+
+    fn add_quad(&mut self, corner: [f32; 2], size: f32, share: f64, shares: &mut Vec<f64>) -> u16 {
+        self.quads.push(Quad { corner, size, pdf: 0.0 });
+        shares.push(share);
+        (self.quads.len() - 1) as u16 | QUAD
+    }
+
+    fn set_probabilities(&mut self, shares: &[f64]) {
+        let total: f64 = shares.iter().sum();
+        let (mut sum, mut end) = (0.0, 0);
+        for (quad, share) in self.quads.iter_mut().zip(shares) {
+            sum += share;
+            let start = end;
+            end = (sum / total * f64::from(ONE)).round() as u32;
+            quad.pdf = (end - start) as f32 / ONE / (quad.size * quad.size * 4.0 * PI);
+            self.ends.push(end);
+        }
+        let parts = self.quads.len().next_power_of_two();
+        let mut quad = 0;
+        for part in 0..parts {
+            let start = ((part << DIGITS) / parts) as u32;
+            while self.ends[quad] <= start {
+                quad += 1;
+            }
+            self.starts.push(quad as u16);
+        }
+    }
+
+    /// A point of the [square](direction_from_square), as densely as the directions that points stand for; `choice` and `u` are three
+    /// independent numbers.
+    #[inline]
+    pub fn point(&self, choice: f32, u: Vec2) -> Vec2 {
+        let Quad { corner, size, .. } = self.quads[self.quad(choice)];
+        Vec2::from(corner) + u * size
+    }
+
+    /// Draws a quad.
+    #[inline]
+    fn quad(&self, choice: f32) -> usize {
+        let number = (choice * ONE) as u32;
+        let part = (number as usize * self.starts.len()) >> DIGITS;
+        let mut quad = usize::from(self.starts[part]);
+        while self.ends[quad] <= number {
+            quad += 1;
+        }
+        quad
+    }
+
+    /// Draws a unit direction; `choice` and `u` are three independent numbers.
+    pub fn sample(&self, choice: f32, u: Vec2) -> Vec3 {
+        direction_from_square(self.point(choice, u))
+    }
+
+    /// Density per steradian of a unit direction.
+    pub fn pdf(&self, direction: Vec3) -> f32 {
+        self.pdf_at(coordinates(square_from_direction(direction)))
+    }
+
+    /// The same by the [coordinates] of the direction's point of the square.
+    #[inline]
+    pub fn pdf_at(&self, [x, y]: [u32; 2]) -> f32 {
+        let (mut table, mut digits) = (0, COORDINATE_DIGITS);
+        loop {
+            digits -= 2;
+            let cell = (y >> digits & 3) * 4 + (x >> digits & 3);
+            let found = self.tables[table][cell as usize];
+            if found & QUAD != 0 {
+                return self.quads[usize::from(found & !QUAD)].pdf;
+            }
+            table = usize::from(found);
+        }
+    }
+
+    /// Bytes in memory.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(&self.quads[..])
+            + size_of_val(&self.ends[..])
+            + size_of_val(&self.starts[..])
+            + size_of_val(&self.tables[..])
+    }
+}
+
+/// The quadrants of a node: number, corner, child and share of all light.
+fn quadrants(
+    node: &Node,
+    corner: [f32; 2],
+    size: f32,
+    share: f64,
+) -> impl Iterator<Item = (usize, [f32; 2], usize, f64)> {
+    let Node { light, children } = *node;
+    (0..4).map(move |q| {
+        let at = [corner[0] + size * (q % 2) as f32, corner[1] + size * (q / 2) as f32];
+        (q, at, children[q] as usize, share * 0.25 * f64::from(light[q]))
+    })
+}
+
+/// Coordinates of a point of the square, for [`Density::pdf_at`].
+#[inline(always)]
+pub fn coordinates(point: Vec2) -> [u32; 2] {
+    const SIDE: f32 = (1u32 << COORDINATE_DIGITS) as f32;
+    // By way of signed numbers, of which wide registers have a conversion. (Points lie in the square.)
+    [(point.x * SIDE) as i32 as u32, (point.y * SIDE) as i32 as u32]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::directional::{Gatherer, Moment};
+    use super::*;
+    use snell_math::rng::{to_unit, uniform2};
+    use snell_math::statistics::{chi_squared_deviation, sidak_deviation};
+
+    /// Light from one corner of the sky and a little from everywhere, gathered in rounds.
+    fn learnt(rounds: u32) -> Density {
+        let sun = Vec3::new(0.3, -0.4, 0.866).normalize();
+        let mut gatherer = Gatherer::default();
+        let mut shares = None;
+        for round in 0..rounds {
+            for i in 0..4000 {
+                let [u, jitter] = [0, 1].map(|k| uniform2([i, round, k, 9]));
+                let direction = snell_math::sampling::uniform_sphere(u);
+                let light = 0.01 + 50.0 * f32::from(direction.dot(sun) > 0.995);
+                gatherer.add(direction, light, jitter);
+            }
+            shares = gatherer.shares(Moment::First, 0.0);
+            gatherer = Gatherer::suited_to(shares.as_ref().expect("there is light"));
+        }
+        shares.expect("there was a round").density()
+    }
+
+    fn sample(density: &Density, i: u32, seed: u32) -> Vec3 {
+        density.sample(uniform2([i, seed, 5, 6]).x, uniform2([i, seed, 5, 7]))
+    }
+
+    #[test]
+    fn quads_cover_the_square_and_are_found_again() {
+        for rounds in [1, 3, 6] {
+            let density = learnt(rounds);
+            let area: f64 = density.quads.iter().map(|q| f64::from(q.size).powi(2)).sum();
+            assert!((area - 1.0).abs() < 1e-9, "{area}");
+            let integral: f64 = density.quads.iter().map(|q| f64::from(q.size).powi(2) * f64::from(q.pdf)).sum();
+            assert!((integral * 4.0 * std::f64::consts::PI - 1.0).abs() < 1e-6, "{integral}");
+            for quad in &density.quads {
+                for u in [Vec2::ZERO, Vec2::splat(0.5), Vec2::splat(0.999)] {
+                    let at = coordinates(Vec2::from(quad.corner) + u * quad.size);
+                    assert_eq!(density.pdf_at(at), quad.pdf, "{quad:?}");
+                }
+            }
+        }
+    }
+
+    /// Every number that can be drawn is drawn once: what comes out must be what is stated, to the last digit.
+    #[test]
+    fn quads_are_drawn_exactly_as_often_as_is_stated() {
+        let density = learnt(6);
+        let mut counts = vec![0u32; density.quads.len()];
+        for number in 0..1u32 << DIGITS {
+            counts[density.quad(to_unit(number << (32 - DIGITS)))] += 1;
+        }
+        for (quad, count) in density.quads.iter().zip(counts) {
+            let stated = f64::from(quad.pdf) * f64::from(quad.size).powi(2) * 4.0 * std::f64::consts::PI;
+            assert!(
+                (stated * f64::from(ONE) - f64::from(count)).abs() < 1e-6 * f64::from(count) + 1e-6,
+                "{quad:?} {count}"
+            );
+        }
+    }
+
+    /// The integral of a density over cells of the square: quads lie within cells, or cover whole ones.
+    fn shares(density: &Density, rows: usize, columns: usize) -> Vec<f64> {
+        let mut shares = vec![0.0; rows * columns];
+        for quad in &density.quads {
+            let covered = |at: f32, cells: usize| {
+                let first = (at * cells as f32) as usize;
+                first..first + ((quad.size * cells as f32) as usize).max(1)
+            };
+            let (x, y) = (covered(quad.corner[0], columns), covered(quad.corner[1], rows));
+            let share = f64::from(quad.pdf) * f64::from(quad.size).powi(2) * 4.0 * std::f64::consts::PI;
+            let each = share / (x.len() * y.len()) as f64;
+            for row in y {
+                x.clone().for_each(|column| shares[row * columns + column] += each);
+            }
+        }
+        shares
+    }
+
+    /// Counts against the integral of the density over cells of the sphere, with a bound that holds for all cells together.
+    #[test]
+    fn samples_are_distributed_as_the_density_says_by_chi_squared() {
+        let (rows, columns, n) = (16usize, 32usize, 400_000u32);
+        for rounds in [1, 3, 6] {
+            let density = learnt(rounds);
+            let expected: Vec<f64> =
+                shares(&density, rows, columns).into_iter().map(|share| share * f64::from(n)).collect();
+            let mut counts = vec![0u32; rows * columns];
+            for i in 0..n {
+                let p = square_from_direction(sample(&density, i, rounds));
+                counts[(p.y * rows as f32) as usize * columns + (p.x * columns as f32) as usize] += 1;
+            }
+            let deviation = chi_squared_deviation(&counts, &expected);
+            assert!(deviation < sidak_deviation(0.01, 3), "{rounds} rounds: {deviation} standard deviations");
+        }
+    }
+
+    #[test]
+    fn a_small_sun_is_found() {
+        let sun = Vec3::new(0.3, -0.4, 0.866).normalize();
+        let density = learnt(7);
+        // The sun has 97 % of the light, on 0.25 % of the sphere.
+        let toward = (0..1000).filter(|&i| sample(&density, i, 1).dot(sun) > 0.98).count();
+        assert!(toward > 800, "{toward}");
+    }
+}

@@ -1,0 +1,126 @@
+//! Finding the region of a point: binary trees over space as tables of eight, three halvings at once.
+
+/// Digits of coordinates in the unit cube.
+const DIGITS: u32 = 24;
+
+/// Marks what is the number of a region, not of a table.
+const REGION: u32 = 1 << 31;
+
+/// The regions of several trees, each over the same cube.
+#[derive(Clone, Debug, Default)]
+pub struct Regions {
+    /// Where each tree begins.
+    roots: Vec<u32>,
+    /// What lies in each eighth, by its place along x, y and z (1, 2 and 4): a region (see [`REGION`]), or a table of its own.
+    tables: Vec<[u32; 8]>,
+}
+
+/// Two halves of a box, or a region. Axes take turns, x first.
+pub trait Halves: Copy {
+    /// The halves of a node, or else the number of its region.
+    fn halves(self) -> Result<[Self; 2], u32>;
+}
+
+/// Where a point lies in the unit cube.
+pub type Place = [u32; 3];
+
+/// The place of a coordinate in `[0, 1)`.
+#[inline(always)]
+pub fn place(x: f32) -> u32 {
+    // By way of signed numbers, of which wide registers have a conversion.
+    (x * (1u32 << DIGITS) as f32) as i32 as u32
+}
+
+impl Regions {
+    /// Of trees with these roots.
+    pub fn new<N: Halves>(roots: impl Iterator<Item = N>) -> Self {
+        let mut regions = Self::default();
+        for root in roots {
+            let entry = regions.entry(root);
+            regions.roots.push(entry);
+        }
+        regions
+    }
+
+    /// What stands for a node: its region, or a new table.
+    fn entry<N: Halves>(&mut self, node: N) -> u32 {
+        if let Err(region) = node.halves() {
+            return region | REGION;
+        }
+        let number = self.tables.len();
+        self.tables.push([0; 8]);
+        for eighth in 0..8 {
+            let mut at = node;
+            for axis in 0..3 {
+                if let Ok(halves) = at.halves() {
+                    at = halves[eighth >> axis & 1];
+                }
+            }
+            // (Undivided boxes of more than an eighth come several times; what is found is the same.)
+            let entry = self.entry(at);
+            self.tables[number][eighth] = entry;
+        }
+        number as u32
+    }
+
+    /// The region of a place in a tree.
+    #[inline]
+    pub fn find(&self, tree: usize, [x, y, z]: Place) -> u32 {
+        let (mut at, mut digit) = (self.roots[tree], DIGITS);
+        while at & REGION == 0 {
+            digit -= 1;
+            let eighth = (x >> digit & 1) | (y >> digit & 1) << 1 | (z >> digit & 1) << 2;
+            at = self.tables[at as usize][eighth as usize];
+        }
+        at & !REGION
+    }
+
+    /// Bytes in memory.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(&self.tables[..])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_math::rng;
+
+    /// Halves a box as long as a hash says so.
+    #[derive(Clone, Copy)]
+    struct Chance {
+        key: u32,
+        depth: u32,
+    }
+
+    impl Halves for Chance {
+        fn halves(self) -> Result<[Self; 2], u32> {
+            let Self { key, depth } = self;
+            let is_halved = depth < 30 && !rng::hash_combine(key, 5).is_multiple_of(3);
+            let half = |k| Self { key: rng::hash_combine(key, k), depth: depth + 1 };
+            if is_halved { Ok([half(1), half(2)]) } else { Err(key >> 1) }
+        }
+    }
+
+    #[test]
+    fn regions_are_those_of_the_trees_step_by_step() {
+        let roots: Vec<_> = (0..6).map(|key| Chance { key: rng::hash_combine(key, 77), depth: 0 }).collect();
+        let regions = Regions::new(roots.iter().copied());
+        let mut depths = 0;
+        for i in 0..10_000 {
+            let u = rng::uniform2([i, 1, 1, 1]);
+            let point = [u.x, u.y, rng::uniform2([i, 1, 1, 2]).x];
+            let tree = i as usize % roots.len();
+            let (mut at, mut p) = (roots[tree], point);
+            while let Ok(halves) = at.halves() {
+                let x = &mut p[at.depth as usize % 3];
+                *x *= 2.0;
+                at = halves[usize::from(*x >= 1.0)];
+                *x = x.fract();
+            }
+            depths += at.depth;
+            assert_eq!(Err(regions.find(tree, point.map(place))), at.halves().map(|_| ()), "{point:?}");
+        }
+        assert!(depths > 20_000, "{depths}");
+    }
+}

@@ -1,0 +1,221 @@
+//! What [`super::guided`] does at Lambertian surfaces, at many vertices at once, bit for bit.
+
+use super::guided::mixed_pdf;
+use super::lanes::{LANES, at};
+use super::lights::{FlatArrivals, Scatterers, Surfaces};
+use crate::guiding::density::coordinates;
+use crate::guiding::directional::{direction_from_square, square_from_direction};
+use crate::guiding::{Field, Known};
+use crate::light_sampler::Receivers;
+use snell_intersect::triangles::{HitLanes, HitVectors};
+use snell_math::simd::Wide;
+use snell_math::{Vec2, Vec3, at_level, sampling};
+
+/// What a field knows where paths are. Lanes that are not in use hold anything.
+#[derive(Debug)]
+pub struct GuidedLanes {
+    /// What is known at the points; `None` if nothing is.
+    known: [Option<Known>; LANES],
+    /// The share of directions that is drawn from the BSDF; 1 where nothing is known.
+    share: HitLanes,
+    /// Where points are to be found, and which way surfaces face.
+    places: [[u32; LANES]; 3],
+    faces: [u32; LANES],
+    /// The points of the square that stand for directions.
+    square: [HitLanes; 2],
+    coordinates: [[u32; LANES]; 2],
+    /// 1 for directions that do not come from the BSDF.
+    is_drawn: [u32; LANES],
+    /// Density of a direction by what is known.
+    pdf: HitLanes,
+}
+
+/// Directions in which paths go on, by lane.
+#[derive(Debug)]
+pub struct Directions<'a> {
+    pub wi: &'a mut HitVectors,
+    pub origin: &'a mut HitVectors,
+    /// Density per steradian.
+    pub pdf: &'a mut HitLanes,
+    /// 0 where there is none.
+    pub exists: &'a mut [u32; LANES],
+    /// By channel, reflectance in, weight of the direction out.
+    pub weight: &'a mut HitVectors,
+}
+
+impl Default for GuidedLanes {
+    fn default() -> Self {
+        let (number, mark) = ([0.0; LANES], [0; LANES]);
+        Self {
+            known: [None; LANES],
+            share: number,
+            places: [mark; 3],
+            faces: mark,
+            square: [number; 2],
+            coordinates: [mark; 2],
+            is_drawn: mark,
+            pdf: number,
+        }
+    }
+}
+
+impl GuidedLanes {
+    /// Looks up what is known at the first points, so many.
+    pub fn find(&mut self, field: &Field, receivers: &Receivers, count: usize, wide: Option<Wide>) {
+        at_level!(
+            wide,
+            find_places,
+            (
+                field: &Field = field,
+                position: &HitVectors = receivers.position,
+                normal: &HitVectors = receivers.normal,
+                places: &mut [[u32; LANES]; 3] = &mut self.places,
+                faces: &mut [u32; LANES] = &mut self.faces,
+            )
+        );
+        let [x, y, z] = &self.places;
+        (self.known, self.share) = ([None; LANES], [1.0; LANES]);
+        for i in 0..count.min(LANES) {
+            self.known[i] = field.known_at([x[i], y[i], z[i]], self.faces[i] as usize);
+            if let Some(known) = self.known[i] {
+                self.share[i] = field.bsdf_share(known);
+            }
+        }
+    }
+
+    /// Replaces directions that were drawn from BSDFs by those of the mixture. `choice`, `quad` and `u` are independent numbers.
+    pub fn mix(
+        &mut self,
+        field: &Field,
+        surfaces: &Surfaces,
+        (choice, quad, u): (&HitLanes, &HitLanes, &[HitLanes; 2]),
+        directions: &mut Directions,
+        wide: Option<Wide>,
+    ) {
+        for i in 0..LANES {
+            let drawn = self.known[i].filter(|_| choice[i] >= self.share[i]);
+            self.is_drawn[i] = u32::from(drawn.is_some());
+            if let Some(known) = drawn {
+                let point = field.density(known).point(quad[i], Vec2::new(u[0][i], u[1][i]));
+                (self.square[0][i], self.square[1][i]) = (point.x, point.y);
+            }
+        }
+        at_level!(
+            wide,
+            turn,
+            (
+                guided: &mut GuidedLanes = self,
+                surfaces: &Surfaces<'_> = surfaces,
+                directions: &mut Directions<'_> = directions,
+            )
+        );
+        self.look_up(field, |_| true);
+        at_level!(wide, weigh, (guided: &GuidedLanes = self, directions: &mut Directions<'_> = directions));
+    }
+
+    /// Weighs light samples against the mixture.
+    pub fn weigh_lights(&mut self, field: &Field, arrivals: &mut FlatArrivals, wide: Option<Wide>) {
+        at_level!(
+            wide,
+            find_coordinates,
+            (directions: &HitVectors = arrivals.directions(), to: &mut [[u32; LANES]; 2] = &mut self.coordinates)
+        );
+        self.look_up(field, |lane| arrivals.exists[lane] != 0);
+        at_level!(wide, weigh_lights, (guided: &GuidedLanes = self, arrivals: &mut FlatArrivals = arrivals));
+    }
+
+    /// Densities of the directions of [`Self::coordinates`], in lanes where they are wanted.
+    fn look_up(&mut self, field: &Field, is_wanted: impl Fn(usize) -> bool) {
+        let [x, y] = &self.coordinates;
+        for i in 0..LANES {
+            if let Some(known) = self.known[i].filter(|_| is_wanted(i)) {
+                self.pdf[i] = field.density(known).pdf_at([x[i], y[i]]);
+            }
+        }
+    }
+
+    /// Density of a direction in the mixture of a lane, by that of the BSDF.
+    pub fn mixed_pdf(&self, field: Option<&Field>, lane: usize, wi: Vec3, bsdf_pdf: f32) -> f32 {
+        match field.zip(self.known[lane]) {
+            Some((field, known)) => mixed_pdf(self.share[lane], bsdf_pdf, field.density(known).pdf(wi)),
+            None => bsdf_pdf,
+        }
+    }
+
+    /// What is known in a lane.
+    pub fn known(&self, lane: usize) -> Option<Known> {
+        self.known[lane]
+    }
+}
+
+#[inline(always)]
+fn find_places(
+    field: &Field,
+    position: &HitVectors,
+    normal: &HitVectors,
+    places: &mut [[u32; LANES]; 3],
+    faces: &mut [u32; LANES],
+) {
+    for i in 0..LANES {
+        let (place, face) = field.place(at(position, i), at(normal, i));
+        (places[0][i], places[1][i], places[2][i]) = (place[0], place[1], place[2]);
+        faces[i] = face as u32;
+    }
+}
+
+#[inline(always)]
+fn find_coordinates(directions: &HitVectors, to: &mut [[u32; LANES]; 2]) {
+    for i in 0..LANES {
+        let [x, y] = coordinates(square_from_direction(at(directions, i)));
+        (to[0][i], to[1][i]) = (x, y);
+    }
+}
+
+/// Directions from points of the square, where they come from there; then the coordinates of all.
+#[inline(always)]
+fn turn(guided: &mut GuidedLanes, surfaces: &Surfaces, to: &mut Directions) {
+    for i in 0..LANES {
+        let is_drawn = guided.is_drawn[i] != 0;
+        let drawn = direction_from_square(Vec2::new(guided.square[0][i], guided.square[1][i]));
+        let (share, is_seen) = surfaces.share(i, drawn);
+        let origin = surfaces.ray_origin(i, drawn);
+        for axis in 0..3 {
+            to.wi[axis][i] = if is_drawn { drawn[axis] } else { to.wi[axis][i] };
+            to.origin[axis][i] = if is_drawn { origin[axis] } else { to.origin[axis][i] };
+        }
+        to.pdf[i] = if is_drawn { share } else { to.pdf[i] };
+        to.exists[i] = if is_drawn { u32::from(is_seen) } else { to.exists[i] };
+    }
+    find_coordinates(to.wi, &mut guided.coordinates);
+}
+
+/// From densities of BSDFs to those of mixtures.
+#[inline(always)]
+fn weigh(guided: &GuidedLanes, to: &mut Directions) {
+    for i in 0..LANES {
+        let (share, bsdf_pdf) = (guided.share[i], to.pdf[i]);
+        let (is_known, is_drawn) = (share < 1.0, guided.is_drawn[i] != 0);
+        let pdf = mixed_pdf(share, bsdf_pdf, guided.pdf[i]);
+        let (ratio, inverse) = (bsdf_pdf / pdf, 1.0 / pdf);
+        for channel in 0..3 {
+            let reflectance = to.weight[channel][i];
+            let weight = if is_drawn { reflectance * bsdf_pdf * inverse } else { reflectance * ratio };
+            to.weight[channel][i] = if is_known { weight } else { reflectance };
+        }
+        to.pdf[i] = if is_known { pdf } else { bsdf_pdf };
+        let is_possible = !is_drawn | (pdf > 0.0);
+        to.exists[i] &= u32::from(is_possible);
+    }
+}
+
+#[inline(always)]
+fn weigh_lights(guided: &GuidedLanes, arrivals: &mut FlatArrivals) {
+    for i in 0..LANES {
+        let (share, density) = (guided.share[i], arrivals.density[i]);
+        let pdf = mixed_pdf(share, arrivals.share[i], guided.pdf[i]);
+        let weight = sampling::power_heuristic(density, pdf);
+        let is_known = share < 1.0;
+        arrivals.weight[i] = if is_known { weight } else { arrivals.weight[i] };
+        arrivals.scale[i] = if is_known { weight / density } else { arrivals.scale[i] };
+    }
+}
