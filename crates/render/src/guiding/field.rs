@@ -19,7 +19,7 @@ const TRUST: f64 = 16.0;
 /// Fewer than this are no knowledge.
 const MIN_RECORDS: f64 = 4.0;
 /// The share of BSDF samples stays between these, so that wrong guesses cannot cost much.
-const BSDF_SHARE: [f32; 2] = [0.1, 0.95];
+const BSDF_SHARE: [f32; 2] = [0.5, 0.95];
 
 /// What is known of one region.
 #[derive(Clone, Debug)]
@@ -28,6 +28,10 @@ pub struct Cell {
     pub density: Option<Density>,
     /// The share of samples that is drawn from the BSDF instead of the density.
     pub bsdf_share: f32,
+    /// What a path of throughput 1 brings from here on by all that follows its bounce, about.
+    pub expected: f32,
+    /// How often the cube was halved for the region.
+    depth: u32,
     gatherer: Gatherer,
     records: u32,
     /// What was gathered by direction.
@@ -66,6 +70,8 @@ impl Cell {
         Self {
             density: None,
             bsdf_share: 0.5,
+            expected: 0.0,
+            depth: 0,
             gatherer: Gatherer::default(),
             records: 0,
             gathered: Weights::default(),
@@ -87,6 +93,11 @@ impl Cell {
 
     /// Ends a pass: what was gathered becomes what is known.
     fn learn(&mut self, moment: Moment) {
+        if self.found.count() > 0.0 {
+            let (mean, trust) = (self.found.sum / f64::from(self.records), self.found.trust());
+            let trust = if self.expected > 0.0 { trust } else { 0.0 };
+            self.expected = (f64::from(self.expected) * trust + mean * (1.0 - trust)) as f32;
+        }
         if self.density.is_some() && self.found.count() > 0.0 {
             // A step of expectation maximisation of the mixture of both, from the share that was used.
             let (share, trust) = (self.found_by_bsdf / self.found.sum, self.found.trust());
@@ -115,7 +126,10 @@ pub struct Known(u32);
 /// A node of the trees over space: two halves, or a region.
 #[derive(Clone, Copy, Debug)]
 enum Node {
-    Halves { axis: u8, first: u32 },
+    /// Axes take turns.
+    Halves {
+        first: u32,
+    },
     Region(u32),
 }
 
@@ -130,9 +144,7 @@ impl Halves for NodeOf<'_> {
     fn halves(self) -> Result<[Self; 2], u32> {
         match self.node {
             Node::Region(region) => Err(region),
-            Node::Halves { first, .. } => {
-                Ok([0, 1].map(|half| NodeOf { node: self.nodes[first as usize + half], ..self }))
-            }
+            Node::Halves { first } => Ok([0, 1].map(|half| NodeOf { node: self.nodes[first as usize + half], ..self })),
         }
     }
 }
@@ -219,6 +231,12 @@ impl Field {
         self.cells[region as usize].density.as_ref().unwrap_or_else(|| unreachable!("regions that are known have one"))
     }
 
+    /// See [`Cell::expected`].
+    #[inline]
+    pub fn expected(&self, Known(region): Known) -> f32 {
+        self.cells[region as usize].expected
+    }
+
     /// See [`Cell::bsdf_share`].
     #[inline]
     pub fn bsdf_share(&self, Known(region): Known) -> f32 {
@@ -234,35 +252,18 @@ impl Field {
         Vec3::new(inside(p.x), inside(p.y), inside(p.z))
     }
 
-    /// The region of a point of the unit cube, and how often the cube was halved for it.
-    fn find(&self, mut p: Vec3, face: usize) -> (usize, u32) {
-        let (mut node, mut depth) = (face, 0);
-        loop {
-            match self.nodes[node] {
-                Node::Region(cell) => return (cell as usize, depth),
-                Node::Halves { axis, first } => {
-                    let axis = usize::from(axis);
-                    let doubled = p[axis] * 2.0;
-                    let upper = doubled >= 1.0;
-                    p[axis] = doubled - f32::from(upper);
-                    node = first as usize + usize::from(upper);
-                    depth += 1;
-                }
-            }
-        }
-    }
-
     /// The region that a record counts for: that of a point near by, at most half of a region's size away, so that what is found
     /// in one region tells something of its neighbours.
     fn region_of(&self, record: &Record, key: u32) -> u32 {
         let (p, face) = (self.unit(record.position), face(record.normal));
-        let (_, depth) = self.find(p, face);
+        let region = |p: Vec3| self.regions.find(face, p.to_array().map(place));
+        let depth = self.cells[region(p) as usize].depth;
         let [x, y, z, _] = rng::pcg4d([key, depth, 17, 4]);
         let u = Vec3::new(rng::to_unit(x), rng::to_unit(y), rng::to_unit(z)) - 0.5;
         // Axes take turns.
         let size = Vec3::new(halved(depth.div_ceil(3)), halved((depth + 1) / 3), halved(depth / 3));
         let moved = (p + u * size).clamp(Vec3::ZERO, Vec3::splat(rng::ONE_MINUS_EPSILON));
-        self.find(moved, face).0 as u32
+        region(moved)
     }
 
     /// Adds records. Each region sees its own in the order given, whatever the number of threads.
@@ -328,7 +329,7 @@ impl Field {
 
     fn halve(&mut self, node: usize, depth: u32, most: u32) {
         match self.nodes[node] {
-            Node::Halves { first, .. } => {
+            Node::Halves { first } => {
                 self.halve(first as usize, depth + 1, most);
                 self.halve(first as usize + 1, depth + 1, most);
             }
@@ -337,12 +338,13 @@ impl Field {
                 if records <= most || depth >= MAX_DEPTH || self.cells.len() >= MAX_CELLS {
                     return;
                 }
-                self.cells[cell as usize].records = records / 2;
+                let halved = &mut self.cells[cell as usize];
+                (halved.records, halved.depth) = (records / 2, depth + 1);
                 self.cells.push(self.cells[cell as usize].clone());
                 let first = self.nodes.len() as u32;
                 self.nodes.push(Node::Region(cell));
                 self.nodes.push(Node::Region(self.cells.len() as u32 - 1));
-                self.nodes[node] = Node::Halves { axis: (depth % 3) as u8, first };
+                self.nodes[node] = Node::Halves { first };
                 self.halve(first as usize, depth + 1, most);
                 self.halve(first as usize + 1, depth + 1, most);
             }

@@ -1,6 +1,7 @@
 //! How a path starts: at a point of the film, through the lens.
 
 use super::PathState;
+use super::carried::Expected;
 use super::light_part::LobeShares;
 use crate::film::filter::FilterSampler;
 use crate::light_sampler::Receiver;
@@ -61,6 +62,7 @@ pub(crate) fn path_of(camera_ray: &CameraRay, mode: ColorMode, time: f32) -> Pat
         eta_scale: 1.0,
         is_specular: true,
         cone_width: camera_ray.width,
+        expected: Expected::default(),
         cone_spread: camera_ray.spread,
         stream: 0,
         lobe: LobeShares::UNKNOWN,

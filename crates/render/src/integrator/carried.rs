@@ -21,6 +21,25 @@ pub struct Carried {
     /// See [`Receiver::transmits`].
     pub transmits: bool,
     pub is_specular: bool,
+    pub expected: Expected,
+}
+
+/// A number of at least 0 with three digits.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Expected(u16);
+
+impl Expected {
+    /// The number, rounded down.
+    #[inline(always)]
+    pub fn of(x: f32) -> Self {
+        Self((x.to_bits() >> 16) as u16)
+    }
+
+    /// The number.
+    #[inline(always)]
+    pub fn get(self) -> f32 {
+        f32::from_bits(u32::from(self.0) << 16)
+    }
 }
 
 const _: () = assert!(size_of::<Carried>() == 64);
@@ -41,7 +60,9 @@ impl Rest {
 impl Carried {
     /// A state in two.
     pub fn of(state: &PathState) -> (Self, Rest) {
-        let PathState { throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, is_specular, .. } = *state;
+        let PathState {
+            throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, is_specular, expected, ..
+        } = *state;
         let Receiver { position, normal, transmits } = state.receiver;
         let carried = Self {
             throughput,
@@ -54,6 +75,7 @@ impl Carried {
             stream,
             transmits,
             is_specular,
+            expected,
         };
         (carried, Rest { mode: state.mode, lobe: state.lobe, time: state.time })
     }
@@ -65,7 +87,8 @@ impl Carried {
 
     /// The whole state.
     pub fn with(&self, rest: &Rest) -> PathState {
-        let Self { throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, is_specular, .. } = *self;
+        let Self { throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, is_specular, expected, .. } =
+            *self;
         let receiver = self.receiver();
         let Rest { mode, lobe, time } = *rest;
         PathState {
@@ -75,6 +98,7 @@ impl Carried {
             receiver,
             eta_scale,
             is_specular,
+            expected,
             cone_width,
             cone_spread,
             stream,

@@ -1,8 +1,11 @@
 //! GuidedBsdf at a vertex: by the BSDF alone, or by a mixture of the BSDF and what a field has learnt.
 
+use super::PathState;
+use super::carried::Expected;
 use crate::guiding::{Cell, Choice, Field};
 use crate::light_sampler::Receiver;
 use snell_math::rng::ONE_MINUS_EPSILON;
+use snell_math::simd::{least, most};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use snell_scene::bsdf::BsdfSample;
 use snell_scene::material::ShadingBsdf;
@@ -12,6 +15,20 @@ use snell_scene::material::ShadingBsdf;
 pub fn mixed_pdf(bsdf_share: f32, bsdf_pdf: f32, density: f32) -> f32 {
     bsdf_share * bsdf_pdf + (1.0 - bsdf_share) * density
 }
+
+/// By what roulette decides whether a path goes on from where something is known, and [`super::PathState::expected`] of its next ray. What the path is expected
+/// to bring is compared with what it was at first: so paths go on that are on their way to light, however little their throughput is, since many were sent there
+/// (Vorba and Křivánek, Adjoint-driven Russian roulette and splitting in light transport simulation, 2016).
+#[inline(always)]
+pub fn expected_survival(expected: f32, first: f32) -> (f32, f32) {
+    let first = if first > 0.0 { first } else { expected };
+    (least(most(expected / first * WINDOW, LEAST_SURVIVAL), 1.0), first)
+}
+
+/// Paths play roulette that are expected to bring this many times less than at first.
+const WINDOW: f32 = 3.0;
+/// What is known may be wrong.
+const LEAST_SURVIVAL: f32 = 0.2;
 
 /// A BSDF and the field's cell that helps it to find light.
 pub struct GuidedBsdf<'a> {
@@ -67,15 +84,27 @@ impl<'a> GuidedBsdf<'a> {
         (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, is_delta: false, is_transmission })
     }
 
-    /// By what roulette decides whether a path goes on: without guiding, the path's throughput. A guided throughput is small where
-    /// much light is expected, because many paths go there; so what counts is how much this bounce absorbs. `crossing` is
-    /// [`ShadingBsdf::crossing_scale`] of the sample.
-    pub fn survival(&self, wo: Vec3, sample: &BsdfSample, crossing: f32, throughput: f32) -> f32 {
-        match self.cell {
-            _ if !self.is_guided => throughput,
-            Some(_) => self.shading.albedo(wo).max_element(),
-            None => sample.weight.max_element() * crossing,
+    /// By what roulette decides whether a path of this throughput goes on: without guiding, what the throughput becomes. A guided throughput is small where
+    /// much light is expected, because many paths go there; so what counts is how much light that is (see [`expected_survival`]), or where nothing
+    /// is known, how much this bounce absorbs. `crossing` is [`ShadingBsdf::crossing_scale`] of the sample. With [`super::PathState::expected`] of the next ray.
+    pub fn survival(
+        &self,
+        wo: Vec3,
+        sample: &BsdfSample,
+        crossing: f32,
+        state: &PathState,
+        next: f32,
+    ) -> (f32, Expected) {
+        if !self.is_guided {
+            return (next, state.expected);
         }
+        let Some(cell) = self.cell else { return (sample.weight.max_element() * crossing, state.expected) };
+        let expected = state.throughput.max_element() * cell.expected;
+        if cell.density.is_none() || expected.is_nan() || expected <= 0.0 {
+            return (self.shading.albedo(wo).max_element(), state.expected);
+        }
+        let (survival, first) = expected_survival(expected, state.expected.get());
+        (survival, Expected::of(first))
     }
 
     /// What is written down of a direction that was drawn, if the field wants to know. `survival` is the probability with which

@@ -1,14 +1,14 @@
 //! What [`super::guided`] does at Lambertian surfaces, at many vertices at once, bit for bit.
 
-use super::guided::mixed_pdf;
-use super::lanes::{LANES, at};
+use super::guided::{expected_survival, mixed_pdf};
+use super::lanes::{CarriedLanes, LANES, at};
 use super::lights::{FlatArrivals, Scatterers, Surfaces};
 use crate::guiding::density::coordinates;
 use crate::guiding::directional::{direction_from_square, square_from_direction};
 use crate::guiding::{Field, Known};
 use crate::light_sampler::Receivers;
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::Wide;
+use snell_math::simd::{Wide, most};
 use snell_math::{Vec2, Vec3, at_level, sampling};
 
 /// What a field knows where paths are. Lanes that are not in use hold anything.
@@ -28,6 +28,11 @@ pub struct GuidedLanes {
     is_drawn: [u32; LANES],
     /// Density of a direction by what is known.
     pdf: HitLanes,
+    /// What paths of throughput 1 are expected to bring, 0 where nothing is known.
+    brings: HitLanes,
+    /// As [`super::guided::GuidedBsdf::survival`] gives it.
+    pub survival: HitLanes,
+    pub expected: HitLanes,
 }
 
 /// Directions in which paths go on, by lane.
@@ -55,6 +60,9 @@ impl Default for GuidedLanes {
             coordinates: [mark; 2],
             is_drawn: mark,
             pdf: number,
+            brings: number,
+            survival: number,
+            expected: number,
         }
     }
 }
@@ -74,11 +82,11 @@ impl GuidedLanes {
             )
         );
         let [x, y, z] = &self.places;
-        (self.known, self.share) = ([None; LANES], [1.0; LANES]);
+        (self.known, self.share, self.brings) = ([None; LANES], [1.0; LANES], [0.0; LANES]);
         for i in 0..count.min(LANES) {
             self.known[i] = field.known_at([x[i], y[i], z[i]], self.faces[i] as usize);
             if let Some(known) = self.known[i] {
-                self.share[i] = field.bsdf_share(known);
+                (self.share[i], self.brings[i]) = (field.bsdf_share(known), field.expected(known));
             }
         }
     }
@@ -122,6 +130,19 @@ impl GuidedLanes {
         );
         self.look_up(field, |lane| arrivals.exists[lane] != 0);
         at_level!(wide, weigh_lights, (guided: &GuidedLanes = self, arrivals: &mut FlatArrivals = arrivals));
+    }
+
+    /// Works out by what roulette decides, for paths that have come to surfaces of this reflectance.
+    pub fn play(&mut self, carried: &CarriedLanes, reflectance: &HitVectors, wide: Option<Wide>) {
+        at_level!(
+            wide,
+            play,
+            (
+                guided: &mut GuidedLanes = self,
+                carried: &CarriedLanes = carried,
+                reflectance: &HitVectors = reflectance,
+            )
+        );
     }
 
     /// Densities of the directions of [`Self::coordinates`], in lanes where they are wanted.
@@ -205,6 +226,23 @@ fn weigh(guided: &GuidedLanes, to: &mut Directions) {
         to.pdf[i] = if is_known { pdf } else { bsdf_pdf };
         let is_possible = !is_drawn | (pdf > 0.0);
         to.exists[i] &= u32::from(is_possible);
+    }
+}
+
+/// As [`super::guided::GuidedBsdf::survival`].
+#[inline(always)]
+fn play(guided: &mut GuidedLanes, carried: &CarriedLanes, reflectance: &HitVectors) {
+    for i in 0..LANES {
+        let (mut throughput, mut albedo) = (carried.throughput[0][i], reflectance[0][i]);
+        for channel in 1..3 {
+            throughput = most(throughput, carried.throughput[channel][i]);
+            albedo = most(albedo, reflectance[channel][i]);
+        }
+        let expected = throughput * guided.brings[i];
+        let (survival, first) = expected_survival(expected, carried.expected[i]);
+        let is_known = expected > 0.0;
+        guided.survival[i] = if is_known { survival } else { albedo };
+        guided.expected[i] = if is_known { first } else { carried.expected[i] };
     }
 }
 

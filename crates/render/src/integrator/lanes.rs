@@ -61,6 +61,8 @@ pub struct CarriedLanes {
     /// By channel.
     pub throughput: HitVectors,
     pub eta_scale: HitLanes,
+    /// As [`super::PathState::expected`].
+    pub expected: HitLanes,
     /// At the vertex.
     pub cone_width: HitLanes,
     pub cone_spread: HitLanes,
@@ -108,7 +110,8 @@ impl VertexLanes {
     /// For vertices of one depth.
     pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
         let zero = [0.0; LANES];
-        let carried = CarriedLanes { throughput: ZERO, eta_scale: zero, cone_width: zero, cone_spread: zero };
+        let carried =
+            CarriedLanes { throughput: ZERO, eta_scale: zero, expected: zero, cone_width: zero, cone_spread: zero };
         Self {
             paths: [0; LANES],
             count: 0,
@@ -145,6 +148,7 @@ impl VertexLanes {
             self.randoms.set(lane, &from.randoms[from.samples[path] as usize]);
             put_color(&mut self.carried.throughput, lane, carried.throughput);
             self.carried.eta_scale[lane] = carried.eta_scale;
+            self.carried.expected[lane] = carried.expected.get();
             self.carried.cone_width[lane] = carried.cone_width + carried.cone_spread * hit.t;
             self.carried.cone_spread[lane] = carried.cone_spread;
         }

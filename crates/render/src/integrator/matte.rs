@@ -4,7 +4,7 @@
 //! Which vertices come here depends on the scene and the settings alone, and no lane looks at another, so that a path does not depend
 //! on what shares its batch.
 
-use super::carried::Carried;
+use super::carried::{Carried, Expected};
 use super::estimators::{Arrival, Skin, may_be_lifted};
 use super::guided_lanes::{Directions, GuidedLanes};
 use super::lanes::{
@@ -184,7 +184,9 @@ impl MatteVertices {
             let mut directions = Directions { wi, origin, pdf, exists, weight };
             self.guided.mix(field, &surfaces, (&choice, &quad, &bsdf), &mut directions, wide);
             self.guided.weigh_lights(field, &mut self.lit.arrivals, wide);
+            self.guided.play(&self.lanes.carried, &self.reflectance, wide);
         }
+        let survival = context.field.map(|_| &self.guided.survival);
         at_level!(
             self.lanes.wide,
             outputs,
@@ -194,7 +196,7 @@ impl MatteVertices {
                 radiance: &HitVectors = &self.lit.lights.radiance,
                 arrivals: &FlatArrivals = &self.lit.arrivals,
                 bounces: &Bounces = &self.bounces,
-                is_guided: bool = context.field.is_some(),
+                survival: Option<&HitLanes> = survival,
                 roulette: &Roulette = &roulette,
                 to: &mut LitOutputs = &mut self.lit.outputs,
             )
@@ -270,8 +272,7 @@ impl MatteVertices {
             Some(known) => field.bsdf_share(known) * self.seen(lane, ColorMode::Rgb, 0.0).reflected(direction).1 / pdf,
             None => 1.0,
         };
-        let albedo = color_at(&self.reflectance, lane).max_element();
-        let survival = context.roulette(depth).map_or(1.0, |most| albedo.min(most));
+        let survival = context.roulette(depth).map_or(1.0, |most| self.guided.survival[lane].min(most));
         let (position, normal) = (at(&self.lanes.points.position, lane), at(&self.facing, lane));
         Some(Choice { position, normal, direction, pdf: pdf * survival, bsdf_share })
     }
@@ -322,6 +323,7 @@ impl Columns for MatteVertices {
             cone_width: self.lanes.carried.cone_width[lane],
             cone_spread: most(self.lanes.carried.cone_spread[lane], SCATTERED_SPREAD),
             stream: 0,
+            expected: Expected::of(self.guided.expected[lane]),
             transmits: false,
             is_specular: false,
         }
@@ -342,7 +344,7 @@ fn outputs(
     radiance: &HitVectors,
     arrivals: &FlatArrivals,
     bounces: &Bounces,
-    is_guided: bool,
+    survival: Option<&HitLanes>,
     roulette: &Roulette,
     to: &mut LitOutputs,
 ) {
@@ -358,16 +360,17 @@ fn outputs(
         }
         is_lit &= is_bright & is_finite;
         to.is_lit[i] = u32::from(is_lit);
-        let (mut throughput, mut largest, mut albedo) = ([0.0; 3], 0.0, 0.0);
+        let (mut throughput, mut largest) = ([0.0; 3], 0.0);
         let mut is_finite = true;
         for (channel, throughput) in throughput.iter_mut().enumerate() {
             *throughput = carried.throughput[channel][i] * bounces.weight[channel][i];
             largest = most(largest, *throughput);
-            albedo = most(albedo, reflectance[channel][i]);
             is_finite &= throughput.abs() < f32::INFINITY;
         }
-        // As `GuidedBsdf::survival`.
-        let weight = if is_guided { albedo } else { largest * carried.eta_scale[i] };
+        let weight = match survival {
+            Some(survival) => survival[i],
+            None => largest * carried.eta_scale[i],
+        };
         let (scale, survives) = roulette.survival(i, weight);
         let goes_on = (bounces.exists[i] != 0) & (largest > 0.0) & is_finite & survives;
         for (channel, throughput) in throughput.into_iter().enumerate() {

@@ -30,6 +30,7 @@ use crate::guiding::{Choice, Field};
 use crate::light_sampler::{LightSampler, Receiver};
 use crate::sampler::Random;
 use crate::settings::Settings;
+use carried::Expected;
 use light_part::{LightSource, LobeShares};
 use snell_intersect::{Hit, SurfaceInteraction};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
@@ -128,8 +129,7 @@ impl Context<'_> {
     /// The largest probability of going on, if Russian roulette plays at this depth. (Measured by variance times time: early roulette is
     /// 1.2 to 1.3 times better where lights must be found; under an even sky, where nearly all noise is then its own, it is twice as bad.)
     pub(crate) fn roulette(&self, depth: u32) -> Option<f32> {
-        // A guided path is worth more than its throughput tells.
-        let begins_late = self.field.is_some() || self.scene.is_evenly_lit();
+        let begins_late = self.field.is_none() && self.scene.is_evenly_lit();
         match depth {
             0 => None,
             1..LATE_ROULETTE => (!begins_late).then_some(1.0),
@@ -157,6 +157,9 @@ pub struct PathState {
     pub eta_scale: f32,
     /// True while every bounce so far was a delta lobe.
     pub is_specular: bool,
+    /// For Russian roulette of guided paths: what the path was expected to bring at the first vertex of which a field knows something;
+    /// 0 before that.
+    pub expected: Expected,
     /// Width of the ray's cone at its origin.
     pub cone_width: f32,
     /// Growth of the cone per unit of distance.

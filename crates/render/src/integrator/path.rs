@@ -227,7 +227,8 @@ fn add_bounce(
     }
     let crossing = if sample.is_transmission { guided.shading.crossing_scale(wo) } else { 1.0 };
     let eta_scale = vertex.state.eta_scale * crossing;
-    let weight = guided.survival(wo, &sample, crossing, throughput.max_element() * eta_scale);
+    let next = throughput.max_element() * eta_scale;
+    let (weight, expected) = guided.survival(wo, &sample, crossing, vertex.state, next);
     let Some(survival) = survival(context, vertex, weight) else { return };
     throughput *= 1.0 / survival;
     let state = PathState {
@@ -235,6 +236,7 @@ fn add_bounce(
         bsdf_pdf: if sample.is_delta { 0.0 } else { sample.pdf },
         receiver: *receiver,
         is_specular: vertex.state.is_specular && sample.is_delta,
+        expected,
         lobe: first_lobe(context, vertex, || LobeShares::of_surface(guided.shading, wo, sample.wi, sample.is_delta)),
         cone_spread: if sample.is_delta {
             vertex.state.cone_spread

@@ -3,7 +3,7 @@
 //!
 //! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
 
-use super::carried::Carried;
+use super::carried::{Carried, Expected};
 use super::estimators::Arrival;
 use super::lanes::{
     Arriving, CarriedLanes, Columns, LANES, LitColumns, Roulette, VertexLanes, ZERO, at, color_at, put,
@@ -150,6 +150,7 @@ impl Columns for ScatteredVertices {
             cone_width: self.lanes.carried.cone_width[lane],
             cone_spread: most(self.lanes.carried.cone_spread[lane], SCATTERED_SPREAD),
             stream: 0,
+            expected: Expected::of(self.lanes.carried.expected[lane]),
             transmits: true,
             is_specular: false,
         }

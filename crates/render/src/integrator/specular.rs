@@ -3,7 +3,7 @@
 //!
 //! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
 
-use super::carried::Carried;
+use super::carried::{Carried, Expected};
 use super::lanes::{
     Arriving, CarriedLanes, Columns, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put_color,
 };
@@ -210,6 +210,7 @@ impl Columns for SpecularVertices {
             cone_width: self.lanes.carried.cone_width[lane],
             cone_spread: self.lanes.carried.cone_spread[lane],
             stream: 0,
+            expected: Expected::of(self.lanes.carried.expected[lane]),
             transmits: self.transmits[lane],
             is_specular: self.is_specular[lane],
         }
