@@ -26,7 +26,7 @@ pub fn expected_survival(expected: f32, first: f32) -> (f32, f32) {
 }
 
 /// Paths play roulette that are expected to bring this many times less than at first.
-const WINDOW: f32 = 3.0;
+const WINDOW: f32 = 2.0;
 /// What is known may be wrong.
 const LEAST_SURVIVAL: f32 = 0.2;
 
