@@ -186,9 +186,9 @@ fn find_places(
 
 #[inline(always)]
 fn find_coordinates(directions: &HitVectors, to: &mut [[u32; LANES]; 2]) {
+    let [x, y] = to;
     for i in 0..LANES {
-        let [x, y] = coordinates(square_from_direction(at(directions, i)));
-        (to[0][i], to[1][i]) = (x, y);
+        [x[i], y[i]] = coordinates(square_from_direction(at(directions, i)));
     }
 }
 
@@ -233,11 +233,8 @@ fn weigh(guided: &GuidedLanes, to: &mut Directions) {
 #[inline(always)]
 fn play(guided: &mut GuidedLanes, carried: &CarriedLanes, reflectance: &HitVectors) {
     for i in 0..LANES {
-        let (mut throughput, mut albedo) = (carried.throughput[0][i], reflectance[0][i]);
-        for channel in 1..3 {
-            throughput = most(throughput, carried.throughput[channel][i]);
-            albedo = most(albedo, reflectance[channel][i]);
-        }
+        let largest = |v: &HitVectors| most(most(v[0][i], v[1][i]), v[2][i]);
+        let (throughput, albedo) = (largest(&carried.throughput), largest(reflectance));
         let expected = throughput * guided.brings[i];
         let (survival, first) = expected_survival(expected, carried.expected[i]);
         let is_known = expected > 0.0;
