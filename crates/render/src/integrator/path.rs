@@ -43,7 +43,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     if vertex.depth >= max_depth {
         return;
     }
-    let mut shading = surface.material.bsdf_towards(&point, wo);
+    let mut shading = surface.material.prepared_towards(surface.prepared, &point, wo);
     let at = Arrival::at_surface(context, vertex, surface, &mut shading);
     let normal = shading.frame.z;
     let receiver = Receiver {
