@@ -272,7 +272,7 @@ fn what_is_known_beforehand_changes_no_bit() {
     for (i, kind) in kinds.into_iter().enumerate() {
         let material = Material::new("m", kind);
         let prepared = Prepared::of(&material);
-        for (surface, outside_ior) in [(surface(), 1.0), (far.clone(), 1.0), (green.clone(), 1.0), (surface(), 1.2)] {
+        for (surface, outside_ior) in [(surface(), 1.0), (far, 1.0), (green, 1.0), (surface(), 1.2)] {
             let point = ShadingPoint { outside_ior, ..at(&surface, &textures) };
             for wo in [Vec3::new(0.3, 0.4, 0.8).normalize(), Vec3::new(-0.5, 0.1, -0.6).normalize()] {
                 let known = material.prepared_towards(&prepared, &point, wo);
