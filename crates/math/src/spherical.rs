@@ -11,23 +11,21 @@ use std::f64::consts::{PI, TAU};
 #[inline]
 pub fn triangle_solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     let volume = a.dot(b.cross(c)).abs();
-    2.0 * volume.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a))
+    2.0 * angles::turn_to(volume, 1.0 + a.dot(b) + b.dot(c) + c.dot(a))
 }
 
-/// A unit vector uniform in the spherical triangle of three unit vectors (Arvo, Stratified Sampling of Spherical Triangles, 1995, in
-/// the form of Pharr, Jakob and Humphreys, 4th edition, section 6.5.4). `None` if the triangle is degenerate.
+/// A unit vector uniform in the spherical triangle of three unit vectors, whose solid angle is known (Arvo, Stratified Sampling of
+/// Spherical Triangles, 1995, in the form of Pharr, Jakob and Humphreys, 4th edition, section 6.5.4). `None` if the triangle is
+/// degenerate.
 #[inline]
-pub fn sample_triangle([a, b, c]: [DVec3; 3], u: DVec2) -> Option<DVec3> {
+pub fn sample_triangle([a, b, c]: [DVec3; 3], solid_angle: f64, u: DVec2) -> Option<DVec3> {
     let n_ab = a.cross(b).try_normalize()?;
-
     let n_ca = c.cross(a).try_normalize()?;
     let cos_alpha = -n_ab.dot(n_ca);
     let sin_alpha = n_ab.cross(n_ca).length();
-    let alpha = sin_alpha.atan2(cos_alpha);
-    let area = triangle_solid_angle(a, b, c);
-    // The part of the triangle's area up to the new side b c', with its angles: those at a and c' are alpha and gamma'.
-    let part = u.x * area;
-    let (sin_phi, cos_phi) = (part - alpha).sin_cos();
+    // The part of the triangle's area up to the new side b c', less the angle alpha at a.
+    let (sin_part, cos_part) = angles::sin_cos(u.x * solid_angle);
+    let (sin_phi, cos_phi) = (sin_part * cos_alpha - cos_part * sin_alpha, cos_part * cos_alpha + sin_part * sin_alpha);
     let k1 = cos_phi - cos_alpha;
     let k2 = sin_phi + sin_alpha * a.dot(b);
     let numerator = (k2 * cos_phi - k1 * sin_phi) * cos_alpha - k2;
@@ -182,7 +180,7 @@ mod tests {
             check(
                 &format!("triangle {i}"),
                 solid_angle,
-                |u| sample_triangle(unit, u).expect("it has area"),
+                |u| sample_triangle(unit, solid_angle, u).expect("it has area"),
                 |u| {
                     let s = u.x.sqrt();
                     (p[0] * (1.0 - s) + p[1] * (s * (1.0 - u.y)) + p[2] * (s * u.y), normal * 0.5)
@@ -234,7 +232,9 @@ mod tests {
         let line = [DVec3::X, DVec3::new(0.6, 0.8, 0.0), DVec3::Y];
         assert!(triangle_solid_angle(line[0], line[1], line[2]) < 1e-12);
         for corners in [line, [DVec3::X; 3], [DVec3::NAN; 3], [DVec3::X, DVec3::NEG_X, DVec3::Y]] {
-            assert!(sample_triangle(corners, DVec2::splat(0.3)).is_none_or(|w| w.is_finite()));
+            let [a, b, c] = corners;
+            let solid_angle = triangle_solid_angle(a, b, c);
+            assert!(sample_triangle(corners, solid_angle, DVec2::splat(0.3)).is_none_or(|w| w.is_finite()));
         }
     }
 }

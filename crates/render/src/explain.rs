@@ -346,12 +346,14 @@ fn lobe(
     is_delta: bool,
 ) -> Lobe {
     let Some(surface) = surface.filter(|_| shaded.medium.is_none()) else { return Lobe::Volume };
-    let material = scene.material(scene.material_id(&shaded.hit));
+    let id = scene.material_id(&shaded.hit);
+    let material = scene.material(id);
     let state = &shaded.state;
     let vertex = SurfaceVertex {
         hit: &shaded.hit,
         interaction: surface,
         material,
+        prepared: scene.prepared(id),
         footprint: state.cone_width + state.cone_spread * shaded.hit.t,
         mode: state.mode,
         outside_ior: shaded.outside_ior,

@@ -74,6 +74,7 @@ fn radiance(
         hit: &hit,
         interaction,
         material: scene.material(scene.material_id(&hit)),
+        prepared: scene.prepared(scene.material_id(&hit)),
         footprint: state.cone_width + state.cone_spread * hit.t,
         mode: state.mode,
         outside_ior: media.as_ref().map_or(1.0, |m| m.walker.outside_ior(&m.insides, &hit)),

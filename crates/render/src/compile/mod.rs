@@ -19,7 +19,7 @@ use lights::LightTable;
 use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, RayQuery, SurfaceInteraction, World, WorldError};
 use snell_math::{Bounds3d, ColorMode, Ray, Rgb, Vec3, rng};
 use snell_scene::light::environment::EnvironmentLight;
-use snell_scene::material::ShadingPoint;
+use snell_scene::material::{Prepared, ShadingPoint};
 use snell_scene::{
     Background, Environment, Material, MaterialId, MediumId, NodeId, Pose, Scene, SceneError, TextureSet, Warning,
 };
@@ -64,6 +64,8 @@ pub struct CompiledScene {
     pub world: Arc<World>,
     /// Materials by id; the last one is the default for surfaces without any.
     pub materials: Vec<Material>,
+    /// What is known of their BSDFs.
+    prepared: Vec<Prepared>,
     /// Textures by id.
     pub textures: Arc<TextureSet>,
     /// Light from all directions.
@@ -177,6 +179,7 @@ impl CompiledScene {
         }
         let radius = bounds.radius() as f32;
         Ok(Self {
+            prepared: materials.iter().map(Prepared::of).collect(),
             materials,
             textures,
             environment,
@@ -226,6 +229,11 @@ impl CompiledScene {
     /// The material with this id.
     pub fn material(&self, id: MaterialId) -> &Material {
         &self.materials[id.index()]
+    }
+
+    /// What is known of the BSDF of the material with this id.
+    pub fn prepared(&self, id: MaterialId) -> &Prepared {
+        &self.prepared[id.index()]
     }
 
     /// All lights, the environment last.

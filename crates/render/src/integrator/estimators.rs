@@ -7,8 +7,9 @@ use crate::light_sampler::{ChosenLight, LightSampler, Receiver};
 use crate::settings::{LightStrategy, Terminator};
 use snell_intersect::SurfaceInteraction;
 use snell_intersect::smooth::lifted_ray_origin;
+use snell_math::robust::offset_ray_origin;
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3};
-use snell_scene::light::area::{AreaLight, AreaSample, DirectedSample, FlatSample};
+use snell_scene::light::area::{AreaLight, AreaSample, DirectedPoint, DirectedSample, FlatSample};
 use snell_scene::material::ShadingBsdf;
 use snell_scene::medium::Glow;
 use snell_scene::{Background, Material, MediumId};
@@ -162,12 +163,12 @@ pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Ve
             if let Some((plain, sample)) = plain.zip(area.sample_flat(part, at.position, u)) {
                 return from_flat(at, plain, sample, probability);
             }
-            let mut sample = area.sample_from(part, at.position, u)?;
-            sample.pdf *= probability;
-            match plain {
-                Some(plain) => from_plain(at, plain, sample),
-                None => from_surface(context, at, sample),
+            if let Some(plain) = plain {
+                let sample = area.sample_point_from(part, at.position, u)?;
+                return from_plain(at, plain, DirectedPoint { pdf: sample.pdf * probability, ..sample });
             }
+            let sample = area.sample_from(part, at.position, u)?;
+            from_surface(context, at, DirectedSample { pdf: sample.pdf * probability, ..sample })
         }
         CompiledLight::Moving(light) => {
             let (part, probability, u) = part_of_choice(&light.first, chosen, u);
@@ -177,11 +178,7 @@ pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Ve
         }
         CompiledLight::Medium(medium, glow) => from_glow(at, *medium, glow, u),
         CompiledLight::Environment => {
-            let sky = scene.environment.as_ref()?;
-            let (direction, pdf) = match context.settings.light_strategy {
-                LightStrategy::Mis => sky.sample_compensated(u)?,
-                LightStrategy::Light | LightStrategy::Bsdf => sky.sample(u),
-            };
+            let (direction, pdf) = environment_direction(context, u)?;
             from_environment(context, at, direction, pdf)
         }
     }
@@ -198,8 +195,17 @@ fn part_of_choice(light: &AreaLight, chosen: &ChosenLight, u: Vec2) -> (u32, f32
     }
 }
 
+/// A direction to the environment, and its density.
+pub(super) fn environment_direction(context: &Context, u: Vec2) -> Option<(Vec3, f32)> {
+    let sky = context.scene.environment.as_ref()?;
+    match context.settings.light_strategy {
+        LightStrategy::Mis => sky.sample_compensated(u),
+        LightStrategy::Light | LightStrategy::Bsdf => Some(sky.sample(u)),
+    }
+}
+
 /// Light from a direction of the environment.
-fn from_environment(context: &Context, at: &Arrival, direction: Vec3, pdf: f32) -> Option<IncidentLight> {
+pub(super) fn from_environment(context: &Context, at: &Arrival, direction: Vec3, pdf: f32) -> Option<IncidentLight> {
     let sky = context.scene.environment.as_ref()?;
     let radiance = sky.radiance(direction, at.mode);
     let shadow_ray = Ray::new(at.ray_origin(direction), direction);
@@ -247,15 +253,16 @@ fn from_flat(at: &Arrival, plain: &PlainEmission, sample: FlatSample, probabilit
 }
 
 /// Light from a point of a surface that shines alike everywhere.
-fn from_plain(at: &Arrival, plain: &PlainEmission, sample: DirectedSample) -> Option<IncidentLight> {
-    let DirectedSample { surface, direction, pdf } = sample;
+fn from_plain(at: &Arrival, plain: &PlainEmission, sample: DirectedPoint) -> Option<IncidentLight> {
+    let DirectedPoint { point, direction, pdf } = sample;
     let radiance = at.mode.illuminant(plain.radiance);
-    let is_lit = plain.on_both_sides || direction.dot(surface.geometric_normal) < 0.0;
+    let is_lit = plain.on_both_sides || direction.dot(point.normal) < 0.0;
     if !is_lit || radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {
         return None;
     }
     let origin = at.ray_origin(direction);
-    let shadow_ray = Ray::new(origin, surface.ray_origin(-direction) - origin).with_t_max(SHADOW_END);
+    let target = offset_ray_origin(point.position, point.position_error, point.normal, -direction);
+    let shadow_ray = Ray::new(origin, target - origin).with_t_max(SHADOW_END);
     let source = LightSource::Material(plain.material);
     Some(IncidentLight { direction, radiance, pdf, is_delta: false, source, shadow_ray, glowing: None })
 }

@@ -33,7 +33,7 @@ const LEAST_SURVIVAL: f32 = 0.2;
 /// A BSDF and the field's cell that helps it to find light.
 pub struct GuidedBsdf<'a> {
     /// The BSDF alone.
-    pub shading: &'a ShadingBsdf,
+    pub shading: &'a ShadingBsdf<'a>,
     /// What is known at the point, where there is a field and a lobe that can be guided.
     cell: Option<&'a Cell>,
     is_guided: bool,
@@ -42,7 +42,7 @@ pub struct GuidedBsdf<'a> {
 
 impl<'a> GuidedBsdf<'a> {
     /// At a point.
-    pub fn new(field: Option<&'a Field>, shading: &'a ShadingBsdf, point: &Receiver) -> Self {
+    pub fn new(field: Option<&'a Field>, shading: &'a ShadingBsdf<'a>, point: &Receiver) -> Self {
         let cell = field.filter(|_| !shading.is_delta()).map(|f| f.cell(point.position, point.normal));
         Self { shading, cell, is_guided: field.is_some(), is_learning: field.is_some_and(Field::is_learning) }
     }

@@ -34,7 +34,7 @@ use carried::Expected;
 use light_part::{LightSource, LobeShares};
 use snell_intersect::{Hit, SurfaceInteraction};
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
-use snell_scene::material::ShadingPoint;
+use snell_scene::material::{Prepared, ShadingPoint};
 use snell_scene::medium::HenyeyGreenstein;
 use snell_scene::{Material, MediumId};
 
@@ -198,6 +198,8 @@ pub struct SurfaceVertex<'a> {
     pub interaction: &'a SurfaceInteraction,
     /// Material at the point.
     pub material: &'a Material,
+    /// What is known of its BSDF.
+    pub prepared: &'a Prepared,
     /// Width of the ray's cone at the point.
     pub footprint: f32,
     /// What spectra mean to the path.

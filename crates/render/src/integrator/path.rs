@@ -2,12 +2,14 @@
 //! `direct` is the same with one bounce.
 
 use super::estimators::{
-    Arrival, IncidentLight, background, continued, environment_choice, light_pdf_of_hit, sample_light,
+    Arrival, IncidentLight, background, continued, environment_choice, environment_direction, from_environment,
+    light_pdf_of_hit, sample_light,
 };
 use super::guided::GuidedBsdf;
 use super::light_part::{LightSource, LobeShares};
 use super::scattering::scatter;
 use super::{Context, Outputs, PathState, SurfaceVertex, Vertex, dimension, outgoing};
+use crate::compile::CompiledLight;
 use crate::light_sampler::{ChosenLight, Receiver};
 use crate::settings::LightStrategy;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
@@ -43,7 +45,7 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     if vertex.depth >= max_depth {
         return;
     }
-    let mut shading = surface.material.bsdf_towards(&point, wo);
+    let mut shading = surface.material.prepared_towards(surface.prepared, &point, wo);
     let at = Arrival::at_surface(context, vertex, surface, &mut shading);
     let normal = shading.frame.z;
     let receiver = Receiver {
@@ -175,12 +177,23 @@ pub(crate) fn weighted_sample(
     scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
 ) -> Option<WeightedLight> {
     let probability = chosen.probability;
-    let sample = sample_light(context, at, chosen, u)?;
-    if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
-        return None;
-    }
-    let (value, pdf) = scattering(sample.direction);
-    if value.is_black() {
+    let (sample, (value, pdf)) = match &context.scene.lights()[chosen.light] {
+        // Half of its directions are behind a surface, and looking up what comes from there is dear.
+        CompiledLight::Environment => {
+            let (direction, pdf) = environment_direction(context, u)?;
+            let scattered = scattering(direction);
+            if scattered.0.is_black() {
+                return None;
+            }
+            (from_environment(context, at, direction, pdf)?, scattered)
+        }
+        _ => {
+            let sample = sample_light(context, at, chosen, u)?;
+            let scattered = scattering(sample.direction);
+            (sample, scattered)
+        }
+    };
+    if value.is_black() || (context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta) {
         return None;
     }
     let weight = if sample.is_delta || context.settings.light_strategy == LightStrategy::Light {

@@ -83,11 +83,13 @@ impl Paths {
         interaction: &'s SurfaceInteraction,
         outside_ior: f32,
     ) -> SurfaceVertex<'s> {
+        let material = scene.material_id(&self.hits[path]);
         let (hit, Carried { cone_width, cone_spread, .. }) = (&self.hits[path], &self.carried[path]);
         SurfaceVertex {
             hit,
             interaction,
-            material: scene.material(scene.material_id(hit)),
+            material: scene.material(material),
+            prepared: scene.prepared(material),
             footprint: cone_width + cone_spread * hit.t,
             mode: self.rest(path).mode,
             outside_ior,

@@ -1,6 +1,6 @@
 //! No reflection at all.
 
-use super::{BsdfSample, Lobes};
+use super::{Drawn, Lobes};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
 /// Absorbs everything: surfaces that only emit.
@@ -8,15 +8,17 @@ use snell_math::{SampledSpectrum, Vec2, Vec3};
 pub struct BlackBsdf;
 
 impl Lobes for BlackBsdf {
-    fn eval(&self, _wo: Vec3, _wi: Vec3) -> SampledSpectrum {
-        SampledSpectrum::ZERO
+    type Seen = Vec3;
+
+    fn seen(&self, wo: Vec3) -> Vec3 {
+        wo
     }
 
-    fn pdf(&self, _wo: Vec3, _wi: Vec3) -> f32 {
-        0.0
+    fn value_and_pdf_from(&self, _wo: &Vec3, _wi: Vec3) -> (SampledSpectrum, f32) {
+        (SampledSpectrum::ZERO, 0.0)
     }
 
-    fn sample(&self, _wo: Vec3, _u_lobe: f32, _u: Vec2) -> Option<BsdfSample> {
+    fn draw_from(&self, _wo: &Vec3, _u_lobe: f32, _u: Vec2) -> Option<Drawn> {
         None
     }
 
@@ -25,7 +27,7 @@ impl Lobes for BlackBsdf {
         true
     }
 
-    fn albedo(&self, _wo: Vec3) -> SampledSpectrum {
+    fn albedo_from(&self, _wo: &Vec3) -> SampledSpectrum {
         SampledSpectrum::ZERO
     }
 }

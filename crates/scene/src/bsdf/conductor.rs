@@ -4,7 +4,7 @@ use super::energy::{FacetLoss, bounced_pdf, sample_bounced};
 use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
-use super::{BsdfSample, Choice, Lobes, SpecularBranch, fresnel, lift, lower_like};
+use super::{Choice, Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
@@ -84,6 +84,19 @@ pub struct ConductorBsdf {
     bounced: SampledSpectrum,
 }
 
+/// A metal seen from a direction.
+#[derive(Clone, Debug)]
+pub struct ConductorSeen {
+    wo: Vec3,
+    /// Of a facet along the surface.
+    reflectance: SampledSpectrum,
+    /// Share of light lost by single facets.
+    lost: f32,
+    /// What facets reflect, and what comes back after many bounces.
+    albedos: [SampledSpectrum; 2],
+    choice: Choice<2>,
+}
+
 impl ConductorBsdf {
     /// A metal of this law of reflection and roughness; smooth ones are mirrors. `unit` is 1 in every lane in use.
     pub fn new(facets: FacetReflectance, unit: SampledSpectrum, ggx: Ggx) -> Self {
@@ -108,58 +121,45 @@ impl ConductorBsdf {
         let plain = self.facets.at(cos);
         self.unit * self.film.map_or(plain, |film| film.reflectance(cos, self.f0, plain))
     }
+}
 
-    /// Probabilities of facets and of many bounces for a direction above, of whose light so much is lost.
-    fn choice(&self, wo: Vec3, lost: f32) -> Choice<2> {
-        Choice::new([self.reflectance(wo.z) * (1.0 - lost), self.bounced * self.mean_loss * lost])
+impl Lobes for ConductorBsdf {
+    type Seen = ConductorSeen;
+
+    fn seen(&self, wo: Vec3) -> ConductorSeen {
+        let up = lift(wo);
+        let (reflectance, lost) = (self.reflectance(up.z), self.loss.towards(up));
+        let albedos = [reflectance * (1.0 - lost), self.bounced * self.mean_loss * lost];
+        ConductorSeen { wo, reflectance, lost, albedos, choice: Choice::new(albedos) }
     }
 
-    /// Value and density for directions above.
-    fn value_and_pdf(&self, choice: &Choice<2>, lost: f32, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
-        let [facets, diffuse] = choice.probabilities;
+    fn value_and_pdf_from(&self, seen: &ConductorSeen, wi: Vec3) -> (SampledSpectrum, f32) {
+        if seen.wo.z * wi.z <= 0.0 || self.ggx.is_smooth() {
+            return (SampledSpectrum::ZERO, 0.0);
+        }
+        let (wo, wi) = (lift(seen.wo), lift(wi));
+        let [facets, diffuse] = seen.choice.probabilities;
         let (once, pdf) = match self.ggx.reflection_and_pdf(wo, wi) {
             Some((m, value, pdf)) => (self.reflectance(wo.dot(m)) * value, pdf),
             None => (SampledSpectrum::ZERO, 0.0),
         };
-        let value = once + self.bounced * (lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
+        let value = once + self.bounced * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
         (value, facets * pdf + diffuse * bounced_pdf(self.ggx, wi.z))
     }
-}
 
-impl Lobes for ConductorBsdf {
-    fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        self.eval_and_pdf(wo, wi).0
-    }
-
-    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        self.eval_and_pdf(wo, wi).1
-    }
-
-    fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
-        if wo.z * wi.z <= 0.0 || self.ggx.is_smooth() {
-            return (SampledSpectrum::ZERO, 0.0);
-        }
-        let up = lift(wo);
-        let lost = self.loss.towards(up);
-        self.value_and_pdf(&self.choice(up, lost), lost, up, lift(wi))
-    }
-
-    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+    fn draw_from(&self, seen: &ConductorSeen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
+        let wo = seen.wo;
         if wo.z == 0.0 {
             return None;
         }
         if self.ggx.is_smooth() {
-            return Some(mirror_branch(wo, self.reflectance(wo.z.abs())).sample(1.0));
+            return Some(mirror_branch(wo, seen.reflectance).drawn(1.0));
         }
-        let up = lift(wo);
-        let lost = self.loss.towards(up);
-        let choice = self.choice(up, lost);
-        let wi = match choice.pick(u_lobe)? {
-            (0, _) => self.ggx.sample_reflection(up, u)?,
+        let wi = match seen.choice.pick(u_lobe)? {
+            (0, _) => self.ggx.sample_reflection(lift(wo), u)?,
             _ => sample_bounced(self.ggx, u),
         };
-        let (value, pdf) = self.value_and_pdf(&choice, lost, up, wi);
-        BsdfSample::of(lower_like(wi, wo), value, pdf, false)
+        Some(Drawn::Direction { wi: lower_like(wi, wo), is_transmission: false })
     }
 
     fn is_delta(&self) -> bool {
@@ -170,9 +170,9 @@ impl Lobes for ConductorBsdf {
         true
     }
 
-    fn albedo(&self, wo: Vec3) -> SampledSpectrum {
-        let lost = self.loss.towards(lift(wo));
-        self.reflectance(wo.z.abs()) * (1.0 - lost) + self.bounced * self.mean_loss * lost
+    fn albedo_from(&self, seen: &ConductorSeen) -> SampledSpectrum {
+        let [facets, bounced] = seen.albedos;
+        facets + bounced
     }
 
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {

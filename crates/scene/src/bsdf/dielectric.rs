@@ -9,7 +9,7 @@ use super::energy::{DielectricLoss, bounced_pdf, sample_bounced};
 use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
-use super::{BsdfSample, Lobes, SpecularBranch, fresnel, lift, lower_like};
+use super::{Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
@@ -71,11 +71,22 @@ fn relative_ior(wo: Vec3, ior: f32) -> f32 {
     if wo.z > 0.0 { ior } else { 1.0 / ior }
 }
 
+/// An interface seen from a direction.
+#[derive(Clone, Debug)]
+pub struct DielectricSeen {
+    wo: Vec3,
+    /// Index of refraction behind the surface over the index on the side of the direction.
+    eta: f32,
+    /// Of a rough interface.
+    bounced: Option<Bounced>,
+}
+
 /// Diffuse lobes in place of light that bounces between facets, seen from one side.
+#[derive(Clone, Debug)]
 struct Bounced {
-    /// Losses on this side and on the other.
-    near: DielectricLoss,
-    far: DielectricLoss,
+    /// Losses on this side and on the other, with their means.
+    near: (DielectricLoss, f32),
+    far: (DielectricLoss, f32),
     /// Share of it that goes through.
     transmitted: f32,
     /// `near` towards the direction of light gathered.
@@ -190,16 +201,16 @@ impl DielectricBsdf {
         let (near_average, far_average) = (near.average(), far.average());
         let transmitted =
             if near_average > 0.0 { through * (eta * eta * far_average / near_average).min(1.0) } else { 0.0 };
-        Bounced { near, far, transmitted, lost: near.towards(up) }
+        let lost = near.towards(up);
+        Bounced { near: (near, near_average), far: (far, far_average), transmitted, lost }
     }
 
     /// `f |cos(wi)|` with facets and diffuse lobes, for `wo` above; `wi` mirrored likewise.
-    fn value(&self, wo: Vec3, wi: Vec3, eta: f32, bounced: &Bounced) -> SampledSpectrum {
-        let facets = self.facet(wo, wi, eta).map_or(SampledSpectrum::ZERO, |f| self.facet_value(&f, eta));
+    fn value(&self, facet: Option<&Facet>, wi: Vec3, eta: f32, bounced: &Bounced) -> SampledSpectrum {
+        let facets = facet.map_or(SampledSpectrum::ZERO, |f| self.facet_value(f, eta));
         let is_transmission = wi.z < 0.0;
-        let loss = if is_transmission { &bounced.far } else { &bounced.near };
-        let average = loss.average();
-        if average <= 0.0 {
+        let (loss, average) = if is_transmission { &bounced.far } else { &bounced.near };
+        if *average <= 0.0 {
             return facets;
         }
         let diffuse = bounced.lost * loss.towards(lift(wi)) / average * wi.z.abs() * FRAC_1_PI;
@@ -211,8 +222,9 @@ impl DielectricBsdf {
             }
     }
 
-    fn mixture_pdf(&self, wo: Vec3, wi: Vec3, eta: f32, bounced: &Bounced) -> f32 {
-        let facets = self.facet(wo, wi, eta).map_or(0.0, |f| self.facet_pdf(&f, eta));
+    /// The density, likewise.
+    fn mixture_pdf(&self, facet: Option<&Facet>, wi: Vec3, eta: f32, bounced: &Bounced) -> f32 {
+        let facets = facet.map_or(0.0, |f| self.facet_pdf(f, eta));
         let side = if wi.z < 0.0 { bounced.transmitted } else { 1.0 - bounced.transmitted };
         (1.0 - bounced.lost) * facets + bounced.lost * side * bounced_pdf(self.ggx, wi.z.abs())
     }
@@ -232,44 +244,48 @@ impl DielectricBsdf {
 }
 
 impl Lobes for DielectricBsdf {
+    type Seen = DielectricSeen;
+
+    fn seen(&self, wo: Vec3) -> DielectricSeen {
+        let eta = self.relative_ior(wo);
+        DielectricSeen { wo, eta, bounced: (!self.is_smooth()).then(|| self.bounced(lift(wo), eta)) }
+    }
+
     fn crossing_scale(&self, wo: Vec3) -> f32 {
         let eta = self.relative_ior(wo);
         eta * eta
     }
 
-    fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        if self.is_smooth() || wo.z * wi.z == 0.0 {
-            return SampledSpectrum::ZERO;
-        }
-        let (up, eta) = (lift(wo), self.relative_ior(wo));
-        self.value(up, lower_like(wi, wo), eta, &self.bounced(up, eta)) * self.absorbed(wo)
+    fn value_and_pdf_from(&self, seen: &DielectricSeen, wi: Vec3) -> (SampledSpectrum, f32) {
+        let &DielectricSeen { wo, eta, ref bounced } = seen;
+        let Some(bounced) = bounced.as_ref().filter(|_| wo.z * wi.z != 0.0) else {
+            return (SampledSpectrum::ZERO, 0.0);
+        };
+        let wi = lower_like(wi, wo);
+        let facet = self.facet(lift(wo), wi, eta);
+        let value = self.value(facet.as_ref(), wi, eta, bounced) * self.absorbed(wo);
+        (value, self.mixture_pdf(facet.as_ref(), wi, eta, bounced))
     }
 
-    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        if self.is_smooth() || wo.z * wi.z == 0.0 {
-            return 0.0;
-        }
-        let (up, eta) = (lift(wo), self.relative_ior(wo));
-        self.mixture_pdf(up, lower_like(wi, wo), eta, &self.bounced(up, eta))
-    }
-
-    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+    fn draw_from(&self, seen: &DielectricSeen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
+        let wo = seen.wo;
         if wo.z == 0.0 {
             return None;
         }
-        if self.is_smooth() {
+        let Some(bounced) = &seen.bounced else {
             let (share, [reflection, transmission]) = self.branches(wo);
             return if u_lobe < share {
-                reflection.map(|b| b.sample(share))
+                reflection.map(|b| b.drawn(share))
             } else {
-                transmission.map(|b| b.sample(1.0 - share))
+                transmission.map(|b| b.drawn(1.0 - share))
             };
-        }
-        let (up, eta) = (lift(wo), self.relative_ior(wo));
-        let bounced = self.bounced(up, eta);
-        let wi = self.sample_rough(up, eta, &bounced, u_lobe, u)?;
-        let value = self.value(up, wi, eta, &bounced) * self.absorbed(wo);
-        BsdfSample::of(lower_like(wi, wo), value, self.mixture_pdf(up, wi, eta, &bounced), wi.z < 0.0)
+        };
+        let wi = self.sample_rough(lift(wo), seen.eta, bounced, u_lobe, u)?;
+        Some(Drawn::Direction { wi: lower_like(wi, wo), is_transmission: wi.z < 0.0 })
+    }
+
+    fn albedo_from(&self, seen: &DielectricSeen) -> SampledSpectrum {
+        self.albedo(seen.wo)
     }
 
     fn is_delta(&self) -> bool {

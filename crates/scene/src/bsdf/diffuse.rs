@@ -1,6 +1,6 @@
 //! Matte reflection: the energy-preserving Oren-Nayar model.
 
-use super::{BsdfSample, Lobes};
+use super::{BsdfSample, Drawn, Lobes};
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -88,31 +88,35 @@ impl DiffuseBsdf {
 }
 
 impl Lobes for DiffuseBsdf {
-    fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+    type Seen = Vec3;
+
+    fn seen(&self, wo: Vec3) -> Vec3 {
+        wo
+    }
+
+    fn value_and_pdf_from(&self, &wo: &Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         if wo.z * wi.z <= 0.0 {
-            return SampledSpectrum::ZERO;
+            return (SampledSpectrum::ZERO, 0.0);
         }
-        self.value(super::lift(wo), super::lift(wi)) * (wi.z.abs() * FRAC_1_PI)
+        let value = self.value(super::lift(wo), super::lift(wi)) * (wi.z.abs() * FRAC_1_PI);
+        (value, sampling::cosine_hemisphere_pdf(wi.z.abs()))
     }
 
     fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         self.eval(wo, wi)
     }
 
-    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        if wo.z * wi.z <= 0.0 { 0.0 } else { sampling::cosine_hemisphere_pdf(wi.z.abs()) }
+    fn draw_from(&self, &wo: &Vec3, _u_lobe: f32, u: Vec2) -> Option<Drawn> {
+        let wi = super::lower_like(sampling::cosine_hemisphere(u), wo);
+        (wo.z != 0.0).then_some(Drawn::Direction { wi, is_transmission: false })
     }
 
-    fn sample(&self, wo: Vec3, _u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
-        let up = sampling::cosine_hemisphere(u);
-        let pdf = sampling::cosine_hemisphere_pdf(up.z);
-        (pdf > 0.0 && wo.z != 0.0).then(|| BsdfSample {
-            wi: super::lower_like(up, wo),
-            weight: self.value(super::lift(wo), up),
-            pdf,
-            is_delta: false,
-            is_transmission: false,
-        })
+    /// The weight is the value without the cosine: nothing needs to be divided.
+    fn sample_from(&self, wo: &Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let Drawn::Direction { wi, is_transmission } = self.draw_from(wo, u_lobe, u)? else { return None };
+        let up = super::lift(wi);
+        let (weight, pdf) = (self.value(super::lift(*wo), up), sampling::cosine_hemisphere_pdf(up.z));
+        (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, is_delta: false, is_transmission })
     }
 
     fn is_delta(&self) -> bool {
@@ -123,7 +127,7 @@ impl Lobes for DiffuseBsdf {
         true
     }
 
-    fn albedo(&self, wo: Vec3) -> SampledSpectrum {
+    fn albedo_from(&self, wo: &Vec3) -> SampledSpectrum {
         self.directional_albedo(wo.z.abs())
     }
 }

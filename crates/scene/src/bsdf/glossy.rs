@@ -9,7 +9,7 @@ use super::energy::DielectricReflection;
 use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
-use super::{BsdfSample, Choice, DiffuseBsdf, Lobes, SpecularBranch, fresnel, lift, lower_like};
+use super::{Choice, DiffuseBsdf, Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::FRAC_1_PI;
 
@@ -25,6 +25,13 @@ pub struct Gloss {
     pub ggx: Ggx,
     /// A film on the interface.
     pub film: Option<ThinFilm>,
+}
+
+impl Gloss {
+    /// True if this has no film, and all else as another one.
+    fn is_plainly(&self, other: &Self) -> bool {
+        self.film.is_none() && self.ior == other.ior && self.tint == other.tint && self.ggx == other.ggx
+    }
 }
 
 /// What lies below the interface. Shares of the light that reaches it, together at most 1 in each lane.
@@ -57,23 +64,38 @@ pub struct GlossyBsdf {
     passed_average: SampledSpectrum,
 }
 
-/// A direction above, with the share of its light that the gloss reflects, and the share that it lets through.
-#[derive(Clone, Copy)]
-struct Seen {
-    from: Vec3,
-    albedo: SampledSpectrum,
+/// A glossy surface seen from a direction.
+#[derive(Clone, Debug)]
+pub struct GlossySeen {
+    wo: Vec3,
+    /// Share of light that the gloss reflects, and share that it lets through.
+    gloss: SampledSpectrum,
     passed: SampledSpectrum,
+    /// Mean of what the gloss lets through, over the directions in which a white body scatters light towards `wo`.
+    mean: SampledSpectrum,
+    /// Share of light that the body reflects, of what reaches it.
+    body: SampledSpectrum,
+    /// Gloss, reflection and transmission by the body.
+    choice: Choice<3>,
 }
 
 impl GlossyBsdf {
     /// A gloss over a body.
     pub fn new(gloss: Gloss, body: Body) -> Self {
+        Self::like(None, gloss, body)
+    }
+
+    /// The same, with less work where another one is alike.
+    pub(crate) fn like(other: Option<&Self>, gloss: Gloss, body: Body) -> Self {
         let ior = if gloss.ior < 1.0 { 1.0 / gloss.ior } else { gloss.ior };
-        let albedo = DielectricReflection::new(gloss.ggx, ior);
+        let gloss = Gloss { ior, ..gloss };
+        if let Some(other) = other.filter(|other| gloss.film.is_none() && other.gloss.is_plainly(&gloss)) {
+            return Self { body, ..*other };
+        }
         let mut made = Self {
-            gloss: Gloss { ior, ..gloss },
+            gloss,
             body,
-            albedo,
+            albedo: other.map_or_else(|| DielectricReflection::new(gloss.ggx, ior), |o| o.albedo.again(gloss.ggx, ior)),
             f0: SampledSpectrum::splat(fresnel::f0_from_ior(ior)),
             passed_average: SampledSpectrum::ZERO,
         };
@@ -112,20 +134,21 @@ impl GlossyBsdf {
         SampledSpectrum::ONE - self.gloss_albedo(w)
     }
 
-    /// Mean of [`Self::passed`] over the directions in which a white body scatters light towards `wo`.
-    fn passed_by_body(&self, wo: Vec3) -> SampledSpectrum {
-        if self.body.diffuse.is_lambertian() {
+    /// Mean of [`Self::passed`] over the directions in which a white body scatters light towards a direction above of this cosine.
+    fn passed_by_body(&self, cos_o: f32) -> SampledSpectrum {
+        let diffuse = &self.body.diffuse;
+        if diffuse.is_lambertian() || diffuse.is_black() {
             return self.passed_average;
         }
         let difference = |&(cos, weight): &(f32, f32)| {
-            (self.passed(along(cos)) - self.passed_average) * (weight * (self.body.diffuse.white_mean(wo.z, cos) - 1.0))
+            (self.passed(along(cos)) - self.passed_average) * (weight * (diffuse.white_mean(cos_o, cos) - 1.0))
         };
         self.passed_average + NODES.iter().map(difference).sum::<SampledSpectrum>()
     }
 
     /// `(1 - E(wo)) (1 - E(wi)) / mean` for directions above.
-    fn coupling(&self, wo: Seen, wi: Vec3, mean: SampledSpectrum) -> SampledSpectrum {
-        (wo.passed * self.passed(wi)).zip(mean, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 })
+    fn coupling(&self, seen: &GlossySeen, wi: Vec3, mean: SampledSpectrum) -> SampledSpectrum {
+        (seen.passed * self.passed(wi)).zip(mean, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 })
     }
 
     /// `f |cos(wi)|` of the gloss for directions above, and its density.
@@ -137,53 +160,29 @@ impl GlossyBsdf {
         reflection.map_or((SampledSpectrum::ZERO, 0.0), |(m, value, pdf)| (self.fresnel(wo.dot(m)) * value, pdf))
     }
 
-    /// `f |cos(wi)|` of the body for directions lifted above.
-    fn body_value(&self, wo: Seen, wi: Vec3, is_transmission: bool) -> SampledSpectrum {
+    /// `f |cos(wi)|` of the body for a direction lifted above.
+    fn body_value(&self, seen: &GlossySeen, wi: Vec3, is_transmission: bool) -> SampledSpectrum {
         let cos = wi.z * FRAC_1_PI;
         if !is_transmission {
             if self.body.diffuse.is_black() {
                 return SampledSpectrum::ZERO;
             }
-            let mean = self.passed_by_body(wo.from);
-            return self.body.diffuse.value(wo.from, wi) * self.coupling(wo, wi, mean) * cos;
+            return self.body.diffuse.value(lift(seen.wo), wi) * self.coupling(seen, wi, seen.mean) * cos;
         }
         let mut value = SampledSpectrum::ZERO;
         if !self.body.through.is_black() {
-            value += self.body.through * self.coupling(wo, wi, self.passed_average) * cos;
+            value += self.body.through * self.coupling(seen, wi, self.passed_average) * cos;
         }
         if !self.body.walk.is_black() {
-            value += self.body.walk * wo.passed * cos;
+            value += self.body.walk * seen.passed * cos;
         }
         value
-    }
-
-    /// `f |cos(wi)|` and the density for directions lifted above.
-    fn value_and_pdf(&self, choice: &Choice<3>, wo: Seen, wi: Vec3, is_transmission: bool) -> (SampledSpectrum, f32) {
-        let [gloss, diffuse, through] = choice.probabilities;
-        let (body, cosine) = (self.body_value(wo, wi, is_transmission), sampling::cosine_hemisphere_pdf(wi.z));
-        if is_transmission {
-            return (body, through * cosine);
-        }
-        let (value, facets) = self.gloss_value_and_pdf(wo.from, wi);
-        (value + body, gloss * facets + diffuse * cosine)
     }
 
     /// `f |cos(wi)|` where light of the medium inside, gathered along `wo`, comes out: `wi` is outside and above, for a share of 1.
     pub(super) fn exit_value(&self, wi: Vec3) -> SampledSpectrum {
         self.passed(wi).zip(self.passed_average, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 })
             * (wi.z * FRAC_1_PI)
-    }
-
-    /// What is known of a direction above.
-    fn seen(&self, from: Vec3) -> Seen {
-        let albedo = self.gloss_albedo(from);
-        Seen { from, albedo, passed: SampledSpectrum::ONE - albedo }
-    }
-
-    /// Probabilities of gloss, reflection and transmission by the body.
-    fn choice(&self, wo: Seen) -> Choice<3> {
-        let Body { diffuse, through, walk } = &self.body;
-        Choice::new([wo.albedo, diffuse.directional_albedo(wo.from.z) * wo.passed, (*through + *walk) * wo.passed])
     }
 
     fn mirror(&self, wo: Vec3) -> SpecularBranch {
@@ -210,50 +209,58 @@ fn along(cos: f32) -> Vec3 {
 }
 
 impl Lobes for GlossyBsdf {
-    fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        let (up, wi_up) = (self.seen(lift(wo)), lift(wi));
-        match wo.z * wi.z {
-            side if side > 0.0 => self.gloss_value_and_pdf(up.from, wi_up).0 + self.body_value(up, wi_up, false),
-            side if side < 0.0 => self.body_value(up, wi_up, true),
-            _ => SampledSpectrum::ZERO,
+    type Seen = GlossySeen;
+
+    fn seen(&self, wo: Vec3) -> GlossySeen {
+        let up = lift(wo);
+        let gloss = self.gloss_albedo(up);
+        let passed = SampledSpectrum::ONE - gloss;
+        let Body { diffuse, through, walk } = &self.body;
+        let body = diffuse.directional_albedo(up.z);
+        let choice = Choice::new([gloss, body * passed, (*through + *walk) * passed]);
+        GlossySeen { wo, gloss, passed, mean: self.passed_by_body(up.z), body, choice }
+    }
+
+    fn value_and_pdf_from(&self, seen: &GlossySeen, wi: Vec3) -> (SampledSpectrum, f32) {
+        let [gloss, diffuse, through] = seen.choice.probabilities;
+        let side = seen.wo.z * wi.z;
+        if side == 0.0 {
+            return (SampledSpectrum::ZERO, 0.0);
         }
+        let wi = lift(wi);
+        let (body, cosine) = (self.body_value(seen, wi, side < 0.0), sampling::cosine_hemisphere_pdf(wi.z));
+        if side < 0.0 {
+            return (body, through * cosine);
+        }
+        let (value, facets) = self.gloss_value_and_pdf(lift(seen.wo), wi);
+        (value + body, gloss * facets + diffuse * cosine)
+    }
+
+    fn draw_from(&self, seen: &GlossySeen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
+        let wo = seen.wo;
+        if wo.z == 0.0 {
+            return None;
+        }
+        let lobe = seen.choice.pick(u_lobe)?.0;
+        if lobe == 0 && self.gloss.ggx.is_smooth() {
+            return Some(self.mirror(wo).drawn(seen.choice.probabilities[0]));
+        }
+        let up =
+            if lobe == 0 { self.gloss.ggx.sample_reflection(lift(wo), u)? } else { sampling::cosine_hemisphere(u) };
+        let is_transmission = lobe == 2;
+        let up = if is_transmission { Vec3::new(up.x, up.y, -up.z) } else { up };
+        Some(Drawn::Direction { wi: lower_like(up, wo), is_transmission })
+    }
+
+    fn albedo_from(&self, seen: &GlossySeen) -> SampledSpectrum {
+        seen.gloss + (seen.body + self.body.through + self.body.walk) * seen.passed
     }
 
     fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         match wo.z * wi.z > 0.0 {
-            true => self.body_value(self.seen(lift(wo)), lift(wi), false),
+            true => self.body_value(&self.seen(wo), lift(wi), false),
             false => SampledSpectrum::ZERO,
         }
-    }
-
-    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        self.eval_and_pdf(wo, wi).1
-    }
-
-    fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
-        if wo.z * wi.z == 0.0 {
-            return (SampledSpectrum::ZERO, 0.0);
-        }
-        let up = self.seen(lift(wo));
-        self.value_and_pdf(&self.choice(up), up, lift(wi), wo.z * wi.z < 0.0)
-    }
-
-    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
-        if wo.z == 0.0 {
-            return None;
-        }
-        let up = self.seen(lift(wo));
-        let choice = self.choice(up);
-        let lobe = choice.pick(u_lobe)?.0;
-        if lobe == 0 && self.gloss.ggx.is_smooth() {
-            return Some(self.mirror(wo).sample(choice.probabilities[0]));
-        }
-        let wi_up =
-            if lobe == 0 { self.gloss.ggx.sample_reflection(up.from, u)? } else { sampling::cosine_hemisphere(u) };
-        let is_transmission = lobe == 2;
-        let wi = lower_like(if is_transmission { Vec3::new(wi_up.x, wi_up.y, -wi_up.z) } else { wi_up }, wo);
-        let (value, pdf) = self.value_and_pdf(&choice, up, wi_up, is_transmission);
-        BsdfSample::of(wi, value, pdf, is_transmission)
     }
 
     fn is_delta(&self) -> bool {
@@ -265,12 +272,6 @@ impl Lobes for GlossyBsdf {
 
     fn is_opaque(&self) -> bool {
         self.body.through.is_black() && self.body.walk.is_black()
-    }
-
-    fn albedo(&self, wo: Vec3) -> SampledSpectrum {
-        let e = self.gloss_albedo(lift(wo));
-        let body = self.body.diffuse.directional_albedo(wo.z.abs()) + self.body.through + self.body.walk;
-        e + body * (SampledSpectrum::ONE - e)
     }
 
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {

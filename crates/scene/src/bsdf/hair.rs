@@ -1,6 +1,6 @@
 //! Scattering by a hair: a rough dielectric cylinder with scales, as one event.
 
-use super::{BsdfSample, Choice, Lobes, fresnel};
+use super::{Choice, Drawn, Lobes, fresnel};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 
@@ -51,8 +51,11 @@ pub struct HairFiber {
     pub scale_tilt: f32,
 }
 
-/// The directions of an event.
-struct Seen {
+/// A fibre seen from a direction. It looks the same from below: angles are those of the direction lifted above.
+#[derive(Clone, Debug)]
+pub struct HairSeen {
+    /// The direction as it is.
+    wo: Vec3,
     /// Sine and cosine of the inclination of `wo`.
     inclination: [f32; 2],
     azimuth: f32,
@@ -60,6 +63,7 @@ struct Seen {
     gammas: [f32; 2],
     /// Share of the light that goes each way.
     attenuations: [SampledSpectrum; WAYS + 1],
+    choice: Choice<{ WAYS + 1 }>,
 }
 
 impl HairBsdf {
@@ -99,30 +103,6 @@ impl HairBsdf {
         fit.iter().rev().fold(0.0, |sum, c| sum * n + c)
     }
 
-    fn seen(&self, wo: Vec3) -> Seen {
-        let sin = wo.x.clamp(-1.0, 1.0);
-        let across = wo.y.hypot(wo.z);
-        let h = match self.offset {
-            Some(h) => h,
-            None if across > 0.0 => (-wo.y / across).clamp(-1.0, 1.0),
-            None => 0.0,
-        };
-        let cos = (1.0 - sin * sin).max(0.0).sqrt();
-        // The index of refraction as it looks in the plane across (Marschner et al., Light Scattering from Human Hair Fibers, 2003).
-        let projected = (self.ior * self.ior - sin * sin).max(0.0).sqrt();
-        let sin_refracted = if projected > 0.0 { (h * cos / projected).clamp(-1.0, 1.0) } else { 0.0 };
-        let cos_refracted = (1.0 - sin_refracted * sin_refracted).max(0.0).sqrt();
-        let sin_within = (sin / self.ior).clamp(-1.0, 1.0);
-        let cos_within = (1.0 - sin_within * sin_within).max(1e-8).sqrt();
-        let through = (self.absorption * (-2.0 * cos_refracted / cos_within)).exp();
-        Seen {
-            inclination: [sin, cos],
-            azimuth: wo.z.atan2(wo.y),
-            gammas: [h.asin(), sin_refracted.asin()],
-            attenuations: self.attenuations(cos * (1.0 - h * h).max(0.0).sqrt(), through),
-        }
-    }
-
     /// Share of the light that goes each way, for an angle of incidence of this cosine, and what of it a way through the fibre leaves.
     fn attenuations(&self, cos: f32, through: SampledSpectrum) -> [SampledSpectrum; WAYS + 1] {
         let f = fresnel::dielectric(cos, self.ior);
@@ -147,7 +127,7 @@ impl HairBsdf {
     }
 
     /// Densities per steradian of each lobe.
-    fn lobes(&self, seen: &Seen, wi: Vec3) -> [f32; WAYS + 1] {
+    fn lobes(&self, seen: &HairSeen, wi: Vec3) -> [f32; WAYS + 1] {
         let sin = wi.x.clamp(-1.0, 1.0);
         let inclination = [sin, (1.0 - sin * sin).max(0.0).sqrt()];
         let turn = wi.z.atan2(wi.y) - seen.azimuth;
@@ -159,22 +139,6 @@ impl HairBsdf {
             };
             along * around
         })
-    }
-
-    /// Both directions with `wo` on the upper side: a fibre looks the same from below.
-    fn lifted(wo: Vec3, wi: Vec3) -> (Vec3, Vec3) {
-        (super::lift(wo), super::lower_like(wi, wo))
-    }
-
-    fn value_and_pdf(&self, seen: &Seen, wi: Vec3) -> (SampledSpectrum, f32) {
-        let choice = Choice::new(seen.attenuations);
-        let lobes = self.lobes(seen, wi);
-        let mut both = (SampledSpectrum::ZERO, 0.0);
-        for (lobe, density) in lobes.into_iter().enumerate() {
-            both.0 += seen.attenuations[lobe] * density;
-            both.1 += choice.probabilities[lobe] * density;
-        }
-        both
     }
 }
 
@@ -236,20 +200,48 @@ fn sample_trimmed_logistic(u: f32, scale: f32) -> f32 {
 }
 
 impl Lobes for HairBsdf {
-    fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        let (wo, wi) = Self::lifted(wo, wi);
-        self.value_and_pdf(&self.seen(wo), wi).0
-    }
+    type Seen = HairSeen;
 
-    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        let (wo, wi) = Self::lifted(wo, wi);
-        self.value_and_pdf(&self.seen(wo), wi).1
-    }
-
-    fn sample(&self, below_or_above: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+    fn seen(&self, below_or_above: Vec3) -> HairSeen {
         let wo = super::lift(below_or_above);
-        let seen = self.seen(wo);
-        let (lobe, rest) = Choice::new(seen.attenuations).pick(u_lobe)?;
+        let sin = wo.x.clamp(-1.0, 1.0);
+        let across = wo.y.hypot(wo.z);
+        let h = match self.offset {
+            Some(h) => h,
+            None if across > 0.0 => (-wo.y / across).clamp(-1.0, 1.0),
+            None => 0.0,
+        };
+        let cos = (1.0 - sin * sin).max(0.0).sqrt();
+        // The index of refraction as it looks in the plane across (Marschner et al., Light Scattering from Human Hair Fibers, 2003).
+        let projected = (self.ior * self.ior - sin * sin).max(0.0).sqrt();
+        let sin_refracted = if projected > 0.0 { (h * cos / projected).clamp(-1.0, 1.0) } else { 0.0 };
+        let cos_refracted = (1.0 - sin_refracted * sin_refracted).max(0.0).sqrt();
+        let sin_within = (sin / self.ior).clamp(-1.0, 1.0);
+        let cos_within = (1.0 - sin_within * sin_within).max(1e-8).sqrt();
+        let through = (self.absorption * (-2.0 * cos_refracted / cos_within)).exp();
+        let attenuations = self.attenuations(cos * (1.0 - h * h).max(0.0).sqrt(), through);
+        HairSeen {
+            wo: below_or_above,
+            inclination: [sin, cos],
+            azimuth: wo.z.atan2(wo.y),
+            gammas: [h.asin(), sin_refracted.asin()],
+            attenuations,
+            choice: Choice::new(attenuations),
+        }
+    }
+
+    fn value_and_pdf_from(&self, seen: &HairSeen, wi: Vec3) -> (SampledSpectrum, f32) {
+        let lobes = self.lobes(seen, super::lower_like(wi, seen.wo));
+        let mut both = (SampledSpectrum::ZERO, 0.0);
+        for (lobe, density) in lobes.into_iter().enumerate() {
+            both.0 += seen.attenuations[lobe] * density;
+            both.1 += seen.choice.probabilities[lobe] * density;
+        }
+        both
+    }
+
+    fn draw_from(&self, seen: &HairSeen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
+        let (lobe, rest) = seen.choice.pick(u_lobe)?;
         let [sin_o, cos_o] = self.tilted(lobe, seen.inclination);
         let variance = self.variances[lobe];
         // A direction around that of `wo` turned by the scales, mirrored in the plane across.
@@ -263,16 +255,15 @@ impl Lobes for HairBsdf {
         };
         let (up, along_y) = (seen.azimuth + turn).sin_cos();
         let wi = Vec3::new(sin, cos * along_y, cos * up).try_normalize()?;
-        let (value, pdf) = self.value_and_pdf(&seen, wi);
-        BsdfSample::of(super::lower_like(wi, below_or_above), value, pdf, wi.z < 0.0)
+        Some(Drawn::Direction { wi: super::lower_like(wi, seen.wo), is_transmission: wi.z < 0.0 })
     }
 
     fn is_delta(&self) -> bool {
         false
     }
 
-    fn albedo(&self, wo: Vec3) -> SampledSpectrum {
-        self.seen(super::lift(wo)).attenuations.into_iter().fold(SampledSpectrum::ZERO, |sum, share| sum + share)
+    fn albedo_from(&self, seen: &HairSeen) -> SampledSpectrum {
+        seen.attenuations.into_iter().fold(SampledSpectrum::ZERO, |sum, share| sum + share)
     }
 }
 

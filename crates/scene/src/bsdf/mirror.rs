@@ -1,6 +1,6 @@
 //! Perfect mirror reflection.
 
-use super::{BsdfSample, Lobes, SpecularBranch};
+use super::{BsdfSample, Drawn, Lobes, SpecularBranch};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
 /// All light comes from the mirror direction.
@@ -16,36 +16,38 @@ pub(super) fn mirror_branch(wo: Vec3, weight: SampledSpectrum) -> SpecularBranch
 }
 
 impl SpecularBranch {
-    /// The sample that follows this branch, chosen with `probability` among the lobes.
-    pub(super) fn sample(self, probability: f32) -> BsdfSample {
-        BsdfSample {
+    /// The way along this branch, chosen with `probability` among the lobes.
+    pub(super) fn drawn(self, probability: f32) -> Drawn {
+        Drawn::Delta(BsdfSample {
             wi: self.wi,
             weight: self.weight / probability,
             pdf: 0.0,
             is_delta: true,
             is_transmission: self.is_transmission,
-        }
+        })
     }
 }
 
 impl Lobes for MirrorBsdf {
-    fn eval(&self, _wo: Vec3, _wi: Vec3) -> SampledSpectrum {
-        SampledSpectrum::ZERO
+    type Seen = Vec3;
+
+    fn seen(&self, wo: Vec3) -> Vec3 {
+        wo
     }
 
-    fn pdf(&self, _wo: Vec3, _wi: Vec3) -> f32 {
-        0.0
+    fn value_and_pdf_from(&self, _wo: &Vec3, _wi: Vec3) -> (SampledSpectrum, f32) {
+        (SampledSpectrum::ZERO, 0.0)
     }
 
-    fn sample(&self, wo: Vec3, _u_lobe: f32, _u: Vec2) -> Option<BsdfSample> {
-        (wo.z != 0.0).then(|| mirror_branch(wo, self.reflectance).sample(1.0))
+    fn draw_from(&self, &wo: &Vec3, _u_lobe: f32, _u: Vec2) -> Option<Drawn> {
+        (wo.z != 0.0).then(|| mirror_branch(wo, self.reflectance).drawn(1.0))
     }
 
     fn is_delta(&self) -> bool {
         true
     }
 
-    fn albedo(&self, _wo: Vec3) -> SampledSpectrum {
+    fn albedo_from(&self, _wo: &Vec3) -> SampledSpectrum {
         self.reflectance
     }
 

@@ -4,6 +4,7 @@
 //! it comes from. Opaque BSDFs reflect on both sides; dielectrics are outside where `z > 0`.
 
 mod black;
+mod coat;
 mod conductor;
 mod dielectric;
 mod diffuse;
@@ -22,17 +23,18 @@ mod sheet;
 mod tests;
 
 pub use black::BlackBsdf;
-pub use conductor::{ConductorBsdf, FacetReflectance};
-pub use dielectric::{DielectricBsdf, Split};
+pub use coat::Coat;
+pub use conductor::{ConductorBsdf, ConductorSeen, FacetReflectance};
+pub use dielectric::{DielectricBsdf, DielectricSeen, Split};
 pub use diffuse::DiffuseBsdf;
 pub use film::ThinFilm;
 pub use ggx::Ggx;
-pub use glossy::{Body, Gloss, GlossyBsdf};
-pub use hair::{HairBsdf, HairFiber};
+pub use glossy::{Body, Gloss, GlossyBsdf, GlossySeen};
+pub use hair::{HairBsdf, HairFiber, HairSeen};
 pub use mirror::MirrorBsdf;
-pub use open_pbr::{Coat, Fuzz, OpenPbrBsdf, Slabs, Translucent};
+pub use open_pbr::{Fuzz, OpenPbrBsdf, OpenPbrSeen, Slabs, Translucent, TranslucentSeen};
 pub use phong::{PhongBsdf, PhongCoefficients};
-pub use sheet::SheetBsdf;
+pub use sheet::{SheetBsdf, SheetSeen};
 
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 
@@ -97,21 +99,75 @@ pub struct SpecularBranch {
     pub is_transmission: bool,
 }
 
+/// A direction drawn from a BSDF, before anything is known of it.
+#[derive(Clone, Copy, Debug)]
+pub enum Drawn {
+    /// One of a delta lobe, of which all is known.
+    Delta(BsdfSample),
+    /// Any other.
+    Direction {
+        /// Where the path goes on.
+        wi: Vec3,
+        /// True if the path crosses the surface.
+        is_transmission: bool,
+    },
+}
+
 /// What every BSDF answers.
-pub trait Lobes {
-    /// `f(wo, wi) |cos(wi)|` without delta lobes.
-    fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum;
+///
+/// Much of the work depends on `wo` alone: [`Self::seen`] does it once, and the methods whose names end in `_from` answer any number of
+/// questions with it. Those that take `wo` itself are for single questions.
+pub trait Lobes: Sized {
+    /// What is known of `wo`.
+    type Seen: Clone + std::fmt::Debug;
 
-    /// Density per steradian with which [`Self::sample`] draws `wi`, without delta lobes.
-    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32;
+    /// The BSDF seen from a direction.
+    fn seen(&self, wo: Vec3) -> Self::Seen;
 
-    /// [`Self::eval`] and [`Self::pdf`]: much of the work is the same.
-    fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
-        (self.eval(wo, wi), self.pdf(wo, wi))
-    }
+    /// `f(wo, wi) |cos(wi)|`, and the density per steradian with which [`Self::sample_from`] draws `wi`; both without delta lobes.
+    fn value_and_pdf_from(&self, seen: &Self::Seen, wi: Vec3) -> (SampledSpectrum, f32);
 
     /// Draws a direction. `u_lobe` chooses the lobe, `u` the direction, all in `[0, 1)`. `None` if the path ends.
-    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample>;
+    fn draw_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> Option<Drawn>;
+
+    /// Approximate share of light that is reflected or transmitted towards `wo`: what the albedo AOV shows.
+    fn albedo_from(&self, seen: &Self::Seen) -> SampledSpectrum;
+
+    /// [`Self::draw_from`] with weight and density.
+    fn sample_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        match self.draw_from(seen, u_lobe, u)? {
+            Drawn::Delta(sample) => Some(sample),
+            Drawn::Direction { wi, is_transmission } => {
+                let (value, pdf) = self.value_and_pdf_from(seen, wi);
+                BsdfSample::of(wi, value, pdf, is_transmission)
+            }
+        }
+    }
+
+    /// [`Self::value_and_pdf_from`] a direction.
+    fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
+        self.value_and_pdf_from(&self.seen(wo), wi)
+    }
+
+    /// `f(wo, wi) |cos(wi)|` without delta lobes.
+    fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+        self.eval_and_pdf(wo, wi).0
+    }
+
+    /// Density per steradian with which [`Self::sample`] draws `wi`, without delta lobes.
+    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        self.eval_and_pdf(wo, wi).1
+    }
+
+    /// [`Self::sample_from`] a direction.
+    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        self.sample_from(&self.seen(wo), u_lobe, u)
+    }
+
+    /// [`Self::albedo_from`] a direction.
+    fn albedo(&self, wo: Vec3) -> SampledSpectrum {
+        self.albedo_from(&self.seen(wo))
+    }
 
     /// True if there is no lobe but delta lobes: light samples are useless.
     fn is_delta(&self) -> bool;
@@ -120,9 +176,6 @@ pub trait Lobes {
     fn is_opaque(&self) -> bool {
         false
     }
-
-    /// Approximate share of light that is reflected or transmitted towards `wo`: what the albedo AOV shows.
-    fn albedo(&self, wo: Vec3) -> SampledSpectrum;
 
     /// What diffuse reflection adds to [`Self::eval`]: for layers that show it apart.
     fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
@@ -155,24 +208,52 @@ pub trait Lobes {
     }
 }
 
-/// Makes [`Bsdf`] from the list of BSDFs: the enum and its dispatch.
+/// Makes an enum of BSDFs from their list, the enum of what they know of a direction, and the dispatch.
 macro_rules! bsdfs {
-    ($($kind:ident => $type:ty,)*) => {
-        /// Any BSDF, with parameters fixed for one point.
-        #[derive(Clone, Debug)]
-        pub enum Bsdf {
+    ($(#[$doc:meta])* $name:ident, $(#[$seen_doc:meta])* $seen:ident, $($kind:ident => $type:ty, $known:ty;)*) => {
+        $(#[$doc])*
+        pub enum $name {
             $(#[doc = concat!("`", stringify!($type), "`.")] $kind($type),)*
         }
 
-        impl Lobes for Bsdf {
-            fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.eval(wo, wi),)* } }
+        $(#[$seen_doc])*
+        #[derive(Clone, Debug)]
+        pub enum $seen {
+            $(#[doc = concat!("By `", stringify!($type), "`.")] $kind($known),)*
+        }
+
+        impl Lobes for $name {
+            type Seen = $seen;
+
+            fn seen(&self, wo: Vec3) -> $seen { match self { $(Self::$kind(b) => $seen::$kind(b.seen(wo)),)* } }
+            fn value_and_pdf_from(&self, seen: &$seen, wi: Vec3) -> (SampledSpectrum, f32) {
+                match (self, seen) {
+                    $((Self::$kind(b), $seen::$kind(seen)) => b.value_and_pdf_from(seen, wi),)*
+                    _ => unreachable!("a BSDF is asked with what it has seen itself"),
+                }
+            }
+            fn draw_from(&self, seen: &$seen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
+                match (self, seen) {
+                    $((Self::$kind(b), $seen::$kind(seen)) => b.draw_from(seen, u_lobe, u),)*
+                    _ => unreachable!("a BSDF is asked with what it has seen itself"),
+                }
+            }
+            fn sample_from(&self, seen: &$seen, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+                match (self, seen) {
+                    $((Self::$kind(b), $seen::$kind(seen)) => b.sample_from(seen, u_lobe, u),)*
+                    _ => unreachable!("a BSDF is asked with what it has seen itself"),
+                }
+            }
+            fn albedo_from(&self, seen: &$seen) -> SampledSpectrum {
+                match (self, seen) {
+                    $((Self::$kind(b), $seen::$kind(seen)) => b.albedo_from(seen),)*
+                    _ => unreachable!("a BSDF is asked with what it has seen itself"),
+                }
+            }
+            fn albedo(&self, wo: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.albedo(wo),)* } }
             fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.diffuse(wo, wi),)* } }
-            fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 { match self { $(Self::$kind(b) => b.pdf(wo, wi),)* } }
-            fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) { match self { $(Self::$kind(b) => b.eval_and_pdf(wo, wi),)* } }
-            fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> { match self { $(Self::$kind(b) => b.sample(wo, u_lobe, u),)* } }
             fn is_delta(&self) -> bool { match self { $(Self::$kind(b) => b.is_delta(),)* } }
             fn is_opaque(&self) -> bool { match self { $(Self::$kind(b) => b.is_opaque(),)* } }
-            fn albedo(&self, wo: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.albedo(wo),)* } }
             fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.eval_classic(wo, wi),)* } }
             fn ambient(&self, wo: Vec3) -> SampledSpectrum { match self { $(Self::$kind(b) => b.ambient(wo),)* } }
             fn crossing_scale(&self, wo: Vec3) -> f32 { match self { $(Self::$kind(b) => b.crossing_scale(wo),)* } }
@@ -180,17 +261,23 @@ macro_rules! bsdfs {
         }
     };
 }
+use bsdfs;
 
 bsdfs! {
-    Black => BlackBsdf,
-    Diffuse => DiffuseBsdf,
-    Phong => PhongBsdf,
-    Mirror => MirrorBsdf,
-    Conductor => ConductorBsdf,
-    Dielectric => DielectricBsdf,
-    Glossy => GlossyBsdf,
-    OpenPbr => Box<OpenPbrBsdf>,
-    Hair => HairBsdf,
+    /// Any BSDF, with parameters fixed for one point.
+    #[derive(Clone, Debug)]
+    Bsdf,
+    /// What a BSDF knows of a direction.
+    BsdfSeen,
+    Black => BlackBsdf, Vec3;
+    Diffuse => DiffuseBsdf, Vec3;
+    Phong => PhongBsdf, Vec3;
+    Mirror => MirrorBsdf, Vec3;
+    Conductor => ConductorBsdf, ConductorSeen;
+    Dielectric => DielectricBsdf, DielectricSeen;
+    Glossy => GlossyBsdf, GlossySeen;
+    OpenPbr => Box<OpenPbrBsdf>, Box<OpenPbrSeen>;
+    Hair => HairBsdf, HairSeen;
 }
 
 /// `x` in `[0, most]`; NaN counts as 0.

@@ -4,32 +4,22 @@
 //! layer does not reflect towards the viewer. So nothing is lost that is not absorbed, at the price of reciprocity: light that comes
 //! from where the viewer is would be shared by its own direction.
 
-use super::energy::DielectricReflection;
+use super::coat::{Coat, CoatLobe, CoatSeen};
 use super::fuzz::FuzzLobe;
-use super::ggx::Ggx;
-use super::mirror::mirror_branch;
 use super::{
-    BsdfSample, Choice, ConductorBsdf, DielectricBsdf, GlossyBsdf, Lobes, SheetBsdf, SpecularBranch, fresnel, lift,
-    lower_like,
+    BsdfSample, Choice, ConductorBsdf, ConductorSeen, DielectricBsdf, DielectricSeen, Drawn, GlossyBsdf, GlossySeen,
+    Lobes, SheetBsdf, SheetSeen, SpecularBranch, bsdfs, lift, lower_like,
 };
 use snell_math::{Frame, SampledSpectrum, Vec2, Vec3, sampling};
 
-/// The clear part of the base.
-#[derive(Clone, Copy, Debug)]
-pub enum Translucent {
-    /// A boundary of a clear volume.
-    Solid(DielectricBsdf),
-    /// A thin sheet.
-    Sheet(SheetBsdf),
-}
-
-impl Translucent {
-    fn lobes(&self) -> &dyn Lobes {
-        match self {
-            Self::Solid(b) => b,
-            Self::Sheet(b) => b,
-        }
-    }
+bsdfs! {
+    /// The clear part of the base: a boundary of a clear volume, or a thin sheet.
+    #[derive(Clone, Copy, Debug)]
+    Translucent,
+    /// What the clear part of the base knows of a direction.
+    TranslucentSeen,
+    Solid => DielectricBsdf, DielectricSeen;
+    Sheet => SheetBsdf, SheetSeen;
 }
 
 /// The parts of the base, with the share of the surface that each has; the shares add up to 1.
@@ -43,23 +33,6 @@ pub struct Slabs {
     pub translucent: Option<(f32, Translucent)>,
     /// Share of the opaque dielectric that scatters in a medium inside, `[0, 1]`.
     pub subsurface: f32,
-}
-
-/// A clear lacquer.
-#[derive(Clone, Copy, Debug)]
-pub struct Coat {
-    /// Share of the surface that it covers, `[0, 1]`.
-    pub weight: f32,
-    /// Roughness of its surface.
-    pub ggx: Ggx,
-    /// Index of refraction over that of the outside.
-    pub ior: f32,
-    /// What is left of light that crosses it twice at a right angle.
-    pub color: SampledSpectrum,
-    /// How much of the darkening by reflections inside of the coat there is, `[0, 1]`.
-    pub darkening: f32,
-    /// Roughness of what lies below, `[0, 1]`, as far as darkening goes.
-    pub base_roughness: f32,
 }
 
 /// Fibres on top.
@@ -83,14 +56,21 @@ pub struct OpenPbrBsdf {
     unit: SampledSpectrum,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct CoatLobe {
-    coat: Coat,
-    albedo: DielectricReflection,
-    frame: Frame,
-    /// Of what lies below at a right angle, and the share of diffuse light that is reflected back inside of the coat.
-    base_albedo: SampledSpectrum,
-    diffuse_reflection: f32,
+/// A layered surface seen from a direction.
+#[derive(Clone, Debug)]
+pub struct OpenPbrSeen {
+    wo: Vec3,
+    /// What the slabs know; from inside, only the clear one does.
+    metal: Option<ConductorSeen>,
+    opaque: Option<GlossySeen>,
+    translucent: Option<TranslucentSeen>,
+    coat: Option<CoatSeen>,
+    fuzz: Option<(Fuzz, FuzzLobe)>,
+    /// Share of light that passes the fuzz.
+    under_fuzz: f32,
+    /// What each slab reflects and lets through, by its share.
+    slabs: [SampledSpectrum; 3],
+    choice: Choice<5>,
 }
 
 /// Names of the lobes in choices.
@@ -103,17 +83,20 @@ const FUZZ: usize = 4;
 impl OpenPbrBsdf {
     /// A base under its layers; the coat follows the base's normal.
     pub fn new(slabs: Slabs, coat: Option<Coat>, fuzz: Option<Fuzz>, unit: SampledSpectrum) -> Self {
-        let bare = Self { slabs, coat: None, fuzz, unit };
-        let coat = coat.map(|coat| CoatLobe::new(coat, bare.slab_albedos(Vec3::Z).into_iter().sum()));
-        Self { coat, ..bare }
+        let bare = Self { slabs, coat: None, fuzz: None, unit };
+        let coat = coat.map(|coat| CoatLobe::new(coat, bare.seen_from_outside(Vec3::Z).slabs.into_iter().sum()));
+        Self { coat, fuzz, ..bare }
+    }
+
+    /// The opaque slab, if there is one.
+    pub(crate) fn opaque(&self) -> Option<&GlossyBsdf> {
+        self.slabs.opaque.as_ref().map(|(_, b)| b)
     }
 
     /// Gives the coat another frame (in that of the base) than the base: a smooth coat over rough grain, or the reverse. As with
     /// all shading normals, the cosine of incident light is then the one with that normal.
     pub fn with_coat_frame(mut self, frame: Frame) -> Self {
-        if let Some(coat) = &mut self.coat {
-            coat.frame = frame;
-        }
+        self.coat = self.coat.map(|coat| coat.with_frame(frame));
         self
     }
 
@@ -147,25 +130,6 @@ impl OpenPbrBsdf {
         (clear / total, scattering / total)
     }
 
-    /// What each slab reflects and lets through, by its share.
-    fn slab_albedos(&self, wo: Vec3) -> [SampledSpectrum; 3] {
-        let s = &self.slabs;
-        [
-            s.metal.as_ref().map_or(SampledSpectrum::ZERO, |(w, b)| b.albedo(wo) * *w),
-            s.opaque.as_ref().map_or(SampledSpectrum::ZERO, |(w, b)| b.albedo(wo) * *w * self.unit),
-            s.translucent.as_ref().map_or(SampledSpectrum::ZERO, |(w, b)| b.lobes().albedo(wo) * *w),
-        ]
-    }
-
-    fn slabs(&self) -> [Option<(f32, &dyn Lobes)>; 3] {
-        let s = &self.slabs;
-        [
-            s.metal.as_ref().map(|(w, b)| (*w, b as &dyn Lobes)),
-            s.opaque.as_ref().map(|(w, b)| (*w, b as &dyn Lobes)),
-            s.translucent.as_ref().map(|(w, b)| (*w, b.lobes())),
-        ]
-    }
-
     /// Fuzz seen from a direction on the outside.
     fn fuzz_lobe(&self, wo: Vec3) -> Option<(Fuzz, FuzzLobe)> {
         self.fuzz.map(|fuzz| (fuzz, FuzzLobe::new(fuzz.roughness, lift(wo))))
@@ -177,79 +141,68 @@ impl OpenPbrBsdf {
     }
 
     /// Factor on the base under the coat.
-    fn under_coat(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        self.coat.as_ref().map_or(SampledSpectrum::ONE, |coat| coat.passed(wo, wi))
+    fn under_coat(&self, coat: &Option<CoatSeen>, wi: Vec3) -> SampledSpectrum {
+        self.coat.as_ref().zip(coat.as_ref()).map_or(SampledSpectrum::ONE, |(coat, seen)| coat.passed(seen, wi))
     }
 
-    /// Probabilities of the lobes seen from outside.
-    fn choice(&self, wo: Vec3, fuzz: &Option<(Fuzz, FuzzLobe)>) -> Choice<5> {
-        let under = Self::under_fuzz(fuzz);
-        let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-        let base = self.under_coat(wo, mirror) * under;
-        let [metal, opaque, translucent] = self.slab_albedos(wo).map(|albedo| albedo * base);
-        let coat =
-            self.coat.as_ref().map_or(SampledSpectrum::ZERO, |c| self.unit * (c.reflected(wo) * c.coat.weight * under));
-        let fuzz = fuzz
+    fn coat_seen(&self, wo: Vec3) -> Option<CoatSeen> {
+        self.coat.as_ref().map(|coat| coat.seen(wo))
+    }
+
+    fn seen_from_outside(&self, wo: Vec3) -> OpenPbrSeen {
+        let (fuzz, coat) = (self.fuzz_lobe(wo), self.coat_seen(wo));
+        let under_fuzz = Self::under_fuzz(&fuzz);
+        let s = &self.slabs;
+        let (metal, opaque, translucent) = (seen(&s.metal, wo), seen(&s.opaque, wo), seen(&s.translucent, wo));
+        let slabs =
+            [albedo(&s.metal, &metal), albedo(&s.opaque, &opaque) * self.unit, albedo(&s.translucent, &translucent)];
+        let base = self.under_coat(&coat, mirrored(wo)) * under_fuzz;
+        let [m, o, t] = slabs.map(|albedo| albedo * base);
+        let c =
+            self.coat.as_ref().zip(coat.as_ref()).map_or(SampledSpectrum::ZERO, |(coat, seen)| {
+                self.unit * (seen.reflected * coat.weight() * under_fuzz)
+            });
+        let f = fuzz
             .as_ref()
             .map_or(SampledSpectrum::ZERO, |(fuzz, lobe)| fuzz.color * self.unit * (fuzz.weight * lobe.reflectance));
-        Choice::new([metal, opaque, translucent, coat, fuzz])
+        let choice = Choice::new([m, o, t, c, f]);
+        OpenPbrSeen { wo, metal, opaque, translucent, coat, fuzz, under_fuzz, slabs, choice }
     }
 
-    /// Value and density for a pair seen from outside.
-    fn value_and_pdf(
-        &self,
-        choice: &Choice<5>,
-        wo: Vec3,
-        wi: Vec3,
-        fuzz: &Option<(Fuzz, FuzzLobe)>,
-    ) -> (SampledSpectrum, f32) {
-        let p = choice.probabilities;
-        let (mut base, mut pdf) = (SampledSpectrum::ZERO, 0.0);
-        for (slab, p) in self.slabs().into_iter().zip(p) {
-            let Some((weight, lobe)) = slab else { continue };
-            let (value, density) = lobe.eval_and_pdf(wo, wi);
-            base += value * weight;
-            pdf += if p > 0.0 { p * density } else { 0.0 };
+    fn seen_from_inside(&self, wo: Vec3) -> OpenPbrSeen {
+        let none = SampledSpectrum::ZERO;
+        OpenPbrSeen {
+            wo,
+            metal: None,
+            opaque: None,
+            translucent: seen(&self.slabs.translucent, wo),
+            coat: None,
+            fuzz: None,
+            under_fuzz: 1.0,
+            slabs: [none; 3],
+            choice: Choice::new([none; 5]),
         }
-        let mut value = base * self.unit * self.under_coat(wo, wi);
-        if let Some(coat) = &self.coat {
-            let (reflected, density) = coat.value_and_pdf(wo, wi);
-            value += self.unit * (reflected * coat.coat.weight);
-            pdf += p[COAT] * density;
-        }
-        value *= Self::under_fuzz(fuzz);
-        if let Some((fuzz, lobe)) = fuzz
-            && wo.z * wi.z > 0.0
-        {
-            let density = lobe.pdf(lift(wi));
-            value += fuzz.color * self.unit * (fuzz.weight * lobe.reflectance * density);
-            pdf += p[FUZZ] * density;
-        }
-        (value, pdf)
     }
 
-    fn sample_inside(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+    fn draw_inside(&self, seen: &OpenPbrSeen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
         let (clear, scattering) = self.inside_shares();
-        let wi = if u_lobe < scattering {
-            sampling::cosine_hemisphere(u)
-        } else {
-            let (_, Translucent::Solid(b)) = self.slabs.translucent? else { return None };
-            let sample = b.sample(wo, ((u_lobe - scattering) / clear).min(1.0 - f32::EPSILON), u)?;
-            if sample.is_delta {
-                return Some(BsdfSample { weight: sample.weight * self.unit, ..sample });
-            }
-            sample.wi
-        };
-        let (value, pdf) = self.inside(wo, wi);
-        BsdfSample::of(wi, value, pdf, wi.z > 0.0)
+        if u_lobe < scattering {
+            let wi = sampling::cosine_hemisphere(u);
+            return Some(Drawn::Direction { wi, is_transmission: wi.z > 0.0 });
+        }
+        let rest = ((u_lobe - scattering) / clear).min(1.0 - f32::EPSILON);
+        let (_, drawn) = draw(&self.slabs.translucent, &seen.translucent, rest, u)?;
+        Some(match drawn {
+            Drawn::Delta(sample) => Drawn::Delta(BsdfSample { weight: sample.weight * self.unit, ..sample }),
+            direction => direction,
+        })
     }
 
     /// Value and density for a direction inside.
-    fn inside(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
+    fn inside(&self, seen: &OpenPbrSeen, wi: Vec3) -> (SampledSpectrum, f32) {
         let (clear, scattering) = self.inside_shares();
         let (mut value, mut pdf) = (SampledSpectrum::ZERO, 0.0);
-        if let Some((_, Translucent::Solid(b))) = &self.slabs.translucent {
-            let (through, density) = b.eval_and_pdf(wo, wi);
+        if let Some((_, through, density)) = value_and_pdf(&self.slabs.translucent, &seen.translucent, wi) {
             value += through * clear;
             pdf += density * clear;
         }
@@ -263,162 +216,162 @@ impl OpenPbrBsdf {
     }
 }
 
-impl CoatLobe {
-    fn new(coat: Coat, base_albedo: SampledSpectrum) -> Self {
-        let ior = if coat.ior < 1.0 { 1.0 / coat.ior } else { coat.ior };
-        let coat = Coat { ior, ..coat };
-        let frame = Frame { x: Vec3::X, y: Vec3::Y, z: Vec3::Z };
-        let diffuse_reflection = 1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior);
-        Self { coat, albedo: DielectricReflection::new(coat.ggx, ior), frame, base_albedo, diffuse_reflection }
-    }
+/// What a slab knows of a direction.
+fn seen<B: Lobes>(slab: &Option<(f32, B)>, wo: Vec3) -> Option<B::Seen> {
+    slab.as_ref().map(|(_, b)| b.seen(wo))
+}
 
-    /// Share of light that the coat reflects towards a direction.
-    fn reflected(&self, w: Vec3) -> f32 {
-        self.albedo.towards(lift(self.frame.to_local(w)))
-    }
+/// What a slab reflects and lets through, by its share.
+fn albedo<B: Lobes>(slab: &Option<(f32, B)>, seen: &Option<B::Seen>) -> SampledSpectrum {
+    let both = slab.as_ref().zip(seen.as_ref());
+    both.map_or(SampledSpectrum::ZERO, |((share, b), seen)| b.albedo_from(seen) * *share)
+}
 
-    /// The cosine inside of the coat.
-    fn inner_cosine(&self, w: Vec3) -> f32 {
-        let cos = self.frame.z.dot(w);
-        (1.0 - (1.0 - cos * cos).max(0.0) / (self.coat.ior * self.coat.ior)).max(1e-4).sqrt()
-    }
+/// Share, value and density of a slab.
+fn value_and_pdf<B: Lobes>(
+    slab: &Option<(f32, B)>,
+    seen: &Option<B::Seen>,
+    wi: Vec3,
+) -> Option<(f32, SampledSpectrum, f32)> {
+    let ((share, b), seen) = slab.as_ref().zip(seen.as_ref())?;
+    let (value, pdf) = b.value_and_pdf_from(seen, wi);
+    Some((*share, value, pdf))
+}
 
-    /// Factor on what lies below: reflected by the coat, absorbed in it, and darkened by reflections inside of it.
-    fn passed(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        // Light that goes through the base crosses the coat once.
-        let way = 1.0 / self.inner_cosine(wo) + if wo.z * wi.z > 0.0 { 1.0 / self.inner_cosine(wi) } else { 0.0 };
-        let left = self.coat.color.map(|c| if c >= 1.0 { 1.0 } else { c.max(0.0).powf(0.5 * way) });
-        let smooth = fresnel::dielectric(self.frame.z.dot(wo).abs(), self.coat.ior);
-        let k = smooth + (self.diffuse_reflection - smooth) * self.coat.base_roughness;
-        let darkened = self.base_albedo.map(|e| (1.0 - k) / (1.0 - e.min(1.0) * k).max(1e-4));
-        let covered = left * (1.0 - self.reflected(wo));
-        SampledSpectrum::ONE.lerp(covered, self.coat.weight)
-            * SampledSpectrum::ONE.lerp(darkened, self.coat.weight * self.coat.darkening)
-    }
+/// The share of a slab, and a direction drawn from it.
+fn draw<B: Lobes>(slab: &Option<(f32, B)>, seen: &Option<B::Seen>, u_lobe: f32, u: Vec2) -> Option<(f32, Drawn)> {
+    let ((share, b), seen) = slab.as_ref().zip(seen.as_ref())?;
+    Some((*share, b.draw_from(seen, u_lobe, u)?))
+}
 
-    /// A pair on one side of the coat, lifted above; `None` if the coat does not reflect one into the other.
-    fn pair(&self, wo: Vec3, wi: Vec3) -> Option<(Vec3, Vec3)> {
-        let (o, i) = (self.frame.to_local(wo), self.frame.to_local(wi));
-        (o.z * i.z > 0.0 && wo.z * wi.z > 0.0).then(|| (lift(o), lift(i)))
-    }
-
-    /// Value for a coat of weight 1, and density.
-    fn value_and_pdf(&self, wo: Vec3, wi: Vec3) -> (f32, f32) {
-        let Some((o, i)) = self.pair(wo, wi).filter(|_| !self.coat.ggx.is_smooth()) else { return (0.0, 0.0) };
-        let reflection = self.coat.ggx.reflection_and_pdf(o, i);
-        reflection.map_or((0.0, 0.0), |(m, value, pdf)| (fresnel::dielectric(o.dot(m), self.coat.ior) * value, pdf))
-    }
-
-    fn sample(&self, wo: Vec3, u: Vec2) -> Option<Vec3> {
-        let local = self.frame.to_local(wo);
-        let up = self.coat.ggx.sample_reflection(lift(local), u)?;
-        let wi = self.frame.from_local(lower_like(up, local));
-        (wo.z * wi.z > 0.0).then_some(wi)
-    }
-
-    /// The mirror image in a smooth coat.
-    fn branch(&self, wo: Vec3, unit: SampledSpectrum) -> Option<SpecularBranch> {
-        if !self.coat.ggx.is_smooth() {
-            return None;
-        }
-        let local = self.frame.to_local(wo);
-        let reflectance = fresnel::dielectric(local.z.abs(), self.coat.ior) * self.coat.weight;
-        let branch = mirror_branch(local, unit * reflectance);
-        let wi = self.frame.from_local(branch.wi);
-        (wo.z * wi.z > 0.0).then_some(SpecularBranch { wi, ..branch })
-    }
+/// The direction of perfect reflection.
+fn mirrored(wo: Vec3) -> Vec3 {
+    Vec3::new(-wo.x, -wo.y, wo.z)
 }
 
 impl Lobes for OpenPbrBsdf {
-    fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        self.eval_and_pdf(wo, wi).0
+    type Seen = Box<OpenPbrSeen>;
+
+    fn seen(&self, wo: Vec3) -> Box<OpenPbrSeen> {
+        Box::new(if self.is_inside(wo) { self.seen_from_inside(wo) } else { self.seen_from_outside(wo) })
     }
 
-    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        self.eval_and_pdf(wo, wi).1
-    }
-
-    fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
+    fn value_and_pdf_from(&self, seen: &Box<OpenPbrSeen>, wi: Vec3) -> (SampledSpectrum, f32) {
+        let (wo, s) = (seen.wo, &self.slabs);
         if wo.z * wi.z == 0.0 {
             return (SampledSpectrum::ZERO, 0.0);
         }
         if self.is_inside(wo) {
-            return self.inside(wo, wi);
+            return self.inside(seen, wi);
         }
-        let fuzz = self.fuzz_lobe(wo);
-        self.value_and_pdf(&self.choice(wo, &fuzz), wo, wi, &fuzz)
+        let p = seen.choice.probabilities;
+        let slabs = [
+            value_and_pdf(&s.metal, &seen.metal, wi),
+            value_and_pdf(&s.opaque, &seen.opaque, wi),
+            value_and_pdf(&s.translucent, &seen.translucent, wi),
+        ];
+        let (mut base, mut pdf) = (SampledSpectrum::ZERO, 0.0);
+        for (slab, p) in slabs.into_iter().zip(p) {
+            let Some((share, value, density)) = slab else { continue };
+            base += value * share;
+            pdf += if p > 0.0 { p * density } else { 0.0 };
+        }
+        let mut value = base * self.unit * self.under_coat(&seen.coat, wi);
+        if let Some((coat, known)) = self.coat.as_ref().zip(seen.coat.as_ref()) {
+            let (reflected, density) = coat.value_and_pdf(known, wi);
+            value += self.unit * (reflected * coat.weight());
+            pdf += p[COAT] * density;
+        }
+        value *= seen.under_fuzz;
+        if let Some((fuzz, lobe)) = &seen.fuzz
+            && wo.z * wi.z > 0.0
+        {
+            let density = lobe.pdf(lift(wi));
+            value += fuzz.color * self.unit * (fuzz.weight * lobe.reflectance * density);
+            pdf += p[FUZZ] * density;
+        }
+        (value, pdf)
     }
 
-    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+    fn draw_from(&self, seen: &Box<OpenPbrSeen>, u_lobe: f32, u: Vec2) -> Option<Drawn> {
+        let (wo, s) = (seen.wo, &self.slabs);
         if wo.z == 0.0 {
             return None;
         }
         if self.is_inside(wo) {
-            return self.sample_inside(wo, u_lobe, u);
+            return self.draw_inside(seen, u_lobe, u);
         }
-        let fuzz = self.fuzz_lobe(wo);
-        let choice = self.choice(wo, &fuzz);
-        let (lobe, rest) = choice.pick(u_lobe)?;
-        let (p, under) = (choice.probabilities[lobe], Self::under_fuzz(&fuzz));
-        let wi = match lobe {
-            FUZZ => lower_like(fuzz.as_ref()?.1.sample(u), wo),
+        let (lobe, rest) = seen.choice.pick(u_lobe)?;
+        let (p, under) = (seen.choice.probabilities[lobe], seen.under_fuzz);
+        let reflected = |wi| Some(Drawn::Direction { wi, is_transmission: false });
+        let (share, drawn) = match lobe {
+            METAL => draw(&s.metal, &seen.metal, rest, u)?,
+            OPAQUE => draw(&s.opaque, &seen.opaque, rest, u)?,
+            TRANSLUCENT => draw(&s.translucent, &seen.translucent, rest, u)?,
             COAT => {
-                let coat = self.coat.as_ref()?;
-                if let Some(branch) = coat.branch(wo, self.unit) {
-                    return Some(SpecularBranch { weight: branch.weight * under, ..branch }.sample(p));
-                }
-                coat.sample(wo, u)?
+                let (coat, known) = self.coat.as_ref().zip(seen.coat.as_ref())?;
+                return match coat.branch(wo, self.unit) {
+                    Some(branch) => Some(SpecularBranch { weight: branch.weight * under, ..branch }.drawn(p)),
+                    None => reflected(coat.sample(known, u)?),
+                };
             }
-            METAL | OPAQUE | TRANSLUCENT => {
-                let (weight, slab) = self.slabs()[lobe]?;
-                let below = slab.sample(wo, rest, u)?;
-                if below.is_delta {
-                    let weight = below.weight * self.unit * self.under_coat(wo, below.wi) * (under * weight / p);
-                    return Some(BsdfSample { weight, ..below });
-                }
-                below.wi
-            }
-            _ => return None,
+            _ => return reflected(lower_like(seen.fuzz.as_ref()?.1.sample(u), wo)),
         };
-        let (value, pdf) = self.value_and_pdf(&choice, wo, wi, &fuzz);
-        BsdfSample::of(wi, value, pdf, wo.z * wi.z < 0.0)
+        Some(match drawn {
+            Drawn::Delta(below) => {
+                let factor = self.unit * self.under_coat(&seen.coat, below.wi) * (under * share / p);
+                Drawn::Delta(BsdfSample { weight: below.weight * factor, ..below })
+            }
+            direction => direction,
+        })
+    }
+
+    fn albedo_from(&self, seen: &Box<OpenPbrSeen>) -> SampledSpectrum {
+        if self.is_inside(seen.wo) {
+            return self.unit;
+        }
+        let base: SampledSpectrum = seen.slabs.into_iter().sum();
+        let coat = self.coat.as_ref().zip(seen.coat.as_ref()).map_or(0.0, |(c, seen)| seen.reflected * c.weight());
+        let coated = base * self.under_coat(&seen.coat, mirrored(seen.wo)) + self.unit * coat;
+        let top = seen.fuzz.as_ref().map_or(SampledSpectrum::ZERO, |(f, lobe)| f.color * (f.weight * lobe.reflectance));
+        coated * seen.under_fuzz + top * self.unit
     }
 
     fn is_delta(&self) -> bool {
+        let s = &self.slabs;
         self.fuzz.is_none()
-            && self.coat.as_ref().is_none_or(|c| c.coat.ggx.is_smooth())
-            && self.slabs().iter().flatten().all(|(_, slab)| slab.is_delta())
+            && self.coat.as_ref().is_none_or(|c| c.is_smooth())
+            && s.metal.as_ref().is_none_or(|(_, b)| b.is_delta())
+            && s.opaque.as_ref().is_none_or(|(_, b)| b.is_delta())
+            && s.translucent.as_ref().is_none_or(|(_, b)| b.is_delta())
     }
 
     fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         let Some((share, body)) = self.slabs.opaque.as_ref().filter(|_| !self.is_inside(wo)) else {
             return SampledSpectrum::ZERO;
         };
-        let factor = self.unit * self.under_coat(wo, wi) * (share * Self::under_fuzz(&self.fuzz_lobe(wo)));
-        body.diffuse(wo, wi) * factor
+        let under_fuzz = Self::under_fuzz(&self.fuzz_lobe(wo));
+        body.diffuse(wo, wi) * (self.unit * self.under_coat(&self.coat_seen(wo), wi) * (share * under_fuzz))
     }
 
     fn is_opaque(&self) -> bool {
-        !self.has_inside() && self.slabs().iter().flatten().all(|(_, slab)| slab.is_opaque())
-    }
-
-    fn albedo(&self, wo: Vec3) -> SampledSpectrum {
-        if self.is_inside(wo) {
-            return self.unit;
-        }
-        let fuzz = self.fuzz_lobe(wo);
-        let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-        let base: SampledSpectrum = self.slab_albedos(wo).into_iter().sum();
-        let coat = self.coat.as_ref().map_or(0.0, |c| c.reflected(wo) * c.coat.weight);
-        let coated = base * self.under_coat(wo, mirror) + self.unit * coat;
-        let top = fuzz.as_ref().map_or(SampledSpectrum::ZERO, |(f, lobe)| f.color * (f.weight * lobe.reflectance));
-        coated * Self::under_fuzz(&fuzz) + top * self.unit
+        // Metal always is.
+        let s = &self.slabs;
+        !self.has_inside()
+            && s.opaque.as_ref().is_none_or(|(_, b)| b.is_opaque())
+            && s.translucent.as_ref().is_none_or(|(_, b)| b.is_opaque())
     }
 
     fn ambient(&self, wo: Vec3) -> SampledSpectrum {
-        let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-        let base: SampledSpectrum = self.slabs().into_iter().flatten().map(|(w, slab)| slab.ambient(wo) * w).sum();
-        base * self.unit * self.under_coat(wo, mirror) * Self::under_fuzz(&self.fuzz_lobe(wo))
+        let s = &self.slabs;
+        let slabs = [
+            s.metal.as_ref().map(|(share, b)| b.ambient(wo) * *share),
+            s.opaque.as_ref().map(|(share, b)| b.ambient(wo) * *share),
+            s.translucent.as_ref().map(|(share, b)| b.ambient(wo) * *share),
+        ];
+        let base: SampledSpectrum = slabs.into_iter().flatten().sum();
+        let under_coat = self.under_coat(&self.coat_seen(wo), mirrored(wo));
+        base * self.unit * under_coat * Self::under_fuzz(&self.fuzz_lobe(wo))
     }
 
     fn crossing_scale(&self, wo: Vec3) -> f32 {
@@ -429,12 +382,19 @@ impl Lobes for OpenPbrBsdf {
     }
 
     fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
-        let under = Self::under_fuzz(&self.fuzz_lobe(wo));
+        let (under, s) = (Self::under_fuzz(&self.fuzz_lobe(wo)), &self.slabs);
         let mut found: [Option<SpecularBranch>; 2] = [None, None];
+        let seen = self.coat_seen(wo);
         let coat = self.coat.as_ref().and_then(|coat| coat.branch(wo, self.unit * under));
-        let below = self.slabs().into_iter().flatten().flat_map(|(weight, slab)| {
-            slab.specular_branches(wo).into_iter().flatten().map(move |b| {
-                let factor = self.unit * self.under_coat(wo, b.wi) * (weight * under);
+        let slabs = [
+            s.metal.as_ref().map(|(share, b)| (*share, b.specular_branches(wo))),
+            s.opaque.as_ref().map(|(share, b)| (*share, b.specular_branches(wo))),
+            s.translucent.as_ref().map(|(share, b)| (*share, b.specular_branches(wo))),
+        ];
+        let below = slabs.into_iter().flatten().flat_map(|(share, branches)| {
+            let seen = &seen;
+            branches.into_iter().flatten().map(move |b| {
+                let factor = self.unit * self.under_coat(seen, b.wi) * (share * under);
                 SpecularBranch { weight: b.weight * factor, ..b }
             })
         });

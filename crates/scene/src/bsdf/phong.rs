@@ -6,7 +6,7 @@
 //! lobe of albedo `specular`; mirror reflection beyond that (`reflection - specular`) and transmission are delta lobes.
 
 use super::mirror::mirror_branch;
-use super::{BsdfSample, Lobes, SpecularBranch, fresnel, lift, lower_like};
+use super::{Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -92,9 +92,9 @@ impl PhongBsdf {
         (total > 0.0).then(|| weights.map(|w| w / total))
     }
 
-    fn mixture_pdf(&self, [diffuse, highlight, ..]: [f32; 4], wo: Vec3, wi: Vec3) -> f32 {
-        diffuse * sampling::cosine_hemisphere_pdf(wi.z)
-            + highlight * (self.exponent + 1.0) * 0.5 * FRAC_1_PI * self.highlight(wo, wi)
+    /// Density of a direction above, whose [`Self::highlight`] is known.
+    fn mixture_pdf(&self, [diffuse, glossy, ..]: [f32; 4], highlight: f32, wi: Vec3) -> f32 {
+        diffuse * sampling::cosine_hemisphere_pdf(wi.z) + glossy * (self.exponent + 1.0) * 0.5 * FRAC_1_PI * highlight
     }
 
     fn refraction(&self, wo: Vec3) -> Option<SpecularBranch> {
@@ -105,50 +105,46 @@ impl PhongBsdf {
 }
 
 impl Lobes for PhongBsdf {
-    fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
+    type Seen = Vec3;
+
+    fn seen(&self, wo: Vec3) -> Vec3 {
+        wo
+    }
+
+    fn value_and_pdf_from(&self, &wo: &Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
         if wo.z * wi.z <= 0.0 {
-            return SampledSpectrum::ZERO;
+            return (SampledSpectrum::ZERO, 0.0);
         }
-        let (wo, wi) = (lift(wo), lift(wi));
-        let highlight = (self.exponent + 2.0) * 0.5 * FRAC_1_PI * self.highlight(wo, wi);
-        (self.diffuse * FRAC_1_PI + self.specular * highlight) * (wi.z * self.scale)
+        let wi = lift(wi);
+        let highlight = self.highlight(lift(wo), wi);
+        let glossy = (self.exponent + 2.0) * 0.5 * FRAC_1_PI * highlight;
+        let value = (self.diffuse * FRAC_1_PI + self.specular * glossy) * (wi.z * self.scale);
+        (value, self.choice().map_or(0.0, |choice| self.mixture_pdf(choice, highlight, wi)))
     }
 
     fn diffuse(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         if wo.z * wi.z > 0.0 { self.diffuse * (FRAC_1_PI * wi.z.abs() * self.scale) } else { SampledSpectrum::ZERO }
     }
 
-    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        if wo.z * wi.z <= 0.0 {
-            return 0.0;
-        }
-        self.choice().map_or(0.0, |choice| self.mixture_pdf(choice, lift(wo), lift(wi)))
-    }
-
-    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+    fn draw_from(&self, &wo: &Vec3, u_lobe: f32, u: Vec2) -> Option<Drawn> {
         if wo.z == 0.0 {
             return None;
         }
-        let choice @ [diffuse, highlight, mirror, transmission] = self.choice()?;
+        let [diffuse, highlight, mirror, transmission] = self.choice()?;
         let up = if u_lobe < diffuse {
             sampling::cosine_hemisphere(u)
         } else if u_lobe < diffuse + highlight {
             self.sample_highlight(lift(wo), u)
         } else if u_lobe < diffuse + highlight + mirror {
-            return Some(mirror_branch(wo, self.mirror_excess() * self.scale).sample(mirror));
+            return Some(mirror_branch(wo, self.mirror_excess() * self.scale).drawn(mirror));
         } else if transmission > 0.0 {
             return self
                 .refraction(wo)
-                .map(|b| SpecularBranch { weight: b.weight * self.scale, ..b }.sample(transmission));
+                .map(|b| SpecularBranch { weight: b.weight * self.scale, ..b }.drawn(transmission));
         } else {
             return None;
         };
-        let pdf = self.mixture_pdf(choice, lift(wo), up);
-        if up.z <= 0.0 || pdf <= 0.0 {
-            return None;
-        }
-        let wi = lower_like(up, wo);
-        Some(BsdfSample { wi, weight: self.eval(wo, wi) / pdf, pdf, is_delta: false, is_transmission: false })
+        (up.z > 0.0).then(|| Drawn::Direction { wi: lower_like(up, wo), is_transmission: false })
     }
 
     fn is_delta(&self) -> bool {
@@ -159,7 +155,7 @@ impl Lobes for PhongBsdf {
         true
     }
 
-    fn albedo(&self, _wo: Vec3) -> SampledSpectrum {
+    fn albedo_from(&self, _wo: &Vec3) -> SampledSpectrum {
         (self.diffuse + self.specular + self.mirror_excess() + self.transmission) * self.scale
     }
 

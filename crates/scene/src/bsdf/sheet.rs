@@ -7,7 +7,7 @@ use super::energy::{FacetLoss, bounced_pdf, sample_bounced};
 use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
-use super::{BsdfSample, Choice, Lobes, SpecularBranch, fresnel, lift, lower_like};
+use super::{Choice, Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
@@ -23,8 +23,20 @@ pub struct SheetBsdf {
     film: Option<ThinFilm>,
     f0: SampledSpectrum,
     loss: FacetLoss,
+    mean_loss: f32,
     /// Reflected and let through of light that met several facets, over the mean loss.
     bounced: [SampledSpectrum; 2],
+}
+
+/// A sheet seen from a direction.
+#[derive(Clone, Debug)]
+pub struct SheetSeen {
+    wo: Vec3,
+    /// Reflected and let through at facets along the surface.
+    shares: [SampledSpectrum; 2],
+    /// Share of light lost by single facets.
+    lost: f32,
+    choice: Choice<4>,
 }
 
 impl SheetBsdf {
@@ -40,8 +52,8 @@ impl SheetBsdf {
         let loss = FacetLoss::new(ggx);
         let f0 = SampledSpectrum::splat(fresnel::f0_from_ior(ior));
         let bounced = [SampledSpectrum::ZERO; 2];
-        let mut sheet = Self { ior, tint, transmittance, unit, ggx, film, f0, loss, bounced };
         let lost = loss.average();
+        let mut sheet = Self { ior, tint, transmittance, unit, ggx, film, f0, loss, mean_loss: lost, bounced };
         if lost > 0.0 {
             // As at the mean angle of diffuse light.
             sheet.bounced = sheet.shares(2.0 / 3.0).map(|s| s * (1.0 / lost));
@@ -63,72 +75,59 @@ impl SheetBsdf {
         [reflected * self.tint, over(pass * pass * left) * self.unit]
     }
 
-    fn choice(&self, wo: Vec3) -> Choice<4> {
-        let lost = self.loss.towards(wo);
-        let [r, t] = self.shares(wo.z);
-        let [br, bt] = self.bounced.map(|b| b * (self.loss.average() * lost));
-        Choice::new([r * (1.0 - lost), t * (1.0 - lost), br, bt])
-    }
-
-    /// Value for directions lifted above.
-    fn value(&self, wo: Vec3, wi: Vec3, side: usize) -> SampledSpectrum {
-        let once = match self.ggx.reflection(wo, wi) {
-            Some((m, value)) => self.shares(wo.dot(m))[side] * value,
-            None => SampledSpectrum::ZERO,
-        };
-        once + self.bounced[side] * (self.loss.towards(wo) * self.loss.towards(wi) * wi.z * FRAC_1_PI)
-    }
-
-    fn mixture_pdf(&self, choice: &Choice<4>, wo: Vec3, wi: Vec3, side: usize) -> f32 {
-        let p = choice.probabilities;
-        p[side] * self.ggx.reflection_pdf(wo, wi) + p[2 + side] * bounced_pdf(self.ggx, wi.z)
-    }
-
-    fn branches(&self, wo: Vec3) -> [SpecularBranch; 2] {
-        let [r, t] = self.shares(wo.z.abs());
+    fn branches(wo: Vec3, [r, t]: [SampledSpectrum; 2]) -> [SpecularBranch; 2] {
         [mirror_branch(wo, r), SpecularBranch { wi: -wo, weight: t, is_transmission: true }]
     }
 }
 
 impl Lobes for SheetBsdf {
-    fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        if wo.z * wi.z == 0.0 || self.ggx.is_smooth() {
-            return SampledSpectrum::ZERO;
-        }
-        self.value(lift(wo), lift(wi), usize::from(wo.z * wi.z < 0.0))
+    type Seen = SheetSeen;
+
+    fn seen(&self, wo: Vec3) -> SheetSeen {
+        let up = lift(wo);
+        let (shares @ [r, t], lost) = (self.shares(up.z), self.loss.towards(up));
+        let [br, bt] = self.bounced.map(|b| b * (self.mean_loss * lost));
+        let choice = Choice::new([r * (1.0 - lost), t * (1.0 - lost), br, bt]);
+        SheetSeen { wo, shares, lost, choice }
     }
 
-    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        if wo.z * wi.z == 0.0 || self.ggx.is_smooth() {
-            return 0.0;
+    fn value_and_pdf_from(&self, seen: &SheetSeen, wi: Vec3) -> (SampledSpectrum, f32) {
+        let side = usize::from(seen.wo.z * wi.z < 0.0);
+        if seen.wo.z * wi.z == 0.0 || self.ggx.is_smooth() {
+            return (SampledSpectrum::ZERO, 0.0);
         }
-        self.mixture_pdf(&self.choice(lift(wo)), lift(wo), lift(wi), usize::from(wo.z * wi.z < 0.0))
+        let (wo, wi) = (lift(seen.wo), lift(wi));
+        let (once, pdf) = match self.ggx.reflection_and_pdf(wo, wi) {
+            Some((m, value, pdf)) => (self.shares(wo.dot(m))[side] * value, pdf),
+            None => (SampledSpectrum::ZERO, 0.0),
+        };
+        let value = once + self.bounced[side] * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
+        let p = seen.choice.probabilities;
+        (value, p[side] * pdf + p[2 + side] * bounced_pdf(self.ggx, wi.z))
     }
 
-    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+    fn draw_from(&self, seen: &SheetSeen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
+        let wo = seen.wo;
         if wo.z == 0.0 {
             return None;
         }
-        let up = lift(wo);
-        let choice = self.choice(up);
-        let lobe = choice.pick(u_lobe)?.0;
+        let lobe = seen.choice.pick(u_lobe)?.0;
         let side = lobe % 2;
         if self.ggx.is_smooth() {
-            return Some(self.branches(wo)[side].sample(choice.probabilities[lobe]));
+            return Some(Self::branches(wo, seen.shares)[side].drawn(seen.choice.probabilities[lobe]));
         }
-        let wi = if lobe < 2 { self.ggx.sample_reflection(up, u)? } else { sample_bounced(self.ggx, u) };
-        let (value, pdf) = (self.value(up, wi, side), self.mixture_pdf(&choice, up, wi, side));
-        let same_side = lower_like(wi, wo);
-        let wi = if side == 1 { Vec3::new(same_side.x, same_side.y, -same_side.z) } else { same_side };
-        BsdfSample::of(wi, value, pdf, side == 1)
+        let wi = if lobe < 2 { self.ggx.sample_reflection(lift(wo), u)? } else { sample_bounced(self.ggx, u) };
+        let Vec3 { x, y, z } = lower_like(wi, wo);
+        let is_transmission = side == 1;
+        Some(Drawn::Direction { wi: Vec3::new(x, y, if is_transmission { -z } else { z }), is_transmission })
     }
 
     fn is_delta(&self) -> bool {
         self.ggx.is_smooth()
     }
 
-    fn albedo(&self, wo: Vec3) -> SampledSpectrum {
-        let [r, t] = self.shares(wo.z.abs());
+    fn albedo_from(&self, seen: &SheetSeen) -> SampledSpectrum {
+        let [r, t] = seen.shares;
         r + t
     }
 
@@ -137,6 +136,6 @@ impl Lobes for SheetBsdf {
     }
 
     fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
-        if self.is_delta() { self.branches(wo).map(Some) } else { [None, None] }
+        if self.is_delta() { Self::branches(wo, self.shares(wo.z.abs())).map(Some) } else { [None, None] }
     }
 }

@@ -15,6 +15,7 @@ mod normal;
 mod open_pbr;
 mod phong;
 mod plastic;
+mod prepared;
 mod shading;
 mod specular;
 #[cfg(test)]
@@ -35,16 +36,17 @@ pub use normal::{reflecting_normal, visible_normal};
 pub use open_pbr::{OpenPbr, TangentMap};
 pub use phong::Phong;
 pub use plastic::Plastic;
+pub use prepared::Prepared;
 pub use shading::ShadingBsdf;
 pub use specular::Specular;
 
-use crate::bsdf::{Bsdf, Lobes, bounded};
+use crate::bsdf::{Bsdf, bounded};
 use crate::graph::{MediumId, TextureId};
 use crate::texture::TextureSet;
 use serde::{Deserialize, Serialize};
 use snell_intersect::SurfaceInteraction;
 use snell_math::spectrum::{Color, Spectrum};
-use snell_math::{ColorMode, Frame, Rgb, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec3};
 use std::collections::BTreeSet;
 
 /// A colour parameter: a factor, times a texture and a spectrum if there are any.
@@ -388,57 +390,6 @@ impl Material {
             return 0.0;
         }
         if self.double_sided || point.surface.is_front_facing(ray_direction) { self.opacity(point) } else { 0.0 }
-    }
-
-    /// The BSDF at a point, with the shading normal as it is. Prefer [`Self::bsdf_towards`] where the viewer is known.
-    pub fn bsdf(&self, point: &ShadingPoint) -> ShadingBsdf {
-        self.with_coat(self.without_coat_normal(point), point, None)
-    }
-
-    fn without_coat_normal(&self, point: &ShadingPoint) -> ShadingBsdf {
-        let frame = normal::shading_frame(self.normal_map.as_ref(), point);
-        let angle = if let MaterialKind::OpenPbr(surface) = &self.kind { surface.tangent_angle(point) } else { 0.0 };
-        let frame = normal::turned(frame, angle);
-        ShadingBsdf { bsdf: self.kind.bsdf(point), frame, geometric_normal: point.surface.geometric_normal }
-    }
-
-    /// The normal map of a coat, and the angle by which its tangent is turned.
-    fn coat_map(&self, point: &ShadingPoint) -> (Option<NormalMap>, f32) {
-        match &self.kind {
-            MaterialKind::MetallicRoughness(kind) => (kind.clearcoat_normal_map, 0.0),
-            MaterialKind::OpenPbr(surface) => (surface.geometry_coat_normal, surface.coat_tangent_angle(point)),
-            _ => (None, 0.0),
-        }
-    }
-
-    /// Gives the coat of a coated surface its own normal, if it has one.
-    fn with_coat(&self, shading: ShadingBsdf, point: &ShadingPoint, wo: Option<Vec3>) -> ShadingBsdf {
-        let Bsdf::OpenPbr(layers) = &shading.bsdf else { return shading };
-        let (map, angle) = self.coat_map(point);
-        if !layers.has_coat() || (map == self.normal_map && angle == 0.0) {
-            return shading;
-        }
-        let own = normal::turned(normal::shading_frame(map.as_ref(), point), angle);
-        let z = wo.map_or(own.z, |wo| normal::valid_towards(own.z, shading.geometric_normal, wo, true));
-        let [z, x] = [z, own.x].map(|v| shading.frame.to_local(v));
-        let bsdf = Bsdf::OpenPbr(Box::new(layers.with_coat_frame(Frame::from_z_and_x(z, x))));
-        ShadingBsdf { bsdf, ..shading }
-    }
-
-    /// The BSDF at a point seen from `wo` (unit, world space): the shading normal is bent just enough to face the viewer's side, and
-    /// for mirrors to reflect away from the surface. Without this, smooth meshes and normal maps turn black at grazing angles.
-    pub fn bsdf_towards(&self, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf {
-        let bsdf = self.without_coat_normal(point);
-        let z = normal::valid_towards(bsdf.frame.z, bsdf.geometric_normal, wo, normal::mirrors(&bsdf.bsdf));
-        let frame = match &bsdf.bsdf {
-            // Tangents mean nothing to them, and this one is the cheapest.
-            Bsdf::Diffuse(_) | Bsdf::Mirror(_) => Frame::from_z(z),
-            Bsdf::Dielectric(_) | Bsdf::Conductor(_) if bsdf.bsdf.is_delta() => Frame::from_z(z),
-            _ if z == bsdf.frame.z => bsdf.frame,
-            _ => Frame::from_z_and_x(z, bsdf.frame.x),
-        };
-        let seen = ShadingBsdf { frame, ..bsdf };
-        self.with_coat(seen, point, Some(wo))
     }
 
     /// The radiance that the surface emits everywhere and in all directions of its shining sides; `None` if that depends on the point,

@@ -289,6 +289,11 @@ impl OpenPbr {
 
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
+        self.bsdf_like(None, point)
+    }
+
+    /// The same, with less work where that at another point is alike.
+    pub(super) fn bsdf_like(&self, other: Option<&OpenPbrBsdf>, point: &ShadingPoint) -> Bsdf {
         let common = self.common(point);
         let coat = self.coat(point, &common);
         let fuzz_weight = bounded(self.fuzz_weight.at(point), 1.0);
@@ -297,7 +302,7 @@ impl OpenPbr {
             color: point.reflectance(self.fuzz_color.at(point)),
             roughness: bounded(self.fuzz_roughness.at(point), 1.0),
         });
-        let slabs = self.slabs(point, &common, coat.as_ref());
+        let slabs = self.slabs(other, point, &common, coat.as_ref());
         // Where wavelengths part, the hero stands for all of them.
         let unit = if self.is_dispersive() { point.mode.hero_factor() } else { point.mode.unit() };
         Bsdf::OpenPbr(Box::new(OpenPbrBsdf::new(slabs, coat, fuzz, unit)))
@@ -311,11 +316,14 @@ impl OpenPbr {
     }
 
     fn coat(&self, point: &ShadingPoint, common: &Common) -> Option<Coat> {
+        if common.coat == 0.0 {
+            return None;
+        }
         let share = |p: &ScalarParam| bounded(p.at(point), 1.0);
         let base = share(&self.specular_roughness);
         let f0 = fresnel::f0_from_ior(common.ior) * common.specular_weight;
         let dielectric = 1.0 + (base - 1.0) * f0.min(1.0);
-        (common.coat > 0.0).then(|| Coat {
+        Some(Coat {
             weight: common.coat,
             ggx: Ggx::from_anisotropy(share(&self.coat_roughness), share(&self.coat_roughness_anisotropy)),
             ior: positive_ior(self.coat_ior.at(point)),
@@ -325,7 +333,7 @@ impl OpenPbr {
         })
     }
 
-    fn slabs(&self, point: &ShadingPoint, common: &Common, coat: Option<&Coat>) -> Slabs {
+    fn slabs(&self, other: Option<&OpenPbrBsdf>, point: &ShadingPoint, common: &Common, coat: Option<&Coat>) -> Slabs {
         let Common { metalness, transmission, subsurface, .. } = *common;
         let film = self.film(point);
         let tint = point.reflectance(self.specular_color.at(point));
@@ -344,10 +352,14 @@ impl OpenPbr {
             common.ior + (below.max(1.0 / below) - common.ior) * common.coat
         });
         let gloss = Gloss { ior: modulated_ior(ratio, common.specular_weight), tint, ggx: common.ggx, film };
+        let opaque_slab = || {
+            let other = other.and_then(OpenPbrBsdf::opaque);
+            GlossyBsdf::like(other, gloss, self.body(point, base, subsurface))
+        };
         let has_inside = !self.geometry_thin_walled;
         Slabs {
             metal: (metalness > 0.0).then(|| (metalness, metal())),
-            opaque: (opaque > 0.0).then(|| (opaque, GlossyBsdf::new(gloss, self.body(point, base, subsurface)))),
+            opaque: (opaque > 0.0).then(|| (opaque, opaque_slab())),
             translucent: (clear > 0.0).then(|| (clear, self.translucent(point, common, tint, film))),
             subsurface: if has_inside { subsurface } else { 0.0 },
         }

@@ -1,24 +1,98 @@
 //! A BSDF in the world: the local frame around it, and the real surface under it.
 
-use crate::bsdf::{Bsdf, BsdfSample, Lobes, SpecularBranch};
+use super::{Material, MaterialKind, NormalMap, Prepared, ShadingPoint, normal};
+use crate::bsdf::{Bsdf, BsdfSample, BsdfSeen, Lobes, SpecularBranch};
 use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
+use std::borrow::Cow;
 
-/// A BSDF and the frame it lives in. The methods take and give unit directions in world space that point away from the surface.
+/// A BSDF and the frame it lives in. The methods take and give unit directions in world space that point away from the surface. Where
+/// the BSDF was made for a viewer, questions about that direction are answered faster than others.
 ///
 /// The shading normal may differ from the surface's own, so a direction above one may lie below the other. Light that would be
 /// reflected through the surface, or transmitted without crossing it, is dropped here (Veach, Robust Monte Carlo Methods for Light
 /// Transport Simulation, section 5.3).
 #[derive(Clone, Debug)]
-pub struct ShadingBsdf {
+pub struct ShadingBsdf<'a> {
     /// The lobes.
-    pub bsdf: Bsdf,
+    pub bsdf: Cow<'a, Bsdf>,
     /// Local frame; `z` is the shading normal (normal map applied) on the outer side.
     pub frame: Frame,
     /// Unit normal of the surface itself, on the outer side.
     pub geometric_normal: Vec3,
+    /// The viewer, and what the lobes know of that direction.
+    viewer: Option<(Vec3, BsdfSeen)>,
 }
 
-impl ShadingBsdf {
+impl Material {
+    /// The BSDF at a point, with the shading normal as it is. Prefer [`Self::bsdf_towards`] where the viewer is known.
+    pub fn bsdf(&self, point: &ShadingPoint) -> ShadingBsdf<'static> {
+        let (bsdf, frame) = (self.kind.bsdf(point), self.frame(point));
+        let geometric_normal = point.surface.geometric_normal;
+        let bsdf = Cow::Owned(self.with_own_coat(&bsdf, &frame, point, None).unwrap_or(bsdf));
+        ShadingBsdf { bsdf, frame, geometric_normal, viewer: None }
+    }
+
+    /// The frame of the shading normal, without a viewer.
+    fn frame(&self, point: &ShadingPoint) -> Frame {
+        let frame = normal::shading_frame(self.normal_map.as_ref(), point);
+        let angle = if let MaterialKind::OpenPbr(surface) = &self.kind { surface.tangent_angle(point) } else { 0.0 };
+        normal::turned(frame, angle)
+    }
+
+    /// The normal map of a coat, and the angle by which its tangent is turned.
+    fn coat_map(&self, point: &ShadingPoint) -> (Option<NormalMap>, f32) {
+        match &self.kind {
+            MaterialKind::MetallicRoughness(kind) => (kind.clearcoat_normal_map, 0.0),
+            MaterialKind::OpenPbr(surface) => (surface.geometry_coat_normal, surface.coat_tangent_angle(point)),
+            _ => (None, 0.0),
+        }
+    }
+
+    /// The BSDF with a coat that has a normal of its own; `None` if it has none.
+    fn with_own_coat(&self, bsdf: &Bsdf, frame: &Frame, point: &ShadingPoint, wo: Option<Vec3>) -> Option<Bsdf> {
+        let Bsdf::OpenPbr(layers) = bsdf else { return None };
+        if !layers.has_coat() {
+            return None;
+        }
+        let (map, angle) = self.coat_map(point);
+        if map == self.normal_map && angle == 0.0 {
+            return None;
+        }
+        let own = normal::turned(normal::shading_frame(map.as_ref(), point), angle);
+        let z = wo.map_or(own.z, |wo| normal::valid_towards(own.z, point.surface.geometric_normal, wo, true));
+        let [z, x] = [z, own.x].map(|v| frame.to_local(v));
+        Some(Bsdf::OpenPbr(Box::new(layers.with_coat_frame(Frame::from_z_and_x(z, x)))))
+    }
+
+    /// The BSDF at a point seen from `wo` (unit, world space): the shading normal is bent just enough to face the viewer's side, and
+    /// for mirrors to reflect away from the surface. Without this, smooth meshes and normal maps turn black at grazing angles.
+    pub fn bsdf_towards(&self, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf<'static> {
+        self.towards(Cow::Owned(self.kind.bsdf(point)), point, wo)
+    }
+
+    /// The same with what is known of this material.
+    pub fn prepared_towards<'a>(&self, prepared: &'a Prepared, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf<'a> {
+        self.towards(prepared.bsdf(self, point), point, wo)
+    }
+
+    fn towards<'a>(&self, bsdf: Cow<'a, Bsdf>, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf<'a> {
+        let (plain, geometric_normal) = (self.frame(point), point.surface.geometric_normal);
+        let z = normal::valid_towards(plain.z, geometric_normal, wo, normal::mirrors(&bsdf));
+        let frame = match &*bsdf {
+            // Tangents mean nothing to them, and this one is the cheapest.
+            Bsdf::Diffuse(_) | Bsdf::Mirror(_) => Frame::from_z(z),
+            Bsdf::Dielectric(_) | Bsdf::Conductor(_) if bsdf.is_delta() => Frame::from_z(z),
+            _ if z == plain.z => plain,
+            _ => Frame::from_z_and_x(z, plain.x),
+        };
+        let own = self.with_own_coat(&bsdf, &frame, point, Some(wo));
+        let bsdf = own.map_or(bsdf, Cow::Owned);
+        let viewer = Some((wo, bsdf.seen(frame.to_local(wo))));
+        ShadingBsdf { bsdf, frame, geometric_normal, viewer }
+    }
+}
+
+impl ShadingBsdf<'_> {
     /// True if shading and geometry agree on whether light goes through.
     fn agrees(&self, wo: Vec3, wi: Vec3, is_transmission: bool) -> bool {
         let sides = self.geometric_normal.dot(wo) * self.geometric_normal.dot(wi);
@@ -31,9 +105,17 @@ impl ShadingBsdf {
         self.agrees(wo, wi, o.z * i.z < 0.0).then_some((o, i))
     }
 
+    /// What the lobes know of a direction.
+    fn seen(&self, wo: Vec3) -> Cow<'_, BsdfSeen> {
+        match &self.viewer {
+            Some((viewer, seen)) if *viewer == wo => Cow::Borrowed(seen),
+            _ => Cow::Owned(self.bsdf.seen(self.frame.to_local(wo))),
+        }
+    }
+
     /// `f(wo, wi) |cos(wi)|` without delta lobes; the cosine is with the shading normal.
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        self.local(wo, wi).map_or(SampledSpectrum::ZERO, |(o, i)| self.bsdf.eval(o, i))
+        self.eval_and_pdf(wo, wi).0
     }
 
     /// What diffuse reflection adds to [`Self::eval`].
@@ -43,12 +125,13 @@ impl ShadingBsdf {
 
     /// Density per steradian with which [`Self::sample`] draws `wi`, without delta lobes.
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        self.local(wo, wi).map_or(0.0, |(o, i)| self.bsdf.pdf(o, i))
+        self.eval_and_pdf(wo, wi).1
     }
 
     /// [`Self::eval`] and [`Self::pdf`].
     pub fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
-        self.local(wo, wi).map_or((SampledSpectrum::ZERO, 0.0), |(o, i)| self.bsdf.eval_and_pdf(o, i))
+        let Some((_, i)) = self.local(wo, wi) else { return (SampledSpectrum::ZERO, 0.0) };
+        self.bsdf.value_and_pdf_from(&self.seen(wo), i)
     }
 
     /// See [`Lobes::crossing_scale`].
@@ -56,9 +139,9 @@ impl ShadingBsdf {
         self.bsdf.crossing_scale(self.frame.to_local(wo))
     }
 
-    /// Draws a direction, see [`Lobes::sample`].
+    /// Draws a direction, see [`Lobes::sample_from`].
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
-        let local = self.bsdf.sample(self.frame.to_local(wo), u_lobe, u)?;
+        let local = self.bsdf.sample_from(&self.seen(wo), u_lobe, u)?;
         let wi = self.frame.from_local(local.wi).try_normalize()?;
         self.agrees(wo, wi, local.is_transmission).then_some(BsdfSample { wi, ..local })
     }
@@ -75,7 +158,7 @@ impl ShadingBsdf {
 
     /// Approximate share of light that is reflected or transmitted towards `wo`.
     pub fn albedo(&self, wo: Vec3) -> SampledSpectrum {
-        self.bsdf.albedo(self.frame.to_local(wo))
+        self.bsdf.albedo_from(&self.seen(wo))
     }
 
     /// True if there is no lobe but delta lobes.

@@ -1,10 +1,9 @@
 //! Surfaces of delta lobes alone, as far as they are the same everywhere: what many vertices at once need of them.
 
-use super::{Dielectric, Material, MaterialKind, ShadingPoint, relative_ior};
+use super::prepared::anywhere;
+use super::{Dielectric, Material, MaterialKind, relative_ior};
 use crate::bsdf::{Bsdf, Lobes};
-use crate::texture::TextureSet;
-use snell_intersect::{Hit, SurfaceInteraction};
-use snell_math::{ColorMode, SampledSpectrum, Vec2, Vec3};
+use snell_math::{ColorMode, SampledSpectrum, Vec3};
 
 /// What a smooth surface does to light, in [`ColorMode::Rgb`].
 #[derive(Clone, Debug)]
@@ -22,38 +21,18 @@ pub enum Specular {
     Reflector(Bsdf),
 }
 
-/// A point like any other.
-const ANYWHERE: SurfaceInteraction = SurfaceInteraction {
-    position: Vec3::ZERO,
-    position_error: Vec3::ZERO,
-    geometric_normal: Vec3::Z,
-    shading_normal: Vec3::Z,
-    uv: [Vec2::ZERO; 2],
-    dpdu: Vec3::X,
-    dpdv: Vec3::Y,
-    tangent: None,
-    color: [1.0; 4],
-    on_curve: false,
-    t: 0.0,
-    primitive_uv: Vec2::ZERO,
-    instance: Hit::NONE,
-    geometry: Hit::NONE,
-    primitive: Hit::NONE,
-};
-
 impl Specular {
     /// `None` for materials that do anything else, that shine, or that depend on more of the point than its normal.
     pub fn of(material: &Material) -> Option<Self> {
         let may_be =
             matches!(material.kind, MaterialKind::Dielectric(_) | MaterialKind::Conductor(_) | MaterialKind::Mirror(_));
-        let looks_up = || !Material::new("", material.kind.clone()).textures().is_empty();
-        if !may_be || material.is_emissive() || looks_up() {
+        if !may_be || material.is_emissive() {
             return None;
         }
-        let textures = TextureSet::default();
-        let (surface, mode) = (&ANYWHERE, ColorMode::Rgb);
-        let point = ShadingPoint { surface, footprint: 0.0, textures: &textures, mode, outside_ior: 1.0 };
-        let bsdf = material.kind.bsdf(&point);
+        let (bsdf, looks_up) = anywhere(&material.kind);
+        if looks_up {
+            return None;
+        }
         match (&bsdf, &material.kind) {
             (Bsdf::Dielectric(lobe), MaterialKind::Dielectric(glass)) if lobe.ggx.is_smooth() => {
                 Some(Self::Interface { ior: lobe.ior, tint: lobe.tint, glass: glass.clone() })

@@ -253,3 +253,44 @@ fn emission_is_one_sided_unless_asked_and_never_nonsense() {
 fn names_are_no_textures() {
     assert!(Material::new("TextureId(77)", Diffuse::new(snell_math::Rgb::WHITE)).textures().is_empty());
 }
+
+#[test]
+fn what_is_known_beforehand_changes_no_bit() {
+    let textures = normal_texture(Vec3::new(0.2, -0.4, 0.6), IDENTITY);
+    let texture = Some(TextureId(0));
+    let red = OpenPbr { base_color: ColorParam::textured(Rgb::new(0.9, 0.2, 0.1), texture), ..OpenPbr::default() };
+    let mut kinds = MaterialKind::examples();
+    kinds.extend([
+        Dielectric { absorption: Rgb::new(0.1, 0.4, 2.0), ..Dielectric::smooth(1.5) }.into(),
+        OpenPbr { specular_roughness: ScalarParam { factor: 0.9, texture: Some((TextureId(0), 1)) }, ..red.clone() }
+            .into(),
+        OpenPbr { coat_weight: 0.5.into(), base_metalness: 0.5.into(), ..red.clone() }.into(),
+        MaterialKind::from(red),
+    ]);
+    let far = SurfaceInteraction { t: 3.0, ..surface() };
+    let green = SurfaceInteraction { color: [0.2, 0.9, 0.3, 1.0], ..surface() };
+    for (i, kind) in kinds.into_iter().enumerate() {
+        let material = Material::new("m", kind);
+        let prepared = Prepared::of(&material);
+        for (surface, outside_ior) in [(surface(), 1.0), (far, 1.0), (green, 1.0), (surface(), 1.2)] {
+            let point = ShadingPoint { outside_ior, ..at(&surface, &textures) };
+            for wo in [Vec3::new(0.3, 0.4, 0.8).normalize(), Vec3::new(-0.5, 0.1, -0.6).normalize()] {
+                let known = material.prepared_towards(&prepared, &point, wo);
+                let made = material.bsdf_towards(&point, wo);
+                assert_eq!(known.albedo(wo), made.albedo(wo), "{i}");
+                assert_eq!(known.crossing_scale(wo), made.crossing_scale(wo), "{i}");
+                let local = |w: Vec3| made.frame.to_local(w);
+                for k in 0..20u32 {
+                    let u = |d| rng::uniform2([k, d, i as u32, 11]);
+                    let wi = sampling::uniform_sphere(u(1));
+                    let found = known.eval_and_pdf(wo, wi);
+                    assert_eq!(found, made.eval_and_pdf(wo, wi), "{i} from {wo}");
+                    if !found.0.is_black() {
+                        assert_eq!(found, made.bsdf.eval_and_pdf(local(wo), local(wi)), "{i} from {wo}");
+                    }
+                    assert_eq!(known.sample(wo, u(2).x, u(3)), made.sample(wo, u(2).x, u(3)), "{i} from {wo}");
+                }
+            }
+        }
+    }
+}

@@ -219,13 +219,24 @@ fn indices(ior: f32) -> (usize, [f32; 4]) {
 pub(super) struct DielectricReflection {
     ggx: Ggx,
     ior: f32,
+    /// Of the index of refraction.
+    indices: (usize, [f32; 4]),
     reflected: Albedo,
 }
 
 impl DielectricReflection {
     /// Seen from the side of lower index; `ior` is that of the other side over this one, at least 1.
     pub(super) fn new(ggx: Ggx, ior: f32) -> Self {
-        Self { ggx, ior, reflected: Albedo::new(ggx, REFLECTED, indices(ior)) }
+        Self::at(ggx, ior, indices(ior))
+    }
+
+    /// The same as [`Self::new`], with less work where `self` is of the same index of refraction.
+    pub(super) fn again(&self, ggx: Ggx, ior: f32) -> Self {
+        if ior == self.ior { Self::at(ggx, ior, self.indices) } else { Self::new(ggx, ior) }
+    }
+
+    fn at(ggx: Ggx, ior: f32, indices: (usize, [f32; 4])) -> Self {
+        Self { ggx, ior, indices, reflected: Albedo::new(ggx, REFLECTED, indices) }
     }
 
     /// Share of light reflected once towards a direction above.

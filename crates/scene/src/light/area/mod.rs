@@ -4,6 +4,7 @@ mod flat;
 mod moving;
 mod near;
 mod outline;
+mod surface;
 #[cfg(test)]
 mod tests;
 
@@ -12,12 +13,12 @@ pub use moving::MovingAreaLight;
 pub use near::{NearRectangle, NearSample};
 
 use super::LightBounds;
-use outline::{Outline, Seen, barycentrics};
+use outline::{Outline, Seen};
 use snell_intersect::{Shape, SurfaceInteraction, TriangleMesh};
 use snell_math::distribution::Distribution1D;
-use snell_math::robust::gamma;
-use snell_math::{Bounds3d, DVec2, DVec3, Frame, Transform, UVec2, Vec2, Vec3, sampling};
+use snell_math::{Bounds3d, DVec2, DVec3, Frame, Transform, UVec2, Vec2, Vec3};
 use std::sync::Arc;
+use surface::Place;
 
 /// The geometry of an emissive surface.
 #[derive(Clone, Debug)]
@@ -48,6 +49,28 @@ pub struct AreaSample {
 pub struct DirectedSample {
     /// The point, as in [`AreaSample`].
     pub surface: SurfaceInteraction,
+    /// Unit direction towards it.
+    pub direction: Vec3,
+    /// Density per steradian of the direction.
+    pub pdf: f32,
+}
+
+/// A point of an emissive surface, as far as rays need to know.
+#[derive(Clone, Copy, Debug)]
+pub struct AreaPoint {
+    /// Where.
+    pub position: Vec3,
+    /// How far the surface that rays hit may be from there.
+    pub position_error: Vec3,
+    /// Unit normal of the surface.
+    pub normal: Vec3,
+}
+
+/// An [`AreaPoint`] as seen from somewhere.
+#[derive(Clone, Copy, Debug)]
+pub struct DirectedPoint {
+    /// The point.
+    pub point: AreaPoint,
     /// Unit direction towards it.
     pub direction: Vec3,
     /// Density per steradian of the direction.
@@ -156,18 +179,11 @@ impl AreaLight {
 
     /// A point with density [`AreaSample::pdf_area`] per unit of world area.
     pub fn sample(&self, u: Vec2) -> Option<AreaSample> {
-        let (surface, pdf_area) = match (&self.geometry, &self.table) {
-            (EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { choice, placed }) => {
-                let (i, rest) = choice.sample(u.x);
-                let b = sampling::uniform_triangle(Vec2::new(rest, u.y));
-                (self.mesh_surface(mesh, triangles[i], &placed[i], b), placed[i].pdf)
-            }
-            (EmissiveGeometry::Shape(shape), Table::Shape { pdf, .. }) => {
-                let surface = self.shape_surface(&**shape, u.as_dvec2())?;
-                let pdf_area = self.shape_pdf(*pdf, surface.geometric_normal);
-                (surface, pdf_area)
-            }
-            _ => return None,
+        let (part, _, rest) = self.choose_part(u.x);
+        let surface = self.part_surface(part, Vec2::new(rest, u.y))?;
+        let pdf_area = match &self.table {
+            Table::Mesh { placed, .. } => placed[part as usize].pdf,
+            Table::Shape { pdf, .. } => self.shape_pdf(*pdf, surface.geometric_normal),
         };
         (pdf_area > 0.0 && pdf_area.is_finite()).then_some(AreaSample { surface, pdf_area })
     }
@@ -241,18 +257,6 @@ impl AreaLight {
         }
     }
 
-    /// A point of a part, uniform by its area (of a shape: in its own coordinates).
-    fn part_surface(&self, part: u32, u: Vec2) -> Option<SurfaceInteraction> {
-        match (&self.geometry, &self.table) {
-            (EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { placed, .. }) => {
-                let (triangle, placed) = (*triangles.get(part as usize)?, placed.get(part as usize)?);
-                Some(self.mesh_surface(mesh, triangle, placed, sampling::uniform_triangle(u)))
-            }
-            (EmissiveGeometry::Shape(shape), _) => self.shape_surface(&**shape, u.as_dvec2()),
-            _ => None,
-        }
-    }
-
     /// How many parts can be chosen apart from each other: emissive triangles, or 1 for a shape.
     pub fn part_count(&self) -> u32 {
         match &self.table {
@@ -294,17 +298,28 @@ impl AreaLight {
     /// A point of a part as seen from `from`, uniform by solid angle where that can be sampled and by area elsewhere. `None` where
     /// the part cannot be seen or sampled, or the sample misses it.
     pub fn sample_from(&self, part: u32, from: Vec3, u: Vec2) -> Option<DirectedSample> {
+        let (place, DirectedPoint { point, direction, pdf }) = self.place_from(part, from, u)?;
+        Some(DirectedSample { surface: self.surface(part, &place, &point), direction, pdf })
+    }
+
+    /// [`Self::sample_from`] without what only some materials ask for.
+    pub fn sample_point_from(&self, part: u32, from: Vec3, u: Vec2) -> Option<DirectedPoint> {
+        Some(self.place_from(part, from, u)?.1)
+    }
+
+    fn place_from(&self, part: u32, from: Vec3, u: Vec2) -> Option<(Place, DirectedPoint)> {
         if let Some(seen) = self.seen_from(part, from) {
             let offset = seen.sample(u.as_dvec2())?;
-            let surface = self.surface_at(part, from.as_dvec3() + offset)?;
-            let direction = offset.normalize().as_vec3();
-            return Some(DirectedSample { surface, direction, pdf: seen.pdf() });
+            let place = self.place_at(part, from.as_dvec3() + offset)?;
+            let (point, direction) = (self.point(part, &place)?, offset.normalize().as_vec3());
+            return Some((place, DirectedPoint { point, direction, pdf: seen.pdf() }));
         }
-        let surface = self.part_surface(part, u)?;
-        let to_light = surface.position - from;
+        let place = self.place(part, u)?;
+        let point = self.point(part, &place)?;
+        let to_light = point.position - from;
         let direction = to_light.try_normalize()?;
-        let pdf = self.pdf_by_area(part, &surface, direction, to_light.length_squared());
-        (pdf > 0.0 && pdf.is_finite()).then_some(DirectedSample { surface, direction, pdf })
+        let pdf = self.pdf_by_area(part, point.normal, direction, to_light.length_squared());
+        (pdf > 0.0 && pdf.is_finite()).then_some((place, DirectedPoint { point, direction, pdf }))
     }
 
     /// Density per steradian with which [`Self::sample_from`] gives the way from `from` to `surface`, a point of this part that can be
@@ -315,16 +330,16 @@ impl AreaLight {
             let is_far_side = seen.is_sphere() && direction.dot(surface.geometric_normal) >= 0.0;
             return if is_far_side { 0.0 } else { seen.pdf() };
         }
-        self.pdf_by_area(part, surface, direction, (surface.position - from).length_squared())
+        self.pdf_by_area(part, surface.geometric_normal, direction, (surface.position - from).length_squared())
     }
 
-    fn pdf_by_area(&self, part: u32, surface: &SurfaceInteraction, direction: Vec3, distance_squared: f32) -> f32 {
+    fn pdf_by_area(&self, part: u32, normal: Vec3, direction: Vec3, distance_squared: f32) -> f32 {
         let pdf_area = match &self.table {
             Table::Mesh { placed, .. } => placed[part as usize].flat.pdf,
             Table::Shape { flat: Some(flat), .. } => flat.pdf,
-            Table::Shape { pdf, .. } => self.shape_pdf(*pdf, surface.geometric_normal),
+            Table::Shape { pdf, .. } => self.shape_pdf(*pdf, normal),
         };
-        let pdf = pdf_area * distance_squared / direction.dot(surface.geometric_normal).abs();
+        let pdf = pdf_area * distance_squared / direction.dot(normal).abs();
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
@@ -372,22 +387,6 @@ impl AreaLight {
         outline.seen_from(from.as_dvec3())
     }
 
-    /// The surface of a part at (or within rounding of) a point of the world. `None` beside the part.
-    fn surface_at(&self, part: u32, p: DVec3) -> Option<SurfaceInteraction> {
-        match (&self.geometry, &self.table) {
-            (EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { placed, .. }) => {
-                let placed = &placed[part as usize];
-                let b = barycentrics(p - placed.flat.corner.as_dvec3(), placed.flat.edges.map(|e| e.as_dvec3()));
-                Some(self.mesh_surface(mesh, triangles[part as usize], placed, b))
-            }
-            (EmissiveGeometry::Shape(shape), Table::Shape { outline, .. }) => {
-                let local = self.world_from_geometry.inverse().point(p);
-                outline.holds(p).then(|| self.shape_surface_at(&**shape, local, 0))?
-            }
-            _ => None,
-        }
-    }
-
     /// Density per unit of world area with which [`Self::sample`] gives the point of this interaction on this light. 0 for
     /// triangles that do not emit. Only the triangle or the normal is looked at, not the position.
     pub fn pdf_area(&self, surface: &SurfaceInteraction) -> f32 {
@@ -406,78 +405,6 @@ impl AreaLight {
         let n = self.world_from_geometry.matrix().matrix3.transpose() * world_normal.as_dvec3();
         let pdf = own_pdf / self.world_from_geometry.area_scale(n.normalize_or_zero());
         if pdf.is_finite() { pdf.min(f64::from(f32::MAX)) as f32 } else { 0.0 }
-    }
-
-    fn shape_surface(&self, shape: &dyn Shape, u: DVec2) -> Option<SurfaceInteraction> {
-        let sample = shape.sample(u)?;
-        self.shape_surface_at(shape, sample.position, sample.face)
-    }
-
-    fn shape_surface_at(&self, shape: &dyn Shape, position: DVec3, face: u32) -> Option<SurfaceInteraction> {
-        let place = &self.world_from_geometry;
-        let surface = shape.surface(position, face);
-        let position = place.point(surface.position);
-        // The position is rounded once; the rounding of double precision is far below.
-        let reach = place.matrix().matrix3.abs() * surface.position.abs() + place.matrix().translation.abs();
-        let error = (position.abs() * f64::from(gamma(1)) + reach * 1e-14).as_vec3();
-        let normal = place.normal(surface.normal).try_normalize()?.as_vec3();
-        Some(SurfaceInteraction {
-            position: position.as_vec3(),
-            position_error: error,
-            geometric_normal: normal,
-            shading_normal: normal,
-            uv: [surface.uv.as_vec2(); 2],
-            dpdu: place.vector(surface.dpdu).as_vec3(),
-            dpdv: place.vector(surface.dpdv).as_vec3(),
-            tangent: None,
-            color: [1.0; 4],
-            on_curve: false,
-            t: 0.0,
-            primitive_uv: Vec2::ZERO,
-            instance: self.ids.0,
-            geometry: self.ids.1,
-            primitive: face,
-        })
-    }
-
-    fn mesh_surface(&self, mesh: &TriangleMesh, triangle: u32, placed: &PlacedTriangle, b: Vec2) -> SurfaceInteraction {
-        let indices = mesh.indices[triangle as usize].map(|i| i as usize);
-        let weights = [1.0 - b.x - b.y, b.x, b.y];
-        let uv_of = |set: usize| interpolate(&mesh.uvs[set], indices, weights, |uv| *uv).unwrap_or(Vec2::ZERO);
-        SurfaceInteraction {
-            position: placed.flat.corner + placed.flat.edges[0] * b.x + placed.flat.edges[1] * b.y,
-            position_error: placed.flat.error,
-            geometric_normal: placed.flat.normal,
-            shading_normal: self.shading_normal(mesh, indices, weights, placed.flat.normal),
-            uv: [uv_of(0), uv_of(1)],
-            dpdu: placed.tangents[0],
-            dpdv: placed.tangents[1],
-            tangent: self.tangent(mesh, indices, weights),
-            color: interpolate(&mesh.colors, indices, weights, |&c| snell_math::Vec4::from(c))
-                .map_or([1.0; 4], |c| c.to_array()),
-            on_curve: false,
-            t: 0.0,
-            primitive_uv: b,
-            instance: self.ids.0,
-            geometry: self.ids.1,
-            primitive: triangle,
-        }
-    }
-
-    fn shading_normal(&self, mesh: &TriangleMesh, indices: [usize; 3], weights: [f32; 3], normal: Vec3) -> Vec3 {
-        let Some(own) = interpolate(&mesh.normals, indices, weights, |n| n.normalize_or_zero()) else { return normal };
-        match self.world_from_geometry.normal(own.as_dvec3()).try_normalize().map(|n| n.as_vec3()) {
-            Some(n) if n.dot(normal) >= 0.0 => n,
-            Some(n) => -n,
-            None => normal,
-        }
-    }
-
-    fn tangent(&self, mesh: &TriangleMesh, indices: [usize; 3], weights: [f32; 3]) -> Option<(Vec3, f32)> {
-        let own = interpolate(&mesh.tangents, indices, weights, |t| t.truncate())?;
-        let tangent = self.world_from_geometry.vector(own.as_dvec3()).try_normalize()?.as_vec3();
-        let sign = mesh.tangents[indices[0]].w;
-        Some((tangent, if self.world_from_geometry.is_mirrored() { -sign } else { sign }))
     }
 }
 
@@ -501,15 +428,6 @@ fn mean_area_scale(shape: &dyn Shape, placed: &Transform) -> Option<f64> {
         }
     }
     Some(sum / f64::from(N * N))
-}
-
-/// The weighted mean of a vertex attribute; `None` if the mesh does not have it.
-fn interpolate<T, V>(values: &[T], indices: [usize; 3], weights: [f32; 3], get: impl Fn(&T) -> V) -> Option<V>
-where
-    V: std::ops::Mul<f32, Output = V> + std::ops::Add<Output = V>,
-{
-    let [a, b, c] = indices.map(|i| values.get(i).map(&get));
-    Some(a? * weights[0] + b? * weights[1] + c? * weights[2])
 }
 
 /// Derivatives of the position by the first texture coordinates; `None` if there are none or they are degenerate.

@@ -146,7 +146,7 @@ impl Seen {
     pub(super) fn sample(&self, u: DVec2) -> Option<DVec3> {
         let offset = match &self.kind {
             SeenKind::Triangle { corner, edges, directions } => {
-                let w = spherical::sample_triangle(*directions, u)?;
+                let w = spherical::sample_triangle(*directions, self.solid_angle, u)?;
                 let normal = edges[0].cross(edges[1]);
                 let b = barycentrics(w * (corner.dot(normal) / w.dot(normal)) - *corner, *edges).as_dvec2();
                 *corner + edges[0] * b.x + edges[1] * b.y

@@ -1,0 +1,134 @@
+//! A clear lacquer over something: the coat of [`super::OpenPbrBsdf`].
+
+use super::energy::DielectricReflection;
+use super::ggx::Ggx;
+use super::mirror::mirror_branch;
+use super::{SpecularBranch, fresnel, lift, lower_like};
+use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
+
+/// A clear lacquer.
+#[derive(Clone, Copy, Debug)]
+pub struct Coat {
+    /// Share of the surface that it covers, `[0, 1]`.
+    pub weight: f32,
+    /// Roughness of its surface.
+    pub ggx: Ggx,
+    /// Index of refraction over that of the outside.
+    pub ior: f32,
+    /// What is left of light that crosses it twice at a right angle.
+    pub color: SampledSpectrum,
+    /// How much of the darkening by reflections inside of the coat there is, `[0, 1]`.
+    pub darkening: f32,
+    /// Roughness of what lies below, `[0, 1]`, as far as darkening goes.
+    pub base_roughness: f32,
+}
+
+/// A coat on a surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CoatLobe {
+    coat: Coat,
+    albedo: DielectricReflection,
+    frame: Frame,
+    /// Of what lies below at a right angle, and the share of diffuse light that is reflected back inside of the coat.
+    base_albedo: SampledSpectrum,
+    diffuse_reflection: f32,
+}
+
+/// A coat seen from a direction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CoatSeen {
+    wo: Vec3,
+    /// In the frame of the coat.
+    local: Vec3,
+    /// Share of light that a coat of weight 1 reflects.
+    pub(super) reflected: f32,
+    /// Length of the way through the coat over its thickness.
+    way: f32,
+    /// Factor on what lies below, by reflections inside of the coat.
+    darkened: SampledSpectrum,
+}
+
+impl CoatLobe {
+    /// A coat over something of this albedo at a right angle.
+    pub(super) fn new(coat: Coat, base_albedo: SampledSpectrum) -> Self {
+        let ior = if coat.ior < 1.0 { 1.0 / coat.ior } else { coat.ior };
+        let coat = Coat { ior, ..coat };
+        let frame = Frame { x: Vec3::X, y: Vec3::Y, z: Vec3::Z };
+        let diffuse_reflection = 1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior);
+        Self { coat, albedo: DielectricReflection::new(coat.ggx, ior), frame, base_albedo, diffuse_reflection }
+    }
+
+    /// The coat in another frame.
+    pub(super) fn with_frame(self, frame: Frame) -> Self {
+        Self { frame, ..self }
+    }
+
+    /// Share of the surface that it covers.
+    pub(super) fn weight(&self) -> f32 {
+        self.coat.weight
+    }
+
+    /// True if its reflection is a delta lobe.
+    pub(super) fn is_smooth(&self) -> bool {
+        self.coat.ggx.is_smooth()
+    }
+
+    /// Length of the way through the coat over its thickness.
+    fn way(&self, w: Vec3) -> f32 {
+        let cos = self.frame.z.dot(w);
+        1.0 / (1.0 - (1.0 - cos * cos).max(0.0) / (self.coat.ior * self.coat.ior)).max(1e-4).sqrt()
+    }
+
+    pub(super) fn seen(&self, wo: Vec3) -> CoatSeen {
+        let smooth = fresnel::dielectric(self.frame.z.dot(wo).abs(), self.coat.ior);
+        let k = smooth + (self.diffuse_reflection - smooth) * self.coat.base_roughness;
+        let darkened = self.base_albedo.map(|e| (1.0 - k) / (1.0 - e.min(1.0) * k).max(1e-4));
+        let local = self.frame.to_local(wo);
+        CoatSeen {
+            wo,
+            local,
+            reflected: self.albedo.towards(lift(local)),
+            way: self.way(wo),
+            darkened: SampledSpectrum::ONE.lerp(darkened, self.coat.weight * self.coat.darkening),
+        }
+    }
+
+    /// Factor on what lies below: reflected by the coat, absorbed in it, and darkened by reflections inside of it.
+    pub(super) fn passed(&self, seen: &CoatSeen, wi: Vec3) -> SampledSpectrum {
+        // Light that goes through the base crosses the coat once.
+        let way = seen.way + if seen.wo.z * wi.z > 0.0 { self.way(wi) } else { 0.0 };
+        let left = self.coat.color.map(|c| if c >= 1.0 { 1.0 } else { c.max(0.0).powf(0.5 * way) });
+        let covered = left * (1.0 - seen.reflected);
+        SampledSpectrum::ONE.lerp(covered, self.coat.weight) * seen.darkened
+    }
+
+    /// Value for a coat of weight 1, and density.
+    pub(super) fn value_and_pdf(&self, seen: &CoatSeen, wi: Vec3) -> (f32, f32) {
+        let (o, i) = (seen.local, self.frame.to_local(wi));
+        if o.z * i.z <= 0.0 || seen.wo.z * wi.z <= 0.0 || self.is_smooth() {
+            return (0.0, 0.0);
+        }
+        let (o, i) = (lift(o), lift(i));
+        let reflection = self.coat.ggx.reflection_and_pdf(o, i);
+        reflection.map_or((0.0, 0.0), |(m, value, pdf)| (fresnel::dielectric(o.dot(m), self.coat.ior) * value, pdf))
+    }
+
+    /// Draws a direction of reflection.
+    pub(super) fn sample(&self, seen: &CoatSeen, u: Vec2) -> Option<Vec3> {
+        let up = self.coat.ggx.sample_reflection(lift(seen.local), u)?;
+        let wi = self.frame.from_local(lower_like(up, seen.local));
+        (seen.wo.z * wi.z > 0.0).then_some(wi)
+    }
+
+    /// The mirror image in a smooth coat.
+    pub(super) fn branch(&self, wo: Vec3, unit: SampledSpectrum) -> Option<SpecularBranch> {
+        if !self.coat.ggx.is_smooth() {
+            return None;
+        }
+        let local = self.frame.to_local(wo);
+        let reflectance = fresnel::dielectric(local.z.abs(), self.coat.ior) * self.coat.weight;
+        let branch = mirror_branch(local, unit * reflectance);
+        let wi = self.frame.from_local(branch.wi);
+        (wo.z * wi.z > 0.0).then_some(SpecularBranch { wi, ..branch })
+    }
+}

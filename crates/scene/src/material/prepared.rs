@@ -1,0 +1,76 @@
+//! What of BSDFs is the same at all points: worked out once per material.
+
+use super::{Material, MaterialKind, ShadingPoint};
+use crate::bsdf::Bsdf;
+use crate::texture::TextureSet;
+use snell_intersect::{Hit, SurfaceInteraction};
+use snell_math::{ColorMode, Vec2, Vec3};
+use std::borrow::Cow;
+
+/// A point like any other.
+const ANYWHERE: SurfaceInteraction = SurfaceInteraction {
+    position: Vec3::ZERO,
+    position_error: Vec3::ZERO,
+    geometric_normal: Vec3::Z,
+    shading_normal: Vec3::Z,
+    uv: [Vec2::ZERO; 2],
+    dpdu: Vec3::X,
+    dpdv: Vec3::Y,
+    tangent: None,
+    color: [1.0; 4],
+    on_curve: false,
+    t: 0.0,
+    primitive_uv: Vec2::ZERO,
+    instance: Hit::NONE,
+    geometry: Hit::NONE,
+    primitive: Hit::NONE,
+};
+
+/// What is known of a material's BSDF before the point is.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    /// At a plain point, without textures.
+    bsdf: Bsdf,
+    /// True if it is the same at all [plain](ShadingPoint::is_plain) points.
+    is_everywhere: bool,
+}
+
+impl Prepared {
+    /// What is known of a material.
+    pub fn of(material: &Material) -> Self {
+        let (bsdf, looks_up) = anywhere(&material.kind);
+        let depends_on_point = match &material.kind {
+            // On where across the fibre it is met, and on how far light came through the glass.
+            MaterialKind::Hair(_) => true,
+            MaterialKind::Dielectric(glass) => !glass.absorption.is_black(),
+            _ => false,
+        };
+        Self { bsdf, is_everywhere: !looks_up && !depends_on_point }
+    }
+
+    /// The BSDF of the material at a point.
+    pub(super) fn bsdf(&self, material: &Material, point: &ShadingPoint) -> Cow<'_, Bsdf> {
+        if self.is_everywhere && point.is_plain() {
+            return Cow::Borrowed(&self.bsdf);
+        }
+        Cow::Owned(match (&material.kind, &self.bsdf) {
+            (MaterialKind::OpenPbr(surface), Bsdf::OpenPbr(known)) => surface.bsdf_like(Some(known), point),
+            _ => material.kind.bsdf(point),
+        })
+    }
+}
+
+/// The BSDF at a point like any other without textures, and true if it would have looked some up.
+pub(super) fn anywhere(kind: &MaterialKind) -> (Bsdf, bool) {
+    let (surface, mode, textures) = (&ANYWHERE, ColorMode::Rgb, &TextureSet::default());
+    let bsdf = kind.bsdf(&ShadingPoint { surface, footprint: 0.0, textures, mode, outside_ior: 1.0 });
+    (bsdf, !Material::new("", kind.clone()).textures().is_empty())
+}
+
+impl ShadingPoint<'_> {
+    /// True in [`ColorMode::Rgb`], in air, and without a vertex colour.
+    pub fn is_plain(&self) -> bool {
+        let [r, g, b, _] = self.surface.color;
+        matches!(self.mode, ColorMode::Rgb) && self.outside_ior == 1.0 && [r, g, b] == [1.0; 3]
+    }
+}
