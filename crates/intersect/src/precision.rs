@@ -7,8 +7,9 @@ use crate::accel::bvh::{Forest, GroupTree};
 use crate::hit::{DHit, Hit};
 use crate::kernel::double::{self, DoubleData};
 use crate::kernel::interleave::Batch;
-use crate::kernel::packet::bundle::Bundle;
+use crate::kernel::packet::bundle::{Bundle, PerRay};
 use crate::kernel::packet::exact::{Found, Pairs};
+use crate::kernel::packet::sure::Sure;
 use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{TriangleBlock, exact_hit, hit_in_plane, is_behind, plane_distance};
@@ -237,6 +238,20 @@ pub(crate) trait Rules: Precision {
         found: &mut Found<Self::Real>,
     );
 
+    /// The exact test for the triangle of the tree that each of some rays of the bundle surely hits ([`packet::sure::test`]); returns which are
+    /// decided.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`; the places must be those of triangles. All rays of the bundle must be drawn along its z
+    /// axis ([`Bundle::is_aligned`]).
+    unsafe fn sure_hits<W: Lanes16>(
+        tree: &GroupTree,
+        bundle: &Bundle,
+        rays: u32,
+        places: &PerRay<u32>,
+        sure: &mut Sure<Self::Real>,
+    ) -> u32;
+
     /// Searches for the first rays of a batch, or all, in the list of the forest ([`list::search_list`]); returns how many.
     fn search_list<G: Goal<Precision = Self>>(
         forest: &Forest,
@@ -426,6 +441,21 @@ impl Rules for Single {
     ) {
         // SAFETY: passed on to the caller.
         unsafe { packet::exact::exact_hits::<L>(&tree.blocks, bundle, pairs, found) }
+    }
+
+    #[inline(always)]
+    unsafe fn sure_hits<W: Lanes16>(
+        tree: &GroupTree,
+        bundle: &Bundle,
+        rays: u32,
+        places: &PerRay<u32>,
+        sure: &mut Sure<f32>,
+    ) -> u32 {
+        if bundle.kind.rounded {
+            return 0;
+        }
+        // SAFETY: passed on to the caller.
+        unsafe { packet::sure::test::<W>(&tree.blocks, bundle, rays, places, sure) }
     }
 
     #[inline(always)]
@@ -623,6 +653,11 @@ impl Rules for Double {
         _: impl Fn(&DRay) -> G,
         _: impl FnMut(usize, G),
     ) -> usize {
+        0
+    }
+
+    #[inline(always)]
+    unsafe fn sure_hits<W: Lanes16>(_: &GroupTree, _: &Bundle, _: u32, _: &PerRay<u32>, _: &mut Sure<f64>) -> u32 {
         0
     }
 

@@ -7,6 +7,7 @@ mod columns;
 pub(crate) mod double;
 pub(crate) mod interleave;
 pub(crate) mod list;
+mod meeting;
 pub(crate) mod node;
 pub(crate) mod packet;
 pub(crate) mod quick;

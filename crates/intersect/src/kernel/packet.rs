@@ -12,6 +12,7 @@ mod leaf;
 mod lines;
 mod objects;
 pub(crate) mod runs;
+pub(crate) mod sure;
 #[cfg(test)]
 mod tests;
 mod trial;
@@ -29,6 +30,7 @@ use exact::Found;
 use snell_math::simd::{Lanes16, Level, Pair, Portable8};
 use std::mem::MaybeUninit;
 use std::ops::Range;
+use sure::Sure;
 use trial::Trial;
 use walk::{Position, Stacks, WalkBundle, Walker, walk_bundle_portable};
 #[cfg(target_arch = "x86_64")]
@@ -130,7 +132,7 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
     (enter, enter_single): (WalkBundle<G>, Walk<G>),
 ) -> Vec<Range<usize>> {
     let mut left: Vec<Range<usize>> = Vec::new();
-    let (mut bundle, mut found) = (Bundle::NONE, Found::NONE);
+    let (mut bundle, mut found, mut sure) = (Bundle::NONE, Found::NONE, Sure::NONE);
     let (mut trial, mut spare) = (Trial::default(), Vec::new());
     let mut searches = [const { None }; RAYS];
     let mut first = 0;
@@ -164,6 +166,8 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
                 put_off: [0; RAYS],
                 spare: &mut spare,
                 work: 0,
+                known: 0,
+                sure: &mut sure,
                 enter,
                 enter_single,
             };
@@ -172,10 +176,25 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
             if bundle.kind.reversed {
                 trial.count(walker.work);
             }
-            for (number, search) in run.zip(&mut searches) {
+            let (known, put_off) = (walker.known, walker.put_off);
+            for (lane, (number, search)) in run.zip(&mut searches).enumerate() {
+                let ray = &batch.rays.rays()[number];
+                if known >> lane & 1 == 1 {
+                    let (t, b) = (sure.t[lane], [sure.b1[lane], sure.b2[lane]]);
+                    let (geometry, primitive) = forest.trees[0].triangle_at(put_off[lane]);
+                    let hit = G::Precision::found(t, b, [0, geometry, primitive]);
+                    let is_quad = batch.context.options[geometry as usize].quads;
+                    let hit = if is_quad { G::Precision::quad_hit(&hit) } else { hit };
+                    let mut goal = start(ray);
+                    if t > G::Precision::interval(ray)[0] && goal.wants(&hit) {
+                        goal.take(hit);
+                    }
+                    finish(number, goal);
+                    continue;
+                }
                 match search.take() {
                     Some(search) => finish(number, search.goal),
-                    None => finish(number, start(&batch.rays.rays()[number])),
+                    None => finish(number, start(ray)),
                 }
             }
             continue;

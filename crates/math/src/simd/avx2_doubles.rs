@@ -145,6 +145,16 @@ impl WideLanes for Avx8 {
     }
 
     #[inline(always)]
+    unsafe fn places_of(value: u32, values: &[u32; 8]) -> u32 {
+        // SAFETY: the caller guarantees AVX2; the reference covers 32 bytes.
+        unsafe {
+            let values = _mm256_loadu_si256(values.as_ptr().cast());
+            let same = _mm256_cmpeq_epi32(values, _mm256_set1_epi32(value as i32));
+            _mm256_movemask_ps(_mm256_castsi256_ps(same)) as u32
+        }
+    }
+
+    #[inline(always)]
     unsafe fn load_columns(rows: [&[f32; 8]; 8]) -> [Self; 8] {
         // SAFETY: the caller guarantees AVX; each reference covers 32 readable bytes.
         unsafe {

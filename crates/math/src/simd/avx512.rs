@@ -1,6 +1,6 @@
 //! Sixteen lanes in one AVX-512 register.
 
-use super::{Avx8, Lanes8, Lanes16, WideLanes};
+use super::{Avx8, Avx16Doubles, Lanes8, Lanes16, WideLanes};
 use std::arch::x86_64::*;
 
 /// Sixteen lanes of AVX-512. As [`Avx8`]: a value exists only where it was allowed to make one.
@@ -9,7 +9,9 @@ use std::arch::x86_64::*;
 pub struct Avx16(pub(super) __m512);
 
 impl Lanes16 for Avx16 {
+    const REGISTERS: u32 = 1;
     type Half = Avx8;
+    type Doubles = Avx16Doubles;
 
     #[inline(always)]
     unsafe fn splat(value: f32) -> Self {
@@ -129,6 +131,15 @@ impl Lanes16 for Avx16 {
     unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]) {
         // SAFETY: the caller guarantees AVX-512; the reference covers 64 writable bytes.
         unsafe { _mm512_mask_storeu_epi32(to.as_mut_ptr().cast(), mask as u16, _mm512_set1_epi32(value as i32)) }
+    }
+
+    #[inline(always)]
+    unsafe fn places_of(value: u32, values: &[u32; 16]) -> u32 {
+        // SAFETY: the caller guarantees AVX-512; the reference covers 64 readable bytes.
+        unsafe {
+            let values = _mm512_loadu_epi32(values.as_ptr().cast());
+            _mm512_cmpeq_epi32_mask(values, _mm512_set1_epi32(value as i32)).into()
+        }
     }
 
     #[inline(always)]

@@ -77,6 +77,12 @@ pub trait WideLanes: Lanes8 {
     /// The machine must have the instructions of the implementation.
     unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self;
 
+    /// Where a value is: a bit for each place, the first lowest.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn places_of(value: u32, values: &[u32; 8]) -> u32;
+
     /// The columns of the matrix whose rows are given.
     ///
     /// # Safety
@@ -217,6 +223,11 @@ impl WideLanes for Portable8 {
     unsafe fn load_permuted(values: &[f32; 8], lanes: &[u32; 8]) -> Self {
         // SAFETY: portable code.
         unsafe { Self::load(&lanes.map(|lane| values[lane as usize & 7])) }
+    }
+
+    #[inline(always)]
+    unsafe fn places_of(value: u32, values: &[u32; 8]) -> u32 {
+        (0..8).fold(0, |places, lane| places | u32::from(values[lane] == value) << lane)
     }
 
     #[inline(always)]

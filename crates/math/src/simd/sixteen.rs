@@ -1,12 +1,18 @@
 //! Sixteen `f32` at a time: in one register where there are such, in two of eight lanes else.
 
-use super::WideLanes;
+use super::{Doubles16, PairDoubles, WideLanes};
 
 /// Sixteen numbers that are worked on together; masks have a bit for each, the first lowest. Every implementation gives the same bits, with
 /// the exception that [`super::Lanes8`] has.
 pub trait Lanes16: Copy {
+    /// How many registers they are in.
+    const REGISTERS: u32;
+
     /// Eight of them.
     type Half: WideLanes;
+
+    /// As many in double precision.
+    type Doubles: Doubles16<Singles = Self>;
 
     /// The same number in all lanes.
     ///
@@ -83,6 +89,12 @@ pub trait Lanes16: Copy {
     /// The machine must have the instructions of the implementation.
     unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]);
 
+    /// Where a value is.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn places_of(value: u32, values: &[u32; 16]) -> u32;
+
     /// The least of the sixteen numbers; if any is NaN, any.
     fn least(self) -> f32;
 
@@ -95,7 +107,9 @@ pub trait Lanes16: Copy {
 pub struct Pair<L>([L; 2]);
 
 impl<L: WideLanes> Lanes16 for Pair<L> {
+    const REGISTERS: u32 = 2;
     type Half = L;
+    type Doubles = PairDoubles<L>;
 
     #[inline(always)]
     unsafe fn splat(value: f32) -> Self {
@@ -208,6 +222,13 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     }
 
     #[inline(always)]
+    unsafe fn places_of(value: u32, values: &[u32; 16]) -> u32 {
+        let (halves, _) = values.as_chunks::<8>();
+        // SAFETY: passed on to the caller.
+        unsafe { L::places_of(value, &halves[0]) | L::places_of(value, &halves[1]) << 8 }
+    }
+
+    #[inline(always)]
     fn least(self) -> f32 {
         self.0[0].min(self.0[1]).least()
     }
@@ -244,6 +265,8 @@ mod tests {
         // SAFETY: as above.
         unsafe { W::write_where(mask, 9, &mut written) };
         assert_eq!(written, std::array::from_fn(|lane| if mask >> lane & 1 == 1 { 9 } else { 7 }));
+        // SAFETY: as above.
+        assert_eq!(unsafe { W::places_of(9, &written) }, mask);
         let extremes =
             if a.iter().any(|x| x.is_nan()) { [0; 2] } else { [bits(x.least() + 0.0), bits(x.greatest() + 0.0)] };
         (values.into_iter().map(stored).collect(), [x.le(y), x.lt(y), x.signs()], extremes)

@@ -121,6 +121,12 @@ impl GroupTree {
         (geometry, id - first)
     }
 
+    /// Geometry and triangle of what is in a lane of a block, both as one number: that of the block eight times, and the lane.
+    #[inline(always)]
+    pub fn triangle_at(&self, place: u32) -> (u32, u32) {
+        self.triangle(self.blocks[place as usize >> 3].ids[place as usize & 7])
+    }
+
     /// Entries a walk through this group alone may need at once.
     fn stack_size(&self) -> usize {
         7 * self.depth + 8

@@ -1,11 +1,11 @@
 //! Where sixteen rays hit a triangle each that they surely hit.
 //!
-//! The same operations in the same order as in [`super::super::triangle::exact_hit_on`], so the same bits.
+//! By [`super::super::meeting`], so the same bits as by the exact test.
 
 use super::super::columns::columns;
+use super::super::meeting::{InDrawing, InPlane, doubles};
 use super::bundle::{Bundle, PerRay, RAYS};
 use super::contents::Triangle;
-use super::shapes::dot;
 use snell_math::simd::{Doubles16, Lanes16};
 
 /// What became of sixteen rays.
@@ -33,14 +33,8 @@ pub(super) unsafe fn test<D: Doubles16>(bundle: &Bundle<D>, triangles: &PerRay<&
         let (a, b, c) = ([ax, ay, az], [bx, by, bz], [cx, cy, cz]);
         let (o, d) = (bundle.origin, bundle.direction);
 
-        // The distance of the plane.
-        let (exact_a, direction) = (doubles::<D>(a), doubles::<D>(d));
-        let [ux, uy, uz] = minus(doubles::<D>(b), exact_a);
-        let [vx, vy, vz] = minus(doubles::<D>(c), exact_a);
-        let normal = [uy.mul(vz).sub(vy.mul(uz)), uz.mul(vx).sub(vz.mul(ux)), ux.mul(vy).sub(vx.mul(uy))];
-        let slope = dot(normal, direction);
-        let distance = dot(normal, minus(exact_a, doubles::<D>(o))).div(slope);
-        let t = distance.rounded();
+        let direction = doubles::<D>(d);
+        let InPlane { slope, t, .. } = InPlane::new(&[a, b, c], doubles::<D>(o), direction);
         let least = D::of(steep).mul(D::of(bundle.size));
         let is_steep = least.mul(least).lt(slope.mul(slope));
 
@@ -49,22 +43,16 @@ pub(super) unsafe fn test<D: Doubles16>(bundle: &Bundle<D>, triangles: &PerRay<&
         let along_x = dy.le(dx) & dz.le(dx);
         let along_y = dz.le(dy) & !along_x;
         let d = turned(d, along_x, along_y);
-        let o = turned(o, along_x, along_y);
         let shear = [d[0].div(d[2]), d[1].div(d[2])];
-        let p0 = draw::<D>(turned(a, along_x, along_y), o, shear);
-        let p1 = draw::<D>(turned(b, along_x, along_y), o, shear);
-        let p2 = draw::<D>(turned(c, along_x, along_y), o, shear);
-        let (w0, w1, w2) = (edge(p1, p2), edge(p2, p0), edge(p0, p1));
-        let zero = D::splat(0.0);
-        let inside = (zero.lt(w0) & zero.lt(w1) & zero.lt(w2)) | (w0.lt(zero) & w1.lt(zero) & w2.lt(zero));
-        let scale = D::splat(1.0).div(w0.add(w1).add(w2));
+        let corners = [turned(a, along_x, along_y), turned(b, along_x, along_y), turned(c, along_x, along_y)];
+        let InDrawing { inside, b1, b2 } = InDrawing::new(corners, turned(o, along_x, along_y), shear);
 
         let sure = inside & is_steep & bundle.t_min.lt(t) & t.lt(limit);
         let hits = sure & t.lt(bundle.t_max);
         let mut found = Found { t: [0.0; RAYS], b1: [0.0; RAYS], b2: [0.0; RAYS], hits, beyond: sure & !hits };
         t.store(&mut found.t);
-        w1.mul(scale).rounded().store(&mut found.b1);
-        w2.mul(scale).rounded().store(&mut found.b2);
+        b1.store(&mut found.b1);
+        b2.store(&mut found.b2);
         found
     }
 }
@@ -84,16 +72,6 @@ fn half<'a>(triangles: &PerRay<&'a Triangle>, from: usize, part: usize) -> [&'a 
     ]
 }
 
-#[inline(always)]
-fn doubles<D: Doubles16>(v: [D::Singles; 3]) -> [D; 3] {
-    [D::of(v[0]), D::of(v[1]), D::of(v[2])]
-}
-
-#[inline(always)]
-fn minus<D: Doubles16>(a: [D; 3], b: [D; 3]) -> [D; 3] {
-    [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2])]
-}
-
 /// The coordinates in the order of the axes that a ray draws on, by its largest component.
 #[inline(always)]
 fn turned<W: Lanes16>([x, y, z]: [W; 3], along_x: u32, along_y: u32) -> [W; 3] {
@@ -102,17 +80,4 @@ fn turned<W: Lanes16>([x, y, z]: [W; 3], along_x: u32, along_y: u32) -> [W; 3] {
         y.replace(along_x, z).replace(along_y, x),
         z.replace(along_x, x).replace(along_y, y),
     ]
-}
-
-/// As [`super::super::triangle::Drawing::draw`].
-#[inline(always)]
-fn draw<D: Doubles16>(v: [D::Singles; 3], o: [D::Singles; 3], shear: [D::Singles; 2]) -> [D; 2] {
-    let (x, y, z) = (v[0].sub(o[0]), v[1].sub(o[1]), v[2].sub(o[2]));
-    [D::of(x.sub(shear[0].mul(z))), D::of(y.sub(shear[1].mul(z)))]
-}
-
-/// As the function of the same name of the exact test, but for the symbolic shift: zero is not decided here.
-#[inline(always)]
-fn edge<D: Doubles16>(p: [D; 2], q: [D; 2]) -> D {
-    p[0].mul(q[1]).sub(p[1].mul(q[0]))
 }

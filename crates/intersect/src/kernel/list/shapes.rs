@@ -4,6 +4,7 @@
 //! scaled by a power of two, for [`is_moderate`] sees to it that nothing overflows or vanishes; and the parameters in `f64` are not compared with the
 //! interval, for those in `f32` have to lie in it too.
 
+use super::super::meeting::dot;
 use super::bundle::Bundle;
 use crate::accel::group::Object;
 use crate::shape::{AnyShape, Rectangle};
@@ -175,12 +176,6 @@ impl ListShape {
             dot(row, v)
         }
     }
-}
-
-/// The scalar product.
-#[inline(always)]
-pub(super) fn dot<D: Doubles16>(a: [D; 3], b: [D; 3]) -> D {
-    a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }
 
 /// As `accurate_cross` of shapes, but for the sign of zero.

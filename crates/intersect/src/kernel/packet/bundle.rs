@@ -86,7 +86,8 @@ pub(crate) struct Kind {
 pub(crate) struct Bundle {
     /// Not written before they [are wanted](Self::has_rays).
     pub rays: ExactRays,
-    pub has_rays: bool,
+    /// By axis of the group; not used where anything is rounded.
+    pub direction: [PerRay<f32>; 3],
     /// Per axis and ray.
     pub slope: [PerRay<f32>; 2],
     offset: [PerRay<f32>; 2],
@@ -98,8 +99,9 @@ pub(crate) struct Bundle {
     along: PerRay<f32>,
     /// The origins as triangles see them, by axis of the bundle; not used with a shared origin.
     pub drawn_origin: [PerRay<f32>; 3],
-    /// The rays as triangles see them.
+    /// The rays as triangles see them. (Up to here all rows are aligned.)
     pub lines: Lines,
+    pub has_rays: bool,
     pub kind: Kind,
     /// Axes x, y and z of the bundle: z is the one along which it goes.
     pub axes: [usize; 3],
@@ -150,7 +152,7 @@ impl Bundle {
     /// No bundle yet.
     pub const NONE: Self = Self {
         rays: ExactRays { origin: [[0.0; 4]; RAYS], direction: [[0.0; 4]; RAYS] },
-        has_rays: false,
+        direction: [[0.0; RAYS]; 3],
         slope: [[0.0; RAYS]; 2],
         offset: [[0.0; RAYS]; 2],
         near: [0.0; RAYS],
@@ -159,6 +161,7 @@ impl Bundle {
         along: [0.0; RAYS],
         drawn_origin: [[0.0; RAYS]; 3],
         lines: Lines::NONE,
+        has_rays: false,
         kind: Kind { apex: [0.0; 3], reversed: false, common: false, backward: false, rounded: false, slack: 0.0 },
         axes: [0; 3],
         sign: 1.0,
@@ -276,7 +279,11 @@ impl Bundle {
             self.margin = 0.0;
             self.lines.margin = 0.0;
             if kind.common {
-                (self.start, self.offset) = ([0.0; RAYS], [[0.0; RAYS]; 2]);
+                // (Not as arrays: what is written in halves cannot be read as a whole for long.)
+                let zero = W::splat(0.0);
+                zero.store(&mut self.start);
+                zero.store(&mut self.offset[0]);
+                zero.store(&mut self.offset[1]);
                 self.lines.point = [kind.apex[x], kind.apex[y], kind.apex[z]];
             } else {
                 self.place::<W>(columns);
@@ -307,18 +314,23 @@ impl Bundle {
                 (start.add(early).mul(narrow).sub(margin), end)
             };
             let over = cull.lt(W::splat(0.0));
-            near.replace(over, W::splat(f32::INFINITY)).store(&mut self.near);
-            far.replace(over, W::splat(f32::NEG_INFINITY)).store(&mut self.far);
-            self.update_limits::<W>();
+            let near = near.replace(over, W::splat(f32::INFINITY));
+            let far = far.replace(over, W::splat(f32::NEG_INFINITY));
+            near.store(&mut self.near);
+            far.store(&mut self.far);
+            (self.bundle_near, self.bundle_far) = (near.least(), far.greatest());
             // Before the apex the slopes change places; the bundle is hardly wider there.
             let before = (-self.bundle_near).max(0.0);
             for i in 0..2 {
                 self.low_slope[i] = low[i] - 2.0 * PADDING;
                 self.high_slope[i] = high[i] + 2.0 * PADDING;
                 let extra = self.margin + (self.high_slope[i] - self.low_slope[i]) * before;
-                let offset = W::load(&self.offset[i]);
-                self.low_offset[i] = offset.least() - extra;
-                self.high_offset[i] = offset.greatest() + extra;
+                (self.low_offset[i], self.high_offset[i]) = (-extra, extra);
+                if !kind.common {
+                    let offset = W::load(&self.offset[i]);
+                    self.low_offset[i] += offset.least();
+                    self.high_offset[i] += offset.greatest();
+                }
             }
             true
         }

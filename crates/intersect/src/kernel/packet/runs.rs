@@ -54,6 +54,9 @@ pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], backw
         ox.store(&mut bundle.drawn_origin[0]);
         oy.store(&mut bundle.drawn_origin[1]);
         oz.store(&mut bundle.drawn_origin[2]);
+        dx.store(&mut bundle.direction[0]);
+        dy.store(&mut bundle.direction[1]);
+        dz.store(&mut bundle.direction[2]);
         let from_apex = [ox.sub(W::splat(apex[0])), oy.sub(W::splat(apex[1])), oz.sub(W::splat(apex[2]))];
         let unused = 0xffff << rays.len() & 0xffff;
         let cull = t_max.add(t_max.abs().mul(W::splat(CULL_PADDING))).replace(unused, W::splat(-1.0));

@@ -2,14 +2,14 @@
 
 use super::super::node::ChildRef;
 use super::super::ray::LocalRay;
-use super::bundle::{Bundle, RAYS};
+use super::bundle::{Bundle, PerRay, RAYS};
 use super::exact::{PAIRS, Pairs};
 use super::leaf::{SeenBlock, SharedOrigin};
 use super::walk::Walker;
 use crate::accel::bvh::GroupTree;
 use crate::accel::group::test_triangle;
 use crate::precision::Rules;
-use crate::query::search::{Goal, Verdict};
+use crate::query::search::{Goal, RealOf, Verdict};
 use snell_math::Vec2;
 use snell_math::simd::Lanes16;
 use std::mem::MaybeUninit;
@@ -21,7 +21,8 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// Only the nearest hit counts: if it is certain which that is, the exact test of others is saved.
     const PUTS_OFF: bool = G::NARROWS && G::WANTS_ONE;
 
-    /// Tests the triangles of a block for some of the rays.
+    /// Tests the triangles of a block for some of the rays. Where any hit will do, pairs may be left for later: most rays hit nothing, or surely
+    /// hit something else.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`; `child` must be a block of the tree.
@@ -32,19 +33,25 @@ impl<G: Goal> Walker<'_, '_, G> {
         child: ChildRef,
         bundle: &mut Bundle,
         rays: u32,
+        pairs: &mut Pairs,
         locals: &mut Locals,
         instance: u32,
     ) {
-        let mut pairs = Pairs::NONE;
         // SAFETY: as promised by the caller.
         unsafe {
-            let found = if !G::ANY && !bundle.lines.apart {
-                self.find_pairs_of_origin::<W>(tree, child, bundle, rays, &mut pairs, locals, instance)
+            let few = FEW_RAYS * W::REGISTERS;
+            let is_quick = !G::ANY && !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
+            let mut found = if is_quick {
+                self.find_pairs_of_origin::<W>(tree, child, bundle, rays, pairs, locals, instance)
             } else {
-                self.find_pairs::<W>(tree, child, bundle, rays, &mut pairs, locals, instance)
+                self.find_pairs::<W>(tree, child, bundle, rays, pairs, locals, instance)
             };
-            let last = pairs.count != 0 && self.test_pairs::<W>(tree, bundle, &mut pairs, locals, instance, false);
-            if found || last {
+            // Where most rays have ended, the others are not worth going on.
+            let wanting = if G::ANY { self.alive.count_ones() as usize } else { 0 };
+            if pairs.count != 0 && 2 * pairs.count >= wanting {
+                found |= self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false);
+            }
+            if found {
                 bundle.update_limits::<W>();
             }
         }
@@ -105,7 +112,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         locals: &mut Locals,
         instance: u32,
     ) -> bool {
-        let (place, mut triangles, mut found) = (child.block() as u32 * 8, (2 << (child.count() - 1)) - 1, false);
+        let (place, mut found) = (child.block() as u32 * 8, false);
+        let mut triangles: u32 = (2 << (child.count() - 1)) - 1;
         // SAFETY: as promised by the caller.
         unsafe {
             let block = tree.blocks.get_unchecked(child.block());
@@ -173,7 +181,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// Tests what was put off. [`Bundle::update_limits`] must follow if this is not the `last` that the bundle is used for.
+    /// Tests what was put off. [`Bundle::update_limits`] must follow if this is not the `last` that the bundle is used for. If the group `is_root`,
+    /// what rays without a search hit is only noted: nothing more can come.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`; what was put off must be in this tree.
@@ -185,11 +194,34 @@ impl<G: Goal> Walker<'_, '_, G> {
         locals: &mut Locals,
         instance: u32,
         last: bool,
+        is_root: bool,
     ) {
         if !Self::PUTS_OFF {
             return;
         }
         let mut rays = std::mem::take(&mut self.waiting);
+        if rays != 0 && bundle.is_aligned {
+            let mut outcome = Outcome::NONE;
+            // SAFETY: as promised by the caller.
+            let mut hits = unsafe { G::Precision::sure_hits::<W>(tree, bundle, rays, &self.put_off, self.sure) };
+            rays &= !hits;
+            if is_root {
+                let mut begun = 0;
+                for (lane, search) in self.searches.iter().enumerate() {
+                    begun |= u32::from(search.is_some()) << lane;
+                }
+                self.known = hits & !begun;
+                hits &= begun;
+            }
+            while hits != 0 {
+                let ray = hits.trailing_zeros() as usize & (RAYS - 1);
+                hits &= hits - 1;
+                let (t, b) = (self.sure.t[ray], [self.sure.b1[ray], self.sure.b2[ray]]);
+                self.offer(tree, ray, self.put_off[ray], t, b, instance, &mut outcome);
+            }
+            // SAFETY: as promised by the caller.
+            unsafe { self.conclude::<W>(bundle, &outcome, last) };
+        }
         while rays != 0 {
             let mut pairs = Pairs::NONE;
             while rays != 0 && !pairs.is_full() {
@@ -208,7 +240,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// # Safety
     /// The machine must have the instructions of `W`; the triangles must be of the tree.
     #[inline(always)]
-    unsafe fn test_pairs<W: Lanes16>(
+    pub(super) unsafe fn test_pairs<W: Lanes16>(
         &mut self,
         tree: &GroupTree,
         bundle: &mut Bundle,
@@ -219,8 +251,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     ) -> bool {
         self.want_rays(bundle);
         let all = u32::MAX >> (32 - pairs.count);
-        // Rays whose searches go on or are over, and where they end now.
-        let (mut nearer, mut over, mut culls) = (0, 0, [0.0; RAYS]);
+        let mut outcome = Outcome::NONE;
         (self.found.hits, self.found.unsure) = (0, all);
         if bundle.is_aligned {
             self.found.unsure = 0;
@@ -233,23 +264,13 @@ impl<G: Goal> Walker<'_, '_, G> {
             hits &= hits - 1;
             let ray = pairs.rays[pair] as usize & (RAYS - 1);
             let (t, b) = (self.found.t[pair], [self.found.b1[pair], self.found.b2[pair]]);
-            let is_over = (self.alive & !over) >> ray & 1 == 0;
-            let search = self.search(ray);
-            if is_over || t > search.goal.limit() {
-                continue;
-            }
-            let (block, triangle) = pairs.place(pair);
-            let (geometry, primitive) = tree.triangle(tree.blocks[block].ids[triangle]);
-            let verdict = search.offer(G::Precision::found(t, b, [instance, geometry, primitive]));
-            culls[ray] = search.cull();
-            nearer |= 1 << ray;
-            over |= u32::from(verdict == Verdict::Finished) << ray;
+            self.offer(tree, ray, pairs.triangles[pair], t, b, instance, &mut outcome);
         }
         while unsure != 0 {
             let pair = unsure.trailing_zeros() as usize & (PAIRS - 1);
             unsure &= unsure - 1;
             let ray = pairs.rays[pair] as usize & (RAYS - 1);
-            if (self.alive & !over) >> ray & 1 == 0 {
+            if (self.alive & !outcome.over) >> ray & 1 == 0 {
                 continue;
             }
             let (block, triangle) = pairs.place(pair);
@@ -260,18 +281,69 @@ impl<G: Goal> Walker<'_, '_, G> {
             };
             let (local, search) = (locals.get(bundle, ray), self.search(ray));
             let is_over = test_triangle(search, local, &block.corners(triangle), ids);
-            culls[ray] = search.cull();
-            nearer |= 1 << ray;
-            over |= u32::from(is_over) << ray;
+            outcome.note(ray, search.cull(), is_over);
         }
         pairs.count = 0;
+        // SAFETY: as promised by the caller.
+        unsafe { self.conclude::<W>(bundle, &outcome, last) }
+    }
+
+    /// Offers a hit of the triangle at a place.
+    #[inline(always)]
+    fn offer(
+        &mut self,
+        tree: &GroupTree,
+        ray: usize,
+        place: u32,
+        t: RealOf<G>,
+        b: [RealOf<G>; 2],
+        instance: u32,
+        outcome: &mut Outcome,
+    ) {
+        let is_over = (self.alive & !outcome.over) >> ray & 1 == 0;
+        let search = self.search(ray);
+        if is_over || t > search.goal.limit() {
+            return;
+        }
+        let (geometry, primitive) = tree.triangle_at(place);
+        let verdict = search.offer(G::Precision::found(t, b, [instance, geometry, primitive]));
+        outcome.note(ray, search.cull(), verdict == Verdict::Finished);
+    }
+
+    /// What follows from tests for the bundle. True if it does; if nothing comes after the `last` ones, the bundle is left as it is.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    unsafe fn conclude<W: Lanes16>(&mut self, bundle: &mut Bundle, outcome: &Outcome, last: bool) -> bool {
+        let Outcome { nearer, over, culls } = outcome;
         self.alive &= !over;
-        let is_narrowed = !last && (over != 0 || (G::NARROWS && nearer != 0));
+        let is_narrowed = !last && (*over != 0 || (G::NARROWS && *nearer != 0));
         if is_narrowed {
             // SAFETY: as promised by the caller.
-            unsafe { bundle.narrow::<W>(nearer, over, &culls) };
+            unsafe { bundle.narrow::<W>(*nearer, *over, culls) };
         }
         is_narrowed
+    }
+}
+
+/// What became of rays that were tested.
+struct Outcome {
+    /// Rays whose searches may be nearer to their end, and those whose searches are over.
+    nearer: u32,
+    over: u32,
+    /// Their new padded limits.
+    culls: PerRay<f32>,
+}
+
+impl Outcome {
+    const NONE: Self = Self { nearer: 0, over: 0, culls: [0.0; RAYS] };
+
+    #[inline(always)]
+    fn note(&mut self, ray: usize, cull: f32, is_over: bool) {
+        self.culls[ray] = cull;
+        self.nearer |= 1 << ray;
+        self.over |= u32::from(is_over) << ray;
     }
 }
 

@@ -3,7 +3,8 @@
 use super::super::node::ChildRef;
 use super::super::traverse::{Entry, Walk};
 use super::bundle::{Bundle, PerRay};
-use super::exact::Found;
+use super::exact::{Found, Pairs};
+use super::sure::Sure;
 use super::triangles::Locals;
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::query::search::{DataOf, Goal, RayOf, RealOf, Search};
@@ -101,6 +102,9 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     pub(super) spare: &'w mut Vec<Box<Bundle>>,
     /// About what it took: a box tested is one.
     pub(super) work: u32,
+    /// Rays without a search whose nearest hit is known: in `sure`, of what was put off.
+    pub(super) known: u32,
+    pub(super) sure: &'w mut Sure<RealOf<G>>,
     pub(super) enter: WalkBundle<G>,
     pub(super) enter_single: Walk<G>,
 }
@@ -114,14 +118,17 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
     unsafe fn walk<W: Lanes16>(&mut self, position: Position, bundle: &mut Bundle) {
         let tree = &self.forest.trees[position.group];
         let instance = position.instance;
-        let mut locals = Locals::new();
+        let (mut pairs, mut locals) = (Pairs::NONE, Locals::new());
         // SAFETY: as promised by the caller.
         unsafe {
             for &object in &tree.unbounded {
                 self.test_objects::<W>(tree, object as usize, bundle, self.alive, instance);
             }
-            self.descend::<W>(tree, position, bundle, &mut locals);
-            self.test_put_off::<W>(tree, bundle, &mut locals, instance, true);
+            self.descend::<W>(tree, position, bundle, &mut pairs, &mut locals);
+            if pairs.count != 0 && self.alive != 0 {
+                self.test_pairs::<W>(tree, bundle, &mut pairs, &mut locals, instance, true);
+            }
+            self.test_put_off::<W>(tree, bundle, &mut locals, instance, true, position.group == 0);
         }
     }
 
@@ -135,6 +142,7 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
         tree: &GroupTree,
         position: Position,
         bundle: &mut Bundle,
+        pairs: &mut Pairs,
         locals: &mut Locals,
     ) {
         let (base, instance) = (position.top, position.instance);
@@ -169,10 +177,17 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
                     continue;
                 }
                 self.work += 1;
+                // SAFETY: places come from nodes that exist.
+                let child = unsafe { child_at(tree, place) };
+                if bundle.kind.common && child.is_node() {
+                    // (Planes are as good here, and the walk goes on without waiting for the rays.)
+                    (node, mask) = (child.index(), meeting);
+                    break;
+                }
                 // SAFETY: places come from nodes that exist; `W` as promised by the caller.
-                let (child, meeting) = unsafe {
+                let meeting = unsafe {
                     let node = tree.nodes.get_unchecked(place as usize >> 3);
-                    (child_at(tree, place), bundle.rays_meeting::<W>(node, place as usize & 7) & meeting)
+                    bundle.rays_meeting::<W>(node, place as usize & 7) & meeting
                 };
                 if meeting == 0 {
                     continue;
@@ -185,9 +200,9 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
                 // SAFETY: as promised by the caller.
                 unsafe {
                     if child.is_triangles() {
-                        self.test_triangles::<W>(tree, child, bundle, meeting, locals, instance);
+                        self.test_triangles::<W>(tree, child, bundle, meeting, pairs, locals, instance);
                     } else {
-                        self.test_put_off::<W>(tree, bundle, locals, instance, false);
+                        self.test_put_off::<W>(tree, bundle, locals, instance, false, false);
                         self.enter_object::<W>(tree, child, bundle, meeting, &Position { top, ..position });
                     }
                 }

@@ -1,0 +1,103 @@
+//! The exact test for the triangle that each ray surely hits.
+
+use super::super::meeting::{Corners, InDrawing, InPlane, doubles};
+use super::super::triangle::TriangleBlock;
+use super::bundle::{Bundle, PerRay, RAYS};
+use crate::precision::Real;
+use snell_math::simd::{Doubles16, Lanes16};
+
+/// Where rays hit, and with which parameters.
+pub(crate) struct Sure<R> {
+    pub t: PerRay<R>,
+    pub b1: PerRay<R>,
+    pub b2: PerRay<R>,
+}
+
+impl<R: Real> Sure<R> {
+    pub const NONE: Self = Self { t: [R::ZERO; RAYS], b1: [R::ZERO; RAYS], b2: [R::ZERO; RAYS] };
+}
+
+/// Square of the inverse of the least slope, by the normal, of rays that are decided here. The drawing is off by 8.5 units of `2^-24`, relative to the
+/// farthest vertex; so hits are within [`super::super::triangle::PLACE_TOLERANCE`] at up to 98. (They are in the box of the triangle, since the ray
+/// surely passes through it, not only through what is drawn.)
+const STEEPEST_SQUARE: f64 = 64.0 * 64.0;
+
+/// Tests the triangles that some of the rays surely hit, given by their places. Returns the rays that are decided: all of these hit.
+///
+/// # Safety
+/// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays of the bundle must be drawn along its z
+/// axis ([`Bundle::is_aligned`]), and nothing in it may be [rounded](super::bundle::Kind::rounded).
+#[inline(always)]
+pub(crate) unsafe fn test<W: Lanes16>(
+    blocks: &[TriangleBlock],
+    bundle: &Bundle,
+    rays: u32,
+    places: &PerRay<u32>,
+    sure: &mut Sure<f32>,
+) -> u32 {
+    // SAFETY: passed on to the caller; axes are below 3.
+    unsafe {
+        let corners = corners::<W>(blocks, rays, places);
+        let [d0, d1, d2] = &bundle.direction;
+        let direction = [W::load(d0), W::load(d1), W::load(d2)];
+        let origin = if bundle.kind.common {
+            let [x, y, z] = bundle.kind.apex;
+            [W::splat(x), W::splat(y), W::splat(z)]
+        } else {
+            let mut origin = [W::splat(0.0); 3];
+            for (from, &axis) in bundle.drawn_origin.iter().zip(&bundle.axes) {
+                *origin.get_unchecked_mut(axis) = W::load(from);
+            }
+            origin
+        };
+        let InPlane { normal: [nx, ny, nz], slope, t } =
+            InPlane::<W::Doubles>::new(&corners, doubles(origin), doubles(direction));
+        let [first, second, third] =
+            [turned(corners[0], bundle), turned(corners[1], bundle), turned(corners[2], bundle)];
+        let size = W::Doubles::of(turned(direction, bundle)[2]);
+        let square = nx.mul(nx).add(ny.mul(ny)).add(nz.mul(nz)).mul(size.mul(size));
+        let is_steep = square.lt(slope.mul(slope).mul(W::Doubles::splat(STEEPEST_SQUARE)));
+        let sign = W::splat(bundle.sign);
+        let shear = [W::load(&bundle.slope[0]).mul(sign), W::load(&bundle.slope[1]).mul(sign)];
+        let InDrawing { inside, b1, b2 } = InDrawing::new([first, second, third], turned(origin, bundle), shear);
+        t.store(&mut sure.t);
+        b1.store(&mut sure.b1);
+        b2.store(&mut sure.b2);
+        rays & is_steep & inside
+    }
+}
+
+/// The coordinates in the order of the axes of a bundle.
+///
+/// # Safety
+/// The axes must be below 3.
+#[inline(always)]
+unsafe fn turned<W: Lanes16>(v: [W; 3], bundle: &Bundle) -> [W; 3] {
+    let [x, y, z] = bundle.axes;
+    // SAFETY: passed on to the caller.
+    unsafe { [*v.get_unchecked(x), *v.get_unchecked(y), *v.get_unchecked(z)] }
+}
+
+/// The corners of a triangle for each ray. (Neighbours mostly hit the same few.)
+///
+/// # Safety
+/// The machine must have the instructions of `W`; the triangles must be of these blocks.
+#[inline(always)]
+unsafe fn corners<W: Lanes16>(blocks: &[TriangleBlock], mut rays: u32, places: &PerRay<u32>) -> Corners<W> {
+    // SAFETY: passed on to the caller.
+    unsafe {
+        let mut corners = [[W::splat(0.0); 3]; 3];
+        while rays != 0 {
+            let place = places[rays.trailing_zeros() as usize & (RAYS - 1)];
+            let these = W::places_of(place, places);
+            rays &= !these;
+            let block = blocks.get_unchecked(place as usize >> 3);
+            for (corner, from) in corners.iter_mut().zip(&block.vertices) {
+                for (axis, from) in corner.iter_mut().zip(from) {
+                    *axis = axis.replace(these, W::splat(from[place as usize & 7]));
+                }
+            }
+        }
+        corners
+    }
+}
