@@ -103,7 +103,7 @@ fn strands_stay_strands_where_a_format_has_them_and_are_tubes_elsewhere() {
     };
     let (_folder, own, read) = written("snell", &scene);
     assert_eq!(own.losses, []);
-    assert_eq!(strands(&read), [curves.clone()]);
+    assert_eq!(strands(&read), std::slice::from_ref(&curves));
     let (_folder, _, read) = written("pbrt", &scene);
     let [found] = &strands(&read)[..] else { panic!("one object, used twice") };
     assert_eq!(found.strands(), [4; 3]);
