@@ -7,6 +7,7 @@
 
 use super::build;
 use super::cone::{cos_of_difference, sin_from_cos, sin_of_difference};
+use super::many::{ChosenLights, MANY, Receivers, sample_many};
 use super::table::LightTable;
 use super::{ChosenLight, LightSummary, Receiver};
 use snell_math::rng::ONE_MINUS_EPSILON;
@@ -23,62 +24,6 @@ pub const EMITTER: u32 = 1 << 31;
 const FAR: f32 = 1e12;
 /// Allowance for rounding before a branch counts as dark.
 const SLACK: f32 = 1e-4;
-
-/// How many receivers are looked at together.
-pub const MANY: usize = 64;
-
-/// Lights chosen for many receivers.
-#[derive(Clone, Debug)]
-pub struct ChosenLights {
-    /// As [`ChosenLight::light`]; [`NONE`] if there is none, and then the rest means nothing.
-    pub light: [u32; MANY],
-    /// As [`ChosenLight::part`]; [`NONE`] if that was not chosen.
-    pub part: [u32; MANY],
-    /// As [`ChosenLight::probability`].
-    pub probability: [f32; MANY],
-}
-
-impl Default for ChosenLights {
-    fn default() -> Self {
-        Self { light: [NONE; MANY], part: [NONE; MANY], probability: [0.0; MANY] }
-    }
-}
-
-impl ChosenLights {
-    /// One of them.
-    pub fn get(&self, i: usize) -> Option<ChosenLight> {
-        let (light, part, probability) = (self.light[i], self.part[i], self.probability[i]);
-        let part = (part != NONE).then_some(part);
-        (light != NONE).then_some(ChosenLight { light: light as usize, part, probability })
-    }
-
-    #[inline(always)]
-    pub(super) fn put(&mut self, i: usize, chosen: Option<ChosenLight>) {
-        let Some(ChosenLight { light, part, probability }) = chosen else {
-            self.light[i] = NONE;
-            return;
-        };
-        (self.light[i], self.part[i], self.probability[i]) = (light as u32, part.unwrap_or(NONE), probability);
-    }
-}
-
-/// Many receivers that do not transmit, by axis.
-#[derive(Clone, Copy, Debug)]
-pub struct Receivers<'a> {
-    /// See [`Receiver::position`].
-    pub position: &'a [[f32; MANY]; 3],
-    /// See [`Receiver::normal`].
-    pub normal: &'a [[f32; MANY]; 3],
-}
-
-impl Receivers<'_> {
-    /// One of them.
-    #[inline(always)]
-    pub fn get(&self, i: usize) -> Receiver {
-        let at = |v: &[[f32; MANY]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
-        Receiver { position: at(self.position), normal: at(self.normal), transmits: false }
-    }
-}
 
 /// A node: its children in lanes. Lengths are in units of the tree.
 #[derive(Clone, Debug)]
@@ -108,15 +53,15 @@ pub struct Node {
 /// The tree, and the table of lights beside it.
 #[derive(Debug)]
 pub struct LightBvh {
-    nodes: Vec<Node>,
+    pub(super) nodes: Vec<Node>,
     /// Light and part of each emitter.
-    emitters: Vec<(u32, u32)>,
+    pub(super) emitters: Vec<(u32, u32)>,
     /// Node and slot of each emitter: `node * WIDTH + slot`.
     places: Vec<u32>,
     /// Number of the first emitter of each light; [`NONE`] for those beside the tree.
     first: Vec<u32>,
     /// The lights beside the tree, and their choice.
-    beside: Vec<u32>,
+    pub(super) beside: Vec<u32>,
     table: LightTable,
     /// Position in `beside` of each light; [`NONE`] for the others.
     entry: Vec<u32>,
@@ -228,11 +173,22 @@ impl LightBvh {
         match self.nodes.first() {
             None => 0.0,
             Some(_) if self.beside.is_empty() => 1.0,
-            Some(root) => {
-                let can_bring_light = root.importance(local, self.wide).iter().any(|&w| w > 0.0);
-                if can_bring_light { self.tree_share } else { 0.0 }
-            }
+            Some(root) => self.share_of_tree(&root.importance(local, self.wide)),
         }
+    }
+
+    /// [`Self::probability_of_tree`] where there are lights beside it, by the importance of the root's children.
+    #[inline(always)]
+    pub(super) fn share_of_tree(&self, weights: &[f32; WIDTH]) -> f32 {
+        if weights.iter().any(|&w| w > 0.0) { self.tree_share } else { 0.0 }
+    }
+
+    /// A light beside the tree, for a number that is not one of those for which the tree is chosen.
+    pub(super) fn choose_beside(&self, u: f32, of_tree: f32) -> Option<ChosenLight> {
+        let rest = ((u - of_tree) / (1.0 - of_tree)).clamp(0.0, ONE_MINUS_EPSILON);
+        let chosen = self.table.sample(|| rest)?;
+        let light = self.beside[chosen.light] as usize;
+        Some(ChosenLight { light, part: None, probability: chosen.probability * (1.0 - of_tree) })
     }
 
     /// Bytes that the tree takes.
@@ -242,7 +198,7 @@ impl LightBvh {
 
     /// The receiver in the units of the tree.
     #[inline(always)]
-    fn local(&self, receiver: &Receiver) -> Receiver {
+    pub(super) fn local(&self, receiver: &Receiver) -> Receiver {
         let position = (receiver.position - self.origin) * self.scale;
         Receiver { position: position.clamp(Vec3::splat(-FAR), Vec3::splat(FAR)), ..*receiver }
     }
@@ -276,7 +232,7 @@ impl Node {
     }
 
     #[inline(always)]
-    fn lane(&self, i: usize) -> Lane {
+    pub(super) fn lane(&self, i: usize) -> Lane {
         Lane {
             center: [self.center[0][i], self.center[1][i], self.center[2][i]],
             radius: self.radius[i],
@@ -305,16 +261,16 @@ fn sample(tree: &LightBvh, receiver: &Receiver, u: f32) -> Option<ChosenLight> {
     let of_tree = tree.probability_of_tree(&local);
     let mut probability = of_tree;
     if u >= of_tree {
-        let rest = ((u - of_tree) / (1.0 - of_tree)).clamp(0.0, ONE_MINUS_EPSILON);
-        let chosen = tree.table.sample(|| rest)?;
-        let light = tree.beside[chosen.light] as usize;
-        return Some(ChosenLight { light, part: None, probability: chosen.probability * (1.0 - of_tree) });
+        return tree.choose_beside(u, of_tree);
     }
     let mut u = (u / of_tree).min(ONE_MINUS_EPSILON);
     let mut node = tree.nodes.first()?;
     loop {
         let weights = importance(node, &local);
-        let (slot, of_slot, rest) = choose(&weights, u)?;
+        let (slot, of_slot, rest) = choose(&weights, u);
+        if of_slot.is_nan() {
+            return None;
+        }
         probability *= of_slot;
         u = rest;
         let child = node.child[slot];
@@ -327,53 +283,8 @@ fn sample(tree: &LightBvh, receiver: &Receiver, u: f32) -> Option<ChosenLight> {
     }
 }
 
-/// See [`LightBvh::sample_many`].
-#[inline(always)]
-fn sample_many(tree: &LightBvh, receivers: &Receivers, u: &[f32; MANY], count: usize, chosen: &mut ChosenLights) {
-    match tree.nodes.as_slice() {
-        [root] if tree.beside.is_empty() => sample_few(tree, root, receivers, u, chosen),
-        // (A plain loop, so that all of it is compiled for wide registers.)
-        _ => {
-            for (i, &u) in u.iter().enumerate().take(count) {
-                chosen.put(i, sample(tree, &receivers.get(i), u));
-            }
-        }
-    }
-}
-
-/// [`sample_many`] where all lights are children of one node: the receivers in lanes instead of the children.
-#[inline(always)]
-fn sample_few(tree: &LightBvh, root: &Node, receivers: &Receivers, u: &[f32; MANY], chosen: &mut ChosenLights) {
-    let mut weights = [[0.0; MANY]; WIDTH];
-    let mut total = [0.0; MANY];
-    for (child, weights) in weights.iter_mut().enumerate().filter(|(child, _)| root.child[*child] != NONE) {
-        let lane = root.lane(child);
-        for i in 0..MANY {
-            weights[i] = lane.importance(&tree.local(&receivers.get(i)));
-            total[i] += weights[i];
-        }
-    }
-    let (mut found, mut before, mut over) = ([0.0; MANY], [0.0; MANY], [false; MANY]);
-    chosen.light = [NONE; MANY];
-    for (child, weights) in root.child.iter().zip(&weights).filter(|(child, _)| **child != NONE) {
-        let (light, part) = tree.emitters[(child & !EMITTER) as usize];
-        for i in 0..MANY {
-            let weight = weights[i];
-            let is_next = (weight > 0.0) & !over[i];
-            chosen.light[i] = if is_next { light } else { chosen.light[i] };
-            chosen.part[i] = if is_next { part } else { chosen.part[i] };
-            found[i] = if is_next { weight } else { found[i] };
-            over[i] |= is_next & (u[i].min(ONE_MINUS_EPSILON) * total[i] < before[i] + weight);
-            before[i] += if is_next { weight } else { 0.0 };
-        }
-    }
-    for i in 0..MANY {
-        chosen.probability[i] = found[i] / total[i];
-    }
-}
-
 /// A child of a node: the fields of [`Node`].
-struct Lane {
+pub(super) struct Lane {
     center: [f32; 3],
     radius: f32,
     axis: [f32; 3],
@@ -387,7 +298,7 @@ struct Lane {
 /// See [`Node::importance`]. A loop without branches: a few instructions for all lanes.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
-fn importance(node: &Node, receiver: &Receiver) -> [f32; WIDTH] {
+pub(super) fn importance(node: &Node, receiver: &Receiver) -> [f32; WIDTH] {
     let mut importances = [0.0; WIDTH];
     for i in 0..WIDTH {
         importances[i] = node.lane(i).importance(receiver);
@@ -398,7 +309,7 @@ fn importance(node: &Node, receiver: &Receiver) -> [f32; WIDTH] {
 impl Lane {
     /// See [`Node::importance`].
     #[inline(always)]
-    fn importance(&self, receiver: &Receiver) -> f32 {
+    pub(super) fn importance(&self, receiver: &Receiver) -> f32 {
         let Receiver { position: p, normal: n, transmits } = *receiver;
         let in_medium = n == Vec3::ZERO;
         // |x| is most(x, -x), and x is most(x, x).
@@ -431,25 +342,25 @@ impl Lane {
     }
 }
 
-/// A child by its weight, its probability, and the rest of the number; `None` if all weights are 0.
+/// A child by its weight, its probability, and the rest of the number. The probability is NaN if all weights are 0. Without branches: which child it is
+/// cannot be foreseen.
 #[inline(always)]
-fn choose(weights: &[f32; WIDTH], u: f32) -> Option<(usize, f32, f32)> {
-    let total: f32 = weights.iter().sum();
-    let target = u * total;
-    let (mut before, mut chosen) = (0.0, None);
-    for (i, &w) in weights.iter().enumerate() {
-        if w <= 0.0 {
-            continue;
-        }
-        chosen = Some((i, before));
-        if target < before + w {
-            break;
-        }
-        before += w;
+pub(super) fn choose(weights: &[f32; WIDTH], u: f32) -> (usize, f32, f32) {
+    let mut sums = [0.0; WIDTH + 1];
+    for i in 0..WIDTH {
+        sums[i + 1] = sums[i] + weights[i];
     }
-    let (i, before) = chosen?;
-    let rest = ((target - before) / weights[i]).clamp(0.0, ONE_MINUS_EPSILON);
-    Some((i, weights[i] / total, rest))
+    let total = sums[WIDTH];
+    let target = u * total;
+    // The first whose sum is more than the target; should rounding leave none, the last that has any weight.
+    let (mut passed, mut last) = (0, 0);
+    for sum in &sums[1..] {
+        passed += usize::from(*sum <= target);
+        last += usize::from(*sum < total);
+    }
+    let i = passed.min(last) % WIDTH;
+    let rest = least(most((target - sums[i]) / weights[i], 0.0), ONE_MINUS_EPSILON);
+    (i, weights[i] / total, rest)
 }
 
 /// The probability with which [`choose`] gives a child.

@@ -4,11 +4,13 @@
 mod build;
 mod bvh;
 mod cone;
+mod many;
 mod table;
 #[cfg(test)]
 mod tests;
 
-pub use bvh::{ChosenLights, LightBvh, MANY, NONE, Receivers};
+pub use bvh::{LightBvh, NONE};
+pub use many::{ChosenLights, MANY, Receivers};
 pub use table::LightTable;
 
 use snell_math::Vec3;

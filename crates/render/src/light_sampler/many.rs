@@ -1,0 +1,182 @@
+//! Lights of a [`LightBvh`] for many receivers at once: the same ones as one at a time, bit for bit.
+
+use super::bvh::{EMITTER, LightBvh, NONE, Node, WIDTH, choose, importance};
+use super::{ChosenLight, Receiver};
+use snell_math::Vec3;
+use snell_math::rng::ONE_MINUS_EPSILON;
+use snell_math::simd::least;
+
+/// How many receivers are looked at together.
+pub const MANY: usize = 64;
+
+/// Lights chosen for many receivers.
+#[derive(Clone, Debug)]
+pub struct ChosenLights {
+    /// As [`ChosenLight::light`]; [`NONE`] if there is none, and then the rest means nothing.
+    pub light: [u32; MANY],
+    /// As [`ChosenLight::part`]; [`NONE`] if that was not chosen.
+    pub part: [u32; MANY],
+    /// As [`ChosenLight::probability`].
+    pub probability: [f32; MANY],
+}
+
+impl Default for ChosenLights {
+    fn default() -> Self {
+        Self { light: [NONE; MANY], part: [NONE; MANY], probability: [0.0; MANY] }
+    }
+}
+
+impl ChosenLights {
+    /// One of them.
+    pub fn get(&self, i: usize) -> Option<ChosenLight> {
+        let (light, part, probability) = (self.light[i], self.part[i], self.probability[i]);
+        let part = (part != NONE).then_some(part);
+        (light != NONE).then_some(ChosenLight { light: light as usize, part, probability })
+    }
+
+    #[inline(always)]
+    pub(super) fn put(&mut self, i: usize, chosen: Option<ChosenLight>) {
+        let Some(ChosenLight { light, part, probability }) = chosen else {
+            self.light[i] = NONE;
+            return;
+        };
+        (self.light[i], self.part[i], self.probability[i]) = (light as u32, part.unwrap_or(NONE), probability);
+    }
+}
+
+/// Many receivers that do not transmit, by axis.
+#[derive(Clone, Copy, Debug)]
+pub struct Receivers<'a> {
+    /// See [`Receiver::position`].
+    pub position: &'a [[f32; MANY]; 3],
+    /// See [`Receiver::normal`].
+    pub normal: &'a [[f32; MANY]; 3],
+}
+
+impl Receivers<'_> {
+    /// One of them.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> Receiver {
+        let at = |v: &[[f32; MANY]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        Receiver { position: at(self.position), normal: at(self.normal), transmits: false }
+    }
+}
+
+/// See [`LightBvh::sample_many`].
+#[inline(always)]
+pub(super) fn sample_many(
+    tree: &LightBvh,
+    receivers: &Receivers,
+    u: &[f32; MANY],
+    count: usize,
+    chosen: &mut ChosenLights,
+) {
+    match tree.nodes.as_slice() {
+        [root] if tree.beside.is_empty() => sample_few(tree, root, receivers, u, chosen),
+        [] => {
+            for i in 0..count.min(MANY) {
+                chosen.put(i, tree.choose_beside(u[i], 0.0));
+            }
+        }
+        [root, ..] => descend(tree, root, receivers, u, count.min(MANY), chosen),
+    }
+}
+
+/// All receivers go down the tree level by level: the importance of the children of all their nodes first, then the choice between them, so that
+/// none waits for its own results.
+#[inline(always)]
+fn descend(
+    tree: &LightBvh,
+    root: &Node,
+    receivers: &Receivers,
+    u: &[f32; MANY],
+    count: usize,
+    chosen: &mut ChosenLights,
+) {
+    let mut local = [Receiver { position: Vec3::ZERO, normal: Vec3::ZERO, transmits: false }; MANY];
+    let mut weights = [[0.0; WIDTH]; MANY];
+    // Numbers of those that are at a node, and which.
+    let (mut under_way, mut node) = ([0; MANY], [0; MANY]);
+    let (mut u, mut probability) = (*u, [1.0; MANY]);
+    // The last child of each.
+    let mut child = [NONE; MANY];
+    for i in 0..count {
+        local[i] = tree.local(&receivers.get(i));
+        weights[i] = importance(root, &local[i]);
+    }
+    let mut left = 0;
+    for i in 0..count {
+        if !tree.beside.is_empty() {
+            probability[i] = tree.share_of_tree(&weights[i]);
+        }
+        if u[i] >= probability[i] {
+            chosen.put(i, tree.choose_beside(u[i], probability[i]));
+            continue;
+        }
+        u[i] = least(u[i] / probability[i], ONE_MINUS_EPSILON);
+        weights[left] = weights[i];
+        under_way[left] = i;
+        left += 1;
+    }
+    let in_tree = (under_way, left);
+    loop {
+        let mut kept = 0;
+        for at in 0..left {
+            let i = under_way[at] % MANY;
+            let (slot, of_slot, rest) = choose(&weights[at], u[i]);
+            let next = if of_slot.is_nan() { NONE } else { tree.nodes[node[i]].child[slot] };
+            (probability[i], u[i], child[i]) = (probability[i] * of_slot, rest, next);
+            let is_node = next & EMITTER == 0;
+            node[i] = if is_node { next as usize } else { 0 };
+            under_way[kept % MANY] = i;
+            kept += usize::from(is_node);
+        }
+        left = kept;
+        if left == 0 {
+            break;
+        }
+        for at in 0..left {
+            let i = under_way[at] % MANY;
+            weights[at] = importance(&tree.nodes[node[i]], &local[i]);
+        }
+    }
+    for &i in &in_tree.0[..in_tree.1] {
+        if child[i] == NONE {
+            chosen.light[i] = NONE;
+            continue;
+        }
+        (chosen.light[i], chosen.part[i]) = tree.emitters[(child[i] & !EMITTER) as usize];
+        chosen.probability[i] = probability[i];
+    }
+}
+
+/// [`sample_many`] where all lights are children of one node: the receivers in lanes instead of the children.
+#[inline(always)]
+fn sample_few(tree: &LightBvh, root: &Node, receivers: &Receivers, u: &[f32; MANY], chosen: &mut ChosenLights) {
+    let mut weights = [[0.0; MANY]; WIDTH];
+    let mut total = [0.0; MANY];
+    for (child, weights) in weights.iter_mut().enumerate().filter(|(child, _)| root.child[*child] != NONE) {
+        let lane = root.lane(child);
+        for i in 0..MANY {
+            weights[i] = lane.importance(&tree.local(&receivers.get(i)));
+            total[i] += weights[i];
+        }
+    }
+    let (mut found, mut before, mut over) = ([0.0; MANY], [0.0; MANY], [false; MANY]);
+    chosen.light = [NONE; MANY];
+    for (child, weights) in root.child.iter().zip(&weights).filter(|(child, _)| **child != NONE) {
+        let (light, part) = tree.emitters[(child & !EMITTER) as usize];
+        for i in 0..MANY {
+            let weight = weights[i];
+            let is_next = (weight > 0.0) & !over[i];
+            chosen.light[i] = if is_next { light } else { chosen.light[i] };
+            chosen.part[i] = if is_next { part } else { chosen.part[i] };
+            found[i] = if is_next { weight } else { found[i] };
+            over[i] |= is_next & (u[i].min(ONE_MINUS_EPSILON) * total[i] < before[i] + weight);
+            before[i] += if is_next { weight } else { 0.0 };
+        }
+    }
+    for i in 0..MANY {
+        chosen.probability[i] = found[i] / total[i];
+    }
+}
