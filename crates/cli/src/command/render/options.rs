@@ -152,7 +152,7 @@ pub struct Options {
     /// Where light and shadow meet on coarse meshes with smooth normals: smooth or faceted
     #[arg(long, value_name = "NAME", default_value = "smooth", help_heading = "How light is computed")]
     pub terminator: String,
-    /// Acceleration structure: bvh or none
+    /// Acceleration structure: bvh, none, graph, spheres, grid, octree, octree-hierarchical, bsp or kdtree. Never changes the picture
     #[arg(long, value_name = "NAME", default_value = "bvh", help_heading = "How light is computed")]
     pub accelerator: String,
     /// How the bvh is built: fast, medium or high. Never changes the picture
