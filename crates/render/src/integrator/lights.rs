@@ -266,6 +266,9 @@ impl Default for FlatArrivals {
 
 /// The part of a chosen light, if it is one of those that [`FlatLights`] holds: at least for far points.
 fn flat_part(scene: &CompiledScene, light: u32, part: u32) -> Option<(&FlatPart, &PlainEmission)> {
+    if light == NONE || part == NONE {
+        return None;
+    }
     let plain = scene.plain_emission(light as usize)?;
     let flat = area_light(scene, light)?.flat(part)?;
     (!plain.rgb.is_black()).then_some((flat, plain))
@@ -301,25 +304,31 @@ impl FlatLights {
 
     /// Looks up the lights that were chosen for these points, the first so many, and decides how each is sampled.
     fn look_up(&mut self, scene: &CompiledScene, positions: &HitVectors, count: usize, wide: Option<Wide>) {
-        for lane in 0..count {
-            let (light, part) = (self.chosen.light[lane], self.chosen.part[lane]);
-            if (self.light[lane] != light) | (self.part[lane] != part) {
-                self.put(scene, lane, light, part);
-            }
+        let (mut changed, mut changes) = ([0; LANES], 0);
+        for lane in 0..count.min(LANES) {
+            let is_same = (self.light[lane] == self.chosen.light[lane]) & (self.part[lane] == self.chosen.part[lane]);
+            changed[changes % LANES] = lane;
+            changes += usize::from(!is_same);
+        }
+        // (All are found before any is copied: so several are under way from memory.)
+        let mut found = [None; LANES];
+        for &lane in &changed[..changes] {
+            found[lane] = flat_part(scene, self.chosen.light[lane], self.chosen.part[lane]);
+        }
+        for &lane in &changed[..changes] {
+            self.put(scene, lane, found[lane]);
         }
         at_level!(wide, tell_far, (lights: &mut FlatLights = self, positions: &HitVectors = positions));
     }
 
-    /// Puts a light into a lane.
-    fn put(&mut self, scene: &CompiledScene, lane: usize, light: u32, part: u32) {
+    /// Puts the light that was chosen for a lane into it; `found` is its [`flat_part`].
+    fn put(&mut self, scene: &CompiledScene, lane: usize, found: Option<(&FlatPart, &PlainEmission)>) {
+        let (light, part) = (self.chosen.light[lane], self.chosen.part[lane]);
         (self.light[lane], self.part[lane]) = (light, part);
         // (Nothing is as far as that.)
         self.far[lane] = f32::INFINITY;
         self.how_near[lane] = if light == NONE { DARK } else { ALONE };
-        if light == NONE || part == NONE {
-            return;
-        }
-        let Some((flat, plain)) = flat_part(scene, light, part) else { return };
+        let Some((flat, plain)) = found else { return };
         if area_light(scene, light).is_some_and(|area| area.near(part).is_some()) {
             self.how_near[lane] = NEAR;
         }

@@ -320,8 +320,8 @@ impl Lane {
         // The sphere around the child, as seen from the receiver.
         let r2 = self.radius * self.radius;
         let is_inside = squared <= r2 * 1.0001;
-        let sin2 = r2 / most(squared, 1e-30);
-        let (sin, cos) = (sin2.sqrt(), most(1.0 - sin2, 0.0).sqrt());
+        let sin = self.radius * inverse;
+        let cos = sin_from_cos(sin);
         let sin_b = if is_inside { 0.0 } else { sin };
         let cos_b = if is_inside { -1.0 } else { cos };
         // Angle between the cone of main directions and the way to the receiver.
