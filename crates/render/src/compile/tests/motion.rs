@@ -1,7 +1,9 @@
 //! Scenes that move: while the shutter is open, and from one compilation to the next.
 
 use super::*;
+use crate::integrator::aov::Aov;
 use crate::{IntegratorKind, Job, Settings, reference};
+use snell_math::DVec2;
 use snell_scene::motion::{AnimatedTransform, Channel, Clip, Deformed, Joint, Morph, MorphTarget, Placement, Track};
 use snell_scene::motion::{Curve, Interpolation};
 use snell_scene::{Camera, Environment, Motion, Player};
@@ -139,4 +141,33 @@ fn motion_blur_is_the_mean_of_the_moments_and_the_same_in_every_way() {
     let differences = sharp.iter().zip(&mean).map(|(a, b)| f64::from(a - b).powi(2));
     let unblurred = (differences.sum::<f64>() / sharp.len() as f64).sqrt();
     assert!(unblurred > 2.5 * error, "{unblurred} {error}: a moment is not the mean");
+}
+
+#[test]
+fn motion_is_the_way_of_the_point_over_the_picture() {
+    let (opens, closes) = (0.4, 0.41);
+    let (open, cameras) = Playing::new().shot(opens, closes, None);
+    let aovs = vec![Aov::Position, Aov::Motion, Aov::PrimitiveId];
+    let settings = Settings { aovs, spp: 1, ..settings(&cameras, IntegratorKind::Aov) };
+    let image = Job::new(&open, &cameras[0], &settings).run(2, &|_| true).0.image();
+    let values = |layer: usize| &image.layers[layer].values;
+    let mut seen = [0; 3];
+    for pixel in (0..values(3).len()).filter(|&pixel| values(3)[pixel] >= 0.0) {
+        let at = |axis: usize| f64::from(values(1)[3 * pixel + axis]);
+        let point = DVec3::new(at(0), at(1), at(2));
+        // How fast it goes: the first square stays, the third is bent by how far a point is from its middle, the second goes and turns.
+        let (square, speed) = match point.x {
+            x if x < -1.5 => (0, DVec3::ZERO),
+            x if x > 1.9 => (2, DVec3::new(0.0, 0.0, (x - 3.0).abs())),
+            x => (1, DVec3::new(0.5 - point.y, x - 0.5 * opens, 0.0)),
+        };
+        seen[square] += 1;
+        let last = cameras.last().expect("there are some").project(point + speed * (closes - opens), settings.size);
+        let expected = last.expect("in sight") - cameras[0].project(point, settings.size).expect("in sight");
+        let found = DVec2::new(f64::from(values(2)[2 * pixel]), f64::from(values(2)[2 * pixel + 1]));
+        // (The point is that of a moment in between.)
+        let bound = 0.02 * expected.length() + 1e-4;
+        assert!((found - expected).length() < bound, "{point} of {square}: {found} {expected}");
+    }
+    assert!(seen.iter().all(|&count| count > 10), "{seen:?}");
 }
