@@ -282,6 +282,11 @@ pub trait LitColumns: Columns {
         keep(lanes, &self.light().outputs.is_lit, to);
     }
 
+    /// True if a lane sends a light ray.
+    fn is_lit(&self, lane: usize) -> bool {
+        self.light().outputs.is_lit[lane] != 0
+    }
+
     /// The light ray of a lane.
     #[inline(always)]
     fn light_ray(&self, lane: usize) -> Ray {

@@ -190,11 +190,44 @@ impl Scatterers for Surfaces<'_> {
 
     #[inline(always)]
     fn ray_origin(&self, lane: usize, direction: Vec3) -> Vec3 {
-        let (position, error) = (at(&self.points.position, lane), at(&self.points.position_error, lane));
-        lifted_ray_origin(position, error, at(&self.points.geometric_normal, lane), at(self.lift, lane), direction)
+        ray_origin(self.points, self.lift, lane, direction)
     }
 
     arrive_at_level!(Surfaces);
+}
+
+/// Surfaces of which no more is known here than where they are: how they scatter must be asked one by one, and the density with which
+/// a path goes somewhere is to be weighed in later ([`FlatArrivals::weigh`]).
+#[derive(Clone, Copy, Debug)]
+pub struct Skins<'a> {
+    pub points: &'a TrianglePoints,
+    /// See [`super::estimators::Skin::lift`].
+    pub lift: &'a HitVectors,
+}
+
+impl Scatterers for Skins<'_> {
+    fn position(&self) -> &HitVectors {
+        &self.points.position
+    }
+
+    #[inline(always)]
+    fn share(&self, _: usize, _: Vec3) -> (f32, bool) {
+        (0.0, true)
+    }
+
+    #[inline(always)]
+    fn ray_origin(&self, lane: usize, direction: Vec3) -> Vec3 {
+        ray_origin(self.points, self.lift, lane, direction)
+    }
+
+    arrive_at_level!(Skins);
+}
+
+/// Where a ray of this direction starts that leaves the surface of a lane.
+#[inline(always)]
+pub fn ray_origin(points: &TrianglePoints, lift: &HitVectors, lane: usize, direction: Vec3) -> Vec3 {
+    let (position, error) = (at(&points.position, lane), at(&points.position_error, lane));
+    lifted_ray_origin(position, error, at(&points.geometric_normal, lane), at(lift, lane), direction)
 }
 
 /// Points of media.
@@ -415,6 +448,13 @@ impl FlatArrivals {
     /// Directions from vertices to where the light comes from.
     pub fn directions(&self) -> &HitVectors {
         &self.direction
+    }
+
+    /// Weighs the sample of a lane against paths that would go there with this density.
+    #[inline(always)]
+    pub fn weigh(&mut self, lane: usize, pdf: f32) {
+        let weight = sampling::power_heuristic(self.density[lane], pdf);
+        (self.weight[lane], self.scale[lane]) = (weight, weight / self.density[lane]);
     }
 
     /// Puts a sample of another light into a lane.

@@ -22,6 +22,7 @@ pub(crate) mod path;
 pub(crate) mod scattered;
 mod scattering;
 pub(crate) mod specular;
+pub(crate) mod surfaces;
 #[cfg(test)]
 mod tests;
 
