@@ -5,7 +5,7 @@
 //! on what shares its batch.
 
 use super::carried::{Carried, Expected};
-use super::estimators::{Arrival, Skin, may_be_lifted};
+use super::estimators::{Arrival, may_be_lifted};
 use super::guided_lanes::{Directions, GuidedLanes};
 use super::lanes::{
     Arriving, CarriedLanes, Columns, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put,
@@ -79,9 +79,7 @@ impl Seen {
         let (wo, normal, reflectance) = (at(&lanes.wo, lane), at(normal, lane), color_at(reflectance, lane));
         let (geometric_normal, lift) = (at(&lanes.points.geometric_normal, lane), at(&lanes.lift, lane));
         let horizon = horizon(geometric_normal, normal, lift);
-        let position = at(&lanes.points.position, lane);
-        let skin = Skin { position_error: at(&lanes.points.position_error, lane), geometric_normal, lift };
-        let arrival = Arrival { position, surface: Some(skin), mode, time };
+        let arrival = lanes.arrival(lane, mode, time);
         Self { arrival, normal, horizon, cos_o: normal.dot(wo), side: horizon.dot(wo), reflectance }
     }
 

@@ -4,37 +4,92 @@
 //! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
 
 use super::carried::{Carried, Expected};
+use super::estimators::may_be_lifted;
 use super::guided::GuidedBsdf;
 use super::lanes::{
     Arriving, CarriedLanes, Columns, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put,
     put_color,
 };
-use super::lights::{DARK, FlatArrivals, Skins, ray_origin};
+use super::lights::{DARK, FlatArrivals, Skins, horizon, ray_origin};
 use super::lit::{LitLanes, LitOutputs};
 use super::path::{SCATTERED_SPREAD, Scatterer, shining, weighted_sample};
 use super::{Context, IntegratorKind, SurfaceVertex, Vertex, dimension};
-use crate::light_sampler::Receivers;
+use crate::light_sampler::{Receiver, Receivers};
 use crate::sampler::Sampler;
-use snell_intersect::triangles::{HitLanes, HitVectors};
+use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
+use snell_intersect::{GeometryId, TrianglePoints};
 use snell_math::simd::most;
-use snell_math::{ColorModel, Ray, SampledSpectrum, Vec2, at_level};
-use snell_scene::material::Prepared;
+use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level};
+use snell_scene::bsdf::{Bsdf, Lobes};
+use snell_scene::material::{FrameNeeds, Prepared, ShadingBsdf};
+use std::borrow::Cow;
 
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
 pub struct SurfaceVertices<'a> {
     lanes: VertexLanes,
-    scatterers: Vec<Scatterer<'a>>,
+    /// By geometry.
+    plain: Vec<Option<PlainSurface<'a>>>,
+    /// Lanes on these.
+    on_plain: Vec<(usize, PlainSurface<'a>)>,
+    /// `None` for lanes on plain surfaces until their frames are known.
+    scatterers: Vec<Option<Scatterer<'a>>>,
+    frames: Frames,
     /// The normal on the side where the path comes from.
     facing: HitVectors,
     /// Lanes of which the surface lets light through.
     transmitting: Vec<u32>,
+    transmits: [bool; LANES],
     /// As [`Carried::is_specular`], so far.
     is_specular: [bool; LANES],
     /// How the surfaces scatter light from where it comes from.
     scattered: Scattered,
     bounces: Bounces,
     lit: LitLanes,
+}
+
+/// A mesh that does not shine, of one BSDF that is the same everywhere.
+#[derive(Clone, Copy, Debug)]
+struct PlainSurface<'a> {
+    mesh: PlainMesh<'a>,
+    bsdf: &'a Bsdf,
+    needs: FrameNeeds,
+    is_opaque: bool,
+    /// It may stand for a smooth surface.
+    is_lifted: bool,
+}
+
+impl<'a> PlainSurface<'a> {
+    /// A geometry, if it is one.
+    fn of(context: &Context<'a>, geometry: u32) -> Option<Self> {
+        let scene = context.scene;
+        let mesh = scene.world.plain_mesh(GeometryId(geometry))?;
+        let id = scene.only_material(geometry).filter(|&id| !scene.material(id).is_emissive())?;
+        let material = scene.material(id);
+        let bsdf = scene.prepared(id).plain(material)?;
+        let is_opaque = bsdf.is_opaque();
+        let is_lifted = is_opaque && !bsdf.is_delta() && may_be_lifted(context, material);
+        Some(Self { mesh, bsdf, needs: FrameNeeds::of(bsdf), is_opaque, is_lifted })
+    }
+}
+
+/// Frames of lanes on plain surfaces.
+#[derive(Debug)]
+struct Frames {
+    /// What is known of the tangents.
+    dpdu: HitVectors,
+    /// As [`FrameNeeds`].
+    mirrors: [bool; LANES],
+    has_tangent: [bool; LANES],
+    x: HitVectors,
+    y: HitVectors,
+    z: HitVectors,
+}
+
+impl Frames {
+    fn at(&self, lane: usize) -> Frame {
+        Frame { x: at(&self.x, lane), y: at(&self.y, lane), z: at(&self.z, lane) }
+    }
 }
 
 /// See [`GuidedBsdf::eval_and_pdf`].
@@ -65,7 +120,7 @@ struct Bounces {
 
 impl<'a> SurfaceVertices<'a> {
     /// `None` if vertices on surfaces are to be worked on one by one.
-    pub fn new(context: &Context, sampler: &Sampler) -> Option<Self> {
+    pub fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
         let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
             && settings.color == ColorModel::Rgb
@@ -75,9 +130,20 @@ impl<'a> SurfaceVertices<'a> {
         let number = [0.0; LANES];
         Some(Self {
             lanes: VertexLanes::new(sampler, Some(wide)),
+            plain: (0..scene.world.geometry_count() as u32).map(|id| PlainSurface::of(context, id)).collect(),
+            on_plain: Vec::with_capacity(LANES),
             scatterers: Vec::with_capacity(LANES),
+            frames: Frames {
+                dpdu: ZERO,
+                mirrors: [false; LANES],
+                has_tangent: [false; LANES],
+                x: ZERO,
+                y: ZERO,
+                z: ZERO,
+            },
             facing: ZERO,
             transmitting: Vec::with_capacity(LANES),
+            transmits: [false; LANES],
             is_specular: [false; LANES],
             scattered: Scattered { value: ZERO, pdf: number },
             bounces: Bounces {
@@ -98,11 +164,84 @@ impl<'a> SurfaceVertices<'a> {
     /// Takes the paths with these numbers ([`VertexLanes::start`]). What they have hit must follow for each lane.
     pub fn start(&mut self, sampler: &Sampler, from: &Arriving, paths: &[u32], depth: u32) {
         self.lanes.start(sampler, from, paths, depth);
+        self.on_plain.clear();
         self.scatterers.clear();
         self.transmitting.clear();
     }
 
-    /// Says what the path of the next lane has hit, and gives the light that it finds there. `prepared` is [`SurfaceVertex::prepared`].
+    /// Says what the path of the next lane has hit, if it is a plain surface: then [`Self::gather_plain`] must follow, once all lanes are
+    /// told. `outside_ior` is the index of refraction on its outer side.
+    pub fn is_plain(&mut self, from: &Arriving, outside_ior: f32) -> bool {
+        let lane = self.scatterers.len();
+        let path = self.lanes.paths()[lane] as usize;
+        let hit = &from.hits[path];
+        let surface = self.plain.get(hit.geometry as usize).copied().flatten();
+        let Some(surface) = surface.filter(|_| hit.instance == 0 && outside_ior == 1.0) else { return false };
+        self.lanes.put_triangle(lane);
+        self.is_specular[lane] = from.carried[path].is_specular;
+        self.on_plain.push((lane, surface));
+        self.scatterers.push(None);
+        true
+    }
+
+    /// Looks up the triangles of all lanes on plain surfaces.
+    pub fn gather_plain(&mut self, from: &Arriving) {
+        let plain = &self.plain;
+        self.lanes.gather_triangles(from, |hit| plain[hit.geometry as usize].as_ref().map(|surface| &surface.mesh));
+        self.lanes.gather_uvs(self.on_plain.iter().map(|(lane, surface)| (*lane, &surface.mesh)));
+    }
+
+    /// The points of all lanes, and what scatters there.
+    fn place(&mut self, context: &Context) {
+        self.lanes.place();
+        self.lanes.place_lifts(context);
+        if self.on_plain.is_empty() {
+            return;
+        }
+        self.lanes.tangents(&mut self.frames.dpdu);
+        for &(lane, PlainSurface { needs, .. }) in &self.on_plain {
+            (self.frames.mirrors[lane], self.frames.has_tangent[lane]) = (needs.mirrors, needs.has_tangent);
+        }
+        at_level!(
+            self.lanes.wide,
+            turn,
+            (
+                points: &TrianglePoints = &self.lanes.points,
+                wo: &HitVectors = &self.lanes.wo,
+                frames: &mut Frames = &mut self.frames,
+            )
+        );
+        for i in 0..self.on_plain.len() {
+            let (lane, PlainSurface { bsdf, is_opaque, is_lifted, .. }) = self.on_plain[i];
+            if !self.is_sound(lane) {
+                continue;
+            }
+            if !is_lifted {
+                put(&mut self.lanes.lift, lane, Vec3::ZERO);
+            }
+            let (wo, frame, lift) = (at(&self.lanes.wo, lane), self.frames.at(lane), at(&self.lanes.lift, lane));
+            let arrival = self.lanes.arrival(lane, ColorMode::Rgb, 0.0);
+            let flat = at(&self.lanes.points.geometric_normal, lane);
+            let shading = ShadingBsdf::seen_from(wo, Cow::Borrowed(bsdf), frame, horizon(flat, frame.z, lift));
+            let receiver = Receiver {
+                position: arrival.position,
+                normal: if frame.z.dot(wo) < 0.0 { -frame.z } else { frame.z },
+                transmits: !is_opaque,
+            };
+            self.scatterers[lane] = Some(Scatterer { shading, at: arrival, receiver });
+            self.note_receiver(lane, &receiver);
+        }
+    }
+
+    fn note_receiver(&mut self, lane: usize, receiver: &Receiver) {
+        put(&mut self.facing, lane, receiver.normal);
+        self.transmits[lane] = receiver.transmits;
+        if receiver.transmits {
+            self.transmitting.push(lane as u32);
+        }
+    }
+
+    /// Says what the path of the next lane has hit, if it is no plain surface, and gives the light that it finds there. `prepared` is [`SurfaceVertex::prepared`].
     pub fn gather(
         &mut self,
         context: &Context,
@@ -117,22 +256,17 @@ impl<'a> SurfaceVertices<'a> {
         }
         let lane = self.scatterers.len();
         let scatterer = Scatterer::new(context, vertex, surface, prepared, &point);
-        let receiver = &scatterer.receiver;
-        put(&mut self.facing, lane, receiver.normal);
-        if receiver.transmits {
-            self.transmitting.push(lane as u32);
-        }
+        self.note_receiver(lane, &scatterer.receiver);
         let lift = scatterer.at.lift();
-        self.lanes.put_point(lane, OtherPoint::of(surface.interaction, receiver.normal, lift));
+        self.lanes.put_point(lane, OtherPoint::of(surface.interaction, scatterer.receiver.normal, lift));
         self.is_specular[lane] = vertex.state.is_specular;
-        self.scatterers.push(scatterer);
+        self.scatterers.push(Some(scatterer));
         found
     }
 
     /// Works out what the lanes give.
     pub fn shade(&mut self, context: &Context, depth: u32) {
-        self.lanes.place();
-        self.lanes.place_lifts(context);
+        self.place(context);
         let (wide, count) = (self.lanes.wide, self.scatterers.len());
         let numbers = |dimension| self.lanes.randoms.numbers(dimension, wide);
         let (choice, light) = (numbers(dimension::LOBE), self.lanes.randoms.pairs(dimension::LIGHT, wide));
@@ -144,7 +278,8 @@ impl<'a> SurfaceVertices<'a> {
         self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
         self.lit.glowing = [None; LANES];
         for (how, scatterer) in self.lit.lights.how.iter_mut().zip(&self.scatterers) {
-            *how = if scatterer.shading.is_delta() { DARK } else { *how };
+            let may_be_lit = scatterer.as_ref().is_some_and(|scatterer| !scatterer.shading.is_delta());
+            *how = if may_be_lit { *how } else { DARK };
         }
         let skins = Skins { points: &self.lanes.points, lift: &self.lanes.lift };
         self.lit.lights.arrivals(context.scene, &skins, &light, count, wide, &mut self.lit.arrivals);
@@ -168,26 +303,31 @@ impl<'a> SurfaceVertices<'a> {
         );
         let Self { lanes, scatterers, lit, .. } = self;
         lit.sample_alone(count, &light, |lane, chosen, u| {
-            let Scatterer { shading, at: arrival, receiver } = &scatterers[lane];
+            let Scatterer { shading, at: arrival, receiver } = scatterers[lane].as_ref()?;
             let (guided, wo) = (GuidedBsdf::new(context.field, shading, receiver), at(&lanes.wo, lane));
             let throughput = color_at(&lanes.carried.throughput, lane);
             weighted_sample(context, throughput, arrival, chosen, u, |wi| guided.eval_and_pdf(wo, wi))
         });
     }
 
+    /// False for a vertex that must be worked on alone after all.
+    pub fn is_sound(&self, lane: usize) -> bool {
+        self.lanes.points.is_sound[lane] != 0
+    }
+
     /// Asks the surface of a lane how it scatters the light that arrives, and where the path goes on.
     fn scatter(&mut self, context: &Context, lane: usize, u_lobe: f32, u: Vec2, u_quad: f32) {
         let Self { lanes, scatterers, scattered, bounces, lit, .. } = self;
-        let Scatterer { shading, receiver, .. } = &scatterers[lane];
+        bounces.exists[lane] = 0;
+        let Some(Scatterer { shading, receiver, .. }) = &scatterers[lane] else { return };
         let (guided, wo) = (GuidedBsdf::new(context.field, shading, receiver), at(&lanes.wo, lane));
         if lit.arrivals.exists[lane] != 0 {
             let (value, pdf) = guided.eval_and_pdf(wo, at(lit.arrivals.directions(), lane));
             put_color(&mut scattered.value, lane, value);
             scattered.pdf[lane] = pdf;
         }
-        let sample = guided.sample(wo, u_lobe, u, || u_quad);
-        bounces.exists[lane] = u32::from(sample.is_some());
-        let Some(sample) = sample else { return };
+        let Some(sample) = guided.sample(wo, u_lobe, u, || u_quad) else { return };
+        bounces.exists[lane] = 1;
         let carried = &lanes.carried;
         let crossing = if sample.is_transmission { shading.crossing_scale(wo) } else { 1.0 };
         let before = (color_at(&carried.throughput, lane), Expected::of(carried.expected[lane]));
@@ -232,7 +372,7 @@ impl Columns for SurfaceVertices<'_> {
             cone_spread: if is_delta { spread } else { most(spread, SCATTERED_SPREAD) },
             stream: 0,
             expected: Expected::of(bounces.expected[lane]),
-            transmits: self.scatterers[lane].receiver.transmits,
+            transmits: self.transmits[lane],
             is_specular: is_delta && self.is_specular[lane],
         }
     }
@@ -241,6 +381,22 @@ impl Columns for SurfaceVertices<'_> {
 impl LitColumns for SurfaceVertices<'_> {
     fn light(&self) -> &LitLanes {
         &self.lit
+    }
+}
+
+/// Frames as they are seen.
+#[inline(always)]
+fn turn(points: &TrianglePoints, wo: &HitVectors, frames: &mut Frames) {
+    for i in 0..LANES {
+        let (n, flat) = (at(&points.shading_normal, i), at(&points.geometric_normal, i));
+        let plain = Frame::from_z_and_x(n, at(&frames.dpdu, i));
+        let needs = FrameNeeds { mirrors: frames.mirrors[i], has_tangent: frames.has_tangent[i] };
+        let frame = needs.frame(&plain, flat, at(wo, i));
+        for axis in 0..3 {
+            frames.x[axis][i] = frame.x[axis];
+            frames.y[axis][i] = frame.y[axis];
+            frames.z[axis][i] = frame.z[axis];
+        }
     }
 }
 

@@ -54,19 +54,23 @@ impl PartRenderer<'_> {
     fn finish_matte(&mut self, depth: u32, vertices: &mut MatteVertices) {
         vertices.shade(&self.context, depth);
         let paths = vertices.paths();
-        self.lanes.clear();
-        self.lanes.extend(0..paths.len() as u32);
-        self.lanes.retain(|&lane| vertices.is_sound(lane as usize));
         if self.is_watched() {
             return self.collect_matte(depth, vertices, paths);
         }
-        if self.lanes.len() < paths.len() {
-            for (_, &path) in paths.iter().enumerate().filter(|(lane, _)| !vertices.is_sound(*lane)) {
-                self.shade_one(depth, path as usize);
-            }
-        }
+        self.use_lanes(depth, paths, |lane| vertices.is_sound(lane));
         self.collect_columns(vertices);
         self.note_insides(depth, vertices, paths);
+    }
+
+    /// Decides which lanes are in use: those that are sound. The vertices of the others are worked on alone.
+    pub(super) fn use_lanes(&mut self, depth: u32, paths: &[u32], is_sound: impl Fn(usize) -> bool) {
+        self.lanes.clear();
+        for (lane, &path) in (0..).zip(paths) {
+            match is_sound(lane as usize) {
+                true => self.lanes.push(lane),
+                false => self.shade_one(depth, path as usize),
+            }
+        }
     }
 
     /// Takes the light rays of the lanes that are in use, and where their paths go on.

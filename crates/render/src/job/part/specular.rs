@@ -74,14 +74,7 @@ impl PartRenderer<'_> {
     }
 
     fn finish_specular(&mut self, depth: u32, vertices: &SpecularVertices) {
-        let paths = vertices.paths();
-        self.lanes.clear();
-        for (lane, &path) in (0..).zip(paths) {
-            match vertices.is_sound(lane as usize) {
-                true => self.lanes.push(lane),
-                false => self.shade_one(depth, path as usize),
-            }
-        }
+        self.use_lanes(depth, vertices.paths(), |lane| vertices.is_sound(lane));
         self.collect_next(vertices);
         self.note_insides_beyond(depth, vertices);
     }

@@ -24,9 +24,12 @@ impl PartRenderer<'_> {
         vertices.start(self.sampler, &arriving, paths, depth);
         for lane in 0..vertices.paths().len() {
             let path = vertices.paths()[lane] as usize;
-            let (ray, hit, state) = (&rays[path], &hits[path], self.paths.state(path));
-            let interaction = self.paths.interaction(scene, path);
+            let (ray, hit) = (&rays[path], &hits[path]);
             let outside_ior = self.volumes.as_ref().map_or(1.0, |volumes| volumes.outside_ior(path, hit));
+            if vertices.is_plain(&arriving, outside_ior) {
+                continue;
+            }
+            let (state, interaction) = (self.paths.state(path), self.paths.interaction(scene, path));
             let surface = self.paths.surface(scene, path, &interaction, outside_ior);
             let prepared = scene.prepared(scene.material_id(hit));
             let sample = samples[path] as usize;
@@ -35,9 +38,9 @@ impl PartRenderer<'_> {
             self.samples[sample].radiance += vertices.gather(&self.context, &vertex, &surface, prepared);
         }
         if depth < self.context.max_depth() {
+            vertices.gather_plain(&arriving);
             vertices.shade(&self.context, depth);
-            self.lanes.clear();
-            self.lanes.extend(0..vertices.paths().len() as u32);
+            self.use_lanes(depth, vertices.paths(), |lane| vertices.is_sound(lane));
             self.collect_columns(&*vertices);
             self.note_insides_around(depth, &*vertices);
         }
