@@ -1,4 +1,4 @@
-//! Light samples of many vertices at once, where the chosen lights are flat and shine alike everywhere, and are far or rectangles: what
+//! Light samples of many vertices at once, where the chosen lights are flat and shine alike everywhere, and are far, or rectangles and triangles: what
 //! [`super::estimators::sample_light`] gives one at a time, bit for bit.
 
 use super::estimators::SHADOW_END;
@@ -14,7 +14,7 @@ use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES};
 use snell_math::simd::Wide;
 use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, at_level, sampling};
-use snell_scene::light::area::{AreaLight, FlatPart, FlatSample, NearRectangle, NearSample};
+use snell_scene::light::area::{AreaLight, FlatPart, FlatSample, NearPart, NearRectangle, NearSample, NearTriangle};
 use snell_scene::medium::HenyeyGreenstein;
 use std::f32::consts::FRAC_1_PI;
 
@@ -62,12 +62,14 @@ pub const ALONE: u32 = 3;
 /// Near rectangles that are sampled together.
 const NEAR_LANES: usize = 16;
 
-/// Samples of near rectangles.
+/// Samples of near rectangles and triangles.
 #[derive(Debug, Default)]
 struct NearLanes {
-    /// The lanes that have one.
+    /// The lanes that have one, and those of either kind.
     lanes: Vec<u32>,
+    of_kind: Vec<u32>,
     rectangles: NearRectangles,
+    triangles: NearTriangles,
     found: NearSamples<NEAR_LANES>,
     /// By lane.
     samples: NearSamples<LANES>,
@@ -83,12 +85,22 @@ struct NearRectangles {
     half: [[f64; NEAR_LANES]; 2],
 }
 
+/// Triangles, and who sees them.
+#[derive(Debug, Default)]
+struct NearTriangles {
+    from: [[f32; NEAR_LANES]; 3],
+    u: [[f32; NEAR_LANES]; 2],
+    corner: [[f32; NEAR_LANES]; 3],
+    edges: [[[f32; NEAR_LANES]; 3]; 2],
+}
+
 /// See [`NearSample`].
 #[derive(Debug)]
 struct NearSamples<const N: usize> {
     position: [[f32; N]; 3],
     direction: [[f32; N]; 3],
     pdf: [f32; N],
+    is_seen: [u32; N],
     exists: [u32; N],
 }
 
@@ -285,7 +297,7 @@ impl Default for FlatLights {
 impl<const N: usize> Default for NearSamples<N> {
     fn default() -> Self {
         let zero = [[0.0; N]; 3];
-        Self { position: zero, direction: zero, pdf: [0.0; N], exists: [0; N] }
+        Self { position: zero, direction: zero, pdf: [0.0; N], is_seen: [0; N], exists: [0; N] }
     }
 }
 
@@ -400,40 +412,118 @@ impl FlatLights {
         to.arrive(with_near, self, u, wide, arrivals);
     }
 
-    /// Samples the rectangles that are near.
+    /// Samples the rectangles and triangles that are near.
     #[inline(never)]
     fn sample_near(&mut self, scene: &CompiledScene, positions: &HitVectors, u: &[HitLanes; 2], wide: Option<Wide>) {
-        let NearLanes { lanes, rectangles, found, samples } = &mut self.near;
-        samples.exists = [0; LANES];
-        for lanes in lanes.chunks(NEAR_LANES) {
-            for (i, &lane) in lanes.iter().enumerate() {
-                let lane = lane as usize;
-                let area = area_light(scene, self.light[lane]);
-                let Some(rectangle) = area.and_then(|area| area.near(self.part[lane])) else { continue };
-                for (axis, positions) in positions.iter().enumerate() {
-                    rectangles.from[axis][i] = positions[lane];
-                    rectangles.center[axis][i] = rectangle.center[axis];
-                    rectangles.axes[0][axis][i] = rectangle.axes[0][axis];
-                    rectangles.axes[1][axis][i] = rectangle.axes[1][axis];
+        let near = &mut self.near;
+        near.samples.is_seen = [0; LANES];
+        for kind in [0, 1] {
+            near.of_kind.clear();
+            near.of_kind.extend(near.lanes.iter().filter(|&&lane| self.is_triangle[lane as usize] == kind));
+            for lanes in near.of_kind.chunks(NEAR_LANES) {
+                if kind == 0 {
+                    near.rectangles.gather(lanes, positions, u, |lane| {
+                        match area_light(scene, self.light[lane])?.near(self.part[lane])? {
+                            NearPart::Rectangle(rectangle) => Some(rectangle),
+                            NearPart::Triangle(_) => None,
+                        }
+                    });
+                    let of: &NearRectangles = &near.rectangles;
+                    let to = &mut near.found;
+                    at_level!(
+                        wide,
+                        near_rectangles,
+                        (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = to)
+                    );
+                } else {
+                    near.triangles.gather(lanes, positions, u, &self.corner, &self.edges);
+                    let of: &NearTriangles = &near.triangles;
+                    let to = &mut near.found;
+                    at_level!(
+                        wide,
+                        near_triangles,
+                        (of: &NearTriangles = of, to: &mut NearSamples<NEAR_LANES> = to)
+                    );
                 }
-                (rectangles.half[0][i], rectangles.half[1][i]) = (rectangle.half.x, rectangle.half.y);
-                (rectangles.u[0][i], rectangles.u[1][i]) = (u[0][lane], u[1][lane]);
+                near.samples.take(lanes, &near.found);
             }
-            let of: &NearRectangles = rectangles;
-            at_level!(
-                wide,
-                near_samples,
-                (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = found)
-            );
-            for (i, &lane) in lanes.iter().enumerate() {
-                let lane = lane as usize;
-                for axis in 0..3 {
-                    samples.position[axis][lane] = found.position[axis][i];
-                    samples.direction[axis][lane] = found.direction[axis][i];
-                }
-                samples.pdf[lane] = found.pdf[i];
-                samples.exists[lane] = found.exists[i];
+        }
+    }
+}
+
+impl NearRectangles {
+    fn gather(
+        &mut self,
+        lanes: &[u32],
+        positions: &HitVectors,
+        u: &[HitLanes; 2],
+        rectangle: impl Fn(usize) -> Option<NearRectangle>,
+    ) {
+        for (i, &lane) in lanes.iter().enumerate() {
+            let lane = lane as usize;
+            let Some(rectangle) = rectangle(lane) else { continue };
+            for (axis, positions) in positions.iter().enumerate() {
+                self.from[axis][i] = positions[lane];
+                self.center[axis][i] = rectangle.center[axis];
+                self.axes[0][axis][i] = rectangle.axes[0][axis];
+                self.axes[1][axis][i] = rectangle.axes[1][axis];
             }
+            (self.half[0][i], self.half[1][i]) = (rectangle.half.x, rectangle.half.y);
+            (self.u[0][i], self.u[1][i]) = (u[0][lane], u[1][lane]);
+        }
+    }
+}
+
+impl NearTriangles {
+    fn gather(
+        &mut self,
+        lanes: &[u32],
+        positions: &HitVectors,
+        u: &[HitLanes; 2],
+        corner: &HitVectors,
+        edges: &[HitVectors; 2],
+    ) {
+        for (i, &lane) in lanes.iter().enumerate() {
+            let lane = lane as usize;
+            for axis in 0..3 {
+                self.from[axis][i] = positions[axis][lane];
+                self.corner[axis][i] = corner[axis][lane];
+                self.edges[0][axis][i] = edges[0][axis][lane];
+                self.edges[1][axis][i] = edges[1][axis][lane];
+            }
+            (self.u[0][i], self.u[1][i]) = (u[0][lane], u[1][lane]);
+        }
+    }
+}
+
+impl<const N: usize> NearSamples<N> {
+    #[inline(always)]
+    fn put(&mut self, i: usize, sample: &NearSample) {
+        for axis in 0..3 {
+            self.position[axis][i] = sample.position[axis];
+            self.direction[axis][i] = sample.direction[axis];
+        }
+        self.pdf[i] = sample.pdf;
+        self.is_seen[i] = u32::from(sample.is_seen);
+        self.exists[i] = u32::from(sample.exists);
+    }
+
+    #[inline(always)]
+    fn get(&self, i: usize) -> NearSample {
+        let vector = |v: &[[f32; N]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        NearSample {
+            position: vector(&self.position),
+            direction: vector(&self.direction),
+            pdf: self.pdf[i],
+            is_seen: self.is_seen[i] != 0,
+            exists: self.exists[i] != 0,
+        }
+    }
+
+    /// Takes what was found for these lanes.
+    fn take(&mut self, lanes: &[u32], found: &NearSamples<NEAR_LANES>) {
+        for (i, &lane) in lanes.iter().enumerate() {
+            self.put(lane as usize, &found.get(i));
         }
     }
 }
@@ -487,7 +577,7 @@ fn tell_far(lights: &mut FlatLights, positions: &HitVectors) {
 
 /// See [`NearRectangle::sample`].
 #[inline(always)]
-fn near_samples(of: &NearRectangles, to: &mut NearSamples<NEAR_LANES>) {
+fn near_rectangles(of: &NearRectangles, to: &mut NearSamples<NEAR_LANES>) {
     for i in 0..NEAR_LANES {
         let vector = |v: &[[f64; NEAR_LANES]; 3]| DVec3::new(v[0][i], v[1][i], v[2][i]);
         let rectangle = NearRectangle {
@@ -496,13 +586,17 @@ fn near_samples(of: &NearRectangles, to: &mut NearSamples<NEAR_LANES>) {
             half: DVec2::new(of.half[0][i], of.half[1][i]),
         };
         let from = Vec3::new(of.from[0][i], of.from[1][i], of.from[2][i]);
-        let sample = rectangle.sample(from, Vec2::new(of.u[0][i], of.u[1][i]));
-        for axis in 0..3 {
-            to.position[axis][i] = sample.position[axis];
-            to.direction[axis][i] = sample.direction[axis];
-        }
-        to.pdf[i] = sample.pdf;
-        to.exists[i] = u32::from(sample.exists);
+        to.put(i, &rectangle.sample(from, Vec2::new(of.u[0][i], of.u[1][i])));
+    }
+}
+
+/// See [`NearTriangle::sample`].
+#[inline(always)]
+fn near_triangles(of: &NearTriangles, to: &mut NearSamples<NEAR_LANES>) {
+    for i in 0..NEAR_LANES {
+        let vector = |v: &[[f32; NEAR_LANES]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        let triangle = NearTriangle { corner: vector(&of.corner), edges: [vector(&of.edges[0]), vector(&of.edges[1])] };
+        to.put(i, &triangle.sample(vector(&of.from), Vec2::new(of.u[0][i], of.u[1][i])));
     }
 }
 
@@ -529,10 +623,7 @@ fn arrive<const WITH_NEAR: bool, S: Scatterers>(
         };
         let u = Vec2::new(u[0][i], u[1][i]);
         let sample = if WITH_NEAR {
-            let near = &lights.near.samples;
-            let (pdf, exists) = (near.pdf[i], near.exists[i] != 0);
-            let near = NearSample { position: vector(&near.position), direction: vector(&near.direction), pdf, exists };
-            part.near_or_by_area(near, position, u)
+            part.near_or_by_area(lights.near.samples.get(i), position, u)
         } else {
             part.sample(position, u)
         };
@@ -590,7 +681,7 @@ mod tests {
             let of = &of;
             at_level!(
                 level.wide(),
-                near_samples,
+                near_rectangles,
                 (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = &mut found)
             );
             for (i, (rectangle, from, u)) in cases.iter().enumerate() {
@@ -599,6 +690,41 @@ mod tests {
                 assert!(single.exists);
                 assert_eq!((at(&found.position), at(&found.direction)), (single.position, single.direction), "{level}");
                 assert_eq!((found.pdf[i], found.exists[i]), (single.pdf, 1), "{level}");
+            }
+        }
+    }
+
+    #[test]
+    fn near_triangles_are_sampled_alike_at_every_level() {
+        let number = |i: u32, k: u32| uniform2([i, k, 7, 7]).x * 2.0 - 1.0;
+        let vector = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
+        let mut of = NearTriangles::default();
+        let cases: [_; NEAR_LANES] = std::array::from_fn(|lane| {
+            let i = lane as u32;
+            let triangle = NearTriangle { corner: vector(i, 1), edges: [vector(i, 2), vector(i, 3)] };
+            let (from, u) = (vector(i, 4), uniform2([i, 9, 5, 5]));
+            for axis in 0..3 {
+                of.from[axis][lane] = from[axis];
+                of.corner[axis][lane] = triangle.corner[axis];
+                of.edges[0][axis][lane] = triangle.edges[0][axis];
+                of.edges[1][axis][lane] = triangle.edges[1][axis];
+            }
+            [of.u[0][lane], of.u[1][lane]] = u.to_array();
+            (triangle, from, u)
+        });
+        for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+            let (mut found, of) = (NearSamples::default(), &of);
+            at_level!(
+                level.wide(),
+                near_triangles,
+                (of: &NearTriangles = of, to: &mut NearSamples<NEAR_LANES> = &mut found)
+            );
+            for (i, (triangle, from, u)) in cases.iter().enumerate() {
+                let (single, found) = (triangle.sample(*from, *u), found.get(i));
+                assert!(single.exists);
+                assert_eq!((found.position, found.direction), (single.position, single.direction), "{level}");
+                assert_eq!((found.pdf, found.exists), (single.pdf, true), "{level}");
+                assert_eq!(found.is_seen, single.is_seen, "{level}");
             }
         }
     }
