@@ -241,9 +241,9 @@ fn tangents(hits: &TriangleHits, points: &TrianglePoints, to: &mut HitVectors) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BuildOptions, TriangleMesh, WorldBuilder};
+    use crate::{BuildOptions, WorldBuilder};
     use snell_math::simd::Level;
-    use snell_math::{Ray, Vec2, rng};
+    use snell_math::{Ray, rng};
 
     fn number(i: u32, k: u32) -> f32 {
         rng::uniform2([i, k, 3, 5]).x * 2.0 - 1.0
@@ -255,11 +255,14 @@ mod tests {
 
     #[test]
     fn many_points_are_those_of_single_interactions_at_every_level() {
-        for (with_normals, far) in [(false, 0.0), (true, 0.0), (true, 1e5)] {
+        for (with_normals, with_uvs, far) in [(false, true, 0.0), (true, true, 0.0), (true, false, 1e5)] {
             let positions = (0..3 * TRIANGLE_HITS as u32).map(|i| vector(i, 0) + Vec3::splat(far)).collect();
             let normals = (0..3 * TRIANGLE_HITS as u32).map(|i| vector(i, 1)).filter(|_| with_normals).collect();
             let indices = (0..TRIANGLE_HITS as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-            let mesh = TriangleMesh { positions, normals, indices, ..TriangleMesh::default() };
+            // (Coordinates that are the same at all corners now and then.)
+            let uv = |i: u32| vector(if (i / 3).is_multiple_of(7) { 0 } else { i }, 2).truncate();
+            let uvs = [(0..3 * TRIANGLE_HITS as u32).map(uv).filter(|_| with_uvs).collect(), Vec::new()];
+            let mesh = TriangleMesh { positions, normals, uvs, indices, ..TriangleMesh::default() };
             let mut builder = WorldBuilder::default();
             builder.add_mesh(WorldBuilder::ROOT, mesh.into());
             let world = builder.build(&BuildOptions::default()).expect("a world");
@@ -272,9 +275,11 @@ mod tests {
             let mut gathered = TriangleHits::default();
             let mesh = world.plain_mesh(GeometryId(0)).expect("a mesh");
             gathered.gather(hits.iter().enumerate().map(|(lane, hit)| (lane, &mesh, hit)));
-            for level in Level::ALL {
-                let mut points = TrianglePoints::default();
+            gathered.gather_uvs((0..hits.len()).map(|lane| (lane, &mesh)));
+            for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+                let (mut points, mut tangents) = (TrianglePoints::default(), ZERO);
                 gathered.points(&mut points, level.wide());
+                gathered.tangents(&points, &mut tangents, level.wide());
                 for (i, hit) in hits.iter().enumerate() {
                     let single = world.interaction(&Ray::new(Vec3::ZERO, Vec3::Z), hit);
                     let at = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
@@ -283,6 +288,7 @@ mod tests {
                     assert_eq!(at(&points.position_error), single.position_error);
                     assert_eq!(at(&points.geometric_normal), single.geometric_normal);
                     assert_eq!(at(&points.shading_normal), single.shading_normal);
+                    assert_eq!(at(&tangents), single.dpdu);
                 }
             }
         }

@@ -4,6 +4,7 @@
 use super::estimators::SHADOW_END;
 use super::lanes::{ZERO, at};
 use super::light_part::LightSource;
+use super::near_lights::{NearLights, NearParts};
 use super::{Context, dimension};
 use crate::compile::{CompiledLight, CompiledScene, PlainEmission};
 use crate::light_sampler::{ChosenLights, NONE, Receivers};
@@ -13,8 +14,8 @@ use snell_intersect::TrianglePoints;
 use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES};
 use snell_math::simd::Wide;
-use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, at_level, sampling};
-use snell_scene::light::area::{AreaLight, FlatPart, FlatSample, NearPart, NearRectangle, NearSample, NearTriangle};
+use snell_math::{Ray, Vec2, Vec3, at_level, sampling};
+use snell_scene::light::area::{AreaLight, FlatPart, FlatSample, NearPart};
 use snell_scene::medium::HenyeyGreenstein;
 use std::f32::consts::FRAC_1_PI;
 
@@ -47,7 +48,7 @@ pub struct FlatLights {
     is_triangle: [u32; LANES],
     /// 1 if both sides shine.
     on_both_sides: [u32; LANES],
-    near: NearLanes,
+    near: NearLights,
 }
 
 /// There is no light.
@@ -58,51 +59,6 @@ const FAR: u32 = 1;
 const NEAR: u32 = 2;
 /// The light is not one of these.
 pub const ALONE: u32 = 3;
-
-/// Near rectangles that are sampled together.
-const NEAR_LANES: usize = 16;
-
-/// Samples of near rectangles and triangles.
-#[derive(Debug, Default)]
-struct NearLanes {
-    /// The lanes that have one, and those of either kind.
-    lanes: Vec<u32>,
-    of_kind: Vec<u32>,
-    rectangles: NearRectangles,
-    triangles: NearTriangles,
-    found: NearSamples<NEAR_LANES>,
-    /// By lane.
-    samples: NearSamples<LANES>,
-}
-
-/// Rectangles, and who sees them.
-#[derive(Debug, Default)]
-struct NearRectangles {
-    from: [[f32; NEAR_LANES]; 3],
-    u: [[f32; NEAR_LANES]; 2],
-    center: [[f64; NEAR_LANES]; 3],
-    axes: [[[f64; NEAR_LANES]; 3]; 2],
-    half: [[f64; NEAR_LANES]; 2],
-}
-
-/// Triangles, and who sees them.
-#[derive(Debug, Default)]
-struct NearTriangles {
-    from: [[f32; NEAR_LANES]; 3],
-    u: [[f32; NEAR_LANES]; 2],
-    corner: [[f32; NEAR_LANES]; 3],
-    edges: [[[f32; NEAR_LANES]; 3]; 2],
-}
-
-/// See [`NearSample`].
-#[derive(Debug)]
-struct NearSamples<const N: usize> {
-    position: [[f32; N]; 3],
-    direction: [[f32; N]; 3],
-    pdf: [f32; N],
-    is_seen: [u32; N],
-    exists: [u32; N],
-}
 
 /// What light samples bring to vertices.
 #[derive(Debug)]
@@ -289,15 +245,8 @@ impl Default for FlatLights {
             pdf: [0.0; LANES],
             is_triangle: [0; LANES],
             on_both_sides: [0; LANES],
-            near: NearLanes::default(),
+            near: NearLights::default(),
         }
-    }
-}
-
-impl<const N: usize> Default for NearSamples<N> {
-    fn default() -> Self {
-        let zero = [[0.0; N]; 3];
-        Self { position: zero, direction: zero, pdf: [0.0; N], is_seen: [0; N], exists: [0; N] }
     }
 }
 
@@ -407,124 +356,14 @@ impl FlatLights {
         self.near.lanes.extend((0..count as u32).filter(|&lane| self.how[lane as usize] == NEAR));
         let with_near = !self.near.lanes.is_empty();
         if with_near {
-            self.sample_near(scene, to.position(), u, wide);
+            let Self { near, light, part, is_triangle, corner, edges, .. } = self;
+            let rectangle = |lane: usize| match area_light(scene, light[lane])?.near(part[lane])? {
+                NearPart::Rectangle(rectangle) => Some(rectangle),
+                NearPart::Triangle(_) => None,
+            };
+            near.sample(&NearParts { positions: to.position(), u, is_triangle, corner, edges }, rectangle, wide);
         }
         to.arrive(with_near, self, u, wide, arrivals);
-    }
-
-    /// Samples the rectangles and triangles that are near.
-    #[inline(never)]
-    fn sample_near(&mut self, scene: &CompiledScene, positions: &HitVectors, u: &[HitLanes; 2], wide: Option<Wide>) {
-        let near = &mut self.near;
-        near.samples.is_seen = [0; LANES];
-        for kind in [0, 1] {
-            near.of_kind.clear();
-            near.of_kind.extend(near.lanes.iter().filter(|&&lane| self.is_triangle[lane as usize] == kind));
-            for lanes in near.of_kind.chunks(NEAR_LANES) {
-                if kind == 0 {
-                    near.rectangles.gather(lanes, positions, u, |lane| {
-                        match area_light(scene, self.light[lane])?.near(self.part[lane])? {
-                            NearPart::Rectangle(rectangle) => Some(rectangle),
-                            NearPart::Triangle(_) => None,
-                        }
-                    });
-                    let of: &NearRectangles = &near.rectangles;
-                    let to = &mut near.found;
-                    at_level!(
-                        wide,
-                        near_rectangles,
-                        (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = to)
-                    );
-                } else {
-                    near.triangles.gather(lanes, positions, u, &self.corner, &self.edges);
-                    let of: &NearTriangles = &near.triangles;
-                    let to = &mut near.found;
-                    at_level!(
-                        wide,
-                        near_triangles,
-                        (of: &NearTriangles = of, to: &mut NearSamples<NEAR_LANES> = to)
-                    );
-                }
-                near.samples.take(lanes, &near.found);
-            }
-        }
-    }
-}
-
-impl NearRectangles {
-    fn gather(
-        &mut self,
-        lanes: &[u32],
-        positions: &HitVectors,
-        u: &[HitLanes; 2],
-        rectangle: impl Fn(usize) -> Option<NearRectangle>,
-    ) {
-        for (i, &lane) in lanes.iter().enumerate() {
-            let lane = lane as usize;
-            let Some(rectangle) = rectangle(lane) else { continue };
-            for (axis, positions) in positions.iter().enumerate() {
-                self.from[axis][i] = positions[lane];
-                self.center[axis][i] = rectangle.center[axis];
-                self.axes[0][axis][i] = rectangle.axes[0][axis];
-                self.axes[1][axis][i] = rectangle.axes[1][axis];
-            }
-            (self.half[0][i], self.half[1][i]) = (rectangle.half.x, rectangle.half.y);
-            (self.u[0][i], self.u[1][i]) = (u[0][lane], u[1][lane]);
-        }
-    }
-}
-
-impl NearTriangles {
-    fn gather(
-        &mut self,
-        lanes: &[u32],
-        positions: &HitVectors,
-        u: &[HitLanes; 2],
-        corner: &HitVectors,
-        edges: &[HitVectors; 2],
-    ) {
-        for (i, &lane) in lanes.iter().enumerate() {
-            let lane = lane as usize;
-            for axis in 0..3 {
-                self.from[axis][i] = positions[axis][lane];
-                self.corner[axis][i] = corner[axis][lane];
-                self.edges[0][axis][i] = edges[0][axis][lane];
-                self.edges[1][axis][i] = edges[1][axis][lane];
-            }
-            (self.u[0][i], self.u[1][i]) = (u[0][lane], u[1][lane]);
-        }
-    }
-}
-
-impl<const N: usize> NearSamples<N> {
-    #[inline(always)]
-    fn put(&mut self, i: usize, sample: &NearSample) {
-        for axis in 0..3 {
-            self.position[axis][i] = sample.position[axis];
-            self.direction[axis][i] = sample.direction[axis];
-        }
-        self.pdf[i] = sample.pdf;
-        self.is_seen[i] = u32::from(sample.is_seen);
-        self.exists[i] = u32::from(sample.exists);
-    }
-
-    #[inline(always)]
-    fn get(&self, i: usize) -> NearSample {
-        let vector = |v: &[[f32; N]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
-        NearSample {
-            position: vector(&self.position),
-            direction: vector(&self.direction),
-            pdf: self.pdf[i],
-            is_seen: self.is_seen[i] != 0,
-            exists: self.exists[i] != 0,
-        }
-    }
-
-    /// Takes what was found for these lanes.
-    fn take(&mut self, lanes: &[u32], found: &NearSamples<NEAR_LANES>) {
-        for (i, &lane) in lanes.iter().enumerate() {
-            self.put(lane as usize, &found.get(i));
-        }
     }
 }
 
@@ -575,31 +414,6 @@ fn tell_far(lights: &mut FlatLights, positions: &HitVectors) {
     }
 }
 
-/// See [`NearRectangle::sample`].
-#[inline(always)]
-fn near_rectangles(of: &NearRectangles, to: &mut NearSamples<NEAR_LANES>) {
-    for i in 0..NEAR_LANES {
-        let vector = |v: &[[f64; NEAR_LANES]; 3]| DVec3::new(v[0][i], v[1][i], v[2][i]);
-        let rectangle = NearRectangle {
-            center: vector(&of.center),
-            axes: [vector(&of.axes[0]), vector(&of.axes[1])],
-            half: DVec2::new(of.half[0][i], of.half[1][i]),
-        };
-        let from = Vec3::new(of.from[0][i], of.from[1][i], of.from[2][i]);
-        to.put(i, &rectangle.sample(from, Vec2::new(of.u[0][i], of.u[1][i])));
-    }
-}
-
-/// See [`NearTriangle::sample`].
-#[inline(always)]
-fn near_triangles(of: &NearTriangles, to: &mut NearSamples<NEAR_LANES>) {
-    for i in 0..NEAR_LANES {
-        let vector = |v: &[[f32; NEAR_LANES]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
-        let triangle = NearTriangle { corner: vector(&of.corner), edges: [vector(&of.edges[0]), vector(&of.edges[1])] };
-        to.put(i, &triangle.sample(vector(&of.from), Vec2::new(of.u[0][i], of.u[1][i])));
-    }
-}
-
 /// `WITH_NEAR` if there are samples of near lights.
 #[inline(always)]
 fn arrive<const WITH_NEAR: bool, S: Scatterers>(
@@ -645,87 +459,5 @@ fn arrive<const WITH_NEAR: bool, S: Scatterers>(
         arrivals.weight[i] = weight;
         arrivals.scale[i] = weight / density;
         arrivals.exists[i] = u32::from(exists & is_lit & is_seen & is_here);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use snell_math::rng::uniform2;
-    use snell_math::simd::Level;
-
-    #[test]
-    fn near_rectangles_are_sampled_alike_at_every_level() {
-        let number = |i: u32, k: u32| uniform2([i, k, 5, 5]).x * 2.0 - 1.0;
-        let vector = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
-        let mut of = NearRectangles::default();
-        let cases: [_; NEAR_LANES] = std::array::from_fn(|i| {
-            let (x, y) = vector(i as u32, 0).as_dvec3().normalize().any_orthonormal_pair();
-            let rectangle = NearRectangle {
-                center: vector(i as u32, 1).as_dvec3(),
-                axes: [x, y],
-                half: vector(i as u32, 2).as_dvec3().abs().truncate(),
-            };
-            let (from, u) = (vector(i as u32, 3) * 0.5, uniform2([i as u32, 9, 5, 5]));
-            for axis in 0..3 {
-                of.from[axis][i] = from[axis];
-                of.center[axis][i] = rectangle.center[axis];
-                of.axes[0][axis][i] = x[axis];
-                of.axes[1][axis][i] = y[axis];
-            }
-            ([of.half[0][i], of.half[1][i]], [of.u[0][i], of.u[1][i]]) = (rectangle.half.to_array(), u.to_array());
-            (rectangle, from, u)
-        });
-        for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-            let mut found = NearSamples::default();
-            let of = &of;
-            at_level!(
-                level.wide(),
-                near_rectangles,
-                (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = &mut found)
-            );
-            for (i, (rectangle, from, u)) in cases.iter().enumerate() {
-                let single = rectangle.sample(*from, *u);
-                let at = |v: &[[f32; NEAR_LANES]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
-                assert!(single.exists);
-                assert_eq!((at(&found.position), at(&found.direction)), (single.position, single.direction), "{level}");
-                assert_eq!((found.pdf[i], found.exists[i]), (single.pdf, 1), "{level}");
-            }
-        }
-    }
-
-    #[test]
-    fn near_triangles_are_sampled_alike_at_every_level() {
-        let number = |i: u32, k: u32| uniform2([i, k, 7, 7]).x * 2.0 - 1.0;
-        let vector = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
-        let mut of = NearTriangles::default();
-        let cases: [_; NEAR_LANES] = std::array::from_fn(|lane| {
-            let i = lane as u32;
-            let triangle = NearTriangle { corner: vector(i, 1), edges: [vector(i, 2), vector(i, 3)] };
-            let (from, u) = (vector(i, 4), uniform2([i, 9, 5, 5]));
-            for axis in 0..3 {
-                of.from[axis][lane] = from[axis];
-                of.corner[axis][lane] = triangle.corner[axis];
-                of.edges[0][axis][lane] = triangle.edges[0][axis];
-                of.edges[1][axis][lane] = triangle.edges[1][axis];
-            }
-            [of.u[0][lane], of.u[1][lane]] = u.to_array();
-            (triangle, from, u)
-        });
-        for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-            let (mut found, of) = (NearSamples::default(), &of);
-            at_level!(
-                level.wide(),
-                near_triangles,
-                (of: &NearTriangles = of, to: &mut NearSamples<NEAR_LANES> = &mut found)
-            );
-            for (i, (triangle, from, u)) in cases.iter().enumerate() {
-                let (single, found) = (triangle.sample(*from, *u), found.get(i));
-                assert!(single.exists);
-                assert_eq!((found.position, found.direction), (single.position, single.direction), "{level}");
-                assert_eq!((found.pdf, found.exists), (single.pdf, true), "{level}");
-                assert_eq!(found.is_seen, single.is_seen, "{level}");
-            }
-        }
     }
 }

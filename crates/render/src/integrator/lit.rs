@@ -103,11 +103,11 @@ impl LitLanes {
         u: &[HitLanes; 2],
         sample: impl Fn(usize, &ChosenLight, Vec2) -> Option<WeightedLight>,
     ) {
-        for lane in 0..count {
+        for (lane, (&x, &y)) in u[0].iter().zip(&u[1]).enumerate().take(count) {
             if self.lights.how[lane] == ALONE
                 && let Some(chosen) = self.lights.chosen.get(lane)
             {
-                self.put_alone(lane, sample(lane, &chosen, Vec2::new(u[0][lane], u[1][lane])));
+                self.put_alone(lane, sample(lane, &chosen, Vec2::new(x, y)));
             }
         }
     }

@@ -338,6 +338,7 @@ impl LitColumns for MatteVertices {
 
 /// What vertices give, where their lights are flat.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn outputs(
     carried: &CarriedLanes,
     reflectance: &HitVectors,

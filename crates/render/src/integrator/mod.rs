@@ -18,6 +18,7 @@ mod lit;
 pub(crate) mod matte;
 pub(crate) mod matte_surfaces;
 mod motion;
+mod near_lights;
 pub(crate) mod path;
 pub(crate) mod scattered;
 mod scattering;

@@ -156,7 +156,6 @@ impl LitColumns for ScatteredVertices {
 
 /// What vertices give, where their lights are flat.
 #[inline(always)]
-#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn outputs(
     carried: &CarriedLanes,
     wo: &HitVectors,
