@@ -1,5 +1,6 @@
 //! Orthonormal frames: the local shading space, in which `z` is the normal.
 
+use crate::simd::most;
 use glam::Vec3;
 
 /// A right-handed orthonormal basis. Local directions have `z` along the normal.
@@ -16,7 +17,7 @@ pub struct Frame {
 impl Frame {
     /// A frame around the unit vector `z`; the tangent is arbitrary but a continuous function of `z` on each hemisphere
     /// (Duff et al., Building an orthonormal basis, revisited, JCGT 2017).
-    #[inline]
+    #[inline(always)]
     pub fn from_z(z: Vec3) -> Self {
         let sign = 1.0_f32.copysign(z.z);
         let a = -1.0 / (sign + z.z);
@@ -29,16 +30,26 @@ impl Frame {
     }
 
     /// A frame around the unit vector `z` whose x axis is as near to `x` as it can be. Falls back to [`Self::from_z`] if `x` is
-    /// parallel to `z` or not finite.
-    #[inline]
+    /// parallel to `z` or not finite. Without branches, so that loops over it become vector code.
+    #[inline(always)]
     pub fn from_z_and_x(z: Vec3, x: Vec3) -> Self {
         // Derivatives of positions have any length: squares of tiny and of huge ones do not fit.
-        let x = x / x.abs().max_element();
+        let x = x / most(most(x.x.abs(), x.y.abs()), x.z.abs());
         let tangent = x - z * z.dot(x);
-        match tangent.try_normalize() {
-            Some(x) if tangent.length_squared() > 1e-12 => Self { x, y: z.cross(x), z },
-            _ => Self::from_z(z),
-        }
+        let scale = 1.0 / tangent.length();
+        let is_other = (scale > 0.0) & (scale < f32::INFINITY) & (tangent.length_squared() > 1e-12);
+        let (x, any) = (tangent * scale, Self::from_z(z));
+        Self { x, y: z.cross(x), z }.or(&any, is_other)
+    }
+
+    /// This frame if so, otherwise the other one. Without a branch.
+    #[inline(always)]
+    pub fn or(&self, other: &Self, is_this: bool) -> Self {
+        let either = |a: Vec3, b: Vec3| {
+            let one = |a: f32, b: f32| if is_this { a } else { b };
+            Vec3::new(one(a.x, b.x), one(a.y, b.y), one(a.z, b.z))
+        };
+        Self { x: either(self.x, other.x), y: either(self.y, other.y), z: either(self.z, other.z) }
     }
 
     /// Local coordinates of an outer direction.

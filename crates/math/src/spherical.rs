@@ -8,19 +8,19 @@ use std::f64::consts::{PI, TAU};
 
 /// Solid angle of the triangle of these unit vectors, `[0, 2 pi]` (Van Oosterom and Strackee, The Solid Angle of a Plane Triangle,
 /// 1983).
-#[inline]
+#[inline(always)]
 pub fn triangle_solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     let volume = a.dot(b.cross(c)).abs();
     2.0 * angles::turn_to(volume, 1.0 + a.dot(b) + b.dot(c) + c.dot(a))
 }
 
 /// A unit vector uniform in the spherical triangle of three unit vectors, whose solid angle is known (Arvo, Stratified Sampling of
-/// Spherical Triangles, 1995, in the form of Pharr, Jakob and Humphreys, 4th edition, section 6.5.4). `None` if the triangle is
-/// degenerate.
-#[inline]
-pub fn sample_triangle([a, b, c]: [DVec3; 3], solid_angle: f64, u: DVec2) -> Option<DVec3> {
-    let n_ab = a.cross(b).try_normalize()?;
-    let n_ca = c.cross(a).try_normalize()?;
+/// Spherical Triangles, 1995, in the form of Pharr, Jakob and Humphreys, 4th edition, section 6.5.4). False if the triangle is
+/// degenerate, and then the vector is anything. Without branches, so that loops over it become vector code.
+#[inline(always)]
+pub fn sample_triangle([a, b, c]: [DVec3; 3], solid_angle: f64, u: DVec2) -> (DVec3, bool) {
+    let (n_ab, has_ab) = unit(a.cross(b));
+    let (n_ca, has_ca) = unit(c.cross(a));
     let cos_alpha = -n_ab.dot(n_ca);
     let sin_alpha = n_ab.cross(n_ca).length();
     // The part of the triangle's area up to the new side b c', less the angle alpha at a.
@@ -30,15 +30,24 @@ pub fn sample_triangle([a, b, c]: [DVec3; 3], solid_angle: f64, u: DVec2) -> Opt
     let k2 = sin_phi + sin_alpha * a.dot(b);
     let numerator = (k2 * cos_phi - k1 * sin_phi) * cos_alpha - k2;
     let denominator = (k2 * sin_phi + k1 * cos_phi) * sin_alpha;
-    let cos_side = (numerator / denominator).clamp(-1.0, 1.0);
-    if cos_side.is_nan() {
-        return None;
-    }
+    let ratio = numerator / denominator;
+    let cos_side = most(least(ratio, 1.0), -1.0);
     let sin_side = (1.0 - cos_side * cos_side).sqrt();
-    let third = a * cos_side + (c - a * c.dot(a)).try_normalize()? * sin_side;
+    let (across, has_side) = unit(c - a * c.dot(a));
+    let third = a * cos_side + across * sin_side;
     let z = 1.0 - u.y * (1.0 - third.dot(b));
-    let side = (third - b * third.dot(b)).normalize_or_zero();
-    Some(b * z + side * ((1.0 - z) * (1.0 + z)).max(0.0).sqrt())
+    let (side, _) = unit(third - b * third.dot(b));
+    let is_number = (ratio >= 0.0) | (ratio < 0.0);
+    (b * z + side * most((1.0 - z) * (1.0 + z), 0.0).sqrt(), has_ab & has_ca & has_side & is_number)
+}
+
+/// The vector at unit length; zero and false if it has no direction.
+#[inline(always)]
+fn unit(v: DVec3) -> (DVec3, bool) {
+    let scale = 1.0 / v.length();
+    let exists = (scale > 0.0) & (scale < f64::INFINITY);
+    let one = |x: f64| if exists { x * scale } else { 0.0 };
+    (DVec3::new(one(v.x), one(v.y), one(v.z)), exists)
 }
 
 /// A rectangle as seen from the origin, prepared to be sampled uniformly by solid angle (Ureña, Fajardo and King, An
@@ -180,7 +189,11 @@ mod tests {
             check(
                 &format!("triangle {i}"),
                 solid_angle,
-                |u| sample_triangle(unit, solid_angle, u).expect("it has area"),
+                |u| {
+                    let (direction, exists) = sample_triangle(unit, solid_angle, u);
+                    assert!(exists, "it has area");
+                    direction
+                },
                 |u| {
                     let s = u.x.sqrt();
                     (p[0] * (1.0 - s) + p[1] * (s * (1.0 - u.y)) + p[2] * (s * u.y), normal * 0.5)
@@ -234,7 +247,8 @@ mod tests {
         for corners in [line, [DVec3::X; 3], [DVec3::NAN; 3], [DVec3::X, DVec3::NEG_X, DVec3::Y]] {
             let [a, b, c] = corners;
             let solid_angle = triangle_solid_angle(a, b, c);
-            assert!(sample_triangle(corners, solid_angle, DVec2::splat(0.3)).is_none_or(|w| w.is_finite()));
+            let (direction, exists) = sample_triangle(corners, solid_angle, DVec2::splat(0.3));
+            assert!(!exists || direction.is_finite());
         }
     }
 }

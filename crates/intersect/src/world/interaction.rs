@@ -5,7 +5,7 @@ use crate::hit::{Hit, SurfaceInteraction, SurfacePoint};
 use crate::mesh::TriangleMesh;
 use crate::query::rays::{RayQuery, clamped_time};
 use crate::shape::ShapeSurface;
-use snell_math::{DMat3, DRay, DVec2, DVec3, Frame, Ray, Transform, Vec2, Vec3};
+use snell_math::{DRay, DVec2, DVec3, Frame, Ray, Transform, Vec2, Vec3};
 
 /// Bound of the relative error of a mapped coordinate in `f64` (four products, three sums), with room to spare.
 pub(super) const MAP_ERROR: f64 = 1.0 / (1u64 << 49) as f64;
@@ -137,13 +137,7 @@ fn in_world(local: LocalSurface, hit: &Hit) -> SurfaceInteraction {
         None => geometric_normal,
     };
     let (dpdu, dpdv) = (local.dpdu.as_vec3(), local.dpdv.as_vec3());
-    let usable = |v: Vec3| v.is_finite() && v != Vec3::ZERO;
-    let (dpdu, dpdv) = if usable(dpdu) && usable(dpdv) {
-        (dpdu, dpdv)
-    } else {
-        let frame = Frame::from_z(shading_normal);
-        (frame.x, frame.y)
-    };
+    let (dpdu, dpdv) = spanning(dpdu, dpdv, shading_normal);
     SurfaceInteraction {
         position,
         position_error,
@@ -240,19 +234,39 @@ fn line_normal(p: &[DVec3; 3], direction: &DVec3) -> DVec3 {
     across.unwrap_or_else(|| -direction.normalize_or(DVec3::NEG_Z))
 }
 
-/// Derivatives of the position by the texture coordinates (Pharr, Jakob and Humphreys, 4th edition, section 6.5.2); zero where the
-/// coordinates do not span a plane.
+/// The derivatives, or any if they are of no use.
 #[inline(always)]
-fn derivatives(p: &[DVec3; 3], uv: [DVec2; 3], normal: DVec3) -> (DVec3, DVec3) {
+pub(super) fn spanning(dpdu: Vec3, dpdv: Vec3, shading_normal: Vec3) -> (Vec3, Vec3) {
+    let usable = |v: Vec3| {
+        let is_finite = (v.x.abs() < f32::INFINITY) & (v.y.abs() < f32::INFINITY) & (v.z.abs() < f32::INFINITY);
+        is_finite & ((v.x != 0.0) | (v.y != 0.0) | (v.z != 0.0))
+    };
+    let are_usable = usable(dpdu) & usable(dpdv);
+    let frame = Frame::from_z(shading_normal);
+    let either = |a: Vec3, b: Vec3| {
+        let one = |a: f32, b: f32| if are_usable { a } else { b };
+        Vec3::new(one(a.x, b.x), one(a.y, b.y), one(a.z, b.z))
+    };
+    (either(dpdu, frame.x), either(dpdv, frame.y))
+}
+
+/// Derivatives of the position by the texture coordinates (Pharr, Jakob and Humphreys, 4th edition, section 6.5.2); zero where the
+/// coordinates do not span a plane. Without branches, so that loops over it become vector code.
+#[inline(always)]
+pub(super) fn derivatives(p: &[DVec3; 3], uv: [DVec2; 3], normal: DVec3) -> (DVec3, DVec3) {
     let (e1, e2) = (p[1] - p[0], p[2] - p[0]);
     let (t1, t2) = (uv[1] - uv[0], uv[2] - uv[0]);
     let determinant = t1.perp_dot(t2);
-    if determinant == 0.0 || !determinant.is_finite() {
-        return (DVec3::ZERO, DVec3::ZERO);
-    }
     let dpdu = (e1 * t2.y - e2 * t1.y) / determinant;
     let dpdv = (e2 * t1.x - e1 * t2.x) / determinant;
     // Both lie in the plane of the triangle and must span it.
-    let spans = DMat3::from_cols(dpdu.normalize_or_zero(), dpdv.normalize_or_zero(), normal).determinant().abs() > 1e-9;
-    if spans { (dpdu, dpdv) } else { (DVec3::ZERO, DVec3::ZERO) }
+    let [u_scale, v_scale] = [1.0 / dpdu.length(), 1.0 / dpdv.length()];
+    let has_length = |scale: f64| (scale > 0.0) & (scale < f64::INFINITY);
+    let spans = (dpdu * u_scale).dot((dpdv * v_scale).cross(normal)).abs() > 1e-9;
+    let exist = (determinant != 0.0) & spans & has_length(u_scale) & has_length(v_scale);
+    let kept = |v: DVec3| {
+        let one = |x: f64| if exist { x } else { 0.0 };
+        DVec3::new(one(v.x), one(v.y), one(v.z))
+    };
+    (kept(dpdu), kept(dpdv))
 }

@@ -1,10 +1,11 @@
 //! Many hits on triangles at once: what [`World::interaction`] says of each, bit for bit, without what only some materials ask for.
 
-use super::interaction::MAP_ERROR;
+use super::interaction::{MAP_ERROR, derivatives, spanning};
 use super::{Geometry, GeometryId, World};
 use crate::hit::Hit;
+use crate::mesh::TriangleMesh;
 use snell_math::simd::{Wide, most as greater};
-use snell_math::{Vec3, at_level};
+use snell_math::{Vec2, Vec3, at_level};
 
 /// How many hits a [`TriangleHits`] holds.
 pub const TRIANGLE_HITS: usize = 64;
@@ -20,6 +21,8 @@ pub struct PlainMesh<'w> {
     positions: &'w [Vec3],
     /// Of each vertex, or empty.
     normals: &'w [Vec3],
+    /// First texture coordinates of each vertex, or empty.
+    uvs: &'w [Vec2],
     indices: &'w [[u32; 3]],
 }
 
@@ -34,6 +37,8 @@ pub struct TriangleHits {
     has_normals: [bool; TRIANGLE_HITS],
     /// Barycentric coordinates of the second and third corner.
     pub(super) weights: [HitLanes; 2],
+    /// First texture coordinates of the corners, where they were [asked for](Self::gather_uvs); zero where there are none.
+    uvs: [[HitLanes; 2]; 3],
 }
 
 /// Points of triangles. See [`crate::SurfaceInteraction`] for the meaning of each.
@@ -61,6 +66,7 @@ impl Default for TriangleHits {
             normals: [ZERO; 3],
             has_normals: [false; TRIANGLE_HITS],
             weights: [[0.0; TRIANGLE_HITS]; 2],
+            uvs: [[[0.0; TRIANGLE_HITS]; 2]; 3],
         }
     }
 }
@@ -78,7 +84,8 @@ impl World {
     pub fn plain_mesh(&self, geometry: GeometryId) -> Option<PlainMesh<'_>> {
         match self.geometry(geometry) {
             Geometry::Mesh(mesh) if mesh.colors.is_empty() => {
-                Some(PlainMesh { positions: &mesh.positions, normals: &mesh.normals, indices: &mesh.indices })
+                let TriangleMesh { positions, normals, uvs: [uvs, _], indices, .. } = &**mesh;
+                Some(PlainMesh { positions, normals, uvs, indices })
             }
             _ => None,
         }
@@ -105,6 +112,27 @@ impl TriangleHits {
             }
             self.has_normals[lane] = has_normals;
         }
+    }
+
+    /// Puts the texture coordinates of hits that are in lanes already beside them: [`Self::tangents`] needs them.
+    #[inline]
+    pub fn gather_uvs<'w>(&mut self, hits: impl Iterator<Item = (usize, &'w PlainMesh<'w>)>) {
+        for (lane, mesh) in hits {
+            let indices = self.indices[lane];
+            for (to, index) in self.uvs.iter_mut().zip(indices) {
+                let uv = mesh.uvs.get(index as usize).copied().unwrap_or(Vec2::ZERO);
+                (to[0][lane], to[1][lane]) = (uv.x, uv.y);
+            }
+        }
+    }
+
+    /// Which way the first texture coordinates run at the points of all lanes: [`crate::SurfaceInteraction::dpdu`].
+    pub fn tangents(&self, points: &TrianglePoints, to: &mut HitVectors, wide: Option<Wide>) {
+        at_level!(
+            wide,
+            tangents,
+            (hits: &TriangleHits = self, points: &TrianglePoints = points, to: &mut HitVectors = to)
+        );
     }
 
     /// True if a hit is or was in a lane whose mesh has vertex normals.
@@ -193,12 +221,29 @@ fn points<const SMOOTH: bool>(hits: &TriangleHits, to: &mut TrianglePoints) {
     }
 }
 
+/// See [`TriangleHits::tangents`].
+#[inline(always)]
+fn tangents(hits: &TriangleHits, points: &TrianglePoints, to: &mut HitVectors) {
+    for i in 0..TRIANGLE_HITS {
+        let corner = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]).as_dvec3();
+        let uv = |v: &[HitLanes; 2]| Vec2::new(v[0][i], v[1][i]).as_dvec2();
+        let p = [corner(&hits.corners[0]), corner(&hits.corners[1]), corner(&hits.corners[2])];
+        let normal = (p[1] - p[0]).cross(p[2] - p[0]);
+        let normal = normal * (1.0 / normal.length());
+        let (dpdu, dpdv) = derivatives(&p, [uv(&hits.uvs[0]), uv(&hits.uvs[1]), uv(&hits.uvs[2])], normal);
+        let shading_normal =
+            Vec3::new(points.shading_normal[0][i], points.shading_normal[1][i], points.shading_normal[2][i]);
+        let (dpdu, _) = spanning(dpdu.as_vec3(), dpdv.as_vec3(), shading_normal);
+        (to[0][i], to[1][i], to[2][i]) = (dpdu.x, dpdu.y, dpdu.z);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BuildOptions, TriangleMesh, WorldBuilder};
+    use crate::{BuildOptions, WorldBuilder};
     use snell_math::simd::Level;
-    use snell_math::{Ray, Vec2, rng};
+    use snell_math::{Ray, rng};
 
     fn number(i: u32, k: u32) -> f32 {
         rng::uniform2([i, k, 3, 5]).x * 2.0 - 1.0
@@ -210,11 +255,14 @@ mod tests {
 
     #[test]
     fn many_points_are_those_of_single_interactions_at_every_level() {
-        for (with_normals, far) in [(false, 0.0), (true, 0.0), (true, 1e5)] {
+        for (with_normals, with_uvs, far) in [(false, true, 0.0), (true, true, 0.0), (true, false, 1e5)] {
             let positions = (0..3 * TRIANGLE_HITS as u32).map(|i| vector(i, 0) + Vec3::splat(far)).collect();
             let normals = (0..3 * TRIANGLE_HITS as u32).map(|i| vector(i, 1)).filter(|_| with_normals).collect();
             let indices = (0..TRIANGLE_HITS as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-            let mesh = TriangleMesh { positions, normals, indices, ..TriangleMesh::default() };
+            // (Coordinates that are the same at all corners now and then.)
+            let uv = |i: u32| vector(if (i / 3).is_multiple_of(7) { 0 } else { i }, 2).truncate();
+            let uvs = [(0..3 * TRIANGLE_HITS as u32).map(uv).filter(|_| with_uvs).collect(), Vec::new()];
+            let mesh = TriangleMesh { positions, normals, uvs, indices, ..TriangleMesh::default() };
             let mut builder = WorldBuilder::default();
             builder.add_mesh(WorldBuilder::ROOT, mesh.into());
             let world = builder.build(&BuildOptions::default()).expect("a world");
@@ -227,9 +275,11 @@ mod tests {
             let mut gathered = TriangleHits::default();
             let mesh = world.plain_mesh(GeometryId(0)).expect("a mesh");
             gathered.gather(hits.iter().enumerate().map(|(lane, hit)| (lane, &mesh, hit)));
-            for level in Level::ALL {
-                let mut points = TrianglePoints::default();
+            gathered.gather_uvs((0..hits.len()).map(|lane| (lane, &mesh)));
+            for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+                let (mut points, mut tangents) = (TrianglePoints::default(), ZERO);
                 gathered.points(&mut points, level.wide());
+                gathered.tangents(&points, &mut tangents, level.wide());
                 for (i, hit) in hits.iter().enumerate() {
                     let single = world.interaction(&Ray::new(Vec3::ZERO, Vec3::Z), hit);
                     let at = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
@@ -238,6 +288,7 @@ mod tests {
                     assert_eq!(at(&points.position_error), single.position_error);
                     assert_eq!(at(&points.geometric_normal), single.geometric_normal);
                     assert_eq!(at(&points.shading_normal), single.shading_normal);
+                    assert_eq!(at(&tangents), single.dpdu);
                 }
             }
         }

@@ -101,6 +101,11 @@ impl Arrival {
         Self { position, surface: Some(Skin { position_error, geometric_normal, lift }), mode: surface.mode, time }
     }
 
+    /// See [`Skin::lift`].
+    pub fn lift(&self) -> Vec3 {
+        self.surface.map_or(Vec3::ZERO, |skin| skin.lift)
+    }
+
     /// Where a ray of this direction starts that leaves the point.
     pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
         self.surface.map_or(self.position, |Skin { position_error, geometric_normal, lift }| {

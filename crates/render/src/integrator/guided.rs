@@ -1,6 +1,5 @@
 //! GuidedBsdf at a vertex: by the BSDF alone, or by a mixture of the BSDF and what a field has learnt.
 
-use super::PathState;
 use super::carried::Expected;
 use crate::guiding::{Cell, Choice, Field};
 use crate::light_sampler::Receiver;
@@ -84,26 +83,27 @@ impl<'a> GuidedBsdf<'a> {
         (pdf > 0.0).then_some(BsdfSample { wi, weight, pdf, is_delta: false, is_transmission })
     }
 
-    /// By what roulette decides whether a path of this throughput goes on: without guiding, what the throughput becomes. A guided throughput is small where
+    /// By what roulette decides whether a path of this throughput goes on: without guiding, what that becomes, `next`. A guided throughput is small where
     /// much light is expected, because many paths go there; so what counts is how much light that is (see [`expected_survival`]), or where nothing
-    /// is known, how much this bounce absorbs. `crossing` is [`ShadingBsdf::crossing_scale`] of the sample. With [`super::PathState::expected`] of the next ray.
+    /// is known, how much this bounce absorbs. `crossing` is [`ShadingBsdf::crossing_scale`] of the sample. With [`super::PathState::expected`] before and of the
+    /// next ray.
     pub fn survival(
         &self,
         wo: Vec3,
         sample: &BsdfSample,
         crossing: f32,
-        state: &PathState,
+        (throughput, first): (SampledSpectrum, Expected),
         next: f32,
     ) -> (f32, Expected) {
         if !self.is_guided {
-            return (next, state.expected);
+            return (next, first);
         }
-        let Some(cell) = self.cell else { return (sample.weight.max_element() * crossing, state.expected) };
-        let expected = state.throughput.max_element() * cell.expected;
+        let Some(cell) = self.cell else { return (sample.weight.max_element() * crossing, first) };
+        let expected = throughput.max_element() * cell.expected;
         if cell.density.is_none() || expected.is_nan() || expected <= 0.0 {
-            return (self.shading.albedo(wo).max_element(), state.expected);
+            return (self.shading.albedo(wo).max_element(), first);
         }
-        let (survival, first) = expected_survival(expected, state.expected.get());
+        let (survival, first) = expected_survival(expected, first.get());
         (survival, Expected::of(first))
     }
 

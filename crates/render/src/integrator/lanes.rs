@@ -1,6 +1,7 @@
 //! Vertices side by side, for what works on many at once: where paths have come to surfaces, and what they carry.
 
 use super::carried::Carried;
+use super::estimators::{Arrival, Skin};
 use super::lit::LitLanes;
 use super::{Context, dimension};
 use crate::sampler::{ManyRandoms, Random, Sampler};
@@ -8,7 +9,7 @@ use crate::settings::Terminator;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh, TRIANGLE_HITS};
 use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, TrianglePoints};
 use snell_math::simd::{Wide, least};
-use snell_math::{Ray, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, Ray, SampledSpectrum, Vec3};
 use snell_scene::MediumId;
 
 /// Most vertices at once.
@@ -176,6 +177,28 @@ impl VertexLanes {
         self.triangles.gather(hits);
     }
 
+    /// Looks up the texture coordinates of meshes of lanes whose triangles are known, for [`Self::tangents`].
+    #[inline(always)]
+    pub fn gather_uvs<'w>(&mut self, meshes: impl Iterator<Item = (usize, &'w PlainMesh<'w>)>) {
+        self.triangles.gather_uvs(meshes);
+    }
+
+    /// Which way texture coordinates run on the triangles ([`SurfaceInteraction::dpdu`]), once they are placed.
+    pub fn tangents(&self, to: &mut HitVectors) {
+        self.triangles.tangents(&self.points, to, self.wide);
+    }
+
+    /// Where light arrives at the vertex of a lane, once it is placed and lifted.
+    pub fn arrival(&self, lane: usize, mode: ColorMode, time: f32) -> Arrival {
+        let points = &self.points;
+        let skin = Skin {
+            position_error: at(&points.position_error, lane),
+            geometric_normal: at(&points.geometric_normal, lane),
+            lift: at(&self.lift, lane),
+        };
+        Arrival { position: at(&points.position, lane), surface: Some(skin), mode, time }
+    }
+
     /// Puts a point into a lane that is on a shape which is not instanced. False, and nothing is done, elsewhere.
     pub fn gather_shape(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit) -> bool {
         let world = &context.scene.world;
@@ -280,6 +303,11 @@ pub trait LitColumns: Columns {
     /// The lanes of those given that send a light ray.
     fn lit(&self, lanes: &[u32], to: &mut Vec<u32>) {
         keep(lanes, &self.light().outputs.is_lit, to);
+    }
+
+    /// True if a lane sends a light ray.
+    fn is_lit(&self, lane: usize) -> bool {
+        self.light().outputs.is_lit[lane] != 0
     }
 
     /// The light ray of a lane.

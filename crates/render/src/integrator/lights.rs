@@ -1,9 +1,10 @@
-//! Light samples of many vertices at once, where the chosen lights are flat and shine alike everywhere, and are far or rectangles: what
+//! Light samples of many vertices at once, where the chosen lights are flat and shine alike everywhere, and are far, or rectangles and triangles: what
 //! [`super::estimators::sample_light`] gives one at a time, bit for bit.
 
 use super::estimators::SHADOW_END;
 use super::lanes::{ZERO, at};
 use super::light_part::LightSource;
+use super::near_lights::{NearLights, NearParts};
 use super::{Context, dimension};
 use crate::compile::{CompiledLight, CompiledScene, PlainEmission};
 use crate::light_sampler::{ChosenLights, NONE, Receivers};
@@ -13,8 +14,8 @@ use snell_intersect::TrianglePoints;
 use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES};
 use snell_math::simd::Wide;
-use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, at_level, sampling};
-use snell_scene::light::area::{AreaLight, FlatPart, FlatSample, NearRectangle, NearSample};
+use snell_math::{Ray, Vec2, Vec3, at_level, sampling};
+use snell_scene::light::area::{AreaLight, FlatPart, FlatSample, NearPart};
 use snell_scene::medium::HenyeyGreenstein;
 use std::f32::consts::FRAC_1_PI;
 
@@ -47,7 +48,7 @@ pub struct FlatLights {
     is_triangle: [u32; LANES],
     /// 1 if both sides shine.
     on_both_sides: [u32; LANES],
-    near: NearLanes,
+    near: NearLights,
 }
 
 /// There is no light.
@@ -58,39 +59,6 @@ const FAR: u32 = 1;
 const NEAR: u32 = 2;
 /// The light is not one of these.
 pub const ALONE: u32 = 3;
-
-/// Near rectangles that are sampled together.
-const NEAR_LANES: usize = 16;
-
-/// Samples of near rectangles.
-#[derive(Debug, Default)]
-struct NearLanes {
-    /// The lanes that have one.
-    lanes: Vec<u32>,
-    rectangles: NearRectangles,
-    found: NearSamples<NEAR_LANES>,
-    /// By lane.
-    samples: NearSamples<LANES>,
-}
-
-/// Rectangles, and who sees them.
-#[derive(Debug, Default)]
-struct NearRectangles {
-    from: [[f32; NEAR_LANES]; 3],
-    u: [[f32; NEAR_LANES]; 2],
-    center: [[f64; NEAR_LANES]; 3],
-    axes: [[[f64; NEAR_LANES]; 3]; 2],
-    half: [[f64; NEAR_LANES]; 2],
-}
-
-/// See [`NearSample`].
-#[derive(Debug)]
-struct NearSamples<const N: usize> {
-    position: [[f32; N]; 3],
-    direction: [[f32; N]; 3],
-    pdf: [f32; N],
-    exists: [u32; N],
-}
 
 /// What light samples bring to vertices.
 #[derive(Debug)]
@@ -190,11 +158,44 @@ impl Scatterers for Surfaces<'_> {
 
     #[inline(always)]
     fn ray_origin(&self, lane: usize, direction: Vec3) -> Vec3 {
-        let (position, error) = (at(&self.points.position, lane), at(&self.points.position_error, lane));
-        lifted_ray_origin(position, error, at(&self.points.geometric_normal, lane), at(self.lift, lane), direction)
+        ray_origin(self.points, self.lift, lane, direction)
     }
 
     arrive_at_level!(Surfaces);
+}
+
+/// Surfaces of which no more is known here than where they are: how they scatter must be asked one by one, and the density with which
+/// a path goes somewhere is to be weighed in later ([`FlatArrivals::weigh`]).
+#[derive(Clone, Copy, Debug)]
+pub struct Skins<'a> {
+    pub points: &'a TrianglePoints,
+    /// See [`super::estimators::Skin::lift`].
+    pub lift: &'a HitVectors,
+}
+
+impl Scatterers for Skins<'_> {
+    fn position(&self) -> &HitVectors {
+        &self.points.position
+    }
+
+    #[inline(always)]
+    fn share(&self, _: usize, _: Vec3) -> (f32, bool) {
+        (0.0, true)
+    }
+
+    #[inline(always)]
+    fn ray_origin(&self, lane: usize, direction: Vec3) -> Vec3 {
+        ray_origin(self.points, self.lift, lane, direction)
+    }
+
+    arrive_at_level!(Skins);
+}
+
+/// Where a ray of this direction starts that leaves the surface of a lane.
+#[inline(always)]
+pub fn ray_origin(points: &TrianglePoints, lift: &HitVectors, lane: usize, direction: Vec3) -> Vec3 {
+    let (position, error) = (at(&points.position, lane), at(&points.position_error, lane));
+    lifted_ray_origin(position, error, at(&points.geometric_normal, lane), at(lift, lane), direction)
 }
 
 /// Points of media.
@@ -244,15 +245,8 @@ impl Default for FlatLights {
             pdf: [0.0; LANES],
             is_triangle: [0; LANES],
             on_both_sides: [0; LANES],
-            near: NearLanes::default(),
+            near: NearLights::default(),
         }
-    }
-}
-
-impl<const N: usize> Default for NearSamples<N> {
-    fn default() -> Self {
-        let zero = [[0.0; N]; 3];
-        Self { position: zero, direction: zero, pdf: [0.0; N], exists: [0; N] }
     }
 }
 
@@ -371,46 +365,14 @@ impl FlatLights {
         self.near.lanes.extend((0..count as u32).filter(|&lane| self.how[lane as usize] == NEAR));
         let with_near = !self.near.lanes.is_empty();
         if with_near {
-            self.sample_near(scene, to.position(), u, wide);
+            let Self { near, light, part, is_triangle, corner, edges, .. } = self;
+            let rectangle = |lane: usize| match area_light(scene, light[lane])?.near(part[lane])? {
+                NearPart::Rectangle(rectangle) => Some(rectangle),
+                NearPart::Triangle(_) => None,
+            };
+            near.sample(&NearParts { positions: to.position(), u, is_triangle, corner, edges }, rectangle, wide);
         }
         to.arrive(with_near, self, u, wide, arrivals);
-    }
-
-    /// Samples the rectangles that are near.
-    #[inline(never)]
-    fn sample_near(&mut self, scene: &CompiledScene, positions: &HitVectors, u: &[HitLanes; 2], wide: Option<Wide>) {
-        let NearLanes { lanes, rectangles, found, samples } = &mut self.near;
-        samples.exists = [0; LANES];
-        for lanes in lanes.chunks(NEAR_LANES) {
-            for (i, &lane) in lanes.iter().enumerate() {
-                let lane = lane as usize;
-                let area = area_light(scene, self.light[lane]);
-                let Some(rectangle) = area.and_then(|area| area.near(self.part[lane])) else { continue };
-                for (axis, positions) in positions.iter().enumerate() {
-                    rectangles.from[axis][i] = positions[lane];
-                    rectangles.center[axis][i] = rectangle.center[axis];
-                    rectangles.axes[0][axis][i] = rectangle.axes[0][axis];
-                    rectangles.axes[1][axis][i] = rectangle.axes[1][axis];
-                }
-                (rectangles.half[0][i], rectangles.half[1][i]) = (rectangle.half.x, rectangle.half.y);
-                (rectangles.u[0][i], rectangles.u[1][i]) = (u[0][lane], u[1][lane]);
-            }
-            let of: &NearRectangles = rectangles;
-            at_level!(
-                wide,
-                near_samples,
-                (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = found)
-            );
-            for (i, &lane) in lanes.iter().enumerate() {
-                let lane = lane as usize;
-                for axis in 0..3 {
-                    samples.position[axis][lane] = found.position[axis][i];
-                    samples.direction[axis][lane] = found.direction[axis][i];
-                }
-                samples.pdf[lane] = found.pdf[i];
-                samples.exists[lane] = found.exists[i];
-            }
-        }
     }
 }
 
@@ -424,6 +386,13 @@ impl FlatArrivals {
     /// Directions from vertices to where the light comes from.
     pub fn directions(&self) -> &HitVectors {
         &self.direction
+    }
+
+    /// Weighs the sample of a lane against paths that would go there with this density.
+    #[inline(always)]
+    pub fn weigh(&mut self, lane: usize, pdf: f32) {
+        let weight = sampling::power_heuristic(self.density[lane], pdf);
+        (self.weight[lane], self.scale[lane]) = (weight, weight / self.density[lane]);
     }
 
     /// Puts a sample of another light into a lane.
@@ -454,27 +423,6 @@ fn tell_far(lights: &mut FlatLights, positions: &HitVectors) {
     }
 }
 
-/// See [`NearRectangle::sample`].
-#[inline(always)]
-fn near_samples(of: &NearRectangles, to: &mut NearSamples<NEAR_LANES>) {
-    for i in 0..NEAR_LANES {
-        let vector = |v: &[[f64; NEAR_LANES]; 3]| DVec3::new(v[0][i], v[1][i], v[2][i]);
-        let rectangle = NearRectangle {
-            center: vector(&of.center),
-            axes: [vector(&of.axes[0]), vector(&of.axes[1])],
-            half: DVec2::new(of.half[0][i], of.half[1][i]),
-        };
-        let from = Vec3::new(of.from[0][i], of.from[1][i], of.from[2][i]);
-        let sample = rectangle.sample(from, Vec2::new(of.u[0][i], of.u[1][i]));
-        for axis in 0..3 {
-            to.position[axis][i] = sample.position[axis];
-            to.direction[axis][i] = sample.direction[axis];
-        }
-        to.pdf[i] = sample.pdf;
-        to.exists[i] = u32::from(sample.exists);
-    }
-}
-
 /// `WITH_NEAR` if there are samples of near lights.
 #[inline(always)]
 fn arrive<const WITH_NEAR: bool, S: Scatterers>(
@@ -498,10 +446,7 @@ fn arrive<const WITH_NEAR: bool, S: Scatterers>(
         };
         let u = Vec2::new(u[0][i], u[1][i]);
         let sample = if WITH_NEAR {
-            let near = &lights.near.samples;
-            let (pdf, exists) = (near.pdf[i], near.exists[i] != 0);
-            let near = NearSample { position: vector(&near.position), direction: vector(&near.direction), pdf, exists };
-            part.near_or_by_area(near, position, u)
+            part.near_or_by_area(lights.near.samples.get(i), position, u)
         } else {
             part.sample(position, u)
         };
@@ -523,52 +468,5 @@ fn arrive<const WITH_NEAR: bool, S: Scatterers>(
         arrivals.weight[i] = weight;
         arrivals.scale[i] = weight / density;
         arrivals.exists[i] = u32::from(exists & is_lit & is_seen & is_here);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use snell_math::rng::uniform2;
-    use snell_math::simd::Level;
-
-    #[test]
-    fn near_rectangles_are_sampled_alike_at_every_level() {
-        let number = |i: u32, k: u32| uniform2([i, k, 5, 5]).x * 2.0 - 1.0;
-        let vector = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
-        let mut of = NearRectangles::default();
-        let cases: [_; NEAR_LANES] = std::array::from_fn(|i| {
-            let (x, y) = vector(i as u32, 0).as_dvec3().normalize().any_orthonormal_pair();
-            let rectangle = NearRectangle {
-                center: vector(i as u32, 1).as_dvec3(),
-                axes: [x, y],
-                half: vector(i as u32, 2).as_dvec3().abs().truncate(),
-            };
-            let (from, u) = (vector(i as u32, 3) * 0.5, uniform2([i as u32, 9, 5, 5]));
-            for axis in 0..3 {
-                of.from[axis][i] = from[axis];
-                of.center[axis][i] = rectangle.center[axis];
-                of.axes[0][axis][i] = x[axis];
-                of.axes[1][axis][i] = y[axis];
-            }
-            ([of.half[0][i], of.half[1][i]], [of.u[0][i], of.u[1][i]]) = (rectangle.half.to_array(), u.to_array());
-            (rectangle, from, u)
-        });
-        for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-            let mut found = NearSamples::default();
-            let of = &of;
-            at_level!(
-                level.wide(),
-                near_samples,
-                (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = &mut found)
-            );
-            for (i, (rectangle, from, u)) in cases.iter().enumerate() {
-                let single = rectangle.sample(*from, *u);
-                let at = |v: &[[f32; NEAR_LANES]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
-                assert!(single.exists);
-                assert_eq!((at(&found.position), at(&found.direction)), (single.position, single.direction), "{level}");
-                assert_eq!((found.pdf[i], found.exists[i]), (single.pdf, 1), "{level}");
-            }
-        }
     }
 }

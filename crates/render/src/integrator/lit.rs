@@ -1,9 +1,12 @@
 //! What lights bring to vertices that are worked on together, and where their paths go on: the same for surfaces and points of media.
 
-use super::lanes::{LANES, ZERO, put_color};
-use super::lights::{FlatArrivals, FlatLights};
+use super::lanes::{CarriedLanes, LANES, Roulette, ZERO, put_color};
+use super::lights::{ALONE, FlatArrivals, FlatLights};
 use super::path::WeightedLight;
-use snell_intersect::triangles::HitVectors;
+use crate::light_sampler::ChosenLight;
+use snell_intersect::triangles::{HitLanes, HitVectors};
+use snell_math::Vec2;
+use snell_math::simd::most;
 use snell_scene::MediumId;
 
 /// The lights of vertices and what comes of them, by lane.
@@ -40,9 +43,77 @@ impl Default for LitLanes {
     }
 }
 
+impl LitOutputs {
+    /// Works out what the light of a lane brings, of which this share goes on along the path.
+    #[inline(always)]
+    pub fn bring(
+        &mut self,
+        lane: usize,
+        carried: &CarriedLanes,
+        scattered: [f32; 3],
+        radiance: &HitVectors,
+        arrivals: &FlatArrivals,
+    ) {
+        let scale = arrivals.scale[lane];
+        let (mut is_bright, mut is_finite) = (false, true);
+        for (channel, scattered) in scattered.into_iter().enumerate() {
+            let value = carried.throughput[channel][lane] * scattered * radiance[channel][lane] * scale;
+            self.brought[channel][lane] = value;
+            is_bright |= value != 0.0;
+            is_finite &= value.abs() < f32::INFINITY;
+        }
+        self.is_lit[lane] = u32::from((arrivals.exists[lane] != 0) & is_bright & is_finite);
+    }
+
+    /// Works out whether the path of a lane goes on in the direction that was drawn: if it `exists` and roulette, which looks at
+    /// `survival` or, without that, at what is left of the throughput, lets it. `weight` is the factor on the throughput.
+    #[inline(always)]
+    pub fn go_on(
+        &mut self,
+        lane: usize,
+        carried: &CarriedLanes,
+        (weight, eta_scale): (&HitVectors, &HitLanes),
+        survival: Option<&HitLanes>,
+        roulette: &Roulette,
+        exists: bool,
+    ) {
+        let (mut throughput, mut largest, mut is_finite) = ([0.0; 3], 0.0, true);
+        for (channel, throughput) in throughput.iter_mut().enumerate() {
+            *throughput = carried.throughput[channel][lane] * weight[channel][lane];
+            largest = most(largest, *throughput);
+            is_finite &= throughput.abs() < f32::INFINITY;
+        }
+        let weight = match survival {
+            Some(survival) => survival[lane],
+            None => largest * eta_scale[lane],
+        };
+        let (scale, survives) = roulette.survival(lane, weight);
+        for (channel, throughput) in throughput.into_iter().enumerate() {
+            self.throughput[channel][lane] = throughput * scale;
+        }
+        self.goes_on[lane] = u32::from(exists & (largest > 0.0) & is_finite & survives);
+    }
+}
+
 impl LitLanes {
+    /// Samples the lights of the first lanes, so many, that are not among [`FlatLights`], with these numbers.
+    pub fn sample_alone(
+        &mut self,
+        count: usize,
+        u: &[HitLanes; 2],
+        sample: impl Fn(usize, &ChosenLight, Vec2) -> Option<WeightedLight>,
+    ) {
+        for (lane, (&x, &y)) in u[0].iter().zip(&u[1]).enumerate().take(count) {
+            if self.lights.how[lane] == ALONE
+                && let Some(chosen) = self.lights.chosen.get(lane)
+            {
+                self.put_alone(lane, sample(lane, &chosen, Vec2::new(x, y)));
+            }
+        }
+    }
+
     /// Takes a light sample of a lane that is not one of [`FlatLights`].
-    pub fn put_alone(&mut self, lane: usize, light: Option<WeightedLight>) {
+    fn put_alone(&mut self, lane: usize, light: Option<WeightedLight>) {
         self.outputs.is_lit[lane] = u32::from(light.is_some());
         if let Some(WeightedLight { value, shadow_ray, source, weight, glowing, .. }) = light {
             self.glowing[lane] = glowing;

@@ -5,14 +5,14 @@
 //! on what shares its batch.
 
 use super::carried::{Carried, Expected};
-use super::estimators::{Arrival, Skin, may_be_lifted};
+use super::estimators::{Arrival, may_be_lifted};
 use super::guided_lanes::{Directions, GuidedLanes};
 use super::lanes::{
     Arriving, CarriedLanes, Columns, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put,
     put_color,
 };
 use super::light_part::{LightSource, LobeShares};
-use super::lights::{ALONE, FlatArrivals, Surfaces, horizon};
+use super::lights::{FlatArrivals, Surfaces, horizon};
 use super::lit::{LitLanes, LitOutputs};
 use super::matte_surfaces::{MatteSurfaces, PlainSurface};
 use super::path::{SCATTERED_SPREAD, weighted_sample};
@@ -67,6 +67,22 @@ struct Seen {
 }
 
 impl Seen {
+    /// The surface of a lane that has this shading normal and reflectance.
+    fn at(
+        lanes: &VertexLanes,
+        normal: &HitVectors,
+        reflectance: &HitVectors,
+        lane: usize,
+        mode: ColorMode,
+        time: f32,
+    ) -> Self {
+        let (wo, normal, reflectance) = (at(&lanes.wo, lane), at(normal, lane), color_at(reflectance, lane));
+        let (geometric_normal, lift) = (at(&lanes.points.geometric_normal, lane), at(&lanes.lift, lane));
+        let horizon = horizon(geometric_normal, normal, lift);
+        let arrival = lanes.arrival(lane, mode, time);
+        Self { arrival, normal, horizon, cos_o: normal.dot(wo), side: horizon.dot(wo), reflectance }
+    }
+
     /// The BSDF times the cosine, and the density of sampling, of a direction.
     fn reflected(&self, wi: Vec3) -> (SampledSpectrum, f32) {
         let cos_i = self.normal.dot(wi);
@@ -169,7 +185,7 @@ impl MatteVertices {
                 to: &mut Bounces = &mut self.bounces,
             )
         );
-        let receivers = Receivers { position: &self.lanes.points.position, normal: &self.facing };
+        let receivers = Receivers::opaque(&self.lanes.points.position, &self.facing);
         let count = self.lanes.paths().len();
         self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
         self.lit.glowing = [None; LANES];
@@ -201,11 +217,15 @@ impl MatteVertices {
                 to: &mut LitOutputs = &mut self.lit.outputs,
             )
         );
-        for (lane, (&x, &y)) in light[0].iter().zip(&light[1]).enumerate().take(count) {
-            if self.lit.lights.how[lane] == ALONE {
-                self.light_alone(context, lane, Vec2::new(x, y));
-            }
-        }
+        let Self { lanes, normal, reflectance, guided, lit, .. } = self;
+        lit.sample_alone(count, &light, |lane, chosen, u| {
+            let seen = Seen::at(lanes, normal, reflectance, lane, ColorMode::Rgb, 0.0);
+            let throughput = color_at(&lanes.carried.throughput, lane);
+            weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| {
+                let (value, pdf) = seen.reflected(wi);
+                (value, guided.mixed_pdf(context.field, lane, wi, pdf))
+            })
+        });
     }
 
     /// Works out what [`Self::shade_classic`] needs.
@@ -233,14 +253,7 @@ impl MatteVertices {
 
     /// What a lane knows of its surface.
     fn seen(&self, lane: usize, mode: ColorMode, time: f32) -> Seen {
-        let (wo, normal, reflectance) =
-            (at(&self.lanes.wo, lane), at(&self.normal, lane), color_at(&self.reflectance, lane));
-        let (geometric_normal, lift) = (at(&self.lanes.points.geometric_normal, lane), at(&self.lanes.lift, lane));
-        let horizon = horizon(geometric_normal, normal, lift);
-        let position = at(&self.lanes.points.position, lane);
-        let skin = Skin { position_error: at(&self.lanes.points.position_error, lane), geometric_normal, lift };
-        let arrival = Arrival { position, surface: Some(skin), mode, time };
-        Seen { arrival, normal, horizon, cos_o: normal.dot(wo), side: horizon.dot(wo), reflectance }
+        Seen::at(&self.lanes, &self.normal, &self.reflectance, lane, mode, time)
     }
 
     /// False for a vertex that must be worked on alone after all.
@@ -280,19 +293,6 @@ impl MatteVertices {
     /// As [`super::Outputs::light_lobe`].
     pub fn lobe(&self, lane: usize) -> LobeShares {
         LobeShares::of_matte(color_at(&self.reflectance, lane))
-    }
-
-    /// A light sample that is not one of [`FlatLights`](super::lights::FlatLights).
-    #[inline(never)]
-    fn light_alone(&mut self, context: &Context, lane: usize, u: Vec2) {
-        let Some(chosen) = &self.lit.lights.chosen.get(lane) else { return };
-        let seen = self.seen(lane, ColorMode::Rgb, 0.0);
-        let throughput = color_at(&self.lanes.carried.throughput, lane);
-        let light = weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| {
-            let (value, pdf) = seen.reflected(wi);
-            (value, self.guided.mixed_pdf(context.field, lane, wi, pdf))
-        });
-        self.lit.put_alone(lane, light);
     }
 }
 
@@ -338,6 +338,7 @@ impl LitColumns for MatteVertices {
 
 /// What vertices give, where their lights are flat.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn outputs(
     carried: &CarriedLanes,
     reflectance: &HitVectors,
@@ -349,34 +350,10 @@ fn outputs(
     to: &mut LitOutputs,
 ) {
     for i in 0..LANES {
-        let (cosine, scale) = (arrivals.share[i], arrivals.scale[i]);
-        let (mut is_lit, mut is_bright, mut is_finite) = (arrivals.exists[i] != 0, false, true);
-        for channel in 0..3 {
-            let reflected = carried.throughput[channel][i] * (reflectance[channel][i] * cosine);
-            let value = reflected * radiance[channel][i] * scale;
-            to.brought[channel][i] = value;
-            is_bright |= value != 0.0;
-            is_finite &= value.abs() < f32::INFINITY;
-        }
-        is_lit &= is_bright & is_finite;
-        to.is_lit[i] = u32::from(is_lit);
-        let (mut throughput, mut largest) = ([0.0; 3], 0.0);
-        let mut is_finite = true;
-        for (channel, throughput) in throughput.iter_mut().enumerate() {
-            *throughput = carried.throughput[channel][i] * bounces.weight[channel][i];
-            largest = most(largest, *throughput);
-            is_finite &= throughput.abs() < f32::INFINITY;
-        }
-        let weight = match survival {
-            Some(survival) => survival[i],
-            None => largest * carried.eta_scale[i],
-        };
-        let (scale, survives) = roulette.survival(i, weight);
-        let goes_on = (bounces.exists[i] != 0) & (largest > 0.0) & is_finite & survives;
-        for (channel, throughput) in throughput.into_iter().enumerate() {
-            to.throughput[channel][i] = throughput * scale;
-        }
-        to.goes_on[i] = u32::from(goes_on);
+        let cosine = arrivals.share[i];
+        let scattered = [reflectance[0][i] * cosine, reflectance[1][i] * cosine, reflectance[2][i] * cosine];
+        to.bring(i, carried, scattered, radiance, arrivals);
+        to.go_on(i, carried, (&bounces.weight, &carried.eta_scale), survival, roulette, bounces.exists[i] != 0);
     }
 }
 

@@ -18,10 +18,12 @@ mod lit;
 pub(crate) mod matte;
 pub(crate) mod matte_surfaces;
 mod motion;
+mod near_lights;
 pub(crate) mod path;
 pub(crate) mod scattered;
 mod scattering;
 pub(crate) mod specular;
+pub(crate) mod surfaces;
 #[cfg(test)]
 mod tests;
 

@@ -14,6 +14,7 @@ use crate::light_sampler::{ChosenLight, Receiver};
 use crate::settings::LightStrategy;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
 use snell_scene::light::environment::EnvironmentLight;
+use snell_scene::material::{Prepared, ShadingBsdf, ShadingPoint};
 use snell_scene::{Background, MediumId};
 
 /// Growth of the ray cone after a bounce that scatters.
@@ -34,25 +35,11 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
     };
     let wo = outgoing(vertex.ray);
     let point = surface.point(context.scene);
-    if surface.material.is_emissive() && (surface.material.illuminates || vertex.state.is_specular) {
-        let emitted = surface.material.emitted(&point, wo);
-        if !emitted.is_black() {
-            let weight = weight_of_bsdf_sample(context, vertex, || light_pdf_of_hit(context, vertex, surface));
-            out.radiance = vertex.state.throughput * emitted * weight;
-            out.weights.found = weight;
-        }
-    }
+    (out.radiance, out.weights.found) = shining(context, vertex, surface, &point);
     if vertex.depth >= max_depth {
         return;
     }
-    let mut shading = surface.material.prepared_towards(surface.prepared, &point, wo);
-    let at = Arrival::at_surface(context, vertex, surface, &mut shading);
-    let normal = shading.frame.z;
-    let receiver = Receiver {
-        position: surface.interaction.position,
-        normal: if normal.dot(wo) < 0.0 { -normal } else { normal },
-        transmits: !shading.is_opaque(),
-    };
+    let Scatterer { shading, at, receiver } = Scatterer::new(context, vertex, surface, surface.prepared, &point);
     let guided = GuidedBsdf::new(context.field, &shading, &receiver);
     if !shading.is_delta() {
         let bsdf = |wi| guided.eval_and_pdf(wo, wi);
@@ -61,6 +48,54 @@ pub fn shade(context: &Context, vertex: &Vertex, out: &mut Outputs) {
         }
     }
     add_bounce(context, vertex, surface, &at, &receiver, &guided, out);
+}
+
+/// What a path finds of the light that the surface gives to which it has come, and its weight.
+pub(super) fn shining(
+    context: &Context,
+    vertex: &Vertex,
+    surface: &SurfaceVertex,
+    point: &ShadingPoint,
+) -> (SampledSpectrum, f32) {
+    let material = surface.material;
+    if material.is_emissive() && (material.illuminates || vertex.state.is_specular) {
+        let emitted = material.emitted(point, outgoing(vertex.ray));
+        if !emitted.is_black() {
+            let weight = weight_of_bsdf_sample(context, vertex, || light_pdf_of_hit(context, vertex, surface));
+            return (vertex.state.throughput * emitted * weight, weight);
+        }
+    }
+    (SampledSpectrum::ZERO, 1.0)
+}
+
+/// A surface that scatters, seen from where a path comes from.
+#[derive(Clone, Debug)]
+pub(super) struct Scatterer<'a> {
+    pub shading: ShadingBsdf<'a>,
+    pub at: Arrival,
+    pub receiver: Receiver,
+}
+
+impl<'a> Scatterer<'a> {
+    /// At a vertex; `prepared` is [`SurfaceVertex::prepared`] for as long as this lives.
+    pub fn new(
+        context: &Context,
+        vertex: &Vertex,
+        surface: &SurfaceVertex,
+        prepared: &'a Prepared,
+        point: &ShadingPoint,
+    ) -> Self {
+        let wo = outgoing(vertex.ray);
+        let mut shading = surface.material.prepared_towards(prepared, point, wo);
+        let at = Arrival::at_surface(context, vertex, surface, &mut shading);
+        let normal = shading.frame.z;
+        let receiver = Receiver {
+            position: surface.interaction.position,
+            normal: if normal.dot(wo) < 0.0 { -normal } else { normal },
+            transmits: !shading.is_opaque(),
+        };
+        Self { shading, at, receiver }
+    }
 }
 
 /// The environment, if its radiance is all that paths bring that leave the scene at this depth: [`escaped`] gives that with a weight of 1.
@@ -241,7 +276,8 @@ fn add_bounce(
     let crossing = if sample.is_transmission { guided.shading.crossing_scale(wo) } else { 1.0 };
     let eta_scale = vertex.state.eta_scale * crossing;
     let next = throughput.max_element() * eta_scale;
-    let (weight, expected) = guided.survival(wo, &sample, crossing, vertex.state, next);
+    let before = (vertex.state.throughput, vertex.state.expected);
+    let (weight, expected) = guided.survival(wo, &sample, crossing, before, next);
     let Some(survival) = survival(context, vertex, weight) else { return };
     throughput *= 1.0 / survival;
     let state = PathState {

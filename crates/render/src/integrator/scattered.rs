@@ -8,7 +8,7 @@ use super::estimators::Arrival;
 use super::lanes::{
     Arriving, CarriedLanes, Columns, LANES, LitColumns, Roulette, VertexLanes, ZERO, at, color_at, put,
 };
-use super::lights::{ALONE, FlatArrivals, MediumPoints};
+use super::lights::{FlatArrivals, MediumPoints};
 use super::lit::{LitLanes, LitOutputs};
 use super::path::{SCATTERED_SPREAD, weighted_sample};
 use super::{Context, IntegratorKind, MediumVertex, dimension};
@@ -79,7 +79,7 @@ impl ScatteredVertices {
         let light = self.lanes.randoms.pairs(dimension::LIGHT, wide);
         let roulette = self.lanes.roulette(context, depth);
         // Media receive light from everywhere.
-        let receivers = Receivers { position: &self.lanes.points.position, normal: &ZERO };
+        let receivers = Receivers::opaque(&self.lanes.points.position, &ZERO);
         self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
         self.lit.glowing = [None; LANES];
         let points = MediumPoints { position: &self.lanes.points.position, wo: &self.lanes.wo, phase: &self.phase };
@@ -99,27 +99,18 @@ impl ScatteredVertices {
                 bounces: &mut Bounces = &mut self.bounces,
             )
         );
-        for (lane, (&x, &y)) in light[0].iter().zip(&light[1]).enumerate().take(count) {
-            if self.lit.lights.how[lane] == ALONE {
-                self.light_alone(context, lane, Vec2::new(x, y));
-            }
-        }
-    }
-
-    /// A light sample that is not one of [`FlatLights`](super::lights::FlatLights).
-    #[inline(never)]
-    fn light_alone(&mut self, context: &Context, lane: usize, u: Vec2) {
-        let Some(chosen) = &self.lit.lights.chosen.get(lane) else { return };
-        let position = at(&self.lanes.points.position, lane);
-        let arrival = Arrival { position, surface: None, mode: ColorMode::Rgb, time: 0.0 };
-        let throughput = color_at(&self.lanes.carried.throughput, lane);
-        let (phase, forward) = (self.phase[lane], -at(&self.lanes.wo, lane));
-        let scattered = |wi| {
-            let pdf = phase.pdf(forward, wi);
-            (SampledSpectrum::splat(pdf), pdf)
-        };
-        let light = weighted_sample(context, throughput, &arrival, chosen, u, scattered);
-        self.lit.put_alone(lane, light);
+        let Self { lanes, phase, lit, .. } = self;
+        lit.sample_alone(count, &light, |lane, chosen, u| {
+            let position = at(&lanes.points.position, lane);
+            let arrival = Arrival { position, surface: None, mode: ColorMode::Rgb, time: 0.0 };
+            let throughput = color_at(&lanes.carried.throughput, lane);
+            let (phase, forward) = (phase[lane], -at(&lanes.wo, lane));
+            let scattered = |wi| {
+                let pdf = phase.pdf(forward, wi);
+                (SampledSpectrum::splat(pdf), pdf)
+            };
+            weighted_sample(context, throughput, &arrival, chosen, u, scattered)
+        });
     }
 }
 
@@ -165,7 +156,6 @@ impl LitColumns for ScatteredVertices {
 
 /// What vertices give, where their lights are flat.
 #[inline(always)]
-#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn outputs(
     carried: &CarriedLanes,
     wo: &HitVectors,
@@ -178,17 +168,9 @@ fn outputs(
     bounces: &mut Bounces,
 ) {
     for i in 0..LANES {
-        let (share, scale) = (arrivals.share[i], arrivals.scale[i]);
-        let (mut is_bright, mut is_finite, mut largest) = (false, true, 0.0);
-        for channel in 0..3 {
-            let throughput = carried.throughput[channel][i];
-            let value = throughput * share * radiance[channel][i] * scale;
-            to.brought[channel][i] = value;
-            is_bright |= value != 0.0;
-            is_finite &= value.abs() < f32::INFINITY;
-            largest = most(largest, throughput);
-        }
-        to.is_lit[i] = u32::from((arrivals.exists[i] != 0) & is_bright & is_finite);
+        to.bring(i, carried, [arrivals.share[i]; 3], radiance, arrivals);
+        let throughput = &carried.throughput;
+        let largest = most(most(most(0.0, throughput[0][i]), throughput[1][i]), throughput[2][i]);
         let (scale, survives) = roulette.survival(i, largest * carried.eta_scale[i]);
         for channel in 0..3 {
             to.throughput[channel][i] = carried.throughput[channel][i] * scale;

@@ -7,6 +7,7 @@ mod matte;
 mod scattered;
 mod specular;
 mod start;
+mod surfaces;
 
 use super::Statistics;
 use super::journal::{Event, Journal};
@@ -22,6 +23,7 @@ use crate::integrator::lanes::LANES;
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
 use crate::integrator::path::{escaped, plain_sky};
 use crate::integrator::scattered::ScatteredVertices;
+use crate::integrator::surfaces::SurfaceVertices;
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
 use crate::sampler::{Random, Sampler};
 use crate::settings::Crop;
@@ -84,6 +86,7 @@ pub struct PartRenderer<'a> {
     matte: Option<Box<Matte<'a>>>,
     specular: Option<Box<SpecularBatch<'a>>>,
     scattered: Option<Box<ScatteredVertices>>,
+    surfaces: Option<Box<SurfaceVertices<'a>>>,
 }
 
 /// A sample being taken.
@@ -125,6 +128,7 @@ impl<'a> PartRenderer<'a> {
         let matte = if scene.moves { None } else { Matte::new(&context, sampler) };
         let specular = if scene.moves { None } else { SpecularBatch::new(&context, sampler) };
         let scattered = ScatteredVertices::new(&context, sampler).map(Box::new);
+        let surfaces = SurfaceVertices::new(&context, sampler).map(Box::new);
         let view = camera.view(context.settings.size);
         let settings = context.settings;
         let stands_still = !scene.moves && settings.later_cameras.is_empty();
@@ -160,6 +164,7 @@ impl<'a> PartRenderer<'a> {
             matte,
             specular,
             scattered,
+            surfaces,
         }
     }
 
@@ -307,13 +312,25 @@ impl<'a> PartRenderer<'a> {
                 self.shade_nothing_hit(depth, rest, statistics);
                 break;
             }
-            let (matte, specular) = (self.matte_beginning(rest), self.specular_beginning(rest));
-            match (matte, specular) {
-                (0, 0) => self.shade_one(depth, first as usize),
-                (0, count) => self.shade_specular(depth, &rest[..count]),
-                (count, _) => self.shade_matte(depth, &rest[..count]),
-            }
-            rest = &rest[matte.max(specular).max(1)..];
+            let count = match (self.matte_beginning(rest), self.specular_beginning(rest)) {
+                (0, 0) => {
+                    let count = self.surfaces_beginning(rest);
+                    match count {
+                        0 => self.shade_one(depth, first as usize),
+                        _ => self.shade_surfaces(depth, &rest[..count]),
+                    }
+                    count
+                }
+                (0, count) => {
+                    self.shade_specular(depth, &rest[..count]);
+                    count
+                }
+                (count, _) => {
+                    self.shade_matte(depth, &rest[..count]);
+                    count
+                }
+            };
+            rest = &rest[count.max(1)..];
             if self.light_rays.rays.len() >= MAX_BATCH {
                 self.trace_light_rays(statistics);
             }

@@ -128,7 +128,7 @@ impl LightBvh {
         )
     }
 
-    /// A light for each of many receivers that do not transmit.
+    /// A light for each of the first receivers, so many.
     pub fn sample_many(&self, receivers: &Receivers, u: &[f32; MANY], count: usize, chosen: &mut ChosenLights) {
         at_level!(
             self.wide,
@@ -141,6 +141,9 @@ impl LightBvh {
                 chosen: &mut ChosenLights = chosen,
             )
         );
+        for i in receivers.transmitting.iter().map(|&i| i as usize) {
+            chosen.put(i, self.sample(&Receiver { transmits: true, ..receivers.get(i) }, || u[i]));
+        }
     }
 
     /// The probability with which [`Self::sample`] gives a part of a light.

@@ -44,17 +44,24 @@ impl ChosenLights {
     }
 }
 
-/// Many receivers that do not transmit, by axis.
+/// Many receivers, by axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Receivers<'a> {
     /// See [`Receiver::position`].
     pub position: &'a [[f32; MANY]; 3],
     /// See [`Receiver::normal`].
     pub normal: &'a [[f32; MANY]; 3],
+    /// Those that transmit, by number.
+    pub transmitting: &'a [u32],
 }
 
-impl Receivers<'_> {
-    /// One of them.
+impl<'a> Receivers<'a> {
+    /// Of which none transmits.
+    pub fn opaque(position: &'a [[f32; MANY]; 3], normal: &'a [[f32; MANY]; 3]) -> Self {
+        Self { position, normal, transmitting: &[] }
+    }
+
+    /// One of them, as if it did not transmit.
     #[inline(always)]
     pub fn get(&self, i: usize) -> Receiver {
         let at = |v: &[[f32; MANY]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);

@@ -122,7 +122,7 @@ impl LightSampler {
         }
     }
 
-    /// What [`Self::sample`] gives for each of the first receivers, so many, that do not transmit. For further ones anything.
+    /// What [`Self::sample`] gives for each of the first receivers, so many. For further ones anything.
     pub fn sample_many(&self, receivers: &Receivers, u: &[f32; MANY], count: usize, chosen: &mut ChosenLights) {
         match self {
             Self::Table(table) => (0..count).for_each(|i| chosen.put(i, table.sample(|| u[i]))),

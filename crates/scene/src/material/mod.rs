@@ -32,7 +32,7 @@ pub use interface::Interface;
 pub use interior::Interior;
 pub use metallic_roughness::{MetallicRoughness, reflectance_at_most_white};
 pub use mirror::Mirror;
-pub use normal::{reflecting_normal, visible_normal};
+pub use normal::{FrameNeeds, reflecting_normal, visible_normal};
 pub use open_pbr::{OpenPbr, TangentMap};
 pub use phong::Phong;
 pub use plastic::Plastic;

@@ -57,8 +57,42 @@ fn above(normal: Vec3, geometric_normal: Vec3) -> Option<Vec3> {
     if height >= LEAST { Some(normal) } else { (normal + geometric_normal * (LEAST - height)).try_normalize() }
 }
 
+/// What a BSDF asks of its frame.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameNeeds {
+    /// The normal must reflect the viewer away from the surface ([`reflecting_normal`]), and not only be seen ([`visible_normal`]).
+    pub mirrors: bool,
+    /// Tangents mean something. (Where they do not, the frame is the cheapest.)
+    pub has_tangent: bool,
+}
+
+impl FrameNeeds {
+    /// Those of a BSDF.
+    pub fn of(bsdf: &Bsdf) -> Self {
+        let has_tangent = match bsdf {
+            Bsdf::Diffuse(_) | Bsdf::Mirror(_) => false,
+            Bsdf::Dielectric(_) | Bsdf::Conductor(_) => !bsdf.is_delta(),
+            _ => true,
+        };
+        Self { mirrors: mirrors(bsdf), has_tangent }
+    }
+
+    /// The frame nearest in spirit to a plain one that `wo` can use. Without branches, so that loops over it become vector code.
+    #[inline(always)]
+    pub fn frame(self, plain: &Frame, geometric_normal: Vec3, wo: Vec3) -> Frame {
+        let z = choose(
+            self.mirrors,
+            reflecting_normal(plain.z, geometric_normal, wo),
+            visible_normal(plain.z, geometric_normal, wo),
+        );
+        let is_bent = (z.x != plain.z.x) | (z.y != plain.z.y) | (z.z != plain.z.z);
+        let with_tangent = Frame::from_z_and_x(z, plain.x).or(plain, is_bent);
+        with_tangent.or(&Frame::from_z(z), self.has_tangent)
+    }
+}
+
 /// True for BSDFs whose look is their reflection, so that losing it below the surface is worse than bending the normal.
-pub(super) fn mirrors(bsdf: &Bsdf) -> bool {
+fn mirrors(bsdf: &Bsdf) -> bool {
     let by_kind = match bsdf {
         Bsdf::Conductor(_) | Bsdf::Dielectric(_) => true,
         Bsdf::OpenPbr(layers) => layers.mirrors(),

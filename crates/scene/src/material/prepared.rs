@@ -48,6 +48,17 @@ impl Prepared {
         Self { bsdf, is_everywhere: !looks_up && !depends_on_point }
     }
 
+    /// The BSDF, if it is the same at all [plain](ShadingPoint::is_plain) points, in the frame of the surface's own normal and tangent.
+    pub fn plain(&self, material: &Material) -> Option<&Bsdf> {
+        let is_turned = match &material.kind {
+            MaterialKind::OpenPbr(surface) => {
+                surface.geometry_tangent.is_some() || surface.geometry_coat_tangent.is_some()
+            }
+            _ => false,
+        };
+        (self.is_everywhere && material.normal_map.is_none() && !is_turned).then_some(&self.bsdf)
+    }
+
     /// The BSDF of the material at a point.
     pub(super) fn bsdf(&self, material: &Material, point: &ShadingPoint) -> Cow<'_, Bsdf> {
         if self.is_everywhere && point.is_plain() {

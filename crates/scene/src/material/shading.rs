@@ -1,6 +1,6 @@
 //! A BSDF in the world: the local frame around it, and the real surface under it.
 
-use super::{Material, MaterialKind, NormalMap, Prepared, ShadingPoint, normal};
+use super::{FrameNeeds, Material, MaterialKind, NormalMap, Prepared, ShadingPoint, normal};
 use crate::bsdf::{Bsdf, BsdfSample, BsdfSeen, Lobes, SpecularBranch};
 use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
 use std::borrow::Cow;
@@ -77,22 +77,21 @@ impl Material {
 
     fn towards<'a>(&self, bsdf: Cow<'a, Bsdf>, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf<'a> {
         let (plain, geometric_normal) = (self.frame(point), point.surface.geometric_normal);
-        let z = normal::valid_towards(plain.z, geometric_normal, wo, normal::mirrors(&bsdf));
-        let frame = match &*bsdf {
-            // Tangents mean nothing to them, and this one is the cheapest.
-            Bsdf::Diffuse(_) | Bsdf::Mirror(_) => Frame::from_z(z),
-            Bsdf::Dielectric(_) | Bsdf::Conductor(_) if bsdf.is_delta() => Frame::from_z(z),
-            _ if z == plain.z => plain,
-            _ => Frame::from_z_and_x(z, plain.x),
-        };
+        let frame = FrameNeeds::of(&bsdf).frame(&plain, geometric_normal, wo);
         let own = self.with_own_coat(&bsdf, &frame, point, Some(wo));
         let bsdf = own.map_or(bsdf, Cow::Owned);
-        let viewer = Some((wo, bsdf.seen(frame.to_local(wo))));
-        ShadingBsdf { bsdf, frame, geometric_normal, viewer }
+        ShadingBsdf::seen_from(wo, bsdf, frame, geometric_normal)
     }
 }
 
-impl ShadingBsdf<'_> {
+impl<'a> ShadingBsdf<'a> {
+    /// A BSDF in this frame on a surface of this normal, made for a viewer.
+    #[inline]
+    pub fn seen_from(wo: Vec3, bsdf: Cow<'a, Bsdf>, frame: Frame, geometric_normal: Vec3) -> Self {
+        let viewer = Some((wo, bsdf.seen(frame.to_local(wo))));
+        Self { bsdf, frame, geometric_normal, viewer }
+    }
+
     /// True if shading and geometry agree on whether light goes through.
     fn agrees(&self, wo: Vec3, wi: Vec3, is_transmission: bool) -> bool {
         let sides = self.geometric_normal.dot(wo) * self.geometric_normal.dot(wi);

@@ -7,6 +7,8 @@ use crate::integrator::lanes::{Arriving, Columns, LANES, LitColumns};
 use crate::integrator::matte::{MatteVertices, is_classic};
 use crate::integrator::matte_surfaces::MatteSurfaces;
 use crate::sampler::Sampler;
+use snell_math::{Ray, SampledSpectrum, Vec3};
+use snell_scene::MediumId;
 
 /// Vertices that are shaded many at once.
 pub(super) struct Matte<'a> {
@@ -52,19 +54,23 @@ impl PartRenderer<'_> {
     fn finish_matte(&mut self, depth: u32, vertices: &mut MatteVertices) {
         vertices.shade(&self.context, depth);
         let paths = vertices.paths();
-        self.lanes.clear();
-        self.lanes.extend(0..paths.len() as u32);
-        self.lanes.retain(|&lane| vertices.is_sound(lane as usize));
         if self.is_watched() {
             return self.collect_matte(depth, vertices, paths);
         }
-        if self.lanes.len() < paths.len() {
-            for (_, &path) in paths.iter().enumerate().filter(|(lane, _)| !vertices.is_sound(*lane)) {
-                self.shade_one(depth, path as usize);
-            }
-        }
+        self.use_lanes(depth, paths, |lane| vertices.is_sound(lane));
         self.collect_columns(vertices);
         self.note_insides(depth, vertices, paths);
+    }
+
+    /// Decides which lanes are in use: those that are sound. The vertices of the others are worked on alone.
+    pub(super) fn use_lanes(&mut self, depth: u32, paths: &[u32], is_sound: impl Fn(usize) -> bool) {
+        self.lanes.clear();
+        for (lane, &path) in (0..).zip(paths) {
+            match is_sound(lane as usize) {
+                true => self.lanes.push(lane),
+                false => self.shade_one(depth, path as usize),
+            }
+        }
     }
 
     /// Takes the light rays of the lanes that are in use, and where their paths go on.
@@ -111,13 +117,8 @@ impl PartRenderer<'_> {
         let random = || self.random_at(depth, path);
         let (is_lit, glowing) = (vertices.light_source(lane).is_some(), vertices.glowing(lane));
         if is_lit && vertices.passes(lane) {
-            let (random, arriving) = (random(), self.paths.rays[path].direction);
-            let scene = self.context.scene;
-            let interaction = self.paths.interaction(scene, path);
-            let surface = self.paths.surface(scene, path, &interaction, 1.0);
             let light = [(vertices.light_ray(lane), vertices.brought(lane))];
-            let Some(volumes) = &mut self.volumes else { return };
-            volumes.note_outputs(path, arriving, Some(&surface), random, &light, glowing, std::iter::empty());
+            self.note_insides_at(depth, path, &light, glowing, None);
         } else if is_lit {
             let random = random();
             let Some(volumes) = &mut self.volumes else { return };
@@ -127,6 +128,23 @@ impl PartRenderer<'_> {
         if vertices.goes_on(lane) {
             volumes.note_next(path);
         }
+    }
+
+    /// Tells media of the rays that the vertex of a path on a surface sends out, to whichever side.
+    pub(super) fn note_insides_at(
+        &mut self,
+        depth: u32,
+        path: usize,
+        light: &[(Ray, SampledSpectrum)],
+        glowing: Option<MediumId>,
+        next: Option<Vec3>,
+    ) {
+        let (random, scene) = (self.random_at(depth, path), self.context.scene);
+        let Some(volumes) = &mut self.volumes else { return };
+        let interaction = self.paths.interaction(scene, path);
+        let surface = self.paths.surface(scene, path, &interaction, 1.0);
+        let arriving = self.paths.rays[path].direction;
+        volumes.note_outputs(path, arriving, Some(&surface), random, light, glowing, next.into_iter());
     }
 
     /// Takes what the vertices of [`Self::finish_matte`] gave one by one and in order, because somebody wants to know more of them.

@@ -34,10 +34,16 @@ impl<'a> SpecularBatch<'a> {
 impl PartRenderer<'_> {
     /// How many of the paths at the beginning can be worked on together, at most [`LANES`].
     pub(super) fn specular_beginning(&self, paths: &[u32]) -> usize {
-        let Some(specular) = self.specular.as_ref().filter(|_| self.journal.is_none()) else { return 0 };
-        let is_specular =
-            |path: &&u32| matches!(specular.materials.get(self.keys[**path as usize] as usize), Some(Some(_)));
-        paths.iter().take(LANES).take_while(is_specular).count()
+        if self.journal.is_some() {
+            return 0;
+        }
+        paths.iter().take(LANES).take_while(|path| self.is_specular(**path)).count()
+    }
+
+    /// True if a path has come to a specular surface.
+    pub(super) fn is_specular(&self, path: u32) -> bool {
+        let material = self.keys[path as usize] as usize;
+        self.specular.as_ref().is_some_and(|specular| matches!(specular.materials.get(material), Some(Some(_))))
     }
 
     /// Shades at most [`LANES`] paths at specular surfaces.
@@ -68,29 +74,20 @@ impl PartRenderer<'_> {
     }
 
     fn finish_specular(&mut self, depth: u32, vertices: &SpecularVertices) {
-        let paths = vertices.paths();
-        self.lanes.clear();
-        for (lane, &path) in (0..).zip(paths) {
-            match vertices.is_sound(lane as usize) {
-                true => self.lanes.push(lane),
-                false => self.shade_one(depth, path as usize),
-            }
-        }
+        self.use_lanes(depth, vertices.paths(), |lane| vertices.is_sound(lane));
         self.collect_next(vertices);
         self.note_insides_beyond(depth, vertices);
     }
 
     /// Tells media of the rays that the vertices of [`Self::finish_specular`] send out.
     fn note_insides_beyond(&mut self, depth: u32, vertices: &SpecularVertices) {
-        let (scene, paths) = (self.context.scene, vertices.paths());
-        for &lane in &self.kept {
-            let (lane, path) = (lane as usize, paths[lane as usize] as usize);
-            let random = self.random_at(depth, path);
-            let Some(volumes) = &mut self.volumes else { return };
-            let interaction = self.paths.interaction(scene, path);
-            let surface = self.paths.surface(scene, path, &interaction, 1.0);
-            let (arriving, next) = (self.paths.rays[path].direction, vertices.next_ray(lane).direction);
-            volumes.note_outputs(path, arriving, Some(&surface), random, &[], None, std::iter::once(next));
+        if self.volumes.is_none() {
+            return;
+        }
+        for i in 0..self.kept.len() {
+            let lane = self.kept[i] as usize;
+            let next = vertices.next_ray(lane).direction;
+            self.note_insides_at(depth, vertices.paths()[lane] as usize, &[], None, Some(next));
         }
     }
 }

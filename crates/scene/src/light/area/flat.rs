@@ -124,29 +124,30 @@ impl FlatPart {
         let cos = direction.dot(self.normal);
         let pdf = self.pdf * squared / most(cos, -cos);
         let exists = (scale > 0.0) & (scale < f32::INFINITY) & (pdf > 0.0) & (pdf < f32::INFINITY);
-        NearSample { position, direction, pdf, exists }
+        NearSample { position, direction, pdf, is_seen: false, exists }
     }
 
     /// What is known of a point that was chosen by solid angle; a point by area if that was not possible.
     #[inline(always)]
     pub fn near_or_by_area(&self, near: NearSample, from: Vec3, u: Vec2) -> FlatSample {
         let by_area = self.by_area(from, u);
-        let exists = near.exists;
+        let is_seen = near.is_seen;
         let either = |a: Vec3, b: Vec3| {
-            let one = |a: f32, b: f32| if exists { a } else { b };
+            let one = |a: f32, b: f32| if is_seen { a } else { b };
             Vec3::new(one(a.x, b.x), one(a.y, b.y), one(a.z, b.z))
         };
         self.seen(NearSample {
             position: either(near.position, by_area.position),
             direction: either(near.direction, by_area.direction),
-            pdf: if exists { near.pdf } else { by_area.pdf },
-            exists: exists | by_area.exists,
+            pdf: if is_seen { near.pdf } else { by_area.pdf },
+            is_seen,
+            exists: (is_seen & near.exists) | (!is_seen & by_area.exists),
         })
     }
 
     #[inline(always)]
     fn seen(&self, point: NearSample) -> FlatSample {
-        let NearSample { position, direction, pdf, exists } = point;
+        let NearSample { position, direction, pdf, exists, .. } = point;
         FlatSample {
             end: self.end(position, direction),
             direction,

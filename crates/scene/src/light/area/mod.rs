@@ -10,7 +10,7 @@ mod tests;
 
 pub use flat::{FlatPart, FlatSample};
 pub use moving::MovingAreaLight;
-pub use near::{NearRectangle, NearSample};
+pub use near::{NearPart, NearRectangle, NearSample, NearTriangle};
 
 use super::LightBounds;
 use outline::{Outline, Seen};
@@ -352,16 +352,22 @@ impl AreaLight {
         }
     }
 
-    /// The part, if it is a rectangle of which the solid angle is sampled from where [`FlatPart::is_far`] is false.
+    /// The part, if it is one of which the solid angle is sampled from where [`FlatPart::is_far`] is false: a rectangle, or a triangle of a
+    /// mesh.
     #[inline]
-    pub fn near(&self, _part: u32) -> Option<&NearRectangle> {
+    pub fn near(&self, part: u32) -> Option<NearPart> {
         match &self.table {
-            Table::Shape { outline: Outline::Rectangle(rectangle), flat: Some(_), .. } => Some(rectangle),
+            Table::Mesh { placed, .. } => {
+                placed.get(part as usize).map(|placed| NearPart::Triangle(NearTriangle::of(&placed.flat)))
+            }
+            Table::Shape { outline: Outline::Rectangle(rectangle), flat: Some(_), .. } => {
+                Some(NearPart::Rectangle(*rectangle))
+            }
             _ => None,
         }
     }
 
-    /// [`Self::sample_from`] for flat parts that are far, and for rectangles, without what only some materials ask for; `None` for others.
+    /// [`Self::sample_from`] for flat parts that are far or [near](Self::near), without what only some materials ask for; `None` for others.
     #[inline]
     pub fn sample_flat(&self, part: u32, from: Vec3, u: Vec2) -> Option<FlatSample> {
         let flat = self.flat(part)?;

@@ -1,9 +1,9 @@
 //! How a part of an emissive surface looks from a point: its solid angle, and points uniform in it.
 
-use super::near::NearRectangle;
+use super::near::{NearRectangle, TriangleSeen};
 use snell_intersect::{AnyShape, Shape};
 use snell_math::spherical::{self, SphericalRectangle};
-use snell_math::{DVec2, DVec3, Transform, Vec2};
+use snell_math::{DVec2, DVec3, Transform};
 
 /// A part whose solid angle can be sampled, in the world.
 #[derive(Clone, Copy, Debug)]
@@ -83,7 +83,7 @@ impl Outline {
     /// The view from a point; `None` if the part should be sampled by area.
     pub(super) fn seen_from(&self, from: DVec3) -> Option<Seen> {
         let (seen, least) = match *self {
-            Self::Triangle { corner, edges } => (Seen::triangle(corner - from, edges)?, LEAST),
+            Self::Triangle { corner, edges } => (Seen::triangle(corner - from, edges), LEAST),
             Self::Rectangle(rectangle) => (Seen::rectangle(&rectangle, from), LEAST),
             Self::Disk { center, axes, radius, .. } => {
                 let square = NearRectangle { center, axes, half: DVec2::splat(radius) };
@@ -105,18 +105,15 @@ pub(super) struct Seen {
 
 #[derive(Clone, Copy, Debug)]
 enum SeenKind {
-    Triangle { corner: DVec3, edges: [DVec3; 2], directions: [DVec3; 3] },
+    Triangle(TriangleSeen),
     Rectangle { axes: [DVec3; 3], z: f64, rectangle: SphericalRectangle },
     Sphere { center: DVec3, radius: f64 },
 }
 
 impl Seen {
-    fn triangle(corner: DVec3, edges: [DVec3; 2]) -> Option<Self> {
-        let corners = [corner, corner + edges[0], corner + edges[1]];
-        let directions = corners.map(|p| p.normalize_or_zero());
-        let [a, b, c] = directions;
-        let solid_angle = spherical::triangle_solid_angle(a, b, c);
-        solid_angle.is_finite().then_some(Self { solid_angle, kind: SeenKind::Triangle { corner, edges, directions } })
+    fn triangle(corner: DVec3, edges: [DVec3; 2]) -> Self {
+        let seen = TriangleSeen::new(corner, edges);
+        Self { solid_angle: seen.solid_angle, kind: SeenKind::Triangle(seen) }
     }
 
     fn rectangle(rectangle: &NearRectangle, from: DVec3) -> Self {
@@ -145,11 +142,9 @@ impl Seen {
     /// The way from the viewpoint to a point of the outline. `None` if rounding leaves no direction.
     pub(super) fn sample(&self, u: DVec2) -> Option<DVec3> {
         let offset = match &self.kind {
-            SeenKind::Triangle { corner, edges, directions } => {
-                let w = spherical::sample_triangle(*directions, self.solid_angle, u)?;
-                let normal = edges[0].cross(edges[1]);
-                let b = barycentrics(w * (corner.dot(normal) / w.dot(normal)) - *corner, *edges).as_dvec2();
-                *corner + edges[0] * b.x + edges[1] * b.y
+            SeenKind::Triangle(seen) => {
+                let (offset, exists) = seen.sample(u);
+                exists.then_some(offset)?
             }
             SeenKind::Rectangle { axes, z, rectangle } => {
                 let p = rectangle.sample(u);
@@ -159,13 +154,4 @@ impl Seen {
         };
         (offset.is_finite() && offset != DVec3::ZERO).then_some(offset)
     }
-}
-
-/// Barycentric coordinates of the point of a triangle's plane at this offset from its first corner, moved into the triangle.
-pub(super) fn barycentrics(offset: DVec3, [e1, e2]: [DVec3; 2]) -> Vec2 {
-    let normal = e1.cross(e2);
-    let n2 = normal.length_squared();
-    let b = DVec2::new(offset.cross(e2).dot(normal), e1.cross(offset).dot(normal)) / n2;
-    let b = if b.is_finite() { b.max(DVec2::ZERO) } else { DVec2::splat(1.0 / 3.0) };
-    (b / (b.x + b.y).max(1.0)).as_vec2()
 }

@@ -1,6 +1,6 @@
 //! Points of emissive surfaces: first as far as rays need to know, then with all that materials may ask for.
 
-use super::outline::barycentrics;
+use super::near::barycentrics;
 use super::{AreaLight, AreaPoint, EmissiveGeometry, PlacedTriangle, Table};
 use snell_intersect::{Shape, SurfaceInteraction, TriangleMesh};
 use snell_math::robust::gamma;

@@ -334,3 +334,29 @@ fn flat_parts_sampled_from_afar_cover_their_solid_angle() {
         assert!(!flat.is_far(place.point(DVec3::new(0.1, 0.1, 0.5)).as_vec3()));
     }
 }
+
+#[test]
+fn near_triangles_are_sampled_alike_with_and_without_all_of_the_surface() {
+    let mesh = TriangleMesh {
+        positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(0.2, 0.9, 0.1), Vec3::new(1.5, 0.7, 0.3)],
+        indices: vec![[0, 1, 2], [2, 1, 3]],
+        ..TriangleMesh::default()
+    };
+    let geometry = EmissiveGeometry::Mesh { mesh: Arc::new(mesh), triangles: vec![0, 1] };
+    let light = AreaLight::new(geometry, Transform::IDENTITY, (0, 0)).expect("it has an area");
+    let mut near = 0;
+    for i in 0..2000 {
+        let number = |k: u32| uniform2([i, k, 8, 8]);
+        let from = Vec3::new(number(0).x, number(0).y, number(1).x) * 4.0 - 1.5;
+        let (part, u) = (i % 2, number(2));
+        near += u32::from(!light.flat(part).expect("it is flat").is_far(from));
+        let sample = light.sample_flat(part, from, u).filter(|sample| sample.exists);
+        let whole = light.sample_from(part, from, u);
+        assert_eq!(sample.is_some(), whole.is_some(), "{from}");
+        if let Some((sample, whole)) = sample.zip(whole) {
+            assert_eq!((sample.direction, sample.pdf), (whole.direction, whole.pdf), "{from}");
+            assert_eq!(sample.end, whole.surface.ray_origin(-sample.direction), "{from}");
+        }
+    }
+    assert!(near > 100, "{near}");
+}

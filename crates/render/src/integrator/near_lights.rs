@@ -1,0 +1,285 @@
+//! Light samples from near rectangles and triangles, by solid angle: sixteen at once, in double precision.
+
+use super::lanes::LANES;
+use snell_intersect::triangles::{HitLanes, HitVectors};
+use snell_math::simd::Wide;
+use snell_math::{DVec2, DVec3, Vec2, Vec3, at_level};
+use snell_scene::light::area::{NearRectangle, NearSample, NearTriangle};
+
+/// Near rectangles that are sampled together.
+const NEAR_LANES: usize = 16;
+
+/// Samples of near rectangles and triangles.
+#[derive(Debug, Default)]
+pub struct NearLights {
+    /// The lanes that have one, and those of either kind.
+    pub lanes: Vec<u32>,
+    of_kind: Vec<u32>,
+    rectangles: NearRectangles,
+    triangles: NearTriangles,
+    found: NearSamples<NEAR_LANES>,
+    /// By lane.
+    pub samples: NearSamples<LANES>,
+}
+
+/// Where they are seen from, with which numbers they are sampled, and what is known of them, by lane.
+#[derive(Clone, Copy, Debug)]
+pub struct NearParts<'a> {
+    pub positions: &'a HitVectors,
+    pub u: &'a [HitLanes; 2],
+    /// As [`FlatPart`](snell_scene::light::area::FlatPart).
+    pub is_triangle: &'a [u32; LANES],
+    pub corner: &'a HitVectors,
+    pub edges: &'a [HitVectors; 2],
+}
+
+/// Rectangles, and who sees them.
+#[derive(Debug, Default)]
+struct NearRectangles {
+    from: [[f32; NEAR_LANES]; 3],
+    u: [[f32; NEAR_LANES]; 2],
+    center: [[f64; NEAR_LANES]; 3],
+    axes: [[[f64; NEAR_LANES]; 3]; 2],
+    half: [[f64; NEAR_LANES]; 2],
+}
+
+/// Triangles, and who sees them.
+#[derive(Debug, Default)]
+struct NearTriangles {
+    from: [[f32; NEAR_LANES]; 3],
+    u: [[f32; NEAR_LANES]; 2],
+    corner: [[f32; NEAR_LANES]; 3],
+    edges: [[[f32; NEAR_LANES]; 3]; 2],
+}
+
+/// See [`NearSample`].
+#[derive(Debug)]
+pub struct NearSamples<const N: usize> {
+    position: [[f32; N]; 3],
+    direction: [[f32; N]; 3],
+    pdf: [f32; N],
+    is_seen: [u32; N],
+    exists: [u32; N],
+}
+
+impl<const N: usize> Default for NearSamples<N> {
+    fn default() -> Self {
+        let zero = [[0.0; N]; 3];
+        Self { position: zero, direction: zero, pdf: [0.0; N], is_seen: [0; N], exists: [0; N] }
+    }
+}
+
+impl NearLights {
+    /// Samples the parts of the lanes that have one; `rectangle` tells what is not known of rectangles.
+    #[inline(never)]
+    pub fn sample(
+        &mut self,
+        parts: &NearParts,
+        rectangle: impl Fn(usize) -> Option<NearRectangle>,
+        wide: Option<Wide>,
+    ) {
+        let Self { lanes, of_kind, rectangles, triangles, found, samples } = self;
+        samples.is_seen = [0; LANES];
+        for kind in [0, 1] {
+            of_kind.clear();
+            of_kind.extend(lanes.iter().filter(|&&lane| parts.is_triangle[lane as usize] == kind));
+            for lanes in of_kind.chunks(NEAR_LANES) {
+                if kind == 0 {
+                    rectangles.gather(lanes, parts, &rectangle);
+                    let of: &NearRectangles = rectangles;
+                    at_level!(
+                        wide,
+                        near_rectangles,
+                        (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = found)
+                    );
+                } else {
+                    triangles.gather(lanes, parts);
+                    let of: &NearTriangles = triangles;
+                    at_level!(
+                        wide,
+                        near_triangles,
+                        (of: &NearTriangles = of, to: &mut NearSamples<NEAR_LANES> = found)
+                    );
+                }
+                samples.take(lanes, found);
+            }
+        }
+    }
+}
+
+impl NearRectangles {
+    fn gather(
+        &mut self,
+        lanes: &[u32],
+        NearParts { positions, u, .. }: &NearParts,
+        rectangle: impl Fn(usize) -> Option<NearRectangle>,
+    ) {
+        for (i, &lane) in lanes.iter().enumerate() {
+            let lane = lane as usize;
+            let Some(rectangle) = rectangle(lane) else { continue };
+            for (axis, positions) in positions.iter().enumerate() {
+                self.from[axis][i] = positions[lane];
+                self.center[axis][i] = rectangle.center[axis];
+                self.axes[0][axis][i] = rectangle.axes[0][axis];
+                self.axes[1][axis][i] = rectangle.axes[1][axis];
+            }
+            (self.half[0][i], self.half[1][i]) = (rectangle.half.x, rectangle.half.y);
+            (self.u[0][i], self.u[1][i]) = (u[0][lane], u[1][lane]);
+        }
+    }
+}
+
+impl NearTriangles {
+    fn gather(&mut self, lanes: &[u32], parts: &NearParts) {
+        let NearParts { positions, u, corner, edges, .. } = parts;
+        for (i, &lane) in lanes.iter().enumerate() {
+            let lane = lane as usize;
+            for axis in 0..3 {
+                self.from[axis][i] = positions[axis][lane];
+                self.corner[axis][i] = corner[axis][lane];
+                self.edges[0][axis][i] = edges[0][axis][lane];
+                self.edges[1][axis][i] = edges[1][axis][lane];
+            }
+            (self.u[0][i], self.u[1][i]) = (u[0][lane], u[1][lane]);
+        }
+    }
+}
+
+impl<const N: usize> NearSamples<N> {
+    #[inline(always)]
+    fn put(&mut self, i: usize, sample: &NearSample) {
+        for axis in 0..3 {
+            self.position[axis][i] = sample.position[axis];
+            self.direction[axis][i] = sample.direction[axis];
+        }
+        self.pdf[i] = sample.pdf;
+        self.is_seen[i] = u32::from(sample.is_seen);
+        self.exists[i] = u32::from(sample.exists);
+    }
+
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> NearSample {
+        let vector = |v: &[[f32; N]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        NearSample {
+            position: vector(&self.position),
+            direction: vector(&self.direction),
+            pdf: self.pdf[i],
+            is_seen: self.is_seen[i] != 0,
+            exists: self.exists[i] != 0,
+        }
+    }
+
+    /// Takes what was found for these lanes.
+    fn take(&mut self, lanes: &[u32], found: &NearSamples<NEAR_LANES>) {
+        for (i, &lane) in lanes.iter().enumerate() {
+            self.put(lane as usize, &found.get(i));
+        }
+    }
+}
+
+/// See [`NearRectangle::sample`].
+#[inline(always)]
+fn near_rectangles(of: &NearRectangles, to: &mut NearSamples<NEAR_LANES>) {
+    for i in 0..NEAR_LANES {
+        let vector = |v: &[[f64; NEAR_LANES]; 3]| DVec3::new(v[0][i], v[1][i], v[2][i]);
+        let rectangle = NearRectangle {
+            center: vector(&of.center),
+            axes: [vector(&of.axes[0]), vector(&of.axes[1])],
+            half: DVec2::new(of.half[0][i], of.half[1][i]),
+        };
+        let from = Vec3::new(of.from[0][i], of.from[1][i], of.from[2][i]);
+        to.put(i, &rectangle.sample(from, Vec2::new(of.u[0][i], of.u[1][i])));
+    }
+}
+
+/// See [`NearTriangle::sample`].
+#[inline(always)]
+fn near_triangles(of: &NearTriangles, to: &mut NearSamples<NEAR_LANES>) {
+    for i in 0..NEAR_LANES {
+        let vector = |v: &[[f32; NEAR_LANES]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        let triangle = NearTriangle { corner: vector(&of.corner), edges: [vector(&of.edges[0]), vector(&of.edges[1])] };
+        to.put(i, &triangle.sample(vector(&of.from), Vec2::new(of.u[0][i], of.u[1][i])));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use snell_math::rng::uniform2;
+    use snell_math::simd::Level;
+
+    #[test]
+    fn near_rectangles_are_sampled_alike_at_every_level() {
+        let number = |i: u32, k: u32| uniform2([i, k, 5, 5]).x * 2.0 - 1.0;
+        let vector = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
+        let mut of = NearRectangles::default();
+        let cases: [_; NEAR_LANES] = std::array::from_fn(|i| {
+            let (x, y) = vector(i as u32, 0).as_dvec3().normalize().any_orthonormal_pair();
+            let rectangle = NearRectangle {
+                center: vector(i as u32, 1).as_dvec3(),
+                axes: [x, y],
+                half: vector(i as u32, 2).as_dvec3().abs().truncate(),
+            };
+            let (from, u) = (vector(i as u32, 3) * 0.5, uniform2([i as u32, 9, 5, 5]));
+            for axis in 0..3 {
+                of.from[axis][i] = from[axis];
+                of.center[axis][i] = rectangle.center[axis];
+                of.axes[0][axis][i] = x[axis];
+                of.axes[1][axis][i] = y[axis];
+            }
+            ([of.half[0][i], of.half[1][i]], [of.u[0][i], of.u[1][i]]) = (rectangle.half.to_array(), u.to_array());
+            (rectangle, from, u)
+        });
+        for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+            let mut found = NearSamples::default();
+            let of = &of;
+            at_level!(
+                level.wide(),
+                near_rectangles,
+                (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = &mut found)
+            );
+            for (i, (rectangle, from, u)) in cases.iter().enumerate() {
+                let single = rectangle.sample(*from, *u);
+                let at = |v: &[[f32; NEAR_LANES]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
+                assert!(single.exists);
+                assert_eq!((at(&found.position), at(&found.direction)), (single.position, single.direction), "{level}");
+                assert_eq!((found.pdf[i], found.exists[i]), (single.pdf, 1), "{level}");
+            }
+        }
+    }
+
+    #[test]
+    fn near_triangles_are_sampled_alike_at_every_level() {
+        let number = |i: u32, k: u32| uniform2([i, k, 7, 7]).x * 2.0 - 1.0;
+        let vector = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
+        let mut of = NearTriangles::default();
+        let cases: [_; NEAR_LANES] = std::array::from_fn(|lane| {
+            let i = lane as u32;
+            let triangle = NearTriangle { corner: vector(i, 1), edges: [vector(i, 2), vector(i, 3)] };
+            let (from, u) = (vector(i, 4), uniform2([i, 9, 5, 5]));
+            for axis in 0..3 {
+                of.from[axis][lane] = from[axis];
+                of.corner[axis][lane] = triangle.corner[axis];
+                of.edges[0][axis][lane] = triangle.edges[0][axis];
+                of.edges[1][axis][lane] = triangle.edges[1][axis];
+            }
+            [of.u[0][lane], of.u[1][lane]] = u.to_array();
+            (triangle, from, u)
+        });
+        for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+            let (mut found, of) = (NearSamples::default(), &of);
+            at_level!(
+                level.wide(),
+                near_triangles,
+                (of: &NearTriangles = of, to: &mut NearSamples<NEAR_LANES> = &mut found)
+            );
+            for (i, (triangle, from, u)) in cases.iter().enumerate() {
+                let (single, found) = (triangle.sample(*from, *u), found.get(i));
+                assert!(single.exists);
+                assert_eq!((found.position, found.direction), (single.position, single.direction), "{level}");
+                assert_eq!((found.pdf, found.exists), (single.pdf, true), "{level}");
+                assert_eq!(found.is_seen, single.is_seen, "{level}");
+            }
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! Vertices on surfaces of any kind, many at once.
+
+use super::{PartRenderer, Paths};
+use crate::integrator::Vertex;
+use crate::integrator::lanes::{Arriving, Columns, LANES, LitColumns};
+
+impl PartRenderer<'_> {
+    /// How many of the paths at the beginning can be worked on together, at most [`LANES`].
+    pub(super) fn surfaces_beginning(&self, paths: &[u32]) -> usize {
+        if self.surfaces.is_none() || !self.is_simple() {
+            return 0;
+        }
+        let nothing = self.context.scene.materials.len();
+        let is_any = |&path: &u32| (self.keys[path as usize] as usize) < nothing && !self.is_specular(path);
+        paths.iter().take(LANES).take_while(|path| is_any(path)).count()
+    }
+
+    /// Shades at most [`LANES`] paths at surfaces.
+    pub(super) fn shade_surfaces(&mut self, depth: u32, paths: &[u32]) {
+        let Some(mut vertices) = self.surfaces.take() else { return };
+        let scene = self.context.scene;
+        let Paths { rays, hits, carried, samples, .. } = &self.paths;
+        let arriving = Arriving { rays, hits, carried, samples, randoms: &self.randoms };
+        vertices.start(self.sampler, &arriving, paths, depth);
+        for lane in 0..vertices.paths().len() {
+            let path = vertices.paths()[lane] as usize;
+            let (ray, hit) = (&rays[path], &hits[path]);
+            let outside_ior = self.volumes.as_ref().map_or(1.0, |volumes| volumes.outside_ior(path, hit));
+            if vertices.is_plain(&arriving, outside_ior) {
+                continue;
+            }
+            let (state, interaction) = (self.paths.state(path), self.paths.interaction(scene, path));
+            let surface = self.paths.surface(scene, path, &interaction, outside_ior);
+            let prepared = scene.prepared(scene.material_id(hit));
+            let sample = samples[path] as usize;
+            let vertex =
+                Vertex { depth, ray, state: &state, random: self.randoms[sample], surface: None, medium: None };
+            self.samples[sample].radiance += vertices.gather(&self.context, &vertex, &surface, prepared);
+        }
+        if depth < self.context.max_depth() {
+            vertices.gather_plain(&arriving);
+            vertices.shade(&self.context, depth);
+            self.use_lanes(depth, vertices.paths(), |lane| vertices.is_sound(lane));
+            self.collect_columns(&*vertices);
+            self.note_insides_around(depth, &*vertices);
+        }
+        self.surfaces = Some(vertices);
+    }
+
+    /// Tells media of the rays that the lanes in use send out.
+    fn note_insides_around(&mut self, depth: u32, vertices: &impl LitColumns) {
+        if self.volumes.is_none() {
+            return;
+        }
+        for i in 0..self.lanes.len() {
+            let lane = self.lanes[i] as usize;
+            let light = vertices.is_lit(lane).then(|| (vertices.light_ray(lane), vertices.brought(lane)));
+            let next = (vertices.goes_on()[lane] != 0).then(|| vertices.next_ray(lane).direction);
+            let path = vertices.paths()[lane] as usize;
+            self.note_insides_at(depth, path, light.as_slice(), vertices.glowing(lane), next);
+        }
+    }
+}
