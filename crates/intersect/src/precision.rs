@@ -215,7 +215,8 @@ pub(crate) trait Rules: Precision {
     /// How far vertices in the structures of a group may be from where they should be.
     fn slack(data: &Self::Data, group: usize) -> f32;
 
-    /// Makes a bundle of a run of rays in the root group; false if it is none. Lanes without a ray repeat the first one and want nothing.
+    /// Makes a bundle of a run of rays in the root group, if possible described from where `anchor` starts or ends; false if it is none. Lanes
+    /// without a ray repeat the first one and want nothing.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
@@ -223,6 +224,7 @@ pub(crate) trait Rules: Precision {
         data: &Self::Data,
         bundle: &mut Bundle,
         rays: &[Self::Ray],
+        anchor: &Self::Ray,
         backward: bool,
     ) -> bool;
 
@@ -426,9 +428,15 @@ impl Rules for Single {
     }
 
     #[inline(always)]
-    unsafe fn set_up_bundle<W: Lanes16>(_: &(), bundle: &mut Bundle, rays: &[Ray], backward: bool) -> bool {
+    unsafe fn set_up_bundle<W: Lanes16>(
+        _: &(),
+        bundle: &mut Bundle,
+        rays: &[Ray],
+        anchor: &Ray,
+        backward: bool,
+    ) -> bool {
         // SAFETY: passed on to the caller.
-        unsafe { packet::runs::set_up::<W>(bundle, rays, backward) }
+        unsafe { packet::runs::set_up::<W>(bundle, rays, anchor, backward) }
     }
 
     #[inline(always)]
@@ -628,7 +636,13 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    unsafe fn set_up_bundle<W: Lanes16>(data: &DoubleData, bundle: &mut Bundle, rays: &[DRay], backward: bool) -> bool {
+    unsafe fn set_up_bundle<W: Lanes16>(
+        data: &DoubleData,
+        bundle: &mut Bundle,
+        rays: &[DRay],
+        _: &DRay,
+        backward: bool,
+    ) -> bool {
         // SAFETY: passed on to the caller.
         unsafe { packet::runs::set_up_doubles::<W>(data, bundle, rays, backward) }
     }

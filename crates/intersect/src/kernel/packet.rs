@@ -1,9 +1,10 @@
 //! Coherent rays sixteen at a time: one test of eight boxes serves a whole bundle of rays.
 //!
 //! A run of sixteen rays of the batch becomes a [`Bundle`] if it is one: rays from one point, or towards one point, or otherwise close together.
-//! Runs that are none, and those that turn out to have little in common in this tree, are left to the caller. The
-//! decision is made by the run alone, and every pair of ray and triangle that is not surely a miss goes to the same exact test
-//! as everywhere else, so that neighbours change neither results nor what is done for a ray.
+//! Up to four that follow each other walk together if they are [alike](Bundle::is_like): a node is loaded and put in order once for all of
+//! them, a block of triangles is seen once, and their tests do not wait for each other. Each goes where it would go alone, in the same order.
+//! Runs that are no bundles are left to the caller. Every pair of ray and triangle that is not surely a miss goes to the same exact test
+//! as everywhere else, so that neighbours do not change results.
 
 pub(crate) mod bundle;
 pub(crate) mod doubles;
@@ -19,11 +20,12 @@ mod trial;
 mod triangles;
 mod walk;
 
-use super::interleave::Batch;
+use super::interleave::{Batch, fetch};
 use super::node::ChildRef;
 use super::traverse::{Walk, walk_portable};
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::precision::Rules;
+use crate::query::answers::Answers;
 use crate::query::search::{Goal, RayOf, Search};
 use bundle::{Bundle, RAYS};
 use exact::Found;
@@ -32,12 +34,12 @@ use std::mem::MaybeUninit;
 use std::ops::Range;
 use sure::Sure;
 use trial::Trial;
-use walk::{Position, Stacks, WalkBundle, Walker, walk_bundle_portable};
+use walk::{Position, ROWS, Row, Stacks, WalkBundles, Walker, walk_bundles_portable};
 #[cfg(target_arch = "x86_64")]
 use {
     super::traverse::walk_avx2,
     snell_math::simd::{Avx8, Avx16},
-    walk::{walk_bundle_avx2, walk_bundle_avx512},
+    walk::{walk_bundles_avx2, walk_bundles_avx512},
 };
 
 /// Fewer rays are not worth a bundle.
@@ -57,33 +59,33 @@ fn fits(tree: &GroupTree) -> bool {
         && bundle::is_in_range(&tree.nodes[tree.root.index()])
 }
 
-/// Searches for the rays of the batch run by run; `finish` gets the number of a ray and what was found. Returns the ranges of
+/// Searches for the rays of the batch run by run; `answers` get the number of a ray and what was found. Returns the ranges of
 /// rays that were left out.
 pub(crate) fn search_runs<G: Goal>(
     forest: &Forest,
     level: Level,
     batch: &Batch<G::Precision>,
     start: impl Fn(&RayOf<G>) -> G,
-    finish: impl FnMut(usize, G),
+    answers: impl Answers<G>,
 ) -> Vec<Range<usize>> {
     debug_assert!(is_suitable(forest));
     let mut stacks = Stacks {
         distances: vec![0.0; forest.stack_size],
         places: vec![0; forest.stack_size],
-        masks: vec![0; forest.stack_size],
+        meetings: vec![0; forest.stack_size],
         single: vec![MaybeUninit::uninit(); forest.stack_size],
     };
     match level {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `World` holds only levels that the machine supports, and the stacks have `stack_size` entries.
-        Level::Avx512 => unsafe { run_avx512(forest, batch, &mut stacks, start, finish) },
+        Level::Avx512 => unsafe { run_avx512(forest, batch, &mut stacks, start, answers) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: as above.
-        Level::Avx2 => unsafe { run_avx2(forest, batch, &mut stacks, start, finish) },
+        Level::Avx2 => unsafe { run_avx2(forest, batch, &mut stacks, start, answers) },
         // SAFETY: portable code, and the stacks have `stack_size` entries.
         _ => unsafe {
-            let entries = (walk_bundle_portable::<G> as WalkBundle<G>, walk_portable::<G> as Walk<G>);
-            run::<Pair<Portable8>, G>(forest, batch, &mut stacks, start, finish, entries)
+            let entries = (walk_bundles_portable::<G> as WalkBundles<G>, walk_portable::<G> as Walk<G>);
+            run::<Pair<Portable8>, G>(forest, batch, &mut stacks, start, answers, entries)
         },
     }
 }
@@ -97,11 +99,11 @@ unsafe fn run_avx2<G: Goal>(
     batch: &Batch<G::Precision>,
     stacks: &mut Stacks,
     start: impl Fn(&RayOf<G>) -> G,
-    finish: impl FnMut(usize, G),
+    answers: impl Answers<G>,
 ) -> Vec<Range<usize>> {
-    let entries = (walk_bundle_avx2::<G> as WalkBundle<G>, walk_avx2::<G> as Walk<G>);
+    let entries = (walk_bundles_avx2::<G> as WalkBundles<G>, walk_avx2::<G> as Walk<G>);
     // SAFETY: as promised by the caller.
-    unsafe { run::<Pair<Avx8>, G>(forest, batch, stacks, start, finish, entries) }
+    unsafe { run::<Pair<Avx8>, G>(forest, batch, stacks, start, answers, entries) }
 }
 
 /// # Safety
@@ -113,12 +115,13 @@ unsafe fn run_avx512<G: Goal>(
     batch: &Batch<G::Precision>,
     stacks: &mut Stacks,
     start: impl Fn(&RayOf<G>) -> G,
-    finish: impl FnMut(usize, G),
+    answers: impl Answers<G>,
 ) -> Vec<Range<usize>> {
-    let entries = (walk_bundle_avx512::<G> as WalkBundle<G>, walk_avx2::<G> as Walk<G>);
+    let entries = (walk_bundles_avx512::<G> as WalkBundles<G>, walk_avx2::<G> as Walk<G>);
     // SAFETY: as promised by the caller.
-    unsafe { run::<Avx16, G>(forest, batch, stacks, start, finish, entries) }
+    unsafe { run::<Avx16, G>(forest, batch, stacks, start, answers, entries) }
 }
+
 /// # Safety
 /// The machine must have the instructions of `W`; the stacks must have room for all groups; `enter` and `enter_single` must be
 /// entries of the same level.
@@ -128,81 +131,126 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
     batch: &Batch<'s, G::Precision>,
     stacks: &mut Stacks,
     start: impl Fn(&RayOf<G>) -> G,
-    mut finish: impl FnMut(usize, G),
-    (enter, enter_single): (WalkBundle<G>, Walk<G>),
+    mut answers: impl Answers<G>,
+    (enter, enter_single): (WalkBundles<G>, Walk<G>),
 ) -> Vec<Range<usize>> {
     let mut left: Vec<Range<usize>> = Vec::new();
-    let (mut bundle, mut found, mut sure) = (Bundle::NONE, Found::NONE, Sure::NONE);
-    let (mut trial, mut spare) = (Trial::default(), Vec::new());
-    let mut searches = [const { None }; RAYS];
+    let all = batch.rays.rays();
+    let begin = |number: usize, search: &mut Option<Search<'s, G>>| {
+        let query = batch.rays.get(number.min(all.len() - 1));
+        *search = Some(Search::new(query, batch.context, start(query.ray)));
+    };
+    let new = || Walker {
+        forest,
+        data: batch.context.data,
+        options: batch.context.options,
+        masks: 0,
+        rays: &[],
+        first: 0,
+        searches: [const { None }; RAYS],
+        begun: 0,
+        begin: &begin,
+        found: Found::NONE,
+        alive: 0,
+        waiting: 0,
+        put_off: [0; RAYS],
+        spare: Vec::new(),
+        work: 0,
+        known: 0,
+        sure: Sure::NONE,
+        enter,
+        enter_single,
+    };
+    let (mut walkers, mut bundles) = ([new(), new(), new(), new()], vec![Bundle::NONE; ROWS]);
+    let mut rows = walkers.each_mut().into_iter().zip(&mut bundles).map(|(w, b)| Row::new(w, b)).collect::<Vec<_>>();
+    let mut trial = Trial::default();
     let mut first = 0;
-    while first < batch.rays.len() {
-        let run = first..(first + RAYS).min(batch.rays.len());
-        first = run.end;
-        // SAFETY: as promised by the caller.
-        if unsafe {
-            let (data, rays) = (batch.context.data, &batch.rays.rays()[run.clone()]);
-            let backward = G::ANY && trial.is_backward();
-            G::Precision::set_up_bundle::<W>(data, &mut bundle, rays, backward)
-        } {
-            // (In place: what is returned would be copied as a whole after it was written in pieces.)
-            let begin = |lane: usize, search: &mut Option<Search<'s, G>>| {
-                let query = batch.rays.get((run.start + lane).min(run.end - 1));
-                *search = Some(Search::new(query, batch.context, start(query.ray)));
-            };
-            let alive = u32::MAX >> (32 - run.len());
-            let mut walker = Walker {
-                forest,
-                data: batch.context.data,
-                options: batch.context.options,
-                masks: batch.rays.common_mask(run.clone()),
-                rays: &batch.rays.rays()[run.clone()],
-                searches: &mut searches,
-                begin: &begin,
-                found: &mut found,
-                stacks,
-                alive,
-                waiting: 0,
-                put_off: [0; RAYS],
-                spare: &mut spare,
-                work: 0,
-                known: 0,
-                sure: &mut sure,
-                enter,
-                enter_single,
-            };
+    while first < all.len() {
+        // Runs that are bundles, and whether they are alike.
+        let (mut count, mut alike) = (0, true);
+        let (chunk, backward) = (first, G::ANY && trial.is_backward());
+        while count < ROWS && first < all.len() {
+            let run = first..(first + RAYS).min(all.len());
+            first = run.end;
+            let row = &mut rows[count];
+            let rays = &all[run.clone()];
+            fetch_ahead(&all[first..], run.clone(), &answers);
+            let anchor = runs::anchor::<G::Precision>(&all[chunk], rays);
             // SAFETY: as promised by the caller.
-            unsafe { enter(&mut walker, Position { group: 0, instance: 0, top: 0 }, &mut bundle) };
-            if bundle.kind.reversed {
-                trial.count(walker.work);
+            if unsafe { G::Precision::set_up_bundle::<W>(batch.context.data, row.bundle, rays, anchor, backward) } {
+                row.walker.set_off(rays, run.start, batch.rays.common_mask(run.clone()));
+                row.clear();
+                count += 1;
+                alike &= rows[count - 1].bundle.is_like(rows[0].bundle);
+                continue;
             }
-            let (known, put_off) = (walker.known, walker.put_off);
-            for (lane, (number, search)) in run.zip(&mut searches).enumerate() {
-                let ray = &batch.rays.rays()[number];
-                if known >> lane & 1 == 1 {
-                    let (t, b) = (sure.t[lane], [sure.b1[lane], sure.b2[lane]]);
-                    let (geometry, primitive) = forest.trees[0].triangle_at(put_off[lane]);
-                    let hit = G::Precision::found(t, b, [0, geometry, primitive]);
-                    let is_quad = batch.context.options[geometry as usize].quads;
-                    let hit = if is_quad { G::Precision::quad_hit(&hit) } else { hit };
-                    let mut goal = start(ray);
-                    if t > G::Precision::interval(ray)[0] && goal.wants(&hit) {
-                        goal.take(hit);
-                    }
-                    finish(number, goal);
-                    continue;
-                }
-                match search.take() {
-                    Some(search) => finish(number, search.goal),
-                    None => finish(number, start(ray)),
-                }
+            match left.last_mut() {
+                Some(last) if last.end == run.start => last.end = run.end,
+                _ => left.push(run),
             }
-            continue;
         }
-        match left.last_mut() {
-            Some(last) if last.end == run.start => last.end = run.end,
-            _ => left.push(run),
+        let together = if alike { count } else { 1 };
+        if together > 1 {
+            // All see boxes and triangles as the first one does.
+            let (one, others) = rows[..count].split_at_mut(1);
+            others.iter().for_each(|row| one[0].bundle.widen(row.bundle));
+            others.iter_mut().for_each(|row| row.bundle.widen(one[0].bundle));
+        }
+        for rows in rows[..count].chunks_mut(together.max(1)) {
+            // SAFETY: as promised by the caller.
+            unsafe { enter(rows, stacks, Position { group: 0, instance: 0, top: 0 }) };
+            if rows[0].bundle.kind.reversed {
+                trial.count(rows[0].walker.work);
+            }
+            for row in rows {
+                row.walker.answer(&start, &mut answers);
+            }
         }
     }
     left
+}
+
+/// Asks for the memory of the answers of a run, and for that of rays that come after it.
+#[inline(always)]
+fn fetch_ahead<G: Goal>(next: &[RayOf<G>], run: Range<usize>, answers: &impl Answers<G>) {
+    let mut at = 0;
+    while at < RAYS {
+        answers.fetch((run.start + at).min(run.end - 1));
+        fetch(next.as_ptr().wrapping_add((ROWS - 1) * RAYS + at));
+        at += 2;
+    }
+}
+
+impl<'w, G: Goal> Walker<'w, '_, G> {
+    /// Prepares it for a run, whose first ray has this number.
+    #[inline(always)]
+    fn set_off(&mut self, rays: &'w [RayOf<G>], first: usize, masks: u32) {
+        (self.rays, self.first, self.masks) = (rays, first, masks);
+        self.alive = u32::MAX >> (32 - rays.len());
+        (self.waiting, self.known, self.work) = (0, 0, 0);
+    }
+
+    /// Gives the answers of all rays.
+    #[inline(always)]
+    fn answer(&mut self, start: &impl Fn(&RayOf<G>) -> G, answers: &mut impl Answers<G>) {
+        let begun = std::mem::take(&mut self.begun);
+        for (lane, (ray, search)) in self.rays.iter().zip(&mut self.searches).enumerate() {
+            let number = self.first + lane;
+            if self.known >> lane & 1 == 1 {
+                let (t, b) = (self.sure.t[lane], [self.sure.b1[lane], self.sure.b2[lane]]);
+                let (geometry, primitive) = self.forest.trees[0].triangle_at(self.put_off[lane]);
+                let hit = G::Precision::found(t, b, [0, geometry, primitive]);
+                let is_quad = self.options[geometry as usize].quads;
+                let hit = if is_quad { G::Precision::quad_hit(&hit) } else { hit };
+                let mut goal = start(ray);
+                if t > G::Precision::interval(ray)[0] && goal.wants(&hit) {
+                    goal.take(hit);
+                }
+                answers.put(number, goal);
+                continue;
+            }
+            let search = if begun >> lane & 1 == 1 { search.take() } else { None };
+            answers.put(number, search.map_or_else(|| start(ray), |search| search.goal));
+        }
+    }
 }

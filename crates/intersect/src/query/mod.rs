@@ -202,8 +202,8 @@ impl<P: Rules> Searcher<'_, P> {
         match &self.world.structure {
             Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
                 let batch = interleave::Batch { rays, context: &self.context, order: &[] };
-                let put = |i, goal| answers.put(i, goal);
-                for left in packet::search_runs(forest, self.world.simd, &batch, &start, put) {
+                let all = Part { first: 0, answers: &mut answers };
+                for left in packet::search_runs(forest, self.world.simd, &batch, &start, all) {
                     let part = Part { first: left.start, answers: &mut answers };
                     self.search_unrelated(rays.slice(left), &start, part);
                 }

@@ -136,10 +136,12 @@ fn axes(d: [f32; 3]) -> [usize; 3] {
 
 /// What a bundle is made of, by axis of the group and ray, rounded to nearest.
 pub(crate) struct Columns<W> {
-    /// Origins, seen from the apex and from [the first one, rounded](Bundle::drawn_origin); not used with a shared origin.
+    /// Origins, seen from the apex and from a point among them; not used with a shared origin.
     pub from_apex: [W; 3],
     pub from_first: [W; 3],
     pub direction: [W; 3],
+    /// What `from_first` is seen from.
+    pub first_origin: [f32; 3],
     /// The direction of the first ray.
     pub first_direction: [f32; 3],
     /// Not negative.
@@ -206,9 +208,9 @@ impl Bundle {
         }
         let apex = P::point_in_structure(data, group, apex).as_vec3().to_array();
         self.kind = Kind { apex, rounded: true, slack: P::slack(data, group), ..*kind };
+        let first_origin = [self.drawn_origin[0][0], self.drawn_origin[1][0], self.drawn_origin[2][0]];
         if !kind.common {
-            let apex = apex.map(f64::from);
-            let first = [0, 1, 2].map(|axis| f64::from(self.drawn_origin[axis][0]));
+            let (apex, first) = (apex.map(f64::from), first_origin.map(f64::from));
             for lane in 0..RAYS {
                 let o = P::ray_in_structure(data, group, &self.rays.get(lane)).origin.to_array();
                 for axis in 0..3 {
@@ -223,6 +225,7 @@ impl Bundle {
                 from_apex: load3(&from_apex),
                 from_first: load3(&from_first),
                 direction: load3(&direction),
+                first_origin,
                 first_direction: [direction[0][0], direction[1][0], direction[2][0]],
                 t_min: W::load(t_min),
                 cull: W::load(cull),
@@ -336,6 +339,24 @@ impl Bundle {
         }
     }
 
+    /// True if both go the same way, described from and seen from the same points: then they may walk together.
+    #[inline(always)]
+    pub fn is_like(&self, other: &Self) -> bool {
+        let (a, b) = (&self.kind, &other.kind);
+        !a.rounded
+            && (a.apex, a.reversed, a.common, a.backward, a.rounded)
+                == (b.apex, b.reversed, b.common, b.backward, b.rounded)
+            && (self.axes, self.sign, self.octant) == (other.axes, other.sign, other.octant)
+            && self.lines.point == other.lines.point
+    }
+
+    /// Takes the bounds of errors of another one if they are larger, so that both may be shown the same boxes and triangles.
+    #[inline(always)]
+    pub fn widen(&mut self, other: &Self) {
+        self.margin = self.margin.max(other.margin);
+        self.lines.spread = self.lines.spread.max(other.lines.spread);
+    }
+
     /// Works out where rays that do not share their origin begin.
     ///
     /// # Safety
@@ -343,7 +364,7 @@ impl Bundle {
     #[inline(always)]
     unsafe fn place<W: Lanes16>(&mut self, columns: &Columns<W>) {
         let [x, y, z] = self.axes;
-        self.lines.point = [self.drawn_origin[x][0], self.drawn_origin[y][0], self.drawn_origin[z][0]];
+        self.lines.point = [columns.first_origin[x], columns.first_origin[y], columns.first_origin[z]];
         self.drawn_origin = [self.drawn_origin[x], self.drawn_origin[y], self.drawn_origin[z]];
         // SAFETY: passed on to the caller.
         let distance = unsafe {
@@ -453,24 +474,43 @@ impl Bundle {
         }
     }
 
-    /// For each child of a node where the bundle enters its box (at or beyond `bundle_far` if it is missed).
+    /// The rays that go on without an end, since nothing was hit.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub unsafe fn endless<W: Lanes16>(&self) -> u32 {
+        // SAFETY: passed on to the caller.
+        unsafe { W::splat(FARTHEST).le(W::load(&self.far)) }
+    }
+
+    /// The middle and half of the width of the slopes of all rays, of [`Lines`].
+    #[inline(always)]
+    pub fn slopes(&self) -> [[f32; 2]; 2] {
+        let turn = self.sign * self.lines.forward * 0.5;
+        let [low, high] = [self.low_slope, self.high_slope];
+        [[(low[0] + high[0]) * turn, (low[1] + high[1]) * turn], [(high[0] - low[0]) * 0.5, (high[1] - low[1]) * 0.5]]
+    }
+
+    /// The boxes of the children of a node.
     ///
     /// # Safety
     /// The machine must have the instructions of `L`.
     #[inline(always)]
-    pub unsafe fn box_distances<L: Lanes8>(&self, node: &WideNode) -> L {
+    pub unsafe fn boxes<L: Lanes8>(&self, node: &WideNode) -> Boxes<L> {
         let [x, y, z] = self.axes;
         let up = usize::from(self.sign < 0.0);
-        // SAFETY: passed on to the caller; axes are below 3.
+        // SAFETY: passed on to the caller; sides are 0 or 1, axes below 3.
         unsafe {
-            let near = self.planes::<L>(node, up, z).mul(L::splat(self.sign)).sub(L::splat(self.margin));
-            let far =
-                self.planes::<L>(node, up ^ 1, z).mul(L::splat(self.sign * (1.0 + PADDING))).add(L::splat(self.margin));
-            let near = near.max(L::splat(self.bundle_near));
-            let far = far.min(L::splat(self.bundle_far));
-            // The last one is always a number.
-            let gap = self.gap(node, 0, x, near, far).max(self.gap(node, 1, y, near, far).max(near.sub(far)));
-            gap.mul(L::splat(f32::MAX)).max(near)
+            let (near, far) = (self.planes::<L>(node, up, z), self.planes::<L>(node, up ^ 1, z));
+            Boxes {
+                near: near.mul(L::splat(self.sign)).sub(L::splat(self.margin)),
+                far: far.mul(L::splat(self.sign * (1.0 + PADDING))).add(L::splat(self.margin)),
+                sides: [
+                    [self.planes(node, 0, x), self.planes(node, 1, x)],
+                    [self.planes(node, 0, y), self.planes(node, 1, y)],
+                ],
+            }
         }
     }
 
@@ -487,38 +527,52 @@ impl Bundle {
         }
     }
 
-    /// Positive where the boxes of a node, from `near` to `far`, lie beside the bundle on an axis.
+    /// Where the bundle enters each of eight boxes (at or beyond `bundle_far` if it is missed).
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    pub unsafe fn box_distances<L: Lanes8>(&self, boxes: &Boxes<L>) -> L {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let near = boxes.near.max(L::splat(self.bundle_near));
+            let far = boxes.far.min(L::splat(self.bundle_far));
+            // The last one is always a number.
+            let gap = self.gap(boxes, 0, near, far).max(self.gap(boxes, 1, near, far).max(near.sub(far)));
+            gap.mul(L::splat(f32::MAX)).max(near)
+        }
+    }
+
+    /// Positive where boxes, from `near` to `far`, lie beside the bundle on an axis.
     ///
     /// # Safety
     /// As [`Self::planes`].
     #[inline(always)]
-    unsafe fn gap<L: Lanes8>(&self, node: &WideNode, i: usize, axis: usize, near: L, far: L) -> L {
+    unsafe fn gap<L: Lanes8>(&self, boxes: &Boxes<L>, i: usize, near: L, far: L) -> L {
         // SAFETY: passed on to the caller.
         unsafe {
             let (low, high) = (L::splat(self.low_slope[i]), L::splat(self.high_slope[i]));
             let low = near.mul(low).min(far.mul(low)).add(L::splat(self.low_offset[i]));
             let high = near.mul(high).max(far.mul(high)).add(L::splat(self.high_offset[i]));
-            self.planes::<L>(node, 0, axis).sub(high).max(low.sub(self.planes::<L>(node, 1, axis)))
+            let [low_side, high_side] = boxes.sides[i];
+            low_side.sub(high).max(low.sub(high_side))
         }
     }
 
-    /// Which rays meet one of the boxes of a node.
+    /// One of the boxes of a node, for all rays.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`.
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
-    pub unsafe fn rays_meeting<W: Lanes16>(&self, node: &WideNode, slot: usize) -> u32 {
+    pub unsafe fn one_box<W: Lanes16>(&self, node: &WideNode, slot: usize) -> Boxes<W> {
         let [x, y, z] = self.axes;
         let up = usize::from(self.sign < 0.0);
-        // SAFETY: passed on to the caller; sides are 0 or 1.
+        // SAFETY: passed on to the caller; sides are 0 or 1, axes below 3.
         unsafe {
             let near = self.plane(node, up, z, slot) * self.sign - self.margin;
             let far = self.plane(node, up ^ 1, z, slot) * self.sign * (1.0 + PADDING) + self.margin;
-            let near = W::splat(near).max(W::load(&self.near));
-            let far = W::splat(far).min(W::load(&self.far));
-            // The last one is always a number.
-            let gap = self.gap_of_rays(node, 1, y, slot, near, far).max(near.sub(far));
-            self.gap_of_rays(node, 0, x, slot, near, far).max(gap).le(W::splat(0.0))
+            let sides = [self.padded_sides(node, x, slot), self.padded_sides(node, y, slot)];
+            Boxes { near: W::splat(near), far: W::splat(far), sides }
         }
     }
 
@@ -532,30 +586,55 @@ impl Bundle {
         unsafe { node.bounds.get_unchecked(side).get_unchecked(axis)[slot & 7] - self.kind.apex.get_unchecked(axis) }
     }
 
-    /// Positive where a box lies beside the rays on an axis.
+    /// The sides of a box on an axis, moved out.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`; `axis` must be below 3.
     #[inline(always)]
-    unsafe fn gap_of_rays<W: Lanes16>(
-        &self,
-        node: &WideNode,
-        i: usize,
-        axis: usize,
-        slot: usize,
-        near: W,
-        far: W,
-    ) -> W {
+    unsafe fn padded_sides<W: Lanes16>(&self, node: &WideNode, axis: usize, slot: usize) -> [W; 2] {
         // SAFETY: passed on to the caller.
         unsafe {
             let (low, high) = (self.plane(node, 0, axis, slot), self.plane(node, 1, axis, slot));
-            let low = W::splat(low - low.abs() * PADDING - self.margin);
-            let high = W::splat(high + high.abs() * PADDING + self.margin);
-            let (slope, offset) = (W::load(&self.slope[i]), W::load(&self.offset[i]));
-            let (a, b) = (near.mul_add(slope, offset), far.mul_add(slope, offset));
-            a.min(b).sub(high).max(low.sub(a.max(b)))
+            [W::splat(low - low.abs() * PADDING - self.margin), W::splat(high + high.abs() * PADDING + self.margin)]
         }
     }
+
+    /// Which rays meet [a box](Self::one_box).
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub unsafe fn rays_meeting<W: Lanes16>(&self, boxes: &Boxes<W>) -> u32 {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let near = boxes.near.max(W::load(&self.near));
+            let far = boxes.far.min(W::load(&self.far));
+            // The last one is always a number.
+            let gap = self.gap_of_rays(boxes, 1, near, far).max(near.sub(far));
+            self.gap_of_rays(boxes, 0, near, far).max(gap).le(W::splat(0.0))
+        }
+    }
+
+    /// Positive where a box lies beside the rays on an axis.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    unsafe fn gap_of_rays<W: Lanes16>(&self, boxes: &Boxes<W>, i: usize, near: W, far: W) -> W {
+        // SAFETY: passed on to the caller.
+        let (slope, offset) = unsafe { (W::load(&self.slope[i]), W::load(&self.offset[i])) };
+        let (a, b) = (near.mul_add(slope, offset), far.mul_add(slope, offset));
+        let [low, high] = boxes.sides[i];
+        a.min(b).sub(high).max(low.sub(a.max(b)))
+    }
+}
+
+/// Boxes as bundles that are [alike](Bundle::is_like) see them from their apex: where they begin and end along the axis of the bundle, and on
+/// the other two axes.
+pub(crate) struct Boxes<L> {
+    near: L,
+    far: L,
+    sides: [[L; 2]; 2],
 }
 
 /// Numbers by axis and ray.

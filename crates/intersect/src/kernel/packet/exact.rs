@@ -18,10 +18,12 @@ pub(crate) struct Pairs {
     pub triangles: [u32; PAIRS],
     pub rays: [u32; PAIRS],
     pub count: usize,
+    /// The rays, a bit for each.
+    pub waiting: u32,
 }
 
 impl Pairs {
-    pub const NONE: Self = Self { triangles: [0; PAIRS], rays: [0; PAIRS], count: 0 };
+    pub const NONE: Self = Self { triangles: [0; PAIRS], rays: [0; PAIRS], count: 0, waiting: 0 };
 
     /// Adds a pair. There must be room.
     #[inline(always)]
@@ -35,6 +37,13 @@ impl Pairs {
         self.rays[self.count & (PAIRS - 1)] = ray;
         self.triangles[self.count & (PAIRS - 1)] = triangle;
         self.count += usize::from(is_one);
+        self.waiting |= u32::from(is_one) << ray;
+    }
+
+    /// Forgets all.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        (self.count, self.waiting) = (0, 0);
     }
 
     #[inline(always)]

@@ -5,11 +5,14 @@
 //! So the vectors of the edges of eight triangles are worked out at once, and then each triangle meets all rays at once. Nothing that the exact
 //! test takes is dropped, and nothing is sure that it does not take.
 
+use super::super::node::ChildRef;
 use super::super::triangle::TriangleBlock;
-use super::bundle::PerRay;
+use super::bundle::{Bundle, PerRay};
 use super::lines::Lines;
+use crate::accel::bvh::GroupTree;
 use crate::precision::Rules;
 use snell_math::simd::{Lanes8, Lanes16};
+use std::mem::MaybeUninit;
 
 /// Half a unit in the last place of 1.
 const ROUNDING: f32 = f32::EPSILON / 2.0;
@@ -52,6 +55,7 @@ pub(super) struct SeenBlock {
 
 /// A block of triangles seen from where all rays of a bundle start. Each ray costs two products an edge, so nothing is worth being shared by
 /// rays; and with nothing else to know, all of it stays in registers.
+#[derive(Clone, Copy)]
 pub(super) struct SharedOrigin<L> {
     /// Of all edges, by axis of the bundle.
     areas: [[L; 3]; 3],
@@ -100,6 +104,60 @@ impl<L: Lanes8> SharedOrigin<L> {
         // Surely outside: two edges whose signs are certain and differ. NaN is never sure.
         let inside = u.min(v).min(w).max(zero.sub(u.max(v).max(w)));
         !(inside.add(self.bound).lt(zero) | end.lt(self.nearest)) & 0xff
+    }
+}
+
+/// A leaf on the way of bundles that are seen from one point: what is known of its triangles is worked out once for all.
+pub(super) struct Leaf<'t, L> {
+    pub block: &'t TriangleBlock,
+    /// Of its first triangle: eight times the number of the block.
+    pub place: u32,
+    /// A bit for each triangle.
+    pub used: u32,
+    seen: MaybeUninit<SeenBlock>,
+    is_seen: bool,
+    of_origin: Option<SharedOrigin<L>>,
+}
+
+impl<'t, L: Lanes8> Leaf<'t, L> {
+    /// # Safety
+    /// `child` must be a block of the tree.
+    #[inline(always)]
+    pub unsafe fn new(tree: &'t GroupTree, child: ChildRef) -> Self {
+        // SAFETY: as promised by the caller.
+        let block = unsafe { tree.blocks.get_unchecked(child.block()) };
+        let (place, used) = (child.block() as u32 * 8, (2 << (child.count() - 1)) - 1);
+        Self { block, place, used, seen: MaybeUninit::uninit(), is_seen: false, of_origin: None }
+    }
+
+    /// Its triangles as all bundles see them that are seen from the same point as this one.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    pub unsafe fn seen<P: Rules>(&mut self, bundle: &Bundle) -> &SeenBlock {
+        if !self.is_seen {
+            self.is_seen = true;
+            // SAFETY: passed on to the caller; axes of bundles are below 3.
+            self.seen.write(unsafe { SeenBlock::new::<L, P>(self.block, &bundle.lines, bundle.axes) });
+        }
+        // SAFETY: written now or before.
+        unsafe { self.seen.assume_init_ref() }
+    }
+
+    /// The same for bundles whose rays share their origin.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    pub unsafe fn of_origin<P: Rules>(&mut self, bundle: &Bundle) -> SharedOrigin<L> {
+        if let Some(seen) = self.of_origin {
+            return seen;
+        }
+        // SAFETY: passed on to the caller; axes of bundles are below 3.
+        let seen = unsafe { SharedOrigin::new::<P>(self.block, &bundle.lines, bundle.axes) };
+        self.of_origin = Some(seen);
+        seen
     }
 }
 
@@ -188,7 +246,7 @@ impl SeenBlock {
             let clear = bound.mul(L::splat(CLEAR));
             let other = other_error(far, lines.margin);
             let nearest = nearest(low, far, other);
-            let mut seen = std::mem::MaybeUninit::<Self>::uninit();
+            let mut seen = MaybeUninit::<Self>::uninit();
             let to = &mut *seen.as_mut_ptr();
             store3(cross(r2, e1), &mut to.areas[0]);
             store3(cross(r0, e2), &mut to.areas[1]);
@@ -232,6 +290,37 @@ impl SeenBlock {
             let (zero, bound) = (W::splat(0.0), W::load_halves(&self.bound, &self.bound));
             let outside = vectors.areas(slope, zero).inside.add(bound).lt(zero);
             !outside & mask
+        }
+    }
+
+    /// The triangles that the rays of a bundle may be near, by the range of their slopes and places.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `L`.
+    #[inline(always)]
+    pub unsafe fn near_bundle<L: Lanes8>(&self, bundle: &Bundle) -> u32 {
+        let [[x, y], [half_x, half_y]] = bundle.slopes();
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let (middle, half) = ([L::splat(x), L::splat(y)], [L::splat(half_x), L::splat(half_y)]);
+            let (normal, n1, n2): ([L; 3], [L; 3], [L; 3]) =
+                (load3(&self.normal), load3(&self.areas[0]), load3(&self.areas[1]));
+            let n0 =
+                [normal[0].sub(n1[0]).sub(n2[0]), normal[1].sub(n1[1]).sub(n2[1]), normal[2].sub(n1[2]).sub(n2[2])];
+            let (mut a0, mut a1, mut a2) = (range(n0, middle, half), range(n1, middle, half), range(n2, middle, half));
+            if bundle.lines.apart {
+                let [middle, half] = [splat3::<L>(&bundle.lines.moments[0]), splat3::<L>(&bundle.lines.moments[1])];
+                let (e1, e2): ([L; 3], [L; 3]) = (load3(&self.edges[0]), load3(&self.edges[1]));
+                // The first edge closes the triangle, and its area is what others leave of the sum.
+                let e0 = [e1[0].add(e2[0]), e1[1].add(e2[1]), e1[2].add(e2[2])];
+                a0 = moved(a0, e0, middle, half, L::splat(-1.0));
+                a1 = moved(a1, e1, middle, half, L::splat(1.0));
+                a2 = moved(a2, e2, middle, half, L::splat(1.0));
+            }
+            let (zero, bound) = (L::splat(0.0), L::load(&self.bound));
+            let inside = a0[1].min(a1[1]).min(a2[1]).max(zero.sub(a0[0].max(a1[0]).max(a2[0])));
+            // (Twice, for the roundings here.)
+            !inside.add(bound).add(bound).lt(zero)
         }
     }
 
@@ -352,6 +441,41 @@ impl<W: Lanes16> Vectors<W> {
 #[inline(always)]
 fn along<W: Lanes16>([x, y, z]: [W; 3], slope: [W; 2]) -> W {
     slope[0].mul_add(x, slope[1].mul_add(y, z))
+}
+
+/// The least and greatest product of a vector and directions of a range of slopes.
+#[inline(always)]
+fn range<L: Lanes8>([x, y, z]: [L; 3], middle: [L; 2], half: [L; 2]) -> [L; 2] {
+    let (at, reach) = (x.mul_add(middle[0], y.mul_add(middle[1], z)), x.abs().mul_add(half[0], y.abs().mul(half[1])));
+    [at.sub(reach), at.add(reach)]
+}
+
+/// The range of areas after what the places of rays add, in either direction.
+#[inline(always)]
+fn moved<L: Lanes8>([low, high]: [L; 2], e: [L; 3], middle: [L; 3], half: [L; 3], sign: L) -> [L; 2] {
+    let at = e[0].mul_add(middle[0], e[1].mul_add(middle[1], e[2].mul(middle[2]))).mul(sign);
+    let reach = e[0].abs().mul_add(half[0], e[1].abs().mul_add(half[1], e[2].abs().mul(half[2])));
+    [low.add(at).sub(reach), high.add(at).add(reach)]
+}
+
+/// A vector, for all triangles.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn splat3<L: Lanes8>(&[x, y, z]: &[f32; 3]) -> [L; 3] {
+    // SAFETY: passed on to the caller.
+    unsafe { [L::splat(x), L::splat(y), L::splat(z)] }
+}
+
+/// The vectors of all triangles.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn load3<L: Lanes8>([x, y, z]: &[[f32; 8]; 3]) -> [L; 3] {
+    // SAFETY: passed on to the caller.
+    unsafe { [L::load(x), L::load(y), L::load(z)] }
 }
 
 #[inline(always)]

@@ -23,6 +23,8 @@ pub(crate) struct Lines {
     pub slope: [PerRay<f32>; 2],
     /// The vector product of the point at `z = 0` and the direction; not used with a shared origin.
     pub moment: [PerRay<f32>; 3],
+    /// The middle and half of the width of the moments of all rays.
+    pub moments: [[f32; 3]; 2],
     /// The interval begins between these.
     pub begin: PerRay<f32>,
     pub sure_begin: PerRay<f32>,
@@ -51,6 +53,7 @@ impl Lines {
     pub const NONE: Self = Self {
         slope: [[0.0; RAYS]; 2],
         moment: [[0.0; RAYS]; 3],
+        moments: [[0.0; 3]; 2],
         begin: [0.0; RAYS],
         sure_begin: [0.0; RAYS],
         sure_end: [0.0; RAYS],
@@ -92,9 +95,13 @@ impl Lines {
                 self.spread = from_x.abs().add(from_y.abs()).add(from_z.abs()).greatest();
                 start = from_z.mul(W::splat(self.forward));
                 let (at_x, at_y) = (from_x.sub(slope_x.mul(start)), from_y.sub(slope_y.mul(start)));
-                at_y.store(&mut self.moment[0]);
-                W::splat(0.0).sub(at_x).store(&mut self.moment[1]);
-                at_x.mul(slope_y).sub(at_y.mul(slope_x)).store(&mut self.moment[2]);
+                let moment = [at_y, W::splat(0.0).sub(at_x), at_x.mul(slope_y).sub(at_y.mul(slope_x))];
+                for (i, moment) in moment.into_iter().enumerate() {
+                    moment.store(&mut self.moment[i]);
+                    let (low, high) = (moment.least(), moment.greatest());
+                    self.moments[0][i] = (low + high) * 0.5;
+                    self.moments[1][i] = (high - low) * 0.5;
+                }
             }
             start.store(&mut self.start);
             let early = columns.t_min.mul(along);

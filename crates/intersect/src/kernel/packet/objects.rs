@@ -3,7 +3,7 @@
 use super::super::node::ChildRef;
 use super::super::traverse::{Stack, test_object};
 use super::bundle::{Bundle, PerRay, RAYS};
-use super::walk::{Position, Walker};
+use super::walk::{Position, Row, Stacks, Walker};
 use super::{MIN_RAYS, fits};
 use crate::accel::bvh::GroupTree;
 use crate::accel::group::{Object, ObjectRef, Placement, mapped};
@@ -25,11 +25,12 @@ impl<G: Goal> Walker<'_, '_, G> {
         bundle: &mut Bundle,
         rays: u32,
         instance: u32,
+        stack: &mut Stack,
     ) {
         let mut culls = [0.0; RAYS];
         // SAFETY: as promised by the caller.
         unsafe {
-            let over = self.test_one_by_one(tree, object, bundle, rays, instance, &mut culls);
+            let over = self.test_one_by_one(tree, object, bundle, rays, instance, &mut culls, stack);
             self.alive &= !over;
             bundle.narrow::<W>(rays, over, &culls);
             bundle.update_limits::<W>();
@@ -49,6 +50,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         mut rays: u32,
         instance: u32,
         culls: &mut PerRay<f32>,
+        stack: &mut Stack,
     ) -> u32 {
         self.want_rays(bundle);
         let mut over = 0;
@@ -57,7 +59,6 @@ impl<G: Goal> Walker<'_, '_, G> {
             rays &= rays - 1;
             self.search(lane);
             let (Some(search), ray) = (&mut self.searches[lane], bundle.rays.get(lane)) else { continue };
-            let stack: &mut Stack = &mut self.stacks.single;
             // SAFETY: as promised by the caller.
             let is_over =
                 unsafe { test_object(self.forest, tree, object, &ray, instance, search, stack, self.enter_single) };
@@ -79,6 +80,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         bundle: &mut Bundle,
         mask: u32,
         position: &Position,
+        stacks: &mut Stacks,
     ) {
         if let ObjectRef::Placed(Object::Instance {
             child,
@@ -99,7 +101,7 @@ impl<G: Goal> Walker<'_, '_, G> {
                     let alive = std::mem::replace(&mut self.alive, wanted);
                     let inside = Position { group: *child, instance: position.instance + offset, ..*position };
                     // SAFETY: as promised by the caller.
-                    unsafe { (self.enter)(self, inside, &mut below) };
+                    unsafe { (self.enter)(&mut [Row::new(self, &mut below)], stacks, inside) };
                     self.spare.push(below);
                     let over = wanted & !self.alive;
                     self.alive = alive & !over;
@@ -118,7 +120,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             }
         }
         // SAFETY: as promised by the caller.
-        unsafe { self.test_objects::<W>(tree, object.index(), bundle, mask, position.instance) };
+        unsafe { self.test_objects::<W>(tree, object.index(), bundle, mask, position.instance, &mut stacks.single) };
     }
 
     /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is none.

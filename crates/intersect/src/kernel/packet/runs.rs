@@ -5,16 +5,31 @@ use super::super::node::{CULL_PADDING, padded};
 use super::MIN_RAYS;
 use super::bundle::{Bundle, Columns, Kind, RAYS};
 use crate::kernel::double::DoubleData;
-use crate::precision::{Double, Real, Single};
+use crate::precision::{Double, Real, Rules, Single};
 use snell_math::simd::Lanes16;
 use snell_math::{DRay, Ray};
 
-/// Makes a bundle of a run; false if it is none. Lanes without a ray repeat the first one and want nothing.
+/// How far apart the ends of runs that are described from one point may be, relative to the length of rays.
+const NEAR: f64 = 1.0 / 64.0;
+
+/// The ray by which a run is described: one of a run before, if both start at one point or end at about one, or else its own first.
+#[inline(always)]
+pub(super) fn anchor<'a, P: Rules>(before: &'a P::Ray, rays: &'a [P::Ray]) -> &'a P::Ray {
+    let [a, b, c] = [P::exact(before), P::exact(&rays[0]), P::exact(&rays[rays.len() - 1])];
+    let (way_of_a, way_of_b) = (a.direction * a.t_max, b.direction * b.t_max);
+    // (Infinite and undefined lengths compare as false.)
+    let gap = (a.origin + way_of_a).distance_squared(b.origin + way_of_b);
+    let is_near = gap <= NEAR * NEAR * way_of_b.length_squared() && b.t_max < f64::INFINITY;
+    if a.origin == b.origin || (is_near && b.origin != c.origin) { before } else { &rays[0] }
+}
+
+/// Makes a bundle of a run, described from where `anchor` starts or ends, and seen from where that starts; false if it is none. Lanes without
+/// a ray repeat the first one and want nothing.
 ///
 /// # Safety
 /// The machine must have the instructions of `W`.
 #[inline(always)]
-pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], backward: bool) -> bool {
+pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], anchor: &Ray, backward: bool) -> bool {
     if rays.len() < MIN_RAYS {
         return false;
     }
@@ -41,15 +56,15 @@ pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], backw
             return false;
         }
         let ends = t_max.lt(W::splat(f32::INFINITY)) == 0xffff;
-        let o = first.origin.to_array();
-        let first_origin = [W::splat(o[0]), W::splat(o[1]), W::splat(o[2])];
-        let from_first = [ox.sub(first_origin[0]), oy.sub(first_origin[1]), oz.sub(first_origin[2])];
+        let first_origin = anchor.origin.to_array();
+        let [x, y, z] = first_origin;
+        let from_first = [ox.sub(W::splat(x)), oy.sub(W::splat(y)), oz.sub(W::splat(z))];
         // (Differences of finite numbers are zero if these are equal.)
         let common = from_first[0].abs().max(from_first[1].abs()).max(from_first[2].abs()).le(zero) == 0xffff;
         let reversed = !common && ends;
         // A little beyond the ends, so that all rays end before it.
-        let end = first.origin + first.direction * (first.t_max * (1.0 + 1.0 / 1024.0));
-        let apex = if reversed { end } else { first.origin }.to_array();
+        let end = anchor.origin + anchor.direction * (anchor.t_max * (1.0 + 1.0 / 1024.0));
+        let apex = if reversed { end } else { anchor.origin }.to_array();
         bundle.kind = Kind { apex, reversed, common, backward: reversed && backward, rounded: false, slack: 0.0 };
         ox.store(&mut bundle.drawn_origin[0]);
         oy.store(&mut bundle.drawn_origin[1]);
@@ -62,7 +77,15 @@ pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], backw
         let cull = t_max.add(t_max.abs().mul(W::splat(CULL_PADDING))).replace(unused, W::splat(-1.0));
         let direction = [dx, dy, dz];
         let first_direction = first.direction.to_array();
-        bundle.set_up::<W, Single>(&Columns { from_apex, from_first, direction, first_direction, t_min, cull })
+        bundle.set_up::<W, Single>(&Columns {
+            from_apex,
+            from_first,
+            direction,
+            first_origin,
+            first_direction,
+            t_min,
+            cull,
+        })
     }
 }
 

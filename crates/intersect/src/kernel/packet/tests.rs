@@ -30,7 +30,7 @@ fn vector(seed: u32, i: u32) -> Vec3 {
 
 fn is_bundle(bundle: &mut Bundle, rays: &[Ray]) -> bool {
     // SAFETY: portable code.
-    let is_one = unsafe { set_up::<Pair<Portable8>>(bundle, rays, false) };
+    let is_one = unsafe { set_up::<Pair<Portable8>>(bundle, rays, &rays[0], false) };
     bundle.rays.write::<Single>(rays);
     is_one
 }
@@ -82,7 +82,7 @@ fn lattice_point() -> impl Strategy<Value = Vec3> {
 }
 
 fn sizes() -> impl Strategy<Value = usize> {
-    prop_oneof![Just(1), Just(2), Just(15), Just(16), Just(17), Just(40)]
+    prop_oneof![Just(1), Just(2), Just(15), Just(16), Just(17), Just(40), Just(150)]
 }
 
 fn widths() -> impl Strategy<Value = f32> {
@@ -230,6 +230,8 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
     // SAFETY: as promised by the caller.
     let seen = unsafe { SeenBlock::new::<W::Half, Single>(block, &bundle.lines, bundle.axes) };
     let [_, _, axis] = bundle.axes;
+    // SAFETY: as above.
+    let near_bundle = unsafe { seen.near_bundle::<W::Half>(bundle) };
     for triangle in 0..8 {
         // SAFETY: as above.
         let meeting = unsafe { seen.meeting::<W>(&bundle.lines, triangle, 0xffff) };
@@ -243,6 +245,7 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
             let (possible, sure) = (meeting.possible >> lane & 1 == 1, meeting.sure >> lane & 1 == 1);
             prop_assert!(possible || wanted.is_none(), "{ray:?} {corners:?}");
             prop_assert!(wanted.is_some() || !sure, "{ray:?} {corners:?}");
+            prop_assert!(near_bundle >> triangle & 1 == 1 || wanted.is_none(), "{ray:?} {corners:?}");
             // SAFETY: as above.
             let near = unsafe { seen.near_two::<W>(&bundle.lines, &mut (1 << lane | 1 << (lane / 2))) };
             // It is the last of the two, or both.
@@ -262,7 +265,7 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
                 prop_assert!(f64::from(low[lane]) <= z && z <= f64::from(high[lane]), "{z} {low:?} {high:?} {ray:?}");
             }
             if bundle.is_aligned {
-                let pairs = Pairs { triangles: [triangle as u32; 8], rays: [lane as u32; 8], count: 8 };
+                let pairs = Pairs { triangles: [triangle as u32; 8], rays: [lane as u32; 8], count: 8, waiting: 0 };
                 let mut found = Found::NONE;
                 // SAFETY: as above.
                 unsafe { exact_hits::<W::Half>(std::slice::from_ref(block), bundle, &pairs, &mut found) };

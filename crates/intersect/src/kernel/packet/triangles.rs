@@ -1,10 +1,9 @@
 //! What bundles do with the triangles of leaves: some are surely missed, some surely hit, and the rest is tested exactly.
 
-use super::super::node::ChildRef;
 use super::super::ray::LocalRay;
 use super::bundle::{Bundle, PerRay, RAYS};
 use super::exact::{PAIRS, Pairs};
-use super::leaf::{SeenBlock, SharedOrigin};
+use super::leaf::Leaf;
 use super::walk::Walker;
 use crate::accel::bvh::GroupTree;
 use crate::accel::group::test_triangle;
@@ -17,6 +16,9 @@ use std::mem::MaybeUninit;
 /// So few rays are worth a look at which triangles they are near, two at a time.
 const FEW_RAYS: u32 = 6;
 
+/// So many pairs may wait where the nearest hit is wanted.
+const WAITING_PAIRS: usize = 4;
+
 impl<G: Goal> Walker<'_, '_, G> {
     /// Only the nearest hit counts: if it is certain which that is, the exact test of others is saved.
     const PUTS_OFF: bool = G::NARROWS && G::WANTS_ONE;
@@ -25,12 +27,12 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// hit something else.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`; `child` must be a block of the tree.
+    /// The machine must have the instructions of `W`; `leaf` must be one of the tree.
     #[inline(always)]
     pub(super) unsafe fn test_triangles<W: Lanes16>(
         &mut self,
         tree: &GroupTree,
-        child: ChildRef,
+        leaf: &mut Leaf<W::Half>,
         bundle: &mut Bundle,
         rays: u32,
         pairs: &mut Pairs,
@@ -42,19 +44,32 @@ impl<G: Goal> Walker<'_, '_, G> {
             let few = FEW_RAYS * W::REGISTERS;
             let is_quick = !G::ANY && !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
             let mut found = if is_quick {
-                self.find_pairs_of_origin::<W>(tree, child, bundle, rays, pairs, locals, instance)
+                self.find_pairs_of_origin::<W>(tree, leaf, bundle, rays, pairs, locals, instance)
             } else {
-                self.find_pairs::<W>(tree, child, bundle, rays, pairs, locals, instance)
+                self.find_pairs::<W>(tree, leaf, bundle, rays, pairs, locals, instance)
             };
-            // Where most rays have ended, the others are not worth going on.
-            let wanting = if G::ANY { self.alive.count_ones() as usize } else { 0 };
-            if pairs.count != 0 && 2 * pairs.count >= wanting {
+            if pairs.count != 0 && self.is_urgent::<W>(bundle, pairs) {
                 found |= self.test_pairs::<W>(tree, bundle, pairs, locals, instance, false);
             }
             if found {
                 bundle.update_limits::<W>();
             }
         }
+    }
+
+    /// True if pairs are not to be left for later.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    unsafe fn is_urgent<W: Lanes16>(&self, bundle: &Bundle, pairs: &Pairs) -> bool {
+        if G::ANY {
+            // Where most rays have ended, the others are not worth going on.
+            return 2 * pairs.count >= self.alive.count_ones() as usize;
+        }
+        // As long as any other ray has hit nothing, the bundle goes on as before.
+        // SAFETY: passed on to the caller.
+        !Self::PUTS_OFF || pairs.count > WAITING_PAIRS || unsafe { bundle.endless::<W>() } & !pairs.waiting == 0
     }
 
     /// Finds what rays that share their origin may hit of a block. True if anything was tested, because there were many, and counted.
@@ -65,18 +80,18 @@ impl<G: Goal> Walker<'_, '_, G> {
     unsafe fn find_pairs_of_origin<W: Lanes16>(
         &mut self,
         tree: &GroupTree,
-        child: ChildRef,
+        leaf: &mut Leaf<W::Half>,
         bundle: &mut Bundle,
         mut rays: u32,
         pairs: &mut Pairs,
         locals: &mut Locals,
         instance: u32,
     ) -> bool {
-        let (place, used, mut found) = (child.block() as u32 * 8, (2 << (child.count() - 1)) - 1, false);
+        let mut found = false;
         // SAFETY: as promised by the caller.
         unsafe {
-            let block = tree.blocks.get_unchecked(child.block());
-            let seen = SharedOrigin::<W::Half>::new::<G::Precision>(block, &bundle.lines, bundle.axes);
+            let (place, used) = (leaf.place, leaf.used);
+            let seen = leaf.of_origin::<G::Precision>(bundle);
             while rays != 0 {
                 let ray = rays.trailing_zeros();
                 rays &= rays - 1;
@@ -105,25 +120,26 @@ impl<G: Goal> Walker<'_, '_, G> {
     unsafe fn find_pairs<W: Lanes16>(
         &mut self,
         tree: &GroupTree,
-        child: ChildRef,
+        leaf: &mut Leaf<W::Half>,
         bundle: &mut Bundle,
         mut rays: u32,
         pairs: &mut Pairs,
         locals: &mut Locals,
         instance: u32,
     ) -> bool {
-        let (place, mut found) = (child.block() as u32 * 8, false);
-        let mut triangles: u32 = (2 << (child.count() - 1)) - 1;
+        let mut found = false;
         // SAFETY: as promised by the caller.
         unsafe {
-            let block = tree.blocks.get_unchecked(child.block());
-            let seen = SeenBlock::new::<W::Half, G::Precision>(block, &bundle.lines, bundle.axes);
+            let (block, place, mut triangles) = (leaf.block, leaf.place, leaf.used);
+            let seen = leaf.seen::<G::Precision>(bundle);
             if rays.count_ones() <= FEW_RAYS {
                 let (mut all, mut rest) = (0, rays);
                 while rest != 0 {
                     all |= seen.near_two::<W>(&bundle.lines, &mut rest);
                 }
                 triangles &= all | all >> 8;
+            } else {
+                triangles &= seen.near_bundle::<W::Half>(bundle);
             }
             while triangles != 0 {
                 let triangle = triangles.trailing_zeros();
@@ -203,15 +219,11 @@ impl<G: Goal> Walker<'_, '_, G> {
         if rays != 0 && bundle.is_aligned {
             let mut outcome = Outcome::NONE;
             // SAFETY: as promised by the caller.
-            let mut hits = unsafe { G::Precision::sure_hits::<W>(tree, bundle, rays, &self.put_off, self.sure) };
+            let mut hits = unsafe { G::Precision::sure_hits::<W>(tree, bundle, rays, &self.put_off, &mut self.sure) };
             rays &= !hits;
             if is_root {
-                let mut begun = 0;
-                for (lane, search) in self.searches.iter().enumerate() {
-                    begun |= u32::from(search.is_some()) << lane;
-                }
-                self.known = hits & !begun;
-                hits &= begun;
+                self.known = hits & !self.begun;
+                hits &= self.begun;
             }
             while hits != 0 {
                 let ray = hits.trailing_zeros() as usize & (RAYS - 1);
@@ -256,7 +268,7 @@ impl<G: Goal> Walker<'_, '_, G> {
         if bundle.is_aligned {
             self.found.unsure = 0;
             // SAFETY: as promised by the caller.
-            unsafe { G::Precision::exact_hits::<W::Half>(self.data, tree, bundle, pairs, self.found) };
+            unsafe { G::Precision::exact_hits::<W::Half>(self.data, tree, bundle, pairs, &mut self.found) };
         }
         let (mut hits, mut unsure) = (self.found.hits & all, self.found.unsure & all);
         while hits != 0 {
@@ -283,7 +295,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             let is_over = test_triangle(search, local, &block.corners(triangle), ids);
             outcome.note(ray, search.cull(), is_over);
         }
-        pairs.count = 0;
+        pairs.clear();
         // SAFETY: as promised by the caller.
         unsafe { self.conclude::<W>(bundle, &outcome, last) }
     }
@@ -358,6 +370,12 @@ impl Locals {
     #[inline(always)]
     pub(super) fn new() -> Self {
         Self { built: 0, rays: [const { MaybeUninit::uninit() }; RAYS] }
+    }
+
+    /// Forgets them.
+    #[inline(always)]
+    pub(super) fn clear(&mut self) {
+        self.built = 0;
     }
 
     #[inline(always)]

@@ -4,6 +4,7 @@ use super::super::node::ChildRef;
 use super::super::traverse::{Entry, Walk};
 use super::bundle::{Bundle, PerRay};
 use super::exact::{Found, Pairs};
+use super::leaf::Leaf;
 use super::sure::Sure;
 use super::triangles::Locals;
 use crate::accel::bvh::{Forest, GroupTree};
@@ -17,19 +18,23 @@ use std::mem::MaybeUninit;
 /// Trees larger than this are fetched ahead.
 const PREFETCH_BYTES: usize = 8 << 20;
 
-/// Memory of the walks: what bundles put off, by distance, place (node times eight plus slot) and the rays that meet the node, and the
+/// Bundles that walk together at most.
+pub(super) const ROWS: usize = 4;
+
+/// Memory of the walks: what bundles put off, by distance, place (node times eight plus slot) and which bundles meet the node, and the
 /// stack of single rays.
 pub(super) struct Stacks {
     pub(super) distances: Vec<f32>,
     pub(super) places: Vec<u32>,
-    pub(super) masks: Vec<u32>,
+    /// Of all slots of the node: eight bits a bundle.
+    pub(super) meetings: Vec<u32>,
     pub(super) single: Vec<MaybeUninit<Entry>>,
 }
 
 /// The walk of a level.
-pub(super) type WalkBundle<G> = unsafe fn(&mut Walker<'_, '_, G>, Position, &mut Bundle);
+pub(super) type WalkBundles<G> = unsafe fn(&mut [Row<'_, '_, '_, G>], &mut Stacks, Position);
 
-/// Where a bundle is.
+/// Where bundles are.
 #[derive(Clone, Copy)]
 pub(super) struct Position {
     pub(super) group: usize,
@@ -40,40 +45,40 @@ pub(super) struct Position {
 }
 
 /// # Safety
-/// As [`Walker::walk`].
+/// As [`walk`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) unsafe fn walk_bundle_avx2<G: Goal>(
-    walker: &mut Walker<'_, '_, G>,
+pub(super) unsafe fn walk_bundles_avx2<G: Goal>(
+    rows: &mut [Row<'_, '_, '_, G>],
+    stacks: &mut Stacks,
     position: Position,
-    bundle: &mut Bundle,
 ) {
     // SAFETY: as promised by the caller.
-    unsafe { walker.walk::<Pair<Avx8>>(position, bundle) }
+    unsafe { walk::<Pair<Avx8>, G>(rows, stacks, position) }
 }
 
 /// # Safety
-/// As [`Walker::walk`].
+/// As [`walk`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) unsafe fn walk_bundle_avx512<G: Goal>(
-    walker: &mut Walker<'_, '_, G>,
+pub(super) unsafe fn walk_bundles_avx512<G: Goal>(
+    rows: &mut [Row<'_, '_, '_, G>],
+    stacks: &mut Stacks,
     position: Position,
-    bundle: &mut Bundle,
 ) {
     // SAFETY: as promised by the caller.
-    unsafe { walker.walk::<Avx16>(position, bundle) }
+    unsafe { walk::<Avx16, G>(rows, stacks, position) }
 }
 
 /// # Safety
-/// As [`Walker::walk`].
-pub(super) unsafe fn walk_bundle_portable<G: Goal>(
-    walker: &mut Walker<'_, '_, G>,
+/// As [`walk`].
+pub(super) unsafe fn walk_bundles_portable<G: Goal>(
+    rows: &mut [Row<'_, '_, '_, G>],
+    stacks: &mut Stacks,
     position: Position,
-    bundle: &mut Bundle,
 ) {
     // SAFETY: as promised by the caller.
-    unsafe { walker.walk::<Pair<Portable8>>(position, bundle) }
+    unsafe { walk::<Pair<Portable8>, G>(rows, stacks, position) }
 }
 
 /// The searches of a run on their way through the forest.
@@ -83,15 +88,16 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     pub(super) options: &'w [GeometryOptions],
     /// What all rays have in their masks.
     pub(super) masks: u32,
-    /// The rays of the run.
+    /// The rays of the run, and the number of the first.
     pub(super) rays: &'w [RayOf<G>],
+    pub(super) first: usize,
     /// Begun when something was found that may count: rays that surely meet nothing need none.
-    pub(super) searches: &'w mut PerRay<Option<Search<'s, G>>>,
-    /// Begins the search of a ray.
+    pub(super) searches: PerRay<Option<Search<'s, G>>>,
+    pub(super) begun: u32,
+    /// Begins the search of a ray, given by its number. (In place: what is returned would be copied as a whole after it was written in pieces.)
     pub(super) begin: &'w dyn Fn(usize, &mut Option<Search<'s, G>>),
     /// Memory for what becomes of pairs.
-    pub(super) found: &'w mut Found<RealOf<G>>,
-    pub(super) stacks: &'w mut Stacks,
+    pub(super) found: Found<RealOf<G>>,
     /// The rays whose search is not over.
     pub(super) alive: u32,
     /// The rays of the group that surely hit something, and the place of the nearest of that ([`Pairs`]): tested exactly in the end.
@@ -99,123 +105,234 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     pub(super) put_off: PerRay<u32>,
     /// Memory for bundles in instances.
     #[allow(clippy::vec_box, reason = "they are large, and come and go")]
-    pub(super) spare: &'w mut Vec<Box<Bundle>>,
-    /// About what it took: a box tested is one.
+    pub(super) spare: Vec<Box<Bundle>>,
+    /// About what it took, for all that walk together: a box tested is one.
     pub(super) work: u32,
     /// Rays without a search whose nearest hit is known: in `sure`, of what was put off.
     pub(super) known: u32,
-    pub(super) sure: &'w mut Sure<RealOf<G>>,
-    pub(super) enter: WalkBundle<G>,
+    pub(super) sure: Sure<RealOf<G>>,
+    pub(super) enter: WalkBundles<G>,
     pub(super) enter_single: Walk<G>,
 }
 
-impl<'s, G: Goal> Walker<'_, 's, G> {
-    /// Walks one group.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; the stacks must have room for the group and all below it.
+/// A bundle on its walk through a group.
+pub(super) struct Row<'r, 'w, 's, G: Goal> {
+    pub(super) walker: &'r mut Walker<'w, 's, G>,
+    pub(super) bundle: &'r mut Bundle,
+    pairs: Pairs,
+    locals: Locals,
+}
+
+impl<'r, 'w, 's, G: Goal> Row<'r, 'w, 's, G> {
     #[inline(always)]
-    unsafe fn walk<W: Lanes16>(&mut self, position: Position, bundle: &mut Bundle) {
-        let tree = &self.forest.trees[position.group];
-        let instance = position.instance;
-        let (mut pairs, mut locals) = (Pairs::NONE, Locals::new());
-        // SAFETY: as promised by the caller.
-        unsafe {
+    pub(super) fn new(walker: &'r mut Walker<'w, 's, G>, bundle: &'r mut Bundle) -> Self {
+        Self { walker, bundle, pairs: Pairs::NONE, locals: Locals::new() }
+    }
+
+    /// Prepares it for another bundle.
+    #[inline(always)]
+    pub(super) fn clear(&mut self) {
+        self.pairs.clear();
+        self.locals.clear();
+    }
+}
+
+/// Walks one group with bundles that are [alike](Bundle::is_like), up to [`ROWS`]: each meets what it would meet alone, in the same order.
+///
+/// # Safety
+/// The machine must have the instructions of `W`; the stacks must have room for the group and all below it.
+#[inline(always)]
+unsafe fn walk<W: Lanes16, G: Goal>(rows: &mut [Row<'_, '_, '_, G>], stacks: &mut Stacks, position: Position) {
+    let tree = &rows[0].walker.forest.trees[position.group];
+    let instance = position.instance;
+    // SAFETY: as promised by the caller.
+    unsafe {
+        for row in &mut *rows {
             for &object in &tree.unbounded {
-                self.test_objects::<W>(tree, object as usize, bundle, self.alive, instance);
+                let alive = row.walker.alive;
+                let stack = &mut stacks.single;
+                row.walker.test_objects::<W>(tree, object as usize, row.bundle, alive, instance, stack);
             }
-            self.descend::<W>(tree, position, bundle, &mut pairs, &mut locals);
-            if pairs.count != 0 && self.alive != 0 {
-                self.test_pairs::<W>(tree, bundle, &mut pairs, &mut locals, instance, true);
+        }
+        descend::<W, G>(tree, rows, stacks, position);
+        for Row { walker, bundle, pairs, locals } in rows {
+            if pairs.count != 0 && walker.alive != 0 {
+                walker.test_pairs::<W>(tree, bundle, pairs, locals, instance, true);
             }
-            self.test_put_off::<W>(tree, bundle, &mut locals, instance, true, position.group == 0);
+            walker.test_put_off::<W>(tree, bundle, locals, instance, true, position.group == 0);
         }
     }
+}
 
-    /// Walks the tree of a group.
-    ///
-    /// # Safety
-    /// As [`Self::walk`].
-    #[inline(always)]
-    unsafe fn descend<W: Lanes16>(
-        &mut self,
-        tree: &GroupTree,
-        position: Position,
-        bundle: &mut Bundle,
-        pairs: &mut Pairs,
-        locals: &mut Locals,
-    ) {
-        let (base, instance) = (position.top, position.instance);
-        let prefetch = tree.memory_bytes() > PREFETCH_BYTES;
-        let mut top = base;
-        let (mut node, mut mask) = (tree.root.index(), self.alive);
-        while self.alive != 0 {
-            // SAFETY: the builder makes only references to nodes that exist; a walk holds at most 7 entries per level.
-            unsafe {
-                let pushed = self.push_children::<W>(tree, node, mask, bundle, top);
-                if prefetch {
-                    for i in top..top + pushed {
-                        fetch_ahead(tree, child_at(tree, *self.stacks.places.get_unchecked(i)));
-                    }
+/// Walks the tree of a group.
+///
+/// # Safety
+/// As [`walk`].
+#[inline(always)]
+unsafe fn descend<W: Lanes16, G: Goal>(
+    tree: &GroupTree,
+    rows: &mut [Row<'_, '_, '_, G>],
+    stacks: &mut Stacks,
+    position: Position,
+) {
+    let (base, instance) = (position.top, position.instance);
+    let prefetch = tree.memory_bytes() > PREFETCH_BYTES;
+    let common = rows[0].bundle.kind.common;
+    let mut top = base;
+    let (mut far, mut fars) = limits(rows);
+    // The first bit of each byte stands for a bundle.
+    let (mut node, mut meeting) = (tree.root.index(), 0x0101_0101 & (u32::MAX >> (32 - 8 * rows.len())));
+    while far > f32::NEG_INFINITY {
+        // SAFETY: the builder makes only references to nodes that exist; a walk holds at most 7 entries per level.
+        unsafe {
+            let pushed = push_children::<W, G>(tree, node, rows, meeting, far, stacks, top);
+            if prefetch {
+                for i in top..top + pushed {
+                    fetch_ahead(tree, child_at(tree, *stacks.places.get_unchecked(i)));
                 }
-                top += pushed;
             }
-            loop {
-                if top == base {
-                    return;
-                }
-                top -= 1;
-                // SAFETY: entries below the former `top` are written.
-                let (distance, place, meeting) = unsafe {
-                    (
-                        *self.stacks.distances.get_unchecked(top),
-                        *self.stacks.places.get_unchecked(top),
-                        *self.stacks.masks.get_unchecked(top),
-                    )
-                };
-                if distance > bundle.bundle_far {
-                    continue;
-                }
-                self.work += 1;
-                // SAFETY: places come from nodes that exist.
-                let child = unsafe { child_at(tree, place) };
-                if bundle.kind.common && child.is_node() {
-                    // (Planes are as good here, and the walk goes on without waiting for the rays.)
-                    (node, mask) = (child.index(), meeting);
-                    break;
-                }
-                // SAFETY: places come from nodes that exist; `W` as promised by the caller.
-                let meeting = unsafe {
-                    let node = tree.nodes.get_unchecked(place as usize >> 3);
-                    bundle.rays_meeting::<W>(node, place as usize & 7) & meeting
-                };
-                if meeting == 0 {
-                    continue;
-                }
-                if child.is_node() {
-                    (node, mask) = (child.index(), meeting);
-                    break;
-                }
-                self.work += 2;
-                // SAFETY: as promised by the caller.
+            top += pushed;
+        }
+        loop {
+            if top == base {
+                return;
+            }
+            top -= 1;
+            // SAFETY: entries below the former `top` are written.
+            let (distance, place, meetings) = unsafe {
+                (
+                    *stacks.distances.get_unchecked(top),
+                    *stacks.places.get_unchecked(top),
+                    *stacks.meetings.get_unchecked(top),
+                )
+            };
+            if distance > far {
+                continue;
+            }
+            rows[0].walker.work += 1;
+            meeting = meetings >> (place & 7) & within(distance, &fars);
+            // SAFETY: places come from nodes that exist.
+            let child = unsafe { child_at(tree, place) };
+            if meeting == 0 {
+                continue;
+            }
+            if common && child.is_node() {
+                // (Planes are as good here, and the walk goes on without waiting for the rays.)
+                node = child.index();
+                break;
+            }
+            let mut rays = [0; ROWS];
+            let mut rest = meeting;
+            // SAFETY: places come from nodes that exist; `W` as promised by the caller.
+            let one = unsafe {
+                rows[0].bundle.one_box::<W>(tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7)
+            };
+            while rest != 0 {
+                let bit = rest.trailing_zeros();
+                rest &= rest - 1;
+                // SAFETY: bits come from bundles; `W` as promised by the caller.
                 unsafe {
+                    let row = rows.get_unchecked((bit >> 3) as usize);
+                    let those = row.bundle.rays_meeting::<W>(&one) & row.walker.alive;
+                    rays[(bit >> 3) as usize & (ROWS - 1)] = those;
+                    meeting &= !(u32::from(those == 0) << bit);
+                }
+            }
+            if meeting == 0 {
+                continue;
+            }
+            if child.is_node() {
+                node = child.index();
+                break;
+            }
+            rows[0].walker.work += 2;
+            // SAFETY: as promised by the caller.
+            unsafe {
+                let mut leaf = Leaf::<W::Half>::new(tree, child);
+                while meeting != 0 {
+                    let number = meeting.trailing_zeros() as usize >> 3;
+                    meeting &= meeting - 1;
+                    let Row { walker, bundle, pairs, locals } = rows.get_unchecked_mut(number);
+                    let those = rays[number & (ROWS - 1)];
                     if child.is_triangles() {
-                        self.test_triangles::<W>(tree, child, bundle, meeting, pairs, locals, instance);
+                        walker.test_triangles::<W>(tree, &mut leaf, bundle, those, pairs, locals, instance);
                     } else {
-                        self.test_put_off::<W>(tree, bundle, locals, instance, false, false);
-                        self.enter_object::<W>(tree, child, bundle, meeting, &Position { top, ..position });
+                        walker.test_put_off::<W>(tree, bundle, locals, instance, false, false);
+                        walker.enter_object::<W>(tree, child, bundle, those, &Position { top, ..position }, stacks);
                     }
                 }
+                (far, fars) = limits(rows);
             }
         }
     }
+}
 
+/// Beyond which nothing is of interest to any bundle, and to each.
+#[inline(always)]
+fn limits<G: Goal>(rows: &[Row<'_, '_, '_, G>]) -> (f32, [f32; ROWS]) {
+    let (mut farthest, mut fars) = (f32::NEG_INFINITY, [f32::NEG_INFINITY; ROWS]);
+    for (row, far) in rows.iter().zip(&mut fars) {
+        *far = row.bundle.bundle_far;
+        farthest = farthest.max(*far);
+    }
+    (farthest, fars)
+}
+
+/// The bundles whose limits are not nearer than a distance: the first bit of a byte for each.
+#[inline(always)]
+fn within(distance: f32, fars: &[f32; ROWS]) -> u32 {
+    let mut bundles = 0;
+    for (i, &far) in fars.iter().enumerate() {
+        bundles |= u32::from(distance <= far) << (8 * i);
+    }
+    bundles
+}
+
+/// Puts the children of a node that some of the bundles meet on the stack, the nearest on top, and returns how many they are.
+///
+/// # Safety
+/// The machine must have the instructions of `W`; the node must exist, the first bits of bytes of `meeting` must stand for bundles, and the
+/// stack must have room for eight entries from `top`.
+#[inline(always)]
+unsafe fn push_children<W: Lanes16, G: Goal>(
+    tree: &GroupTree,
+    node: usize,
+    rows: &[Row<'_, '_, '_, G>],
+    mut meeting: u32,
+    far: f32,
+    stacks: &mut Stacks,
+    top: usize,
+) -> usize {
+    // SAFETY: as promised by the caller.
+    unsafe {
+        let places: [u32; 8] = std::array::from_fn(|slot| (node * 8 + slot) as u32);
+        let node = tree.nodes.get_unchecked(node);
+        let boxes = rows[0].bundle.boxes::<W::Half>(node);
+        let (mut nearest, mut meetings) = (W::Half::splat(f32::INFINITY), 0);
+        while meeting != 0 {
+            let bit = meeting.trailing_zeros();
+            meeting &= meeting - 1;
+            let bundle = &rows.get_unchecked((bit >> 3) as usize).bundle;
+            let enter = bundle.box_distances(&boxes);
+            meetings |= enter.le(W::Half::splat(bundle.bundle_far)) << bit;
+            nearest = nearest.min(enter);
+        }
+        *stacks.meetings.as_mut_ptr().add(top).cast::<[u32; 8]>() = [meetings; 8];
+        let distances = &mut *stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>();
+        let payload = &mut *stacks.places.as_mut_ptr().add(top).cast::<[u32; 8]>();
+        let order = *node.order.get_unchecked(rows[0].bundle.octant);
+        nearest.compress_le(W::Half::splat(far), order, &places, distances, payload)
+    }
+}
+
+impl<'s, G: Goal> Walker<'_, 's, G> {
     /// The search of a ray; it begins if it has not.
     #[inline(always)]
     pub(super) fn search(&mut self, ray: usize) -> &mut Search<'s, G> {
         let search = &mut self.searches[ray];
-        if search.is_none() {
-            (self.begin)(ray, search);
+        if self.begun >> ray & 1 == 0 {
+            self.begun |= 1 << ray;
+            (self.begin)(self.first + ray, search);
         }
         search.as_mut().expect("it has begun")
     }
@@ -226,32 +343,6 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
         if !bundle.has_rays {
             bundle.rays.write::<G::Precision>(self.rays);
             bundle.has_rays = true;
-        }
-    }
-
-    /// Puts the children of a node that the bundle meets on the stack, the nearest on top, and returns how many they are.
-    ///
-    /// # Safety
-    /// The machine must have the instructions of `W`; the node must exist, and the stack must have room for eight entries from `top`.
-    #[inline(always)]
-    unsafe fn push_children<W: Lanes16>(
-        &mut self,
-        tree: &GroupTree,
-        node: usize,
-        mask: u32,
-        bundle: &Bundle,
-        top: usize,
-    ) -> usize {
-        // SAFETY: as promised by the caller.
-        unsafe {
-            *self.stacks.masks.as_mut_ptr().add(top).cast::<[u32; 8]>() = [mask; 8];
-            let places: [u32; 8] = std::array::from_fn(|slot| (node * 8 + slot) as u32);
-            let node = tree.nodes.get_unchecked(node);
-            let enter = bundle.box_distances::<W::Half>(node);
-            let distances = &mut *self.stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>();
-            let payload = &mut *self.stacks.places.as_mut_ptr().add(top).cast::<[u32; 8]>();
-            let order = *node.order.get_unchecked(bundle.octant);
-            enter.compress_le(W::Half::splat(bundle.bundle_far), order, &places, distances, payload)
         }
     }
 }
