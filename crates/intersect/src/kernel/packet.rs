@@ -34,7 +34,7 @@ use std::mem::MaybeUninit;
 use std::ops::Range;
 use sure::Sure;
 use trial::Trial;
-use walk::{Position, ROWS, Row, Stacks, WalkBundles, Walker, walk_bundles_portable};
+use walk::{Memory, Position, ROWS, Row, Stacks, WalkBundles, Walker, walk_bundles_portable};
 #[cfg(target_arch = "x86_64")]
 use {
     super::traverse::walk_avx2,
@@ -162,7 +162,9 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
         enter_single,
     };
     let (mut walkers, mut bundles) = ([new(), new(), new(), new()], vec![Bundle::NONE; ROWS]);
-    let mut rows = walkers.each_mut().into_iter().zip(&mut bundles).map(|(w, b)| Row::new(w, b)).collect::<Vec<_>>();
+    let mut memories = [Memory::new(), Memory::new(), Memory::new(), Memory::new()];
+    let rows = walkers.each_mut().into_iter().zip(&mut bundles).zip(&mut memories);
+    let mut rows = rows.map(|((walker, bundle), memory)| Row::new(walker, bundle, memory)).collect::<Vec<_>>();
     let mut trial = Trial::default();
     let mut first = 0;
     while first < all.len() {
@@ -189,7 +191,8 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
                 _ => left.push(run),
             }
         }
-        let together = if alike { count } else { 1 };
+        // (Where bundles go into instances they do so alone, and it does not pay to come there together.)
+        let together = if alike && forest.trees.len() == 1 { count } else { 1 };
         if together > 1 {
             // All see boxes and triangles as the first one does.
             let (one, others) = rows[..count].split_at_mut(1);

@@ -3,7 +3,7 @@
 use super::super::node::ChildRef;
 use super::super::traverse::{Stack, test_object};
 use super::bundle::{Bundle, PerRay, RAYS};
-use super::walk::{Position, Row, Stacks, Walker};
+use super::walk::{Memory, Position, Row, Stacks, Walker};
 use super::{MIN_RAYS, fits};
 use crate::accel::bvh::GroupTree;
 use crate::accel::group::{Object, ObjectRef, Placement, mapped};
@@ -100,8 +100,9 @@ impl<G: Goal> Walker<'_, '_, G> {
                 if unsafe { self.set_up_in_child::<W>(&mut below, bundle, wanted, groups, child_from_group) } {
                     let alive = std::mem::replace(&mut self.alive, wanted);
                     let inside = Position { group: *child, instance: position.instance + offset, ..*position };
+                    let mut memory = Memory::new();
                     // SAFETY: as promised by the caller.
-                    unsafe { (self.enter)(&mut [Row::new(self, &mut below)], stacks, inside) };
+                    unsafe { (self.enter)(&mut [Row::new(self, &mut below, &mut memory)], stacks, inside) };
                     self.spare.push(below);
                     let over = wanted & !self.alive;
                     self.alive = alive & !over;

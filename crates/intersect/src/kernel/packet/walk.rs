@@ -119,21 +119,33 @@ pub(super) struct Walker<'w, 's, G: Goal> {
 pub(super) struct Row<'r, 'w, 's, G: Goal> {
     pub(super) walker: &'r mut Walker<'w, 's, G>,
     pub(super) bundle: &'r mut Bundle,
+    memory: &'r mut Memory,
+}
+
+/// What a bundle keeps on its way through a group. (Never moved: it is large, and most of it is not written.)
+pub(super) struct Memory {
     pairs: Pairs,
     locals: Locals,
 }
 
+impl Memory {
+    #[inline(always)]
+    pub(super) fn new() -> Self {
+        Self { pairs: Pairs::NONE, locals: Locals::new() }
+    }
+}
+
 impl<'r, 'w, 's, G: Goal> Row<'r, 'w, 's, G> {
     #[inline(always)]
-    pub(super) fn new(walker: &'r mut Walker<'w, 's, G>, bundle: &'r mut Bundle) -> Self {
-        Self { walker, bundle, pairs: Pairs::NONE, locals: Locals::new() }
+    pub(super) fn new(walker: &'r mut Walker<'w, 's, G>, bundle: &'r mut Bundle, memory: &'r mut Memory) -> Self {
+        Self { walker, bundle, memory }
     }
 
     /// Prepares it for another bundle.
     #[inline(always)]
     pub(super) fn clear(&mut self) {
-        self.pairs.clear();
-        self.locals.clear();
+        self.memory.pairs.clear();
+        self.memory.locals.clear();
     }
 }
 
@@ -155,7 +167,7 @@ unsafe fn walk<W: Lanes16, G: Goal>(rows: &mut [Row<'_, '_, '_, G>], stacks: &mu
             }
         }
         descend::<W, G>(tree, rows, stacks, position);
-        for Row { walker, bundle, pairs, locals } in rows {
+        for Row { walker, bundle, memory: Memory { pairs, locals } } in rows {
             if pairs.count != 0 && walker.alive != 0 {
                 walker.test_pairs::<W>(tree, bundle, pairs, locals, instance, true);
             }
@@ -252,7 +264,7 @@ unsafe fn descend<W: Lanes16, G: Goal>(
                 while meeting != 0 {
                     let number = meeting.trailing_zeros() as usize >> 3;
                     meeting &= meeting - 1;
-                    let Row { walker, bundle, pairs, locals } = rows.get_unchecked_mut(number);
+                    let Row { walker, bundle, memory: Memory { pairs, locals } } = rows.get_unchecked_mut(number);
                     let those = rays[number & (ROWS - 1)];
                     if child.is_triangles() {
                         walker.test_triangles::<W>(tree, &mut leaf, bundle, those, pairs, locals, instance);
