@@ -260,23 +260,35 @@ unsafe fn descend<W: Lanes16, G: Goal>(
             rows[0].walker.work += 2;
             // SAFETY: as promised by the caller.
             unsafe {
-                let mut leaf = Leaf::<W::Half>::new(tree, child);
-                while meeting != 0 {
-                    let number = meeting.trailing_zeros() as usize >> 3;
-                    meeting &= meeting - 1;
-                    let Row { walker, bundle, memory: Memory { pairs, locals } } = rows.get_unchecked_mut(number);
-                    let those = rays[number & (ROWS - 1)];
-                    if child.is_triangles() {
-                        walker.test_triangles::<W>(tree, &mut leaf, bundle, those, pairs, locals, instance);
-                    } else {
-                        walker.test_put_off::<W>(tree, bundle, locals, instance, false, false);
-                        walker.enter_object::<W>(tree, child, bundle, those, &Position { top, ..position }, stacks);
+                if child.is_triangles() {
+                    let mut leaf = Leaf::<W::Half>::new(tree, child);
+                    while let Some(number) = next_bundle(&mut meeting) {
+                        let Row { walker, bundle, memory: Memory { pairs, locals } } = rows.get_unchecked_mut(number);
+                        walker.test_triangles::<W>(tree, &mut leaf, bundle, rays[number], pairs, locals, instance);
+                    }
+                } else {
+                    while let Some(number) = next_bundle(&mut meeting) {
+                        let Row { walker, bundle, memory } = rows.get_unchecked_mut(number);
+                        walker.test_put_off::<W>(tree, bundle, &mut memory.locals, instance, false, false);
+                        let inside = Position { top, ..position };
+                        walker.enter_object::<W>(tree, child, bundle, rays[number], &inside, stacks);
                     }
                 }
                 (far, fars) = limits(rows);
             }
         }
     }
+}
+
+/// Takes the number of the first bundle from those that the first bits of bytes stand for.
+#[inline(always)]
+fn next_bundle(bundles: &mut u32) -> Option<usize> {
+    let number = bundles.trailing_zeros() as usize >> 3;
+    if number >= ROWS {
+        return None;
+    }
+    *bundles &= *bundles - 1;
+    Some(number)
 }
 
 /// Beyond which nothing is of interest to any bundle, and to each.
