@@ -50,6 +50,8 @@ const LAST_RETRY = 5000;
 export class Connection {
   private socket: WebSocket | null = null;
   private retry = FIRST_RETRY;
+  /** The frames so far have been shown. */
+  private shown: Promise<void> = Promise.resolve();
 
   constructor(
     private readonly url: string,
@@ -74,7 +76,7 @@ export class Connection {
       this.retry = FIRST_RETRY;
       this.listener.status(true);
     };
-    socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => void this.receive(event.data);
+    socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => this.receive(event.data);
     socket.onclose = () => {
       this.listener.status(false);
       window.setTimeout(() => this.open(), this.retry);
@@ -82,17 +84,17 @@ export class Connection {
     };
   }
 
-  private async receive(data: string | ArrayBuffer): Promise<void> {
+  private receive(data: string | ArrayBuffer): void {
     if (typeof data === "string") {
       this.listener.message(JSON.parse(data) as ToPage);
       return;
     }
     const frame = parseFrame(data);
     if (!frame) return;
-    try {
-      await this.listener.frame(frame);
-    } finally {
-      this.send({ type: "ack", frame: frame.number });
-    }
+    // One after another: a picture that takes longer to decode must not cover the one that came after it.
+    this.shown = this.shown
+      .then(() => this.listener.frame(frame))
+      .catch(reportError)
+      .then(() => this.send({ type: "ack", frame: frame.number }));
   }
 }

@@ -51,9 +51,10 @@ async function serve(...words) {
   return { url, stop };
 }
 
-async function open(url) {
+async function open(url, prepare = () => {}) {
   const page = await browser.newPage({ viewport: VIEWPORT });
   page.setDefaultTimeout(PATIENCE);
+  await page.addInitScript(prepare);
   const faults = [];
   page.on("pageerror", (error) => faults.push(error.message));
   page.on("console", (message) => message.type() === "error" && faults.push(message.text()));
@@ -283,6 +284,30 @@ test("one page steers, others watch and may take over", { timeout: PATIENCE * 2 
     await second.close();
     await first.waitForFunction(() => !document.querySelector(".bar").textContent.includes("2 watch"));
     await first.close();
+  } finally {
+    await server.stop();
+  }
+});
+
+test("a picture that is slow to decode does not cover the one after it", { timeout: PATIENCE * 2 }, async () => {
+  const server = await serve("cornell-box", "--", "--spp", "1");
+  try {
+    const { page, faults } = await open(server.url, () => {
+      const decode = window.createImageBitmap.bind(window);
+      window.createImageBitmap = async (image) => {
+        await new Promise((resolve) => setTimeout(resolve, 1000));
+        return decode(image);
+      };
+    });
+    await drag(page, 40, 0);
+    await isDone(page);
+    const last = () => page.evaluate(() => document.querySelector("canvas").dataset.kind);
+    assert.equal(await last(), "half");
+    await page.waitForTimeout(2000);
+    assert.equal(await last(), "half", "no late one has come over it");
+    assert.equal(await page.locator(".dot.done").count(), 1);
+    assert.deepEqual(faults, []);
+    await page.close();
   } finally {
     await server.stop();
   }
