@@ -4,6 +4,7 @@
 //! code by itself where the instructions are allowed. Nothing is fused or reordered, so every level gives the same bits.
 
 use super::Level;
+use glam::Vec3;
 
 /// Proof that the machine has the instructions of [`Level::Avx2`], and perhaps those of [`Level::Avx512`].
 #[derive(Clone, Copy, Debug)]
@@ -65,4 +66,11 @@ pub fn most<T: PartialOrd>(a: T, b: T) -> T {
 #[inline(always)]
 pub fn least<T: PartialOrd>(a: T, b: T) -> T {
     if a < b { a } else { b }
+}
+
+/// One of two vectors. Without a branch.
+#[inline(always)]
+pub fn choose(first: bool, a: Vec3, b: Vec3) -> Vec3 {
+    let pick = |a: f32, b: f32| if first { a } else { b };
+    Vec3::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z))
 }

@@ -45,15 +45,17 @@ impl SampledSpectrum {
     }
 
     /// Lane by lane.
-    #[inline]
+    #[inline(always)]
     pub fn map(self, f: impl Fn(f32) -> f32) -> Self {
-        Self(self.0.map(f))
+        let [a, b, c, d] = self.0;
+        Self([f(a), f(b), f(c), f(d)])
     }
 
     /// Lane by lane with another.
-    #[inline]
+    #[inline(always)]
     pub fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
-        Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
+        let ([a, b, c, d], [e, g, h, i]) = (self.0, other.0);
+        Self([f(a, e), f(b, g), f(c, h), f(d, i)])
     }
 
     /// The largest lane.
@@ -96,13 +98,13 @@ impl SampledSpectrum {
     }
 
     /// Clamped to `[lo, hi]`.
-    #[inline]
+    #[inline(always)]
     pub fn clamp(self, lo: f32, hi: f32) -> Self {
         self.map(|x| x.clamp(lo, hi))
     }
 
     /// `self (1 - t) + other t`.
-    #[inline]
+    #[inline(always)]
     pub fn lerp(self, other: Self, t: f32) -> Self {
         self * (1.0 - t) + other * t
     }
@@ -112,14 +114,14 @@ macro_rules! lane_operator {
     ($trait:ident, $method:ident, $op:tt) => {
         impl $trait for SampledSpectrum {
             type Output = Self;
-            #[inline]
+            #[inline(always)]
             fn $method(self, other: Self) -> Self {
                 self.zip(other, |a, b| a $op b)
             }
         }
         impl $trait<f32> for SampledSpectrum {
             type Output = Self;
-            #[inline]
+            #[inline(always)]
             fn $method(self, other: f32) -> Self {
                 self.map(|a| a $op other)
             }

@@ -26,6 +26,7 @@ pub(crate) mod specular;
 pub(crate) mod surfaces;
 #[cfg(test)]
 mod tests;
+mod together;
 
 use crate::compile::CompiledScene;
 use crate::guiding::{Choice, Field};

@@ -1,5 +1,6 @@
 //! What `path` and `direct` do at surfaces of any kind, at many vertices at once: the same as [`super::path`], bit for bit. Lights, random numbers, roulette
-//! and rays are worked on in loops that become vector code; how the surface scatters is asked one by one.
+//! and rays are worked on in loops that become vector code; how the surface scatters is asked together where many are of one material of a
+//! kind that can ([`super::together`]), else one by one.
 //!
 //! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
 
@@ -13,6 +14,7 @@ use super::lanes::{
 use super::lights::{DARK, FlatArrivals, Skins, horizon, ray_origin};
 use super::lit::{LitLanes, LitOutputs};
 use super::path::{SCATTERED_SPREAD, Scatterer, shining, weighted_sample};
+use super::together::{Seen, Together};
 use super::{Context, IntegratorKind, SurfaceVertex, Vertex, dimension};
 use crate::light_sampler::{Receiver, Receivers};
 use crate::sampler::Sampler;
@@ -20,7 +22,7 @@ use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{GeometryId, TrianglePoints};
 use snell_math::simd::most;
 use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level};
-use snell_scene::bsdf::{Bsdf, Lobes};
+use snell_scene::bsdf::{Bsdf, Lobes, ManyBsdf};
 use snell_scene::material::{FrameNeeds, Prepared, ShadingBsdf};
 use std::borrow::Cow;
 
@@ -32,8 +34,13 @@ pub struct SurfaceVertices<'a> {
     plain: Vec<Option<PlainSurface<'a>>>,
     /// Lanes on these.
     on_plain: Vec<(usize, PlainSurface<'a>)>,
-    /// `None` for lanes on plain surfaces until their frames are known.
-    scatterers: Vec<Option<Scatterer<'a>>>,
+    /// How many lanes are told what they are on.
+    told: usize,
+    /// What scatters, and which of these it is in each lane: [`NONE`] where none is known.
+    scatterers: Vec<Scatterer<'a>>,
+    scatterer_of: [u32; LANES],
+    /// Lanes that are worked on by material.
+    together: Together<'a>,
     frames: Frames,
     /// The normal on the side where the path comes from.
     facing: HitVectors,
@@ -53,6 +60,7 @@ pub struct SurfaceVertices<'a> {
 struct PlainSurface<'a> {
     mesh: PlainMesh<'a>,
     bsdf: &'a Bsdf,
+    many: Option<&'a ManyBsdf>,
     needs: FrameNeeds,
     is_opaque: bool,
     /// It may stand for a smooth surface.
@@ -67,15 +75,17 @@ impl<'a> PlainSurface<'a> {
         let id = scene.only_material(geometry).filter(|&id| !scene.material(id).is_emissive())?;
         let material = scene.material(id);
         let bsdf = scene.prepared(id).plain(material)?;
+        // (What a field has learnt is asked one by one.)
+        let many = scene.prepared(id).plain_many(material).filter(|_| context.field.is_none());
         let is_opaque = bsdf.is_opaque();
         let is_lifted = is_opaque && !bsdf.is_delta() && may_be_lifted(context, material);
-        Some(Self { mesh, bsdf, needs: FrameNeeds::of(bsdf), is_opaque, is_lifted })
+        Some(Self { mesh, bsdf, many, needs: FrameNeeds::of(bsdf), is_opaque, is_lifted })
     }
 }
 
 /// Frames of lanes on plain surfaces.
 #[derive(Debug)]
-struct Frames {
+pub(super) struct Frames {
     /// What is known of the tangents.
     dpdu: HitVectors,
     /// As [`FrameNeeds`].
@@ -87,36 +97,42 @@ struct Frames {
 }
 
 impl Frames {
-    fn at(&self, lane: usize) -> Frame {
+    /// Of a lane.
+    #[inline(always)]
+    pub fn at(&self, lane: usize) -> Frame {
         Frame { x: at(&self.x, lane), y: at(&self.y, lane), z: at(&self.z, lane) }
     }
 }
 
 /// See [`GuidedBsdf::eval_and_pdf`].
 #[derive(Debug)]
-struct Scattered {
+pub(super) struct Scattered {
     /// By channel.
-    value: HitVectors,
-    pdf: HitLanes,
+    pub value: HitVectors,
+    pub pdf: HitLanes,
 }
 
 /// Where paths go on.
 #[derive(Debug)]
-struct Bounces {
-    wi: HitVectors,
+pub(super) struct Bounces {
+    pub wi: HitVectors,
     origin: HitVectors,
     /// 0 for delta lobes.
-    pdf: HitLanes,
+    pub pdf: HitLanes,
     /// By channel, what the throughput is multiplied with.
-    weight: HitVectors,
-    eta_scale: HitLanes,
+    pub weight: HitVectors,
+    pub eta_scale: HitLanes,
     /// As [`GuidedBsdf::survival`] gives it, where paths are guided.
     survival: HitLanes,
-    expected: HitLanes,
-    is_delta: [bool; LANES],
+    pub expected: HitLanes,
+    /// 0 if not.
+    pub is_delta: [u32; LANES],
     /// 0 where the path ends.
-    exists: [u32; LANES],
+    pub exists: [u32; LANES],
 }
+
+/// No scatterer.
+const NONE: u32 = u32::MAX;
 
 impl<'a> SurfaceVertices<'a> {
     /// `None` if vertices on surfaces are to be worked on one by one.
@@ -132,7 +148,10 @@ impl<'a> SurfaceVertices<'a> {
             lanes: VertexLanes::new(sampler, Some(wide)),
             plain: (0..scene.world.geometry_count() as u32).map(|id| PlainSurface::of(context, id)).collect(),
             on_plain: Vec::with_capacity(LANES),
+            told: 0,
             scatterers: Vec::with_capacity(LANES),
+            scatterer_of: [NONE; LANES],
+            together: Together::default(),
             frames: Frames {
                 dpdu: ZERO,
                 mirrors: [false; LANES],
@@ -154,7 +173,7 @@ impl<'a> SurfaceVertices<'a> {
                 eta_scale: number,
                 survival: number,
                 expected: number,
-                is_delta: [false; LANES],
+                is_delta: [0; LANES],
                 exists: [0; LANES],
             },
             lit: LitLanes::default(),
@@ -165,14 +184,17 @@ impl<'a> SurfaceVertices<'a> {
     pub fn start(&mut self, sampler: &Sampler, from: &Arriving, paths: &[u32], depth: u32) {
         self.lanes.start(sampler, from, paths, depth);
         self.on_plain.clear();
+        self.told = 0;
         self.scatterers.clear();
+        self.scatterer_of = [NONE; LANES];
+        self.together.clear();
         self.transmitting.clear();
     }
 
     /// Says what the path of the next lane has hit, if it is a plain surface: then [`Self::gather_plain`] must follow, once all lanes are
     /// told. `outside_ior` is the index of refraction on its outer side.
     pub fn is_plain(&mut self, from: &Arriving, outside_ior: f32) -> bool {
-        let lane = self.scatterers.len();
+        let lane = self.told;
         let path = self.lanes.paths()[lane] as usize;
         let hit = &from.hits[path];
         let surface = self.plain.get(hit.geometry as usize).copied().flatten();
@@ -180,7 +202,7 @@ impl<'a> SurfaceVertices<'a> {
         self.lanes.put_triangle(lane);
         self.is_specular[lane] = from.carried[path].is_specular;
         self.on_plain.push((lane, surface));
-        self.scatterers.push(None);
+        self.told += 1;
         true
     }
 
@@ -212,25 +234,26 @@ impl<'a> SurfaceVertices<'a> {
             )
         );
         for i in 0..self.on_plain.len() {
-            let (lane, PlainSurface { bsdf, is_opaque, is_lifted, .. }) = self.on_plain[i];
+            let (lane, ref surface) = self.on_plain[i];
             if !self.is_sound(lane) {
                 continue;
             }
-            if !is_lifted {
+            if !surface.is_lifted {
                 put(&mut self.lanes.lift, lane, Vec3::ZERO);
             }
-            let (wo, frame, lift) = (at(&self.lanes.wo, lane), self.frames.at(lane), at(&self.lanes.lift, lane));
-            let arrival = self.lanes.arrival(lane, ColorMode::Rgb, 0.0);
-            let flat = at(&self.lanes.points.geometric_normal, lane);
-            let shading = ShadingBsdf::seen_from(wo, Cow::Borrowed(bsdf), frame, horizon(flat, frame.z, lift));
-            let receiver = Receiver {
-                position: arrival.position,
-                normal: if frame.z.dot(wo) < 0.0 { -frame.z } else { frame.z },
-                transmits: !is_opaque,
-            };
-            self.scatterers[lane] = Some(Scatterer { shading, at: arrival, receiver });
-            self.note_receiver(lane, &receiver);
+            if let Some(many) = surface.many {
+                self.together.put(lane, many);
+                self.transmits[lane] = false;
+                continue;
+            }
+            let scatterer = plain_scatterer(&self.lanes, &self.frames, lane, surface);
+            self.note_receiver(lane, &scatterer.receiver);
+            self.scatterer_of[lane] = self.scatterers.len() as u32;
+            self.scatterers.push(scatterer);
         }
+        let VertexLanes { points, wo, lift, wide, .. } = &self.lanes;
+        let seen = Seen { frames: &self.frames, flat: &points.geometric_normal, wo, lift };
+        self.together.look(&seen, &mut self.facing, *wide);
     }
 
     fn note_receiver(&mut self, lane: usize, receiver: &Receiver) {
@@ -254,20 +277,22 @@ impl<'a> SurfaceVertices<'a> {
         if vertex.depth >= context.max_depth() {
             return found;
         }
-        let lane = self.scatterers.len();
+        let lane = self.told;
         let scatterer = Scatterer::new(context, vertex, surface, prepared, &point);
         self.note_receiver(lane, &scatterer.receiver);
         let lift = scatterer.at.lift();
         self.lanes.put_point(lane, OtherPoint::of(surface.interaction, scatterer.receiver.normal, lift));
         self.is_specular[lane] = vertex.state.is_specular;
-        self.scatterers.push(Some(scatterer));
+        self.scatterer_of[lane] = self.scatterers.len() as u32;
+        self.scatterers.push(scatterer);
+        self.told += 1;
         found
     }
 
     /// Works out what the lanes give.
     pub fn shade(&mut self, context: &Context, depth: u32) {
         self.place(context);
-        let (wide, count) = (self.lanes.wide, self.scatterers.len());
+        let (wide, count) = (self.lanes.wide, self.told);
         let numbers = |dimension| self.lanes.randoms.numbers(dimension, wide);
         let (choice, light) = (numbers(dimension::LOBE), self.lanes.randoms.pairs(dimension::LIGHT, wide));
         let bounce = self.lanes.randoms.pairs(dimension::BSDF, wide);
@@ -277,15 +302,21 @@ impl<'a> SurfaceVertices<'a> {
             Receivers { position: &self.lanes.points.position, normal: &self.facing, transmitting: &self.transmitting };
         self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
         self.lit.glowing = [None; LANES];
-        for (how, scatterer) in self.lit.lights.how.iter_mut().zip(&self.scatterers) {
-            let may_be_lit = scatterer.as_ref().is_some_and(|scatterer| !scatterer.shading.is_delta());
-            *how = if may_be_lit { *how } else { DARK };
+        for (lane, how) in self.lit.lights.how.iter_mut().enumerate().take(count) {
+            let scatterer = self.scatterers.get(self.scatterer_of[lane] as usize);
+            let may_be_lit = scatterer.is_some_and(|scatterer| !scatterer.shading.is_delta());
+            *how = if may_be_lit | self.together.has(lane) { *how } else { DARK };
         }
         let skins = Skins { points: &self.lanes.points, lift: &self.lanes.lift };
         self.lit.lights.arrivals(context.scene, &skins, &light, count, wide, &mut self.lit.arrivals);
         for lane in 0..count {
-            self.scatter(context, lane, choice[lane], Vec2::new(bounce[0][lane], bounce[1][lane]), quad[lane]);
+            if !self.together.has(lane) {
+                self.scatter(context, lane, choice[lane], Vec2::new(bounce[0][lane], bounce[1][lane]), quad[lane]);
+            }
         }
+        let (frames, wi) = (&self.frames, self.lit.arrivals.directions());
+        self.together.scatter(frames, wi, (&choice, &bounce), wide);
+        self.together.tell((frames, wi), &self.lanes.carried, &mut self.scattered, &mut self.bounces, wide);
         at_level!(
             wide,
             outputs,
@@ -301,9 +332,17 @@ impl<'a> SurfaceVertices<'a> {
                 to: &mut LitOutputs = &mut self.lit.outputs,
             )
         );
-        let Self { lanes, scatterers, lit, .. } = self;
+        let Self { lanes, on_plain, scatterers, scatterer_of, frames, lit, .. } = self;
         lit.sample_alone(count, &light, |lane, chosen, u| {
-            let Scatterer { shading, at: arrival, receiver } = scatterers[lane].as_ref()?;
+            let alone;
+            let Scatterer { shading, at: arrival, receiver } = match scatterers.get(scatterer_of[lane] as usize) {
+                Some(scatterer) => scatterer,
+                None => {
+                    let (_, surface) = on_plain.iter().find(|(other, _)| *other == lane)?;
+                    alone = plain_scatterer(lanes, frames, lane, surface);
+                    &alone
+                }
+            };
             let (guided, wo) = (GuidedBsdf::new(context.field, shading, receiver), at(&lanes.wo, lane));
             let throughput = color_at(&lanes.carried.throughput, lane);
             weighted_sample(context, throughput, arrival, chosen, u, |wi| guided.eval_and_pdf(wo, wi))
@@ -317,9 +356,10 @@ impl<'a> SurfaceVertices<'a> {
 
     /// Asks the surface of a lane how it scatters the light that arrives, and where the path goes on.
     fn scatter(&mut self, context: &Context, lane: usize, u_lobe: f32, u: Vec2, u_quad: f32) {
-        let Self { lanes, scatterers, scattered, bounces, lit, .. } = self;
+        let Self { lanes, scatterers, scatterer_of, scattered, bounces, lit, .. } = self;
         bounces.exists[lane] = 0;
-        let Some(Scatterer { shading, receiver, .. }) = &scatterers[lane] else { return };
+        let scatterer = scatterers.get(scatterer_of[lane] as usize);
+        let Some(Scatterer { shading, receiver, .. }) = scatterer else { return };
         let (guided, wo) = (GuidedBsdf::new(context.field, shading, receiver), at(&lanes.wo, lane));
         if lit.arrivals.exists[lane] != 0 {
             let (value, pdf) = guided.eval_and_pdf(wo, at(lit.arrivals.directions(), lane));
@@ -337,7 +377,7 @@ impl<'a> SurfaceVertices<'a> {
         bounces.pdf[lane] = if sample.is_delta { 0.0 } else { sample.pdf };
         bounces.eta_scale[lane] = carried.eta_scale[lane] * crossing;
         (bounces.survival[lane], bounces.expected[lane]) = (survival, expected.get());
-        bounces.is_delta[lane] = sample.is_delta;
+        bounces.is_delta[lane] = u32::from(sample.is_delta);
     }
 }
 
@@ -360,7 +400,7 @@ impl Columns for SurfaceVertices<'_> {
     fn carried(&self, lane: usize) -> Carried {
         let lane = lane % LANES;
         let (before, bounces) = (&self.lanes.carried, &self.bounces);
-        let is_delta = bounces.is_delta[lane];
+        let is_delta = bounces.is_delta[lane] != 0;
         let spread = before.cone_spread[lane];
         Carried {
             throughput: color_at(&self.lit.outputs.throughput, lane),
@@ -382,6 +422,20 @@ impl LitColumns for SurfaceVertices<'_> {
     fn light(&self) -> &LitLanes {
         &self.lit
     }
+}
+
+/// What scatters in a lane on a plain surface.
+fn plain_scatterer<'a>(lanes: &VertexLanes, frames: &Frames, lane: usize, surface: &PlainSurface<'a>) -> Scatterer<'a> {
+    let (wo, frame, lift) = (at(&lanes.wo, lane), frames.at(lane), at(&lanes.lift, lane));
+    let arrival = lanes.arrival(lane, ColorMode::Rgb, 0.0);
+    let flat = at(&lanes.points.geometric_normal, lane);
+    let shading = ShadingBsdf::seen_from(wo, Cow::Borrowed(surface.bsdf), frame, horizon(flat, frame.z, lift));
+    let receiver = Receiver {
+        position: arrival.position,
+        normal: if frame.z.dot(wo) < 0.0 { -frame.z } else { frame.z },
+        transmits: !surface.is_opaque,
+    };
+    Scatterer { shading, at: arrival, receiver }
 }
 
 /// Frames as they are seen.

@@ -1,6 +1,10 @@
 //! Metals: reflection by GGX microfacets of a conductor.
 
-use super::energy::{FacetLoss, bounced_pdf, sample_bounced};
+mod many;
+
+pub(super) use many::ManyMetal;
+
+use super::energy::{BouncedLobe, FacetLoss};
 use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
@@ -32,7 +36,22 @@ pub enum FacetReflectance {
 const EDGE: f32 = 1.0 / 7.0;
 const DIP: f32 = EDGE * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0) * (6.0 / 7.0);
 
+/// [`FacetReflectance::Complex`] at this cosine.
+#[inline(always)]
+fn complex(cos: f32, eta: SampledSpectrum, k: SampledSpectrum) -> SampledSpectrum {
+    eta.zip(k, |eta, k| fresnel::conductor(cos, eta, k))
+}
+
+/// [`FacetReflectance::F82`] at this cosine.
+#[inline(always)]
+fn f82(cos: f32, f0: SampledSpectrum, edge: SampledSpectrum) -> SampledSpectrum {
+    let schlick = fresnel::schlick(cos, f0, SampledSpectrum::ONE);
+    let rest = (1.0 - cos).clamp(0.0, 1.0);
+    (schlick - dip(f0, edge) * (cos * rest.powi(6))).clamp(0.0, 1.0)
+}
+
 /// Factor of the dip.
+#[inline(always)]
 fn dip(f0: SampledSpectrum, edge: SampledSpectrum) -> SampledSpectrum {
     fresnel::schlick(EDGE, f0, SampledSpectrum::ONE) * (SampledSpectrum::ONE - edge) * (1.0 / DIP)
 }
@@ -40,12 +59,8 @@ fn dip(f0: SampledSpectrum, edge: SampledSpectrum) -> SampledSpectrum {
 impl FacetReflectance {
     fn at(&self, cos: f32) -> SampledSpectrum {
         match *self {
-            Self::Complex { eta, k } => eta.zip(k, |eta, k| fresnel::conductor(cos, eta, k)),
-            Self::F82 { f0, edge } => {
-                let schlick = fresnel::schlick(cos, f0, SampledSpectrum::ONE);
-                let rest = (1.0 - cos).clamp(0.0, 1.0);
-                (schlick - dip(f0, edge) * (cos * rest.powi(6))).clamp(0.0, 1.0)
-            }
+            Self::Complex { eta, k } => complex(cos, eta, k),
+            Self::F82 { f0, edge } => f82(cos, f0, edge),
         }
     }
 
@@ -75,6 +90,7 @@ pub struct ConductorBsdf {
     unit: SampledSpectrum,
     ggx: Ggx,
     loss: FacetLoss,
+    lobe: BouncedLobe,
     /// Of diffuse light.
     mean_loss: f32,
     film: Option<ThinFilm>,
@@ -109,7 +125,8 @@ impl ConductorBsdf {
         } else {
             SampledSpectrum::ZERO
         };
-        Self { facets, unit, ggx, loss, mean_loss: lost, film: None, f0: facets.at(1.0), bounced }
+        let (lobe, f0) = (BouncedLobe::new(ggx), facets.at(1.0));
+        Self { facets, unit, ggx, loss, lobe, mean_loss: lost, film: None, f0, bounced }
     }
 
     /// The same metal under a film.
@@ -144,7 +161,7 @@ impl Lobes for ConductorBsdf {
             None => (SampledSpectrum::ZERO, 0.0),
         };
         let value = once + self.bounced * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
-        (value, facets * pdf + diffuse * bounced_pdf(self.ggx, wi.z))
+        (value, facets * pdf + diffuse * self.lobe.pdf(wi.z))
     }
 
     fn draw_from(&self, seen: &ConductorSeen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
@@ -157,7 +174,7 @@ impl Lobes for ConductorBsdf {
         }
         let wi = match seen.choice.pick(u_lobe)? {
             (0, _) => self.ggx.sample_reflection(lift(wo), u)?,
-            _ => sample_bounced(self.ggx, u),
+            _ => self.lobe.sample(u),
         };
         Some(Drawn::Direction { wi: lower_like(wi, wo), is_transmission: false })
     }

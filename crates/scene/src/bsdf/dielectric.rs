@@ -5,7 +5,7 @@
 //! air gets the factor `1 / ior^2`, and gets it back when it leaves. Throughput inside glass is therefore small without being
 //! unimportant: Russian roulette compensates for it ([`Lobes::crossing_scale`]).
 
-use super::energy::{DielectricLoss, bounced_pdf, sample_bounced};
+use super::energy::{BouncedLobe, DielectricLoss};
 use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
@@ -226,13 +226,13 @@ impl DielectricBsdf {
     fn mixture_pdf(&self, facet: Option<&Facet>, wi: Vec3, eta: f32, bounced: &Bounced) -> f32 {
         let facets = facet.map_or(0.0, |f| self.facet_pdf(f, eta));
         let side = if wi.z < 0.0 { bounced.transmitted } else { 1.0 - bounced.transmitted };
-        (1.0 - bounced.lost) * facets + bounced.lost * side * bounced_pdf(self.ggx, wi.z.abs())
+        (1.0 - bounced.lost) * facets + bounced.lost * side * BouncedLobe::new(self.ggx).pdf(wi.z.abs())
     }
 
     /// A direction for `wo` above.
     fn sample_rough(&self, up: Vec3, eta: f32, bounced: &Bounced, u_lobe: f32, u: Vec2) -> Option<Vec3> {
         if u_lobe < bounced.lost {
-            let wi = sample_bounced(self.ggx, u);
+            let wi = BouncedLobe::new(self.ggx).sample(u);
             let is_transmission = u_lobe < bounced.lost * bounced.transmitted;
             return Some(if is_transmission { Vec3::new(wi.x, wi.y, -wi.z) } else { wi });
         }

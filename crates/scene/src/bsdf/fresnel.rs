@@ -62,6 +62,7 @@ pub fn dielectric_average(eta: f32) -> f32 {
 
 /// Reflectance of a conductor with index of refraction `eta + i k` (relative to the outside) for unpolarised light, from the
 /// closed form in real numbers (Born and Wolf, Principles of Optics, section 14.2).
+#[inline(always)]
 pub fn conductor(cos_i: f32, eta: f32, k: f32) -> f32 {
     let cos_i = cos_i.clamp(0.0, 1.0);
     let (cos2, eta2, k2) = (cos_i * cos_i, eta * eta, k * k);
@@ -80,6 +81,7 @@ pub fn conductor(cos_i: f32, eta: f32, k: f32) -> f32 {
 }
 
 /// Schlick's weight of grazing reflection, `(1 - cos)^5` (An inexpensive BRDF model for physically-based rendering, 1994).
+#[inline(always)]
 pub fn schlick_weight(cos_i: f32) -> f32 {
     let m = (1.0 - cos_i).clamp(0.0, 1.0);
     let m2 = m * m;
@@ -87,6 +89,7 @@ pub fn schlick_weight(cos_i: f32) -> f32 {
 }
 
 /// Schlick's reflectance between `f0` at normal and `f90` at grazing incidence.
+#[inline(always)]
 pub fn schlick(cos_i: f32, f0: SampledSpectrum, f90: SampledSpectrum) -> SampledSpectrum {
     f0.lerp(f90, schlick_weight(cos_i))
 }

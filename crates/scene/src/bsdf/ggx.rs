@@ -4,8 +4,9 @@
 //! those of Heitz, Understanding the Masking-Shadowing Function (JCGT 2014), arranged so that nothing is divided by a cosine that
 //! may vanish.
 
+use super::unit_or;
 use snell_math::{Vec2, Vec3};
-use std::f32::consts::{FRAC_1_PI, PI};
+use std::f32::consts::FRAC_1_PI;
 
 /// Widths below this are too narrow for single precision.
 const MIN_ALPHA: f32 = 1e-3;
@@ -47,11 +48,13 @@ impl Ggx {
 
     /// True if the surface is to be treated as perfectly smooth, with delta lobes: below `alpha = 0.001` lobes are too narrow for
     /// single precision.
+    #[inline(always)]
     pub fn is_smooth(self) -> bool {
         self.x.max(self.y) < MIN_ALPHA
     }
 
     /// Density of microfacet normals `m` (per steradian and unit of surface).
+    #[inline(always)]
     pub fn density(self, m: Vec3) -> f32 {
         let area = self.x * self.y;
         let (x, y, z) = (m.x * self.y, m.y * self.x, m.z * area);
@@ -67,19 +70,22 @@ impl Ggx {
     }
 
     /// `z sqrt(1 + (alpha tan)^2)`: the one root in the masking functions.
-    fn root(self, w: Vec3) -> f32 {
+    #[inline(always)]
+    pub(super) fn root(self, w: Vec3) -> f32 {
         let (x, y) = (self.x * w.x, self.y * w.y);
         (x * x + y * y + w.z * w.z).sqrt()
     }
 
     /// The cosine of a direction in units of the roughness: 0 where it grazes the surface, 1 along the normal. Masking depends on
     /// this alone.
+    #[inline(always)]
     pub(super) fn steepness(self, w: Vec3) -> f32 {
         let spread = self.spread(w);
         if w.z > 0.0 { w.z / (w.z + spread) } else { 0.0 }
     }
 
     /// The cosine at which a typical visible facet is seen.
+    #[inline(always)]
     pub(super) fn facet_cosine(self, w: Vec3) -> f32 {
         if self.is_smooth() { w.z } else { self.root(w).min(1.0) }
     }
@@ -90,6 +96,7 @@ impl Ggx {
     }
 
     /// `G2(wo, wi) / (4 wo.z wi.z)`.
+    #[inline(always)]
     fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
         0.5 / (wo.z * self.root(wi) + wi.z * self.root(wo))
     }
@@ -101,15 +108,17 @@ impl Ggx {
     }
 
     /// A facet normal from a direction of the stretched hemisphere.
+    #[inline(always)]
     fn half_vector(self, stretched: Vec3, z: f32, azimuth: f32) -> Vec3 {
         let r = (1.0 - z * z).max(0.0).sqrt();
-        let (sin, cos) = (2.0 * PI * azimuth).sin_cos();
+        let (sin, cos) = super::turn(azimuth);
         let half = Vec3::new(r * cos, r * sin, z) + stretched;
-        Vec3::new(half.x * self.x, half.y * self.y, half.z.max(0.0)).normalize_or(Vec3::Z)
+        unit_or(Vec3::new(half.x * self.x, half.y * self.y, half.z.max(0.0)), Vec3::Z)
     }
 
+    #[inline(always)]
     fn stretch(self, w: Vec3) -> Vec3 {
-        Vec3::new(w.x * self.x, w.y * self.y, w.z).normalize_or(Vec3::Z)
+        unit_or(Vec3::new(w.x * self.x, w.y * self.y, w.z), Vec3::Z)
     }
 
     /// Draws a facet normal among those visible from `wo` (Dupuy and Benyoub, Sampling Visible GGX Normals with Spherical Caps,
@@ -132,14 +141,26 @@ impl Ggx {
     /// [`Self::reflection`] and [`Self::reflection_pdf`].
     #[inline]
     pub fn reflection_and_pdf(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32, f32)> {
-        let m = (wo + wi).try_normalize().filter(|m| m.z > 0.0)?;
+        let (m, value, pdf, exists) = self.reflected(wo, wi);
+        exists.then_some((m, value, pdf))
+    }
+
+    /// [`Self::reflection_and_pdf`] without branches, so that loops over it become vector code; false where there is no such facet.
+    #[inline(always)]
+    pub(super) fn reflected(self, wo: Vec3, wi: Vec3) -> (Vec3, f32, f32, bool) {
+        let half = wo + wi;
+        let scale = 1.0 / half.length();
+        let m = half * scale;
         let density = self.density(m);
-        let pdf = if wi.z > 0.0 { density * 0.5 / (self.cap(wo) * wo.z + self.root(wo)) } else { 0.0 };
-        Some((m, density * self.visibility(wo, wi) * wi.z, pdf))
+        let pdf = density * 0.5 / (self.cap(wo) * wo.z + self.root(wo));
+        let pdf = if wi.z > 0.0 { pdf } else { 0.0 };
+        let exists = (scale > 0.0) & (scale < f32::INFINITY) & (m.z > 0.0);
+        (m, density * self.visibility(wo, wi) * wi.z, pdf, exists)
     }
 
     /// Share of the lower bound of the spherical cap that reflections above the surface can come from (Eto and Tokuyoshi, Bounded
     /// VNDF Sampling for Smith-GGX Reflections, SIGGRAPH Asia 2023, equations 5 and 6).
+    #[inline(always)]
     fn cap(self, wo: Vec3) -> f32 {
         let a = self.x.min(self.y).min(1.0);
         let s = 1.0 + (wo.x * wo.x + wo.y * wo.y).sqrt();
@@ -150,11 +171,18 @@ impl Ggx {
     /// Draws a direction of reflection of `wo`: at visible normals, without most of those that would reflect below the surface (Eto
     /// and Tokuyoshi). `None` for one that still does.
     pub fn sample_reflection(self, wo: Vec3, u: Vec2) -> Option<Vec3> {
+        let (wi, exists) = self.drawn_reflection(wo, u);
+        exists.then_some(wi)
+    }
+
+    /// [`Self::sample_reflection`] without branches, so that loops over it become vector code; false where it is none.
+    #[inline(always)]
+    pub(super) fn drawn_reflection(self, wo: Vec3, u: Vec2) -> (Vec3, bool) {
         let stretched = self.stretch(wo);
         let lowest = self.cap(wo) * stretched.z;
         let m = self.half_vector(stretched, (1.0 - u.y) * (1.0 + lowest) - lowest, u.x);
         let wi = super::fresnel::reflect(wo, m);
-        (wi.z > 0.0).then_some(wi)
+        (wi, wi.z > 0.0)
     }
 
     /// Density of [`Self::sample_reflection`] per steradian of `wi`.
@@ -181,6 +209,7 @@ impl Ggx {
 mod tests {
     use super::*;
     use snell_math::{rng::uniform2, sampling::uniform_sphere};
+    use std::f32::consts::PI;
 
     #[test]
     fn projected_facets_cover_the_surface_once() {

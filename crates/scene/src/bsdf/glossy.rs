@@ -5,6 +5,10 @@
 //! Microfacet Based Coupled Specular-Matte BRDF Model, 2001): a white body loses nothing, and over a Lambertian body the model is
 //! reciprocal. Light that bounces between facets enters the body.
 
+mod many;
+
+pub(super) use many::ManyGloss;
+
 use super::energy::DielectricReflection;
 use super::film::ThinFilm;
 use super::ggx::Ggx;

@@ -15,6 +15,7 @@ mod fuzz;
 mod ggx;
 mod glossy;
 mod hair;
+mod many;
 mod mirror;
 mod open_pbr;
 mod phong;
@@ -31,12 +32,15 @@ pub use film::ThinFilm;
 pub use ggx::Ggx;
 pub use glossy::{Body, Gloss, GlossyBsdf, GlossySeen};
 pub use hair::{HairBsdf, HairFiber, HairSeen};
+pub use many::{MANY, ManyAnswers, ManyBsdf, ManyQuestions};
 pub use mirror::MirrorBsdf;
 pub use open_pbr::{Fuzz, OpenPbrBsdf, OpenPbrSeen, Slabs, Translucent, TranslucentSeen};
 pub use phong::{PhongBsdf, PhongCoefficients};
 pub use sheet::{SheetBsdf, SheetSeen};
 
-use snell_math::{SampledSpectrum, Vec2, Vec3};
+use snell_math::simd::choose;
+use snell_math::{SampledSpectrum, Vec2, Vec3, angles};
+use std::f32::consts::PI;
 
 /// A direction drawn from a BSDF.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,10 +72,18 @@ struct Choice<const N: usize> {
 
 impl<const N: usize> Choice<N> {
     /// In proportion to the lobes' albedos.
+    #[inline(always)]
     fn new(albedos: [SampledSpectrum; N]) -> Self {
-        let sums = albedos.map(|s| s.0.iter().sum::<f32>().max(0.0));
-        let total: f32 = sums.iter().sum();
-        Self { probabilities: if total > 0.0 && total.is_finite() { sums.map(|x| x / total) } else { [0.0; N] } }
+        let (mut probabilities, mut total) = ([0.0; N], 0.0);
+        for (probability, SampledSpectrum([a, b, c, d])) in probabilities.iter_mut().zip(&albedos) {
+            *probability = (a + b + c + d).max(0.0);
+            total += *probability;
+        }
+        let is_sound = (total > 0.0) & (total < f32::INFINITY);
+        for probability in &mut probabilities {
+            *probability = if is_sound { *probability / total } else { 0.0 };
+        }
+        Self { probabilities }
     }
 
     /// The lobe that a number in `[0, 1)` stands for, and a number in `[0, 1)` for use in that lobe.
@@ -85,6 +97,15 @@ impl<const N: usize> Choice<N> {
         }
         // Rounding may leave a little over.
         self.probabilities.iter().rposition(|&p| p > 0.0).map(|i| (i, 1.0 - f32::EPSILON))
+    }
+}
+
+impl Choice<2> {
+    /// True if it is the first lobe that a number in `[0, 1)` stands for, and false if it is none: as [`Self::pick`], without branches.
+    #[inline(always)]
+    fn picks_first(&self, u: f32) -> (bool, bool) {
+        let [first, second] = self.probabilities;
+        ((u < first) | (second <= 0.0), (first > 0.0) | (second > 0.0))
     }
 }
 
@@ -186,7 +207,7 @@ pub trait Lobes: Sized {
     /// `pi f(wo, wi) |cos(wi)|`, or what a classic formula has in its place (Phong): `raycast` and `whitted` add this times
     /// `irradiance / pi` per light, with the irradiance of a surface that faces the light.
     fn eval_classic(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
-        self.eval(wo, wi) * std::f32::consts::PI
+        self.eval(wo, wi) * PI
     }
 
     /// Reflectance for ambient light: what `raycast` and `whitted` multiply the scene's ambient radiance by.
@@ -283,6 +304,20 @@ bsdfs! {
 /// `x` in `[0, most]`; NaN counts as 0.
 pub(crate) fn bounded(x: f32, most: f32) -> f32 {
     if x > 0.0 { x.min(most) } else { 0.0 }
+}
+
+/// Sine and cosine of a share of a whole turn, `[0, 1]`.
+#[inline(always)]
+fn turn(share: f32) -> (f32, f32) {
+    let (sin, cos) = angles::sin_cos(f64::from(2.0 * PI * share));
+    (sin as f32, cos as f32)
+}
+
+/// The vector at unit length, or `other` if it has no direction. Without a branch.
+#[inline(always)]
+pub(crate) fn unit_or(v: Vec3, other: Vec3) -> Vec3 {
+    let scale = 1.0 / v.length();
+    choose((scale > 0.0) & (scale < f32::INFINITY), v * scale, other)
 }
 
 /// The direction, mirrored to the upper side if it lies below.

@@ -3,7 +3,7 @@
 //! Light bounces between the two faces of the sheet; the sum over all bounces is reflected or goes straight on. Roughness spreads
 //! what goes through as much as what is reflected.
 
-use super::energy::{FacetLoss, bounced_pdf, sample_bounced};
+use super::energy::{BouncedLobe, FacetLoss};
 use super::film::ThinFilm;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
@@ -103,7 +103,7 @@ impl Lobes for SheetBsdf {
         };
         let value = once + self.bounced[side] * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
         let p = seen.choice.probabilities;
-        (value, p[side] * pdf + p[2 + side] * bounced_pdf(self.ggx, wi.z))
+        (value, p[side] * pdf + p[2 + side] * BouncedLobe::new(self.ggx).pdf(wi.z))
     }
 
     fn draw_from(&self, seen: &SheetSeen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
@@ -116,7 +116,7 @@ impl Lobes for SheetBsdf {
         if self.ggx.is_smooth() {
             return Some(Self::branches(wo, seen.shares)[side].drawn(seen.choice.probabilities[lobe]));
         }
-        let wi = if lobe < 2 { self.ggx.sample_reflection(lift(wo), u)? } else { sample_bounced(self.ggx, u) };
+        let wi = if lobe < 2 { self.ggx.sample_reflection(lift(wo), u)? } else { BouncedLobe::new(self.ggx).sample(u) };
         let Vec3 { x, y, z } = lower_like(wi, wo);
         let is_transmission = side == 1;
         Some(Drawn::Direction { wi: Vec3::new(x, y, if is_transmission { -z } else { z }), is_transmission })

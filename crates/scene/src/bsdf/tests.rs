@@ -27,7 +27,7 @@ fn surface() -> SurfaceInteraction {
     }
 }
 
-fn bsdf(kind: &MaterialKind) -> Bsdf {
+pub(super) fn bsdf(kind: &MaterialKind) -> Bsdf {
     let textures = TextureSet::default();
     kind.bsdf(&ShadingPoint {
         surface: &surface(),

@@ -1,8 +1,8 @@
 //! Shading normals: normal maps, and keeping normals where the viewer can use them.
 
 use super::{NormalMap, ShadingPoint};
-use crate::bsdf::{Bsdf, Lobes, fresnel};
-use snell_math::simd::least;
+use crate::bsdf::{Bsdf, Lobes, fresnel, unit_or};
+use snell_math::simd::{choose, least};
 use snell_math::{Frame, Vec3};
 
 /// The frame of the shading normal, normal map applied, on the side of the geometric normal.
@@ -135,17 +135,4 @@ pub fn visible_normal(n: Vec3, geometric_normal: Vec3, wo: Vec3) -> Vec3 {
     let lifted = n_up + wo * (lowest - seen);
     let keeps = (elevation <= 0.0) | (seen >= lowest);
     choose(keeps, n, unit_or(lifted, ng) * side)
-}
-
-/// The vector at unit length, or `other` if it has no direction.
-#[inline(always)]
-fn unit_or(v: Vec3, other: Vec3) -> Vec3 {
-    let scale = 1.0 / v.length();
-    choose((scale > 0.0) & (scale < f32::INFINITY), v * scale, other)
-}
-
-#[inline(always)]
-fn choose(first: bool, a: Vec3, b: Vec3) -> Vec3 {
-    let pick = |a: f32, b: f32| if first { a } else { b };
-    Vec3::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z))
 }

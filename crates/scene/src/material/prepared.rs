@@ -1,7 +1,7 @@
 //! What of BSDFs is the same at all points: worked out once per material.
 
 use super::{Material, MaterialKind, ShadingPoint};
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, ManyBsdf};
 use crate::texture::TextureSet;
 use snell_intersect::{Hit, SurfaceInteraction};
 use snell_math::{ColorMode, Vec2, Vec3};
@@ -31,6 +31,8 @@ const ANYWHERE: SurfaceInteraction = SurfaceInteraction {
 pub struct Prepared {
     /// At a plain point, without textures.
     bsdf: Bsdf,
+    /// The same, if many directions can be asked about at once.
+    many: Option<ManyBsdf>,
     /// True if it is the same at all [plain](ShadingPoint::is_plain) points.
     is_everywhere: bool,
 }
@@ -45,7 +47,9 @@ impl Prepared {
             MaterialKind::Dielectric(glass) => !glass.absorption.is_black(),
             _ => false,
         };
-        Self { bsdf, is_everywhere: !looks_up && !depends_on_point }
+        let is_everywhere = !looks_up && !depends_on_point;
+        let many = if is_everywhere { ManyBsdf::of(&bsdf) } else { None };
+        Self { bsdf, many, is_everywhere }
     }
 
     /// The BSDF, if it is the same at all [plain](ShadingPoint::is_plain) points, in the frame of the surface's own normal and tangent.
@@ -57,6 +61,11 @@ impl Prepared {
             _ => false,
         };
         (self.is_everywhere && material.normal_map.is_none() && !is_turned).then_some(&self.bsdf)
+    }
+
+    /// [`Self::plain`], if many directions can be asked about at once.
+    pub fn plain_many(&self, material: &Material) -> Option<&ManyBsdf> {
+        self.plain(material).and(self.many.as_ref())
     }
 
     /// The BSDF of the material at a point.

@@ -12,8 +12,8 @@
 mod generate;
 
 use super::ggx::Ggx;
-use snell_math::{Vec2, Vec3};
-use std::f32::consts::{FRAC_1_PI, PI};
+use snell_math::{Vec2, Vec3, exponentials};
+use std::f32::consts::FRAC_1_PI;
 
 /// Nodes along the direction.
 const STEEPNESSES: usize = 48;
@@ -64,17 +64,20 @@ const DEEPEST: f32 = -16.0;
 const MOST: f32 = 16.0;
 
 /// The two nodes around a position in `[0, 1]` on a grid of `n`, and the weight of the second.
+#[inline(always)]
 pub(super) fn nodes(x: f32, n: usize) -> (usize, f32) {
     let x = x.clamp(0.0, 1.0) * (n - 1) as f32;
-    let i = (x as usize).min(n - 2);
-    (i, x - i as f32)
+    let i = (x as i32).min(n as i32 - 2);
+    (i as usize, x - i as f32)
 }
 
 /// Where a direction is among the nodes, `[0, 1]`.
+#[inline(always)]
 fn position(ggx: Ggx, w: Vec3) -> f32 {
     0.5 * (ggx.steepness(w).sqrt() + w.z)
 }
 
+#[inline(always)]
 fn lerp(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
@@ -131,20 +134,19 @@ impl Albedo {
         sums
     }
 
-    /// The cubic through four indices of refraction.
+    /// The cubic through four indices of refraction, not below 0.
     #[inline(always)]
     fn over_planes(&self, numbers: [f32; 4]) -> f32 {
         self.planes.iter().zip(numbers).map(|(weight, number)| weight * number).sum::<f32>().max(0.0)
     }
 
-    /// Towards a direction at this place of the table.
-    fn directional(&self, position: f32) -> f32 {
-        let (i, t) = nodes(position, STEEPNESSES);
-        let numbers = self.over_rows(|row| {
-            let (a, b) = (four(row + i * self.indices), four(row + (i + 1) * self.indices));
-            std::array::from_fn(|k| lerp(a[k], b[k], t))
-        });
-        self.over_planes(numbers)
+    /// The same function with its nodes worked out.
+    fn line(&self) -> Line {
+        let mut line = Line([0.0; LINE]);
+        for (i, node) in line.0.iter_mut().enumerate().take(STEEPNESSES) {
+            *node = self.node(i);
+        }
+        line
     }
 
     /// The mean over directions weighted by the cosine.
@@ -159,28 +161,73 @@ impl Albedo {
     }
 }
 
+/// A function of direction by its values at the nodes along it.
+trait Nodes {
+    fn node(&self, i: usize) -> f32;
+
+    /// Towards a direction at this place between the nodes.
+    #[inline(always)]
+    fn directional(&self, position: f32) -> f32 {
+        let (i, t) = nodes(position, STEEPNESSES);
+        lerp(self.node(i), self.node(i + 1), t)
+    }
+}
+
+impl Nodes for Albedo {
+    #[inline(always)]
+    fn node(&self, i: usize) -> f32 {
+        self.over_planes(self.over_rows(|row| four(row + i * self.indices)))
+    }
+}
+
+/// Room for nodes, such that no number of so many bits is outside.
+const LINE: usize = STEEPNESSES.next_power_of_two();
+
+/// Nodes that are worked out: for many questions about one surface.
+#[derive(Clone, Copy, Debug)]
+struct Line([f32; LINE]);
+
+impl Nodes for Line {
+    #[inline(always)]
+    fn node(&self, i: usize) -> f32 {
+        self.0[i % LINE]
+    }
+}
+
 /// For what does not depend on the index of refraction.
 const NO_INDEX: (usize, [f32; 4]) = (0, [1.0, 0.0, 0.0, 0.0]);
 
-/// Squared widths this small end the logarithm in [`sample_bounced`].
-fn squared_width(ggx: Ggx) -> f32 {
-    (ggx.alpha() * ggx.alpha()).max(1e-6)
+/// Directions above for light that met several facets. Smooth surfaces lose light only at grazing angles, and give it back there: the
+/// square of the cosine has the density `1 / (mu^2 + alpha^2)`, not normalised.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BouncedLobe {
+    /// Not so small that the logarithm has no end.
+    squared_width: f32,
+    /// The integral of the density that is not normalised.
+    integral: f32,
 }
 
-/// Draws a direction above for light that met several facets. Smooth surfaces lose light only at grazing angles, and give it back
-/// there: the square of the cosine has the density `1 / (mu^2 + alpha^2)`, not normalised.
-pub(super) fn sample_bounced(ggx: Ggx, u: Vec2) -> Vec3 {
-    let a2 = squared_width(ggx);
-    let z2 = (a2 * (u.x * (1.0 / a2).ln_1p()).exp_m1()).clamp(0.0, 1.0);
-    let (sin, cos) = (2.0 * PI * u.y).sin_cos();
-    let r = (1.0 - z2).sqrt();
-    Vec3::new(r * cos, r * sin, z2.sqrt())
-}
+impl BouncedLobe {
+    pub(super) fn new(ggx: Ggx) -> Self {
+        let squared_width = (ggx.alpha() * ggx.alpha()).max(1e-6);
+        Self { squared_width, integral: (1.0 / squared_width).ln_1p() }
+    }
 
-/// Density of [`sample_bounced`] per steradian, for a direction above of this cosine.
-pub(super) fn bounced_pdf(ggx: Ggx, cos: f32) -> f32 {
-    let a2 = squared_width(ggx);
-    cos * FRAC_1_PI / ((cos * cos + a2) * (1.0 / a2).ln_1p())
+    /// Draws a direction. Without branches, so that loops over it become vector code.
+    #[inline(always)]
+    pub(super) fn sample(&self, u: Vec2) -> Vec3 {
+        let grown = exponentials::exp(f64::from(u.x * self.integral)) - 1.0;
+        let z2 = (self.squared_width * grown as f32).clamp(0.0, 1.0);
+        let (sin, cos) = super::turn(u.y);
+        let r = (1.0 - z2).sqrt();
+        Vec3::new(r * cos, r * sin, z2.sqrt())
+    }
+
+    /// Density of [`Self::sample`] per steradian, for a direction above of this cosine.
+    #[inline(always)]
+    pub(super) fn pdf(&self, cos: f32) -> f32 {
+        cos * FRAC_1_PI / ((cos * cos + self.squared_width) * self.integral)
+    }
 }
 
 /// What facets that reflect everything lose by shadowing each other.
@@ -200,9 +247,29 @@ impl FacetLoss {
         if self.ggx.is_smooth() { 0.0 } else { self.loss.directional(position(self.ggx, w)) }
     }
 
+    /// The same of a rough surface for many questions.
+    pub(super) fn line(&self) -> FacetLossLine {
+        FacetLossLine { ggx: self.ggx, loss: self.loss.line() }
+    }
+
     /// Share of diffuse light lost.
     pub(super) fn average(&self) -> f32 {
         if self.ggx.is_smooth() { 0.0 } else { self.loss.average() }
+    }
+}
+
+/// [`FacetLoss`] of a rough surface, for many questions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FacetLossLine {
+    ggx: Ggx,
+    loss: Line,
+}
+
+impl FacetLossLine {
+    /// As [`FacetLoss::towards`].
+    #[inline(always)]
+    pub(super) fn towards(&self, w: Vec3) -> f32 {
+        self.loss.directional(position(self.ggx, w))
     }
 }
 
@@ -241,17 +308,43 @@ impl DielectricReflection {
 
     /// Share of light reflected once towards a direction above.
     pub(super) fn towards(&self, w: Vec3) -> f32 {
-        let reference = super::fresnel::dielectric(self.ggx.facet_cosine(w), self.ior);
-        if self.ggx.is_smooth() {
-            reference
-        } else {
-            (reference * MOST * self.reflected.directional(position(self.ggx, w))).min(1.0)
+        match self.ggx.is_smooth() {
+            true => super::fresnel::dielectric(w.z, self.ior),
+            false => reflected_towards(self.ggx, self.ior, &self.reflected, w),
         }
+    }
+
+    /// The same of a rough surface for many questions.
+    pub(super) fn line(&self) -> DielectricReflectionLine {
+        DielectricReflectionLine { ggx: self.ggx, ior: self.ior, reflected: self.reflected.line() }
     }
 
     /// Share of diffuse light reflected once.
     pub(super) fn average(&self) -> f32 {
         if self.ggx.is_smooth() { super::fresnel::dielectric_average(self.ior) } else { self.reflected.average() }
+    }
+}
+
+/// Share of light that a rough dielectric reflects once towards a direction above.
+#[inline(always)]
+fn reflected_towards(ggx: Ggx, ior: f32, reflected: &impl Nodes, w: Vec3) -> f32 {
+    let reference = super::fresnel::dielectric(ggx.root(w).min(1.0), ior);
+    (reference * MOST * reflected.directional(position(ggx, w))).min(1.0)
+}
+
+/// [`DielectricReflection`] of a rough surface, for many questions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DielectricReflectionLine {
+    ggx: Ggx,
+    ior: f32,
+    reflected: Line,
+}
+
+impl DielectricReflectionLine {
+    /// As [`DielectricReflection::towards`].
+    #[inline(always)]
+    pub(super) fn towards(&self, w: Vec3) -> f32 {
+        reflected_towards(self.ggx, self.ior, &self.reflected, w)
     }
 }
 

@@ -1,0 +1,266 @@
+//! How plain surfaces scatter light, asked for all vertices of one material together: the same bits as [`super::surfaces`] finds one by one.
+
+use super::lanes::{CarriedLanes, LANES, ZERO, at, put};
+use super::lights::horizon;
+use super::surfaces::{Bounces, Frames, Scattered};
+use snell_intersect::triangles::{HitLanes, HitVectors};
+use snell_math::at_level;
+use snell_math::simd::{Wide, choose};
+use snell_scene::bsdf::{MANY, ManyAnswers, ManyBsdf, ManyQuestions};
+
+/// Vertices that are worked on together. Arrays are by lane; those of other lanes hold anything.
+#[derive(Debug)]
+pub struct Together<'a> {
+    /// How each scatters; `None` for other lanes.
+    bsdfs: [Option<&'a ManyBsdf>; LANES],
+    is_any: bool,
+    /// 0 for other lanes.
+    has: [u32; LANES],
+    /// The normal of the plane below which nothing is reflected, and its cosine with where the path comes from.
+    horizon: HitVectors,
+    side: HitLanes,
+    /// In the frames of the surfaces: where the path comes from, and where the light comes from.
+    wo: HitVectors,
+    wi: HitVectors,
+    found: Box<Found>,
+}
+
+/// As [`ManyAnswers`], by lane.
+#[derive(Debug)]
+struct Found {
+    value: HitVectors,
+    pdf: HitLanes,
+    weight: HitVectors,
+    drawn: HitVectors,
+    drawn_pdf: HitLanes,
+    is_delta: [u32; LANES],
+    exists: [u32; LANES],
+}
+
+/// Surfaces and where they are seen from.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a> {
+    pub frames: &'a Frames,
+    /// Normals of the surfaces themselves.
+    pub flat: &'a HitVectors,
+    /// Directions to where the paths come from.
+    pub wo: &'a HitVectors,
+    /// See [`super::estimators::Skin::lift`].
+    pub lift: &'a HitVectors,
+}
+
+impl Default for Together<'_> {
+    fn default() -> Self {
+        let (number, mark) = ([0.0; LANES], [0; LANES]);
+        Self {
+            bsdfs: [None; LANES],
+            is_any: false,
+            has: mark,
+            horizon: ZERO,
+            side: number,
+            wo: ZERO,
+            wi: ZERO,
+            found: Box::new(Found {
+                value: ZERO,
+                pdf: number,
+                weight: ZERO,
+                drawn: ZERO,
+                drawn_pdf: number,
+                is_delta: mark,
+                exists: mark,
+            }),
+        }
+    }
+}
+
+impl<'a> Together<'a> {
+    /// Forgets all lanes.
+    pub fn clear(&mut self) {
+        (self.bsdfs, self.is_any, self.has) = ([None; LANES], false, [0; LANES]);
+    }
+
+    /// Takes a lane that scatters like this, an opaque surface.
+    pub fn put(&mut self, lane: usize, bsdf: &'a ManyBsdf) {
+        (self.bsdfs[lane], self.is_any, self.has[lane]) = (Some(bsdf), true, 1);
+    }
+
+    /// True if this lane was taken.
+    pub fn has(&self, lane: usize) -> bool {
+        self.has[lane] != 0
+    }
+
+    /// Works out what is known before lights are, and the normals on the side where the paths come from.
+    pub fn look(&mut self, seen: &Seen, facing: &mut HitVectors, wide: Option<Wide>) {
+        if !self.is_any {
+            return;
+        }
+        at_level!(wide, look, (seen: &Seen<'_> = seen, to: &mut Together<'_> = self, facing: &mut HitVectors = facing));
+    }
+
+    /// Asks the surfaces how they scatter light from where it comes, and draws where the paths go on, with these numbers for lobes and
+    /// directions.
+    pub fn scatter(
+        &mut self,
+        frames: &Frames,
+        wi: &HitVectors,
+        (u_lobe, u): (&HitLanes, &[HitLanes; 2]),
+        wide: Option<Wide>,
+    ) {
+        if !self.is_any {
+            return;
+        }
+        at_level!(wide, turn, (frames: &Frames = frames, from: &HitVectors = wi, to: &mut HitVectors = &mut self.wi));
+        let mut answers = ManyAnswers::default();
+        for block in 0..LANES / MANY {
+            let asked = ManyQuestions {
+                wo: blocks(&self.wo, block),
+                wi: blocks(&self.wi, block),
+                u_lobe: many(u_lobe, block),
+                u: [many(&u[0], block), many(&u[1], block)],
+            };
+            let bsdfs = &self.bsdfs[block * MANY..][..MANY];
+            let mut is_asked = [false; MANY];
+            for (first, bsdf) in bsdfs.iter().enumerate() {
+                let Some(bsdf) = bsdf.filter(|_| !is_asked[first]) else { continue };
+                let mut of = [0; MANY];
+                for (i, other) in bsdfs.iter().enumerate() {
+                    if other.is_some_and(|other| std::ptr::eq(other, bsdf)) {
+                        (is_asked[i], of[i]) = (true, 1);
+                    }
+                }
+                bsdf.answer(&asked, &mut answers, wide);
+                self.found.take(block, &of, &answers, wide);
+            }
+        }
+    }
+
+    /// Says what was found: how the light is scattered from where it comes in the world, and where the paths go on.
+    pub fn tell(
+        &self,
+        (frames, wi): (&Frames, &HitVectors),
+        carried: &CarriedLanes,
+        scattered: &mut Scattered,
+        bounces: &mut Bounces,
+        wide: Option<Wide>,
+    ) {
+        if !self.is_any {
+            return;
+        }
+        at_level!(
+            wide,
+            tell,
+            (
+                from: &Together<'_> = self,
+                frames: &Frames = frames,
+                wi: &HitVectors = wi,
+                carried: &CarriedLanes = carried,
+                scattered: &mut Scattered = scattered,
+                bounces: &mut Bounces = bounces,
+            )
+        );
+    }
+}
+
+impl Found {
+    /// Takes what was answered for the lanes of a block that are marked.
+    fn take(&mut self, block: usize, of: &[u32; MANY], answers: &ManyAnswers, wide: Option<Wide>) {
+        at_level!(
+            wide,
+            take,
+            (block: usize = block, of: &[u32; MANY] = of, answers: &ManyAnswers = answers, to: &mut Found = self)
+        );
+    }
+}
+
+/// The lanes of a block.
+#[inline(always)]
+fn many<T>(of: &[T; LANES], block: usize) -> &[T; MANY] {
+    &of.as_chunks().0[block]
+}
+
+#[inline(always)]
+fn many_mut<T>(of: &mut [T; LANES], block: usize) -> &mut [T; MANY] {
+    &mut of.as_chunks_mut().0[block]
+}
+
+#[inline(always)]
+fn blocks(of: &HitVectors, block: usize) -> [&[f32; MANY]; 3] {
+    [many(&of[0], block), many(&of[1], block), many(&of[2], block)]
+}
+
+#[inline(always)]
+fn look(seen: &Seen, to: &mut Together, facing: &mut HitVectors) {
+    for i in 0..LANES {
+        let (frame, wo) = (seen.frames.at(i), at(seen.wo, i));
+        let horizon = horizon(at(seen.flat, i), frame.z, at(seen.lift, i));
+        put(&mut to.horizon, i, horizon);
+        to.side[i] = horizon.dot(wo);
+        let local = frame.to_local(wo);
+        put(&mut to.wo, i, local);
+        let normal = if local.z < 0.0 { -frame.z } else { frame.z };
+        let kept = at(facing, i);
+        put(facing, i, choose(to.has[i] != 0, normal, kept));
+    }
+}
+
+#[inline(always)]
+fn turn(frames: &Frames, from: &HitVectors, to: &mut HitVectors) {
+    for i in 0..LANES {
+        put(to, i, frames.at(i).to_local(at(from, i)));
+    }
+}
+
+#[inline(always)]
+fn take(block: usize, of: &[u32; MANY], answers: &ManyAnswers, to: &mut Found) {
+    let vectors = [(&answers.value, &mut to.value), (&answers.weight, &mut to.weight), (&answers.drawn, &mut to.drawn)];
+    for (from, to) in vectors {
+        for (from, to) in from.iter().zip(to) {
+            take_marked(of, from, many_mut(to, block));
+        }
+    }
+    take_marked(of, &answers.pdf, many_mut(&mut to.pdf, block));
+    take_marked(of, &answers.drawn_pdf, many_mut(&mut to.drawn_pdf, block));
+    take_marked(of, &answers.is_delta, many_mut(&mut to.is_delta, block));
+    take_marked(of, &answers.exists, many_mut(&mut to.exists, block));
+}
+
+#[inline(always)]
+fn take_marked<T: Copy>(of: &[u32; MANY], from: &[T; MANY], to: &mut [T; MANY]) {
+    for i in 0..MANY {
+        to[i] = if of[i] != 0 { from[i] } else { to[i] };
+    }
+}
+
+#[inline(always)]
+fn tell(
+    from: &Together,
+    frames: &Frames,
+    wi: &HitVectors,
+    carried: &CarriedLanes,
+    scattered: &mut Scattered,
+    bounces: &mut Bounces,
+) {
+    let found = &from.found;
+    for i in 0..LANES {
+        let (has, horizon, side) = (from.has[i] != 0, at(&from.horizon, i), from.side[i]);
+        let is_seen = side * horizon.dot(at(wi, i)) > 0.0;
+        let drawn = frames.at(i).from_local(at(&found.drawn, i));
+        let scale = 1.0 / drawn.length();
+        let next = drawn * scale;
+        let exists = (scale > 0.0) & (scale < f32::INFINITY) & (side * horizon.dot(next) > 0.0);
+        for axis in 0..3 {
+            let value = if is_seen { found.value[axis][i] } else { 0.0 };
+            scattered.value[axis][i] = if has { value } else { scattered.value[axis][i] };
+            bounces.wi[axis][i] = if has { next[axis] } else { bounces.wi[axis][i] };
+            bounces.weight[axis][i] = if has { found.weight[axis][i] } else { bounces.weight[axis][i] };
+        }
+        let pdf = if is_seen { found.pdf[i] } else { 0.0 };
+        scattered.pdf[i] = if has { pdf } else { scattered.pdf[i] };
+        bounces.pdf[i] = if has { found.drawn_pdf[i] } else { bounces.pdf[i] };
+        bounces.eta_scale[i] = if has { carried.eta_scale[i] } else { bounces.eta_scale[i] };
+        bounces.expected[i] = if has { carried.expected[i] } else { bounces.expected[i] };
+        bounces.is_delta[i] = if has { found.is_delta[i] } else { bounces.is_delta[i] };
+        let exists = found.exists[i] & u32::from(exists);
+        bounces.exists[i] = if has { exists } else { bounces.exists[i] };
+    }
+}

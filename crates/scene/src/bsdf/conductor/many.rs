@@ -1,0 +1,82 @@
+//! Rough metals, for many directions at once.
+
+use super::super::energy::{BouncedLobe, FacetLossLine};
+use super::super::many::{ManyDrawn, ManyLobes};
+use super::super::{Choice, Ggx, lift, lower_like};
+use super::{ConductorBsdf, FacetReflectance, complex, f82};
+use snell_math::simd::choose;
+use snell_math::{SampledSpectrum, Vec2, Vec3};
+use std::f32::consts::FRAC_1_PI;
+
+/// A metal without a film: by its complex index of refraction, or by colours.
+#[derive(Clone, Debug)]
+pub struct ManyMetal<const COMPLEX: bool> {
+    /// As in [`FacetReflectance`].
+    facets: [SampledSpectrum; 2],
+    unit: SampledSpectrum,
+    ggx: Ggx,
+    loss: FacetLossLine,
+    lobe: BouncedLobe,
+    mean_loss: f32,
+    bounced: SampledSpectrum,
+}
+
+/// As [`super::ConductorSeen`].
+pub struct Seen {
+    wo: Vec3,
+    lost: f32,
+    choice: Choice<2>,
+}
+
+impl<const COMPLEX: bool> ManyMetal<COMPLEX> {
+    /// `None` if it is no such metal.
+    pub fn of(bsdf: &ConductorBsdf) -> Option<Self> {
+        let &ConductorBsdf { facets, unit, ggx, ref loss, lobe, mean_loss, film, bounced, .. } = bsdf;
+        let (facets, is_complex) = match facets {
+            FacetReflectance::Complex { eta, k } => ([eta, k], true),
+            FacetReflectance::F82 { f0, edge } => ([f0, edge], false),
+        };
+        let is_such = is_complex == COMPLEX && film.is_none() && !ggx.is_smooth();
+        is_such.then(|| Self { facets, unit, ggx, loss: loss.line(), lobe, mean_loss, bounced })
+    }
+
+    #[inline(always)]
+    fn reflectance(&self, cos: f32) -> SampledSpectrum {
+        let [a, b] = self.facets;
+        self.unit * if COMPLEX { complex(cos, a, b) } else { f82(cos, a, b) }
+    }
+}
+
+impl<const COMPLEX: bool> ManyLobes for ManyMetal<COMPLEX> {
+    type Seen = Seen;
+
+    #[inline(always)]
+    fn seen(&self, wo: Vec3) -> Seen {
+        let up = lift(wo);
+        let (reflectance, lost) = (self.reflectance(up.z), self.loss.towards(up));
+        let albedos = [reflectance * (1.0 - lost), self.bounced * self.mean_loss * lost];
+        Seen { wo, lost, choice: Choice::new(albedos) }
+    }
+
+    #[inline(always)]
+    fn value_and_pdf_from(&self, seen: &Seen, wi: Vec3) -> (SampledSpectrum, f32) {
+        let is_seen = seen.wo.z * wi.z > 0.0;
+        let (wo, wi) = (lift(seen.wo), lift(wi));
+        let [facets, diffuse] = seen.choice.probabilities;
+        let (m, value, pdf, exists) = self.ggx.reflected(wo, wi);
+        let once = (self.reflectance(wo.dot(m)) * value).map(|x| if exists { x } else { 0.0 });
+        let value = once + self.bounced * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
+        let pdf = facets * if exists { pdf } else { 0.0 } + diffuse * self.lobe.pdf(wi.z);
+        (value.map(|x| if is_seen { x } else { 0.0 }), if is_seen { pdf } else { 0.0 })
+    }
+
+    #[inline(always)]
+    fn draw_from(&self, seen: &Seen, u_lobe: f32, u: Vec2) -> ManyDrawn {
+        let wo = seen.wo;
+        let (is_once, exists) = seen.choice.picks_first(u_lobe);
+        let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
+        let wi = lower_like(choose(is_once, facet, self.lobe.sample(u)), wo);
+        let exists = exists & (is_above | !is_once) & (wo.z != 0.0);
+        ManyDrawn { wi, exists, is_delta: false, delta: SampledSpectrum::ZERO }
+    }
+}

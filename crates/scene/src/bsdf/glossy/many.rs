@@ -1,0 +1,108 @@
+//! The gloss over an opaque Lambertian body, for many directions at once.
+
+use super::super::energy::DielectricReflectionLine;
+use super::super::many::{ManyDrawn, ManyLobes};
+use super::super::{Choice, Ggx, fresnel, lift, lower_like};
+use super::GlossyBsdf;
+use snell_math::simd::choose;
+use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
+use std::f32::consts::FRAC_1_PI;
+
+/// A gloss without a film, smooth or rough, over a body that is matte.
+#[derive(Clone, Debug)]
+pub struct ManyGloss<const SMOOTH: bool> {
+    ior: f32,
+    tint: SampledSpectrum,
+    ggx: Ggx,
+    albedo: DielectricReflectionLine,
+    /// Of the body.
+    reflectance: SampledSpectrum,
+    passed_average: SampledSpectrum,
+}
+
+/// As [`super::GlossySeen`].
+pub struct Seen {
+    wo: Vec3,
+    passed: SampledSpectrum,
+    choice: Choice<2>,
+}
+
+impl<const SMOOTH: bool> ManyGloss<SMOOTH> {
+    /// `None` if it is no such gloss.
+    pub fn of(bsdf: &GlossyBsdf) -> Option<Self> {
+        let GlossyBsdf { gloss, body, albedo, passed_average, .. } = bsdf;
+        let is_matte = body.diffuse.is_lambertian() && body.through.is_black() && body.walk.is_black();
+        (is_matte && gloss.film.is_none() && gloss.ggx.is_smooth() == SMOOTH).then(|| Self {
+            ior: gloss.ior,
+            tint: gloss.tint,
+            ggx: gloss.ggx,
+            albedo: albedo.line(),
+            reflectance: body.diffuse.directional_albedo(1.0),
+            passed_average: *passed_average,
+        })
+    }
+
+    /// As [`GlossyBsdf::gloss_albedo`].
+    #[inline(always)]
+    fn gloss_albedo(&self, w: Vec3) -> SampledSpectrum {
+        self.tint * if SMOOTH { fresnel::dielectric(w.z, self.ior) } else { self.albedo.towards(w) }
+    }
+
+    #[inline(always)]
+    fn fresnel(&self, cos: f32) -> SampledSpectrum {
+        SampledSpectrum::splat(fresnel::dielectric(cos, self.ior)) * self.tint
+    }
+
+    /// As [`GlossyBsdf::body_value`].
+    #[inline(always)]
+    fn body_value(&self, seen: &Seen, wi: Vec3) -> SampledSpectrum {
+        let passed = seen.passed * (SampledSpectrum::ONE - self.gloss_albedo(wi));
+        let coupling = passed.zip(self.passed_average, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 });
+        self.reflectance * coupling * (wi.z * FRAC_1_PI)
+    }
+}
+
+impl<const SMOOTH: bool> ManyLobes for ManyGloss<SMOOTH> {
+    type Seen = Seen;
+
+    #[inline(always)]
+    fn seen(&self, wo: Vec3) -> Seen {
+        let gloss = self.gloss_albedo(lift(wo));
+        let passed = SampledSpectrum::ONE - gloss;
+        Seen { wo, passed, choice: Choice::new([gloss, self.reflectance * passed]) }
+    }
+
+    #[inline(always)]
+    fn value_and_pdf_from(&self, seen: &Seen, wi: Vec3) -> (SampledSpectrum, f32) {
+        let [gloss, diffuse] = seen.choice.probabilities;
+        let is_seen = seen.wo.z * wi.z > 0.0;
+        let wi = lift(wi);
+        let (body, cosine) = (self.body_value(seen, wi), sampling::cosine_hemisphere_pdf(wi.z));
+        let (value, pdf) = if SMOOTH {
+            (body, diffuse * cosine)
+        } else {
+            let wo = lift(seen.wo);
+            let (m, value, pdf, exists) = self.ggx.reflected(wo, wi);
+            let facets = self.fresnel(wo.dot(m)) * value;
+            let facets = facets.map(|x| if exists { x } else { 0.0 });
+            (facets + body, gloss * if exists { pdf } else { 0.0 } + diffuse * cosine)
+        };
+        (value.map(|x| if is_seen { x } else { 0.0 }), if is_seen { pdf } else { 0.0 })
+    }
+
+    #[inline(always)]
+    fn draw_from(&self, seen: &Seen, u_lobe: f32, u: Vec2) -> ManyDrawn {
+        let wo = seen.wo;
+        let (is_gloss, exists) = seen.choice.picks_first(u_lobe);
+        let exists = exists & (wo.z != 0.0);
+        let body = lower_like(sampling::cosine_hemisphere(u), wo);
+        if SMOOTH {
+            let delta = self.fresnel(wo.z.abs()) / seen.choice.probabilities[0];
+            let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
+            return ManyDrawn { wi: choose(is_gloss, mirror, body), exists, is_delta: is_gloss, delta };
+        }
+        let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
+        let wi = choose(is_gloss, lower_like(facet, wo), body);
+        ManyDrawn { wi, exists: exists & (is_above | !is_gloss), is_delta: false, delta: SampledSpectrum::ZERO }
+    }
+}
