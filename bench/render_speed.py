@@ -3,8 +3,8 @@
     python bench/render_speed.py BUNNY.obj [--snell target/release/snell] [--peers llvm_ad_rgb scalar_rgb cycles] [--threads 4]
 
 Needs NumPy and the peers: `pip install mitsuba` (its `llvm_ad_rgb` needs a libLLVM of a recent version, see DRJIT_LIBLLVM_PATH), and
-`pip install bpy` for Cycles. Five scenes, which the script writes as Mitsuba files that Snell reads too: the Cornell
-box, a mesh under a constant environment, 1,000 lamps, glass, fog; box filter, the same depth everywhere. The renderers take turns
+`pip install bpy` for Cycles. Six scenes, which the script writes as Mitsuba files that Snell reads too: the Cornell
+box, a mesh under a constant environment, 1,000 lamps, glass, rough materials, fog; box filter, the same depth everywhere. The renderers take turns
 --repeat times; medians count. Reading and building are not in the times, compiling of kernels is not either.
 
     rate      million samples of the camera per second
@@ -79,6 +79,19 @@ BALLS = "".join(
         shape("sphere", '<scale value="0.42"/><translate x="-0.42" y="-0.58" z="-0.3"/>', GLASS),
     ]
 )
+COPPER = '<bsdf type="roughconductor"><string name="material" value="Cu"/><float name="alpha" value="0.2"/></bsdf>'
+PLASTIC = (
+    '<bsdf type="roughplastic"><rgb name="diffuse_reflectance" value="0.1, 0.3, 0.6"/><float name="alpha" value="0.1"/></bsdf>'
+)
+PAINT = (
+    '<bsdf type="principled"><rgb name="base_color" value="0.6, 0.1, 0.1"/><float name="roughness" value="0.4"/>'
+    '<float name="clearcoat" value="1"/><float name="clearcoat_gloss" value="0.9"/></bsdf>'
+)
+FROST = '<bsdf type="roughdielectric"><float name="int_ior" value="1.5"/><float name="alpha" value="0.2"/></bsdf>'
+MATERIALS = "".join(
+    shape("sphere", f'<scale value="0.4"/><translate x="{x}" y="{y}" z="0"/>', bsdf)
+    for x, y, bsdf in [(-0.45, -0.55, COPPER), (0.45, -0.55, PLASTIC), (-0.45, 0.35, PAINT), (0.45, 0.35, FROST)]
+)
 MIST = (
     '<bsdf type="null"/><medium name="interior" type="homogeneous"><rgb name="sigma_t" value="0.4, 0.4, 0.4"/>'
     '<rgb name="albedo" value="0.9, 0.9, 0.9"/><phase type="hg"><float name="g" value="0.3"/></phase></medium>'
@@ -123,6 +136,7 @@ def scenes(bunny: Path) -> dict[str, dict[str, object]]:
         "mesh": {**on_floor, "content": mesh(bunny)},
         "lamps": {**town, "content": lamps()},
         "glass": {**box, "content": WALLS + BALLS},
+        "materials": {**box, "content": WALLS + MATERIALS},
         "fog": {**box, "integrator": "volpath", "content": WALLS + BOXES + fog},
     }
 

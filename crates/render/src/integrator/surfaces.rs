@@ -44,8 +44,7 @@ pub struct SurfaceVertices<'a> {
     frames: Frames,
     /// The normal on the side where the path comes from.
     facing: HitVectors,
-    /// Lanes of which the surface lets light through.
-    transmitting: Vec<u32>,
+    /// Whether the surface lets light through.
     transmits: [bool; LANES],
     /// As [`Carried::is_specular`], so far.
     is_specular: [bool; LANES],
@@ -55,10 +54,11 @@ pub struct SurfaceVertices<'a> {
     lit: LitLanes,
 }
 
-/// A mesh that does not shine, of one BSDF that is the same everywhere.
+/// A mesh or shape that does not shine, of one BSDF that is the same everywhere.
 #[derive(Clone, Copy, Debug)]
 struct PlainSurface<'a> {
-    mesh: PlainMesh<'a>,
+    /// `None` for other shapes, whose points [`VertexLanes::gather_shape`] knows.
+    mesh: Option<PlainMesh<'a>>,
     bsdf: &'a Bsdf,
     many: Option<&'a ManyBsdf>,
     needs: FrameNeeds,
@@ -71,7 +71,7 @@ impl<'a> PlainSurface<'a> {
     /// A geometry, if it is one.
     fn of(context: &Context<'a>, geometry: u32) -> Option<Self> {
         let scene = context.scene;
-        let mesh = scene.world.plain_mesh(GeometryId(geometry))?;
+        let mesh = scene.world.plain_mesh(GeometryId(geometry));
         let id = scene.only_material(geometry).filter(|&id| !scene.material(id).is_emissive())?;
         let material = scene.material(id);
         let bsdf = scene.prepared(id).plain(material)?;
@@ -79,7 +79,8 @@ impl<'a> PlainSurface<'a> {
         let many = scene.prepared(id).plain_many(material).filter(|_| context.field.is_none());
         let is_opaque = bsdf.is_opaque();
         let is_lifted = is_opaque && !bsdf.is_delta() && may_be_lifted(context, material);
-        Some(Self { mesh, bsdf, many, needs: FrameNeeds::of(bsdf), is_opaque, is_lifted })
+        let needs = FrameNeeds::of(bsdf);
+        (mesh.is_some() || !needs.has_tangent).then_some(Self { mesh, bsdf, many, needs, is_opaque, is_lifted })
     }
 }
 
@@ -161,7 +162,6 @@ impl<'a> SurfaceVertices<'a> {
                 z: ZERO,
             },
             facing: ZERO,
-            transmitting: Vec::with_capacity(LANES),
             transmits: [false; LANES],
             is_specular: [false; LANES],
             scattered: Scattered { value: ZERO, pdf: number },
@@ -188,18 +188,21 @@ impl<'a> SurfaceVertices<'a> {
         self.scatterers.clear();
         self.scatterer_of = [NONE; LANES];
         self.together.clear();
-        self.transmitting.clear();
     }
 
     /// Says what the path of the next lane has hit, if it is a plain surface: then [`Self::gather_plain`] must follow, once all lanes are
     /// told. `outside_ior` is the index of refraction on its outer side.
-    pub fn is_plain(&mut self, from: &Arriving, outside_ior: f32) -> bool {
+    pub fn is_plain(&mut self, context: &Context, from: &Arriving, outside_ior: f32) -> bool {
         let lane = self.told;
         let path = self.lanes.paths()[lane] as usize;
         let hit = &from.hits[path];
         let surface = self.plain.get(hit.geometry as usize).copied().flatten();
         let Some(surface) = surface.filter(|_| hit.instance == 0 && outside_ior == 1.0) else { return false };
-        self.lanes.put_triangle(lane);
+        match surface.mesh {
+            Some(_) => self.lanes.put_triangle(lane),
+            None if self.lanes.gather_shape(context, lane, &from.rays[path], hit) => {}
+            None => return false,
+        }
         self.is_specular[lane] = from.carried[path].is_specular;
         self.on_plain.push((lane, surface));
         self.told += 1;
@@ -209,8 +212,10 @@ impl<'a> SurfaceVertices<'a> {
     /// Looks up the triangles of all lanes on plain surfaces.
     pub fn gather_plain(&mut self, from: &Arriving) {
         let plain = &self.plain;
-        self.lanes.gather_triangles(from, |hit| plain[hit.geometry as usize].as_ref().map(|surface| &surface.mesh));
-        self.lanes.gather_uvs(self.on_plain.iter().map(|(lane, surface)| (*lane, &surface.mesh)));
+        self.lanes.gather_triangles(from, |hit| {
+            plain[hit.geometry as usize].as_ref().and_then(|surface| surface.mesh.as_ref())
+        });
+        self.lanes.gather_uvs(self.on_plain.iter().filter_map(|(lane, surface)| Some((*lane, surface.mesh.as_ref()?))));
     }
 
     /// The points of all lanes, and what scatters there.
@@ -259,9 +264,6 @@ impl<'a> SurfaceVertices<'a> {
     fn note_receiver(&mut self, lane: usize, receiver: &Receiver) {
         put(&mut self.facing, lane, receiver.normal);
         self.transmits[lane] = receiver.transmits;
-        if receiver.transmits {
-            self.transmitting.push(lane as u32);
-        }
     }
 
     /// Says what the path of the next lane has hit, if it is no plain surface, and gives the light that it finds there. `prepared` is [`SurfaceVertex::prepared`].
@@ -299,7 +301,7 @@ impl<'a> SurfaceVertices<'a> {
         let quad = context.field.map_or([0.0; LANES], |_| numbers(dimension::GUIDE));
         let roulette = self.lanes.roulette(context, depth);
         let receivers =
-            Receivers { position: &self.lanes.points.position, normal: &self.facing, transmitting: &self.transmitting };
+            Receivers { position: &self.lanes.points.position, normal: &self.facing, transmits: &self.transmits };
         self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
         self.lit.glowing = [None; LANES];
         for (lane, how) in self.lit.lights.how.iter_mut().enumerate().take(count) {

@@ -141,9 +141,6 @@ impl LightBvh {
                 chosen: &mut ChosenLights = chosen,
             )
         );
-        for i in receivers.transmitting.iter().map(|&i| i as usize) {
-            chosen.put(i, self.sample(&Receiver { transmits: true, ..receivers.get(i) }, || u[i]));
-        }
     }
 
     /// The probability with which [`Self::sample`] gives a part of a light.

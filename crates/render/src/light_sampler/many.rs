@@ -51,21 +51,21 @@ pub struct Receivers<'a> {
     pub position: &'a [[f32; MANY]; 3],
     /// See [`Receiver::normal`].
     pub normal: &'a [[f32; MANY]; 3],
-    /// Those that transmit, by number.
-    pub transmitting: &'a [u32],
+    /// See [`Receiver::transmits`].
+    pub transmits: &'a [bool; MANY],
 }
 
 impl<'a> Receivers<'a> {
     /// Of which none transmits.
     pub fn opaque(position: &'a [[f32; MANY]; 3], normal: &'a [[f32; MANY]; 3]) -> Self {
-        Self { position, normal, transmitting: &[] }
+        Self { position, normal, transmits: &[false; MANY] }
     }
 
-    /// One of them, as if it did not transmit.
+    /// One of them.
     #[inline(always)]
     pub fn get(&self, i: usize) -> Receiver {
         let at = |v: &[[f32; MANY]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
-        Receiver { position: at(self.position), normal: at(self.normal), transmits: false }
+        Receiver { position: at(self.position), normal: at(self.normal), transmits: self.transmits[i] }
     }
 }
 

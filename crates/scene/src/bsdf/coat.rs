@@ -58,6 +58,11 @@ impl CoatLobe {
         Self { coat, albedo: DielectricReflection::new(coat.ggx, ior), frame, base_albedo, diffuse_reflection }
     }
 
+    /// As [`Ggx::has_tangent`].
+    pub(super) fn has_tangent(&self) -> bool {
+        self.coat.ggx.has_tangent()
+    }
+
     /// The coat in another frame.
     pub(super) fn with_frame(self, frame: Frame) -> Self {
         Self { frame, ..self }

@@ -114,6 +114,11 @@ pub struct ConductorSeen {
 }
 
 impl ConductorBsdf {
+    /// As [`Ggx::has_tangent`].
+    pub(crate) fn has_tangent(&self) -> bool {
+        self.ggx.has_tangent()
+    }
+
     /// A metal of this law of reflection and roughness; smooth ones are mirrors. `unit` is 1 in every lane in use.
     pub fn new(facets: FacetReflectance, unit: SampledSpectrum, ggx: Ggx) -> Self {
         let loss = FacetLoss::new(ggx);

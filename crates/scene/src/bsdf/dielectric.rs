@@ -30,6 +30,8 @@ pub struct DielectricBsdf {
     pub film: Option<ThinFilm>,
     /// Roughness.
     pub ggx: Ggx,
+    /// What a rough interface loses; `None` for a smooth one. See [`Self::losses`].
+    pub losses: Option<RoughLosses>,
     /// Share of light that the medium lets through on the way from the last point to this one, for rays that come from the inside.
     /// It is no property of the interface, but there a path knows how far it went.
     pub arriving: SampledSpectrum,
@@ -77,20 +79,50 @@ pub struct DielectricSeen {
     wo: Vec3,
     /// Index of refraction behind the surface over the index on the side of the direction.
     eta: f32,
-    /// Of a rough interface.
-    bounced: Option<Bounced>,
+    /// Of a rough interface, what is lost from the direction.
+    lost: f32,
 }
 
-/// Diffuse lobes in place of light that bounces between facets, seen from one side.
-#[derive(Clone, Debug)]
-struct Bounced {
-    /// Losses on this side and on the other, with their means.
-    near: (DielectricLoss, f32),
-    far: (DielectricLoss, f32),
+/// Diffuse lobes in place of light that bounces between facets of a rough interface: the same for all directions.
+#[derive(Clone, Copy, Debug)]
+pub struct RoughLosses {
+    ggx: Ggx,
+    ior: f32,
+    lobe: BouncedLobe,
+    /// Seen from the outer side, from the inner one.
+    sides: [SideLoss; 2],
+}
+
+/// What is lost on one side of a rough interface.
+#[derive(Clone, Copy, Debug)]
+struct SideLoss {
+    loss: DielectricLoss,
+    average: f32,
     /// Share of it that goes through.
     transmitted: f32,
-    /// `near` towards the direction of light gathered.
-    lost: f32,
+}
+
+impl RoughLosses {
+    fn new(ggx: Ggx, ior: f32) -> Self {
+        let losses = [DielectricLoss::new(ggx, ior), DielectricLoss::new(ggx, 1.0 / ior)];
+        let [outer, inner] = [losses[0].average(), losses[1].average()];
+        // Diffuse light from the side of lower index is let through to this share. Both directions of the crossing must then carry
+        // the same light per squared index, which limits it.
+        let through = 1.0 - fresnel::dielectric_average(ior.max(1.0 / ior));
+        let transmitted = |eta: f32, near: f32, far: f32| {
+            if near > 0.0 { through * (eta * eta * far / near).min(1.0) } else { 0.0 }
+        };
+        let sides = [
+            SideLoss { loss: losses[0], average: outer, transmitted: transmitted(ior, outer, inner) },
+            SideLoss { loss: losses[1], average: inner, transmitted: transmitted(1.0 / ior, inner, outer) },
+        ];
+        Self { ggx, ior, lobe: BouncedLobe::new(ggx), sides }
+    }
+
+    /// The side that a direction is on.
+    fn side(&self, w: Vec3) -> &SideLoss {
+        &self.sides[usize::from(w.z <= 0.0)]
+    }
 }
 
 /// A pair of directions seen from the side of `wo`, which is above.
@@ -102,13 +134,27 @@ struct Facet {
 }
 
 impl DielectricBsdf {
+    /// As [`Ggx::has_tangent`].
+    pub(crate) fn has_tangent(&self) -> bool {
+        self.ggx.has_tangent()
+    }
+
     fn relative_ior(&self, wo: Vec3) -> f32 {
         relative_ior(wo, self.ior)
     }
 
     fn is_smooth(&self) -> bool {
+        self.losses.is_none()
+    }
+
+    /// What an interface loses. Much work for a rough one: so those of another one are taken if it has the same roughness and index.
+    pub fn losses(ggx: Ggx, ior: f32, like: Option<&RoughLosses>) -> Option<RoughLosses> {
         // With equal indices nothing bends, however rough the interface.
-        self.ggx.is_smooth() || (self.ior - 1.0).abs() < 1e-4
+        if ggx.is_smooth() || (ior - 1.0).abs() < 1e-4 {
+            return None;
+        }
+        let known = like.filter(|known| known.ggx == ggx && known.ior == ior);
+        Some(known.copied().unwrap_or_else(|| RoughLosses::new(ggx, ior)))
     }
 
     /// Reflectance of a facet without a film, and with one if there is one.
@@ -193,51 +239,42 @@ impl DielectricBsdf {
         }
     }
 
-    fn bounced(&self, up: Vec3, eta: f32) -> Bounced {
-        let (near, far) = (DielectricLoss::new(self.ggx, eta), DielectricLoss::new(self.ggx, 1.0 / eta));
-        // Diffuse light from the side of lower index is let through to this share. Both directions of the crossing must then carry
-        // the same light per squared index, which limits it.
-        let through = 1.0 - fresnel::dielectric_average(eta.max(1.0 / eta));
-        let (near_average, far_average) = (near.average(), far.average());
-        let transmitted =
-            if near_average > 0.0 { through * (eta * eta * far_average / near_average).min(1.0) } else { 0.0 };
-        let lost = near.towards(up);
-        Bounced { near: (near, near_average), far: (far, far_average), transmitted, lost }
-    }
-
     /// `f |cos(wi)|` with facets and diffuse lobes, for `wo` above; `wi` mirrored likewise.
-    fn value(&self, facet: Option<&Facet>, wi: Vec3, eta: f32, bounced: &Bounced) -> SampledSpectrum {
+    fn value(&self, facet: Option<&Facet>, wi: Vec3, seen: &DielectricSeen, losses: &RoughLosses) -> SampledSpectrum {
+        let (eta, transmitted) = (seen.eta, losses.side(seen.wo).transmitted);
         let facets = facet.map_or(SampledSpectrum::ZERO, |f| self.facet_value(f, eta));
-        let is_transmission = wi.z < 0.0;
-        let (loss, average) = if is_transmission { &bounced.far } else { &bounced.near };
-        if *average <= 0.0 {
+        let to = losses.side(lower_like(wi, seen.wo));
+        if to.average <= 0.0 {
             return facets;
         }
-        let diffuse = bounced.lost * loss.towards(lift(wi)) / average * wi.z.abs() * FRAC_1_PI;
+        let diffuse = seen.lost * to.loss.towards(lift(wi)) / to.average * wi.z.abs() * FRAC_1_PI;
         facets
-            + if is_transmission {
-                self.crossing(eta) * (diffuse * bounced.transmitted)
+            + if wi.z < 0.0 {
+                self.crossing(eta) * (diffuse * transmitted)
             } else {
-                self.mirror_tint(eta) * (diffuse * (1.0 - bounced.transmitted))
+                self.mirror_tint(eta) * (diffuse * (1.0 - transmitted))
             }
     }
 
     /// The density, likewise.
-    fn mixture_pdf(&self, facet: Option<&Facet>, wi: Vec3, eta: f32, bounced: &Bounced) -> f32 {
-        let facets = facet.map_or(0.0, |f| self.facet_pdf(f, eta));
-        let side = if wi.z < 0.0 { bounced.transmitted } else { 1.0 - bounced.transmitted };
-        (1.0 - bounced.lost) * facets + bounced.lost * side * BouncedLobe::new(self.ggx).pdf(wi.z.abs())
+    fn mixture_pdf(&self, facet: Option<&Facet>, wi: Vec3, seen: &DielectricSeen, losses: &RoughLosses) -> f32 {
+        let facets = facet.map_or(0.0, |f| self.facet_pdf(f, seen.eta));
+        let transmitted = losses.side(seen.wo).transmitted;
+        let side = if wi.z < 0.0 { transmitted } else { 1.0 - transmitted };
+        (1.0 - seen.lost) * facets + seen.lost * side * losses.lobe.pdf(wi.z.abs())
     }
 
     /// A direction for `wo` above.
-    fn sample_rough(&self, up: Vec3, eta: f32, bounced: &Bounced, u_lobe: f32, u: Vec2) -> Option<Vec3> {
-        if u_lobe < bounced.lost {
-            let wi = BouncedLobe::new(self.ggx).sample(u);
-            let is_transmission = u_lobe < bounced.lost * bounced.transmitted;
+    fn sample_rough(&self, seen: &DielectricSeen, losses: &RoughLosses, u_lobe: f32, u: Vec2) -> Option<Vec3> {
+        let &DielectricSeen { wo, eta, lost } = seen;
+        let up = lift(wo);
+        if u_lobe < lost {
+            let wi = losses.lobe.sample(u);
+            let is_transmission = u_lobe < lost * losses.side(wo).transmitted;
             return Some(if is_transmission { Vec3::new(wi.x, wi.y, -wi.z) } else { wi });
         }
         let m = self.ggx.sample_visible_normal(up, u);
-        let is_transmission = (u_lobe - bounced.lost) / (1.0 - bounced.lost) >= fresnel::dielectric(up.dot(m), eta);
+        let is_transmission = (u_lobe - lost) / (1.0 - lost) >= fresnel::dielectric(up.dot(m), eta);
         let wi = if is_transmission { fresnel::refract(up, m, eta)? } else { fresnel::reflect(up, m) };
         (wi.z != 0.0 && (wi.z < 0.0) == is_transmission).then_some(wi)
     }
@@ -248,7 +285,8 @@ impl Lobes for DielectricBsdf {
 
     fn seen(&self, wo: Vec3) -> DielectricSeen {
         let eta = self.relative_ior(wo);
-        DielectricSeen { wo, eta, bounced: (!self.is_smooth()).then(|| self.bounced(lift(wo), eta)) }
+        let lost = self.losses.as_ref().map_or(0.0, |losses| losses.side(wo).loss.towards(lift(wo)));
+        DielectricSeen { wo, eta, lost }
     }
 
     fn crossing_scale(&self, wo: Vec3) -> f32 {
@@ -257,14 +295,14 @@ impl Lobes for DielectricBsdf {
     }
 
     fn value_and_pdf_from(&self, seen: &DielectricSeen, wi: Vec3) -> (SampledSpectrum, f32) {
-        let &DielectricSeen { wo, eta, ref bounced } = seen;
-        let Some(bounced) = bounced.as_ref().filter(|_| wo.z * wi.z != 0.0) else {
+        let &DielectricSeen { wo, eta, .. } = seen;
+        let Some(losses) = self.losses.as_ref().filter(|_| wo.z * wi.z != 0.0) else {
             return (SampledSpectrum::ZERO, 0.0);
         };
         let wi = lower_like(wi, wo);
         let facet = self.facet(lift(wo), wi, eta);
-        let value = self.value(facet.as_ref(), wi, eta, bounced) * self.absorbed(wo);
-        (value, self.mixture_pdf(facet.as_ref(), wi, eta, bounced))
+        let value = self.value(facet.as_ref(), wi, seen, losses) * self.absorbed(wo);
+        (value, self.mixture_pdf(facet.as_ref(), wi, seen, losses))
     }
 
     fn draw_from(&self, seen: &DielectricSeen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
@@ -272,7 +310,7 @@ impl Lobes for DielectricBsdf {
         if wo.z == 0.0 {
             return None;
         }
-        let Some(bounced) = &seen.bounced else {
+        let Some(losses) = &self.losses else {
             let (share, [reflection, transmission]) = self.branches(wo);
             return if u_lobe < share {
                 reflection.map(|b| b.drawn(share))
@@ -280,7 +318,7 @@ impl Lobes for DielectricBsdf {
                 transmission.map(|b| b.drawn(1.0 - share))
             };
         };
-        let wi = self.sample_rough(lift(wo), seen.eta, bounced, u_lobe, u)?;
+        let wi = self.sample_rough(seen, losses, u_lobe, u)?;
         Some(Drawn::Direction { wi: lower_like(wi, wo), is_transmission: wi.z < 0.0 })
     }
 

@@ -46,6 +46,11 @@ impl Ggx {
         if self.x == self.y { self.x } else { (self.x * self.y).sqrt() }
     }
 
+    /// True if tangents mean something: it is rough, and not the same in all directions.
+    pub fn has_tangent(self) -> bool {
+        self.x != self.y && !self.is_smooth()
+    }
+
     /// True if the surface is to be treated as perfectly smooth, with delta lobes: below `alpha = 0.001` lobes are too narrow for
     /// single precision.
     #[inline(always)]

@@ -84,6 +84,11 @@ pub struct GlossySeen {
 }
 
 impl GlossyBsdf {
+    /// As [`Ggx::has_tangent`].
+    pub(crate) fn has_tangent(&self) -> bool {
+        self.gloss.ggx.has_tangent()
+    }
+
     /// A gloss over a body.
     pub fn new(gloss: Gloss, body: Body) -> Self {
         Self::like(None, gloss, body)

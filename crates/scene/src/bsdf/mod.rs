@@ -26,7 +26,7 @@ mod tests;
 pub use black::BlackBsdf;
 pub use coat::Coat;
 pub use conductor::{ConductorBsdf, ConductorSeen, FacetReflectance};
-pub use dielectric::{DielectricBsdf, DielectricSeen, Split};
+pub use dielectric::{DielectricBsdf, DielectricSeen, RoughLosses, Split};
 pub use diffuse::DiffuseBsdf;
 pub use film::ThinFilm;
 pub use ggx::Ggx;

@@ -88,9 +88,30 @@ impl OpenPbrBsdf {
         Self { coat, fuzz, ..bare }
     }
 
+    /// As [`super::Ggx::has_tangent`] of any of the layers.
+    pub(crate) fn has_tangent(&self) -> bool {
+        let Slabs { metal, opaque, translucent, .. } = &self.slabs;
+        metal.is_some_and(|(_, metal)| metal.has_tangent())
+            || opaque.is_some_and(|(_, opaque)| opaque.has_tangent())
+            || self.coat.is_some_and(|coat| coat.has_tangent())
+            || match translucent {
+                Some((_, Translucent::Solid(solid))) => solid.has_tangent(),
+                Some((_, Translucent::Sheet(sheet))) => sheet.has_tangent(),
+                None => false,
+            }
+    }
+
     /// The opaque slab, if there is one.
     pub(crate) fn opaque(&self) -> Option<&GlossyBsdf> {
         self.slabs.opaque.as_ref().map(|(_, b)| b)
+    }
+
+    /// The slab of solid glass, if there is one.
+    pub(crate) fn solid(&self) -> Option<&DielectricBsdf> {
+        match &self.slabs.translucent {
+            Some((_, Translucent::Solid(solid))) => Some(solid),
+            _ => None,
+        }
     }
 
     /// Gives the coat another frame (in that of the base) than the base: a smooth coat over rough grain, or the reverse. As with

@@ -40,6 +40,11 @@ pub struct SheetSeen {
 }
 
 impl SheetBsdf {
+    /// As [`Ggx::has_tangent`].
+    pub(crate) fn has_tangent(&self) -> bool {
+        self.ggx.has_tangent()
+    }
+
     /// A sheet of this index of refraction over the outside; `tint` is a factor on what it reflects, `unit` is 1 in every lane in use.
     pub fn new(
         ior: f32,

@@ -63,16 +63,24 @@ impl Dielectric {
 
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
+        self.bsdf_like(None, point)
+    }
+
+    /// The same, with less work where that at another point is alike.
+    pub(super) fn bsdf_like(&self, other: Option<&DielectricBsdf>, point: &ShadingPoint) -> Bsdf {
         let mode = point.mode;
+        let ior = relative_ior(positive_ior(self.ior.at(mode.hero(LINE_D))), point.outside_ior);
+        let ggx = Ggx::from_roughness(self.roughness.at(point));
         // Where wavelengths part, the hero stands for all of them.
         let unit = if self.ior.is_dispersive() { mode.hero_factor() } else { mode.unit() };
         Bsdf::Dielectric(DielectricBsdf {
-            ior: relative_ior(positive_ior(self.ior.at(mode.hero(LINE_D))), point.outside_ior),
+            ior,
             tint: point.reflectance(self.tint.at(point)) * unit,
             reflection_tint: SampledSpectrum::ONE,
             unit,
             film: None,
-            ggx: Ggx::from_roughness(self.roughness.at(point)),
+            ggx,
+            losses: DielectricBsdf::losses(ggx, ior, other.and_then(|other| other.losses.as_ref())),
             arriving: self.transmittance(point.surface.t, mode),
         })
     }

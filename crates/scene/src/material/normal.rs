@@ -70,9 +70,12 @@ impl FrameNeeds {
     /// Those of a BSDF.
     pub fn of(bsdf: &Bsdf) -> Self {
         let has_tangent = match bsdf {
-            Bsdf::Diffuse(_) | Bsdf::Mirror(_) => false,
-            Bsdf::Dielectric(_) | Bsdf::Conductor(_) => !bsdf.is_delta(),
-            _ => true,
+            Bsdf::Black(_) | Bsdf::Diffuse(_) | Bsdf::Phong(_) | Bsdf::Mirror(_) => false,
+            Bsdf::Dielectric(dielectric) => dielectric.has_tangent(),
+            Bsdf::Conductor(conductor) => conductor.has_tangent(),
+            Bsdf::Glossy(glossy) => glossy.has_tangent(),
+            Bsdf::OpenPbr(layers) => layers.has_tangent(),
+            Bsdf::Hair(_) => true,
         };
         Self { mirrors: mirrors(bsdf), has_tangent }
     }

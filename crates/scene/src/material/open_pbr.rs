@@ -3,7 +3,7 @@
 use super::{ColorParam, NormalMap, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{
     Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf, FacetReflectance, Fuzz, Ggx, Gloss, GlossyBsdf,
-    OpenPbrBsdf, SheetBsdf, Slabs, ThinFilm, Translucent, bounded, fresnel,
+    OpenPbrBsdf, RoughLosses, SheetBsdf, Slabs, ThinFilm, Translucent, bounded, fresnel,
 };
 use crate::graph::TextureId;
 use crate::medium::{HenyeyGreenstein, MediumProperties};
@@ -360,7 +360,10 @@ impl OpenPbr {
         Slabs {
             metal: (metalness > 0.0).then(|| (metalness, metal())),
             opaque: (opaque > 0.0).then(|| (opaque, opaque_slab())),
-            translucent: (clear > 0.0).then(|| (clear, self.translucent(point, common, tint, film))),
+            translucent: (clear > 0.0).then(|| {
+                let like = other.and_then(OpenPbrBsdf::solid).and_then(|solid| solid.losses.as_ref());
+                (clear, self.translucent(point, common, tint, film, like))
+            }),
             subsurface: if has_inside { subsurface } else { 0.0 },
         }
     }
@@ -390,6 +393,7 @@ impl OpenPbr {
         common: &Common,
         tint: SampledSpectrum,
         film: Option<ThinFilm>,
+        like: Option<&RoughLosses>,
     ) -> Translucent {
         let ior = modulated_ior(common.ior, common.specular_weight);
         let unit = point.mode.unit();
@@ -407,6 +411,7 @@ impl OpenPbr {
             unit,
             film,
             ggx: common.ggx,
+            losses: DielectricBsdf::losses(common.ggx, ior, like),
             arriving: SampledSpectrum::ONE,
         })
     }

@@ -75,6 +75,7 @@ impl Prepared {
         }
         Cow::Owned(match (&material.kind, &self.bsdf) {
             (MaterialKind::OpenPbr(surface), Bsdf::OpenPbr(known)) => surface.bsdf_like(Some(known), point),
+            (MaterialKind::Dielectric(glass), Bsdf::Dielectric(known)) => glass.bsdf_like(Some(known), point),
             _ => material.kind.bsdf(point),
         })
     }

@@ -26,7 +26,7 @@ impl PartRenderer<'_> {
             let path = vertices.paths()[lane] as usize;
             let (ray, hit) = (&rays[path], &hits[path]);
             let outside_ior = self.volumes.as_ref().map_or(1.0, |volumes| volumes.outside_ior(path, hit));
-            if vertices.is_plain(&arriving, outside_ior) {
+            if vertices.is_plain(&self.context, &arriving, outside_ior) {
                 continue;
             }
             let (state, interaction) = (self.paths.state(path), self.paths.interaction(scene, path));
