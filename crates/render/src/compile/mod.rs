@@ -19,7 +19,7 @@ use lights::LightTable;
 use snell_intersect::{BuildOptions, GeometryId, Hit, HitFilter, RayQuery, SurfaceInteraction, World, WorldError};
 use snell_math::{Bounds3d, ColorMode, Ray, Rgb, Vec3, rng};
 use snell_scene::light::environment::EnvironmentLight;
-use snell_scene::material::{Prepared, ShadingPoint};
+use snell_scene::material::{AlphaMode, Prepared, ShadingPoint};
 use snell_scene::{
     Background, Environment, Material, MaterialId, MediumId, NodeId, Pose, Scene, SceneError, TextureSet, Warning,
 };
@@ -328,6 +328,11 @@ impl HitFilter for CompiledScene {
         let material = self.material(self.material_id(hit));
         if material.is_interface() {
             return false;
+        }
+        if material.alpha_mode == AlphaMode::Opaque {
+            // Only the side matters.
+            let point = || self.world.point(RayQuery { time, ..RayQuery::from(ray) }, hit);
+            return material.double_sided || point().is_front_facing(ray.direction);
         }
         let surface = self.interaction(ray, time, hit);
         let bits =

@@ -2,7 +2,7 @@
 //! [`super::estimators::sample_light`] gives one at a time, bit for bit.
 
 use super::estimators::SHADOW_END;
-use super::lanes::{ZERO, at};
+use super::lanes::{ZERO, at, put};
 use super::light_part::LightSource;
 use super::near_lights::{NearLights, NearParts};
 use super::{Context, dimension};
@@ -386,6 +386,11 @@ impl FlatArrivals {
     /// Directions from vertices to where the light comes from.
     pub fn directions(&self) -> &HitVectors {
         &self.direction
+    }
+
+    /// Says where another light is that is sampled for a lane.
+    pub fn aim(&mut self, lane: usize, direction: Vec3) {
+        put(&mut self.direction, lane, direction);
     }
 
     /// Weighs the sample of a lane against paths that would go there with this density.

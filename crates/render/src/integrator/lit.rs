@@ -113,7 +113,7 @@ impl LitLanes {
     }
 
     /// Takes a light sample of a lane that is not one of [`FlatLights`].
-    fn put_alone(&mut self, lane: usize, light: Option<WeightedLight>) {
+    pub fn put_alone(&mut self, lane: usize, light: Option<WeightedLight>) {
         self.outputs.is_lit[lane] = u32::from(light.is_some());
         if let Some(WeightedLight { value, shadow_ray, source, weight, glowing, .. }) = light {
             self.glowing[lane] = glowing;

@@ -20,6 +20,7 @@ pub(crate) mod matte_surfaces;
 mod motion;
 mod near_lights;
 pub(crate) mod path;
+mod plain_surfaces;
 pub(crate) mod scattered;
 mod scattering;
 pub(crate) mod specular;

@@ -211,37 +211,69 @@ pub(crate) fn weighted_sample(
     u: Vec2,
     scattering: impl Fn(Vec3) -> (SampledSpectrum, f32),
 ) -> Option<WeightedLight> {
-    let probability = chosen.probability;
-    let (sample, (value, pdf)) = match &context.scene.lights()[chosen.light] {
-        // Half of its directions are behind a surface, and looking up what comes from there is dear.
-        CompiledLight::Environment => {
-            let (direction, pdf) = environment_direction(context, u)?;
-            let scattered = scattering(direction);
-            if scattered.0.is_black() {
-                return None;
-            }
-            (from_environment(context, at, direction, pdf)?, scattered)
+    let drawn = DrawnLight::of(context, at, chosen, u)?;
+    let scattered = scattering(drawn.direction());
+    drawn.weighted(context, throughput, at, chosen.probability, scattered)
+}
+
+/// A light sample, before the surface is asked how it scatters light from there.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum DrawnLight {
+    /// Direction and density: half of the environment is behind a surface, and looking up what comes from there is dear.
+    Environment(Vec3, f32),
+    Other(IncidentLight),
+}
+
+impl DrawnLight {
+    /// Of a light that is chosen already.
+    #[inline]
+    pub fn of(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Vec2) -> Option<Self> {
+        match &context.scene.lights()[chosen.light] {
+            CompiledLight::Environment => environment_direction(context, u).map(|(wi, pdf)| Self::Environment(wi, pdf)),
+            _ => sample_light(context, at, chosen, u).map(Self::Other),
         }
-        _ => {
-            let sample = sample_light(context, at, chosen, u)?;
-            let scattered = scattering(sample.direction);
-            (sample, scattered)
+    }
+
+    /// Where the light comes from.
+    pub fn direction(&self) -> Vec3 {
+        match self {
+            Self::Environment(direction, _) => *direction,
+            Self::Other(sample) => sample.direction,
         }
-    };
-    if value.is_black() || (context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta) {
-        return None;
     }
-    let weight = if sample.is_delta || context.settings.light_strategy == LightStrategy::Light {
-        1.0
-    } else {
-        sampling::power_heuristic(sample.pdf * probability, pdf)
-    };
-    let value = throughput * value * sample.radiance * (weight / (sample.pdf * probability));
-    if value.is_black() || !value.is_finite() {
-        return None;
+
+    /// What it brings to a path of this throughput if the light was chosen with this probability and is scattered so (see [`light_sample`]).
+    #[inline]
+    pub fn weighted(
+        self,
+        context: &Context,
+        throughput: SampledSpectrum,
+        at: &Arrival,
+        probability: f32,
+        (value, pdf): (SampledSpectrum, f32),
+    ) -> Option<WeightedLight> {
+        if value.is_black() {
+            return None;
+        }
+        let sample = match self {
+            Self::Environment(direction, density) => from_environment(context, at, direction, density)?,
+            Self::Other(sample) => sample,
+        };
+        if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {
+            return None;
+        }
+        let weight = if sample.is_delta || context.settings.light_strategy == LightStrategy::Light {
+            1.0
+        } else {
+            sampling::power_heuristic(sample.pdf * probability, pdf)
+        };
+        let value = throughput * value * sample.radiance * (weight / (sample.pdf * probability));
+        if value.is_black() || !value.is_finite() {
+            return None;
+        }
+        let IncidentLight { shadow_ray, direction, source, glowing, .. } = sample;
+        Some(WeightedLight { value, shadow_ray, direction, source, weight, glowing })
     }
-    let IncidentLight { shadow_ray, direction, source, glowing, .. } = sample;
-    Some(WeightedLight { value, shadow_ray, direction, source, weight, glowing })
 }
 
 /// The path's first scattering: this one, if it is the first and somebody wants to know.

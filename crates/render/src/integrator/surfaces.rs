@@ -5,26 +5,24 @@
 //! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
 
 use super::carried::{Carried, Expected};
-use super::estimators::may_be_lifted;
+use super::estimators::Arrival;
 use super::guided::GuidedBsdf;
 use super::lanes::{
     Arriving, CarriedLanes, Columns, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put,
     put_color,
 };
-use super::lights::{DARK, FlatArrivals, Skins, horizon, ray_origin};
+use super::lights::{ALONE, DARK, FlatArrivals, Skins, ray_origin};
 use super::lit::{LitLanes, LitOutputs};
-use super::path::{SCATTERED_SPREAD, Scatterer, shining, weighted_sample};
+use super::path::{DrawnLight, SCATTERED_SPREAD, Scatterer, shining, weighted_sample};
+use super::plain_surfaces::{Frames, PlainSurface};
 use super::together::{Seen, Together};
 use super::{Context, IntegratorKind, SurfaceVertex, Vertex, dimension};
 use crate::light_sampler::{Receiver, Receivers};
 use crate::sampler::Sampler;
-use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
-use snell_intersect::{GeometryId, TrianglePoints};
+use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::most;
-use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level};
-use snell_scene::bsdf::{Bsdf, Lobes, ManyBsdf};
-use snell_scene::material::{FrameNeeds, Prepared, ShadingBsdf};
-use std::borrow::Cow;
+use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec2, Vec3, at_level};
+use snell_scene::material::Prepared;
 
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
@@ -52,57 +50,17 @@ pub struct SurfaceVertices<'a> {
     scattered: Scattered,
     bounces: Bounces,
     lit: LitLanes,
+    /// Light samples of lanes that are worked on together.
+    alone: Vec<Alone>,
 }
 
-/// A mesh or shape that does not shine, of one BSDF that is the same everywhere.
-#[derive(Clone, Copy, Debug)]
-struct PlainSurface<'a> {
-    /// `None` for other shapes, whose points [`VertexLanes::gather_shape`] knows.
-    mesh: Option<PlainMesh<'a>>,
-    bsdf: &'a Bsdf,
-    many: Option<&'a ManyBsdf>,
-    needs: FrameNeeds,
-    is_opaque: bool,
-    /// It may stand for a smooth surface.
-    is_lifted: bool,
-}
-
-impl<'a> PlainSurface<'a> {
-    /// A geometry, if it is one.
-    fn of(context: &Context<'a>, geometry: u32) -> Option<Self> {
-        let scene = context.scene;
-        let mesh = scene.world.plain_mesh(GeometryId(geometry));
-        let id = scene.only_material(geometry).filter(|&id| !scene.material(id).is_emissive())?;
-        let material = scene.material(id);
-        let bsdf = scene.prepared(id).plain(material)?;
-        // (What a field has learnt is asked one by one.)
-        let many = scene.prepared(id).plain_many(material).filter(|_| context.field.is_none());
-        let is_opaque = bsdf.is_opaque();
-        let is_lifted = is_opaque && !bsdf.is_delta() && may_be_lifted(context, material);
-        let needs = FrameNeeds::of(bsdf);
-        (mesh.is_some() || !needs.has_tangent).then_some(Self { mesh, bsdf, many, needs, is_opaque, is_lifted })
-    }
-}
-
-/// Frames of lanes on plain surfaces.
+/// A sample of a light that is not flat.
 #[derive(Debug)]
-pub(super) struct Frames {
-    /// What is known of the tangents.
-    dpdu: HitVectors,
-    /// As [`FrameNeeds`].
-    mirrors: [bool; LANES],
-    has_tangent: [bool; LANES],
-    x: HitVectors,
-    y: HitVectors,
-    z: HitVectors,
-}
-
-impl Frames {
-    /// Of a lane.
-    #[inline(always)]
-    pub fn at(&self, lane: usize) -> Frame {
-        Frame { x: at(&self.x, lane), y: at(&self.y, lane), z: at(&self.z, lane) }
-    }
+struct Alone {
+    lane: usize,
+    at: Arrival,
+    probability: f32,
+    light: DrawnLight,
 }
 
 /// See [`GuidedBsdf::eval_and_pdf`].
@@ -153,14 +111,7 @@ impl<'a> SurfaceVertices<'a> {
             scatterers: Vec::with_capacity(LANES),
             scatterer_of: [NONE; LANES],
             together: Together::default(),
-            frames: Frames {
-                dpdu: ZERO,
-                mirrors: [false; LANES],
-                has_tangent: [false; LANES],
-                x: ZERO,
-                y: ZERO,
-                z: ZERO,
-            },
+            frames: Frames::default(),
             facing: ZERO,
             transmits: [false; LANES],
             is_specular: [false; LANES],
@@ -177,6 +128,7 @@ impl<'a> SurfaceVertices<'a> {
                 exists: [0; LANES],
             },
             lit: LitLanes::default(),
+            alone: Vec::new(),
         })
     }
 
@@ -225,19 +177,7 @@ impl<'a> SurfaceVertices<'a> {
         if self.on_plain.is_empty() {
             return;
         }
-        self.lanes.tangents(&mut self.frames.dpdu);
-        for &(lane, PlainSurface { needs, .. }) in &self.on_plain {
-            (self.frames.mirrors[lane], self.frames.has_tangent[lane]) = (needs.mirrors, needs.has_tangent);
-        }
-        at_level!(
-            self.lanes.wide,
-            turn,
-            (
-                points: &TrianglePoints = &self.lanes.points,
-                wo: &HitVectors = &self.lanes.wo,
-                frames: &mut Frames = &mut self.frames,
-            )
-        );
+        self.frames.turn(&self.lanes, &self.on_plain);
         for i in 0..self.on_plain.len() {
             let (lane, ref surface) = self.on_plain[i];
             if !self.is_sound(lane) {
@@ -251,7 +191,7 @@ impl<'a> SurfaceVertices<'a> {
                 self.transmits[lane] = false;
                 continue;
             }
-            let scatterer = plain_scatterer(&self.lanes, &self.frames, lane, surface);
+            let scatterer = surface.scatterer(&self.lanes, &self.frames, lane);
             self.note_receiver(lane, &scatterer.receiver);
             self.scatterer_of[lane] = self.scatterers.len() as u32;
             self.scatterers.push(scatterer);
@@ -316,6 +256,7 @@ impl<'a> SurfaceVertices<'a> {
                 self.scatter(context, lane, choice[lane], Vec2::new(bounce[0][lane], bounce[1][lane]), quad[lane]);
             }
         }
+        self.draw_alone(context, &light, count);
         let (frames, wi) = (&self.frames, self.lit.arrivals.directions());
         self.together.scatter(frames, wi, (&choice, &bounce), wide);
         self.together.tell((frames, wi), &self.lanes.carried, &mut self.scattered, &mut self.bounces, wide);
@@ -334,21 +275,38 @@ impl<'a> SurfaceVertices<'a> {
                 to: &mut LitOutputs = &mut self.lit.outputs,
             )
         );
-        let Self { lanes, on_plain, scatterers, scatterer_of, frames, lit, .. } = self;
+        let Self { lanes, scatterers, scatterer_of, lit, .. } = self;
         lit.sample_alone(count, &light, |lane, chosen, u| {
-            let alone;
-            let Scatterer { shading, at: arrival, receiver } = match scatterers.get(scatterer_of[lane] as usize) {
-                Some(scatterer) => scatterer,
-                None => {
-                    let (_, surface) = on_plain.iter().find(|(other, _)| *other == lane)?;
-                    alone = plain_scatterer(lanes, frames, lane, surface);
-                    &alone
-                }
-            };
+            let Scatterer { shading, at: arrival, receiver } = scatterers.get(scatterer_of[lane] as usize)?;
             let (guided, wo) = (GuidedBsdf::new(context.field, shading, receiver), at(&lanes.wo, lane));
             let throughput = color_at(&lanes.carried.throughput, lane);
             weighted_sample(context, throughput, arrival, chosen, u, |wi| guided.eval_and_pdf(wo, wi))
         });
+        self.bring_alone(context);
+    }
+
+    /// Draws from the lights that are not flat, for lanes that are worked on together.
+    fn draw_alone(&mut self, context: &Context, u: &[HitLanes; 2], count: usize) {
+        self.alone.clear();
+        for lane in 0..count {
+            if self.lit.lights.how[lane] != ALONE || !self.together.has(lane) {
+                continue;
+            }
+            let (at, u) = (self.lanes.arrival(lane, ColorMode::Rgb, 0.0), Vec2::new(u[0][lane], u[1][lane]));
+            let Some(chosen) = self.lit.lights.chosen.get(lane) else { continue };
+            let Some(light) = DrawnLight::of(context, &at, &chosen, u) else { continue };
+            self.lit.arrivals.aim(lane, light.direction());
+            self.alone.push(Alone { lane, at, probability: chosen.probability, light });
+        }
+    }
+
+    /// Works out what these lights bring, once it is known how their light is scattered.
+    fn bring_alone(&mut self, context: &Context) {
+        for Alone { lane, at, probability, light } in self.alone.drain(..) {
+            let scattered = (color_at(&self.scattered.value, lane), self.scattered.pdf[lane]);
+            let throughput = color_at(&self.lanes.carried.throughput, lane);
+            self.lit.put_alone(lane, light.weighted(context, throughput, &at, probability, scattered));
+        }
     }
 
     /// False for a vertex that must be worked on alone after all.
@@ -426,36 +384,6 @@ impl LitColumns for SurfaceVertices<'_> {
     }
 }
 
-/// What scatters in a lane on a plain surface.
-fn plain_scatterer<'a>(lanes: &VertexLanes, frames: &Frames, lane: usize, surface: &PlainSurface<'a>) -> Scatterer<'a> {
-    let (wo, frame, lift) = (at(&lanes.wo, lane), frames.at(lane), at(&lanes.lift, lane));
-    let arrival = lanes.arrival(lane, ColorMode::Rgb, 0.0);
-    let flat = at(&lanes.points.geometric_normal, lane);
-    let shading = ShadingBsdf::seen_from(wo, Cow::Borrowed(surface.bsdf), frame, horizon(flat, frame.z, lift));
-    let receiver = Receiver {
-        position: arrival.position,
-        normal: if frame.z.dot(wo) < 0.0 { -frame.z } else { frame.z },
-        transmits: !surface.is_opaque,
-    };
-    Scatterer { shading, at: arrival, receiver }
-}
-
-/// Frames as they are seen.
-#[inline(always)]
-fn turn(points: &TrianglePoints, wo: &HitVectors, frames: &mut Frames) {
-    for i in 0..LANES {
-        let (n, flat) = (at(&points.shading_normal, i), at(&points.geometric_normal, i));
-        let plain = Frame::from_z_and_x(n, at(&frames.dpdu, i));
-        let needs = FrameNeeds { mirrors: frames.mirrors[i], has_tangent: frames.has_tangent[i] };
-        let frame = needs.frame(&plain, flat, at(wo, i));
-        for axis in 0..3 {
-            frames.x[axis][i] = frame.x[axis];
-            frames.y[axis][i] = frame.y[axis];
-            frames.z[axis][i] = frame.z[axis];
-        }
-    }
-}
-
 /// What vertices give, where their lights are flat.
 #[inline(always)]
 fn outputs(
@@ -484,62 +412,4 @@ fn outputs(
 }
 
 #[cfg(test)]
-mod tests {
-    use crate::sampler::SamplerKind;
-    use crate::{CompiledScene, Guiding, IntegratorKind, Job, LightStrategy, Settings};
-    use snell_intersect::BuildOptions;
-    use snell_math::simd::Level;
-    use snell_scene::Texture;
-    use snell_scene::builtin::builtin;
-    use snell_scene::material::{AlphaMode, MaterialKind, NormalMap};
-    use snell_scene::texture::Pattern;
-
-    #[test]
-    fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
-        let guiding = Some(Guiding { passes: 2, photons: 1 << 13 });
-        let kinds = MaterialKind::examples();
-        let mut first = 0;
-        for name in ["cornell-box", "teapot", "spheres", "night-town", "fog", "drink", "hair", "smoke"] {
-            let mut scene = builtin(name).expect("the scene is built in");
-            let bumps = Pattern::examples().into_iter().find(|p| p.textures().is_empty()).expect("there is one");
-            let texture = scene.add_texture(Texture::Pattern(bumps));
-            // A lamp that is not black, among others.
-            if let Some(lamp) = scene.materials.iter_mut().find(|m| m.is_emissive()) {
-                lamp.kind = kinds[first % kinds.len()].clone();
-            }
-            let ways = [
-                (IntegratorKind::Path, SamplerKind::ZSobol, LightStrategy::Mis, None),
-                (IntegratorKind::Path, SamplerKind::Independent, LightStrategy::Mis, None),
-                (IntegratorKind::Path, SamplerKind::Independent, LightStrategy::Mis, guiding),
-                (IntegratorKind::Path, SamplerKind::ZSobol, LightStrategy::Light, None),
-                (IntegratorKind::Direct, SamplerKind::Stratified, LightStrategy::Bsdf, None),
-            ];
-            for (way, (integrator, sampler, light_strategy, guiding)) in ways.into_iter().enumerate() {
-                let materials = scene.materials.iter_mut().filter(|m| !m.is_emissive() && m.interior.is_none());
-                for (i, material) in materials.enumerate().take(if name == "night-town" { 12 } else { 4 }) {
-                    let number = first + i;
-                    material.kind = kinds[number % kinds.len()].clone();
-                    let is_bent = number % 3 == 0;
-                    material.normal_map = is_bent.then_some(NormalMap { texture, scale: 0.3 });
-                    material.alpha_mode = if number % 5 == 0 { AlphaMode::Blend } else { AlphaMode::Opaque };
-                    material.alpha = 0.7.into();
-                }
-                first += 4;
-                let picture = |simd: Level| {
-                    let options = BuildOptions { simd, ..BuildOptions::default() };
-                    let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
-                    let how = Settings { max_depth: 7, sampler, integrator, light_strategy, ..Settings::default() };
-                    let settings = Settings { size: [32, 24], spp: 4, guiding, ..how };
-                    let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
-                    image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
-                };
-                let one_by_one = picture(Level::Scalar);
-                assert!(one_by_one.iter().any(|&x| f32::from_bits(x) != 0.0) || way > 2, "{name}");
-                for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    let is_alike = picture(level) == one_by_one;
-                    assert!(is_alike, "{name} {integrator:?} {sampler:?} {light_strategy:?} {guiding:?} {level}");
-                }
-            }
-        }
-    }
-}
+mod tests;

@@ -2,7 +2,8 @@
 
 use super::lanes::{CarriedLanes, LANES, ZERO, at, put};
 use super::lights::horizon;
-use super::surfaces::{Bounces, Frames, Scattered};
+use super::plain_surfaces::Frames;
+use super::surfaces::{Bounces, Scattered};
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::at_level;
 use snell_math::simd::{Wide, choose};

@@ -2,7 +2,8 @@
 
 use super::conductor::ManyMetal;
 use super::glossy::ManyGloss;
-use super::{Bsdf, Lobes};
+use super::open_pbr::OnlySlab;
+use super::{Bsdf, ConductorBsdf, GlossyBsdf, Lobes};
 use snell_math::simd::Wide;
 use snell_math::{SampledSpectrum, Vec2, Vec3, at_level};
 
@@ -64,16 +65,25 @@ impl ManyBsdf {
         if bsdf.is_delta() || !bsdf.is_opaque() {
             return None;
         }
-        let kind = match bsdf {
-            Bsdf::Glossy(gloss) => {
-                ManyGloss::of(gloss).map(Kind::RoughGloss).or_else(|| ManyGloss::of(gloss).map(Kind::SmoothGloss))
-            }
-            Bsdf::Conductor(metal) => {
-                ManyMetal::of(metal).map(Kind::Measured).or_else(|| ManyMetal::of(metal).map(Kind::Colored))
-            }
+        match bsdf {
+            Bsdf::Glossy(gloss) => Self::of_gloss(gloss),
+            Bsdf::Conductor(metal) => Self::of_metal(metal),
+            Bsdf::OpenPbr(layers) => match layers.only_slab()? {
+                OnlySlab::Opaque(gloss) => Self::of_gloss(gloss),
+                OnlySlab::Metal(metal) => Self::of_metal(metal),
+            },
             _ => None,
-        };
-        kind.map(Self)
+        }
+    }
+
+    fn of_gloss(gloss: &GlossyBsdf) -> Option<Self> {
+        let rough = ManyGloss::of(gloss).map(Kind::RoughGloss);
+        rough.or_else(|| ManyGloss::of(gloss).map(Kind::SmoothGloss)).map(Self)
+    }
+
+    fn of_metal(metal: &ConductorBsdf) -> Option<Self> {
+        let measured = ManyMetal::of(metal).map(Kind::Measured);
+        measured.or_else(|| ManyMetal::of(metal).map(Kind::Colored)).map(Self)
     }
 
     /// Answers all questions.

@@ -10,7 +10,7 @@ use super::{
     BsdfSample, Choice, ConductorBsdf, ConductorSeen, DielectricBsdf, DielectricSeen, Drawn, GlossyBsdf, GlossySeen,
     Lobes, SheetBsdf, SheetSeen, SpecularBranch, bsdfs, lift, lower_like,
 };
-use snell_math::{Frame, SampledSpectrum, Vec2, Vec3, sampling};
+use snell_math::{ColorMode, Frame, SampledSpectrum, Vec2, Vec3, sampling};
 
 bsdfs! {
     /// The clear part of the base: a boundary of a clear volume, or a thin sheet.
@@ -73,6 +73,12 @@ pub struct OpenPbrSeen {
     choice: Choice<5>,
 }
 
+/// All that there is of a layered surface.
+pub(super) enum OnlySlab<'a> {
+    Metal(&'a ConductorBsdf),
+    Opaque(&'a GlossyBsdf),
+}
+
 /// Names of the lobes in choices.
 const METAL: usize = 0;
 const OPAQUE: usize = 1;
@@ -110,6 +116,20 @@ impl OpenPbrBsdf {
     pub(crate) fn solid(&self) -> Option<&DielectricBsdf> {
         match &self.slabs.translucent {
             Some((_, Translucent::Solid(solid))) => Some(solid),
+            _ => None,
+        }
+    }
+
+    /// The slab that is all there is, in [`snell_math::ColorMode::Rgb`]: then the surface does just what the slab does.
+    pub(super) fn only_slab(&self) -> Option<OnlySlab<'_>> {
+        let Slabs { metal, opaque, translucent, subsurface } = &self.slabs;
+        let is_bare = self.coat.is_none() && self.fuzz.is_none() && translucent.is_none() && *subsurface == 0.0;
+        if !is_bare || self.unit != ColorMode::Rgb.unit() {
+            return None;
+        }
+        match (metal, opaque) {
+            (Some((1.0, metal)), None) => Some(OnlySlab::Metal(metal)),
+            (None, Some((1.0, opaque))) => Some(OnlySlab::Opaque(opaque)),
             _ => None,
         }
     }

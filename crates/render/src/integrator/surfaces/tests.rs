@@ -1,0 +1,57 @@
+use crate::sampler::SamplerKind;
+use crate::{CompiledScene, Guiding, IntegratorKind, Job, LightStrategy, Settings};
+use snell_intersect::BuildOptions;
+use snell_math::simd::Level;
+use snell_scene::Texture;
+use snell_scene::builtin::builtin;
+use snell_scene::material::{AlphaMode, MaterialKind, NormalMap};
+use snell_scene::texture::Pattern;
+
+#[test]
+fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
+    let guiding = Some(Guiding { passes: 2, photons: 1 << 13 });
+    let kinds = MaterialKind::examples();
+    let mut first = 0;
+    for name in ["cornell-box", "teapot", "spheres", "night-town", "fog", "drink", "hair", "smoke"] {
+        let mut scene = builtin(name).expect("the scene is built in");
+        let bumps = Pattern::examples().into_iter().find(|p| p.textures().is_empty()).expect("there is one");
+        let texture = scene.add_texture(Texture::Pattern(bumps));
+        // A lamp that is not black, among others.
+        if let Some(lamp) = scene.materials.iter_mut().find(|m| m.is_emissive()) {
+            lamp.kind = kinds[first % kinds.len()].clone();
+        }
+        let ways = [
+            (IntegratorKind::Path, SamplerKind::ZSobol, LightStrategy::Mis, None),
+            (IntegratorKind::Path, SamplerKind::Independent, LightStrategy::Mis, None),
+            (IntegratorKind::Path, SamplerKind::Independent, LightStrategy::Mis, guiding),
+            (IntegratorKind::Path, SamplerKind::ZSobol, LightStrategy::Light, None),
+            (IntegratorKind::Direct, SamplerKind::Stratified, LightStrategy::Bsdf, None),
+        ];
+        for (way, (integrator, sampler, light_strategy, guiding)) in ways.into_iter().enumerate() {
+            let materials = scene.materials.iter_mut().filter(|m| !m.is_emissive() && m.interior.is_none());
+            for (i, material) in materials.enumerate().take(if name == "night-town" { 12 } else { 4 }) {
+                let number = first + i;
+                material.kind = kinds[number % kinds.len()].clone();
+                let is_bent = number % 3 == 0;
+                material.normal_map = is_bent.then_some(NormalMap { texture, scale: 0.3 });
+                material.alpha_mode = if number % 5 == 0 { AlphaMode::Blend } else { AlphaMode::Opaque };
+                material.alpha = 0.7.into();
+            }
+            first += 4;
+            let picture = |simd: Level| {
+                let options = BuildOptions { simd, ..BuildOptions::default() };
+                let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
+                let how = Settings { max_depth: 7, sampler, integrator, light_strategy, ..Settings::default() };
+                let settings = Settings { size: [32, 24], spp: 4, guiding, ..how };
+                let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
+                image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+            };
+            let one_by_one = picture(Level::Scalar);
+            assert!(one_by_one.iter().any(|&x| f32::from_bits(x) != 0.0) || way > 2, "{name}");
+            for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+                let is_alike = picture(level) == one_by_one;
+                assert!(is_alike, "{name} {integrator:?} {sampler:?} {light_strategy:?} {guiding:?} {level}");
+            }
+        }
+    }
+}
