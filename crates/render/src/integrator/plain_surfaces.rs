@@ -42,6 +42,11 @@ impl<'a> PlainSurface<'a> {
         (mesh.is_some() || !needs.has_tangent).then_some(Self { mesh, bsdf, many, needs, is_opaque, is_lifted })
     }
 
+    /// As [`Receiver::transmits`].
+    pub fn transmits(&self) -> bool {
+        !self.is_opaque
+    }
+
     /// What scatters in a lane that is on it.
     pub fn scatterer(&self, lanes: &VertexLanes, frames: &Frames, lane: usize) -> Scatterer<'a> {
         let (wo, frame, lift) = (at(&lanes.wo, lane), frames.at(lane), at(&lanes.lift, lane));
@@ -51,7 +56,7 @@ impl<'a> PlainSurface<'a> {
         let receiver = Receiver {
             position: arrival.position,
             normal: if frame.z.dot(wo) < 0.0 { -frame.z } else { frame.z },
-            transmits: !self.is_opaque,
+            transmits: self.transmits(),
         };
         Scatterer { shading, at: arrival, receiver }
     }

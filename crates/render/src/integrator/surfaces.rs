@@ -188,7 +188,7 @@ impl<'a> SurfaceVertices<'a> {
             }
             if let Some(many) = surface.many {
                 self.together.put(lane, many);
-                self.transmits[lane] = false;
+                self.transmits[lane] = surface.transmits();
                 continue;
             }
             let scatterer = surface.scatterer(&self.lanes, &self.frames, lane);

@@ -17,7 +17,7 @@ pub struct Together<'a> {
     is_any: bool,
     /// 0 for other lanes.
     has: [u32; LANES],
-    /// The normal of the plane below which nothing is reflected, and its cosine with where the path comes from.
+    /// The normal of the plane that light is reflected above or refracted below, and its cosine with where the path comes from.
     horizon: HitVectors,
     side: HitLanes,
     /// In the frames of the surfaces: where the path comes from, and where the light comes from.
@@ -35,6 +35,8 @@ struct Found {
     drawn: HitVectors,
     drawn_pdf: HitLanes,
     is_delta: [u32; LANES],
+    is_transmission: [u32; LANES],
+    crossing: HitLanes,
     exists: [u32; LANES],
 }
 
@@ -68,6 +70,8 @@ impl Default for Together<'_> {
                 drawn: ZERO,
                 drawn_pdf: number,
                 is_delta: mark,
+                is_transmission: mark,
+                crossing: number,
                 exists: mark,
             }),
         }
@@ -80,7 +84,7 @@ impl<'a> Together<'a> {
         (self.bsdfs, self.is_any, self.has) = ([None; LANES], false, [0; LANES]);
     }
 
-    /// Takes a lane that scatters like this, an opaque surface.
+    /// Takes a lane that scatters like this.
     pub fn put(&mut self, lane: usize, bsdf: &'a ManyBsdf) {
         (self.bsdfs[lane], self.is_any, self.has[lane]) = (Some(bsdf), true, 1);
     }
@@ -222,6 +226,8 @@ fn take(block: usize, of: &[u32; MANY], answers: &ManyAnswers, to: &mut Found) {
     take_marked(of, &answers.pdf, many_mut(&mut to.pdf, block));
     take_marked(of, &answers.drawn_pdf, many_mut(&mut to.drawn_pdf, block));
     take_marked(of, &answers.is_delta, many_mut(&mut to.is_delta, block));
+    take_marked(of, &answers.is_transmission, many_mut(&mut to.is_transmission, block));
+    take_marked(of, &answers.crossing, many_mut(&mut to.crossing, block));
     take_marked(of, &answers.exists, many_mut(&mut to.exists, block));
 }
 
@@ -244,11 +250,16 @@ fn tell(
     let found = &from.found;
     for i in 0..LANES {
         let (has, horizon, side) = (from.has[i] != 0, at(&from.horizon, i), from.side[i]);
-        let is_seen = side * horizon.dot(at(wi, i)) > 0.0;
+        // Shading and geometry must agree on whether light goes through.
+        let sides = side * horizon.dot(at(wi, i));
+        let goes_through = from.wo[2][i] * from.wi[2][i] < 0.0;
+        let is_seen = if goes_through { sides < 0.0 } else { sides > 0.0 };
         let drawn = frames.at(i).from_local(at(&found.drawn, i));
         let scale = 1.0 / drawn.length();
         let next = drawn * scale;
-        let exists = (scale > 0.0) & (scale < f32::INFINITY) & (side * horizon.dot(next) > 0.0);
+        let sides = side * horizon.dot(next);
+        let agrees = if found.is_transmission[i] != 0 { sides < 0.0 } else { sides > 0.0 };
+        let exists = (scale > 0.0) & (scale < f32::INFINITY) & agrees;
         for axis in 0..3 {
             let value = if is_seen { found.value[axis][i] } else { 0.0 };
             scattered.value[axis][i] = if has { value } else { scattered.value[axis][i] };
@@ -258,7 +269,8 @@ fn tell(
         let pdf = if is_seen { found.pdf[i] } else { 0.0 };
         scattered.pdf[i] = if has { pdf } else { scattered.pdf[i] };
         bounces.pdf[i] = if has { found.drawn_pdf[i] } else { bounces.pdf[i] };
-        bounces.eta_scale[i] = if has { carried.eta_scale[i] } else { bounces.eta_scale[i] };
+        let eta_scale = carried.eta_scale[i] * found.crossing[i];
+        bounces.eta_scale[i] = if has { eta_scale } else { bounces.eta_scale[i] };
         bounces.expected[i] = if has { carried.expected[i] } else { bounces.expected[i] };
         bounces.is_delta[i] = if has { found.is_delta[i] } else { bounces.is_delta[i] };
         let exists = found.exists[i] & u32::from(exists);

@@ -5,6 +5,8 @@
 //! air gets the factor `1 / ior^2`, and gets it back when it leaves. Throughput inside glass is therefore small without being
 //! unimportant: Russian roulette compensates for it ([`Lobes::crossing_scale`]).
 
+mod many;
+
 use super::energy::{BouncedLobe, DielectricLoss};
 use super::film::ThinFilm;
 use super::ggx::Ggx;
@@ -12,6 +14,8 @@ use super::mirror::mirror_branch;
 use super::{Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
+
+pub(super) use many::ManyGlass;
 
 /// An interface between the outside (`z > 0`, index 1) and a medium. Rough interfaces follow Walter et al., Microfacet Models for
 /// Refraction through Rough Surfaces (EGSR 2007), with visible normals. What bounces between facets is given back by diffuse lobes on

@@ -102,7 +102,7 @@ impl Ggx {
 
     /// `G2(wo, wi) / (4 wo.z wi.z)`.
     #[inline(always)]
-    fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
+    pub(super) fn visibility(self, wo: Vec3, wi: Vec3) -> f32 {
         0.5 / (wo.z * self.root(wi) + wi.z * self.root(wo))
     }
 
@@ -129,6 +129,12 @@ impl Ggx {
     /// Draws a facet normal among those visible from `wo` (Dupuy and Benyoub, Sampling Visible GGX Normals with Spherical Caps,
     /// HPG 2023).
     pub fn sample_visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
+        self.visible_normal(wo, u)
+    }
+
+    /// [`Self::sample_visible_normal`], for loops that become vector code.
+    #[inline(always)]
+    pub(super) fn visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
         let stretched = self.stretch(wo);
         self.half_vector(stretched, (1.0 - u.y) * (1.0 + stretched.z) - stretched.z, u.x)
     }

@@ -1,6 +1,7 @@
 //! BSDFs that many directions are asked about at once: the same bits as [`Lobes`] gives one by one, in loops that become vector code.
 
 use super::conductor::ManyMetal;
+use super::dielectric::ManyGlass;
 use super::glossy::ManyGloss;
 use super::open_pbr::OnlySlab;
 use super::{Bsdf, ConductorBsdf, GlossyBsdf, Lobes};
@@ -35,7 +36,7 @@ pub struct ManyAnswers {
     pub value: Vectors,
     /// As [`Lobes::value_and_pdf_from`].
     pub pdf: Numbers,
-    /// The direction that was drawn. (It is reflected: nothing here lets light through.)
+    /// The direction that was drawn.
     pub drawn: Vectors,
     /// As [`super::BsdfSample::weight`].
     pub weight: Vectors,
@@ -43,6 +44,10 @@ pub struct ManyAnswers {
     pub drawn_pdf: Numbers,
     /// As [`super::BsdfSample::is_delta`]: 0 if not.
     pub is_delta: [u32; MANY],
+    /// As [`super::BsdfSample::is_transmission`]: 0 if not.
+    pub is_transmission: [u32; MANY],
+    /// As [`Lobes::crossing_scale`] if the direction crosses the surface, 1 if not.
+    pub crossing: Numbers,
     /// 0 if no direction was drawn.
     pub exists: [u32; MANY],
 }
@@ -57,11 +62,15 @@ enum Kind {
     SmoothGloss(ManyGloss<true>),
     Measured(ManyMetal<true>),
     Colored(ManyMetal<false>),
+    Glass(ManyGlass),
 }
 
 impl ManyBsdf {
     /// `None` of kinds that can only be asked one by one.
     pub fn of(bsdf: &Bsdf) -> Option<Self> {
+        if let Bsdf::Dielectric(glass) = bsdf {
+            return ManyGlass::of(glass).map(|glass| Self(Kind::Glass(glass)));
+        }
         if bsdf.is_delta() || !bsdf.is_opaque() {
             return None;
         }
@@ -102,11 +111,12 @@ impl ManyBsdf {
             Kind::SmoothGloss(bsdf) => answer_by!(ManyGloss<true>, bsdf),
             Kind::Measured(bsdf) => answer_by!(ManyMetal<true>, bsdf),
             Kind::Colored(bsdf) => answer_by!(ManyMetal<false>, bsdf),
+            Kind::Glass(bsdf) => answer_by!(ManyGlass, bsdf),
         }
     }
 }
 
-/// [`Lobes`] of opaque surfaces without branches, so that loops over it become vector code.
+/// [`Lobes`] without branches, so that loops over it become vector code.
 pub(super) trait ManyLobes {
     /// What is known of `wo`.
     type Seen;
@@ -125,6 +135,18 @@ pub(super) struct ManyDrawn {
     pub is_delta: bool,
     /// The weight of a delta lobe.
     pub delta: SampledSpectrum,
+    pub is_transmission: bool,
+    /// As [`ManyAnswers::crossing`].
+    pub crossing: f32,
+}
+
+impl ManyDrawn {
+    /// One that is reflected; for some, by a delta lobe of this weight.
+    #[inline(always)]
+    pub fn reflected(wi: Vec3, exists: bool, delta: Option<(bool, SampledSpectrum)>) -> Self {
+        let (is_delta, delta) = delta.unwrap_or((false, SampledSpectrum::ZERO));
+        Self { wi, exists, is_delta, delta, is_transmission: false, crossing: 1.0 }
+    }
 }
 
 #[inline(always)]
@@ -142,6 +164,8 @@ fn answer(bsdf: &impl ManyLobes, asked: &ManyQuestions, answers: &mut ManyAnswer
         (answers.drawn[0][i], answers.drawn[1][i], answers.drawn[2][i]) = (drawn.wi.x, drawn.wi.y, drawn.wi.z);
         answers.drawn_pdf[i] = pick(0.0, pdf);
         answers.is_delta[i] = u32::from(drawn.is_delta);
+        answers.is_transmission[i] = u32::from(drawn.is_transmission);
+        answers.crossing[i] = drawn.crossing;
         answers.exists[i] = u32::from(drawn.exists & (drawn.is_delta | (pdf > 0.0)));
     }
 }
@@ -169,9 +193,10 @@ mod tests {
     #[test]
     fn many_at_once_get_the_bits_of_one_by_one() {
         let coated = [0.0, 0.05, 0.3, 1.0].map(|rough| CoatedDiffuse::new(Rgb::new(0.8, 0.3, 0.0), rough).into());
+        let glass = [0.05, 0.4, 1.0].map(|rough| crate::material::Dielectric::rough(1.5, rough).into());
         let metals = [0.05, 0.4, 1.0].map(|rough| Conductor::copper(rough).into());
         let colors = [0.05, 0.4, 1.0].map(|rough| Conductor::color(Rgb::new(0.9, 0.5, 0.0), rough).into());
-        let kinds: [&[MaterialKind]; 4] = [&coated, &metals, &colors, &MaterialKind::examples()];
+        let kinds: [&[MaterialKind]; 5] = [&coated, &glass, &metals, &colors, &MaterialKind::examples()];
         let mut asked_of = 0;
         for (number, kind) in kinds.into_iter().flatten().enumerate() {
             let bsdf = bsdf(kind);
@@ -209,7 +234,7 @@ mod tests {
                 }
             }
         }
-        assert!(asked_of >= 14, "{asked_of}");
+        assert!(asked_of >= 17, "{asked_of}");
     }
 
     fn check(bsdf: &Bsdf, asked: &ManyQuestions, answers: &ManyAnswers, i: usize, what: &str) {
@@ -224,6 +249,9 @@ mod tests {
         let answer = bits(at(answers.weight.each_ref(), i).to_array(), answers.drawn_pdf[i]);
         assert_eq!(answer, bits([sample.weight[0], sample.weight[1], sample.weight[2]], sample.pdf), "{what}");
         assert_eq!(at(answers.drawn.each_ref(), i), sample.wi, "{what}");
-        assert_eq!((answers.is_delta[i] != 0, false), (sample.is_delta, sample.is_transmission), "{what}");
+        let is = [answers.is_delta[i] != 0, answers.is_transmission[i] != 0];
+        assert_eq!(is, [sample.is_delta, sample.is_transmission], "{what}");
+        let crossing = if sample.is_transmission { bsdf.crossing_scale(at(asked.wo, i)) } else { 1.0 };
+        assert_eq!(answers.crossing[i], crossing, "{what}");
     }
 }

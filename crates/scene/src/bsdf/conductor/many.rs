@@ -77,6 +77,6 @@ impl<const COMPLEX: bool> ManyLobes for ManyMetal<COMPLEX> {
         let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
         let wi = lower_like(choose(is_once, facet, self.lobe.sample(u)), wo);
         let exists = exists & (is_above | !is_once) & (wo.z != 0.0);
-        ManyDrawn { wi, exists, is_delta: false, delta: SampledSpectrum::ZERO }
+        ManyDrawn::reflected(wi, exists, None)
     }
 }

@@ -372,3 +372,22 @@ impl DielectricLoss {
         self.loss.average()
     }
 }
+
+/// [`DielectricLoss`] of a rough surface seen from its outer and its inner side, for many questions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DielectricLossLines {
+    ggx: Ggx,
+    sides: [Line; 2],
+}
+
+impl DielectricLossLines {
+    pub(super) fn new(outer: &DielectricLoss, inner: &DielectricLoss) -> Self {
+        Self { ggx: outer.ggx, sides: [outer.loss.line(), inner.loss.line()] }
+    }
+
+    /// As [`DielectricLoss::towards`].
+    #[inline(always)]
+    pub(super) fn towards(&self, is_inside: bool, w: Vec3) -> f32 {
+        self.sides[usize::from(is_inside)].directional(position(self.ggx, w))
+    }
+}

@@ -99,10 +99,10 @@ impl<const SMOOTH: bool> ManyLobes for ManyGloss<SMOOTH> {
         if SMOOTH {
             let delta = self.fresnel(wo.z.abs()) / seen.choice.probabilities[0];
             let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-            return ManyDrawn { wi: choose(is_gloss, mirror, body), exists, is_delta: is_gloss, delta };
+            return ManyDrawn::reflected(choose(is_gloss, mirror, body), exists, Some((is_gloss, delta)));
         }
         let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
         let wi = choose(is_gloss, lower_like(facet, wo), body);
-        ManyDrawn { wi, exists: exists & (is_above | !is_gloss), is_delta: false, delta: SampledSpectrum::ZERO }
+        ManyDrawn::reflected(wi, exists & (is_above | !is_gloss), None)
     }
 }
