@@ -1,10 +1,14 @@
 //! A clear lacquer over something: the coat of [`super::OpenPbrBsdf`].
 
+mod many;
+
 use super::energy::DielectricReflection;
 use super::ggx::Ggx;
 use super::mirror::mirror_branch;
 use super::{SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{Frame, SampledSpectrum, Vec2, Vec3};
+
+pub(super) use many::ManyCoated;
 
 /// A clear lacquer.
 #[derive(Clone, Copy, Debug)]

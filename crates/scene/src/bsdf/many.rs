@@ -1,12 +1,13 @@
 //! BSDFs that many directions are asked about at once: the same bits as [`Lobes`] gives one by one, in loops that become vector code.
 
+use super::coat::ManyCoated;
 use super::conductor::ManyMetal;
 use super::dielectric::ManyGlass;
 use super::glossy::ManyGloss;
 use super::open_pbr::OnlySlab;
 use super::{Bsdf, ConductorBsdf, GlossyBsdf, Lobes};
 use snell_math::simd::Wide;
-use snell_math::{SampledSpectrum, Vec2, Vec3, at_level};
+use snell_math::{ColorMode, SampledSpectrum, Vec2, Vec3, at_level};
 
 /// How many are asked together.
 pub const MANY: usize = 16;
@@ -63,6 +64,10 @@ enum Kind {
     Measured(ManyMetal<true>),
     Colored(ManyMetal<false>),
     Glass(ManyGlass),
+    CoatedGloss(ManyCoated<ManyGloss<false>, false>),
+    LacqueredGloss(ManyCoated<ManyGloss<false>, true>),
+    CoatedMetal(ManyCoated<ManyMetal<false>, false>),
+    LacqueredMetal(ManyCoated<ManyMetal<false>, true>),
 }
 
 impl ManyBsdf {
@@ -77,10 +82,23 @@ impl ManyBsdf {
         match bsdf {
             Bsdf::Glossy(gloss) => Self::of_gloss(gloss),
             Bsdf::Conductor(metal) => Self::of_metal(metal),
-            Bsdf::OpenPbr(layers) => match layers.only_slab()? {
-                OnlySlab::Opaque(gloss) => Self::of_gloss(gloss),
-                OnlySlab::Metal(metal) => Self::of_metal(metal),
-            },
+            Bsdf::OpenPbr(layers) => {
+                let (slab, coat) = layers.only_slab()?;
+                match (slab, coat) {
+                    (OnlySlab::Opaque(gloss), None) => Self::of_gloss(gloss),
+                    (OnlySlab::Metal(metal), None) => Self::of_metal(metal),
+                    (OnlySlab::Opaque(gloss), Some(coat)) => {
+                        let (unit, base) = (ColorMode::Rgb.unit(), ManyGloss::of(gloss)?);
+                        let rough = ManyCoated::of(coat, unit, base.clone()).map(Kind::CoatedGloss);
+                        rough.or_else(|| ManyCoated::of(coat, unit, base).map(Kind::LacqueredGloss)).map(Self)
+                    }
+                    (OnlySlab::Metal(metal), Some(coat)) => {
+                        let (unit, base) = (ColorMode::Rgb.unit(), ManyMetal::of(metal)?);
+                        let rough = ManyCoated::of(coat, unit, base.clone()).map(Kind::CoatedMetal);
+                        rough.or_else(|| ManyCoated::of(coat, unit, base).map(Kind::LacqueredMetal)).map(Self)
+                    }
+                }
+            }
             _ => None,
         }
     }
@@ -112,6 +130,10 @@ impl ManyBsdf {
             Kind::Measured(bsdf) => answer_by!(ManyMetal<true>, bsdf),
             Kind::Colored(bsdf) => answer_by!(ManyMetal<false>, bsdf),
             Kind::Glass(bsdf) => answer_by!(ManyGlass, bsdf),
+            Kind::CoatedGloss(bsdf) => answer_by!(ManyCoated<ManyGloss<false>, false>, bsdf),
+            Kind::LacqueredGloss(bsdf) => answer_by!(ManyCoated<ManyGloss<false>, true>, bsdf),
+            Kind::CoatedMetal(bsdf) => answer_by!(ManyCoated<ManyMetal<false>, false>, bsdf),
+            Kind::LacqueredMetal(bsdf) => answer_by!(ManyCoated<ManyMetal<false>, true>, bsdf),
         }
     }
 }
@@ -126,6 +148,8 @@ pub(super) trait ManyLobes {
     fn value_and_pdf_from(&self, seen: &Self::Seen, wi: Vec3) -> (SampledSpectrum, f32);
 
     fn draw_from(&self, seen: &Self::Seen, u_lobe: f32, u: Vec2) -> ManyDrawn;
+
+    fn albedo_from(&self, seen: &Self::Seen) -> SampledSpectrum;
 }
 
 /// A direction that was drawn.
@@ -184,7 +208,7 @@ fn put(v: &mut Vectors, i: usize, to: SampledSpectrum) {
 mod tests {
     use super::*;
     use crate::bsdf::tests::bsdf;
-    use crate::material::{CoatedDiffuse, Conductor, MaterialKind};
+    use crate::material::{CoatedDiffuse, Conductor, Dielectric, MaterialKind, OpenPbr};
     use snell_math::simd::Level;
     use snell_math::{Rgb, rng, sampling};
 
@@ -193,10 +217,15 @@ mod tests {
     #[test]
     fn many_at_once_get_the_bits_of_one_by_one() {
         let coated = [0.0, 0.05, 0.3, 1.0].map(|rough| CoatedDiffuse::new(Rgb::new(0.8, 0.3, 0.0), rough).into());
-        let glass = [0.05, 0.4, 1.0].map(|rough| crate::material::Dielectric::rough(1.5, rough).into());
+        let glass = [0.05, 0.4, 1.0].map(|rough| Dielectric::rough(1.5, rough).into());
+        let coated_slabs = [(0.0, 0.0), (0.0, 0.3), (1.0, 0.0), (1.0, 0.3)].map(|(metal, rough): (f32, f32)| {
+            let surface =
+                OpenPbr { base_metalness: metal.into(), specular_roughness: 0.4.into(), ..OpenPbr::default() };
+            OpenPbr { coat_weight: 0.7.into(), coat_roughness: rough.into(), ..surface }.into()
+        });
         let metals = [0.05, 0.4, 1.0].map(|rough| Conductor::copper(rough).into());
         let colors = [0.05, 0.4, 1.0].map(|rough| Conductor::color(Rgb::new(0.9, 0.5, 0.0), rough).into());
-        let kinds: [&[MaterialKind]; 5] = [&coated, &glass, &metals, &colors, &MaterialKind::examples()];
+        let kinds: [&[MaterialKind]; 6] = [&coated, &coated_slabs, &glass, &metals, &colors, &MaterialKind::examples()];
         let mut asked_of = 0;
         for (number, kind) in kinds.into_iter().flatten().enumerate() {
             let bsdf = bsdf(kind);
@@ -234,7 +263,7 @@ mod tests {
                 }
             }
         }
-        assert!(asked_of >= 17, "{asked_of}");
+        assert!(asked_of >= 21, "{asked_of}");
     }
 
     fn check(bsdf: &Bsdf, asked: &ManyQuestions, answers: &ManyAnswers, i: usize, what: &str) {

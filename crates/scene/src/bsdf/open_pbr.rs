@@ -73,7 +73,7 @@ pub struct OpenPbrSeen {
     choice: Choice<5>,
 }
 
-/// All that there is of a layered surface.
+/// All that there is of a layered surface, but for a coat.
 pub(super) enum OnlySlab<'a> {
     Metal(&'a ConductorBsdf),
     Opaque(&'a GlossyBsdf),
@@ -120,18 +120,19 @@ impl OpenPbrBsdf {
         }
     }
 
-    /// The slab that is all there is, in [`snell_math::ColorMode::Rgb`]: then the surface does just what the slab does.
-    pub(super) fn only_slab(&self) -> Option<OnlySlab<'_>> {
+    /// The slab that is all there is but for a coat, in [`snell_math::ColorMode::Rgb`]: without a coat, the surface does just what the slab does.
+    pub(super) fn only_slab(&self) -> Option<(OnlySlab<'_>, Option<&CoatLobe>)> {
         let Slabs { metal, opaque, translucent, subsurface } = &self.slabs;
-        let is_bare = self.coat.is_none() && self.fuzz.is_none() && translucent.is_none() && *subsurface == 0.0;
+        let is_bare = self.fuzz.is_none() && translucent.is_none() && *subsurface == 0.0;
         if !is_bare || self.unit != ColorMode::Rgb.unit() {
             return None;
         }
-        match (metal, opaque) {
-            (Some((1.0, metal)), None) => Some(OnlySlab::Metal(metal)),
-            (None, Some((1.0, opaque))) => Some(OnlySlab::Opaque(opaque)),
-            _ => None,
-        }
+        let slab = match (metal, opaque) {
+            (Some((1.0, metal)), None) => OnlySlab::Metal(metal),
+            (None, Some((1.0, opaque))) => OnlySlab::Opaque(opaque),
+            _ => return None,
+        };
+        Some((slab, self.coat.as_ref()))
     }
 
     /// Gives the coat another frame (in that of the base) than the base: a smooth coat over rough grain, or the reverse. As with

@@ -25,6 +25,7 @@ pub struct ManyMetal<const COMPLEX: bool> {
 pub struct Seen {
     wo: Vec3,
     lost: f32,
+    albedos: [SampledSpectrum; 2],
     choice: Choice<2>,
 }
 
@@ -55,7 +56,7 @@ impl<const COMPLEX: bool> ManyLobes for ManyMetal<COMPLEX> {
         let up = lift(wo);
         let (reflectance, lost) = (self.reflectance(up.z), self.loss.towards(up));
         let albedos = [reflectance * (1.0 - lost), self.bounced * self.mean_loss * lost];
-        Seen { wo, lost, choice: Choice::new(albedos) }
+        Seen { wo, lost, albedos, choice: Choice::new(albedos) }
     }
 
     #[inline(always)]
@@ -78,5 +79,11 @@ impl<const COMPLEX: bool> ManyLobes for ManyMetal<COMPLEX> {
         let wi = lower_like(choose(is_once, facet, self.lobe.sample(u)), wo);
         let exists = exists & (is_above | !is_once) & (wo.z != 0.0);
         ManyDrawn::reflected(wi, exists, None)
+    }
+
+    #[inline(always)]
+    fn albedo_from(&self, seen: &Seen) -> SampledSpectrum {
+        let [facets, bounced] = seen.albedos;
+        facets + bounced
     }
 }

@@ -16,6 +16,7 @@ pub struct ManyGlass {
     /// Of all that follows, as seen from the outer side and from the inner one.
     losses: DielectricLossLines,
     eta: [f32; 2],
+    tint: SampledSpectrum,
     mirror_tint: [SampledSpectrum; 2],
     crossing: [SampledSpectrum; 2],
     average: [f32; 2],
@@ -44,6 +45,7 @@ impl ManyGlass {
             lobe: losses.lobe,
             losses: DielectricLossLines::new(&outer.loss, &inner.loss),
             eta,
+            tint: bsdf.tint,
             mirror_tint: eta.map(|eta| bsdf.mirror_tint(eta)),
             crossing: eta.map(|eta| bsdf.tint * Split::compression(eta)),
             average: [outer.average, inner.average],
@@ -145,5 +147,11 @@ impl ManyLobes for ManyGlass {
             is_transmission,
             crossing: if is_transmission { eta * eta } else { 1.0 },
         }
+    }
+
+    #[inline(always)]
+    fn albedo_from(&self, seen: &Seen) -> SampledSpectrum {
+        let reflectance = fresnel::dielectric(seen.wo.z.abs(), seen.eta);
+        self.of_side(&self.mirror_tint, seen) * reflectance + self.tint * (1.0 - reflectance)
     }
 }

@@ -23,6 +23,7 @@ pub struct ManyGloss<const SMOOTH: bool> {
 /// As [`super::GlossySeen`].
 pub struct Seen {
     wo: Vec3,
+    gloss: SampledSpectrum,
     passed: SampledSpectrum,
     choice: Choice<2>,
 }
@@ -69,7 +70,7 @@ impl<const SMOOTH: bool> ManyLobes for ManyGloss<SMOOTH> {
     fn seen(&self, wo: Vec3) -> Seen {
         let gloss = self.gloss_albedo(lift(wo));
         let passed = SampledSpectrum::ONE - gloss;
-        Seen { wo, passed, choice: Choice::new([gloss, self.reflectance * passed]) }
+        Seen { wo, gloss, passed, choice: Choice::new([gloss, self.reflectance * passed]) }
     }
 
     #[inline(always)]
@@ -104,5 +105,10 @@ impl<const SMOOTH: bool> ManyLobes for ManyGloss<SMOOTH> {
         let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
         let wi = choose(is_gloss, lower_like(facet, wo), body);
         ManyDrawn::reflected(wi, exists & (is_above | !is_gloss), None)
+    }
+
+    #[inline(always)]
+    fn albedo_from(&self, seen: &Seen) -> SampledSpectrum {
+        seen.gloss + self.reflectance * seen.passed
     }
 }

@@ -1,0 +1,123 @@
+//! A clear coat over one slab, for many directions at once.
+
+use super::super::energy::DielectricReflectionLine;
+use super::super::many::{ManyDrawn, ManyLobes};
+use super::super::{Choice, Ggx, fresnel, lift, lower_like};
+use super::CoatLobe;
+use snell_math::simd::choose;
+use snell_math::{SampledSpectrum, Vec2, Vec3};
+
+/// A coat without colour, smooth or rough, in the frame of what lies below.
+#[derive(Clone, Debug)]
+pub struct ManyCoated<B, const SMOOTH: bool> {
+    base: B,
+    /// 1 in every lane in use, 0 elsewhere.
+    unit: SampledSpectrum,
+    weight: f32,
+    ggx: Ggx,
+    ior: f32,
+    darkening: f32,
+    base_roughness: f32,
+    albedo: DielectricReflectionLine,
+    base_albedo: SampledSpectrum,
+    diffuse_reflection: f32,
+}
+
+/// As [`super::super::OpenPbrSeen`].
+pub struct Seen<S> {
+    wo: Vec3,
+    base: S,
+    /// As in [`super::CoatSeen`].
+    reflected: f32,
+    darkened: SampledSpectrum,
+    choice: Choice<2>,
+}
+
+impl<B, const SMOOTH: bool> ManyCoated<B, SMOOTH> {
+    /// `None` if it is no such coat.
+    pub fn of(lobe: &CoatLobe, unit: SampledSpectrum, base: B) -> Option<Self> {
+        let CoatLobe { coat, albedo, frame, base_albedo, diffuse_reflection } = lobe;
+        let is_clear = coat.color.zip(unit, |c, unit| if unit == 0.0 { 1.0 } else { c }).0.iter().all(|&c| c >= 1.0);
+        let has_frame = [frame.x, frame.y, frame.z] == [Vec3::X, Vec3::Y, Vec3::Z];
+        (is_clear && has_frame && coat.ggx.is_smooth() == SMOOTH).then(|| Self {
+            base,
+            unit,
+            weight: coat.weight,
+            ggx: coat.ggx,
+            ior: coat.ior,
+            darkening: coat.darkening,
+            base_roughness: coat.base_roughness,
+            albedo: albedo.line(),
+            base_albedo: *base_albedo,
+            diffuse_reflection: *diffuse_reflection,
+        })
+    }
+
+    /// As [`CoatLobe::passed`].
+    #[inline(always)]
+    fn passed(&self, reflected: f32, darkened: SampledSpectrum) -> SampledSpectrum {
+        SampledSpectrum::ONE.lerp(SampledSpectrum::splat(1.0 - reflected), self.weight) * darkened
+    }
+}
+
+impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
+    type Seen = Seen<B::Seen>;
+
+    #[inline(always)]
+    fn seen(&self, wo: Vec3) -> Seen<B::Seen> {
+        let up = lift(wo);
+        let smooth = fresnel::dielectric(up.z, self.ior);
+        let k = smooth + (self.diffuse_reflection - smooth) * self.base_roughness;
+        let darkened = self.base_albedo.map(|e| (1.0 - k) / (1.0 - e.min(1.0) * k).max(1e-4));
+        let darkened = SampledSpectrum::ONE.lerp(darkened, self.weight * self.darkening);
+        let reflected = if SMOOTH { smooth } else { self.albedo.towards(up) };
+        let base = self.base.seen(wo);
+        let below = self.base.albedo_from(&base) * self.unit * self.passed(reflected, darkened);
+        let choice = Choice::new([below, self.unit * (reflected * self.weight)]);
+        Seen { wo, base, reflected, darkened, choice }
+    }
+
+    #[inline(always)]
+    fn value_and_pdf_from(&self, seen: &Seen<B::Seen>, wi: Vec3) -> (SampledSpectrum, f32) {
+        let [below, coat] = seen.choice.probabilities;
+        let (value, density) = self.base.value_and_pdf_from(&seen.base, wi);
+        let value = value * self.unit * self.passed(seen.reflected, seen.darkened);
+        let pdf = if below > 0.0 { below * density } else { 0.0 };
+        if SMOOTH {
+            return (value, pdf);
+        }
+        let is_seen = seen.wo.z * wi.z > 0.0;
+        let (o, i) = (lift(seen.wo), lift(wi));
+        let (m, reflection, density, exists) = self.ggx.reflected(o, i);
+        let exists = exists & is_seen;
+        let reflection = if exists { fresnel::dielectric(o.dot(m), self.ior) * reflection } else { 0.0 };
+        let density = if exists { density } else { 0.0 };
+        (value + self.unit * (reflection * self.weight), pdf + coat * density)
+    }
+
+    #[inline(always)]
+    fn draw_from(&self, seen: &Seen<B::Seen>, u_lobe: f32, u: Vec2) -> ManyDrawn {
+        let wo = seen.wo;
+        let [below, coat] = seen.choice.probabilities;
+        let (is_below, exists) = seen.choice.picks_first(u_lobe);
+        let rest = if u_lobe < below { (u_lobe / below).min(1.0 - f32::EPSILON) } else { 1.0 - f32::EPSILON };
+        let base = self.base.draw_from(&seen.base, rest, u);
+        let exists = exists & (wo.z != 0.0);
+        if SMOOTH {
+            let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
+            let delta = self.unit * (fresnel::dielectric(wo.z.abs(), self.ior) * self.weight) / coat;
+            let wi = choose(is_below, base.wi, mirror);
+            return ManyDrawn::reflected(wi, exists & (base.exists | !is_below), Some((!is_below, delta)));
+        }
+        let (facet, is_above) = self.ggx.drawn_reflection(lift(wo), u);
+        let facet = lower_like(facet, wo);
+        let is_sound = if is_below { base.exists } else { is_above & (wo.z * facet.z > 0.0) };
+        ManyDrawn::reflected(choose(is_below, base.wi, facet), exists & is_sound, None)
+    }
+
+    #[inline(always)]
+    fn albedo_from(&self, seen: &Seen<B::Seen>) -> SampledSpectrum {
+        let below = self.base.albedo_from(&seen.base) * self.unit;
+        below * self.passed(seen.reflected, seen.darkened) + self.unit * (seen.reflected * self.weight)
+    }
+}
