@@ -89,16 +89,17 @@ impl Arrival {
     /// light rays find out what is in its way.
     pub fn at_surface(context: &Context, vertex: &Vertex, surface: &SurfaceVertex, shading: &mut ShadingBsdf) -> Self {
         let &SurfaceInteraction { position, position_error, geometric_normal, .. } = surface.interaction;
-        let is_lifted = shading.is_opaque() && !shading.is_delta() && may_be_lifted(context, surface.material);
-        let time = vertex.state.time;
-        let lift = match is_lifted {
-            true => context.scene.lift(vertex.ray, time, surface.interaction),
-            false => Vec3::ZERO,
-        };
+        let is_matte = shading.is_opaque() && !shading.is_delta();
+        let lift = if is_matte { lift_of_opaque(context, vertex, surface) } else { Vec3::ZERO };
         if lift != Vec3::ZERO {
             shading.geometric_normal = shading.frame.z;
         }
-        Self { position, surface: Some(Skin { position_error, geometric_normal, lift }), mode: surface.mode, time }
+        Self {
+            position,
+            surface: Some(Skin { position_error, geometric_normal, lift }),
+            mode: surface.mode,
+            time: vertex.state.time,
+        }
     }
 
     /// See [`Skin::lift`].
@@ -111,6 +112,14 @@ impl Arrival {
         self.surface.map_or(self.position, |Skin { position_error, geometric_normal, lift }| {
             lifted_ray_origin(self.position, position_error, geometric_normal, lift, direction)
         })
+    }
+}
+
+/// [`Skin::lift`] of an opaque surface that does not only mirror.
+pub fn lift_of_opaque(context: &Context, vertex: &Vertex, surface: &SurfaceVertex) -> Vec3 {
+    match may_be_lifted(context, surface.material) {
+        true => context.scene.lift(vertex.ray, vertex.state.time, surface.interaction),
+        false => Vec3::ZERO,
     }
 }
 

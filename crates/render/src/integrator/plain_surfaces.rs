@@ -2,7 +2,7 @@
 
 use super::Context;
 use super::estimators::may_be_lifted;
-use super::lanes::{LANES, VertexLanes, ZERO, at};
+use super::lanes::{LANES, VertexLanes, ZERO, at, put};
 use super::lights::horizon;
 use super::path::Scatterer;
 use crate::light_sampler::Receiver;
@@ -80,6 +80,13 @@ impl Frames {
     #[inline(always)]
     pub fn at(&self, lane: usize) -> Frame {
         Frame { x: at(&self.x, lane), y: at(&self.y, lane), z: at(&self.z, lane) }
+    }
+
+    /// Puts one that is known already into a lane.
+    pub fn put(&mut self, lane: usize, frame: &Frame) {
+        put(&mut self.x, lane, frame.x);
+        put(&mut self.y, lane, frame.y);
+        put(&mut self.z, lane, frame.z);
     }
 
     /// Works out those of lanes on plain surfaces, once these are placed.

@@ -5,7 +5,7 @@
 //! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
 
 use super::carried::{Carried, Expected};
-use super::estimators::Arrival;
+use super::estimators::{Arrival, lift_of_opaque};
 use super::guided::GuidedBsdf;
 use super::lanes::{
     Arriving, CarriedLanes, Columns, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put,
@@ -16,12 +16,12 @@ use super::lit::{LitLanes, LitOutputs};
 use super::path::{DrawnLight, SCATTERED_SPREAD, Scatterer, shining, weighted_sample};
 use super::plain_surfaces::{Frames, PlainSurface};
 use super::together::{Seen, Together};
-use super::{Context, IntegratorKind, SurfaceVertex, Vertex, dimension};
+use super::{Context, IntegratorKind, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::light_sampler::{Receiver, Receivers};
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::most;
-use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec2, Vec3, at_level};
+use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level};
 use snell_scene::material::Prepared;
 
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
@@ -37,8 +37,9 @@ pub struct SurfaceVertices<'a> {
     /// What scatters, and which of these it is in each lane: [`NONE`] where none is known.
     scatterers: Vec<Scatterer<'a>>,
     scatterer_of: [u32; LANES],
-    /// Lanes that are worked on by material.
+    /// Lanes that are worked on by material, and their frames where these are known.
     together: Together<'a>,
+    turned: Vec<(usize, Frame)>,
     frames: Frames,
     /// The normal on the side where the path comes from.
     facing: HitVectors,
@@ -111,6 +112,7 @@ impl<'a> SurfaceVertices<'a> {
             scatterers: Vec::with_capacity(LANES),
             scatterer_of: [NONE; LANES],
             together: Together::default(),
+            turned: Vec::with_capacity(LANES),
             frames: Frames::default(),
             facing: ZERO,
             transmits: [false; LANES],
@@ -140,6 +142,7 @@ impl<'a> SurfaceVertices<'a> {
         self.scatterers.clear();
         self.scatterer_of = [NONE; LANES];
         self.together.clear();
+        self.turned.clear();
     }
 
     /// Says what the path of the next lane has hit, if it is a plain surface: then [`Self::gather_plain`] must follow, once all lanes are
@@ -174,10 +177,12 @@ impl<'a> SurfaceVertices<'a> {
     fn place(&mut self, context: &Context) {
         self.lanes.place();
         self.lanes.place_lifts(context);
-        if self.on_plain.is_empty() {
-            return;
+        if !self.on_plain.is_empty() {
+            self.frames.turn(&self.lanes, &self.on_plain);
         }
-        self.frames.turn(&self.lanes, &self.on_plain);
+        for (lane, frame) in &self.turned {
+            self.frames.put(*lane, frame);
+        }
         for i in 0..self.on_plain.len() {
             let (lane, ref surface) = self.on_plain[i];
             if !self.is_sound(lane) {
@@ -187,8 +192,8 @@ impl<'a> SurfaceVertices<'a> {
                 put(&mut self.lanes.lift, lane, Vec3::ZERO);
             }
             if let Some(many) = surface.many {
-                self.together.put(lane, many);
-                self.transmits[lane] = surface.transmits();
+                self.together.put(lane, many, many.body());
+                self.transmits[lane] = many.transmits();
                 continue;
             }
             let scatterer = surface.scatterer(&self.lanes, &self.frames, lane);
@@ -220,14 +225,25 @@ impl<'a> SurfaceVertices<'a> {
             return found;
         }
         let lane = self.told;
+        self.told += 1;
+        self.is_specular[lane] = vertex.state.is_specular;
+        // (What a field has learnt is asked one by one.)
+        let many = prepared.many_at(surface.material, &point).filter(|_| context.field.is_none());
+        if let Some((many, body)) = many {
+            let frame = prepared.frame_of_many(surface.material, &point, outgoing(vertex.ray));
+            let lift = if many.transmits() { Vec3::ZERO } else { lift_of_opaque(context, vertex, surface) };
+            self.lanes.put_point(lane, OtherPoint::of(surface.interaction, frame.z, lift));
+            self.turned.push((lane, frame));
+            self.together.put(lane, many, body);
+            self.transmits[lane] = many.transmits();
+            return found;
+        }
         let scatterer = Scatterer::new(context, vertex, surface, prepared, &point);
         self.note_receiver(lane, &scatterer.receiver);
         let lift = scatterer.at.lift();
         self.lanes.put_point(lane, OtherPoint::of(surface.interaction, scatterer.receiver.normal, lift));
-        self.is_specular[lane] = vertex.state.is_specular;
         self.scatterer_of[lane] = self.scatterers.len() as u32;
         self.scatterers.push(scatterer);
-        self.told += 1;
         found
     }
 

@@ -1,12 +1,12 @@
 //! How plain surfaces scatter light, asked for all vertices of one material together: the same bits as [`super::surfaces`] finds one by one.
 
-use super::lanes::{CarriedLanes, LANES, ZERO, at, put};
+use super::lanes::{CarriedLanes, LANES, ZERO, at, put, put_color};
 use super::lights::horizon;
 use super::plain_surfaces::Frames;
 use super::surfaces::{Bounces, Scattered};
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::at_level;
 use snell_math::simd::{Wide, choose};
+use snell_math::{SampledSpectrum, at_level};
 use snell_scene::bsdf::{MANY, ManyAnswers, ManyBsdf, ManyQuestions};
 
 /// Vertices that are worked on together. Arrays are by lane; those of other lanes hold anything.
@@ -20,6 +20,8 @@ pub struct Together<'a> {
     /// The normal of the plane that light is reflected above or refracted below, and its cosine with where the path comes from.
     horizon: HitVectors,
     side: HitLanes,
+    /// By channel, see [`ManyBsdf::body`].
+    body: HitVectors,
     /// In the frames of the surfaces: where the path comes from, and where the light comes from.
     wo: HitVectors,
     wi: HitVectors,
@@ -61,6 +63,7 @@ impl Default for Together<'_> {
             has: mark,
             horizon: ZERO,
             side: number,
+            body: ZERO,
             wo: ZERO,
             wi: ZERO,
             found: Box::new(Found {
@@ -84,8 +87,9 @@ impl<'a> Together<'a> {
         (self.bsdfs, self.is_any, self.has) = ([None; LANES], false, [0; LANES]);
     }
 
-    /// Takes a lane that scatters like this.
-    pub fn put(&mut self, lane: usize, bsdf: &'a ManyBsdf) {
+    /// Takes a lane that scatters like this, with a body of this reflectance.
+    pub fn put(&mut self, lane: usize, bsdf: &'a ManyBsdf, body: SampledSpectrum) {
+        put_color(&mut self.body, lane, body);
         (self.bsdfs[lane], self.is_any, self.has[lane]) = (Some(bsdf), true, 1);
     }
 
@@ -118,6 +122,7 @@ impl<'a> Together<'a> {
         let mut answers = ManyAnswers::default();
         for block in 0..LANES / MANY {
             let asked = ManyQuestions {
+                body: blocks(&self.body, block),
                 wo: blocks(&self.wo, block),
                 wi: blocks(&self.wi, block),
                 u_lobe: many(u_lobe, block),

@@ -20,6 +20,8 @@ type Vectors = [Numbers; 3];
 /// What is asked of a BSDF, in its frame.
 #[derive(Clone, Copy, Debug)]
 pub struct ManyQuestions<'a> {
+    /// Reflectance of the body below a gloss, see [`ManyBsdf::body`].
+    pub body: [&'a Numbers; 3],
     /// Unit directions to where light is gathered.
     pub wo: [&'a Numbers; 3],
     /// Unit directions of which value and density are asked.
@@ -113,6 +115,33 @@ impl ManyBsdf {
         measured.or_else(|| ManyMetal::of(metal).map(Kind::Colored)).map(Self)
     }
 
+    /// Reflectance of what is below a gloss; black for all others.
+    pub fn body(&self) -> SampledSpectrum {
+        match &self.0 {
+            Kind::RoughGloss(gloss) => gloss.reflectance,
+            Kind::SmoothGloss(gloss) => gloss.reflectance,
+            Kind::CoatedGloss(coated) => coated.base.reflectance,
+            Kind::LacqueredGloss(coated) => coated.base.reflectance,
+            _ => SampledSpectrum::ZERO,
+        }
+    }
+
+    /// True if there is a coat, in the frame of what lies below.
+    pub fn has_coat(&self) -> bool {
+        use Kind::{CoatedGloss, CoatedMetal, LacqueredGloss, LacqueredMetal};
+        matches!(self.0, CoatedGloss(_) | LacqueredGloss(_) | CoatedMetal(_) | LacqueredMetal(_))
+    }
+
+    /// True if light goes through.
+    pub fn transmits(&self) -> bool {
+        matches!(self.0, Kind::Glass(_))
+    }
+
+    /// True if it may be asked with any [`Self::body`].
+    pub fn takes_any_body(&self) -> bool {
+        matches!(self.0, Kind::RoughGloss(_))
+    }
+
     /// Answers all questions.
     pub fn answer(&self, asked: &ManyQuestions, answers: &mut ManyAnswers, wide: Option<Wide>) {
         macro_rules! answer_by {
@@ -143,7 +172,8 @@ pub(super) trait ManyLobes {
     /// What is known of `wo`.
     type Seen;
 
-    fn seen(&self, wo: Vec3) -> Self::Seen;
+    /// As [`Lobes::seen`], over a body of this reflectance.
+    fn seen(&self, wo: Vec3, body: SampledSpectrum) -> Self::Seen;
 
     fn value_and_pdf_from(&self, seen: &Self::Seen, wi: Vec3) -> (SampledSpectrum, f32);
 
@@ -176,7 +206,8 @@ impl ManyDrawn {
 #[inline(always)]
 fn answer(bsdf: &impl ManyLobes, asked: &ManyQuestions, answers: &mut ManyAnswers) {
     for i in 0..MANY {
-        let seen = bsdf.seen(at(asked.wo, i));
+        let body = SampledSpectrum([asked.body[0][i], asked.body[1][i], asked.body[2][i], 0.0]);
+        let seen = bsdf.seen(at(asked.wo, i), body);
         let (value, pdf) = bsdf.value_and_pdf_from(&seen, at(asked.wi, i));
         put(&mut answers.value, i, value);
         answers.pdf[i] = pdf;
@@ -253,7 +284,9 @@ mod tests {
                     (u_lobe[i], u[0][i], u[1][i]) = (number(3).x, number(4).x, number(4).y);
                 }
                 let (wo, wi) = (wos.each_ref(), wis.each_ref());
-                let asked = ManyQuestions { wo, wi, u_lobe: &u_lobe, u: u.each_ref() };
+                let body = many.body();
+                let bodies = [0, 1, 2].map(|channel| [body[channel]; MANY]);
+                let asked = ManyQuestions { body: bodies.each_ref(), wo, wi, u_lobe: &u_lobe, u: u.each_ref() };
                 for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
                     let mut answers = ManyAnswers::default();
                     many.answer(&asked, &mut answers, level.wide());

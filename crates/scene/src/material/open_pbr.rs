@@ -1,6 +1,6 @@
 //! The surface of OpenPBR Surface 1.1.
 
-use super::{ColorParam, NormalMap, ScalarParam, ShadingPoint, positive_ior};
+use super::{ColorParam, Material, NormalMap, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{
     Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf, FacetReflectance, Fuzz, Ggx, Gloss, GlossyBsdf,
     OpenPbrBsdf, RoughLosses, SheetBsdf, Slabs, ThinFilm, Translucent, bounded, fresnel,
@@ -337,8 +337,7 @@ impl OpenPbr {
         let Common { metalness, transmission, subsurface, .. } = *common;
         let film = self.film(point);
         let tint = point.reflectance(self.specular_color.at(point));
-        let base = point.reflectance(self.base_color.at(point) * point.vertex_color())
-            * bounded(self.base_weight.at(point), 1.0);
+        let base = self.base(point);
         let clear = (1.0 - metalness) * transmission;
         let opaque = (1.0 - metalness) * (1.0 - transmission);
         let metal = || {
@@ -366,6 +365,19 @@ impl OpenPbr {
             }),
             subsurface: if has_inside { subsurface } else { 0.0 },
         }
+    }
+
+    /// Reflectance of the base at a point.
+    pub(super) fn base(&self, point: &ShadingPoint) -> SampledSpectrum {
+        let color = self.base_color.at(point) * point.vertex_color();
+        point.reflectance(color) * bounded(self.base_weight.at(point), 1.0)
+    }
+
+    /// True if the colour of the base is all that depends on textures.
+    pub(super) fn varies_in_color_alone(&self) -> bool {
+        let base_color = ColorParam { texture: None, ..self.base_color };
+        let other = Material::new("", Self { base_color, ..self.clone() });
+        self.base_color.texture.is_some() && other.textures().is_empty()
     }
 
     fn body(&self, point: &ShadingPoint, base: SampledSpectrum, subsurface: f32) -> Body {

@@ -4,7 +4,7 @@ use super::{Material, MaterialKind, ShadingPoint};
 use crate::bsdf::{Bsdf, ManyBsdf};
 use crate::texture::TextureSet;
 use snell_intersect::{Hit, SurfaceInteraction};
-use snell_math::{ColorMode, Vec2, Vec3};
+use snell_math::{ColorMode, Frame, SampledSpectrum, Vec2, Vec3};
 use std::borrow::Cow;
 
 /// A point like any other.
@@ -31,7 +31,7 @@ const ANYWHERE: SurfaceInteraction = SurfaceInteraction {
 pub struct Prepared {
     /// At a plain point, without textures.
     bsdf: Bsdf,
-    /// The same, if many directions can be asked about at once.
+    /// The same, if many directions can be asked about at once; its body may be of another colour at each point.
     many: Option<ManyBsdf>,
     /// True if it is the same at all [plain](ShadingPoint::is_plain) points.
     is_everywhere: bool,
@@ -48,7 +48,13 @@ impl Prepared {
             _ => false,
         };
         let is_everywhere = !looks_up && !depends_on_point;
-        let many = if is_everywhere { ManyBsdf::of(&bsdf) } else { None };
+        let many = match &material.kind {
+            _ if is_everywhere => ManyBsdf::of(&bsdf),
+            MaterialKind::OpenPbr(surface) if surface.varies_in_color_alone() => {
+                ManyBsdf::of(&bsdf).filter(ManyBsdf::takes_any_body)
+            }
+            _ => None,
+        };
         Self { bsdf, many, is_everywhere }
     }
 
@@ -66,6 +72,21 @@ impl Prepared {
     /// [`Self::plain`], if many directions can be asked about at once.
     pub fn plain_many(&self, material: &Material) -> Option<&ManyBsdf> {
         self.plain(material).and(self.many.as_ref())
+    }
+
+    /// The BSDF of the material at a point and the reflectance of its body there, if many directions can be asked about at once.
+    pub fn many_at(&self, material: &Material, point: &ShadingPoint) -> Option<(&ManyBsdf, SampledSpectrum)> {
+        let follows = |many: &&ManyBsdf| !many.has_coat() || material.coat_map(point).is_none();
+        let many = self.many.as_ref().filter(|_| point.is_plain()).filter(follows)?;
+        Some(match &material.kind {
+            MaterialKind::OpenPbr(surface) if !self.is_everywhere => (many, surface.base(point)),
+            _ => (many, many.body()),
+        })
+    }
+
+    /// The frame at a point seen from `wo`, as in [`Material::bsdf_towards`], where there is a BSDF for [many](Self::many_at).
+    pub fn frame_of_many(&self, material: &Material, point: &ShadingPoint, wo: Vec3) -> Frame {
+        material.frame_towards(&self.bsdf, point, wo)
     }
 
     /// The BSDF of the material at a point.

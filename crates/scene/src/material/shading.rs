@@ -39,13 +39,14 @@ impl Material {
         normal::turned(frame, angle)
     }
 
-    /// The normal map of a coat, and the angle by which its tangent is turned.
-    fn coat_map(&self, point: &ShadingPoint) -> (Option<NormalMap>, f32) {
-        match &self.kind {
+    /// The normal map of a coat, and the angle by which its tangent is turned; `None` if a coat follows what lies below.
+    pub(super) fn coat_map(&self, point: &ShadingPoint) -> Option<(Option<NormalMap>, f32)> {
+        let (map, angle) = match &self.kind {
             MaterialKind::MetallicRoughness(kind) => (kind.clearcoat_normal_map, 0.0),
             MaterialKind::OpenPbr(surface) => (surface.geometry_coat_normal, surface.coat_tangent_angle(point)),
             _ => (None, 0.0),
-        }
+        };
+        (map != self.normal_map || angle != 0.0).then_some((map, angle))
     }
 
     /// The BSDF with a coat that has a normal of its own; `None` if it has none.
@@ -54,10 +55,7 @@ impl Material {
         if !layers.has_coat() {
             return None;
         }
-        let (map, angle) = self.coat_map(point);
-        if map == self.normal_map && angle == 0.0 {
-            return None;
-        }
+        let (map, angle) = self.coat_map(point)?;
         let own = normal::turned(normal::shading_frame(map.as_ref(), point), angle);
         let z = wo.map_or(own.z, |wo| normal::valid_towards(own.z, point.surface.geometric_normal, wo, true));
         let [z, x] = [z, own.x].map(|v| frame.to_local(v));
@@ -75,9 +73,13 @@ impl Material {
         self.towards(prepared.bsdf(self, point), point, wo)
     }
 
+    /// The frame of this BSDF at a point seen from `wo`.
+    pub(super) fn frame_towards(&self, bsdf: &Bsdf, point: &ShadingPoint, wo: Vec3) -> Frame {
+        FrameNeeds::of(bsdf).frame(&self.frame(point), point.surface.geometric_normal, wo)
+    }
+
     fn towards<'a>(&self, bsdf: Cow<'a, Bsdf>, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf<'a> {
-        let (plain, geometric_normal) = (self.frame(point), point.surface.geometric_normal);
-        let frame = FrameNeeds::of(&bsdf).frame(&plain, geometric_normal, wo);
+        let (frame, geometric_normal) = (self.frame_towards(&bsdf, point, wo), point.surface.geometric_normal);
         let own = self.with_own_coat(&bsdf, &frame, point, Some(wo));
         let bsdf = own.map_or(bsdf, Cow::Owned);
         ShadingBsdf::seen_from(wo, bsdf, frame, geometric_normal)

@@ -4,13 +4,17 @@ use snell_intersect::BuildOptions;
 use snell_math::simd::Level;
 use snell_scene::Texture;
 use snell_scene::builtin::builtin;
-use snell_scene::material::{AlphaMode, MaterialKind, NormalMap};
+use snell_scene::material::{AlphaMode, MaterialKind, NormalMap, OpenPbr};
 use snell_scene::texture::Pattern;
 
 #[test]
 fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
     let guiding = Some(Guiding { passes: 2, photons: 1 << 13 });
-    let kinds = MaterialKind::examples();
+    let mut kinds = MaterialKind::examples();
+    for (metalness, rough) in [(0.0, 0.0), (1.0, 0.3)] {
+        let slab = OpenPbr { base_metalness: metalness.into(), specular_roughness: 0.4.into(), ..OpenPbr::default() };
+        kinds.push(OpenPbr { coat_weight: 0.8.into(), coat_roughness: rough.into(), ..slab }.into());
+    }
     let mut first = 0;
     for name in ["cornell-box", "teapot", "spheres", "night-town", "fog", "drink", "hair", "smoke"] {
         let mut scene = builtin(name).expect("the scene is built in");
@@ -32,6 +36,11 @@ fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
             for (i, material) in materials.enumerate().take(if name == "night-town" { 12 } else { 4 }) {
                 let number = first + i;
                 material.kind = kinds[number % kinds.len()].clone();
+                if let MaterialKind::OpenPbr(surface) = &mut material.kind
+                    && number % 2 == 0
+                {
+                    surface.base_color.texture = Some(texture);
+                }
                 let is_bent = number % 3 == 0;
                 material.normal_map = is_bent.then_some(NormalMap { texture, scale: 0.3 });
                 material.alpha_mode = if number % 5 == 0 { AlphaMode::Blend } else { AlphaMode::Opaque };

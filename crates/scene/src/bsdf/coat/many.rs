@@ -10,7 +10,7 @@ use snell_math::{SampledSpectrum, Vec2, Vec3};
 /// A coat without colour, smooth or rough, in the frame of what lies below.
 #[derive(Clone, Debug)]
 pub struct ManyCoated<B, const SMOOTH: bool> {
-    base: B,
+    pub base: B,
     /// 1 in every lane in use, 0 elsewhere.
     unit: SampledSpectrum,
     weight: f32,
@@ -64,14 +64,14 @@ impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
     type Seen = Seen<B::Seen>;
 
     #[inline(always)]
-    fn seen(&self, wo: Vec3) -> Seen<B::Seen> {
+    fn seen(&self, wo: Vec3, body: SampledSpectrum) -> Seen<B::Seen> {
         let up = lift(wo);
         let smooth = fresnel::dielectric(up.z, self.ior);
         let k = smooth + (self.diffuse_reflection - smooth) * self.base_roughness;
         let darkened = self.base_albedo.map(|e| (1.0 - k) / (1.0 - e.min(1.0) * k).max(1e-4));
         let darkened = SampledSpectrum::ONE.lerp(darkened, self.weight * self.darkening);
         let reflected = if SMOOTH { smooth } else { self.albedo.towards(up) };
-        let base = self.base.seen(wo);
+        let base = self.base.seen(wo, body);
         let below = self.base.albedo_from(&base) * self.unit * self.passed(reflected, darkened);
         let choice = Choice::new([below, self.unit * (reflected * self.weight)]);
         Seen { wo, base, reflected, darkened, choice }

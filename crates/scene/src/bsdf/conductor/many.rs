@@ -52,7 +52,7 @@ impl<const COMPLEX: bool> ManyLobes for ManyMetal<COMPLEX> {
     type Seen = Seen;
 
     #[inline(always)]
-    fn seen(&self, wo: Vec3) -> Seen {
+    fn seen(&self, wo: Vec3, _body: SampledSpectrum) -> Seen {
         let up = lift(wo);
         let (reflectance, lost) = (self.reflectance(up.z), self.loss.towards(up));
         let albedos = [reflectance * (1.0 - lost), self.bounced * self.mean_loss * lost];

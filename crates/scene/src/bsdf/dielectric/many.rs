@@ -95,7 +95,7 @@ impl ManyLobes for ManyGlass {
     type Seen = Seen;
 
     #[inline(always)]
-    fn seen(&self, wo: Vec3) -> Seen {
+    fn seen(&self, wo: Vec3, _: SampledSpectrum) -> Seen {
         let is_inside = wo.z <= 0.0;
         let pick = |[outer, inner]: [f32; 2]| if is_inside { inner } else { outer };
         let lost = self.losses.towards(is_inside, lift(wo));

@@ -15,8 +15,8 @@ pub struct ManyGloss<const SMOOTH: bool> {
     tint: SampledSpectrum,
     ggx: Ggx,
     albedo: DielectricReflectionLine,
-    /// Of the body.
-    reflectance: SampledSpectrum,
+    /// Of the body where it is the same everywhere.
+    pub reflectance: SampledSpectrum,
     passed_average: SampledSpectrum,
 }
 
@@ -24,6 +24,8 @@ pub struct ManyGloss<const SMOOTH: bool> {
 pub struct Seen {
     wo: Vec3,
     gloss: SampledSpectrum,
+    /// Reflectance of the body.
+    body: SampledSpectrum,
     passed: SampledSpectrum,
     choice: Choice<2>,
 }
@@ -59,7 +61,7 @@ impl<const SMOOTH: bool> ManyGloss<SMOOTH> {
     fn body_value(&self, seen: &Seen, wi: Vec3) -> SampledSpectrum {
         let passed = seen.passed * (SampledSpectrum::ONE - self.gloss_albedo(wi));
         let coupling = passed.zip(self.passed_average, |x, mean| if mean > 1e-5 { x / mean } else { 0.0 });
-        self.reflectance * coupling * (wi.z * FRAC_1_PI)
+        seen.body * coupling * (wi.z * FRAC_1_PI)
     }
 }
 
@@ -67,10 +69,10 @@ impl<const SMOOTH: bool> ManyLobes for ManyGloss<SMOOTH> {
     type Seen = Seen;
 
     #[inline(always)]
-    fn seen(&self, wo: Vec3) -> Seen {
+    fn seen(&self, wo: Vec3, body: SampledSpectrum) -> Seen {
         let gloss = self.gloss_albedo(lift(wo));
         let passed = SampledSpectrum::ONE - gloss;
-        Seen { wo, gloss, passed, choice: Choice::new([gloss, self.reflectance * passed]) }
+        Seen { wo, gloss, body, passed, choice: Choice::new([gloss, body * passed]) }
     }
 
     #[inline(always)]
@@ -109,6 +111,6 @@ impl<const SMOOTH: bool> ManyLobes for ManyGloss<SMOOTH> {
 
     #[inline(always)]
     fn albedo_from(&self, seen: &Seen) -> SampledSpectrum {
-        seen.gloss + self.reflectance * seen.passed
+        seen.gloss + seen.body * seen.passed
     }
 }
