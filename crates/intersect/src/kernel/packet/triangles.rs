@@ -197,8 +197,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// Tests what was put off. [`Bundle::update_limits`] must follow if this is not the `last` that the bundle is used for. If the group `is_root`,
-    /// what rays without a search hit is only noted: nothing more can come.
+    /// Tests what was put off. If nothing comes after the `last` ones of the root group, what rays without a search hit is only noted; else
+    /// [`Bundle::update_limits`] must follow.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`; what was put off must be in this tree.
@@ -210,7 +210,6 @@ impl<G: Goal> Walker<'_, '_, G> {
         locals: &mut Locals,
         instance: u32,
         last: bool,
-        is_root: bool,
     ) {
         if !Self::PUTS_OFF {
             return;
@@ -221,7 +220,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             // SAFETY: as promised by the caller.
             let mut hits = unsafe { G::Precision::sure_hits::<W>(tree, bundle, rays, &self.put_off, &mut self.sure) };
             rays &= !hits;
-            if is_root {
+            if last {
                 self.known = hits & !self.begun;
                 hits &= self.begun;
             }
