@@ -206,11 +206,12 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
             rest &= !alike;
             let mut rows = luggage.rows(walkers.each_mut());
             stacks.work = 0;
-            rows.iter_mut().for_each(|row| row.memory.clear());
+            for row in &mut rows {
+                row.memory.clear();
+            }
             // SAFETY: as promised by the caller.
             unsafe { enter(&mut rows, alike, stacks, Position { group: 0, instance: 0, top: 0 }) };
-            let first = first(alike);
-            if luggage.bundles[first].kind.reversed {
+            if luggage.bundles[first(alike)].kind.reversed {
                 trial.count(stacks.work);
             }
         }

@@ -725,7 +725,7 @@ impl<W: Lanes16> LaneRays<W> {
 
     /// Writes origins and directions.
     #[inline(always)]
-    fn store(&self, to: &mut ExactColumns) {
+    pub(super) fn store(&self, to: &mut ExactColumns) {
         for (from, to) in [self.origin, self.direction].iter().zip(to) {
             from[0].store(&mut to[0]);
             from[1].store(&mut to[1]);

@@ -105,9 +105,10 @@ pub(crate) unsafe fn set_up_doubles<W: Lanes16>(
         common &= ray.origin == first.origin;
         t_min[i] = ray.t_min.below();
         cull[i] = padded(ray.t_max.above());
-        for axis in 0..3 {
-            exact[0][axis][i] = ray.origin[axis];
-            exact[1][axis][i] = ray.direction[axis];
+        for (columns, vector) in exact.iter_mut().zip([ray.origin, ray.direction]) {
+            columns[0][i] = vector.x;
+            columns[1][i] = vector.y;
+            columns[2][i] = vector.z;
         }
     }
     cull[rays.len()..].fill(-1.0);

@@ -17,7 +17,7 @@ use snell_math::simd::{Lanes8, Lanes16, Pair, Portable8, most};
 use std::mem::MaybeUninit;
 
 /// Trees larger than this are fetched ahead.
-const PREFETCH_BYTES: usize = 8 << 20;
+const PREFETCH_BYTES: usize = 2 << 20;
 
 /// Bundles that walk together at most.
 pub(super) const ROWS: usize = 4;
@@ -30,7 +30,7 @@ pub(super) struct Stacks {
     /// Of all slots of the node: eight bits a bundle.
     pub(super) meetings: Vec<u32>,
     pub(super) single: Vec<MaybeUninit<Entry>>,
-    /// For bundles in instances.
+    /// Of bundles in instances.
     #[allow(clippy::vec_box, reason = "they are large, and come and go")]
     pub(super) spare: Vec<Box<Luggage>>,
     /// About what walks took: a box tested is one.
@@ -197,7 +197,7 @@ impl Luggage {
     }
 }
 
-/// Walks one group with those of the bundles that are members, which must be [alike](Bundle::is_like): each meets what it would meet alone, in the same order.
+/// Walks one group with some of the bundles, which must be [alike](Bundle::is_like): each meets what it would meet alone, in the same order.
 ///
 /// # Safety
 /// The machine must have the instructions of `W`; the stacks must have room for the group and all below it.
