@@ -9,6 +9,7 @@
 pub(crate) mod bundle;
 pub(crate) mod doubles;
 pub(crate) mod exact;
+pub(crate) mod exact_rays;
 mod leaf;
 mod lines;
 mod objects;

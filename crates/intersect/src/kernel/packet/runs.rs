@@ -3,7 +3,8 @@
 use super::super::columns::ray_columns;
 use super::super::node::{CULL_PADDING, padded};
 use super::MIN_RAYS;
-use super::bundle::{Bundle, Columns, Kind, LaneRays, RAYS};
+use super::bundle::{Bundle, Columns, Kind, RAYS};
+use super::exact_rays::LaneRays;
 use crate::kernel::double::DoubleData;
 use crate::precision::{Double, Real, Rules, Single};
 use snell_math::simd::Lanes16;

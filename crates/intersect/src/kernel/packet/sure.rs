@@ -2,7 +2,8 @@
 
 use super::super::meeting::{Corners, InDrawing, InPlane, dot};
 use super::super::triangle::{PLACE_TOLERANCE, TriangleBlock};
-use super::bundle::{Bundle, LaneRays, PerRay, RAYS};
+use super::bundle::{Bundle, PerRay, RAYS};
+use super::exact_rays::LaneRays;
 use crate::precision::Real;
 use snell_math::simd::{Doubles16, Lanes16};
 

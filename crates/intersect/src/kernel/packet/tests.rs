@@ -1,5 +1,6 @@
-use super::bundle::{Bundle, ExactColumns, LaneRays, RAYS};
+use super::bundle::{Bundle, RAYS};
 use super::exact::{Found, Pairs, exact_hits};
+use super::exact_rays::{ExactColumns, LaneRays};
 use super::leaf::{SeenBlock, SharedOrigin};
 use super::runs::set_up;
 use super::triangles::Locals;
