@@ -20,7 +20,7 @@ impl<R: Real> Sure<R> {
 
 /// Square of the inverse of the least slope, by the normal, of rays that are decided here. The drawing is off by 8.5 units of `2^-24`, relative to the
 /// farthest vertex; so hits are within [`super::super::triangle::PLACE_TOLERANCE`] at up to 98. (They are in the box of the triangle, since the ray
-/// surely passes through it, not only through what is drawn.)
+/// surely passes through it, not only through what is drawn. Rounding of the origin is in the bound of that, so a triangle that is surely hit is large beside it.)
 const STEEPEST_SQUARE: f64 = 64.0 * 64.0;
 
 /// Tests the triangles that some of the rays surely hit, given by their places. Returns the rays that are decided: all of these hit.
