@@ -5,10 +5,12 @@
 
 use crate::accel::bvh::{Forest, GroupTree};
 use crate::hit::{DHit, Hit};
+use crate::kernel::double::frame::Frame;
 use crate::kernel::double::{self, DoubleData};
 use crate::kernel::interleave::Batch;
 use crate::kernel::packet::bundle::{Bundle, PerRay};
 use crate::kernel::packet::exact::{Found, Pairs};
+use crate::kernel::packet::exact_rays::LaneRays;
 use crate::kernel::packet::sure::Sure;
 use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
@@ -176,6 +178,12 @@ pub(crate) trait Rules: Precision {
 
     /// A ray of a group in the coordinates that the structures of the group are in.
     fn ray_in_structure(data: &Self::Data, group: usize, ray: &DRay) -> DRay;
+
+    /// Sixteen rays of a group in the coordinates that the structures of the group are in: as [`Self::ray_in_structure`].
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    unsafe fn rays_in_structure<W: Lanes16>(data: &Self::Data, group: usize, rays: LaneRays<W>) -> LaneRays<W>;
 
     /// A ray in the coordinates of a group, as the kernels want it.
     fn local_ray(data: &Self::Data, group: usize, ray: &DRay) -> LocalRay;
@@ -354,6 +362,11 @@ impl Rules for Single {
     }
 
     #[inline(always)]
+    unsafe fn rays_in_structure<W: Lanes16>(_: &(), _: usize, rays: LaneRays<W>) -> LaneRays<W> {
+        rays
+    }
+
+    #[inline(always)]
     fn local_ray(_: &(), _: usize, ray: &DRay) -> LocalRay {
         LocalRay::new(ray)
     }
@@ -459,9 +472,6 @@ impl Rules for Single {
         places: &PerRay<u32>,
         sure: &mut Sure<f32>,
     ) -> u32 {
-        if bundle.kind.rounded {
-            return 0;
-        }
         // SAFETY: passed on to the caller.
         unsafe { packet::sure::test::<W>(&tree.blocks, bundle, rays, places, sure) }
     }
@@ -564,6 +574,13 @@ impl Rules for Double {
     #[inline(always)]
     fn ray_in_structure(data: &DoubleData, group: usize, ray: &DRay) -> DRay {
         data.frames[group].ray(ray)
+    }
+
+    #[inline(always)]
+    unsafe fn rays_in_structure<W: Lanes16>(data: &DoubleData, group: usize, rays: LaneRays<W>) -> LaneRays<W> {
+        let Frame { center, scale, .. } = &data.frames[group];
+        // SAFETY: passed on to the caller.
+        unsafe { rays.framed(center, *scale) }
     }
 
     #[inline(always)]

@@ -13,7 +13,7 @@ pub(super) struct InPlane<D: Doubles16> {
     pub normal: [D; 3],
     /// How fast the ray goes along the normal.
     pub slope: D,
-    pub t: D::Singles,
+    pub t: D,
 }
 
 impl<D: Doubles16> InPlane<D> {
@@ -24,34 +24,34 @@ impl<D: Doubles16> InPlane<D> {
         let [vx, vy, vz] = minus(doubles::<D>(*c), exact_a);
         let normal = [uy.mul(vz).sub(vy.mul(uz)), uz.mul(vx).sub(vz.mul(ux)), ux.mul(vy).sub(vx.mul(uy))];
         let slope = dot(normal, direction);
-        let t = dot(normal, minus(exact_a, origin)).div(slope).rounded();
+        let t = dot(normal, minus(exact_a, origin)).div(slope);
         Self { normal, slope, t }
     }
 }
 
 /// Where rays are in the drawings of triangles.
-pub(super) struct InDrawing<W> {
+pub(super) struct InDrawing<D> {
     /// The rays that are surely inside.
     pub inside: u32,
     /// Barycentrics, where they are.
-    pub b1: W,
-    pub b2: W,
+    pub b1: D,
+    pub b2: D,
 }
 
-impl<W: Lanes16> InDrawing<W> {
+impl<D: Doubles16> InDrawing<D> {
     /// From corners and origins in the order of the axes that the rays draw on.
     ///
     /// # Safety
-    /// The machine must have the instructions of `W`.
+    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    pub unsafe fn new([a, b, c]: Corners<W>, origin: [W; 3], shear: [W; 2]) -> Self {
+    pub unsafe fn new([a, b, c]: Corners<D::Singles>, origin: [D::Singles; 3], shear: [D::Singles; 2]) -> Self {
         let (p0, p1, p2) = (draw(a, origin, shear), draw(b, origin, shear), draw(c, origin, shear));
-        let (w0, w1, w2) = (edge(p1, p2), edge(p2, p0), edge(p0, p1));
+        let (w0, w1, w2): (D, D, D) = (edge(p1, p2), edge(p2, p0), edge(p0, p1));
         // SAFETY: passed on to the caller.
-        let (zero, one) = unsafe { (W::Doubles::splat(0.0), W::Doubles::splat(1.0)) };
+        let (zero, one) = unsafe { (D::splat(0.0), D::splat(1.0)) };
         let inside = (zero.lt(w0) & zero.lt(w1) & zero.lt(w2)) | (w0.lt(zero) & w1.lt(zero) & w2.lt(zero));
         let scale = one.div(w0.add(w1).add(w2));
-        Self { inside, b1: w1.mul(scale).rounded(), b2: w2.mul(scale).rounded() }
+        Self { inside, b1: w1.mul(scale), b2: w2.mul(scale) }
     }
 }
 
@@ -73,9 +73,9 @@ fn minus<D: Doubles16>(a: [D; 3], b: [D; 3]) -> [D; 3] {
 
 /// As [`super::triangle::Drawing::draw`].
 #[inline(always)]
-fn draw<W: Lanes16>(v: [W; 3], o: [W; 3], shear: [W; 2]) -> [W::Doubles; 2] {
+fn draw<D: Doubles16>(v: [D::Singles; 3], o: [D::Singles; 3], shear: [D::Singles; 2]) -> [D; 2] {
     let (x, y, z) = (v[0].sub(o[0]), v[1].sub(o[1]), v[2].sub(o[2]));
-    [W::Doubles::of(x.sub(shear[0].mul(z))), W::Doubles::of(y.sub(shear[1].mul(z)))]
+    [D::of(x.sub(shear[0].mul(z))), D::of(y.sub(shear[1].mul(z)))]
 }
 
 /// As the function of the same name of the exact test, but for the symbolic shift: zero is not decided here.

@@ -9,6 +9,7 @@
 pub(crate) mod bundle;
 pub(crate) mod doubles;
 pub(crate) mod exact;
+pub(crate) mod exact_rays;
 mod leaf;
 mod lines;
 mod objects;
@@ -27,14 +28,14 @@ use crate::accel::bvh::{Forest, GroupTree};
 use crate::precision::Rules;
 use crate::query::answers::Answers;
 use crate::query::search::{Goal, RayOf, Search};
-use bundle::{Bundle, RAYS};
+use bundle::RAYS;
 use exact::Found;
-use snell_math::simd::{Lanes16, Level, Pair, Portable8};
+use snell_math::simd::{Lanes8, Lanes16, Level, Pair, Portable8};
 use std::mem::MaybeUninit;
 use std::ops::Range;
 use sure::Sure;
 use trial::Trial;
-use walk::{Memory, Position, ROWS, Row, Stacks, WalkBundles, Walker, walk_bundles_portable};
+use walk::{Luggage, Position, ROWS, Stacks, WalkBundles, Walker, first, walk_bundles_portable};
 #[cfg(target_arch = "x86_64")]
 use {
     super::traverse::walk_avx2,
@@ -47,16 +48,22 @@ const MIN_RAYS: usize = 6;
 
 /// True if the forest can be searched with bundles at all.
 pub(crate) fn is_suitable(forest: &Forest) -> bool {
-    fits(&forest.trees[0])
+    // SAFETY: portable code.
+    unsafe { fits::<Portable8>(&forest.trees[0]) }
 }
 
 /// True if bundles can walk this tree.
-fn fits(tree: &GroupTree) -> bool {
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
+#[inline(always)]
+unsafe fn fits<L: Lanes8>(tree: &GroupTree) -> bool {
     // A child is remembered as its place: eight to a node.
     tree.root != ChildRef::NONE
         && tree.root.is_node()
         && tree.nodes.len() < 1 << 29
-        && bundle::is_in_range(&tree.nodes[tree.root.index()])
+        // SAFETY: passed on to the caller.
+        && unsafe { bundle::is_in_range::<L>(&tree.nodes[tree.root.index()]) }
 }
 
 /// Searches for the rays of the batch run by run; `answers` get the number of a ray and what was found. Returns the ranges of
@@ -74,6 +81,8 @@ pub(crate) fn search_runs<G: Goal>(
         places: vec![0; forest.stack_size],
         meetings: vec![0; forest.stack_size],
         single: vec![MaybeUninit::uninit(); forest.stack_size],
+        spare: Vec::new(),
+        work: 0,
     };
     match level {
         #[cfg(target_arch = "x86_64")]
@@ -154,36 +163,37 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
         alive: 0,
         waiting: 0,
         put_off: [0; RAYS],
-        spare: Vec::new(),
-        work: 0,
         known: 0,
         sure: Sure::NONE,
         enter,
         enter_single,
     };
-    let (mut walkers, mut bundles) = ([new(), new(), new(), new()], vec![Bundle::NONE; ROWS]);
-    let mut memories = [Memory::new(), Memory::new(), Memory::new(), Memory::new()];
-    let rows = walkers.each_mut().into_iter().zip(&mut bundles).zip(&mut memories);
-    let mut rows = rows.map(|((walker, bundle), memory)| Row::new(walker, bundle, memory)).collect::<Vec<_>>();
+    let (mut walkers, mut luggage) = ([new(), new(), new(), new()], Luggage::new());
     let mut trial = Trial::default();
-    let mut first = 0;
-    while first < all.len() {
-        // Runs that are bundles, and whether they are alike.
-        let (mut count, mut alike) = (0, true);
-        let (chunk, backward) = (first, G::ANY && trial.is_backward());
-        while count < ROWS && first < all.len() {
-            let run = first..(first + RAYS).min(all.len());
-            first = run.end;
-            let row = &mut rows[count];
+    let mut next = 0;
+    while next < all.len() {
+        // Runs that are bundles.
+        let (mut count, mut members) = (0, 0);
+        let (chunk, backward) = (next, G::ANY && trial.is_backward());
+        while count < ROWS && next < all.len() {
+            let run = next..(next + RAYS).min(all.len());
+            next = run.end;
             let rays = &all[run.clone()];
-            fetch_ahead(&all[first..], run.clone(), &answers);
+            fetch_ahead(&all[next..], run.clone(), &answers);
             let anchor = runs::anchor::<G::Precision>(&all[chunk], rays);
             // SAFETY: as promised by the caller.
-            if unsafe { G::Precision::set_up_bundle::<W>(batch.context.data, row.bundle, rays, anchor, backward) } {
-                row.walker.set_off(rays, run.start, batch.rays.common_mask(run.clone()));
-                row.clear();
+            if unsafe {
+                G::Precision::set_up_bundle::<W>(
+                    batch.context.data,
+                    &mut luggage.bundles[count],
+                    rays,
+                    anchor,
+                    backward,
+                )
+            } {
+                walkers[count].set_off(rays, run.start, batch.rays.common_mask(run.clone()));
+                members |= 1 << (8 * count);
                 count += 1;
-                alike &= rows[count - 1].bundle.is_like(rows[0].bundle);
                 continue;
             }
             match left.last_mut() {
@@ -191,23 +201,23 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
                 _ => left.push(run),
             }
         }
-        // (Where bundles go into instances they do so alone, and it does not pay to come there together.)
-        let together = if alike && forest.trees.len() == 1 { count } else { 1 };
-        if together > 1 {
-            // All see boxes and triangles as the first one does.
-            let (one, others) = rows[..count].split_at_mut(1);
-            others.iter().for_each(|row| one[0].bundle.widen(row.bundle));
-            others.iter_mut().for_each(|row| row.bundle.widen(one[0].bundle));
-        }
-        for rows in rows[..count].chunks_mut(together.max(1)) {
+        let mut rest = members;
+        while rest != 0 {
+            let alike = luggage.alike(rest);
+            rest &= !alike;
+            let mut rows = luggage.rows(walkers.each_mut());
+            stacks.work = 0;
+            for row in &mut rows {
+                row.memory.clear();
+            }
             // SAFETY: as promised by the caller.
-            unsafe { enter(rows, stacks, Position { group: 0, instance: 0, top: 0 }) };
-            if rows[0].bundle.kind.reversed {
-                trial.count(rows[0].walker.work);
+            unsafe { enter(&mut rows, alike, stacks, Position { group: 0, instance: 0, top: 0 }) };
+            if luggage.bundles[first(alike)].kind.reversed {
+                trial.count(stacks.work);
             }
-            for row in rows {
-                row.walker.answer(&start, &mut answers);
-            }
+        }
+        for walker in &mut walkers[..count] {
+            walker.answer(&start, &mut answers);
         }
     }
     left
@@ -230,7 +240,7 @@ impl<'w, G: Goal> Walker<'w, '_, G> {
     fn set_off(&mut self, rays: &'w [RayOf<G>], first: usize, masks: u32) {
         (self.rays, self.first, self.masks) = (rays, first, masks);
         self.alive = u32::MAX >> (32 - rays.len());
-        (self.waiting, self.known, self.work) = (0, 0, 0);
+        (self.waiting, self.known) = (0, 0);
     }
 
     /// Gives the answers of all rays.

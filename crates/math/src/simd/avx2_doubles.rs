@@ -15,6 +15,12 @@ impl Lanes4 for Avx4 {
     }
 
     #[inline(always)]
+    unsafe fn load(values: &[f64; 4]) -> Self {
+        // SAFETY: the caller guarantees AVX; the reference covers 32 readable bytes.
+        Self(unsafe { _mm256_loadu_pd(values.as_ptr()) })
+    }
+
+    #[inline(always)]
     unsafe fn load_columns(rows: [&[f64; 4]; 4]) -> [Self; 4] {
         // SAFETY: the caller guarantees AVX; each reference covers 32 readable bytes.
         unsafe {

@@ -17,6 +17,23 @@ impl Doubles16 for Avx16Doubles {
     }
 
     #[inline(always)]
+    unsafe fn load(values: &[f64; 16]) -> Self {
+        let (eights, _) = values.as_chunks::<8>();
+        // SAFETY: the caller guarantees AVX-512; each reference covers 64 readable bytes.
+        Self(unsafe { [_mm512_loadu_pd(eights[0].as_ptr()), _mm512_loadu_pd(eights[1].as_ptr())] })
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f64; 16]) {
+        let (eights, _) = to.as_chunks_mut::<8>();
+        // SAFETY: a value of this type exists, so the machine has AVX-512; each reference covers 64 writable bytes.
+        unsafe {
+            _mm512_storeu_pd(eights[0].as_mut_ptr(), self.0[0]);
+            _mm512_storeu_pd(eights[1].as_mut_ptr(), self.0[1]);
+        }
+    }
+
+    #[inline(always)]
     fn of(singles: Avx16) -> Self {
         let [low, high] = singles.halves();
         // SAFETY: a value of this type exists, so the machine has AVX-512.

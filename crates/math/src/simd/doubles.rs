@@ -11,6 +11,12 @@ pub trait Lanes4: Copy {
     /// The machine must have the instructions of the implementation.
     unsafe fn splat(value: f64) -> Self;
 
+    /// Four numbers from memory.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn load(values: &[f64; 4]) -> Self;
+
     /// The columns of the matrix whose rows are given.
     ///
     /// # Safety
@@ -128,6 +134,11 @@ impl Lanes4 for Portable4 {
     #[inline(always)]
     unsafe fn splat(value: f64) -> Self {
         Self([value; 4])
+    }
+
+    #[inline(always)]
+    unsafe fn load(values: &[f64; 4]) -> Self {
+        Self(*values)
     }
 
     #[inline(always)]

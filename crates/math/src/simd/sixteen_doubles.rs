@@ -13,6 +13,15 @@ pub trait Doubles16: Copy {
     /// The machine must have the instructions of the implementation.
     unsafe fn splat(value: f64) -> Self;
 
+    /// Sixteen numbers from memory.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of the implementation.
+    unsafe fn load(values: &[f64; 16]) -> Self;
+
+    /// Writes the sixteen numbers.
+    fn store(self, to: &mut [f64; 16]);
+
     /// The same numbers, exactly.
     fn of(singles: Self::Singles) -> Self;
 
@@ -61,6 +70,30 @@ impl<L: WideLanes> Doubles16 for PairDoubles<L> {
     unsafe fn splat(value: f64) -> Self {
         // SAFETY: passed on to the caller.
         unsafe { Self([L::Doubles::splat(value); 4]) }
+    }
+
+    #[inline(always)]
+    unsafe fn load(values: &[f64; 16]) -> Self {
+        let (fours, _) = values.as_chunks::<4>();
+        // SAFETY: passed on to the caller.
+        unsafe {
+            Self([
+                L::Doubles::load(&fours[0]),
+                L::Doubles::load(&fours[1]),
+                L::Doubles::load(&fours[2]),
+                L::Doubles::load(&fours[3]),
+            ])
+        }
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f64; 16]) {
+        let (fours, _) = to.as_chunks_mut::<4>();
+        let [a, b, c, d] = self.0;
+        a.store(&mut fours[0]);
+        b.store(&mut fours[1]);
+        c.store(&mut fours[2]);
+        d.store(&mut fours[3]);
     }
 
     #[inline(always)]
@@ -151,6 +184,10 @@ mod tests {
         let third = x.div(three);
         // What is lost by rounding, too.
         let rest = third.sub(D::of(third.rounded()));
+        let mut kept = [0.0; 16];
+        third.store(&mut kept);
+        // SAFETY: as above.
+        let kept = unsafe { D::load(&kept) };
         // Exact, so that it does not matter whether it is fused.
         let values = [
             x.add(y),
@@ -159,6 +196,7 @@ mod tests {
             x.div(y),
             third,
             rest,
+            kept.sub(D::of(kept.rounded())),
             x.mul_add(three, three),
             third.fused(y, x),
             third.abs(),

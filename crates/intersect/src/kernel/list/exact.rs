@@ -35,6 +35,7 @@ pub(super) unsafe fn test<D: Doubles16>(bundle: &Bundle<D>, triangles: &PerRay<&
 
         let direction = doubles::<D>(d);
         let InPlane { slope, t, .. } = InPlane::new(&[a, b, c], doubles::<D>(o), direction);
+        let t = t.rounded();
         let least = D::of(steep).mul(D::of(bundle.size));
         let is_steep = least.mul(least).lt(slope.mul(slope));
 
@@ -45,14 +46,14 @@ pub(super) unsafe fn test<D: Doubles16>(bundle: &Bundle<D>, triangles: &PerRay<&
         let d = turned(d, along_x, along_y);
         let shear = [d[0].div(d[2]), d[1].div(d[2])];
         let corners = [turned(a, along_x, along_y), turned(b, along_x, along_y), turned(c, along_x, along_y)];
-        let InDrawing { inside, b1, b2 } = InDrawing::new(corners, turned(o, along_x, along_y), shear);
+        let InDrawing { inside, b1, b2 } = InDrawing::<D>::new(corners, turned(o, along_x, along_y), shear);
 
         let sure = inside & is_steep & bundle.t_min.lt(t) & t.lt(limit);
         let hits = sure & t.lt(bundle.t_max);
         let mut found = Found { t: [0.0; RAYS], b1: [0.0; RAYS], b2: [0.0; RAYS], hits, beyond: sure & !hits };
         t.store(&mut found.t);
-        b1.store(&mut found.b1);
-        b2.store(&mut found.b2);
+        b1.rounded().store(&mut found.b1);
+        b2.rounded().store(&mut found.b2);
         found
     }
 }

@@ -8,12 +8,13 @@
 //! A box is missed by all if it lies outside of the four planes around the bundle (Reshetov, Soupikov and Hurley, Multi-Level Ray
 //! Tracing Algorithm, 2005, go down with the same kind of frustum). Everything here is conservative.
 
+use super::super::meeting::doubles;
 use super::super::node::{CULL_PADDING, WideNode};
+use super::exact_rays::{ExactColumns, ExactRays, LaneRays, rounded3};
 use super::lines::Lines;
 use crate::precision::Rules;
-use snell_math::DRay;
-use snell_math::DVec3;
-use snell_math::simd::{Lanes8, Lanes16};
+use snell_math::simd::{Doubles16, Lanes8, Lanes16};
+use snell_math::{DVec3, Vec3};
 
 /// Rays in a bundle.
 pub(super) const RAYS: usize = 16;
@@ -33,35 +34,6 @@ const FARTHEST: f32 = 1.0e16;
 
 /// Bundles that spread more than this, per unit of depth, are not worth it.
 const MAX_SPREAD: f32 = 0.25;
-
-/// The rays of a bundle in the coordinates of a group, a row per ray.
-#[derive(Clone, Debug)]
-#[repr(C, align(64))]
-pub(crate) struct ExactRays {
-    /// With `t_min` as fourth.
-    pub origin: PerRay<[f64; 4]>,
-    pub direction: PerRay<[f64; 4]>,
-}
-
-impl ExactRays {
-    /// Takes the rays of a run; lanes without a ray repeat the first one.
-    #[inline(always)]
-    pub fn write<P: Rules>(&mut self, rays: &[P::Ray]) {
-        for lane in 0..RAYS {
-            let ray = P::exact(rays.get(lane).unwrap_or(&rays[0]));
-            let (o, d) = (ray.origin, ray.direction);
-            self.origin[lane] = [o.x, o.y, o.z, ray.t_min];
-            self.direction[lane] = [d.x, d.y, d.z, ray.t_max];
-        }
-    }
-
-    /// One of the rays; its interval is not used.
-    #[inline(always)]
-    pub fn get(&self, lane: usize) -> DRay {
-        let (o, d) = (&self.origin[lane], &self.direction[lane]);
-        DRay::new(DVec3::new(o[0], o[1], o[2]), DVec3::new(d[0], d[1], d[2]))
-    }
-}
 
 /// What is known of a bundle besides its rays.
 #[derive(Clone, Copy, Debug)]
@@ -86,6 +58,8 @@ pub(crate) struct Kind {
 pub(crate) struct Bundle {
     /// Not written before they [are wanted](Self::has_rays).
     pub rays: ExactRays,
+    /// Origins and directions in `f64` by axis of the group, where anything is rounded.
+    pub exact: ExactColumns,
     /// By axis of the group; not used where anything is rounded.
     pub direction: [PerRay<f32>; 3],
     /// Per axis and ray.
@@ -97,6 +71,9 @@ pub(crate) struct Bundle {
     /// `z` at `t = 0`, and how fast it changes with `t`, without sign.
     start: PerRay<f32>,
     along: PerRay<f32>,
+    /// As [`Columns`] say, the limits as they are now.
+    pub t_min: PerRay<f32>,
+    pub cull: PerRay<f32>,
     /// The origins as triangles see them, by axis of the bundle; not used with a shared origin.
     pub drawn_origin: [PerRay<f32>; 3],
     /// The rays as triangles see them. (Up to here all rows are aligned.)
@@ -138,10 +115,10 @@ fn axes(d: [f32; 3]) -> [usize; 3] {
 pub(crate) struct Columns<W> {
     /// Origins, seen from the apex and from a point among them; not used with a shared origin.
     pub from_apex: [W; 3],
-    pub from_first: [W; 3],
+    pub from_point: [W; 3],
     pub direction: [W; 3],
-    /// What `from_first` is seen from.
-    pub first_origin: [f32; 3],
+    /// What `from_point` is seen from.
+    pub point: [f32; 3],
     /// The direction of the first ray.
     pub first_direction: [f32; 3],
     /// Not negative.
@@ -154,6 +131,7 @@ impl Bundle {
     /// No bundle yet.
     pub const NONE: Self = Self {
         rays: ExactRays { origin: [[0.0; 4]; RAYS], direction: [[0.0; 4]; RAYS] },
+        exact: [[[0.0; RAYS]; 3]; 2],
         direction: [[0.0; RAYS]; 3],
         slope: [[0.0; RAYS]; 2],
         offset: [[0.0; RAYS]; 2],
@@ -161,6 +139,8 @@ impl Bundle {
         far: [0.0; RAYS],
         start: [0.0; RAYS],
         along: [0.0; RAYS],
+        t_min: [0.0; RAYS],
+        cull: [0.0; RAYS],
         drawn_origin: [[0.0; RAYS]; 3],
         lines: Lines::NONE,
         has_rays: false,
@@ -178,63 +158,59 @@ impl Bundle {
         high_offset: [0.0; 2],
     };
 
-    /// Works out the kind, the columns and everything else from `rays` in `f64`, the least `t_min` and the padded limits of the searches, and the
-    /// apex, all in the coordinates of a group. False if these rays do not make a bundle.
+    /// Works out the kind, the columns and everything else from rays in `f64` by axis, the least `t_min` and the padded limits of the searches, and the
+    /// apex and a point that triangles are seen from (neither is used with a shared origin), all in the coordinates of a group. False if these rays
+    /// do not make a bundle.
     ///
     /// # Safety
-    /// The machine must have the instructions of `L`.
+    /// The machine must have the instructions of `W`.
     #[inline(always)]
     pub unsafe fn set_up_exactly<W: Lanes16, P: Rules>(
         &mut self,
-        [t_min, cull]: &[PerRay<f32>; 2],
+        rays: LaneRays<W>,
+        [t_min, cull]: [W; 2],
         data: &P::Data,
         group: usize,
-        apex: DVec3,
+        [apex, point]: [DVec3; 2],
         kind: &Kind,
     ) -> bool {
-        self.has_rays = true;
-        let mut direction = [[0.0; RAYS]; 3];
-        let (mut from_apex, mut from_first) = ([[0.0; RAYS]; 3], [[0.0; RAYS]; 3]);
-        // Zero if everything is finite.
-        let mut sum = 0.0;
-        for lane in 0..RAYS {
-            let ray = P::ray_in_structure(data, group, &self.rays.get(lane));
-            let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
-            for (axis, (direction, origin)) in direction.iter_mut().zip(&mut self.drawn_origin).enumerate() {
-                sum += o[axis] * 0.0 + d[axis] * 0.0;
-                direction[lane] = d[axis] as f32;
-                origin[lane] = o[axis] as f32;
-            }
-        }
-        let apex = P::point_in_structure(data, group, apex).as_vec3().to_array();
-        self.kind = Kind { apex, rounded: true, slack: P::slack(data, group), ..*kind };
-        let first_origin = [self.drawn_origin[0][0], self.drawn_origin[1][0], self.drawn_origin[2][0]];
-        if !kind.common {
-            let (apex, first) = (apex.map(f64::from), first_origin.map(f64::from));
-            for lane in 0..RAYS {
-                let o = P::ray_in_structure(data, group, &self.rays.get(lane)).origin.to_array();
-                for axis in 0..3 {
-                    from_apex[axis][lane] = (o[axis] - apex[axis]) as f32;
-                    from_first[axis][lane] = (o[axis] - first[axis]) as f32;
-                }
-            }
-        }
-        // SAFETY: as promised by the caller.
+        self.has_rays = false;
+        // SAFETY: passed on to the caller.
         unsafe {
-            let columns = Columns::<W> {
-                from_apex: load3(&from_apex),
-                from_first: load3(&from_first),
-                direction: load3(&direction),
-                first_origin,
-                first_direction: [direction[0][0], direction[1][0], direction[2][0]],
-                t_min: W::load(t_min),
-                cull: W::load(cull),
-            };
-            sum == 0.0 && self.set_up::<W, P>(&columns)
+            rays.store(&mut self.exact);
+            let rays = P::rays_in_structure(data, group, rays);
+            let ([ox, oy, oz], direction) = (rounded3::<W>(rays.origin), rounded3::<W>(rays.direction));
+            ox.store(&mut self.drawn_origin[0]);
+            oy.store(&mut self.drawn_origin[1]);
+            oz.store(&mut self.drawn_origin[2]);
+            // Zero if everything is finite.
+            let zero = W::splat(0.0);
+            let mut sum = zero;
+            for column in [ox, oy, oz, direction[0], direction[1], direction[2]] {
+                sum = sum.add(column.mul(zero));
+            }
+            if sum.le(zero) != 0xffff {
+                return false;
+            }
+            let (mut apex, mut point) = (
+                P::point_in_structure(data, group, apex).as_vec3(),
+                P::point_in_structure(data, group, point).as_vec3(),
+            );
+            if kind.common {
+                apex = Vec3::new(self.drawn_origin[0][0], self.drawn_origin[1][0], self.drawn_origin[2][0]);
+                point = apex;
+            }
+            self.kind = Kind { apex: apex.to_array(), rounded: true, slack: P::slack(data, group), ..*kind };
+            let (from_apex, from_point) =
+                if kind.common { ([zero; 3], [zero; 3]) } else { (rays.seen_from(apex), rays.seen_from(point)) };
+            let [dx, dy, dz] = &self.exact[1];
+            let first_direction = [dx[0] as f32, dy[0] as f32, dz[0] as f32];
+            let point = point.to_array();
+            self.set_up::<W, P>(&Columns { from_apex, from_point, direction, point, first_direction, t_min, cull })
         }
     }
 
-    /// Works out everything else from `kind`, `drawn_origin` by axis of the group, `columns`, and `rays` if anything was rounded. False if these
+    /// Works out everything else from `kind`, `drawn_origin` by axis of the group, `columns`, and `exact` if anything was rounded. False if these
     /// rays do not make a bundle.
     ///
     /// # Safety
@@ -250,18 +226,17 @@ impl Bundle {
         self.sign = sign;
         // Quotients as in [`super::super::ray::LocalRay`], whose shears these are if triangles are drawn in `f32`.
         let is_drawn = kind.rounded && !P::TRIANGLES_ELSEWHERE;
-        if is_drawn {
-            for (i, d) in self.rays.direction.iter().enumerate() {
-                self.slope[0][i] = (d[x] / d[z]) as f32;
-                self.slope[1][i] = (d[y] / d[z]) as f32;
-            }
-        }
         // SAFETY: passed on to the caller.
         unsafe {
             let speed = directions[z];
             let along = speed.mul(W::splat(forward));
             let [shear_x, shear_y] = if is_drawn {
-                [W::load(&self.slope[0]), W::load(&self.slope[1])]
+                let direction = &self.exact[1];
+                let exact_speed = W::Doubles::load(&direction[z]);
+                [
+                    W::Doubles::load(&direction[x]).div(exact_speed).rounded(),
+                    W::Doubles::load(&direction[y]).div(exact_speed).rounded(),
+                ]
             } else {
                 [directions[x].div(speed), directions[y].div(speed)]
             };
@@ -308,6 +283,8 @@ impl Bundle {
                 octant | usize::from(down) << axis
             });
             let cull = columns.cull;
+            columns.t_min.store(&mut self.t_min);
+            cull.store(&mut self.cull);
             let start = W::load(&self.start);
             let (early, end) = (columns.t_min.mul(along), self.ends(start, cull, along));
             let (wide, narrow, margin) = (W::splat(1.0 + PADDING), W::splat(1.0 - PADDING), W::splat(self.margin));
@@ -339,13 +316,57 @@ impl Bundle {
         }
     }
 
+    /// The rays in `f64`, in the coordinates of the group.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub unsafe fn lane_rays<W: Lanes16>(&self) -> LaneRays<W> {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            if self.kind.rounded {
+                return LaneRays::load(&self.exact);
+            }
+            let drawn = self.drawn::<W>();
+            let mut origin = drawn;
+            for (from, &axis) in drawn.iter().zip(&self.axes) {
+                *origin.get_unchecked_mut(axis) = *from;
+            }
+            LaneRays { origin: doubles(origin), direction: doubles(load3(&self.direction)) }
+        }
+    }
+
+    /// The origins as triangles see them, by axis of the bundle.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub unsafe fn drawn<W: Lanes16>(&self) -> [W; 3] {
+        // SAFETY: passed on to the caller; axes are below 3.
+        unsafe {
+            if !self.kind.common {
+                return load3(&self.drawn_origin);
+            }
+            let ([x, y, z], apex) = (self.axes, &self.kind.apex);
+            [W::splat(*apex.get_unchecked(x)), W::splat(*apex.get_unchecked(y)), W::splat(*apex.get_unchecked(z))]
+        }
+    }
+
+    /// The point that triangles are seen from, by axis of the group.
+    #[inline(always)]
+    pub fn point(&self) -> Vec3 {
+        let mut point = [0.0; 3];
+        for (from, &axis) in self.lines.point.iter().zip(&self.axes) {
+            point[axis] = *from;
+        }
+        Vec3::from_array(point)
+    }
+
     /// True if both go the same way, described from and seen from the same points: then they may walk together.
     #[inline(always)]
     pub fn is_like(&self, other: &Self) -> bool {
         let (a, b) = (&self.kind, &other.kind);
-        !a.rounded
-            && (a.apex, a.reversed, a.common, a.backward, a.rounded)
-                == (b.apex, b.reversed, b.common, b.backward, b.rounded)
+        (a.apex, a.reversed, a.common, a.backward, a.rounded) == (b.apex, b.reversed, b.common, b.backward, b.rounded)
             && (self.axes, self.sign, self.octant) == (other.axes, other.sign, other.octant)
             && self.lines.point == other.lines.point
     }
@@ -355,6 +376,7 @@ impl Bundle {
     pub fn widen(&mut self, other: &Self) {
         self.margin = self.margin.max(other.margin);
         self.lines.spread = self.lines.spread.max(other.lines.spread);
+        self.lines.margin = self.lines.margin.max(other.lines.margin);
     }
 
     /// Works out where rays that do not share their origin begin.
@@ -364,7 +386,7 @@ impl Bundle {
     #[inline(always)]
     unsafe fn place<W: Lanes16>(&mut self, columns: &Columns<W>) {
         let [x, y, z] = self.axes;
-        self.lines.point = [columns.first_origin[x], columns.first_origin[y], columns.first_origin[z]];
+        self.lines.point = [columns.point[x], columns.point[y], columns.point[z]];
         self.drawn_origin = [self.drawn_origin[x], self.drawn_origin[y], self.drawn_origin[z]];
         // SAFETY: passed on to the caller.
         let distance = unsafe {
@@ -419,6 +441,7 @@ impl Bundle {
         // SAFETY: passed on to the caller.
         unsafe {
             let (cull, along) = (W::load(culls), W::load(&self.along));
+            replace(&mut self.cull, rays, cull);
             let end = self.ends(W::load(&self.start), cull, along);
             if self.kind.reversed {
                 let near = end.max(W::load(&self.near));
@@ -441,6 +464,7 @@ impl Bundle {
         unsafe {
             replace(&mut self.near, rays, W::splat(f32::INFINITY));
             replace(&mut self.far, rays, W::splat(f32::NEG_INFINITY));
+            replace(&mut self.cull, rays, W::splat(-1.0));
         }
     }
 
@@ -658,15 +682,21 @@ pub(super) unsafe fn replace<W: Lanes16>(values: &mut PerRay<f32>, rays: u32, by
 }
 
 /// True if the boxes of a node are where the tests of bundles cannot overflow.
+///
+/// # Safety
+/// The machine must have the instructions of `L`.
 #[inline(always)]
-pub(super) fn is_in_range(node: &WideNode) -> bool {
-    let mut within = true;
-    for slot in 0..8 {
-        for axis in 0..3 {
-            let (low, high) = (node.bounds[0][axis][slot], node.bounds[1][axis][slot]);
+pub(super) unsafe fn is_in_range<L: Lanes8>(node: &WideNode) -> bool {
+    let [lows, highs] = &node.bounds;
+    let mut within = 0xff;
+    // SAFETY: passed on to the caller.
+    unsafe {
+        let largest = L::splat(LARGEST);
+        for (low, high) in lows.iter().zip(highs) {
+            let (low, high) = (L::load(low), L::load(high));
             // Unused slots are empty.
-            within &= low > high || (low > -LARGEST && high < LARGEST);
+            within &= high.lt(low) | (L::splat(-LARGEST).lt(low) & high.lt(largest));
         }
     }
-    within
+    within == 0xff
 }

@@ -90,7 +90,7 @@ impl Lines {
             let mut start = W::splat(0.0);
             self.spread = 0.0;
             if self.apart {
-                let from = &columns.from_first;
+                let from = &columns.from_point;
                 let (from_x, from_y, from_z) = (from[x], from[y], from[z]);
                 self.spread = from_x.abs().add(from_y.abs()).add(from_z.abs()).greatest();
                 start = from_z.mul(W::splat(self.forward));

@@ -3,14 +3,14 @@
 use super::super::node::ChildRef;
 use super::super::traverse::{Stack, test_object};
 use super::bundle::{Bundle, PerRay, RAYS};
-use super::walk::{Memory, Position, Row, Stacks, Walker};
+use super::walk::{Luggage, Members, Position, ROWS, Row, Rows, Stacks, Walker, next};
 use super::{MIN_RAYS, fits};
 use crate::accel::bvh::GroupTree;
-use crate::accel::group::{Object, ObjectRef, Placement, mapped};
+use crate::accel::group::{Object, ObjectRef, Placement};
 use crate::precision::Rules;
 use crate::query::search::Goal;
 use snell_math::simd::Lanes16;
-use snell_math::{DAffine3, DVec3, Vec3};
+use snell_math::{DAffine3, Vec3};
 
 impl<G: Goal> Walker<'_, '_, G> {
     /// Tests a shape or instance for some of the rays.
@@ -68,60 +68,17 @@ impl<G: Goal> Walker<'_, '_, G> {
         over
     }
 
-    /// Tests a shape or instance for some of the rays: in an instance they go on as a bundle if they can.
-    ///
-    /// # Safety
-    /// As [`Self::walk`].
+    /// Those of some rays that may meet what has a mask.
     #[inline(always)]
-    pub(super) unsafe fn enter_object<W: Lanes16>(
-        &mut self,
-        tree: &GroupTree,
-        object: ChildRef,
-        bundle: &mut Bundle,
-        mask: u32,
-        position: &Position,
-        stacks: &mut Stacks,
-    ) {
-        if let ObjectRef::Placed(Object::Instance {
-            child,
-            offset,
-            child_from_group: Placement::Still(child_from_group),
-            mask: visible,
-        }) = tree.objects.get(object.index())
-        {
-            let mut wanted = 0;
-            for lane in (0..RAYS).filter(|lane| mask >> lane & 1 == 1) {
-                wanted |= u32::from(self.search(lane).mask & visible != 0) << lane;
-            }
-            if wanted.count_ones() as usize >= MIN_RAYS && fits(&self.forest.trees[*child]) {
-                let mut below = self.spare.pop().unwrap_or_else(|| Box::new(Bundle::NONE));
-                let groups = (position.group, *child);
-                // SAFETY: as promised by the caller.
-                if unsafe { self.set_up_in_child::<W>(&mut below, bundle, wanted, groups, child_from_group) } {
-                    let alive = std::mem::replace(&mut self.alive, wanted);
-                    let inside = Position { group: *child, instance: position.instance + offset, ..*position };
-                    let mut memory = Memory::new();
-                    // SAFETY: as promised by the caller.
-                    unsafe { (self.enter)(&mut [Row::new(self, &mut below, &mut memory)], stacks, inside) };
-                    self.spare.push(below);
-                    let over = wanted & !self.alive;
-                    self.alive = alive & !over;
-                    let mut culls = [0.0; RAYS];
-                    for lane in (0..RAYS).filter(|lane| wanted >> lane & 1 == 1) {
-                        culls[lane] = self.search(lane).cull();
-                    }
-                    // SAFETY: as promised by the caller.
-                    unsafe {
-                        bundle.narrow::<W>(wanted, over, &culls);
-                        bundle.update_limits::<W>();
-                    }
-                    return;
+    fn visible(&mut self, mut rays: u32, mask: u32) -> u32 {
+        if self.masks & mask == 0 {
+            for lane in 0..RAYS {
+                if rays >> lane & 1 == 1 && self.search(lane).mask & mask == 0 {
+                    rays &= !(1 << lane);
                 }
-                self.spare.push(below);
             }
         }
-        // SAFETY: as promised by the caller.
-        unsafe { self.test_objects::<W>(tree, object.index(), bundle, mask, position.instance, &mut stacks.single) };
+        rays
     }
 
     /// Makes a bundle of some of the rays in the coordinates of an instanced group; false if it is none.
@@ -130,32 +87,113 @@ impl<G: Goal> Walker<'_, '_, G> {
     /// The machine must have the instructions of `W`.
     #[inline(always)]
     unsafe fn set_up_in_child<W: Lanes16>(
-        &mut self,
+        &self,
         below: &mut Bundle,
-        bundle: &mut Bundle,
+        bundle: &Bundle,
         mask: u32,
         (group, child): (usize, usize),
         child_from_group: &DAffine3,
     ) -> bool {
-        self.want_rays(bundle);
-        let [mut t_min, mut cull] = [[0.0; RAYS]; 2];
-        for lane in 0..RAYS {
-            let ray = mapped(child_from_group, &bundle.rays.get(lane));
-            let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
-            let search = self.search(lane);
-            t_min[lane] = search.start;
-            cull[lane] = if mask >> lane & 1 == 1 { search.cull() } else { -1.0 };
-            below.rays.origin[lane] = [o[0], o[1], o[2], bundle.rays.origin[lane][3]];
-            below.rays.direction[lane] = [d[0], d[1], d[2], 0.0];
-        }
-        let [x, y, z, _] = below.rays.origin[0];
-        let apex = if bundle.kind.common {
-            DVec3::new(x, y, z)
-        } else {
-            let apex = Vec3::from_array(bundle.kind.apex).as_dvec3();
-            child_from_group.transform_point3(G::Precision::point_in_group(self.data, group, apex))
-        };
         // SAFETY: as promised by the caller.
-        unsafe { below.set_up_exactly::<W, G::Precision>(&[t_min, cull], self.data, child, apex, &bundle.kind) }
+        unsafe {
+            let rays = bundle.lane_rays::<W>().mapped(child_from_group);
+            let cull = W::splat(-1.0).replace(mask, W::load(&bundle.cull));
+            let mut points = [Vec3::from_array(bundle.kind.apex).as_dvec3(), bundle.point().as_dvec3()];
+            for point in &mut points {
+                *point = child_from_group.transform_point3(G::Precision::point_in_group(self.data, group, *point));
+            }
+            let limits = [W::load(&bundle.t_min), cull];
+            below.set_up_exactly::<W, G::Precision>(rays, limits, self.data, child, points, &bundle.kind)
+        }
+    }
+}
+
+/// Tests a shape or instance for some of the rays of some of the bundles: in an instance they go on as bundles if they can, together if they are
+/// alike there.
+///
+/// # Safety
+/// As [`super::walk::WalkBundles`], in the group of the position.
+#[inline(always)]
+pub(super) unsafe fn enter_object<W: Lanes16, G: Goal>(
+    tree: &GroupTree,
+    object: ChildRef,
+    rows: &mut Rows<'_, '_, '_, G>,
+    mut members: Members,
+    rays: &[u32; ROWS],
+    position: &Position,
+    stacks: &mut Stacks,
+) {
+    // SAFETY: as promised by the caller.
+    unsafe {
+        if let ObjectRef::Placed(Object::Instance {
+            child,
+            offset,
+            child_from_group: Placement::Still(child_from_group),
+            mask: visible,
+        }) = tree.objects.get(object.index())
+            && fits::<W::Half>(&rows[0].walker.forest.trees[*child])
+        {
+            let mut luggage = stacks.spare.pop().unwrap_or_else(Luggage::new);
+            let (mut rest, mut inside, mut wanted) = (members, 0, [0; ROWS]);
+            while let Some(number) = next(&mut rest) {
+                let Row { walker, bundle, .. } = &mut rows[number];
+                wanted[number] = walker.visible(rays[number], *visible);
+                let (below, groups) = (&mut luggage.bundles[number], (position.group, *child));
+                if wanted[number].count_ones() as usize >= MIN_RAYS
+                    && walker.set_up_in_child::<W>(below, bundle, wanted[number], groups, child_from_group)
+                {
+                    inside |= 1 << (8 * number);
+                }
+            }
+            members &= !inside;
+            let position = Position { group: *child, instance: position.instance + offset, ..*position };
+            while inside != 0 {
+                let alike = luggage.alike(inside);
+                inside &= !alike;
+                walk_inside::<W, G>(rows, alike, &wanted, &mut luggage, stacks, position);
+            }
+            stacks.spare.push(luggage);
+        }
+        while let Some(number) = next(&mut members) {
+            let Row { walker, bundle, .. } = &mut rows[number];
+            let (object, single) = (object.index(), &mut stacks.single);
+            walker.test_objects::<W>(tree, object, bundle, rays[number], position.instance, single);
+        }
+    }
+}
+
+/// Walks an instanced group with bundles that are alike there.
+///
+/// # Safety
+/// As [`super::walk::WalkBundles`].
+#[inline(always)]
+unsafe fn walk_inside<W: Lanes16, G: Goal>(
+    rows: &mut Rows<'_, '_, '_, G>,
+    members: Members,
+    wanted: &[u32; ROWS],
+    luggage: &mut Luggage,
+    stacks: &mut Stacks,
+    position: Position,
+) {
+    let (enter, mut outside) = (rows[0].walker.enter, [0; ROWS]);
+    let [a, b, c, d] = &mut *rows;
+    let mut below = luggage.rows([a.walker, b.walker, c.walker, d.walker]);
+    let mut rest = members;
+    while let Some(number) = next(&mut rest) {
+        below[number].memory.clear();
+        outside[number] = std::mem::replace(&mut below[number].walker.alive, wanted[number]);
+    }
+    // SAFETY: as promised by the caller.
+    unsafe { enter(&mut below, members, stacks, position) };
+    let mut rest = members;
+    while let Some(number) = next(&mut rest) {
+        let Row { walker, bundle, .. } = &mut rows[number];
+        let over = wanted[number] & !walker.alive;
+        walker.alive = outside[number] & !over;
+        // SAFETY: as promised by the caller.
+        unsafe {
+            bundle.narrow::<W>(wanted[number], over, &luggage.bundles[number].cull);
+            bundle.update_limits::<W>();
+        }
     }
 }

@@ -4,6 +4,7 @@ use super::super::columns::ray_columns;
 use super::super::node::{CULL_PADDING, padded};
 use super::MIN_RAYS;
 use super::bundle::{Bundle, Columns, Kind, RAYS};
+use super::exact_rays::LaneRays;
 use crate::kernel::double::DoubleData;
 use crate::precision::{Double, Real, Rules, Single};
 use snell_math::simd::Lanes16;
@@ -56,11 +57,11 @@ pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], ancho
             return false;
         }
         let ends = t_max.lt(W::splat(f32::INFINITY)) == 0xffff;
-        let first_origin = anchor.origin.to_array();
-        let [x, y, z] = first_origin;
-        let from_first = [ox.sub(W::splat(x)), oy.sub(W::splat(y)), oz.sub(W::splat(z))];
+        let point = anchor.origin.to_array();
+        let [x, y, z] = point;
+        let from_point = [ox.sub(W::splat(x)), oy.sub(W::splat(y)), oz.sub(W::splat(z))];
         // (Differences of finite numbers are zero if these are equal.)
-        let common = from_first[0].abs().max(from_first[1].abs()).max(from_first[2].abs()).le(zero) == 0xffff;
+        let common = from_point[0].abs().max(from_point[1].abs()).max(from_point[2].abs()).le(zero) == 0xffff;
         let reversed = !common && ends;
         // A little beyond the ends, so that all rays end before it.
         let end = anchor.origin + anchor.direction * (anchor.t_max * (1.0 + 1.0 / 1024.0));
@@ -77,15 +78,7 @@ pub(crate) unsafe fn set_up<W: Lanes16>(bundle: &mut Bundle, rays: &[Ray], ancho
         let cull = t_max.add(t_max.abs().mul(W::splat(CULL_PADDING))).replace(unused, W::splat(-1.0));
         let direction = [dx, dy, dz];
         let first_direction = first.direction.to_array();
-        bundle.set_up::<W, Single>(&Columns {
-            from_apex,
-            from_first,
-            direction,
-            first_origin,
-            first_direction,
-            t_min,
-            cull,
-        })
+        bundle.set_up::<W, Single>(&Columns { from_apex, from_point, direction, point, first_direction, t_min, cull })
     }
 }
 
@@ -104,7 +97,7 @@ pub(crate) unsafe fn set_up_doubles<W: Lanes16>(
         return false;
     }
     let first = &rays[0];
-    let [mut t_min, mut cull] = [[0.0; RAYS]; 2];
+    let ([mut t_min, mut cull], mut exact) = ([[0.0; RAYS]; 2], [[[0.0; RAYS]; 3]; 2]);
     let (mut is_fine, mut ends, mut common) = (true, true, true);
     for i in 0..RAYS {
         let ray = rays.get(i).unwrap_or(first);
@@ -113,14 +106,22 @@ pub(crate) unsafe fn set_up_doubles<W: Lanes16>(
         common &= ray.origin == first.origin;
         t_min[i] = ray.t_min.below();
         cull[i] = padded(ray.t_max.above());
+        for (columns, vector) in exact.iter_mut().zip([ray.origin, ray.direction]) {
+            columns[0][i] = vector.x;
+            columns[1][i] = vector.y;
+            columns[2][i] = vector.z;
+        }
     }
     cull[rays.len()..].fill(-1.0);
-    bundle.rays.write::<Double>(rays);
     let reversed = !common && ends;
     // A little beyond the ends, so that all rays end before it.
     let end = first.origin + first.direction * (first.t_max * (1.0 + 1.0 / 1024.0));
     let apex = if reversed { end } else { first.origin };
     let kind = Kind { apex: [0.0; 3], reversed, common, backward: reversed && backward, rounded: true, slack: 0.0 };
     // SAFETY: as promised by the caller.
-    is_fine && unsafe { bundle.set_up_exactly::<W, Double>(&[t_min, cull], data, 0, apex, &kind) }
+    is_fine
+        && unsafe {
+            let (limits, points) = ([W::load(&t_min), W::load(&cull)], [apex, first.origin]);
+            bundle.set_up_exactly::<W, Double>(LaneRays::load(&exact), limits, data, 0, points, &kind)
+        }
 }

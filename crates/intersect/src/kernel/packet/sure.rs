@@ -1,8 +1,9 @@
 //! The exact test for the triangle that each ray surely hits.
 
-use super::super::meeting::{Corners, InDrawing, InPlane, doubles};
-use super::super::triangle::TriangleBlock;
+use super::super::meeting::{Corners, InDrawing, InPlane, dot};
+use super::super::triangle::{PLACE_TOLERANCE, TriangleBlock};
 use super::bundle::{Bundle, PerRay, RAYS};
+use super::exact_rays::LaneRays;
 use crate::precision::Real;
 use snell_math::simd::{Doubles16, Lanes16};
 
@@ -19,14 +20,14 @@ impl<R: Real> Sure<R> {
 
 /// Square of the inverse of the least slope, by the normal, of rays that are decided here. The drawing is off by 8.5 units of `2^-24`, relative to the
 /// farthest vertex; so hits are within [`super::super::triangle::PLACE_TOLERANCE`] at up to 98. (They are in the box of the triangle, since the ray
-/// surely passes through it, not only through what is drawn.)
+/// surely passes through it, not only through what is drawn. Rounding of the origin is in the bound of that, so a triangle that is surely hit is large beside it.)
 const STEEPEST_SQUARE: f64 = 64.0 * 64.0;
 
 /// Tests the triangles that some of the rays surely hit, given by their places. Returns the rays that are decided: all of these hit.
 ///
 /// # Safety
 /// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays of the bundle must be drawn along its z
-/// axis ([`Bundle::is_aligned`]), and nothing in it may be [rounded](super::bundle::Kind::rounded).
+/// axis ([`Bundle::is_aligned`]).
 #[inline(always)]
 pub(crate) unsafe fn test<W: Lanes16>(
     blocks: &[TriangleBlock],
@@ -38,32 +39,33 @@ pub(crate) unsafe fn test<W: Lanes16>(
     // SAFETY: passed on to the caller; axes are below 3.
     unsafe {
         let corners = corners::<W>(blocks, rays, places);
-        let [d0, d1, d2] = &bundle.direction;
-        let direction = [W::load(d0), W::load(d1), W::load(d2)];
-        let origin = if bundle.kind.common {
-            let [x, y, z] = bundle.kind.apex;
-            [W::splat(x), W::splat(y), W::splat(z)]
-        } else {
-            let mut origin = [W::splat(0.0); 3];
-            for (from, &axis) in bundle.drawn_origin.iter().zip(&bundle.axes) {
-                *origin.get_unchecked_mut(axis) = W::load(from);
-            }
-            origin
-        };
-        let InPlane { normal: [nx, ny, nz], slope, t } =
-            InPlane::<W::Doubles>::new(&corners, doubles(origin), doubles(direction));
+        let LaneRays { origin, direction } = bundle.lane_rays::<W>();
+        let InPlane { normal: [nx, ny, nz], slope, t } = InPlane::<W::Doubles>::new(&corners, origin, direction);
         let [first, second, third] =
             [turned(corners[0], bundle), turned(corners[1], bundle), turned(corners[2], bundle)];
-        let size = W::Doubles::of(turned(direction, bundle)[2]);
-        let square = nx.mul(nx).add(ny.mul(ny)).add(nz.mul(nz)).mul(size.mul(size));
+        let speed = *direction.get_unchecked(bundle.axes[2]);
+        let square = nx.mul(nx).add(ny.mul(ny)).add(nz.mul(nz)).mul(speed.mul(speed));
         let is_steep = square.lt(slope.mul(slope).mul(W::Doubles::splat(STEEPEST_SQUARE)));
         let sign = W::splat(bundle.sign);
         let shear = [W::load(&bundle.slope[0]).mul(sign), W::load(&bundle.slope[1]).mul(sign)];
-        let InDrawing { inside, b1, b2 } = InDrawing::new([first, second, third], turned(origin, bundle), shear);
-        t.store(&mut sure.t);
-        b1.store(&mut sure.b1);
-        b2.store(&mut sure.b2);
-        rays & is_steep & inside
+        let InDrawing { inside, b1, b2 } = InDrawing::<W::Doubles>::new([first, second, third], bundle.drawn(), shear);
+        let mut decided = rays & is_steep & inside;
+        if bundle.kind.rounded {
+            // What is drawn is off by the rounding of the origin, too.
+            let (start, one) = (*origin.get_unchecked(bundle.axes[2]), W::Doubles::splat(1.0));
+            let [z0, z1, z2] = [
+                W::Doubles::of(first[2]).sub(start),
+                W::Doubles::of(second[2]).sub(start),
+                W::Doubles::of(third[2]).sub(start),
+            ];
+            let place = dot([z0, z1, z2], [one.sub(b1).sub(b2), b1, b2]);
+            let reach = place.abs().mul(W::Doubles::splat(PLACE_TOLERANCE * (1.0 - 1e-9)));
+            decided &= place.sub(t.mul(speed)).abs().lt(reach);
+        }
+        t.rounded().store(&mut sure.t);
+        b1.rounded().store(&mut sure.b1);
+        b2.rounded().store(&mut sure.b2);
+        decided
     }
 }
 

@@ -1,10 +1,13 @@
 use super::bundle::{Bundle, RAYS};
 use super::exact::{Found, Pairs, exact_hits};
+use super::exact_rays::{ExactColumns, LaneRays};
 use super::leaf::{SeenBlock, SharedOrigin};
 use super::runs::set_up;
 use super::triangles::Locals;
 use crate::accel::AcceleratorKind;
+use crate::accel::group::mapped;
 use crate::hit::{DHit, Hit};
+use crate::kernel::double::frame::Frame;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{TriangleBlock, exact_hit};
 use crate::mesh::{DTriangleMesh, TriangleMesh};
@@ -16,7 +19,7 @@ use crate::world::tests::{bits, build, levels, nested_scene};
 use crate::world::{BuildOptions, GeometryId, World, WorldBuilder};
 use proptest::prelude::*;
 use snell_math::simd::{Lanes16, Level, Pair, Portable8};
-use snell_math::{DAffine3, DRay, DVec3, Ray, Transform, Vec3, rng};
+use snell_math::{Bounds3d, DAffine3, DRay, DVec3, Ray, Transform, Vec3, rng};
 use std::sync::Arc;
 
 /// Unit numbers from a seed.
@@ -340,4 +343,50 @@ fn locals_are_built_once_and_are_those_of_the_rays() {
         assert_eq!(locals.get(&bundle, lane).exact.direction, rays[lane].direction.as_dvec3());
     }
     assert_eq!(locals.built, 0b1001);
+}
+
+/// Rays in lanes, by a map and by a frame.
+unsafe fn in_lanes<W: Lanes16>(rays: &ExactColumns, map: &DAffine3, frame: &Frame) -> [ExactColumns; 2] {
+    let mut images = [*rays; 2];
+    // SAFETY: as promised by the caller.
+    unsafe {
+        let rays = LaneRays::<W>::load(rays);
+        rays.mapped(map).store(&mut images[0]);
+        rays.framed(&frame.center, frame.scale).store(&mut images[1]);
+    }
+    images
+}
+
+#[test]
+fn rays_in_lanes_are_mapped_to_the_bits_of_rays_one_by_one() {
+    let third = |v: Vec3| v.as_dvec3() / 3.0;
+    for seed in 0..50 {
+        let row = |i: u32| third(vector(seed, i));
+        let map = DAffine3::from_cols(row(100), row(101), row(102), row(103) * 1e3);
+        let frame = Frame::of(&Bounds3d { min: row(104) - 5.0, max: row(105) + 7.0 });
+        let rays: Vec<DRay> = (0..16).map(|i| DRay::new(row(2 * i) * 1e4, row(2 * i + 1))).collect();
+        let columns = |rays: &[DRay]| -> ExactColumns {
+            let column = |of: &dyn Fn(&DRay) -> f64| std::array::from_fn(|i| of(&rays[i]));
+            [
+                std::array::from_fn(|axis| column(&|ray| ray.origin[axis])),
+                std::array::from_fn(|axis| column(&|ray| ray.direction[axis])),
+            ]
+        };
+        let image = |of: &dyn Fn(&DRay) -> DRay| columns(&rays.iter().map(of).collect::<Vec<_>>());
+        let expected = [image(&|ray| mapped(&map, ray)), image(&|ray| frame.ray(ray))];
+        let rays = columns(&rays);
+        for level in levels() {
+            // SAFETY: the level is supported.
+            let found = unsafe {
+                match level {
+                    #[cfg(target_arch = "x86_64")]
+                    Level::Avx512 => in_lanes::<snell_math::simd::Avx16>(&rays, &map, &frame),
+                    #[cfg(target_arch = "x86_64")]
+                    Level::Avx2 => in_lanes::<Pair<snell_math::simd::Avx8>>(&rays, &map, &frame),
+                    _ => in_lanes::<Pair<Portable8>>(&rays, &map, &frame),
+                }
+            };
+            assert_eq!(found, expected, "{level}");
+        }
+    }
 }

@@ -16,6 +16,9 @@ use std::mem::MaybeUninit;
 /// So few rays are worth a look at which triangles they are near, two at a time.
 const FEW_RAYS: u32 = 6;
 
+/// So few rays of one origin are tested one by one in an instance: what is there is mostly small, and each ray meets another triangle.
+const FEW_RAYS_INSIDE: u32 = 9;
+
 /// So many pairs may wait where the nearest hit is wanted.
 const WAITING_PAIRS: usize = 4;
 
@@ -41,7 +44,7 @@ impl<G: Goal> Walker<'_, '_, G> {
     ) {
         // SAFETY: as promised by the caller.
         unsafe {
-            let few = FEW_RAYS * W::REGISTERS;
+            let few = (FEW_RAYS * W::REGISTERS).max(if instance == 0 { 0 } else { FEW_RAYS_INSIDE });
             let is_quick = !G::ANY && !bundle.lines.apart && (!Self::PUTS_OFF || rays.count_ones() <= few);
             let mut found = if is_quick {
                 self.find_pairs_of_origin::<W>(tree, leaf, bundle, rays, pairs, locals, instance)
@@ -197,8 +200,8 @@ impl<G: Goal> Walker<'_, '_, G> {
         }
     }
 
-    /// Tests what was put off. [`Bundle::update_limits`] must follow if this is not the `last` that the bundle is used for. If the group `is_root`,
-    /// what rays without a search hit is only noted: nothing more can come.
+    /// Tests what was put off. If nothing comes after the `last` ones of the root group, what rays without a search hit is only noted; else
+    /// [`Bundle::update_limits`] must follow.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`; what was put off must be in this tree.
@@ -210,7 +213,6 @@ impl<G: Goal> Walker<'_, '_, G> {
         locals: &mut Locals,
         instance: u32,
         last: bool,
-        is_root: bool,
     ) {
         if !Self::PUTS_OFF {
             return;
@@ -221,7 +223,7 @@ impl<G: Goal> Walker<'_, '_, G> {
             // SAFETY: as promised by the caller.
             let mut hits = unsafe { G::Precision::sure_hits::<W>(tree, bundle, rays, &self.put_off, &mut self.sure) };
             rays &= !hits;
-            if is_root {
+            if last {
                 self.known = hits & !self.begun;
                 hits &= self.begun;
             }

@@ -5,6 +5,7 @@ use super::super::traverse::{Entry, Walk};
 use super::bundle::{Bundle, PerRay};
 use super::exact::{Found, Pairs};
 use super::leaf::Leaf;
+use super::objects::enter_object;
 use super::sure::Sure;
 use super::triangles::Locals;
 use crate::accel::bvh::{Forest, GroupTree};
@@ -12,11 +13,11 @@ use crate::query::search::{DataOf, Goal, RayOf, RealOf, Search};
 use crate::world::GeometryOptions;
 #[cfg(target_arch = "x86_64")]
 use snell_math::simd::{Avx8, Avx16};
-use snell_math::simd::{Lanes8, Lanes16, Pair, Portable8};
+use snell_math::simd::{Lanes8, Lanes16, Pair, Portable8, most};
 use std::mem::MaybeUninit;
 
 /// Trees larger than this are fetched ahead.
-const PREFETCH_BYTES: usize = 8 << 20;
+const PREFETCH_BYTES: usize = 2 << 20;
 
 /// Bundles that walk together at most.
 pub(super) const ROWS: usize = 4;
@@ -29,10 +30,18 @@ pub(super) struct Stacks {
     /// Of all slots of the node: eight bits a bundle.
     pub(super) meetings: Vec<u32>,
     pub(super) single: Vec<MaybeUninit<Entry>>,
+    /// Of bundles in instances.
+    #[allow(clippy::vec_box, reason = "they are large, and come and go")]
+    pub(super) spare: Vec<Box<Luggage>>,
+    /// About what walks took: a box tested is one.
+    pub(super) work: u32,
 }
 
 /// The walk of a level.
-pub(super) type WalkBundles<G> = unsafe fn(&mut [Row<'_, '_, '_, G>], &mut Stacks, Position);
+pub(super) type WalkBundles<G> = unsafe fn(&mut Rows<'_, '_, '_, G>, Members, &mut Stacks, Position);
+
+/// Some of the rows: the first bit of a byte for each.
+pub(super) type Members = u32;
 
 /// Where bundles are.
 #[derive(Clone, Copy)]
@@ -49,12 +58,13 @@ pub(super) struct Position {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 pub(super) unsafe fn walk_bundles_avx2<G: Goal>(
-    rows: &mut [Row<'_, '_, '_, G>],
+    rows: &mut Rows<'_, '_, '_, G>,
+    members: Members,
     stacks: &mut Stacks,
     position: Position,
 ) {
     // SAFETY: as promised by the caller.
-    unsafe { walk::<Pair<Avx8>, G>(rows, stacks, position) }
+    unsafe { walk::<Pair<Avx8>, G>(rows, members, stacks, position) }
 }
 
 /// # Safety
@@ -62,23 +72,25 @@ pub(super) unsafe fn walk_bundles_avx2<G: Goal>(
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 pub(super) unsafe fn walk_bundles_avx512<G: Goal>(
-    rows: &mut [Row<'_, '_, '_, G>],
+    rows: &mut Rows<'_, '_, '_, G>,
+    members: Members,
     stacks: &mut Stacks,
     position: Position,
 ) {
     // SAFETY: as promised by the caller.
-    unsafe { walk::<Avx16, G>(rows, stacks, position) }
+    unsafe { walk::<Avx16, G>(rows, members, stacks, position) }
 }
 
 /// # Safety
 /// As [`walk`].
 pub(super) unsafe fn walk_bundles_portable<G: Goal>(
-    rows: &mut [Row<'_, '_, '_, G>],
+    rows: &mut Rows<'_, '_, '_, G>,
+    members: Members,
     stacks: &mut Stacks,
     position: Position,
 ) {
     // SAFETY: as promised by the caller.
-    unsafe { walk::<Pair<Portable8>, G>(rows, stacks, position) }
+    unsafe { walk::<Pair<Portable8>, G>(rows, members, stacks, position) }
 }
 
 /// The searches of a run on their way through the forest.
@@ -103,11 +115,6 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     /// The rays of the group that surely hit something, and the place of the nearest of that ([`Pairs`]): tested exactly in the end.
     pub(super) waiting: u32,
     pub(super) put_off: PerRay<u32>,
-    /// Memory for bundles in instances.
-    #[allow(clippy::vec_box, reason = "they are large, and come and go")]
-    pub(super) spare: Vec<Box<Bundle>>,
-    /// About what it took, for all that walk together: a box tested is one.
-    pub(super) work: u32,
     /// Rays without a search whose nearest hit is known: in `sure`, of what was put off.
     pub(super) known: u32,
     pub(super) sure: Sure<RealOf<G>>,
@@ -119,59 +126,110 @@ pub(super) struct Walker<'w, 's, G: Goal> {
 pub(super) struct Row<'r, 'w, 's, G: Goal> {
     pub(super) walker: &'r mut Walker<'w, 's, G>,
     pub(super) bundle: &'r mut Bundle,
-    memory: &'r mut Memory,
+    pub(super) memory: &'r mut Memory,
 }
 
-/// What a bundle keeps on its way through a group. (Never moved: it is large, and most of it is not written.)
+/// All that may walk together.
+pub(super) type Rows<'r, 'w, 's, G> = [Row<'r, 'w, 's, G>; ROWS];
+
+/// What a bundle keeps on its way through a group.
 pub(super) struct Memory {
     pairs: Pairs,
     locals: Locals,
 }
 
 impl Memory {
-    #[inline(always)]
-    pub(super) fn new() -> Self {
-        Self { pairs: Pairs::NONE, locals: Locals::new() }
-    }
-}
-
-impl<'r, 'w, 's, G: Goal> Row<'r, 'w, 's, G> {
-    #[inline(always)]
-    pub(super) fn new(walker: &'r mut Walker<'w, 's, G>, bundle: &'r mut Bundle, memory: &'r mut Memory) -> Self {
-        Self { walker, bundle, memory }
-    }
-
     /// Prepares it for another bundle.
     #[inline(always)]
     pub(super) fn clear(&mut self) {
-        self.memory.pairs.clear();
-        self.memory.locals.clear();
+        self.pairs.clear();
+        self.locals.clear();
     }
 }
 
-/// Walks one group with bundles that are [alike](Bundle::is_like), up to [`ROWS`]: each meets what it would meet alone, in the same order.
+/// What belongs to rows in a group. (Never moved: it is large, and most of it is not written.)
+pub(super) struct Luggage {
+    pub(super) bundles: [Bundle; ROWS],
+    memories: [Memory; ROWS],
+}
+
+impl Luggage {
+    pub(super) fn new() -> Box<Self> {
+        let memory = || Memory { pairs: Pairs::NONE, locals: Locals::new() };
+        Box::new(Self { bundles: [const { Bundle::NONE }; ROWS], memories: [memory(), memory(), memory(), memory()] })
+    }
+
+    /// The first of some members, and those that may walk with it.
+    #[inline(always)]
+    pub(super) fn alike(&mut self, members: Members) -> Members {
+        let (first, mut rest, mut alike) = (first(members), members & (members - 1), members & members.wrapping_neg());
+        while let Some(number) = next(&mut rest) {
+            if let Ok([one, other]) = self.bundles.get_disjoint_mut([first, number])
+                && one.is_like(other)
+            {
+                one.widen(other);
+                alike |= 1 << (8 * number);
+            }
+        }
+        // All see boxes and triangles as the first one does.
+        let mut rest = alike & (alike - 1);
+        while let Some(number) = next(&mut rest) {
+            if let Ok([one, other]) = self.bundles.get_disjoint_mut([first, number]) {
+                other.widen(one);
+            }
+        }
+        alike
+    }
+
+    /// Rows for some walkers.
+    #[inline(always)]
+    pub(super) fn rows<'r, 'w, 's, G: Goal>(
+        &'r mut self,
+        [i, j, k, l]: [&'r mut Walker<'w, 's, G>; ROWS],
+    ) -> Rows<'r, 'w, 's, G> {
+        let ([a, b, c, d], [e, f, g, h]) = (&mut self.bundles, &mut self.memories);
+        [
+            Row { walker: i, bundle: a, memory: e },
+            Row { walker: j, bundle: b, memory: f },
+            Row { walker: k, bundle: c, memory: g },
+            Row { walker: l, bundle: d, memory: h },
+        ]
+    }
+}
+
+/// Walks one group with some of the bundles, which must be [alike](Bundle::is_like): each meets what it would meet alone, in the same order.
 ///
 /// # Safety
 /// The machine must have the instructions of `W`; the stacks must have room for the group and all below it.
 #[inline(always)]
-unsafe fn walk<W: Lanes16, G: Goal>(rows: &mut [Row<'_, '_, '_, G>], stacks: &mut Stacks, position: Position) {
-    let tree = &rows[0].walker.forest.trees[position.group];
+unsafe fn walk<W: Lanes16, G: Goal>(
+    rows: &mut Rows<'_, '_, '_, G>,
+    members: Members,
+    stacks: &mut Stacks,
+    position: Position,
+) {
+    let tree = &rows[first(members)].walker.forest.trees[position.group];
     let instance = position.instance;
     // SAFETY: as promised by the caller.
     unsafe {
-        for row in &mut *rows {
-            for &object in &tree.unbounded {
-                let alive = row.walker.alive;
-                let stack = &mut stacks.single;
-                row.walker.test_objects::<W>(tree, object as usize, row.bundle, alive, instance, stack);
+        for &object in &tree.unbounded {
+            let mut rest = members;
+            while let Some(number) = next(&mut rest) {
+                let Row { walker, bundle, .. } = &mut rows[number];
+                let alive = walker.alive;
+                walker.test_objects::<W>(tree, object as usize, bundle, alive, instance, &mut stacks.single);
             }
         }
-        descend::<W, G>(tree, rows, stacks, position);
-        for Row { walker, bundle, memory: Memory { pairs, locals } } in rows {
+        descend::<W, G>(tree, rows, members, stacks, position);
+        // (From an instance, the limits of the rays are taken back.)
+        let last = position.group == 0;
+        let mut rest = members;
+        while let Some(number) = next(&mut rest) {
+            let Row { walker, bundle, memory: Memory { pairs, locals } } = &mut rows[number];
             if pairs.count != 0 && walker.alive != 0 {
-                walker.test_pairs::<W>(tree, bundle, pairs, locals, instance, true);
+                walker.test_pairs::<W>(tree, bundle, pairs, locals, instance, last);
             }
-            walker.test_put_off::<W>(tree, bundle, locals, instance, true, position.group == 0);
+            walker.test_put_off::<W>(tree, bundle, locals, instance, last);
         }
     }
 }
@@ -183,21 +241,22 @@ unsafe fn walk<W: Lanes16, G: Goal>(rows: &mut [Row<'_, '_, '_, G>], stacks: &mu
 #[inline(always)]
 unsafe fn descend<W: Lanes16, G: Goal>(
     tree: &GroupTree,
-    rows: &mut [Row<'_, '_, '_, G>],
+    rows: &mut Rows<'_, '_, '_, G>,
+    members: Members,
     stacks: &mut Stacks,
     position: Position,
 ) {
     let (base, instance) = (position.top, position.instance);
     let prefetch = tree.memory_bytes() > PREFETCH_BYTES;
-    let common = rows[0].bundle.kind.common;
+    let first = first(members);
+    let common = rows[first].bundle.kind.common;
     let mut top = base;
-    let (mut far, mut fars) = limits(rows);
-    // The first bit of each byte stands for a bundle.
-    let (mut node, mut meeting) = (tree.root.index(), 0x0101_0101 & (u32::MAX >> (32 - 8 * rows.len())));
+    let (mut far, mut fars) = limits(rows, members);
+    let (mut node, mut meeting) = (tree.root.index(), members);
     while far > f32::NEG_INFINITY {
         // SAFETY: the builder makes only references to nodes that exist; a walk holds at most 7 entries per level.
         unsafe {
-            let pushed = push_children::<W, G>(tree, node, rows, meeting, far, stacks, top);
+            let pushed = push_children::<W, G>(tree, node, rows, [first as u32, meeting], far, stacks, top);
             if prefetch {
                 for i in top..top + pushed {
                     fetch_ahead(tree, child_at(tree, *stacks.places.get_unchecked(i)));
@@ -221,7 +280,7 @@ unsafe fn descend<W: Lanes16, G: Goal>(
             if distance > far {
                 continue;
             }
-            rows[0].walker.work += 1;
+            stacks.work += 1;
             meeting = meetings >> (place & 7) & within(distance, &fars);
             // SAFETY: places come from nodes that exist.
             let child = unsafe { child_at(tree, place) };
@@ -237,7 +296,7 @@ unsafe fn descend<W: Lanes16, G: Goal>(
             let mut rest = meeting;
             // SAFETY: places come from nodes that exist; `W` as promised by the caller.
             let one = unsafe {
-                rows[0].bundle.one_box::<W>(tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7)
+                rows[first].bundle.one_box::<W>(tree.nodes.get_unchecked(place as usize >> 3), place as usize & 7)
             };
             while rest != 0 {
                 let bit = rest.trailing_zeros();
@@ -257,47 +316,54 @@ unsafe fn descend<W: Lanes16, G: Goal>(
                 node = child.index();
                 break;
             }
-            rows[0].walker.work += 2;
+            stacks.work += 2;
             // SAFETY: as promised by the caller.
             unsafe {
                 if child.is_triangles() {
                     let mut leaf = Leaf::<W::Half>::new(tree, child);
-                    while let Some(number) = next_bundle(&mut meeting) {
+                    while let Some(number) = next(&mut meeting) {
                         let Row { walker, bundle, memory: Memory { pairs, locals } } = rows.get_unchecked_mut(number);
                         walker.test_triangles::<W>(tree, &mut leaf, bundle, rays[number], pairs, locals, instance);
                     }
                 } else {
-                    while let Some(number) = next_bundle(&mut meeting) {
-                        let Row { walker, bundle, memory } = rows.get_unchecked_mut(number);
-                        walker.test_put_off::<W>(tree, bundle, &mut memory.locals, instance, false, false);
-                        let inside = Position { top, ..position };
-                        walker.enter_object::<W>(tree, child, bundle, rays[number], &inside, stacks);
+                    let mut rest = meeting;
+                    while let Some(number) = next(&mut rest) {
+                        let Row { walker, bundle, memory } = &mut rows[number];
+                        walker.test_put_off::<W>(tree, bundle, &mut memory.locals, instance, false);
                     }
+                    let inside = Position { top, ..position };
+                    enter_object::<W, G>(tree, child, rows, meeting, &rays, &inside, stacks);
                 }
-                (far, fars) = limits(rows);
+                (far, fars) = limits(rows, members);
             }
         }
     }
 }
 
-/// Takes the number of the first bundle from those that the first bits of bytes stand for.
+/// The number of the first of some members.
 #[inline(always)]
-fn next_bundle(bundles: &mut u32) -> Option<usize> {
-    let number = bundles.trailing_zeros() as usize >> 3;
-    if number >= ROWS {
+pub(super) fn first(members: Members) -> usize {
+    members.trailing_zeros() as usize >> 3 & (ROWS - 1)
+}
+
+/// Takes the first of some members.
+#[inline(always)]
+pub(super) fn next(members: &mut Members) -> Option<usize> {
+    if *members == 0 {
         return None;
     }
-    *bundles &= *bundles - 1;
+    let number = first(*members);
+    *members &= *members - 1;
     Some(number)
 }
 
 /// Beyond which nothing is of interest to any bundle, and to each.
 #[inline(always)]
-fn limits<G: Goal>(rows: &[Row<'_, '_, '_, G>]) -> (f32, [f32; ROWS]) {
+fn limits<G: Goal>(rows: &Rows<'_, '_, '_, G>, members: Members) -> (f32, [f32; ROWS]) {
     let (mut farthest, mut fars) = (f32::NEG_INFINITY, [f32::NEG_INFINITY; ROWS]);
-    for (row, far) in rows.iter().zip(&mut fars) {
-        *far = row.bundle.bundle_far;
-        farthest = farthest.max(*far);
+    for (i, (row, far)) in rows.iter().zip(&mut fars).enumerate() {
+        *far = if members >> (8 * i) & 1 == 1 { row.bundle.bundle_far } else { f32::NEG_INFINITY };
+        farthest = most(farthest, *far);
     }
     (farthest, fars)
 }
@@ -321,8 +387,8 @@ fn within(distance: f32, fars: &[f32; ROWS]) -> u32 {
 unsafe fn push_children<W: Lanes16, G: Goal>(
     tree: &GroupTree,
     node: usize,
-    rows: &[Row<'_, '_, '_, G>],
-    mut meeting: u32,
+    rows: &Rows<'_, '_, '_, G>,
+    [first, mut meeting]: [u32; 2],
     far: f32,
     stacks: &mut Stacks,
     top: usize,
@@ -331,7 +397,8 @@ unsafe fn push_children<W: Lanes16, G: Goal>(
     unsafe {
         let places: [u32; 8] = std::array::from_fn(|slot| (node * 8 + slot) as u32);
         let node = tree.nodes.get_unchecked(node);
-        let boxes = rows[0].bundle.boxes::<W::Half>(node);
+        let first = &rows[first as usize & (ROWS - 1)].bundle;
+        let boxes = first.boxes::<W::Half>(node);
         let (mut nearest, mut meetings) = (W::Half::splat(f32::INFINITY), 0);
         while meeting != 0 {
             let bit = meeting.trailing_zeros();
@@ -344,7 +411,7 @@ unsafe fn push_children<W: Lanes16, G: Goal>(
         *stacks.meetings.as_mut_ptr().add(top).cast::<[u32; 8]>() = [meetings; 8];
         let distances = &mut *stacks.distances.as_mut_ptr().add(top).cast::<[f32; 8]>();
         let payload = &mut *stacks.places.as_mut_ptr().add(top).cast::<[u32; 8]>();
-        let order = *node.order.get_unchecked(rows[0].bundle.octant);
+        let order = *node.order.get_unchecked(first.octant);
         nearest.compress_le(W::Half::splat(far), order, &places, distances, payload)
     }
 }
@@ -365,7 +432,11 @@ impl<'s, G: Goal> Walker<'_, 's, G> {
     #[inline(always)]
     pub(super) fn want_rays(&self, bundle: &mut Bundle) {
         if !bundle.has_rays {
-            bundle.rays.write::<G::Precision>(self.rays);
+            if bundle.kind.rounded {
+                bundle.rays.write_columns::<G::Precision>(self.rays, &bundle.exact);
+            } else {
+                bundle.rays.write::<G::Precision>(self.rays);
+            }
             bundle.has_rays = true;
         }
     }

@@ -1,0 +1,142 @@
+//! The rays of a bundle exactly: row by row, and in lanes of doubles.
+
+use super::super::meeting::dot;
+use super::bundle::{PerRay, RAYS};
+use crate::precision::Rules;
+use snell_math::simd::{Doubles16, Lanes16};
+use snell_math::{DAffine3, DRay, DVec3, Vec3};
+
+/// Origins and directions of rays in `f64`, by axis.
+pub(super) type ExactColumns = [[PerRay<f64>; 3]; 2];
+
+/// The rays of a bundle in the coordinates of a group, a row per ray.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct ExactRays {
+    /// With `t_min` as fourth.
+    pub origin: PerRay<[f64; 4]>,
+    pub direction: PerRay<[f64; 4]>,
+}
+
+impl ExactRays {
+    /// Takes the rays of a run; lanes without a ray repeat the first one.
+    #[inline(always)]
+    pub fn write<P: Rules>(&mut self, rays: &[P::Ray]) {
+        for lane in 0..RAYS {
+            let ray = P::exact(rays.get(lane).unwrap_or(&rays[0]));
+            let (o, d) = (ray.origin, ray.direction);
+            self.origin[lane] = [o.x, o.y, o.z, ray.t_min];
+            self.direction[lane] = [d.x, d.y, d.z, ray.t_max];
+        }
+    }
+
+    /// The same with other origins and directions, by axis.
+    #[inline(always)]
+    pub fn write_columns<P: Rules>(&mut self, rays: &[P::Ray], [[ox, oy, oz], [dx, dy, dz]]: &ExactColumns) {
+        for lane in 0..RAYS {
+            let [t_min, t_max] = P::interval(rays.get(lane).unwrap_or(&rays[0]));
+            self.origin[lane] = [ox[lane], oy[lane], oz[lane], t_min.into()];
+            self.direction[lane] = [dx[lane], dy[lane], dz[lane], t_max.into()];
+        }
+    }
+
+    /// One of the rays; its interval is not used.
+    #[inline(always)]
+    pub fn get(&self, lane: usize) -> DRay {
+        let (o, d) = (&self.origin[lane], &self.direction[lane]);
+        DRay::new(DVec3::new(o[0], o[1], o[2]), DVec3::new(d[0], d[1], d[2]))
+    }
+}
+
+/// Sixteen rays in `f64`, by axis.
+#[derive(Clone, Copy)]
+pub(crate) struct LaneRays<W: Lanes16> {
+    pub origin: [W::Doubles; 3],
+    pub direction: [W::Doubles; 3],
+}
+
+impl<W: Lanes16> LaneRays<W> {
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub unsafe fn load([[ox, oy, oz], [dx, dy, dz]]: &ExactColumns) -> Self {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            Self {
+                origin: [W::Doubles::load(ox), W::Doubles::load(oy), W::Doubles::load(oz)],
+                direction: [W::Doubles::load(dx), W::Doubles::load(dy), W::Doubles::load(dz)],
+            }
+        }
+    }
+
+    /// Writes origins and directions.
+    #[inline(always)]
+    pub(super) fn store(&self, to: &mut ExactColumns) {
+        for (from, to) in [self.origin, self.direction].iter().zip(to) {
+            from[0].store(&mut to[0]);
+            from[1].store(&mut to[1]);
+            from[2].store(&mut to[2]);
+        }
+    }
+
+    /// The origins as seen from a point, rounded to nearest.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub(super) unsafe fn seen_from(&self, point: Vec3) -> [W; 3] {
+        let ([ox, oy, oz], point) = (self.origin, point.as_dvec3());
+        // SAFETY: passed on to the caller.
+        unsafe {
+            rounded3([
+                ox.sub(W::Doubles::splat(point.x)),
+                oy.sub(W::Doubles::splat(point.y)),
+                oz.sub(W::Doubles::splat(point.z)),
+            ])
+        }
+    }
+
+    /// As [`crate::kernel::double::frame::Frame::ray`]: the same operations, so the same bits.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub unsafe fn framed(&self, center: &DVec3, scale: f64) -> Self {
+        let mut image = *self;
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let scale = W::Doubles::splat(scale);
+            for axis in 0..3 {
+                image.origin[axis] = self.origin[axis].sub(W::Doubles::splat(center[axis])).mul(scale);
+                image.direction[axis] = self.direction[axis].mul(scale);
+            }
+        }
+        image
+    }
+
+    /// As [`crate::accel::group::mapped`]: the same operations, so the same bits.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    pub unsafe fn mapped(&self, map: &DAffine3) -> Self {
+        let DAffine3 { matrix3, translation } = map;
+        let [x, y, z] = [matrix3.x_axis.to_array(), matrix3.y_axis.to_array(), matrix3.z_axis.to_array()];
+        let (translation, mut image) = (translation.to_array(), *self);
+        // SAFETY: passed on to the caller.
+        unsafe {
+            for axis in 0..3 {
+                let [x, y, z] = [W::Doubles::splat(x[axis]), W::Doubles::splat(y[axis]), W::Doubles::splat(z[axis])];
+                image.origin[axis] = dot([x, y, z], self.origin).add(W::Doubles::splat(translation[axis]));
+                image.direction[axis] = dot([x, y, z], self.direction);
+            }
+        }
+        image
+    }
+}
+
+/// Rounded to nearest.
+#[inline(always)]
+pub(super) fn rounded3<W: Lanes16>([x, y, z]: [W::Doubles; 3]) -> [W; 3] {
+    [x.rounded(), y.rounded(), z.rounded()]
+}
