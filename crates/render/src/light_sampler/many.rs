@@ -81,8 +81,8 @@ pub(super) fn sample_many(
     match tree.nodes.as_slice() {
         [root] if tree.beside.is_empty() => sample_few(tree, root, receivers, u, chosen),
         [] => {
-            for i in 0..count.min(MANY) {
-                chosen.put(i, tree.choose_beside(u[i], 0.0));
+            for (i, &u) in u.iter().enumerate().take(count) {
+                chosen.put(i, tree.choose_beside(u, 0.0));
             }
         }
         [root, ..] => descend(tree, root, receivers, u, count.min(MANY), chosen),
