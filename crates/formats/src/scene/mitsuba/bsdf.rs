@@ -129,7 +129,7 @@ impl Builder<'_> {
             if (1e-3..1e3).contains(&found) {
                 return Ok(found);
             }
-            Err(property.fault(format!("an index of refraction of {found}"), "give a positive number"))
+            Err(property.fault(format!("an index of refraction of {found}"), "give a number from 0.001 to 1000"))
         };
         Ok((index("int_ior", default)? / index("ext_ior", AIR)?) as f32)
     }
