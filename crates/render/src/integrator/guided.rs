@@ -24,6 +24,13 @@ pub fn expected_survival(expected: f32, first: f32) -> (f32, f32) {
     (least(most(expected / first * WINDOW, LEAST_SURVIVAL), 1.0), first)
 }
 
+/// By what roulette decides where nothing is known of what a path will bring: how much of what it finds counts, which is the largest channel of its throughput,
+/// undone of refraction. Most of what a path brings comes at once or not at all, as by frosted glass to a lamp; so those are left alone that lost little.
+#[inline(always)]
+pub fn unknown_survival(throughput: f32) -> f32 {
+    throughput * WINDOW
+}
+
 /// Paths play roulette that are expected to bring this many times less than at first.
 const WINDOW: f32 = 2.0;
 /// What is known may be wrong.
@@ -96,7 +103,7 @@ impl<'a> GuidedBsdf<'a> {
         next: f32,
     ) -> (f32, Expected) {
         if !self.is_guided {
-            return (next, first);
+            return (unknown_survival(next), first);
         }
         let Some(cell) = self.cell else { return (sample.weight.max_element() * crossing, first) };
         let expected = throughput.max_element() * cell.expected;

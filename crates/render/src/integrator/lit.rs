@@ -1,5 +1,6 @@
 //! What lights bring to vertices that are worked on together, and where their paths go on: the same for surfaces and points of media.
 
+use super::guided::unknown_survival;
 use super::lanes::{CarriedLanes, LANES, Roulette, ZERO, put_color};
 use super::lights::{ALONE, FlatArrivals, FlatLights};
 use super::path::WeightedLight;
@@ -85,7 +86,7 @@ impl LitOutputs {
         }
         let weight = match survival {
             Some(survival) => survival[lane],
-            None => largest * eta_scale[lane],
+            None => unknown_survival(largest * eta_scale[lane]),
         };
         let (scale, survives) = roulette.survival(lane, weight);
         for (channel, throughput) in throughput.into_iter().enumerate() {

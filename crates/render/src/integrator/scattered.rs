@@ -5,6 +5,7 @@
 
 use super::carried::{Carried, Expected};
 use super::estimators::Arrival;
+use super::guided::unknown_survival;
 use super::lanes::{
     Arriving, CarriedLanes, Columns, LANES, LitColumns, Roulette, VertexLanes, ZERO, at, color_at, put,
 };
@@ -171,7 +172,7 @@ fn outputs(
         to.bring(i, carried, [arrivals.share[i]; 3], radiance, arrivals);
         let throughput = &carried.throughput;
         let largest = most(most(most(0.0, throughput[0][i]), throughput[1][i]), throughput[2][i]);
-        let (scale, survives) = roulette.survival(i, largest * carried.eta_scale[i]);
+        let (scale, survives) = roulette.survival(i, unknown_survival(largest * carried.eta_scale[i]));
         for channel in 0..3 {
             to.throughput[channel][i] = carried.throughput[channel][i] * scale;
         }

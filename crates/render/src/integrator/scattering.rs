@@ -2,6 +2,7 @@
 //! by the power heuristic on their densities of direction. Whatever media and interfaces lie on the way counts in both alike.
 
 use super::estimators::Arrival;
+use super::guided::unknown_survival;
 use super::light_part::LobeShares;
 use super::path::{SCATTERED_SPREAD, first_lobe, light_sample, survival};
 use super::{Context, MediumVertex, Outputs, PathState, Vertex, dimension};
@@ -22,7 +23,8 @@ pub fn scatter(context: &Context, vertex: &Vertex, medium: &MediumVertex, out: &
     out.light_lobe = lobe;
     let (wi, pdf) = medium.phase.sample(forward, vertex.random.pair(dimension::BSDF));
     let mut throughput = vertex.state.throughput;
-    let Some(survival) = survival(context, vertex, throughput.max_element() * vertex.state.eta_scale) else { return };
+    let weight = unknown_survival(throughput.max_element() * vertex.state.eta_scale);
+    let Some(survival) = survival(context, vertex, weight) else { return };
     throughput *= 1.0 / survival;
     let state = PathState {
         throughput,

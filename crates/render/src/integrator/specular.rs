@@ -4,6 +4,7 @@
 //! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
 
 use super::carried::{Carried, Expected};
+use super::guided::unknown_survival;
 use super::lanes::{
     Arriving, CarriedLanes, Columns, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put_color,
 };
@@ -275,7 +276,7 @@ fn bounce(
         let crossing = pick(1.0, split.eta * split.eta);
         let eta_scale = carried.eta_scale[i] * crossing;
         // As `GuidedBsdf::survival`.
-        let weight = if is_guided { largest_weight * crossing } else { largest * eta_scale };
+        let weight = if is_guided { largest_weight * crossing } else { unknown_survival(largest * eta_scale) };
         let (scale, survives) = roulette.survival(i, weight);
         exists &= (largest > 0.0) & survives;
         let origin = robust::offset_ray_origin(vector(&points.position), vector(&points.position_error), flat, wi);
