@@ -74,7 +74,7 @@ fn lint() -> bool {
 
 /// The pictures of `tests/golden/` that are not as they were become the references.
 fn golden() -> bool {
-    let arguments = ["test", "--package", "snell-tests", "--test", "golden", "every_golden", "--", "--nocapture"];
+    let arguments = ["test", "--package", "snell-tests", "golden::every_golden", "--", "--nocapture"];
     let mut command = cargo(&arguments);
     command.env("SNELL_GOLDEN", "accept");
     let succeeded = run("golden", command);
