@@ -1,4 +1,4 @@
-//! pbrt and Mitsuba scenes beside pictures of them that other renderers made: `cargo test --release -p snell-tests --test pbrt_references -- --ignored
+//! pbrt and Mitsuba scenes beside pictures of them that other renderers made: `cargo test --release -p snell-tests pbrt_references -- --ignored
 //! --nocapture` prints the table and leaves the pictures in `target/references`.
 //!
 //! Both pictures are compared at a quarter of the reference's size: its own noise and ours are averaged away, differences of light stay.

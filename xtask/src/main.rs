@@ -38,9 +38,18 @@ fn main() -> ExitCode {
     if succeeded { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
+/// Cargo; not incremental if `CARGO_INCREMENTAL` does not say so, because then all is compiled sooner and runs faster.
 fn cargo(arguments: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    command.args(arguments);
+    command.args(arguments).env("CARGO_INCREMENTAL", std::env::var_os("CARGO_INCREMENTAL").unwrap_or("0".into()));
+    command
+}
+
+/// Builds targets of the workspace out of what its tests are built of. With a test, here a small one, because only then dependencies have the
+/// features that tests want.
+fn build_as_tested(targets: &[&str]) -> Command {
+    let mut command = cargo(&["build", "--quiet", "--workspace", "--test", "planted"]);
+    command.args(targets);
     command
 }
 
@@ -74,7 +83,7 @@ fn lint() -> bool {
 
 /// The pictures of `tests/golden/` that are not as they were become the references.
 fn golden() -> bool {
-    let arguments = ["test", "--package", "snell-tests", "--test", "golden", "every_golden", "--", "--nocapture"];
+    let arguments = ["test", "--package", "snell-tests", "golden::every_golden", "--", "--nocapture"];
     let mut command = cargo(&arguments);
     command.env("SNELL_GOLDEN", "accept");
     let succeeded = run("golden", command);
@@ -113,12 +122,9 @@ impl Counts {
     }
 }
 
-/// All tests: units, properties, documentation examples, the command line run as users run it, the Python package, and the page of
-/// the viewer in a browser.
-fn test() -> bool {
-    let start = Instant::now();
-    let mut counts = Counts::default();
-    let mut command = cargo(&["test", "--workspace", "--no-fail-fast"]);
+/// Runs tests of the workspace, those that one word chooses, and counts them.
+fn cargo_test(which: &str, counts: &mut Counts) -> bool {
+    let mut command = cargo(&["test", "--workspace", "--no-fail-fast", which]);
     command.stdout(Stdio::piped());
     let finished = command.spawn().and_then(|mut child| {
         let output = child.stdout.take().map(BufReader::new);
@@ -128,13 +134,22 @@ fn test() -> bool {
         }
         child.wait()
     });
-    let succeeded = match finished {
+    match finished {
         Ok(status) => status.success(),
         Err(error) => {
             eprintln!("xtask: cargo test could not be started: {error}");
             false
         }
-    };
+    }
+}
+
+/// All tests: units, properties, documentation examples, the command line run as users run it, the Python package, and the page of
+/// the viewer in a browser.
+fn test() -> bool {
+    let start = Instant::now();
+    let mut counts = Counts::default();
+    // Without a word for the choice, the programs that measure would be built as well; `lint` compiles them.
+    let succeeded = ["--tests", "--doc"].map(|which| cargo_test(which, &mut counts)) == [true; 2];
     let python = python::test();
     let web = web::test();
     let succeeded = succeeded && python != Some(false) && web != Some(false);

@@ -1,11 +1,15 @@
 //! The tests of the Python package, in a virtual environment of their own: `target/python/venv`.
 
-use crate::run;
+use crate::{build_as_tested, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// What the tests need, one requirement a line.
 const REQUIREMENTS: &str = "python/requirements-test.txt";
+
+/// Has the environment import the package from `python/`.
+const LINK: &str = "import pathlib, sysconfig
+pathlib.Path(sysconfig.get_path('purelib'), 'snell.pth').write_text(str(pathlib.Path('python').resolve()))";
 
 /// The first Python that is new enough: of the variable `PYTHON`, or what the usual names give.
 fn interpreter() -> Option<String> {
@@ -36,6 +40,24 @@ fn environment(root: &Path) -> Option<PathBuf> {
     made.then(|| std::fs::write(marker, wanted)).and_then(Result::ok).map(|()| programs)
 }
 
+/// Builds the Rust half and puts it where the Python half imports it from.
+fn build(root: &Path, programs: &Path) -> bool {
+    let mut build = build_as_tested(&["--lib"]);
+    build.env("PYO3_PYTHON", programs.join("python"));
+    let (built, module) = if cfg!(windows) {
+        ("_snell.dll", "_snell.pyd")
+    } else if cfg!(target_os = "macos") {
+        ("lib_snell.dylib", "_snell.abi3.so")
+    } else {
+        ("lib_snell.so", "_snell.abi3.so")
+    };
+    let placed = || {
+        let copied = std::fs::copy(root.join("target/debug").join(built), root.join("python/snell").join(module));
+        copied.inspect_err(|error| eprintln!("xtask: {built} could not be copied: {error}")).is_ok()
+    };
+    run("build of the Python package", build) && placed()
+}
+
 /// Builds the package and runs its tests; checks that the stubs say what the module has. `None` without Python.
 pub fn test() -> Option<bool> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -45,8 +67,9 @@ pub fn test() -> Option<bool> {
         command.args(arguments).current_dir(&root).env("VIRTUAL_ENV", root.join("target/python/venv"));
         command
     };
-    let steps: [(&str, &[&str]); 4] = [
-        ("build of the Python package", &["-m", "maturin", "develop", "--profile", "dev", "--quiet"]),
+    let steps: [(&str, &[&str]); 5] = [
+        ("package of the sources", &["-m", "maturin", "sdist", "--out", "target/python"]),
+        ("installation of the Python package", &["-c", LINK]),
         ("Python tests", &["-m", "pytest", "--quiet"]),
         (
             "Python stubs",
@@ -63,5 +86,5 @@ pub fn test() -> Option<bool> {
         ),
         ("Python types", &["-m", "mypy", "--strict", "python/snell"]),
     ];
-    Some(steps.into_iter().all(|(what, arguments)| run(what, command(arguments))))
+    Some(build(&root, &programs) && steps.into_iter().all(|(what, arguments)| run(what, command(arguments))))
 }

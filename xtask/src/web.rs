@@ -1,6 +1,6 @@
 //! The viewer's page: its build into `crates/viewer/page/`, its unit tests, and its tests in a real browser.
 
-use crate::{cargo, run};
+use crate::{build_as_tested, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -79,7 +79,7 @@ fn in_browser() -> bool {
         eprintln!("xtask: no Chromium or Chrome, and none could be installed; CHROME names one");
         return false;
     };
-    if !run("build of snell", cargo(&["build", "--quiet", "--workspace", "--profile", "test", "--bin", "snell"])) {
+    if !run("build of snell", build_as_tested(&["--bin", "snell"])) {
         return false;
     }
     let snell = root().join("target/debug").join(if cfg!(windows) { "snell.exe" } else { "snell" });

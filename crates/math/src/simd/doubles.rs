@@ -119,12 +119,14 @@ pub trait WideLanes: Lanes8 {
 pub struct Portable4([f64; 4]);
 
 impl Portable4 {
-    #[inline(always)]
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
         Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
     }
 
-    #[inline(always)]
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn compare(self, other: Self, f: impl Fn(f64, f64) -> bool) -> u32 {
         (0..4).fold(0, |mask, i| mask | (u32::from(f(self.0[i], other.0[i])) << i))
     }
@@ -181,7 +183,8 @@ impl Lanes4 for Portable4 {
         self.zip(other, |a, b| a / b)
     }
 
-    #[inline(always)]
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn fused(self, factor: Self, summand: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i].mul_add(factor.0[i], summand.0[i])))
     }
@@ -221,7 +224,8 @@ impl Lanes4 for Portable4 {
         self.compare(other, |a, b| a < b)
     }
 
-    #[inline(always)]
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn replace(self, mask: u32, other: Self) -> Self {
         Self(std::array::from_fn(|i| if mask >> i & 1 == 1 { other.0[i] } else { self.0[i] }))
     }

@@ -1,4 +1,6 @@
 //! Eight lanes without special instructions: the readable twin.
+//!
+//! What is long is inlined only without the checks of development: kernels of so many instructions take minutes to compile.
 
 use super::Lanes8;
 
@@ -7,12 +9,14 @@ use super::Lanes8;
 pub struct Portable8([f32; 8]);
 
 impl Portable8 {
-    #[inline(always)]
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
         Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
     }
 
-    #[inline(always)]
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn compare(self, other: Self, f: impl Fn(f32, f32) -> bool) -> u32 {
         (0..8).fold(0, |mask, i| mask | (u32::from(f(self.0[i], other.0[i])) << i))
     }
@@ -91,12 +95,14 @@ impl Lanes8 for Portable8 {
         self.compare(self, |a, _| a.is_sign_negative())
     }
 
-    #[inline(always)]
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn replace(self, mask: u32, other: Self) -> Self {
         Self(std::array::from_fn(|i| if mask >> i & 1 == 1 { other.0[i] } else { self.0[i] }))
     }
 
-    #[inline(always)]
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn le_in_order(self, limit: Self, order: u32) -> u32 {
         (0..8).fold(0, |mask, i| {
             let lane = ((order >> (3 * i)) & 7) as usize;
@@ -104,7 +110,8 @@ impl Lanes8 for Portable8 {
         })
     }
 
-    #[inline(always)]
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn compress<const VALUES: bool>(
         self,
         mask: u32,
@@ -125,7 +132,8 @@ impl Lanes8 for Portable8 {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn compress_le(
         self,
         limit: Self,

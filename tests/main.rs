@@ -1,0 +1,25 @@
+//! Tests that need several crates, as one program: it is linked once, and its tests run beside each other.
+//! `cargo test -p snell-tests golden::` runs those of one file.
+
+mod agreement;
+mod batches;
+mod chi_squared;
+mod closed_form;
+mod conversion;
+mod degenerate;
+mod determinism;
+mod exactness;
+mod golden;
+mod guiding;
+mod layers;
+mod lights;
+mod minray;
+mod mitsuba;
+mod noise;
+mod pbrt_references;
+mod physics;
+mod references;
+mod shading_normals;
+mod small_scenes;
+mod spectral;
+mod structures;
