@@ -24,14 +24,11 @@ pub fn offset_ray_origin(position: Vec3, error: Vec3, normal: Vec3, direction: V
     let normal = if direction.dot(normal) < 0.0 { -normal } else { normal };
     let offset = normal * distance;
     let moved = position + offset;
+    // Downwards is upwards with other signs.
     let round = |p: f32, o: f32| {
-        if o > 0.0 {
-            p.next_up()
-        } else if o < 0.0 {
-            p.next_down()
-        } else {
-            p
-        }
+        let sign = o.to_bits() & 0x8000_0000;
+        let away = f32::from_bits(p.to_bits() ^ sign).next_up();
+        if o.abs() > 0.0 { f32::from_bits(away.to_bits() ^ sign) } else { p }
     };
     Vec3::new(round(moved.x, offset.x), round(moved.y, offset.y), round(moved.z, offset.z))
 }
@@ -80,5 +77,19 @@ mod tests {
         let above = offset_ray_origin(p, e, n, n);
         let below = offset_ray_origin(p, e, n, -n);
         assert!((above - p).dot(n) >= n.abs().dot(e) && (below - p).dot(n) <= -n.abs().dot(e));
+    }
+
+    #[test]
+    fn coordinates_are_rounded_away_by_one_step() {
+        for p in [0.0, -0.0, 1.0, -1.0, f32::MIN_POSITIVE, -1e-45, f32::MAX, f32::MIN, f32::INFINITY] {
+            for n in [0.0, -0.0, 1e-20, 1.0] {
+                let moved = |direction: f32| {
+                    offset_ray_origin(Vec3::splat(p), Vec3::splat(1e-12), Vec3::new(n, 0.0, 0.0), Vec3::X * direction).x
+                };
+                let offset = n * (n * 1e-12);
+                let (up, down) = if offset > 0.0 { ((p + offset).next_up(), (p - offset).next_down()) } else { (p, p) };
+                assert_eq!((moved(1.0), moved(-1.0)), (up, down), "{p} {n}");
+            }
+        }
     }
 }
