@@ -1,9 +1,5 @@
-//! Tells the linker of macOS that the interpreter has what the module lacks. (Others assume it.)
+//! Tells the linker what an extension module needs where that is not what it does anyway: on macOS, that the interpreter has what is missing.
 
 fn main() {
-    println!("cargo::rerun-if-changed=build.rs");
-    if std::env::var("CARGO_CFG_TARGET_OS").is_ok_and(|system| system == "macos") {
-        println!("cargo::rustc-cdylib-link-arg=-undefined");
-        println!("cargo::rustc-cdylib-link-arg=dynamic_lookup");
-    }
+    pyo3_build_config::add_extension_module_link_args();
 }
