@@ -68,6 +68,22 @@ fn run(what: &str, mut command: Command) -> bool {
     }
 }
 
+/// Runs a command, and shows its output only if it failed.
+fn run_quietly(what: &str, mut command: Command) -> bool {
+    match command.output() {
+        Ok(output) if output.status.success() => true,
+        Ok(output) => {
+            eprintln!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+            eprintln!("xtask: {what} failed ({})", output.status);
+            false
+        }
+        Err(error) => {
+            eprintln!("xtask: {what} could not be started: {error}");
+            false
+        }
+    }
+}
+
 fn lint() -> bool {
     let mut documentation = cargo(&["doc", "--workspace", "--no-deps", "--quiet"]);
     documentation.env("RUSTDOCFLAGS", "-D warnings");

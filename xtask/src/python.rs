@@ -1,6 +1,6 @@
 //! The tests of the Python package, in a virtual environment of their own: `target/python/venv`.
 
-use crate::{build_as_tested, run};
+use crate::{build_as_tested, run, run_quietly};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -67,8 +67,8 @@ pub fn test() -> Option<bool> {
         command.args(arguments).current_dir(&root).env("VIRTUAL_ENV", root.join("target/python/venv"));
         command
     };
-    let steps: [(&str, &[&str]); 5] = [
-        ("package of the sources", &["-m", "maturin", "sdist", "--out", "target/python"]),
+    let package = ["-m", "maturin", "sdist", "--out", "target/python"];
+    let steps: [(&str, &[&str]); 4] = [
         ("installation of the Python package", &["-c", LINK]),
         ("Python tests", &["-m", "pytest", "--quiet"]),
         (
@@ -86,5 +86,6 @@ pub fn test() -> Option<bool> {
         ),
         ("Python types", &["-m", "mypy", "--strict", "python/snell"]),
     ];
-    Some(build(&root, &programs) && steps.into_iter().all(|(what, arguments)| run(what, command(arguments))))
+    let is_built = build(&root, &programs) && run_quietly("package of the sources", command(&package));
+    Some(is_built && steps.into_iter().all(|(what, arguments)| run(what, command(arguments))))
 }
