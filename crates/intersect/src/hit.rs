@@ -154,6 +154,28 @@ impl SurfacePoint {
 }
 
 impl SurfaceInteraction {
+    /// A plain point, known exactly: white, without texture coordinates, in an arbitrary frame, and of no object.
+    #[inline]
+    pub fn plain(position: Vec3, normal: Vec3) -> Self {
+        Self {
+            position,
+            position_error: Vec3::ZERO,
+            geometric_normal: normal,
+            shading_normal: normal,
+            uv: [Vec2::ZERO; 2],
+            dpdu: Vec3::X,
+            dpdv: Vec3::Y,
+            tangent: None,
+            color: [1.0; 4],
+            on_curve: false,
+            t: 0.0,
+            primitive_uv: Vec2::ZERO,
+            instance: Hit::NONE,
+            geometry: Hit::NONE,
+            primitive: Hit::NONE,
+        }
+    }
+
     /// The start of a ray that leaves the surface along `direction`: surely off the surface, on the right side.
     pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
         robust::offset_ray_origin(self.position, self.position_error, self.geometric_normal, direction)

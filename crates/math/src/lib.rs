@@ -1,4 +1,4 @@
-//! Numbers: vectors, transforms, rays, bounds, spectra, random numbers, warps and SIMD levels.
+//! Numbers: vectors, transforms, rays, bounds, spectra, random numbers, warps and SIMD levels; and [`kinds!`], the enum of all kinds of something.
 //!
 //! The bottom of Snell. Nothing here does I/O, starts threads or knows what a scene is. Vectors are
 //! [glam](https://docs.rs/glam)'s; positions of a scene are composed in `f64` ([`DVec3`], [`Transform`]) and traced in `f32`
@@ -12,6 +12,7 @@ pub mod distribution;
 pub mod exact;
 pub mod exponentials;
 pub mod frame;
+mod kinds;
 pub mod ray;
 pub mod rng;
 pub mod robust;

@@ -10,7 +10,7 @@ mod build;
 
 use super::box_ray::BoxRay;
 use super::primitives::Primitives;
-use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work};
+use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work, walk_with_stack};
 use crate::query::journey::Place;
 use snell_math::Bounds3;
 
@@ -129,12 +129,7 @@ impl KdTree {
 
 impl Accelerator for KdTree {
     fn walk(&self, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool {
-        let mut work = Work::of(visitor);
-        let mut stack = visitor.take_stack();
-        let finished = self.search(ray, visitor, &mut stack, &mut work);
-        visitor.give_stack(stack);
-        visitor.count(work);
-        finished
+        walk_with_stack(visitor, |visitor, stack, work| self.search(ray, visitor, stack, work))
     }
 
     fn repeats(&self) -> bool {
@@ -142,11 +137,6 @@ impl Accelerator for KdTree {
     }
 
     fn size(&self) -> Size {
-        Size {
-            nodes: self.nodes.len() as u64,
-            references: self.references.len() as u64,
-            depth: self.depth,
-            bytes: (size_of_val(self.nodes.as_slice()) + size_of_val(self.references.as_slice())) as u64,
-        }
+        Size::of_tree(&self.nodes, &self.references, self.depth)
     }
 }

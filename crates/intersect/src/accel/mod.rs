@@ -133,6 +133,18 @@ pub(crate) struct Size {
     pub bytes: u64,
 }
 
+impl Size {
+    /// Of a tree that is these nodes and references.
+    fn of_tree<N>(nodes: &[N], references: &[u32], depth: u32) -> Self {
+        Self {
+            nodes: nodes.len() as u64,
+            references: references.len() as u64,
+            depth,
+            bytes: (size_of_val(nodes) + size_of_val(references)) as u64,
+        }
+    }
+}
+
 /// Who tests the primitives of a group, and knows what has been found.
 pub(crate) trait Visitor {
     /// What starts beyond this is of no interest. Shrinks as hits are found.
@@ -220,6 +232,19 @@ impl Later {
     pub fn node(node: u32, start: f64, end: f64) -> Self {
         Self { start, end, node, level: 0, cell: [0; 3] }
     }
+}
+
+/// [`Accelerator::walk`] by a `search` that is given a list for places to visit later, and counts what it costs.
+fn walk_with_stack(
+    visitor: &mut dyn Visitor,
+    search: impl FnOnce(&mut dyn Visitor, &mut Vec<Later>, &mut Work) -> bool,
+) -> bool {
+    let mut work = Work::of(visitor);
+    let mut stack = visitor.take_stack();
+    let finished = search(visitor, &mut stack, &mut work);
+    visitor.give_stack(stack);
+    visitor.count(work);
+    finished
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@
 
 use super::box_ray::BoxRay;
 use super::primitives::{Item, PARALLEL, Primitives, bounds_of};
-use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work};
+use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work, walk_with_stack};
 use crate::query::journey::Place;
 use snell_math::{Bounds3, DVec3, Vec3};
 
@@ -243,12 +243,7 @@ impl Accelerator for Spheres {
         if self.nodes.is_empty() {
             return false;
         }
-        let mut work = Work::of(visitor);
-        let mut stack = visitor.take_stack();
-        let finished = self.search(ray, visitor, &mut stack, &mut work);
-        visitor.give_stack(stack);
-        visitor.count(work);
-        finished
+        walk_with_stack(visitor, |visitor, stack, work| self.search(ray, visitor, stack, work))
     }
 
     fn repeats(&self) -> bool {
@@ -256,12 +251,7 @@ impl Accelerator for Spheres {
     }
 
     fn size(&self) -> Size {
-        Size {
-            nodes: self.nodes.len() as u64,
-            references: self.references.len() as u64,
-            depth: self.depth,
-            bytes: (size_of_val(self.nodes.as_slice()) + size_of_val(self.references.as_slice())) as u64,
-        }
+        Size::of_tree(&self.nodes, &self.references, self.depth)
     }
 }
 

@@ -33,7 +33,6 @@ pub use rectangle::Rectangle;
 pub use sphere::Sphere;
 pub use triangle::Triangle;
 
-use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
 
 /// A point where a ray meets a shape.
@@ -187,66 +186,81 @@ pub trait Shape: Send + Sync + std::fmt::Debug {
     }
 }
 
-/// Makes [`AnyShape`] from the list of shapes: the enum, its names, its dispatch.
-macro_rules! shapes {
-    ($($name:literal => $kind:ident,)*) => {
-        /// Any of the shapes, as scenes hold them.
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-        #[serde(tag = "shape")]
-        pub enum AnyShape {
-            $(#[doc = concat!("See [`", stringify!($kind), "`].")] #[serde(rename = $name)] $kind($kind),)*
-        }
-
-        impl AnyShape {
-            /// The names of all shapes.
-            pub const NAMES: &[&str] = &[$($name),*];
-
-            /// The name of this shape.
-            pub fn name(&self) -> &'static str {
-                match self { $(Self::$kind(_) => $name,)* }
-            }
-
-            /// A few of each shape, extremes included: what tests and galleries run over.
-            pub fn examples() -> Vec<Self> {
-                let mut all = Vec::new();
-                $(all.extend($kind::examples().into_iter().map(Self::$kind));)*
-                all
-            }
-        }
-
-        impl Shape for AnyShape {
-            fn validate(&self) -> Result<(), ShapeError> { match self { $(Self::$kind(s) => s.validate(),)* } }
-            fn bounds(&self) -> Bounds3d { match self { $(Self::$kind(s) => s.bounds(),)* } }
-            fn closest(&self, ray: &DRay) -> Option<ShapeHit> { match self { $(Self::$kind(s) => s.closest(ray),)* } }
-            fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] { match self { $(Self::$kind(s) => s.nearest_two(ray),)* } }
-            fn any(&self, ray: &DRay) -> bool { match self { $(Self::$kind(s) => s.any(ray),)* } }
-            fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) { match self { $(Self::$kind(s) => s.all(ray, hits),)* } }
-            fn surface(&self, position: DVec3, face: u32) -> ShapeSurface { match self { $(Self::$kind(s) => s.surface(position, face),)* } }
-            fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) { match self { $(Self::$kind(s) => s.normal(position, face),)* } }
-            fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> { match self { $(Self::$kind(s) => s.nearest_point(point, metric),)* } }
-            fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 { match self { $(Self::$kind(s) => s.winding_number(point, metric),)* } }
-            fn area(&self) -> f64 { match self { $(Self::$kind(s) => s.area(),)* } }
-            fn sample(&self, u: DVec2) -> Option<ShapeSample> { match self { $(Self::$kind(s) => s.sample(u),)* } }
-            fn is_closed(&self) -> bool { match self { $(Self::$kind(s) => s.is_closed(),)* } }
-            fn to_any(&self) -> Option<AnyShape> { Some(self.clone()) }
-            fn as_sphere(&self) -> Option<&Sphere> { match self { $(Self::$kind(s) => s.as_sphere(),)* } }
-        }
-
-        $(impl From<$kind> for AnyShape {
-            fn from(shape: $kind) -> Self { Self::$kind(shape) }
-        })*
-    };
+snell_math::kinds! {
+    /// Any of the shapes, as scenes hold them.
+    #[serde(tag = "shape")]
+    pub enum AnyShape by match_shape! {
+        "sphere" => Sphere,
+        "box" => BoxShape,
+        "cylinder" => Cylinder,
+        "cone" => Cone,
+        "frustum" => Frustum,
+        "disk" => Disk,
+        "rectangle" => Rectangle,
+        "plane" => Plane,
+        "triangle" => Triangle,
+        "polygon" => Polygon,
+    }
 }
 
-shapes! {
-    "sphere" => Sphere,
-    "box" => BoxShape,
-    "cylinder" => Cylinder,
-    "cone" => Cone,
-    "frustum" => Frustum,
-    "disk" => Disk,
-    "rectangle" => Rectangle,
-    "plane" => Plane,
-    "triangle" => Triangle,
-    "polygon" => Polygon,
+impl Shape for AnyShape {
+    fn validate(&self) -> Result<(), ShapeError> {
+        match_shape!(self, shape => shape.validate())
+    }
+
+    fn bounds(&self) -> Bounds3d {
+        match_shape!(self, shape => shape.bounds())
+    }
+
+    fn closest(&self, ray: &DRay) -> Option<ShapeHit> {
+        match_shape!(self, shape => shape.closest(ray))
+    }
+
+    fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
+        match_shape!(self, shape => shape.nearest_two(ray))
+    }
+
+    fn any(&self, ray: &DRay) -> bool {
+        match_shape!(self, shape => shape.any(ray))
+    }
+
+    fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
+        match_shape!(self, shape => shape.all(ray, hits))
+    }
+
+    fn surface(&self, position: DVec3, face: u32) -> ShapeSurface {
+        match_shape!(self, shape => shape.surface(position, face))
+    }
+
+    fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) {
+        match_shape!(self, shape => shape.normal(position, face))
+    }
+
+    fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
+        match_shape!(self, shape => shape.nearest_point(point, metric))
+    }
+
+    fn winding_number(&self, point: DVec3, metric: &Metric) -> f64 {
+        match_shape!(self, shape => shape.winding_number(point, metric))
+    }
+
+    fn area(&self) -> f64 {
+        match_shape!(self, shape => shape.area())
+    }
+
+    fn sample(&self, u: DVec2) -> Option<ShapeSample> {
+        match_shape!(self, shape => shape.sample(u))
+    }
+
+    fn is_closed(&self) -> bool {
+        match_shape!(self, shape => shape.is_closed())
+    }
+
+    fn to_any(&self) -> Option<AnyShape> {
+        Some(self.clone())
+    }
+
+    fn as_sphere(&self) -> Option<&Sphere> {
+        match_shape!(self, shape => shape.as_sphere())
+    }
 }

@@ -12,6 +12,7 @@ use crate::mesh::DTriangleMesh;
 use crate::query::rays::Rays;
 use crate::query::{AcceptAll, Grouping, HitFilter};
 use crate::shape::{AnyShape, Sphere};
+use proptest::prelude::{Strategy, TestCaseError, prop_assert_eq};
 use snell_math::rng::{hash32, pcg4d, to_unit};
 use snell_math::sampling::uniform_sphere;
 use snell_math::{DAffine3, DMat3, DRay, DVec3, Ray, Vec2, Vec3};
@@ -116,6 +117,26 @@ pub(crate) fn default_world(builder: WorldBuilder) -> World {
 
 pub(crate) fn bits(hit: &Hit) -> [u32; 6] {
     [hit.t.to_bits(), hit.uv.x.to_bits(), hit.uv.y.to_bits(), hit.instance, hit.geometry, hit.primitive]
+}
+
+/// On a lattice, so that rays meet edges, vertices and flat boxes all the time.
+pub(crate) fn lattice_point() -> impl Strategy<Value = Vec3> {
+    [-3i8..=3, -3i8..=3, -3i8..=3].prop_map(|p| Vec3::from_array(p.map(f32::from)))
+}
+
+/// Compares all claims about hits, however rays are grouped, with the oracle.
+pub(crate) fn check(world: &World, oracle: &World, rays: Rays, filter: &dyn HitFilter) -> Result<(), TestCaseError> {
+    let expected: Vec<Hit> = (0..rays.len()).map(|i| oracle.closest_one(rays.get(i), filter)).collect();
+    for grouping in [Grouping::Coherent, Grouping::None] {
+        let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+        world.closest(rays, grouping, filter, &mut hits);
+        world.occluded(rays, grouping, filter, &mut blocked);
+        for i in 0..rays.len() {
+            prop_assert_eq!(bits(&hits[i]), bits(&expected[i]), "{:?} {:?}", grouping, rays.get(i));
+            prop_assert_eq!(blocked[i], expected[i].is_hit(), "{:?} {:?}", grouping, rays.get(i));
+        }
+    }
+    Ok(())
 }
 
 pub(crate) fn levels() -> impl Iterator<Item = Level> {

@@ -20,15 +20,15 @@ use std::sync::Arc;
 const POINTS: usize = 64;
 
 impl Scene {
-    fn closest<'py, P: PointPrecision>(
+    fn closest<'py, P: Kept + PointPrecision>(
         &self,
         points: &Bound<'py, PyUntypedArray>,
         max_distance: Option<&Bound<'py, PyAny>>,
         mask: u32,
         threads: Threads,
-        snapshot: Arc<Snapshot<P>>,
     ) -> PyResult<ClosestPoints> {
-        let (py, points) = (points.py(), PointArray::<P>::new(points, "points")?);
+        let (py, snapshot) = (points.py(), self.0.snapshot::<P>(points.py())?);
+        let points = PointArray::<P>::new(points, "points")?;
         let limit = limit(max_distance, &points.shape)?;
         let limit = limit.values()?;
         let values = slice(&points.values)?.as_chunks::<3>().0;
@@ -88,15 +88,36 @@ impl Scene {
         from_vec(py, answers, &points.shape)
     }
 
-    fn distances<'py, P: PointPrecision>(
+    /// The distances of points, in the precision that they are in.
+    fn distances<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        max_distance: Option<&Bound<'py, PyAny>>,
+        mask: Option<i64>,
+        threads: Option<usize>,
+        signed: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let array = array(points, "points")?;
+        let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
+        if is_double(&array, "points")? {
+            self.distances_in::<f64>(&array, max_distance, mask, threads, signed)
+        } else {
+            self.distances_in::<f32>(&array, max_distance, mask, threads, signed)
+        }
+    }
+
+    fn distances_in<'py, P: Kept + PointPrecision>(
         &self,
         points: &Bound<'py, PyUntypedArray>,
         max_distance: Option<&Bound<'py, PyAny>>,
         mask: u32,
         threads: Threads,
-        snapshot: &Snapshot<P>,
         signed: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
+        let snapshot = self.0.snapshot::<P>(points.py())?;
+        if signed {
+            self.prepare(points.py(), &snapshot)?;
+        }
         let limit = limit::<P>(max_distance, &leading(points, 3, "points")?)?;
         let limit = limit.values()?;
         let world = &*snapshot.world;
@@ -181,12 +202,12 @@ impl Scene {
         mask: Option<i64>,
         threads: Option<usize>,
     ) -> PyResult<ClosestPoints> {
-        let (py, array) = (points.py(), array(points, "points")?);
+        let array = array(points, "points")?;
         let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
         if is_double(&array, "points")? {
-            self.closest::<f64>(&array, max_distance, mask, threads, self.0.snapshot::<f64>(py)?)
+            self.closest::<f64>(&array, max_distance, mask, threads)
         } else {
-            self.closest::<f32>(&array, max_distance, mask, threads, self.0.snapshot::<f32>(py)?)
+            self.closest::<f32>(&array, max_distance, mask, threads)
         }
     }
 
@@ -208,13 +229,7 @@ impl Scene {
         mask: Option<i64>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (py, array) = (points.py(), array(points, "points")?);
-        let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
-        if is_double(&array, "points")? {
-            self.distances::<f64>(&array, max_distance, mask, threads, &*self.0.snapshot::<f64>(py)?, false)
-        } else {
-            self.distances::<f32>(&array, max_distance, mask, threads, &*self.0.snapshot::<f32>(py)?, false)
-        }
+        self.distances(points, max_distance, mask, threads, false)
     }
 
     /// The distance of each point to the nearest surface, negative inside (see :meth:`occupancy`): an array `(...)`. Where nothing is near
@@ -235,17 +250,7 @@ impl Scene {
         mask: Option<i64>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (py, array) = (points.py(), array(points, "points")?);
-        let (mask, threads) = (objects::mask(mask)?, Threads::new(threads)?);
-        if is_double(&array, "points")? {
-            let snapshot = self.0.snapshot::<f64>(py)?;
-            self.prepare(py, &snapshot)?;
-            self.distances::<f64>(&array, max_distance, mask, threads, &snapshot, true)
-        } else {
-            let snapshot = self.0.snapshot::<f32>(py)?;
-            self.prepare(py, &snapshot)?;
-            self.distances::<f32>(&array, max_distance, mask, threads, &snapshot, true)
-        }
+        self.distances(points, max_distance, mask, threads, true)
     }
 
     /// Whether each point is inside of what the scene holds: an array `(...)` of bool.

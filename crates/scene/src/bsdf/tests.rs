@@ -8,23 +8,7 @@ use snell_math::statistics::{HemisphereCells, chi_squared_deviation, sidak_devia
 use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec2, Vec3, rng};
 
 fn surface() -> SurfaceInteraction {
-    SurfaceInteraction {
-        position: Vec3::ZERO,
-        position_error: Vec3::ZERO,
-        geometric_normal: Vec3::Z,
-        shading_normal: Vec3::Z,
-        uv: [Vec2::splat(0.3); 2],
-        dpdu: Vec3::X,
-        dpdv: Vec3::Y,
-        tangent: None,
-        color: [1.0; 4],
-        on_curve: false,
-        t: 1.0,
-        primitive_uv: Vec2::ZERO,
-        instance: 0,
-        geometry: 0,
-        primitive: 0,
-    }
+    SurfaceInteraction { uv: [Vec2::splat(0.3); 2], t: 1.0, ..SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z) }
 }
 
 pub(super) fn bsdf(kind: &MaterialKind) -> Bsdf {

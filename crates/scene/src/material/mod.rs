@@ -417,57 +417,29 @@ fn emitted_part(x: f32) -> f32 {
     if x.is_finite() { x.max(0.0) } else { 0.0 }
 }
 
-/// Makes [`MaterialKind`] from the list of materials: the enum, its names, its dispatch.
-macro_rules! materials {
-    ($($name:literal => $kind:ident,)*) => {
-        /// Any of the materials.
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-        #[serde(tag = "material")]
-        #[expect(clippy::large_enum_variant, reason = "materials are few, and stay where they are")]
-        pub enum MaterialKind {
-            $(#[doc = concat!("See [`", stringify!($kind), "`].")] #[serde(rename = $name)] $kind($kind),)*
-        }
-
-        impl MaterialKind {
-            /// The names of all materials.
-            pub const NAMES: &[&str] = &[$($name),*];
-
-            /// The name of this kind.
-            pub fn name(&self) -> &'static str {
-                match self { $(Self::$kind(_) => $name,)* }
-            }
-
-            /// A few of each kind, extremes included: what tests and galleries run over.
-            pub fn examples() -> Vec<Self> {
-                let mut all = Vec::new();
-                $(all.extend($kind::examples().into_iter().map(Self::$kind));)*
-                all
-            }
-
-            /// The BSDF at a point.
-            pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
-                match self { $(Self::$kind(m) => m.bsdf(point),)* }
-            }
-        }
-
-        $(impl From<$kind> for MaterialKind {
-            fn from(kind: $kind) -> Self { Self::$kind(kind) }
-        })*
-    };
+snell_math::kinds! {
+    /// Any of the materials.
+    #[serde(tag = "material")]
+    pub enum MaterialKind by match_material! {
+        "black" => Black,
+        "diffuse" => Diffuse,
+        "phong" => Phong,
+        "mirror" => Mirror,
+        "conductor" => Conductor,
+        "dielectric" => Dielectric,
+        "plastic" => Plastic,
+        "metallic-roughness" => MetallicRoughness,
+        "interface" => Interface,
+        "open-pbr" => OpenPbr,
+        "coated-diffuse" => CoatedDiffuse,
+        "coated-conductor" => CoatedConductor,
+        "hair" => Hair,
+    }
 }
 
-materials! {
-    "black" => Black,
-    "diffuse" => Diffuse,
-    "phong" => Phong,
-    "mirror" => Mirror,
-    "conductor" => Conductor,
-    "dielectric" => Dielectric,
-    "plastic" => Plastic,
-    "metallic-roughness" => MetallicRoughness,
-    "interface" => Interface,
-    "open-pbr" => OpenPbr,
-    "coated-diffuse" => CoatedDiffuse,
-    "coated-conductor" => CoatedConductor,
-    "hair" => Hair,
+impl MaterialKind {
+    /// The BSDF at a point.
+    pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
+        match_material!(self, material => material.bsdf(point))
+    }
 }

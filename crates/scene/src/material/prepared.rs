@@ -3,28 +3,9 @@
 use super::{Material, MaterialKind, ShadingPoint};
 use crate::bsdf::{Bsdf, ManyBsdf};
 use crate::texture::TextureSet;
-use snell_intersect::{Hit, SurfaceInteraction};
-use snell_math::{ColorMode, Frame, SampledSpectrum, Vec2, Vec3};
+use snell_intersect::SurfaceInteraction;
+use snell_math::{ColorMode, Frame, SampledSpectrum, Vec3};
 use std::borrow::Cow;
-
-/// A point like any other.
-const ANYWHERE: SurfaceInteraction = SurfaceInteraction {
-    position: Vec3::ZERO,
-    position_error: Vec3::ZERO,
-    geometric_normal: Vec3::Z,
-    shading_normal: Vec3::Z,
-    uv: [Vec2::ZERO; 2],
-    dpdu: Vec3::X,
-    dpdv: Vec3::Y,
-    tangent: None,
-    color: [1.0; 4],
-    on_curve: false,
-    t: 0.0,
-    primitive_uv: Vec2::ZERO,
-    instance: Hit::NONE,
-    geometry: Hit::NONE,
-    primitive: Hit::NONE,
-};
 
 /// What is known of a material's BSDF before the point is.
 #[derive(Clone, Debug)]
@@ -104,8 +85,9 @@ impl Prepared {
 
 /// The BSDF at a point like any other without textures, and true if it would have looked some up.
 pub(super) fn anywhere(kind: &MaterialKind) -> (Bsdf, bool) {
-    let (surface, mode, textures) = (&ANYWHERE, ColorMode::Rgb, &TextureSet::default());
-    let bsdf = kind.bsdf(&ShadingPoint { surface, footprint: 0.0, textures, mode, outside_ior: 1.0 });
+    let surface = SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z);
+    let (mode, textures) = (ColorMode::Rgb, &TextureSet::default());
+    let bsdf = kind.bsdf(&ShadingPoint { surface: &surface, footprint: 0.0, textures, mode, outside_ior: 1.0 });
     (bsdf, !Material::new("", kind.clone()).textures().is_empty())
 }
 

@@ -7,21 +7,11 @@ use std::sync::Arc;
 
 pub(super) fn surface() -> SurfaceInteraction {
     SurfaceInteraction {
-        position: Vec3::ZERO,
-        position_error: Vec3::ZERO,
-        geometric_normal: Vec3::Z,
-        shading_normal: Vec3::Z,
         uv: [Vec2::splat(0.5); 2],
         dpdu: Vec3::X * 3.0,
         dpdv: Vec3::Y * 2.0,
-        tangent: None,
-        color: [1.0; 4],
-        on_curve: false,
         t: 1.0,
-        primitive_uv: Vec2::ZERO,
-        instance: 0,
-        geometry: 0,
-        primitive: 0,
+        ..SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z)
     }
 }
 

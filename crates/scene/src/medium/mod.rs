@@ -31,7 +31,6 @@ pub use prepared::PreparedMedium;
 pub use segment::{Scattering, Segment, Travel};
 pub use tracking::TrackedGrid;
 
-use serde::{Deserialize, Serialize};
 use snell_math::{ColorMode, Rgb, SampledSpectrum, Vec3};
 
 /// Largest coefficient that is computed with, per scene unit: more is as good as opaque.
@@ -91,49 +90,22 @@ impl Medium {
     }
 }
 
-/// Makes [`Medium`] from the list of media: the enum, its names, its dispatch.
-macro_rules! media {
-    ($($name:literal => $kind:ident,)*) => {
-        /// Any of the media, placed in world coordinates.
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-        #[serde(tag = "medium", rename_all = "kebab-case")]
-        pub enum Medium {
-            $(#[doc = concat!("See [`", stringify!($kind), "`].")] $kind($kind),)*
-        }
-
-        impl Medium {
-            /// The names of all media.
-            pub const NAMES: &[&str] = &[$($name),*];
-
-            /// The name of this kind.
-            pub fn name(&self) -> &'static str {
-                match self { $(Self::$kind(_) => $name,)* }
-            }
-
-            /// A few of each kind, extremes included: what tests and galleries run over.
-            pub fn examples() -> Vec<Self> {
-                let mut all = Vec::new();
-                $(all.extend($kind::examples().into_iter().map(Self::$kind));)*
-                all
-            }
-
-            /// What the medium does at a point of the world.
-            pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
-                match self { $(Self::$kind(m) => m.properties(p, mode),)* }
-            }
-        }
-
-        $(impl From<$kind> for Medium {
-            fn from(kind: $kind) -> Self { Self::$kind(kind) }
-        })*
-    };
+snell_math::kinds! {
+    /// Any of the media, placed in world coordinates.
+    #[serde(tag = "medium")]
+    pub enum Medium by match_medium! {
+        "homogeneous" => Homogeneous,
+        "height-fog" => HeightFog,
+        "grid" => Grid,
+        "cloud" => Cloud,
+    }
 }
 
-media! {
-    "homogeneous" => Homogeneous,
-    "height-fog" => HeightFog,
-    "grid" => Grid,
-    "cloud" => Cloud,
+impl Medium {
+    /// What the medium does at a point of the world.
+    pub fn properties(&self, p: Vec3, mode: ColorMode) -> MediumProperties {
+        match_medium!(self, medium => medium.properties(p, mode))
+    }
 }
 
 #[cfg(test)]

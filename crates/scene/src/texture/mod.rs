@@ -170,23 +170,7 @@ const MISSING: [f32; 4] = [1.0, 0.0, 1.0, 1.0];
 /// A point of a surface as far as textures look at it: its place in the world, its unit normal and both its coordinates, which grow by
 /// 1 per unit of the world.
 pub fn surface_at(position: Vec3, normal: Vec3, uv: Vec2) -> SurfaceInteraction {
-    SurfaceInteraction {
-        position,
-        position_error: Vec3::ZERO,
-        geometric_normal: normal,
-        shading_normal: normal,
-        uv: [uv; 2],
-        dpdu: Vec3::X,
-        dpdv: Vec3::Z,
-        tangent: None,
-        color: [1.0; 4],
-        t: 0.0,
-        primitive_uv: Vec2::ZERO,
-        instance: 0,
-        geometry: 0,
-        primitive: 0,
-        on_curve: false,
-    }
+    SurfaceInteraction { uv: [uv; 2], dpdv: Vec3::Z, ..SurfaceInteraction::plain(position, normal) }
 }
 
 impl TextureSet {

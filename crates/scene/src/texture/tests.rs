@@ -5,21 +5,11 @@ use snell_math::Vec3;
 
 fn at(uv: Vec2, world_per_uv: f32) -> SurfaceInteraction {
     SurfaceInteraction {
-        position: Vec3::ZERO,
-        position_error: Vec3::ZERO,
-        geometric_normal: Vec3::Z,
-        shading_normal: Vec3::Z,
         uv: [uv, Vec2::new(uv.y, uv.x)],
         dpdu: Vec3::X * world_per_uv,
         dpdv: Vec3::Y * world_per_uv,
-        tangent: None,
-        color: [1.0; 4],
-        on_curve: false,
         t: 1.0,
-        primitive_uv: Vec2::ZERO,
-        instance: 0,
-        geometry: 0,
-        primitive: 0,
+        ..SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z)
     }
 }
 

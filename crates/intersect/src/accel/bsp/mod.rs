@@ -11,7 +11,7 @@ mod polygon;
 
 use super::box_ray::BoxRay;
 use super::primitives::Primitives;
-use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work};
+use super::{Accelerator, AcceleratorOptions, Later, Size, Visitor, Work, walk_with_stack};
 use crate::query::journey::Place;
 use snell_math::{Bounds3, DVec3};
 
@@ -139,12 +139,7 @@ const ON_PLANE: u32 = 1;
 
 impl Accelerator for BspTree {
     fn walk(&self, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool {
-        let mut work = Work::of(visitor);
-        let mut stack = visitor.take_stack();
-        let finished = self.search(ray, visitor, &mut stack, &mut work);
-        visitor.give_stack(stack);
-        visitor.count(work);
-        finished
+        walk_with_stack(visitor, |visitor, stack, work| self.search(ray, visitor, stack, work))
     }
 
     fn repeats(&self) -> bool {

@@ -4,7 +4,7 @@
 
 use super::{Node, Octree};
 use crate::accel::box_ray::BoxRay;
-use crate::accel::{Accelerator, Later, Size, Visitor, Work};
+use crate::accel::{Accelerator, Later, Size, Visitor, Work, walk_with_stack};
 use crate::query::journey::Place;
 
 #[derive(Debug)]
@@ -26,12 +26,7 @@ impl Accelerator for Hierarchical {
 
 /// Walks the tree from its root.
 pub(super) fn walk(tree: &Octree, ray: &BoxRay, visitor: &mut dyn Visitor) -> bool {
-    let mut work = Work::of(visitor);
-    let mut stack = visitor.take_stack();
-    let finished = search(tree, ray, visitor, &mut stack, &mut work);
-    visitor.give_stack(stack);
-    visitor.count(work);
-    finished
+    walk_with_stack(visitor, |visitor, stack, work| search(tree, ray, visitor, stack, work))
 }
 
 fn search(tree: &Octree, ray: &BoxRay, visitor: &mut dyn Visitor, stack: &mut Vec<Later>, work: &mut Work) -> bool {

@@ -89,11 +89,6 @@ impl Octree {
     }
 
     fn size(&self) -> Size {
-        Size {
-            nodes: self.nodes.len() as u64,
-            references: self.references.len() as u64,
-            depth: self.space.depth + 1,
-            bytes: (size_of_val(self.nodes.as_slice()) + size_of_val(self.references.as_slice())) as u64,
-        }
+        Size::of_tree(&self.nodes, &self.references, self.space.depth + 1)
     }
 }

@@ -8,7 +8,7 @@ use crate::mesh::TriangleMesh;
 use crate::query::rays::Rays;
 use crate::query::{AcceptAll, Grouping, HitFilter};
 use crate::shape::{AnyShape, Cylinder, Disk, Plane, Rectangle, Sphere};
-use crate::world::tests::{bits, build, levels};
+use crate::world::tests::{build, check, lattice_point, levels};
 use crate::world::{GeometryId, Structure, World, WorldBuilder};
 use proptest::prelude::*;
 use snell_math::simd::{Level, PairDoubles, Portable8};
@@ -20,25 +20,6 @@ pub(super) fn list_of(world: &World) -> Option<&List> {
         Structure::Bvh(forest) => forest.list.as_deref(),
         _ => None,
     }
-}
-
-/// Compares all claims with the oracle.
-fn check(world: &World, oracle: &World, rays: Rays, filter: &dyn HitFilter) -> Result<(), TestCaseError> {
-    let expected: Vec<Hit> = (0..rays.len()).map(|i| oracle.closest_one(rays.get(i), filter)).collect();
-    for grouping in [Grouping::Coherent, Grouping::None] {
-        let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
-        world.closest(rays, grouping, filter, &mut hits);
-        world.occluded(rays, grouping, filter, &mut blocked);
-        for i in 0..rays.len() {
-            prop_assert_eq!(bits(&hits[i]), bits(&expected[i]), "{:?} {:?}", grouping, rays.get(i));
-            prop_assert_eq!(blocked[i], expected[i].is_hit(), "{:?} {:?}", grouping, rays.get(i));
-        }
-    }
-    Ok(())
-}
-
-fn lattice_point() -> impl Strategy<Value = Vec3> {
-    [-3i8..=3, -3i8..=3, -3i8..=3].prop_map(|p| Vec3::from_array(p.map(f32::from)))
 }
 
 /// On the lattice of halves, so that rays meet vertices, edges and planes; or anywhere.

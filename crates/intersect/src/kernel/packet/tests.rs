@@ -15,8 +15,8 @@ use crate::precision::Single;
 use crate::query::rays::Rays;
 use crate::query::{AcceptAll, Grouping, HitFilter};
 use crate::world::double::DWorldBuilder;
-use crate::world::tests::{bits, build, levels, nested_scene};
-use crate::world::{BuildOptions, GeometryId, World, WorldBuilder};
+use crate::world::tests::{build, check, lattice_point, levels, nested_scene};
+use crate::world::{BuildOptions, GeometryId, WorldBuilder};
 use proptest::prelude::*;
 use snell_math::simd::{Lanes16, Level, Pair, Portable8};
 use snell_math::{Bounds3d, DAffine3, DRay, DVec3, Ray, Transform, Vec3, rng};
@@ -63,25 +63,6 @@ fn rays(kind: Kind, seed: u32, count: usize, from: Vec3, to: Vec3, width: f32) -
         }
     };
     (0..count).map(ray).collect()
-}
-
-/// Compares all claims with the oracle.
-fn check(world: &World, oracle: &World, rays: Rays, filter: &dyn HitFilter) -> Result<(), TestCaseError> {
-    let expected: Vec<Hit> = (0..rays.len()).map(|i| oracle.closest_one(rays.get(i), filter)).collect();
-    for grouping in [Grouping::Coherent, Grouping::None] {
-        let (mut hits, mut blocked) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
-        world.closest(rays, grouping, filter, &mut hits);
-        world.occluded(rays, grouping, filter, &mut blocked);
-        for i in 0..rays.len() {
-            prop_assert_eq!(bits(&hits[i]), bits(&expected[i]), "{:?} {:?}", grouping, rays.get(i));
-            prop_assert_eq!(blocked[i], expected[i].is_hit(), "{:?} {:?}", grouping, rays.get(i));
-        }
-    }
-    Ok(())
-}
-
-fn lattice_point() -> impl Strategy<Value = Vec3> {
-    [-3i8..=3, -3i8..=3, -3i8..=3].prop_map(|p| Vec3::from_array(p.map(f32::from)))
 }
 
 fn sizes() -> impl Strategy<Value = usize> {

@@ -74,11 +74,6 @@ mod properties {
     use super::*;
     use proptest::prelude::*;
 
-    /// On a lattice, so that rays meet edges, vertices and flat boxes all the time.
-    fn lattice_point() -> impl Strategy<Value = Vec3> {
-        [-3i8..=3, -3i8..=3, -3i8..=3].prop_map(|p| Vec3::from_array(p.map(f32::from)))
-    }
-
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 

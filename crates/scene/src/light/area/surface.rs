@@ -77,21 +77,11 @@ impl AreaLight {
     pub(super) fn surface(&self, part: u32, place: &Place, point: &AreaPoint) -> SurfaceInteraction {
         let &AreaPoint { position, position_error, normal } = point;
         let plain = SurfaceInteraction {
-            position,
             position_error,
-            geometric_normal: normal,
-            shading_normal: normal,
-            uv: [Vec2::ZERO; 2],
-            dpdu: Vec3::X,
-            dpdv: Vec3::Y,
-            tangent: None,
-            color: [1.0; 4],
-            on_curve: false,
-            t: 0.0,
-            primitive_uv: Vec2::ZERO,
             instance: self.ids.0,
             geometry: self.ids.1,
             primitive: 0,
+            ..SurfaceInteraction::plain(position, normal)
         };
         match (place, &self.geometry, &self.table) {
             (Place::Triangle(b), EmissiveGeometry::Mesh { mesh, triangles }, Table::Mesh { placed, .. }) => {

@@ -1,0 +1,83 @@
+//! Enums over all kinds of something, made from one list of the kinds.
+
+/// Makes an enum from the list of its kinds, each a type of its own with a name, and a macro that asks whichever kind a value is.
+///
+/// The enum is [`Clone`], [`Debug`] and [`PartialEq`], is made [`From`] each kind, and has `NAMES`, `name()` and `examples()`, for which each
+/// kind has an `examples()` too. It is read and written by serde (the crate that calls this needs it) with the names as variants; attributes of
+/// serde may stand with it.
+///
+/// ```
+/// #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+/// pub struct Square {
+///     side: f32,
+/// }
+///
+/// impl Square {
+///     fn examples() -> Vec<Self> {
+///         vec![Self { side: 2.0 }]
+///     }
+///
+///     fn area(&self) -> f32 {
+///         self.side * self.side
+///     }
+/// }
+///
+/// snell_math::kinds! {
+///     /// Any figure.
+///     #[serde(tag = "figure")]
+///     pub enum Figure by match_figure! {
+///         "square" => Square,
+///     }
+/// }
+///
+/// impl Figure {
+///     fn area(&self) -> f32 {
+///         match_figure!(self, figure => figure.area())
+///     }
+/// }
+///
+/// assert_eq!(Figure::NAMES, ["square"]);
+/// assert_eq!(Figure::examples()[0].name(), "square");
+/// assert_eq!(Figure::from(Square { side: 3.0 }).area(), 9.0);
+/// ```
+#[macro_export]
+macro_rules! kinds {
+    ($(#[$attribute:meta])* pub enum $any:ident by $matching:ident! { $($name:literal => $kind:ident,)* }) => {
+        #[derive(Clone, Debug, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
+        $(#[$attribute])*
+        pub enum $any {
+            $(#[doc = concat!("See [`", stringify!($kind), "`].")] #[serde(rename = $name)] $kind($kind),)*
+        }
+
+        impl $any {
+            /// The names of all kinds.
+            pub const NAMES: &[&str] = &[$($name),*];
+
+            /// The name of this kind.
+            pub fn name(&self) -> &'static str {
+                match self { $(Self::$kind(_) => $name,)* }
+            }
+
+            /// A few of each kind, extremes included: what tests and galleries run over.
+            pub fn examples() -> Vec<Self> {
+                let mut all = Vec::new();
+                $(all.extend($kind::examples().into_iter().map(Self::$kind));)*
+                all
+            }
+        }
+
+        $(impl From<$kind> for $any {
+            fn from(kind: $kind) -> Self { Self::$kind(kind) }
+        })*
+
+        $crate::kinds! { @matching ($) $any by $matching! { $($kind,)* } }
+    };
+    // A dollar that comes as a token stays one in the macro that is made.
+    (@matching ($dollar:tt) $any:ident by $matching:ident! { $($kind:ident,)* }) => {
+        macro_rules! $matching {
+            ($dollar value:expr, $dollar kind:ident => $dollar answer:expr) => {
+                match $dollar value { $($any::$kind($dollar kind) => $dollar answer,)* }
+            };
+        }
+    };
+}
