@@ -79,15 +79,17 @@ BALLS = "".join(
         shape("sphere", '<scale value="0.42"/><translate x="-0.42" y="-0.58" z="-0.3"/>', GLASS),
     ]
 )
-COPPER = '<bsdf type="roughconductor"><string name="material" value="Cu"/><float name="alpha" value="0.2"/></bsdf>'
+# Mitsuba's own default is Beckmann's distribution.
+GGX = '<string name="distribution" value="ggx"/>'
+COPPER = f'<bsdf type="roughconductor">{GGX}<string name="material" value="Cu"/><float name="alpha" value="0.2"/></bsdf>'
 PLASTIC = (
-    '<bsdf type="roughplastic"><rgb name="diffuse_reflectance" value="0.1, 0.3, 0.6"/><float name="alpha" value="0.1"/></bsdf>'
+    f'<bsdf type="roughplastic">{GGX}<rgb name="diffuse_reflectance" value="0.1, 0.3, 0.6"/><float name="alpha" value="0.1"/></bsdf>'
 )
 PAINT = (
     '<bsdf type="principled"><rgb name="base_color" value="0.6, 0.1, 0.1"/><float name="roughness" value="0.4"/>'
     '<float name="clearcoat" value="1"/><float name="clearcoat_gloss" value="0.9"/></bsdf>'
 )
-FROST = '<bsdf type="roughdielectric"><float name="int_ior" value="1.5"/><float name="alpha" value="0.2"/></bsdf>'
+FROST = f'<bsdf type="roughdielectric">{GGX}<float name="int_ior" value="1.5"/><float name="alpha" value="0.2"/></bsdf>'
 MATERIALS = "".join(
     shape("sphere", f'<scale value="0.4"/><translate x="{x}" y="{y}" z="0"/>', bsdf)
     for x, y, bsdf in [(-0.45, -0.55, COPPER), (0.45, -0.55, PLASTIC), (-0.45, 0.35, PAINT), (0.45, 0.35, FROST)]
