@@ -4,7 +4,7 @@ use super::carried::Carried;
 use super::estimators::{Arrival, Skin};
 use super::lit::LitLanes;
 use super::{Context, dimension};
-use crate::sampler::{ManyRandoms, Random, Sampler};
+use crate::sampler::{ManyRandoms, SampleKey, Sampler};
 use crate::settings::Terminator;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh, TRIANGLE_HITS};
 use snell_intersect::{Hit, SphereHits, SurfaceInteraction, TriangleHits, TrianglePoints};
@@ -29,7 +29,7 @@ pub struct Arriving<'a> {
     pub carried: &'a [Carried],
     /// Which of the numbers are those of each.
     pub samples: &'a [u32],
-    pub randoms: &'a [Random],
+    pub keys: &'a [SampleKey],
 }
 
 /// Vertices on surfaces. Arrays are by lane; those of lanes that are not in use hold anything.
@@ -146,7 +146,7 @@ impl VertexLanes {
             let path = self.paths[lane] as usize;
             let (ray, hit, carried) = (&from.rays[path], &from.hits[path], &from.carried[path]);
             put(&mut self.wo, lane, -ray.direction);
-            self.randoms.set(lane, &from.randoms[from.samples[path] as usize]);
+            self.randoms.set(lane, from.keys[from.samples[path] as usize]);
             put_color(&mut self.carried.throughput, lane, carried.throughput);
             self.carried.eta_scale[lane] = carried.eta_scale;
             self.carried.expected[lane] = carried.expected.get();

@@ -241,7 +241,7 @@ impl Default for FlatLights {
             normal: ZERO,
             error: ZERO,
             middle: ZERO,
-            far: [0.0; LANES],
+            far: [f32::INFINITY; LANES],
             pdf: [0.0; LANES],
             is_triangle: [0; LANES],
             on_both_sides: [0; LANES],
@@ -347,6 +347,16 @@ impl FlatLights {
         (self.light[lane], self.source[lane]) = (NONE - 1, source);
     }
 
+    /// True if there is no light in the first lanes, so many.
+    fn are_dark(&self, count: usize) -> bool {
+        self.how[..count].iter().all(|&how| how == DARK)
+    }
+
+    /// Numbers for the samples of the lights in the first lanes, so many.
+    pub fn numbers(&self, randoms: &ManyRandoms<LANES>, count: usize, wide: Option<Wide>) -> [HitLanes; 2] {
+        if self.are_dark(count) { [[0.0; LANES]; 2] } else { randoms.pairs(dimension::LIGHT, wide) }
+    }
+
     /// Samples the lights of the first lanes, so many, weighted against the directions that a path would take by itself.
     pub fn arrivals(
         &mut self,
@@ -357,7 +367,7 @@ impl FlatLights {
         wide: Option<Wide>,
         arrivals: &mut FlatArrivals,
     ) {
-        if self.how[..count].iter().all(|&how| how == DARK) {
+        if self.are_dark(count) {
             arrivals.exists = [0; LANES];
             return;
         }

@@ -171,7 +171,6 @@ impl MatteVertices {
         self.place(context);
         let wide = self.lanes.wide;
         let bsdf = self.lanes.randoms.pairs(dimension::BSDF, wide);
-        let light = self.lanes.randoms.pairs(dimension::LIGHT, wide);
         let roulette = self.lanes.roulette(context, depth);
         at_level!(
             self.lanes.wide,
@@ -188,6 +187,7 @@ impl MatteVertices {
         let receivers = Receivers::opaque(&self.lanes.points.position, &self.facing);
         let count = self.lanes.paths().len();
         self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
+        let light = self.lit.lights.numbers(&self.lanes.randoms, count, wide);
         self.lit.glowing = [None; LANES];
         let surfaces =
             Surfaces { points: &self.lanes.points, normal: &self.normal, wo: &self.lanes.wo, lift: &self.lanes.lift };

@@ -13,8 +13,19 @@ use snell_scene::Material;
 pub struct MatteSurfaces<'a> {
     /// By geometry: the mesh and its reflectance, if that is the same everywhere and nothing moves it.
     plain: Vec<Option<PlainSurface<'a>>>,
+    /// By geometry, and last for nothing: what is known of hits on it outside of instances.
+    kinds: Vec<Kind>,
     /// By material.
     materials: Vec<bool>,
+}
+
+/// What hits on a geometry are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Matte,
+    Other,
+    /// It depends on what exactly was hit.
+    Mixed,
 }
 
 /// A mesh of one matte material.
@@ -38,14 +49,25 @@ impl<'a> MatteSurfaces<'a> {
             let reflectance = material.as_matte()?.uniform().filter(|_| is_plain)?;
             Some(PlainSurface { mesh, reflectance })
         };
-        let plain = (0..scene.world.geometry_count() as u32).map(plain).collect();
-        materials.contains(&true).then_some(Self { plain, materials })
+        let kind = |geometry: u32| match scene.only_material(geometry) {
+            Some(id) if materials[id.index()] => Kind::Matte,
+            Some(_) => Kind::Other,
+            None => Kind::Mixed,
+        };
+        let geometries = 0..scene.world.geometry_count() as u32;
+        let kinds = geometries.clone().map(kind).chain([Kind::Other]).collect();
+        let plain = geometries.map(plain).collect();
+        materials.contains(&true).then_some(Self { plain, kinds, materials })
     }
 
     /// True if a path that has hit this can be worked on here.
     #[inline(always)]
     pub fn has(&self, scene: &CompiledScene, hit: &Hit) -> bool {
-        self.plain(hit).is_some() || (hit.is_hit() && self.materials[scene.material_id(hit).index()])
+        let kind = self.kinds[(hit.geometry as usize).min(self.kinds.len() - 1)];
+        match (kind == Kind::Mixed) | (hit.instance != 0) & hit.is_hit() {
+            false => kind == Kind::Matte,
+            true => self.materials[scene.material_id(hit).index()],
+        }
     }
 
     /// What a path has hit, if it is one of the plain surfaces.

@@ -77,11 +77,11 @@ impl ScatteredVertices {
     pub fn shade(&mut self, context: &Context, depth: u32) {
         let (wide, count) = (self.lanes.wide, self.lanes.paths().len());
         let bounce = self.lanes.randoms.pairs(dimension::BSDF, wide);
-        let light = self.lanes.randoms.pairs(dimension::LIGHT, wide);
         let roulette = self.lanes.roulette(context, depth);
         // Media receive light from everywhere.
         let receivers = Receivers::opaque(&self.lanes.points.position, &ZERO);
         self.lit.lights.choose(context, &receivers, &self.lanes.randoms, count, wide);
+        let light = self.lit.lights.numbers(&self.lanes.randoms, count, wide);
         self.lit.glowing = [None; LANES];
         let points = MediumPoints { position: &self.lanes.points.position, wo: &self.lanes.wo, phase: &self.phase };
         self.lit.lights.arrivals(context.scene, &points, &light, count, wide, &mut self.lit.arrivals);

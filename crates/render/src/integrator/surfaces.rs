@@ -252,7 +252,7 @@ impl<'a> SurfaceVertices<'a> {
         self.place(context);
         let (wide, count) = (self.lanes.wide, self.told);
         let numbers = |dimension| self.lanes.randoms.numbers(dimension, wide);
-        let (choice, light) = (numbers(dimension::LOBE), self.lanes.randoms.pairs(dimension::LIGHT, wide));
+        let choice = numbers(dimension::LOBE);
         let bounce = self.lanes.randoms.pairs(dimension::BSDF, wide);
         let quad = context.field.map_or([0.0; LANES], |_| numbers(dimension::GUIDE));
         let roulette = self.lanes.roulette(context, depth);
@@ -265,6 +265,7 @@ impl<'a> SurfaceVertices<'a> {
             let may_be_lit = scatterer.is_some_and(|scatterer| !scatterer.shading.is_delta());
             *how = if may_be_lit | self.together.has(lane) { *how } else { DARK };
         }
+        let light = self.lit.lights.numbers(&self.lanes.randoms, count, wide);
         let skins = Skins { points: &self.lanes.points, lift: &self.lanes.lift };
         self.lit.lights.arrivals(context.scene, &skins, &light, count, wide, &mut self.lit.arrivals);
         for lane in 0..count {

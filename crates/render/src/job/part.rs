@@ -25,7 +25,7 @@ use crate::integrator::path::{escaped, plain_sky};
 use crate::integrator::scattered::ScatteredVertices;
 use crate::integrator::surfaces::SurfaceVertices;
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
-use crate::sampler::{Random, Sampler};
+use crate::sampler::{Random, SampleKey, Sampler};
 use crate::settings::Crop;
 use matte::Matte;
 use snell_intersect::{Grouping, Hit};
@@ -59,19 +59,22 @@ pub struct PartRenderer<'a> {
     light_rays: LightRays,
     /// Paths that are shaded many at once, in order.
     together: Vec<u32>,
+    /// Those that have left the scene or were scattered by media, if that [is all there is to them](Self::is_simple).
+    missed: Vec<u32>,
     /// All others, in order, and one material after the other.
     others: Vec<u32>,
     order: Vec<u32>,
-    /// The material of what each path has hit, one past the last for nothing, and where the paths of each begin in `order`.
-    keys: Vec<u32>,
+    /// The material of what each path of `others` has hit, one past the last for nothing, and where those of each begin in `order`.
+    materials: Vec<u32>,
     starts: Vec<u32>,
     outputs: Outputs,
     /// Lanes of [`Matte`], and some of them.
     lanes: Vec<u32>,
     kept: Vec<u32>,
     samples: Vec<Sample>,
-    /// Their numbers.
-    randoms: Vec<Random>,
+    facts: Vec<SampleFacts>,
+    /// What tells their numbers.
+    keys: Vec<SampleKey>,
     aovs: Vec<f32>,
     /// Writes down what paths find, while a field learns.
     recorder: Option<Recorder>,
@@ -89,16 +92,21 @@ pub struct PartRenderer<'a> {
     surfaces: Option<Box<SurfaceVertices<'a>>>,
 }
 
-/// A sample being taken.
+/// What a sample has collected.
 #[derive(Clone, Copy)]
 struct Sample {
-    /// What the lanes of its spectra stand for.
-    mode: ColorMode,
     /// Found at vertices.
     radiance: SampledSpectrum,
     /// Brought by light rays. Summed apart, because how the two alternate depends on where a batch of many samples is cut into
     /// pieces, and the bits of a sample must not depend on its neighbours.
     brought: SampledSpectrum,
+}
+
+/// What else is known of a sample.
+#[derive(Clone, Copy)]
+struct SampleFacts {
+    /// What the lanes of its spectra stand for.
+    mode: ColorMode,
     alpha: f32,
     weight: f32,
     /// Rays sent on so far.
@@ -146,15 +154,17 @@ impl<'a> PartRenderer<'a> {
             next: Paths::new(is_plain),
             light_rays: LightRays::default(),
             together: Vec::new(),
+            missed: Vec::new(),
             others: Vec::new(),
             order: Vec::new(),
-            keys: Vec::new(),
+            materials: Vec::new(),
             starts: Vec::new(),
             outputs: Outputs::default(),
             lanes: Vec::new(),
             kept: Vec::new(),
             samples: Vec::new(),
-            randoms: Vec::new(),
+            facts: Vec::new(),
+            keys: Vec::new(),
             aovs: Vec::new(),
             recorder: None,
             journal: None,
@@ -265,9 +275,11 @@ impl<'a> PartRenderer<'a> {
         if depth == 0 {
             volumes.start(&self.paths);
         }
-        let (samples, randoms) = (&mut self.samples, &self.randoms);
+        let (samples, facts) = (&mut self.samples, &mut self.facts);
+        let (keys, sampler) = (&self.keys, self.sampler);
         let random = |paths: &Paths, path: usize| {
-            randoms[paths.samples[path] as usize].at_vertex(paths.carried[path].stream, depth)
+            let key = keys[paths.samples[path] as usize];
+            sampler.numbers_of(key).at_vertex(paths.carried[path].stream, depth)
         };
         let (light_parts, aovs, journal) = (self.light_parts, &mut self.aovs, &mut self.journal);
         volumes.advance(&mut self.tracer, &mut self.paths, grouping, depth, random, |paths, path, radiance| {
@@ -279,12 +291,12 @@ impl<'a> PartRenderer<'a> {
             if !light_parts.is_empty() {
                 let (scatterings, group) = (Scatterings::of(depth), light_parts.group(LightSource::Medium));
                 let tag = LightTag { lobe: paths.rest(path).lobe, scatterings, group };
-                light_parts.add(aovs, sample, radiance, &tag, samples[sample as usize].mode);
+                light_parts.add(aovs, sample, radiance, &tag, facts[sample as usize].mode);
             }
         });
         if depth == 0 {
             for (path, _) in volumes.scattered.iter().enumerate().filter(|(_, s)| s.is_some()) {
-                samples[self.paths.samples[path] as usize].alpha = 1.0;
+                facts[self.paths.samples[path] as usize].alpha = 1.0;
             }
         }
     }
@@ -306,12 +318,6 @@ impl<'a> PartRenderer<'a> {
         let order = std::mem::take(&mut self.order);
         let mut rest = order.as_slice();
         while let Some(&first) = rest.first() {
-            let is_miss = self.keys[first as usize] as usize == self.context.scene.materials.len();
-            if is_miss && self.is_simple() {
-                // They are last.
-                self.shade_nothing_hit(depth, rest, statistics);
-                break;
-            }
             let count = match (self.matte_beginning(rest), self.specular_beginning(rest)) {
                 (0, 0) => {
                     let count = self.surfaces_beginning(rest);
@@ -335,13 +341,17 @@ impl<'a> PartRenderer<'a> {
                 self.trace_light_rays(statistics);
             }
         }
-        self.trace_light_rays(statistics);
         self.order = order;
+        let missed = std::mem::take(&mut self.missed);
+        self.shade_nothing_hit(depth, &missed, statistics);
+        self.missed = missed;
+        self.trace_light_rays(statistics);
     }
 
     /// The numbers of the vertex that a path has come to.
     fn random_at(&self, depth: u32, path: usize) -> Random {
-        self.randoms[self.paths.samples[path] as usize].at_vertex(self.paths.carried[path].stream, depth)
+        let key = self.keys[self.paths.samples[path] as usize];
+        self.sampler.numbers_of(key).at_vertex(self.paths.carried[path].stream, depth)
     }
 
     /// True if somebody wants to know more of vertices than the light they bring.
@@ -354,41 +364,49 @@ impl<'a> PartRenderer<'a> {
 
     /// Which paths are shaded together, and in which order the others.
     fn group(&mut self) {
-        let count = self.paths.len();
-        self.together.clear();
-        self.others.clear();
-        match &self.matte {
-            // Nobody sees in which order they come: each sample has one path.
-            Some(matte) if self.is_simple() => {
-                self.together.resize(count, 0);
-                self.others.resize(count, 0);
-                let [mut together, mut others] = [0; 2];
-                for (path, hit) in (0..).zip(&self.paths.hits[..count]) {
-                    let is_matte = matte.surfaces.has(self.context.scene, hit);
-                    (self.together[together], self.others[others]) = (path, path);
-                    together += usize::from(is_matte);
-                    others += usize::from(!is_matte);
-                }
-                self.together.truncate(together);
-                self.others.truncate(others);
-            }
-            _ => self.others.extend(0..count as u32),
+        let (count, is_simple) = (self.paths.len(), self.is_simple());
+        let lists = [&mut self.together, &mut self.missed, &mut self.others];
+        if !is_simple {
+            lists.into_iter().for_each(Vec::clear);
+            self.others.extend(0..count as u32);
+            return self.group_by_material();
         }
+        // Nobody sees in which order they come: each sample has one path.
+        let [together, missed, others] = lists.map(|list| {
+            list.resize(count, 0);
+            &mut list[..count]
+        });
+        let mut counts = [0; 3];
+        for (path, hit) in (0..).zip(&self.paths.hits[..count]) {
+            let is_matte = self.matte.as_ref().is_some_and(|matte| matte.surfaces.has(self.context.scene, hit));
+            let is_missed = !hit.is_hit();
+            // (Written to all three: what is known of hits is no good for branches.)
+            (together[counts[0]], missed[counts[1]], others[counts[2]]) = (path, path, path);
+            counts[0] += usize::from(is_matte);
+            counts[1] += usize::from(is_missed);
+            counts[2] += usize::from(!is_matte & !is_missed);
+        }
+        self.together.truncate(counts[0]);
+        self.missed.truncate(counts[1]);
+        self.others.truncate(counts[2]);
         self.group_by_material();
     }
 
     /// Others of one material one after the other; those of one sample stay in order, so that sums have one order.
     fn group_by_material(&mut self) {
         let (scene, others) = (self.context.scene, &self.others);
+        self.order.clear();
+        if others.is_empty() {
+            return;
+        }
         // What hits nothing comes last.
         let last = scene.materials.len();
         let key = |hit: &Hit| if hit.is_hit() { scene.material_id(hit).index() } else { last };
-        self.keys.resize(self.paths.len(), 0);
+        self.materials.resize(self.paths.len(), 0);
         for &path in others {
-            self.keys[path as usize] = key(&self.paths.hits[path as usize]) as u32;
+            self.materials[path as usize] = key(&self.paths.hits[path as usize]) as u32;
         }
-        let keys = &self.keys;
-        self.order.clear();
+        let keys = &self.materials;
         self.order.extend(others);
         if last > others.len() {
             self.order.sort_by_key(|&path| keys[path as usize]);
@@ -446,7 +464,14 @@ impl<'a> PartRenderer<'a> {
                 carried.throughput * sky.radiance(ray.direction, self.paths.rest(path).mode)
             } else {
                 let state = &self.paths.state(path);
-                let vertex = Vertex { depth, ray, state, random: self.randoms[sample], surface: None, medium: None };
+                let vertex = Vertex {
+                    depth,
+                    ray,
+                    state,
+                    random: self.sampler.numbers_of(self.keys[sample]),
+                    surface: None,
+                    medium: None,
+                };
                 escaped(&self.context, &vertex).0
             };
             self.samples[sample].radiance += radiance;
@@ -480,8 +505,8 @@ impl<'a> PartRenderer<'a> {
         statistics.rays.shadow += rays.rays.len() as u64;
         match &mut self.volumes {
             Some(volumes) => {
-                let samples = &self.samples;
-                volumes.trace_light_rays(&mut self.tracer, rays, |sample| samples[sample as usize].mode);
+                let facts = &self.facts;
+                volumes.trace_light_rays(&mut self.tracer, rays, |sample| facts[sample as usize].mode);
             }
             None => self.tracer.occluded(&rays.rays, &rays.times, &mut rays.blocked),
         }
@@ -496,7 +521,7 @@ impl<'a> PartRenderer<'a> {
         let lights = rays.samples.iter().zip(&rays.values).zip(&rays.blocked);
         for (((&sample, &value), blocked), tag) in lights.zip(&rays.tags) {
             if !blocked {
-                let mode = self.samples[sample as usize].mode;
+                let mode = self.facts[sample as usize].mode;
                 self.light_parts.add(&mut self.aovs, sample, value, tag, mode);
             }
         }
@@ -505,12 +530,12 @@ impl<'a> PartRenderer<'a> {
 
     /// Adds what was found to a part.
     fn finish(&mut self, part: &mut FilmPart, statistics: &mut Statistics) {
-        part.values.extend(self.samples.iter().map(|sample| {
+        part.values.extend(self.samples.iter().zip(&self.facts).map(|(sample, facts)| {
             let radiance = sample.collected();
             let finite = radiance.is_finite();
             statistics.invalid_samples += u64::from(!finite);
             let radiance = if finite { radiance } else { SampledSpectrum::ZERO };
-            FilmSample { color: sample.mode.to_rgb(radiance), alpha: sample.alpha, weight: sample.weight }
+            FilmSample { color: facts.mode.to_rgb(radiance), alpha: facts.alpha, weight: facts.weight }
         }));
         part.aovs.extend(self.aovs.iter().map(|value| if value.is_finite() { *value } else { 0.0 }));
         part.keys.append(&mut self.covering);

@@ -1,6 +1,6 @@
 //! The numbers of many samples at once: those of [`Random`], bit for bit.
 
-use super::{Random, Sampler, SamplerKind, sobol};
+use super::{Random, SampleKey, Sampler, SamplerKind, sobol};
 use snell_math::simd::Wide;
 use snell_math::{at_level, rng};
 
@@ -24,7 +24,7 @@ impl<const N: usize> ManyRandoms<N> {
     /// The lanes are for vertices of this depth from now on.
     pub fn start(&mut self, sampler: &Sampler, depth: u32) {
         self.sampler = *sampler;
-        self.base = Random { sampler: *sampler, key: 0, sample: 0, base: 0 }.at_vertex(0, depth).base;
+        self.base = Random::base_at(0, depth);
     }
 
     /// For what is drawn before there is a vertex: where the camera's ray starts.
@@ -33,8 +33,13 @@ impl<const N: usize> ManyRandoms<N> {
     }
 
     /// Puts a sample into a lane; its own vertex does not matter.
-    pub fn set(&mut self, lane: usize, random: &Random) {
-        (self.keys[lane], self.samples[lane]) = (random.key, random.sample);
+    #[inline(always)]
+    pub fn set(&mut self, lane: usize, key: SampleKey) {
+        (self.keys[lane], self.samples[lane]) = (key.pixel, key.sample);
+    }
+
+    fn key(&self, lane: usize) -> SampleKey {
+        SampleKey { pixel: self.keys[lane], sample: self.samples[lane] }
     }
 
     /// [`Random::pair`] of each.
@@ -72,7 +77,7 @@ impl<const N: usize> ManyRandoms<N> {
                 )
             }
             SamplerKind::Stratified => {
-                let point = |i| self.sampler.point(self.keys[i], self.samples[i], dimension);
+                let point = |i| self.sampler.point(self.key(i), dimension);
                 (0..N).for_each(|i| [to[0][i], to[1][i]] = point(i).to_array());
             }
         }
@@ -98,9 +103,7 @@ impl<const N: usize> ManyRandoms<N> {
                 )
             }
             SamplerKind::Independent => to = self.pairs(dimension - self.base, wide)[0],
-            SamplerKind::Stratified => {
-                (0..N).for_each(|i| to[i] = self.sampler.number(self.keys[i], self.samples[i], dimension))
-            }
+            SamplerKind::Stratified => (0..N).for_each(|i| to[i] = self.sampler.number(self.key(i), dimension)),
         }
         to
     }
@@ -146,7 +149,7 @@ mod tests {
             let sampler = Sampler::new(kind, 7, 12);
             let mut many = ManyRandoms::<20>::new(&sampler, 3);
             let singles: Vec<Random> = (0..20).map(|i| sampler.random([i * 7, 40 - i], i % 12)).collect();
-            singles.iter().enumerate().for_each(|(lane, random)| many.set(lane, random));
+            singles.iter().enumerate().for_each(|(lane, random)| many.set(lane, random.key()));
             for level in Level::ALL {
                 let (pairs, numbers) = (many.pairs(2, level.wide()), many.numbers(5, level.wide()));
                 for (lane, random) in singles.iter().enumerate() {

@@ -77,17 +77,22 @@ impl Sampler {
     /// Numbers for a sample of a pixel (coordinates in the whole picture).
     pub fn random(&self, pixel: [u32; 2], sample: u32) -> Random {
         let (block, sample) = self.block_of(sample);
-        self.of_pixel(pixel, block).sample(sample)
+        self.numbers_of(self.of_pixel(pixel, block).nth(sample))
     }
 
-    /// [`Self::random`] for a range of samples.
-    pub fn randoms(&self, pixel: [u32; 2], samples: Range<u32>) -> impl Iterator<Item = Random> {
-        let mut known: Option<(u32, OfPixel)> = None;
+    /// The numbers of a sample.
+    pub fn numbers_of(&self, key: SampleKey) -> Random {
+        Random { sampler: *self, key, base: 0 }
+    }
+
+    /// What tells the numbers of a range of samples of a pixel.
+    pub fn keys(&self, pixel: [u32; 2], samples: Range<u32>) -> impl Iterator<Item = SampleKey> {
+        let mut known: Option<(u32, SampleKey)> = None;
         samples.map(move |sample| {
             let (block, sample) = self.block_of(sample);
             match known {
-                Some((of, pixel)) if of == block => pixel.sample(sample),
-                _ => known.insert((block, self.of_pixel(pixel, block))).1.sample(sample),
+                Some((of, first)) if of == block => first.nth(sample),
+                _ => known.insert((block, self.of_pixel(pixel, block))).1.nth(sample),
             }
         })
     }
@@ -97,7 +102,8 @@ impl Sampler {
         if self.in_blocks { (sample / self.spp, sample % self.spp) } else { (0, sample) }
     }
 
-    fn of_pixel(&self, pixel: [u32; 2], block: u32) -> OfPixel {
+    /// The first sample of a pixel in a block.
+    fn of_pixel(&self, pixel: [u32; 2], block: u32) -> SampleKey {
         let seed = if self.in_blocks { rng::hash_combine(self.seed, !block) } else { self.seed };
         let key = |[x, y]: [u32; 2]| rng::hash_combine(rng::hash_combine(seed, x), y);
         let (key, start) = match self.kind {
@@ -107,7 +113,7 @@ impl Sampler {
             }
             _ => (key(pixel), 0),
         };
-        OfPixel { sampler: *self, key, start }
+        SampleKey { pixel: key, sample: start }
     }
 
     /// Logarithm of the number of samples of a pixel or block, rounded up.
@@ -115,36 +121,38 @@ impl Sampler {
         self.spp.next_power_of_two().trailing_zeros()
     }
 
-    fn number(&self, key: u32, sample: u32, dimension: u32) -> f32 {
+    fn number(&self, key: SampleKey, dimension: u32) -> f32 {
         match self.kind {
             SamplerKind::Sobol | SamplerKind::ZSobol => {
-                sobol::number(rng::hash_combine(key, dimension), sample, self.set_log2())
+                sobol::number(rng::hash_combine(key.pixel, dimension), key.sample, self.set_log2())
             }
-            _ => self.point(key, sample, dimension).x,
+            _ => self.point(key, dimension).x,
         }
     }
 
-    fn point(&self, key: u32, sample: u32, dimension: u32) -> Vec2 {
-        let of_dimension = rng::hash_combine(key, dimension);
+    fn point(&self, SampleKey { pixel, sample }: SampleKey, dimension: u32) -> Vec2 {
+        let of_dimension = rng::hash_combine(pixel, dimension);
         match self.kind {
-            SamplerKind::Independent => rng::uniform2([of_dimension, sample, key, dimension]),
+            SamplerKind::Independent => rng::uniform2([of_dimension, sample, pixel, dimension]),
             SamplerKind::Stratified => stratified::point(of_dimension, sample, self.spp),
             SamplerKind::Sobol | SamplerKind::ZSobol => sobol::point(of_dimension, sample, self.set_log2()),
         }
     }
 }
 
-/// The samples of a pixel, or of a block of them.
+/// What tells the numbers of one sample of one pixel, to those who know the sampler.
 #[derive(Clone, Copy, Debug)]
-struct OfPixel {
-    sampler: Sampler,
-    key: u32,
-    start: u32,
+pub struct SampleKey {
+    /// Chooses the sequences: of the pixel, or of the pixels that share them.
+    pixel: u32,
+    /// Number in these sequences.
+    sample: u32,
 }
 
-impl OfPixel {
-    fn sample(&self, sample: u32) -> Random {
-        Random { sampler: self.sampler, key: self.key, sample: self.start + sample, base: 0 }
+impl SampleKey {
+    /// That of a sample so many after this one.
+    fn nth(self, sample: u32) -> Self {
+        Self { sample: self.sample + sample, ..self }
     }
 }
 
@@ -152,33 +160,39 @@ impl OfPixel {
 #[derive(Clone, Copy, Debug)]
 pub struct Random {
     sampler: Sampler,
-    /// Chooses the sequences: of the pixel, or of the pixels that share them.
-    key: u32,
-    /// Number in these sequences.
-    sample: u32,
+    key: SampleKey,
     base: u32,
 }
 
 impl Random {
     /// The numbers of a vertex: each (`stream`, `depth`) has dimensions of its own.
     pub fn at_vertex(self, stream: u32, depth: u32) -> Self {
-        let base = if stream == 0 { (depth + 1) << 8 } else { rng::hash_combine(stream, depth) << 8 };
-        Self { base, ..self }
+        Self { base: Self::base_at(stream, depth), ..self }
+    }
+
+    /// What tells them.
+    pub fn key(&self) -> SampleKey {
+        self.key
+    }
+
+    /// The first dimension of a vertex.
+    fn base_at(stream: u32, depth: u32) -> u32 {
+        if stream == 0 { (depth + 1) << 8 } else { rng::hash_combine(stream, depth) << 8 }
     }
 
     /// A well-distributed pair for a dimension below 256.
     pub fn pair(&self, dimension: u32) -> Vec2 {
-        self.sampler.point(self.key, self.sample, self.base + dimension)
+        self.sampler.point(self.key, self.base + dimension)
     }
 
     /// The pair of number `step` of a sequence of independent pairs: where nobody knows how many it takes.
     pub fn independent_pair(&self, step: u32) -> Vec2 {
-        rng::uniform2([self.key, self.sample, rng::hash32(self.base), step])
+        rng::uniform2([self.key.pixel, self.key.sample, rng::hash32(self.base), step])
     }
 
     /// A well-distributed number for a dimension below 256.
     pub fn number(&self, dimension: u32) -> f32 {
-        self.sampler.number(self.key, self.sample, self.base + dimension)
+        self.sampler.number(self.key, self.base + dimension)
     }
 }
 

@@ -95,7 +95,7 @@ impl AlikeWays {
         let lane = self.whose.len() % LANES;
         put_color(&mut self.ways.sigma_s, lane, medium.sigma_s);
         self.phase[lane] = medium.phase;
-        self.randoms.set(lane, random);
+        self.randoms.set(lane, random.key());
         if step > 0 {
             self.later.push((lane, Numbers::of_path(*random, step)));
         }

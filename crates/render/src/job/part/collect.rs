@@ -15,7 +15,7 @@ impl PartRenderer<'_> {
         if !self.light_parts.is_empty() {
             self.note_light_parts(depth, path, sample);
         }
-        if is_branched && self.samples[sample as usize].rays > MAX_TREE {
+        if is_branched && self.facts[sample as usize].rays > MAX_TREE {
             self.outputs.next.clear();
         }
         self.note_in_journal(path);
@@ -27,7 +27,7 @@ impl PartRenderer<'_> {
         {
             recorder.leave(sample, depth, choice, throughput, next.throughput);
         }
-        self.samples[sample as usize].rays += self.outputs.next.len() as u32;
+        self.facts[sample as usize].rays += self.outputs.next.len() as u32;
         for (ray, state) in self.outputs.next.drain(..) {
             self.next.push(ray, &state, sample);
         }
@@ -81,7 +81,7 @@ impl PartRenderer<'_> {
         };
         let found = tag(self.paths.rest(path).lobe, depth, source);
         let brought = tag(self.outputs.light_lobe, depth + 1, self.outputs.light_source.unwrap_or(source));
-        let mode = self.samples[sample as usize].mode;
+        let mode = self.facts[sample as usize].mode;
         self.light_parts.add(&mut self.aovs, sample, self.outputs.radiance, &found, mode);
         self.light_rays.tags.extend(self.outputs.light_rays.iter().map(|_| brought));
     }

@@ -26,7 +26,7 @@ impl PartRenderer<'_> {
         let scene = self.context.scene;
         if scene.background == Background::Transparent {
             for (i, hit) in self.paths.hits.iter().enumerate() {
-                self.samples[i].alpha = f32::from(hit.is_hit());
+                self.facts[i].alpha = f32::from(hit.is_hit());
             }
         }
         let aovs: &[Aov] = &self.context.settings.aovs;
@@ -47,7 +47,7 @@ impl PartRenderer<'_> {
             };
             let interaction = hit.is_hit().then(|| self.paths.interaction(scene, i));
             let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, i, interaction, 1.0));
-            let random = self.randoms[i].at_vertex(0, 0);
+            let random = self.sampler.numbers_of(self.keys[i]).at_vertex(0, 0);
             let vertex = Vertex { depth: 0, ray: &ray, state: &state, random, surface, medium: None };
             self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, &hit)));
             for aov in aovs {

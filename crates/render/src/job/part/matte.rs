@@ -42,7 +42,7 @@ impl PartRenderer<'_> {
         let Some(mut matte) = self.matte.take() else { return };
         let Matte { vertices, surfaces } = &mut *matte;
         let Paths { rays, hits, carried, samples, .. } = &self.paths;
-        let arriving = Arriving { rays, hits, carried, samples, randoms: &self.randoms };
+        let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys };
         vertices.gather(&self.context, self.sampler, surfaces, &arriving, paths, depth);
         match is_classic {
             true => self.finish_classic(depth, vertices),
@@ -184,7 +184,7 @@ impl PartRenderer<'_> {
                 continue;
             }
             let state = self.paths.state(path);
-            let random = self.randoms[self.paths.samples[path] as usize].at_vertex(state.stream, depth);
+            let random = self.random_at(depth, path);
             self.outputs.clear();
             vertices.shade_classic(&self.context, lane, &state, &random, &mut self.outputs);
             self.collect(depth, path);

@@ -12,7 +12,7 @@ impl PartRenderer<'_> {
         };
         if depth < self.context.max_depth() {
             let Paths { rays, hits, carried, samples, .. } = &self.paths;
-            let arriving = Arriving { rays, hits, carried, samples, randoms: &self.randoms };
+            let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys };
             vertices.gather(self.sampler, &arriving, &volumes.scattered, paths, depth);
             vertices.shade(&self.context, depth);
             self.lanes.clear();
@@ -25,13 +25,16 @@ impl PartRenderer<'_> {
 
     /// Tells media of the rays of the lanes that are in use, all of which start where their paths are.
     fn note_insides_here(&mut self, depth: u32, vertices: &impl LitColumns) {
-        let Self { volumes, lanes, kept, paths, randoms, .. } = self;
+        let Self { volumes, lanes, kept, paths, keys, sampler, .. } = self;
         let Some(volumes) = volumes else { return };
         let path = |lane: u32| vertices.paths()[lane as usize] as usize;
         vertices.lit(lanes, kept);
         for &lane in &*kept {
             let path = path(lane);
-            let random = || randoms[paths.samples[path] as usize].at_vertex(paths.carried[path].stream, depth);
+            let random = || {
+                let key = keys[paths.samples[path] as usize];
+                sampler.numbers_of(key).at_vertex(paths.carried[path].stream, depth)
+            };
             volumes.note_light_ray(path, random, vertices.glowing(lane as usize));
         }
         vertices.going_on(lanes, kept);

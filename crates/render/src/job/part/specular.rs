@@ -42,7 +42,7 @@ impl PartRenderer<'_> {
 
     /// True if a path has come to a specular surface.
     pub(super) fn is_specular(&self, path: u32) -> bool {
-        let material = self.keys[path as usize] as usize;
+        let material = self.materials[path as usize] as usize;
         self.specular.as_ref().is_some_and(|specular| matches!(specular.materials.get(material), Some(Some(_))))
     }
 
@@ -56,18 +56,18 @@ impl PartRenderer<'_> {
         let lobe = |material: u32| materials[material as usize].as_ref();
         let mesh = |hit: &Hit| meshes[hit.geometry as usize].as_ref().filter(|_| hit.instance == 0);
         let Paths { rays, hits, carried, samples, .. } = &self.paths;
-        let arriving = Arriving { rays, hits, carried, samples, randoms: &self.randoms };
+        let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys };
         vertices.start(self.sampler, &arriving, paths, depth);
         for lane in 0..vertices.paths().len() {
             let path = vertices.paths()[lane] as usize;
-            let (hit, key) = (&hits[path], self.keys[path]);
+            let (hit, key) = (&hits[path], self.materials[path]);
             let Some(lobe) = lobe(key) else { continue };
             let outside_ior = self.volumes.as_ref().map_or(1.0, |volumes| volumes.outside_ior(path, hit));
             let surface = (&self.context.scene.materials[key as usize], lobe);
             vertices.gather(&self.context, lane, &arriving, surface, outside_ior, mesh(hit).is_some());
         }
         vertices.gather_triangles(&arriving, mesh);
-        let keys = &self.keys;
+        let keys = &self.materials;
         vertices.shade(&self.context, depth, |path| lobe(keys[path as usize]));
         self.finish_specular(depth, vertices);
         self.specular = Some(specular);

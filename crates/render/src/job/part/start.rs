@@ -1,75 +1,67 @@
 //! Where paths begin: samples, their numbers and the rays of the camera.
 
-use super::{PartRenderer, Sample};
+use super::{PartRenderer, Sample, SampleFacts};
 use crate::integrator::camera_path::{FILM, camera_path, film_point, path_of};
 use crate::integrator::carried::Carried;
 use crate::integrator::lanes::LANES;
-use crate::sampler::{ManyRandoms, Random};
+use crate::sampler::{ManyRandoms, SampleKey};
 use snell_math::{ColorMode, DVec2, SampledSpectrum, Vec2};
 
 impl PartRenderer<'_> {
     pub(super) fn start(&mut self, positions: &[[u32; 2]], range: [u32; 2]) {
         self.paths.clear();
         self.samples.clear();
-        self.randoms.clear();
+        self.facts.clear();
+        self.keys.clear();
         self.aovs.clear();
         self.covering.clear();
         if let Some(recorder) = &mut self.recorder {
             recorder.start(positions.len() * (range[1] - range[0]) as usize);
         }
         let sampler = self.sampler;
-        let randoms = |&pixel: &[u32; 2]| sampler.randoms(pixel, range[0]..range[1]).map(move |random| (pixel, random));
-        let mut starting = positions.iter().flat_map(randoms);
-        let mut together: [([u32; 2], Random); LANES] = [([0; 2], sampler.random([0; 2], 0)); LANES];
-        let mut many = ManyRandoms::<LANES>::of_camera(sampler);
-        loop {
-            let mut count = 0;
-            for (to, from) in together.iter_mut().zip(&mut starting) {
-                many.set(count, &from.1);
-                *to = from;
-                count += 1;
-            }
-            if count == 0 {
-                return;
-            }
-            self.start_samples(&together[..count], &many);
+        let mut pixels = Vec::with_capacity(positions.len() * (range[1] - range[0]) as usize);
+        for &pixel in positions {
+            self.keys.extend(sampler.keys(pixel, range[0]..range[1]));
+            pixels.resize(self.keys.len(), pixel);
         }
+        let keys = std::mem::take(&mut self.keys);
+        for (pixels, keys) in pixels.chunks(LANES).zip(keys.chunks(LANES)) {
+            self.start_samples(pixels, keys);
+        }
+        self.keys = keys;
     }
 
     /// Starts at most [`LANES`] samples of these pixels.
-    fn start_samples(&mut self, starting: &[([u32; 2], Random)], randoms: &ManyRandoms<LANES>) {
+    fn start_samples(&mut self, pixels: &[[u32; 2]], keys: &[SampleKey]) {
         let (settings, wide) = (self.context.settings, self.context.scene.world.simd().wide());
         let (mut film, mut weights) = ([[0.0; LANES]; 2], [1.0; LANES]);
+        let mut randoms = ManyRandoms::<LANES>::of_camera(self.sampler);
+        keys.iter().enumerate().for_each(|(i, &key)| randoms.set(i, key));
         let [x, y] = randoms.pairs(FILM, wide);
-        for (i, (pixel, _)) in starting.iter().enumerate() {
+        for (i, pixel) in pixels.iter().enumerate() {
             let (point, weight) = film_point(settings, self.filter, *pixel, Vec2::new(x[i], y[i]));
             (film[0][i], film[1][i], weights[i]) = (point.x, point.y, weight);
         }
         let begun = self.samples.len() as u32;
-        let Self { paths, samples, view, .. } = self;
-        self.randoms.extend(starting.iter().map(|(_, random)| *random));
-        let sample = |mode, weight| Sample {
-            mode,
-            radiance: SampledSpectrum::ZERO,
-            brought: SampledSpectrum::ZERO,
-            alpha: 1.0,
-            weight,
-            rays: 0,
-        };
+        let nothing = Sample { radiance: SampledSpectrum::ZERO, brought: SampledSpectrum::ZERO };
+        self.samples.resize(self.samples.len() + keys.len(), nothing);
+        let Self { paths, facts, view, .. } = self;
+        let known = |mode, weight| SampleFacts { mode, alpha: 1.0, weight, rays: 0 };
         if paths.is_plain() && view.pinhole_rays(&film, wide, &mut self.camera_rays) {
             let rays = &self.camera_rays;
-            paths.rays.extend((0..starting.len()).map(|i| rays.get(i).ray));
+            paths.rays.extend((0..keys.len()).map(|i| rays.get(i).ray));
             let (first, _) = Carried::of(&path_of(&rays.get(0), ColorMode::Rgb, 0.0));
             let carried = |i| Carried { cone_spread: rays.get(i).spread, ..first };
-            paths.carried.extend((0..starting.len()).map(carried));
-            paths.samples.extend(begun..begun + starting.len() as u32);
-            samples.extend(weights[..starting.len()].iter().map(|&weight| sample(ColorMode::Rgb, weight)));
+            paths.carried.extend((0..keys.len()).map(carried));
+            paths.samples.extend(begun..begun + keys.len() as u32);
+            facts.extend(weights[..keys.len()].iter().map(|&weight| known(ColorMode::Rgb, weight)));
             return;
         }
-        for (i, (_, random)) in starting.iter().enumerate() {
+        for (i, &key) in keys.iter().enumerate() {
             let point = DVec2::new(film[0][i], film[1][i]);
-            let (ray, state) = camera_path(view, settings, self.context.scene.moves, random, point);
-            samples.push(sample(state.mode, weights[i]));
+            let (ray, state) =
+                camera_path(view, settings, self.context.scene.moves, &self.sampler.numbers_of(key), point);
+            facts.push(known(state.mode, weights[i]));
             paths.push(ray, &state, begun + i as u32);
         }
     }

@@ -11,7 +11,7 @@ impl PartRenderer<'_> {
             return 0;
         }
         let nothing = self.context.scene.materials.len();
-        let is_any = |&path: &u32| (self.keys[path as usize] as usize) < nothing && !self.is_specular(path);
+        let is_any = |&path: &u32| (self.materials[path as usize] as usize) < nothing && !self.is_specular(path);
         paths.iter().take(LANES).take_while(|path| is_any(path)).count()
     }
 
@@ -20,7 +20,7 @@ impl PartRenderer<'_> {
         let Some(mut vertices) = self.surfaces.take() else { return };
         let scene = self.context.scene;
         let Paths { rays, hits, carried, samples, .. } = &self.paths;
-        let arriving = Arriving { rays, hits, carried, samples, randoms: &self.randoms };
+        let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys };
         vertices.start(self.sampler, &arriving, paths, depth);
         for lane in 0..vertices.paths().len() {
             let path = vertices.paths()[lane] as usize;
@@ -33,8 +33,14 @@ impl PartRenderer<'_> {
             let surface = self.paths.surface(scene, path, &interaction, outside_ior);
             let prepared = scene.prepared(scene.material_id(hit));
             let sample = samples[path] as usize;
-            let vertex =
-                Vertex { depth, ray, state: &state, random: self.randoms[sample], surface: None, medium: None };
+            let vertex = Vertex {
+                depth,
+                ray,
+                state: &state,
+                random: self.sampler.numbers_of(self.keys[sample]),
+                surface: None,
+                medium: None,
+            };
             self.samples[sample].radiance += vertices.gather(&self.context, &vertex, &surface, prepared);
         }
         if depth < self.context.max_depth() {
