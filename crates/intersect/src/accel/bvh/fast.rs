@@ -102,7 +102,7 @@ fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
         return keys;
     }
     let bucket = |key: &Key| (key.0 >> (64 - FIRST_BITS)) as usize;
-    let chunk = (count / 64).max(CHUNK);
+    let chunk = (count / 64).max(count.div_ceil(rayon::current_num_threads()).min(CHUNK));
     let histogram = |keys: &[Key]| {
         let mut counts = vec![0u32; BUCKETS];
         keys.iter().for_each(|key| counts[bucket(key)] += 1);

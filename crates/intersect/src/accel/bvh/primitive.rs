@@ -6,6 +6,7 @@ use crate::kernel::binning::{Box8, Primitive};
 use crate::mesh::{TriangleMesh, are_degenerate, padded_bounds};
 use rayon::prelude::*;
 use snell_math::{Vec3, Vec4};
+use std::ops::Range;
 
 /// Something with the number of a triangle within its group, or with [`OBJECT`] and that of an object.
 pub(super) trait Numbered: Copy + Send + Sync {
@@ -70,14 +71,19 @@ impl<'a> Triangles<'a> {
     }
 
     /// About the box around the doubled centres (by `center2`) of all triangles: large numbers of them are only sampled.
-    pub fn centers(&self, center2: impl Fn([Vec3; 3]) -> Vec4) -> Box8 {
+    pub fn centers(&self, center2: impl Fn([Vec3; 3]) -> Vec4 + Sync) -> Box8 {
         let stride = self.count() / SAMPLES + 1;
-        let all = self
-            .list
-            .meshes
-            .iter()
-            .flat_map(|(_, mesh)| (0..mesh.indices.len()).step_by(stride).map(|triangle| mesh.corners(triangle)));
-        all.filter(|corners| !are_degenerate(corners)).fold(Box8::EMPTY, |b, corners| b.with_point(center2(corners)))
+        let of_piece = |(mesh, range): (&TriangleMesh, Range<usize>)| {
+            let all = range.step_by(stride).map(|triangle| mesh.corners(triangle));
+            all.filter(|corners| !are_degenerate(corners))
+                .fold(Box8::EMPTY, |b, corners| b.with_point(center2(corners)))
+        };
+        let mut pieces = Vec::new();
+        for (_, mesh) in &self.list.meshes {
+            // (Each begins where the samples of the one before would go on.)
+            pieces.extend(ranges(mesh.indices.len(), stride * SAMPLES_AT_ONCE).map(|range| (&**mesh, range)));
+        }
+        pieces.into_par_iter().map(of_piece).reduce(|| Box8::EMPTY, |a, b| a.union(&b))
     }
 
     /// The triangles that can never be hit.
@@ -88,11 +94,11 @@ impl<'a> Triangles<'a> {
     /// Fills `to` in parallel with what `make` gives for each triangle that can be hit (number and corners), and returns how many
     /// these are. They are at the front, in order.
     pub fn collect<T: Copy + Send>(&self, to: &mut [T], make: impl Fn(u32, [Vec3; 3]) -> T + Sync) -> usize {
+        let chunk = chunk_of(self.count());
         let mut rest = &mut *to;
         let mut jobs = Vec::new();
         for ((_, mesh), &(first, _)) in self.list.meshes.iter().zip(self.meshes) {
-            for start in (0..mesh.indices.len()).step_by(CHUNK) {
-                let range = start..(start + CHUNK).min(mesh.indices.len());
+            for range in ranges(mesh.indices.len(), chunk) {
                 let (piece, others) = rest.split_at_mut(range.len());
                 rest = others;
                 jobs.push((mesh, first, range, piece));
@@ -119,8 +125,22 @@ impl<'a> Triangles<'a> {
 /// How many triangles are looked at to estimate where all are.
 const SAMPLES: usize = 1 << 16;
 
-/// Triangles handled at once by one thread.
+/// How many of them one thread looks at together.
+const SAMPLES_AT_ONCE: usize = 1 << 12;
+
+/// Most triangles that are handled at once by one thread, and least of those.
 pub(super) const CHUNK: usize = 1 << 14;
+const LEAST_CHUNK: usize = 1 << 11;
+
+/// Of so many triangles those that are handled at once by one thread: so few that all threads have about the same to do.
+pub(super) fn chunk_of(count: usize) -> usize {
+    (count / (8 * rayon::current_num_threads())).clamp(LEAST_CHUNK, CHUNK)
+}
+
+/// Pieces of a size, but for the last.
+fn ranges(count: usize, size: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..count).step_by(size).map(move |start| start..(start + size).min(count))
+}
 
 /// Moves the used front of each piece (size, used) together; returns the sum.
 fn close_gaps<T: Copy>(items: &mut [T], pieces: &[(usize, usize)]) -> usize {
