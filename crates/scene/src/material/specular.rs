@@ -34,7 +34,7 @@ impl Specular {
             return None;
         }
         match (&bsdf, &material.kind) {
-            (Bsdf::Dielectric(lobe), MaterialKind::Dielectric(glass)) if lobe.ggx.is_smooth() => {
+            (Bsdf::Dielectric(lobe), MaterialKind::Dielectric(glass)) if lobe.microfacets.is_smooth() => {
                 Some(Self::Interface { ior: lobe.ior, tint: lobe.tint, glass: glass.clone() })
             }
             (Bsdf::Conductor(_) | Bsdf::Mirror(_), _) if bsdf.is_delta() => Some(Self::Reflector(bsdf)),
