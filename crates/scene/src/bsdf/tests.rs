@@ -226,8 +226,8 @@ fn clear_dielectrics_lose_next_to_nothing(iors: &[f32], n: u32) {
         let seen = |kind: &MaterialKind, bsdf: &Bsdf, wo| furnace(kind, bsdf, wo, n)[0];
         for microfacets in SHAPES {
             let kind = |r| Dielectric { microfacets, ..Dielectric::rough(ior, r) }.into();
-            // What Beckmann's facets lose from within has its peak about the normal, which is cut off between the nodes of the tables.
-            let share = if microfacets == MicrofacetShape::Ggx { 1e-3 } else { 2e-3 };
+            // (Off by up to 0.0012 here with Beckmann's, and by 0.0008 with four times as many points.)
+            let share = if microfacets == MicrofacetShape::Ggx { 1e-3 } else { 1.5e-3 };
             keeps_all_light_but(share, &format!("glass of {ior} {microfacets:?}"), 2, kind, seen);
         }
     }

@@ -115,6 +115,9 @@ struct Albedo {
     planes: [f32; 4],
     /// What the means are stored over.
     reference: f32,
+    /// True if steps to the normal go with the square of the angle, as albedos do. GGX's
+    /// change less there.
+    is_round: bool,
 }
 
 /// How the mean loss grows with the width of the distribution, with some room above.
@@ -134,7 +137,8 @@ impl Albedo {
         let (row, weight) = nodes(facets.widths().alpha().sqrt(), ROUGHNESSES);
         let first = row.saturating_sub(1).min(ROUGHNESSES - 4);
         let start = table.of(facets.shape()) + first * ROW * table.indices + index;
-        Self { start, indices: table.indices, rows: cubic((row - first) as f32 + weight), planes, reference: 1.0 }
+        let (rows, is_round) = (cubic((row - first) as f32 + weight), facets.shape() == MicrofacetShape::Beckmann);
+        Self { start, indices: table.indices, rows, planes, reference: 1.0, is_round }
     }
 
     /// A loss: its mean is stored over [`mean_reference`].
@@ -207,6 +211,13 @@ impl Nodes for Albedo {
     #[inline(always)]
     fn node(&self, i: usize) -> f32 {
         self.over_planes(self.over_rows(|row| four(row + i * self.indices)))
+    }
+
+    #[inline(always)]
+    fn directional(&self, position: f32) -> f32 {
+        let (i, t) = nodes(position, STEEPNESSES);
+        let t = if self.is_round && i == STEEPNESSES - 2 { t * (2.0 - t) } else { t };
+        lerp(self.node(i), self.node(i + 1), t)
     }
 }
 
