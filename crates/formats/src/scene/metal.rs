@@ -42,17 +42,23 @@ impl Roughness {
     }
 }
 
-/// A metal whose reflection is multiplied by a tint. Stretched ones have GGX's facets whatever the shape.
+/// A metal whose reflection is multiplied by a tint.
 pub fn metal(
     spectrum: ConductorSpectrum,
     tint: ColorParam,
     roughness: Roughness,
     microfacets: MicrofacetShape,
 ) -> Material {
-    if let Roughness::Even(roughness) = roughness
-        && (tint == Rgb::WHITE.into() || microfacets != MicrofacetShape::Ggx)
-    {
-        return Material::new("", Conductor { microfacets, tint, ..Conductor::new(spectrum, roughness) });
+    let is_even = matches!(roughness, Roughness::Even(_));
+    if (is_even && tint == Rgb::WHITE.into()) || microfacets != MicrofacetShape::Ggx {
+        let (roughness, anisotropy) = match roughness {
+            Roughness::Even(roughness) => (roughness, 0.0),
+            Roughness::Stretched { roughness, anisotropy, rotation: 0.0 } => (roughness.into(), anisotropy),
+            // (Only quarters of a turn there are.)
+            Roughness::Stretched { roughness, anisotropy, .. } => (roughness.into(), -anisotropy),
+        };
+        let anisotropy = anisotropy.into();
+        return Material::new("", Conductor { microfacets, anisotropy, tint, ..Conductor::new(spectrum, roughness) });
     }
     let (base_color, strength) = tinted(normal_color(spectrum), tint);
     let mut kind = OpenPbr {

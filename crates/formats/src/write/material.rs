@@ -6,7 +6,8 @@ use snell_math::Rgb;
 use snell_math::spectrum::Spectrum;
 use snell_scene::Material;
 use snell_scene::bsdf::MicrofacetShape;
-use snell_scene::material::{ColorParam, ConductorSpectrum, MaterialKind, OpenPbr};
+use snell_scene::material::{ColorParam, ConductorSpectrum, MaterialKind, OpenPbr, ScalarParam, TangentMap};
+use std::f32::consts::FRAC_PI_2;
 
 /// How a material is called in messages.
 pub fn shown_name(index: usize, material: &Material) -> String {
@@ -102,6 +103,7 @@ pub fn open_pbr(material: &Material, who: &str, output: &mut Output) -> OpenPbr 
             if !matches!(conductor.spectrum, ConductorSpectrum::Color(_)) {
                 lose("a measured metal became one of its colour");
             }
+            let (stretched, is_across) = (conductor.anisotropy, conductor.anisotropy.factor < 0.0);
             let tint = without_spectrum(conductor.tint, false);
             let (base_color, strength) = tinted(without_spectrum(metal_color(&conductor.spectrum), false), tint);
             OpenPbr {
@@ -109,6 +111,8 @@ pub fn open_pbr(material: &Material, who: &str, output: &mut Output) -> OpenPbr 
                 base_metalness: 1.0.into(),
                 specular_weight: strength.into(),
                 specular_roughness: conductor.roughness,
+                specular_roughness_anisotropy: ScalarParam { factor: stretched.factor.abs(), ..stretched },
+                geometry_tangent: is_across.then_some(TangentMap { rotation: FRAC_PI_2, texture: None }),
                 ..OpenPbr::default()
             }
         }

@@ -27,6 +27,12 @@ impl Widths {
         Self::from_alphas(x, rest * x)
     }
 
+    /// [`Self::from_anisotropy`] in `[-1, 1]`: stretched along the bitangent below 0.
+    pub fn stretched(roughness: f32, anisotropy: f32) -> Self {
+        let Self { x, y } = Self::from_anisotropy(roughness, anisotropy.abs());
+        if anisotropy < 0.0 { Self { x: y, y: x } } else { Self { x, y } }
+    }
+
     /// These widths along tangent and bitangent. A surface that is smooth one way only gets the least width that can be computed with.
     pub fn from_alphas(x: f32, y: f32) -> Self {
         let [x, y] = [x, y].map(|alpha| super::bounded(alpha, 2.0));
@@ -75,5 +81,33 @@ impl Widths {
     #[inline(always)]
     pub(super) fn facet_cosine(self, w: Vec3) -> f32 {
         if self.is_smooth() { w.z } else { self.root(w).min(1.0) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stretched_widths_have_the_mean_square_of_the_roughness() {
+        for (anisotropy, ratio) in [(0.0, 1.0), (0.6, 0.4), (-0.6, 2.5), (1.0, 0.0), (f32::NAN, 1.0)] {
+            let Widths { x, y } = Widths::stretched(0.8, anisotropy);
+            assert!((0.5 * (x * x + y * y) - 0.8f32.powi(4)).abs() < 1e-5, "{anisotropy}: {x} {y}");
+            assert!((y / x - ratio).abs() < 2e-3, "{anisotropy}: {x} {y}");
+        }
+    }
+
+    #[test]
+    fn hostile_roughness_is_bounded() {
+        for rough in [f32::NAN, -1.0, 0.0, 1e-9, 1.0, 2.0, f32::INFINITY] {
+            let all = [
+                Widths::from_roughness(rough),
+                Widths::from_alphas(rough, 1.0 - rough),
+                Widths::stretched(rough, rough),
+            ];
+            for Widths { x, y } in all {
+                assert!((0.0..=2.0).contains(&x) && (0.0..=2.0).contains(&y), "{rough}: {x} {y}");
+            }
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Metals by their measured index of refraction, or by their colour.
 
 use super::{ColorParam, ScalarParam, ShadingPoint};
-use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, MicrofacetShape};
+use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, MicrofacetShape, Widths};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -68,6 +68,9 @@ pub struct Conductor {
     /// Shape of the distribution.
     #[serde(default)]
     pub microfacets: MicrofacetShape,
+    /// How far it is stretched along the tangent, `[-1, 1]`; along the bitangent below 0. As in [`super::OpenPbr`].
+    #[serde(default = "super::usual::smooth")]
+    pub anisotropy: ScalarParam,
     /// Factor on all that it reflects, `[0, 1]`: white for a real metal.
     #[serde(default = "super::usual::white")]
     pub tint: ColorParam,
@@ -76,7 +79,13 @@ pub struct Conductor {
 impl Conductor {
     /// A metal of this spectrum.
     pub fn new(spectrum: ConductorSpectrum, roughness: impl Into<ScalarParam>) -> Self {
-        Self { spectrum, roughness: roughness.into(), microfacets: MicrofacetShape::Ggx, tint: Rgb::WHITE.into() }
+        Self {
+            spectrum,
+            roughness: roughness.into(),
+            microfacets: MicrofacetShape::Ggx,
+            anisotropy: 0.0.into(),
+            tint: Rgb::WHITE.into(),
+        }
     }
 
     /// A metal of this complex index of refraction.
@@ -115,6 +124,8 @@ impl Conductor {
             Self::color(Rgb::new(0.9, 0.2, 0.1), 0.1),
             Self::color(Rgb::WHITE, 0.6),
             Self { tint: Rgb::new(0.3, 0.9, 1.0).into(), ..Self::copper(0.5) },
+            Self { anisotropy: (-0.7).into(), ..Self::copper(0.6) },
+            Self { microfacets: MicrofacetShape::Beckmann, anisotropy: 0.7.into(), ..Self::copper(0.6) },
             Self { microfacets: MicrofacetShape::Beckmann, ..Self::copper(0.3) },
             Self { microfacets: MicrofacetShape::Beckmann, ..Self::color(Rgb::WHITE, 1.0) },
         ];
@@ -142,7 +153,10 @@ impl Conductor {
                 FacetReflectance::F82 { f0: point.reflectance(color.at(point)), edge: SampledSpectrum::ONE }
             }
         };
-        let microfacets = self.microfacets.of_roughness(self.roughness.at(point));
+        let (roughness, anisotropy) = (self.roughness.at(point), self.anisotropy.at(point));
+        let is_even = anisotropy == 0.0;
+        let widths = if is_even { Widths::from_roughness(roughness) } else { Widths::stretched(roughness, anisotropy) };
+        let microfacets = self.microfacets.of_widths(widths);
         let unit = point.mode.unit();
         // (What is white is so exactly.)
         let is_white = self.tint == Rgb::WHITE.into();

@@ -161,16 +161,6 @@ impl Builder<'_> {
         Ok(MicrofacetShape::Beckmann)
     }
 
-    /// Says that microfacets that are not GGX's are so here, if it is so.
-    fn note_shape(&mut self, object: &Object, microfacets: MicrofacetShape, what: &str) {
-        if microfacets != MicrofacetShape::Ggx {
-            let owner = object.owner();
-            self.note(format!("distribution {what}"), object.at, || {
-                format!("{owner}: microfacets by Beckmann; {what} have GGX's of the same width, whose highlights have wider tails")
-            });
-        }
-    }
-
     /// Roughness by `alpha`, or by `alpha_u` and `alpha_v`.
     fn roughness(&mut self, object: &Object) -> Result<Roughness, Fault> {
         if !object.kind.starts_with("rough") {
@@ -231,9 +221,6 @@ impl Builder<'_> {
 
     fn conductor(&mut self, object: &Object) -> Result<Material, Fault> {
         let (roughness, microfacets) = (self.roughness(object)?, self.microfacets(object)?);
-        if let Roughness::Stretched { .. } = roughness {
-            self.note_shape(object, microfacets, "stretched metals");
-        }
         let tint = self.color(object, "specular_reflectance", 1.0)?;
         let Some(spectrum) = self.metal(object)? else {
             return Ok(match roughness {
@@ -343,7 +330,12 @@ impl Builder<'_> {
                     Some(CoatedDiffuse { reflectance: body.reflectance, ior, roughness, microfacets }.into())
                 }
                 MaterialKind::Conductor(conductor) => {
-                    self.note_shape(object, microfacets, "coats of metals");
+                    if microfacets != MicrofacetShape::Ggx {
+                        let owner = object.owner();
+                        self.note("distribution of coats", object.at, || {
+                            format!("{owner}: microfacets by Beckmann; GGX of the same width was used, whose highlights have wider tails")
+                        });
+                    }
                     Some(CoatedConductor { conductor: Conductor { ..conductor.clone() }, ior, roughness }.into())
                 }
                 _ => None,

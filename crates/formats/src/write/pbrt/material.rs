@@ -150,12 +150,15 @@ impl File<'_, '_> {
     /// Says what metals and layers of pbrt have not.
     fn lose_details(&mut self, material: &Material, who: &str) {
         lose_shape(&material.kind, who, self.output);
-        let tint = match &material.kind {
-            MaterialKind::Conductor(metal) => metal.tint,
-            MaterialKind::CoatedConductor(coated) => coated.conductor.tint,
-            MaterialKind::Plastic(plastic) => plastic.specular,
+        let (tint, anisotropy) = match &material.kind {
+            MaterialKind::Conductor(metal) => (metal.tint, metal.anisotropy.factor),
+            MaterialKind::CoatedConductor(coated) => (coated.conductor.tint, coated.conductor.anisotropy.factor),
+            MaterialKind::Plastic(plastic) => (plastic.specular, 0.0),
             _ => return,
         };
+        if anisotropy != 0.0 {
+            self.output.lose(format!("{who}: roughness that differs by direction became even"));
+        }
         if tint != Rgb::WHITE.into() {
             self.output.lose(format!("{who}: the tint of the reflection is left out"));
         }

@@ -150,6 +150,14 @@ fn surfaces_are_what_they_say() {
     };
     let is = (beckmann.roughness, beckmann.microfacets, beckmann.tint.factor);
     assert_eq!(is, (ScalarParam::constant(0.5), MicrofacetShape::Beckmann, Rgb::new(0.5, 0.25, 0.0)));
+    let MaterialKind::Conductor(brushed) = material(
+        "<bsdf type=\"roughconductor\"><float name=\"alpha_u\" value=\"0.1\"/><float name=\"alpha_v\" value=\"0.4\"/></bsdf>",
+    ) else {
+        panic!("brushed")
+    };
+    let ratio = 1.0 + brushed.anisotropy.factor;
+    let most = brushed.roughness.factor.powi(2) * (2.0 / (1.0 + ratio * ratio)).sqrt();
+    assert!((ratio - 0.25).abs() < 1e-6 && (most - 0.4).abs() < 1e-6, "{brushed:?}");
     let MaterialKind::OpenPbr(tinted) = material(
         "<bsdf type=\"conductor\"><string name=\"material\" value=\"Au\"/><rgb name=\"specular_reflectance\" value=\"0.5, 0.25, 0\"/></bsdf>",
     ) else {
