@@ -1,4 +1,4 @@
-//! Exponentials and logarithms by arithmetic alone: the same bits on every machine, and vector code in loops.
+//! Exponentials, logarithms and the error function by arithmetic alone: the same bits on every machine, and vector code in loops.
 
 use std::f64::consts;
 
@@ -42,9 +42,49 @@ pub fn ln(x: f64) -> f64 {
     power * LN_2[0] + (2.0 * (f + f * series) + power * LN_2[1])
 }
 
+/// `e^(x^2) erfc(x)`, the complementary error function without what makes it small, for `x` of at least 0, also infinite: off by less
+/// than 1e-10 of it. (Interpolated at the nodes of Chebyshev's polynomials in `1 / (1 + 0.4 x)`, which takes in the whole axis.)
+#[inline(always)]
+pub fn erfcx(x: f64) -> f64 {
+    const POWERS: [f64; 15] = [
+        0.421_612_728_12,
+        0.321_860_740_052,
+        0.181_565_646_983,
+        0.068_500_447_563_8,
+        0.011_344_613_267_3,
+        -0.003_357_100_465_83,
+        -0.001_927_460_222_65,
+        0.000_175_100_772_99,
+        0.000_280_867_605_767,
+        -2.180_562_906_64e-5,
+        -4.460_392_456_03e-5,
+        5.606_826_073_28e-6,
+        6.807_579_898_02e-6,
+        -9.058_450_473_1e-7,
+        -6.827_018_637_78e-7,
+    ];
+    let t = 1.0 / (1.0 + 0.4 * x);
+    let s = 2.0 * t - 1.0;
+    t * POWERS.iter().rev().fold(0.0, |sum, power| sum * s + power)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_scaled_error_function_is_that_of_its_continued_fraction() {
+        // Known to fifteen digits at the first three, where the fraction converges slowly.
+        let known = [(0.0, 1.0), (0.5, 0.615_690_344_192_926), (1.0, 0.427_583_576_155_807)];
+        let fraction = |x: f64| {
+            let rest = (1..500).rev().fold(x, |rest, k| x + f64::from(k) * 0.5 / rest);
+            (x, consts::FRAC_2_SQRT_PI * 0.5 / rest)
+        };
+        for (x, value) in known.into_iter().chain((12..4000).map(|i| fraction(f64::from(i) * 0.1))) {
+            assert!((erfcx(x) / value - 1.0).abs() < 1e-10, "{x}: {} {value}", erfcx(x));
+        }
+        assert_eq!(erfcx(f64::INFINITY), 0.0);
+    }
 
     #[test]
     fn exponentials_and_logarithms_are_those_of_the_standard_library() {

@@ -3,6 +3,7 @@
 use snell_math::Rgb;
 use snell_math::spectrum::Spectrum;
 use snell_scene::Material;
+use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::material::{ColorParam, Conductor, ConductorSpectrum, OpenPbr, ScalarParam, TangentMap};
 
 /// The roughness of a surface, whose square is the width of the distribution of microfacets.
@@ -42,25 +43,24 @@ impl Roughness {
 }
 
 /// A metal whose reflection is multiplied by a tint.
-pub fn metal(spectrum: ConductorSpectrum, tint: ColorParam, roughness: Roughness) -> Material {
-    if let Roughness::Even(roughness) = roughness
-        && tint == Rgb::WHITE.into()
-    {
-        return Material::new("", Conductor { spectrum, roughness });
+pub fn metal(
+    spectrum: ConductorSpectrum,
+    tint: ColorParam,
+    roughness: Roughness,
+    microfacets: MicrofacetShape,
+) -> Material {
+    let is_even = matches!(roughness, Roughness::Even(_));
+    if (is_even && tint == Rgb::WHITE.into()) || microfacets != MicrofacetShape::Ggx {
+        let (roughness, anisotropy) = match roughness {
+            Roughness::Even(roughness) => (roughness, 0.0),
+            Roughness::Stretched { roughness, anisotropy, rotation: 0.0 } => (roughness.into(), anisotropy),
+            // (Only quarters of a turn there are.)
+            Roughness::Stretched { roughness, anisotropy, .. } => (roughness.into(), -anisotropy),
+        };
+        let anisotropy = anisotropy.into();
+        return Material::new("", Conductor { microfacets, anisotropy, tint, ..Conductor::new(spectrum, roughness) });
     }
-    let color = normal_color(spectrum);
-    let (strength, tint) = match tint.texture {
-        Some(_) => (1.0, tint),
-        None => {
-            let most = tint.factor.max_element().max(1e-6);
-            (most.min(1.0), ColorParam { factor: tint.factor * (1.0 / most), ..tint })
-        }
-    };
-    let base_color = ColorParam {
-        factor: color.factor * tint.factor,
-        texture: color.texture.or(tint.texture),
-        spectrum: color.spectrum.or(tint.spectrum),
-    };
+    let (base_color, strength) = tinted(normal_color(spectrum), tint);
     let mut kind = OpenPbr {
         base_color,
         base_metalness: 1.0.into(),
@@ -74,6 +74,23 @@ pub fn metal(spectrum: ConductorSpectrum, tint: ColorParam, roughness: Roughness
         kind.geometry_tangent = (rotation != 0.0).then_some(TangentMap { rotation, texture: None });
     }
     Material::new("", kind)
+}
+
+/// The base colour and the specular weight of OpenPBR's metal, by the colour at normal incidence and a factor on all it reflects.
+pub fn tinted(color: ColorParam, tint: ColorParam) -> (ColorParam, f32) {
+    let (strength, tint) = match tint.texture {
+        Some(_) => (1.0, tint),
+        None => {
+            let most = tint.factor.max_element().max(1e-6);
+            (most.min(1.0), ColorParam { factor: tint.factor * (1.0 / most), ..tint })
+        }
+    };
+    let base_color = ColorParam {
+        factor: color.factor * tint.factor,
+        texture: color.texture.or(tint.texture),
+        spectrum: color.spectrum.or(tint.spectrum),
+    };
+    (base_color, strength)
 }
 
 /// What a metal reflects at normal incidence.

@@ -3,7 +3,7 @@
 mod fault;
 pub mod gltf;
 mod layers;
-mod metal;
+pub(crate) mod metal;
 pub mod minray;
 pub mod mitsuba;
 pub mod nanovdb;

@@ -1,10 +1,13 @@
 //! The nearest OpenPBR surface of any material: what formats with one model for all start from.
 
 use super::Output;
+use crate::scene::metal::tinted;
 use snell_math::Rgb;
 use snell_math::spectrum::Spectrum;
 use snell_scene::Material;
-use snell_scene::material::{ColorParam, ConductorSpectrum, MaterialKind, OpenPbr};
+use snell_scene::bsdf::MicrofacetShape;
+use snell_scene::material::{ColorParam, ConductorSpectrum, MaterialKind, OpenPbr, ScalarParam, TangentMap};
+use std::f32::consts::FRAC_PI_2;
 
 /// How a material is called in messages.
 pub fn shown_name(index: usize, material: &Material) -> String {
@@ -35,8 +38,24 @@ pub fn roughness_of_shininess(shininess: f32) -> f32 {
     (2.0 / (shininess.max(0.0) + 2.0)).sqrt().sqrt()
 }
 
+/// Says that microfacets are GGX's now if they were not.
+pub fn lose_shape(kind: &MaterialKind, who: &str, output: &mut Output) {
+    let shape = match kind {
+        MaterialKind::Conductor(metal) => metal.microfacets,
+        MaterialKind::CoatedConductor(coated) => coated.conductor.microfacets,
+        MaterialKind::Dielectric(glass) => glass.microfacets,
+        MaterialKind::Plastic(plastic) => plastic.microfacets,
+        MaterialKind::CoatedDiffuse(coated) => coated.microfacets,
+        _ => MicrofacetShape::Ggx,
+    };
+    if shape != MicrofacetShape::Ggx {
+        output.lose(format!("{who}: Beckmann's microfacets became GGX's of the same width"));
+    }
+}
+
 /// The nearest OpenPBR surface; what is not the same is a loss, said of `who`.
 pub fn open_pbr(material: &Material, who: &str, output: &mut Output) -> OpenPbr {
+    lose_shape(&material.kind, who, output);
     let mut lose = |what: &str| output.lose(format!("{who}: {what}"));
     let matte = |color: ColorParam| OpenPbr {
         base_color: without_spectrum(color, false),
@@ -84,18 +103,28 @@ pub fn open_pbr(material: &Material, who: &str, output: &mut Output) -> OpenPbr 
             if !matches!(conductor.spectrum, ConductorSpectrum::Color(_)) {
                 lose("a measured metal became one of its colour");
             }
+            let (stretched, is_across) = (conductor.anisotropy, conductor.anisotropy.factor < 0.0);
+            let tint = without_spectrum(conductor.tint, false);
+            let (base_color, strength) = tinted(without_spectrum(metal_color(&conductor.spectrum), false), tint);
             OpenPbr {
-                base_color: without_spectrum(metal_color(&conductor.spectrum), false),
+                base_color,
                 base_metalness: 1.0.into(),
+                specular_weight: strength.into(),
                 specular_roughness: conductor.roughness,
+                specular_roughness_anisotropy: ScalarParam { factor: stretched.factor.abs(), ..stretched },
+                geometry_tangent: is_across.then_some(TangentMap { rotation: FRAC_PI_2, texture: None }),
                 ..OpenPbr::default()
             }
         }
         MaterialKind::CoatedConductor(coated) => {
             lose("a coated metal became one of its colour under a coat");
+            let metal = &coated.conductor;
+            let color = without_spectrum(metal_color(&metal.spectrum), false);
+            let (base_color, strength) = tinted(color, without_spectrum(metal.tint, false));
             OpenPbr {
-                base_color: without_spectrum(metal_color(&coated.conductor.spectrum), false),
+                base_color,
                 base_metalness: 1.0.into(),
+                specular_weight: strength.into(),
                 specular_roughness: coated.conductor.roughness,
                 coat_weight: 1.0.into(),
                 coat_ior: coated.ior.into(),

@@ -59,7 +59,7 @@ impl CoatLobe {
         let coat = Coat { ior, ..coat };
         let frame = Frame { x: Vec3::X, y: Vec3::Y, z: Vec3::Z };
         let diffuse_reflection = 1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior);
-        Self { coat, albedo: DielectricReflection::new(coat.ggx, ior), frame, base_albedo, diffuse_reflection }
+        Self { coat, albedo: DielectricReflection::new(coat.ggx.into(), ior), frame, base_albedo, diffuse_reflection }
     }
 
     /// As [`Ggx::has_tangent`].

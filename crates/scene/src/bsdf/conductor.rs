@@ -1,4 +1,4 @@
-//! Metals: reflection by GGX microfacets of a conductor.
+//! Metals: reflection by microfacets of a conductor.
 
 mod many;
 
@@ -6,9 +6,8 @@ pub(super) use many::ManyMetal;
 
 use super::energy::{BouncedLobe, FacetLoss};
 use super::film::ThinFilm;
-use super::ggx::Ggx;
 use super::mirror::mirror_branch;
-use super::{Choice, Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
+use super::{Choice, Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
@@ -86,9 +85,9 @@ impl FacetReflectance {
 #[derive(Clone, Copy, Debug)]
 pub struct ConductorBsdf {
     facets: FacetReflectance,
-    /// 1 in every lane in use, 0 elsewhere.
+    /// At most 1 in every lane in use, 0 elsewhere.
     unit: SampledSpectrum,
-    ggx: Ggx,
+    microfacets: Microfacets,
     loss: FacetLoss,
     lobe: BouncedLobe,
     /// Of diffuse light.
@@ -114,14 +113,16 @@ pub struct ConductorSeen {
 }
 
 impl ConductorBsdf {
-    /// As [`Ggx::has_tangent`].
+    /// As [`Microfacets::has_tangent`].
     pub(crate) fn has_tangent(&self) -> bool {
-        self.ggx.has_tangent()
+        self.microfacets.has_tangent()
     }
 
-    /// A metal of this law of reflection and roughness; smooth ones are mirrors. `unit` is 1 in every lane in use.
-    pub fn new(facets: FacetReflectance, unit: SampledSpectrum, ggx: Ggx) -> Self {
-        let loss = FacetLoss::new(ggx);
+    /// A metal of this law of reflection and roughness; smooth ones are mirrors. `unit` is a factor on all it reflects, at most 1 in
+    /// every lane in use and 0 elsewhere.
+    pub fn new(facets: FacetReflectance, unit: SampledSpectrum, microfacets: impl Into<Microfacets>) -> Self {
+        let microfacets = microfacets.into();
+        let loss = FacetLoss::new(microfacets);
         let lost = loss.average();
         let bounced = if lost > 0.0 {
             // Each further bounce reflects the mean reflectance, and loses `lost` to the next.
@@ -130,8 +131,8 @@ impl ConductorBsdf {
         } else {
             SampledSpectrum::ZERO
         };
-        let (lobe, f0) = (BouncedLobe::new(ggx), facets.at(1.0));
-        Self { facets, unit, ggx, loss, lobe, mean_loss: lost, film: None, f0, bounced }
+        let (lobe, f0) = (BouncedLobe::new(microfacets.widths()), facets.at(1.0));
+        Self { facets, unit, microfacets, loss, lobe, mean_loss: lost, film: None, f0, bounced }
     }
 
     /// The same metal under a film.
@@ -156,12 +157,12 @@ impl Lobes for ConductorBsdf {
     }
 
     fn value_and_pdf_from(&self, seen: &ConductorSeen, wi: Vec3) -> (SampledSpectrum, f32) {
-        if seen.wo.z * wi.z <= 0.0 || self.ggx.is_smooth() {
+        if seen.wo.z * wi.z <= 0.0 || self.microfacets.is_smooth() {
             return (SampledSpectrum::ZERO, 0.0);
         }
         let (wo, wi) = (lift(seen.wo), lift(wi));
         let [facets, diffuse] = seen.choice.probabilities;
-        let (once, pdf) = match self.ggx.reflection_and_pdf(wo, wi) {
+        let (once, pdf) = match self.microfacets.reflection_and_pdf(wo, wi) {
             Some((m, value, pdf)) => (self.reflectance(wo.dot(m)) * value, pdf),
             None => (SampledSpectrum::ZERO, 0.0),
         };
@@ -174,18 +175,18 @@ impl Lobes for ConductorBsdf {
         if wo.z == 0.0 {
             return None;
         }
-        if self.ggx.is_smooth() {
+        if self.microfacets.is_smooth() {
             return Some(mirror_branch(wo, seen.reflectance).drawn(1.0));
         }
         let wi = match seen.choice.pick(u_lobe)? {
-            (0, _) => self.ggx.sample_reflection(lift(wo), u)?,
+            (0, _) => self.microfacets.sample_reflection(lift(wo), u)?,
             _ => self.lobe.sample(u),
         };
         Some(Drawn::Direction { wi: lower_like(wi, wo), is_transmission: false })
     }
 
     fn is_delta(&self) -> bool {
-        self.ggx.is_smooth()
+        self.microfacets.is_smooth()
     }
 
     fn is_opaque(&self) -> bool {

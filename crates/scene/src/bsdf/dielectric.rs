@@ -9,9 +9,8 @@ mod many;
 
 use super::energy::{BouncedLobe, DielectricLoss};
 use super::film::ThinFilm;
-use super::ggx::Ggx;
 use super::mirror::mirror_branch;
-use super::{Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
+use super::{Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
@@ -33,7 +32,7 @@ pub struct DielectricBsdf {
     /// A film on the interface.
     pub film: Option<ThinFilm>,
     /// Roughness.
-    pub ggx: Ggx,
+    pub microfacets: Microfacets,
     /// What a rough interface loses; `None` for a smooth one. See [`Self::losses`].
     pub losses: Option<RoughLosses>,
     /// Share of light that the medium lets through on the way from the last point to this one, for rays that come from the inside.
@@ -90,7 +89,7 @@ pub struct DielectricSeen {
 /// Diffuse lobes in place of light that bounces between facets of a rough interface: the same for all directions.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughLosses {
-    ggx: Ggx,
+    microfacets: Microfacets,
     ior: f32,
     lobe: BouncedLobe,
     /// Seen from the outer side, from the inner one.
@@ -107,8 +106,8 @@ struct SideLoss {
 }
 
 impl RoughLosses {
-    fn new(ggx: Ggx, ior: f32) -> Self {
-        let losses = [DielectricLoss::new(ggx, ior), DielectricLoss::new(ggx, 1.0 / ior)];
+    fn new(microfacets: Microfacets, ior: f32) -> Self {
+        let losses = [DielectricLoss::new(microfacets, ior), DielectricLoss::new(microfacets, 1.0 / ior)];
         let [outer, inner] = [losses[0].average(), losses[1].average()];
         // Diffuse light from the side of lower index is let through to this share. Both directions of the crossing must then carry
         // the same light per squared index, which limits it.
@@ -120,7 +119,7 @@ impl RoughLosses {
             SideLoss { loss: losses[0], average: outer, transmitted: transmitted(ior, outer, inner) },
             SideLoss { loss: losses[1], average: inner, transmitted: transmitted(1.0 / ior, inner, outer) },
         ];
-        Self { ggx, ior, lobe: BouncedLobe::new(ggx), sides }
+        Self { microfacets, ior, lobe: BouncedLobe::new(microfacets.widths()), sides }
     }
 
     /// The side that a direction is on.
@@ -138,9 +137,9 @@ struct Facet {
 }
 
 impl DielectricBsdf {
-    /// As [`Ggx::has_tangent`].
+    /// As [`Microfacets::has_tangent`].
     pub(crate) fn has_tangent(&self) -> bool {
-        self.ggx.has_tangent()
+        self.microfacets.has_tangent()
     }
 
     fn relative_ior(&self, wo: Vec3) -> f32 {
@@ -152,13 +151,13 @@ impl DielectricBsdf {
     }
 
     /// What an interface loses. Much work for a rough one: so those of another one are taken if it has the same roughness and index.
-    pub fn losses(ggx: Ggx, ior: f32, like: Option<&RoughLosses>) -> Option<RoughLosses> {
+    pub fn losses(microfacets: Microfacets, ior: f32, like: Option<&RoughLosses>) -> Option<RoughLosses> {
         // With equal indices nothing bends, however rough the interface.
-        if ggx.is_smooth() || (ior - 1.0).abs() < 1e-4 {
+        if microfacets.is_smooth() || (ior - 1.0).abs() < 1e-4 {
             return None;
         }
-        let known = like.filter(|known| known.ggx == ggx && known.ior == ior);
-        Some(known.copied().unwrap_or_else(|| RoughLosses::new(ggx, ior)))
+        let known = like.filter(|known| known.microfacets == microfacets && known.ior == ior);
+        Some(known.copied().unwrap_or_else(|| RoughLosses::new(microfacets, ior)))
     }
 
     /// Reflectance of a facet without a film, and with one if there is one.
@@ -225,9 +224,9 @@ impl DielectricBsdf {
     fn facet_pdf(&self, f: &Facet, eta: f32) -> f32 {
         let reflectance = fresnel::dielectric(f.wo.dot(f.m), eta);
         if f.wi.z > 0.0 {
-            self.ggx.visible_reflection_pdf(f.wo, f.wi) * reflectance
+            self.microfacets.visible_reflection_pdf(f.wo, f.wi) * reflectance
         } else {
-            self.ggx.visible_normal_pdf(f.wo, f.m) * Self::refraction_jacobian(f, eta) * (1.0 - reflectance)
+            self.microfacets.visible_normal_pdf(f.wo, f.m) * Self::refraction_jacobian(f, eta) * (1.0 - reflectance)
         }
     }
 
@@ -235,10 +234,10 @@ impl DielectricBsdf {
     fn facet_value(&self, f: &Facet, eta: f32) -> SampledSpectrum {
         let reflectance = self.fresnel(f.wo.dot(f.m), eta).1;
         if f.wi.z > 0.0 {
-            let value = self.ggx.reflection(f.wo, f.wi).map_or(0.0, |(_, value)| value);
+            let value = self.microfacets.reflection(f.wo, f.wi).map_or(0.0, |(_, value)| value);
             self.mirror_tint(eta) * reflectance * value
         } else {
-            let flux = self.ggx.refraction_flux(f.wo, lift(f.wi), f.m) * Self::refraction_jacobian(f, eta);
+            let flux = self.microfacets.refraction_flux(f.wo, lift(f.wi), f.m) * Self::refraction_jacobian(f, eta);
             self.crossing(eta) * (SampledSpectrum::ONE - reflectance) * flux
         }
     }
@@ -277,7 +276,7 @@ impl DielectricBsdf {
             let is_transmission = u_lobe < lost * losses.side(wo).transmitted;
             return Some(if is_transmission { Vec3::new(wi.x, wi.y, -wi.z) } else { wi });
         }
-        let m = self.ggx.sample_visible_normal(up, u);
+        let m = self.microfacets.sample_visible_normal(up, u);
         let is_transmission = (u_lobe - lost) / (1.0 - lost) >= fresnel::dielectric(up.dot(m), eta);
         let wi = if is_transmission { fresnel::refract(up, m, eta)? } else { fresnel::reflect(up, m) };
         (wi.z != 0.0 && (wi.z < 0.0) == is_transmission).then_some(wi)

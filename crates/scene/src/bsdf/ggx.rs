@@ -5,94 +5,62 @@
 //! may vanish.
 
 use super::unit_or;
+use super::widths::Widths;
 use snell_math::{Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
-/// Widths below this are too narrow for single precision.
-const MIN_ALPHA: f32 = 1e-3;
-
-/// Roughness of a surface: the root mean square slope is about `x` along the tangent and `y` along the bitangent.
+/// The distribution of these widths.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ggx {
-    x: f32,
-    y: f32,
+pub struct Ggx(Widths);
+
+impl From<Widths> for Ggx {
+    fn from(widths: Widths) -> Self {
+        Self(widths)
+    }
 }
 
 impl Ggx {
-    /// The distribution of a perceptual roughness in `[0, 1]`: `alpha = roughness^2`, as in glTF and OpenPBR. Clamps; NaN counts as
-    /// 0.
+    /// As [`Widths::from_roughness`].
     pub fn from_roughness(roughness: f32) -> Self {
-        let roughness = super::bounded(roughness, 1.0);
-        Self { x: roughness * roughness, y: roughness * roughness }
+        Self(Widths::from_roughness(roughness))
     }
 
-    /// The distribution of a perceptual roughness that is stretched along the tangent, both in `[0, 1]`: the mean square of the two
-    /// widths is `roughness^4` whatever the anisotropy (OpenPBR Surface 1.1, section "Microfacet model").
+    /// As [`Widths::from_anisotropy`].
     pub fn from_anisotropy(roughness: f32, anisotropy: f32) -> Self {
-        let (r, rest) = (super::bounded(roughness, 1.0), 1.0 - super::bounded(anisotropy, 1.0));
-        let x = r * r * (2.0 / (1.0 + rest * rest)).sqrt();
-        Self::from_alphas(x, rest * x)
+        Self(Widths::from_anisotropy(roughness, anisotropy))
     }
 
-    /// The distribution of these widths along tangent and bitangent. A surface that is smooth one way only gets the least width that
-    /// can be computed with.
-    pub fn from_alphas(x: f32, y: f32) -> Self {
-        let [x, y] = [x, y].map(|alpha| super::bounded(alpha, 2.0));
-        if x.max(y) < MIN_ALPHA { Self { x, y } } else { Self { x: x.max(MIN_ALPHA), y: y.max(MIN_ALPHA) } }
+    /// How wide it is.
+    #[inline(always)]
+    pub fn widths(self) -> Widths {
+        self.0
     }
 
-    /// Width of the distribution; for an anisotropic one the geometric mean of its two.
-    pub fn alpha(self) -> f32 {
-        if self.x == self.y { self.x } else { (self.x * self.y).sqrt() }
-    }
-
-    /// True if tangents mean something: it is rough, and not the same in all directions.
+    /// As [`Widths::has_tangent`].
     pub fn has_tangent(self) -> bool {
-        self.x != self.y && !self.is_smooth()
+        self.0.has_tangent()
     }
 
-    /// True if the surface is to be treated as perfectly smooth, with delta lobes: below `alpha = 0.001` lobes are too narrow for
-    /// single precision.
+    /// As [`Widths::is_smooth`].
     #[inline(always)]
     pub fn is_smooth(self) -> bool {
-        self.x.max(self.y) < MIN_ALPHA
+        self.0.is_smooth()
+    }
+
+    /// As [`Widths::root`], which is the one root in the masking functions.
+    #[inline(always)]
+    pub(super) fn root(self, w: Vec3) -> f32 {
+        self.0.root(w)
     }
 
     /// Density of microfacet normals `m` (per steradian and unit of surface).
     #[inline(always)]
     pub fn density(self, m: Vec3) -> f32 {
-        let area = self.x * self.y;
-        let (x, y, z) = (m.x * self.y, m.y * self.x, m.z * area);
+        let area = self.0.x * self.0.y;
+        let (x, y, z) = (m.x * self.0.y, m.y * self.0.x, m.z * area);
         let e = x * x + y * y + z * z;
         let ratio = area / e;
         ratio * ratio * area * FRAC_1_PI
-    }
-
-    /// `z |tan| alpha` with the width along the direction.
-    pub(super) fn spread(self, w: Vec3) -> f32 {
-        let (x, y) = (self.x * w.x, self.y * w.y);
-        (x * x + y * y).sqrt()
-    }
-
-    /// `z sqrt(1 + (alpha tan)^2)`: the one root in the masking functions.
-    #[inline(always)]
-    pub(super) fn root(self, w: Vec3) -> f32 {
-        let (x, y) = (self.x * w.x, self.y * w.y);
-        (x * x + y * y + w.z * w.z).sqrt()
-    }
-
-    /// The cosine of a direction in units of the roughness: 0 where it grazes the surface, 1 along the normal. Masking depends on
-    /// this alone.
-    #[inline(always)]
-    pub(super) fn steepness(self, w: Vec3) -> f32 {
-        let spread = self.spread(w);
-        if w.z > 0.0 { w.z / (w.z + spread) } else { 0.0 }
-    }
-
-    /// The cosine at which a typical visible facet is seen.
-    #[inline(always)]
-    pub(super) fn facet_cosine(self, w: Vec3) -> f32 {
-        if self.is_smooth() { w.z } else { self.root(w).min(1.0) }
     }
 
     /// Share of the facets that face `w` and are visible from it.
@@ -118,12 +86,12 @@ impl Ggx {
         let r = (1.0 - z * z).max(0.0).sqrt();
         let (sin, cos) = super::turn(azimuth);
         let half = Vec3::new(r * cos, r * sin, z) + stretched;
-        unit_or(Vec3::new(half.x * self.x, half.y * self.y, half.z.max(0.0)), Vec3::Z)
+        unit_or(Vec3::new(half.x * self.0.x, half.y * self.0.y, half.z.max(0.0)), Vec3::Z)
     }
 
     #[inline(always)]
     fn stretch(self, w: Vec3) -> Vec3 {
-        unit_or(Vec3::new(w.x * self.x, w.y * self.y, w.z), Vec3::Z)
+        unit_or(Vec3::new(w.x * self.0.x, w.y * self.0.y, w.z), Vec3::Z)
     }
 
     /// Draws a facet normal among those visible from `wo` (Dupuy and Benyoub, Sampling Visible GGX Normals with Spherical Caps,
@@ -173,7 +141,7 @@ impl Ggx {
     /// VNDF Sampling for Smith-GGX Reflections, SIGGRAPH Asia 2023, equations 5 and 6).
     #[inline(always)]
     fn cap(self, wo: Vec3) -> f32 {
-        let a = self.x.min(self.y).min(1.0);
+        let a = self.0.x.min(self.0.y).min(1.0);
         let s = 1.0 + (wo.x * wo.x + wo.y * wo.y).sqrt();
         let (a2, s2) = (a * a, s * s);
         (1.0 - a2) * s2 / (s2 + a2 * wo.z * wo.z)

@@ -1,6 +1,6 @@
 //! A dielectric gloss over a scattering body: plastics, paints, leaves, skin.
 //!
-//! The gloss is GGX with Fresnel's law. The body gets what the gloss lets through on the way in and on the way out,
+//! The gloss is of microfacets with Fresnel's law. The body gets what the gloss lets through on the way in and on the way out,
 //! `(1 - E(wo)) (1 - E(wi))` with `E` the albedo of the gloss, over its mean in the body's directions (Kelemen and Szirmay-Kalos, A
 //! Microfacet Based Coupled Specular-Matte BRDF Model, 2001): a white body loses nothing, and over a Lambertian body the model is
 //! reciprocal. Light that bounces between facets enters the body.
@@ -11,9 +11,8 @@ pub(super) use many::ManyGloss;
 
 use super::energy::DielectricReflection;
 use super::film::ThinFilm;
-use super::ggx::Ggx;
 use super::mirror::mirror_branch;
-use super::{Choice, DiffuseBsdf, Drawn, Lobes, SpecularBranch, fresnel, lift, lower_like};
+use super::{Choice, DiffuseBsdf, Drawn, Lobes, Microfacets, SpecularBranch, fresnel, lift, lower_like};
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::FRAC_1_PI;
 
@@ -26,7 +25,7 @@ pub struct Gloss {
     /// Factor on the reflection.
     pub tint: SampledSpectrum,
     /// Roughness.
-    pub ggx: Ggx,
+    pub microfacets: Microfacets,
     /// A film on the interface.
     pub film: Option<ThinFilm>,
 }
@@ -34,7 +33,7 @@ pub struct Gloss {
 impl Gloss {
     /// True if this has no film, and all else as another one.
     fn is_plainly(&self, other: &Self) -> bool {
-        self.film.is_none() && self.ior == other.ior && self.tint == other.tint && self.ggx == other.ggx
+        self.film.is_none() && self.ior == other.ior && self.tint == other.tint && self.microfacets == other.microfacets
     }
 }
 
@@ -84,9 +83,9 @@ pub struct GlossySeen {
 }
 
 impl GlossyBsdf {
-    /// As [`Ggx::has_tangent`].
+    /// As [`Microfacets::has_tangent`].
     pub(crate) fn has_tangent(&self) -> bool {
-        self.gloss.ggx.has_tangent()
+        self.gloss.microfacets.has_tangent()
     }
 
     /// A gloss over a body.
@@ -104,7 +103,10 @@ impl GlossyBsdf {
         let mut made = Self {
             gloss,
             body,
-            albedo: other.map_or_else(|| DielectricReflection::new(gloss.ggx, ior), |o| o.albedo.again(gloss.ggx, ior)),
+            albedo: other.map_or_else(
+                || DielectricReflection::new(gloss.microfacets, ior),
+                |o| o.albedo.again(gloss.microfacets, ior),
+            ),
             f0: SampledSpectrum::splat(fresnel::f0_from_ior(ior)),
             passed_average: SampledSpectrum::ZERO,
         };
@@ -132,7 +134,7 @@ impl GlossyBsdf {
         let plain = self.albedo.towards(w);
         let Some(film) = self.gloss.film else { return self.gloss.tint * plain };
         // The film changes the reflectance of the typical facet, and as much what all of them reflect.
-        let cos = self.gloss.ggx.facet_cosine(w);
+        let cos = self.gloss.microfacets.widths().facet_cosine(w);
         let f = fresnel::dielectric(cos, self.gloss.ior);
         let ratio = if f > 0.0 { plain / f } else { 1.0 };
         (film.reflectance(cos, self.f0, SampledSpectrum::splat(f)) * ratio).clamp(0.0, 1.0) * self.gloss.tint
@@ -162,10 +164,10 @@ impl GlossyBsdf {
 
     /// `f |cos(wi)|` of the gloss for directions above, and its density.
     fn gloss_value_and_pdf(&self, wo: Vec3, wi: Vec3) -> (SampledSpectrum, f32) {
-        if self.gloss.ggx.is_smooth() {
+        if self.gloss.microfacets.is_smooth() {
             return (SampledSpectrum::ZERO, 0.0);
         }
-        let reflection = self.gloss.ggx.reflection_and_pdf(wo, wi);
+        let reflection = self.gloss.microfacets.reflection_and_pdf(wo, wi);
         reflection.map_or((SampledSpectrum::ZERO, 0.0), |(m, value, pdf)| (self.fresnel(wo.dot(m)) * value, pdf))
     }
 
@@ -251,11 +253,14 @@ impl Lobes for GlossyBsdf {
             return None;
         }
         let lobe = seen.choice.pick(u_lobe)?.0;
-        if lobe == 0 && self.gloss.ggx.is_smooth() {
+        if lobe == 0 && self.gloss.microfacets.is_smooth() {
             return Some(self.mirror(wo).drawn(seen.choice.probabilities[0]));
         }
-        let up =
-            if lobe == 0 { self.gloss.ggx.sample_reflection(lift(wo), u)? } else { sampling::cosine_hemisphere(u) };
+        let up = if lobe == 0 {
+            self.gloss.microfacets.sample_reflection(lift(wo), u)?
+        } else {
+            sampling::cosine_hemisphere(u)
+        };
         let is_transmission = lobe == 2;
         let up = if is_transmission { Vec3::new(up.x, up.y, -up.z) } else { up };
         Some(Drawn::Direction { wi: lower_like(up, wo), is_transmission })
@@ -273,7 +278,7 @@ impl Lobes for GlossyBsdf {
     }
 
     fn is_delta(&self) -> bool {
-        self.gloss.ggx.is_smooth()
+        self.gloss.microfacets.is_smooth()
             && self.body.diffuse.is_black()
             && self.body.through.is_black()
             && self.body.walk.is_black()
@@ -287,11 +292,11 @@ impl Lobes for GlossyBsdf {
         // What smooth layers mirror comes with the branch.
         let e = self.gloss_albedo(lift(wo));
         let base = self.body.diffuse.directional_albedo(wo.z.abs()) * (SampledSpectrum::ONE - e);
-        if self.gloss.ggx.is_smooth() { base } else { base + e }
+        if self.gloss.microfacets.is_smooth() { base } else { base + e }
     }
 
     fn specular_branches(&self, wo: Vec3) -> [Option<SpecularBranch>; 2] {
-        let mirror = self.gloss.ggx.is_smooth().then(|| self.mirror(wo)).filter(|b| !b.weight.is_black());
+        let mirror = self.gloss.microfacets.is_smooth().then(|| self.mirror(wo)).filter(|b| !b.weight.is_black());
         [mirror, None]
     }
 }

@@ -3,6 +3,7 @@
 //! Directions are unit vectors that point away from the surface. `wo` goes to where light is gathered (the camera), `wi` to where
 //! it comes from. Opaque BSDFs reflect on both sides; dielectrics are outside where `z > 0`.
 
+mod beckmann;
 mod black;
 mod coat;
 mod conductor;
@@ -16,13 +17,16 @@ mod ggx;
 mod glossy;
 mod hair;
 mod many;
+mod microfacets;
 mod mirror;
 mod open_pbr;
 mod phong;
 mod sheet;
 #[cfg(test)]
 mod tests;
+mod widths;
 
+pub use beckmann::Beckmann;
 pub use black::BlackBsdf;
 pub use coat::Coat;
 pub use conductor::{ConductorBsdf, ConductorSeen, FacetReflectance};
@@ -33,10 +37,12 @@ pub use ggx::Ggx;
 pub use glossy::{Body, Gloss, GlossyBsdf, GlossySeen};
 pub use hair::{HairBsdf, HairFiber, HairSeen};
 pub use many::{MANY, ManyAnswers, ManyBsdf, ManyQuestions};
+pub use microfacets::{MicrofacetShape, Microfacets};
 pub use mirror::MirrorBsdf;
 pub use open_pbr::{Fuzz, OpenPbrBsdf, OpenPbrSeen, Slabs, Translucent, TranslucentSeen};
 pub use phong::{PhongBsdf, PhongCoefficients};
 pub use sheet::{SheetBsdf, SheetSeen};
+pub use widths::Widths;
 
 use snell_math::simd::choose;
 use snell_math::{SampledSpectrum, Vec2, Vec3, angles};

@@ -54,7 +54,7 @@ impl SheetBsdf {
         ggx: Ggx,
         film: Option<ThinFilm>,
     ) -> Self {
-        let loss = FacetLoss::new(ggx);
+        let loss = FacetLoss::new(ggx.into());
         let f0 = SampledSpectrum::splat(fresnel::f0_from_ior(ior));
         let bounced = [SampledSpectrum::ZERO; 2];
         let lost = loss.average();
@@ -108,7 +108,7 @@ impl Lobes for SheetBsdf {
         };
         let value = once + self.bounced[side] * (seen.lost * self.loss.towards(wi) * wi.z * FRAC_1_PI);
         let p = seen.choice.probabilities;
-        (value, p[side] * pdf + p[2 + side] * BouncedLobe::new(self.ggx).pdf(wi.z))
+        (value, p[side] * pdf + p[2 + side] * BouncedLobe::new(self.ggx.widths()).pdf(wi.z))
     }
 
     fn draw_from(&self, seen: &SheetSeen, u_lobe: f32, u: Vec2) -> Option<Drawn> {
@@ -121,7 +121,11 @@ impl Lobes for SheetBsdf {
         if self.ggx.is_smooth() {
             return Some(Self::branches(wo, seen.shares)[side].drawn(seen.choice.probabilities[lobe]));
         }
-        let wi = if lobe < 2 { self.ggx.sample_reflection(lift(wo), u)? } else { BouncedLobe::new(self.ggx).sample(u) };
+        let wi = if lobe < 2 {
+            self.ggx.sample_reflection(lift(wo), u)?
+        } else {
+            BouncedLobe::new(self.ggx.widths()).sample(u)
+        };
         let Vec3 { x, y, z } = lower_like(wi, wo);
         let is_transmission = side == 1;
         Some(Drawn::Direction { wi: Vec3::new(x, y, if is_transmission { -z } else { z }), is_transmission })

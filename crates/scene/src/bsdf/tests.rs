@@ -1,6 +1,6 @@
 //! Every example of every material, against what any BSDF must satisfy.
 
-use super::{Bsdf, Lobes, fresnel};
+use super::{Bsdf, Lobes, MicrofacetShape, fresnel};
 use crate::material::{MaterialKind, ShadingPoint};
 use crate::texture::TextureSet;
 use snell_intersect::SurfaceInteraction;
@@ -170,8 +170,21 @@ fn integrated_furnace(kind: &MaterialKind, bsdf: &Bsdf, wo: Vec3) -> f64 {
     sharp + spread(above) + if bsdf.is_opaque() { 0.0 } else { spread(below) * scale(true) }
 }
 
+const SHAPES: [MicrofacetShape; 2] = [MicrofacetShape::Ggx, MicrofacetShape::Beckmann];
+
 /// Twenty roughnesses and ten angles, from either side where `sides` is 2, of lossless settings: they keep all light but a thousandth.
 fn lossless_at_every_roughness_and_angle(
+    name: &str,
+    sides: usize,
+    kind: impl Fn(f32) -> MaterialKind,
+    seen: impl Fn(&MaterialKind, &Bsdf, Vec3) -> f64,
+) {
+    keeps_all_light_but(1e-3, name, sides, kind, seen);
+}
+
+/// The same but for this share.
+fn keeps_all_light_but(
+    share: f64,
     name: &str,
     sides: usize,
     kind: impl Fn(f32) -> MaterialKind,
@@ -194,33 +207,50 @@ fn lossless_at_every_roughness_and_angle(
         }
     }
     eprintln!("{name}: at most {}", worst.1);
-    assert!(worst.0 < 1e-3, "{name}: {}", worst.1);
+    assert!(worst.0 < share, "{name}: {}", worst.1);
 }
 
 #[test]
 fn white_metals_lose_nothing_at_any_roughness() {
-    let kind = |r| crate::material::Conductor::color(Rgb::WHITE, r).into();
-    lossless_at_every_roughness_and_angle("metal", 1, kind, integrated_furnace);
+    use crate::material::Conductor;
+    for microfacets in SHAPES {
+        let kind = |r| Conductor { microfacets, ..Conductor::color(Rgb::WHITE, r) }.into();
+        lossless_at_every_roughness_and_angle(&format!("metal {microfacets:?}"), 1, kind, integrated_furnace);
+    }
 }
 
 /// By random numbers: at grazing angles the refraction of rough glass has ridges that are too sharp to be integrated.
-fn clear_dielectrics_lose_less_than_a_thousandth(iors: &[f32], n: u32) {
+fn clear_dielectrics_lose_next_to_nothing(iors: &[f32], n: u32) {
+    use crate::material::Dielectric;
     for &ior in iors {
         let seen = |kind: &MaterialKind, bsdf: &Bsdf, wo| furnace(kind, bsdf, wo, n)[0];
-        let kind = |r| crate::material::Dielectric::rough(ior, r).into();
-        lossless_at_every_roughness_and_angle(&format!("glass of {ior}"), 2, kind, seen);
+        for microfacets in SHAPES {
+            let kind = |r| Dielectric { microfacets, ..Dielectric::rough(ior, r) }.into();
+            // (Off by up to 0.0012 here with Beckmann's, and by 0.0008 with four times as many points.)
+            let share = if microfacets == MicrofacetShape::Ggx { 1e-3 } else { 1.5e-3 };
+            keeps_all_light_but(share, &format!("glass of {ior} {microfacets:?}"), 2, kind, seen);
+        }
     }
 }
 
 #[test]
 fn clear_dielectrics_lose_nothing_at_any_roughness() {
-    clear_dielectrics_lose_less_than_a_thousandth(&[1.5], 1 << 15);
+    clear_dielectrics_lose_next_to_nothing(&[1.5], 1 << 15);
 }
 
 #[test]
 #[ignore = "takes a minute"]
 fn clear_dielectrics_of_several_indices_lose_nothing_at_any_roughness() {
-    clear_dielectrics_lose_less_than_a_thousandth(&[1.33, 1.5, 2.4], 1 << 17);
+    clear_dielectrics_lose_next_to_nothing(&[1.33, 1.5, 2.4], 1 << 17);
+}
+
+#[test]
+fn white_plastics_lose_nothing_at_any_roughness() {
+    use crate::material::Plastic;
+    for microfacets in SHAPES {
+        let kind = |r| Plastic { microfacets, ..Plastic::new(Rgb::WHITE, r) }.into();
+        lossless_at_every_roughness_and_angle(&format!("plastic {microfacets:?}"), 1, kind, integrated_furnace);
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! pbrt's coated diffuse material.
 
 use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior};
-use crate::bsdf::{Body, Bsdf, DiffuseBsdf, Ggx, Gloss, GlossyBsdf, fresnel};
+use crate::bsdf::{Body, Bsdf, DiffuseBsdf, Gloss, GlossyBsdf, MicrofacetShape, fresnel};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
@@ -19,12 +19,20 @@ pub struct CoatedDiffuse {
     /// Roughness of the layer, `[0, 1]`; the distribution's `alpha` is its square.
     #[serde(default = "super::usual::smooth")]
     pub roughness: ScalarParam,
+    /// Shape of the distribution.
+    #[serde(default)]
+    pub microfacets: MicrofacetShape,
 }
 
 impl CoatedDiffuse {
     /// A layer of index 1.5.
-    pub fn new(reflectance: Rgb, roughness: f32) -> Self {
-        Self { reflectance: reflectance.into(), ior: 1.5, roughness: roughness.into() }
+    pub fn new(reflectance: impl Into<ColorParam>, roughness: f32) -> Self {
+        Self {
+            reflectance: reflectance.into(),
+            ior: 1.5,
+            roughness: roughness.into(),
+            microfacets: MicrofacetShape::Ggx,
+        }
     }
 
     /// Materials for tests and galleries.
@@ -39,8 +47,8 @@ impl CoatedDiffuse {
         // Share of diffuse light in the layer that its outer side reflects back.
         let back = 1.0 - (1.0 - fresnel::dielectric_average(ior)) / (ior * ior);
         let seen = body.map(|r| r * (1.0 - back) / (1.0 - r * back));
-        let ggx = Ggx::from_roughness(self.roughness.at(point));
-        let gloss = Gloss { ior, tint: point.mode.unit(), ggx, film: None };
+        let microfacets = self.microfacets.of_roughness(self.roughness.at(point));
+        let gloss = Gloss { ior, tint: point.mode.unit(), microfacets, film: None };
         Bsdf::Glossy(GlossyBsdf::new(gloss, Body::matte(DiffuseBsdf::lambertian(seen))))
     }
 }

@@ -1,7 +1,7 @@
 //! Metals by their measured index of refraction, or by their colour.
 
 use super::{ColorParam, ScalarParam, ShadingPoint};
-use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, Ggx};
+use crate::bsdf::{Bsdf, ConductorBsdf, FacetReflectance, MicrofacetShape, Widths};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -56,7 +56,7 @@ impl<'de> Visitor<'de> for SpectrumVisitor {
     }
 }
 
-/// A metal with GGX microfacets.
+/// A metal with microfacets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Conductor {
@@ -65,22 +65,42 @@ pub struct Conductor {
     /// Roughness, `[0, 1]`; the distribution's `alpha` is its square (as in glTF). Below 0.032 the metal is a mirror.
     #[serde(default = "super::usual::smooth")]
     pub roughness: ScalarParam,
+    /// Shape of the distribution.
+    #[serde(default)]
+    pub microfacets: MicrofacetShape,
+    /// How far it is stretched along the tangent, `[-1, 1]`; along the bitangent below 0. As in [`super::OpenPbr`].
+    #[serde(default = "super::usual::smooth")]
+    pub anisotropy: ScalarParam,
+    /// Factor on all that it reflects, `[0, 1]`: white for a real metal.
+    #[serde(default = "super::usual::white")]
+    pub tint: ColorParam,
 }
 
 impl Conductor {
+    /// A metal of this spectrum.
+    pub fn new(spectrum: ConductorSpectrum, roughness: impl Into<ScalarParam>) -> Self {
+        Self {
+            spectrum,
+            roughness: roughness.into(),
+            microfacets: MicrofacetShape::Ggx,
+            anisotropy: 0.0.into(),
+            tint: Rgb::WHITE.into(),
+        }
+    }
+
     /// A metal of this complex index of refraction.
     pub fn measured(eta: Rgb, k: Rgb, roughness: f32) -> Self {
-        Self { spectrum: ConductorSpectrum::Measured { eta, k }, roughness: roughness.into() }
+        Self::new(ConductorSpectrum::Measured { eta, k }, roughness)
     }
 
     /// A measured metal.
     pub fn metal(metal: Metal, roughness: f32) -> Self {
-        Self { spectrum: ConductorSpectrum::Metal(metal), roughness: roughness.into() }
+        Self::new(ConductorSpectrum::Metal(metal), roughness)
     }
 
     /// A metal of this colour.
     pub fn color(color: Rgb, roughness: f32) -> Self {
-        Self { spectrum: ConductorSpectrum::Color(color.into()), roughness: roughness.into() }
+        Self::new(ConductorSpectrum::Color(color.into()), roughness)
     }
 
     /// Gold.
@@ -103,6 +123,11 @@ impl Conductor {
             Self::color(Rgb::WHITE, 0.0),
             Self::color(Rgb::new(0.9, 0.2, 0.1), 0.1),
             Self::color(Rgb::WHITE, 0.6),
+            Self { tint: Rgb::new(0.3, 0.9, 1.0).into(), ..Self::copper(0.5) },
+            Self { anisotropy: (-0.7).into(), ..Self::copper(0.6) },
+            Self { microfacets: MicrofacetShape::Beckmann, anisotropy: 0.7.into(), ..Self::copper(0.6) },
+            Self { microfacets: MicrofacetShape::Beckmann, ..Self::copper(0.3) },
+            Self { microfacets: MicrofacetShape::Beckmann, ..Self::color(Rgb::WHITE, 1.0) },
         ];
         all.extend(silver);
         all
@@ -128,7 +153,14 @@ impl Conductor {
                 FacetReflectance::F82 { f0: point.reflectance(color.at(point)), edge: SampledSpectrum::ONE }
             }
         };
-        let ggx = Ggx::from_roughness(self.roughness.at(point));
-        ConductorBsdf::new(facets, point.mode.unit(), ggx)
+        let (roughness, anisotropy) = (self.roughness.at(point), self.anisotropy.at(point));
+        let is_even = anisotropy == 0.0;
+        let widths = if is_even { Widths::from_roughness(roughness) } else { Widths::stretched(roughness, anisotropy) };
+        let microfacets = self.microfacets.of_widths(widths);
+        let unit = point.mode.unit();
+        // (What is white is so exactly.)
+        let is_white = self.tint == Rgb::WHITE.into();
+        let factor = if is_white { unit } else { unit * point.reflectance(self.tint.at(point)) };
+        ConductorBsdf::new(facets, factor, microfacets)
     }
 }

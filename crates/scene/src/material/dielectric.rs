@@ -1,7 +1,7 @@
 //! Glass, water, and other clear things.
 
 use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior, relative_ior};
-use crate::bsdf::{Bsdf, DielectricBsdf, Ggx, bounded};
+use crate::bsdf::{Bsdf, DielectricBsdf, MicrofacetShape, bounded};
 use serde::{Deserialize, Serialize};
 use snell_math::spectrum::{Glass, LINE_D, RefractiveIndex};
 use snell_math::{ColorMode, Rgb, SampledSpectrum};
@@ -18,6 +18,9 @@ pub struct Dielectric {
     /// Roughness, `[0, 1]`; the distribution's `alpha` is its square. Below 0.032 the interface is perfectly smooth.
     #[serde(default = "super::usual::smooth")]
     pub roughness: ScalarParam,
+    /// Shape of the distribution.
+    #[serde(default)]
+    pub microfacets: MicrofacetShape,
     /// Factor on light at each crossing, `[0, 1]`.
     #[serde(default = "super::usual::white")]
     pub tint: ColorParam,
@@ -30,7 +33,13 @@ pub struct Dielectric {
 impl Dielectric {
     /// Clear and smooth.
     pub fn smooth(ior: impl Into<RefractiveIndex>) -> Self {
-        Self { ior: ior.into(), roughness: 0.0.into(), tint: Rgb::WHITE.into(), absorption: Rgb::BLACK }
+        Self {
+            ior: ior.into(),
+            roughness: 0.0.into(),
+            microfacets: MicrofacetShape::Ggx,
+            tint: Rgb::WHITE.into(),
+            absorption: Rgb::BLACK,
+        }
     }
 
     /// Frosted.
@@ -50,6 +59,8 @@ impl Dielectric {
             Self::rough(0.75, 0.5),
             Self::smooth(Glass::SF11),
             Self::rough(RefractiveIndex::from_abbe(1.6, 20.0), 0.4),
+            Self { microfacets: MicrofacetShape::Beckmann, ..Self::rough(1.5, 0.5) },
+            Self { microfacets: MicrofacetShape::Beckmann, ..Self::rough(0.6, 0.9) },
         ]
     }
 
@@ -70,7 +81,7 @@ impl Dielectric {
     pub(super) fn bsdf_like(&self, other: Option<&DielectricBsdf>, point: &ShadingPoint) -> Bsdf {
         let mode = point.mode;
         let ior = relative_ior(positive_ior(self.ior.at(mode.hero(LINE_D))), point.outside_ior);
-        let ggx = Ggx::from_roughness(self.roughness.at(point));
+        let microfacets = self.microfacets.of_roughness(self.roughness.at(point));
         // Where wavelengths part, the hero stands for all of them.
         let unit = if self.ior.is_dispersive() { mode.hero_factor() } else { mode.unit() };
         Bsdf::Dielectric(DielectricBsdf {
@@ -79,8 +90,8 @@ impl Dielectric {
             reflection_tint: SampledSpectrum::ONE,
             unit,
             film: None,
-            ggx,
-            losses: DielectricBsdf::losses(ggx, ior, other.and_then(|other| other.losses.as_ref())),
+            microfacets,
+            losses: DielectricBsdf::losses(microfacets, ior, other.and_then(|other| other.losses.as_ref())),
             arriving: self.transmittance(point.surface.t, mode),
         })
     }

@@ -350,7 +350,8 @@ impl OpenPbr {
             let below = common.ior / coat.ior;
             common.ior + (below.max(1.0 / below) - common.ior) * common.coat
         });
-        let gloss = Gloss { ior: modulated_ior(ratio, common.specular_weight), tint, ggx: common.ggx, film };
+        let gloss =
+            Gloss { ior: modulated_ior(ratio, common.specular_weight), tint, microfacets: common.ggx.into(), film };
         let opaque_slab = || {
             let other = other.and_then(OpenPbrBsdf::opaque);
             GlossyBsdf::like(other, gloss, self.body(point, base, subsurface))
@@ -422,8 +423,8 @@ impl OpenPbr {
             reflection_tint: tint,
             unit,
             film,
-            ggx: common.ggx,
-            losses: DielectricBsdf::losses(common.ggx, ior, like),
+            microfacets: common.ggx.into(),
+            losses: DielectricBsdf::losses(common.ggx.into(), ior, like),
             arriving: SampledSpectrum::ONE,
         })
     }

@@ -1,7 +1,7 @@
 //! A coloured body under a clear coat.
 
 use super::{ColorParam, ScalarParam, ShadingPoint, positive_ior};
-use crate::bsdf::{Body, Bsdf, DiffuseBsdf, Ggx, Gloss, GlossyBsdf};
+use crate::bsdf::{Body, Bsdf, DiffuseBsdf, Gloss, GlossyBsdf, MicrofacetShape};
 use serde::{Deserialize, Serialize};
 use snell_math::Rgb;
 
@@ -19,12 +19,21 @@ pub struct Plastic {
     /// Roughness of the layer, `[0, 1]`; the distribution's `alpha` is its square.
     #[serde(default = "super::usual::smooth")]
     pub roughness: ScalarParam,
+    /// Shape of the distribution.
+    #[serde(default)]
+    pub microfacets: MicrofacetShape,
 }
 
 impl Plastic {
     /// Plastic of index 1.5.
-    pub fn new(diffuse: Rgb, roughness: f32) -> Self {
-        Self { diffuse: diffuse.into(), specular: Rgb::WHITE.into(), ior: 1.5, roughness: roughness.into() }
+    pub fn new(diffuse: impl Into<ColorParam>, roughness: f32) -> Self {
+        Self {
+            diffuse: diffuse.into(),
+            specular: Rgb::WHITE.into(),
+            ior: 1.5,
+            roughness: roughness.into(),
+            microfacets: MicrofacetShape::Ggx,
+        }
     }
 
     /// Plastics for tests and galleries.
@@ -35,6 +44,7 @@ impl Plastic {
             Self::new(Rgb::new(0.1, 0.3, 0.8), 0.2),
             Self { ior: 3.0, ..Self::new(Rgb::new(0.9, 0.9, 0.1), 1.0) },
             Self { specular: Rgb::BLACK.into(), ..Self::new(Rgb::splat(0.5), 0.3) },
+            Self { microfacets: MicrofacetShape::Beckmann, ..Self::new(Rgb::WHITE, 0.6) },
         ]
     }
 
@@ -43,7 +53,7 @@ impl Plastic {
         let gloss = Gloss {
             ior: positive_ior(self.ior),
             tint: point.reflectance(self.specular.at(point)),
-            ggx: Ggx::from_roughness(self.roughness.at(point)),
+            microfacets: self.microfacets.of_roughness(self.roughness.at(point)),
             film: None,
         };
         let diffuse = point.reflectance(self.diffuse.at(point) * point.vertex_color());

@@ -18,7 +18,7 @@ pub enum Specular {
         glass: Dielectric,
     },
     /// Only reflects. The BSDF has one lobe, which is a mirror's.
-    Reflector(Bsdf),
+    Reflector(Box<Bsdf>),
 }
 
 impl Specular {
@@ -34,10 +34,10 @@ impl Specular {
             return None;
         }
         match (&bsdf, &material.kind) {
-            (Bsdf::Dielectric(lobe), MaterialKind::Dielectric(glass)) if lobe.ggx.is_smooth() => {
+            (Bsdf::Dielectric(lobe), MaterialKind::Dielectric(glass)) if lobe.microfacets.is_smooth() => {
                 Some(Self::Interface { ior: lobe.ior, tint: lobe.tint, glass: glass.clone() })
             }
-            (Bsdf::Conductor(_) | Bsdf::Mirror(_), _) if bsdf.is_delta() => Some(Self::Reflector(bsdf)),
+            (Bsdf::Conductor(_) | Bsdf::Mirror(_), _) if bsdf.is_delta() => Some(Self::Reflector(Box::new(bsdf))),
             _ => None,
         }
     }

@@ -14,6 +14,7 @@ use crate::scene::sheet::letting_through;
 use snell_math::Rgb;
 use snell_math::spectrum::Metal;
 use snell_scene::Material;
+use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::material::{
     CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Hair, MaterialKind,
     MetallicRoughness, Mirror, OpenPbr, Phong, Plastic, ScalarParam,
@@ -134,23 +135,36 @@ impl Builder<'_> {
         Ok((index("int_ior", default)? / index("ext_ior", AIR)?) as f32)
     }
 
+    /// Shape of the distribution of microfacets: Beckmann's if nothing is said.
+    fn microfacets(&mut self, object: &Object) -> Result<MicrofacetShape, Fault> {
+        if !object.kind.starts_with("rough") {
+            return Ok(MicrofacetShape::Ggx);
+        }
+        let Some((distribution, at)) = object.string("distribution")? else { return Ok(MicrofacetShape::Beckmann) };
+        match distribution {
+            "ggx" => return Ok(MicrofacetShape::Ggx),
+            "beckmann" => {}
+            // Its exponent is that of the same width, and the highlights of both are much alike.
+            "phong" | "as" => {
+                let owner = object.owner();
+                self.note("distribution", at, || {
+                    format!(
+                        "{owner}: microfacets by Phong; Beckmann's of the same width were used, which are much alike"
+                    )
+                });
+            }
+            other => {
+                let problem = format!("\"{}\" is not a distribution of microfacets", super::value::shortened(other));
+                return Err(Fault::new(at, problem, "use ggx or beckmann"));
+            }
+        }
+        Ok(MicrofacetShape::Beckmann)
+    }
+
     /// Roughness by `alpha`, or by `alpha_u` and `alpha_v`.
     fn roughness(&mut self, object: &Object) -> Result<Roughness, Fault> {
         if !object.kind.starts_with("rough") {
             return Ok(Roughness::Even(0.0.into()));
-        }
-        if let Some((distribution, at)) = object.string("distribution")? {
-            match distribution {
-                "ggx" => {}
-                "beckmann" | "phong" | "as" => self.note_distribution(object, at),
-                other => {
-                    let problem =
-                        format!("\"{}\" is not a distribution of microfacets", super::value::shortened(other));
-                    return Err(Fault::new(at, problem, "use ggx or beckmann"));
-                }
-            }
-        } else {
-            self.note_distribution(object, object.at);
         }
         for name in ["sample_visible", "nonlinear"] {
             object.get(name);
@@ -162,15 +176,6 @@ impl Builder<'_> {
             Ok(self.constant(object, name)?.map_or(0.1, |c| c.luminance()).clamp(0.0, 1.0))
         };
         Ok(Roughness::of_widths(width("alpha_u")?, width("alpha_v")?))
-    }
-
-    fn note_distribution(&mut self, object: &Object, at: crate::scene::fault::Spot) {
-        let owner = object.owner();
-        self.note("distribution", at, || {
-            format!(
-                "{owner}: microfacets by Beckmann; GGX of the same width was used, whose highlights have wider tails"
-            )
-        });
     }
 
     /// One roughness for what cannot be stretched.
@@ -187,10 +192,10 @@ impl Builder<'_> {
 
     fn dielectric(&mut self, object: &Object) -> Result<Material, Fault> {
         let ior = self.relative_index(object, GLASS)?;
-        let roughness = self.even_roughness(object)?;
+        let (roughness, microfacets) = (self.even_roughness(object)?, self.microfacets(object)?);
         let tint = self.color(object, "specular_transmittance", 1.0)?;
         self.expect_white(object, "specular_reflectance")?;
-        Ok(Material::new("", Dielectric { roughness, tint, ..Dielectric::smooth(ior) }))
+        Ok(Material::new("", Dielectric { roughness, microfacets, tint, ..Dielectric::smooth(ior) }))
     }
 
     fn thin_dielectric(&mut self, object: &Object) -> Result<Material, Fault> {
@@ -215,15 +220,15 @@ impl Builder<'_> {
     }
 
     fn conductor(&mut self, object: &Object) -> Result<Material, Fault> {
-        let roughness = self.roughness(object)?;
+        let (roughness, microfacets) = (self.roughness(object)?, self.microfacets(object)?);
         let tint = self.color(object, "specular_reflectance", 1.0)?;
         let Some(spectrum) = self.metal(object)? else {
             return Ok(match roughness {
                 Roughness::Even(r) if r == 0.0.into() => Material::new("", Mirror { reflectance: tint }),
-                _ => metal(ConductorSpectrum::Color(Rgb::WHITE.into()), tint, roughness),
+                _ => metal(ConductorSpectrum::Color(Rgb::WHITE.into()), tint, roughness, microfacets),
             });
         };
-        Ok(metal(spectrum, tint, roughness))
+        Ok(metal(spectrum, tint, roughness, microfacets))
     }
 
     /// The metal that an object says; `None` for one that reflects everything.
@@ -259,15 +264,15 @@ impl Builder<'_> {
     }
 
     fn plastic(&mut self, object: &Object) -> Result<Material, Fault> {
-        let roughness = self.even_roughness(object)?;
+        let (roughness, microfacets) = (self.even_roughness(object)?, self.microfacets(object)?);
         let ior = self.relative_index(object, POLYPROPYLENE)?;
         let diffuse = self.color(object, "diffuse_reflectance", GRAY)?;
         if object.bool_or("nonlinear", false)? {
             self.expect_white(object, "specular_reflectance")?;
-            return Ok(Material::new("", CoatedDiffuse { reflectance: diffuse, ior, roughness }));
+            return Ok(Material::new("", CoatedDiffuse { reflectance: diffuse, ior, roughness, microfacets }));
         }
         let specular = self.color(object, "specular_reflectance", 1.0)?;
-        Ok(Material::new("", Plastic { diffuse, specular, ior, roughness }))
+        Ok(Material::new("", Plastic { diffuse, specular, ior, roughness, microfacets }))
     }
 
     fn phong(&mut self, object: &Object) -> Result<Material, Fault> {
@@ -308,7 +313,7 @@ impl Builder<'_> {
     /// A clear layer over a metal or a diffuse surface.
     fn coating(&mut self, object: &Object) -> Result<Look, Fault> {
         let ior = self.relative_index(object, GLASS)?;
-        let roughness = self.even_roughness(object)?;
+        let (roughness, microfacets) = (self.even_roughness(object)?, self.microfacets(object)?);
         self.expect_white(object, "specular_reflectance")?;
         for name in ["thickness", "sigma_a"] {
             if object.get(name).is_some() {
@@ -322,9 +327,15 @@ impl Builder<'_> {
         for layer in &mut look.layers {
             let kind: Option<MaterialKind> = match &layer.kind {
                 MaterialKind::Diffuse(body) => {
-                    Some(CoatedDiffuse { reflectance: body.reflectance, ior, roughness }.into())
+                    Some(CoatedDiffuse { reflectance: body.reflectance, ior, roughness, microfacets }.into())
                 }
                 MaterialKind::Conductor(conductor) => {
+                    if microfacets != MicrofacetShape::Ggx {
+                        let owner = object.owner();
+                        self.note("distribution of coats", object.at, || {
+                            format!("{owner}: microfacets by Beckmann; GGX of the same width was used, whose highlights have wider tails")
+                        });
+                    }
                     Some(CoatedConductor { conductor: Conductor { ..conductor.clone() }, ior, roughness }.into())
                 }
                 _ => None,

@@ -71,7 +71,7 @@ pub fn material(builder: &mut Builder, params: &Params) -> Result<Option<Known>,
         };
         let eta = get(builder, "eta", COPPER[0])?;
         let k = get(builder, "k", COPPER[1])?;
-        Material::new("", Conductor { spectrum: ConductorSpectrum::Measured { eta, k }, roughness })
+        Material::new("", Conductor::new(ConductorSpectrum::Measured { eta, k }, roughness))
     } else if kind("glass") {
         let named = if params.has("eta") { "eta" } else { "index" };
         let ior = builder.index(params, named)?;
@@ -115,7 +115,7 @@ fn plastic(builder: &mut Builder, params: &Params, kd: f32, ks: f32, roughness: 
     let given = ["roughness", "uroughness", "vroughness"].into_iter().any(|name| params.has(name));
     let read = builder.roughness(params, "", roughness)?;
     let roughness = if given { read } else { ScalarParam::constant(alpha.sqrt()) };
-    Ok(Material::new("", Plastic { diffuse, specular, ior: 1.5, roughness }))
+    Ok(Material::new("", Plastic { specular, roughness, ..Plastic::new(diffuse, 0.0) }))
 }
 
 fn with_ior(mut material: Material, ior: f32) -> Material {

@@ -13,6 +13,7 @@ use crate::scene::scattering::{self, Coefficients, color_of_albedo};
 use crate::scene::sheet::letting_through;
 use snell_math::Rgb;
 use snell_math::spectrum::Metal;
+use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::material::{
     CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Hair, Interface,
     Interior, MetallicRoughness, NormalMap, OpenPbr, ScalarParam,
@@ -239,7 +240,7 @@ impl Builder<'_> {
         let roughness = self.roughness(params, "", 0.0)?;
         let ior = self.index(params, "eta")?;
         self.coating_details(params)?;
-        Ok(Material::new("", CoatedDiffuse { reflectance, ior, roughness }))
+        Ok(Material::new("", CoatedDiffuse { ior, roughness, ..CoatedDiffuse::new(reflectance, 0.0) }))
     }
 
     /// Parameters of the layer between coat and base.
@@ -264,7 +265,7 @@ impl Builder<'_> {
     fn conductor(&mut self, params: &Params, prefix: &str) -> Result<Material, Fault> {
         let roughness = self.widths(params, prefix, 0.0)?;
         let spectrum = self.metal(params, prefix)?;
-        Ok(metal(spectrum, Rgb::WHITE.into(), roughness))
+        Ok(metal(spectrum, Rgb::WHITE.into(), roughness, MicrofacetShape::Ggx))
     }
 
     fn metal(&mut self, params: &Params, prefix: &str) -> Result<ConductorSpectrum, Fault> {
@@ -296,7 +297,7 @@ impl Builder<'_> {
 
     fn coated_conductor(&mut self, params: &Params) -> Result<Material, Fault> {
         let spectrum = self.metal(params, "conductor.")?;
-        let conductor = Conductor { spectrum, roughness: self.roughness(params, "conductor.", 0.0)? };
+        let conductor = Conductor::new(spectrum, self.roughness(params, "conductor.", 0.0)?);
         let roughness = self.roughness(params, "interface.", 0.0)?;
         let ior = self.index(params, "interface.eta")?;
         self.coating_details(params)?;

@@ -1,7 +1,7 @@
 //! Materials, with the emission, opacity and media that pbrt says of shapes instead, and media themselves.
 
 use super::{File, quoted, rgb};
-use crate::write::material::{open_pbr, shown_name, without_spectrum};
+use crate::write::material::{lose_shape, open_pbr, shown_name, without_spectrum};
 use crate::write::picture::Baked;
 use snell_math::spectrum::Metal;
 use snell_math::{ColorMode, Rgb};
@@ -147,8 +147,26 @@ impl File<'_, '_> {
         };
     }
 
+    /// Says what metals and layers of pbrt have not.
+    fn lose_details(&mut self, material: &Material, who: &str) {
+        lose_shape(&material.kind, who, self.output);
+        let (tint, anisotropy) = match &material.kind {
+            MaterialKind::Conductor(metal) => (metal.tint, metal.anisotropy.factor),
+            MaterialKind::CoatedConductor(coated) => (coated.conductor.tint, coated.conductor.anisotropy.factor),
+            MaterialKind::Plastic(plastic) => (plastic.specular, 0.0),
+            _ => return,
+        };
+        if anisotropy != 0.0 {
+            self.output.lose(format!("{who}: roughness that differs by direction became even"));
+        }
+        if tint != Rgb::WHITE.into() {
+            self.output.lose(format!("{who}: the tint of the reflection is left out"));
+        }
+    }
+
     fn body(&mut self, material: &Material, who: &str) -> Body {
         let kind = |name: &str| format!("\"string type\" [ \"{name}\" ]");
+        self.lose_details(material, who);
         match &material.kind {
             MaterialKind::Black(_) => Body::new(format!("{} \"rgb reflectance\" [ 0 0 0 ]", kind("diffuse"))),
             MaterialKind::Diffuse(diffuse) => {
@@ -160,12 +178,7 @@ impl File<'_, '_> {
                     + &self.roughness("", coated.roughness, who)
                     + &format!(" \"float eta\" [ {} ]", coated.ior),
             ),
-            MaterialKind::Plastic(plastic) => {
-                if plastic.specular != Rgb::WHITE.into() {
-                    self.output.lose(format!("{who}: the tint of the reflection is left out"));
-                }
-                self.coated(plastic.diffuse, plastic.ior, plastic.roughness, who)
-            }
+            MaterialKind::Plastic(plastic) => self.coated(plastic.diffuse, plastic.ior, plastic.roughness, who),
             MaterialKind::Conductor(conductor) => Body::new(
                 kind("conductor")
                     + &self.metal("", &conductor.spectrum, who)

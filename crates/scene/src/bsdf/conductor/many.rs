@@ -8,7 +8,7 @@ use snell_math::simd::choose;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
-/// A metal without a film: by its complex index of refraction, or by colours.
+/// A metal of [`Ggx`] without a film: by its complex index of refraction, or by colours.
 #[derive(Clone, Debug)]
 pub struct ManyMetal<const COMPLEX: bool> {
     /// As in [`FacetReflectance`].
@@ -32,7 +32,8 @@ pub struct Seen {
 impl<const COMPLEX: bool> ManyMetal<COMPLEX> {
     /// `None` if it is no such metal.
     pub fn of(bsdf: &ConductorBsdf) -> Option<Self> {
-        let &ConductorBsdf { facets, unit, ggx, ref loss, lobe, mean_loss, film, bounced, .. } = bsdf;
+        let &ConductorBsdf { facets, unit, microfacets, ref loss, lobe, mean_loss, film, bounced, .. } = bsdf;
+        let ggx = microfacets.ggx()?;
         let (facets, is_complex) = match facets {
             FacetReflectance::Complex { eta, k } => ([eta, k], true),
             FacetReflectance::F82 { f0, edge } => ([f0, edge], false),

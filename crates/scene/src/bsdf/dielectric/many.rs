@@ -8,7 +8,7 @@ use snell_math::simd::choose;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
-/// A rough interface without a film, to a medium that absorbs nothing.
+/// A rough interface of [`Ggx`] without a film, to a medium that absorbs nothing.
 #[derive(Clone, Debug)]
 pub struct ManyGlass {
     ggx: Ggx,
@@ -36,12 +36,12 @@ pub struct Seen {
 impl ManyGlass {
     /// `None` if it is no such interface.
     pub fn of(bsdf: &DielectricBsdf) -> Option<Self> {
-        let losses = bsdf.losses.as_ref()?;
+        let (losses, ggx) = (bsdf.losses.as_ref()?, bsdf.microfacets.ggx()?);
         let is_such = bsdf.film.is_none() && bsdf.arriving == SampledSpectrum::ONE;
         let eta = [bsdf.ior, 1.0 / bsdf.ior];
         let [outer, inner] = &losses.sides;
         is_such.then(|| Self {
-            ggx: bsdf.ggx,
+            ggx,
             lobe: losses.lobe,
             losses: DielectricLossLines::new(&outer.loss, &inner.loss),
             eta,

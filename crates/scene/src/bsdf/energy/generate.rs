@@ -26,32 +26,32 @@ struct Shares {
     out: f64,
 }
 
-/// [`Ggx::facet_cosine`] of rough surfaces also for those that count as smooth.
-fn facet_cosine(ggx: Ggx, w: Vec3) -> f32 {
-    (f64::from(ggx.spread(w)).hypot(f64::from(w.z)) as f32).min(1.0)
+/// [`Widths::facet_cosine`] of rough surfaces also for those that count as smooth.
+fn facet_cosine(widths: Widths, w: Vec3) -> f32 {
+    (f64::from(widths.spread(w)).hypot(f64::from(w.z)) as f32).min(1.0)
 }
 
 /// The direction of a node.
-fn direction(ggx: Ggx, node: usize) -> Vec3 {
+fn direction(widths: Widths, node: usize) -> Vec3 {
     let at = |mu: f64| Vec3::new((1.0 - mu * mu).max(0.0).sqrt() as f32, 0.0, mu as f32);
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        let reached = f64::from(position(ggx, at(middle))) < node as f64 / (STEEPNESSES - 1) as f64;
+        let reached = f64::from(position(widths, at(middle))) < node as f64 / (STEEPNESSES - 1) as f64;
         *(if reached { &mut low } else { &mut high }) = middle;
     }
     at(if node == 0 { 0.0 } else { high })
 }
 
-fn shares(ggx: Ggx, wo: Vec3, ior: f64, n: u32) -> Shares {
+fn shares(facets: Microfacets, wo: Vec3, ior: f64, n: u32) -> Shares {
     let mut sum = Shares::default();
-    let weight = |wi: Vec3| f64::from(ggx.shadowing(wo, wi));
+    let weight = |wi: Vec3| f64::from(facets.shadowing(wo, wi));
     for i in 0..n {
         // A Fibonacci lattice, warped so that the tilted facets, whose light gets lost, are more often asked.
         let x = (f64::from(i) + 0.5) / f64::from(n);
         let y = (f64::from(i) * 0.618_033_988_749_894_9 + 0.5).fract();
         let (v, density) = (x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x));
-        let m = ggx.sample_visible_normal(wo, Vec2::new(y as f32, v as f32));
+        let m = facets.sample_visible_normal(wo, Vec2::new(y as f32, v as f32));
         let cos = wo.dot(m);
         let [from_outside, from_inside] =
             [ior as f32, 1.0 / ior as f32].map(|eta| f64::from(fresnel::dielectric(cos, eta)));
@@ -107,17 +107,18 @@ fn encode(planes: &[&Vec<Vec<f64>>], bytes: &mut Vec<u8>) {
 }
 
 /// The four planes of an index of refraction: rows of albedos with their means.
-fn integrate(ior: f64) -> [Vec<Vec<f64>>; 4] {
+fn integrate(shape: MicrofacetShape, ior: f64) -> [Vec<Vec<f64>>; 4] {
     let mut planes: [Vec<Vec<f64>>; 4] = Default::default();
     for r in 0..ROUGHNESSES {
         let alpha = f64::from(row_roughness(r)).powi(2);
-        let ggx = Ggx::from_alphas(alpha as f32, alpha as f32);
+        let widths = Widths::from_alphas(alpha as f32, alpha as f32);
+        let most = MOST * range(shape);
         let mut rows: [Vec<f64>; 4] = Default::default();
         for k in 0..STEEPNESSES {
-            let wo = direction(ggx, k);
-            let s = shares(ggx, wo, ior, 1 << 13);
-            let reference = f64::from(fresnel::dielectric(facet_cosine(ggx, wo), ior as f32));
-            let ratio = if reference > 0.0 { s.outside / reference / f64::from(MOST) } else { 1.0 / f64::from(MOST) };
+            let wo = direction(widths, k);
+            let s = shares(shape.of_widths(widths), wo, ior, 1 << 13);
+            let reference = f64::from(fresnel::dielectric(facet_cosine(widths, wo), ior as f32));
+            let ratio = if reference > 0.0 { s.outside / reference / f64::from(most) } else { 1.0 / f64::from(most) };
             let values = [1.0 - s.mirror, ratio, 1.0 - s.outside - s.into, 1.0 - s.inside - s.out];
             for (row, value) in rows.iter_mut().zip(values) {
                 row.push(value);
@@ -125,7 +126,7 @@ fn integrate(ior: f64) -> [Vec<Vec<f64>>; 4] {
         }
         let reference = |mu: f64| {
             let wo = Vec3::new((1.0 - mu * mu).sqrt() as f32, 0.0, mu as f32);
-            f64::from(MOST * fresnel::dielectric(facet_cosine(ggx, wo), ior as f32))
+            f64::from(most * fresnel::dielectric(facet_cosine(widths, wo), ior as f32))
         };
         for (i, (plane, mut row)) in planes.iter_mut().zip(rows).enumerate() {
             row.push(if i == 1 {
@@ -139,44 +140,50 @@ fn integrate(ior: f64) -> [Vec<Vec<f64>>; 4] {
     planes
 }
 
-#[test]
-#[ignore = "writes the tables"]
-fn write_tables() {
+/// The tables of one distribution.
+fn tables(shape: MicrofacetShape, bytes: &mut Vec<u8>) {
     let mut planes: Vec<_> = (0..INDICES).map(|_| None).collect();
     std::thread::scope(|scope| {
         for chunk in planes.chunks_mut(8).enumerate() {
             scope.spawn(move || {
                 for (i, plane) in chunk.1.iter_mut().enumerate() {
-                    *plane = Some(integrate(ior_at(chunk.0 * 8 + i)));
+                    *plane = Some(integrate(shape, ior_at(chunk.0 * 8 + i)));
                 }
             });
         }
     });
-    let mut bytes = Vec::new();
     let planes: Vec<_> = planes.into_iter().flatten().collect();
-    encode(&[&planes[0][0]; FACETS.indices], &mut bytes);
+    encode(&[&planes[0][0]; FACETS.indices], bytes);
     for quantity in 1..4 {
-        encode(&planes.iter().map(|quantities| &quantities[quantity]).collect::<Vec<_>>(), &mut bytes);
+        encode(&planes.iter().map(|quantities| &quantities[quantity]).collect::<Vec<_>>(), bytes);
+    }
+}
+
+#[test]
+#[ignore = "writes the tables"]
+fn write_tables() {
+    let mut bytes = Vec::new();
+    for shape in [MicrofacetShape::Ggx, MicrofacetShape::Beckmann] {
+        tables(shape, &mut bytes);
     }
     std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/energy/tables.bin"), bytes)
         .expect("writes the tables");
 }
 
-#[test]
-fn the_tables_agree_with_fine_integrals_between_their_nodes() {
+fn agree_with_fine_integrals(shape: MicrofacetShape) {
     let mut errors: [Vec<f64>; 4] = Default::default();
     for seed in 0..400u32 {
         let [a, b] = [1, 2].map(|k| snell_math::rng::uniform2([seed, k, 7, 7]));
-        let ggx = Ggx::from_roughness(0.032 + 0.968 * a.x);
+        let facets = shape.of_roughness(0.032 + 0.968 * a.x);
         let mu = if seed % 2 == 0 { a.y } else { a.y * a.y * a.y };
         let wo = Vec3::new((1.0 - mu * mu).sqrt(), 0.0, mu);
         let ior = 1.05 + 2.0 * b.x * b.x;
-        let s = shares(ggx, wo, f64::from(ior), 1 << 12);
+        let s = shares(facets, wo, f64::from(ior), 1 << 12);
         let found = [
-            FacetLoss::new(ggx).towards(wo),
-            DielectricReflection::new(ggx, ior).towards(wo),
-            DielectricLoss::new(ggx, ior).towards(wo),
-            DielectricLoss::new(ggx, 1.0 / ior).towards(wo),
+            FacetLoss::new(facets).towards(wo),
+            DielectricReflection::new(facets, ior).towards(wo),
+            DielectricLoss::new(facets, ior).towards(wo),
+            DielectricLoss::new(facets, 1.0 / ior).towards(wo),
         ];
         let values = [1.0 - s.mirror, s.outside, 1.0 - s.outside - s.into, 1.0 - s.inside - s.out];
         for ((errors, found), value) in errors.iter_mut().zip(found).zip(values) {
@@ -186,6 +193,12 @@ fn the_tables_agree_with_fine_integrals_between_their_nodes() {
     for (i, errors) in errors.iter_mut().enumerate() {
         errors.sort_by(f64::total_cmp);
         let [most, worst] = [errors[395], errors[399]];
-        assert!(most < 2e-3 && worst < 1e-2, "table {i}: {most} {worst}");
+        assert!(most < 2e-3 && worst < 1e-2, "{shape:?} {i}: {most} {worst}");
     }
+}
+
+#[test]
+fn the_tables_agree_with_fine_integrals_between_their_nodes() {
+    agree_with_fine_integrals(MicrofacetShape::Ggx);
+    agree_with_fine_integrals(MicrofacetShape::Beckmann);
 }

@@ -5,13 +5,13 @@
 //! reciprocal and loses nothing. Layers use the same numbers to know what is left for what lies below.
 //!
 //! The tables in `tables.bin` were integrated by `generate.rs`. Half of their nodes along the direction follow the cosine in units of
-//! the roughness ([`Ggx::steepness`]), in which albedos are smooth even for nearly smooth surfaces at grazing angles, and half the
+//! the roughness ([`Widths::steepness`]), in which albedos are smooth even for nearly smooth surfaces at grazing angles, and half the
 //! cosine itself, for the critical angle.
 
 #[cfg(test)]
 mod generate;
 
-use super::ggx::Ggx;
+use super::{MicrofacetShape, Microfacets, Widths};
 use snell_math::{Vec2, Vec3, exponentials};
 use std::f32::consts::FRAC_1_PI;
 
@@ -24,8 +24,12 @@ const INDICES: usize = 32;
 /// Numbers in a row: albedos and their mean.
 const ROW: usize = STEEPNESSES + 1;
 
-/// Numbers of 16 bits, little-endian: albedos in units of 1/65535, means by their logarithms.
+/// Numbers of 16 bits, little-endian: albedos in units of 1/65535, means by their logarithms. The first half is for [`super::Ggx`],
+/// the second for [`super::Beckmann`].
 static NUMBERS: &[u8] = include_bytes!("tables.bin");
+
+/// How many of them there are for each distribution.
+const HALF: usize = ROUGHNESSES * ROW * (FACETS.indices + 3 * INDICES);
 
 /// A table: a row for each roughness, each number in it for all indices of refraction, one after the other.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +49,14 @@ impl Table {
     const fn of_dielectrics(number: usize) -> Self {
         Self { start: ROUGHNESSES * ROW * (FACETS.indices + number * INDICES), indices: INDICES }
     }
+
+    /// Where it begins for this distribution.
+    fn of(self, shape: MicrofacetShape) -> usize {
+        match shape {
+            MicrofacetShape::Ggx => self.start,
+            MicrofacetShape::Beckmann => self.start + HALF,
+        }
+    }
 }
 
 /// Root of the reflectance at normal incidence at the last index of refraction; the nodes before follow the power 2.5.
@@ -60,8 +72,17 @@ fn four(at: usize) -> [f32; 4] {
 /// Range of the logarithms of means: at low roughness nothing is lost on average, but much at grazing angles, and the ratio counts.
 const DEEPEST: f32 = -16.0;
 
-/// Range of the quotient of the reflectance of a rough and of a smooth dielectric, see [`Ggx::facet_cosine`].
+/// Range of the quotient of the reflectance of a rough and of a smooth dielectric, see [`Widths::facet_cosine`].
 const MOST: f32 = 16.0;
+
+/// How many times that the range is for this distribution: at grazing angles more of Beckmann's visible facets are seen edge-on, where
+/// even what bends light a little reflects it.
+fn range(shape: MicrofacetShape) -> f32 {
+    match shape {
+        MicrofacetShape::Ggx => 1.0,
+        MicrofacetShape::Beckmann => 4.0,
+    }
+}
 
 /// The two nodes around a position in `[0, 1]` on a grid of `n`, and the weight of the second.
 #[inline(always)]
@@ -73,8 +94,8 @@ pub(super) fn nodes(x: f32, n: usize) -> (usize, f32) {
 
 /// Where a direction is among the nodes, `[0, 1]`.
 #[inline(always)]
-fn position(ggx: Ggx, w: Vec3) -> f32 {
-    0.5 * (ggx.steepness(w).sqrt() + w.z)
+fn position(widths: Widths, w: Vec3) -> f32 {
+    0.5 * (widths.steepness(w).sqrt() + w.z)
 }
 
 #[inline(always)]
@@ -94,6 +115,9 @@ struct Albedo {
     planes: [f32; 4],
     /// What the means are stored over.
     reference: f32,
+    /// True if steps to the normal go with the square of the angle, as albedos do. GGX's
+    /// change less there.
+    is_round: bool,
 }
 
 /// How the mean loss grows with the width of the distribution, with some room above.
@@ -109,16 +133,26 @@ fn cubic(x: f32) -> [f32; 4] {
 }
 
 impl Albedo {
-    fn new(ggx: Ggx, table: Table, (index, planes): (usize, [f32; 4])) -> Self {
-        let (row, weight) = nodes(ggx.alpha().sqrt(), ROUGHNESSES);
+    fn new(facets: Microfacets, table: Table, (index, planes): (usize, [f32; 4])) -> Self {
+        let (row, weight) = nodes(facets.widths().alpha().sqrt(), ROUGHNESSES);
         let first = row.saturating_sub(1).min(ROUGHNESSES - 4);
-        let start = table.start + first * ROW * table.indices + index;
-        Self { start, indices: table.indices, rows: cubic((row - first) as f32 + weight), planes, reference: 1.0 }
+        let start = table.of(facets.shape()) + first * ROW * table.indices + index;
+        let (rows, is_round) = (cubic((row - first) as f32 + weight), facets.shape() == MicrofacetShape::Beckmann);
+        Self { start, indices: table.indices, rows, planes, reference: 1.0, is_round }
     }
 
     /// A loss: its mean is stored over [`mean_reference`].
-    fn loss(ggx: Ggx, table: Table, indices: (usize, [f32; 4])) -> Self {
-        Self { reference: mean_reference(ggx.alpha().clamp(1e-4, 1.0)), ..Self::new(ggx, table, indices) }
+    fn loss(facets: Microfacets, table: Table, indices: (usize, [f32; 4])) -> Self {
+        let reference = mean_reference(facets.widths().alpha().clamp(1e-4, 1.0));
+        Self { reference, ..Self::new(facets, table, indices) }
+    }
+
+    /// What is reflected, in units of [`MOST`].
+    fn reflected(facets: Microfacets, (index, planes): (usize, [f32; 4])) -> Self {
+        let range = range(facets.shape());
+        let made = Self::new(facets, REFLECTED, (index, planes.map(|weight| range * weight)));
+        // (The range is that of directions, not of the mean.)
+        Self { reference: 1.0 / range, ..made }
     }
 
     /// The cubic through the rows, of a number in them, for four indices of refraction.
@@ -178,6 +212,13 @@ impl Nodes for Albedo {
     fn node(&self, i: usize) -> f32 {
         self.over_planes(self.over_rows(|row| four(row + i * self.indices)))
     }
+
+    #[inline(always)]
+    fn directional(&self, position: f32) -> f32 {
+        let (i, t) = nodes(position, STEEPNESSES);
+        let t = if self.is_round && i == STEEPNESSES - 2 { t * (2.0 - t) } else { t };
+        lerp(self.node(i), self.node(i + 1), t)
+    }
 }
 
 /// Room for nodes, such that no number of so many bits is outside.
@@ -208,8 +249,8 @@ pub(super) struct BouncedLobe {
 }
 
 impl BouncedLobe {
-    pub(super) fn new(ggx: Ggx) -> Self {
-        let squared_width = (ggx.alpha() * ggx.alpha()).max(1e-6);
+    pub(super) fn new(widths: Widths) -> Self {
+        let squared_width = (widths.alpha() * widths.alpha()).max(1e-6);
         Self { squared_width, integral: (1.0 / squared_width).ln_1p() }
     }
 
@@ -233,35 +274,35 @@ impl BouncedLobe {
 /// What facets that reflect everything lose by shadowing each other.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FacetLoss {
-    ggx: Ggx,
+    widths: Widths,
     loss: Albedo,
 }
 
 impl FacetLoss {
-    pub(super) fn new(ggx: Ggx) -> Self {
-        Self { ggx, loss: Albedo::loss(ggx, FACETS, NO_INDEX) }
+    pub(super) fn new(facets: Microfacets) -> Self {
+        Self { widths: facets.widths(), loss: Albedo::loss(facets, FACETS, NO_INDEX) }
     }
 
     /// Share of light lost towards (equally: from) a direction above.
     pub(super) fn towards(&self, w: Vec3) -> f32 {
-        if self.ggx.is_smooth() { 0.0 } else { self.loss.directional(position(self.ggx, w)) }
+        if self.widths.is_smooth() { 0.0 } else { self.loss.directional(position(self.widths, w)) }
     }
 
     /// The same of a rough surface for many questions.
     pub(super) fn line(&self) -> FacetLossLine {
-        FacetLossLine { ggx: self.ggx, loss: self.loss.line() }
+        FacetLossLine { widths: self.widths, loss: self.loss.line() }
     }
 
     /// Share of diffuse light lost.
     pub(super) fn average(&self) -> f32 {
-        if self.ggx.is_smooth() { 0.0 } else { self.loss.average() }
+        if self.widths.is_smooth() { 0.0 } else { self.loss.average() }
     }
 }
 
 /// [`FacetLoss`] of a rough surface, for many questions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FacetLossLine {
-    ggx: Ggx,
+    widths: Widths,
     loss: Line,
 }
 
@@ -269,7 +310,7 @@ impl FacetLossLine {
     /// As [`FacetLoss::towards`].
     #[inline(always)]
     pub(super) fn towards(&self, w: Vec3) -> f32 {
-        self.loss.directional(position(self.ggx, w))
+        self.loss.directional(position(self.widths, w))
     }
 }
 
@@ -284,7 +325,7 @@ fn indices(ior: f32) -> (usize, [f32; 4]) {
 /// What a dielectric reflects.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricReflection {
-    ggx: Ggx,
+    widths: Widths,
     ior: f32,
     /// Of the index of refraction.
     indices: (usize, [f32; 4]),
@@ -293,49 +334,49 @@ pub(super) struct DielectricReflection {
 
 impl DielectricReflection {
     /// Seen from the side of lower index; `ior` is that of the other side over this one, at least 1.
-    pub(super) fn new(ggx: Ggx, ior: f32) -> Self {
-        Self::at(ggx, ior, indices(ior))
+    pub(super) fn new(facets: Microfacets, ior: f32) -> Self {
+        Self::at(facets, ior, indices(ior))
     }
 
     /// The same as [`Self::new`], with less work where `self` is of the same index of refraction.
-    pub(super) fn again(&self, ggx: Ggx, ior: f32) -> Self {
-        if ior == self.ior { Self::at(ggx, ior, self.indices) } else { Self::new(ggx, ior) }
+    pub(super) fn again(&self, facets: Microfacets, ior: f32) -> Self {
+        if ior == self.ior { Self::at(facets, ior, self.indices) } else { Self::new(facets, ior) }
     }
 
-    fn at(ggx: Ggx, ior: f32, indices: (usize, [f32; 4])) -> Self {
-        Self { ggx, ior, indices, reflected: Albedo::new(ggx, REFLECTED, indices) }
+    fn at(facets: Microfacets, ior: f32, indices: (usize, [f32; 4])) -> Self {
+        Self { widths: facets.widths(), ior, indices, reflected: Albedo::reflected(facets, indices) }
     }
 
     /// Share of light reflected once towards a direction above.
     pub(super) fn towards(&self, w: Vec3) -> f32 {
-        match self.ggx.is_smooth() {
+        match self.widths.is_smooth() {
             true => super::fresnel::dielectric(w.z, self.ior),
-            false => reflected_towards(self.ggx, self.ior, &self.reflected, w),
+            false => reflected_towards(self.widths, self.ior, &self.reflected, w),
         }
     }
 
     /// The same of a rough surface for many questions.
     pub(super) fn line(&self) -> DielectricReflectionLine {
-        DielectricReflectionLine { ggx: self.ggx, ior: self.ior, reflected: self.reflected.line() }
+        DielectricReflectionLine { widths: self.widths, ior: self.ior, reflected: self.reflected.line() }
     }
 
     /// Share of diffuse light reflected once.
     pub(super) fn average(&self) -> f32 {
-        if self.ggx.is_smooth() { super::fresnel::dielectric_average(self.ior) } else { self.reflected.average() }
+        if self.widths.is_smooth() { super::fresnel::dielectric_average(self.ior) } else { self.reflected.average() }
     }
 }
 
 /// Share of light that a rough dielectric reflects once towards a direction above.
 #[inline(always)]
-fn reflected_towards(ggx: Ggx, ior: f32, reflected: &impl Nodes, w: Vec3) -> f32 {
-    let reference = super::fresnel::dielectric(ggx.root(w).min(1.0), ior);
-    (reference * MOST * reflected.directional(position(ggx, w))).min(1.0)
+fn reflected_towards(widths: Widths, ior: f32, reflected: &impl Nodes, w: Vec3) -> f32 {
+    let reference = super::fresnel::dielectric(widths.root(w).min(1.0), ior);
+    (reference * MOST * reflected.directional(position(widths, w))).min(1.0)
 }
 
 /// [`DielectricReflection`] of a rough surface, for many questions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricReflectionLine {
-    ggx: Ggx,
+    widths: Widths,
     ior: f32,
     reflected: Line,
 }
@@ -344,27 +385,27 @@ impl DielectricReflectionLine {
     /// As [`DielectricReflection::towards`].
     #[inline(always)]
     pub(super) fn towards(&self, w: Vec3) -> f32 {
-        reflected_towards(self.ggx, self.ior, &self.reflected, w)
+        reflected_towards(self.widths, self.ior, &self.reflected, w)
     }
 }
 
 /// What a dielectric neither reflects nor lets through by facets that are met once.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricLoss {
-    ggx: Ggx,
+    widths: Widths,
     loss: Albedo,
 }
 
 impl DielectricLoss {
     /// Seen from one side; `eta` is the index of the other side over that of this one.
-    pub(super) fn new(ggx: Ggx, eta: f32) -> Self {
+    pub(super) fn new(facets: Microfacets, eta: f32) -> Self {
         let (table, ior) = if eta >= 1.0 { (LOST[0], eta) } else { (LOST[1], 1.0 / eta) };
-        Self { ggx, loss: Albedo::loss(ggx, table, indices(ior)) }
+        Self { widths: facets.widths(), loss: Albedo::loss(facets, table, indices(ior)) }
     }
 
     /// Share of light lost towards (equally: from) a direction above.
     pub(super) fn towards(&self, w: Vec3) -> f32 {
-        self.loss.directional(position(self.ggx, w))
+        self.loss.directional(position(self.widths, w))
     }
 
     /// Share of diffuse light lost.
@@ -376,18 +417,18 @@ impl DielectricLoss {
 /// [`DielectricLoss`] of a rough surface seen from its outer and its inner side, for many questions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DielectricLossLines {
-    ggx: Ggx,
+    widths: Widths,
     sides: [Line; 2],
 }
 
 impl DielectricLossLines {
     pub(super) fn new(outer: &DielectricLoss, inner: &DielectricLoss) -> Self {
-        Self { ggx: outer.ggx, sides: [outer.loss.line(), inner.loss.line()] }
+        Self { widths: outer.widths, sides: [outer.loss.line(), inner.loss.line()] }
     }
 
     /// As [`DielectricLoss::towards`].
     #[inline(always)]
     pub(super) fn towards(&self, is_inside: bool, w: Vec3) -> f32 {
-        self.sides[usize::from(is_inside)].directional(position(self.ggx, w))
+        self.sides[usize::from(is_inside)].directional(position(self.widths, w))
     }
 }

@@ -8,7 +8,7 @@ use snell_math::simd::choose;
 use snell_math::{SampledSpectrum, Vec2, Vec3, sampling};
 use std::f32::consts::FRAC_1_PI;
 
-/// A gloss without a film, smooth or rough, over a body that is matte.
+/// A gloss of [`Ggx`] without a film, smooth or rough, over a body that is matte.
 #[derive(Clone, Debug)]
 pub struct ManyGloss<const SMOOTH: bool> {
     ior: f32,
@@ -34,11 +34,12 @@ impl<const SMOOTH: bool> ManyGloss<SMOOTH> {
     /// `None` if it is no such gloss.
     pub fn of(bsdf: &GlossyBsdf) -> Option<Self> {
         let GlossyBsdf { gloss, body, albedo, passed_average, .. } = bsdf;
+        let ggx = gloss.microfacets.ggx()?;
         let is_matte = body.diffuse.is_lambertian() && body.through.is_black() && body.walk.is_black();
-        (is_matte && gloss.film.is_none() && gloss.ggx.is_smooth() == SMOOTH).then(|| Self {
+        (is_matte && gloss.film.is_none() && ggx.is_smooth() == SMOOTH).then(|| Self {
             ior: gloss.ior,
             tint: gloss.tint,
-            ggx: gloss.ggx,
+            ggx,
             albedo: albedo.line(),
             reflectance: body.diffuse.directional_albedo(1.0),
             passed_average: *passed_average,

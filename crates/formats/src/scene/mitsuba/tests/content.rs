@@ -3,6 +3,7 @@
 use super::*;
 use crate::{ReadOptions, read_scene};
 use snell_math::{DVec3, Rgb};
+use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::material::{Diffuse, MaterialKind, ScalarParam};
 use snell_scene::{Environment, Light, Medium, Projection};
 use std::io::Write;
@@ -141,7 +142,22 @@ fn surfaces_are_what_they_say() {
     ) else {
         panic!("gold")
     };
-    assert_eq!(gold.roughness, ScalarParam::constant(0.5));
+    assert_eq!((gold.roughness, gold.microfacets), (ScalarParam::constant(0.5), MicrofacetShape::Ggx));
+    let MaterialKind::Conductor(beckmann) = material(
+        "<bsdf type=\"roughconductor\"><float name=\"alpha\" value=\"0.25\"/><rgb name=\"specular_reflectance\" value=\"0.5, 0.25, 0\"/></bsdf>",
+    ) else {
+        panic!("tinted")
+    };
+    let is = (beckmann.roughness, beckmann.microfacets, beckmann.tint.factor);
+    assert_eq!(is, (ScalarParam::constant(0.5), MicrofacetShape::Beckmann, Rgb::new(0.5, 0.25, 0.0)));
+    let MaterialKind::Conductor(brushed) = material(
+        "<bsdf type=\"roughconductor\"><float name=\"alpha_u\" value=\"0.1\"/><float name=\"alpha_v\" value=\"0.4\"/></bsdf>",
+    ) else {
+        panic!("brushed")
+    };
+    let ratio = 1.0 + brushed.anisotropy.factor;
+    let most = brushed.roughness.factor.powi(2) * (2.0 / (1.0 + ratio * ratio)).sqrt();
+    assert!((ratio - 0.25).abs() < 1e-6 && (most - 0.4).abs() < 1e-6, "{brushed:?}");
     let MaterialKind::OpenPbr(tinted) = material(
         "<bsdf type=\"conductor\"><string name=\"material\" value=\"Au\"/><rgb name=\"specular_reflectance\" value=\"0.5, 0.25, 0\"/></bsdf>",
     ) else {

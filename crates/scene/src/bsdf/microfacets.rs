@@ -1,0 +1,133 @@
+//! The distributions of microfacets, where the shape is one of several.
+
+use super::{Beckmann, Ggx, Widths};
+use serde::{Deserialize, Serialize};
+use snell_math::{Vec2, Vec3};
+
+/// Shape of a distribution of microfacets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MicrofacetShape {
+    /// That of [`Ggx`]: highlights with long tails, as measured surfaces have them.
+    #[default]
+    Ggx,
+    /// That of [`Beckmann`]: highlights that end.
+    Beckmann,
+}
+
+impl MicrofacetShape {
+    /// The distribution of this shape and a [perceptual roughness](Widths::from_roughness).
+    pub fn of_roughness(self, roughness: f32) -> Microfacets {
+        self.of_widths(Widths::from_roughness(roughness))
+    }
+
+    /// The distribution of this shape and these widths.
+    pub fn of_widths(self, widths: Widths) -> Microfacets {
+        match self {
+            Self::Ggx => Microfacets::Ggx(widths.into()),
+            Self::Beckmann => Microfacets::Beckmann(widths.into()),
+        }
+    }
+}
+
+/// A distribution of microfacets. What the methods mean is said at [`Ggx`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Microfacets {
+    /// By [`Ggx`].
+    Ggx(Ggx),
+    /// By [`Beckmann`].
+    Beckmann(Beckmann),
+}
+
+impl From<Ggx> for Microfacets {
+    fn from(ggx: Ggx) -> Self {
+        Self::Ggx(ggx)
+    }
+}
+
+/// Asks the distribution, whichever it is.
+macro_rules! ask {
+    ($microfacets:expr, $known:ident => $answer:expr) => {
+        match $microfacets {
+            Microfacets::Ggx($known) => $answer,
+            Microfacets::Beckmann($known) => $answer,
+        }
+    };
+}
+
+impl Microfacets {
+    /// The distribution if it is [`Ggx`].
+    pub fn ggx(self) -> Option<Ggx> {
+        if let Self::Ggx(ggx) = self { Some(ggx) } else { None }
+    }
+
+    /// The shape of it.
+    pub fn shape(self) -> MicrofacetShape {
+        match self {
+            Self::Ggx(_) => MicrofacetShape::Ggx,
+            Self::Beckmann(_) => MicrofacetShape::Beckmann,
+        }
+    }
+
+    /// How wide it is.
+    #[inline(always)]
+    pub fn widths(self) -> Widths {
+        ask!(self, known => known.widths())
+    }
+
+    /// As [`Widths::has_tangent`].
+    pub fn has_tangent(self) -> bool {
+        self.widths().has_tangent()
+    }
+
+    /// As [`Widths::is_smooth`].
+    #[inline(always)]
+    pub fn is_smooth(self) -> bool {
+        self.widths().is_smooth()
+    }
+
+    /// As [`Ggx::shadowing`].
+    pub fn shadowing(self, wo: Vec3, wi: Vec3) -> f32 {
+        ask!(self, known => known.shadowing(wo, wi))
+    }
+
+    /// As [`Ggx::sample_visible_normal`].
+    pub fn sample_visible_normal(self, wo: Vec3, u: Vec2) -> Vec3 {
+        ask!(self, known => known.sample_visible_normal(wo, u))
+    }
+
+    /// As [`Ggx::visible_normal_pdf`].
+    pub fn visible_normal_pdf(self, wo: Vec3, m: Vec3) -> f32 {
+        ask!(self, known => known.visible_normal_pdf(wo, m))
+    }
+
+    /// As [`Ggx::reflection`].
+    pub fn reflection(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32)> {
+        self.reflection_and_pdf(wo, wi).map(|(m, value, _)| (m, value))
+    }
+
+    /// As [`Ggx::reflection_and_pdf`].
+    #[inline]
+    pub fn reflection_and_pdf(self, wo: Vec3, wi: Vec3) -> Option<(Vec3, f32, f32)> {
+        ask!(self, known => known.reflection_and_pdf(wo, wi))
+    }
+
+    /// As [`Ggx::sample_reflection`].
+    pub fn sample_reflection(self, wo: Vec3, u: Vec2) -> Option<Vec3> {
+        ask!(self, known => known.sample_reflection(wo, u))
+    }
+
+    /// As [`Ggx::visible_reflection_pdf`].
+    pub fn visible_reflection_pdf(self, wo: Vec3, wi: Vec3) -> f32 {
+        match self {
+            Self::Ggx(ggx) => ggx.visible_reflection_pdf(wo, wi),
+            // Those are the normals that it draws reflections at.
+            Self::Beckmann(beckmann) => beckmann.reflection_and_pdf(wo, wi).map_or(0.0, |(.., pdf)| pdf),
+        }
+    }
+
+    /// As [`Ggx::refraction_flux`].
+    pub fn refraction_flux(self, wo: Vec3, wi: Vec3, m: Vec3) -> f32 {
+        ask!(self, known => known.refraction_flux(wo, wi, m))
+    }
+}
