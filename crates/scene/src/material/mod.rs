@@ -132,6 +132,17 @@ impl ScalarParam {
             }
         }
     }
+
+    /// The values of two at a point: with one look where they are channels of one texture.
+    fn both_at(&self, other: &Self, point: &ShadingPoint) -> [f32; 2] {
+        match (self.texture, other.texture) {
+            (Some((id, first)), Some((same, second))) if id == same => {
+                let texel = point.textures.lookup(id, point.surface, point.footprint);
+                [self.factor * texel[usize::from(first & 3)], other.factor * texel[usize::from(second & 3)]]
+            }
+            _ => [self.at(point), other.at(point)],
+        }
+    }
 }
 
 impl From<f32> for ScalarParam {

@@ -275,9 +275,11 @@ impl OpenPbr {
     fn common(&self, point: &ShadingPoint) -> Common {
         let share = |p: &ScalarParam| bounded(p.at(point), 1.0);
         let coat = share(&self.coat_weight);
-        let roughness = roughened(share(&self.specular_roughness), share(&self.coat_roughness), coat);
+        let [metalness, roughness] =
+            ScalarParam::both_at(&self.base_metalness, &self.specular_roughness, point).map(|x| bounded(x, 1.0));
+        let roughness = roughened(roughness, share(&self.coat_roughness), coat);
         Common {
-            metalness: share(&self.base_metalness),
+            metalness,
             transmission: share(&self.transmission_weight),
             subsurface: share(&self.subsurface_weight),
             coat,

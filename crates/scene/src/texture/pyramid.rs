@@ -1,6 +1,7 @@
 //! Mip maps: an image at its own resolution and at ever coarser ones, filtered in linear light.
 
 use super::Wrap;
+use super::wrap::floor;
 use crate::image::{Encoding, Image, Pixels};
 use snell_math::Vec2;
 use std::sync::Arc;
@@ -188,8 +189,8 @@ impl Pyramid {
     /// The texel that holds `uv` (finite) in the full image.
     pub(super) fn nearest(&self, uv: Vec2, wrap: [Wrap; 2]) -> [f32; 4] {
         let (width, height) = self.size();
-        let x = wrap[0].index((wrap[0].reduce(uv.x) * width as f32).floor() as i32, width);
-        let y = wrap[1].index((wrap[1].reduce(uv.y) * height as f32).floor() as i32, height);
+        let x = wrap[0].index(floor(wrap[0].reduce(uv.x) * width as f32) as i32, width);
+        let y = wrap[1].index(floor(wrap[1].reduce(uv.y) * height as f32) as i32, height);
         match (x, y) {
             (Some(x), Some(y)) => self.texel(0, x, y),
             _ => [0.0; 4],
@@ -259,8 +260,8 @@ impl Coverage {
 
 /// Integer part, rounded down, and the rest.
 fn split(x: f32) -> (i32, f32) {
-    let floor = x.floor();
-    (floor as i32, x - floor)
+    let whole = floor(x);
+    (whole as i32, x - whole)
 }
 
 pub(super) fn lerp(a: [f32; 4], b: [f32; 4], t: f32) -> [f32; 4] {

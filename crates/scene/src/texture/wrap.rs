@@ -21,14 +21,20 @@ impl Wrap {
     /// An equivalent coordinate near `[0, 1]`, so that huge ones keep their meaning and fit an index. `u` is finite.
     pub(super) fn reduce(self, u: f32) -> f32 {
         match self {
-            Self::Repeat => u - u.floor(),
-            Self::Mirror => u - 2.0 * (u * 0.5).floor(),
+            Self::Repeat => u - floor(u),
+            Self::Mirror => u - 2.0 * floor(u * 0.5),
             Self::Clamp | Self::Black => u.clamp(-1.0, 2.0),
         }
     }
 
     /// Index of the texel shown at position `i` of a row of `n`; `None` is black.
+    #[inline]
     pub(super) fn index(self, i: i32, n: u32) -> Option<u32> {
+        // (Mostly it is inside, and divisions are slow.)
+        if (0..i64::from(n)).contains(&i64::from(i)) { Some(i as u32) } else { self.index_outside(i, n) }
+    }
+
+    fn index_outside(self, i: i32, n: u32) -> Option<u32> {
         let (i, n) = (i64::from(i), i64::from(n));
         let index = match self {
             Self::Repeat => i.rem_euclid(n),
@@ -37,10 +43,22 @@ impl Wrap {
                 if i < n { i } else { 2 * n - 1 - i }
             }
             Self::Clamp => i.clamp(0, n - 1),
-            Self::Black if (0..n).contains(&i) => i,
             Self::Black => return None,
         };
         Some(index as u32)
+    }
+}
+
+/// As [`f32::floor`], which is a call on machines whose instructions have it only at higher levels. Of either zero, any.
+#[inline]
+pub(super) fn floor(x: f32) -> f32 {
+    /// All larger numbers are whole.
+    const LARGE: f32 = (1 << f32::MANTISSA_DIGITS) as f32;
+    if x.abs() < LARGE {
+        let whole = x as i32 as f32;
+        if whole > x { whole - 1.0 } else { whole }
+    } else {
+        x
     }
 }
 
@@ -58,6 +76,17 @@ mod tests {
         let black = row(Wrap::Black);
         assert_eq!(black[4..7], [Some(0), Some(1), Some(2)]);
         assert!(black[..4].iter().chain(&black[7..]).all(Option::is_none));
+    }
+
+    #[test]
+    fn rounding_down_is_that_of_the_library() {
+        let ends = [0.0, 0.5, 1.0, 8_388_607.5, 16_777_215.0, 16_777_216.0, 1e30, f32::MIN_POSITIVE, f32::INFINITY];
+        for i in 0..1000 {
+            for x in [snell_math::rng::uniform2([i, 1, 2, 3]).x * 200.0].into_iter().chain(ends) {
+                assert!(floor(x) == x.floor() && floor(-x) == (-x).floor(), "{x}");
+            }
+        }
+        assert!(floor(f32::NAN).is_nan());
     }
 
     #[test]
