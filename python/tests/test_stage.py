@@ -115,7 +115,9 @@ def test_a_metal_in_a_coat_is_said_shortly_and_replaced():
 
 
 def test_what_a_declaration_leaves_out_is_usual():
-    assert repr(snell.Material("dielectric", ior=1.5)) == 'Material("dielectric", ior=1.5, roughness=0.0, tint=(1.0, 1.0, 1.0), absorption=(0.0, 0.0, 0.0))'
+    assert repr(snell.Material("dielectric", ior=1.5)) == (
+        "Material(\"dielectric\", ior=1.5, roughness=0.0, microfacets='ggx', tint=(1.0, 1.0, 1.0), absorption=(0.0, 0.0, 0.0))"
+    )
     assert snell.Material("plastic", diffuse=0.5).ior == 1.5
     assert snell.Medium("homogeneous", sigma_s=0.1).parameters == {"sigma_a": (0, 0, 0), "sigma_s": (0.1, 0.1, 0.1), "emission": (0, 0, 0), "g": 0}
 
