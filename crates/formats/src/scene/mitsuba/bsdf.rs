@@ -16,7 +16,7 @@ use snell_math::spectrum::Metal;
 use snell_scene::Material;
 use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::material::{
-    CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Hair, MaterialKind,
+    CoatedConductor, CoatedDiffuse, ColorParam, ConductorSpectrum, Dielectric, Diffuse, Hair, MaterialKind,
     MetallicRoughness, Mirror, OpenPbr, Phong, Plastic, ScalarParam,
 };
 use std::rc::Rc;
@@ -336,7 +336,7 @@ impl Builder<'_> {
                             format!("{owner}: microfacets by Beckmann; GGX of the same width was used, whose highlights have wider tails")
                         });
                     }
-                    Some(CoatedConductor { conductor: Conductor { ..conductor.clone() }, ior, roughness }.into())
+                    Some(CoatedConductor { conductor: conductor.clone(), ior, roughness }.into())
                 }
                 _ => None,
             };

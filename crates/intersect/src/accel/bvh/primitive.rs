@@ -133,7 +133,7 @@ pub(super) const CHUNK: usize = 1 << 14;
 const LEAST_CHUNK: usize = 1 << 11;
 
 /// Of so many triangles those that are handled at once by one thread: so few that all threads have about the same to do.
-pub(super) fn chunk_of(count: usize) -> usize {
+fn chunk_of(count: usize) -> usize {
     (count / (8 * rayon::current_num_threads())).clamp(LEAST_CHUNK, CHUNK)
 }
 
