@@ -9,7 +9,8 @@ mod tests;
 
 use super::rays::{RayQuery, Rays};
 use super::search::{All, Goal};
-use super::{Grouping, HitFilter, Searcher};
+use super::searcher::Searcher;
+use super::{Grouping, HitFilter};
 use crate::hit::Hit;
 use crate::precision::{Precision, Real, Rules, Single};
 use crate::world::{Geometry, Structure, World};
@@ -93,7 +94,7 @@ impl World {
 
 impl<P: Rules> Searcher<'_, P> {
     /// [`World::all`].
-    pub fn all(&self, rays: Rays<P>) -> AllHits<P> {
+    pub fn search_hits(&self, rays: Rays<P>) -> AllHits<P> {
         let mut rows = vec![Vec::new(); rays.len()];
         self.search_all(rays, Grouping::None, All::new, |i, goal| {
             rows[i] = goal.hits;
@@ -108,7 +109,7 @@ impl<P: Rules> Searcher<'_, P> {
     }
 
     /// [`World::all_one`].
-    pub fn all_one(&self, ray: RayQuery<P>) -> Vec<P::Hit> {
+    pub fn search_hits_of(&self, ray: RayQuery<P>) -> Vec<P::Hit> {
         let mut hits = self.search(ray, All::new).hits;
         self.sort_and_deduplicate(&mut hits);
         hits
@@ -122,8 +123,7 @@ impl<P: Rules> Searcher<'_, P> {
     }
 
     /// [`World::count`].
-    pub fn count(&self, rays: Rays<P>, counts: &mut [u32]) {
-        assert_eq!(rays.len(), counts.len(), "one count per ray");
+    pub fn search_counts(&self, rays: Rays<P>, counts: &mut [u32]) {
         if self.world.may_repeat() {
             self.count_distinct(rays, BUFFER, counts);
         } else {

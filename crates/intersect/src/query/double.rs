@@ -1,10 +1,10 @@
 //! The queries of worlds in double precision.
 
-use super::answers::Slice;
 use super::crossings::AllHits;
 use super::rays::{RayQuery, Rays};
-use super::search::{Any, Closest, Context, Counted};
-use super::{Grouping, HitFilter, Searcher};
+use super::search::Context;
+use super::searcher::Searcher;
+use super::{Grouping, HitFilter};
 use crate::hit::DHit;
 use crate::precision::Double;
 use crate::world::TraversalCounters;
@@ -22,9 +22,7 @@ impl DWorld {
         filter: &dyn HitFilter<Double>,
         hits: &mut [DHit],
     ) {
-        let rays = rays.into();
-        assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        self.searcher(filter).search_into(rays, grouping, Closest::new, Slice(hits));
+        self.searcher(filter).closest(rays.into(), grouping, hits);
     }
 
     /// As [`crate::World::occluded`].
@@ -38,19 +36,17 @@ impl DWorld {
         filter: &dyn HitFilter<Double>,
         blocked: &mut [bool],
     ) {
-        let rays = rays.into();
-        assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        self.searcher(filter).search_into(rays, grouping, Any::new, Slice(blocked));
+        self.searcher(filter).occluded(rays.into(), grouping, blocked);
     }
 
     /// As [`crate::World::closest_one`].
     pub fn closest_one<'a>(&self, ray: impl Into<RayQuery<'a, Double>>, filter: &dyn HitFilter<Double>) -> DHit {
-        self.searcher(filter).search(ray.into(), Closest::new).result()
+        self.searcher(filter).closest_one(ray.into())
     }
 
     /// As [`crate::World::occluded_one`].
     pub fn occluded_one<'a>(&self, ray: impl Into<RayQuery<'a, Double>>, filter: &dyn HitFilter<Double>) -> bool {
-        self.searcher(filter).search(ray.into(), Any::new).found
+        self.searcher(filter).occluded_one(ray.into())
     }
 
     /// As [`crate::World::all`].
@@ -77,8 +73,7 @@ impl DWorld {
         ray: impl Into<RayQuery<'a, Double>>,
         filter: &dyn HitFilter<Double>,
     ) -> (DHit, TraversalCounters) {
-        let counted = self.searcher(filter).search(ray.into(), |ray| Counted::new(Closest::new(ray)));
-        (counted.goal.result(), counted.counters)
+        self.searcher(filter).closest_counted(ray.into())
     }
 
     fn searcher<'a>(&'a self, filter: &'a dyn HitFilter<Double>) -> Searcher<'a, Double> {

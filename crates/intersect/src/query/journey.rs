@@ -107,6 +107,10 @@ pub struct Journey {
 impl World {
     /// How the nearest hit of one ray is found. The hit is that of [`World::closest_one`].
     pub fn journey<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Journey {
+        self.journey_of(ray.into(), filter)
+    }
+
+    fn journey_of(&self, ray: RayQuery, filter: &dyn HitFilter) -> Journey {
         let whole = match &self.structure {
             // Here is no node, and everything is tested.
             Structure::None(_) => Some(self.bounds()),
@@ -120,7 +124,7 @@ impl World {
             }
             recorded
         };
-        let Recorded { goal, stops, left_out, .. } = self.searcher(filter).search(ray.into(), start);
+        let Recorded { goal, stops, left_out, .. } = self.searcher(filter).search(ray, start);
         Journey { stops, left_out, hit: goal.goal.result(), counters: goal.counters }
     }
 }

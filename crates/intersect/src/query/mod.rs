@@ -10,17 +10,15 @@ pub mod parallel;
 pub mod queries;
 pub mod rays;
 pub(crate) mod search;
+pub(crate) mod searcher;
 pub mod winding;
 
-use crate::accel::brute_force::search_all;
 use crate::hit::Hit;
-use crate::kernel::traverse::search_forest;
-use crate::kernel::{interleave, packet};
-use crate::precision::{Precision, Rules, Single};
-use crate::world::{Structure, TraversalCounters, TraversalWork, World};
-use answers::{Answers, Part, Slice};
+use crate::precision::{Precision, Single};
+use crate::world::{TraversalCounters, TraversalWork, World};
 use rays::{RayQuery, Rays};
-use search::{Any, Closest, Context, Counted, Goal, RayOf, Search};
+use search::Context;
+use searcher::Searcher;
 
 /// Which rays of a batch belong together. The kernel follows from this and from the kind of query, never from what happens to
 /// share a batch, so a ray's result never depends on its neighbours.
@@ -64,9 +62,7 @@ impl World {
     /// # Panics
     /// If the slices differ in length.
     pub fn closest<'a>(&self, rays: impl Into<Rays<'a>>, grouping: Grouping, filter: &dyn HitFilter, hits: &mut [Hit]) {
-        let rays = rays.into();
-        assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        self.searcher(filter).search_into(rays, grouping, Closest::new, Slice(hits));
+        self.searcher(filter).closest(rays.into(), grouping, hits);
     }
 
     /// For each ray, whether anything lies in its interval. Invalid rays are not occluded.
@@ -80,19 +76,17 @@ impl World {
         filter: &dyn HitFilter,
         blocked: &mut [bool],
     ) {
-        let rays = rays.into();
-        assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        self.searcher(filter).search_into(rays, grouping, Any::new, Slice(blocked));
+        self.searcher(filter).occluded(rays.into(), grouping, blocked);
     }
 
     /// The nearest hit of one ray.
     pub fn closest_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> Hit {
-        self.searcher(filter).search(ray.into(), Closest::new).result()
+        self.searcher(filter).closest_one(ray.into())
     }
 
     /// True if anything lies in the interval of one ray.
     pub fn occluded_one<'a>(&self, ray: impl Into<RayQuery<'a>>, filter: &dyn HitFilter) -> bool {
-        self.searcher(filter).search(ray.into(), Any::new).found
+        self.searcher(filter).occluded_one(ray.into())
     }
 
     /// The nearest hit of one ray, and what it cost to find.
@@ -101,8 +95,7 @@ impl World {
         ray: impl Into<RayQuery<'a>>,
         filter: &dyn HitFilter,
     ) -> (Hit, TraversalCounters) {
-        let counted = self.searcher(filter).search(ray.into(), |ray| Counted::new(Closest::new(ray)));
-        (counted.goal.result(), counted.counters)
+        self.searcher(filter).closest_counted(ray.into())
     }
 
     /// The nearest hit of each ray, and what all of them together cost to find.
@@ -115,15 +108,7 @@ impl World {
         filter: &dyn HitFilter,
         hits: &mut [Hit],
     ) -> TraversalWork {
-        let rays = rays.into();
-        assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        let mut work = TraversalWork::default();
-        let start = |ray: &_| Counted::new(Closest::new(ray));
-        self.searcher(filter).search_all(rays, Grouping::None, start, |i, counted| {
-            hits[i] = counted.goal.result();
-            work.add(&counted.counters);
-        });
-        work
+        self.searcher(filter).closest_work(rays.into(), hits)
     }
 
     /// For each ray, whether anything lies in its interval, and what all of them together cost to find out.
@@ -136,141 +121,11 @@ impl World {
         filter: &dyn HitFilter,
         blocked: &mut [bool],
     ) -> TraversalWork {
-        let rays = rays.into();
-        assert_eq!(rays.len(), blocked.len(), "one answer per ray");
-        let mut work = TraversalWork::default();
-        let start = |ray: &_| Counted::new(Any::new(ray));
-        self.searcher(filter).search_all(rays, Grouping::None, start, |i, counted| {
-            blocked[i] = counted.goal.found;
-            work.add(&counted.counters);
-        });
-        work
+        self.searcher(filter).occluded_work(rays.into(), blocked)
     }
 
-    pub(crate) fn searcher<'a>(&'a self, filter: &'a dyn HitFilter) -> Searcher<'a, Single> {
+    pub(crate) fn searcher<'a>(&'a self, filter: &'a dyn HitFilter) -> Searcher<'a> {
         let context = Context { filter, options: &self.options, data: &() };
         Searcher { world: self, context }
-    }
-}
-
-/// Where and how to search, whatever the goal.
-pub(crate) struct Searcher<'a, P: Rules> {
-    /// Its structure, and which of its geometries are meshes; not what these hold.
-    pub world: &'a World,
-    pub context: Context<'a, P>,
-}
-
-impl<P: Rules> Searcher<'_, P> {
-    /// Searches for all rays of a batch; `finish` gets the number of a ray and what was found, in no particular order.
-    pub fn search_all<G: Goal<Precision = P>>(
-        &self,
-        rays: Rays<P>,
-        grouping: Grouping,
-        start: impl Fn(&RayOf<G>) -> G,
-        finish: impl FnMut(usize, G),
-    ) {
-        self.search_into(rays, grouping, start, finish);
-    }
-
-    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping.
-    pub fn search_into<G: Goal<Precision = P>>(
-        &self,
-        rays: Rays<P>,
-        grouping: Grouping,
-        start: impl Fn(&RayOf<G>) -> G,
-        mut answers: impl Answers<G>,
-    ) {
-        let mut done = 0;
-        if let Structure::Bvh(forest) = &self.world.structure {
-            let batch = interleave::Batch { rays, context: &self.context, order: &[] };
-            done = P::search_list(forest, self.world.simd, &batch, &start, |i, goal| answers.put(i, goal));
-        }
-        if done < rays.len() {
-            let rest = Part { first: done, answers: &mut answers };
-            self.search_tree(rays.slice(done..rays.len()), grouping, start, rest);
-        }
-    }
-
-    /// [`Self::search_into`] by the structure.
-    fn search_tree<G: Goal<Precision = P>>(
-        &self,
-        rays: Rays<P>,
-        grouping: Grouping,
-        start: impl Fn(&RayOf<G>) -> G,
-        mut answers: impl Answers<G>,
-    ) {
-        match &self.world.structure {
-            Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
-                let batch = interleave::Batch { rays, context: &self.context, order: &[] };
-                let all = Part { first: 0, answers: &mut answers };
-                for left in packet::search_runs(forest, self.world.simd, &batch, &start, all) {
-                    let part = Part { first: left.start, answers: &mut answers };
-                    self.search_unrelated(rays.slice(left), &start, part);
-                }
-            }
-            _ => self.search_unrelated(rays, &start, answers),
-        }
-    }
-
-    fn search_unrelated<G: Goal<Precision = P>>(
-        &self,
-        rays: Rays<P>,
-        start: impl Fn(&RayOf<G>) -> G,
-        mut answers: impl Answers<G>,
-    ) {
-        match &self.world.structure {
-            Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
-                let mut sorter = order::Sorter::new(rays.len(), interleave::is_large(forest));
-                for part in sorter.parts() {
-                    let own = Part { first: part.start, answers: &mut answers };
-                    let rays = rays.slice(part);
-                    let batch = interleave::Batch { rays, context: &self.context, order: sorter.order(rays) };
-                    interleave::search_batch(forest, self.world.simd, &batch, &start, own);
-                }
-            }
-            Structure::Walked(structures) => {
-                let mut scratch = structures.scratch();
-                for i in 0..rays.len() {
-                    let query = rays.get(i);
-                    let mut search = Search::new(query, &self.context, start(query.ray));
-                    if P::is_valid(query.ray) {
-                        structures.search(&mut search, &mut scratch);
-                    }
-                    answers.put(i, search.goal);
-                }
-                scratch.keep();
-            }
-            _ => (0..rays.len()).for_each(|i| answers.put(i, self.search(rays.get(i), &start))),
-        }
-    }
-
-    /// Searches for one ray.
-    #[inline(always)]
-    pub fn search<G: Goal<Precision = P>>(&self, query: RayQuery<P>, start: impl Fn(&RayOf<G>) -> G) -> G {
-        let mut search = Search::new(query, &self.context, start(query.ray));
-        match &self.world.structure {
-            Structure::Bvh(forest) => search_forest(forest, self.world.simd, &mut search),
-            other => search_other(other, &mut search),
-        }
-        search.goal
-    }
-}
-
-/// Searches a structure that is not the fast one. Rays that are not valid find nothing.
-#[inline(never)]
-fn search_other<G: Goal>(structure: &Structure, search: &mut Search<'_, G>) {
-    if !G::Precision::is_valid(search.ray) {
-        return;
-    }
-    match structure {
-        Structure::Bvh(_) => {}
-        Structure::None(groups) => {
-            search_all(groups, 0, &G::Precision::exact(search.ray), 0, search);
-        }
-        Structure::Walked(structures) => {
-            let mut scratch = structures.scratch();
-            structures.search(search, &mut scratch);
-            scratch.keep();
-        }
     }
 }

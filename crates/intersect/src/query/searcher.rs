@@ -1,0 +1,208 @@
+//! How a world is searched.
+
+use super::Grouping;
+use super::answers::{Answers, Part, Slice};
+use super::crossings::AllHits;
+use super::order;
+use super::rays::{RayQuery, Rays};
+use super::search::{Any, Closest, Context, Counted, Goal, RayOf, Search};
+use crate::accel::brute_force::search_all;
+use crate::hit::Hit;
+use crate::kernel::traverse::search_forest;
+use crate::kernel::{interleave, packet};
+use crate::precision::{Double, Precision, Rules, Single};
+use crate::world::{Structure, TraversalCounters, TraversalWork, World};
+
+type HitOf<P> = <P as Precision>::Hit;
+
+/// Where and how to search, whatever the goal.
+pub(crate) struct Searcher<'a, P: Rules = Single> {
+    /// Its structure, and which of its geometries are meshes; not what these hold.
+    pub world: &'a World,
+    pub context: Context<'a, P>,
+}
+
+macro_rules! searches {
+    ($($precision:ident)+) => {$(
+        /// The searches for all that worlds are asked. What is generic is compiled where it is called, and the kernels are large: so
+        /// the methods of worlds, which take many kinds of arguments, call these, and these are compiled once, here.
+        impl Searcher<'_, $precision> {
+            pub fn closest(&self, rays: Rays<$precision>, grouping: Grouping, hits: &mut [HitOf<$precision>]) {
+                assert_eq!(rays.len(), hits.len(), "one hit per ray");
+                self.search_into(rays, grouping, Closest::new, Slice(hits));
+            }
+
+            pub fn occluded(&self, rays: Rays<$precision>, grouping: Grouping, blocked: &mut [bool]) {
+                assert_eq!(rays.len(), blocked.len(), "one answer per ray");
+                self.search_into(rays, grouping, Any::new, Slice(blocked));
+            }
+
+            pub fn closest_one(&self, ray: RayQuery<$precision>) -> HitOf<$precision> {
+                self.search(ray, Closest::new).result()
+            }
+
+            pub fn occluded_one(&self, ray: RayQuery<$precision>) -> bool {
+                self.search(ray, Any::new).found
+            }
+
+            pub fn closest_counted(&self, ray: RayQuery<$precision>) -> (HitOf<$precision>, TraversalCounters) {
+                let counted = self.search(ray, |ray| Counted::new(Closest::new(ray)));
+                (counted.goal.result(), counted.counters)
+            }
+
+            pub fn all(&self, rays: Rays<$precision>) -> AllHits<$precision> {
+                self.search_hits(rays)
+            }
+
+            pub fn all_one(&self, ray: RayQuery<$precision>) -> Vec<HitOf<$precision>> {
+                self.search_hits_of(ray)
+            }
+
+            pub fn count(&self, rays: Rays<$precision>, counts: &mut [u32]) {
+                assert_eq!(rays.len(), counts.len(), "one count per ray");
+                self.search_counts(rays, counts);
+            }
+        }
+    )+};
+}
+
+searches!(Single Double);
+
+impl Searcher<'_> {
+    pub fn closest_work(&self, rays: Rays, hits: &mut [Hit]) -> TraversalWork {
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        let mut work = TraversalWork::default();
+        let start = |ray: &_| Counted::new(Closest::new(ray));
+        self.search_all(rays, Grouping::None, start, |i, counted| {
+            hits[i] = counted.goal.result();
+            work.add(&counted.counters);
+        });
+        work
+    }
+
+    pub fn occluded_work(&self, rays: Rays, blocked: &mut [bool]) -> TraversalWork {
+        assert_eq!(rays.len(), blocked.len(), "one answer per ray");
+        let mut work = TraversalWork::default();
+        let start = |ray: &_| Counted::new(Any::new(ray));
+        self.search_all(rays, Grouping::None, start, |i, counted| {
+            blocked[i] = counted.goal.found;
+            work.add(&counted.counters);
+        });
+        work
+    }
+}
+
+impl<P: Rules> Searcher<'_, P> {
+    /// Searches for all rays of a batch; `finish` gets the number of a ray and what was found, in no particular order.
+    pub fn search_all<G: Goal<Precision = P>>(
+        &self,
+        rays: Rays<P>,
+        grouping: Grouping,
+        start: impl Fn(&RayOf<G>) -> G,
+        finish: impl FnMut(usize, G),
+    ) {
+        self.search_into(rays, grouping, start, finish);
+    }
+
+    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping.
+    pub fn search_into<G: Goal<Precision = P>>(
+        &self,
+        rays: Rays<P>,
+        grouping: Grouping,
+        start: impl Fn(&RayOf<G>) -> G,
+        mut answers: impl Answers<G>,
+    ) {
+        let mut done = 0;
+        if let Structure::Bvh(forest) = &self.world.structure {
+            let batch = interleave::Batch { rays, context: &self.context, order: &[] };
+            done = P::search_list(forest, self.world.simd, &batch, &start, |i, goal| answers.put(i, goal));
+        }
+        if done < rays.len() {
+            let rest = Part { first: done, answers: &mut answers };
+            self.search_tree(rays.slice(done..rays.len()), grouping, start, rest);
+        }
+    }
+
+    /// [`Self::search_into`] by the structure.
+    fn search_tree<G: Goal<Precision = P>>(
+        &self,
+        rays: Rays<P>,
+        grouping: Grouping,
+        start: impl Fn(&RayOf<G>) -> G,
+        mut answers: impl Answers<G>,
+    ) {
+        match &self.world.structure {
+            Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
+                let batch = interleave::Batch { rays, context: &self.context, order: &[] };
+                let all = Part { first: 0, answers: &mut answers };
+                for left in packet::search_runs(forest, self.world.simd, &batch, &start, all) {
+                    let part = Part { first: left.start, answers: &mut answers };
+                    self.search_unrelated(rays.slice(left), &start, part);
+                }
+            }
+            _ => self.search_unrelated(rays, &start, answers),
+        }
+    }
+
+    fn search_unrelated<G: Goal<Precision = P>>(
+        &self,
+        rays: Rays<P>,
+        start: impl Fn(&RayOf<G>) -> G,
+        mut answers: impl Answers<G>,
+    ) {
+        match &self.world.structure {
+            Structure::Bvh(forest) if interleave::is_suitable(forest, rays.len()) => {
+                let mut sorter = order::Sorter::new(rays.len(), interleave::is_large(forest));
+                for part in sorter.parts() {
+                    let own = Part { first: part.start, answers: &mut answers };
+                    let rays = rays.slice(part);
+                    let batch = interleave::Batch { rays, context: &self.context, order: sorter.order(rays) };
+                    interleave::search_batch(forest, self.world.simd, &batch, &start, own);
+                }
+            }
+            Structure::Walked(structures) => {
+                let mut scratch = structures.scratch();
+                for i in 0..rays.len() {
+                    let query = rays.get(i);
+                    let mut search = Search::new(query, &self.context, start(query.ray));
+                    if P::is_valid(query.ray) {
+                        structures.search(&mut search, &mut scratch);
+                    }
+                    answers.put(i, search.goal);
+                }
+                scratch.keep();
+            }
+            _ => (0..rays.len()).for_each(|i| answers.put(i, self.search(rays.get(i), &start))),
+        }
+    }
+
+    /// Searches for one ray.
+    #[inline(always)]
+    pub fn search<G: Goal<Precision = P>>(&self, query: RayQuery<P>, start: impl Fn(&RayOf<G>) -> G) -> G {
+        let mut search = Search::new(query, &self.context, start(query.ray));
+        match &self.world.structure {
+            Structure::Bvh(forest) => search_forest(forest, self.world.simd, &mut search),
+            other => search_other(other, &mut search),
+        }
+        search.goal
+    }
+}
+
+/// Searches a structure that is not the fast one. Rays that are not valid find nothing.
+#[inline(never)]
+fn search_other<G: Goal>(structure: &Structure, search: &mut Search<'_, G>) {
+    if !G::Precision::is_valid(search.ray) {
+        return;
+    }
+    match structure {
+        Structure::Bvh(_) => {}
+        Structure::None(groups) => {
+            search_all(groups, 0, &G::Precision::exact(search.ray), 0, search);
+        }
+        Structure::Walked(structures) => {
+            let mut scratch = structures.scratch();
+            structures.search(search, &mut scratch);
+            scratch.keep();
+        }
+    }
+}
