@@ -484,7 +484,7 @@ impl Rules for Single {
         start: impl Fn(&Ray) -> G,
         finish: impl FnMut(usize, G),
     ) -> usize {
-        if list::is_suitable::<G>(forest, batch.rays.len()) {
+        if list::is_suitable(forest, batch.rays.len()) {
             list::search_list(forest, level, batch, start, finish)
         } else {
             0

@@ -40,9 +40,9 @@ const TRIAL: usize = 128;
 const FACES_PER_RAY: usize = 24;
 const FACES_PER_HIT: usize = 80;
 
-/// True if a list answers the queries of this goal.
-pub(crate) fn is_suitable<G: Goal>(forest: &Forest, rays: usize) -> bool {
-    G::WANTS_ONE && rays >= MIN_RAYS && forest.list.is_some()
+/// True if a list answers queries of so many rays that want one hit each.
+pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
+    rays >= MIN_RAYS && forest.list.is_some()
 }
 
 /// Searches for the rays of a batch; `finish` gets the number of a ray and what was found. [`is_suitable`] must hold. Returns how many

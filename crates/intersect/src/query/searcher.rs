@@ -104,7 +104,8 @@ impl<P: Rules> Searcher<'_, P> {
         self.search_into(rays, grouping, start, finish);
     }
 
-    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping.
+    /// Searches for all rays of a batch, each for itself, with the kernels that suit the structure and the grouping. Lists and packets
+    /// are for who wants one hit; for others they are not even compiled.
     pub fn search_into<G: Goal<Precision = P>>(
         &self,
         rays: Rays<P>,
@@ -113,7 +114,9 @@ impl<P: Rules> Searcher<'_, P> {
         mut answers: impl Answers<G>,
     ) {
         let mut done = 0;
-        if let Structure::Bvh(forest) = &self.world.structure {
+        if G::WANTS_ONE
+            && let Structure::Bvh(forest) = &self.world.structure
+        {
             let batch = interleave::Batch { rays, context: &self.context, order: &[] };
             done = P::search_list(forest, self.world.simd, &batch, &start, |i, goal| answers.put(i, goal));
         }
@@ -132,7 +135,7 @@ impl<P: Rules> Searcher<'_, P> {
         mut answers: impl Answers<G>,
     ) {
         match &self.world.structure {
-            Structure::Bvh(forest) if grouping == Grouping::Coherent && packet::is_suitable(forest) => {
+            Structure::Bvh(forest) if G::WANTS_ONE && grouping == Grouping::Coherent && packet::is_suitable(forest) => {
                 let batch = interleave::Batch { rays, context: &self.context, order: &[] };
                 let all = Part { first: 0, answers: &mut answers };
                 for left in packet::search_runs(forest, self.world.simd, &batch, &start, all) {
