@@ -1,7 +1,6 @@
 //! The nearest OpenPBR surface of any material: what formats with one model for all start from.
 
 use super::Output;
-use crate::scene::metal::tinted;
 use snell_math::Rgb;
 use snell_math::spectrum::Spectrum;
 use snell_scene::Material;
@@ -24,6 +23,23 @@ pub fn metal_color(spectrum: &ConductorSpectrum) -> ColorParam {
             Rgb::new(channel(eta.r, k.r), channel(eta.g, k.g), channel(eta.b, k.b)).into()
         }
     }
+}
+
+/// The base colour and the specular weight of OpenPBR's metal, by the colour at normal incidence and a factor on all it reflects.
+fn tinted(color: ColorParam, tint: ColorParam) -> (ColorParam, f32) {
+    let (strength, tint) = match tint.texture {
+        Some(_) => (1.0, tint),
+        None => {
+            let most = tint.factor.max_element().max(1e-6);
+            (most.min(1.0), ColorParam { factor: tint.factor * (1.0 / most), ..tint })
+        }
+    };
+    let base_color = ColorParam {
+        factor: color.factor * tint.factor,
+        texture: color.texture.or(tint.texture),
+        spectrum: color.spectrum.or(tint.spectrum),
+    };
+    (base_color, strength)
 }
 
 /// A colour without its spectrum: the spectrum's colour is multiplied in.

@@ -362,12 +362,12 @@ fn materials_map_to_ours() {
         panic!("no coat")
     };
     assert!(close(coated.roughness.factor, 0.04f32.sqrt().sqrt()));
-    let MaterialKind::OpenPbr(stretched) =
+    let MaterialKind::Conductor(stretched) =
         of("Material \"conductor\" \"float uroughness\" 0.04 \"float vroughness\" 0.01 \"bool remaproughness\" false")
     else {
         panic!("no stretched metal")
     };
-    assert!(close(stretched.specular_roughness_anisotropy.factor, 0.75));
+    assert!(close(stretched.anisotropy.factor, 0.75));
     let MaterialKind::Diffuse(_) = of("MakeNamedMaterial \"a\" \"string type\" \"diffuse\" NamedMaterial \"a\"") else {
         panic!("not diffuse")
     };
