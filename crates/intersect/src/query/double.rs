@@ -76,6 +76,7 @@ impl DWorld {
         self.searcher(filter).closest_counted(ray.into())
     }
 
+    #[inline]
     fn searcher<'a>(&'a self, filter: &'a dyn HitFilter<Double>) -> Searcher<'a, Double> {
         let world = &self.world;
         let context = Context { filter, options: &world.options, data: &self.data };

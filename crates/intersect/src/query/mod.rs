@@ -124,6 +124,7 @@ impl World {
         self.searcher(filter).occluded_work(rays.into(), blocked)
     }
 
+    #[inline]
     pub(crate) fn searcher<'a>(&'a self, filter: &'a dyn HitFilter) -> Searcher<'a> {
         let context = Context { filter, options: &self.options, data: &() };
         Searcher { world: self, context }

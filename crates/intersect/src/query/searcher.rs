@@ -37,12 +37,27 @@ macro_rules! searches {
                 self.search_into(rays, grouping, Any::new, Slice(blocked));
             }
 
+            // One ray is little work: calls of a call are felt.
+            #[inline]
             pub fn closest_one(&self, ray: RayQuery<$precision>) -> HitOf<$precision> {
-                self.search(ray, Closest::new).result()
+                let mut search = Search::new(ray, &self.context, Closest::new(ray.ray));
+                self.closest_of(&mut search);
+                search.goal.result()
             }
 
+            #[inline]
             pub fn occluded_one(&self, ray: RayQuery<$precision>) -> bool {
-                self.search(ray, Any::new).found
+                let mut search = Search::new(ray, &self.context, Any::new(ray.ray));
+                self.any_of(&mut search);
+                search.goal.found
+            }
+
+            fn closest_of(&self, search: &mut Search<Closest<$precision>>) {
+                self.run(search);
+            }
+
+            fn any_of(&self, search: &mut Search<Any<$precision>>) {
+                self.run(search);
             }
 
             pub fn closest_counted(&self, ray: RayQuery<$precision>) -> (HitOf<$precision>, TraversalCounters) {
@@ -183,11 +198,16 @@ impl<P: Rules> Searcher<'_, P> {
     #[inline(always)]
     pub fn search<G: Goal<Precision = P>>(&self, query: RayQuery<P>, start: impl Fn(&RayOf<G>) -> G) -> G {
         let mut search = Search::new(query, &self.context, start(query.ray));
-        match &self.world.structure {
-            Structure::Bvh(forest) => search_forest(forest, self.world.simd, &mut search),
-            other => search_other(other, &mut search),
-        }
+        self.run(&mut search);
         search.goal
+    }
+
+    #[inline(always)]
+    fn run<G: Goal<Precision = P>>(&self, search: &mut Search<G>) {
+        match &self.world.structure {
+            Structure::Bvh(forest) => search_forest(forest, self.world.simd, search),
+            other => search_other(other, search),
+        }
     }
 }
 
