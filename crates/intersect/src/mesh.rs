@@ -100,9 +100,10 @@ fn check_indices(indices: &[[u32; 3]], vertices: usize) -> Result<(), MeshError>
 
 /// True for corners of a triangle that can never be hit; see [`TriangleMesh::is_degenerate`].
 #[inline(always)]
-pub(crate) fn are_degenerate([a, b, c]: &[Vec3; 3]) -> bool {
+pub(crate) fn are_degenerate(corners: &[Vec3; 3]) -> bool {
+    let [a, b, c] = corners.map(|v| v.extend(0.0));
     // Differences of finite numbers may overflow; the numbers times 0 are 0 if all are finite, and otherwise NaN.
-    let finite = (*a * 0.0 + *b * 0.0 + *c * 0.0) == Vec3::ZERO;
+    let finite = (a * 0.0 + b * 0.0 + c * 0.0) == Vec4::ZERO;
     !finite || a == b || b == c || c == a
 }
 
@@ -139,10 +140,29 @@ impl TriangleMesh {
 
     /// The smallest box around all vertices that triangles use and that are finite.
     pub fn bounds(&self) -> Bounds3 {
+        self.survey().0
+    }
+
+    /// [`Self::bounds`] and [`Self::degenerate_triangles`], in one go over all triangles.
+    pub(crate) fn survey(&self) -> (Bounds3, usize) {
         let of = |indices: &[[u32; 3]]| {
-            Bounds3::of(indices.iter().flatten().map(|&i| self.positions[i as usize]).filter(|p| p.is_finite()))
+            let (mut low, mut high, mut degenerate) = (Vec4::INFINITY, Vec4::NEG_INFINITY, 0);
+            for triangle in indices {
+                let corners = triangle.map(|i| self.positions[i as usize]);
+                if are_degenerate(&corners) {
+                    degenerate += 1;
+                    for v in corners.into_iter().filter(|v| v.is_finite()) {
+                        (low, high) = (low.min(v.extend(0.0)), high.max(v.extend(0.0)));
+                    }
+                } else {
+                    let [a, b, c] = corners.map(|v| v.extend(0.0));
+                    (low, high) = (low.min(a.min(b).min(c)), high.max(a.max(b).max(c)));
+                }
+            }
+            (Bounds3 { min: low.truncate(), max: high.truncate() }, degenerate)
         };
-        self.indices.par_chunks(1 << 14).map(of).reduce(|| Bounds3::EMPTY, |a, b| a.union(&b))
+        let nothing = || (Bounds3::EMPTY, 0);
+        self.indices.par_chunks(1 << 14).map(of).reduce(nothing, |a, b| (a.0.union(&b.0), a.1 + b.1))
     }
 
     /// The three corners of a triangle.
@@ -159,7 +179,7 @@ impl TriangleMesh {
 
     /// Number of triangles that can never be hit ([`Self::is_degenerate`]).
     pub fn degenerate_triangles(&self) -> usize {
-        (0..self.indices.len()).into_par_iter().with_min_len(1 << 14).filter(|&i| self.is_degenerate(i)).count()
+        self.survey().1
     }
 
     /// True for a triangle that can never be hit: with a non-finite vertex, or with two vertices in one place.

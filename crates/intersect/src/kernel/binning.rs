@@ -8,6 +8,12 @@ use snell_math::{Bounds3, Vec3, Vec4};
 #[repr(C, align(32))]
 pub(crate) struct Box8(pub [f32; 8]);
 
+impl Default for Box8 {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
 impl Box8 {
     /// The box that holds nothing.
     pub const EMPTY: Self = Self([f32::NEG_INFINITY; 8]);

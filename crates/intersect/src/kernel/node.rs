@@ -120,32 +120,37 @@ impl WideNode {
             std::array::from_fn::<f32, 8, _>(|slot| low[slot] * 0.5 + high[slot] * 0.5)
         };
         let [x, y, z] = [center(0), center(1), center(2)];
-        for octant in 0..4 {
-            let side = |axis: usize| if octant >> axis & 1 == 1 { -1.0 } else { 1.0 };
-            let (sx, sy) = (side(0), side(1));
-            // Unused slots give NaN and go wherever; they are never met.
-            let mut keys: [i64; 8] = std::array::from_fn(|slot| {
-                let bits = (x[slot] * sx + y[slot] * sy + z[slot]).to_bits() as i32;
+        // By slot, for the octants 0 to 3.
+        let mut keys = [[0i32; 4]; 8];
+        for (slot, keys) in keys.iter_mut().enumerate() {
+            for (octant, key) in keys.iter_mut().enumerate() {
+                let side = |axis: usize| if octant >> axis & 1 == 1 { -1.0 } else { 1.0 };
+                // Unused slots give NaN and go wherever; they are never met.
+                let bits = (x[slot] * side(0) + y[slot] * side(1) + z[slot]).to_bits() as i32;
                 // Integers in the order of the numbers, with the slot in the low bits.
                 let ordered = bits ^ (bits >> 31 & i32::MAX);
-                i64::from(ordered) << 3 | slot as i64
-            });
-            sort8(&mut keys);
-            let (mut down, mut up) = (0, 0);
-            for key in keys {
-                let slot = (key & 7) as u32;
-                up = up << 3 | slot;
-                down = down >> 3 | slot << 21;
+                *key = ordered & !7 | slot as i32;
             }
+        }
+        sort8(&mut keys);
+        let (mut down, mut up) = ([0; 4], [0; 4]);
+        for keys in keys {
+            for (octant, key) in keys.into_iter().enumerate() {
+                let slot = key as u32 & 7;
+                up[octant] = up[octant] << 3 | slot;
+                down[octant] = down[octant] >> 3 | slot << 21;
+            }
+        }
+        for octant in 0..4 {
             // The opposite octant meets them the other way round.
-            self.order[octant] = up;
-            self.order[octant ^ 7] = down;
+            (self.order[octant], self.order[octant ^ 7]) = (up[octant], down[octant]);
         }
     }
 }
 
-/// Sorts by a network of 19 exchanges (Batcher's odd-even merge sort): no branches.
-fn sort8(keys: &mut [i64; 8]) {
+/// Sorts eight rows, each column by itself, by a network of 19 exchanges (Batcher's odd-even merge sort): no branches.
+#[inline]
+fn sort8(rows: &mut [[i32; 4]; 8]) {
     const NETWORK: [(usize, usize); 19] = [
         (0, 1),
         (2, 3),
@@ -168,9 +173,10 @@ fn sort8(keys: &mut [i64; 8]) {
         (5, 6),
     ];
     for (a, b) in NETWORK {
-        let (x, y) = (keys[a], keys[b]);
-        keys[a] = x.min(y);
-        keys[b] = x.max(y);
+        let (x, y) = (rows[a], rows[b]);
+        for (column, (x, y)) in x.into_iter().zip(y).enumerate() {
+            (rows[a][column], rows[b][column]) = (x.min(y), x.max(y));
+        }
     }
 }
 

@@ -30,6 +30,38 @@ impl TriangleBlock {
         Bounds3::of((0..count as usize).flat_map(|lane| self.corners(lane)).map(Vec3::from_array))
     }
 
+    /// The box around its first triangles, each padded as by [`crate::mesh::padded_bounds`]. All vertices must be finite.
+    #[inline]
+    pub fn padded_bounds(&self, count: usize) -> Bounds3 {
+        let least = |x: f32, y: f32| if x < y { x } else { y };
+        let most = |x: f32, y: f32| if x > y { x } else { y };
+        let [a, b, c] = &self.vertices;
+        let (mut low, mut high, mut padding) = ([[0.0f32; 8]; 3], [[0.0f32; 8]; 3], [0.0f32; 8]);
+        for axis in 0..3 {
+            for lane in 0..8 {
+                low[axis][lane] = least(least(a[axis][lane], b[axis][lane]), c[axis][lane]);
+                high[axis][lane] = most(most(a[axis][lane], b[axis][lane]), c[axis][lane]);
+                padding[lane] = most(padding[lane], high[axis][lane] - low[axis][lane]);
+            }
+        }
+        for padding in &mut padding {
+            *padding = *padding * 1e-6 + f32::MIN_POSITIVE;
+        }
+        let mut bounds = Bounds3::EMPTY;
+        for axis in 0..3 {
+            for lane in 0..8 {
+                let (l, h) = (low[axis][lane], high[axis][lane]);
+                low[axis][lane] = most(l - (l.abs() * f32::EPSILON + padding[lane]), f32::MIN);
+                high[axis][lane] = least(h + (h.abs() * f32::EPSILON + padding[lane]), f32::MAX);
+            }
+            for lane in 0..count.min(8) {
+                bounds.min[axis] = least(low[axis][lane], bounds.min[axis]);
+                bounds.max[axis] = most(high[axis][lane], bounds.max[axis]);
+            }
+        }
+        bounds
+    }
+
     /// The corners of one of the triangles.
     #[inline(always)]
     pub fn corners(&self, lane: usize) -> [[f32; 3]; 3] {
@@ -380,6 +412,23 @@ mod tests {
             let ray = ray([s, s, 0.0], [0.0, 0.0, 1.0]);
             let count = [[a, b, c], [a, c, d]].iter().filter(|t| exact_hit(&ray, t, 0.0).is_some()).count();
             assert!(count == 1 || ((i == 0 || i == 16) && count == 0), "{i}: {count}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn boxes_around_blocks_are_those_around_their_triangles(
+            corners in prop::collection::vec(prop::array::uniform3(prop::array::uniform3(-1e3f32..1e3)), 1..=8),
+            exponent in -60..36,
+        ) {
+            let scale = 2f32.powi(3 * exponent);
+            let (mut block, mut expected) = (TriangleBlock::EMPTY, Bounds3::EMPTY);
+            for (lane, corners) in corners.iter().enumerate() {
+                let corners = corners.map(|v| Vec3::from_array(v) * scale);
+                block.set(lane, &corners.map(|v| v.to_array()), lane as u32);
+                expected = expected.union(&crate::mesh::padded_bounds(&corners));
+            }
+            prop_assert_eq!(block.padded_bounds(corners.len()), expected);
         }
     }
 

@@ -7,6 +7,7 @@ use crate::accel::AcceleratorKind;
 use crate::accel::brute_force::GroupList;
 use crate::accel::bvh::{BvhOptions, Forest, GroupTree};
 use crate::accel::walk::Structures;
+use crate::mesh::TriangleMesh;
 use rayon::prelude::*;
 use snell_math::Bounds3d;
 use snell_math::simd::Level;
@@ -61,18 +62,8 @@ pub(super) struct Summary {
 impl Summary {
     pub fn of(geometry: &Geometry) -> Self {
         match geometry {
-            Geometry::Mesh(mesh) => Self {
-                bounds: mesh.bounds().into(),
-                count: mesh.indices.len() as u64,
-                skipped: mesh.degenerate_triangles() as u64,
-                cover: None,
-            },
-            Geometry::Quads(quads) => Self {
-                bounds: quads.triangles().bounds().into(),
-                count: quads.triangles().indices.len() as u64,
-                skipped: quads.triangles().degenerate_triangles() as u64,
-                cover: None,
-            },
+            Geometry::Mesh(mesh) => Self::of_mesh(mesh),
+            Geometry::Quads(quads) => Self::of_mesh(quads.triangles()),
             Geometry::MovingMesh(mesh) => Self {
                 bounds: Bounds3d::EMPTY,
                 count: mesh.len() as u64,
@@ -87,6 +78,11 @@ impl Summary {
                 cover: None,
             },
         }
+    }
+
+    fn of_mesh(mesh: &TriangleMesh) -> Self {
+        let (bounds, degenerate) = mesh.survey();
+        Self { bounds: bounds.into(), count: mesh.indices.len() as u64, skipped: degenerate as u64, cover: None }
     }
 
     /// With the cover of the geometry, if it is a mesh.

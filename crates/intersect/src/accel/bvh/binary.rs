@@ -120,21 +120,42 @@ impl PartBuilder {
         costs
     }
 
-    /// Where the next node goes.
-    pub fn next(&self) -> u32 {
-        self.nodes.len() as u32
+    /// A leaf whose box [`Self::complete`] finds.
+    pub fn open_leaf(&mut self, first: usize, count: usize) {
+        self.push(&Box8::EMPTY, first as u32, LEAF | count as u32);
     }
 
-    /// An inner node whose box is known only from its children: `children` pushes both and returns the box, where the second starts, and
-    /// the costs of both.
-    pub fn inner_from_below(&mut self, children: impl FnOnce(&mut Self) -> (Box8, u32, Costs, Costs)) -> (Box8, Costs) {
-        let index = self.nodes.len();
+    /// An inner node whose box [`Self::complete`] finds. What is pushed next is its first child; then comes [`Self::second_child`].
+    pub fn open_inner(&mut self) -> usize {
         self.push(&Box8::EMPTY, 0, 0);
-        let (bounds, link, first, second) = children(self);
-        let (choices, costs) = Choices::best(bounds.half_area(), &first, &second);
-        let b = bounds.bounds();
-        self.nodes[index] = BinaryNode { low: b.min.to_array(), link, high: b.max.to_array(), kind: choices.0 };
-        (bounds, costs)
+        self.nodes.len() - 1
+    }
+
+    /// What is pushed next is the second child of this inner node.
+    pub fn second_child(&mut self, of: usize) {
+        self.nodes[of].link = self.nodes.len() as u32;
+    }
+
+    /// Finds the boxes of all nodes, and the costs of the whole, from the boxes of leaves: `leaf` gets where the primitives of one start
+    /// and how many they are, the last leaf first.
+    pub fn complete(&mut self, mut leaf: impl FnMut(usize, usize) -> Box8) -> (Box8, Costs) {
+        // Children come after their parents, so here before them: those of a node are the last two that wait.
+        let mut waiting: Vec<(Box8, Costs)> = Vec::with_capacity(64);
+        for node in self.nodes.iter_mut().rev() {
+            let (bounds, costs) = if node.kind & LEAF != 0 {
+                (leaf(node.link as usize, (node.kind & !LEAF) as usize), LEAF_COSTS)
+            } else {
+                let [(a, first), (b, second)] = [waiting.pop(), waiting.pop()].map(Option::unwrap_or_default);
+                let bounds = a.union(&b);
+                let (choices, costs) = Choices::best(bounds.half_area(), &first, &second);
+                node.kind = choices.0;
+                (bounds, costs)
+            };
+            let b = bounds.bounds();
+            (node.low, node.high) = (b.min.to_array(), b.max.to_array());
+            waiting.push((bounds, costs));
+        }
+        waiting.pop().unwrap_or_default()
     }
 
     /// The finished part. `costs` are those of its root.

@@ -1,7 +1,7 @@
 //! Fast quality: primitives are sorted along a space-filling curve, and sets are divided where its cells are (Lauterbach et al., Fast
 //! BVH Construction on GPUs, 2009).
 
-use super::binary::{Costs, PartBuilder, Tree};
+use super::binary::{PartBuilder, Tree};
 use super::medium::is_leaf;
 use super::primitive::{CHUNK, Numbered, OBJECT, Triangles};
 use super::storage::{Plain, Storage};
@@ -11,8 +11,8 @@ use crate::kernel::triangle::TriangleBlock;
 use rayon::prelude::*;
 use snell_math::{Vec3, Vec4};
 
-/// Sets up to this size become one part of the tree, built by one thread.
-const PART: usize = 4096;
+/// Sets up to a size between these become one part of the tree, built by one thread.
+const PART: std::ops::RangeInclusive<usize> = 512..=4096;
 
 /// The cell of a primitive's centre, in 33 bits, above its number in 31: so keys are all different, and their order is the same however
 /// they are sorted.
@@ -62,7 +62,9 @@ impl Grid {
     #[inline(always)]
     fn key(&self, center2: Vec4, number: u32) -> Key {
         let x = (center2 - self.low) * self.scale;
-        let cell = |x: f32| spread((x as u32).min(CELLS_PER_AXIS - 1));
+        // Rounded by adding `2^23`, so that the number is in the low bits.
+        let x = (x - 0.5).max(Vec4::ZERO).min(Vec4::splat((CELLS_PER_AXIS - 1) as f32)) + 8388608.0;
+        let cell = |x: f32| spread(x.to_bits() & (CELLS_PER_AXIS - 1));
         Key((cell(x.x) << 2 | cell(x.y) << 1 | cell(x.z)) << NUMBER_BITS | u64::from(number))
     }
 }
@@ -90,30 +92,35 @@ pub(super) fn sorted(triangles: &Triangles, objects: &[Primitive]) -> Fast {
     Fast { keys: sort(keys, all), count: all, triangles: count }
 }
 
-/// Bits that are sorted by first, in one pass of all threads.
-const FIRST_BITS: u32 = 12;
+/// Bits of a cell that one pass of sorting looks at: three passes for all.
+const DIGIT: u32 = 11;
+const DIGITS: usize = 1 << DIGIT;
 
-/// Sorts the first `count` keys.
+/// The bits of a key that a pass looks at, the last pass being that of the highest.
+#[inline(always)]
+fn digit(key: Key, pass: u32) -> usize {
+    (key.0 >> (NUMBER_BITS + pass * DIGIT)) as usize & (DIGITS - 1)
+}
+
+/// Sorts the first `count` keys, whose numbers ascend: first by their highest digit, in one pass of all threads, then each bucket by the others.
 fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
-    const BUCKETS: usize = 1 << FIRST_BITS;
     let input = &mut keys[..count];
-    if count < 1 << 16 {
+    if count < 1 << 15 {
         input.sort_unstable();
         return keys;
     }
-    let bucket = |key: &Key| (key.0 >> (64 - FIRST_BITS)) as usize;
     let chunk = (count / 64).max(count.div_ceil(rayon::current_num_threads()).min(CHUNK));
     let histogram = |keys: &[Key]| {
-        let mut counts = vec![0u32; BUCKETS];
-        keys.iter().for_each(|key| counts[bucket(key)] += 1);
+        let mut counts = vec![0u32; DIGITS];
+        keys.iter().for_each(|&key| counts[digit(key, 2)] += 1);
         counts
     };
     let counts: Vec<Vec<u32>> = input.par_chunks(chunk).map(histogram).collect();
     let mut output = Storage::zeroed(count);
     // For each chunk its place in each bucket.
-    let mut places: Vec<Vec<std::slice::IterMut<Key>>> = counts.iter().map(|_| Vec::with_capacity(BUCKETS)).collect();
+    let mut places: Vec<Vec<std::slice::IterMut<Key>>> = counts.iter().map(|_| Vec::with_capacity(DIGITS)).collect();
     let mut rest = &mut output[..];
-    for b in 0..BUCKETS {
+    for b in 0..DIGITS {
         for (places, counts) in places.iter_mut().zip(&counts) {
             let (place, others) = rest.split_at_mut(counts[b] as usize);
             places.push(place.iter_mut());
@@ -121,24 +128,53 @@ fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
         }
     }
     input.par_chunks(chunk).zip(places).for_each(|(keys, mut places)| {
-        for key in keys {
-            if let Some(place) = places[bucket(key)].next() {
-                *place = *key;
+        for &key in keys {
+            if let Some(place) = places[digit(key, 2)].next() {
+                *place = key;
             }
         }
     });
-    let mut buckets = Vec::with_capacity(BUCKETS);
-    let mut rest = &mut output[..];
-    for b in 0..BUCKETS {
+    let mut buckets = Vec::with_capacity(DIGITS);
+    let (mut rest, mut spare) = (&mut output[..], input);
+    for b in 0..DIGITS {
         let size = counts.iter().map(|c| c[b] as usize).sum();
         let (bucket, others) = rest.split_at_mut(size);
-        buckets.push(bucket);
-        rest = others;
+        let (beside, others_beside) = spare.split_at_mut(size);
+        buckets.push((bucket, beside));
+        (rest, spare) = (others, others_beside);
     }
-    buckets
-        .into_par_iter()
-        .for_each(|keys| if keys.len() < 1 << 17 { keys.sort_unstable() } else { keys.par_sort_unstable() });
+    buckets.into_par_iter().for_each(|(keys, spare)| sort_bucket(keys, spare));
     output
+}
+
+/// Buckets smaller than this are sorted by comparing, as that takes no longer.
+const SMALL_BUCKET: usize = 512;
+
+/// Sorts keys with the same highest digit and ascending numbers, with room beside.
+fn sort_bucket(keys: &mut [Key], spare: &mut [Key]) {
+    match keys.len() {
+        0..SMALL_BUCKET => keys.sort_unstable(),
+        SMALL_BUCKET..0x20000 => {
+            sort_by_digit(keys, spare, 0);
+            sort_by_digit(spare, keys, 1);
+        }
+        _ => keys.par_sort_unstable(),
+    }
+}
+
+/// One pass of a radix sort: keys of the same digit stay in order.
+fn sort_by_digit(from: &[Key], to: &mut [Key], pass: u32) {
+    let mut places = [0u32; DIGITS];
+    from.iter().for_each(|&key| places[digit(key, pass)] += 1);
+    let mut start = 0;
+    for place in &mut places {
+        (*place, start) = (start, start + *place);
+    }
+    for &key in from {
+        let place = &mut places[digit(key, pass)];
+        to[*place as usize] = key;
+        *place += 1;
+    }
 }
 
 /// Small sets are divided so that their blocks will be full.
@@ -174,13 +210,13 @@ enum Top {
     Inner(Box<[Top; 2]>),
 }
 
-fn parts<'a>(keys: &'a [Key], to: &mut Vec<&'a [Key]>) -> Top {
-    if keys.len() <= PART {
+fn parts<'a>(keys: &'a [Key], most: usize, to: &mut Vec<&'a [Key]>) -> Top {
+    if keys.len() <= most {
         to.push(keys);
         return Top::Part;
     }
     let (a, b) = keys.split_at(middle(keys));
-    Top::Inner(Box::new([parts(a, to), parts(b, to)]))
+    Top::Inner(Box::new([parts(a, most, to), parts(b, most, to)]))
 }
 
 /// Builds the tree over sorted keys, at least one, and writes the blocks of its leaves.
@@ -191,15 +227,16 @@ pub(super) fn build<'a>(
 ) -> (Tree<'a, Key>, Storage<TriangleBlock>) {
     let has_objects = !objects.is_empty();
     let mut sets = Vec::new();
-    let top = parts(keys, &mut sets);
-    let counts: Vec<usize> = sets.par_iter().map(|set| blocks(set, has_objects)).collect();
-    let mut blocks = Storage::zeroed(counts.iter().sum());
+    let most = (keys.len() / (8 * rayon::current_num_threads())).clamp(*PART.start(), *PART.end());
+    let top = parts(keys, most, &mut sets);
+    let outlines: Vec<Outline> = sets.par_iter().map(|set| Outline::of(set, has_objects)).collect();
+    let mut blocks = Storage::zeroed(outlines.iter().map(|outline| outline.blocks).sum());
     let mut rest = &mut blocks[..];
     let mut jobs = Vec::with_capacity(sets.len());
-    for (&set, &count) in sets.iter().zip(&counts) {
-        let (own, others) = rest.split_at_mut(count);
+    for (&set, outline) in sets.iter().zip(outlines) {
+        let (own, others) = rest.split_at_mut(outline.blocks);
         rest = others;
-        jobs.push((set, own));
+        jobs.push((set, outline.part, own));
     }
     // The boxes of objects, by number.
     let mut boxes = Vec::new();
@@ -209,10 +246,18 @@ pub(super) fn build<'a>(
         boxes[number] = *p.bounds();
     }
     let boxes = &boxes;
-    let build = |(set, blocks): (&'a [Key], &mut [TriangleBlock])| {
-        let mut part = PartBuilder::new(set.len());
-        let mut builder = Builder { triangles, boxes, blocks, has_objects };
-        let (bounds, costs) = builder.node(&mut part, 0, set);
+    let build = |(set, mut part, mut blocks): (&'a [Key], PartBuilder, &mut [TriangleBlock])| {
+        let (bounds, costs) = part.complete(|first, count| {
+            let leaf = &set[first..first + count];
+            let id = leaf[0].id();
+            if id & OBJECT != 0 {
+                return boxes[(id & !OBJECT) as usize];
+            }
+            let (block, rest) = std::mem::take(&mut blocks).split_last_mut().expect("as many as were counted");
+            blocks = rest;
+            let bounds = fill(block, leaf, triangles);
+            Box8::new(bounds.min, bounds.max)
+        });
         (part.finish(set, costs), bounds)
     };
     let built: Vec<_> = jobs.into_par_iter().map(build).collect();
@@ -231,51 +276,32 @@ fn assemble<'a>(top: &Top, parts: &mut impl Iterator<Item = (Tree<'a, Key>, Box8
     }
 }
 
-/// How many blocks a set will have.
-fn blocks(keys: &[Key], has_objects: bool) -> usize {
-    if is_leaf(keys, has_objects) {
-        return usize::from(keys[0].id() & OBJECT == 0);
+/// A part whose boxes are not known yet.
+struct Outline {
+    part: PartBuilder,
+    /// How many blocks it will have.
+    blocks: usize,
+}
+
+impl Outline {
+    fn of(set: &[Key], has_objects: bool) -> Self {
+        let mut outline = Self { part: PartBuilder::new(set.len()), blocks: 0 };
+        outline.node(0, set, has_objects);
+        outline
     }
-    let (a, b) = keys.split_at(middle(keys));
-    blocks(a, has_objects) + blocks(b, has_objects)
-}
 
-/// The builder of one part.
-struct Builder<'a> {
-    triangles: &'a Triangles<'a>,
-    boxes: &'a [Box8],
-    /// Those not written yet.
-    blocks: &'a mut [TriangleBlock],
-    has_objects: bool,
-}
-
-impl Builder<'_> {
     /// `first` is where the set starts in the part.
-    fn node(&mut self, part: &mut PartBuilder, first: usize, keys: &[Key]) -> (Box8, Costs) {
-        if is_leaf(keys, self.has_objects) {
-            let bounds = self.leaf(keys);
-            return (bounds, part.leaf(&bounds, first, keys.len()));
+    fn node(&mut self, first: usize, keys: &[Key], has_objects: bool) {
+        if is_leaf(keys, has_objects) {
+            self.blocks += usize::from(keys[0].id() & OBJECT == 0);
+            return self.part.open_leaf(first, keys.len());
         }
         let at = middle(keys);
         let (a, b) = keys.split_at(at);
-        part.inner_from_below(|part| {
-            let (a, a_costs) = self.node(part, first, a);
-            let second = part.next();
-            let (b, b_costs) = self.node(part, first + at, b);
-            (a.union(&b), second, a_costs, b_costs)
-        })
-    }
-
-    fn leaf(&mut self, keys: &[Key]) -> Box8 {
-        let id = keys[0].id();
-        if id & OBJECT != 0 {
-            return self.boxes[(id & !OBJECT) as usize];
-        }
-        let blocks = std::mem::take(&mut self.blocks);
-        let (block, rest) = blocks.split_first_mut().expect("as many as were counted");
-        self.blocks = rest;
-        let bounds = fill(block, keys, self.triangles);
-        Box8::new(bounds.min, bounds.max)
+        let parent = self.part.open_inner();
+        self.node(first, a, has_objects);
+        self.part.second_child(parent);
+        self.node(first + at, b, has_objects);
     }
 }
 
@@ -293,12 +319,13 @@ mod tests {
 
     #[test]
     fn many_keys_are_sorted() {
-        for n in [0usize, 1, 1000, 1 << 16, 200_000] {
-            for shift in [0, 40] {
+        for n in [0usize, 1, 1000, 1 << 15, 200_000] {
+            for bits in [33, 30, 21, 11, 3, 0] {
                 let mut keys = Storage::zeroed(n + 5);
                 for (i, key) in keys[..n].iter_mut().enumerate() {
                     let random = snell_math::rng::pcg4d([i as u32, 1, 2, 3]);
-                    *key = Key((u64::from(random[0]) << 32 | u64::from(random[1])) >> shift);
+                    let cell = (u64::from(random[0]) << 32 | u64::from(random[1])) & ((1 << bits) - 1);
+                    *key = Key(cell << NUMBER_BITS | i as u64);
                 }
                 let mut expected = keys[..n].to_vec();
                 expected.sort();

@@ -8,7 +8,6 @@ use super::primitive::{Numbered, OBJECT, Triangles};
 use super::storage::Storage;
 use crate::kernel::node::{ChildRef, WideNode};
 use crate::kernel::triangle::TriangleBlock;
-use crate::mesh::padded_bounds;
 use rayon::prelude::*;
 use snell_math::Bounds3;
 
@@ -185,11 +184,8 @@ impl Writer<'_> {
 #[inline]
 pub(super) fn fill<P: Numbered>(block: &mut TriangleBlock, leaf: &[P], triangles: &Triangles) -> Bounds3 {
     block.ids = TriangleBlock::EMPTY.ids;
-    let mut bounds = Bounds3::EMPTY;
     for (lane, p) in leaf.iter().enumerate() {
-        let corners = triangles.corners(p.id());
-        bounds = bounds.union(&padded_bounds(&corners));
-        block.set(lane, &corners.map(|v| v.to_array()), p.id());
+        block.set(lane, &triangles.corners(p.id()).map(|v| v.to_array()), p.id());
     }
-    bounds
+    block.padded_bounds(leaf.len())
 }
