@@ -109,7 +109,8 @@ fn sort(mut keys: Storage<Key>, count: usize) -> Storage<Key> {
         input.sort_unstable();
         return keys;
     }
-    let chunk = (count / 64).max(count.div_ceil(rayon::current_num_threads()).min(CHUNK));
+    let threads = rayon::current_num_threads();
+    let chunk = (count / (4 * threads)).max(count.div_ceil(threads).min(2 * CHUNK));
     let histogram = |keys: &[Key]| {
         let mut counts = vec![0u32; DIGITS];
         keys.iter().for_each(|&key| counts[digit(key, 2)] += 1);
