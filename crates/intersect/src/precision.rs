@@ -11,7 +11,7 @@ use crate::kernel::interleave::Batch;
 use crate::kernel::packet::bundle::{Bundle, PerRay};
 use crate::kernel::packet::exact::{Found, Pairs};
 use crate::kernel::packet::exact_rays::LaneRays;
-use crate::kernel::packet::sure::Sure;
+use crate::kernel::packet::sure::{Decided, Sure};
 use crate::kernel::quick::QuickRay;
 use crate::kernel::ray::LocalRay;
 use crate::kernel::triangle::{TriangleBlock, exact_hit, hit_in_plane, is_behind, plane_distance};
@@ -248,8 +248,7 @@ pub(crate) trait Rules: Precision {
         found: &mut Found<Self::Real>,
     );
 
-    /// The exact test for the triangle of the tree that each of some rays of the bundle surely hits ([`packet::sure::test`]); returns which are
-    /// decided.
+    /// The exact test for the triangle of the tree that each of some rays of the bundle surely hits, or the drawing of which ([`packet::sure::test`]).
     ///
     /// # Safety
     /// The machine must have the instructions of `W`; the places must be those of triangles. All rays of the bundle must be drawn along its z
@@ -257,10 +256,10 @@ pub(crate) trait Rules: Precision {
     unsafe fn sure_hits<W: Lanes16>(
         tree: &GroupTree,
         bundle: &Bundle,
-        rays: u32,
+        rays: [u32; 2],
         places: &PerRay<u32>,
         sure: &mut Sure<Self::Real>,
-    ) -> u32;
+    ) -> Decided;
 
     /// Searches for the first rays of a batch, or all, in the list of the forest ([`list::search_list`]); returns how many.
     fn search_list<G: Goal<Precision = Self>>(
@@ -468,10 +467,10 @@ impl Rules for Single {
     unsafe fn sure_hits<W: Lanes16>(
         tree: &GroupTree,
         bundle: &Bundle,
-        rays: u32,
+        rays: [u32; 2],
         places: &PerRay<u32>,
         sure: &mut Sure<f32>,
-    ) -> u32 {
+    ) -> Decided {
         // SAFETY: passed on to the caller.
         unsafe { packet::sure::test::<W>(&tree.blocks, bundle, rays, places, sure) }
     }
@@ -688,8 +687,14 @@ impl Rules for Double {
     }
 
     #[inline(always)]
-    unsafe fn sure_hits<W: Lanes16>(_: &GroupTree, _: &Bundle, _: u32, _: &PerRay<u32>, _: &mut Sure<f64>) -> u32 {
-        0
+    unsafe fn sure_hits<W: Lanes16>(
+        _: &GroupTree,
+        _: &Bundle,
+        _: [u32; 2],
+        _: &PerRay<u32>,
+        _: &mut Sure<f64>,
+    ) -> Decided {
+        Decided { hits: 0, moved: 0 }
     }
 
     const TRIANGLES_ELSEWHERE: bool = true;

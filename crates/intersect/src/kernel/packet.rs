@@ -8,6 +8,7 @@
 
 pub(crate) mod bundle;
 pub(crate) mod doubles;
+mod drawing;
 pub(crate) mod exact;
 pub(crate) mod exact_rays;
 mod leaf;
@@ -163,6 +164,9 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
         alive: 0,
         waiting: 0,
         put_off: [0; RAYS],
+        put_off_ids: [0; RAYS],
+        drawn: 0,
+        given_up: 0,
         known: 0,
         sure: Sure::NONE,
         enter,
@@ -218,6 +222,12 @@ unsafe fn run<'s, W: Lanes16, G: Goal>(
         }
         for walker in &mut walkers[..count] {
             walker.answer(&start, &mut answers);
+            let mut rest = walker.given_up;
+            while rest != 0 {
+                let number = walker.first + rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                left.push(number..number + 1);
+            }
         }
     }
     left
@@ -240,15 +250,18 @@ impl<'w, G: Goal> Walker<'w, '_, G> {
     fn set_off(&mut self, rays: &'w [RayOf<G>], first: usize, masks: u32) {
         (self.rays, self.first, self.masks) = (rays, first, masks);
         self.alive = u32::MAX >> (32 - rays.len());
-        (self.waiting, self.known) = (0, 0);
+        (self.waiting, self.known, self.given_up) = (0, 0, 0);
     }
 
-    /// Gives the answers of all rays.
+    /// Gives the answers of all rays that were not given up.
     #[inline(always)]
     fn answer(&mut self, start: &impl Fn(&RayOf<G>) -> G, answers: &mut impl Answers<G>) {
         let begun = std::mem::take(&mut self.begun);
         for (lane, (ray, search)) in self.rays.iter().zip(&mut self.searches).enumerate() {
             let number = self.first + lane;
+            if self.given_up >> lane & 1 == 1 {
+                continue;
+            }
             if self.known >> lane & 1 == 1 {
                 let (t, b) = (self.sure.t[lane], [self.sure.b1[lane], self.sure.b2[lane]]);
                 let (geometry, primitive) = self.forest.trees[0].triangle_at(self.put_off[lane]);

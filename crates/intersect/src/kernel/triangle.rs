@@ -138,10 +138,11 @@ pub(crate) unsafe fn place_margin<L: Lanes8>(depth: L, sides: L, depth_scale: f3
     unsafe { sides.mul(L::splat(depth_scale.abs())).add(depth).mul(L::splat(4e-6)) }
 }
 
-/// Bound of the rounding of an edge value in [`lines_through`], relative to the product that is rounded first: half a unit in the
+/// Bound of the rounding of an edge value, the difference of two products, relative to the product that is rounded first: half a unit in the
 /// last place if the other is not rounded, else one and a half. Doubled.
-const FUSED_EDGE_ERROR: f32 = f32::EPSILON;
-const EDGE_ERROR_OF_PRODUCT: f32 = 2.0 * f32::EPSILON;
+pub(crate) const fn edge_error(is_fused: bool) -> f32 {
+    if is_fused { f32::EPSILON } else { 2.0 * f32::EPSILON }
+}
 
 /// Which triangles of the block the line of an ordinary ray may pass through: all except those with two edges whose signs are
 /// certain and differ. Unused lanes are unspecified.
@@ -162,7 +163,7 @@ pub(crate) unsafe fn lines_through<L: Lanes8>(block: &TriangleBlock, ray: &Quick
         let ([x0, y0], [x1, y1], [x2, y2]) = (frame.draw(v0), frame.draw(v1), frame.draw(v2));
         let (pu, pv, pw) = (y1.mul(x2), y2.mul(x0), y0.mul(x1));
         let (u, v, w) = (x1.mul_sub(y2, pu), x2.mul_sub(y0, pv), x0.mul_sub(y1, pw));
-        let error = L::splat(if L::FUSED { FUSED_EDGE_ERROR } else { EDGE_ERROR_OF_PRODUCT });
+        let error = L::splat(edge_error(L::FUSED));
         let bound = pu.abs().max(pv.abs()).max(pw.abs()).mul_add(error, L::splat(f32::MIN_POSITIVE));
         // How far all of them are on one side, on the better side.
         let inside = u.min(v).min(w).max(L::splat(0.0).sub(u.max(v).max(w)));

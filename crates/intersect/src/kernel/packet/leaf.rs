@@ -222,6 +222,8 @@ pub(super) struct Meeting<W> {
     pub possible: u32,
     /// They surely hit it within their intervals, nearer than anything before.
     pub sure: u32,
+    /// The same for those that hit it, if that is where they meet its plane or its drawing.
+    pub nearer: u32,
     /// Where those do, at least and at most.
     pub low: W,
     pub high: W,
@@ -350,7 +352,7 @@ impl SeenBlock {
             let too_far = W::load(&lines.end).lt(of(&self.nearest, i));
             let possible = rays & !outside & !too_far;
             if possible == 0 {
-                return Meeting { possible, sure: 0, low: zero, high: zero };
+                return Meeting { possible, sure: 0, nearer: 0, low: zero, high: zero };
             }
             let size = sum.abs();
             let inverse = W::splat(1.0).div(sum);
@@ -362,9 +364,9 @@ impl SeenBlock {
             let behind = high.lt(W::load(&lines.begin)) & clear;
             let surely_inside = bound.add(bound).lt(inside);
             let beyond = W::load(&lines.end).lt(low) & surely_inside;
-            let sure = surely_inside & W::load(&lines.sure_begin).lt(low) & high.lt(W::load(&lines.sure_end));
             let possible = possible & !behind & !beyond;
-            Meeting { possible, sure: sure & possible, low, high }
+            let nearer = possible & W::load(&lines.sure_begin).lt(low) & high.lt(W::load(&lines.sure_end));
+            Meeting { possible, sure: nearer & surely_inside, nearer: nearer & clear, low, high }
         }
     }
 }

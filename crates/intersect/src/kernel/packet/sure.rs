@@ -23,7 +23,16 @@ impl<R: Real> Sure<R> {
 /// surely passes through it, not only through what is drawn. Rounding of the origin is in the bound of that, so a triangle that is surely hit is large beside it.)
 const STEEPEST_SQUARE: f64 = 64.0 * 64.0;
 
-/// Tests the triangles that some of the rays surely hit, given by their places. Returns the rays that are decided: all of these hit.
+/// What became of rays: a bit for each.
+pub(crate) struct Decided {
+    /// They hit.
+    pub hits: u32,
+    /// They pass by the box of the triangle, so that their hit is not where they meet its plane: anywhere.
+    pub moved: u32,
+}
+
+/// Tests the triangles that some of the rays surely hit, given by their places. Of `drawn` rays it is only known that they hit what is drawn, and not that
+/// they are in the box of the triangle.
 ///
 /// # Safety
 /// The machine must have the instructions of `W`; the triangles must be of these blocks. All rays of the bundle must be drawn along its z
@@ -32,10 +41,10 @@ const STEEPEST_SQUARE: f64 = 64.0 * 64.0;
 pub(crate) unsafe fn test<W: Lanes16>(
     blocks: &[TriangleBlock],
     bundle: &Bundle,
-    rays: u32,
+    [rays, drawn]: [u32; 2],
     places: &PerRay<u32>,
     sure: &mut Sure<f32>,
-) -> u32 {
+) -> Decided {
     // SAFETY: passed on to the caller; axes are below 3.
     unsafe {
         let corners = corners::<W>(blocks, rays, places);
@@ -65,7 +74,43 @@ pub(crate) unsafe fn test<W: Lanes16>(
         t.rounded().store(&mut sure.t);
         b1.rounded().store(&mut sure.b1);
         b2.rounded().store(&mut sure.b2);
-        decided
+        let drawn = rays & drawn;
+        let moved = if drawn == 0 { 0 } else { drawn & !in_box::<W>(&corners, &origin, &direction, t) };
+        Decided { hits: decided & !moved, moved }
+    }
+}
+
+/// Where the points of rays at `t` are in the boxes of triangles, as [`super::super::triangle::clamp_to_box`] asks.
+///
+/// # Safety
+/// The machine must have the instructions of `W`.
+#[inline(always)]
+unsafe fn in_box<W: Lanes16>(
+    [a, b, c]: &Corners<W>,
+    origin: &[W::Doubles; 3],
+    direction: &[W::Doubles; 3],
+    t: W::Doubles,
+) -> u32 {
+    // SAFETY: passed on to the caller.
+    unsafe {
+        let (mut low, mut high, mut size) = (*origin, *origin, W::Doubles::splat(0.0));
+        for axis in 0..3 {
+            // (The least of the rounded differences is that of the least.)
+            low[axis] = W::Doubles::of(a[axis].min(b[axis]).min(c[axis])).sub(origin[axis]);
+            high[axis] = W::Doubles::of(a[axis].max(b[axis]).max(c[axis])).sub(origin[axis]);
+            let side = high[axis].sub(low[axis]);
+            size = size.replace(size.lt(side), side);
+        }
+        let (padding, small) = (size.mul(W::Doubles::splat(0.8e-6)), W::Doubles::splat(1e-8));
+        // (NaN is nowhere.)
+        let mut inside = t.abs().lt(W::Doubles::splat(f64::INFINITY));
+        for axis in 0..3 {
+            let point = direction[axis].mul(t);
+            let margin = point.abs().mul(small);
+            let before = point.add(margin).lt(low[axis].sub(padding));
+            inside &= !before & !high[axis].add(padding).lt(point.sub(margin));
+        }
+        inside
     }
 }
 

@@ -1,15 +1,17 @@
 use super::bundle::{Bundle, RAYS};
+use super::drawing::sides;
 use super::exact::{Found, Pairs, exact_hits};
 use super::exact_rays::{ExactColumns, LaneRays};
 use super::leaf::{SeenBlock, SharedOrigin};
 use super::runs::set_up;
+use super::sure::{self, Sure};
 use super::triangles::Locals;
 use crate::accel::AcceleratorKind;
 use crate::accel::group::mapped;
 use crate::hit::{DHit, Hit};
 use crate::kernel::double::frame::Frame;
 use crate::kernel::ray::LocalRay;
-use crate::kernel::triangle::{TriangleBlock, exact_hit};
+use crate::kernel::triangle::{TriangleBlock, exact_hit, plane_distance};
 use crate::mesh::{DTriangleMesh, TriangleMesh};
 use crate::precision::Single;
 use crate::query::rays::Rays;
@@ -222,6 +224,15 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
         let (mut low, mut high) = ([0.0; RAYS], [0.0; RAYS]);
         meeting.low.store(&mut low);
         meeting.high.store(&mut high);
+        let (mut inside, mut outside, mut found, mut drawn) = (0, 0, None, Sure::NONE);
+        if bundle.is_aligned {
+            // SAFETY: as above.
+            unsafe {
+                [inside, outside] = sides::<W>(block, triangle, bundle);
+                let places = [triangle as u32; RAYS];
+                found = Some(sure::test::<W>(std::slice::from_ref(block), bundle, [inside; 2], &places, &mut drawn));
+            }
+        }
         for (lane, ray) in rays.iter().enumerate() {
             let corners = block.corners(triangle);
             let expected = exact_hit(&LocalRay::new(&DRay::from(ray)), &corners, ray.t_min.into());
@@ -243,7 +254,22 @@ unsafe fn check_block<W: Lanes16>(bundle: &Bundle, block: &TriangleBlock, rays: 
                 };
                 prop_assert!(near >> triangle & 1 == 1 || wanted.is_none(), "{ray:?} {corners:?}");
             }
-            if let (Some((t, _)), true) = (expected, sure) {
+            let line = exact_hit(&LocalRay::new(&DRay::from(ray)), &corners, f64::NEG_INFINITY);
+            prop_assert!(inside >> lane & 1 == 0 || line.is_some(), "{ray:?} {corners:?}");
+            prop_assert!(outside >> lane & 1 == 0 || line.is_none(), "{ray:?} {corners:?}");
+            let mut is_drawn = false;
+            if let Some((t, uv)) = line.filter(|_| inside >> lane & 1 == 1) {
+                let found = found.as_ref().expect("tested");
+                let is_moved = t != plane_distance(&ray.origin.as_dvec3(), &ray.direction.as_dvec3(), &corners);
+                prop_assert!(!is_moved || found.hits >> lane & 1 == 0, "{ray:?} {corners:?}");
+                if found.hits >> lane & 1 == 1 {
+                    let bits = [drawn.t[lane], drawn.b1[lane], drawn.b2[lane]].map(f32::to_bits);
+                    prop_assert_eq!(bits, [t as f32, uv.x, uv.y].map(f32::to_bits));
+                }
+                is_drawn = meeting.nearer >> lane & 1 == 1 && found.moved >> lane & 1 == 0;
+                prop_assert!(wanted.is_some() || !is_drawn, "{ray:?} {corners:?}");
+            }
+            if let (Some((t, _)), true) = (expected, sure || is_drawn) {
                 let along = f64::from(ray.origin[axis]) + t * f64::from(ray.direction[axis]);
                 let z = (along - f64::from(bundle.lines.point[2])) * f64::from(bundle.lines.forward);
                 prop_assert!(f64::from(low[lane]) <= z && z <= f64::from(high[lane]), "{z} {low:?} {high:?} {ray:?}");
@@ -312,6 +338,50 @@ fn bundles_agree_with_the_oracle_on_nested_instances_with_masks_and_rejections()
             check(world, &oracle, Rays::new(&rays).with_masks(&masks), &Sieve).expect("the same hits");
         }
     }
+}
+
+/// Far away, what is drawn is off by more than the padding of the box of a small triangle.
+#[test]
+fn rays_that_hit_the_drawing_of_a_triangle_beside_its_box_are_left_to_others() {
+    let (apex, size) = (Vec3::new(1017.88086, 600.2, 2022.0814), 0.9);
+    let corners = [apex, apex + Vec3::X * size, apex + Vec3::Y * size];
+    let mut block = TriangleBlock::EMPTY;
+    block.set(0, &corners.map(|v| v.to_array()), 0);
+    let mesh =
+        Arc::new(TriangleMesh { positions: corners.to_vec(), indices: vec![[0, 1, 2]], ..TriangleMesh::default() });
+    let make = |accelerator, simd| {
+        let mut builder = WorldBuilder::default();
+        // (A second mesh, so that there is a tree with a node.)
+        for x in 0..100 {
+            let away = Transform::translation(DVec3::new(f64::from(x), 0.0, f64::from(x)));
+            builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh.transformed(&away)));
+        }
+        build(builder, accelerator, simd)
+    };
+    let oracle = make(AcceleratorKind::None, Level::Scalar);
+    let worlds: Vec<_> = levels().map(|level| make(AcceleratorKind::Bvh, level)).collect();
+    let (mut moved, mut sure) = (0, Sure::NONE);
+    for seed in 0..40 {
+        // Along the edge on the left, in directions that are rounded.
+        let direction = |i: u32| {
+            let beside = f64::from(unit(seed, 3 * i) - 0.5) * 2e-4;
+            let point = apex.as_dvec3() + DVec3::new(beside, f64::from(unit(seed, 3 * i + 1) * 0.7 * size), 0.0);
+            (point * (0.0005 + 0.0005 * f64::from(unit(seed, 3 * i + 2)))).as_vec3()
+        };
+        let rays: Vec<Ray> = (0..16).map(|i| Ray::new(Vec3::ZERO, direction(i))).collect();
+        let mut bundle = Bundle::NONE;
+        assert!(is_bundle(&mut bundle, &rays) && bundle.is_aligned);
+        // SAFETY: portable code.
+        moved |= unsafe {
+            let [inside, _] = sides::<Pair<Portable8>>(&block, 0, &bundle);
+            let blocks = std::slice::from_ref(&block);
+            sure::test::<Pair<Portable8>>(blocks, &bundle, [inside; 2], &[0; RAYS], &mut sure).moved
+        };
+        for world in &worlds {
+            check(world, &oracle, Rays::from(&rays), &AcceptAll).expect("the same hits");
+        }
+    }
+    assert_ne!(moved, 0);
 }
 
 #[test]

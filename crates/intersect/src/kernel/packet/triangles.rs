@@ -2,8 +2,10 @@
 
 use super::super::ray::LocalRay;
 use super::bundle::{Bundle, PerRay, RAYS};
+use super::drawing;
 use super::exact::{PAIRS, Pairs};
-use super::leaf::Leaf;
+use super::leaf::{Leaf, Meeting};
+use super::sure::Decided;
 use super::walk::Walker;
 use crate::accel::bvh::GroupTree;
 use crate::accel::group::test_triangle;
@@ -147,21 +149,33 @@ impl<G: Goal> Walker<'_, '_, G> {
             while triangles != 0 {
                 let triangle = triangles.trailing_zeros();
                 triangles &= triangles - 1;
-                let meeting = seen.meeting::<W>(&bundle.lines, triangle as usize, rays);
-                let mut possible = meeting.possible;
-                if meeting.sure != 0
-                    && (G::ANY || (Self::PUTS_OFF && !bundle.kind.reversed))
-                    && self.is_plain(tree, block.ids[triangle as usize & 7])
-                {
-                    if G::ANY {
-                        self.take_any::<W>(meeting.sure, bundle);
-                        rays &= !meeting.sure;
-                    } else {
-                        W::write_where(meeting.sure, place + triangle, &mut self.put_off);
-                        self.waiting |= meeting.sure;
-                        bundle.tighten_to(meeting.sure, meeting.low, meeting.high);
+                let Meeting { mut possible, sure, nearer, low, high } =
+                    seen.meeting::<W>(&bundle.lines, triangle as usize, rays);
+                if possible == 0 {
+                    continue;
+                }
+                let (id, mut drawn) = (block.ids[triangle as usize & 7], 0);
+                if Self::PUTS_OFF && possible & !sure != 0 {
+                    possible &= !(self.waiting & W::places_of(id, &self.put_off_ids));
+                    if !G::Precision::TRIANGLES_ELSEWHERE && possible & !sure != 0 && bundle.is_aligned {
+                        let [inside, outside] = drawing::sides::<W>(block, triangle as usize, bundle);
+                        possible &= !outside;
+                        drawn = nearer & possible & inside & !sure;
                     }
-                    possible &= !meeting.sure;
+                }
+                let hit = sure | drawn;
+                if hit != 0 && (G::ANY || (Self::PUTS_OFF && !bundle.kind.reversed)) && self.is_plain(tree, id) {
+                    if G::ANY {
+                        self.take_any::<W>(hit, bundle);
+                        rays &= !hit;
+                    } else {
+                        W::write_where(hit, place + triangle, &mut self.put_off);
+                        W::write_where(hit, id, &mut self.put_off_ids);
+                        self.waiting |= hit;
+                        self.drawn = self.drawn & !hit | drawn;
+                        bundle.tighten_to(hit, low, high);
+                    }
+                    possible &= !hit;
                     found = true;
                 }
                 while possible != 0 {
@@ -221,8 +235,12 @@ impl<G: Goal> Walker<'_, '_, G> {
         if rays != 0 && bundle.is_aligned {
             let mut outcome = Outcome::NONE;
             // SAFETY: as promised by the caller.
-            let mut hits = unsafe { G::Precision::sure_hits::<W>(tree, bundle, rays, &self.put_off, &mut self.sure) };
-            rays &= !hits;
+            let Decided { mut hits, moved } = unsafe {
+                G::Precision::sure_hits::<W>(tree, bundle, [rays, self.drawn], &self.put_off, &mut self.sure)
+            };
+            rays &= !hits & !moved;
+            self.given_up |= moved;
+            outcome.over |= moved;
             if last {
                 self.known = hits & !self.begun;
                 hits &= self.begun;

@@ -115,6 +115,11 @@ pub(super) struct Walker<'w, 's, G: Goal> {
     /// The rays of the group that surely hit something, and the place of the nearest of that ([`Pairs`]): tested exactly in the end.
     pub(super) waiting: u32,
     pub(super) put_off: PerRay<u32>,
+    /// Which triangles these are (pieces of one may be in several leaves), and of which it is only known that their drawing is hit.
+    pub(super) put_off_ids: PerRay<u32>,
+    pub(super) drawn: u32,
+    /// The rays that are left to others: something was put off that does not count where it seemed to.
+    pub(super) given_up: u32,
     /// Rays without a search whose nearest hit is known: in `sure`, of what was put off.
     pub(super) known: u32,
     pub(super) sure: Sure<RealOf<G>>,
