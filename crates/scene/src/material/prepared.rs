@@ -1,19 +1,29 @@
 //! What of BSDFs is the same at all points: worked out once per material.
 
-use super::{Material, MaterialKind, ShadingPoint};
-use crate::bsdf::{Bsdf, ManyBsdf};
+use super::{FrameNeeds, Material, MaterialKind, ShadingPoint};
+use crate::bsdf::{Bsdf, ManyBsdf, ManyPoint};
 use crate::texture::TextureSet;
 use snell_intersect::SurfaceInteraction;
-use snell_math::{ColorMode, Frame, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, Vec3};
 use std::borrow::Cow;
+
+/// What differs from point to point of surfaces with a [`ManyBsdf`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Differs {
+    Nothing,
+    Body,
+    All,
+}
 
 /// What is known of a material's BSDF before the point is.
 #[derive(Clone, Debug)]
 pub struct Prepared {
     /// At a plain point, without textures.
     bsdf: Bsdf,
-    /// The same, if many directions can be asked about at once; its body may be of another colour at each point.
+    /// The same, if many directions can be asked about at once; what it is may differ from point to point.
     many: Option<ManyBsdf>,
+    /// As [`ManyPoint`] says.
+    differs: Differs,
     /// True if it is the same at all [plain](ShadingPoint::is_plain) points.
     is_everywhere: bool,
 }
@@ -29,14 +39,15 @@ impl Prepared {
             _ => false,
         };
         let is_everywhere = !looks_up && !depends_on_point;
-        let many = match &material.kind {
-            _ if is_everywhere => ManyBsdf::of(&bsdf),
-            MaterialKind::OpenPbr(surface) if surface.varies_in_color_alone() => {
-                ManyBsdf::of(&bsdf).filter(ManyBsdf::takes_any_body)
-            }
-            _ => None,
+        let (many, differs) = match &material.kind {
+            _ if is_everywhere => (ManyBsdf::of(&bsdf), Differs::Nothing),
+            MaterialKind::OpenPbr(surface) => match ManyBsdf::of(&bsdf).filter(ManyBsdf::takes_any_body) {
+                Some(many) if surface.varies_in_color_alone() => (Some(many), Differs::Body),
+                _ => (surface.many_mixed(), Differs::All),
+            },
+            _ => (None, Differs::Nothing),
         };
-        Self { bsdf, many, is_everywhere }
+        Self { bsdf, many, differs, is_everywhere }
     }
 
     /// The BSDF, if it is the same at all [plain](ShadingPoint::is_plain) points, in the frame of the surface's own normal and tangent.
@@ -55,19 +66,22 @@ impl Prepared {
         self.plain(material).and(self.many.as_ref())
     }
 
-    /// The BSDF of the material at a point and the reflectance of its body there, if many directions can be asked about at once.
-    pub fn many_at(&self, material: &Material, point: &ShadingPoint) -> Option<(&ManyBsdf, SampledSpectrum)> {
+    /// The BSDF of the material at a point and what it is there, if many directions can be asked about at once; and what it asks of its
+    /// frame.
+    pub fn many_at(&self, material: &Material, point: &ShadingPoint) -> Option<(&ManyBsdf, ManyPoint, FrameNeeds)> {
         let follows = |many: &&ManyBsdf| !many.has_coat() || material.coat_map(point).is_none();
         let many = self.many.as_ref().filter(|_| point.is_plain()).filter(follows)?;
-        Some(match &material.kind {
-            MaterialKind::OpenPbr(surface) if !self.is_everywhere => (many, surface.base(point)),
-            _ => (many, many.body()),
-        })
-    }
-
-    /// The frame at a point seen from `wo`, as in [`Material::bsdf_towards`], where there is a BSDF for [many](Self::many_at).
-    pub fn frame_of_many(&self, material: &Material, point: &ShadingPoint, wo: Vec3) -> Frame {
-        material.frame_towards(&self.bsdf, point, wo)
+        match (&material.kind, self.differs) {
+            (MaterialKind::OpenPbr(surface), Differs::All) => {
+                let (at, needs) = surface.mixed_at(point)?;
+                Some((many, at, needs))
+            }
+            (MaterialKind::OpenPbr(surface), Differs::Body) => {
+                let at = ManyPoint { body: surface.base(point), ..many.point() };
+                Some((many, at, FrameNeeds::of(&self.bsdf)))
+            }
+            _ => Some((many, many.point(), FrameNeeds::of(&self.bsdf))),
+        }
     }
 
     /// The BSDF of the material at a point.
