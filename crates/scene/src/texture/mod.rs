@@ -288,7 +288,8 @@ impl TextureSet {
             return pyramid.nearest(uv, texture.wrap);
         }
         let level = crate::bsdf::bounded(level, (pyramid.level_count() - 1) as f32);
-        let (fine, t) = (level as usize, level.fract());
+        let fine = level as usize;
+        let t = level - fine as f32;
         let value = pyramid.bilinear(fine, uv, texture.wrap);
         if t == 0.0 { value } else { pyramid::lerp(value, pyramid.bilinear(fine + 1, uv, texture.wrap), t) }
     }
