@@ -3,7 +3,7 @@
 use super::Wrap;
 use super::wrap::floor;
 use crate::image::{Encoding, Image, Pixels};
-use snell_math::Vec2;
+use snell_math::{Vec2, Vec4};
 use std::sync::Arc;
 
 /// Linear values of the 256 codes of an 8-bit channel.
@@ -172,11 +172,11 @@ impl Pyramid {
         }
     }
 
-    /// Bilinear interpolation in one level. `uv` is finite; texel centres lie at half-integers.
+    /// Bilinear interpolation in one level. `uv` is finite and [reduced](Wrap::reduce); texel centres lie at half-integers.
     pub(super) fn bilinear(&self, level: usize, uv: Vec2, wrap: [Wrap; 2]) -> [f32; 4] {
         let Level { width, height, ref texels } = self.levels[level];
-        let (x0, fx) = split(wrap[0].reduce(uv.x) * width as f32 - 0.5);
-        let (y0, fy) = split(wrap[1].reduce(uv.y) * height as f32 - 0.5);
+        let (x0, fx) = split(uv.x * width as f32 - 0.5);
+        let (y0, fy) = split(uv.y * height as f32 - 0.5);
         let columns = [wrap[0].index(x0, width), wrap[0].index(x0 + 1, width)];
         let rows = [wrap[1].index(y0, height), wrap[1].index(y0 + 1, height)];
         let ([Some(left), Some(right)], [Some(upper), Some(lower)]) = (columns, rows) else {
@@ -260,16 +260,16 @@ impl Corners {
     #[inline(always)]
     fn mixed_fours(&self, channels: usize, numbers: &[u16]) -> Option<[f32; 4]> {
         let four = |start: usize| {
-            let [r, g, b, a] = *numbers.get(start..)?.first_chunk()?;
-            let linear = |x: u16| f32::from(x) * (1.0 / 65535.0);
-            Some([linear(r), linear(g), linear(b), linear(a)])
+            let [r, g, b, a] = (*numbers.get(start..)?.first_chunk()?).map(f32::from);
+            Some(Vec4::new(r, g, b, a) * (1.0 / 65535.0))
         };
         if channels < 3 {
             return None;
         }
+        let mixed = |a: Vec4, b: Vec4, t: f32| a + (b - a) * t;
         let [a, b, c, d] = self.starts;
-        let (upper, lower) = (lerp(four(a)?, four(b)?, self.fx), lerp(four(c)?, four(d)?, self.fx));
-        let [r, g, b, a] = lerp(upper, lower, self.fy);
+        let (upper, lower) = (mixed(four(a)?, four(b)?, self.fx), mixed(four(c)?, four(d)?, self.fx));
+        let [r, g, b, a] = mixed(upper, lower, self.fy).to_array();
         Some([r, g, b, if channels == 3 { 1.0 } else { a }])
     }
 }
