@@ -1,6 +1,6 @@
 //! What of BSDFs is the same at all points: worked out once per material.
 
-use super::{FrameNeeds, Material, MaterialKind, ShadingPoint};
+use super::{FrameNeeds, Material, MaterialKind, OpenPbr, ShadingPoint};
 use crate::bsdf::{Bsdf, ManyBsdf, ManyPoint};
 use crate::texture::TextureSet;
 use snell_intersect::SurfaceInteraction;
@@ -18,6 +18,8 @@ enum Differs {
 /// What is known of a material's BSDF before the point is.
 #[derive(Clone, Debug)]
 pub struct Prepared {
+    /// The material as layers, if that is what it is.
+    surface: Option<Box<OpenPbr>>,
     /// At a plain point, without textures.
     bsdf: Bsdf,
     /// The same, if many directions can be asked about at once; what it is may differ from point to point.
@@ -39,15 +41,20 @@ impl Prepared {
             _ => false,
         };
         let is_everywhere = !looks_up && !depends_on_point;
-        let (many, differs) = match &material.kind {
+        let surface = match &material.kind {
+            MaterialKind::OpenPbr(surface) => Some(Box::new(surface.clone())),
+            MaterialKind::MetallicRoughness(kind) => Some(Box::new(kind.open_pbr())),
+            _ => None,
+        };
+        let (many, differs) = match &surface {
             _ if is_everywhere => (ManyBsdf::of(&bsdf), Differs::Nothing),
-            MaterialKind::OpenPbr(surface) => match ManyBsdf::of(&bsdf).filter(ManyBsdf::takes_any_body) {
+            Some(surface) => match ManyBsdf::of(&bsdf).filter(ManyBsdf::takes_any_body) {
                 Some(many) if surface.varies_in_color_alone() => (Some(many), Differs::Body),
                 _ => (surface.many_mixed(), Differs::All),
             },
-            _ => (None, Differs::Nothing),
+            None => (None, Differs::Nothing),
         };
-        Self { bsdf, many, differs, is_everywhere }
+        Self { surface, bsdf, many, differs, is_everywhere }
     }
 
     /// The BSDF, if it is the same at all [plain](ShadingPoint::is_plain) points, in the frame of the surface's own normal and tangent.
@@ -71,12 +78,12 @@ impl Prepared {
     pub fn many_at(&self, material: &Material, point: &ShadingPoint) -> Option<(&ManyBsdf, ManyPoint, FrameNeeds)> {
         let follows = |many: &&ManyBsdf| !many.has_coat() || material.coat_map(point).is_none();
         let many = self.many.as_ref().filter(|_| point.is_plain()).filter(follows)?;
-        match (&material.kind, self.differs) {
-            (MaterialKind::OpenPbr(surface), Differs::All) => {
+        match (&self.surface, self.differs) {
+            (Some(surface), Differs::All) => {
                 let (at, needs) = surface.mixed_at(point)?;
                 Some((many, at, needs))
             }
-            (MaterialKind::OpenPbr(surface), Differs::Body) => {
+            (Some(surface), Differs::Body) => {
                 let at = ManyPoint { body: surface.base(point), ..many.point() };
                 Some((many, at, FrameNeeds::of(&self.bsdf)))
             }
@@ -89,9 +96,9 @@ impl Prepared {
         if self.is_everywhere && point.is_plain() {
             return Cow::Borrowed(&self.bsdf);
         }
-        Cow::Owned(match (&material.kind, &self.bsdf) {
-            (MaterialKind::OpenPbr(surface), Bsdf::OpenPbr(known)) => surface.bsdf_like(Some(known), point),
-            (MaterialKind::Dielectric(glass), Bsdf::Dielectric(known)) => glass.bsdf_like(Some(known), point),
+        Cow::Owned(match (&self.surface, &material.kind, &self.bsdf) {
+            (Some(surface), _, Bsdf::OpenPbr(known)) => surface.bsdf_like(Some(known), point),
+            (_, MaterialKind::Dielectric(glass), Bsdf::Dielectric(known)) => glass.bsdf_like(Some(known), point),
             _ => material.kind.bsdf(point),
         })
     }

@@ -46,6 +46,9 @@ fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
                     surface.specular_roughness.texture = channels.map(|[roughness, _]| roughness);
                     surface.base_metalness.texture = channels.map(|[_, metalness]| metalness);
                 }
+                if let MaterialKind::MetallicRoughness(surface) = &mut material.kind {
+                    (surface.metallic.texture, surface.roughness.texture) = (Some((texture, 2)), Some((texture, 1)));
+                }
                 let is_bent = number % 3 == 0;
                 material.normal_map = is_bent.then_some(NormalMap { texture, scale: 0.3 });
                 material.alpha_mode = if number % 5 == 0 { AlphaMode::Blend } else { AlphaMode::Opaque };

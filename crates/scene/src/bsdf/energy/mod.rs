@@ -258,7 +258,7 @@ pub(super) struct Near([f32; 2]);
 impl Nodes for Near {
     #[inline(always)]
     fn node(&self, i: usize) -> f32 {
-        if i % 2 == 0 { self.0[0] } else { self.0[1] }
+        if i.is_multiple_of(2) { self.0[0] } else { self.0[1] }
     }
 }
 

@@ -40,15 +40,18 @@ struct Seen<M, G> {
     choice: Choice<2>,
 }
 
-/// What is known of roughnesses, by lane.
+/// What is known of roughnesses, by lane: of metal and of gloss only where they are asked about.
 struct Rough {
-    lobe: [BouncedLobe; MANY],
-    /// Means of what facets lose and of what the gloss reflects.
+    loss: [FacetLoss; MANY],
+    /// Mean of that.
     lost: [f32; MANY],
+    lobe: [BouncedLobe; MANY],
+    albedo: [DielectricReflection; MANY],
+    /// Mean of that.
     reflected: [f32; MANY],
 }
 
-/// What is known of directions: of what facets lose and of what the gloss reflects.
+/// What is known of directions, by lane: as [`FacetLoss::near`] and [`DielectricReflection::near`].
 type Around = [[Near; MANY]; 2];
 
 impl ManyMixed {
@@ -58,47 +61,30 @@ impl ManyMixed {
         let widths = metal.widths();
         let is_such = !widths.has_tangent() && gloss.microfacets() == Microfacets::Ggx(widths.into());
         let point = ManyPoint { body: of_gloss.reflectance, alpha: widths.alpha(), metalness: *metalness };
-        is_such.then(|| Self { metal, gloss: of_gloss, dielectric: *gloss, point })
+        is_such.then_some(Self { metal, gloss: of_gloss, dielectric: *gloss, point })
     }
 
     /// Answers all questions.
     #[inline(always)]
+    #[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
     pub fn answer(&self, asked: &ManyQuestions, answers: &mut ManyAnswers) {
-        let none = FacetLoss::new(Ggx::from(Widths::both(1.0)).into());
-        let mut losses = [none; MANY];
-        let mut albedos = [self.dielectric.albedo_at(Ggx::from(Widths::both(1.0)).into()); MANY];
-        let mut rough =
-            Rough { lobe: [BouncedLobe::new(Widths::both(1.0)); MANY], lost: [0.0; MANY], reflected: [0.0; MANY] };
-        for i in 0..MANY {
-            let widths = Widths::both(asked.alpha[i]);
-            let facets = Ggx::from(widths).into();
-            if asked.is_asked[i] != 0 && asked.metalness[i] > 0.0 {
-                losses[i] = FacetLoss::new(facets);
-                rough.lost[i] = losses[i].average();
-                rough.lobe[i] = BouncedLobe::new(widths);
-            }
-            if asked.is_asked[i] != 0 && asked.metalness[i] < 1.0 {
-                albedos[i] = self.dielectric.albedo_at(facets);
-                rough.reflected[i] = albedos[i].average();
-            }
-        }
-        let out = around(asked, &losses, &albedos, asked.wo);
-        let inn = around(asked, &losses, &albedos, asked.wi);
+        let rough = Rough::of(asked, &self.dielectric);
+        let (around_wo, around_wi) = (rough.around(asked, asked.wo), rough.around(asked, asked.wi));
         let mut exists = [false; MANY];
         for i in 0..MANY {
-            let mixture = self.at(asked, &rough, &out, i);
+            let mixture = self.at(asked, &rough, &around_wo, i);
             let seen = mixture.seen(asked.wo(i), asked.body(i));
             let drawn = mixture.draw_from(&seen, asked.u_lobe[i], asked.u(i));
             (answers.drawn[0][i], answers.drawn[1][i], answers.drawn[2][i]) = (drawn.wi.x, drawn.wi.y, drawn.wi.z);
             exists[i] = drawn.exists;
-            let mixture = self.at(asked, &rough, &inn, i);
+            let mixture = self.at(asked, &rough, &around_wi, i);
             answers.take_value(i, mixture.value_and_pdf_from(&seen, asked.wi(i)));
         }
-        let next = around(asked, &losses, &albedos, answers.drawn.each_ref());
+        let around_drawn = rough.around(asked, answers.drawn.each_ref());
         for i in 0..MANY {
-            let seen = self.at(asked, &rough, &out, i).seen(asked.wo(i), asked.body(i));
+            let seen = self.at(asked, &rough, &around_wo, i).seen(asked.wo(i), asked.body(i));
             let wi = Vec3::new(answers.drawn[0][i], answers.drawn[1][i], answers.drawn[2][i]);
-            let found = self.at(asked, &rough, &next, i).value_and_pdf_from(&seen, wi);
+            let found = self.at(asked, &rough, &around_drawn, i).value_and_pdf_from(&seen, wi);
             answers.take_drawn(i, &ManyDrawn::reflected(wi, exists[i], None), found);
         }
     }
@@ -117,28 +103,59 @@ impl ManyMixed {
     }
 }
 
-/// What is asked about directions.
+/// True if metal is asked about in a lane, and if gloss is.
 #[inline(always)]
-fn around(
-    asked: &ManyQuestions,
-    losses: &[FacetLoss; MANY],
-    albedos: &[DielectricReflection; MANY],
-    w: [&[f32; MANY]; 3],
-) -> Around {
-    let mut first = [0; MANY];
-    for i in 0..MANY {
-        first[i] = first_node(Widths::both(asked.alpha[i]), lift(Vec3::new(w[0][i], w[1][i], w[2][i])));
-    }
-    let mut around = [[Near::default(); MANY]; 2];
-    for i in 0..MANY {
-        if asked.is_asked[i] != 0 && asked.metalness[i] > 0.0 {
-            around[0][i] = losses[i].near(first[i]);
+fn is_asked(asked: &ManyQuestions, i: usize) -> [bool; 2] {
+    let (is_asked, metalness) = (asked.is_asked[i] != 0, asked.metalness[i]);
+    [is_asked && metalness > 0.0, is_asked && metalness < 1.0]
+}
+
+impl Rough {
+    #[inline(always)]
+    fn of(asked: &ManyQuestions, dielectric: &GlossyBsdf) -> Self {
+        let roughest = Widths::both(1.0);
+        let facets = Ggx::from(roughest).into();
+        let mut rough = Self {
+            loss: [FacetLoss::new(facets); MANY],
+            lost: [0.0; MANY],
+            lobe: [BouncedLobe::new(roughest); MANY],
+            albedo: [dielectric.albedo_at(facets); MANY],
+            reflected: [0.0; MANY],
+        };
+        for i in 0..MANY {
+            let (widths, [is_metal, is_gloss]) = (Widths::both(asked.alpha[i]), is_asked(asked, i));
+            let facets = Ggx::from(widths).into();
+            if is_metal {
+                rough.loss[i] = FacetLoss::new(facets);
+                rough.lost[i] = rough.loss[i].average();
+                rough.lobe[i] = BouncedLobe::new(widths);
+            }
+            if is_gloss {
+                rough.albedo[i] = dielectric.albedo_at(facets);
+                rough.reflected[i] = rough.albedo[i].average();
+            }
         }
-        if asked.is_asked[i] != 0 && asked.metalness[i] < 1.0 {
-            around[1][i] = albedos[i].near(first[i]);
-        }
+        rough
     }
-    around
+
+    /// What is asked about directions.
+    #[inline(always)]
+    fn around(&self, asked: &ManyQuestions, w: [&[f32; MANY]; 3]) -> Around {
+        let (mut first, mut around) = ([0; MANY], [[Near::default(); MANY]; 2]);
+        for i in 0..MANY {
+            first[i] = first_node(Widths::both(asked.alpha[i]), lift(Vec3::new(w[0][i], w[1][i], w[2][i])));
+        }
+        for i in 0..MANY {
+            let [is_metal, is_gloss] = is_asked(asked, i);
+            if is_metal {
+                around[0][i] = self.loss[i].near(first[i]);
+            }
+            if is_gloss {
+                around[1][i] = self.albedo[i].near(first[i]);
+            }
+        }
+        around
+    }
 }
 
 impl ManyLobes for Mixture {
