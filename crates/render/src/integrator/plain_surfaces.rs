@@ -6,11 +6,12 @@ use super::lanes::{LANES, VertexLanes, ZERO, at, put};
 use super::lights::horizon;
 use super::path::Scatterer;
 use crate::light_sampler::Receiver;
-use snell_intersect::triangles::{HitVectors, PlainMesh};
+use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{GeometryId, TrianglePoints};
+use snell_math::simd::choose;
 use snell_math::{ColorMode, Frame, at_level};
 use snell_scene::bsdf::{Bsdf, Lobes, ManyBsdf};
-use snell_scene::material::{FrameNeeds, ShadingBsdf};
+use snell_scene::material::{Bend, FrameNeeds, ShadingBsdf};
 use std::borrow::Cow;
 
 /// A mesh or shape that does not shine, of one BSDF that is the same everywhere.
@@ -20,7 +21,7 @@ pub struct PlainSurface<'a> {
     pub mesh: Option<PlainMesh<'a>>,
     bsdf: &'a Bsdf,
     pub many: Option<&'a ManyBsdf>,
-    needs: FrameNeeds,
+    pub needs: FrameNeeds,
     is_opaque: bool,
     /// It may stand for a smooth surface.
     pub is_lifted: bool,
@@ -89,12 +90,14 @@ impl Frames {
         put(&mut self.z, lane, frame.z);
     }
 
-    /// Works out those of lanes on plain surfaces, once these are placed.
-    pub fn turn(&mut self, lanes: &VertexLanes, on_plain: &[(usize, PlainSurface)]) {
+    /// Says what the BSDF of a lane asks of its frame.
+    pub fn expect(&mut self, lane: usize, needs: FrameNeeds) {
+        (self.mirrors[lane], self.has_tangent[lane]) = (needs.mirrors, needs.has_tangent);
+    }
+
+    /// Works out those of lanes of which that is known, once these are placed. Tangents mean something on triangles of plain meshes only.
+    pub fn turn(&mut self, lanes: &VertexLanes) {
         lanes.tangents(&mut self.dpdu);
-        for &(lane, PlainSurface { needs, .. }) in on_plain {
-            (self.mirrors[lane], self.has_tangent[lane]) = (needs.mirrors, needs.has_tangent);
-        }
         at_level!(
             lanes.wide,
             turn,
@@ -107,6 +110,62 @@ impl Default for Frames {
     fn default() -> Self {
         let no = [false; LANES];
         Self { dpdu: ZERO, mirrors: no, has_tangent: no, x: ZERO, y: ZERO, z: ZERO }
+    }
+}
+
+/// What normal maps say of lanes.
+#[derive(Debug)]
+pub struct Bends {
+    is_any: bool,
+    /// 0 for lanes without one.
+    has: [u32; LANES],
+    /// As [`Bend`].
+    local: HitVectors,
+    tangent: HitVectors,
+    upwards: HitVectors,
+    side: HitLanes,
+}
+
+impl Default for Bends {
+    fn default() -> Self {
+        let (local, tangent, upwards) = (ZERO, ZERO, ZERO);
+        Self { is_any: false, has: [0; LANES], local, tangent, upwards, side: [0.0; LANES] }
+    }
+}
+
+impl Bends {
+    /// Forgets all lanes.
+    pub fn clear(&mut self) {
+        if self.is_any {
+            (self.is_any, self.has) = (false, [0; LANES]);
+        }
+    }
+
+    /// Takes a lane.
+    pub fn put(&mut self, lane: usize, bend: Option<Bend>) {
+        let Some(Bend { local, tangent, upwards, side }) = bend else { return };
+        put(&mut self.local, lane, local);
+        put(&mut self.tangent, lane, tangent);
+        put(&mut self.upwards, lane, upwards);
+        (self.is_any, self.has[lane], self.side[lane]) = (true, 1, side);
+    }
+
+    /// Bends the shading normals of lanes that are placed.
+    pub fn bend(&self, lanes: &mut VertexLanes) {
+        if self.is_any {
+            at_level!(lanes.wide, bend, (bends: &Bends = self, points: &mut TrianglePoints = &mut lanes.points));
+        }
+    }
+}
+
+/// Shading normals as normal maps bend them.
+#[inline(always)]
+fn bend(bends: &Bends, points: &mut TrianglePoints) {
+    for i in 0..LANES {
+        let [local, tangent, upwards] = [at(&bends.local, i), at(&bends.tangent, i), at(&bends.upwards, i)];
+        let bend = Bend { local, tangent, upwards, side: bends.side[i] };
+        let (smooth, flat) = (at(&points.shading_normal, i), at(&points.geometric_normal, i));
+        put(&mut points.shading_normal, i, choose(bends.has[i] != 0, bend.normal(smooth, flat), smooth));
     }
 }
 

@@ -14,7 +14,7 @@ use super::lanes::{
 use super::lights::{ALONE, DARK, FlatArrivals, Skins, ray_origin};
 use super::lit::{LitLanes, LitOutputs};
 use super::path::{DrawnLight, SCATTERED_SPREAD, Scatterer, shining, weighted_sample};
-use super::plain_surfaces::{Frames, PlainSurface};
+use super::plain_surfaces::{Bends, Frames, PlainSurface};
 use super::together::{Seen, Together};
 use super::{Context, IntegratorKind, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::light_sampler::{Receiver, Receivers};
@@ -22,7 +22,7 @@ use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::most;
 use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level};
-use snell_scene::material::Prepared;
+use snell_scene::material::{FrameNeeds, Prepared};
 
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
@@ -40,6 +40,9 @@ pub struct SurfaceVertices<'a> {
     /// Lanes that are worked on by material, and their frames where these are known.
     together: Together<'a>,
     turned: Vec<(usize, Frame)>,
+    /// True if frames are to be worked out together.
+    turns: bool,
+    bends: Bends,
     frames: Frames,
     /// The normal on the side where the path comes from.
     facing: HitVectors,
@@ -113,6 +116,8 @@ impl<'a> SurfaceVertices<'a> {
             scatterer_of: [NONE; LANES],
             together: Together::default(),
             turned: Vec::with_capacity(LANES),
+            turns: false,
+            bends: Bends::default(),
             frames: Frames::default(),
             facing: ZERO,
             transmits: [false; LANES],
@@ -143,6 +148,8 @@ impl<'a> SurfaceVertices<'a> {
         self.scatterer_of = [NONE; LANES];
         self.together.clear();
         self.turned.clear();
+        self.turns = false;
+        self.bends.clear();
     }
 
     /// Says what the path of the next lane has hit, if it is a plain surface: then [`Self::gather_plain`] must follow, once all lanes are
@@ -160,6 +167,7 @@ impl<'a> SurfaceVertices<'a> {
         }
         self.is_specular[lane] = from.carried[path].is_specular;
         self.on_plain.push((lane, surface));
+        self.expect_frame(lane, surface.needs);
         self.told += 1;
         true
     }
@@ -177,8 +185,9 @@ impl<'a> SurfaceVertices<'a> {
     fn place(&mut self, context: &Context) {
         self.lanes.place();
         self.lanes.place_lifts(context);
-        if !self.on_plain.is_empty() {
-            self.frames.turn(&self.lanes, &self.on_plain);
+        self.bends.bend(&mut self.lanes);
+        if self.turns {
+            self.frames.turn(&self.lanes);
         }
         for (lane, frame) in &self.turned {
             self.frames.put(*lane, frame);
@@ -192,7 +201,7 @@ impl<'a> SurfaceVertices<'a> {
                 put(&mut self.lanes.lift, lane, Vec3::ZERO);
             }
             if let Some(many) = surface.many {
-                self.together.put(lane, many, many.body());
+                self.together.put(lane, many, &many.point());
                 self.transmits[lane] = many.transmits();
                 continue;
             }
@@ -204,6 +213,12 @@ impl<'a> SurfaceVertices<'a> {
         let VertexLanes { points, wo, lift, wide, .. } = &self.lanes;
         let seen = Seen { frames: &self.frames, flat: &points.geometric_normal, wo, lift };
         self.together.look(&seen, &mut self.facing, *wide);
+    }
+
+    /// Has the frame of a lane worked out with the others.
+    fn expect_frame(&mut self, lane: usize, needs: FrameNeeds) {
+        self.frames.expect(lane, needs);
+        self.turns = true;
     }
 
     fn note_receiver(&mut self, lane: usize, receiver: &Receiver) {
@@ -229,12 +244,17 @@ impl<'a> SurfaceVertices<'a> {
         self.is_specular[lane] = vertex.state.is_specular;
         // (What a field has learnt is asked one by one.)
         let many = prepared.many_at(surface.material, &point).filter(|_| context.field.is_none());
-        if let Some((many, body)) = many {
-            let frame = prepared.frame_of_many(surface.material, &point, outgoing(vertex.ray));
+        if let Some((many, at, needs)) = many {
             let lift = if many.transmits() { Vec3::ZERO } else { lift_of_opaque(context, vertex, surface) };
-            self.lanes.put_point(lane, OtherPoint::of(surface.interaction, frame.z, lift));
-            self.turned.push((lane, frame));
-            self.together.put(lane, many, body);
+            self.lanes.put_point(lane, OtherPoint::of(surface.interaction, surface.interaction.shading_normal, lift));
+            match needs.has_tangent {
+                true => self.turned.push((lane, surface.material.frame_towards(needs, &point, outgoing(vertex.ray)))),
+                false => {
+                    self.expect_frame(lane, needs);
+                    self.bends.put(lane, surface.material.bend(&point));
+                }
+            }
+            self.together.put(lane, many, &at);
             self.transmits[lane] = many.transmits();
             return found;
         }

@@ -5,9 +5,9 @@ use super::lights::horizon;
 use super::plain_surfaces::Frames;
 use super::surfaces::{Bounces, Scattered};
 use snell_intersect::triangles::{HitLanes, HitVectors};
+use snell_math::at_level;
 use snell_math::simd::{Wide, choose};
-use snell_math::{SampledSpectrum, at_level};
-use snell_scene::bsdf::{MANY, ManyAnswers, ManyBsdf, ManyQuestions};
+use snell_scene::bsdf::{MANY, ManyAnswers, ManyBsdf, ManyPoint, ManyQuestions};
 
 /// Vertices that are worked on together. Arrays are by lane; those of other lanes hold anything.
 #[derive(Debug)]
@@ -20,8 +20,10 @@ pub struct Together<'a> {
     /// The normal of the plane that light is reflected above or refracted below, and its cosine with where the path comes from.
     horizon: HitVectors,
     side: HitLanes,
-    /// By channel, see [`ManyBsdf::body`].
+    /// As [`ManyPoint`]; the body by channel.
     body: HitVectors,
+    alpha: HitLanes,
+    metalness: HitLanes,
     /// In the frames of the surfaces: where the path comes from, and where the light comes from.
     wo: HitVectors,
     wi: HitVectors,
@@ -64,6 +66,8 @@ impl Default for Together<'_> {
             horizon: ZERO,
             side: number,
             body: ZERO,
+            alpha: number,
+            metalness: number,
             wo: ZERO,
             wi: ZERO,
             found: Box::new(Found {
@@ -87,9 +91,10 @@ impl<'a> Together<'a> {
         (self.bsdfs, self.is_any, self.has) = ([None; LANES], false, [0; LANES]);
     }
 
-    /// Takes a lane that scatters like this, with a body of this reflectance.
-    pub fn put(&mut self, lane: usize, bsdf: &'a ManyBsdf, body: SampledSpectrum) {
-        put_color(&mut self.body, lane, body);
+    /// Takes a lane that scatters like this, and is this at its point.
+    pub fn put(&mut self, lane: usize, bsdf: &'a ManyBsdf, at: &ManyPoint) {
+        put_color(&mut self.body, lane, at.body);
+        (self.alpha[lane], self.metalness[lane]) = (at.alpha, at.metalness);
         (self.bsdfs[lane], self.is_any, self.has[lane]) = (Some(bsdf), true, 1);
     }
 
@@ -121,8 +126,11 @@ impl<'a> Together<'a> {
         at_level!(wide, turn, (frames: &Frames = frames, from: &HitVectors = wi, to: &mut HitVectors = &mut self.wi));
         let mut answers = ManyAnswers::default();
         for block in 0..LANES / MANY {
-            let asked = ManyQuestions {
+            let questions = ManyQuestions {
+                is_asked: &[0; MANY],
                 body: blocks(&self.body, block),
+                alpha: many(&self.alpha, block),
+                metalness: many(&self.metalness, block),
                 wo: blocks(&self.wo, block),
                 wi: blocks(&self.wi, block),
                 u_lobe: many(u_lobe, block),
@@ -138,7 +146,7 @@ impl<'a> Together<'a> {
                         (is_asked[i], of[i]) = (true, 1);
                     }
                 }
-                bsdf.answer(&asked, &mut answers, wide);
+                bsdf.answer(&ManyQuestions { is_asked: &of, ..questions }, &mut answers, wide);
                 self.found.take(block, &of, &answers, wide);
             }
         }

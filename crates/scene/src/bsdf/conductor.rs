@@ -49,6 +49,21 @@ fn f82(cos: f32, f0: SampledSpectrum, edge: SampledSpectrum) -> SampledSpectrum 
     (schlick - dip(f0, edge) * (cos * rest.powi(6))).clamp(0.0, 1.0)
 }
 
+/// The mean of [`f82`] over directions weighted by the cosine.
+#[inline(always)]
+fn f82_average(f0: SampledSpectrum, edge: SampledSpectrum) -> SampledSpectrum {
+    // 2 int (1 - mu)^5 mu dmu = 1 / 21, and 2 int mu (1 - mu)^6 mu dmu = 1 / 126.
+    (f0.lerp(SampledSpectrum::ONE, 1.0 / 21.0) - dip(f0, edge) * (1.0 / 126.0)).clamp(0.0, 1.0)
+}
+
+/// What is left of light that meets several facets of this mean reflectance, over the mean loss.
+#[inline(always)]
+fn bounced(f: SampledSpectrum, unit: SampledSpectrum, lost: f32) -> SampledSpectrum {
+    // Each further bounce reflects the mean reflectance, and loses `lost` to the next.
+    let bounced = f * f * (1.0 - lost) / (SampledSpectrum::ONE - f * lost) * unit * (1.0 / lost);
+    bounced.map(|x| if lost > 0.0 { x } else { 0.0 })
+}
+
 /// Factor of the dip.
 #[inline(always)]
 fn dip(f0: SampledSpectrum, edge: SampledSpectrum) -> SampledSpectrum {
@@ -66,10 +81,7 @@ impl FacetReflectance {
     /// The mean over directions weighted by the cosine.
     fn average(&self) -> SampledSpectrum {
         match *self {
-            // 2 int (1 - mu)^5 mu dmu = 1 / 21, and 2 int mu (1 - mu)^6 mu dmu = 1 / 126.
-            Self::F82 { f0, edge } => {
-                (f0.lerp(SampledSpectrum::ONE, 1.0 / 21.0) - dip(f0, edge) * (1.0 / 126.0)).clamp(0.0, 1.0)
-            }
+            Self::F82 { f0, edge } => f82_average(f0, edge),
             Self::Complex { .. } => {
                 // Gauss's points for the weight `2 mu` on [0, 1].
                 const POINTS: [(f32, f32); 3] =
@@ -124,13 +136,7 @@ impl ConductorBsdf {
         let microfacets = microfacets.into();
         let loss = FacetLoss::new(microfacets);
         let lost = loss.average();
-        let bounced = if lost > 0.0 {
-            // Each further bounce reflects the mean reflectance, and loses `lost` to the next.
-            let f = facets.average();
-            f * f * (1.0 - lost) / (SampledSpectrum::ONE - f * lost) * unit * (1.0 / lost)
-        } else {
-            SampledSpectrum::ZERO
-        };
+        let bounced = if lost > 0.0 { bounced(facets.average(), unit, lost) } else { SampledSpectrum::ZERO };
         let (lobe, f0) = (BouncedLobe::new(microfacets.widths()), facets.at(1.0));
         Self { facets, unit, microfacets, loss, lobe, mean_loss: lost, film: None, f0, bounced }
     }

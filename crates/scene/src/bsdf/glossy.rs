@@ -114,6 +114,16 @@ impl GlossyBsdf {
         made
     }
 
+    /// How rough it is.
+    pub(super) fn microfacets(&self) -> Microfacets {
+        self.gloss.microfacets
+    }
+
+    /// The albedo of its gloss, but for the tint, at another roughness.
+    pub(super) fn albedo_at(&self, microfacets: Microfacets) -> DielectricReflection {
+        self.albedo.again(microfacets, self.gloss.ior)
+    }
+
     fn mean_of_passed(&self) -> SampledSpectrum {
         let average = if self.gloss.film.is_some() {
             NODES.iter().map(|&(cos, weight)| self.gloss_albedo(along(cos)) * weight).sum()

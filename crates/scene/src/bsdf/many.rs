@@ -4,7 +4,7 @@ use super::coat::ManyCoated;
 use super::conductor::ManyMetal;
 use super::dielectric::ManyGlass;
 use super::glossy::ManyGloss;
-use super::open_pbr::OnlySlab;
+use super::open_pbr::{ManyMixed, OnlySlab};
 use super::{Bsdf, ConductorBsdf, GlossyBsdf, Lobes};
 use snell_math::simd::Wide;
 use snell_math::{ColorMode, SampledSpectrum, Vec2, Vec3, at_level};
@@ -20,8 +20,14 @@ type Vectors = [Numbers; 3];
 /// What is asked of a BSDF, in its frame.
 #[derive(Clone, Copy, Debug)]
 pub struct ManyQuestions<'a> {
-    /// Reflectance of the body below a gloss, see [`ManyBsdf::body`].
+    /// 0 for those of which nothing is asked: what is answered for them means nothing.
+    pub is_asked: &'a [u32; MANY],
+    /// As [`ManyPoint::body`].
     pub body: [&'a Numbers; 3],
+    /// As [`ManyPoint::alpha`].
+    pub alpha: &'a Numbers,
+    /// As [`ManyPoint::metalness`].
+    pub metalness: &'a Numbers,
     /// Unit directions to where light is gathered.
     pub wo: [&'a Numbers; 3],
     /// Unit directions of which value and density are asked.
@@ -30,6 +36,24 @@ pub struct ManyQuestions<'a> {
     pub u_lobe: &'a Numbers,
     /// More of them.
     pub u: [&'a Numbers; 2],
+}
+
+/// What may differ from point to point of a surface. A BSDF looks only at what it has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ManyPoint {
+    /// Reflectance of the body below a gloss, and at normal incidence of the metal that is mixed with it.
+    pub body: SampledSpectrum,
+    /// How wide the facets of such a mixture are distributed, see [`super::Widths`].
+    pub alpha: f32,
+    /// Share of the metal.
+    pub metalness: f32,
+}
+
+impl ManyPoint {
+    /// With a body of this reflectance, where nothing else counts.
+    pub fn with_body(body: SampledSpectrum) -> Self {
+        Self { body, alpha: 0.0, metalness: 0.0 }
+    }
 }
 
 /// What a BSDF answers.
@@ -70,6 +94,7 @@ enum Kind {
     LacqueredGloss(ManyCoated<ManyGloss<false>, true>),
     CoatedMetal(ManyCoated<ManyMetal<false>, false>),
     LacqueredMetal(ManyCoated<ManyMetal<false>, true>),
+    Mixed(Box<ManyMixed>),
 }
 
 impl ManyBsdf {
@@ -85,6 +110,9 @@ impl ManyBsdf {
             Bsdf::Glossy(gloss) => Self::of_gloss(gloss),
             Bsdf::Conductor(metal) => Self::of_metal(metal),
             Bsdf::OpenPbr(layers) => {
+                if let Some((metal, gloss)) = layers.only_mixture() {
+                    return ManyMixed::of(metal, gloss).map(|mixed| Self(Kind::Mixed(Box::new(mixed))));
+                }
                 let (slab, coat) = layers.only_slab()?;
                 match (slab, coat) {
                     (OnlySlab::Opaque(gloss), None) => Self::of_gloss(gloss),
@@ -115,15 +143,16 @@ impl ManyBsdf {
         measured.or_else(|| ManyMetal::of(metal).map(Kind::Colored)).map(Self)
     }
 
-    /// Reflectance of what is below a gloss; black for all others.
-    pub fn body(&self) -> SampledSpectrum {
-        match &self.0 {
+    /// What it is where it does not differ from point to point.
+    pub fn point(&self) -> ManyPoint {
+        ManyPoint::with_body(match &self.0 {
             Kind::RoughGloss(gloss) => gloss.reflectance,
             Kind::SmoothGloss(gloss) => gloss.reflectance,
             Kind::CoatedGloss(coated) => coated.base.reflectance,
             Kind::LacqueredGloss(coated) => coated.base.reflectance,
+            Kind::Mixed(mixed) => return mixed.point,
             _ => SampledSpectrum::ZERO,
-        }
+        })
     }
 
     /// True if there is a coat, in the frame of what lies below.
@@ -137,18 +166,26 @@ impl ManyBsdf {
         matches!(self.0, Kind::Glass(_))
     }
 
-    /// True if it may be asked with any [`Self::body`].
+    /// True if it may be asked with any [`ManyPoint::body`].
     pub fn takes_any_body(&self) -> bool {
-        matches!(self.0, Kind::RoughGloss(_))
+        matches!(self.0, Kind::RoughGloss(_) | Kind::Mixed(_))
+    }
+
+    /// True if it may be asked with any [`ManyPoint`] that is rough.
+    pub fn takes_any_point(&self) -> bool {
+        matches!(self.0, Kind::Mixed(_))
     }
 
     /// Answers all questions.
     pub fn answer(&self, asked: &ManyQuestions, answers: &mut ManyAnswers, wide: Option<Wide>) {
         macro_rules! answer_by {
             ($type:ty, $bsdf:expr) => {
+                answer_by!($type, $bsdf, answer)
+            };
+            ($type:ty, $bsdf:expr, $answer:path) => {
                 at_level!(
                     wide,
-                    answer,
+                    $answer,
                     (bsdf: &$type = $bsdf, asked: &ManyQuestions<'_> = asked, answers: &mut ManyAnswers = answers)
                 )
             };
@@ -163,6 +200,7 @@ impl ManyBsdf {
             Kind::LacqueredGloss(bsdf) => answer_by!(ManyCoated<ManyGloss<false>, true>, bsdf),
             Kind::CoatedMetal(bsdf) => answer_by!(ManyCoated<ManyMetal<false>, false>, bsdf),
             Kind::LacqueredMetal(bsdf) => answer_by!(ManyCoated<ManyMetal<false>, true>, bsdf),
+            Kind::Mixed(bsdf) => answer_by!(ManyMixed, bsdf, ManyMixed::answer),
         }
     }
 }
@@ -206,22 +244,56 @@ impl ManyDrawn {
 #[inline(always)]
 fn answer(bsdf: &impl ManyLobes, asked: &ManyQuestions, answers: &mut ManyAnswers) {
     for i in 0..MANY {
-        let body = SampledSpectrum([asked.body[0][i], asked.body[1][i], asked.body[2][i], 0.0]);
-        let seen = bsdf.seen(at(asked.wo, i), body);
-        let (value, pdf) = bsdf.value_and_pdf_from(&seen, at(asked.wi, i));
-        put(&mut answers.value, i, value);
-        answers.pdf[i] = pdf;
-        let drawn = bsdf.draw_from(&seen, asked.u_lobe[i], Vec2::new(asked.u[0][i], asked.u[1][i]));
-        let (value, pdf) = bsdf.value_and_pdf_from(&seen, drawn.wi);
+        let seen = bsdf.seen(asked.wo(i), asked.body(i));
+        answers.take_value(i, bsdf.value_and_pdf_from(&seen, asked.wi(i)));
+        let drawn = bsdf.draw_from(&seen, asked.u_lobe[i], asked.u(i));
+        let found = bsdf.value_and_pdf_from(&seen, drawn.wi);
+        answers.take_drawn(i, &drawn, found);
+    }
+}
+
+impl ManyQuestions<'_> {
+    #[inline(always)]
+    pub(super) fn wo(&self, i: usize) -> Vec3 {
+        at(self.wo, i)
+    }
+
+    #[inline(always)]
+    pub(super) fn wi(&self, i: usize) -> Vec3 {
+        at(self.wi, i)
+    }
+
+    #[inline(always)]
+    pub(super) fn body(&self, i: usize) -> SampledSpectrum {
+        SampledSpectrum([self.body[0][i], self.body[1][i], self.body[2][i], 0.0])
+    }
+
+    #[inline(always)]
+    pub(super) fn u(&self, i: usize) -> Vec2 {
+        Vec2::new(self.u[0][i], self.u[1][i])
+    }
+}
+
+impl ManyAnswers {
+    /// Value and density of the direction that was asked about.
+    #[inline(always)]
+    pub(super) fn take_value(&mut self, i: usize, (value, pdf): (SampledSpectrum, f32)) {
+        put(&mut self.value, i, value);
+        self.pdf[i] = pdf;
+    }
+
+    /// A direction that was drawn, with value and density.
+    #[inline(always)]
+    pub(super) fn take_drawn(&mut self, i: usize, drawn: &ManyDrawn, (value, pdf): (SampledSpectrum, f32)) {
         let scattered = value / pdf;
         let pick = |delta: f32, other: f32| if drawn.is_delta { delta } else { other };
-        put(&mut answers.weight, i, drawn.delta.zip(scattered, pick));
-        (answers.drawn[0][i], answers.drawn[1][i], answers.drawn[2][i]) = (drawn.wi.x, drawn.wi.y, drawn.wi.z);
-        answers.drawn_pdf[i] = pick(0.0, pdf);
-        answers.is_delta[i] = u32::from(drawn.is_delta);
-        answers.is_transmission[i] = u32::from(drawn.is_transmission);
-        answers.crossing[i] = drawn.crossing;
-        answers.exists[i] = u32::from(drawn.exists & (drawn.is_delta | (pdf > 0.0)));
+        put(&mut self.weight, i, drawn.delta.zip(scattered, pick));
+        (self.drawn[0][i], self.drawn[1][i], self.drawn[2][i]) = (drawn.wi.x, drawn.wi.y, drawn.wi.z);
+        self.drawn_pdf[i] = pick(0.0, pdf);
+        self.is_delta[i] = u32::from(drawn.is_delta);
+        self.is_transmission[i] = u32::from(drawn.is_transmission);
+        self.crossing[i] = drawn.crossing;
+        self.exists[i] = u32::from(drawn.exists & (drawn.is_delta | (pdf > 0.0)));
     }
 }
 
@@ -262,41 +334,108 @@ mod tests {
             let bsdf = bsdf(kind);
             let Some(many) = ManyBsdf::of(&bsdf) else { continue };
             asked_of += 1;
+            let points = [many.point(); MANY];
             for round in 0..200 {
-                let (mut wos, mut wis, mut u_lobe, mut u) = (ZERO, ZERO, [0.0; MANY], [[0.0; MANY]; 2]);
-                for i in 0..MANY {
-                    let id = [number as u32, round, i as u32];
-                    let number = |use_of: u32| rng::uniform2([id[0], id[1], id[2], use_of]);
-                    let [mut wo, mut wi] = [1, 2].map(|use_of| sampling::uniform_sphere(number(use_of)));
-                    // Grazing directions, those in the surface, and mirror directions too.
-                    match i {
-                        0 => wo.z = 0.0,
-                        1 => wi.z = 0.0,
-                        2 => wo = (wo * Vec3::new(1.0, 1.0, 1e-3)).normalize(),
-                        3 => wi = Vec3::new(-wo.x, -wo.y, wo.z),
-                        4 => wi = -wo,
-                        5 => (wo, wi) = (Vec3::Z, Vec3::Z),
-                        _ => {}
-                    }
-                    for axis in 0..3 {
-                        (wos[axis][i], wis[axis][i]) = (wo[axis], wi[axis]);
-                    }
-                    (u_lobe[i], u[0][i], u[1][i]) = (number(3).x, number(4).x, number(4).y);
-                }
-                let (wo, wi) = (wos.each_ref(), wis.each_ref());
-                let body = many.body();
-                let bodies = [0, 1, 2].map(|channel| [body[channel]; MANY]);
-                let asked = ManyQuestions { body: bodies.each_ref(), wo, wi, u_lobe: &u_lobe, u: u.each_ref() };
+                let asked = Asked::new([number as u32, round], &points);
                 for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
                     let mut answers = ManyAnswers::default();
-                    many.answer(&asked, &mut answers, level.wide());
+                    many.answer(&asked.questions(), &mut answers, level.wide());
                     for i in 0..MANY {
-                        check(&bsdf, &asked, &answers, i, &format!("{kind:?} {level} {round} {i}"));
+                        check(&bsdf, &asked.questions(), &answers, i, &format!("{kind:?} {level} {round} {i}"));
                     }
                 }
             }
         }
         assert!(asked_of >= 21, "{asked_of}");
+    }
+
+    #[test]
+    fn mixtures_that_differ_from_point_to_point_give_the_bits_of_each() {
+        let mixture = |metal: f32, rough: f32, color: Rgb| -> MaterialKind {
+            let tint = Rgb::new(0.9, 0.7, 0.5).into();
+            let surface = OpenPbr { base_color: color.into(), specular_color: tint, ..OpenPbr::default() };
+            OpenPbr { base_metalness: metal.into(), specular_roughness: rough.into(), ..surface }.into()
+        };
+        let many = ManyBsdf::of(&bsdf(&mixture(0.5, 0.5, Rgb::WHITE))).expect("a mixture of two");
+        assert!(many.takes_any_point());
+        for round in 0..400 {
+            let kinds: [_; MANY] = std::array::from_fn(|i| {
+                let [a, b] = [5, 6].map(|use_of| rng::uniform2([round, i as u32, 0, use_of]));
+                let (metal, rough) = ((2.0 * a.x - 0.5).clamp(0.0, 1.0), 0.032 + 0.968 * a.y);
+                (metal, rough, Rgb::new(b.x, b.y, if i == 7 { 0.0 } else { b.x * b.y }))
+            });
+            let points = kinds.map(|(metalness, rough, color)| ManyPoint {
+                body: ColorMode::Rgb.reflectance(color),
+                alpha: rough * rough,
+                metalness,
+            });
+            let asked = Asked::new([100, round], &points);
+            for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+                let mut answers = ManyAnswers::default();
+                many.answer(&asked.questions(), &mut answers, level.wide());
+                for (i, &(metal, rough, color)) in kinds.iter().enumerate() {
+                    let kind = mixture(metal, rough, color);
+                    check(&bsdf(&kind), &asked.questions(), &answers, i, &format!("{kind:?} {level} {round} {i}"));
+                }
+            }
+        }
+    }
+
+    /// Questions of each kind.
+    struct Asked {
+        body: Vectors,
+        alpha: Numbers,
+        metalness: Numbers,
+        wo: Vectors,
+        wi: Vectors,
+        u_lobe: Numbers,
+        u: [Numbers; 2],
+    }
+
+    impl Asked {
+        fn new(seed: [u32; 2], points: &[ManyPoint; MANY]) -> Self {
+            let (mut wos, mut wis, mut u_lobe, mut u) = (ZERO, ZERO, [0.0; MANY], [[0.0; MANY]; 2]);
+            for i in 0..MANY {
+                let number = |use_of: u32| rng::uniform2([seed[0], seed[1], i as u32, use_of]);
+                let [mut wo, mut wi] = [1, 2].map(|use_of| sampling::uniform_sphere(number(use_of)));
+                // Grazing directions, those in the surface, and mirror directions too.
+                match i {
+                    0 => wo.z = 0.0,
+                    1 => wi.z = 0.0,
+                    2 => wo = (wo * Vec3::new(1.0, 1.0, 1e-3)).normalize(),
+                    3 => wi = Vec3::new(-wo.x, -wo.y, wo.z),
+                    4 => wi = -wo,
+                    5 => (wo, wi) = (Vec3::Z, Vec3::Z),
+                    _ => {}
+                }
+                for axis in 0..3 {
+                    (wos[axis][i], wis[axis][i]) = (wo[axis], wi[axis]);
+                }
+                (u_lobe[i], u[0][i], u[1][i]) = (number(3).x, number(4).x, number(4).y);
+            }
+            Self {
+                body: [0, 1, 2].map(|channel| points.map(|point| point.body[channel])),
+                alpha: points.map(|point| point.alpha),
+                metalness: points.map(|point| point.metalness),
+                wo: wos,
+                wi: wis,
+                u_lobe,
+                u,
+            }
+        }
+
+        fn questions(&self) -> ManyQuestions<'_> {
+            ManyQuestions {
+                is_asked: &[1; MANY],
+                body: self.body.each_ref(),
+                alpha: &self.alpha,
+                metalness: &self.metalness,
+                wo: self.wo.each_ref(),
+                wi: self.wi.each_ref(),
+                u_lobe: &self.u_lobe,
+                u: self.u.each_ref(),
+            }
+        }
     }
 
     fn check(bsdf: &Bsdf, asked: &ManyQuestions, answers: &ManyAnswers, i: usize, what: &str) {

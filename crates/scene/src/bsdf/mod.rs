@@ -36,7 +36,7 @@ pub use film::ThinFilm;
 pub use ggx::Ggx;
 pub use glossy::{Body, Gloss, GlossyBsdf, GlossySeen};
 pub use hair::{HairBsdf, HairFiber, HairSeen};
-pub use many::{MANY, ManyAnswers, ManyBsdf, ManyQuestions};
+pub use many::{MANY, ManyAnswers, ManyBsdf, ManyPoint, ManyQuestions};
 pub use microfacets::{MicrofacetShape, Microfacets};
 pub use mirror::MirrorBsdf;
 pub use open_pbr::{Fuzz, OpenPbrBsdf, OpenPbrSeen, Slabs, Translucent, TranslucentSeen};
@@ -44,7 +44,7 @@ pub use phong::{PhongBsdf, PhongCoefficients};
 pub use sheet::{SheetBsdf, SheetSeen};
 pub use widths::Widths;
 
-use snell_math::simd::choose;
+use snell_math::simd::{choose, least};
 use snell_math::{SampledSpectrum, Vec2, Vec3, angles};
 use std::f32::consts::PI;
 
@@ -112,6 +112,15 @@ impl Choice<2> {
     fn picks_first(&self, u: f32) -> (bool, bool) {
         let [first, second] = self.probabilities;
         ((u < first) | (second <= 0.0), (first > 0.0) | (second > 0.0))
+    }
+
+    /// The same, and a number in `[0, 1)` for use in the lobe.
+    #[inline(always)]
+    fn picked(&self, u: f32) -> (bool, bool, f32) {
+        let [first, second] = self.probabilities;
+        let (is_first, exists) = self.picks_first(u);
+        let (from, of) = if is_first { (u, first) } else { (u - first, second) };
+        (is_first, exists, if from < of { least(from / of, 1.0 - f32::EPSILON) } else { 1.0 - f32::EPSILON })
     }
 }
 

@@ -4,6 +4,10 @@
 //! layer does not reflect towards the viewer. So nothing is lost that is not absorbed, at the price of reciprocity: light that comes
 //! from where the viewer is would be shared by its own direction.
 
+mod many;
+
+pub(super) use many::ManyMixed;
+
 use super::coat::{Coat, CoatLobe, CoatSeen};
 use super::fuzz::FuzzLobe;
 use super::{
@@ -133,6 +137,13 @@ impl OpenPbrBsdf {
             _ => return None,
         };
         Some((slab, self.coat.as_ref()))
+    }
+
+    /// Metal and opaque dielectric where these are all there is, in [`snell_math::ColorMode::Rgb`].
+    pub(super) fn only_mixture(&self) -> Option<(&(f32, ConductorBsdf), &(f32, GlossyBsdf))> {
+        let Slabs { metal, opaque, translucent, subsurface } = &self.slabs;
+        let is_bare = self.fuzz.is_none() && self.coat.is_none() && translucent.is_none() && *subsurface == 0.0;
+        metal.as_ref().zip(opaque.as_ref()).filter(|_| is_bare && self.unit == ColorMode::Rgb.unit())
     }
 
     /// Gives the coat another frame (in that of the base) than the base: a smooth coat over rough grain, or the reverse. As with

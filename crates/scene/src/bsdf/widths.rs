@@ -19,6 +19,12 @@ impl Widths {
         Self { x: roughness * roughness, y: roughness * roughness }
     }
 
+    /// The same in all directions: as [`Self::alpha`], in `[0, 1]`.
+    #[inline(always)]
+    pub(super) fn both(alpha: f32) -> Self {
+        Self { x: alpha, y: alpha }
+    }
+
     /// Those of a perceptual roughness that is stretched along the tangent, both in `[0, 1]`: the mean square of the two widths is
     /// `roughness^4` whatever the anisotropy (OpenPBR Surface 1.1, section "Microfacet model").
     pub fn from_anisotropy(roughness: f32, anisotropy: f32) -> Self {

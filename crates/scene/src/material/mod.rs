@@ -32,7 +32,7 @@ pub use interface::Interface;
 pub use interior::Interior;
 pub use metallic_roughness::{MetallicRoughness, reflectance_at_most_white};
 pub use mirror::Mirror;
-pub use normal::{FrameNeeds, reflecting_normal, visible_normal};
+pub use normal::{Bend, FrameNeeds, reflecting_normal, visible_normal};
 pub use open_pbr::{OpenPbr, TangentMap};
 pub use phong::Phong;
 pub use plastic::Plastic;
@@ -368,10 +368,14 @@ impl Material {
 
     /// The shading normal at a point, normal map applied, before it is bent towards a viewer.
     pub fn shading_normal(&self, point: &ShadingPoint) -> Vec3 {
-        match &self.normal_map {
-            None => point.surface.shading_normal,
-            Some(map) => normal::shading_frame(Some(map), point).z,
-        }
+        let (smooth, flat) = (point.surface.shading_normal, point.surface.geometric_normal);
+        self.bend(point).map_or(smooth, |bend| bend.normal(smooth, flat))
+    }
+
+    /// What its normal map says at a point.
+    #[inline]
+    pub fn bend(&self, point: &ShadingPoint) -> Option<Bend> {
+        Some(Bend::of(self.normal_map.as_ref()?, point))
     }
 
     /// True if hits must be asked about ([`Self::is_present`]).

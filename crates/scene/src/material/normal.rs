@@ -10,12 +10,63 @@ pub(super) fn shading_frame(map: Option<&NormalMap>, point: &ShadingPoint) -> Fr
     let surface = point.surface;
     let smooth = surface.shading_normal;
     let Some(map) = map else { return Frame::from_z_and_x(smooth, surface.dpdu) };
-    let [r, g, b, _] = point.textures.lookup(map.texture, surface, point.footprint);
-    let local = Vec3::new((2.0 * r - 1.0) * map.scale, (2.0 * g - 1.0) * map.scale, 2.0 * b - 1.0);
-    let (tangent, bitangent) = tangents(map, point);
-    let bent = (tangent * local.x + bitangent * local.y + smooth * local.z).normalize_or(smooth);
-    let normal = above(bent, surface.geometric_normal).unwrap_or(smooth);
-    Frame::from_z_and_x(normal, tangent)
+    let bend = Bend::of(map, point);
+    Frame::from_z_and_x(bend.normal(smooth, surface.geometric_normal), bend.axes(smooth).0)
+}
+
+/// What a normal map says at a point.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Bend {
+    /// The normal by the tangent, the bitangent and the shading normal, of any length.
+    pub local: Vec3,
+    /// Where the picture's columns grow to the right.
+    pub tangent: Vec3,
+    /// Where its rows grow upwards, as far as it is not known from the tangent.
+    pub upwards: Vec3,
+    /// 1 if the bitangent is to the left of the tangent, -1 if it is to the right, 0 if it is where rows grow upwards.
+    pub side: f32,
+}
+
+impl Bend {
+    /// At a point.
+    pub(super) fn of(map: &NormalMap, point: &ShadingPoint) -> Self {
+        let [r, g, b, _] = point.textures.lookup(map.texture, point.surface, point.footprint);
+        let local = Vec3::new((2.0 * r - 1.0) * map.scale, (2.0 * g - 1.0) * map.scale, 2.0 * b - 1.0);
+        let surface = point.surface;
+        if let Some((tangent, sign)) = surface.tangent {
+            return Self { local, tangent, upwards: Vec3::ZERO, side: 1.0f32.copysign(sign) };
+        }
+        // Derivatives by the texture's own coordinates, its transform undone; a singular one leaves the surface's.
+        let [[a, b, _], [c, d, _]] =
+            point.textures.image(map.texture).map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], |t| t.uv_transform);
+        let determinant = a * d - b * c;
+        let (dpdu, dpdv) = if determinant.is_normal() {
+            ((surface.dpdu * d - surface.dpdv * c) / determinant, (surface.dpdv * a - surface.dpdu * b) / determinant)
+        } else {
+            (surface.dpdu, surface.dpdv)
+        };
+        // Texture coordinates run downwards, normal maps upwards.
+        Self { local, tangent: dpdu, upwards: -dpdv, side: 0.0 }
+    }
+
+    /// Unit tangent and bitangent perpendicular to the shading normal.
+    #[inline(always)]
+    fn axes(&self, n: Vec3) -> (Vec3, Vec3) {
+        let frame = Frame::from_z_and_x(n, self.tangent);
+        let side = if frame.y.dot(self.upwards) < 0.0 { -1.0 } else { 1.0 };
+        (frame.x, frame.y * if self.side != 0.0 { self.side } else { side })
+    }
+
+    /// The shading normal bent, and lifted to a small angle above the surface if it lies below. Without branches, so that loops over it
+    /// become vector code.
+    #[inline(always)]
+    pub fn normal(&self, smooth: Vec3, geometric_normal: Vec3) -> Vec3 {
+        const LEAST: f32 = 1e-2;
+        let (tangent, bitangent) = self.axes(smooth);
+        let bent = unit_or(tangent * self.local.x + bitangent * self.local.y + smooth * self.local.z, smooth);
+        let height = bent.dot(geometric_normal);
+        choose(height >= LEAST, bent, unit_or(bent + geometric_normal * (LEAST - height), smooth))
+    }
 }
 
 /// The frame turned about its normal, counter-clockwise by an angle in radians.
@@ -25,36 +76,6 @@ pub(super) fn turned(frame: Frame, angle: f32) -> Frame {
     }
     let (sin, cos) = angle.sin_cos();
     Frame { x: frame.x * cos + frame.y * sin, y: frame.y * cos - frame.x * sin, z: frame.z }
-}
-
-/// Unit tangent and bitangent perpendicular to the shading normal: the directions in which the picture's columns grow to the right
-/// and its rows upwards.
-fn tangents(map: &NormalMap, point: &ShadingPoint) -> (Vec3, Vec3) {
-    let (surface, n) = (point.surface, point.surface.shading_normal);
-    if let Some((tangent, sign)) = surface.tangent {
-        let frame = Frame::from_z_and_x(n, tangent);
-        return (frame.x, frame.y * 1.0f32.copysign(sign));
-    }
-    // Derivatives by the texture's own coordinates, its transform undone; a singular one leaves the surface's.
-    let [[a, b, _], [c, d, _]] =
-        point.textures.image(map.texture).map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], |t| t.uv_transform);
-    let determinant = a * d - b * c;
-    let (dpdu, dpdv) = if determinant.is_normal() {
-        ((surface.dpdu * d - surface.dpdv * c) / determinant, (surface.dpdv * a - surface.dpdu * b) / determinant)
-    } else {
-        (surface.dpdu, surface.dpdv)
-    };
-    let frame = Frame::from_z_and_x(n, dpdu);
-    // Texture coordinates run downwards, normal maps upwards.
-    let sign = if frame.y.dot(-dpdv) < 0.0 { -1.0 } else { 1.0 };
-    (frame.x, frame.y * sign)
-}
-
-/// `normal`, lifted to a small angle above the surface if it lies below.
-fn above(normal: Vec3, geometric_normal: Vec3) -> Option<Vec3> {
-    const LEAST: f32 = 1e-2;
-    let height = normal.dot(geometric_normal);
-    if height >= LEAST { Some(normal) } else { (normal + geometric_normal * (LEAST - height)).try_normalize() }
 }
 
 /// What a BSDF asks of its frame.

@@ -1,9 +1,10 @@
 //! The surface of OpenPBR Surface 1.1.
 
-use super::{ColorParam, Material, NormalMap, ScalarParam, ShadingPoint, positive_ior};
+use super::prepared::anywhere;
+use super::{ColorParam, FrameNeeds, Material, NormalMap, ScalarParam, ShadingPoint, positive_ior};
 use crate::bsdf::{
     Body, Bsdf, Coat, ConductorBsdf, DielectricBsdf, DiffuseBsdf, FacetReflectance, Fuzz, Ggx, Gloss, GlossyBsdf,
-    OpenPbrBsdf, RoughLosses, SheetBsdf, Slabs, ThinFilm, Translucent, bounded, fresnel,
+    ManyBsdf, ManyPoint, OpenPbrBsdf, RoughLosses, SheetBsdf, Slabs, ThinFilm, Translucent, Widths, bounded, fresnel,
 };
 use crate::graph::TextureId;
 use crate::medium::{HenyeyGreenstein, MediumProperties};
@@ -275,8 +276,7 @@ impl OpenPbr {
     fn common(&self, point: &ShadingPoint) -> Common {
         let share = |p: &ScalarParam| bounded(p.at(point), 1.0);
         let coat = share(&self.coat_weight);
-        let [metalness, roughness] =
-            ScalarParam::both_at(&self.base_metalness, &self.specular_roughness, point).map(|x| bounded(x, 1.0));
+        let [metalness, roughness] = self.metalness_and_roughness(point);
         let roughness = roughened(roughness, share(&self.coat_roughness), coat);
         Common {
             metalness,
@@ -287,6 +287,12 @@ impl OpenPbr {
             specular_weight: bounded(self.specular_weight.at(point), 1e3),
             ior: positive_ior(positive_ior(self.specular_ior.at(point)) / point.outside_ior),
         }
+    }
+
+    /// Both at a point, without a coat.
+    fn metalness_and_roughness(&self, point: &ShadingPoint) -> [f32; 2] {
+        let [metalness, roughness] = ScalarParam::both_at(&self.base_metalness, &self.specular_roughness, point);
+        [bounded(metalness, 1.0), bounded(roughness, 1.0)]
     }
 
     /// The BSDF at a point.
@@ -381,6 +387,28 @@ impl OpenPbr {
         let base_color = ColorParam { texture: None, ..self.base_color };
         let other = Material::new("", Self { base_color, ..self.clone() });
         self.base_color.texture.is_some() && other.textures().is_empty()
+    }
+
+    /// A mixture of rough metal and gloss that may differ from point to point in all that [`ManyPoint`] says, if nothing else does.
+    pub(super) fn many_mixed(&self) -> Option<ManyBsdf> {
+        let half = Self {
+            base_color: ColorParam { texture: None, ..self.base_color },
+            base_weight: 1.0.into(),
+            base_metalness: 0.5.into(),
+            specular_roughness: 0.5.into(),
+            ..self.clone()
+        };
+        let (bsdf, looks_up) = anywhere(&half.into());
+        ManyBsdf::of(&bsdf).filter(|many| !looks_up && many.takes_any_point())
+    }
+
+    /// What [`Self::many_mixed`] is at a point, if it is rough there, and what it asks of its frame.
+    pub(super) fn mixed_at(&self, point: &ShadingPoint) -> Option<(ManyPoint, FrameNeeds)> {
+        let [metalness, roughness] = self.metalness_and_roughness(point);
+        let widths = Widths::from_roughness(roughness);
+        let at = ManyPoint { body: self.base(point), alpha: widths.alpha(), metalness };
+        let needs = FrameNeeds { mirrors: metalness == 1.0, has_tangent: false };
+        (!widths.is_smooth()).then_some((at, needs))
     }
 
     fn body(&self, point: &ShadingPoint, base: SampledSpectrum, subsurface: f32) -> Body {

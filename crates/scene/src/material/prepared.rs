@@ -1,19 +1,31 @@
 //! What of BSDFs is the same at all points: worked out once per material.
 
-use super::{Material, MaterialKind, ShadingPoint};
-use crate::bsdf::{Bsdf, ManyBsdf};
+use super::{FrameNeeds, Material, MaterialKind, OpenPbr, ShadingPoint};
+use crate::bsdf::{Bsdf, ManyBsdf, ManyPoint};
 use crate::texture::TextureSet;
 use snell_intersect::SurfaceInteraction;
-use snell_math::{ColorMode, Frame, SampledSpectrum, Vec3};
+use snell_math::{ColorMode, Vec3};
 use std::borrow::Cow;
+
+/// What differs from point to point of surfaces with a [`ManyBsdf`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Differs {
+    Nothing,
+    Body,
+    All,
+}
 
 /// What is known of a material's BSDF before the point is.
 #[derive(Clone, Debug)]
 pub struct Prepared {
+    /// The material as layers, if that is what it is.
+    surface: Option<Box<OpenPbr>>,
     /// At a plain point, without textures.
     bsdf: Bsdf,
-    /// The same, if many directions can be asked about at once; its body may be of another colour at each point.
+    /// The same, if many directions can be asked about at once; what it is may differ from point to point.
     many: Option<ManyBsdf>,
+    /// As [`ManyPoint`] says.
+    differs: Differs,
     /// True if it is the same at all [plain](ShadingPoint::is_plain) points.
     is_everywhere: bool,
 }
@@ -29,14 +41,20 @@ impl Prepared {
             _ => false,
         };
         let is_everywhere = !looks_up && !depends_on_point;
-        let many = match &material.kind {
-            _ if is_everywhere => ManyBsdf::of(&bsdf),
-            MaterialKind::OpenPbr(surface) if surface.varies_in_color_alone() => {
-                ManyBsdf::of(&bsdf).filter(ManyBsdf::takes_any_body)
-            }
+        let surface = match &material.kind {
+            MaterialKind::OpenPbr(surface) => Some(Box::new(surface.clone())),
+            MaterialKind::MetallicRoughness(kind) => Some(Box::new(kind.open_pbr())),
             _ => None,
         };
-        Self { bsdf, many, is_everywhere }
+        let (many, differs) = match &surface {
+            _ if is_everywhere => (ManyBsdf::of(&bsdf), Differs::Nothing),
+            Some(surface) => match ManyBsdf::of(&bsdf).filter(ManyBsdf::takes_any_body) {
+                Some(many) if surface.varies_in_color_alone() => (Some(many), Differs::Body),
+                _ => (surface.many_mixed(), Differs::All),
+            },
+            None => (None, Differs::Nothing),
+        };
+        Self { surface, bsdf, many, differs, is_everywhere }
     }
 
     /// The BSDF, if it is the same at all [plain](ShadingPoint::is_plain) points, in the frame of the surface's own normal and tangent.
@@ -55,19 +73,22 @@ impl Prepared {
         self.plain(material).and(self.many.as_ref())
     }
 
-    /// The BSDF of the material at a point and the reflectance of its body there, if many directions can be asked about at once.
-    pub fn many_at(&self, material: &Material, point: &ShadingPoint) -> Option<(&ManyBsdf, SampledSpectrum)> {
+    /// The BSDF of the material at a point and what it is there, if many directions can be asked about at once; and what it asks of its
+    /// frame.
+    pub fn many_at(&self, material: &Material, point: &ShadingPoint) -> Option<(&ManyBsdf, ManyPoint, FrameNeeds)> {
         let follows = |many: &&ManyBsdf| !many.has_coat() || material.coat_map(point).is_none();
         let many = self.many.as_ref().filter(|_| point.is_plain()).filter(follows)?;
-        Some(match &material.kind {
-            MaterialKind::OpenPbr(surface) if !self.is_everywhere => (many, surface.base(point)),
-            _ => (many, many.body()),
-        })
-    }
-
-    /// The frame at a point seen from `wo`, as in [`Material::bsdf_towards`], where there is a BSDF for [many](Self::many_at).
-    pub fn frame_of_many(&self, material: &Material, point: &ShadingPoint, wo: Vec3) -> Frame {
-        material.frame_towards(&self.bsdf, point, wo)
+        match (&self.surface, self.differs) {
+            (Some(surface), Differs::All) => {
+                let (at, needs) = surface.mixed_at(point)?;
+                Some((many, at, needs))
+            }
+            (Some(surface), Differs::Body) => {
+                let at = ManyPoint { body: surface.base(point), ..many.point() };
+                Some((many, at, FrameNeeds::of(&self.bsdf)))
+            }
+            _ => Some((many, many.point(), FrameNeeds::of(&self.bsdf))),
+        }
     }
 
     /// The BSDF of the material at a point.
@@ -75,9 +96,9 @@ impl Prepared {
         if self.is_everywhere && point.is_plain() {
             return Cow::Borrowed(&self.bsdf);
         }
-        Cow::Owned(match (&material.kind, &self.bsdf) {
-            (MaterialKind::OpenPbr(surface), Bsdf::OpenPbr(known)) => surface.bsdf_like(Some(known), point),
-            (MaterialKind::Dielectric(glass), Bsdf::Dielectric(known)) => glass.bsdf_like(Some(known), point),
+        Cow::Owned(match (&self.surface, &material.kind, &self.bsdf) {
+            (Some(surface), _, Bsdf::OpenPbr(known)) => surface.bsdf_like(Some(known), point),
+            (_, MaterialKind::Dielectric(glass), Bsdf::Dielectric(known)) => glass.bsdf_like(Some(known), point),
             _ => material.kind.bsdf(point),
         })
     }

@@ -73,13 +73,14 @@ impl Material {
         self.towards(prepared.bsdf(self, point), point, wo)
     }
 
-    /// The frame of this BSDF at a point seen from `wo`.
-    pub(super) fn frame_towards(&self, bsdf: &Bsdf, point: &ShadingPoint, wo: Vec3) -> Frame {
-        FrameNeeds::of(bsdf).frame(&self.frame(point), point.surface.geometric_normal, wo)
+    /// The frame at a point seen from `wo`, for a BSDF with these needs.
+    pub fn frame_towards(&self, needs: FrameNeeds, point: &ShadingPoint, wo: Vec3) -> Frame {
+        needs.frame(&self.frame(point), point.surface.geometric_normal, wo)
     }
 
     fn towards<'a>(&self, bsdf: Cow<'a, Bsdf>, point: &ShadingPoint, wo: Vec3) -> ShadingBsdf<'a> {
-        let (frame, geometric_normal) = (self.frame_towards(&bsdf, point, wo), point.surface.geometric_normal);
+        let geometric_normal = point.surface.geometric_normal;
+        let frame = self.frame_towards(FrameNeeds::of(&bsdf), point, wo);
         let own = self.with_own_coat(&bsdf, &frame, point, Some(wo));
         let bsdf = own.map_or(bsdf, Cow::Owned);
         ShadingBsdf::seen_from(wo, bsdf, frame, geometric_normal)

@@ -287,8 +287,10 @@ impl TextureSet {
         if texture.filtering == Filtering::Nearest {
             return pyramid.nearest(uv, texture.wrap);
         }
+        let uv = Vec2::new(texture.wrap[0].reduce(uv.x), texture.wrap[1].reduce(uv.y));
         let level = crate::bsdf::bounded(level, (pyramid.level_count() - 1) as f32);
-        let (fine, t) = (level as usize, level.fract());
+        let fine = level as usize;
+        let t = level - fine as f32;
         let value = pyramid.bilinear(fine, uv, texture.wrap);
         if t == 0.0 { value } else { pyramid::lerp(value, pyramid.bilinear(fine + 1, uv, texture.wrap), t) }
     }

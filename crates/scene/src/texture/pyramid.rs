@@ -3,7 +3,7 @@
 use super::Wrap;
 use super::wrap::floor;
 use crate::image::{Encoding, Image, Pixels};
-use snell_math::Vec2;
+use snell_math::{Vec2, Vec4};
 use std::sync::Arc;
 
 /// Linear values of the 256 codes of an 8-bit channel.
@@ -172,18 +172,42 @@ impl Pyramid {
         }
     }
 
-    /// Bilinear interpolation in one level. `uv` is finite; texel centres lie at half-integers.
+    /// Bilinear interpolation in one level. `uv` is finite and [reduced](Wrap::reduce); texel centres lie at half-integers.
     pub(super) fn bilinear(&self, level: usize, uv: Vec2, wrap: [Wrap; 2]) -> [f32; 4] {
-        let Level { width, height, .. } = self.levels[level];
-        let (x0, fx) = split(wrap[0].reduce(uv.x) * width as f32 - 0.5);
-        let (y0, fy) = split(wrap[1].reduce(uv.y) * height as f32 - 0.5);
+        let Level { width, height, ref texels } = self.levels[level];
+        let (x0, fx) = split(uv.x * width as f32 - 0.5);
+        let (y0, fy) = split(uv.y * height as f32 - 0.5);
         let columns = [wrap[0].index(x0, width), wrap[0].index(x0 + 1, width)];
         let rows = [wrap[1].index(y0, height), wrap[1].index(y0 + 1, height)];
-        let at = |i: usize, j: usize| match (columns[i], rows[j]) {
-            (Some(x), Some(y)) => self.texel(level, x, y),
-            _ => [0.0; 4],
+        let ([Some(left), Some(right)], [Some(upper), Some(lower)]) = (columns, rows) else {
+            let at = |i: usize, j: usize| match (columns[i], rows[j]) {
+                (Some(x), Some(y)) => self.texel(level, x, y),
+                _ => [0.0; 4],
+            };
+            return lerp(lerp(at(0, 0), at(1, 0), fx), lerp(at(0, 1), at(1, 1), fx), fy);
         };
-        lerp(lerp(at(0, 0), at(1, 0), fx), lerp(at(0, 1), at(1, 1), fx), fy)
+        let start = |x: u32, y: u32| (y as usize * width as usize + x as usize) * self.channels;
+        let corners = Corners {
+            starts: [start(left, upper), start(right, upper), start(left, lower), start(right, lower)],
+            fx,
+            fy,
+        };
+        // (What is stored how is asked once, not for each number.)
+        match texels {
+            Texels::Stored(image) => match &image.pixels {
+                Pixels::U8(v) => corners.mixed(self.channels, |i, is_color| match is_color {
+                    true => self.decode[usize::from(v[i])],
+                    false => f32::from(v[i]) * (1.0 / 255.0),
+                }),
+                _ => corners
+                    .mixed(self.channels, |i, is_color| Self::stored(image, &self.decode, self.encoding, i, is_color)),
+            },
+            Texels::Linear16(v) => match corners.mixed_fours(self.channels, v) {
+                Some(rgba) => rgba,
+                None => corners.mixed(self.channels, |i, _| f32::from(v[i]) * (1.0 / 65535.0)),
+            },
+            Texels::Linear32(v) => corners.mixed(self.channels, |i, _| v[i]),
+        }
     }
 
     /// The texel that holds `uv` (finite) in the full image.
@@ -195,6 +219,58 @@ impl Pyramid {
             (Some(x), Some(y)) => self.texel(0, x, y),
             _ => [0.0; 4],
         }
+    }
+}
+
+/// Four texels around a point.
+struct Corners {
+    /// Indices of their first values: left and right above, left and right below.
+    starts: [usize; 4],
+    /// How far it is to the right and down, from 0 to 1.
+    fx: f32,
+    fy: f32,
+}
+
+impl Corners {
+    /// RGBA at the point, with the numbers of so many channels by their indices.
+    #[inline(always)]
+    fn mixed(&self, channels: usize, number: impl Fn(usize, bool) -> f32) -> [f32; 4] {
+        let mix = |channel: usize, is_color: bool| {
+            let [a, b, c, d] = self.starts;
+            let at = |start: usize| number(start + channel, is_color);
+            let (upper, lower) = (mixed(at(a), at(b), self.fx), mixed(at(c), at(d), self.fx));
+            mixed(upper, lower, self.fy)
+        };
+        match channels {
+            1 => {
+                let grey = mix(0, true);
+                [grey, grey, grey, 1.0]
+            }
+            2 => {
+                let grey = mix(0, true);
+                [grey, grey, grey, mix(1, false)]
+            }
+            3 => [mix(0, true), mix(1, true), mix(2, true), 1.0],
+            _ => [mix(0, true), mix(1, true), mix(2, true), mix(3, false)],
+        }
+    }
+
+    /// The same in one go for all channels: where there are three, the texel is read with the number that follows. `None` if none does, or
+    /// there are fewer.
+    #[inline(always)]
+    fn mixed_fours(&self, channels: usize, numbers: &[u16]) -> Option<[f32; 4]> {
+        let four = |start: usize| {
+            let [r, g, b, a] = (*numbers.get(start..)?.first_chunk()?).map(f32::from);
+            Some(Vec4::new(r, g, b, a) * (1.0 / 65535.0))
+        };
+        if channels < 3 {
+            return None;
+        }
+        let mixed = |a: Vec4, b: Vec4, t: f32| a + (b - a) * t;
+        let [a, b, c, d] = self.starts;
+        let (upper, lower) = (mixed(four(a)?, four(b)?, self.fx), mixed(four(c)?, four(d)?, self.fx));
+        let [r, g, b, a] = mixed(upper, lower, self.fy).to_array();
+        Some([r, g, b, if channels == 3 { 1.0 } else { a }])
     }
 }
 
@@ -265,5 +341,10 @@ fn split(x: f32) -> (i32, f32) {
 }
 
 pub(super) fn lerp(a: [f32; 4], b: [f32; 4], t: f32) -> [f32; 4] {
-    std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t)
+    std::array::from_fn(|i| mixed(a[i], b[i], t))
+}
+
+#[inline(always)]
+fn mixed(a: f32, b: f32, t: f32) -> f32 {
+    a + (b - a) * t
 }

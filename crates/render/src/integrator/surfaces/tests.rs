@@ -15,6 +15,8 @@ fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
         let slab = OpenPbr { base_metalness: metalness.into(), specular_roughness: 0.4.into(), ..OpenPbr::default() };
         kinds.push(OpenPbr { coat_weight: 0.8.into(), coat_roughness: rough.into(), ..slab }.into());
     }
+    let metal = OpenPbr { base_metalness: 1.0.into(), specular_roughness: 0.7.into(), ..OpenPbr::default() };
+    kinds.extend([metal.clone().into(), OpenPbr { geometry_thin_walled: true, ..metal }.into()]);
     let mut first = 0;
     for name in ["cornell-box", "teapot", "spheres", "night-town", "fog", "drink", "hair", "smoke"] {
         let mut scene = builtin(name).expect("the scene is built in");
@@ -40,6 +42,12 @@ fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
                     && number % 2 == 0
                 {
                     surface.base_color.texture = Some(texture);
+                    let channels = (number % 4 == 0).then_some([(texture, 1), (texture, 2)]);
+                    surface.specular_roughness.texture = channels.map(|[roughness, _]| roughness);
+                    surface.base_metalness.texture = channels.map(|[_, metalness]| metalness);
+                }
+                if let MaterialKind::MetallicRoughness(surface) = &mut material.kind {
+                    (surface.metallic.texture, surface.roughness.texture) = (Some((texture, 2)), Some((texture, 1)));
                 }
                 let is_bent = number % 3 == 0;
                 material.normal_map = is_bent.then_some(NormalMap { texture, scale: 0.3 });

@@ -1,6 +1,6 @@
 //! A clear coat over one slab, for many directions at once.
 
-use super::super::energy::DielectricReflectionLine;
+use super::super::energy::{DielectricReflectionBy, Line};
 use super::super::many::{ManyDrawn, ManyLobes};
 use super::super::{Choice, Ggx, fresnel, lift, lower_like};
 use super::CoatLobe;
@@ -18,7 +18,7 @@ pub struct ManyCoated<B, const SMOOTH: bool> {
     ior: f32,
     darkening: f32,
     base_roughness: f32,
-    albedo: DielectricReflectionLine,
+    albedo: DielectricReflectionBy<Line>,
     base_albedo: SampledSpectrum,
     diffuse_reflection: f32,
 }
@@ -98,9 +98,8 @@ impl<B: ManyLobes, const SMOOTH: bool> ManyLobes for ManyCoated<B, SMOOTH> {
     #[inline(always)]
     fn draw_from(&self, seen: &Seen<B::Seen>, u_lobe: f32, u: Vec2) -> ManyDrawn {
         let wo = seen.wo;
-        let [below, coat] = seen.choice.probabilities;
-        let (is_below, exists) = seen.choice.picks_first(u_lobe);
-        let rest = if u_lobe < below { (u_lobe / below).min(1.0 - f32::EPSILON) } else { 1.0 - f32::EPSILON };
+        let [_, coat] = seen.choice.probabilities;
+        let (is_below, exists, rest) = seen.choice.picked(u_lobe);
         let base = self.base.draw_from(&seen.base, rest, u);
         let exists = exists & (wo.z != 0.0);
         if SMOOTH {

@@ -1,21 +1,21 @@
 //! Rough metals, for many directions at once.
 
-use super::super::energy::{BouncedLobe, FacetLossLine};
+use super::super::energy::{BouncedLobe, FacetLossBy, Line, Nodes};
 use super::super::many::{ManyDrawn, ManyLobes};
-use super::super::{Choice, Ggx, lift, lower_like};
-use super::{ConductorBsdf, FacetReflectance, complex, f82};
+use super::super::{Choice, Ggx, Widths, lift, lower_like};
+use super::{ConductorBsdf, FacetReflectance, bounced, complex, f82, f82_average};
 use snell_math::simd::choose;
 use snell_math::{SampledSpectrum, Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
 /// A metal of [`Ggx`] without a film: by its complex index of refraction, or by colours.
 #[derive(Clone, Debug)]
-pub struct ManyMetal<const COMPLEX: bool> {
+pub struct ManyMetal<const COMPLEX: bool, N = Line> {
     /// As in [`FacetReflectance`].
     facets: [SampledSpectrum; 2],
     unit: SampledSpectrum,
     ggx: Ggx,
-    loss: FacetLossLine,
+    loss: FacetLossBy<N>,
     lobe: BouncedLobe,
     mean_loss: f32,
     bounced: SampledSpectrum,
@@ -41,7 +41,30 @@ impl<const COMPLEX: bool> ManyMetal<COMPLEX> {
         let is_such = is_complex == COMPLEX && film.is_none() && !ggx.is_smooth();
         is_such.then(|| Self { facets, unit, ggx, loss: loss.line(), lobe, mean_loss, bounced })
     }
+}
 
+impl ManyMetal<false> {
+    /// The same law of reflection with another reflectance at normal incidence, of another roughness: with what is known of that.
+    #[inline(always)]
+    pub fn with<N>(
+        &self,
+        f0: SampledSpectrum,
+        loss: FacetLossBy<N>,
+        lobe: BouncedLobe,
+        mean_loss: f32,
+    ) -> ManyMetal<false, N> {
+        let (unit, edge) = (self.unit, self.facets[1]);
+        let bounced = bounced(f82_average(f0, edge), unit, mean_loss);
+        ManyMetal { facets: [f0, edge], unit, ggx: loss.widths.into(), loss, lobe, mean_loss, bounced }
+    }
+
+    /// How wide its facets are distributed.
+    pub fn widths(&self) -> Widths {
+        self.ggx.widths()
+    }
+}
+
+impl<const COMPLEX: bool, N> ManyMetal<COMPLEX, N> {
     #[inline(always)]
     fn reflectance(&self, cos: f32) -> SampledSpectrum {
         let [a, b] = self.facets;
@@ -49,7 +72,7 @@ impl<const COMPLEX: bool> ManyMetal<COMPLEX> {
     }
 }
 
-impl<const COMPLEX: bool> ManyLobes for ManyMetal<COMPLEX> {
+impl<const COMPLEX: bool, N: Nodes> ManyLobes for ManyMetal<COMPLEX, N> {
     type Seen = Seen;
 
     #[inline(always)]

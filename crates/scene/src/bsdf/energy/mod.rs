@@ -26,7 +26,15 @@ const ROW: usize = STEEPNESSES + 1;
 
 /// Numbers of 16 bits, little-endian: albedos in units of 1/65535, means by their logarithms. The first half is for [`super::Ggx`],
 /// the second for [`super::Beckmann`].
-static NUMBERS: &[u8] = include_bytes!("tables.bin");
+static NUMBERS: [u16; 2 * HALF] = {
+    let (bytes, mut numbers) = (include_bytes!("tables.bin"), [0; 2 * HALF]);
+    let mut i = 0;
+    while i < numbers.len() {
+        numbers[i] = u16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]);
+        i += 1;
+    }
+    numbers
+};
 
 /// How many of them there are for each distribution.
 const HALF: usize = ROUGHNESSES * ROW * (FACETS.indices + 3 * INDICES);
@@ -65,8 +73,9 @@ const MOST_ROOT_F0: f64 = 0.98;
 /// A number for four indices of refraction.
 #[inline(always)]
 fn four(at: usize) -> [f32; 4] {
-    let bytes = &NUMBERS[2 * at..2 * at + 8];
-    std::array::from_fn(|k| f32::from(u16::from_le_bytes([bytes[2 * k], bytes[2 * k + 1]])) * (1.0 / 65535.0))
+    let [a, b, c, d] = NUMBERS[at..at + 4].as_chunks().0[0];
+    let number = |x: u16| f32::from(x) * (1.0 / 65535.0);
+    [number(a), number(b), number(c), number(d)]
 }
 
 /// Range of the logarithms of means: at low roughness nothing is lost on average, but much at grazing angles, and the ratio counts.
@@ -174,6 +183,13 @@ impl Albedo {
         self.planes.iter().zip(numbers).map(|(weight, number)| weight * number).sum::<f32>().max(0.0)
     }
 
+    /// The same function with the nodes around a place worked out, of which this is the first.
+    #[inline(always)]
+    fn near(&self, first: u32) -> Near {
+        let first = first as usize;
+        Near([self.node(first + first % 2), self.node(first | 1)])
+    }
+
     /// The same function with its nodes worked out.
     fn line(&self) -> Line {
         let mut line = Line([0.0; LINE]);
@@ -196,7 +212,7 @@ impl Albedo {
 }
 
 /// A function of direction by its values at the nodes along it.
-trait Nodes {
+pub(super) trait Nodes {
     fn node(&self, i: usize) -> f32;
 
     /// Towards a direction at this place between the nodes.
@@ -226,13 +242,30 @@ const LINE: usize = STEEPNESSES.next_power_of_two();
 
 /// Nodes that are worked out: for many questions about one surface.
 #[derive(Clone, Copy, Debug)]
-struct Line([f32; LINE]);
+pub(super) struct Line([f32; LINE]);
 
 impl Nodes for Line {
     #[inline(always)]
     fn node(&self, i: usize) -> f32 {
         self.0[i % LINE]
     }
+}
+
+/// The two nodes around a place, the even one first: all that is asked there.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Near([f32; 2]);
+
+impl Nodes for Near {
+    #[inline(always)]
+    fn node(&self, i: usize) -> f32 {
+        if i.is_multiple_of(2) { self.0[0] } else { self.0[1] }
+    }
+}
+
+/// The first of the nodes around a direction above.
+#[inline(always)]
+pub(super) fn first_node(widths: Widths, w: Vec3) -> u32 {
+    nodes(position(widths, w), STEEPNESSES).0 as u32
 }
 
 /// For what does not depend on the index of refraction.
@@ -289,8 +322,14 @@ impl FacetLoss {
     }
 
     /// The same of a rough surface for many questions.
-    pub(super) fn line(&self) -> FacetLossLine {
-        FacetLossLine { widths: self.widths, loss: self.loss.line() }
+    pub(super) fn line(&self) -> FacetLossBy<Line> {
+        FacetLossBy { widths: self.widths, loss: self.loss.line() }
+    }
+
+    /// What is asked about directions with this [`first_node`], of a rough surface.
+    #[inline(always)]
+    pub(super) fn near(&self, first: u32) -> Near {
+        self.loss.near(first)
     }
 
     /// Share of diffuse light lost.
@@ -299,14 +338,14 @@ impl FacetLoss {
     }
 }
 
-/// [`FacetLoss`] of a rough surface, for many questions.
+/// [`FacetLoss`] of a rough surface by its nodes, for many questions.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FacetLossLine {
-    widths: Widths,
-    loss: Line,
+pub(super) struct FacetLossBy<N> {
+    pub widths: Widths,
+    pub loss: N,
 }
 
-impl FacetLossLine {
+impl<N: Nodes> FacetLossBy<N> {
     /// As [`FacetLoss::towards`].
     #[inline(always)]
     pub(super) fn towards(&self, w: Vec3) -> f32 {
@@ -356,8 +395,14 @@ impl DielectricReflection {
     }
 
     /// The same of a rough surface for many questions.
-    pub(super) fn line(&self) -> DielectricReflectionLine {
-        DielectricReflectionLine { widths: self.widths, ior: self.ior, reflected: self.reflected.line() }
+    pub(super) fn line(&self) -> DielectricReflectionBy<Line> {
+        DielectricReflectionBy { widths: self.widths, ior: self.ior, reflected: self.reflected.line() }
+    }
+
+    /// What is asked about directions with this [`first_node`], of a rough surface.
+    #[inline(always)]
+    pub(super) fn near(&self, first: u32) -> Near {
+        self.reflected.near(first)
     }
 
     /// Share of diffuse light reflected once.
@@ -373,15 +418,15 @@ fn reflected_towards(widths: Widths, ior: f32, reflected: &impl Nodes, w: Vec3) 
     (reference * MOST * reflected.directional(position(widths, w))).min(1.0)
 }
 
-/// [`DielectricReflection`] of a rough surface, for many questions.
+/// [`DielectricReflection`] of a rough surface by its nodes, for many questions.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct DielectricReflectionLine {
-    widths: Widths,
-    ior: f32,
-    reflected: Line,
+pub(super) struct DielectricReflectionBy<N> {
+    pub widths: Widths,
+    pub ior: f32,
+    pub reflected: N,
 }
 
-impl DielectricReflectionLine {
+impl<N: Nodes> DielectricReflectionBy<N> {
     /// As [`DielectricReflection::towards`].
     #[inline(always)]
     pub(super) fn towards(&self, w: Vec3) -> f32 {

@@ -1,6 +1,6 @@
 //! The gloss over an opaque Lambertian body, for many directions at once.
 
-use super::super::energy::DielectricReflectionLine;
+use super::super::energy::{DielectricReflectionBy, Line, Nodes};
 use super::super::many::{ManyDrawn, ManyLobes};
 use super::super::{Choice, Ggx, fresnel, lift, lower_like};
 use super::GlossyBsdf;
@@ -10,11 +10,11 @@ use std::f32::consts::FRAC_1_PI;
 
 /// A gloss of [`Ggx`] without a film, smooth or rough, over a body that is matte.
 #[derive(Clone, Debug)]
-pub struct ManyGloss<const SMOOTH: bool> {
+pub struct ManyGloss<const SMOOTH: bool, N = Line> {
     ior: f32,
     tint: SampledSpectrum,
     ggx: Ggx,
-    albedo: DielectricReflectionLine,
+    albedo: DielectricReflectionBy<N>,
     /// Of the body where it is the same everywhere.
     pub reflectance: SampledSpectrum,
     passed_average: SampledSpectrum,
@@ -45,7 +45,25 @@ impl<const SMOOTH: bool> ManyGloss<SMOOTH> {
             passed_average: *passed_average,
         })
     }
+}
 
+impl ManyGloss<false> {
+    /// Index of refraction.
+    #[inline(always)]
+    pub fn ior(&self) -> f32 {
+        self.ior
+    }
+
+    /// The same gloss of another roughness: with what is known of that, and its mean albedo, but for the tint.
+    #[inline(always)]
+    pub fn with<N>(&self, albedo: DielectricReflectionBy<N>, mean: f32) -> ManyGloss<false, N> {
+        let Self { ior, tint, reflectance, .. } = *self;
+        let passed_average = SampledSpectrum::ONE - tint * mean;
+        ManyGloss { ior, tint, ggx: albedo.widths.into(), albedo, reflectance, passed_average }
+    }
+}
+
+impl<const SMOOTH: bool, N: Nodes> ManyGloss<SMOOTH, N> {
     /// As [`GlossyBsdf::gloss_albedo`].
     #[inline(always)]
     fn gloss_albedo(&self, w: Vec3) -> SampledSpectrum {
@@ -66,7 +84,7 @@ impl<const SMOOTH: bool> ManyGloss<SMOOTH> {
     }
 }
 
-impl<const SMOOTH: bool> ManyLobes for ManyGloss<SMOOTH> {
+impl<const SMOOTH: bool, N: Nodes> ManyLobes for ManyGloss<SMOOTH, N> {
     type Seen = Seen;
 
     #[inline(always)]
