@@ -169,6 +169,9 @@ impl Builder<'_> {
         for name in ["sample_visible", "nonlinear"] {
             object.get(name);
         }
+        for name in ["alpha", "alpha_u", "alpha_v"] {
+            self.note_limits_of_width(object, name);
+        }
         if !object.has("alpha_u") && !object.has("alpha_v") {
             return Ok(Roughness::Even(self.mapped(object, "alpha", 0.1, Some(root))?));
         }
@@ -176,6 +179,22 @@ impl Builder<'_> {
             Ok(self.constant(object, name)?.map_or(0.1, |c| c.luminance()).clamp(0.0, 1.0))
         };
         Ok(Roughness::of_widths(width("alpha_u")?, width("alpha_v")?))
+    }
+
+    /// Tells of a width of the distribution that there is none of.
+    fn note_limits_of_width(&mut self, object: &Object, name: &str) {
+        let Some(property) = object.get(name) else { return };
+        let width = match property.value {
+            Value::Float(width) => width,
+            Value::Integer(width) => width as f64,
+            _ => return,
+        };
+        if !(0.0..=1.0).contains(&width) {
+            let (owner, used) = (object.owner(), if width > 1.0 { 1 } else { 0 });
+            self.note(format!("{owner} {name}"), property.at, || {
+                format!("{owner}: \"{name}\" of {width:?} is outside of 0 to 1; {used} was used instead")
+            });
+        }
     }
 
     /// One roughness for what cannot be stretched.

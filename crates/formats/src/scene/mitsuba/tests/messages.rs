@@ -148,6 +148,7 @@ fn what_is_changed_is_told_once_of_each_kind() {
         <shape type=\"sphere\"><float name=\"raduis\" value=\"3\"/><bsdf type=\"measured\"/></shape>\n\
         <shape type=\"sphere\"><bsdf type=\"roughdielectric\"><float name=\"alpha_u\" value=\"0.1\"/><float name=\"alpha_v\" value=\"0.3\"/><rgb name=\"specular_reflectance\" value=\"1 0 0\"/></bsdf></shape>\n\
         <shape type=\"sphere\"><bsdf type=\"twosided\"><bsdf type=\"diffuse\"/><bsdf type=\"conductor\"/></bsdf></shape>\n\
+        <shape type=\"sphere\"><bsdf type=\"roughconductor\"><float name=\"alpha_u\" value=\"-3\"/><float name=\"alpha_v\" value=\"1e30\"/></bsdf></shape>\n\
         <shape type=\"sphere\"><bsdf type=\"conductor\"><string name=\"material\" value=\"CsI\"/></bsdf></shape>\n\
         <shape type=\"sphere\"><bsdf type=\"null\"/></shape>\n\
         <shape type=\"sphere\"><transform name=\"to_world\"><scale x=\"0\"/></transform></shape>\n\
