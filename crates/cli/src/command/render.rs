@@ -42,6 +42,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let load_seconds = start.elapsed().as_secs_f64();
     let interrupted = Arc::new(AtomicBool::new(false));
     let stem = scene_source::stem(&options.scene, &stage.scene);
+    output.check_apart(output.target(&stem).as_deref())?;
     let mut session =
         Session { options, simd, output, denoiser, tonemap, load_seconds, interrupted, stem, has_begun: false };
     if let Some(code) = frames::render(&mut session, &mut stage)? {
@@ -57,10 +58,14 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         snell_formats::atomic::write(path, (text + "\n").as_bytes())?;
     }
     if session.interrupted.load(Ordering::Relaxed) {
-        eprintln!(
-            "interrupted: the picture holds what was rendered ({} of {} samples)",
-            outcome.least_samples, settings.spp
-        );
+        if outcome.is_empty {
+            eprintln!("interrupted before anything was rendered: no picture was written");
+        } else {
+            eprintln!(
+                "interrupted: the picture holds what was rendered ({} of {} samples)",
+                outcome.least_samples, settings.spp
+            );
+        }
         return Ok(ExitCode::from(130));
     }
     Ok(ExitCode::SUCCESS)
@@ -98,6 +103,8 @@ struct Outcome {
     compiled: CompiledScene,
     /// False if it was interrupted.
     is_complete: bool,
+    /// It was interrupted before anything was rendered, and so not written.
+    is_empty: bool,
     least_samples: u32,
     render_seconds: f64,
     statistics: serde_json::Value,
@@ -152,14 +159,16 @@ impl Session<'_> {
         if let Some(denoiser) = &self.denoiser {
             denoise::apply(denoiser, &mut picture, threads)?;
         }
-        if is_complete || !options.has_frames() {
+        // (What stands there is better than nothing.)
+        let is_empty = !is_complete && film.mean_samples() == 0.0;
+        if !is_empty && (is_complete || !options.has_frames()) {
             self.output.write(target, picture, &film, &summary, scene)?;
             if !options.quiet && !options.has_frames() {
                 summary.print(options, target);
             }
         }
         let (least_samples, statistics) = (film.least_samples(), summary.json());
-        Ok(Outcome { compiled, is_complete, least_samples, render_seconds, statistics })
+        Ok(Outcome { compiled, is_complete, is_empty, least_samples, render_seconds, statistics })
     }
 }
 

@@ -87,6 +87,14 @@ fn a_wrong_value_says_what_is_expected() {
     2
     error: --background blue: expected environment, transparent, white, black, #rrggbb or r,g,b
     ");
+    insta::assert_snapshot!(failure(&place, "render --environment nan,0,0"), @"
+    2
+    error: --environment nan,0,0: not a color; expected white, black, #rrggbb or r,g,b (finite and not negative), none, sky, sky:…, or the name of a picture
+    ");
+    insta::assert_snapshot!(failure(&place, "render -o a.png --stats ./a.png"), @"
+    2
+    error: --stats ./a.png: the picture would be written there too; give one of them another name
+    ");
     insta::assert_snapshot!(failure(&place, "render -D material.nothere.x=1"), @r#"
     2
     error: -D material.nothere.x: there is no material "nothere" (known: white, red, green, lamp)

@@ -22,28 +22,60 @@ fn the_first_pass_is_finished_whatever_the_time_limit() {
     assert!(place.json("s.json")["spp"].as_u64().is_some_and(|n| n >= 1));
 }
 
-#[cfg(unix)]
 #[test]
-fn ctrl_c_saves_the_picture() {
+fn a_time_limit_needs_no_memory_for_samples_that_are_never_taken() {
+    let place = Place::new();
+    let start = Instant::now();
+    place.run("render cornell-box --size 1024x1024 --spp 16777216 --time 0.1s -t 2 -q -o a.png").done();
+    assert!(start.elapsed() < Duration::from_secs(60), "{:?}", start.elapsed());
+}
+
+/// Sends Ctrl-C once the command has told of some progress, or after some seconds; returns how it ended, and what it said since.
+#[cfg(unix)]
+fn interrupted(place: &Place, words: &str, seconds: Option<u64>) -> (Option<i32>, String) {
     use nix::sys::signal::{Signal, kill};
     use nix::unistd::Pid;
     use std::io::{BufRead, BufReader, Read};
 
-    let place = Place::new();
-    let words = "render cornell-box --size 200x150 --spp 1000000 -t 2 --progress json -o a.png";
     let mut child = place.command(words).spawn().expect("the command exists");
-    // The first progress says that the render runs.
     let mut messages = BufReader::new(child.stderr.take().expect("it is piped"));
-    let mut line = String::new();
-    messages.read_line(&mut line).expect("the command writes lines");
-    serde_json::from_str::<serde_json::Value>(&line).expect("progress is JSON");
+    if let Some(seconds) = seconds {
+        std::thread::sleep(Duration::from_secs(seconds));
+    } else {
+        // The first progress says that the render runs.
+        let mut line = String::new();
+        messages.read_line(&mut line).expect("the command writes lines");
+        serde_json::from_str::<serde_json::Value>(&line).expect("progress is JSON");
+    }
     let start = Instant::now();
     kill(Pid::from_raw(child.id() as i32), Signal::SIGINT).expect("the command is running");
     let status = child.wait().expect("the command was started");
     assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
     let mut rest = String::new();
     messages.read_to_string(&mut rest).expect("messages are text");
-    assert_eq!(status.code(), Some(130), "{rest}");
+    (status.code(), rest)
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_saves_the_picture() {
+    let place = Place::new();
+    let words = "render cornell-box --size 200x150 --spp 1000000 -t 2 --progress json -o a.png";
+    let (code, rest) = interrupted(&place, words, None);
+    assert_eq!(code, Some(130), "{rest}");
     assert!(rest.contains("interrupted: the picture holds what was rendered"), "{rest}");
     assert_eq!((place.image("a.png").width, place.files()), (200, vec!["a.png".to_string()]));
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_before_anything_is_rendered_leaves_the_picture_that_is_there() {
+    let place = Place::new();
+    place.run("render cornell-box --size 20x15 --spp 1 -q -o a.png").done();
+    // Guided paths are learnt first, for minutes.
+    let words = "render door-ajar --guiding --size 400x300 --spp 1000000 -t 1 --progress none -o a.png";
+    let (code, rest) = interrupted(&place, words, Some(4));
+    assert_eq!(code, Some(130), "{rest}");
+    assert!(rest.contains("interrupted before anything was rendered"), "{rest}");
+    assert_eq!((place.image("a.png").width, place.files()), (20, vec!["a.png".to_string()]));
 }

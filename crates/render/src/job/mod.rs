@@ -6,6 +6,7 @@
 mod journal;
 mod light_parts;
 mod part;
+mod parts;
 mod paths;
 mod photons;
 mod tracer;
@@ -19,7 +20,7 @@ pub use underway::Underway;
 
 use crate::compile::CompiledScene;
 use crate::film::filter::FilterSampler;
-use crate::film::{BLOCK, Film, FilmPart, FilmTile, TILE};
+use crate::film::{Film, FilmPart, FilmTile};
 use crate::guiding::Field;
 use crate::integrator::Context;
 use crate::light_sampler::LightSampler;
@@ -27,6 +28,7 @@ use crate::sampler::Sampler;
 use crate::settings::{Crop, Settings, TileOrder};
 use light_parts::LightParts;
 use part::PartRenderer;
+use parts::{Parts, Ranges};
 use snell_math::rng;
 use snell_scene::Camera;
 use std::collections::BTreeMap;
@@ -128,8 +130,7 @@ struct SharedTile {
 /// What threads share while they render a list of parts.
 struct Shared<'b> {
     tiles: &'b [Mutex<SharedTile>],
-    /// Tile and range of samples of each part.
-    parts: &'b [(usize, [u32; 2])],
+    parts: &'b Parts,
     /// The next part.
     next: AtomicUsize,
     /// Passes over the whole picture that were complete before.
@@ -240,7 +241,8 @@ impl<'a> Job<'a> {
             let part = renderer.render(area, None, range, &mut Statistics::default());
             (part, renderer.journal.take().unwrap_or_default())
         };
-        let parts = sample_ranges(self.settings.spp, false).into_iter().map(&mut observed).collect();
+        let ranges = Ranges::Blocks { start: 0, end: self.settings.spp, is_progressive: false };
+        let parts = ranges.all().map(&mut observed).collect();
         (Film::with_mean_weight(area, &self.settings.aovs, self.filter.mean_weight()), parts)
     }
 
@@ -253,23 +255,16 @@ impl<'a> Job<'a> {
         (field, statistics)
     }
 
-    /// Parts in the order in which they are rendered: the first range of all tiles, then the second …
-    fn parts(&self, film: &Film, ranges: impl Fn(usize) -> Vec<[u32; 2]>) -> Vec<(usize, [u32; 2])> {
-        let order = tile_order(film.tiles.len(), self.settings.tile_order);
-        let ranges: Vec<Vec<[u32; 2]>> = (0..film.tiles.len()).map(ranges).collect();
-        let most = ranges.iter().map(Vec::len).max().unwrap_or(0);
-        let of_pass = |pass: usize| {
-            let ranges = &ranges;
-            order.iter().filter_map(move |&tile| ranges[tile].get(pass).map(|&range| (tile, range)))
-        };
-        (0..most).flat_map(of_pass).collect()
+    /// What is missing of a film, by the ranges of each tile.
+    fn parts(&self, film: &Film, ranges: impl Fn(usize) -> Ranges) -> Parts {
+        Parts::new(tile_order(film.tiles.len(), self.settings.tile_order), ranges)
     }
 
     fn render_parts(
         &self,
         film: &mut Film,
         active: &[Option<Vec<u32>>],
-        parts: &[(usize, [u32; 2])],
+        parts: &Parts,
         passes: usize,
         threads: usize,
         tally: &Tally,
@@ -312,14 +307,18 @@ impl<'a> Job<'a> {
                 passes: passes + next.load(Ordering::Relaxed) / tiles.len().max(1),
                 training: None,
             };
-            if next.load(Ordering::Relaxed) >= parts.len() {
+            if next.load(Ordering::Relaxed) >= parts.end() {
                 break;
             }
             if tally.stopped.load(Ordering::Relaxed) || !keep_going(&progress) {
                 tally.stopped.store(true, Ordering::Relaxed);
                 break;
             }
-            let Some(&(tile, range)) = parts.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            if number >= parts.end() {
+                break;
+            }
+            let Some((tile, range)) = parts.get(number) else { continue };
             let tile = &tiles[tile];
             let (area, pixels) = {
                 let tile = lock(tile);
@@ -366,33 +365,6 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 
 fn into_inner<T>(mutex: Mutex<T>) -> T {
     mutex.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner)
-}
-
-/// Ranges of sample numbers, in order. Progressive ones begin with small ranges, so that a first picture is there soon.
-fn sample_ranges(spp: u32, progressive: bool) -> Vec<[u32; 2]> {
-    let mut ends: Vec<u32> = if progressive { vec![1, 4] } else { Vec::new() };
-    ends.extend((1..=spp / BLOCK).map(|b| b * BLOCK));
-    ends.push(spp);
-    ends.retain(|&e| e <= spp);
-    let mut start = 0;
-    let mut ranges = Vec::new();
-    for end in ends {
-        if end > start {
-            ranges.push([start, end]);
-            start = end;
-        }
-    }
-    ranges
-}
-
-/// Ranges of one round, for a tile of which so many pixels go on: larger ones where there are few.
-fn round_ranges([start, end]: [u32; 2], pixels: u64) -> Vec<[u32; 2]> {
-    if pixels == 0 {
-        return Vec::new();
-    }
-    let blocks = (u64::from(TILE * TILE) / pixels).clamp(1, 16) as u32;
-    let step = blocks * BLOCK;
-    (start..end).step_by(step as usize).map(|s| [s, (s + step).min(end)]).collect()
 }
 
 fn tile_order(count: usize, order: TileOrder) -> Vec<usize> {
@@ -446,18 +418,6 @@ mod tests {
                 assert!(statistics.is_complete && film.least_samples() == until.min(20), "{steps:?}");
             }
             assert_eq!(film.image(), whole, "{steps:?}");
-        }
-    }
-
-    #[test]
-    fn ranges_cover_all_samples_once() {
-        for spp in [1, 3, 4, 15, 16, 17, 40, 64] {
-            for progressive in [false, true] {
-                let ranges = sample_ranges(spp, progressive);
-                assert_eq!((ranges[0][0], ranges[ranges.len() - 1][1]), (0, spp));
-                assert!(ranges.windows(2).all(|r| r[0][1] == r[1][0]), "{ranges:?}");
-                assert!(ranges.iter().all(|r| r[0] / BLOCK == (r[1] - 1) / BLOCK), "{ranges:?}");
-            }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Renders that are made in steps, and whose pixels may stop by their error.
 
-use super::{Job, Progress, Recording, Statistics, Tally, into_inner, pixels, round_ranges, sample_ranges};
+use super::parts::Ranges;
+use super::{Job, Progress, Recording, Statistics, Tally, into_inner, pixels};
 use crate::film::{Film, FilmTile, noise};
 use crate::guiding::Field;
 use std::sync::Mutex;
@@ -97,16 +98,14 @@ impl Job<'_> {
         record: bool,
     ) -> Recording {
         let until = until.min(self.settings.spp);
-        let ranges = sample_ranges(self.settings.spp, self.settings.progressive);
+        let is_progressive = self.settings.progressive;
         let tally = underway.tally(record);
         let film = &mut underway.film;
         let missing = |tile: &FilmTile| pixels(&tile.area) * u64::from(until.saturating_sub(tile.samples));
         tally.total.store(film.tiles.iter().map(missing).sum(), Ordering::Relaxed);
         // What the film brings along is not rendered again.
-        let parts = self.parts(film, |tile| {
-            let cut = |r: &[u32; 2]| [r[0].max(film.tiles[tile].samples), r[1].min(until)];
-            ranges.iter().map(cut).filter(|r| r[0] < r[1]).collect()
-        });
+        let parts =
+            self.parts(film, |tile| Ranges::Blocks { start: film.tiles[tile].samples, end: until, is_progressive });
         let passes = usize::from(underway.samples > 0);
         self.render_parts(film, &underway.active, &parts, passes, threads, &tally, keep_going);
         let recording = underway.take_back(tally);
@@ -133,7 +132,7 @@ impl Job<'_> {
             tally.total.store(done + still * u64::from(end - start), Ordering::Relaxed);
             let parts = self.parts(&underway.film, |tile| {
                 // A round that was interrupted has come further in some tiles.
-                round_ranges([underway.film.tiles[tile].samples.max(start), end], underway.count(tile))
+                Ranges::of_round([underway.film.tiles[tile].samples.max(start), end], underway.count(tile))
             });
             let (film, active) = (&mut underway.film, &underway.active);
             self.render_parts(film, active, &parts, usize::from(start > 0), threads, &tally, keep_going);

@@ -412,6 +412,12 @@ impl Options {
             _ if name.starts_with("sky:") => Some(parse_sky(&name["sky:".len()..])?),
             _ => match parse_color(name) {
                 Some(color) => Some(Environment::Constant(color)),
+                None if is_meant_as_color(name) && !Path::new(name).exists() => {
+                    return Err(Failure::Usage(format!(
+                        "--environment {name}: not a color; expected white, black, #rrggbb or r,g,b (finite and not negative), \
+                         none, sky, sky:…, or the name of a picture"
+                    )));
+                }
                 None => {
                     let input = snell_formats::Input::open(Path::new(name), &self.read_options())?;
                     Some(Environment::Image {
@@ -502,6 +508,11 @@ fn parse_color(text: &str) -> Option<Rgb> {
     let [r, g, b] = numbers[..] else { return None };
     let color = Rgb::new(r, g, b);
     (color.is_finite() && r >= 0.0 && g >= 0.0 && b >= 0.0).then_some(color)
+}
+
+/// True for what may be a color with mistakes.
+fn is_meant_as_color(text: &str) -> bool {
+    text.starts_with('#') || text.split(',').all(|n| n.trim().parse::<f32>().is_ok())
 }
 
 fn parse_exposure(text: &str) -> Result<f64, String> {

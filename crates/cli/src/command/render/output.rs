@@ -16,6 +16,15 @@ pub struct Output<'a> {
     options: &'a Options,
 }
 
+/// True if two names mean the same file, whether it is there or not.
+fn is_same_place(a: &Path, b: &Path) -> bool {
+    let place = |path: &Path| {
+        let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+        Some((folder.canonicalize().ok()?, path.file_name()?.to_owned()))
+    };
+    a == b || place(a).is_some_and(|a| place(b) == Some(a))
+}
+
 impl<'a> Output<'a> {
     /// Checks before anything is rendered that the picture can be written: the format must be known, the folder must exist and
     /// be writable.
@@ -42,6 +51,22 @@ impl<'a> Output<'a> {
             Some(path) => Some(path.clone()),
             None => Some(PathBuf::from(format!("{stem}.png"))),
         }
+    }
+
+    /// Makes sure that the picture replaces nothing that the command reads or writes besides.
+    pub fn check_apart(&self, target: Option<&Path>) -> Result<(), Failure> {
+        let Some(target) = target else { return Ok(()) };
+        let files = [
+            ("--stats", self.options.stats.as_deref()),
+            ("--environment", self.options.environment.as_deref().map(Path::new)),
+            ("the scene", Some(Path::new(&self.options.scene))),
+        ];
+        for (what, file) in files {
+            let Some(file) = file.filter(|file| is_same_place(file, target)) else { continue };
+            let (file, remedy) = (file.display(), "give one of them another name");
+            return Err(Failure::Usage(format!("{what} {file}: the picture would be written there too; {remedy}")));
+        }
+        Ok(())
     }
 
     /// Writes the picture to a file, or to standard output.

@@ -113,12 +113,13 @@ impl Summary<'_> {
         let [w, h] = self.film.crop.size();
         let place = written.map_or("standard output".into(), |p| p.display().to_string());
         eprintln!(
-            "{place}: {w}x{h}, {}, {} in {} ({:.1} Mrays/s, {} threads)",
+            "{place}: {w}x{h}, {}, {} in {} ({:.1} Mrays/s, {} thread{})",
             self.samples(),
             self.settings.integrator.name(),
             duration(self.render_seconds),
             self.mrays_per_second(),
             self.threads,
+            if self.threads == 1 { "" } else { "s" },
         );
         if self.settings.guiding.is_some() {
             let statistics = &self.statistics;
@@ -155,7 +156,9 @@ impl Summary<'_> {
             eprintln!("warning: {} samples were not finite and count as black", self.statistics.invalid_samples);
         }
         if options.scene == "cornell-box" && options.output.is_none() {
-            eprintln!("\nNext: `snell render FILE` for your own scene (glTF, OBJ, PLY, STL, OFF, .scn, NFF),");
+            eprintln!(
+                "\nNext: `snell render FILE` for your own scene (glTF, OBJ, PLY, STL, pbrt, Mitsuba, USD, .scn and more),"
+            );
             eprintln!(
                 "      `snell render teapot`, `snell scenes` for more built-in ones, `snell render --help` for everything."
             );
