@@ -1,7 +1,7 @@
 //! Progress: one live line on a terminal, plain lines elsewhere, or JSON.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use snell_render::Progress;
+use snell_render::{Progress, Training};
 use std::io::IsTerminal;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -65,14 +65,17 @@ impl Reporter {
         Self { style, start, interval, next: Mutex::new(start + interval), scene: scene.to_string() }
     }
 
+    /// The seconds so far, if the last time that something was shown is long enough ago.
+    fn due(&self) -> Option<f64> {
+        let now = Instant::now();
+        let mut next = self.next.try_lock().ok().filter(|next| now >= **next)?;
+        *next = now + self.interval;
+        Some(now.duration_since(self.start).as_secs_f64())
+    }
+
     /// Shows progress if the last time is long enough ago. `limit` is the time allowed, if there is one.
     pub fn update(&self, progress: &Progress, limit: Option<Duration>) {
-        let now = Instant::now();
-        match self.next.try_lock() {
-            Ok(mut next) if now >= *next => *next = now + self.interval,
-            _ => return,
-        }
-        let seconds = self.start.elapsed().as_secs_f64();
+        let Some(seconds) = self.due() else { return };
         let by_samples = progress.done as f64 / progress.total.max(1) as f64;
         let share = limit.map_or(by_samples, |l| (seconds / l.as_secs_f64()).max(by_samples)).min(1.0);
         let rate = progress.rays as f64 / seconds / 1e6;
@@ -90,6 +93,25 @@ impl Reporter {
                 serde_json::json!({
                     "scene": self.scene, "done": share, "samples": progress.done, "samples_total": progress.total,
                     "rays": progress.rays, "mrays_per_second": rate, "seconds": seconds, "seconds_left": left,
+                })
+            ),
+            Style::Silent => {}
+        }
+    }
+
+    /// Shows how far the training of paths is, if the last time is long enough ago.
+    pub fn update_training(&self, training: &Training) {
+        let Some(seconds) = self.due() else { return };
+        let (pass, share) = (training.pass + 1, training.begun as f64 / training.parts.max(1) as f64);
+        match &self.style {
+            Style::Live(bar) => bar.set_message(format!("learning where light comes from, pass {pass}")),
+            Style::Plain => {
+                eprintln!("{} learning where light comes from, pass {pass}, {:.0} %", self.scene, share * 100.0)
+            }
+            Style::Json => eprintln!(
+                "{}",
+                serde_json::json!({
+                    "scene": self.scene, "training_pass": pass, "training_pass_done": share, "seconds": seconds,
                 })
             ),
             Style::Silent => {}

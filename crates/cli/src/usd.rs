@@ -53,10 +53,13 @@ const NO_PACKAGE: i32 = 3;
 /// What to do about it.
 const REMEDY: &str = "install what reads it with: pip install usd-core numpy (or pip install 'snell[usd]'), in a Python that is found as python3 or python";
 
+/// Endings of the names of USD files.
+pub const EXTENSIONS: &[&str] = &["usd", "usda", "usdc", "usdz"];
+
 /// True for the names of USD files.
 pub fn is_usd(path: &Path) -> bool {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    matches!(extension.as_str(), "usd" | "usda" | "usdc" | "usdz")
+    EXTENSIONS.contains(&extension.as_str())
 }
 
 /// Reads a stage.

@@ -18,7 +18,9 @@ fn is_special(path: &Path) -> bool {
 
 fn temporary_beside(path: &Path) -> std::io::Result<tempfile::NamedTempFile> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    tempfile::Builder::new().prefix(".snell-").suffix(".tmp").tempfile_in(folder)
+    // The temporary name says nothing to a user, so it does not belong into the error.
+    let plain = |e: std::io::Error| std::fs::metadata(folder).err().unwrap_or_else(|| e.kind().into());
+    tempfile::Builder::new().prefix(".snell-").suffix(".tmp").tempfile_in(folder).map_err(plain)
 }
 
 /// Writes `bytes` to a temporary file beside `path`, then renames it over `path`. What is no file, such as a pipe or a device, is

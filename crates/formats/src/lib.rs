@@ -104,5 +104,6 @@ fn read_input(input: &Input) -> Result<Scene, ReadError> {
     if scene.name.is_empty() {
         scene.name = input.stem();
     }
+    scene.limit_light();
     Ok(scene)
 }

@@ -158,10 +158,10 @@ impl Plan {
         let (start, compiled) = (Instant::now(), &self.prepared.compiled);
         let job = Job::new(compiled, &self.camera, settings);
         let keep_going = |progress: &Progress| {
-            if let Some((_, passes)) = progress.training {
+            if let Some(training) = progress.training {
                 // A pass takes as long as all before it. Where passes are counted, the clock has no say: bits must repeat.
                 let share = goal.time.filter(|_| *is_training_timed).map(|limit| limit.mul_f64(Guiding::SHARE));
-                let is_late = passes == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
+                let is_late = training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
                 return !is_late && watch.cancel.check().is_ok();
             }
             if let Ok(mut last) = watch.progress.try_lock() {

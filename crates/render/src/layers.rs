@@ -71,13 +71,15 @@ fn source(item: &str, scene: &Scene) -> Result<LightSource, String> {
     number.map(LightSource::Light).ok_or_else(|| {
         let materials: Vec<_> = scene.materials.iter().filter(|m| m.is_emissive()).map(|m| m.name.as_str()).collect();
         let lights = match scene.lights.len() {
-            0 => "no other lights".to_string(),
-            n => format!("lights 0 to {}", n - 1),
+            0 => String::new(),
+            1 => "light 0, ".into(),
+            n => format!("lights 0 to {}, ", n - 1),
         };
-        format!(
-            "there is no light \"{item}\"; there are {lights}, environment, and emissive materials: {}",
-            materials.join(", ")
-        )
+        let materials = match materials.len() {
+            0 => String::new(),
+            _ => format!(", and emissive materials: {}", materials.join(", ")),
+        };
+        format!("there is no light \"{item}\"; there is {lights}environment{materials}")
     })
 }
 

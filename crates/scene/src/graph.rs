@@ -279,6 +279,18 @@ pub enum SceneError {
         /// Its name.
         name: String,
     },
+    /// A texture that is not in the table.
+    #[error("material {material} (\"{name}\") refers to texture {id}, but there are only {count}")]
+    DanglingTexture {
+        /// The material that refers.
+        material: usize,
+        /// Its name.
+        name: String,
+        /// The id found.
+        id: u32,
+        /// Length of the table.
+        count: usize,
+    },
     /// A medium that is not in the table.
     #[error("{what} refers to medium {id}, but there are only {count}")]
     DanglingMedium {
@@ -431,6 +443,22 @@ impl Scene {
             }
         }
         Ok(order)
+    }
+
+    /// Checks that the textures of all materials are in the table.
+    pub fn check_textures(&self) -> Result<(), SceneError> {
+        for (material, declaration) in self.materials.iter().enumerate() {
+            if let Some(TextureId(id)) = self.missing_texture(declaration) {
+                let (name, count) = (declaration.name.clone(), self.textures.len());
+                return Err(SceneError::DanglingTexture { material, name, id, count });
+            }
+        }
+        Ok(())
+    }
+
+    /// The texture of a material that is not in the table, if there is one.
+    pub(crate) fn missing_texture(&self, material: &Material) -> Option<TextureId> {
+        material.textures().into_iter().find(|texture| texture.index() >= self.textures.len())
     }
 
     fn check_ids(&self, id: NodeId) -> Result<(), SceneError> {

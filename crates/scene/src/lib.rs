@@ -19,6 +19,7 @@ pub mod motion;
 pub mod noise;
 pub mod overrides;
 pub mod placed;
+mod ranges;
 pub mod settings;
 pub mod texture;
 
@@ -32,5 +33,6 @@ pub use light::Light;
 pub use material::Material;
 pub use medium::Medium;
 pub use motion::{Motion, Player, Pose};
+pub use ranges::BRIGHTEST;
 pub use settings::SceneSettings;
 pub use texture::{ImageTexture, Texture, TextureSet};

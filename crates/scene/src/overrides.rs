@@ -6,11 +6,12 @@
 //! where JSON is not given.
 
 use crate::material::MaterialKind;
+use crate::ranges::{BRIGHTEST, problem_at};
 use crate::{Environment, Material, Scene};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
-use snell_math::{DAffine3, DVec3};
+use snell_math::{DAffine3, DVec3, Rgb};
 
 /// Why a change is not possible: what was asked for, what there is instead.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -36,7 +37,7 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
     let (family, rest) = key.split_once('.').unwrap_or((key, ""));
     match family {
         "ambient" => {
-            scene.ambient = from_value(key, value)?;
+            scene.ambient = light(key, value)?;
             Ok(())
         }
         "material" => {
@@ -46,23 +47,32 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
                 Value::String(name) if path == "kind" => kind_named(key, &name)?,
                 value => value,
             };
-            edit_material(&mut scene.materials[index], key, path, value)
+            let mut material = scene.materials[index].clone();
+            edit_material(&mut material, key, path, value, edit_checked)?;
+            if let Some(texture) = scene.missing_texture(&material) {
+                let count = scene.textures.len();
+                return Err(error(key, format!("there is no texture {}: the scene has {count}", texture.0)));
+            }
+            scene.materials[index] = material;
+            Ok(())
         }
         "camera" => {
             let names: Vec<String> = scene.cameras.iter().map(|c| c.name.clone()).collect();
             let (index, path) = find(key, "camera", &names, rest)?;
-            edit(&mut scene.cameras[index], key, path, value)
+            edit_checked(&mut scene.cameras[index], key, path, value)?;
+            scene.cameras[index].square_up();
+            Ok(())
         }
         "light" => {
             let names = vec![String::new(); scene.lights.len()];
             let (index, path) = find(key, "light", &names, rest)?;
-            edit(&mut scene.lights[index], key, path, value)
+            edit_checked(&mut scene.lights[index], key, path, value)
         }
         "medium" => {
             let names = vec![String::new(); scene.media.len()];
             let (index, path) = find(key, "medium", &names, rest)?;
             let before = scene.media[index].clone();
-            edit(&mut scene.media[index], key, path, value)?;
+            edit_checked(&mut scene.media[index], key, path, value)?;
             scene.media[index].keep_grids_of(&before);
             Ok(())
         }
@@ -93,7 +103,13 @@ pub fn apply(scene: &mut Scene, definition: &str) -> Result<(), OverrideError> {
     }
 }
 
-fn edit_material(material: &mut Material, key: &str, path: &str, value: Value) -> Result<(), OverrideError> {
+fn edit_material(
+    material: &mut Material,
+    key: &str,
+    path: &str,
+    value: Value,
+    edit: fn(&mut Material, &str, &str, Value) -> Result<(), OverrideError>,
+) -> Result<(), OverrideError> {
     let before = material.kind.clone();
     edit(material, key, path, value)?;
     material.follow_kind(&before);
@@ -107,7 +123,7 @@ fn entry<'a, T>(table: &'a mut [T], number: usize, path: &str) -> Result<&'a mut
 
 /// Changes a parameter of a material by its position in the scene's table.
 pub fn set_material(scene: &mut Scene, number: usize, path: &str, value: Value) -> Result<(), OverrideError> {
-    edit_material(entry(&mut scene.materials, number, path)?, path, path, value)
+    edit_material(entry(&mut scene.materials, number, path)?, path, path, value, edit)
 }
 
 /// Changes a parameter of a light by its position in the scene's table.
@@ -143,7 +159,7 @@ fn edit_environment(scene: &mut Scene, key: &str, path: &str, value: Value) -> R
     match (path, &mut scene.environment) {
         (_, None) => Err(error(key, "the scene has no environment")),
         ("scale", Some(Environment::Image { scale, .. })) => {
-            *scale = from_value(key, value)?;
+            *scale = light(key, value)?;
             Ok(())
         }
         ("rotation", Some(Environment::Image { world_from_environment, .. })) => {
@@ -184,9 +200,12 @@ fn find<'a>(key: &str, what: &str, names: &[String], rest: &'a str) -> Result<(u
         }
     }
     let (first, path) = rest.split_once('.').unwrap_or((rest, ""));
-    if let Ok(index) = first.parse::<usize>()
-        && index < names.len()
-    {
+    let numbered = first.parse::<usize>().ok().filter(|index| *index < names.len());
+    let named = !rest.is_empty() && names.iter().any(|name| name == rest);
+    if path.is_empty() && (numbered.is_some() || named) {
+        return Err(error(key, format!("which parameter of {what} {rest}? Give {key}.PARAMETER=VALUE")));
+    }
+    if let Some(index) = numbered {
         return Ok((index, path));
     }
     let known: Vec<_> =
@@ -201,15 +220,76 @@ fn edit<T: Serialize + DeserializeOwned>(
     path: &str,
     value: Value,
 ) -> Result<(), OverrideError> {
-    let mut tree = serde_json::to_value(&*target).map_err(|e| error(key, e.to_string()))?;
+    *target = edited(target, key, path, value)?;
+    Ok(())
+}
+
+/// An edit by a user, whose numbers have to mean something. (Animations may overshoot.)
+fn edit_checked<T: Serialize + DeserializeOwned>(
+    target: &mut T,
+    key: &str,
+    path: &str,
+    value: Value,
+) -> Result<(), OverrideError> {
+    if let Some(number) = too_large(&value) {
+        return Err(error(key, format!("{number:e} is larger than any number that is computed with")));
+    }
+    let after = edited(target, key, path, value)?;
+    let tree = serde_json::to_value(&after).map_err(|e| error(key, e.to_string()))?;
+    let steps: Vec<&str> = path.split('.').collect();
+    if let Some(problem) = problem_at(&tree, &steps) {
+        return Err(error(key, problem));
+    }
+    *target = after;
+    Ok(())
+}
+
+/// A number that single precision does not hold, if there is one.
+fn too_large(value: &Value) -> Option<f64> {
+    match value {
+        Value::Number(number) => number.as_f64().filter(|x| !(*x as f32).is_finite()),
+        Value::Array(items) => items.iter().find_map(too_large),
+        Value::Object(fields) => fields.values().find_map(too_large),
+        _ => None,
+    }
+}
+
+fn edited<T: Serialize + DeserializeOwned>(
+    target: &T,
+    key: &str,
+    path: &str,
+    value: Value,
+) -> Result<T, OverrideError> {
+    let mut tree = serde_json::to_value(target).map_err(|e| error(key, e.to_string()))?;
     let mut place = &mut tree;
     for step in path.split('.') {
         place = descend(place, key, step)?;
     }
     let before = std::mem::replace(place, value);
-    *target =
-        serde_json::from_value(tree).map_err(|e| error(key, format!("{e}; the value that it has now is {before}")))?;
-    Ok(())
+    serde_json::from_value(tree).map_err(|e| {
+        let now = if before.is_null() { "nothing".into() } else { before.to_string() };
+        error(key, format!("{}; now it is {now}", in_words(&e.to_string(), &before)))
+    })
+}
+
+/// What `serde` says of a value that does not fit, without the names of Rust's types.
+fn in_words(message: &str, before: &Value) -> String {
+    let (found, expected) = message.split_once(", expected ").unwrap_or((message, ""));
+    let of_numbers = |n: usize| format!("a list of {n} numbers, such as [{}]", vec!["1"; n].join(","));
+    let expected = match (expected, before) {
+        ("", _) => return message.to_string(),
+        (_, Value::Array(items)) if items.iter().all(Value::is_number) => of_numbers(items.len()),
+        (e, _) if e.starts_with("an array of length 3") => of_numbers(3),
+        ("struct ColorParam", _) => "a colour, such as [1,0.5,0], or {\"factor\":[1,1,1],\"texture\":0}".into(),
+        (e, _) if e.starts_with("struct ") || e.starts_with("internally tagged enum ") || e == "string or map" => {
+            match before {
+                Value::Null => "null, or an object with its parameters".into(),
+                _ => "something of the form that it has now".into(),
+            }
+        }
+        (e, _) => e.to_string(),
+    };
+    format!("{}, expected {expected}", found.strip_prefix("invalid type: ").unwrap_or(found))
 }
 
 /// One step into a tree. Materials hold their parameters one level down (`kind`), which keys may leave out.
@@ -228,6 +308,10 @@ fn descend<'a>(tree: &'a mut Value, key: &str, step: &str) -> Result<&'a mut Val
     if tree.get(step).is_some() {
         return Ok(&mut tree[step]);
     }
+    if !shown.is_object() {
+        let problem = format!("there is no \"{step}\" in it: now it is {shown}; give all of it at once");
+        return Err(error(key, problem));
+    }
     let mut names: Vec<&str> = shown.as_object().map(|o| o.keys().map(String::as_str).collect()).unwrap_or_default();
     if let Some(kind) = shown.get("kind").and_then(Value::as_object) {
         names.extend(kind.keys().map(String::as_str));
@@ -237,7 +321,17 @@ fn descend<'a>(tree: &'a mut Value, key: &str, step: &str) -> Result<&'a mut Val
 }
 
 fn from_value<T: DeserializeOwned>(key: &str, value: Value) -> Result<T, OverrideError> {
-    serde_json::from_value(value).map_err(|e| error(key, e.to_string()))
+    serde_json::from_value(value).map_err(|e| error(key, in_words(&e.to_string(), &Value::Null)))
+}
+
+/// Light of three colours.
+fn light(key: &str, value: Value) -> Result<Rgb, OverrideError> {
+    let light: Rgb = from_value(key, value)?;
+    let possible = |x: f32| (0.0..=BRIGHTEST).contains(&x);
+    if possible(light.r) && possible(light.g) && possible(light.b) {
+        return Ok(light);
+    }
+    Err(error(key, format!("expected three numbers from 0 to {BRIGHTEST:e}")))
 }
 
 /// The nearest of some names, if one is near.
@@ -346,9 +440,37 @@ mod tests {
         let error = apply(&mut scene(), "material.0.reflectence=1").expect_err("misspelt").to_string();
         assert!(error.contains("did you mean reflectance?"), "{error}");
         let error = apply(&mut scene(), "material.0.reflectance.factor=red").expect_err("no colour").to_string();
-        assert!(error.contains("the value that it has now is [1.0,1.0,1.0]"), "{error}");
+        assert!(error.contains("a list of 3 numbers, such as [1,1,1]; now it is [1.0,1.0,1.0]"), "{error}");
         let error = apply(&mut scene(), "material.wall.x=1").expect_err("no such material").to_string();
         assert!(error.contains("known: the.floor"), "{error}");
+    }
+
+    #[test]
+    fn numbers_that_mean_nothing_and_textures_that_are_not_there_are_refused_and_change_nothing() {
+        let mut scene = crate::builtin::builtin("cornell-box").expect("the scene is built in");
+        let before = (scene.materials.clone(), scene.cameras.clone(), scene.ambient);
+        for (definition, part) in [
+            ("material.red.reflectance.factor=[0.5,-1,0]", "reflectance.factor.1: -1 is not possible, expected 0 to 1"),
+            ("material.lamp.emission.factor=[3e38,0,0]", "3e38 is not possible, expected 0 to 1e24"),
+            ("material.lamp.emission.factor=[1e39,0,0]", "1e39 is larger than any number"),
+            ("material.red.reflectance.texture=7", "there is no texture 7: the scene has 0"),
+            ("material.red=1", "Give material.red.PARAMETER=VALUE"),
+            ("material.red.interior.medium=0", "now it is null; give all of it at once"),
+            ("material.red.kind=5", "integer `5`, expected something of the form that it has now"),
+            ("ambient=[0,-1,0]", "expected three numbers from 0 to 1e24"),
+            ("camera.0.towards=[0,0,0]", "expected a direction, not all zeros"),
+            ("camera.0.focus_distance=-5", "-5 is not possible, expected more than 0"),
+            ("camera.0.eye.0=1e30", "1e30 is not possible, expected -1e18 to 1e18"),
+            ("camera.0.projection.tan_half_fov=[0,null]", "0 is not possible, expected more than 0"),
+            ("camera.0.projection.tan_half_fov=[null,null]", "expected at least one number"),
+        ] {
+            let error = apply(&mut scene, definition).expect_err(definition).to_string();
+            assert!(error.contains(part), "{definition}: {error}");
+        }
+        assert_eq!((scene.materials.clone(), scene.cameras.clone(), scene.ambient), before);
+        apply(&mut scene, "camera.0.towards=[0,0.2,2]").expect("a direction of another length");
+        let camera = &scene.cameras[0];
+        assert!((camera.towards.length() - 1.0).abs() < 1e-12 && camera.up.dot(camera.towards).abs() < 1e-12);
     }
 
     #[test]

@@ -22,17 +22,21 @@ pub struct Options {
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Exit with 1 if the relative mean squared error is over this
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = parse_limit, allow_negative_numbers = true)]
     max_relmse: Option<f64>,
     /// Exit with 1 if the mean FLIP error is over this
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = parse_limit, allow_negative_numbers = true)]
     max_flip: Option<f64>,
     /// Exit with 1 if more than this share of the pixels (0 to 1) differs by more than the threshold
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = parse_limit, allow_negative_numbers = true)]
     max_different: Option<f64>,
     /// A pixel counts as different if it differs by more than this many levels of 255
     #[arg(long, value_name = "LEVELS", default_value_t = 1)]
     threshold: u8,
+}
+
+fn parse_limit(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|limit| *limit >= 0.0).ok_or_else(|| "expected a number of at least 0".into())
 }
 
 /// Compares and prints.
@@ -83,7 +87,15 @@ fn table(c: &Comparison) -> String {
         ("PSNR", psnr),
         ("FLIP", format!("{:.6}", c.flip)),
         ("largest", format!("{:.6} at {x},{y} ({} levels of 255)", c.max_abs, c.max_levels)),
-        ("different", format!("{:.3} % of the pixels by more than {} levels", c.different * 100.0, c.threshold)),
+        (
+            "different",
+            format!(
+                "{:.3} % of the pixels by more than {} level{}",
+                c.different * 100.0,
+                c.threshold,
+                if c.threshold == 1 { "" } else { "s" }
+            ),
+        ),
     ];
     rows.map(|(name, value)| format!("{name:16} {value}\n")).concat()
 }

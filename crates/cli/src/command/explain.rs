@@ -20,7 +20,7 @@ pub struct Options {
     /// Scene or mesh file, or the name of a built-in scene
     scene: String,
     /// The pixel: column and row from the upper left corner, from 0
-    #[arg(long, value_name = "X,Y", value_parser = parse_pixel)]
+    #[arg(long, value_name = "X,Y", value_parser = parse_pixel, allow_hyphen_values = true)]
     pixel: [u32; 2],
     /// The sample whose path is shown, from 0. Default: the one whose colour is nearest to that of the pixel
     #[arg(long, value_name = "N")]

@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::standard_output;
+use crate::usd;
 use snell_formats::SCENE_READERS;
 use snell_formats::image::IMAGE_FORMATS;
 use snell_formats::write::WRITERS;
@@ -20,6 +21,8 @@ pub fn run() -> Result<ExitCode, Failure> {
             reader.description
         );
     }
+    let needs = "Universal Scene Description, through a Python with the package usd-core";
+    text += &format!("  {:8} {:20} {:14} {needs}\n", "usd", extensions(usd::EXTENSIONS), "reads");
     text += "\nPictures\n";
     for format in IMAGE_FORMATS {
         let use_ = match (format.reads(), format.writes()) {

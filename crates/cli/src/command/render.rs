@@ -249,11 +249,12 @@ fn render(
     let limit: Option<Duration> = options.time;
     let start = Instant::now();
     let result = job.run(threads, &|progress| {
-        if let Some((_, begun)) = progress.training {
+        if let Some(training) = progress.training {
+            reporter.update_training(&training);
             // A pass takes as long as all before it. Where passes are counted, the clock has no say: bits must repeat.
             let share =
                 limit.filter(|_| options.guiding == Some(GuidingOption::Auto)).map(|l| l.mul_f64(Guiding::SHARE));
-            let late = begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
+            let late = training.begun == 0 && share.is_some_and(|share| start.elapsed() * 2 > share);
             return !late && !interrupted.load(Ordering::Relaxed);
         }
         reporter.update(progress, limit);

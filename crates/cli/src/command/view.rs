@@ -140,7 +140,12 @@ impl Files {
     /// A scene with options of `snell render`.
     pub fn new(scene: &str, render: &[String]) -> Result<Self, Failure> {
         let files = Self { scene: scene.to_string(), render: render.to_vec() };
-        files.line(scene).map_err(Failure::Usage)?;
+        let options = files.line(scene).map_err(Failure::Usage)?;
+        let unused = [("--output", options.output.is_some()), ("--stats", options.stats.is_some())];
+        if let Some((name, _)) = unused.iter().find(|(_, given)| *given) {
+            let problem = format!("{name} belongs to `snell render`: nothing is written here; leave it out");
+            return Err(Failure::Usage(problem));
+        }
         Ok(files)
     }
 

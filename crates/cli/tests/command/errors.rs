@@ -69,7 +69,7 @@ fn a_wrong_value_says_what_is_expected() {
     "#);
     insta::assert_snapshot!(failure(&place, "render --spp 0"), @"
     2
-    error: invalid value '0' for '--spp <N>': 0 is not in 1..=16777216
+    error: invalid value '0' for '--spp <N>': expected a whole number from 1 to 16777216
 
     For more information, try '--help'.
     ");

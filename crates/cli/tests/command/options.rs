@@ -116,3 +116,28 @@ fn quiet_is_silent() {
     let run = place.run("render --size 8x6 --spp 1 -q").done();
     assert_eq!((run.out.len(), run.err.as_str()), (0, ""));
 }
+
+#[test]
+fn values_that_mean_nothing_are_wrong_usage_and_the_message_says_what_would() {
+    let place = Place::new();
+    for (words, part) in [
+        ("render --spp nan", "expected a whole number from 1 to"),
+        ("render --seed 18446744073709551616", "expected a whole number from 0 to 4294967295"),
+        ("render --aov ,,", "expected names of layers"),
+        ("render --frames 0..1e9@24", "1e9 seconds are too many"),
+        ("render --frames 0..1@5000", "rates are from 0.001 to 1000"),
+        ("render --turntable 99999999999", "a turn has 1 to 100000"),
+        ("render --light-group a=99 -o a.exr", "there is environment, and emissive materials: lamp"),
+        ("render --display tev://localhost:99999", "expected tev://HOST:PORT"),
+        ("render -D material.lamp.emission.factor=[1e30,0,0]", "1e30 is not possible, expected 0 to 1e24"),
+        ("compare a.png b.png --max-relmse nan", "expected a number of at least 0"),
+        ("explain cornell-box --pixel -1,0", "a pixel is a column and a row"),
+        ("explain cornell-box --pixel 1,1 -- -o a.png", "--output belongs to `snell render`"),
+    ] {
+        let run = place.run(words);
+        assert_eq!(run.code, 2, "{words}: {}", run.err);
+        assert!(run.err.contains(part), "{words}: {}", run.err);
+    }
+    let run = place.run("explain cornell-box --pixel 1,1 --structures none --svg nowhere/a.svg -- --size 4x4 --spp 1");
+    assert!(run.code == 1 && !run.err.contains(".tmp"), "a temporary name says nothing: {}", run.err);
+}

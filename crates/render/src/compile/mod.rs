@@ -114,6 +114,7 @@ impl CompiledScene {
         previous: Option<Self>,
     ) -> Result<Self, CompileError> {
         let mut warnings = Vec::new();
+        scene.check_textures()?;
         let materials = materials(scene);
         let default_material = MaterialId(scene.materials.len() as u32);
         let before = previous.as_ref().map(|p| &*p.surfaces);

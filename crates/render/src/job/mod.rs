@@ -100,9 +100,19 @@ pub struct Progress {
     pub rays: u64,
     /// Passes over the whole picture that are complete, or will be if the render is stopped now: threads end what they began.
     pub passes: usize,
-    /// While paths are trained for guiding: the pass (from 0), and how many of its parts were begun before this one. To say no then
-    /// ends training with the passes that are whole, and the picture begins.
-    pub training: Option<(u32, usize)>,
+    /// While paths are trained for guiding. To say no then ends training with the passes that are whole, and the picture begins.
+    pub training: Option<Training>,
+}
+
+/// How far the training of paths is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Training {
+    /// The pass, from 0. Each takes about as long as all before it.
+    pub pass: u32,
+    /// How many of its parts were begun before this one.
+    pub begun: usize,
+    /// Its parts.
+    pub parts: usize,
 }
 
 /// One render, planned.

@@ -3,7 +3,7 @@
 use super::light_parts::LightParts;
 use super::part::PartRenderer;
 use super::tracer::Tracer;
-use super::{Job, Progress, Statistics, lock};
+use super::{Job, Progress, Statistics, Training, lock};
 use crate::film::{Film, TILE};
 use crate::guiding::directional::Moment;
 use crate::guiding::{Field, Guiding, Record};
@@ -124,7 +124,8 @@ impl Job<'_> {
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(&(area, range)) = parts.get(index) else { break };
-                    let training = Some((pass, batch * parts_of_batch + index));
+                    let begun = batch * parts_of_batch + index;
+                    let training = Some(Training { pass, begun, parts: plan.parts.len() });
                     let progress = Progress { training, ..Progress::default() };
                     if stopped.load(Ordering::Relaxed) || !keep_going(&progress) {
                         stopped.store(true, Ordering::Relaxed);

@@ -105,6 +105,16 @@ impl Camera {
         Self::from_target(eye.as_dvec3(), target.as_dvec3(), up.as_dvec3(), projection)
     }
 
+    /// Makes `towards` a unit vector, and `up` one perpendicular to it, if they are not, as in files and edits by hand.
+    pub fn square_up(&mut self) {
+        let is_unit = |v: DVec3| (v.length_squared() - 1.0).abs() < 1e-9;
+        if is_unit(self.towards) && is_unit(self.up) && self.towards.dot(self.up).abs() < 1e-9 {
+            return;
+        }
+        let squared = Self::from_direction(self.eye, self.towards, self.up, self.projection);
+        (self.towards, self.up) = (squared.towards, squared.up);
+    }
+
     /// The camera on its way to another place: at `s` from 0 (here) to 1 (there), on a straight line. It keeps its own projection.
     pub fn on_its_way(&self, other: &Self, s: f64) -> Self {
         let (towards, up) = (self.towards.lerp(other.towards, s), self.up.lerp(other.up, s));

@@ -9,11 +9,30 @@ use std::f64::consts::{PI, TAU};
 ///
 /// In the light's own coordinates the polar angle is measured from `+z`, the azimuth from `+x` towards `+y`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "WrittenTable")]
 pub struct IntensityTable {
     polar: Vec<f64>,
     azimuth: Vec<f64>,
     /// For each azimuth all polar angles.
     values: Vec<Rgb>,
+}
+
+#[derive(Deserialize)]
+struct WrittenTable {
+    polar: Vec<f64>,
+    azimuth: Vec<f64>,
+    values: Vec<Rgb>,
+}
+
+impl TryFrom<WrittenTable> for IntensityTable {
+    type Error = &'static str;
+
+    fn try_from(WrittenTable { polar, azimuth, values }: WrittenTable) -> Result<Self, Self::Error> {
+        Self::new(polar, azimuth, values).ok_or(
+            "a table of intensities has ascending polar angles from 0 to pi, one azimuth or ascending ones from 0 to a full turn, \
+             and a value for each pair",
+        )
+    }
 }
 
 impl IntensityTable {
@@ -110,6 +129,7 @@ fn interval(angles: &[f64], angle: f64) -> Option<(usize, f32)> {
 ///
 /// In the light's own coordinates the picture is seen along `+z` from the lamp, `+x` to its right and `+y` up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "WrittenSlide")]
 pub struct Slide {
     width: u32,
     height: u32,
@@ -118,18 +138,40 @@ pub struct Slide {
     half_size: DVec2,
 }
 
+#[derive(Deserialize)]
+struct WrittenSlide {
+    width: u32,
+    height: u32,
+    values: Vec<Rgb>,
+    half_size: DVec2,
+}
+
+impl TryFrom<WrittenSlide> for Slide {
+    type Error = &'static str;
+
+    fn try_from(WrittenSlide { width, height, values, half_size }: WrittenSlide) -> Result<Self, Self::Error> {
+        Self::of_values(width, height, values, half_size)
+            .ok_or("a slide has width times height values, at least one, and a positive half_size")
+    }
+}
+
 impl Slide {
     /// A picture of this half width and height at distance 1. `None` if the picture is empty or a size not positive.
     pub fn new(image: &Image, half_size: DVec2) -> Option<Self> {
-        let sane = |x: f32| if x > 0.0 && x.is_finite() { x } else { 0.0 };
         let texel = |x, y| {
             let [r, g, b, _] = image.rgba(x, y);
-            Rgb::new(r, g, b).map(sane)
+            Rgb::new(r, g, b)
         };
         let (width, height) = (image.width, image.height);
         let values = (0..height).flat_map(|y| (0..width).map(move |x| texel(x, y))).collect();
-        let usable = width > 0 && height > 0 && half_size.is_finite() && half_size.min_element() > 0.0;
-        usable.then_some(Self { width, height, values, half_size })
+        Self::of_values(width, height, values, half_size)
+    }
+
+    fn of_values(width: u32, height: u32, values: Vec<Rgb>, half_size: DVec2) -> Option<Self> {
+        let sane = |x: f32| if x > 0.0 && x.is_finite() { x } else { 0.0 };
+        let counted = width as usize * height as usize == values.len() && !values.is_empty();
+        let usable = counted && half_size.is_finite() && half_size.min_element() > 0.0;
+        usable.then(|| Self { width, height, values: values.into_iter().map(|v| v.map(sane)).collect(), half_size })
     }
 
     /// The intensity in a unit direction of the light's coordinates.

@@ -135,7 +135,7 @@ fn render(
     Job::new(compiled, camera, settings).run(threads, &|progress| {
         let spent = (process_time().saturating_sub(start)).as_secs_f64();
         match progress.training {
-            Some((_, begun)) => begun > 0 || spent * 2.0 < seconds * Guiding::SHARE,
+            Some(training) => training.begun > 0 || spent * 2.0 < seconds * Guiding::SHARE,
             None => progress.passes == 0 || spent < seconds,
         }
     })

@@ -80,12 +80,13 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
         variants: options.variants.variants()?,
         peer: options.peer.as_ref().map(|path| Peer::new(&path.load()?, clock::cores())).transpose()?,
     };
-    if !options.json {
-        standard_output::write(heading(plan.peer.as_ref()).as_bytes())?;
-    }
     let read = ReadOptions { allow_outside: options.allow_outside, ..ReadOptions::default() };
-    for name in &options.scenes {
-        plan.measure(&scenes::load(name, &read)?)?;
+    for (i, name) in options.scenes.iter().enumerate() {
+        let scene = scenes::load(name, &read)?;
+        if i == 0 && !options.json {
+            standard_output::write(heading(plan.peer.as_ref()).as_bytes())?;
+        }
+        plan.measure(&scene)?;
     }
     Ok(ExitCode::SUCCESS)
 }

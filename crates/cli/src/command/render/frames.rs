@@ -22,6 +22,8 @@ const MOST: f64 = 1e6;
 
 /// Frames a second of a turntable, unless it says.
 const TURNTABLE_RATE: f64 = 24.0;
+/// Most frames of a turn.
+const MOST_TURNS: f64 = 100_000.0;
 
 /// What `--frames` says: from a time until just before another, so many in a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,10 +59,13 @@ struct Frame {
 pub fn parse_frames(text: &str) -> Result<FrameRange, String> {
     let error = || format!("\"{text}\" is not a range of frames; write START..END@RATE in seconds, such as 0..2s@24");
     let (range, rate) = text.split_once('@').ok_or_else(error)?;
-    let rate = rate.trim().parse().ok().filter(|r: &f64| (0.001..=1000.0).contains(r)).ok_or_else(error)?;
+    let rate = possible_rate(rate.trim().parse().map_err(|_| error())?)?;
     let seconds = |text: &str| match text.trim().trim_end_matches('s') {
         "" => Ok(None),
-        number => number.parse().ok().filter(|t: &f64| t.abs() <= 1e6).map(Some).ok_or_else(error),
+        number => match number.parse::<f64>().map_err(|_| error())? {
+            time if time.abs() <= 1e6 => Ok(Some(time)),
+            _ => Err(format!("{number} seconds are too many: times are from -1e6 to 1e6")),
+        },
     };
     let (start, end) = if range.trim().is_empty() { ("", "") } else { range.split_once("..").ok_or_else(error)? };
     let (start, end) = (seconds(start)?, seconds(end)?);
@@ -72,9 +77,19 @@ pub fn parse_frames(text: &str) -> Result<FrameRange, String> {
 pub fn parse_turntable(text: &str) -> Result<Turntable, String> {
     let error = || format!("\"{text}\" is not a number of frames; write N or N@RATE, such as 48@24");
     let (count, rate) = text.split_once('@').map_or((text, None), |(count, rate)| (count, Some(rate)));
-    let count = count.trim().parse().ok().filter(|n| (1..=100_000).contains(n)).ok_or_else(error)?;
-    let rate = rate.map_or(Ok(TURNTABLE_RATE), |r| r.trim().parse()).map_err(|_| error())?;
-    if (0.001..=1000.0).contains(&rate) { Ok(Turntable { count, rate }) } else { Err(error()) }
+    let count: f64 = count.trim().parse().map_err(|_| error())?;
+    if count.fract() != 0.0 || !(1.0..=MOST_TURNS).contains(&count) {
+        return Err(format!("{count} frames: a turn has 1 to {MOST_TURNS}"));
+    }
+    let rate = possible_rate(rate.map_or(Ok(TURNTABLE_RATE), |r| r.trim().parse()).map_err(|_| error())?)?;
+    Ok(Turntable { count: count as u32, rate })
+}
+
+fn possible_rate(rate: f64) -> Result<f64, String> {
+    if (0.001..=1000.0).contains(&rate) {
+        return Ok(rate);
+    }
+    Err(format!("{rate} frames a second are not possible: rates are from 0.001 to 1000"))
 }
 
 /// Reads `0..0.02`.

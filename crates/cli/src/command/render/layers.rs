@@ -9,7 +9,10 @@ use snell_scene::{LayeredImage, Scene};
 /// The AOVs of `--aov`.
 pub fn aovs(names: &[String]) -> Result<Vec<Aov>, Failure> {
     let mut asked = Vec::new();
-    for name in names.iter().filter(|n| !n.is_empty()) {
+    if !names.is_empty() && names.iter().all(|n| n.trim().is_empty()) {
+        return Err(Failure::Usage("--aov: expected names of layers, such as depth,normal, or `all`".into()));
+    }
+    for name in names.iter().map(|n| n.trim()).filter(|n| !n.is_empty()) {
         if name == "all" {
             asked.extend(Aov::ALL);
         } else {

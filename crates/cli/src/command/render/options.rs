@@ -88,7 +88,7 @@ pub struct Options {
     #[arg(long, value_name = "NAME", default_value = "rgb", help_heading = "How light is computed")]
     pub color: String,
     /// Samples per pixel
-    #[arg(long, visible_alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SPP)), help_heading = "How light is computed")]
+    #[arg(long, visible_alias = "samples", value_name = "N", value_parser = parse_spp, help_heading = "How light is computed")]
     pub spp: Option<u32>,
     /// Stop each pixel when its 95 % confidence interval is this narrow on both sides, such as 0.02: relative to the light where
     /// it is bright, see the documents. --spp and --time are caps
@@ -135,7 +135,7 @@ pub struct Options {
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_crop, help_heading = "What is rendered")]
     pub crop: Option<Crop>,
     /// Seed of the random numbers
-    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "How light is computed")]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed, help_heading = "How light is computed")]
     pub seed: u32,
     /// Threads. Default: one per core
     #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), help_heading = "How light is computed")]
@@ -168,7 +168,7 @@ pub struct Options {
     #[arg(long, value_name = "NAME", default_value = "bvh", help_heading = "How light is computed")]
     pub light_sampler: String,
     /// Learn where light comes from before rendering, for caustics and hidden lights (path). PASSES is how often; default: as long
-    /// as that takes a quarter of the samples, or of the time
+    /// (also: auto) as that takes a quarter of the samples, or of the time
     #[arg(long, value_name = "PASSES", num_args = 0..=1, require_equals = true, default_missing_value = "auto", value_parser = parse_guiding, help_heading = "How light is computed")]
     pub guiding: Option<GuidingOption>,
     /// Dim light of two or more bounces to this radiance: no fireflies, but the picture becomes too dark. Default: off
@@ -206,7 +206,7 @@ pub struct Options {
     /// 16-bit instead of 32-bit channels in OpenEXR
     #[arg(long, help_heading = "The picture")]
     pub half: bool,
-    /// What the camera sees behind the scene: environment, transparent, white, black, #rrggbb or r,g,b
+    /// What the camera sees behind the scene: environment, transparent (or none), white, black, #rrggbb or r,g,b
     #[arg(long, value_name = "COLOR", help_heading = "What is rendered")]
     pub background: Option<String>,
     /// Light from all around: a latitude-longitude picture (.hdr, .exr), sky (a studio), sky:elevation=35,azimuth=135,… (a clear
@@ -235,6 +235,15 @@ pub struct Options {
     /// More about what was done
     #[arg(short, long, help_heading = "Messages")]
     pub verbose: bool,
+}
+
+fn parse_spp(text: &str) -> Result<u32, String> {
+    let spp = text.parse().ok().filter(|n| (1..=MAX_SPP).contains(n));
+    spp.ok_or_else(|| format!("expected a whole number from 1 to {MAX_SPP}"))
+}
+
+fn parse_seed(text: &str) -> Result<u32, String> {
+    text.parse().map_err(|_| format!("expected a whole number from 0 to {}", u32::MAX))
 }
 
 /// What `--guiding` says.
@@ -442,7 +451,7 @@ impl Options {
                 Some(color) => Background::Color(color),
                 None => {
                     return Err(Failure::Usage(format!(
-                        "--background {name}: expected environment, transparent, white, black, #rrggbb or r,g,b"
+                        "--background {name}: expected environment, transparent (or none), white, black, #rrggbb or r,g,b"
                     )));
                 }
             },

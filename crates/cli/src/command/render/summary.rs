@@ -124,8 +124,9 @@ impl Summary<'_> {
         if self.settings.guiding.is_some() {
             let statistics = &self.statistics;
             eprintln!(
-                "guided by {} training passes in {} ({} regions, {:.1} MB)",
+                "guided by {} training pass{} in {} ({} regions, {:.1} MB)",
                 statistics.training_passes,
+                if statistics.training_passes == 1 { "" } else { "es" },
                 duration(statistics.training.as_secs_f64()),
                 statistics.guiding_regions,
                 statistics.guiding_bytes as f64 * 1e-6,
@@ -153,7 +154,10 @@ impl Summary<'_> {
             eprintln!("warning: {warning}");
         }
         if self.statistics.invalid_samples > 0 {
-            eprintln!("warning: {} samples were not finite and count as black", self.statistics.invalid_samples);
+            eprintln!(
+                "warning: {}: {} samples were not finite and count as black; lights, colours or sizes of the scene may be too large",
+                options.scene, self.statistics.invalid_samples
+            );
         }
         if options.scene == "cornell-box" && options.output.is_none() {
             eprintln!(

@@ -42,6 +42,9 @@ impl Tev {
         if place.is_empty() {
             return Err(wrong());
         }
+        if place.rsplit_once(':').is_some_and(|(host, port)| host.is_empty() || port.parse::<u16>().is_err()) {
+            return Err(wrong());
+        }
         let address = if place.contains(':') { place.to_string() } else { format!("{place}:{PORT}") };
         let failed = |e: std::io::Error| Failure::Other(format!("--display {url}: {e}; is tev running there?"));
         let mut stream = TcpStream::connect(&address).map_err(failed)?;

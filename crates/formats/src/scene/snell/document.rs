@@ -317,7 +317,7 @@ impl Document {
             Some(form) => Some(form.environment(limits).map_err(|flaw| ("/environment".to_string(), flaw))?),
             None => None,
         };
-        let scene = Scene {
+        let mut scene = Scene {
             name: self.name,
             nodes,
             root: self.root,
@@ -339,10 +339,12 @@ impl Document {
             scenes: Vec::new(),
             motion,
         };
-        match scene.topological_order() {
-            Ok(_) => Ok(scene),
-            Err(error) => Err(("/nodes".into(), error.to_string())),
-        }
+        scene.topological_order().map_err(|error| ("/nodes".to_string(), error.to_string()))?;
+        scene.check_textures().map_err(|error| ("/materials".to_string(), error.to_string()))?;
+        scene.limit_light();
+        scene.check_ranges();
+        scene.cameras.iter_mut().for_each(Camera::square_up);
+        Ok(scene)
     }
 }
 

@@ -1,9 +1,10 @@
 use super::*;
 use crate::{ReadOptions, read_scene_bytes};
+use snell_math::{DVec3, Rgb};
 use snell_scene::builtin::BUILTINS;
 use snell_scene::graph::MediumId;
 use snell_scene::material::Interior;
-use snell_scene::material::MaterialKind;
+use snell_scene::material::{Diffuse, MaterialKind};
 use snell_scene::medium::Medium;
 use snell_scene::{Encoding, TextureId, material::ColorParam};
 use snell_scene::{Geometry, Image, ImageTexture, Light, Material, Node, Surface};
@@ -98,6 +99,35 @@ fn a_file_may_be_written_by_hand() {
     }"#;
     let scene = reread(text.as_bytes().to_vec()).expect("it is complete");
     assert_eq!(scene.bounds().expect("no cycle").center().x, 2.0);
+}
+
+#[test]
+fn numbers_that_mean_nothing_are_told_and_light_is_brought_to_what_can_be() {
+    let file = |material: &str| {
+        format!(
+            r#"{{"format": "snell scene", "version": 1, "root": 0, "nodes": [{{}}], "materials": [{material}],
+            "cameras": [{{"name": "c", "eye": [0, 0, 0], "towards": [0, 0, 2], "up": [0, 3, 1], "aperture_radius": 0,
+            "projection": {{"projection": "panoramic"}}, "focus_distance": -1, "resolution": null}}]}}"#
+        )
+    };
+    let plain = Material::new("lamp", Diffuse::new(Rgb::WHITE));
+    let with = |change: &dyn Fn(&mut Material)| {
+        let mut material = plain.clone();
+        change(&mut material);
+        reread(file(&serde_json::to_string(&material).expect("it is JSON")).into_bytes())
+    };
+    let scene = with(&|m| (m.emission.factor, m.alpha.factor) = (Rgb::new(3e38, -1.0, 5.0), 7.0)).expect("it is whole");
+    assert_eq!(scene.materials[0].emission.factor, Rgb::new(snell_scene::BRIGHTEST, 0.0, 5.0));
+    assert_eq!((scene.cameras[0].towards, scene.cameras[0].up), (DVec3::Z, DVec3::Y));
+    let told: Vec<_> = scene.warnings.iter().map(|w| w.message.as_str()).collect();
+    for part in
+        ["\"lamp\") is 3e38", "below zero: -1", "alpha.factor: 7 is not", "camera 0 (\"c\"): focus_distance: -1"]
+    {
+        assert!(told.iter().any(|t| t.contains(part)), "{part}: {told:?}");
+    }
+    let map = snell_scene::material::NormalMap { texture: snell_scene::TextureId(9), scale: 1.0 };
+    let error = with(&|m| m.normal_map = Some(map)).expect_err("there are no textures");
+    assert!(error.contains("material 0 (\"lamp\") refers to texture 9"), "{error}");
 }
 
 #[test]
