@@ -236,7 +236,10 @@ fn with_texture(form: &Tree, id: Tree, channel: Option<u8>, name: &str) -> PyRes
         (_, Some(_)) => Ok(fields_of([("factor", Tree::Single(1.0)), ("texture", channel_of(id))])),
         (Tree::Id(..), _) => Ok(id),
         (Tree::List(items), _) if matches!(items[..], [Tree::Id(..), Tree::Whole(_)]) => Ok(channel_of(id)),
-        // A normal map; most often there is none.
+        // Maps; most often there are none.
+        _ if name.ends_with("bump_map") => {
+            Err(PyTypeError::new_err(format!("{name}: how high? Give {{\"texture\": texture, \"height\": 0.01}}")))
+        }
         _ => Ok(fields_of([("texture", id), ("scale", Tree::Single(1.0))])),
     }
 }
@@ -285,6 +288,14 @@ pub fn read(value: &Bound<'_, PyAny>, form: &Tree, name: &str, references: &mut 
             let key: String = key.extract()?;
             if let Ok(medium) = value.cast::<PyMedium>() {
                 all.push((key, references.medium(&medium.get().0.value)));
+                continue;
+            }
+            // The texture of a map, where there was no map before.
+            if matches!(form, Tree::Nothing)
+                && key == "texture"
+                && let Ok(texture) = value.extract::<AnyTexture>()
+            {
+                all.push((key, references.texture(texture)));
                 continue;
             }
             let form = form.get(&key).unwrap_or(&Tree::Nothing);

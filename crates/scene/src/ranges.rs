@@ -52,6 +52,8 @@ const RANGES: &[(&str, Range)] = &[
     ("mask", Any),
     ("scale", Any),
     ("rotation", Any),
+    ("height", Any),
+    ("channel", Within(0.0, 3.0)),
     ("priority", Any),
     ("roughness", SHARE),
     ("longitudinal_roughness", SHARE),
@@ -391,7 +393,7 @@ mod tests {
         });
         for (row, _) in RANGES {
             let name = row.split_once('.').map_or(*row, |(_, name)| name);
-            let inside = ["mask", "rotation", "priority", "emission_luminance", "emission_color"];
+            let inside = ["height", "channel", "mask", "rotation", "priority", "emission_luminance", "emission_color"];
             assert!(text.contains(&format!("\"{name}\"")) || inside.contains(&name), "nothing is called {name}");
         }
     }

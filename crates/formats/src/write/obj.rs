@@ -4,9 +4,10 @@ use super::flat::world_meshes;
 use super::material::{metal_color, shown_name, without_spectrum};
 use super::picture::Pictures;
 use super::{Output, SceneWriter, plain_name};
+use crate::mesh::obj::HEIGHT_OF_BUMPS;
 use snell_intersect::TriangleMesh;
 use snell_math::Rgb;
-use snell_scene::material::{AlphaMode, ColorParam, ConductorSpectrum, MaterialKind, ScalarParam};
+use snell_scene::material::{AlphaMode, BumpMap, ColorParam, ConductorSpectrum, HeightUnit, MaterialKind, ScalarParam};
 use snell_scene::texture::Wrap;
 use snell_scene::{Encoding, ImageTexture, Material, MaterialId, Scene, TextureId};
 use std::collections::HashSet;
@@ -149,6 +150,14 @@ impl Library<'_, '_> {
         if let Some(map) = material.normal_map {
             let file = self.pictures.color(self.output, map.texture, Encoding::Linear);
             self.map("norm", map.texture, &file, &format!("-bm {} ", map.scale));
+        }
+        match material.bump_map {
+            Some(BumpMap { texture, channel, height, unit: HeightUnit::Picture }) => {
+                let file = self.pictures.channel(self.output, texture, channel.unwrap_or(1));
+                self.map("map_bump", texture, &file, &format!("-bm {} ", height / HEIGHT_OF_BUMPS));
+            }
+            Some(_) => self.output.lose(format!("{shown}: bumps of a height in units of the scene are left out")),
+            None => {}
         }
         if !material.double_sided {
             self.output.lose(format!("{shown}: it is seen from both sides"));

@@ -4,7 +4,7 @@ use snell_intersect::shape::BoxShape;
 use snell_intersect::{Curves, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::builtin::BUILTINS;
-use snell_scene::material::{ColorParam, Diffuse, MaterialKind, MetallicRoughness};
+use snell_scene::material::{BumpMap, ColorParam, Diffuse, HeightUnit, MaterialKind, MetallicRoughness};
 use snell_scene::medium::{Grid, Medium};
 use snell_scene::{Encoding, Geometry, Image, ImageTexture, Light, Material, Node, Pixels, Surface};
 use std::sync::Arc;
@@ -157,6 +157,25 @@ fn textures_and_materials_survive_where_the_format_has_them() {
         };
         assert_eq!(color.0, Rgb::new(0.5, 0.25, 1.0), "{extension}");
         assert!((color.1 - 0.5).abs() < 1e-6, "{extension}: {}", color.1);
+    }
+}
+
+#[test]
+fn bump_maps_survive_where_the_format_has_their_unit_and_their_loss_is_said_elsewhere() {
+    for (unit, keeps, loses) in [(HeightUnit::Scene, "pbrt", "obj"), (HeightUnit::Picture, "obj", "pbrt")] {
+        let mut scene = scene();
+        let image = scene.add_image(Arc::new(Image::from_f32(4, 1, 1, vec![0.0, 0.25, 0.5, 1.0])));
+        let texture = scene.add_texture(ImageTexture::new(image, Encoding::Linear));
+        let used = scene.nodes.iter().flat_map(|n| &n.surfaces).find_map(|s| s.materials.iter().flatten().next());
+        let material = used.expect("there are materials").index();
+        scene.materials[material].bump_map = Some(BumpMap { texture, channel: Some(0), height: 0.125, unit });
+        let (_folder, _, again) = written(keeps, &scene);
+        let map = again.materials.iter().find_map(|m| m.bump_map).expect("a map");
+        assert_eq!((map.height, map.unit), (0.125, unit), "{keeps}");
+        for format in [loses, "gltf"] {
+            let (_folder, written, _) = written(format, &scene);
+            assert!(written.losses.iter().any(|l| l.message.contains("bump")), "{format}: {:?}", written.losses);
+        }
     }
 }
 

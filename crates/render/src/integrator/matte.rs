@@ -143,7 +143,7 @@ impl MatteVertices {
         let scene = context.scene;
         let material = scene.material(scene.material_id(hit));
         if let Some(rgb) = material.as_matte().and_then(|matte| matte.uniform())
-            && material.normal_map.is_none()
+            && !material.is_bent()
             && self.lanes.gather_shape(context, lane, ray, hit)
         {
             put(&mut self.reflectance, lane, Vec3::from(rgb.to_array()));

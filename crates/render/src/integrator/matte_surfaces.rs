@@ -45,7 +45,7 @@ impl<'a> MatteSurfaces<'a> {
             let mesh = scene.world.plain_mesh(GeometryId(geometry))?;
             let id = scene.only_material(geometry).filter(|id| materials[id.index()])?;
             let material = scene.material(id);
-            let is_plain = material.normal_map.is_none() && material.interior.is_none();
+            let is_plain = !material.is_bent() && material.interior.is_none();
             let reflectance = material.as_matte()?.uniform().filter(|_| is_plain)?;
             Some(PlainSurface { mesh, reflectance })
         };

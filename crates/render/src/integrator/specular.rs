@@ -118,7 +118,7 @@ impl SpecularVertices {
         }
         self.transmits[lane] = !lobe.is_opaque();
         self.is_specular[lane] = from.carried[path].is_specular;
-        if material.normal_map.is_some() {
+        if material.is_bent() {
             self.gather_other(context, lane, ray, hit, material);
         } else if is_plain {
             self.lanes.put_triangle(lane);

@@ -1,6 +1,7 @@
 //! Materials: from a surface point to a BSDF, emission and opacity. One file per material, with its parameters.
 
 mod black;
+mod bump;
 mod coated_conductor;
 mod coated_diffuse;
 mod conductor;
@@ -22,6 +23,7 @@ mod specular;
 mod tests;
 
 pub use black::Black;
+pub use bump::{BumpMap, HeightUnit};
 pub use coated_conductor::CoatedConductor;
 pub use coated_diffuse::CoatedDiffuse;
 pub use conductor::{Conductor, ConductorSpectrum};
@@ -267,6 +269,9 @@ pub struct Material {
     pub double_sided: bool,
     /// Bends the shading normal.
     pub normal_map: Option<NormalMap>,
+    /// Heights, which bend it further. A coat with a normal of its own does not follow them.
+    #[serde(default)]
+    pub bump_map: Option<BumpMap>,
     /// What is inside of a closed surface; `None` for what the kind implies ([`Material::bounded_interior`]).
     #[serde(default)]
     pub interior: Option<Interior>,
@@ -315,6 +320,7 @@ impl Material {
             alpha: ScalarParam::constant(1.0),
             double_sided: true,
             normal_map: None,
+            bump_map: None,
             interior: None,
         }
     }
@@ -366,16 +372,21 @@ impl Material {
         Some((self.as_matte()?.reflectance_at(point), self.shading_normal(point)))
     }
 
-    /// The shading normal at a point, normal map applied, before it is bent towards a viewer.
+    /// The shading normal at a point, maps applied, before it is bent towards a viewer.
     pub fn shading_normal(&self, point: &ShadingPoint) -> Vec3 {
         let (smooth, flat) = (point.surface.shading_normal, point.surface.geometric_normal);
         self.bend(point).map_or(smooth, |bend| bend.normal(smooth, flat))
     }
 
-    /// What its normal map says at a point.
+    /// True if maps bend the shading normal.
+    pub fn is_bent(&self) -> bool {
+        self.normal_map.is_some() || self.bump_map.is_some()
+    }
+
+    /// What its maps say of the normal at a point.
     #[inline]
     pub fn bend(&self, point: &ShadingPoint) -> Option<Bend> {
-        Some(Bend::of(self.normal_map.as_ref()?, point))
+        Bend::of(self.normal_map.as_ref(), self.bump_map.as_ref(), point)
     }
 
     /// True if hits must be asked about ([`Self::is_present`]).

@@ -1,20 +1,19 @@
 //! Shading normals: normal maps, and keeping normals where the viewer can use them.
 
-use super::{NormalMap, ShadingPoint};
+use super::{BumpMap, NormalMap, ShadingPoint};
 use crate::bsdf::{Bsdf, Lobes, fresnel, unit_or};
 use snell_math::simd::{choose, least};
 use snell_math::{Frame, Vec3};
 
-/// The frame of the shading normal, normal map applied, on the side of the geometric normal.
-pub(super) fn shading_frame(map: Option<&NormalMap>, point: &ShadingPoint) -> Frame {
+/// The frame of the shading normal, maps applied, on the side of the geometric normal.
+pub(super) fn shading_frame(map: Option<&NormalMap>, bumps: Option<&BumpMap>, point: &ShadingPoint) -> Frame {
     let surface = point.surface;
     let smooth = surface.shading_normal;
-    let Some(map) = map else { return Frame::from_z_and_x(smooth, surface.dpdu) };
-    let bend = Bend::of(map, point);
+    let Some(bend) = Bend::of(map, bumps, point) else { return Frame::from_z_and_x(smooth, surface.dpdu) };
     Frame::from_z_and_x(bend.normal(smooth, surface.geometric_normal), bend.axes(smooth).0)
 }
 
-/// What a normal map says at a point.
+/// What a normal map and a bump map say at a point.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Bend {
     /// The normal by the tangent, the bitangent and the shading normal, of any length.
@@ -28,8 +27,27 @@ pub struct Bend {
 }
 
 impl Bend {
-    /// At a point.
-    pub(super) fn of(map: &NormalMap, point: &ShadingPoint) -> Self {
+    /// At a point; `None` if there are no maps. Bumps are on top of what a normal map says.
+    #[inline]
+    pub(super) fn of(map: Option<&NormalMap>, bumps: Option<&BumpMap>, point: &ShadingPoint) -> Option<Self> {
+        match (map, bumps) {
+            (map, None) => map.map(|map| Self::of_normals(map, point)),
+            (map, Some(bumps)) => Some(Self::of_bumps(bumps, map, point)),
+        }
+    }
+
+    /// Slopes add up.
+    #[inline(never)]
+    fn of_bumps(bumps: &BumpMap, map: Option<&NormalMap>, point: &ShadingPoint) -> Self {
+        let plain = Self { local: Vec3::Z, tangent: point.surface.dpdu, upwards: Vec3::ZERO, side: 1.0 };
+        let below = map.map_or(plain, |map| Self::of_normals(map, point));
+        let (tangent, bitangent) = below.axes(point.surface.shading_normal);
+        let uphill = bumps.gradient(point);
+        let flat = below.local / below.local.z.max(1e-3);
+        Self { local: Vec3::new(flat.x - uphill.dot(tangent), flat.y - uphill.dot(bitangent), 1.0), ..below }
+    }
+
+    fn of_normals(map: &NormalMap, point: &ShadingPoint) -> Self {
         let [r, g, b, _] = point.textures.lookup(map.texture, point.surface, point.footprint);
         let local = Vec3::new((2.0 * r - 1.0) * map.scale, (2.0 * g - 1.0) * map.scale, 2.0 * b - 1.0);
         let surface = point.surface;

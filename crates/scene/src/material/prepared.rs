@@ -65,7 +65,7 @@ impl Prepared {
             }
             _ => false,
         };
-        (self.is_everywhere && material.normal_map.is_none() && !is_turned).then_some(&self.bsdf)
+        (self.is_everywhere && !material.is_bent() && !is_turned).then_some(&self.bsdf)
     }
 
     /// [`Self::plain`], if many directions can be asked about at once.

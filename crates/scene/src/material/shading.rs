@@ -34,7 +34,7 @@ impl Material {
 
     /// The frame of the shading normal, without a viewer.
     fn frame(&self, point: &ShadingPoint) -> Frame {
-        let frame = normal::shading_frame(self.normal_map.as_ref(), point);
+        let frame = normal::shading_frame(self.normal_map.as_ref(), self.bump_map.as_ref(), point);
         let angle = if let MaterialKind::OpenPbr(surface) = &self.kind { surface.tangent_angle(point) } else { 0.0 };
         normal::turned(frame, angle)
     }
@@ -46,7 +46,7 @@ impl Material {
             MaterialKind::OpenPbr(surface) => (surface.geometry_coat_normal, surface.coat_tangent_angle(point)),
             _ => (None, 0.0),
         };
-        (map != self.normal_map || angle != 0.0).then_some((map, angle))
+        (map != self.normal_map || self.bump_map.is_some() || angle != 0.0).then_some((map, angle))
     }
 
     /// The BSDF with a coat that has a normal of its own; `None` if it has none.
@@ -56,7 +56,7 @@ impl Material {
             return None;
         }
         let (map, angle) = self.coat_map(point)?;
-        let own = normal::turned(normal::shading_frame(map.as_ref(), point), angle);
+        let own = normal::turned(normal::shading_frame(map.as_ref(), None, point), angle);
         let z = wo.map_or(own.z, |wo| normal::valid_towards(own.z, point.surface.geometric_normal, wo, true));
         let [z, x] = [z, own.x].map(|v| frame.to_local(v));
         Some(Bsdf::OpenPbr(Box::new(layers.with_coat_frame(Frame::from_z_and_x(z, x)))))

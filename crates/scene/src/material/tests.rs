@@ -89,6 +89,72 @@ fn scale_flattens_a_normal_map() {
     assert_near(mapped(0.5).bsdf(&at(&s, &textures)).frame.z, Vec3::new(0.3, 0.0, 0.8).normalize());
 }
 
+/// A picture that grows evenly from 0 at the left edge to 1 at the right one.
+fn ramp(uv_transform: [[f32; 3]; 2]) -> TextureSet {
+    let image = Image::from_f32(8, 2, 1, (0..16).map(|i| ((i % 8) as f32 + 0.5) / 8.0).collect());
+    let texture = ImageTexture { uv_transform, ..ImageTexture::new(crate::graph::ImageId(0), Encoding::Linear) };
+    TextureSet::new(&[texture.into()], &[Arc::new(image)])
+}
+
+fn bumpy(height: f32, unit: HeightUnit) -> Material {
+    let bump_map = Some(BumpMap { texture: TextureId(0), channel: Some(0), height, unit });
+    Material { bump_map, ..Material::new("bumpy", Diffuse::new(Rgb::WHITE)) }
+}
+
+#[test]
+fn bumps_bend_the_normal_as_the_moved_surface_would_have_it() {
+    // The height is `height * (a x + b y)` wherever coordinates, their map and the cone of the pixel make it so.
+    let uv = Vec2::new(0.5, 0.5);
+    for (dpdu, dpdv, uv_transform, slope) in [
+        (Vec3::X, Vec3::Y, IDENTITY, Vec3::X),
+        (Vec3::X * 4.0, Vec3::Y, IDENTITY, Vec3::X / 4.0),
+        (Vec3::X, -Vec3::Y, IDENTITY, Vec3::X),
+        (-Vec3::X * 2.0, Vec3::Y, IDENTITY, -Vec3::X / 2.0),
+        // Sheared: u = x - y, v = y.
+        (Vec3::X, Vec3::new(1.0, 1.0, 0.0), IDENTITY, Vec3::new(1.0, -1.0, 0.0)),
+        // The picture turned: its u is the surface's v.
+        (Vec3::X, Vec3::Y * 2.0, [[0.0, 1.0, 0.0], [-1.0, 0.0, 1.0]], Vec3::Y / 2.0),
+        // And smaller.
+        (Vec3::X, Vec3::Y, [[0.5, 0.0, 0.25], [0.0, 3.0, 0.0]], Vec3::X / 2.0),
+    ] {
+        let s = SurfaceInteraction { dpdu, dpdv, uv: [uv; 2], ..surface() };
+        let textures = ramp(uv_transform);
+        for (height, footprint) in [(0.7, 0.0), (-0.3, 1e-3), (2.0, 0.01)] {
+            let point = ShadingPoint { footprint, ..at(&s, &textures) };
+            let normal = bumpy(height, HeightUnit::Scene).bsdf(&point).frame.z;
+            assert_near(normal, (Vec3::Z - slope * height).normalize());
+        }
+    }
+}
+
+#[test]
+fn heights_by_the_width_of_the_picture_look_alike_on_things_of_any_size() {
+    for size in [1e-3, 1.0, 1e4] {
+        let s =
+            SurfaceInteraction { dpdu: Vec3::X * size, dpdv: Vec3::Y * size, uv: [Vec2::splat(0.5); 2], ..surface() };
+        let textures = ramp([[2.0, 0.0, -0.5], [0.0, 2.0, 0.0]]);
+        let normal = bumpy(0.5, HeightUnit::Picture).bsdf(&at(&s, &textures)).frame.z;
+        assert_near(normal, Vec3::new(-0.5, 0.0, 1.0).normalize());
+    }
+}
+
+#[test]
+fn slopes_of_bumps_and_of_a_normal_map_add_up_and_never_leave_the_side_of_the_surface() {
+    let slope = |x: f32| Vec3::new(-x, 0.0, 1.0).normalize();
+    let normals = Image::from_f32(1, 1, 3, (slope(0.5) * 0.5 + 0.5).to_array().to_vec());
+    let heights = Image::from_f32(8, 1, 1, (0..8).map(|i| (i as f32 + 0.5) / 8.0).collect());
+    let texture = |i| ImageTexture::new(crate::graph::ImageId(i), Encoding::Linear).into();
+    let textures = TextureSet::new(&[texture(1), texture(0)], &[Arc::new(normals), Arc::new(heights)]);
+    let s = SurfaceInteraction { dpdu: Vec3::X, ..surface() };
+    let normal_map = Some(NormalMap { texture: TextureId(1), scale: 1.0 });
+    let both = Material { normal_map, ..bumpy(0.25, HeightUnit::Scene) };
+    assert_near(both.bsdf(&at(&s, &textures)).frame.z, slope(0.75));
+    for height in [1e9, -1e9, f32::INFINITY, f32::NAN] {
+        let z = bumpy(height, HeightUnit::Scene).bsdf(&at(&s, &textures)).frame.z;
+        assert!(z.z > 0.0 && z.is_normalized(), "{height} gave {z}");
+    }
+}
+
 #[test]
 fn mapped_normals_stay_on_the_side_of_the_surface() {
     for n in [Vec3::new(0.6, 0.0, -0.8), -Vec3::Z, Vec3::new(1.0, 0.0, 0.0), Vec3::ZERO] {

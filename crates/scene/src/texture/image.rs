@@ -58,7 +58,7 @@ impl ImageTexture {
     }
 
     /// Area that a unit of area in coordinates covers after the transform.
-    pub(super) fn area_scale(&self) -> f32 {
+    pub(crate) fn area_scale(&self) -> f32 {
         let [[a, b, _], [c, d, _]] = self.uv_transform;
         (a * d - b * c).abs()
     }

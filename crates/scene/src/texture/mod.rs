@@ -234,6 +234,17 @@ impl TextureSet {
         }
     }
 
+    /// How far one texel reaches along the first two coordinates of a surface; `None` for what has no texels. Infinite where the
+    /// texture does not change along one.
+    pub fn texel_steps(&self, texture: TextureId) -> Option<[f32; 2]> {
+        let Some(Prepared::Image(PreparedImage { texture, pyramid, .. })) = self.textures.get(texture.index()) else {
+            return None;
+        };
+        let (width, height) = self.pyramids[*pyramid].size();
+        let [across, down] = texture.uv_transform;
+        Some([0, 1].map(|i| 1.0 / (across[i].abs() * width as f32).max(down[i].abs() * height as f32)))
+    }
+
     /// Memory of the mip maps in bytes, without the images themselves: 2 bytes per value for 8-bit and 16-bit images and 4 for
     /// floating-point ones, on a third of the image's values.
     pub fn bytes(&self) -> usize {

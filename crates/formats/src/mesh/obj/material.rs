@@ -5,6 +5,8 @@
 //! * With `Ks` and `Ns` above 0, and not `illum` 0 or 1: Phong; it reflects like a mirror, by `Ks`, if `illum` is 3, 5 or 8.
 //! * Everything else is diffuse.
 //!
+//! Bump maps are heights relative to the size that the picture has on the surface, unless the picture shows normals.
+//!
 //! Colours are linear, those of textures sRGB.
 
 use super::file::ObjFile;
@@ -14,10 +16,14 @@ use crate::textures::Textures;
 use crate::{Input, ReadError};
 use snell_math::Rgb;
 use snell_scene::material::{
-    AlphaMode, ColorParam, Dielectric, Diffuse, MaterialKind, MetallicRoughness, NormalMap, Phong, ScalarParam,
+    AlphaMode, BumpMap, ColorParam, Dielectric, Diffuse, HeightUnit, MaterialKind, MetallicRoughness, NormalMap, Phong,
+    ScalarParam,
 };
 use snell_scene::texture::Wrap;
 use snell_scene::{Encoding, Material, MaterialId, Scene, TextureId, WarningKind};
+
+/// How high a bump map of strength 1 is at its brightest, in widths of its picture. (The format does not say.)
+pub const HEIGHT_OF_BUMPS: f32 = 0.02;
 
 /// Reflectance where a material says nothing about its colour.
 const DEFAULT_DIFFUSE: Rgb = Rgb::splat(0.8);
@@ -77,6 +83,16 @@ impl Maker<'_> {
         if let Some(map) = &mtl.normal_map {
             let texture = self.texture(map, Encoding::Linear, mtl)?;
             material.normal_map = Some(NormalMap { texture, scale: map.strength });
+        }
+        if let Some(map) = &mtl.bump_map {
+            let texture = self.texture(map, Encoding::Linear, mtl)?;
+            // Many programs write their normal maps as bumps.
+            if self.shows_normals(texture) {
+                material.normal_map.get_or_insert(NormalMap { texture, scale: map.strength });
+            } else {
+                let height = map.strength * HEIGHT_OF_BUMPS;
+                material.bump_map = Some(BumpMap { texture, channel: None, height, unit: HeightUnit::Picture });
+            }
         }
         // What glass lets through is not a matter of opacity.
         if !matches!(material.kind, MaterialKind::Dielectric(_)) {
@@ -180,6 +196,25 @@ impl Maker<'_> {
     ) -> Result<ColorParam, ReadError> {
         let texture = map.as_ref().map(|map| self.texture(map, Encoding::Srgb, mtl)).transpose()?;
         Ok(ColorParam::textured(factor.unwrap_or(default), texture))
+    }
+
+    /// True for the light blue of normal maps.
+    fn shows_normals(&self, texture: TextureId) -> bool {
+        let texture = self.scene.textures[texture.index()].as_image();
+        let Some(image) = texture.and_then(|texture| self.scene.images.get(texture.image.index())) else {
+            return false;
+        };
+        let (mut sum, mut count) = ([0.0f32; 3], 0.0);
+        let apart = |size: u32| (size / 64).max(1) as usize;
+        for y in (0..image.height).step_by(apart(image.height)) {
+            for x in (0..image.width).step_by(apart(image.width)) {
+                let [r, g, b, _] = image.rgba_as(x, y, Encoding::Linear);
+                sum = [sum[0] + r, sum[1] + g, sum[2] + b];
+                count += 1.0;
+            }
+        }
+        let [r, g, b] = sum.map(|s| s / count);
+        image.channels >= 3 && (r - 0.5).abs() < 0.15 && (g - 0.5).abs() < 0.15 && b > 0.7
     }
 
     fn texture(&mut self, map: &Map, encoding: Encoding, mtl: &Mtl) -> Result<TextureId, ReadError> {

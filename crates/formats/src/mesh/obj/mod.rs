@@ -14,6 +14,8 @@ mod material;
 mod mtl;
 mod parse;
 
+pub use material::HEIGHT_OF_BUMPS;
+
 use super::notes::Notes;
 use crate::{Input, ReadError, SceneReader};
 use snell_intersect::TriangleMesh;

@@ -39,6 +39,7 @@ pub struct Mtl {
     pub roughness_map: Option<Map>,
     pub metallic_map: Option<Map>,
     pub normal_map: Option<Map>,
+    pub bump_map: Option<Map>,
     /// Number of its file in the list of libraries read.
     pub library: usize,
 }
@@ -53,7 +54,7 @@ pub struct Map {
     pub offset: [f32; 2],
     /// `-clamp on`.
     pub clamp: bool,
-    /// `-bm`: strength of a normal map.
+    /// `-bm`: strength of a normal or bump map.
     pub strength: f32,
 }
 
@@ -149,8 +150,9 @@ impl Statements<'_, '_> {
             b"map_pr" => mtl.roughness_map = self.map(keyword),
             b"map_pm" => mtl.metallic_map = self.map(keyword),
             b"norm" | b"map_kn" => mtl.normal_map = self.map(keyword),
-            b"map_bump" | b"bump" | b"disp" | b"map_disp" => {
-                self.warn("bump", keyword, "bump and displacement maps are not supported (normal maps are: norm)");
+            b"map_bump" | b"bump" => mtl.bump_map = self.map(keyword),
+            b"disp" | b"map_disp" => {
+                self.warn("displacement", keyword, "displacement maps are not supported (bump and normal maps are)");
             }
             // Nothing to say about what hardly shows: sharpness of reflections, maps of ambient light, anti-aliasing, and so on.
             b"map_ka" | b"sharpness" | b"map_aat" | b"km" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" => {}

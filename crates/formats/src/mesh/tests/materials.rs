@@ -3,7 +3,7 @@
 use super::*;
 use snell_math::Rgb;
 use snell_scene::Material;
-use snell_scene::material::{AlphaMode, MaterialKind};
+use snell_scene::material::{AlphaMode, HeightUnit, MaterialKind};
 
 /// Reads an OBJ file that uses the material `m` of this MTL file.
 fn scene_with(mtl: &str) -> Scene {
@@ -76,6 +76,22 @@ fn texture_options_move_the_image_and_v_points_up() {
     assert_eq!(texture.uv_transform, [[2.0, 0.0, 0.5], [0.0, -3.0, 0.75]]);
     assert_eq!(scene.warnings.len(), 1);
     assert!(scene.warnings[0].message.contains("no such picture.png"), "{}", scene.warnings[0].message);
+}
+
+#[test]
+fn bumps_are_heights_unless_their_picture_shows_normals() {
+    let folder = tempfile::tempdir().expect("a folder for the test");
+    let write = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).expect("it is writable");
+    write("heights.pgm", "P2 2 1 255 0 255");
+    write("normals.ppm", "P3 2 1 255 128 128 255 100 150 240");
+    write("m.mtl", "newmtl a\nmap_Bump -bm 3 heights.pgm\nnewmtl b\nbump -bm 0.5 normals.ppm\n");
+    let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nmtllib m.mtl\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 3\n";
+    let scene = read_scene_bytes("a.obj", obj.into(), folder.path(), &ReadOptions::default()).expect("it is whole");
+    assert_eq!(scene.warnings, []);
+    let [a, b] = ["a", "b"].map(|name| scene.materials.iter().find(|m| m.name == name).expect("it is used"));
+    let map = a.bump_map.expect("heights");
+    assert_eq!((map.height, map.unit), (3.0 * crate::mesh::obj::HEIGHT_OF_BUMPS, HeightUnit::Picture));
+    assert_eq!((a.normal_map, b.bump_map, b.normal_map.map(|m| m.scale)), (None, None, Some(0.5)));
 }
 
 #[test]

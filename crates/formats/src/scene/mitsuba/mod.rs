@@ -8,7 +8,6 @@
 //! a mirror, the whole scene is mirrored in x (by the root node), so that the picture is.
 
 mod bsdf;
-mod bump;
 mod color;
 mod emitter;
 mod load;
@@ -32,8 +31,8 @@ use object::{Child, Content, Object};
 use shape::Shapes;
 use snell_math::DAffine3;
 use snell_scene::graph::ImageId;
-use snell_scene::{MediumId, Scene, TextureId, WarningKind};
-use std::collections::{HashMap, HashSet};
+use snell_scene::{MediumId, Scene, WarningKind};
+use std::collections::HashMap;
 use std::rc::Rc;
 use texture::Textures;
 
@@ -64,8 +63,6 @@ struct Builder<'a> {
     images: textures::Textures,
     textures: Textures,
     looks: HashMap<*const Object, Look>,
-    /// Textures that are normal maps made of bump maps, whose strength depends on the shape.
-    bumps: HashSet<TextureId>,
     /// True if the BSDF being built shows the colours of vertices.
     uses_vertex_colors: bool,
     shapes: Shapes,
@@ -94,7 +91,6 @@ fn read(input: &Input) -> Result<Scene, ReadError> {
                 images: textures::Textures::default(),
                 textures: Textures::default(),
                 looks: HashMap::new(),
-                bumps: HashSet::new(),
                 uses_vertex_colors: false,
                 shapes: Shapes::default(),
                 media: Media::default(),

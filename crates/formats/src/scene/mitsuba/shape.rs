@@ -12,7 +12,7 @@ use crate::scene::shapes::{ALONG, AROUND, ShapeTable, around_z, swept};
 use mesh::{flip_v, turn_over};
 use primitive::{cube, disk, rectangle};
 use snell_intersect::shape::{Cylinder, Disk, Rectangle, Sphere};
-use snell_intersect::{AnyShape, Shape, StrandBasis, TriangleMesh};
+use snell_intersect::{AnyShape, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec2, DVec3, Transform};
 use snell_scene::material::{AlphaMode, ColorParam, Interface, Interior};
 use snell_scene::{Geometry, Material, MaterialId, Node, NodeId, Surface};
@@ -38,8 +38,6 @@ pub struct Shapes {
 struct Finish {
     emission: Option<ColorParam>,
     interior: Option<Interior>,
-    /// Width of the whole picture of bumps on the surface, if there are any.
-    picture_width: Option<f32>,
 }
 
 /// A geometry and its place in the shape's own space.
@@ -133,10 +131,7 @@ impl Builder<'_> {
         if self.is_singular(place * own, object) {
             return Ok(());
         }
-        let mut finish = Finish { emission: parts.emission, interior: parts.interior, picture_width: None };
-        if parts.look.layers.iter().any(|l| l.normal_map.is_some_and(|m| self.bumps.contains(&m.texture))) {
-            finish.picture_width = Some(width_of_coordinates(&geometry, place * own));
-        }
+        let finish = Finish { emission: parts.emission, interior: parts.interior };
         let materials = self.materials(object, parts, &finish);
         if materials.is_empty() {
             self.mention("no surface", object.at, || {
@@ -205,17 +200,6 @@ impl Builder<'_> {
             material.interior = finish.interior.or(material.interior);
             if let Some(emission) = finish.emission {
                 material.emission = emission;
-            }
-            if let (Some(map), Some(width)) = (&mut material.normal_map, finish.picture_width)
-                && self.bumps.contains(&map.texture)
-            {
-                // The picture covers as much more of the surface as its coordinates are slower.
-                let picture = self.scene.textures[map.texture.index()].as_image();
-                let shrink = picture.map_or(1.0, |picture| {
-                    let [[a, b, _], [c, d, _]] = picture.uv_transform;
-                    (a * d - b * c).abs().sqrt()
-                });
-                map.scale *= if width > 0.0 { shrink / width } else { 0.0 };
             }
             material
         });
@@ -316,25 +300,4 @@ struct Parts {
     has_bsdf: bool,
     emission: Option<ColorParam>,
     interior: Option<Interior>,
-}
-
-/// How much of the scene one unit of the texture coordinates covers, by area.
-fn width_of_coordinates(geometry: &Geometry, place: DAffine3) -> f32 {
-    let Geometry::Mesh(mesh) = geometry else {
-        let Geometry::Shape(shape) = geometry else { return 0.0 };
-        let scale = place.matrix3.determinant().abs().cbrt();
-        return (shape.area().sqrt() * scale) as f32;
-    };
-    if mesh.uvs[0].is_empty() {
-        return 0.0;
-    }
-    let (mut world, mut uv) = (0.0, 0.0);
-    for (t, corners) in mesh.indices.iter().enumerate() {
-        let [a, b, c] = mesh.corners(t).map(|p| place.transform_point3(p.as_dvec3()));
-        world += (b - a).cross(c - a).length();
-        let [a, b, c] = corners.map(|i| mesh.uvs[0][i as usize].as_dvec2());
-        uv += (b - a).perp_dot(c - a).abs();
-    }
-    let width = if uv > 0.0 { (world / uv).sqrt() } else { 0.0 };
-    if width.is_finite() { width as f32 } else { 0.0 }
 }

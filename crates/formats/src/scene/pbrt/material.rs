@@ -15,8 +15,8 @@ use snell_math::Rgb;
 use snell_math::spectrum::Metal;
 use snell_scene::bsdf::MicrofacetShape;
 use snell_scene::material::{
-    CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Hair, Interface,
-    Interior, MetallicRoughness, NormalMap, OpenPbr, ScalarParam,
+    BumpMap, CoatedConductor, CoatedDiffuse, ColorParam, Conductor, ConductorSpectrum, Dielectric, Diffuse, Hair,
+    HeightUnit, Interface, Interior, MetallicRoughness, NormalMap, OpenPbr, ScalarParam,
 };
 use snell_scene::{Encoding, ImageTexture, Material, MaterialId};
 use std::collections::HashMap;
@@ -175,13 +175,8 @@ impl Builder<'_> {
         if let Some(map) = self.normal_map(params)? {
             known.layers.iter_mut().for_each(|material| material.normal_map = Some(map));
         }
-        for name in ["displacement", "bumpmap"] {
-            if let Some(param) = params.get(name) {
-                let at = param.at;
-                self.note(format!("material {name}"), at, || {
-                    format!("\"{name}\": bump maps are not supported; the surface stays smooth")
-                });
-            }
+        if let Some(map) = self.bump_map(params)? {
+            known.layers.iter_mut().for_each(|material| material.bump_map = Some(map));
         }
         self.note_unused(params);
         Ok(known)
@@ -495,6 +490,22 @@ impl Builder<'_> {
         };
         let pattern = pattern.mapped(function);
         Ok(Roughness::Even(self.scalar_param(&pattern)))
+    }
+
+    /// Heights in units of the scene: `displacement`, in pbrt-v3 `bumpmap`.
+    fn bump_map(&mut self, params: &Params) -> Result<Option<BumpMap>, Fault> {
+        let mut map = None;
+        for name in ["displacement", "bumpmap"].into_iter().filter(|name| params.has(name)) {
+            let heights = self.material_scalar(params, name, 0.0)?;
+            // The same height everywhere changes no normal.
+            map = heights.texture.map(|(texture, channel)| BumpMap {
+                texture,
+                channel: Some(channel),
+                height: heights.factor,
+                unit: HeightUnit::Scene,
+            });
+        }
+        Ok(map)
     }
 
     fn normal_map(&mut self, params: &Params) -> Result<Option<NormalMap>, Fault> {

@@ -27,6 +27,9 @@ pub fn value(document: &mut Document, index: usize, material: &Material) -> Valu
         if let Some(map) = &material.normal_map {
             value["normalTexture"] = writer.normal_map(map);
         }
+        if material.bump_map.is_some() {
+            writer.lose("its bump map is left out: the format has normal maps only");
+        }
     }
     match material.alpha_mode {
         AlphaMode::Opaque => {}

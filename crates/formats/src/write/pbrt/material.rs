@@ -6,7 +6,7 @@ use crate::write::picture::Baked;
 use snell_math::spectrum::Metal;
 use snell_math::{ColorMode, Rgb};
 use snell_scene::material::{
-    AlphaMode, ColorParam, ConductorSpectrum, Hair, MaterialKind, MetallicRoughness, OpenPbr, ScalarParam,
+    AlphaMode, ColorParam, ConductorSpectrum, Hair, HeightUnit, MaterialKind, MetallicRoughness, OpenPbr, ScalarParam,
 };
 use snell_scene::{Encoding, Material, MaterialId};
 
@@ -56,7 +56,8 @@ impl File<'_, '_> {
         let mut made = Made::default();
         let body = self.body(material, &who);
         let normal_map = self.normal_map(material, &who);
-        self.line(format!("MakeNamedMaterial {name} {}{normal_map}", body.text));
+        let bump_map = self.bump_map(material, &who);
+        self.line(format!("MakeNamedMaterial {name} {}{normal_map}{bump_map}", body.text));
         made.attributes.push(format!("NamedMaterial {name}"));
         self.add_media(&mut made, number, material, &body, &who);
         self.add_emission(&mut made, material, &who);
@@ -65,6 +66,20 @@ impl File<'_, '_> {
             self.output.lose(format!("{who}: it is seen from both sides"));
         }
         made
+    }
+
+    fn bump_map(&mut self, material: &Material, who: &str) -> String {
+        let Some(map) = material.bump_map else { return String::new() };
+        if map.unit != HeightUnit::Scene {
+            self.output.lose(format!("{who}: heights relative to the picture of its bumps are left out"));
+            return String::new();
+        }
+        // Of pictures in colours the middle channel is nearest to the luminance.
+        let channel = map.channel.unwrap_or(1);
+        // The height apart from the picture, which may have few levels.
+        let heights = self.texture(map.texture, "float", Baked::Scaled { channel, factor: 1.0 }, who);
+        let scale = format!("\"float\" \"scale\" \"texture tex\" [ \"{heights}\" ] \"float scale\" [ {} ]", map.height);
+        format!(" \"texture displacement\" [ \"{}\" ]", self.define(scale, None))
     }
 
     fn normal_map(&mut self, material: &Material, who: &str) -> String {

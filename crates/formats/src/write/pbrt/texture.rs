@@ -302,7 +302,7 @@ impl File<'_, '_> {
     }
 
     /// The name of a texture of this text, defined in this space the first time.
-    fn define(&mut self, text: String, texture_from_world: Option<&Rows>) -> String {
+    pub fn define(&mut self, text: String, texture_from_world: Option<&Rows>) -> String {
         let key = format!("{text} {texture_from_world:?}");
         if let Some(name) = self.textures.get(&key) {
             return name.clone();

@@ -3,14 +3,13 @@
 use super::super::Builder;
 use super::super::object::Object;
 use super::super::texture::Pattern;
-use super::super::{bump, value};
+use super::super::value;
 use super::Look;
 use crate::scene::fault::Fault;
 use crate::scene::layers;
-use snell_scene::material::{NormalMap, ScalarParam};
-use snell_scene::{Encoding, ImageTexture};
+use snell_scene::Encoding;
+use snell_scene::material::{BumpMap, HeightUnit, NormalMap, ScalarParam};
 use std::rc::Rc;
-use std::sync::Arc;
 
 impl Builder<'_> {
     /// BSDFs around others.
@@ -135,15 +134,9 @@ impl Builder<'_> {
         let scale = object.float_or("scale", 1.0)? as f32;
         if let Pattern::Picture(factor, texture) = self.texture(&map)? {
             let height = factor.luminance() * scale;
-            let heights = self.scene.images[texture.image.index()].clone();
-            if let Some((picture, slope)) = bump::normal_map_of(&heights, &texture, height) {
-                let image = self.scene.add_image(Arc::new(picture));
-                let encoding = Encoding::Linear;
-                let texture = self.scene.add_texture(ImageTexture { image, encoding, ..texture });
-                // Finished for each shape, by the size of its texture coordinates.
-                look.layers.iter_mut().for_each(|l| l.normal_map = Some(NormalMap { texture, scale: slope }));
-                self.bumps.insert(texture);
-            }
+            let texture = self.scene.add_texture(texture);
+            let map = BumpMap { texture, channel: None, height, unit: HeightUnit::Scene };
+            look.layers.iter_mut().for_each(|l| l.bump_map = Some(map));
         }
         Ok(look)
     }

@@ -4,7 +4,7 @@ use super::*;
 use crate::{ReadOptions, read_scene};
 use snell_math::{DVec3, Rgb};
 use snell_scene::bsdf::MicrofacetShape;
-use snell_scene::material::{ConductorSpectrum, Diffuse, MaterialKind, ScalarParam};
+use snell_scene::material::{ConductorSpectrum, Diffuse, HeightUnit, MaterialKind, ScalarParam};
 use snell_scene::{Environment, Light, Medium, Projection};
 use std::io::Write;
 
@@ -248,23 +248,23 @@ fn spectra_are_what_they_say() {
 }
 
 #[test]
-fn bumps_become_slopes_by_the_size_of_the_surface() {
+fn bumps_keep_their_heights_in_units_of_the_scene() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("h.pgm"), b"P2\n4 1\n255\n0 85 170 255\n").expect("written");
-    let text = |size: f32| {
+    let text = |scale: f32| {
         format!(
-            "<scene version=\"3.0.0\"><shape type=\"rectangle\"><transform name=\"to_world\"><scale value=\"{size}\"/></transform>\
-            <bsdf type=\"bumpmap\"><texture type=\"bitmap\"><string name=\"filename\" value=\"h.pgm\"/><boolean name=\"raw\" value=\"true\"/></texture>\
+            "<scene version=\"3.0.0\"><shape type=\"rectangle\">\
+            <bsdf type=\"bumpmap\"><float name=\"scale\" value=\"{scale}\"/><texture type=\"bitmap\"><string name=\"filename\" value=\"h.pgm\"/><boolean name=\"raw\" value=\"true\"/></texture>\
             <bsdf type=\"diffuse\"/></bsdf></shape></scene>"
         )
     };
-    let scale = |size: f32| {
-        let scene = testing::read_in(&READER, folder.path(), &text(size)).unwrap_or_else(|e| panic!("{e}"));
+    let map = |scale: f32| {
+        let scene = testing::read_in(&READER, folder.path(), &text(scale)).unwrap_or_else(|e| panic!("{e}"));
         assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
-        scene.materials[0].normal_map.expect("a map").scale
+        scene.materials[0].bump_map.expect("a map")
     };
-    // The same heights on a surface of twice the size are half as steep.
-    assert!((scale(1.0) / scale(2.0) - 2.0).abs() < 1e-4);
+    assert_eq!((map(1.0).height, map(-2.5).height), (1.0, -2.5));
+    assert_eq!((map(1.0).channel, map(1.0).unit), (None, HeightUnit::Scene));
 }
 
 #[test]

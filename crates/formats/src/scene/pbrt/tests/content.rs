@@ -5,7 +5,7 @@ use crate::scene::testing::geometries;
 use snell_intersect::{Curves, Shape};
 use snell_math::{DVec2, DVec3, Rgb, Vec2, Vec3};
 use snell_scene::light::SpotFalloff;
-use snell_scene::material::{ConductorSpectrum, MaterialKind};
+use snell_scene::material::{ConductorSpectrum, HeightUnit, MaterialKind};
 use snell_scene::{Environment, Geometry, Light, Material, Projection};
 
 fn close(a: f32, b: f32) -> bool {
@@ -389,6 +389,20 @@ fn materials_of_the_third_version_are_understood() {
         panic!("no glass")
     };
     assert_eq!((glass.ior.at_line_d(), glass.tint.factor), (1.2, Rgb::new(1.0, 0.0, 0.0)));
+}
+
+#[test]
+fn displacement_is_a_map_of_bumps_in_units_of_the_scene() {
+    let noise = "Texture \"h\" \"float\" \"wrinkled\" Texture \"low\" \"float\" \"scale\" \"texture tex\" \"h\" \"float scale\" 0.25 ";
+    for name in ["displacement", "bumpmap"] {
+        let text = format!("{noise} Material \"diffuse\" \"texture {name}\" \"low\" Shape \"sphere\"");
+        let scene = world(&text);
+        assert_eq!(scene.warnings, [], "{name}");
+        let map = material(&scene).bump_map.expect("a map");
+        assert_eq!((map.height, map.unit), (0.25, HeightUnit::Scene), "{name}");
+    }
+    let flat = world("Material \"diffuse\" \"float displacement\" 3 Shape \"sphere\"");
+    assert_eq!((material(&flat).bump_map, flat.warnings.as_slice()), (None, &[][..]));
 }
 
 #[test]
