@@ -103,7 +103,7 @@ fn training_that_is_interrupted_leaves_whole_passes() {
         let (film, statistics) = Job::new(&scene, &camera, &settings).run(2, keep_going);
         (bits(&film.image()), statistics.training_passes)
     };
-    let interrupted = picture(9, &|progress| progress.training.is_none_or(|(pass, part)| pass < 2 || part < 5));
+    let interrupted = picture(9, &|progress| progress.training.is_none_or(|t| t.pass < 2 || t.begun < 5));
     assert_eq!(interrupted.1, 2);
     assert!(interrupted == picture(2, &|_| true), "the same bits");
 }

@@ -51,6 +51,7 @@ impl BumpMap {
         let far = surface.position.abs().max_element() * LEAST_STEP;
         let step = |derivative: Vec3, texel: Option<f32>| {
             let cone = (0.5 * point.footprint).max(if texel.is_none() { far } else { 0.0 }) / derivative.length();
+            let texel = texel.filter(|texel| texel.is_finite());
             let least = texel.map_or(if cone > 0.0 { 0.0 } else { PLAIN_STEP }, |texel| 0.5 * texel);
             cone.max(least)
         };
