@@ -85,7 +85,7 @@ fn a_wrong_value_says_what_is_expected() {
     ");
     insta::assert_snapshot!(failure(&place, "render --background blue"), @"
     2
-    error: --background blue: expected environment, transparent, white, black, #rrggbb or r,g,b
+    error: --background blue: expected environment, transparent (or none), white, black, #rrggbb or r,g,b
     ");
     insta::assert_snapshot!(failure(&place, "render --environment nan,0,0"), @"
     2
