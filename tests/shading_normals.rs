@@ -45,7 +45,7 @@ fn bumpy_ball(kind: MaterialKind, scale: f32, as_heights: bool) -> (Scene, Camer
     let texture = scene.add_texture(ImageTexture::new(waves, Encoding::Linear));
     let normal_map = (!as_heights).then_some(NormalMap { texture, scale });
     // Waves of ten texels, each a fortieth of the radius wide.
-    let heights = BumpMap { texture, channel: None, height: 0.16 * scale, unit: HeightUnit::Scene };
+    let heights = BumpMap { texture, channel: None, height: 0.12 * scale, unit: HeightUnit::Scene };
     let bump_map = as_heights.then_some(heights);
     let material = scene.add_material(Material { normal_map, bump_map, ..Material::new("bumpy", kind) });
     put(&mut scene, Sphere { radius: 1.0 }, DAffine3::from_rotation_x(0.5), material);

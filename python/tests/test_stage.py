@@ -131,12 +131,12 @@ def test_parameters_take_what_means_the_same():
     np.testing.assert_allclose(sun.direction, (0, -0.6, 0.8))
     assert sun.replace(irradiance=1).irradiance == (1, 1, 1) and repr(pickle.loads(pickle.dumps(sun))) == repr(sun)
     texture = snell.Texture(checks())
-    bumpy = snell.Material("diffuse", bump_map={"texture": texture, "height": 0.25}, normal_map={"texture": texture, "scale": 2})
+    bumpy = snell.Material("diffuse", reflectance=0.5, bump_map={"texture": texture, "height": 0.25}, normal_map={"texture": texture, "scale": 2})
     assert bumpy.bump_map["texture"] is texture
     assert bumpy.bump_map["height"] == 0.25
     assert bumpy.normal_map["scale"] == 2
     with pytest.raises(TypeError, match="how high"):
-        snell.Material("diffuse", bump_map=texture)
+        snell.Material("diffuse", reflectance=0.5, bump_map=texture)
     material = snell.Material("metallic-roughness", base_color=texture, roughness=texture.channel("g"), normal_map=texture)
     assert material.base_color is texture and material.roughness.number == 1
     assert material.normal_map["texture"] is texture
