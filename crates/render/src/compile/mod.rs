@@ -114,7 +114,10 @@ impl CompiledScene {
         previous: Option<Self>,
     ) -> Result<Self, CompileError> {
         let mut warnings = Vec::new();
-        scene.check_textures()?;
+        // Poses change no materials' textures, and there may be many materials.
+        if previous.is_none() {
+            scene.check_textures()?;
+        }
         let materials = materials(scene);
         let default_material = MaterialId(scene.materials.len() as u32);
         let before = previous.as_ref().map(|p| &*p.surfaces);

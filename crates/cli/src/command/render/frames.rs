@@ -23,7 +23,7 @@ const MOST: f64 = 1e6;
 /// Frames a second of a turntable, unless it says.
 const TURNTABLE_RATE: f64 = 24.0;
 /// Most frames of a turn.
-const MOST_TURNS: f64 = 100_000.0;
+const MOST_OF_TURN: f64 = 100_000.0;
 
 /// What `--frames` says: from a time until just before another, so many in a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,8 +78,8 @@ pub fn parse_turntable(text: &str) -> Result<Turntable, String> {
     let error = || format!("\"{text}\" is not a number of frames; write N or N@RATE, such as 48@24");
     let (count, rate) = text.split_once('@').map_or((text, None), |(count, rate)| (count, Some(rate)));
     let count: f64 = count.trim().parse().map_err(|_| error())?;
-    if count.fract() != 0.0 || !(1.0..=MOST_TURNS).contains(&count) {
-        return Err(format!("{count} frames: a turn has 1 to {MOST_TURNS}"));
+    if count.fract() != 0.0 || !(1.0..=MOST_OF_TURN).contains(&count) {
+        return Err(format!("{count} frames: a turn has 1 to {MOST_OF_TURN}"));
     }
     let rate = possible_rate(rate.map_or(Ok(TURNTABLE_RATE), |r| r.trim().parse()).map_err(|_| error())?)?;
     Ok(Turntable { count: count as u32, rate })

@@ -167,8 +167,8 @@ pub struct Options {
     /// How a light is chosen among many: bvh, power or uniform
     #[arg(long, value_name = "NAME", default_value = "bvh", help_heading = "How light is computed")]
     pub light_sampler: String,
-    /// Learn where light comes from before rendering, for caustics and hidden lights (path). PASSES is how often; default: as long
-    /// (also: auto) as that takes a quarter of the samples, or of the time
+    /// Learn where light comes from before rendering, for caustics and hidden lights (path). PASSES is how often; default: auto,
+    /// as long as that takes a quarter of the samples, or of the time
     #[arg(long, value_name = "PASSES", num_args = 0..=1, require_equals = true, default_missing_value = "auto", value_parser = parse_guiding, help_heading = "How light is computed")]
     pub guiding: Option<GuidingOption>,
     /// Dim light of two or more bounces to this radiance: no fireflies, but the picture becomes too dark. Default: off

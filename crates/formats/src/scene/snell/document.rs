@@ -341,6 +341,7 @@ impl Document {
         };
         scene.topological_order().map_err(|error| ("/nodes".to_string(), error.to_string()))?;
         scene.check_textures().map_err(|error| ("/materials".to_string(), error.to_string()))?;
+        // Before the ranges, which would tell of the same light again.
         scene.limit_light();
         scene.check_ranges();
         scene.cameras.iter_mut().for_each(Camera::square_up);
