@@ -249,6 +249,40 @@ fn fire_shines_as_pbrt_too_where_nothing_is_burnt() {
 }
 
 #[test]
+fn smoke_of_many_colours_has_them_in_pbrt_too() {
+    use snell_scene::medium::{ColorGrid, ScalarGrid};
+    let numbers = |n: usize, step: usize| (0..n).map(move |i| (i * step % 7) as f32 / 7.0);
+    let colors = |step: usize| {
+        let colors: Vec<Rgb> = numbers(12, step).zip(numbers(12, 4)).map(|(a, b)| Rgb::new(a, b, 1.0)).collect();
+        ColorGrid::new([2, 3, 2], &colors)
+    };
+    let density = ScalarGrid::new([2, 3, 2], (1..13).map(|i| i as f32).collect()).expect("as many as cells");
+    let place = DAffine3::from_translation(DVec3::X) * DAffine3::from_scale(DVec3::new(2.0, 3.0, 4.0));
+    let grid = Grid {
+        emission: Rgb::new(1.0, 0.0, 2.0),
+        sigma_s_tint: colors(3),
+        emission_tint: colors(5),
+        ..Grid::new(Rgb::new(0.5, 1.0, 2.0), Rgb::splat(3.0), 0.25, density, place)
+    };
+    let mut scene = scene();
+    let medium = scene.add_medium(grid.clone());
+    let boundary = scene.add_material(Material::interface("smoke", medium));
+    scene.nodes[1].surfaces.push(Surface::shape(BoxShape { min: DVec3::ZERO, max: DVec3::ONE }, boundary));
+    let (_folder, _, read) = written("pbrt", &scene);
+    let [Medium::Grid(read)] = &read.media[..] else { panic!("one grid: {:?}", read.media) };
+    for i in 0..12 {
+        let p =
+            DVec3::new((i % 2) as f64 / 2.0 + 0.25, (i / 2 % 3) as f64 / 3.0 + 1.0 / 6.0, (i / 6) as f64 / 2.0 + 0.25);
+        let [a, b] = [&grid, read].map(|grid| {
+            grid.properties(grid.world_from_grid.transform_point3(p).as_vec3(), snell_math::ColorMode::Rgb)
+        });
+        for (a, b) in [(a.sigma_a, b.sigma_a), (a.sigma_s, b.sigma_s), (a.emission, b.emission)] {
+            assert!((0..3).all(|c| (a[c] - b[c]).abs() <= 1e-4 * a[c].abs().max(1.0)), "cell {i}: {a:?} became {b:?}");
+        }
+    }
+}
+
+#[test]
 fn nothing_foreign_is_replaced_unless_wished() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a b.obj");

@@ -57,7 +57,46 @@ impl ScalarGrid {
     }
 }
 
+/// Colours on regular grids over the unit cube: a [`ScalarGrid`] for each of red, green and blue.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColorGrid {
+    channels: [Arc<ScalarGrid>; 3],
+}
+
+impl ColorGrid {
+    /// A grid of `size` cells along x, y and z; `values` in the order of x first, then y, then z. `None` if their number is not the
+    /// product of the sizes. Values that are negative or not finite count as 0.
+    pub fn new(size: [usize; 3], values: &[Rgb]) -> Option<Self> {
+        let channel = |c: fn(&Rgb) -> f32| ScalarGrid::new(size, values.iter().map(c).collect()).map(Arc::new);
+        Some(Self { channels: [channel(|v| v.r)?, channel(|v| v.g)?, channel(|v| v.b)?] })
+    }
+
+    /// From grids of red, green and blue, which may be of different sizes.
+    pub fn from_channels(channels: [Arc<ScalarGrid>; 3]) -> Self {
+        Self { channels }
+    }
+
+    /// The grids of red, green and blue.
+    pub fn channels(&self) -> &[Arc<ScalarGrid>; 3] {
+        &self.channels
+    }
+
+    /// The colour at a point of the unit cube, as [`ScalarGrid::lookup`].
+    pub fn lookup(&self, p: Vec3) -> Rgb {
+        let [r, g, b] = &self.channels;
+        Rgb::new(r.lookup(p), g.lookup(p), b.lookup(p))
+    }
+
+    /// The largest number of all.
+    pub fn max(&self) -> f32 {
+        self.channels.iter().flat_map(|c| c.values()).copied().fold(0.0, f32::max)
+    }
+}
+
 /// A medium on a grid: coefficients times a density, and nothing outside of the grid's box.
+///
+/// Where its colour differs from place to place, each coefficient may have a factor of its own for each colour and place: `sigma_a_tint`,
+/// `sigma_s_tint` and `emission_tint`, which are 1 where there are none.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grid {
     /// Absorption coefficient per scene unit of length where the density is 1.
@@ -78,6 +117,15 @@ pub struct Grid {
     /// colour of `emission` alone.
     #[serde(skip)]
     pub temperature: Option<Arc<ScalarGrid>>,
+    /// Factor on `sigma_a`, besides the density.
+    #[serde(skip)]
+    pub sigma_a_tint: Option<ColorGrid>,
+    /// Factor on `sigma_s`, besides the density.
+    #[serde(skip)]
+    pub sigma_s_tint: Option<ColorGrid>,
+    /// Factor on `emission`, besides its scale.
+    #[serde(skip)]
+    pub emission_tint: Option<ColorGrid>,
     /// From the unit cube of the grids to the world.
     pub world_from_grid: DAffine3,
 }
@@ -93,6 +141,9 @@ impl Grid {
             emission: Rgb::BLACK,
             emission_scale: None,
             temperature: None,
+            sigma_a_tint: None,
+            sigma_s_tint: None,
+            emission_tint: None,
             world_from_grid,
         }
     }
@@ -107,11 +158,30 @@ impl Grid {
             ScalarGrid::new([n; 3], (0..n * n * n).map(value).collect()).unwrap_or_default()
         };
         let (thin, thick) = (Rgb::splat(0.2), Rgb::new(4.0, 2.0, 1.0));
+        let colors = |n: usize| {
+            let value = |i: usize| Rgb::from([1, n, n * n].map(|step| (i / step % n) as f32 / (n - 1) as f32));
+            ColorGrid::new([n; 3], &(0..n * n * n).map(value).collect::<Vec<_>>())
+        };
         vec![
             Self::new(thin, thick, 0.3, ball(12), DAffine3::IDENTITY),
+            Self {
+                emission: Rgb::splat(0.5),
+                sigma_a_tint: colors(3),
+                sigma_s_tint: colors(4),
+                emission_tint: colors(2),
+                ..Self::new(thin, thick, 0.0, ball(6), DAffine3::IDENTITY)
+            },
             Self { emission: Rgb::new(3.0, 1.0, 0.2), ..Self::new(thick, thin, 0.0, ball(5), DAffine3::IDENTITY) },
             Self::new(thin, thin, 0.0, ScalarGrid::default(), DAffine3::IDENTITY),
         ]
+    }
+
+    /// Cells along x, y and z: along each axis those of the finest of its grids.
+    pub fn size(&self) -> [usize; 3] {
+        let tints = [&self.sigma_a_tint, &self.sigma_s_tint, &self.emission_tint].into_iter().flatten();
+        let others = [&self.emission_scale, &self.temperature].into_iter().flatten();
+        let others = others.chain(tints.flat_map(ColorGrid::channels)).map(|grid| grid.size());
+        others.fold(self.density.size(), |a, b| std::array::from_fn(|axis| a[axis].max(b[axis])))
     }
 
     /// What the medium does at a point of the world.
@@ -119,17 +189,29 @@ impl Grid {
         let grid_from_world = self.world_from_grid.inverse();
         let p = grid_from_world.transform_point3(p.as_dvec3()).as_vec3();
         let density = self.density.lookup(p);
-        let (sigma_a, sigma_s) = (self.sigma_a * density, self.sigma_s * density);
+        let [sigma_a, sigma_s] = self.tinted(p).map(|sigma| sigma * density);
         let emission = self.emitted(p, density, mode);
         MediumProperties { emission, ..MediumProperties::from_colors(sigma_a, sigma_s, Rgb::BLACK, self.g, mode) }
+    }
+
+    /// True if it does not absorb and scatter in the same colours everywhere.
+    pub(super) fn is_tinted(&self) -> bool {
+        self.sigma_a_tint.is_some() || self.sigma_s_tint.is_some()
+    }
+
+    /// Coefficients of absorption and scattering at a point of the unit cube where the density is 1.
+    pub(super) fn tinted(&self, p: Vec3) -> [Rgb; 2] {
+        let of = |sigma: Rgb, tint: &Option<ColorGrid>| tint.as_ref().map_or(sigma, |tint| sigma * tint.lookup(p));
+        [of(self.sigma_a, &self.sigma_a_tint), of(self.sigma_s, &self.sigma_s_tint)]
     }
 
     /// Radiance emitted per unit of length at a point of the unit cube where the density is known.
     pub(super) fn emitted(&self, p: Vec3, density: f32, mode: ColorMode) -> SampledSpectrum {
         let scale = self.emission_scale.as_ref().map_or(density, |scale| scale.lookup(p));
+        let emission = self.emission_tint.as_ref().map_or(self.emission, |tint| self.emission * tint.lookup(p));
         match &self.temperature {
-            None => mode.illuminant(self.emission.map(sane)) * scale,
-            Some(kelvin) => coefficient(self.emission, mode) * blackbody(kelvin.lookup(p), mode) * scale,
+            None => mode.illuminant(emission.map(sane)) * scale,
+            Some(kelvin) => coefficient(emission, mode) * blackbody(kelvin.lookup(p), mode) * scale,
         }
     }
 }

@@ -54,9 +54,19 @@ impl MajorantGrid {
         Self { size, bounds }
     }
 
-    /// A good size for the bounds of a grid.
-    pub fn size_for(grid: &ScalarGrid) -> [usize; 3] {
-        grid.size().map(|n| n.div_ceil(CELLS_PER_BOUND).max(1))
+    /// Bounds on `size` cells, each made from its number.
+    pub fn made(size: [usize; 3], bound: impl Fn(usize) -> f32) -> Self {
+        Self { size, bounds: (0..size.iter().product()).map(bound).collect() }
+    }
+
+    /// A good size for the bounds of a grid of so many cells.
+    pub fn size_for(cells: [usize; 3]) -> [usize; 3] {
+        cells.map(|n| n.div_ceil(CELLS_PER_BOUND).max(1))
+    }
+
+    /// Cells along each axis.
+    pub fn size(&self) -> [usize; 3] {
+        self.size
     }
 
     /// The bound of a cell.
@@ -146,7 +156,7 @@ mod tests {
     fn bounds_hold_along_random_rays_and_parts_join() {
         for (key, size) in [[9, 4, 17], [1, 1, 1], [5, 30, 2], [8, 8, 8]].into_iter().enumerate() {
             let grid = random_grid(size, key as u32);
-            let majorants = MajorantGrid::new(&grid, MajorantGrid::size_for(&grid));
+            let majorants = MajorantGrid::new(&grid, MajorantGrid::size_for(grid.size()));
             for i in 0..300 {
                 let r = |k| rng::uniform2([i, key as u32, k, 9]);
                 let (a, b, c) = (r(0), r(1), r(2));

@@ -23,7 +23,7 @@ pub use blackbody::{blackbody, blackbody_luminance};
 pub use cloud::Cloud;
 pub use equiangular::Beacon;
 pub use glow::Glow;
-pub use grid::{Grid, ScalarGrid};
+pub use grid::{ColorGrid, Grid, ScalarGrid};
 pub use height_fog::HeightFog;
 pub use homogeneous::Homogeneous;
 pub use phase::HenyeyGreenstein;
@@ -86,6 +86,9 @@ impl Medium {
             grid.density = other.density.clone();
             grid.emission_scale = other.emission_scale.clone();
             grid.temperature = other.temperature.clone();
+            grid.sigma_a_tint = other.sigma_a_tint.clone();
+            grid.sigma_s_tint = other.sigma_s_tint.clone();
+            grid.emission_tint = other.emission_tint.clone();
         }
     }
 }

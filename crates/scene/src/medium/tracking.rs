@@ -7,8 +7,8 @@
 //! multiply the probabilities of null collisions instead: ratio tracking (Novák et al., Residual Ratio Tracking, SIGGRAPH Asia 2014).
 
 use super::majorant::{BoundedPart, MajorantGrid};
-use super::{Grid, MediumProperties, Scattering, Segment, Travel};
-use snell_math::{ColorMode, DAffine3, SampledSpectrum, Vec2, Vec3};
+use super::{ColorGrid, Grid, MediumProperties, ScalarGrid, Scattering, Segment, Travel, coefficient, sane};
+use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec2, Vec3};
 
 /// Optical thickness of one cell of the grid beyond which more makes no difference, but collisions would be tried forever.
 const MAX_DEPTH_OF_CELL: f64 = 64.0;
@@ -24,6 +24,8 @@ pub struct TrackedGrid {
     /// `None` if the map cannot be undone: then the medium is nowhere.
     grid_from_world: Option<DAffine3>,
     densities: MajorantGrid,
+    /// Bounds of the extinction of all colours, if coefficients have tints.
+    extinctions: Option<MajorantGrid>,
     /// Bounds of the emission, if it does not follow the density.
     emissions: Option<MajorantGrid>,
     /// No density counts as more than this.
@@ -35,21 +37,28 @@ impl TrackedGrid {
     pub fn new(grid: &Grid) -> Self {
         let inverse = grid.world_from_grid.inverse();
         let is_invertible = grid.world_from_grid.matrix3.determinant() != 0.0 && inverse.is_finite();
-        let mut size = MajorantGrid::size_for(&grid.density);
-        let scale = grid.emission_scale.as_ref().filter(|_| !grid.emission.is_black());
-        if let Some(scale) = scale {
-            let other = MajorantGrid::size_for(scale);
-            size = std::array::from_fn(|axis| size[axis].max(other[axis]));
-        }
-        // Both on the same cells, so that one walk reads both.
+        let glows = !grid.emission.is_black();
+        let scale = grid.emission_scale.as_deref().filter(|_| glows);
+        let tint = grid.emission_tint.as_ref().filter(|_| glows);
+        // All on the same cells, so that one walk reads all.
+        let size = MajorantGrid::size_for(grid.size());
         let densities = MajorantGrid::new(&grid.density, size);
-        let emissions = scale.map(|scale| MajorantGrid::new(scale, size));
+        let most = most_density(grid);
+        let emissions = (scale.is_some() || tint.is_some()).then(|| {
+            let scales = scale.map(|scale| MajorantGrid::new(scale, size));
+            let tints = tint.map(|tint| tint.channels().each_ref().map(|c| MajorantGrid::new(c, size)));
+            MajorantGrid::made(size, |cell| {
+                let tint = tints.as_ref().map_or(1.0, |t| t.iter().map(|c| c.bound(cell)).fold(0.0, f32::max));
+                scales.as_ref().unwrap_or(&densities).bound(cell) * tint
+            })
+        });
         Self {
             grid: grid.clone(),
             grid_from_world: is_invertible.then_some(inverse),
+            extinctions: grid.is_tinted().then(|| extinctions(grid, &densities, most, size)),
             densities,
             emissions,
-            most: most_density(grid),
+            most,
         }
     }
 
@@ -74,7 +83,7 @@ impl TrackedGrid {
 
     /// Cells of the bounds along each axis.
     pub(super) fn cells(&self) -> [usize; 3] {
-        MajorantGrid::size_for(self.grid.emission_scale.as_ref().unwrap_or(&self.grid.density))
+        self.densities.size()
     }
 
     /// False if nothing is emitted anywhere.
@@ -91,6 +100,26 @@ impl TrackedGrid {
         self.grid.density.lookup(p).min(self.most)
     }
 
+    /// Upper bound of the extinction in a cell, of colours that carry anything; `thickest` is theirs where the density is 1.
+    fn extinction_bound(&self, cell: usize, thickest: f32, mode: ColorMode) -> f32 {
+        match &self.extinctions {
+            None => self.densities.bound(cell).min(self.most) * thickest,
+            // A spectrum may be higher in between than all three colours of it, but no more than `coefficient` has room for.
+            Some(bounds) => bounds.bound(cell) * if mode == ColorMode::Rgb { 1.0 } else { 2.0 },
+        }
+    }
+
+    /// Extinction and scattering at a point of the unit cube where the density is known; `base` is that of [`Self::base`].
+    fn coefficients(&self, p: Vec3, density: f32, base: &MediumProperties, mode: ColorMode) -> [SampledSpectrum; 2] {
+        let (sigma_t, sigma_s) = if self.extinctions.is_some() {
+            let [sigma_a, sigma_s] = self.grid.tinted(p).map(|sigma| coefficient(sigma, mode));
+            (sigma_a + sigma_s, sigma_s)
+        } else {
+            (base.sigma_t(), base.sigma_s)
+        };
+        [sigma_t * density, sigma_s * density]
+    }
+
     /// Sends a path along a segment. `numbers` gives pairs of independent uniform numbers, `weight` a factor on the light that is
     /// emitted at a distance from the segment's origin.
     pub fn travel(
@@ -102,14 +131,13 @@ impl TrackedGrid {
         numbers: &mut dyn FnMut() -> Vec2,
     ) -> Travel {
         let medium = self.base(mode);
-        let (sigma_t, emits) = (medium.sigma_t(), !medium.emission.is_black());
-        let thickest = largest_where(sigma_t, throughput);
+        let emits = !medium.emission.is_black();
+        let thickest = largest_where(medium.sigma_t(), throughput);
         let start = throughput.max_element();
         let mut travel = Travel::unchanged(throughput);
         self.walk(segment, |part, origin, direction| {
-            let bound = self.densities.bound(part.cell).min(self.most);
-            let mut rate = bound * thickest;
-            let glows = emits && self.emissions.as_ref().map_or(bound, |e| e.bound(part.cell)) > 0.0;
+            let mut rate = self.extinction_bound(part.cell, thickest, mode);
+            let glows = emits && self.emissions.as_ref().unwrap_or(&self.densities).bound(part.cell) > 0.0;
             if glows {
                 // Often enough to see what glows where nothing else is.
                 rate = rate.max(1.0 / (part.end - part.start));
@@ -132,8 +160,8 @@ impl TrackedGrid {
                         travel.emitted += travel.throughput * emitted * (weight(t) / rate);
                     }
                 }
-                let scattered = medium.sigma_s * density;
-                let null = (sigma_t * density).map(|sigma| (rate - sigma).max(0.0));
+                let [extinction, scattered] = self.coefficients(p, density, &medium, mode);
+                let null = extinction.map(|sigma| (rate - sigma).max(0.0));
                 let weigh = |by_lane: SampledSpectrum| (travel.throughput * by_lane).0.iter().sum::<f32>();
                 let (of_scattering, of_null) = (weigh(scattered), weigh(null));
                 let both = of_scattering + of_null;
@@ -163,12 +191,12 @@ impl TrackedGrid {
         mode: ColorMode,
         numbers: &mut dyn FnMut() -> Vec2,
     ) -> SampledSpectrum {
-        let sigma_t = self.base(mode).sigma_t();
-        let thickest = largest_where(sigma_t, value);
+        let medium = self.base(mode);
+        let thickest = largest_where(medium.sigma_t(), value);
         let start = value.max_element();
         let mut left = value;
         self.walk(segment, |part, origin, direction| {
-            let rate = self.densities.bound(part.cell).min(self.most) * thickest;
+            let rate = self.extinction_bound(part.cell, thickest, mode);
             if rate == 0.0 {
                 return true;
             }
@@ -178,8 +206,9 @@ impl TrackedGrid {
                 if t.is_nan() || t >= part.end {
                     return true;
                 }
-                let share = self.density(origin + direction * t) / rate;
-                left *= sigma_t.map(|sigma| (1.0 - sigma * share).max(0.0));
+                let p = origin + direction * t;
+                let [extinction, _] = self.coefficients(p, self.density(p), &medium, mode);
+                left *= extinction.map(|sigma| (1.0 - sigma / rate).max(0.0));
                 if !survives(&mut left, start, numbers) {
                     return false;
                 }
@@ -208,14 +237,33 @@ fn survives(weight: &mut SampledSpectrum, start: f32, numbers: &mut dyn FnMut() 
     true
 }
 
+/// Upper bounds of the extinction of all colours, for coefficients with tints.
+fn extinctions(grid: &Grid, densities: &MajorantGrid, most: f32, size: [usize; 3]) -> MajorantGrid {
+    let tints = [&grid.sigma_a_tint, &grid.sigma_s_tint].map(|tint| {
+        let bounds = |channel: &std::sync::Arc<ScalarGrid>| MajorantGrid::new(channel, size);
+        tint.as_ref().map(|tint| tint.channels().each_ref().map(bounds))
+    });
+    let sigmas = [grid.sigma_a, grid.sigma_s].map(|sigma| sigma.map(sane).to_array());
+    MajorantGrid::made(size, |cell| {
+        let tint = |which: usize, c: usize| tints[which].as_ref().map_or(1.0, |channels| channels[c].bound(cell));
+        // As `coefficient`, which has an end.
+        let sigma = |which: usize, c: usize| sane(sigmas[which][c] * tint(which, c));
+        let thickest = (0..3).map(|c| sigma(0, c) + sigma(1, c)).fold(0.0, f32::max);
+        densities.bound(cell).min(most) * thickest
+    })
+}
+
 /// The density at which a cell is as good as opaque.
 fn most_density(grid: &Grid) -> f32 {
     let axes = grid.world_from_grid.matrix3;
-    let [nx, ny, nz] = grid.density.size().map(|n| n as f64);
+    let [nx, ny, nz] = grid.size().map(|n| n as f64);
     let sides = [axes.x_axis.length() / nx, axes.y_axis.length() / ny, axes.z_axis.length() / nz];
     let side = sides.into_iter().fold(f64::INFINITY, f64::min);
-    let sigma =
-        [grid.sigma_a, grid.sigma_s].map(|c| f64::from(super::sane(c.r.max(c.g).max(c.b)))).into_iter().sum::<f64>();
+    let largest = |sigma: Rgb, tint: &Option<ColorGrid>| {
+        let tint = tint.as_ref().map_or(1.0, ColorGrid::max);
+        f64::from(sane(sane(sigma.r.max(sigma.g).max(sigma.b)) * tint))
+    };
+    let sigma = largest(grid.sigma_a, &grid.sigma_a_tint) + largest(grid.sigma_s, &grid.sigma_s_tint);
     let most = MAX_DEPTH_OF_CELL / (sigma * side);
     if most.is_nan() { f32::MAX } else { most.min(f64::from(f32::MAX)) as f32 }
 }

@@ -9,7 +9,7 @@ use crate::scene::scattering::{self, Coefficients};
 use crate::{Input, Place, ReadError};
 use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::MediumId;
-use snell_scene::medium::{Grid, Homogeneous, ScalarGrid};
+use snell_scene::medium::{ColorGrid, Grid, Homogeneous, ScalarGrid};
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -25,6 +25,16 @@ pub struct Media {
 enum Volume {
     Constant(Rgb),
     Grid(VolumeFile, DAffine3),
+}
+
+impl Volume {
+    /// From the unit cube of the grid to the world.
+    fn place(&self) -> Option<&DAffine3> {
+        match self {
+            Self::Constant(_) => None,
+            Self::Grid(_, place) => Some(place),
+        }
+    }
 }
 
 /// The content of a volume file.
@@ -120,23 +130,66 @@ impl Builder<'_> {
 
     fn heterogeneous(&mut self, object: &Object, g: f32) -> Result<Option<MediumId>, Fault> {
         let scale = object.float_or("scale", 1.0)? as f32;
-        let albedo = self.volume_color(object, "albedo", 0.75)?;
         let name = if object.has("density") { "density" } else { "sigma_t" };
-        let emission = self.volume_color(object, "emission", 0.0)?;
-        Ok(match self.volume(object, name)? {
-            None | Some(Volume::Constant(_)) => {
-                let sigma_t = self.volume_color(object, name, 1.0)? * scale;
-                let plain = Homogeneous::scattering(sigma_t, albedo, g);
-                Some(self.scene.add_medium(Homogeneous { emission, ..plain }))
+        let extinction = self.volume(object, name)?.unwrap_or(Volume::Constant(Rgb::WHITE));
+        let albedo = self.volume(object, "albedo")?.unwrap_or(Volume::Constant(Rgb::splat(0.75)));
+        let emission = self.volume(object, "emission")?.unwrap_or(Volume::Constant(Rgb::BLACK));
+        if let (Volume::Constant(sigma_t), Volume::Constant(albedo), Volume::Constant(emission)) =
+            (&extinction, &albedo, &emission)
+        {
+            let plain = Homogeneous::scattering(*sigma_t * scale, *albedo, g);
+            return Ok(Some(self.scene.add_medium(Homogeneous { emission: *emission, ..plain })));
+        }
+        // All on the box of the first grid, which mostly is that of all.
+        let boxes = [&extinction, &albedo, &emission].into_iter().filter_map(Volume::place);
+        let boxes: Vec<DAffine3> = boxes.copied().collect();
+        let Some(&place) = boxes.first() else { return Ok(None) };
+        if boxes.iter().any(|other| !other.abs_diff_eq(place, 1e-9 * place.matrix3.x_axis.length().max(1e-300))) {
+            let owner = object.owner();
+            self.note(format!("{owner} boxes"), object.at, || {
+                format!("{owner}: its grids have different boxes; all were put into that of the first")
+            });
+        }
+        let scattering = |a: f32| a.clamp(0.0, 1.0);
+        let absorption = |a: f32| 1.0 - a.clamp(0.0, 1.0);
+        let whole = ScalarGrid::new([1; 3], vec![1.0]);
+        let (density, sigma_a, sigma_s) = match (&extinction, &albedo) {
+            (Volume::Grid(file, _), Volume::Constant(albedo)) if file.is_colored() => {
+                let of = |share: fn(f32) -> f32| (albedo.map(share) * scale, file.colors(|_, color| color));
+                (whole, of(absorption), of(scattering))
             }
-            Some(Volume::Grid(file, world_from_grid)) => {
-                let Some(density) = file.scalar() else { return Ok(None) };
-                let sigma_s = albedo * scale;
-                let sigma_a = Rgb::splat(scale) + sigma_s * -1.0;
-                let grid = Grid { emission, ..Grid::new(sigma_a, sigma_s, g, density, world_from_grid) };
-                Some(self.scene.add_medium(grid))
+            (Volume::Grid(file, _), Volume::Grid(albedo, _)) if file.is_colored() && file.size == albedo.size => {
+                let color = |cell: usize, share: fn(f32) -> f32| albedo.color(cell).map(share);
+                let of = |share| (Rgb::splat(scale), file.colors(|cell, sigma_t| sigma_t * color(cell, share)));
+                (whole, of(absorption), of(scattering))
             }
-        })
+            _ => {
+                let (sigma_t, density) = match &extinction {
+                    Volume::Constant(color) => (*color * scale, whole),
+                    Volume::Grid(file, _) => (Rgb::splat(scale), file.scalar()),
+                };
+                if matches!(&extinction, Volume::Grid(file, _) if file.is_colored()) {
+                    let owner = object.owner();
+                    self.note(format!("{owner} sizes"), object.at, || {
+                        format!("{owner}: a coloured \"{name}\" beside an albedo on another grid; it became grey")
+                    });
+                }
+                let of = |share: fn(f32) -> f32| match &albedo {
+                    Volume::Constant(albedo) => (sigma_t * albedo.map(share), None),
+                    Volume::Grid(file, _) => (sigma_t, file.colors(|_, color| color.map(share))),
+                };
+                (density, of(absorption), of(scattering))
+            }
+        };
+        let Some(density) = density else { return Ok(None) };
+        let ((sigma_a, sigma_a_tint), (sigma_s, sigma_s_tint)) = (sigma_a, sigma_s);
+        let (emission, emission_tint) = match &emission {
+            Volume::Constant(emission) => (*emission, None),
+            Volume::Grid(file, _) => (Rgb::WHITE, file.colors(|_, color| color)),
+        };
+        let plain = Grid::new(sigma_a, sigma_s, g, density, place);
+        let grid = Grid { emission, emission_tint, sigma_a_tint, sigma_s_tint, ..plain };
+        Ok(Some(self.scene.add_medium(grid)))
     }
 
     fn volume(&mut self, object: &Object, name: &str) -> Result<Option<Volume>, Fault> {
@@ -197,6 +250,26 @@ impl VolumeFile {
         Rgb::new(channel(0), channel(1), channel(2))
     }
 
+    /// True if cells have colours, not numbers.
+    fn is_colored(&self) -> bool {
+        self.channels >= 3
+    }
+
+    /// The colour of a cell.
+    fn color(&self, cell: usize) -> Rgb {
+        let channel = |c: usize| {
+            let at = cell * self.channels + c.min(self.channels - 1);
+            self.values.get(at).copied().unwrap_or(0.0)
+        };
+        Rgb::new(channel(0), channel(1), channel(2))
+    }
+
+    /// A colour for each cell, made from its number and its colour.
+    fn colors(&self, change: impl Fn(usize, Rgb) -> Rgb) -> Option<ColorGrid> {
+        let cells = self.values.len() / self.channels;
+        ColorGrid::new(self.size, &(0..cells).map(|cell| change(cell, self.color(cell))).collect::<Vec<_>>())
+    }
+
     /// One number for each cell: the mean of the channels.
     fn scalar(&self) -> Option<ScalarGrid> {
         let mean = |cell: &[f32]| cell.iter().sum::<f32>() / self.channels as f32;
@@ -254,6 +327,66 @@ mod tests {
             bytes.extend(x.to_le_bytes());
         }
         bytes
+    }
+
+    /// A volume of many channels, in the unit cube.
+    fn colored(size: [i32; 3], channels: i32, values: &[f32]) -> Vec<u8> {
+        let mut all = bytes(size, values);
+        all[20..24].copy_from_slice(&channels.to_le_bytes());
+        all
+    }
+
+    #[test]
+    fn albedos_and_extinctions_on_grids_count_cell_by_cell() {
+        use snell_math::{ColorMode, Vec3};
+        use snell_scene::medium::Medium;
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let files = [
+            ("density", colored([2, 1, 1], 1, &[2.0, 4.0])),
+            ("colors", colored([2, 1, 1], 3, &[2.0, 1.0, 4.0, 1.0, 0.0, 8.0])),
+            ("albedo", colored([2, 1, 1], 3, &[0.5, 0.25, 1.0, 0.0, 2.0, 0.125])),
+            ("coarse", colored([1, 1, 1], 3, &[0.5, 0.25, 1.0])),
+        ];
+        for (name, bytes) in files {
+            std::fs::write(folder.path().join(name), bytes).expect("the folder is writable");
+        }
+        let read = |sigma_t: &str, albedo: &str| {
+            let volume = |name: &str, value: &str| match value.parse::<f32>() {
+                Ok(_) => format!("<float name=\"{name}\" value=\"{value}\"/>"),
+                Err(_) => format!(
+                    "<volume type=\"gridvolume\" name=\"{name}\"><string name=\"filename\" value=\"{value}\"/></volume>"
+                ),
+            };
+            let text = format!(
+                "<scene version=\"3.0.0\"><shape type=\"cube\"><medium type=\"heterogeneous\" name=\"interior\">\
+                 <float name=\"scale\" value=\"2\"/>{}{}</medium></shape></scene>",
+                volume("sigma_t", sigma_t),
+                volume("albedo", albedo)
+            );
+            let path = folder.path().join("a.xml");
+            std::fs::write(&path, text).expect("the folder is writable");
+            let scene = crate::read_scene(&path, &ReadOptions::default()).expect("nothing is wrong");
+            let [Medium::Grid(grid)] = &scene.media[..] else { panic!("one grid") };
+            let at = |x: f32| {
+                let p = grid.world_from_grid.transform_point3(DVec3::new(f64::from(x), 0.5, 0.5)).as_vec3();
+                let m = grid.properties(p, ColorMode::Rgb);
+                [m.sigma_a, m.sigma_s].map(|s| Vec3::new(s[0], s[1], s[2]))
+            };
+            ([at(0.25), at(0.75)].concat(), scene.warnings.len())
+        };
+        let close = |found: (Vec<Vec3>, usize), expected: [[f32; 3]; 4], warnings: usize| {
+            let expected = expected.map(Vec3::from_array);
+            assert!(found.0.iter().zip(expected).all(|(a, b)| a.abs_diff_eq(b, 1e-4)), "{found:?} is not {expected:?}");
+            assert_eq!(found.1, warnings);
+        };
+        let half = |a: [f32; 3], b: [f32; 3]| [a, a, b, b];
+        close(read("density", "0.5"), half([2.0; 3], [4.0; 3]), 0);
+        close(read("density", "albedo"), [[2.0, 3.0, 0.0], [2.0, 1.0, 4.0], [8.0, 0.0, 7.0], [0.0, 8.0, 1.0]], 0);
+        close(read("3", "albedo"), [[3.0, 4.5, 0.0], [3.0, 1.5, 6.0], [6.0, 0.0, 5.25], [0.0, 6.0, 0.75]], 0);
+        close(read("colors", "0.5"), half([2.0, 1.0, 4.0], [1.0, 0.0, 8.0]), 0);
+        close(read("colors", "albedo"), [[2.0, 1.5, 0.0], [2.0, 0.5, 8.0], [2.0, 0.0, 14.0], [0.0, 0.0, 2.0]], 0);
+        // Grids that do not fit each other: the extinction becomes grey.
+        assert_eq!(read("colors", "coarse").1, 1);
     }
 
     fn read(bytes: Vec<u8>) -> Result<VolumeFile, String> {

@@ -10,7 +10,7 @@ use crate::scene::scattering;
 use snell_math::{DAffine3, DVec3, Rgb};
 use snell_scene::graph::MediumId;
 use snell_scene::material::Interior;
-use snell_scene::medium::{Cloud, Grid, Homogeneous, Medium, ScalarGrid, blackbody_luminance};
+use snell_scene::medium::{Cloud, ColorGrid, Grid, Homogeneous, Medium, ScalarGrid, blackbody_luminance};
 use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -144,42 +144,51 @@ impl Builder<'_> {
         }
     }
 
-    /// Coefficients for each cell and colour: one density, and the mean colours.
+    /// Coefficients for each cell and colour.
     fn rgb_grid(&mut self, params: &Params) -> Result<Grid, Fault> {
         let size = cells(params)?;
         let scale = params.float_or("scale", 1.0)? as f32;
-        let le_scale = params.float_or("Lescale", 1.0)? as f32;
-        let list = |name: &str| Ok::<_, Fault>(params.typed(name, &[Type::Rgb])?.map_or(&[][..], |p| p.numbers()));
-        let (absorbed, scattered, emitted) = (list("sigma_a")?, list("sigma_s")?, list("Le")?);
-        let count = absorbed.len().max(scattered.len()) / 3;
-        let at = |list: &[f64], cell: usize, default: f64| -> f64 {
-            list.get(3 * cell..3 * cell + 3).map_or(default, |c| c.iter().sum::<f64>() / 3.0)
+        let le_scale = params.float_or("Lescale", params.float_or("LeScale", 1.0)?)? as f32;
+        let list = |name: &str| -> Result<Vec<Rgb>, Fault> {
+            let numbers = params.typed(name, &[Type::Rgb])?.map_or(&[][..], |p| p.numbers());
+            Ok(numbers.chunks_exact(3).map(|c| Rgb::new(c[0] as f32, c[1] as f32, c[2] as f32)).collect())
         };
-        // What is not given is 1 for all.
-        let both = |cell: usize| at(absorbed, cell, 1.0) + at(scattered, cell, 1.0);
-        let mean = (0..count).map(both).sum::<f64>() / count.max(1) as f64;
-        let relative = |cell: usize| if mean > 0.0 { (both(cell) / mean) as f32 } else { 0.0 };
-        let Some(density) = ScalarGrid::new(size, (0..count).map(relative).collect()) else {
-            let problem = format!("{count} colours for a grid of {} x {} x {}", size[0], size[1], size[2]);
-            return Err(params.fault(problem, "give one for each cell in \"rgb sigma_a\" or \"rgb sigma_s\""));
+        let (absorbed, scattered, mut emitted) = (list("sigma_a")?, list("sigma_s")?, list("Le")?);
+        if absorbed.is_empty() && scattered.is_empty() {
+            let remedy = "give one for each cell in \"rgb sigma_a\" or \"rgb sigma_s\"";
+            return Err(params.fault("a grid without colours", remedy));
+        }
+        // What glows is what absorbs.
+        for (light, absorbed) in emitted.iter_mut().zip(&absorbed) {
+            *light = *light * *absorbed;
+        }
+        let tint = |name: &str, values: Vec<Rgb>, scale: f32| {
+            if values.is_empty() {
+                return Ok((Rgb::splat(scale), None));
+            }
+            let largest = values.iter().map(|c| c.r.max(c.g).max(c.b)).fold(0.0, f32::max);
+            let share = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
+            let found = values.len();
+            let values: Vec<Rgb> = values.into_iter().map(|c| c * (1.0 / share)).collect();
+            let Some(grid) = ColorGrid::new(size, &values) else {
+                let problem = format!("{found} colours for a grid of {} x {} x {}", size[0], size[1], size[2]);
+                return Err(params.fault(problem, format!("give one for each cell in \"rgb {name}\"")));
+            };
+            Ok((Rgb::splat(share * scale), Some(grid)))
         };
-        self.note("rgb grid", params.at, || {
-            "a medium whose colours differ by cell: its density was kept, and one colour used for all".into()
-        });
-        let color = |list: &[f64], default: Rgb| match list.len() / 3 {
-            0 => default,
-            n => Rgb::from([0, 1, 2].map(|c| (list.iter().skip(c).step_by(3).sum::<f64>() / n as f64) as f32)),
-        };
-        let sigma_a = color(absorbed, Rgb::WHITE) * scale;
+        // What is not given is 1 everywhere, but for light.
+        let emits = !emitted.is_empty();
+        let (emission, emission_tint) = tint("Le", emitted, le_scale * scale)?;
+        let (sigma_a, sigma_a_tint) = tint("sigma_a", absorbed, scale)?;
+        let (sigma_s, sigma_s_tint) = tint("sigma_s", scattered, scale)?;
+        let g = params.float_or("g", 0.0)? as f32;
+        let whole = ScalarGrid::new([1; 3], vec![1.0]).unwrap_or_default();
         Ok(Grid {
-            emission: sigma_a * color(emitted, Rgb::BLACK) * le_scale,
-            ..Grid::new(
-                sigma_a,
-                color(scattered, Rgb::WHITE) * scale,
-                params.float_or("g", 0.0)? as f32,
-                density,
-                self.world_from_box(params)?,
-            )
+            emission: if emits { emission } else { Rgb::BLACK },
+            sigma_a_tint,
+            sigma_s_tint,
+            emission_tint,
+            ..Grid::new(sigma_a, sigma_s, g, whole, self.world_from_box(params)?)
         })
     }
 

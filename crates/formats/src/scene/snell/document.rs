@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::graph::MediumId;
-use snell_scene::medium::{Grid, Medium, ScalarGrid};
+use snell_scene::medium::{ColorGrid, Grid, Medium, ScalarGrid};
 use snell_scene::{
     Background, Camera, Encoding, Environment, Geometry, Image, Light, Material, MaterialId, Node, NodeId, Pixels,
     Scene, SceneSettings, Surface, Texture,
@@ -82,6 +82,13 @@ pub struct MediumGrids {
     emission_scale: Option<u32>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     temperature: Option<u32>,
+    /// Grids of red, green and blue.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sigma_a_tint: Option<[u32; 3]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sigma_s_tint: Option<[u32; 3]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    emission_tint: Option<[u32; 3]>,
 }
 
 /// Light from all directions.
@@ -352,9 +359,15 @@ impl Document {
 /// The medium without its grids, which are in a table of their own.
 fn without_grids(medium: &Medium) -> Medium {
     match medium {
-        Medium::Grid(grid) => {
-            Medium::Grid(Grid { density: Arc::default(), emission_scale: None, temperature: None, ..grid.clone() })
-        }
+        Medium::Grid(grid) => Medium::Grid(Grid {
+            density: Arc::default(),
+            emission_scale: None,
+            temperature: None,
+            sigma_a_tint: None,
+            sigma_s_tint: None,
+            emission_tint: None,
+            ..grid.clone()
+        }),
         other => other.clone(),
     }
 }
@@ -375,6 +388,9 @@ fn grids(media: &[Medium]) -> (Vec<GridForm>, Vec<MediumGrids>) {
             density: number(&grid.density),
             emission_scale: grid.emission_scale.as_ref().map(&mut number),
             temperature: grid.temperature.as_ref().map(&mut number),
+            sigma_a_tint: grid.sigma_a_tint.as_ref().map(|tint| tint.channels().each_ref().map(&mut number)),
+            sigma_s_tint: grid.sigma_s_tint.as_ref().map(|tint| tint.channels().each_ref().map(&mut number)),
+            emission_tint: grid.emission_tint.as_ref().map(|tint| tint.channels().each_ref().map(&mut number)),
         });
     }
     (forms, uses)
@@ -394,7 +410,8 @@ fn add_grids(media: &mut [Medium], forms: Vec<GridForm>, uses: Vec<MediumGrids>,
             grid.ok_or_else(|| flaw(format!("{found} values for {} x {} x {} cells", size[0], size[1], size[2])))?;
         grids.push(Arc::new(grid));
     }
-    for (i, MediumGrids { medium, density, emission_scale, temperature }) in uses.into_iter().enumerate() {
+    for (i, used) in uses.into_iter().enumerate() {
+        let medium = used.medium;
         let flaw = |text: String| (format!("/media_grids/{i}"), text);
         let count = grids.len();
         let get = |number: u32| {
@@ -404,9 +421,16 @@ fn add_grids(media: &mut [Medium], forms: Vec<GridForm>, uses: Vec<MediumGrids>,
         let Some(Medium::Grid(owner)) = media.get_mut(medium.index()) else {
             return Err(flaw(format!("medium {} is none that is given on a grid", medium.0)));
         };
-        owner.density = get(density)?;
-        owner.emission_scale = emission_scale.map(get).transpose()?;
-        owner.temperature = temperature.map(get).transpose()?;
+        let color = |numbers: [u32; 3]| {
+            let [r, g, b] = numbers;
+            Ok::<_, Flaw>(ColorGrid::from_channels([get(r)?, get(g)?, get(b)?]))
+        };
+        owner.density = get(used.density)?;
+        owner.emission_scale = used.emission_scale.map(get).transpose()?;
+        owner.temperature = used.temperature.map(get).transpose()?;
+        owner.sigma_a_tint = used.sigma_a_tint.map(color).transpose()?;
+        owner.sigma_s_tint = used.sigma_s_tint.map(color).transpose()?;
+        owner.emission_tint = used.emission_tint.map(color).transpose()?;
     }
     Ok(())
 }

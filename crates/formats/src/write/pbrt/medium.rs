@@ -2,7 +2,7 @@
 
 use super::{rgb, transform};
 use crate::write::Output;
-use snell_math::Rgb;
+use snell_math::{ColorMode, DVec3, Rgb};
 use snell_scene::medium::{Grid, Medium};
 
 /// What is there of a medium that emits and does nothing else, as part of its highest density.
@@ -37,6 +37,14 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
             coefficients(m.sigma_a, m.sigma_s, m.g),
             emission(m.emission, m.sigma_a)
         )),
+        Medium::Grid(grid)
+            if [&grid.sigma_a_tint, &grid.sigma_s_tint, &grid.emission_tint].iter().any(|t| t.is_some()) =>
+        {
+            if grid.temperature.is_some() {
+                output.lose(format!("medium {number}: its temperature is left out"));
+            }
+            Some(colors(output, number, grid))
+        }
         Medium::Grid(grid) => {
             let light = emission(grid.emission, grid.sigma_a);
             if grid.temperature.is_some() {
@@ -70,6 +78,41 @@ pub fn medium(output: &mut Output, number: usize, medium: &Medium) -> Option<Str
             Some(format!("MakeNamedMedium \"medium-{number}\" \"string type\" [ \"homogeneous\" ] {clear}\n"))
         }
     }
+}
+
+/// A grid whose colours differ from cell to cell.
+fn colors(output: &mut Output, number: usize, grid: &Grid) -> String {
+    let size = grid.size();
+    let plain = Grid { temperature: None, ..grid.clone() };
+    let middle = |i: usize, n: usize| (i as f64 + 0.5) / n as f64;
+    let (mut absorbed, mut scattered, mut emitted) = (Vec::new(), Vec::new(), Vec::new());
+    let mut is_lost = false;
+    for i in 0..size.iter().product::<usize>() {
+        let (x, y, z) = (i % size[0], i / size[0] % size[1], i / size[0] / size[1]);
+        let middle = DVec3::new(middle(x, size[0]), middle(y, size[1]), middle(z, size[2]));
+        let at = plain.properties(grid.world_from_grid.transform_point3(middle).as_vec3(), ColorMode::Rgb);
+        absorbed.extend_from_slice(&at.sigma_a.0[..3]);
+        scattered.extend_from_slice(&at.sigma_s.0[..3]);
+        // pbrt emits where it absorbs.
+        for (e, a) in at.emission.0[..3].iter().zip(&at.sigma_a.0[..3]) {
+            emitted.push(if *a > 0.0 { e / a } else { 0.0 });
+            is_lost |= *e > 0.0 && *a <= 0.0;
+        }
+    }
+    if is_lost {
+        output.lose(format!("medium {number}: emission where nothing is absorbed is left out"));
+    }
+    let light = if grid.emission.is_black() { String::new() } else { format!(" \"rgb Le\" [ {} ]", joined(&emitted)) };
+    let [nx, ny, nz] = size;
+    format!(
+        "AttributeBegin\n  {}\n  MakeNamedMedium \"medium-{number}\" \"string type\" [ \"rgbgrid\" ] \"float g\" [ {} ] \
+         \"integer nx\" [ {nx} ] \"integer ny\" [ {ny} ] \"integer nz\" [ {nz} ] \"rgb sigma_a\" [ {} ] \"rgb sigma_s\" [ {} ]{light}\n\
+         AttributeEnd\n",
+        transform(&grid.world_from_grid),
+        grid.g,
+        joined(&absorbed),
+        joined(&scattered),
+    )
 }
 
 /// The densities of a grid, so that there is something wherever it emits; true if that changed any.

@@ -1,8 +1,9 @@
 //! Collisions against closed forms, and against the same medium without a grid.
 
 use super::*;
-use crate::medium::{Homogeneous, Medium, PreparedMedium, ScalarGrid};
+use crate::medium::{ColorGrid, Homogeneous, Medium, PreparedMedium, ScalarGrid};
 use snell_math::{Rgb, rng};
+use std::sync::Arc;
 
 const UNIT: SampledSpectrum = SampledSpectrum([1.0, 1.0, 1.0, 0.0]);
 
@@ -106,13 +107,97 @@ fn a_constant_grid_is_a_homogeneous_medium() {
     }
 }
 
+/// Each colour another ramp: red grows along x, green falls, blue is the same everywhere.
+fn ramps() -> (ColorGrid, impl Fn(f64) -> [f64; 3]) {
+    let (rising, integral) = ramp();
+    let falling = ScalarGrid::new(rising.size(), rising.values().iter().map(|v| 1.0 - v).collect());
+    let constant = ScalarGrid::new([1; 3], vec![0.5]);
+    let channels = [Some(rising), falling, constant].map(|grid| Arc::new(grid.expect("as many values as cells")));
+    (ColorGrid::from_channels(channels), move |x| [integral(x), x - integral(x), 0.5 * x])
+}
+
+#[test]
+fn light_rays_through_ramps_of_colours_lose_what_the_integrals_say() {
+    let (tint, integrals) = ramps();
+    let one = || ScalarGrid::new([1; 3], vec![1.0]).expect("one value");
+    let plain = Grid::new(Rgb::new(1.0, 3.0, 2.0), Rgb::new(2.0, 1.0, 0.5), 0.0, one(), DAffine3::IDENTITY);
+    let (from, to) = (integrals(0.05), integrals(0.05 + 0.6 * 1.2));
+    let column = |c: usize| (to[c] - from[c]) / 0.6;
+    let segment = through(1.2);
+    for which in 0..3 {
+        let grid = Grid {
+            sigma_a_tint: (which != 1).then(|| tint.clone()),
+            sigma_s_tint: (which != 0).then(|| tint.clone()),
+            ..plain.clone()
+        };
+        let thickness = |c: usize| {
+            let [a, s] = [plain.sigma_a, plain.sigma_s].map(|sigma| f64::from(sigma.to_array()[c]));
+            let of = |sigma: f64, is_tinted: bool| sigma * if is_tinted { column(c) } else { 1.2 };
+            of(a, which != 1) + of(s, which != 0)
+        };
+        let expected = [0, 1, 2].map(|c| (-thickness(c)).exp());
+        let tracked = TrackedGrid::new(&grid);
+        assert_agree(mean(60_000, |i| tracked.attenuate(&segment, UNIT, ColorMode::Rgb, &mut numbers(i))), expected);
+        let passed = |i| {
+            let travel = tracked.travel(&segment, UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(i));
+            if travel.scattered.is_some() { SampledSpectrum::ZERO } else { travel.throughput }
+        };
+        assert_agree(mean(60_000, passed), expected);
+    }
+}
+
+#[test]
+fn tints_that_are_constant_are_factors() {
+    let density = || ScalarGrid::new([3, 5, 2], vec![2.0; 30]).expect("thirty values");
+    let place = DAffine3::from_scale(snell_math::DVec3::splat(4.0));
+    let [absorbing, scattering, shining] = [Rgb::new(0.5, 0.1, 0.0), Rgb::new(0.2, 2.0, 1.0), Rgb::new(1.0, 0.3, 0.0)];
+    let one = |color: Rgb| ColorGrid::new([1; 3], &[color]);
+    let grid = Grid { emission: Rgb::splat(0.5), ..Grid::new(Rgb::splat(0.4), Rgb::splat(0.7), 0.3, density(), place) };
+    let tinted = Grid {
+        sigma_a_tint: one(absorbing),
+        sigma_s_tint: one(scattering),
+        emission_tint: one(shining),
+        ..grid.clone()
+    };
+    let colored = Grid {
+        sigma_a: grid.sigma_a * absorbing,
+        sigma_s: grid.sigma_s * scattering,
+        emission: grid.emission * shining,
+        ..grid
+    };
+    for mode in [ColorMode::Rgb, ColorMode::Spectral(snell_math::SampledWavelengths::sample(0.3))] {
+        let [a, b] = [&tinted, &colored].map(|grid| grid.properties(Vec3::splat(2.0), mode));
+        for (a, b) in [(a.sigma_a, b.sigma_a), (a.sigma_s, b.sigma_s), (a.emission, b.emission)] {
+            assert!((0..4).all(|c| (a[c] - b[c]).abs() <= 1e-5 * b[c].abs()), "{a:?} is not {b:?}");
+        }
+        let of = |grid: &Grid, what: u32| {
+            let tracked = TrackedGrid::new(grid);
+            mean(40_000, |i| {
+                let travel = tracked.travel(&through(1.5), UNIT, mode, |_| 1.0, &mut numbers(i));
+                match (what, travel.scattered) {
+                    (0, None) => travel.throughput,
+                    (1, Some(s)) => travel.throughput * s.distance,
+                    (2, _) => travel.emitted,
+                    (3, _) => tracked.attenuate(&through(1.5), UNIT, mode, &mut numbers(i)),
+                    _ => SampledSpectrum::ZERO,
+                }
+            })
+        };
+        for what in 0..4 {
+            for ((a, ea), (b, eb)) in of(&tinted, what).into_iter().zip(of(&colored, what)) {
+                assert!((a - b).abs() <= 4.0 * ea.hypot(eb) + 1e-5, "{what}: {a} +- {ea}, {b} +- {eb}");
+            }
+        }
+    }
+}
+
 #[test]
 fn fire_without_smoke_glows() {
     let empty = ScalarGrid::new([4; 3], vec![0.0; 64]).expect("as many values as cells");
     let (glow, integral) = ramp();
     let grid = Grid {
         emission: Rgb::new(3.0, 1.0, 0.0),
-        emission_scale: Some(std::sync::Arc::new(glow)),
+        emission_scale: Some(Arc::new(glow)),
         ..Grid::new(Rgb::WHITE, Rgb::WHITE, 0.0, empty, DAffine3::IDENTITY)
     };
     let tracked = TrackedGrid::new(&grid);
@@ -126,7 +211,7 @@ fn gas_of_one_temperature_glows_as_a_black_body() {
     let full = |value: f32| ScalarGrid::new([3; 3], vec![value; 27]).expect("as many values as cells");
     let grid = Grid {
         emission: Rgb::splat(2.0),
-        temperature: Some(std::sync::Arc::new(full(1800.0))),
+        temperature: Some(Arc::new(full(1800.0))),
         ..Grid::new(Rgb::BLACK, Rgb::BLACK, 0.0, full(0.5), DAffine3::IDENTITY)
     };
     let tracked = TrackedGrid::new(&grid);
@@ -145,9 +230,14 @@ fn hostile_grids_end_soon_and_stay_finite() {
     let maps = [1.0, 0.0, 1e-30, 1e30, f64::NAN, f64::INFINITY, -1.0].map(scale);
     for map in maps {
         for sigma in [huge, Rgb::BLACK, Rgb::new(f32::NAN, 1.0, -1.0)] {
-            let grid = Grid { emission: huge, ..Grid::new(sigma, sigma, f32::NAN, density(), map) };
-            let tracked = TrackedGrid::new(&grid);
-            for length in [0.0, 1.0, f32::INFINITY, f32::NAN] {
+            let plain = Grid { emission: huge, ..Grid::new(sigma, sigma, f32::NAN, density(), map) };
+            let tint = ColorGrid::from_channels(std::array::from_fn(|_| Arc::new(density())));
+            let tinted = Grid { sigma_s_tint: Some(tint.clone()), emission_tint: Some(tint), ..plain.clone() };
+            for (grid, length) in [&plain, &tinted]
+                .into_iter()
+                .flat_map(|g| [0.0, 1.0, f32::INFINITY, f32::NAN].map(|length| (g, length)))
+            {
+                let tracked = TrackedGrid::new(grid);
                 let travel = tracked.travel(&through(length), UNIT, ColorMode::Rgb, |_| 1.0, &mut numbers(1));
                 assert!(travel.throughput.is_finite(), "{map:?} {sigma:?} {length}");
                 let left = tracked.attenuate(&through(length), UNIT, ColorMode::Rgb, &mut numbers(2));
