@@ -233,6 +233,103 @@ def test_media():
     assert scene.medium is None
 
 
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (lambda: snell.Material("metallic-roughness", roughness=7), "metallic-roughness: .*roughness.* 7 is not possible"),
+        (lambda: snell.Material("dielectric", ior=-1), "dielectric: .*ior.* -1 is not possible"),
+        (lambda: snell.Material("diffuse", reflectance=0.5).replace(alpha=-2), "alpha.* -2 is not possible"),
+        (lambda: snell.Medium("homogeneous", g=1.5), "homogeneous: .*g.* 1.5 is not possible"),
+        (lambda: snell.Light("point", position=(0, 0, 0), intensity=-3), "point: intensity.* -3 is not possible"),
+        (lambda: snell.Light("point", position=(0, 0, 0), intensity=1e33), "intensity.* 1e33 is not possible"),
+    ],
+)
+def test_numbers_that_mean_nothing(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_light_that_is_too_bright_is_limited_and_told():
+    scene = snell.Scene()
+    scene.add_shape("sphere", radius=1, material=snell.Material("diffuse", reflectance=0.5))
+    scene.environment = 1e33
+    scene.cameras = [snell.Camera(eye=(0, 0, 5))]
+    with pytest.warns(snell.SceneWarning, match="1e33, and 1e24 is the most"):
+        image = snell.render(scene, "path", spp=4, size=(8, 8))
+    assert np.isfinite(np.asarray(image)).all()
+
+
+def glass_box(medium):
+    """A box of a medium without a surface, before a white sky, seen straight on."""
+    scene = snell.Scene()
+    scene.add_shape("box", min=(-1, -1, -1), max=(1, 1, 1), material=snell.Material("interface", interior=medium))
+    scene.environment = 1.0
+    scene.cameras = [snell.Camera(eye=(0, 0, 50), target=(0, 0, 0), fov=2)]
+    return scene
+
+
+def test_media_from_arrays():
+    rng = np.random.default_rng(1)
+    box = [(-1, -1, -1), (1, 1, 1)]
+    # What is behind each other adds up: columns along z, red to the left and dense below (a row of pixels is y downwards).
+    density = np.zeros((4, 2, 2))
+    density[:, 0, :], density[:, 1, :] = 1.0, 0.25
+    tint = np.ones((1, 1, 2, 3))
+    tint[..., 0, :] = (0.0, 1.0, 1.0)
+    smoke = snell.Medium("grid", density=density, sigma_a=(0.5, 1, 2), sigma_a_tint=tint, bounds=box)
+    assert smoke.density.shape == (4, 2, 2) and smoke.density.dtype == np.float32 and smoke.sigma_s_tint is None
+    np.testing.assert_array_equal(smoke.density, density)
+    np.testing.assert_array_equal(smoke.sigma_a_tint, tint)
+    np.testing.assert_allclose(smoke.world_from_grid, [[2, 0, 0, -1], [0, 2, 0, -1], [0, 0, 2, -1], [0, 0, 0, 1]])
+    picture = np.asarray(snell.render(glass_box(smoke), "path", spp=4096, size=(8, 8), filter="box"))
+    for row, thickness in [(1, 0.25), (6, 1.0)]:
+        for column, factors in [(1, (0, 1, 1)), (6, (1, 1, 1))]:
+            expected = np.exp(-2 * thickness * np.multiply((0.5, 1, 2), factors))
+            np.testing.assert_allclose(picture[row, column], expected, atol=0.03)
+    # It goes through pickles, into materials and out of scenes, and into files.
+    assert "density=<array (4, 2, 2)>" in repr(smoke)
+    for again in [
+        pickle.loads(pickle.dumps(smoke)),
+        pickle.loads(pickle.dumps(snell.Material("interface", interior=smoke))).interior["medium"],
+        glass_box(smoke).materials[0].interior["medium"],
+        pickle.loads(pickle.dumps(glass_box(smoke))).materials[0].interior["medium"],
+        smoke.replace(g=0.5).replace(g=0),
+    ]:
+        np.testing.assert_array_equal(again.density, density)
+        np.testing.assert_array_equal(again.sigma_a_tint, tint)
+        assert repr(again) == repr(smoke)
+    moved = smoke.replace(bounds=[(0, 0, 0), (1, 2, 3)])
+    np.testing.assert_allclose(np.diag(moved.world_from_grid), (1, 2, 3, 1))
+    # Numbers of any kind, views, and what is no number.
+    odd = rng.normal(size=(6, 5, 4)).astype(np.float16)[::2, :, ::-1]
+    odd[0, 0, 0] = np.nan
+    kept = snell.Medium("grid", density=odd, sigma_s=1).density
+    np.testing.assert_array_equal(kept, np.where(odd > 0, odd, 0).astype(np.float32))
+    fire = snell.Medium("grid", density=np.ones((2, 2, 2), int), emission=1, temperature=np.full((1, 1, 1), 3000), bounds=box)
+    glow = np.asarray(snell.render(glass_box(fire), "path", spp=64, size=(4, 4)))
+    assert (glow[..., 0] > glow[..., 2] + 0.1).all()
+
+
+@pytest.mark.parametrize(
+    "parameters, message",
+    [
+        ({}, 'grid: the parameter "density" is missing'),
+        ({"density": [1, 2]}, r"density: shape is \(2,\), expected \(z, y, x\)"),
+        ({"density": np.ones((2, 2, 2, 3))}, r"density: shape is \(2, 2, 2, 3\), expected \(z, y, x\)"),
+        ({"density": np.ones((2, 0, 2))}, "density: there are no cells"),
+        ({"density": np.ones((2, 2, 2), complex)}, "density: dtype is complex128"),
+        ({"density": np.ones((2, 2, 2)), "sigma_s_tint": np.ones((2, 2))}, r"sigma_s_tint: .*expected \(z, y, x, 3\) or"),
+        ({"density": np.ones((2, 2, 2)), "bounds": [(0, 0, 0), (1, 0, 1)]}, "the lower corner first"),
+        ({"density": np.ones((2, 2, 2)), "bounds": [(0, 0, 0)]}, r"bounds: shape is \(1, 3\), expected \(2, 3\)"),
+        ({"density": np.ones((2, 2, 2)), "world_from_grid": np.zeros((4, 4))}, r"world_from_grid\[3\] is"),
+        ({"density": np.ones((2, 2, 2)), "densty": 1}, 'did you mean "density"'),
+    ],
+)
+def test_media_from_other_things(parameters, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        snell.Medium("grid", **parameters)
+
+
 def test_materials_of_a_scene_are_shared_and_replaced():
     scene = snell.load("cornell-box")
     names = [material.name for material in scene.materials]

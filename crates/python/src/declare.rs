@@ -102,10 +102,17 @@ fn merge(known: &mut Tree, form: &Tree) {
 }
 
 /// The names of all kinds, with those of their parameters.
-pub fn catalogue<'py>(py: Python<'py>, family: &Family) -> PyResult<Bound<'py, PyDict>> {
+pub fn catalogue<'py>(
+    py: Python<'py>,
+    family: &Family,
+    arrays: impl Fn(&str) -> &'static [&'static str],
+) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
     for kind in family.kinds() {
-        let names: Vec<String> = family.parameters(kind)?.into_iter().map(|(name, _)| name).collect();
+        let arrays = arrays(kind).iter().map(|name| name.to_string());
+        let names = family.parameters(kind)?.into_iter().map(|(name, _)| name);
+        let names: Vec<String> =
+            names.filter(|name| !arrays.clone().any(|array| array == *name)).chain(arrays.clone()).collect();
         all.set_item(kind, PyTuple::new(py, names)?)?;
     }
     Ok(all)

@@ -185,23 +185,27 @@ pub fn mesh<'py>(
 
 /// A transform: a matrix `(4, 4)` whose last row is 0, 0, 0, 1, or its first three rows.
 pub fn transform(value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Transform>> {
-    let Some(value) = value else { return Ok(None) };
-    let array = array(value, "transform")?;
+    value.map(|value| named_transform(value, "transform")).transpose()
+}
+
+/// The same under another name.
+pub fn named_transform(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
+    let array = array(value, name)?;
     if !matches!(array.shape(), [3 | 4, 4]) {
         let found = shown(array.shape());
-        return Err(PyValueError::new_err(format!("transform: shape is {found}, expected (4, 4) or (3, 4)")));
+        return Err(PyValueError::new_err(format!("{name}: shape is {found}, expected (4, 4) or (3, 4)")));
     }
-    is_double(&array, "transform")?;
+    is_double(&array, name)?;
     let values = contiguous::<f64>(&array)?;
     let values = slice(&values)?;
-    check_finite(values, 4, "transform")?;
+    check_finite(values, 4, name)?;
     let mut rows = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     rows[..values.len()].copy_from_slice(values);
     if rows[12..] != [0.0, 0.0, 0.0, 1.0] {
-        return Err(PyValueError::new_err(format!("transform[3] is {:?}, expected [0, 0, 0, 1]", &rows[12..])));
+        return Err(PyValueError::new_err(format!("{name}[3] is {:?}, expected [0, 0, 0, 1]", &rows[12..])));
     }
     let map = Transform::from_matrix(DMat4::from_cols_array(&rows).transpose());
-    map.map(Some).ok_or_else(|| PyValueError::new_err("transform is singular, expected one with an inverse"))
+    map.ok_or_else(|| PyValueError::new_err(format!("{name} is singular, expected one with an inverse")))
 }
 
 /// A matrix `(4, 4)`.

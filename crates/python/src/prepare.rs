@@ -38,6 +38,7 @@ impl Prepared {
     /// Prepares what a scene holds.
     pub fn new(contents: &Contents, request: &Request) -> Result<Self, String> {
         let mut scene = graph(contents)?;
+        scene.limit_light();
         prepare(&mut scene, &FramingOptions { size: request.size, ..FramingOptions::default() })
             .map_err(|e| e.to_string())?;
         let compiled = CompiledScene::new(&scene, &request.build).map_err(|e| e.to_string())?;

@@ -1,6 +1,7 @@
 //! What the classes of declared things have in common: a kind, its parameters, and the textures they refer to.
 
 use crate::declare::{Family, References, make, read_all, show};
+use crate::medium::Medium;
 use crate::texture::AnyTexture;
 use crate::tree::Tree;
 use pyo3::exceptions::{PyAttributeError, PyTypeError, PyValueError};
@@ -8,6 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use snell_scene::medium::Medium as Value;
 
 /// A declared value, as it was said in Python.
 #[derive(Debug)]
@@ -41,6 +43,31 @@ pub trait Declared: Serialize + DeserializeOwned + Clone {
         }
     }
 
+    /// Parameters of a kind that are arrays, or said by arrays, and so are not in the declaration.
+    fn arrays(_kind: &str) -> &'static [&'static str] {
+        &[]
+    }
+
+    /// Takes one of [`Self::arrays`], which is not None.
+    fn set_array(&mut self, name: &str, _value: &Bound<'_, PyAny>) -> PyResult<()> {
+        Err(PyTypeError::new_err(format!("there is no array {name:?}")))
+    }
+
+    /// True for an array that is not kept as such.
+    fn is_only_said(_name: &str) -> bool {
+        false
+    }
+
+    /// One of [`Self::arrays`], if it is there.
+    fn array<'py>(&self, _py: Python<'py>, _name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+        Ok(None)
+    }
+
+    /// Refuses what lacks something.
+    fn complete(self) -> PyResult<Self> {
+        Ok(self)
+    }
+
     /// Puts in order what may be said in several ways, such as the length of a direction.
     fn settle(self) -> PyResult<Self> {
         Ok(self)
@@ -49,15 +76,20 @@ pub trait Declared: Serialize + DeserializeOwned + Clone {
 
 impl<T: Declared> Said<T> {
     /// A thing of this kind with these parameters.
-    pub fn new(kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    fn new(py: Python<'_>, kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let family = T::family();
         let (parameters, common) = (family.parameters(kind)?, T::common()?);
         let mut references = References::default();
         let known = Self::known(kind)?;
-        let given = match given {
-            Some(given) => read_all(kind, &known, given, &mut references)?,
-            None => Vec::new(),
-        };
+        let declared = PyDict::new(py);
+        let mut arrays = Vec::new();
+        for (key, value) in given.into_iter().flatten() {
+            match T::arrays(kind).iter().find(|name| key.eq(**name).unwrap_or(false)) {
+                Some(name) => arrays.push((*name, value)),
+                None => declared.set_item(key, value)?,
+            }
+        }
+        let given = read_all(kind, &known, &declared, &mut references)?;
         let mut all = common;
         let mut own = Vec::new();
         for (key, value) in given {
@@ -71,7 +103,29 @@ impl<T: Declared> Said<T> {
         let whole =
             |own: Vec<_>| Tree::Fields(T::assemble(std::iter::once(tag.clone()).chain(own).collect(), all.clone()));
         let value: T = make(kind, &own, &parameters, whole)?;
-        Ok(Self { value: value.settle()?, references })
+        let mut value = value.settle()?;
+        for (name, array) in arrays.into_iter().filter(|(_, array)| !array.is_none()) {
+            value.set_array(name, &array)?;
+        }
+        Ok(Self { value: value.complete()?, references })
+    }
+
+    /// Refuses numbers of these parameters that mean nothing. (Those of files are told and kept.)
+    fn check(self, kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let tree = serde_json::to_value(&self.value).map_err(|e| PyValueError::new_err(e.to_string()))?;
+        for key in given.into_iter().flatten().map(|(key, _)| key) {
+            let key: String = key.extract()?;
+            let place = if tree.get(&key).is_some() { vec![key.as_str()] } else { vec!["kind", key.as_str()] };
+            if let Some(problem) = snell_scene::problem_at(&tree, &place) {
+                return Err(PyValueError::new_err(format!("{kind}: {problem}")));
+            }
+        }
+        Ok(self)
+    }
+
+    /// A thing of this kind with these parameters, whose numbers have to mean something.
+    pub fn checked(py: Python<'_>, kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        Self::new(py, kind, given)?.check(kind, given)
     }
 
     fn fields(&self) -> PyResult<(Vec<(String, Tree)>, Vec<(String, Tree)>)> {
@@ -96,6 +150,14 @@ impl<T: Declared> Said<T> {
         for (key, value) in kind.iter().chain(&common).filter(|(key, _)| key != tag) {
             all.set_item(key, show(py, value, &self.references)?)?;
         }
+        for name in T::arrays(&self.kind()?) {
+            match self.value.array(py, name)? {
+                Some(array) => all.set_item(name, array)?,
+                // What another one says.
+                None if T::is_only_said(name) => {}
+                None => all.set_item(name, py.None())?,
+            }
+        }
         Ok(all)
     }
 
@@ -109,16 +171,26 @@ impl<T: Declared> Said<T> {
     pub fn replace(&self, py: Python<'_>, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let all = self.parameters(py)?;
         if let Some(changes) = changes {
-            let known = Self::known(&self.kind()?)?;
-            read_all(&self.kind()?, &known, changes, &mut References::default())?;
+            let kind = self.kind()?;
+            let known = Self::known(&kind)?;
+            let declared = changes.copy()?;
+            for name in T::arrays(&kind) {
+                if declared.contains(name)? {
+                    declared.del_item(name)?;
+                }
+            }
+            read_all(&kind, &known, &declared, &mut References::default())?;
             all.update(changes.as_mapping())?;
         }
-        Self::new(&self.kind()?, Some(&all))
+        Self::new(py, &self.kind()?, Some(&all))?.check(&self.kind()?, changes)
     }
 
-    /// What parameters may look like.
+    /// What parameters may look like; arrays look like nothing.
     fn known(kind: &str) -> PyResult<Vec<(String, Tree)>> {
-        Ok(T::family().forms(kind)?.into_iter().chain(T::common()?).collect())
+        let arrays = T::arrays(kind).iter().map(|name| (name.to_string(), Tree::Nothing));
+        let declared =
+            T::family().forms(kind)?.into_iter().filter(|(name, _)| !T::arrays(kind).contains(&name.as_str()));
+        Ok(declared.chain(T::common()?).chain(arrays).collect())
     }
 
     /// As one would write it.
@@ -128,28 +200,55 @@ impl<T: Declared> Said<T> {
         let (kind, common) = self.fields()?;
         let usual = T::common()?;
         let is_usual = |field: &&(String, Tree)| !usual.contains(field);
-        for (key, value) in kind.iter().filter(|(key, _)| key != tag).chain(common.iter().filter(is_usual)) {
+        let arrays = T::arrays(&self.kind()?);
+        let is_array = |field: &&(String, Tree)| arrays.contains(&field.0.as_str());
+        let kind = kind.iter().filter(|field| field.0 != tag && !is_array(field));
+        for (key, value) in kind.chain(common.iter().filter(is_usual)) {
             text += &format!(", {key}={}", show(py, value, &self.references)?.repr()?);
+        }
+        for name in arrays {
+            if let Some(array) = self.value.array(py, name)? {
+                let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+                text += &match shape[..] {
+                    [4, 4] => format!(", {name}={}", array.call_method0("tolist")?.repr()?),
+                    _ => format!(", {name}=<array {}>", crate::arrays::shown(&shape)),
+                };
+            }
         }
         Ok(text + ")")
     }
 
-    /// What pickles: JSON, of media too, and textures.
-    pub fn stored(&self, py: Python<'_>) -> PyResult<(String, Vec<AnyTexture>, String)> {
+    /// What pickles: JSON, textures, media, and arrays by name.
+    pub fn stored<'py>(&self, py: Python<'py>) -> PyResult<Stored<'py>> {
         let error = |e: serde_json::Error| PyValueError::new_err(e.to_string());
         let json = serde_json::to_string(&self.value).map_err(error)?;
-        let media = serde_json::to_string(&self.references.media).map_err(error)?;
-        Ok((json, self.references.textures.iter().map(|texture| texture.clone_ref(py)).collect(), media))
+        let textures = self.references.textures.iter().map(|texture| texture.clone_ref(py)).collect();
+        let of =
+            |medium: &Value| Py::new(py, Medium(Said { value: medium.clone(), references: References::default() }));
+        let media = self.references.media.iter().map(of).collect::<PyResult<_>>()?;
+        let arrays = PyDict::new(py);
+        for name in T::arrays(&self.kind()?) {
+            if let Some(array) = self.value.array(py, name)? {
+                arrays.set_item(name, array)?;
+            }
+        }
+        Ok((json, textures, media, arrays))
     }
 
     /// From what was stored.
-    pub fn restored(json: &str, textures: Vec<AnyTexture>, media: &str) -> PyResult<Self> {
-        let error = |e: serde_json::Error| PyValueError::new_err(e.to_string());
-        let value = serde_json::from_str(json).map_err(error)?;
-        let media = serde_json::from_str(media).map_err(error)?;
+    pub fn restored(stored: Stored<'_>) -> PyResult<Self> {
+        let (json, textures, media, arrays) = stored;
+        let mut value: T = serde_json::from_str(&json).map_err(|e| PyValueError::new_err(e.to_string()))?;
+        for (name, array) in arrays {
+            value.set_array(&name.extract::<String>()?, &array)?;
+        }
+        let media = media.iter().map(|medium| medium.get().0.value.clone()).collect();
         Ok(Self { value, references: References { textures, media } })
     }
 }
+
+/// What is stored of a declared value.
+pub type Stored<'py> = (String, Vec<AnyTexture>, Vec<Py<Medium>>, Bound<'py, PyDict>);
 
 /// Declares the class of a family of declared things, and the function that makes one from what was stored.
 macro_rules! declared_class {
@@ -162,8 +261,12 @@ macro_rules! declared_class {
         impl $class {
             #[new]
             #[pyo3(signature = (kind, /, **parameters))]
-            fn new(kind: &str, parameters: Option<&Bound<'_, pyo3::types::PyDict>>) -> PyResult<Self> {
-                $crate::said::Said::new(kind, parameters).map(Self)
+            fn new(
+                py: Python<'_>,
+                kind: &str,
+                parameters: Option<&Bound<'_, pyo3::types::PyDict>>,
+            ) -> PyResult<Self> {
+                $crate::said::Said::checked(py, kind, parameters).map(Self)
             }
 
             /// Which kind of its family it is, by name.
@@ -203,8 +306,13 @@ macro_rules! declared_class {
 
         /// Makes one from what was stored.
         #[pyfunction]
-        pub fn $restore(json: &str, textures: Vec<$crate::texture::AnyTexture>, media: &str) -> PyResult<$class> {
-            $crate::said::Said::restored(json, textures, media).map($class)
+        pub fn $restore(
+            json: String,
+            textures: Vec<$crate::texture::AnyTexture>,
+            media: Vec<Py<$crate::medium::Medium>>,
+            arrays: Bound<'_, pyo3::types::PyDict>,
+        ) -> PyResult<$class> {
+            $crate::said::Said::restored((json, textures, media, arrays)).map($class)
         }
     };
 }

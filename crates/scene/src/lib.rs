@@ -33,6 +33,6 @@ pub use light::Light;
 pub use material::Material;
 pub use medium::Medium;
 pub use motion::{Motion, Player, Pose};
-pub use ranges::BRIGHTEST;
+pub use ranges::{BRIGHTEST, problem_at};
 pub use settings::SceneSettings;
 pub use texture::{ImageTexture, Texture, TextureSet};

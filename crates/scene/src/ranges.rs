@@ -212,7 +212,7 @@ fn shown(x: f64) -> String {
 }
 
 /// The first number at or below `path` in a declaration, as `serde` writes it, that means nothing: what is wrong, in words.
-pub(crate) fn problem_at(declaration: &Value, path: &[&str]) -> Option<String> {
+pub fn problem_at(declaration: &Value, path: &[&str]) -> Option<String> {
     let mut search = Search { wanted: path, problem: None, unknown: Vec::new() };
     search.walk(declaration, "", Any, &mut Vec::new());
     search.problem

@@ -10,6 +10,7 @@ const MOST_CELLS: u32 = 256;
 
 /// A cloud: an ellipsoid whose surface fractal noise has eaten into. Kept as a [`Grid`] of its density, which is from 0 to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Cloud {
     /// Absorption coefficient per scene unit of length where the cloud is densest.
     pub sigma_a: Rgb,
@@ -27,6 +28,13 @@ pub struct Cloud {
     pub resolution: u32,
     /// From the cloud's coordinates, where it fills the unit cube, to the world.
     pub world_from_cloud: DAffine3,
+}
+
+/// In the unit cube, of nothing.
+impl Default for Cloud {
+    fn default() -> Self {
+        Self::new(DVec3::ZERO, DVec3::ONE, Rgb::BLACK, 0)
+    }
 }
 
 impl Cloud {

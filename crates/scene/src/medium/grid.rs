@@ -97,7 +97,8 @@ impl ColorGrid {
 ///
 /// Where its colour differs from place to place, each coefficient may have a factor of its own for each colour and place: `sigma_a_tint`,
 /// `sigma_s_tint` and `emission_tint`, which are 1 where there are none.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Grid {
     /// Absorption coefficient per scene unit of length where the density is 1.
     pub sigma_a: Rgb,
