@@ -165,12 +165,9 @@ fn scalars(value: &Bound<'_, PyAny>, name: &str) -> PyResult<ScalarGrid> {
 
 fn colors(value: &Bound<'_, PyAny>, name: &str) -> PyResult<ColorGrid> {
     let (values, size, channels) = numbers(value, name, true)?;
-    if channels == 1 {
-        let grid = Arc::new(ScalarGrid::new(size, values).unwrap_or_default());
-        return Ok(ColorGrid::from_channels([grid.clone(), grid.clone(), grid]));
-    }
-    let values: Vec<Rgb> = values.chunks_exact(3).map(|c| Rgb::new(c[0], c[1], c[2])).collect();
-    ColorGrid::new(size, &values).ok_or_else(|| PyValueError::new_err(format!("{name}: too many cells")))
+    let color = |c: &[f32]| Rgb::new(c[0], c[1 % channels], c[2 % channels]);
+    ColorGrid::new(size, values.chunks_exact(channels).map(color))
+        .ok_or_else(|| PyValueError::new_err(format!("{name}: too many cells")))
 }
 
 fn of_scalars<'py>(py: Python<'py>, grid: &ScalarGrid) -> PyResult<Bound<'py, PyAny>> {
@@ -178,22 +175,9 @@ fn of_scalars<'py>(py: Python<'py>, grid: &ScalarGrid) -> PyResult<Bound<'py, Py
     from_vec(py, grid.values().to_vec(), &[z, y, x])
 }
 
-/// Channels of different sizes, which only files have, are looked up at the middles of the finest cells.
 fn of_colors<'py>(py: Python<'py>, grid: &ColorGrid) -> PyResult<Bound<'py, PyAny>> {
-    let sizes = grid.channels().each_ref().map(|channel| channel.size());
-    let [x, y, z]: [usize; 3] = std::array::from_fn(|axis| sizes.iter().map(|size| size[axis]).max().unwrap_or(0));
-    let mut values = Vec::with_capacity(3 * x * y * z);
-    let middle = |i: usize, n: usize| (i as f32 + 0.5) / n as f32;
-    for i in 0..x * y * z {
-        let color = if sizes.iter().all(|size| *size == [x, y, z]) {
-            grid.channels().each_ref().map(|channel| channel.values()[i])
-        } else {
-            let p = [middle(i % x, x), middle(i / x % y, y), middle(i / x / y, z)];
-            grid.lookup(p.into()).to_array()
-        };
-        values.extend(color);
-    }
-    from_vec(py, values, &[z, y, x, 3])
+    let [x, y, z] = grid.size();
+    from_vec(py, grid.values().iter().flat_map(|color| color.to_array()).collect(), &[z, y, x, 3])
 }
 
 /// From the unit cube to the box between two corners.

@@ -3,6 +3,7 @@
 use super::{MediumProperties, blackbody, coefficient, sane};
 use serde::{Deserialize, Serialize};
 use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec3};
+use std::ops::{Add, Mul};
 use std::sync::Arc;
 
 /// Numbers on a regular grid over the unit cube, each at the middle of its cell.
@@ -34,62 +35,90 @@ impl ScalarGrid {
         &self.values
     }
 
-    /// The value of a cell; outside of the grid that of the nearest cell.
-    fn at(&self, cell: [i64; 3]) -> f32 {
-        let [x, y, z] = std::array::from_fn(|i| cell[i].clamp(0, self.size[i] as i64 - 1) as usize);
-        self.values[(z * self.size[1] + y) * self.size[0] + x]
-    }
-
     /// The value at a point of the unit cube, interpolated between the eight nearest cells; 0 outside of the cube.
     pub fn lookup(&self, p: Vec3) -> f32 {
-        if self.values.is_empty() || !(p.cmpge(Vec3::ZERO).all() && p.cmple(Vec3::ONE).all()) {
-            return 0.0;
-        }
-        let [nx, ny, nz] = self.size.map(|n| n as f32);
-        let scaled = p * Vec3::new(nx, ny, nz) - 0.5;
-        let low = scaled.floor();
-        let f = scaled - low;
-        let [x, y, z] = low.to_array().map(|c| c as i64);
-        let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
-        let row = |y, z| lerp(self.at([x, y, z]), self.at([x + 1, y, z]), f.x);
-        let plane = |z| lerp(row(y, z), row(y + 1, z), f.y);
-        lerp(plane(z), plane(z + 1), f.z)
+        Corners::of(self.size, p).map_or(0.0, |corners| corners.interpolate(&self.values))
     }
 }
 
-/// Colours on regular grids over the unit cube: a [`ScalarGrid`] for each of red, green and blue.
+/// The eight cells around a point of the unit cube, and where it is between them.
+struct Corners {
+    /// Where the two cells along each axis begin.
+    steps: [[usize; 2]; 3],
+    f: [f32; 3],
+}
+
+impl Corners {
+    /// `None` outside of the cube, or if there are no cells.
+    #[inline(always)]
+    fn of(size: [usize; 3], p: Vec3) -> Option<Self> {
+        if size.contains(&0) || !(p.cmpge(Vec3::ZERO).all() && p.cmple(Vec3::ONE).all()) {
+            return None;
+        }
+        let (mut steps, mut f) = ([[0; 2]; 3], [0.0; 3]);
+        let mut stride = 1;
+        for axis in 0..3 {
+            let n = size[axis];
+            let scaled = p[axis] * n as f32 - 0.5;
+            // Rounded down: it is above -1.
+            let truncated = scaled as i64;
+            let low = truncated - i64::from(scaled < truncated as f32);
+            f[axis] = scaled - low as f32;
+            // Beyond the outermost middles as there.
+            let cell = |i: i64| i.clamp(0, n as i64 - 1) as usize * stride;
+            steps[axis] = [cell(low), cell(low + 1)];
+            stride *= n;
+        }
+        Some(Self { steps, f })
+    }
+
+    #[inline(always)]
+    fn interpolate<T>(&self, values: &[T]) -> T
+    where
+        T: Copy + Add<Output = T> + Mul<f32, Output = T>,
+    {
+        let [x, y, z] = self.steps;
+        let lerp = |a: T, b: T, t: f32| a + (b + a * -1.0) * t;
+        let row = |start: usize| lerp(values[start + x[0]], values[start + x[1]], self.f[0]);
+        let plane = |start: usize| lerp(row(start + y[0]), row(start + y[1]), self.f[1]);
+        lerp(plane(z[0]), plane(z[1]), self.f[2])
+    }
+}
+
+/// Colours on a regular grid over the unit cube, each at the middle of its cell. Clones share them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColorGrid {
-    channels: [Arc<ScalarGrid>; 3],
+    size: [usize; 3],
+    values: Arc<[Rgb]>,
 }
 
 impl ColorGrid {
     /// A grid of `size` cells along x, y and z; `values` in the order of x first, then y, then z. `None` if their number is not the
     /// product of the sizes. Values that are negative or not finite count as 0.
-    pub fn new(size: [usize; 3], values: &[Rgb]) -> Option<Self> {
-        let channel = |c: fn(&Rgb) -> f32| ScalarGrid::new(size, values.iter().map(c).collect()).map(Arc::new);
-        Some(Self { channels: [channel(|v| v.r)?, channel(|v| v.g)?, channel(|v| v.b)?] })
+    pub fn new(size: [usize; 3], values: impl IntoIterator<Item = Rgb>) -> Option<Self> {
+        let cells = size[0].checked_mul(size[1])?.checked_mul(size[2])?;
+        let values: Arc<[Rgb]> = values.into_iter().map(|color| color.map(sane)).collect();
+        (cells == values.len()).then_some(Self { size, values })
     }
 
-    /// From grids of red, green and blue, which may be of different sizes.
-    pub fn from_channels(channels: [Arc<ScalarGrid>; 3]) -> Self {
-        Self { channels }
+    /// Cells along x, y and z.
+    pub fn size(&self) -> [usize; 3] {
+        self.size
     }
 
-    /// The grids of red, green and blue.
-    pub fn channels(&self) -> &[Arc<ScalarGrid>; 3] {
-        &self.channels
+    /// All colours, x first.
+    pub fn values(&self) -> &[Rgb] {
+        &self.values
     }
 
     /// The colour at a point of the unit cube, as [`ScalarGrid::lookup`].
     pub fn lookup(&self, p: Vec3) -> Rgb {
-        let [r, g, b] = &self.channels;
-        Rgb::new(r.lookup(p), g.lookup(p), b.lookup(p))
+        Corners::of(self.size, p).map_or(Rgb::BLACK, |corners| corners.interpolate(&self.values))
     }
 
     /// The largest number of all.
     pub fn max(&self) -> f32 {
-        self.channels.iter().flat_map(|c| c.values()).copied().fold(0.0, f32::max)
+        self.values.iter().map(|c| c.r.max(c.g).max(c.b)).fold(0.0, f32::max)
     }
 }
 
@@ -161,7 +190,7 @@ impl Grid {
         let (thin, thick) = (Rgb::splat(0.2), Rgb::new(4.0, 2.0, 1.0));
         let colors = |n: usize| {
             let value = |i: usize| Rgb::from([1, n, n * n].map(|step| (i / step % n) as f32 / (n - 1) as f32));
-            ColorGrid::new([n; 3], &(0..n * n * n).map(value).collect::<Vec<_>>())
+            ColorGrid::new([n; 3], (0..n * n * n).map(value))
         };
         vec![
             Self::new(thin, thick, 0.3, ball(12), DAffine3::IDENTITY),
@@ -180,8 +209,8 @@ impl Grid {
     /// Cells along x, y and z: along each axis those of the finest of its grids.
     pub fn size(&self) -> [usize; 3] {
         let tints = [&self.sigma_a_tint, &self.sigma_s_tint, &self.emission_tint].into_iter().flatten();
-        let others = [&self.emission_scale, &self.temperature].into_iter().flatten();
-        let others = others.chain(tints.flat_map(ColorGrid::channels)).map(|grid| grid.size());
+        let others = [&self.emission_scale, &self.temperature].into_iter().flatten().map(|grid| grid.size());
+        let others = others.chain(tints.map(ColorGrid::size));
         others.fold(self.density.size(), |a, b| std::array::from_fn(|axis| a[axis].max(b[axis])))
     }
 

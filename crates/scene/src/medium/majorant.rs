@@ -25,18 +25,21 @@ pub struct BoundedPart {
 impl MajorantGrid {
     /// Bounds of a grid on `size` cells; those of [`Self::size_for`] fit it.
     pub fn new(grid: &ScalarGrid, size: [usize; 3]) -> Self {
-        let [nx, ny, nz] = grid.size();
+        Self::of(grid.size(), grid.values().iter().copied(), size)
+    }
+
+    /// The same for all values of a grid of so many cells, x first.
+    pub fn of([nx, ny, nz]: [usize; 3], mut values: impl Iterator<Item = f32>, size: [usize; 3]) -> Self {
         let mut bounds = vec![0.0f32; size.iter().product()];
         // Cell by cell: which bounds it counts for. One more cell on each side than interpolation needs, for rounding.
         let reach = |i: usize, n: usize, m: usize| {
             let first = i.saturating_sub(2) * m / n;
             first..=((i + 3) * m).div_ceil(n).min(m) - 1
         };
-        let mut values = grid.values().iter();
         for z in 0..nz {
             for y in 0..ny {
                 for x in 0..nx {
-                    let value = values.next().copied().unwrap_or(0.0);
+                    let value = values.next().unwrap_or(0.0);
                     if value == 0.0 {
                         continue;
                     }

@@ -7,7 +7,8 @@
 //! multiply the probabilities of null collisions instead: ratio tracking (Novák et al., Residual Ratio Tracking, SIGGRAPH Asia 2014).
 
 use super::majorant::{BoundedPart, MajorantGrid};
-use super::{ColorGrid, Grid, MediumProperties, ScalarGrid, Scattering, Segment, Travel, coefficient, sane};
+use super::{ColorGrid, Grid, MediumProperties, Scattering, Segment, Travel, coefficient, sane};
+use snell_math::exponentials::ln;
 use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec2, Vec3};
 
 /// Optical thickness of one cell of the grid beyond which more makes no difference, but collisions would be tried forever.
@@ -46,7 +47,7 @@ impl TrackedGrid {
         let most = most_density(grid);
         let emissions = (scale.is_some() || tint.is_some()).then(|| {
             let scales = scale.map(|scale| MajorantGrid::new(scale, size));
-            let tints = tint.map(|tint| tint.channels().each_ref().map(|c| MajorantGrid::new(c, size)));
+            let tints = tint.map(|tint| bounds_by_channel(tint, size));
             MajorantGrid::made(size, |cell| {
                 let tint = tints.as_ref().map_or(1.0, |t| t.iter().map(|c| c.bound(cell)).fold(0.0, f32::max));
                 scales.as_ref().unwrap_or(&densities).bound(cell) * tint
@@ -148,7 +149,7 @@ impl TrackedGrid {
             let mut t = part.start;
             loop {
                 let u = numbers();
-                t += -(-u.x).ln_1p() / rate;
+                t += way(u.x, rate);
                 if t.is_nan() || t >= part.end {
                     return true;
                 }
@@ -202,7 +203,7 @@ impl TrackedGrid {
             }
             let mut t = part.start;
             loop {
-                t += -(-numbers().x).ln_1p() / rate;
+                t += way(numbers().x, rate);
                 if t.is_nan() || t >= part.end {
                     return true;
                 }
@@ -216,6 +217,11 @@ impl TrackedGrid {
         });
         left
     }
+}
+
+/// The way to the next collision, for `u` in `[0, 1)`.
+fn way(u: f32, rate: f32) -> f32 {
+    (-ln(1.0 - f64::from(u)) / f64::from(rate)) as f32
 }
 
 /// The largest lane of `sigma` among those that carry anything.
@@ -237,12 +243,16 @@ fn survives(weight: &mut SampledSpectrum, start: f32, numbers: &mut dyn FnMut() 
     true
 }
 
+/// Upper bounds of red, green and blue.
+fn bounds_by_channel(grid: &ColorGrid, size: [usize; 3]) -> [MajorantGrid; 3] {
+    [|c: &Rgb| c.r, |c: &Rgb| c.g, |c: &Rgb| c.b]
+        .map(|channel: fn(&Rgb) -> f32| MajorantGrid::of(grid.size(), grid.values().iter().map(channel), size))
+}
+
 /// Upper bounds of the extinction of all colours, for coefficients with tints.
 fn extinctions(grid: &Grid, densities: &MajorantGrid, most: f32, size: [usize; 3]) -> MajorantGrid {
-    let tints = [&grid.sigma_a_tint, &grid.sigma_s_tint].map(|tint| {
-        let bounds = |channel: &std::sync::Arc<ScalarGrid>| MajorantGrid::new(channel, size);
-        tint.as_ref().map(|tint| tint.channels().each_ref().map(bounds))
-    });
+    let tints = [&grid.sigma_a_tint, &grid.sigma_s_tint];
+    let tints = tints.map(|tint| tint.as_ref().map(|tint| bounds_by_channel(tint, size)));
     let sigmas = [grid.sigma_a, grid.sigma_s].map(|sigma| sigma.map(sane).to_array());
     MajorantGrid::made(size, |cell| {
         let tint = |which: usize, c: usize| tints[which].as_ref().map_or(1.0, |channels| channels[c].bound(cell));

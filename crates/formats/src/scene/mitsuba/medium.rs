@@ -267,7 +267,7 @@ impl VolumeFile {
     /// A colour for each cell, made from its number and its colour.
     fn colors(&self, change: impl Fn(usize, Rgb) -> Rgb) -> Option<ColorGrid> {
         let cells = self.values.len() / self.channels;
-        ColorGrid::new(self.size, &(0..cells).map(|cell| change(cell, self.color(cell))).collect::<Vec<_>>())
+        ColorGrid::new(self.size, (0..cells).map(|cell| change(cell, self.color(cell))))
     }
 
     /// One number for each cell: the mean of the channels.

@@ -169,8 +169,7 @@ impl Builder<'_> {
             let largest = values.iter().map(|c| c.r.max(c.g).max(c.b)).fold(0.0, f32::max);
             let share = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
             let found = values.len();
-            let values: Vec<Rgb> = values.into_iter().map(|c| c * (1.0 / share)).collect();
-            let Some(grid) = ColorGrid::new(size, &values) else {
+            let Some(grid) = ColorGrid::new(size, values.into_iter().map(|c| c * (1.0 / share))) else {
                 let problem = format!("{found} colours for a grid of {} x {} x {}", size[0], size[1], size[2]);
                 return Err(params.fault(problem, format!("give one for each cell in \"rgb {name}\"")));
             };

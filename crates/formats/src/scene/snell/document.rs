@@ -82,7 +82,7 @@ pub struct MediumGrids {
     emission_scale: Option<u32>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     temperature: Option<u32>,
-    /// Grids of red, green and blue.
+    /// Grids of red, green and blue, of the same size.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sigma_a_tint: Option<[u32; 3]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -377,20 +377,33 @@ fn grids(media: &[Medium]) -> (Vec<GridForm>, Vec<MediumGrids>) {
     let (mut forms, mut known, mut uses) = (Vec::new(), HashMap::new(), Vec::new());
     for (i, medium) in media.iter().enumerate() {
         let Medium::Grid(grid) = medium else { continue };
+        let mut add = |form: GridForm| {
+            forms.push(form);
+            forms.len() as u32 - 1
+        };
         let mut number = |grid: &Arc<ScalarGrid>| {
-            *known.entry(Arc::as_ptr(grid)).or_insert_with(|| {
-                forms.push(GridForm { size: grid.size(), values: Numbers(grid.values().to_vec()) });
-                forms.len() as u32 - 1
-            })
+            let form = || GridForm { size: grid.size(), values: Numbers(grid.values().to_vec()) };
+            *known.entry(Arc::as_ptr(grid).cast::<()>()).or_insert_with(|| [add(form()); 3])
+        };
+        let [density, emission_scale, temperature] =
+            [Some(&grid.density), grid.emission_scale.as_ref(), grid.temperature.as_ref()].map(|g| g.map(&mut number));
+        let mut numbers = |tint: &Option<ColorGrid>| {
+            let tint = tint.as_ref()?;
+            let channel = |channel: fn(&Rgb) -> f32| GridForm {
+                size: tint.size(),
+                values: Numbers(tint.values().iter().map(channel).collect()),
+            };
+            let forms = || [channel(|c| c.r), channel(|c| c.g), channel(|c| c.b)].map(&mut add);
+            Some(*known.entry(tint.values().as_ptr().cast::<()>()).or_insert_with(forms))
         };
         uses.push(MediumGrids {
             medium: MediumId(i as u32),
-            density: number(&grid.density),
-            emission_scale: grid.emission_scale.as_ref().map(&mut number),
-            temperature: grid.temperature.as_ref().map(&mut number),
-            sigma_a_tint: grid.sigma_a_tint.as_ref().map(|tint| tint.channels().each_ref().map(&mut number)),
-            sigma_s_tint: grid.sigma_s_tint.as_ref().map(|tint| tint.channels().each_ref().map(&mut number)),
-            emission_tint: grid.emission_tint.as_ref().map(|tint| tint.channels().each_ref().map(&mut number)),
+            density: density.map_or(0, |[number, ..]| number),
+            emission_scale: emission_scale.map(|[number, ..]| number),
+            temperature: temperature.map(|[number, ..]| number),
+            sigma_a_tint: numbers(&grid.sigma_a_tint),
+            sigma_s_tint: numbers(&grid.sigma_s_tint),
+            emission_tint: numbers(&grid.emission_tint),
         });
     }
     (forms, uses)
@@ -422,8 +435,11 @@ fn add_grids(media: &mut [Medium], forms: Vec<GridForm>, uses: Vec<MediumGrids>,
             return Err(flaw(format!("medium {} is none that is given on a grid", medium.0)));
         };
         let color = |numbers: [u32; 3]| {
-            let [r, g, b] = numbers;
-            Ok::<_, Flaw>(ColorGrid::from_channels([get(r)?, get(g)?, get(b)?]))
+            let [r, g, b] = [get(numbers[0])?, get(numbers[1])?, get(numbers[2])?];
+            let colors = r.values().iter().zip(g.values()).zip(b.values()).map(|((r, g), b)| Rgb::new(*r, *g, *b));
+            let are_alike = g.size() == r.size() && b.size() == r.size();
+            let grid = are_alike.then(|| ColorGrid::new(r.size(), colors)).flatten();
+            grid.ok_or_else(|| flaw("the grids of a tint are not of the same size".into()))
         };
         owner.density = get(used.density)?;
         owner.emission_scale = used.emission_scale.map(get).transpose()?;

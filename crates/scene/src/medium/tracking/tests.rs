@@ -110,10 +110,9 @@ fn a_constant_grid_is_a_homogeneous_medium() {
 /// Each colour another ramp: red grows along x, green falls, blue is the same everywhere.
 fn ramps() -> (ColorGrid, impl Fn(f64) -> [f64; 3]) {
     let (rising, integral) = ramp();
-    let falling = ScalarGrid::new(rising.size(), rising.values().iter().map(|v| 1.0 - v).collect());
-    let constant = ScalarGrid::new([1; 3], vec![0.5]);
-    let channels = [Some(rising), falling, constant].map(|grid| Arc::new(grid.expect("as many values as cells")));
-    (ColorGrid::from_channels(channels), move |x| [integral(x), x - integral(x), 0.5 * x])
+    let colors = rising.values().iter().map(|v| Rgb::new(*v, 1.0 - v, 0.5));
+    let tint = ColorGrid::new(rising.size(), colors).expect("as many values as cells");
+    (tint, move |x| [integral(x), x - integral(x), 0.5 * x])
 }
 
 #[test]
@@ -151,7 +150,7 @@ fn tints_that_are_constant_are_factors() {
     let density = || ScalarGrid::new([3, 5, 2], vec![2.0; 30]).expect("thirty values");
     let place = DAffine3::from_scale(snell_math::DVec3::splat(4.0));
     let [absorbing, scattering, shining] = [Rgb::new(0.5, 0.1, 0.0), Rgb::new(0.2, 2.0, 1.0), Rgb::new(1.0, 0.3, 0.0)];
-    let one = |color: Rgb| ColorGrid::new([1; 3], &[color]);
+    let one = |color: Rgb| ColorGrid::new([1; 3], [color]);
     let grid = Grid { emission: Rgb::splat(0.5), ..Grid::new(Rgb::splat(0.4), Rgb::splat(0.7), 0.3, density(), place) };
     let tinted = Grid {
         sigma_a_tint: one(absorbing),
@@ -231,7 +230,7 @@ fn hostile_grids_end_soon_and_stay_finite() {
     for map in maps {
         for sigma in [huge, Rgb::BLACK, Rgb::new(f32::NAN, 1.0, -1.0)] {
             let plain = Grid { emission: huge, ..Grid::new(sigma, sigma, f32::NAN, density(), map) };
-            let tint = ColorGrid::from_channels(std::array::from_fn(|_| Arc::new(density())));
+            let tint = ColorGrid::new([2, 2, 2], wild.map(|x| Rgb::new(x, 1.0, -x))).expect("eight values");
             let tinted = Grid { sigma_s_tint: Some(tint.clone()), emission_tint: Some(tint), ..plain.clone() };
             for (grid, length) in [&plain, &tinted]
                 .into_iter()
