@@ -52,5 +52,5 @@ pub(super) fn run(screen: &Screen, world: &World, with_cost: bool) -> Result<See
         ("vertices", vertices),
         ("samples", tested),
     ];
-    Ok(canvas.seen(done, 0))
+    Ok(Seen { memory: None, ..canvas.seen(done, 0) })
 }

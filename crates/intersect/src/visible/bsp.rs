@@ -31,8 +31,8 @@ const LARGE: usize = 32;
 /// What a cut costs, in polygons that one side has more than the other.
 const CUT_COST: f64 = 6.0;
 
-/// A tree may have this many parts for each triangle, and this many besides.
-const MOST_PARTS: (u64, u64) = (40, 2_000_000);
+/// A tree may have this many parts for each triangle and this many besides, and this many in all.
+const MOST_PARTS: [u64; 3] = [40, 2_000_000, 16_000_000];
 
 /// No child.
 const EMPTY: u32 = u32::MAX;
@@ -84,7 +84,7 @@ impl Tree {
         // What has no plane is not seen from anywhere.
         let parts: Vec<Part> =
             screen.triangles.iter().enumerate().map(part).filter(|p| plane_of(&p.polygon).is_some()).collect();
-        let most = MOST_PARTS.0 * parts.len() as u64 + MOST_PARTS.1;
+        let most = (MOST_PARTS[0] * parts.len() as u64 + MOST_PARTS[1]).min(MOST_PARTS[2]);
         // Sets that are still to be divided, where the node goes, and how deep.
         let mut todo = vec![(parts, None::<(usize, usize)>, 1)];
         while let Some((set, place, depth)) = todo.pop() {
@@ -184,9 +184,8 @@ fn plane_of_triangle(screen: &Screen, centre: DVec3, triangle: u32) -> Option<Pl
 fn choose(screen: &Screen, centre: DVec3, set: &[Part], tolerance: f64) -> (Candidate, Option<usize>) {
     let count = set.len();
     let pick = |k: usize, of: usize| (k * count / of + rng::hash32((k + count) as u32) as usize % count) % count;
-    let sample: Vec<&Part> = (0..SAMPLE.min(count))
-        .map(|k| if count <= SAMPLE { &set[k] } else { &set[pick(k, SAMPLE)] })
-        .collect();
+    let sample: Vec<&Part> =
+        (0..SAMPLE.min(count)).map(|k| if count <= SAMPLE { &set[k] } else { &set[pick(k, SAMPLE)] }).collect();
     let score = |candidate: &Candidate| {
         let (mut sides, mut cuts) = ([0.0f64; 2], 0.0);
         for part in &sample {
@@ -200,7 +199,7 @@ fn choose(screen: &Screen, centre: DVec3, set: &[Part], tolerance: f64) -> (Cand
         (sides[0] - sides[1]).abs() + CUT_COST * cuts
     };
     let mut best: Option<(f64, Candidate, Option<usize>)> = None;
-    let mut consider = |candidate: Candidate, part: Option<usize>, best: &mut Option<(f64, Candidate, Option<usize>)>| {
+    let consider = |candidate: Candidate, part: Option<usize>, best: &mut Option<(f64, Candidate, Option<usize>)>| {
         let score = score(&candidate);
         if best.as_ref().is_none_or(|b| score < b.0) {
             *best = Some((score, candidate, part));
@@ -220,10 +219,13 @@ fn choose(screen: &Screen, centre: DVec3, set: &[Part], tolerance: f64) -> (Cand
                 .collect();
             middles.sort_by(f64::total_cmp);
             let plane = Plane { normal: axis, offset: middles[middles.len() / 2] };
-            let is_all = |side: Side| {
-                set.iter().all(|part| matches!(plane.side(&part.polygon, tolerance), s if s == side || s == Side::Across || (side == Side::Front && s == Side::On)))
-            };
-            if !is_all(Side::Back) && !is_all(Side::Front) {
+            let (mut behind, mut before) = (0, 0);
+            for part in set {
+                let side = plane.side(&part.polygon, tolerance);
+                behind += usize::from(matches!(side, Side::Back | Side::Across));
+                before += usize::from(side != Side::Back);
+            }
+            if behind < count && before < count {
                 consider(Candidate { plane, triangle: NOTHING }, None, &mut best);
             }
         }

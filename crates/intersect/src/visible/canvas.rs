@@ -16,8 +16,8 @@ pub struct Seen {
     pub items: Vec<u32>,
     /// What was done, in the method's own terms, and how often.
     pub work: Vec<(&'static str, u64)>,
-    /// Bytes that the method needed besides the facets and the picture, at the end of its run.
-    pub memory: usize,
+    /// Bytes that the method needed besides the facets and the picture: its largest lists. `None` if it cannot tell.
+    pub memory: Option<usize>,
     /// Work by pixel, if it was asked for and has places: see [`super::Characterization::cost`].
     pub cost: Option<Vec<u32>>,
 }
@@ -76,11 +76,11 @@ impl Canvas {
 
     /// The finished picture.
     pub fn seen(self, work: Vec<(&'static str, u64)>, memory: usize) -> Seen {
-        Seen { items: self.items, work, memory, cost: self.cost }
+        Seen { items: self.items, work, memory: Some(memory), cost: self.cost }
     }
 
     /// The finished picture of a method whose work has no places.
     pub fn seen_without_cost(self, work: Vec<(&'static str, u64)>, memory: usize) -> Seen {
-        Seen { items: self.items, work, memory, cost: None }
+        Seen { items: self.items, work, memory: Some(memory), cost: None }
     }
 }

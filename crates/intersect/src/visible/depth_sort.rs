@@ -20,8 +20,10 @@ use super::pieces::{self, CutNode, Divider, Drawn, LEAST, LEAST_PIXELS, WHOLE};
 use super::{Screen, VisibleError};
 use snell_math::DVec2;
 
-/// Pairs that may be compared.
+/// Pairs that may be compared by their extents; to compare them by planes takes as long as so many pairs, and by outlines so many.
 const MOST_PAIRS: u64 = 1_500_000_000;
+const PLANE_EFFORT: u64 = 12;
+const OUTLINE_EFFORT: u64 = 40;
 
 /// Cuts for each facet, on average.
 const MOST_CUTS: u64 = 16;
@@ -92,12 +94,14 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Result<Seen, VisibleError
         let outline = pieces::whole(&screen.facets[item as usize], size);
         sort.list.extend(sort.part(item, WHOLE, outline));
     }
+    let outlines: usize = sort.list.iter().map(|part| size_of_val(&part.outline[..])).sum();
     sort.list.sort_by(|a, b| b.farthest.total_cmp(&a.farthest).then(a.item.cmp(&b.item)));
     while let Some(last) = sort.list.last() {
         let (verdict, tests) = sort.verdict(last);
         sort.count(tests);
-        if sort.work.pairs > MOST_PAIRS {
-            return Err(VisibleError::TooMuchWork { what: "pairs of facets to compare", limit: MOST_PAIRS });
+        let w = &sort.work;
+        if w.pairs + PLANE_EFFORT * w.by_plane + OUTLINE_EFFORT * (w.by_outline + w.moves + w.cuts) > MOST_PAIRS {
+            return Err(VisibleError::TooMuchWork { what: "comparisons of facets", limit: MOST_PAIRS });
         }
         match verdict {
             Verdict::Paint => sort.list.pop().iter().for_each(|part| sort.paint(&mut canvas, part)),
@@ -117,7 +121,7 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Result<Seen, VisibleError
         ("painted", w.painted),
         ("written", w.written),
     ];
-    let memory = count * size_of::<Part>() + sort.cuts.len() * size_of::<CutNode<Divider>>();
+    let memory = count * size_of::<Part>() + outlines + sort.cuts.len() * size_of::<CutNode<Divider>>();
     Ok(canvas.seen(work, memory))
 }
 
@@ -231,9 +235,8 @@ impl Sort<'_> {
             let outline = pieces::clipped(&part.outline, facet, &divider, side, self.size);
             self.cuts.push(CutNode { before: part.cuts, divider, side });
             let Some(new) = self.part(part.item, self.cuts.len() as u32 - 1, outline) else { continue };
-            let is_later = |q: &Part| {
-                q.is_moved || q.farthest < new.farthest || (q.farthest == new.farthest && q.item > new.item)
-            };
+            let is_later =
+                |q: &Part| q.is_moved || q.farthest < new.farthest || (q.farthest == new.farthest && q.item > new.item);
             let at = self.list.iter().rposition(|q| !is_later(q)).map_or(0, |i| i + 1);
             self.list.insert(at, new);
         }

@@ -68,7 +68,10 @@ impl Edge {
         // The first column that is on the other side than `low` is, if the guess is off: by one, or where numbers are huge by any amount.
         let is_before = |x: u32| holds(x) != holds_later;
         let is_right = |x: u32| (x <= *low || is_before(x - 1)) && (x >= *end || !is_before(x));
-        let first = match [guess, guess.saturating_sub(1), guess + 1].into_iter().find(|&x| x >= *low && x <= *end && is_right(x)) {
+        let first = match [guess, guess.saturating_sub(1), guess + 1]
+            .into_iter()
+            .find(|&x| x >= *low && x <= *end && is_right(x))
+        {
             Some(x) => x,
             None => {
                 let (mut a, mut b) = (*low, *end);

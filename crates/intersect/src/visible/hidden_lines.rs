@@ -1,29 +1,39 @@
 //! Hidden lines by quantitative invisibility (Appel, The Notion of Quantitative Invisibility and the Machine Rendering of Solids, ACM National
 //! Conference 1967).
 //!
-//! The *quantitative invisibility* of a point of an edge is the number of faces between it and the eye; it is seen if that is 0. Along an edge the number
-//! changes only where the edge passes behind a *contour* (an edge of the picture of a surface: its two faces are on one side of it, or it has but one), or where it goes through a face. So all
-//! of an edge is known from one count and its crossings. Roberts (Machine Perception of Three-Dimensional Solids, 1963) tests edges with solids
-//! instead, Galimberti and Montanari (An Algorithm for Hidden Line Elimination, 1969) keep the set of hiding faces in place of its number, and
-//! Loutrel (A Solution to the Hidden-Line Problem for Computer-Drawn Polyhedra, 1970) carries the number as Appel does.
+//! The *quantitative invisibility* of a point of an edge is the number of faces between it and the eye; it is seen if that is 0. Along an edge the
+//! number changes only where the edge passes behind a *contour* or through a face. (A contour is a border of the picture of a surface: both faces of the
+//! edge are on one side of it, or it has but one.) So all of an edge is known from one count and its crossings. Roberts (Machine Perception of
+//! Three-Dimensional Solids, 1963) tests edges with solids instead, Galimberti and Montanari (An Algorithm for Hidden Line Elimination, 1969) keep
+//! the set of hiding faces in place of its number, and Loutrel (A Solution to the Hidden-Line Problem for Computer-Drawn Polyhedra, 1970) carries the
+//! number as Appel does.
 //!
-//! Appel carries the number through the vertices too, from edge to edge. Here each edge has a count of its own, at the middle of its first stretch:
-//! a mistake then stays where it is, and surfaces need not be closed. Edges that are crossed at a vertex, or lie on each other in the picture, are
-//! told by the side of the line on which points are, so that each crossing counts once.
+//! Appel carries the number through the vertices too, from edge to edge. Here each edge has a count of its own, at the middle of its first stretch,
+//! and another after it has touched the border of a face: a mistake then stays where it is, and surfaces need not be closed. Edges that are crossed at
+//! a vertex, or lie on each other in the picture, are told by the side of the line on which points are, so that each crossing counts once. Lines in
+//! which faces pierce each other are no edges, and are not drawn.
 
 use super::facet::{Edge, Facet};
-use super::{NOTHING, Screen};
-use snell_math::{DVec2, DVec3};
+use super::{Characterization, NOTHING, Screen, Space, VisibleError};
+use crate::query::AcceptAll;
+use crate::world::World;
+use snell_math::{DVec2, DVec3, Ray};
 use std::collections::HashMap;
 
 /// What is nearer by less than this, relative to the nearness, is not in front.
 const EQUAL: f64 = 1e-9;
+
+/// A line touches the border of a face if it is as near to it as this, relative to the nearness or in pixels.
+const TOUCH: f64 = 1e-6;
 
 /// Pieces of a line that are shorter than this part of a pixel are not drawn.
 const SHORTEST: f64 = 1e-6;
 
 /// The cosine of the angle between two faces up to which they count as one.
 const FLAT: f64 = 1.0 - 1e-9;
+
+/// Edges that may be compared with contours and faces.
+const MOST_WORK: u64 = 1_000_000_000;
 
 /// How the faces at a line lie in the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,10 +72,10 @@ pub struct LineWork {
     pub crossings: u64,
     /// Places where an edge goes through a face.
     pub piercings: u64,
-    /// Faces looked at to count those in front of a point.
-    pub counted: u64,
-    /// Stretches whose number was counted again, as crossings made it negative.
-    pub repaired: u64,
+    /// Faces looked at, to find those that an edge goes through and to count those in front of a point.
+    pub faces: u64,
+    /// Stretches whose number was counted: the first of each edge, and those after it touched the border of a face.
+    pub counts: u64,
 }
 
 /// The edges of a scene in the picture, each in stretches that are seen or hidden.
@@ -77,12 +87,45 @@ pub struct HiddenLines {
     pub work: LineWork,
 }
 
+impl Stretch {
+    /// Its middle in the picture, and the reciprocal of the depth there.
+    pub fn middle(&self) -> (DVec2, f64) {
+        ((self.ends[0] + self.ends[1]) * 0.5, (self.nearness[0] + self.nearness[1]) * 0.5)
+    }
+
+    /// Its length in pixels.
+    pub fn length(&self) -> f64 {
+        self.ends[0].distance(self.ends[1])
+    }
+
+    /// True if a ray from the eye to its middle meets something before it.
+    pub fn is_occluded(&self, screen: &Screen, world: &World) -> bool {
+        let (place, near) = self.middle();
+        let eye = screen.view.apex().unwrap_or_default();
+        // In units of the ray's direction the depth of the point is the reciprocal of its nearness.
+        let ray = Ray::new(eye.as_vec3(), screen.view.direction(place).as_vec3());
+        world.occluded_one(&Ray { t_max: (BEFORE / near) as f32, ..ray }, &AcceptAll)
+    }
+
+    /// Whether some face surely hides its middle: more than `tolerance` pixels inside its outline, and in front by more than a ray might take for
+    /// the same place. Looks at all faces.
+    pub fn is_surely_hidden(&self, screen: &Screen, tolerance: f64) -> bool {
+        let (place, near) = self.middle();
+        screen.facets.iter().any(|f| f.nearness.at(place) * BEFORE > near && f.inside(place) > tolerance)
+    }
+}
+
+/// A ray to a point of an edge ends at this part of the way.
+const BEFORE: f64 = 1.0 - 1e-4;
+
 /// An edge in the picture.
 struct Line {
     ends: [DVec3; 2],
     /// Facets that have it.
     faces: Vec<u32>,
     kind: LineKind,
+    /// The part of it that is in the picture, from 0 to 1.
+    range: [f64; 2],
     /// How many faces are to the left of it less those to the right, from the lesser to the greater end: what is hidden behind it changes by this.
     change: i32,
 }
@@ -91,11 +134,25 @@ struct Line {
 struct Event {
     at: f64,
     change: i32,
+    /// The line touches the border of a face here, so that rounding decides what it passes: the number is to be counted anew.
+    is_touch: bool,
 }
 
 impl HiddenLines {
-    /// Finds what is seen of all edges. Takes time with the number of edges and of contours in parts of the picture.
-    pub fn new(screen: &Screen) -> Self {
+    /// The name on the command line.
+    pub const NAME: &str = "quantitative-invisibility";
+
+    /// What kind of method it is.
+    pub const CHARACTERIZATION: Characterization = Characterization {
+        space: Space::Object,
+        sorts: "x, y: cells of the picture; along each edge: crossings with contours; z: at each crossing",
+        coherence: "along edges (invisibility changes at contours only)",
+        source: "Appel 1967; Roberts 1963, Galimberti and Montanari 1969, Loutrel 1970",
+        cost: None,
+    };
+
+    /// Finds what is seen of all edges. Takes time with the number of edges and of contours in the same parts of the picture.
+    pub fn new(screen: &Screen) -> Result<Self, VisibleError> {
         let lines = lines(screen);
         let mut cells = Cells::new(screen, &lines);
         let mut work = LineWork { edges: lines.len() as u64, contours: cells.contours, ..LineWork::default() };
@@ -104,10 +161,15 @@ impl HiddenLines {
             cells.near(line);
             let mut events = crossings(line, &lines, &cells.lines_met, &mut work);
             piercings(screen, line, &cells.faces_met, &mut events, &mut work);
+            events.retain(|e| e.at > line.range[0] && e.at < line.range[1]);
             events.sort_by(|a, b| a.at.total_cmp(&b.at));
             divide(screen, line, &events, &cells.faces_met, &mut stretches, &mut work);
+            if work.comparisons + work.faces > MOST_WORK {
+                let what = "comparisons of edges with contours and faces";
+                return Err(VisibleError::TooMuchWork { what, limit: MOST_WORK });
+            }
         }
-        Self { stretches, work }
+        Ok(Self { stretches, work })
     }
 }
 
@@ -124,7 +186,13 @@ fn lines(screen: &Screen) -> Vec<Line> {
             let (a, b) = if (a.x, a.y) < (b.x, b.y) { (a, b) } else { (b, a) };
             let key = [a.x, a.y, a.z, b.x, b.y, b.z].map(f64::to_bits);
             let found = *number.entry(key).or_insert_with(|| {
-                lines.push(Line { ends: [a, b], faces: Vec::new(), kind: LineKind::Flat, change: 0 });
+                lines.push(Line {
+                    ends: [a, b],
+                    faces: Vec::new(),
+                    kind: LineKind::Flat,
+                    range: [0.0, 1.0],
+                    change: 0,
+                });
                 lines.len() - 1
             });
             lines[found].faces.push(item as u32);
@@ -133,11 +201,28 @@ fn lines(screen: &Screen) -> Vec<Line> {
     for line in &mut lines {
         line.describe(screen);
     }
-    lines.retain(|line| {
-        let [a, b] = line.ends.map(|p| p.truncate());
-        a.max(b).cmpge(DVec2::ZERO).all() && a.min(b).cmple(size).all()
-    });
+    lines.iter_mut().for_each(|line| line.range = range_within(line, size));
+    lines.retain(|line| line.range[0] < line.range[1]);
     lines
+}
+
+/// The part of a line that is in the picture (Liang and Barsky, A New Concept and Method for Line Clipping, 1984).
+fn range_within(line: &Line, size: DVec2) -> [f64; 2] {
+    let [a, b] = line.ends.map(|p| p.truncate());
+    let mut range = [0.0f64, 1.0f64];
+    for axis in 0..2 {
+        for (at_a, at_b) in [(a[axis], b[axis]), (size[axis] - a[axis], size[axis] - b[axis])] {
+            let crossing = at_a / (at_a - at_b);
+            if at_a < 0.0 && at_b < 0.0 {
+                return [1.0, 0.0];
+            } else if at_a < 0.0 {
+                range[0] = range[0].max(crossing);
+            } else if at_b < 0.0 {
+                range[1] = range[1].min(crossing);
+            }
+        }
+    }
+    range
 }
 
 impl Line {
@@ -205,20 +290,22 @@ fn crossings(line: &Line, lines: &[Line], met: &[u32], work: &mut LineWork) -> V
         }
         let place = line.place(at);
         let along = (place - ends[0]).dot(across) / across.length_squared();
-        let near = contour.nearness(along.clamp(0.0, 1.0));
-        if near <= line.nearness(at) * (1.0 + EQUAL) {
+        let (near, own_near) = (contour.nearness(along.clamp(0.0, 1.0)), line.nearness(at));
+        if near < own_near * (1.0 - TOUCH) {
             continue;
         }
         work.crossings += 1;
         // From right to left of the contour it passes behind what is on the left.
         let goes_left = at_from < at_to;
-        events.push(Event { at, change: if goes_left { contour.change } else { -contour.change } });
+        let change = if goes_left { contour.change } else { -contour.change };
+        events.push(Event { at, change, is_touch: near < own_near * (1.0 + TOUCH) });
     }
     events
 }
 
 /// Where a line goes through faces.
 fn piercings(screen: &Screen, line: &Line, met: &[u32], events: &mut Vec<Event>, work: &mut LineWork) {
+    work.faces += met.len() as u64;
     for &item in met {
         let facet = &screen.facets[item as usize];
         if touches(facet, line) {
@@ -230,9 +317,10 @@ fn piercings(screen: &Screen, line: &Line, met: &[u32], events: &mut Vec<Event>,
         if (ahead[0] > 0.0) == (ahead[1] > 0.0) || !(at > 0.0 && at < 1.0) || is_level(0) || is_level(1) {
             continue;
         }
-        if facet.inside(line.place(at)) > 0.0 {
+        let inside = facet.inside(line.place(at));
+        if inside > -TOUCH {
             work.piercings += 1;
-            events.push(Event { at, change: if ahead[0] > 0.0 { 1 } else { -1 } });
+            events.push(Event { at, change: if ahead[0] > 0.0 { 1 } else { -1 }, is_touch: inside < TOUCH });
         }
     }
 }
@@ -245,17 +333,15 @@ fn touches(facet: &Facet, line: &Line) -> bool {
 /// Makes stretches of a line.
 fn divide(screen: &Screen, line: &Line, events: &[Event], faces: &[u32], out: &mut Vec<Stretch>, work: &mut LineWork) {
     let length = line.ends[0].truncate().distance(line.ends[1].truncate());
-    let (mut from, mut number, mut first) = (0.0, 0i32, true);
+    let (mut from, mut number, mut is_unknown) = (line.range[0], 0i32, true);
     let start = out.len();
     for i in 0..=events.len() {
-        let to = events.get(i).map_or(1.0, |e| e.at);
+        let to = events.get(i).map_or(line.range[1], |e| e.at);
         if (to - from) * length > SHORTEST {
-            if first {
+            if is_unknown || number < 0 {
                 number = count(screen, line, (from + to) * 0.5, faces, work);
-                first = false;
-            } else if number < 0 {
-                number = count(screen, line, (from + to) * 0.5, faces, work);
-                work.repaired += 1;
+                work.counts += 1;
+                is_unknown = false;
             }
             let stretch = Stretch {
                 ends: [line.place(from), line.place(to)],
@@ -272,6 +358,7 @@ fn divide(screen: &Screen, line: &Line, events: &[Event], faces: &[u32], out: &m
         }
         if let Some(event) = events.get(i) {
             number += event.change;
+            is_unknown |= event.is_touch;
             from = to;
         }
     }
@@ -280,7 +367,7 @@ fn divide(screen: &Screen, line: &Line, events: &[Event], faces: &[u32], out: &m
 /// The number of faces in front of a point of a line.
 fn count(screen: &Screen, line: &Line, at: f64, faces: &[u32], work: &mut LineWork) -> i32 {
     let (place, near) = (line.place(at), line.nearness(at));
-    work.counted += faces.len() as u64;
+    work.faces += faces.len() as u64;
     let hides = |item: &&u32| {
         let facet = &screen.facets[**item as usize];
         let is_ahead = facet.nearness.at(place) > near * (1.0 + EQUAL) + facet.slack;

@@ -40,9 +40,9 @@ impl Space {
     /// The name in tables.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Object => "object",
-            Self::Image => "image",
-            Self::ListPriority => "priority list",
+            Self::Object => "object space",
+            Self::Image => "image space",
+            Self::ListPriority => "a list by priority",
         }
     }
 }

@@ -5,9 +5,9 @@
 //! its paper, and [`Method::characterization`] says the same about each of them. They are here to be compared (`snell bench hidden-surfaces`); the renderer
 //! traces rays.
 //!
-//! All see the same: [`Screen`] projects the triangles of a world as a pinhole sees them, and what is asked about a pixel is answered in one place (`facet.rs`),
-//! so that all methods but the two that trace rays give the same picture, bit for bit. (A painter's order may differ where two triangles are equally
-//! near up to rounding.) Both sides of triangles are seen; at equal nearness the lowest ids win.
+//! All see the same: [`Screen`] projects the triangles of a world as a pinhole sees them, and what is asked about a pixel is answered in one place
+//! (`facet.rs`), so that all methods but the two that trace rays give the same picture, bit for bit. (A painter's order may differ where two triangles
+//! are equally near up to rounding.) Both sides of triangles are seen; at equal nearness the lowest ids win.
 //!
 //! [`HiddenLines`] draws lines instead of surfaces: Appel's quantitative invisibility, from which all this began.
 

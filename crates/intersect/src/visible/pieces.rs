@@ -90,9 +90,15 @@ pub(super) fn clipped(outline: &[DVec2], facet: &Facet, divider: &Divider, side:
     part
 }
 
-/// The outline of a facet within the picture.
+/// Corners may be this many pictures away, so that rounding does not matter where an edge enters the picture.
+const FAR: f64 = 1e5;
+
+/// The outline of a facet within the picture; all of the picture for one whose corners are too far away.
 pub(super) fn whole(facet: &Facet, size: DVec2) -> Vec<DVec2> {
     let mut outline: Vec<DVec2> = facet.corners().iter().map(|c| c.truncate()).collect();
+    if outline.iter().any(|p| p.abs().max_element() > FAR * size.max_element()) {
+        return vec![DVec2::ZERO, DVec2::new(size.x, 0.0), size, DVec2::new(0.0, size.y)];
+    }
     for (normal, offset) in [(DVec2::X, 0.0), (DVec2::NEG_X, size.x), (DVec2::Y, 0.0), (DVec2::NEG_Y, size.y)] {
         let mut part = Vec::with_capacity(outline.len() + 1);
         for (i, &a) in outline.iter().enumerate() {

@@ -19,6 +19,12 @@ struct Segment {
     item: u32,
 }
 
+impl Segment {
+    fn key(&self) -> (u32, u32) {
+        (self.low, self.item)
+    }
+}
+
 #[derive(Default)]
 struct Work {
     segments: u64,
@@ -37,21 +43,26 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     let mut active = ActiveRows::new(screen);
     let mut work = Work::default();
     let (mut segments, mut open): (Vec<Segment>, Vec<Segment>) = (Vec::new(), Vec::new());
-    // The active facets in the order of the row above, new ones last.
-    let mut order: Vec<u32> = Vec::new();
+    // The active facets in the order of the row above, those last that it did not meet.
+    let (mut order, mut fresh): (Vec<u32>, Vec<Segment>) = (Vec::new(), Vec::new());
     for y in 0..screen.size[1] {
         let items = active.advance(y);
         order.retain(|&item| screen.facets[item as usize].rows[1] > y);
-        order.extend(items.iter().filter(|&&item| screen.facets[item as usize].rows[0] == y));
         segments.clear();
-        for &item in &order {
+        let segment = |&item: &u32| {
             let [low, end] = screen.facets[item as usize].span(y);
-            if low < end {
-                segments.push(Segment { low, end, item });
-            }
-        }
-        work.segments += segments.len() as u64;
+            (low < end).then_some(Segment { low, end, item })
+        };
+        // Facets that begin here are sorted by themselves, and merged into the others.
+        fresh.clear();
+        let new: Vec<u32> = items.iter().copied().filter(|&item| screen.facets[item as usize].rows[0] == y).collect();
+        fresh.extend(new.iter().filter_map(segment));
+        fresh.sort_by_key(Segment::key);
+        segments.extend(order.iter().filter_map(segment));
         work.moves += sort_from_left(&mut segments);
+        merge(&mut segments, &fresh);
+        work.segments += segments.len() as u64;
+        order.extend(new);
         keep_order(&mut order, &segments);
         let mut row = Row { screen, canvas: &mut canvas, work: &mut work, y };
         row.sweep(&segments, &mut open);
@@ -68,24 +79,37 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     canvas.seen(done, memory)
 }
 
-/// Sorts by insertion, which is quick for what is nearly sorted; if it is not, in one go. Gives the places that segments moved.
+/// Sorts by insertion, which is quick for what is nearly sorted; if that takes too many moves, in one go. Gives the places that segments moved.
 fn sort_from_left(segments: &mut [Segment]) -> u64 {
-    let key = |s: &Segment| (s.low, s.item);
     let (mut moves, most) = (0, 16 * segments.len() as u64);
     for i in 1..segments.len() {
         let mut j = i;
-        while j > 0 && key(&segments[j - 1]) > key(&segments[j]) {
+        while j > 0 && segments[j - 1].key() > segments[j].key() {
             segments.swap(j - 1, j);
             j -= 1;
             moves += 1;
         }
         if moves > most {
-            // Many new ones: their moves are those of a merge.
-            segments.sort_by_key(key);
+            segments.sort_by_key(Segment::key);
             return moves + segments.len() as u64;
         }
     }
     moves
+}
+
+/// Puts sorted segments among others that are sorted, from the right.
+fn merge(segments: &mut Vec<Segment>, fresh: &[Segment]) {
+    let (mut old, mut new) = (segments.len(), fresh.len());
+    segments.extend_from_slice(fresh);
+    while new > 0 {
+        if old > 0 && segments[old - 1].key() > fresh[new - 1].key() {
+            segments[old + new - 1] = segments[old - 1];
+            old -= 1;
+        } else {
+            segments[old + new - 1] = fresh[new - 1];
+            new -= 1;
+        }
+    }
 }
 
 /// Puts what the row met into the order in which it met it; what it did not meet comes after that.

@@ -45,7 +45,8 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     let all = Window { low: [0; 2], end: screen.size };
     if !canvas.items.is_empty() {
         let inherited = guests.len();
-        let mut draw = Subdivision { screen, canvas: &mut canvas, work: &mut work, guests: &mut guests, most: &mut most };
+        let mut draw =
+            Subdivision { screen, canvas: &mut canvas, work: &mut work, guests: &mut guests, most: &mut most };
         draw.window(all, 0, inherited);
     }
     let done = vec![
@@ -100,7 +101,8 @@ impl Subdivision<'_> {
     /// Appends the facets of a window, without those that are surely hidden by a surrounding one. Gives the surrounding facet that surely
     /// hides all others, if there is one.
     fn classify(&mut self, w: &Window, from: usize, to: usize) -> u32 {
-        let corners = [[w.low[0], w.low[1]], [w.end[0] - 1, w.low[1]], [w.low[0], w.end[1] - 1], [w.end[0] - 1, w.end[1] - 1]];
+        let corners =
+            [[w.low[0], w.low[1]], [w.end[0] - 1, w.low[1]], [w.low[0], w.end[1] - 1], [w.end[0] - 1, w.end[1] - 1]];
         let start = self.guests.len();
         // Among the surrounding ones, that with the greatest least nearness.
         let (mut front, mut floor) = (NOTHING, f64::NEG_INFINITY);
