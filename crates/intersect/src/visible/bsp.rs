@@ -16,10 +16,10 @@ use super::screen::Triangle;
 use super::{NOTHING, Screen, VisibleError};
 use crate::accel::bsp::Plane;
 use crate::accel::bsp::polygon::Side;
-use snell_math::{Bounds3d, DVec2, DVec3, rng};
+use snell_math::{DVec2, DVec3, rng};
 
-/// Distances below this, relative to the size of the scene, are none.
-const TOLERANCE: f64 = 1e-10;
+/// Distances below this, relative to the coordinates of plane and polygon, are none.
+const TOLERANCE: f64 = 1e-12;
 
 /// Polygons whose planes are tried, and polygons on which planes are tried.
 const CANDIDATES: usize = 6;
@@ -73,9 +73,7 @@ pub struct Tree {
 impl Tree {
     /// Builds the tree of all triangles of the world, seen or not.
     pub(super) fn build(screen: &Screen) -> Result<Self, VisibleError> {
-        let bounds = Bounds3d::of(screen.triangles.iter().flat_map(|t| t.corners));
-        let is_empty = screen.triangles.is_empty();
-        let (centre, size) = if is_empty { (DVec3::ZERO, 0.0) } else { (bounds.center(), bounds.size().max_element()) };
+        let centre = centre(&screen.triangles);
         let mut tree = Self { nodes: Vec::new(), on: Vec::new(), cuts: Vec::new(), centre, depth: 0 };
         let part = |(i, t): (usize, &Triangle)| {
             let polygon = t.corners.map(|c| c - centre).to_vec();
@@ -96,7 +94,7 @@ impl Tree {
                 tree.nodes[parent].children[child] = index as u32;
             }
             tree.depth = tree.depth.max(depth);
-            let [back, front] = tree.divide(screen, set, size * TOLERANCE);
+            let [back, front] = tree.divide(screen, set);
             if (tree.on.len() + tree.cuts.len()) as u64 > most {
                 return Err(VisibleError::TooMuchWork { what: "parts of polygons in the tree", limit: most });
             }
@@ -107,13 +105,13 @@ impl Tree {
     }
 
     /// Makes a node, and the sets behind and before its plane.
-    fn divide(&mut self, screen: &Screen, set: Vec<Part>, tolerance: f64) -> [Vec<Part>; 2] {
-        let (plane, chosen) = choose(screen, self.centre, &set, tolerance);
+    fn divide(&mut self, screen: &Screen, set: Vec<Part>) -> [Vec<Part>; 2] {
+        let (plane, chosen) = choose(screen, self.centre, &set);
         let node = self.nodes.len() as u32;
         let mut sides = [Vec::new(), Vec::new()];
         let (mut on, count) = (Vec::new(), set.len());
         for (i, part) in set.into_iter().enumerate() {
-            let side = if chosen == Some(i) { Side::On } else { plane.side(&part.polygon, tolerance) };
+            let side = if chosen == Some(i) { Side::On } else { plane.side(&part.polygon) };
             match side {
                 // A plane across an axis has no place for polygons.
                 Side::On if chosen.is_some() => on.push((part.triangle, part.cuts)),
@@ -159,13 +157,29 @@ struct Candidate {
 }
 
 impl Candidate {
-    fn side(&self, polygon: &[DVec3], tolerance: f64) -> Side {
-        self.plane.side(polygon, tolerance)
+    fn side(&self, polygon: &[DVec3]) -> Side {
+        side_of(&self.plane, polygon)
     }
 
     fn cut(&self, polygon: &[DVec3], sign: f64, out: &mut Vec<DVec3>) {
         self.plane.cut(polygon, sign, out);
     }
+}
+
+/// Where a polygon lies, up to roundings.
+fn side_of(plane: &Plane, polygon: &[DVec3]) -> Side {
+    let reach = polygon.iter().fold(plane.offset.abs(), |reach, p| reach.max(p.abs().max_element()));
+    plane.side(polygon, reach * TOLERANCE)
+}
+
+/// A point in the middle of most of a scene: the median of corners by axis, which a few that are far away do not move.
+fn centre(triangles: &[Triangle]) -> DVec3 {
+    let median = |axis: usize| {
+        let mut all: Vec<f64> = triangles.iter().map(|t| t.corners[0][axis]).collect();
+        let middle = all.len() / 2;
+        if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    };
+    DVec3::new(median(0), median(1), median(2))
 }
 
 /// The plane of a polygon: of the triangle that its first corners make.
@@ -181,7 +195,7 @@ fn plane_of_triangle(screen: &Screen, centre: DVec3, triangle: u32) -> Option<Pl
 }
 
 /// A plane that divides a set well, and the part it is of, or `None` for one across an axis, which leaves fewer than all on either side.
-fn choose(screen: &Screen, centre: DVec3, set: &[Part], tolerance: f64) -> (Candidate, Option<usize>) {
+fn choose(screen: &Screen, centre: DVec3, set: &[Part]) -> (Candidate, Option<usize>) {
     let count = set.len();
     let pick = |k: usize, of: usize| (k * count / of + rng::hash32((k + count) as u32) as usize % count) % count;
     let sample: Vec<&Part> =
@@ -189,7 +203,7 @@ fn choose(screen: &Screen, centre: DVec3, set: &[Part], tolerance: f64) -> (Cand
     let score = |candidate: &Candidate| {
         let (mut sides, mut cuts) = ([0.0f64; 2], 0.0);
         for part in &sample {
-            match candidate.side(&part.polygon, tolerance) {
+            match candidate.side(&part.polygon) {
                 Side::On => {}
                 Side::Back => sides[0] += 1.0,
                 Side::Front => sides[1] += 1.0,
@@ -221,7 +235,7 @@ fn choose(screen: &Screen, centre: DVec3, set: &[Part], tolerance: f64) -> (Cand
             let plane = Plane { normal: axis, offset: middles[middles.len() / 2] };
             let (mut behind, mut before) = (0, 0);
             for part in set {
-                let side = plane.side(&part.polygon, tolerance);
+                let side = side_of(&plane, &part.polygon);
                 behind += usize::from(matches!(side, Side::Back | Side::Across));
                 before += usize::from(side != Side::Back);
             }
