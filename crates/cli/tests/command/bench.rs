@@ -248,7 +248,7 @@ fn hidden_surfaces_are_of_meshes_and_named_methods() {
     assert!(rows.iter().any(|r| r.contains("Warnock 1969")), "{rows:?}");
     let wrong = place.run("bench hidden-surfaces p.off --method warnok");
     assert!(wrong.code == 2 && wrong.err.contains("did you mean warnock?"), "{}", wrong.err);
-    let balls = place.run("bench hidden-surfaces spheres --side 16");
+    let balls = place.run("bench hidden-surfaces caustic --side 16");
     assert!(balls.code == 1 && balls.err.contains("triangles"), "{}", balls.err);
     let many =
         place.run("bench hidden-surfaces p.off:subdivide=6 --side 512 --repeat 1 --method ray-casting-all").done();

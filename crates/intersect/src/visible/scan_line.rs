@@ -43,31 +43,43 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     let mut active = ActiveRows::new(screen);
     let mut work = Work::default();
     let (mut segments, mut open): (Vec<Segment>, Vec<Segment>) = (Vec::new(), Vec::new());
-    // The active facets in the order of the row above, those last that it did not meet.
-    let (mut order, mut fresh): (Vec<u32>, Vec<Segment>) = (Vec::new(), Vec::new());
+    // Of each facet the last row that met it.
+    let mut met = vec![u32::MAX; screen.facets.len()];
+    // Facets in the order in which the row above met them, and active ones that it did not meet.
+    let (mut order, mut waiting, mut fresh): (Vec<u32>, Vec<u32>, Vec<Segment>) = Default::default();
     for y in 0..screen.size[1] {
         let items = active.advance(y);
-        order.retain(|&item| screen.facets[item as usize].rows[1] > y);
+        waiting.extend(items.iter().filter(|&&item| screen.facets[item as usize].rows[0] == y));
         segments.clear();
-        let segment = |&item: &u32| {
-            let [low, end] = screen.facets[item as usize].span(y);
-            (low < end).then_some(Segment { low, end, item })
-        };
-        // Facets that begin here are sorted by themselves, and merged into the others.
         fresh.clear();
-        let new: Vec<u32> = items.iter().copied().filter(|&item| screen.facets[item as usize].rows[0] == y).collect();
-        fresh.extend(new.iter().filter_map(segment));
+        for (items, segments) in [(&order, &mut segments), (&waiting, &mut fresh)] {
+            for &item in items {
+                let facet = &screen.facets[item as usize];
+                let [low, end] = if facet.rows[1] > y { facet.span(y) } else { [0; 2] };
+                if low < end {
+                    segments.push(Segment { low, end, item });
+                }
+            }
+        }
+        // What begins here is sorted by itself, and merged into the rest.
         fresh.sort_by_key(Segment::key);
-        segments.extend(order.iter().filter_map(segment));
         work.moves += sort_from_left(&mut segments);
         merge(&mut segments, &fresh);
         work.segments += segments.len() as u64;
-        order.extend(new);
-        keep_order(&mut order, &segments);
+        waiting.extend_from_slice(&order);
+        waiting.retain(|&item| screen.facets[item as usize].rows[1] > y + 1);
+        order.clear();
+        for segment in &segments {
+            order.push(segment.item);
+            met[segment.item as usize] = y;
+        }
+        waiting.retain(|&item| met[item as usize] != y);
         let mut row = Row { screen, canvas: &mut canvas, work: &mut work, y };
         row.sweep(&segments, &mut open);
     }
-    let memory = active.memory() + order.capacity() * 4 + segments.capacity() * size_of::<Segment>();
+    let memory = active.memory()
+        + (order.capacity() + waiting.capacity() + met.len()) * 4
+        + segments.capacity() * size_of::<Segment>();
     let done = vec![
         ("segments", work.segments),
         ("moves", work.moves),
@@ -110,20 +122,6 @@ fn merge(segments: &mut Vec<Segment>, fresh: &[Segment]) {
             new -= 1;
         }
     }
-}
-
-/// Puts what the row met into the order in which it met it; what it did not meet comes after that.
-fn keep_order(order: &mut Vec<u32>, segments: &[Segment]) {
-    if segments.len() == order.len() {
-        order.iter_mut().zip(segments).for_each(|(item, s)| *item = s.item);
-        return;
-    }
-    let mut met: Vec<u32> = segments.iter().map(|s| s.item).collect();
-    met.sort_unstable();
-    let rest: Vec<u32> = order.iter().copied().filter(|item| met.binary_search(item).is_err()).collect();
-    order.clear();
-    order.extend(segments.iter().map(|s| s.item));
-    order.extend(rest);
 }
 
 struct Row<'a> {
