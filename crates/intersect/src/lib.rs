@@ -34,6 +34,7 @@ pub mod mesh;
 pub mod precision;
 pub mod query;
 pub mod shape;
+pub mod visible;
 pub mod world;
 
 pub use accel::Quality;

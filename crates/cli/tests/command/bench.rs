@@ -190,3 +190,67 @@ fn a_scene_without_surfaces_is_not_measured() {
     assert_eq!(run.code, 1);
     assert!(run.err.contains("empty.obj: the scene has no surfaces"), "{}", run.err);
 }
+
+#[test]
+fn every_hidden_surface_method_sees_what_rays_see() {
+    let place = Place::new();
+    place.write("p.off", PYRAMID);
+    let run = place.run("bench hidden-surfaces p.off:copies=12 --side 64 --repeat 1 --json --image-folder out").done();
+    let rows = lines(run.text());
+    let names: Vec<_> = rows.iter().map(|r| r["method"].as_str().unwrap_or("")).collect();
+    let surfaces = [
+        "ray-casting-all",
+        "ray-casting",
+        "z-buffer",
+        "scan-line-z",
+        "scan-line",
+        "depth-sort",
+        "bsp",
+        "bsp-front-to-back",
+        "warnock",
+        "weiler-atherton",
+    ];
+    assert_eq!(names[..10], surfaces);
+    assert_eq!(names[10..], ["quantitative-invisibility"]);
+    for row in &rows {
+        assert_eq!((&row["scene"], &row["triangles"]), (&"p.off:copies=12".into(), &72.into()));
+        assert_eq!(row["unexplained"], 0, "{row}");
+        assert!(row["agree"].as_f64().is_some_and(|a| a > 0.98), "{row}");
+        assert!(row["seconds"].as_f64().is_some_and(|s| s > 0.0) && row["left_out"].is_null(), "{row}");
+        for key in ["space", "sorts", "coherence", "source"] {
+            assert!(row[key].as_str().is_some_and(|t| !t.is_empty()), "{key}: {row}");
+        }
+    }
+    for row in &rows[2..10] {
+        assert_eq!(row["identical"], 1.0, "{row}");
+    }
+    let picture = |name: &str| std::fs::read(place.path(&format!("out/{name}.png"))).expect("a picture");
+    for name in &surfaces[3..] {
+        assert!(picture(name) == picture("z-buffer"), "{name}");
+    }
+    let files = place.files();
+    assert!(files.iter().all(|f| f == "p.off" || f == "out"), "{files:?}");
+    assert_eq!(std::fs::read_dir(place.path("out")).expect("a folder").count(), 10 + 8 + 1);
+    let svg = std::fs::read_to_string(place.path("out/quantitative-invisibility.svg")).expect("a drawing");
+    assert!(svg.starts_with("<svg") && svg.contains("<path d=\"M"), "{svg}");
+}
+
+#[test]
+fn hidden_surfaces_are_of_meshes_and_named_methods() {
+    let place = Place::new();
+    place.write("p.off", PYRAMID);
+    let table = place.run("bench hidden-surfaces p.off --side 16 --repeat 1 --method warnock,z-buffer").done();
+    let rows: Vec<_> = table.text().lines().collect();
+    assert!(
+        rows[0].contains("6 triangles") && rows[2].starts_with("warnock") && rows[3].starts_with("z-buffer"),
+        "{rows:?}"
+    );
+    assert!(rows.iter().any(|r| r.contains("Warnock 1969")), "{rows:?}");
+    let wrong = place.run("bench hidden-surfaces p.off --method warnok");
+    assert!(wrong.code == 2 && wrong.err.contains("did you mean warnock?"), "{}", wrong.err);
+    let balls = place.run("bench hidden-surfaces caustic --side 16");
+    assert!(balls.code == 1 && balls.err.contains("triangles"), "{}", balls.err);
+    let many =
+        place.run("bench hidden-surfaces p.off:subdivide=6 --side 512 --repeat 1 --method ray-casting-all").done();
+    assert!(many.text().contains("left out: more than 5000000000"), "{}", many.text());
+}

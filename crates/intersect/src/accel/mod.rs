@@ -7,7 +7,7 @@
 
 pub(crate) mod box_ray;
 pub(crate) mod brute_force;
-mod bsp;
+pub(crate) mod bsp;
 pub(crate) mod bvh;
 mod graph;
 mod grid;

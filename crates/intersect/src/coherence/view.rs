@@ -22,7 +22,7 @@ pub struct View {
 
 /// Affine functions of points: x and y times `depth`, nearness times `depth`, and `depth`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rows {
+pub(crate) struct Rows {
     pub x: DVec4,
     pub y: DVec4,
     pub nearness: DVec4,
@@ -112,7 +112,7 @@ impl View {
         Rows { x: row(x), y: row(y), nearness: row(nearness), depth: row(depth), is_parallel }
     }
 
-    pub(super) fn rows(&self) -> Rows {
+    pub(crate) fn rows(&self) -> Rows {
         self.rows
     }
 }

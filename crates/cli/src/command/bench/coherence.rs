@@ -13,9 +13,9 @@ use serde_json::json;
 use snell_formats::ReadOptions;
 use snell_intersect::coherence::View;
 use snell_intersect::{BuildOptions, Hit, World};
-use snell_math::{DVec2, DVec3, Ray, Vec2};
+use snell_math::{DVec2, Ray, Vec2};
 use snell_scene::Camera;
-use snell_scene::camera::{CameraSample, Projection};
+use snell_scene::camera::CameraSample;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use ways::{Way, Work};
@@ -79,7 +79,7 @@ pub fn run(options: &Options) -> Result<ExitCode, Failure> {
     let world = variants::rebuilt(&bench.world, &BuildOptions::default()).map_err(|e| fail(&e))?;
     // Fails before anything is measured if this world cannot be traced so.
     snell_intersect::coherence::BeamTracer::new(&world).map_err(|e| fail(&e))?;
-    let view = view(&bench.camera, options.side)
+    let view = kinds::view(&bench.camera, options.side)
         .ok_or_else(|| fail(&"beams, pencils and cones need a pinhole camera with a flat picture"))?;
     if let Some(folder) = &options.image_folder {
         std::fs::create_dir_all(folder)
@@ -227,23 +227,6 @@ fn heading(case: &Case) -> String {
         "agree",
         side = case.side
     )
-}
-
-/// The view of a camera, with pixels as places; `None` if it has none.
-fn view(camera: &Camera, side: u32) -> Option<View> {
-    let is_flat = matches!(camera.projection, Projection::Perspective { .. } | Projection::Intrinsics(_));
-    if !is_flat || !camera.has_common_origin() {
-        return None;
-    }
-    // Directions that reach the plane at distance 1: there they are an affine function of the place.
-    let reach = |x: f64, y: f64| {
-        let sample = CameraSample { film: DVec2::new(x, y), lens: Vec2::ZERO };
-        let direction = camera.ray(&sample, [side; 2]).ray.direction.as_dvec3();
-        direction / direction.dot(camera.towards)
-    };
-    let (size, corner): (f64, DVec3) = (side.into(), reach(0.0, 0.0));
-    let eye = camera.eye.as_vec3().as_dvec3();
-    View::perspective(eye, corner, (reach(size, 0.0) - corner) / size, (reach(0.0, size) - corner) / size)
 }
 
 /// How fast the cones of the pixels grow, in the order of primary rays.

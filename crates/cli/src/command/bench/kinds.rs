@@ -1,9 +1,11 @@
 //! The kinds of rays that are measured, made for a scene and always the same.
 
 use super::scenes::Bench;
+use snell_intersect::coherence::View;
 use snell_intersect::{AcceptAll, Grouping, Hit, SurfaceInteraction, World};
-use snell_math::{DVec2, Frame, Ray, Vec2, rng, sampling};
-use snell_scene::camera::CameraSample;
+use snell_math::{DVec2, DVec3, Frame, Ray, Vec2, rng, sampling};
+use snell_scene::Camera;
+use snell_scene::camera::{CameraSample, Projection};
 
 /// A kind of ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,6 +103,23 @@ fn bounce(i: u32, ray: &Ray, surface: &SurfaceInteraction, start: f32) -> Ray {
         if surface.is_front_facing(ray.direction) { surface.geometric_normal } else { -surface.geometric_normal };
     let direction = Frame::from_z(normal).from_local(sampling::cosine_hemisphere(rng::uniform2([i, 1, 2, 3])));
     Ray { t_min: start, ..Ray::new(surface.ray_origin(direction), direction) }
+}
+
+/// The view of a camera in a square picture, with pixels as places; `None` if its rays do not leave one point for a flat picture.
+pub fn view(camera: &Camera, side: u32) -> Option<View> {
+    let is_flat = matches!(camera.projection, Projection::Perspective { .. } | Projection::Intrinsics(_));
+    if !is_flat || !camera.has_common_origin() {
+        return None;
+    }
+    // Directions that reach the plane at distance 1: there they are an affine function of the place.
+    let reach = |x: f64, y: f64| {
+        let sample = CameraSample { film: DVec2::new(x, y), lens: Vec2::ZERO };
+        let direction = camera.ray(&sample, [side; 2]).ray.direction.as_dvec3();
+        direction / direction.dot(camera.towards)
+    };
+    let (size, corner): (f64, DVec3) = (side.into(), reach(0.0, 0.0));
+    let eye = camera.eye.as_vec3().as_dvec3();
+    View::perspective(eye, corner, (reach(size, 0.0) - corner) / size, (reach(0.0, size) - corner) / size)
 }
 
 /// Every second bit of a number, from the lowest, side by side.

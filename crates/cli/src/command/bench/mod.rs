@@ -7,6 +7,7 @@ mod coherence;
 mod contest;
 mod dump;
 mod guiding;
+mod hidden_surfaces;
 mod kinds;
 mod peer;
 mod plot;
@@ -31,6 +32,8 @@ pub enum Command {
     Accelerators(accelerators::Options),
     /// Rays one by one, in batches and in bundles, beams, pencils and cones beside each other
     Coherence(coherence::Options),
+    /// The classical ways to find what is visible, beside each other: z-buffer, scan lines, painters, area subdivision and others
+    HiddenSurfaces(hidden_surfaces::Options),
     /// How fast files are read, and the memory that takes
     Read(read::Options),
     /// Rays per second inside of a render, beside those of the same rays alone.
@@ -48,6 +51,7 @@ pub fn run(command: &Command) -> Result<ExitCode, Failure> {
         Command::Build(options) => build::run(options),
         Command::Accelerators(options) => accelerators::run(options),
         Command::Coherence(options) => coherence::run(options),
+        Command::HiddenSurfaces(options) => hidden_surfaces::run(options),
         Command::Read(options) => read::run(options),
         Command::Render(options) => render::run(options),
         Command::Guiding(options) => guiding::run(options),

@@ -7,7 +7,7 @@
 //! tell where to look.
 
 mod build;
-mod polygon;
+pub(crate) mod polygon;
 
 use super::box_ray::BoxRay;
 use super::primitives::Primitives;
@@ -17,9 +17,9 @@ use snell_math::{Bounds3, DVec3};
 
 /// `normal . (x - center) = offset`: the front is where the left side is greater.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Plane {
-    normal: DVec3,
-    offset: f64,
+pub(crate) struct Plane {
+    pub normal: DVec3,
+    pub offset: f64,
 }
 
 /// Where a child is: an inner node, or with [`Self::LEAF`] a leaf.

@@ -4,11 +4,11 @@ use super::Plane;
 use snell_math::{Bounds3d, DVec3};
 
 /// A convex polygon: few vertices in a row of many.
-pub(super) type Vertices = Vec<DVec3>;
+pub(crate) type Vertices = Vec<DVec3>;
 
 /// On which side of a plane something lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Side {
+pub(crate) enum Side {
     On,
     Back,
     Front,

@@ -34,6 +34,18 @@ impl Svg {
         );
     }
 
+    /// Many lines of one kind, as one path.
+    pub fn lines(&mut self, lines: impl Iterator<Item = [[f64; 2]; 2]>, color: &str, width: f64) {
+        let mut path = String::new();
+        for [[x1, y1], [x2, y2]] in lines {
+            let _ = write!(path, "M{x1:.2} {y1:.2}L{x2:.2} {y2:.2}");
+        }
+        let _ = write!(
+            self.text,
+            r#"<path d="{path}" fill="none" stroke="{color}" stroke-width="{width}" stroke-linecap="round"/>"#
+        );
+    }
+
     pub fn polyline(&mut self, points: &[[f64; 2]], color: &str, dash: &str) {
         let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
         let _ = write!(

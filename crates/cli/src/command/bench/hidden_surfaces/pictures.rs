@@ -1,0 +1,75 @@
+//! The pictures of the methods: what they saw, and where they worked.
+
+use crate::command::bench::plot::{FAINT, INK, Svg};
+use crate::failure::Failure;
+use snell_formats::image::{WriteOptions, write_image};
+use snell_intersect::visible::{HiddenLines, LineKind, Method, Screen, Stretch};
+use snell_math::rng;
+use snell_scene::{Layer, LayeredImage};
+use std::path::Path;
+
+/// Writes the triangles that a method saw, and its work by pixel.
+pub fn surfaces(
+    folder: &Path,
+    method: Method,
+    screen: &Screen,
+    items: &[u32],
+    cost: Option<&[u32]>,
+) -> Result<(), Failure> {
+    let name = method.name();
+    let colors = items.iter().map(|&item| color(screen, item));
+    write(&folder.join(format!("{name}.png")), screen, colors)?;
+    if let Some(cost) = cost {
+        // The hottest colour is for the most that any but a thousandth of the pixels has.
+        let mut sorted = cost.to_vec();
+        sorted.sort_unstable();
+        let most = sorted.get(sorted.len().saturating_sub(1 + sorted.len() / 1000)).copied().unwrap_or(0).max(1);
+        let heats = cost.iter().map(|&n| heat(n as f32 / most as f32));
+        write(&folder.join(format!("{name}-work.png")), screen, heats)?;
+    }
+    Ok(())
+}
+
+fn write(path: &Path, screen: &Screen, colors: impl Iterator<Item = [f32; 3]>) -> Result<(), Failure> {
+    let [width, height] = screen.size();
+    let channels = ["R", "G", "B"].map(String::from).to_vec();
+    let layers = vec![Layer { name: String::new(), channels, values: colors.flatten().collect() }];
+    let image = LayeredImage { width, height, layers, metadata: Vec::new() };
+    Ok(write_image(path, &image, &WriteOptions::default())?)
+}
+
+/// A colour for each triangle, the same for all methods; nearly white where nothing is.
+fn color(screen: &Screen, item: u32) -> [f32; 3] {
+    match screen.primitive(item) {
+        None => [0.9; 3],
+        Some(id) => {
+            let [r, g, b, _] = rng::pcg4d([id.instance, id.geometry, id.primitive, 1]);
+            [r, g, b].map(|bits| linear(0.15 + 0.75 * rng::to_unit(bits)))
+        }
+    }
+}
+
+/// From black over red and yellow to white.
+fn heat(x: f32) -> [f32; 3] {
+    [0.0, 1.0, 2.0].map(|start| linear((3.0 * x - start).clamp(0.0, 1.0)))
+}
+
+/// About the light that a screen makes of a value.
+fn linear(value: f32) -> f32 {
+    value.powf(2.2)
+}
+
+/// Writes the lines that are seen, contours thicker; those that are hidden are faint.
+pub fn lines(folder: &Path, screen: &Screen, found: &HiddenLines) -> Result<(), Failure> {
+    let [width, height] = screen.size().map(f64::from);
+    let mut svg = Svg::new(width, height);
+    let of = |is_wanted: fn(&Stretch) -> bool| {
+        let wanted = found.stretches.iter().filter(move |s| is_wanted(s));
+        wanted.map(|s| s.ends.map(|p| p.to_array()))
+    };
+    svg.lines(of(|s| s.invisibility > 0 && s.kind != LineKind::Flat), FAINT, 0.5);
+    svg.lines(of(|s| s.invisibility == 0 && s.kind == LineKind::Crease), INK, 0.5);
+    svg.lines(of(|s| s.invisibility == 0 && s.kind == LineKind::Contour), INK, 1.0);
+    let path = folder.join(format!("{}.svg", HiddenLines::NAME));
+    Ok(snell_formats::atomic::write(&path, svg.finish().as_bytes())?)
+}

@@ -1,0 +1,86 @@
+//! What methods fill in: an item for each pixel.
+
+use super::{NOTHING, Screen};
+
+/// A picture in the making.
+pub(super) struct Canvas {
+    width: u32,
+    pub items: Vec<u32>,
+    cost: Option<Vec<u32>>,
+}
+
+/// What a method saw, and what that took.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// Of each pixel, in rows from the top, the number of the facet that is visible at its centre ([`Screen::primitive`]), or [`NOTHING`].
+    pub items: Vec<u32>,
+    /// What was done, in the method's own terms, and how often.
+    pub work: Vec<(&'static str, u64)>,
+    /// Bytes that the method needed besides the facets and the picture: its largest lists. `None` if it cannot tell.
+    pub memory: Option<usize>,
+    /// Work by pixel, if it was asked for and has places: see [`super::Characterization::cost`].
+    pub cost: Option<Vec<u32>>,
+}
+
+impl Canvas {
+    /// An empty picture; `with_cost` to count work by pixel.
+    pub fn new(screen: &Screen, with_cost: bool) -> Self {
+        let [width, height] = screen.size;
+        let count = width as usize * height as usize;
+        Self { width, items: vec![NOTHING; count], cost: with_cost.then(|| vec![0; count]) }
+    }
+
+    /// How many pixels there are.
+    pub fn len(&self) -> usize {
+        self.items.len()
+    }
+
+    /// The number of a pixel.
+    #[inline(always)]
+    pub fn pixel(&self, x: u32, y: u32) -> usize {
+        y as usize * self.width as usize + x as usize
+    }
+
+    /// Counts work at a pixel.
+    #[inline(always)]
+    pub fn charge(&mut self, pixel: usize) {
+        if let Some(cost) = &mut self.cost {
+            cost[pixel] = cost[pixel].saturating_add(1);
+        }
+    }
+
+    /// Counts work of this amount at a pixel.
+    pub fn charge_more(&mut self, x: u32, y: u32, amount: u32) {
+        let pixel = self.pixel(x, y);
+        if let Some(cost) = &mut self.cost {
+            cost[pixel] = cost[pixel].saturating_add(amount);
+        }
+    }
+
+    /// Counts work at all pixels of a rectangle, ends excluded.
+    pub fn charge_window(&mut self, low: [u32; 2], end: [u32; 2]) {
+        if self.cost.is_some() {
+            for y in low[1]..end[1] {
+                (low[0]..end[0]).for_each(|x| self.charge(self.pixel(x, y)));
+            }
+        }
+    }
+
+    /// Fills columns `low..end` of a row.
+    pub fn fill(&mut self, y: u32, [low, end]: [u32; 2], item: u32) {
+        if low < end {
+            let first = self.pixel(low, y);
+            self.items[first..first + (end - low) as usize].fill(item);
+        }
+    }
+
+    /// The finished picture.
+    pub fn seen(self, work: Vec<(&'static str, u64)>, memory: usize) -> Seen {
+        Seen { items: self.items, work, memory: Some(memory), cost: self.cost }
+    }
+
+    /// The finished picture of a method whose work has no places.
+    pub fn seen_without_cost(self, work: Vec<(&'static str, u64)>, memory: usize) -> Seen {
+        Seen { items: self.items, work, memory: Some(memory), cost: None }
+    }
+}

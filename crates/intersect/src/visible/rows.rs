@@ -1,0 +1,50 @@
+//! Which facets a row of pixels may meet: sorted into buckets by first row, kept while they last.
+
+use super::Screen;
+
+/// Facets in the order in which rows from the top meet them.
+pub(super) struct ActiveRows<'a> {
+    screen: &'a Screen,
+    /// By first row; within a row by number.
+    sorted: Vec<u32>,
+    /// Of each row, and after the last, where it starts in `sorted`.
+    starts: Vec<u32>,
+    active: Vec<u32>,
+    /// The greatest number that was active at once.
+    pub most: usize,
+}
+
+impl<'a> ActiveRows<'a> {
+    /// Sorts all facets: a counting sort by first row.
+    pub fn new(screen: &'a Screen) -> Self {
+        let first = |item: &u32| screen.facets[*item as usize].rows[0] as usize;
+        let mut starts = vec![0; screen.size[1] as usize + 1];
+        screen.sampled.iter().for_each(|item| starts[first(item) + 1] += 1);
+        for row in 1..starts.len() {
+            starts[row] += starts[row - 1];
+        }
+        let mut next = starts.clone();
+        let mut sorted = vec![0; screen.sampled.len()];
+        for item in &screen.sampled {
+            let place = &mut next[first(item)];
+            sorted[*place as usize] = *item;
+            *place += 1;
+        }
+        Self { screen, sorted, starts, active: Vec::new(), most: 0 }
+    }
+
+    /// The facets whose extent has this row. Rows must come one after the other from 0.
+    pub fn advance(&mut self, row: u32) -> &[u32] {
+        let facets = &self.screen.facets;
+        self.active.retain(|item| facets[*item as usize].rows[1] > row);
+        let [from, to] = [row, row + 1].map(|r| self.starts[r as usize] as usize);
+        self.active.extend_from_slice(&self.sorted[from..to]);
+        self.most = self.most.max(self.active.len());
+        &self.active
+    }
+
+    /// Bytes of its lists.
+    pub fn memory(&self) -> usize {
+        size_of_val(&self.sorted[..]) + size_of_val(&self.starts[..]) + self.most * size_of::<u32>()
+    }
+}
