@@ -77,12 +77,19 @@ impl Corners {
     where
         T: Copy + Add<Output = T> + Mul<f32, Output = T>,
     {
-        let [x, y, z] = self.steps;
-        let lerp = |a: T, b: T, t: f32| a + (b + a * -1.0) * t;
-        let row = |start: usize| lerp(values[start + x[0]], values[start + x[1]], self.f[0]);
-        let plane = |start: usize| lerp(row(start + y[0]), row(start + y[1]), self.f[1]);
-        lerp(plane(z[0]), plane(z[1]), self.f[2])
+        let [[x, next_x], [y, next_y], [z, next_z]] = self.steps;
+        let row = [z + y, z + next_y, next_z + y, next_z + next_y];
+        let mut rows = [values[row[0] + x]; 4];
+        for i in 0..4 {
+            rows[i] = lerp(values[row[i] + x], values[row[i] + next_x], self.f[0]);
+        }
+        lerp(lerp(rows[0], rows[1], self.f[1]), lerp(rows[2], rows[3], self.f[1]), self.f[2])
     }
+}
+
+#[inline(always)]
+fn lerp<T: Copy + Add<Output = T> + Mul<f32, Output = T>>(a: T, b: T, t: f32) -> T {
+    a + (b + a * -1.0) * t
 }
 
 /// Colours on a regular grid over the unit cube, each at the middle of its cell. Clones share them.
@@ -231,8 +238,20 @@ impl Grid {
 
     /// Coefficients of absorption and scattering at a point of the unit cube where the density is 1.
     pub(super) fn tinted(&self, p: Vec3) -> [Rgb; 2] {
-        let of = |sigma: Rgb, tint: &Option<ColorGrid>| tint.as_ref().map_or(sigma, |tint| sigma * tint.lookup(p));
-        [of(self.sigma_a, &self.sigma_a_tint), of(self.sigma_s, &self.sigma_s_tint)]
+        match (&self.sigma_a_tint, &self.sigma_s_tint) {
+            // One look at the cells does for both.
+            (Some(a), Some(s)) if a.size == s.size => match Corners::of(a.size, p) {
+                Some(at) => [self.sigma_a * at.interpolate(&a.values), self.sigma_s * at.interpolate(&s.values)],
+                None => [Rgb::BLACK; 2],
+            },
+            (a, s) => {
+                let of = |sigma: Rgb, tint: &Option<ColorGrid>| match tint {
+                    Some(tint) => sigma * tint.lookup(p),
+                    None => sigma,
+                };
+                [of(self.sigma_a, a), of(self.sigma_s, s)]
+            }
+        }
     }
 
     /// Radiance emitted per unit of length at a point of the unit cube where the density is known.

@@ -136,6 +136,7 @@ impl TrackedGrid {
         let thickest = largest_where(medium.sigma_t(), throughput);
         let start = throughput.max_element();
         let mut travel = Travel::unchanged(throughput);
+        let mut depth = None;
         self.walk(segment, |part, origin, direction| {
             let mut rate = self.extinction_bound(part.cell, thickest, mode);
             let glows = emits && self.emissions.as_ref().unwrap_or(&self.densities).bound(part.cell) > 0.0;
@@ -148,11 +149,16 @@ impl TrackedGrid {
             }
             let mut t = part.start;
             loop {
-                let u = numbers();
-                t += way(u.x, rate);
-                if t.is_nan() || t >= part.end {
+                let (rest, choice) = match depth.take() {
+                    Some(depth) => depth,
+                    None => drawn(numbers()),
+                };
+                let ahead = f64::from(rate) * f64::from(part.end - t);
+                if rest.is_nan() || rest >= ahead {
+                    depth = Some((rest - ahead, choice));
                     return true;
                 }
+                t = (t + (rest / f64::from(rate)) as f32).min(part.end);
                 let p = origin + direction * t;
                 let density = self.density(p);
                 if glows {
@@ -170,7 +176,7 @@ impl TrackedGrid {
                     travel.throughput = SampledSpectrum::ZERO;
                     return false;
                 }
-                if u.y * both < of_scattering {
+                if choice * both < of_scattering {
                     travel.throughput *= scattered * (both / (rate * of_scattering));
                     travel.scattered = Some(Scattering { distance: t, phase: medium.phase });
                     return false;
@@ -196,6 +202,7 @@ impl TrackedGrid {
         let thickest = largest_where(medium.sigma_t(), value);
         let start = value.max_element();
         let mut left = value;
+        let mut depth = None;
         self.walk(segment, |part, origin, direction| {
             let rate = self.extinction_bound(part.cell, thickest, mode);
             if rate == 0.0 {
@@ -203,10 +210,16 @@ impl TrackedGrid {
             }
             let mut t = part.start;
             loop {
-                t += way(numbers().x, rate);
-                if t.is_nan() || t >= part.end {
+                let rest = match depth.take() {
+                    Some(depth) => depth,
+                    None => drawn(numbers()).0,
+                };
+                let ahead = f64::from(rate) * f64::from(part.end - t);
+                if rest.is_nan() || rest >= ahead {
+                    depth = Some(rest - ahead);
                     return true;
                 }
+                t = (t + (rest / f64::from(rate)) as f32).min(part.end);
                 let p = origin + direction * t;
                 let [extinction, _] = self.coefficients(p, self.density(p), &medium, mode);
                 left *= extinction.map(|sigma| (1.0 - sigma / rate).max(0.0));
@@ -219,9 +232,10 @@ impl TrackedGrid {
     }
 }
 
-/// The way to the next collision, for `u` in `[0, 1)`.
-fn way(u: f32, rate: f32) -> f32 {
-    (-ln(1.0 - f64::from(u)) / f64::from(rate)) as f32
+/// The optical depth up to the next collision, by the upper bounds, and a number to choose its kind by. What is not used up by one part of the way goes on
+/// into the next, however many there are: one draw for each collision.
+fn drawn(u: Vec2) -> (f64, f32) {
+    (-ln(1.0 - f64::from(u.x)), u.y)
 }
 
 /// The largest lane of `sigma` among those that carry anything.
