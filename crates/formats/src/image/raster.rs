@@ -5,6 +5,7 @@ use crate::{Input, Place, ReadError};
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageReader, Limits};
 use snell_scene::{Encoding, Image, Pixels};
+use std::error::Error;
 use std::io::Cursor;
 
 /// Decodes a format of display values: the colours carry the sRGB curve, whatever gamma or profile the file may name.
@@ -62,7 +63,18 @@ fn decode_error(input: &Input, error: &ImageError) -> ReadError {
             "scale the image down, or cut it into parts",
         ),
         other => {
-            input.error(Place::Whole, format!("the image is damaged or cut off: {other}"), "export the image again")
+            let problem = format!("the image is damaged or cut off: {}", in_words(other));
+            input.error(Place::Whole, problem, "export the image again")
         }
     }
+}
+
+/// What a decoder says, without who says it and what it was made of.
+fn in_words(error: &ImageError) -> String {
+    let text = match error {
+        ImageError::Decoding(error) => error.source().map_or_else(|| error.to_string(), ToString::to_string),
+        other => other.to_string(),
+    };
+    let words = text.split(" while decoding ChunkType").next().unwrap_or_default();
+    words.trim_end_matches('.').to_string()
 }
