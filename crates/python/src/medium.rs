@@ -101,9 +101,9 @@ impl Declared for Value {
             (Self::Grid(grid), "density") => grid.density = Arc::new(scalars(value, name)?),
             (Self::Grid(grid), "emission_scale") => grid.emission_scale = Some(Arc::new(scalars(value, name)?)),
             (Self::Grid(grid), "temperature") => grid.temperature = Some(Arc::new(scalars(value, name)?)),
-            (Self::Grid(grid), "sigma_a_tint") => grid.sigma_a_tint = Some(colors(value, name)?),
-            (Self::Grid(grid), "sigma_s_tint") => grid.sigma_s_tint = Some(colors(value, name)?),
-            (Self::Grid(grid), "emission_tint") => grid.emission_tint = Some(colors(value, name)?),
+            (Self::Grid(grid), "sigma_a_tint") => grid.sigma_a_tint = Some(Arc::new(colors(value, name)?)),
+            (Self::Grid(grid), "sigma_s_tint") => grid.sigma_s_tint = Some(Arc::new(colors(value, name)?)),
+            (Self::Grid(grid), "emission_tint") => grid.emission_tint = Some(Arc::new(colors(value, name)?)),
             (Self::Grid(grid), "world_from_grid" | "bounds") => grid.world_from_grid = place(value)?,
             (Self::Cloud(cloud), "world_from_cloud" | "bounds") => cloud.world_from_cloud = place(value)?,
             _ => return Err(PyTypeError::new_err(format!("there is no array {name:?}"))),
@@ -113,7 +113,7 @@ impl Declared for Value {
 
     fn array<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         let place = |map: &DAffine3| Transform::new(*map).map(|map| matrix(py, &map)).transpose();
-        let of_colors = |tint: &Option<ColorGrid>| tint.as_ref().map(|tint| of_colors(py, tint)).transpose();
+        let of_colors = |tint: &Option<Arc<ColorGrid>>| tint.as_ref().map(|tint| of_colors(py, tint)).transpose();
         let of = |grid: &Option<Arc<ScalarGrid>>| grid.as_ref().map(|grid| of_scalars(py, grid)).transpose();
         match (self, name) {
             (Self::Grid(grid), "density") => of_scalars(py, &grid.density).map(Some),
@@ -166,7 +166,7 @@ fn scalars(value: &Bound<'_, PyAny>, name: &str) -> PyResult<ScalarGrid> {
 fn colors(value: &Bound<'_, PyAny>, name: &str) -> PyResult<ColorGrid> {
     let (values, size, channels) = numbers(value, name, true)?;
     let color = |c: &[f32]| Rgb::new(c[0], c[1 % channels], c[2 % channels]);
-    ColorGrid::new(size, values.chunks_exact(channels).map(color))
+    ColorGrid::new(size, values.chunks_exact(channels).map(color).collect())
         .ok_or_else(|| PyValueError::new_err(format!("{name}: too many cells")))
 }
 

@@ -253,7 +253,8 @@ fn smoke_of_many_colours_has_them_in_pbrt_too() {
     use snell_scene::medium::{ColorGrid, ScalarGrid};
     let numbers = |n: usize, step: usize| (0..n).map(move |i| (i * step % 7) as f32 / 7.0);
     let colors = |step: usize| {
-        ColorGrid::new([2, 3, 2], numbers(12, step).zip(numbers(12, 4)).map(|(a, b)| Rgb::new(a, b, 1.0)))
+        let colors = numbers(12, step).zip(numbers(12, 4)).map(|(a, b)| Rgb::new(a, b, 1.0)).collect();
+        ColorGrid::new([2, 3, 2], colors).map(Arc::new)
     };
     let density = ScalarGrid::new([2, 3, 2], (1..13).map(|i| i as f32).collect()).expect("as many as cells");
     let place = DAffine3::from_translation(DVec3::X) * DAffine3::from_scale(DVec3::new(2.0, 3.0, 4.0));

@@ -1,7 +1,7 @@
 //! Authored colours: linear Rec. 709 with a D65 white, and the sRGB transfer curve.
 
 use serde::{Deserialize, Serialize};
-use std::ops::{Add, Mul};
+use std::ops::{Add, Mul, Sub};
 
 /// A colour in linear Rec. 709 (the primaries of sRGB, without its curve). Not bounded: lights may be far above 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -95,6 +95,14 @@ impl Add for Rgb {
     #[inline]
     fn add(self, o: Self) -> Self {
         Self::new(self.r + o.r, self.g + o.g, self.b + o.b)
+    }
+}
+
+impl Sub for Rgb {
+    type Output = Self;
+    #[inline]
+    fn sub(self, o: Self) -> Self {
+        Self::new(self.r - o.r, self.g - o.g, self.b - o.b)
     }
 }
 

@@ -3,25 +3,56 @@
 use super::{MediumProperties, blackbody, coefficient, sane};
 use serde::{Deserialize, Serialize};
 use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec3};
-use std::ops::{Add, Mul};
+use std::ops::{Add, Mul, Sub};
 use std::sync::Arc;
 
-/// Numbers on a regular grid over the unit cube, each at the middle of its cell.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ScalarGrid {
-    size: [usize; 3],
-    values: Vec<f32>,
+/// What a cell may hold.
+pub trait CellValue: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self> {
+    /// What it counts as outside of the grid.
+    const NOTHING: Self;
+
+    /// The same without what is negative or not finite.
+    fn sane(self) -> Self;
 }
 
-impl ScalarGrid {
+impl CellValue for f32 {
+    const NOTHING: Self = 0.0;
+
+    fn sane(self) -> Self {
+        sane(self)
+    }
+}
+
+impl CellValue for Rgb {
+    const NOTHING: Self = Self::BLACK;
+
+    fn sane(self) -> Self {
+        self.map(sane)
+    }
+}
+
+/// Numbers or colours on a regular grid over the unit cube, each at the middle of its cell.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CellGrid<T> {
+    size: [usize; 3],
+    values: Vec<T>,
+}
+
+/// Numbers on a regular grid.
+pub type ScalarGrid = CellGrid<f32>;
+
+/// Colours on a regular grid.
+pub type ColorGrid = CellGrid<Rgb>;
+
+impl<T: CellValue> CellGrid<T> {
     /// A grid of `size` cells along x, y and z; `values` in the order of x first, then y, then z. `None` if their number is not the
     /// product of the sizes. Values that are negative or not finite count as 0.
-    pub fn new(size: [usize; 3], mut values: Vec<f32>) -> Option<Self> {
+    pub fn new(size: [usize; 3], mut values: Vec<T>) -> Option<Self> {
         let cells = size[0].checked_mul(size[1])?.checked_mul(size[2])?;
         if cells != values.len() {
             return None;
         }
-        values.iter_mut().for_each(|x| *x = sane(*x));
+        values.iter_mut().for_each(|x| *x = x.sane());
         Some(Self { size, values })
     }
 
@@ -31,13 +62,20 @@ impl ScalarGrid {
     }
 
     /// All values, x first.
-    pub fn values(&self) -> &[f32] {
+    pub fn values(&self) -> &[T] {
         &self.values
     }
 
     /// The value at a point of the unit cube, interpolated between the eight nearest cells; 0 outside of the cube.
-    pub fn lookup(&self, p: Vec3) -> f32 {
-        Corners::of(self.size, p).map_or(0.0, |corners| corners.interpolate(&self.values))
+    pub fn lookup(&self, p: Vec3) -> T {
+        Corners::of(self.size, p).map_or(T::NOTHING, |corners| corners.interpolate(&self.values))
+    }
+}
+
+impl ColorGrid {
+    /// The largest number of all.
+    pub fn max(&self) -> f32 {
+        self.values.iter().map(|c| c.r.max(c.g).max(c.b)).fold(0.0, f32::max)
     }
 }
 
@@ -73,60 +111,18 @@ impl Corners {
     }
 
     #[inline(always)]
-    fn interpolate<T>(&self, values: &[T]) -> T
-    where
-        T: Copy + Add<Output = T> + Mul<f32, Output = T>,
-    {
+    fn interpolate<T: CellValue>(&self, values: &[T]) -> T {
         let [[x, next_x], [y, next_y], [z, next_z]] = self.steps;
-        let row = [z + y, z + next_y, next_z + y, next_z + next_y];
-        let mut rows = [values[row[0] + x]; 4];
-        for i in 0..4 {
-            rows[i] = lerp(values[row[i] + x], values[row[i] + next_x], self.f[0]);
-        }
-        lerp(lerp(rows[0], rows[1], self.f[1]), lerp(rows[2], rows[3], self.f[1]), self.f[2])
+        let row = |start: usize| lerp(values[start + x], values[start + next_x], self.f[0]);
+        let near = lerp(row(z + y), row(z + next_y), self.f[1]);
+        let far = lerp(row(next_z + y), row(next_z + next_y), self.f[1]);
+        lerp(near, far, self.f[2])
     }
 }
 
 #[inline(always)]
-fn lerp<T: Copy + Add<Output = T> + Mul<f32, Output = T>>(a: T, b: T, t: f32) -> T {
-    a + (b + a * -1.0) * t
-}
-
-/// Colours on a regular grid over the unit cube, each at the middle of its cell. Clones share them.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ColorGrid {
-    size: [usize; 3],
-    values: Arc<[Rgb]>,
-}
-
-impl ColorGrid {
-    /// A grid of `size` cells along x, y and z; `values` in the order of x first, then y, then z. `None` if their number is not the
-    /// product of the sizes. Values that are negative or not finite count as 0.
-    pub fn new(size: [usize; 3], values: impl IntoIterator<Item = Rgb>) -> Option<Self> {
-        let cells = size[0].checked_mul(size[1])?.checked_mul(size[2])?;
-        let values: Arc<[Rgb]> = values.into_iter().map(|color| color.map(sane)).collect();
-        (cells == values.len()).then_some(Self { size, values })
-    }
-
-    /// Cells along x, y and z.
-    pub fn size(&self) -> [usize; 3] {
-        self.size
-    }
-
-    /// All colours, x first.
-    pub fn values(&self) -> &[Rgb] {
-        &self.values
-    }
-
-    /// The colour at a point of the unit cube, as [`ScalarGrid::lookup`].
-    pub fn lookup(&self, p: Vec3) -> Rgb {
-        Corners::of(self.size, p).map_or(Rgb::BLACK, |corners| corners.interpolate(&self.values))
-    }
-
-    /// The largest number of all.
-    pub fn max(&self) -> f32 {
-        self.values.iter().map(|c| c.r.max(c.g).max(c.b)).fold(0.0, f32::max)
-    }
+fn lerp<T: CellValue>(a: T, b: T, t: f32) -> T {
+    a + (b - a) * t
 }
 
 /// A medium on a grid: coefficients times a density, and nothing outside of the grid's box.
@@ -156,13 +152,13 @@ pub struct Grid {
     pub temperature: Option<Arc<ScalarGrid>>,
     /// Factor on `sigma_a`, besides the density.
     #[serde(skip)]
-    pub sigma_a_tint: Option<ColorGrid>,
+    pub sigma_a_tint: Option<Arc<ColorGrid>>,
     /// Factor on `sigma_s`, besides the density.
     #[serde(skip)]
-    pub sigma_s_tint: Option<ColorGrid>,
+    pub sigma_s_tint: Option<Arc<ColorGrid>>,
     /// Factor on `emission`, besides its scale.
     #[serde(skip)]
-    pub emission_tint: Option<ColorGrid>,
+    pub emission_tint: Option<Arc<ColorGrid>>,
     /// From the unit cube of the grids to the world.
     pub world_from_grid: DAffine3,
 }
@@ -197,7 +193,7 @@ impl Grid {
         let (thin, thick) = (Rgb::splat(0.2), Rgb::new(4.0, 2.0, 1.0));
         let colors = |n: usize| {
             let value = |i: usize| Rgb::from([1, n, n * n].map(|step| (i / step % n) as f32 / (n - 1) as f32));
-            ColorGrid::new([n; 3], (0..n * n * n).map(value))
+            ColorGrid::new([n; 3], (0..n * n * n).map(value).collect()).map(Arc::new)
         };
         vec![
             Self::new(thin, thick, 0.3, ball(12), DAffine3::IDENTITY),
@@ -217,7 +213,7 @@ impl Grid {
     pub fn size(&self) -> [usize; 3] {
         let tints = [&self.sigma_a_tint, &self.sigma_s_tint, &self.emission_tint].into_iter().flatten();
         let others = [&self.emission_scale, &self.temperature].into_iter().flatten().map(|grid| grid.size());
-        let others = others.chain(tints.map(ColorGrid::size));
+        let others = others.chain(tints.map(|tint| tint.size()));
         others.fold(self.density.size(), |a, b| std::array::from_fn(|axis| a[axis].max(b[axis])))
     }
 
@@ -245,7 +241,7 @@ impl Grid {
                 None => [Rgb::BLACK; 2],
             },
             (a, s) => {
-                let of = |sigma: Rgb, tint: &Option<ColorGrid>| match tint {
+                let of = |sigma: Rgb, tint: &Option<Arc<ColorGrid>>| match tint {
                     Some(tint) => sigma * tint.lookup(p),
                     None => sigma,
                 };

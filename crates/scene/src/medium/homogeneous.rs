@@ -27,7 +27,7 @@ impl Homogeneous {
     /// A medium of extinction `sigma_t` of which the share `albedo` (in `[0, 1]`) is scattered.
     pub fn scattering(sigma_t: Rgb, albedo: Rgb, g: f32) -> Self {
         let sigma_s = sigma_t * albedo;
-        Self { sigma_a: sigma_t + sigma_s * -1.0, sigma_s, emission: Rgb::BLACK, g }
+        Self { sigma_a: sigma_t - sigma_s, sigma_s, emission: Rgb::BLACK, g }
     }
 
     /// Homogeneous media for tests and galleries.

@@ -23,7 +23,7 @@ pub use blackbody::{blackbody, blackbody_luminance};
 pub use cloud::Cloud;
 pub use equiangular::Beacon;
 pub use glow::Glow;
-pub use grid::{ColorGrid, Grid, ScalarGrid};
+pub use grid::{CellGrid, CellValue, ColorGrid, Grid, ScalarGrid};
 pub use height_fog::HeightFog;
 pub use homogeneous::Homogeneous;
 pub use phase::HenyeyGreenstein;
@@ -90,6 +90,13 @@ impl Medium {
             grid.sigma_s_tint = other.sigma_s_tint.clone();
             grid.emission_tint = other.emission_tint.clone();
         }
+    }
+
+    /// What words say of a medium: the same without its grids.
+    pub fn without_grids(&self) -> Self {
+        let mut bare = self.clone();
+        bare.keep_grids_of(&Grid::default().into());
+        bare
     }
 }
 

@@ -10,6 +10,7 @@ use super::majorant::{BoundedPart, MajorantGrid};
 use super::{ColorGrid, Grid, MediumProperties, Scattering, Segment, Travel, coefficient, sane};
 use snell_math::exponentials::ln;
 use snell_math::{ColorMode, DAffine3, Rgb, SampledSpectrum, Vec2, Vec3};
+use std::sync::Arc;
 
 /// Optical thickness of one cell of the grid beyond which more makes no difference, but collisions would be tried forever.
 const MAX_DEPTH_OF_CELL: f64 = 64.0;
@@ -40,7 +41,7 @@ impl TrackedGrid {
         let is_invertible = grid.world_from_grid.matrix3.determinant() != 0.0 && inverse.is_finite();
         let glows = !grid.emission.is_black();
         let scale = grid.emission_scale.as_deref().filter(|_| glows);
-        let tint = grid.emission_tint.as_ref().filter(|_| glows);
+        let tint = grid.emission_tint.as_deref().filter(|_| glows);
         // All on the same cells, so that one walk reads all.
         let size = MajorantGrid::size_for(grid.size());
         let densities = MajorantGrid::new(&grid.density, size);
@@ -283,8 +284,8 @@ fn most_density(grid: &Grid) -> f32 {
     let [nx, ny, nz] = grid.size().map(|n| n as f64);
     let sides = [axes.x_axis.length() / nx, axes.y_axis.length() / ny, axes.z_axis.length() / nz];
     let side = sides.into_iter().fold(f64::INFINITY, f64::min);
-    let largest = |sigma: Rgb, tint: &Option<ColorGrid>| {
-        let tint = tint.as_ref().map_or(1.0, ColorGrid::max);
+    let largest = |sigma: Rgb, tint: &Option<Arc<ColorGrid>>| {
+        let tint = tint.as_ref().map_or(1.0, |tint| tint.max());
         f64::from(sane(sane(sigma.r.max(sigma.g).max(sigma.b)) * tint))
     };
     let sigma = largest(grid.sigma_a, &grid.sigma_a_tint) + largest(grid.sigma_s, &grid.sigma_s_tint);

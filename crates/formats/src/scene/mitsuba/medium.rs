@@ -12,6 +12,7 @@ use snell_scene::MediumId;
 use snell_scene::medium::{ColorGrid, Grid, Homogeneous, ScalarGrid};
 use std::collections::HashMap;
 use std::rc::Rc;
+use std::sync::Arc;
 
 /// The media of a scene.
 #[derive(Debug, Default)]
@@ -265,9 +266,9 @@ impl VolumeFile {
     }
 
     /// A colour for each cell, made from its number and its colour.
-    fn colors(&self, change: impl Fn(usize, Rgb) -> Rgb) -> Option<ColorGrid> {
+    fn colors(&self, change: impl Fn(usize, Rgb) -> Rgb) -> Option<Arc<ColorGrid>> {
         let cells = self.values.len() / self.channels;
-        ColorGrid::new(self.size, (0..cells).map(|cell| change(cell, self.color(cell))))
+        ColorGrid::new(self.size, (0..cells).map(|cell| change(cell, self.color(cell))).collect()).map(Arc::new)
     }
 
     /// One number for each cell: the mean of the channels.

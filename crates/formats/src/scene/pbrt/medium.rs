@@ -169,11 +169,11 @@ impl Builder<'_> {
             let largest = values.iter().map(|c| c.r.max(c.g).max(c.b)).fold(0.0, f32::max);
             let share = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
             let found = values.len();
-            let Some(grid) = ColorGrid::new(size, values.into_iter().map(|c| c * (1.0 / share))) else {
+            let Some(grid) = ColorGrid::new(size, values.into_iter().map(|c| c * (1.0 / share)).collect()) else {
                 let problem = format!("{found} colours for a grid of {} x {} x {}", size[0], size[1], size[2]);
                 return Err(params.fault(problem, format!("give one for each cell in \"rgb {name}\"")));
             };
-            Ok((Rgb::splat(share * scale), Some(grid)))
+            Ok((Rgb::splat(share * scale), Some(Arc::new(grid))))
         };
         // What is not given is 1 everywhere, but for light.
         let emits = !emitted.is_empty();

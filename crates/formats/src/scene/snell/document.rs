@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use snell_intersect::{AnyShape, Curves, Shape, StrandBasis, TriangleMesh};
 use snell_math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3, Vec4};
 use snell_scene::graph::MediumId;
-use snell_scene::medium::{ColorGrid, Grid, Medium, ScalarGrid};
+use snell_scene::medium::{ColorGrid, Medium, ScalarGrid};
 use snell_scene::{
     Background, Camera, Encoding, Environment, Geometry, Image, Light, Material, MaterialId, Node, NodeId, Pixels,
     Scene, SceneSettings, Surface, Texture,
@@ -257,7 +257,7 @@ impl Document {
         check("light", lights)?;
         check("material", materials)?;
         let (grids, media_grids) = grids(media);
-        let bare: Vec<Medium> = media.iter().map(without_grids).collect();
+        let bare: Vec<Medium> = media.iter().map(Medium::without_grids).collect();
         check("medium", &bare)?;
         check("texture", textures)?;
         check("settings", std::slice::from_ref(settings))?;
@@ -356,57 +356,51 @@ impl Document {
     }
 }
 
-/// The medium without its grids, which are in a table of their own.
-fn without_grids(medium: &Medium) -> Medium {
-    match medium {
-        Medium::Grid(grid) => Medium::Grid(Grid {
-            density: Arc::default(),
-            emission_scale: None,
-            temperature: None,
-            sigma_a_tint: None,
-            sigma_s_tint: None,
-            emission_tint: None,
-            ..grid.clone()
-        }),
-        other => other.clone(),
+/// The table of grids as it grows: those that several share stand there once.
+#[derive(Default)]
+struct Grids {
+    forms: Vec<GridForm>,
+    scalars: HashMap<*const ScalarGrid, u32>,
+    colors: HashMap<*const ColorGrid, [u32; 3]>,
+}
+
+impl Grids {
+    fn add(forms: &mut Vec<GridForm>, size: [usize; 3], values: Vec<f32>) -> u32 {
+        forms.push(GridForm { size, values: Numbers(values) });
+        forms.len() as u32 - 1
+    }
+
+    /// The number of a grid in the table.
+    fn scalars(&mut self, grid: &Arc<ScalarGrid>) -> u32 {
+        let add = || Self::add(&mut self.forms, grid.size(), grid.values().to_vec());
+        *self.scalars.entry(Arc::as_ptr(grid)).or_insert_with(add)
+    }
+
+    /// The numbers of the grids of red, green and blue.
+    fn colors(&mut self, grid: &Arc<ColorGrid>) -> [u32; 3] {
+        let mut add = |channel: fn(&Rgb) -> f32| {
+            Self::add(&mut self.forms, grid.size(), grid.values().iter().map(channel).collect())
+        };
+        *self.colors.entry(Arc::as_ptr(grid)).or_insert_with(|| [add(|c| c.r), add(|c| c.g), add(|c| c.b)])
     }
 }
 
-/// All grids of the media, those that several share once, and which medium has which.
+/// All grids of the media, and which medium has which.
 fn grids(media: &[Medium]) -> (Vec<GridForm>, Vec<MediumGrids>) {
-    let (mut forms, mut known, mut uses) = (Vec::new(), HashMap::new(), Vec::new());
+    let (mut grids, mut uses) = (Grids::default(), Vec::new());
     for (i, medium) in media.iter().enumerate() {
         let Medium::Grid(grid) = medium else { continue };
-        let mut add = |form: GridForm| {
-            forms.push(form);
-            forms.len() as u32 - 1
-        };
-        let mut number = |grid: &Arc<ScalarGrid>| {
-            let form = || GridForm { size: grid.size(), values: Numbers(grid.values().to_vec()) };
-            *known.entry(Arc::as_ptr(grid).cast::<()>()).or_insert_with(|| [add(form()); 3])
-        };
-        let [density, emission_scale, temperature] =
-            [Some(&grid.density), grid.emission_scale.as_ref(), grid.temperature.as_ref()].map(|g| g.map(&mut number));
-        let mut numbers = |tint: &Option<ColorGrid>| {
-            let tint = tint.as_ref()?;
-            let channel = |channel: fn(&Rgb) -> f32| GridForm {
-                size: tint.size(),
-                values: Numbers(tint.values().iter().map(channel).collect()),
-            };
-            let forms = || [channel(|c| c.r), channel(|c| c.g), channel(|c| c.b)].map(&mut add);
-            Some(*known.entry(tint.values().as_ptr().cast::<()>()).or_insert_with(forms))
-        };
         uses.push(MediumGrids {
             medium: MediumId(i as u32),
-            density: density.map_or(0, |[number, ..]| number),
-            emission_scale: emission_scale.map(|[number, ..]| number),
-            temperature: temperature.map(|[number, ..]| number),
-            sigma_a_tint: numbers(&grid.sigma_a_tint),
-            sigma_s_tint: numbers(&grid.sigma_s_tint),
-            emission_tint: numbers(&grid.emission_tint),
+            density: grids.scalars(&grid.density),
+            emission_scale: grid.emission_scale.as_ref().map(|grid| grids.scalars(grid)),
+            temperature: grid.temperature.as_ref().map(|grid| grids.scalars(grid)),
+            sigma_a_tint: grid.sigma_a_tint.as_ref().map(|tint| grids.colors(tint)),
+            sigma_s_tint: grid.sigma_s_tint.as_ref().map(|tint| grids.colors(tint)),
+            emission_tint: grid.emission_tint.as_ref().map(|tint| grids.colors(tint)),
         });
     }
-    (forms, uses)
+    (grids.forms, uses)
 }
 
 /// Gives media their grids.
@@ -438,8 +432,8 @@ fn add_grids(media: &mut [Medium], forms: Vec<GridForm>, uses: Vec<MediumGrids>,
             let [r, g, b] = [get(numbers[0])?, get(numbers[1])?, get(numbers[2])?];
             let colors = r.values().iter().zip(g.values()).zip(b.values()).map(|((r, g), b)| Rgb::new(*r, *g, *b));
             let are_alike = g.size() == r.size() && b.size() == r.size();
-            let grid = are_alike.then(|| ColorGrid::new(r.size(), colors)).flatten();
-            grid.ok_or_else(|| flaw("the grids of a tint are not of the same size".into()))
+            let grid = are_alike.then(|| ColorGrid::new(r.size(), colors.collect())).flatten();
+            grid.map(Arc::new).ok_or_else(|| flaw("the grids of a tint are not of the same size".into()))
         };
         owner.density = get(used.density)?;
         owner.emission_scale = used.emission_scale.map(get).transpose()?;

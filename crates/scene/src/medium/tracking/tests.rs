@@ -3,7 +3,6 @@
 use super::*;
 use crate::medium::{ColorGrid, Homogeneous, Medium, PreparedMedium, ScalarGrid};
 use snell_math::{Rgb, rng};
-use std::sync::Arc;
 
 const UNIT: SampledSpectrum = SampledSpectrum([1.0, 1.0, 1.0, 0.0]);
 
@@ -108,11 +107,11 @@ fn a_constant_grid_is_a_homogeneous_medium() {
 }
 
 /// Each colour another ramp: red grows along x, green falls, blue is the same everywhere.
-fn ramps() -> (ColorGrid, impl Fn(f64) -> [f64; 3]) {
+fn ramps() -> (Arc<ColorGrid>, impl Fn(f64) -> [f64; 3]) {
     let (rising, integral) = ramp();
-    let colors = rising.values().iter().map(|v| Rgb::new(*v, 1.0 - v, 0.5));
+    let colors = rising.values().iter().map(|v| Rgb::new(*v, 1.0 - v, 0.5)).collect();
     let tint = ColorGrid::new(rising.size(), colors).expect("as many values as cells");
-    (tint, move |x| [integral(x), x - integral(x), 0.5 * x])
+    (Arc::new(tint), move |x| [integral(x), x - integral(x), 0.5 * x])
 }
 
 #[test]
@@ -150,7 +149,7 @@ fn tints_that_are_constant_are_factors() {
     let density = || ScalarGrid::new([3, 5, 2], vec![2.0; 30]).expect("thirty values");
     let place = DAffine3::from_scale(snell_math::DVec3::splat(4.0));
     let [absorbing, scattering, shining] = [Rgb::new(0.5, 0.1, 0.0), Rgb::new(0.2, 2.0, 1.0), Rgb::new(1.0, 0.3, 0.0)];
-    let one = |color: Rgb| ColorGrid::new([1; 3], [color]);
+    let one = |color: Rgb| ColorGrid::new([1; 3], vec![color]).map(Arc::new);
     let grid = Grid { emission: Rgb::splat(0.5), ..Grid::new(Rgb::splat(0.4), Rgb::splat(0.7), 0.3, density(), place) };
     let tinted = Grid {
         sigma_a_tint: one(absorbing),
@@ -230,7 +229,8 @@ fn hostile_grids_end_soon_and_stay_finite() {
     for map in maps {
         for sigma in [huge, Rgb::BLACK, Rgb::new(f32::NAN, 1.0, -1.0)] {
             let plain = Grid { emission: huge, ..Grid::new(sigma, sigma, f32::NAN, density(), map) };
-            let tint = ColorGrid::new([2, 2, 2], wild.map(|x| Rgb::new(x, 1.0, -x))).expect("eight values");
+            let colors = wild.map(|x| Rgb::new(x, 1.0, -x)).to_vec();
+            let tint = Arc::new(ColorGrid::new([2, 2, 2], colors).expect("eight values"));
             let tinted = Grid { sigma_s_tint: Some(tint.clone()), emission_tint: Some(tint), ..plain.clone() };
             for (grid, length) in [&plain, &tinted]
                 .into_iter()
