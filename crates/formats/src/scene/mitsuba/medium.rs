@@ -36,6 +36,22 @@ impl Volume {
             Self::Grid(_, place) => Some(place),
         }
     }
+
+    /// True if it is known for each cell of a grid.
+    fn has_cells_of(&self, file: &VolumeFile) -> bool {
+        match self {
+            Self::Constant(_) => true,
+            Self::Grid(own, _) => own.size == file.size,
+        }
+    }
+
+    /// The colour of a cell of its grid.
+    fn color(&self, cell: usize) -> Rgb {
+        match self {
+            Self::Constant(color) => *color,
+            Self::Grid(file, _) => file.color(cell),
+        }
+    }
 }
 
 /// The content of a volume file.
@@ -154,14 +170,12 @@ impl Builder<'_> {
         let scattering = |a: f32| a.clamp(0.0, 1.0);
         let absorption = |a: f32| 1.0 - a.clamp(0.0, 1.0);
         let whole = ScalarGrid::new([1; 3], vec![1.0]);
-        let (density, sigma_a, sigma_s) = match (&extinction, &albedo) {
-            (Volume::Grid(file, _), Volume::Constant(albedo)) if file.is_colored() => {
-                let of = |share: fn(f32) -> f32| (albedo.map(share) * scale, file.colors(|_, color| color));
-                (whole, of(absorption), of(scattering))
-            }
-            (Volume::Grid(file, _), Volume::Grid(albedo, _)) if file.is_colored() && file.size == albedo.size => {
-                let color = |cell: usize, share: fn(f32) -> f32| albedo.color(cell).map(share);
-                let of = |share| (Rgb::splat(scale), file.colors(|cell, sigma_t| sigma_t * color(cell, share)));
+        let (density, sigma_a, sigma_s) = match &extinction {
+            Volume::Grid(file, _) if file.is_colored() && albedo.has_cells_of(file) => {
+                let of = |share: fn(f32) -> f32| {
+                    let color = |cell, sigma_t| sigma_t * albedo.color(cell).map(share);
+                    (Rgb::splat(scale), file.colors(color))
+                };
                 (whole, of(absorption), of(scattering))
             }
             _ => {
