@@ -287,7 +287,9 @@ fn cells(params: &Params) -> Result<[usize; 3], Fault> {
     let mut size = [1; 3];
     for (cells, name) in size.iter_mut().zip(["nx", "ny", "nz"]) {
         let count = params.integer(name)?.unwrap_or(1);
-        *cells = usize::try_from(count).unwrap_or(0);
+        *cells = usize::try_from(count).ok().filter(|n| *n > 0).ok_or_else(|| {
+            params.fault(format!("{name} is {count}, but a grid has at least one cell"), "write a whole number above 0")
+        })?;
     }
     Ok(size)
 }

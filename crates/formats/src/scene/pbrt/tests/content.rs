@@ -549,6 +549,8 @@ fn media_on_grids_have_the_colours_of_their_cells() {
         let error = fault(&text);
         assert!(error.contains("give one for each cell"), "{error}");
     }
+    let error = fault("WorldBegin MakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"integer nx\" -2");
+    assert!(error.contains("nx is -2, but a grid has at least one cell; write a whole number above 0"), "{error}");
 }
 
 #[test]
