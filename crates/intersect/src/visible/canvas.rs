@@ -1,5 +1,6 @@
 //! What methods fill in: an item for each pixel.
 
+use super::facet::{centre, is_nearer};
 use super::{NOTHING, Screen};
 
 /// A picture in the making.
@@ -47,6 +48,24 @@ impl Canvas {
         if let Some(cost) = &mut self.cost {
             cost[pixel] = cost[pixel].saturating_add(1);
         }
+    }
+
+    /// Keeps a facet in those pixels of a row where it is nearer than what is there; `depth` is of the row. Gives how many pixels it was tested in,
+    /// and how many it was written to.
+    pub fn keep_nearest(&mut self, screen: &Screen, item: u32, y: u32, depth: &mut [f64]) -> [u64; 2] {
+        let facet = &screen.facets[item as usize];
+        let [low, end] = facet.span(y);
+        let mut written = 0;
+        for x in low..end {
+            let (near, pixel) = (facet.nearness.at(centre(x, y)), self.pixel(x, y));
+            self.charge(pixel);
+            let old = self.items[pixel];
+            if old == NOTHING || is_nearer((item, near), (old, depth[x as usize])) {
+                (self.items[pixel], depth[x as usize]) = (item, near);
+                written += 1;
+            }
+        }
+        [u64::from(end.saturating_sub(low)), written]
     }
 
     /// Counts work of this amount at a pixel.

@@ -2,10 +2,9 @@
 //! looks at all facets of a row at each pixel they cover, as Wylie, Romney, Evans and Erdahl did (Half-tone perspective drawings by computer,
 //! AFIPS 1967), and lets the row's own depths do the comparison.
 
+use super::Screen;
 use super::canvas::{Canvas, Seen};
-use super::facet::{centre, is_nearer};
 use super::rows::ActiveRows;
-use super::{NOTHING, Screen};
 
 /// Draws the rows from the top.
 pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
@@ -15,19 +14,9 @@ pub(super) fn run(screen: &Screen, with_cost: bool) -> Seen {
     let (mut spans, mut tested, mut written) = (0, 0, 0);
     for y in 0..screen.size[1] {
         for &item in active.advance(y) {
-            let facet = &screen.facets[item as usize];
-            let [low, end] = facet.span(y);
-            spans += u64::from(low < end);
-            for x in low..end {
-                let (near, pixel) = (facet.nearness.at(centre(x, y)), canvas.pixel(x, y));
-                tested += 1;
-                canvas.charge(pixel);
-                let old = canvas.items[pixel];
-                if old == NOTHING || is_nearer((item, near), (old, depth[x as usize])) {
-                    (canvas.items[pixel], depth[x as usize]) = (item, near);
-                    written += 1;
-                }
-            }
+            let [t, w] = canvas.keep_nearest(screen, item, y, &mut depth);
+            spans += u64::from(t > 0);
+            (tested, written) = (tested + t, written + w);
         }
     }
     let memory = size_of_val(&depth[..]) + active.memory();
