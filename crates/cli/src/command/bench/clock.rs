@@ -55,6 +55,13 @@ pub fn pool(threads: usize) -> Result<ThreadPool, String> {
         .map_err(|e| format!("cannot start {threads} threads: {e}; ask for fewer"))
 }
 
+/// What a call gives, and the processor time it took in seconds.
+pub fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = thread_time();
+    let result = work();
+    (result, thread_time().saturating_sub(start).as_secs_f64().max(1e-9))
+}
+
 /// Calls `work` on pieces of two slices of one length, each thread of the pool taking the next piece in turn. Gives the seconds it
 /// took.
 pub fn time_pieces<A: Sync, B: Send>(

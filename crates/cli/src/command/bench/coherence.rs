@@ -3,7 +3,7 @@
 mod pictures;
 mod ways;
 
-use super::clock::{median, thread_time};
+use super::clock::{median, timed};
 use super::kinds::{self, Kind, parse_side};
 use super::scenes::{self, Bench};
 use super::variants;
@@ -128,9 +128,9 @@ fn measure<A: ways::Answers>(
         // Cones take long enough to be measured once.
         let repeat = if way == Way::Cones { 1 } else { options.repeat };
         for _ in 0..repeat {
-            let start = thread_time();
-            extra = A::trace(way, case, rays, &mut answers).map_err(|e| Failure::Scene(e.to_string()))?;
-            times.push(thread_time().saturating_sub(start).as_secs_f64().max(1e-9));
+            let (traced, seconds) = timed(|| A::trace(way, case, rays, &mut answers));
+            extra = traced.map_err(|e| Failure::Scene(e.to_string()))?;
+            times.push(seconds);
         }
         let work = extra.work.or_else(|| A::work(way, case, rays));
         if exact.is_empty() {

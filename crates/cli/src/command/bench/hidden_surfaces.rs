@@ -2,7 +2,7 @@
 
 mod pictures;
 
-use super::clock::{median, pool, thread_time};
+use super::clock::{median, pool, timed};
 use super::kinds::{self, parse_side};
 use super::scenes;
 use super::variants;
@@ -159,13 +159,6 @@ fn methods(names: &[String]) -> Result<Vec<Kind>, Failure> {
         [] => Ok(all),
         _ => names.iter().map(|name| choice("method", name, &all, Kind::name)).collect(),
     }
-}
-
-/// What a call gives, and the processor time it took in seconds.
-fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
-    let start = thread_time();
-    let result = work();
-    (result, thread_time().saturating_sub(start).as_secs_f64().max(1e-9))
 }
 
 /// Runs as often as asked for, but not for long. Gives the last result and the seconds of each run.

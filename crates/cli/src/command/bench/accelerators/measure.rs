@@ -1,6 +1,6 @@
 //! One structure on one scene: build it, trace rays for a while, and count.
 
-use super::super::clock::thread_time;
+use super::super::clock::timed;
 use super::super::kinds::{self, Kind};
 use super::super::scenes::Bench;
 use super::super::variants;
@@ -8,7 +8,7 @@ use super::rebuilt;
 use crate::failure::Failure;
 use snell_intersect::{AcceptAll, BuildOptions, Hit, World};
 use snell_math::Ray;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// How to measure.
 pub struct Measurer {
@@ -75,16 +75,14 @@ impl Measurer {
 
     fn kind(&self, world: &World, kind: Kind, rays: &[Ray]) -> KindMeasured {
         let pieces = Pieces::new(world, kind, rays, self.seconds);
-        let (mut traced, mut time) = (0, Duration::ZERO);
+        let (mut traced, mut time) = (0, 0.0);
         let mut hits = vec![Hit::MISS; pieces.size];
         let mut blocked = vec![false; pieces.size];
         // The counts need fewer rays than the clock.
         let mut work = snell_intersect::world::TraversalWork::default();
         let mut counted = 0;
         for (i, piece) in pieces.iter(rays).enumerate() {
-            let start = thread_time();
-            trace(world, kind, piece, &mut hits, &mut blocked);
-            time += thread_time().saturating_sub(start);
+            time += timed(|| trace(world, kind, piece, &mut hits, &mut blocked)).1;
             traced += piece.len();
             if i % 4 == 0 {
                 let more = world.closest_work(piece, &AcceptAll, &mut hits[..piece.len()]);
@@ -93,14 +91,14 @@ impl Measurer {
                 work.primitives_tested += more.primitives_tested;
                 counted += piece.len();
             }
-            if time.as_secs_f64() > self.seconds {
+            if time > self.seconds {
                 break;
             }
         }
         let per_ray = |n: u64| n as f64 / counted.max(1) as f64;
         KindMeasured {
             kind,
-            rays_per_second: traced as f64 / time.as_secs_f64().max(1e-9),
+            rays_per_second: traced as f64 / time.max(1e-9),
             nodes: per_ray(work.nodes_visited),
             cells: per_ray(work.cells_stepped),
             primitives: per_ray(work.primitives_tested),
@@ -124,9 +122,8 @@ struct Pieces {
 impl Pieces {
     fn new(world: &World, kind: Kind, rays: &[Ray], seconds: f64) -> Self {
         let first = &rays[..rays.len().min(16)];
-        let start = thread_time();
-        trace(world, kind, first, &mut [Hit::MISS; 16], &mut [false; 16]);
-        let each = (thread_time().saturating_sub(start)).as_secs_f64() / first.len().max(1) as f64;
+        let (_, seconds_of_first) = timed(|| trace(world, kind, first, &mut [Hit::MISS; 16], &mut [false; 16]));
+        let each = seconds_of_first / first.len().max(1) as f64;
         // About twenty pieces.
         let size = (seconds / 20.0 / each.max(1e-9)) as usize;
         let size = size.clamp(16, 8192) / 16 * 16;
