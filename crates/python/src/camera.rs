@@ -48,9 +48,7 @@ pub struct Camera(pub Value);
 
 /// The projections.
 pub fn projections() -> Family {
-    let examples = Projection::examples();
-    let examples = examples.iter().filter_map(|example| Tree::of(example).ok()).collect();
-    Family { name: "projection", tag: "projection", examples }
+    Family::of("projection", &Projection::examples())
 }
 
 /// Three finite numbers.

@@ -28,9 +28,17 @@ pub struct Family {
     pub tag: &'static str,
     /// A few of each kind.
     pub examples: Vec<Tree>,
+    /// The parameters of a kind that are arrays, or said by arrays, and so are not in the declaration.
+    pub arrays: fn(&str) -> &'static [&'static str],
 }
 
 impl Family {
+    /// A family without arrays, whose tag is its name.
+    pub fn of<T: serde::Serialize>(name: &'static str, examples: &[T]) -> Self {
+        let examples = examples.iter().filter_map(|example| Tree::of(example).ok()).collect();
+        Self { name, tag: name, examples, arrays: |_| &[] }
+    }
+
     fn kind<'a>(&self, example: &'a Tree) -> &'a str {
         match example.get(self.tag) {
             Some(Tree::Text(kind)) => kind,
@@ -102,17 +110,13 @@ fn merge(known: &mut Tree, form: &Tree) {
 }
 
 /// The names of all kinds, with those of their parameters.
-pub fn catalogue<'py>(
-    py: Python<'py>,
-    family: &Family,
-    arrays: impl Fn(&str) -> &'static [&'static str],
-) -> PyResult<Bound<'py, PyDict>> {
+pub fn catalogue<'py>(py: Python<'py>, family: &Family) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
     for kind in family.kinds() {
-        let arrays = arrays(kind).iter().map(|name| name.to_string());
-        let names = family.parameters(kind)?.into_iter().map(|(name, _)| name);
-        let names: Vec<String> =
-            names.filter(|name| !arrays.clone().any(|array| array == *name)).chain(arrays.clone()).collect();
+        let arrays = (family.arrays)(kind);
+        let declared = family.parameters(kind)?.into_iter().map(|(name, _)| name);
+        let declared = declared.filter(|name| !arrays.contains(&name.as_str()));
+        let names: Vec<String> = declared.chain(arrays.iter().map(ToString::to_string)).collect();
         all.set_item(kind, PyTuple::new(py, names)?)?;
     }
     Ok(all)

@@ -75,13 +75,10 @@ fn _snell(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<render::_Render>()?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("INVALID_ID", snell_intersect::Hit::NONE)?;
-    module.add("SHAPES", declare::catalogue(py, &objects::shapes(), |_| &[])?)?;
-    module.add("MATERIALS", declare::catalogue(py, &snell_scene::Material::family(), |_| &[])?)?;
-    module.add("PATTERNS", declare::catalogue(py, &snell_scene::texture::Pattern::family(), |_| &[])?)?;
-    module.add(
-        "MEDIA",
-        declare::catalogue(py, &snell_scene::medium::Medium::family(), snell_scene::medium::Medium::arrays)?,
-    )?;
-    module.add("LIGHTS", declare::catalogue(py, &snell_scene::Light::family(), |_| &[])?)?;
-    module.add("PROJECTIONS", declare::catalogue(py, &camera::projections(), |_| &[])?)
+    module.add("SHAPES", declare::catalogue(py, &objects::shapes())?)?;
+    module.add("MATERIALS", declare::catalogue(py, &snell_scene::Material::family())?)?;
+    module.add("PATTERNS", declare::catalogue(py, &snell_scene::texture::Pattern::family())?)?;
+    module.add("MEDIA", declare::catalogue(py, &snell_scene::medium::Medium::family())?)?;
+    module.add("LIGHTS", declare::catalogue(py, &snell_scene::Light::family())?)?;
+    module.add("PROJECTIONS", declare::catalogue(py, &camera::projections())?)
 }

@@ -44,9 +44,7 @@ const DIRECTIONS: [&str; 2] = ["direction", "axes"];
 
 impl Declared for Value {
     fn family() -> Family {
-        let examples = Self::examples();
-        let examples = examples.iter().filter_map(|example| Tree::of(example).ok()).collect();
-        Family { name: "light", tag: "light", examples }
+        Family::of("light", &Self::examples())
     }
 
     fn settle(self) -> PyResult<Self> {

@@ -49,9 +49,7 @@ declared_class! {
 
 impl Declared for Value {
     fn family() -> Family {
-        let examples = MaterialKind::examples();
-        let examples = examples.iter().filter_map(|example| Tree::of(example).ok()).collect();
-        Family { name: "material", tag: "material", examples }
+        Family::of("material", &MaterialKind::examples())
     }
 
     fn common() -> PyResult<Vec<(String, Tree)>> {

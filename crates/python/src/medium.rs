@@ -4,7 +4,6 @@ use crate::arrays::{array, contiguous, from_vec, is_double, shown, slice};
 use crate::declare::Family;
 use crate::objects::{matrix, named_transform};
 use crate::said::{Declared, declared_class};
-use crate::tree::Tree;
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -63,12 +62,7 @@ declared_class! {
 
 impl Declared for Value {
     fn family() -> Family {
-        let examples = Self::examples();
-        Family {
-            name: "medium",
-            tag: "medium",
-            examples: examples.iter().filter_map(|example| Tree::of(example).ok()).collect(),
-        }
+        Family { arrays: Self::arrays, ..Family::of("medium", &Self::examples()) }
     }
 
     fn arrays(kind: &str) -> &'static [&'static str] {

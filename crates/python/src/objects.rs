@@ -279,9 +279,7 @@ pub fn curves(
 
 /// The analytic shapes.
 pub fn shapes() -> Family {
-    let examples = AnyShape::examples();
-    let examples = examples.iter().filter_map(|example| Tree::of(example).ok()).collect();
-    Family { name: "shape", tag: "shape", examples }
+    Family::of("shape", &AnyShape::examples())
 }
 
 /// An analytic shape from its name and parameters.

@@ -76,19 +76,12 @@ pub trait Declared: Serialize + DeserializeOwned + Clone {
 
 impl<T: Declared> Said<T> {
     /// A thing of this kind with these parameters.
-    fn new(py: Python<'_>, kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    fn new<'py>(py: Python<'py>, kind: &str, given: Option<&Bound<'py, PyDict>>) -> PyResult<Self> {
         let family = T::family();
         let (parameters, common) = (family.parameters(kind)?, T::common()?);
         let mut references = References::default();
         let known = Self::known(kind)?;
-        let declared = PyDict::new(py);
-        let mut arrays = Vec::new();
-        for (key, value) in given.into_iter().flatten() {
-            match T::arrays(kind).iter().find(|name| key.eq(**name).unwrap_or(false)) {
-                Some(name) => arrays.push((*name, value)),
-                None => declared.set_item(key, value)?,
-            }
-        }
+        let (declared, arrays) = Self::sorted(py, kind, given)?;
         let given = read_all(kind, &known, &declared, &mut references)?;
         let mut all = common;
         let mut own = Vec::new();
@@ -110,6 +103,18 @@ impl<T: Declared> Said<T> {
         Ok(Self { value: value.complete()?, references })
     }
 
+    /// Parameters that are declared, and those that are arrays.
+    fn sorted<'py>(py: Python<'py>, kind: &str, given: Option<&Bound<'py, PyDict>>) -> PyResult<Sorted<'py>> {
+        let (declared, mut arrays) = (PyDict::new(py), Vec::new());
+        for (key, value) in given.into_iter().flatten() {
+            match T::arrays(kind).iter().find(|name| key.eq(**name).unwrap_or(false)) {
+                Some(name) => arrays.push((*name, value)),
+                None => declared.set_item(key, value)?,
+            }
+        }
+        Ok((declared, arrays))
+    }
+
     /// Refuses numbers of these parameters that mean nothing. (Those of files are told and kept.)
     fn check(self, kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let tree = serde_json::to_value(&self.value).map_err(|e| PyValueError::new_err(e.to_string()))?;
@@ -124,7 +129,7 @@ impl<T: Declared> Said<T> {
     }
 
     /// A thing of this kind with these parameters, whose numbers have to mean something.
-    pub fn checked(py: Python<'_>, kind: &str, given: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    pub fn checked<'py>(py: Python<'py>, kind: &str, given: Option<&Bound<'py, PyDict>>) -> PyResult<Self> {
         Self::new(py, kind, given)?.check(kind, given)
     }
 
@@ -168,17 +173,12 @@ impl<T: Declared> Said<T> {
     }
 
     /// The same but for some parameters.
-    pub fn replace(&self, py: Python<'_>, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    pub fn replace<'py>(&self, py: Python<'py>, changes: Option<&Bound<'py, PyDict>>) -> PyResult<Self> {
         let all = self.parameters(py)?;
         if let Some(changes) = changes {
             let kind = self.kind()?;
             let known = Self::known(&kind)?;
-            let declared = changes.copy()?;
-            for name in T::arrays(&kind) {
-                if declared.contains(name)? {
-                    declared.del_item(name)?;
-                }
-            }
+            let (declared, _) = Self::sorted(py, &kind, Some(changes))?;
             read_all(&kind, &known, &declared, &mut References::default())?;
             all.update(changes.as_mapping())?;
         }
@@ -247,6 +247,9 @@ impl<T: Declared> Said<T> {
     }
 }
 
+/// Parameters as they were given: those that are declared, and arrays by name.
+type Sorted<'py> = (Bound<'py, PyDict>, Vec<(&'static str, Bound<'py, PyAny>)>);
+
 /// What is stored of a declared value.
 pub type Stored<'py> = (String, Vec<AnyTexture>, Vec<Py<Medium>>, Bound<'py, PyDict>);
 
@@ -261,10 +264,10 @@ macro_rules! declared_class {
         impl $class {
             #[new]
             #[pyo3(signature = (kind, /, **parameters))]
-            fn new(
-                py: Python<'_>,
+            fn new<'py>(
+                py: Python<'py>,
                 kind: &str,
-                parameters: Option<&Bound<'_, pyo3::types::PyDict>>,
+                parameters: Option<&Bound<'py, pyo3::types::PyDict>>,
             ) -> PyResult<Self> {
                 $crate::said::Said::checked(py, kind, parameters).map(Self)
             }
@@ -283,7 +286,11 @@ macro_rules! declared_class {
 
             $(#[doc = $about])*
             #[pyo3(signature = (**changes))]
-            fn replace(&self, py: Python<'_>, changes: Option<&Bound<'_, pyo3::types::PyDict>>) -> PyResult<Self> {
+            fn replace<'py>(
+                &self,
+                py: Python<'py>,
+                changes: Option<&Bound<'py, pyo3::types::PyDict>>,
+            ) -> PyResult<Self> {
                 self.0.replace(py, changes).map(Self)
             }
 

@@ -101,9 +101,7 @@ declared_class! {
 
 impl crate::said::Declared for Computed {
     fn family() -> Family {
-        let examples = Self::examples();
-        let examples = examples.iter().filter_map(|example| Tree::of(example).ok()).collect();
-        Family { name: "pattern", tag: "pattern", examples }
+        Family::of("pattern", &Self::examples())
     }
 }
 
