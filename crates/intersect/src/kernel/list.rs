@@ -364,7 +364,7 @@ impl Hits {
     unsafe fn of<D: Doubles16>(list: &List, bundle: &Bundle<D>) -> Self {
         // SAFETY: passed on to the caller.
         unsafe {
-            let Nearest { first, second, triangle, doubtful } = bundle.nearest(list);
+            let Nearest { first, second, triangle, doubtful, .. } = bundle.nearest(list);
             let mut numbers = [0.0; RAYS];
             triangle.store(&mut numbers);
             let mut chosen = [list.triangle(0.0); RAYS];

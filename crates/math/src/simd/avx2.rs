@@ -106,6 +106,12 @@ impl Lanes8 for Avx8 {
     }
 
     #[inline(always)]
+    fn where_less(self, low: Self, high: Self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX.
+        Self(unsafe { _mm256_blendv_ps(self.0, other.0, _mm256_cmp_ps::<_CMP_LT_OQ>(low.0, high.0)) })
+    }
+
+    #[inline(always)]
     fn le_in_order(self, limit: Self, order: u32) -> u32 {
         // SAFETY: a value of this type exists, and whoever made it promised AVX2.
         unsafe {

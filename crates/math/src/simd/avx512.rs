@@ -128,6 +128,12 @@ impl Lanes16 for Avx16 {
     }
 
     #[inline(always)]
+    fn where_less(self, low: Self, high: Self, other: Self) -> Self {
+        // SAFETY: a value of this type exists, so the machine has AVX-512.
+        Self(unsafe { _mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(low.0, high.0), self.0, other.0) })
+    }
+
+    #[inline(always)]
     unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]) {
         // SAFETY: the caller guarantees AVX-512; the reference covers 64 writable bytes.
         unsafe { _mm512_mask_storeu_epi32(to.as_mut_ptr().cast(), mask as u16, _mm512_set1_epi32(value as i32)) }

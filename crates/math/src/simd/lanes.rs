@@ -57,6 +57,9 @@ pub trait Lanes8: Copy {
     /// `other` where the mask has a bit, `self` elsewhere.
     fn replace(self, mask: u32, other: Self) -> Self;
 
+    /// `other` where `low < high` (not for NaN), `self` elsewhere. Cheaper than a mask that becomes bits in between.
+    fn where_less(self, low: Self, high: Self, other: Self) -> Self;
+
     /// Bit `i` is set if `self <= limit` in the lane that comes `i`-th in `order` (eight numbers of 3 bits, the first lowest).
     fn le_in_order(self, limit: Self, order: u32) -> u32;
 

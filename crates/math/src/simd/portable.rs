@@ -103,6 +103,12 @@ impl Lanes8 for Portable8 {
 
     #[cfg_attr(debug_assertions, inline(never))]
     #[cfg_attr(not(debug_assertions), inline(always))]
+    fn where_less(self, low: Self, high: Self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| if low.0[i] < high.0[i] { other.0[i] } else { self.0[i] }))
+    }
+
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     fn le_in_order(self, limit: Self, order: u32) -> u32 {
         (0..8).fold(0, |mask, i| {
             let lane = ((order >> (3 * i)) & 7) as usize;

@@ -83,6 +83,9 @@ pub trait Lanes16: Copy {
     /// `other` where the mask has a bit, `self` elsewhere.
     fn replace(self, mask: u32, other: Self) -> Self;
 
+    /// `other` where `low < high` (not for NaN), `self` elsewhere. Cheaper than a mask that becomes bits in between.
+    fn where_less(self, low: Self, high: Self, other: Self) -> Self;
+
     /// Writes `value` where the mask has a bit.
     ///
     /// # Safety
@@ -215,6 +218,12 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     }
 
     #[inline(always)]
+    fn where_less(self, low: Self, high: Self, other: Self) -> Self {
+        let [first, second] = self.0;
+        Self([first.where_less(low.0[0], high.0[0], other.0[0]), second.where_less(low.0[1], high.0[1], other.0[1])])
+    }
+
+    #[inline(always)]
     unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]) {
         for (lane, to) in to.iter_mut().enumerate() {
             *to = if mask >> lane & 1 == 1 { value } else { *to };
@@ -259,6 +268,7 @@ mod tests {
         // SAFETY: as above.
         let mut values = vec![x, y, swapped, five, unsafe { W::from_halves(high, low) }];
         values.extend([x.add(y), x.sub(y), x.mul(y), x.div(y), x.min(y), x.max(y), x.abs(), x.replace(mask, y)]);
+        values.extend([x.where_less(x, y, five), five.where_less(y, x, swapped)]);
         // Exact, so that it does not matter whether they are fused.
         values.extend([five.mul_add(five, x), five.mul_sub(five, x)]);
         let mut written = [7; 16];

@@ -8,6 +8,7 @@
 //! - `s` is off by less than `7 u S`, and lanes with `s` below [`LEAST_SLOPE`] of `S` are not decided here; so the distance `t` to the plane is off by `12.6 u D / s`.
 //! - The place where the ray meets the plane is off by 18 u in each coordinate; the distance from an edge, a product of two of these and numbers
 //!   that are rounded too, by 57.3 u.
+//! - Edges of parallelograms are off by up to 8 u, since opposite ones are taken for parallel ([`Outline`]).
 //! - The drawing of the exact test moves corners by `8.5 u D`. So what is drawn on one side of an edge is, by distance in the plane, on the other by less than
 //!   14.8 u; seen along an axis, distances are only shorter. It sums up to less than [`EDGE_ERROR`].
 //! - Hits are where the ray meets the plane, or nearer to the place that was drawn: within `8.5 u D / s`, and so within [`DISTANCE_ERROR`] of `t`, unless the
@@ -15,7 +16,7 @@
 
 use super::super::columns::ray_columns;
 use super::List;
-use super::faces::Face;
+use super::faces::{Face, Line, Outline};
 use snell_math::simd::{Doubles16, Lanes16};
 use snell_math::{Bounds3, Ray};
 
@@ -39,8 +40,9 @@ const BESIDE: f32 = 4.0 * LEAST_SLOPE;
 /// off by less than `2^-44` of them, here and in the exact test together.
 const HEIGHT_ERROR: f32 = 1.0 / (1u64 << 36) as f32;
 
-/// For planes across an axis the sign is always certain; but what is less than this may vanish by division.
-const LEAST_HEIGHT: f32 = 1e-30;
+/// For planes across an axis the sign is always certain. But what is left of the difference of two coordinates may vanish by division if they are less
+/// than this.
+pub(super) const LEAST_COORDINATE: f32 = 1e-22;
 
 /// Rays that start farther away, relative to the reach of the list, are left to the tree.
 const FARTHEST: f32 = 64.0;
@@ -71,7 +73,7 @@ pub(super) struct Bundle<D: Doubles16> {
     height_error: D::Singles,
     /// By the inverse of a slope.
     edge_error: D::Singles,
-    minus_distance_error: D::Singles,
+    distance_error: D::Singles,
 }
 
 /// See [`Bundle::may_meet`].
@@ -85,6 +87,8 @@ pub(super) struct Nearest<W> {
     pub second: W,
     /// The number of the triangle, as bits.
     pub triangle: W,
+    /// More than zero if the nearest face is surely met, and not only perhaps.
+    sure: W,
     /// The rays for which all this is not certain.
     pub doubtful: u32,
 }
@@ -99,17 +103,30 @@ pub(super) struct Blocked {
     pub met: u32,
 }
 
+/// How sixteen rays meet planes of one slope.
+#[derive(Clone, Copy)]
+struct Slope<W> {
+    /// Of the slope.
+    inverse: W,
+    /// How far distances to the plane may be off.
+    distance_error: W,
+    /// Distances from edges up to this do not count.
+    margin: W,
+    /// The rays that run along the plane: nothing of this is certain.
+    along: u32,
+}
+
 /// How sixteen rays meet a face.
 struct Meeting<W> {
-    /// The distance to the plane.
+    /// The distance to the plane, and how far that may be off.
     t: W,
-    /// The inverse of the slope, without its sign.
-    steepness: W,
+    error: W,
     /// Where the ray meets the plane, in the coordinates of the face.
     place: [W; 2],
-    /// Where the face is surely met ahead.
-    hits: u32,
-    /// Where it may be.
+    /// How far inside of the outline that is; less than any margin for rays of which this is not certain.
+    inside: W,
+    margin: W,
+    /// Rays of which it is not certain whether they meet the face at all.
     doubtful: u32,
 }
 
@@ -170,6 +187,8 @@ impl<D: Doubles16> Bundle<D> {
                 & splat(SMALLEST).le(size)
                 & size.le(splat(LARGEST))
                 & ((2 << (count - 1)) - 1);
+            let tiny = x.abs().min(y.abs()).min(z.abs()).lt(splat(LEAST_COORDINATE));
+            let ordinary = if tiny & ordinary != 0 { ordinary & !vanishing([x, y, z]) } else { ordinary };
             let far = distance.add(splat(list.reach));
             let magnitude = far.add(splat(list.center.abs().max_element()));
             Self {
@@ -185,7 +204,7 @@ impl<D: Doubles16> Bundle<D> {
                 steepest: splat(1.0 / LEAST_SLOPE).div(size),
                 height_error: magnitude.mul(splat(HEIGHT_ERROR)),
                 edge_error: far.mul(size).mul(splat(EDGE_ERROR)),
-                minus_distance_error: far.mul(splat(-DISTANCE_ERROR)),
+                distance_error: far.mul(splat(DISTANCE_ERROR)),
             }
         }
     }
@@ -198,20 +217,22 @@ impl<D: Doubles16> Bundle<D> {
     pub unsafe fn nearest(&self, list: &List) -> Nearest<D::Singles> {
         // SAFETY: passed on to the caller.
         unsafe {
-            let infinity = D::Singles::splat(f32::INFINITY);
-            let triangle = D::Singles::splat(0.0);
-            let mut nearest = Nearest { first: infinity, second: infinity, triangle, doubtful: 0 };
+            let (zero, infinity) = (D::Singles::splat(0.0), D::Singles::splat(f32::INFINITY));
+            let mut nearest = Nearest { first: infinity, second: infinity, triangle: zero, sure: zero, doubtful: 0 };
             let mut number = 0;
             for (axis, faces) in list.faces.iter().enumerate() {
+                let across = self.slope(self.direction[axis]);
                 for face in &faces.across {
-                    nearest.note(self.meet::<true>(face, axis), face, number, self.minus_distance_error);
+                    nearest.note(self.t_min, self.meet_across(face, axis, across), face, number);
                     number += 2;
                 }
                 for face in &faces.tilted {
-                    nearest.note(self.meet::<false>(face, axis), face, number, self.minus_distance_error);
+                    nearest.note(self.t_min, self.meet_tilted(face, axis), face, number);
                     number += 2;
                 }
             }
+            let ahead = nearest.first.lt(infinity);
+            nearest.doubtful |= ahead & nearest.sure.le(zero);
             nearest
         }
     }
@@ -222,102 +243,198 @@ impl<D: Doubles16> Bundle<D> {
     /// The machine must have the instructions of `D`.
     #[inline(always)]
     pub unsafe fn blocked(&self, list: &List) -> Blocked {
-        let mut all = Blocked { blocked: 0, doubtful: 0, met: 0 };
-        for (axis, faces) in list.faces.iter().enumerate() {
-            // SAFETY: passed on to the caller.
-            unsafe {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let (zero, none) = (D::Singles::splat(0.0), D::Singles::splat(f32::NEG_INFINITY));
+            let mut all = AnyFace { surely: none, maybe: none, ahead: none, doubtful: 0 };
+            let (mut blocked, mut doubtful) = (0, 0);
+            for (axis, faces) in list.faces.iter().enumerate() {
+                let across = self.slope(self.direction[axis]);
                 for face in &faces.across {
-                    self.note_blocked(self.meet::<true>(face, axis), &mut all);
+                    all.note([self.t_min, self.t_max], self.meet_across(face, axis, across));
                 }
                 for face in &faces.tilted {
-                    self.note_blocked(self.meet::<false>(face, axis), &mut all);
+                    all.note([self.t_min, self.t_max], self.meet_tilted(face, axis));
+                }
+                blocked = zero.lt(all.surely);
+                doubtful = all.doubtful | zero.lt(all.maybe);
+                if blocked & self.ordinary == self.ordinary {
+                    break;
                 }
             }
-            if all.blocked & self.ordinary == self.ordinary {
-                break;
-            }
+            Blocked { blocked, doubtful: doubtful & !blocked, met: zero.lt(all.ahead) | blocked }
         }
-        all
     }
 
+    /// What follows from a slope: the product of the directions with the normal of a plane.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `D`.
     #[inline(always)]
-    fn note_blocked(&self, meeting: Meeting<D::Singles>, all: &mut Blocked) {
-        let error = meeting.steepness.mul(self.minus_distance_error);
-        let (low, high) = (meeting.t.add(error), meeting.t.sub(error));
-        let blocked = meeting.hits & self.t_min.lt(low) & high.lt(self.t_max);
-        all.blocked |= blocked;
-        all.doubtful |= meeting.doubtful | (meeting.hits & low.lt(self.t_max) & !blocked);
-        all.met |= meeting.hits;
+    unsafe fn slope(&self, slope: D::Singles) -> Slope<D::Singles> {
+        // SAFETY: passed on to the caller.
+        let inverse = unsafe { D::Singles::splat(1.0).div(slope) };
+        let steepness = inverse.abs();
+        Slope {
+            inverse,
+            distance_error: steepness.mul(self.distance_error),
+            margin: steepness.mul(self.edge_error),
+            along: self.steepest.lt(steepness),
+        }
     }
 
-    /// How the rays meet a face, which is either across the axis or tilted.
+    /// How the rays meet a face across an axis.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `D`; `axis` must be that of the face, and `slope` that along it.
+    #[inline(always)]
+    unsafe fn meet_across(&self, face: &Face, axis: usize, slope: Slope<D::Singles>) -> Meeting<D::Singles> {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let height = D::Singles::splat(face.level).sub(self.origin[axis]);
+            let mut meeting = self.meet(face, axis, height, slope);
+            if slope.along != 0 {
+                let is_beside = height.abs().le(self.far.mul(D::Singles::splat(BESIDE)));
+                meeting.give_up(slope.along, slope.along & is_beside);
+            }
+            meeting
+        }
+    }
+
+    /// How the rays meet a face that is not across its axis.
     ///
     /// # Safety
     /// The machine must have the instructions of `D`; `axis` must be that of the face.
     #[inline(always)]
-    unsafe fn meet<const ACROSS: bool>(&self, face: &Face, axis: usize) -> Meeting<D::Singles> {
+    unsafe fn meet_tilted(&self, face: &Face, axis: usize) -> Meeting<D::Singles> {
         // SAFETY: passed on to the caller.
         unsafe {
-            // Both with the sign that the normal has along the axis, or both without.
-            let (height, slope, least) = if ACROSS {
-                let height = D::Singles::splat(face.level).sub(self.origin[axis]);
-                (height, self.direction[axis], D::Singles::splat(LEAST_HEIGHT))
-            } else {
-                let ([x, y, z], [a, b, c]) = (self.exact_origin, face.down);
-                let height = z.mul_add(D::splat(c), D::splat(face.offset));
-                let height = x.mul_add(D::splat(a), y.mul_add(D::splat(b), height));
-                let ([x, y, z], [a, b, c]) = (self.direction, face.normal);
-                let slope = y.mul_add(D::Singles::splat(b), x.mul(D::Singles::splat(a)));
-                let slope = z.mul_add(D::Singles::splat(c), slope);
-                (height.rounded(), slope, self.height_error)
-            };
-            let inverse = D::Singles::splat(1.0).div(slope);
-            let t = height.mul(inverse);
-            let steepness = inverse.abs();
+            let ([x, y, z], [a, b, c]) = (self.exact_origin, face.down);
+            let height = z.mul_add(D::splat(c), D::splat(face.offset));
+            let height = x.mul_add(D::splat(a), y.mul_add(D::splat(b), height)).rounded();
+            let ([x, y, z], [a, b, c]) = (self.direction, face.normal);
+            let slope = y.mul_add(D::Singles::splat(b), x.mul(D::Singles::splat(a)));
+            let slope = self.slope(z.mul_add(D::Singles::splat(c), slope));
+            let mut meeting = self.meet(face, axis, height, slope);
+            let near = height.abs().le(self.height_error);
+            if slope.along | near != 0 {
+                let is_beside = height.abs().le(self.far.mul(D::Singles::splat(BESIDE)));
+                let outside = meeting.inside.add(meeting.margin).lt(D::Singles::splat(0.0));
+                meeting.give_up(slope.along | near, (slope.along & is_beside) | (near & !slope.along & !outside));
+            }
+            meeting
+        }
+    }
+
+    /// How the rays meet a face whose plane is this far above where they start.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `D`; `axis` must be that of the face.
+    #[inline(always)]
+    unsafe fn meet(
+        &self,
+        face: &Face,
+        axis: usize,
+        height: D::Singles,
+        slope: Slope<D::Singles>,
+    ) -> Meeting<D::Singles> {
+        // SAFETY: passed on to the caller.
+        unsafe {
+            let t = height.mul(slope.inverse);
             let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
             let place =
                 [t.mul_add(self.direction[x], self.from_center[x]), t.mul_add(self.direction[y], self.from_center[y])];
-            let [e0, e1, e2, e3] = &face.edges;
-            let inside = distance(e0, place).min(distance(e1, place)).min(distance(e2, place).min(distance(e3, place)));
-            let margin = self.edge_error.mul(steepness);
-            let along = self.steepest.lt(steepness);
-            let near = height.abs().le(least);
-            let (mut ahead, mut doubtful) = (self.t_min.lt(t), 0);
-            if along | near != 0 {
-                ahead &= !(along | near);
-                let zero = D::Singles::splat(0.0);
-                // On the plane, or surely on the way from it: then it is not ahead.
-                let leaves = if ACROSS { height.abs().le(zero) | (height.signs() ^ slope.signs()) } else { 0 };
-                doubtful = along & height.abs().le(self.far.mul(D::Singles::splat(BESIDE)));
-                doubtful |= near & !along & !leaves & !inside.lt(zero.sub(margin));
-            }
-            let hits = ahead & margin.lt(inside);
-            doubtful |= ahead & inside.abs().le(margin);
-            Meeting { t, steepness, place, hits, doubtful }
+            let inside = match &face.outline {
+                Outline::Strips([u, v], [half_u, half_v]) => {
+                    let from_u = D::Singles::splat(*half_u).sub(distance(u, place).abs());
+                    from_u.min(D::Singles::splat(*half_v).sub(distance(v, place).abs()))
+                }
+                Outline::Edges([a, b, c, d]) => {
+                    distance(a, place).min(distance(b, place)).min(distance(c, place).min(distance(d, place)))
+                }
+            };
+            Meeting { t, error: slope.distance_error, place, inside, margin: slope.margin, doubtful: 0 }
         }
     }
 }
 
-impl<W: Lanes16> Nearest<W> {
-    /// Notes how rays meet a face, whose first triangle has this number.
+impl<W: Lanes16> Meeting<W> {
+    /// Says that some rays do not surely meet the face, of which some may meet it.
     ///
     /// # Safety
     /// The machine must have the instructions of `W`.
     #[inline(always)]
-    unsafe fn note(&mut self, meeting: Meeting<W>, face: &Face, number: u32, minus_distance_error: W) {
+    unsafe fn give_up(&mut self, lanes: u32, doubtful: u32) {
+        // SAFETY: passed on to the caller.
+        self.inside = unsafe { self.inside.replace(lanes, W::splat(f32::NEG_INFINITY)) };
+        self.doubtful = doubtful;
+    }
+
+    /// More than zero if the face may be ahead.
+    #[inline(always)]
+    fn ahead(&self, t_min: W) -> W {
+        self.t.sub(t_min).min(self.inside.add(self.margin))
+    }
+}
+
+/// What is certain where any face will do: all are more than zero if it is so.
+struct AnyFace<W> {
+    /// A face is surely met within the interval.
+    surely: W,
+    /// One may be.
+    maybe: W,
+    /// One may be met ahead.
+    ahead: W,
+    doubtful: u32,
+}
+
+impl<W: Lanes16> AnyFace<W> {
+    /// Notes how rays of these intervals meet a face. (What is not a number counts as less than anything: it is the first operand of `max`.)
+    #[inline(always)]
+    fn note(&mut self, [t_min, t_max]: [W; 2], meeting: Meeting<W>) {
+        let ahead = meeting.ahead(t_min);
+        let (low, high) = (meeting.t.sub(meeting.error), meeting.t.add(meeting.error));
+        let surely = low.sub(t_min).min(t_max.sub(high)).min(meeting.inside.sub(meeting.margin));
+        self.doubtful |= meeting.doubtful;
+        self.surely = surely.max(self.surely);
+        self.maybe = t_max.sub(low).min(ahead).max(self.maybe);
+        self.ahead = ahead.max(self.ahead);
+    }
+}
+
+impl<W: Lanes16> Nearest<W> {
+    /// Notes how rays that begin here meet a face, whose first triangle has this number.
+    ///
+    /// # Safety
+    /// The machine must have the instructions of `W`.
+    #[inline(always)]
+    unsafe fn note(&mut self, t_min: W, meeting: Meeting<W>, face: &Face, number: u32) {
         // SAFETY: passed on to the caller.
         unsafe {
+            let zero = W::splat(0.0);
+            let (one, other) = (W::splat(f32::from_bits(number)), W::splat(f32::from_bits(number + 1)));
             self.doubtful |= meeting.doubtful;
-            let low = meeting.steepness.mul_add(minus_distance_error, meeting.t);
-            let low = W::splat(f32::INFINITY).replace(meeting.hits, low);
-            let is_nearer = low.lt(self.first);
+            let low = meeting.t.sub(meeting.error);
+            let low = W::splat(f32::INFINITY).where_less(zero, meeting.ahead(t_min), low);
+            let of_side = one.where_less(distance(&face.diagonal, meeting.place), zero, other);
+            self.triangle = self.triangle.where_less(low, self.first, of_side);
+            self.sure = self.sure.where_less(low, self.first, meeting.inside.sub(meeting.margin));
             self.second = self.second.min(self.first.max(low));
             self.first = self.first.min(low);
-            let is_other = is_nearer & distance(&face.diagonal, meeting.place).signs();
-            self.triangle = self.triangle.replace(is_nearer, W::splat(f32::from_bits(number)));
-            self.triangle = self.triangle.replace(is_other, W::splat(f32::from_bits(number + 1)));
         }
     }
+}
+
+/// The rays that start at a coordinate that is not zero, but so small that heights above planes may vanish.
+///
+/// # Safety
+/// The machine must have the instructions of `W`.
+#[inline(always)]
+unsafe fn vanishing<W: Lanes16>([x, y, z]: [W; 3]) -> u32 {
+    // SAFETY: passed on to the caller.
+    let (zero, least) = unsafe { (W::splat(0.0), W::splat(LEAST_COORDINATE)) };
+    let [x, y, z] = [x.abs(), y.abs(), z.abs()];
+    (zero.lt(x) & x.lt(least)) | (zero.lt(y) & y.lt(least)) | (zero.lt(z) & z.lt(least))
 }
 
 /// The distance of a place from a line.
@@ -325,7 +442,7 @@ impl<W: Lanes16> Nearest<W> {
 /// # Safety
 /// The machine must have the instructions of `W`.
 #[inline(always)]
-unsafe fn distance<W: Lanes16>(line: &[f32; 3], place: [W; 2]) -> W {
+unsafe fn distance<W: Lanes16>(line: &Line, place: [W; 2]) -> W {
     // SAFETY: passed on to the caller.
     unsafe { place[0].mul_add(W::splat(line[0]), place[1].mul_add(W::splat(line[1]), W::splat(line[2]))) }
 }

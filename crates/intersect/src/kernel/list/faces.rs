@@ -1,5 +1,6 @@
 //! Faces: flat convex outlines of one triangle, or of two that together are a quadrilateral.
 
+use super::bundle::LEAST_COORDINATE;
 use super::contents::{Corners, normal};
 use crate::kernel::ray::wide;
 use snell_math::DVec3;
@@ -15,10 +16,21 @@ pub(super) struct Face {
     pub normal: [f32; 3],
     /// Where the plane is on the axis, if it is across it.
     pub level: f32,
-    /// Coefficients of the two coordinates seen from the centre of the list, and a constant: the distance from the edge, positive inside.
-    pub edges: [[f32; 3]; 4],
-    /// The same for the diagonal: positive on the side of the first triangle.
-    pub diagonal: [f32; 3],
+    pub outline: Outline,
+    /// Positive on the side of the first triangle.
+    pub diagonal: Line,
+}
+
+/// Coefficients of the two coordinates seen from the centre of the list, and a constant: the distance from a line, which has a sign.
+pub(super) type Line = [f32; 3];
+
+/// Where a face is, in the coordinates that are seen.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Outline {
+    /// Of a parallelogram: the lines midway between opposite edges, and how far away these are.
+    Strips([Line; 2], [f32; 2]),
+    /// Of others: the edges, positive inside.
+    Edges([Line; 4]),
 }
 
 /// The faces that are seen along one axis: those in planes across it, and the others.
@@ -34,7 +46,7 @@ pub(super) struct Shape {
     pub axis: usize,
     /// The unit normal.
     normal: DVec3,
-    /// The plane is not across the axis.
+    /// The plane is not across the axis, or so near to the origin that it is not taken for that.
     pub is_tilted: bool,
     /// Three or four, around the face.
     outline: Vec<DVec3>,
@@ -47,6 +59,10 @@ const LEAST_AREA: f64 = 1.0 / (1 << 20) as f64;
 
 /// Planes may be as far apart, relative to the size of numbers, and count as one. (As the error of `f64` where planes are computed.)
 const SAME_PLANE: f64 = 1.0 / (1u64 << 44) as f64;
+
+/// Edges are parallel if the coefficients of their lines differ by no more than this together, so that half of it, relative to the size of the list,
+/// is how far the distance from an edge is off.
+const PARALLEL: f64 = 1.0 / (1u64 << 20) as f64;
 
 /// The faces of some triangles; `None` if there are slivers.
 pub(super) fn shapes(triangles: &[Corners]) -> Option<Vec<Shape>> {
@@ -72,7 +88,8 @@ impl Shape {
         if area[axis].abs() <= longest * longest * LEAST_AREA {
             return None;
         }
-        let is_tilted = (0..3).any(|i| i != axis && area[i] != 0.0);
+        let level = corners[0][axis].abs();
+        let is_tilted = (0..3).any(|i| i != axis && area[i] != 0.0) || (level > 0.0 && level < LEAST_COORDINATE);
         let mut normal = area.normalize();
         if !is_tilted {
             normal[axis] = area[axis].signum();
@@ -132,15 +149,28 @@ impl Shape {
     /// Ready to be tested, in a list with this centre.
     pub fn face(&self, center: DVec3) -> Face {
         let n = self.outline.len();
-        let line =
-            |from: usize, to: usize| self.line(self.outline[from % n], self.outline[to % n], center).map(|x| x as f32);
+        let line = |from: usize, to: usize| self.line(self.outline[from % n], self.outline[to % n], center);
         Face {
             offset: self.normal.dot(self.outline[0]),
             down: (-self.normal).to_array(),
             normal: self.normal.as_vec3().to_array(),
             level: self.outline[0][self.axis] as f32,
-            edges: std::array::from_fn(|i| line(i, i + 1)),
-            diagonal: if n == 4 { line(2, 0) } else { [0.0, 0.0, 1.0] },
+            outline: Outline::new(std::array::from_fn(|i| line(i, i + 1)), n == 4),
+            diagonal: if n == 4 { line(2, 0).map(|x| x as f32) } else { [0.0, 0.0, 1.0] },
         }
+    }
+}
+
+impl Outline {
+    /// Of four edges, of which the last is the first again if there are only three.
+    fn new(edges: [[f64; 3]; 4], are_four: bool) -> Self {
+        let [a, b, c, d] = edges;
+        let are_parallel = |a: [f64; 3], c: [f64; 3]| (a[0] + c[0]).abs() + (a[1] + c[1]).abs() <= PARALLEL;
+        if !are_four || !are_parallel(a, c) || !are_parallel(b, d) {
+            return Self::Edges(edges.map(|line| line.map(|x| x as f32)));
+        }
+        let midway = |a: [f64; 3], c: [f64; 3]| std::array::from_fn(|i| ((a[i] - c[i]) * 0.5) as f32);
+        let half = |a: [f64; 3], c: [f64; 3]| ((a[2] + c[2]) * 0.5) as f32;
+        Self::Strips([midway(a, c), midway(b, d)], [half(a, c), half(b, d)])
     }
 }

@@ -1,5 +1,5 @@
 use super::bundle::{Bundle, RAYS};
-use super::faces::Faces;
+use super::faces::{Faces, Outline};
 use super::{Hits, List};
 use crate::accel::AcceleratorKind;
 use crate::accel::box_ray::BoxRay;
@@ -114,6 +114,49 @@ proptest! {
             let world = make(AcceleratorKind::Bvh, level);
             check(&world, &oracle, Rays::from(&rays), &AcceptAll)?;
             check(&world, &oracle, Rays::from(&rays).with_masks(&masks), &Sieve)?;
+        }
+    }
+}
+
+#[test]
+fn parallelograms_are_met_between_pairs_of_edges() {
+    let are_strips = |corners: [[f32; 3]; 4]| {
+        let world = world_of(quads(&[corners]), AcceleratorKind::Bvh, Level::Scalar);
+        let list = list_of(&world).expect("a list");
+        let mut outlines = list.faces.iter().flat_map(|faces| faces.across.iter().chain(&faces.tilted));
+        let outline = outlines.next().map(|face| face.outline);
+        matches!(outline, Some(Outline::Strips(..)))
+    };
+    let square = [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [1.0, 1.0, 2.0], [0.0, 1.0, 2.0]];
+    assert!(are_strips(square));
+    assert!(are_strips(square.map(|[x, y, z]| [x + 0.25 * y, y - 0.75 * x, z + x * 0.5 - y])));
+    // The fourth corner by how much of an edge elsewhere.
+    for (moved, expected) in [(1e-7, true), (1e-5, false), (0.5, false)] {
+        let [a, b, c, d] = square;
+        assert_eq!(are_strips([a, b, c, [d[0], d[1] + moved, d[2]]]), expected, "{moved}");
+    }
+}
+
+/// Heights above planes of coordinates that are not zero, but may vanish where they are multiplied.
+#[test]
+fn rays_at_tiny_coordinates_hit_what_the_oracle_hits() {
+    let tiny = [0.0, -0.0, 1e-45, 1e-38, 1e-31, -1e-31, 1e-23, 1e-22, -2e-22, 1e-12];
+    for level in tiny {
+        let square = [[-1.0, -1.0, level], [1.0, -1.0, level], [1.0, 1.0, level], [-1.0, 1.0, level]];
+        let wall = [[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]];
+        let mut rays = Vec::new();
+        for z in tiny {
+            for scale in [1.0, 1e-11, 1e11, -1.0, -1e11] {
+                rays.push(Ray::new(Vec3::new(0.25, 1e-30, z), Vec3::new(0.1, 0.2, 1.0) * scale));
+                rays.push(Ray::new(Vec3::new(0.25, 0.5, z), Vec3::new(1.0, 0.2, 1e-4) * scale));
+            }
+        }
+        let oracle = world_of(quads(&[square, wall]), AcceleratorKind::None, Level::Scalar);
+        for simd in levels() {
+            let world = world_of(quads(&[square, wall]), AcceleratorKind::Bvh, simd);
+            assert!(list_of(&world).is_some());
+            let same = check(&world, &oracle, Rays::from(&rays), &AcceptAll);
+            assert!(same.is_ok(), "{simd} {level:e}: {same:?}");
         }
     }
 }
