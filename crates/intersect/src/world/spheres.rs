@@ -4,7 +4,7 @@ use super::interaction::MAP_ERROR;
 use super::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES, TrianglePoints};
 use super::{Geometry, GeometryId, GroupId, World};
 use crate::hit::Hit;
-use snell_math::simd::Wide;
+use snell_math::simd::{Wide, marked};
 use snell_math::{DAffine3, DMat3, DVec3, Ray, at_level};
 
 /// A number in double precision for each hit.
@@ -116,7 +116,7 @@ fn points(hits: &SphereHits, to: &mut TrianglePoints) {
         let mapped_scale = 1.0 / mapped.length();
         let unit = mapped * mapped_scale;
         let unit = unit * (1.0 / unit.length());
-        let is_there = hits.is_there[i] != 0;
+        let is_there = hits.is_there[i];
         let mut is_sound = (scale > 0.0)
             & (scale < f64::INFINITY)
             & (mapped_scale > 0.0)
@@ -129,13 +129,12 @@ fn points(hits: &SphereHits, to: &mut TrianglePoints) {
             is_sound &= off < f32::MAX;
             // The next number up of a number that is not negative.
             let off = f32::from_bits(off.to_bits() + 1);
-            let pick = |new: f32, old: f32| if is_there { new } else { old };
-            to.position[axis][i] = pick(single, to.position[axis][i]);
-            to.position_error[axis][i] = pick(off, to.position_error[axis][i]);
-            to.geometric_normal[axis][i] = pick(unit[axis] as f32, to.geometric_normal[axis][i]);
-            to.shading_normal[axis][i] = pick(unit[axis] as f32, to.shading_normal[axis][i]);
+            to.position[axis][i] = marked(is_there, single, to.position[axis][i]);
+            to.position_error[axis][i] = marked(is_there, off, to.position_error[axis][i]);
+            to.geometric_normal[axis][i] = marked(is_there, unit[axis] as f32, to.geometric_normal[axis][i]);
+            to.shading_normal[axis][i] = marked(is_there, unit[axis] as f32, to.shading_normal[axis][i]);
         }
-        to.is_sound[i] = if is_there { u32::from(is_sound) } else { to.is_sound[i] };
+        to.is_sound[i] = marked(is_there, u32::from(is_sound), to.is_sound[i]);
     }
 }
 

@@ -4,7 +4,7 @@ use super::interaction::{MAP_ERROR, derivatives, spanning};
 use super::{Geometry, GeometryId, World};
 use crate::hit::Hit;
 use crate::mesh::TriangleMesh;
-use snell_math::simd::{Wide, most as greater};
+use snell_math::simd::{Wide, marked, most as greater};
 use snell_math::{Vec2, Vec3, at_level};
 
 /// How many hits a [`TriangleHits`] holds.
@@ -189,7 +189,7 @@ fn points<const SMOOTH: bool>(hits: &TriangleHits, to: &mut TrianglePoints) {
         let error = greater(greater(largest(p0), largest(p1)), largest(p2)) * 4.0 * MAP_ERROR;
         let normal = cross(minus(p1, p0), minus(p2, p0));
         let scale = inverse_length(normal);
-        let mut is_sound = scale > 0.0 && scale < f64::INFINITY && error < f64::from(f32::MAX) * 1e-10;
+        let mut is_sound = (scale > 0.0) & (scale < f64::INFINITY) & (error < f64::from(f32::MAX) * 1e-10);
         let mut flat = [0.0f32; 3];
         for axis in 0..3 {
             let position = p0[axis] * b0 + p1[axis] * b1 + p2[axis] * b2;
@@ -200,7 +200,9 @@ fn points<const SMOOTH: bool>(hits: &TriangleHits, to: &mut TrianglePoints) {
             to.position_error[axis][i] = f32::from_bits(off.to_bits() + 1);
             flat[axis] = (normal[axis] * scale) as f32;
             to.geometric_normal[axis][i] = flat[axis];
-            to.shading_normal[axis][i] = flat[axis];
+            if !SMOOTH {
+                to.shading_normal[axis][i] = flat[axis];
+            }
             is_sound &= off < f32::MAX;
         }
         to.is_sound[i] = u32::from(is_sound);
@@ -210,12 +212,12 @@ fn points<const SMOOTH: bool>(hits: &TriangleHits, to: &mut TrianglePoints) {
             let blend = |axis: usize| n0[axis] * b0 + n1[axis] * b1 + n2[axis] * b2;
             let blended = [blend(0), blend(1), blend(2)];
             let scale = inverse_length(blended);
-            let has_own = scale > 0.0 && scale < f64::INFINITY;
+            let has_own = u32::from((scale > 0.0) & (scale < f64::INFINITY));
             let smooth = [(blended[0] * scale) as f32, (blended[1] * scale) as f32, (blended[2] * scale) as f32];
             let is_behind = smooth[0] * flat[0] + smooth[1] * flat[1] + smooth[2] * flat[2] < 0.0;
+            let side = if is_behind { -1.0 } else { 1.0 };
             for axis in 0..3 {
-                let turned = if is_behind { -smooth[axis] } else { smooth[axis] };
-                to.shading_normal[axis][i] = if has_own { turned } else { flat[axis] };
+                to.shading_normal[axis][i] = marked(has_own, side * smooth[axis], flat[axis]);
             }
         }
     }

@@ -50,6 +50,12 @@ impl Lanes16 for Avx16 {
     }
 
     #[inline(always)]
+    fn store_where(self, mask: u32, to: &mut [f32; 16]) {
+        // SAFETY: a value of this type exists, so the machine has AVX-512; the reference covers 64 writable bytes.
+        unsafe { _mm512_mask_storeu_ps(to.as_mut_ptr(), mask as u16, self.0) }
+    }
+
+    #[inline(always)]
     fn add(self, other: Self) -> Self {
         // SAFETY: a value of this type exists, so the machine has AVX-512.
         Self(unsafe { _mm512_add_ps(self.0, other.0) })

@@ -21,6 +21,9 @@ pub trait Lanes8: Copy {
     /// Writes the eight numbers.
     fn store(self, to: &mut [f32; 8]);
 
+    /// Writes those where the mask has a bit.
+    fn store_where(self, mask: u32, to: &mut [f32; 8]);
+
     /// `self + other`.
     fn add(self, other: Self) -> Self;
 

@@ -40,6 +40,12 @@ impl Lanes8 for Portable8 {
         *to = self.0;
     }
 
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn store_where(self, mask: u32, to: &mut [f32; 8]) {
+        *to = Self(*to).replace(mask, self).0;
+    }
+
     #[inline(always)]
     fn add(self, other: Self) -> Self {
         self.zip(other, |a, b| a + b)

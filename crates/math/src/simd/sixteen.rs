@@ -44,6 +44,9 @@ pub trait Lanes16: Copy {
     /// Writes the sixteen numbers.
     fn store(self, to: &mut [f32; 16]);
 
+    /// Writes those where the mask has a bit.
+    fn store_where(self, mask: u32, to: &mut [f32; 16]);
+
     /// `self + other`.
     fn add(self, other: Self) -> Self;
 
@@ -151,6 +154,13 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
     }
 
     #[inline(always)]
+    fn store_where(self, mask: u32, to: &mut [f32; 16]) {
+        let (halves, _) = to.as_chunks_mut::<8>();
+        self.0[0].store_where(mask & 0xff, &mut halves[0]);
+        self.0[1].store_where(mask >> 8 & 0xff, &mut halves[1]);
+    }
+
+    #[inline(always)]
     fn add(self, other: Self) -> Self {
         Self([self.0[0].add(other.0[0]), self.0[1].add(other.0[1])])
     }
@@ -225,9 +235,9 @@ impl<L: WideLanes> Lanes16 for Pair<L> {
 
     #[inline(always)]
     unsafe fn write_where(mask: u32, value: u32, to: &mut [u32; 16]) {
-        for (lane, to) in to.iter_mut().enumerate() {
-            *to = if mask >> lane & 1 == 1 { value } else { *to };
-        }
+        let to: *mut [u32; 16] = to;
+        // SAFETY: numbers of both kinds are as large and may hold any bits; the rest is passed on to the caller.
+        unsafe { Self::splat(f32::from_bits(value)).store_where(mask, &mut *to.cast::<[f32; 16]>()) };
     }
 
     #[inline(always)]
@@ -277,6 +287,12 @@ mod tests {
         assert_eq!(written, std::array::from_fn(|lane| if mask >> lane & 1 == 1 { 9 } else { 7 }));
         // SAFETY: as above.
         assert_eq!(unsafe { W::places_of(9, &written) }, mask);
+        let mut replaced = *b;
+        x.store_where(mask, &mut replaced);
+        assert_eq!(
+            replaced.map(bits),
+            std::array::from_fn(|lane| bits(if mask >> lane & 1 == 1 { a[lane] } else { b[lane] }))
+        );
         let extremes =
             if a.iter().any(|x| x.is_nan()) { [0; 2] } else { [bits(x.least() + 0.0), bits(x.greatest() + 0.0)] };
         (values.into_iter().map(stored).collect(), [x.le(y), x.lt(y), x.signs()], extremes)

@@ -8,7 +8,7 @@ use crate::guiding::directional::{direction_from_square, square_from_direction};
 use crate::guiding::{Field, Known};
 use crate::light_sampler::Receivers;
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::{Wide, most};
+use snell_math::simd::{Wide, marked, most};
 use snell_math::{Vec2, Vec3, at_level, sampling};
 
 /// What a field knows where paths are. Lanes that are not in use hold anything.
@@ -16,6 +16,8 @@ use snell_math::{Vec2, Vec3, at_level, sampling};
 pub struct GuidedLanes {
     /// What is known at the points; `None` if nothing is.
     known: [Option<Known>; LANES],
+    /// 1 where that is anything.
+    is_known: [u32; LANES],
     /// The share of directions that is drawn from the BSDF; 1 where nothing is known.
     share: HitLanes,
     /// Where points are to be found, and which way surfaces face.
@@ -53,6 +55,7 @@ impl Default for GuidedLanes {
         let (number, mark) = ([0.0; LANES], [0; LANES]);
         Self {
             known: [None; LANES],
+            is_known: mark,
             share: number,
             places: [mark; 3],
             faces: mark,
@@ -82,9 +85,11 @@ impl GuidedLanes {
             )
         );
         let [x, y, z] = &self.places;
-        (self.known, self.share, self.brings) = ([None; LANES], [1.0; LANES], [0.0; LANES]);
+        (self.known, self.is_known) = ([None; LANES], [0; LANES]);
+        (self.share, self.brings) = ([1.0; LANES], [0.0; LANES]);
         for i in 0..count.min(LANES) {
             self.known[i] = field.known_at([x[i], y[i], z[i]], self.faces[i] as usize);
+            self.is_known[i] = u32::from(self.known[i].is_some());
             if let Some(known) = self.known[i] {
                 (self.share[i], self.brings[i]) = (field.bsdf_share(known), field.expected(known));
             }
@@ -196,16 +201,16 @@ fn find_coordinates(directions: &HitVectors, to: &mut [[u32; LANES]; 2]) {
 #[inline(always)]
 fn turn(guided: &mut GuidedLanes, surfaces: &Surfaces, to: &mut Directions) {
     for i in 0..LANES {
-        let is_drawn = guided.is_drawn[i] != 0;
+        let is_drawn = guided.is_drawn[i];
         let drawn = direction_from_square(Vec2::new(guided.square[0][i], guided.square[1][i]));
         let (share, is_seen) = surfaces.share(i, drawn);
         let origin = surfaces.ray_origin(i, drawn);
         for axis in 0..3 {
-            to.wi[axis][i] = if is_drawn { drawn[axis] } else { to.wi[axis][i] };
-            to.origin[axis][i] = if is_drawn { origin[axis] } else { to.origin[axis][i] };
+            to.wi[axis][i] = marked(is_drawn, drawn[axis], to.wi[axis][i]);
+            to.origin[axis][i] = marked(is_drawn, origin[axis], to.origin[axis][i]);
         }
-        to.pdf[i] = if is_drawn { share } else { to.pdf[i] };
-        to.exists[i] = if is_drawn { u32::from(is_seen) } else { to.exists[i] };
+        to.pdf[i] = marked(is_drawn, share, to.pdf[i]);
+        to.exists[i] = marked(is_drawn, u32::from(is_seen), to.exists[i]);
     }
     find_coordinates(to.wi, &mut guided.coordinates);
 }
@@ -215,15 +220,15 @@ fn turn(guided: &mut GuidedLanes, surfaces: &Surfaces, to: &mut Directions) {
 fn weigh(guided: &GuidedLanes, to: &mut Directions) {
     for i in 0..LANES {
         let (share, bsdf_pdf) = (guided.share[i], to.pdf[i]);
-        let (is_known, is_drawn) = (share < 1.0, guided.is_drawn[i] != 0);
+        let (is_known, is_drawn) = (guided.is_known[i], guided.is_drawn[i] != 0);
         let pdf = mixed_pdf(share, bsdf_pdf, guided.pdf[i]);
         let (ratio, inverse) = (bsdf_pdf / pdf, 1.0 / pdf);
         for channel in 0..3 {
             let reflectance = to.weight[channel][i];
             let weight = if is_drawn { reflectance * bsdf_pdf * inverse } else { reflectance * ratio };
-            to.weight[channel][i] = if is_known { weight } else { reflectance };
+            to.weight[channel][i] = marked(is_known, weight, reflectance);
         }
-        to.pdf[i] = if is_known { pdf } else { bsdf_pdf };
+        to.pdf[i] = marked(is_known, pdf, bsdf_pdf);
         let is_possible = !is_drawn | (pdf > 0.0);
         to.exists[i] &= u32::from(is_possible);
     }
@@ -249,8 +254,8 @@ fn weigh_lights(guided: &GuidedLanes, arrivals: &mut FlatArrivals) {
         let (share, density) = (guided.share[i], arrivals.density[i]);
         let pdf = mixed_pdf(share, arrivals.share[i], guided.pdf[i]);
         let weight = sampling::power_heuristic(density, pdf);
-        let is_known = share < 1.0;
-        arrivals.weight[i] = if is_known { weight } else { arrivals.weight[i] };
-        arrivals.scale[i] = if is_known { weight / density } else { arrivals.scale[i] };
+        let is_known = guided.is_known[i];
+        arrivals.weight[i] = marked(is_known, weight, arrivals.weight[i]);
+        arrivals.scale[i] = marked(is_known, weight / density, arrivals.scale[i]);
     }
 }

@@ -8,7 +8,7 @@ use super::path::Scatterer;
 use crate::light_sampler::Receiver;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{GeometryId, TrianglePoints};
-use snell_math::simd::choose;
+use snell_math::simd::marked_vector;
 use snell_math::{ColorMode, Frame, at_level};
 use snell_scene::bsdf::{Bsdf, Lobes, ManyBsdf};
 use snell_scene::material::{Bend, FrameNeeds, ShadingBsdf};
@@ -165,7 +165,7 @@ fn bend(bends: &Bends, points: &mut TrianglePoints) {
         let [local, tangent, upwards] = [at(&bends.local, i), at(&bends.tangent, i), at(&bends.upwards, i)];
         let bend = Bend { local, tangent, upwards, side: bends.side[i] };
         let (smooth, flat) = (at(&points.shading_normal, i), at(&points.geometric_normal, i));
-        put(&mut points.shading_normal, i, choose(bends.has[i] != 0, bend.normal(smooth, flat), smooth));
+        put(&mut points.shading_normal, i, marked_vector(bends.has[i], bend.normal(smooth, flat), smooth));
     }
 }
 

@@ -6,7 +6,7 @@ use super::plain_surfaces::Frames;
 use super::surfaces::{Bounces, Scattered};
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::at_level;
-use snell_math::simd::{Wide, choose};
+use snell_math::simd::{Bits, Wide, marked, marked_vector};
 use snell_scene::bsdf::{MANY, ManyAnswers, ManyBsdf, ManyPoint, ManyQuestions};
 
 /// Vertices that are worked on together. Arrays are by lane; those of other lanes hold anything.
@@ -217,7 +217,7 @@ fn look(seen: &Seen, to: &mut Together, facing: &mut HitVectors) {
         put(&mut to.wo, i, local);
         let normal = if local.z < 0.0 { -frame.z } else { frame.z };
         let kept = at(facing, i);
-        put(facing, i, choose(to.has[i] != 0, normal, kept));
+        put(facing, i, marked_vector(to.has[i], normal, kept));
     }
 }
 
@@ -245,9 +245,9 @@ fn take(block: usize, of: &[u32; MANY], answers: &ManyAnswers, to: &mut Found) {
 }
 
 #[inline(always)]
-fn take_marked<T: Copy>(of: &[u32; MANY], from: &[T; MANY], to: &mut [T; MANY]) {
+fn take_marked<T: Bits>(of: &[u32; MANY], from: &[T; MANY], to: &mut [T; MANY]) {
     for i in 0..MANY {
-        to[i] = if of[i] != 0 { from[i] } else { to[i] };
+        to[i] = marked(of[i], from[i], to[i]);
     }
 }
 
@@ -262,31 +262,33 @@ fn tell(
 ) {
     let found = &from.found;
     for i in 0..LANES {
-        let (has, horizon, side) = (from.has[i] != 0, at(&from.horizon, i), from.side[i]);
+        let (has, horizon, side) = (from.has[i], at(&from.horizon, i), from.side[i]);
         // Shading and geometry must agree on whether light goes through.
         let sides = side * horizon.dot(at(wi, i));
         let goes_through = from.wo[2][i] * from.wi[2][i] < 0.0;
-        let is_seen = if goes_through { sides < 0.0 } else { sides > 0.0 };
+        // (Bits, for the same condition at several places would become branches, with everything in between on both sides.)
+        let is_seen = u32::from((goes_through & (sides < 0.0)) | (!goes_through & (sides > 0.0)));
         let drawn = frames.at(i).from_local(at(&found.drawn, i));
         let scale = 1.0 / drawn.length();
         let next = drawn * scale;
         let sides = side * horizon.dot(next);
-        let agrees = if found.is_transmission[i] != 0 { sides < 0.0 } else { sides > 0.0 };
+        let is_transmission = found.is_transmission[i] != 0;
+        let agrees = (is_transmission & (sides < 0.0)) | (!is_transmission & (sides > 0.0));
         let exists = (scale > 0.0) & (scale < f32::INFINITY) & agrees;
         for axis in 0..3 {
-            let value = if is_seen { found.value[axis][i] } else { 0.0 };
-            scattered.value[axis][i] = if has { value } else { scattered.value[axis][i] };
-            bounces.wi[axis][i] = if has { next[axis] } else { bounces.wi[axis][i] };
-            bounces.weight[axis][i] = if has { found.weight[axis][i] } else { bounces.weight[axis][i] };
+            let value = marked(is_seen, found.value[axis][i], 0.0);
+            scattered.value[axis][i] = marked(has, value, scattered.value[axis][i]);
+            bounces.wi[axis][i] = marked(has, next[axis], bounces.wi[axis][i]);
+            bounces.weight[axis][i] = marked(has, found.weight[axis][i], bounces.weight[axis][i]);
         }
-        let pdf = if is_seen { found.pdf[i] } else { 0.0 };
-        scattered.pdf[i] = if has { pdf } else { scattered.pdf[i] };
-        bounces.pdf[i] = if has { found.drawn_pdf[i] } else { bounces.pdf[i] };
+        let pdf = marked(is_seen, found.pdf[i], 0.0);
+        scattered.pdf[i] = marked(has, pdf, scattered.pdf[i]);
+        bounces.pdf[i] = marked(has, found.drawn_pdf[i], bounces.pdf[i]);
         let eta_scale = carried.eta_scale[i] * found.crossing[i];
-        bounces.eta_scale[i] = if has { eta_scale } else { bounces.eta_scale[i] };
-        bounces.expected[i] = if has { carried.expected[i] } else { bounces.expected[i] };
-        bounces.is_delta[i] = if has { found.is_delta[i] } else { bounces.is_delta[i] };
+        bounces.eta_scale[i] = marked(has, eta_scale, bounces.eta_scale[i]);
+        bounces.expected[i] = marked(has, carried.expected[i], bounces.expected[i]);
+        bounces.is_delta[i] = marked(has, found.is_delta[i], bounces.is_delta[i]);
         let exists = found.exists[i] & u32::from(exists);
-        bounces.exists[i] = if has { exists } else { bounces.exists[i] };
+        bounces.exists[i] = marked(has, exists, bounces.exists[i]);
     }
 }

@@ -4,7 +4,7 @@ use super::bvh::{EMITTER, LightBvh, NONE, Node, WIDTH, choose, importance};
 use super::{ChosenLight, Receiver};
 use snell_math::Vec3;
 use snell_math::rng::ONE_MINUS_EPSILON;
-use snell_math::simd::least;
+use snell_math::simd::{least, marked};
 
 /// How many receivers are looked at together.
 pub const MANY: usize = 64;
@@ -169,18 +169,22 @@ fn sample_few(tree: &LightBvh, root: &Node, receivers: &Receivers, u: &[f32; MAN
             total[i] += weights[i];
         }
     }
-    let (mut found, mut before, mut over) = ([0.0; MANY], [0.0; MANY], [false; MANY]);
+    let (mut found, mut before, mut over) = ([0.0; MANY], [0.0; MANY], [0; MANY]);
+    let mut next = [0; MANY];
     chosen.light = [NONE; MANY];
     for (child, weights) in root.child.iter().zip(&weights).filter(|(child, _)| **child != NONE) {
         let (light, part) = tree.emitters[(child & !EMITTER) as usize];
         for i in 0..MANY {
             let weight = weights[i];
-            let is_next = (weight > 0.0) & !over[i];
-            chosen.light[i] = if is_next { light } else { chosen.light[i] };
-            chosen.part[i] = if is_next { part } else { chosen.part[i] };
-            found[i] = if is_next { weight } else { found[i] };
-            over[i] |= is_next & (u[i].min(ONE_MINUS_EPSILON) * total[i] < before[i] + weight);
+            let is_next = (weight > 0.0) & (over[i] == 0);
+            next[i] = u32::from(is_next);
+            over[i] |= u32::from(is_next & (least(u[i], ONE_MINUS_EPSILON) * total[i] < before[i] + weight));
             before[i] += if is_next { weight } else { 0.0 };
+        }
+        for i in 0..MANY {
+            chosen.light[i] = marked(next[i], light, chosen.light[i]);
+            chosen.part[i] = marked(next[i], part, chosen.part[i]);
+            found[i] = marked(next[i], weights[i], found[i]);
         }
     }
     for i in 0..MANY {

@@ -441,14 +441,14 @@ impl Bundle {
         // SAFETY: passed on to the caller.
         unsafe {
             let (cull, along) = (W::load(culls), W::load(&self.along));
-            replace(&mut self.cull, rays, cull);
+            cull.store_where(rays, &mut self.cull);
             let end = self.ends(W::load(&self.start), cull, along);
             if self.kind.reversed {
                 let near = end.max(W::load(&self.near));
-                replace(&mut self.near, rays, near);
+                near.store_where(rays, &mut self.near);
             } else {
                 let far = end.min(W::load(&self.far));
-                replace(&mut self.far, rays, far);
+                far.store_where(rays, &mut self.far);
             }
             self.lines.tighten(rays, cull.mul(along));
         }
@@ -462,9 +462,9 @@ impl Bundle {
     pub unsafe fn finish<W: Lanes16>(&mut self, rays: u32) {
         // SAFETY: passed on to the caller.
         unsafe {
-            replace(&mut self.near, rays, W::splat(f32::INFINITY));
-            replace(&mut self.far, rays, W::splat(f32::NEG_INFINITY));
-            replace(&mut self.cull, rays, W::splat(-1.0));
+            W::splat(f32::INFINITY).store_where(rays, &mut self.near);
+            W::splat(f32::NEG_INFINITY).store_where(rays, &mut self.far);
+            W::splat(-1.0).store_where(rays, &mut self.cull);
         }
     }
 
@@ -476,12 +476,12 @@ impl Bundle {
     pub unsafe fn tighten_to<W: Lanes16>(&mut self, rays: u32, low: W, high: W) {
         // SAFETY: passed on to the caller.
         unsafe {
-            replace(&mut self.lines.sure_end, rays, low);
-            replace(&mut self.lines.end, rays, high);
+            low.store_where(rays, &mut self.lines.sure_end);
+            high.store_where(rays, &mut self.lines.end);
             let length = high.sub(W::load(&self.lines.start)).mul(W::splat(1.0 + CULL_PADDING));
             let far = W::load(&self.start).add(length).mul(W::splat(1.0 + PADDING)).add(W::splat(self.margin));
             let far = far.min(W::load(&self.far));
-            replace(&mut self.far, rays, far);
+            far.store_where(rays, &mut self.far);
         }
     }
 
@@ -669,16 +669,6 @@ pub(crate) struct Boxes<L> {
 unsafe fn load3<W: Lanes16>([x, y, z]: &[PerRay<f32>; 3]) -> [W; 3] {
     // SAFETY: passed on to the caller.
     unsafe { [W::load(x), W::load(y), W::load(z)] }
-}
-
-/// Replaces the numbers of some of the rays.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
-#[inline(always)]
-pub(super) unsafe fn replace<W: Lanes16>(values: &mut PerRay<f32>, rays: u32, by: W) {
-    // SAFETY: passed on to the caller.
-    unsafe { W::load(values) }.replace(rays, by).store(values);
 }
 
 /// True if the boxes of a node are where the tests of bundles cannot overflow.

@@ -3,7 +3,7 @@
 //! Triangles are seen from there, not from the apex of the bundle, because every hit is decided by the distance from the start of its ray: a
 //! light far away, as the apex is, would make all errors as large as its distance. `z` grows along the rays.
 
-use super::bundle::{Columns, Kind, PerRay, RAYS, replace};
+use super::bundle::{Columns, Kind, PerRay, RAYS};
 use snell_math::simd::Lanes16;
 
 /// Roundings of a distance along the axis: a few.
@@ -151,8 +151,8 @@ impl Lines {
         unsafe {
             let [sure_end, end] = self.ends(length);
             let (sure_end, end) = (sure_end.min(W::load(&self.sure_end)), end.min(W::load(&self.end)));
-            replace(&mut self.sure_end, rays, sure_end);
-            replace(&mut self.end, rays, end);
+            sure_end.store_where(rays, &mut self.sure_end);
+            end.store_where(rays, &mut self.end);
         }
     }
 }
