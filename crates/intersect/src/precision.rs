@@ -8,6 +8,7 @@ use crate::hit::{DHit, Hit};
 use crate::kernel::double::frame::Frame;
 use crate::kernel::double::{self, DoubleData};
 use crate::kernel::interleave::Batch;
+use crate::kernel::list::Begun;
 use crate::kernel::packet::bundle::{Bundle, PerRay};
 use crate::kernel::packet::exact::{Found, Pairs};
 use crate::kernel::packet::exact_rays::LaneRays;
@@ -266,6 +267,7 @@ pub(crate) trait Rules: Precision {
         forest: &Forest,
         level: Level,
         batch: &Batch<Self>,
+        begun: &mut Vec<Begun<Self::Hit>>,
         start: impl Fn(&Self::Ray) -> G,
         finish: impl FnMut(usize, G),
     ) -> usize;
@@ -480,11 +482,12 @@ impl Rules for Single {
         forest: &Forest,
         level: Level,
         batch: &Batch<Self>,
+        begun: &mut Vec<Begun<Hit>>,
         start: impl Fn(&Ray) -> G,
         finish: impl FnMut(usize, G),
     ) -> usize {
         if list::is_suitable(forest, batch.rays.len()) {
-            list::search_list(forest, level, batch, start, finish)
+            list::search_list(forest, level, batch, begun, start, finish)
         } else {
             0
         }
@@ -680,6 +683,7 @@ impl Rules for Double {
         _: &Forest,
         _: Level,
         _: &Batch<Self>,
+        _: &mut Vec<Begun<DHit>>,
         _: impl Fn(&DRay) -> G,
         _: impl FnMut(usize, G),
     ) -> usize {

@@ -1,6 +1,7 @@
 //! Many single rays at once in one thread: sixteen walks take turns, one step each, so that the processor always has another
 //! ray to work on while one waits for memory or for a long chain of operations. Rays do not influence each other.
 
+use super::list::Begun;
 use super::node::ChildRef;
 use super::slot::{STACK, Slot};
 use super::traverse::{Entry, SMALL_STACK, Walk, search_forest, walk_portable};
@@ -22,22 +23,38 @@ const LARGE_BYTES: usize = 2 << 20;
 pub(crate) struct Batch<'a, P: Rules> {
     pub rays: Rays<'a, P>,
     pub context: &'a Context<'a, P>,
-    /// In which order to search for them: their numbers; if empty, as they are.
+    /// In which order to search for them: their numbers, or places in `begun`; if empty, as they are.
     pub order: &'a [u32],
+    /// The rays to search for, if these are not all from the beginning.
+    pub begun: Option<&'a [Begun<P::Hit>]>,
 }
 
-impl<P: Rules> Batch<'_, P> {
-    /// The number of the ray that is searched for as the `i`-th; asks for the memory of a later one and of its answer.
+impl<'a, P: Rules> Batch<'a, P> {
+    /// All of these rays, from the beginning.
+    pub fn new(rays: Rays<'a, P>, context: &'a Context<'a, P>) -> Self {
+        Self { rays, context, order: &[], begun: None }
+    }
+
+    /// How many searches there are.
+    fn len(&self) -> usize {
+        self.begun.map_or(self.rays.len(), <[_]>::len)
+    }
+
+    /// What is searched for as the `i`-th: the number of the ray, and what is known of it; asks for the memory of a later ray and of its answer.
     #[inline(always)]
-    fn number<G>(&self, i: usize, answers: &impl Answers<G>) -> usize {
-        if self.order.is_empty() {
-            return i;
-        }
-        if let Some(&later) = self.order.get(i + SLOTS) {
+    fn get<G>(&self, i: usize, answers: &impl Answers<G>) -> (usize, Option<&'a Begun<P::Hit>>) {
+        if !self.order.is_empty()
+            && let Some(&later) = self.order.get(i + SLOTS)
+        {
+            let later = self.begun.map_or(later, |begun| begun[later as usize].number);
             fetch(self.rays.rays().as_ptr().wrapping_add(later as usize));
             answers.fetch(later as usize);
         }
-        self.order[i] as usize
+        let place = if self.order.is_empty() { i } else { self.order[i] as usize };
+        match self.begun {
+            Some(begun) => (begun[place].number as usize, Some(&begun[place])),
+            None => (place, None),
+        }
     }
 }
 
@@ -50,11 +67,12 @@ pub(crate) fn is_large(forest: &Forest) -> bool {
 /// True if walks through the forest fit the stacks of this kernel, and it has something to interleave.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
     let tree = &forest.trees[0];
-    rays >= SLOTS
-        && forest.ordinary
-        && tree.root.is_node()
-        && tree.unbounded.is_empty()
-        && forest.stack_size + 8 <= STACK
+    rays >= SLOTS && tree.unbounded.is_empty() && may_search(forest)
+}
+
+/// True if walks through the bounded part of the forest fit the stacks of this kernel.
+pub(crate) fn may_search(forest: &Forest) -> bool {
+    forest.ordinary && forest.trees[0].root.is_node() && forest.stack_size + 8 <= STACK
 }
 
 /// Searches for every ray of a batch; `answers` get the number of a ray and what was found, in no particular order.
@@ -65,7 +83,7 @@ pub(crate) fn search_batch<G: Goal>(
     start: impl Fn(&RayOf<G>) -> G,
     answers: impl Answers<G>,
 ) {
-    debug_assert!(is_suitable(forest, batch.rays.len()));
+    debug_assert!(is_suitable(forest, batch.rays.len()) || batch.begun.is_some());
     match level {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `World` holds only levels that the machine supports.
@@ -202,14 +220,21 @@ unsafe fn run<L: Lanes8, G: Goal>(
                     answers.put((*slot).number, search.goal);
                 }
                 let started = loop {
-                    if number == batch.rays.len() {
+                    if number == batch.len() {
                         break false;
                     }
-                    let ray = batch.number(number, &answers);
+                    let (ray, begun) = batch.get(number, &answers);
                     number += 1;
                     let query = batch.rays.get(ray);
-                    let search = || Search::new(query, batch.context, start(query.ray));
-                    if (*slot).start::<L>(tree, ray, batch.context.data, search, query.ray) {
+                    let search = || {
+                        let mut goal = start(query.ray);
+                        if let Some(hit) = begun.and_then(|begun| begun.hit) {
+                            goal.take(hit);
+                        }
+                        Search::new(query, batch.context, goal)
+                    };
+                    let from = begun.map_or(tree.root, |begun| begun.from);
+                    if (*slot).start::<L>(tree, from, ray, batch.context.data, search, query.ray) {
                         break true;
                     }
                     answers.put(ray, search_alone(forest, level, search()));

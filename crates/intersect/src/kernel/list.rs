@@ -6,15 +6,17 @@
 //! edge, start in a plane or run along one, and rays of extraordinary size, go through the tree, which finds the same. Spheres and flat shapes are tested
 //! sixteen rays at a time ([`shapes`]), others ray by ray; all but flat ones with a look at their boxes before.
 
+mod apart;
 mod bundle;
 mod contents;
 mod exact;
 mod faces;
 mod shapes;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
-pub(crate) use contents::List;
+pub(crate) use apart::{Apart, Begun};
+pub(crate) use contents::{List, is_for_lists};
 
 use super::interleave::Batch;
 use super::traverse::{Entry, Stack, Walk, search_forest, test_object, walk_portable};
@@ -33,6 +35,9 @@ use std::mem::MaybeUninit;
 /// Batches of fewer rays are not worth it.
 const MIN_RAYS: usize = 4;
 
+/// Nor are those of fewer rays where most are to be searched for in the tree besides.
+const MIN_RAYS_APART: usize = 16;
+
 /// After so many rays it is seen whether lists are the right thing for a batch.
 const TRIAL: usize = 128;
 
@@ -40,21 +45,27 @@ const TRIAL: usize = 128;
 const FACES_PER_RAY: usize = 24;
 const FACES_PER_HIT: usize = 80;
 
-/// True if a list answers queries of so many rays that want one hit each.
+/// True if a list answers queries of so many rays that want one hit each, or some of them.
 pub(crate) fn is_suitable(forest: &Forest, rays: usize) -> bool {
-    rays >= MIN_RAYS && forest.list.is_some()
+    rays >= MIN_RAYS && forest.list.is_some() || rays >= MIN_RAYS_APART && forest.apart.is_some()
 }
 
-/// Searches for the rays of a batch; `finish` gets the number of a ray and what was found. [`is_suitable`] must hold. Returns how many
-/// rays were searched for: less than all if most of them point past everything, for in a tree that costs little.
+/// Searches for the rays of a batch; `finish` gets the number of a ray and what was found. [`is_suitable`] must hold. Rays that have yet to be searched
+/// for among the rest, if the list is only of what stands apart, are added to `begun`. Returns how many
+/// rays were dealt with: less than all if most of them point past everything, for in a tree that costs little.
 pub(crate) fn search_list<G: Goal<Precision = Single>>(
     forest: &Forest,
     level: Level,
     batch: &Batch<Single>,
+    begun: &mut Vec<Begun<Hit>>,
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
 ) -> usize {
-    let Some(list) = &forest.list else { return 0 };
+    let (list, apart) = match (&forest.list, &forest.apart) {
+        (Some(list), _) => (list, None),
+        (None, Some(apart)) => (&apart.list, Some(apart)),
+        (None, None) => return 0,
+    };
     let mut small = [const { MaybeUninit::<Entry>::uninit() }; super::traverse::SMALL_STACK];
     let mut large = Vec::new();
     let stack: &mut Stack = if forest.stack_size <= small.len() {
@@ -63,16 +74,19 @@ pub(crate) fn search_list<G: Goal<Precision = Single>>(
         large.resize_with(forest.stack_size, MaybeUninit::uninit);
         &mut large
     };
-    let scene = Scene { forest, list, level, batch, is_plain: is_plain(list, batch) };
+    let scene = Scene { forest, list, apart, level, batch, is_plain: is_plain(list, batch) };
+    if apart.is_some() && !scene.is_plain {
+        return 0;
+    }
     match level {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `World` holds only levels that the machine supports.
-        Level::Avx512 => unsafe { run_avx512(&scene, stack, start, finish) },
+        Level::Avx512 => unsafe { run_avx512(&scene, stack, begun, start, finish) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: as above.
-        Level::Avx2 => unsafe { run_avx2(&scene, stack, start, finish) },
+        Level::Avx2 => unsafe { run_avx2(&scene, stack, begun, start, finish) },
         // SAFETY: portable code.
-        _ => unsafe { run::<PairDoubles<Portable8>, G>(&scene, stack, start, finish, walk_portable::<G>) },
+        _ => unsafe { run::<PairDoubles<Portable8>, G>(&scene, stack, begun, start, finish, walk_portable::<G>) },
     }
 }
 
@@ -80,6 +94,8 @@ pub(crate) fn search_list<G: Goal<Precision = Single>>(
 struct Scene<'a> {
     forest: &'a Forest,
     list: &'a List,
+    /// Where the rest is, if that is not all.
+    apart: Option<&'a Apart>,
     level: Level,
     batch: &'a Batch<'a, Single>,
     /// The nearest hit within the interval of a ray is always what it hits, as far as things are tested in lanes.
@@ -102,12 +118,13 @@ fn is_plain(list: &List, batch: &Batch<Single>) -> bool {
 unsafe fn run_avx512<G: Goal<Precision = Single>>(
     scene: &Scene,
     stack: &mut Stack,
+    begun: &mut Vec<Begun<Hit>>,
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
 ) -> usize {
     use super::traverse::walk_avx2;
     // SAFETY: as promised by the caller.
-    unsafe { run::<snell_math::simd::Avx16Doubles, G>(scene, stack, start, finish, walk_avx2::<G>) }
+    unsafe { run::<snell_math::simd::Avx16Doubles, G>(scene, stack, begun, start, finish, walk_avx2::<G>) }
 }
 
 /// # Safety
@@ -117,12 +134,13 @@ unsafe fn run_avx512<G: Goal<Precision = Single>>(
 unsafe fn run_avx2<G: Goal<Precision = Single>>(
     scene: &Scene,
     stack: &mut Stack,
+    begun: &mut Vec<Begun<Hit>>,
     start: impl Fn(&Ray) -> G,
     finish: impl FnMut(usize, G),
 ) -> usize {
     use super::traverse::walk_avx2;
     // SAFETY: as promised by the caller.
-    unsafe { run::<PairDoubles<snell_math::simd::Avx8>, G>(scene, stack, start, finish, walk_avx2::<G>) }
+    unsafe { run::<PairDoubles<snell_math::simd::Avx8>, G>(scene, stack, begun, start, finish, walk_avx2::<G>) }
 }
 
 /// # Safety
@@ -131,6 +149,7 @@ unsafe fn run_avx2<G: Goal<Precision = Single>>(
 unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
     scene: &Scene,
     stack: &mut Stack,
+    begun: &mut Vec<Begun<Hit>>,
     start: impl Fn(&Ray) -> G,
     mut finish: impl FnMut(usize, G),
     enter: Walk<G>,
@@ -140,7 +159,7 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
     let mut last = [Ray::new(Vec3::ZERO, Vec3::Z); RAYS];
     let (mut first, mut met) = (0, 0);
     while first < all.len() {
-        if first >= TRIAL && met * FACES_PER_HIT < first * more_faces {
+        if scene.apart.is_none() && first >= TRIAL && met * FACES_PER_HIT < first * more_faces {
             break;
         }
         let rays = &all[first..(first + RAYS).min(all.len())];
@@ -156,6 +175,11 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
         // SAFETY: as promised by the caller.
         let mut near = unsafe { Near::new(scene, &bundle) };
         let mut unsure = !bundle.ordinary & ((2 << (rays.len() - 1)) - 1);
+        let more = match scene.apart {
+            // SAFETY: as promised by the caller.
+            Some(apart) => unsafe { apart.may_meet_rest(&bundle) },
+            None => 0,
+        };
         if G::ANY && scene.is_plain {
             // SAFETY: as promised by the caller.
             let mut found = unsafe { bundle.blocked(list) };
@@ -169,7 +193,9 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                     continue;
                 }
                 let is_blocked = found.blocked >> lane & 1 == 1;
-                if is_blocked || others >> lane & 1 == 0 {
+                if let Some(apart) = scene.apart.filter(|_| !is_blocked && more >> lane & 1 == 1) {
+                    begun.push(apart.begun(first + lane, None));
+                } else if is_blocked || others >> lane & 1 == 0 {
                     let mut goal = start(ray);
                     if is_blocked {
                         goal.take(Hit::MISS);
@@ -197,7 +223,9 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 if unsure >> lane & 1 == 1 {
                     continue;
                 }
-                if scene.is_plain && others >> lane & 1 == 0 {
+                if let Some(apart) = scene.apart.filter(|_| more >> lane & 1 == 1) {
+                    begun.push(apart.begun(first + lane, found.get(list, lane)));
+                } else if scene.is_plain && others >> lane & 1 == 0 {
                     let mut goal = start(ray);
                     if let Some(hit) = found.get(list, lane) {
                         goal.take(hit);
@@ -407,10 +435,10 @@ impl Hits {
                 }
                 if taken != 0 {
                     let this = D::Singles::splat(f32::from_bits((FIRST_OBJECT + number) as u32));
-                    replace(&mut self.numbers, taken, this);
-                    replace(&mut self.found.t, taken, t);
-                    replace(&mut self.found.b1, taken, zero);
-                    replace(&mut self.found.b2, taken, zero);
+                    this.store_where(taken, &mut self.numbers);
+                    t.store_where(taken, &mut self.found.t);
+                    zero.store_where(taken, &mut self.found.b1);
+                    zero.store_where(taken, &mut self.found.b2);
                 }
                 self.found.hits |= hits;
                 self.met |= hits;
@@ -424,14 +452,4 @@ impl Hits {
         let (t, uv) = (self.found.t[lane], Vec2::new(self.found.b1[lane], self.found.b2[lane]));
         (self.found.hits >> lane & 1 == 1).then_some(Hit { t, uv, instance: 0, geometry, primitive })
     }
-}
-
-/// Replaces the numbers of some rays.
-///
-/// # Safety
-/// The machine must have the instructions of `W`.
-#[inline(always)]
-unsafe fn replace<W: Lanes16>(numbers: &mut PerRay<f32>, mask: u32, other: W) {
-    // SAFETY: passed on to the caller.
-    unsafe { W::load(numbers).replace(mask, other).store(numbers) }
 }

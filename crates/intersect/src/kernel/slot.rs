@@ -104,11 +104,12 @@ impl<'a, G: Goal> Slot<'a, G> {
         }
     }
 
-    /// Begins the walk of a ray through the root's tree. False, and nothing done, if the ray is not ordinary.
+    /// Begins the walk of a ray through the root's tree, or from there on. False, and nothing done, if the ray is not ordinary.
     #[inline(always)]
     pub fn start<L: Lanes8>(
         &mut self,
         tree: &GroupTree,
+        from: ChildRef,
         number: usize,
         data: &DataOf<G>,
         search: impl FnOnce() -> Search<'a, G>,
@@ -125,7 +126,7 @@ impl<'a, G: Goal> Slot<'a, G> {
         let search = self.search.insert(search());
         (self.t_min, self.cull) = (search.start, search.cull());
         self.children[0].write(ChildRef::NONE.0);
-        (self.current, self.top, self.number) = (tree.root, 1, number);
+        (self.current, self.top, self.number) = (from, 1, number);
         true
     }
 

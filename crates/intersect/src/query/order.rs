@@ -53,18 +53,28 @@ impl Sorter {
         (0..rays).step_by(size).map(move |first| first..(first + size).min(rays))
     }
 
+    /// How many rays to take at a time; so many where they are not sorted.
+    pub fn at_once(&self, unsorted: usize) -> usize {
+        if self.sorts { self.size } else { unsorted }
+    }
+
     /// In which order to trace the rays of a part; empty if they may stay as they are.
     pub fn order<P: Rules>(&mut self, rays: Rays<P>) -> &[u32] {
+        self.order_of::<P>(rays.rays().iter())
+    }
+
+    /// The same of some of them: their places among these.
+    pub fn order_of<'r, P: Rules>(&mut self, rays: impl ExactSizeIterator<Item = &'r P::Ray> + Clone) -> &[u32] {
         self.order.clear();
-        if !self.sorts {
+        if !self.sorts || rays.len() < MIN_RAYS {
             return &self.order;
         }
-        let (low, high) = rays.rays().iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), ray| {
+        let (low, high) = rays.clone().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), ray| {
             let o = P::origin(ray);
             if o.is_finite() { (low.min(o), high.max(o)) } else { (low, high) }
         });
         let cells = Cells::new(low, high);
-        if is_in_order(rays.rays(), high - low, P::origin) {
+        if is_in_order(rays.clone().map(P::origin), high - low) {
             return &self.order;
         }
         let entry = |(number, ray): (usize, &P::Ray)| {
@@ -72,7 +82,7 @@ impl Sorter {
             u64::from(key) << 32 | number as u64
         };
         self.entries.clear();
-        self.entries.extend(rays.rays().iter().enumerate().map(entry));
+        self.entries.extend(rays.enumerate().map(entry));
         self.scratch.resize(self.entries.len(), 0);
         sort_by_digit(&self.entries, &mut self.scratch, 32);
         sort_by_digit(&self.scratch, &mut self.entries, 32 + DIGIT_BITS);
@@ -82,11 +92,11 @@ impl Sorter {
 }
 
 /// True if most rays start close to the one before.
-fn is_in_order<R>(rays: &[R], extent: Vec3, origin: impl Fn(&R) -> Vec3) -> bool {
-    let step = (rays.len() / SAMPLES).max(1);
-    let pairs = rays.windows(2).step_by(step);
+fn is_in_order(origins: impl ExactSizeIterator<Item = Vec3> + Clone, extent: Vec3) -> bool {
+    let step = (origins.len() / SAMPLES).max(1);
+    let pairs = origins.clone().zip(origins.skip(1)).step_by(step);
     let count = pairs.len();
-    let close = pairs.filter(|pair| (origin(&pair[1]) - origin(&pair[0])).abs().cmple(extent * CLOSE).all()).count();
+    let close = pairs.filter(|(a, b)| (*b - *a).abs().cmple(extent * CLOSE).all()).count();
     close * 4 > count * 3
 }
 

@@ -7,6 +7,7 @@ use super::order;
 use super::rays::{RayQuery, Rays};
 use super::search::{Any, Closest, Context, Counted, Goal, RayOf, Search};
 use crate::accel::brute_force::search_all;
+use crate::accel::bvh::Forest;
 use crate::hit::Hit;
 use crate::kernel::traverse::search_forest;
 use crate::kernel::{interleave, packet};
@@ -14,6 +15,9 @@ use crate::precision::{Double, Precision, Rules, Single};
 use crate::world::{Structure, TraversalCounters, TraversalWork, World};
 
 type HitOf<P> = <P as Precision>::Hit;
+
+/// Rays that are asked about what stands apart before those that go on are searched for in the tree, if they are not sorted: as many as stay in the caches.
+const RAYS_AT_ONCE: usize = 1 << 12;
 
 /// Where and how to search, whatever the goal.
 pub(crate) struct Searcher<'a, P: Rules = Single> {
@@ -131,14 +135,45 @@ impl<P: Rules> Searcher<'_, P> {
         let mut done = 0;
         if G::WANTS_ONE
             && let Structure::Bvh(forest) = &self.world.structure
+            && (forest.list.is_some() || forest.apart.is_some() && grouping == Grouping::None)
         {
-            let batch = interleave::Batch { rays, context: &self.context, order: &[] };
-            done = P::search_list(forest, self.world.simd, &batch, &start, |i, goal| answers.put(i, goal));
+            done = self.search_lists(forest, rays, &start, &mut answers);
         }
         if done < rays.len() {
             let rest = Part { first: done, answers: &mut answers };
             self.search_tree(rays.slice(done..rays.len()), grouping, start, rest);
         }
+    }
+
+    /// [`Self::search_into`] by the list of the world, or by that of what stands apart and the tree of the rest. Returns how many of the rays are done.
+    fn search_lists<G: Goal<Precision = P>>(
+        &self,
+        forest: &Forest,
+        rays: Rays<P>,
+        start: &impl Fn(&RayOf<G>) -> G,
+        answers: &mut impl Answers<G>,
+    ) -> usize {
+        let (level, mut begun) = (self.world.simd, Vec::new());
+        let mut sorter = order::Sorter::new(rays.len(), forest.apart.is_some() && interleave::is_large(forest));
+        let at_once = if forest.apart.is_some() { sorter.at_once(RAYS_AT_ONCE) } else { rays.len() };
+        let mut first = 0;
+        while first < rays.len() {
+            let part = rays.slice(first..(first + at_once).min(rays.len()));
+            let mut own = Part { first, answers: &mut *answers };
+            let batch = interleave::Batch::new(part, &self.context);
+            let done = P::search_list(forest, level, &batch, &mut begun, start, |i, goal| own.put(i, goal));
+            if !begun.is_empty() {
+                let order = sorter.order_of::<P>(begun.iter().map(|begun| part.get(begun.number as usize).ray));
+                let batch = interleave::Batch { order, begun: Some(&begun), ..batch };
+                interleave::search_batch(forest, level, &batch, start, own);
+                begun.clear();
+            }
+            first += done;
+            if done < part.len() {
+                break;
+            }
+        }
+        first
     }
 
     /// [`Self::search_into`] by the structure.
@@ -151,7 +186,7 @@ impl<P: Rules> Searcher<'_, P> {
     ) {
         match &self.world.structure {
             Structure::Bvh(forest) if G::WANTS_ONE && grouping == Grouping::Coherent && packet::is_suitable(forest) => {
-                let batch = interleave::Batch { rays, context: &self.context, order: &[] };
+                let batch = interleave::Batch::new(rays, &self.context);
                 let all = Part { first: 0, answers: &mut answers };
                 for left in packet::search_runs(forest, self.world.simd, &batch, &start, all) {
                     let part = Part { first: left.start, answers: &mut answers };
@@ -174,7 +209,8 @@ impl<P: Rules> Searcher<'_, P> {
                 for part in sorter.parts() {
                     let own = Part { first: part.start, answers: &mut answers };
                     let rays = rays.slice(part);
-                    let batch = interleave::Batch { rays, context: &self.context, order: sorter.order(rays) };
+                    let order = sorter.order(rays);
+                    let batch = interleave::Batch { order, ..interleave::Batch::new(rays, &self.context) };
                     interleave::search_batch(forest, self.world.simd, &batch, &start, own);
                 }
             }

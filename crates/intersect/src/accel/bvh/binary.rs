@@ -18,6 +18,9 @@ pub(super) const LEAF_COSTS: Costs = [0.0; 8];
 pub(super) struct Choices(u32);
 
 impl Choices {
+    /// One slot for the first child, the others for the second. (With a bit more than [`Self::best`] has.)
+    const ONE: Self = Self(0o1_111_111_100);
+
     /// How the slots are best shared.
     #[inline(always)]
     fn first(self, slots: usize) -> usize {
@@ -185,6 +188,20 @@ impl<'a, P> Tree<'a, P> {
     pub fn inner(bounds: Box8, children: [Self; 2]) -> Self {
         let (choices, costs) = Choices::best(bounds.half_area(), children[0].costs(), children[1].costs());
         Self::Inner(Box::new(Inner { bounds, choices, costs, children }))
+    }
+
+    /// The root of two trees, of which the first becomes one child of the wide node, and the second all others.
+    pub fn beside(first: Self, second: Self) -> Self {
+        let bounds = [&first, &second].map(|tree| tree.root().bounds());
+        let all = bounds[0].union(&bounds[1]);
+        let bounds = Box8::new(all.min, all.max);
+        let choices = Choices::ONE;
+        Self::Inner(Box::new(Inner { bounds, choices, costs: LEAF_COSTS, children: [first, second] }))
+    }
+
+    /// True for trees from [`Self::beside`].
+    pub fn is_beside(&self) -> bool {
+        matches!(self, Self::Inner(inner) if inner.choices == Choices::ONE)
     }
 
     fn costs(&self) -> &Costs {

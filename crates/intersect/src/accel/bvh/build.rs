@@ -6,7 +6,7 @@ use super::medium::Medium;
 use super::primitive::{MAX_TRIANGLES, OBJECT, Triangles, triangle_primitives};
 use super::storage::Storage;
 use super::wide::{Wide, write};
-use super::{BvhOptions, CacheUse, GroupTree, Quality, fast, waste};
+use super::{BvhOptions, CacheUse, GroupTree, Quality, apart, fast, waste};
 use crate::accel::brute_force::GroupList;
 use crate::kernel::binning::Primitive;
 use crate::kernel::node::ChildRef;
@@ -42,7 +42,7 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOpti
     }
     let triangles = Triangles::new(list, &meshes);
     let build = || {
-        let (wide, placed) = build_wide(&triangles, &objects, options)?;
+        let (wide, placed) = build_wide(list, &triangles, &objects, options)?;
         let skipped = if placed < count { triangles.degenerate() } else { Vec::new() };
         Ok(Cached { wide, skipped })
     };
@@ -53,9 +53,10 @@ pub(super) fn build_group(list: &GroupList, boxes: &[Bounds3], options: &BvhOpti
             through_cache(&cache::path(folder, list, boxes, options.quality), count, list.objects.len(), build)?
         }
     };
-    let Wide { nodes, blocks, root, depth } = wide;
+    let Wide { nodes, blocks, root, rest, depth } = wide;
     let objects = list.objects.clone();
-    Ok(GroupTree { nodes, blocks, root, objects, unbounded, meshes, depth, triangles: count, skipped, empty, cache })
+    let triangles = count;
+    Ok(GroupTree { nodes, blocks, root, rest, objects, unbounded, meshes, depth, triangles, skipped, empty, cache })
 }
 
 /// The tree in a file, or else a new one, which is then written there.
@@ -80,8 +81,16 @@ fn through_cache(
 }
 
 /// Also says how many of the triangles are in the tree.
-fn build_wide(triangles: &Triangles, objects: &[Primitive], options: &BvhOptions) -> Result<(Wide, usize), String> {
-    let nothing = || Wide { nodes: Storage::zeroed(0), blocks: Storage::zeroed(0), root: ChildRef::NONE, depth: 0 };
+fn build_wide(
+    list: &GroupList,
+    triangles: &Triangles,
+    objects: &[Primitive],
+    options: &BvhOptions,
+) -> Result<(Wide, usize), String> {
+    let nothing = || {
+        let none = ChildRef::NONE;
+        Wide { nodes: Storage::zeroed(0), blocks: Storage::zeroed(0), root: none, rest: none, depth: 0 }
+    };
     if options.quality == Quality::Fast {
         let sorted = fast::sorted(triangles, objects);
         if sorted.count == 0 {
@@ -100,11 +109,15 @@ fn build_wide(triangles: &Triangles, objects: &[Primitive], options: &BvhOptions
     if all == 0 {
         return Ok((nothing(), 0));
     }
-    let splits = options.quality == Quality::High || waste::is_large(&primitives[..all], triangles);
+    let (rest, extent) = apart::divide(&mut primitives[..all], list);
+    let mut large = primitives[rest..all].to_vec();
+    let splits = options.quality == Quality::High || waste::is_large(&primitives[..rest], triangles);
+    let medium = Medium { level: options.simd, has_objects };
     let tree = if splits {
-        High::new(options.simd, has_objects, triangles).build(&mut primitives[..all + room], all)
+        High::new(options.simd, has_objects, triangles).build(&mut primitives[..rest + room], rest, extent)
     } else {
-        Medium { level: options.simd, has_objects }.build(&mut primitives[..all])
+        medium.build_within(&mut primitives[..rest], &extent)
     };
+    let tree = apart::join(tree, &mut large, medium);
     Ok((write(&tree, triangles, None)?, count))
 }

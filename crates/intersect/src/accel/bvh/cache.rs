@@ -21,7 +21,7 @@ use std::io::{Error, ErrorKind, Read, Result, Write};
 use std::path::{Path, PathBuf};
 
 /// Goes up whenever a builder or the layout of nodes and blocks changes.
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
 
 const MAGIC: u64 = u64::from_le_bytes(*b"SnellBVH");
 const PAGE: usize = 4096;
@@ -78,13 +78,14 @@ struct Header {
     blocks: u64,
     skipped: u64,
     root: u64,
+    rest: u64,
     depth: u64,
 }
 
 impl Header {
     /// A page. `u64` in the order of the machine: a file from another one does not pass.
     fn to_page(self) -> Vec<u8> {
-        let numbers = [MAGIC, VERSION, self.nodes, self.blocks, self.skipped, self.root, self.depth];
+        let numbers = [MAGIC, VERSION, self.nodes, self.blocks, self.skipped, self.root, self.rest, self.depth];
         let mut page: Vec<u8> = numbers.into_iter().flat_map(u64::to_ne_bytes).collect();
         page.extend(Sha256::digest(&page));
         page.resize(PAGE, 0);
@@ -93,8 +94,14 @@ impl Header {
 
     fn from_page(page: &[u8]) -> Option<Self> {
         let number = |i: usize| Some(u64::from_ne_bytes(page.get(8 * i..8 * i + 8)?.try_into().ok()?));
-        let header =
-            Self { nodes: number(2)?, blocks: number(3)?, skipped: number(4)?, root: number(5)?, depth: number(6)? };
+        let header = Self {
+            nodes: number(2)?,
+            blocks: number(3)?,
+            skipped: number(4)?,
+            root: number(5)?,
+            rest: number(6)?,
+            depth: number(7)?,
+        };
         (header.to_page() == page).then_some(header)
     }
 
@@ -133,6 +140,7 @@ fn write_all(path: &Path, wide: &Wide, skipped: &[u32]) -> Result<()> {
         blocks: wide.blocks.len() as u64,
         skipped: skipped.len() as u64,
         root: wide.root.0.into(),
+        rest: wide.rest.0.into(),
         depth: wide.depth as u64,
     };
     file.write_all(&header.to_page())?;
@@ -166,8 +174,8 @@ pub(super) fn read(path: &Path, triangles: usize, objects: usize) -> Result<Opti
     std::io::Seek::seek(&mut file, std::io::SeekFrom::Start(skipped_at))?;
     file.read_to_end(&mut skipped)?;
     let skipped: Vec<u32> = skipped.chunks_exact(4).map(|b| u32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect();
-    let (root, depth) = (ChildRef(header.root as u32), header.depth as usize);
-    let wide = Wide { nodes, blocks, root, depth };
+    let (root, rest) = (ChildRef(header.root as u32), ChildRef(header.rest as u32));
+    let wide = Wide { nodes, blocks, root, rest, depth: header.depth as usize };
     let is_sound = is_sound(&wide, triangles, objects) && skipped.iter().all(|&id| (id as usize) < triangles);
     if is_sound { Ok(Some(Cached { wide, skipped })) } else { Err(damaged("a reference leads nowhere")) }
 }
@@ -187,7 +195,11 @@ fn is_sound(wide: &Wide, triangles: usize, objects: usize) -> bool {
         }
     };
     let ids_exist = |block: &TriangleBlock| block.ids.iter().all(|&id| id == u32::MAX || (id as usize) < triangles);
-    if !leads_on(wide.root, 0)
+    let is_first = |node: &WideNode| node.children[0] == wide.rest;
+    let rest_is_known =
+        wide.rest == wide.root || wide.root == ChildRef::node(0) && wide.nodes.first().is_some_and(is_first);
+    if !rest_is_known
+        || !leads_on(wide.root, 0)
         || !wide.nodes.par_iter().enumerate().all(|(i, node)| node.children.iter().all(|&c| leads_on(c, i + 1)))
         || !wide.blocks.par_iter().all(ids_exist)
     {

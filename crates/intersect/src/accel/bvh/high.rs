@@ -59,9 +59,8 @@ impl<'a> High<'a> {
         Self { level, has_objects, triangles, area: 0.0 }
     }
 
-    /// Builds the tree of the first `len` (at least one) of `room`. The rest is room for pieces.
-    pub fn build(mut self, room: &mut [Primitive], len: usize) -> Tree<'_, Primitive> {
-        let extent = Extent::of(&room[..len]);
+    /// Builds the tree of the first `len` (at least one) of `room`, which extend over this. The rest is room for pieces.
+    pub fn build(mut self, room: &mut [Primitive], len: usize, extent: Extent) -> Tree<'_, Primitive> {
         self.area = extent.bounds.half_area();
         let areas = areas(&room[..len]);
         self.subtree(Set { room, len, extent, areas, depth: 0 })

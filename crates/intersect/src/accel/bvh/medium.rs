@@ -27,7 +27,12 @@ impl Medium {
     /// Builds the tree of some primitives, at least one.
     pub fn build(self, primitives: &mut [Primitive]) -> Tree<'_, Primitive> {
         let extent = Extent::of(primitives);
-        self.subtree(primitives, &extent, 0)
+        self.build_within(primitives, &extent)
+    }
+
+    /// The same of primitives that extend over this.
+    pub fn build_within<'a>(self, primitives: &'a mut [Primitive], extent: &Extent) -> Tree<'a, Primitive> {
+        self.subtree(primitives, extent, 0)
     }
 
     fn subtree<'a>(self, set: &'a mut [Primitive], extent: &Extent, depth: usize) -> Tree<'a, Primitive> {

@@ -3,6 +3,7 @@
 use super::*;
 use crate::accel::AcceleratorKind;
 use crate::hit::Hit;
+use crate::kernel::list::tests::quads;
 use crate::mesh::TriangleMesh;
 use crate::query::{AcceptAll, Grouping};
 use crate::shape::Sphere;
@@ -203,30 +204,37 @@ fn a_refitted_tree_finds_what_has_moved() {
                 }
             }
         }
-        let after = Arc::new(mesh);
+        // On a floor that stands apart.
+        let floor = |y: f32| [[-900.0, y, -900.0], [900.0, y, -900.0], [900.0, y, 900.0], [-900.0, y, 900.0]];
+        let (before, after) = ([before, quads(&[floor(-20.0)])], [Arc::new(mesh), quads(&[floor(-5.0)])]);
         let options = BuildOptions { quality, ..BuildOptions::default() };
-        let mut world = world_of(std::slice::from_ref(&after), &options);
-        let Structure::Bvh(old) = world_of(std::slice::from_ref(&before), &options).structure else { panic!("a tree") };
-        let Structure::Bvh(forest) = &mut world.structure else { panic!("a tree") };
-        let list = |mesh: &Arc<TriangleMesh>| GroupList { meshes: vec![(0, mesh.clone())], ..GroupList::default() };
+        let mut world = world_of(&after, &options);
+        let Structure::Bvh(old) = world_of(&before, &options).structure else { panic!("a tree") };
+        assert_eq!(old.apart.is_some(), quality != Quality::Fast);
+        let list = |meshes: &[Arc<TriangleMesh>]| GroupList {
+            meshes: (0..).zip(meshes.iter().cloned()).collect(),
+            ..GroupList::default()
+        };
         let refitted = old.trees[0].refit(&list(&after), &[]).expect("the same triangles");
         // And back again.
         let back = refitted.refit(&list(&before), &[]).expect("the same triangles");
         assert!(back.nodes.len() == old.trees[0].nodes.len());
-        forest.trees[0] = Arc::new(refitted);
-        assert_equal(&world, &world_of(std::slice::from_ref(&after), &none()), &rays(&after, 500), quality.name());
-        let mut world = world_of(std::slice::from_ref(&before), &options);
-        let Structure::Bvh(forest) = &mut world.structure else { panic!("a tree") };
-        forest.trees[0] = Arc::new(back);
-        assert_equal(&world, &world_of(std::slice::from_ref(&before), &none()), &rays(&before, 500), quality.name());
-        assert!(old.trees[0].refit(&list(&Arc::new(soup(5001, 4))), &[]).is_none(), "other triangles");
+        world.structure = Structure::Bvh(Forest::of(vec![Arc::new(refitted)], &[0]));
+        assert_equal(&world, &world_of(&after, &none()), &rays(&after[0], 500), quality.name());
+        let mut world = world_of(&before, &options);
+        world.structure = Structure::Bvh(Forest::of(vec![Arc::new(back)], &[0]));
+        assert_equal(&world, &world_of(&before, &none()), &rays(&before[0], 500), quality.name());
+        let other = [Arc::new(soup(5001, 4)), before[1].clone()];
+        assert!(old.trees[0].refit(&list(&other), &[]).is_none(), "other triangles");
     }
 }
 
 #[test]
 fn a_cached_tree_is_the_same_and_a_damaged_file_is_replaced() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mesh = [Arc::new(soup(70_000, 8))];
+    // With a floor that stands apart.
+    let corners = [[-900.0, -99.0, -900.0], [900.0, -99.0, -900.0], [900.0, -99.0, 900.0], [-900.0, -99.0, 900.0]];
+    let mesh = [Arc::new(soup(70_000, 8)), quads(&[corners])];
     let options = BuildOptions { cache: Some(folder.path().join("new")), ..BuildOptions::default() };
     let cached = |world: &World| (world.stats().cached_groups, world.warnings().len());
     let built = world_of(&mesh, &options);
@@ -234,6 +242,7 @@ fn a_cached_tree_is_the_same_and_a_damaged_file_is_replaced() {
     let found = world_of(&mesh, &options);
     assert_eq!(cached(&found), (1, 0));
     assert!(contents(&built) == contents(&found));
+    assert!(matches!(&found.structure, Structure::Bvh(forest) if forest.apart.is_some()));
     let rays = rays(&mesh[0], 300);
     assert_equal(&found, &world_of(&mesh, &none()), &rays, "cached");
     let files: Vec<_> = std::fs::read_dir(folder.path().join("new")).expect("a folder").flatten().collect();

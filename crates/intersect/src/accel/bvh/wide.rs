@@ -16,6 +16,8 @@ pub(super) struct Wide {
     pub nodes: Storage<WideNode>,
     pub blocks: Storage<TriangleBlock>,
     pub root: ChildRef,
+    /// As [`super::GroupTree::rest`].
+    pub rest: ChildRef,
     /// Nodes on the longest way down.
     pub depth: usize,
 }
@@ -102,7 +104,9 @@ pub(super) fn write<P: Numbered>(
             depths[i] = 1 + children.iter().map(|(_, step)| depths[*step]).max().unwrap_or(0);
         }
     }
-    Ok(Wide { root: reference(0, tree.root()), depth: depths[0], nodes, blocks })
+    let root = reference(0, tree.root());
+    let rest = if tree.is_beside() { nodes[root.index()].children[0] } else { root };
+    Ok(Wide { root, rest, depth: depths[0], nodes, blocks })
 }
 
 /// Adds the steps of a subtree, in preorder; returns the first.

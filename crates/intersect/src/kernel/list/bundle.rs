@@ -36,10 +36,6 @@ const LEAST_SLOPE: f32 = 1.0 / 2048.0;
 /// Rays that run along a plane meet no face in it if they start farther away from it, relative to `D`.
 const BESIDE: f32 = 4.0 * LEAST_SLOPE;
 
-/// The sign of a distance from a tilted plane is certain if that is more than this, relative to `D` and the coordinates of the centre: `f64` is
-/// off by less than `2^-44` of them, here and in the exact test together.
-const HEIGHT_ERROR: f32 = 1.0 / (1u64 << 36) as f32;
-
 /// For planes across an axis the sign is always certain. But what is left of the difference of two coordinates may vanish by division if they are less
 /// than this.
 pub(super) const LEAST_COORDINATE: f32 = 1e-22;
@@ -69,8 +65,6 @@ pub(super) struct Bundle<D: Doubles16> {
     far: D::Singles,
     /// Inverse of the least slope.
     steepest: D::Singles,
-    /// Of heights above tilted planes.
-    height_error: D::Singles,
     /// By the inverse of a slope.
     edge_error: D::Singles,
     distance_error: D::Singles,
@@ -190,7 +184,6 @@ impl<D: Doubles16> Bundle<D> {
             let tiny = x.abs().min(y.abs()).min(z.abs()).lt(splat(LEAST_COORDINATE));
             let ordinary = if tiny & ordinary != 0 { ordinary & !vanishing([x, y, z]) } else { ordinary };
             let far = distance.add(splat(list.reach));
-            let magnitude = far.add(splat(list.center.abs().max_element()));
             Self {
                 origin: [x, y, z],
                 direction: [dx, dy, dz],
@@ -202,7 +195,6 @@ impl<D: Doubles16> Bundle<D> {
                 from_center: [px, py, pz],
                 far,
                 steepest: splat(1.0 / LEAST_SLOPE).div(size),
-                height_error: magnitude.mul(splat(HEIGHT_ERROR)),
                 edge_error: far.mul(size).mul(splat(EDGE_ERROR)),
                 distance_error: far.mul(splat(DISTANCE_ERROR)),
             }
@@ -316,7 +308,9 @@ impl<D: Doubles16> Bundle<D> {
             let slope = y.mul_add(D::Singles::splat(b), x.mul(D::Singles::splat(a)));
             let slope = self.slope(z.mul_add(D::Singles::splat(c), slope));
             let mut meeting = self.meet(face, axis, height, slope);
-            let near = height.abs().le(self.height_error);
+            let ([x, y, z], [a, b, c, d]) = (self.origin, face.near.map(|x| D::Singles::splat(x)));
+            let least = y.abs().mul_add(b, x.abs().mul_add(a, d));
+            let near = height.abs().le(z.abs().mul_add(c, least));
             if slope.along | near != 0 {
                 let is_beside = height.abs().le(self.far.mul(D::Singles::splat(BESIDE)));
                 let outside = meeting.inside.add(meeting.margin).lt(D::Singles::splat(0.0));

@@ -98,6 +98,50 @@ pub(super) fn normal(corners: &Corners) -> DVec3 {
     (b - a).cross(c - a)
 }
 
+/// True if a shape may be tested in lanes.
+pub(crate) fn is_for_lists(object: &Object) -> bool {
+    ListShape::of(object).is_some()
+}
+
+/// What shall be in a list.
+struct Primitives {
+    /// By their numbers in the group.
+    triangles: Vec<(u32, Corners)>,
+    objects: Vec<ListObject>,
+}
+
+impl Primitives {
+    /// The unbounded objects of a group.
+    fn unbounded_of(tree: &GroupTree) -> Self {
+        let objects = tree.unbounded.iter().map(|&number| ListObject::new(tree, number as usize, None)).collect();
+        Self { triangles: Vec::new(), objects }
+    }
+
+    /// Adds what a leaf leads to.
+    fn add(&mut self, tree: &GroupTree, child: ChildRef, bounds: Option<Bounds3>) {
+        if child == ChildRef::NONE || child.is_node() {
+        } else if child.is_triangles() {
+            let block = &tree.blocks[child.block()];
+            for lane in 0..child.count() as usize {
+                let corners @ [a, b, c] = block.corners(lane);
+                // Pieces of a triangle are in several blocks; those in a point or on a side between two can not be hit.
+                let is_known = self.triangles.iter().any(|(id, _)| *id == block.ids[lane]);
+                if !is_known && a != b && b != c && c != a {
+                    self.triangles.push((block.ids[lane], corners));
+                }
+            }
+        } else {
+            self.objects.push(ListObject::new(tree, child.index(), bounds));
+        }
+    }
+}
+
+impl ListObject {
+    fn new(tree: &GroupTree, number: usize, bounds: Option<Bounds3>) -> Self {
+        Self { number, bounds, shape: tree.objects.placed().get(number).and_then(ListShape::of) }
+    }
+}
+
 impl List {
     /// The list of a group; `None` if it is not for lists.
     pub fn of(tree: &GroupTree) -> Option<Box<Self>> {
@@ -108,41 +152,33 @@ impl List {
         {
             return None;
         }
-        let object = |number: usize, bounds: Option<Bounds3>| {
-            let shape = tree.objects.placed().get(number).and_then(ListShape::of);
-            ListObject { number, bounds, shape }
-        };
-        let mut objects: Vec<ListObject> = tree.unbounded.iter().map(|&number| object(number as usize, None)).collect();
-        let mut triangles: Vec<(u32, Corners)> = Vec::new();
-        let mut add = |child: ChildRef, bounds: Option<Bounds3>| {
-            if child == ChildRef::NONE || child.is_node() {
-            } else if child.is_triangles() {
-                let block = &tree.blocks[child.block()];
-                for lane in 0..child.count() as usize {
-                    let corners @ [a, b, c] = block.corners(lane);
-                    // Pieces of a triangle are in several blocks; those in a point or on a side between two can not be hit.
-                    let is_known = triangles.iter().any(|(id, _)| *id == block.ids[lane]);
-                    if !is_known && a != b && b != c && c != a {
-                        triangles.push((block.ids[lane], corners));
-                    }
-                }
-            } else {
-                objects.push(object(child.index(), bounds));
-            }
-        };
-        add(tree.root, None);
+        let mut found = Primitives::unbounded_of(tree);
+        found.add(tree, tree.root, None);
         for node in tree.nodes.iter() {
-            (0..8).for_each(|slot| add(node.children[slot], Some(node.slot_bounds(slot))));
+            (0..8).for_each(|slot| found.add(tree, node.children[slot], Some(node.slot_bounds(slot))));
         }
-        let count = triangles.len();
-        if count == 0
-            || count > MAX_TRIANGLES
-            || count < objects.len() * TRIANGLES_PER_OBJECT
-            || objects.len() > MAX_OBJECTS
-        {
+        let count = found.triangles.len();
+        if count == 0 || count < found.objects.len() * TRIANGLES_PER_OBJECT {
             return None;
         }
-        let mut all = Bounds3::of(triangles.iter().flat_map(|(_, corners)| corners.map(Vec3::from_array)));
+        Self::new(tree, found, Bounds3::EMPTY)
+    }
+
+    /// The list of what is unbounded in a group and of what some leaves lead to, beside a tree with these bounds; `None` if it is not for lists.
+    pub(super) fn apart(tree: &GroupTree, leaves: &[(ChildRef, Bounds3)], rest: &Bounds3) -> Option<Box<Self>> {
+        let mut found = Primitives::unbounded_of(tree);
+        leaves.iter().for_each(|&(leaf, bounds)| found.add(tree, leaf, Some(bounds)));
+        Self::new(tree, found, *rest)
+    }
+
+    /// The list of some primitives of a group; rays are asked about these bounds too.
+    fn new(tree: &GroupTree, found: Primitives, others: Bounds3) -> Option<Box<Self>> {
+        let Primitives { triangles, objects } = found;
+        if triangles.len() > MAX_TRIANGLES || objects.len() > MAX_OBJECTS {
+            return None;
+        }
+        let corners = triangles.iter().flat_map(|(_, corners)| corners.map(Vec3::from_array));
+        let mut all = Bounds3::of(corners).union(&others);
         objects.iter().filter_map(|object| object.bounds).for_each(|bounds| all = all.union(&bounds));
         let center = all.min * 0.5 + all.max * 0.5;
         let middle = center.as_dvec3();

@@ -19,6 +19,8 @@ pub(super) struct Face {
     pub outline: Outline,
     /// Positive on the side of the first triangle.
     pub diagonal: Line,
+    /// The sign of a height is certain if it is more than these coefficients of the coordinates of the point, without their signs, and a constant.
+    pub near: [f32; 4],
 }
 
 /// Coefficients of the two coordinates seen from the centre of the list, and a constant: the distance from a line, which has a sign.
@@ -46,6 +48,8 @@ pub(super) struct Shape {
     pub axis: usize,
     /// The unit normal.
     normal: DVec3,
+    /// As [`Face::near`].
+    near: [f64; 4],
     /// The plane is not across the axis, or so near to the origin that it is not taken for that.
     pub is_tilted: bool,
     /// Three or four, around the face.
@@ -57,8 +61,15 @@ pub(super) struct Shape {
 /// The normals of slivers, of less than this area relative to the square of the longest side, are not well known.
 const LEAST_AREA: f64 = 1.0 / (1 << 20) as f64;
 
-/// Planes may be as far apart, relative to the size of numbers, and count as one. (As the error of `f64` where planes are computed.)
+/// Planes may be as far apart, relative to the size of numbers, and count as one.
 const SAME_PLANE: f64 = 1.0 / (1u64 << 44) as f64;
+
+/// Heights above tilted planes are off by less than this, relative to the products that they are made of, here and in the exact test together: some twenty
+/// roundings of `f64`, which is less than `2^-48` of them.
+const HEIGHT_ERROR: f64 = 1.0 / (1u64 << 44) as f64;
+
+/// And no less than that, so that nothing vanishes.
+const LEAST_HEIGHT: f64 = 1e-30;
 
 /// Edges are parallel if the coefficients of their lines differ by no more than this together, so that half of it, relative to the size of the list,
 /// is how far the distance from an edge is off.
@@ -94,7 +105,13 @@ impl Shape {
         if !is_tilted {
             normal[axis] = area[axis].signum();
         }
-        Some(Self { axis, normal, is_tilted, outline: outline.to_vec(), triangles: [number; 2] })
+        // Each component of the normal is a difference of two products, and off by the roundings of these.
+        let (u, v) = ((b - a).abs(), (c - a).abs());
+        let products = DVec3::new(u.y * v.z + u.z * v.y, u.z * v.x + u.x * v.z, u.x * v.y + u.y * v.x);
+        let weights = products / area.length() * HEIGHT_ERROR;
+        let constant = weights.dot(a.abs().max(b.abs()).max(c.abs())) + LEAST_HEIGHT;
+        let near = [weights.x, weights.y, weights.z, constant];
+        Some(Self { axis, normal, near, is_tilted, outline: outline.to_vec(), triangles: [number; 2] })
     }
 
     /// Both as one, if they are triangles in one plane, and form a convex quadrilateral.
@@ -104,17 +121,27 @@ impl Shape {
         }
         let size = self.outline.iter().fold(0.0, |size: f64, v| size.max(v.abs().max_element()));
         let allowed = if self.is_tilted && other.is_tilted { SAME_PLANE } else { 0.0 };
-        let is_same = |v: &DVec3| (*v - self.outline[0]).dot(self.normal).abs() <= allowed * size;
-        if (self.normal - other.normal).abs().max_element() > allowed || !other.outline.iter().all(is_same) {
+        let height = |v: &DVec3| (*v - self.outline[0]).dot(self.normal).abs();
+        let highest = other.outline.iter().map(height).fold(0.0, f64::max);
+        let turn = (self.normal - other.normal).abs();
+        if turn.max_element() > allowed || highest > allowed * size {
             return None;
         }
+        // What is above one of the two planes must be above the other.
+        let farthest = self.outline.iter().fold(DVec3::ZERO, |far, v| far.max(v.abs()));
+        let apart = [turn.x, turn.y, turn.z, highest + turn.dot(farthest)];
+        let near = std::array::from_fn(|i| self.near[i].max(other.near[i]) + apart[i]);
         let side = |of: &[DVec3], i: usize| [of[i], of[(i + 1) % 3], of[(i + 2) % 3]];
         for i in 0..9 {
             let ([a, b, c], [d, e, f]) = (side(&self.outline, i % 3), side(&other.outline, i / 3));
             if a == e && b == d {
                 // The first triangle is a, b and c.
-                let joined =
-                    Self { outline: vec![b, c, a, f], triangles: [self.triangles[0], other.triangles[0]], ..*self };
+                let joined = Self {
+                    outline: vec![b, c, a, f],
+                    near,
+                    triangles: [self.triangles[0], other.triangles[0]],
+                    ..*self
+                };
                 return joined.is_convex().then_some(joined);
             }
         }
@@ -156,6 +183,7 @@ impl Shape {
             normal: self.normal.as_vec3().to_array(),
             level: self.outline[0][self.axis] as f32,
             outline: Outline::new(std::array::from_fn(|i| line(i, i + 1)), n == 4),
+            near: self.near.map(|x| (x as f32).next_up()),
             diagonal: if n == 4 { line(2, 0).map(|x| x as f32) } else { [0.0, 0.0, 1.0] },
         }
     }

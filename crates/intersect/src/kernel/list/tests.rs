@@ -43,7 +43,7 @@ fn meshes() -> impl Strategy<Value = TriangleMesh> {
 }
 
 /// A mesh of quads, each of two triangles.
-pub(super) fn quads(corners: &[[[f32; 3]; 4]]) -> Arc<TriangleMesh> {
+pub(crate) fn quads(corners: &[[[f32; 3]; 4]]) -> Arc<TriangleMesh> {
     let positions = corners.iter().flatten().map(|&v| Vec3::from_array(v)).collect();
     let indices = (0..corners.len() as u32).flat_map(|i| [[0, 1, 2], [2, 3, 0]].map(|t| t.map(|v| v + 4 * i)));
     Arc::new(TriangleMesh { positions, indices: indices.collect(), ..TriangleMesh::default() })
@@ -55,7 +55,7 @@ fn world_of(mesh: Arc<TriangleMesh>, accelerator: AcceleratorKind, level: Level)
     build(builder, accelerator, level)
 }
 
-struct Sieve;
+pub(super) struct Sieve;
 
 impl HitFilter for Sieve {
     fn accept(&self, _: &Ray, hit: &Hit) -> bool {
