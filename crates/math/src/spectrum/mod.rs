@@ -20,6 +20,7 @@ pub use glass::{Glass, LINE_D, RefractiveIndex};
 pub use metal::Metal;
 pub use mode::{ColorMode, ColorModel};
 pub use rgb::{Rgb, linear_to_srgb, srgb_to_linear};
+pub use uplift::RgbSpectrum;
 pub use wavelengths::SampledWavelengths;
 
 use std::ops::{Add, AddAssign, Div, Index, Mul, MulAssign, Sub};

@@ -75,10 +75,14 @@ impl ColorMode {
     pub fn rgb_illuminant(self, color: Rgb) -> SampledSpectrum {
         match self {
             Self::Rgb => SampledSpectrum([color.r, color.g, color.b, 0.0]),
-            Self::Spectral(wavelengths) => {
-                RgbSpectrum::of_light(color).at(&wavelengths) * SampledSpectrum(wavelengths.lambda().map(white_light))
-            }
+            Self::Spectral(wavelengths) => Self::light_at(&wavelengths, &RgbSpectrum::of_light(color)),
         }
+    }
+
+    /// [`Self::rgb_illuminant`] in spectral mode, by what [`RgbSpectrum::of_light`] gives: that takes longest, and many colours are always the same.
+    #[inline(always)]
+    pub fn light_at(wavelengths: &SampledWavelengths, spectrum: &RgbSpectrum) -> SampledSpectrum {
+        spectrum.at(wavelengths) * SampledSpectrum(wavelengths.lambda().map(white_light))
     }
 
     /// What a surface of these lanes of reflectance shows in white light of radiance 1.

@@ -2,6 +2,8 @@
 
 use super::LANES;
 use super::cie::{LAMBDA_MAX, LAMBDA_MIN};
+use crate::exponentials::{exp, ln};
+use crate::simd::{least, most};
 
 /// The wavelengths of the lanes of a path: a *hero* and three that follow it at equal distances in the distribution, so that
 /// together they cover the visible range (Wilkie et al., Hero Wavelength Spectral Sampling, EGSR 2014).
@@ -25,11 +27,13 @@ const TANH_RANGE: f32 = 1.827_495;
 
 impl SampledWavelengths {
     /// The wavelengths that a number in `[0, 1)` stands for.
+    #[inline(always)]
     pub fn sample(u: f32) -> Self {
-        let lambda = std::array::from_fn(|lane| {
-            let u = (u + lane as f32 / LANES as f32).fract();
-            (PEAK - (TANH_MIN - TANH_RANGE * u).atanh() / STEEPNESS).clamp(LAMBDA_MIN, LAMBDA_MAX)
-        });
+        let mut lambda = [0.0; LANES];
+        for (lane, lambda) in lambda.iter_mut().enumerate() {
+            let u = u + lane as f32 / LANES as f32;
+            *lambda = wavelength(if u < 1.0 { u } else { u - 1.0 });
+        }
         Self { lambda, hero_only: false }
     }
 
@@ -40,9 +44,11 @@ impl SampledWavelengths {
     }
 
     /// Density per nm with which [`Self::sample`] gives a wavelength.
+    #[inline(always)]
     pub fn pdf(lambda: f32) -> f32 {
-        let cosh = (STEEPNESS * (lambda - PEAK)).cosh();
-        STEEPNESS / (TANH_RANGE * cosh * cosh)
+        // The square of twice the hyperbolic cosine.
+        let e = exp(2.0 * f64::from(STEEPNESS * (lambda - PEAK)));
+        (4.0 * f64::from(STEEPNESS) / (f64::from(TANH_RANGE) * (e + 2.0 + 1.0 / e))) as f32
     }
 
     /// True if only the hero's lane carries light.
@@ -56,6 +62,15 @@ impl SampledWavelengths {
     pub fn hero_only(self) -> Self {
         Self { hero_only: true, ..self }
     }
+}
+
+/// The wavelength below which this share of the distribution is.
+#[inline(always)]
+fn wavelength(u: f32) -> f32 {
+    let tanh = f64::from(TANH_MIN) - f64::from(TANH_RANGE) * f64::from(u);
+    // The inverse of the hyperbolic tangent.
+    let lambda = f64::from(PEAK) - ln((1.0 + tanh) / (1.0 - tanh)) * (0.5 / f64::from(STEEPNESS));
+    least(most(lambda as f32, LAMBDA_MIN), LAMBDA_MAX)
 }
 
 #[cfg(test)]

@@ -4,8 +4,8 @@ use super::surfaces::SurfaceTable;
 use super::volumes::VolumeTable;
 use crate::light_sampler::LightSummary;
 use snell_intersect::{Geometry, GeometryId, GroupId, Instance, World};
-use snell_math::spectrum::Color;
-use snell_math::{ColorMode, SampledSpectrum, Transform, Vec3};
+use snell_math::spectrum::{Color, RgbSpectrum};
+use snell_math::{ColorMode, Rgb, SampledSpectrum, Transform, Vec3};
 use snell_scene::light::LightBounds;
 use snell_scene::light::area::{AreaLight, EmissiveGeometry, MovingAreaLight};
 use snell_scene::light::environment::EnvironmentLight;
@@ -14,6 +14,7 @@ use snell_scene::medium::Glow;
 use snell_scene::{Light, Material, MaterialId, MediumId, Scene, TextureSet};
 use std::collections::HashMap;
 use std::f64::consts::PI;
+use std::sync::OnceLock;
 
 /// Work and memory for the table of emissive surfaces: a small file may place an emissive mesh billions of times.
 const BUDGET: u64 = 1 << 28;
@@ -36,7 +37,7 @@ pub enum CompiledLight {
 }
 
 /// What a surface gives that shines alike everywhere, and that nothing can be seen through.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct PlainEmission {
     /// Its material.
     pub material: MaterialId,
@@ -44,6 +45,8 @@ pub struct PlainEmission {
     pub radiance: Color,
     /// The same in RGB.
     pub rgb: SampledSpectrum,
+    /// The same for all wavelengths, once it was asked for.
+    spectrum: OnceLock<LightSpectrum>,
     /// It shines on both sides.
     pub on_both_sides: bool,
 }
@@ -55,7 +58,51 @@ impl PlainEmission {
         let material = &materials[id.index()];
         let radiance = material.uniform_emission().filter(|_| ids.all(|other| other == id))?;
         let rgb = ColorMode::Rgb.illuminant(radiance);
-        Some(Self { material: id, radiance, rgb, on_both_sides: material.emits_on_both_sides })
+        let on_both_sides = material.emits_on_both_sides;
+        Some(Self { material: id, radiance, rgb, spectrum: OnceLock::new(), on_both_sides })
+    }
+
+    /// Emitted radiance for all wavelengths.
+    pub fn spectrum(&self) -> LightSpectrum {
+        *self.spectrum.get_or_init(|| LightSpectrum::new(self.radiance))
+    }
+
+    /// Emitted radiance at the wavelengths of a path.
+    pub fn radiance_in(&self, mode: ColorMode) -> SampledSpectrum {
+        if mode == ColorMode::Rgb { self.rgb } else { self.spectrum().at(mode) }
+    }
+}
+
+/// A colour of light, as [`ColorMode::illuminant`] has it, for all wavelengths.
+#[derive(Clone, Copy, Debug)]
+pub enum LightSpectrum {
+    /// Red, green and blue.
+    Rgb(RgbSpectrum),
+    /// One that is given as a spectrum.
+    Given(Color),
+}
+
+impl Default for LightSpectrum {
+    fn default() -> Self {
+        Self::Given(Rgb::BLACK.into())
+    }
+}
+
+impl LightSpectrum {
+    fn new(color: Color) -> Self {
+        match color.spectrum {
+            None => Self::Rgb(RgbSpectrum::of_light(color.rgb)),
+            Some(_) => Self::Given(color),
+        }
+    }
+
+    /// Its lanes in this mode.
+    pub fn at(&self, mode: ColorMode) -> SampledSpectrum {
+        match (self, mode) {
+            (Self::Rgb(spectrum), ColorMode::Spectral(wavelengths)) => ColorMode::light_at(&wavelengths, spectrum),
+            (Self::Rgb(_), ColorMode::Rgb) => SampledSpectrum::ZERO,
+            (Self::Given(color), mode) => mode.illuminant(*color),
+        }
     }
 }
 

@@ -13,7 +13,7 @@ use snell_scene::{Camera, CameraRay, CameraSample, CameraView};
 /// Dimensions of the camera sample.
 pub(crate) const FILM: u32 = 0;
 const LENS: u32 = 1;
-const WAVELENGTH: u32 = 2;
+pub(crate) const WAVELENGTH: u32 = 2;
 const TIME: u32 = 3;
 
 /// Where a sample of a pixel is on the film, in the coordinates of [`CameraSample::film`], and the filter's weight, by the sample's

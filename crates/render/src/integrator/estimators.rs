@@ -256,7 +256,7 @@ pub fn light_pdf_of_glow(lights: &LightSampler, receiver: &Receiver, light: usiz
 /// Light from a point of a flat surface that shines alike everywhere. [`super::lights`] does the same for many.
 fn from_flat(at: &Arrival, plain: &PlainEmission, sample: FlatSample, probability: f32) -> Option<IncidentLight> {
     let FlatSample { direction, pdf, end, is_front, exists } = sample;
-    let radiance = at.mode.illuminant(plain.radiance);
+    let radiance = plain.radiance_in(at.mode);
     if !exists || !(is_front || plain.on_both_sides) || radiance.is_black() {
         return None;
     }
@@ -269,7 +269,7 @@ fn from_flat(at: &Arrival, plain: &PlainEmission, sample: FlatSample, probabilit
 /// Light from a point of a surface that shines alike everywhere.
 fn from_plain(at: &Arrival, plain: &PlainEmission, sample: DirectedPoint) -> Option<IncidentLight> {
     let DirectedPoint { point, direction, pdf } = sample;
-    let radiance = at.mode.illuminant(plain.radiance);
+    let radiance = plain.radiance_in(at.mode);
     let is_lit = plain.on_both_sides || direction.dot(point.normal) < 0.0;
     if !is_lit || radiance.is_black() || !pdf.is_finite() || pdf <= 0.0 {
         return None;

@@ -1,7 +1,7 @@
 //! What [`super::guided`] does at Lambertian surfaces, at many vertices at once, bit for bit.
 
 use super::guided::{expected_survival, mixed_pdf};
-use super::lanes::{CarriedLanes, LANES, at};
+use super::lanes::{CarriedLanes, HitColors, LANES, at};
 use super::lights::{FlatArrivals, Scatterers, Surfaces};
 use crate::guiding::density::coordinates;
 use crate::guiding::directional::{direction_from_square, square_from_direction};
@@ -47,7 +47,7 @@ pub struct Directions<'a> {
     /// 0 where there is none.
     pub exists: &'a mut [u32; LANES],
     /// By channel, reflectance in, weight of the direction out.
-    pub weight: &'a mut HitVectors,
+    pub weight: &'a mut HitColors,
 }
 
 impl Default for GuidedLanes {
@@ -138,14 +138,14 @@ impl GuidedLanes {
     }
 
     /// Works out by what roulette decides, for paths that have come to surfaces of this reflectance.
-    pub fn play(&mut self, carried: &CarriedLanes, reflectance: &HitVectors, wide: Option<Wide>) {
+    pub fn play(&mut self, carried: &CarriedLanes, reflectance: &HitColors, wide: Option<Wide>) {
         at_level!(
             wide,
             play,
             (
                 guided: &mut GuidedLanes = self,
                 carried: &CarriedLanes = carried,
-                reflectance: &HitVectors = reflectance,
+                reflectance: &HitColors = reflectance,
             )
         );
     }
@@ -236,9 +236,9 @@ fn weigh(guided: &GuidedLanes, to: &mut Directions) {
 
 /// As [`super::guided::GuidedBsdf::survival`].
 #[inline(always)]
-fn play(guided: &mut GuidedLanes, carried: &CarriedLanes, reflectance: &HitVectors) {
+fn play(guided: &mut GuidedLanes, carried: &CarriedLanes, reflectance: &HitColors) {
     for i in 0..LANES {
-        let largest = |v: &HitVectors| most(most(v[0][i], v[1][i]), v[2][i]);
+        let largest = |v: &HitColors| most(most(v[0][i], v[1][i]), v[2][i]);
         let (throughput, albedo) = (largest(&carried.throughput), largest(reflectance));
         let expected = throughput * guided.brings[i];
         let (survival, first) = expected_survival(expected, carried.expected[i]);

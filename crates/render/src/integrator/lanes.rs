@@ -1,6 +1,6 @@
 //! Vertices side by side, for what works on many at once: where paths have come to surfaces, and what they carry.
 
-use super::carried::Carried;
+use super::carried::{Carried, Rest};
 use super::estimators::{Arrival, Skin};
 use super::lit::LitLanes;
 use super::{Context, dimension};
@@ -18,7 +18,14 @@ pub const LANES: usize = TRIANGLE_HITS;
 /// A vector of zero in every lane.
 pub const ZERO: HitVectors = [[0.0; LANES]; 3];
 
-/// Paths that have come to surfaces, of a scene where nothing moves, in [`snell_math::ColorMode::Rgb`].
+/// A spectrum for each lane, by channel: the fourth is zero in [`ColorMode::Rgb`].
+pub type HitColors = [HitLanes; SPECTRUM];
+const SPECTRUM: usize = snell_math::spectrum::LANES;
+
+/// Nothing in every lane.
+pub const BLACK: HitColors = [[0.0; LANES]; SPECTRUM];
+
+/// Paths that have come to surfaces, of a scene where nothing moves.
 #[derive(Clone, Copy, Debug)]
 pub struct Arriving<'a> {
     /// Their last rays.
@@ -30,6 +37,8 @@ pub struct Arriving<'a> {
     /// Which of the numbers are those of each.
     pub samples: &'a [u32],
     pub keys: &'a [SampleKey],
+    /// What else they carry, if it is not the same for all.
+    pub rest: Option<&'a [Rest]>,
 }
 
 /// Vertices on surfaces. Arrays are by lane; those of lanes that are not in use hold anything.
@@ -52,6 +61,8 @@ pub struct VertexLanes {
     pub lift: HitVectors,
     has_lifts: bool,
     pub carried: CarriedLanes,
+    /// What the spectra of the paths stand for.
+    pub modes: [ColorMode; LANES],
     pub randoms: ManyRandoms<LANES>,
     pub wide: Option<Wide>,
 }
@@ -60,7 +71,7 @@ pub struct VertexLanes {
 #[derive(Debug)]
 pub struct CarriedLanes {
     /// By channel.
-    pub throughput: HitVectors,
+    pub throughput: HitColors,
     pub eta_scale: HitLanes,
     /// As [`super::PathState::expected`].
     pub expected: HitLanes,
@@ -112,7 +123,7 @@ impl VertexLanes {
     pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
         let zero = [0.0; LANES];
         let carried =
-            CarriedLanes { throughput: ZERO, eta_scale: zero, expected: zero, cone_width: zero, cone_spread: zero };
+            CarriedLanes { throughput: BLACK, eta_scale: zero, expected: zero, cone_width: zero, cone_spread: zero };
         Self {
             paths: [0; LANES],
             count: 0,
@@ -125,6 +136,7 @@ impl VertexLanes {
             lift: ZERO,
             has_lifts: false,
             carried,
+            modes: [ColorMode::Rgb; LANES],
             randoms: ManyRandoms::new(sampler, 0),
             wide,
         }
@@ -152,6 +164,11 @@ impl VertexLanes {
             self.carried.expected[lane] = carried.expected.get();
             self.carried.cone_width[lane] = carried.cone_width + carried.cone_spread * hit.t;
             self.carried.cone_spread[lane] = carried.cone_spread;
+        }
+        if let Some(rest) = from.rest {
+            for lane in 0..self.count.min(LANES) {
+                self.modes[lane] = rest[self.paths[lane] as usize].mode;
+            }
         }
     }
 
@@ -340,16 +357,22 @@ pub fn put(v: &mut HitVectors, lane: usize, to: Vec3) {
     (v[0][lane], v[1][lane], v[2][lane]) = (to.x, to.y, to.z);
 }
 
-/// The spectrum of a lane, of [`snell_math::ColorMode::Rgb`].
+/// The spectrum of a lane; what there are no channels for is zero.
 #[inline(always)]
-pub fn color_at(v: &HitVectors, lane: usize) -> SampledSpectrum {
-    SampledSpectrum([v[0][lane], v[1][lane], v[2][lane], 0.0])
+pub fn color_at<const CHANNELS: usize>(v: &[HitLanes; CHANNELS], lane: usize) -> SampledSpectrum {
+    let mut color = SampledSpectrum::ZERO;
+    for (to, channel) in color.0.iter_mut().zip(v) {
+        *to = channel[lane];
+    }
+    color
 }
 
-/// Puts a spectrum of [`snell_math::ColorMode::Rgb`] into a lane.
+/// Puts a spectrum into a lane, as far as there are channels.
 #[inline(always)]
-pub fn put_color(v: &mut HitVectors, lane: usize, to: SampledSpectrum) {
-    (v[0][lane], v[1][lane], v[2][lane]) = (to.0[0], to.0[1], to.0[2]);
+pub fn put_color<const CHANNELS: usize>(v: &mut [HitLanes; CHANNELS], lane: usize, to: SampledSpectrum) {
+    for (channel, x) in v.iter_mut().zip(to.0) {
+        channel[lane] = x;
+    }
 }
 
 /// The lanes that are marked, of those given.

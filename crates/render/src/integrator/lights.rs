@@ -2,11 +2,11 @@
 //! [`super::estimators::sample_light`] gives one at a time, bit for bit.
 
 use super::estimators::SHADOW_END;
-use super::lanes::{ZERO, at, put};
+use super::lanes::{BLACK, HitColors, ZERO, at, put, put_color};
 use super::light_part::LightSource;
 use super::near_lights::{NearLights, NearParts};
 use super::{Context, dimension};
-use crate::compile::{CompiledLight, CompiledScene, PlainEmission};
+use crate::compile::{CompiledLight, CompiledScene, LightSpectrum, PlainEmission};
 use crate::light_sampler::{ChosenLights, NONE, Receivers};
 use crate::sampler::ManyRandoms;
 use crate::settings::LightStrategy;
@@ -14,7 +14,7 @@ use snell_intersect::TrianglePoints;
 use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES};
 use snell_math::simd::Wide;
-use snell_math::{Ray, Vec2, Vec3, at_level, sampling};
+use snell_math::{ColorMode, ColorModel, Ray, Vec2, Vec3, at_level, sampling};
 use snell_scene::light::area::{AreaLight, FlatPart, FlatSample, NearPart};
 use snell_scene::medium::HenyeyGreenstein;
 use std::f32::consts::FRAC_1_PI;
@@ -34,7 +34,9 @@ pub struct FlatLights {
     /// What gives the light of each.
     pub source: [LightSource; LANES],
     /// Emitted radiance, by channel.
-    pub radiance: HitVectors,
+    pub radiance: HitColors,
+    /// The same for all wavelengths, where these are not the same for all paths.
+    spectra: Vec<LightSpectrum>,
     corner: HitVectors,
     edges: [HitVectors; 2],
     normal: HitVectors,
@@ -235,7 +237,8 @@ impl Default for FlatLights {
             how: [DARK; LANES],
             how_near: [DARK; LANES],
             source: [LightSource::Medium; LANES],
-            radiance: ZERO,
+            radiance: BLACK,
+            spectra: Vec::new(),
             corner: ZERO,
             edges: [ZERO; 2],
             normal: ZERO,
@@ -276,6 +279,24 @@ fn area_light(scene: &CompiledScene, light: u32) -> Option<&AreaLight> {
 }
 
 impl FlatLights {
+    /// For paths of this model.
+    pub fn new(color: ColorModel) -> Self {
+        let spectra = match color {
+            ColorModel::Rgb => Vec::new(),
+            ColorModel::Spectral => vec![LightSpectrum::default(); LANES],
+        };
+        Self { spectra, ..Self::default() }
+    }
+
+    /// Works out the radiance at the wavelengths of the paths of the first lanes, so many.
+    pub fn shine(&mut self, modes: &[ColorMode; LANES], count: usize) {
+        for (lane, spectrum) in self.spectra.iter().enumerate().take(count) {
+            if matches!(self.how[lane], FAR | NEAR) {
+                put_color(&mut self.radiance, lane, spectrum.at(modes[lane]));
+            }
+        }
+    }
+
     /// Chooses lights for these receivers, the first so many, and decides how each is sampled.
     pub fn choose(
         &mut self,
@@ -327,13 +348,16 @@ impl FlatLights {
             self.how_near[lane] = NEAR;
         }
         for axis in 0..3 {
-            self.radiance[axis][lane] = plain.rgb.0[axis];
             self.corner[axis][lane] = flat.corner[axis];
             self.edges[0][axis][lane] = flat.edges[0][axis];
             self.edges[1][axis][lane] = flat.edges[1][axis];
             self.normal[axis][lane] = flat.normal[axis];
             self.error[axis][lane] = flat.error[axis];
             self.middle[axis][lane] = flat.middle[axis];
+        }
+        put_color(&mut self.radiance, lane, plain.rgb);
+        if let Some(spectrum) = self.spectra.get_mut(lane) {
+            *spectrum = plain.spectrum();
         }
         self.far[lane] = flat.far;
         self.pdf[lane] = flat.pdf;

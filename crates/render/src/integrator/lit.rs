@@ -1,11 +1,11 @@
 //! What lights bring to vertices that are worked on together, and where their paths go on: the same for surfaces and points of media.
 
 use super::guided::unknown_survival;
-use super::lanes::{CarriedLanes, LANES, Roulette, ZERO, put_color};
+use super::lanes::{BLACK, CarriedLanes, HitColors, LANES, Roulette, put_color};
 use super::lights::{ALONE, FlatArrivals, FlatLights};
 use super::path::WeightedLight;
 use crate::light_sampler::ChosenLight;
-use snell_intersect::triangles::{HitLanes, HitVectors};
+use snell_intersect::triangles::HitLanes;
 use snell_math::Vec2;
 use snell_math::simd::most;
 use snell_scene::MediumId;
@@ -24,11 +24,11 @@ pub struct LitLanes {
 #[derive(Debug)]
 pub struct LitOutputs {
     /// By channel, what the light brings if its ray is free.
-    pub brought: HitVectors,
+    pub brought: HitColors,
     /// 0 where no light ray is sent.
     pub is_lit: [u32; LANES],
     /// By channel, the throughput of the next ray.
-    pub throughput: HitVectors,
+    pub throughput: HitColors,
     /// 0 where the path ends.
     pub goes_on: [u32; LANES],
 }
@@ -39,7 +39,7 @@ impl Default for LitLanes {
             lights: FlatLights::default(),
             arrivals: FlatArrivals::default(),
             glowing: [None; LANES],
-            outputs: LitOutputs { brought: ZERO, is_lit: [0; LANES], throughput: ZERO, goes_on: [0; LANES] },
+            outputs: LitOutputs { brought: BLACK, is_lit: [0; LANES], throughput: BLACK, goes_on: [0; LANES] },
         }
     }
 }
@@ -47,12 +47,12 @@ impl Default for LitLanes {
 impl LitOutputs {
     /// Works out what the light of a lane brings, of which this share goes on along the path.
     #[inline(always)]
-    pub fn bring(
+    pub fn bring<const CHANNELS: usize>(
         &mut self,
         lane: usize,
         carried: &CarriedLanes,
-        scattered: [f32; 3],
-        radiance: &HitVectors,
+        scattered: [f32; CHANNELS],
+        radiance: &HitColors,
         arrivals: &FlatArrivals,
     ) {
         let scale = arrivals.scale[lane];
@@ -69,18 +69,18 @@ impl LitOutputs {
     /// Works out whether the path of a lane goes on in the direction that was drawn: if it `exists` and roulette, which looks at
     /// `survival` or, without that, at what is left of the throughput, lets it. `weight` is the factor on the throughput.
     #[inline(always)]
-    pub fn go_on(
+    pub fn go_on<const CHANNELS: usize>(
         &mut self,
         lane: usize,
         carried: &CarriedLanes,
-        (weight, eta_scale): (&HitVectors, &HitLanes),
+        (weight, eta_scale): ([f32; CHANNELS], &HitLanes),
         survival: Option<&HitLanes>,
         roulette: &Roulette,
         exists: bool,
     ) {
-        let (mut throughput, mut largest, mut is_finite) = ([0.0; 3], 0.0, true);
+        let (mut throughput, mut largest, mut is_finite) = ([0.0; CHANNELS], 0.0, true);
         for (channel, throughput) in throughput.iter_mut().enumerate() {
-            *throughput = carried.throughput[channel][lane] * weight[channel][lane];
+            *throughput = carried.throughput[channel][lane] * weight[channel];
             largest = most(largest, *throughput);
             is_finite &= throughput.abs() < f32::INFINITY;
         }

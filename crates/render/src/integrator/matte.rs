@@ -8,13 +8,13 @@ use super::carried::{Carried, Expected};
 use super::estimators::{Arrival, may_be_lifted};
 use super::guided_lanes::{Directions, GuidedLanes};
 use super::lanes::{
-    Arriving, CarriedLanes, Columns, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put,
-    put_color,
+    Arriving, BLACK, CarriedLanes, Columns, HitColors, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at,
+    color_at, put_color,
 };
 use super::light_part::{LightSource, LobeShares};
-use super::lights::{FlatArrivals, Surfaces, horizon};
+use super::lights::{FlatArrivals, FlatLights, Surfaces, horizon};
 use super::lit::{LitLanes, LitOutputs};
-use super::matte_surfaces::{MatteSurfaces, PlainSurface};
+use super::matte_surfaces::MatteSurfaces;
 use super::path::{SCATTERED_SPREAD, weighted_sample};
 use super::{Context, IntegratorKind, Outputs, PathState, classic, dimension};
 use crate::guiding::Choice;
@@ -24,7 +24,7 @@ use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_intersect::{Hit, TrianglePoints};
 use snell_math::simd::{Wide, most};
-use snell_math::{ColorMode, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, sampling};
+use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, sampling};
 use snell_scene::material::visible_normal;
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -32,8 +32,9 @@ use std::f32::consts::{FRAC_1_PI, PI};
 #[derive(Debug)]
 pub struct MatteVertices {
     lanes: VertexLanes,
+    color: ColorModel,
     /// By channel.
-    reflectance: HitVectors,
+    reflectance: HitColors,
     /// Shading normal, and the same on the side where the path comes from.
     normal: HitVectors,
     facing: HitVectors,
@@ -50,7 +51,7 @@ struct Bounces {
     origin: HitVectors,
     pdf: HitLanes,
     /// By channel, what the throughput is multiplied with.
-    weight: HitVectors,
+    weight: HitColors,
     /// 0 where the path ends.
     exists: [u32; LANES],
 }
@@ -71,7 +72,7 @@ impl Seen {
     fn at(
         lanes: &VertexLanes,
         normal: &HitVectors,
-        reflectance: &HitVectors,
+        reflectance: &HitColors,
         lane: usize,
         mode: ColorMode,
         time: f32,
@@ -99,15 +100,16 @@ pub fn is_classic(integrator: IntegratorKind) -> bool {
 
 impl MatteVertices {
     /// For vertices of one depth.
-    pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
+    pub fn new(color: ColorModel, sampler: &Sampler, wide: Option<Wide>) -> Self {
         Self {
             lanes: VertexLanes::new(sampler, wide),
-            reflectance: ZERO,
+            color,
+            reflectance: BLACK,
             normal: ZERO,
             facing: ZERO,
-            bounces: Bounces { wi: ZERO, origin: ZERO, pdf: [0.0; LANES], weight: ZERO, exists: [0; LANES] },
+            bounces: Bounces { wi: ZERO, origin: ZERO, pdf: [0.0; LANES], weight: BLACK, exists: [0; LANES] },
             guided: Box::default(),
-            lit: LitLanes::default(),
+            lit: LitLanes { lights: FlatLights::new(color), ..LitLanes::default() },
         }
     }
 
@@ -127,8 +129,8 @@ impl MatteVertices {
             let path = self.lanes.paths()[lane] as usize;
             let (ray, hit) = (&from.rays[path], &from.hits[path]);
             match surfaces.plain(hit) {
-                Some(PlainSurface { reflectance, .. }) => {
-                    put(&mut self.reflectance, lane, Vec3::from(reflectance.to_array()));
+                Some(surface) => {
+                    put_color(&mut self.reflectance, lane, surface.reflectance_in(self.lanes.modes[lane]));
                     self.lanes.put_triangle(lane);
                 }
                 None => self.gather_other(context, lane, ray, hit),
@@ -146,11 +148,11 @@ impl MatteVertices {
             && !material.is_bent()
             && self.lanes.gather_shape(context, lane, ray, hit)
         {
-            put(&mut self.reflectance, lane, Vec3::from(rgb.to_array()));
+            put_color(&mut self.reflectance, lane, self.lanes.modes[lane].reflectance(rgb));
             return;
         }
         let surface = scene.interaction(ray, 0.0, hit);
-        let point = scene.shading_point(&surface, self.lanes.carried.cone_width[lane], ColorMode::Rgb);
+        let point = scene.shading_point(&surface, self.lanes.carried.cone_width[lane], self.lanes.modes[lane]);
         let Some((reflectance, shading_normal)) = material.matte_at(&point) else { return };
         put_color(&mut self.reflectance, lane, reflectance);
         let lift = match may_be_lifted(context, material) {
@@ -178,7 +180,7 @@ impl MatteVertices {
             (
                 points: &TrianglePoints = &self.lanes.points,
                 sides: (&HitVectors, &HitVectors) = (&self.lanes.wo, &self.lanes.lift),
-                reflectance: &HitVectors = &self.reflectance,
+                reflectance: &HitColors = &self.reflectance,
                 u: &[HitLanes; 2] = &bsdf,
                 normals: [&mut HitVectors; 2] = [&mut self.normal, &mut self.facing],
                 to: &mut Bounces = &mut self.bounces,
@@ -192,6 +194,7 @@ impl MatteVertices {
         let surfaces =
             Surfaces { points: &self.lanes.points, normal: &self.normal, wo: &self.lanes.wo, lift: &self.lanes.lift };
         self.lit.lights.arrivals(context.scene, &surfaces, &light, count, wide, &mut self.lit.arrivals);
+        self.lit.lights.shine(&self.lanes.modes, count);
         if let Some(field) = context.field {
             self.guided.find(field, &receivers, count, wide);
             let numbers = |dimension| self.lanes.randoms.numbers(dimension, wide);
@@ -202,24 +205,41 @@ impl MatteVertices {
             self.guided.weigh_lights(field, &mut self.lit.arrivals, wide);
             self.guided.play(&self.lanes.carried, &self.reflectance, wide);
         }
-        let survival = context.field.map(|_| &self.guided.survival);
-        at_level!(
-            self.lanes.wide,
-            outputs,
-            (
-                carried: &CarriedLanes = &self.lanes.carried,
-                reflectance: &HitVectors = &self.reflectance,
-                radiance: &HitVectors = &self.lit.lights.radiance,
-                arrivals: &FlatArrivals = &self.lit.arrivals,
-                bounces: &Bounces = &self.bounces,
-                survival: Option<&HitLanes> = survival,
-                roulette: &Roulette = &roulette,
-                to: &mut LitOutputs = &mut self.lit.outputs,
-            )
-        );
-        let Self { lanes, normal, reflectance, guided, lit, .. } = self;
+        let Self { lanes, normal, reflectance, bounces, guided, lit, .. } = self;
+        let survival = context.field.map(|_| &guided.survival);
+        let LitLanes { lights, arrivals, outputs, .. } = lit;
+        match self.color {
+            ColorModel::Rgb => at_level!(
+                wide,
+                give::<3>,
+                (
+                    carried: &CarriedLanes = &lanes.carried,
+                    reflectance: &HitColors = reflectance,
+                    radiance: &HitColors = &lights.radiance,
+                    arrivals: &FlatArrivals = arrivals,
+                    bounces: &Bounces = bounces,
+                    survival: Option<&HitLanes> = survival,
+                    roulette: &Roulette = &roulette,
+                    to: &mut LitOutputs = outputs,
+                )
+            ),
+            ColorModel::Spectral => at_level!(
+                wide,
+                give::<4>,
+                (
+                    carried: &CarriedLanes = &lanes.carried,
+                    reflectance: &HitColors = reflectance,
+                    radiance: &HitColors = &lights.radiance,
+                    arrivals: &FlatArrivals = arrivals,
+                    bounces: &Bounces = bounces,
+                    survival: Option<&HitLanes> = survival,
+                    roulette: &Roulette = &roulette,
+                    to: &mut LitOutputs = outputs,
+                )
+            ),
+        }
         lit.sample_alone(count, &light, |lane, chosen, u| {
-            let seen = Seen::at(lanes, normal, reflectance, lane, ColorMode::Rgb, 0.0);
+            let seen = Seen::at(lanes, normal, reflectance, lane, lanes.modes[lane], 0.0);
             let throughput = color_at(&lanes.carried.throughput, lane);
             weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| {
                 let (value, pdf) = seen.reflected(wi);
@@ -282,7 +302,9 @@ impl MatteVertices {
         let field = context.field.filter(|field| field.is_learning())?;
         let (direction, pdf) = (at(&self.bounces.wi, lane), self.bounces.pdf[lane]);
         let bsdf_share = match self.guided.known(lane) {
-            Some(known) => field.bsdf_share(known) * self.seen(lane, ColorMode::Rgb, 0.0).reflected(direction).1 / pdf,
+            Some(known) => {
+                field.bsdf_share(known) * self.seen(lane, self.lanes.modes[lane], 0.0).reflected(direction).1 / pdf
+            }
             None => 1.0,
         };
         let survival = context.roulette(depth).map_or(1.0, |most| self.guided.survival[lane].min(most));
@@ -339,10 +361,10 @@ impl LitColumns for MatteVertices {
 /// What vertices give, where their lights are flat.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
-fn outputs(
+fn give<const CHANNELS: usize>(
     carried: &CarriedLanes,
-    reflectance: &HitVectors,
-    radiance: &HitVectors,
+    reflectance: &HitColors,
+    radiance: &HitColors,
     arrivals: &FlatArrivals,
     bounces: &Bounces,
     survival: Option<&HitLanes>,
@@ -351,9 +373,13 @@ fn outputs(
 ) {
     for i in 0..LANES {
         let cosine = arrivals.share[i];
-        let scattered = [reflectance[0][i] * cosine, reflectance[1][i] * cosine, reflectance[2][i] * cosine];
+        let (mut scattered, mut weight) = ([0.0; CHANNELS], [0.0; CHANNELS]);
+        for channel in 0..CHANNELS {
+            scattered[channel] = reflectance[channel][i] * cosine;
+            weight[channel] = bounces.weight[channel][i];
+        }
         to.bring(i, carried, scattered, radiance, arrivals);
-        to.go_on(i, carried, (&bounces.weight, &carried.eta_scale), survival, roulette, bounces.exists[i] != 0);
+        to.go_on(i, carried, (weight, &carried.eta_scale), survival, roulette, bounces.exists[i] != 0);
     }
 }
 
@@ -372,7 +398,7 @@ fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
 fn bounce(
     points: &TrianglePoints,
     (wo, lift): (&HitVectors, &HitVectors),
-    reflectance: &HitVectors,
+    reflectance: &HitColors,
     u: &[HitLanes; 2],
     normals: [&mut HitVectors; 2],
     to: &mut Bounces,
@@ -401,7 +427,9 @@ fn bounce(
             facing[axis][i] = side * n[axis];
             to.wi[axis][i] = wi[axis];
             to.origin[axis][i] = origin[axis];
-            to.weight[axis][i] = reflectance[axis][i];
+        }
+        for (to, reflectance) in to.weight.iter_mut().zip(reflectance) {
+            to[i] = reflectance[i];
         }
         to.pdf[i] = pdf;
         to.exists[i] = u32::from(exists);
@@ -414,8 +442,8 @@ mod tests {
     use crate::settings::Shadows;
     use crate::{CompiledScene, Guiding, IntegratorKind, Job, Settings};
     use snell_intersect::BuildOptions;
-    use snell_math::Rgb;
     use snell_math::simd::Level;
+    use snell_math::{ColorModel, Rgb};
     use snell_scene::builtin::builtin;
     use snell_scene::material::Diffuse;
 
@@ -428,25 +456,32 @@ mod tests {
                 material.kind = Diffuse::new(Rgb::new(0.9, 0.6, 0.1 * (i % 8) as f32)).into();
             }
             let kinds = [
-                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard, None),
-                (IntegratorKind::Path, SamplerKind::Independent, Shadows::Hard, None),
-                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard, Some(guiding)),
-                (IntegratorKind::Raycast, SamplerKind::ZSobol, Shadows::Hard, None),
-                (IntegratorKind::Whitted, SamplerKind::ZSobol, Shadows::Soft, None),
+                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard, None, ColorModel::Rgb),
+                (IntegratorKind::Path, SamplerKind::Independent, Shadows::Hard, None, ColorModel::Rgb),
+                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard, Some(guiding), ColorModel::Rgb),
+                (IntegratorKind::Raycast, SamplerKind::ZSobol, Shadows::Hard, None, ColorModel::Rgb),
+                (IntegratorKind::Whitted, SamplerKind::ZSobol, Shadows::Soft, None, ColorModel::Rgb),
+                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard, None, ColorModel::Spectral),
+                (IntegratorKind::Path, SamplerKind::ZSobol, Shadows::Hard, Some(guiding), ColorModel::Spectral),
+                (IntegratorKind::Whitted, SamplerKind::ZSobol, Shadows::Soft, None, ColorModel::Spectral),
             ];
-            for (integrator, sampler, shadows, guiding) in kinds {
+            for (integrator, sampler, shadows, guiding, color) in kinds {
                 let picture = |simd: Level| {
                     let options = BuildOptions { simd, ..BuildOptions::default() };
                     let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
                     let (max_depth, fill) = (9, Rgb::new(0.1, 0.2, 0.3));
-                    let how = Settings { max_depth, sampler, integrator, shadows, fill, ..Settings::default() };
+                    let how = Settings { max_depth, sampler, integrator, shadows, fill, color, ..Settings::default() };
                     let settings = Settings { size: [36, 24], spp: 4, guiding, ..how };
                     let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
                     image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
                 };
                 let one_by_one = picture(Level::Scalar);
                 for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    assert_eq!(picture(level), one_by_one, "{name} {integrator:?} {sampler:?} {guiding:?} {level}");
+                    assert_eq!(
+                        picture(level),
+                        one_by_one,
+                        "{name} {integrator:?} {sampler:?} {guiding:?} {color:?} {level}"
+                    );
                 }
             }
         }

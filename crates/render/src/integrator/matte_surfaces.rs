@@ -5,7 +5,8 @@ use super::{Context, IntegratorKind};
 use crate::compile::CompiledScene;
 use snell_intersect::triangles::PlainMesh;
 use snell_intersect::{GeometryId, Hit};
-use snell_math::{ColorModel, Rgb};
+use snell_math::spectrum::RgbSpectrum;
+use snell_math::{ColorMode, ColorModel, SampledSpectrum};
 use snell_scene::Material;
 
 /// Which surfaces [`super::matte`] works on.
@@ -33,7 +34,20 @@ enum Kind {
 pub struct PlainSurface<'a> {
     pub mesh: PlainMesh<'a>,
     /// The same everywhere.
-    pub reflectance: Rgb,
+    reflectance: SampledSpectrum,
+    /// The same for all wavelengths, if it is asked for.
+    spectrum: Option<RgbSpectrum>,
+}
+
+impl PlainSurface<'_> {
+    /// The reflectance in this mode.
+    #[inline(always)]
+    pub fn reflectance_in(&self, mode: ColorMode) -> SampledSpectrum {
+        match (mode, &self.spectrum) {
+            (ColorMode::Spectral(wavelengths), Some(spectrum)) => spectrum.at(&wavelengths),
+            _ => self.reflectance,
+        }
+    }
 }
 
 impl<'a> MatteSurfaces<'a> {
@@ -47,7 +61,9 @@ impl<'a> MatteSurfaces<'a> {
             let material = scene.material(id);
             let is_plain = !material.is_bent() && material.interior.is_none();
             let reflectance = material.as_matte()?.uniform().filter(|_| is_plain)?;
-            Some(PlainSurface { mesh, reflectance })
+            let is_spectral = context.settings.color == ColorModel::Spectral;
+            let spectrum = is_spectral.then(|| RgbSpectrum::of_factor(reflectance));
+            Some(PlainSurface { mesh, reflectance: ColorMode::Rgb.reflectance(reflectance), spectrum })
         };
         let kind = |geometry: u32| match scene.only_material(geometry) {
             Some(id) if materials[id.index()] => Kind::Matte,
@@ -84,5 +100,6 @@ fn is_for(integrator: IntegratorKind) -> bool {
 /// True if vertices on this material can be worked on here.
 fn is_matte(context: &Context, material: &Material) -> bool {
     let settings = context.settings;
-    is_for(settings.integrator) && settings.color == ColorModel::Rgb && material.as_matte().is_some()
+    let knows_color = settings.color == ColorModel::Rgb || context.field.is_none();
+    is_for(settings.integrator) && knows_color && material.as_matte().is_some()
 }

@@ -7,7 +7,7 @@ use super::carried::{Carried, Expected};
 use super::estimators::Arrival;
 use super::guided::unknown_survival;
 use super::lanes::{
-    Arriving, CarriedLanes, Columns, LANES, LitColumns, Roulette, VertexLanes, ZERO, at, color_at, put,
+    Arriving, CarriedLanes, Columns, HitColors, LANES, LitColumns, Roulette, VertexLanes, ZERO, at, color_at, put,
 };
 use super::lights::{FlatArrivals, MediumPoints};
 use super::lit::{LitLanes, LitOutputs};
@@ -93,7 +93,7 @@ impl ScatteredVertices {
                 wo: &HitVectors = &self.lanes.wo,
                 phase: &[HenyeyGreenstein; LANES] = &self.phase,
                 u: &[HitLanes; 2] = &bounce,
-                radiance: &HitVectors = &self.lit.lights.radiance,
+                radiance: &HitColors = &self.lit.lights.radiance,
                 arrivals: &FlatArrivals = &self.lit.arrivals,
                 roulette: &Roulette = &roulette,
                 to: &mut LitOutputs = &mut self.lit.outputs,
@@ -162,7 +162,7 @@ fn outputs(
     wo: &HitVectors,
     phase: &[HenyeyGreenstein; LANES],
     u: &[HitLanes; 2],
-    radiance: &HitVectors,
+    radiance: &HitColors,
     arrivals: &FlatArrivals,
     roulette: &Roulette,
     to: &mut LitOutputs,

@@ -8,8 +8,8 @@ use super::carried::{Carried, Expected};
 use super::estimators::{Arrival, lift_of_opaque};
 use super::guided::GuidedBsdf;
 use super::lanes::{
-    Arriving, CarriedLanes, Columns, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put,
-    put_color,
+    Arriving, CarriedLanes, Columns, HitColors, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at,
+    color_at, put, put_color,
 };
 use super::lights::{ALONE, DARK, FlatArrivals, Skins, ray_origin};
 use super::lit::{LitLanes, LitOutputs};
@@ -304,7 +304,7 @@ impl<'a> SurfaceVertices<'a> {
                 carried: &CarriedLanes = &self.lanes.carried,
                 skins: &Skins<'_> = &Skins { points: &self.lanes.points, lift: &self.lanes.lift },
                 scattered: &Scattered = &self.scattered,
-                radiance: &HitVectors = &self.lit.lights.radiance,
+                radiance: &HitColors = &self.lit.lights.radiance,
                 arrivals: &mut FlatArrivals = &mut self.lit.arrivals,
                 bounces: &mut Bounces = &mut self.bounces,
                 is_guided: bool = context.field.is_some(),
@@ -427,7 +427,7 @@ fn outputs(
     carried: &CarriedLanes,
     skins: &Skins,
     scattered: &Scattered,
-    radiance: &HitVectors,
+    radiance: &HitColors,
     arrivals: &mut FlatArrivals,
     bounces: &mut Bounces,
     is_guided: bool,
@@ -439,7 +439,8 @@ fn outputs(
         arrivals.weigh(i, scattered.pdf[i]);
         let value = [scattered.value[0][i], scattered.value[1][i], scattered.value[2][i]];
         to.bring(i, carried, value, radiance, arrivals);
-        let next = (&bounces.weight, &bounces.eta_scale);
+        let weight = [bounces.weight[0][i], bounces.weight[1][i], bounces.weight[2][i]];
+        let next = (weight, &bounces.eta_scale);
         to.go_on(i, carried, next, survival, roulette, bounces.exists[i] != 0);
         let origin = ray_origin(skins.points, skins.lift, i, at(&bounces.wi, i));
         for axis in 0..3 {

@@ -29,6 +29,7 @@ use crate::sampler::{Random, SampleKey, Sampler};
 use crate::settings::Crop;
 use matte::Matte;
 use snell_intersect::{Grouping, Hit};
+use snell_math::spectrum::RgbSpectrum;
 use snell_math::{ColorMode, ColorModel, SampledSpectrum};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::{Camera, CameraView, PinholeRays};
@@ -49,6 +50,8 @@ pub struct PartRenderer<'a> {
     camera: &'a Camera,
     view: CameraView<'a>,
     camera_rays: PinholeRays<LANES>,
+    /// Neither the scene nor the camera moves, and nobody asks for lobes.
+    stands_still: bool,
     sampler: &'a Sampler,
     filter: &'a FilterSampler,
     shade: VertexFunction,
@@ -139,13 +142,14 @@ impl<'a> PartRenderer<'a> {
         let surfaces = SurfaceVertices::new(&context, sampler).map(Box::new);
         let view = camera.view(context.settings.size);
         let settings = context.settings;
-        let stands_still = !scene.moves && settings.later_cameras.is_empty();
-        let is_plain = settings.color == ColorModel::Rgb && !context.wants_lobes && stands_still;
+        let stands_still = !scene.moves && settings.later_cameras.is_empty() && !context.wants_lobes;
+        let is_plain = settings.color == ColorModel::Rgb && stands_still;
         Self {
             context,
             camera,
             view,
             camera_rays: PinholeRays::default(),
+            stands_still,
             sampler,
             filter,
             shade,
@@ -450,8 +454,10 @@ impl<'a> PartRenderer<'a> {
             return;
         }
         let sky = plain_sky(&self.context, depth);
-        let constant = sky.filter(|_| self.paths.is_plain()).and_then(EnvironmentLight::constant);
-        let constant = constant.map(|color| ColorMode::Rgb.rgb_illuminant(color));
+        let color = sky.and_then(EnvironmentLight::constant);
+        let constant = color.filter(|_| self.paths.is_plain()).map(|color| ColorMode::Rgb.rgb_illuminant(color));
+        let is_spectral = self.context.settings.color == ColorModel::Spectral;
+        let spectrum = color.filter(|_| is_spectral).map(RgbSpectrum::of_light);
         for &path in paths {
             let path = path as usize;
             let (ray, carried, sample) =
@@ -460,6 +466,8 @@ impl<'a> PartRenderer<'a> {
                 continue;
             } else if let Some(radiance) = constant {
                 carried.throughput * radiance
+            } else if let (Some(spectrum), ColorMode::Spectral(wavelengths)) = (&spectrum, self.paths.rest(path).mode) {
+                carried.throughput * ColorMode::light_at(&wavelengths, spectrum)
             } else if let Some(sky) = sky {
                 carried.throughput * sky.radiance(ray.direction, self.paths.rest(path).mode)
             } else {

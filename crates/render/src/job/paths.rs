@@ -65,6 +65,11 @@ impl Paths {
         if self.is_plain { &Rest::PLAIN } else { &self.rest[path] }
     }
 
+    /// The rest of all states, if it is not [`Rest::PLAIN`] for all.
+    pub fn rests(&self) -> Option<&[Rest]> {
+        (!self.is_plain).then_some(&self.rest)
+    }
+
     /// True for a path that is over.
     pub fn is_dead(&self, path: usize) -> bool {
         self.carried[path].throughput.is_black()

@@ -21,7 +21,7 @@ impl<'a> Matte<'a> {
     pub(super) fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Box<Self>> {
         let wide = context.scene.world.simd().wide()?;
         let surfaces = MatteSurfaces::new(context)?;
-        Some(Box::new(Self { vertices: MatteVertices::new(sampler, Some(wide)), surfaces }))
+        Some(Box::new(Self { vertices: MatteVertices::new(context.settings.color, sampler, Some(wide)), surfaces }))
     }
 }
 
@@ -42,7 +42,7 @@ impl PartRenderer<'_> {
         let Some(mut matte) = self.matte.take() else { return };
         let Matte { vertices, surfaces } = &mut *matte;
         let Paths { rays, hits, carried, samples, .. } = &self.paths;
-        let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys };
+        let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys, rest: self.paths.rests() };
         vertices.gather(&self.context, self.sampler, surfaces, &arriving, paths, depth);
         match is_classic {
             true => self.finish_classic(depth, vertices),

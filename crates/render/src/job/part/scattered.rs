@@ -12,7 +12,7 @@ impl PartRenderer<'_> {
         };
         if depth < self.context.max_depth() {
             let Paths { rays, hits, carried, samples, .. } = &self.paths;
-            let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys };
+            let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys, rest: self.paths.rests() };
             vertices.gather(self.sampler, &arriving, &volumes.scattered, paths, depth);
             vertices.shade(&self.context, depth);
             self.lanes.clear();

@@ -56,7 +56,7 @@ impl PartRenderer<'_> {
         let lobe = |material: u32| materials[material as usize].as_ref();
         let mesh = |hit: &Hit| meshes[hit.geometry as usize].as_ref().filter(|_| hit.instance == 0);
         let Paths { rays, hits, carried, samples, .. } = &self.paths;
-        let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys };
+        let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys, rest: self.paths.rests() };
         vertices.start(self.sampler, &arriving, paths, depth);
         for lane in 0..vertices.paths().len() {
             let path = vertices.paths()[lane] as usize;

@@ -1,11 +1,12 @@
 //! Where paths begin: samples, their numbers and the rays of the camera.
 
 use super::{PartRenderer, Sample, SampleFacts};
-use crate::integrator::camera_path::{FILM, camera_path, film_point, path_of};
-use crate::integrator::carried::Carried;
+use crate::integrator::camera_path::{FILM, WAVELENGTH, camera_path, film_point, path_of};
+use crate::integrator::carried::{Carried, Rest};
 use crate::integrator::lanes::LANES;
 use crate::sampler::{ManyRandoms, SampleKey};
-use snell_math::{ColorMode, DVec2, SampledSpectrum, Vec2};
+use snell_math::simd::Wide;
+use snell_math::{ColorMode, ColorModel, DVec2, SampledSpectrum, SampledWavelengths, Vec2, at_level};
 
 impl PartRenderer<'_> {
     pub(super) fn start(&mut self, positions: &[[u32; 2]], range: [u32; 2]) {
@@ -47,14 +48,18 @@ impl PartRenderer<'_> {
         self.samples.resize(self.samples.len() + keys.len(), nothing);
         let Self { paths, facts, view, .. } = self;
         let known = |mode, weight| SampleFacts { mode, alpha: 1.0, weight, rays: 0 };
-        if paths.is_plain() && view.pinhole_rays(&film, wide, &mut self.camera_rays) {
+        let is_alike = paths.is_plain() || settings.color == ColorModel::Spectral && self.stands_still;
+        if is_alike && view.pinhole_rays(&film, wide, &mut self.camera_rays) {
             let rays = &self.camera_rays;
+            let modes = modes_of(settings.color, &randoms, wide);
             paths.rays.extend((0..keys.len()).map(|i| rays.get(i).ray));
-            let (first, _) = Carried::of(&path_of(&rays.get(0), ColorMode::Rgb, 0.0));
+            let (first, rest) = Carried::of(&path_of(&rays.get(0), modes[0], 0.0));
+            let rests: [Rest; LANES] = std::array::from_fn(|i| Rest { mode: modes[i], ..rest });
+            paths.extend_rest(rests[..keys.len()].iter());
             let carried = |i| Carried { cone_spread: rays.get(i).spread, ..first };
             paths.carried.extend((0..keys.len()).map(carried));
             paths.samples.extend(begun..begun + keys.len() as u32);
-            facts.extend(weights[..keys.len()].iter().map(|&weight| known(ColorMode::Rgb, weight)));
+            facts.extend(modes.iter().zip(&weights[..keys.len()]).map(|(&mode, &weight)| known(mode, weight)));
             return;
         }
         for (i, &key) in keys.iter().enumerate() {
@@ -64,5 +69,22 @@ impl PartRenderer<'_> {
             facts.push(known(state.mode, weights[i]));
             paths.push(ray, &state, begun + i as u32);
         }
+    }
+}
+
+/// What the spectra of samples stand for.
+fn modes_of(color: ColorModel, randoms: &ManyRandoms<LANES>, wide: Option<Wide>) -> [ColorMode; LANES] {
+    let mut modes = [ColorMode::Rgb; LANES];
+    if color == ColorModel::Spectral {
+        let u = randoms.numbers(WAVELENGTH, wide);
+        at_level!(wide, draw_wavelengths, (u: &[f32; LANES] = &u, to: &mut [ColorMode; LANES] = &mut modes));
+    }
+    modes
+}
+
+#[inline(always)]
+fn draw_wavelengths(u: &[f32; LANES], to: &mut [ColorMode; LANES]) {
+    for (to, &u) in to.iter_mut().zip(u) {
+        *to = ColorMode::Spectral(SampledWavelengths::sample(u));
     }
 }

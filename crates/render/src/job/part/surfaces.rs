@@ -20,7 +20,7 @@ impl PartRenderer<'_> {
         let Some(mut vertices) = self.surfaces.take() else { return };
         let scene = self.context.scene;
         let Paths { rays, hits, carried, samples, .. } = &self.paths;
-        let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys };
+        let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys, rest: self.paths.rests() };
         vertices.start(self.sampler, &arriving, paths, depth);
         for lane in 0..vertices.paths().len() {
             let path = vertices.paths()[lane] as usize;
