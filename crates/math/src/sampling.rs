@@ -1,15 +1,24 @@
 //! Warps of the unit square, with their densities (Pharr, Jakob and Humphreys, Physically Based Rendering, appendix A).
 
+use crate::angles;
 use glam::{Vec2, Vec3};
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_4, PI};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_4};
+use std::f64::consts::TAU;
 
 /// Uniform direction on the unit sphere; density [`UNIFORM_SPHERE_PDF`].
 #[inline]
 pub fn uniform_sphere(u: Vec2) -> Vec3 {
     let z = 1.0 - 2.0 * u.x;
     let r = (1.0 - z * z).max(0.0).sqrt();
-    let (sin, cos) = (2.0 * PI * u.y).sin_cos();
+    let (sin, cos) = turned(u.y);
     Vec3::new(r * cos, r * sin, z)
+}
+
+/// Sine and cosine of this part of a turn.
+#[inline(always)]
+fn turned(part: f32) -> (f32, f32) {
+    let (sin, cos) = angles::sin_cos(TAU * f64::from(part));
+    (sin as f32, cos as f32)
 }
 
 /// Density of [`uniform_sphere`] per steradian.
@@ -55,7 +64,7 @@ pub fn cosine_hemisphere_pdf(cos_theta: f32) -> f32 {
 pub fn uniform_cone(u: Vec2, cos_theta_max: f32) -> Vec3 {
     let cos = 1.0 - u.x * (1.0 - cos_theta_max);
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
-    let (s, c) = (2.0 * PI * u.y).sin_cos();
+    let (s, c) = turned(u.y);
     Vec3::new(sin * c, sin * s, cos)
 }
 

@@ -9,7 +9,7 @@ use super::guided::unknown_survival;
 use super::lanes::{
     Arriving, CarriedLanes, Columns, HitColors, LANES, LitColumns, Roulette, VertexLanes, ZERO, at, color_at, put,
 };
-use super::lights::{FlatArrivals, MediumPoints};
+use super::lights::{FlatArrivals, FlatLights, MediumPoints};
 use super::lit::{LitLanes, LitOutputs};
 use super::path::{SCATTERED_SPREAD, weighted_sample};
 use super::{Context, IntegratorKind, MediumVertex, dimension};
@@ -17,13 +17,14 @@ use crate::light_sampler::Receivers;
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::most;
-use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec2, Vec3, at_level};
+use snell_math::{ColorModel, Ray, SampledSpectrum, Vec2, Vec3, at_level};
 use snell_scene::medium::HenyeyGreenstein;
 
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
 pub struct ScatteredVertices {
     lanes: VertexLanes,
+    color: ColorModel,
     phase: [HenyeyGreenstein; LANES],
     lit: LitLanes,
     bounces: Bounces,
@@ -41,14 +42,14 @@ impl ScatteredVertices {
     pub fn new(context: &Context, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
         let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
-            && settings.color == ColorModel::Rgb
             && scene.volumes.is_some()
             && !scene.moves;
         let wide = scene.world.simd().wide().filter(|_| is_for)?;
         Some(Self {
             lanes: VertexLanes::new(sampler, Some(wide)),
+            color: settings.color,
             phase: [HenyeyGreenstein::new(0.0); LANES],
-            lit: LitLanes::default(),
+            lit: LitLanes { lights: FlatLights::new(settings.color), ..LitLanes::default() },
             bounces: Bounces { wi: ZERO, pdf: [0.0; LANES] },
         })
     }
@@ -85,25 +86,46 @@ impl ScatteredVertices {
         self.lit.glowing = [None; LANES];
         let points = MediumPoints { position: &self.lanes.points.position, wo: &self.lanes.wo, phase: &self.phase };
         self.lit.lights.arrivals(context.scene, &points, &light, count, wide, &mut self.lit.arrivals);
+        self.lit.lights.shine(&self.lanes.modes, count);
+        let Self { lanes, phase, lit, .. } = self;
+        let LitLanes { lights, arrivals, outputs, .. } = lit;
+        match self.color {
+            ColorModel::Rgb => at_level!(
+                wide,
+                give::<3>,
+                (
+                    carried: &CarriedLanes = &lanes.carried,
+                    radiance: &HitColors = &lights.radiance,
+                    arrivals: &FlatArrivals = arrivals,
+                    roulette: &Roulette = &roulette,
+                    to: &mut LitOutputs = outputs,
+                )
+            ),
+            ColorModel::Spectral => at_level!(
+                wide,
+                give::<4>,
+                (
+                    carried: &CarriedLanes = &lanes.carried,
+                    radiance: &HitColors = &lights.radiance,
+                    arrivals: &FlatArrivals = arrivals,
+                    roulette: &Roulette = &roulette,
+                    to: &mut LitOutputs = outputs,
+                )
+            ),
+        }
         at_level!(
             wide,
-            outputs,
+            bounce_off,
             (
-                carried: &CarriedLanes = &self.lanes.carried,
-                wo: &HitVectors = &self.lanes.wo,
-                phase: &[HenyeyGreenstein; LANES] = &self.phase,
+                wo: &HitVectors = &lanes.wo,
+                phase: &[HenyeyGreenstein; LANES] = phase,
                 u: &[HitLanes; 2] = &bounce,
-                radiance: &HitColors = &self.lit.lights.radiance,
-                arrivals: &FlatArrivals = &self.lit.arrivals,
-                roulette: &Roulette = &roulette,
-                to: &mut LitOutputs = &mut self.lit.outputs,
                 bounces: &mut Bounces = &mut self.bounces,
             )
         );
-        let Self { lanes, phase, lit, .. } = self;
         lit.sample_alone(count, &light, |lane, chosen, u| {
             let position = at(&lanes.points.position, lane);
-            let arrival = Arrival { position, surface: None, mode: ColorMode::Rgb, time: 0.0 };
+            let arrival = Arrival { position, surface: None, mode: lanes.modes[lane], time: 0.0 };
             let throughput = color_at(&lanes.carried.throughput, lane);
             let (phase, forward) = (phase[lane], -at(&lanes.wo, lane));
             let scattered = |wi| {
@@ -157,27 +179,31 @@ impl LitColumns for ScatteredVertices {
 
 /// What vertices give, where their lights are flat.
 #[inline(always)]
-fn outputs(
+#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
+fn give<const CHANNELS: usize>(
     carried: &CarriedLanes,
-    wo: &HitVectors,
-    phase: &[HenyeyGreenstein; LANES],
-    u: &[HitLanes; 2],
     radiance: &HitColors,
     arrivals: &FlatArrivals,
     roulette: &Roulette,
     to: &mut LitOutputs,
-    bounces: &mut Bounces,
 ) {
     for i in 0..LANES {
-        to.bring(i, carried, [arrivals.share[i]; 3], radiance, arrivals);
-        let throughput = &carried.throughput;
-        let largest = most(most(most(0.0, throughput[0][i]), throughput[1][i]), throughput[2][i]);
+        to.bring(i, carried, [arrivals.share[i]; CHANNELS], radiance, arrivals);
+        let mut largest = 0.0;
+        for channel in 0..CHANNELS {
+            largest = most(largest, carried.throughput[channel][i]);
+        }
         let (scale, survives) = roulette.survival(i, unknown_survival(largest * carried.eta_scale[i]));
-        for channel in 0..3 {
+        for channel in 0..CHANNELS {
             to.throughput[channel][i] = carried.throughput[channel][i] * scale;
         }
         to.goes_on[i] = u32::from(survives);
     }
+}
+
+/// Where paths go on.
+#[inline(always)]
+fn bounce_off(wo: &HitVectors, phase: &[HenyeyGreenstein; LANES], u: &[HitLanes; 2], bounces: &mut Bounces) {
     for i in 0..LANES {
         let forward = Vec3::new(-wo[0][i], -wo[1][i], -wo[2][i]);
         let (wi, pdf) = phase[i].sample(forward, Vec2::new(u[0][i], u[1][i]));
@@ -194,7 +220,7 @@ mod tests {
     use crate::{CompiledScene, IntegratorKind, Job, LightStrategy, Settings};
     use snell_intersect::BuildOptions;
     use snell_math::simd::Level;
-    use snell_math::{DVec3, Rgb};
+    use snell_math::{ColorModel, DVec3, Rgb};
     use snell_scene::Light;
     use snell_scene::builtin::builtin;
     use snell_scene::light::Attenuation;
@@ -215,23 +241,24 @@ mod tests {
                 scene.lights.push(Light::Point { position, intensity, attenuation, body_radius: 0.0 });
             }
             let ways = [
-                (IntegratorKind::Path, SamplerKind::ZSobol, LightStrategy::Mis),
-                (IntegratorKind::Path, SamplerKind::Independent, LightStrategy::Mis),
-                (IntegratorKind::Path, SamplerKind::Independent, LightStrategy::Bsdf),
-                (IntegratorKind::Direct, SamplerKind::Stratified, LightStrategy::Mis),
+                (IntegratorKind::Path, SamplerKind::ZSobol, LightStrategy::Mis, ColorModel::Rgb),
+                (IntegratorKind::Path, SamplerKind::Independent, LightStrategy::Mis, ColorModel::Rgb),
+                (IntegratorKind::Path, SamplerKind::Independent, LightStrategy::Bsdf, ColorModel::Rgb),
+                (IntegratorKind::Direct, SamplerKind::Stratified, LightStrategy::Mis, ColorModel::Rgb),
+                (IntegratorKind::Path, SamplerKind::ZSobol, LightStrategy::Mis, ColorModel::Spectral),
             ];
-            for (integrator, sampler, light_strategy) in ways {
+            for (integrator, sampler, light_strategy, color) in ways {
                 let picture = |simd: Level| {
                     let options = BuildOptions { simd, ..BuildOptions::default() };
                     let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
                     let how = Settings { max_depth: 9, sampler, integrator, light_strategy, ..Settings::default() };
-                    let settings = Settings { size: [36, 24], spp: 4, ..how };
+                    let settings = Settings { size: [36, 24], spp: 4, color, ..how };
                     let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
                     image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
                 };
                 let one_by_one = picture(Level::Scalar);
                 for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    assert_eq!(picture(level), one_by_one, "{name} {integrator:?} {sampler:?} {level}");
+                    assert_eq!(picture(level), one_by_one, "{name} {integrator:?} {sampler:?} {color:?} {level}");
                 }
             }
         }

@@ -11,7 +11,7 @@ use snell_math::{Bounds3, DVec3, Vec3};
 /// Most triangles of a list.
 pub(super) const MAX_TRIANGLES: usize = 64;
 
-/// Most shapes of a list, and least triangles for each of them.
+/// Most shapes of a list, and least triangles for each of them that is not tested in lanes.
 pub(super) const MAX_OBJECTS: usize = 8;
 const TRIANGLES_PER_OBJECT: usize = 2;
 
@@ -111,6 +111,11 @@ struct Primitives {
 }
 
 impl Primitives {
+    /// True if there are none.
+    fn is_empty(&self) -> bool {
+        self.triangles.is_empty() && self.objects.is_empty()
+    }
+
     /// The unbounded objects of a group.
     fn unbounded_of(tree: &GroupTree) -> Self {
         let objects = tree.unbounded.iter().map(|&number| ListObject::new(tree, number as usize, None)).collect();
@@ -157,8 +162,8 @@ impl List {
         for node in tree.nodes.iter() {
             (0..8).for_each(|slot| found.add(tree, node.children[slot], Some(node.slot_bounds(slot))));
         }
-        let count = found.triangles.len();
-        if count == 0 || count < found.objects.len() * TRIANGLES_PER_OBJECT {
+        let slow = found.objects.iter().filter(|object| object.shape.is_none()).count();
+        if found.is_empty() || found.triangles.len() < slow * TRIANGLES_PER_OBJECT {
             return None;
         }
         Self::new(tree, found, Bounds3::EMPTY)

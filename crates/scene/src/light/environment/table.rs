@@ -1,7 +1,7 @@
 //! A density over all directions, constant over cells of longitude and latitude.
 
 use snell_math::distribution::Distribution1D;
-use snell_math::{DVec3, Vec2, Vec3};
+use snell_math::{DVec3, Vec2, Vec3, angles};
 use std::f32::consts::TAU;
 use std::f64::consts::PI as PI64;
 
@@ -55,7 +55,7 @@ impl DirectionTable {
         let cos = top + (bottom - top) * f64::from(v);
         let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
         let phi = ((column as f64 + f64::from(s)) / self.columns[row].len() as f64 - 0.5) * (2.0 * PI64);
-        let (sin_phi, cos_phi) = phi.sin_cos();
+        let (sin_phi, cos_phi) = angles::sin_cos(phi);
         (DVec3::new(sin * sin_phi, cos, -sin * cos_phi).as_vec3(), self.cell_pdf(row, column))
     }
 
