@@ -156,10 +156,9 @@ mod tests {
     use super::*;
     use crate::hit::Hit;
     use crate::kernel::interleave::is_large;
-    use crate::mesh::TriangleMesh;
     use crate::precision::Single;
     use crate::query::{AcceptAll, Grouping};
-    use crate::world::tests::Random;
+    use crate::world::tests::{Random, dust};
     use crate::world::{BuildOptions, Structure, WorldBuilder};
     use snell_math::Ray;
     use std::sync::Arc;
@@ -210,12 +209,7 @@ mod tests {
     #[test]
     fn a_sorted_batch_finds_what_single_rays_find() {
         let mut random = Random(3);
-        let mut mesh = TriangleMesh::default();
-        for i in 0..60_000 {
-            let corner = random.point(1.0);
-            mesh.positions.extend([corner, corner + random.point(0.02), corner + random.point(0.02)]);
-            mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
-        }
+        let mesh = dust(&mut random, 60_000);
         let mut builder = WorldBuilder::default();
         builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
         let options = BuildOptions { accelerator: crate::accel::AcceleratorKind::Bvh, ..BuildOptions::default() };

@@ -70,6 +70,17 @@ pub(crate) fn soup(random: &mut Random, triangles: usize) -> TriangleMesh {
     mesh
 }
 
+/// Small triangles everywhere.
+pub(crate) fn dust(random: &mut Random, triangles: u32) -> TriangleMesh {
+    let mut mesh = TriangleMesh::default();
+    for i in 0..triangles {
+        let corner = random.point(1.0);
+        mesh.positions.extend([corner, corner + random.point(0.02), corner + random.point(0.02)]);
+        mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
+    }
+    mesh
+}
+
 /// Meshes, spheres and instances of the group before, four deep.
 pub(crate) fn nested_scene(seed: u32) -> WorldBuilder {
     let mut random = Random(hash32(seed));

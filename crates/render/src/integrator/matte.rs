@@ -207,37 +207,22 @@ impl MatteVertices {
         }
         let Self { lanes, normal, reflectance, bounces, guided, lit, .. } = self;
         let survival = context.field.map(|_| &guided.survival);
-        let LitLanes { lights, arrivals, outputs, .. } = lit;
-        match self.color {
-            ColorModel::Rgb => at_level!(
-                wide,
-                give::<3>,
-                (
-                    carried: &CarriedLanes = &lanes.carried,
-                    reflectance: &HitColors = reflectance,
-                    radiance: &HitColors = &lights.radiance,
-                    arrivals: &FlatArrivals = arrivals,
-                    bounces: &Bounces = bounces,
-                    survival: Option<&HitLanes> = survival,
-                    roulette: &Roulette = &roulette,
-                    to: &mut LitOutputs = outputs,
-                )
-            ),
-            ColorModel::Spectral => at_level!(
-                wide,
-                give::<4>,
-                (
-                    carried: &CarriedLanes = &lanes.carried,
-                    reflectance: &HitColors = reflectance,
-                    radiance: &HitColors = &lights.radiance,
-                    arrivals: &FlatArrivals = arrivals,
-                    bounces: &Bounces = bounces,
-                    survival: Option<&HitLanes> = survival,
-                    roulette: &Roulette = &roulette,
-                    to: &mut LitOutputs = outputs,
-                )
-            ),
-        }
+        let LitLanes { lights, arrivals, outputs: given, .. } = lit;
+        at_level!(
+            wide,
+            outputs,
+            (
+                color: ColorModel = self.color,
+                carried: &CarriedLanes = &lanes.carried,
+                reflectance: &HitColors = reflectance,
+                radiance: &HitColors = &lights.radiance,
+                arrivals: &FlatArrivals = arrivals,
+                bounces: &Bounces = bounces,
+                survival: Option<&HitLanes> = survival,
+                roulette: &Roulette = &roulette,
+                to: &mut LitOutputs = given,
+            )
+        );
         lit.sample_alone(count, &light, |lane, chosen, u| {
             let seen = Seen::at(lanes, normal, reflectance, lane, lanes.modes[lane], 0.0);
             let throughput = color_at(&lanes.carried.throughput, lane);
@@ -359,6 +344,25 @@ impl LitColumns for MatteVertices {
 }
 
 /// What vertices give, where their lights are flat.
+#[inline(always)]
+#[expect(clippy::too_many_arguments, reason = "columns")]
+fn outputs(
+    color: ColorModel,
+    carried: &CarriedLanes,
+    reflectance: &HitColors,
+    radiance: &HitColors,
+    arrivals: &FlatArrivals,
+    bounces: &Bounces,
+    survival: Option<&HitLanes>,
+    roulette: &Roulette,
+    to: &mut LitOutputs,
+) {
+    match color {
+        ColorModel::Rgb => give::<3>(carried, reflectance, radiance, arrivals, bounces, survival, roulette, to),
+        ColorModel::Spectral => give::<4>(carried, reflectance, radiance, arrivals, bounces, survival, roulette, to),
+    }
+}
+
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn give<const CHANNELS: usize>(

@@ -88,31 +88,19 @@ impl ScatteredVertices {
         self.lit.lights.arrivals(context.scene, &points, &light, count, wide, &mut self.lit.arrivals);
         self.lit.lights.shine(&self.lanes.modes, count);
         let Self { lanes, phase, lit, .. } = self;
-        let LitLanes { lights, arrivals, outputs, .. } = lit;
-        match self.color {
-            ColorModel::Rgb => at_level!(
-                wide,
-                give::<3>,
-                (
-                    carried: &CarriedLanes = &lanes.carried,
-                    radiance: &HitColors = &lights.radiance,
-                    arrivals: &FlatArrivals = arrivals,
-                    roulette: &Roulette = &roulette,
-                    to: &mut LitOutputs = outputs,
-                )
-            ),
-            ColorModel::Spectral => at_level!(
-                wide,
-                give::<4>,
-                (
-                    carried: &CarriedLanes = &lanes.carried,
-                    radiance: &HitColors = &lights.radiance,
-                    arrivals: &FlatArrivals = arrivals,
-                    roulette: &Roulette = &roulette,
-                    to: &mut LitOutputs = outputs,
-                )
-            ),
-        }
+        let LitLanes { lights, arrivals, outputs: given, .. } = lit;
+        at_level!(
+            wide,
+            give,
+            (
+                color: ColorModel = self.color,
+                carried: &CarriedLanes = &lanes.carried,
+                radiance: &HitColors = &lights.radiance,
+                arrivals: &FlatArrivals = arrivals,
+                roulette: &Roulette = &roulette,
+                to: &mut LitOutputs = given,
+            )
+        );
         at_level!(
             wide,
             bounce_off,
@@ -179,8 +167,22 @@ impl LitColumns for ScatteredVertices {
 
 /// What vertices give, where their lights are flat.
 #[inline(always)]
-#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
-fn give<const CHANNELS: usize>(
+fn give(
+    color: ColorModel,
+    carried: &CarriedLanes,
+    radiance: &HitColors,
+    arrivals: &FlatArrivals,
+    roulette: &Roulette,
+    to: &mut LitOutputs,
+) {
+    match color {
+        ColorModel::Rgb => give_channels::<3>(carried, radiance, arrivals, roulette, to),
+        ColorModel::Spectral => give_channels::<4>(carried, radiance, arrivals, roulette, to),
+    }
+}
+
+#[inline(always)]
+fn give_channels<const CHANNELS: usize>(
     carried: &CarriedLanes,
     radiance: &HitColors,
     arrivals: &FlatArrivals,

@@ -6,14 +6,15 @@
 use super::carried::{Carried, Expected};
 use super::guided::unknown_survival;
 use super::lanes::{
-    Arriving, CarriedLanes, Columns, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at, put_color,
+    Arriving, BLACK, CarriedLanes, Columns, HitColors, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at,
+    put_color,
 };
 use super::{Context, IntegratorKind, dimension};
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{Hit, TrianglePoints};
 use snell_math::simd::{Wide, most};
-use snell_math::{ColorMode, ColorModel, Frame, Ray, Vec3, at_level, robust};
+use snell_math::{ColorModel, Frame, Ray, Vec3, at_level, robust};
 use snell_scene::Material;
 use snell_scene::bsdf::Split;
 use snell_scene::material::{Specular, reflecting_normal};
@@ -22,6 +23,7 @@ use snell_scene::material::{Specular, reflecting_normal};
 #[derive(Debug)]
 pub struct SpecularVertices {
     lanes: VertexLanes,
+    color: ColorModel,
     lobes: Lobes,
     /// Shading normal.
     normal: HitVectors,
@@ -37,10 +39,10 @@ struct Lobes {
     /// Index of refraction inside over outside.
     ior: HitLanes,
     /// By channel, factors on light that crosses, and on light that comes from the inside.
-    tint: HitVectors,
-    arriving: HitVectors,
+    tint: HitColors,
+    arriving: HitColors,
     /// By channel, the factor on what is reflected where that is all.
-    reflectance: HitVectors,
+    reflectance: HitColors,
     /// 1 where nothing is refracted.
     is_mirror: [u32; LANES],
 }
@@ -53,7 +55,7 @@ struct Bounces {
     /// The normal on the side where the path comes from.
     facing: HitVectors,
     /// By channel.
-    throughput: HitVectors,
+    throughput: HitColors,
     eta_scale: HitLanes,
     /// 0 where the path ends.
     exists: [u32; LANES],
@@ -62,25 +64,29 @@ struct Bounces {
 /// What a material does, if vertices on it can be worked on here.
 pub fn specular_part(context: &Context, material: &Material) -> Option<Specular> {
     let settings = context.settings;
-    let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
-        && !context.wants_lobes
-        && settings.color == ColorModel::Rgb;
-    Specular::of(material).filter(|_| is_for)
+    let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct) && !context.wants_lobes;
+    // In other colours: what is the same for all of a path's wavelengths but for its tint.
+    let knows_color = |lobe: &Specular| match settings.color {
+        ColorModel::Rgb => true,
+        ColorModel::Spectral => matches!(lobe, Specular::Interface { .. }) && !material.is_dispersive(),
+    };
+    Specular::of(material).filter(|lobe| is_for && knows_color(lobe))
 }
 
 impl SpecularVertices {
     /// For vertices of one depth.
-    pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
+    pub fn new(color: ColorModel, sampler: &Sampler, wide: Option<Wide>) -> Self {
         let (number, mark) = ([0.0; LANES], [0; LANES]);
         Self {
             lanes: VertexLanes::new(sampler, wide),
-            lobes: Lobes { ior: number, tint: ZERO, arriving: ZERO, reflectance: ZERO, is_mirror: mark },
+            color,
+            lobes: Lobes { ior: number, tint: BLACK, arriving: BLACK, reflectance: BLACK, is_mirror: mark },
             normal: ZERO,
             bounces: Bounces {
                 wi: ZERO,
                 origin: ZERO,
                 facing: ZERO,
-                throughput: ZERO,
+                throughput: BLACK,
                 eta_scale: number,
                 exists: mark,
             },
@@ -109,9 +115,10 @@ impl SpecularVertices {
         let (ray, hit) = (&from.rays[path], &from.hits[path]);
         self.lobes.ior[lane] = lobe.ior(outside_ior);
         match lobe {
-            Specular::Interface { tint, .. } => {
-                put_color(&mut self.lobes.tint, lane, *tint);
-                put_color(&mut self.lobes.arriving, lane, lobe.transmittance(hit.t));
+            Specular::Interface { .. } => {
+                let mode = self.lanes.modes[lane];
+                put_color(&mut self.lobes.tint, lane, lobe.tint(mode));
+                put_color(&mut self.lobes.arriving, lane, lobe.transmittance(hit.t, mode));
                 self.lobes.is_mirror[lane] = 0;
             }
             Specular::Reflector(_) => self.lobes.is_mirror[lane] = 1,
@@ -131,7 +138,7 @@ impl SpecularVertices {
     fn gather_other(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit, material: &Material) {
         let surface = context.scene.interaction(ray, 0.0, hit);
         let footprint = self.lanes.carried.cone_width[lane];
-        let normal = material.shading_normal(&context.scene.shading_point(&surface, footprint, ColorMode::Rgb));
+        let normal = material.shading_normal(&context.scene.shading_point(&surface, footprint, self.lanes.modes[lane]));
         self.lanes.put_point(lane, OtherPoint::of(&surface, normal, Vec3::ZERO));
     }
 
@@ -165,6 +172,7 @@ impl SpecularVertices {
             wide,
             bounce,
             (
+                color: ColorModel = self.color,
                 points: &TrianglePoints = &self.lanes.points,
                 wo: &HitVectors = &self.lanes.wo,
                 carried: &CarriedLanes = &self.lanes.carried,
@@ -231,6 +239,27 @@ fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
 /// Next directions and throughputs.
 #[inline(always)]
 fn bounce(
+    color: ColorModel,
+    points: &TrianglePoints,
+    wo: &HitVectors,
+    carried: &CarriedLanes,
+    normal: &HitVectors,
+    lobes: &Lobes,
+    choice: &HitLanes,
+    is_guided: bool,
+    roulette: &Roulette,
+    to: &mut Bounces,
+) {
+    match color {
+        ColorModel::Rgb => bounce_channels::<3>(points, wo, carried, normal, lobes, choice, is_guided, roulette, to),
+        ColorModel::Spectral => {
+            bounce_channels::<4>(points, wo, carried, normal, lobes, choice, is_guided, roulette, to);
+        }
+    }
+}
+
+#[inline(always)]
+fn bounce_channels<const CHANNELS: usize>(
     points: &TrianglePoints,
     wo: &HitVectors,
     carried: &CarriedLanes,
@@ -261,7 +290,7 @@ fn bounce(
         let sides = flat.dot(wo) * flat.dot(wi);
         let agrees = if reflects { sides > 0.0 } else { (sides < 0.0) & split.is_partial };
         let mut exists = (local.z != 0.0) & agrees & (scale > 0.0) & (scale < f32::INFINITY);
-        let (mut throughput, mut largest, mut largest_weight) = ([0.0; 3], 0.0, 0.0);
+        let (mut throughput, mut largest, mut largest_weight) = ([0.0; CHANNELS], 0.0, 0.0);
         for (channel, throughput) in throughput.iter_mut().enumerate() {
             let absorbed = if local.z < 0.0 { lobes.arriving[channel][i] } else { 1.0 };
             let (share, rest) = (split.reflectance, 1.0 - split.reflectance);
@@ -284,7 +313,9 @@ fn bounce(
             to.wi[axis][i] = wi[axis];
             to.origin[axis][i] = origin[axis];
             to.facing[axis][i] = if n.dot(wo) < 0.0 { -n[axis] } else { n[axis] };
-            to.throughput[axis][i] = throughput[axis] * scale;
+        }
+        for (to, throughput) in to.throughput.iter_mut().zip(throughput) {
+            to[i] = throughput * scale;
         }
         to.eta_scale[i] = eta_scale;
         to.exists[i] = u32::from(exists);
@@ -296,8 +327,8 @@ mod tests {
     use crate::sampler::SamplerKind;
     use crate::{CompiledScene, Guiding, IntegratorKind, Job, Settings};
     use snell_intersect::BuildOptions;
-    use snell_math::Rgb;
     use snell_math::simd::Level;
+    use snell_math::{ColorModel, Rgb};
     use snell_scene::Texture;
     use snell_scene::builtin::builtin;
     use snell_scene::material::{Conductor, Dielectric, MaterialKind, Mirror, NormalMap};
@@ -331,23 +362,29 @@ mod tests {
                 material.kind = kind;
             }
             let ways = [
-                (IntegratorKind::Path, SamplerKind::ZSobol, None, None),
-                (IntegratorKind::Path, SamplerKind::Independent, Some(2.0), None),
-                (IntegratorKind::Path, SamplerKind::Independent, None, Some(guiding)),
-                (IntegratorKind::Direct, SamplerKind::Stratified, None, None),
+                (IntegratorKind::Path, SamplerKind::ZSobol, None, None, ColorModel::Rgb),
+                (IntegratorKind::Path, SamplerKind::Independent, Some(2.0), None, ColorModel::Rgb),
+                (IntegratorKind::Path, SamplerKind::Independent, None, Some(guiding), ColorModel::Rgb),
+                (IntegratorKind::Direct, SamplerKind::Stratified, None, None, ColorModel::Rgb),
+                (IntegratorKind::Path, SamplerKind::ZSobol, None, None, ColorModel::Spectral),
+                (IntegratorKind::Path, SamplerKind::Independent, None, Some(guiding), ColorModel::Spectral),
             ];
-            for (integrator, sampler, clamp, guiding) in ways {
+            for (integrator, sampler, clamp, guiding, color) in ways {
                 let picture = |simd: Level| {
                     let options = BuildOptions { simd, ..BuildOptions::default() };
                     let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
                     let how = Settings { max_depth: 9, sampler, integrator, clamp, ..Settings::default() };
-                    let settings = Settings { size: [36, 24], spp: 4, guiding, ..how };
+                    let settings = Settings { size: [36, 24], spp: 4, guiding, color, ..how };
                     let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
                     image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
                 };
                 let one_by_one = picture(Level::Scalar);
                 for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    assert_eq!(picture(level), one_by_one, "{name} {integrator:?} {sampler:?} {guiding:?} {level}");
+                    assert_eq!(
+                        picture(level),
+                        one_by_one,
+                        "{name} {integrator:?} {sampler:?} {guiding:?} {color:?} {level}"
+                    );
                 }
             }
         }

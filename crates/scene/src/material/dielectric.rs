@@ -72,6 +72,11 @@ impl Dielectric {
         mode.reflectance(self.absorption.map(|sigma| bounded((-bounded(sigma, 1e6) * distance).exp(), 1.0)))
     }
 
+    /// Factor on light that crosses at a point.
+    pub(super) fn tint_at(&self, point: &ShadingPoint) -> SampledSpectrum {
+        point.reflectance(self.tint.at(point))
+    }
+
     /// The BSDF at a point.
     pub fn bsdf(&self, point: &ShadingPoint) -> Bsdf {
         self.bsdf_like(None, point)
@@ -86,7 +91,7 @@ impl Dielectric {
         let unit = if self.ior.is_dispersive() { mode.hero_factor() } else { mode.unit() };
         Bsdf::Dielectric(DielectricBsdf {
             ior,
-            tint: point.reflectance(self.tint.at(point)) * unit,
+            tint: self.tint_at(point) * unit,
             reflection_tint: SampledSpectrum::ONE,
             unit,
             film: None,

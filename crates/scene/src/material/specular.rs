@@ -1,18 +1,20 @@
 //! Surfaces of delta lobes alone, as far as they are the same everywhere: what many vertices at once need of them.
 
 use super::prepared::anywhere;
-use super::{Dielectric, Material, MaterialKind, relative_ior};
+use super::{Dielectric, Material, MaterialKind, ShadingPoint, relative_ior};
 use crate::bsdf::{Bsdf, Lobes};
+use crate::texture::TextureSet;
+use snell_intersect::SurfaceInteraction;
 use snell_math::{ColorMode, SampledSpectrum, Vec3};
 
-/// What a smooth surface does to light, in [`ColorMode::Rgb`].
+/// What a smooth surface does to light; what only reflects, in [`ColorMode::Rgb`].
 #[derive(Clone, Debug)]
 pub enum Specular {
     /// Reflects or refracts.
     Interface {
         /// Index of refraction of the inside over that of air.
         ior: f32,
-        /// Factor on light that crosses.
+        /// Factor on light that crosses, in [`ColorMode::Rgb`].
         tint: SampledSpectrum,
         /// What it is made of.
         glass: Dielectric,
@@ -51,11 +53,25 @@ impl Specular {
         }
     }
 
+    /// Factor on light that crosses.
+    #[inline]
+    pub fn tint(&self, mode: ColorMode) -> SampledSpectrum {
+        match self {
+            Self::Interface { tint, .. } if mode == ColorMode::Rgb => *tint,
+            Self::Interface { glass, .. } => {
+                let surface = SurfaceInteraction::plain(Vec3::ZERO, Vec3::Z);
+                let textures = &TextureSet::default();
+                glass.tint_at(&ShadingPoint { surface: &surface, footprint: 0.0, textures, mode, outside_ior: 1.0 })
+            }
+            Self::Reflector(_) => SampledSpectrum::ZERO,
+        }
+    }
+
     /// What the inside lets through over a distance.
     #[inline]
-    pub fn transmittance(&self, distance: f32) -> SampledSpectrum {
+    pub fn transmittance(&self, distance: f32, mode: ColorMode) -> SampledSpectrum {
         match self {
-            Self::Interface { glass, .. } => glass.transmittance(distance, ColorMode::Rgb),
+            Self::Interface { glass, .. } => glass.transmittance(distance, mode),
             Self::Reflector(_) => SampledSpectrum::ONE,
         }
     }

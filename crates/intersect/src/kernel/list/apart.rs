@@ -76,11 +76,10 @@ mod tests {
     use crate::accel::{AcceleratorKind, Quality};
     use crate::hit::Hit;
     use crate::kernel::list::tests::{Sieve, quads};
-    use crate::mesh::TriangleMesh;
     use crate::query::rays::Rays;
     use crate::query::{AcceptAll, Grouping};
     use crate::shape::{AnyShape, Plane, Rectangle, Sphere};
-    use crate::world::tests::{Random, bits, build, check, default_world, levels, soup, sphere_mesh};
+    use crate::world::tests::{Random, bits, build, check, default_world, dust, levels, soup, sphere_mesh};
     use crate::world::{BuildOptions, GeometryId, Structure, World, WorldBuilder};
     use proptest::prelude::*;
     use snell_math::simd::Level;
@@ -255,12 +254,7 @@ mod tests {
     #[test]
     fn large_batches_find_what_single_rays_find() {
         let mut random = Random(3);
-        let mut mesh = TriangleMesh::default();
-        for i in 0..60_000 {
-            let corner = random.point(1.0);
-            mesh.positions.extend([corner, corner + random.point(0.02), corner + random.point(0.02)]);
-            mesh.indices.push([3 * i, 3 * i + 1, 3 * i + 2]);
-        }
+        let mesh = dust(&mut random, 60_000);
         let mut builder = WorldBuilder::default();
         builder.add_mesh(WorldBuilder::ROOT, Arc::new(mesh));
         add_ground(&mut builder, Ground::Floor, -1.0, 0.25);

@@ -26,7 +26,7 @@ impl<'a> SpecularBatch<'a> {
         let materials: Vec<_> = scene.materials.iter().map(|material| specular_part(context, material)).collect();
         let plain = |geometry: usize| scene.world.plain_mesh(GeometryId(geometry as u32));
         let meshes = (0..scene.world.geometry_count()).map(plain).collect();
-        let vertices = SpecularVertices::new(sampler, Some(wide));
+        let vertices = SpecularVertices::new(context.settings.color, sampler, Some(wide));
         materials.iter().any(Option::is_some).then(|| Box::new(Self { vertices, meshes, materials }))
     }
 }
