@@ -8,10 +8,10 @@ use super::carried::{Carried, Expected};
 use super::estimators::{Arrival, lift_of_opaque};
 use super::guided::GuidedBsdf;
 use super::lanes::{
-    Arriving, CarriedLanes, Columns, HitColors, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at,
+    Arriving, BLACK, CarriedLanes, Columns, HitColors, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at,
     color_at, put, put_color,
 };
-use super::lights::{ALONE, DARK, FlatArrivals, Skins, ray_origin};
+use super::lights::{ALONE, DARK, FlatArrivals, FlatLights, Skins, ray_origin};
 use super::lit::{LitLanes, LitOutputs};
 use super::path::{DrawnLight, SCATTERED_SPREAD, Scatterer, shining, weighted_sample};
 use super::plain_surfaces::{Bends, Frames, PlainSurface};
@@ -21,13 +21,14 @@ use crate::light_sampler::{Receiver, Receivers};
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::most;
-use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level};
+use snell_math::{ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level};
 use snell_scene::material::{FrameNeeds, Prepared};
 
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
 #[derive(Debug)]
 pub struct SurfaceVertices<'a> {
     lanes: VertexLanes,
+    color: ColorModel,
     /// By geometry.
     plain: Vec<Option<PlainSurface<'a>>>,
     /// Lanes on these.
@@ -71,7 +72,7 @@ struct Alone {
 #[derive(Debug)]
 pub(super) struct Scattered {
     /// By channel.
-    pub value: HitVectors,
+    pub value: HitColors,
     pub pdf: HitLanes,
 }
 
@@ -83,7 +84,7 @@ pub(super) struct Bounces {
     /// 0 for delta lobes.
     pub pdf: HitLanes,
     /// By channel, what the throughput is multiplied with.
-    pub weight: HitVectors,
+    pub weight: HitColors,
     pub eta_scale: HitLanes,
     /// As [`GuidedBsdf::survival`] gives it, where paths are guided.
     survival: HitLanes,
@@ -102,14 +103,20 @@ impl<'a> SurfaceVertices<'a> {
     pub fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
         let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
-            && settings.color == ColorModel::Rgb
             && !context.wants_lobes
             && !scene.moves;
         let wide = scene.world.simd().wide().filter(|_| is_for)?;
         let number = [0.0; LANES];
+        // What is known ahead is known in this colour.
+        let geometries = match settings.color {
+            ColorModel::Rgb => scene.world.geometry_count() as u32,
+            ColorModel::Spectral => 0,
+        };
+        let plain = (0..geometries).map(|id| PlainSurface::of(context, id)).collect();
         Some(Self {
             lanes: VertexLanes::new(sampler, Some(wide)),
-            plain: (0..scene.world.geometry_count() as u32).map(|id| PlainSurface::of(context, id)).collect(),
+            color: settings.color,
+            plain,
             on_plain: Vec::with_capacity(LANES),
             told: 0,
             scatterers: Vec::with_capacity(LANES),
@@ -122,19 +129,19 @@ impl<'a> SurfaceVertices<'a> {
             facing: ZERO,
             transmits: [false; LANES],
             is_specular: [false; LANES],
-            scattered: Scattered { value: ZERO, pdf: number },
+            scattered: Scattered { value: BLACK, pdf: number },
             bounces: Bounces {
                 wi: ZERO,
                 origin: ZERO,
                 pdf: number,
-                weight: ZERO,
+                weight: BLACK,
                 eta_scale: number,
                 survival: number,
                 expected: number,
                 is_delta: [0; LANES],
                 exists: [0; LANES],
             },
-            lit: LitLanes::default(),
+            lit: LitLanes { lights: FlatLights::new(settings.color), ..LitLanes::default() },
             alone: Vec::new(),
         })
     }
@@ -288,6 +295,7 @@ impl<'a> SurfaceVertices<'a> {
         let light = self.lit.lights.numbers(&self.lanes.randoms, count, wide);
         let skins = Skins { points: &self.lanes.points, lift: &self.lanes.lift };
         self.lit.lights.arrivals(context.scene, &skins, &light, count, wide, &mut self.lit.arrivals);
+        self.lit.lights.shine(&self.lanes.modes, count);
         for lane in 0..count {
             if !self.together.has(lane) {
                 self.scatter(context, lane, choice[lane], Vec2::new(bounce[0][lane], bounce[1][lane]), quad[lane]);
@@ -301,6 +309,7 @@ impl<'a> SurfaceVertices<'a> {
             wide,
             outputs,
             (
+                color: ColorModel = self.color,
                 carried: &CarriedLanes = &self.lanes.carried,
                 skins: &Skins<'_> = &Skins { points: &self.lanes.points, lift: &self.lanes.lift },
                 scattered: &Scattered = &self.scattered,
@@ -329,7 +338,7 @@ impl<'a> SurfaceVertices<'a> {
             if self.lit.lights.how[lane] != ALONE || !self.together.has(lane) {
                 continue;
             }
-            let (at, u) = (self.lanes.arrival(lane, ColorMode::Rgb, 0.0), Vec2::new(u[0][lane], u[1][lane]));
+            let (at, u) = (self.lanes.arrival(lane, self.lanes.modes[lane], 0.0), Vec2::new(u[0][lane], u[1][lane]));
             let Some(chosen) = self.lit.lights.chosen.get(lane) else { continue };
             let Some(light) = DrawnLight::of(context, &at, &chosen, u) else { continue };
             self.lit.arrivals.aim(lane, light.direction());
@@ -424,6 +433,27 @@ impl LitColumns for SurfaceVertices<'_> {
 /// What vertices give, where their lights are flat.
 #[inline(always)]
 fn outputs(
+    color: ColorModel,
+    carried: &CarriedLanes,
+    skins: &Skins,
+    scattered: &Scattered,
+    radiance: &HitColors,
+    arrivals: &mut FlatArrivals,
+    bounces: &mut Bounces,
+    is_guided: bool,
+    roulette: &Roulette,
+    to: &mut LitOutputs,
+) {
+    match color {
+        ColorModel::Rgb => give::<3>(carried, skins, scattered, radiance, arrivals, bounces, is_guided, roulette, to),
+        ColorModel::Spectral => {
+            give::<4>(carried, skins, scattered, radiance, arrivals, bounces, is_guided, roulette, to);
+        }
+    }
+}
+
+#[inline(always)]
+fn give<const CHANNELS: usize>(
     carried: &CarriedLanes,
     skins: &Skins,
     scattered: &Scattered,
@@ -437,9 +467,11 @@ fn outputs(
     let survival = is_guided.then_some(&bounces.survival);
     for i in 0..LANES {
         arrivals.weigh(i, scattered.pdf[i]);
-        let value = [scattered.value[0][i], scattered.value[1][i], scattered.value[2][i]];
+        let (mut value, mut weight) = ([0.0; CHANNELS], [0.0; CHANNELS]);
+        for channel in 0..CHANNELS {
+            (value[channel], weight[channel]) = (scattered.value[channel][i], bounces.weight[channel][i]);
+        }
         to.bring(i, carried, value, radiance, arrivals);
-        let weight = [bounces.weight[0][i], bounces.weight[1][i], bounces.weight[2][i]];
         let next = (weight, &bounces.eta_scale);
         to.go_on(i, carried, next, survival, roulette, bounces.exists[i] != 0);
         let origin = ray_origin(skins.points, skins.lift, i, at(&bounces.wi, i));

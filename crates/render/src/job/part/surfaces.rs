@@ -3,6 +3,7 @@
 use super::{PartRenderer, Paths};
 use crate::integrator::Vertex;
 use crate::integrator::lanes::{Arriving, Columns, LANES, LitColumns};
+use snell_math::ColorModel;
 
 impl PartRenderer<'_> {
     /// How many of the paths at the beginning can be worked on together, at most [`LANES`].
@@ -11,7 +12,13 @@ impl PartRenderer<'_> {
             return 0;
         }
         let nothing = self.context.scene.materials.len();
-        let is_any = |&path: &u32| (self.materials[path as usize] as usize) < nothing && !self.is_specular(path);
+        // What parts wavelengths changes what else a path carries.
+        let is_spectral = self.context.settings.color == ColorModel::Spectral;
+        let materials = &self.context.scene.materials;
+        let is_any = |&path: &u32| {
+            let material = self.materials[path as usize] as usize;
+            material < nothing && !self.is_specular(path) && !(is_spectral && materials[material].is_dispersive())
+        };
         paths.iter().take(LANES).take_while(|path| is_any(path)).count()
     }
 
