@@ -21,7 +21,7 @@ const LEAST_AREA: f32 = 1.0 / 32.0;
 const MOST_REST: f32 = 0.5;
 
 /// Fewer others are for lists as a whole, or nearly so.
-pub(super) const LEAST_REST: usize = 64;
+const LEAST_REST: usize = 64;
 
 /// Moves the primitives that stand apart to the end; returns how many do not, and what these extend over.
 pub(super) fn divide(primitives: &mut [Primitive], list: &GroupList) -> (usize, Extent) {
