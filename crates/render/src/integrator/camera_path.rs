@@ -14,7 +14,7 @@ use snell_scene::{Camera, CameraRay, CameraSample, CameraView};
 pub(crate) const FILM: u32 = 0;
 const LENS: u32 = 1;
 pub(crate) const WAVELENGTH: u32 = 2;
-const TIME: u32 = 3;
+pub(crate) const TIME: u32 = 3;
 
 /// Where a sample of a pixel is on the film, in the coordinates of [`CameraSample::film`], and the filter's weight, by the sample's
 /// numbers of dimension [`FILM`].

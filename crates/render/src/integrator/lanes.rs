@@ -25,7 +25,7 @@ const SPECTRUM: usize = snell_math::spectrum::LANES;
 /// Nothing in every lane.
 pub const BLACK: HitColors = [[0.0; LANES]; SPECTRUM];
 
-/// Paths that have come to surfaces, of a scene where nothing moves.
+/// Paths that have come to surfaces.
 #[derive(Clone, Copy, Debug)]
 pub struct Arriving<'a> {
     /// Their last rays.
@@ -61,8 +61,9 @@ pub struct VertexLanes {
     pub lift: HitVectors,
     has_lifts: bool,
     pub carried: CarriedLanes,
-    /// What the spectra of the paths stand for.
+    /// What the spectra of the paths stand for, and when their rays are traced.
     pub modes: [ColorMode; LANES],
+    pub times: HitLanes,
     pub randoms: ManyRandoms<LANES>,
     pub wide: Option<Wide>,
 }
@@ -137,6 +138,7 @@ impl VertexLanes {
             has_lifts: false,
             carried,
             modes: [ColorMode::Rgb; LANES],
+            times: zero,
             randoms: ManyRandoms::new(sampler, 0),
             wide,
         }
@@ -167,7 +169,8 @@ impl VertexLanes {
         }
         if let Some(rest) = from.rest {
             for lane in 0..self.count.min(LANES) {
-                self.modes[lane] = rest[self.paths[lane] as usize].mode;
+                let Rest { mode, time, .. } = rest[self.paths[lane] as usize];
+                (self.modes[lane], self.times[lane]) = (mode, time);
             }
         }
     }
@@ -206,13 +209,14 @@ impl VertexLanes {
     }
 
     /// Where light arrives at the vertex of a lane, once it is placed and lifted.
-    pub fn arrival(&self, lane: usize, mode: ColorMode, time: f32) -> Arrival {
+    pub fn arrival(&self, lane: usize) -> Arrival {
         let points = &self.points;
         let skin = Skin {
             position_error: at(&points.position_error, lane),
             geometric_normal: at(&points.geometric_normal, lane),
             lift: at(&self.lift, lane),
         };
+        let (mode, time) = (self.modes[lane], self.times[lane]);
         Arrival { position: at(&points.position, lane), surface: Some(skin), mode, time }
     }
 

@@ -24,7 +24,7 @@ use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_intersect::{Hit, TrianglePoints};
 use snell_math::simd::{Wide, most};
-use snell_math::{ColorMode, ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, sampling};
+use snell_math::{ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, sampling};
 use snell_scene::material::visible_normal;
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -74,13 +74,11 @@ impl Seen {
         normal: &HitVectors,
         reflectance: &HitColors,
         lane: usize,
-        mode: ColorMode,
-        time: f32,
     ) -> Self {
         let (wo, normal, reflectance) = (at(&lanes.wo, lane), at(normal, lane), color_at(reflectance, lane));
         let (geometric_normal, lift) = (at(&lanes.points.geometric_normal, lane), at(&lanes.lift, lane));
         let horizon = horizon(geometric_normal, normal, lift);
-        let arrival = lanes.arrival(lane, mode, time);
+        let arrival = lanes.arrival(lane);
         Self { arrival, normal, horizon, cos_o: normal.dot(wo), side: horizon.dot(wo), reflectance }
     }
 
@@ -151,12 +149,13 @@ impl MatteVertices {
             put_color(&mut self.reflectance, lane, self.lanes.modes[lane].reflectance(rgb));
             return;
         }
-        let surface = scene.interaction(ray, 0.0, hit);
+        let time = self.lanes.times[lane];
+        let surface = scene.interaction(ray, time, hit);
         let point = scene.shading_point(&surface, self.lanes.carried.cone_width[lane], self.lanes.modes[lane]);
         let Some((reflectance, shading_normal)) = material.matte_at(&point) else { return };
         put_color(&mut self.reflectance, lane, reflectance);
         let lift = match may_be_lifted(context, material) {
-            true => scene.lift(ray, 0.0, &surface),
+            true => scene.lift(ray, time, &surface),
             false => Vec3::ZERO,
         };
         self.lanes.put_point(lane, OtherPoint::of(&surface, shading_normal, lift));
@@ -224,7 +223,7 @@ impl MatteVertices {
             )
         );
         lit.sample_alone(count, &light, |lane, chosen, u| {
-            let seen = Seen::at(lanes, normal, reflectance, lane, lanes.modes[lane], 0.0);
+            let seen = Seen::at(lanes, normal, reflectance, lane);
             let throughput = color_at(&lanes.carried.throughput, lane);
             weighted_sample(context, throughput, &seen.arrival, chosen, u, |wi| {
                 let (value, pdf) = seen.reflected(wi);
@@ -249,7 +248,7 @@ impl MatteVertices {
 
     /// What a vertex of `raycast` or `whitted` gives: ambient light, and a light ray for each light.
     pub fn shade_classic(&self, context: &Context, lane: usize, state: &PathState, random: &Random, out: &mut Outputs) {
-        let seen = self.seen(lane, state.mode, state.time);
+        let seen = self.seen(lane);
         let ambient = seen.reflectance * state.mode.illuminant(context.scene.ambient + context.settings.fill);
         out.radiance = state.throughput * ambient;
         let local = |wi| seen.reflected(wi).0 * PI;
@@ -257,8 +256,8 @@ impl MatteVertices {
     }
 
     /// What a lane knows of its surface.
-    fn seen(&self, lane: usize, mode: ColorMode, time: f32) -> Seen {
-        Seen::at(&self.lanes, &self.normal, &self.reflectance, lane, mode, time)
+    fn seen(&self, lane: usize) -> Seen {
+        Seen::at(&self.lanes, &self.normal, &self.reflectance, lane)
     }
 
     /// False for a vertex that must be worked on alone after all.
@@ -288,7 +287,7 @@ impl MatteVertices {
         let (direction, pdf) = (at(&self.bounces.wi, lane), self.bounces.pdf[lane]);
         let bsdf_share = match self.guided.known(lane) {
             Some(known) => {
-                field.bsdf_share(known) * self.seen(lane, self.lanes.modes[lane], 0.0).reflected(direction).1 / pdf
+                field.bsdf_share(known) * self.seen(lane).reflected(direction).1 / pdf
             }
             None => 1.0,
         };
@@ -444,9 +443,9 @@ fn bounce(
 mod tests {
     use crate::sampler::SamplerKind;
     use crate::settings::Shadows;
-    use crate::{CompiledScene, Guiding, IntegratorKind, Job, Settings};
-    use snell_intersect::BuildOptions;
-    use snell_math::simd::Level;
+    use super::super::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::compile::Moving;
+    use crate::{Guiding, IntegratorKind, Settings};
     use snell_math::{ColorModel, Rgb};
     use snell_scene::builtin::builtin;
     use snell_scene::material::Diffuse;
@@ -470,22 +469,12 @@ mod tests {
                 (IntegratorKind::Whitted, SamplerKind::ZSobol, Shadows::Soft, None, ColorModel::Spectral),
             ];
             for (integrator, sampler, shadows, guiding, color) in kinds {
-                let picture = |simd: Level| {
-                    let options = BuildOptions { simd, ..BuildOptions::default() };
-                    let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
-                    let (max_depth, fill) = (9, Rgb::new(0.1, 0.2, 0.3));
-                    let how = Settings { max_depth, sampler, integrator, shadows, fill, color, ..Settings::default() };
-                    let settings = Settings { size: [36, 24], spp: 4, guiding, ..how };
-                    let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
-                    image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
-                };
-                let one_by_one = picture(Level::Scalar);
-                for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    assert_eq!(
-                        picture(level),
-                        one_by_one,
-                        "{name} {integrator:?} {sampler:?} {guiding:?} {color:?} {level}"
-                    );
+                let (max_depth, fill) = (9, Rgb::new(0.1, 0.2, 0.3));
+                let how = Settings { max_depth, sampler, integrator, shadows, fill, color, ..Settings::default() };
+                let settings = Settings { size: [36, 24], spp: 4, guiding, ..how };
+                assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                if sampler == SamplerKind::Independent || integrator == IntegratorKind::Whitted {
+                    assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
                 }
             }
         }

@@ -28,6 +28,8 @@ pub(crate) mod surfaces;
 #[cfg(test)]
 mod tests;
 mod together;
+#[cfg(test)]
+mod twins;
 
 use crate::compile::CompiledScene;
 use crate::guiding::{Choice, Field};

@@ -9,7 +9,7 @@ use crate::light_sampler::Receiver;
 use snell_intersect::triangles::{HitLanes, HitVectors, PlainMesh};
 use snell_intersect::{GeometryId, TrianglePoints};
 use snell_math::simd::marked_vector;
-use snell_math::{ColorMode, Frame, at_level};
+use snell_math::{Frame, at_level};
 use snell_scene::bsdf::{Bsdf, Lobes, ManyBsdf};
 use snell_scene::material::{Bend, FrameNeeds, ShadingBsdf};
 use std::borrow::Cow;
@@ -51,7 +51,7 @@ impl<'a> PlainSurface<'a> {
     /// What scatters in a lane that is on it.
     pub fn scatterer(&self, lanes: &VertexLanes, frames: &Frames, lane: usize) -> Scatterer<'a> {
         let (wo, frame, lift) = (at(&lanes.wo, lane), frames.at(lane), at(&lanes.lift, lane));
-        let arrival = lanes.arrival(lane, ColorMode::Rgb, 0.0);
+        let arrival = lanes.arrival(lane);
         let flat = at(&lanes.points.geometric_normal, lane);
         let shading = ShadingBsdf::seen_from(wo, Cow::Borrowed(self.bsdf), frame, horizon(flat, frame.z, lift));
         let receiver = Receiver {

@@ -42,8 +42,7 @@ impl ScatteredVertices {
     pub fn new(context: &Context, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
         let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
-            && scene.volumes.is_some()
-            && !scene.moves;
+            && scene.volumes.is_some();
         let wide = scene.world.simd().wide().filter(|_| is_for)?;
         Some(Self {
             lanes: VertexLanes::new(sampler, Some(wide)),
@@ -113,7 +112,7 @@ impl ScatteredVertices {
         );
         lit.sample_alone(count, &light, |lane, chosen, u| {
             let position = at(&lanes.points.position, lane);
-            let arrival = Arrival { position, surface: None, mode: lanes.modes[lane], time: 0.0 };
+            let arrival = Arrival { position, surface: None, mode: lanes.modes[lane], time: lanes.times[lane] };
             let throughput = color_at(&lanes.carried.throughput, lane);
             let (phase, forward) = (phase[lane], -at(&lanes.wo, lane));
             let scattered = |wi| {
@@ -219,9 +218,9 @@ fn bounce_off(wo: &HitVectors, phase: &[HenyeyGreenstein; LANES], u: &[HitLanes;
 #[cfg(test)]
 mod tests {
     use crate::sampler::SamplerKind;
-    use crate::{CompiledScene, IntegratorKind, Job, LightStrategy, Settings};
-    use snell_intersect::BuildOptions;
-    use snell_math::simd::Level;
+    use super::super::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::compile::Moving;
+    use crate::{IntegratorKind, LightStrategy, Settings};
     use snell_math::{ColorModel, DVec3, Rgb};
     use snell_scene::Light;
     use snell_scene::builtin::builtin;
@@ -250,17 +249,11 @@ mod tests {
                 (IntegratorKind::Path, SamplerKind::ZSobol, LightStrategy::Mis, ColorModel::Spectral),
             ];
             for (integrator, sampler, light_strategy, color) in ways {
-                let picture = |simd: Level| {
-                    let options = BuildOptions { simd, ..BuildOptions::default() };
-                    let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
-                    let how = Settings { max_depth: 9, sampler, integrator, light_strategy, ..Settings::default() };
-                    let settings = Settings { size: [36, 24], spp: 4, color, ..how };
-                    let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
-                    image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
-                };
-                let one_by_one = picture(Level::Scalar);
-                for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    assert_eq!(picture(level), one_by_one, "{name} {integrator:?} {sampler:?} {color:?} {level}");
+                let how = Settings { max_depth: 9, sampler, integrator, light_strategy, ..Settings::default() };
+                let settings = Settings { size: [36, 24], spp: 4, color, ..how };
+                assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                if sampler == SamplerKind::Independent {
+                    assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
                 }
             }
         }

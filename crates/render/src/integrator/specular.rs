@@ -136,7 +136,7 @@ impl SpecularVertices {
 
     #[inline(never)]
     fn gather_other(&mut self, context: &Context, lane: usize, ray: &Ray, hit: &Hit, material: &Material) {
-        let surface = context.scene.interaction(ray, 0.0, hit);
+        let surface = context.scene.interaction(ray, self.lanes.times[lane], hit);
         let footprint = self.lanes.carried.cone_width[lane];
         let normal = material.shading_normal(&context.scene.shading_point(&surface, footprint, self.lanes.modes[lane]));
         self.lanes.put_point(lane, OtherPoint::of(&surface, normal, Vec3::ZERO));
@@ -325,9 +325,9 @@ fn bounce_channels<const CHANNELS: usize>(
 #[cfg(test)]
 mod tests {
     use crate::sampler::SamplerKind;
-    use crate::{CompiledScene, Guiding, IntegratorKind, Job, Settings};
-    use snell_intersect::BuildOptions;
-    use snell_math::simd::Level;
+    use super::super::twins::{assert_alike_at_every_level, every_second_node};
+    use crate::compile::Moving;
+    use crate::{Guiding, IntegratorKind, Settings};
     use snell_math::{ColorModel, Rgb};
     use snell_scene::Texture;
     use snell_scene::builtin::builtin;
@@ -370,21 +370,11 @@ mod tests {
                 (IntegratorKind::Path, SamplerKind::Independent, None, Some(guiding), ColorModel::Spectral),
             ];
             for (integrator, sampler, clamp, guiding, color) in ways {
-                let picture = |simd: Level| {
-                    let options = BuildOptions { simd, ..BuildOptions::default() };
-                    let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
-                    let how = Settings { max_depth: 9, sampler, integrator, clamp, ..Settings::default() };
-                    let settings = Settings { size: [36, 24], spp: 4, guiding, color, ..how };
-                    let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
-                    image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
-                };
-                let one_by_one = picture(Level::Scalar);
-                for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    assert_eq!(
-                        picture(level),
-                        one_by_one,
-                        "{name} {integrator:?} {sampler:?} {guiding:?} {color:?} {level}"
-                    );
+                let how = Settings { max_depth: 9, sampler, integrator, clamp, ..Settings::default() };
+                let settings = Settings { size: [36, 24], spp: 4, guiding, color, ..how };
+                assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                if sampler == SamplerKind::Independent && guiding.is_none() {
+                    assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
                 }
             }
         }

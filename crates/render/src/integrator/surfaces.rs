@@ -103,8 +103,7 @@ impl<'a> SurfaceVertices<'a> {
     pub fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
         let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
-            && !context.wants_lobes
-            && !scene.moves;
+            && !context.wants_lobes;
         let wide = scene.world.simd().wide().filter(|_| is_for)?;
         let number = [0.0; LANES];
         // What is known ahead is known in this colour.
@@ -338,7 +337,7 @@ impl<'a> SurfaceVertices<'a> {
             if self.lit.lights.how[lane] != ALONE || !self.together.has(lane) {
                 continue;
             }
-            let (at, u) = (self.lanes.arrival(lane, self.lanes.modes[lane], 0.0), Vec2::new(u[0][lane], u[1][lane]));
+            let (at, u) = (self.lanes.arrival(lane), Vec2::new(u[0][lane], u[1][lane]));
             let Some(chosen) = self.lit.lights.chosen.get(lane) else { continue };
             let Some(light) = DrawnLight::of(context, &at, &chosen, u) else { continue };
             self.lit.arrivals.aim(lane, light.direction());

@@ -50,7 +50,7 @@ pub struct PartRenderer<'a> {
     camera: &'a Camera,
     view: CameraView<'a>,
     camera_rays: PinholeRays<LANES>,
-    /// Neither the scene nor the camera moves, and nobody asks for lobes.
+    /// The camera does not move.
     stands_still: bool,
     sampler: &'a Sampler,
     filter: &'a FilterSampler,
@@ -136,14 +136,14 @@ impl<'a> PartRenderer<'a> {
         let sees_media = context.settings.integrator.sees_media();
         let volumes = if sees_media { VolumeBatch::new(&context, sampler, eye) } else { None };
         let shade = context.settings.integrator.vertex_function();
-        let matte = if scene.moves { None } else { Matte::new(&context, sampler) };
-        let specular = if scene.moves { None } else { SpecularBatch::new(&context, sampler) };
+        let matte = Matte::new(&context, sampler);
+        let specular = SpecularBatch::new(&context, sampler);
         let scattered = ScatteredVertices::new(&context, sampler).map(Box::new);
         let surfaces = SurfaceVertices::new(&context, sampler).map(Box::new);
         let view = camera.view(context.settings.size);
         let settings = context.settings;
-        let stands_still = !scene.moves && settings.later_cameras.is_empty() && !context.wants_lobes;
-        let is_plain = settings.color == ColorModel::Rgb && stands_still;
+        let stands_still = settings.later_cameras.is_empty();
+        let is_plain = settings.color == ColorModel::Rgb && stands_still && !scene.moves && !context.wants_lobes;
         Self {
             context,
             camera,
@@ -233,7 +233,7 @@ impl<'a> PartRenderer<'a> {
         statistics.rays.camera += self.paths.len() as u64;
         // Sixteen rays in a row are of one pixel, or of one row of a tile.
         let mut grouping = if self.camera.has_common_origin()
-            && self.context.settings.later_cameras.is_empty()
+            && self.stands_still
             && matches!(range[1] - range[0], 1 | 16)
         {
             Grouping::Coherent

@@ -1,8 +1,8 @@
 use crate::sampler::SamplerKind;
-use crate::{CompiledScene, Guiding, IntegratorKind, Job, LightStrategy, Settings};
-use snell_intersect::BuildOptions;
+use super::super::twins::{assert_alike_at_every_level, every_second_node};
+use crate::compile::Moving;
+use crate::{Guiding, IntegratorKind, LightStrategy, Settings};
 use snell_math::ColorModel;
-use snell_math::simd::Level;
 use snell_scene::Texture;
 use snell_scene::builtin::builtin;
 use snell_scene::material::{AlphaMode, MaterialKind, NormalMap, OpenPbr};
@@ -59,22 +59,12 @@ fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
             // Some of them by their spectra, too.
             let colors = if way % 2 == 0 { &ColorModel::ALL[..] } else { &ColorModel::ALL[..1] };
             for &color in colors {
-                let picture = |simd: Level| {
-                    let options = BuildOptions { simd, ..BuildOptions::default() };
-                    let compiled = CompiledScene::new(&scene, &options).expect("a valid scene");
-                    let how = Settings { max_depth: 7, sampler, integrator, light_strategy, ..Settings::default() };
-                    let settings = Settings { size: [32, 24], spp: 4, guiding, color, ..how };
-                    let image = Job::new(&compiled, &scene.cameras[0], &settings).run(1, &|_| true).0.image();
-                    image.layers[0].values.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
-                };
-                let one_by_one = picture(Level::Scalar);
-                assert!(one_by_one.iter().any(|&x| f32::from_bits(x) != 0.0) || way > 2, "{name}");
-                for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-                    let is_alike = picture(level) == one_by_one;
-                    assert!(
-                        is_alike,
-                        "{name} {integrator:?} {sampler:?} {light_strategy:?} {guiding:?} {color:?} {level}"
-                    );
+                let how = Settings { max_depth: 7, sampler, integrator, light_strategy, ..Settings::default() };
+                let settings = Settings { size: [32, 24], spp: 4, guiding, color, ..how };
+                let picture = assert_alike_at_every_level(&scene, &Moving::default(), &settings);
+                assert!(picture.iter().any(|&x| x != 0.0) || way > 2, "{name}");
+                if sampler == SamplerKind::Independent && guiding.is_none() {
+                    assert_alike_at_every_level(&scene, &every_second_node(&scene), &settings);
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! Where paths begin: samples, their numbers and the rays of the camera.
 
 use super::{PartRenderer, Sample, SampleFacts};
-use crate::integrator::camera_path::{FILM, WAVELENGTH, camera_path, film_point, path_of};
+use crate::integrator::camera_path::{FILM, TIME, WAVELENGTH, camera_path, film_point, path_of};
 use crate::integrator::carried::{Carried, Rest};
 use crate::integrator::lanes::LANES;
 use crate::sampler::{ManyRandoms, SampleKey};
@@ -48,13 +48,13 @@ impl PartRenderer<'_> {
         self.samples.resize(self.samples.len() + keys.len(), nothing);
         let Self { paths, facts, view, .. } = self;
         let known = |mode, weight| SampleFacts { mode, alpha: 1.0, weight, rays: 0 };
-        let is_alike = paths.is_plain() || settings.color == ColorModel::Spectral && self.stands_still;
-        if is_alike && view.pinhole_rays(&film, wide, &mut self.camera_rays) {
+        if self.stands_still && view.pinhole_rays(&film, wide, &mut self.camera_rays) {
             let rays = &self.camera_rays;
             let modes = modes_of(settings.color, &randoms, wide);
+            let times = if self.context.scene.moves { randoms.numbers(TIME, wide) } else { [0.0; LANES] };
             paths.rays.extend((0..keys.len()).map(|i| rays.get(i).ray));
             let (first, rest) = Carried::of(&path_of(&rays.get(0), modes[0], 0.0));
-            let rests: [Rest; LANES] = std::array::from_fn(|i| Rest { mode: modes[i], ..rest });
+            let rests: [Rest; LANES] = std::array::from_fn(|i| Rest { mode: modes[i], time: times[i], ..rest });
             paths.extend_rest(rests[..keys.len()].iter());
             let carried = |i| Carried { cone_spread: rays.get(i).spread, ..first };
             paths.carried.extend((0..keys.len()).map(carried));

@@ -1,0 +1,45 @@
+//! For tests of vertices that are worked on many at once: pictures at every level.
+
+use crate::compile::Moving;
+use crate::{CompiledScene, Job, Settings};
+use snell_intersect::{BuildOptions, TriangleMesh};
+use snell_math::simd::Level;
+use snell_math::{DAffine3, Vec3};
+use snell_scene::{Geometry, NodeId, Pose, Scene};
+use std::sync::Arc;
+
+/// Fails unless the picture is the same at every level of this machine, bit for bit: portable code works on one vertex at a time. Gives the
+/// picture.
+pub fn assert_alike_at_every_level(scene: &Scene, moving: &Moving, settings: &Settings) -> Vec<f32> {
+    let picture = |simd: Level| {
+        let options = BuildOptions { simd, ..BuildOptions::default() };
+        let compiled = CompiledScene::moving(scene, moving, &options, None).expect("a valid scene");
+        Job::new(&compiled, &scene.cameras[0], settings).run(1, &|_| true).0.image().layers[0].values.clone()
+    };
+    let one_by_one = picture(Level::Scalar);
+    for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+        let is_alike = picture(level).iter().map(|x| x.to_bits()).eq(one_by_one.iter().map(|x| x.to_bits()));
+        assert!(is_alike, "{} at {level}, moving {}: {settings:?}", scene.name, moving.nodes.len());
+    }
+    one_by_one
+}
+
+/// Every second node with surfaces turns while the shutter is open, and the first mesh of those between grows.
+pub fn every_second_node(scene: &Scene) -> Moving {
+    let mut later = Pose::default();
+    let has_surfaces = |id: &NodeId| !scene.nodes[id.index()].surfaces.is_empty();
+    for (i, id) in (0..scene.nodes.len() as u32).map(NodeId).filter(has_surfaces).enumerate() {
+        let node = &scene.nodes[id.index()];
+        if i % 2 == 0 {
+            later.transforms.insert(id, node.transform * DAffine3::from_rotation_z(0.1));
+        } else if let Geometry::Mesh(mesh) = &node.surfaces[0].geometry
+            && later.meshes.is_empty()
+        {
+            let mut grown = TriangleMesh::clone(mesh);
+            grown.positions.iter_mut().for_each(|p: &mut Vec3| *p *= 1.1);
+            later.meshes.insert((id, 0), Arc::new(grown));
+        }
+    }
+    let nodes = later.transforms.keys().copied().chain(later.meshes.keys().map(|(id, _)| *id)).collect();
+    Moving { nodes, later: vec![later] }
+}
