@@ -4,7 +4,7 @@
 use crate::angles;
 use crate::simd::{least, most};
 use glam::{DVec2, DVec3};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// Solid angle of the triangle of these unit vectors, `[0, 2 pi]` (Van Oosterom and Strackee, The Solid Angle of a Plane Triangle,
 /// 1983).
@@ -111,37 +111,54 @@ impl SphericalRectangle {
 
 /// Solid angle of a sphere of this squared radius at this squared distance of its centre: of the cone around it. The viewpoint is
 /// outside.
-#[inline]
+#[inline(always)]
 pub fn sphere_solid_angle(radius_squared: f64, distance_squared: f64) -> f64 {
     let sin2 = radius_squared / distance_squared;
     // 1 - cos without cancellation.
-    TAU * sin2 / (1.0 + (1.0 - sin2).max(0.0).sqrt())
+    TAU * sin2 / (1.0 + most(1.0 - sin2, 0.0).sqrt())
 }
 
 /// A point on the sphere around `center`, in a direction from the origin that is uniform in the cone around the sphere. The origin is
 /// outside.
 #[inline]
 pub fn sample_sphere(center: DVec3, radius: f64, u: DVec2) -> DVec3 {
+    let towards = -center / center.length();
+    center + around(towards, near_side_of_sphere(center, radius, u.x), u.y) * radius
+}
+
+/// The cosine at the centre of the sphere of [`sample_sphere`] of the angle between the way to the origin and that to the point. Without
+/// branches, so that loops over it become vector code.
+#[inline(always)]
+pub fn near_side_of_sphere(center: DVec3, radius: f64, u: f64) -> f64 {
     let d2 = center.length_squared();
     let d = d2.sqrt();
     let sin2_max = radius * radius / d2;
-    let one_minus_cos = u.x * sin2_max / (1.0 + (1.0 - sin2_max).max(0.0).sqrt());
+    let one_minus_cos = u * sin2_max / (1.0 + most(1.0 - sin2_max, 0.0).sqrt());
     let cos = 1.0 - one_minus_cos;
     let sin2 = one_minus_cos * (2.0 - one_minus_cos);
-    // The angle at the centre between the way to the viewpoint and the point on the near side.
-    let distance = d * cos - (radius * radius - d2 * sin2).max(0.0).sqrt();
-    let cos_alpha = ((d2 + radius * radius - distance * distance) / (2.0 * d * radius)).clamp(-1.0, 1.0);
-    let sin_alpha = ((1.0 - cos_alpha) * (1.0 + cos_alpha)).sqrt();
-    let towards = -center / d;
-    let (x, y) = towards.any_orthonormal_pair();
-    let (s, c) = (2.0 * PI * u.y).sin_cos();
-    center + (x * (sin_alpha * c) + y * (sin_alpha * s) + towards * cos_alpha) * radius
+    let distance = d * cos - most(radius * radius - d2 * sin2, 0.0).sqrt();
+    let cos_alpha = (d2 + radius * radius - distance * distance) / (2.0 * d * radius);
+    most(least(cos_alpha, 1.0), -1.0)
+}
+
+/// The unit vector at an angle of this cosine to a unit vector, `u` of a turn around that. Without branches, as well.
+#[inline(always)]
+pub fn around(axis: DVec3, cos: f64, u: f64) -> DVec3 {
+    let sign = 1f64.copysign(axis.z);
+    let a = -1.0 / (sign + axis.z);
+    let b = axis.x * axis.y * a;
+    let x = DVec3::new(1.0 + sign * axis.x * axis.x * a, sign * b, -sign * axis.x);
+    let y = DVec3::new(b, sign + axis.y * axis.y * a, -axis.y);
+    let sin = ((1.0 - cos) * (1.0 + cos)).sqrt();
+    let (s, c) = angles::sin_cos(TAU * u);
+    x * (sin * c) + y * (sin * s) + axis * cos
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::rng::uniform2;
+    use std::f64::consts::PI;
 
     fn number(i: u32, k: u32) -> f64 {
         f64::from(uniform2([i, k, 1, 1]).x) * 2.0 - 1.0

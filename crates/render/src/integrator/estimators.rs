@@ -9,7 +9,8 @@ use snell_intersect::SurfaceInteraction;
 use snell_intersect::smooth::lifted_ray_origin;
 use snell_math::robust::offset_ray_origin;
 use snell_math::{ColorMode, Ray, SampledSpectrum, Vec2, Vec3};
-use snell_scene::light::area::{AreaLight, AreaSample, DirectedPoint, DirectedSample, FlatSample};
+use snell_scene::light::area::{AreaLight, AreaSample, DirectedPoint, DirectedSample, PartSample};
+use snell_scene::light::environment::SkySample;
 use snell_scene::material::ShadingBsdf;
 use snell_scene::medium::Glow;
 use snell_scene::{Background, Material, MediumId};
@@ -128,10 +129,7 @@ pub fn lift_of_opaque(context: &Context, vertex: &Vertex, surface: &SurfaceVerte
 pub fn sample_whole_light(context: &Context, at: &Arrival, light: usize, u: Vec2) -> Option<IncidentLight> {
     match &context.scene.lights()[light] {
         CompiledLight::Light(_) => sample_light(context, at, &ChosenLight { light, part: None, probability: 1.0 }, u),
-        CompiledLight::Environment => {
-            let (direction, pdf) = context.scene.environment.as_ref()?.sample(u);
-            from_environment(context, at, direction, pdf)
-        }
+        CompiledLight::Environment => from_environment(context, at, &context.scene.environment.as_ref()?.sample(u)),
         CompiledLight::Medium(..) => None,
         CompiledLight::Area(area) => from_area(context, at, area.sample(u)?),
         CompiledLight::Moving(light) => from_area(context, at, light.sample(at.time, u)?),
@@ -174,8 +172,8 @@ pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Ve
         CompiledLight::Area(area) => {
             let (part, probability, u) = part_of_choice(area, chosen, u);
             let plain = scene.plain_emission(chosen.light);
-            if let Some((plain, sample)) = plain.zip(area.sample_flat(part, at.position, u)) {
-                return from_flat(at, plain, sample, probability);
+            if let Some((plain, sample)) = plain.zip(area.sample_simple(part, at.position, u)) {
+                return from_part(at, plain, sample, probability);
             }
             if let Some(plain) = plain {
                 let sample = area.sample_point_from(part, at.position, u)?;
@@ -191,10 +189,7 @@ pub fn sample_light(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Ve
             from_surface(context, at, sample)
         }
         CompiledLight::Medium(medium, glow) => from_glow(at, *medium, glow, u),
-        CompiledLight::Environment => {
-            let (direction, pdf) = environment_direction(context, u)?;
-            from_environment(context, at, direction, pdf)
-        }
+        CompiledLight::Environment => from_environment(context, at, &environment_direction(context, u)?),
     }
 }
 
@@ -209,8 +204,8 @@ fn part_of_choice(light: &AreaLight, chosen: &ChosenLight, u: Vec2) -> (u32, f32
     }
 }
 
-/// A direction to the environment, and its density.
-pub(super) fn environment_direction(context: &Context, u: Vec2) -> Option<(Vec3, f32)> {
+/// A direction to the environment.
+pub(super) fn environment_direction(context: &Context, u: Vec2) -> Option<SkySample> {
     let sky = context.scene.environment.as_ref()?;
     match context.settings.light_strategy {
         LightStrategy::Mis => sky.sample_compensated(u),
@@ -218,10 +213,11 @@ pub(super) fn environment_direction(context: &Context, u: Vec2) -> Option<(Vec3,
     }
 }
 
-/// Light from a direction of the environment.
-pub(super) fn from_environment(context: &Context, at: &Arrival, direction: Vec3, pdf: f32) -> Option<IncidentLight> {
+/// Light from a direction of the environment. [`super::lights`] does the same for many.
+pub(super) fn from_environment(context: &Context, at: &Arrival, sample: &SkySample) -> Option<IncidentLight> {
     let sky = context.scene.environment.as_ref()?;
-    let radiance = sky.radiance(direction, at.mode);
+    let &SkySample { direction, pdf, place } = sample;
+    let radiance = sky.radiance_at(place, at.mode);
     let shadow_ray = Ray::new(at.ray_origin(direction), direction);
     let arrives = !radiance.is_black() && pdf > 0.0;
     let source = LightSource::Environment;
@@ -253,9 +249,9 @@ pub fn light_pdf_of_glow(lights: &LightSampler, receiver: &Receiver, light: usiz
     if pdf > 0.0 && pdf.is_finite() { pdf * lights.probability(receiver, light, (0, 1.0)) } else { 0.0 }
 }
 
-/// Light from a point of a flat surface that shines alike everywhere. [`super::lights`] does the same for many.
-fn from_flat(at: &Arrival, plain: &PlainEmission, sample: FlatSample, probability: f32) -> Option<IncidentLight> {
-    let FlatSample { direction, pdf, end, is_front, exists } = sample;
+/// Light from a point of a simple surface that shines alike everywhere. [`super::lights`] does the same for many.
+fn from_part(at: &Arrival, plain: &PlainEmission, sample: PartSample, probability: f32) -> Option<IncidentLight> {
+    let PartSample { direction, pdf, end, is_front, exists } = sample;
     let radiance = plain.radiance_in(at.mode);
     if !exists || !(is_front || plain.on_both_sides) || radiance.is_black() {
         return None;

@@ -2,7 +2,7 @@
 
 use super::guided::{expected_survival, mixed_pdf};
 use super::lanes::{CarriedLanes, HitColors, LANES, at};
-use super::lights::{FlatArrivals, Scatterers, Surfaces};
+use super::lights::{LightArrivals, Scatterers, Surfaces};
 use crate::guiding::density::coordinates;
 use crate::guiding::directional::{direction_from_square, square_from_direction};
 use crate::guiding::{Field, Known};
@@ -127,14 +127,14 @@ impl GuidedLanes {
     }
 
     /// Weighs light samples against the mixture.
-    pub fn weigh_lights(&mut self, field: &Field, arrivals: &mut FlatArrivals, wide: Option<Wide>) {
+    pub fn weigh_lights(&mut self, field: &Field, arrivals: &mut LightArrivals, wide: Option<Wide>) {
         at_level!(
             wide,
             find_coordinates,
             (directions: &HitVectors = arrivals.directions(), to: &mut [[u32; LANES]; 2] = &mut self.coordinates)
         );
         self.look_up(field, |lane| arrivals.exists[lane] != 0);
-        at_level!(wide, weigh_lights, (guided: &GuidedLanes = self, arrivals: &mut FlatArrivals = arrivals));
+        at_level!(wide, weigh_lights, (guided: &GuidedLanes = self, arrivals: &mut LightArrivals = arrivals));
     }
 
     /// Works out by what roulette decides, for paths that have come to surfaces of this reflectance.
@@ -249,7 +249,7 @@ fn play(guided: &mut GuidedLanes, carried: &CarriedLanes, reflectance: &HitColor
 }
 
 #[inline(always)]
-fn weigh_lights(guided: &GuidedLanes, arrivals: &mut FlatArrivals) {
+fn weigh_lights(guided: &GuidedLanes, arrivals: &mut LightArrivals) {
     for i in 0..LANES {
         let (share, density) = (guided.share[i], arrivals.density[i]);
         let pdf = mixed_pdf(share, arrivals.share[i], guided.pdf[i]);

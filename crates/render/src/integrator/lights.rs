@@ -1,10 +1,11 @@
-//! Light samples of many vertices at once, where the chosen lights are flat and shine alike everywhere, and are far, or rectangles and triangles: what
-//! [`super::estimators::sample_light`] gives one at a time, bit for bit.
+//! Light samples of many vertices at once, where the chosen lights are an environment, or shine alike everywhere and are flat and far, or rectangles,
+//! triangles and spheres: what [`super::estimators::sample_light`] gives one at a time, bit for bit.
 
 use super::estimators::SHADOW_END;
 use super::lanes::{BLACK, HitColors, ZERO, at, put, put_color};
 use super::light_part::LightSource;
-use super::near_lights::{NearLights, NearParts};
+use super::near_lights::{NearLights, NearParts, RECTANGLE, SPHERE, TRIANGLE};
+use super::sky_samples::{NO_PLACES, SkyPlaces, SkySamples, arrive_from_sky};
 use super::{Context, dimension};
 use crate::compile::{CompiledLight, CompiledScene, LightSpectrum, PlainEmission};
 use crate::light_sampler::{ChosenLights, NONE, Receivers};
@@ -15,13 +16,13 @@ use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors, TRIANGLE_HITS as LANES};
 use snell_math::simd::Wide;
 use snell_math::{ColorMode, ColorModel, Ray, Vec2, Vec3, at_level, sampling};
-use snell_scene::light::area::{AreaLight, FlatPart, FlatSample, NearPart};
+use snell_scene::light::area::{AreaLight, FlatPart, PartSample};
 use snell_scene::medium::HenyeyGreenstein;
 use std::f32::consts::FRAC_1_PI;
 
 /// The lights of the lanes. Lanes without a light hold anything.
 #[derive(Debug)]
-pub struct FlatLights {
+pub struct LightSamples {
     /// What was chosen.
     pub chosen: ChosenLights,
     /// Which part of which light is there already: mostly the one that comes next.
@@ -29,7 +30,7 @@ pub struct FlatLights {
     part: [u32; LANES],
     /// How each is sampled.
     pub how: [u32; LANES],
-    /// How each is sampled from near points; [`ALONE`] for what is not flat too.
+    /// How each is sampled from near points, and spheres from all; [`ALONE`] for all others.
     how_near: [u32; LANES],
     /// What gives the light of each.
     pub source: [LightSource; LANES],
@@ -39,6 +40,7 @@ pub struct FlatLights {
     spectra: Vec<LightSpectrum>,
     corner: HitVectors,
     edges: [HitVectors; 2],
+    /// Of spheres, normals and errors of points.
     normal: HitVectors,
     error: HitVectors,
     middle: HitVectors,
@@ -46,11 +48,14 @@ pub struct FlatLights {
     far: HitLanes,
     /// Density per unit of area.
     pdf: HitLanes,
-    /// 1 for a triangle, 0 for a rectangle.
-    is_triangle: [u32; LANES],
+    kind: [u32; LANES],
     /// 1 if both sides shine.
     on_both_sides: [u32; LANES],
     near: NearLights,
+    /// Lanes that sample the environment.
+    sky_lanes: Vec<u32>,
+    sky: SkySamples,
+    sky_places: SkyPlaces,
 }
 
 /// There is no light.
@@ -59,18 +64,20 @@ pub const DARK: u32 = 0;
 const FAR: u32 = 1;
 /// By solid angle.
 const NEAR: u32 = 2;
+/// The environment.
+const SKY: u32 = 3;
 /// The light is not one of these.
-pub const ALONE: u32 = 3;
+pub const ALONE: u32 = 4;
 
 /// What light samples bring to vertices.
 #[derive(Debug)]
-pub struct FlatArrivals {
-    origin: HitVectors,
+pub struct LightArrivals {
+    pub origin: HitVectors,
     /// Direction of the light ray, and where it ends.
-    way: HitVectors,
-    end: HitLanes,
+    pub way: HitVectors,
+    pub end: HitLanes,
     /// Direction from the vertex, and the density with which it was chosen.
-    direction: HitVectors,
+    pub direction: HitVectors,
     pub density: HitLanes,
     /// Density with which the path itself would go there, unguided: at Lambertian surfaces the cosine of incidence over pi.
     pub share: HitLanes,
@@ -104,29 +111,60 @@ pub trait Scatterers {
     /// Where a ray of this direction starts that leaves the vertex of a lane.
     fn ray_origin(&self, lane: usize, direction: Vec3) -> Vec3;
 
-    /// See [`FlatLights::arrivals`]. `with_near` if there are samples of near lights.
+    /// See [`LightSamples::arrivals`]. `with_near` if there are samples of near lights.
     fn arrive(
         &self,
         with_near: bool,
-        lights: &FlatLights,
+        lights: &LightSamples,
         u: &[HitLanes; 2],
         wide: Option<Wide>,
-        arrivals: &mut FlatArrivals,
+        arrivals: &mut LightArrivals,
+    );
+
+    /// See [`arrive_from_sky`].
+    fn arrive_from_sky(
+        &self,
+        from: &SkySamples,
+        probability: &HitLanes,
+        places: &mut SkyPlaces,
+        wide: Option<Wide>,
+        arrivals: &mut LightArrivals,
     );
 }
 
-/// [`Scatterers::arrive`] compiled for wide registers.
+/// [`Scatterers::arrive`] and [`Scatterers::arrive_from_sky`] compiled for wide registers.
 macro_rules! arrive_at_level {
     ($scatterers:ty) => {
         fn arrive(
             &self,
             with_near: bool,
-            lights: &FlatLights,
+            lights: &LightSamples,
             u: &[HitLanes; 2],
             wide: Option<Wide>,
-            arrivals: &mut FlatArrivals,
+            arrivals: &mut LightArrivals,
         ) {
             arrive_at_level!(with_near, wide, $scatterers, self, lights, u, arrivals, [true, false])
+        }
+
+        fn arrive_from_sky(
+            &self,
+            from: &SkySamples,
+            probability: &HitLanes,
+            places: &mut SkyPlaces,
+            wide: Option<Wide>,
+            arrivals: &mut LightArrivals,
+        ) {
+            at_level!(
+                wide,
+                arrive_from_sky::<$scatterers>,
+                (
+                    from: &SkySamples = from,
+                    probability: &HitLanes = probability,
+                    to: &$scatterers = self,
+                    places: &mut SkyPlaces = places,
+                    arrivals: &mut LightArrivals = arrivals,
+                )
+            );
         }
     };
     ($with_near:ident, $wide:ident, $scatterers:ty, $to:ident, $lights:ident, $u:ident, $arrivals:ident, [$($with:literal),*]) => {
@@ -135,10 +173,10 @@ macro_rules! arrive_at_level {
                 $wide,
                 arrive::<$with, $scatterers>,
                 (
-                    lights: &FlatLights = $lights,
+                    lights: &LightSamples = $lights,
                     to: &$scatterers = $to,
                     u: &[HitLanes; 2] = $u,
-                    arrivals: &mut FlatArrivals = $arrivals,
+                    arrivals: &mut LightArrivals = $arrivals,
                 )
             ),)*
         }
@@ -167,7 +205,7 @@ impl Scatterers for Surfaces<'_> {
 }
 
 /// Surfaces of which no more is known here than where they are: how they scatter must be asked one by one, and the density with which
-/// a path goes somewhere is to be weighed in later ([`FlatArrivals::weigh`]).
+/// a path goes somewhere is to be weighed in later ([`LightArrivals::weigh`]).
 #[derive(Clone, Copy, Debug)]
 pub struct Skins<'a> {
     pub points: &'a TrianglePoints,
@@ -228,7 +266,7 @@ impl Scatterers for MediumPoints<'_> {
     arrive_at_level!(MediumPoints);
 }
 
-impl Default for FlatLights {
+impl Default for LightSamples {
     fn default() -> Self {
         Self {
             chosen: ChosenLights::default(),
@@ -246,14 +284,17 @@ impl Default for FlatLights {
             middle: ZERO,
             far: [f32::INFINITY; LANES],
             pdf: [0.0; LANES],
-            is_triangle: [0; LANES],
+            kind: [RECTANGLE; LANES],
             on_both_sides: [0; LANES],
             near: NearLights::default(),
+            sky_lanes: Vec::new(),
+            sky: SkySamples::default(),
+            sky_places: NO_PLACES,
         }
     }
 }
 
-impl Default for FlatArrivals {
+impl Default for LightArrivals {
     fn default() -> Self {
         let (zero, exists) = ([0.0; LANES], [0; LANES]);
         let (origin, way, direction) = (ZERO, ZERO, ZERO);
@@ -261,14 +302,26 @@ impl Default for FlatArrivals {
     }
 }
 
-/// The part of a chosen light, if it is one of those that [`FlatLights`] holds: at least for far points.
-fn flat_part(scene: &CompiledScene, light: u32, part: u32) -> Option<(&FlatPart, &PlainEmission)> {
-    if light == NONE || part == NONE {
-        return None;
+/// A part of a chosen light that [`LightSamples`] holds, at least for far points.
+#[derive(Clone, Copy)]
+struct LightPart<'a> {
+    /// `None` for a sphere.
+    flat: Option<&'a FlatPart>,
+    is_near: bool,
+    plain: &'a PlainEmission,
+}
+
+impl<'a> LightPart<'a> {
+    /// The part of a light, if it is one.
+    fn of(scene: &'a CompiledScene, light: u32, part: u32) -> Option<Self> {
+        if light == NONE || part == NONE {
+            return None;
+        }
+        let plain = scene.plain_emission(light as usize).filter(|plain| !plain.rgb.is_black())?;
+        let area = area_light(scene, light)?;
+        let (flat, is_near) = (area.flat(part), area.near(part).is_some());
+        (flat.is_some() || is_near).then_some(Self { flat, is_near, plain })
     }
-    let plain = scene.plain_emission(light as usize)?;
-    let flat = area_light(scene, light)?.flat(part)?;
-    (!plain.rgb.is_black()).then_some((flat, plain))
 }
 
 fn area_light(scene: &CompiledScene, light: u32) -> Option<&AreaLight> {
@@ -278,7 +331,7 @@ fn area_light(scene: &CompiledScene, light: u32) -> Option<&AreaLight> {
     }
 }
 
-impl FlatLights {
+impl LightSamples {
     /// For paths of this model.
     pub fn new(color: ColorModel) -> Self {
         let spectra = match color {
@@ -288,8 +341,18 @@ impl FlatLights {
         Self { spectra, ..Self::default() }
     }
 
-    /// Works out the radiance at the wavelengths of the paths of the first lanes, so many.
-    pub fn shine(&mut self, modes: &[ColorMode; LANES], count: usize) {
+    /// Works out the radiance that is not known yet: at the wavelengths of the paths of the first lanes, so many, and that of an environment where
+    /// it arrives.
+    pub fn shine(&mut self, scene: &CompiledScene, arrivals: &LightArrivals, modes: &[ColorMode; LANES], count: usize) {
+        if let Some(sky) = &scene.environment {
+            for &lane in &self.sky_lanes {
+                let lane = lane as usize % LANES;
+                if arrivals.exists[lane] != 0 {
+                    let place = Vec2::new(self.sky_places[0][lane], self.sky_places[1][lane]);
+                    put_color(&mut self.radiance, lane, sky.radiance_at(place, modes[lane]));
+                }
+            }
+        }
         for (lane, spectrum) in self.spectra.iter().enumerate().take(count) {
             if matches!(self.how[lane], FAR | NEAR) {
                 put_color(&mut self.radiance, lane, spectrum.at(modes[lane]));
@@ -325,28 +388,42 @@ impl FlatLights {
             changed[changes % LANES] = lane;
             changes += usize::from(!is_same);
         }
+        let sky = scene.environment_light().map_or(NONE, |light| light as u32);
         // (All are found before any is copied: so several are under way from memory.)
         let mut found = [None; LANES];
         for &lane in &changed[..changes] {
-            found[lane] = flat_part(scene, self.chosen.light[lane], self.chosen.part[lane]);
+            found[lane] = LightPart::of(scene, self.chosen.light[lane], self.chosen.part[lane]);
         }
         for &lane in &changed[..changes] {
-            self.put(scene, lane, found[lane]);
+            self.put(lane, found[lane], sky);
         }
-        at_level!(wide, tell_far, (lights: &mut FlatLights = self, positions: &HitVectors = positions));
+        at_level!(wide, tell_far, (lights: &mut LightSamples = self, positions: &HitVectors = positions));
     }
 
-    /// Puts the light that was chosen for a lane into it; `found` is its [`flat_part`].
-    fn put(&mut self, scene: &CompiledScene, lane: usize, found: Option<(&FlatPart, &PlainEmission)>) {
+    /// Puts the light that was chosen for a lane into it, if it `found` one of those that are held here. `sky` is the number of the environment.
+    fn put(&mut self, lane: usize, found: Option<LightPart>, sky: u32) {
         let (light, part) = (self.chosen.light[lane], self.chosen.part[lane]);
         (self.light[lane], self.part[lane]) = (light, part);
         // (Nothing is as far as that.)
         self.far[lane] = f32::INFINITY;
         self.how_near[lane] = if light == NONE { DARK } else { ALONE };
-        let Some((flat, plain)) = found else { return };
-        if area_light(scene, light).is_some_and(|area| area.near(part).is_some()) {
+        if light == sky && light != NONE {
+            (self.how_near[lane], self.source[lane]) = (SKY, LightSource::Environment);
+        }
+        let Some(LightPart { flat, is_near, plain }) = found else { return };
+        if is_near {
             self.how_near[lane] = NEAR;
         }
+        put_color(&mut self.radiance, lane, plain.rgb);
+        if let Some(spectrum) = self.spectra.get_mut(lane) {
+            *spectrum = plain.spectrum();
+        }
+        self.on_both_sides[lane] = u32::from(plain.on_both_sides);
+        self.source[lane] = LightSource::Material(plain.material);
+        let Some(flat) = flat else {
+            self.kind[lane] = SPHERE;
+            return;
+        };
         for axis in 0..3 {
             self.corner[axis][lane] = flat.corner[axis];
             self.edges[0][axis][lane] = flat.edges[0][axis];
@@ -355,15 +432,9 @@ impl FlatLights {
             self.error[axis][lane] = flat.error[axis];
             self.middle[axis][lane] = flat.middle[axis];
         }
-        put_color(&mut self.radiance, lane, plain.rgb);
-        if let Some(spectrum) = self.spectra.get_mut(lane) {
-            *spectrum = plain.spectrum();
-        }
         self.far[lane] = flat.far;
         self.pdf[lane] = flat.pdf;
-        self.is_triangle[lane] = u32::from(flat.is_triangle);
-        self.on_both_sides[lane] = u32::from(plain.on_both_sides);
-        self.source[lane] = LightSource::Material(plain.material);
+        self.kind[lane] = if flat.is_triangle { TRIANGLE } else { RECTANGLE };
     }
 
     /// Notes what gave the light of a lane that was sampled alone.
@@ -389,28 +460,38 @@ impl FlatLights {
         u: &[HitLanes; 2],
         count: usize,
         wide: Option<Wide>,
-        arrivals: &mut FlatArrivals,
+        arrivals: &mut LightArrivals,
     ) {
+        self.sky_lanes.clear();
         if self.are_dark(count) {
             arrivals.exists = [0; LANES];
             return;
         }
+        let how = &self.how[..count];
+        let lanes = |which: u32| (0..).zip(how).filter(move |(_, how)| **how == which).map(|(lane, _)| lane);
         self.near.lanes.clear();
-        self.near.lanes.extend((0..count as u32).filter(|&lane| self.how[lane as usize] == NEAR));
+        self.near.lanes.extend(lanes(NEAR));
+        self.sky_lanes.extend(lanes(SKY));
+        let are_parts = how.iter().any(|&how| (how == FAR) | (how == NEAR));
         let with_near = !self.near.lanes.is_empty();
         if with_near {
-            let Self { near, light, part, is_triangle, corner, edges, .. } = self;
-            let rectangle = |lane: usize| match area_light(scene, light[lane])?.near(part[lane])? {
-                NearPart::Rectangle(rectangle) => Some(rectangle),
-                NearPart::Triangle(_) => None,
-            };
-            near.sample(&NearParts { positions: to.position(), u, is_triangle, corner, edges }, rectangle, wide);
+            let Self { near, light, part, kind, corner, edges, normal, error, .. } = self;
+            let near_part = |lane: usize| area_light(scene, light[lane])?.near(part[lane]);
+            let parts = NearParts { positions: to.position(), u, kind, corner, edges };
+            near.sample(&parts, near_part, [normal, error], wide);
         }
-        to.arrive(with_near, self, u, wide, arrivals);
+        match are_parts {
+            true => to.arrive(with_near, self, u, wide, arrivals),
+            false => arrivals.exists = [0; LANES],
+        }
+        if let Some(sky) = scene.environment.as_ref().filter(|_| !self.sky_lanes.is_empty()) {
+            self.sky.draw(sky, &self.sky_lanes, u);
+            to.arrive_from_sky(&self.sky, &self.chosen.probability, &mut self.sky_places, wide, arrivals);
+        }
     }
 }
 
-impl FlatArrivals {
+impl LightArrivals {
     /// The interval that must be free.
     #[inline(always)]
     pub fn shadow_ray(&self, lane: usize) -> Ray {
@@ -453,7 +534,7 @@ pub fn horizon(flat: Vec3, normal: Vec3, lift: Vec3) -> Vec3 {
 }
 
 #[inline(always)]
-fn tell_far(lights: &mut FlatLights, positions: &HitVectors) {
+fn tell_far(lights: &mut LightSamples, positions: &HitVectors) {
     for i in 0..LANES {
         let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
         // As `FlatPart::is_far`.
@@ -465,10 +546,10 @@ fn tell_far(lights: &mut FlatLights, positions: &HitVectors) {
 /// `WITH_NEAR` if there are samples of near lights.
 #[inline(always)]
 fn arrive<const WITH_NEAR: bool, S: Scatterers>(
-    lights: &FlatLights,
+    lights: &LightSamples,
     to: &S,
     u: &[HitLanes; 2],
-    arrivals: &mut FlatArrivals,
+    arrivals: &mut LightArrivals,
 ) {
     for i in 0..LANES {
         let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
@@ -479,7 +560,7 @@ fn arrive<const WITH_NEAR: bool, S: Scatterers>(
             normal: vector(&lights.normal),
             error: vector(&lights.error),
             pdf: lights.pdf[i],
-            is_triangle: lights.is_triangle[i] != 0,
+            is_triangle: lights.kind[i] == TRIANGLE,
             middle: Vec3::ZERO,
             far: 0.0,
         };
@@ -489,7 +570,7 @@ fn arrive<const WITH_NEAR: bool, S: Scatterers>(
         } else {
             part.sample(position, u)
         };
-        let FlatSample { direction, pdf, end, is_front, exists } = sample;
+        let PartSample { direction, pdf, end, is_front, exists } = sample;
         let (share, is_seen) = to.share(i, direction);
         let density = pdf * lights.chosen.probability[i];
         let weight = sampling::power_heuristic(density, share);

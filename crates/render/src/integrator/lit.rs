@@ -2,7 +2,7 @@
 
 use super::guided::unknown_survival;
 use super::lanes::{BLACK, CarriedLanes, HitColors, LANES, Roulette, put_color};
-use super::lights::{ALONE, FlatArrivals, FlatLights};
+use super::lights::{ALONE, LightArrivals, LightSamples};
 use super::path::WeightedLight;
 use crate::light_sampler::ChosenLight;
 use snell_intersect::triangles::HitLanes;
@@ -13,8 +13,8 @@ use snell_scene::MediumId;
 /// The lights of vertices and what comes of them, by lane.
 #[derive(Debug)]
 pub struct LitLanes {
-    pub lights: FlatLights,
-    pub arrivals: FlatArrivals,
+    pub lights: LightSamples,
+    pub arrivals: LightArrivals,
     /// As [`super::Outputs::glowing`].
     pub glowing: [Option<MediumId>; LANES],
     pub outputs: LitOutputs,
@@ -36,8 +36,8 @@ pub struct LitOutputs {
 impl Default for LitLanes {
     fn default() -> Self {
         Self {
-            lights: FlatLights::default(),
-            arrivals: FlatArrivals::default(),
+            lights: LightSamples::default(),
+            arrivals: LightArrivals::default(),
             glowing: [None; LANES],
             outputs: LitOutputs { brought: BLACK, is_lit: [0; LANES], throughput: BLACK, goes_on: [0; LANES] },
         }
@@ -53,7 +53,7 @@ impl LitOutputs {
         carried: &CarriedLanes,
         scattered: [f32; CHANNELS],
         radiance: &HitColors,
-        arrivals: &FlatArrivals,
+        arrivals: &LightArrivals,
     ) {
         let scale = arrivals.scale[lane];
         let (mut is_bright, mut is_finite) = (false, true);
@@ -97,7 +97,7 @@ impl LitOutputs {
 }
 
 impl LitLanes {
-    /// Samples the lights of the first lanes, so many, that are not among [`FlatLights`], with these numbers.
+    /// Samples the lights of the first lanes, so many, that are not among [`LightSamples`], with these numbers.
     pub fn sample_alone(
         &mut self,
         count: usize,
@@ -113,7 +113,7 @@ impl LitLanes {
         }
     }
 
-    /// Takes a light sample of a lane that is not one of [`FlatLights`].
+    /// Takes a light sample of a lane that is not one of [`LightSamples`].
     pub fn put_alone(&mut self, lane: usize, light: Option<WeightedLight>) {
         self.outputs.is_lit[lane] = u32::from(light.is_some());
         if let Some(WeightedLight { value, shadow_ray, source, weight, glowing, .. }) = light {

@@ -12,7 +12,7 @@ use super::lanes::{
     color_at, put_color,
 };
 use super::light_part::{LightSource, LobeShares};
-use super::lights::{FlatArrivals, FlatLights, Surfaces, horizon};
+use super::lights::{LightArrivals, LightSamples, Surfaces, horizon};
 use super::lit::{LitLanes, LitOutputs};
 use super::matte_surfaces::MatteSurfaces;
 use super::path::{SCATTERED_SPREAD, weighted_sample};
@@ -69,12 +69,7 @@ struct Seen {
 
 impl Seen {
     /// The surface of a lane that has this shading normal and reflectance.
-    fn at(
-        lanes: &VertexLanes,
-        normal: &HitVectors,
-        reflectance: &HitColors,
-        lane: usize,
-    ) -> Self {
+    fn at(lanes: &VertexLanes, normal: &HitVectors, reflectance: &HitColors, lane: usize) -> Self {
         let (wo, normal, reflectance) = (at(&lanes.wo, lane), at(normal, lane), color_at(reflectance, lane));
         let (geometric_normal, lift) = (at(&lanes.points.geometric_normal, lane), at(&lanes.lift, lane));
         let horizon = horizon(geometric_normal, normal, lift);
@@ -107,7 +102,7 @@ impl MatteVertices {
             facing: ZERO,
             bounces: Bounces { wi: ZERO, origin: ZERO, pdf: [0.0; LANES], weight: BLACK, exists: [0; LANES] },
             guided: Box::default(),
-            lit: LitLanes { lights: FlatLights::new(color), ..LitLanes::default() },
+            lit: LitLanes { lights: LightSamples::new(color), ..LitLanes::default() },
         }
     }
 
@@ -193,7 +188,7 @@ impl MatteVertices {
         let surfaces =
             Surfaces { points: &self.lanes.points, normal: &self.normal, wo: &self.lanes.wo, lift: &self.lanes.lift };
         self.lit.lights.arrivals(context.scene, &surfaces, &light, count, wide, &mut self.lit.arrivals);
-        self.lit.lights.shine(&self.lanes.modes, count);
+        self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
         if let Some(field) = context.field {
             self.guided.find(field, &receivers, count, wide);
             let numbers = |dimension| self.lanes.randoms.numbers(dimension, wide);
@@ -215,7 +210,7 @@ impl MatteVertices {
                 carried: &CarriedLanes = &lanes.carried,
                 reflectance: &HitColors = reflectance,
                 radiance: &HitColors = &lights.radiance,
-                arrivals: &FlatArrivals = arrivals,
+                arrivals: &LightArrivals = arrivals,
                 bounces: &Bounces = bounces,
                 survival: Option<&HitLanes> = survival,
                 roulette: &Roulette = &roulette,
@@ -286,9 +281,7 @@ impl MatteVertices {
         let field = context.field.filter(|field| field.is_learning())?;
         let (direction, pdf) = (at(&self.bounces.wi, lane), self.bounces.pdf[lane]);
         let bsdf_share = match self.guided.known(lane) {
-            Some(known) => {
-                field.bsdf_share(known) * self.seen(lane).reflected(direction).1 / pdf
-            }
+            Some(known) => field.bsdf_share(known) * self.seen(lane).reflected(direction).1 / pdf,
             None => 1.0,
         };
         let survival = context.roulette(depth).map_or(1.0, |most| self.guided.survival[lane].min(most));
@@ -350,7 +343,7 @@ fn outputs(
     carried: &CarriedLanes,
     reflectance: &HitColors,
     radiance: &HitColors,
-    arrivals: &FlatArrivals,
+    arrivals: &LightArrivals,
     bounces: &Bounces,
     survival: Option<&HitLanes>,
     roulette: &Roulette,
@@ -368,7 +361,7 @@ fn give<const CHANNELS: usize>(
     carried: &CarriedLanes,
     reflectance: &HitColors,
     radiance: &HitColors,
-    arrivals: &FlatArrivals,
+    arrivals: &LightArrivals,
     bounces: &Bounces,
     survival: Option<&HitLanes>,
     roulette: &Roulette,
@@ -441,10 +434,10 @@ fn bounce(
 
 #[cfg(test)]
 mod tests {
-    use crate::sampler::SamplerKind;
-    use crate::settings::Shadows;
     use super::super::twins::{assert_alike_at_every_level, every_second_node};
     use crate::compile::Moving;
+    use crate::sampler::SamplerKind;
+    use crate::settings::Shadows;
     use crate::{Guiding, IntegratorKind, Settings};
     use snell_math::{ColorModel, Rgb};
     use snell_scene::builtin::builtin;
@@ -453,7 +446,7 @@ mod tests {
     #[test]
     fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
         let guiding = Guiding { passes: 2, photons: 1 << 13 };
-        for name in ["cornell-box", "teapot", "spheres", "night-town", "fog", "smoke"] {
+        for name in ["cornell-box", "teapot", "spheres", "caustic", "night-town", "fog", "smoke"] {
             let mut scene = builtin(name).expect("the scene is built in");
             for (i, material) in scene.materials.iter_mut().enumerate().filter(|(_, m)| !m.is_emissive()) {
                 material.kind = Diffuse::new(Rgb::new(0.9, 0.6, 0.1 * (i % 8) as f32)).into();

@@ -1,22 +1,29 @@
-//! Light samples from near rectangles and triangles, by solid angle: sixteen at once, in double precision.
+//! Light samples from near rectangles and triangles and from spheres, by solid angle: sixteen at once, in double precision.
 
-use super::lanes::LANES;
+use super::lanes::{LANES, put};
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::Wide;
 use snell_math::{DVec2, DVec3, Vec2, Vec3, at_level};
-use snell_scene::light::area::{NearRectangle, NearSample, NearTriangle};
+use snell_scene::light::area::{NearPart, NearRectangle, NearSample, NearSphere, NearTriangle, RoundSample};
 
-/// Near rectangles that are sampled together.
+/// Near parts of one kind that are sampled together.
 const NEAR_LANES: usize = 16;
 
-/// Samples of near rectangles and triangles.
+/// The kinds.
+pub const RECTANGLE: u32 = 0;
+pub const TRIANGLE: u32 = 1;
+pub const SPHERE: u32 = 2;
+
+/// Samples of near parts.
 #[derive(Debug, Default)]
 pub struct NearLights {
-    /// The lanes that have one, and those of either kind.
+    /// The lanes that have one, and those of one kind.
     pub lanes: Vec<u32>,
     of_kind: Vec<u32>,
     rectangles: NearRectangles,
     triangles: NearTriangles,
+    spheres: NearSpheres,
+    round: RoundSamples,
     found: NearSamples<NEAR_LANES>,
     /// By lane.
     pub samples: NearSamples<LANES>,
@@ -27,8 +34,8 @@ pub struct NearLights {
 pub struct NearParts<'a> {
     pub positions: &'a HitVectors,
     pub u: &'a [HitLanes; 2],
+    pub kind: &'a [u32; LANES],
     /// As [`FlatPart`](snell_scene::light::area::FlatPart).
-    pub is_triangle: &'a [u32; LANES],
     pub corner: &'a HitVectors,
     pub edges: &'a [HitVectors; 2],
 }
@@ -52,6 +59,22 @@ struct NearTriangles {
     edges: [[[f32; NEAR_LANES]; 3]; 2],
 }
 
+/// Spheres, and who sees them.
+#[derive(Debug, Default)]
+struct NearSpheres {
+    from: [[f32; NEAR_LANES]; 3],
+    u: [[f32; NEAR_LANES]; 2],
+    center: [[f64; NEAR_LANES]; 3],
+    radius: [f64; NEAR_LANES],
+}
+
+/// What [`RoundSample`] says of the points.
+#[derive(Debug, Default)]
+struct RoundSamples {
+    normal: [[f32; NEAR_LANES]; 3],
+    error: [[f32; NEAR_LANES]; 3],
+}
+
 /// See [`NearSample`].
 #[derive(Debug)]
 pub struct NearSamples<const N: usize> {
@@ -70,36 +93,58 @@ impl<const N: usize> Default for NearSamples<N> {
 }
 
 impl NearLights {
-    /// Samples the parts of the lanes that have one; `rectangle` tells what is not known of rectangles.
+    /// Samples the parts of the lanes that have one; `part` tells what is not known of rectangles and spheres. Of points of spheres, normals and bounds of
+    /// errors are put into the lanes of these columns.
     #[inline(never)]
     pub fn sample(
         &mut self,
         parts: &NearParts,
-        rectangle: impl Fn(usize) -> Option<NearRectangle>,
+        part: impl Fn(usize) -> Option<NearPart>,
+        [normal, error]: [&mut HitVectors; 2],
         wide: Option<Wide>,
     ) {
-        let Self { lanes, of_kind, rectangles, triangles, found, samples } = self;
+        let Self { lanes, of_kind, rectangles, triangles, spheres, round, found, samples } = self;
         samples.is_seen = [0; LANES];
-        for kind in [0, 1] {
+        for kind in [RECTANGLE, TRIANGLE, SPHERE] {
             of_kind.clear();
-            of_kind.extend(lanes.iter().filter(|&&lane| parts.is_triangle[lane as usize] == kind));
+            of_kind.extend(lanes.iter().filter(|&&lane| parts.kind[lane as usize] == kind));
             for lanes in of_kind.chunks(NEAR_LANES) {
-                if kind == 0 {
-                    rectangles.gather(lanes, parts, &rectangle);
-                    let of: &NearRectangles = rectangles;
-                    at_level!(
-                        wide,
-                        near_rectangles,
-                        (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = found)
-                    );
-                } else {
-                    triangles.gather(lanes, parts);
-                    let of: &NearTriangles = triangles;
-                    at_level!(
-                        wide,
-                        near_triangles,
-                        (of: &NearTriangles = of, to: &mut NearSamples<NEAR_LANES> = found)
-                    );
+                match kind {
+                    RECTANGLE => {
+                        rectangles.gather(lanes, parts, &part);
+                        let of: &NearRectangles = rectangles;
+                        at_level!(
+                            wide,
+                            near_rectangles,
+                            (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = found)
+                        );
+                    }
+                    TRIANGLE => {
+                        triangles.gather(lanes, parts);
+                        let of: &NearTriangles = triangles;
+                        at_level!(
+                            wide,
+                            near_triangles,
+                            (of: &NearTriangles = of, to: &mut NearSamples<NEAR_LANES> = found)
+                        );
+                    }
+                    _ => {
+                        spheres.gather(lanes, parts, &part);
+                        let of: &NearSpheres = spheres;
+                        at_level!(
+                            wide,
+                            near_spheres,
+                            (
+                                of: &NearSpheres = of,
+                                to: &mut NearSamples<NEAR_LANES> = found,
+                                round: &mut RoundSamples = round,
+                            )
+                        );
+                        for (i, &lane) in lanes.iter().enumerate() {
+                            put(normal, lane as usize, vector(&round.normal, i));
+                            put(error, lane as usize, vector(&round.error, i));
+                        }
+                    }
                 }
                 samples.take(lanes, found);
             }
@@ -112,11 +157,11 @@ impl NearRectangles {
         &mut self,
         lanes: &[u32],
         NearParts { positions, u, .. }: &NearParts,
-        rectangle: impl Fn(usize) -> Option<NearRectangle>,
+        part: impl Fn(usize) -> Option<NearPart>,
     ) {
         for (i, &lane) in lanes.iter().enumerate() {
             let lane = lane as usize;
-            let Some(rectangle) = rectangle(lane) else { continue };
+            let Some(NearPart::Rectangle(rectangle)) = part(lane) else { continue };
             for (axis, positions) in positions.iter().enumerate() {
                 self.from[axis][i] = positions[lane];
                 self.center[axis][i] = rectangle.center[axis];
@@ -145,6 +190,32 @@ impl NearTriangles {
     }
 }
 
+impl NearSpheres {
+    fn gather(
+        &mut self,
+        lanes: &[u32],
+        NearParts { positions, u, .. }: &NearParts,
+        part: impl Fn(usize) -> Option<NearPart>,
+    ) {
+        for (i, &lane) in lanes.iter().enumerate() {
+            let lane = lane as usize;
+            let Some(NearPart::Sphere(NearSphere { center, radius })) = part(lane) else { continue };
+            for (axis, positions) in positions.iter().enumerate() {
+                self.from[axis][i] = positions[lane];
+                self.center[axis][i] = center[axis];
+            }
+            self.radius[i] = radius;
+            (self.u[0][i], self.u[1][i]) = (u[0][lane], u[1][lane]);
+        }
+    }
+}
+
+/// The vector of a lane.
+#[inline(always)]
+fn vector<const N: usize>(v: &[[f32; N]; 3], i: usize) -> Vec3 {
+    Vec3::new(v[0][i], v[1][i], v[2][i])
+}
+
 impl<const N: usize> NearSamples<N> {
     #[inline(always)]
     fn put(&mut self, i: usize, sample: &NearSample) {
@@ -159,10 +230,9 @@ impl<const N: usize> NearSamples<N> {
 
     #[inline(always)]
     pub fn get(&self, i: usize) -> NearSample {
-        let vector = |v: &[[f32; N]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
         NearSample {
-            position: vector(&self.position),
-            direction: vector(&self.direction),
+            position: vector(&self.position, i),
+            direction: vector(&self.direction, i),
             pdf: self.pdf[i],
             is_seen: self.is_seen[i] != 0,
             exists: self.exists[i] != 0,
@@ -196,9 +266,24 @@ fn near_rectangles(of: &NearRectangles, to: &mut NearSamples<NEAR_LANES>) {
 #[inline(always)]
 fn near_triangles(of: &NearTriangles, to: &mut NearSamples<NEAR_LANES>) {
     for i in 0..NEAR_LANES {
-        let vector = |v: &[[f32; NEAR_LANES]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
-        let triangle = NearTriangle { corner: vector(&of.corner), edges: [vector(&of.edges[0]), vector(&of.edges[1])] };
-        to.put(i, &triangle.sample(vector(&of.from), Vec2::new(of.u[0][i], of.u[1][i])));
+        let edges = [vector(&of.edges[0], i), vector(&of.edges[1], i)];
+        let triangle = NearTriangle { corner: vector(&of.corner, i), edges };
+        to.put(i, &triangle.sample(vector(&of.from, i), Vec2::new(of.u[0][i], of.u[1][i])));
+    }
+}
+
+/// See [`NearSphere::sample`].
+#[inline(always)]
+fn near_spheres(of: &NearSpheres, to: &mut NearSamples<NEAR_LANES>, round: &mut RoundSamples) {
+    for i in 0..NEAR_LANES {
+        let center = DVec3::new(of.center[0][i], of.center[1][i], of.center[2][i]);
+        let sphere = NearSphere { center, radius: of.radius[i] };
+        let RoundSample { seen, normal, error } = sphere.sample(vector(&of.from, i), Vec2::new(of.u[0][i], of.u[1][i]));
+        to.put(i, &seen);
+        for axis in 0..3 {
+            round.normal[axis][i] = normal[axis];
+            round.error[axis][i] = error[axis];
+        }
     }
 }
 
@@ -279,6 +364,47 @@ mod tests {
                 assert_eq!((found.position, found.direction), (single.position, single.direction), "{level}");
                 assert_eq!((found.pdf, found.exists), (single.pdf, true), "{level}");
                 assert_eq!(found.is_seen, single.is_seen, "{level}");
+            }
+        }
+    }
+
+    #[test]
+    fn near_spheres_are_sampled_alike_at_every_level() {
+        let number = |i: u32, k: u32| uniform2([i, k, 9, 9]).x * 2.0 - 1.0;
+        let point = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
+        let mut of = NearSpheres::default();
+        // From outside, from inside, and from the middle.
+        let cases: [_; NEAR_LANES] = std::array::from_fn(|lane| {
+            let i = lane as u32;
+            let (center, from) =
+                (point(i, 1), if lane == 3 { point(i, 1) } else { point(i, 2) * (1 << (i % 4)) as f32 });
+            let sphere = NearSphere { center: center.as_dvec3(), radius: f64::from(uniform2([i, 7, 9, 9]).x) };
+            let u = uniform2([i, 9, 9, 9]);
+            for axis in 0..3 {
+                of.from[axis][lane] = from[axis];
+                of.center[axis][lane] = sphere.center[axis];
+            }
+            of.radius[lane] = sphere.radius;
+            [of.u[0][lane], of.u[1][lane]] = u.to_array();
+            (sphere, from, u)
+        });
+        assert!(cases.iter().any(|(sphere, from, _)| from.as_dvec3().distance(sphere.center) < sphere.radius));
+        for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
+            let (mut found, mut round, of) = (NearSamples::default(), RoundSamples::default(), &of);
+            at_level!(
+                level.wide(),
+                near_spheres,
+                (
+                    of: &NearSpheres = of,
+                    to: &mut NearSamples<NEAR_LANES> = &mut found,
+                    round: &mut RoundSamples = &mut round,
+                )
+            );
+            for (i, (sphere, from, u)) in cases.iter().enumerate() {
+                let (RoundSample { seen, normal, error }, found) = (sphere.sample(*from, *u), found.get(i));
+                assert!(seen.exists && seen.is_seen && found.exists && found.is_seen);
+                assert_eq!((found.position, found.direction, found.pdf), (seen.position, seen.direction, seen.pdf));
+                assert_eq!((vector(&round.normal, i), vector(&round.error, i)), (normal, error), "{level}");
             }
         }
     }

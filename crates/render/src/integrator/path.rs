@@ -13,7 +13,7 @@ use crate::compile::CompiledLight;
 use crate::light_sampler::{ChosenLight, Receiver};
 use crate::settings::LightStrategy;
 use snell_math::{Ray, SampledSpectrum, Vec2, Vec3, sampling};
-use snell_scene::light::environment::EnvironmentLight;
+use snell_scene::light::environment::{EnvironmentLight, SkySample};
 use snell_scene::material::{Prepared, ShadingBsdf, ShadingPoint};
 use snell_scene::{Background, MediumId};
 
@@ -108,22 +108,31 @@ pub(crate) fn plain_sky<'a>(context: &Context<'a>, depth: u32) -> Option<&'a Env
 
 /// What a path that leaves the scene brings, and its weight.
 pub(crate) fn escaped(context: &Context, vertex: &Vertex) -> (SampledSpectrum, f32) {
+    escaped_to(context, vertex, |sky| sky.place(vertex.ray.direction))
+}
+
+/// The same with what tells [where](EnvironmentLight::place) in the environment that is.
+pub(crate) fn escaped_to(
+    context: &Context,
+    vertex: &Vertex,
+    place: impl FnOnce(&EnvironmentLight) -> Vec2,
+) -> (SampledSpectrum, f32) {
     if let Some(background) = background(context, vertex) {
         return (vertex.state.throughput * background, 1.0);
     }
     let Some(sky) = &context.scene.environment else { return (SampledSpectrum::ZERO, 1.0) };
     let (direction, strategy) = (vertex.ray.direction, context.settings.light_strategy);
     let is_sampled = strategy == LightStrategy::Mis && context.scene.samples_environment(strategy);
-    let (radiance, pdf) = match is_sampled && vertex.state.bsdf_pdf != 0.0 {
-        true => sky.radiance_and_pdf(direction, vertex.state.mode),
-        false => (sky.radiance(direction, vertex.state.mode), 0.0),
-    };
+    let place = place(sky);
+    let radiance = sky.radiance_at(place, vertex.state.mode);
     if radiance.is_black() {
         return (SampledSpectrum::ZERO, 1.0);
     }
     let weight = match strategy {
         LightStrategy::Mis if !is_sampled => 1.0,
-        LightStrategy::Mis => weight_of_bsdf_sample(context, vertex, || environment_choice(context, vertex, pdf)),
+        LightStrategy::Mis => weight_of_bsdf_sample(context, vertex, || {
+            environment_choice(context, vertex, sky.pdf_compensated_at(place))
+        }),
         LightStrategy::Bsdf => 1.0,
         LightStrategy::Light => {
             weight_of_bsdf_sample(context, vertex, || environment_choice(context, vertex, sky.pdf(direction)))
@@ -219,8 +228,8 @@ pub(crate) fn weighted_sample(
 /// A light sample, before the surface is asked how it scatters light from there.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum DrawnLight {
-    /// Direction and density: half of the environment is behind a surface, and looking up what comes from there is dear.
-    Environment(Vec3, f32),
+    /// Half of the environment is behind a surface, and looking up what comes from there is dear.
+    Environment(SkySample),
     Other(IncidentLight),
 }
 
@@ -229,7 +238,7 @@ impl DrawnLight {
     #[inline]
     pub fn of(context: &Context, at: &Arrival, chosen: &ChosenLight, u: Vec2) -> Option<Self> {
         match &context.scene.lights()[chosen.light] {
-            CompiledLight::Environment => environment_direction(context, u).map(|(wi, pdf)| Self::Environment(wi, pdf)),
+            CompiledLight::Environment => environment_direction(context, u).map(Self::Environment),
             _ => sample_light(context, at, chosen, u).map(Self::Other),
         }
     }
@@ -237,7 +246,7 @@ impl DrawnLight {
     /// Where the light comes from.
     pub fn direction(&self) -> Vec3 {
         match self {
-            Self::Environment(direction, _) => *direction,
+            Self::Environment(sample) => sample.direction,
             Self::Other(sample) => sample.direction,
         }
     }
@@ -256,7 +265,7 @@ impl DrawnLight {
             return None;
         }
         let sample = match self {
-            Self::Environment(direction, density) => from_environment(context, at, direction, density)?,
+            Self::Environment(sample) => from_environment(context, at, &sample)?,
             Self::Other(sample) => sample,
         };
         if context.settings.light_strategy == LightStrategy::Bsdf && !sample.is_delta {

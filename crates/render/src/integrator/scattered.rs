@@ -9,7 +9,7 @@ use super::guided::unknown_survival;
 use super::lanes::{
     Arriving, CarriedLanes, Columns, HitColors, LANES, LitColumns, Roulette, VertexLanes, ZERO, at, color_at, put,
 };
-use super::lights::{FlatArrivals, FlatLights, MediumPoints};
+use super::lights::{LightArrivals, LightSamples, MediumPoints};
 use super::lit::{LitLanes, LitOutputs};
 use super::path::{SCATTERED_SPREAD, weighted_sample};
 use super::{Context, IntegratorKind, MediumVertex, dimension};
@@ -41,14 +41,14 @@ impl ScatteredVertices {
     /// `None` if vertices in media are to be worked on one by one.
     pub fn new(context: &Context, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
-        let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
-            && scene.volumes.is_some();
+        let is_for =
+            matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct) && scene.volumes.is_some();
         let wide = scene.world.simd().wide().filter(|_| is_for)?;
         Some(Self {
             lanes: VertexLanes::new(sampler, Some(wide)),
             color: settings.color,
             phase: [HenyeyGreenstein::new(0.0); LANES],
-            lit: LitLanes { lights: FlatLights::new(settings.color), ..LitLanes::default() },
+            lit: LitLanes { lights: LightSamples::new(settings.color), ..LitLanes::default() },
             bounces: Bounces { wi: ZERO, pdf: [0.0; LANES] },
         })
     }
@@ -85,7 +85,7 @@ impl ScatteredVertices {
         self.lit.glowing = [None; LANES];
         let points = MediumPoints { position: &self.lanes.points.position, wo: &self.lanes.wo, phase: &self.phase };
         self.lit.lights.arrivals(context.scene, &points, &light, count, wide, &mut self.lit.arrivals);
-        self.lit.lights.shine(&self.lanes.modes, count);
+        self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
         let Self { lanes, phase, lit, .. } = self;
         let LitLanes { lights, arrivals, outputs: given, .. } = lit;
         at_level!(
@@ -95,7 +95,7 @@ impl ScatteredVertices {
                 color: ColorModel = self.color,
                 carried: &CarriedLanes = &lanes.carried,
                 radiance: &HitColors = &lights.radiance,
-                arrivals: &FlatArrivals = arrivals,
+                arrivals: &LightArrivals = arrivals,
                 roulette: &Roulette = &roulette,
                 to: &mut LitOutputs = given,
             )
@@ -170,7 +170,7 @@ fn give(
     color: ColorModel,
     carried: &CarriedLanes,
     radiance: &HitColors,
-    arrivals: &FlatArrivals,
+    arrivals: &LightArrivals,
     roulette: &Roulette,
     to: &mut LitOutputs,
 ) {
@@ -184,7 +184,7 @@ fn give(
 fn give_channels<const CHANNELS: usize>(
     carried: &CarriedLanes,
     radiance: &HitColors,
-    arrivals: &FlatArrivals,
+    arrivals: &LightArrivals,
     roulette: &Roulette,
     to: &mut LitOutputs,
 ) {
@@ -217,9 +217,9 @@ fn bounce_off(wo: &HitVectors, phase: &[HenyeyGreenstein; LANES], u: &[HitLanes;
 
 #[cfg(test)]
 mod tests {
-    use crate::sampler::SamplerKind;
     use super::super::twins::{assert_alike_at_every_level, every_second_node};
     use crate::compile::Moving;
+    use crate::sampler::SamplerKind;
     use crate::{IntegratorKind, LightStrategy, Settings};
     use snell_math::{ColorModel, DVec3, Rgb};
     use snell_scene::Light;

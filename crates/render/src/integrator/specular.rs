@@ -324,9 +324,9 @@ fn bounce_channels<const CHANNELS: usize>(
 
 #[cfg(test)]
 mod tests {
-    use crate::sampler::SamplerKind;
     use super::super::twins::{assert_alike_at_every_level, every_second_node};
     use crate::compile::Moving;
+    use crate::sampler::SamplerKind;
     use crate::{Guiding, IntegratorKind, Settings};
     use snell_math::{ColorModel, Rgb};
     use snell_scene::Texture;

@@ -11,7 +11,7 @@ use super::lanes::{
     Arriving, BLACK, CarriedLanes, Columns, HitColors, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at,
     color_at, put, put_color,
 };
-use super::lights::{ALONE, DARK, FlatArrivals, FlatLights, Skins, ray_origin};
+use super::lights::{ALONE, DARK, LightArrivals, LightSamples, Skins, ray_origin};
 use super::lit::{LitLanes, LitOutputs};
 use super::path::{DrawnLight, SCATTERED_SPREAD, Scatterer, shining, weighted_sample};
 use super::plain_surfaces::{Bends, Frames, PlainSurface};
@@ -102,8 +102,8 @@ impl<'a> SurfaceVertices<'a> {
     /// `None` if vertices on surfaces are to be worked on one by one.
     pub fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
-        let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct)
-            && !context.wants_lobes;
+        let is_for =
+            matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct) && !context.wants_lobes;
         let wide = scene.world.simd().wide().filter(|_| is_for)?;
         let number = [0.0; LANES];
         // What is known ahead is known in this colour.
@@ -140,7 +140,7 @@ impl<'a> SurfaceVertices<'a> {
                 is_delta: [0; LANES],
                 exists: [0; LANES],
             },
-            lit: LitLanes { lights: FlatLights::new(settings.color), ..LitLanes::default() },
+            lit: LitLanes { lights: LightSamples::new(settings.color), ..LitLanes::default() },
             alone: Vec::new(),
         })
     }
@@ -294,7 +294,7 @@ impl<'a> SurfaceVertices<'a> {
         let light = self.lit.lights.numbers(&self.lanes.randoms, count, wide);
         let skins = Skins { points: &self.lanes.points, lift: &self.lanes.lift };
         self.lit.lights.arrivals(context.scene, &skins, &light, count, wide, &mut self.lit.arrivals);
-        self.lit.lights.shine(&self.lanes.modes, count);
+        self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
         for lane in 0..count {
             if !self.together.has(lane) {
                 self.scatter(context, lane, choice[lane], Vec2::new(bounce[0][lane], bounce[1][lane]), quad[lane]);
@@ -313,7 +313,7 @@ impl<'a> SurfaceVertices<'a> {
                 skins: &Skins<'_> = &Skins { points: &self.lanes.points, lift: &self.lanes.lift },
                 scattered: &Scattered = &self.scattered,
                 radiance: &HitColors = &self.lit.lights.radiance,
-                arrivals: &mut FlatArrivals = &mut self.lit.arrivals,
+                arrivals: &mut LightArrivals = &mut self.lit.arrivals,
                 bounces: &mut Bounces = &mut self.bounces,
                 is_guided: bool = context.field.is_some(),
                 roulette: &Roulette = &roulette,
@@ -437,7 +437,7 @@ fn outputs(
     skins: &Skins,
     scattered: &Scattered,
     radiance: &HitColors,
-    arrivals: &mut FlatArrivals,
+    arrivals: &mut LightArrivals,
     bounces: &mut Bounces,
     is_guided: bool,
     roulette: &Roulette,
@@ -457,7 +457,7 @@ fn give<const CHANNELS: usize>(
     skins: &Skins,
     scattered: &Scattered,
     radiance: &HitColors,
-    arrivals: &mut FlatArrivals,
+    arrivals: &mut LightArrivals,
     bounces: &mut Bounces,
     is_guided: bool,
     roulette: &Roulette,

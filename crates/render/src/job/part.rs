@@ -21,8 +21,9 @@ use crate::film::{FilmPart, FilmSample};
 use crate::guiding::{Record, Recorder};
 use crate::integrator::lanes::LANES;
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
-use crate::integrator::path::{escaped, plain_sky};
+use crate::integrator::path::{escaped_to, plain_sky};
 use crate::integrator::scattered::ScatteredVertices;
+use crate::integrator::sky_samples::{NO_PLACES, places_of};
 use crate::integrator::surfaces::SurfaceVertices;
 use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction};
 use crate::sampler::{Random, SampleKey, Sampler};
@@ -30,7 +31,7 @@ use crate::settings::Crop;
 use matte::Matte;
 use snell_intersect::{Grouping, Hit};
 use snell_math::spectrum::RgbSpectrum;
-use snell_math::{ColorMode, ColorModel, SampledSpectrum};
+use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2};
 use snell_scene::light::environment::EnvironmentLight;
 use snell_scene::{Camera, CameraView, PinholeRays};
 use specular::SpecularBatch;
@@ -232,14 +233,12 @@ impl<'a> PartRenderer<'a> {
         self.start(positions, range);
         statistics.rays.camera += self.paths.len() as u64;
         // Sixteen rays in a row are of one pixel, or of one row of a tile.
-        let mut grouping = if self.camera.has_common_origin()
-            && self.stands_still
-            && matches!(range[1] - range[0], 1 | 16)
-        {
-            Grouping::Coherent
-        } else {
-            Grouping::None
-        };
+        let mut grouping =
+            if self.camera.has_common_origin() && self.stands_still && matches!(range[1] - range[0], 1 | 16) {
+                Grouping::Coherent
+            } else {
+                Grouping::None
+            };
         let mut depth = 0;
         while self.paths.len() > 0 {
             self.note_arrivals();
@@ -458,18 +457,38 @@ impl<'a> PartRenderer<'a> {
         let constant = color.filter(|_| self.paths.is_plain()).map(|color| ColorMode::Rgb.rgb_illuminant(color));
         let is_spectral = self.context.settings.color == ColorModel::Spectral;
         let spectrum = color.filter(|_| is_spectral).map(RgbSpectrum::of_light);
-        for &path in paths {
+        for paths in paths.chunks(LANES) {
+            self.shade_misses_of(depth, paths, (sky, constant), spectrum.as_ref());
+        }
+    }
+
+    /// The same for at most [`LANES`] paths.
+    fn shade_misses_of(
+        &mut self,
+        depth: u32,
+        paths: &[u32],
+        (sky, constant): (Option<&EnvironmentLight>, Option<SampledSpectrum>),
+        spectrum: Option<&RgbSpectrum>,
+    ) {
+        let (scene, rays) = (self.context.scene, &self.paths.rays);
+        let image = scene.environment.as_ref().filter(|sky| sky.constant().is_none());
+        let places = image.map_or(NO_PLACES, |sky| {
+            let directions = paths.iter().map(|&path| rays[path as usize].direction);
+            places_of(sky, directions, scene.world.simd().wide())
+        });
+        for (lane, &path) in paths.iter().enumerate() {
             let path = path as usize;
+            let place = Vec2::new(places[0][lane], places[1][lane]);
             let (ray, carried, sample) =
                 (&self.paths.rays[path], &self.paths.carried[path], self.paths.samples[path] as usize);
             let radiance = if carried.throughput.is_black() {
                 continue;
             } else if let Some(radiance) = constant {
                 carried.throughput * radiance
-            } else if let (Some(spectrum), ColorMode::Spectral(wavelengths)) = (&spectrum, self.paths.rest(path).mode) {
+            } else if let (Some(spectrum), ColorMode::Spectral(wavelengths)) = (spectrum, self.paths.rest(path).mode) {
                 carried.throughput * ColorMode::light_at(&wavelengths, spectrum)
             } else if let Some(sky) = sky {
-                carried.throughput * sky.radiance(ray.direction, self.paths.rest(path).mode)
+                carried.throughput * sky.radiance_at(place, self.paths.rest(path).mode)
             } else {
                 let state = &self.paths.state(path);
                 let vertex = Vertex {
@@ -480,7 +499,7 @@ impl<'a> PartRenderer<'a> {
                     surface: None,
                     medium: None,
                 };
-                escaped(&self.context, &vertex).0
+                escaped_to(&self.context, &vertex, |_| place).0
             };
             self.samples[sample].radiance += radiance;
         }

@@ -14,6 +14,7 @@ use crate::light_sampler::{LightSampler, LightSamplerKind, Receiver};
 use crate::sampler::{Random, Sampler, SamplerKind};
 use snell_intersect::{Grouping, Hit};
 use snell_math::{ColorMode, Frame, Ray, SampledSpectrum, Vec2, Vec3, rng, sampling};
+use snell_scene::light::environment::SkySample;
 use std::f32::consts::PI;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -146,9 +147,9 @@ fn emitted(scene: &CompiledScene, lights: &LightSampler, random: Random) -> Opti
         }
         CompiledLight::Environment => {
             let environment = scene.environment.as_ref()?;
-            let (direction, pdf) = environment.sample(u);
+            let SkySample { direction, pdf, place } = environment.sample(u);
             let area = PI * scene.radius * scene.radius;
-            (from_afar(scene, direction, v), environment.radiance(direction, COLOR) * (area / pdf))
+            (from_afar(scene, direction, v), environment.radiance_at(place, COLOR) * (area / pdf))
         }
     };
     let flux = flux * (1.0 / chosen.probability);

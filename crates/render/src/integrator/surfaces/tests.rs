@@ -1,6 +1,6 @@
-use crate::sampler::SamplerKind;
 use super::super::twins::{assert_alike_at_every_level, every_second_node};
 use crate::compile::Moving;
+use crate::sampler::SamplerKind;
 use crate::{Guiding, IntegratorKind, LightStrategy, Settings};
 use snell_math::ColorModel;
 use snell_scene::Texture;
@@ -19,7 +19,7 @@ fn many_vertices_at_once_give_the_bits_of_one_at_a_time() {
     let metal = OpenPbr { base_metalness: 1.0.into(), specular_roughness: 0.7.into(), ..OpenPbr::default() };
     kinds.extend([metal.clone().into(), OpenPbr { geometry_thin_walled: true, ..metal }.into()]);
     let mut first = 0;
-    for name in ["cornell-box", "teapot", "spheres", "night-town", "fog", "drink", "hair", "smoke"] {
+    for name in ["cornell-box", "teapot", "spheres", "caustic", "night-town", "fog", "drink", "hair", "smoke"] {
         let mut scene = builtin(name).expect("the scene is built in");
         let bumps = Pattern::examples().into_iter().find(|p| p.textures().is_empty()).expect("there is one");
         let texture = scene.add_texture(Texture::Pattern(bumps));

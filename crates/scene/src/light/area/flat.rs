@@ -32,9 +32,9 @@ pub struct FlatPart {
     pub far: f32,
 }
 
-/// A point of a [`FlatPart`] as a far point sees it. Only what [`Self::exists`] has a meaning.
+/// A point of a part as another point sees it. Only what [`Self::exists`] has a meaning.
 #[derive(Clone, Copy, Debug)]
-pub struct FlatSample {
+pub struct PartSample {
     /// Unit direction towards it.
     pub direction: Vec3,
     /// Density per steradian of the direction.
@@ -107,8 +107,8 @@ impl FlatPart {
 
     /// A point by area, as a far point sees it.
     #[inline(always)]
-    pub fn sample(&self, from: Vec3, u: Vec2) -> FlatSample {
-        self.seen(self.by_area(from, u))
+    pub fn sample(&self, from: Vec3, u: Vec2) -> PartSample {
+        PartSample::of(self.by_area(from, u), self.normal, self.error)
     }
 
     /// A point by area.
@@ -129,37 +129,30 @@ impl FlatPart {
 
     /// What is known of a point that was chosen by solid angle; a point by area if that was not possible.
     #[inline(always)]
-    pub fn near_or_by_area(&self, near: NearSample, from: Vec3, u: Vec2) -> FlatSample {
+    pub fn near_or_by_area(&self, near: NearSample, from: Vec3, u: Vec2) -> PartSample {
         let by_area = self.by_area(from, u);
         let is_seen = near.is_seen;
         let either = |a: Vec3, b: Vec3| {
             let one = |a: f32, b: f32| if is_seen { a } else { b };
             Vec3::new(one(a.x, b.x), one(a.y, b.y), one(a.z, b.z))
         };
-        self.seen(NearSample {
+        let point = NearSample {
             position: either(near.position, by_area.position),
             direction: either(near.direction, by_area.direction),
             pdf: if is_seen { near.pdf } else { by_area.pdf },
             is_seen,
             exists: (is_seen & near.exists) | (!is_seen & by_area.exists),
-        })
+        };
+        PartSample::of(point, self.normal, self.error)
     }
+}
 
+impl PartSample {
+    /// A point with this normal and bound of the error of each coordinate.
     #[inline(always)]
-    fn seen(&self, point: NearSample) -> FlatSample {
+    pub(super) fn of(point: NearSample, normal: Vec3, error: Vec3) -> Self {
         let NearSample { position, direction, pdf, exists, .. } = point;
-        FlatSample {
-            end: self.end(position, direction),
-            direction,
-            pdf,
-            is_front: direction.dot(self.normal) < 0.0,
-            exists,
-        }
-    }
-
-    /// Where a shadow ray in this direction towards a point ends.
-    #[inline(always)]
-    fn end(&self, position: Vec3, direction: Vec3) -> Vec3 {
-        offset_ray_origin(position, self.error, self.normal, -direction)
+        let end = offset_ray_origin(position, error, normal, -direction);
+        Self { end, direction, pdf, is_front: direction.dot(normal) < 0.0, exists }
     }
 }

@@ -8,9 +8,9 @@ mod surface;
 #[cfg(test)]
 mod tests;
 
-pub use flat::{FlatPart, FlatSample};
+pub use flat::{FlatPart, PartSample};
 pub use moving::MovingAreaLight;
-pub use near::{NearPart, NearRectangle, NearSample, NearTriangle};
+pub use near::{NearPart, NearRectangle, NearSample, NearSphere, NearTriangle, RoundSample};
 
 use super::LightBounds;
 use outline::{Outline, Seen};
@@ -352,8 +352,8 @@ impl AreaLight {
         }
     }
 
-    /// The part, if it is one of which the solid angle is sampled from where [`FlatPart::is_far`] is false: a rectangle, or a triangle of a
-    /// mesh.
+    /// The part, if it is one of which the solid angle is sampled: a rectangle or a triangle of a mesh, from where [`FlatPart::is_far`] is
+    /// false, or a sphere.
     #[inline]
     pub fn near(&self, part: u32) -> Option<NearPart> {
         match &self.table {
@@ -363,19 +363,28 @@ impl AreaLight {
             Table::Shape { outline: Outline::Rectangle(rectangle), flat: Some(_), .. } => {
                 Some(NearPart::Rectangle(*rectangle))
             }
+            Table::Shape { outline: Outline::Sphere(sphere), .. } => Some(NearPart::Sphere(*sphere)),
             _ => None,
         }
     }
 
-    /// [`Self::sample_from`] for flat parts that are far or [near](Self::near), without what only some materials ask for; `None` for others.
+    /// [`Self::sample_from`] for spheres and for flat parts that are far or [near](Self::near), without what only some materials ask for;
+    /// `None` for others.
     #[inline]
-    pub fn sample_flat(&self, part: u32, from: Vec3, u: Vec2) -> Option<FlatSample> {
-        let flat = self.flat(part)?;
-        if flat.is_far(from) {
+    pub fn sample_simple(&self, part: u32, from: Vec3, u: Vec2) -> Option<PartSample> {
+        let (flat, near) = (self.flat(part), self.near(part));
+        if let Some(flat) = flat.filter(|flat| flat.is_far(from)) {
             return Some(flat.sample(from, u));
         }
-        let near = self.near(part)?.sample(from, u);
-        Some(flat.near_or_by_area(near, from, u))
+        let near = match near? {
+            NearPart::Rectangle(rectangle) => rectangle.sample(from, u),
+            NearPart::Triangle(triangle) => triangle.sample(from, u),
+            NearPart::Sphere(sphere) => {
+                let RoundSample { seen, normal, error } = sphere.sample(from, u);
+                return Some(PartSample::of(seen, normal, error));
+            }
+        };
+        Some(flat?.near_or_by_area(near, from, u))
     }
 
     /// A part whose solid angle is sampled, as seen from a point; `None` if it is sampled by area.

@@ -1,11 +1,13 @@
-//! Rectangles and triangles as near points see them: sampled by solid angle, in double precision and without branches, so that many can
-//! be sampled at once.
+//! Rectangles and triangles as near points see them, and spheres: sampled by solid angle, in double precision and without branches, so
+//! that many can be sampled at once.
 
 use super::FlatPart;
 use super::outline::{LEAST, MOST};
+use snell_math::robust::gamma;
 use snell_math::simd::most;
 use snell_math::spherical::{self, SphericalRectangle};
 use snell_math::{DVec2, DVec3, Vec2, Vec3};
+use std::f64::consts::PI;
 
 /// A rectangle in the world.
 #[derive(Clone, Copy, Debug)]
@@ -27,13 +29,24 @@ pub struct NearTriangle {
     pub edges: [Vec3; 2],
 }
 
-/// Either.
+/// A sphere in the world.
+#[derive(Clone, Copy, Debug)]
+pub struct NearSphere {
+    /// Its middle.
+    pub center: DVec3,
+    /// Radius.
+    pub radius: f64,
+}
+
+/// Any of these.
 #[derive(Clone, Copy, Debug)]
 pub enum NearPart {
     /// A rectangle.
     Rectangle(NearRectangle),
     /// A triangle.
     Triangle(NearTriangle),
+    /// A sphere, from wherever it is seen.
+    Sphere(NearSphere),
 }
 
 /// A point of one of them as a near point sees it. Only what [`Self::exists`] has a meaning.
@@ -51,13 +64,60 @@ pub struct NearSample {
     pub exists: bool,
 }
 
-impl NearPart {
-    /// A point uniform by solid angle.
-    #[inline]
-    pub fn sample(&self, from: Vec3, u: Vec2) -> NearSample {
-        match self {
-            Self::Rectangle(rectangle) => rectangle.sample(from, u),
-            Self::Triangle(triangle) => triangle.sample(from, u),
+/// A point of a sphere as another point sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct RoundSample {
+    /// The point; its solid angle can be sampled from everywhere.
+    pub seen: NearSample,
+    /// Unit normal there.
+    pub normal: Vec3,
+    /// Bound of the error of each coordinate.
+    pub error: Vec3,
+}
+
+/// Bound of the error of a point of a sphere, relative to the radius: what counts as a sphere may be an ellipsoid by so much.
+const ROUNDNESS: f64 = 4e-9;
+/// And relative to coordinates: the rounding of double precision.
+const ROUNDING: f64 = 1e-14;
+
+impl NearSphere {
+    /// What is seen of it can be sampled: not from inside, and not from so near that the cone around it is nearly half of all directions.
+    #[inline(always)]
+    pub(super) fn has_near_side(radius_squared: f64, distance_squared: f64) -> bool {
+        (radius_squared < distance_squared * (1.0 - 1e-7)) & (radius_squared > distance_squared * 1e-30)
+    }
+
+    /// A point uniform by solid angle of the side that is seen; where that cannot be sampled, one uniform by area.
+    #[inline(always)]
+    pub fn sample(&self, from: Vec3, u: Vec2) -> RoundSample {
+        let (center, u) = (self.center - from.as_dvec3(), u.as_dvec2());
+        let (d2, r2) = (center.length_squared(), self.radius * self.radius);
+        let has_near_side = Self::has_near_side(r2, d2);
+        let towards = center * (-1.0 / d2.sqrt());
+        // From the centre itself any axis will do.
+        let one = |x: f64, other: f64| if d2 > 0.0 { x } else { other };
+        let axis = DVec3::new(one(towards.x, 0.0), one(towards.y, 0.0), one(towards.z, 1.0));
+        let near = spherical::near_side_of_sphere(center, self.radius, u.x);
+        let normal = spherical::around(axis, if has_near_side { near } else { 1.0 - 2.0 * u.x }, u.y);
+        let offset = center + normal * self.radius;
+        let squared = offset.length_squared();
+        let direction = offset * (1.0 / squared.sqrt());
+        let by_area = squared / (direction.dot(normal).abs() * 4.0 * PI * r2);
+        let by_angle = 1.0 / spherical::sphere_solid_angle(r2, d2);
+        let pdf = (if has_near_side { by_angle } else { by_area }) as f32;
+        let position = self.center + normal * self.radius;
+        let error = position.abs() * f64::from(gamma(1)) + self.center.abs() * ROUNDING + self.radius * ROUNDNESS;
+        let exists = (squared > 0.0) & (squared < f64::INFINITY) & (pdf > 0.0) & (pdf < f32::INFINITY);
+        RoundSample {
+            seen: NearSample {
+                position: position.as_vec3(),
+                direction: direction.as_vec3(),
+                pdf,
+                is_seen: true,
+                exists,
+            },
+            normal: normal.as_vec3(),
+            error: error.as_vec3(),
         }
     }
 }

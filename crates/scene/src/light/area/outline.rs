@@ -1,6 +1,6 @@
 //! How a part of an emissive surface looks from a point: its solid angle, and points uniform in it.
 
-use super::near::{NearRectangle, TriangleSeen};
+use super::near::{NearRectangle, NearSphere, TriangleSeen};
 use snell_intersect::{AnyShape, Shape};
 use snell_math::spherical::{self, SphericalRectangle};
 use snell_math::{DVec2, DVec3, Transform};
@@ -20,10 +20,7 @@ pub(super) enum Outline {
         radius: f64,
         inner: f64,
     },
-    Sphere {
-        center: DVec3,
-        radius: f64,
-    },
+    Sphere(NearSphere),
     /// Sampled by area.
     Other,
 }
@@ -63,7 +60,7 @@ impl Outline {
                     && alike(x.length(), y.length())
                     && alike(x.length(), z.length()) =>
             {
-                Self::Sphere { center, radius: s.radius * x.length() }
+                Self::Sphere(NearSphere { center, radius: s.radius * x.length() })
             }
             _ => Self::Other,
         }
@@ -89,7 +86,7 @@ impl Outline {
                 let square = NearRectangle { center, axes, half: DVec2::splat(radius) };
                 (Seen::rectangle(&square, from), LEAST_OF_DISK)
             }
-            Self::Sphere { center, radius } => return Seen::sphere(center - from, radius),
+            Self::Sphere(NearSphere { center, radius }) => return Seen::sphere(center - from, radius),
             Self::Other => return None,
         };
         (seen.solid_angle > least && seen.solid_angle < MOST).then_some(seen)
@@ -125,7 +122,7 @@ impl Seen {
     /// `None` from inside, and from so near that the cone is nearly half of all directions.
     fn sphere(center: DVec3, radius: f64) -> Option<Self> {
         let (r2, d2) = (radius * radius, center.length_squared());
-        let usable = r2 < d2 * (1.0 - 1e-7) && r2 > d2 * 1e-30;
+        let usable = NearSphere::has_near_side(r2, d2);
         let solid_angle = spherical::sphere_solid_angle(r2, d2);
         usable.then_some(Self { solid_angle, kind: SeenKind::Sphere { center, radius } })
     }

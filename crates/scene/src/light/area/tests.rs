@@ -350,7 +350,7 @@ fn near_triangles_are_sampled_alike_with_and_without_all_of_the_surface() {
         let from = Vec3::new(number(0).x, number(0).y, number(1).x) * 4.0 - 1.5;
         let (part, u) = (i % 2, number(2));
         near += u32::from(!light.flat(part).expect("it is flat").is_far(from));
-        let sample = light.sample_flat(part, from, u).filter(|sample| sample.exists);
+        let sample = light.sample_simple(part, from, u).filter(|sample| sample.exists);
         let whole = light.sample_from(part, from, u);
         assert_eq!(sample.is_some(), whole.is_some(), "{from}");
         if let Some((sample, whole)) = sample.zip(whole) {
@@ -359,4 +359,43 @@ fn near_triangles_are_sampled_alike_with_and_without_all_of_the_surface() {
         }
     }
     assert!(near > 100, "{near}");
+}
+
+#[test]
+fn spheres_are_sampled_alike_with_and_without_all_of_the_surface() {
+    let map = DAffine3::from_translation(DVec3::new(1.0, 2.0, -3.0)) * DAffine3::from_rotation_x(0.7);
+    let place = Transform::new(map * DAffine3::from_scale(DVec3::splat(1.5))).expect("not singular");
+    let geometry = EmissiveGeometry::Shape(Arc::new(Sphere { radius: 0.4 }));
+    let light = AreaLight::new(geometry, place, (0, 0)).expect("it has an area");
+    let (center, mut inside, mut sum) = (Vec3::new(1.0, 2.0, -3.0), 0, 0.0);
+    for i in 0..4000 {
+        let number = |k: u32| uniform2([i, k, 6, 6]);
+        let from = center + (Vec3::new(number(0).x, number(0).y, number(1).x) - 0.5) * 2.0;
+        let u = number(2);
+        let sample =
+            light.sample_simple(0, from, u).filter(|sample| sample.exists).expect("it is seen from everywhere");
+        assert!(sample.direction.is_normalized() && sample.pdf > 0.0);
+        if (from - center).length() < 0.5999 {
+            assert!(!sample.is_front);
+            // All of it is seen from there, sampled by area.
+            let inner = center + (from - center) * 0.5;
+            inside += 1;
+            sum += 1.0 / f64::from(light.sample_simple(0, inner, u).expect("it is seen from everywhere").pdf);
+        } else if (from - center).length() > 0.6001 {
+            let whole = light.sample_from(0, from, u).expect("it is seen from everywhere");
+            assert!((sample.direction - whole.direction).length() < 1e-6, "{from}");
+            assert!((sample.pdf / whole.pdf - 1.0).abs() < 1e-6 && sample.is_front, "{from}");
+            // The end of a light ray lies before the surface.
+            let before = (sample.end - center).length() - 0.6;
+            assert!((-1e-7..1e-5).contains(&before), "{from}: {before}");
+        }
+    }
+    let all = sum / f64::from(inside) / (4.0 * PI);
+    assert!(inside > 300 && (all - 1.0).abs() < 0.03, "{inside}: {all}");
+    for from in [center, Vec3::splat(1e30), Vec3::splat(f32::INFINITY), Vec3::NAN, center + Vec3::X * 0.6] {
+        let sample = light.sample_simple(0, from, Vec2::new(0.3, 0.6)).filter(|sample| sample.exists);
+        if let Some(sample) = sample {
+            assert!(sample.direction.is_normalized() && sample.pdf > 0.0 && sample.pdf.is_finite(), "{from}");
+        }
+    }
 }

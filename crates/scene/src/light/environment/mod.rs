@@ -19,11 +19,24 @@ use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 use table::DirectionTable;
 
+pub use table::DrawnDirection;
+
 /// An environment prepared for lookups and sampling.
 #[derive(Debug)]
 pub struct EnvironmentLight {
     kind: Kind,
     mean_luminance: f64,
+}
+
+/// A direction from which light comes.
+#[derive(Clone, Copy, Debug)]
+pub struct SkySample {
+    /// Unit vector.
+    pub direction: Vec3,
+    /// Density per steradian.
+    pub pdf: f32,
+    /// Where the image is looked up: see [`EnvironmentLight::place`].
+    pub place: Vec2,
 }
 
 #[derive(Debug)]
@@ -65,10 +78,32 @@ impl EnvironmentLight {
 
     /// Radiance arriving along a ray that leaves the scene in this unit direction.
     pub fn radiance(&self, direction: Vec3, mode: ColorMode) -> SampledSpectrum {
+        self.radiance_at(self.place(direction), mode)
+    }
+
+    /// [`Self::radiance`] of the direction of this place.
+    #[inline]
+    pub fn radiance_at(&self, place: Vec2, mode: ColorMode) -> SampledSpectrum {
         mode.rgb_illuminant(match &self.kind {
             Kind::Constant(color) => *color,
-            Kind::Image(light) => light.radiance(direction),
+            Kind::Image(light) => light.texel(place),
         })
+    }
+
+    /// Where the light of a unit direction is looked up: longitude and latitude in the image, as a point of the unit square.
+    pub fn place(&self, direction: Vec3) -> Vec2 {
+        match &self.kind {
+            Kind::Constant(_) => Vec2::ZERO,
+            Kind::Image(light) => place_of(&light.world_from_environment, direction),
+        }
+    }
+
+    /// How the image is turned.
+    pub fn world_from_environment(&self) -> Mat3 {
+        match &self.kind {
+            Kind::Constant(_) => Mat3::IDENTITY,
+            Kind::Image(light) => light.world_from_environment,
+        }
     }
 
     /// The radiance, if it is the same from all directions.
@@ -79,13 +114,17 @@ impl EnvironmentLight {
         }
     }
 
-    /// A unit direction from which light comes, and its density per steradian. The density is positive, and 0 nowhere where there
-    /// is light.
-    pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
-        match &self.kind {
-            Kind::Constant(_) => (sampling::uniform_sphere(u), sampling::UNIFORM_SPHERE_PDF),
-            Kind::Image(light) => {
-                light.sample(&light.exact, u).unwrap_or((sampling::uniform_sphere(u), sampling::UNIFORM_SPHERE_PDF))
+    /// A direction from which light comes. The density is positive, and 0 nowhere where there is light.
+    pub fn sample(&self, u: Vec2) -> SkySample {
+        let drawn = match &self.kind {
+            Kind::Constant(_) => None,
+            Kind::Image(light) => Some(light.exact.sample(u)).filter(|drawn| drawn.pdf > 0.0),
+        };
+        match drawn {
+            Some(drawn) => SkySample::new(drawn, &self.world_from_environment()),
+            None => {
+                let direction = sampling::uniform_sphere(u);
+                SkySample { direction, pdf: sampling::UNIFORM_SPHERE_PDF, place: self.place(direction) }
             }
         }
     }
@@ -94,35 +133,36 @@ impl EnvironmentLight {
     pub fn pdf(&self, direction: Vec3) -> f32 {
         match &self.kind {
             Kind::Constant(_) => sampling::UNIFORM_SPHERE_PDF,
-            Kind::Image(light) => light.exact.pdf(light.to_square(direction)),
+            Kind::Image(light) => light.exact.pdf(self.place(direction)),
         }
     }
 
-    /// A unit direction in which the light is worth a sample beside BSDF samples that are combined with it by multiple importance
-    /// sampling, and its density per steradian, which is 0 in many directions. `None` if no direction is worth it.
-    pub fn sample_compensated(&self, u: Vec2) -> Option<(Vec3, f32)> {
+    /// A direction in which the light is worth a sample beside BSDF samples that are combined with it by multiple importance sampling.
+    /// The density is 0 in many directions. `None` if no direction is worth it.
+    pub fn sample_compensated(&self, u: Vec2) -> Option<SkySample> {
+        Some(SkySample::new(self.draw_compensated(u)?, &self.world_from_environment()))
+    }
+
+    /// The same before the direction is worked out, which [`SkySample::new`] does.
+    #[inline]
+    pub fn draw_compensated(&self, u: Vec2) -> Option<DrawnDirection> {
         match &self.kind {
             Kind::Constant(_) => None,
-            Kind::Image(light) => light.sample(light.compensated.as_ref()?, u),
+            Kind::Image(light) => Some(light.compensated.as_ref()?.sample(u)).filter(|drawn| drawn.pdf > 0.0),
         }
     }
 
     /// Density per steradian with which [`Self::sample_compensated`] gives this unit direction.
     pub fn pdf_compensated(&self, direction: Vec3) -> f32 {
-        match &self.kind {
-            Kind::Constant(_) => 0.0,
-            Kind::Image(light) => light.compensated.as_ref().map_or(0.0, |table| table.pdf(light.to_square(direction))),
-        }
+        self.pdf_compensated_at(self.place(direction))
     }
 
-    /// [`Self::radiance`] and [`Self::pdf_compensated`] together.
-    pub fn radiance_and_pdf(&self, direction: Vec3, mode: ColorMode) -> (SampledSpectrum, f32) {
+    /// [`Self::pdf_compensated`] of the direction of this place.
+    #[inline]
+    pub fn pdf_compensated_at(&self, place: Vec2) -> f32 {
         match &self.kind {
-            Kind::Constant(color) => (mode.rgb_illuminant(*color), 0.0),
-            Kind::Image(light) => {
-                let p = light.to_square(direction);
-                (mode.rgb_illuminant(light.texel(p)), light.compensated.as_ref().map_or(0.0, |table| table.pdf(p)))
-            }
+            Kind::Constant(_) => 0.0,
+            Kind::Image(light) => light.compensated.as_ref().map_or(0.0, |table| table.pdf(place)),
         }
     }
 
@@ -162,19 +202,6 @@ impl ImageLight {
         (Self { width: w, height: h, texels, world_from_environment, exact, compensated, excess }, mean_luminance)
     }
 
-    /// Longitude and latitude of a direction as a point of the unit square.
-    fn to_square(&self, direction: Vec3) -> Vec2 {
-        let d = self.world_from_environment.transpose() * direction;
-        let phi = angles::atan2(d.x, -d.z);
-        let theta = angles::atan2((d.x * d.x + d.z * d.z).sqrt(), d.y);
-        let p = Vec2::new(0.5 + phi * (0.5 * FRAC_1_PI), theta * FRAC_1_PI);
-        if p.is_nan() { Vec2::splat(0.5) } else { p }
-    }
-
-    fn radiance(&self, direction: Vec3) -> Rgb {
-        self.texel(self.to_square(direction))
-    }
-
     /// The bilinear interpolation at a point of the unit square.
     fn texel(&self, p: Vec2) -> Rgb {
         let (w, h) = (self.width as i32, self.height as i32);
@@ -198,11 +225,26 @@ impl ImageLight {
         let blend = |row: usize| self.texels[row + columns[0]] * (1.0 - fx) + self.texels[row + columns[1]] * fx;
         blend(row(top - 1)) * (1.0 - fy) + blend(row(top)) * fy
     }
+}
 
-    fn sample(&self, table: &DirectionTable, u: Vec2) -> Option<(Vec3, f32)> {
-        let (direction, pdf) = table.sample(u);
-        (pdf > 0.0).then_some((self.world_from_environment * direction, pdf))
+impl SkySample {
+    /// A direction that was drawn from an environment that is turned so. Without branches, so that loops over it become vector code.
+    #[inline(always)]
+    pub fn new(drawn: DrawnDirection, world_from_environment: &Mat3) -> Self {
+        let (direction, place) = drawn.to_vector();
+        Self { direction: *world_from_environment * direction, pdf: drawn.pdf, place }
     }
+}
+
+/// [`EnvironmentLight::place`] of an environment that is turned so. Without branches, so that loops over it become vector code.
+#[inline(always)]
+pub fn place_of(world_from_environment: &Mat3, direction: Vec3) -> Vec2 {
+    let Mat3 { x_axis, y_axis, z_axis } = *world_from_environment;
+    let (x, y, z) = (x_axis.dot(direction), y_axis.dot(direction), z_axis.dot(direction));
+    let phi = angles::atan2(x, -z);
+    let theta = angles::atan2((x * x + z * z).sqrt(), y);
+    let number = |p: f32| if p.is_nan() { 0.5 } else { p };
+    Vec2::new(number(0.5 + phi * (0.5 * FRAC_1_PI)), number(theta * FRAC_1_PI))
 }
 
 /// The nearest rotation (or rotation with mirroring) that keeps the first axis' direction; the identity if there is none.

@@ -1,9 +1,34 @@
 //! A density over all directions, constant over cells of longitude and latitude.
 
 use snell_math::distribution::Distribution1D;
+use snell_math::simd::most;
 use snell_math::{DVec3, Vec2, Vec3, angles};
-use std::f32::consts::TAU;
+use std::f32::consts::{FRAC_1_PI, TAU};
 use std::f64::consts::PI as PI64;
+
+/// A direction that was drawn, as the table knows it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DrawnDirection {
+    /// Cosine of the angle from the zenith.
+    pub height: f64,
+    /// Longitude as a share of the whole turn.
+    pub turn: f64,
+    /// Density per steradian.
+    pub pdf: f32,
+}
+
+impl DrawnDirection {
+    /// The unit vector (`+y` is the zenith, `-z` the middle), and longitude and latitude as a point of the unit square. Without branches,
+    /// so that loops over it become vector code.
+    #[inline(always)]
+    pub fn to_vector(self) -> (Vec3, Vec2) {
+        let Self { height, turn, .. } = self;
+        let sin = most((1.0 - height) * (1.0 + height), 0.0).sqrt();
+        let (sin_phi, cos_phi) = angles::sin_cos((turn - 0.5) * (2.0 * PI64));
+        let latitude = angles::atan2(sin as f32, height as f32) * FRAC_1_PI;
+        (DVec3::new(sin * sin_phi, height, -sin * cos_phi).as_vec3(), Vec2::new(turn as f32, latitude))
+    }
+}
 
 /// Choice of a row of cells, then of a cell in it; uniform by solid angle in the cell.
 #[derive(Debug)]
@@ -47,16 +72,17 @@ impl DirectionTable {
         (Self { rows: Distribution1D::new(&sums), columns: table, edges }, all)
     }
 
-    /// A unit direction (`+y` is the zenith, `-z` the middle) and its density per steradian.
-    pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
+    /// A direction with this density.
+    #[inline]
+    pub fn sample(&self, u: Vec2) -> DrawnDirection {
         let (row, v) = self.rows.sample(u.y);
         let (column, s) = self.columns[row].sample(u.x);
         let (top, bottom) = (self.edges[row], self.edges[row + 1]);
-        let cos = top + (bottom - top) * f64::from(v);
-        let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
-        let phi = ((column as f64 + f64::from(s)) / self.columns[row].len() as f64 - 0.5) * (2.0 * PI64);
-        let (sin_phi, cos_phi) = angles::sin_cos(phi);
-        (DVec3::new(sin * sin_phi, cos, -sin * cos_phi).as_vec3(), self.cell_pdf(row, column))
+        DrawnDirection {
+            height: top + (bottom - top) * f64::from(v),
+            turn: (column as f64 + f64::from(s)) / self.columns[row].len() as f64,
+            pdf: self.cell_pdf(row, column),
+        }
     }
 
     /// Density per steradian in a direction given by longitude and latitude as a point of the unit square.

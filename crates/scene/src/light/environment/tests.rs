@@ -82,7 +82,8 @@ fn the_compensated_density_integrates_to_one_and_lies_where_light_exceeds_the_me
         assert!((excess / (4.0 * PI64) / l.mean_luminance() / l.excess() - 1.0).abs() < 0.2);
         let mut different = 0;
         for i in 0..5000 {
-            let (d, pdf) = l.sample_compensated(uniform2([i, 3, 1, 2])).expect("some exceeds the mean");
+            let SkySample { direction: d, pdf, .. } =
+                l.sample_compensated(uniform2([i, 3, 1, 2])).expect("some exceeds the mean");
             assert!(d.is_normalized() && pdf > 0.0 && pdf.is_finite());
             different += u32::from(l.pdf_compensated(d) != pdf);
         }
@@ -110,7 +111,7 @@ fn samples_fall_into_cells_with_their_density() {
     let samples = 40_000;
     for (key, l) in (0..).zip(&lights) {
         type Pdf<'a> = &'a dyn Fn(Vec3) -> f32;
-        type Sample<'a> = &'a dyn Fn(Vec2) -> Option<(Vec3, f32)>;
+        type Sample<'a> = &'a dyn Fn(Vec2) -> Option<SkySample>;
         let ways: [(Sample, Pdf); 2] =
             [(&|u| Some(l.sample(u)), &|d| l.pdf(d)), (&|u| l.sample_compensated(u), &|d| l.pdf_compensated(d))];
         for (way, (sample, pdf)) in (0..).zip(ways) {
@@ -129,8 +130,12 @@ fn samples_fall_into_cells_with_their_density() {
             assert!((total - 1.0).abs() < 3e-3, "light {key}, table {way}: {total}");
             let mut counts = [0u32; 6 * COLUMNS];
             for i in 0..samples {
-                let (d, pdf) = sample(uniform2([i, 9, way, key])).expect("light to find");
+                let SkySample { direction: d, pdf, place } = sample(uniform2([i, 9, way, key])).expect("light to find");
                 assert!(d.is_normalized() && pdf > 0.0 && pdf.is_finite());
+                // It is looked up where the direction is: the sides are one, and so is each pole.
+                let other = l.place(d);
+                let (across, sin) = ((place.x - other.x).abs(), (PI * place.y).sin());
+                assert!(across.min(1.0 - across) * sin < 1e-6 && (place.y - other.y).abs() < 1e-6, "{place} {other}");
                 counts[cell(d)] += 1;
             }
             expected.iter_mut().for_each(|e| *e *= f64::from(samples) / total);
@@ -146,7 +151,7 @@ fn the_density_of_a_sample_is_that_of_its_direction() {
     let n = 20_000;
     let mut different = 0;
     for i in 0..n {
-        let (d, pdf) = l.sample(uniform2([i, 1, 2, 3]));
+        let SkySample { direction: d, pdf, .. } = l.sample(uniform2([i, 1, 2, 3]));
         different += u32::from(l.pdf(d) != pdf);
     }
     // Only directions on the edge of a cell may round into the next.
@@ -161,7 +166,7 @@ fn the_irradiance_estimated_by_samples_matches_quadrature() {
     let n = 100_000;
     let values: Vec<f64> = (0..n)
         .map(|i| {
-            let (d, pdf) = l.sample(uniform2([i, 4, 4, 4]));
+            let SkySample { direction: d, pdf, .. } = l.sample(uniform2([i, 4, 4, 4]));
             red(&l, d) * f64::from(d.dot(normal).max(0.0)) / f64::from(pdf)
         })
         .collect();
@@ -199,7 +204,7 @@ fn broken_pixels_and_black_pictures_do_no_harm() {
     for l in [broken, black] {
         assert!(l.mean_luminance().is_finite() && l.mean_luminance() >= 0.0);
         for i in 0..2000 {
-            let (d, pdf) = l.sample(uniform2([i, 0, 7, 0]));
+            let SkySample { direction: d, pdf, .. } = l.sample(uniform2([i, 0, 7, 0]));
             assert!(d.is_normalized() && pdf.is_finite() && pdf > 0.0 && l.radiance(d, ColorMode::Rgb).is_finite());
         }
     }

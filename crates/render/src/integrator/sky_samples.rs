@@ -1,0 +1,117 @@
+//! Light samples from an environment that is an image: the tables are asked one by one, the rest is worked out for many at once. And where paths look it
+//! up that leave the scene.
+
+use super::lanes::{LANES, ZERO, at, put};
+use super::lights::{LightArrivals, Scatterers};
+use snell_intersect::triangles::{HitLanes, HitVectors};
+use snell_math::simd::{Wide, marked};
+use snell_math::{Mat3, Vec2, Vec3, at_level, sampling};
+use snell_scene::light::environment::{DrawnDirection, EnvironmentLight, SkySample, place_of};
+
+/// Samples of an environment, by lane; those of lanes without one hold anything.
+#[derive(Debug)]
+pub struct SkySamples {
+    /// As [`DrawnDirection`].
+    height: [f64; LANES],
+    turn: [f64; LANES],
+    pdf: HitLanes,
+    /// 0 where there is none.
+    exists: [u32; LANES],
+    world_from_environment: Mat3,
+}
+
+/// Where it is looked up ([`EnvironmentLight::place`]), by lane.
+pub type SkyPlaces = [HitLanes; 2];
+
+/// Nowhere in particular.
+pub const NO_PLACES: SkyPlaces = [[0.0; LANES]; 2];
+
+impl Default for SkySamples {
+    fn default() -> Self {
+        Self {
+            height: [0.0; LANES],
+            turn: [0.0; LANES],
+            pdf: [0.0; LANES],
+            exists: [0; LANES],
+            world_from_environment: Mat3::IDENTITY,
+        }
+    }
+}
+
+impl SkySamples {
+    /// Draws for these lanes, with these numbers.
+    pub fn draw(&mut self, sky: &EnvironmentLight, lanes: &[u32], u: &[HitLanes; 2]) {
+        self.exists = [0; LANES];
+        self.world_from_environment = sky.world_from_environment();
+        for &lane in lanes {
+            let lane = lane as usize % LANES;
+            let drawn = sky.draw_compensated(Vec2::new(u[0][lane], u[1][lane]));
+            let DrawnDirection { height, turn, pdf } = drawn.unwrap_or_default();
+            (self.height[lane], self.turn[lane], self.pdf[lane]) = (height, turn, pdf);
+            self.exists[lane] = u32::from(drawn.is_some());
+        }
+    }
+
+    #[inline(always)]
+    fn get(&self, lane: usize) -> SkySample {
+        let drawn = DrawnDirection { height: self.height[lane], turn: self.turn[lane], pdf: self.pdf[lane] };
+        SkySample::new(drawn, &self.world_from_environment)
+    }
+}
+
+/// Samples that were chosen with these probabilities, as they come to vertices.
+#[inline(always)]
+pub fn arrive_from_sky<S: Scatterers>(
+    from: &SkySamples,
+    probability: &HitLanes,
+    to: &S,
+    places: &mut SkyPlaces,
+    arrivals: &mut LightArrivals,
+) {
+    for i in 0..LANES {
+        let SkySample { direction, pdf, place } = from.get(i);
+        let (share, is_seen) = to.share(i, direction);
+        let density = pdf * probability[i];
+        let weight = sampling::power_heuristic(density, share);
+        let origin = to.ray_origin(i, direction);
+        (places[0][i], places[1][i]) = (place.x, place.y);
+        let exists = from.exists[i];
+        for axis in 0..3 {
+            arrivals.origin[axis][i] = marked(exists, origin[axis], arrivals.origin[axis][i]);
+            arrivals.way[axis][i] = marked(exists, direction[axis], arrivals.way[axis][i]);
+            arrivals.direction[axis][i] = marked(exists, direction[axis], arrivals.direction[axis][i]);
+        }
+        arrivals.density[i] = marked(exists, density, arrivals.density[i]);
+        arrivals.end[i] = marked(exists, f32::INFINITY, arrivals.end[i]);
+        arrivals.share[i] = marked(exists, share, arrivals.share[i]);
+        arrivals.weight[i] = marked(exists, weight, arrivals.weight[i]);
+        arrivals.scale[i] = marked(exists, weight / density, arrivals.scale[i]);
+        arrivals.exists[i] = marked(exists, u32::from(is_seen), arrivals.exists[i]);
+    }
+}
+
+/// Where the light of each of these directions, at most [`LANES`], is looked up in an image ([`EnvironmentLight::place`]).
+pub fn places_of(sky: &EnvironmentLight, directions: impl Iterator<Item = Vec3>, wide: Option<Wide>) -> SkyPlaces {
+    let (mut of, mut places) = (ZERO, NO_PLACES);
+    for (lane, direction) in directions.enumerate().take(LANES) {
+        put(&mut of, lane, direction);
+    }
+    at_level!(
+        wide,
+        look_up,
+        (
+            world_from_environment: &Mat3 = &sky.world_from_environment(),
+            directions: &HitVectors = &of,
+            places: &mut SkyPlaces = &mut places,
+        )
+    );
+    places
+}
+
+#[inline(always)]
+fn look_up(world_from_environment: &Mat3, directions: &HitVectors, places: &mut SkyPlaces) {
+    for i in 0..LANES {
+        let place = place_of(world_from_environment, at(directions, i));
+        (places[0][i], places[1][i]) = (place.x, place.y);
+    }
+}
