@@ -10,18 +10,47 @@ use snell_math::{ColorMode, SampledSpectrum, Vec3};
 #[repr(align(64))]
 pub struct Carried {
     pub throughput: SampledSpectrum,
-    /// Position and normal of [`PathState::receiver`].
-    pub position: Vec3,
-    pub normal: Vec3,
-    pub bsdf_pdf: f32,
     pub eta_scale: f32,
     pub cone_width: f32,
     pub cone_spread: f32,
+    pub marks: Marks,
+    /// Position and normal of [`PathState::receiver`].
+    pub position: Vec3,
+    pub bsdf_pdf: f32,
+    pub normal: Vec3,
     pub stream: u32,
-    /// See [`Receiver::transmits`].
-    pub transmits: bool,
-    pub is_specular: bool,
-    pub expected: Expected,
+}
+
+/// [`PathState::expected`], [`Receiver::transmits`] and [`PathState::is_specular`] in 32 bits.
+#[derive(Clone, Copy, Debug)]
+pub struct Marks(u32);
+
+const TRANSMITS: u32 = 1;
+const IS_SPECULAR: u32 = 2;
+
+impl Marks {
+    pub const NONE: Self = Self(0);
+
+    #[inline(always)]
+    pub fn new(expected: Expected, transmits: bool, is_specular: bool) -> Self {
+        let marks = if transmits { TRANSMITS } else { 0 } | if is_specular { IS_SPECULAR } else { 0 };
+        Self(u32::from(expected.0) << 16 | marks)
+    }
+
+    #[inline(always)]
+    pub fn expected(self) -> Expected {
+        Expected((self.0 >> 16) as u16)
+    }
+
+    #[inline(always)]
+    pub fn transmits(self) -> bool {
+        self.0 & TRANSMITS != 0
+    }
+
+    #[inline(always)]
+    pub fn is_specular(self) -> bool {
+        self.0 & IS_SPECULAR != 0
+    }
 }
 
 /// A number of at least 0 with three digits.
@@ -64,31 +93,21 @@ impl Carried {
             throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, is_specular, expected, ..
         } = *state;
         let Receiver { position, normal, transmits } = state.receiver;
-        let carried = Self {
-            throughput,
-            position,
-            normal,
-            bsdf_pdf,
-            eta_scale,
-            cone_width,
-            cone_spread,
-            stream,
-            transmits,
-            is_specular,
-            expected,
-        };
+        let marks = Marks::new(expected, transmits, is_specular);
+        let carried =
+            Self { throughput, eta_scale, cone_width, cone_spread, marks, position, bsdf_pdf, normal, stream };
         (carried, Rest { mode: state.mode, lobe: state.lobe, time: state.time })
     }
 
     /// See [`PathState::receiver`].
     pub fn receiver(&self) -> Receiver {
-        Receiver { position: self.position, normal: self.normal, transmits: self.transmits }
+        Receiver { position: self.position, normal: self.normal, transmits: self.marks.transmits() }
     }
 
     /// The whole state.
     pub fn with(&self, rest: &Rest) -> PathState {
-        let Self { throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, is_specular, expected, .. } =
-            *self;
+        let Self { throughput, bsdf_pdf, eta_scale, cone_width, cone_spread, stream, marks, .. } = *self;
+        let (expected, is_specular) = (marks.expected(), marks.is_specular());
         let receiver = self.receiver();
         let Rest { mode, lobe, time } = *rest;
         PathState {

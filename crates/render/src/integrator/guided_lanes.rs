@@ -241,10 +241,10 @@ fn play(guided: &mut GuidedLanes, carried: &CarriedLanes, reflectance: &HitColor
         let largest = |v: &HitColors| most(most(v[0][i], v[1][i]), v[2][i]);
         let (throughput, albedo) = (largest(&carried.throughput), largest(reflectance));
         let expected = throughput * guided.brings[i];
-        let (survival, first) = expected_survival(expected, carried.expected[i]);
+        let (survival, first) = expected_survival(expected, carried.marks[i].expected().get());
         let is_known = expected > 0.0;
         guided.survival[i] = if is_known { survival } else { albedo };
-        guided.expected[i] = if is_known { first } else { carried.expected[i] };
+        guided.expected[i] = if is_known { first } else { carried.marks[i].expected().get() };
     }
 }
 

@@ -1,6 +1,6 @@
 //! Vertices side by side, for what works on many at once: where paths have come to surfaces, and what they carry.
 
-use super::carried::{Carried, Rest};
+use super::carried::{Carried, Marks, Rest};
 use super::estimators::{Arrival, Skin};
 use super::lit::LitLanes;
 use super::{Context, dimension};
@@ -24,6 +24,23 @@ const SPECTRUM: usize = snell_math::spectrum::LANES;
 
 /// Nothing in every lane.
 pub const BLACK: HitColors = [[0.0; LANES]; SPECTRUM];
+
+/// [`snell_math::at_level`] of a function of so many channels as paths of a model of colour have.
+macro_rules! at_level_by_color {
+    ($wide:expr, $color:expr, $function:ident, ($($arguments:tt)*)) => {
+        match $color {
+            snell_math::ColorModel::Rgb => snell_math::at_level!($wide, $function::<3>, ($($arguments)*)),
+            snell_math::ColorModel::Spectral => snell_math::at_level!($wide, $function::<4>, ($($arguments)*)),
+        }
+    };
+}
+pub(super) use at_level_by_color;
+
+/// Marks of each lane.
+pub type MarkLanes = [Marks; LANES];
+
+/// No marks in every lane.
+pub const UNMARKED: MarkLanes = [Marks::NONE; LANES];
 
 /// Paths that have come to surfaces.
 #[derive(Clone, Copy, Debug)]
@@ -74,11 +91,10 @@ pub struct CarriedLanes {
     /// By channel.
     pub throughput: HitColors,
     pub eta_scale: HitLanes,
-    /// As [`super::PathState::expected`].
-    pub expected: HitLanes,
     /// At the vertex.
     pub cone_width: HitLanes,
     pub cone_spread: HitLanes,
+    pub marks: MarkLanes,
 }
 
 /// What [`SurfaceInteraction`] says of a point, as far as it matters here.
@@ -124,7 +140,7 @@ impl VertexLanes {
     pub fn new(sampler: &Sampler, wide: Option<Wide>) -> Self {
         let zero = [0.0; LANES];
         let carried =
-            CarriedLanes { throughput: BLACK, eta_scale: zero, expected: zero, cone_width: zero, cone_spread: zero };
+            CarriedLanes { throughput: BLACK, eta_scale: zero, cone_width: zero, cone_spread: zero, marks: UNMARKED };
         Self {
             paths: [0; LANES],
             count: 0,
@@ -163,7 +179,7 @@ impl VertexLanes {
             self.randoms.set(lane, from.keys[from.samples[path] as usize]);
             put_color(&mut self.carried.throughput, lane, carried.throughput);
             self.carried.eta_scale[lane] = carried.eta_scale;
-            self.carried.expected[lane] = carried.expected.get();
+            self.carried.marks[lane] = carried.marks;
             self.carried.cone_width[lane] = carried.cone_width + carried.cone_spread * hit.t;
             self.carried.cone_spread[lane] = carried.cone_spread;
         }
@@ -299,11 +315,11 @@ pub trait Columns {
     /// 0 where the path ends.
     fn goes_on(&self) -> &[u32; LANES];
 
-    /// The next ray of a lane.
-    fn next_ray(&self, lane: usize) -> Ray;
+    /// The next rays.
+    fn next_rays(&self) -> RayColumns<'_>;
 
-    /// What the path of the next ray carries.
-    fn carried(&self, lane: usize) -> Carried;
+    /// What the paths of the next rays carry.
+    fn carried(&self) -> CarriedColumns<'_>;
 
     /// Numbers of the paths of the lanes in use.
     fn paths(&self) -> &[u32] {
@@ -313,6 +329,63 @@ pub trait Columns {
     /// The lanes of those given whose paths go on.
     fn going_on(&self, lanes: &[u32], to: &mut Vec<u32>) {
         keep(lanes, self.goes_on(), to);
+    }
+}
+
+/// Rays column by column; those of lanes without one are anything.
+#[derive(Clone, Copy, Debug)]
+pub struct RayColumns<'a> {
+    pub origin: &'a HitVectors,
+    pub direction: &'a HitVectors,
+    /// As [`Ray::t_max`].
+    pub end: &'a HitLanes,
+}
+
+impl RayColumns<'_> {
+    /// The ray of a lane.
+    #[inline(always)]
+    pub fn at(&self, lane: usize) -> Ray {
+        let lane = lane % LANES;
+        Ray::new(at(self.origin, lane), at(self.direction, lane)).with_t_max(self.end[lane])
+    }
+}
+
+/// Nothing, for each lane.
+pub const NOUGHTS: HitLanes = [0.0; LANES];
+
+/// Rays that go on forever.
+pub const ENDLESS: HitLanes = [f32::INFINITY; LANES];
+
+/// [`Carried`] column by column, of paths that are not branched; those of lanes without a path are anything.
+#[derive(Clone, Copy, Debug)]
+pub struct CarriedColumns<'a> {
+    /// By channel.
+    pub throughput: &'a HitColors,
+    pub eta_scale: &'a HitLanes,
+    pub cone_width: &'a HitLanes,
+    pub cone_spread: &'a HitLanes,
+    pub marks: &'a MarkLanes,
+    pub position: &'a HitVectors,
+    pub bsdf_pdf: &'a HitLanes,
+    pub normal: &'a HitVectors,
+}
+
+impl CarriedColumns<'_> {
+    /// That of a lane.
+    #[inline(always)]
+    pub fn at(&self, lane: usize) -> Carried {
+        let lane = lane % LANES;
+        Carried {
+            throughput: color_at(self.throughput, lane),
+            eta_scale: self.eta_scale[lane],
+            cone_width: self.cone_width[lane],
+            cone_spread: self.cone_spread[lane],
+            marks: self.marks[lane],
+            position: at(self.position, lane),
+            bsdf_pdf: self.bsdf_pdf[lane],
+            normal: at(self.normal, lane),
+            stream: 0,
+        }
     }
 }
 
@@ -331,10 +404,9 @@ pub trait LitColumns: Columns {
         self.light().outputs.is_lit[lane] != 0
     }
 
-    /// The light ray of a lane.
-    #[inline(always)]
-    fn light_ray(&self, lane: usize) -> Ray {
-        self.light().arrivals.shadow_ray(lane % LANES)
+    /// The light rays.
+    fn light_rays(&self) -> RayColumns<'_> {
+        self.light().arrivals.shadow_rays()
     }
 
     /// What that brings if it is free.

@@ -2,7 +2,7 @@
 //! triangles and spheres: what [`super::estimators::sample_light`] gives one at a time, bit for bit.
 
 use super::estimators::SHADOW_END;
-use super::lanes::{BLACK, HitColors, ZERO, at, put, put_color};
+use super::lanes::{BLACK, HitColors, RayColumns, ZERO, at, put, put_color};
 use super::light_part::LightSource;
 use super::near_lights::{NearLights, NearParts, RECTANGLE, SPHERE, TRIANGLE};
 use super::sky_samples::{NO_PLACES, SkyPlaces, SkySamples, arrive_from_sky};
@@ -492,10 +492,9 @@ impl LightSamples {
 }
 
 impl LightArrivals {
-    /// The interval that must be free.
-    #[inline(always)]
-    pub fn shadow_ray(&self, lane: usize) -> Ray {
-        Ray::new(at(&self.origin, lane), at(&self.way, lane)).with_t_max(self.end[lane])
+    /// The intervals that must be free.
+    pub fn shadow_rays(&self) -> RayColumns<'_> {
+        RayColumns { origin: &self.origin, direction: &self.way, end: &self.end }
     }
 
     /// Directions from vertices to where the light comes from.

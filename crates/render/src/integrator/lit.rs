@@ -1,9 +1,10 @@
 //! What lights bring to vertices that are worked on together, and where their paths go on: the same for surfaces and points of media.
 
+use super::carried::{Expected, Marks};
 use super::guided::unknown_survival;
-use super::lanes::{BLACK, CarriedLanes, HitColors, LANES, Roulette, put_color};
+use super::lanes::{BLACK, CarriedLanes, HitColors, LANES, MarkLanes, NOUGHTS, Roulette, UNMARKED, put_color};
 use super::lights::{ALONE, LightArrivals, LightSamples};
-use super::path::WeightedLight;
+use super::path::{SCATTERED_SPREAD, WeightedLight};
 use crate::light_sampler::ChosenLight;
 use snell_intersect::triangles::HitLanes;
 use snell_math::Vec2;
@@ -29,6 +30,9 @@ pub struct LitOutputs {
     pub is_lit: [u32; LANES],
     /// By channel, the throughput of the next ray.
     pub throughput: HitColors,
+    /// As [`super::carried::Carried`].
+    pub cone_spread: HitLanes,
+    pub marks: MarkLanes,
     /// 0 where the path ends.
     pub goes_on: [u32; LANES],
 }
@@ -39,7 +43,14 @@ impl Default for LitLanes {
             lights: LightSamples::default(),
             arrivals: LightArrivals::default(),
             glowing: [None; LANES],
-            outputs: LitOutputs { brought: BLACK, is_lit: [0; LANES], throughput: BLACK, goes_on: [0; LANES] },
+            outputs: LitOutputs {
+                brought: BLACK,
+                is_lit: [0; LANES],
+                throughput: BLACK,
+                cone_spread: NOUGHTS,
+                marks: UNMARKED,
+                goes_on: [0; LANES],
+            },
         }
     }
 }
@@ -64,6 +75,15 @@ impl LitOutputs {
             is_finite &= value.abs() < f32::INFINITY;
         }
         self.is_lit[lane] = u32::from((arrivals.exists[lane] != 0) & is_bright & is_finite);
+    }
+
+    /// Notes what else the path of a lane carries on from where it was scattered, or from a delta lobe.
+    #[inline(always)]
+    pub fn mark(&mut self, lane: usize, carried: &CarriedLanes, expected: Expected, transmits: bool, is_delta: bool) {
+        let before = carried.cone_spread[lane];
+        self.cone_spread[lane] = if is_delta { before } else { most(before, SCATTERED_SPREAD) };
+        let is_specular = is_delta & carried.marks[lane].is_specular();
+        self.marks[lane] = Marks::new(expected, transmits, is_specular);
     }
 
     /// Works out whether the path of a lane goes on in the direction that was drawn: if it `exists` and roulette, which looks at

@@ -4,18 +4,18 @@
 //! Which vertices come here depends on the scene and the settings alone, and no lane looks at another, so that a path does not depend
 //! on what shares its batch.
 
-use super::carried::{Carried, Expected};
+use super::carried::Expected;
 use super::estimators::{Arrival, may_be_lifted};
 use super::guided_lanes::{Directions, GuidedLanes};
 use super::lanes::{
-    Arriving, BLACK, CarriedLanes, Columns, HitColors, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at,
-    color_at, put_color,
+    Arriving, BLACK, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, LitColumns, OtherPoint,
+    RayColumns, Roulette, VertexLanes, ZERO, at, at_level_by_color, color_at, put_color,
 };
 use super::light_part::{LightSource, LobeShares};
 use super::lights::{LightArrivals, LightSamples, Surfaces, horizon};
 use super::lit::{LitLanes, LitOutputs};
 use super::matte_surfaces::MatteSurfaces;
-use super::path::{SCATTERED_SPREAD, weighted_sample};
+use super::path::weighted_sample;
 use super::{Context, IntegratorKind, Outputs, PathState, classic, dimension};
 use crate::guiding::Choice;
 use crate::light_sampler::Receivers;
@@ -23,7 +23,7 @@ use crate::sampler::{Random, Sampler};
 use snell_intersect::smooth::lifted_ray_origin;
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_intersect::{Hit, TrianglePoints};
-use snell_math::simd::{Wide, most};
+use snell_math::simd::Wide;
 use snell_math::{ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level, sampling};
 use snell_scene::material::visible_normal;
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -200,22 +200,20 @@ impl MatteVertices {
             self.guided.play(&self.lanes.carried, &self.reflectance, wide);
         }
         let Self { lanes, normal, reflectance, bounces, guided, lit, .. } = self;
-        let survival = context.field.map(|_| &guided.survival);
-        let LitLanes { lights, arrivals, outputs: given, .. } = lit;
-        at_level!(
+        let known = Known {
+            carried: &lanes.carried,
+            reflectance,
+            radiance: &lit.lights.radiance,
+            arrivals: &lit.arrivals,
+            bounces,
+            guided: context.field.map(|_| &**guided),
+            roulette: &roulette,
+        };
+        at_level_by_color!(
             wide,
-            outputs,
-            (
-                color: ColorModel = self.color,
-                carried: &CarriedLanes = &lanes.carried,
-                reflectance: &HitColors = reflectance,
-                radiance: &HitColors = &lights.radiance,
-                arrivals: &LightArrivals = arrivals,
-                bounces: &Bounces = bounces,
-                survival: Option<&HitLanes> = survival,
-                roulette: &Roulette = &roulette,
-                to: &mut LitOutputs = given,
-            )
+            self.color,
+            give,
+            (known: &Known<'_> = &known, to: &mut LitOutputs = &mut lit.outputs)
         );
         lit.sample_alone(count, &light, |lane, chosen, u| {
             let seen = Seen::at(lanes, normal, reflectance, lane);
@@ -268,7 +266,7 @@ impl MatteVertices {
     /// True if the light ray of a lane starts through the surface, by rounding.
     pub fn passes(&self, lane: usize) -> bool {
         let normal = at(&self.lanes.points.geometric_normal, lane);
-        self.lit.arrivals.shadow_ray(lane).direction.dot(normal) * -at(&self.lanes.wo, lane).dot(normal) > 0.0
+        self.lit.arrivals.shadow_rays().at(lane).direction.dot(normal) * -at(&self.lanes.wo, lane).dot(normal) > 0.0
     }
 
     /// The source of the light ray of a lane, if it sends one, and its weight by multiple importance sampling.
@@ -304,27 +302,21 @@ impl Columns for MatteVertices {
         &self.lit.outputs.goes_on
     }
 
-    #[inline(always)]
-    fn next_ray(&self, lane: usize) -> Ray {
-        let lane = lane % LANES;
-        Ray::new(at(&self.bounces.origin, lane), at(&self.bounces.wi, lane))
+    fn next_rays(&self) -> RayColumns<'_> {
+        RayColumns { origin: &self.bounces.origin, direction: &self.bounces.wi, end: &ENDLESS }
     }
 
-    #[inline(always)]
-    fn carried(&self, lane: usize) -> Carried {
-        let lane = lane % LANES;
-        Carried {
-            throughput: color_at(&self.lit.outputs.throughput, lane),
-            position: at(&self.lanes.points.position, lane),
-            normal: at(&self.facing, lane),
-            bsdf_pdf: self.bounces.pdf[lane],
-            eta_scale: self.lanes.carried.eta_scale[lane],
-            cone_width: self.lanes.carried.cone_width[lane],
-            cone_spread: most(self.lanes.carried.cone_spread[lane], SCATTERED_SPREAD),
-            stream: 0,
-            expected: Expected::of(self.guided.expected[lane]),
-            transmits: false,
-            is_specular: false,
+    fn carried(&self) -> CarriedColumns<'_> {
+        let LitOutputs { throughput, cone_spread, marks, .. } = &self.lit.outputs;
+        CarriedColumns {
+            throughput,
+            eta_scale: &self.lanes.carried.eta_scale,
+            cone_width: &self.lanes.carried.cone_width,
+            cone_spread,
+            marks,
+            position: &self.lanes.points.position,
+            bsdf_pdf: &self.bounces.pdf,
+            normal: &self.facing,
         }
     }
 }
@@ -335,47 +327,31 @@ impl LitColumns for MatteVertices {
     }
 }
 
-/// What vertices give, where their lights are flat.
-#[inline(always)]
-#[expect(clippy::too_many_arguments, reason = "columns")]
-fn outputs(
-    color: ColorModel,
-    carried: &CarriedLanes,
-    reflectance: &HitColors,
-    radiance: &HitColors,
-    arrivals: &LightArrivals,
-    bounces: &Bounces,
-    survival: Option<&HitLanes>,
-    roulette: &Roulette,
-    to: &mut LitOutputs,
-) {
-    match color {
-        ColorModel::Rgb => give::<3>(carried, reflectance, radiance, arrivals, bounces, survival, roulette, to),
-        ColorModel::Spectral => give::<4>(carried, reflectance, radiance, arrivals, bounces, survival, roulette, to),
-    }
+/// What is known of vertices before it is worked out what they give.
+struct Known<'a> {
+    carried: &'a CarriedLanes,
+    reflectance: &'a HitColors,
+    radiance: &'a HitColors,
+    arrivals: &'a LightArrivals,
+    bounces: &'a Bounces,
+    /// What a field says, if there is one.
+    guided: Option<&'a GuidedLanes>,
+    roulette: &'a Roulette,
 }
 
+/// What vertices give, but for lights that are sampled alone.
 #[inline(always)]
-#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
-fn give<const CHANNELS: usize>(
-    carried: &CarriedLanes,
-    reflectance: &HitColors,
-    radiance: &HitColors,
-    arrivals: &LightArrivals,
-    bounces: &Bounces,
-    survival: Option<&HitLanes>,
-    roulette: &Roulette,
-    to: &mut LitOutputs,
-) {
+fn give<const CHANNELS: usize>(known: &Known, to: &mut LitOutputs) {
+    let Known { carried, reflectance, radiance, arrivals, bounces, guided, roulette } = *known;
+    let survival = guided.map(|guided| &guided.survival);
     for i in 0..LANES {
         let cosine = arrivals.share[i];
-        let (mut scattered, mut weight) = ([0.0; CHANNELS], [0.0; CHANNELS]);
-        for channel in 0..CHANNELS {
-            scattered[channel] = reflectance[channel][i] * cosine;
-            weight[channel] = bounces.weight[channel][i];
-        }
-        to.bring(i, carried, scattered, radiance, arrivals);
+        let scattered = std::array::from_fn(|channel| reflectance[channel][i] * cosine);
+        let weight: [f32; CHANNELS] = std::array::from_fn(|channel| bounces.weight[channel][i]);
+        to.bring::<CHANNELS>(i, carried, scattered, radiance, arrivals);
         to.go_on(i, carried, (weight, &carried.eta_scale), survival, roulette, bounces.exists[i] != 0);
+        let expected = guided.map_or(Expected::default(), |guided| Expected::of(guided.expected[i]));
+        to.mark(i, carried, expected, false, false);
     }
 }
 

@@ -3,21 +3,21 @@
 //!
 //! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
 
-use super::carried::{Carried, Expected};
 use super::estimators::Arrival;
 use super::guided::unknown_survival;
 use super::lanes::{
-    Arriving, CarriedLanes, Columns, HitColors, LANES, LitColumns, Roulette, VertexLanes, ZERO, at, color_at, put,
+    Arriving, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, LitColumns, RayColumns, Roulette,
+    VertexLanes, ZERO, at, at_level_by_color, color_at, put,
 };
 use super::lights::{LightArrivals, LightSamples, MediumPoints};
 use super::lit::{LitLanes, LitOutputs};
-use super::path::{SCATTERED_SPREAD, weighted_sample};
+use super::path::weighted_sample;
 use super::{Context, IntegratorKind, MediumVertex, dimension};
 use crate::light_sampler::Receivers;
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::simd::most;
-use snell_math::{ColorModel, Ray, SampledSpectrum, Vec2, Vec3, at_level};
+use snell_math::{ColorModel, SampledSpectrum, Vec2, Vec3, at_level};
 use snell_scene::medium::HenyeyGreenstein;
 
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
@@ -88,11 +88,11 @@ impl ScatteredVertices {
         self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
         let Self { lanes, phase, lit, .. } = self;
         let LitLanes { lights, arrivals, outputs: given, .. } = lit;
-        at_level!(
+        at_level_by_color!(
             wide,
+            self.color,
             give,
             (
-                color: ColorModel = self.color,
                 carried: &CarriedLanes = &lanes.carried,
                 radiance: &HitColors = &lights.radiance,
                 arrivals: &LightArrivals = arrivals,
@@ -133,27 +133,21 @@ impl Columns for ScatteredVertices {
         &self.lit.outputs.goes_on
     }
 
-    #[inline(always)]
-    fn next_ray(&self, lane: usize) -> Ray {
-        let lane = lane % LANES;
-        Ray::new(at(&self.lanes.points.position, lane), at(&self.bounces.wi, lane))
+    fn next_rays(&self) -> RayColumns<'_> {
+        RayColumns { origin: &self.lanes.points.position, direction: &self.bounces.wi, end: &ENDLESS }
     }
 
-    #[inline(always)]
-    fn carried(&self, lane: usize) -> Carried {
-        let lane = lane % LANES;
-        Carried {
-            throughput: color_at(&self.lit.outputs.throughput, lane),
-            position: at(&self.lanes.points.position, lane),
-            normal: Vec3::ZERO,
-            bsdf_pdf: self.bounces.pdf[lane],
-            eta_scale: self.lanes.carried.eta_scale[lane],
-            cone_width: self.lanes.carried.cone_width[lane],
-            cone_spread: most(self.lanes.carried.cone_spread[lane], SCATTERED_SPREAD),
-            stream: 0,
-            expected: Expected::of(self.lanes.carried.expected[lane]),
-            transmits: true,
-            is_specular: false,
+    fn carried(&self) -> CarriedColumns<'_> {
+        let LitOutputs { throughput, cone_spread, marks, .. } = &self.lit.outputs;
+        CarriedColumns {
+            throughput,
+            eta_scale: &self.lanes.carried.eta_scale,
+            cone_width: &self.lanes.carried.cone_width,
+            cone_spread,
+            marks,
+            position: &self.lanes.points.position,
+            bsdf_pdf: &self.bounces.pdf,
+            normal: &ZERO,
         }
     }
 }
@@ -164,24 +158,9 @@ impl LitColumns for ScatteredVertices {
     }
 }
 
-/// What vertices give, where their lights are flat.
+/// What vertices give, but for lights that are sampled alone.
 #[inline(always)]
-fn give(
-    color: ColorModel,
-    carried: &CarriedLanes,
-    radiance: &HitColors,
-    arrivals: &LightArrivals,
-    roulette: &Roulette,
-    to: &mut LitOutputs,
-) {
-    match color {
-        ColorModel::Rgb => give_channels::<3>(carried, radiance, arrivals, roulette, to),
-        ColorModel::Spectral => give_channels::<4>(carried, radiance, arrivals, roulette, to),
-    }
-}
-
-#[inline(always)]
-fn give_channels<const CHANNELS: usize>(
+fn give<const CHANNELS: usize>(
     carried: &CarriedLanes,
     radiance: &HitColors,
     arrivals: &LightArrivals,
@@ -199,6 +178,7 @@ fn give_channels<const CHANNELS: usize>(
             to.throughput[channel][i] = carried.throughput[channel][i] * scale;
         }
         to.goes_on[i] = u32::from(survives);
+        to.mark(i, carried, carried.marks[i].expected(), true, false);
     }
 }
 

@@ -3,11 +3,11 @@
 //!
 //! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
 
-use super::carried::{Carried, Expected};
+use super::carried::Marks;
 use super::guided::unknown_survival;
 use super::lanes::{
-    Arriving, BLACK, CarriedLanes, Columns, HitColors, LANES, OtherPoint, Roulette, VertexLanes, ZERO, at, color_at,
-    put_color,
+    Arriving, BLACK, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, MarkLanes, NOUGHTS, OtherPoint,
+    RayColumns, Roulette, UNMARKED, VertexLanes, ZERO, at, at_level_by_color, put_color,
 };
 use super::{Context, IntegratorKind, dimension};
 use crate::sampler::Sampler;
@@ -28,9 +28,6 @@ pub struct SpecularVertices {
     /// Shading normal.
     normal: HitVectors,
     bounces: Bounces,
-    /// As [`Carried::transmits`] and [`Carried::is_specular`].
-    transmits: [bool; LANES],
-    is_specular: [bool; LANES],
 }
 
 /// What the surfaces do.
@@ -57,6 +54,8 @@ struct Bounces {
     /// By channel.
     throughput: HitColors,
     eta_scale: HitLanes,
+    /// As [`super::carried::Carried::marks`].
+    marks: MarkLanes,
     /// 0 where the path ends.
     exists: [u32; LANES],
 }
@@ -88,10 +87,9 @@ impl SpecularVertices {
                 facing: ZERO,
                 throughput: BLACK,
                 eta_scale: number,
+                marks: UNMARKED,
                 exists: mark,
             },
-            transmits: [false; LANES],
-            is_specular: [false; LANES],
         }
     }
 
@@ -123,8 +121,6 @@ impl SpecularVertices {
             }
             Specular::Reflector(_) => self.lobes.is_mirror[lane] = 1,
         }
-        self.transmits[lane] = !lobe.is_opaque();
-        self.is_specular[lane] = from.carried[path].is_specular;
         if material.is_bent() {
             self.gather_other(context, lane, ray, hit, material);
         } else if is_plain {
@@ -168,21 +164,21 @@ impl SpecularVertices {
                 put_color(&mut self.lobes.reflectance, lane, reflectance);
             }
         }
-        at_level!(
+        let known = Known {
+            points: &self.lanes.points,
+            wo: &self.lanes.wo,
+            carried: &self.lanes.carried,
+            normal: &self.normal,
+            lobes: &self.lobes,
+            choice: &choice,
+            is_guided: context.field.is_some(),
+            roulette: &roulette,
+        };
+        at_level_by_color!(
             wide,
+            self.color,
             bounce,
-            (
-                color: ColorModel = self.color,
-                points: &TrianglePoints = &self.lanes.points,
-                wo: &HitVectors = &self.lanes.wo,
-                carried: &CarriedLanes = &self.lanes.carried,
-                normal: &HitVectors = &self.normal,
-                lobes: &Lobes = &self.lobes,
-                choice: &HitLanes = &choice,
-                is_guided: bool = context.field.is_some(),
-                roulette: &Roulette = &roulette,
-                to: &mut Bounces = &mut self.bounces,
-            )
+            (known: &Known<'_> = &known, to: &mut Bounces = &mut self.bounces)
         );
     }
 
@@ -201,27 +197,20 @@ impl Columns for SpecularVertices {
         &self.bounces.exists
     }
 
-    #[inline(always)]
-    fn next_ray(&self, lane: usize) -> Ray {
-        let lane = lane % LANES;
-        Ray::new(at(&self.bounces.origin, lane), at(&self.bounces.wi, lane))
+    fn next_rays(&self) -> RayColumns<'_> {
+        RayColumns { origin: &self.bounces.origin, direction: &self.bounces.wi, end: &ENDLESS }
     }
 
-    #[inline(always)]
-    fn carried(&self, lane: usize) -> Carried {
-        let lane = lane % LANES;
-        Carried {
-            throughput: color_at(&self.bounces.throughput, lane),
-            position: at(&self.lanes.points.position, lane),
-            normal: at(&self.bounces.facing, lane),
-            bsdf_pdf: 0.0,
-            eta_scale: self.bounces.eta_scale[lane],
-            cone_width: self.lanes.carried.cone_width[lane],
-            cone_spread: self.lanes.carried.cone_spread[lane],
-            stream: 0,
-            expected: Expected::of(self.lanes.carried.expected[lane]),
-            transmits: self.transmits[lane],
-            is_specular: self.is_specular[lane],
+    fn carried(&self) -> CarriedColumns<'_> {
+        CarriedColumns {
+            throughput: &self.bounces.throughput,
+            eta_scale: &self.bounces.eta_scale,
+            cone_width: &self.lanes.carried.cone_width,
+            cone_spread: &self.lanes.carried.cone_spread,
+            marks: &self.bounces.marks,
+            position: &self.lanes.points.position,
+            bsdf_pdf: &NOUGHTS,
+            normal: &self.bounces.facing,
         }
     }
 }
@@ -236,40 +225,23 @@ fn normals(points: &TrianglePoints, wo: &HitVectors, normal: &mut HitVectors) {
     }
 }
 
-/// Next directions and throughputs.
-#[inline(always)]
-fn bounce(
-    color: ColorModel,
-    points: &TrianglePoints,
-    wo: &HitVectors,
-    carried: &CarriedLanes,
-    normal: &HitVectors,
-    lobes: &Lobes,
-    choice: &HitLanes,
+/// What is known of vertices before it is drawn where their paths go on.
+struct Known<'a> {
+    points: &'a TrianglePoints,
+    wo: &'a HitVectors,
+    carried: &'a CarriedLanes,
+    normal: &'a HitVectors,
+    lobes: &'a Lobes,
+    /// Numbers for the choice of a lobe.
+    choice: &'a HitLanes,
     is_guided: bool,
-    roulette: &Roulette,
-    to: &mut Bounces,
-) {
-    match color {
-        ColorModel::Rgb => bounce_channels::<3>(points, wo, carried, normal, lobes, choice, is_guided, roulette, to),
-        ColorModel::Spectral => {
-            bounce_channels::<4>(points, wo, carried, normal, lobes, choice, is_guided, roulette, to);
-        }
-    }
+    roulette: &'a Roulette,
 }
 
+/// Next directions and throughputs.
 #[inline(always)]
-fn bounce_channels<const CHANNELS: usize>(
-    points: &TrianglePoints,
-    wo: &HitVectors,
-    carried: &CarriedLanes,
-    normal: &HitVectors,
-    lobes: &Lobes,
-    choice: &HitLanes,
-    is_guided: bool,
-    roulette: &Roulette,
-    to: &mut Bounces,
-) {
+fn bounce<const CHANNELS: usize>(known: &Known, to: &mut Bounces) {
+    let Known { points, wo, carried, normal, lobes, choice, is_guided, roulette } = *known;
     for i in 0..LANES {
         let vector = |v: &HitVectors| Vec3::new(v[0][i], v[1][i], v[2][i]);
         let (wo, n, flat) = (vector(wo), vector(normal), vector(&points.geometric_normal));
@@ -318,6 +290,8 @@ fn bounce_channels<const CHANNELS: usize>(
             to[i] = throughput * scale;
         }
         to.eta_scale[i] = eta_scale;
+        let marks = carried.marks[i];
+        to.marks[i] = Marks::new(marks.expected(), !is_mirror, marks.is_specular());
         to.exists[i] = u32::from(exists);
     }
 }

@@ -4,24 +4,23 @@
 //!
 //! As with [`super::matte`], which vertices come here depends on the scene and the settings alone, and no lane looks at another.
 
-use super::carried::{Carried, Expected};
+use super::carried::Expected;
 use super::estimators::{Arrival, lift_of_opaque};
 use super::guided::GuidedBsdf;
 use super::lanes::{
-    Arriving, BLACK, CarriedLanes, Columns, HitColors, LANES, LitColumns, OtherPoint, Roulette, VertexLanes, ZERO, at,
-    color_at, put, put_color,
+    Arriving, BLACK, CarriedColumns, CarriedLanes, Columns, ENDLESS, HitColors, LANES, LitColumns, OtherPoint,
+    RayColumns, Roulette, VertexLanes, ZERO, at, at_level_by_color, color_at, put, put_color,
 };
 use super::lights::{ALONE, DARK, LightArrivals, LightSamples, Skins, ray_origin};
 use super::lit::{LitLanes, LitOutputs};
-use super::path::{DrawnLight, SCATTERED_SPREAD, Scatterer, shining, weighted_sample};
+use super::path::{DrawnLight, Scatterer, shining, weighted_sample};
 use super::plain_surfaces::{Bends, Frames, PlainSurface};
 use super::together::{Seen, Together};
 use super::{Context, IntegratorKind, SurfaceVertex, Vertex, dimension, outgoing};
 use crate::light_sampler::{Receiver, Receivers};
 use crate::sampler::Sampler;
 use snell_intersect::triangles::{HitLanes, HitVectors};
-use snell_math::simd::most;
-use snell_math::{ColorModel, Frame, Ray, SampledSpectrum, Vec2, Vec3, at_level};
+use snell_math::{ColorModel, Frame, SampledSpectrum, Vec2, Vec3};
 use snell_scene::material::{FrameNeeds, Prepared};
 
 /// Vertices being worked on. Arrays are by lane; those of lanes that are not in use hold anything.
@@ -49,8 +48,6 @@ pub struct SurfaceVertices<'a> {
     facing: HitVectors,
     /// Whether the surface lets light through.
     transmits: [bool; LANES],
-    /// As [`Carried::is_specular`], so far.
-    is_specular: [bool; LANES],
     /// How the surfaces scatter light from where it comes from.
     scattered: Scattered,
     bounces: Bounces,
@@ -127,7 +124,6 @@ impl<'a> SurfaceVertices<'a> {
             frames: Frames::default(),
             facing: ZERO,
             transmits: [false; LANES],
-            is_specular: [false; LANES],
             scattered: Scattered { value: BLACK, pdf: number },
             bounces: Bounces {
                 wi: ZERO,
@@ -171,7 +167,6 @@ impl<'a> SurfaceVertices<'a> {
             None if self.lanes.gather_shape(context, lane, &from.rays[path], hit) => {}
             None => return false,
         }
-        self.is_specular[lane] = from.carried[path].is_specular;
         self.on_plain.push((lane, surface));
         self.expect_frame(lane, surface.needs);
         self.told += 1;
@@ -247,7 +242,6 @@ impl<'a> SurfaceVertices<'a> {
         }
         let lane = self.told;
         self.told += 1;
-        self.is_specular[lane] = vertex.state.is_specular;
         // (What a field has learnt is asked one by one.)
         let many = prepared.many_at(surface.material, &point).filter(|_| context.field.is_none());
         if let Some((many, at, needs)) = many {
@@ -304,19 +298,23 @@ impl<'a> SurfaceVertices<'a> {
         let (frames, wi) = (&self.frames, self.lit.arrivals.directions());
         self.together.scatter(frames, wi, (&choice, &bounce), wide);
         self.together.tell((frames, wi), &self.lanes.carried, &mut self.scattered, &mut self.bounces, wide);
-        at_level!(
+        let known = Known {
+            carried: &self.lanes.carried,
+            skins: Skins { points: &self.lanes.points, lift: &self.lanes.lift },
+            transmits: &self.transmits,
+            scattered: &self.scattered,
+            radiance: &self.lit.lights.radiance,
+            is_guided: context.field.is_some(),
+            roulette: &roulette,
+        };
+        at_level_by_color!(
             wide,
-            outputs,
+            self.color,
+            give,
             (
-                color: ColorModel = self.color,
-                carried: &CarriedLanes = &self.lanes.carried,
-                skins: &Skins<'_> = &Skins { points: &self.lanes.points, lift: &self.lanes.lift },
-                scattered: &Scattered = &self.scattered,
-                radiance: &HitColors = &self.lit.lights.radiance,
+                known: &Known<'_> = &known,
                 arrivals: &mut LightArrivals = &mut self.lit.arrivals,
                 bounces: &mut Bounces = &mut self.bounces,
-                is_guided: bool = context.field.is_some(),
-                roulette: &Roulette = &roulette,
                 to: &mut LitOutputs = &mut self.lit.outputs,
             )
         );
@@ -375,7 +373,7 @@ impl<'a> SurfaceVertices<'a> {
         bounces.exists[lane] = 1;
         let carried = &lanes.carried;
         let crossing = if sample.is_transmission { shading.crossing_scale(wo) } else { 1.0 };
-        let before = (color_at(&carried.throughput, lane), Expected::of(carried.expected[lane]));
+        let before = (color_at(&carried.throughput, lane), carried.marks[lane].expected());
         let (survival, expected) = guided.survival(wo, &sample, crossing, before, 0.0);
         put(&mut bounces.wi, lane, sample.wi);
         put_color(&mut bounces.weight, lane, sample.weight);
@@ -395,30 +393,21 @@ impl Columns for SurfaceVertices<'_> {
         &self.lit.outputs.goes_on
     }
 
-    #[inline(always)]
-    fn next_ray(&self, lane: usize) -> Ray {
-        let lane = lane % LANES;
-        Ray::new(at(&self.bounces.origin, lane), at(&self.bounces.wi, lane))
+    fn next_rays(&self) -> RayColumns<'_> {
+        RayColumns { origin: &self.bounces.origin, direction: &self.bounces.wi, end: &ENDLESS }
     }
 
-    #[inline(always)]
-    fn carried(&self, lane: usize) -> Carried {
-        let lane = lane % LANES;
-        let (before, bounces) = (&self.lanes.carried, &self.bounces);
-        let is_delta = bounces.is_delta[lane] != 0;
-        let spread = before.cone_spread[lane];
-        Carried {
-            throughput: color_at(&self.lit.outputs.throughput, lane),
-            position: at(&self.lanes.points.position, lane),
-            normal: at(&self.facing, lane),
-            bsdf_pdf: bounces.pdf[lane],
-            eta_scale: bounces.eta_scale[lane],
-            cone_width: before.cone_width[lane],
-            cone_spread: if is_delta { spread } else { most(spread, SCATTERED_SPREAD) },
-            stream: 0,
-            expected: Expected::of(bounces.expected[lane]),
-            transmits: self.transmits[lane],
-            is_specular: is_delta && self.is_specular[lane],
+    fn carried(&self) -> CarriedColumns<'_> {
+        let LitOutputs { throughput, cone_spread, marks, .. } = &self.lit.outputs;
+        CarriedColumns {
+            throughput,
+            eta_scale: &self.bounces.eta_scale,
+            cone_width: &self.lanes.carried.cone_width,
+            cone_spread,
+            marks,
+            position: &self.lanes.points.position,
+            bsdf_pdf: &self.bounces.pdf,
+            normal: &self.facing,
         }
     }
 }
@@ -429,40 +418,26 @@ impl LitColumns for SurfaceVertices<'_> {
     }
 }
 
-/// What vertices give, where their lights are flat.
-#[inline(always)]
-fn outputs(
-    color: ColorModel,
-    carried: &CarriedLanes,
-    skins: &Skins,
-    scattered: &Scattered,
-    radiance: &HitColors,
-    arrivals: &mut LightArrivals,
-    bounces: &mut Bounces,
+/// What is known of vertices before it is worked out what they give.
+struct Known<'a> {
+    carried: &'a CarriedLanes,
+    skins: Skins<'a>,
+    transmits: &'a [bool; LANES],
+    scattered: &'a Scattered,
+    radiance: &'a HitColors,
     is_guided: bool,
-    roulette: &Roulette,
-    to: &mut LitOutputs,
-) {
-    match color {
-        ColorModel::Rgb => give::<3>(carried, skins, scattered, radiance, arrivals, bounces, is_guided, roulette, to),
-        ColorModel::Spectral => {
-            give::<4>(carried, skins, scattered, radiance, arrivals, bounces, is_guided, roulette, to);
-        }
-    }
+    roulette: &'a Roulette,
 }
 
+/// What vertices give, but for lights that are sampled alone.
 #[inline(always)]
 fn give<const CHANNELS: usize>(
-    carried: &CarriedLanes,
-    skins: &Skins,
-    scattered: &Scattered,
-    radiance: &HitColors,
+    known: &Known,
     arrivals: &mut LightArrivals,
     bounces: &mut Bounces,
-    is_guided: bool,
-    roulette: &Roulette,
     to: &mut LitOutputs,
 ) {
+    let Known { carried, skins, transmits, scattered, radiance, is_guided, roulette } = *known;
     let survival = is_guided.then_some(&bounces.survival);
     for i in 0..LANES {
         arrivals.weigh(i, scattered.pdf[i]);
@@ -473,6 +448,7 @@ fn give<const CHANNELS: usize>(
         to.bring(i, carried, value, radiance, arrivals);
         let next = (weight, &bounces.eta_scale);
         to.go_on(i, carried, next, survival, roulette, bounces.exists[i] != 0);
+        to.mark(i, carried, Expected::of(bounces.expected[i]), transmits[i], bounces.is_delta[i] != 0);
         let origin = ray_origin(skins.points, skins.lift, i, at(&bounces.wi, i));
         for axis in 0..3 {
             bounces.origin[axis][i] = origin[axis];

@@ -286,7 +286,7 @@ fn tell(
         bounces.pdf[i] = marked(has, found.drawn_pdf[i], bounces.pdf[i]);
         let eta_scale = carried.eta_scale[i] * found.crossing[i];
         bounces.eta_scale[i] = marked(has, eta_scale, bounces.eta_scale[i]);
-        bounces.expected[i] = marked(has, carried.expected[i], bounces.expected[i]);
+        bounces.expected[i] = marked(has, carried.marks[i].expected().get(), bounces.expected[i]);
         bounces.is_delta[i] = marked(has, found.is_delta[i], bounces.is_delta[i]);
         let exists = found.exists[i] & u32::from(exists);
         bounces.exists[i] = marked(has, exists, bounces.exists[i]);

@@ -305,7 +305,7 @@ impl<'a> Walker<'a> {
 
     /// True if media are to scatter a path [more](Self::beacon) near lights.
     pub fn seeks_beacons(&self, carried: &Carried) -> bool {
-        self.table.beacons.is_some() && carried.is_specular && self.strategy != LightStrategy::Bsdf
+        self.table.beacons.is_some() && carried.marks.is_specular() && self.strategy != LightStrategy::Bsdf
     }
 
     fn filling(&self, insides: &Insides) -> Filling {

@@ -86,7 +86,7 @@ impl PartRenderer<'_> {
         }
         for i in 0..self.kept.len() {
             let lane = self.kept[i] as usize;
-            let next = vertices.next_ray(lane).direction;
+            let next = vertices.next_rays().at(lane).direction;
             self.note_insides_at(depth, vertices.paths()[lane] as usize, &[], None, Some(next));
         }
     }

@@ -67,8 +67,8 @@ impl PartRenderer<'_> {
         }
         for i in 0..self.lanes.len() {
             let lane = self.lanes[i] as usize;
-            let light = vertices.is_lit(lane).then(|| (vertices.light_ray(lane), vertices.brought(lane)));
-            let next = (vertices.goes_on()[lane] != 0).then(|| vertices.next_ray(lane).direction);
+            let light = vertices.is_lit(lane).then(|| (vertices.light_rays().at(lane), vertices.brought(lane)));
+            let next = (vertices.goes_on()[lane] != 0).then(|| vertices.next_rays().at(lane).direction);
             let path = vertices.paths()[lane] as usize;
             self.note_insides_at(depth, path, light.as_slice(), vertices.glowing(lane), next);
         }
