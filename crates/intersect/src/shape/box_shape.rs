@@ -3,7 +3,7 @@
 use super::frustum::choose;
 use super::nearest::on_triangle;
 use super::plane::intersect_plane;
-use super::span::{Span, crossings, slab, two};
+use super::span::{Span, crossings};
 use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3};
@@ -48,7 +48,7 @@ pub fn intersect_faces(shape: &BoxShape, ray: &DRay) -> Option<ShapeHit> {
 /// The nearest hit by slabs: the ray is inside the box where it is between all three pairs of planes (Kay and Kajiya, Ray tracing
 /// complex scenes, 1986). A ray that starts inside finds its exit.
 pub fn intersect_slabs(shape: &BoxShape, ray: &DRay) -> Option<ShapeHit> {
-    crossings(ray, |o, d| shape.span(o, d)).next()
+    crossings(ray, |o, d| shape.span(o, d), |_| true)[0]
 }
 
 impl BoxShape {
@@ -64,9 +64,29 @@ impl BoxShape {
         .to_vec()
     }
 
+    /// The common part of three slabs, for numbers that are finite.
     fn span(&self, o: DVec3, d: DVec3) -> Option<Span> {
-        let along = |i: usize| slab(o[i], d[i], [self.min[i], self.max[i]], [2 * i as u32, 2 * i as u32 + 1]);
-        along(0)?.intersection(along(1)?)?.intersection(along(2)?)
+        let (mut enter, mut exit, mut faces) = (f64::NEG_INFINITY, f64::INFINITY, [0, 1]);
+        for i in 0..3 {
+            let [low, high] = [self.min[i], self.max[i]];
+            if d[i] == 0.0 {
+                if o[i] < low || high < o[i] {
+                    return None;
+                }
+                continue;
+            }
+            // Divisions, as in `slab`.
+            let (at_low, at_high, lower) = ((low - o[i]) / d[i], (high - o[i]) / d[i], 2 * i as u32);
+            let is_forward = d[i] > 0.0;
+            let (near, far) = if is_forward { (at_low, at_high) } else { (at_high, at_low) };
+            if near > enter {
+                (enter, faces[0]) = (near, lower + u32::from(!is_forward));
+            }
+            if far < exit {
+                (exit, faces[1]) = (far, lower + u32::from(is_forward));
+            }
+        }
+        Span::new(enter, exit, faces)
     }
 
     /// The two halves of a face.
@@ -108,11 +128,11 @@ impl Shape for BoxShape {
     }
 
     fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
-        two(crossings(ray, |o, d| self.span(o, d)))
+        crossings(ray, |o, d| self.span(o, d), |_| true)
     }
 
     fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
-        hits.extend(crossings(ray, |o, d| self.span(o, d)));
+        hits.extend(self.nearest_two(ray).into_iter().flatten());
     }
 
     fn surface(&self, position: DVec3, face: u32) -> ShapeSurface {

@@ -2,7 +2,7 @@
 
 use super::disk::{polar, sample_ring};
 use super::nearest::{around, on_ring, on_segment};
-use super::span::{Span, crossings, roots, slab, two};
+use super::span::{Span, crossings, roots, slab};
 use super::winding;
 use super::{Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
@@ -119,10 +119,6 @@ impl Frustum {
         Span::new(start, end, [Self::SIDE, Self::SIDE])
     }
 
-    fn hits(&self, ray: &DRay) -> impl Iterator<Item = ShapeHit> {
-        crossings(ray, |o, d| self.span(o, d)).filter(|hit| self.caps || hit.face == Self::SIDE)
-    }
-
     /// Length of the side from rim to rim.
     fn slant(&self) -> f64 {
         self.height.hypot(self.top_radius - self.bottom_radius)
@@ -197,15 +193,15 @@ impl Shape for Frustum {
     }
 
     fn closest(&self, ray: &DRay) -> Option<ShapeHit> {
-        self.hits(ray).next()
+        self.nearest_two(ray)[0]
     }
 
     fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
-        two(self.hits(ray))
+        crossings(ray, |o, d| self.span(o, d), |face| self.caps || face == Self::SIDE)
     }
 
     fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
-        hits.extend(self.hits(ray));
+        hits.extend(self.nearest_two(ray).into_iter().flatten());
     }
 
     fn surface(&self, position: DVec3, face: u32) -> ShapeSurface {

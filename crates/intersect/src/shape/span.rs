@@ -68,17 +68,22 @@ pub(super) fn scaled_direction(ray: &DRay) -> Option<(DVec3, f64)> {
     Some((ray.direction * scale, scale))
 }
 
-/// The first two of some hits.
-pub(super) fn two(mut hits: impl Iterator<Item = ShapeHit>) -> [Option<ShapeHit>; 2] {
-    [hits.next(), hits.next()]
-}
-
-/// The ends of the span of a ray that lie in its open interval, nearest first. `span` is asked with the origin and the scaled
-/// direction.
-pub(super) fn crossings(ray: &DRay, span: impl FnOnce(DVec3, DVec3) -> Option<Span>) -> impl Iterator<Item = ShapeHit> {
-    let ends = scaled_direction(ray).and_then(|(direction, scale)| {
-        let span = span(ray.origin, direction)?;
-        Some([span.enter, span.exit].map(|hit| ShapeHit { t: hit.t * scale, ..hit }))
-    });
-    ends.into_iter().flatten().filter(move |hit| hit.t.is_finite() && ray.contains(hit.t))
+/// The ends of the span of a ray that lie in its open interval and count, nearest first. `span` is asked with the origin and the scaled
+/// direction, and `counts` of which faces there are hits.
+#[inline]
+pub(super) fn crossings(
+    ray: &DRay,
+    span: impl FnOnce(DVec3, DVec3) -> Option<Span>,
+    counts: impl Fn(u32) -> bool,
+) -> [Option<ShapeHit>; 2] {
+    let Some((direction, scale)) = scaled_direction(ray) else { return [None; 2] };
+    let Some(Span { enter, exit }) = span(ray.origin, direction) else { return [None; 2] };
+    let end = |hit: ShapeHit| {
+        let t = hit.t * scale;
+        (t.is_finite() && ray.contains(t) && counts(hit.face)).then_some(ShapeHit { t, ..hit })
+    };
+    match [end(enter), end(exit)] {
+        [None, exit] => [exit, None],
+        both => both,
+    }
 }

@@ -1,7 +1,7 @@
 //! A sphere around the origin, and the lecture's two ways to hit it.
 
 use super::nearest::on_sphere;
-use super::span::{Span, accurate_cross, crossings, roots, two};
+use super::span::{Span, accurate_cross, crossings, roots};
 use super::{AnyShape, Metric, Shape, ShapeError, ShapeHit, ShapePoint, ShapeSample, ShapeSurface, turn};
 use serde::{Deserialize, Serialize};
 use snell_math::{Bounds3d, DRay, DVec2, DVec3, robust};
@@ -76,15 +76,15 @@ impl Shape for Sphere {
     }
 
     fn closest(&self, ray: &DRay) -> Option<ShapeHit> {
-        crossings(ray, |o, d| self.span(o, d)).next()
+        self.nearest_two(ray)[0]
     }
 
     fn nearest_two(&self, ray: &DRay) -> [Option<ShapeHit>; 2] {
-        two(crossings(ray, |o, d| self.span(o, d)))
+        crossings(ray, |o, d| self.span(o, d), |_| true)
     }
 
     fn all(&self, ray: &DRay, hits: &mut Vec<ShapeHit>) {
-        hits.extend(crossings(ray, |o, d| self.span(o, d)));
+        hits.extend(self.nearest_two(ray).into_iter().flatten());
     }
 
     fn normal(&self, position: DVec3, _face: u32) -> (DVec3, DVec3) {
