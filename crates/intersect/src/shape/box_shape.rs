@@ -136,10 +136,7 @@ impl Shape for BoxShape {
     }
 
     fn surface(&self, position: DVec3, face: u32) -> ShapeSurface {
-        let face = face.min(5) as usize;
-        let (axis, upper) = (face / 2, face % 2 == 1);
-        let mut p = position.max(self.min).min(self.max);
-        p[axis] = if upper { self.max[axis] } else { self.min[axis] };
+        let (p, normal) = self.normal(position, face);
         let size = self.max - self.min;
         // From 0 at the side the axis comes from to 1 at the side it points to.
         let along = |axis: DVec3| {
@@ -149,14 +146,16 @@ impl Shape for BoxShape {
         };
         // A box may be flat.
         let tangent = |axis: DVec3| if (axis * size).abs().max_element() > 0.0 { axis * size } else { axis };
-        let [u, v] = UV_AXES[face];
-        ShapeSurface {
-            position: p,
-            normal: if upper { DVec3::AXES[axis] } else { -DVec3::AXES[axis] },
-            uv: DVec2::new(along(u), along(v)),
-            dpdu: tangent(u),
-            dpdv: tangent(v),
-        }
+        let [u, v] = UV_AXES[face.min(5) as usize];
+        ShapeSurface { position: p, normal, uv: DVec2::new(along(u), along(v)), dpdu: tangent(u), dpdv: tangent(v) }
+    }
+
+    fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) {
+        let face = face.min(5) as usize;
+        let (axis, upper) = (face / 2, face % 2 == 1);
+        let mut p = position.max(self.min).min(self.max);
+        p[axis] = if upper { self.max[axis] } else { self.min[axis] };
+        (p, if upper { DVec3::AXES[axis] } else { -DVec3::AXES[axis] })
     }
 
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {

@@ -32,11 +32,15 @@ impl Disk {
 /// Where on a ring, in its plane: the point moved onto the ring, `uv`, and the derivatives of the point by `uv`. At the centre
 /// direction +x stands for all, and the derivative by `u` is any tangent.
 pub(super) fn polar(p: DVec2, radius: f64, inner_radius: f64) -> (DVec2, DVec2, DVec2, DVec2) {
-    let along = p.try_normalize().unwrap_or(DVec2::X);
-    let rho = p.length().max(inner_radius).min(radius);
+    let (along, rho) = on_ring_at(p, radius, inner_radius);
     let width = radius - inner_radius;
     let dpdu = if rho > 0.0 { along.perp() * (TAU * rho) } else { along.perp() * radius };
     (along * rho, DVec2::new(turn(along), (radius - rho) / width), dpdu, -along * width)
+}
+
+/// The direction of a point of a ring from its middle, and how far it is from there.
+pub(super) fn on_ring_at(p: DVec2, radius: f64, inner_radius: f64) -> (DVec2, f64) {
+    (p.try_normalize().unwrap_or(DVec2::X), p.length().max(inner_radius).min(radius))
 }
 
 /// A point uniform on a ring, in its plane.
@@ -74,6 +78,11 @@ impl Shape for Disk {
     fn surface(&self, position: DVec3, _face: u32) -> ShapeSurface {
         let (p, uv, dpdu, dpdv) = polar(position.truncate(), self.radius, self.inner_radius);
         ShapeSurface { position: p.extend(0.0), normal: DVec3::Z, uv, dpdu: dpdu.extend(0.0), dpdv: dpdv.extend(0.0) }
+    }
+
+    fn normal(&self, position: DVec3, _face: u32) -> (DVec3, DVec3) {
+        let (along, rho) = on_ring_at(position.truncate(), self.radius, self.inner_radius);
+        ((along * rho).extend(0.0), DVec3::Z)
     }
 
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {

@@ -1,6 +1,6 @@
 //! The truncated cone, of which cylinder and cone are special cases: one routine for all three.
 
-use super::disk::{polar, sample_ring};
+use super::disk::{on_ring_at, polar, sample_ring};
 use super::nearest::{around, on_ring, on_segment};
 use super::span::{Span, crossings, roots, slab};
 use super::winding;
@@ -131,19 +131,33 @@ impl Frustum {
         [side, cap(self.bottom_radius), cap(self.top_radius)]
     }
 
-    fn side_surface(&self, position: DVec3) -> ShapeSurface {
+    /// The nearest point of the side, in the half plane of the axis and a position: the direction of that across the axis, how far up it
+    /// is from 0 to 1, and the radius there.
+    fn on_side(&self, position: DVec3) -> (DVec2, f64, f64) {
         let across = DVec2::new(position.z, position.x);
         let along = across.try_normalize().unwrap_or(DVec2::X);
-        // The nearest point of the side, in the half plane of the axis and the position.
         let (rise, widening) = (self.height, self.top_radius - self.bottom_radius);
         let from_bottom = (across.length() - self.bottom_radius) * widening + (position.y + 0.5 * rise) * rise;
         let s = (from_bottom / (rise * rise + widening * widening)).clamp(0.0, 1.0);
-        let rho = self.bottom_radius * (1.0 - s) + self.top_radius * s;
+        (along, s, self.bottom_radius * (1.0 - s) + self.top_radius * s)
+    }
+
+    /// Position and normal of what [`Self::on_side`] gives.
+    fn side_normal(&self, (along, s, rho): (DVec2, f64, f64)) -> (DVec3, DVec3) {
+        let (rise, widening) = (self.height, self.top_radius - self.bottom_radius);
+        let position = DVec3::new(along.y * rho, (s - 0.5) * rise, along.x * rho);
+        (position, DVec3::new(along.y * rise, -widening, along.x * rise) / self.slant())
+    }
+
+    fn side_surface(&self, position: DVec3) -> ShapeSurface {
+        let place @ (along, s, rho) = self.on_side(position);
+        let (rise, widening) = (self.height, self.top_radius - self.bottom_radius);
         let around = DVec3::new(along.x, 0.0, -along.y);
         let slant = self.slant();
+        let (position, normal) = self.side_normal(place);
         ShapeSurface {
-            position: DVec3::new(along.y * rho, (s - 0.5) * rise, along.x * rho),
-            normal: DVec3::new(along.y * rise, -widening, along.x * rise) / slant,
+            position,
+            normal,
             uv: DVec2::new(turn(along), 1.0 - s),
             // At an apex, where the derivative vanishes, any tangent.
             dpdu: around * if rho > 0.0 { TAU * rho } else { slant },
@@ -164,7 +178,17 @@ impl Frustum {
         })
     }
 
-    fn cap_surface(&self, position: DVec3, y: f64, radius: f64) -> ShapeSurface {
+    /// The cap that a face is: its height, and its radius. `None` for the side.
+    fn cap(&self, face: u32) -> Option<(f64, f64)> {
+        let [bottom, top] = self.ends();
+        match face {
+            Self::BOTTOM if self.bottom_radius > 0.0 => Some((bottom, self.bottom_radius)),
+            Self::TOP if self.top_radius > 0.0 => Some((top, self.top_radius)),
+            _ => None,
+        }
+    }
+
+    fn cap_surface(&self, position: DVec3, (y, radius): (f64, f64)) -> ShapeSurface {
         let place = |p: DVec2| DVec3::new(p.y, 0.0, p.x);
         let (p, uv, dpdu, dpdv) = polar(DVec2::new(position.z, position.x), radius, 0.0);
         ShapeSurface {
@@ -205,12 +229,17 @@ impl Shape for Frustum {
     }
 
     fn surface(&self, position: DVec3, face: u32) -> ShapeSurface {
-        let [bottom, top] = self.ends();
-        match face {
-            Self::BOTTOM if self.bottom_radius > 0.0 => self.cap_surface(position, bottom, self.bottom_radius),
-            Self::TOP if self.top_radius > 0.0 => self.cap_surface(position, top, self.top_radius),
-            _ => self.side_surface(position),
+        match self.cap(face) {
+            Some(cap) => self.cap_surface(position, cap),
+            None => self.side_surface(position),
         }
+    }
+
+    fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) {
+        let Some((y, radius)) = self.cap(face) else { return self.side_normal(self.on_side(position)) };
+        let (along, rho) = on_ring_at(DVec2::new(position.z, position.x), radius, 0.0);
+        let p = along * rho;
+        (DVec3::new(p.y, y, p.x), DVec3::Y.with_y(1.0_f64.copysign(y)))
     }
 
     fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
@@ -305,6 +334,9 @@ macro_rules! shape_as_frustum {
             }
             fn surface(&self, position: DVec3, face: u32) -> ShapeSurface {
                 self.as_frustum().surface(position, face)
+            }
+            fn normal(&self, position: DVec3, face: u32) -> (DVec3, DVec3) {
+                self.as_frustum().normal(position, face)
             }
             fn nearest_point(&self, point: DVec3, metric: &Metric) -> Option<ShapePoint> {
                 self.as_frustum().nearest_point(point, metric)

@@ -29,7 +29,7 @@ use crate::integrator::{Context, IntegratorKind, Outputs, Vertex, VertexFunction
 use crate::sampler::{Random, SampleKey, Sampler};
 use crate::settings::Crop;
 use matte::Matte;
-use snell_intersect::{Grouping, Hit};
+use snell_intersect::{Grouping, Hit, SurfacePoint};
 use snell_math::spectrum::RgbSpectrum;
 use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2};
 use snell_scene::light::environment::EnvironmentLight;
@@ -522,7 +522,10 @@ impl<'a> PartRenderer<'a> {
         if let Some(volumes) = &mut self.volumes {
             let Outputs { light_rays, glowing, next, .. } = &self.outputs;
             let next = next.iter().map(|(ray, _)| ray.direction);
-            volumes.note_outputs(path, ray.direction, vertex.surface.as_ref(), random, light_rays, *glowing, next);
+            let surface = interaction.as_ref().map(|whole| (SurfacePoint::from(whole), whole));
+            let surface = surface.as_ref().map(|(point, whole)| (point, || **whole));
+            let of = (hit, state.mode);
+            volumes.note_outputs(path, ray.direction, surface, of, random, light_rays, *glowing, next);
         }
         self.collect(depth, path);
     }

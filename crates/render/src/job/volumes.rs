@@ -3,10 +3,10 @@
 
 use super::paths::{LightRays, Paths};
 use super::tracer::Tracer;
-use crate::integrator::{Context, MediumVertex, SurfaceVertex};
+use crate::integrator::{Context, MediumVertex};
 use crate::sampler::{Random, Sampler};
 use crate::volume::{AlikeWays, Crossings, Filling, KnownInsides, Numbers, Walker, end_of, length_to};
-use snell_intersect::{Grouping, Hit, SurfaceInteraction};
+use snell_intersect::{Grouping, Hit, SurfaceInteraction, SurfacePoint};
 use snell_math::{ColorMode, ColorModel, Ray, SampledSpectrum, Vec3};
 use snell_scene::{MaterialId, MediumId};
 
@@ -266,12 +266,13 @@ impl<'a> VolumeBatch<'a> {
         self.walker.outside_ior(self.known.get(self.insides[path]), hit)
     }
 
-    /// Notes the insides of the rays that a vertex sends out.
+    /// Notes the insides of the rays that a vertex sends out. Of its surface, the whole is asked for only where a medium depends on it.
     pub fn note_outputs(
         &mut self,
         path: usize,
         arriving: Vec3,
-        surface: Option<&SurfaceVertex>,
+        surface: Option<(&SurfacePoint, impl Fn() -> SurfaceInteraction)>,
+        (hit, mode): (&Hit, ColorMode),
         random: Random,
         light_rays: &[(Ray, SampledSpectrum)],
         glowing: Option<MediumId>,
@@ -280,15 +281,13 @@ impl<'a> VolumeBatch<'a> {
         let here = self.insides[path];
         let mut beyond = None;
         let (walker, known) = (self.walker, &mut self.known);
-        let mut of = |direction: Vec3| match surface {
-            Some(s)
-                if direction.dot(s.interaction.geometric_normal) * arriving.dot(s.interaction.geometric_normal)
-                    > 0.0 =>
+        let mut of = |direction: Vec3| match &surface {
+            Some((point, whole))
+                if direction.dot(point.geometric_normal) * arriving.dot(point.geometric_normal) > 0.0 =>
             {
                 *beyond.get_or_insert_with(|| {
                     let insides = *known.get(here);
-                    let own = &mut known.own;
-                    let beyond = walker.beyond(own, &insides, s.interaction, s.hit, direction, s.mode);
+                    let beyond = walker.through(&mut known.own, &insides, point, hit, direction, mode, whole);
                     known.number(beyond)
                 })
             }

@@ -342,7 +342,8 @@ impl<'a> Walker<'a> {
     }
 
     /// [`Self::beyond`], which asks for the whole surface only where the medium inside depends on it.
-    fn through(
+    #[inline]
+    pub fn through(
         &self,
         own: &mut OwnMedia,
         insides: &Insides,

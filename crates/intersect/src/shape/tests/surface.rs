@@ -57,6 +57,7 @@ fn normals_are_unit_outward_and_perpendicular_to_the_derivatives() {
             let at = if i % 8 == 0 { features[i as usize % features.len()] } else { p };
             let s = shape.surface(at, face);
             assert!((s.normal.length() - 1.0).abs() < 1e-14, "{shape:?} {s:?}");
+            assert_eq!(shape.normal(at, face), (s.position, s.normal), "{shape:?}");
             for d in [s.dpdu, s.dpdv] {
                 assert!(d.is_finite() && d != DVec3::ZERO, "{shape:?} {s:?}");
                 assert!(d.normalize().dot(s.normal).abs() < 1e-12, "{shape:?} {s:?}");

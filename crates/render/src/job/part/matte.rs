@@ -7,6 +7,7 @@ use crate::integrator::lanes::{Arriving, Columns, LANES, LitColumns};
 use crate::integrator::matte::{MatteVertices, is_classic};
 use crate::integrator::matte_surfaces::MatteSurfaces;
 use crate::sampler::Sampler;
+use snell_intersect::RayQuery;
 use snell_math::{Ray, SampledSpectrum, Vec3};
 use snell_scene::MediumId;
 
@@ -144,10 +145,11 @@ impl PartRenderer<'_> {
     ) {
         let (random, scene) = (self.random_at(depth, path), self.context.scene);
         let Some(volumes) = &mut self.volumes else { return };
-        let interaction = self.paths.interaction(scene, path);
-        let surface = self.paths.surface(scene, path, &interaction, 1.0);
-        let arriving = self.paths.rays[path].direction;
-        volumes.note_outputs(path, arriving, Some(&surface), random, light, glowing, next.into_iter());
+        let (ray, hit, Rest { time, mode, .. }) =
+            (&self.paths.rays[path], &self.paths.hits[path], *self.paths.rest(path));
+        let point = scene.world.point(RayQuery { time, ..RayQuery::from(ray) }, hit);
+        let surface = (&point, || self.paths.interaction(scene, path));
+        volumes.note_outputs(path, ray.direction, Some(surface), (hit, mode), random, light, glowing, next.into_iter());
     }
 
     /// Takes what the vertices of [`Self::finish_matte`] gave one by one and in order, because somebody wants to know more of them.
