@@ -139,6 +139,7 @@ unsafe fn run<L: Lanes8, G: Goal>(
             queues.put(slot.as_mut_ptr(), ChildRef::NONE);
         }
     }
+    let from = if batch.begun.is_some() { tree.rest } else { tree.root };
     let mut number = 0;
     while !queues.is_empty() {
         // SAFETY: the queues hold slots, each at most once, which have a search unless they are at an end, and are at what their queue
@@ -233,7 +234,6 @@ unsafe fn run<L: Lanes8, G: Goal>(
                         }
                         Search::new(query, batch.context, goal)
                     };
-                    let from = begun.map_or(tree.root, |begun| begun.from);
                     if (*slot).start::<L>(tree, from, ray, batch.context.data, search, query.ray) {
                         break true;
                     }

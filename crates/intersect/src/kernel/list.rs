@@ -193,8 +193,8 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                     continue;
                 }
                 let is_blocked = found.blocked >> lane & 1 == 1;
-                if let Some(apart) = scene.apart.filter(|_| !is_blocked && more >> lane & 1 == 1) {
-                    begun.push(apart.begun(first + lane, None));
+                if scene.apart.is_some() && !is_blocked && more >> lane & 1 == 1 {
+                    begun.push(Begun { number: (first + lane) as u32, hit: None });
                 } else if is_blocked || others >> lane & 1 == 0 {
                     let mut goal = start(ray);
                     if is_blocked {
@@ -223,8 +223,8 @@ unsafe fn run<D: Doubles16, G: Goal<Precision = Single>>(
                 if unsure >> lane & 1 == 1 {
                     continue;
                 }
-                if let Some(apart) = scene.apart.filter(|_| more >> lane & 1 == 1) {
-                    begun.push(apart.begun(first + lane, found.get(list, lane)));
+                if scene.apart.is_some() && more >> lane & 1 == 1 {
+                    begun.push(Begun { number: (first + lane) as u32, hit: found.get(list, lane) });
                 } else if scene.is_plain && others >> lane & 1 == 0 {
                     let mut goal = start(ray);
                     if let Some(hit) = found.get(list, lane) {

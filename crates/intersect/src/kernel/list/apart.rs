@@ -3,26 +3,21 @@
 use super::bundle::Bundle;
 use super::contents::{List, ListObject};
 use crate::accel::bvh::GroupTree;
-use crate::hit::Hit;
-use crate::kernel::node::ChildRef;
 use snell_math::Bounds3;
 use snell_math::simd::Doubles16;
 
-/// Large primitives, planes without end, and where the rest of the group begins.
+/// Large primitives, planes without end, and where the rest of the group is.
 #[derive(Clone, Debug)]
 pub(crate) struct Apart {
     pub(super) list: Box<List>,
-    rest: ChildRef,
     bounds: Bounds3,
 }
 
-/// A ray that has yet to be searched for among the rest.
+/// A ray that has yet to be searched for among [the rest](GroupTree::rest).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Begun<H> {
     /// Its number.
     pub number: u32,
-    /// Where the search goes on.
-    pub from: ChildRef,
     /// What it has hit so far; not to be looked at where any hit would do.
     pub hit: Option<H>,
 }
@@ -52,7 +47,7 @@ impl Apart {
         let bounds = if is_divided { root.slot_bounds(0) } else { root.bounds() };
         let list = List::apart(tree, &leaves, &bounds)?;
         let is_tested_in_lanes = |object: &ListObject| object.shape.is_some();
-        list.objects.iter().all(is_tested_in_lanes).then_some(Self { list, rest: tree.rest, bounds })
+        list.objects.iter().all(is_tested_in_lanes).then_some(Self { list, bounds })
     }
 
     /// The rays that may meet any of the rest.
@@ -63,11 +58,6 @@ impl Apart {
     pub(super) unsafe fn may_meet_rest<D: Doubles16>(&self, bundle: &Bundle<D>) -> u32 {
         // SAFETY: passed on to the caller.
         unsafe { bundle.may_meet(&self.list, &self.bounds) }
-    }
-
-    /// A ray with this number that may meet some of the rest.
-    pub(super) fn begun(&self, number: usize, hit: Option<Hit>) -> Begun<Hit> {
-        Begun { number: number as u32, from: self.rest, hit }
     }
 }
 
