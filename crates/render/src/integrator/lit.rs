@@ -2,11 +2,14 @@
 
 use super::carried::{Expected, Marks};
 use super::guided::unknown_survival;
-use super::lanes::{BLACK, CarriedLanes, HitColors, LANES, MarkLanes, NOUGHTS, Roulette, UNMARKED, put_color};
+use super::lanes::{
+    BLACK, CarriedColumns, CarriedLanes, HitColors, LANES, MarkLanes, NOUGHTS, Roulette, UNMARKED, VertexLanes,
+    put_color,
+};
 use super::lights::{ALONE, LightArrivals, LightSamples};
 use super::path::{SCATTERED_SPREAD, WeightedLight};
 use crate::light_sampler::ChosenLight;
-use snell_intersect::triangles::HitLanes;
+use snell_intersect::triangles::{HitLanes, HitVectors};
 use snell_math::Vec2;
 use snell_math::simd::most;
 use snell_scene::MediumId;
@@ -117,6 +120,19 @@ impl LitOutputs {
 }
 
 impl LitLanes {
+    /// What paths carry on from these vertices, by what is not known here.
+    pub fn carried<'a>(
+        &'a self,
+        lanes: &'a VertexLanes,
+        eta_scale: &'a HitLanes,
+        bsdf_pdf: &'a HitLanes,
+        normal: &'a HitVectors,
+    ) -> CarriedColumns<'a> {
+        let LitOutputs { throughput, cone_spread, marks, .. } = &self.outputs;
+        let (cone_width, position) = (&lanes.carried.cone_width, &lanes.points.position);
+        CarriedColumns { throughput, eta_scale, cone_width, cone_spread, marks, position, bsdf_pdf, normal }
+    }
+
     /// Samples the lights of the first lanes, so many, that are not among [`LightSamples`], with these numbers.
     pub fn sample_alone(
         &mut self,

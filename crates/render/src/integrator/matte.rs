@@ -307,17 +307,7 @@ impl Columns for MatteVertices {
     }
 
     fn carried(&self) -> CarriedColumns<'_> {
-        let LitOutputs { throughput, cone_spread, marks, .. } = &self.lit.outputs;
-        CarriedColumns {
-            throughput,
-            eta_scale: &self.lanes.carried.eta_scale,
-            cone_width: &self.lanes.carried.cone_width,
-            cone_spread,
-            marks,
-            position: &self.lanes.points.position,
-            bsdf_pdf: &self.bounces.pdf,
-            normal: &self.facing,
-        }
+        self.lit.carried(&self.lanes, &self.lanes.carried.eta_scale, &self.bounces.pdf, &self.facing)
     }
 }
 
@@ -341,6 +331,7 @@ struct Known<'a> {
 
 /// What vertices give, but for lights that are sampled alone.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn give<const CHANNELS: usize>(known: &Known, to: &mut LitOutputs) {
     let Known { carried, reflectance, radiance, arrivals, bounces, guided, roulette } = *known;
     let survival = guided.map(|guided| &guided.survival);

@@ -138,17 +138,7 @@ impl Columns for ScatteredVertices {
     }
 
     fn carried(&self) -> CarriedColumns<'_> {
-        let LitOutputs { throughput, cone_spread, marks, .. } = &self.lit.outputs;
-        CarriedColumns {
-            throughput,
-            eta_scale: &self.lanes.carried.eta_scale,
-            cone_width: &self.lanes.carried.cone_width,
-            cone_spread,
-            marks,
-            position: &self.lanes.points.position,
-            bsdf_pdf: &self.bounces.pdf,
-            normal: &ZERO,
-        }
+        self.lit.carried(&self.lanes, &self.lanes.carried.eta_scale, &self.bounces.pdf, &ZERO)
     }
 }
 

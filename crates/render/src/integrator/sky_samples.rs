@@ -110,8 +110,8 @@ pub fn places_of(sky: &EnvironmentLight, directions: impl Iterator<Item = Vec3>,
 
 #[inline(always)]
 fn look_up(world_from_environment: &Mat3, directions: &HitVectors, places: &mut SkyPlaces) {
-    for i in 0..LANES {
-        let place = place_of(world_from_environment, at(directions, i));
-        (places[0][i], places[1][i]) = (place.x, place.y);
+    let [x, y] = places;
+    for (i, (x, y)) in x.iter_mut().zip(y).enumerate() {
+        (*x, *y) = place_of(world_from_environment, at(directions, i)).into();
     }
 }

@@ -398,17 +398,7 @@ impl Columns for SurfaceVertices<'_> {
     }
 
     fn carried(&self) -> CarriedColumns<'_> {
-        let LitOutputs { throughput, cone_spread, marks, .. } = &self.lit.outputs;
-        CarriedColumns {
-            throughput,
-            eta_scale: &self.bounces.eta_scale,
-            cone_width: &self.lanes.carried.cone_width,
-            cone_spread,
-            marks,
-            position: &self.lanes.points.position,
-            bsdf_pdf: &self.bounces.pdf,
-            normal: &self.facing,
-        }
+        self.lit.carried(&self.lanes, &self.bounces.eta_scale, &self.bounces.pdf, &self.facing)
     }
 }
 
@@ -431,6 +421,7 @@ struct Known<'a> {
 
 /// What vertices give, but for lights that are sampled alone.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "plain loops become vector code")]
 fn give<const CHANNELS: usize>(
     known: &Known,
     arrivals: &mut LightArrivals,
