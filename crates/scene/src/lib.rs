@@ -23,7 +23,7 @@ mod ranges;
 pub mod settings;
 pub mod texture;
 
-pub use camera::{Camera, CameraRay, CameraSample, CameraView, PinholeRays, Projection};
+pub use camera::{Camera, CameraRay, CameraRays, CameraSample, CameraView, Projection};
 pub use graph::{
     Background, Environment, Geometry, MaterialId, MediumId, Node, NodeId, Scene, SceneError, Surface, TextureId,
     Warning, WarningKind,

@@ -12,7 +12,7 @@ use snell_scene::{Camera, CameraRay, CameraSample, CameraView};
 
 /// Dimensions of the camera sample.
 pub(crate) const FILM: u32 = 0;
-const LENS: u32 = 1;
+pub(crate) const LENS: u32 = 1;
 pub(crate) const WAVELENGTH: u32 = 2;
 pub(crate) const TIME: u32 = 3;
 

@@ -33,7 +33,7 @@ use snell_intersect::{Grouping, Hit, SurfacePoint};
 use snell_math::spectrum::RgbSpectrum;
 use snell_math::{ColorMode, ColorModel, SampledSpectrum, Vec2};
 use snell_scene::light::environment::EnvironmentLight;
-use snell_scene::{Camera, CameraView, PinholeRays};
+use snell_scene::{Camera, CameraRays, CameraView};
 use specular::SpecularBatch;
 
 /// Samples that are taken at once. (Measured from 256 to 4,096: few leave the kernels idle, many leave the caches.)
@@ -50,7 +50,7 @@ pub struct PartRenderer<'a> {
     context: Context<'a>,
     camera: &'a Camera,
     view: CameraView<'a>,
-    camera_rays: PinholeRays<LANES>,
+    camera_rays: CameraRays<LANES>,
     /// The camera does not move.
     stands_still: bool,
     sampler: &'a Sampler,
@@ -149,7 +149,7 @@ impl<'a> PartRenderer<'a> {
             context,
             camera,
             view,
-            camera_rays: PinholeRays::default(),
+            camera_rays: CameraRays::default(),
             stands_still,
             sampler,
             filter,
@@ -575,10 +575,29 @@ impl<'a> PartRenderer<'a> {
 #[cfg(test)]
 mod tests {
     use crate::integrator::aov::Aov;
-    use crate::{CompiledScene, IntegratorKind, Job, Settings};
+    use crate::{CompiledScene, IntegratorKind, Job, Settings, reference};
     use snell_intersect::BuildOptions;
+    use snell_math::ColorModel;
     use snell_scene::builtin::builtin;
-    use snell_scene::{Background, Projection};
+    use snell_scene::{Background, Camera, Projection};
+
+    #[test]
+    fn rays_through_a_lens_are_those_of_single_paths() {
+        let scene = builtin("cornell-box").expect("the scene is built in");
+        let compiled = CompiledScene::new(&scene, &BuildOptions::default()).expect("a valid scene");
+        let sharp = scene.cameras[0].clone();
+        let blurred = Camera { aperture_radius: 0.02 * sharp.focus_distance, ..sharp.clone() };
+        for color in ColorModel::ALL {
+            let settings = Settings { size: [40, 30], spp: 4, max_depth: 3, color, ..Settings::default() };
+            let picture = |camera: &Camera| Job::new(&compiled, camera, &settings).run(1, &|_| true).0.image();
+            let (found, other) = (picture(&blurred), picture(&sharp));
+            assert_ne!(found.layers[0].values, other.layers[0].values);
+            let expected = reference::ray_cast(&compiled, &blurred, &settings);
+            for (found, expected) in found.layers[0].values.as_chunks::<4>().0.iter().zip(&expected) {
+                assert!((found[1] - expected.g).abs() <= 1e-5 * expected.g.abs().max(1.0), "{color:?}");
+            }
+        }
+    }
 
     #[test]
     fn outside_of_the_circle_of_a_fisheye_is_nothing() {

@@ -7,10 +7,10 @@ mod projection;
 mod tests;
 
 pub use matrix::{CameraAxes, CameraError};
-pub use pinhole::PinholeRays;
+pub use pinhole::CameraRays;
 pub use projection::{FovAxis, Intrinsics, Projection};
 
-use pinhole::{Pinhole, USUAL};
+use pinhole::{Lens, Pinhole, USUAL};
 use projection::resolve;
 use serde::{Deserialize, Serialize};
 use snell_math::simd::Wide;
@@ -145,8 +145,14 @@ impl Camera {
 
     /// The camera for a picture of `size` pixels.
     pub fn view(&self, size: [u32; 2]) -> CameraView<'_> {
-        let pinhole = if self.has_lens() { None } else { Pinhole::of(&self.projection, size) };
-        CameraView { camera: self, size, right: self.right(), pinhole }
+        let (right, pinhole) = (self.right(), Pinhole::of(&self.projection, size));
+        let lens = self.has_lens().then(|| Lens {
+            eye: self.eye,
+            axes: [right, self.up, self.towards],
+            radius: self.aperture_radius,
+            focus: self.focus_distance,
+        });
+        CameraView { camera: self, size, right, pinhole, lens }
     }
 
     /// The ray through a point of a picture of `size` pixels.
@@ -235,8 +241,9 @@ pub struct CameraView<'a> {
     camera: &'a Camera,
     size: [u32; 2],
     right: DVec3,
-    /// If there is no lens, and all rays come through one plane.
+    /// If all rays come through one plane.
     pinhole: Option<Pinhole>,
+    lens: Option<Lens>,
 }
 
 impl<'a> CameraView<'a> {
@@ -249,7 +256,12 @@ impl<'a> CameraView<'a> {
     #[inline]
     pub fn ray(&self, sample: &CameraSample) -> CameraRay {
         let camera = self.camera;
-        if let Some(pinhole) = &self.pinhole {
+        if let (Some(pinhole), Some(lens)) = (&self.pinhole, &self.lens) {
+            let (origin, direction, spread, is_usual) = lens.ray(pinhole, sample.film, sample.lens);
+            if is_usual {
+                return CameraRay { ray: Ray::new(origin, direction), width: 0.0, spread, weight: 1.0 };
+            }
+        } else if let Some(pinhole) = &self.pinhole {
             let p = pinhole.point(sample.film);
             let direction = self.right * p.x + camera.up * p.y + camera.towards;
             let squared = direction.length_squared();
@@ -266,17 +278,34 @@ impl<'a> CameraView<'a> {
         self.any_ray(sample)
     }
 
-    /// [`Self::ray`] of many points of the picture (x and y of each), bit for bit. False, and nothing of use, if these are not all plain
-    /// rays of a pinhole.
-    pub fn pinhole_rays<const N: usize>(
+    /// [`Self::ray`] of many points of the picture and of the lens (x and y of each), bit for bit. False, and nothing of use, if these are
+    /// not all plain rays of a flat view.
+    pub fn many_rays<const N: usize>(
         &self,
         film: &[[f64; N]; 2],
+        u_lens: &[[f32; N]; 2],
         wide: Option<Wide>,
-        rays: &mut PinholeRays<N>,
+        rays: &mut CameraRays<N>,
     ) -> bool {
         let Some(pinhole) = &self.pinhole else { return false };
+        if let Some(lens) = &self.lens {
+            return at_level!(
+                wide,
+                pinhole::lens_lanes,
+                (
+                    lens: &Lens = lens,
+                    pinhole: &Pinhole = pinhole,
+                    film: [&[f64]; 2] = [&film[0], &film[1]],
+                    u: [&[f32]; 2] = [&u_lens[0], &u_lens[1]],
+                    origin: [&mut [f32]; 3] = rays.origin.each_mut().map(|axis| axis.as_mut_slice()),
+                    direction: [&mut [f32]; 3] = rays.direction.each_mut().map(|axis| axis.as_mut_slice()),
+                    spread: &mut [f32] = &mut rays.spread,
+                ) -> bool
+            );
+        }
         let axes = [self.right, self.camera.up, self.camera.towards];
-        rays.origin = self.camera.eye.as_vec3();
+        let eye = self.camera.eye.as_vec3();
+        rays.origin = [[eye.x; N], [eye.y; N], [eye.z; N]];
         at_level!(
             wide,
             pinhole::lanes,

@@ -1,8 +1,8 @@
-//! Flat views without a lens: all rays come through one plane.
+//! Flat views, through a pinhole or a thin lens: all rays come through one plane.
 
 use super::projection::resolve;
 use super::{CameraRay, LocalRay, Projection, directed};
-use snell_math::{DVec2, DVec3, Ray, Vec3};
+use snell_math::{DVec2, DVec3, Ray, Vec2, Vec3, sampling};
 
 /// Squared lengths that lose nothing.
 pub(super) const USUAL: std::ops::Range<f64> = 1e-200..1e200;
@@ -54,30 +54,88 @@ impl Pinhole {
     }
 }
 
-/// Rays of a pinhole camera, by axis and ray.
+/// A thin lens in front of the eye.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lens {
+    pub eye: DVec3,
+    /// To the right, up, and towards what is seen.
+    pub axes: [DVec3; 3],
+    pub radius: f64,
+    /// Distance of the plane of focus.
+    pub focus: f64,
+}
+
+impl Lens {
+    /// The ray from a point of the lens, chosen by `u`, to where the ray through its middle crosses the plane of focus: origin, unit direction,
+    /// growth, and false if numbers are too large or small for that. Without branches, so that loops over it become vector code.
+    #[inline(always)]
+    pub fn ray(&self, pinhole: &Pinhole, film: DVec2, u: Vec2) -> (Vec3, Vec3, f32, bool) {
+        let Self { eye, axes: [right, up, towards], radius, focus } = *self;
+        let p = pinhole.point(film);
+        let from = sampling::concentric_disk(u).as_dvec2() * radius;
+        let across = p * focus - from;
+        let direction = right * across.x + up * across.y + towards * focus;
+        let squared = direction.length_squared();
+        let is_usual = (squared >= USUAL.start) & (squared < USUAL.end);
+        let spread = pinhole.spread(1.0 / (p.length_squared() + 1.0).sqrt());
+        let origin = eye + right * from.x + up * from.y;
+        (origin.as_vec3(), (direction * (1.0 / squared.sqrt())).as_vec3(), spread as f32, is_usual)
+    }
+}
+
+/// Rays of a flat view, by axis and ray.
 #[derive(Clone, Debug)]
-pub struct PinholeRays<const N: usize> {
-    pub(super) origin: Vec3,
+pub struct CameraRays<const N: usize> {
+    pub(super) origin: [[f32; N]; 3],
     pub(super) direction: [[f32; N]; 3],
     pub(super) spread: [f32; N],
 }
 
-impl<const N: usize> Default for PinholeRays<N> {
+impl<const N: usize> Default for CameraRays<N> {
     fn default() -> Self {
-        Self { origin: Vec3::ZERO, direction: [[0.0; N]; 3], spread: [0.0; N] }
+        Self { origin: [[0.0; N]; 3], direction: [[0.0; N]; 3], spread: [0.0; N] }
     }
 }
 
-impl<const N: usize> PinholeRays<N> {
+impl<const N: usize> CameraRays<N> {
     /// One of them.
     #[inline]
     pub fn get(&self, i: usize) -> CameraRay {
-        let direction = Vec3::new(self.direction[0][i], self.direction[1][i], self.direction[2][i]);
-        CameraRay { ray: Ray::new(self.origin, direction), width: 0.0, spread: self.spread[i], weight: 1.0 }
+        let vector = |v: &[[f32; N]; 3]| Vec3::new(v[0][i], v[1][i], v[2][i]);
+        let ray = Ray::new(vector(&self.origin), vector(&self.direction));
+        CameraRay { ray, width: 0.0, spread: self.spread[i], weight: 1.0 }
     }
 }
 
-/// See [`CameraView::pinhole_rays`]: the steps of [`CameraView::ray`] in the same order.
+/// See [`CameraView::many_rays`], through a lens.
+#[inline(always)]
+pub(super) fn lens_lanes(
+    lens: &Lens,
+    pinhole: &Pinhole,
+    film: [&[f64]; 2],
+    u: [&[f32]; 2],
+    origin: [&mut [f32]; 3],
+    direction: [&mut [f32]; 3],
+    spread: &mut [f32],
+) -> bool {
+    let count = spread.len();
+    let (film, u) = (film.map(|film| &film[..count]), u.map(|u| &u[..count]));
+    let (origin, direction) = (origin.map(|axis| &mut axis[..count]), direction.map(|axis| &mut axis[..count]));
+    let mut are_usual = true;
+    for i in 0..count {
+        let at = (DVec2::new(film[0][i], film[1][i]), Vec2::new(u[0][i], u[1][i]));
+        let (from, way, growth, is_usual) = lens.ray(pinhole, at.0, at.1);
+        for axis in 0..3 {
+            origin[axis][i] = from[axis];
+            direction[axis][i] = way[axis];
+        }
+        spread[i] = growth;
+        are_usual &= is_usual;
+    }
+    are_usual
+}
+
+/// See [`CameraView::many_rays`], through a pinhole: the steps of [`CameraView::ray`] in the same order.
 #[inline(always)]
 pub(super) fn lanes(
     pinhole: &Pinhole,

@@ -269,18 +269,21 @@ proptest! {
 }
 
 #[test]
-fn many_pinhole_rays_are_those_of_single_points_at_every_level() {
-    for camera in examples() {
+fn many_rays_are_those_of_single_points_at_every_level() {
+    let with_lens = |camera: Camera| [Camera { aperture_radius: 0.1, focus_distance: 3.0, ..camera.clone() }, camera];
+    for camera in examples().into_iter().flat_map(with_lens) {
         let view = camera.view(SIZE);
         let film: [[f64; 40]; 2] = [[0.37, 640.0], [0.81, 360.0]]
             .map(|[step, side]: [f64; 2]| std::array::from_fn(|i| (i as f64 * step).fract() * side));
+        let lens: [[f32; 40]; 2] = [0.29, 0.53].map(|step: f32| std::array::from_fn(|i| (i as f32 * step).fract()));
         for level in snell_math::simd::Level::ALL {
-            let mut rays = PinholeRays::default();
-            let is_pinhole = view.pinhole_rays(&film, level.wide(), &mut rays);
+            let mut rays = CameraRays::default();
+            let is_known = view.many_rays(&film, &lens, level.wide(), &mut rays);
             let is_flat = matches!(camera.projection, Projection::Perspective { .. } | Projection::Intrinsics(_));
-            assert_eq!(is_pinhole, is_flat && !camera.has_lens());
-            for (i, (&x, &y)) in film[0].iter().zip(&film[1]).enumerate().filter(|_| is_pinhole) {
-                let single = ray(&camera, DVec2::new(x, y), SIZE);
+            assert_eq!(is_known, is_flat);
+            for (i, (&x, &y)) in film[0].iter().zip(&film[1]).enumerate().filter(|_| is_known) {
+                let lens = Vec2::new(lens[0][i], lens[1][i]);
+                let single = view.ray(&CameraSample { film: DVec2::new(x, y), lens });
                 assert_eq!(rays.get(i), single, "{:?} {level}", camera.projection);
             }
         }

@@ -1,7 +1,7 @@
 //! Where paths begin: samples, their numbers and the rays of the camera.
 
 use super::{PartRenderer, Sample, SampleFacts};
-use crate::integrator::camera_path::{FILM, TIME, WAVELENGTH, camera_path, film_point, path_of};
+use crate::integrator::camera_path::{FILM, LENS, TIME, WAVELENGTH, camera_path, film_point, path_of};
 use crate::integrator::carried::{Carried, Rest};
 use crate::integrator::lanes::LANES;
 use crate::sampler::{ManyRandoms, SampleKey};
@@ -48,7 +48,9 @@ impl PartRenderer<'_> {
         self.samples.resize(self.samples.len() + keys.len(), nothing);
         let Self { paths, facts, view, .. } = self;
         let known = |mode, weight| SampleFacts { mode, alpha: 1.0, weight, rays: 0 };
-        if self.stands_still && view.pinhole_rays(&film, wide, &mut self.camera_rays) {
+        let has_lens = self.stands_still && view.camera().has_lens();
+        let lens = if has_lens { randoms.pairs(LENS, wide) } else { [[0.5; LANES]; 2] };
+        if self.stands_still && view.many_rays(&film, &lens, wide, &mut self.camera_rays) {
             let rays = &self.camera_rays;
             let modes = modes_of(settings.color, &randoms, wide);
             let times = if self.context.scene.moves { randoms.numbers(TIME, wide) } else { [0.0; LANES] };
