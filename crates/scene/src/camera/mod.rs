@@ -146,7 +146,7 @@ impl Camera {
     /// The camera for a picture of `size` pixels.
     pub fn view(&self, size: [u32; 2]) -> CameraView<'_> {
         let (right, pinhole) = (self.right(), Pinhole::of(&self.projection, size));
-        let lens = self.has_lens().then(|| Lens {
+        let lens = self.has_lens().then_some(Lens {
             eye: self.eye,
             axes: [right, self.up, self.towards],
             radius: self.aperture_radius,

@@ -76,7 +76,7 @@ impl Lens {
         let across = p * focus - from;
         let direction = right * across.x + up * across.y + towards * focus;
         let squared = direction.length_squared();
-        let is_usual = (squared >= USUAL.start) & (squared < USUAL.end);
+        let is_usual = USUAL.contains(&squared);
         let spread = pinhole.spread(1.0 / (p.length_squared() + 1.0).sqrt());
         let origin = eye + right * from.x + up * from.y;
         (origin.as_vec3(), (direction * (1.0 / squared.sqrt())).as_vec3(), spread as f32, is_usual)
