@@ -20,6 +20,7 @@ pub struct NearLights {
     /// The lanes that have one, and those of one kind.
     pub lanes: Vec<u32>,
     of_kind: Vec<u32>,
+    viewers: Viewers,
     rectangles: NearRectangles,
     triangles: NearTriangles,
     spheres: NearSpheres,
@@ -40,30 +41,31 @@ pub struct NearParts<'a> {
     pub edges: &'a [HitVectors; 2],
 }
 
-/// Rectangles, and who sees them.
+/// Who sees the parts, and with which numbers they are sampled.
 #[derive(Debug, Default)]
-struct NearRectangles {
+struct Viewers {
     from: [[f32; NEAR_LANES]; 3],
     u: [[f32; NEAR_LANES]; 2],
+}
+
+/// Rectangles.
+#[derive(Debug, Default)]
+struct NearRectangles {
     center: [[f64; NEAR_LANES]; 3],
     axes: [[[f64; NEAR_LANES]; 3]; 2],
     half: [[f64; NEAR_LANES]; 2],
 }
 
-/// Triangles, and who sees them.
+/// Triangles.
 #[derive(Debug, Default)]
 struct NearTriangles {
-    from: [[f32; NEAR_LANES]; 3],
-    u: [[f32; NEAR_LANES]; 2],
     corner: [[f32; NEAR_LANES]; 3],
     edges: [[[f32; NEAR_LANES]; 3]; 2],
 }
 
-/// Spheres, and who sees them.
+/// Spheres.
 #[derive(Debug, Default)]
 struct NearSpheres {
-    from: [[f32; NEAR_LANES]; 3],
-    u: [[f32; NEAR_LANES]; 2],
     center: [[f64; NEAR_LANES]; 3],
     radius: [f64; NEAR_LANES],
 }
@@ -103,20 +105,22 @@ impl NearLights {
         [normal, error]: [&mut HitVectors; 2],
         wide: Option<Wide>,
     ) {
-        let Self { lanes, of_kind, rectangles, triangles, spheres, round, found, samples } = self;
+        let Self { lanes, of_kind, viewers, rectangles, triangles, spheres, round, found, samples } = self;
         samples.is_seen = [0; LANES];
         for kind in [RECTANGLE, TRIANGLE, SPHERE] {
             of_kind.clear();
             of_kind.extend(lanes.iter().filter(|&&lane| parts.kind[lane as usize] == kind));
             for lanes in of_kind.chunks(NEAR_LANES) {
+                viewers.gather(lanes, parts);
+                let by: &Viewers = viewers;
                 match kind {
                     RECTANGLE => {
-                        rectangles.gather(lanes, parts, &part);
+                        rectangles.gather(lanes, &part);
                         let of: &NearRectangles = rectangles;
                         at_level!(
                             wide,
                             near_rectangles,
-                            (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = found)
+                            (of: &NearRectangles = of, by: &Viewers = by, to: &mut NearSamples<NEAR_LANES> = found)
                         );
                     }
                     TRIANGLE => {
@@ -125,17 +129,18 @@ impl NearLights {
                         at_level!(
                             wide,
                             near_triangles,
-                            (of: &NearTriangles = of, to: &mut NearSamples<NEAR_LANES> = found)
+                            (of: &NearTriangles = of, by: &Viewers = by, to: &mut NearSamples<NEAR_LANES> = found)
                         );
                     }
                     _ => {
-                        spheres.gather(lanes, parts, &part);
+                        spheres.gather(lanes, &part);
                         let of: &NearSpheres = spheres;
                         at_level!(
                             wide,
                             near_spheres,
                             (
                                 of: &NearSpheres = of,
+                                by: &Viewers = by,
                                 to: &mut NearSamples<NEAR_LANES> = found,
                                 round: &mut RoundSamples = round,
                             )
@@ -152,60 +157,59 @@ impl NearLights {
     }
 }
 
-impl NearRectangles {
-    fn gather(
-        &mut self,
-        lanes: &[u32],
-        NearParts { positions, u, .. }: &NearParts,
-        part: impl Fn(usize) -> Option<NearPart>,
-    ) {
+impl Viewers {
+    fn gather(&mut self, lanes: &[u32], NearParts { positions, u, .. }: &NearParts) {
         for (i, &lane) in lanes.iter().enumerate() {
             let lane = lane as usize;
-            let Some(NearPart::Rectangle(rectangle)) = part(lane) else { continue };
-            for (axis, positions) in positions.iter().enumerate() {
-                self.from[axis][i] = positions[lane];
+            for (from, positions) in self.from.iter_mut().zip(*positions) {
+                from[i] = positions[lane];
+            }
+            (self.u[0][i], self.u[1][i]) = (u[0][lane], u[1][lane]);
+        }
+    }
+
+    /// Where one is, and its numbers.
+    #[inline(always)]
+    fn get(&self, i: usize) -> (Vec3, Vec2) {
+        (vector(&self.from, i), Vec2::new(self.u[0][i], self.u[1][i]))
+    }
+}
+
+impl NearRectangles {
+    fn gather(&mut self, lanes: &[u32], part: impl Fn(usize) -> Option<NearPart>) {
+        for (i, &lane) in lanes.iter().enumerate() {
+            let Some(NearPart::Rectangle(rectangle)) = part(lane as usize) else { continue };
+            for axis in 0..3 {
                 self.center[axis][i] = rectangle.center[axis];
                 self.axes[0][axis][i] = rectangle.axes[0][axis];
                 self.axes[1][axis][i] = rectangle.axes[1][axis];
             }
             (self.half[0][i], self.half[1][i]) = (rectangle.half.x, rectangle.half.y);
-            (self.u[0][i], self.u[1][i]) = (u[0][lane], u[1][lane]);
         }
     }
 }
 
 impl NearTriangles {
-    fn gather(&mut self, lanes: &[u32], parts: &NearParts) {
-        let NearParts { positions, u, corner, edges, .. } = parts;
+    fn gather(&mut self, lanes: &[u32], NearParts { corner, edges, .. }: &NearParts) {
         for (i, &lane) in lanes.iter().enumerate() {
             let lane = lane as usize;
             for axis in 0..3 {
-                self.from[axis][i] = positions[axis][lane];
                 self.corner[axis][i] = corner[axis][lane];
                 self.edges[0][axis][i] = edges[0][axis][lane];
                 self.edges[1][axis][i] = edges[1][axis][lane];
             }
-            (self.u[0][i], self.u[1][i]) = (u[0][lane], u[1][lane]);
         }
     }
 }
 
 impl NearSpheres {
-    fn gather(
-        &mut self,
-        lanes: &[u32],
-        NearParts { positions, u, .. }: &NearParts,
-        part: impl Fn(usize) -> Option<NearPart>,
-    ) {
+    fn gather(&mut self, lanes: &[u32], part: impl Fn(usize) -> Option<NearPart>) {
         for (i, &lane) in lanes.iter().enumerate() {
-            let lane = lane as usize;
-            let Some(NearPart::Sphere(NearSphere { center, radius })) = part(lane) else { continue };
-            for (axis, positions) in positions.iter().enumerate() {
-                self.from[axis][i] = positions[lane];
+            let Some(NearPart::Sphere(NearSphere { center, radius })) = part(lane as usize) else { continue };
+            for axis in 0..3 {
                 self.center[axis][i] = center[axis];
             }
             self.radius[i] = radius;
-            (self.u[0][i], self.u[1][i]) = (u[0][lane], u[1][lane]);
         }
     }
 }
@@ -249,7 +253,7 @@ impl<const N: usize> NearSamples<N> {
 
 /// See [`NearRectangle::sample`].
 #[inline(always)]
-fn near_rectangles(of: &NearRectangles, to: &mut NearSamples<NEAR_LANES>) {
+fn near_rectangles(of: &NearRectangles, by: &Viewers, to: &mut NearSamples<NEAR_LANES>) {
     for i in 0..NEAR_LANES {
         let vector = |v: &[[f64; NEAR_LANES]; 3]| DVec3::new(v[0][i], v[1][i], v[2][i]);
         let rectangle = NearRectangle {
@@ -257,28 +261,30 @@ fn near_rectangles(of: &NearRectangles, to: &mut NearSamples<NEAR_LANES>) {
             axes: [vector(&of.axes[0]), vector(&of.axes[1])],
             half: DVec2::new(of.half[0][i], of.half[1][i]),
         };
-        let from = Vec3::new(of.from[0][i], of.from[1][i], of.from[2][i]);
-        to.put(i, &rectangle.sample(from, Vec2::new(of.u[0][i], of.u[1][i])));
+        let (from, u) = by.get(i);
+        to.put(i, &rectangle.sample(from, u));
     }
 }
 
 /// See [`NearTriangle::sample`].
 #[inline(always)]
-fn near_triangles(of: &NearTriangles, to: &mut NearSamples<NEAR_LANES>) {
+fn near_triangles(of: &NearTriangles, by: &Viewers, to: &mut NearSamples<NEAR_LANES>) {
     for i in 0..NEAR_LANES {
         let edges = [vector(&of.edges[0], i), vector(&of.edges[1], i)];
         let triangle = NearTriangle { corner: vector(&of.corner, i), edges };
-        to.put(i, &triangle.sample(vector(&of.from, i), Vec2::new(of.u[0][i], of.u[1][i])));
+        let (from, u) = by.get(i);
+        to.put(i, &triangle.sample(from, u));
     }
 }
 
 /// See [`NearSphere::sample`].
 #[inline(always)]
-fn near_spheres(of: &NearSpheres, to: &mut NearSamples<NEAR_LANES>, round: &mut RoundSamples) {
+fn near_spheres(of: &NearSpheres, by: &Viewers, to: &mut NearSamples<NEAR_LANES>, round: &mut RoundSamples) {
     for i in 0..NEAR_LANES {
         let center = DVec3::new(of.center[0][i], of.center[1][i], of.center[2][i]);
         let sphere = NearSphere { center, radius: of.radius[i] };
-        let RoundSample { seen, normal, error } = sphere.sample(vector(&of.from, i), Vec2::new(of.u[0][i], of.u[1][i]));
+        let (from, u) = by.get(i);
+        let RoundSample { seen, normal, error } = sphere.sample(from, u);
         to.put(i, &seen);
         for axis in 0..3 {
             round.normal[axis][i] = normal[axis];
@@ -297,7 +303,7 @@ mod tests {
     fn near_rectangles_are_sampled_alike_at_every_level() {
         let number = |i: u32, k: u32| uniform2([i, k, 5, 5]).x * 2.0 - 1.0;
         let vector = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
-        let mut of = NearRectangles::default();
+        let (mut of, mut by) = (NearRectangles::default(), Viewers::default());
         let cases: [_; NEAR_LANES] = std::array::from_fn(|i| {
             let (x, y) = vector(i as u32, 0).as_dvec3().normalize().any_orthonormal_pair();
             let rectangle = NearRectangle {
@@ -307,21 +313,21 @@ mod tests {
             };
             let (from, u) = (vector(i as u32, 3) * 0.5, uniform2([i as u32, 9, 5, 5]));
             for axis in 0..3 {
-                of.from[axis][i] = from[axis];
+                by.from[axis][i] = from[axis];
                 of.center[axis][i] = rectangle.center[axis];
                 of.axes[0][axis][i] = x[axis];
                 of.axes[1][axis][i] = y[axis];
             }
-            ([of.half[0][i], of.half[1][i]], [of.u[0][i], of.u[1][i]]) = (rectangle.half.to_array(), u.to_array());
+            ([of.half[0][i], of.half[1][i]], [by.u[0][i], by.u[1][i]]) = (rectangle.half.to_array(), u.to_array());
             (rectangle, from, u)
         });
         for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
             let mut found = NearSamples::default();
-            let of = &of;
+            let (of, by) = (&of, &by);
             at_level!(
                 level.wide(),
                 near_rectangles,
-                (of: &NearRectangles = of, to: &mut NearSamples<NEAR_LANES> = &mut found)
+                (of: &NearRectangles = of, by: &Viewers = by, to: &mut NearSamples<NEAR_LANES> = &mut found)
             );
             for (i, (rectangle, from, u)) in cases.iter().enumerate() {
                 let single = rectangle.sample(*from, *u);
@@ -337,26 +343,26 @@ mod tests {
     fn near_triangles_are_sampled_alike_at_every_level() {
         let number = |i: u32, k: u32| uniform2([i, k, 7, 7]).x * 2.0 - 1.0;
         let vector = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
-        let mut of = NearTriangles::default();
+        let (mut of, mut by) = (NearTriangles::default(), Viewers::default());
         let cases: [_; NEAR_LANES] = std::array::from_fn(|lane| {
             let i = lane as u32;
             let triangle = NearTriangle { corner: vector(i, 1), edges: [vector(i, 2), vector(i, 3)] };
             let (from, u) = (vector(i, 4), uniform2([i, 9, 5, 5]));
             for axis in 0..3 {
-                of.from[axis][lane] = from[axis];
+                by.from[axis][lane] = from[axis];
                 of.corner[axis][lane] = triangle.corner[axis];
                 of.edges[0][axis][lane] = triangle.edges[0][axis];
                 of.edges[1][axis][lane] = triangle.edges[1][axis];
             }
-            [of.u[0][lane], of.u[1][lane]] = u.to_array();
+            [by.u[0][lane], by.u[1][lane]] = u.to_array();
             (triangle, from, u)
         });
         for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-            let (mut found, of) = (NearSamples::default(), &of);
+            let (mut found, of, by) = (NearSamples::default(), &of, &by);
             at_level!(
                 level.wide(),
                 near_triangles,
-                (of: &NearTriangles = of, to: &mut NearSamples<NEAR_LANES> = &mut found)
+                (of: &NearTriangles = of, by: &Viewers = by, to: &mut NearSamples<NEAR_LANES> = &mut found)
             );
             for (i, (triangle, from, u)) in cases.iter().enumerate() {
                 let (single, found) = (triangle.sample(*from, *u), found.get(i));
@@ -372,7 +378,7 @@ mod tests {
     fn near_spheres_are_sampled_alike_at_every_level() {
         let number = |i: u32, k: u32| uniform2([i, k, 9, 9]).x * 2.0 - 1.0;
         let point = |i: u32, k: u32| Vec3::new(number(i, 3 * k), number(i, 3 * k + 1), number(i, 3 * k + 2));
-        let mut of = NearSpheres::default();
+        let (mut of, mut by) = (NearSpheres::default(), Viewers::default());
         // From outside, from inside, and from the middle.
         let cases: [_; NEAR_LANES] = std::array::from_fn(|lane| {
             let i = lane as u32;
@@ -381,21 +387,22 @@ mod tests {
             let sphere = NearSphere { center: center.as_dvec3(), radius: f64::from(uniform2([i, 7, 9, 9]).x) };
             let u = uniform2([i, 9, 9, 9]);
             for axis in 0..3 {
-                of.from[axis][lane] = from[axis];
+                by.from[axis][lane] = from[axis];
                 of.center[axis][lane] = sphere.center[axis];
             }
             of.radius[lane] = sphere.radius;
-            [of.u[0][lane], of.u[1][lane]] = u.to_array();
+            [by.u[0][lane], by.u[1][lane]] = u.to_array();
             (sphere, from, u)
         });
         assert!(cases.iter().any(|(sphere, from, _)| from.as_dvec3().distance(sphere.center) < sphere.radius));
         for level in Level::ALL.into_iter().filter(|level| level.is_supported()) {
-            let (mut found, mut round, of) = (NearSamples::default(), RoundSamples::default(), &of);
+            let (mut found, mut round) = (NearSamples::default(), RoundSamples::default());
+            let (of, by) = (&of, &by);
             at_level!(
                 level.wide(),
                 near_spheres,
                 (
-                    of: &NearSpheres = of,
+                    of: &NearSpheres = of, by: &Viewers = by,
                     to: &mut NearSamples<NEAR_LANES> = &mut found,
                     round: &mut RoundSamples = &mut round,
                 )
