@@ -77,8 +77,8 @@ impl PartRenderer<'_> {
     /// Takes the light rays of the lanes that are in use, and where their paths go on.
     pub(super) fn collect_columns(&mut self, vertices: &impl LitColumns) {
         let paths = vertices.paths();
-        // Column by column, which is twice as fast as path by path. (Columns turned into rows in registers, eight by eight, were no faster: it
-        // is the stores that take the time.)
+        // Column by column, which is twice as fast as path by path. (Columns turned into rows in registers, eight by eight, were no faster,
+        // perhaps because it is the stores to what is not in the first cache that take the time.)
         let Self { paths: from, light_rays, lanes, kept, .. } = self;
         let path = |lane: u32| paths[lane as usize] as usize;
         vertices.lit(lanes, kept);
