@@ -5,10 +5,11 @@ use super::volumes::VolumeTable;
 use crate::light_sampler::LightSummary;
 use snell_intersect::{Geometry, GeometryId, GroupId, Instance, World};
 use snell_math::spectrum::{Color, RgbSpectrum};
-use snell_math::{ColorMode, Rgb, SampledSpectrum, Transform, Vec3};
-use snell_scene::light::LightBounds;
+use snell_math::{ColorMode, Rgb, SampledSpectrum, Transform, Vec2, Vec3};
 use snell_scene::light::area::{AreaLight, EmissiveGeometry, MovingAreaLight};
 use snell_scene::light::environment::EnvironmentLight;
+use snell_scene::light::punctual::PunctualLight;
+use snell_scene::light::{LightBounds, LightSample};
 use snell_scene::material::ShadingPoint;
 use snell_scene::medium::Glow;
 use snell_scene::{Light, Material, MaterialId, MediumId, Scene, TextureSet};
@@ -25,7 +26,7 @@ const COST_OF_TRIANGLE: u64 = 64;
 #[derive(Debug)]
 pub enum CompiledLight {
     /// A light without a surface.
-    Light(Light),
+    Light(Box<BareLight>),
     /// An emissive surface at one place.
     Area(Box<AreaLight>),
     /// An emissive surface that moves while the shutter is open.
@@ -34,6 +35,41 @@ pub enum CompiledLight {
     Medium(MediumId, Box<Glow>),
     /// The environment.
     Environment,
+}
+
+/// A light without a surface.
+#[derive(Debug)]
+pub struct BareLight {
+    /// As it is in the scene.
+    pub light: Light,
+    /// The same, if it is such a light.
+    pub punctual: Option<PunctualLight>,
+    /// The colour of that for all wavelengths, once it was asked for.
+    spectrum: OnceLock<LightSpectrum>,
+}
+
+impl BareLight {
+    fn new(light: Light) -> Self {
+        let punctual = PunctualLight::of(&light);
+        Self { light, punctual, spectrum: OnceLock::new() }
+    }
+
+    /// As [`Light::sample`].
+    pub fn sample(&self, p: Vec3, u: Vec2, mode: ColorMode) -> Option<LightSample> {
+        match &self.punctual {
+            Some(light) => LightSample::of_punctual(light.sample(p), self.color_of(light, mode)),
+            None => self.light.sample(p, u, mode),
+        }
+    }
+
+    /// The colour of the punctual light for all wavelengths.
+    pub fn spectrum(&self, light: &PunctualLight) -> LightSpectrum {
+        *self.spectrum.get_or_init(|| LightSpectrum::new(light.color.into()))
+    }
+
+    fn color_of(&self, light: &PunctualLight, mode: ColorMode) -> SampledSpectrum {
+        if mode == ColorMode::Rgb { mode.illuminant(light.color) } else { self.spectrum(light).at(mode) }
+    }
 }
 
 /// What a surface gives that shines alike everywhere, and that nothing can be seen through.
@@ -142,7 +178,7 @@ impl LightTable {
         let mut table = Self::default();
         let radius = if scene_radius > 0.0 { scene_radius } else { 1.0 };
         for light in &scene.lights {
-            table.push(CompiledLight::Light(light.clone()), light.power(radius));
+            table.push(CompiledLight::Light(Box::new(BareLight::new(light.clone()))), light.power(radius));
         }
         let emissive = EmissiveGroups::new(world, surfaces, materials);
         if !emissive.is_empty() {
@@ -184,7 +220,7 @@ impl LightTable {
     /// What light samplers look at; the bounds of all parts only if asked for. The light `left_out` is not sampled.
     pub fn summaries(&self, with_parts: bool, left_out: Option<usize>) -> Vec<LightSummary> {
         let parts = |i: usize| match &self.lights[i] {
-            CompiledLight::Light(light) => light.bounds().into_iter().collect(),
+            CompiledLight::Light(bare) => bare.light.bounds().into_iter().collect(),
             CompiledLight::Area(area) => {
                 (0..area.part_count()).map(|part| area.part_bounds(part, self.two_sided[i])).collect()
             }

@@ -9,7 +9,7 @@ mod lights;
 mod surfaces;
 mod volumes;
 
-pub use lights::{CompiledLight, LightSpectrum, PlainEmission};
+pub use lights::{BareLight, CompiledLight, LightSpectrum, PlainEmission};
 use volumes::Beacons;
 pub(crate) use volumes::{Boundary, VolumeTable};
 

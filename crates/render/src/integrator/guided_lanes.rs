@@ -254,8 +254,8 @@ fn weigh_lights(guided: &GuidedLanes, arrivals: &mut LightArrivals) {
         let (share, density) = (guided.share[i], arrivals.density[i]);
         let pdf = mixed_pdf(share, arrivals.share[i], guided.pdf[i]);
         let weight = sampling::power_heuristic(density, pdf);
-        let is_known = guided.is_known[i];
-        arrivals.weight[i] = marked(is_known, weight, arrivals.weight[i]);
-        arrivals.scale[i] = marked(is_known, weight / density, arrivals.scale[i]);
+        let counts = guided.is_known[i] & (arrivals.is_delta[i] ^ 1);
+        arrivals.weight[i] = marked(counts, weight, arrivals.weight[i]);
+        arrivals.scale[i] = marked(counts, weight / density, arrivals.scale[i]);
     }
 }

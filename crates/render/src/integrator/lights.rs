@@ -1,13 +1,14 @@
-//! Light samples of many vertices at once, where the chosen lights are an environment, or shine alike everywhere and are flat and far, or rectangles,
-//! triangles and spheres: what [`super::estimators::sample_light`] gives one at a time, bit for bit.
+//! Light samples of many vertices at once, where the chosen lights are an environment or without a surface, or shine alike everywhere and are flat and far, or
+//! rectangles, triangles and spheres: what [`super::estimators::sample_light`] gives one at a time, bit for bit.
 
+use super::delta_samples::{DeltaSamples, arrive_from_delta};
 use super::estimators::SHADOW_END;
 use super::lanes::{BLACK, HitColors, RayColumns, ZERO, at, put, put_color};
 use super::light_part::LightSource;
 use super::near_lights::{NearLights, NearParts, RECTANGLE, SPHERE, TRIANGLE};
 use super::sky_samples::{NO_PLACES, SkyPlaces, SkySamples, arrive_from_sky};
 use super::{Context, dimension};
-use crate::compile::{CompiledLight, CompiledScene, LightSpectrum, PlainEmission};
+use crate::compile::{BareLight, CompiledLight, CompiledScene, LightSpectrum, PlainEmission};
 use crate::light_sampler::{ChosenLights, NONE, Receivers};
 use crate::sampler::ManyRandoms;
 use crate::settings::LightStrategy;
@@ -56,6 +57,9 @@ pub struct LightSamples {
     sky_lanes: Vec<u32>,
     sky: SkySamples,
     sky_places: SkyPlaces,
+    /// Lanes that sample a light without a surface.
+    delta_lanes: Vec<u32>,
+    delta: DeltaSamples,
 }
 
 /// There is no light.
@@ -66,8 +70,10 @@ const FAR: u32 = 1;
 const NEAR: u32 = 2;
 /// The environment.
 const SKY: u32 = 3;
+/// A light without a surface.
+const DELTA: u32 = 4;
 /// The light is not one of these.
-pub const ALONE: u32 = 4;
+pub const ALONE: u32 = 5;
 
 /// What light samples bring to vertices.
 #[derive(Debug)]
@@ -85,6 +91,8 @@ pub struct LightArrivals {
     pub weight: HitLanes,
     /// The weight over the density of the sample.
     pub scale: HitLanes,
+    /// 0 unless the light has no surface, so that paths never find it by themselves.
+    pub is_delta: [u32; LANES],
     /// 0 where there is no light.
     pub exists: [u32; LANES],
 }
@@ -130,9 +138,18 @@ pub trait Scatterers {
         wide: Option<Wide>,
         arrivals: &mut LightArrivals,
     );
+
+    /// See [`arrive_from_delta`].
+    fn arrive_from_delta(
+        &self,
+        from: &DeltaSamples,
+        probability: &HitLanes,
+        wide: Option<Wide>,
+        arrivals: &mut LightArrivals,
+    );
 }
 
-/// [`Scatterers::arrive`] and [`Scatterers::arrive_from_sky`] compiled for wide registers.
+/// [`Scatterers::arrive`] and its like compiled for wide registers.
 macro_rules! arrive_at_level {
     ($scatterers:ty) => {
         fn arrive(
@@ -162,6 +179,25 @@ macro_rules! arrive_at_level {
                     probability: &HitLanes = probability,
                     to: &$scatterers = self,
                     places: &mut SkyPlaces = places,
+                    arrivals: &mut LightArrivals = arrivals,
+                )
+            );
+        }
+
+        fn arrive_from_delta(
+            &self,
+            from: &DeltaSamples,
+            probability: &HitLanes,
+            wide: Option<Wide>,
+            arrivals: &mut LightArrivals,
+        ) {
+            at_level!(
+                wide,
+                arrive_from_delta::<$scatterers>,
+                (
+                    from: &DeltaSamples = from,
+                    probability: &HitLanes = probability,
+                    to: &$scatterers = self,
                     arrivals: &mut LightArrivals = arrivals,
                 )
             );
@@ -290,6 +326,8 @@ impl Default for LightSamples {
             sky_lanes: Vec::new(),
             sky: SkySamples::default(),
             sky_places: NO_PLACES,
+            delta_lanes: Vec::new(),
+            delta: DeltaSamples::default(),
         }
     }
 }
@@ -298,11 +336,32 @@ impl Default for LightArrivals {
     fn default() -> Self {
         let (zero, exists) = ([0.0; LANES], [0; LANES]);
         let (origin, way, direction) = (ZERO, ZERO, ZERO);
-        Self { origin, way, end: zero, direction, density: zero, share: zero, weight: zero, scale: zero, exists }
+        let [end, density, share, weight, scale] = [zero; 5];
+        Self { origin, way, end, direction, density, share, weight, scale, is_delta: exists, exists }
     }
 }
 
-/// A part of a chosen light that [`LightSamples`] holds, at least for far points.
+/// A chosen light that [`LightSamples`] holds.
+#[derive(Clone, Copy)]
+enum Held<'a> {
+    Part(LightPart<'a>),
+    Sky,
+    Bare(&'a BareLight),
+}
+
+impl<'a> Held<'a> {
+    /// The part of a light, if it is one of these.
+    fn of(scene: &'a CompiledScene, light: u32, part: u32) -> Option<Self> {
+        match scene.lights().get(light as usize)? {
+            CompiledLight::Area(_) => LightPart::of(scene, light, part).map(Self::Part),
+            CompiledLight::Environment => Some(Self::Sky),
+            CompiledLight::Light(light) => Some(Self::Bare(light)),
+            CompiledLight::Moving(_) | CompiledLight::Medium(..) => None,
+        }
+    }
+}
+
+/// A part of an emissive surface, for far points at least.
 #[derive(Clone, Copy)]
 struct LightPart<'a> {
     /// `None` for a sphere.
@@ -314,7 +373,7 @@ struct LightPart<'a> {
 impl<'a> LightPart<'a> {
     /// The part of a light, if it is one.
     fn of(scene: &'a CompiledScene, light: u32, part: u32) -> Option<Self> {
-        if light == NONE || part == NONE {
+        if part == NONE {
             return None;
         }
         let plain = scene.plain_emission(light as usize).filter(|plain| !plain.rgb.is_black())?;
@@ -327,6 +386,13 @@ impl<'a> LightPart<'a> {
 fn area_light(scene: &CompiledScene, light: u32) -> Option<&AreaLight> {
     match &scene.lights()[light as usize] {
         CompiledLight::Area(area) => Some(area),
+        _ => None,
+    }
+}
+
+fn bare_light(scene: &CompiledScene, light: u32) -> Option<&BareLight> {
+    match &scene.lights()[light as usize] {
+        CompiledLight::Light(bare) => Some(bare),
         _ => None,
     }
 }
@@ -354,8 +420,13 @@ impl LightSamples {
             }
         }
         for (lane, spectrum) in self.spectra.iter().enumerate().take(count) {
-            if matches!(self.how[lane], FAR | NEAR) {
-                put_color(&mut self.radiance, lane, spectrum.at(modes[lane]));
+            let factor = match self.how[lane] {
+                FAR | NEAR => Some(1.0),
+                DELTA => self.delta.factor(lane),
+                _ => None,
+            };
+            if let Some(factor) = factor {
+                put_color(&mut self.radiance, lane, spectrum.at(modes[lane]) * factor);
             }
         }
     }
@@ -388,29 +459,40 @@ impl LightSamples {
             changed[changes % LANES] = lane;
             changes += usize::from(!is_same);
         }
-        let sky = scene.environment_light().map_or(NONE, |light| light as u32);
         // (All are found before any is copied: so several are under way from memory.)
         let mut found = [None; LANES];
         for &lane in &changed[..changes] {
-            found[lane] = LightPart::of(scene, self.chosen.light[lane], self.chosen.part[lane]);
+            found[lane] = Held::of(scene, self.chosen.light[lane], self.chosen.part[lane]);
         }
         for &lane in &changed[..changes] {
-            self.put(lane, found[lane], sky);
+            self.put(lane, found[lane]);
         }
         at_level!(wide, tell_far, (lights: &mut LightSamples = self, positions: &HitVectors = positions));
     }
 
-    /// Puts the light that was chosen for a lane into it, if it `found` one of those that are held here. `sky` is the number of the environment.
-    fn put(&mut self, lane: usize, found: Option<LightPart>, sky: u32) {
+    /// Puts the light that was chosen for a lane into it, if it `found` one of those that are held here.
+    fn put(&mut self, lane: usize, found: Option<Held>) {
         let (light, part) = (self.chosen.light[lane], self.chosen.part[lane]);
         (self.light[lane], self.part[lane]) = (light, part);
         // (Nothing is as far as that.)
         self.far[lane] = f32::INFINITY;
         self.how_near[lane] = if light == NONE { DARK } else { ALONE };
-        if light == sky && light != NONE {
-            (self.how_near[lane], self.source[lane]) = (SKY, LightSource::Environment);
-        }
-        let Some(LightPart { flat, is_near, plain }) = found else { return };
+        let LightPart { flat, is_near, plain } = match found {
+            Some(Held::Part(part)) => part,
+            Some(Held::Sky) => {
+                (self.how_near[lane], self.source[lane]) = (SKY, LightSource::Environment);
+                return;
+            }
+            Some(Held::Bare(bare)) => {
+                self.delta.put(lane, bare.punctual.as_ref());
+                if let Some((spectrum, punctual)) = self.spectra.get_mut(lane).zip(bare.punctual.as_ref()) {
+                    *spectrum = bare.spectrum(punctual);
+                }
+                (self.how_near[lane], self.source[lane]) = (DELTA, LightSource::Light(light));
+                return;
+            }
+            None => return,
+        };
         if is_near {
             self.how_near[lane] = NEAR;
         }
@@ -452,17 +534,18 @@ impl LightSamples {
         if self.are_dark(count) { [[0.0; LANES]; 2] } else { randoms.pairs(dimension::LIGHT, wide) }
     }
 
-    /// Samples the lights of the first lanes, so many, weighted against the directions that a path would take by itself.
+    /// Samples the lights of the first lanes, so many, for paths of these modes, weighted against the directions that a path would take by itself.
     pub fn arrivals(
         &mut self,
         scene: &CompiledScene,
-        to: &impl Scatterers,
+        (to, modes): (&impl Scatterers, &[ColorMode; LANES]),
         u: &[HitLanes; 2],
         count: usize,
         wide: Option<Wide>,
         arrivals: &mut LightArrivals,
     ) {
         self.sky_lanes.clear();
+        arrivals.is_delta = [0; LANES];
         if self.are_dark(count) {
             arrivals.exists = [0; LANES];
             return;
@@ -472,6 +555,8 @@ impl LightSamples {
         self.near.lanes.clear();
         self.near.lanes.extend(lanes(NEAR));
         self.sky_lanes.extend(lanes(SKY));
+        self.delta_lanes.clear();
+        self.delta_lanes.extend(lanes(DELTA));
         let are_parts = how.iter().any(|&how| (how == FAR) | (how == NEAR));
         let with_near = !self.near.lanes.is_empty();
         if with_near {
@@ -487,6 +572,11 @@ impl LightSamples {
         if let Some(sky) = scene.environment.as_ref().filter(|_| !self.sky_lanes.is_empty()) {
             self.sky.draw(sky, &self.sky_lanes, u);
             to.arrive_from_sky(&self.sky, &self.chosen.probability, &mut self.sky_places, wide, arrivals);
+        }
+        if !self.delta_lanes.is_empty() {
+            let Self { delta, delta_lanes, light, radiance, .. } = self;
+            delta.sample(delta_lanes, |lane| bare_light(scene, light[lane]), (to.position(), modes), u, radiance, wide);
+            to.arrive_from_delta(&self.delta, &self.chosen.probability, wide, arrivals);
         }
     }
 }
@@ -510,7 +600,7 @@ impl LightArrivals {
     /// Weighs the sample of a lane against paths that would go there with this density.
     #[inline(always)]
     pub fn weigh(&mut self, lane: usize, pdf: f32) {
-        let weight = sampling::power_heuristic(self.density[lane], pdf);
+        let weight = if self.is_delta[lane] != 0 { 1.0 } else { sampling::power_heuristic(self.density[lane], pdf) };
         (self.weight[lane], self.scale[lane]) = (weight, weight / self.density[lane]);
     }
 

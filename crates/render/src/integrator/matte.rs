@@ -187,7 +187,8 @@ impl MatteVertices {
         self.lit.glowing = [None; LANES];
         let surfaces =
             Surfaces { points: &self.lanes.points, normal: &self.normal, wo: &self.lanes.wo, lift: &self.lanes.lift };
-        self.lit.lights.arrivals(context.scene, &surfaces, &light, count, wide, &mut self.lit.arrivals);
+        let to = (&surfaces, &self.lanes.modes);
+        self.lit.lights.arrivals(context.scene, to, &light, count, wide, &mut self.lit.arrivals);
         self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
         if let Some(field) = context.field {
             self.guided.find(field, &receivers, count, wide);

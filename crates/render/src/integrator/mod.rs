@@ -7,6 +7,7 @@ pub mod aov;
 pub(crate) mod camera_path;
 pub(crate) mod carried;
 mod classic;
+mod delta_samples;
 pub(crate) mod estimators;
 mod flat;
 mod guided;

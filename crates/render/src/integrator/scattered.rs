@@ -84,7 +84,8 @@ impl ScatteredVertices {
         let light = self.lit.lights.numbers(&self.lanes.randoms, count, wide);
         self.lit.glowing = [None; LANES];
         let points = MediumPoints { position: &self.lanes.points.position, wo: &self.lanes.wo, phase: &self.phase };
-        self.lit.lights.arrivals(context.scene, &points, &light, count, wide, &mut self.lit.arrivals);
+        let to = (&points, &self.lanes.modes);
+        self.lit.lights.arrivals(context.scene, to, &light, count, wide, &mut self.lit.arrivals);
         self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
         let Self { lanes, phase, lit, .. } = self;
         let LitLanes { lights, arrivals, outputs: given, .. } = lit;

@@ -287,7 +287,8 @@ impl<'a> SurfaceVertices<'a> {
         }
         let light = self.lit.lights.numbers(&self.lanes.randoms, count, wide);
         let skins = Skins { points: &self.lanes.points, lift: &self.lanes.lift };
-        self.lit.lights.arrivals(context.scene, &skins, &light, count, wide, &mut self.lit.arrivals);
+        let to = (&skins, &self.lanes.modes);
+        self.lit.lights.arrivals(context.scene, to, &light, count, wide, &mut self.lit.arrivals);
         self.lit.lights.shine(context.scene, &self.lit.arrivals, &self.lanes.modes, count);
         for lane in 0..count {
             if !self.together.has(lane) {

@@ -6,6 +6,7 @@ mod bounds;
 pub mod environment;
 mod panel;
 mod profile;
+pub mod punctual;
 pub mod sky;
 mod spot;
 #[cfg(test)]
@@ -15,6 +16,7 @@ pub use bounds::LightBounds;
 pub use profile::{IntensityTable, Slide};
 pub use spot::SpotFalloff;
 
+use punctual::{PunctualLight, PunctualSample};
 use serde::{Deserialize, Serialize};
 use snell_math::{ColorMode, DMat3, DVec3, Rgb, SampledSpectrum, Vec2, Vec3};
 
@@ -50,6 +52,7 @@ impl Attenuation {
     pub const NONE: Self = Self([1.0, 0.0, 0.0]);
 
     /// The factor at distance `d > 0`. A denominator that is not positive counts as 1.
+    #[inline(always)]
     pub fn at(&self, d: f32) -> f32 {
         let [c0, c1, c2] = self.0.map(f64::from);
         let d = f64::from(d);
@@ -151,6 +154,14 @@ pub enum Light {
     },
 }
 
+impl LightSample {
+    /// From a light of this colour.
+    pub fn of_punctual(sample: PunctualSample, color: SampledSpectrum) -> Option<Self> {
+        let PunctualSample { direction, distance, factor, arrives } = sample;
+        arrives.then(|| Self { direction, distance, radiance: color * factor, pdf: 1.0, is_delta: true })
+    }
+}
+
 impl Light {
     /// The names of all lights.
     pub const NAMES: &[&str] = &["directional", "point", "spot", "profile", "projector", "disk", "rectangle"];
@@ -198,15 +209,12 @@ impl Light {
 
     /// Light arriving at `p`. `u` in `[0, 1)^2` chooses a point of an extended light. `None` if nothing arrives.
     pub fn sample(&self, p: Vec3, u: Vec2, mode: ColorMode) -> Option<LightSample> {
+        if let Some(light) = PunctualLight::of(self) {
+            return LightSample::of_punctual(light.sample(p), mode.illuminant(light.color));
+        }
         let p = p.as_dvec3();
         let (direction, distance, irradiance) = match self {
-            Self::Directional { direction, irradiance } => (-*direction, f64::INFINITY, *irradiance),
-            Self::Point { position, intensity, attenuation, body_radius } => {
-                let (direction, distance) = towards(p, *position)?;
-                (direction, distance_to_body(p, *position, distance, *body_radius), {
-                    *intensity * attenuation.at(distance as f32)
-                })
-            }
+            Self::Directional { .. } | Self::Point { .. } => return None,
             Self::Spot { position, direction: axis, intensity, attenuation, falloff } => {
                 let (direction, distance) = towards(p, *position)?;
                 let factor = falloff.at(-direction.dot(*axis)) as f32;
@@ -270,16 +278,4 @@ fn towards(p: DVec3, position: DVec3) -> Option<(DVec3, f64)> {
     let to_light = position - p;
     let distance = to_light.length();
     (distance > 0.0).then(|| (to_light / distance, distance))
-}
-
-/// Where a ray from `p` towards the centre of a lamp first meets its body: the near side from outside, and from inside (and on the
-/// surface, to rounding) the far side, through the centre. No allowance for rounding is taken off: whoever traces the shadow ray
-/// has to end it a little before.
-fn distance_to_body(p: DVec3, center: DVec3, distance: f64, radius: f64) -> f64 {
-    if radius.is_nan() || radius <= 0.0 {
-        return distance;
-    }
-    // Points come in single precision; one on the body must not stop its shadow ray at once.
-    let rounding = 8.0 * f64::from(f32::EPSILON) * (p.abs().max_element() + center.abs().max_element() + radius);
-    if distance > radius + rounding { distance - radius } else { distance + radius }
 }

@@ -43,11 +43,7 @@ impl SpotFalloff {
                 }
             }
             Self::Power { .. } => 0.0,
-            Self::Smooth { inner, outer } => ramp(cos_angle, inner, outer).powi(2),
-            Self::Step { inner, outer } => {
-                let t = ramp(cos_angle, inner, outer);
-                t * t * (3.0 - 2.0 * t)
-            }
+            Self::Smooth { .. } | Self::Step { .. } => self.cone().map_or(0.0, |cone| cone.at(cos_angle)),
         };
         if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 0.0 }
     }
@@ -68,18 +64,6 @@ impl SpotFalloff {
         let (n, width) = (256, 1.0 - cos_widest);
         let sum: f64 = (0..n).map(|i| self.at(1.0 - width * (i as f64 + 0.5) / n as f64)).sum();
         std::f64::consts::TAU * width * sum / n as f64
-    }
-}
-
-/// From 0 at the outer angle to 1 at the inner one, linear in the cosine.
-fn ramp(cos_angle: f64, inner: f64, outer: f64) -> f64 {
-    let (cos_inner, cos_outer) = (inner.cos(), outer.cos());
-    if cos_angle <= cos_outer {
-        0.0
-    } else if cos_angle >= cos_inner {
-        1.0
-    } else {
-        (cos_angle - cos_outer) / (cos_inner - cos_outer)
     }
 }
 

@@ -1,0 +1,148 @@
+//! Lights from single points and parallel light, ready to be asked for many places at once.
+
+use super::{Attenuation, Light, SpotFalloff};
+use snell_math::{DVec3, Rgb, Vec3};
+
+/// A directional, point or spot light whose intensity follows from its distance and, with cosines alone, from its angle: the lights of the glTF extension
+/// `KHR_lights_punctual` and their like.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PunctualLight {
+    /// Where it is, unless it is parallel light.
+    pub position: DVec3,
+    /// Unit direction in which parallel light travels, or of the axis of a spot.
+    pub direction: DVec3,
+    /// Irradiance on a surface that faces parallel light, W / m^2; of others radiant intensity at full, W / sr.
+    pub color: Rgb,
+    /// By distance, unless it is parallel light.
+    pub attenuation: Attenuation,
+    /// As in [`Light::Point`].
+    pub body_radius: f64,
+    /// By angle.
+    pub cone: Cone,
+    /// Light from infinitely far.
+    pub is_parallel: bool,
+}
+
+/// Factor by the cosine with an axis: 1 from the inner cosine on, 0 up to the outer one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone {
+    /// Cosine of the outer half-angle.
+    pub outer: f64,
+    /// Cosine of the inner half-angle.
+    pub inner: f64,
+    /// A cubic step between them instead of the square of a ramp.
+    pub is_step: bool,
+}
+
+/// What arrives from such a light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PunctualSample {
+    /// Unit direction to the light.
+    pub direction: Vec3,
+    /// How far a shadow ray has to see, infinite for parallel light.
+    pub distance: f32,
+    /// The irradiance on a surface that faces the light is this times its colour.
+    pub factor: f32,
+    /// False if nothing arrives, and the rest means nothing.
+    pub arrives: bool,
+}
+
+impl Cone {
+    /// Everything is inside.
+    pub const ALL: Self = Self { outer: -2.0, inner: -2.0, is_step: false };
+
+    /// The factor at this cosine; 0 for NaN.
+    #[inline(always)]
+    pub fn at(&self, cos_angle: f64) -> f64 {
+        let Self { outer, inner, is_step } = *self;
+        let ramp = (cos_angle - outer) / (inner - outer);
+        let between = if is_step { ramp * ramp * (3.0 - 2.0 * ramp) } else { ramp * ramp };
+        // (What is not a number is in no cone.)
+        let factor = if cos_angle >= inner { 1.0 } else { between };
+        if cos_angle > outer { factor } else { 0.0 }
+    }
+}
+
+impl PunctualLight {
+    /// `None` if the light is no such light.
+    pub fn of(light: &Light) -> Option<Self> {
+        let everywhere = |position: DVec3, color: Rgb, attenuation: Attenuation| Self {
+            position,
+            direction: DVec3::Z,
+            color,
+            attenuation,
+            body_radius: 0.0,
+            cone: Cone::ALL,
+            is_parallel: false,
+        };
+        match *light {
+            Light::Directional { direction, irradiance } => {
+                Some(Self { direction, is_parallel: true, ..everywhere(DVec3::ZERO, irradiance, Attenuation::NONE) })
+            }
+            Light::Point { position, intensity, attenuation, body_radius } => {
+                Some(Self { body_radius, ..everywhere(position, intensity, attenuation) })
+            }
+            Light::Spot { position, direction, intensity, attenuation, ref falloff } => {
+                let cone = falloff.cone()?;
+                Some(Self { direction, cone, ..everywhere(position, intensity, attenuation) })
+            }
+            _ => None,
+        }
+    }
+
+    /// What arrives at `p`.
+    #[inline(always)]
+    pub fn sample(&self, p: Vec3) -> PunctualSample {
+        let &Self { position, direction: axis, color, ref attenuation, body_radius, ref cone, is_parallel } = self;
+        let p = p.as_dvec3();
+        let to_light = position - p;
+        let length = to_light.length();
+        let towards = to_light / length;
+        let by_angle = cone.at(-towards.dot(axis)) as f32;
+        let factor = if is_parallel { 1.0 } else { attenuation.at(length as f32) * by_angle };
+        let direction = pick(is_parallel, -axis, towards);
+        let distance = if is_parallel { f64::INFINITY } else { distance_to_body(p, position, length, body_radius) };
+        let irradiance = color * factor;
+        let is_black = (irradiance.r == 0.0) & (irradiance.g == 0.0) & (irradiance.b == 0.0);
+        let is_finite = irradiance.r.is_finite() & irradiance.g.is_finite() & irradiance.b.is_finite();
+        let has_direction = direction.x.is_finite() & direction.y.is_finite() & direction.z.is_finite();
+        let is_apart = is_parallel | (length > 0.0);
+        PunctualSample {
+            direction: direction.as_vec3(),
+            distance: distance as f32,
+            factor,
+            arrives: !is_black & is_finite & has_direction & is_apart & !distance.is_nan(),
+        }
+    }
+}
+
+impl SpotFalloff {
+    /// The same by cosines, if it is known by these.
+    pub(super) fn cone(&self) -> Option<Cone> {
+        let (inner, outer, is_step) = match *self {
+            Self::Power { .. } => return None,
+            Self::Smooth { inner, outer } => (inner, outer, false),
+            Self::Step { inner, outer } => (inner, outer, true),
+        };
+        Some(Cone { outer: outer.cos(), inner: inner.cos(), is_step })
+    }
+}
+
+#[inline(always)]
+fn pick(first: bool, a: DVec3, b: DVec3) -> DVec3 {
+    let pick = |a: f64, b: f64| if first { a } else { b };
+    DVec3::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z))
+}
+
+/// Where a ray from `p` towards the centre of a lamp first meets its body: the near side from outside, and from inside (and on the
+/// surface, to rounding) the far side, through the centre. No allowance for rounding is taken off: whoever traces the shadow ray
+/// has to end it a little before.
+#[inline(always)]
+pub(super) fn distance_to_body(p: DVec3, center: DVec3, distance: f64, radius: f64) -> f64 {
+    // Points come in single precision; one on the body must not stop its shadow ray at once.
+    let (p, c) = (p.abs(), center.abs());
+    let size = p.x.max(p.y).max(p.z) + c.x.max(c.y).max(c.z) + radius;
+    let rounding = 8.0 * f64::from(f32::EPSILON) * size;
+    let to_body = if distance > radius + rounding { distance - radius } else { distance + radius };
+    if radius > 0.0 { to_body } else { distance }
+}
