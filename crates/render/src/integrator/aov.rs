@@ -3,9 +3,8 @@
 use super::light_part::{LightPart, Lobe, Scatterings};
 use super::{Context, SurfaceVertex, Vertex, motion, outgoing};
 use snell_intersect::Hit;
-use snell_math::{Rgb, Vec3};
+use snell_math::Rgb;
 use snell_scene::Camera;
-use snell_scene::bsdf::Lobes;
 
 /// How the samples of a pixel make its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -176,11 +175,22 @@ impl Aov {
         matches!(self, Self::NodesVisited | Self::PrimitivesTested)
     }
 
-    /// Appends the values at a camera ray's vertex.
+    /// True if the surface that a camera ray hits must be known, and not only where that is on the ray.
+    pub fn needs_surface(self, context: &Context) -> bool {
+        match self {
+            Self::Motion => motion::is_any(context),
+            _ => matches!(
+                self,
+                Self::Position | Self::Normal | Self::GeometricNormal | Self::Uv | Self::Albedo | Self::Facing
+            ),
+        }
+    }
+
+    /// Appends the values at a camera ray's vertex, whose surface is there if [it must be](Self::needs_surface).
     pub fn extend(
         self,
         context: &Context,
-        vertex: &Vertex,
+        (vertex, hit): (&Vertex, &Hit),
         camera: &Camera,
         counters: [u32; 2],
         values: &mut Vec<f32>,
@@ -192,47 +202,38 @@ impl Aov {
             (Self::NodesVisited, _) => values.push(counters[0] as f32),
             (Self::PrimitivesTested, _) => values.push(counters[1] as f32),
             (Self::Motion, _) => values.extend(motion::on_the_picture(context, camera, vertex)),
-            (_, Some(surface)) => {
-                self.extend_surface(context, vertex, surface, camera.towards.as_vec3(), values);
-            }
-            (_, None) => {
+            _ if !hit.is_hit() => {
                 let miss = if self.kind() == AovKind::First { -1.0 } else { 0.0 };
                 values.extend(self.channels().iter().map(|_| miss));
             }
+            (Self::Depth, _) => {
+                let along = vertex.ray.direction.normalize().dot(camera.towards.as_vec3());
+                values.push(hit.t * vertex.ray.direction.length() * along);
+            }
+            (Self::Distance, _) => values.push(hit.t * vertex.ray.direction.length()),
+            (Self::InstanceId, _) => values.push(hit.instance as f32),
+            (Self::GeometryId, _) => values.push(hit.geometry as f32),
+            (Self::PrimitiveId, _) => values.push(hit.primitive as f32),
+            (Self::MaterialId, _) => values.push(context.scene.material_id(hit).0 as f32),
+            (Self::Barycentrics, _) => values.extend(hit.uv.to_array()),
+            (_, Some(surface)) => self.extend_surface(context, vertex, surface, values),
+            (_, None) => {}
         }
     }
 
-    fn extend_surface(
-        self,
-        context: &Context,
-        vertex: &Vertex,
-        surface: &SurfaceVertex,
-        towards: Vec3,
-        values: &mut Vec<f32>,
-    ) {
-        let s = surface.interaction;
-        let distance = s.t * vertex.ray.direction.length();
+    fn extend_surface(self, context: &Context, vertex: &Vertex, surface: &SurfaceVertex, values: &mut Vec<f32>) {
+        let (s, wo) = (surface.interaction, outgoing(vertex.ray));
         match self {
-            Self::Depth => values.push(distance * vertex.ray.direction.normalize().dot(towards)),
-            Self::Distance => values.push(distance),
             Self::Position => values.extend(s.position.to_array()),
             Self::Normal => values.extend(s.shading_normal.to_array()),
             Self::GeometricNormal => values.extend(s.geometric_normal.to_array()),
             Self::Uv => values.extend(s.uv[0].to_array()),
             Self::Albedo => {
-                let shading = surface.material.bsdf(&surface.point(context.scene));
-                let albedo = shading.bsdf.albedo(shading.frame.to_local(outgoing(vertex.ray)));
+                let albedo = surface.material.albedo(surface.prepared, &surface.point(context.scene), wo);
                 values.extend(surface.mode.to_rgb(surface.mode.in_white_light(albedo)).to_array());
             }
-            Self::InstanceId => values.push(s.instance as f32),
-            Self::GeometryId => values.push(s.geometry as f32),
-            Self::PrimitiveId => values.push(s.primitive as f32),
-            Self::MaterialId => values.push(context.scene.material_id(surface.hit).0 as f32),
-            Self::Facing => values.push(outgoing(vertex.ray).dot(s.geometric_normal)),
-            Self::Barycentrics => values.extend(s.primitive_uv.to_array()),
-            Self::NodesVisited | Self::PrimitivesTested => values.push(0.0),
-            Self::Motion | Self::Noise | Self::Samples | Self::Light(_) | Self::CryptoObject | Self::CryptoMaterial => {
-            }
+            Self::Facing => values.push(wo.dot(s.geometric_normal)),
+            _ => {}
         }
     }
 

@@ -11,10 +11,10 @@ const FAR: f64 = 1e5;
 /// The way over the picture from where the shutter opens to where it closes, in pixels, to the right and down. Zero where nothing moves
 /// or a part of the way is out of the camera's sight.
 pub fn on_the_picture(context: &Context, camera: &Camera, vertex: &Vertex) -> [f32; 2] {
-    let (scene, settings) = (context.scene, context.settings);
-    if !scene.moves && settings.later_cameras.is_empty() {
+    if !is_any(context) {
         return [0.0; 2];
     }
+    let (scene, settings) = (context.scene, context.settings);
     let [first, last] = match &vertex.surface {
         Some(surface) => ends(context, surface.hit, surface.interaction.position.as_dvec3(), vertex.state.time),
         None => [behind(vertex.ray, f64::from(scene.radius)); 2],
@@ -27,6 +27,11 @@ pub fn on_the_picture(context: &Context, camera: &Camera, vertex: &Vertex) -> [f
     };
     let way = || Some(seen(last, 1.0)? - seen(first, 0.0)?);
     way().filter(|w| w.is_finite()).map_or([0.0; 2], |w| w.as_vec2().to_array())
+}
+
+/// True if the camera moves or anything that it may see.
+pub fn is_any(context: &Context) -> bool {
+    context.scene.moves || !context.settings.later_cameras.is_empty()
 }
 
 /// Where a point of a surface that is at `point` at a time is when the shutter opens and when it closes.

@@ -63,7 +63,7 @@ struct Bounces {
 /// What a material does, if vertices on it can be worked on here.
 pub fn specular_part(context: &Context, material: &Material) -> Option<Specular> {
     let settings = context.settings;
-    let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct) && !context.wants_lobes;
+    let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
     // In other colours: what is the same for all of a path's wavelengths but for its tint.
     let knows_color = |lobe: &Specular| match settings.color {
         ColorModel::Rgb => true,

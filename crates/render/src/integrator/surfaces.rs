@@ -99,8 +99,7 @@ impl<'a> SurfaceVertices<'a> {
     /// `None` if vertices on surfaces are to be worked on one by one.
     pub fn new(context: &Context<'a>, sampler: &Sampler) -> Option<Self> {
         let (scene, settings) = (context.scene, context.settings);
-        let is_for =
-            matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct) && !context.wants_lobes;
+        let is_for = matches!(settings.integrator, IntegratorKind::Path | IntegratorKind::Direct);
         let wide = scene.world.simd().wide().filter(|_| is_for)?;
         let number = [0.0; LANES];
         // What is known ahead is known in this colour.

@@ -46,6 +46,11 @@ impl LightParts {
         self.parts.is_empty()
     }
 
+    /// True if some of them depend on what the first scattering of a path is.
+    pub fn want_lobes(&self) -> bool {
+        self.parts.iter().any(|(_, part)| part.lobe.is_some())
+    }
+
     /// The group of a source.
     pub fn group(&self, source: LightSource) -> u8 {
         match source {

@@ -240,7 +240,7 @@ impl<'a> Job<'a> {
     /// pixel stops by its error. The film is that of the pixel alone, and empty.
     pub(crate) fn observe(&self, pixel: [u32; 2], threads: usize) -> (Film, Vec<(FilmPart, Journal)>) {
         let (trained, _) = self.trained(threads, &|_| true);
-        let (wants_lobes, field) = (!self.light_parts.is_empty(), trained.as_ref());
+        let (wants_lobes, field) = (self.light_parts.want_lobes(), trained.as_ref());
         let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights, field, wants_lobes };
         let tracer = Tracer::new(self.scene, None);
         let mut renderer =
@@ -300,7 +300,7 @@ impl<'a> Job<'a> {
     /// What each thread does: take the next part, render it, add it to its tile.
     fn work(&self, shared: &Shared) {
         let Shared { tiles, parts, next, passes, tally, keep_going } = shared;
-        let wants_lobes = !self.light_parts.is_empty();
+        let wants_lobes = self.light_parts.want_lobes();
         let field = tally.field.as_ref();
         let context = Context { scene: self.scene, settings: self.settings, lights: &self.lights, field, wants_lobes };
         let tracer = Tracer::new(self.scene, tally.record.then(Recording::default));

@@ -19,7 +19,7 @@ use crate::film::filter::FilterSampler;
 use crate::film::noise::positions;
 use crate::film::{FilmPart, FilmSample};
 use crate::guiding::{Record, Recorder};
-use crate::integrator::lanes::LANES;
+use crate::integrator::lanes::{Arriving, LANES};
 use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
 use crate::integrator::path::{escaped_to, plain_sky};
 use crate::integrator::scattered::ScatteredVertices;
@@ -321,9 +321,9 @@ impl<'a> PartRenderer<'a> {
         let order = std::mem::take(&mut self.order);
         let mut rest = order.as_slice();
         while let Some(&first) = rest.first() {
-            let count = match (self.matte_beginning(rest), self.specular_beginning(rest)) {
+            let count = match (self.matte_beginning(rest), self.specular_beginning(depth, rest)) {
                 (0, 0) => {
-                    let count = self.surfaces_beginning(rest);
+                    let count = self.surfaces_beginning(depth, rest);
                     match count {
                         0 => self.shade_one(depth, first as usize),
                         _ => self.shade_surfaces(depth, &rest[..count]),
@@ -359,10 +359,18 @@ impl<'a> PartRenderer<'a> {
 
     /// True if somebody wants to know more of vertices than the light they bring.
     fn is_watched(&self) -> bool {
-        self.context.settings.clamp.is_some()
-            || !self.light_parts.is_empty()
-            || self.journal.is_some()
-            || self.recorder.is_some()
+        self.journal.is_some() || self.recorder.is_some()
+    }
+
+    /// The paths as they come to vertices.
+    fn arriving(&self) -> Arriving<'_> {
+        let Paths { rays, hits, carried, samples, .. } = &self.paths;
+        Arriving { rays, hits, carried, samples, keys: &self.keys, rest: self.paths.rests() }
+    }
+
+    /// True if light is dimmed or parts of it are layers of their own.
+    fn is_told_apart(&self) -> bool {
+        self.context.settings.clamp.is_some() || !self.light_parts.is_empty()
     }
 
     /// Which paths are shaded together, and in which order the others.
@@ -433,6 +441,11 @@ impl<'a> PartRenderer<'a> {
         matches!(integrator, IntegratorKind::Path | IntegratorKind::Direct) && !self.is_watched()
     }
 
+    /// True if vertices that are worked on many at once must tell by what light is scattered there.
+    fn wants_lobes(&self, depth: u32) -> bool {
+        self.context.wants_lobes && depth == 0
+    }
+
     /// The same as [`Self::shade_one`] for paths that hit nothing: that leave the scene, or that media have scattered.
     fn shade_nothing_hit(&mut self, depth: u32, paths: &[u32], statistics: &mut Statistics) {
         let Some(volumes) = &self.volumes else { return self.shade_misses(depth, paths) };
@@ -501,7 +514,7 @@ impl<'a> PartRenderer<'a> {
                 };
                 escaped_to(&self.context, &vertex, |_| place).0
             };
-            self.samples[sample].radiance += radiance;
+            self.take_found(path, depth, radiance);
         }
     }
 

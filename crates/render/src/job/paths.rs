@@ -45,11 +45,11 @@ impl Paths {
         self.rays.push(ray);
         self.carried.push(carried);
         self.samples.push(sample);
-        self.extend_rest(std::iter::once(&rest));
+        self.extend_rest(std::iter::once(rest));
     }
 
     /// Adds the rest of states of which all else was added.
-    pub fn extend_rest<'r>(&mut self, rest: impl Iterator<Item = &'r Rest> + Clone) {
+    pub fn extend_rest(&mut self, rest: impl Iterator<Item = Rest> + Clone) {
         if !self.is_plain {
             self.rest.extend(rest.clone());
             self.times.extend(rest.map(|rest| rest.time));

@@ -46,7 +46,7 @@ impl DiffuseBsdf {
     }
 
     /// True if all directions get equal radiance.
-    pub(super) fn is_lambertian(&self) -> bool {
+    pub(crate) fn is_lambertian(&self) -> bool {
         self.roughness == 0.0
     }
 

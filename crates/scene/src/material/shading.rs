@@ -73,6 +73,16 @@ impl Material {
         self.towards(prepared.bsdf(self, point), point, wo)
     }
 
+    /// [`ShadingBsdf::albedo`] at a point, with what is known of this material.
+    pub fn albedo(&self, prepared: &Prepared, point: &ShadingPoint, wo: Vec3) -> SampledSpectrum {
+        let bsdf = prepared.bsdf(self, point);
+        match &*bsdf {
+            // The same from everywhere.
+            Bsdf::Diffuse(diffuse) if diffuse.is_lambertian() => diffuse.albedo(Vec3::Z),
+            _ => self.towards(bsdf, point, wo).albedo(wo),
+        }
+    }
+
     /// The frame at a point seen from `wo`, for a BSDF with these needs.
     pub fn frame_towards(&self, needs: FrameNeeds, point: &ShadingPoint, wo: Vec3) -> Frame {
         needs.frame(&self.frame(point), point.surface.geometric_normal, wo)

@@ -1,7 +1,7 @@
 //! What becomes of the outputs of a vertex function, and who else wants to know of them.
 
 use super::{MAX_TREE, PartRenderer};
-use crate::integrator::light_part::{LightSource, LightTag, Scatterings};
+use crate::integrator::light_part::{LightSource, LightTag, LobeShares, Scatterings};
 use crate::job::journal::{Event, Shaded};
 use snell_math::SampledSpectrum;
 
@@ -10,10 +10,15 @@ impl PartRenderer<'_> {
     pub(super) fn collect(&mut self, depth: u32, path: usize) {
         let (carried, sample) = (&self.paths.carried[path], self.paths.samples[path]);
         let (is_branched, throughput, time) = (carried.stream != 0, carried.throughput, self.paths.rest(path).time);
-        self.clamp(depth);
-        self.samples[sample as usize].radiance += self.outputs.radiance;
+        self.outputs.radiance = self.dimmed(depth > 1, self.outputs.radiance);
+        self.take_dimmed(path, depth, self.outputs.radiance);
+        let mut light = std::mem::take(&mut self.outputs.light_rays);
+        light.iter_mut().for_each(|(_, value)| *value = self.dimmed(depth > 0, *value));
+        self.outputs.light_rays = light;
         if !self.light_parts.is_empty() {
-            self.note_light_parts(depth, path, sample);
+            let source = self.outputs.light_source.unwrap_or_else(|| self.source_found(path));
+            let tag = self.tag(self.outputs.light_lobe, depth + 1, source);
+            self.light_rays.tags.extend(self.outputs.light_rays.iter().map(|_| tag));
         }
         if is_branched && self.facts[sample as usize].rays > MAX_TREE {
             self.outputs.next.clear();
@@ -54,35 +59,38 @@ impl PartRenderer<'_> {
         })));
     }
 
-    /// Dims light that was scattered more than once, if that is asked for.
-    fn clamp(&mut self, depth: u32) {
-        let Some(most) = self.context.settings.clamp else { return };
-        let dimmed = |light: SampledSpectrum| {
-            let brightest = light.max_element();
-            if brightest > most { light * (most / brightest) } else { light }
-        };
-        if depth > 1 {
-            self.outputs.radiance = dimmed(self.outputs.radiance);
-        }
-        if depth > 0 {
-            self.outputs.light_rays.iter_mut().for_each(|(_, value)| *value = dimmed(*value));
+    /// Adds light that a path has found to its sample, and to its layers.
+    #[inline]
+    pub(super) fn take_found(&mut self, path: usize, depth: u32, radiance: SampledSpectrum) {
+        self.take_dimmed(path, depth, self.dimmed(depth > 1, radiance));
+    }
+
+    fn take_dimmed(&mut self, path: usize, depth: u32, radiance: SampledSpectrum) {
+        let sample = self.paths.samples[path];
+        self.samples[sample as usize].radiance += radiance;
+        if !self.light_parts.is_empty() {
+            let tag = self.tag(self.paths.rest(path).lobe, depth, self.source_found(path));
+            let mode = self.facts[sample as usize].mode;
+            self.light_parts.add(&mut self.aovs, sample, radiance, &tag, mode);
         }
     }
 
-    /// Adds what was found to its layers, and keeps what must be known of the light rays.
-    fn note_light_parts(&mut self, depth: u32, path: usize, sample: u32) {
+    /// Dims light that was scattered more than once, if that is asked for.
+    #[inline]
+    pub(super) fn dimmed(&self, was_scattered_again: bool, light: SampledSpectrum) -> SampledSpectrum {
+        let Some(most) = self.context.settings.clamp.filter(|_| was_scattered_again) else { return light };
+        let brightest = light.max_element();
+        if brightest > most { light * (most / brightest) } else { light }
+    }
+
+    /// What gives the light that a path finds where it is.
+    fn source_found(&self, path: usize) -> LightSource {
         let (scene, hit) = (self.context.scene, &self.paths.hits[path]);
-        let source =
-            if hit.is_hit() { LightSource::Material(scene.material_id(hit)) } else { LightSource::Environment };
-        let tag = |lobe, count, source| LightTag {
-            lobe,
-            scatterings: Scatterings::of(count),
-            group: self.light_parts.group(source),
-        };
-        let found = tag(self.paths.rest(path).lobe, depth, source);
-        let brought = tag(self.outputs.light_lobe, depth + 1, self.outputs.light_source.unwrap_or(source));
-        let mode = self.facts[sample as usize].mode;
-        self.light_parts.add(&mut self.aovs, sample, self.outputs.radiance, &found, mode);
-        self.light_rays.tags.extend(self.outputs.light_rays.iter().map(|_| brought));
+        if hit.is_hit() { LightSource::Material(scene.material_id(hit)) } else { LightSource::Environment }
+    }
+
+    /// What is known of light of a path that was scattered so often, first by this lobe.
+    pub(super) fn tag(&self, lobe: LobeShares, scatterings: u32, source: LightSource) -> LightTag {
+        LightTag { lobe, scatterings: Scatterings::of(scatterings), group: self.light_parts.group(source) }
     }
 }

@@ -35,6 +35,7 @@ impl PartRenderer<'_> {
         }
         let coverages: Vec<Aov> = aovs.iter().filter(|a| a.kind() == AovKind::Coverage).copied().collect();
         let counted = aovs.iter().any(|a| a.needs_counters());
+        let needs_surface = aovs.iter().any(|aov| aov.needs_surface(&self.context));
         let filter = self.tracer.filter();
         for i in 0..self.paths.len() {
             let (ray, hit, state) = (self.paths.rays[i], self.paths.hits[i], self.paths.state(i));
@@ -45,13 +46,13 @@ impl PartRenderer<'_> {
             } else {
                 [0; 2]
             };
-            let interaction = hit.is_hit().then(|| self.paths.interaction(scene, i));
+            let interaction = (needs_surface && hit.is_hit()).then(|| self.paths.interaction(scene, i));
             let surface = interaction.as_ref().map(|interaction| self.paths.surface(scene, i, interaction, 1.0));
             let random = self.sampler.numbers_of(self.keys[i]).at_vertex(0, 0);
             let vertex = Vertex { depth: 0, ray: &ray, state: &state, random, surface, medium: None };
             self.covering.extend(coverages.iter().map(|aov| aov.key(&self.context, &hit)));
             for aov in aovs {
-                aov.extend(&self.context, &vertex, self.camera, counters, &mut self.aovs);
+                aov.extend(&self.context, (&vertex, &hit), self.camera, counters, &mut self.aovs);
             }
         }
     }

@@ -1,9 +1,10 @@
 //! Vertices on matte surfaces, many at once.
 
-use super::{PartRenderer, Paths};
+use super::PartRenderer;
 use crate::integrator::Context;
 use crate::integrator::carried::Rest;
-use crate::integrator::lanes::{Arriving, Columns, LANES, LitColumns};
+use crate::integrator::lanes::{Columns, LANES, LitColumns};
+use crate::integrator::light_part::LobeShares;
 use crate::integrator::matte::{MatteVertices, is_classic};
 use crate::integrator::matte_surfaces::MatteSurfaces;
 use crate::sampler::Sampler;
@@ -42,8 +43,7 @@ impl PartRenderer<'_> {
         }
         let Some(mut matte) = self.matte.take() else { return };
         let Matte { vertices, surfaces } = &mut *matte;
-        let Paths { rays, hits, carried, samples, .. } = &self.paths;
-        let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys, rest: self.paths.rests() };
+        let arriving = self.arriving();
         vertices.gather(&self.context, self.sampler, surfaces, &arriving, paths, depth);
         match is_classic {
             true => self.finish_classic(depth, vertices),
@@ -59,7 +59,8 @@ impl PartRenderer<'_> {
             return self.collect_matte(depth, vertices, paths);
         }
         self.use_lanes(depth, paths, |lane| vertices.is_sound(lane));
-        self.collect_columns(vertices);
+        let wants_lobes = self.wants_lobes(depth);
+        self.collect_columns(depth, vertices, |lane| wants_lobes.then(|| vertices.lobe(lane)));
         self.note_insides(depth, vertices, paths);
     }
 
@@ -74,12 +75,19 @@ impl PartRenderer<'_> {
         }
     }
 
-    /// Takes the light rays of the lanes that are in use, and where their paths go on.
-    pub(super) fn collect_columns(&mut self, vertices: &impl LitColumns) {
+    /// Takes the light rays of the lanes that are in use, and where their paths go on. `lobe` tells what scatters light there, where that is a path's first scattering and
+    /// somebody wants to know.
+    pub(super) fn collect_columns(
+        &mut self,
+        depth: u32,
+        vertices: &impl LitColumns,
+        lobe: impl Fn(usize) -> Option<LobeShares>,
+    ) {
         let paths = vertices.paths();
         // Column by column, which is twice as fast as path by path. (Columns turned into rows in registers, eight by eight, were no faster,
         // perhaps because it is the stores to what is not in the first cache that take the time.)
         let Self { paths: from, light_rays, lanes, kept, .. } = self;
+        let first = light_rays.values.len();
         let path = |lane: u32| paths[lane as usize] as usize;
         vertices.lit(lanes, kept);
         let rays = vertices.light_rays();
@@ -90,11 +98,33 @@ impl PartRenderer<'_> {
             false => light_rays.times.extend(kept.iter().map(|&lane| from.rest(path(lane)).time)),
         }
         light_rays.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
-        self.collect_next(vertices);
+        if self.is_told_apart() {
+            self.tell_light_apart(depth, first, vertices, &lobe);
+        }
+        self.collect_next(vertices, lobe);
     }
 
-    /// Takes where the paths of the lanes that are in use go on: these are `kept`.
-    pub(super) fn collect_next(&mut self, vertices: &impl Columns) {
+    /// Dims light and says what it is, of the light rays of the lanes that are `kept`: those from the first of this number on.
+    #[cold]
+    fn tell_light_apart(
+        &mut self,
+        depth: u32,
+        first: usize,
+        vertices: &impl LitColumns,
+        lobe: &impl Fn(usize) -> Option<LobeShares>,
+    ) {
+        for (i, lane) in (first..).zip(self.kept.iter().map(|&lane| lane as usize)) {
+            self.light_rays.values[i] = self.dimmed(depth > 0, self.light_rays.values[i]);
+            if !self.light_parts.is_empty() {
+                let before = self.paths.rest(vertices.paths()[lane] as usize).lobe;
+                let tag = self.tag(lobe(lane).unwrap_or(before), depth + 1, vertices.light().lights.source[lane]);
+                self.light_rays.tags.push(tag);
+            }
+        }
+    }
+
+    /// Takes where the paths of the lanes that are in use go on: these are `kept`. `lobe` as in [`Self::collect_columns`].
+    pub(super) fn collect_next(&mut self, vertices: &impl Columns, lobe: impl Fn(usize) -> Option<LobeShares>) {
         let paths = vertices.paths();
         let Self { paths: from, next, lanes, kept, .. } = self;
         let path = |lane: u32| paths[lane as usize] as usize;
@@ -103,7 +133,10 @@ impl PartRenderer<'_> {
         next.rays.extend(kept.iter().map(|&lane| rays.at(lane as usize)));
         next.carried.extend(kept.iter().map(|&lane| carried.at(lane as usize)));
         next.samples.extend(kept.iter().map(|&lane| from.samples[path(lane)]));
-        next.extend_rest(kept.iter().map(|&lane| from.rest(path(lane))));
+        next.extend_rest(kept.iter().map(|&lane| {
+            let rest = from.rest(path(lane));
+            lobe(lane as usize).map_or(*rest, |lobe| Rest { lobe, ..*rest })
+        }));
     }
 
     /// Tells media of the rays that the vertices of [`Self::finish_matte`] send out.

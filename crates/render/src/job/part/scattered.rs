@@ -1,7 +1,8 @@
 //! Vertices in media, many at once.
 
-use super::{PartRenderer, Paths};
-use crate::integrator::lanes::{Arriving, Columns, LitColumns};
+use super::PartRenderer;
+use crate::integrator::lanes::{Columns, LitColumns};
+use crate::integrator::light_part::LobeShares;
 
 impl PartRenderer<'_> {
     /// Shades at most [`LANES`](crate::integrator::lanes::LANES) paths that media have scattered.
@@ -11,13 +12,13 @@ impl PartRenderer<'_> {
             return;
         };
         if depth < self.context.max_depth() {
-            let Paths { rays, hits, carried, samples, .. } = &self.paths;
-            let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys, rest: self.paths.rests() };
+            let arriving = self.arriving();
             vertices.gather(self.sampler, &arriving, &volumes.scattered, paths, depth);
             vertices.shade(&self.context, depth);
             self.lanes.clear();
             self.lanes.extend(0..vertices.paths().len() as u32);
-            self.collect_columns(&*vertices);
+            let lobe = self.wants_lobes(depth).then_some(LobeShares::VOLUME);
+            self.collect_columns(depth, &*vertices, |_| lobe);
             self.note_insides_here(depth, &*vertices);
         }
         self.scattered = Some(vertices);

@@ -1,8 +1,8 @@
 //! Vertices on smooth glass and mirrors, many at once.
 
-use super::{PartRenderer, Paths};
+use super::PartRenderer;
 use crate::integrator::Context;
-use crate::integrator::lanes::{Arriving, Columns, LANES};
+use crate::integrator::lanes::{Columns, LANES};
 use crate::integrator::specular::{SpecularVertices, specular_part};
 use crate::sampler::Sampler;
 use snell_intersect::triangles::PlainMesh;
@@ -33,8 +33,8 @@ impl<'a> SpecularBatch<'a> {
 
 impl PartRenderer<'_> {
     /// How many of the paths at the beginning can be worked on together, at most [`LANES`].
-    pub(super) fn specular_beginning(&self, paths: &[u32]) -> usize {
-        if self.journal.is_some() {
+    pub(super) fn specular_beginning(&self, depth: u32, paths: &[u32]) -> usize {
+        if self.journal.is_some() || self.wants_lobes(depth) {
             return 0;
         }
         paths.iter().take(LANES).take_while(|path| self.is_specular(**path)).count()
@@ -55,12 +55,11 @@ impl PartRenderer<'_> {
         let SpecularBatch { vertices, meshes, materials } = &mut *specular;
         let lobe = |material: u32| materials[material as usize].as_ref();
         let mesh = |hit: &Hit| meshes[hit.geometry as usize].as_ref().filter(|_| hit.instance == 0);
-        let Paths { rays, hits, carried, samples, .. } = &self.paths;
-        let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys, rest: self.paths.rests() };
+        let arriving = self.arriving();
         vertices.start(self.sampler, &arriving, paths, depth);
         for lane in 0..vertices.paths().len() {
             let path = vertices.paths()[lane] as usize;
-            let (hit, key) = (&hits[path], self.materials[path]);
+            let (hit, key) = (&self.paths.hits[path], self.materials[path]);
             let Some(lobe) = lobe(key) else { continue };
             let outside_ior = self.volumes.as_ref().map_or(1.0, |volumes| volumes.outside_ior(path, hit));
             let surface = (&self.context.scene.materials[key as usize], lobe);
@@ -75,7 +74,7 @@ impl PartRenderer<'_> {
 
     fn finish_specular(&mut self, depth: u32, vertices: &SpecularVertices) {
         self.use_lanes(depth, vertices.paths(), |lane| vertices.is_sound(lane));
-        self.collect_next(vertices);
+        self.collect_next(vertices, |_| None);
         self.note_insides_beyond(depth, vertices);
     }
 

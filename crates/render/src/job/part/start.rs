@@ -57,7 +57,7 @@ impl PartRenderer<'_> {
             paths.rays.extend((0..keys.len()).map(|i| rays.get(i).ray));
             let (first, rest) = Carried::of(&path_of(&rays.get(0), modes[0], 0.0));
             let rests: [Rest; LANES] = std::array::from_fn(|i| Rest { mode: modes[i], time: times[i], ..rest });
-            paths.extend_rest(rests[..keys.len()].iter());
+            paths.extend_rest(rests[..keys.len()].iter().copied());
             let carried = |i| Carried { cone_spread: rays.get(i).spread, ..first };
             paths.carried.extend((0..keys.len()).map(carried));
             paths.samples.extend(begun..begun + keys.len() as u32);

@@ -1,14 +1,14 @@
 //! Vertices on surfaces of any kind, many at once.
 
-use super::{PartRenderer, Paths};
+use super::PartRenderer;
 use crate::integrator::Vertex;
-use crate::integrator::lanes::{Arriving, Columns, LANES, LitColumns};
+use crate::integrator::lanes::{Columns, LANES, LitColumns};
 use snell_math::ColorModel;
 
 impl PartRenderer<'_> {
     /// How many of the paths at the beginning can be worked on together, at most [`LANES`].
-    pub(super) fn surfaces_beginning(&self, paths: &[u32]) -> usize {
-        if self.surfaces.is_none() || !self.is_simple() {
+    pub(super) fn surfaces_beginning(&self, depth: u32, paths: &[u32]) -> usize {
+        if self.surfaces.is_none() || !self.is_simple() || self.wants_lobes(depth) {
             return 0;
         }
         let nothing = self.context.scene.materials.len();
@@ -26,35 +26,27 @@ impl PartRenderer<'_> {
     pub(super) fn shade_surfaces(&mut self, depth: u32, paths: &[u32]) {
         let Some(mut vertices) = self.surfaces.take() else { return };
         let scene = self.context.scene;
-        let Paths { rays, hits, carried, samples, .. } = &self.paths;
-        let arriving = Arriving { rays, hits, carried, samples, keys: &self.keys, rest: self.paths.rests() };
-        vertices.start(self.sampler, &arriving, paths, depth);
+        vertices.start(self.sampler, &self.arriving(), paths, depth);
         for lane in 0..vertices.paths().len() {
             let path = vertices.paths()[lane] as usize;
-            let (ray, hit) = (&rays[path], &hits[path]);
+            let (ray, hit) = (&self.paths.rays[path], &self.paths.hits[path]);
             let outside_ior = self.volumes.as_ref().map_or(1.0, |volumes| volumes.outside_ior(path, hit));
-            if vertices.is_plain(&self.context, &arriving, outside_ior) {
+            if vertices.is_plain(&self.context, &self.arriving(), outside_ior) {
                 continue;
             }
             let (state, interaction) = (self.paths.state(path), self.paths.interaction(scene, path));
             let surface = self.paths.surface(scene, path, &interaction, outside_ior);
             let prepared = scene.prepared(scene.material_id(hit));
-            let sample = samples[path] as usize;
-            let vertex = Vertex {
-                depth,
-                ray,
-                state: &state,
-                random: self.sampler.numbers_of(self.keys[sample]),
-                surface: None,
-                medium: None,
-            };
-            self.samples[sample].radiance += vertices.gather(&self.context, &vertex, &surface, prepared);
+            let random = self.sampler.numbers_of(self.keys[self.paths.samples[path] as usize]);
+            let vertex = Vertex { depth, ray, state: &state, random, surface: None, medium: None };
+            let found = vertices.gather(&self.context, &vertex, &surface, prepared);
+            self.take_found(path, depth, found);
         }
         if depth < self.context.max_depth() {
-            vertices.gather_plain(&arriving);
+            vertices.gather_plain(&self.arriving());
             vertices.shade(&self.context, depth);
             self.use_lanes(depth, vertices.paths(), |lane| vertices.is_sound(lane));
-            self.collect_columns(&*vertices);
+            self.collect_columns(depth, &*vertices, |_| None);
             self.note_insides_around(depth, &*vertices);
         }
         self.surfaces = Some(vertices);
